@@ -1,0 +1,200 @@
+# Azulejo's one Makefile. `make help` lists what a person may want.
+#
+#   make            the three programs, into build/release/bin
+#   make SANITIZE=address,undefined ...   a separate tree with sanitizers
+#   make DEBUG=1 ...                      a separate tree without optimisation
+
+PREFIX ?= /usr/local
+DESTDIR ?=
+CC ?= cc
+PKG_CONFIG ?= pkg-config
+PROTOC_C ?= protoc-c
+VERSION := 0.1.0
+
+SANITIZE ?=
+DEBUG ?=
+comma := ,
+ifneq ($(SANITIZE),)
+  VARIANT := $(subst $(comma),-,$(SANITIZE))
+  OPTIMISE := -O1 -g -fno-omit-frame-pointer -fsanitize=$(SANITIZE)
+  ifneq ($(findstring undefined,$(SANITIZE)),)
+    OPTIMISE += -fno-sanitize-recover=undefined
+  endif
+else ifneq ($(DEBUG),)
+  VARIANT := debug
+  OPTIMISE := -O0 -g3
+else
+  VARIANT := release
+  OPTIMISE := -O3 -g
+endif
+ifeq ($(findstring clang,$(CC)),clang)
+  VARIANT := $(VARIANT)-clang
+endif
+
+BUILD := build/$(VARIANT)
+GEN := build/gen
+
+PACKAGES := libuv openssl sqlite3 jansson libpng libjpeg libzstd libprotobuf-c OpenEXR
+# Embree ships no .pc file in Debian: take 4 where its header is, else 3.
+EMBREE := $(shell printf '\#include <embree4/rtcore.h>\n' | $(CC) -E -x c - >/dev/null 2>&1 && echo 4 || echo 3)
+
+WARNINGS := -Wall -Wextra -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wold-style-definition \
+  -Wpointer-arith -Wwrite-strings -Wundef -Wvla -Wformat=2 -Werror
+CPPFLAGS += -D_GNU_SOURCE -DAZULEJO_VERSION='"$(VERSION)"' -DAZULEJO_EMBREE=$(EMBREE) -I. -I$(GEN)
+# System headers are not ours to warn about.
+CPPFLAGS += $(patsubst -I%,-isystem %,$(shell $(PKG_CONFIG) --cflags $(PACKAGES) 2>/dev/null))
+# The determinism contract: no contraction, no fast-math (docs/NUMERICS.md).
+CFLAGS += -std=c17 $(OPTIMISE) -ffp-contract=off -fno-math-errno -fno-trapping-math -fPIC -pthread $(WARNINGS)
+LDFLAGS += $(OPTIMISE) -pthread
+LIBS_COMMON := $(shell $(PKG_CONFIG) --libs libpng libjpeg libzstd libprotobuf-c openssl OpenEXR 2>/dev/null) -lm
+LIBS_PROTOCOL := $(shell $(PKG_CONFIG) --libs libuv 2>/dev/null)
+LIBS_COORDINATOR := $(shell $(PKG_CONFIG) --libs sqlite3 2>/dev/null)
+LIBS_CLIENT := $(shell $(PKG_CONFIG) --libs jansson 2>/dev/null)
+LIBS_RENDER := -lembree$(EMBREE)
+LIBS_ALL := $(LIBS_COMMON) $(LIBS_PROTOCOL) $(LIBS_COORDINATOR) $(LIBS_CLIENT) $(LIBS_RENDER)
+
+# ---- what there is ------------------------------------------------------------------------
+sources = $(sort $(shell find $(1) -name '*.c' 2>/dev/null))
+COMMON_SRC := $(call sources,common)
+PROTOCOL_SRC := $(call sources,protocol)
+RENDER_SRC := $(call sources,worker/render)
+COORDINATOR_SRC := $(filter-out coordinator/main.c,$(call sources,coordinator))
+WORKER_SRC := $(filter-out worker/main.c worker/render/%,$(call sources,worker))
+CLIENT_SRC := $(filter-out client/main.c,$(call sources,client))
+PROTOS := protocol/azulejo.proto common/scene/scene.proto
+PROTO_SRC := $(PROTOS:%.proto=$(GEN)/%.pb-c.c)
+PROTO_HDR := $(PROTOS:%.proto=$(GEN)/%.pb-c.h)
+
+object = $(patsubst %.c,$(BUILD)/obj/%.o,$(1))
+# Generated code keeps its own path below build/gen.
+gen_object = $(patsubst $(GEN)/%.c,$(BUILD)/obj/gen/%.o,$(1))
+
+LIB_COMMON := $(BUILD)/lib/libcommon.a
+LIB_PROTOCOL := $(BUILD)/lib/libprotocol.a
+LIB_RENDER := $(BUILD)/lib/librender.a
+LIB_COORDINATOR := $(BUILD)/lib/libcoordinator.a
+LIB_WORKER := $(BUILD)/lib/libworker.a
+LIB_CLIENT := $(BUILD)/lib/libclient.a
+LIBRARIES := $(LIB_CLIENT) $(LIB_COORDINATOR) $(LIB_WORKER) $(LIB_RENDER) $(LIB_PROTOCOL) $(LIB_COMMON)
+
+BIN := $(BUILD)/bin
+PROGRAMS := $(BIN)/azulejo $(BIN)/azulejo-coordinator $(BIN)/azulejo-worker
+SCENE_TOOLS := $(patsubst scenes/%.c,$(BIN)/scenes/%,$(filter scenes/make_%.c scenes/%/make_%.c,$(call sources,scenes)))
+
+TEST_SRC := $(filter %/test_%.c test_%.c,$(foreach d,unit statistics numerics,$(shell find tests/$(d) -name 'test_*.c' 2>/dev/null)))
+TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(TEST_SRC)))
+# Helpers of tests: any other .c file under tests/support.
+SUPPORT_SRC := $(call sources,tests/support)
+LIB_SUPPORT := $(BUILD)/lib/libsupport.a
+# Programs that the farm tests and benchmarks drive.
+TOOL_SRC := $(sort $(shell find tests/farm tests/fault tests/bench tests/fuzz -name '*.c' ! -name 'fuzz_*.c' 2>/dev/null))
+TOOLS := $(patsubst %.c,$(BUILD)/%,$(TOOL_SRC))
+FUZZ_SRC := $(sort $(shell find tests/fuzz -name 'fuzz_*.c' 2>/dev/null))
+FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
+FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
+
+.DEFAULT_GOAL := all
+.PHONY: all help deps demo test check-asan check-tsan fuzz bench layers install uninstall clean tests lint
+.SECONDARY:
+.DELETE_ON_ERROR:
+
+all: $(PROGRAMS) $(SCENE_TOOLS) ## build the three programs and the scene generators
+
+help: ## this list
+	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
+
+deps: ## install what is missing (Debian 12; says what it would do elsewhere)
+	@scripts/install-deps.sh
+
+# ---- compile ------------------------------------------------------------------------------
+$(GEN)/%.pb-c.c $(GEN)/%.pb-c.h: %.proto
+	@mkdir -p $(GEN)
+	$(PROTOC_C) --c_out=$(GEN) $<
+
+$(BUILD)/obj/gen/%.o: $(GEN)/%.c
+	@mkdir -p $(@D)
+	$(CC) $(CPPFLAGS) $(filter-out $(WARNINGS),$(CFLAGS)) -MMD -MP -c -o $@ $<
+
+$(BUILD)/obj/%.o: %.c | $(PROTO_HDR)
+	@mkdir -p $(@D)
+	$(CC) $(CPPFLAGS) $(CFLAGS) -MMD -MP -c -o $@ $<
+
+define archive
+	@mkdir -p $(@D)
+	@rm -f $@
+	$(AR) rcs $@ $^
+endef
+$(LIB_COMMON): $(call object,$(COMMON_SRC)) $(BUILD)/obj/gen/common/scene/scene.pb-c.o ; $(archive)
+$(LIB_PROTOCOL): $(call object,$(PROTOCOL_SRC)) $(BUILD)/obj/gen/protocol/azulejo.pb-c.o ; $(archive)
+$(LIB_RENDER): $(call object,$(RENDER_SRC)) ; $(archive)
+$(LIB_COORDINATOR): $(call object,$(COORDINATOR_SRC)) ; $(archive)
+$(LIB_WORKER): $(call object,$(WORKER_SRC)) ; $(archive)
+$(LIB_CLIENT): $(call object,$(CLIENT_SRC)) ; $(archive)
+$(LIB_SUPPORT): $(call object,$(SUPPORT_SRC)) ; $(archive)
+
+# ---- link: each program sees only what DESIGN allows it -------------------------------------
+$(BIN)/azulejo: $(call object,client/main.c) $(LIB_CLIENT) $(LIB_PROTOCOL) $(LIB_COMMON)
+	@mkdir -p $(@D)
+	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_CLIENT) $(LIBS_PROTOCOL) $(LIBS_COMMON)
+$(BIN)/azulejo-coordinator: $(call object,coordinator/main.c) $(LIB_COORDINATOR) $(LIB_PROTOCOL) $(LIB_COMMON)
+	@mkdir -p $(@D)
+	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_COORDINATOR) $(LIBS_PROTOCOL) $(LIBS_COMMON)
+$(BIN)/azulejo-worker: $(call object,worker/main.c) $(LIB_WORKER) $(LIB_RENDER) $(LIB_PROTOCOL) $(LIB_COMMON)
+	@mkdir -p $(@D)
+	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_RENDER) $(LIBS_PROTOCOL) $(LIBS_COMMON)
+$(BIN)/scenes/%: $(BUILD)/obj/scenes/%.o $(LIB_COMMON)
+	@mkdir -p $(@D)
+	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_COMMON) $(LIBS_CLIENT)
+
+$(TESTS) $(TOOLS): $(BUILD)/%: $(BUILD)/obj/%.o $(LIB_SUPPORT) $(LIBRARIES)
+	@mkdir -p $(@D)
+	$(CC) $(LDFLAGS) -o $@ $^ -lcmocka $(LIBS_ALL)
+
+# Every fuzz target also replays its corpus as an ordinary test.
+$(BUILD)/tests/fuzz/%_replay: $(BUILD)/obj/tests/fuzz/%.o $(BUILD)/obj/tests/support/fuzz_replay.o $(LIBRARIES)
+	@mkdir -p $(@D)
+	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_ALL)
+
+# ---- test ---------------------------------------------------------------------------------
+tests: all $(TESTS) $(TOOLS) $(FUZZ_REPLAY)
+
+test: tests layers ## every test; the end says "N passed, N failed"
+	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) tests/run.sh
+
+check-asan: ## the tests under AddressSanitizer and UndefinedBehaviorSanitizer
+	$(MAKE) SANITIZE=address,undefined test
+check-tsan: ## the tests under ThreadSanitizer
+	$(MAKE) SANITIZE=thread test
+
+layers: ## prove the dependency rule of docs/ARCHITECTURE.md
+	@scripts/check-layers.sh
+
+lint: ## clang-tidy and cppcheck
+	@scripts/lint.sh
+
+fuzz: ## build the fuzz targets with clang's libFuzzer and run each for FUZZ_SECONDS (60)
+	@scripts/fuzz.sh $(FUZZ_SRC)
+
+bench: all tests ## the figures in docs/PERFORMANCE.md
+	@BUILD=$(BUILD) tests/bench/run.sh
+
+# ---- use ----------------------------------------------------------------------------------
+demo: ## install what is missing, build, render the Cornell box on two workers into out/
+	@scripts/install-deps.sh
+	@$(MAKE) --no-print-directory all
+	@BUILD=$(BUILD) scripts/demo.sh $(DEMO_ARGS)
+
+install: all ## into $(DESTDIR)$(PREFIX)
+	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/share/man/man1 $(DESTDIR)$(PREFIX)/share/azulejo/scenes
+	install -m 755 $(PROGRAMS) $(DESTDIR)$(PREFIX)/bin
+	install -m 644 docs/man/*.1 $(DESTDIR)$(PREFIX)/share/man/man1
+	cp -R scenes/cornell $(DESTDIR)$(PREFIX)/share/azulejo/scenes/
+uninstall:
+	rm -f $(addprefix $(DESTDIR)$(PREFIX)/bin/,$(notdir $(PROGRAMS)))
+	rm -f $(patsubst docs/man/%,$(DESTDIR)$(PREFIX)/share/man/man1/%,$(wildcard docs/man/*.1))
+	rm -rf $(DESTDIR)$(PREFIX)/share/azulejo
+
+clean: ## remove everything that was built
+	rm -rf build out
+
+-include $(shell find $(BUILD)/obj -name '*.d' 2>/dev/null)

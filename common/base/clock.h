@@ -1,0 +1,14 @@
+/* clock: durations come from the monotonic clock, calendar stamps from the wall clock. */
+#ifndef AZULEJO_BASE_CLOCK_H
+#define AZULEJO_BASE_CLOCK_H
+
+#include <stdint.h>
+
+#define NS_PER_SECOND 1000000000ull
+#define NS_PER_MS 1000000ull
+
+uint64_t clock_monotonic_ns(void);
+uint64_t clock_thread_cpu_ns(void);  /* CPU time of the calling thread */
+int64_t clock_wall_s(void);          /* seconds since 1970-01-01 UTC */
+
+#endif

@@ -1,0 +1,38 @@
+/* file: whole files in, whole files out.
+ *
+ * Reading has a size limit; writing goes to a temporary file in the same folder, is
+ * synced, and renamed, so that a reader sees the old file or the new one, never a half.
+ */
+#ifndef AZULEJO_BASE_FILE_H
+#define AZULEJO_BASE_FILE_H
+
+#include "common/base/buffer.h"
+#include "common/base/status.h"
+
+/* Append the file's bytes to `out`. ERR_INPUT when it cannot be read (the text says why),
+ * ERR_LIMIT when it is larger than `limit_bytes`. */
+status file_read(const char *path, size_t limit_bytes, struct buffer *out, struct error *err)
+    MUST_CHECK;
+
+/* Write atomically (temporary file, fsync, rename, fsync of the folder). ERR_IO. */
+status file_write_atomic(const char *path, const void *data, size_t size_bytes,
+                         struct error *err) MUST_CHECK;
+
+/* Make the folder and its parents (mode 0777 less umask); fine if it is there. ERR_IO. */
+status file_make_folder(const char *path, struct error *err) MUST_CHECK;
+
+int file_exists(const char *path);
+
+/* Join folder and name with one '/'; the caller frees with mem_free. NULL: out of memory. */
+char *file_join(const char *folder, const char *name);
+
+/* The folder part of a path ("." when there is none); the caller frees with mem_free. */
+char *file_dirname(const char *path);
+
+/* The part after the last '/'; points into `path`. */
+const char *file_basename(const char *path);
+
+/* The extension after the last '.' of the basename, without the dot; "" if none. */
+const char *file_extension(const char *path);
+
+#endif

@@ -1,0 +1,24 @@
+/* log: lines on standard error, "time level program: text".
+ *
+ * The level and the program's name are set once at the start. Safe from any thread: a
+ * line is one write.
+ */
+#ifndef AZULEJO_BASE_LOG_H
+#define AZULEJO_BASE_LOG_H
+
+enum log_level { LOG_LEVEL_ERROR, LOG_LEVEL_WARN, LOG_LEVEL_INFO, LOG_LEVEL_DEBUG };
+
+void log_setup(const char *program, enum log_level level);
+
+/* "error", "warn", "info", "debug" -> level; -1 for anything else. */
+int log_level_parse(const char *name);
+
+void log_line(enum log_level level, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+#define log_error(...) log_line(LOG_LEVEL_ERROR, __VA_ARGS__)
+#define log_warn(...) log_line(LOG_LEVEL_WARN, __VA_ARGS__)
+#define log_info(...) log_line(LOG_LEVEL_INFO, __VA_ARGS__)
+#define log_debug(...) log_line(LOG_LEVEL_DEBUG, __VA_ARGS__)
+
+#endif

@@ -1,0 +1,57 @@
+/* options: command lines, from a table.
+ *
+ * Each program or command has one const table; --help is printed from the same table, so
+ * an option that exists is documented and one that is documented exists. `--name value`
+ * and `--name=value` are both taken; `--` ends the options; a repeated option overwrites
+ * (OPTION_LIST appends).
+ */
+#ifndef AZULEJO_BASE_OPTIONS_H
+#define AZULEJO_BASE_OPTIONS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/base/status.h"
+
+enum { OPTIONS_POSITIONAL_MAX = 16, OPTIONS_LIST_MAX = 64 };
+
+enum option_kind {
+    OPTION_FLAG,   /* int *: 1 when given */
+    OPTION_STRING, /* const char **: points into argv */
+    OPTION_INT,    /* int64_t *: min..max checked */
+    OPTION_REAL,   /* double *: min..max checked, finite */
+    OPTION_SIZE,   /* uint64_t *: bytes, suffix K, M, G or T (powers of 1024) */
+    OPTION_CHOICE, /* const char **: one of `choices` ("a|b|c"), points into argv */
+    OPTION_LIST,   /* struct option_list *: every occurrence is kept */
+};
+
+struct option_list {
+    const char *items[OPTIONS_LIST_MAX];
+    size_t count;
+};
+
+struct option {
+    const char *name;     /* long name without dashes */
+    char letter;          /* short name or 0 */
+    enum option_kind kind;
+    void *target;
+    const char *argument; /* the argument's name in the help, NULL for a flag */
+    const char *help;     /* one sentence; say the default and the unit */
+    double min, max;      /* for OPTION_INT and OPTION_REAL; both 0: unchecked */
+    const char *choices;  /* for OPTION_CHOICE */
+};
+
+struct positionals {
+    const char *items[OPTIONS_POSITIONAL_MAX];
+    size_t count;
+};
+
+/* Parse argv[1..]. ERR_USAGE with a sentence that names the option and the remedy.
+ * `table` ends with a row whose name is NULL. "--help" sets *help_wanted and stops. */
+status options_parse(const struct option *table, int argc, char *const *argv,
+                     struct positionals *rest, int *help_wanted, struct error *err) MUST_CHECK;
+
+/* Print "usage: ..." , the description and the table to standard output. */
+void options_print_help(const char *usage, const char *description, const struct option *table);
+
+#endif

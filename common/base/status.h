@@ -1,0 +1,65 @@
+/* status: what a function that can fail returns, and the words that go with it.
+ *
+ * A function that can fail returns a `status` and takes an optional `struct error *`
+ * as its last parameter. On failure it fills the error with one sentence that names the
+ * file, the place and the remedy, and returns the same code. The error is reported
+ * (logged or printed) exactly once, by whoever handles it.
+ */
+#ifndef AZULEJO_BASE_STATUS_H
+#define AZULEJO_BASE_STATUS_H
+
+#include <stdarg.h>
+
+/* One line a status: name, exit code of a program that ends with it, text.
+ * Exit codes: 0 success, 1 internal, 2 usage, 3 bad input, 4 unreachable, 5 refused,
+ * 6 job failed or cancelled, 7 timed out, 8 local I/O. */
+#define STATUS_MAP(X)                                                    \
+    X(OK, 0, "success")                                                  \
+    X(ERR_INTERNAL, 1, "internal error")                                 \
+    X(ERR_NO_MEMORY, 1, "out of memory")                                 \
+    X(ERR_USAGE, 2, "bad usage")                                         \
+    X(ERR_INPUT, 3, "bad input")                                         \
+    X(ERR_UNSUPPORTED, 3, "not supported")                               \
+    X(ERR_LIMIT, 3, "a limit was exceeded")                              \
+    X(ERR_UNREACHABLE, 4, "unreachable")                                 \
+    X(ERR_REFUSED, 5, "refused")                                         \
+    X(ERR_NOT_FOUND, 5, "not found")                                     \
+    X(ERR_JOB_FAILED, 6, "job failed")                                   \
+    X(ERR_TIMEOUT, 7, "timed out")                                       \
+    X(ERR_IO, 8, "input/output error")                                   \
+    X(ERR_CORRUPT, 8, "stored data is damaged")                          \
+    X(ERR_PROTOCOL, 5, "protocol violation")
+
+typedef enum status {
+#define STATUS_ENUM(name, exit_code, text) STATUS_##name,
+    STATUS_MAP(STATUS_ENUM)
+#undef STATUS_ENUM
+        STATUS_COUNT
+} status;
+
+#define MUST_CHECK __attribute__((warn_unused_result))
+
+/* One error, in words. Zero-initialise; the text is always terminated. */
+struct error {
+    status code;
+    char text[1024];
+};
+
+/* The status's short text ("bad input"); never NULL. */
+const char *status_text(status code);
+
+/* The exit code of a program that ends because of `code`. */
+int status_exit_code(status code);
+
+/* Fill `err` (may be NULL) and return `code`, so that `return error_set(...)` reads well. */
+status error_set(struct error *err, status code, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+/* Put "context: " before the text of an error already set, to name the file or the place. */
+void error_prefix(struct error *err, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+/* Out of memory, in one place so that all say the same. */
+status error_no_memory(struct error *err, const char *what);
+
+#endif

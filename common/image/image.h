@@ -1,0 +1,96 @@
+/* image: pixels in memory. Row 0 is the top. `image_release` frees the pixels.
+ *
+ * struct image holds float channels, interleaved; linear Rec. 709 when RGB. 8-bit textures
+ * stay 8-bit in struct image8 so that they cost no more memory than they must.
+ */
+#ifndef AZULEJO_IMAGE_IMAGE_H
+#define AZULEJO_IMAGE_IMAGE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/base/status.h"
+
+enum {
+    IMAGE_SIDE_MAX = 1 << 17,        /* pixels */
+};
+#define IMAGE_BYTES_MAX ((size_t)8 << 30) /* decoded */
+
+struct image {
+    uint32_t width, height, channels; /* channels 1..4 */
+    float *pixels;                    /* [height][width][channels] */
+};
+
+struct image8 {
+    uint32_t width, height, channels; /* channels 1..4: grey, grey+alpha, RGB, RGBA */
+    uint32_t bits;                    /* 8 or 16 per channel (16: native-endian uint16) */
+    uint8_t *pixels;
+};
+
+/* ERR_LIMIT when a side, or the whole, is too large; pixels are zeroed. */
+status image_init(struct image *image, uint32_t width, uint32_t height, uint32_t channels,
+                  struct error *err) MUST_CHECK;
+void image_release(struct image *image);
+void image8_release(struct image8 *image);
+
+enum image_format { IMAGE_UNKNOWN, IMAGE_PNG, IMAGE_JPEG, IMAGE_HDR, IMAGE_EXR };
+
+/* By the first bytes, not by the name. */
+enum image_format image_format_of(const uint8_t *data, size_t size_bytes);
+
+/* What was mended while reading HDR pixels; zero-initialise. */
+struct image_repairs {
+    uint64_t nan_pixels, negative_pixels, infinite_pixels;
+};
+
+/* Decode an HDR (Radiance) or EXR file to 3 float channels (RGB; luminance files are
+ * replicated). Header sizes are checked before memory is taken. NaN becomes 0, negative 0,
+ * +Inf the largest finite value in the image (or 65504 if there is none). `name` is for
+ * messages. ERR_INPUT, ERR_LIMIT, ERR_UNSUPPORTED (deep EXR, ...), ERR_NO_MEMORY. */
+status image_decode_hdr(struct image *out, const uint8_t *data, size_t size_bytes,
+                        const char *name, struct image_repairs *repairs, struct error *err)
+    MUST_CHECK;
+
+/* Decode a PNG (8 or 16 bits kept; palette and low depths expanded; gamma and ICC ignored
+ * as glTF demands) or JPEG. */
+status image_decode_8(struct image8 *out, const uint8_t *data, size_t size_bytes,
+                      const char *name, struct error *err) MUST_CHECK;
+
+/* ---- the single formats (image_decode_* dispatch to these) ---- */
+status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
+                  struct error *err) MUST_CHECK;
+status hdr_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
+                  struct error *err) MUST_CHECK;
+status png_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, const char *name,
+                  struct error *err) MUST_CHECK;
+status jpeg_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, const char *name,
+                   struct error *err) MUST_CHECK;
+
+/* ---- writing ---- */
+struct buffer;
+
+/* One text or number for an EXR header. */
+struct exr_attribute {
+    const char *name;
+    const char *text; /* a string attribute, or NULL for a number */
+    double number;    /* written as a double attribute */
+};
+
+struct exr_options {
+    int half;                 /* HALF channels: values are clamped to +-65504 and counted */
+    const struct exr_attribute *attributes;
+    size_t attribute_count;
+    uint64_t *clamped;        /* may be NULL: how many values were clamped */
+};
+
+/* Encode RGB (3) or RGBA (4) to an OpenEXR file in memory: scan lines, ZIP, with the
+ * chromaticities of Rec. 709. Deterministic: same input, same bytes. */
+status exr_encode(struct buffer *out, const struct image *image, const struct exr_options *options,
+                  struct error *err) MUST_CHECK;
+
+/* Encode display values 0..1 (already transfer-encoded) as 8-bit RGB PNG, rounding after
+ * adding a fixed blue-noise-like dither of at most half a step; an sRGB chunk says how the
+ * values are meant. Deterministic. */
+status png_encode(struct buffer *out, const struct image *image, struct error *err) MUST_CHECK;
+
+#endif

@@ -1,0 +1,109 @@
+#include "common/math/transform.h"
+
+#include <math.h>
+
+struct transform_d transform_d_multiply(const struct transform_d *a, const struct transform_d *b)
+{
+    struct transform_d out;
+
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 4; c++) {
+            out.m[r][c] = a->m[r][0] * b->m[0][c] + a->m[r][1] * b->m[1][c] +
+                          a->m[r][2] * b->m[2][c];
+            if (c == 3)
+                out.m[r][c] += a->m[r][3];
+        }
+    return out;
+}
+
+struct transform_d transform_d_from_columns(const double columns[16])
+{
+    struct transform_d out;
+
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 4; c++)
+            out.m[r][c] = columns[4 * c + r];
+    return out;
+}
+
+struct transform_d transform_d_from_trs(const double t[3], const double q[4], const double s[3])
+{
+    double norm = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    double x, y, z, w;
+    struct transform_d out;
+
+    if (!(norm > 0))
+        x = y = z = 0, w = 1;
+    else
+        x = q[0] / norm, y = q[1] / norm, z = q[2] / norm, w = q[3] / norm;
+    out.m[0][0] = (1 - 2 * (y * y + z * z)) * s[0];
+    out.m[0][1] = 2 * (x * y - w * z) * s[1];
+    out.m[0][2] = 2 * (x * z + w * y) * s[2];
+    out.m[1][0] = 2 * (x * y + w * z) * s[0];
+    out.m[1][1] = (1 - 2 * (x * x + z * z)) * s[1];
+    out.m[1][2] = 2 * (y * z - w * x) * s[2];
+    out.m[2][0] = 2 * (x * z - w * y) * s[0];
+    out.m[2][1] = 2 * (y * z + w * x) * s[1];
+    out.m[2][2] = (1 - 2 * (x * x + y * y)) * s[2];
+    for (int r = 0; r < 3; r++)
+        out.m[r][3] = t[r];
+    return out;
+}
+
+double transform_d_determinant(const struct transform_d *a)
+{
+    return a->m[0][0] * (a->m[1][1] * a->m[2][2] - a->m[1][2] * a->m[2][1]) -
+           a->m[0][1] * (a->m[1][0] * a->m[2][2] - a->m[1][2] * a->m[2][0]) +
+           a->m[0][2] * (a->m[1][0] * a->m[2][1] - a->m[1][1] * a->m[2][0]);
+}
+
+int transform_d_invert(const struct transform_d *a, struct transform_d *out)
+{
+    double det = transform_d_determinant(a);
+    const double (*m)[4] = a->m;
+
+    *out = transform_d_identity();
+    if (!isfinite(det) || det == 0 || !isfinite(1 / det))
+        return 0;
+    out->m[0][0] = (m[1][1] * m[2][2] - m[1][2] * m[2][1]) / det;
+    out->m[0][1] = (m[0][2] * m[2][1] - m[0][1] * m[2][2]) / det;
+    out->m[0][2] = (m[0][1] * m[1][2] - m[0][2] * m[1][1]) / det;
+    out->m[1][0] = (m[1][2] * m[2][0] - m[1][0] * m[2][2]) / det;
+    out->m[1][1] = (m[0][0] * m[2][2] - m[0][2] * m[2][0]) / det;
+    out->m[1][2] = (m[0][2] * m[1][0] - m[0][0] * m[1][2]) / det;
+    out->m[2][0] = (m[1][0] * m[2][1] - m[1][1] * m[2][0]) / det;
+    out->m[2][1] = (m[0][1] * m[2][0] - m[0][0] * m[2][1]) / det;
+    out->m[2][2] = (m[0][0] * m[1][1] - m[0][1] * m[1][0]) / det;
+    for (int r = 0; r < 3; r++)
+        out->m[r][3] = -(out->m[r][0] * m[0][3] + out->m[r][1] * m[1][3] + out->m[r][2] * m[2][3]);
+    return 1;
+}
+
+struct transform transform_from_d(const struct transform_d *a)
+{
+    struct transform out;
+
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 4; c++)
+            out.m[r][c] = (float)a->m[r][c];
+    return out;
+}
+
+struct transform_d transform_to_d(const struct transform *a)
+{
+    struct transform_d out;
+
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 4; c++)
+            out.m[r][c] = (double)a->m[r][c];
+    return out;
+}
+
+int transform_is_finite(const struct transform *a)
+{
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 4; c++)
+            if (!isfinite(a->m[r][c]))
+                return 0;
+    return 1;
+}

@@ -1,0 +1,53 @@
+/* effects: what a scene calls for.
+ *
+ * Walks what is reachable from the scene's instances, lights, cameras and environment and
+ * yields a set. What is not in the set need not be simulated.
+ */
+#ifndef AZULEJO_SCENE_EFFECTS_H
+#define AZULEJO_SCENE_EFFECTS_H
+
+#include <stdint.h>
+
+#include "common/scene/scene.h"
+
+#define EFFECT_MAP(X)                             \
+    X(DIFFUSE, "diffuse")                         \
+    X(GLOSSY, "glossy")                           \
+    X(MIRROR, "mirror")                           \
+    X(DIELECTRIC, "smooth dielectric")            \
+    X(ROUGH_DIELECTRIC, "rough dielectric")       \
+    X(THIN_TRANSMISSION, "thin transmission")     \
+    X(ABSORPTION, "absorption")                   \
+    X(TEXTURE, "texture")                         \
+    X(NORMAL_MAP, "normal map")                   \
+    X(VERTEX_COLOR, "vertex color")               \
+    X(ALPHA, "alpha")                             \
+    X(CULLING, "back-face culling")               \
+    X(UNLIT, "unlit")                             \
+    X(EMISSIVE_MESH, "emissive mesh")             \
+    X(PUNCTUAL_LIGHT, "punctual light")           \
+    X(ENVIRONMENT, "environment light")           \
+    X(ORTHOGRAPHIC, "orthographic camera")        \
+    X(INSTANCING, "instancing")
+
+enum effect_bit {
+#define EFFECT_ENUM(name, text) EFFECT_BIT_##name,
+    EFFECT_MAP(EFFECT_ENUM)
+#undef EFFECT_ENUM
+        EFFECT_COUNT
+};
+enum effect {
+#define EFFECT_ENUM(name, text) EFFECT_##name = 1 << EFFECT_BIT_##name,
+    EFFECT_MAP(EFFECT_ENUM)
+#undef EFFECT_ENUM
+};
+
+/* Roughness below this is a mirror: alpha = roughness^2 < 1e-3. */
+#define EFFECT_MIRROR_ROUGHNESS 0.0316f
+
+/* The set for one camera of the scene. */
+uint32_t scene_effects(const struct scene *scene, uint32_t camera);
+
+const char *effect_name(enum effect_bit bit);
+
+#endif

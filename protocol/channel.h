@@ -1,0 +1,79 @@
+/* channel: one encrypted, framed conversation over one libuv TCP stream.
+ *
+ * TLS 1.3 with an external PSK over OpenSSL memory BIOs; frames of a little-endian uint32
+ * length and one Envelope. Ownership: the owner holds the channel from channel_connect or
+ * channel_accept until its on_close ran, which happens exactly once and last; the channel
+ * is freed right after on_close returns. on_message's envelope lives until it returns.
+ * A channel_send never calls back into the owner before it returns.
+ *
+ *   CONNECTING --tcp--> HANDSHAKE --tls--> OPEN --channel_close/peer/error--> CLOSING --> freed
+ *
+ * TCP_NODELAY is set; one message is one write. The owner looks at channel_queued_bytes()
+ * and stops producing above CHANNEL_QUEUE_HIGH; on_drain tells when it fell below
+ * CHANNEL_QUEUE_LOW. channel_pause_reading/resume push back on the peer.
+ */
+#ifndef AZULEJO_PROTOCOL_CHANNEL_H
+#define AZULEJO_PROTOCOL_CHANNEL_H
+
+#include <stddef.h>
+#include <stdint.h>
+#include <uv.h>
+
+#include "common/base/status.h"
+#include "protocol/azulejo.pb-c.h"
+#include "protocol/key.h"
+
+enum {
+    PROTOCOL_VERSION = 1,
+    PROTOCOL_PORT_DEFAULT = 7420,
+    CHANNEL_FRAME_MAX = 4 << 20,      /* bytes of one Envelope; more ends the connection */
+    CHANNEL_QUEUE_HIGH = 8 << 20,
+    CHANNEL_QUEUE_LOW = 1 << 20,
+    CHANNEL_QUEUE_MAX = 256 << 20,    /* a peer that reads nothing: more ends the connection */
+    CHANNEL_HANDSHAKE_MS = 10000,     /* tcp + tls must be done by then */
+    BLOB_PIECE_BYTES = 256 << 10,
+};
+
+struct channel;
+
+struct channel_callbacks {
+    void (*on_open)(struct channel *c, void *user);
+    void (*on_message)(struct channel *c, const Azulejo__Wire__Envelope *message, void *user);
+    void (*on_drain)(struct channel *c, void *user);
+    /* Exactly once. `why->code` is STATUS_OK after an orderly end by either side. */
+    void (*on_close)(struct channel *c, const struct error *why, void *user);
+};
+
+/* Connect to host:port with the key of a role. Failures after this call come by on_close:
+ * ERR_UNREACHABLE (no such host, refused, timeout), ERR_REFUSED (the key was not taken). */
+status channel_connect(struct channel **out, uv_loop_t *loop, const char *host, uint16_t port,
+                       const struct farm_key *key, enum farm_role role,
+                       const struct channel_callbacks *callbacks, void *user,
+                       struct error *err) MUST_CHECK;
+
+/* Accept from a listening stream (in its connection callback). The peer's role is known
+ * when on_open runs (channel_role). */
+status channel_accept(struct channel **out, uv_stream_t *listener, const struct farm_key *key,
+                      const struct channel_callbacks *callbacks, void *user,
+                      struct error *err) MUST_CHECK;
+
+/* Pack and queue. ERR_LIMIT: the message is larger than a frame may be, or the queue is
+ * over its maximum (the channel then closes by itself). After channel_close: ERR_IO. */
+status channel_send(struct channel *c, const Azulejo__Wire__Envelope *message) MUST_CHECK;
+
+/* Say goodbye: flush what is queued, end TLS, close; on_close follows with STATUS_OK.
+ * channel_abort does not flush and on_close gets `why`. Both may be called from callbacks. */
+void channel_close(struct channel *c);
+void channel_abort(struct channel *c, status code, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+void channel_pause_reading(struct channel *c);
+void channel_resume_reading(struct channel *c);
+size_t channel_queued_bytes(const struct channel *c);
+enum farm_role channel_role(const struct channel *c);
+const char *channel_peer(const struct channel *c);       /* "127.0.0.1:40312" */
+uint64_t channel_last_heard_ns(const struct channel *c); /* monotonic: last byte received */
+uint64_t channel_last_sent_ns(const struct channel *c);
+void channel_set_user(struct channel *c, void *user);
+
+#endif

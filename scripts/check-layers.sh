@@ -1,0 +1,40 @@
+#!/usr/bin/env bash
+# Prove the dependency rule: common <- protocol <- {coordinator, worker, client};
+# worker/render sees only common; uv.h, sqlite3.h, embree and jansson.h only where they belong.
+set -u
+cd "$(dirname "$0")/.."
+bad=0
+
+# forbid FOLDER REGEX: no source under FOLDER may include a path that matches REGEX.
+forbid() {
+    local hits
+    hits=$(grep -rnE "^[[:space:]]*#[[:space:]]*include[[:space:]]*[<\"]($2)" --include='*.c' --include='*.h' "$1" 2>/dev/null)
+    if [ -n "$hits" ]; then
+        printf '%s must not include %s:\n%s\n' "$1" "$2" "$hits"
+        bad=1
+    fi
+}
+forbid common '(protocol|coordinator|worker|client|tests)/'
+forbid common 'uv\.h|sqlite3\.h|embree'
+forbid protocol '(coordinator|worker|client|tests)/'
+forbid protocol 'sqlite3\.h|embree|jansson'
+forbid worker/render '(protocol|coordinator|client|tests)/|uv\.h|sqlite3\.h|openssl/|pthread\.h|stdio\.h.*socket'
+forbid worker/render 'worker/[a-z_]+\.h'
+forbid coordinator '(worker|client|tests)/|embree'
+forbid worker '(coordinator|client|tests)/|sqlite3\.h'
+forbid client '(coordinator|worker|tests)/|sqlite3\.h|embree'
+forbid scenes '(protocol|coordinator|worker|client|tests)/'
+
+# Only the store speaks SQL; only accel.c speaks Embree.
+hits=$(grep -rln 'sqlite3\.h' --include='*.[ch]' coordinator 2>/dev/null | grep -vE '^coordinator/store' )
+[ -z "$hits" ] || { echo "only coordinator/store*.c may include sqlite3.h: $hits"; bad=1; }
+hits=$(grep -rlnE 'embree[34]/' --include='*.[ch]' worker 2>/dev/null | grep -vE '^worker/render/accel\.[ch]$')
+[ -z "$hits" ] || { echo "only worker/render/accel.c may include Embree: $hits"; bad=1; }
+# Logic files take time and output as arguments: no uv.h.
+for file in coordinator/queue coordinator/scheduler coordinator/lease coordinator/merge coordinator/develop coordinator/store; do
+    for ext in c h; do
+        [ -f "$file.$ext" ] && forbid "$file.$ext" 'uv\.h'
+    done
+done
+[ "$bad" -eq 0 ] && echo "layers: ok"
+exit "$bad"

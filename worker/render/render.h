@@ -1,0 +1,62 @@
+/* render: the path tracer as a library without I/O.
+ *
+ * render_scene_new turns a scene description and its blobs into something that rays can
+ * be shot at; render_tile renders one work unit of it. A render_scene is immutable: any
+ * number of threads may render from it at once, each with its own scratch.
+ * The result of render_tile is a pure function of the scene, the settings, the frame, the
+ * tile and the pass.
+ */
+#ifndef AZULEJO_RENDER_RENDER_H
+#define AZULEJO_RENDER_RENDER_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/base/status.h"
+#include "common/film/tiles.h"
+#include "common/scene/scene.h"
+#include "common/scene/settings.h"
+
+/* Where the renderer finds a blob's bytes. They must stay valid and unchanged until the
+ * render_scene is freed (mesh buffers are used in place). Called from one thread. */
+struct blob_source {
+    status (*get)(void *user, const struct digest *digest, const uint8_t **data,
+                  size_t *size_bytes, struct error *err);
+    void *user;
+};
+
+struct render_scene;
+
+struct render_stats {
+    uint64_t samples, rays, vertices;
+    uint64_t dropped_samples;   /* not finite: counted, replaced by black */
+    uint64_t trace_ns;          /* inside Embree; 0 unless measured (render_measure_trace) */
+};
+
+struct render_scene_info {
+    uint64_t triangles, instances, emissive_triangles;
+    uint64_t texture_bytes, mesh_bytes, bvh_bytes;
+    uint64_t build_ns;
+};
+
+/* ERR_INPUT: damaged or unfitting blobs, in words; ERR_UNSUPPORTED: this CPU lacks the
+ * settings' instruction set; ERR_NO_MEMORY. `scene` may be released afterwards. */
+status render_scene_new(struct render_scene **out, const struct scene *scene,
+                        const struct render_settings *settings, struct blob_source blobs,
+                        struct error *err) MUST_CHECK;
+void render_scene_free(struct render_scene *scene);
+void render_scene_info(const struct render_scene *scene, struct render_scene_info *info);
+
+/* Render samples of pass `pass` of tile `tile` of frame `frame` into `sums`:
+ * [REPLICATES][pixels of the tile, row-major][3] float32 sums of radiance (not means).
+ * Returns how many floats were written (2 * 3 * pixels, <= TILE_FLOATS_MAX). Adds to *stats. */
+size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t pass,
+                   float *sums, struct render_stats *stats);
+
+/* Time every Embree call from now on (costs a few percent); for the benchmarks. */
+void render_measure_trace(int on);
+
+/* What traces the rays: "embree 3.13.5 x86_64". Part of the handshake. */
+const char *render_kernel_name(void);
+
+#endif
