@@ -40,9 +40,12 @@ status film_merge(struct film *film, uint32_t tile, uint32_t pass, const float *
 uint32_t film_width(const struct film *film);
 uint32_t film_height(const struct film *film);
 uint32_t film_tile_count(const struct film *film);
+uint32_t film_pass_count(const struct film *film);
 
 /* How many passes of the tile are folded in (a prefix of the schedule). */
 uint32_t film_tile_passes(const struct film *film, uint32_t tile);
+/* How many early passes of the tile wait for one before them. */
+uint32_t film_tile_waiting(const struct film *film, uint32_t tile);
 /* Has this (tile, pass) arrived (folded in or waiting)? */
 int film_has(const struct film *film, uint32_t tile, uint32_t pass);
 /* Samples a pixel folded into the tile. */
@@ -63,9 +66,12 @@ void film_develop(const struct film *film, float *rgb);
 double film_relative_mse(const struct film *film);
 
 /* One tile's state as bytes, for the disk: fixed size for a given tile, little-endian.
- * Waiting passes are not part of it. film_tile_load refuses damaged state (ERR_CORRUPT). */
+ * Waiting passes are not part of it. film_tile_load refuses damaged state (ERR_CORRUPT) and
+ * drops the tile's waiting passes; film_tile_peek only checks a state and tells its passes. */
 size_t film_tile_state_size(const struct film *film, uint32_t tile);
 void film_tile_save(const struct film *film, uint32_t tile, uint8_t *out);
+status film_tile_peek(const struct film *film, uint32_t tile, const uint8_t *data,
+                      size_t size_bytes, uint32_t *passes, struct error *err) MUST_CHECK;
 status film_tile_load(struct film *film, uint32_t tile, const uint8_t *data, size_t size_bytes,
                       struct error *err) MUST_CHECK;
 
