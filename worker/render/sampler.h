@@ -15,8 +15,6 @@
 
 #include <stdint.h>
 
-#include "common/math/elementary.h"
-
 struct sample2 {
     float u, v; /* each in [0, 1) */
 };
@@ -113,12 +111,13 @@ static inline uint32_t sobol_pascal_reversed(uint32_t index)
     return index ^ (index >> 1 & 0x55555555u);
 }
 
-/* A 32-bit fraction as a float in [0, 1): rounding may reach 1, hence the clamp. */
+/* A 32-bit fraction as a float in [0, 1), rounded down: rounding up would reach 1, and would
+ * carry one point in 2^15 over an edge of a 1/1024 cell, which a net has to itself. Of a word
+ * that is longer than a float's 24 bits, `x >> 24` has its top bit where the first bit to be
+ * dropped is; with that one cleared, rounding to nearest goes down. */
 static inline float unit_float(uint32_t x)
 {
-    float f = (float)x * 0x1p-32f;
-
-    return f < ONE_MINUS_EPSILON ? f : ONE_MINUS_EPSILON;
+    return (float)(x & ~(x >> 24)) * 0x1p-32f;
 }
 
 /* The index shuffle is owen_scramble(index): reverse, hash, reverse. Dimension 0 (van der

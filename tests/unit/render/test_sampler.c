@@ -1,0 +1,382 @@
+/* The sampler: every prefix 2^k of every pair is a net, the rate is that of scrambled nets,
+ * replicates are independent, and the bits never change. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "common/math/elementary.h"
+#include "worker/render/sampler.h"
+
+enum { NET_LOG2_MAX = 10, NET_MAX = 1 << NET_LOG2_MAX };
+
+typedef struct sample2 (*point_source)(const void *context, uint32_t index);
+
+/* Of N = 2^log2_n points, does every elementary interval 1/nx by 1/ny with nx * ny = N hold
+ * exactly one? */
+static int is_net(point_source point, const void *context, int log2_n)
+{
+    uint32_t n = 1u << log2_n;
+
+    for (int log2_nx = 0; log2_nx <= log2_n; log2_nx++) {
+        uint32_t nx = 1u << log2_nx, ny = n >> log2_nx;
+        uint8_t seen[NET_MAX] = {0};
+
+        for (uint32_t i = 0; i < n; i++) {
+            struct sample2 s = point(context, i);
+            uint32_t cell;
+
+            assert_true(s.u >= 0 && s.u < 1 && s.v >= 0 && s.v < 1);
+            cell = (uint32_t)(s.v * (float)ny) * nx + (uint32_t)(s.u * (float)nx);
+            if (seen[cell]++)
+                return 0;
+        }
+    }
+    return 1;
+}
+
+struct pixel_pair {
+    uint64_t job_seed;
+    uint32_t frame, x, y, replicate, pair;
+};
+
+static struct sample2 sampler_point(const void *context, uint32_t index)
+{
+    const struct pixel_pair *p = context;
+    struct sampler s;
+
+    sampler_start(&s, p->job_seed, p->frame, p->x, p->y, index * 2 + p->replicate);
+    return sampler_get(&s, p->pair);
+}
+
+static void test_elementary_intervals(void **state)
+{
+    static const uint64_t seeds[] = {0, 1, 5, 6, 10, 15, 0xffffffffffffffffull};
+    static const uint32_t pairs[] = {DIMENSION_PIXEL, DIMENSION_LENS, DIMENSION_TIME,
+                                     DIMENSION_VERTEX + VERTEX_BSDF,
+                                     DIMENSION_VERTEX + 37 * DIMENSIONS_PER_VERTEX + VERTEX_LOBE};
+
+    (void)state;
+    for (size_t seed = 0; seed < sizeof seeds / sizeof *seeds; seed++)
+        for (size_t pair = 0; pair < sizeof pairs / sizeof *pairs; pair++)
+            for (uint32_t pixel = 0; pixel < 6; pixel++)
+                for (uint32_t replicate = 0; replicate < 2; replicate++)
+                    for (int log2_n = 2; log2_n <= NET_LOG2_MAX; log2_n++) {
+                        struct pixel_pair p = {seeds[seed], (uint32_t)seed, pixel * 31, pixel * pixel,
+                                               replicate, pairs[pair]};
+                        assert_true(is_net(sampler_point, &p, log2_n));
+                    }
+}
+
+static struct sample2 unscrambled_point(const void *context, uint32_t index)
+{
+    uint32_t p[2];
+
+    (void)context;
+    sobol_2d(index, p);
+    return (struct sample2){unit_float(p[0]), unit_float(p[1])};
+}
+
+/* The trap: the index hashed from its least significant bit upwards. The mean stays right,
+ * but a prefix is no longer an aligned block of the sequence. */
+static struct sample2 wrong_shuffle_point(const void *context, uint32_t index)
+{
+    uint32_t seed = *(const uint32_t *)context, p[2];
+
+    sobol_2d(owen_hash_reversed(index, seed), p);
+    return (struct sample2){unit_float(owen_scramble(p[0], hash_u32(seed + 1))),
+                            unit_float(owen_scramble(p[1], hash_u32(seed + 2)))};
+}
+
+static void test_elementary_intervals_test_itself(void **state)
+{
+    uint32_t seed = hash_u32(7);
+
+    (void)state;
+    for (int log2_n = 2; log2_n <= NET_LOG2_MAX; log2_n++)
+        assert_true(is_net(unscrambled_point, NULL, log2_n));
+    assert_false(is_net(wrong_shuffle_point, &seed, 6));
+    assert_false(is_net(wrong_shuffle_point, &seed, 10));
+}
+
+/* sobol_2d against the definition: dimension 0 is van der Corput's radical inverse, and
+ * dimension 1 has the direction numbers v_0 = 1/2, v_(k+1) = v_k ^ v_k / 2. */
+static void test_sobol_definition(void **state)
+{
+    (void)state;
+    for (uint32_t k = 0; k < 20000; k++) {
+        uint32_t index = k < 10000 ? k : hash_u32(k), p[2], want[2] = {0, 0};
+        uint32_t direction = 0x80000000u;
+
+        for (int bit = 0; bit < 32; bit++, direction ^= direction >> 1)
+            if (index >> bit & 1) {
+                want[0] |= 0x80000000u >> bit;
+                want[1] ^= direction;
+            }
+        sobol_2d(index, p);
+        assert_int_equal(p[0], want[0]);
+        assert_int_equal(p[1], want[1]);
+    }
+}
+
+/* The inlined form with its folded bit reversals equals the textbook composition: shuffle
+ * the index, take the point, scramble each dimension with its own seed. */
+static void test_folded_equals_textbook(void **state)
+{
+    (void)state;
+    for (uint32_t k = 0; k < 2000; k++) {
+        uint64_t seed = hash_u64(k);
+        uint64_t scrambles = hash_u64(seed + 0x9e3779b97f4a7c15ull);
+        uint32_t shuffle = (uint32_t)(hash_u64(seed ^ 0xd1b54a32d192ed03ull) >> 32), p[2];
+        struct sample2 s = sobol_owen_2d(k, seed);
+
+        sobol_2d(owen_scramble(k, shuffle), p);
+        assert_true(s.u == unit_float(owen_scramble(p[0], (uint32_t)scrambles)));
+        assert_true(s.v == unit_float(owen_scramble(p[1], (uint32_t)(scrambles >> 32))));
+    }
+}
+
+/* Owen's scramble permutes each digit depending on the higher digits only: two words that
+ * agree in their k top bits and differ in the next do so afterwards. */
+static void test_owen_scramble_is_nested(void **state)
+{
+    (void)state;
+    for (uint32_t k = 0; k < 20000; k++) {
+        uint32_t seed = hash_u32(k), a = hash_u32(k ^ 0x55555555u);
+        uint32_t bit = hash_u32(k + 99) % 32;
+        uint32_t b = a ^ (0x80000000u >> bit) ^ (bit < 31 ? hash_u32(k + 7) >> (bit + 1) : 0);
+        uint32_t difference = owen_scramble(a, seed) ^ owen_scramble(b, seed);
+
+        assert_int_equal(__builtin_clz(difference), bit);
+    }
+}
+
+/* A smooth integrand with exact mean 1 and no symmetry that a net could exploit. */
+static double smooth(struct sample2 s)
+{
+    return (1.5 * s.u * s.u + 0.5) * (0.5 + 2.0 * s.v * s.v * s.v);
+}
+
+static double smooth_rmse(uint32_t n, int repeats, int independent)
+{
+    double sum2 = 0;
+
+    for (int r = 0; r < repeats; r++) {
+        double sum = 0;
+
+        for (uint32_t i = 0; i < n; i++) {
+            struct sampler s;
+
+            sampler_start(&s, 42, 0, (uint32_t)r, 17, 2 * i);
+            if (independent)
+                sum += smooth((struct sample2){sampler_hash(&s, 1, 0), sampler_hash(&s, 1, 1)});
+            else
+                sum += smooth(sampler_get(&s, DIMENSION_LENS));
+        }
+        sum2 += (sum / n - 1) * (sum / n - 1);
+    }
+    return sqrt(sum2 / repeats);
+}
+
+static void test_convergence(void **state)
+{
+    double independent = smooth_rmse(1024, 300, 1), at_64 = smooth_rmse(64, 300, 0);
+    double at_1024 = smooth_rmse(1024, 300, 0);
+
+    (void)state;
+    print_message("# smooth integrand: N=1024 independent %.2e, Sobol' %.2e; N=64 %.2e; slope %.2f\n",
+                  independent, at_1024, at_64, log(at_1024 / at_64) / log(16));
+    /* The integrand's standard deviation is 0.78: independent sampling must show it. */
+    assert_true(independent > 0.020 && independent < 0.029);
+    /* N^-3/2 up to a logarithm; a wrong shuffle would sit near `independent`. */
+    assert_true(at_1024 < independent / 200);
+    assert_true(log(at_1024 / at_64) / log(16) < -1.3);
+}
+
+/* The error of a replicate's mean over pixels: mean 0, and uncorrelated with the other
+ * replicate's, with the neighbouring pixel's, and with another pair's. */
+static void test_replicates_uncorrelated(void **state)
+{
+    enum { PIXELS = 4000, N = 16 };
+    static const char *const names[] = {"other replicate", "next pixel", "next frame", "next pair",
+                                        "next seed"};
+    double sum[6] = {0}, square[6] = {0}, product[6] = {0};
+
+    (void)state;
+    for (uint32_t x = 0; x < PIXELS; x++) {
+        double error[6];
+
+        for (int which = 0; which < 6; which++) {
+            double mean = 0;
+
+            for (uint32_t i = 0; i < N; i++) {
+                struct sampler s;
+
+                sampler_start(&s, which == 5 ? 4 : 3, which == 3, 2 * x + (which == 2), 5,
+                              2 * i + (which == 1));
+                mean += smooth(sampler_get(&s, DIMENSION_VERTEX + (which == 4)));
+            }
+            error[which] = mean / N - 1;
+            sum[which] += error[which];
+            square[which] += error[which] * error[which];
+            product[which] += error[0] * error[which];
+        }
+    }
+    for (int which = 0; which < 6; which++) {
+        double deviation = sqrt(square[which] / PIXELS);
+
+        /* Eleven two-sided z tests at 0.01 in all (Sidak): 3.32 standard errors. */
+        assert_true(fabs(sum[which] / PIXELS) < 3.32 * deviation / sqrt(PIXELS));
+        if (which > 0) {
+            double r = product[which] / sqrt(square[0] * square[which]);
+
+            print_message("# correlation with the %s: %+.4f\n", names[which - 1], r);
+            assert_true(fabs(r) < 3.32 / sqrt(PIXELS));
+        }
+    }
+}
+
+/* Within one path, pairs are padded against each other: point i of one pair says nothing
+ * about point i of another (their shuffles differ). */
+static void test_pairs_uncorrelated(void **state)
+{
+    enum { N = 4096, PAIRS = 12 };
+
+    (void)state;
+    for (uint32_t a = 0; a < PAIRS; a++)
+        for (uint32_t b = a + 1; b < PAIRS; b++) {
+            double product = 0;
+
+            for (uint32_t i = 0; i < N; i++) {
+                struct sampler s;
+
+                sampler_start(&s, 1, 0, 10, 10, 2 * i);
+                product += (sampler_get(&s, a).u - 0.5) * (sampler_get(&s, b).u - 0.5);
+            }
+            /* 66 two-sided z tests at 0.01 in all (Sidak): 3.79 standard errors of 1/12/sqrt N. */
+            assert_true(fabs(product / N) < 3.79 / 12 / sqrt(N));
+        }
+}
+
+static void test_consistent_out_of_order(void **state)
+{
+    enum { N = 64, PAIRS = 20 };
+    static struct sample2 first[N][PAIRS];
+
+    (void)state;
+    for (uint32_t i = 0; i < N; i++) {
+        struct sampler s;
+
+        sampler_start(&s, 99, 2, 300, 200, i);
+        for (uint32_t pair = 0; pair < PAIRS; pair++)
+            first[i][pair] = sampler_get(&s, pair);
+    }
+    for (uint32_t k = 0; k < N * PAIRS; k++) {
+        uint32_t shuffled = k * 501 % (N * PAIRS); /* 501 is coprime to 1280 */
+        uint32_t i = shuffled / PAIRS, pair = shuffled % PAIRS;
+        struct sampler s;
+        struct sample2 again;
+
+        sampler_start(&s, 99, 2, 300, 200, i);
+        (void)sampler_hash(&s, k, k);
+        again = sampler_get(&s, pair);
+        assert_true(again.u == first[i][pair].u && again.v == first[i][pair].v);
+    }
+}
+
+static void test_unit_float(void **state)
+{
+    (void)state;
+    assert_true(unit_float(0) == 0);
+    assert_true(unit_float(0xffffffffu) == ONE_MINUS_EPSILON);
+    assert_true(unit_float(0x80000000u) == 0.5f);
+    assert_true(unit_float(0x7fffffffu) == 0x1.fffffep-2f);
+    assert_true(unit_float(1) == 0x1p-32f);
+    for (uint32_t k = 0; k < 100000; k++) {
+        uint32_t x = hash_u32(k) >> hash_u32(k + 1) % 32;
+        double exact = x * 0x1p-32, got = unit_float(x);
+
+        assert_true(got <= exact && exact < (double)nextafterf((float)got, 2.0f));
+    }
+}
+
+/* sampler_hash is uniform (chi-square, 64 cells, 0.1 % critical value 103.4) and its keys
+ * matter. */
+static void test_hash_uniform(void **state)
+{
+    enum { CELLS = 64, N = 64000 };
+    uint32_t counts[CELLS] = {0};
+    double chi2 = 0;
+    struct sampler s;
+
+    (void)state;
+    for (uint32_t i = 0; i < N; i++) {
+        sampler_start(&s, 5, 0, i % 40, i / 1600, i / 40 % 40);
+        counts[(int)(sampler_hash(&s, i % 7, i % 3) * CELLS)]++;
+    }
+    for (int c = 0; c < CELLS; c++)
+        chi2 += pow(counts[c] - (double)N / CELLS, 2) / ((double)N / CELLS);
+    assert_true(chi2 < 103.4);
+    sampler_start(&s, 5, 0, 1, 1, 0);
+    assert_true(sampler_hash(&s, 1, 2) != sampler_hash(&s, 2, 1));
+    assert_true(sampler_hash(&s, 1, 2) != sampler_hash(&s, 1, 3));
+}
+
+/* Pinned: pictures of one version must be those of the next. */
+static void test_golden(void **state)
+{
+    static const uint32_t want[4][2] = {{0x3f2044df, 0x3f2f2005},
+                                        {0x3f5a2947, 0x3f745a30},
+                                        {0x3f42eb4e, 0x3f5354b7},
+                                        {0x3f33a93d, 0x3e8f5de4}};
+    uint64_t fingerprint = 14695981039346656037ull;
+
+    (void)state;
+    for (uint32_t i = 0; i < 4; i++) {
+        struct sampler s;
+        struct sample2 p;
+
+        sampler_start(&s, 0x0123456789abcdefull, 3, 640 + i, 360, 5 + i);
+        p = sampler_get(&s, DIMENSION_VERTEX + i);
+        assert_int_equal(float_bits(p.u), want[i][0]);
+        assert_int_equal(float_bits(p.v), want[i][1]);
+    }
+    for (uint32_t i = 0; i < 10000; i++) {
+        struct sampler s;
+        struct sample2 p;
+        uint32_t words[3];
+
+        sampler_start(&s, i / 7, i % 5, i % 101, i % 57, i);
+        p = sampler_get(&s, i % 60);
+        words[0] = float_bits(p.u);
+        words[1] = float_bits(p.v);
+        words[2] = float_bits(sampler_hash(&s, i % 11, i % 13));
+        for (int w = 0; w < 3; w++)
+            fingerprint = (fingerprint ^ words[w]) * 1099511628211ull;
+    }
+    assert_true(fingerprint == 0xa44603889752cdeeull);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_elementary_intervals),
+        cmocka_unit_test(test_elementary_intervals_test_itself),
+        cmocka_unit_test(test_sobol_definition),
+        cmocka_unit_test(test_folded_equals_textbook),
+        cmocka_unit_test(test_owen_scramble_is_nested),
+        cmocka_unit_test(test_convergence),
+        cmocka_unit_test(test_replicates_uncorrelated),
+        cmocka_unit_test(test_pairs_uncorrelated),
+        cmocka_unit_test(test_consistent_out_of_order),
+        cmocka_unit_test(test_unit_float),
+        cmocka_unit_test(test_hash_uniform),
+        cmocka_unit_test(test_golden),
+    };
+
+    return cmocka_run_group_tests_name("sampler", tests, NULL, NULL);
+}
