@@ -1,0 +1,290 @@
+#include "tests/support/scene_builder.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/base/buffer.h"
+#include "common/base/memory.h"
+#include "common/image/image.h"
+
+static void die(const char *what, const struct error *err)
+{
+    fprintf(stderr, "scene_builder: %s: %s\n", what, err ? err->text : "");
+    abort();
+}
+
+static void *need(void *memory)
+{
+    if (!memory)
+        die("out of memory", NULL);
+    return memory;
+}
+
+void builder_init(struct scene_builder *b)
+{
+    memset(b, 0, sizeof *b);
+    scene_init(&b->scene);
+    b->scene.name = "test";
+    b->scene.meshes = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.meshes));
+    b->scene.materials = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.materials));
+    b->scene.instances = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.instances));
+    b->scene.lights = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.lights));
+    b->scene.cameras = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.cameras));
+    b->scene.images = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.images));
+    b->scene.textures = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.textures));
+}
+
+void builder_release(struct scene_builder *b)
+{
+    for (size_t i = 0; i < b->blob_count; i++)
+        mem_free(b->blobs[i].data);
+    scene_release(&b->scene);
+}
+
+static struct scene_blob add_blob(struct scene_builder *b, uint8_t *data, size_t size_bytes)
+{
+    struct scene_blob blob = {.size_bytes = size_bytes};
+
+    if (b->blob_count == BUILDER_MAX || digest_of(&blob.digest, data, size_bytes) != STATUS_OK)
+        die("blob", NULL);
+    b->blobs[b->blob_count].digest = blob.digest;
+    b->blobs[b->blob_count].data = data;
+    b->blobs[b->blob_count].size_bytes = size_bytes;
+    b->blob_count++;
+    return blob;
+}
+
+uint32_t builder_mesh(struct scene_builder *b, const float *positions, const float *normals,
+                      uint32_t vertex_count, const uint32_t *indices, uint32_t triangle_count,
+                      int closed)
+{
+    struct scene_mesh *mesh = &b->scene.meshes[b->scene.mesh_count];
+    struct scene_mesh_layout layout;
+    uint8_t *data;
+
+    mesh->name = "mesh";
+    mesh->vertex_count = vertex_count;
+    mesh->triangle_count = triangle_count;
+    mesh->arrays = normals ? MESH_NORMALS : 0;
+    mesh->closed = closed;
+    for (int a = 0; a < 3; a++) {
+        mesh->bounds_min[a] = INFINITY;
+        mesh->bounds_max[a] = -INFINITY;
+        for (uint32_t i = 0; i < vertex_count; i++) {
+            mesh->bounds_min[a] = fminf(mesh->bounds_min[a], positions[3 * i + (uint32_t)a]);
+            mesh->bounds_max[a] = fmaxf(mesh->bounds_max[a], positions[3 * i + (uint32_t)a]);
+        }
+    }
+    scene_mesh_layout(mesh, &layout);
+    data = need(mem_calloc(1, layout.total_bytes));
+    memcpy(data + layout.positions, positions, 12u * vertex_count);
+    if (normals)
+        memcpy(data + layout.normals, normals, 12u * vertex_count);
+    memcpy(data + layout.indices, indices, 12u * triangle_count);
+    mesh->blob = add_blob(b, data, layout.total_bytes);
+    return b->scene.mesh_count++;
+}
+
+uint32_t builder_quad(struct scene_builder *b)
+{
+    static const float positions[12] = {-1, 0, -1, -1, 0, 1, 1, 0, 1, 1, 0, -1};
+    static const uint32_t indices[6] = {0, 1, 2, 0, 2, 3};
+
+    return builder_mesh(b, positions, NULL, 4, indices, 2, 0);
+}
+
+uint32_t builder_sphere(struct scene_builder *b, uint32_t segments, int smooth)
+{
+    uint32_t rows = segments, columns = 2 * segments, vertex = 0, triangle = 0;
+    float *positions = need(mem_calloc((size_t)(rows + 1) * columns, 12));
+    uint32_t *indices = need(mem_calloc((size_t)rows * columns * 2, 12)), mesh;
+
+    for (uint32_t r = 0; r <= rows; r++)
+        for (uint32_t c = 0; c < columns; c++, vertex++) {
+            double theta = M_PI * r / rows, phi = 2 * M_PI * c / columns;
+            double s = r == 0 || r == rows ? 0 : sin(theta);
+            positions[3 * vertex] = (float)(s * cos(phi));
+            positions[3 * vertex + 1] = (float)(r == 0 ? 1 : r == rows ? -1 : cos(theta));
+            positions[3 * vertex + 2] = (float)(s * sin(phi));
+        }
+    for (uint32_t r = 0; r < rows; r++)
+        for (uint32_t c = 0; c < columns; c++) {
+            uint32_t next = (c + 1) % columns;
+            uint32_t a = r * columns + c, d = r * columns + next;
+            uint32_t e = (r + 1) * columns + c, f = (r + 1) * columns + next;
+            if (r > 0) {
+                memcpy(indices + 3 * triangle++, (uint32_t[]){a, d, f}, 12);
+            }
+            if (r < rows - 1) {
+                memcpy(indices + 3 * triangle++, (uint32_t[]){a, f, e}, 12);
+            }
+        }
+    mesh = builder_mesh(b, positions, smooth ? positions : NULL, vertex, indices, triangle, 1);
+    mem_free(positions);
+    mem_free(indices);
+    return mesh;
+}
+
+struct scene_material *builder_lambert(struct scene_builder *b, float albedo)
+{
+    struct scene_material *m = &b->scene.materials[b->scene.material_count++];
+
+    scene_material_default(m);
+    m->name = "material";
+    m->double_sided = 1;
+    m->metallic = 0;
+    m->roughness = 1;
+    m->specular = 0;
+    m->base_color[0] = m->base_color[1] = m->base_color[2] = albedo;
+    return m;
+}
+
+uint32_t builder_last_material(const struct scene_builder *b)
+{
+    return b->scene.material_count - 1;
+}
+
+struct scene_instance *builder_place(struct scene_builder *b, uint32_t mesh, uint32_t material,
+                                     struct vec3 scale, struct vec3 translate)
+{
+    struct scene_instance *i = &b->scene.instances[b->scene.instance_count++];
+
+    i->name = "instance";
+    i->mesh = mesh;
+    i->material = material;
+    i->to_world = (struct transform){{{scale.x, 0, 0, translate.x},
+                                      {0, scale.y, 0, translate.y},
+                                      {0, 0, scale.z, translate.z}}};
+    return i;
+}
+
+struct scene_light *builder_light(struct scene_builder *b, enum scene_light_kind kind)
+{
+    struct scene_light *l = &b->scene.lights[b->scene.light_count++];
+
+    l->name = "light";
+    l->kind = kind;
+    l->direction[1] = -1;
+    l->outer_cone_rad = (float)(M_PI / 4);
+    return l;
+}
+
+void builder_camera(struct scene_builder *b, struct vec3 eye, struct vec3 target, float yfov_rad)
+{
+    struct scene_camera *c = &b->scene.cameras[b->scene.camera_count++];
+    struct vec3 z = vec3_normalize(vec3_sub(eye, target)), up = {0, 1, 0}, x, y;
+
+    if (fabsf(z.y) > 0.999f)
+        up = vec3_make(0, 0, -1);
+    x = vec3_normalize(vec3_cross(up, z));
+    y = vec3_cross(z, x);
+    c->name = "camera";
+    c->kind = CAMERA_PERSPECTIVE;
+    c->yfov_rad = yfov_rad;
+    c->xmag = c->ymag = 1;
+    c->to_world = (struct transform){{{x.x, y.x, z.x, eye.x}, {x.y, y.y, z.y, eye.y}, {x.z, y.z, z.z, eye.z}}};
+}
+
+void builder_environment_constant(struct scene_builder *b, struct vec3 radiance)
+{
+    b->scene.environment.present = 1;
+    b->scene.environment.constant = 1;
+    b->scene.environment.radiance[0] = radiance.x;
+    b->scene.environment.radiance[1] = radiance.y;
+    b->scene.environment.radiance[2] = radiance.z;
+}
+
+void builder_environment_map(struct scene_builder *b, const float *rgb, uint32_t width,
+                             uint32_t height)
+{
+    struct image image = {width, height, 3, NULL};
+    struct exr_options options = {0};
+    struct buffer out = BUFFER_INIT;
+    struct error err = {0};
+
+    image.pixels = need(mem_memdup(rgb, sizeof(float) * 3 * width * height));
+    if (exr_encode(&out, &image, &options, &err) != STATUS_OK)
+        die("environment", &err);
+    image_release(&image);
+    b->scene.environment.present = 1;
+    b->scene.environment.constant = 0;
+    b->scene.environment.image.name = "map";
+    b->scene.environment.image.blob = add_blob(b, out.data, out.size);
+}
+
+static status find_blob(void *user, const struct digest *digest, const uint8_t **data,
+                        size_t *size_bytes, struct error *err)
+{
+    struct scene_builder *b = user;
+
+    for (size_t i = 0; i < b->blob_count; i++)
+        if (digest_equal(&b->blobs[i].digest, digest)) {
+            *data = b->blobs[i].data;
+            *size_bytes = b->blobs[i].size_bytes;
+            return STATUS_OK;
+        }
+    return error_set(err, STATUS_ERR_NOT_FOUND, "no such blob");
+}
+
+struct blob_source builder_source(struct scene_builder *b)
+{
+    return (struct blob_source){find_blob, b};
+}
+
+struct render_scene *builder_build(struct scene_builder *b, const struct render_settings *settings)
+{
+    struct render_scene *out;
+    struct error err = {0};
+
+    if (scene_validate(&b->scene, &err) != STATUS_OK)
+        die("validate", &err);
+    if (render_scene_new(&out, &b->scene, settings, builder_source(b), &err) != STATUS_OK)
+        die("build", &err);
+    return out;
+}
+
+struct render_settings builder_settings(uint32_t width, uint32_t height, uint32_t spp)
+{
+    struct render_settings s;
+
+    render_settings_default(&s);
+    s.width = width;
+    s.height = height;
+    s.spp = spp;
+    if (!(isa_supported_mask() >> s.isa & 1))
+        s.isa = ISA_SSE2;
+    return s;
+}
+
+void builder_render(const struct render_scene *scene, const struct render_settings *settings,
+                    uint32_t frame, double *mean, double *variance, struct render_stats *stats)
+{
+    uint32_t tiles = tile_count(settings->width, settings->height);
+    double counts[2] = {replicate_samples(settings->spp, 0), replicate_samples(settings->spp, 1)};
+
+    for (uint32_t t = 0; t < tiles; t++) {
+        struct tile_rect rect = tile_rect_of(settings->width, settings->height, t);
+        size_t pixels = (size_t)rect.width * rect.height;
+        static double sums[TILE_FLOATS_MAX];
+        memset(sums, 0, sizeof sums);
+        for (uint32_t p = 0; p < pass_count(settings->spp); p++) {
+            float part[TILE_FLOATS_MAX];
+            size_t n = render_tile(scene, frame, t, p, part, stats);
+            for (size_t i = 0; i < n; i++)
+                sums[i] += (double)part[i];
+        }
+        for (size_t i = 0; i < pixels; i++)
+            for (size_t c = 0; c < 3; c++) {
+                size_t x = rect.x + i % rect.width, y = rect.y + i / rect.width;
+                size_t at = (y * settings->width + x) * 3 + c;
+                double a = sums[i * 3 + c], d = sums[(pixels + i) * 3 + c];
+                mean[at] = (a + d) / settings->spp;
+                if (variance) {
+                    double difference = counts[1] > 0 ? a / counts[0] - d / counts[1] : 0;
+                    variance[at] = difference * difference / 4;
+                }
+            }
+    }
+}

@@ -1,0 +1,57 @@
+/* scene_builder: small scenes in memory for tests, with their blobs.
+ *
+ * Every function aborts the test program when memory runs out: tests have no use for more.
+ */
+#ifndef AZULEJO_TESTS_SCENE_BUILDER_H
+#define AZULEJO_TESTS_SCENE_BUILDER_H
+
+#include "common/scene/scene.h"
+#include "common/scene/settings.h"
+#include "worker/render/render.h"
+
+enum { BUILDER_MAX = 64 };
+
+struct scene_builder {
+    struct scene scene;
+    struct { struct digest digest; uint8_t *data; size_t size_bytes; } blobs[BUILDER_MAX];
+    size_t blob_count;
+};
+
+void builder_init(struct scene_builder *b);
+void builder_release(struct scene_builder *b);
+
+/* All return the row's index. A sphere of 2 * segments * segments triangles around the origin;
+ * a unit quad in the xz plane, normal +y, from -1 to 1; any triangles (positions may be
+ * followed by normals of the same count, NULL for none). */
+uint32_t builder_sphere(struct scene_builder *b, uint32_t segments, int smooth);
+uint32_t builder_quad(struct scene_builder *b);
+uint32_t builder_mesh(struct scene_builder *b, const float *positions, const float *normals,
+                      uint32_t vertex_count, const uint32_t *indices, uint32_t triangle_count,
+                      int closed);
+/* glTF's defaults made into a white Lambert surface (double-sided); edit the returned row. */
+struct scene_material *builder_lambert(struct scene_builder *b, float albedo);
+uint32_t builder_last_material(const struct scene_builder *b);
+/* Scale (per axis), then translate. */
+struct scene_instance *builder_place(struct scene_builder *b, uint32_t mesh, uint32_t material,
+                                     struct vec3 scale, struct vec3 translate);
+struct scene_light *builder_light(struct scene_builder *b, enum scene_light_kind kind);
+/* A camera at `eye` that looks at `target`, up +y (or +z when looking along y). */
+void builder_camera(struct scene_builder *b, struct vec3 eye, struct vec3 target, float yfov_rad);
+void builder_environment_constant(struct scene_builder *b, struct vec3 radiance);
+/* A lat-long map of floats [height][width][3], stored as an EXR blob. */
+void builder_environment_map(struct scene_builder *b, const float *rgb, uint32_t width,
+                             uint32_t height);
+
+/* The scene made ready; aborts with the error's words if it is refused. */
+struct render_scene *builder_build(struct scene_builder *b, const struct render_settings *settings);
+struct blob_source builder_source(struct scene_builder *b);
+
+/* Render the whole frame: mean of all samples, and the variance of that mean estimated from
+ * the two replicates, both [height][width][3]; `variance` may be NULL. */
+void builder_render(const struct render_scene *scene, const struct render_settings *settings,
+                    uint32_t frame, double *mean, double *variance, struct render_stats *stats);
+
+/* Settings of a small picture with this many samples. */
+struct render_settings builder_settings(uint32_t width, uint32_t height, uint32_t spp);
+
+#endif

@@ -1,0 +1,23 @@
+/* bounds: a sphere around the scene.
+ *
+ * A path tracer lets environment rays go to infinity; the sphere gives directional lights
+ * and the environment a finite power to be chosen by.
+ */
+#ifndef AZULEJO_RENDER_BOUNDS_H
+#define AZULEJO_RENDER_BOUNDS_H
+
+#include <stddef.h>
+
+#include "common/math/vec.h"
+
+struct sphere {
+    struct vec3 centre;
+    float radius;
+};
+
+/* Ritter 1990 ("An Efficient Bounding Sphere", Graphics Gems): start from a far pair, grow
+ * to take in what lies outside; at most about 20 % larger than the smallest. Contains every
+ * point, rounding included. No point: radius 0 at the origin. */
+struct sphere sphere_around(const struct vec3 *points, size_t count);
+
+#endif

@@ -1,0 +1,51 @@
+/* surface: a hit made into a place that can be shaded.
+ *
+ * The hit's position is computed again from the triangle, in double, so that it depends on
+ * neither Embree's kernels nor the ISA; the origin of the next ray is moved off the surface
+ * along the geometric normal by a bound on all roundings that a ray through it can meet.
+ */
+#ifndef AZULEJO_RENDER_SURFACE_H
+#define AZULEJO_RENDER_SURFACE_H
+
+#include "common/math/vec.h"
+#include "worker/render/accel.h"
+#include "worker/render/bsdf/bsdf.h"
+
+struct render_scene;
+struct world_instance;
+struct world_material;
+struct world_mesh;
+
+struct surface {
+    const struct world_instance *instance;
+    const struct world_material *material;
+    const struct world_mesh *mesh;
+    const uint32_t *vertex;   /* the triangle's three vertex numbers */
+    uint32_t triangle;
+    float b1, b2;             /* barycentric weights of vertices 1 and 2 */
+    float t;                  /* metres from the ray's origin */
+    float area;               /* of the triangle, m^2 */
+    float offset;             /* metres to move a ray's origin off the surface */
+    int front;                /* met from the side of counter-clockwise winding */
+    struct vec3 p;            /* world */
+    struct vec3 ng;           /* unit geometric normal on the ray's side */
+    struct frame frame;       /* shading frame on the ray's side, after surface_shade */
+};
+
+/* Distance in metres by which a ray's origin at `p` on the triangle must be moved. */
+float surface_offset(struct vec3 p, const struct vec3 corner[3],
+                     const struct world_instance *instance);
+
+/* Position and geometric normal of the hit. */
+void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
+                      const struct hit *hit, struct surface *s);
+
+/* Shading frame and the material's values; `wo` is unit, world, towards the ray's origin.
+ * The frame is bent so that wo and its mirror direction are above it and above the
+ * geometric surface. */
+void surface_shade(struct surface *s, struct vec3 wo, struct bsdf_params *params);
+
+/* Origin for a ray that leaves towards `direction` (either side). */
+struct vec3 surface_ray_origin(const struct surface *s, struct vec3 direction);
+
+#endif
