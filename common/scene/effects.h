@@ -42,10 +42,14 @@ enum effect {
 #undef EFFECT_ENUM
 };
 
-/* Roughness below this is a mirror: alpha = roughness^2 < 1e-3. */
-#define EFFECT_MIRROR_ROUGHNESS 0.0316f
+/* Roughness below this is a mirror: the least float whose square (GGX alpha) is not below
+ * 1e-3f, so that the answer is the renderer's to the last bit. */
+#define EFFECT_MIRROR_ROUGHNESS 0.031622778f
 
-/* The set for one camera of the scene. */
+/* The set for one camera of a validated scene. It depends on instances only through what
+ * they use: a material or light that nothing uses does not count, a factor of 0 is absent
+ * whatever its texture, alpha that is 1 everywhere is none, closed opaque meshes seen from
+ * outside need no culling. When in doubt the effect is in the set. */
 uint32_t scene_effects(const struct scene *scene, uint32_t camera);
 
 const char *effect_name(enum effect_bit bit);

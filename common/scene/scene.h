@@ -30,7 +30,15 @@ enum {
     SCENE_CAMERAS_MAX = 1 << 12,
     SCENE_NAME_MAX = 255,
     SCENE_TRIANGLES_MAX = 1 << 28, /* in one mesh */
+    SCENE_MESH_PADDING_BYTES = 16, /* zeros at the end of a mesh blob */
+    SCENE_WIRE_VERSION = 1,
+    SCENE_WIRE_BYTES_MAX = 1 << 30,    /* of a packed scene */
+    SCENE_ELEMENT_BYTES_MAX = 1 << 12, /* of one mesh, material, ... in its packed form */
 };
+#define SCENE_BLOB_BYTES_MAX ((uint64_t)1 << 36)
+/* No coordinate of a mesh or of the world may be larger: squares of lengths and cross
+ * products must stay finite in float. */
+#define SCENE_COORDINATE_MAX 1e15f
 
 struct scene_blob {
     struct digest digest;
@@ -59,7 +67,7 @@ struct scene_mesh {
     uint32_t arrays;            /* enum scene_mesh_arrays */
     float bounds_min[3], bounds_max[3];
     int closed;                 /* watertight and wound outwards: no ray from outside can meet a
-                                   back face first, so culling changes nothing */
+                                   back face first, so culling an opaque surface changes nothing */
 };
 
 /* Byte offsets of a mesh blob's arrays; SIZE_MAX where absent. */
@@ -92,7 +100,9 @@ struct scene_texture_slot {
 
 enum scene_alpha_mode { ALPHA_OPAQUE, ALPHA_MASK, ALPHA_BLEND, ALPHA_COUNT };
 
-/* What a surface is made of: glTF 2.0's metallic-roughness model with the extensions
+/* What a surface is made of. Every texture multiplies its factor, so a factor of 0 is 0
+ * whatever the texture. A normal texture acts only on meshes with MESH_TANGENTS.
+ * The model: glTF 2.0's metallic-roughness model with the extensions
  * specular, ior, transmission, volume (refraction and absorption), emissive_strength and
  * unlit. roughness is perceptual: GGX alpha = roughness^2. */
 struct scene_material {
@@ -126,7 +136,9 @@ struct scene_instance {
     const char *name;
     uint32_t mesh;
     uint32_t material;
-    struct transform to_world;
+    struct transform to_world;  /* invertible; a negative determinant mirrors the mesh: the
+                                   renderer flips the winding, and thus the side that counts as
+                                   front, by its sign (the glTF rule) */
 };
 
 enum scene_light_kind { LIGHT_POINT, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_KIND_COUNT };
@@ -164,7 +176,8 @@ struct scene_environment {
 
 struct scene {
     struct arena arena;         /* owns every name and table below */
-    const char *name;
+    const char *name;           /* every name: UTF-8 without control characters, at most
+                                   SCENE_NAME_MAX bytes, never NULL */
     uint32_t mesh_count, image_count, texture_count, material_count, instance_count,
         light_count, camera_count;
     struct scene_mesh *meshes;
@@ -191,6 +204,8 @@ status scene_validate(const struct scene *scene, struct error *err) MUST_CHECK;
  * as hostile, initialises `scene` first, and validates. */
 struct buffer;
 status scene_pack(const struct scene *scene, struct buffer *out, struct error *err) MUST_CHECK;
+/* On failure the scene is left initialised and empty. Unpacking needs memory in proportion
+ * to the elements' true counts, not to what a length field claims. */
 status scene_unpack(struct scene *scene, const void *data, size_t size_bytes,
                     struct error *err) MUST_CHECK;
 
@@ -198,6 +213,10 @@ status scene_unpack(struct scene *scene, const void *data, size_t size_bytes,
  * *out is mem_alloc'd with *count entries; the caller frees. */
 status scene_blobs(const struct scene *scene, struct scene_blob **out, size_t *count,
                    struct error *err) MUST_CHECK;
+
+/* World bounds of one instance (of its mesh's box), in double; 0 when not finite. */
+int scene_instance_bounds(const struct scene *scene, uint32_t instance, double bounds_min[3],
+                          double bounds_max[3]);
 
 /* World bounds of all instances; 0 when there is no finite geometry. */
 int scene_bounds(const struct scene *scene, float bounds_min[3], float bounds_max[3]);

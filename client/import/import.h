@@ -1,0 +1,74 @@
+/* import: a scene file becomes the one scene description plus its blobs.
+ *
+ * Formats: glTF 2.0, as .gltf or .glb (known by its content first, its name second).
+ * Files are hostile: a bad one gives an error that names file, place and remedy. What a
+ * file asks for and the renderer does not do is a warning, once a kind, with a count.
+ * Only what the chosen scene reaches is read and kept. Same file, same result, to the bit.
+ */
+#ifndef AZULEJO_IMPORT_IMPORT_H
+#define AZULEJO_IMPORT_IMPORT_H
+
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include <jansson.h>
+
+#include "common/base/digest.h"
+#include "common/base/status.h"
+#include "common/scene/scene.h"
+
+enum { IMPORT_WARNINGS_MAX = 40 };
+#define IMPORT_FILE_BYTES_MAX ((size_t)8 << 30)
+
+struct import_options {
+    const char *env_path;   /* EXR or Radiance HDR environment map; NULL: none */
+    int scene_index;        /* -1: the file's default scene */
+};
+#define IMPORT_OPTIONS_DEFAULT {.env_path = NULL, .scene_index = -1}
+
+struct import_blob {
+    struct digest digest;
+    uint8_t *data;          /* owned by the result */
+    size_t size_bytes;
+};
+
+struct import_result {
+    struct scene scene;
+    struct import_blob *blobs;      /* distinct: exactly those of scene_blobs() */
+    size_t blob_count;
+    uint8_t *packed;                /* scene_pack()'s bytes, themselves a blob to submit */
+    size_t packed_bytes;
+    struct digest scene_digest;     /* of `packed`: the scene's name */
+    char **warnings;
+    size_t warning_count;
+
+    /* for the report */
+    char *source;                   /* the path as given */
+    uint64_t triangles;             /* in meshes, each mesh once */
+    uint64_t triangles_placed;      /* in instances */
+    uint64_t vertices;
+    uint64_t degenerate_triangles;  /* dropped */
+    uint64_t blob_bytes;
+};
+
+/* Read the file at `path`. ERR_INPUT, ERR_UNSUPPORTED, ERR_LIMIT, ERR_NO_MEMORY. `out` is
+ * initialised in every case, and empty after a failure. */
+status import_scene(const char *path, const struct import_options *options,
+                    struct import_result *out, struct error *err) MUST_CHECK;
+
+/* The same from memory. `name` stands for the file in messages; other files that it names
+ * are looked for in `folder`, or refused when that is NULL. */
+status import_scene_memory(const void *data, size_t size_bytes, const char *name,
+                           const char *folder, const struct import_options *options,
+                           struct import_result *out, struct error *err) MUST_CHECK;
+
+void import_result_release(struct import_result *result);
+
+/* What was imported, for people. */
+void import_report_print(const struct import_result *result, FILE *out);
+
+/* The same for programs; a new reference, or NULL when out of memory. */
+json_t *import_report_json(const struct import_result *result);
+
+#endif

@@ -1,0 +1,160 @@
+#include "common/scene/scene.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/base/memory.h"
+
+void scene_init(struct scene *scene)
+{
+    memset(scene, 0, sizeof *scene);
+    arena_init(&scene->arena);
+    scene->name = "";
+}
+
+void scene_release(struct scene *scene)
+{
+    arena_release(&scene->arena);
+    scene_init(scene);
+}
+
+static struct scene_texture_slot slot_default(void)
+{
+    return (struct scene_texture_slot){.texture = -1, .uv_transform = {{1, 0, 0}, {0, 1, 0}}};
+}
+
+void scene_material_default(struct scene_material *material)
+{
+    memset(material, 0, sizeof *material);
+    material->name = "";
+    material->alpha_mode = ALPHA_OPAQUE;
+    material->alpha_cutoff = 0.5f;
+    for (int i = 0; i < 4; i++)
+        material->base_color[i] = 1;
+    material->metallic = 1;
+    material->roughness = 1;
+    material->normal_scale = 1;
+    material->ior = 1.5f;
+    material->specular = 1;
+    for (int i = 0; i < 3; i++)
+        material->specular_color[i] = material->attenuation_color[i] = 1;
+    material->attenuation_distance = INFINITY;
+    material->base_color_texture = material->metallic_roughness_texture =
+        material->normal_texture = material->emission_texture = material->specular_texture =
+            material->specular_color_texture = material->transmission_texture = slot_default();
+}
+
+void scene_mesh_layout(const struct scene_mesh *mesh, struct scene_mesh_layout *out)
+{
+    size_t at = 0;
+    size_t vertices = mesh->vertex_count;
+
+    /* At most 2^32 vertices of 76 bytes and 2^32 triangles of 12: no overflow in 64 bits. */
+    _Static_assert(sizeof(size_t) == 8, "mesh blobs need a 64-bit size_t");
+#define LAYOUT_ARRAY(field, present, floats)                                \
+    out->field = (present) ? at : SIZE_MAX;                                 \
+    if (present)                                                            \
+        at += vertices * (floats) * sizeof(float);
+    LAYOUT_ARRAY(positions, 1, 3)
+    LAYOUT_ARRAY(normals, mesh->arrays & MESH_NORMALS, 3)
+    LAYOUT_ARRAY(tangents, mesh->arrays & MESH_TANGENTS, 4)
+    LAYOUT_ARRAY(uv0, mesh->arrays & MESH_UV0, 2)
+    LAYOUT_ARRAY(uv1, mesh->arrays & MESH_UV1, 2)
+    LAYOUT_ARRAY(colors, mesh->arrays & MESH_COLORS, 4)
+#undef LAYOUT_ARRAY
+    out->indices = at;
+    at += (size_t)mesh->triangle_count * 3 * sizeof(uint32_t);
+    out->total_bytes = at + SCENE_MESH_PADDING_BYTES;
+}
+
+static int blob_compare(const void *a, const void *b)
+{
+    const struct scene_blob *x = a, *y = b;
+
+    return memcmp(x->digest.bytes, y->digest.bytes, DIGEST_BYTES);
+}
+
+status scene_blobs(const struct scene *scene, struct scene_blob **out, size_t *count,
+                   struct error *err)
+{
+    int has_map = scene->environment.present && !scene->environment.constant;
+    size_t total = (size_t)scene->mesh_count + scene->image_count + (has_map ? 1 : 0);
+    size_t kept = 0, at = 0;
+    struct scene_blob *list;
+
+    *out = NULL;
+    *count = 0;
+    list = mem_alloc_array(total, sizeof *list);
+    if (!list)
+        return error_no_memory(err, "the scene's list of blobs");
+    for (uint32_t i = 0; i < scene->mesh_count; i++)
+        list[at++] = scene->meshes[i].blob;
+    for (uint32_t i = 0; i < scene->image_count; i++)
+        list[at++] = scene->images[i].blob;
+    if (has_map)
+        list[at++] = scene->environment.image.blob;
+    qsort(list, total, sizeof *list, blob_compare);
+    for (size_t i = 0; i < total; i++) {
+        if (kept && digest_equal(&list[kept - 1].digest, &list[i].digest)) {
+            if (list[kept - 1].size_bytes != list[i].size_bytes) {
+                mem_free(list);
+                return error_set(err, STATUS_ERR_INPUT,
+                                 "two blobs of the scene have one digest but different sizes");
+            }
+            continue;
+        }
+        list[kept++] = list[i];
+    }
+    *out = list;
+    *count = kept;
+    return STATUS_OK;
+}
+
+int scene_instance_bounds(const struct scene *scene, uint32_t instance, double bounds_min[3],
+                          double bounds_max[3])
+{
+    const struct scene_instance *it = &scene->instances[instance];
+    const struct scene_mesh *mesh = &scene->meshes[it->mesh];
+
+    for (int axis = 0; axis < 3; axis++) {
+        bounds_min[axis] = bounds_max[axis] = (double)it->to_world.m[axis][3];
+        for (int c = 0; c < 3; c++) {
+            double a = (double)it->to_world.m[axis][c] * (double)mesh->bounds_min[c];
+            double b = (double)it->to_world.m[axis][c] * (double)mesh->bounds_max[c];
+            bounds_min[axis] += a < b ? a : b;
+            bounds_max[axis] += a < b ? b : a;
+        }
+        if (!isfinite(bounds_min[axis]) || !isfinite(bounds_max[axis]))
+            return 0;
+    }
+    return 1;
+}
+
+int scene_bounds(const struct scene *scene, float bounds_min[3], float bounds_max[3])
+{
+    double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+    int found = 0;
+
+    for (int axis = 0; axis < 3; axis++)
+        bounds_min[axis] = bounds_max[axis] = 0;
+    for (uint32_t i = 0; i < scene->instance_count; i++) {
+        double box_min[3], box_max[3];
+        if (!scene_instance_bounds(scene, i, box_min, box_max))
+            continue;
+        found = 1;
+        for (int axis = 0; axis < 3; axis++) {
+            low[axis] = fmin(low[axis], box_min[axis]);
+            high[axis] = fmax(high[axis], box_max[axis]);
+        }
+    }
+    if (!found)
+        return 0;
+    for (int axis = 0; axis < 3; axis++) {
+        bounds_min[axis] = (float)low[axis];
+        bounds_max[axis] = (float)high[axis];
+        if (!isfinite(bounds_min[axis]) || !isfinite(bounds_max[axis]))
+            return 0;
+    }
+    return 1;
+}
