@@ -6,7 +6,16 @@
  * is freed right after on_close returns. on_message's envelope lives until it returns.
  * A channel_send never calls back into the owner before it returns.
  *
- *   CONNECTING --tcp--> HANDSHAKE --tls--> OPEN --channel_close/peer/error--> CLOSING --> freed
+ *   CONNECTING --tcp--> HANDSHAKE --tls--> OPEN --channel_close--> CLOSING --> DEAD --> freed
+ *   connect_next        on_connected       handshake_done          close_gently finish
+ *   Any state --channel_abort, reset, time-out--> DEAD; a refused handshake or a broken
+ *   message goes through CLOSING, so that the peer learns why.
+ *
+ * CLOSING flushes, says goodbye in TLS and TCP, and reads on (without delivering) until the
+ * peer has ended too or CHANNEL_LINGER_MS passed: closing a socket that holds unread bytes
+ * would reset the connection and destroy what was just flushed.
+ *
+ * The first channel of a process sets SIGPIPE to be ignored, unless it is handled.
  *
  * TCP_NODELAY is set; one message is one write. The owner looks at channel_queued_bytes()
  * and stops producing above CHANNEL_QUEUE_HIGH; on_drain tells when it fell below
@@ -31,6 +40,9 @@ enum {
     CHANNEL_QUEUE_LOW = 1 << 20,
     CHANNEL_QUEUE_MAX = 256 << 20,    /* a peer that reads nothing: more ends the connection */
     CHANNEL_HANDSHAKE_MS = 10000,     /* tcp + tls must be done by then */
+    CHANNEL_ADDRESS_MS = 3000,        /* one of several addresses of a host */
+    CHANNEL_FLUSH_MS = 10000,         /* closing: the peer reads nothing for so long */
+    CHANNEL_LINGER_MS = 2000,         /* closing: the peer's own end after ours */
     BLOB_PIECE_BYTES = 256 << 10,
 };
 
@@ -40,7 +52,10 @@ struct channel_callbacks {
     void (*on_open)(struct channel *c, void *user);
     void (*on_message)(struct channel *c, const Azulejo__Wire__Envelope *message, void *user);
     void (*on_drain)(struct channel *c, void *user);
-    /* Exactly once. `why->code` is STATUS_OK after an orderly end by either side. */
+    /* Exactly once. `why->code` is STATUS_OK after an orderly end by either side,
+     * ERR_UNREACHABLE when an open connection was lost, ERR_PROTOCOL when the peer broke
+     * the rules, ERR_REFUSED or ERR_TIMEOUT after a failed handshake. The text names the
+     * peer. */
     void (*on_close)(struct channel *c, const struct error *why, void *user);
 };
 
@@ -58,10 +73,12 @@ status channel_accept(struct channel **out, uv_stream_t *listener, const struct 
                       struct error *err) MUST_CHECK;
 
 /* Pack and queue. ERR_LIMIT: the message is larger than a frame may be, or the queue is
- * over its maximum (the channel then closes by itself). After channel_close: ERR_IO. */
+ * over its maximum (the channel then closes by itself). Before on_open and after
+ * channel_close: ERR_IO. */
 status channel_send(struct channel *c, const Azulejo__Wire__Envelope *message) MUST_CHECK;
 
-/* Say goodbye: flush what is queued, end TLS, close; on_close follows with STATUS_OK.
+/* Say goodbye: flush what is queued, end TLS, close; on_close follows with STATUS_OK. No
+ * on_message follows. Closing twice is fine.
  * channel_abort does not flush and on_close gets `why`. Both may be called from callbacks. */
 void channel_close(struct channel *c);
 void channel_abort(struct channel *c, status code, const char *format, ...)

@@ -1,0 +1,725 @@
+#include "protocol/channel.h"
+
+#include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/buffer.h"
+#include "common/base/clock.h"
+#include "common/base/memory.h"
+#include "protocol/frame.h"
+#include "protocol/message.h"
+#include "protocol/tls.h"
+
+enum { READ_BYTES = 64 << 10, PEER_NAME_MAX = 320 };
+
+enum channel_state { CONNECTING, HANDSHAKE, OPEN, CLOSING, DEAD };
+
+struct channel {
+    uv_loop_t *loop;
+    uv_tcp_t tcp;
+    uv_timer_t timer;      /* handshake, then flushing and lingering */
+    uv_idle_t kick;        /* delivers what waited while reading was paused */
+    uv_getaddrinfo_t resolve;
+    uv_connect_t connect;
+    uv_shutdown_t shutdown;
+    int holds;             /* handles and requests whose callbacks still come */
+    struct addrinfo *addresses, *next_address;
+    uint64_t connect_deadline_ns;
+
+    enum channel_state state;
+    struct tls *tls;
+    struct frame_reader frames;
+    struct buffer outgoing; /* scratch of channel_send */
+    size_t queued_bytes;
+    int was_high;           /* above CHANNEL_QUEUE_HIGH since the last on_drain */
+    int paused, is_server, shutdown_done, peer_ended;
+    enum farm_role role;
+    uint64_t last_heard_ns, last_sent_ns;
+    struct error why;
+    struct channel_callbacks callbacks;
+    void *user;
+    char peer[PEER_NAME_MAX];
+    char read_buffer[READ_BYTES];
+};
+
+struct write_request {
+    uv_write_t request;
+    struct channel *channel;
+    size_t size_bytes;
+    char bytes[];
+};
+
+static void connect_next(struct channel *c);
+static void close_gently(struct channel *c);
+static void process_input(struct channel *c);
+
+/* ---- the end --------------------------------------------------------------------------- */
+
+static void channel_free(struct channel *c)
+{
+    if (c->addresses)
+        uv_freeaddrinfo(c->addresses);
+    tls_free(c->tls);
+    frame_reader_release(&c->frames);
+    buffer_release(&c->outgoing);
+    mem_free(c);
+}
+
+static void hold_drop(struct channel *c)
+{
+    if (--c->holds > 0)
+        return;
+    c->callbacks.on_close(c, &c->why, c->user);
+    channel_free(c);
+}
+
+static void on_handle_closed(uv_handle_t *handle)
+{
+    hold_drop(handle->data);
+}
+
+/* Let go of everything at once; on_close comes when libuv has let go too. */
+static void finish(struct channel *c)
+{
+    if (c->state == DEAD)
+        return;
+    c->state = DEAD;
+    if (!uv_is_closing((uv_handle_t *)&c->tcp))
+        uv_close((uv_handle_t *)&c->tcp, on_handle_closed);
+    uv_close((uv_handle_t *)&c->timer, on_handle_closed);
+    uv_close((uv_handle_t *)&c->kick, on_handle_closed);
+    uv_cancel((uv_req_t *)&c->resolve); /* refused when it is not waiting: fine */
+}
+
+/* Remember why, with the peer's name; the first reason stands. */
+static void set_why(struct channel *c, status code, const char *format, va_list args)
+{
+    char text[sizeof c->why.text];
+
+    if (c->why.code != STATUS_OK)
+        return;
+    vsnprintf(text, sizeof text, format, args);
+    (void)error_set(&c->why, code, "%s: %s", c->peer, text);
+}
+
+__attribute__((format(printf, 3, 4)))
+static void end_now(struct channel *c, status code, const char *format, ...)
+{
+    va_list args;
+
+    va_start(args, format);
+    set_why(c, code, format, args);
+    va_end(args);
+    finish(c);
+}
+
+/* End, but let the peer have what is queued and learn why: by the TLS alert of a failed
+ * handshake, or by a Failure. */
+__attribute__((format(printf, 3, 4)))
+static void end_telling(struct channel *c, status code, const char *format, ...)
+{
+    va_list args;
+
+    va_start(args, format);
+    set_why(c, code, format, args);
+    va_end(args);
+    if (c->state == OPEN && message_send_failure(c, 0, &c->why) != STATUS_OK)
+        finish(c);
+    close_gently(c);
+}
+
+static void lost(struct channel *c, int uv_error)
+{
+    if (c->state == CLOSING)
+        finish(c);
+    else if (c->state == HANDSHAKE && uv_error == UV_EOF)
+        end_now(c, STATUS_ERR_UNREACHABLE, "closed the connection during the TLS handshake");
+    else if (uv_error == UV_EOF)
+        end_now(c, STATUS_ERR_UNREACHABLE, "the connection was lost%s (it ended without a goodbye)",
+                frame_reader_waiting(&c->frames) ? " in the middle of a message" : "");
+    else
+        end_now(c, STATUS_ERR_UNREACHABLE, "the connection was lost%s: %s",
+                frame_reader_waiting(&c->frames) ? " in the middle of a message" : "",
+                uv_strerror(uv_error));
+}
+
+static void on_timer(uv_timer_t *timer)
+{
+    struct channel *c = timer->data;
+
+    switch (c->state) {
+    case HANDSHAKE:
+        end_now(c, c->is_server ? STATUS_ERR_TIMEOUT : STATUS_ERR_UNREACHABLE,
+                "no TLS handshake within %d s", CHANNEL_HANDSHAKE_MS / 1000);
+        break;
+    case CLOSING:
+        if (!c->shutdown_done)
+            end_now(c, STATUS_ERR_UNREACHABLE, "%zu bytes were not read by the time of closing",
+                    c->queued_bytes);
+        else
+            finish(c);
+        break;
+    case CONNECTING: /* has its own: on_attempt_timeout */
+    case OPEN:
+    case DEAD:
+        break;
+    }
+}
+
+/* ---- writing --------------------------------------------------------------------------- */
+
+static void on_written(uv_write_t *request, int result)
+{
+    struct write_request *w = (struct write_request *)request;
+    struct channel *c = w->channel;
+
+    c->queued_bytes -= w->size_bytes;
+    mem_free(w);
+    if (c->state == DEAD)
+        return;
+    if (result < 0) {
+        lost(c, result);
+        return;
+    }
+    if (c->state == CLOSING && !c->shutdown_done)
+        uv_timer_start(&c->timer, on_timer, CHANNEL_FLUSH_MS, 0);
+    if (c->state == OPEN && c->was_high && c->queued_bytes <= CHANNEL_QUEUE_LOW) {
+        c->was_high = 0;
+        if (c->callbacks.on_drain)
+            c->callbacks.on_drain(c, c->user);
+    }
+}
+
+/* Hand what TLS has for the wire to libuv, in one write. */
+static status flush_output(struct channel *c)
+{
+    size_t size = tls_output_bytes(c->tls);
+    struct write_request *w;
+    uv_buf_t bytes;
+
+    if (size == 0 || c->state == DEAD || c->state == CONNECTING)
+        return STATUS_OK;
+    w = mem_alloc(sizeof *w + size);
+    if (!w) {
+        end_now(c, STATUS_ERR_NO_MEMORY, "out of memory for %zu bytes to send", size);
+        return STATUS_ERR_NO_MEMORY;
+    }
+    w->channel = c;
+    w->size_bytes = tls_output_take(c->tls, w->bytes, size);
+    bytes = uv_buf_init(w->bytes, (unsigned)w->size_bytes);
+    c->queued_bytes += w->size_bytes;
+    if (c->queued_bytes > CHANNEL_QUEUE_HIGH)
+        c->was_high = 1;
+    int result = uv_write(&w->request, (uv_stream_t *)&c->tcp, &bytes, 1, on_written);
+    if (result < 0) {
+        c->queued_bytes -= w->size_bytes;
+        mem_free(w);
+        end_now(c, STATUS_ERR_UNREACHABLE, "cannot send: %s", uv_strerror(result));
+        return STATUS_ERR_IO;
+    }
+    return STATUS_OK;
+}
+
+status channel_send(struct channel *c, const Azulejo__Wire__Envelope *message)
+{
+    struct error err = {0};
+    size_t size;
+    uint8_t *space;
+    status s;
+
+    if (c->state != OPEN)
+        return STATUS_ERR_IO;
+    size = azulejo__wire__envelope__get_packed_size(message);
+    if (size == 0 || size > CHANNEL_FRAME_MAX)
+        return STATUS_ERR_LIMIT;
+    buffer_clear(&c->outgoing);
+    space = buffer_append_space(&c->outgoing, FRAME_HEADER_BYTES + size);
+    if (!space)
+        return STATUS_ERR_NO_MEMORY;
+    frame_header_write(space, (uint32_t)size);
+    azulejo__wire__envelope__pack(message, space + FRAME_HEADER_BYTES);
+    s = tls_write(c->tls, c->outgoing.data, c->outgoing.size, &err);
+    if (s != STATUS_OK) {
+        end_now(c, s, "%s", err.text);
+        return s;
+    }
+    c->last_sent_ns = clock_monotonic_ns();
+    s = flush_output(c);
+    if (s == STATUS_OK && c->queued_bytes > CHANNEL_QUEUE_MAX) {
+        end_now(c, STATUS_ERR_LIMIT, "it does not read: %zu bytes wait to be sent (limit %d)",
+                c->queued_bytes, CHANNEL_QUEUE_MAX);
+        return STATUS_ERR_LIMIT;
+    }
+    return s;
+}
+
+/* ---- reading --------------------------------------------------------------------------- */
+
+static void on_allocate(uv_handle_t *handle, size_t suggested, uv_buf_t *out)
+{
+    struct channel *c = handle->data;
+
+    (void)suggested;
+    *out = uv_buf_init(c->read_buffer, READ_BYTES);
+}
+
+static void on_read(uv_stream_t *stream, ssize_t got, const uv_buf_t *buffer)
+{
+    struct channel *c = stream->data;
+    struct error err = {0};
+
+    (void)buffer;
+    if (got == 0 || c->state == DEAD)
+        return;
+    if (got < 0) {
+        c->peer_ended = 1;
+        if (c->state == CLOSING && got == UV_EOF && !c->shutdown_done)
+            uv_read_stop(stream); /* it listens no more, but our last bytes are on their way */
+        else
+            lost(c, (int)got);
+        return;
+    }
+    c->last_heard_ns = clock_monotonic_ns();
+    if (c->state == CLOSING)
+        return;
+    if (tls_feed(c->tls, c->read_buffer, (size_t)got, &err) != STATUS_OK) {
+        end_now(c, err.code, "%s", err.text);
+        return;
+    }
+    process_input(c);
+}
+
+static int handshake_step(struct channel *c)
+{
+    struct error err = {0};
+    status s = tls_step(c->tls, &err);
+
+    if (s != STATUS_OK) {
+        end_telling(c, s, "%s", err.text);
+        return 0;
+    }
+    if (flush_output(c) != STATUS_OK || tls_state_of(c->tls) != TLS_OPEN)
+        return 0;
+    uv_timer_stop(&c->timer);
+    c->role = tls_role(c->tls);
+    c->state = OPEN;
+    if (c->paused)
+        uv_read_stop((uv_stream_t *)&c->tcp);
+    if (c->callbacks.on_open)
+        c->callbacks.on_open(c, c->user);
+    return c->state == OPEN;
+}
+
+/* Deliver the frames at hand. 0 when the channel left OPEN. */
+static int deliver(struct channel *c)
+{
+    while (c->state == OPEN && !c->paused) {
+        Azulejo__Wire__Envelope *message;
+        struct error err = {0};
+        const uint8_t *payload;
+        size_t size;
+        status s = frame_reader_next(&c->frames, &payload, &size, &err);
+        if (s == STATUS_OK && !payload)
+            return 1;
+        if (s == STATUS_OK)
+            s = message_unpack(&message, payload, size, &err);
+        if (s != STATUS_OK) {
+            end_telling(c, s, "%s", err.text);
+            return 0;
+        }
+        c->callbacks.on_message(c, message, c->user);
+        message_free(message);
+    }
+    return c->state == OPEN;
+}
+
+/* The peer said its TLS goodbye; nobody reads any more what we would still send. */
+static void peer_said_goodbye(struct channel *c)
+{
+    if (frame_reader_waiting(&c->frames)) {
+        end_now(c, STATUS_ERR_PROTOCOL, "ended the conversation in the middle of a message");
+        return;
+    }
+    tls_end(c->tls);
+    if (flush_output(c) == STATUS_OK)
+        finish(c);
+}
+
+static void process_input(struct channel *c)
+{
+    if (c->state == HANDSHAKE && !handshake_step(c))
+        return;
+    while (deliver(c) && !c->paused) {
+        uint8_t plain[16384]; /* the most that one TLS record holds */
+        struct error err = {0};
+        size_t got;
+        status s = tls_read(c->tls, plain, sizeof plain, &got, &err);
+        if (s == STATUS_OK && got > 0)
+            s = frame_reader_push(&c->frames, plain, got, &err);
+        if (s != STATUS_OK) {
+            end_telling(c, s, "%s", err.text);
+            return;
+        }
+        if (got == 0) {
+            if (tls_state_of(c->tls) == TLS_ENDED)
+                peer_said_goodbye(c);
+            else
+                (void)!flush_output(c); /* TLS may have answered a key update */
+            return;
+        }
+    }
+}
+
+static void on_kick(uv_idle_t *kick)
+{
+    struct channel *c = kick->data;
+
+    uv_idle_stop(kick);
+    if (c->state != OPEN || c->paused)
+        return;
+    process_input(c);
+    if (c->state == OPEN && !c->paused)
+        uv_read_start((uv_stream_t *)&c->tcp, on_allocate, on_read);
+}
+
+void channel_pause_reading(struct channel *c)
+{
+    if (c->state > OPEN || c->paused)
+        return;
+    c->paused = 1;
+    if (c->state == OPEN)
+        uv_read_stop((uv_stream_t *)&c->tcp);
+}
+
+void channel_resume_reading(struct channel *c)
+{
+    if (c->state > OPEN || !c->paused)
+        return;
+    c->paused = 0;
+    if (c->state == OPEN)
+        uv_idle_start(&c->kick, on_kick);
+}
+
+/* ---- beginning ------------------------------------------------------------------------- */
+
+static void ignore_sigpipe(void)
+{
+    struct sigaction now;
+
+    /* A write to a peer that is gone must be an error, not the end of the process. */
+    if (sigaction(SIGPIPE, NULL, &now) == 0 && !(now.sa_flags & SA_SIGINFO) &&
+        now.sa_handler == SIG_DFL) {
+        now.sa_handler = SIG_IGN;
+        sigaction(SIGPIPE, &now, NULL);
+    }
+}
+
+static struct channel *channel_new(uv_loop_t *loop, const struct channel_callbacks *callbacks,
+                                   void *user)
+{
+    struct channel *c = mem_calloc(1, sizeof *c);
+
+    if (!c)
+        return NULL;
+    ignore_sigpipe();
+    c->loop = loop;
+    c->callbacks = *callbacks;
+    c->user = user;
+    c->last_heard_ns = c->last_sent_ns = clock_monotonic_ns();
+    frame_reader_init(&c->frames, CHANNEL_FRAME_MAX);
+    return c;
+}
+
+static void start_handles(struct channel *c)
+{
+    uv_timer_init(c->loop, &c->timer);
+    uv_idle_init(c->loop, &c->kick);
+    uv_tcp_init(c->loop, &c->tcp);
+    c->timer.data = c->kick.data = c->tcp.data = c;
+    c->holds = 3;
+}
+
+/* A connected socket: begin TLS. */
+static void begin_handshake(struct channel *c)
+{
+    int result;
+
+    c->state = HANDSHAKE;
+    uv_tcp_nodelay(&c->tcp, 1);
+    result = uv_read_start((uv_stream_t *)&c->tcp, on_allocate, on_read);
+    if (result < 0)
+        end_now(c, STATUS_ERR_UNREACHABLE, "cannot read: %s", uv_strerror(result));
+    else
+        process_input(c);
+}
+
+/* The socket of a failed attempt is closed: try the next address with a new one. */
+static void on_attempt_closed(uv_handle_t *handle)
+{
+    struct channel *c = handle->data;
+
+    if (c->state == DEAD) {
+        hold_drop(c);
+        return;
+    }
+    uv_tcp_init(c->loop, &c->tcp);
+    c->tcp.data = c;
+    connect_next(c);
+}
+
+static void attempt_failed(struct channel *c, int uv_error)
+{
+    uv_timer_stop(&c->timer);
+    if (!c->next_address || clock_monotonic_ns() >= c->connect_deadline_ns) {
+        end_now(c, STATUS_ERR_UNREACHABLE, "cannot connect: %s%s", uv_strerror(uv_error),
+                uv_error == UV_ECONNREFUSED ? " (is azulejo-coordinator running there?)" : "");
+        return;
+    }
+    uv_close((uv_handle_t *)&c->tcp, on_attempt_closed);
+}
+
+static void on_connected(uv_connect_t *request, int result)
+{
+    struct channel *c = request->data;
+
+    if (c->state == DEAD || result == UV_ECANCELED)
+        return;
+    if (result < 0) {
+        attempt_failed(c, result);
+        return;
+    }
+    uv_timer_start(&c->timer, on_timer, CHANNEL_HANDSHAKE_MS, 0);
+    begin_handshake(c);
+}
+
+static void on_attempt_timeout(uv_timer_t *timer)
+{
+    attempt_failed(timer->data, UV_ETIMEDOUT);
+}
+
+static void connect_next(struct channel *c)
+{
+    struct addrinfo *address = c->next_address;
+    uint64_t now = clock_monotonic_ns(), left_ms;
+    int result;
+
+    left_ms = now < c->connect_deadline_ns ? (c->connect_deadline_ns - now) / NS_PER_MS : 0;
+    c->next_address = address->ai_next;
+    if (c->next_address && left_ms > CHANNEL_ADDRESS_MS)
+        left_ms = CHANNEL_ADDRESS_MS;
+    uv_timer_start(&c->timer, on_attempt_timeout, left_ms, 0);
+    c->connect.data = c;
+    result = uv_tcp_connect(&c->connect, &c->tcp, address->ai_addr, on_connected);
+    if (result < 0)
+        attempt_failed(c, result);
+}
+
+static void on_resolved(uv_getaddrinfo_t *request, int result, struct addrinfo *addresses)
+{
+    struct channel *c = request->data;
+
+    c->addresses = c->next_address = addresses;
+    if (c->state == DEAD) {
+        hold_drop(c);
+        return;
+    }
+    c->holds--; /* the three handles remain */
+    if (result < 0 || !addresses)
+        end_now(c, STATUS_ERR_UNREACHABLE, "no such host: %s",
+                uv_strerror(result < 0 ? result : UV_EAI_NONAME));
+    else
+        connect_next(c);
+}
+
+status channel_connect(struct channel **out, uv_loop_t *loop, const char *host, uint16_t port,
+                       const struct farm_key *key, enum farm_role role,
+                       const struct channel_callbacks *callbacks, void *user, struct error *err)
+{
+    const struct addrinfo hints = {.ai_socktype = SOCK_STREAM, .ai_protocol = IPPROTO_TCP};
+    struct channel *c = channel_new(loop, callbacks, user);
+    char service[8];
+    status s;
+    int result;
+
+    *out = NULL;
+    if (!c)
+        return error_no_memory(err, "a connection");
+    s = tls_new_client(&c->tls, key, role, err);
+    if (s != STATUS_OK) {
+        channel_free(c);
+        return s;
+    }
+    snprintf(c->peer, sizeof c->peer, strchr(host, ':') ? "[%s]:%u" : "%s:%u", host, port);
+    snprintf(service, sizeof service, "%u", port);
+    start_handles(c);
+    c->connect_deadline_ns = clock_monotonic_ns() + CHANNEL_HANDSHAKE_MS * NS_PER_MS;
+    c->resolve.data = c;
+    result = uv_getaddrinfo(loop, &c->resolve, on_resolved, host, service, &hints);
+    if (result < 0)
+        end_now(c, STATUS_ERR_UNREACHABLE, "no such host: %s", uv_strerror(result));
+    else
+        c->holds++;
+    *out = c;
+    return STATUS_OK;
+}
+
+static void name_peer(struct channel *c)
+{
+    struct sockaddr_storage address;
+    int size = sizeof address;
+    char host[64] = "unknown";
+    unsigned port = 0;
+
+    if (uv_tcp_getpeername(&c->tcp, (struct sockaddr *)&address, &size) == 0) {
+        if (address.ss_family == AF_INET6) {
+            const struct sockaddr_in6 *in6 = (const struct sockaddr_in6 *)&address;
+            uv_ip6_name(in6, host, sizeof host);
+            port = ntohs(in6->sin6_port);
+        } else if (address.ss_family == AF_INET) {
+            const struct sockaddr_in *in = (const struct sockaddr_in *)&address;
+            uv_ip4_name(in, host, sizeof host);
+            port = ntohs(in->sin_port);
+        }
+    }
+    snprintf(c->peer, sizeof c->peer, strchr(host, ':') ? "[%s]:%u" : "%s:%u", host, port);
+}
+
+static void on_rejected(uv_handle_t *handle)
+{
+    mem_free(handle);
+}
+
+/* Out of memory for a channel: take the connection off the listener and drop it, or the
+ * listener would wait for it for ever. */
+static void reject(uv_stream_t *listener)
+{
+    uv_tcp_t *tcp = mem_alloc(sizeof *tcp);
+
+    if (!tcp)
+        return;
+    uv_tcp_init(listener->loop, tcp);
+    (void)!uv_accept(listener, (uv_stream_t *)tcp);
+    uv_close((uv_handle_t *)tcp, on_rejected);
+}
+
+status channel_accept(struct channel **out, uv_stream_t *listener, const struct farm_key *key,
+                      const struct channel_callbacks *callbacks, void *user, struct error *err)
+{
+    struct channel *c = channel_new(listener->loop, callbacks, user);
+    status s;
+    int result;
+
+    *out = NULL;
+    if (!c) {
+        reject(listener);
+        return error_no_memory(err, "a connection");
+    }
+    c->is_server = 1;
+    s = tls_new_server(&c->tls, key, err);
+    if (s != STATUS_OK) {
+        channel_free(c);
+        reject(listener);
+        return s;
+    }
+    start_handles(c);
+    snprintf(c->peer, sizeof c->peer, "unknown peer");
+    *out = c;
+    result = uv_accept(listener, (uv_stream_t *)&c->tcp);
+    if (result < 0) {
+        end_now(c, STATUS_ERR_UNREACHABLE, "cannot accept: %s", uv_strerror(result));
+        return STATUS_OK;
+    }
+    name_peer(c);
+    uv_timer_start(&c->timer, on_timer, CHANNEL_HANDSHAKE_MS, 0);
+    begin_handshake(c);
+    return STATUS_OK;
+}
+
+/* ---- closing --------------------------------------------------------------------------- */
+
+static void on_shutdown(uv_shutdown_t *request, int result)
+{
+    struct channel *c = request->data;
+
+    if (c->state == DEAD)
+        return;
+    c->shutdown_done = 1;
+    if (result < 0 || c->peer_ended)
+        finish(c);
+    else
+        uv_timer_start(&c->timer, on_timer, CHANNEL_LINGER_MS, 0);
+}
+
+static void close_gently(struct channel *c)
+{
+    int result;
+
+    if (c->state == CLOSING || c->state == DEAD)
+        return;
+    if (c->state == CONNECTING) {
+        finish(c);
+        return;
+    }
+    tls_end(c->tls);
+    if (flush_output(c) != STATUS_OK)
+        return;
+    c->state = CLOSING;
+    uv_idle_stop(&c->kick);
+    c->shutdown.data = c;
+    result = uv_shutdown(&c->shutdown, (uv_stream_t *)&c->tcp, on_shutdown);
+    if (result < 0) {
+        finish(c);
+        return;
+    }
+    uv_timer_start(&c->timer, on_timer, CHANNEL_FLUSH_MS, 0);
+    uv_read_start((uv_stream_t *)&c->tcp, on_allocate, on_read);
+}
+
+void channel_close(struct channel *c)
+{
+    close_gently(c);
+}
+
+void channel_abort(struct channel *c, status code, const char *format, ...)
+{
+    va_list args;
+
+    va_start(args, format);
+    set_why(c, code, format, args);
+    va_end(args);
+    finish(c);
+}
+
+/* ---- what an owner may ask ------------------------------------------------------------- */
+
+size_t channel_queued_bytes(const struct channel *c)
+{
+    return c->queued_bytes;
+}
+
+enum farm_role channel_role(const struct channel *c)
+{
+    return c->role;
+}
+
+const char *channel_peer(const struct channel *c)
+{
+    return c->peer;
+}
+
+uint64_t channel_last_heard_ns(const struct channel *c)
+{
+    return c->last_heard_ns;
+}
+
+uint64_t channel_last_sent_ns(const struct channel *c)
+{
+    return c->last_sent_ns;
+}
+
+void channel_set_user(struct channel *c, void *user)
+{
+    c->user = user;
+}

@@ -1,0 +1,63 @@
+#include "protocol/frame.h"
+
+#include <string.h>
+
+void frame_reader_init(struct frame_reader *r, uint32_t limit_bytes)
+{
+    memset(r, 0, sizeof *r);
+    r->limit_bytes = limit_bytes;
+}
+
+void frame_reader_release(struct frame_reader *r)
+{
+    buffer_release(&r->bytes);
+    r->taken = 0;
+}
+
+status frame_reader_push(struct frame_reader *r, const void *data, size_t size_bytes,
+                         struct error *err)
+{
+    if (r->taken) {
+        buffer_consume(&r->bytes, r->taken);
+        r->taken = 0;
+    }
+    buffer_append(&r->bytes, data, size_bytes);
+    if (!buffer_ok(&r->bytes))
+        return error_no_memory(err, "a message being received");
+    return STATUS_OK;
+}
+
+status frame_reader_next(struct frame_reader *r, const uint8_t **payload, size_t *size_bytes,
+                         struct error *err)
+{
+    size_t waiting = frame_reader_waiting(r);
+    const uint8_t *p;
+    uint32_t length;
+
+    *payload = NULL;
+    *size_bytes = 0;
+    if (waiting < FRAME_HEADER_BYTES)
+        return STATUS_OK;
+    p = r->bytes.data + r->taken;
+    length = (uint32_t)p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
+    if (length == 0 || length > r->limit_bytes)
+        return error_set(err, STATUS_ERR_PROTOCOL, "a message of %u bytes (1..%u are allowed)",
+                         length, r->limit_bytes);
+    if (waiting - FRAME_HEADER_BYTES < length)
+        return STATUS_OK;
+    *payload = p + FRAME_HEADER_BYTES;
+    *size_bytes = length;
+    r->taken += FRAME_HEADER_BYTES + (size_t)length;
+    return STATUS_OK;
+}
+
+size_t frame_reader_waiting(const struct frame_reader *r)
+{
+    return r->bytes.size - r->taken;
+}
+
+void frame_header_write(uint8_t header[FRAME_HEADER_BYTES], uint32_t size_bytes)
+{
+    for (int i = 0; i < FRAME_HEADER_BYTES; i++)
+        header[i] = (uint8_t)(size_bytes >> (8 * i));
+}

@@ -1,0 +1,387 @@
+#include "protocol/message.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <zstd.h>
+
+#include "common/base/memory.h"
+
+_Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
+               "tile sums are copied as they are: a big-endian machine must swap them");
+
+/* ---- envelopes ------------------------------------------------------------------------- */
+
+/* Two bytes of wire can make a hundred bytes of structs, so the memory of one unpacking is
+ * counted against a limit. */
+struct budget {
+    size_t left_bytes;
+    int exceeded, exhausted;
+};
+
+static void *budget_alloc(void *user, size_t size)
+{
+    struct budget *budget = user;
+    void *block;
+
+    if (size > budget->left_bytes) {
+        budget->exceeded = 1;
+        return NULL;
+    }
+    budget->left_bytes -= size;
+    block = mem_alloc(size);
+    if (!block)
+        budget->exhausted = 1;
+    return block;
+}
+
+static void budget_free(void *user, void *block)
+{
+    (void)user;
+    mem_free(block);
+}
+
+status message_unpack(Azulejo__Wire__Envelope **out, const void *data, size_t size_bytes,
+                      struct error *err)
+{
+    struct budget budget = {MESSAGE_UNPACKED_MAX, 0, 0};
+    ProtobufCAllocator allocator = {budget_alloc, budget_free, &budget};
+
+    *out = azulejo__wire__envelope__unpack(&allocator, size_bytes, data);
+    if (*out)
+        return STATUS_OK;
+    if (budget.exhausted)
+        return error_no_memory(err, "a message being received");
+    if (budget.exceeded)
+        return error_set(err, STATUS_ERR_LIMIT,
+                         "a message of %zu bytes that unpacks to more than %d", size_bytes,
+                         MESSAGE_UNPACKED_MAX);
+    return error_set(err, STATUS_ERR_PROTOCOL, "a message of %zu bytes that is no Envelope",
+                     size_bytes);
+}
+
+void message_free(Azulejo__Wire__Envelope *message)
+{
+    ProtobufCAllocator allocator = {budget_alloc, budget_free, NULL};
+
+    if (message)
+        azulejo__wire__envelope__free_unpacked(message, &allocator);
+}
+
+const char *message_name(const Azulejo__Wire__Envelope *message)
+{
+    const ProtobufCFieldDescriptor *field = NULL;
+
+    if (message->body_case != AZULEJO__WIRE__ENVELOPE__BODY__NOT_SET)
+        field = protobuf_c_message_descriptor_get_field(&azulejo__wire__envelope__descriptor,
+                                                        (unsigned)message->body_case);
+    return field ? field->name : "none";
+}
+
+/* Length of the well-formed UTF-8 character at `s`, 0 if there is none (RFC 3629). */
+static size_t utf8_length(const unsigned char *s)
+{
+    if (s[0] < 0x80)
+        return 1;
+    if (s[0] >= 0xc2 && s[0] <= 0xdf)
+        return (s[1] & 0xc0) == 0x80 ? 2 : 0;
+    if (s[0] >= 0xe0 && s[0] <= 0xef) {
+        if ((s[1] & 0xc0) != 0x80 || (s[2] & 0xc0) != 0x80)
+            return 0;
+        return (s[0] == 0xe0 && s[1] < 0xa0) || (s[0] == 0xed && s[1] > 0x9f) ? 0 : 3;
+    }
+    if (s[0] >= 0xf0 && s[0] <= 0xf4) {
+        if ((s[1] & 0xc0) != 0x80 || (s[2] & 0xc0) != 0x80 || (s[3] & 0xc0) != 0x80)
+            return 0;
+        return (s[0] == 0xf0 && s[1] < 0x90) || (s[0] == 0xf4 && s[1] > 0x8f) ? 0 : 4;
+    }
+    return 0;
+}
+
+const char *message_text(char *out, size_t size, const char *text)
+{
+    const unsigned char *s = (const unsigned char *)text;
+    size_t used = 0;
+
+    if (size == 0)
+        return "";
+    while (*s) {
+        size_t length = utf8_length(s);
+        /* C0 and DEL, and the C1 controls U+0080..U+009F */
+        int control = s[0] < 0x20 || s[0] == 0x7f || (s[0] == 0xc2 && s[1] < 0xa0);
+        if (used + (length ? length : 1) >= size)
+            break;
+        if (length == 0 || control) {
+            out[used++] = '?';
+            s += length ? length : 1;
+        } else {
+            memcpy(out + used, s, length);
+            used += length;
+            s += length;
+        }
+    }
+    out[used] = 0;
+    return out;
+}
+
+/* ---- short messages -------------------------------------------------------------------- */
+
+status message_send_failure(struct channel *c, uint64_t request, const struct error *why)
+{
+    Azulejo__Wire__Failure failure = AZULEJO__WIRE__FAILURE__INIT;
+    Azulejo__Wire__Envelope e = MESSAGE(FAILURE, failure, &failure);
+    char text[MESSAGE_TEXT_MAX];
+
+    failure.code = why->code;
+    failure.text = (char *)message_text(text, sizeof text, why->text);
+    e.request = request;
+    return channel_send(c, &e);
+}
+
+status message_send_heartbeat(struct channel *c)
+{
+    Azulejo__Wire__Heartbeat heartbeat = AZULEJO__WIRE__HEARTBEAT__INIT;
+    Azulejo__Wire__Envelope e = MESSAGE(HEARTBEAT, heartbeat, &heartbeat);
+
+    return channel_send(c, &e);
+}
+
+status message_failure_get(const Azulejo__Wire__Failure *failure, struct error *err)
+{
+    char text[MESSAGE_TEXT_MAX];
+    status code = STATUS_ERR_PROTOCOL;
+
+    if (failure->code > STATUS_OK && failure->code < STATUS_COUNT)
+        code = (status)failure->code;
+    message_text(text, sizeof text, failure->text);
+    return error_set(err, code, "%s", text[0] ? text : status_text(code));
+}
+
+status hello_check(const Azulejo__Wire__Hello *hello, enum farm_role key_role, struct error *err)
+{
+    char software[64];
+
+    if (hello->protocol_version != PROTOCOL_VERSION)
+        return error_set(err, STATUS_ERR_UNSUPPORTED,
+                         "protocol version %u (%s); this coordinator speaks version %d: install "
+                         "the same release everywhere",
+                         hello->protocol_version,
+                         message_text(software, sizeof software, hello->software),
+                         PROTOCOL_VERSION);
+    if ((int)hello->role != (int)key_role)
+        return error_set(err, STATUS_ERR_REFUSED, "connected with the %s key but claims role %d",
+                         farm_role_name(key_role), (int)hello->role);
+    return STATUS_OK;
+}
+
+status welcome_check(const Azulejo__Wire__Welcome *welcome, struct error *err)
+{
+    const uint32_t least_ms = 100, most_ms = 3600 * 1000;
+
+    if (welcome->protocol_version != PROTOCOL_VERSION)
+        return error_set(err, STATUS_ERR_UNSUPPORTED,
+                         "the coordinator speaks protocol version %u, this program version %d: "
+                         "install the same release everywhere",
+                         welcome->protocol_version, PROTOCOL_VERSION);
+    if (welcome->heartbeat_ms < least_ms || welcome->heartbeat_ms > most_ms ||
+        welcome->silence_limit_ms < welcome->heartbeat_ms || welcome->silence_limit_ms > most_ms)
+        return error_set(err, STATUS_ERR_PROTOCOL,
+                         "a Welcome with heartbeat %u ms and silence limit %u ms",
+                         welcome->heartbeat_ms, welcome->silence_limit_ms);
+    return STATUS_OK;
+}
+
+/* ---- digests, settings, tiles ---------------------------------------------------------- */
+
+void wire_digest_set(ProtobufCBinaryData *out, const struct digest *digest)
+{
+    out->data = (uint8_t *)digest->bytes;
+    out->len = DIGEST_BYTES;
+}
+
+status wire_digest_get(struct digest *out, const ProtobufCBinaryData *in, const char *what,
+                       struct error *err)
+{
+    memset(out, 0, sizeof *out);
+    if (in->len != DIGEST_BYTES)
+        return error_set(err, STATUS_ERR_PROTOCOL, "%s: a digest of %zu bytes (%d are needed)",
+                         what, in->len, DIGEST_BYTES);
+    memcpy(out->bytes, in->data, DIGEST_BYTES);
+    return STATUS_OK;
+}
+
+void wire_settings_set(Azulejo__Wire__RenderSettings *out, const struct render_settings *in)
+{
+    azulejo__wire__render_settings__init(out);
+    out->width = in->width;
+    out->height = in->height;
+    out->spp = in->spp;
+    out->max_depth = in->max_depth;
+    out->seed = in->seed;
+    out->camera = in->camera;
+    out->env_rotate_deg = in->env_rotate_deg;
+    out->env_strength = in->env_strength;
+    out->env_sampling = in->env_sampling;
+    out->isa = in->isa;
+}
+
+status wire_settings_get(struct render_settings *out, const Azulejo__Wire__RenderSettings *in,
+                         uint32_t camera_count, struct error *err)
+{
+    status s;
+
+    memset(out, 0, sizeof *out);
+    if (!in)
+        return error_set(err, STATUS_ERR_INPUT, "render settings are missing");
+    if (in->env_sampling >= ENV_SAMPLING_COUNT || in->isa >= ISA_COUNT)
+        return error_set(err, STATUS_ERR_INPUT,
+                         "unknown environment sampling %u or instruction set %u", in->env_sampling,
+                         in->isa);
+    out->width = in->width;
+    out->height = in->height;
+    out->spp = in->spp;
+    out->max_depth = in->max_depth;
+    out->seed = in->seed;
+    out->camera = in->camera;
+    out->env_rotate_deg = in->env_rotate_deg;
+    out->env_strength = in->env_strength;
+    out->env_sampling = (enum env_sampling)in->env_sampling;
+    out->isa = (enum isa)in->isa;
+    s = render_settings_validate(out, camera_count, err);
+    if (s != STATUS_OK)
+        memset(out, 0, sizeof *out);
+    return s;
+}
+
+status wire_unit_check(uint32_t tile, uint32_t pass, const struct render_settings *settings,
+                       struct error *err)
+{
+    if (tile >= tile_count(settings->width, settings->height))
+        return error_set(err, STATUS_ERR_PROTOCOL, "tile %u: a frame of %ux%u has %u", tile,
+                         settings->width, settings->height,
+                         tile_count(settings->width, settings->height));
+    if (pass >= pass_count(settings->spp))
+        return error_set(err, STATUS_ERR_PROTOCOL, "pass %u: %u samples a pixel have %u passes",
+                         pass, settings->spp, pass_count(settings->spp));
+    return STATUS_OK;
+}
+
+size_t wire_sums_count(const struct render_settings *settings, uint32_t tile)
+{
+    struct tile_rect r = tile_rect_of(settings->width, settings->height, tile);
+
+    return (size_t)REPLICATES * r.width * r.height * 3;
+}
+
+void wire_sums_set(uint8_t *out, const float *sums, size_t count)
+{
+    memcpy(out, sums, count * sizeof *sums);
+}
+
+status wire_sums_get(float out[TILE_FLOATS_MAX], size_t *count, const ProtobufCBinaryData *in,
+                     const struct render_settings *settings, uint32_t tile, struct error *err)
+{
+    size_t expected;
+    status s = wire_unit_check(tile, 0, settings, err);
+
+    *count = 0;
+    if (s != STATUS_OK)
+        return s;
+    expected = wire_sums_count(settings, tile);
+    if (in->len != expected * sizeof *out)
+        return error_set(err, STATUS_ERR_PROTOCOL, "tile %u: sums of %zu bytes (%zu are needed)",
+                         tile, in->len, expected * sizeof *out);
+    memcpy(out, in->data, in->len);
+    *count = expected;
+    return STATUS_OK;
+}
+
+/* ---- blobs ----------------------------------------------------------------------------- */
+
+static status piece_check(struct blob_piece *p, const ProtobufCBinaryData *digest,
+                          struct error *err)
+{
+    status s = wire_digest_get(&p->digest, digest, "blob", err);
+
+    if (s == STATUS_OK &&
+        (p->total_bytes > BLOB_BYTES_MAX || p->raw_bytes > BLOB_PIECE_BYTES ||
+         p->offset > p->total_bytes || p->raw_bytes > p->total_bytes - p->offset ||
+         (p->raw_bytes == 0 && p->total_bytes != 0) ||
+         (!p->zstd && p->data.len != p->raw_bytes) ||
+         (p->zstd && p->data.len > ZSTD_COMPRESSBOUND(BLOB_PIECE_BYTES))))
+        s = error_set(err, STATUS_ERR_PROTOCOL,
+                      "a blob piece of %u bytes (%zu sent) at %llu of %llu does not fit",
+                      p->raw_bytes, p->data.len, (unsigned long long)p->offset,
+                      (unsigned long long)p->total_bytes);
+    if (s != STATUS_OK)
+        memset(p, 0, sizeof *p);
+    return s;
+}
+
+status blob_piece_of_put(struct blob_piece *out, const Azulejo__Wire__BlobPut *put,
+                         struct error *err)
+{
+    memset(out, 0, sizeof *out);
+    out->total_bytes = put->total_bytes;
+    out->offset = put->offset;
+    out->raw_bytes = put->raw_bytes;
+    out->zstd = put->zstd;
+    out->data = put->data;
+    return piece_check(out, &put->digest, err);
+}
+
+status blob_piece_of_data(struct blob_piece *out, const Azulejo__Wire__BlobData *data,
+                          struct error *err)
+{
+    memset(out, 0, sizeof *out);
+    out->total_bytes = data->total_bytes;
+    out->offset = data->offset;
+    out->raw_bytes = data->raw_bytes;
+    out->zstd = data->zstd;
+    out->data = data->data;
+    return piece_check(out, &data->digest, err);
+}
+
+status blob_piece_unpack(const struct blob_piece *piece, uint8_t *out, struct error *err)
+{
+    size_t got;
+
+    if (!piece->zstd) {
+        if (piece->raw_bytes)
+            memcpy(out, piece->data.data, piece->raw_bytes);
+        return STATUS_OK;
+    }
+    got = ZSTD_decompress(out, piece->raw_bytes, piece->data.data, piece->data.len);
+    if (ZSTD_isError(got))
+        return error_set(err, STATUS_ERR_PROTOCOL, "a blob piece is damaged: %s",
+                         ZSTD_getErrorName(got));
+    if (got != piece->raw_bytes)
+        return error_set(err, STATUS_ERR_PROTOCOL,
+                         "a blob piece decompresses to %zu bytes instead of %u", got,
+                         piece->raw_bytes);
+    return STATUS_OK;
+}
+
+status blob_piece_pack(const void *raw, size_t raw_bytes, struct buffer *scratch,
+                       ProtobufCBinaryData *packed, protobuf_c_boolean *zstd, struct error *err)
+{
+    size_t bound = ZSTD_compressBound(raw_bytes), got;
+    uint8_t *space;
+
+    packed->data = (uint8_t *)raw;
+    packed->len = raw_bytes;
+    *zstd = 0;
+    if (raw_bytes > BLOB_PIECE_BYTES)
+        return error_set(err, STATUS_ERR_INTERNAL, "a blob piece of %zu bytes (at most %d)",
+                         raw_bytes, BLOB_PIECE_BYTES);
+    buffer_clear(scratch);
+    space = buffer_append_space(scratch, bound);
+    if (!space)
+        return error_no_memory(err, "compressing a blob");
+    got = ZSTD_compress(space, bound, raw, raw_bytes, 1);
+    if (!ZSTD_isError(got) && got + raw_bytes / 16 < raw_bytes) {
+        packed->data = space;
+        packed->len = got;
+        *zstd = 1;
+    }
+    return STATUS_OK;
+}

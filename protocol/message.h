@@ -1,0 +1,118 @@
+/* message: envelopes in and out of C's types, with every range checked.
+ *
+ * What comes off the wire is hostile: nothing from it is used before one of the *_get
+ * functions took it. Outputs are zeroed when a function fails. Envelopes that are built
+ * point into the caller's memory; channel_send copies, so they may live on the stack.
+ */
+#ifndef AZULEJO_PROTOCOL_MESSAGE_H
+#define AZULEJO_PROTOCOL_MESSAGE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/base/buffer.h"
+#include "common/base/digest.h"
+#include "common/base/status.h"
+#include "common/film/tiles.h"
+#include "common/scene/settings.h"
+#include "protocol/azulejo.pb-c.h"
+#include "protocol/channel.h"
+
+enum {
+    MESSAGE_UNPACKED_MAX = 64 << 20, /* memory that one unpacked envelope may take */
+    MESSAGE_TEXT_MAX = 1024,         /* bytes of a text from the wire that are looked at */
+    LEASE_UNITS_MAX = 4096,          /* work units in one grant, return or ack */
+    BLOB_QUERY_MAX = 65536,          /* digests in one query */
+};
+#define BLOB_BYTES_MAX (1ull << 36)  /* of one blob */
+
+/* An Envelope with its body set, by its constant and its field:
+ *   Azulejo__Wire__LeaseRequest ask = AZULEJO__WIRE__LEASE_REQUEST__INIT;
+ *   Azulejo__Wire__Envelope e = MESSAGE(LEASE_REQUEST, lease_request, &ask); */
+#define MESSAGE(CASE, field, value)                                                    \
+    {.base = PROTOBUF_C_MESSAGE_INIT(&azulejo__wire__envelope__descriptor),            \
+     .body_case = AZULEJO__WIRE__ENVELOPE__BODY_##CASE,                                \
+     .field = (value)}
+
+/* Unpack an envelope. ERR_PROTOCOL: not one; ERR_LIMIT: it would take more than
+ * MESSAGE_UNPACKED_MAX; ERR_NO_MEMORY. Free with message_free. */
+status message_unpack(Azulejo__Wire__Envelope **out, const void *data, size_t size_bytes,
+                      struct error *err) MUST_CHECK;
+void message_free(Azulejo__Wire__Envelope *message);
+
+/* "lease_grant"; "none" for an envelope without a body that this version knows. */
+const char *message_name(const Azulejo__Wire__Envelope *message);
+
+/* Copy text of the wire for logs and terminals: control characters and damaged UTF-8
+ * become '?', at most `size` - 1 bytes. Returns `out`. */
+const char *message_text(char *out, size_t size, const char *text);
+
+/* Send a Failure that answers `request` (0: none), or a Heartbeat. */
+status message_send_failure(struct channel *c, uint64_t request, const struct error *why)
+    MUST_CHECK;
+status message_send_heartbeat(struct channel *c) MUST_CHECK;
+/* A Failure as an error: an unknown or OK code becomes ERR_PROTOCOL. Returns err->code. */
+status message_failure_get(const Azulejo__Wire__Failure *failure, struct error *err) MUST_CHECK;
+
+/* The coordinator's view of a Hello: version, and the role against the key's. */
+status hello_check(const Azulejo__Wire__Hello *hello, enum farm_role key_role,
+                   struct error *err) MUST_CHECK;
+/* The peer's view of a Welcome: version, and sane times (100 ms .. 1 h). */
+status welcome_check(const Azulejo__Wire__Welcome *welcome, struct error *err) MUST_CHECK;
+
+void wire_digest_set(ProtobufCBinaryData *out, const struct digest *digest); /* points at it */
+/* ERR_PROTOCOL unless it is 32 bytes; `what` names it. */
+status wire_digest_get(struct digest *out, const ProtobufCBinaryData *in, const char *what,
+                       struct error *err) MUST_CHECK;
+
+void wire_settings_set(Azulejo__Wire__RenderSettings *out, const struct render_settings *in);
+/* Validates; ERR_INPUT. `camera_count`: of the scene, UINT32_MAX when not known yet. */
+status wire_settings_get(struct render_settings *out, const Azulejo__Wire__RenderSettings *in,
+                         uint32_t camera_count, struct error *err) MUST_CHECK;
+
+/* ERR_PROTOCOL unless tile and pass exist in a frame of these settings. */
+status wire_unit_check(uint32_t tile, uint32_t pass, const struct render_settings *settings,
+                       struct error *err) MUST_CHECK;
+
+/* Tile sums are float32 little-endian. Get: ERR_PROTOCOL unless there are exactly as many
+ * floats as the tile has; *count says how many (<= TILE_FLOATS_MAX). Finite or not is left
+ * to the film. */
+size_t wire_sums_count(const struct render_settings *settings, uint32_t tile);
+void wire_sums_set(uint8_t *out, const float *sums, size_t count); /* 4 * count bytes */
+status wire_sums_get(float out[TILE_FLOATS_MAX], size_t *count, const ProtobufCBinaryData *in,
+                     const struct render_settings *settings, uint32_t tile,
+                     struct error *err) MUST_CHECK;
+
+/* ---- blobs ----------------------------------------------------------------------------- */
+
+/* One piece of a blob, checked: offset + raw_bytes <= total_bytes <= BLOB_BYTES_MAX,
+ * raw_bytes <= BLOB_PIECE_BYTES, and raw_bytes is 0 only in an empty blob. */
+struct blob_piece {
+    struct digest digest;
+    uint64_t total_bytes, offset;
+    uint32_t raw_bytes;
+    int zstd;
+    ProtobufCBinaryData data; /* points into the message */
+};
+status blob_piece_of_put(struct blob_piece *out, const Azulejo__Wire__BlobPut *put,
+                         struct error *err) MUST_CHECK;
+status blob_piece_of_data(struct blob_piece *out, const Azulejo__Wire__BlobData *data,
+                          struct error *err) MUST_CHECK;
+/* The piece's bytes into out[raw_bytes]. ERR_PROTOCOL: damaged or not of that length. */
+status blob_piece_unpack(const struct blob_piece *piece, uint8_t *out, struct error *err)
+    MUST_CHECK;
+
+/* Compress a piece of a blob with zstd into `scratch` where that saves a sixteenth or
+ * more. *packed then points into scratch, else at `raw` itself, and *zstd says which. */
+status blob_piece_pack(const void *raw, size_t raw_bytes, struct buffer *scratch,
+                       ProtobufCBinaryData *packed, protobuf_c_boolean *zstd,
+                       struct error *err) MUST_CHECK;
+
+/* How many bytes the piece at `offset` has: the rest, at most BLOB_PIECE_BYTES. */
+static inline uint32_t blob_piece_size(uint64_t total_bytes, uint64_t offset)
+{
+    uint64_t rest = total_bytes - offset;
+    return rest < BLOB_PIECE_BYTES ? (uint32_t)rest : (uint32_t)BLOB_PIECE_BYTES;
+}
+
+#endif
