@@ -36,7 +36,8 @@ GEN := build/gen
 
 PACKAGES := libuv openssl sqlite3 jansson libpng libjpeg libzstd libprotobuf-c OpenEXR
 # Embree ships no .pc file in Debian: take 4 where its header is, else 3.
-EMBREE := $(shell printf '\#include <embree4/rtcore.h>\n' | $(CC) -E -x c - >/dev/null 2>&1 && echo 4 || echo 3)
+hash := \#
+EMBREE := $(shell echo '$(hash)include <embree4/rtcore.h>' | $(CC) -E -x c - >/dev/null 2>&1 && echo 4 || echo 3)
 
 WARNINGS := -Wall -Wextra -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wold-style-definition \
   -Wpointer-arith -Wwrite-strings -Wundef -Wvla -Wformat=2 -Werror

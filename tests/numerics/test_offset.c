@@ -1,0 +1,145 @@
+/* Rays that leave a surface do not meet it again, at any scale and place. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "tests/support/scene_builder.h"
+#include "tests/support/statistics.h"
+
+/* A white plane (two coplanar triangles) under a constant environment, seen at a grazing
+ * angle: every pixel of it is exactly its albedo unless a shadow ray hits the plane. With
+ * one bounce and next-event estimation alone, self-shadowing shows as darkness. */
+static double plane_mean(float scale, struct vec3 shift)
+{
+    struct scene_builder b;
+    struct render_settings settings = builder_settings(32, 32, 4);
+    struct render_stats stats = {0};
+    struct render_scene *scene;
+    static double mean[32 * 32 * 3];
+    double sum = 0;
+    uint32_t quad;
+
+    settings.max_depth = 1;
+    builder_init(&b);
+    builder_lambert(&b, 1);
+    quad = builder_quad(&b);
+    builder_place(&b, quad, 0, vec3_make(scale, scale, scale), shift);
+    builder_environment_constant(&b, vec3_splat(1));
+    builder_camera(&b,
+                   vec3_add(shift, vec3_scale(vec3_make(0.3f, 0.05f, 0.9f), scale)),
+                   vec3_add(shift, vec3_scale(vec3_make(0.1f, 0, -0.1f), scale)), 0.02f);
+    scene = builder_build(&b, &settings);
+    builder_render(scene, &settings, 0, mean, NULL, &stats);
+    for (size_t i = 0; i < 32 * 32 * 3; i++)
+        sum += mean[i];
+    render_scene_free(scene);
+    builder_release(&b);
+    return sum / (32 * 32 * 3);
+}
+
+static void test_scales(void **state)
+{
+    (void)state;
+    for (int e = -6; e <= 6; e++) {
+        double got = plane_mean((float)pow(10, e), vec3_splat(0));
+        if (fabs(got - 1) > 1e-5)
+            fail_msg("scale 1e%d: mean %.7f instead of 1", e, got);
+    }
+}
+
+static void test_translations(void **state)
+{
+    (void)state;
+    for (int e = 0; e <= 4; e++) {
+        float d = (float)pow(10, e);
+        double got = plane_mean(1, vec3_make(d, 0.37f * d, -0.71f * d));
+        if (fabs(got - 1) > 1e-5)
+            fail_msg("moved by 1e%d: mean %.7f instead of 1", e, got);
+    }
+}
+
+/* A tilted pile of triangles: a fine sphere, moved and scaled; a convex white body in a
+ * furnace is invisible, so any self-hit of the first bounce shows. */
+static void test_sphere_places(void **state)
+{
+    static const struct { float scale, shift; } cases[] = {
+        {1, 0}, {1, 1e3f}, {1e-3f, 0}, {1e3f, 1e4f}, {1e5f, 0}, {1e-5f, 1e-3f}};
+
+    (void)state;
+    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
+        struct scene_builder b;
+        struct render_settings settings = builder_settings(24, 24, 16);
+        struct render_stats stats = {0};
+        struct render_scene *scene;
+        static double mean[24 * 24 * 3];
+        double low = 1e9, sum = 0;
+        float s = cases[k].scale;
+        struct vec3 at = vec3_make(cases[k].shift, -0.3f * cases[k].shift, 0.7f * cases[k].shift);
+
+        settings.max_depth = 1; /* one bounce: a second hit would be black */
+        builder_init(&b);
+        builder_lambert(&b, 1);
+        builder_place(&b, builder_sphere(&b, 64, 0), 0, vec3_splat(s), at);
+        builder_environment_constant(&b, vec3_splat(1));
+        builder_camera(&b, vec3_add(at, vec3_make(0, 0, 4 * s)), at, 0.45f);
+        scene = builder_build(&b, &settings);
+        builder_render(scene, &settings, 0, mean, NULL, &stats);
+        for (size_t i = 0; i < 24 * 24 * 3; i++) {
+            sum += mean[i];
+            low = fmin(low, mean[i]);
+        }
+        sum /= 24 * 24 * 3;
+        if (fabs(sum - 1) > 2e-3 || low < 0.9)
+            fail_msg("sphere of radius %g at %g: mean %.6f, darkest pixel %.4f", (double)s,
+                     (double)cases[k].shift, sum, low);
+        render_scene_free(scene);
+        builder_release(&b);
+    }
+}
+
+/* The same plane as one of many instances, which Embree meets in object space. */
+static void test_instances(void **state)
+{
+    struct scene_builder b;
+    struct render_settings settings = builder_settings(32, 32, 4);
+    struct render_stats stats = {0};
+    struct render_scene *scene;
+    static double mean[32 * 32 * 3];
+    double sum = 0;
+    uint32_t sphere;
+
+    (void)state;
+    settings.max_depth = 1;
+    builder_init(&b);
+    builder_lambert(&b, 1);
+    sphere = builder_sphere(&b, 128, 0); /* 65 024 triangles: two of them stay instances */
+    builder_place(&b, sphere, 0, vec3_splat(1), vec3_make(1000, 0, 0));
+    builder_place(&b, sphere, 0, vec3_make(2, 3, 1), vec3_make(1000, 300, -700));
+    builder_environment_constant(&b, vec3_splat(1));
+    builder_camera(&b, vec3_make(1000, 300, -690), vec3_make(1000, 300, -700), 0.3f);
+    scene = builder_build(&b, &settings);
+    builder_render(scene, &settings, 0, mean, NULL, &stats);
+    for (size_t i = 0; i < 32 * 32 * 3; i++)
+        sum += mean[i];
+    sum /= 32 * 32 * 3;
+    if (fabs(sum - 1) > 2e-3)
+        fail_msg("instance far away: mean %.6f instead of 1", sum);
+    render_scene_free(scene);
+    builder_release(&b);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_scales),
+        cmocka_unit_test(test_translations),
+        cmocka_unit_test(test_sphere_places),
+        cmocka_unit_test(test_instances),
+    };
+    return cmocka_run_group_tests_name("offset", tests, NULL, NULL);
+}
