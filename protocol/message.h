@@ -21,8 +21,8 @@
 enum {
     MESSAGE_UNPACKED_MAX = 64 << 20, /* memory that one unpacked envelope may take */
     MESSAGE_TEXT_MAX = 1024,         /* bytes of a text from the wire that are looked at */
-    LEASE_UNITS_MAX = 4096,          /* work units in one grant, return or ack */
-    BLOB_QUERY_MAX = 65536,          /* digests in one query */
+    MESSAGE_UNITS_MAX = 4096,        /* work units in one grant, return or ack */
+    MESSAGE_DIGESTS_MAX = 65536,     /* digests in one query */
 };
 #define BLOB_BYTES_MAX (1ull << 36)  /* of one blob */
 
