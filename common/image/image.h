@@ -31,6 +31,9 @@ struct image8 {
 status image_init(struct image *image, uint32_t width, uint32_t height, uint32_t channels,
                   struct error *err) MUST_CHECK;
 void image_release(struct image *image);
+/* `bits` is 8 or 16. */
+status image8_init(struct image8 *image, uint32_t width, uint32_t height, uint32_t channels,
+                   uint32_t bits, struct error *err) MUST_CHECK;
 void image8_release(struct image8 *image);
 
 enum image_format { IMAGE_UNKNOWN, IMAGE_PNG, IMAGE_JPEG, IMAGE_HDR, IMAGE_EXR };

@@ -1,0 +1,125 @@
+#include "common/image/exr_context.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/memory.h"
+#include "common/image/image.h"
+
+/* No single block of the library's is larger: a chunk holds at most 32 scan lines. */
+#define EXR_BLOCK_BYTES_MAX ((size_t)1 << 30)
+
+/* Zeroed, so that a damaged chunk that decodes to too little shows black, not memory. */
+static void *stream_alloc(size_t size_bytes)
+{
+    return size_bytes <= EXR_BLOCK_BYTES_MAX ? mem_calloc(size_bytes, 1) : NULL;
+}
+
+static void stream_free(void *block)
+{
+    mem_free(block);
+}
+
+static void stream_complain(exr_const_context_t context, exr_result_t code, const char *text)
+{
+    void *user = NULL;
+    struct exr_stream *stream;
+
+    (void)code;
+    if (!context || exr_get_user_data(context, &user) != EXR_ERR_SUCCESS || !user)
+        return;
+    stream = user;
+    if (stream->message[0] == 0)
+        snprintf(stream->message, sizeof stream->message, "%s", text);
+}
+
+static int64_t stream_read(exr_const_context_t context, void *user, void *out, uint64_t size_bytes,
+                           uint64_t offset, exr_stream_error_func_ptr_t complain)
+{
+    const struct exr_stream *stream = user;
+    size_t left;
+
+    (void)context;
+    (void)complain;
+    if (offset >= stream->size_bytes)
+        return 0;
+    left = stream->size_bytes - (size_t)offset;
+    if (size_bytes > left)
+        size_bytes = left;
+    memcpy(out, stream->data + offset, size_bytes);
+    return (int64_t)size_bytes;
+}
+
+static int64_t stream_size(exr_const_context_t context, void *user)
+{
+    const struct exr_stream *stream = user;
+
+    (void)context;
+    return (int64_t)stream->size_bytes;
+}
+
+/* The library comes back to the offset table, so writes are not all at the end. */
+static int64_t stream_write(exr_const_context_t context, void *user, const void *data,
+                            uint64_t size_bytes, uint64_t offset,
+                            exr_stream_error_func_ptr_t complain)
+{
+    struct exr_stream *stream = user;
+    size_t end;
+
+    (void)complain;
+    if (__builtin_add_overflow(offset, size_bytes, &end))
+        return -1;
+    if (end > stream->out->size) {
+        size_t old = stream->out->size;
+
+        if (!buffer_append_space(stream->out, end - old)) {
+            stream_complain(context, EXR_ERR_OUT_OF_MEMORY, "out of memory");
+            return -1;
+        }
+        memset(stream->out->data + old, 0, end - old);
+    }
+    memcpy(stream->out->data + offset, data, size_bytes);
+    return (int64_t)size_bytes;
+}
+
+exr_context_initializer_t exr_stream_initializer(struct exr_stream *stream)
+{
+    exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
+
+    init.error_handler_fn = stream_complain;
+    init.alloc_fn = stream_alloc;
+    init.free_fn = stream_free;
+    init.user_data = stream;
+    if (stream->out) {
+        init.write_fn = stream_write;
+    } else {
+        init.read_fn = stream_read;
+        init.size_fn = stream_size;
+    }
+    init.max_image_width = IMAGE_SIDE_MAX;
+    init.max_image_height = IMAGE_SIDE_MAX;
+    init.max_tile_width = IMAGE_SIDE_MAX;
+    init.max_tile_height = IMAGE_SIDE_MAX;
+    init.zip_level = 4; /* the library's own choice since 3.1.3; fixed, so that bytes repeat */
+    /* A file whose offset table is damaged is refused, not guessed at. */
+    init.flags = EXR_CONTEXT_FLAG_DISABLE_CHUNK_RECONSTRUCTION;
+    return init;
+}
+
+status exr_stream_error(const struct exr_stream *stream, exr_result_t result, const char *name,
+                        struct error *err)
+{
+    const char *why = stream->message[0] ? stream->message : exr_get_error_code_as_string(result);
+
+    switch (result) {
+    case EXR_ERR_OUT_OF_MEMORY:
+        return error_set(err, STATUS_ERR_NO_MEMORY, "%s: out of memory, or a block is too large",
+                         name);
+    case EXR_ERR_FEATURE_NOT_IMPLEMENTED:
+        return error_set(err, STATUS_ERR_UNSUPPORTED,
+                         "%s: OpenEXR cannot read this kind of file (%s)", name, why);
+    default:
+        return error_set(err, STATUS_ERR_INPUT, "%s: the OpenEXR file is damaged or cut short (%s)",
+                         name, why);
+    }
+}

@@ -1,0 +1,38 @@
+/* exr_context: OpenEXRCore's context over memory instead of files, shared by reading and
+ * writing. Messages of the library land in a text instead of on standard error, and its
+ * memory comes from common/base/memory. Private to common/image.
+ */
+#ifndef AZULEJO_IMAGE_EXR_CONTEXT_H
+#define AZULEJO_IMAGE_EXR_CONTEXT_H
+
+#include <openexr.h>
+
+#include "common/base/buffer.h"
+#include "common/base/status.h"
+
+/* What stands behind a context; must outlive it. */
+struct exr_stream {
+    const uint8_t *data; /* reading */
+    size_t size_bytes;
+    struct buffer *out;  /* writing */
+    char message[256];   /* the library's first complaint; empty when there was none */
+};
+
+/* An initialiser with limits, allocators, the error handler and the stream's functions. */
+exr_context_initializer_t exr_stream_initializer(struct exr_stream *stream);
+
+/* Turn a result other than EXR_ERR_SUCCESS into a status that names the file. */
+status exr_stream_error(const struct exr_stream *stream, exr_result_t result, const char *name,
+                        struct error *err);
+
+/* The decompression step of a decoding pipeline for B44 and B44A. */
+exr_result_t exr_b44_decompress(exr_decode_pipeline_t *pipeline);
+
+/* The same file through OpenEXR's older C API, which alone decodes DWAA, DWAB and the
+ * reconstruction of subsampled chroma in OpenEXR 3.1, but only first parts, only channels
+ * outside layers, and only to half. `width` and `height` are the data window's, checked. */
+struct image;
+status exr_decode_rgba(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
+                       uint32_t width, uint32_t height, struct error *err) MUST_CHECK;
+
+#endif

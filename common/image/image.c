@@ -1,0 +1,188 @@
+#include "common/image/image.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "common/base/memory.h"
+#include "common/image/half.h"
+
+/* Sides and the whole against their limits; *bytes is the size of the pixels. */
+static status check_size(uint32_t width, uint32_t height, uint32_t channels, size_t value_bytes,
+                         size_t *bytes, struct error *err)
+{
+    size_t total;
+
+    *bytes = 0;
+    if (channels < 1 || channels > 4)
+        return error_set(err, STATUS_ERR_INTERNAL, "an image of %u channels", (unsigned)channels);
+    if (width == 0 || height == 0)
+        return error_set(err, STATUS_ERR_INPUT, "the picture is empty (%u x %u pixels)",
+                         (unsigned)width, (unsigned)height);
+    if (width > IMAGE_SIDE_MAX || height > IMAGE_SIDE_MAX)
+        return error_set(err, STATUS_ERR_LIMIT,
+                         "%u x %u pixels: no side may be longer than %d; make it smaller",
+                         (unsigned)width, (unsigned)height, (int)IMAGE_SIDE_MAX);
+    if (!mem_size_mul(width, height, &total) || !mem_size_mul(total, channels * value_bytes, &total) ||
+        total > IMAGE_BYTES_MAX)
+        return error_set(err, STATUS_ERR_LIMIT,
+                         "%u x %u pixels need more than %zu MiB; make the picture smaller",
+                         (unsigned)width, (unsigned)height, IMAGE_BYTES_MAX >> 20);
+    *bytes = total;
+    return STATUS_OK;
+}
+
+status image_init(struct image *image, uint32_t width, uint32_t height, uint32_t channels,
+                  struct error *err)
+{
+    size_t bytes;
+    status st;
+
+    memset(image, 0, sizeof *image);
+    st = check_size(width, height, channels, sizeof(float), &bytes, err);
+    if (st != STATUS_OK)
+        return st;
+    image->pixels = mem_calloc(bytes / sizeof(float), sizeof(float));
+    if (!image->pixels)
+        return error_no_memory(err, "a picture");
+    image->width = width;
+    image->height = height;
+    image->channels = channels;
+    return STATUS_OK;
+}
+
+void image_release(struct image *image)
+{
+    mem_free(image->pixels);
+    memset(image, 0, sizeof *image);
+}
+
+status image8_init(struct image8 *image, uint32_t width, uint32_t height, uint32_t channels,
+                   uint32_t bits, struct error *err)
+{
+    size_t bytes;
+    status st;
+
+    memset(image, 0, sizeof *image);
+    st = check_size(width, height, channels, bits / 8, &bytes, err);
+    if (st != STATUS_OK)
+        return st;
+    image->pixels = mem_calloc(bytes, 1);
+    if (!image->pixels)
+        return error_no_memory(err, "a texture");
+    image->width = width;
+    image->height = height;
+    image->channels = channels;
+    image->bits = bits;
+    return STATUS_OK;
+}
+
+void image8_release(struct image8 *image)
+{
+    mem_free(image->pixels);
+    memset(image, 0, sizeof *image);
+}
+
+static int starts_with(const uint8_t *data, size_t size_bytes, const void *magic, size_t length)
+{
+    return size_bytes >= length && memcmp(data, magic, length) == 0;
+}
+
+enum image_format image_format_of(const uint8_t *data, size_t size_bytes)
+{
+    if (starts_with(data, size_bytes, "\x89PNG\r\n\x1a\n", 8))
+        return IMAGE_PNG;
+    if (starts_with(data, size_bytes, "\xff\xd8\xff", 3))
+        return IMAGE_JPEG;
+    if (starts_with(data, size_bytes, "#?", 2))
+        return IMAGE_HDR;
+    if (starts_with(data, size_bytes, "\x76\x2f\x31\x01", 4))
+        return IMAGE_EXR;
+    return IMAGE_UNKNOWN;
+}
+
+/* In two passes, because what stands for infinity is known only after the first. */
+static void repair_pixels(struct image *image, struct image_repairs *repairs)
+{
+    size_t count = (size_t)image->width * image->height;
+    float largest = 0.0f;
+
+    for (size_t i = 0; i < count; i++) {
+        float *p = image->pixels + i * image->channels;
+        int nan = 0, negative = 0, infinite = 0;
+
+        for (uint32_t c = 0; c < image->channels; c++) {
+            if (isnan(p[c])) {
+                nan = 1;
+                p[c] = 0.0f;
+            } else if (p[c] < 0.0f) {
+                negative = 1;
+                p[c] = 0.0f;
+            } else if (isinf(p[c])) {
+                infinite = 1;
+            } else if (p[c] > largest) {
+                largest = p[c];
+            }
+        }
+        repairs->nan_pixels += (uint64_t)nan;
+        repairs->negative_pixels += (uint64_t)negative;
+        repairs->infinite_pixels += (uint64_t)infinite;
+    }
+    if (repairs->infinite_pixels == 0)
+        return;
+    if (largest == 0.0f)
+        largest = HALF_MAX;
+    for (size_t i = 0; i < count * image->channels; i++)
+        if (isinf(image->pixels[i]))
+            image->pixels[i] = largest;
+}
+
+status image_decode_hdr(struct image *out, const uint8_t *data, size_t size_bytes,
+                        const char *name, struct image_repairs *repairs, struct error *err)
+{
+    struct image_repairs here = {0, 0, 0};
+    status st;
+
+    memset(out, 0, sizeof *out);
+    switch (image_format_of(data, size_bytes)) {
+    case IMAGE_EXR:
+        st = exr_decode(out, data, size_bytes, name, err);
+        break;
+    case IMAGE_HDR:
+        st = hdr_decode(out, data, size_bytes, name, err);
+        break;
+    case IMAGE_PNG:
+    case IMAGE_JPEG:
+        return error_set(err, STATUS_ERR_UNSUPPORTED,
+                         "%s: this is a PNG or JPEG, which cannot hold light; "
+                         "give an OpenEXR (.exr) or Radiance (.hdr) file",
+                         name);
+    default:
+        return error_set(err, STATUS_ERR_INPUT,
+                         "%s: neither an OpenEXR nor a Radiance file (its first bytes say so)",
+                         name);
+    }
+    if (st != STATUS_OK)
+        return st;
+    repair_pixels(out, &here);
+    if (repairs) {
+        repairs->nan_pixels += here.nan_pixels;
+        repairs->negative_pixels += here.negative_pixels;
+        repairs->infinite_pixels += here.infinite_pixels;
+    }
+    return STATUS_OK;
+}
+
+status image_decode_8(struct image8 *out, const uint8_t *data, size_t size_bytes,
+                      const char *name, struct error *err)
+{
+    memset(out, 0, sizeof *out);
+    switch (image_format_of(data, size_bytes)) {
+    case IMAGE_PNG:
+        return png_decode(out, data, size_bytes, name, err);
+    case IMAGE_JPEG:
+        return jpeg_decode(out, data, size_bytes, name, err);
+    default:
+        return error_set(err, STATUS_ERR_INPUT,
+                         "%s: neither a PNG nor a JPEG (its first bytes say so)", name);
+    }
+}

@@ -1,0 +1,252 @@
+/* PNG through libpng, from and to memory. libpng's messages land in struct error, its memory
+ * comes from common/base/memory. Gamma and colour profiles are ignored, as glTF demands. */
+#include <png.h>
+#include <setjmp.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/buffer.h"
+#include "common/base/memory.h"
+#include "common/image/image.h"
+
+enum {
+    PNG_TEXT_CHUNKS_MAX = 64,
+    PNG_CHUNK_BYTES_MAX = 8 << 20, /* of ancillary chunks: profiles, texts */
+    PNG_DEFLATE_LEVEL = 6,
+};
+#define PNG_BLOCK_BYTES_MAX ((size_t)1 << 30)
+#define DEFLATE_EXPANSION_MAX 1100.0 /* a byte of deflate becomes at most 1032 */
+
+struct png_stream {
+    const uint8_t *data; /* reading */
+    size_t size_bytes, at;
+    struct buffer *out;  /* writing */
+    char message[128];
+};
+
+static void png_fail(png_structp png, png_const_charp text)
+{
+    struct png_stream *stream = png_get_error_ptr(png);
+
+    snprintf(stream->message, sizeof stream->message, "%s", text);
+    png_longjmp(png, 1);
+}
+
+static void png_ignore_warning(png_structp png, png_const_charp text)
+{
+    (void)png;
+    (void)text;
+}
+
+static png_voidp png_take_memory(png_structp png, png_alloc_size_t size_bytes)
+{
+    (void)png;
+    return size_bytes <= PNG_BLOCK_BYTES_MAX ? mem_alloc(size_bytes) : NULL;
+}
+
+static void png_give_memory(png_structp png, png_voidp block)
+{
+    (void)png;
+    mem_free(block);
+}
+
+static void png_read_bytes(png_structp png, png_bytep out, size_t size_bytes)
+{
+    struct png_stream *stream = png_get_io_ptr(png);
+
+    if (size_bytes > stream->size_bytes - stream->at)
+        png_error(png, "the file ends too early");
+    memcpy(out, stream->data + stream->at, size_bytes);
+    stream->at += size_bytes;
+}
+
+static void png_write_bytes(png_structp png, png_bytep data, size_t size_bytes)
+{
+    struct png_stream *stream = png_get_io_ptr(png);
+
+    buffer_append(stream->out, data, size_bytes);
+    if (!buffer_ok(stream->out))
+        png_error(png, "out of memory");
+}
+
+static void png_flush_nothing(png_structp png)
+{
+    (void)png;
+}
+
+/* ---- reading ----------------------------------------------------------------------------- */
+
+static int host_is_little_endian(void)
+{
+    const uint16_t one = 1;
+    uint8_t first;
+
+    memcpy(&first, &one, 1);
+    return first;
+}
+
+/* Ask for 8 or 16 bits a channel; palettes, low depths and tRNS expanded. */
+static void set_transformations(png_structp png, png_infop info)
+{
+    png_set_expand(png);
+    if (png_get_bit_depth(png, info) == 16 && host_is_little_endian())
+        png_set_swap(png);
+    png_set_interlace_handling(png);
+    png_read_update_info(png, info);
+}
+
+/* Everything that may longjmp; no variable here outlives the jump. `rows` is freed by the
+ * caller. */
+static status read_png(png_structp png, png_infop info, struct png_stream *stream,
+                       struct image8 *out, png_bytep **rows, const char *name, struct error *err)
+{
+    uint32_t width, height;
+    size_t row_bytes;
+    status st;
+
+    if (setjmp(png_jmpbuf(png)))
+        return error_set(err, STATUS_ERR_INPUT, "%s: the PNG is damaged or cut short (%s)", name,
+                         stream->message);
+    png_set_user_limits(png, IMAGE_SIDE_MAX, IMAGE_SIDE_MAX);
+    png_set_chunk_cache_max(png, PNG_TEXT_CHUNKS_MAX);
+    png_set_chunk_malloc_max(png, PNG_CHUNK_BYTES_MAX);
+    /* Texts, profiles and the like are of no use to us: skip them unread. */
+    png_set_keep_unknown_chunks(png, PNG_HANDLE_CHUNK_NEVER, NULL, 0);
+    png_set_read_fn(png, stream, png_read_bytes);
+    png_read_info(png, info);
+    width = png_get_image_width(png, info);
+    height = png_get_image_height(png, info);
+    if ((double)png_get_rowbytes(png, info) * height / DEFLATE_EXPANSION_MAX >
+        (double)stream->size_bytes)
+        return error_set(err, STATUS_ERR_INPUT,
+                         "%s: %zu bytes cannot hold the %u x %u pixels that the header claims; "
+                         "the file is damaged or cut short",
+                         name, stream->size_bytes, (unsigned)width, (unsigned)height);
+    set_transformations(png, info);
+    row_bytes = png_get_rowbytes(png, info);
+    st = image8_init(out, width, height, png_get_channels(png, info),
+                     png_get_bit_depth(png, info), err);
+    if (st != STATUS_OK) {
+        error_prefix(err, "%s", name);
+        return st;
+    }
+    if (row_bytes != (size_t)width * out->channels * (out->bits / 8))
+        return error_set(err, STATUS_ERR_INTERNAL, "%s: libpng's rows have another size", name);
+    *rows = mem_alloc_array(height, sizeof **rows);
+    if (!*rows)
+        return error_no_memory(err, "a texture's rows");
+    for (uint32_t y = 0; y < height; y++)
+        (*rows)[y] = out->pixels + y * row_bytes;
+    png_read_image(png, *rows);
+    png_read_end(png, NULL);
+    return STATUS_OK;
+}
+
+status png_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, const char *name,
+                  struct error *err)
+{
+    struct png_stream stream = {.data = data, .size_bytes = size_bytes};
+    png_structp png;
+    png_infop info;
+    png_bytep *rows = NULL;
+    status st;
+
+    memset(out, 0, sizeof *out);
+    png = png_create_read_struct_2(PNG_LIBPNG_VER_STRING, &stream, png_fail, png_ignore_warning,
+                                   NULL, png_take_memory, png_give_memory);
+    info = png ? png_create_info_struct(png) : NULL;
+    if (info)
+        st = read_png(png, info, &stream, out, &rows, name, err);
+    else
+        st = error_no_memory(err, "libpng");
+    mem_free(rows);
+    if (png)
+        png_destroy_read_struct(&png, &info, NULL);
+    if (st != STATUS_OK)
+        image8_release(out);
+    return st;
+}
+
+/* ---- writing ----------------------------------------------------------------------------- */
+
+/* The dither's threshold at a pixel, 0..1 exclusive: the R2 low-discrepancy sequence of
+ * Roberts 2018 ("The Unreasonable Effectiveness of Quasirandom Sequences"), x / p + y / p^2
+ * with the plastic number p, as a triangle wave so that the mask has no jumps. In integers, and
+ * held off the ends, so that values that are code values but for rounding stay so. */
+static double dither_threshold(uint32_t x, uint32_t y)
+{
+    uint32_t phase = x * 3242174889u + y * 2447445414u;
+    uint32_t wave = phase < 0x80000000u ? phase * 2 : ~phase * 2;
+
+    return (1.0 + (double)wave * (1022.0 / 4294967296.0)) / 1024.0;
+}
+
+static void quantize_row(const struct image *image, uint32_t y, uint8_t *row)
+{
+    for (uint32_t x = 0; x < image->width; x++) {
+        const float *p = image->pixels + ((size_t)y * image->width + x) * image->channels;
+        double threshold = dither_threshold(x, y);
+
+        for (int c = 0; c < 3; c++) {
+            double code = (double)p[c] * 255.0;
+
+            if (!(code > 0.0)) /* NaN too */
+                code = 0.0;
+            row[3 * (size_t)x + (size_t)c] = (uint8_t)(code >= 255.0 ? 255.0 : code + threshold);
+        }
+    }
+}
+
+static status write_png(png_structp png, png_infop info, struct png_stream *stream,
+                        const struct image *image, uint8_t *row, struct error *err)
+{
+    if (setjmp(png_jmpbuf(png)))
+        return buffer_ok(stream->out)
+                   ? error_set(err, STATUS_ERR_INTERNAL, "PNG: %s", stream->message)
+                   : error_no_memory(err, "a PNG");
+    png_set_user_limits(png, IMAGE_SIDE_MAX, IMAGE_SIDE_MAX);
+    png_set_write_fn(png, stream, png_write_bytes, png_flush_nothing);
+    png_set_compression_level(png, PNG_DEFLATE_LEVEL);
+    png_set_filter(png, 0, PNG_ALL_FILTERS);
+    png_set_IHDR(png, info, image->width, image->height, 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
+                 PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
+    png_write_info(png, info);
+    for (uint32_t y = 0; y < image->height; y++) {
+        quantize_row(image, y, row);
+        png_write_row(png, row);
+    }
+    png_write_end(png, info);
+    return STATUS_OK;
+}
+
+status png_encode(struct buffer *out, const struct image *image, struct error *err)
+{
+    struct png_stream stream = {.out = out};
+    size_t start = out->size;
+    png_structp png = NULL;
+    png_infop info = NULL;
+    uint8_t *row;
+    status st;
+
+    if (image->channels < 3)
+        return error_set(err, STATUS_ERR_INTERNAL, "a PNG is made of 3 channels, not of %u",
+                         (unsigned)image->channels);
+    row = mem_alloc_array(image->width, 3);
+    if (row)
+        png = png_create_write_struct_2(PNG_LIBPNG_VER_STRING, &stream, png_fail,
+                                        png_ignore_warning, NULL, png_take_memory, png_give_memory);
+    info = png ? png_create_info_struct(png) : NULL;
+    if (info)
+        st = write_png(png, info, &stream, image, row, err);
+    else
+        st = error_no_memory(err, "libpng");
+    if (png)
+        png_destroy_write_struct(&png, &info);
+    mem_free(row);
+    if (st != STATUS_OK && out->data && !out->failed) {
+        out->size = start; /* what was there before stays */
+        out->data[start] = 0;
+    }
+    return st;
+}
