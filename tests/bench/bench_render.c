@@ -1,0 +1,185 @@
+/* bench_render: the renderer alone on one scene: samples/s, rays/s, share of Embree, memory.
+ *
+ *   bench_render SCENE [--env FILE] [--size WxH] [--spp N] [--threads N] [--max-depth N]
+ *                [--env-sampling MODE] [--isa ISA] [--trace] [--json] [--out FILE.exr]
+ *
+ * --trace times every Embree call (and slows the run down a little, so take samples/s from a
+ * run without it). CPU time is that of the rendering threads. */
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+
+#include "client/import/import.h"
+#include "common/base/clock.h"
+#include "common/base/file.h"
+#include "common/base/memory.h"
+#include "common/base/options.h"
+#include "common/film/film.h"
+#include "common/image/image.h"
+#include "worker/render/render.h"
+
+struct bench {
+    const struct render_scene *scene;
+    struct render_settings settings;
+    struct film *film;
+    pthread_mutex_t lock;
+    atomic_uint next;
+    uint32_t tiles, passes;
+    struct render_stats stats;
+    uint64_t cpu_ns;
+};
+
+static status find_blob(void *user, const struct digest *digest, const uint8_t **data,
+                        size_t *size_bytes, struct error *err)
+{
+    const struct import_result *import = user;
+
+    for (size_t i = 0; i < import->blob_count; i++)
+        if (digest_equal(&import->blobs[i].digest, digest)) {
+            *data = import->blobs[i].data;
+            *size_bytes = import->blobs[i].size_bytes;
+            return STATUS_OK;
+        }
+    return error_set(err, STATUS_ERR_NOT_FOUND, "a blob is missing");
+}
+
+static void *run(void *user)
+{
+    struct bench *b = user;
+    struct render_stats stats = {0};
+    uint64_t start = clock_thread_cpu_ns();
+    float sums[TILE_FLOATS_MAX];
+
+    for (;;) {
+        uint32_t unit = atomic_fetch_add(&b->next, 1);
+        enum film_merge_result merged;
+        struct error err;
+        size_t n;
+        if (unit >= b->tiles * b->passes)
+            break;
+        n = render_tile(b->scene, 0, unit % b->tiles, unit / b->tiles, sums, &stats);
+        pthread_mutex_lock(&b->lock);
+        if (film_merge(b->film, unit % b->tiles, unit / b->tiles, sums, n, &merged, &err) != STATUS_OK) {
+            fprintf(stderr, "bench_render: %s\n", err.text);
+            exit(1);
+        }
+        pthread_mutex_unlock(&b->lock);
+    }
+    pthread_mutex_lock(&b->lock);
+    b->cpu_ns += clock_thread_cpu_ns() - start;
+    b->stats.samples += stats.samples;
+    b->stats.rays += stats.rays;
+    b->stats.vertices += stats.vertices;
+    b->stats.dropped_samples += stats.dropped_samples;
+    b->stats.trace_ns += stats.trace_ns;
+    pthread_mutex_unlock(&b->lock);
+    return NULL;
+}
+
+static void die(const struct error *err)
+{
+    fprintf(stderr, "bench_render: %s\n", err->text);
+    exit(status_exit_code(err->code));
+}
+
+int main(int argc, char **argv)
+{
+    const char *env = NULL, *size = "400x400", *out = NULL, *sampling = "importance", *isa = "avx2";
+    int64_t spp = 100, threads = 1, depth = 12;
+    int trace = 0, json = 0, help = 0;
+    const struct option table[] = {
+        {"env", 0, OPTION_STRING, &env, "FILE", "environment map", 0, 0, NULL},
+        {"size", 0, OPTION_STRING, &size, "WxH", "pixels", 0, 0, NULL},
+        {"spp", 0, OPTION_INT, &spp, "N", "samples a pixel", 1, SETTINGS_SPP_MAX, NULL},
+        {"threads", 0, OPTION_INT, &threads, "N", "rendering threads", 1, 256, NULL},
+        {"max-depth", 0, OPTION_INT, &depth, "N", "path depth", 0, SETTINGS_DEPTH_MAX, NULL},
+        {"env-sampling", 0, OPTION_CHOICE, &sampling, "MODE", "strategy", 0, 0, "importance|uniform|bsdf"},
+        {"isa", 0, OPTION_CHOICE, &isa, "ISA", "Embree's instruction set", 0, 0, "sse2|avx2|avx512"},
+        {"trace", 0, OPTION_FLAG, &trace, NULL, "time Embree's calls", 0, 0, NULL},
+        {"json", 0, OPTION_FLAG, &json, NULL, "one line of JSON", 0, 0, NULL},
+        {"out", 0, OPTION_STRING, &out, "FILE.exr", "keep the picture", 0, 0, NULL},
+        {0},
+    };
+    struct positionals rest;
+    struct error err = {0};
+    struct import_options options = {0};
+    struct import_result import;
+    struct render_scene_info info;
+    struct render_scene *scene;
+    struct bench b = {.lock = PTHREAD_MUTEX_INITIALIZER};
+    pthread_t ids[256];
+    struct rusage usage;
+    uint64_t start;
+    double wall, cpu;
+    unsigned width, height;
+
+    if (options_parse(table, argc, argv, &rest, &help, &err) != STATUS_OK)
+        die(&err);
+    if (help || rest.count != 1 || sscanf(size, "%ux%u", &width, &height) != 2) {
+        options_print_help("bench_render SCENE [options]", "Times the renderer alone.", table);
+        return help ? 0 : 2;
+    }
+    options.env_path = env;
+    options.scene_index = -1;
+    if (import_scene(rest.items[0], &options, &import, &err) != STATUS_OK)
+        die(&err);
+    render_settings_default(&b.settings);
+    b.settings.width = width;
+    b.settings.height = height;
+    b.settings.spp = (uint32_t)spp;
+    b.settings.max_depth = (uint32_t)depth;
+    b.settings.env_sampling = (enum env_sampling)env_sampling_parse(sampling);
+    b.settings.isa = (enum isa)isa_parse(isa);
+    if (render_scene_new(&scene, &import.scene, &b.settings,
+                         (struct blob_source){find_blob, &import}, &err) != STATUS_OK)
+        die(&err);
+    render_scene_info(scene, &info);
+    b.scene = scene;
+    b.tiles = tile_count(width, height);
+    b.passes = pass_count(b.settings.spp);
+    b.film = film_new(width, height, b.settings.spp);
+    if (!b.film)
+        return 1;
+    render_measure_trace(trace);
+    start = clock_monotonic_ns();
+    for (int64_t i = 0; i < threads; i++)
+        if (pthread_create(&ids[i], NULL, run, &b) != 0)
+            return 1;
+    for (int64_t i = 0; i < threads; i++)
+        pthread_join(ids[i], NULL);
+    wall = (double)(clock_monotonic_ns() - start) * 1e-9;
+    cpu = (double)b.cpu_ns * 1e-9;
+    getrusage(RUSAGE_SELF, &usage);
+    printf(json ? "{\"samples_per_cpu_s\": %.0f, \"rays_per_cpu_s\": %.0f, \"rays_per_sample\": %.3f, "
+                  "\"trace_share\": %.3f, \"cpu_s\": %.3f, \"wall_s\": %.3f, \"build_s\": %.3f, "
+                  "\"peak_mib\": %.1f, \"scene_mib\": %.1f, \"relative_mse\": %.4g, \"dropped\": %llu}\n"
+                : "samples/CPU-s %.0f  rays/CPU-s %.0f  rays/sample %.2f  Embree's share %.3f\n"
+                  "CPU %.2f s  wall %.2f s  build %.3f s  peak %.1f MiB (mesh+textures+BVH %.1f MiB)\n"
+                  "relative MSE %.4g  dropped samples %llu\n",
+           (double)b.stats.samples / cpu, (double)b.stats.rays / cpu,
+           (double)b.stats.rays / (double)b.stats.samples,
+           trace ? (double)b.stats.trace_ns * 1e-9 / cpu : 0.0, cpu, wall,
+           (double)info.build_ns * 1e-9, (double)usage.ru_maxrss / 1024,
+           (double)(info.mesh_bytes + info.texture_bytes + info.bvh_bytes) / (1 << 20),
+           film_relative_mse(b.film), (unsigned long long)b.stats.dropped_samples);
+    if (out) {
+        struct image image;
+        struct buffer bytes = BUFFER_INIT;
+        struct exr_options exr = {0};
+        if (image_init(&image, width, height, 3, &err) != STATUS_OK)
+            die(&err);
+        film_develop(b.film, image.pixels);
+        if (exr_encode(&bytes, &image, &exr, &err) != STATUS_OK ||
+            file_write_atomic(out, bytes.data, bytes.size, &err) != STATUS_OK)
+            die(&err);
+        buffer_release(&bytes);
+        image_release(&image);
+    }
+    film_free(b.film);
+    render_scene_free(scene);
+    import_result_release(&import);
+    return 0;
+}
