@@ -29,8 +29,12 @@ static void stream_complain(exr_const_context_t context, exr_result_t code, cons
     if (!context || exr_get_user_data(context, &user) != EXR_ERR_SUCCESS || !user)
         return;
     stream = user;
-    if (stream->message[0] == 0)
-        snprintf(stream->message, sizeof stream->message, "%s", text);
+    if (stream->message[0] != 0)
+        return;
+    snprintf(stream->message, sizeof stream->message, "%s", text);
+    for (char *c = stream->message; *c; c++) /* it may quote names from the file */
+        if (*c < ' ' || *c > '~')
+            *c = '?';
 }
 
 static int64_t stream_read(exr_const_context_t context, void *user, void *out, uint64_t size_bytes,
