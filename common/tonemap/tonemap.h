@@ -13,7 +13,10 @@
 #include "common/base/status.h"
 #include "common/image/image.h"
 
-enum { TONEMAP_PARAMETERS_MAX = 8 };
+enum {
+    TONEMAP_PARAMETERS_MAX = 8,
+    TONEMAP_EXPOSURE_MAX = 60, /* stops, either way */
+};
 
 struct tonemap_parameter {
     const char *name;
@@ -22,9 +25,11 @@ struct tonemap_parameter {
 };
 
 struct tonemap_statistics {
-    double log_mean;   /* exp(mean(ln Y)) over the positive finite pixels; 1 if there is none */
-    double max;        /* largest finite luminance; 0 if there is none */
-    double min;        /* smallest positive luminance; 0 if there is none */
+    /* exp(mean(ln Y)) over the positive finite pixels, 1 if there is none; BEFORE exposure, so
+     * that exposure also acts on operators that divide by it. */
+    double log_mean;
+    double max;        /* largest finite luminance after exposure; 0 if there is none */
+    double min;        /* smallest positive luminance after exposure; 0 if there is none */
     size_t counted;    /* pixels that counted */
 };
 
@@ -43,7 +48,7 @@ struct tonemap_operator {
 
 struct tonemap_settings {
     const struct tonemap_operator *op;
-    double exposure_ev;                     /* 2^ev multiplies the picture first */
+    double exposure_ev;                     /* 2^ev multiplies the picture first; see log_mean */
     double values[TONEMAP_PARAMETERS_MAX];
 };
 

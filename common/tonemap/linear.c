@@ -1,0 +1,20 @@
+/* No curve: what is above 1 is cut off. For comparing, and for pictures that are display
+ * referred already. */
+#include "common/tonemap/operators.h"
+
+static status linear_apply(struct image *image, const struct tonemap_statistics *statistics,
+                           const double *values, struct error *err)
+{
+    (void)image;
+    (void)statistics;
+    (void)values;
+    (void)err;
+    return STATUS_OK;
+}
+
+const struct tonemap_operator tonemap_linear = {
+    .name = "linear",
+    .summary = "Exposure only: light is shown as it is and cut off at white.",
+    .source = "IEC 61966-2-1 (the sRGB transfer function)",
+    .apply = linear_apply,
+};
