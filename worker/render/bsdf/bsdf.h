@@ -4,29 +4,51 @@
  * of wo: wo.z > 0 always (the caller flips the frame for a hit from behind). wi.z > 0 is
  * reflection, wi.z < 0 transmission. Values are radiance throughput (camera paths): f
  * includes 1/eta^2 for refraction. All functions are pure and use only deterministic
- * arithmetic; no result is ever NaN or negative.
+ * arithmetic; no result is ever NaN, infinite or negative.
  *
- * Lobes: Lambert diffuse; GGX reflection (height-correlated Smith, visible normals:
- * Dupuy & Benyoub 2023) as a metal (Schlick with the base colour) or a dielectric; smooth
- * mirror below ALPHA_MIN; smooth and rough refraction (Walter 2007) or thin-wall
- * transmission (KHR_materials_transmission). The mix is glTF 2.0's: lerp(dielectric,
- * metal, metallic), dielectric = lerp(diffuse, transmission, transmission) under a Fresnel
- * reflection, made energy-conserving.
+ * The material is glTF 2.0's, metallic m and transmission t:
+ *   m * metal + (1 - m) * ((1 - t) * plastic + t * glass)
+ * metal    GGX reflection, Schlick from the base colour to 1.
+ * plastic  GGX reflection, Schlick from F0 = min(((ior-1)/(ior+1))^2 specular_color, 1) *
+ *          specular to F90 = specular, over a Lambert base. glTF's plain mix of the two by
+ *          F(v.h) sends out almost twice what comes in at grazing angles, so the base is
+ *          scaled by what the reflection leaves on the way in and on the way out
+ *          (albedo.h): reciprocal, a white smooth plastic sends out exactly 1.
+ *          F90 fades to 0 below ior 1.2, so that ior 1 is no interface at all: Schlick's
+ *          formula, made for 1.2 to 2.2, would keep a bright rim.
+ * glass    refractive: one rough interface (Walter et al. 2007) with the exact Fresnel
+ *          term, remapped so that it begins at F0 and ends at F90 (total internal
+ *          reflection is always 1); reflection or refraction is chosen for the sampled
+ *          microfacet. Transmitted light is base_color * (1 - max component of F).
+ *          thin wall: plastic's reflection; light passes with GGX spread and mirrored half
+ *          vector (KHR_materials_transmission), tinted, scaled by 1 minus the larger of
+ *          the mean reflectances along wo and wi: reciprocal, never gains energy. Its
+ *          spread fades to none as ior goes from 1.5 to 1, as glTF viewers have it.
+ * Special cases: alpha < BSDF_ALPHA_MIN is smooth (delta lobes); ior 0 is Fresnel 1 at F0
+ * (no bending); a refraction that would spread by less than BSDF_SPREAD_MIN is a delta
+ * lobe, so ior 1 passes straight whatever alpha. Energy lost to multiple scattering between
+ * microfacets is not given back.
  */
 #ifndef AZULEJO_RENDER_BSDF_H
 #define AZULEJO_RENDER_BSDF_H
 
 #include "common/math/vec.h"
+#include "worker/render/bsdf/albedo.h"
 
 /* GGX alpha below this is a perfect mirror (a delta lobe). */
 #define BSDF_ALPHA_MIN 1e-3f
+/* Rough refraction with alpha * |eta - 1| below this is a delta lobe: floats could not
+ * resolve its half vector, and nobody its blur (radians). */
+#define BSDF_SPREAD_MIN 1e-4f
+/* Larger indices are clamped to this (F0 = 0.996). */
+#define BSDF_IOR_MAX 1000.0f
 
 /* The material's values at the hit point, textures applied. */
 struct bsdf_params {
     struct vec3 base_color;     /* 0..1 */
     float metallic;             /* 0..1 */
     float alpha;                /* GGX alpha = roughness^2, 0..1 */
-    float ior;                  /* >= 1, or 0: Fresnel is exactly 1 */
+    float ior;                  /* >= 1, or 0: Fresnel is exactly 1; else clamped */
     float specular;             /* weight of the dielectric reflection, 0..1 */
     struct vec3 specular_color; /* scales F0 of the dielectric, >= 0 */
     float transmission;         /* 0..1 */
@@ -34,16 +56,51 @@ struct bsdf_params {
     int inside;                 /* refractive: wo is inside the object (hit from behind) */
 };
 
-enum { BSDF_LOBES_MAX = 4 };
+/* The lobes that are chosen between. All reflection with Schlick's Fresnel term (metal,
+ * plastic, thin wall) is one lobe; a refractive interface, both ways, is one. */
+enum bsdf_lobe {
+    BSDF_LOBE_DIFFUSE,
+    BSDF_LOBE_REFLECT,
+    BSDF_LOBE_INTERFACE,
+    BSDF_LOBE_THIN,
+    BSDF_LOBES_MAX
+};
 
+/* Shortcuts for the surfaces that most scenes are made of. */
+enum bsdf_kind {
+    BSDF_KIND_BLACK,   /* scatters nothing */
+    BSDF_KIND_LAMBERT, /* no reflection: exactly base_color / pi */
+    BSDF_KIND_METAL,   /* rough metal only */
+    BSDF_KIND_MIX,
+};
+
+/* Fields below `kind` are set only as far as the kind needs them. */
 struct bsdf {
-    struct bsdf_params p;
+    struct bsdf_params p;       /* clamped */
     float eta;                  /* n on the far side / n on wo's side */
     float lobe_cdf[BSDF_LOBES_MAX]; /* selection probabilities, accumulated, last is 1 */
     int has_delta, has_smooth;  /* any delta lobe; any lobe with a density */
-    /* the implementation may add fields here */
     struct vec3 f0_dielectric;
     float cos_o;
+
+    enum bsdf_kind kind;
+    float lobe_pdf[BSDF_LOBES_MAX];
+    int smooth;                 /* reflection (and refraction) is a delta lobe */
+    int transmit_delta;         /* refraction is a delta lobe */
+    int thin_delta;
+    int exact;                  /* interface: exact Fresnel; else Schlick (ior 0) */
+    float alpha2, root_o;       /* microfacet.h */
+    struct vec3 f0;             /* reflect lobe: Schlick's ends, with all weights */
+    float f90;
+    float f90_dielectric;
+    float normal_f0, inverse_rest_f0; /* interface: F at normal incidence, 1 / (1 - it) */
+    float weight_interface;
+    struct vec3 tint;           /* base colour of transmitted light, with all weights */
+    struct vec3 diffuse;        /* Lambert / pi with all weights and wo's share */
+    float layer_f0, layer_f90;  /* what scales the base: ends of the mean reflectance */
+    float layer_o;              /* mean reflectance along wo */
+    struct albedo_row row;
+    float thin_alpha, thin_alpha2, thin_root_o;
 };
 
 enum bsdf_flags {

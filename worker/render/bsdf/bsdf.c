@@ -1,0 +1,577 @@
+#include "worker/render/bsdf/bsdf.h"
+
+#include "common/math/elementary.h"
+#include "worker/render/bsdf/fresnel.h"
+#include "worker/render/bsdf/microfacet.h"
+#include "worker/render/bsdf/warp.h"
+
+/* A lobe that can contribute is chosen at least this often. */
+#define LOBE_SHARE_MIN 0.02f
+/* F90 of plastic reaches its full value at this F0 (ior 1.2); see bsdf.h. */
+#define FADE_F0 (1.0f / 121.0f)
+/* Squared length of a half vector below which it has no direction left. */
+#define HALF_LENGTH2_MIN 1e-20f
+
+static const struct vec3 BLACK = {0, 0, 0};
+
+float fresnel_dielectric(float cos_i, float eta) { return fresnel_exact(cos_i, eta); }
+
+/* x clamped to low..high; NaN becomes low. */
+static inline float clamp_to(float x, float low, float high)
+{
+    return x > low ? (x < high ? x : high) : low;
+}
+static inline struct vec3 clamp_color(struct vec3 c, float high)
+{
+    return (struct vec3){clamp_to(c.x, 0, high), clamp_to(c.y, 0, high), clamp_to(c.z, 0, high)};
+}
+/* vec3_max without fmaxf's calls; c has no NaN. */
+static inline float largest(struct vec3 c)
+{
+    float m = c.x > c.y ? c.x : c.y;
+    return m > c.z ? m : c.z;
+}
+static inline int is_finite_sum(struct vec3 f, float pdf)
+{
+    return f.x + f.y + f.z + pdf < INFINITY; /* nothing negative here; NaN compares false */
+}
+
+/* ---- what depends on wo and the material only ---------------------------------------------- */
+
+static inline struct vec3 schlick_color(const struct bsdf *b, float weight)
+{
+    return (struct vec3){b->f0.x + (b->f90 - b->f0.x) * weight,
+                         b->f0.y + (b->f90 - b->f0.y) * weight,
+                         b->f0.z + (b->f90 - b->f0.z) * weight};
+}
+
+/* Reflectance of the refractive interface (without its weight). */
+static inline struct vec3 interface_color(const struct bsdf *b, float cos_i)
+{
+    float weight;
+    struct vec3 f;
+
+    if (b->exact) {
+        float r = fresnel_exact(cos_i, b->eta);
+        if (r >= 1.0f)
+            return (struct vec3){1, 1, 1};
+        weight = (r - b->normal_f0) * b->inverse_rest_f0;
+    } else {
+        weight = schlick_weight(cos_i);
+    }
+    /* The exact term dips below its value at normal incidence for an ior above 3.7. */
+    f.x = clamp_to(b->f0_dielectric.x + (b->f90_dielectric - b->f0_dielectric.x) * weight, 0, 1);
+    f.y = clamp_to(b->f0_dielectric.y + (b->f90_dielectric - b->f0_dielectric.y) * weight, 0, 1);
+    f.z = clamp_to(b->f0_dielectric.z + (b->f90_dielectric - b->f0_dielectric.z) * weight, 0, 1);
+    return f;
+}
+
+/* How likely the interface lobe reflects at a microfacet that reflects `f`. 0 and 1 only
+ * where the other way carries nothing. */
+static inline float interface_reflect_probability(const struct bsdf *b, struct vec3 f)
+{
+    float reflected = vec3_average(f);
+    float transmitted = (1.0f - largest(f)) * vec3_average(b->p.base_color);
+    float sum = reflected + transmitted;
+
+    return sum > 0.0f ? reflected / sum : 1.0f;
+}
+
+/* Share of light that the reflection leaves for the base along a direction. */
+static inline float layer_rest(const struct bsdf *b, float mu)
+{
+    float blend, rest;
+
+    if (b->layer_f90 == 0.0f)
+        return 1.0f;
+    blend = b->smooth ? schlick_weight(mu) : albedo_blend_at(&b->row, mu);
+    rest = 1.0f - (b->layer_f0 + (b->layer_f90 - b->layer_f0) * blend);
+    return rest > 0.0f ? rest : 0.0f;
+}
+
+static void clamp_params(struct bsdf_params *p, const struct bsdf_params *from)
+{
+    p->base_color = clamp_color(from->base_color, 1);
+    p->metallic = clamp_to(from->metallic, 0, 1);
+    p->alpha = clamp_to(from->alpha, 0, 1);
+    p->ior = from->ior == 0.0f ? 0.0f : clamp_to(from->ior, 1, BSDF_IOR_MAX);
+    p->specular = clamp_to(from->specular, 0, 1);
+    p->specular_color = clamp_color(from->specular_color, 1e6f);
+    p->transmission = clamp_to(from->transmission, 0, 1);
+    p->refractive = from->refractive != 0;
+    p->inside = from->inside != 0;
+}
+
+static void choose_only(struct bsdf *b, enum bsdf_lobe lobe)
+{
+    for (int i = 0; i < BSDF_LOBES_MAX; i++) {
+        b->lobe_pdf[i] = i == (int)lobe;
+        b->lobe_cdf[i] = i >= (int)lobe;
+    }
+}
+
+/* Selection probabilities from the lobes' shares; a negative share is an absent lobe. */
+static int choose_by_share(struct bsdf *b, const float share[BSDF_LOBES_MAX])
+{
+    float total = 0, sum = 0, floored[BSDF_LOBES_MAX];
+    int last = -1;
+
+    for (int i = 0; i < BSDF_LOBES_MAX; i++)
+        total += share[i] > 0.0f ? share[i] : 0.0f;
+    if (!(total > 1e-10f))
+        total = 1e-10f;
+    for (int i = 0; i < BSDF_LOBES_MAX; i++) {
+        floored[i] = share[i] < 0.0f ? 0.0f
+                     : share[i] > LOBE_SHARE_MIN * total ? share[i] : LOBE_SHARE_MIN * total;
+        sum += floored[i];
+        last = share[i] < 0.0f ? last : i;
+    }
+    if (last < 0)
+        return 0;
+    total = 0;
+    for (int i = 0; i < BSDF_LOBES_MAX; i++) {
+        b->lobe_pdf[i] = floored[i] / sum;
+        total += b->lobe_pdf[i];
+        b->lobe_cdf[i] = i >= last ? 1.0f : total;
+    }
+    return 1;
+}
+
+/* Plastic, glass, thin walls and everything between. */
+static void init_mix(struct bsdf *b)
+{
+    const struct bsdf_params *p = &b->p;
+    float dielectric = 1.0f - p->metallic, glass = p->refractive ? p->transmission : 0.0f;
+    float plastic = dielectric * (1.0f - glass);
+    float weight_thin = p->refractive ? 0.0f : dielectric * p->transmission;
+    float weight_diffuse = dielectric * (1.0f - p->transmission);
+    float r = p->ior == 0.0f ? 1.0f : (p->ior - 1.0f) / (p->ior + 1.0f);
+    float fade = r * r < FADE_F0 ? r * r / FADE_F0 : 1.0f;
+    float base = vec3_average(p->base_color), blend, rest_average;
+    float share[BSDF_LOBES_MAX];
+    struct vec3 seen;
+
+    b->kind = BSDF_KIND_MIX;
+    b->normal_f0 = r * r;
+    b->f0_dielectric = vec3_scale(clamp_color(vec3_scale(p->specular_color, r * r), 1), p->specular);
+    b->layer_f0 = largest(b->f0_dielectric);
+    b->f90_dielectric = p->specular;
+    b->layer_f90 = p->specular * fade;
+    b->layer_f90 = b->layer_f90 > b->layer_f0 ? b->layer_f90 : b->layer_f0;
+    b->f0 = vec3_mad(vec3_scale(b->f0_dielectric, plastic), p->base_color, p->metallic);
+    b->f90 = b->layer_f90 * plastic + p->metallic;
+
+    b->smooth = p->alpha < BSDF_ALPHA_MIN;
+    if (b->smooth) {
+        blend = schlick_weight(b->cos_o);
+        rest_average = 1.0f - (b->layer_f0 + (b->layer_f90 - b->layer_f0) * (1.0f / 21.0f));
+    } else {
+        b->alpha2 = p->alpha * p->alpha;
+        b->root_o = ggx_root(b->alpha2, b->cos_o);
+        b->row = albedo_row_find(p->alpha);
+        blend = albedo_blend_at(&b->row, b->cos_o);
+        rest_average = 1.0f - (b->layer_f0 + (b->layer_f90 - b->layer_f0) * b->row.average);
+    }
+    b->layer_o = 1.0f - layer_rest(b, b->cos_o);
+
+    share[BSDF_LOBE_DIFFUSE] = -1;
+    b->diffuse = BLACK;
+    if (weight_diffuse > 0.0f && base > 0.0f && rest_average > 1e-4f) {
+        float rest_o = layer_rest(b, b->cos_o);
+        b->diffuse = vec3_scale(p->base_color, weight_diffuse * rest_o / rest_average * INV_PI_F);
+        share[BSDF_LOBE_DIFFUSE] = rest_o > 0.0f ? base * weight_diffuse * rest_o : -1.0f;
+    }
+
+    seen = schlick_color(b, blend);
+    share[BSDF_LOBE_REFLECT] = vec3_average(seen);
+    if (b->f90 == 0.0f && vec3_is_black(b->f0))
+        share[BSDF_LOBE_REFLECT] = -1;
+
+    share[BSDF_LOBE_INTERFACE] = -1;
+    b->weight_interface = dielectric * glass;
+    b->eta = 1.0f;
+    b->transmit_delta = 1;
+    if (b->weight_interface > 0.0f) {
+        b->exact = p->ior != 0.0f;
+        if (b->exact)
+            b->eta = p->inside ? 1.0f / p->ior : p->ior;
+        b->inverse_rest_f0 = 1.0f / (1.0f - (b->exact ? b->normal_f0 : 0.0f));
+        b->transmit_delta = b->smooth || p->alpha * fabsf(b->eta - 1.0f) < BSDF_SPREAD_MIN;
+        b->tint = vec3_scale(p->base_color, b->weight_interface);
+        seen = interface_color(b, b->cos_o);
+        share[BSDF_LOBE_INTERFACE] =
+            b->weight_interface * (vec3_average(seen) + (1.0f - largest(seen)) * base);
+    }
+
+    share[BSDF_LOBE_THIN] = -1;
+    b->thin_delta = 0;
+    if (weight_thin > 0.0f && base > 0.0f) {
+        /* No blur at ior 1, all of it from 1.5 on: the roughness is scaled, not alpha. */
+        float scale = p->ior == 0.0f ? 1.0f : clamp_to(2.0f * p->ior - 2.0f, 0, 1);
+        b->thin_alpha = p->alpha * (scale * scale);
+        b->thin_alpha2 = b->thin_alpha * b->thin_alpha;
+        b->thin_root_o = ggx_root(b->thin_alpha2, b->cos_o);
+        b->thin_delta = b->thin_alpha < BSDF_ALPHA_MIN;
+        b->tint = vec3_scale(p->base_color, weight_thin);
+        if (b->layer_o < 1.0f)
+            share[BSDF_LOBE_THIN] = weight_thin * base * (1.0f - b->layer_o);
+    }
+
+    if (!choose_by_share(b, share)) {
+        b->kind = BSDF_KIND_BLACK;
+        b->has_delta = b->has_smooth = 0;
+        return;
+    }
+    b->has_delta = (b->smooth && (b->lobe_pdf[BSDF_LOBE_REFLECT] > 0.0f ||
+                                  b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f)) ||
+                   (b->transmit_delta && b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f) ||
+                   (b->thin_delta && b->lobe_pdf[BSDF_LOBE_THIN] > 0.0f);
+    b->has_smooth = b->lobe_pdf[BSDF_LOBE_DIFFUSE] > 0.0f ||
+                    (!b->smooth && (b->lobe_pdf[BSDF_LOBE_REFLECT] > 0.0f ||
+                                    b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f)) ||
+                    (!b->thin_delta && b->lobe_pdf[BSDF_LOBE_THIN] > 0.0f);
+}
+
+void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
+{
+    float length2 = vec3_length_squared(wo);
+
+    clamp_params(&b->p, params);
+    b->kind = BSDF_KIND_BLACK;
+    b->eta = 1.0f;
+    b->has_delta = b->has_smooth = 0;
+    b->f0_dielectric = BLACK;
+    b->cos_o = clamp_to(wo.z, 0, 1);
+    choose_only(b, BSDF_LOBE_DIFFUSE);
+    if (!(wo.z > 0.0f && length2 > 0.9f && length2 < 1.1f))
+        return;
+
+    if (b->p.metallic == 0.0f && b->p.transmission == 0.0f &&
+        (b->p.specular == 0.0f || b->p.ior == 1.0f)) {
+        if (vec3_is_black(b->p.base_color))
+            return;
+        b->kind = BSDF_KIND_LAMBERT;
+        b->diffuse = vec3_scale(b->p.base_color, INV_PI_F);
+        b->has_smooth = 1;
+    } else if (b->p.metallic == 1.0f && b->p.alpha >= BSDF_ALPHA_MIN) {
+        b->kind = BSDF_KIND_METAL;
+        b->smooth = 0;
+        b->alpha2 = b->p.alpha * b->p.alpha;
+        b->root_o = ggx_root(b->alpha2, b->cos_o);
+        b->f0 = b->p.base_color;
+        b->f90 = 1.0f;
+        b->has_smooth = 1;
+        choose_only(b, BSDF_LOBE_REFLECT);
+    } else {
+        init_mix(b);
+    }
+}
+
+/* ---- values and densities ------------------------------------------------------------------ */
+
+/* D G1(wo) / (4 wo.z) of the half vector between wo and wi, both above: the density of
+ * reflecting a visible normal. *cos_h is wo.h; *shadowing is G2 / G1. */
+static inline float reflect_density(float alpha2, float root_o, float mu_o, struct vec3 wo,
+                                    struct vec3 wi, float *cos_h, float *shadowing)
+{
+    struct vec3 h = vec3_add(wo, wi);
+    float length2 = vec3_length_squared(h), root_i = ggx_root(alpha2, wi.z);
+
+    if (!(length2 > HALF_LENGTH2_MIN))
+        return 0;
+    *cos_h = 0.5f * sqrtf(length2);
+    *shadowing = wi.z * (mu_o + root_o) / (wi.z * root_o + mu_o * root_i);
+    return ggx_density(alpha2, h, length2) * 0.5f / (mu_o + root_o);
+}
+
+static inline struct vec3 metal_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
+                                         float *pdf)
+{
+    float cos_h, shadowing;
+    struct vec3 f;
+
+    *pdf = 0;
+    if (!(wi.z > 0.0f))
+        return BLACK;
+    *pdf = reflect_density(b->alpha2, b->root_o, b->cos_o, wo, wi, &cos_h, &shadowing);
+    if (!(*pdf > 0.0f))
+        return *pdf = 0, BLACK;
+    f = vec3_scale(schlick_color(b, schlick_weight(cos_h)), *pdf * shadowing);
+    if (!is_finite_sum(f, *pdf))
+        return *pdf = 0, BLACK;
+    return f;
+}
+
+static inline struct vec3 mix_reflection(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
+                                         float *pdf)
+{
+    struct vec3 f = BLACK;
+
+    *pdf = 0;
+    if (b->lobe_pdf[BSDF_LOBE_DIFFUSE] > 0.0f) {
+        f = vec3_scale(b->diffuse, layer_rest(b, wi.z) * wi.z);
+        *pdf = b->lobe_pdf[BSDF_LOBE_DIFFUSE] * (wi.z * INV_PI_F);
+    }
+    if (!b->smooth) {
+        float cos_h, shadowing, chosen = b->lobe_pdf[BSDF_LOBE_REFLECT];
+        float density = reflect_density(b->alpha2, b->root_o, b->cos_o, wo, wi, &cos_h, &shadowing);
+        if (density > 0.0f) {
+            struct vec3 r = schlick_color(b, schlick_weight(cos_h));
+            if (b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f) {
+                struct vec3 interface = interface_color(b, cos_h);
+                r = vec3_mad(r, interface, b->weight_interface);
+                chosen += b->lobe_pdf[BSDF_LOBE_INTERFACE] *
+                          interface_reflect_probability(b, interface);
+            }
+            f = vec3_mad(f, r, density * shadowing);
+            *pdf += chosen * density;
+        }
+    }
+    return f;
+}
+
+/* Light through a rough thin wall: the reflection of the mirrored direction, separable
+ * masking and shadowing. wi.z < 0. */
+static inline struct vec3 thin_transmission(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
+                                            float *pdf)
+{
+    struct vec3 mirrored = {wi.x, wi.y, -wi.z};
+    float cos_h, shadowing, density, layer_i, layer, g1;
+
+    *pdf = 0;
+    density = reflect_density(b->thin_alpha2, b->thin_root_o, b->cos_o, wo, mirrored, &cos_h,
+                              &shadowing);
+    if (!(density > 0.0f))
+        return BLACK;
+    layer_i = 1.0f - layer_rest(b, mirrored.z);
+    layer = layer_i > b->layer_o ? layer_i : b->layer_o;
+    g1 = 2.0f * mirrored.z / (mirrored.z + ggx_root(b->thin_alpha2, mirrored.z));
+    *pdf = b->lobe_pdf[BSDF_LOBE_THIN] * density;
+    return vec3_scale(b->tint, (1.0f - layer) * g1 * density);
+}
+
+/* Walter et al. 2007, equations 17 and 21, with h = -(wo + eta wi) normalised towards wo,
+ * whose squared length before that is their squared denominator. wi.z < 0. */
+static inline struct vec3 rough_refraction(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
+                                           float *pdf)
+{
+    struct vec3 h = vec3_mad(wo, wi, b->eta), f;
+    float length2 = vec3_length_squared(h), mu_i = -wi.z, scale, cos_o, cos_i, density, g1_i, keep;
+
+    *pdf = 0;
+    if (!(length2 > HALF_LENGTH2_MIN))
+        return BLACK;
+    scale = 1.0f / sqrtf(length2);
+    scale = h.z < 0.0f ? -scale : scale;
+    cos_o = vec3_dot(wo, h) * scale;
+    cos_i = -vec3_dot(wi, h) * scale;
+    if (!(cos_o > 0.0f && cos_i > 0.0f))
+        return BLACK;
+    f = interface_color(b, cos_o);
+    keep = 1.0f - largest(f);
+    if (!(keep > 0.0f))
+        return BLACK;
+    density = ggx_density(b->alpha2, h, length2) * 2.0f / (b->cos_o + b->root_o) *
+              (cos_o * cos_i / length2);
+    g1_i = 2.0f * mu_i / (mu_i + ggx_root(b->alpha2, mu_i));
+    *pdf = b->lobe_pdf[BSDF_LOBE_INTERFACE] * (1.0f - interface_reflect_probability(b, f)) *
+           density * (b->eta * b->eta);
+    return vec3_scale(b->tint, keep * g1_i * density);
+}
+
+static inline struct vec3 mix_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
+                                       float *pdf)
+{
+    struct vec3 f = BLACK;
+
+    *pdf = 0;
+    if (wi.z > 0.0f)
+        f = mix_reflection(b, wo, wi, pdf);
+    else if (!(wi.z < 0.0f))
+        return BLACK;
+    else if (b->lobe_pdf[BSDF_LOBE_THIN] > 0.0f && !b->thin_delta)
+        f = thin_transmission(b, wo, wi, pdf);
+    else if (b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f && !b->transmit_delta)
+        f = rough_refraction(b, wo, wi, pdf);
+    if (!(*pdf > 0.0f && is_finite_sum(f, *pdf)))
+        return *pdf = 0, BLACK;
+    return f;
+}
+
+struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, float *pdf)
+{
+    *pdf = 0;
+    if (!b->has_smooth)
+        return BLACK;
+    switch (b->kind) {
+    case BSDF_KIND_LAMBERT:
+        if (!(wi.z > 0.0f))
+            return BLACK;
+        *pdf = wi.z * INV_PI_F;
+        return vec3_scale(b->diffuse, wi.z);
+    case BSDF_KIND_METAL:
+        return metal_eval_pdf(b, wo, wi, pdf);
+    case BSDF_KIND_MIX:
+        return mix_eval_pdf(b, wo, wi, pdf);
+    case BSDF_KIND_BLACK:
+        break;
+    }
+    return BLACK;
+}
+
+struct vec3 bsdf_eval(const struct bsdf *b, struct vec3 wo, struct vec3 wi)
+{
+    float pdf;
+    return bsdf_eval_pdf(b, wo, wi, &pdf);
+}
+
+float bsdf_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi)
+{
+    float pdf;
+    bsdf_eval_pdf(b, wo, wi, &pdf);
+    return pdf;
+}
+
+/* ---- sampling ------------------------------------------------------------------------------ */
+
+static inline int finish_delta(struct bsdf_sample *out, int flags)
+{
+    out->flags = BSDF_DELTA | flags;
+    return is_finite_sum(out->weight, 0) && largest(out->weight) > 0.0f;
+}
+
+/* The mirror direction, with what all lobes reflect there over how often it is chosen. */
+static int sample_mirror(const struct bsdf *b, struct vec3 wo, struct bsdf_sample *out)
+{
+    struct vec3 f = schlick_color(b, schlick_weight(b->cos_o));
+    float chosen = b->lobe_pdf[BSDF_LOBE_REFLECT];
+
+    if (b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f) {
+        struct vec3 interface = interface_color(b, b->cos_o);
+        f = vec3_mad(f, interface, b->weight_interface);
+        chosen += b->lobe_pdf[BSDF_LOBE_INTERFACE] * interface_reflect_probability(b, interface);
+    }
+    if (!(chosen > 0.0f))
+        return 0;
+    out->wi = (struct vec3){-wo.x, -wo.y, wo.z};
+    out->weight = vec3_scale(f, 1.0f / chosen);
+    return finish_delta(out, 0);
+}
+
+/* The interface's lobe: reflect or refract at one microfacet. 1: *wi has a density; 0: no
+ * sample; -1: a delta lobe, and *out is complete with *result as the sampler's. */
+static int sample_interface(const struct bsdf *b, struct vec3 wo, float u_side, float u, float v,
+                            struct bsdf_sample *out, int *result)
+{
+    struct vec3 h = b->smooth ? (struct vec3){0, 0, 1} : ggx_sample_visible(wo, b->p.alpha, u, v);
+    float cos_h = b->smooth ? b->cos_o : vec3_dot(wo, h), reflect;
+    struct vec3 f;
+
+    if (!(cos_h > 0.0f))
+        return 0;
+    f = interface_color(b, cos_h);
+    reflect = interface_reflect_probability(b, f);
+    if (u_side < reflect) {
+        if (b->smooth)
+            return *result = sample_mirror(b, wo, out), -1;
+        out->wi = reflect_about(wo, h);
+        return out->wi.z > 0.0f;
+    }
+    if (!b->transmit_delta) {
+        out->flags = BSDF_TRANSMISSION | BSDF_REFRACTION;
+        out->eta_scale = b->eta * b->eta;
+        return refract_about(wo, h, cos_h, b->eta, &out->wi) && out->wi.z < 0.0f;
+    }
+    /* A delta refraction bends at the surface's own normal. Where reflection is rough, its
+     * share is averaged over the microfacets, so both ways still add up to at most 1. */
+    if (b->eta == 1.0f)
+        out->wi = vec3_neg(wo);
+    else if (!refract_about(wo, (struct vec3){0, 0, 1}, b->cos_o, b->eta, &out->wi))
+        return 0;
+    if (!(out->wi.z < 0.0f))
+        return 0;
+    out->eta_scale = b->eta * b->eta;
+    out->weight = vec3_scale(b->tint, (1.0f - largest(f)) /
+                                          (b->lobe_pdf[BSDF_LOBE_INTERFACE] * (1.0f - reflect) *
+                                           out->eta_scale));
+    *result = finish_delta(out, BSDF_TRANSMISSION | BSDF_REFRACTION);
+    return -1;
+}
+
+static int sample_mix(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, float v,
+                      struct bsdf_sample *out)
+{
+    struct vec3 f;
+    int result = 0, side;
+
+    if (u_lobe < b->lobe_cdf[BSDF_LOBE_DIFFUSE]) {
+        out->wi = cosine_hemisphere(u, v);
+    } else if (u_lobe < b->lobe_cdf[BSDF_LOBE_REFLECT]) {
+        if (b->smooth)
+            return sample_mirror(b, wo, out);
+        out->wi = reflect_about(wo, ggx_sample_visible(wo, b->p.alpha, u, v));
+        if (!(out->wi.z > 0.0f))
+            return 0;
+    } else if (u_lobe < b->lobe_cdf[BSDF_LOBE_INTERFACE]) {
+        float u_side = (u_lobe - b->lobe_cdf[BSDF_LOBE_REFLECT]) /
+                       b->lobe_pdf[BSDF_LOBE_INTERFACE];
+        side = sample_interface(b, wo, clamp_to(u_side, 0, ONE_MINUS_EPSILON), u, v, out, &result);
+        if (side <= 0)
+            return side < 0 ? result : 0;
+    } else if (b->thin_delta) {
+        out->wi = vec3_neg(wo);
+        out->weight = vec3_scale(b->tint, (1.0f - b->layer_o) / b->lobe_pdf[BSDF_LOBE_THIN]);
+        return finish_delta(out, BSDF_TRANSMISSION);
+    } else {
+        out->wi = reflect_about(wo, ggx_sample_visible(wo, b->thin_alpha, u, v));
+        if (!(out->wi.z > 0.0f))
+            return 0;
+        out->wi.z = -out->wi.z;
+        out->flags = BSDF_TRANSMISSION;
+    }
+    /* What next-event estimation would compute for this wi, bit for bit, so that the
+     * weights of multiple importance sampling add up to 1. */
+    f = mix_eval_pdf(b, wo, out->wi, &out->pdf);
+    if (!(out->pdf > 0.0f))
+        return 0;
+    out->weight = vec3_scale(f, 1.0f / out->pdf);
+    return is_finite_sum(out->weight, 0) && largest(out->weight) > 0.0f;
+}
+
+static int sample_metal(const struct bsdf *b, struct vec3 wo, float u, float v,
+                        struct bsdf_sample *out)
+{
+    float cos_h, shadowing;
+
+    out->wi = reflect_about(wo, ggx_sample_visible(wo, b->p.alpha, u, v));
+    if (!(out->wi.z > 0.0f))
+        return 0;
+    out->pdf = reflect_density(b->alpha2, b->root_o, b->cos_o, wo, out->wi, &cos_h, &shadowing);
+    if (!(out->pdf > 0.0f && out->pdf < INFINITY))
+        return 0;
+    out->weight = vec3_scale(schlick_color(b, schlick_weight(cos_h)), shadowing);
+    return is_finite_sum(out->weight, 0) && largest(out->weight) > 0.0f;
+}
+
+int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, float v,
+                struct bsdf_sample *out)
+{
+    out->wi = out->weight = BLACK;
+    out->pdf = 0;
+    out->flags = 0;
+    out->eta_scale = 1.0f;
+    switch (b->kind) {
+    case BSDF_KIND_LAMBERT:
+        out->wi = cosine_hemisphere(u, v);
+        out->pdf = out->wi.z * INV_PI_F;
+        out->weight = b->p.base_color;
+        return 1;
+    case BSDF_KIND_METAL:
+        return sample_metal(b, wo, u, v, out);
+    case BSDF_KIND_MIX:
+        return sample_mix(b, wo, u_lobe, u, v, out);
+    case BSDF_KIND_BLACK:
+        break;
+    }
+    return 0;
+}

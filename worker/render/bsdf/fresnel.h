@@ -1,0 +1,47 @@
+/* fresnel: reflectance of an interface. */
+#ifndef AZULEJO_RENDER_FRESNEL_H
+#define AZULEJO_RENDER_FRESNEL_H
+
+#include "common/math/vec.h"
+
+/* (1 - cos)^5, Schlick's weight; cos is clamped to 0..1. */
+static inline float schlick_weight(float cosine)
+{
+    float m = 1.0f - (cosine < 1.0f ? (cosine > 0.0f ? cosine : 0.0f) : 1.0f), m2 = m * m;
+    return m2 * m2 * m;
+}
+
+/* fresnel_dielectric() of bsdf.h, inline: Cook and Torrance's form with the squared
+ * relative index. g - c is taken as (eta^2 - 1) / (g + c), so that an eta near 1 neither
+ * cancels nor divides by nothing; eta = 1 is exactly 0. */
+static inline float fresnel_exact(float cos_i, float eta)
+{
+    float c = cos_i < 1.0f ? (cos_i > 0.0f ? cos_i : 0.0f) : 1.0f;
+    float e = (eta - 1.0f) * (eta + 1.0f), g2 = e + c * c, g, sum, difference, a, b, r;
+
+    if (e == 0.0f)
+        return 0.0f;
+    if (!(g2 > 0.0f))
+        return 1.0f; /* total internal reflection */
+    g = sqrtf(g2);
+    sum = g + c;
+    difference = e / sum;
+    a = difference / sum;
+    b = (c * sum - 1.0f) / (c * difference + 1.0f);
+    r = 0.5f * (a * a) * (1.0f + b * b);
+    return r < 1.0f ? r : 1.0f;
+}
+
+/* Refract wo about h (wo.h = cos_i > 0), eta = n_far / n_near; 0 at total reflection. */
+static inline int refract_about(struct vec3 wo, struct vec3 h, float cos_i, float eta,
+                                struct vec3 *wi)
+{
+    float inverse = 1.0f / eta, sin2_t = (1.0f - cos_i * cos_i) * (inverse * inverse);
+
+    if (!(sin2_t < 1.0f))
+        return 0;
+    *wi = vec3_mad(vec3_scale(wo, -inverse), h, cos_i * inverse - sqrtf(1.0f - sin2_t));
+    return 1;
+}
+
+#endif
