@@ -1,0 +1,68 @@
+/* azulejo cancel: end a job. */
+#include <inttypes.h>
+#include <stdio.h>
+
+#include "client/command.h"
+#include "client/job_info.h"
+#include "client/parse.h"
+
+static status cancel(struct connection *c, uint64_t job, int json, struct error *err)
+{
+    Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
+    Azulejo__Wire__JobCancel body = AZULEJO__WIRE__JOB_CANCEL__INIT;
+    Azulejo__Wire__Envelope *answer = NULL;
+    const Azulejo__Wire__JobInfo *info;
+    status result;
+
+    body.job = job;
+    envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_CANCEL;
+    envelope.job_cancel = &body;
+    result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST, &answer, err);
+    if (result != STATUS_OK)
+        return result;
+    info = job_list_find(answer->job_list, job);
+    if (!info)
+        result = error_set(err, STATUS_ERR_NOT_FOUND, "there is no job %" PRIu64, job);
+    else if (json)
+        result = json_print(job_info_json(info), err);
+    else
+        printf("job %" PRIu64 ": %s\n", job, job_state_name(info->state));
+    azulejo__wire__envelope__free_unpacked(answer, NULL);
+    return result;
+}
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                  struct error *err)
+{
+    struct connection_options where = CONNECTION_OPTIONS_INIT;
+    int json = 0, done;
+    const struct option table[] = {
+        {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
+        CONNECTION_OPTION_ROWS(where),
+        {0},
+    };
+    struct positionals rest;
+    struct connection *connection = NULL;
+    uint64_t job;
+    status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+
+    (void)exit_code;
+    if (result != STATUS_OK || done)
+        return result;
+    result = parse_job(rest.items[0], &job, err);
+    if (result == STATUS_OK)
+        result = connection_open(&connection, &where, err);
+    if (result == STATUS_OK)
+        result = cancel(connection, job, json, err);
+    connection_close(connection);
+    return result;
+}
+
+const struct command command_cancel = {
+    .name = "cancel",
+    .group = COMMAND_JOBS,
+    .usage = "azulejo cancel JOB [OPTION]...",
+    .summary = "end a job",
+    .description = "End a job that is queued or running. Frames that are done stay and can be fetched.",
+    .run = run,
+};

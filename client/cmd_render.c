@@ -1,0 +1,186 @@
+/* azulejo render: render on this machine, with a farm that lives as long as the command. */
+#include <inttypes.h>
+#include <stdio.h>
+
+#include "client/command.h"
+#include "client/destination.h"
+#include "client/fetch.h"
+#include "client/job_info.h"
+#include "client/local.h"
+#include "client/signals.h"
+#include "client/submission.h"
+#include "client/watch.h"
+#include "common/base/file.h"
+#include "common/base/memory.h"
+
+struct render {
+    const char *scene_path;
+    struct job_options options;
+    struct local_options local;
+    int json, quiet;
+    struct job_request request;
+    struct import_result scene;
+    struct destination destination;
+    char *name;
+    struct local_farm *farm;
+    struct connection *connection;
+    uint64_t job;
+    Azulejo__Wire__Envelope *last;       /* the job's last JobList */
+    json_t *files;
+};
+
+static status fetch_file(struct render *r, uint32_t frame, Azulejo__Wire__OutputKind kind,
+                         const char *extension, struct error *err)
+{
+    struct buffer data = BUFFER_INIT, path = BUFFER_INIT;
+    status result = fetch_output(r->connection, r->job, frame, kind, &data, NULL, err);
+
+    destination_path(&r->destination, frame, extension, &path);
+    if (result == STATUS_OK && !buffer_ok(&path))
+        result = error_no_memory(err, "a path");
+    if (result == STATUS_OK)
+        result = file_write_atomic(buffer_text(&path), data.data, data.size, err);
+    if (result == STATUS_OK)
+        json_array_append_new(r->files, json_text(buffer_text(&path)));
+    buffer_release(&path);
+    buffer_release(&data);
+    return result;
+}
+
+static status fetch_pictures(struct render *r, struct error *err)
+{
+    status result = STATUS_OK;
+
+    for (uint32_t frame = r->request.first_frame;
+         frame <= r->request.last_frame && result == STATUS_OK; frame++) {
+        if (r->destination.formats & OUTPUT_FORMAT_EXR)
+            result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR, "exr", err);
+        if (result == STATUS_OK && (r->destination.formats & OUTPUT_FORMAT_PNG))
+            result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG, "png", err);
+    }
+    return result;
+}
+
+static status render_on_farm(struct render *r, struct error *err)
+{
+    status result = connection_open(&r->connection, local_farm_address(r->farm), err);
+
+    if (result != STATUS_OK)
+        return result;
+    connection_set_watch(r->connection, local_farm_check, r->farm);
+    result = local_farm_check(r->farm, err); /* what ended before the connection watched */
+    if (result == STATUS_OK)
+        result = submission_send(r->connection, &r->scene, &r->request, r->name,
+                                 r->destination.formats, r->quiet, &r->job, err);
+    if (result == STATUS_OK)
+        result = watch_job(r->connection, r->job, r->quiet, 0, &r->last, err);
+    if (result == STATUS_OK)
+        result = job_info_verdict(job_list_find(r->last->job_list, r->job), err);
+    if (result == STATUS_OK)
+        result = fetch_pictures(r, err);
+    return result;
+}
+
+static status report(struct render *r, struct error *err)
+{
+    const Azulejo__Wire__JobInfo *info = job_list_find(r->last->job_list, r->job);
+
+    if (r->json)
+        return json_print(json_pack("{s:o, s:O}", "job", job_info_json(info), "files", r->files),
+                          err);
+    if (r->quiet)
+        return STATUS_OK;
+    job_info_print_summary(stdout, info);
+    for (size_t i = 0; i < json_array_size(r->files); i++)
+        printf("  %-10s  %s\n", "wrote", json_string_value(json_array_get(r->files, i)));
+    return STATUS_OK;
+}
+
+/* Everything that can be wrong on our side is found out before a program is started. */
+static status prepare(struct render *r, const char *out, struct error *err)
+{
+    uint32_t frames;
+    status result = job_options_check(&r->options, &r->request, err);
+
+    if (result != STATUS_OK)
+        return result;
+    frames = r->request.last_frame - r->request.first_frame + 1;
+    r->name = submission_name(r->scene_path);
+    r->files = json_array();
+    if (!r->name || !r->files)
+        return error_no_memory(err, "a name");
+    result = destination_init(&r->destination, out, r->name, frames, err);
+    if (result == STATUS_OK)
+        result = submission_prepare(r->scene_path, &r->options, r->quiet, &r->request, &r->scene,
+                                    err);
+    if (result == STATUS_OK)
+        result = fetch_check_folder(r->destination.folder, err);
+    if (result == STATUS_OK)
+        result = signals_catch(err);
+    return result;
+}
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                  struct error *err)
+{
+    struct render r = {.options = JOB_OPTIONS_INIT};
+    const char *out = NULL;
+    int64_t workers = 1, threads = 0;
+    int done;
+    const struct option table[] = {
+        {"output", 'o', OPTION_STRING, &out, "OUT",
+         "where the pictures go: a folder, a file (.exr or .png), or both files' path without "
+         "extension (default: the scene's name, here)",
+         0, 0, NULL},
+        JOB_OPTION_ROWS(r.options),
+        {"workers", 'w', OPTION_INT, &workers, "N", "worker processes (default 1)", 1,
+         LOCAL_WORKERS_MAX, NULL},
+        {"threads", 'j', OPTION_INT, &threads, "N",
+         "threads of each worker (default: the processors, shared out)", 1, 1024, NULL},
+        {"json", 0, OPTION_FLAG, &r.json, NULL, "print JSON at the end", 0, 0, NULL},
+        {"quiet", 'q', OPTION_FLAG, &r.quiet, NULL, "no progress, no warnings, no summary", 0, 0,
+         NULL},
+        {"verbose", 'v', OPTION_FLAG, &r.local.verbose, NULL,
+         "show what the coordinator and the workers log", 0, 0, NULL},
+        {0},
+    };
+    struct positionals rest;
+    status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+
+    (void)exit_code;
+    if (result != STATUS_OK || done)
+        return result;
+    r.scene_path = rest.items[0];
+    r.local.workers = (unsigned)workers;
+    r.local.threads = (unsigned)threads;
+    result = prepare(&r, out, err);
+    if (result == STATUS_OK)
+        result = local_farm_start(&r.farm, &r.local, err);
+    if (result == STATUS_OK) {
+        result = render_on_farm(&r, err);
+        if (result != STATUS_OK)
+            result = local_farm_explain(r.farm, result, err);
+    }
+    connection_close(r.connection);
+    local_farm_stop(r.farm);
+    if (result == STATUS_OK)
+        result = report(&r, err);
+    if (r.last)
+        azulejo__wire__envelope__free_unpacked(r.last, NULL);
+    json_decref(r.files);
+    destination_release(&r.destination);
+    import_result_release(&r.scene);
+    mem_free(r.name);
+    return result;
+}
+
+const struct command command_render = {
+    .name = "render",
+    .group = COMMAND_RENDER,
+    .usage = "azulejo render SCENE [OPTION]...",
+    .summary = "render a scene on this machine",
+    .description =
+        "Render a glTF 2.0 scene (.gltf or .glb) with a coordinator and workers of its own, which live\n"
+        "as long as the command. Writes an EXR file with the linear radiance and a tone mapped PNG.",
+    .run = run,
+};

@@ -1,0 +1,114 @@
+/* azulejo show: everything about one job. */
+#include <inttypes.h>
+#include <stdio.h>
+
+#include "client/command.h"
+#include "client/format.h"
+#include "client/job_info.h"
+#include "client/parse.h"
+#include "client/table.h"
+#include "common/scene/settings.h"
+
+static void print_field(const char *label, const char *text)
+{
+    char copy[512];
+
+    snprintf(copy, sizeof copy, "%s", text);
+    text_make_printable(copy);
+    printf("  %-10s  %s\n", label, copy);
+}
+
+static void print_settings(const Azulejo__Wire__RenderSettings *s)
+{
+    printf("  %-10s  %u x %u pixels, %u samples each, depth %u, seed %" PRIu64 ", camera %u\n",
+           "picture", s->width, s->height, s->spp, s->max_depth, s->seed, s->camera);
+    printf("  %-10s  sampled by %s, turned %g degrees, strength %g\n", "light map",
+           env_sampling_name((enum env_sampling)s->env_sampling), (double)s->env_rotate_deg,
+           (double)s->env_strength);
+    printf("  %-10s  %s\n", "isa", isa_name((enum isa)s->isa));
+}
+
+static void print_output(const Azulejo__Wire__OutputSettings *o)
+{
+    char operator_name[128];
+
+    snprintf(operator_name, sizeof operator_name, "%s", o->tonemap);
+    text_make_printable(operator_name);
+    printf("  %-10s  %s EXR; PNG by %s", "output", o->exr_half ? "16-bit" : "32-bit",
+           operator_name);
+    for (size_t i = 0; i < o->n_parameters; i++) {
+        char key[64];
+        snprintf(key, sizeof key, "%s", o->parameters[i]->key);
+        text_make_printable(key);
+        printf(", %s=%g", key, o->parameters[i]->value);
+    }
+    printf(", exposure %+g EV\n", o->exposure_ev);
+}
+
+static void print_job(const Azulejo__Wire__JobInfo *job)
+{
+    char text[FORMAT_SIZE];
+
+    printf("job %" PRIu64 ": %s\n", job->job, job_state_name(job->state));
+    print_field("name", job->name);
+    print_field("scene", job->scene_name);
+    if (job->state_text[0])
+        print_field("note", job->state_text);
+    printf("  %-10s  %u-%u, priority %d\n", "range", job->first_frame, job->last_frame,
+           job->priority);
+    if (job->settings)
+        print_settings(job->settings);
+    if (job->output)
+        print_output(job->output);
+    print_field("submitted", format_time(text, job->submitted_at));
+    if (job->finished_at)
+        print_field("ended", format_time(text, job->finished_at));
+    job_info_print_summary(stdout, job);
+    if (job->state == AZULEJO__WIRE__JOB_STATE__JOB_RUNNING) {
+        printf("  %-10s  %u\n", "workers", job->workers);
+        print_field("time left", format_duration(text, job->seconds_left));
+    }
+}
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                  struct error *err)
+{
+    struct connection_options where = CONNECTION_OPTIONS_INIT;
+    int json = 0, done;
+    const struct option table[] = {
+        {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
+        CONNECTION_OPTION_ROWS(where),
+        {0},
+    };
+    struct positionals rest;
+    struct connection *connection = NULL;
+    Azulejo__Wire__Envelope *answer = NULL;
+    uint64_t job;
+    status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+
+    (void)exit_code;
+    if (result != STATUS_OK || done)
+        return result;
+    result = parse_job(rest.items[0], &job, err);
+    if (result == STATUS_OK)
+        result = connection_open(&connection, &where, err);
+    if (result == STATUS_OK)
+        result = job_query(connection, job, &answer, err);
+    if (result == STATUS_OK && json)
+        result = json_print(job_info_json(job_list_find(answer->job_list, job)), err);
+    else if (result == STATUS_OK)
+        print_job(job_list_find(answer->job_list, job));
+    if (answer)
+        azulejo__wire__envelope__free_unpacked(answer, NULL);
+    connection_close(connection);
+    return result;
+}
+
+const struct command command_show = {
+    .name = "show",
+    .group = COMMAND_JOBS,
+    .usage = "azulejo show JOB [OPTION]...",
+    .summary = "tell everything about a job",
+    .description = "Tell a job's settings, how far it is, what it has cost so far, and its estimated error.",
+    .run = run,
+};

@@ -1,0 +1,47 @@
+/* azulejo watch: follow a job until it ends. */
+#include "client/command.h"
+#include "client/follow.h"
+#include "client/parse.h"
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                  struct error *err)
+{
+    struct connection_options where = CONNECTION_OPTIONS_INIT;
+    double limit_s = 0;
+    int json = 0, quiet = 0, done;
+    const struct option table[] = {
+        {"limit", 0, OPTION_REAL, &limit_s, "SECONDS",
+         "stop watching after so long, with exit status 7; the job goes on (default: never)", 0.01,
+         1e9, NULL},
+        {"json", 0, OPTION_FLAG, &json, NULL, "print JSON when the job has ended", 0, 0, NULL},
+        {"quiet", 'q', OPTION_FLAG, &quiet, NULL, "only wait; the exit status tells how it ended", 0,
+         0, NULL},
+        CONNECTION_OPTION_ROWS(where),
+        {0},
+    };
+    struct positionals rest;
+    struct connection *connection = NULL;
+    uint64_t job;
+    status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+
+    (void)exit_code;
+    if (result != STATUS_OK || done)
+        return result;
+    result = parse_job(rest.items[0], &job, err);
+    if (result == STATUS_OK)
+        result = connection_open(&connection, &where, err);
+    if (result == STATUS_OK)
+        result = follow_job(connection, job, quiet, json, limit_s, err);
+    connection_close(connection);
+    return result;
+}
+
+const struct command command_watch = {
+    .name = "watch",
+    .group = COMMAND_JOBS,
+    .usage = "azulejo watch JOB [OPTION]...",
+    .summary = "follow a job until it ends",
+    .description = "Show how far a job is until it is done, failed or cancelled, then a summary. Ctrl-C leaves\n"
+                   "the job alone. Exit status 6 when the job failed or was cancelled.",
+    .run = run,
+};

@@ -1,0 +1,35 @@
+/* command: one row of the command line's table.
+ *
+ * Every command is one file, cmd_NAME.c, with one const struct command; main.c lists them.
+ * `run` gets argv[0] = the command's name and reports nothing itself: the error that it
+ * returns is printed, once, by main.
+ */
+#ifndef AZULEJO_CLIENT_COMMAND_H
+#define AZULEJO_CLIENT_COMMAND_H
+
+#include "common/base/options.h"
+#include "common/base/status.h"
+
+enum command_group { COMMAND_RENDER, COMMAND_JOBS, COMMAND_FARM, COMMAND_PICTURES, COMMAND_GROUPS };
+
+struct command {
+    const char *name;
+    enum command_group group;
+    const char *usage;       /* "azulejo list [OPTION]..." */
+    const char *summary;     /* half a sentence for the list of commands */
+    const char *description; /* for the command's own help */
+    status (*run)(const struct command *command, int argc, char *const *argv,
+                  int *exit_code, struct error *err);
+};
+
+extern const struct command command_cancel, command_compare, command_fetch, command_import,
+    command_keygen, command_list, command_render, command_show, command_submit, command_tonemap, command_watch,
+    command_workers;
+
+/* Parse the command's options and check the number of its arguments. *done is set when
+ * --help was wanted and printed. ERR_USAGE. */
+status command_parse(const struct command *command, const struct option *table, int argc,
+                     char *const *argv, size_t least, size_t most, struct positionals *rest,
+                     int *done, struct error *err) MUST_CHECK;
+
+#endif

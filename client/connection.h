@@ -1,0 +1,85 @@
+/* connection: a client's conversation with a coordinator, asked and answered in turn.
+ *
+ * A connection owns a private libuv loop, one channel and the messages that have arrived
+ * but were not asked for yet. Every call that waits runs the loop until it has what it
+ * waits for; meanwhile heartbeats go out by themselves. A caller that computes for longer
+ * than a second or two between calls lets it breathe with connection_pump().
+ *
+ * Single-threaded. A connection that failed stays failed: every later call returns the
+ * same error.
+ */
+#ifndef AZULEJO_CLIENT_CONNECTION_H
+#define AZULEJO_CLIENT_CONNECTION_H
+
+#include <stdint.h>
+
+#include "common/base/options.h"
+#include "common/base/status.h"
+#include "protocol/azulejo.pb-c.h"
+#include "protocol/key.h"
+
+#define CONNECTION_TIMEOUT_DEFAULT_S 30.0
+
+/* What every command that talks to a coordinator takes. */
+struct connection_options {
+    const char *coordinator; /* HOST[:PORT]; NULL: AZULEJO_COORDINATOR or 127.0.0.1:7420 */
+    const char *key_path;    /* NULL: AZULEJO_KEY or ~/.config/azulejo/farm.key */
+    double timeout_s;        /* longest silence while an answer is awaited */
+};
+
+#define CONNECTION_OPTIONS_INIT {NULL, NULL, CONNECTION_TIMEOUT_DEFAULT_S}
+
+/* Rows for a command's option table; `o` is a struct connection_options. */
+#define CONNECTION_OPTION_ROWS(o)                                                               \
+    {"coordinator", 'c', OPTION_STRING, &(o).coordinator, "HOST[:PORT]",                        \
+     "where the coordinator listens (default $AZULEJO_COORDINATOR, else 127.0.0.1:7420)",       \
+     0, 0, NULL},                                                                               \
+    {"key", 'k', OPTION_STRING, &(o).key_path, "FILE",                                          \
+     "key file (default $AZULEJO_KEY, else ~/.config/azulejo/farm.key)", 0, 0, NULL},           \
+    {"timeout", 0, OPTION_REAL, &(o).timeout_s, "SECONDS",                                      \
+     "give up when the coordinator is silent for so long (default 30)", 0.01, 86400, NULL}
+
+/* "HOST", "HOST:PORT", "[V6]:PORT" or ":PORT" -> host (at most host_size - 1 bytes) and port.
+ * ERR_USAGE. */
+status connection_parse_address(const char *text, char *host, size_t host_size, uint16_t *port,
+                                struct error *err) MUST_CHECK;
+
+struct connection;
+
+/* Load the key, connect, say Hello, await the Welcome. ERR_UNREACHABLE and ERR_REFUSED name
+ * host, port and remedy. */
+status connection_open(struct connection **out, const struct connection_options *options,
+                       struct error *err) MUST_CHECK;
+
+/* Close in good order (what is queued is flushed) and free; NULL is fine. */
+void connection_close(struct connection *c);
+
+/* Called whenever a caught signal arrived while the connection waits; an error that it
+ * returns ends the waiting with that error and leaves the connection usable. */
+typedef status (*connection_watch_fn)(void *user, struct error *err);
+void connection_set_watch(struct connection *c, connection_watch_fn watch, void *user);
+
+/* Send; `message->request` must have been chosen with connection_request_id(). Waits while
+ * more than CHANNEL_QUEUE_HIGH bytes are queued. */
+uint64_t connection_request_id(struct connection *c);
+status connection_send(struct connection *c, Azulejo__Wire__Envelope *message, struct error *err)
+    MUST_CHECK;
+
+/* Wait for the next message that answers `request` (0: any). The message belongs to the
+ * caller: free with azulejo__wire__envelope__free_unpacked(m, NULL). A Failure message
+ * becomes its status and text. ERR_TIMEOUT after timeout_s of waiting. */
+status connection_receive(struct connection *c, uint64_t request, Azulejo__Wire__Envelope **out,
+                          struct error *err) MUST_CHECK;
+
+/* Is a message that answers `request` there already? Runs the loop once without waiting. */
+int connection_pump(struct connection *c, uint64_t request);
+
+/* Send and receive one answer, which must have the body `expected`. */
+status connection_ask(struct connection *c, Azulejo__Wire__Envelope *question,
+                      Azulejo__Wire__Envelope__BodyCase expected, Azulejo__Wire__Envelope **out,
+                      struct error *err) MUST_CHECK;
+
+/* "HOST:PORT" as it was named. */
+const char *connection_address(const struct connection *c);
+
+#endif

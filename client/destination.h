@@ -1,0 +1,27 @@
+/* destination: where render's pictures go. */
+#ifndef AZULEJO_CLIENT_DESTINATION_H
+#define AZULEJO_CLIENT_DESTINATION_H
+
+#include <stdint.h>
+
+#include "common/base/buffer.h"
+#include "common/base/status.h"
+
+struct destination {
+    char *folder, *base;  /* owned; base is the file's name without extension */
+    unsigned formats;     /* enum output_format */
+    int numbered;         /* several frames: the frame's number goes into the name */
+};
+
+/* From -o: a path that ends in .exr or .png is that one file, a folder (one that is there, or
+ * a path that ends in '/') gets both files named after the scene, anything else is both files'
+ * path without extension. NULL: both files here, named after the scene. ERR_NO_MEMORY. */
+status destination_init(struct destination *d, const char *out, const char *scene_name,
+                        uint32_t frames, struct error *err) MUST_CHECK;
+void destination_release(struct destination *d);
+
+/* Append a frame's path: FOLDER/BASE.EXT, or FOLDER/BASE-0001.EXT when numbered. */
+void destination_path(const struct destination *d, uint32_t frame, const char *extension,
+                      struct buffer *path);
+
+#endif

@@ -1,0 +1,25 @@
+/* format: numbers and durations as people read them. Each fills `out` and returns it. */
+#ifndef AZULEJO_CLIENT_FORMAT_H
+#define AZULEJO_CLIENT_FORMAT_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+enum { FORMAT_SIZE = 48 };
+
+/* Three digits and a decimal prefix: "0", "812", "4.21 k", "1.07 M", "93.1 G". */
+const char *format_count(char out[FORMAT_SIZE], double value);
+
+/* Bytes with binary prefixes: "812 B", "1.4 MiB". */
+const char *format_bytes(char out[FORMAT_SIZE], uint64_t bytes);
+
+/* "0.4 s", "12 s", "3:07", "1:02:33", "4 d 03 h"; "?" for a negative or unknown duration. */
+const char *format_duration(char out[FORMAT_SIZE], double seconds);
+
+/* A relative mean squared error as its root in per cent: "1.93 %"; "?" when not known. */
+const char *format_error(char out[FORMAT_SIZE], double relative_mse);
+
+/* Seconds since 1970 as local time, "2024-03-01 14:05:11"; "-" for 0. */
+const char *format_time(char out[FORMAT_SIZE], int64_t seconds);
+
+#endif

@@ -1,0 +1,229 @@
+#include "client/job_info.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <string.h>
+
+#include "client/format.h"
+#include "client/table.h"
+#include "common/base/digest.h"
+#include "common/scene/settings.h"
+
+const char *job_state_name(Azulejo__Wire__JobState state)
+{
+    switch (state) {
+    case AZULEJO__WIRE__JOB_STATE__JOB_QUEUED: return "queued";
+    case AZULEJO__WIRE__JOB_STATE__JOB_RUNNING: return "running";
+    case AZULEJO__WIRE__JOB_STATE__JOB_DONE: return "done";
+    case AZULEJO__WIRE__JOB_STATE__JOB_FAILED: return "failed";
+    case AZULEJO__WIRE__JOB_STATE__JOB_CANCELLED: return "cancelled";
+    default: return "unknown";
+    }
+}
+
+int job_state_is_final(Azulejo__Wire__JobState state)
+{
+    return state == AZULEJO__WIRE__JOB_STATE__JOB_DONE ||
+           state == AZULEJO__WIRE__JOB_STATE__JOB_FAILED ||
+           state == AZULEJO__WIRE__JOB_STATE__JOB_CANCELLED;
+}
+
+const Azulejo__Wire__JobInfo *job_list_find(const Azulejo__Wire__JobList *list, uint64_t job)
+{
+    for (size_t i = 0; i < list->n_jobs; i++)
+        if (list->jobs[i]->job == job)
+            return list->jobs[i];
+    return NULL;
+}
+
+status job_query(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **out,
+                 struct error *err)
+{
+    Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
+    Azulejo__Wire__JobQuery query = AZULEJO__WIRE__JOB_QUERY__INIT;
+    status result;
+
+    query.job = job;
+    envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_QUERY;
+    envelope.job_query = &query;
+    result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST, out, err);
+    if (result == STATUS_OK && job && !job_list_find((*out)->job_list, job)) {
+        azulejo__wire__envelope__free_unpacked(*out, NULL);
+        *out = NULL;
+        result = error_set(err, STATUS_ERR_NOT_FOUND,
+                           "there is no job %" PRIu64 " ('azulejo list' shows which there are)",
+                           job);
+    }
+    return result;
+}
+
+json_t *json_number(double value)
+{
+    return isfinite(value) ? json_real(value) : json_null();
+}
+
+status json_print(json_t *value, struct error *err)
+{
+    status result = STATUS_OK;
+
+    if (!value || json_dumpf(value, stdout, JSON_INDENT(2) | JSON_PRESERVE_ORDER) != 0)
+        result = value ? error_set(err, STATUS_ERR_IO, "standard output cannot be written")
+                       : error_no_memory(err, "JSON");
+    else
+        putchar('\n');
+    json_decref(value);
+    return result;
+}
+
+json_t *json_text(const char *text)
+{
+    json_t *value = json_string(text);
+
+    return value ? value : json_string("(not UTF-8)");
+}
+
+static json_t *settings_json(const Azulejo__Wire__RenderSettings *s)
+{
+    return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:s, s:s}", "width",
+                     (json_int_t)s->width, "height", (json_int_t)s->height, "spp",
+                     (json_int_t)s->spp, "max_depth", (json_int_t)s->max_depth, "seed",
+                     (json_int_t)s->seed, "camera", (json_int_t)s->camera, "env_rotate_deg",
+                     isfinite(s->env_rotate_deg) ? (double)s->env_rotate_deg : 0.0, "env_strength",
+                     isfinite(s->env_strength) ? (double)s->env_strength : 0.0, "env_sampling",
+                     env_sampling_name((enum env_sampling)s->env_sampling), "isa",
+                     isa_name((enum isa)s->isa));
+}
+
+static json_t *output_json(const Azulejo__Wire__OutputSettings *o)
+{
+    json_t *parameters = json_object();
+    json_t *formats = json_array();
+
+    for (size_t i = 0; i < o->n_parameters; i++)
+        json_object_set_new(parameters, o->parameters[i]->key,
+                            json_number(o->parameters[i]->value));
+    for (size_t i = 0; i < o->n_formats; i++)
+        json_array_append_new(formats, json_text(o->formats[i]));
+    return json_pack("{s:b, s:o, s:o, s:o, s:o}", "exr_half", (int)o->exr_half, "tonemap",
+                     json_text(o->tonemap), "parameters", parameters, "exposure_ev",
+                     json_number(o->exposure_ev), "formats", formats);
+}
+
+static json_t *stats_json(const Azulejo__Wire__RenderStats *s)
+{
+    return json_pack("{s:I, s:I, s:I, s:I, s:f, s:f}", "samples", (json_int_t)s->samples, "rays",
+                     (json_int_t)s->rays, "vertices", (json_int_t)s->vertices, "dropped_samples",
+                     (json_int_t)s->dropped_samples, "cpu_seconds", (double)s->cpu_ns * 1e-9,
+                     "trace_seconds", (double)s->trace_ns * 1e-9);
+}
+
+json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
+{
+    json_t *root = json_object();
+    struct digest digest;
+    char hex[DIGEST_HEX_SIZE] = "";
+
+    if (!root)
+        return NULL;
+    if (job->scene.len == DIGEST_BYTES) {
+        memcpy(digest.bytes, job->scene.data, DIGEST_BYTES);
+        digest_to_hex(&digest, hex);
+    }
+    json_object_set_new(root, "job", json_integer((json_int_t)job->job));
+    json_object_set_new(root, "name", json_text(job->name));
+    json_object_set_new(root, "state", json_string(job_state_name(job->state)));
+    json_object_set_new(root, "state_text", json_text(job->state_text));
+    json_object_set_new(root, "priority", json_integer(job->priority));
+    json_object_set_new(root, "first_frame", json_integer(job->first_frame));
+    json_object_set_new(root, "last_frame", json_integer(job->last_frame));
+    json_object_set_new(root, "scene", json_string(hex));
+    json_object_set_new(root, "scene_name", json_text(job->scene_name));
+    if (job->settings)
+        json_object_set_new(root, "settings", settings_json(job->settings));
+    if (job->output)
+        json_object_set_new(root, "output", output_json(job->output));
+    json_object_set_new(root, "frames_done", json_integer(job->frames_done));
+    json_object_set_new(root, "samples_done", json_integer((json_int_t)job->samples_done));
+    json_object_set_new(root, "samples_total", json_integer((json_int_t)job->samples_total));
+    json_object_set_new(root, "relative_mse", json_number(job->relative_mse));
+    json_object_set_new(root, "samples_per_second", json_number(job->samples_per_second));
+    json_object_set_new(root, "seconds_left",
+                        job->seconds_left >= 0 ? json_number(job->seconds_left) : json_null());
+    json_object_set_new(root, "seconds_active", json_number(job->seconds_active));
+    if (job->stats)
+        json_object_set_new(root, "stats", stats_json(job->stats));
+    json_object_set_new(root, "submitted_at", json_integer(job->submitted_at));
+    json_object_set_new(root, "finished_at", job->finished_at ? json_integer(job->finished_at)
+                                                              : json_null());
+    json_object_set_new(root, "workers", json_integer(job->workers));
+    json_object_set_new(root, "conflicts", json_integer((json_int_t)job->conflicts));
+    json_object_set_new(root, "preview_frame", json_integer(job->preview_frame));
+    json_object_set_new(root, "preview_ready", json_boolean(job->preview_ready));
+    return root;
+}
+
+static void print_line(FILE *out, const char *label, const char *text)
+{
+    char copy[512];
+
+    snprintf(copy, sizeof copy, "%s", text);
+    text_make_printable(copy);
+    fprintf(out, "  %-10s  %s\n", label, copy);
+}
+
+void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
+{
+    char a[FORMAT_SIZE], b[FORMAT_SIZE], c[FORMAT_SIZE];
+    char line[512];
+    uint32_t frames = job->last_frame - job->first_frame + 1;
+
+    snprintf(line, sizeof line, "%u of %u", job->frames_done, frames);
+    print_line(out, "frames", line);
+    if (job->seconds_active > 0)
+        snprintf(line, sizeof line, "%s in %s, %s/s", format_count(a, (double)job->samples_done),
+                 format_duration(b, job->seconds_active),
+                 format_count(c, (double)job->samples_done / job->seconds_active));
+    else
+        snprintf(line, sizeof line, "%s", format_count(a, (double)job->samples_done));
+    print_line(out, "samples", line);
+    if (job->stats && job->stats->rays) {
+        snprintf(line, sizeof line, "%s, %.1f a sample, %s of processor time",
+                 format_count(a, (double)job->stats->rays),
+                 (double)job->stats->rays / (double)(job->stats->samples ? job->stats->samples : 1),
+                 format_duration(b, (double)job->stats->cpu_ns * 1e-9));
+        print_line(out, "rays", line);
+    }
+    if (job->relative_mse >= 0) {
+        snprintf(line, sizeof line, "%s (estimated, root of the relative mean squared error)",
+                 format_error(a, job->relative_mse));
+        print_line(out, "error", line);
+    }
+    if (job->stats && job->stats->dropped_samples) {
+        snprintf(line, sizeof line,
+                 "%" PRIu64 " samples were not finite numbers and count as black",
+                 job->stats->dropped_samples);
+        print_line(out, "dropped", line);
+    }
+    if (job->conflicts) {
+        snprintf(line, sizeof line,
+                 "%" PRIu64 " results differed from ones already merged: a worker computes wrongly "
+                 "(see the coordinator's log)",
+                 job->conflicts);
+        print_line(out, "conflicts", line);
+    }
+}
+
+status job_info_verdict(const Azulejo__Wire__JobInfo *job, struct error *err)
+{
+    char why[512];
+
+    if (job->state != AZULEJO__WIRE__JOB_STATE__JOB_FAILED &&
+        job->state != AZULEJO__WIRE__JOB_STATE__JOB_CANCELLED)
+        return STATUS_OK;
+    snprintf(why, sizeof why, "%s", job->state_text);
+    text_make_printable(why);
+    return error_set(err, STATUS_ERR_JOB_FAILED, "job %" PRIu64 " %s%s%s", job->job,
+                     job->state == AZULEJO__WIRE__JOB_STATE__JOB_FAILED ? "failed"
+                                                                        : "was cancelled",
+                     why[0] ? ": " : "", why);
+}

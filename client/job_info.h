@@ -1,0 +1,40 @@
+/* job_info: what the coordinator tells of a job, for people and for programs. */
+#ifndef AZULEJO_CLIENT_JOB_INFO_H
+#define AZULEJO_CLIENT_JOB_INFO_H
+
+#include <jansson.h>
+#include <stdio.h>
+
+#include "client/connection.h"
+
+/* "queued", "running", "done", "failed", "cancelled"; "unknown" for anything else. */
+const char *job_state_name(Azulejo__Wire__JobState state);
+int job_state_is_final(Azulejo__Wire__JobState state);
+
+/* Ask for one job (or all: 0). ERR_NOT_FOUND when a named job is not there. The answer's
+ * body is a JobList; the caller frees it. */
+status job_query(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **out,
+                 struct error *err) MUST_CHECK;
+
+/* The one job of a JobList, or NULL. */
+const Azulejo__Wire__JobInfo *job_list_find(const Azulejo__Wire__JobList *list, uint64_t job);
+
+/* A new JSON object with every field; unknown numbers are null. NULL: out of memory. */
+json_t *job_info_json(const Azulejo__Wire__JobInfo *job);
+
+/* A number, or null when it is not finite (JSON knows no NaN). */
+json_t *json_number(double value);
+
+/* Text that came over the wire; "(not UTF-8)" if it is not. */
+json_t *json_text(const char *text);
+
+/* Print JSON with a newline to standard output and drop the reference. */
+status json_print(json_t *value, struct error *err) MUST_CHECK;
+
+/* The summary's lines: what was rendered, how long it took, what went wrong. */
+void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job);
+
+/* ERR_JOB_FAILED with the coordinator's words for a job that failed or was cancelled. */
+status job_info_verdict(const Azulejo__Wire__JobInfo *job, struct error *err) MUST_CHECK;
+
+#endif

@@ -1,0 +1,159 @@
+#include "client/job_options.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "client/parse.h"
+#include "common/base/buffer.h"
+
+status tonemap_options_check(const char *name, const struct option_list *parameters,
+                             double exposure_ev, struct tonemap_settings *out, struct error *err)
+{
+    status result = tonemap_settings_init(out, name ? name : TONEMAP_DEFAULT, err);
+
+    for (size_t i = 0; i < parameters->count && result == STATUS_OK; i++) {
+        char parameter[64];
+        double value;
+        result = parse_parameter(parameters->items[i], parameter, sizeof parameter, &value, err);
+        if (result == STATUS_OK)
+            result = tonemap_settings_set(out, parameter, value, err);
+    }
+    out->exposure_ev = exposure_ev;
+    /* A wrong name or range is a slip on the command line, not a bad file. */
+    return result == STATUS_ERR_INPUT ? STATUS_ERR_USAGE : result;
+}
+
+status job_options_check(const struct job_options *o, struct job_request *out, struct error *err)
+{
+    struct render_settings *s = &out->settings;
+    status result = STATUS_OK;
+
+    memset(out, 0, sizeof *out);
+    render_settings_default(s);
+    s->spp = (uint32_t)o->spp;
+    s->max_depth = (uint32_t)o->max_depth;
+    s->seed = (uint64_t)o->seed;
+    s->env_rotate_deg = (float)o->env_rotate_deg;
+    s->env_strength = (float)o->env_strength;
+    s->env_sampling = (enum env_sampling)env_sampling_parse(o->env_sampling);
+    s->isa = (enum isa)isa_parse(o->isa);
+    out->first_frame = out->last_frame = 1;
+    out->priority = (int32_t)o->priority;
+    out->half = o->half;
+    if (o->size)
+        result = parse_size(o->size, &s->width, &s->height, err);
+    if (result == STATUS_OK && o->frames)
+        result = parse_frames(o->frames, &out->first_frame, &out->last_frame, err);
+    if (result == STATUS_OK)
+        result = tonemap_options_check(o->tonemap, &o->tonemap_parameters, o->exposure_ev,
+                                       &out->tonemap, err);
+    return result;
+}
+
+static status camera_find(const struct scene *scene, const char *name, uint32_t *camera,
+                          struct error *err)
+{
+    struct buffer names = BUFFER_INIT;
+    unsigned long number;
+    char *end;
+
+    *camera = 0;
+    if (!name)
+        return STATUS_OK;
+    for (uint32_t i = 0; i < scene->camera_count; i++) {
+        if (scene->cameras[i].name && strcmp(scene->cameras[i].name, name) == 0) {
+            *camera = i;
+            return STATUS_OK;
+        }
+    }
+    number = strtoul(name, &end, 10);
+    if (name[0] >= '0' && name[0] <= '9' && *end == 0 && number < scene->camera_count) {
+        *camera = (uint32_t)number;
+        return STATUS_OK;
+    }
+    for (uint32_t i = 0; i < scene->camera_count && names.size < 600; i++)
+        buffer_printf(&names, "%s%u '%s'", i ? ", " : "", i,
+                      scene->cameras[i].name ? scene->cameras[i].name : "");
+    error_set(err, STATUS_ERR_USAGE, "--camera: the scene has no camera '%s'; it has %s", name,
+              buffer_text(&names));
+    buffer_release(&names);
+    return STATUS_ERR_USAGE;
+}
+
+status job_request_complete(struct job_request *request, const struct job_options *o,
+                            const struct scene *scene, struct error *err)
+{
+    struct render_settings *s = &request->settings;
+    status result = camera_find(scene, o->camera, &s->camera, err);
+
+    if (result != STATUS_OK)
+        return result;
+    if (!o->size && s->camera < scene->camera_count)
+        picture_size_default(scene->cameras[s->camera].aspect, &s->width, &s->height);
+    return render_settings_validate(s, scene->camera_count, err);
+}
+
+static void settings_to_wire(const struct render_settings *s, Azulejo__Wire__RenderSettings *out)
+{
+    out->width = s->width;
+    out->height = s->height;
+    out->spp = s->spp;
+    out->max_depth = s->max_depth;
+    out->seed = s->seed;
+    out->camera = s->camera;
+    out->env_rotate_deg = s->env_rotate_deg;
+    out->env_strength = s->env_strength;
+    out->env_sampling = (uint32_t)s->env_sampling;
+    out->isa = (uint32_t)s->isa;
+}
+
+status job_request_submit(struct connection *c, const struct job_request *request,
+                          const char *name, const struct digest *scene, unsigned formats,
+                          uint64_t *job, struct error *err)
+{
+    const struct tonemap_operator *op = request->tonemap.op;
+    Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
+    Azulejo__Wire__JobSubmit submit = AZULEJO__WIRE__JOB_SUBMIT__INIT;
+    Azulejo__Wire__RenderSettings settings = AZULEJO__WIRE__RENDER_SETTINGS__INIT;
+    Azulejo__Wire__OutputSettings output = AZULEJO__WIRE__OUTPUT_SETTINGS__INIT;
+    Azulejo__Wire__OutputSettings__ParametersEntry entries[TONEMAP_PARAMETERS_MAX];
+    Azulejo__Wire__OutputSettings__ParametersEntry *parameters[TONEMAP_PARAMETERS_MAX];
+    char exr[] = "exr", png[] = "png";
+    char *names[2];
+    Azulejo__Wire__Envelope *answer = NULL;
+    status result;
+
+    settings_to_wire(&request->settings, &settings);
+    for (size_t i = 0; i < op->parameter_count; i++) {
+        azulejo__wire__output_settings__parameters_entry__init(&entries[i]);
+        entries[i].key = (char *)op->parameters[i].name;
+        entries[i].value = request->tonemap.values[i];
+        parameters[i] = &entries[i];
+    }
+    output.exr_half = request->half;
+    output.tonemap = (char *)op->name;
+    output.n_parameters = op->parameter_count;
+    output.parameters = parameters;
+    output.exposure_ev = request->tonemap.exposure_ev;
+    output.formats = names;
+    if (formats & OUTPUT_FORMAT_EXR)
+        names[output.n_formats++] = exr;
+    if (formats & OUTPUT_FORMAT_PNG)
+        names[output.n_formats++] = png;
+    submit.name = (char *)name;
+    submit.scene.data = (uint8_t *)scene->bytes;
+    submit.scene.len = DIGEST_BYTES;
+    submit.settings = &settings;
+    submit.output = &output;
+    submit.first_frame = request->first_frame;
+    submit.last_frame = request->last_frame;
+    submit.priority = request->priority;
+    envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_SUBMIT;
+    envelope.job_submit = &submit;
+    result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_ACCEPTED, &answer, err);
+    if (result != STATUS_OK)
+        return result;
+    *job = answer->job_accepted->job;
+    azulejo__wire__envelope__free_unpacked(answer, NULL);
+    return STATUS_OK;
+}

@@ -1,0 +1,95 @@
+/* job_options: the options that describe a job, shared by submit and render. */
+#ifndef AZULEJO_CLIENT_JOB_OPTIONS_H
+#define AZULEJO_CLIENT_JOB_OPTIONS_H
+
+#include "client/connection.h"
+#include "common/base/options.h"
+#include "common/scene/scene.h"
+#include "common/scene/settings.h"
+#include "common/tonemap/tonemap.h"
+
+#define TONEMAP_DEFAULT "aces"
+
+struct job_options {
+    const char *env, *camera, *frames, *size, *tonemap, *env_sampling, *isa;
+    struct option_list tonemap_parameters;
+    double env_rotate_deg, env_strength, exposure_ev;
+    int64_t spp, max_depth, seed, priority;
+    int half;
+};
+
+#define JOB_OPTIONS_INIT                                                                        \
+    {.env_strength = 1, .env_sampling = "importance", .isa = "avx2",                            \
+     .spp = SETTINGS_SPP_DEFAULT, .max_depth = SETTINGS_DEPTH_DEFAULT}
+
+#define JOB_OPTION_ROWS(o)                                                                      \
+    {"env", 'e', OPTION_STRING, &(o).env, "FILE",                                               \
+     "light the scene with this lat-long environment map (EXR or Radiance HDR)", 0, 0, NULL},   \
+    {"env-rotate", 0, OPTION_REAL, &(o).env_rotate_deg, "DEG",                                  \
+     "turn the environment about +Y, counter-clockwise seen from above (default 0)",            \
+     -36000, 36000, NULL},                                                                      \
+    {"env-strength", 0, OPTION_REAL, &(o).env_strength, "X",                                    \
+     "multiply the environment's radiance (default 1)", 0, 1e6, NULL},                          \
+    {"env-sampling", 0, OPTION_CHOICE, &(o).env_sampling, "HOW",                                \
+     "how light directions are chosen from the environment (default importance)", 0, 0,         \
+     "importance|uniform|bsdf"},                                                                \
+    {"camera", 0, OPTION_STRING, &(o).camera, "NAME",                                           \
+     "camera by name, or by number from 0 (default: the first)", 0, 0, NULL},                   \
+    {"frames", 'f', OPTION_STRING, &(o).frames, "FIRST-LAST",                                   \
+     "frames to render (default 1)", 0, 0, NULL},                                               \
+    {"size", 's', OPTION_STRING, &(o).size, "WxH",                                              \
+     "pixels (default: 720 rows at the camera's aspect, else 1280x720)", 0, 0, NULL},           \
+    {"spp", 'n', OPTION_INT, &(o).spp, "N", "samples a pixel (default 256)",                    \
+     1, SETTINGS_SPP_MAX, NULL},                                                                \
+    {"max-depth", 0, OPTION_INT, &(o).max_depth, "N",                                           \
+     "path edges after the camera's ray; 0 shows emitters only (default 12)",                   \
+     0, SETTINGS_DEPTH_MAX, NULL},                                                              \
+    {"seed", 0, OPTION_INT, &(o).seed, "N",                                                     \
+     "another seed gives other noise, the same one the same bits (default 0)",                  \
+     0, 9e18, NULL},                                                                            \
+    {"tonemap", 't', OPTION_STRING, &(o).tonemap, "OPERATOR",                                   \
+     "how the PNG is tone mapped (default " TONEMAP_DEFAULT "; 'azulejo tonemap --list' lists all)", \
+     0, 0, NULL},                                                                               \
+    {"tonemap-param", 'p', OPTION_LIST, &(o).tonemap_parameters, "NAME=X",                      \
+     "a parameter of the operator; may be given several times", 0, 0, NULL},                    \
+    {"exposure", 0, OPTION_REAL, &(o).exposure_ev, "EV",                                        \
+     "stops of exposure before tone mapping: doubles with each (default 0)", -100, 100, NULL},  \
+    {"half", 0, OPTION_FLAG, &(o).half, NULL,                                                   \
+     "16-bit floats in the EXR instead of 32-bit ones", 0, 0, NULL},                            \
+    {"isa", 0, OPTION_CHOICE, &(o).isa, "NAME",                                                 \
+     "instruction set that every worker pins its ray tracing to (default avx2)", 0, 0,          \
+     "sse2|avx2|avx512"},                                                                       \
+    {"priority", 0, OPTION_INT, &(o).priority, "N",                                             \
+     "jobs with a higher number go first (default 0)", -1000000, 1000000, NULL}
+
+/* What the options mean for a scene. */
+struct job_request {
+    struct render_settings settings;
+    struct tonemap_settings tonemap;
+    uint32_t first_frame, last_frame;
+    int32_t priority;
+    int half;
+};
+
+/* The tone mapping that --tonemap, --tonemap-param and --exposure ask for. ERR_USAGE. */
+status tonemap_options_check(const char *name, const struct option_list *parameters,
+                             double exposure_ev, struct tonemap_settings *out, struct error *err)
+    MUST_CHECK;
+
+/* Check what can be checked before the scene is read, so that a slip in an option is told
+ * at once, whatever else is wrong. ERR_USAGE or ERR_INPUT. */
+status job_options_check(const struct job_options *o, struct job_request *out, struct error *err)
+    MUST_CHECK;
+
+/* Fill in what depends on the scene: the camera and the default size. */
+status job_request_complete(struct job_request *request, const struct job_options *o,
+                            const struct scene *scene, struct error *err) MUST_CHECK;
+
+/* Submit; the scene's blobs and the packed scene must be stored already. */
+status job_request_submit(struct connection *c, const struct job_request *request,
+                          const char *name, const struct digest *scene, unsigned formats,
+                          uint64_t *job, struct error *err) MUST_CHECK;
+
+enum output_format { OUTPUT_FORMAT_EXR = 1, OUTPUT_FORMAT_PNG = 2, OUTPUT_FORMAT_BOTH = 3 };
+
+#endif

@@ -1,0 +1,122 @@
+/* azulejo: the command line client. */
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "client/command.h"
+#include "client/signals.h"
+#include "common/base/log.h"
+
+static const struct command *const commands[] = {
+    &command_render, &command_import,
+    &command_submit, &command_list, &command_show, &command_watch, &command_fetch, &command_cancel,
+    &command_workers, &command_keygen,
+    &command_tonemap, &command_compare,
+};
+enum { COMMAND_COUNT = sizeof commands / sizeof commands[0] };
+
+static const char *const group_titles[COMMAND_GROUPS] = {
+    [COMMAND_RENDER] = "on this machine, without a farm",
+    [COMMAND_JOBS] = "jobs on a farm",
+    [COMMAND_FARM] = "the farm itself",
+    [COMMAND_PICTURES] = "pictures",
+};
+
+static void print_help(void)
+{
+    printf("usage: azulejo COMMAND [ARGUMENT]...\n\n"
+           "Render pictures on a farm of machines, or on this one.\n");
+    for (int group = 0; group < COMMAND_GROUPS; group++) {
+        printf("\n%s:\n", group_titles[group]);
+        for (int i = 0; i < COMMAND_COUNT; i++)
+            if (commands[i]->group == (enum command_group)group)
+                printf("  %-10s  %s\n", commands[i]->name, commands[i]->summary);
+    }
+    printf("\n'azulejo COMMAND --help' tells more about a command, 'azulejo --version' the "
+           "version.\n\n"
+           "exit status:\n"
+           "  0 success                1 internal error, or pictures that differ\n"
+           "  2 bad usage              3 bad input or a limit exceeded\n"
+           "  4 no coordinator there   5 refused or not found\n"
+           "  6 job failed, cancelled  7 timed out\n"
+           "  8 local input/output     130 interrupted\n");
+}
+
+static int report_unknown(const char *what, const char *word)
+{
+    fprintf(stderr, "azulejo: unknown %s '%s' ('azulejo --help' lists the commands)\n", what, word);
+    return status_exit_code(STATUS_ERR_USAGE);
+}
+
+static const struct command *command_find(const char *name)
+{
+    for (int i = 0; i < COMMAND_COUNT; i++)
+        if (strcmp(commands[i]->name, name) == 0)
+            return commands[i];
+    return NULL;
+}
+
+status command_parse(const struct command *command, const struct option *table, int argc,
+                     char *const *argv, size_t least, size_t most, struct positionals *rest,
+                     int *done, struct error *err)
+{
+    status result = options_parse(table, argc, argv, rest, done, err);
+
+    if (result == STATUS_OK && *done) {
+        options_print_help(command->usage, command->description, table);
+        return STATUS_OK;
+    }
+    if (result == STATUS_OK && rest->count < least)
+        result = error_set(err, STATUS_ERR_USAGE, "an argument is missing; usage: %s",
+                           command->usage);
+    if (result == STATUS_OK && rest->count > most)
+        result = error_set(err, STATUS_ERR_USAGE, "'%s' is one argument too many; usage: %s",
+                           rest->items[most], command->usage);
+    return result;
+}
+
+int main(int argc, char **argv)
+{
+    struct error err = {0};
+    const struct command *command;
+    int exit_code = 0;
+    status result;
+
+    log_setup("azulejo", LOG_LEVEL_WARN);
+    signal(SIGPIPE, SIG_IGN); /* a broken pipe is an error of write(), not our death */
+    if (argc < 2) {
+        print_help();
+        return status_exit_code(STATUS_ERR_USAGE);
+    }
+    if (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0 ||
+        strcmp(argv[1], "help") == 0) {
+        print_help();
+        return fflush(stdout) == 0 ? 0 : status_exit_code(STATUS_ERR_IO);
+    }
+    if (strcmp(argv[1], "--version") == 0) {
+        printf("azulejo %s\n", AZULEJO_VERSION);
+        return 0;
+    }
+    if (argv[1][0] == '-')
+        return report_unknown("option", argv[1]);
+    command = command_find(argv[1]);
+    if (!command)
+        return report_unknown("command", argv[1]);
+    result = command->run(command, argc - 1, argv + 1, &exit_code, &err);
+    if (fflush(stdout) != 0 && result == STATUS_OK)
+        result = error_set(&err, STATUS_ERR_IO, "standard output cannot be written");
+    if (signals_stop()) {
+        if (err.text[0])
+            fprintf(stderr, "azulejo: %s\n", err.text);
+        return 128 + signals_stop();
+    }
+    if (result != STATUS_OK) {
+        fprintf(stderr, "azulejo %s: %s", command->name, err.text);
+        if (result == STATUS_ERR_USAGE && !strstr(err.text, "--help"))
+            fprintf(stderr, " ('azulejo %s --help' tells more)", command->name);
+        fputc('\n', stderr);
+        return status_exit_code(result);
+    }
+    return exit_code;
+}

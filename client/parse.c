@@ -1,0 +1,111 @@
+#include "client/parse.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/scene/settings.h"
+
+/* Decimal digits only (strtoul would also take signs and blanks); NULL when there are none
+ * or the number is above `max`. */
+static const char *parse_digits(const char *text, uint64_t max, uint64_t *out)
+{
+    uint64_t value = 0;
+
+    if (*text < '0' || *text > '9')
+        return NULL;
+    for (; *text >= '0' && *text <= '9'; text++) {
+        uint64_t digit = (uint64_t)(*text - '0');
+        if (value > (max - digit) / 10)
+            return NULL;
+        value = value * 10 + digit;
+    }
+    *out = value;
+    return text;
+}
+
+status parse_size(const char *text, uint32_t *width, uint32_t *height, struct error *err)
+{
+    uint64_t w, h;
+    const char *at = parse_digits(text, UINT32_MAX, &w);
+
+    if (!at || (*at != 'x' && *at != 'X') || !(at = parse_digits(at + 1, UINT32_MAX, &h)) || *at)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--size: '%s' is no size, write WIDTHxHEIGHT as in 1280x720", text);
+    if (w < 1 || h < 1 || w > SETTINGS_SIZE_MAX || h > SETTINGS_SIZE_MAX ||
+        w * h > SETTINGS_PIXELS_MAX)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--size: %s: each side must be 1..%d and the whole at most %d pixels",
+                         text, SETTINGS_SIZE_MAX, SETTINGS_PIXELS_MAX);
+    *width = (uint32_t)w;
+    *height = (uint32_t)h;
+    return STATUS_OK;
+}
+
+status parse_frames(const char *text, uint32_t *first, uint32_t *last, struct error *err)
+{
+    uint64_t a, b;
+    const char *at = parse_digits(text, INT32_MAX, &a);
+
+    b = a;
+    if (at && *at == '-')
+        at = parse_digits(at + 1, INT32_MAX, &b);
+    if (!at || *at)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--frames: '%s' is no range, write FIRST-LAST as in 1-48, or one number",
+                         text);
+    if (b < a)
+        return error_set(err, STATUS_ERR_USAGE, "--frames: %s: the first is after the last", text);
+    if (b - a >= SETTINGS_FRAMES_MAX)
+        return error_set(err, STATUS_ERR_USAGE, "--frames: %s: more than %d frames in one job",
+                         text, SETTINGS_FRAMES_MAX);
+    *first = (uint32_t)a;
+    *last = (uint32_t)b;
+    return STATUS_OK;
+}
+
+status parse_parameter(const char *text, char *name, size_t name_size, double *value,
+                       struct error *err)
+{
+    const char *equals = strchr(text, '=');
+    size_t length = equals ? (size_t)(equals - text) : 0;
+    char *end = NULL;
+
+    if (length == 0)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--tonemap-param: '%s' is no parameter, write NAME=NUMBER", text);
+    if (length >= name_size)
+        return error_set(err, STATUS_ERR_USAGE, "--tonemap-param: '%s': the name is too long",
+                         text);
+    memcpy(name, text, length);
+    name[length] = 0;
+    *value = strtod(equals + 1, &end);
+    if (end == equals + 1 || *end || !isfinite(*value))
+        return error_set(err, STATUS_ERR_USAGE, "--tonemap-param: '%s': '%s' is not a number",
+                         text, equals + 1);
+    return STATUS_OK;
+}
+
+status parse_job(const char *text, uint64_t *job, struct error *err)
+{
+    const char *at = parse_digits(text, INT64_MAX, job);
+
+    if (!at || *at || *job == 0)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "'%s' is no job's number ('azulejo list' prints them)", text);
+    return STATUS_OK;
+}
+
+void picture_size_default(float aspect, uint32_t *width, uint32_t *height)
+{
+    const double rows = 720;
+    double columns;
+
+    *width = 1280;
+    *height = 720;
+    if (!(aspect > 0) || !isfinite(aspect))
+        return;
+    columns = 2 * round(rows * (double)aspect / 2);
+    *width = columns < 2 ? 2 : columns > SETTINGS_SIZE_MAX ? SETTINGS_SIZE_MAX : (uint32_t)columns;
+}

@@ -1,0 +1,30 @@
+/* parse: the small languages of the command line. Pure functions of their text. */
+#ifndef AZULEJO_CLIENT_PARSE_H
+#define AZULEJO_CLIENT_PARSE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/base/status.h"
+
+/* "WxH" in pixels, each side 1..SETTINGS_SIZE_MAX, the whole at most SETTINGS_PIXELS_MAX.
+ * ERR_USAGE. */
+status parse_size(const char *text, uint32_t *width, uint32_t *height, struct error *err)
+    MUST_CHECK;
+
+/* "N" or "FIRST-LAST", 0 <= FIRST <= LAST, at most SETTINGS_FRAMES_MAX frames. ERR_USAGE. */
+status parse_frames(const char *text, uint32_t *first, uint32_t *last, struct error *err)
+    MUST_CHECK;
+
+/* "NAME=NUMBER": the name's bytes into `name` (name_size includes the NUL). ERR_USAGE. */
+status parse_parameter(const char *text, char *name, size_t name_size, double *value,
+                       struct error *err) MUST_CHECK;
+
+/* A job's number as printed by submit. ERR_USAGE. */
+status parse_job(const char *text, uint64_t *job, struct error *err) MUST_CHECK;
+
+/* The picture's size when nobody says: 720 rows at the camera's aspect (width / height),
+ * both even; 1280x720 for an aspect of 0 (the camera asks for none) or nonsense. */
+void picture_size_default(float aspect, uint32_t *width, uint32_t *height);
+
+#endif

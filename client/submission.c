@@ -1,0 +1,76 @@
+#include "client/submission.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "client/format.h"
+#include "client/progress.h"
+#include "client/upload.h"
+#include "common/base/file.h"
+#include "common/base/memory.h"
+
+status submission_prepare(const char *path, const struct job_options *options, int quiet,
+                          struct job_request *request, struct import_result *scene,
+                          struct error *err)
+{
+    struct import_options how = IMPORT_OPTIONS_DEFAULT;
+    status result;
+
+    how.env_path = options->env;
+    result = import_scene(path, &how, scene, err);
+    if (result != STATUS_OK)
+        return result;
+    for (size_t i = 0; i < scene->warning_count && !quiet; i++)
+        fprintf(stderr, "warning: %s\n", scene->warnings[i]);
+    return job_request_complete(request, options, &scene->scene, err);
+}
+
+static void report_upload(const struct upload_progress *progress, void *user)
+{
+    char sent[FORMAT_SIZE], all[FORMAT_SIZE], text[128];
+    double fraction = progress->missing_bytes
+                          ? (double)progress->sent_bytes / (double)progress->missing_bytes
+                          : 1;
+
+    snprintf(text, sizeof text, "sending the scene, %s of %s",
+             format_bytes(sent, progress->sent_bytes), format_bytes(all, progress->missing_bytes));
+    progress_draw(user, fraction, text);
+}
+
+status submission_send(struct connection *c, const struct import_result *scene,
+                       const struct job_request *request, const char *name, unsigned formats,
+                       int quiet, uint64_t *job, struct error *err)
+{
+    size_t count = scene->blob_count + 1;
+    struct upload_item *items = mem_calloc(count, sizeof *items);
+    struct upload_progress uploaded;
+    struct progress progress;
+    status result;
+
+    if (!items)
+        return error_no_memory(err, "an upload");
+    for (size_t i = 0; i < scene->blob_count; i++)
+        items[i] = (struct upload_item){scene->blobs[i].digest, scene->blobs[i].data,
+                                        scene->blobs[i].size_bytes};
+    /* The scene last: when it is there, so is everything that it names. */
+    items[scene->blob_count] =
+        (struct upload_item){scene->scene_digest, scene->packed, scene->packed_bytes};
+    progress_init(&progress, quiet);
+    result = upload_blobs(c, items, count, report_upload, &progress, &uploaded, err);
+    progress_clear(&progress);
+    mem_free(items);
+    if (result != STATUS_OK)
+        return result;
+    return job_request_submit(c, request, name, &scene->scene_digest, formats, job, err);
+}
+
+char *submission_name(const char *path)
+{
+    const char *base = file_basename(path);
+    const char *dot = strrchr(base, '.');
+    char *name = mem_strdup(*base ? base : "scene");
+
+    if (name && dot && dot > base)
+        name[dot - base] = 0;
+    return name;
+}

@@ -1,0 +1,38 @@
+/* table: rows of text, printed in aligned columns.
+ *
+ * Cells may hold anything that came over a wire: control characters are replaced, so that
+ * a worker's name cannot write escape sequences to somebody's terminal.
+ */
+#ifndef AZULEJO_CLIENT_TABLE_H
+#define AZULEJO_CLIENT_TABLE_H
+
+#include <stddef.h>
+
+#include "common/base/status.h"
+
+enum { TABLE_COLUMNS_MAX = 16 };
+
+struct table {
+    const char *const *titles; /* a title that starts with '>' sets its column flush right */
+    size_t column_count;
+    char **cells;              /* [row][column], owned */
+    size_t cell_count, cell_capacity;
+    int failed;
+};
+
+void table_init(struct table *t, const char *const *titles, size_t column_count);
+void table_release(struct table *t);
+
+/* Add the next cell, row by row. */
+void table_add(struct table *t, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+/* Print to standard output. ERR_NO_MEMORY when a cell could not be kept. */
+status table_print(const struct table *t, struct error *err) MUST_CHECK;
+
+/* Replace control characters by '?', in place (bytes of UTF-8 stay). */
+void text_make_printable(char *text);
+
+/* How many columns of a terminal the text takes (code points; wide ones count once). */
+size_t text_columns(const char *text);
+
+#endif

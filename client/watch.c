@@ -1,0 +1,110 @@
+#include "client/watch.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+
+#include "client/format.h"
+#include "client/job_info.h"
+#include "client/progress.h"
+#include "common/base/buffer.h"
+#include "common/base/clock.h"
+
+enum { INTERVAL_TERMINAL_MS = 250, INTERVAL_PLAIN_MS = 1000 };
+
+static double fraction_of(const Azulejo__Wire__JobInfo *job)
+{
+    if (job->samples_total == 0)
+        return 0;
+    return (double)job->samples_done / (double)job->samples_total;
+}
+
+static void describe(struct buffer *line, const Azulejo__Wire__JobInfo *job)
+{
+    char number[FORMAT_SIZE];
+    uint32_t frames = job->last_frame - job->first_frame + 1;
+
+    if (job->state != AZULEJO__WIRE__JOB_STATE__JOB_RUNNING) {
+        buffer_puts(line, job_state_name(job->state));
+        if (job->state_text[0])
+            buffer_printf(line, ": %s", job->state_text);
+        return;
+    }
+    if (frames > 1)
+        buffer_printf(line, "%u/%u frames, ", job->frames_done, frames);
+    buffer_printf(line, "%s samples/s", format_count(number, job->samples_per_second));
+    if (job->seconds_left >= 0)
+        buffer_printf(line, ", %s left", format_duration(number, job->seconds_left));
+    if (job->relative_mse >= 0)
+        buffer_printf(line, ", error %s", format_error(number, job->relative_mse));
+    buffer_printf(line, ", %u worker%s", job->workers, job->workers == 1 ? "" : "s");
+    if (job->state_text[0])
+        buffer_printf(line, " (%s)", job->state_text);
+}
+
+static void draw(struct progress *progress, const Azulejo__Wire__JobInfo *job)
+{
+    struct buffer line = BUFFER_INIT;
+
+    describe(&line, job);
+    progress_draw(progress, fraction_of(job), buffer_text(&line));
+    buffer_release(&line);
+}
+
+static status start_watching(struct connection *c, uint64_t job, int terminal, uint64_t *request,
+                             struct error *err)
+{
+    Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
+    Azulejo__Wire__JobWatch watch = AZULEJO__WIRE__JOB_WATCH__INIT;
+
+    *request = connection_request_id(c);
+    watch.job = job;
+    watch.interval_ms = terminal ? INTERVAL_TERMINAL_MS : INTERVAL_PLAIN_MS;
+    envelope.request = *request;
+    envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_WATCH;
+    envelope.job_watch = &watch;
+    return connection_send(c, &envelope, err);
+}
+
+status watch_job(struct connection *c, uint64_t job, int quiet, double limit_s,
+                 Azulejo__Wire__Envelope **last, struct error *err)
+{
+    uint64_t begin_ns = clock_monotonic_ns();
+    Azulejo__Wire__Envelope *message = NULL;
+    const Azulejo__Wire__JobInfo *info;
+    struct progress progress;
+    uint64_t request;
+    status result;
+
+    *last = NULL;
+    progress_init(&progress, quiet);
+    result = start_watching(c, job, progress.terminal, &request, err);
+    while (result == STATUS_OK) {
+        result = connection_receive(c, request, &message, err);
+        if (result != STATUS_OK)
+            break;
+        info = message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST
+                   ? job_list_find(message->job_list, job)
+                   : NULL;
+        if (!info) {
+            result = error_set(err, STATUS_ERR_NOT_FOUND,
+                               "the coordinator knows no job %" PRIu64 " any more", job);
+            break;
+        }
+        if (job_state_is_final(info->state)) {
+            *last = message;
+            message = NULL;
+            break;
+        }
+        draw(&progress, info);
+        azulejo__wire__envelope__free_unpacked(message, NULL);
+        message = NULL;
+        if (limit_s > 0 && (double)(clock_monotonic_ns() - begin_ns) > limit_s * 1e9)
+            result = error_set(err, STATUS_ERR_TIMEOUT,
+                               "job %" PRIu64 " has not ended within %g seconds; it goes on", job,
+                               limit_s);
+    }
+    progress_clear(&progress);
+    if (message)
+        azulejo__wire__envelope__free_unpacked(message, NULL);
+    return result;
+}
