@@ -45,6 +45,9 @@ static void expect_mean(struct scene_builder *b, const struct render_settings *s
     struct running_stats s = frame_means(b, settings);
     double p = mean_test_p_value(&s, expected);
 
+    /* Where nothing is random but the rounding of float, rounding is what is left. */
+    if (fabs(s.mean - expected) <= 1e-5 * fabs(expected))
+        return;
     if (p < sidak_alpha(0.01, COMPARISONS))
         fail_msg("%s: mean %.7g +- %.2g, expected %.7g (p = %.2g)", what, s.mean,
                  running_stats_error(&s), expected, p);
