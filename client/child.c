@@ -13,8 +13,8 @@
 #include <unistd.h>
 
 #include "client/signals.h"
-#include "client/table.h"
 #include "common/base/clock.h"
+#include "protocol/message.h"
 
 enum { TAIL_BYTES = 4096, TAIL_LINES = 15, STOP_POLL_MS = 5 };
 
@@ -190,7 +190,7 @@ void child_print_log_tail(const char *log_path, const char *label)
     }
     fprintf(stderr, "%s's last words:\n", label);
     for (char *line = strtok(text + begin, "\n"); line; line = strtok(NULL, "\n")) {
-        text_make_printable(line);
-        fprintf(stderr, "  | %s\n", line);
+        char printable[TAIL_BYTES + 1];
+        fprintf(stderr, "  | %s\n", message_text(printable, sizeof printable, line));
     }
 }

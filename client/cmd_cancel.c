@@ -5,6 +5,7 @@
 #include "client/command.h"
 #include "client/job_info.h"
 #include "client/parse.h"
+#include "protocol/message.h"
 
 static status cancel(struct connection *c, uint64_t job, int json, struct error *err)
 {
@@ -27,7 +28,7 @@ static status cancel(struct connection *c, uint64_t job, int json, struct error 
         result = json_print(job_info_json(info), err);
     else
         printf("job %" PRIu64 ": %s\n", job, job_state_name(info->state));
-    azulejo__wire__envelope__free_unpacked(answer, NULL);
+    message_free(answer);
     return result;
 }
 

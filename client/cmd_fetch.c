@@ -10,6 +10,7 @@
 #include "client/parse.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
+#include "protocol/message.h"
 
 struct fetching {
     struct connection *connection;
@@ -141,8 +142,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     if (result == STATUS_OK && json)
         result = json_print(json_pack("{s:O}", "files", f.files), err);
     json_decref(f.files);
-    if (answer)
-        azulejo__wire__envelope__free_unpacked(answer, NULL);
+    message_free(answer);
     connection_close(f.connection);
     return result;
 }

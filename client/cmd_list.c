@@ -5,6 +5,7 @@
 #include "client/format.h"
 #include "client/job_info.h"
 #include "client/table.h"
+#include "protocol/message.h"
 
 static const char *const titles[] = {">JOB",   "NAME",  "STATE",  ">FRAMES",  ">DONE",
                                      ">RATE/s", ">LEFT", ">ERROR", ">WORKERS", "SUBMITTED"};
@@ -70,8 +71,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
         result = job_query(connection, 0, &answer, err);
     if (result == STATUS_OK)
         result = json ? print_json(answer->job_list, err) : print_table(answer->job_list, err);
-    if (answer)
-        azulejo__wire__envelope__free_unpacked(answer, NULL);
+    message_free(answer);
     connection_close(connection);
     return result;
 }

@@ -12,6 +12,7 @@
 #include "client/watch.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
+#include "protocol/message.h"
 
 struct render {
     const char *scene_path;
@@ -165,8 +166,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     local_farm_stop(r.farm);
     if (result == STATUS_OK)
         result = report(&r, err);
-    if (r.last)
-        azulejo__wire__envelope__free_unpacked(r.last, NULL);
+    message_free(r.last);
     json_decref(r.files);
     destination_release(&r.destination);
     import_result_release(&r.scene);

@@ -6,16 +6,14 @@
 #include "client/format.h"
 #include "client/job_info.h"
 #include "client/parse.h"
-#include "client/table.h"
 #include "common/scene/settings.h"
+#include "protocol/message.h"
 
 static void print_field(const char *label, const char *text)
 {
     char copy[512];
 
-    snprintf(copy, sizeof copy, "%s", text);
-    text_make_printable(copy);
-    printf("  %-10s  %s\n", label, copy);
+    printf("  %-10s  %s\n", label, message_text(copy, sizeof copy, text));
 }
 
 static void print_settings(const Azulejo__Wire__RenderSettings *s)
@@ -32,15 +30,12 @@ static void print_output(const Azulejo__Wire__OutputSettings *o)
 {
     char operator_name[128];
 
-    snprintf(operator_name, sizeof operator_name, "%s", o->tonemap);
-    text_make_printable(operator_name);
     printf("  %-10s  %s EXR; PNG by %s", "output", o->exr_half ? "16-bit" : "32-bit",
-           operator_name);
+           message_text(operator_name, sizeof operator_name, o->tonemap));
     for (size_t i = 0; i < o->n_parameters; i++) {
         char key[64];
-        snprintf(key, sizeof key, "%s", o->parameters[i]->key);
-        text_make_printable(key);
-        printf(", %s=%g", key, o->parameters[i]->value);
+        printf(", %s=%g", message_text(key, sizeof key, o->parameters[i]->key),
+               o->parameters[i]->value);
     }
     printf(", exposure %+g EV\n", o->exposure_ev);
 }
@@ -98,8 +93,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
         result = json_print(job_info_json(job_list_find(answer->job_list, job)), err);
     else if (result == STATUS_OK)
         print_job(job_list_find(answer->job_list, job));
-    if (answer)
-        azulejo__wire__envelope__free_unpacked(answer, NULL);
+    message_free(answer);
     connection_close(connection);
     return result;
 }

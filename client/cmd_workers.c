@@ -6,6 +6,7 @@
 #include "client/job_info.h"
 #include "client/table.h"
 #include "common/scene/settings.h"
+#include "protocol/message.h"
 
 static const char *const titles[] = {">SESSION", "HOST",     ">PROCESS", "ADDRESS",
                                      ">THREADS", ">LEASED",  ">DONE",    ">RATE/s",
@@ -93,8 +94,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     if (result == STATUS_OK)
         result = json ? print_json(answer->worker_list, err)
                       : print_table(answer->worker_list, err);
-    if (answer)
-        azulejo__wire__envelope__free_unpacked(answer, NULL);
+    message_free(answer);
     connection_close(connection);
     return result;
 }

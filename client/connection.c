@@ -11,12 +11,12 @@
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "protocol/channel.h"
+#include "protocol/message.h"
 
 enum {
     ADDRESS_MAX = 300,
     INBOX_MAX = 4096,        /* unasked-for messages kept; more is a protocol violation */
     CLOSE_LIMIT_MS = 3000,   /* how long a goodbye may take */
-    HEARTBEAT_DEFAULT_MS = 5000,
 };
 
 struct inbox_message {
@@ -101,15 +101,18 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
 {
     struct connection *c = user;
     struct inbox_message *item = NULL;
+    struct error why = {0};
     uint8_t *bytes = NULL;
     size_t size;
+    status result;
 
     if (message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_HEARTBEAT)
         return;
     if (message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_NOTICE) {
         unsigned level = message->notice->level;
+        char text[MESSAGE_TEXT_MAX];
         log_line(level > LOG_LEVEL_DEBUG ? LOG_LEVEL_DEBUG : (enum log_level)level,
-                 "coordinator: %s", message->notice->text);
+                 "coordinator: %s", message_text(text, sizeof text, message->notice->text));
         return;
     }
     if (c->inbox_count >= INBOX_MAX) {
@@ -122,14 +125,16 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
     size = azulejo__wire__envelope__get_packed_size(message);
     bytes = mem_alloc(size);
     item = mem_calloc(1, sizeof *item);
-    if (bytes && item) {
+    if (!bytes || !item) {
+        result = error_no_memory(&why, "a message");
+    } else {
         azulejo__wire__envelope__pack(message, bytes);
-        item->envelope = azulejo__wire__envelope__unpack(NULL, size, bytes);
+        result = message_unpack(&item->envelope, bytes, size, &why);
     }
     mem_free(bytes);
-    if (!item || !item->envelope) {
+    if (result != STATUS_OK) {
         mem_free(item);
-        channel_abort(channel, STATUS_ERR_NO_MEMORY, "out of memory for a message");
+        channel_abort(channel, result, "%s", why.text);
         return;
     }
     *c->inbox_end = item;
@@ -171,12 +176,8 @@ static void on_deadline(uv_timer_t *timer)
 static void on_heartbeat(uv_timer_t *timer)
 {
     struct connection *c = timer->data;
-    Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
-    Azulejo__Wire__Heartbeat heartbeat = AZULEJO__WIRE__HEARTBEAT__INIT;
 
-    envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_HEARTBEAT;
-    envelope.heartbeat = &heartbeat;
-    if (c->channel && channel_send(c->channel, &envelope) != STATUS_OK) {
+    if (c->channel && message_send_heartbeat(c->channel) != STATUS_OK) {
         /* The channel closes by itself; on_close says why. */
     }
 }
@@ -250,14 +251,6 @@ static Azulejo__Wire__Envelope *inbox_take(struct connection *c, struct inbox_me
     return envelope;
 }
 
-static status failure_status(const Azulejo__Wire__Failure *failure, struct error *err)
-{
-    status code = failure->code > 0 && failure->code < STATUS_COUNT ? (status)failure->code
-                                                                    : STATUS_ERR_INTERNAL;
-
-    return error_set(err, code, "%s", failure->text[0] ? failure->text : status_text(code));
-}
-
 status connection_receive(struct connection *c, uint64_t request, Azulejo__Wire__Envelope **out,
                           struct error *err)
 {
@@ -280,8 +273,8 @@ status connection_receive(struct connection *c, uint64_t request, Azulejo__Wire_
         return result;
     *out = inbox_take(c, at);
     if ((*out)->body_case == AZULEJO__WIRE__ENVELOPE__BODY_FAILURE) {
-        result = failure_status((*out)->failure, err);
-        azulejo__wire__envelope__free_unpacked(*out, NULL);
+        result = message_failure_get((*out)->failure, err);
+        message_free(*out);
         *out = NULL;
     }
     return result;
@@ -341,7 +334,7 @@ status connection_ask(struct connection *c, Azulejo__Wire__Envelope *question,
                            "the coordinator at %s answered with message %d, not %d: are both of "
                            "the same version?",
                            c->address, (int)(*out)->body_case, (int)expected);
-        azulejo__wire__envelope__free_unpacked(*out, NULL);
+        message_free(*out);
         *out = NULL;
     }
     return result;
@@ -425,11 +418,14 @@ static status say_hello(struct connection *c, enum farm_role role, struct error 
     result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_WELCOME, &answer, err);
     if (result != STATUS_OK)
         return result;
-    beat_ms = answer->welcome->heartbeat_ms ? answer->welcome->heartbeat_ms / 2
-                                            : HEARTBEAT_DEFAULT_MS / 2;
-    azulejo__wire__envelope__free_unpacked(answer, NULL);
-    uv_timer_start(&c->heartbeat, on_heartbeat, beat_ms + 1, beat_ms + 1);
-    return STATUS_OK;
+    result = welcome_check(answer->welcome, err);
+    if (result == STATUS_OK) {
+        /* Twice as often as asked for, so that a little lateness does no harm. */
+        beat_ms = answer->welcome->heartbeat_ms / 2;
+        uv_timer_start(&c->heartbeat, on_heartbeat, beat_ms, beat_ms);
+    }
+    message_free(answer);
+    return result;
 }
 
 static status connection_init(struct connection **out, struct error *err)
@@ -541,7 +537,7 @@ void connection_close(struct connection *c)
     uv_run(&c->loop, UV_RUN_DEFAULT);
     uv_loop_close(&c->loop);
     while (c->inbox)
-        azulejo__wire__envelope__free_unpacked(inbox_take(c, &c->inbox), NULL);
+        message_free(inbox_take(c, &c->inbox));
     explicit_bzero(&c->key, sizeof c->key);
     mem_free(c);
 }

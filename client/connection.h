@@ -66,7 +66,7 @@ status connection_send(struct connection *c, Azulejo__Wire__Envelope *message, s
     MUST_CHECK;
 
 /* Wait for the next message that answers `request` (0: any). The message belongs to the
- * caller: free with azulejo__wire__envelope__free_unpacked(m, NULL). A Failure message
+ * caller: free with message_free. A Failure message
  * becomes its status and text. ERR_TIMEOUT after timeout_s of waiting. */
 status connection_receive(struct connection *c, uint64_t request, Azulejo__Wire__Envelope **out,
                           struct error *err) MUST_CHECK;

@@ -5,8 +5,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "client/table.h"
 #include "common/base/file.h"
+#include "protocol/message.h"
 
 static status append_piece(struct buffer *data, size_t start, const Azulejo__Wire__OutputData *piece,
                            struct error *err)
@@ -30,9 +30,7 @@ static void take_name(struct buffer *out, const char *name)
 
     while (*base == '.')
         base++;
-    copy[0] = 0;
-    strncat(copy, base, sizeof copy - 1);
-    text_make_printable(copy);
+    message_text(copy, sizeof copy, base);
     buffer_puts(out, copy[0] ? copy : "output");
 }
 
@@ -71,7 +69,7 @@ status fetch_output(struct connection *c, uint64_t job, uint32_t frame,
                 take_name(name, answer->output_data->file_name);
         }
         first = 0;
-        azulejo__wire__envelope__free_unpacked(answer, NULL);
+        message_free(answer);
     }
     return result;
 }

@@ -5,8 +5,8 @@
 
 #include "client/job_info.h"
 #include "client/signals.h"
-#include "client/table.h"
 #include "client/watch.h"
+#include "protocol/message.h"
 
 static status stop_wanted(void *user, struct error *err)
 {
@@ -24,9 +24,8 @@ static void print_ending(const Azulejo__Wire__JobInfo *info)
 {
     char name[256];
 
-    snprintf(name, sizeof name, "%s", info->name);
-    text_make_printable(name);
-    printf("job %" PRIu64 " (%s): %s\n", info->job, name, job_state_name(info->state));
+    printf("job %" PRIu64 " (%s): %s\n", info->job, message_text(name, sizeof name, info->name),
+           job_state_name(info->state));
     job_info_print_summary(stdout, info);
     if (info->state == AZULEJO__WIRE__JOB_STATE__JOB_DONE)
         printf("  %-10s  'azulejo fetch %" PRIu64 "' brings the pictures\n", "outputs", info->job);
@@ -52,6 +51,6 @@ status follow_job(struct connection *c, uint64_t job, int quiet, int json, doubl
         print_ending(info);
     if (result == STATUS_OK)
         result = job_info_verdict(info, err);
-    azulejo__wire__envelope__free_unpacked(last, NULL);
+    message_free(last);
     return result;
 }

@@ -5,9 +5,9 @@
 #include <string.h>
 
 #include "client/format.h"
-#include "client/table.h"
 #include "common/base/digest.h"
 #include "common/scene/settings.h"
+#include "protocol/message.h"
 
 const char *job_state_name(Azulejo__Wire__JobState state)
 {
@@ -48,7 +48,7 @@ status job_query(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **o
     envelope.job_query = &query;
     result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST, out, err);
     if (result == STATUS_OK && job && !job_list_find((*out)->job_list, job)) {
-        azulejo__wire__envelope__free_unpacked(*out, NULL);
+        message_free(*out);
         *out = NULL;
         result = error_set(err, STATUS_ERR_NOT_FOUND,
                            "there is no job %" PRIu64 " ('azulejo list' shows which there are)",
@@ -166,9 +166,7 @@ static void print_line(FILE *out, const char *label, const char *text)
 {
     char copy[512];
 
-    snprintf(copy, sizeof copy, "%s", text);
-    text_make_printable(copy);
-    fprintf(out, "  %-10s  %s\n", label, copy);
+    fprintf(out, "  %-10s  %s\n", label, message_text(copy, sizeof copy, text));
 }
 
 void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
@@ -220,8 +218,7 @@ status job_info_verdict(const Azulejo__Wire__JobInfo *job, struct error *err)
     if (job->state != AZULEJO__WIRE__JOB_STATE__JOB_FAILED &&
         job->state != AZULEJO__WIRE__JOB_STATE__JOB_CANCELLED)
         return STATUS_OK;
-    snprintf(why, sizeof why, "%s", job->state_text);
-    text_make_printable(why);
+    message_text(why, sizeof why, job->state_text);
     return error_set(err, STATUS_ERR_JOB_FAILED, "job %" PRIu64 " %s%s%s", job->job,
                      job->state == AZULEJO__WIRE__JOB_STATE__JOB_FAILED ? "failed"
                                                                         : "was cancelled",

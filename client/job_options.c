@@ -5,6 +5,7 @@
 
 #include "client/parse.h"
 #include "common/base/buffer.h"
+#include "protocol/message.h"
 
 status tonemap_options_check(const char *name, const struct option_list *parameters,
                              double exposure_ev, struct tonemap_settings *out, struct error *err)
@@ -93,20 +94,6 @@ status job_request_complete(struct job_request *request, const struct job_option
     return render_settings_validate(s, scene->camera_count, err);
 }
 
-static void settings_to_wire(const struct render_settings *s, Azulejo__Wire__RenderSettings *out)
-{
-    out->width = s->width;
-    out->height = s->height;
-    out->spp = s->spp;
-    out->max_depth = s->max_depth;
-    out->seed = s->seed;
-    out->camera = s->camera;
-    out->env_rotate_deg = s->env_rotate_deg;
-    out->env_strength = s->env_strength;
-    out->env_sampling = (uint32_t)s->env_sampling;
-    out->isa = (uint32_t)s->isa;
-}
-
 status job_request_submit(struct connection *c, const struct job_request *request,
                           const char *name, const struct digest *scene, unsigned formats,
                           uint64_t *job, struct error *err)
@@ -123,7 +110,7 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     Azulejo__Wire__Envelope *answer = NULL;
     status result;
 
-    settings_to_wire(&request->settings, &settings);
+    wire_settings_set(&settings, &request->settings);
     for (size_t i = 0; i < op->parameter_count; i++) {
         azulejo__wire__output_settings__parameters_entry__init(&entries[i]);
         entries[i].key = (char *)op->parameters[i].name;
@@ -141,8 +128,7 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     if (formats & OUTPUT_FORMAT_PNG)
         names[output.n_formats++] = png;
     submit.name = (char *)name;
-    submit.scene.data = (uint8_t *)scene->bytes;
-    submit.scene.len = DIGEST_BYTES;
+    wire_digest_set(&submit.scene, scene);
     submit.settings = &settings;
     submit.output = &output;
     submit.first_frame = request->first_frame;
@@ -154,6 +140,6 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     if (result != STATUS_OK)
         return result;
     *job = answer->job_accepted->job;
-    azulejo__wire__envelope__free_unpacked(answer, NULL);
+    message_free(answer);
     return STATUS_OK;
 }

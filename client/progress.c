@@ -9,6 +9,7 @@
 
 #include "client/table.h"
 #include "common/base/clock.h"
+#include "protocol/message.h"
 
 #define PLAIN_INTERVAL_NS (5 * NS_PER_SECOND)
 
@@ -58,8 +59,7 @@ static void draw_in_place(struct progress *p, double fraction, const char *text)
     char line[LINE_MAX_BYTES];
     size_t bar = 0, filled, used;
 
-    snprintf(line, sizeof line, "%s", text);
-    text_make_printable(line);
+    message_text(line, sizeof line, text);
     if (fraction >= 0) {
         used = text_columns(line) + strlen("100% [] ");
         bar = used + BAR_MIN <= width ? width - used : 0;
@@ -105,8 +105,7 @@ void progress_draw(struct progress *p, double fraction, const char *text)
     if (now - p->last_ns < PLAIN_INTERVAL_NS)
         return;
     p->last_ns = now;
-    snprintf(line, sizeof line, "%s", text);
-    text_make_printable(line);
+    message_text(line, sizeof line, text);
     if (fraction >= 0)
         fprintf(stderr, "%3d%%  %s\n", (int)(fraction * 100), line);
     else

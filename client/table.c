@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "protocol/message.h"
 
 void table_init(struct table *t, const char *const *titles, size_t column_count)
 {
@@ -21,19 +22,6 @@ void table_release(struct table *t)
     memset(t, 0, sizeof *t);
 }
 
-void text_make_printable(char *text)
-{
-    for (unsigned char *at = (unsigned char *)text; *at; at++) {
-        /* C0 controls, DEL, and the C1 controls, which UTF-8 writes as C2 80 .. C2 9F. */
-        if (*at < 0x20 || *at == 0x7f) {
-            *at = '?';
-        } else if (*at == 0xc2 && at[1] >= 0x80 && at[1] <= 0x9f) {
-            at[0] = '?';
-            at[1] = '?';
-        }
-    }
-}
-
 size_t text_columns(const char *text)
 {
     size_t columns = 0;
@@ -45,15 +33,14 @@ size_t text_columns(const char *text)
 
 void table_add(struct table *t, const char *format, ...)
 {
-    char text[512];
+    char text[512], printable[512];
     char *copy;
     va_list args;
 
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    text_make_printable(text);
-    copy = mem_strdup(text);
+    copy = mem_strdup(message_text(printable, sizeof printable, text));
     if (!copy || !MEM_GROW(t->cells, t->cell_capacity, t->cell_count + 1)) {
         mem_free(copy);
         t->failed = 1;

@@ -29,9 +29,6 @@ void table_add(struct table *t, const char *format, ...) __attribute__((format(p
 /* Print to standard output. ERR_NO_MEMORY when a cell could not be kept. */
 status table_print(const struct table *t, struct error *err) MUST_CHECK;
 
-/* Replace control characters by '?', in place (bytes of UTF-8 stay). */
-void text_make_printable(char *text);
-
 /* How many columns of a terminal the text takes (code points; wide ones count once). */
 size_t text_columns(const char *text);
 

@@ -1,15 +1,14 @@
 #include "client/upload.h"
 
 #include <string.h>
-#include <zstd.h>
 
 #include "common/base/memory.h"
 #include "protocol/channel.h"
+#include "protocol/message.h"
 
 enum {
     QUERY_DIGESTS_MAX = 4096, /* digests in one BlobQuery: 140 KiB */
     BLOBS_UNDER_WAY = 16,     /* sent but not yet acknowledged */
-    COMPRESSION_LEVEL = 1,    /* meshes shrink by a third; higher levels cost more than they save */
 };
 
 struct upload {
@@ -19,9 +18,7 @@ struct upload {
     uint8_t *missing;       /* [count]: 1 when the coordinator lacks it */
     uint64_t under_way[BLOBS_UNDER_WAY]; /* request numbers, oldest first */
     size_t under_way_count;
-    ZSTD_CCtx *zstd;
-    uint8_t *packed;        /* one compressed piece */
-    size_t packed_size;
+    struct buffer scratch;  /* one compressed piece */
     upload_progress_fn report;
     void *user;
     struct upload_progress *progress;
@@ -55,10 +52,8 @@ static status query_missing(struct upload *u, struct error *err)
         Azulejo__Wire__Envelope *answer = NULL;
         size_t n = u->count - begin < QUERY_DIGESTS_MAX ? u->count - begin : QUERY_DIGESTS_MAX;
 
-        for (size_t i = 0; i < n; i++) {
-            digests[i].data = (uint8_t *)u->items[begin + i].digest.bytes;
-            digests[i].len = DIGEST_BYTES;
-        }
+        for (size_t i = 0; i < n; i++)
+            wire_digest_set(&digests[i], &u->items[begin + i].digest);
         query.n_digest = n;
         query.digest = digests;
         envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_BLOB_QUERY;
@@ -67,7 +62,7 @@ static status query_missing(struct upload *u, struct error *err)
                                 AZULEJO__WIRE__ENVELOPE__BODY_BLOB_MISSING, &answer, err);
         if (result == STATUS_OK) {
             mark_missing(u, begin, begin + n, answer->blob_missing);
-            azulejo__wire__envelope__free_unpacked(answer, NULL);
+            message_free(answer);
         }
     }
     return result;
@@ -83,7 +78,7 @@ static status await_oldest(struct upload *u, struct error *err)
     if (answer->body_case != AZULEJO__WIRE__ENVELOPE__BODY_BLOB_STORED)
         result = error_set(err, STATUS_ERR_PROTOCOL, "a blob was answered with message %d",
                            (int)answer->body_case);
-    azulejo__wire__envelope__free_unpacked(answer, NULL);
+    message_free(answer);
     u->under_way_count--;
     memmove(u->under_way, u->under_way + 1, u->under_way_count * sizeof u->under_way[0]);
     return result;
@@ -94,23 +89,15 @@ static status send_piece(struct upload *u, const struct upload_item *item, uint6
 {
     Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__BlobPut put = AZULEJO__WIRE__BLOB_PUT__INIT;
-    size_t packed = ZSTD_compressCCtx(u->zstd, u->packed, u->packed_size, item->data + offset, size,
-                                      COMPRESSION_LEVEL);
-    status result;
+    status result = blob_piece_pack(item->data + offset, size, &u->scratch, &put.data, &put.zstd, err);
 
-    put.digest.data = (uint8_t *)item->digest.bytes;
-    put.digest.len = DIGEST_BYTES;
+    if (result != STATUS_OK)
+        return result;
+
+    wire_digest_set(&put.digest, &item->digest);
     put.total_bytes = item->size_bytes;
     put.offset = offset;
     put.raw_bytes = (uint32_t)size;
-    if (!ZSTD_isError(packed) && packed < size) {
-        put.zstd = 1;
-        put.data.data = u->packed;
-        put.data.len = packed;
-    } else {
-        put.data.data = (uint8_t *)item->data + offset;
-        put.data.len = size;
-    }
     envelope.request = request;
     envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_BLOB_PUT;
     envelope.blob_put = &put;
@@ -131,8 +118,7 @@ static status send_blob(struct upload *u, const struct upload_item *item, struct
     if (u->under_way_count == BLOBS_UNDER_WAY)
         result = await_oldest(u, err);
     while (result == STATUS_OK) {
-        size_t left = item->size_bytes - offset;
-        size_t size = left < BLOB_PIECE_BYTES ? left : BLOB_PIECE_BYTES;
+        size_t size = blob_piece_size(item->size_bytes, offset);
 
         result = send_piece(u, item, request, offset, size, err);
         offset += size;
@@ -157,10 +143,7 @@ status upload_blobs(struct connection *c, const struct upload_item *items, size_
 
     memset(progress, 0, sizeof *progress);
     u.missing = mem_calloc(count ? count : 1, 1);
-    u.zstd = ZSTD_createCCtx();
-    u.packed_size = ZSTD_compressBound(BLOB_PIECE_BYTES);
-    u.packed = mem_alloc(u.packed_size);
-    if (!u.missing || !u.zstd || !u.packed)
+    if (!u.missing)
         result = error_no_memory(err, "an upload");
     if (result == STATUS_OK)
         result = query_missing(&u, err);
@@ -171,8 +154,7 @@ status upload_blobs(struct connection *c, const struct upload_item *items, size_
         result = await_oldest(&u, err);
     if (result != STATUS_OK)
         error_prefix(err, "sending the scene");
-    mem_free(u.packed);
-    ZSTD_freeCCtx(u.zstd);
+    buffer_release(&u.scratch);
     mem_free(u.missing);
     return result;
 }

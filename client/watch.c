@@ -8,6 +8,7 @@
 #include "client/progress.h"
 #include "common/base/buffer.h"
 #include "common/base/clock.h"
+#include "protocol/message.h"
 
 enum { INTERVAL_TERMINAL_MS = 250, INTERVAL_PLAIN_MS = 1000 };
 
@@ -96,7 +97,7 @@ status watch_job(struct connection *c, uint64_t job, int quiet, double limit_s,
             break;
         }
         draw(&progress, info);
-        azulejo__wire__envelope__free_unpacked(message, NULL);
+        message_free(message);
         message = NULL;
         if (limit_s > 0 && (double)(clock_monotonic_ns() - begin_ns) > limit_s * 1e9)
             result = error_set(err, STATUS_ERR_TIMEOUT,
@@ -104,7 +105,6 @@ status watch_job(struct connection *c, uint64_t job, int quiet, double limit_s,
                                limit_s);
     }
     progress_clear(&progress);
-    if (message)
-        azulejo__wire__envelope__free_unpacked(message, NULL);
+    message_free(message);
     return result;
 }
