@@ -1,0 +1,88 @@
+/* Where -o puts the pictures. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "client/destination.h"
+#include "client/fetch.h"
+#include "client/job_options.h"
+
+static void expect(const char *out, uint32_t frames, unsigned formats, uint32_t frame,
+                   const char *extension, const char *path)
+{
+    struct destination d;
+    struct buffer got = BUFFER_INIT;
+    struct error err = {0};
+
+    assert_int_equal(destination_init(&d, out, "scene", frames, &err), STATUS_OK);
+    assert_int_equal(d.formats, formats);
+    destination_path(&d, frame, extension, &got);
+    assert_string_equal(buffer_text(&got), path);
+    buffer_release(&got);
+    destination_release(&d);
+}
+
+static void names(void **state)
+{
+    (void)state;
+    expect(NULL, 1, OUTPUT_FORMAT_BOTH, 1, "exr", "scene.exr");
+    expect("", 1, OUTPUT_FORMAT_BOTH, 1, "exr", "scene.exr");
+    expect(".", 1, OUTPUT_FORMAT_BOTH, 1, "png", "scene.png");
+    expect("pic", 1, OUTPUT_FORMAT_BOTH, 1, "png", "pic.png");
+    expect("out/pic", 1, OUTPUT_FORMAT_BOTH, 1, "png", "out/pic.png");
+    expect("/pic", 1, OUTPUT_FORMAT_BOTH, 1, "png", "/pic.png");
+    expect("out/", 1, OUTPUT_FORMAT_BOTH, 1, "png", "out/scene.png");
+    expect("/tmp", 1, OUTPUT_FORMAT_BOTH, 1, "png", "/tmp/scene.png");
+    expect("pic.exr", 1, OUTPUT_FORMAT_EXR, 1, "exr", "pic.exr");
+    expect("out/pic.PNG", 1, OUTPUT_FORMAT_PNG, 1, "png", "out/pic.png");
+    /* Only the two known extensions are taken off. */
+    expect("v1.5", 1, OUTPUT_FORMAT_BOTH, 1, "exr", "v1.5.exr");
+    expect("a.exr/pic", 1, OUTPUT_FORMAT_BOTH, 1, "exr", "a.exr/pic.exr");
+}
+
+static void frames_are_numbered(void **state)
+{
+    (void)state;
+    expect("pic", 48, OUTPUT_FORMAT_BOTH, 7, "exr", "pic-0007.exr");
+    expect("pic.exr", 48, OUTPUT_FORMAT_EXR, 12345, "exr", "pic-12345.exr");
+    expect("out/", 2, OUTPUT_FORMAT_BOTH, 0, "png", "out/scene-0000.png");
+}
+
+static void folders_are_proved(void **state)
+{
+    char folder[] = "/tmp/azulejo-test-XXXXXX";
+    char path[64];
+    struct error err = {0};
+
+    (void)state;
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/a/b", folder);
+    assert_int_equal(fetch_check_folder(path, &err), STATUS_OK);
+    /* Nothing is left behind: the folders can be removed at once. */
+    assert_int_equal(rmdir(path), 0);
+    path[strlen(path) - 2] = 0;
+    assert_int_equal(rmdir(path), 0);
+    assert_int_equal(rmdir(folder), 0);
+    assert_int_equal(fetch_check_folder("/dev/null", &err), STATUS_ERR_IO);
+    assert_int_equal(fetch_check_folder("/dev/null/a", &err), STATUS_ERR_IO);
+    assert_int_equal(fetch_check_folder("/proc", &err), STATUS_ERR_IO);
+    assert_non_null(strstr(err.text, "/proc"));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(names),
+        cmocka_unit_test(frames_are_numbered),
+        cmocka_unit_test(folders_are_proved),
+    };
+
+    return cmocka_run_group_tests_name("client/destination", tests, NULL, NULL);
+}
