@@ -9,6 +9,7 @@
 status distribution_init(struct distribution *d, uint32_t rows, uint32_t columns,
                          struct error *err)
 {
+    uint32_t blocks = (columns + DISTRIBUTION_BLOCK - 1) / DISTRIBUTION_BLOCK;
     size_t cells;
 
     memset(d, 0, sizeof *d);
@@ -16,12 +17,14 @@ status distribution_init(struct distribution *d, uint32_t rows, uint32_t columns
         return error_set(err, STATUS_ERR_INTERNAL, "a distribution of %u x %u cells", columns, rows);
     d->row_start = mem_calloc((size_t)rows + 1, sizeof *d->row_start);
     d->column_start = mem_calloc(cells, sizeof *d->column_start);
-    if (!d->row_start || !d->column_start) {
+    d->block_start = mem_calloc((size_t)rows * blocks, sizeof *d->block_start);
+    if (!d->row_start || !d->column_start || !d->block_start) {
         distribution_release(d);
         return error_no_memory(err, "the environment's importance table");
     }
     d->rows = rows;
     d->columns = columns;
+    d->blocks = blocks;
     return STATUS_OK;
 }
 
@@ -29,13 +32,15 @@ void distribution_release(struct distribution *d)
 {
     mem_free(d->row_start);
     mem_free(d->column_start);
+    mem_free(d->block_start);
     memset(d, 0, sizeof *d);
 }
 
 size_t distribution_bytes(const struct distribution *d)
 {
     return ((size_t)d->rows + 1) * sizeof *d->row_start +
-           (size_t)d->rows * d->columns * sizeof *d->column_start;
+           (size_t)d->rows * d->columns * sizeof *d->column_start +
+           (size_t)d->rows * d->blocks * sizeof *d->block_start;
 }
 
 void distribution_set_row(struct distribution *d, uint32_t row, const double *weights, double scale)
@@ -54,6 +59,8 @@ void distribution_set_row(struct distribution *d, uint32_t row, const double *we
         /* Cells without weight at a row's end start at its end, which does not fit the word:
          * but no u below 1 reaches the last 256 positions. */
         start[i] = position < WHOLE - 1 ? (uint32_t)position : UINT32_MAX;
+        if (i % DISTRIBUTION_BLOCK == 0)
+            d->block_start[(size_t)row * d->blocks + i / DISTRIBUTION_BLOCK] = start[i];
         before += weights[i];
     }
 }
@@ -69,34 +76,54 @@ int distribution_finish(struct distribution *d)
     return 1;
 }
 
-void distribution_choose(const struct distribution *d, float u, float v,
-                         struct distribution_cell *out)
+/* The last of `count` ascending starts that is at or below the target; the first is. Always
+ * the same number of steps, without a branch to mispredict. */
+static inline uint32_t last_at_or_below(const uint32_t *start, uint32_t count, uint32_t target)
 {
-    uint32_t target = (uint32_t)((double)u * WHOLE), low, length;
-    const uint32_t *start;
-    double width, end;
+    uint32_t low = 0;
 
-    /* The last row that starts at or below v, in a fixed number of steps. */
-    low = 0;
-    for (length = d->rows; length > 1;) {
-        uint32_t half = length / 2;
-
-        low += d->row_start[low + half] <= (double)v ? half : 0;
-        length -= half;
-    }
-    out->row = low;
-    width = d->row_start[low + 1] - d->row_start[low];
-    out->row_fraction = ((double)v - d->row_start[low]) / width;
-
-    start = d->column_start + (size_t)out->row * d->columns;
-    low = 0;
-    for (length = d->columns; length > 1;) {
-        uint32_t half = length / 2;
+    while (count > 1) {
+        uint32_t half = count / 2;
 
         low += start[low + half] <= target ? half : 0;
-        length -= half;
+        count -= half;
     }
-    out->column = low;
-    end = low + 1 < d->columns ? (double)start[low + 1] : WHOLE;
-    out->column_fraction = ((double)target - (double)start[low]) / (end - (double)start[low]);
+    return low;
+}
+
+static inline uint32_t fraction_32(float u)
+{
+    return (uint32_t)((double)u * WHOLE);
+}
+
+void distribution_choose_block(const struct distribution *d, float u, float v,
+                               struct distribution_cell *out)
+{
+    uint32_t row = 0;
+    double before;
+
+    for (uint32_t count = d->rows; count > 1;) {
+        uint32_t half = count / 2;
+
+        row += d->row_start[row + half] <= (double)v ? half : 0;
+        count -= half;
+    }
+    before = d->row_start[row];
+    out->row = row;
+    out->row_fraction = ((double)v - before) / (d->row_start[row + 1] - before);
+    out->column = DISTRIBUTION_BLOCK * last_at_or_below(d->block_start + (size_t)row * d->blocks,
+                                                        d->blocks, fraction_32(u));
+}
+
+void distribution_choose_column(const struct distribution *d, float u,
+                                struct distribution_cell *out)
+{
+    const uint32_t *start = d->column_start + (size_t)out->row * d->columns + out->column;
+    uint32_t target = fraction_32(u), left = d->columns - out->column;
+    uint32_t at = last_at_or_below(start, left < DISTRIBUTION_BLOCK ? left : DISTRIBUTION_BLOCK,
+                                   target);
+    double before = (double)start[at], end = at + 1 < left ? (double)start[at + 1] : WHOLE;
+
+    out->column += at;
+    out->column_fraction = ((double)target - before) / (end - before);
 }
