@@ -1,0 +1,558 @@
+#include "worker/agent.h"
+
+#include <assert.h>
+#include <openssl/rand.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/clock.h"
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "common/math/elementary.h"
+#include "protocol/channel.h"
+#include "protocol/message.h"
+#include "worker/blob_cache.h"
+#include "worker/fetch.h"
+#include "worker/leases.h"
+#include "worker/outbox.h"
+#include "worker/pool.h"
+#include "worker/scene_cache.h"
+
+enum { TICK_MS = 200 };
+
+enum agent_state { WAITING, CONNECTING, GREETING, WORKING, DRAINING, ENDED };
+
+struct agent {
+    struct agent_options options;
+    uv_loop_t *loop;
+    uv_timer_t tick;       /* heartbeats, silence, limits */
+    uv_timer_t retry;      /* WAITING */
+    uv_async_t finished;   /* pool tasks are done */
+    enum agent_state state;
+    struct error result;
+
+    struct channel *channel; /* NULL: none; set until its on_close */
+    uint32_t heartbeat_ms, silence_limit_ms;
+    uint64_t since_ns;       /* the present state's beginning */
+    uint64_t started_ns, asked_ns;
+    uint64_t backoff_ms;
+    int was_welcome;         /* ever */
+    int last_asked;          /* units of the last LeaseRequest, not granted since */
+    int unreachable_logged;
+
+    struct blob_cache *blobs;
+    struct pool *pool;
+    struct scene_cache *scenes;
+    struct fetcher fetcher;
+    struct leases leases;
+    struct outbox outbox;
+};
+
+static void agent_set_state(struct agent *a, enum agent_state state);
+static void end_if_drained(struct agent *a);
+
+/* The channel while messages of work may be sent on it. */
+static struct channel *working_channel(const struct agent *a)
+{
+    return a->state == WORKING || a->state == DRAINING ? a->channel : NULL;
+}
+
+/* ---- work ------------------------------------------------------------------------------ */
+
+/* Keep the threads busy: ask before they run dry, but not while results pile up. */
+static void ask_for_work(struct agent *a)
+{
+    Azulejo__Wire__LeaseRequest request = AZULEJO__WIRE__LEASE_REQUEST__INIT;
+    Azulejo__Wire__Envelope e = MESSAGE(LEASE_REQUEST, lease_request, &request);
+    uint64_t now = clock_monotonic_ns();
+
+    if (a->state != WORKING || a->outbox.count >= OUTBOX_HIGH)
+        return;
+    request.units = leases_room(&a->leases);
+    if (request.units == 0)
+        return;
+    /* The last request stands; say it again only when it grew much or may be forgotten. */
+    if (a->last_asked > 0 && request.units < 2 * (uint32_t)a->last_asked &&
+        now - a->asked_ns < ASK_AGAIN_MS * NS_PER_MS)
+        return;
+    if (channel_send(a->channel, &e) == STATUS_OK) {
+        a->last_asked = (int)request.units;
+        a->asked_ns = now;
+    }
+}
+
+/* Pool tasks are done: scenes go on, results go out. */
+static void on_finished(uv_async_t *handle)
+{
+    struct agent *a = handle->data;
+    struct pool_task *next;
+
+    for (struct pool_task *task = pool_take_done(a->pool); task; task = next) {
+        struct work_unit *unit;
+        next = task->next;
+        if (scene_cache_task_done(a->scenes, task))
+            continue;
+        unit = leases_unit_done(&a->leases, task);
+        if (unit)
+            outbox_add(&a->outbox, unit);
+    }
+    if (working_channel(a)) {
+        outbox_pump(&a->outbox, a->channel);
+        ask_for_work(a);
+    }
+    end_if_drained(a);
+}
+
+static void notify_finished(void *user)
+{
+    struct agent *a = user;
+
+    uv_async_send(&a->finished);
+}
+
+static void on_blobs_missing(void *user, const struct scene_blob *blobs, size_t count)
+{
+    struct agent *a = user;
+
+    log_debug("fetching %zu blobs", count);
+    for (size_t i = 0; i < count; i++) {
+        struct error why = {0};
+        uint64_t limit = blobs[i].size_bytes ? BLOB_BYTES_MAX : SCENE_PACKED_MAX;
+        if (fetcher_want(&a->fetcher, &blobs[i], limit, &why) != STATUS_OK)
+            scene_cache_blob_failed(a->scenes, &blobs[i].digest, &why);
+    }
+    if (working_channel(a))
+        fetcher_pump(&a->fetcher, a->channel);
+}
+
+static void on_scene_settled(void *user, struct scene_slot *slot)
+{
+    struct agent *a = user;
+
+    leases_scene_settled(&a->leases, slot, working_channel(a));
+}
+
+static void on_blob_arrived(void *user, struct cached_blob *blob)
+{
+    struct agent *a = user;
+
+    scene_cache_blob_arrived(a->scenes, blob);
+}
+
+static void on_blob_failed(void *user, const struct digest *digest, const struct error *why)
+{
+    struct agent *a = user;
+
+    scene_cache_blob_failed(a->scenes, digest, why);
+}
+
+/* ---- the connection -------------------------------------------------------------------- */
+
+static void say_hello(struct agent *a)
+{
+    Azulejo__Wire__Hello hello = AZULEJO__WIRE__HELLO__INIT;
+    Azulejo__Wire__Envelope e = MESSAGE(HELLO, hello, &hello);
+    char host[256] = "unknown", clean[256];
+    size_t size = sizeof host;
+
+    (void)uv_os_gethostname(host, &size);
+    hello.protocol_version = PROTOCOL_VERSION;
+    hello.role = AZULEJO__WIRE__ROLE__ROLE_WORKER;
+    hello.software = (char *)"azulejo " AZULEJO_VERSION;
+    hello.host = (char *)message_text(clean, sizeof clean, host);
+    hello.process = (uint32_t)uv_os_getpid();
+    hello.threads = a->options.threads;
+    hello.isa_mask = a->options.isa_mask;
+    hello.arithmetic = elementary_fingerprint();
+    hello.kernel = (char *)render_kernel_name();
+    if (channel_send(a->channel, &e) != STATUS_OK)
+        channel_abort(a->channel, STATUS_ERR_NO_MEMORY, "cannot say hello");
+}
+
+static void on_open(struct channel *channel, void *user)
+{
+    struct agent *a = user;
+
+    a->channel = channel;
+    if (a->state == CONNECTING)
+        agent_set_state(a, GREETING);
+}
+
+static void on_welcome(struct agent *a, const Azulejo__Wire__Welcome *welcome)
+{
+    struct error err = {0};
+
+    if (welcome_check(welcome, &err) != STATUS_OK) {
+        channel_abort(a->channel, err.code, "%s", err.text);
+        return;
+    }
+    a->heartbeat_ms = welcome->heartbeat_ms;
+    a->silence_limit_ms = welcome->silence_limit_ms;
+    a->was_welcome = 1;
+    a->unreachable_logged = 0;
+    a->backoff_ms = BACKOFF_FIRST_MS;
+    log_info("%s: joined as session %u with %u threads, %zu results to send again",
+             channel_peer(a->channel), welcome->session, a->options.threads, a->outbox.count);
+    agent_set_state(a, WORKING);
+}
+
+static void on_failure(struct agent *a, const Azulejo__Wire__Envelope *message)
+{
+    struct error err = {0};
+    status code;
+
+    if (a->state != GREETING && fetcher_failure(&a->fetcher, message->request, message->failure)) {
+        fetcher_pump(&a->fetcher, a->channel);
+        return;
+    }
+    code = message_failure_get(message->failure, &err);
+    channel_abort(a->channel, code, "the coordinator says: %s", err.text);
+}
+
+static void on_ack(struct agent *a, const Azulejo__Wire__ResultAck *ack)
+{
+    for (size_t i = 0; i < ack->n_units; i++)
+        outbox_acknowledge(&a->outbox, ack->job, ack->frame, ack->units[i]->tile,
+                           ack->units[i]->pass);
+    ask_for_work(a);
+    end_if_drained(a);
+}
+
+static void on_grant(struct agent *a, const Azulejo__Wire__LeaseGrant *grant)
+{
+    struct error err = {0};
+
+    a->last_asked = a->last_asked > (int)grant->n_units ? a->last_asked - (int)grant->n_units : 0;
+    if (leases_grant(&a->leases, grant, a->channel, &err) != STATUS_OK)
+        channel_abort(a->channel, err.code, "%s", err.text);
+    else if (a->state == DRAINING)
+        leases_return_unstarted(&a->leases, a->channel, "the worker is ending");
+    else
+        ask_for_work(a);
+}
+
+static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m, void *user)
+{
+    struct agent *a = user;
+    struct error err = {0};
+    char text[MESSAGE_TEXT_MAX];
+
+    if (a->state == GREETING && m->body_case != AZULEJO__WIRE__ENVELOPE__BODY_WELCOME &&
+        m->body_case != AZULEJO__WIRE__ENVELOPE__BODY_FAILURE &&
+        m->body_case != AZULEJO__WIRE__ENVELOPE__BODY_NOTICE &&
+        m->body_case != AZULEJO__WIRE__ENVELOPE__BODY_HEARTBEAT) {
+        channel_abort(channel, STATUS_ERR_PROTOCOL, "sent %s before a Welcome", message_name(m));
+        return;
+    }
+    switch (m->body_case) {
+    case AZULEJO__WIRE__ENVELOPE__BODY_WELCOME:
+        if (a->state == GREETING)
+            on_welcome(a, m->welcome);
+        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_FAILURE:
+        on_failure(a, m);
+        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_HEARTBEAT:
+        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_NOTICE:
+        log_line(m->notice->level <= LOG_LEVEL_DEBUG ? (enum log_level)m->notice->level
+                                                     : LOG_LEVEL_INFO,
+                 "the coordinator says: %s", message_text(text, sizeof text, m->notice->text));
+        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_GRANT:
+        on_grant(a, m->lease_grant);
+        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_REVOKE:
+        leases_revoke(&a->leases, m->lease_revoke);
+        ask_for_work(a);
+        end_if_drained(a);
+        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_RESULT_ACK:
+        on_ack(a, m->result_ack);
+        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_BLOB_DATA:
+        if (fetcher_data(&a->fetcher, m->request, m->blob_data, &err) != STATUS_OK)
+            channel_abort(channel, err.code, "%s", err.text);
+        else
+            fetcher_pump(&a->fetcher, channel);
+        break;
+    default:
+        channel_abort(channel, STATUS_ERR_PROTOCOL, "sent %s to a worker", message_name(m));
+        break;
+    }
+}
+
+static void on_drain(struct channel *channel, void *user)
+{
+    struct agent *a = user;
+
+    if (working_channel(a))
+        outbox_pump(&a->outbox, channel);
+}
+
+static int refusal_is_final(status code)
+{
+    return code == STATUS_ERR_REFUSED || code == STATUS_ERR_UNSUPPORTED;
+}
+
+/* End with this; the loop runs dry once the handles have closed. */
+static void end_with(struct agent *a, const struct error *why)
+{
+    if (a->state == ENDED)
+        return;
+    a->result = *why;
+    agent_set_state(a, ENDED);
+}
+
+static void on_close(struct channel *channel, const struct error *why, void *user)
+{
+    struct agent *a = user;
+    struct error told = *why;
+    int welcome = a->state == WORKING || a->state == DRAINING;
+
+    (void)channel;
+    a->channel = NULL;
+    if (a->state == ENDED)
+        return;
+    fetcher_reset(&a->fetcher);
+    outbox_reset(&a->outbox);
+    leases_forget_unstarted(&a->leases);
+    if (refusal_is_final(why->code) && !welcome) {
+        end_with(a, &told);
+        return;
+    }
+    if (a->state == DRAINING) {
+        log_warn("the connection ended before %zu results were acknowledged; they will be "
+                 "rendered again", a->outbox.count);
+        memset(&told, 0, sizeof told);
+        end_with(a, &told);
+        return;
+    }
+    if (a->options.exit_on_disconnect &&
+        (a->was_welcome ||
+         clock_monotonic_ns() - a->started_ns > FIRST_CONNECTION_MS * NS_PER_MS)) {
+        end_with(a, &told);
+        return;
+    }
+    /* Said once, not at every attempt. */
+    if (why->code == STATUS_OK)
+        log_info("the coordinator ended the connection; connecting again");
+    else if (welcome || !a->unreachable_logged)
+        log_warn("%s; trying again until it works", why->text);
+    else
+        log_debug("%s", why->text);
+    a->unreachable_logged = 1;
+    agent_set_state(a, WAITING);
+}
+
+/* ---- timers and states ----------------------------------------------------------------- */
+
+static void on_retry(uv_timer_t *timer)
+{
+    agent_set_state(timer->data, CONNECTING);
+}
+
+static void begin_connect(struct agent *a)
+{
+    static const struct channel_callbacks callbacks = {on_open, on_message, on_drain, on_close};
+    struct error err = {0};
+
+    if (channel_connect(&a->channel, a->loop, a->options.host, a->options.port, a->options.key,
+                        FARM_ROLE_WORKER, &callbacks, a, &err) == STATUS_OK)
+        return;
+    if (refusal_is_final(err.code)) {
+        end_with(a, &err);
+    } else {
+        log_warn("%s", err.text);
+        agent_set_state(a, WAITING);
+    }
+}
+
+/* Twice as long each time, times a random 0.5..1, so that a farm's workers do not all come
+ * back at the same moment. */
+static void begin_wait(struct agent *a)
+{
+    uint8_t random[2] = {0};
+    uint64_t delay;
+
+    if (RAND_bytes(random, sizeof random) != 1)
+        random[0] = (uint8_t)uv_os_getpid();
+    delay = a->backoff_ms / 2 + a->backoff_ms / 2 * ((uint64_t)random[0] << 8 | random[1]) / 65535;
+    uv_timer_start(&a->retry, on_retry, delay, 0);
+    a->backoff_ms = a->backoff_ms * 2 > BACKOFF_LAST_MS ? BACKOFF_LAST_MS : a->backoff_ms * 2;
+}
+
+static void begin_work(struct agent *a)
+{
+    a->last_asked = 0;
+    outbox_pump(&a->outbox, a->channel);
+    fetcher_pump(&a->fetcher, a->channel);
+    ask_for_work(a);
+}
+
+static void begin_end(struct agent *a)
+{
+    uv_close((uv_handle_t *)&a->tick, NULL);
+    uv_close((uv_handle_t *)&a->retry, NULL);
+    /* The threads may still notify: the pool ends before the async handle does. */
+    pool_free(a->pool);
+    a->pool = NULL;
+    uv_close((uv_handle_t *)&a->finished, NULL);
+    if (a->channel)
+        channel_close(a->channel);
+}
+
+static void agent_set_state(struct agent *a, enum agent_state state)
+{
+    assert(a->state != ENDED);
+    a->state = state;
+    a->since_ns = clock_monotonic_ns();
+    switch (state) {
+    case WAITING:
+        begin_wait(a);
+        break;
+    case CONNECTING:
+        begin_connect(a);
+        break;
+    case GREETING:
+        say_hello(a);
+        break;
+    case WORKING:
+        begin_work(a);
+        break;
+    case DRAINING:
+        leases_return_unstarted(&a->leases, a->channel, "the worker is ending");
+        break;
+    case ENDED:
+        begin_end(a);
+        break;
+    }
+}
+
+static void end_if_drained(struct agent *a)
+{
+    struct error none = {0};
+
+    if (a->state == DRAINING && a->leases.held == 0 && a->outbox.count == 0)
+        end_with(a, &none);
+}
+
+static void on_tick(uv_timer_t *timer)
+{
+    struct agent *a = timer->data;
+    uint64_t now = clock_monotonic_ns();
+    uint64_t in_state_ms = (now - a->since_ns) / NS_PER_MS;
+    struct error none = {0};
+
+    if (a->state == GREETING && in_state_ms > GREETING_MS)
+        channel_abort(a->channel, STATUS_ERR_UNREACHABLE, "no Welcome within %d s",
+                      GREETING_MS / 1000);
+    if (a->state == DRAINING && in_state_ms > DRAIN_MS) {
+        log_warn("%zu units and %zu results are given up after %d s", a->leases.held,
+                 a->outbox.count, DRAIN_MS / 1000);
+        end_with(a, &none);
+        return;
+    }
+    if (!working_channel(a))
+        return;
+    if (now - channel_last_heard_ns(a->channel) > a->silence_limit_ms * NS_PER_MS) {
+        channel_abort(a->channel, STATUS_ERR_UNREACHABLE,
+                      "nothing was heard for %.1f s: it is taken for dead",
+                      a->silence_limit_ms / 1000.0);
+        return;
+    }
+    if (now - channel_last_sent_ns(a->channel) + TICK_MS * NS_PER_MS >=
+        a->heartbeat_ms * NS_PER_MS)
+        (void)!message_send_heartbeat(a->channel); /* fails only when the connection does */
+    outbox_pump(&a->outbox, a->channel);
+    ask_for_work(a);
+}
+
+/* ---- life ------------------------------------------------------------------------------ */
+
+status agent_new(struct agent **out, uv_loop_t *loop, const struct agent_options *options,
+                 struct error *err)
+{
+    struct agent *a = mem_calloc(1, sizeof *a);
+    struct scene_cache_callbacks callbacks = {on_blobs_missing, on_scene_settled, a};
+    status s;
+
+    *out = NULL;
+    if (!a)
+        return error_no_memory(err, "the worker");
+    a->options = *options;
+    a->loop = loop;
+    a->started_ns = clock_monotonic_ns();
+    a->backoff_ms = BACKOFF_FIRST_MS;
+    s = blob_cache_open(&a->blobs, options->cache_folder, options->cache_limit_bytes, err);
+    if (s != STATUS_OK)
+        goto failed;
+    /* Before the threads: they notify through it. */
+    if (uv_async_init(loop, &a->finished, on_finished) != 0) {
+        s = error_set(err, STATUS_ERR_INTERNAL, "the event loop gives no handle");
+        goto failed;
+    }
+    a->finished.data = a;
+    s = pool_new(&a->pool, options->threads, notify_finished, a, err);
+    if (s == STATUS_OK)
+        s = scene_cache_new(&a->scenes, a->blobs, a->pool, callbacks, err);
+    if (s != STATUS_OK) {
+        pool_free(a->pool);
+        a->pool = NULL;
+        uv_close((uv_handle_t *)&a->finished, NULL);
+        uv_run(loop, UV_RUN_DEFAULT);
+        goto failed;
+    }
+    fetcher_init(&a->fetcher, a->blobs);
+    a->fetcher.arrived = on_blob_arrived;
+    a->fetcher.failed = on_blob_failed;
+    a->fetcher.user = a;
+    leases_init(&a->leases, a->pool, a->scenes, options->threads, options->isa_mask);
+    uv_timer_init(loop, &a->tick);
+    uv_timer_init(loop, &a->retry);
+    a->tick.data = a->retry.data = a;
+    uv_timer_start(&a->tick, on_tick, TICK_MS, TICK_MS);
+    agent_set_state(a, CONNECTING);
+    *out = a;
+    return STATUS_OK;
+failed:
+    blob_cache_close(a->blobs);
+    mem_free(a);
+    return s;
+}
+
+void agent_drain(struct agent *a, const char *reason)
+{
+    struct error none = {0};
+
+    if (a->state == ENDED || a->state == DRAINING)
+        return;
+    if (a->state != WORKING) {
+        log_info("%s: ending; no coordinator is connected", reason);
+        end_with(a, &none);
+        return;
+    }
+    log_info("%s: finishing what is in work, giving the rest back", reason);
+    agent_set_state(a, DRAINING);
+    end_if_drained(a);
+}
+
+status agent_result(const struct agent *a, struct error *err)
+{
+    if (err)
+        *err = a->result;
+    return a->result.code;
+}
+
+void agent_free(struct agent *a)
+{
+    if (!a)
+        return;
+    assert(a->state == ENDED && !a->channel);
+    leases_release(&a->leases);
+    outbox_release(&a->outbox);
+    fetcher_release(&a->fetcher);
+    scene_cache_free(a->scenes);
+    blob_cache_close(a->blobs);
+    mem_free(a);
+}

@@ -1,0 +1,62 @@
+/* blob_cache: the blobs that this machine has, on disk, named by their SHA-256.
+ *
+ * FOLDER/ab/cdef...: one file a blob, named by the 64 digits of its digest, the first two as
+ * a folder. FOLDER/tmp: files being received. A file appears in its place by a rename, so it is whole;
+ * it is checked against its name the first time that a process uses it, so neither a crash
+ * nor a bad disk can put a wrong byte into a picture. Several processes may share the folder:
+ * nobody ever changes a file in place, and one that is unlinked stays mapped where it is used.
+ *
+ * Above the limit the files unused for the longest time (by modification time, which every
+ * use renews) are removed. When the disk is full or fails, a blob is kept in anonymous memory
+ * for as long as somebody uses it.
+ *
+ * All functions are safe from any thread. A blob belongs to whoever holds references to it
+ * and must be released before the cache is closed.
+ */
+#ifndef AZULEJO_WORKER_BLOB_CACHE_H
+#define AZULEJO_WORKER_BLOB_CACHE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/base/digest.h"
+#include "common/base/status.h"
+
+struct blob_cache;
+struct cached_blob;
+struct cache_writer;
+
+/* Make the folder if need be, see that it can be written, sweep what crashed receivers left.
+ * ERR_IO with the folder's name and the remedy. */
+status blob_cache_open(struct blob_cache **out, const char *folder, uint64_t limit_bytes,
+                       struct error *err) MUST_CHECK;
+void blob_cache_close(struct blob_cache *cache);
+
+/* Find a blob and take a reference. Reads and hashes the whole file the first time, so not
+ * for the loop's thread. ERR_NOT_FOUND: it is not there (or was damaged and is now removed);
+ * ERR_NO_MEMORY, ERR_IO. */
+status blob_cache_get(struct blob_cache *cache, const struct digest *digest,
+                      struct cached_blob **out, struct error *err) MUST_CHECK;
+struct cached_blob *cached_blob_retain(struct cached_blob *blob);
+void cached_blob_release(struct cached_blob *blob);
+const struct digest *cached_blob_digest(const struct cached_blob *blob);
+const uint8_t *cached_blob_data(const struct cached_blob *blob); /* never NULL */
+size_t cached_blob_size(const struct cached_blob *blob);
+
+/* Receive a blob of `total_bytes`, in order. One writer, one thread. */
+status cache_writer_new(struct cache_writer **out, struct blob_cache *cache,
+                        const struct digest *digest, uint64_t total_bytes,
+                        struct error *err) MUST_CHECK;
+status cache_writer_add(struct cache_writer *w, const void *data, size_t size_bytes,
+                        struct error *err) MUST_CHECK;
+uint64_t cache_writer_bytes(const struct cache_writer *w); /* so far */
+/* Check the digest, put the blob into the cache and take a reference to it. Frees the writer
+ * in any case. ERR_CORRUPT: the bytes are not the blob's. */
+status cache_writer_finish(struct cache_writer *w, struct cached_blob **out,
+                           struct error *err) MUST_CHECK;
+void cache_writer_abandon(struct cache_writer *w); /* NULL is fine */
+
+/* For tests: every write to disk from now on fails as if the disk were full. */
+void blob_cache_fault_disk_full(int on);
+
+#endif

@@ -1,0 +1,370 @@
+#include "worker/leases.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/clock.h"
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "protocol/message.h"
+
+struct lease {
+    struct lease *next;
+    struct scene_slot *slot;
+    uint64_t id, epoch, job;
+    uint32_t frame;
+    struct work_unit *first, *last; /* of its units that are not rendered yet */
+};
+
+/* ---- in a pool thread ------------------------------------------------------------------ */
+
+static void unit_render(struct pool_task *task)
+{
+    struct work_unit *unit = (struct work_unit *)task;
+    uint64_t cpu_ns = clock_thread_cpu_ns(), wall_ns = clock_monotonic_ns();
+
+    unit->sum_count = render_tile(scene_slot_render(unit->lease->slot), unit->frame, unit->tile,
+                                  unit->pass, unit->sums, &unit->stats);
+    unit->cpu_ns = clock_thread_cpu_ns() - cpu_ns;
+    unit->wall_ns = clock_monotonic_ns() - wall_ns;
+}
+
+/* ---- units and leases ------------------------------------------------------------------ */
+
+static void unit_unlink(struct work_unit *unit)
+{
+    struct lease *lease = unit->lease;
+
+    if (unit->previous)
+        unit->previous->next = unit->next;
+    else
+        lease->first = unit->next;
+    if (unit->next)
+        unit->next->previous = unit->previous;
+    else
+        lease->last = unit->previous;
+    unit->previous = unit->next = NULL;
+    unit->lease = NULL;
+}
+
+static void unit_append(struct lease *lease, struct work_unit *unit)
+{
+    unit->lease = lease;
+    unit->next = NULL;
+    unit->previous = lease->last;
+    if (lease->last)
+        lease->last->next = unit;
+    else
+        lease->first = unit;
+    lease->last = unit;
+}
+
+static void lease_end_if_empty(struct leases *l, struct lease *lease)
+{
+    struct lease **at = &l->first;
+
+    if (lease->first)
+        return;
+    while (*at != lease)
+        at = &(*at)->next;
+    *at = lease->next;
+    l->lease_count--;
+    scene_slot_release(lease->slot);
+    mem_free(lease);
+}
+
+/* Is a thread at it (or just finished, and the loop has not heard)? */
+static int unit_try_take(struct leases *l, struct work_unit *unit)
+{
+    /* Before its scene is ready a unit was never given to the pool. */
+    return scene_slot_state(unit->lease->slot) != SCENE_READY ||
+           pool_cancel(l->pool, &unit->task);
+}
+
+/* Free the lease's units that no thread has begun; mark the others `dropped` if asked. */
+static void lease_drop_unstarted(struct leases *l, struct lease *lease, int drop_running)
+{
+    struct work_unit *next;
+
+    for (struct work_unit *unit = lease->first; unit; unit = next) {
+        next = unit->next;
+        if (unit_try_take(l, unit)) {
+            unit_unlink(unit);
+            mem_free(unit);
+            l->held--;
+        } else if (drop_running) {
+            unit->dropped = 1;
+        }
+    }
+    lease_end_if_empty(l, lease);
+}
+
+static void say_broken(struct channel *channel, uint64_t job, uint64_t lease,
+                       const struct error *why)
+{
+    Azulejo__Wire__JobBroken broken = AZULEJO__WIRE__JOB_BROKEN__INIT;
+    Azulejo__Wire__Envelope e = MESSAGE(JOB_BROKEN, job_broken, &broken);
+    char text[MESSAGE_TEXT_MAX];
+
+    log_error("job %llu, lease %llu: cannot be rendered: %s", (unsigned long long)job,
+              (unsigned long long)lease, why->text);
+    if (!channel)
+        return;
+    broken.job = job;
+    broken.lease = lease;
+    broken.code = why->code;
+    broken.text = (char *)message_text(text, sizeof text, why->text);
+    (void)!channel_send(channel, &e); /* fails only when the connection does */
+}
+
+void leases_init(struct leases *l, struct pool *pool, struct scene_cache *scenes, unsigned threads,
+                 uint32_t isa_mask)
+{
+    memset(l, 0, sizeof *l);
+    l->pool = pool;
+    l->scenes = scenes;
+    l->threads = threads;
+    l->isa_mask = isa_mask;
+}
+
+void leases_release(struct leases *l)
+{
+    while (l->first) {
+        struct lease *lease = l->first;
+        while (lease->first) {
+            struct work_unit *unit = lease->first;
+            unit_unlink(unit);
+            mem_free(unit);
+        }
+        lease_end_if_empty(l, lease);
+    }
+}
+
+/* ---- granted --------------------------------------------------------------------------- */
+
+static void lease_start(struct leases *l, struct lease *lease)
+{
+    for (struct work_unit *unit = lease->first; unit; unit = unit->next)
+        pool_push(l->pool, &unit->task, 0);
+}
+
+static status grant_check(const struct leases *l, const Azulejo__Wire__LeaseGrant *grant,
+                          struct error *err)
+{
+    if (grant->n_units == 0 || grant->n_units > MESSAGE_UNITS_MAX)
+        return error_set(err, STATUS_ERR_PROTOCOL, "lease %llu of %zu units (1..%d are allowed)",
+                         (unsigned long long)grant->lease, grant->n_units, MESSAGE_UNITS_MAX);
+    if (l->lease_count >= LEASES_HELD_MAX)
+        return error_set(err, STATUS_ERR_PROTOCOL, "more than %d leases at once", LEASES_HELD_MAX);
+    for (const struct lease *lease = l->first; lease; lease = lease->next)
+        if (lease->id == grant->lease && lease->epoch == grant->epoch)
+            return error_set(err, STATUS_ERR_PROTOCOL, "lease %llu was granted twice",
+                             (unsigned long long)grant->lease);
+    return STATUS_OK;
+}
+
+static status units_make(struct lease *lease, const Azulejo__Wire__LeaseGrant *grant,
+                         const struct render_settings *settings, struct error *err)
+{
+    for (size_t i = 0; i < grant->n_units; i++) {
+        const Azulejo__Wire__WorkUnit *name = grant->units[i];
+        struct work_unit *unit;
+        status s = wire_unit_check(name->tile, name->pass, settings, err);
+        if (s != STATUS_OK)
+            return s;
+        unit = mem_calloc(1, sizeof *unit);
+        if (!unit)
+            return error_no_memory(err, "work units");
+        unit->task.run = unit_render;
+        unit->lease_id = lease->id;
+        unit->epoch = lease->epoch;
+        unit->job = lease->job;
+        unit->frame = lease->frame;
+        unit->tile = name->tile;
+        unit->pass = name->pass;
+        unit_append(lease, unit);
+    }
+    return STATUS_OK;
+}
+
+status leases_grant(struct leases *l, const Azulejo__Wire__LeaseGrant *grant,
+                    struct channel *channel, struct error *err)
+{
+    struct render_settings settings;
+    struct digest scene;
+    struct lease *lease = NULL;
+    struct error why = {0};
+    status s = grant_check(l, grant, err);
+
+    if (s == STATUS_OK)
+        s = wire_digest_get(&scene, &grant->scene, "lease", err);
+    if (s != STATUS_OK)
+        return s;
+    s = wire_settings_get(&settings, grant->settings, UINT32_MAX, &why);
+    if (s == STATUS_OK && !(l->isa_mask >> settings.isa & 1))
+        s = error_set(&why, STATUS_ERR_UNSUPPORTED,
+                      "it needs %s, which this worker does not offer", isa_name(settings.isa));
+    if (s == STATUS_OK) {
+        lease = mem_calloc(1, sizeof *lease);
+        if (!lease)
+            s = error_no_memory(&why, "a lease");
+    }
+    if (s == STATUS_OK) {
+        lease->id = grant->lease;
+        lease->epoch = grant->epoch;
+        lease->job = grant->job;
+        lease->frame = grant->frame;
+        s = units_make(lease, grant, &settings, &why);
+    }
+    if (s == STATUS_OK)
+        s = scene_cache_acquire(l->scenes, &scene, &settings, &lease->slot, &why);
+    if (s != STATUS_OK) {
+        while (lease && lease->first) {
+            struct work_unit *unit = lease->first;
+            unit_unlink(unit);
+            mem_free(unit);
+        }
+        mem_free(lease);
+        if (s == STATUS_ERR_PROTOCOL)
+            return error_set(err, s, "lease %llu: %s", (unsigned long long)grant->lease, why.text);
+        why.code = s;
+        say_broken(channel, grant->job, grant->lease, &why);
+        return STATUS_OK;
+    }
+    lease->next = l->first;
+    l->first = lease;
+    l->lease_count++;
+    l->held += grant->n_units;
+    log_debug("job %llu, frame %u: lease %llu of %zu units", (unsigned long long)lease->job,
+              lease->frame, (unsigned long long)lease->id, grant->n_units);
+    if (scene_slot_state(lease->slot) == SCENE_READY)
+        lease_start(l, lease);
+    return STATUS_OK;
+}
+
+void leases_scene_settled(struct leases *l, struct scene_slot *slot, struct channel *channel)
+{
+    struct lease *next;
+
+    for (struct lease *lease = l->first; lease; lease = next) {
+        next = lease->next;
+        if (lease->slot != slot)
+            continue;
+        if (scene_slot_state(slot) == SCENE_READY) {
+            lease_start(l, lease);
+        } else {
+            say_broken(channel, lease->job, lease->id, scene_slot_error(slot));
+            lease_drop_unstarted(l, lease, 0); /* none was started: this ends the lease */
+        }
+    }
+}
+
+/* ---- done ------------------------------------------------------------------------------ */
+
+struct work_unit *leases_unit_done(struct leases *l, struct pool_task *task)
+{
+    struct work_unit *unit = (struct work_unit *)task;
+    struct lease *lease = unit->lease;
+
+    l->held--;
+    l->units_done++;
+    l->samples_done += unit->stats.samples;
+    l->unit_ns = l->unit_ns ? (l->unit_ns * 15 + unit->wall_ns) / 16 : unit->wall_ns;
+    if (unit->stats.dropped_samples)
+        log_warn("job %llu, frame %u, tile %u, pass %u: %llu samples were not finite and count as "
+                 "black",
+                 (unsigned long long)unit->job, unit->frame, unit->tile, unit->pass,
+                 (unsigned long long)unit->stats.dropped_samples);
+    unit_unlink(unit);
+    lease_end_if_empty(l, lease);
+    if (!unit->dropped)
+        return unit;
+    mem_free(unit);
+    return NULL;
+}
+
+/* ---- given back ------------------------------------------------------------------------ */
+
+void leases_revoke(struct leases *l, const Azulejo__Wire__LeaseRevoke *revoke)
+{
+    char reason[MESSAGE_TEXT_MAX];
+
+    for (struct lease *lease = l->first; lease; lease = lease->next) {
+        if (lease->id != revoke->lease)
+            continue;
+        log_info("job %llu, frame %u: lease %llu is taken back: %s",
+                 (unsigned long long)lease->job, lease->frame, (unsigned long long)lease->id,
+                 message_text(reason, sizeof reason, revoke->reason));
+        lease_drop_unstarted(l, lease, 1);
+        return;
+    }
+    /* Its last unit was rendered meanwhile: no matter. */
+}
+
+void leases_forget_unstarted(struct leases *l)
+{
+    struct lease *next;
+
+    for (struct lease *lease = l->first; lease; lease = next) {
+        next = lease->next;
+        lease_drop_unstarted(l, lease, 0);
+    }
+}
+
+static void lease_return(struct leases *l, struct lease *lease, struct channel *channel,
+                         const char *reason)
+{
+    Azulejo__Wire__LeaseReturn give = AZULEJO__WIRE__LEASE_RETURN__INIT;
+    Azulejo__Wire__Envelope e = MESSAGE(LEASE_RETURN, lease_return, &give);
+    Azulejo__Wire__WorkUnit names[MESSAGE_UNITS_MAX], *pointers[MESSAGE_UNITS_MAX];
+    struct work_unit *next;
+    size_t count = 0;
+
+    for (struct work_unit *unit = lease->first; unit; unit = next) {
+        next = unit->next;
+        if (!unit_try_take(l, unit))
+            continue;
+        azulejo__wire__work_unit__init(&names[count]);
+        names[count].tile = unit->tile;
+        names[count].pass = unit->pass;
+        pointers[count] = &names[count];
+        count++;
+        unit_unlink(unit);
+        mem_free(unit);
+        l->held--;
+    }
+    if (count > 0) {
+        give.lease = lease->id;
+        give.units = pointers;
+        give.n_units = count;
+        give.reason = (char *)reason;
+        (void)!channel_send(channel, &e); /* if it fails the connection ends: returned as well */
+    }
+    lease_end_if_empty(l, lease);
+}
+
+void leases_return_unstarted(struct leases *l, struct channel *channel, const char *reason)
+{
+    struct lease *next;
+
+    for (struct lease *lease = l->first; lease; lease = next) {
+        next = lease->next;
+        lease_return(l, lease, channel, reason);
+    }
+}
+
+uint32_t leases_room(const struct leases *l)
+{
+    uint64_t each = UNITS_PER_THREAD_MIN, high;
+
+    if (l->unit_ns)
+        each = UNITS_HOLD_MS * NS_PER_MS / l->unit_ns + 1;
+    if (each < UNITS_PER_THREAD_MIN)
+        each = UNITS_PER_THREAD_MIN;
+    if (each > UNITS_PER_THREAD_MAX)
+        each = UNITS_PER_THREAD_MAX;
+    high = each * l->threads;
+    if (high > MESSAGE_UNITS_MAX * 4ull)
+        high = MESSAGE_UNITS_MAX * 4ull;
+    return l->held > high / 2 ? 0 : (uint32_t)(high - l->held);
+}

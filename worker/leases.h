@@ -1,0 +1,63 @@
+/* leases: the work that this worker holds.
+ *
+ *   a unit: granted --scene READY--> in the pool --> rendered --> outbox --ResultAck--> freed
+ *              \--revoked, returned, connection lost, job broken--> freed
+ *
+ * A lease lives until its last unit has left it, and holds its scene for so long. A unit that
+ * is being rendered when its lease is revoked runs on and is then thrown away; one that is
+ * being rendered when the connection is lost keeps its result, which is as good later.
+ * Everything here happens in the loop's thread; only the units' tasks run in the pool.
+ */
+#ifndef AZULEJO_WORKER_LEASES_H
+#define AZULEJO_WORKER_LEASES_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "protocol/channel.h"
+#include "worker/outbox.h"
+#include "worker/pool.h"
+#include "worker/scene_cache.h"
+
+enum {
+    LEASES_HELD_MAX = 4096,
+    UNITS_PER_THREAD_MIN = 4,  /* held, so that no thread waits for the network */
+    UNITS_PER_THREAD_MAX = 64,
+    UNITS_HOLD_MS = 300,       /* work to hold for each thread, by what units took so far */
+};
+
+struct leases {
+    struct pool *pool;
+    struct scene_cache *scenes;
+    struct lease *first;
+    unsigned threads;
+    uint32_t isa_mask;         /* what was offered */
+    size_t lease_count;
+    size_t held;               /* units not rendered yet, running ones included */
+    uint64_t unit_ns;          /* what a unit took lately, smoothed; 0: unknown */
+    uint64_t units_done, samples_done;
+};
+
+void leases_init(struct leases *l, struct pool *pool, struct scene_cache *scenes, unsigned threads,
+                 uint32_t isa_mask);
+void leases_release(struct leases *l); /* after the pool has ended */
+
+/* Take a grant. ERR_PROTOCOL: it breaks the rules (ends the connection). A job that cannot be
+ * rendered is told to the coordinator by a JobBroken on `channel`, and STATUS_OK returned. */
+status leases_grant(struct leases *l, const Azulejo__Wire__LeaseGrant *grant,
+                    struct channel *channel, struct error *err) MUST_CHECK;
+void leases_revoke(struct leases *l, const Azulejo__Wire__LeaseRevoke *revoke);
+/* The scene became READY or BROKEN. `channel` NULL: not connected. */
+void leases_scene_settled(struct leases *l, struct scene_slot *slot, struct channel *channel);
+/* A pool task of a unit is done: the unit if its result is to be sent (the caller's now). */
+struct work_unit *leases_unit_done(struct leases *l, struct pool_task *task);
+
+/* Forget all that is not being rendered (the connection is gone: it will be lent anew). */
+void leases_forget_unstarted(struct leases *l);
+/* The same, telling the coordinator. */
+void leases_return_unstarted(struct leases *l, struct channel *channel, const char *reason);
+
+/* How many more units to ask for now; 0 while enough are held. */
+uint32_t leases_room(const struct leases *l);
+
+#endif

@@ -1,0 +1,241 @@
+/* azulejo-worker: connects out to a coordinator and renders tiles on all its cores. */
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+#include <uv.h>
+
+#include "common/base/buffer.h"
+#include "common/base/log.h"
+#include "common/base/options.h"
+#include "common/scene/settings.h"
+#include "protocol/channel.h"
+#include "protocol/key.h"
+#include "worker/agent.h"
+#include "worker/pool.h"
+
+#define CACHE_LIMIT_DEFAULT (10ull << 30)
+
+struct program {
+    uv_loop_t loop;
+    uv_signal_t interrupt, terminate;
+    struct agent *agent;
+    int signals;
+};
+
+static void on_signal(uv_signal_t *handle, int signal_number)
+{
+    struct program *p = handle->data;
+    const char *name = signal_number == SIGINT ? "SIGINT" : "SIGTERM";
+
+    if (p->signals++) {
+        log_warn("%s again: ending at once; what was in work will be rendered elsewhere", name);
+        _exit(128 + signal_number);
+    }
+    agent_drain(p->agent, name);
+}
+
+/* The handles must not keep the loop alive once the agent is through. */
+static void watch_signals(struct program *p)
+{
+    uv_signal_init(&p->loop, &p->interrupt);
+    uv_signal_init(&p->loop, &p->terminate);
+    p->interrupt.data = p->terminate.data = p;
+    uv_signal_start(&p->interrupt, on_signal, SIGINT);
+    uv_signal_start(&p->terminate, on_signal, SIGTERM);
+    uv_unref((uv_handle_t *)&p->interrupt);
+    uv_unref((uv_handle_t *)&p->terminate);
+}
+
+static status isa_list_parse(const char *text, uint32_t *mask, struct error *err)
+{
+    uint32_t has = isa_supported_mask();
+
+    *mask = 0;
+    while (*text) {
+        size_t length = strcspn(text, ",");
+        char name[16];
+        int isa;
+        snprintf(name, sizeof name, "%.*s", (int)(length < sizeof name ? length : sizeof name - 1),
+                 text);
+        isa = isa_parse(name);
+        if (isa < 0 || length >= sizeof name)
+            return error_set(err, STATUS_ERR_USAGE, "--isa: '%.*s' is none of sse2, avx2, avx512",
+                             (int)length, text);
+        if (!(has >> isa & 1))
+            return error_set(err, STATUS_ERR_USAGE, "--isa: this processor has no %s", name);
+        *mask |= 1u << isa;
+        text += length;
+        text += *text == ',';
+    }
+    if (*mask == 0)
+        return error_set(err, STATUS_ERR_USAGE, "--isa: name at least one of sse2, avx2, avx512");
+    return STATUS_OK;
+}
+
+/* HOST, HOST:PORT, [V6] or [V6]:PORT; a bare address with several colons is IPv6. */
+static status address_parse(const char *text, char host[256], uint16_t *port, struct error *err)
+{
+    const char *first = text, *colon = strchr(text, ':');
+    size_t length = strlen(text);
+
+    *port = PROTOCOL_PORT_DEFAULT;
+    if (text[0] == '[') {
+        const char *end = strchr(text, ']');
+        if (!end || (end[1] && end[1] != ':'))
+            goto malformed;
+        first = text + 1;
+        length = (size_t)(end - first);
+        colon = end[1] ? end + 1 : NULL;
+    } else if (colon && strchr(colon + 1, ':')) {
+        colon = NULL;
+    } else if (colon) {
+        length = (size_t)(colon - text);
+    }
+    if (colon) {
+        char *end;
+        unsigned long number = strtoul(colon + 1, &end, 10);
+        if (colon[1] < '0' || colon[1] > '9' || *end || number < 1 || number > 65535)
+            return error_set(err, STATUS_ERR_USAGE, "'%s': the port must be 1..65535", text);
+        *port = (uint16_t)number;
+    }
+    if (length == 0 || length > 255)
+        goto malformed;
+    memcpy(host, first, length);
+    host[length] = 0;
+    return STATUS_OK;
+malformed:
+    return error_set(err, STATUS_ERR_USAGE,
+                     "'%s' is no address: write HOST, HOST:PORT or [IPV6]:PORT", text);
+}
+
+/* `text` as given, else $variable, else $xdg/azulejo`tail`, else $HOME/`home`/azulejo`tail`. */
+static status default_path(struct buffer *out, const char *given, const char *variable,
+                           const char *xdg, const char *home, const char *tail,
+                           const char *option, struct error *err)
+{
+    const char *named = variable ? getenv(variable) : NULL;
+    const char *base = getenv(xdg), *user = getenv("HOME");
+
+    if (given)
+        buffer_puts(out, given);
+    else if (named && *named)
+        buffer_puts(out, named);
+    else if (base && *base == '/')
+        buffer_printf(out, "%s/azulejo%s", base, tail);
+    else if (user && *user == '/')
+        buffer_printf(out, "%s/%s/azulejo%s", user, home, tail);
+    else
+        return error_set(err, STATUS_ERR_USAGE, "HOME is not set: give --%s", option);
+    return buffer_ok(out) ? STATUS_OK : error_no_memory(err, "a path");
+}
+
+static status run(const struct agent_options *options, struct error *err)
+{
+    struct program p;
+    status s;
+
+    memset(&p, 0, sizeof p);
+    if (uv_loop_init(&p.loop) != 0)
+        return error_set(err, STATUS_ERR_INTERNAL, "no event loop can be made");
+    s = agent_new(&p.agent, &p.loop, options, err);
+    if (s == STATUS_OK) {
+        watch_signals(&p);
+        uv_run(&p.loop, UV_RUN_DEFAULT);
+        s = agent_result(p.agent, err);
+        agent_free(p.agent);
+        uv_close((uv_handle_t *)&p.interrupt, NULL);
+        uv_close((uv_handle_t *)&p.terminate, NULL);
+        uv_run(&p.loop, UV_RUN_DEFAULT);
+    }
+    uv_loop_close(&p.loop);
+    return s;
+}
+
+int main(int argc, char **argv)
+{
+    const char *coordinator = getenv("AZULEJO_COORDINATOR"), *key_path = NULL, *cache = NULL;
+    const char *isa_list = NULL, *log_level = "info";
+    int64_t threads = 0;
+    uint64_t cache_limit = CACHE_LIMIT_DEFAULT;
+    int exit_on_disconnect = 0, version = 0, help = 0;
+    const struct option table[] = {
+        {"coordinator", 'c', OPTION_STRING, &coordinator, "HOST[:PORT]",
+         "where the coordinator listens (default $AZULEJO_COORDINATOR, else 127.0.0.1:7420)", 0, 0,
+         NULL},
+        {"key", 'k', OPTION_STRING, &key_path, "FILE",
+         "farm or worker key (default $AZULEJO_KEY, else ~/.config/azulejo/farm.key)", 0, 0, NULL},
+        {"threads", 't', OPTION_INT, &threads, "N", "tiles rendered at once (default: all cores)",
+         1, POOL_THREADS_MAX, NULL},
+        {"cache", 0, OPTION_STRING, &cache, "DIR",
+         "where scenes are kept (default $XDG_CACHE_HOME/azulejo, else ~/.cache/azulejo)", 0, 0,
+         NULL},
+        {"cache-limit", 0, OPTION_SIZE, &cache_limit, "SIZE",
+         "remove the least recently used above this size (default 10G)", 0, 0, NULL},
+        {"isa", 0, OPTION_STRING, &isa_list, "LIST",
+         "instruction sets to offer, of sse2,avx2,avx512 (default: what the processor has)", 0, 0,
+         NULL},
+        {"exit-on-disconnect", 0, OPTION_FLAG, &exit_on_disconnect, NULL,
+         "end when the coordinator goes away instead of connecting again", 0, 0, NULL},
+        {"log-level", 0, OPTION_CHOICE, &log_level, "LEVEL", "how much to say (default info)", 0, 0,
+         "error|warn|info|debug"},
+        {"version", 0, OPTION_FLAG, &version, NULL, "print the version", 0, 0, NULL},
+        {NULL, 0, OPTION_FLAG, NULL, NULL, NULL, 0, 0, NULL},
+    };
+    struct agent_options options = {0};
+    struct buffer key_file = BUFFER_INIT, folder = BUFFER_INIT;
+    struct positionals rest;
+    struct farm_key key;
+    struct error err = {0};
+    char host[256];
+    status s;
+
+    memset(&key, 0, sizeof key);
+    log_setup("azulejo-worker", LOG_LEVEL_INFO);
+    s = options_parse(table, argc, argv, &rest, &help, &err);
+    if (s == STATUS_OK && help) {
+        options_print_help("azulejo-worker [OPTIONS]",
+                           "Renders tiles for an Azulejo coordinator until it is told to end. "
+                           "SIGTERM and SIGINT\nfinish what is in work and give the rest back; a "
+                           "second one ends at once.",
+                           table);
+        return 0;
+    }
+    if (s == STATUS_OK && version) {
+        printf("azulejo-worker %s\n", AZULEJO_VERSION);
+        return 0;
+    }
+    if (s == STATUS_OK && rest.count > 0)
+        s = error_set(&err, STATUS_ERR_USAGE, "unexpected argument '%s' (--help lists the options)",
+                      rest.items[0]);
+    if (s == STATUS_OK)
+        log_setup("azulejo-worker", (enum log_level)log_level_parse(log_level));
+    if (s == STATUS_OK)
+        s = address_parse(coordinator && *coordinator ? coordinator : "127.0.0.1", host,
+                          &options.port, &err);
+    options.isa_mask = isa_supported_mask();
+    if (s == STATUS_OK && isa_list)
+        s = isa_list_parse(isa_list, &options.isa_mask, &err);
+    if (s == STATUS_OK)
+        s = default_path(&key_file, key_path, "AZULEJO_KEY", "XDG_CONFIG_HOME", ".config",
+                         "/farm.key", "key", &err);
+    if (s == STATUS_OK)
+        s = farm_key_load(&key, buffer_text(&key_file), &err);
+    if (s == STATUS_OK)
+        s = default_path(&folder, cache, NULL, "XDG_CACHE_HOME", ".cache", "", "cache", &err);
+    if (s == STATUS_OK) {
+        options.host = host;
+        options.key = &key;
+        options.threads = threads ? (unsigned)threads : uv_available_parallelism();
+        options.cache_folder = buffer_text(&folder);
+        options.cache_limit_bytes = cache_limit;
+        options.exit_on_disconnect = exit_on_disconnect;
+        s = run(&options, &err);
+    }
+    if (s != STATUS_OK)
+        log_error("%s", err.text);
+    buffer_release(&key_file);
+    buffer_release(&folder);
+    return status_exit_code(s);
+}

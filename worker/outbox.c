@@ -1,0 +1,101 @@
+#include "worker/outbox.h"
+
+#include <string.h>
+
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "protocol/message.h"
+
+void outbox_release(struct outbox *o)
+{
+    while (o->first) {
+        struct work_unit *unit = o->first;
+        o->first = unit->next;
+        mem_free(unit);
+    }
+    memset(o, 0, sizeof *o);
+}
+
+void outbox_add(struct outbox *o, struct work_unit *unit)
+{
+    unit->sent = 0;
+    unit->next = NULL;
+    unit->previous = o->last;
+    if (o->last)
+        o->last->next = unit;
+    else
+        o->first = unit;
+    o->last = unit;
+    if (!o->unsent)
+        o->unsent = unit;
+    o->count++;
+}
+
+static status send_result(struct channel *channel, struct work_unit *unit)
+{
+    Azulejo__Wire__TileResult result = AZULEJO__WIRE__TILE_RESULT__INIT;
+    Azulejo__Wire__RenderStats stats = AZULEJO__WIRE__RENDER_STATS__INIT;
+    Azulejo__Wire__Envelope e = MESSAGE(TILE_RESULT, tile_result, &result);
+    uint8_t sums[TILE_FLOATS_MAX * sizeof(float)];
+
+    wire_sums_set(sums, unit->sums, unit->sum_count);
+    result.lease = unit->lease_id;
+    result.epoch = unit->epoch;
+    result.job = unit->job;
+    result.frame = unit->frame;
+    result.tile = unit->tile;
+    result.pass = unit->pass;
+    result.sums.data = sums;
+    result.sums.len = unit->sum_count * sizeof(float);
+    result.stats = &stats;
+    stats.samples = unit->stats.samples;
+    stats.rays = unit->stats.rays;
+    stats.vertices = unit->stats.vertices;
+    stats.dropped_samples = unit->stats.dropped_samples;
+    stats.cpu_ns = unit->cpu_ns;
+    stats.trace_ns = unit->stats.trace_ns;
+    return channel_send(channel, &e);
+}
+
+void outbox_pump(struct outbox *o, struct channel *channel)
+{
+    while (o->unsent && channel_queued_bytes(channel) < CHANNEL_QUEUE_HIGH) {
+        struct work_unit *unit = o->unsent;
+        if (send_result(channel, unit) != STATUS_OK)
+            return; /* the channel closes by itself, or memory is short: later again */
+        unit->sent = 1;
+        o->unsent = unit->next;
+    }
+}
+
+void outbox_reset(struct outbox *o)
+{
+    for (struct work_unit *unit = o->first; unit; unit = unit->next)
+        unit->sent = 0;
+    o->unsent = o->first;
+}
+
+void outbox_acknowledge(struct outbox *o, uint64_t job, uint32_t frame, uint32_t tile,
+                        uint32_t pass)
+{
+    struct work_unit *unit = o->first;
+
+    /* Acknowledgements come about in the order of sending, so this looks at few. */
+    while (unit && !(unit->job == job && unit->frame == frame && unit->tile == tile &&
+                     unit->pass == pass))
+        unit = unit->next;
+    if (!unit)
+        return;
+    if (o->unsent == unit)
+        o->unsent = unit->next;
+    if (unit->previous)
+        unit->previous->next = unit->next;
+    else
+        o->first = unit->next;
+    if (unit->next)
+        unit->next->previous = unit->previous;
+    else
+        o->last = unit->previous;
+    o->count--;
+    mem_free(unit);
+}

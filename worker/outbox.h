@@ -1,0 +1,52 @@
+/* outbox: results that the coordinator has not acknowledged yet.
+ *
+ * A result stays until its ResultAck came, and is sent again after a lost connection. The
+ * outbox owns the results in it. Above OUTBOX_HIGH the worker asks for no more work.
+ */
+#ifndef AZULEJO_WORKER_OUTBOX_H
+#define AZULEJO_WORKER_OUTBOX_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/film/tiles.h"
+#include "protocol/channel.h"
+#include "worker/pool.h"
+#include "worker/render/render.h"
+
+enum { OUTBOX_HIGH = 8192 }; /* results; about 6 KiB each */
+
+struct lease;
+
+/* One work unit: first lent, then a result. */
+struct work_unit {
+    struct pool_task task; /* first: a task is its unit */
+    struct work_unit *previous, *next; /* in its lease, later in the outbox */
+    struct lease *lease;   /* NULL in the outbox */
+    uint64_t lease_id, epoch, job;
+    uint32_t frame, tile, pass;
+    int dropped;           /* taken back while it ran: the result is thrown away */
+    int sent;              /* on this connection */
+    size_t sum_count;
+    uint64_t cpu_ns, wall_ns;
+    struct render_stats stats;
+    float sums[TILE_FLOATS_MAX];
+};
+
+struct outbox {
+    struct work_unit *first, *last;
+    struct work_unit *unsent; /* the first that this connection has not sent */
+    size_t count;
+};
+
+void outbox_release(struct outbox *o);
+void outbox_add(struct outbox *o, struct work_unit *unit);
+/* Send what is unsent, until the channel's queue is high; call again on its drain. */
+void outbox_pump(struct outbox *o, struct channel *channel);
+/* The connection is gone: all of it must be sent again. */
+void outbox_reset(struct outbox *o);
+/* Forget an acknowledged result. Unknown ones are no matter: they were acknowledged before. */
+void outbox_acknowledge(struct outbox *o, uint64_t job, uint32_t frame, uint32_t tile,
+                        uint32_t pass);
+
+#endif

@@ -1,0 +1,433 @@
+#include "worker/scene_cache.h"
+
+#include <assert.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/base/clock.h"
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "common/scene/scene.h"
+
+struct scene_slot {
+    struct pool_task task; /* first: a task is its slot */
+    struct scene_cache *cache;
+    struct scene_slot *next;
+    struct digest digest;
+    struct render_settings settings;
+    enum scene_state state;
+    unsigned references;
+    uint64_t used;         /* the cache's tick of the last acquire */
+
+    /* The build's, in a pool thread while WORKING. */
+    struct scene scene;
+    int unpacked;
+    char name[SCENE_NAME_MAX + 1];
+    struct render_scene *render;
+    struct cached_blob **blobs; /* sorted by digest; as long as `render` */
+    size_t blob_count;
+    struct scene_blob *missing; /* sorted by digest */
+    size_t missing_count;
+    struct error error;
+
+    /* While FETCHING. */
+    struct cached_blob **arrived; /* room for missing_count */
+    size_t arrived_count;
+};
+
+struct scene_cache {
+    struct blob_cache *blobs;
+    struct pool *pool;
+    struct scene_cache_callbacks callbacks;
+    struct scene_slot *slots;
+    uint64_t tick;
+};
+
+/* ---- in a pool thread ------------------------------------------------------------------ */
+
+static int compare_digests(const struct digest *a, const struct digest *b)
+{
+    return memcmp(a->bytes, b->bytes, DIGEST_BYTES);
+}
+
+static int compare_blobs(const void *a, const void *b)
+{
+    return compare_digests(&((const struct scene_blob *)a)->digest,
+                           &((const struct scene_blob *)b)->digest);
+}
+
+static int compare_to_cached(const void *key, const void *element)
+{
+    return compare_digests(key, cached_blob_digest(*(struct cached_blob *const *)element));
+}
+
+static status source_get(void *user, const struct digest *digest, const uint8_t **data,
+                         size_t *size_bytes, struct error *err)
+{
+    struct scene_slot *slot = user;
+    struct cached_blob **found = NULL;
+
+    if (slot->blob_count)
+        found = bsearch(digest, slot->blobs, slot->blob_count, sizeof *slot->blobs,
+                        compare_to_cached);
+    if (!found) {
+        char hex[DIGEST_HEX_SIZE];
+        digest_to_hex(digest, hex);
+        *data = NULL;
+        *size_bytes = 0;
+        return error_set(err, STATUS_ERR_INTERNAL, "blob %s is not among the scene's blobs", hex);
+    }
+    *data = cached_blob_data(*found);
+    *size_bytes = cached_blob_size(*found);
+    return STATUS_OK;
+}
+
+static void blobs_release(struct cached_blob ***blobs, size_t *count)
+{
+    for (size_t i = 0; i < *count; i++)
+        cached_blob_release((*blobs)[i]);
+    mem_free(*blobs);
+    *blobs = NULL;
+    *count = 0;
+}
+
+static status note_missing(struct scene_slot *slot, const struct scene_blob *blob, size_t room,
+                           struct error *err)
+{
+    if (!slot->missing) {
+        slot->missing = mem_alloc_array(room, sizeof *slot->missing);
+        if (!slot->missing)
+            return error_no_memory(err, "the list of missing blobs");
+    }
+    slot->missing[slot->missing_count++] = *blob;
+    return STATUS_OK;
+}
+
+static status unpack_scene(struct scene_slot *slot, struct error *err)
+{
+    struct scene_blob packed = {slot->digest, 0};
+    struct cached_blob *blob;
+    status s = blob_cache_get(slot->cache->blobs, &slot->digest, &blob, err);
+
+    if (s == STATUS_ERR_NOT_FOUND)
+        return note_missing(slot, &packed, 1, err);
+    if (s != STATUS_OK)
+        return s;
+    s = scene_unpack(&slot->scene, cached_blob_data(blob), cached_blob_size(blob), err);
+    cached_blob_release(blob);
+    if (s != STATUS_OK) {
+        scene_release(&slot->scene);
+        return s;
+    }
+    slot->unpacked = 1;
+    snprintf(slot->name, sizeof slot->name, "%s", slot->scene.name ? slot->scene.name : "");
+    return render_settings_validate(&slot->settings, slot->scene.camera_count, err);
+}
+
+/* Collect the scene's blobs, or note which ones are missing. */
+static status collect_blobs(struct scene_slot *slot, struct error *err)
+{
+    /* Those of the round before the fetch are held until this one holds them too: they may
+     * have left the disk since. */
+    struct cached_blob **before = slot->blobs;
+    size_t before_count = slot->blob_count;
+    struct scene_blob *list = NULL;
+    size_t count = 0;
+    status s = scene_blobs(&slot->scene, &list, &count, err);
+
+    if (s != STATUS_OK)
+        return s;
+    if (count)
+        qsort(list, count, sizeof *list, compare_blobs);
+    slot->blob_count = 0;
+    slot->blobs = mem_alloc_array(count, sizeof *slot->blobs);
+    if (!slot->blobs)
+        s = error_no_memory(err, "the scene's blobs");
+    for (size_t i = 0; i < count && s == STATUS_OK; i++) {
+        struct cached_blob *blob;
+        s = blob_cache_get(slot->cache->blobs, &list[i].digest, &blob, err);
+        if (s == STATUS_ERR_NOT_FOUND) {
+            s = note_missing(slot, &list[i], count, err);
+        } else if (s == STATUS_OK) {
+            slot->blobs[slot->blob_count++] = blob;
+            if (cached_blob_size(blob) != list[i].size_bytes)
+                s = error_set(err, STATUS_ERR_INPUT,
+                              "the scene says that a blob has %llu bytes, but it has %zu",
+                              (unsigned long long)list[i].size_bytes, cached_blob_size(blob));
+        }
+    }
+    mem_free(list);
+    blobs_release(&before, &before_count);
+    return s;
+}
+
+static void scene_build(struct pool_task *task)
+{
+    struct scene_slot *slot = (struct scene_slot *)task;
+    struct blob_source source = {source_get, slot};
+    status s = STATUS_OK;
+
+    memset(&slot->error, 0, sizeof slot->error);
+    if (!slot->unpacked)
+        s = unpack_scene(slot, &slot->error);
+    if (s == STATUS_OK && slot->missing_count == 0)
+        s = collect_blobs(slot, &slot->error);
+    if (s == STATUS_OK && slot->missing_count == 0)
+        s = render_scene_new(&slot->render, &slot->scene, &slot->settings, source, &slot->error);
+    if (s != STATUS_OK) {
+        slot->error.code = s;
+        mem_free(slot->missing);
+        slot->missing = NULL;
+        slot->missing_count = 0;
+    }
+    if (slot->render || s != STATUS_OK) {
+        if (slot->unpacked)
+            scene_release(&slot->scene);
+        slot->unpacked = 0;
+    }
+}
+
+/* ---- in the loop's thread -------------------------------------------------------------- */
+
+static void slot_set_state(struct scene_slot *slot, enum scene_state state)
+{
+    assert(state == SCENE_WORKING ? slot->state == SCENE_FETCHING : slot->state < SCENE_READY);
+    slot->state = state;
+    if (state == SCENE_WORKING)
+        pool_push(slot->cache->pool, &slot->task, 1);
+    else if (state >= SCENE_READY)
+        slot->cache->callbacks.settled(slot->cache->callbacks.user, slot);
+}
+
+static void slot_free(struct scene_slot *slot)
+{
+    render_scene_free(slot->render);
+    if (slot->unpacked)
+        scene_release(&slot->scene);
+    blobs_release(&slot->blobs, &slot->blob_count);
+    blobs_release(&slot->arrived, &slot->arrived_count);
+    mem_free(slot->missing);
+    mem_free(slot);
+}
+
+/* Drop what nobody holds and is not worth keeping. A slot in work waits for its task. */
+static void cache_trim(struct scene_cache *cache)
+{
+    for (;;) {
+        struct scene_slot **oldest = NULL;
+        unsigned idle = 0;
+        for (struct scene_slot **at = &cache->slots; *at; at = &(*at)->next) {
+            struct scene_slot *slot = *at;
+            if (slot->references || slot->state == SCENE_WORKING)
+                continue;
+            if (slot->state != SCENE_READY) {
+                oldest = at;
+                idle = SCENES_KEPT + 1;
+                break;
+            }
+            idle++;
+            if (!oldest || slot->used < (*oldest)->used)
+                oldest = at;
+        }
+        if (idle <= SCENES_KEPT)
+            return;
+        struct scene_slot *gone = *oldest;
+        *oldest = gone->next;
+        slot_free(gone);
+    }
+}
+
+status scene_cache_new(struct scene_cache **out, struct blob_cache *blobs, struct pool *pool,
+                       struct scene_cache_callbacks callbacks, struct error *err)
+{
+    *out = mem_calloc(1, sizeof **out);
+    if (!*out)
+        return error_no_memory(err, "the scene cache");
+    (*out)->blobs = blobs;
+    (*out)->pool = pool;
+    (*out)->callbacks = callbacks;
+    return STATUS_OK;
+}
+
+void scene_cache_free(struct scene_cache *cache)
+{
+    if (!cache)
+        return;
+    while (cache->slots) {
+        struct scene_slot *slot = cache->slots;
+        cache->slots = slot->next;
+        slot_free(slot);
+    }
+    mem_free(cache);
+}
+
+static int settings_equal(const struct render_settings *a, const struct render_settings *b)
+{
+    return a->width == b->width && a->height == b->height && a->spp == b->spp &&
+           a->max_depth == b->max_depth && a->seed == b->seed && a->camera == b->camera &&
+           memcmp(&a->env_rotate_deg, &b->env_rotate_deg, sizeof a->env_rotate_deg) == 0 &&
+           memcmp(&a->env_strength, &b->env_strength, sizeof a->env_strength) == 0 &&
+           a->env_sampling == b->env_sampling && a->isa == b->isa;
+}
+
+status scene_cache_acquire(struct scene_cache *cache, const struct digest *scene,
+                           const struct render_settings *settings, struct scene_slot **out,
+                           struct error *err)
+{
+    struct scene_slot *slot = cache->slots;
+
+    while (slot && !(slot->state != SCENE_BROKEN && digest_equal(&slot->digest, scene) &&
+                     settings_equal(&slot->settings, settings)))
+        slot = slot->next;
+    if (!slot) {
+        slot = mem_calloc(1, sizeof *slot);
+        *out = NULL;
+        if (!slot)
+            return error_no_memory(err, "a scene");
+        slot->cache = cache;
+        slot->digest = *scene;
+        slot->settings = *settings;
+        slot->task.run = scene_build;
+        slot->state = SCENE_WORKING;
+        slot->next = cache->slots;
+        cache->slots = slot;
+        pool_push(cache->pool, &slot->task, 1);
+    }
+    slot->references++;
+    slot->used = ++cache->tick;
+    *out = slot;
+    return STATUS_OK;
+}
+
+void scene_slot_release(struct scene_slot *slot)
+{
+    assert(slot->references > 0);
+    if (--slot->references == 0)
+        cache_trim(slot->cache);
+}
+
+enum scene_state scene_slot_state(const struct scene_slot *slot)
+{
+    return slot->state;
+}
+
+const struct render_scene *scene_slot_render(const struct scene_slot *slot)
+{
+    return slot->state == SCENE_READY ? slot->render : NULL;
+}
+
+const struct error *scene_slot_error(const struct scene_slot *slot)
+{
+    return &slot->error;
+}
+
+const struct render_settings *scene_slot_settings(const struct scene_slot *slot)
+{
+    return &slot->settings;
+}
+
+static void log_built(const struct scene_slot *slot)
+{
+    struct render_scene_info info = {0};
+    char hex[DIGEST_HEX_SIZE];
+
+    render_scene_info(slot->render, &info);
+    digest_to_hex(&slot->digest, hex);
+    log_info("scene %.12s '%s': %llu triangles, %llu instances, %.1f MiB of textures, meshes and "
+             "BVH, built in %.2f s",
+             hex, slot->name, (unsigned long long)info.triangles,
+             (unsigned long long)info.instances,
+             (double)(info.texture_bytes + info.mesh_bytes + info.bvh_bytes) / 1048576,
+             (double)info.build_ns / (double)NS_PER_SECOND);
+}
+
+/* Ask for what is missing; keep a place for each blob, so that it stays once it is here. */
+static void begin_fetch(struct scene_slot *slot)
+{
+    size_t count = slot->missing_count;
+    struct scene_blob *wanted;
+
+    slot->arrived = mem_calloc(count, sizeof *slot->arrived);
+    wanted = mem_memdup(slot->missing, count * sizeof *wanted);
+    if (!slot->arrived || !wanted) {
+        mem_free(wanted);
+        (void)error_no_memory(&slot->error, "blobs to be fetched");
+        slot_set_state(slot, SCENE_BROKEN);
+        return;
+    }
+    slot_set_state(slot, SCENE_FETCHING);
+    /* A fetch that fails at once breaks the slot and frees slot->missing: hence the copy. */
+    slot->cache->callbacks.missing(slot->cache->callbacks.user, wanted, count);
+    mem_free(wanted);
+}
+
+int scene_cache_task_done(struct scene_cache *cache, struct pool_task *task)
+{
+    struct scene_slot *slot = (struct scene_slot *)task;
+
+    if (task->run != scene_build)
+        return 0;
+    blobs_release(&slot->arrived, &slot->arrived_count);
+    if (slot->error.code != STATUS_OK) {
+        blobs_release(&slot->blobs, &slot->blob_count);
+        slot_set_state(slot, SCENE_BROKEN);
+    } else if (slot->missing_count > 0) {
+        /* What is here already stays referenced in `blobs` while the rest is fetched. */
+        slot->references++;
+        begin_fetch(slot);
+        slot->references--;
+    } else {
+        log_built(slot);
+        slot_set_state(slot, SCENE_READY);
+    }
+    cache_trim(cache);
+    return 1;
+}
+
+static struct scene_blob *missing_find(struct scene_slot *slot, const struct digest *digest)
+{
+    struct scene_blob key = {*digest, 0};
+
+    if (slot->state != SCENE_FETCHING || slot->missing_count == 0)
+        return NULL;
+    return bsearch(&key, slot->missing, slot->missing_count, sizeof *slot->missing, compare_blobs);
+}
+
+void scene_cache_blob_arrived(struct scene_cache *cache, struct cached_blob *blob)
+{
+    for (struct scene_slot *slot = cache->slots; slot; slot = slot->next) {
+        struct scene_blob *found = missing_find(slot, cached_blob_digest(blob));
+        if (!found)
+            continue;
+        slot->arrived[slot->arrived_count++] = cached_blob_retain(blob);
+        if (slot->arrived_count < slot->missing_count)
+            continue;
+        /* All here. The build collects its blobs anew; they are still held until it is done. */
+        mem_free(slot->missing);
+        slot->missing = NULL;
+        slot->missing_count = 0;
+        slot_set_state(slot, SCENE_WORKING);
+    }
+}
+
+void scene_cache_blob_failed(struct scene_cache *cache, const struct digest *digest,
+                             const struct error *why)
+{
+    for (;;) {
+        /* From the front each time: telling the owner may have freed other slots. */
+        struct scene_slot *slot = cache->slots;
+        while (slot && !missing_find(slot, digest))
+            slot = slot->next;
+        if (!slot)
+            break;
+        slot->error = *why;
+        mem_free(slot->missing);
+        slot->missing = NULL;
+        slot->missing_count = 0;
+        slot->references++;
+        slot_set_state(slot, SCENE_BROKEN);
+        slot->references--;
+    }
+    cache_trim(cache);
+}

@@ -1,0 +1,71 @@
+/* scene_cache: scenes made ready to render, a few kept for the next lease.
+ *
+ *   new --> WORKING --all blobs here, scene built--> READY
+ *              |  ^--the last missing blob arrived-- FETCHING
+ *              |--some blobs are missing--^
+ *              \--damaged, does not fit, no memory--> BROKEN
+ * slot_set_state is the only function that changes a slot's state.
+ *
+ * A slot is one (scene digest, render settings). Reading, hashing, unpacking and building
+ * happen in a pool thread (scene_build, which begins anew after a fetch; nothing is hashed
+ * twice); everything else is called from the loop's thread. A slot is kept while somebody
+ * holds a reference; of those that nobody holds, the SCENES_KEPT most recently used that are
+ * READY stay. A BROKEN slot goes with its last reference, so the next lease tries again.
+ */
+#ifndef AZULEJO_WORKER_SCENE_CACHE_H
+#define AZULEJO_WORKER_SCENE_CACHE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/base/digest.h"
+#include "common/base/status.h"
+#include "common/scene/settings.h"
+#include "worker/blob_cache.h"
+#include "worker/pool.h"
+#include "worker/render/render.h"
+
+enum {
+    SCENES_KEPT = 3,
+    SCENE_PACKED_MAX = 1 << 30, /* bytes of a packed scene */
+};
+
+enum scene_state { SCENE_WORKING, SCENE_FETCHING, SCENE_READY, SCENE_BROKEN };
+
+struct scene_cache;
+struct scene_slot;
+
+struct scene_cache_callbacks {
+    /* Blobs to be fetched; answer each by scene_cache_blob_arrived or _failed. */
+    void (*missing)(void *user, const struct scene_blob *blobs, size_t count);
+    /* The slot became READY or BROKEN. */
+    void (*settled)(void *user, struct scene_slot *slot);
+    void *user;
+};
+
+status scene_cache_new(struct scene_cache **out, struct blob_cache *blobs, struct pool *pool,
+                       struct scene_cache_callbacks callbacks, struct error *err) MUST_CHECK;
+/* After the pool has ended; references that are still held lapse. */
+void scene_cache_free(struct scene_cache *cache);
+
+/* Take a reference to the slot, making it if need be. `settled` is not called before this
+ * returns. ERR_NO_MEMORY. */
+status scene_cache_acquire(struct scene_cache *cache, const struct digest *scene,
+                           const struct render_settings *settings, struct scene_slot **out,
+                           struct error *err) MUST_CHECK;
+void scene_slot_release(struct scene_slot *slot);
+
+enum scene_state scene_slot_state(const struct scene_slot *slot);
+const struct render_scene *scene_slot_render(const struct scene_slot *slot); /* when READY */
+const struct error *scene_slot_error(const struct scene_slot *slot);         /* when BROKEN */
+const struct render_settings *scene_slot_settings(const struct scene_slot *slot);
+
+/* A fetched blob goes to every slot that waits for it. */
+void scene_cache_blob_arrived(struct scene_cache *cache, struct cached_blob *blob);
+void scene_cache_blob_failed(struct scene_cache *cache, const struct digest *digest,
+                             const struct error *why);
+
+/* Does this finished pool task belong to a scene? If so, take the next step. */
+int scene_cache_task_done(struct scene_cache *cache, struct pool_task *task);
+
+#endif
