@@ -1,0 +1,489 @@
+#include "client/import/builder.h"
+
+#include <stdarg.h>
+#include <string.h>
+
+#include "common/base/file.h"
+#include "common/base/memory.h"
+#include "common/image/image.h"
+#include "common/scene/effects.h"
+
+void builder_init(struct builder *b, struct import_result *out, struct error *err)
+{
+    memset(b, 0, sizeof *b);
+    b->out = out;
+    b->err = err;
+}
+
+void builder_release(struct builder *b)
+{
+    mem_free(b->meshes);
+    mem_free(b->images);
+    mem_free(b->textures);
+    mem_free(b->materials);
+    mem_free(b->instances);
+    mem_free(b->lights);
+    mem_free(b->cameras);
+    mem_free(b->blob_index);
+    mem_free(b->blob_mesh);
+    for (size_t i = 0; i < b->warning_count; i++)
+        mem_free(b->warnings[i].text);
+    memset(b, 0, sizeof *b);
+}
+
+/* ---- words -------------------------------------------------------------------------------- */
+
+void text_disarm(char *text)
+{
+    for (; *text; text++)
+        if ((unsigned char)*text < 0x20 || *text == 0x7f)
+            *text = '?';
+}
+
+void builder_warn(struct builder *b, const char *kind, const char *format, ...)
+{
+    struct builder_warning *slot;
+    char text[512];
+    va_list args;
+
+    for (size_t i = 0; i < b->warning_count; i++)
+        if (strcmp(b->warnings[i].kind, kind) == 0) {
+            b->warnings[i].count++;
+            return;
+        }
+    if (b->warning_count == IMPORT_WARNINGS_MAX) {
+        b->warnings_dropped++;
+        return;
+    }
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    text_disarm(text);
+    slot = &b->warnings[b->warning_count];
+    slot->text = mem_strdup(text);
+    if (!slot->text) {
+        b->no_memory = 1;
+        return;
+    }
+    slot->kind = kind;
+    slot->count = 1;
+    b->warning_count++;
+}
+
+/* How many bytes the valid, printable UTF-8 character at `p` has; 0: it is none. */
+static int character_length(const uint8_t *p)
+{
+    uint32_t code = *p;
+    int length = code < 0x80 ? 1 : code < 0xc2 ? 0 : code < 0xe0 ? 2 : code < 0xf0 ? 3 : code < 0xf5 ? 4 : 0;
+
+    if (length == 1)
+        return code >= 0x20 && code != 0x7f;
+    if (length == 0)
+        return 0;
+    code &= 0xffu >> (length + 1);
+    for (int i = 1; i < length; i++) {
+        if ((p[i] & 0xc0) != 0x80)
+            return 0;
+        code = code << 6 | (p[i] & 0x3f);
+    }
+    if ((length == 2 && code < 0xa0) || (length == 3 && code < 0x800) ||
+        (length == 4 && (code < 0x10000 || code > 0x10ffff)) || (code >= 0xd800 && code < 0xe000))
+        return 0;
+    return length;
+}
+
+const char *builder_name(struct builder *b, const char *name)
+{
+    char clean[SCENE_NAME_MAX + 1];
+    size_t size = 0;
+    char *copy;
+
+    for (const uint8_t *p = (const uint8_t *)(name ? name : ""); *p;) {
+        int length = character_length(p);
+        int taken = length ? length : 1;
+        if (size + (size_t)taken > SCENE_NAME_MAX)
+            break;
+        if (length)
+            memcpy(clean + size, p, (size_t)length);
+        else
+            clean[size] = '?';
+        size += (size_t)taken;
+        p += taken;
+    }
+    clean[size] = 0;
+    copy = arena_strdup(&b->out->scene.arena, clean);
+    if (!copy)
+        b->no_memory = 1;
+    return copy ? copy : "";
+}
+
+/* ---- blobs -------------------------------------------------------------------------------- */
+
+static size_t digest_slot(const struct digest *digest, size_t size)
+{
+    uint64_t start;
+
+    memcpy(&start, digest->bytes, sizeof start);
+    return (size_t)start & (size - 1);
+}
+
+static int blob_index_grow(struct builder *b)
+{
+    size_t size = b->blob_index_size ? b->blob_index_size * 2 : 64;
+    uint32_t *index = mem_calloc(size, sizeof *index);
+
+    if (!index)
+        return 0;
+    for (size_t row = 0; row < b->out->blob_count; row++) {
+        size_t at = digest_slot(&b->out->blobs[row].digest, size);
+        while (index[at])
+            at = (at + 1) & (size - 1);
+        index[at] = (uint32_t)row + 1;
+    }
+    mem_free(b->blob_index);
+    b->blob_index = index;
+    b->blob_index_size = size;
+    return 1;
+}
+
+static status blob_add(struct builder *b, uint8_t *data, size_t size_bytes, uint32_t *row)
+{
+    struct import_result *out = b->out;
+    struct digest digest;
+    status result = STATUS_OK;
+    size_t at;
+
+    if (digest_of(&digest, data, size_bytes) != STATUS_OK) {
+        result = error_no_memory(b->err, "a digest");
+        goto refused;
+    }
+    if (out->blob_count >= UINT32_MAX - 1) {
+        result = error_set(b->err, STATUS_ERR_LIMIT, "too many blobs");
+        goto refused;
+    }
+    if ((out->blob_count + 1) * 2 > b->blob_index_size && !blob_index_grow(b))
+        goto no_memory;
+    for (at = digest_slot(&digest, b->blob_index_size); b->blob_index[at];
+         at = (at + 1) & (b->blob_index_size - 1))
+        if (digest_equal(&out->blobs[b->blob_index[at] - 1].digest, &digest)) {
+            *row = b->blob_index[at] - 1;
+            mem_free(data);
+            return STATUS_OK;
+        }
+    if (!MEM_GROW(out->blobs, b->blob_capacity, out->blob_count + 1) ||
+        !MEM_GROW(b->blob_mesh, b->blob_mesh_capacity, out->blob_count + 1))
+        goto no_memory;
+    *row = (uint32_t)out->blob_count++;
+    out->blobs[*row] = (struct import_blob){digest, data, size_bytes};
+    out->blob_bytes += size_bytes;
+    b->blob_mesh[*row] = 0;
+    b->blob_index[at] = *row + 1;
+    return STATUS_OK;
+no_memory:
+    result = error_no_memory(b->err, "the list of blobs");
+refused:
+    mem_free(data);
+    return result;
+}
+
+status builder_add_blob(struct builder *b, uint8_t *data, size_t size_bytes,
+                        struct scene_blob *out)
+{
+    uint32_t row;
+    status result = blob_add(b, data, size_bytes, &row);
+
+    if (result == STATUS_OK) {
+        out->digest = b->out->blobs[row].digest;
+        out->size_bytes = size_bytes;
+    }
+    return result;
+}
+
+/* ---- rows --------------------------------------------------------------------------------- */
+
+static status no_room(struct builder *b, const char *table)
+{
+    return error_set(b->err, STATUS_ERR_LIMIT, "the scene has too many %s", table);
+}
+
+#define ADD_ROW(table, count, capacity, maximum, value)                           \
+    do {                                                                          \
+        if (b->count >= (maximum))                                                \
+            return no_room(b, #table);                                            \
+        if (!MEM_GROW(b->table, b->capacity, b->count + 1))                       \
+            return error_no_memory(b->err, "the table of " #table);               \
+        b->table[b->count++] = (value);                                           \
+    } while (0)
+
+status builder_add_mesh(struct builder *b, const struct scene_mesh *mesh, uint8_t *data,
+                        size_t size_bytes, uint32_t *row)
+{
+    struct scene_mesh added = *mesh;
+    uint32_t blob;
+    status result = blob_add(b, data, size_bytes, &blob);
+
+    if (result != STATUS_OK)
+        return result;
+    if (b->blob_mesh[blob]) {
+        const struct scene_mesh *same = &b->meshes[b->blob_mesh[blob] - 1];
+        if (same->vertex_count == mesh->vertex_count && same->arrays == mesh->arrays) {
+            *row = b->blob_mesh[blob] - 1;
+            return STATUS_OK;
+        }
+    }
+    added.blob.digest = b->out->blobs[blob].digest;
+    added.blob.size_bytes = size_bytes;
+    ADD_ROW(meshes, mesh_count, mesh_capacity, SCENE_MESHES_MAX, added);
+    *row = (uint32_t)b->mesh_count - 1;
+    if (!b->blob_mesh[blob])
+        b->blob_mesh[blob] = *row + 1;
+    b->out->triangles += mesh->triangle_count;
+    b->out->vertices += mesh->vertex_count;
+    return STATUS_OK;
+}
+
+status builder_add_image(struct builder *b, const char *name, uint8_t *data, size_t size_bytes,
+                         uint32_t *row)
+{
+    struct scene_image image = {.name = builder_name(b, name)};
+    status result = builder_add_blob(b, data, size_bytes, &image.blob);
+
+    if (result != STATUS_OK)
+        return result;
+    ADD_ROW(images, image_count, image_capacity, SCENE_IMAGES_MAX, image);
+    *row = (uint32_t)b->image_count - 1;
+    return STATUS_OK;
+}
+
+status builder_add_texture(struct builder *b, const struct scene_texture *texture, uint32_t *row)
+{
+    ADD_ROW(textures, texture_count, texture_capacity, SCENE_TEXTURES_MAX, *texture);
+    *row = (uint32_t)b->texture_count - 1;
+    return STATUS_OK;
+}
+
+status builder_add_material(struct builder *b, const struct scene_material *material,
+                            uint32_t *row)
+{
+    ADD_ROW(materials, material_count, material_capacity, SCENE_MATERIALS_MAX, *material);
+    *row = (uint32_t)b->material_count - 1;
+    return STATUS_OK;
+}
+
+status builder_add_instance(struct builder *b, const struct scene_instance *instance)
+{
+    ADD_ROW(instances, instance_count, instance_capacity, SCENE_INSTANCES_MAX, *instance);
+    b->out->triangles_placed += b->meshes[instance->mesh].triangle_count;
+    return STATUS_OK;
+}
+
+status builder_add_light(struct builder *b, const struct scene_light *light)
+{
+    ADD_ROW(lights, light_count, light_capacity, SCENE_LIGHTS_MAX, *light);
+    return STATUS_OK;
+}
+
+status builder_add_camera(struct builder *b, const struct scene_camera *camera)
+{
+    ADD_ROW(cameras, camera_count, camera_capacity, SCENE_CAMERAS_MAX, *camera);
+    return STATUS_OK;
+}
+
+/* ---- the end ------------------------------------------------------------------------------ */
+
+static status read_environment(struct builder *b, const char *path)
+{
+    struct buffer bytes = BUFFER_INIT;
+    struct image_repairs repairs = {0};
+    struct image image = {0};
+    enum image_format format;
+    status result;
+
+    result = file_read(path, IMPORT_FILE_BYTES_MAX, &bytes, b->err);
+    if (result != STATUS_OK)
+        goto done;
+    format = image_format_of(bytes.data, bytes.size);
+    if (format != IMAGE_EXR && format != IMAGE_HDR) {
+        result = error_set(b->err, STATUS_ERR_INPUT,
+                           "%s: is not an environment map: give an OpenEXR (.exr) or Radiance "
+                           "(.hdr) file in latitude-longitude form",
+                           path);
+        goto done;
+    }
+    /* Decoded once only to tell its faults now and not on a worker. */
+    result = image_decode_hdr(&image, bytes.data, bytes.size, path, &repairs, b->err);
+    if (result != STATUS_OK)
+        goto done;
+    if (repairs.nan_pixels || repairs.negative_pixels || repairs.infinite_pixels)
+        builder_warn(b, "environment repairs",
+                     "%s: the map has %llu pixels that are not numbers, %llu negative and %llu "
+                     "infinite: they count as black, black and the brightest finite value",
+                     path, (unsigned long long)repairs.nan_pixels,
+                     (unsigned long long)repairs.negative_pixels,
+                     (unsigned long long)repairs.infinite_pixels);
+    if (image.width != 2 * image.height)
+        builder_warn(b, "environment shape",
+                     "%s: the map is %ux%u: a latitude-longitude map is twice as wide as high, "
+                     "this one will look stretched",
+                     path, image.width, image.height);
+    b->environment.present = 1;
+    b->environment.image.name = builder_name(b, file_basename(path));
+    result = builder_add_blob(b, bytes.data, bytes.size, &b->environment.image.blob);
+    bytes = (struct buffer)BUFFER_INIT; /* taken over */
+done:
+    b->error_is_placed = result != STATUS_OK;
+    image_release(&image);
+    buffer_release(&bytes);
+    return result;
+}
+
+#define HAND_OVER(type, table, count)                                            \
+    do {                                                                         \
+        scene->table = ARENA_ARRAY(&scene->arena, type, b->count);               \
+        if (!scene->table)                                                       \
+            return error_no_memory(b->err, "the scene's " #table);               \
+        if (b->count)                                                            \
+            memcpy(scene->table, b->table, b->count * sizeof(type));             \
+        scene->count = (uint32_t)b->count;                                       \
+    } while (0)
+
+static status hand_over_tables(struct builder *b)
+{
+    struct scene *scene = &b->out->scene;
+
+    HAND_OVER(struct scene_mesh, meshes, mesh_count);
+    HAND_OVER(struct scene_image, images, image_count);
+    HAND_OVER(struct scene_texture, textures, texture_count);
+    HAND_OVER(struct scene_material, materials, material_count);
+    HAND_OVER(struct scene_instance, instances, instance_count);
+    HAND_OVER(struct scene_light, lights, light_count);
+    scene->environment = b->environment;
+    return STATUS_OK;
+}
+
+/* Last, because a camera that we choose needs the bounds of the other tables. */
+static status hand_over_cameras(struct builder *b)
+{
+    struct scene *scene = &b->out->scene;
+
+    if (b->camera_count == 0) {
+        struct scene_camera framed;
+        status result;
+        camera_frame_scene(scene, &framed);
+        framed.name = builder_name(b, "framed");
+        result = builder_add_camera(b, &framed);
+        if (result != STATUS_OK)
+            return result;
+        builder_warn(b, "no camera",
+                     "the file has no camera: one was added that looks at the whole scene");
+    }
+    HAND_OVER(struct scene_camera, cameras, camera_count);
+    return STATUS_OK;
+}
+
+/* A scene that nothing lights would be black: say so and light it evenly. What is unlit
+ * shines by itself and needs no help. */
+static void light_the_dark(struct builder *b)
+{
+    struct scene *scene = &b->out->scene;
+    const uint32_t lights = EFFECT_PUNCTUAL_LIGHT | EFFECT_ENVIRONMENT | EFFECT_EMISSIVE_MESH;
+    int lit = scene->instance_count == 0;
+
+    for (uint32_t i = 0; i < scene->instance_count && !lit; i++)
+        lit = !scene->materials[scene->instances[i].material].unlit;
+    if (!lit || (scene_effects(scene, 0) & lights))
+        return;
+    scene->environment =
+        (struct scene_environment){.present = 1, .constant = 1, .radiance = {1, 1, 1}};
+    builder_warn(b, "no light",
+                 "the file has no light: an even white environment of radiance 1 was added (give "
+                 "an environment map, or add lights to the file)");
+}
+
+static status hand_over_warnings(struct builder *b)
+{
+    struct import_result *out = b->out;
+    size_t count = b->warning_count + (b->warnings_dropped ? 1 : 0);
+    struct buffer text = BUFFER_INIT;
+
+    if (count == 0)
+        return STATUS_OK;
+    out->warnings = mem_calloc(count, sizeof *out->warnings);
+    if (!out->warnings)
+        return error_no_memory(b->err, "the warnings");
+    for (size_t i = 0; i < b->warning_count; i++) {
+        struct builder_warning *w = &b->warnings[i];
+        if (w->count > 1) {
+            buffer_printf(&text, "%s (and %llu more of this kind)", w->text,
+                          (unsigned long long)(w->count - 1));
+            if (!buffer_ok(&text)) {
+                buffer_release(&text);
+                return error_no_memory(b->err, "the warnings");
+            }
+            out->warnings[out->warning_count++] = (char *)text.data;
+            buffer_init(&text);
+        } else {
+            out->warnings[out->warning_count++] = w->text;
+            w->text = NULL;
+        }
+    }
+    if (b->warnings_dropped) {
+        buffer_printf(&text, "%llu further warnings are not shown",
+                      (unsigned long long)b->warnings_dropped);
+        if (!buffer_ok(&text)) {
+            buffer_release(&text);
+            return error_no_memory(b->err, "the warnings");
+        }
+        out->warnings[out->warning_count++] = (char *)text.data;
+    }
+    return STATUS_OK;
+}
+
+status builder_finish(struct builder *b, const char *title, const struct import_options *options)
+{
+    struct import_result *out = b->out;
+    struct buffer packed = BUFFER_INIT;
+    status result;
+
+    if (b->instance_count == 0) {
+        if (b->camera_count == 0)
+            return error_set(b->err, STATUS_ERR_INPUT,
+                             "there is nothing to render: the scene has no triangles and no "
+                             "camera");
+        builder_warn(b, "empty", "the scene has no triangles: only the environment will be seen");
+    }
+    if (options->env_path) {
+        result = read_environment(b, options->env_path);
+        if (result != STATUS_OK)
+            return result;
+    }
+    out->scene.name = builder_name(b, title);
+    result = hand_over_tables(b);
+    if (result == STATUS_OK)
+        result = hand_over_cameras(b);
+    if (result != STATUS_OK)
+        return result;
+    if (b->no_memory)
+        return error_no_memory(b->err, "names and warnings");
+    result = scene_validate(&out->scene, b->err);
+    if (result != STATUS_OK)
+        return result;
+    light_the_dark(b);
+    if (out->degenerate_triangles)
+        builder_warn(b, "degenerate", "%llu triangles without area were left out",
+                     (unsigned long long)out->degenerate_triangles);
+    if (b->no_memory)
+        return error_no_memory(b->err, "the warnings");
+    result = hand_over_warnings(b);
+    if (result == STATUS_OK)
+        result = scene_pack(&out->scene, &packed, b->err);
+    if (result == STATUS_OK && digest_of(&out->scene_digest, packed.data, packed.size) != STATUS_OK)
+        result = error_no_memory(b->err, "the scene's digest");
+    if (result == STATUS_OK) {
+        out->packed = packed.data;
+        out->packed_bytes = packed.size;
+        return STATUS_OK;
+    }
+    buffer_release(&packed);
+    return result;
+}

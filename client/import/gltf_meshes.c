@@ -1,0 +1,305 @@
+#include <math.h>
+#include <string.h>
+
+#include "client/import/gltf.h"
+#include "common/base/memory.h"
+
+enum primitive_mode { MODE_TRIANGLES = 4, MODE_STRIP = 5, MODE_FAN = 6 };
+
+#define TRY(call)                  \
+    do {                           \
+        status result_ = (call);   \
+        if (result_ != STATUS_OK)  \
+            return result_;        \
+    } while (0)
+
+/* A vertex attribute as floats, [vertices][components]; *out stays NULL when absent. `most`
+ * above `components` allows that many (COLOR_0); *found tells how many there are. */
+static status read_attribute(struct gltf *g, json_t *attributes, const struct gltf_place *at,
+                             const char *key, int components, int most, int any, size_t vertices,
+                             float **out, int *found)
+{
+    struct gltf_accessor accessor;
+    int64_t index = -1;
+
+    TRY(gltf_index(g, attributes, at, key, g->accessors, &index));
+    if (index < 0)
+        return STATUS_OK;
+    TRY(gltf_accessor_open(g, (size_t)index, &accessor));
+    if (accessor.components < components || accessor.components > most)
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "%s must have %d components, it has %d", key,
+                         components, accessor.components);
+    if (vertices && accessor.count != vertices)
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "%s has %zu elements, POSITION has %zu", key,
+                         accessor.count, vertices);
+    if (found)
+        *found = accessor.components;
+    return gltf_accessor_floats(g, (size_t)index, &accessor, any, out);
+}
+
+static status read_positions(struct gltf *g, json_t *attributes, const struct gltf_place *at,
+                             struct mesh_source *mesh)
+{
+    struct gltf_accessor accessor;
+    int64_t index = -1;
+
+    TRY(gltf_index(g, attributes, at, "POSITION", g->accessors, &index));
+    if (index < 0)
+        return STATUS_OK;
+    TRY(gltf_accessor_open(g, (size_t)index, &accessor));
+    if (accessor.components != 3)
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "POSITION must have 3 components, it has %d",
+                         accessor.components);
+    TRY(gltf_accessor_floats(g, (size_t)index, &accessor, 0, &mesh->positions));
+    mesh->vertex_count = accessor.count;
+    for (size_t i = 0; i < mesh->vertex_count * 3; i++) {
+        /* One zero only, so that equal positions are equal in their bits. */
+        mesh->positions[i] += 0.0f;
+        if (fabsf(mesh->positions[i]) > SCENE_COORDINATE_MAX)
+            return gltf_fail(g, STATUS_ERR_INPUT, at, "POSITION %zu lies beyond 1e15 metres",
+                             i / 3);
+    }
+    return STATUS_OK;
+}
+
+/* COLOR_0 as RGBA 0..1; left out when it changes nothing. */
+static status read_colors(struct gltf *g, json_t *attributes, const struct gltf_place *at,
+                          struct mesh_source *mesh)
+{
+    float *raw = NULL;
+    int components = 0, acts = 0;
+
+    TRY(read_attribute(g, attributes, at, "COLOR_0", 3, 4, 0, mesh->vertex_count, &raw,
+                       &components));
+    if (!raw)
+        return STATUS_OK;
+    for (size_t i = 0; i < mesh->vertex_count * (size_t)components; i++) {
+        raw[i] = fminf(fmaxf(raw[i], 0.0f), 1.0f) + 0.0f;
+        acts |= raw[i] != 1;
+    }
+    if (acts) {
+        mesh->colors = mem_alloc_array(mesh->vertex_count, 4 * sizeof *mesh->colors);
+        if (!mesh->colors) {
+            mem_free(raw);
+            return error_no_memory(g->err, "vertex colors");
+        }
+        for (size_t v = 0; v < mesh->vertex_count; v++)
+            for (size_t c = 0; c < 4; c++)
+                mesh->colors[4 * v + c] =
+                    (int)c < components ? raw[v * (size_t)components + c] : 1.0f;
+    }
+    mem_free(raw);
+    return STATUS_OK;
+}
+
+/* ---- what the material needs of the mesh --------------------------------------------------- */
+
+static int uses_uv(const struct scene_material *m, uint32_t set)
+{
+    const struct scene_texture_slot *slots[] = {
+        &m->base_color_texture, &m->metallic_roughness_texture, &m->normal_texture,
+        &m->emission_texture,   &m->specular_texture,           &m->specular_color_texture,
+        &m->transmission_texture};
+
+    for (size_t i = 0; i < sizeof slots / sizeof *slots; i++)
+        if (slots[i]->texture >= 0 && slots[i]->uv_set == set)
+            return 1;
+    return 0;
+}
+
+static struct mesh_tangents tangents_of(const struct scene_material *m)
+{
+    struct mesh_tangents wanted = {0};
+
+    wanted.wanted = m->normal_texture.texture >= 0 && m->normal_scale != 0;
+    wanted.uv_set = m->normal_texture.uv_set;
+    memcpy(wanted.uv_transform, m->normal_texture.uv_transform, sizeof wanted.uv_transform);
+    return wanted;
+}
+
+/* ---- indices ------------------------------------------------------------------------------- */
+
+/* Corner `c` of triangle `t` in the order of the vertices of the primitive. */
+static size_t corner(uint64_t mode, size_t t, size_t c)
+{
+    if (mode == MODE_TRIANGLES)
+        return 3 * t + c;
+    if (mode == MODE_STRIP) /* every other triangle turns round */
+        return c == 0 ? t : t + (c == 1 ? 1 + t % 2 : 2 - t % 2);
+    return c == 2 ? 0 : t + 1 + c;
+}
+
+static status read_triangles(struct gltf *g, json_t *primitive, const struct gltf_place *at,
+                             uint64_t mode, struct mesh_source *mesh)
+{
+    struct gltf_accessor accessor;
+    uint32_t *list = NULL;
+    size_t count = mesh->vertex_count;
+    int64_t index = -1;
+
+    TRY(gltf_index(g, primitive, at, "indices", g->accessors, &index));
+    if (index >= 0) {
+        TRY(gltf_accessor_open(g, (size_t)index, &accessor));
+        TRY(gltf_accessor_indices(g, (size_t)index, &accessor, &list));
+        count = accessor.count;
+        for (size_t i = 0; i < count; i++)
+            if (list[i] >= mesh->vertex_count) {
+                status result = gltf_fail(g, STATUS_ERR_INPUT, at,
+                                          "index %zu is %u, but there are %zu vertices", i, list[i],
+                                          mesh->vertex_count);
+                mem_free(list);
+                return result;
+            }
+    }
+    if (mode == MODE_TRIANGLES && count % 3 != 0)
+        builder_warn(g->b, "leftover vertices",
+                     "%s[%zu]%s: has %zu vertices of triangles, not a multiple of 3: the last are "
+                     "left out",
+                     at->table, at->row, at->part, count);
+    mesh->triangle_count = mode == MODE_TRIANGLES ? count / 3 : count < 3 ? 0 : count - 2;
+    mesh->indices = mem_alloc_array(mesh->triangle_count, 3 * sizeof *mesh->indices);
+    if (!mesh->indices) {
+        mem_free(list);
+        return error_no_memory(g->err, "triangles");
+    }
+    for (size_t t = 0; t < mesh->triangle_count; t++)
+        for (size_t c = 0; c < 3; c++) {
+            size_t i = corner(mode, t, c);
+            mesh->indices[3 * t + c] = list ? list[i] : (uint32_t)i;
+        }
+    mem_free(list);
+    return STATUS_OK;
+}
+
+/* ---- primitives ---------------------------------------------------------------------------- */
+
+static void warn_of_leftovers(struct gltf *g, json_t *primitive, json_t *attributes,
+                              const struct gltf_place *at)
+{
+    if (json_object_get(primitive, "targets"))
+        builder_warn(g->b, "morph targets",
+                     "%s[%zu]%s: has morph targets: rendered without them", at->table, at->row,
+                     at->part);
+    if (json_object_get(attributes, "COLOR_1"))
+        builder_warn(g->b, "second vertex color",
+                     "%s[%zu]%s: has more than one set of vertex colors: the first is used",
+                     at->table, at->row, at->part);
+}
+
+static status check_compression(struct gltf *g, json_t *primitive, json_t *attributes,
+                                const struct gltf_place *at)
+{
+    json_t *draco = gltf_extension(primitive, "KHR_draco_mesh_compression");
+    json_t *position = json_object_get(attributes, "POSITION");
+    json_t *accessor = json_array_get(g->accessors, (size_t)json_integer_value(position));
+
+    /* An uncompressed copy may stand beside the compressed one. */
+    if (draco && !json_object_get(accessor, "bufferView"))
+        return gltf_fail(g, STATUS_ERR_UNSUPPORTED, at,
+                         "is only there in Draco-compressed form: decompress the file first, for "
+                         "example with \"gltf-transform copy in.glb out.glb\"");
+    return STATUS_OK;
+}
+
+static status read_source(struct gltf *g, json_t *primitive, json_t *attributes,
+                          const struct gltf_place *at, uint64_t mode,
+                          const struct scene_material *material,
+                          const struct mesh_tangents *tangents, struct mesh_source *mesh)
+{
+    const struct gltf_place inner = gltf_within(at, ".attributes");
+
+    TRY(read_positions(g, attributes, &inner, mesh));
+    if (!mesh->positions)
+        return STATUS_OK;
+    TRY(read_triangles(g, primitive, at, mode, mesh));
+    TRY(read_attribute(g, attributes, &inner, "NORMAL", 3, 3, 1, mesh->vertex_count,
+                       &mesh->normals, NULL));
+    if (tangents->wanted && mesh->normals)
+        TRY(read_attribute(g, attributes, &inner, "TANGENT", 4, 4, 1, mesh->vertex_count,
+                           &mesh->tangents, NULL));
+    for (uint32_t set = 0; set < 2; set++) {
+        if (!uses_uv(material, set))
+            continue;
+        TRY(read_attribute(g, attributes, &inner, set ? "TEXCOORD_1" : "TEXCOORD_0", 2, 2, 0,
+                           mesh->vertex_count, &mesh->uv[set], NULL));
+        if (!mesh->uv[set])
+            builder_warn(g->b, "texture coordinates",
+                         "%s[%zu]%s: its material uses TEXCOORD_%u, which the mesh has not: (0, 0) "
+                         "is used",
+                         at->table, at->row, at->part, set);
+    }
+    return read_colors(g, attributes, &inner, mesh);
+}
+
+static status read_primitive(struct gltf *g, json_t *primitive, const struct gltf_place *at,
+                             const char *name, struct gltf_primitive *out)
+{
+    struct mesh_source mesh = {0};
+    struct mesh_tangents tangents;
+    json_t *attributes = NULL;
+    uint64_t mode = MODE_TRIANGLES;
+    int64_t material = -1;
+    uint32_t material_row;
+    status result;
+
+    out->mesh = BUILDER_NO_ROW;
+    if (!json_is_object(primitive))
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "must be an object");
+    TRY(gltf_size(g, primitive, at, "mode", &mode));
+    TRY(gltf_object(g, primitive, at, "attributes", &attributes));
+    TRY(gltf_index(g, primitive, at, "material", g->materials, &material));
+    if (mode > MODE_FAN)
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "mode %llu is unknown: 0 to 6 are",
+                         (unsigned long long)mode);
+    if (mode < MODE_TRIANGLES) {
+        builder_warn(g->b, mode == 0 ? "points" : "lines",
+                     "%s[%zu]%s: is made of %s, which are not rendered", at->table, at->row,
+                     at->part, mode == 0 ? "points" : "lines");
+        return STATUS_OK;
+    }
+    if (!attributes)
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "has no attributes");
+    TRY(check_compression(g, primitive, attributes, at));
+    warn_of_leftovers(g, primitive, attributes, at);
+    TRY(gltf_material(g, material, &material_row));
+    tangents = tangents_of(&g->b->materials[material_row]);
+    result = read_source(g, primitive, attributes, at, mode, &g->b->materials[material_row],
+                         &tangents, &mesh);
+    if (result == STATUS_OK && !mesh.positions) {
+        builder_warn(g->b, "no positions", "%s[%zu]%s: has no POSITION: left out", at->table,
+                     at->row, at->part);
+    } else if (result == STATUS_OK) {
+        result = mesh_finish(g->b, &mesh, name, &tangents, &out->mesh);
+        out->material = material_row;
+    }
+    mesh_source_release(&mesh);
+    return result;
+}
+
+status gltf_mesh(struct gltf *g, size_t index, const struct gltf_mesh **out)
+{
+    const struct gltf_place at = gltf_at("meshes", index, "");
+    struct gltf_mesh *mesh = &g->mesh_data[index];
+    json_t *row, *primitives = NULL;
+    const char *name = "";
+
+    *out = mesh;
+    if (mesh->primitives)
+        return STATUS_OK;
+    TRY(gltf_row(g, g->meshes, &at, &row));
+    TRY(gltf_text(g, row, &at, "name", &name));
+    TRY(gltf_array(g, row, &at, "primitives", &primitives));
+    if (json_array_size(primitives) == 0)
+        return gltf_fail(g, STATUS_ERR_INPUT, &at, "has no primitives");
+    name = builder_name(g->b, name);
+    mesh->primitives = mem_calloc(json_array_size(primitives), sizeof *mesh->primitives);
+    if (!mesh->primitives)
+        return error_no_memory(g->err, "primitives");
+    mesh->count = json_array_size(primitives);
+    for (size_t i = 0; i < mesh->count; i++) {
+        const struct gltf_place inner = gltf_within(&at, ".primitives[%zu]", i);
+        TRY(read_primitive(g, json_array_get(primitives, i), &inner, name,
+                           &mesh->primitives[i]));
+    }
+    return STATUS_OK;
+}

@@ -1,0 +1,447 @@
+#include <math.h>
+#include <string.h>
+
+#include "client/import/gltf.h"
+#include "common/base/memory.h"
+
+#define TRY(call)                  \
+    do {                           \
+        status result_ = (call);   \
+        if (result_ != STATUS_OK)  \
+            return result_;        \
+    } while (0)
+
+/* A node still to be visited. */
+struct visit {
+    size_t node;
+    uint32_t depth;
+    struct transform_d to_world;
+};
+
+struct walk {
+    struct gltf *g;
+    struct visit *stack;
+    size_t count, capacity;
+    uint8_t *seen; /* a node */
+};
+
+static const char *node_name(json_t *node)
+{
+    const char *name = json_string_value(json_object_get(node, "name"));
+
+    return name ? name : "";
+}
+
+static status node_transform(struct gltf *g, json_t *node, const struct gltf_place *at,
+                             struct transform_d *out)
+{
+    double matrix[16], t[3] = {0, 0, 0}, q[4] = {0, 0, 0, 1}, s[3] = {1, 1, 1};
+
+    if (json_object_get(node, "matrix")) {
+        TRY(gltf_numbers(g, node, at, "matrix", 16, matrix));
+        *out = transform_d_from_columns(matrix);
+        return STATUS_OK;
+    }
+    TRY(gltf_numbers(g, node, at, "translation", 3, t));
+    TRY(gltf_numbers(g, node, at, "rotation", 4, q));
+    TRY(gltf_numbers(g, node, at, "scale", 3, s));
+    *out = transform_d_from_trs(t, q, s);
+    return STATUS_OK;
+}
+
+/* ---- instances ---------------------------------------------------------------------------- */
+
+static status place_mesh(struct gltf *g, const struct gltf_mesh *mesh, const char *name,
+                         const struct gltf_place *at, const struct transform_d *to_world)
+{
+    struct scene_instance instance = {.name = name, .to_world = transform_from_d(to_world)};
+    const struct transform_d kept = transform_to_d(&instance.to_world);
+    struct transform_d inverse;
+
+    if (!transform_is_finite(&instance.to_world) || !transform_d_invert(&kept, &inverse)) {
+        builder_warn(g->b, "flattened",
+                     "nodes[%zu] \"%.80s\": its transform flattens it to nothing: left out",
+                     at->row, name);
+        return STATUS_OK;
+    }
+    for (size_t i = 0; i < mesh->count; i++) {
+        if (mesh->primitives[i].mesh == BUILDER_NO_ROW)
+            continue;
+        instance.mesh = (uint32_t)mesh->primitives[i].mesh;
+        instance.material = (uint32_t)mesh->primitives[i].material;
+        TRY(builder_add_instance(g->b, &instance));
+    }
+    return STATUS_OK;
+}
+
+/* One attribute of EXT_mesh_gpu_instancing; *count is 0 until the first tells it. */
+static status read_instancing(struct gltf *g, json_t *attributes, const struct gltf_place *at,
+                              const char *key, int components, size_t *count, float **out)
+{
+    struct gltf_accessor accessor;
+    int64_t index = -1;
+
+    TRY(gltf_index(g, attributes, at, key, g->accessors, &index));
+    if (index < 0)
+        return STATUS_OK;
+    TRY(gltf_accessor_open(g, (size_t)index, &accessor));
+    if (accessor.components != components || (*count && accessor.count != *count))
+        return gltf_fail(g, STATUS_ERR_INPUT, at,
+                         "%s must have %d components and as many elements as the others", key,
+                         components);
+    *count = accessor.count;
+    return gltf_accessor_floats(g, (size_t)index, &accessor, 0, out);
+}
+
+static status place_instances(struct gltf *g, json_t *extension, const struct gltf_place *at,
+                              const struct gltf_mesh *mesh, const char *name,
+                              const struct transform_d *to_world)
+{
+    const struct gltf_place inner = gltf_within(at, ".EXT_mesh_gpu_instancing");
+    float *translations = NULL, *rotations = NULL, *scales = NULL;
+    json_t *attributes = NULL;
+    size_t count = 0;
+    status result = gltf_object(g, extension, &inner, "attributes", &attributes);
+
+    if (result == STATUS_OK)
+        result = read_instancing(g, attributes, &inner, "TRANSLATION", 3, &count, &translations);
+    if (result == STATUS_OK)
+        result = read_instancing(g, attributes, &inner, "ROTATION", 4, &count, &rotations);
+    if (result == STATUS_OK)
+        result = read_instancing(g, attributes, &inner, "SCALE", 3, &count, &scales);
+    if (result == STATUS_OK && count == 0)
+        result = place_mesh(g, mesh, name, at, to_world);
+    for (size_t i = 0; i < count && result == STATUS_OK; i++) {
+        double t[3] = {0, 0, 0}, q[4] = {0, 0, 0, 1}, s[3] = {1, 1, 1};
+        struct transform_d local, world;
+        for (size_t c = 0; c < 3; c++) {
+            t[c] = translations ? (double)translations[3 * i + c] : 0;
+            s[c] = scales ? (double)scales[3 * i + c] : 1;
+        }
+        for (size_t c = 0; c < 4 && rotations; c++)
+            q[c] = (double)rotations[4 * i + c];
+        local = transform_d_from_trs(t, q, s);
+        world = transform_d_multiply(to_world, &local);
+        result = place_mesh(g, mesh, name, at, &world);
+    }
+    mem_free(scales);
+    mem_free(rotations);
+    mem_free(translations);
+    return result;
+}
+
+static status add_mesh(struct gltf *g, json_t *node, const struct gltf_place *at, size_t index,
+                       const struct transform_d *to_world)
+{
+    json_t *instancing = gltf_extension(node, "EXT_mesh_gpu_instancing");
+    const struct gltf_mesh *mesh;
+    const char *name;
+
+    TRY(gltf_mesh(g, index, &mesh));
+    name = node_name(node);
+    if (!*name)
+        name = node_name(json_array_get(g->meshes, index));
+    name = builder_name(g->b, name);
+    if (json_object_get(node, "skin"))
+        builder_warn(g->b, "skins",
+                     "nodes[%zu] \"%.80s\": has a skin: rendered as modelled, not posed", at->row,
+                     name);
+    if (instancing)
+        return place_instances(g, instancing, at, mesh, name, to_world);
+    return place_mesh(g, mesh, name, at, to_world);
+}
+
+/* ---- lights ------------------------------------------------------------------------------- */
+
+static status read_spot(struct gltf *g, json_t *light, const struct gltf_place *at,
+                        struct scene_light *out)
+{
+    const struct gltf_place inner = gltf_within(at, ".spot");
+    double cone_inner = 0, cone_outer = 0.78539816339744830962;
+    json_t *spot = NULL;
+
+    TRY(gltf_object(g, light, at, "spot", &spot));
+    TRY(gltf_number(g, spot, &inner, "innerConeAngle", &cone_inner));
+    TRY(gltf_number(g, spot, &inner, "outerConeAngle", &cone_outer));
+    if (!(cone_outer > 0 && cone_outer <= 1.5707964) || cone_inner < 0 || cone_inner >= cone_outer) {
+        builder_warn(g->b, "spot cone",
+                     "lights[%zu]: a spot's angles must be 0 <= inner < outer <= pi/2, they are %g "
+                     "and %g: brought into range",
+                     at->row, cone_inner, cone_outer);
+        cone_outer = fmin(fmax(cone_outer, 1e-3), 1.5707963);
+        cone_inner = fmin(fmax(cone_inner, 0), cone_outer * 0.999);
+    }
+    out->inner_cone_rad = (float)cone_inner;
+    out->outer_cone_rad = (float)cone_outer;
+    /* Rounding to float must not make a hard edge of a very narrow one. */
+    if (!(out->inner_cone_rad < out->outer_cone_rad))
+        out->inner_cone_rad = out->outer_cone_rad * 0.999f;
+    return STATUS_OK;
+}
+
+static status add_light(struct gltf *g, json_t *node, size_t index,
+                        const struct transform_d *to_world)
+{
+    const struct gltf_place at = gltf_at("lights", index, "");
+    struct scene_light out = {0};
+    double color[3] = {1, 1, 1}, intensity = 1, range = 0, direction[3], length = 0;
+    const char *type = "", *name = "";
+    json_t *light;
+
+    TRY(gltf_row(g, g->lights, &at, &light));
+    TRY(gltf_text(g, light, &at, "type", &type));
+    TRY(gltf_text(g, light, &at, "name", &name));
+    TRY(gltf_numbers(g, light, &at, "color", 3, color));
+    TRY(gltf_number(g, light, &at, "intensity", &intensity));
+    TRY(gltf_number(g, light, &at, "range", &range));
+    if (strcmp(type, "point") == 0) {
+        out.kind = LIGHT_POINT;
+    } else if (strcmp(type, "spot") == 0) {
+        out.kind = LIGHT_SPOT;
+        TRY(read_spot(g, light, &at, &out));
+    } else if (strcmp(type, "directional") == 0) {
+        out.kind = LIGHT_DIRECTIONAL;
+    } else {
+        return gltf_fail(g, STATUS_ERR_INPUT, &at,
+                         "type \"%.32s\" is unknown: point, spot and directional are known", type);
+    }
+    if (range < 0 || range > (double)SCENE_COORDINATE_MAX)
+        return gltf_fail(g, STATUS_ERR_INPUT, &at, "range must be 0 to 1e15");
+    out.range = out.kind == LIGHT_DIRECTIONAL ? 0 : (float)range;
+    for (int c = 0; c < 3; c++) {
+        double value = color[c] * intensity;
+        if (!(value >= 0 && value <= 1e30))
+            return gltf_fail(g, STATUS_ERR_INPUT, &at, "color times intensity must be 0 to 1e30");
+        out.intensity[c] = (float)value;
+        out.position[c] = (float)to_world->m[c][3];
+        /* Along the node's -Z. The node's scale changes neither intensity nor range. */
+        direction[c] = -to_world->m[c][2];
+        length = fmax(length, fabs(direction[c]));
+    }
+    if (!(length > 0) || !isfinite(length)) {
+        builder_warn(g->b, "light direction",
+                     "lights[%zu]: its node has no direction: it shines along -Z", index);
+        out.direction[2] = -1;
+    } else {
+        double norm = 0;
+        for (int c = 0; c < 3; c++)
+            norm += direction[c] / length * (direction[c] / length);
+        for (int c = 0; c < 3; c++)
+            out.direction[c] = (float)(direction[c] / length / sqrt(norm));
+    }
+    out.name = builder_name(g->b, *name ? name : node_name(node));
+    return builder_add_light(g->b, &out);
+}
+
+/* ---- cameras ------------------------------------------------------------------------------ */
+
+static int camera_name_taken(const struct gltf *g, const char *name)
+{
+    for (size_t i = 0; i < g->b->camera_count; i++)
+        if (strcmp(g->b->cameras[i].name, name) == 0)
+            return 1;
+    return 0;
+}
+
+/* The camera's name, or its node's when that is taken: people choose cameras by name. */
+static const char *camera_name(struct gltf *g, const char *name, json_t *node)
+{
+    const char *second = node_name(node);
+    char numbered[SCENE_NAME_MAX + 1];
+
+    if (*name && !camera_name_taken(g, name))
+        return builder_name(g->b, name);
+    if (*second && !camera_name_taken(g, second))
+        return builder_name(g->b, second);
+    snprintf(numbered, sizeof numbered, "camera %zu", g->b->camera_count);
+    return builder_name(g->b, numbered);
+}
+
+static status add_camera(struct gltf *g, json_t *node, size_t index,
+                         const struct transform_d *to_world)
+{
+    const struct gltf_place at = gltf_at("cameras", index, "");
+    const char *type = "", *name = "";
+    json_t *camera, *lens = NULL;
+    struct scene_camera out = {0};
+    double yfov = 0, xmag = 0, ymag = 0, aspect = 0;
+
+    TRY(gltf_row(g, g->cameras, &at, &camera));
+    TRY(gltf_text(g, camera, &at, "type", &type));
+    TRY(gltf_text(g, camera, &at, "name", &name));
+    if (strcmp(type, "perspective") != 0 && strcmp(type, "orthographic") != 0)
+        return gltf_fail(g, STATUS_ERR_INPUT, &at,
+                         "type \"%.32s\" is unknown: perspective and orthographic are known", type);
+    TRY(gltf_object(g, camera, &at, type, &lens));
+    if (type[0] == 'p') {
+        out.kind = CAMERA_PERSPECTIVE;
+        TRY(gltf_number(g, lens, &at, "yfov", &yfov));
+        TRY(gltf_number(g, lens, &at, "aspectRatio", &aspect));
+        if (!(yfov >= 1e-5 && yfov <= 3.1415))
+            return gltf_fail(g, STATUS_ERR_INPUT, &at, "yfov is %g: must be above 0 and below pi",
+                             yfov);
+        if (!(aspect >= 0 && aspect <= 1e6))
+            return gltf_fail(g, STATUS_ERR_INPUT, &at, "aspectRatio is %g: must be above 0",
+                             aspect);
+        out.yfov_rad = (float)yfov;
+        out.aspect = (float)aspect;
+    } else {
+        out.kind = CAMERA_ORTHOGRAPHIC;
+        TRY(gltf_number(g, lens, &at, "xmag", &xmag));
+        TRY(gltf_number(g, lens, &at, "ymag", &ymag));
+        xmag = fabs(xmag), ymag = fabs(ymag); /* negative ones only mirror the picture */
+        if (!(xmag >= 1e-12 && xmag <= 1e15 && ymag >= 1e-12 && ymag <= 1e15))
+            return gltf_fail(g, STATUS_ERR_INPUT, &at, "xmag and ymag must not be 0");
+        out.xmag = (float)xmag;
+        out.ymag = (float)ymag;
+        out.aspect = (float)fmin(xmag / ymag, 1e6);
+    }
+    if (!transform_d_to_rigid(to_world, &out.to_world)) {
+        builder_warn(g->b, "camera node",
+                     "cameras[%zu] \"%.80s\": its node's transform has no directions: left out",
+                     index, name);
+        return STATUS_OK;
+    }
+    out.name = camera_name(g, name, node);
+    return builder_add_camera(g->b, &out);
+}
+
+/* ---- the hierarchy ------------------------------------------------------------------------ */
+
+static status push(struct walk *w, size_t node, uint32_t depth, const struct transform_d *parent)
+{
+    const struct gltf_place at = gltf_at("nodes", node, "");
+
+    if (w->seen[node]++)
+        return gltf_fail(w->g, STATUS_ERR_INPUT, &at,
+                         "is reached twice: a node must have one parent, and no node may be among "
+                         "its own descendants");
+    if (depth > GLTF_DEPTH_MAX)
+        return gltf_fail(w->g, STATUS_ERR_LIMIT, &at, "lies more than %d levels deep",
+                         GLTF_DEPTH_MAX);
+    if (!MEM_GROW(w->stack, w->capacity, w->count + 1))
+        return error_no_memory(w->g->err, "nodes");
+    w->stack[w->count++] = (struct visit){node, depth, *parent};
+    return STATUS_OK;
+}
+
+/* Push a list of node indices so that the first is visited first. */
+static status push_all(struct walk *w, json_t *list, const struct gltf_place *at, const char *key,
+                       uint32_t depth, const struct transform_d *parent)
+{
+    for (size_t i = json_array_size(list); i-- > 0;) {
+        json_t *item = json_array_get(list, i);
+        json_int_t index = json_is_integer(item) ? json_integer_value(item) : -1;
+        if (index < 0 || (size_t)index >= json_array_size(w->g->nodes))
+            return gltf_fail(w->g, STATUS_ERR_INPUT, at, "%s[%zu] is not the index of a node", key,
+                             i);
+        TRY(push(w, (size_t)index, depth, parent));
+    }
+    return STATUS_OK;
+}
+
+static status visit_node(struct walk *w, const struct visit *visit)
+{
+    struct gltf *g = w->g;
+    const struct gltf_place at = gltf_at("nodes", visit->node, "");
+    struct transform_d local, to_world;
+    int64_t mesh = -1, camera = -1, light = -1;
+    json_t *node, *children = NULL, *extension;
+    int visible = 1;
+
+    TRY(gltf_row(g, g->nodes, &at, &node));
+    extension = gltf_extension(node, "KHR_node_visibility");
+    if (extension)
+        TRY(gltf_flag(g, extension, &at, "visible", &visible));
+    if (!visible)
+        return STATUS_OK;
+    TRY(node_transform(g, node, &at, &local));
+    to_world = transform_d_multiply(&visit->to_world, &local);
+    TRY(gltf_index(g, node, &at, "mesh", g->meshes, &mesh));
+    TRY(gltf_index(g, node, &at, "camera", g->cameras, &camera));
+    extension = gltf_extension(node, "KHR_lights_punctual");
+    if (extension)
+        TRY(gltf_index(g, extension, &at, "light", g->lights, &light));
+    if (mesh >= 0)
+        TRY(add_mesh(g, node, &at, (size_t)mesh, &to_world));
+    if (camera >= 0)
+        TRY(add_camera(g, node, (size_t)camera, &to_world));
+    if (light >= 0)
+        TRY(add_light(g, node, (size_t)light, &to_world));
+    TRY(gltf_array(g, node, &at, "children", &children));
+    return push_all(w, children, &at, "children", visit->depth + 1, &to_world);
+}
+
+/* Every node that is no other's child: what a file without scenes shows. */
+static status push_roots(struct walk *w, const struct transform_d *identity)
+{
+    size_t count = json_array_size(w->g->nodes);
+    uint8_t *child = mem_calloc(count, 1);
+    status result = STATUS_OK;
+
+    if (!child)
+        return error_no_memory(w->g->err, "nodes");
+    for (size_t n = 0; n < count; n++) {
+        json_t *children = json_object_get(json_array_get(w->g->nodes, n), "children");
+        for (size_t i = 0; i < json_array_size(children); i++) {
+            json_int_t index = json_integer_value(json_array_get(children, i));
+            if (index >= 0 && (size_t)index < count)
+                child[index] = 1;
+        }
+    }
+    for (size_t n = count; n-- > 0 && result == STATUS_OK;)
+        if (!child[n])
+            result = push(w, n, 1, identity);
+    mem_free(child);
+    return result;
+}
+
+static status push_scene(struct walk *w, int scene_index, const char **title)
+{
+    struct gltf *g = w->g;
+    const struct transform_d identity = transform_d_identity();
+    const struct gltf_place root = gltf_at("scenes", 0, "");
+    int64_t index = -1;
+    struct gltf_place at;
+    json_t *scene, *nodes = NULL;
+
+    if (scene_index >= 0 && (size_t)scene_index >= json_array_size(g->scenes))
+        return error_set(g->err, STATUS_ERR_INPUT, "there is no scene %d: the file has %zu",
+                         scene_index, json_array_size(g->scenes));
+    if (json_array_size(g->scenes) == 0) {
+        builder_warn(g->b, "no scenes", "the file has no scenes: all its nodes are rendered");
+        return push_roots(w, &identity);
+    }
+    TRY(gltf_index(g, g->root, &root, "scene", g->scenes, &index));
+    if (scene_index >= 0)
+        index = scene_index;
+    else if (index < 0)
+        index = 0;
+    if (scene_index < 0 && json_array_size(g->scenes) > 1)
+        builder_warn(g->b, "several scenes",
+                     "the file has %zu scenes: scene %lld is rendered (choose with --scene)",
+                     json_array_size(g->scenes), (long long)index);
+    at = gltf_at("scenes", (size_t)index, "");
+    TRY(gltf_row(g, g->scenes, &at, &scene));
+    TRY(gltf_text(g, scene, &at, "name", title));
+    TRY(gltf_array(g, scene, &at, "nodes", &nodes));
+    return push_all(w, nodes, &at, "nodes", 1, &identity);
+}
+
+status gltf_walk(struct gltf *g, int scene_index, const char **title)
+{
+    struct walk w = {.g = g};
+    status result;
+
+    w.seen = mem_calloc(json_array_size(g->nodes), 1);
+    if (!w.seen)
+        return error_no_memory(g->err, "nodes");
+    result = push_scene(&w, scene_index, title);
+    while (result == STATUS_OK && w.count > 0) {
+        const struct visit visit = w.stack[--w.count];
+        result = visit_node(&w, &visit);
+    }
+    mem_free(w.stack);
+    mem_free(w.seen);
+    return result;
+}

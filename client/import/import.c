@@ -1,0 +1,87 @@
+#include "client/import/import.h"
+
+#include <string.h>
+
+#include "client/import/builder.h"
+#include "client/import/gltf.h"
+#include "common/base/buffer.h"
+#include "common/base/file.h"
+#include "common/base/memory.h"
+
+static void result_init(struct import_result *result)
+{
+    memset(result, 0, sizeof *result);
+    scene_init(&result->scene);
+}
+
+void import_result_release(struct import_result *result)
+{
+    for (size_t i = 0; i < result->blob_count; i++)
+        mem_free(result->blobs[i].data);
+    mem_free(result->blobs);
+    mem_free(result->packed);
+    for (size_t i = 0; i < result->warning_count; i++)
+        mem_free(result->warnings[i]);
+    mem_free(result->warnings);
+    mem_free(result->source);
+    scene_release(&result->scene);
+    result_init(result);
+}
+
+status import_scene_memory(const void *data, size_t size_bytes, const char *name,
+                           const char *folder, const struct import_options *options,
+                           struct import_result *out, struct error *err)
+{
+    struct error inner = {0};
+    struct builder builder;
+    status result;
+    int placed;
+
+    result_init(out);
+    builder_init(&builder, out, &inner);
+    out->source = mem_strdup(name);
+    if (!out->source)
+        result = error_no_memory(&inner, "a name");
+    else if (size_bytes == 0)
+        result = error_set(&inner, STATUS_ERR_INPUT, "is empty");
+    else if (gltf_recognise(data, size_bytes, name))
+        result = gltf_import(data, size_bytes, name, folder, options, &builder);
+    else
+        result = error_set(&inner, STATUS_ERR_UNSUPPORTED,
+                           "is not a scene that can be read: glTF 2.0 is supported, as .gltf or "
+                           ".glb");
+    placed = builder.error_is_placed;
+    builder_release(&builder);
+    if (result != STATUS_OK) {
+        import_result_release(out);
+        text_disarm(inner.text);
+        if (result != STATUS_ERR_NO_MEMORY && !placed)
+            error_prefix(&inner, "%s", name);
+        if (err)
+            *err = inner;
+    }
+    return result;
+}
+
+status import_scene(const char *path, const struct import_options *options,
+                    struct import_result *out, struct error *err)
+{
+    struct buffer bytes = BUFFER_INIT;
+    char *folder = NULL;
+    status result;
+
+    result_init(out);
+    result = file_read(path, IMPORT_FILE_BYTES_MAX, &bytes, err);
+    if (result != STATUS_OK)
+        goto done;
+    folder = file_dirname(path);
+    if (!folder) {
+        result = error_no_memory(err, "a path");
+        goto done;
+    }
+    result = import_scene_memory(bytes.data, bytes.size, path, folder, options, out, err);
+done:
+    mem_free(folder);
+    buffer_release(&bytes);
+    return result;
+}

@@ -1,0 +1,305 @@
+#include <math.h>
+#include <string.h>
+
+#include "client/import/import.h"
+#include "common/image/image.h"
+#include "common/math/elementary.h"
+#include "common/scene/effects.h"
+
+static const char *const light_kinds[LIGHT_KIND_COUNT] = {"point", "spot", "directional"};
+static const char *const camera_kinds[CAMERA_KIND_COUNT] = {"perspective", "orthographic"};
+static const char *const format_names[] = {"unknown", "PNG", "JPEG", "HDR", "EXR"};
+
+/* A PNG's or JPEG's size in pixels from its header; 0 when it has none to be found. */
+static int picture_size(const uint8_t *data, size_t size, uint32_t *width, uint32_t *height)
+{
+    if (image_format_of(data, size) == IMAGE_PNG && size >= 24) {
+        *width = (uint32_t)data[16] << 24 | (uint32_t)data[17] << 16 | (uint32_t)data[18] << 8 | data[19];
+        *height = (uint32_t)data[20] << 24 | (uint32_t)data[21] << 16 | (uint32_t)data[22] << 8 | data[23];
+        return 1;
+    }
+    if (image_format_of(data, size) != IMAGE_JPEG)
+        return 0;
+    for (size_t at = 2; at + 9 <= size && data[at] == 0xff;) {
+        uint8_t marker = data[at + 1];
+        /* The frame headers: SOF0 to SOF15 without DHT, JPG and DAC. */
+        if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc) {
+            *height = (uint32_t)data[at + 5] << 8 | data[at + 6];
+            *width = (uint32_t)data[at + 7] << 8 | data[at + 8];
+            return 1;
+        }
+        at += marker == 0xff ? 1 : 2 + ((size_t)data[at + 2] << 8 | data[at + 3]);
+    }
+    return 0;
+}
+
+static const struct import_blob *blob_find(const struct import_result *result,
+                                           const struct digest *digest)
+{
+    for (size_t i = 0; i < result->blob_count; i++)
+        if (digest_equal(&result->blobs[i].digest, digest))
+            return &result->blobs[i];
+    return NULL;
+}
+
+static const char *shown(const char *name)
+{
+    return *name ? name : "(no name)";
+}
+
+static uint32_t all_effects(const struct scene *scene)
+{
+    uint32_t set = 0;
+
+    for (uint32_t i = 0; i < scene->camera_count; i++)
+        set |= scene_effects(scene, i);
+    return set;
+}
+
+/* Few enough to read; the JSON has all. */
+enum { LISTED_MAX = 24 };
+
+static void print_rest(FILE *out, uint32_t count)
+{
+    if (count > LISTED_MAX)
+        fprintf(out, "    ... and %u more\n", count - LISTED_MAX);
+}
+
+static void print_images(const struct import_result *result, FILE *out)
+{
+    const struct scene *scene = &result->scene;
+
+    for (uint32_t i = 0; i < scene->image_count && i < LISTED_MAX; i++) {
+        const struct scene_image *image = &scene->images[i];
+        const struct import_blob *blob = blob_find(result, &image->blob.digest);
+        uint32_t width = 0, height = 0;
+        if (!blob)
+            continue;
+        fprintf(out, "    %-32s %s", shown(image->name),
+                format_names[image_format_of(blob->data, blob->size_bytes)]);
+        if (picture_size(blob->data, blob->size_bytes, &width, &height))
+            fprintf(out, " %ux%u", width, height);
+        fprintf(out, ", %.1f kB\n", (double)blob->size_bytes / 1e3);
+    }
+    print_rest(out, scene->image_count);
+}
+
+static void print_cameras(const struct scene *scene, FILE *out)
+{
+    for (uint32_t i = 0; i < scene->camera_count && i < LISTED_MAX; i++) {
+        const struct scene_camera *camera = &scene->cameras[i];
+        fprintf(out, "    %u: %-29s %s", i, shown(camera->name), camera_kinds[camera->kind]);
+        if (camera->kind == CAMERA_PERSPECTIVE)
+            fprintf(out, ", %.1f degrees high", (double)camera->yfov_rad * 180 / PI_D);
+        else
+            fprintf(out, ", %g x %g m", 2 * (double)camera->xmag, 2 * (double)camera->ymag);
+        if (camera->aspect > 0)
+            fprintf(out, ", aspect %.3f", (double)camera->aspect);
+        fputc('\n', out);
+    }
+    print_rest(out, scene->camera_count);
+}
+
+static void print_environment(const struct import_result *result, FILE *out)
+{
+    const struct scene_environment *env = &result->scene.environment;
+
+    if (!env->present)
+        fprintf(out, "environment:    none\n");
+    else if (env->constant)
+        fprintf(out, "environment:    constant %g %g %g\n", (double)env->radiance[0],
+                (double)env->radiance[1], (double)env->radiance[2]);
+    else
+        fprintf(out, "environment:    %s, %.1f kB\n", shown(env->image.name),
+                (double)env->image.blob.size_bytes / 1e3);
+}
+
+static void print_effects(uint32_t effects, FILE *out)
+{
+    int first = 1;
+
+    for (int pass = 1; pass >= 0; pass--) {
+        fprintf(out, pass ? "effects:        " : "left out:       ");
+        first = 1;
+        for (int i = 0; i < EFFECT_COUNT; i++)
+            if ((int)(effects >> i & 1) == pass) {
+                fprintf(out, "%s%s", first ? "" : ", ", effect_name((enum effect_bit)i));
+                first = 0;
+            }
+        fprintf(out, "%s\n", first ? "none" : "");
+    }
+}
+
+void import_report_print(const struct import_result *result, FILE *out)
+{
+    const struct scene *scene = &result->scene;
+    char hex[DIGEST_HEX_SIZE];
+
+    digest_to_hex(&result->scene_digest, hex);
+    fprintf(out, "file:           %s\n", result->source);
+    fprintf(out, "scene:          %s\n", shown(scene->name));
+    fprintf(out, "triangles:      %llu, placed %llu\n", (unsigned long long)result->triangles,
+            (unsigned long long)result->triangles_placed);
+    fprintf(out, "vertices:       %llu\n", (unsigned long long)result->vertices);
+    fprintf(out, "meshes:         %u in %u instances\n", scene->mesh_count, scene->instance_count);
+    fprintf(out, "materials:      %u\n", scene->material_count);
+    for (uint32_t i = 0; i < scene->material_count && i < LISTED_MAX; i++)
+        fprintf(out, "    %s\n", shown(scene->materials[i].name));
+    print_rest(out, scene->material_count);
+    fprintf(out, "images:         %u in %u textures\n", scene->image_count, scene->texture_count);
+    print_images(result, out);
+    fprintf(out, "lights:         %u\n", scene->light_count);
+    for (uint32_t i = 0; i < scene->light_count && i < LISTED_MAX; i++)
+        fprintf(out, "    %-32s %s\n", shown(scene->lights[i].name),
+                light_kinds[scene->lights[i].kind]);
+    print_rest(out, scene->light_count);
+    fprintf(out, "cameras:        %u\n", scene->camera_count);
+    print_cameras(scene, out);
+    print_environment(result, out);
+    print_effects(all_effects(scene), out);
+    fprintf(out, "bytes:          %llu in %zu blobs, scene %zu\n",
+            (unsigned long long)result->blob_bytes, result->blob_count, result->packed_bytes);
+    fprintf(out, "digest:         %s\n", hex);
+    for (size_t i = 0; i < result->warning_count; i++)
+        fprintf(out, "warning: %s\n", result->warnings[i]);
+}
+
+/* ---- JSON --------------------------------------------------------------------------------- */
+
+/* Append, and give up on everything when memory is short: `list` may be NULL by then. */
+static int add(json_t *list, json_t *item)
+{
+    return json_array_append_new(list, item) == 0;
+}
+
+static json_t *materials_json(const struct scene *scene)
+{
+    json_t *list = json_array();
+
+    for (uint32_t i = 0; list && i < scene->material_count; i++)
+        if (!add(list, json_string(scene->materials[i].name))) {
+            json_decref(list);
+            return NULL;
+        }
+    return list;
+}
+
+static json_t *images_json(const struct import_result *result)
+{
+    const struct scene *scene = &result->scene;
+    json_t *list = json_array();
+
+    for (uint32_t i = 0; list && i < scene->image_count; i++) {
+        const struct scene_image *image = &scene->images[i];
+        const struct import_blob *blob = blob_find(result, &image->blob.digest);
+        uint32_t width = 0, height = 0;
+        char hex[DIGEST_HEX_SIZE];
+
+        digest_to_hex(&image->blob.digest, hex);
+        if (blob)
+            picture_size(blob->data, blob->size_bytes, &width, &height);
+        if (!add(list, json_pack("{s:s, s:s, s:i, s:i, s:I, s:s}", "name", image->name, "format",
+                                 blob ? format_names[image_format_of(blob->data, blob->size_bytes)]
+                                      : format_names[0],
+                                 "width", (int)width, "height", (int)height, "bytes",
+                                 (json_int_t)image->blob.size_bytes, "digest", hex))) {
+            json_decref(list);
+            return NULL;
+        }
+    }
+    return list;
+}
+
+static json_t *lights_json(const struct scene *scene)
+{
+    json_t *list = json_array();
+
+    for (uint32_t i = 0; list && i < scene->light_count; i++)
+        if (!add(list, json_pack("{s:s, s:s}", "name", scene->lights[i].name, "kind",
+                                 light_kinds[scene->lights[i].kind]))) {
+            json_decref(list);
+            return NULL;
+        }
+    return list;
+}
+
+static json_t *cameras_json(const struct scene *scene)
+{
+    json_t *list = json_array();
+
+    for (uint32_t i = 0; list && i < scene->camera_count; i++) {
+        const struct scene_camera *camera = &scene->cameras[i];
+        if (!add(list, json_pack("{s:s, s:s, s:f, s:f, s:f, s:f}", "name", camera->name, "kind",
+                                 camera_kinds[camera->kind], "yfov_rad", (double)camera->yfov_rad,
+                                 "xmag", (double)camera->xmag, "ymag", (double)camera->ymag,
+                                 "aspect", (double)camera->aspect))) {
+            json_decref(list);
+            return NULL;
+        }
+    }
+    return list;
+}
+
+static json_t *environment_json(const struct scene_environment *env)
+{
+    if (!env->present)
+        return json_null();
+    if (env->constant)
+        return json_pack("{s:s, s:[f, f, f]}", "kind", "constant", "radiance",
+                         (double)env->radiance[0], (double)env->radiance[1],
+                         (double)env->radiance[2]);
+    return json_pack("{s:s, s:s, s:I}", "kind", "map", "name", env->image.name, "bytes",
+                     (json_int_t)env->image.blob.size_bytes);
+}
+
+static json_t *effects_json(uint32_t effects, int wanted)
+{
+    json_t *list = json_array();
+
+    for (int i = 0; list && i < EFFECT_COUNT; i++)
+        if ((int)(effects >> i & 1) == wanted &&
+            !add(list, json_string(effect_name((enum effect_bit)i)))) {
+            json_decref(list);
+            return NULL;
+        }
+    return list;
+}
+
+static json_t *warnings_json(const struct import_result *result)
+{
+    json_t *list = json_array();
+
+    for (size_t i = 0; list && i < result->warning_count; i++) {
+        /* A file's name may be in it, in any encoding. */
+        json_t *text = json_string(result->warnings[i]);
+        if (!add(list, text ? text : json_string("(a warning that is not valid UTF-8)"))) {
+            json_decref(list);
+            return NULL;
+        }
+    }
+    return list;
+}
+
+json_t *import_report_json(const struct import_result *result)
+{
+    const struct scene *scene = &result->scene;
+    uint32_t effects = all_effects(scene);
+    json_t *source = json_string(result->source);
+    char hex[DIGEST_HEX_SIZE];
+
+    digest_to_hex(&result->scene_digest, hex);
+    /* "o" takes the reference also when packing fails, and a NULL makes it fail. */
+    return json_pack(
+        "{s:o, s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, "
+        "s:{s:I, s:I, s:I}, s:o}",
+        "file", source ? source : json_null(), "name", scene->name, "digest", hex, "triangles",
+        (json_int_t)result->triangles, "triangles_placed", (json_int_t)result->triangles_placed,
+        "vertices", (json_int_t)result->vertices, "degenerate_triangles",
+        (json_int_t)result->degenerate_triangles, "meshes", (int)scene->mesh_count, "instances",
+        (int)scene->instance_count, "textures", (int)scene->texture_count, "materials",
+        materials_json(scene), "images", images_json(result), "lights", lights_json(scene),
+        "cameras", cameras_json(scene), "environment", environment_json(&scene->environment),
+        "effects", effects_json(effects, 1), "effects_left_out", effects_json(effects, 0), "bytes",
+        "blobs", (json_int_t)result->blob_bytes, "scene", (json_int_t)result->packed_bytes, "count",
+        (json_int_t)result->blob_count, "warnings", warnings_json(result));
+}

@@ -1,0 +1,27 @@
+/* uri: the two kinds of URI that a glTF file may hold: data in the URI itself, and a file
+ * named relative to the glTF file. */
+#ifndef AZULEJO_IMPORT_URI_H
+#define AZULEJO_IMPORT_URI_H
+
+#include <stddef.h>
+
+#include "common/base/buffer.h"
+#include "common/base/status.h"
+
+enum {
+    URI_LEVELS_UP_MAX = 4, /* how far above the file's folder a relative path may lead */
+};
+
+int uri_is_data(const char *uri);
+
+/* Append the bytes of a data URI (base64 or percent-encoded). ERR_INPUT. */
+status uri_decode_data(const char *uri, size_t limit_bytes, struct buffer *out,
+                       struct error *err) MUST_CHECK;
+
+/* The path of a relative URI below (or a little above) `folder`, mem_alloc'd. Refused:
+ * other schemes, absolute paths, NUL bytes, paths that climb too far. The file need not
+ * exist; when the decoded name does not but the name as written or with '/' for '\' does,
+ * that one is taken. */
+status uri_to_path(const char *uri, const char *folder, char **path, struct error *err) MUST_CHECK;
+
+#endif
