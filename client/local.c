@@ -214,7 +214,8 @@ static status start_worker(struct local_farm *farm, unsigned index, unsigned thr
 {
     char cache[PATH_SIZE + 32], count[16];
     const char *const arguments[] = {"--coordinator", farm->address, "--key", farm->key_path,
-                                     "--threads", count, "--cache", cache, NULL};
+                                     "--threads", count, "--cache", cache,
+                                     "--exit-on-disconnect", NULL};
 
     snprintf(farm->labels[index], sizeof farm->labels[index], "worker-%u", index + 1);
     snprintf(cache, sizeof cache, "%s/cache-%u", farm->folder, index + 1);

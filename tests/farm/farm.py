@@ -1,0 +1,372 @@
+"""A real farm on the loopback address, for tests: processes, sockets and files are all real.
+
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker("--threads", "1")
+        job = farm.submit(farm.scene(), "--size", "32x32", "--spp", "4")
+        farm.wait_for_job(job, "done")
+
+Everything lives in one temporary folder and dies with the `with` block. Nothing here sleeps
+for a guess: wait_for() looks again and again until a deadline. BUILD names the build tree;
+sanitizer builds are slower, so every deadline is multiplied by FARM_PATIENCE (or 5 in a
+build tree whose name tells of a sanitizer).
+"""
+import base64
+import json
+import os
+import re
+import select
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+BUILD = os.path.join(ROOT, os.environ.get("BUILD", "build/release"))
+BIN = os.path.join(BUILD, "bin")
+PATIENCE = float(os.environ.get(
+    "FARM_PATIENCE", 5 if re.search("address|thread|undefined|debug", BUILD) else 1))
+SANITIZER_MARKS = ("ERROR: AddressSanitizer", "ERROR: LeakSanitizer", "runtime error:",
+                   "WARNING: ThreadSanitizer")
+
+
+class Failure(Exception):
+    """A condition that did not come true, or a program that misbehaved."""
+
+
+def wait_for(condition, what, limit_s=60.0):
+    """Wait until condition() is true and return its value; Failure after limit_s."""
+    end = time.monotonic() + limit_s * PATIENCE
+    while True:
+        value = condition()
+        if value:
+            return value
+        if time.monotonic() > end:
+            raise Failure("waited %g s for %s" % (limit_s * PATIENCE, what))
+        time.sleep(0.01)  # how often we look, not how long it takes
+
+
+class Program:
+    """One running coordinator or worker; its output goes to a log file."""
+
+    def __init__(self, label, argv, log, pipe_stdout=False, env=None):
+        self.label = label
+        self.argv = argv
+        self.log = log
+        self.rest = b""
+        with open(log, "ab") as sink:
+            self.process = subprocess.Popen(
+                argv, stdin=subprocess.DEVNULL, stderr=sink, env=env,
+                stdout=subprocess.PIPE if pipe_stdout else sink)
+
+    @property
+    def pid(self):
+        return self.process.pid
+
+    def alive(self):
+        return self.process.poll() is None
+
+    def log_text(self):
+        with open(self.log, "rb") as source:
+            return source.read().decode("utf-8", "replace")
+
+    def wait_line(self, prefix, limit_s=30.0):
+        """The rest of the first line of standard output that starts with prefix."""
+        end = time.monotonic() + limit_s * PATIENCE
+        fd = self.process.stdout.fileno()
+        while True:
+            while b"\n" in self.rest:
+                line, self.rest = self.rest.split(b"\n", 1)
+                text = line.decode("utf-8", "replace")
+                if text.startswith(prefix):
+                    return text[len(prefix):].strip()
+            left = end - time.monotonic()
+            if left <= 0:
+                raise Failure("%s did not print '%s...'" % (self.label, prefix))
+            if select.select([fd], [], [], left)[0]:
+                data = os.read(fd, 65536)
+                if not data:
+                    self.process.wait()
+                    raise Failure("%s ended with %s before it printed '%s...':\n%s" % (
+                        self.label, self.process.returncode, prefix, self.log_text()))
+                self.rest += data
+
+    def signal(self, number):
+        self.process.send_signal(number)
+
+    def kill(self):
+        """SIGKILL: as a power cut would."""
+        if self.alive():
+            self.process.kill()
+        self.process.wait()
+
+    def stop(self, limit_s=20.0):
+        """SIGTERM, and its exit status."""
+        if self.alive():
+            self.process.terminate()
+        return self.wait(limit_s)
+
+    def wait(self, limit_s=60.0):
+        try:
+            return self.process.wait(limit_s * PATIENCE)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+            raise Failure("%s did not end:\n%s" % (self.label, self.log_text()))
+
+    def close(self):
+        if self.process.stdout:
+            self.process.stdout.close()
+
+
+class Result:
+    """What one run of the command line client gave."""
+
+    def __init__(self, argv, code, out, err):
+        self.argv, self.code, self.out, self.err = argv, code, out, err
+
+    def json(self):
+        return json.loads(self.out)
+
+    def __str__(self):
+        return "%s\nexit status %d\nstdout: %s\nstderr: %s" % (
+            " ".join(self.argv), self.code, self.out, self.err)
+
+
+class Farm:
+    def __init__(self):
+        self.folder = tempfile.mkdtemp(prefix="azulejo-farm-")
+        self.key = self.path("farm.key")
+        self.programs = []
+        self.coordinator = None
+        self.workers = []
+        self.address = None
+        self.store = self.path("store")
+
+    def __enter__(self):
+        self.cli("keygen", "-o", self.key, expect=0, connect=False)
+        return self
+
+    def __exit__(self, kind, value, trace):
+        for program in self.programs:
+            if program.alive():
+                program.signal(signal.SIGCONT)  # a stopped one could not be ended in good order
+                program.process.terminate()
+        words = None
+        for program in self.programs:
+            try:
+                program.wait(20)
+            except Failure as failure:
+                words = words or str(failure)
+            program.close()
+            for mark in SANITIZER_MARKS:
+                if mark in program.log_text():
+                    words = words or "%s: a sanitizer complained:\n%s" % (
+                        program.label, program.log_text()[-6000:])
+        if kind is not None:
+            for program in self.programs:
+                print("# ---- %s" % program.label)
+                for line in program.log_text().splitlines()[-25:]:
+                    print("# " + line)
+        shutil.rmtree(self.folder, ignore_errors=True)
+        if kind is None and words:
+            raise Failure(words)
+
+    def path(self, *parts):
+        return os.path.join(self.folder, *parts)
+
+    # ---- programs ------------------------------------------------------------------------
+
+    def start_coordinator(self, *options, listen="127.0.0.1:0", key=None):
+        """Start (or, after a kill, start again with the same store) and wait until it listens."""
+        argv = [os.path.join(BIN, "azulejo-coordinator"), "--listen", listen,
+                "--key", key or self.key, "--store", self.store] + list(options)
+        self.coordinator = Program("coordinator", argv,
+                                   self.path("coordinator-%d.log" % len(self.programs)),
+                                   pipe_stdout=True)
+        self.programs.append(self.coordinator)
+        self.address = self.coordinator.wait_line("listening on ").split()[0]
+        return self.coordinator
+
+    def restart_coordinator(self, *options):
+        """Again at the same address, as a service manager would."""
+        return self.start_coordinator(*options, listen=self.address)
+
+    def start_worker(self, *options, key=None, threads=1, env=None, cache=None):
+        number = len(self.workers) + 1
+        argv = [os.path.join(BIN, "azulejo-worker"), "--coordinator", self.address,
+                "--key", key or self.key, "--threads", str(threads),
+                "--cache", cache or self.path("cache-%d" % number)] + list(options)
+        worker = Program("worker %d" % number, argv, self.path("worker-%d.log" % number),
+                         env=dict(os.environ, **env) if env else None)
+        self.programs.append(worker)
+        self.workers.append(worker)
+        return worker
+
+    # ---- the client ----------------------------------------------------------------------
+
+    def cli_argv(self, *args, connect=True, key=None):
+        argv = [os.path.join(BIN, "azulejo")] + [str(a) for a in args]
+        if connect and self.address and args[0] in (
+                "submit", "list", "show", "watch", "fetch", "cancel", "workers"):
+            argv += ["--coordinator", self.address, "--key", key or self.key]
+        return argv
+
+    def cli(self, *args, expect=None, limit_s=120.0, connect=True, key=None, env=None, cwd=None):
+        """Run `azulejo ARGS...`; with expect, Failure unless it exits with that status."""
+        argv = self.cli_argv(*args, connect=connect, key=key)
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("AZULEJO_")}
+        environment.update(env or {})
+        try:
+            done = subprocess.run(argv, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                                  stderr=subprocess.PIPE, timeout=limit_s * PATIENCE,
+                                  env=environment, cwd=cwd or self.folder)
+        except subprocess.TimeoutExpired:
+            raise Failure("did not end: " + " ".join(argv))
+        result = Result(argv, done.returncode, done.stdout.decode("utf-8", "replace"),
+                        done.stderr.decode("utf-8", "replace"))
+        for mark in SANITIZER_MARKS:
+            if mark in result.err:
+                raise Failure(str(result))
+        if expect is not None and result.code != expect:
+            raise Failure("expected exit status %d: %s" % (expect, result))
+        return result
+
+    def start_cli(self, *args, env=None, cwd=None):
+        """Run the client in the background; a subprocess.Popen with its own process group."""
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("AZULEJO_")}
+        environment.update(env or {})
+        return subprocess.Popen(self.cli_argv(*args), stdin=subprocess.DEVNULL,
+                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment,
+                                cwd=cwd or self.folder, start_new_session=True)
+
+    def submit(self, scene, *options):
+        """Submit and return the job's number."""
+        return self.cli("submit", scene, "--json", *options, expect=0).json()["job"]
+
+    def job(self, number):
+        return self.cli("show", number, "--json", expect=0).json()
+
+    def wait_for_job(self, number, state="done", limit_s=120.0):
+        """Wait until the job is in that state; Failure when it ends in another."""
+        final = ("done", "failed", "cancelled")
+
+        def look():
+            job = self.job(number)
+            if job["state"] == state:
+                return job
+            if job["state"] in final:
+                raise Failure("job %d is %s, not %s: %s" % (
+                    number, job["state"], state, job["state_text"]))
+            return None
+        return wait_for(look, "job %s to be %s" % (number, state), limit_s)
+
+    def list_workers(self):
+        return self.cli("workers", "--json", expect=0).json()["workers"]
+
+    def wait_for_workers(self, count, limit_s=30.0):
+        return wait_for(lambda: (lambda w: w if len(w) == count else None)(self.list_workers()),
+                        "%d workers" % count, limit_s)
+
+    def fetch(self, number, name="fetched"):
+        """Fetch every output into a new folder; returns the paths."""
+        folder = self.path(name)
+        return [os.path.join(self.folder, f) for f in
+                self.cli("fetch", number, "-o", folder, "--json", expect=0).json()["files"]]
+
+    def scene(self, name="tiny.gltf", **how):
+        path = self.path(name)
+        if not os.path.exists(path):
+            write_scene(path, **how)
+        return path
+
+
+def write_scene(path, light=5.0, camera=True):
+    """A white floor of 4x4 m under a square lamp, seen from the side: glTF with its buffer inside.
+
+    Everything in it is diffuse, so that a few samples a pixel give a picture."""
+    def quad(half, y, up):
+        s = 1.0 if up else -1.0
+        return ([(-half, y, half * s), (half, y, half * s), (half, y, -half * s),
+                 (-half, y, -half * s)], [(0.0, s, 0.0)] * 4)
+    floor, floor_normals = quad(2.0, 0.0, True)
+    lamp, lamp_normals = quad(0.5, 2.0, False)
+    vectors = [floor, floor_normals, lamp, lamp_normals]
+    data = b"".join(struct.pack("<3f", *v) for block in vectors for v in block)
+    indices = struct.pack("<6H", 0, 1, 2, 0, 2, 3)
+    views = [{"buffer": 0, "byteOffset": 48 * i, "byteLength": 48} for i in range(4)]
+    views.append({"buffer": 0, "byteOffset": 192, "byteLength": 12})
+    accessors = []
+    for i, block in enumerate(vectors):
+        accessor = {"bufferView": i, "componentType": 5126, "count": 4, "type": "VEC3"}
+        if i % 2 == 0:
+            accessor["min"] = [min(v[k] for v in block) for k in range(3)]
+            accessor["max"] = [max(v[k] for v in block) for k in range(3)]
+        accessors.append(accessor)
+    accessors.append({"bufferView": 4, "componentType": 5123, "count": 6, "type": "SCALAR"})
+    gltf = {
+        "asset": {"version": "2.0"},
+        "extensionsUsed": ["KHR_materials_emissive_strength"],
+        "scene": 0,
+        "scenes": [{"name": "tiny", "nodes": [0, 1]}],
+        "nodes": [{"mesh": 0, "name": "floor"}, {"mesh": 1, "name": "lamp"}],
+        "meshes": [
+            {"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 4,
+                             "material": 0}]},
+            {"primitives": [{"attributes": {"POSITION": 2, "NORMAL": 3}, "indices": 4,
+                             "material": 1}]}],
+        "materials": [
+            {"name": "white", "pbrMetallicRoughness": {
+                "baseColorFactor": [0.8, 0.7, 0.6, 1], "metallicFactor": 0}},
+            {"name": "lamp", "emissiveFactor": [1, 1, 1],
+             "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": light}}}],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(data) + len(indices),
+                     "uri": "data:application/octet-stream;base64," +
+                            base64.b64encode(data + indices).decode("ascii")}],
+    }
+    if camera:
+        gltf["nodes"].append({"camera": 0, "translation": [0, 1, 5], "name": "eye"})
+        gltf["scenes"][0]["nodes"].append(2)
+        gltf["cameras"] = [{"name": "side", "type": "perspective",
+                            "perspective": {"yfov": 0.7, "aspectRatio": 1.5, "znear": 0.1}}]
+    with open(path, "w") as out:
+        json.dump(gltf, out)
+
+
+def read_bytes(path):
+    with open(path, "rb") as source:
+        return source.read()
+
+
+class Tests:
+    """Collects functions and prints TAP: `ok N - name`, or `not ok` and what was wrong."""
+
+    def __init__(self):
+        self.functions = []
+
+    def add(self, function):
+        self.functions.append(function)
+        return function
+
+    def run(self):
+        failed = 0
+        only = sys.argv[1] if len(sys.argv) > 1 else ""
+        chosen = [f for f in self.functions if re.search(only, f.__name__)]
+        print("1..%d" % len(chosen), flush=True)
+        for number, function in enumerate(chosen, 1):
+            name = (function.__doc__ or function.__name__).strip().splitlines()[0]
+            try:
+                function()
+                print("ok %d - %s" % (number, name), flush=True)
+            except Exception:
+                failed += 1
+                for line in traceback.format_exc().splitlines():
+                    print("# " + line)
+                print("not ok %d - %s" % (number, name), flush=True)
+        sys.exit(1 if failed else 0)

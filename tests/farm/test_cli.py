@@ -1,0 +1,536 @@
+"""The command line client from the outside: words, exit statuses, files, and a render for real."""
+import os
+import re
+import signal
+import socket
+import stat
+import subprocess
+import sys
+import threading
+
+sys.dont_write_bytecode = True  # no __pycache__ in the sources
+from farm import BIN, Farm, Failure, Tests, read_bytes, wait_for
+
+tests = Tests()
+COMMANDS = ["render", "import", "submit", "list", "show", "watch", "fetch", "cancel", "workers",
+            "keygen", "tonemap", "compare"]
+SMALL = ["--size", "32x32", "--spp", "4", "--max-depth", "3"]
+
+
+def expect(condition, words):
+    if not condition:
+        raise Failure(str(words))
+
+
+def children_of(pid):
+    """Processes whose parent is pid."""
+    found = []
+    for entry in os.listdir("/proc"):
+        if entry.isdigit():
+            try:
+                with open("/proc/%s/stat" % entry) as source:
+                    fields = source.read().rsplit(")", 1)[1].split()
+                if int(fields[1]) == pid and fields[0] != "Z":
+                    found.append(int(entry))
+            except (OSError, IndexError):
+                pass
+    return found
+
+
+def gone(pid):
+    try:
+        with open("/proc/%d/stat" % pid) as source:
+            return source.read().rsplit(")", 1)[1].split()[0] == "Z"
+    except OSError:
+        return True
+
+
+@tests.add
+def help_everywhere():
+    """every command's --help works and names the command"""
+    with Farm() as farm:
+        overview = farm.cli("--help", expect=0).out
+        expect(farm.cli("help", expect=0).out == overview, "help is not --help")
+        for command in COMMANDS:
+            expect(re.search(r"^  %s\b" % command, overview, re.M), command + " is not listed")
+            text = farm.cli(command, "--help", expect=0, connect=False)
+            expect(text.out.startswith("usage: azulejo " + command), text)
+            expect(text.err == "", text)
+            expect(farm.cli(command, "-h", expect=0, connect=False).out == text.out, text)
+        expect(re.match(r"azulejo \d+\.\d+\.\d+\n$", farm.cli("--version", expect=0).out), "version")
+        listed = re.findall(r"^  ([a-z]+)  ", overview, re.M)
+        expect(sorted(listed) == sorted(COMMANDS), "a command is not tested: %s" % listed)
+
+
+@tests.add
+def bad_usage():
+    """unknown commands, options and values exit with 2 and one line that helps"""
+    with Farm() as farm:
+        scene = farm.scene()
+        cases = [[], ["nonsense"], ["--nonsense"], ["list", "--nonsense"], ["list", "extra"],
+                 ["show"], ["show", "x"], ["show", "0"], ["cancel", "-1"], ["watch", "1", "2"],
+                 ["render"], ["render", scene, "--spp", "0"], ["render", scene, "--spp", "many"],
+                 ["render", scene, "--spp"], ["render", scene, "--size", "32"],
+                 ["render", scene, "--frames", "5-1"], ["render", scene, "--tonemap", "nonsense"],
+                 ["render", scene, "--tonemap-param", "nonsense=1"],
+                 ["render", scene, "--tonemap-param", "x"], ["render", scene, "--isa", "mmx"],
+                 ["render", scene, "--env-sampling", "guess"], ["render", scene, "--workers", "0"],
+                 ["render", scene, "--camera", "nobody"], ["render", scene, scene],
+                 ["submit", scene, "--env-strength", "-1"], ["submit", scene, "--priority", "1.5"],
+                 ["keygen", "--role", "worker"], ["keygen", "--from", "x"],
+                 ["keygen", "--role", "king", "--from", "x"], ["compare", "one"],
+                 ["compare", "a", "b", "--max-relmse", "-1"], ["tonemap", "one"],
+                 ["tonemap", "--list", "x"], ["list", "--coordinator", "host:99999"],
+                 ["list", "--timeout", "0"]]
+        for case in cases:
+            result = farm.cli(*case, connect=False) if case else \
+                farm_run_bare(farm)
+            expect(result.code == 2, result)
+            if case:
+                expect(result.err.startswith("azulejo") and result.err.count("\n") == 1 and
+                       "--help" in result.err, result)
+                expect(result.out == "", result)
+
+
+def farm_run_bare(farm):
+    done = subprocess.run([os.path.join(BIN, "azulejo")], stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, cwd=farm.folder)
+
+    class Bare:
+        code, out, err = done.returncode, done.stdout.decode(), done.stderr.decode()
+    expect("usage:" in Bare.out, Bare.out)
+    return Bare
+
+
+@tests.add
+def nobody_there():
+    """an unreachable coordinator exits with 4 and names host, port and remedy"""
+    with Farm() as farm:
+        holder = socket.socket()
+        holder.bind(("127.0.0.1", 0))  # bound but not listening: refuses, and nobody else gets it
+        address = "127.0.0.1:%d" % holder.getsockname()[1]
+        for command in (["list"], ["workers"], ["show", "1"], ["watch", "1"], ["cancel", "1"],
+                        ["fetch", "1"], ["submit", farm.scene()]):
+            result = farm.cli(*command, "--coordinator", address, "--key", farm.key)
+            expect(result.code == 4, result)
+            expect(address in result.err and "--coordinator" in result.err, result)
+        result = farm.cli("list", env={"AZULEJO_COORDINATOR": address, "AZULEJO_KEY": farm.key})
+        expect(result.code == 4 and address in result.err, result)
+        result = farm.cli("list", "--coordinator", "no-such-host.invalid", "--key", farm.key)
+        expect(result.code == 4 and "no-such-host.invalid" in result.err, result)
+        holder.close()
+
+
+@tests.add
+def silent_peer():
+    """a peer that accepts and says nothing ends with status 7 after --timeout"""
+    with Farm() as farm:
+        server = socket.socket()
+        server.bind(("127.0.0.1", 0))
+        server.listen(4)
+        result = farm.cli("list", "--coordinator", "127.0.0.1:%d" % server.getsockname()[1],
+                          "--key", farm.key, "--timeout", "0.2")
+        expect(result.code == 7, result)
+        server.close()
+
+
+@tests.add
+def garbage_peer():
+    """a peer that is no coordinator is an error, not a hang or a crash"""
+    with Farm() as farm:
+        server = socket.socket()
+        server.bind(("127.0.0.1", 0))
+        server.listen(4)
+
+        def talk():
+            peer, _ = server.accept()
+            peer.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n" * 20)
+            try:
+                while peer.recv(4096):
+                    pass
+            except OSError:
+                pass
+            peer.close()
+        thread = threading.Thread(target=talk)
+        thread.start()
+        result = farm.cli("list", "--coordinator", "127.0.0.1:%d" % server.getsockname()[1],
+                          "--key", farm.key, "--timeout", "10")
+        expect(result.code in (4, 5, 7), result)
+        thread.join()
+        server.close()
+
+
+@tests.add
+def keys():
+    """keygen makes keys that only their owner can read, and derives the roles' from the farm's"""
+    with Farm() as farm:
+        mode = os.stat(farm.key).st_mode
+        expect(stat.S_IMODE(mode) == 0o600, oct(mode))
+        first, second = (farm.cli("keygen", expect=0).out for _ in range(2))
+        expect("farm" in first and first != second, first)
+        result = farm.cli("keygen", "-o", farm.key)
+        expect(result.code == 8 and "farm.key" in result.err, result)  # never overwrites
+        derived = [farm.cli("keygen", "--role", "worker", "--from", farm.key, expect=0).out
+                   for _ in range(2)]
+        expect(derived[0] == derived[1] and "worker" in derived[0], derived)
+        role_key = farm.path("worker.key")
+        farm.cli("keygen", "--role", "worker", "--from", farm.key, "-o", role_key, expect=0)
+        expect(farm.cli("keygen", "--role", "client", "--from", role_key).code == 3, "not refused")
+        expect(farm.cli("keygen", "--role", "client", "--from", farm.path("none")).code == 3, "none")
+        for text in ("", "nonsense", "azulejo-key-1 farm 1234", "azulejo-key-1 farm " + "zz" * 32):
+            with open(farm.path("bad.key"), "w") as out:
+                out.write(text)
+            result = farm.cli("list", "--key", farm.path("bad.key"))
+            expect(result.code == 3 and "bad.key" in result.err, result)
+
+
+@tests.add
+def wrong_keys():
+    """another farm's key is refused with status 5, and so is a worker's key"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        expect(farm.cli("list", expect=0).out.startswith("JOB"), "no table")
+        other, worker, client = (farm.path(n) for n in ("other.key", "worker.key", "client.key"))
+        farm.cli("keygen", "-o", other, expect=0)
+        for role, path in (("worker", worker), ("client", client)):
+            farm.cli("keygen", "--role", role, "--from", farm.key, "-o", path, expect=0)
+        result = farm.cli("list", key=other)
+        expect(result.code == 5 and farm.address in result.err, result)
+        result = farm.cli("list", key=worker)
+        expect(result.code == 5 and "client" in result.err, result)
+        farm.cli("list", key=client, expect=0)
+
+
+@tests.add
+def bad_scenes():
+    """a scene that is missing or damaged exits with 3 and names the file"""
+    with Farm() as farm:
+        broken = farm.path("broken.gltf")
+        with open(broken, "w") as out:
+            out.write("{ \"asset\": ")
+        for command in ("import", "render", "submit"):
+            for scene in (farm.path("missing.gltf"), broken, farm.folder):
+                result = farm.cli(command, scene, "--coordinator", "127.0.0.1:1") \
+                    if command == "submit" else farm.cli(command, scene)
+                expect(result.code == 3 and os.path.basename(scene) in result.err, result)
+        result = farm.cli("render", farm.scene(), "--env", farm.path("missing.exr"))
+        expect(result.code == 3 and "missing.exr" in result.err, result)
+
+
+@tests.add
+def import_reports():
+    """import prints a report, and the same as JSON"""
+    with Farm() as farm:
+        scene = farm.scene()
+        expect(farm.cli("import", scene, expect=0).out.strip(), "nothing printed")
+        expect(isinstance(farm.cli("import", scene, "--json", expect=0).json(), dict), "JSON")
+
+
+@tests.add
+def unwritable_outputs():
+    """an output that cannot be written is found before anything is rendered"""
+    with Farm() as farm:
+        blocker = farm.path("file")
+        with open(blocker, "w") as out:
+            out.write("x")
+        for target in (os.path.join(blocker, "sub", "pic"), "/proc/nowhere/pic.exr", "/proc/pic"):
+            result = farm.cli("render", farm.scene(), *SMALL, "-o", target)
+            expect(result.code == 8 and "rendered" not in result.out, result)
+        farm.start_coordinator()
+        result = farm.cli("fetch", "1", "-o", os.path.join(blocker, "sub"))
+        expect(result.code == 8 and "file" in result.err, result)
+
+
+@tests.add
+def unknown_jobs():
+    """a job that is not there exits with 5 and says so"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        for command in ("show", "watch", "fetch", "cancel"):
+            result = farm.cli(command, "12345")
+            expect(result.code == 5 and "12345" in result.err, result)
+        expect(farm.cli("list", "--json", expect=0).json() == {"jobs": []}, "jobs")
+        expect(farm.cli("workers", "--json", expect=0).json() == {"workers": []}, "workers")
+
+
+@tests.add
+def render_for_real():
+    """render writes both pictures, says so, and leaves nothing behind"""
+    with Farm() as farm:
+        temporary = farm.path("tmp")
+        os.mkdir(temporary)
+        env = {"TMPDIR": temporary}
+        result = farm.cli("render", farm.scene(), *SMALL, "--workers", "2", "-o", "new/pic", env=env,
+                          expect=0)
+        expect("new/pic.exr" in result.out and "new/pic.png" in result.out, result)
+        expect(read_bytes(farm.path("new/pic.exr"))[:4] == b"\x76\x2f\x31\x01", "no EXR")
+        expect(read_bytes(farm.path("new/pic.png"))[:8] == b"\x89PNG\r\n\x1a\n", "no PNG")
+        expect(sorted(os.listdir(farm.path("new"))) == ["pic.exr", "pic.png"], "other files")
+        expect(os.listdir(temporary) == [], os.listdir(temporary))
+        # Again, with one worker: the same bits.
+        farm.cli("render", farm.scene(), *SMALL, "-o", "again.exr", "--quiet", env=env, expect=0)
+        expect(not os.path.exists(farm.path("again.png")), "a PNG nobody asked for")
+        farm.cli("compare", farm.path("new/pic.exr"), farm.path("again.exr"), expect=0)
+        expect(farm.cli("compare", farm.path("new/pic.exr"), farm.path("again.exr"), "--json",
+                        expect=0).json()["identical"], "not identical")
+        # The lamp lights the floor: the picture is not black.
+        json_result = farm.cli("render", farm.scene(), *SMALL, "--seed", "1", "-o", "other/",
+                               "--json", env=env, expect=0).json()
+        expect(json_result["job"]["state"] == "done", json_result)
+        expect(json_result["job"]["stats"]["samples"] == 32 * 32 * 4, json_result)
+        expect(json_result["files"] == ["other/tiny.exr", "other/tiny.png"], json_result)
+        # Other noise, but the same picture.
+        result = farm.cli("compare", farm.path("other/tiny.exr"), farm.path("new/pic.exr"), "--json")
+        figures = result.json()
+        expect(result.code == 1 and not figures["identical"], result)
+        expect(0 < figures["relative_mse"] < 0.5 and figures["max_absolute"] > 0, figures)
+        farm.cli("compare", farm.path("other/tiny.exr"), farm.path("new/pic.exr"), "--max-relmse",
+                 figures["relative_mse"] * 1.01, expect=0)
+        farm.cli("compare", farm.path("other/tiny.exr"), farm.path("new/pic.exr"), "--max-relmse",
+                 figures["relative_mse"] * 0.99, expect=1)
+
+
+@tests.add
+def tonemap_is_the_farms():
+    """tonemap makes the same PNG as the farm, and another operator another"""
+    with Farm() as farm:
+        farm.cli("render", farm.scene(), *SMALL, "-o", "pic", "--exposure", "0.5", expect=0)
+        exr = farm.path("pic.exr")
+        farm.cli("tonemap", exr, "same.png", "--exposure", "0.5", expect=0)
+        expect(read_bytes(farm.path("same.png")) == read_bytes(farm.path("pic.png")), "PNGs differ")
+        operators = farm.cli("tonemap", "--list", "--json", expect=0).json()["operators"]
+        text = farm.cli("tonemap", "--list", expect=0).out
+        pictures = set()
+        for operator in operators:
+            expect(re.search("^%s$" % re.escape(operator["name"]), text, re.M), operator)
+            options = []
+            for p in operator["parameters"]:
+                options += ["--tonemap-param", "%s=%r" % (p["name"], p["default"])]
+            farm.cli("tonemap", exr, "plain.png", "-t", operator["name"], expect=0)
+            farm.cli("tonemap", exr, "spelled.png", "-t", operator["name"], *options, expect=0)
+            expect(read_bytes(farm.path("plain.png")) == read_bytes(farm.path("spelled.png")),
+                   "defaults of %s" % operator["name"])
+            pictures.add(read_bytes(farm.path("plain.png")))
+            for p in operator["parameters"]:
+                result = farm.cli("tonemap", exr, "x.png", "-t", operator["name"], "-p",
+                                  "%s=%r" % (p["name"], p["max"] + abs(p["max"]) + 1))
+                expect(result.code == 2 and p["name"] in result.err, result)
+        expect(len(pictures) > 1, "all operators give the same picture")
+
+
+@tests.add
+def several_frames():
+    """a range of frames is numbered, and each has other noise"""
+    with Farm() as farm:
+        farm.cli("render", farm.scene(), *SMALL, "--frames", "9-11", "-o", "anim/f.exr", expect=0)
+        expect(sorted(os.listdir(farm.path("anim"))) == ["f-0009.exr", "f-0010.exr", "f-0011.exr"],
+               os.listdir(farm.path("anim")))
+        farm.cli("compare", "anim/f-0009.exr", "anim/f-0010.exr", expect=1)
+
+
+@tests.add
+def default_size_and_camera():
+    """the size follows the camera's aspect, cameras go by name or number"""
+    with Farm() as farm:
+        options = ["--spp", "1", "--max-depth", "0", "--json", "-o"]
+        job = farm.cli("render", farm.scene(), *options, "a.exr", expect=0).json()["job"]
+        settings = job["settings"]
+        expect((settings["width"], settings["height"]) == (1080, 720), settings)
+        for camera in ("side", "0"):
+            farm.cli("render", farm.scene(), *SMALL, "--camera", camera, "-o", "b.exr", expect=0)
+        result = farm.cli("render", farm.scene(), "--camera", "1")
+        expect(result.code == 2 and "side" in result.err, result)
+
+
+@tests.add
+def interrupted_render():
+    """Ctrl-C ends a local render: status 130, no process and no folder left"""
+    with Farm() as farm:
+        temporary = farm.path("tmp")
+        os.mkdir(temporary)
+        client = farm.start_cli("render", farm.scene(), "--size", "512x512", "--spp", "1000000",
+                                "--workers", "2", "-o", "pic", env={"TMPDIR": temporary})
+        try:
+            programs = wait_for(lambda: (lambda c: c if len(c) == 3 else None)(
+                children_of(client.pid)), "the coordinator and two workers")
+            client.send_signal(signal.SIGINT)
+            out, err = client.communicate(timeout=60)
+        finally:
+            client.kill()
+            client.wait()
+        expect(client.returncode == 130, (client.returncode, out, err))
+        wait_for(lambda: all(gone(p) for p in programs), "the programs to end")
+        expect(os.listdir(temporary) == [], os.listdir(temporary))
+        expect(not os.path.exists(farm.path("pic.exr")), "a picture of a cancelled job")
+
+
+@tests.add
+def killed_render():
+    """the programs of a local render die with it, even by SIGKILL"""
+    with Farm() as farm:
+        client = farm.start_cli("render", farm.scene(), "--size", "512x512", "--spp", "1000000",
+                                "-o", "pic", env={"TMPDIR": farm.folder})
+        try:
+            programs = wait_for(lambda: (lambda c: c if len(c) == 2 else None)(
+                children_of(client.pid)), "the coordinator and a worker")
+        finally:
+            client.kill()
+            client.communicate()
+        wait_for(lambda: all(gone(p) for p in programs), "the programs to die")
+
+
+@tests.add
+def dying_programs():
+    """a local program that ends early is reported with its words"""
+    with Farm() as farm:
+        for victim in ("azulejo-coordinator", "azulejo-worker"):
+            client = farm.start_cli("render", farm.scene(), "--size", "512x512", "--spp", "1000000",
+                                    "-o", "pic", env={"TMPDIR": farm.folder})
+            try:
+                def find():
+                    for pid in children_of(client.pid):
+                        try:
+                            with open("/proc/%d/cmdline" % pid, "rb") as source:
+                                name = source.read().split(b"\0")[0].decode()
+                        except OSError:
+                            continue
+                        if os.path.basename(name) == victim and len(children_of(client.pid)) == 2:
+                            return pid
+                    return None
+                os.kill(wait_for(find, victim), signal.SIGKILL)
+                out, err = client.communicate(timeout=60)
+            finally:
+                client.kill()
+                client.wait()
+            expect(client.returncode == 6, (client.returncode, out, err))
+            words = victim.replace("azulejo-", "")
+            expect(words in err.decode() and "signal 9" in err.decode(), err)
+        # One of two workers: the other takes over, and the job ends well.
+        client = farm.start_cli("render", farm.scene(), "--size", "256x256", "--spp", "64",
+                                "--workers", "2", "--threads", "1", "-o", "pic.exr",
+                                env={"TMPDIR": farm.folder})
+        try:
+            workers = wait_for(lambda: (lambda c: c if len(c) == 3 else None)(
+                children_of(client.pid)), "two workers")
+            os.kill(max(workers), signal.SIGKILL)
+            out, err = client.communicate(timeout=300)
+        finally:
+            client.kill()
+            client.wait()
+        expect(client.returncode == 0, (client.returncode, out, err))
+        farm.cli("render", farm.scene(), "--size", "256x256", "--spp", "64", "-o", "whole.exr",
+                 expect=0)
+        farm.cli("compare", "pic.exr", "whole.exr", expect=0)
+
+
+@tests.add
+def a_job_on_a_farm():
+    """submit, list, show, watch, fetch and cancel work on a farm, in words and in JSON"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        scene = farm.scene()
+        number = farm.submit(scene, *SMALL, "-o", "first", "--frames", "1-2", "--half")
+        job = farm.job(number)
+        expect(job["state"] in ("queued", "running") and job["name"] == "first", job)
+        expect(job["output"]["exr_half"] is True and job["last_frame"] == 2, job)
+        result = farm.cli("fetch", number)
+        expect(result.code == 5, result)  # nothing is there yet
+        result = farm.cli("watch", number, "--limit", "0.3")
+        expect(result.code == 7, result)  # no worker: it waits
+        farm.start_worker()
+        result = farm.cli("watch", number, expect=0)
+        expect("done" in result.out and "2 of 2" in result.out, result)
+        expect(farm.cli("watch", number, "--json", expect=0).json()["state"] == "done", "watch")
+        expect("first" in farm.cli("list", expect=0).out, "list")
+        expect([j["job"] for j in farm.cli("list", "--json", expect=0).json()["jobs"]] == [number],
+               "list")
+        expect("32 x 32" in farm.cli("show", number, expect=0).out, "show")
+        files = farm.fetch(number)
+        expect(len(files) == 4 and all(os.path.getsize(f) > 100 for f in files), files)
+        only = farm.cli("fetch", number, "--frame", "2", "-o", "two", "--json", expect=0).json()
+        expect(len(only["files"]) == 2, only)
+        expect(farm.cli("fetch", number, "--frame", "3").code == 2, "frame 3")
+        workers = farm.list_workers()
+        expect(len(workers) == 1 and workers[0]["threads"] == 1, workers)
+        expect(workers[0]["host"] in farm.cli("workers", expect=0).out, "workers")
+        # Watched and submitted in one go; the scene is there already.
+        result = farm.cli("submit", scene, *SMALL, "--watch", "--json", expect=0)
+        expect(result.json()["state"] == "done", result)
+
+
+@tests.add
+def cancelling():
+    """a cancelled job ends watch with status 6; a detached watch leaves its job alone"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        number = farm.submit(farm.scene(), "--size", "512x512", "--spp", "1000000")
+        farm.wait_for_job(number, "running")
+        wait_for(lambda: farm.job(number)["preview_ready"], "a preview")
+        preview = farm.path("preview.png")
+        farm.cli("fetch", number, "--preview", preview, expect=0)
+        expect(read_bytes(preview)[:4] == b"\x89PNG", "no PNG")
+        watcher = farm.start_cli("watch", number)
+        try:
+            wait_for(lambda: catches_signals(watcher.pid), "the watcher to catch signals")
+            watcher.send_signal(signal.SIGINT)
+            out, err = watcher.communicate(timeout=60)
+        finally:
+            watcher.kill()
+            watcher.wait()
+        expect(watcher.returncode == 130 and b"goes on" in err, (watcher.returncode, out, err))
+        expect(farm.job(number)["state"] == "running", "it does not go on")
+        watcher = farm.start_cli("watch", number)
+        try:
+            wait_for(lambda: catches_signals(watcher.pid), "the watcher")
+            expect("cancelled" in farm.cli("cancel", number, expect=0).out, "cancel")
+            out, err = watcher.communicate(timeout=60)
+        finally:
+            watcher.kill()
+            watcher.wait()
+        expect(watcher.returncode == 6 and b"cancelled" in err, (watcher.returncode, out, err))
+        expect(farm.job(number)["state"] == "cancelled", "state")
+
+
+def catches_signals(pid):
+    """Does the process have a handler for SIGINT?"""
+    with open("/proc/%d/status" % pid) as source:
+        caught = int(re.search(r"SigCgt:\s*([0-9a-f]+)", source.read()).group(1), 16)
+    return bool(caught >> (signal.SIGINT - 1) & 1)
+
+
+@tests.add
+def terminal_progress():
+    """on a terminal the progress line stands in place, without colour under NO_COLOR"""
+    import pty
+    with Farm() as farm:
+        for no_color in (False, True):
+            master, slave = pty.openpty()
+            env = dict(os.environ, TERM="xterm", TMPDIR=farm.folder)
+            env.pop("NO_COLOR", None)
+            if no_color:
+                env["NO_COLOR"] = "1"
+            client = subprocess.Popen(
+                [os.path.join(BIN, "azulejo"), "render", farm.scene(), "--size", "256x256", "--spp",
+                 "64", "-o", "pic"], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=slave,
+                cwd=farm.folder, env=env)
+            os.close(slave)
+            seen = b""
+            try:
+                while True:
+                    data = os.read(master, 65536)
+                    if not data:
+                        break
+                    seen += data
+            except OSError:
+                pass  # EIO: the other side has closed it
+            os.close(master)
+            client.communicate(timeout=120)
+            expect(client.returncode == 0, seen)
+            expect(b"\r\x1b[K" in seen and b"%" in seen, seen)
+            expect((b"\x1b[32m" in seen) == (not no_color), seen)
+            expect(seen.endswith(b"\r\x1b[K"), seen)  # the line is taken away at the end
+
+
+if __name__ == "__main__":
+    tests.run()
