@@ -80,7 +80,9 @@ LIBRARIES := $(LIB_CLIENT) $(LIB_COORDINATOR) $(LIB_WORKER) $(LIB_RENDER) $(LIB_
 
 BIN := $(BUILD)/bin
 PROGRAMS := $(BIN)/azulejo $(BIN)/azulejo-coordinator $(BIN)/azulejo-worker
-SCENE_TOOLS := $(patsubst scenes/%.c,$(BIN)/scenes/%,$(filter scenes/make_%.c scenes/%/make_%.c,$(call sources,scenes)))
+# What several generators share: every other .c file under scenes.
+SCENE_SHARED := $(foreach c,$(call sources,scenes),$(if $(filter make_%,$(notdir $(c))),,$(c)))
+SCENE_TOOLS := $(patsubst scenes/%.c,$(BIN)/scenes/%,$(filter-out $(SCENE_SHARED),$(call sources,scenes)))
 
 TEST_SRC := $(filter %/test_%.c test_%.c,$(foreach d,unit statistics numerics,$(shell find tests/$(d) -name 'test_*.c' 2>/dev/null)))
 TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(TEST_SRC)))
@@ -143,7 +145,7 @@ $(BIN)/azulejo-coordinator: $(call object,coordinator/main.c) $(LIB_COORDINATOR)
 $(BIN)/azulejo-worker: $(call object,worker/main.c) $(LIB_WORKER) $(LIB_RENDER) $(LIB_PROTOCOL) $(LIB_COMMON)
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_RENDER) $(LIBS_PROTOCOL) $(LIBS_COMMON)
-$(BIN)/scenes/%: $(BUILD)/obj/scenes/%.o $(LIB_COMMON)
+$(BIN)/scenes/%: $(BUILD)/obj/scenes/%.o $(call object,$(SCENE_SHARED)) $(LIB_COMMON)
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_COMMON) $(LIBS_CLIENT)
 
