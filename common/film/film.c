@@ -272,6 +272,11 @@ uint32_t film_height(const struct film *film)
     return film->height;
 }
 
+uint32_t film_spp(const struct film *film)
+{
+    return film->spp;
+}
+
 uint32_t film_tile_count(const struct film *film)
 {
     return film->tiles_total;

@@ -39,6 +39,7 @@ status film_merge(struct film *film, uint32_t tile, uint32_t pass, const float *
 
 uint32_t film_width(const struct film *film);
 uint32_t film_height(const struct film *film);
+uint32_t film_spp(const struct film *film);
 uint32_t film_tile_count(const struct film *film);
 uint32_t film_pass_count(const struct film *film);
 

@@ -1,0 +1,187 @@
+#include "coordinator/develop.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "common/image/image.h"
+
+enum { ATTRIBUTES_MAX = 20 };
+
+struct development {
+    uint64_t job;
+    char name[JOB_NAME_MAX + 1], scene_name[JOB_NAME_MAX + 1], kernel[KERNEL_NAME_MAX + 1];
+    struct digest scene;
+    uint32_t frame;
+    struct render_settings settings;
+    struct output_settings output;
+    uint64_t samples;
+    double relative_mse;
+    const struct film *film; /* NULL once `image` holds it */
+    struct image image;
+};
+
+static status development_new(struct development **out, const struct job_frame *frame,
+                              struct error *err)
+{
+    const struct job *job = frame->job;
+    struct development *d = mem_calloc(1, sizeof *d);
+
+    *out = NULL;
+    if (!d)
+        return error_no_memory(err, "a picture");
+    d->job = job->id;
+    memcpy(d->name, job->name, sizeof d->name);
+    memcpy(d->scene_name, job->scene_name, sizeof d->scene_name);
+    memcpy(d->kernel, job->kernel, sizeof d->kernel);
+    d->scene = job->scene;
+    d->frame = frame->number;
+    d->settings = job->settings;
+    d->output = job->output;
+    d->samples = film_samples(frame->film);
+    d->relative_mse = film_relative_mse(frame->film);
+    d->film = frame->film;
+    *out = d;
+    return STATUS_OK;
+}
+
+/* Copy the film's means into the image. */
+static status take_pixels(struct development *d, struct error *err)
+{
+    status s = STATUS_OK;
+
+    if (!d->film)
+        return STATUS_OK;
+    s = image_init(&d->image, film_width(d->film), film_height(d->film), 3, err);
+    if (s == STATUS_OK)
+        film_develop(d->film, d->image.pixels);
+    d->film = NULL;
+    return s;
+}
+
+status development_new_frame(struct development **out, const struct job_frame *frame, struct error *err)
+{
+    return development_new(out, frame, err);
+}
+
+status development_new_preview(struct development **out, const struct job_frame *frame,
+                               struct error *err)
+{
+    status s = development_new(out, frame, err);
+
+    if (s == STATUS_OK)
+        s = take_pixels(*out, err);
+    if (s != STATUS_OK) {
+        development_free(*out);
+        *out = NULL;
+    }
+    return s;
+}
+
+void development_free(struct development *development)
+{
+    if (!development)
+        return;
+    image_release(&development->image);
+    mem_free(development);
+}
+
+struct attributes {
+    struct exr_attribute items[ATTRIBUTES_MAX];
+    size_t count;
+};
+
+static void add_text(struct attributes *a, const char *name, const char *text)
+{
+    a->items[a->count++] = (struct exr_attribute){.name = name, .text = text};
+}
+
+static void add_number(struct attributes *a, const char *name, double number)
+{
+    a->items[a->count++] = (struct exr_attribute){.name = name, .number = number};
+}
+
+static status encode_exr(const struct development *d, struct buffer *exr, struct error *err)
+{
+    struct attributes a = {.count = 0};
+    char scene[DIGEST_HEX_SIZE], seed[24];
+    uint64_t clamped = 0;
+    struct exr_options options = {.half = d->output.exr_half, .clamped = &clamped};
+    status s;
+
+    digest_to_hex(&d->scene, scene);
+    snprintf(seed, sizeof seed, "%" PRIu64, d->settings.seed);
+    add_text(&a, "azulejo:software", "azulejo " AZULEJO_VERSION);
+    add_text(&a, "azulejo:scene", scene);
+    add_text(&a, "azulejo:sceneName", d->scene_name);
+    add_text(&a, "azulejo:jobName", d->name);
+    add_number(&a, "azulejo:job", (double)d->job);
+    add_number(&a, "azulejo:frame", d->frame);
+    add_number(&a, "azulejo:spp", d->settings.spp);
+    add_number(&a, "azulejo:samples", (double)d->samples);
+    add_number(&a, "azulejo:maxDepth", d->settings.max_depth);
+    add_text(&a, "azulejo:seed", seed);
+    add_number(&a, "azulejo:camera", d->settings.camera);
+    add_number(&a, "azulejo:envRotateDeg", d->settings.env_rotate_deg);
+    add_number(&a, "azulejo:envStrength", d->settings.env_strength);
+    add_text(&a, "azulejo:envSampling", env_sampling_name(d->settings.env_sampling));
+    add_text(&a, "azulejo:isa", isa_name(d->settings.isa));
+    add_text(&a, "azulejo:kernel", d->kernel);
+    if (isfinite(d->relative_mse))
+        add_number(&a, "azulejo:relativeMse", d->relative_mse);
+    options.attributes = a.items;
+    options.attribute_count = a.count;
+    s = exr_encode(exr, &d->image, &options, err);
+    if (s == STATUS_OK && clamped > 0)
+        log_warn("job %" PRIu64 ", frame %u: %" PRIu64 " values were too large for half floats and "
+                 "are 65504 in the EXR file",
+                 d->job, d->frame, clamped);
+    return s;
+}
+
+static status encode_png(const struct development *d, struct buffer *png, struct error *err)
+{
+    struct image display = {0};
+    status s = tonemap_apply(&display, &d->image, &d->output.tonemap, err);
+
+    if (s == STATUS_OK)
+        s = png_encode(png, &display, err);
+    image_release(&display);
+    return s;
+}
+
+status develop_encode(struct development *development, struct buffer *exr, struct buffer *png,
+                      struct error *err)
+{
+    status s = take_pixels(development, err);
+
+    if (s == STATUS_OK && exr)
+        s = encode_exr(development, exr, err);
+    if (s == STATUS_OK && png)
+        s = encode_png(development, png, err);
+    return s;
+}
+
+status develop_frame(struct development *d, struct store *store, struct error *err)
+{
+    struct buffer exr = BUFFER_INIT, png = BUFFER_INIT;
+    status s = develop_encode(d, d->output.exr ? &exr : NULL, d->output.png ? &png : NULL, err);
+
+    if (s == STATUS_OK && d->output.exr)
+        s = store_output_write(store, d->job, d->frame, "exr", &exr, err);
+    if (s == STATUS_OK && d->output.png)
+        s = store_output_write(store, d->job, d->frame, "png", &png, err);
+    if (s == STATUS_OK)
+        s = store_frame_done(store, d->job, d->frame, d->relative_mse, err);
+    buffer_release(&exr);
+    buffer_release(&png);
+    return s;
+}
+
+status develop_preview(struct development *development, struct buffer *png, struct error *err)
+{
+    return develop_encode(development, NULL, png, err);
+}

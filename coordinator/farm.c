@@ -1,0 +1,427 @@
+#include "coordinator/farm.h"
+
+#include <assert.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/clock.h"
+#include "common/base/log.h"
+#include "common/base/memory.h"
+
+static void job_save(struct farm *farm, struct job *job, uint64_t now_ns)
+{
+    struct error err = {0};
+
+    job->saved_ns = now_ns;
+    if (farm->store && store_job_save(farm->store, job, now_ns, &err) != STATUS_OK)
+        log_error("job %llu: its state cannot be stored: %s", (unsigned long long)job->id, err.text);
+}
+
+/* ---- life ----------------------------------------------------------------------------------- */
+
+static status adopt_job(void *user, struct job *job, struct error *err)
+{
+    struct farm *farm = user;
+
+    return queue_add(&farm->queue, job, err);
+}
+
+status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns,
+                 const struct farm_events *events, int64_t wall_s, struct error *err)
+{
+    uint64_t epoch = 1;
+    status s = STATUS_OK;
+
+    memset(farm, 0, sizeof *farm);
+    queue_init(&farm->queue);
+    farm->store = store;
+    farm->events = *events;
+    farm->wall_s = wall_s;
+    farm->pump_wanted = 1;
+    if (store) {
+        s = store_epoch_begin(store, wall_s, &epoch, err);
+        if (s == STATUS_OK)
+            s = store_jobs_load(store, adopt_job, farm, err);
+    }
+    if (s != STATUS_OK) {
+        queue_release(&farm->queue);
+        return s;
+    }
+    lease_table_init(&farm->leases, epoch, lease_ns);
+    return STATUS_OK;
+}
+
+static void frame_unlink(struct farm *farm, struct job_frame *frame)
+{
+    struct job_frame **at = &frame->job->frames;
+
+    while (*at != frame)
+        at = &(*at)->next;
+    *at = frame->next;
+    farm->open_frames--;
+    farm->open_bytes -=
+        (uint64_t)film_width(frame->film) * film_height(frame->film) * FILM_PIXEL_BYTES;
+}
+
+/* The frame leaves its job; it is freed now, or when its last commit or develop ends. */
+static void frame_close(struct farm *farm, struct job_frame *frame)
+{
+    for (struct lease *lease = farm->leases.oldest, *newer; lease; lease = newer) {
+        newer = lease->newer;
+        if (lease->frame != frame)
+            continue;
+        farm->events.revoke(farm->events.user, lease->holder->session, lease->id, "the job ended");
+        lease_end(&farm->leases, lease);
+    }
+    frame_unlink(farm, frame);
+    frame->closing = 1;
+    if (frame->in_flight == 0)
+        frame_free(frame);
+}
+
+void farm_frame_unpin(struct farm *farm, struct job_frame *frame)
+{
+    (void)farm;
+    assert(frame->in_flight > 0);
+    frame->in_flight--;
+    if (frame->closing && frame->in_flight == 0)
+        frame_free(frame);
+}
+
+void farm_release(struct farm *farm, uint64_t now_ns)
+{
+    for (size_t i = 0; i < farm->queue.active_count; i++) {
+        struct job *job = farm->queue.active[i];
+        job_save(farm, job, now_ns);
+    }
+    lease_table_release(&farm->leases);
+    for (size_t i = 0; i < farm->queue.count; i++)
+        while (farm->queue.all[i]->frames)
+            frame_close(farm, farm->queue.all[i]->frames);
+    queue_release(&farm->queue);
+}
+
+/* ---- jobs ----------------------------------------------------------------------------------- */
+
+status farm_submit(struct farm *farm, struct job *job, struct error *err)
+{
+    status s;
+
+    job->epoch_floor = farm->leases.epoch + 1;
+    job->submitted_at = farm->wall_s;
+    if (farm->queue.active_count >= JOBS_ACTIVE_MAX)
+        return error_set(err, STATUS_ERR_LIMIT,
+                         "%d jobs are queued or running already; wait for some to end", JOBS_ACTIVE_MAX);
+    if (farm->store) {
+        s = store_job_insert(farm->store, job, err);
+        if (s != STATUS_OK)
+            return s;
+    } else {
+        job->id = farm->queue.count ? farm->queue.all[farm->queue.count - 1]->id + 1 : 1;
+    }
+    s = queue_add(&farm->queue, job, err);
+    if (s != STATUS_OK) {
+        if (farm->store)
+            store_job_forget(farm->store, job->id);
+        return s;
+    }
+    farm->pump_wanted = 1;
+    farm->events.job_changed(farm->events.user, job);
+    return STATUS_OK;
+}
+
+static void job_end(struct farm *farm, struct job *job, enum job_state state, const char *text,
+                    uint64_t now_ns)
+{
+    while (job->frames)
+        frame_close(farm, job->frames);
+    job_set_state(&farm->queue, job, state, text, now_ns, farm->wall_s);
+    job_save(farm, job, now_ns);
+    if (farm->store)
+        store_films_remove(farm->store, job->id);
+    farm->pump_wanted = 1;
+    farm->events.job_changed(farm->events.user, job);
+}
+
+void farm_cancel(struct farm *farm, struct job *job, uint64_t now_ns)
+{
+    if (job_state_ended(job->state))
+        return;
+    log_info("job %llu (%s) was cancelled", (unsigned long long)job->id, job->name);
+    job_end(farm, job, JOB_STATE_CANCELLED, "cancelled", now_ns);
+}
+
+void farm_fail(struct farm *farm, struct job *job, uint64_t now_ns, const char *format, ...)
+{
+    char text[JOB_TEXT_MAX + 1];
+    va_list args;
+
+    if (job_state_ended(job->state))
+        return;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    log_error("job %llu (%s) failed: %s", (unsigned long long)job->id, job->name, text);
+    job_end(farm, job, JOB_STATE_FAILED, text, now_ns);
+}
+
+void farm_job_started(struct farm *farm, struct job *job, const struct farm_worker *worker,
+                      uint64_t now_ns)
+{
+    int changed = 0;
+
+    if (!job->active_since_ns)
+        job->active_since_ns = now_ns ? now_ns : 1;
+    if (!job->kernel[0]) {
+        snprintf(job->kernel, sizeof job->kernel, "%s", worker->kernel);
+        changed = 1;
+    }
+    if (job->state == JOB_STATE_QUEUED) {
+        job_set_state(&farm->queue, job, JOB_STATE_RUNNING, NULL, now_ns, farm->wall_s);
+        log_info("job %llu (%s) runs", (unsigned long long)job->id, job->name);
+        changed = 1;
+    }
+    if (!changed)
+        return;
+    job_save(farm, job, now_ns); /* the kernel must be known before a result is kept */
+    farm->events.job_changed(farm->events.user, job);
+}
+
+/* ---- workers -------------------------------------------------------------------------------- */
+
+status farm_worker_add(struct farm *farm, struct farm_worker *worker, struct error *err)
+{
+    if (farm->worker_count == WORKERS_MAX)
+        return error_set(err, STATUS_ERR_LIMIT, "%d workers are connected already", WORKERS_MAX);
+    farm->workers[farm->worker_count++] = worker;
+    farm->pump_wanted = 1;
+    return STATUS_OK;
+}
+
+void farm_worker_remove(struct farm *farm, struct farm_worker *worker)
+{
+    lease_end_all_of(&farm->leases, &worker->held);
+    for (uint32_t i = 0; i < farm->worker_count; i++) {
+        if (farm->workers[i] == worker) {
+            farm->workers[i] = farm->workers[--farm->worker_count];
+            break;
+        }
+    }
+    farm->pump_wanted = 1;
+}
+
+int farm_can_serve(const struct job *job, const struct farm_worker *worker, char *why,
+                   size_t why_size)
+{
+    if (!(worker->isa_mask >> job->settings.isa & 1))
+        snprintf(why, why_size, "its CPU cannot run %s, which job %llu is pinned to",
+                 isa_name(job->settings.isa), (unsigned long long)job->id);
+    else if (job->kernel[0] && strcmp(job->kernel, worker->kernel) != 0)
+        snprintf(why, why_size,
+                 "it traces rays with %s, but job %llu was begun with %s; mixing them would change "
+                 "the picture's bits",
+                 worker->kernel, (unsigned long long)job->id, job->kernel);
+    else if (job_is_broken_for(job, worker->held.session))
+        snprintf(why, why_size, "it said that it cannot render job %llu",
+                 (unsigned long long)job->id);
+    else
+        return 1;
+    return 0;
+}
+
+void farm_job_broken(struct farm *farm, struct job *job, struct farm_worker *worker,
+                     const char *text, uint64_t now_ns)
+{
+    uint32_t able = 0;
+    char why[256];
+
+    if (job_state_ended(job->state))
+        return;
+    for (struct lease *lease = farm->leases.oldest, *newer; lease; lease = newer) {
+        newer = lease->newer;
+        if (lease->holder == &worker->held && lease->frame->job == job)
+            lease_end(&farm->leases, lease);
+    }
+    if (!job_is_broken_for(job, worker->held.session))
+        job->broken_sessions[job->broken_count++] = worker->held.session;
+    for (uint32_t i = 0; i < farm->worker_count; i++)
+        able += (uint32_t)farm_can_serve(job, farm->workers[i], why, sizeof why);
+    if (job->broken_count == JOB_BROKEN_MAX || able == 0)
+        farm_fail(farm, job, now_ns, "%u worker%s cannot render it: %s", job->broken_count,
+                  job->broken_count == 1 ? "" : "s", text);
+    farm->pump_wanted = 1;
+}
+
+/* ---- frames --------------------------------------------------------------------------------- */
+
+struct job_frame *farm_frame_find(const struct job *job, uint32_t number)
+{
+    for (struct job_frame *frame = job->frames; frame; frame = frame->next)
+        if (frame->number == number)
+            return frame;
+    return NULL;
+}
+
+static int frame_may_open(const struct farm *farm, const struct job *job)
+{
+    uint64_t bytes =
+        (uint64_t)job->settings.width * job->settings.height * FILM_PIXEL_BYTES;
+    int of_job = 0;
+
+    for (const struct job_frame *frame = job->frames; frame; frame = frame->next)
+        of_job++;
+    return of_job < FRAMES_OPEN_PER_JOB && farm->open_frames < FRAMES_OPEN_MAX &&
+           (farm->open_frames == 0 || farm->open_bytes + bytes <= FRAMES_OPEN_BYTES);
+}
+
+struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t number, uint64_t now_ns)
+{
+    const struct render_settings *settings = &job->settings;
+    struct job_frame *frame, **at = &job->frames;
+    struct error err = {0};
+    status s = STATUS_OK;
+
+    if (!frame_may_open(farm, job))
+        return NULL;
+    frame = frame_new(job, number, settings->width, settings->height, settings->spp, NULL);
+    if (!frame)
+        s = error_no_memory(&err, "the film");
+    else if (farm->store)
+        s = store_film_open(farm->store, job->id, number, frame->film, frame->durable, frame->slot,
+                            &frame->file, &err);
+    if (s != STATUS_OK) {
+        frame_free(frame);
+        farm_fail(farm, job, now_ns, "frame %u cannot be opened: %s", number, err.text);
+        return NULL;
+    }
+    for (uint32_t i = 0; i < film_tile_count(frame->film); i++)
+        frame->durable_tiles += frame->durable[i] == film_pass_count(frame->film);
+    while (*at && (*at)->number < number)
+        at = &(*at)->next;
+    frame->next = *at;
+    *at = frame;
+    farm->open_frames++;
+    farm->open_bytes += (uint64_t)settings->width * settings->height * FILM_PIXEL_BYTES;
+    if (film_samples(frame->film) > 0)
+        log_info("job %llu, frame %u: goes on at %.1f %%", (unsigned long long)job->id, number,
+                 100.0 * (double)film_samples(frame->film) /
+                     (double)film_samples_total(frame->film));
+    farm_frame_advance(farm, frame);
+    return frame;
+}
+
+struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint64_t now_ns)
+{
+    if (!frame_may_open(farm, job))
+        return NULL;
+    for (uint64_t number = job->first_frame; number <= job->last_frame; number++)
+        if (!job_frame_is_done(job, (uint32_t)number) && !farm_frame_find(job, (uint32_t)number))
+            return farm_frame_open(farm, job, (uint32_t)number, now_ns);
+    return NULL;
+}
+
+void farm_frame_advance(struct farm *farm, struct job_frame *frame)
+{
+    if (frame->state == FRAME_RENDERING && film_complete(frame->film))
+        frame_set_state(frame, FRAME_COMPLETE);
+    if (frame->state == FRAME_COMPLETE && !frame->closing &&
+        frame->durable_tiles == film_tile_count(frame->film)) {
+        if (farm->events.develop(farm->events.user, frame) != STATUS_OK)
+            return;
+        frame_set_state(frame, FRAME_DEVELOPING);
+        frame->in_flight++;
+    }
+}
+
+void farm_frame_developed(struct farm *farm, struct job_frame *frame, status result,
+                          const struct error *why, uint64_t now_ns)
+{
+    struct job *job = frame->job;
+    uint32_t number = frame->number;
+    double relative_mse;
+
+    if (frame->closing) {
+        farm_frame_unpin(farm, frame);
+        return;
+    }
+    if (result != STATUS_OK) {
+        farm_frame_unpin(farm, frame);
+        farm_fail(farm, job, now_ns, "frame %u cannot be written: %s", number, why->text);
+        return;
+    }
+    relative_mse = film_relative_mse(frame->film);
+    farm_frame_unpin(farm, frame);
+    frame_close(farm, frame);
+    job_frame_set_done(job, number);
+    job->relative_mse = relative_mse;
+    if (farm->store)
+        store_film_remove(farm->store, job->id, number);
+    log_info("job %llu (%s), frame %u is done: %u of %u", (unsigned long long)job->id, job->name,
+             number, job->frames_done_count, job_frame_count(job));
+    farm->pump_wanted = 1;
+    if (job->frames_done_count < job_frame_count(job)) {
+        farm->events.job_changed(farm->events.user, job);
+        return;
+    }
+    if (job->state == JOB_STATE_QUEUED) /* all of it came back from disk */
+        job_set_state(&farm->queue, job, JOB_STATE_RUNNING, NULL, now_ns, farm->wall_s);
+    log_info("job %llu (%s) is done", (unsigned long long)job->id, job->name);
+    job_end(farm, job, JOB_STATE_DONE, NULL, now_ns);
+}
+
+/* ---- after a restart -------------------------------------------------------------------------- */
+
+/* Open the frames of which there is something on disk. */
+static void resume_films(struct farm *farm, struct job *job, uint64_t now_ns)
+{
+    for (uint64_t number = job->first_frame; number <= job->last_frame; number++)
+        if (!job_frame_is_done(job, (uint32_t)number) &&
+            store_film_exists(farm->store, job->id, (uint32_t)number) &&
+            !farm_frame_open(farm, job, (uint32_t)number, now_ns))
+            return;
+}
+
+void farm_resume(struct farm *farm, uint64_t now_ns)
+{
+    for (size_t i = 0; i < farm->queue.active_count;) {
+        struct job *job = farm->queue.active[i];
+        if (job->frames_done_count == job_frame_count(job)) {
+            if (job->state == JOB_STATE_QUEUED)
+                job_set_state(&farm->queue, job, JOB_STATE_RUNNING, NULL, now_ns, farm->wall_s);
+            job_end(farm, job, JOB_STATE_DONE, NULL, now_ns);
+            continue;
+        }
+        if (job->state == JOB_STATE_RUNNING) {
+            log_info("job %llu (%s) goes on: %u of %u frames are done", (unsigned long long)job->id,
+                     job->name, job->frames_done_count, job_frame_count(job));
+            if (farm->store)
+                resume_films(farm, job, now_ns);
+        }
+        /* A job that failed just now has left its place to the next. */
+        if (i < farm->queue.active_count && farm->queue.active[i] == job)
+            i++;
+    }
+}
+
+/* ---- time ----------------------------------------------------------------------------------- */
+
+void farm_tick(struct farm *farm, uint64_t now_ns)
+{
+    struct lease *lease;
+
+    while ((lease = lease_lapsed(&farm->leases, now_ns))) {
+        log_warn("lease %llu of session %u lapsed: %u work units go to other workers",
+                 (unsigned long long)lease->id, lease->holder->session, lease->open_count);
+        farm->events.revoke(farm->events.user, lease->holder->session, lease->id, "the lease lapsed");
+        lease_end(&farm->leases, lease);
+        farm->pump_wanted = 1;
+    }
+    for (size_t i = 0; i < farm->queue.active_count; i++) {
+        struct job *job = farm->queue.active[i];
+        for (struct job_frame *frame = job->frames; frame; frame = frame->next)
+            if (frame->state == FRAME_COMPLETE)
+                farm_frame_advance(farm, frame);
+        if (job->leases > 0 && now_ns - job->saved_ns >= PROGRESS_SAVE_MS * NS_PER_MS)
+            job_save(farm, job, now_ns);
+    }
+}

@@ -1,0 +1,114 @@
+/* farm: the coordinator's logic without sockets: the queue, the open frames, the leases and
+ * the workers, driven by events and by a clock that is passed in.
+ *
+ * What it wants done outside it asks of `struct farm_events`. Those callbacks must not call back
+ * into the farm, except farm_frame_developed from a later turn.
+ *
+ * The farm owns the queue, the frames and the leases; a worker belongs to its session, which
+ * must remove it (farm_worker_remove) before it frees it. One thread.
+ */
+#ifndef AZULEJO_COORDINATOR_FARM_H
+#define AZULEJO_COORDINATOR_FARM_H
+
+#include <stdint.h>
+
+#include "common/base/status.h"
+#include "coordinator/lease.h"
+#include "coordinator/queue.h"
+#include "coordinator/store.h"
+
+enum {
+    FRAMES_OPEN_MAX = 16,        /* films in memory */
+    FRAMES_OPEN_PER_JOB = 3,     /* of those, of one job; also counts frames being developed */
+    WORKERS_MAX = 4096,
+    PROGRESS_SAVE_MS = 5000,     /* how often a running job's counters go to the store */
+};
+/* Films in memory; one frame alone may need more. 48 bytes a pixel. */
+#define FRAMES_OPEN_BYTES ((uint64_t)16 << 30)
+#define FILM_PIXEL_BYTES 48u
+
+struct farm_worker {
+    struct lease_holder held;
+    uint32_t threads;            /* >= 1 */
+    uint32_t isa_mask;
+    char kernel[KERNEL_NAME_MAX + 1];
+    uint32_t room;               /* units it asked for and did not get yet */
+    uint64_t cost_job;           /* the job that `cost_ns` was measured on */
+    double cost_ns;              /* CPU time of one pixel sample on one thread; 0: not known */
+    uint64_t units_done, samples_done;
+    struct rate rate;
+    uint64_t noticed_job;        /* the newest job it was told it cannot serve */
+    char note[256];              /* why it gets no work; "" otherwise */
+};
+
+struct farm_events {
+    void (*revoke)(void *user, uint32_t session, uint64_t lease, const char *reason);
+    void (*ack)(void *user, uint32_t session, const struct job *job, uint32_t frame,
+                struct unit_name unit);
+    void (*notice)(void *user, uint32_t session, const char *text);
+    void (*job_changed)(void *user, struct job *job);
+    /* Turn the frame's complete film into files, then call farm_frame_developed. If it cannot even
+     * begin (out of memory) it is asked again at the next tick. */
+    status (*develop)(void *user, struct job_frame *frame);
+    void *user;
+};
+
+struct farm {
+    struct queue queue;
+    struct lease_table leases;
+    struct store *store;         /* NULL: nothing is kept (tests) */
+    struct farm_events events;
+    struct farm_worker *workers[WORKERS_MAX];
+    uint32_t worker_count;
+    uint32_t open_frames;
+    uint64_t open_bytes;
+    uint64_t conflicts;
+    int64_t wall_s;              /* set by the owner as time passes */
+    int pump_wanted;             /* there may be something to grant */
+};
+
+/* Takes the jobs that the store holds. The store stays the caller's. ERR_IO, ERR_NO_MEMORY. */
+status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns,
+                 const struct farm_events *events, int64_t wall_s, struct error *err) MUST_CHECK;
+void farm_release(struct farm *farm, uint64_t now_ns);
+/* Once, after farm_init: end the jobs that were all but done, open the films that are on disk. */
+void farm_resume(struct farm *farm, uint64_t now_ns);
+
+/* Take a new job: gives it an id, stores and queues it. On failure the caller still owns it. */
+status farm_submit(struct farm *farm, struct job *job, struct error *err) MUST_CHECK;
+/* No effect on a job that has ended. */
+void farm_cancel(struct farm *farm, struct job *job, uint64_t now_ns);
+void farm_fail(struct farm *farm, struct job *job, uint64_t now_ns, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
+
+status farm_worker_add(struct farm *farm, struct farm_worker *worker, struct error *err) MUST_CHECK;
+void farm_worker_remove(struct farm *farm, struct farm_worker *worker);
+/* A worker cannot render this job at all. */
+void farm_job_broken(struct farm *farm, struct job *job, struct farm_worker *worker,
+                     const char *text, uint64_t now_ns);
+/* Can this worker serve the job? If not, `why` says so, for people. */
+int farm_can_serve(const struct job *job, const struct farm_worker *worker, char *why,
+                   size_t why_size);
+
+/* The job's open frame of this number; NULL: none. */
+struct job_frame *farm_frame_find(const struct job *job, uint32_t number);
+/* Open the frame if the limits allow (else NULL without an error). A failure ends the job. */
+struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t number, uint64_t now_ns);
+/* The next frame of the job that is neither done nor open, opened; NULL: none, or limits. */
+struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint64_t now_ns);
+/* Move the frame on when its film is complete and on disk. */
+void farm_frame_advance(struct farm *farm, struct job_frame *frame);
+/* The end of events.develop. When `result` is OK the frame is in the store as done already. */
+void farm_frame_developed(struct farm *farm, struct job_frame *frame, status result,
+                          const struct error *why, uint64_t now_ns);
+/* A commit or develop let go of the frame; frees it when its job has ended. */
+void farm_frame_unpin(struct farm *farm, struct job_frame *frame);
+
+/* The first units are on their way: the job runs. */
+void farm_job_started(struct farm *farm, struct job *job, const struct farm_worker *worker,
+                      uint64_t now_ns);
+
+/* Leases that lapsed, counters to store. Call a few times a second. */
+void farm_tick(struct farm *farm, uint64_t now_ns);
+
+#endif

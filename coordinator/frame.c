@@ -1,0 +1,270 @@
+#include "coordinator/frame.h"
+
+#include <assert.h>
+#include <string.h>
+
+#include "common/base/memory.h"
+
+enum { BUCKETS_MIN = 64, BUCKETS_MAX = 1 << 16 };
+
+struct job_frame *frame_new(struct job *job, uint32_t number, uint32_t width, uint32_t height,
+                        uint32_t spp, struct film_file *file)
+{
+    struct job_frame *frame = mem_calloc(1, sizeof *frame);
+    uint32_t tiles = tile_count(width, height);
+    uint32_t buckets = BUCKETS_MIN;
+
+    if (!frame)
+        return NULL;
+    while (buckets < BUCKETS_MAX && buckets < tiles)
+        buckets *= 2;
+    frame->job = job;
+    frame->number = number;
+    frame->bucket_mask = buckets - 1;
+    frame->film = film_new(width, height, spp);
+    frame->buckets = mem_calloc(buckets, sizeof(struct unit *));
+    frame->durable = mem_calloc(tiles, sizeof *frame->durable);
+    frame->slot = mem_calloc(tiles, 1);
+    frame->dirty_mark = mem_calloc(tiles, 1);
+    frame->dirty = mem_calloc(tiles, sizeof *frame->dirty);
+    if (!frame->film || !frame->buckets || !frame->durable || !frame->slot ||
+        !frame->dirty_mark || !frame->dirty) {
+        frame_free(frame);
+        return NULL;
+    }
+    frame->cursor_left = (uint64_t)tiles * pass_count(spp);
+    frame->file = file;
+    return frame;
+}
+
+void frame_free(struct job_frame *frame)
+{
+    if (!frame)
+        return;
+    assert(frame->in_flight == 0);
+    while (frame->oldest) {
+        assert(frame->oldest->holder_count == 0);
+        frame_unit_settle(frame, frame->oldest);
+    }
+    film_file_close(frame->file);
+    mem_free(frame->acks);
+    mem_free(frame->dirty);
+    mem_free(frame->dirty_mark);
+    mem_free(frame->slot);
+    mem_free(frame->durable);
+    mem_free(frame->buckets);
+    mem_free(frame->returned);
+    film_free(frame->film);
+    mem_free(frame);
+}
+
+void frame_set_state(struct job_frame *frame, enum frame_state state)
+{
+    assert((frame->state == FRAME_RENDERING && state == FRAME_COMPLETE) ||
+           (frame->state == FRAME_COMPLETE && state == FRAME_DEVELOPING));
+    assert(film_complete(frame->film));
+    frame->state = state;
+}
+
+/* ---- the pool of units that nobody holds ------------------------------------------------------ */
+
+static int name_before(struct unit_name a, struct unit_name b)
+{
+    return a.pass != b.pass ? a.pass < b.pass : a.tile < b.tile;
+}
+
+static void frame_rewind(struct job_frame *frame)
+{
+    frame->returned_count = 0;
+    frame->cursor_pass = frame->cursor_tile = 0;
+    frame->cursor_left =
+        (uint64_t)film_tile_count(frame->film) * film_pass_count(frame->film);
+}
+
+void frame_return(struct job_frame *frame, struct unit_name name)
+{
+    size_t i = frame->returned_count;
+
+    if (!MEM_GROW(frame->returned, frame->returned_capacity, i + 1)) {
+        frame_rewind(frame);
+        return;
+    }
+    frame->returned_count++;
+    while (i > 0 && name_before(name, frame->returned[(i - 1) / 2])) {
+        frame->returned[i] = frame->returned[(i - 1) / 2];
+        i = (i - 1) / 2;
+    }
+    frame->returned[i] = name;
+}
+
+static struct unit_name returned_pop(struct job_frame *frame)
+{
+    struct unit_name *heap = frame->returned;
+    struct unit_name top = heap[0], last = heap[--frame->returned_count];
+    size_t i = 0, count = frame->returned_count;
+
+    for (;;) {
+        size_t child = 2 * i + 1;
+        if (child >= count)
+            break;
+        if (child + 1 < count && name_before(heap[child + 1], heap[child]))
+            child++;
+        if (!name_before(heap[child], last))
+            break;
+        heap[i] = heap[child];
+        i = child;
+    }
+    heap[i] = last;
+    return top;
+}
+
+int frame_take(struct job_frame *frame, struct unit_name *out)
+{
+    uint32_t tiles = film_tile_count(frame->film), passes = film_pass_count(frame->film);
+
+    while (frame->returned_count > 0) {
+        *out = returned_pop(frame);
+        if (!film_has(frame->film, out->tile, out->pass) &&
+            !frame_unit_find(frame, out->tile, out->pass))
+            return 1;
+    }
+    while (frame->cursor_pass < passes) {
+        out->tile = frame->cursor_tile;
+        out->pass = frame->cursor_pass;
+        if (out->pass >= film_tile_passes(frame->film, out->tile) + FRAME_PASSES_AHEAD)
+            return 0;
+        if (++frame->cursor_tile == tiles) {
+            frame->cursor_tile = 0;
+            frame->cursor_pass++;
+        }
+        frame->cursor_left--;
+        if (!film_has(frame->film, out->tile, out->pass) &&
+            !frame_unit_find(frame, out->tile, out->pass))
+            return 1;
+    }
+    return 0;
+}
+
+uint64_t frame_unleased(const struct job_frame *frame)
+{
+    return frame->returned_count + frame->cursor_left;
+}
+
+uint64_t frame_unit_samples(const struct job_frame *frame, struct unit_name name)
+{
+    struct tile_rect rect =
+        tile_rect_of(film_width(frame->film), film_height(frame->film), name.tile);
+    uint32_t begin, end;
+
+    pass_range(film_spp(frame->film), name.pass, &begin, &end);
+    return (uint64_t)rect.width * rect.height * (end - begin);
+}
+
+/* ---- outstanding units ------------------------------------------------------------------------ */
+
+static struct unit **bucket_of(const struct job_frame *frame, uint32_t tile, uint32_t pass)
+{
+    uint32_t hash = tile * 0x9e3779b1u ^ pass * 0x85ebca77u;
+
+    return &frame->buckets[(hash ^ hash >> 16) & frame->bucket_mask];
+}
+
+struct unit *frame_unit_find(const struct job_frame *frame, uint32_t tile, uint32_t pass)
+{
+    struct unit *unit = *bucket_of(frame, tile, pass);
+
+    while (unit && (unit->tile != tile || unit->pass != pass))
+        unit = unit->chain;
+    return unit;
+}
+
+static void age_remove(struct job_frame *frame, struct unit *unit)
+{
+    *(unit->older ? &unit->older->newer : &frame->oldest) = unit->newer;
+    *(unit->newer ? &unit->newer->older : &frame->newest) = unit->older;
+}
+
+static void age_append(struct job_frame *frame, struct unit *unit)
+{
+    unit->older = frame->newest;
+    unit->newer = NULL;
+    *(frame->newest ? &frame->newest->newer : &frame->oldest) = unit;
+    frame->newest = unit;
+}
+
+status frame_unit_lend(struct job_frame *frame, struct unit_name name, struct lease *lease,
+                       uint64_t now_ns)
+{
+    struct unit *unit = frame_unit_find(frame, name.tile, name.pass);
+
+    if (unit) {
+        if (unit->holder_count == UNIT_HOLDERS_MAX)
+            return STATUS_ERR_LIMIT;
+        age_remove(frame, unit);
+    } else {
+        struct unit **bucket = bucket_of(frame, name.tile, name.pass);
+        unit = mem_calloc(1, sizeof *unit);
+        if (!unit)
+            return STATUS_ERR_NO_MEMORY;
+        unit->tile = name.tile;
+        unit->pass = name.pass;
+        unit->chain = *bucket;
+        *bucket = unit;
+        frame->outstanding_count++;
+    }
+    unit->holders[unit->holder_count++] = lease;
+    unit->granted_ns = now_ns;
+    age_append(frame, unit);
+    return STATUS_OK;
+}
+
+void frame_unit_settle(struct job_frame *frame, struct unit *unit)
+{
+    struct unit **at = bucket_of(frame, unit->tile, unit->pass);
+
+    while (*at != unit)
+        at = &(*at)->chain;
+    *at = unit->chain;
+    age_remove(frame, unit);
+    frame->outstanding_count--;
+    mem_free(unit);
+}
+
+void frame_unit_drop(struct job_frame *frame, struct unit *unit, struct lease *lease)
+{
+    struct unit_name name = {unit->tile, unit->pass};
+
+    for (uint32_t i = 0; i < unit->holder_count; i++) {
+        if (unit->holders[i] == lease) {
+            unit->holders[i] = unit->holders[--unit->holder_count];
+            break;
+        }
+    }
+    if (unit->holder_count > 0)
+        return;
+    frame_unit_settle(frame, unit);
+    frame_return(frame, name);
+}
+
+/* ---- what waits for the disk ------------------------------------------------------------------ */
+
+void frame_mark_dirty(struct job_frame *frame, uint32_t tile, uint64_t now_ns)
+{
+    if (frame->dirty_mark[tile])
+        return;
+    if (frame->dirty_count == 0)
+        frame->dirty_since_ns = now_ns;
+    frame->dirty_mark[tile] = 1;
+    frame->dirty[frame->dirty_count++] = tile;
+}
+
+status frame_await_ack(struct job_frame *frame, struct pending_ack ack, struct error *err)
+{
+    if (frame->ack_count >= FRAME_ACKS_MAX)
+        return error_set(err, STATUS_ERR_LIMIT, "frame %u: %d results wait for the disk",
+                         frame->number, FRAME_ACKS_MAX);
+    if (!MEM_GROW(frame->acks, frame->ack_capacity, frame->ack_count + 1))
+        return error_no_memory(err, "acknowledgements");
+    frame->acks[frame->ack_count++] = ack;
+    return STATUS_OK;
+}

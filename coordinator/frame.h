@@ -1,0 +1,119 @@
+/* frame: one picture in work: its film, and which of its work units are lent to whom.
+ *
+ *   RENDERING --every unit merged--> COMPLETE --all of it on disk--> DEVELOPING
+ *        DEVELOPING --outputs on disk--> closed (freed)
+ *   any --job ends--> closed, as soon as no commit or develop is in flight
+ * frame_set_state is the only function that changes it.
+ *
+ * Units are granted in passes over all tiles, so that a preview covers the frame early:
+ * first what came back from workers (`returned`), then from the cursor on.
+ *
+ * Invariants:
+ *  - a unit is in exactly one of: the film (folded or waiting), `outstanding` (lent to at least one
+ *    lease), `returned`, or not yet reached by the cursor;
+ *  - durable[t] <= film_tile_passes(t); they differ only for tiles that are dirty or in a commit.
+ * A frame owns its film, its units and its pending acknowledgements; the film file belongs to it too.
+ */
+#ifndef AZULEJO_COORDINATOR_FRAME_H
+#define AZULEJO_COORDINATOR_FRAME_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/base/status.h"
+#include "common/film/film.h"
+#include "coordinator/store_film.h"
+
+enum {
+    UNIT_HOLDERS_MAX = 3,     /* leases that may hold one unit at once */
+    FRAME_PASSES_AHEAD = 64,  /* how far a tile's granted passes may be ahead of its folded ones */
+    FRAME_ACKS_MAX = 1 << 20, /* results that wait for the disk or for an earlier pass */
+};
+
+struct job;
+struct lease;
+
+enum frame_state { FRAME_RENDERING, FRAME_COMPLETE, FRAME_DEVELOPING };
+
+struct unit_name {
+    uint32_t tile, pass;
+};
+
+/* A work unit that is lent to at least one lease. */
+struct unit {
+    uint32_t tile, pass;
+    uint32_t holder_count;
+    struct lease *holders[UNIT_HOLDERS_MAX];
+    uint64_t granted_ns;         /* to the newest holder */
+    struct unit *chain;          /* in its hash bucket */
+    struct unit *older, *newer;  /* by granted_ns */
+};
+
+/* A result that is not acknowledged yet. */
+struct pending_ack {
+    uint32_t session, tile, pass;
+};
+
+struct job_frame {
+    struct job_frame *next;          /* of the same job, ascending number */
+    struct job *job;
+    uint32_t number;
+    enum frame_state state;
+    struct film *film;
+    struct film_file *file;      /* NULL: kept in memory only (tests) */
+
+    uint32_t cursor_pass, cursor_tile;
+    uint64_t cursor_left;        /* units from the cursor on */
+    struct unit_name *returned;  /* a binary heap, earliest unit first */
+    size_t returned_count, returned_capacity;
+    struct unit **buckets;
+    uint32_t bucket_mask;
+    uint32_t outstanding_count;
+    struct unit *oldest, *newest;
+
+    uint32_t *durable;           /* passes of each tile that are on disk */
+    uint32_t durable_tiles;      /* tiles of which every pass is */
+    uint8_t *slot;               /* which of the tile's two slots holds them */
+    uint8_t *dirty_mark;
+    uint32_t *dirty;             /* tiles to write, in order of arrival */
+    uint32_t dirty_count;
+    uint64_t dirty_since_ns;
+    struct pending_ack *acks;
+    size_t ack_count, ack_capacity;
+    double error;                /* the last reported film_relative_mse */
+    uint64_t error_next_ns;      /* when to compute it anew; 0: not computed yet */
+    int in_flight;               /* commits and develops that hold this frame */
+    int closing;                 /* the job ended: free it when nothing is in flight */
+};
+
+/* NULL when out of memory. The film is new and empty; `file` stays the caller's on failure. */
+struct job_frame *frame_new(struct job *job, uint32_t number, uint32_t width, uint32_t height,
+                        uint32_t spp, struct film_file *file);
+void frame_free(struct job_frame *frame); /* no unit may be outstanding */
+
+void frame_set_state(struct job_frame *frame, enum frame_state state);
+
+/* The next unit that nobody holds and the film lacks; 0 when there is none at the moment. */
+int frame_take(struct job_frame *frame, struct unit_name *out);
+/* Put a unit back that was taken and is not outstanding. Without memory for it the cursor goes
+ * back to the first unit instead, and skips what is merged or lent. */
+void frame_return(struct job_frame *frame, struct unit_name name);
+/* About how many units frame_take could still yield; exact unless results came unasked. */
+uint64_t frame_unleased(const struct job_frame *frame);
+/* Pixel samples of a unit. */
+uint64_t frame_unit_samples(const struct job_frame *frame, struct unit_name name);
+
+struct unit *frame_unit_find(const struct job_frame *frame, uint32_t tile, uint32_t pass);
+/* Lend the unit to one more lease. ERR_LIMIT: it has all holders that it may have. */
+status frame_unit_lend(struct job_frame *frame, struct unit_name name, struct lease *lease,
+                       uint64_t now_ns) MUST_CHECK;
+/* Take `lease` from the unit's holders; when it was the last one the unit goes back to the pool. */
+void frame_unit_drop(struct job_frame *frame, struct unit *unit, struct lease *lease);
+/* Forget an outstanding unit: the film has it. */
+void frame_unit_settle(struct job_frame *frame, struct unit *unit);
+
+/* Note that a tile's state must go to the disk. */
+void frame_mark_dirty(struct job_frame *frame, uint32_t tile, uint64_t now_ns);
+status frame_await_ack(struct job_frame *frame, struct pending_ack ack, struct error *err) MUST_CHECK;
+
+#endif

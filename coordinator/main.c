@@ -1,0 +1,138 @@
+/* azulejo-coordinator: the daemon that owns the queue, the films and the outputs. */
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/base/clock.h"
+#include "common/base/log.h"
+#include "common/base/options.h"
+#include "coordinator/blobs.h"
+#include "coordinator/server.h"
+#include "coordinator/store.h"
+#include "protocol/key.h"
+
+enum { HOST_MAX = 256 };
+
+/* "HOST:PORT", "[V6]:PORT", ":PORT" (every address) or "HOST". */
+static status parse_listen(const char *text, char host[HOST_MAX], uint16_t *port,
+                           struct error *err)
+{
+    const char *colon = strrchr(text, ':');
+    const char *begin = text, *end = colon ? colon : text + strlen(text);
+    char *rest = NULL;
+    unsigned long number = PROTOCOL_PORT_DEFAULT;
+
+    if (text[0] == '[') {
+        begin = text + 1;
+        end = strchr(text, ']');
+        if (!end || (end[1] != 0 && end[1] != ':'))
+            return error_set(err, STATUS_ERR_USAGE, "--listen %s: write [ADDRESS]:PORT", text);
+        colon = end[1] == ':' ? end + 1 : NULL;
+    } else if (colon && memchr(text, ':', (size_t)(colon - text))) {
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--listen %s: write an IPv6 address as [ADDRESS]:PORT", text);
+    }
+    if (colon) {
+        number = strtoul(colon + 1, &rest, 10);
+        if (rest == colon + 1 || *rest || number > 65535)
+            return error_set(err, STATUS_ERR_USAGE, "--listen %s: the port must be 0..65535", text);
+    }
+    if (end - begin >= HOST_MAX)
+        return error_set(err, STATUS_ERR_USAGE, "--listen: the host's name is too long");
+    snprintf(host, HOST_MAX, "%.*s", (int)(end - begin), begin);
+    *port = (uint16_t)number;
+    return STATUS_OK;
+}
+
+static status load_key(const char *path, struct farm_key *key, struct error *err)
+{
+    const char *named = path ? path : getenv("AZULEJO_KEY");
+    status s;
+
+    if (!named || !named[0])
+        return error_set(err, STATUS_ERR_USAGE,
+                         "no key: name the farm's key file with --key or AZULEJO_KEY (azulejo keygen "
+                         "makes one)");
+    s = farm_key_load(key, named, err);
+    if (s == STATUS_OK && !key->is_farm)
+        s = error_set(err, STATUS_ERR_REFUSED,
+                      "%s: holds the %s role's key; the coordinator needs the farm's own key", named,
+                      farm_role_name(key->role));
+    return s;
+}
+
+static int fail(const struct error *err)
+{
+    fprintf(stderr, "azulejo-coordinator: %s\n", err->text);
+    return status_exit_code(err->code);
+}
+
+int main(int argc, char **argv)
+{
+    const char *listen = "127.0.0.1:7420", *key_path = NULL, *folder = "azulejo-store";
+    const char *level = "info", *ready_file = NULL;
+    double lease_seconds = 60;
+    int version = 0, help = 0;
+    const struct option table[] = {
+        {"listen", 'l', OPTION_STRING, &listen, "HOST:PORT",
+         "address to listen on (127.0.0.1:7420); port 0 takes any free one", 0, 0, NULL},
+        {"key", 'k', OPTION_STRING, &key_path, "FILE", "the farm's key file (AZULEJO_KEY)", 0, 0,
+         NULL},
+        {"store", 's', OPTION_STRING, &folder, "DIR",
+         "where jobs, blobs and pictures are kept (azulejo-store)", 0, 0, NULL},
+        {"lease-seconds", 0, OPTION_REAL, &lease_seconds, "S",
+         "work that a worker sends nothing of for this long goes to others (60)", 1, 86400, NULL},
+        {"ready-file", 0, OPTION_STRING, &ready_file, "FILE",
+         "write the port there, atomically, once connections are taken", 0, 0, NULL},
+        {"log-level", 0, OPTION_CHOICE, &level, "LEVEL", "what is logged (info)", 0, 0,
+         "error|warn|info|debug"},
+        {"version", 0, OPTION_FLAG, &version, NULL, "print the version", 0, 0, NULL},
+        {0},
+    };
+    struct server_options options = {0};
+    struct positionals rest;
+    struct farm_key key = {0};
+    struct store *store = NULL;
+    struct error err = {0};
+    char host[HOST_MAX];
+    status s = options_parse(table, argc, argv, &rest, &help, &err);
+
+    if (s == STATUS_OK && help) {
+        options_print_help("azulejo-coordinator --key FILE [options]",
+                           "Own the queue of a render farm: lend work to workers, merge what they "
+                           "send, write the pictures.",
+                           table);
+        return 0;
+    }
+    if (s == STATUS_OK && version) {
+        printf("azulejo-coordinator " AZULEJO_VERSION "\n");
+        return 0;
+    }
+    if (s == STATUS_OK && rest.count > 0)
+        s = error_set(&err, STATUS_ERR_USAGE, "unexpected argument '%s'", rest.items[0]);
+    if (s == STATUS_OK)
+        s = parse_listen(listen, host, &options.port, &err);
+    if (s == STATUS_OK)
+        s = load_key(key_path, &key, &err);
+    if (s != STATUS_OK)
+        return fail(&err);
+    log_setup("azulejo-coordinator", (enum log_level)log_level_parse(level));
+    signal(SIGPIPE, SIG_IGN);
+    s = store_open(&store, folder, &err);
+    if (s == STATUS_OK) {
+        blobs_clean(folder);
+        options.host = host;
+        options.key = &key;
+        options.store = store;
+        options.lease_ns = (uint64_t)(lease_seconds * 1e9);
+        options.ready_file = ready_file;
+        s = server_run(&options, &err);
+    }
+    store_close(store);
+    explicit_bzero(&key, sizeof key);
+    if (s != STATUS_OK)
+        return fail(&err);
+    log_info("ended");
+    return 0;
+}

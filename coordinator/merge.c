@@ -1,0 +1,271 @@
+#include "coordinator/merge.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "coordinator/scheduler.h"
+
+/* ---- taking a result ------------------------------------------------------------------------ */
+
+static void floats_from_wire(float *out, const uint8_t *in, size_t count)
+{
+    for (size_t i = 0; i < count; i++, in += 4) {
+        uint32_t bits = (uint32_t)in[0] | (uint32_t)in[1] << 8 | (uint32_t)in[2] << 16 |
+                        (uint32_t)in[3] << 24;
+        memcpy(&out[i], &bits, sizeof bits);
+    }
+}
+
+static void tell_others(void *user, uint32_t session, uint64_t lease)
+{
+    const struct farm *farm = user;
+
+    farm->events.revoke(farm->events.user, session, lease, "another worker was faster");
+}
+
+static void report_conflict(struct farm *farm, struct job *job, const struct tile_result *result,
+                            const struct farm_worker *worker)
+{
+    farm->conflicts++;
+    job->conflicts++;
+    log_error("job %llu, frame %u, tile %u, pass %u: session %u (%s) sent a result that differs "
+              "from the one merged before; the first is kept. One of the two machines computes "
+              "wrongly: check its memory and CPU, and render the frame again",
+              (unsigned long long)job->id, result->frame, result->tile, result->pass,
+              worker->held.session, worker->kernel);
+    farm->events.job_changed(farm->events.user, job);
+}
+
+/* The frame that the result is for; NULL with an outcome when it needs no merging. */
+static struct job_frame *frame_of(struct farm *farm, const struct farm_worker *worker,
+                              const struct tile_result *result, uint64_t now_ns,
+                              enum merge_outcome *outcome)
+{
+    struct job *job = queue_find(&farm->queue, result->job);
+    struct job_frame *frame;
+
+    *outcome = MERGE_UNWANTED;
+    if (!job || result->epoch < job->epoch_floor || result->frame < job->first_frame ||
+        result->frame > job->last_frame)
+        return NULL;
+    if (job_frame_is_done(job, result->frame)) {
+        *outcome = MERGE_KEPT;
+        return NULL;
+    }
+    if (job_state_ended(job->state) || strcmp(job->kernel, worker->kernel) != 0)
+        return NULL;
+    frame = farm_frame_find(job, result->frame);
+    return frame ? frame : farm_frame_open(farm, job, result->frame, now_ns);
+}
+
+status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result,
+                    uint64_t now_ns, enum merge_outcome *outcome, struct error *err)
+{
+    static float sums[TILE_FLOATS_MAX];
+    struct unit_name name = {result->tile, result->pass};
+    struct pending_ack ack = {worker->held.session, result->tile, result->pass};
+    enum film_merge_result merged;
+    const struct unit *unit;
+    struct job_frame *frame;
+    struct lease *lease;
+    uint64_t granted_ns = 0;
+    status s;
+
+    if (result->epoch > farm->leases.epoch || result->epoch == 0)
+        return error_set(err, STATUS_ERR_PROTOCOL,
+                         "a result of lease %llu, epoch %llu, which was never granted",
+                         (unsigned long long)result->lease, (unsigned long long)result->epoch);
+    if (result->sums_bytes % 4 || result->sums_bytes / 4 > TILE_FLOATS_MAX)
+        return error_set(err, STATUS_ERR_PROTOCOL, "a result of %zu bytes", result->sums_bytes);
+    frame = frame_of(farm, worker, result, now_ns, outcome);
+    if (!frame)
+        return STATUS_OK;
+    floats_from_wire(sums, result->sums, result->sums_bytes / 4);
+
+    /* Room for the acknowledgement first: once merged, a result must not get lost. */
+    s = frame_await_ack(frame, ack, err);
+    if (s != STATUS_OK)
+        return s;
+    frame->ack_count--;
+    s = film_merge(frame->film, result->tile, result->pass, sums, result->sums_bytes / 4, &merged,
+                   err);
+    if (s == STATUS_ERR_INPUT) {
+        error_prefix(err, "job %llu, frame %u", (unsigned long long)result->job, result->frame);
+        return STATUS_ERR_PROTOCOL;
+    }
+    if (s != STATUS_OK)
+        return s;
+
+    lease = lease_find(&farm->leases, result->lease, result->epoch);
+    if (lease && lease->holder == &worker->held)
+        lease_renew(&farm->leases, lease, now_ns);
+    unit = frame_unit_find(frame, result->tile, result->pass);
+    if (unit && unit->holder_count == 1)
+        granted_ns = unit->granted_ns;
+    if (merged == FILM_CONFLICT)
+        report_conflict(farm, frame->job, result, worker);
+    if (merged == FILM_MERGED || merged == FILM_WAITING) {
+        lease_settle_unit(&farm->leases, frame, name, worker->held.session, tell_others, farm);
+        work_stats_add(&frame->job->stats, &result->stats);
+        rate_add(&frame->job->rate, frame_unit_samples(frame, name), now_ns);
+        scheduler_learn(worker, frame->job, &result->stats, granted_ns, now_ns);
+        farm->pump_wanted = 1;
+    }
+    if (merged == FILM_MERGED)
+        frame_mark_dirty(frame, result->tile, now_ns);
+    if (result->pass < frame->durable[result->tile]) {
+        *outcome = MERGE_KEPT;
+    } else {
+        *outcome = MERGE_PENDING;
+        frame->acks[frame->ack_count++] = ack;
+    }
+    if (frame->state == FRAME_RENDERING)
+        farm_frame_advance(farm, frame);
+    return STATUS_OK;
+}
+
+/* ---- onto the disk -------------------------------------------------------------------------- */
+
+int merge_is_dirty(const struct farm *farm, uint64_t *since_ns, uint32_t *tiles)
+{
+    *since_ns = UINT64_MAX;
+    *tiles = 0;
+    for (size_t i = 0; i < farm->queue.active_count; i++) {
+        for (const struct job_frame *f = farm->queue.active[i]->frames; f; f = f->next) {
+            if (f->dirty_count == 0)
+                continue;
+            *tiles += f->dirty_count;
+            if (f->dirty_since_ns < *since_ns)
+                *since_ns = f->dirty_since_ns;
+        }
+    }
+    return *tiles > 0;
+}
+
+static void commit_free(struct commit *commit)
+{
+    if (!commit)
+        return;
+    mem_free(commit->items);
+    mem_free(commit->data);
+    mem_free(commit);
+}
+
+/* Copy the states of up to the commit's room of the frame's dirty tiles. */
+static void commit_take(struct commit *commit, struct job_frame *frame, uint32_t room, size_t *used)
+{
+    uint32_t taken = 0;
+
+    while (taken < frame->dirty_count && commit->count < room) {
+        uint32_t tile = frame->dirty[taken++];
+        struct commit_item *item = &commit->items[commit->count++];
+        frame->dirty_mark[tile] = 0;
+        item->frame = frame;
+        item->tile = tile;
+        item->passes = film_tile_passes(frame->film, tile);
+        item->slot = !frame->slot[tile];
+        item->offset = *used;
+        item->size = film_tile_state_size(frame->film, tile);
+        film_tile_save(frame->film, tile, commit->data + *used);
+        *used += item->size;
+    }
+    frame->dirty_count -= taken;
+    memmove(frame->dirty, frame->dirty + taken, frame->dirty_count * sizeof *frame->dirty);
+    if (taken)
+        frame->in_flight++;
+}
+
+struct commit *merge_commit_begin(struct farm *farm)
+{
+    struct commit *commit;
+    size_t bytes = 0, used = 0;
+    uint32_t count = 0;
+
+    for (size_t i = 0; i < farm->queue.active_count; i++) {
+        for (struct job_frame *f = farm->queue.active[i]->frames; f; f = f->next) {
+            uint32_t take = COMMIT_TILES_MAX - count;
+            if (take > f->dirty_count)
+                take = f->dirty_count;
+            count += take;
+            /* Tile 0 is the largest of a frame's tiles. */
+            bytes += take * film_tile_state_size(f->film, 0);
+        }
+    }
+    if (count == 0)
+        return NULL;
+    commit = mem_calloc(1, sizeof *commit);
+    if (!commit)
+        return NULL;
+    commit->items = mem_alloc_array(count, sizeof *commit->items);
+    commit->data = mem_alloc(bytes);
+    if (!commit->items || !commit->data) {
+        commit_free(commit);
+        return NULL;
+    }
+    for (size_t i = 0; i < farm->queue.active_count; i++)
+        for (struct job_frame *f = farm->queue.active[i]->frames; f; f = f->next)
+            commit_take(commit, f, count, &used);
+    return commit;
+}
+
+void merge_commit_run(struct commit *commit)
+{
+    commit->result = STATUS_OK;
+    for (uint32_t i = 0; i < commit->count && commit->result == STATUS_OK; i++) {
+        const struct commit_item *item = &commit->items[i];
+        if (!item->frame->file)
+            continue;
+        commit->result = film_file_write(item->frame->file, item->tile, item->slot,
+                                         commit->data + item->offset, item->size, &commit->error);
+        /* The items of one frame stand together. */
+        if (commit->result == STATUS_OK &&
+            (i + 1 == commit->count || commit->items[i + 1].frame != item->frame))
+            commit->result = film_file_sync(item->frame->file, &commit->error);
+    }
+}
+
+static void send_acks(struct farm *farm, struct job_frame *frame)
+{
+    size_t kept = 0;
+
+    for (size_t i = 0; i < frame->ack_count; i++) {
+        struct pending_ack ack = frame->acks[i];
+        if (ack.pass < frame->durable[ack.tile])
+            farm->events.ack(farm->events.user, ack.session, frame->job, frame->number,
+                             (struct unit_name){ack.tile, ack.pass});
+        else
+            frame->acks[kept++] = ack;
+    }
+    frame->ack_count = kept;
+}
+
+static void item_is_durable(const struct commit_item *item)
+{
+    struct job_frame *frame = item->frame;
+    uint32_t all = film_pass_count(frame->film);
+
+    frame->durable_tiles += item->passes == all && frame->durable[item->tile] != all;
+    frame->durable[item->tile] = item->passes;
+    frame->slot[item->tile] = item->slot;
+}
+
+void merge_commit_end(struct farm *farm, struct commit *commit, uint64_t now_ns)
+{
+    for (uint32_t i = 0; i < commit->count; i++) {
+        struct job_frame *frame = commit->items[i].frame;
+        if (commit->result == STATUS_OK && !frame->closing)
+            item_is_durable(&commit->items[i]);
+        if (i + 1 < commit->count && commit->items[i + 1].frame == frame)
+            continue;
+        if (!frame->closing && commit->result == STATUS_OK) {
+            send_acks(farm, frame);
+            farm_frame_advance(farm, frame);
+        } else if (!frame->closing) {
+            farm_fail(farm, frame->job, now_ns, "frame %u: %s", frame->number, commit->error.text);
+        }
+        farm_frame_unpin(farm, frame);
+    }
+    commit_free(commit);
+}

@@ -1,0 +1,199 @@
+#include "coordinator/queue.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/memory.h"
+
+static const char *const state_names[JOB_STATE_COUNT] = {"queued", "running", "done", "failed",
+                                                         "cancelled"};
+
+const char *job_state_name(enum job_state state)
+{
+    return (unsigned)state < JOB_STATE_COUNT ? state_names[state] : "unknown";
+}
+
+void work_stats_add(struct work_stats *sum, const struct work_stats *more)
+{
+    sum->samples += more->samples;
+    sum->rays += more->rays;
+    sum->vertices += more->vertices;
+    sum->dropped_samples += more->dropped_samples;
+    sum->cpu_ns += more->cpu_ns;
+    sum->trace_ns += more->trace_ns;
+}
+
+void queue_init(struct queue *queue)
+{
+    memset(queue, 0, sizeof *queue);
+}
+
+void queue_release(struct queue *queue)
+{
+    for (size_t i = 0; i < queue->count; i++)
+        job_free(queue->all[i]);
+    mem_free(queue->all);
+    mem_free(queue->active);
+    queue_init(queue);
+}
+
+struct job *job_new(uint32_t first_frame, uint32_t last_frame)
+{
+    struct job *job = mem_calloc(1, sizeof *job);
+
+    if (!job)
+        return NULL;
+    job->first_frame = first_frame;
+    job->last_frame = last_frame;
+    job->relative_mse = NAN;
+    job->frames_done = mem_calloc((size_t)job_frame_count(job) / 8 + 1, 1);
+    if (!job->frames_done) {
+        mem_free(job);
+        return NULL;
+    }
+    return job;
+}
+
+void job_free(struct job *job)
+{
+    if (!job)
+        return;
+    assert(!job->frames);
+    mem_free(job->frames_done);
+    mem_free(job);
+}
+
+/* Where `job` stands, or would stand, among the active ones. */
+static size_t active_place(const struct queue *queue, const struct job *job)
+{
+    size_t low = 0, high = queue->active_count;
+
+    while (low < high) {
+        size_t middle = low + (high - low) / 2;
+        const struct job *other = queue->active[middle];
+        int before = other->priority != job->priority ? other->priority > job->priority
+                                                      : other->id < job->id;
+        if (before)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+status queue_add(struct queue *queue, struct job *job, struct error *err)
+{
+    size_t place;
+
+    assert(queue->count == 0 || queue->all[queue->count - 1]->id < job->id);
+    if (queue->count >= JOBS_MAX)
+        return error_set(err, STATUS_ERR_LIMIT, "the coordinator keeps at most %d jobs", JOBS_MAX);
+    if (!job_state_ended(job->state) && queue->active_count >= JOBS_ACTIVE_MAX)
+        return error_set(err, STATUS_ERR_LIMIT,
+                         "%d jobs are queued or running already; wait for some to end", JOBS_ACTIVE_MAX);
+    if (!MEM_GROW(queue->all, queue->capacity, queue->count + 1) ||
+        !MEM_GROW(queue->active, queue->active_capacity, queue->active_count + 1))
+        return error_no_memory(err, "the queue");
+    queue->all[queue->count++] = job;
+    if (job_state_ended(job->state))
+        return STATUS_OK;
+    place = active_place(queue, job);
+    memmove(queue->active + place + 1, queue->active + place,
+            (queue->active_count - place) * sizeof *queue->active);
+    queue->active[place] = job;
+    queue->active_count++;
+    return STATUS_OK;
+}
+
+struct job *queue_find(const struct queue *queue, uint64_t id)
+{
+    size_t low = 0, high = queue->count;
+
+    while (low < high) {
+        size_t middle = low + (high - low) / 2;
+        if (queue->all[middle]->id < id)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low < queue->count && queue->all[low]->id == id ? queue->all[low] : NULL;
+}
+
+size_t queue_position(const struct queue *queue, const struct job *job)
+{
+    return active_place(queue, job);
+}
+
+int job_state_ended(enum job_state state)
+{
+    return state == JOB_STATE_DONE || state == JOB_STATE_FAILED || state == JOB_STATE_CANCELLED;
+}
+
+void job_set_state(struct queue *queue, struct job *job, enum job_state state, const char *text,
+                   uint64_t now_ns, int64_t wall_s)
+{
+    assert(!job_state_ended(job->state));
+    assert(state == JOB_STATE_RUNNING ? job->state == JOB_STATE_QUEUED
+                                      : job_state_ended(state));
+    assert(state != JOB_STATE_DONE || job->state == JOB_STATE_RUNNING);
+    if (job_state_ended(state)) {
+        size_t place = active_place(queue, job);
+        assert(place < queue->active_count && queue->active[place] == job);
+        queue->active_count--;
+        memmove(queue->active + place, queue->active + place + 1,
+                (queue->active_count - place) * sizeof *queue->active);
+        job->finished_at = wall_s;
+        if (job->active_since_ns)
+            job->active_ns += now_ns - job->active_since_ns;
+        job->active_since_ns = 0;
+    }
+    job->state = state;
+    snprintf(job->state_text, sizeof job->state_text, "%s", text ? text : "");
+}
+
+uint32_t job_frame_count(const struct job *job)
+{
+    return job->last_frame - job->first_frame + 1;
+}
+
+int job_frame_is_done(const struct job *job, uint32_t frame)
+{
+    uint32_t i = frame - job->first_frame;
+
+    return job->frames_done[i / 8] >> i % 8 & 1;
+}
+
+void job_frame_set_done(struct job *job, uint32_t frame)
+{
+    uint32_t i = frame - job->first_frame;
+
+    if (job_frame_is_done(job, frame))
+        return;
+    job->frames_done[i / 8] |= (uint8_t)(1u << i % 8);
+    job->frames_done_count++;
+    job->samples_done += job_frame_samples(job);
+}
+
+uint64_t job_frame_samples(const struct job *job)
+{
+    return (uint64_t)job->settings.width * job->settings.height * job->settings.spp;
+}
+
+double job_active_seconds(const struct job *job, uint64_t now_ns)
+{
+    uint64_t ns = job->active_ns;
+
+    if (job->active_since_ns && now_ns > job->active_since_ns)
+        ns += now_ns - job->active_since_ns;
+    return (double)ns / 1e9;
+}
+
+int job_is_broken_for(const struct job *job, uint32_t session)
+{
+    for (uint32_t i = 0; i < job->broken_count; i++)
+        if (job->broken_sessions[i] == session)
+            return 1;
+    return 0;
+}

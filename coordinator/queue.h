@@ -1,0 +1,131 @@
+/* queue: the jobs, and the order in which they are served.
+ *
+ *   QUEUED --first lease--> RUNNING --last frame's files on disk--> DONE
+ *     |                       |
+ *     +---cancelled-----------+--> CANCELLED
+ *     +---cannot be done------+--> FAILED
+ *
+ * job_set_state is the only function that changes a job's state; DONE, FAILED and CANCELLED
+ * are final. Jobs are served by priority (higher first), then in the order of submission.
+ *
+ * Invariants:
+ *  - `all` is sorted by id; `active` holds exactly the jobs that are not final, in order of service;
+ *  - a final job has no open frames.
+ * The queue owns its jobs. It survives a restart by way of the store, not by itself.
+ */
+#ifndef AZULEJO_COORDINATOR_QUEUE_H
+#define AZULEJO_COORDINATOR_QUEUE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/base/digest.h"
+#include "common/base/status.h"
+#include "common/scene/settings.h"
+#include "common/tonemap/tonemap.h"
+#include "coordinator/rate.h"
+
+enum {
+    JOBS_ACTIVE_MAX = 10000,
+    JOBS_MAX = 200000,
+    JOB_NAME_MAX = 255,
+    JOB_TEXT_MAX = 511,
+    KERNEL_NAME_MAX = 127,
+    JOB_BROKEN_MAX = 3, /* so many workers that cannot render a job end it */
+};
+
+/* The numbers are the wire's JobState and the store's. */
+enum job_state {
+    JOB_STATE_QUEUED,
+    JOB_STATE_RUNNING,
+    JOB_STATE_DONE,
+    JOB_STATE_FAILED,
+    JOB_STATE_CANCELLED,
+    JOB_STATE_COUNT
+};
+const char *job_state_name(enum job_state state);
+
+struct output_settings {
+    int exr_half;
+    int exr, png;                    /* which files are made; at least one */
+    struct tonemap_settings tonemap; /* op is never NULL */
+};
+
+/* Counted work; what workers report, summed over merged results. */
+struct work_stats {
+    uint64_t samples, rays, vertices, dropped_samples, cpu_ns, trace_ns;
+};
+void work_stats_add(struct work_stats *sum, const struct work_stats *more);
+
+struct job_frame;
+
+struct job {
+    uint64_t id;
+    char name[JOB_NAME_MAX + 1];
+    enum job_state state;
+    char state_text[JOB_TEXT_MAX + 1]; /* why it failed; empty otherwise */
+    int32_t priority;
+    uint32_t first_frame, last_frame;
+    struct render_settings settings;
+    struct output_settings output;
+    struct digest scene;
+    char scene_name[JOB_NAME_MAX + 1];
+
+    char kernel[KERNEL_NAME_MAX + 1];  /* of the first worker that got units; "": none yet */
+    uint64_t epoch_floor;              /* results of older epochs are not this job's */
+    int64_t submitted_at, finished_at; /* seconds since 1970, UTC; 0: not yet */
+    uint64_t active_ns;                /* since the first lease, without the present run */
+    uint64_t active_since_ns;          /* monotonic; 0: not active in this run */
+
+    uint8_t *frames_done;              /* a bit a frame from first_frame on */
+    uint32_t frames_done_count;
+    uint64_t samples_done;             /* pixel samples of the frames that are done */
+    double relative_mse;               /* of the last frame done; NaN: none */
+    struct work_stats stats;
+    uint64_t conflicts;
+
+    struct job_frame *frames;              /* open ones, ascending number */
+    struct rate rate;                  /* pixel samples */
+    uint32_t broken_sessions[JOB_BROKEN_MAX]; /* who said JobBroken */
+    uint32_t broken_count;
+    uint32_t leases;                   /* live ones */
+    uint64_t turnaround_ns;            /* from a unit's grant to its result, smoothed; 0: unknown */
+    uint64_t saved_ns;                 /* monotonic: when the progress was last stored */
+};
+
+struct queue {
+    struct job **all;
+    size_t count, capacity;
+    struct job **active;
+    size_t active_count, active_capacity;
+};
+
+void queue_init(struct queue *queue);
+void queue_release(struct queue *queue);
+
+/* A zeroed job that is in no queue; NULL when out of memory. frames_done has room for
+ * last - first + 1 frames. */
+struct job *job_new(uint32_t first_frame, uint32_t last_frame);
+void job_free(struct job *job); /* its frames must be closed */
+
+/* Take ownership of a job with an id greater than all before. ERR_LIMIT: too many;
+ * ERR_NO_MEMORY. On failure the caller still owns it. */
+status queue_add(struct queue *queue, struct job *job, struct error *err) MUST_CHECK;
+struct job *queue_find(const struct queue *queue, uint64_t id); /* NULL: none */
+
+/* How many active jobs stand before this one. */
+size_t queue_position(const struct queue *queue, const struct job *job);
+
+int job_state_ended(enum job_state state);
+/* `text` may be NULL. Asserts that the diagram allows the change. */
+void job_set_state(struct queue *queue, struct job *job, enum job_state state, const char *text,
+                   uint64_t now_ns, int64_t wall_s);
+
+uint32_t job_frame_count(const struct job *job);
+int job_frame_is_done(const struct job *job, uint32_t frame);
+void job_frame_set_done(struct job *job, uint32_t frame);
+uint64_t job_frame_samples(const struct job *job); /* of one whole frame */
+double job_active_seconds(const struct job *job, uint64_t now_ns);
+int job_is_broken_for(const struct job *job, uint32_t session);
+
+#endif

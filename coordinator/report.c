@@ -1,0 +1,139 @@
+#include "coordinator/report.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+
+#include "common/base/clock.h"
+#include "protocol/message.h"
+
+enum {
+    ERROR_AGE_MS = 1000,   /* a frame's error estimate is computed anew after this long, */
+    ERROR_COST_SHARE = 20, /* or after so many times what computing it took */
+};
+
+/* Why an active job gets nothing done at the moment; empty when it does. */
+static void explain_wait(char *out, size_t size, const struct farm *farm, const struct job *job)
+{
+    char why[256] = "";
+    uint32_t able = 0;
+    size_t before = queue_position(&farm->queue, job);
+
+    out[0] = 0;
+    if (job->leases > 0)
+        return;
+    for (uint32_t i = 0; i < farm->worker_count; i++) {
+        if (farm_can_serve(job, farm->workers[i], why, sizeof why)) {
+            able++;
+            break;
+        }
+    }
+    if (farm->worker_count == 0)
+        snprintf(out, size, "waits: no worker is connected");
+    else if (able == 0)
+        snprintf(out, size, "waits: none of the %u workers can render it; of one: %s",
+                 farm->worker_count, why);
+    else if (before > 0)
+        snprintf(out, size, "waits behind %zu job%s", before, before == 1 ? "" : "s");
+}
+
+/* Computing the estimate reads the whole film: not at every question. */
+static double frame_error(struct job_frame *frame, uint64_t now_ns)
+{
+    uint64_t begin_ns;
+
+    if (frame->error_next_ns && now_ns < frame->error_next_ns)
+        return frame->error;
+    begin_ns = clock_monotonic_ns();
+    frame->error = film_relative_mse(frame->film);
+    frame->error_next_ns = now_ns + ERROR_AGE_MS * NS_PER_MS +
+                           ERROR_COST_SHARE * (clock_monotonic_ns() - begin_ns);
+    return frame->error;
+}
+
+static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint64_t now_ns)
+{
+    struct job_frame *first = job->frames;
+
+    info->frames_done = job->frames_done_count;
+    info->samples_done = job->samples_done;
+    info->samples_total = job_frame_samples(job) * job_frame_count(job);
+    for (const struct job_frame *frame = first; frame; frame = frame->next)
+        info->samples_done += film_samples(frame->film);
+    info->relative_mse = job->relative_mse;
+    if (first) {
+        double error = frame_error(first, now_ns);
+        if (!isnan(error) || job->frames_done_count == 0)
+            info->relative_mse = error;
+        info->preview_frame = first->number;
+        info->preview_ready = film_covered(first->film);
+    } else {
+        info->preview_frame = job->state == JOB_STATE_DONE ? job->last_frame : job->first_frame;
+        info->preview_ready = job->state == JOB_STATE_DONE && job->output.png;
+    }
+    info->samples_per_second = job_state_ended(job->state) ? 0 : rate_per_second(&job->rate, now_ns);
+    info->seconds_left = -1;
+    if (job->state == JOB_STATE_DONE)
+        info->seconds_left = 0;
+    else if (info->samples_per_second > 0)
+        info->seconds_left =
+            (double)(info->samples_total - info->samples_done) / info->samples_per_second;
+    info->seconds_active = job_active_seconds(job, now_ns);
+}
+
+static uint32_t workers_on(const struct farm *farm, const struct job *job)
+{
+    static uint64_t round;
+    uint32_t count = 0;
+
+    round++;
+    for (const struct lease *lease = farm->leases.oldest; lease; lease = lease->newer) {
+        if (lease->frame->job != job || lease->holder->counted == round)
+            continue;
+        lease->holder->counted = round;
+        count++;
+    }
+    return count;
+}
+
+void job_report_make(struct job_report *report, const struct farm *farm, struct job *job,
+                     uint64_t now_ns)
+{
+    Azulejo__Wire__JobInfo info = AZULEJO__WIRE__JOB_INFO__INIT;
+    Azulejo__Wire__RenderSettings settings = AZULEJO__WIRE__RENDER_SETTINGS__INIT;
+    Azulejo__Wire__RenderStats stats = AZULEJO__WIRE__RENDER_STATS__INIT;
+
+    report->settings = settings;
+    wire_settings_set(&report->settings, &job->settings);
+    wire_output_set(&report->output, &job->output);
+    stats.samples = job->stats.samples;
+    stats.rays = job->stats.rays;
+    stats.vertices = job->stats.vertices;
+    stats.dropped_samples = job->stats.dropped_samples;
+    stats.cpu_ns = job->stats.cpu_ns;
+    stats.trace_ns = job->stats.trace_ns;
+    report->stats = stats;
+    if (job_state_ended(job->state))
+        snprintf(report->state_text, sizeof report->state_text, "%s", job->state_text);
+    else
+        explain_wait(report->state_text, sizeof report->state_text, farm, job);
+
+    info.job = job->id;
+    info.name = job->name;
+    info.state = (Azulejo__Wire__JobState)job->state;
+    info.state_text = report->state_text;
+    info.priority = job->priority;
+    info.first_frame = job->first_frame;
+    info.last_frame = job->last_frame;
+    info.settings = &report->settings;
+    info.output = &report->output.message;
+    wire_digest_set(&info.scene, &job->scene);
+    info.scene_name = job->scene_name;
+    info.stats = &report->stats;
+    info.submitted_at = job->submitted_at;
+    info.finished_at = job->finished_at;
+    info.conflicts = job->conflicts;
+    info.workers = job->leases ? workers_on(farm, job) : 0;
+    report_progress(&info, job, now_ns);
+    report->message = info;
+}

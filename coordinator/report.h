@@ -1,0 +1,20 @@
+/* report: what the farm tells about its jobs and workers. */
+#ifndef AZULEJO_COORDINATOR_REPORT_H
+#define AZULEJO_COORDINATOR_REPORT_H
+
+#include "coordinator/farm.h"
+#include "coordinator/wire.h"
+#include "protocol/azulejo.pb-c.h"
+
+/* One job's message and what it points at; must not move once made. */
+struct job_report {
+    Azulejo__Wire__JobInfo message;
+    Azulejo__Wire__RenderSettings settings;
+    Azulejo__Wire__RenderStats stats;
+    struct wire_output output;
+    char state_text[JOB_TEXT_MAX + 1];
+};
+void job_report_make(struct job_report *report, const struct farm *farm, struct job *job,
+                     uint64_t now_ns);
+
+#endif

@@ -1,0 +1,212 @@
+#include "coordinator/scheduler.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/clock.h"
+#include "common/base/log.h"
+
+/* How much the worker may be lent now. */
+struct budget {
+    uint32_t units;
+    double samples;              /* the lease ends with the unit that reaches this */
+};
+
+static double samples_in(const struct farm_worker *worker, uint32_t milliseconds)
+{
+    return milliseconds * 1e6 * worker->threads / worker->cost_ns;
+}
+
+/* 0: the worker holds enough. */
+static int budget_for(const struct farm *farm, const struct farm_worker *worker,
+                      const struct job_frame *frame, struct budget *budget)
+{
+    uint64_t threads = 0, share;
+    double held = (double)worker->held.samples;
+
+    budget->units = worker->room < LEASE_UNITS_MAX ? worker->room : LEASE_UNITS_MAX;
+    if (worker->cost_ns <= 0 || worker->cost_job != frame->job->id) {
+        /* Nothing measured yet: a unit for each thread, and as many again in reserve. */
+        if (worker->held.units >= 2 * worker->threads)
+            return 0;
+        budget->samples = 0x1p63;
+        share = worker->threads;
+    } else {
+        if (held >= samples_in(worker, HELD_WORK_MS) && worker->held.units >= worker->threads)
+            return 0;
+        budget->samples = samples_in(worker, film_covered(frame->film) ? LEASE_WORK_MS
+                                                                       : LEASE_WORK_FIRST_MS);
+        for (uint32_t i = 0; i < farm->worker_count; i++)
+            threads += farm->workers[i]->threads;
+        share = frame_unleased(frame) * worker->threads / (2 * threads);
+    }
+    if (share < 1)
+        share = 1;
+    if (share < budget->units)
+        budget->units = (uint32_t)share;
+    return budget->units > 0;
+}
+
+static uint32_t take_fresh(struct job_frame *frame, const struct budget *budget,
+                           struct unit_name units[LEASE_UNITS_MAX])
+{
+    uint32_t count = 0;
+    double samples = 0;
+
+    while (count < budget->units && samples < budget->samples &&
+           frame_take(frame, &units[count])) {
+        samples += (double)frame_unit_samples(frame, units[count]);
+        count++;
+    }
+    return count;
+}
+
+static uint32_t take_overdue(const struct job_frame *frame, const struct farm_worker *worker,
+                             uint64_t now_ns, struct unit_name units[LEASE_UNITS_MAX])
+{
+    uint64_t limit_ns = OVERDUE_UNKNOWN_MS * NS_PER_MS;
+    uint32_t count = 0;
+
+    if (frame->job->turnaround_ns) {
+        limit_ns = OVERDUE_FACTOR * frame->job->turnaround_ns;
+        if (limit_ns < OVERDUE_LEAST_MS * NS_PER_MS)
+            limit_ns = OVERDUE_LEAST_MS * NS_PER_MS;
+    }
+    for (const struct unit *unit = frame->oldest;
+         unit && count < worker->threads && count < worker->room && count < LEASE_UNITS_MAX &&
+         now_ns - unit->granted_ns >= limit_ns;
+         unit = unit->newer) {
+        int mine = 0;
+        for (uint32_t i = 0; i < unit->holder_count; i++)
+            mine |= unit->holders[i]->holder == &worker->held;
+        if (!mine && unit->holder_count < UNIT_HOLDERS_MAX)
+            units[count++] = (struct unit_name){unit->tile, unit->pass};
+    }
+    return count;
+}
+
+static struct lease *grant(struct farm *farm, struct job_frame *frame, struct farm_worker *worker,
+                           const struct unit_name *units, uint32_t count, uint64_t now_ns)
+{
+    struct lease *lease = lease_grant(&farm->leases, frame, &worker->held, units, count, now_ns);
+
+    if (!lease)
+        return NULL;
+    worker->room -= lease->unit_count;
+    worker->note[0] = 0;
+    farm_job_started(farm, frame->job, worker, now_ns);
+    return lease;
+}
+
+/* Tell a worker, once a job, why it gets nothing of it. */
+static int may_serve(struct farm *farm, const struct job *job, struct farm_worker *worker)
+{
+    char why[sizeof worker->note];
+
+    if (farm_can_serve(job, worker, why, sizeof why))
+        return 1;
+    snprintf(worker->note, sizeof worker->note, "%s", why);
+    if (job->id > worker->noticed_job) {
+        char text[sizeof why + 64];
+        worker->noticed_job = job->id;
+        snprintf(text, sizeof text, "this worker gets no work of job %llu: %s",
+                 (unsigned long long)job->id, why);
+        farm->events.notice(farm->events.user, worker->held.session, text);
+    }
+    return 0;
+}
+
+static struct lease *grant_fresh(struct farm *farm, struct job_frame *frame, struct farm_worker *worker,
+                                 uint64_t now_ns, int *full)
+{
+    static struct unit_name units[LEASE_UNITS_MAX];
+    struct budget budget;
+    uint32_t count;
+
+    if (frame->state != FRAME_RENDERING)
+        return NULL;
+    if (!budget_for(farm, worker, frame, &budget)) {
+        *full = 1;
+        return NULL;
+    }
+    count = take_fresh(frame, &budget, units);
+    return count ? grant(farm, frame, worker, units, count, now_ns) : NULL;
+}
+
+static struct lease *grant_overdue(struct farm *farm, struct job_frame *frame,
+                                   struct farm_worker *worker, uint64_t now_ns)
+{
+    static struct unit_name units[LEASE_UNITS_MAX];
+    uint32_t count;
+
+    if (frame->state != FRAME_RENDERING)
+        return NULL;
+    count = take_overdue(frame, worker, now_ns, units);
+    if (count == 0)
+        return NULL;
+    log_info("job %llu, frame %u: %u overdue work units go to session %u as well",
+             (unsigned long long)frame->job->id, frame->number, count, worker->held.session);
+    return grant(farm, frame, worker, units, count, now_ns);
+}
+
+struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uint64_t now_ns)
+{
+    const struct queue *queue = &farm->queue;
+    int full = 0;
+
+    if (worker->room == 0)
+        return NULL;
+    for (size_t i = 0; i < queue->active_count; i++) {
+        struct job *job = queue->active[i];
+        struct lease *lease = NULL;
+        struct job_frame *frame;
+
+        if (!may_serve(farm, job, worker))
+            continue;
+        for (frame = job->frames; frame && !lease && !full; frame = frame->next)
+            lease = grant_fresh(farm, frame, worker, now_ns, &full);
+        while (!lease && !full && (frame = farm_frame_open_next(farm, job, now_ns)))
+            lease = grant_fresh(farm, frame, worker, now_ns, &full);
+        if (lease || full)
+            return lease;
+        if (i < queue->active_count && queue->active[i] != job)
+            i--; /* the job failed as its frame was opened, and the next took its place */
+    }
+    if (worker->held.units >= worker->threads)
+        return NULL;
+    for (size_t i = 0; i < queue->active_count; i++) {
+        struct job *job = queue->active[i];
+        if (!may_serve(farm, job, worker))
+            continue;
+        for (struct job_frame *frame = job->frames; frame; frame = frame->next) {
+            struct lease *lease = grant_overdue(farm, frame, worker, now_ns);
+            if (lease)
+                return lease;
+        }
+    }
+    return NULL;
+}
+
+void scheduler_learn(struct farm_worker *worker, struct job *job, const struct work_stats *stats,
+                     uint64_t granted_ns, uint64_t now_ns)
+{
+    rate_add(&worker->rate, stats->samples, now_ns);
+    worker->units_done++;
+    worker->samples_done += stats->samples;
+    if (stats->samples > 0 && stats->cpu_ns > 0) {
+        double cost = (double)stats->cpu_ns / (double)stats->samples;
+        /* A worker's word: keep it within what a CPU can do. */
+        cost = cost < 1 ? 1 : cost > 1e9 ? 1e9 : cost;
+        if (worker->cost_job != job->id || worker->cost_ns <= 0)
+            worker->cost_ns = cost;
+        else
+            worker->cost_ns += (cost - worker->cost_ns) / 8;
+        worker->cost_job = job->id;
+    }
+    if (granted_ns && now_ns > granted_ns) {
+        uint64_t turnaround = now_ns - granted_ns;
+        job->turnaround_ns = job->turnaround_ns ? job->turnaround_ns - job->turnaround_ns / 16 +
+                                                      turnaround / 16
+                                                : turnaround;
+    }
+}

@@ -1,0 +1,35 @@
+/* scheduler: which work units a worker gets next.
+ *
+ * Jobs in the queue's order, a job's frames in order, a frame's passes in order over all its
+ * tiles. The next frame is begun when the earlier ones have no unit left to lend. When there
+ * is nothing fresh at all, units that are overdue with another worker are lent a second time, so
+ * that one stopped worker holds up nobody.
+ *
+ * A lease is sized by time: LEASE_WORK_MS of work at the worker's measured speed, less while the
+ * frame is not covered yet; towards a frame's end shares get smaller, so that all workers end
+ * together. These choices decide who renders what and when, never what comes out.
+ */
+#ifndef AZULEJO_COORDINATOR_SCHEDULER_H
+#define AZULEJO_COORDINATOR_SCHEDULER_H
+
+#include "coordinator/farm.h"
+
+enum {
+    LEASE_WORK_MS = 500,
+    LEASE_WORK_FIRST_MS = 200,   /* until every tile of the frame has samples */
+    HELD_WORK_MS = 1500,         /* a worker that holds this much gets no more */
+    OVERDUE_FACTOR = 4,          /* times a job's usual turnaround */
+    OVERDUE_LEAST_MS = 1000,
+    OVERDUE_UNKNOWN_MS = 5000,   /* before any result of the job */
+};
+
+/* Lend work to a worker that has room; NULL: there is nothing for it now. The lease's frame and
+ * units tell what to send. */
+struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uint64_t now_ns);
+
+/* A result of the worker was merged: learn its speed and the job's turnaround. granted_ns: when
+ * the unit was lent; 0: not known. */
+void scheduler_learn(struct farm_worker *worker, struct job *job, const struct work_stats *stats,
+                     uint64_t granted_ns, uint64_t now_ns);
+
+#endif

@@ -1,0 +1,516 @@
+#include "coordinator/server.h"
+
+#include <assert.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/clock.h"
+#include "common/base/file.h"
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "common/math/elementary.h"
+#include "coordinator/develop.h"
+#include "coordinator/merge.h"
+#include "protocol/message.h"
+
+struct session *server_session(struct server *server, uint32_t id)
+{
+    for (struct session *s = server->sessions; s; s = s->next)
+        if (s->id == id)
+            return s;
+    return NULL;
+}
+
+/* ---- what the farm asks for ----------------------------------------------------------------- */
+
+static void on_revoke(void *user, uint32_t session, uint64_t lease, const char *reason)
+{
+    struct session *s = server_session(user, session);
+
+    if (s)
+        session_revoke(s, lease, reason);
+}
+
+static void on_ack(void *user, uint32_t session, const struct job *job, uint32_t frame,
+                   struct unit_name unit)
+{
+    struct session *s = server_session(user, session);
+
+    if (s && s->state == SESSION_OPEN)
+        session_ack(s, job->id, frame, unit, 0);
+}
+
+static void on_notice(void *user, uint32_t session, const char *text)
+{
+    struct session *s = server_session(user, session);
+
+    log_warn("session %u: %s", session, text);
+    if (s)
+        session_notice(s, LOG_LEVEL_WARN, text);
+}
+
+static void on_job_changed(void *user, struct job *job)
+{
+    struct server *server = user;
+
+    for (struct session *s = server->sessions; s; s = s->next)
+        for (uint32_t i = 0; i < s->watch_count; i++)
+            if (s->watches[i].job == 0 || s->watches[i].job == job->id)
+                s->watches[i].due = server->watches_due = 1;
+}
+
+/* ---- work in the thread pool ---------------------------------------------------------------- */
+
+struct work {
+    uv_work_t request;
+    struct server *server;
+    status result;
+    struct error error;
+    struct commit *commit;
+    struct job_frame *frame;
+    struct development *development;
+    uint32_t session;            /* who asked, for a preview or an upload */
+    uint64_t wire_request;
+    struct buffer png;
+    struct upload *upload;
+    char name[64];
+};
+
+static struct work *work_new(struct server *server)
+{
+    struct work *work = mem_calloc(1, sizeof *work);
+
+    if (work) {
+        work->request.data = work;
+        work->server = server;
+    }
+    return work;
+}
+
+static void work_free(struct work *work)
+{
+    development_free(work->development);
+    buffer_release(&work->png);
+    upload_free(work->upload);
+    mem_free(work);
+}
+
+static void work_start(struct work *work, uv_work_cb run, uv_after_work_cb end)
+{
+    int code = uv_queue_work(&work->server->loop, &work->request, run, end);
+
+    assert(code == 0); /* it fails only without a function to run */
+    (void)code;
+    work->server->works++;
+}
+
+static void run_commit(uv_work_t *request)
+{
+    struct work *work = request->data;
+
+    merge_commit_run(work->commit);
+}
+
+static void end_commit(uv_work_t *request, int code)
+{
+    struct work *work = request->data;
+    struct server *server = work->server;
+
+    (void)code;
+    server->works--;
+    server->commit_running = 0;
+    merge_commit_end(&server->farm, work->commit, clock_monotonic_ns());
+    work_free(work);
+}
+
+static void start_commit(struct server *server)
+{
+    struct work *work = work_new(server);
+
+    if (!work)
+        return; /* the tick tries again */
+    work->commit = merge_commit_begin(&server->farm);
+    if (!work->commit) {
+        work_free(work);
+        return;
+    }
+    server->commit_running = 1;
+    work_start(work, run_commit, end_commit);
+}
+
+static void run_develop(uv_work_t *request)
+{
+    struct work *work = request->data;
+
+    work->result = develop_frame(work->development, work->server->store, &work->error);
+}
+
+static void end_develop(uv_work_t *request, int code)
+{
+    struct work *work = request->data;
+    struct server *server = work->server;
+
+    (void)code;
+    server->works--;
+    farm_frame_developed(&server->farm, work->frame, work->result, &work->error,
+                         clock_monotonic_ns());
+    work_free(work);
+}
+
+static status on_develop(void *user, struct job_frame *frame)
+{
+    struct server *server = user;
+    struct work *work = work_new(server);
+    struct error err = {0};
+    status s = work ? STATUS_OK : error_no_memory(&err, "a picture");
+
+    if (s == STATUS_OK)
+        s = development_new_frame(&work->development, frame, &err);
+    if (s != STATUS_OK) {
+        log_error("job %llu, frame %u: %s; trying again", (unsigned long long)frame->job->id,
+                  frame->number, err.text);
+        if (work)
+            work_free(work);
+        return s;
+    }
+    work->frame = frame;
+    work_start(work, run_develop, end_develop);
+    return STATUS_OK;
+}
+
+static void run_preview(uv_work_t *request)
+{
+    struct work *work = request->data;
+
+    work->result = develop_preview(work->development, &work->png, &work->error);
+}
+
+static void end_preview(uv_work_t *request, int code)
+{
+    struct work *work = request->data;
+    struct server *server = work->server;
+    struct session *session = server_session(server, work->session);
+
+    (void)code;
+    server->works--;
+    server->previews--;
+    if (session && session->state == SESSION_OPEN) {
+        if (work->result == STATUS_OK)
+            work->result = transfer_bytes(&session->transfers, work->wire_request, &work->png,
+                                          work->name, &work->error);
+        if (work->result != STATUS_OK)
+            session_fail(session, work->wire_request, &work->error);
+        transfers_pump(&session->transfers, session->channel);
+    }
+    work_free(work);
+}
+
+void server_preview(struct server *server, struct session *session, uint64_t request,
+                    const struct job_frame *frame)
+{
+    struct work *work = NULL;
+    struct error err = {0};
+    status s = STATUS_OK;
+
+    if (server->previews >= PREVIEWS_MAX)
+        s = error_set(&err, STATUS_ERR_LIMIT, "%d previews are being made; try again in a second",
+                      PREVIEWS_MAX);
+    else if (!(work = work_new(server)))
+        s = error_no_memory(&err, "a preview");
+    else
+        s = development_new_preview(&work->development, frame, &err);
+    if (s != STATUS_OK) {
+        session_fail(session, request, &err);
+        if (work)
+            work_free(work);
+        return;
+    }
+    work->session = session->id;
+    work->wire_request = request;
+    snprintf(work->name, sizeof work->name, "frame-%04u-preview.png", frame->number);
+    server->previews++;
+    work_start(work, run_preview, end_preview);
+}
+
+static void run_upload(uv_work_t *request)
+{
+    struct work *work = request->data;
+
+    work->result = upload_finish(work->upload, &work->error);
+}
+
+static void end_upload(uv_work_t *request, int code)
+{
+    struct work *work = request->data;
+    struct server *server = work->server;
+    struct session *session = server_session(server, work->session);
+
+    (void)code;
+    server->works--;
+    if (work->result != STATUS_OK)
+        log_warn("a blob was not stored: %s", work->error.text);
+    if (session && session->state == SESSION_OPEN) {
+        session->storing--;
+        if (work->result == STATUS_OK) {
+            Azulejo__Wire__BlobStored stored = AZULEJO__WIRE__BLOB_STORED__INIT;
+            Azulejo__Wire__Envelope envelope = MESSAGE(BLOB_STORED, blob_stored, &stored);
+            wire_digest_set(&stored.digest, upload_digest(work->upload));
+            envelope.request = work->wire_request;
+            if (channel_send(session->channel, &envelope) != STATUS_OK)
+                log_debug("session %u: blob_stored was not sent", session->id);
+        } else {
+            session_fail(session, work->wire_request, &work->error);
+        }
+    }
+    work_free(work);
+}
+
+void server_store_upload(struct server *server, struct session *session, uint64_t request,
+                         struct upload *upload)
+{
+    struct work *work = work_new(server);
+    struct error err = {0};
+
+    if (!work) {
+        upload_free(upload);
+        error_no_memory(&err, "an upload");
+        session_fail(session, request, &err);
+        return;
+    }
+    work->upload = upload;
+    work->session = session->id;
+    work->wire_request = request;
+    session->storing++;
+    work_start(work, run_upload, end_upload);
+}
+
+/* ---- ending --------------------------------------------------------------------------------- */
+
+static void close_handles(struct server *server)
+{
+    if (server->state == SERVER_CLOSING)
+        return;
+    server->state = SERVER_CLOSING;
+    for (struct session *s = server->sessions, *next; s; s = next) {
+        next = s->next;
+        session_end(s, NULL);
+    }
+    uv_close((uv_handle_t *)&server->tick, NULL);
+    uv_close((uv_handle_t *)&server->commit_timer, NULL);
+    uv_close((uv_handle_t *)&server->prepare, NULL);
+    uv_close((uv_handle_t *)&server->terminate, NULL);
+    uv_close((uv_handle_t *)&server->interrupt, NULL);
+}
+
+static void on_signal(uv_signal_t *handle, int number)
+{
+    struct server *server = handle->data;
+
+    if (server->state != SERVER_LISTENING)
+        return;
+    log_info("ending on %s: what was received goes to disk first",
+             number == SIGTERM ? "SIGTERM" : "SIGINT");
+    server->state = SERVER_DRAINING;
+    server->drain_since_ns = clock_monotonic_ns();
+    uv_close((uv_handle_t *)&server->listener, NULL);
+    for (struct session *s = server->sessions; s; s = s->next)
+        if (s->state == SESSION_OPEN)
+            session_notice(s, LOG_LEVEL_INFO, "the coordinator is ending");
+}
+
+/* ---- the loop ------------------------------------------------------------------------------- */
+
+static void on_commit_timer(uv_timer_t *timer)
+{
+    (void)timer; /* the turn that follows looks at what is dirty */
+}
+
+static void commit_when_due(struct server *server, uint64_t now_ns)
+{
+    uint64_t since_ns, due_ns;
+    uint32_t tiles;
+
+    if (server->commit_running || !merge_is_dirty(&server->farm, &since_ns, &tiles))
+        return;
+    due_ns = since_ns + COMMIT_DELAY_MS * NS_PER_MS;
+    if (tiles >= COMMIT_TILES_ENOUGH || now_ns >= due_ns || server->state != SERVER_LISTENING)
+        start_commit(server);
+    else if (!uv_is_active((uv_handle_t *)&server->commit_timer))
+        uv_timer_start(&server->commit_timer, on_commit_timer,
+                       (due_ns - now_ns) / NS_PER_MS + 1, 0);
+}
+
+static void grant_all(struct server *server, uint64_t now_ns)
+{
+    server->farm.pump_wanted = 0;
+    for (struct session *s = server->sessions; s; s = s->next)
+        if (s->worker && s->worker->room > 0)
+            session_grant(s, now_ns);
+}
+
+/* Once a turn of the loop, before it waits: everything that the turn's events made due. */
+static void on_prepare(uv_prepare_t *handle)
+{
+    struct server *server = handle->data;
+    uint64_t now_ns = clock_monotonic_ns();
+
+    if (server->farm.pump_wanted && server->state == SERVER_LISTENING)
+        grant_all(server, now_ns);
+    commit_when_due(server, now_ns);
+    if (server->acks_due || server->watches_due) {
+        server->acks_due = server->watches_due = 0;
+        for (struct session *s = server->sessions; s; s = s->next)
+            session_flush(s, now_ns);
+    }
+    if (server->state == SERVER_DRAINING) {
+        uint64_t since_ns;
+        uint32_t tiles;
+        int idle = server->works == 0 && !merge_is_dirty(&server->farm, &since_ns, &tiles);
+        if (idle || now_ns - server->drain_since_ns > SERVER_DRAIN_MS * NS_PER_MS)
+            close_handles(server);
+    }
+}
+
+static void on_tick(uv_timer_t *timer)
+{
+    struct server *server = timer->data;
+    uint64_t now_ns = clock_monotonic_ns();
+
+    server->farm.wall_s = clock_wall_s();
+    farm_tick(&server->farm, now_ns);
+    for (struct session *s = server->sessions, *next; s; s = next) {
+        next = s->next;
+        session_tick(s, now_ns);
+    }
+    server->farm.pump_wanted = 1; /* work may have become overdue */
+}
+
+static void on_connection(uv_stream_t *listener, int code)
+{
+    struct server *server = listener->data;
+
+    if (code < 0)
+        log_error("a connection could not be accepted: %s", uv_strerror(code));
+    else
+        session_accept(server, listener);
+}
+
+static status resolve(struct server *server, const char *host, uint16_t port,
+                      struct sockaddr_storage *out, struct error *err)
+{
+    struct addrinfo hints = {.ai_family = AF_UNSPEC, .ai_socktype = SOCK_STREAM,
+                             .ai_flags = AI_PASSIVE};
+    uv_getaddrinfo_t request;
+    char service[8];
+    int code;
+
+    snprintf(service, sizeof service, "%u", port);
+    code = uv_getaddrinfo(&server->loop, &request, NULL, host[0] ? host : NULL, service, &hints);
+    if (code != 0)
+        return error_set(err, STATUS_ERR_IO, "--listen %s: %s", host, uv_strerror(code));
+    memcpy(out, request.addrinfo->ai_addr, request.addrinfo->ai_addrlen);
+    uv_freeaddrinfo(request.addrinfo);
+    return STATUS_OK;
+}
+
+static status announce(struct server *server, const char *ready_file, struct error *err)
+{
+    struct sockaddr_storage address;
+    int length = sizeof address;
+    char host[64] = "", line[16];
+    int port, six;
+
+    if (uv_tcp_getsockname(&server->listener, (struct sockaddr *)&address, &length) != 0)
+        return error_set(err, STATUS_ERR_INTERNAL, "the listening address is not known");
+    six = address.ss_family == AF_INET6;
+    if (six)
+        uv_ip6_name((struct sockaddr_in6 *)&address, host, sizeof host);
+    else
+        uv_ip4_name((struct sockaddr_in *)&address, host, sizeof host);
+    port = ntohs(six ? ((struct sockaddr_in6 *)&address)->sin6_port
+                     : ((struct sockaddr_in *)&address)->sin_port);
+    log_info("listening on %s%s%s:%d, store %s", six ? "[" : "", host, six ? "]" : "", port,
+             store_folder(server->store));
+    printf("listening on %s%s%s:%d\n", six ? "[" : "", host, six ? "]" : "", port);
+    fflush(stdout);
+    if (!ready_file)
+        return STATUS_OK;
+    snprintf(line, sizeof line, "%d\n", port);
+    return file_write_atomic(ready_file, line, strlen(line), err);
+}
+
+static status listen_on(struct server *server, const struct server_options *options,
+                        struct error *err)
+{
+    struct sockaddr_storage address = {0};
+    int code;
+    status s = resolve(server, options->host, options->port, &address, err);
+
+    if (s != STATUS_OK)
+        return s;
+    code = uv_tcp_bind(&server->listener, (const struct sockaddr *)&address, 0);
+    if (code == 0)
+        code = uv_listen((uv_stream_t *)&server->listener, SERVER_BACKLOG, on_connection);
+    if (code == UV_EADDRINUSE)
+        return error_set(err, STATUS_ERR_IO,
+                         "%s:%u is in use: another coordinator may run there; choose another port "
+                         "with --listen",
+                         options->host, options->port);
+    if (code != 0)
+        return error_set(err, STATUS_ERR_IO, "cannot listen on %s:%u: %s", options->host,
+                         options->port, uv_strerror(code));
+    return announce(server, options->ready_file, err);
+}
+
+static void init_handles(struct server *server)
+{
+    uv_tcp_init(&server->loop, &server->listener);
+    uv_timer_init(&server->loop, &server->tick);
+    uv_timer_init(&server->loop, &server->commit_timer);
+    uv_prepare_init(&server->loop, &server->prepare);
+    uv_signal_init(&server->loop, &server->terminate);
+    uv_signal_init(&server->loop, &server->interrupt);
+    server->listener.data = server->tick.data = server->commit_timer.data = server;
+    server->prepare.data = server->terminate.data = server->interrupt.data = server;
+}
+
+status server_run(const struct server_options *options, struct error *err)
+{
+    struct server *server = mem_calloc(1, sizeof *server);
+    struct farm_events events = {on_revoke, on_ack, on_notice, on_job_changed, on_develop, server};
+    status s;
+
+    if (!server)
+        return error_no_memory(err, "the server");
+    server->key = options->key;
+    server->store = options->store;
+    server->fingerprint = elementary_fingerprint();
+    if (uv_loop_init(&server->loop) != 0) {
+        mem_free(server);
+        return error_set(err, STATUS_ERR_INTERNAL, "no event loop");
+    }
+    init_handles(server);
+    s = farm_init(&server->farm, options->store, options->lease_ns, &events, clock_wall_s(), err);
+    if (s == STATUS_OK) {
+        s = listen_on(server, options, err);
+        if (s == STATUS_OK) {
+            uv_timer_start(&server->tick, on_tick, SERVER_TICK_MS, SERVER_TICK_MS);
+            uv_prepare_start(&server->prepare, on_prepare);
+            uv_signal_start(&server->terminate, on_signal, SIGTERM);
+            uv_signal_start(&server->interrupt, on_signal, SIGINT);
+            farm_resume(&server->farm, clock_monotonic_ns());
+        } else {
+            uv_close((uv_handle_t *)&server->listener, NULL);
+            close_handles(server);
+        }
+        uv_run(&server->loop, UV_RUN_DEFAULT);
+        farm_release(&server->farm, clock_monotonic_ns());
+    } else {
+        uv_close((uv_handle_t *)&server->listener, NULL);
+        close_handles(server);
+        uv_run(&server->loop, UV_RUN_DEFAULT);
+    }
+    uv_loop_close(&server->loop);
+    mem_free(server);
+    return s;
+}

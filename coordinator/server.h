@@ -1,0 +1,69 @@
+/* server: the event loop around the farm: listener, sessions, timers, disk work.
+ *
+ * Ownership: the server owns the loop's handles, the farm and the sessions. Disk work runs
+ * in libuv's thread pool, on copies; its ends come back on the loop's thread.
+ *
+ *   LISTENING --SIGTERM, SIGINT--> DRAINING --disk idle--> CLOSING --all handles closed--> ended
+ */
+#ifndef AZULEJO_COORDINATOR_SERVER_H
+#define AZULEJO_COORDINATOR_SERVER_H
+
+#include <uv.h>
+
+#include "common/base/status.h"
+#include "coordinator/farm.h"
+#include "coordinator/session.h"
+#include "protocol/key.h"
+
+enum {
+    SESSIONS_MAX = 8192,
+    SERVER_TICK_MS = 100,
+    SERVER_BACKLOG = 1024,
+    PREVIEWS_MAX = 4,          /* being developed at once */
+    SERVER_DRAIN_MS = 20000,   /* a shutdown waits so long for the disk */
+};
+
+struct server_options {
+    const char *host;
+    uint16_t port;             /* 0: any */
+    const struct farm_key *key;
+    struct store *store;
+    uint64_t lease_ns;
+    const char *ready_file;    /* NULL, or gets the port, atomically */
+};
+
+enum server_state { SERVER_LISTENING, SERVER_DRAINING, SERVER_CLOSING };
+
+struct server {
+    uv_loop_t loop;
+    uv_tcp_t listener;
+    uv_timer_t tick, commit_timer;
+    uv_prepare_t prepare;
+    uv_signal_t terminate, interrupt;
+    enum server_state state;
+    uint64_t drain_since_ns;
+    const struct farm_key *key;
+    struct store *store;
+    struct farm farm;
+    struct session *sessions;
+    uint32_t session_count, last_session;
+    uint64_t fingerprint;      /* our own arithmetic */
+    int commit_running;
+    uint32_t works;            /* in the thread pool, of any kind */
+    uint32_t previews;
+    int acks_due, watches_due; /* some session has something to send */
+};
+
+/* Run until a signal ends it. Prints "listening on HOST:PORT" to standard output. */
+status server_run(const struct server_options *options, struct error *err) MUST_CHECK;
+
+struct session *server_session(struct server *server, uint32_t id); /* NULL: gone */
+
+/* Develop a preview of the frame and send it to the session. */
+void server_preview(struct server *server, struct session *session, uint64_t request,
+                    const struct job_frame *frame);
+/* Store a complete upload; the session hears of it by BlobStored or a Failure. Takes it. */
+void server_store_upload(struct server *server, struct session *session, uint64_t request,
+                         struct upload *upload);
+
+#endif

@@ -1,0 +1,68 @@
+/* store: what survives a restart. The only SQL is here.
+ *
+ * STORE/lock              held (flock) while a coordinator uses the store
+ * STORE/queue.sqlite      jobs, the frames that are done, the lease epoch (WAL, full sync)
+ * STORE/blobs/ab/HEX      blobs by SHA-256 (blobs.h)
+ * STORE/blobs/tmp/        uploads on their way; emptied at the start
+ * STORE/films/JOB/frame-NNNN.film   films in work (store_film.h); removed when the job ends
+ * STORE/outputs/JOB/frame-NNNN.exr, .png
+ *
+ * Functions marked [any thread] may be called from any thread, the others from the one that
+ * opened the store.
+ */
+#ifndef AZULEJO_COORDINATOR_STORE_H
+#define AZULEJO_COORDINATOR_STORE_H
+
+#include <stdint.h>
+
+#include "common/base/buffer.h"
+#include "common/base/status.h"
+#include "coordinator/queue.h"
+#include "coordinator/store_film.h"
+
+struct store;
+
+/* ERR_REFUSED: another coordinator uses it. ERR_IO: cannot be made, read or written.
+ * ERR_CORRUPT: not a store, damaged, or of a newer version. */
+status store_open(struct store **out, const char *folder, struct error *err) MUST_CHECK;
+void store_close(struct store *store);
+const char *store_folder(const struct store *store);
+
+/* The epoch that this run's leases start after: greater than any that an earlier run of this
+ * store can have granted, and, by the wall clock, than those of another store. */
+status store_epoch_begin(struct store *store, int64_t wall_s, uint64_t *epoch, struct error *err)
+    MUST_CHECK;
+
+/* Give the job an id and keep it. */
+status store_job_insert(struct store *store, struct job *job, struct error *err) MUST_CHECK;
+/* Undo an insert; failure is logged. */
+void store_job_forget(struct store *store, uint64_t id);
+/* Keep its state and counters. */
+status store_job_save(struct store *store, const struct job *job, uint64_t now_ns,
+                      struct error *err) MUST_CHECK;
+/* Every job, ascending id, with its done frames marked. `adopt` takes ownership when it returns
+ * STATUS_OK. A row that cannot be read is an error: no job is dropped silently. */
+status store_jobs_load(struct store *store,
+                       status (*adopt)(void *user, struct job *job, struct error *err), void *user,
+                       struct error *err) MUST_CHECK;
+
+/* The frame's outputs are on disk. [any thread] */
+status store_frame_done(struct store *store, uint64_t job, uint32_t frame, double relative_mse,
+                        struct error *err) MUST_CHECK;
+
+/* film_file_open on the frame's file. */
+status store_film_open(struct store *store, uint64_t job, uint32_t frame, struct film *film,
+                       uint32_t *durable, uint8_t *slot, struct film_file **out,
+                       struct error *err) MUST_CHECK;
+int store_film_exists(const struct store *store, uint64_t job, uint32_t frame);
+void store_film_remove(struct store *store, uint64_t job, uint32_t frame);
+void store_films_remove(struct store *store, uint64_t job);
+
+/* Path of an output: append to `path`. [any thread] */
+void store_output_path(const struct store *store, uint64_t job, uint32_t frame,
+                       const char *extension, struct buffer *path);
+/* Write an output atomically. [any thread] */
+status store_output_write(struct store *store, uint64_t job, uint32_t frame, const char *extension,
+                          const struct buffer *data, struct error *err) MUST_CHECK;
+
+#endif

@@ -1,0 +1,250 @@
+#include "coordinator/store_film.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdatomic.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "common/base/digest.h"
+#include "common/base/log.h"
+#include "common/base/memory.h"
+
+struct film_file {
+    int fd;
+    size_t slot_bytes;
+    char *path;
+};
+
+enum { HEADER_FIELDS = 48, HEADER_SIZE = HEADER_FIELDS + DIGEST_BYTES };
+static const char header_magic[8] = "AZFILM1\n";
+
+static atomic_long fault_successes = -1;
+
+void film_file_fault(long successes)
+{
+    atomic_store(&fault_successes, successes);
+}
+
+static int fault_hits(void)
+{
+    long left = atomic_load(&fault_successes);
+
+    if (left < 0)
+        return 0;
+    if (left > 0) {
+        atomic_store(&fault_successes, left - 1);
+        return 0;
+    }
+    errno = ENOSPC;
+    return 1;
+}
+
+static status write_at(const struct film_file *file, const uint8_t *data, size_t size,
+                       uint64_t offset, struct error *err)
+{
+    while (size > 0) {
+        ssize_t put = fault_hits() ? -1 : pwrite(file->fd, data, size, (off_t)offset);
+        if (put < 0 && errno == EINTR)
+            continue;
+        if (put < 0)
+            return error_set(err, STATUS_ERR_IO, "%s: cannot be written: %s", file->path,
+                             strerror(errno));
+        data += put;
+        offset += (uint64_t)put;
+        size -= (size_t)put;
+    }
+    return STATUS_OK;
+}
+
+/* How many bytes there were, short only at the file's end. */
+static status read_at(const struct film_file *file, uint8_t *data, size_t size, uint64_t offset,
+                      size_t *got, struct error *err)
+{
+    *got = 0;
+    while (*got < size) {
+        ssize_t n = pread(file->fd, data + *got, size - *got, (off_t)(offset + *got));
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n < 0)
+            return error_set(err, STATUS_ERR_IO, "%s: cannot be read: %s", file->path,
+                             strerror(errno));
+        if (n == 0)
+            break;
+        *got += (size_t)n;
+    }
+    return STATUS_OK;
+}
+
+static void put_number(uint8_t *out, uint64_t value)
+{
+    for (int i = 0; i < 8; i++)
+        out[i] = (uint8_t)(value >> 8 * i);
+}
+
+static status make_header(uint8_t header[HEADER_SIZE], const struct film *film, uint64_t job,
+                          uint32_t frame)
+{
+    struct digest check;
+    status s;
+
+    memcpy(header, header_magic, sizeof header_magic);
+    put_number(header + 8, film_width(film));
+    put_number(header + 16, film_height(film));
+    put_number(header + 24, film_spp(film));
+    put_number(header + 32, job);
+    put_number(header + 40, frame);
+    s = digest_of(&check, header, HEADER_FIELDS);
+    memcpy(header + HEADER_FIELDS, check.bytes, DIGEST_BYTES);
+    return s;
+}
+
+static uint64_t slot_offset(const struct film_file *file, uint32_t tile, uint8_t slot)
+{
+    return FILM_FILE_HEADER + ((uint64_t)tile * FILM_SLOTS + slot) * file->slot_bytes;
+}
+
+static int all_zero(const uint8_t *data, size_t size)
+{
+    for (size_t i = 0; i < size; i++)
+        if (data[i])
+            return 0;
+    return 1;
+}
+
+/* Load the newer of a tile's two good slots. */
+static status load_tile(struct film_file *file, struct film *film, uint32_t tile, uint8_t *bytes,
+                        uint32_t *durable, uint8_t *slot, uint32_t *damaged, struct error *err)
+{
+    size_t size = film_tile_state_size(film, tile);
+    uint8_t *best = bytes + file->slot_bytes;
+    struct error why = {0};
+
+    *durable = 0;
+    *slot = 1;
+    for (uint8_t i = 0; i < FILM_SLOTS; i++) {
+        uint32_t passes;
+        size_t got;
+        status s = read_at(file, bytes, size, slot_offset(file, tile, i), &got, err);
+        if (s != STATUS_OK)
+            return s;
+        memset(bytes + got, 0, size - got);
+        if (all_zero(bytes, size))
+            continue;
+        if (film_tile_peek(film, tile, bytes, size, &passes, &why) != STATUS_OK) {
+            *damaged += 1;
+            continue;
+        }
+        if (passes > *durable) {
+            *durable = passes;
+            *slot = i;
+            memcpy(best, bytes, size);
+        }
+    }
+    if (*durable == 0)
+        return STATUS_OK;
+    return film_tile_load(film, tile, best, size, err);
+}
+
+static status load_all(struct film_file *file, struct film *film, uint32_t *durable, uint8_t *slot,
+                       struct error *err)
+{
+    uint8_t *bytes = mem_alloc_array(2, file->slot_bytes);
+    uint32_t damaged = 0;
+    status s = STATUS_OK;
+
+    if (!bytes)
+        return error_no_memory(err, "a film file");
+    for (uint32_t i = 0; i < film_tile_count(film) && s == STATUS_OK; i++)
+        s = load_tile(file, film, i, bytes, &durable[i], &slot[i], &damaged, err);
+    if (damaged)
+        log_warn("%s: %u tile slots were not written to the end; their last passes will be "
+                 "rendered again",
+                 file->path, damaged);
+    mem_free(bytes);
+    return s;
+}
+
+status film_file_open(struct film_file **out, const char *path, uint64_t job, uint32_t frame,
+                      struct film *film, uint32_t *durable, uint8_t *slot, struct error *err)
+{
+    struct film_file *file = mem_calloc(1, sizeof *file);
+    uint8_t wanted[HEADER_SIZE], found[HEADER_SIZE];
+    size_t got = 0;
+    status s;
+
+    *out = NULL;
+    if (!file)
+        return error_no_memory(err, "a film file");
+    file->fd = -1;
+    file->path = mem_strdup(path);
+    if (!file->path) {
+        s = error_no_memory(err, "a film file");
+        goto fail;
+    }
+    for (uint32_t i = 0; i < film_tile_count(film); i++) {
+        size_t size = film_tile_state_size(film, i);
+        if (size > file->slot_bytes)
+            file->slot_bytes = size;
+        slot[i] = 1;
+    }
+    if (make_header(wanted, film, job, frame) != STATUS_OK) {
+        s = error_set(err, STATUS_ERR_INTERNAL, "%s: no SHA-256", path);
+        goto fail;
+    }
+    file->fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+    if (file->fd < 0) {
+        s = error_set(err, STATUS_ERR_IO, "%s: cannot be opened: %s", path, strerror(errno));
+        goto fail;
+    }
+    s = read_at(file, found, sizeof found, 0, &got, err);
+    if (s != STATUS_OK)
+        goto fail;
+    if (got == sizeof found && memcmp(found, wanted, sizeof found) == 0) {
+        s = load_all(file, film, durable, slot, err);
+        if (s != STATUS_OK)
+            goto fail;
+    } else {
+        if (got > 0 && !all_zero(found, got))
+            log_warn("%s: belongs to another frame or is damaged; the frame will be rendered "
+                     "from its beginning",
+                     path);
+        if (ftruncate(file->fd, 0) != 0) {
+            s = error_set(err, STATUS_ERR_IO, "%s: %s", path, strerror(errno));
+            goto fail;
+        }
+        s = write_at(file, wanted, sizeof wanted, 0, err);
+        if (s != STATUS_OK)
+            goto fail;
+    }
+    *out = file;
+    return STATUS_OK;
+fail:
+    film_file_close(file);
+    return s;
+}
+
+void film_file_close(struct film_file *file)
+{
+    if (!file)
+        return;
+    if (file->fd >= 0)
+        close(file->fd);
+    mem_free(file->path);
+    mem_free(file);
+}
+
+status film_file_write(struct film_file *file, uint32_t tile, uint8_t slot, const uint8_t *state,
+                       size_t size_bytes, struct error *err)
+{
+    return write_at(file, state, size_bytes, slot_offset(file, tile, slot), err);
+}
+
+status film_file_sync(struct film_file *file, struct error *err)
+{
+    if (fdatasync(file->fd) != 0)
+        return error_set(err, STATUS_ERR_IO, "%s: cannot be written to disk: %s", file->path,
+                         strerror(errno));
+    return STATUS_OK;
+}

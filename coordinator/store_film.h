@@ -1,0 +1,39 @@
+/* store_film: a frame's film on disk, so that nothing acknowledged is lost.
+ *
+ * File: a header of FILM_FILE_HEADER bytes (magic, geometry, job, frame, check), then two
+ * slots for each tile, each FILM slot_bytes long, holding film_tile_save's bytes. A tile's new
+ * state goes to the slot that does not hold its newest durable one; a slot that was torn by
+ * a crash is refused by its checksum, and the other one, which is older, counts. Slots
+ * never written are holes.
+ *
+ * film_file_write and film_file_sync may be called from another thread than the others,
+ * one at a time.
+ */
+#ifndef AZULEJO_COORDINATOR_STORE_FILM_H
+#define AZULEJO_COORDINATOR_STORE_FILM_H
+
+#include <stdint.h>
+
+#include "common/base/status.h"
+#include "common/film/film.h"
+
+enum { FILM_FILE_HEADER = 4096, FILM_SLOTS = 2 };
+
+struct film_file;
+
+/* Open or make the file and load what it holds into the new, empty film; durable[tile] and
+ * slot[tile] tell what was found. Damaged slots are logged, and rendered again. ERR_IO,
+ * ERR_NO_MEMORY. */
+status film_file_open(struct film_file **out, const char *path, uint64_t job, uint32_t frame,
+                      struct film *film, uint32_t *durable, uint8_t *slot, struct error *err)
+    MUST_CHECK;
+void film_file_close(struct film_file *file); /* NULL is fine */
+
+status film_file_write(struct film_file *file, uint32_t tile, uint8_t slot, const uint8_t *state,
+                       size_t size_bytes, struct error *err) MUST_CHECK;
+status film_file_sync(struct film_file *file, struct error *err) MUST_CHECK;
+
+/* Tests: let so many more writes succeed, then fail as if the disk were full; negative: never. */
+void film_file_fault(long successes);
+
+#endif

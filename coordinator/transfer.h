@@ -1,0 +1,37 @@
+/* transfer: sending a file or a buffer in pieces, no faster than the peer takes it.
+ *
+ * One queue a session, served in order. It owns what waits in it.
+ */
+#ifndef AZULEJO_COORDINATOR_TRANSFER_H
+#define AZULEJO_COORDINATOR_TRANSFER_H
+
+#include <stdint.h>
+
+#include "common/base/buffer.h"
+#include "common/base/digest.h"
+#include "common/base/status.h"
+#include "protocol/channel.h"
+
+enum { TRANSFERS_MAX = 4096 }; /* waiting, of one session */
+
+struct transfer;
+
+struct transfers {
+    struct transfer *first, *last;
+    uint32_t count;
+};
+
+void transfers_release(struct transfers *transfers);
+
+/* The file at `path` as BlobData (digest given) or OutputData (NULL) in answer to `request`.
+ * ERR_LIMIT, ERR_NO_MEMORY. A file that cannot be read is answered with a Failure. */
+status transfer_file(struct transfers *transfers, uint64_t request, const struct digest *digest,
+                     const char *path, struct error *err) MUST_CHECK;
+/* Bytes as OutputData; takes the buffer's memory, also on failure. */
+status transfer_bytes(struct transfers *transfers, uint64_t request, struct buffer *bytes,
+                      const char *file_name, struct error *err) MUST_CHECK;
+
+/* Send what the channel takes now. */
+void transfers_pump(struct transfers *transfers, struct channel *channel);
+
+#endif

@@ -1,0 +1,28 @@
+/* wire: a job's description between the wire's messages and C's types. */
+#ifndef AZULEJO_COORDINATOR_WIRE_H
+#define AZULEJO_COORDINATOR_WIRE_H
+
+#include "common/base/buffer.h"
+#include "coordinator/queue.h"
+#include "protocol/azulejo.pb-c.h"
+
+/* What an OutputSettings message points at. */
+struct wire_output {
+    Azulejo__Wire__OutputSettings message;
+    Azulejo__Wire__OutputSettings__ParametersEntry entries[TONEMAP_PARAMETERS_MAX];
+    Azulejo__Wire__OutputSettings__ParametersEntry *entry_pointers[TONEMAP_PARAMETERS_MAX];
+    char *formats[2];
+};
+void wire_output_set(struct wire_output *out, const struct output_settings *in);
+
+/* A new job in state QUEUED from a JobSubmit, every range checked. ERR_INPUT, ERR_PROTOCOL,
+ * ERR_LIMIT, ERR_NO_MEMORY. `camera_count`: of its scene, UINT32_MAX when not known. */
+status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32_t camera_count,
+                    struct error *err) MUST_CHECK;
+
+/* The JobSubmit of a job as bytes, for the store, and back. ERR_CORRUPT. */
+status wire_job_pack(const struct job *job, struct buffer *out, struct error *err) MUST_CHECK;
+status wire_job_unpack(struct job **out, const void *data, size_t size_bytes, struct error *err)
+    MUST_CHECK;
+
+#endif
