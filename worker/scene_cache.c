@@ -180,6 +180,9 @@ static void scene_build(struct pool_task *task)
         mem_free(slot->missing);
         slot->missing = NULL;
         slot->missing_count = 0;
+    } else {
+        /* A blob that is not here yet left its words behind; it is fetched, not a failure. */
+        memset(&slot->error, 0, sizeof slot->error);
     }
     if (slot->render || s != STATUS_OK) {
         if (slot->unpacked)
