@@ -8,7 +8,7 @@
 #include "common/scene/settings.h"
 #include "common/tonemap/tonemap.h"
 
-#define TONEMAP_DEFAULT "aces"
+#define TONEMAP_DEFAULT "reinhard"
 
 struct job_options {
     const char *env, *camera, *frames, *size, *tonemap, *env_sampling, *isa;

@@ -9,7 +9,7 @@ import sys
 import threading
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
-from farm import BIN, Farm, Failure, Tests, read_bytes, wait_for
+from farm import BIN, ROOT, Farm, Failure, Tests, read_bytes, wait_for
 
 tests = Tests()
 COMMANDS = ["render", "import", "submit", "list", "show", "watch", "fetch", "cancel", "workers",
@@ -497,6 +497,54 @@ def catches_signals(pid):
     with open("/proc/%d/status" % pid) as source:
         caught = int(re.search(r"SigCgt:\s*([0-9a-f]+)", source.read()).group(1), 16)
     return bool(caught >> (signal.SIGINT - 1) & 1)
+
+
+@tests.add
+def coordinator_goes_away():
+    """a coordinator that dies ends watch with status 4; after a restart the job is still there"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        number = farm.submit(farm.scene(), "--size", "256x256", "--spp", "64", "-o", "survivor")
+        farm.wait_for_job(number, "running")
+        watcher = farm.start_cli("watch", number)
+        try:
+            wait_for(lambda: catches_signals(watcher.pid), "the watcher")
+            farm.coordinator.kill()
+            out, err = watcher.communicate(timeout=60)
+        finally:
+            watcher.kill()
+            watcher.wait()
+        expect(watcher.returncode == 4 and farm.address.encode() in err,
+               (watcher.returncode, out, err))
+        farm.restart_coordinator()
+        job = farm.wait_for_job(number, "done")
+        expect(job["name"] == "survivor" and job["conflicts"] == 0, job)
+        files = farm.fetch(number)
+        farm.cli("render", farm.scene(), "--size", "256x256", "--spp", "64", "-o", "whole.exr",
+                 expect=0)
+        farm.cli("compare", [f for f in files if f.endswith(".exr")][0], "whole.exr", expect=0)
+
+
+@tests.add
+def manual_pages():
+    """every option of --help is in its manual page, and the other way round"""
+    folder = os.path.join(ROOT, "docs", "man")
+    with Farm() as farm:
+        helps = {"azulejo": "".join(farm.cli(c, "--help", expect=0, connect=False).out
+                                    for c in COMMANDS) + "--version"}
+        for program in ("azulejo-coordinator", "azulejo-worker"):
+            helps[program] = subprocess.run([os.path.join(BIN, program), "--help"], check=True,
+                                            stdout=subprocess.PIPE).stdout.decode()
+        for program, text in helps.items():
+            with open(os.path.join(folder, program + ".1")) as source:
+                page = source.read()
+            there = set(re.findall(r"\bFl -([a-z][a-z-]*)", page)) - {"name"}
+            wanted = set(re.findall(r"(?:^|[ (])--([a-z][a-z-]*)", text, re.M)) - {"name"}
+            expect(there == wanted, "%s: %s" % (program, sorted(there ^ wanted)))
+            letters = set(re.findall(r"^  -([a-z]), --", text, re.M))
+            for letter in letters:
+                expect(re.search(r"\bFl %s\b" % letter, page), "%s -%s" % (program, letter))
 
 
 @tests.add
