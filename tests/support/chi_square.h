@@ -10,8 +10,10 @@
  * Cells are cos(theta) x phi around `axis`. For a narrow lobe point the axis at the lobe
  * and set `focus` above 1: with x = ((1 - cos theta) / 2)^(1 / focus) in [0,1] the cells
  * are equal in x, so that they shrink towards the axis (focus 1 is equal in cos theta;
- * focus 8 puts the first of ten cells within 0.01 degrees). With axis z, focus 1 and an
- * even number of cells the horizon is a cell border, which suits BSDFs.
+ * focus 8 puts the first of ten cells within 0.01 degrees). A lobe that is narrower across
+ * the plane of z and the axis than along it (by `squeeze` < 1) gets azimuth cells that crowd
+ * towards that plane, like the sectors of an ellipse. With axis z, focus 1 and an even
+ * number of cells the horizon is a cell border, which suits BSDFs.
  */
 #ifndef AZULEJO_TEST_CHI_SQUARE_H
 #define AZULEJO_TEST_CHI_SQUARE_H
@@ -31,6 +33,7 @@ struct chi_square_setup {
     uint64_t seed;
     struct vec3 axis;         /* zero vector: z */
     double focus;             /* 0: 1 */
+    double squeeze;           /* 0: 1 */
     double expected_min;      /* cells below are pooled; 0: 5 */
 };
 

@@ -41,7 +41,8 @@ static void accepts_cosine(void **state)
         assert_true(chi_square_accept(&setup, 0.01, 5, "cosine"));
     setup.axis = (struct vec3){0.6f, 0, 0.8f}; /* the horizon now cuts through cells */
     setup.focus = 3;
-    assert_true(chi_square_accept(&setup, 0.01, 1, "cosine, tilted cells"));
+    setup.squeeze = 0.3;
+    assert_true(chi_square_accept(&setup, 0.01, 1, "cosine, tilted and squeezed cells"));
 }
 
 static void rejects_an_exponent_5_percent_off(void **state)
