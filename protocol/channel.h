@@ -93,4 +93,7 @@ uint64_t channel_last_heard_ns(const struct channel *c); /* monotonic: last byte
 uint64_t channel_last_sent_ns(const struct channel *c);
 void channel_set_user(struct channel *c, void *user);
 
+/* Tests: another handshake limit for channels that begin from now on; 0: CHANNEL_HANDSHAKE_MS. */
+void channel_fault_handshake_ms(uint32_t limit_ms);
+
 #endif

@@ -1,0 +1,419 @@
+/* Envelopes in and out: round trips, every limit, and hostile bytes. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "common/base/memory.h"
+#include "protocol/message.h"
+
+static struct render_settings example_settings(void)
+{
+    struct render_settings s;
+
+    render_settings_default(&s);
+    s.width = 333;
+    s.height = 50;
+    s.spp = 100;
+    s.seed = 0xfedcba9876543210ull;
+    s.env_rotate_deg = -12.5f;
+    s.env_strength = 3;
+    s.env_sampling = ENV_SAMPLING_BSDF;
+    s.isa = ISA_SSE2;
+    return s;
+}
+
+static void test_settings_round_trip(void **state)
+{
+    struct render_settings in = example_settings(), out;
+    Azulejo__Wire__RenderSettings wire;
+
+    (void)state;
+    wire_settings_set(&wire, &in);
+    assert_int_equal(wire_settings_get(&out, &wire, 1, NULL), STATUS_OK);
+    assert_int_equal(out.width, 333);
+    assert_int_equal(out.height, 50);
+    assert_int_equal(out.spp, 100);
+    assert_int_equal(out.max_depth, in.max_depth);
+    assert_true(out.seed == in.seed);
+    assert_int_equal(out.camera, 0);
+    assert_true(out.env_rotate_deg == in.env_rotate_deg && out.env_strength == in.env_strength);
+    assert_int_equal(out.env_sampling, ENV_SAMPLING_BSDF);
+    assert_int_equal(out.isa, ISA_SSE2);
+}
+
+static void test_settings_out_of_range(void **state)
+{
+    struct render_settings in = example_settings(), out;
+    Azulejo__Wire__RenderSettings wire;
+
+#define REFUSED(field, value, cameras)                                                     \
+    do {                                                                                   \
+        wire_settings_set(&wire, &in);                                                     \
+        wire.field = (value);                                                              \
+        memset(&out, 0xff, sizeof out);                                                    \
+        assert_int_equal(wire_settings_get(&out, &wire, (cameras), NULL), STATUS_ERR_INPUT); \
+        assert_int_equal(out.width, 0);                                                    \
+    } while (0)
+    (void)state;
+    REFUSED(width, 0, 1);
+    REFUSED(width, SETTINGS_SIZE_MAX + 1, 1);
+    REFUSED(height, 0xffffffff, 1);
+    REFUSED(spp, 0, 1);
+    REFUSED(spp, SETTINGS_SPP_MAX + 1, 1);
+    REFUSED(max_depth, SETTINGS_DEPTH_MAX + 1, 1);
+    REFUSED(camera, 1, 1);
+    REFUSED(env_rotate_deg, NAN, 1);
+    REFUSED(env_strength, INFINITY, 1);
+    REFUSED(env_strength, -1, 1);
+    REFUSED(env_sampling, ENV_SAMPLING_COUNT, 1);
+    REFUSED(env_sampling, 0xffffffff, 1);
+    REFUSED(isa, ISA_COUNT, 1);
+    REFUSED(isa, 0x80000000, 1);
+#undef REFUSED
+    assert_int_equal(wire_settings_get(&out, NULL, 1, NULL), STATUS_ERR_INPUT);
+    wire_settings_set(&wire, &in);
+    wire.camera = 7;
+    assert_int_equal(wire_settings_get(&out, &wire, UINT32_MAX, NULL), STATUS_OK);
+}
+
+static void test_digest_lengths(void **state)
+{
+    struct digest d, out;
+    ProtobufCBinaryData wire;
+
+    (void)state;
+    memset(&d, 7, sizeof d);
+    wire_digest_set(&wire, &d);
+    assert_int_equal(wire_digest_get(&out, &wire, "scene", NULL), STATUS_OK);
+    assert_true(digest_equal(&d, &out));
+    for (size_t length = 0; length < 100; length++) {
+        uint8_t bytes[100] = {0};
+        struct error err = {0};
+        wire.data = bytes;
+        wire.len = length;
+        assert_int_equal(wire_digest_get(&out, &wire, "scene", &err),
+                         length == DIGEST_BYTES ? STATUS_OK : STATUS_ERR_PROTOCOL);
+        if (length != DIGEST_BYTES)
+            assert_non_null(strstr(err.text, "scene"));
+    }
+}
+
+static void test_units(void **state)
+{
+    struct render_settings s = example_settings(); /* 21 x 4 tiles; 100 spp are 6 passes */
+
+    (void)state;
+    assert_int_equal(wire_unit_check(83, 5, &s, NULL), STATUS_OK);
+    assert_int_equal(wire_unit_check(84, 0, &s, NULL), STATUS_ERR_PROTOCOL);
+    assert_int_equal(wire_unit_check(0, 6, &s, NULL), STATUS_ERR_PROTOCOL);
+    assert_int_equal(wire_unit_check(UINT32_MAX, UINT32_MAX, &s, NULL), STATUS_ERR_PROTOCOL);
+    assert_int_equal(wire_sums_count(&s, 0), 2 * 256 * 3);
+    assert_int_equal(wire_sums_count(&s, 20), 2 * 13 * 16 * 3); /* right edge: 333 = 20 * 16 + 13 */
+    assert_int_equal(wire_sums_count(&s, 83), 2 * 13 * 2 * 3);  /* corner: 50 = 3 * 16 + 2 */
+}
+
+static void test_sums(void **state)
+{
+    struct render_settings s = example_settings();
+    float in[TILE_FLOATS_MAX], out[TILE_FLOATS_MAX];
+    uint8_t bytes[TILE_FLOATS_MAX * 4 + 4];
+    const uint8_t one[] = {0, 0, 0x80, 0x3f};
+    ProtobufCBinaryData wire = {.data = bytes};
+    size_t count;
+
+    (void)state;
+    for (size_t i = 0; i < TILE_FLOATS_MAX; i++)
+        in[i] = i == 0 ? 1 : (float)i / 3;
+    wire_sums_set(bytes, in, TILE_FLOATS_MAX);
+    assert_memory_equal(bytes, one, 4);
+    for (uint32_t tile = 0; tile < 84; tile++) {
+        size_t expected = wire_sums_count(&s, tile);
+        wire.len = expected * 4;
+        assert_int_equal(wire_sums_get(out, &count, &wire, &s, tile, NULL), STATUS_OK);
+        assert_int_equal(count, expected);
+        assert_memory_equal(out, in, count * 4);
+        wire.len = expected * 4 - 1;
+        assert_int_equal(wire_sums_get(out, &count, &wire, &s, tile, NULL), STATUS_ERR_PROTOCOL);
+        assert_int_equal(count, 0);
+        wire.len = expected * 4 + 4;
+        assert_int_equal(wire_sums_get(out, &count, &wire, &s, tile, NULL), STATUS_ERR_PROTOCOL);
+    }
+    assert_int_equal(wire_sums_get(out, &count, &wire, &s, 84, NULL), STATUS_ERR_PROTOCOL);
+}
+
+static void check_piece(const uint8_t *raw, size_t size, int compresses)
+{
+    struct buffer scratch = BUFFER_INIT;
+    Azulejo__Wire__BlobPut put = AZULEJO__WIRE__BLOB_PUT__INIT;
+    struct digest digest = {{1}};
+    struct blob_piece piece;
+    uint8_t *back = malloc(size + 1);
+
+    assert_non_null(back);
+    wire_digest_set(&put.digest, &digest);
+    put.total_bytes = size;
+    put.raw_bytes = (uint32_t)size;
+    assert_int_equal(blob_piece_pack(raw, size, &scratch, &put.data, &put.zstd, NULL), STATUS_OK);
+    assert_int_equal(put.zstd, compresses);
+    assert_true(compresses ? put.data.len < size : put.data.len == size);
+    assert_int_equal(blob_piece_of_put(&piece, &put, NULL), STATUS_OK);
+    assert_int_equal(blob_piece_unpack(&piece, back, NULL), STATUS_OK);
+    assert_memory_equal(back, raw, size);
+    /* Every damage of a compressed piece is seen, or yields bytes of the same length, which
+     * the blob's digest then refuses; never more than raw_bytes are written. */
+    if (compresses) {
+        struct buffer bent = BUFFER_INIT;
+        for (size_t at = 0; at < put.data.len && at < 64; at++) {
+            buffer_clear(&bent);
+            buffer_append(&bent, put.data.data, put.data.len);
+            bent.data[at] ^= 0x55;
+            piece.data.data = bent.data;
+            back[size] = 0xee;
+            (void)!blob_piece_unpack(&piece, back, NULL);
+            assert_int_equal(back[size], 0xee);
+        }
+        piece.data = put.data;
+        piece.raw_bytes--; /* longer than it says */
+        assert_int_equal(blob_piece_unpack(&piece, back, NULL), STATUS_ERR_PROTOCOL);
+        piece.raw_bytes += 2; /* shorter than it says */
+        {
+            uint8_t *more = malloc(piece.raw_bytes);
+            assert_non_null(more);
+            assert_int_equal(blob_piece_unpack(&piece, more, NULL), STATUS_ERR_PROTOCOL);
+            free(more);
+        }
+        buffer_release(&bent);
+    }
+    free(back);
+    buffer_release(&scratch);
+}
+
+static void test_blob_pieces(void **state)
+{
+    uint8_t *raw = malloc(BLOB_PIECE_BYTES);
+    uint32_t random = 1;
+
+    (void)state;
+    assert_non_null(raw);
+    memset(raw, 0, BLOB_PIECE_BYTES);
+    check_piece(raw, BLOB_PIECE_BYTES, 1);
+    check_piece(raw, 1000, 1);
+    check_piece(raw, 1, 0);
+    check_piece(raw, 0, 0);
+    for (size_t i = 0; i < BLOB_PIECE_BYTES; i++) {
+        random = random * 1664525 + 1013904223;
+        raw[i] = (uint8_t)(random >> 24);
+    }
+    check_piece(raw, BLOB_PIECE_BYTES, 0);
+    free(raw);
+}
+
+static void test_pieces_that_do_not_fit(void **state)
+{
+    static const struct {
+        uint64_t total, offset;
+        uint32_t raw;
+        size_t sent;
+        int zstd;
+    } bad[] = {
+        {10, 5, 6, 6, 0},                                      /* over the end */
+        {10, 11, 0, 0, 0},                                     /* begins after the end */
+        {10, UINT64_MAX, 1, 1, 0},                             /* wraps around */
+        {10, 0, 0, 0, 0},                                      /* goes nowhere */
+        {UINT64_MAX, 0, 10, 10, 0},                            /* too large a blob */
+        {1 << 30, 0, BLOB_PIECE_BYTES + 1, BLOB_PIECE_BYTES + 1, 0},
+        {10, 0, 10, 9, 0},                                     /* not as many as it says */
+        {10, 0, 10, 1 << 20, 1},                               /* "compressed" to a megabyte */
+    };
+    static uint8_t bytes[1 << 20];
+    struct digest digest = {{1}};
+    struct blob_piece piece;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        Azulejo__Wire__BlobData data = AZULEJO__WIRE__BLOB_DATA__INIT;
+        wire_digest_set(&data.digest, &digest);
+        data.total_bytes = bad[i].total;
+        data.offset = bad[i].offset;
+        data.raw_bytes = bad[i].raw;
+        data.zstd = bad[i].zstd;
+        data.data.data = bytes;
+        data.data.len = bad[i].sent;
+        assert_int_equal(blob_piece_of_data(&piece, &data, NULL), STATUS_ERR_PROTOCOL);
+        assert_int_equal(piece.raw_bytes, 0);
+    }
+    assert_int_equal(blob_piece_size(100, 40), 60);
+    assert_int_equal(blob_piece_size(1ull << 40, 0), BLOB_PIECE_BYTES);
+}
+
+static void test_text_is_cleaned(void **state)
+{
+    char out[16];
+
+    (void)state;
+    assert_string_equal(message_text(out, sizeof out, "plain"), "plain");
+    assert_string_equal(message_text(out, sizeof out, "a\x1b[31m\nb\x7f"), "a?[31m?b?");
+    assert_string_equal(message_text(out, sizeof out, "caf\xc3\xa9 \xff\xc3"), "caf\xc3\xa9 ??");
+    assert_string_equal(message_text(out, sizeof out, "\xc2\x9b\xe2\x82\xac"), "?\xe2\x82\xac");
+    assert_string_equal(message_text(out, sizeof out, "\xed\xa0\x80"), "???"); /* a surrogate */
+    assert_string_equal(message_text(out, sizeof out, "0123456789abcdefg"), "0123456789abcde");
+    /* No half character at the end. */
+    assert_string_equal(message_text(out, 4, "ab\xc3\xa9"), "ab");
+    assert_string_equal(message_text(out, 5, "ab\xc3\xa9"), "ab\xc3\xa9");
+}
+
+static void test_failure_codes(void **state)
+{
+    Azulejo__Wire__Failure f = AZULEJO__WIRE__FAILURE__INIT;
+    struct error err;
+
+    (void)state;
+    f.code = STATUS_ERR_NOT_FOUND;
+    f.text = (char *)"no\nsuch blob";
+    assert_int_equal(message_failure_get(&f, &err), STATUS_ERR_NOT_FOUND);
+    assert_string_equal(err.text, "no?such blob");
+    f.text = (char *)"";
+    assert_int_equal(message_failure_get(&f, &err), STATUS_ERR_NOT_FOUND);
+    assert_string_equal(err.text, status_text(STATUS_ERR_NOT_FOUND));
+    f.code = STATUS_OK;
+    assert_int_equal(message_failure_get(&f, &err), STATUS_ERR_PROTOCOL);
+    f.code = 0xffffffff;
+    assert_int_equal(message_failure_get(&f, &err), STATUS_ERR_PROTOCOL);
+}
+
+static void test_hello_and_welcome(void **state)
+{
+    Azulejo__Wire__Hello hello = AZULEJO__WIRE__HELLO__INIT;
+    Azulejo__Wire__Welcome welcome = AZULEJO__WIRE__WELCOME__INIT;
+
+    (void)state;
+    hello.protocol_version = PROTOCOL_VERSION;
+    hello.role = AZULEJO__WIRE__ROLE__ROLE_WORKER;
+    assert_int_equal(hello_check(&hello, FARM_ROLE_WORKER, NULL), STATUS_OK);
+    assert_int_equal(hello_check(&hello, FARM_ROLE_CLIENT, NULL), STATUS_ERR_REFUSED);
+    hello.protocol_version++;
+    assert_int_equal(hello_check(&hello, FARM_ROLE_WORKER, NULL), STATUS_ERR_UNSUPPORTED);
+    welcome.protocol_version = PROTOCOL_VERSION;
+    welcome.heartbeat_ms = 2000;
+    welcome.silence_limit_ms = 10000;
+    assert_int_equal(welcome_check(&welcome, NULL), STATUS_OK);
+    welcome.silence_limit_ms = 1999;
+    assert_int_equal(welcome_check(&welcome, NULL), STATUS_ERR_PROTOCOL);
+    welcome.heartbeat_ms = 0;
+    assert_int_equal(welcome_check(&welcome, NULL), STATUS_ERR_PROTOCOL);
+    welcome.heartbeat_ms = welcome.silence_limit_ms = UINT32_MAX;
+    assert_int_equal(welcome_check(&welcome, NULL), STATUS_ERR_PROTOCOL);
+    welcome.protocol_version = 0;
+    assert_int_equal(welcome_check(&welcome, NULL), STATUS_ERR_UNSUPPORTED);
+}
+
+/* A grant of many empty units is 2 bytes a unit on the wire and some 50 in memory. */
+static void test_unpacking_has_a_budget(void **state)
+{
+    enum { UNITS = 1900000 };
+    uint8_t *wire = malloc(16 + 2 * UNITS);
+    size_t inner = 2 * (size_t)UNITS, at = 0;
+    Azulejo__Wire__Envelope *e;
+    struct error err = {0};
+
+    (void)state;
+    assert_non_null(wire);
+    wire[at++] = 0xaa; /* field 21, length-delimited */
+    wire[at++] = 0x01;
+    for (size_t rest = inner; ; rest >>= 7) {
+        wire[at++] = (uint8_t)(rest & 0x7f) | (rest > 0x7f ? 0x80 : 0);
+        if (rest <= 0x7f)
+            break;
+    }
+    for (size_t i = 0; i < UNITS; i++) {
+        wire[at++] = 0x42; /* field 8, length-delimited, empty */
+        wire[at++] = 0;
+    }
+    assert_true(at < CHANNEL_FRAME_MAX);
+    assert_int_equal(message_unpack(&e, wire, at, &err), STATUS_ERR_LIMIT);
+    assert_null(e);
+    free(wire);
+}
+
+static void test_unpack_damaged(void **state)
+{
+    Azulejo__Wire__LeaseGrant grant = AZULEJO__WIRE__LEASE_GRANT__INIT;
+    Azulejo__Wire__Envelope in = MESSAGE(LEASE_GRANT, lease_grant, &grant), *out;
+    Azulejo__Wire__RenderSettings settings;
+    Azulejo__Wire__WorkUnit unit = AZULEJO__WIRE__WORK_UNIT__INIT, *units[3] = {&unit, &unit, &unit};
+    struct render_settings s = example_settings();
+    uint8_t wire[512], cut[512];
+    size_t size;
+
+    (void)state;
+    wire_settings_set(&settings, &s);
+    grant.settings = &settings;
+    grant.units = units;
+    grant.n_units = 3;
+    unit.tile = 300;
+    in.request = 5;
+    size = azulejo__wire__envelope__pack(&in, wire);
+    assert_true(size < sizeof wire);
+    assert_int_equal(message_unpack(&out, wire, size, NULL), STATUS_OK);
+    assert_string_equal(message_name(out), "lease_grant");
+    assert_int_equal(out->request, 5);
+    assert_int_equal(out->lease_grant->n_units, 3);
+    message_free(out);
+    /* Cut short and bent at every byte: an error or another message, never a crash. */
+    for (size_t at = 0; at < size; at++) {
+        if (message_unpack(&out, wire, at, NULL) == STATUS_OK)
+            message_free(out);
+        for (int bit = 0; bit < 8; bit++) {
+            memcpy(cut, wire, size);
+            cut[at] ^= (uint8_t)(1 << bit);
+            if (message_unpack(&out, cut, size, NULL) == STATUS_OK)
+                message_free(out);
+        }
+    }
+    /* Out of memory at each allocation in turn. */
+    for (long n = 0;; n++) {
+        status result;
+        long failed;
+        mem_fault_arm(n, 1);
+        result = message_unpack(&out, wire, size, NULL);
+        failed = mem_fault_count();
+        mem_fault_arm(-1, 0);
+        if (result == STATUS_OK) {
+            message_free(out);
+            assert_int_equal(failed, 0);
+            assert_true(n > 5);
+            break;
+        }
+        assert_int_equal(result, STATUS_ERR_NO_MEMORY);
+    }
+    /* A later version's message: known to be unknown. */
+    const uint8_t unknown[] = {0x08, 0x01, 0xfa, 0x3f, 0x00};
+    assert_int_equal(message_unpack(&out, unknown, sizeof unknown, NULL), STATUS_OK);
+    assert_string_equal(message_name(out), "none");
+    message_free(out);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_settings_round_trip),
+        cmocka_unit_test(test_settings_out_of_range),
+        cmocka_unit_test(test_digest_lengths),
+        cmocka_unit_test(test_units),
+        cmocka_unit_test(test_sums),
+        cmocka_unit_test(test_blob_pieces),
+        cmocka_unit_test(test_pieces_that_do_not_fit),
+        cmocka_unit_test(test_text_is_cleaned),
+        cmocka_unit_test(test_failure_codes),
+        cmocka_unit_test(test_hello_and_welcome),
+        cmocka_unit_test(test_unpacking_has_a_budget),
+        cmocka_unit_test(test_unpack_damaged),
+    };
+    return cmocka_run_group_tests_name("message", tests, NULL, NULL);
+}
