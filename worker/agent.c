@@ -39,6 +39,7 @@ struct agent {
     int was_welcome;         /* ever */
     int last_asked;          /* units of the last LeaseRequest, not granted since */
     int unreachable_logged;
+    int failed_at_work;      /* the last connection ended by a Failure: keep backing off */
 
     struct blob_cache *blobs;
     struct pool *pool;
@@ -190,7 +191,8 @@ static void on_welcome(struct agent *a, const Azulejo__Wire__Welcome *welcome)
     a->silence_limit_ms = welcome->silence_limit_ms;
     a->was_welcome = 1;
     a->unreachable_logged = 0;
-    a->backoff_ms = BACKOFF_FIRST_MS;
+    if (!a->failed_at_work)
+        a->backoff_ms = BACKOFF_FIRST_MS;
     log_info("%s: joined as session %u with %u threads, %zu results to send again",
              channel_peer(a->channel), welcome->session, a->options.threads, a->outbox.count);
     agent_set_state(a, WORKING);
@@ -206,6 +208,13 @@ static void on_failure(struct agent *a, const Azulejo__Wire__Envelope *message)
         return;
     }
     code = message_failure_get(message->failure, &err);
+    if (a->state != GREETING) {
+        /* It may have refused a result (of a store that was since replaced, say). Sending the
+         * same again would end the same way; rendering it again is cheap. */
+        log_warn("%zu results that the coordinator has not taken are dropped", a->outbox.count);
+        outbox_release(&a->outbox);
+        a->failed_at_work = 1;
+    }
     channel_abort(a->channel, code, "the coordinator says: %s", err.text);
 }
 
@@ -264,6 +273,7 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
         break;
     case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_REVOKE:
         leases_revoke(&a->leases, m->lease_revoke);
+        outbox_drop_lease(&a->outbox, m->lease_revoke->lease);
         ask_for_work(a);
         end_if_drained(a);
         break;
@@ -455,6 +465,8 @@ static void on_tick(uv_timer_t *timer)
     }
     if (!working_channel(a))
         return;
+    if (in_state_ms > SETTLED_MS)
+        a->failed_at_work = 0;
     if (now - channel_last_heard_ns(a->channel) > a->silence_limit_ms * NS_PER_MS) {
         channel_abort(a->channel, STATUS_ERR_UNREACHABLE,
                       "nothing was heard for %.1f s: it is taken for dead",

@@ -26,6 +26,7 @@ enum {
     DRAIN_MS = 60000,            /* for units in work and their acknowledgements */
     FIRST_CONNECTION_MS = 30000, /* with exit_on_disconnect: to reach the coordinator at all */
     GREETING_MS = 10000,         /* from Hello to Welcome */
+    SETTLED_MS = 10000,          /* a connection that lasts so long is a good one */
     ASK_AGAIN_MS = 5000,         /* a LeaseRequest that brought nothing is said again */
 };
 

@@ -75,17 +75,8 @@ void outbox_reset(struct outbox *o)
     o->unsent = o->first;
 }
 
-void outbox_acknowledge(struct outbox *o, uint64_t job, uint32_t frame, uint32_t tile,
-                        uint32_t pass)
+static void outbox_remove(struct outbox *o, struct work_unit *unit)
 {
-    struct work_unit *unit = o->first;
-
-    /* Acknowledgements come about in the order of sending, so this looks at few. */
-    while (unit && !(unit->job == job && unit->frame == frame && unit->tile == tile &&
-                     unit->pass == pass))
-        unit = unit->next;
-    if (!unit)
-        return;
     if (o->unsent == unit)
         o->unsent = unit->next;
     if (unit->previous)
@@ -98,4 +89,28 @@ void outbox_acknowledge(struct outbox *o, uint64_t job, uint32_t frame, uint32_t
         o->last = unit->previous;
     o->count--;
     mem_free(unit);
+}
+
+void outbox_acknowledge(struct outbox *o, uint64_t job, uint32_t frame, uint32_t tile,
+                        uint32_t pass)
+{
+    struct work_unit *unit = o->first;
+
+    /* Acknowledgements come about in the order of sending, so this looks at few. */
+    while (unit && !(unit->job == job && unit->frame == frame && unit->tile == tile &&
+                     unit->pass == pass))
+        unit = unit->next;
+    if (unit)
+        outbox_remove(o, unit);
+}
+
+void outbox_drop_lease(struct outbox *o, uint64_t lease_id)
+{
+    struct work_unit *next;
+
+    for (struct work_unit *unit = o->first; unit; unit = next) {
+        next = unit->next;
+        if (unit->lease_id == lease_id)
+            outbox_remove(o, unit);
+    }
 }

@@ -49,4 +49,7 @@ void outbox_reset(struct outbox *o);
 void outbox_acknowledge(struct outbox *o, uint64_t job, uint32_t frame, uint32_t tile,
                         uint32_t pass);
 
+/* Forget the results of a lease that nobody wants any more. */
+void outbox_drop_lease(struct outbox *o, uint64_t lease_id);
+
 #endif
