@@ -36,7 +36,7 @@ done
 mkdir -p out
 if [ -z "$env" ]; then
     env=out/sky.exr
-    "$build/bin/scenes/sky/make_sky" --sun-elevation 35 --size 1024 -o "$env"
+    "$build/bin/scenes/sky/make_sky" --sun-elevation 40 -o "$env"
     echo "made the sky: $env"
 fi
 "$build/bin/azulejo" render scenes/cornell/cornell-mirror.gltf --env "$env" --workers 2 \
