@@ -201,6 +201,32 @@ static void test_square_lamp(void **state)
     }
 }
 
+/* The same lamp grazing a wall beside it, against quadrature over the lamp. */
+static void test_grazing_lamp(void **state)
+{
+    struct scene_builder b;
+    struct render_settings settings = small(64);
+    struct scene_instance *wall;
+    const int steps = 500;
+    double sum = 0;
+
+    (void)state;
+    for (int i = 0; i < steps; i++)
+        for (int j = 0; j < steps; j++) {
+            double x = 0.5 * (2 * (i + 0.5) / steps - 1) + 2, y = 0.1, z = 0.5 * (2 * (j + 0.5) / steps - 1);
+            double r2 = x * x + y * y + z * z;
+            sum += x * y / (r2 * r2) / steps / steps;
+        }
+    settings.max_depth = 1;
+    builder_init(&b);
+    square_lamp(&b, 2, 0.5f, 0);
+    wall = builder_place(&b, 0, 0, vec3_splat(1), vec3_splat(0));
+    wall->to_world = (struct transform){{{0, 1, 0, -2}, {3, 0, 0, 0}, {0, 0, 3, 0}}};
+    builder_camera(&b, vec3_make(0, 1.9f, 0), vec3_make(-2, 1.9f, 0), 0.004f);
+    expect_mean(&b, &settings, 0.6 / M_PI * 10 * sum, "grazing lamp");
+    builder_release(&b);
+}
+
 /* The lamp seen from behind is dark unless it is double-sided (then culling shows nothing). */
 static void test_lamp_back_is_dark(void **state)
 {
@@ -366,7 +392,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_furnace_lambert),     cmocka_unit_test(test_furnace_interreflection),
         cmocka_unit_test(test_furnace_glass),       cmocka_unit_test(test_absorbing_slab),
-        cmocka_unit_test(test_square_lamp),         cmocka_unit_test(test_lamp_back_is_dark),
+        cmocka_unit_test(test_square_lamp),         cmocka_unit_test(test_grazing_lamp),
+        cmocka_unit_test(test_lamp_back_is_dark),
         cmocka_unit_test(test_punctual_lights),     cmocka_unit_test(test_light_mixture),
         cmocka_unit_test(test_environment_patch),   cmocka_unit_test(test_alpha_blend),
     };
