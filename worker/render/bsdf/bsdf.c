@@ -70,8 +70,7 @@ static inline struct vec3 mix_reflection(const struct bsdf *b, struct vec3 wo, s
             if (b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f) {
                 struct vec3 interface = interface_color(b, cos_h);
                 r = vec3_mad(r, interface, b->weight_interface);
-                chosen += b->lobe_pdf[BSDF_LOBE_INTERFACE] *
-                          interface_reflect_probability(b, interface);
+                chosen += b->lobe_pdf[BSDF_LOBE_INTERFACE] * interface_choose(b, interface).reflect;
             }
             f = vec3_mad(f, r, density * shadowing);
             *pdf += chosen * density;
@@ -124,7 +123,7 @@ static inline struct vec3 rough_refraction(const struct bsdf *b, struct vec3 wo,
     density = ggx_density(b->alpha2, h, length2) * 2.0f / (b->cos_o + b->root_o) *
               (cos_o * cos_i / length2);
     g1_i = 2.0f * mu_i / (mu_i + ggx_root(b->alpha2, mu_i));
-    *pdf = b->lobe_pdf[BSDF_LOBE_INTERFACE] * (1.0f - interface_reflect_probability(b, f)) *
+    *pdf = b->lobe_pdf[BSDF_LOBE_INTERFACE] * interface_choose(b, f).transmit *
            density * (b->eta * b->eta);
     return vec3_scale(b->tint, keep * g1_i * density);
 }
@@ -199,7 +198,7 @@ static int sample_mirror(const struct bsdf *b, struct vec3 wo, struct bsdf_sampl
     if (b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f) {
         struct vec3 interface = interface_color(b, b->cos_o);
         f = vec3_mad(f, interface, b->weight_interface);
-        chosen += b->lobe_pdf[BSDF_LOBE_INTERFACE] * interface_reflect_probability(b, interface);
+        chosen += b->lobe_pdf[BSDF_LOBE_INTERFACE] * interface_choose(b, interface).reflect;
     }
     if (!(chosen > 0.0f))
         return 0;
@@ -214,14 +213,15 @@ static int sample_interface(const struct bsdf *b, struct vec3 wo, float u_side, 
                             struct bsdf_sample *out, int *result)
 {
     struct vec3 h = b->smooth ? (struct vec3){0, 0, 1} : ggx_sample_visible(wo, b->p.alpha, u, v);
-    float cos_h = b->smooth ? b->cos_o : vec3_dot(wo, h), reflect;
+    float cos_h = b->smooth ? b->cos_o : vec3_dot(wo, h);
+    struct interface_choice choice;
     struct vec3 f;
 
     if (!(cos_h > 0.0f))
         return 0;
     f = interface_color(b, cos_h);
-    reflect = interface_reflect_probability(b, f);
-    if (u_side < reflect) {
+    choice = interface_choose(b, f);
+    if (u_side < choice.reflect || choice.transmit == 0.0f) {
         if (b->smooth)
             return *result = sample_mirror(b, wo, out), -1;
         out->wi = reflect_about(wo, h);
@@ -242,7 +242,7 @@ static int sample_interface(const struct bsdf *b, struct vec3 wo, float u_side, 
         return 0;
     out->eta_scale = b->eta * b->eta;
     out->weight = vec3_scale(b->tint, (1.0f - largest(f)) /
-                                          (b->lobe_pdf[BSDF_LOBE_INTERFACE] * (1.0f - reflect) *
+                                          (b->lobe_pdf[BSDF_LOBE_INTERFACE] * choice.transmit *
                                            out->eta_scale));
     *result = finish_delta(out, BSDF_TRANSMISSION | BSDF_REFRACTION);
     return -1;

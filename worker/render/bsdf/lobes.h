@@ -53,15 +53,22 @@ static inline struct vec3 interface_color(const struct bsdf *b, float cos_i)
     return f;
 }
 
-/* How likely the interface lobe reflects at a microfacet that reflects `f`. 0 and 1 only
- * where the other way carries nothing. */
-static inline float interface_reflect_probability(const struct bsdf *b, struct vec3 f)
+/* How likely the interface lobe reflects or transmits at a microfacet that reflects `f`. 0
+ * only where that way carries nothing. Apart, for 1 - F has few digits at grazing angles. */
+struct interface_choice {
+    float reflect, transmit;
+};
+
+static inline struct interface_choice interface_choose(const struct bsdf *b, struct vec3 f)
 {
     float reflected = vec3_average(f);
     float transmitted = (1.0f - largest(f)) * vec3_average(b->p.base_color);
-    float sum = reflected + transmitted;
+    float scale = reflected + transmitted;
 
-    return sum > 0.0f ? reflected / sum : 1.0f;
+    if (!(scale > 0.0f))
+        return (struct interface_choice){1, 0};
+    scale = 1.0f / scale;
+    return (struct interface_choice){reflected * scale, transmitted * scale};
 }
 
 /* Share of light that the reflection leaves for the base where Schlick's mean weight is
