@@ -27,6 +27,8 @@ struct connection_options {
     double timeout_s;        /* longest silence while an answer is awaited */
 };
 
+enum { CONNECTION_HOST_MAX = 300 };
+
 #define CONNECTION_OPTIONS_INIT {NULL, NULL, CONNECTION_TIMEOUT_DEFAULT_S}
 
 /* Rows for a command's option table; `o` is a struct connection_options. */
@@ -43,6 +45,12 @@ struct connection_options {
  * ERR_USAGE. */
 status connection_parse_address(const char *text, char *host, size_t host_size, uint16_t *port,
                                 struct error *err) MUST_CHECK;
+
+/* Where to, and with which key: from the options, else the environment, else the defaults.
+ * The caller wipes the key. */
+status connection_options_resolve(const struct connection_options *options,
+                                  char host[CONNECTION_HOST_MAX], uint16_t *port,
+                                  struct farm_key *key, struct error *err) MUST_CHECK;
 
 struct connection;
 
