@@ -94,8 +94,9 @@ static void test_strategies_agree(void **state)
 
             assert_true(a.mean > 0 && running_stats_error(&a) < 0.2 * a.mean);
             if (p < level)
-                fail_msg("map %d, normal %d: uniform %.5g +- %.2g, importance %.5g +- %.2g, p = %.2g",
-                         map, n, a.mean, running_stats_error(&a), b.mean, running_stats_error(&b), p);
+                fail_msg(
+                    "map %d, normal %d: uniform %.5g +- %.2g, importance %.5g +- %.2g, p = %.2g",
+                    map, n, a.mean, running_stats_error(&a), b.mean, running_stats_error(&b), p);
             ratio += running_stats_variance(&a) / running_stats_variance(&b) / NORMALS;
         }
         print_message("# map %d: variance of uniform over importance %.3g\n", map, ratio);
@@ -148,13 +149,15 @@ static void test_hot_texel_at_a_pole(void **state)
                 assert_int_equal(image_init(&map, width, height, 3, &err), STATUS_OK);
                 for (int c = 0; c < 3; c++)
                     map.pixels[3 * (row * width + width / 3) + (uint32_t)c] = 1;
-                assert_int_equal(environment_new(&env, &map, 0, 1,
-                                                 mode ? ENV_SAMPLING_IMPORTANCE : ENV_SAMPLING_UNIFORM,
-                                                 &err), STATUS_OK);
+                assert_int_equal(
+                    environment_new(&env, &map, 0, 1,
+                                    mode ? ENV_SAMPLING_IMPORTANCE : ENV_SAMPLING_UNIFORM, &err),
+                    STATUS_OK);
                 got = irradiance(env, normals[south], (uint64_t)(s * 10 + south * 2 + mode));
                 if (mean_test_p_value(&got, want) < level)
                     fail_msg("%ux%u %s: %.6g +- %.2g, closed form %.6g", width, height,
-                             mode ? "importance" : "uniform", got.mean, running_stats_error(&got), want);
+                             mode ? "importance" : "uniform", got.mean, running_stats_error(&got),
+                             want);
                 assert_true(running_stats_error(&got) < (mode ? 0.001 : 0.25) * want);
                 environment_free(env);
             }

@@ -10,7 +10,14 @@
 
 enum { LEVELS_16 = 1 << 16 };
 
-enum layout { LAYOUT_GREY8, LAYOUT_GREY_ALPHA8, LAYOUT_RGB8, LAYOUT_RGBA8, LAYOUT_16, LAYOUT_FLOAT };
+enum layout {
+    LAYOUT_GREY8,
+    LAYOUT_GREY_ALPHA8,
+    LAYOUT_RGB8,
+    LAYOUT_RGBA8,
+    LAYOUT_16,
+    LAYOUT_FLOAT
+};
 
 struct texture_image {
     uint32_t width, height, channels;
@@ -119,9 +126,11 @@ status texture_image_new(struct texture_image **out, const uint8_t *data, size_t
         st = decode_floats(image, data, size_bytes, name, err);
         break;
     default:
-        st = error_set(err, STATUS_ERR_INPUT,
-                       "%s: not an image that can be read: its first bytes are none of PNG's, JPEG's, "
-                       "Radiance HDR's or OpenEXR's; convert it to PNG or EXR", name);
+        st = error_set(
+            err, STATUS_ERR_INPUT,
+            "%s: not an image that can be read: its first bytes are none of PNG's, JPEG's, "
+            "Radiance HDR's or OpenEXR's; convert it to PNG or EXR",
+            name);
     }
     if (st != STATUS_OK) {
         texture_image_free(image);

@@ -42,7 +42,8 @@ static struct distribution_cell choose(const struct distribution *d, float u, fl
 static void test_proportions(void **state)
 {
     enum { SIDE = 600 };
-    static const uint32_t sizes[][2] = {{1, 1}, {1, 40}, {40, 1}, {3, 15}, {3, 16}, {3, 17}, {5, 33}};
+    static const uint32_t sizes[][2] = {{1, 1},  {1, 40}, {40, 1}, {3, 15},
+                                        {3, 16}, {3, 17}, {5, 33}};
     static double weights[64 * 64], counts[64 * 64];
 
     (void)state;

@@ -149,7 +149,8 @@ static void test_six_patches(void **state)
 static void test_rotation(void **state)
 {
     static const float angles[] = {0, 37, 90, 180, 270, 360, -45, 725, 359.99f};
-    struct environment *plain = environment_of(random_map(16, 8, 5, 0), 0, 1, ENV_SAMPLING_IMPORTANCE);
+    struct environment *plain =
+        environment_of(random_map(16, 8, 5, 0), 0, 1, ENV_SAMPLING_IMPORTANCE);
 
     (void)state;
     for (size_t a = 0; a < sizeof angles / sizeof *angles; a++) {
@@ -164,8 +165,10 @@ static void test_rotation(void **state)
             struct vec3 sampled, radiance;
             float pdf, want = environment_pdf(plain, d);
 
-            assert_vec3_near(environment_radiance(env, turned), environment_radiance(plain, d), 0.02);
-            assert_near((double)environment_pdf(env, turned), (double)want, 1e-3 * (double)want + 1e-5);
+            assert_vec3_near(environment_radiance(env, turned), environment_radiance(plain, d),
+                             0.02);
+            assert_near((double)environment_pdf(env, turned), (double)want,
+                        1e-3 * (double)want + 1e-5);
             assert_true(environment_sample(patches, test_random_float(&random),
                                            test_random_float(&random), &sampled, &radiance, &pdf));
             sampled = rotate_y(sampled, -(double)angles[a]);
@@ -202,7 +205,8 @@ static double reference_texel(const float *pixels, long width, long height, doub
 
 static void test_lookup_against_reference(void **state)
 {
-    static const uint32_t sizes[][2] = {{1, 1}, {1, 6}, {6, 1}, {2, 1}, {7, 3}, {8, 4}, {3, 8}, {5, 5}};
+    static const uint32_t sizes[][2] = {{1, 1}, {1, 6}, {6, 1}, {2, 1},
+                                        {7, 3}, {8, 4}, {3, 8}, {5, 5}};
     struct test_random random = {11};
 
     (void)state;
@@ -268,8 +272,10 @@ static void test_poles_and_seam_are_continuous(void **state)
             for (int pole = -1; pole <= 1; pole += 2)
                 assert_vec3_near(environment_radiance(env, vec3_make(c, (float)pole, s)),
                                  environment_radiance(env, vec3_make(-c, (float)pole, -s)), 0.02);
-            assert_vec3_near(environment_radiance(env, seam), environment_radiance(env, across), 0.05);
-            assert_vec3_near(environment_radiance(env, seam), environment_radiance(env, before), 0.05);
+            assert_vec3_near(environment_radiance(env, seam), environment_radiance(env, across),
+                             0.05);
+            assert_vec3_near(environment_radiance(env, seam), environment_radiance(env, before),
+                             0.05);
         }
         environment_free(env);
     }
@@ -437,7 +443,8 @@ static void test_weight_of_one_lit_texel(void **state)
 static void test_modes(void **state)
 {
     struct test_random random = {21};
-    struct environment *uniform = environment_of(random_map(8, 4, 1, 0), 45, 1, ENV_SAMPLING_UNIFORM);
+    struct environment *uniform =
+        environment_of(random_map(8, 4, 1, 0), 45, 1, ENV_SAMPLING_UNIFORM);
     struct environment *bsdf = environment_of(random_map(8, 4, 1, 0), 45, 1, ENV_SAMPLING_BSDF);
 
     (void)state;
@@ -554,7 +561,7 @@ static void test_extreme_numbers(void **state)
     }
 }
 
-/* Half of the addresses of a 3-float map of this size lie beyond 2^27 floats. */
+/* 8192 x 4096, a hundred million floats: indices, precision and the table hold. */
 static void test_large_map(void **state)
 {
     struct image map = make_map(8192, 4096);
@@ -623,7 +630,8 @@ static void test_texels_that_are_no_radiance(void **state)
     assert_true(isfinite(environment_mean_luminance(env)));
     for (int k = 0; k < 20000; k++) {
         float u = test_random_float(&random), v = test_random_float(&random), pdf;
-        struct vec3 d = random_direction(&random), radiance = environment_radiance_pdf(env, d, &pdf);
+        struct vec3 d = random_direction(&random),
+                    radiance = environment_radiance_pdf(env, d, &pdf);
 
         assert_true(vec3_is_finite(radiance) && vec3_min(radiance) >= 0);
         assert_true(isfinite(pdf) && pdf >= 0);
@@ -669,18 +677,22 @@ static void test_bad_arguments(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         map = make_map(2, 2);
-        assert_int_equal(environment_new(&env, &map, bad[i][0], bad[i][1], ENV_SAMPLING_UNIFORM, &err),
-                         STATUS_ERR_INPUT);
+        assert_int_equal(
+            environment_new(&env, &map, bad[i][0], bad[i][1], ENV_SAMPLING_UNIFORM, &err),
+            STATUS_ERR_INPUT);
         assert_null(env);
         assert_null(map.pixels);
     }
     assert_int_equal(image_init(&map, 2, 2, 4, &err), STATUS_OK);
-    assert_int_equal(environment_new(&env, &map, 0, 1, ENV_SAMPLING_UNIFORM, &err), STATUS_ERR_INPUT);
+    assert_int_equal(environment_new(&env, &map, 0, 1, ENV_SAMPLING_UNIFORM, &err),
+                     STATUS_ERR_INPUT);
     assert_null(map.pixels);
-    assert_int_equal(environment_new_constant(&env, vec3_make(1, -1, 0), ENV_SAMPLING_UNIFORM, &err),
-                     STATUS_ERR_INPUT);
-    assert_int_equal(environment_new_constant(&env, vec3_make(1, NAN, 0), ENV_SAMPLING_UNIFORM, &err),
-                     STATUS_ERR_INPUT);
+    assert_int_equal(
+        environment_new_constant(&env, vec3_make(1, -1, 0), ENV_SAMPLING_UNIFORM, &err),
+        STATUS_ERR_INPUT);
+    assert_int_equal(
+        environment_new_constant(&env, vec3_make(1, NAN, 0), ENV_SAMPLING_UNIFORM, &err),
+        STATUS_ERR_INPUT);
 
     for (long n = 0; n < 100 && !succeeded; n++) {
         status st;

@@ -66,8 +66,8 @@ static void test_elementary_intervals(void **state)
             for (uint32_t pixel = 0; pixel < 6; pixel++)
                 for (uint32_t replicate = 0; replicate < 2; replicate++)
                     for (int log2_n = 2; log2_n <= NET_LOG2_MAX; log2_n++) {
-                        struct pixel_pair p = {seeds[seed], (uint32_t)seed, pixel * 31, pixel * pixel,
-                                               replicate, pairs[pair]};
+                        struct pixel_pair p = {seeds[seed],   (uint32_t)seed, pixel * 31,
+                                               pixel * pixel, replicate,      pairs[pair]};
                         assert_true(is_net(sampler_point, &p, log2_n));
                     }
 }
@@ -188,8 +188,9 @@ static void test_convergence(void **state)
     double at_1024 = smooth_rmse(1024, 300, 0);
 
     (void)state;
-    print_message("# smooth integrand: N=1024 independent %.2e, Sobol' %.2e; N=64 %.2e; slope %.2f\n",
-                  independent, at_1024, at_64, log(at_1024 / at_64) / log(16));
+    print_message(
+        "# smooth integrand: N=1024 independent %.2e, Sobol' %.2e; N=64 %.2e; slope %.2f\n",
+        independent, at_1024, at_64, log(at_1024 / at_64) / log(16));
     /* The integrand's standard deviation is 0.78: independent sampling must show it. */
     assert_true(independent > 0.020 && independent < 0.029);
     /* N^-3/2 up to a logarithm; a wrong shuffle would sit near `independent`. */

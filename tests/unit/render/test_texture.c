@@ -261,8 +261,9 @@ static void test_extreme_coordinates(void **state)
 /* Float images are neither clamped nor decoded. The file is Radiance HDR without runs. */
 static void test_float_image(void **state)
 {
-    static const uint8_t file[] = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n"
-                                  "\x80\x40\x20\x84\x80\x40\x20\x80"; /* (8, 4, 2), (1/2, 1/4, 1/8) */
+    static const uint8_t file[] =
+        "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n"
+        "\x80\x40\x20\x84\x80\x40\x20\x80"; /* (8, 4, 2), (1/2, 1/4, 1/8) */
     struct texture_image *image;
     struct scene_texture texture = texture_as(WRAP_CLAMP, WRAP_CLAMP, 0);
     struct error err = {0};
@@ -291,8 +292,9 @@ static void test_damaged_files(void **state)
     struct error err = {0};
 
     (void)state;
-    assert_int_equal(texture_image_new(&image, (const uint8_t *)text, sizeof text, "wood.svg", &err),
-                     STATUS_ERR_INPUT);
+    assert_int_equal(
+        texture_image_new(&image, (const uint8_t *)text, sizeof text, "wood.svg", &err),
+        STATUS_ERR_INPUT);
     assert_null(image);
     assert_non_null(strstr(err.text, "wood.svg"));
     assert_int_equal(texture_image_new(&image, NULL, 0, "empty", &err), STATUS_ERR_INPUT);

@@ -14,7 +14,8 @@ status distribution_init(struct distribution *d, uint32_t rows, uint32_t columns
 
     memset(d, 0, sizeof *d);
     if (rows == 0 || columns == 0 || !mem_size_mul(rows, columns, &cells))
-        return error_set(err, STATUS_ERR_INTERNAL, "a distribution of %u x %u cells", columns, rows);
+        return error_set(err, STATUS_ERR_INTERNAL, "a distribution of %u x %u cells", columns,
+                         rows);
     d->row_start = mem_calloc((size_t)rows + 1, sizeof *d->row_start);
     d->column_start = mem_calloc(cells, sizeof *d->column_start);
     d->block_start = mem_calloc((size_t)rows * blocks, sizeof *d->block_start);

@@ -34,7 +34,7 @@ struct environment {
     int black;
     float mean_luminance;
     struct distribution cells; /* height + 1 strips x width; MODE_IMPORTANCE only */
-    double density_scale;     /* from a node's luminance * sin(theta) to solid-angle density * sin(theta) */
+    double density_scale;      /* node weight to solid-angle density times sin(theta) */
 };
 
 static double luminance(struct vec3 c)
@@ -357,7 +357,8 @@ static double row_share(uint32_t row, uint32_t height)
         double length = to_pole ? 0.5 * h : h;
 
         for (int i = -2; i <= 2; i++) {
-            double x = 0.5 + (i < 0 ? -0.5 : 0.5) * node[i < 0 ? -i : i]; /* from the centre, 0..1 */
+            double x =
+                0.5 + (i < 0 ? -0.5 : 0.5) * node[i < 0 ? -i : i]; /* from the centre, 0..1 */
 
             sum += weight[i < 0 ? -i : i] * 0.5 * length * (to_pole ? 1.0 : 1.0 - x) *
                    sine_pi(centre + side * length * x);
