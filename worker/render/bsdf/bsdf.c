@@ -79,13 +79,22 @@ static inline struct vec3 mix_reflection(const struct bsdf *b, struct vec3 wo, s
     return f;
 }
 
-/* Light through a rough thin wall: the reflection of the mirrored direction, separable
- * masking and shadowing. wi.z < 0. */
+/* G(wo, wi) / G1(wo) for transmission, fully correlated: G = min(G1(wo), G1(wi)). Walter's
+ * product of the two loses half the light at grazing angles even where the index is 1 and
+ * nothing bends at all; this has the right limit, is reciprocal too, and what is sampled by
+ * G1(wo) never gains. */
+static inline float transmit_shadowing(float mu_o, float root_o, float mu_i, float root_i)
+{
+    float ratio = mu_i * (mu_o + root_o) / (mu_o * (mu_i + root_i));
+    return ratio < 1.0f ? ratio : 1.0f;
+}
+
+/* Light through a rough thin wall: the reflection of the mirrored direction. wi.z < 0. */
 static inline struct vec3 thin_transmission(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
                                             float *pdf)
 {
     struct vec3 mirrored = {wi.x, wi.y, -wi.z};
-    float cos_h, shadowing, density, layer_i, layer, g1;
+    float cos_h, shadowing, density, layer_i, layer;
 
     *pdf = 0;
     density = reflect_density(b->thin_alpha2, b->thin_root_o, b->cos_o, wo, mirrored, &cos_h,
@@ -94,9 +103,10 @@ static inline struct vec3 thin_transmission(const struct bsdf *b, struct vec3 wo
         return BLACK;
     layer_i = 1.0f - layer_rest(b, mirrored.z);
     layer = layer_i > b->layer_o ? layer_i : b->layer_o;
-    g1 = 2.0f * mirrored.z / (mirrored.z + ggx_root(b->thin_alpha2, mirrored.z));
+    shadowing = transmit_shadowing(b->cos_o, b->thin_root_o, mirrored.z,
+                                   ggx_root(b->thin_alpha2, mirrored.z));
     *pdf = b->lobe_pdf[BSDF_LOBE_THIN] * density;
-    return vec3_scale(b->tint, (1.0f - layer) * g1 * density);
+    return vec3_scale(b->tint, (1.0f - layer) * shadowing * density);
 }
 
 /* Walter et al. 2007, equations 17 and 21, with h = -(wo + eta wi) normalised towards wo,
@@ -105,7 +115,7 @@ static inline struct vec3 rough_refraction(const struct bsdf *b, struct vec3 wo,
                                            float *pdf)
 {
     struct vec3 h = vec3_mad(wo, wi, b->eta), f;
-    float length2 = vec3_length_squared(h), mu_i = -wi.z, scale, cos_o, cos_i, density, g1_i, keep;
+    float length2 = vec3_length_squared(h), mu_i = -wi.z, scale, cos_o, cos_i, density, shadowing, keep;
 
     *pdf = 0;
     if (!(length2 > HALF_LENGTH2_MIN))
@@ -122,10 +132,10 @@ static inline struct vec3 rough_refraction(const struct bsdf *b, struct vec3 wo,
         return BLACK;
     density = ggx_density(b->alpha2, h, length2) * 2.0f / (b->cos_o + b->root_o) *
               (cos_o * cos_i / length2);
-    g1_i = 2.0f * mu_i / (mu_i + ggx_root(b->alpha2, mu_i));
+    shadowing = transmit_shadowing(b->cos_o, b->root_o, mu_i, ggx_root(b->alpha2, mu_i));
     *pdf = b->lobe_pdf[BSDF_LOBE_INTERFACE] * interface_choose(b, f).transmit *
            density * (b->eta * b->eta);
-    return vec3_scale(b->tint, keep * g1_i * density);
+    return vec3_scale(b->tint, keep * shadowing * density);
 }
 
 static inline struct vec3 mix_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi,

@@ -16,7 +16,8 @@
  *          (albedo.h): reciprocal, a white smooth plastic sends out exactly 1.
  *          F90 fades to 0 below ior 1.2, so that ior 1 is no interface at all: Schlick's
  *          formula, made for 1.2 to 2.2, would keep a bright rim.
- * glass    refractive: one rough interface (Walter et al. 2007) with the exact Fresnel
+ * glass    refractive: one rough interface (Walter et al. 2007, but with masking and
+ *          shadowing fully correlated in transmission: bsdf.c) with the exact Fresnel
  *          term, remapped so that it begins at F0 and ends at F90 (total internal
  *          reflection is always 1); reflection or refraction is chosen for the sampled
  *          microfacet. Transmitted light is base_color * (1 - max component of F).

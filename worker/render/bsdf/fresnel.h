@@ -36,11 +36,14 @@ static inline float fresnel_exact(float cos_i, float eta)
 static inline int refract_about(struct vec3 wo, struct vec3 h, float cos_i, float eta,
                                 struct vec3 *wi)
 {
-    float inverse = 1.0f / eta, sin2_t = (1.0f - cos_i * cos_i) * (inverse * inverse);
+    float inverse = 1.0f / eta, sin2_t;
+    /* From the tangent, for 1 - cos^2 has few digits near normal incidence. */
+    struct vec3 tangent = vec3_sub(vec3_scale(h, cos_i), wo);
 
+    sin2_t = vec3_length_squared(tangent) * (inverse * inverse);
     if (!(sin2_t < 1.0f))
         return 0;
-    *wi = vec3_mad(vec3_scale(wo, -inverse), h, cos_i * inverse - sqrtf(1.0f - sin2_t));
+    *wi = vec3_mad(vec3_scale(tangent, inverse), h, -sqrtf(1.0f - sin2_t));
     return 1;
 }
 
