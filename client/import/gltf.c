@@ -102,7 +102,7 @@ static status refuse_extension(struct gltf *g, const char *name, int known)
 
 static status check_extensions(struct gltf *g)
 {
-    const struct gltf_place at = gltf_at("file", 0, "");
+    const struct gltf_place at = gltf_at("", 0, "");
     json_t *required = NULL, *used = NULL;
 
     TRY(gltf_array(g, g->root, &at, "extensionsRequired", &required));
@@ -137,7 +137,7 @@ static status check_extensions(struct gltf *g)
 
 static status check_asset(struct gltf *g)
 {
-    const struct gltf_place at = gltf_at("file", 0, ".asset");
+    const struct gltf_place at = gltf_at("", 0, "");
     const char *version = "", *least = "";
     json_t *asset = json_object_get(g->root, "asset");
 
@@ -157,7 +157,7 @@ static status check_asset(struct gltf *g)
 
 static status open_tables(struct gltf *g)
 {
-    const struct gltf_place at = gltf_at("file", 0, "");
+    const struct gltf_place at = gltf_at("", 0, "");
     json_t *punctual = gltf_extension(g->root, "KHR_lights_punctual");
 
     TRY(gltf_array(g, g->root, &at, "accessors", &g->accessors));

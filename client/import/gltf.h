@@ -22,7 +22,7 @@ enum {
 
 /* "materials[3].pbrMetallicRoughness": where a value stands, for messages. */
 struct gltf_place {
-    const char *table;
+    const char *table;       /* "": the file itself */
     size_t row;
     char part[GLTF_KEY_MAX]; /* "" or ".pbrMetallicRoughness" */
 };

@@ -34,6 +34,8 @@ status gltf_fail(struct gltf *g, status code, const struct gltf_place *place, co
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
+    if (!*place->table)
+        return error_set(g->err, code, "%s", text);
     return error_set(g->err, code, "%s[%zu]%s: %s", place->table, place->row, place->part, text);
 }
 

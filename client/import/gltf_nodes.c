@@ -400,7 +400,7 @@ static status push_scene(struct walk *w, int scene_index, const char **title)
 {
     struct gltf *g = w->g;
     const struct transform_d identity = transform_d_identity();
-    const struct gltf_place root = gltf_at("scenes", 0, "");
+    const struct gltf_place root = gltf_at("", 0, "");
     int64_t index = -1;
     struct gltf_place at;
     json_t *scene, *nodes = NULL;

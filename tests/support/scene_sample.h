@@ -1,0 +1,15 @@
+/* scene_sample: a scene with every table filled and every field off its default, without
+ * blobs, for tests of the description itself. */
+#ifndef AZULEJO_TESTS_SCENE_SAMPLE_H
+#define AZULEJO_TESTS_SCENE_SAMPLE_H
+
+#include "common/scene/scene.h"
+
+/* Two meshes, two images, two textures, three materials, three instances, three lights,
+ * two cameras, an environment map. Aborts when out of memory. */
+void scene_sample(struct scene *out);
+
+/* The blob size that the mesh's counts call for; a digest that depends on `seed`. */
+void scene_sample_blob(struct scene_mesh *mesh, uint8_t seed);
+
+#endif

@@ -1,0 +1,260 @@
+/* What a scene calls for: each effect appears when something reachable causes it, and not
+ * otherwise. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <math.h>
+#include <string.h>
+
+#include "common/scene/effects.h"
+#include "tests/support/scene_sample.h"
+
+/* One box, one material, one camera in front of it; no light. */
+struct plain {
+    struct scene scene;
+    struct scene_mesh mesh[2];
+    struct scene_material material;
+    struct scene_instance instance[2];
+    struct scene_light light;
+    struct scene_camera camera[2];
+};
+
+static void plain_init(struct plain *p)
+{
+    const struct transform identity = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+
+    memset(p, 0, sizeof *p);
+    scene_init(&p->scene);
+    p->mesh[0] = (struct scene_mesh){.name = "",
+                                     .vertex_count = 24,
+                                     .triangle_count = 12,
+                                     .bounds_min = {-1, -1, -1},
+                                     .bounds_max = {1, 1, 1},
+                                     .closed = 1};
+    p->mesh[1] = p->mesh[0];
+    scene_material_default(&p->material);
+    p->material.metallic = 0;
+    p->instance[0] = (struct scene_instance){.name = "", .to_world = identity};
+    p->instance[1] = p->instance[0];
+    p->light = (struct scene_light){.name = "", .direction = {0, 0, -1}};
+    p->camera[0] = (struct scene_camera){.name = "", .to_world = identity, .yfov_rad = 1};
+    p->camera[0].to_world.m[2][3] = 5;
+    p->camera[1] = p->camera[0];
+    p->camera[1].kind = CAMERA_ORTHOGRAPHIC;
+    p->camera[1].xmag = p->camera[1].ymag = 1;
+    p->scene.meshes = p->mesh;
+    p->scene.mesh_count = 2;
+    p->scene.materials = &p->material;
+    p->scene.material_count = 1;
+    p->scene.instances = p->instance;
+    p->scene.instance_count = 1;
+    p->scene.lights = &p->light;
+    p->scene.light_count = 1;
+    p->scene.cameras = p->camera;
+    p->scene.camera_count = 2;
+}
+
+static const uint32_t plain_set = EFFECT_DIFFUSE | EFFECT_GLOSSY;
+
+static void assert_set(const struct plain *p, uint32_t wanted)
+{
+    uint32_t got = scene_effects(&p->scene, 0);
+
+    for (int i = 0; i < EFFECT_COUNT; i++)
+        if ((got ^ wanted) >> i & 1)
+            print_error("%s is %s\n", effect_name((enum effect_bit)i),
+                        got >> i & 1 ? "there, but should not be" : "missing");
+    assert_int_equal(got, wanted);
+}
+
+/* With these statements done to the plain scene, the set is exactly this. */
+#define EXPECT(set, ...)       \
+    do {                       \
+        struct plain p;        \
+        plain_init(&p);        \
+        __VA_ARGS__;           \
+        assert_set(&p, (set)); \
+    } while (0)
+
+static void test_lobes(void **state)
+{
+    (void)state;
+    EXPECT(plain_set, (void)0);
+    EXPECT(EFFECT_DIFFUSE, p.material.specular = 0);
+    EXPECT(EFFECT_GLOSSY, p.material.metallic = 1);
+    EXPECT(plain_set, p.material.metallic = 0.5f);
+    EXPECT(EFFECT_MIRROR, p.material.metallic = 1; p.material.roughness = 0);
+    EXPECT(EFFECT_DIFFUSE | EFFECT_MIRROR, p.material.roughness = 0.03f);
+    EXPECT(EFFECT_GLOSSY, memset(p.material.base_color, 0, 3 * sizeof(float)));
+    /* A texture lowers its factor: metal with a metallic texture may be partly none. */
+    EXPECT(plain_set | EFFECT_MIRROR | EFFECT_TEXTURE, p.material.metallic = 1;
+           p.material.metallic_roughness_texture.texture = 0);
+    /* ... but a factor of 0 stays 0. */
+    EXPECT(EFFECT_DIFFUSE | EFFECT_MIRROR, p.material.roughness = 0;
+           p.material.metallic_roughness_texture.texture = 0);
+}
+
+static void test_mirror_threshold(void **state)
+{
+    float below = nextafterf(EFFECT_MIRROR_ROUGHNESS, 0);
+
+    (void)state;
+    /* The renderer squares the roughness and compares with 1e-3: so must the macro. */
+    assert_true(below * below < 1e-3f);
+    assert_false(EFFECT_MIRROR_ROUGHNESS * EFFECT_MIRROR_ROUGHNESS < 1e-3f);
+    EXPECT(EFFECT_DIFFUSE | EFFECT_MIRROR, p.material.roughness = below);
+    EXPECT(plain_set, p.material.roughness = EFFECT_MIRROR_ROUGHNESS);
+}
+
+static void test_transmission(void **state)
+{
+    /* What transmits has no closed, opaque surface: single-sided ones are culled. */
+    const uint32_t thin = EFFECT_GLOSSY | EFFECT_THIN_TRANSMISSION | EFFECT_CULLING;
+    const uint32_t glass = EFFECT_MIRROR | EFFECT_DIELECTRIC;
+
+    (void)state;
+    EXPECT(thin, p.material.transmission = 1);
+    EXPECT(thin | EFFECT_DIFFUSE, p.material.transmission = 0.5f);
+    EXPECT(thin | EFFECT_DIFFUSE | EFFECT_TEXTURE, p.material.transmission = 1;
+           p.material.transmission_texture.texture = 0);
+    EXPECT(EFFECT_GLOSSY, p.material.transmission = 1; p.material.metallic = 1);
+    EXPECT(glass, p.material.transmission = 1; p.material.refractive = 1;
+           p.material.roughness = 0);
+    EXPECT(glass, p.material.transmission = 1; p.material.refractive = 1;
+           p.material.roughness = 0; p.material.specular = 0);
+    EXPECT(EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC, p.material.transmission = 1;
+           p.material.refractive = 1);
+    EXPECT(EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC | EFFECT_DIELECTRIC,
+           p.material.transmission = 1; p.material.refractive = 1; p.material.ior = 1);
+    /* Absorption needs a distance and a colour, and something that lets light in. */
+    EXPECT(glass, p.material.transmission = 1; p.material.refractive = 1;
+           p.material.roughness = 0; p.material.attenuation_distance = 1);
+    EXPECT(glass, p.material.transmission = 1; p.material.refractive = 1;
+           p.material.roughness = 0; p.material.attenuation_color[1] = 0.5f);
+    EXPECT(glass | EFFECT_ABSORPTION, p.material.transmission = 1; p.material.refractive = 1;
+           p.material.roughness = 0; p.material.attenuation_color[1] = 0.5f;
+           p.material.attenuation_distance = 1);
+    EXPECT(plain_set, p.material.refractive = 1; p.material.attenuation_color[1] = 0.5f;
+           p.material.attenuation_distance = 1);
+}
+
+static void test_textures(void **state)
+{
+    const uint32_t textured = plain_set | EFFECT_TEXTURE;
+
+    (void)state;
+    EXPECT(textured, p.material.base_color_texture.texture = 0);
+    EXPECT(EFFECT_GLOSSY, p.material.base_color_texture.texture = 0;
+           memset(p.material.base_color, 0, 3 * sizeof(float)));
+    EXPECT(textured, p.material.specular_texture.texture = 0);
+    EXPECT(EFFECT_DIFFUSE, p.material.specular_texture.texture = 0; p.material.specular = 0);
+    EXPECT(textured, p.material.specular_color_texture.texture = 0);
+    EXPECT(plain_set, p.material.transmission_texture.texture = 0);
+    EXPECT(plain_set, p.material.emission_texture.texture = 0);
+    EXPECT(textured | EFFECT_EMISSIVE_MESH, p.material.emission_texture.texture = 0;
+           p.material.emission[2] = 1);
+    EXPECT(plain_set, p.material.normal_texture.texture = 0);
+    EXPECT(plain_set, p.material.normal_texture.texture = 0; p.mesh[0].arrays = MESH_TANGENTS;
+           p.material.normal_scale = 0);
+    EXPECT(textured | EFFECT_NORMAL_MAP, p.material.normal_texture.texture = 0;
+           p.mesh[0].arrays = MESH_TANGENTS);
+    EXPECT(plain_set | EFFECT_VERTEX_COLOR, p.mesh[0].arrays = MESH_COLORS);
+}
+
+static void test_alpha(void **state)
+{
+    const uint32_t seen_through = plain_set | EFFECT_ALPHA | EFFECT_CULLING;
+
+    (void)state;
+    EXPECT(plain_set, p.material.base_color[3] = 0.5f);
+    EXPECT(plain_set, p.material.alpha_mode = ALPHA_BLEND);
+    EXPECT(seen_through, p.material.alpha_mode = ALPHA_BLEND; p.material.base_color[3] = 0.5f);
+    EXPECT(seen_through & ~(uint32_t)EFFECT_CULLING, p.material.alpha_mode = ALPHA_BLEND;
+           p.material.base_color[3] = 0.5f; p.material.double_sided = 1);
+    EXPECT(seen_through | EFFECT_TEXTURE, p.material.alpha_mode = ALPHA_BLEND;
+           p.material.base_color_texture.texture = 0);
+    EXPECT(seen_through | EFFECT_VERTEX_COLOR, p.material.alpha_mode = ALPHA_BLEND;
+           p.mesh[0].arrays = MESH_COLORS);
+    EXPECT(plain_set, p.material.alpha_mode = ALPHA_MASK);
+    EXPECT(plain_set | EFFECT_TEXTURE, p.material.alpha_mode = ALPHA_MASK;
+           p.material.alpha_cutoff = 0; p.material.base_color_texture.texture = 0);
+    EXPECT(seen_through | EFFECT_TEXTURE, p.material.alpha_mode = ALPHA_MASK;
+           p.material.base_color_texture.texture = 0);
+    /* What is nowhere visible calls for nothing else. */
+    EXPECT(EFFECT_ALPHA, p.material.alpha_mode = ALPHA_BLEND; p.material.base_color[3] = 0;
+           p.material.emission[0] = 9);
+    EXPECT(EFFECT_ALPHA, p.material.alpha_mode = ALPHA_MASK; p.material.base_color[3] = 0.25f);
+}
+
+static void test_culling(void **state)
+{
+    (void)state;
+    EXPECT(plain_set | EFFECT_CULLING, p.mesh[0].closed = 0);
+    EXPECT(plain_set, p.mesh[0].closed = 0; p.material.double_sided = 1);
+    /* From inside a closed mesh its back faces are seen. */
+    EXPECT(plain_set | EFFECT_CULLING, p.camera[0].to_world.m[2][3] = 0.5f);
+    EXPECT(plain_set, p.camera[0].to_world.m[2][3] = 0.5f; p.instance[0].to_world.m[1][3] = 9);
+    /* An orthographic camera's rays start on a plane without known borders. */
+    EXPECT(plain_set | EFFECT_CULLING | EFFECT_ORTHOGRAPHIC, p.camera[0] = p.camera[1]);
+    /* A refracting volume has two sides by definition. */
+    EXPECT(EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC, p.mesh[0].closed = 0;
+           p.material.transmission = 1; p.material.refractive = 1);
+}
+
+static void test_light(void **state)
+{
+    (void)state;
+    EXPECT(plain_set | EFFECT_PUNCTUAL_LIGHT, p.light.intensity[1] = 1);
+    EXPECT(plain_set | EFFECT_EMISSIVE_MESH, p.material.emission[0] = 1);
+    EXPECT(plain_set | EFFECT_ENVIRONMENT, p.scene.environment.present = 1);
+    EXPECT(plain_set, p.scene.environment.present = p.scene.environment.constant = 1);
+    EXPECT(plain_set | EFFECT_ENVIRONMENT,
+           p.scene.environment.present = p.scene.environment.constant = 1;
+           p.scene.environment.radiance[0] = 1);
+    EXPECT(EFFECT_UNLIT, p.material.unlit = 1; p.material.emission[0] = 1;
+           p.material.transmission = 1);
+    EXPECT(EFFECT_UNLIT | EFFECT_TEXTURE, p.material.unlit = 1;
+           p.material.base_color_texture.texture = 0);
+}
+
+static void test_reachable(void **state)
+{
+    (void)state;
+    /* A material that no instance uses does not count. */
+    EXPECT(0, p.scene.instance_count = 0; p.material.emission[0] = 1);
+    EXPECT(plain_set | EFFECT_INSTANCING, p.scene.instance_count = 2);
+    EXPECT(plain_set, p.scene.instance_count = 2; p.instance[1].mesh = 1);
+    EXPECT(plain_set | EFFECT_INSTANCING, p.scene.instance_count = 2; p.scene.mesh_count = 1);
+    {
+        struct plain p;
+        plain_init(&p);
+        assert_int_equal(scene_effects(&p.scene, 1),
+                         plain_set | EFFECT_ORTHOGRAPHIC | EFFECT_CULLING);
+    }
+}
+
+static void test_names(void **state)
+{
+    (void)state;
+    for (int i = 0; i < EFFECT_COUNT; i++)
+        for (int j = 0; j < i; j++)
+            assert_string_not_equal(effect_name((enum effect_bit)i),
+                                    effect_name((enum effect_bit)j));
+    assert_string_equal(effect_name(EFFECT_COUNT), "unknown");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_lobes),      cmocka_unit_test(test_mirror_threshold),
+        cmocka_unit_test(test_transmission), cmocka_unit_test(test_textures),
+        cmocka_unit_test(test_alpha),      cmocka_unit_test(test_culling),
+        cmocka_unit_test(test_light),      cmocka_unit_test(test_reachable),
+        cmocka_unit_test(test_names),
+    };
+
+    return cmocka_run_group_tests_name("effects", tests, NULL, NULL);
+}
