@@ -84,7 +84,7 @@ PROGRAMS := $(BIN)/azulejo $(BIN)/azulejo-coordinator $(BIN)/azulejo-worker
 SCENE_SHARED := $(foreach c,$(call sources,scenes),$(if $(filter make_%,$(notdir $(c))),,$(c)))
 SCENE_TOOLS := $(patsubst scenes/%.c,$(BIN)/scenes/%,$(filter-out $(SCENE_SHARED),$(call sources,scenes)))
 
-TEST_SRC := $(filter %/test_%.c test_%.c,$(foreach d,unit statistics numerics,$(shell find tests/$(d) -name 'test_*.c' 2>/dev/null)))
+TEST_SRC := $(foreach d,unit statistics numerics,$(shell find tests/$(d) -name 'test_*.c' 2>/dev/null))
 TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(TEST_SRC)))
 # Helpers of tests: any other .c file under tests/support.
 SUPPORT_SRC := $(call sources,tests/support)

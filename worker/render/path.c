@@ -139,16 +139,15 @@ static struct vec3 escaped(const struct render_scene *scene, struct vec3 directi
                            float bsdf_density)
 {
     struct vec3 radiance;
+    float density;
 
     if (!scene->environment)
         return vec3_make(0, 0, 0);
-    radiance = environment_radiance(scene->environment, direction);
-    if (!from_delta && scene->emitters.has_environment) {
-        float light_density = environment_pdf(scene->environment, direction) *
-                              emitters_environment_odds(&scene->emitters);
-        radiance = vec3_scale(radiance, mis_weight(bsdf_density, light_density));
-    }
-    return radiance;
+    if (from_delta || !scene->emitters.has_environment)
+        return environment_radiance(scene->environment, direction);
+    radiance = environment_radiance_pdf(scene->environment, direction, &density);
+    density *= emitters_environment_odds(&scene->emitters);
+    return vec3_scale(radiance, mis_weight(bsdf_density, density));
 }
 
 static struct vec3 emitted(const struct render_scene *scene, const struct surface *s,
