@@ -239,6 +239,10 @@ static status map_file(struct blob_cache *cache, int fd, const char *path,
 
     if (fstat(fd, &info) != 0)
         return error_set(err, STATUS_ERR_IO, "%s: %s", path, strerror(errno));
+    if (!S_ISREG(info.st_mode)) {
+        log_warn("%s: is no file; the blob is fetched anew", path);
+        return error_set(err, STATUS_ERR_NOT_FOUND, "%s: is no file", path);
+    }
     size = (size_t)info.st_size;
     if (size > 0) {
         data = mmap(NULL, size, PROT_READ, MAP_PRIVATE, fd, 0);

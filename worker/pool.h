@@ -31,7 +31,7 @@ status pool_new(struct pool **out, unsigned threads, void (*notify)(void *user),
 /* Forget what is queued, wait for what runs, end the threads. Tasks are not freed. */
 void pool_free(struct pool *pool);
 
-/* Urgent tasks run before the others; otherwise first come, first served. */
+/* Urgent tasks run before the others, the newest first; the others first come, first served. */
 void pool_push(struct pool *pool, struct pool_task *task, int urgent);
 /* Take a task back that no thread has begun; 0 if one has. */
 int pool_cancel(struct pool *pool, struct pool_task *task);
