@@ -76,7 +76,7 @@ static void frame_close(struct farm *farm, struct job_frame *frame)
     frame_unlink(farm, frame);
     frame->closing = 1;
     if (frame->in_flight == 0)
-        frame_free(frame);
+        job_frame_free(frame);
 }
 
 void farm_frame_unpin(struct farm *farm, struct job_frame *frame)
@@ -85,7 +85,7 @@ void farm_frame_unpin(struct farm *farm, struct job_frame *frame)
     assert(frame->in_flight > 0);
     frame->in_flight--;
     if (frame->closing && frame->in_flight == 0)
-        frame_free(frame);
+        job_frame_free(frame);
 }
 
 void farm_release(struct farm *farm, uint64_t now_ns)
@@ -283,14 +283,14 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
 
     if (!frame_may_open(farm, job))
         return NULL;
-    frame = frame_new(job, number, settings->width, settings->height, settings->spp, NULL);
+    frame = job_frame_new(job, number, settings->width, settings->height, settings->spp, NULL);
     if (!frame)
         s = error_no_memory(&err, "the film");
     else if (farm->store)
         s = store_film_open(farm->store, job->id, number, frame->film, frame->durable, frame->slot,
                             &frame->file, &err);
     if (s != STATUS_OK) {
-        frame_free(frame);
+        job_frame_free(frame);
         farm_fail(farm, job, now_ns, "frame %u cannot be opened: %s", number, err.text);
         return NULL;
     }
@@ -323,12 +323,12 @@ struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint6
 void farm_frame_advance(struct farm *farm, struct job_frame *frame)
 {
     if (frame->state == FRAME_RENDERING && film_complete(frame->film))
-        frame_set_state(frame, FRAME_COMPLETE);
+        job_frame_set_state(frame, FRAME_COMPLETE);
     if (frame->state == FRAME_COMPLETE && !frame->closing &&
         frame->durable_tiles == film_tile_count(frame->film)) {
         if (farm->events.develop(farm->events.user, frame) != STATUS_OK)
             return;
-        frame_set_state(frame, FRAME_DEVELOPING);
+        job_frame_set_state(frame, FRAME_DEVELOPING);
         frame->in_flight++;
     }
 }

@@ -7,7 +7,7 @@
 
 enum { BUCKETS_MIN = 64, BUCKETS_MAX = 1 << 16 };
 
-struct job_frame *frame_new(struct job *job, uint32_t number, uint32_t width, uint32_t height,
+struct job_frame *job_frame_new(struct job *job, uint32_t number, uint32_t width, uint32_t height,
                         uint32_t spp, struct film_file *file)
 {
     struct job_frame *frame = mem_calloc(1, sizeof *frame);
@@ -29,7 +29,7 @@ struct job_frame *frame_new(struct job *job, uint32_t number, uint32_t width, ui
     frame->dirty = mem_calloc(tiles, sizeof *frame->dirty);
     if (!frame->film || !frame->buckets || !frame->durable || !frame->slot ||
         !frame->dirty_mark || !frame->dirty) {
-        frame_free(frame);
+        job_frame_free(frame);
         return NULL;
     }
     frame->cursor_left = (uint64_t)tiles * pass_count(spp);
@@ -37,14 +37,14 @@ struct job_frame *frame_new(struct job *job, uint32_t number, uint32_t width, ui
     return frame;
 }
 
-void frame_free(struct job_frame *frame)
+void job_frame_free(struct job_frame *frame)
 {
     if (!frame)
         return;
     assert(frame->in_flight == 0);
     while (frame->oldest) {
         assert(frame->oldest->holder_count == 0);
-        frame_unit_settle(frame, frame->oldest);
+        job_frame_unit_settle(frame, frame->oldest);
     }
     film_file_close(frame->file);
     mem_free(frame->acks);
@@ -58,7 +58,7 @@ void frame_free(struct job_frame *frame)
     mem_free(frame);
 }
 
-void frame_set_state(struct job_frame *frame, enum frame_state state)
+void job_frame_set_state(struct job_frame *frame, enum frame_state state)
 {
     assert((frame->state == FRAME_RENDERING && state == FRAME_COMPLETE) ||
            (frame->state == FRAME_COMPLETE && state == FRAME_DEVELOPING));
@@ -81,7 +81,7 @@ static void frame_rewind(struct job_frame *frame)
         (uint64_t)film_tile_count(frame->film) * film_pass_count(frame->film);
 }
 
-void frame_return(struct job_frame *frame, struct unit_name name)
+void job_frame_return(struct job_frame *frame, struct unit_name name)
 {
     size_t i = frame->returned_count;
 
@@ -118,14 +118,14 @@ static struct unit_name returned_pop(struct job_frame *frame)
     return top;
 }
 
-int frame_take(struct job_frame *frame, struct unit_name *out)
+int job_frame_take(struct job_frame *frame, struct unit_name *out)
 {
     uint32_t tiles = film_tile_count(frame->film), passes = film_pass_count(frame->film);
 
     while (frame->returned_count > 0) {
         *out = returned_pop(frame);
         if (!film_has(frame->film, out->tile, out->pass) &&
-            !frame_unit_find(frame, out->tile, out->pass))
+            !job_frame_unit_find(frame, out->tile, out->pass))
             return 1;
     }
     while (frame->cursor_pass < passes) {
@@ -139,18 +139,18 @@ int frame_take(struct job_frame *frame, struct unit_name *out)
         }
         frame->cursor_left--;
         if (!film_has(frame->film, out->tile, out->pass) &&
-            !frame_unit_find(frame, out->tile, out->pass))
+            !job_frame_unit_find(frame, out->tile, out->pass))
             return 1;
     }
     return 0;
 }
 
-uint64_t frame_unleased(const struct job_frame *frame)
+uint64_t job_frame_unleased(const struct job_frame *frame)
 {
     return frame->returned_count + frame->cursor_left;
 }
 
-uint64_t frame_unit_samples(const struct job_frame *frame, struct unit_name name)
+uint64_t job_frame_unit_samples(const struct job_frame *frame, struct unit_name name)
 {
     struct tile_rect rect =
         tile_rect_of(film_width(frame->film), film_height(frame->film), name.tile);
@@ -169,7 +169,7 @@ static struct unit **bucket_of(const struct job_frame *frame, uint32_t tile, uin
     return &frame->buckets[(hash ^ hash >> 16) & frame->bucket_mask];
 }
 
-struct unit *frame_unit_find(const struct job_frame *frame, uint32_t tile, uint32_t pass)
+struct unit *job_frame_unit_find(const struct job_frame *frame, uint32_t tile, uint32_t pass)
 {
     struct unit *unit = *bucket_of(frame, tile, pass);
 
@@ -192,10 +192,10 @@ static void age_append(struct job_frame *frame, struct unit *unit)
     frame->newest = unit;
 }
 
-status frame_unit_lend(struct job_frame *frame, struct unit_name name, struct lease *lease,
+status job_frame_unit_lend(struct job_frame *frame, struct unit_name name, struct lease *lease,
                        uint64_t now_ns)
 {
-    struct unit *unit = frame_unit_find(frame, name.tile, name.pass);
+    struct unit *unit = job_frame_unit_find(frame, name.tile, name.pass);
 
     if (unit) {
         if (unit->holder_count == UNIT_HOLDERS_MAX)
@@ -218,7 +218,7 @@ status frame_unit_lend(struct job_frame *frame, struct unit_name name, struct le
     return STATUS_OK;
 }
 
-void frame_unit_settle(struct job_frame *frame, struct unit *unit)
+void job_frame_unit_settle(struct job_frame *frame, struct unit *unit)
 {
     struct unit **at = bucket_of(frame, unit->tile, unit->pass);
 
@@ -230,7 +230,7 @@ void frame_unit_settle(struct job_frame *frame, struct unit *unit)
     mem_free(unit);
 }
 
-void frame_unit_drop(struct job_frame *frame, struct unit *unit, struct lease *lease)
+void job_frame_unit_drop(struct job_frame *frame, struct unit *unit, struct lease *lease)
 {
     struct unit_name name = {unit->tile, unit->pass};
 
@@ -242,13 +242,13 @@ void frame_unit_drop(struct job_frame *frame, struct unit *unit, struct lease *l
     }
     if (unit->holder_count > 0)
         return;
-    frame_unit_settle(frame, unit);
-    frame_return(frame, name);
+    job_frame_unit_settle(frame, unit);
+    job_frame_return(frame, name);
 }
 
 /* ---- what waits for the disk ------------------------------------------------------------------ */
 
-void frame_mark_dirty(struct job_frame *frame, uint32_t tile, uint64_t now_ns)
+void job_frame_mark_dirty(struct job_frame *frame, uint32_t tile, uint64_t now_ns)
 {
     if (frame->dirty_mark[tile])
         return;
@@ -258,7 +258,7 @@ void frame_mark_dirty(struct job_frame *frame, uint32_t tile, uint64_t now_ns)
     frame->dirty[frame->dirty_count++] = tile;
 }
 
-status frame_await_ack(struct job_frame *frame, struct pending_ack ack, struct error *err)
+status job_frame_await_ack(struct job_frame *frame, struct pending_ack ack, struct error *err)
 {
     if (frame->ack_count >= FRAME_ACKS_MAX)
         return error_set(err, STATUS_ERR_LIMIT, "frame %u: %d results wait for the disk",

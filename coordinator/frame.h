@@ -3,7 +3,7 @@
  *   RENDERING --every unit merged--> COMPLETE --all of it on disk--> DEVELOPING
  *        DEVELOPING --outputs on disk--> closed (freed)
  *   any --job ends--> closed, as soon as no commit or develop is in flight
- * frame_set_state is the only function that changes it.
+ * job_frame_set_state is the only function that changes it.
  *
  * Units are granted in passes over all tiles, so that a preview covers the frame early:
  * first what came back from workers (`returned`), then from the cursor on.
@@ -87,33 +87,33 @@ struct job_frame {
 };
 
 /* NULL when out of memory. The film is new and empty; `file` stays the caller's on failure. */
-struct job_frame *frame_new(struct job *job, uint32_t number, uint32_t width, uint32_t height,
+struct job_frame *job_frame_new(struct job *job, uint32_t number, uint32_t width, uint32_t height,
                         uint32_t spp, struct film_file *file);
-void frame_free(struct job_frame *frame); /* no unit may be outstanding */
+void job_frame_free(struct job_frame *frame); /* no unit may be outstanding */
 
-void frame_set_state(struct job_frame *frame, enum frame_state state);
+void job_frame_set_state(struct job_frame *frame, enum frame_state state);
 
 /* The next unit that nobody holds and the film lacks; 0 when there is none at the moment. */
-int frame_take(struct job_frame *frame, struct unit_name *out);
+int job_frame_take(struct job_frame *frame, struct unit_name *out);
 /* Put a unit back that was taken and is not outstanding. Without memory for it the cursor goes
  * back to the first unit instead, and skips what is merged or lent. */
-void frame_return(struct job_frame *frame, struct unit_name name);
-/* About how many units frame_take could still yield; exact unless results came unasked. */
-uint64_t frame_unleased(const struct job_frame *frame);
+void job_frame_return(struct job_frame *frame, struct unit_name name);
+/* About how many units job_frame_take could still yield; exact unless results came unasked. */
+uint64_t job_frame_unleased(const struct job_frame *frame);
 /* Pixel samples of a unit. */
-uint64_t frame_unit_samples(const struct job_frame *frame, struct unit_name name);
+uint64_t job_frame_unit_samples(const struct job_frame *frame, struct unit_name name);
 
-struct unit *frame_unit_find(const struct job_frame *frame, uint32_t tile, uint32_t pass);
+struct unit *job_frame_unit_find(const struct job_frame *frame, uint32_t tile, uint32_t pass);
 /* Lend the unit to one more lease. ERR_LIMIT: it has all holders that it may have. */
-status frame_unit_lend(struct job_frame *frame, struct unit_name name, struct lease *lease,
+status job_frame_unit_lend(struct job_frame *frame, struct unit_name name, struct lease *lease,
                        uint64_t now_ns) MUST_CHECK;
 /* Take `lease` from the unit's holders; when it was the last one the unit goes back to the pool. */
-void frame_unit_drop(struct job_frame *frame, struct unit *unit, struct lease *lease);
+void job_frame_unit_drop(struct job_frame *frame, struct unit *unit, struct lease *lease);
 /* Forget an outstanding unit: the film has it. */
-void frame_unit_settle(struct job_frame *frame, struct unit *unit);
+void job_frame_unit_settle(struct job_frame *frame, struct unit *unit);
 
 /* Note that a tile's state must go to the disk. */
-void frame_mark_dirty(struct job_frame *frame, uint32_t tile, uint64_t now_ns);
-status frame_await_ack(struct job_frame *frame, struct pending_ack ack, struct error *err) MUST_CHECK;
+void job_frame_mark_dirty(struct job_frame *frame, uint32_t tile, uint64_t now_ns);
+status job_frame_await_ack(struct job_frame *frame, struct pending_ack ack, struct error *err) MUST_CHECK;
 
 #endif

@@ -39,7 +39,7 @@ static void lease_close_unit(struct lease *lease, struct unit_name name)
 {
     lease->open_count--;
     lease->holder->units--;
-    lease->holder->samples -= frame_unit_samples(lease->frame, name);
+    lease->holder->samples -= job_frame_unit_samples(lease->frame, name);
 }
 
 static int unit_is_held_by(const struct unit *unit, const struct lease *lease)
@@ -52,17 +52,17 @@ static int unit_is_held_by(const struct unit *unit, const struct lease *lease)
 
 static void lease_lend_unit(struct lease *lease, struct unit_name name, uint64_t now_ns)
 {
-    const struct unit *unit = frame_unit_find(lease->frame, name.tile, name.pass);
+    const struct unit *unit = job_frame_unit_find(lease->frame, name.tile, name.pass);
 
     if (unit_is_held_by(unit, lease))
         return;
-    if (frame_unit_lend(lease->frame, name, lease, now_ns) == STATUS_OK) {
+    if (job_frame_unit_lend(lease->frame, name, lease, now_ns) == STATUS_OK) {
         lease->units[lease->unit_count++] = name;
         lease->open_count++;
         lease->holder->units++;
-        lease->holder->samples += frame_unit_samples(lease->frame, name);
+        lease->holder->samples += job_frame_unit_samples(lease->frame, name);
     } else if (!unit) {
-        frame_return(lease->frame, name);
+        job_frame_return(lease->frame, name);
     }
 }
 
@@ -78,8 +78,8 @@ struct lease *lease_grant(struct lease_table *table, struct job_frame *frame,
         lease = mem_calloc(1, sizeof *lease + count * sizeof *units);
     if (!lease) {
         for (uint32_t i = 0; i < count; i++)
-            if (!frame_unit_find(frame, units[i].tile, units[i].pass))
-                frame_return(frame, units[i]);
+            if (!job_frame_unit_find(frame, units[i].tile, units[i].pass))
+                job_frame_return(frame, units[i]);
         return NULL;
     }
     lease->holder = holder;
@@ -124,11 +124,11 @@ void lease_end(struct lease_table *table, struct lease *lease)
 {
     for (uint32_t i = 0; i < lease->unit_count; i++) {
         struct unit *unit =
-            frame_unit_find(lease->frame, lease->units[i].tile, lease->units[i].pass);
+            job_frame_unit_find(lease->frame, lease->units[i].tile, lease->units[i].pass);
         if (!unit_is_held_by(unit, lease))
             continue;
         lease_close_unit(lease, lease->units[i]);
-        frame_unit_drop(lease->frame, unit, lease);
+        job_frame_unit_drop(lease->frame, unit, lease);
     }
     lease_free(table, lease);
 }
@@ -144,12 +144,12 @@ void lease_end_all_of(struct lease_table *table, const struct lease_holder *hold
 
 void lease_return_unit(struct lease_table *table, struct lease *lease, struct unit_name name)
 {
-    struct unit *unit = frame_unit_find(lease->frame, name.tile, name.pass);
+    struct unit *unit = job_frame_unit_find(lease->frame, name.tile, name.pass);
 
     if (!unit_is_held_by(unit, lease))
         return;
     lease_close_unit(lease, name);
-    frame_unit_drop(lease->frame, unit, lease);
+    job_frame_unit_drop(lease->frame, unit, lease);
     if (lease->open_count == 0)
         lease_free(table, lease);
 }
@@ -158,7 +158,7 @@ void lease_settle_unit(struct lease_table *table, struct job_frame *frame, struc
                        uint32_t session,
                        void (*others)(void *user, uint32_t session, uint64_t lease), void *user)
 {
-    struct unit *unit = frame_unit_find(frame, name.tile, name.pass);
+    struct unit *unit = job_frame_unit_find(frame, name.tile, name.pass);
 
     if (!unit)
         return;
@@ -171,7 +171,7 @@ void lease_settle_unit(struct lease_table *table, struct job_frame *frame, struc
             others(user, lease->holder->session, lease->id);
         lease_free(table, lease);
     }
-    frame_unit_settle(frame, unit);
+    job_frame_unit_settle(frame, unit);
 }
 
 struct lease *lease_lapsed(const struct lease_table *table, uint64_t now_ns)

@@ -38,7 +38,7 @@ struct lease {
     uint32_t open_count;         /* of those, not yet merged */
     struct lease *chain;         /* in its hash bucket */
     struct lease *older, *newer; /* by id */
-    struct unit_name units[];    /* settled ones stay; frame_unit_find tells */
+    struct unit_name units[];    /* settled ones stay; job_frame_unit_find tells */
 };
 
 struct lease_table {

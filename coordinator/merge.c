@@ -85,7 +85,7 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
     floats_from_wire(sums, result->sums, result->sums_bytes / 4);
 
     /* Room for the acknowledgement first: once merged, a result must not get lost. */
-    s = frame_await_ack(frame, ack, err);
+    s = job_frame_await_ack(frame, ack, err);
     if (s != STATUS_OK)
         return s;
     frame->ack_count--;
@@ -101,7 +101,7 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
     lease = lease_find(&farm->leases, result->lease, result->epoch);
     if (lease && lease->holder == &worker->held)
         lease_renew(&farm->leases, lease, now_ns);
-    unit = frame_unit_find(frame, result->tile, result->pass);
+    unit = job_frame_unit_find(frame, result->tile, result->pass);
     if (unit && unit->holder_count == 1)
         granted_ns = unit->granted_ns;
     if (merged == FILM_CONFLICT)
@@ -109,12 +109,12 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
     if (merged == FILM_MERGED || merged == FILM_WAITING) {
         lease_settle_unit(&farm->leases, frame, name, worker->held.session, tell_others, farm);
         work_stats_add(&frame->job->stats, &result->stats);
-        rate_add(&frame->job->rate, frame_unit_samples(frame, name), now_ns);
+        rate_add(&frame->job->rate, job_frame_unit_samples(frame, name), now_ns);
         scheduler_learn(worker, frame->job, &result->stats, granted_ns, now_ns);
         farm->pump_wanted = 1;
     }
     if (merged == FILM_MERGED)
-        frame_mark_dirty(frame, result->tile, now_ns);
+        job_frame_mark_dirty(frame, result->tile, now_ns);
     if (result->pass < frame->durable[result->tile]) {
         *outcome = MERGE_KEPT;
     } else {
@@ -267,5 +267,13 @@ void merge_commit_end(struct farm *farm, struct commit *commit, uint64_t now_ns)
         }
         farm_frame_unpin(farm, frame);
     }
+    commit_free(commit);
+}
+
+void merge_commit_abandon(struct farm *farm, struct commit *commit)
+{
+    for (uint32_t i = 0; i < commit->count; i++)
+        if (i + 1 == commit->count || commit->items[i + 1].frame != commit->items[i].frame)
+            farm_frame_unpin(farm, commit->items[i].frame);
     commit_free(commit);
 }

@@ -62,5 +62,7 @@ struct commit *merge_commit_begin(struct farm *farm);
 void merge_commit_run(struct commit *commit);
 /* Frees the commit. A job whose film cannot be written fails. */
 void merge_commit_end(struct farm *farm, struct commit *commit, uint64_t now_ns);
+/* Frees the commit without learning how it ended: nothing is durable, nothing acknowledged. */
+void merge_commit_abandon(struct farm *farm, struct commit *commit);
 
 #endif

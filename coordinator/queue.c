@@ -10,7 +10,7 @@
 static const char *const state_names[JOB_STATE_COUNT] = {"queued", "running", "done", "failed",
                                                          "cancelled"};
 
-const char *job_state_name(enum job_state state)
+const char *job_state_word(enum job_state state)
 {
     return (unsigned)state < JOB_STATE_COUNT ? state_names[state] : "unknown";
 }

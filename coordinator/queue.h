@@ -43,7 +43,7 @@ enum job_state {
     JOB_STATE_CANCELLED,
     JOB_STATE_COUNT
 };
-const char *job_state_name(enum job_state state);
+const char *job_state_word(enum job_state state);
 
 struct output_settings {
     int exr_half;

@@ -38,7 +38,7 @@ static int budget_for(const struct farm *farm, const struct farm_worker *worker,
                                                                        : LEASE_WORK_FIRST_MS);
         for (uint32_t i = 0; i < farm->worker_count; i++)
             threads += farm->workers[i]->threads;
-        share = frame_unleased(frame) * worker->threads / (2 * threads);
+        share = job_frame_unleased(frame) * worker->threads / (2 * threads);
     }
     if (share < 1)
         share = 1;
@@ -54,8 +54,8 @@ static uint32_t take_fresh(struct job_frame *frame, const struct budget *budget,
     double samples = 0;
 
     while (count < budget->units && samples < budget->samples &&
-           frame_take(frame, &units[count])) {
-        samples += (double)frame_unit_samples(frame, units[count]);
+           job_frame_take(frame, &units[count])) {
+        samples += (double)job_frame_unit_samples(frame, units[count]);
         count++;
     }
     return count;

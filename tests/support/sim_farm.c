@@ -1,0 +1,289 @@
+#include "tests/support/sim_farm.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "common/base/clock.h"
+#include "coordinator/scheduler.h"
+
+static void on_revoke(void *user, uint32_t session, uint64_t lease, const char *reason)
+{
+    struct sim *sim = user;
+
+    (void)reason;
+    sim->revokes++;
+    for (unsigned w = 0; w < SIM_WORKERS_MAX; w++) {
+        struct sim_worker *worker = &sim->workers[w];
+        if (!worker->connected || worker->worker.held.session != session)
+            continue;
+        for (size_t i = worker->unit_count; i-- > 0;)
+            if (worker->units[i].lease == lease)
+                sim_forget(worker, i);
+    }
+}
+
+static void on_ack(void *user, uint32_t session, const struct job *job, uint32_t frame,
+                   struct unit_name unit)
+{
+    struct sim *sim = user;
+
+    sim->acks++;
+    for (unsigned w = 0; w < SIM_WORKERS_MAX; w++) {
+        struct sim_worker *worker = &sim->workers[w];
+        if (worker->worker.held.session != session)
+            continue;
+        for (size_t i = worker->unit_count; i-- > 0;) {
+            const struct sim_unit *u = &worker->units[i];
+            if (u->sent && u->job == job->id && u->frame == frame && u->name.tile == unit.tile &&
+                u->name.pass == unit.pass)
+                sim_forget(worker, i);
+        }
+    }
+}
+
+static void on_notice(void *user, uint32_t session, const char *text)
+{
+    struct sim *sim = user;
+
+    sim->notices++;
+    sim->notice_session = session;
+    snprintf(sim->notice, sizeof sim->notice, "%s", text);
+}
+
+static void on_job_changed(void *user, struct job *job)
+{
+    struct sim *sim = user;
+
+    (void)job;
+    sim->changes++;
+}
+
+static status on_develop(void *user, struct job_frame *frame)
+{
+    struct sim *sim = user;
+
+    assert_true(sim->developing_count < FRAMES_OPEN_MAX);
+    sim->developing[sim->developing_count++] = frame;
+    return STATUS_OK;
+}
+
+void sim_init(struct sim *sim, struct store *store, uint64_t seed)
+{
+    struct farm_events events = {on_revoke, on_ack, on_notice, on_job_changed, on_develop, sim};
+    struct error err = {0};
+    uint64_t now_ns = sim->now_ns;
+
+    memset(sim, 0, offsetof(struct sim, workers));
+    sim->developing_count = 0;
+    sim->acks = sim->revokes = sim->notices = sim->changes = sim->developed = 0;
+    sim->wrong_frames = 0;
+    sim->now_ns = now_ns ? now_ns : 5 * NS_PER_SECOND;
+    sim->random = seed * 2 + 1;
+    sim->store = store;
+    if (farm_init(&sim->farm, store, 10 * NS_PER_SECOND, &events, 1000, &err) != STATUS_OK)
+        fail_msg("%s", err.text);
+    farm_resume(&sim->farm, sim->now_ns);
+}
+
+void sim_release(struct sim *sim)
+{
+    for (unsigned i = 0; i < SIM_WORKERS_MAX; i++)
+        sim_disconnect(sim, i);
+    /* A development that was begun ends unsuccessfully, as in a crash. */
+    for (size_t i = 0; i < sim->developing_count; i++)
+        sim->developing[i]->in_flight--;
+    sim->developing_count = 0;
+    farm_release(&sim->farm, sim->now_ns);
+}
+
+uint32_t sim_random(struct sim *sim, uint32_t limit)
+{
+    sim->random = sim->random * 6364136223846793005ull + 1442695040888963407ull;
+    return (uint32_t)((sim->random >> 33) % limit);
+}
+
+struct job *sim_job(uint32_t width, uint32_t height, uint32_t spp, uint32_t first_frame,
+                    uint32_t last_frame, int32_t priority)
+{
+    struct job *job = job_new(first_frame, last_frame);
+    size_t count;
+
+    assert_non_null(job);
+    render_settings_default(&job->settings);
+    job->settings.width = width;
+    job->settings.height = height;
+    job->settings.spp = spp;
+    job->priority = priority;
+    job->output.exr = job->output.png = 1;
+    snprintf(job->name, sizeof job->name, "simulated");
+    assert_int_equal(tonemap_settings_init(&job->output.tonemap, tonemap_operators(&count)[0]->name,
+                                           NULL),
+                     STATUS_OK);
+    return job;
+}
+
+struct job *sim_submit(struct sim *sim, uint32_t width, uint32_t height, uint32_t spp,
+                       uint32_t first_frame, uint32_t last_frame, int32_t priority)
+{
+    struct job *job = sim_job(width, height, spp, first_frame, last_frame, priority);
+    struct error err = {0};
+
+    if (farm_submit(&sim->farm, job, &err) != STATUS_OK)
+        fail_msg("%s", err.text);
+    return job;
+}
+
+struct sim_worker *sim_connect(struct sim *sim, unsigned index, uint32_t threads)
+{
+    struct sim_worker *worker = &sim->workers[index];
+
+    assert_false(worker->connected);
+    memset(&worker->worker, 0, sizeof worker->worker);
+    worker->connected = 1;
+    worker->worker.held.session = ++sim->last_session;
+    worker->worker.threads = threads;
+    worker->worker.isa_mask = 7;
+    snprintf(worker->worker.kernel, sizeof worker->worker.kernel, "kernel 1");
+    assert_int_equal(farm_worker_add(&sim->farm, &worker->worker, NULL), STATUS_OK);
+    return worker;
+}
+
+void sim_disconnect(struct sim *sim, unsigned index)
+{
+    if (!sim->workers[index].connected)
+        return;
+    farm_worker_remove(&sim->farm, &sim->workers[index].worker);
+    sim->workers[index].connected = 0;
+}
+
+size_t sim_grant(struct sim *sim, struct sim_worker *worker, uint32_t room)
+{
+    struct lease *lease;
+    size_t before = worker->unit_count;
+
+    worker->worker.room = room;
+    while ((lease = scheduler_grant(&sim->farm, &worker->worker, sim->now_ns))) {
+        for (uint32_t i = 0; i < lease->unit_count; i++) {
+            assert_true(worker->unit_count < SIM_UNITS_MAX);
+            worker->units[worker->unit_count++] =
+                (struct sim_unit){lease->id, lease->epoch, lease->frame->job->id,
+                                  lease->frame->number, lease->units[i], 0};
+        }
+    }
+    return worker->unit_count - before;
+}
+
+size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_name name, uint8_t *out)
+{
+    struct tile_rect rect = tile_rect_of(width, height, name.tile);
+    size_t count = (size_t)REPLICATES * rect.width * rect.height * 3;
+
+    for (size_t i = 0; i < count; i++) {
+        uint32_t h = (uint32_t)i * 2654435761u ^ name.tile * 40503u ^ (name.pass + 1) * 2246822519u ^
+                     frame * 97u;
+        float value;
+        h ^= h >> 15;
+        h *= 2246822519u;
+        h ^= h >> 13;
+        value = ldexpf((float)(h | 1u << 31), (int)((h * 2654435761u) >> 26) - 60);
+        memcpy(out + 4 * i, &value, 4);
+    }
+    return 4 * count;
+}
+
+enum merge_outcome sim_send(struct sim *sim, struct sim_worker *worker, size_t i, uint64_t cost_ns)
+{
+    static uint8_t sums[TILE_FLOATS_MAX * 4];
+    struct sim_unit *unit = &worker->units[i];
+    const struct job *job = queue_find(&sim->farm.queue, unit->job);
+    enum merge_outcome outcome = MERGE_PENDING;
+    struct tile_result result = {.lease = unit->lease, .epoch = unit->epoch, .job = unit->job,
+                                 .frame = unit->frame, .tile = unit->name.tile,
+                                 .pass = unit->name.pass, .sums = sums};
+    struct tile_rect rect;
+    struct error err = {0};
+    uint32_t begin, end;
+
+    assert_non_null(job);
+    rect = tile_rect_of(job->settings.width, job->settings.height, unit->name.tile);
+    pass_range(job->settings.spp, unit->name.pass, &begin, &end);
+    result.stats.samples = (uint64_t)rect.width * rect.height * (end - begin);
+    result.stats.cpu_ns = result.stats.samples * cost_ns;
+    result.sums_bytes = sim_sums(job->settings.width, job->settings.height, unit->frame, unit->name,
+                                 sums);
+    unit->sent = 1;
+    if (merge_result(&sim->farm, &worker->worker, &result, sim->now_ns, &outcome, &err) !=
+        STATUS_OK)
+        fail_msg("%s", err.text);
+    return outcome;
+}
+
+void sim_forget(struct sim_worker *worker, size_t i)
+{
+    worker->units[i] = worker->units[--worker->unit_count];
+}
+
+void sim_commit(struct sim *sim)
+{
+    struct commit *commit = merge_commit_begin(&sim->farm);
+
+    if (!commit)
+        return;
+    merge_commit_run(commit);
+    merge_commit_end(&sim->farm, commit, sim->now_ns);
+}
+
+void sim_develop(struct sim *sim)
+{
+    while (sim->developing_count > 0) {
+        struct job_frame *frame = sim->developing[--sim->developing_count];
+        struct error err = {0};
+        status s = STATUS_OK;
+
+        if (!frame->closing) {
+            sim->developed++;
+            sim->wrong_frames += !sim_frame_is_right(frame->job, frame->number, frame->film);
+            if (sim->store)
+                s = store_frame_done(sim->store, frame->job->id, frame->number, 0, &err);
+        }
+        farm_frame_developed(&sim->farm, frame, s, &err, sim->now_ns);
+    }
+}
+
+int sim_frame_is_right(const struct job *job, uint32_t number, const struct film *film)
+{
+    const struct render_settings *s = &job->settings;
+    struct film *reference = film_new(s->width, s->height, s->spp);
+    static uint8_t bytes[TILE_FLOATS_MAX * 4];
+    static float sums[TILE_FLOATS_MAX];
+    int same = 1;
+
+    assert_non_null(reference);
+    for (uint32_t t = 0; t < film_tile_count(reference); t++) {
+        for (uint32_t p = 0; p < film_pass_count(reference); p++) {
+            enum film_merge_result result;
+            size_t size = sim_sums(s->width, s->height, number, (struct unit_name){t, p}, bytes);
+            memcpy(sums, bytes, size);
+            assert_int_equal(film_merge(reference, t, p, sums, size / 4, &result, NULL), STATUS_OK);
+        }
+    }
+    for (uint32_t t = 0; t < film_tile_count(reference) && same; t++) {
+        size_t size = film_tile_state_size(reference, t);
+        uint8_t *a = malloc(size), *b = malloc(size);
+        assert_non_null(a);
+        assert_non_null(b);
+        film_tile_save(reference, t, a);
+        film_tile_save(film, t, b);
+        same = memcmp(a, b, size) == 0;
+        free(a);
+        free(b);
+    }
+    film_free(reference);
+    return same;
+}

@@ -1,0 +1,79 @@
+/* sim_farm: the coordinator's logic under a simulated clock, with workers that are structs.
+ *
+ * Results are a pure function of (frame, tile, pass), so a frame's film can be checked
+ * against one that was merged in order (sim_frame_is_right).
+ */
+#ifndef AZULEJO_TESTS_SIM_FARM_H
+#define AZULEJO_TESTS_SIM_FARM_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "coordinator/farm.h"
+#include "coordinator/merge.h"
+
+enum { SIM_WORKERS_MAX = 8, SIM_UNITS_MAX = 4096 };
+
+/* A unit that a simulated worker holds, or has sent and not seen acknowledged. */
+struct sim_unit {
+    uint64_t lease, epoch, job;
+    uint32_t frame;
+    struct unit_name name;
+    int sent;
+};
+
+struct sim_worker {
+    struct farm_worker worker;
+    int connected;
+    struct sim_unit units[SIM_UNITS_MAX];
+    size_t unit_count;
+};
+
+struct sim {
+    struct farm farm;
+    struct store *store;
+    uint64_t now_ns;
+    uint64_t random;
+    struct sim_worker workers[SIM_WORKERS_MAX];
+    uint32_t last_session;
+    struct job_frame *developing[FRAMES_OPEN_MAX];
+    size_t developing_count;
+    /* What happened. */
+    size_t acks, revokes, notices, changes, developed, wrong_frames;
+    uint32_t notice_session;
+    char notice[256];
+};
+
+/* `store` may be NULL. Fails the test when the farm cannot be made. */
+void sim_init(struct sim *sim, struct store *store, uint64_t seed);
+void sim_release(struct sim *sim);
+
+uint32_t sim_random(struct sim *sim, uint32_t limit); /* 0..limit-1 */
+
+struct job *sim_submit(struct sim *sim, uint32_t width, uint32_t height, uint32_t spp,
+                       uint32_t first_frame, uint32_t last_frame, int32_t priority);
+/* A new job that is in no queue. */
+struct job *sim_job(uint32_t width, uint32_t height, uint32_t spp, uint32_t first_frame,
+                    uint32_t last_frame, int32_t priority);
+
+struct sim_worker *sim_connect(struct sim *sim, unsigned index, uint32_t threads);
+/* It keeps what it holds, and can connect again and send it. */
+void sim_disconnect(struct sim *sim, unsigned index);
+
+/* Ask for leases with so much room; returns how many units came. */
+size_t sim_grant(struct sim *sim, struct sim_worker *worker, uint32_t room);
+/* Send the result of the worker's i-th unit; cost_ns: CPU time of one pixel sample. */
+enum merge_outcome sim_send(struct sim *sim, struct sim_worker *worker, size_t i, uint64_t cost_ns);
+/* Take the unit out of the worker's list. */
+void sim_forget(struct sim_worker *worker, size_t i);
+
+/* The bytes of a unit's result; returns their number. */
+size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_name name, uint8_t *out);
+
+void sim_commit(struct sim *sim);   /* write and acknowledge what is dirty */
+void sim_develop(struct sim *sim);  /* end the developments that were begun, checking their films */
+
+/* Does the film hold exactly what merging in order gives? */
+int sim_frame_is_right(const struct job *job, uint32_t number, const struct film *film);
+
+#endif

@@ -1,0 +1,540 @@
+/* Merging: acknowledged only when durable; random farms end with exactly the right films. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <ftw.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "common/base/clock.h"
+#include "coordinator/scheduler.h"
+#include "coordinator/store.h"
+#include "coordinator/store_film.h"
+#include "tests/support/sim_farm.h"
+
+enum { WIDTH = 40, HEIGHT = 24, SPP = 100, FRAMES = 3 }; /* 6 tiles, edges on two sides, 6 passes */
+
+static struct sim *sim_new(struct store *store, uint64_t seed)
+{
+    struct sim *sim = calloc(1, sizeof *sim);
+
+    assert_non_null(sim);
+    sim_init(sim, store, seed);
+    return sim;
+}
+
+static void sim_free(struct sim *sim)
+{
+    sim_release(sim);
+    free(sim);
+}
+
+static int remove_entry(const char *path, const struct stat *info, int type, struct FTW *at)
+{
+    (void)info;
+    (void)type;
+    (void)at;
+    return remove(path);
+}
+
+static void make_folder(char path[64])
+{
+    snprintf(path, 64, "/tmp/azulejo-test-XXXXXX");
+    assert_non_null(mkdtemp(path));
+}
+
+static void remove_folder(const char *path)
+{
+    nftw(path, remove_entry, 16, FTW_DEPTH | FTW_PHYS);
+}
+
+static struct store *open_store(const char *path)
+{
+    struct store *store;
+    struct error err = {0};
+
+    if (store_open(&store, path, &err) != STATUS_OK)
+        fail_msg("%s", err.text);
+    return store;
+}
+
+static void acknowledged_when_durable(void **state)
+{
+    struct sim *sim = sim_new(NULL, 1);
+    struct sim_worker *worker = sim_connect(sim, 0, 36);
+    struct commit *commit;
+    size_t late = 0;
+
+    (void)state;
+    sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
+    assert_int_equal(sim_grant(sim, worker, 36), 36);
+    /* Pass 1 of tile 0 first: it waits for pass 0, and is not acknowledged although time passes. */
+    while (worker->units[late].name.tile != 0 || worker->units[late].name.pass != 1)
+        late++;
+    assert_int_equal(sim_send(sim, worker, late, 100), MERGE_PENDING);
+    assert_null(merge_commit_begin(&sim->farm));
+    assert_int_equal(sim_send(sim, worker, 0, 100), MERGE_PENDING); /* pass 0 of tile 0 */
+    assert_int_equal(sim_send(sim, worker, 1, 100), MERGE_PENDING); /* of tile 1 */
+    commit = merge_commit_begin(&sim->farm);
+    assert_non_null(commit);
+    assert_int_equal(commit->count, 2);
+    merge_commit_run(commit);
+    assert_int_equal(sim_send(sim, worker, 2, 100), MERGE_PENDING); /* while the disk works */
+    assert_int_equal(sim->acks, 0);
+    merge_commit_end(&sim->farm, commit, sim->now_ns);
+    assert_int_equal(sim->acks, 3);
+    sim_commit(sim);
+    assert_int_equal(sim->acks, 4);
+    sim_free(sim);
+}
+
+static void a_repeated_result_is_kept_or_pending(void **state)
+{
+    struct sim *sim = sim_new(NULL, 1);
+    struct sim_worker *worker = sim_connect(sim, 0, 8);
+    struct job *job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
+    struct sim_unit copy;
+
+    (void)state;
+    sim_grant(sim, worker, 8);
+    copy = worker->units[0];
+    assert_int_equal(sim_send(sim, worker, 0, 100), MERGE_PENDING);
+    assert_int_equal(sim_send(sim, worker, 0, 100), MERGE_PENDING); /* again, not durable yet */
+    sim_commit(sim);
+    assert_int_equal(sim->acks, 2);
+    worker->units[worker->unit_count++] = copy;
+    assert_int_equal(sim_send(sim, worker, worker->unit_count - 1, 100), MERGE_KEPT);
+    assert_int_equal(job->stats.samples, 16 * 16 * 4); /* counted once */
+    assert_int_equal(job->conflicts, 0);
+    sim_free(sim);
+}
+
+static struct tile_result make_result(const struct sim_unit *unit, uint8_t *sums)
+{
+    struct tile_result r = {.lease = unit->lease, .epoch = unit->epoch, .job = unit->job,
+                            .frame = unit->frame, .tile = unit->name.tile, .pass = unit->name.pass,
+                            .sums = sums};
+
+    r.sums_bytes = sim_sums(WIDTH, HEIGHT, unit->frame, unit->name, sums);
+    return r;
+}
+
+static void a_conflict_is_reported_and_the_first_kept(void **state)
+{
+    struct sim *sim = sim_new(NULL, 1);
+    struct sim_worker *worker = sim_connect(sim, 0, 64);
+    struct job *job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
+    uint8_t sums[TILE_FLOATS_MAX * 4];
+    struct tile_result result;
+    enum merge_outcome outcome;
+
+    (void)state;
+    sim_grant(sim, worker, 64);
+    result = make_result(&worker->units[0], sums);
+    assert_int_equal(sim_send(sim, worker, 0, 100), MERGE_PENDING);
+    sums[0] ^= 1;
+    assert_int_equal(merge_result(&sim->farm, &worker->worker, &result, sim->now_ns, &outcome, NULL),
+                     STATUS_OK);
+    assert_int_equal(job->conflicts, 1);
+    assert_int_equal(sim->farm.conflicts, 1);
+    for (size_t i = 1; i < worker->unit_count; i++)
+        sim_send(sim, worker, i, 100);
+    sim_commit(sim);
+    sim_develop(sim);
+    assert_int_equal(job->state, JOB_STATE_DONE);
+    assert_int_equal(sim->wrong_frames, 0);
+    sim_free(sim);
+}
+
+static void hostile_results_are_refused(void **state)
+{
+    struct sim *sim = sim_new(NULL, 1);
+    struct sim_worker *worker = sim_connect(sim, 0, 8);
+    struct job *job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
+    uint8_t sums[TILE_FLOATS_MAX * 4 + 8] = {0};
+    const float nan_value = NAN;
+    struct tile_result good, bad;
+    enum merge_outcome outcome = MERGE_KEPT;
+    struct error err = {0};
+
+    (void)state;
+    sim_grant(sim, worker, 8);
+    good = make_result(&worker->units[0], sums);
+#define REFUSED(change)                                                                       \
+    do {                                                                                      \
+        bad = good;                                                                           \
+        change;                                                                               \
+        assert_int_equal(merge_result(&sim->farm, &worker->worker, &bad, sim->now_ns, &outcome, \
+                                      &err),                                                  \
+                         STATUS_ERR_PROTOCOL);                                                \
+    } while (0)
+    REFUSED(bad.epoch = sim->farm.leases.epoch + 1);
+    REFUSED(bad.epoch = 0);
+    REFUSED(bad.epoch = UINT64_MAX);
+    REFUSED(bad.tile = 6);
+    REFUSED(bad.tile = UINT32_MAX);
+    REFUSED(bad.pass = 6);
+    REFUSED(bad.pass = UINT32_MAX);
+    REFUSED(bad.sums_bytes -= 4);
+    REFUSED(bad.sums_bytes += 4);
+    REFUSED(bad.sums_bytes -= 1);
+    REFUSED(bad.sums_bytes = 0);
+    REFUSED(bad.sums_bytes = (size_t)1 << 40);
+    memcpy(sums + 40, &nan_value, 4);
+    REFUSED((void)0);
+#undef REFUSED
+    assert_int_equal(job->stats.samples, 0);
+    assert_null(merge_commit_begin(&sim->farm));
+    sim_free(sim);
+}
+
+static void unwanted_results_are_sent_away(void **state)
+{
+    struct sim *sim = sim_new(NULL, 1);
+    struct sim_worker *worker = sim_connect(sim, 0, 8);
+    struct job *job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0), *later;
+    uint8_t sums[TILE_FLOATS_MAX * 4];
+    struct tile_result result;
+    enum merge_outcome outcome;
+
+    (void)state;
+    sim_grant(sim, worker, 8);
+    result = make_result(&worker->units[0], sums);
+#define OUTCOME_OF(r)                                                                        \
+    (assert_int_equal(                                                                       \
+         merge_result(&sim->farm, &worker->worker, &(r), sim->now_ns, &outcome, NULL), STATUS_OK), \
+     outcome)
+    result.job = 77;
+    assert_int_equal(OUTCOME_OF(result), MERGE_UNWANTED);
+    result.job = job->id;
+    result.frame = 2;
+    assert_int_equal(OUTCOME_OF(result), MERGE_UNWANTED);
+    result.frame = 1;
+    /* An epoch from before the job: another store's, or another time's. */
+    later = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
+    result.job = later->id;
+    assert_int_equal(OUTCOME_OF(result), MERGE_UNWANTED);
+    result.job = job->id;
+    /* A worker with another kernel never got units of this job. */
+    snprintf(worker->worker.kernel, sizeof worker->worker.kernel, "kernel 2");
+    assert_int_equal(OUTCOME_OF(result), MERGE_UNWANTED);
+    snprintf(worker->worker.kernel, sizeof worker->worker.kernel, "kernel 1");
+    /* A lease that has ended does not make a result bad. */
+    lease_end_all_of(&sim->farm.leases, &worker->worker.held);
+    assert_int_equal(OUTCOME_OF(result), MERGE_PENDING);
+    farm_cancel(&sim->farm, job, sim->now_ns);
+    assert_int_equal(OUTCOME_OF(result), MERGE_UNWANTED);
+#undef OUTCOME_OF
+    sim_free(sim);
+}
+
+/* Random events: results in any order, repeated, late; workers that die with unsent or
+ * unacknowledged results and come back; returned units; lapsed leases; commits that overlap with
+ * results. With a store, the coordinator itself is killed now and then. */
+static struct sim *random_farm(uint64_t seed, const char *folder, size_t *crashes)
+{
+    struct store *store = folder ? open_store(folder) : NULL;
+    struct sim *sim = sim_new(store, seed);
+    struct commit *commit = NULL;
+    uint64_t id;
+
+    id = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, FRAMES, 0)->id;
+    for (size_t step = 0; step < 200000; step++) {
+        unsigned w = sim_random(sim, 4);
+        struct sim_worker *worker = &sim->workers[w];
+        struct job *job = queue_find(&sim->farm.queue, id);
+        assert_non_null(job);
+        if (job_state_ended(job->state))
+            break;
+        sim->now_ns += sim_random(sim, 50) * NS_PER_MS;
+        if (!worker->connected) {
+            if (sim_random(sim, 4) == 0) {
+                sim_connect(sim, w, 1 + sim_random(sim, 8));
+                for (size_t i = worker->unit_count; i-- > 0;) /* what was not acknowledged */
+                    if (i < worker->unit_count && worker->units[i].sent &&
+                        sim_send(sim, worker, i, 1000) != MERGE_PENDING)
+                        sim_forget(worker, i);
+            }
+            continue;
+        }
+        switch (sim_random(sim, 24)) {
+        case 0: /* dies; what it had not sent is gone */
+            sim_disconnect(sim, w);
+            for (size_t i = worker->unit_count; i-- > 0;)
+                if (!worker->units[i].sent || sim_random(sim, 2))
+                    sim_forget(worker, i);
+            break;
+        case 1: { /* gives some back */
+            for (size_t i = worker->unit_count; i-- > 0;) {
+                struct lease *lease;
+                if (worker->units[i].sent || sim_random(sim, 2))
+                    continue;
+                lease = lease_find(&sim->farm.leases, worker->units[i].lease, 0);
+                if (lease)
+                    lease_return_unit(&sim->farm.leases, lease, worker->units[i].name);
+                sim_forget(worker, i);
+            }
+            break;
+        }
+        case 2:
+            sim->now_ns += sim_random(sim, 12) * NS_PER_SECOND;
+            farm_tick(&sim->farm, sim->now_ns);
+            break;
+        case 3:
+        case 4:
+            if (!commit) {
+                commit = merge_commit_begin(&sim->farm);
+                break;
+            }
+            merge_commit_run(commit);
+            merge_commit_end(&sim->farm, commit, sim->now_ns);
+            commit = NULL;
+            break;
+        case 5:
+            sim_develop(sim);
+            break;
+        case 6:
+            if (!store || sim_random(sim, 6))
+                break;
+            /* kill -9 of the coordinator: a commit in flight may or may not have been written. */
+            if (commit) {
+                if (sim_random(sim, 2))
+                    merge_commit_run(commit);
+                merge_commit_abandon(&sim->farm, commit);
+                commit = NULL;
+            }
+            sim_release(sim);
+            store_close(store);
+            store = open_store(folder);
+            sim_init(sim, store, seed * 1000 + step);
+            (*crashes)++;
+            break;
+        case 7:
+        case 8:
+        case 9:
+            sim_grant(sim, worker, 1 + sim_random(sim, 12));
+            break;
+        default:
+            if (worker->unit_count > 0) {
+                size_t i = sim_random(sim, (uint32_t)worker->unit_count);
+                if (sim_send(sim, worker, i, 1000) != MERGE_PENDING)
+                    sim_forget(worker, i);
+            }
+            break;
+        }
+    }
+    if (commit) {
+        merge_commit_run(commit);
+        merge_commit_end(&sim->farm, commit, sim->now_ns);
+    }
+    return sim;
+}
+
+static void random_farms_end_right(void **state)
+{
+    (void)state;
+    for (uint64_t seed = 1; seed <= 300; seed++) {
+        struct sim *sim = random_farm(seed, NULL, NULL);
+        const struct job *job = queue_find(&sim->farm.queue, 1);
+        if (job->state != JOB_STATE_DONE)
+            fail_msg("seed %u: the job is %s", (unsigned)seed, job_state_word(job->state));
+        assert_int_equal(sim->wrong_frames, 0);
+        assert_int_equal(sim->developed, FRAMES);
+        /* Every unit was merged exactly once. */
+        assert_int_equal(job->stats.samples, (uint64_t)WIDTH * HEIGHT * SPP * FRAMES);
+        assert_int_equal(job->conflicts, 0);
+        assert_int_equal(sim->farm.leases.count, 0);
+        sim_free(sim);
+    }
+}
+
+static void random_crashes_lose_nothing(void **state)
+{
+    size_t crashes = 0;
+
+    (void)state;
+    for (uint64_t seed = 1; seed <= 25; seed++) {
+        char folder[64];
+        struct sim *sim;
+        struct store *store;
+        const struct job *job;
+        make_folder(folder);
+        sim = random_farm(seed, folder, &crashes);
+        job = queue_find(&sim->farm.queue, 1);
+        if (job->state != JOB_STATE_DONE)
+            fail_msg("seed %u: the job is %s", (unsigned)seed, job_state_word(job->state));
+        assert_int_equal(sim->wrong_frames, 0);
+        assert_int_equal(job->frames_done_count, FRAMES);
+        assert_int_equal(job->conflicts, 0);
+        store = sim->store;
+        sim_free(sim);
+        store_close(store);
+        remove_folder(folder);
+    }
+    assert_true(crashes > 25);
+}
+
+/* Which of the worker's units comes first in the order of granting. */
+static size_t earliest(const struct sim_worker *worker)
+{
+    size_t best = 0;
+
+    for (size_t i = 1; i < worker->unit_count; i++) {
+        struct unit_name a = worker->units[i].name, b = worker->units[best].name;
+        if (a.pass < b.pass || (a.pass == b.pass && a.tile < b.tile))
+            best = i;
+    }
+    return best;
+}
+
+/* What was acknowledged is in the film after a crash. */
+static void acknowledged_results_survive(void **state)
+{
+    char folder[64];
+    struct store *store;
+    struct sim *sim;
+    struct sim_worker *worker;
+    const struct job *job;
+    size_t durable;
+
+    (void)state;
+    make_folder(folder);
+    store = open_store(folder);
+    sim = sim_new(store, 1);
+    sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
+    worker = sim_connect(sim, 0, 36);
+    sim_grant(sim, worker, 36);
+    for (size_t i = 0; i < 11; i++) {
+        sim_send(sim, worker, earliest(worker), 100);
+        sim_commit(sim);
+    }
+    durable = sim->acks;
+    assert_int_equal(durable, 11);
+    sim_send(sim, worker, earliest(worker), 100); /* merged, not written */
+    sim_release(sim);
+    store_close(store);
+    store = open_store(folder);
+    sim_init(sim, store, 2);
+    job = queue_find(&sim->farm.queue, 1);
+    assert_int_equal(job->state, JOB_STATE_RUNNING);
+    assert_string_equal(job->kernel, "kernel 1");
+    assert_non_null(job->frames);
+    for (uint32_t t = 0; t < 6; t++)
+        assert_int_equal(film_tile_passes(job->frames->film, t), t < 5 ? 2 : 1);
+    sim_free(sim);
+    store_close(store);
+    remove_folder(folder);
+}
+
+static void a_full_disk_fails_the_job_alone(void **state)
+{
+    char folder[64];
+    struct store *store;
+    struct sim *sim;
+    struct sim_worker *worker;
+    struct job *job, *second;
+
+    (void)state;
+    make_folder(folder);
+    store = open_store(folder);
+    sim = sim_new(store, 1);
+    job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
+    worker = sim_connect(sim, 0, 36);
+    sim_grant(sim, worker, 3);
+    sim_send(sim, worker, 0, 100);
+    sim_send(sim, worker, 1, 100);
+    film_file_fault(1);
+    sim_commit(sim);
+    film_file_fault(-1);
+    assert_int_equal(sim->acks, 0);
+    assert_int_equal(job->state, JOB_STATE_FAILED);
+    assert_non_null(strstr(job->state_text, "No space left on device"));
+    worker->unit_count = 0;
+    second = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
+    while (second->state != JOB_STATE_DONE) {
+        sim_grant(sim, worker, 36);
+        for (size_t i = worker->unit_count; i-- > 0;)
+            sim_send(sim, worker, i, 100);
+        worker->unit_count = 0;
+        sim_commit(sim);
+        sim_develop(sim);
+    }
+    assert_int_equal(sim->wrong_frames, 0);
+    sim_free(sim);
+    store_close(store);
+    remove_folder(folder);
+}
+
+static void a_failed_development_fails_the_job(void **state)
+{
+    struct sim *sim = sim_new(NULL, 1);
+    struct sim_worker *worker = sim_connect(sim, 0, 36);
+    struct job *job = sim_submit(sim, 16, 16, 4, 1, 2, 0);
+    struct error why = {STATUS_ERR_IO, "no space left"};
+
+    (void)state;
+    assert_int_equal(sim_grant(sim, worker, 1), 1);
+    sim_send(sim, worker, 0, 100);
+    sim_commit(sim);
+    assert_int_equal(sim->developing_count, 1);
+    sim->developing_count = 0;
+    farm_frame_developed(&sim->farm, sim->developing[0], STATUS_ERR_IO, &why, sim->now_ns);
+    assert_int_equal(job->state, JOB_STATE_FAILED);
+    assert_non_null(strstr(job->state_text, "frame 1"));
+    assert_non_null(strstr(job->state_text, "no space left"));
+    sim_free(sim);
+}
+
+/* A job that ends while its commit and its development are under way is freed after both. */
+static void ends_wait_for_what_is_in_flight(void **state)
+{
+    struct sim *sim = sim_new(NULL, 1);
+    struct sim_worker *worker = sim_connect(sim, 0, 36);
+    struct job *job = sim_submit(sim, 32, 16, 4, 1, 1, 0);
+    struct commit *commit;
+
+    (void)state;
+    assert_int_equal(sim_grant(sim, worker, 2), 2);
+    sim_send(sim, worker, 0, 100);
+    commit = merge_commit_begin(&sim->farm);
+    farm_cancel(&sim->farm, job, sim->now_ns);
+    merge_commit_run(commit);
+    merge_commit_end(&sim->farm, commit, sim->now_ns);
+    assert_int_equal(sim->acks, 0);
+    assert_int_equal(sim->farm.open_frames, 0);
+    worker->unit_count = 0;
+
+    job = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+    assert_int_equal(sim_grant(sim, worker, 1), 1);
+    sim_send(sim, worker, 0, 100);
+    sim_commit(sim);
+    assert_int_equal(sim->developing_count, 1);
+    farm_cancel(&sim->farm, job, sim->now_ns);
+    sim_develop(sim);
+    assert_int_equal(job->state, JOB_STATE_CANCELLED);
+    sim_free(sim);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(acknowledged_when_durable),
+        cmocka_unit_test(a_repeated_result_is_kept_or_pending),
+        cmocka_unit_test(a_conflict_is_reported_and_the_first_kept),
+        cmocka_unit_test(hostile_results_are_refused),
+        cmocka_unit_test(unwanted_results_are_sent_away),
+        cmocka_unit_test(random_farms_end_right),
+        cmocka_unit_test(random_crashes_lose_nothing),
+        cmocka_unit_test(acknowledged_results_survive),
+        cmocka_unit_test(a_full_disk_fails_the_job_alone),
+        cmocka_unit_test(a_failed_development_fails_the_job),
+        cmocka_unit_test(ends_wait_for_what_is_in_flight),
+    };
+    return cmocka_run_group_tests_name("merge", tests, NULL, NULL);
+}

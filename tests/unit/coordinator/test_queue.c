@@ -1,0 +1,149 @@
+/* The queue: order of service, look-up, states. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <string.h>
+
+#include "common/base/clock.h"
+#include "common/base/memory.h"
+#include "coordinator/queue.h"
+#include "coordinator/rate.h"
+#include "tests/support/sim_farm.h"
+
+static struct job *add(struct queue *queue, uint64_t id, int32_t priority)
+{
+    struct job *job = sim_job(16, 16, 4, 1, 3, priority);
+
+    job->id = id;
+    assert_int_equal(queue_add(queue, job, NULL), STATUS_OK);
+    return job;
+}
+
+static void priority_then_submission_decides(void **state)
+{
+    static const uint64_t expected[] = {4, 2, 5, 1, 6, 3};
+    static const int32_t priorities[] = {0, 7, INT32_MIN, INT32_MAX, 7, 0};
+    struct queue queue;
+
+    (void)state;
+    queue_init(&queue);
+    for (size_t i = 0; i < 6; i++)
+        add(&queue, i + 1, priorities[i]);
+    assert_int_equal(queue.active_count, 6);
+    for (size_t i = 0; i < 6; i++) {
+        assert_int_equal(queue.active[i]->id, expected[i]);
+        assert_int_equal(queue_position(&queue, queue.active[i]), i);
+    }
+    for (uint64_t id = 1; id <= 6; id++)
+        assert_int_equal(queue_find(&queue, id)->id, id);
+    assert_null(queue_find(&queue, 0));
+    assert_null(queue_find(&queue, 7));
+    queue_release(&queue);
+}
+
+static void states_follow_the_diagram(void **state)
+{
+    struct queue queue;
+    struct job *a, *b, *c;
+
+    (void)state;
+    queue_init(&queue);
+    a = add(&queue, 1, 0);
+    b = add(&queue, 2, 0);
+    c = add(&queue, 3, 0);
+    job_set_state(&queue, b, JOB_STATE_CANCELLED, "cancelled", 10, 99);
+    assert_int_equal(queue.active_count, 2);
+    assert_ptr_equal(queue.active[0], a);
+    assert_ptr_equal(queue.active[1], c);
+    assert_int_equal(b->finished_at, 99);
+    job_set_state(&queue, a, JOB_STATE_RUNNING, NULL, 10, 99);
+    assert_int_equal(queue.active_count, 2);
+    a->active_since_ns = 1000;
+    assert_true(job_active_seconds(a, 1000 + 3 * NS_PER_SECOND) == 3);
+    job_set_state(&queue, a, JOB_STATE_DONE, NULL, 1000 + 2 * NS_PER_SECOND, 100);
+    assert_true(job_active_seconds(a, 1000 + 9 * NS_PER_SECOND) == 2);
+    job_set_state(&queue, c, JOB_STATE_FAILED, "no disk", 20, 101);
+    assert_string_equal(c->state_text, "no disk");
+    assert_int_equal(queue.active_count, 0);
+    assert_int_equal(queue.count, 3);
+    assert_ptr_equal(queue_find(&queue, 2), b);
+    queue_release(&queue);
+}
+
+static void frames_done_are_counted_once(void **state)
+{
+    struct job *job = sim_job(10, 20, 30, 5, 20, 0);
+
+    (void)state;
+    assert_int_equal(job_frame_count(job), 16);
+    assert_false(job_frame_is_done(job, 5));
+    job_frame_set_done(job, 5);
+    job_frame_set_done(job, 20);
+    job_frame_set_done(job, 5);
+    assert_true(job_frame_is_done(job, 5) && job_frame_is_done(job, 20));
+    assert_false(job_frame_is_done(job, 6) || job_frame_is_done(job, 19));
+    assert_int_equal(job->frames_done_count, 2);
+    assert_int_equal(job->samples_done, 2 * 10 * 20 * 30);
+    job_free(job);
+}
+
+static void memory_faults_leave_the_queue_whole(void **state)
+{
+    long successes = 0, failures;
+
+    (void)state;
+    do {
+        struct queue queue;
+        queue_init(&queue);
+        mem_fault_arm(successes++, 1);
+        for (uint64_t id = 1; id <= 40; id++) {
+            struct job *job = job_new(1, 1);
+            if (!job)
+                job = job_new(1, 1);
+            assert_non_null(job);
+            job->id = id;
+            if (queue_add(&queue, job, NULL) != STATUS_OK)
+                assert_int_equal(queue_add(&queue, job, NULL), STATUS_OK);
+        }
+        failures = mem_fault_count();
+        mem_fault_arm(-1, 0);
+        assert_int_equal(queue.count, 40);
+        assert_int_equal(queue.active_count, 40);
+        queue_release(&queue);
+    } while (failures > 0);
+}
+
+static void rates_cover_the_last_seconds(void **state)
+{
+    struct rate rate = {{0}, 0, 0};
+    uint64_t now_ns = 100 * NS_PER_SECOND;
+
+    (void)state;
+    assert_true(rate_per_second(&rate, now_ns) == 0);
+    for (int i = 0; i < 400; i++, now_ns += NS_PER_SECOND / 20)
+        rate_add(&rate, 50, now_ns); /* 1000 a second for 20 s */
+    assert_true(rate_per_second(&rate, now_ns) > 950 && rate_per_second(&rate, now_ns) < 1050);
+    /* Silence lowers it, and ends it after the window. */
+    assert_true(rate_per_second(&rate, now_ns + 5 * NS_PER_SECOND) < 700);
+    assert_true(rate_per_second(&rate, now_ns + 11 * NS_PER_SECOND) == 0);
+    /* After a silence it begins anew: the old pace does not count. */
+    now_ns += 60 * NS_PER_SECOND;
+    for (int i = 0; i < 20; i++, now_ns += NS_PER_SECOND / 20)
+        rate_add(&rate, 5, now_ns);
+    assert_true(rate_per_second(&rate, now_ns) > 95 && rate_per_second(&rate, now_ns) < 106);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(priority_then_submission_decides),
+        cmocka_unit_test(states_follow_the_diagram),
+        cmocka_unit_test(frames_done_are_counted_once),
+        cmocka_unit_test(memory_faults_leave_the_queue_whole),
+        cmocka_unit_test(rates_cover_the_last_seconds),
+    };
+    return cmocka_run_group_tests_name("queue", tests, NULL, NULL);
+}

@@ -1,0 +1,306 @@
+/* The scheduler: who gets what, in which order and how much of it. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/base/clock.h"
+#include "coordinator/scheduler.h"
+#include "tests/support/sim_farm.h"
+
+static int set_up(void **state)
+{
+    struct sim *sim = calloc(1, sizeof *sim);
+
+    assert_non_null(sim);
+    sim_init(sim, NULL, 1);
+    *state = sim;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    sim_release(*state);
+    free(*state);
+    return 0;
+}
+
+/* Send all that the worker holds, and forget it. */
+static void finish_all(struct sim *sim, struct sim_worker *worker, uint64_t cost_ns)
+{
+    for (size_t i = worker->unit_count; i-- > 0;) {
+        assert_int_equal(sim_send(sim, worker, i, cost_ns), MERGE_PENDING);
+        sim_forget(worker, i);
+    }
+}
+
+static void passes_cover_the_frame_first_and_frames_follow(void **state)
+{
+    struct sim *sim = *state;
+    struct job *job = sim_submit(sim, 64, 64, 28, 1, 3, 0); /* 16 tiles, 3 passes... */
+    struct sim_worker *worker = sim_connect(sim, 0, 1);
+    uint32_t passes = pass_count(28), last_pass = 0, last_frame = 1;
+    size_t units = 0;
+
+    while (job->state != JOB_STATE_DONE) {
+        size_t got = sim_grant(sim, worker, 3);
+        assert_true(got > 0 && got <= 3);
+        for (size_t i = 0; i < got; i++) {
+            const struct sim_unit *u = &worker->units[i];
+            if (u->frame != last_frame) {
+                assert_int_equal(u->frame, last_frame + 1);
+                assert_int_equal(units % (16 * passes), 0); /* the earlier frame is all lent */
+                last_frame = u->frame;
+                last_pass = 0;
+            }
+            assert_true(u->name.pass >= last_pass);
+            last_pass = u->name.pass;
+            units++;
+        }
+        finish_all(sim, worker, 100);
+        sim_commit(sim);
+        sim_develop(sim);
+    }
+    assert_int_equal(units, 3 * 16 * passes);
+    assert_int_equal(sim->wrong_frames, 0);
+    assert_int_equal(sim->developed, 3);
+}
+
+static void the_next_frame_begins_when_nothing_is_left_of_the_first(void **state)
+{
+    struct sim *sim = *state;
+    struct sim_worker *slow, *fast;
+
+    sim_submit(sim, 32, 32, 4, 1, 9, 0); /* 4 units a frame */
+    slow = sim_connect(sim, 0, 2);
+    fast = sim_connect(sim, 1, 64);
+    assert_int_equal(sim_grant(sim, slow, 2), 2);
+    sim_grant(sim, fast, 4);
+    assert_int_equal(fast->unit_count, 4);
+    assert_int_equal(fast->units[0].frame, 1);
+    assert_int_equal(fast->units[2].frame, 2);
+    /* No more films are opened than the limit allows. */
+    sim_grant(sim, fast, 1000);
+    assert_int_equal(sim->farm.open_frames, FRAMES_OPEN_PER_JOB);
+    assert_int_equal(fast->unit_count, FRAMES_OPEN_PER_JOB * 4 - 2);
+}
+
+static void higher_priority_goes_first(void **state)
+{
+    struct sim *sim = *state;
+    struct job *low = sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    struct sim_worker *worker = sim_connect(sim, 0, 4);
+    struct job *high;
+
+    sim_grant(sim, worker, 4);
+    assert_int_equal(worker->units[0].job, low->id);
+    finish_all(sim, worker, 100);
+    high = sim_submit(sim, 64, 64, 4, 1, 1, 1);
+    sim_grant(sim, worker, 4);
+    assert_int_equal(worker->units[0].job, high->id);
+    assert_int_equal(low->state, JOB_STATE_RUNNING);
+}
+
+static void leases_grow_with_the_measured_speed(void **state)
+{
+    struct sim *sim = *state;
+    struct sim_worker *worker;
+    size_t first, second;
+
+    sim_submit(sim, 1024, 1024, 64, 1, 1, 0); /* 4096 tiles */
+    worker = sim_connect(sim, 0, 4);
+    first = sim_grant(sim, worker, 1000);
+    assert_int_equal(first, 8); /* nothing is measured: one for each thread, and one in reserve */
+    finish_all(sim, worker, 10000); /* 10 us a sample: a unit of pass 0 takes 10.24 ms of a thread */
+    second = sim_grant(sim, worker, 100000);
+    /* Until it holds HELD_WORK_MS of work, in leases of LEASE_WORK_FIRST_MS. */
+    assert_in_range(second, HELD_WORK_MS * 4 / 10.24, (HELD_WORK_MS + LEASE_WORK_FIRST_MS) * 4 / 10.24);
+    finish_all(sim, worker, 10000);
+    sim_disconnect(sim, 0);
+    worker = sim_connect(sim, 1, 4);
+    sim_grant(sim, worker, 8);
+    finish_all(sim, worker, 1000000); /* a slow one: 1 ms a sample */
+    assert_in_range(sim_grant(sim, worker, 1000), 4, 12);
+}
+
+static void shares_shrink_towards_the_end(void **state)
+{
+    struct sim *sim = *state;
+    struct job *job = sim_submit(sim, 320, 320, 4, 1, 1, 0); /* 400 units */
+    struct lease *lease;
+    struct sim_worker *a = sim_connect(sim, 0, 2), *b = sim_connect(sim, 1, 2);
+    uint32_t last = 1000, leases = 0;
+
+    sim_grant(sim, a, 4);
+    finish_all(sim, a, 10); /* fast: time does not limit a lease */
+    sim_grant(sim, b, 4);
+    finish_all(sim, b, 10);
+    a->worker.room = 1000;
+    while ((lease = scheduler_grant(&sim->farm, &a->worker, sim->now_ns))) {
+        assert_true(lease->unit_count <= last);
+        assert_true(lease->unit_count <= job_frame_unleased(job->frames) + lease->unit_count);
+        if (leases == 0)
+            assert_in_range(lease->unit_count, 90, 100); /* a quarter of what is left: 2 workers */
+        last = lease->unit_count;
+        leases++;
+    }
+    assert_int_equal(last, 1);
+    assert_true(leases > 8);
+}
+
+static void overdue_units_go_to_another_worker(void **state)
+{
+    struct sim *sim = *state;
+    struct job *job = sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    struct sim_worker *stopped = sim_connect(sim, 0, 4), *other = sim_connect(sim, 1, 16);
+    size_t got;
+
+    assert_int_equal(sim_grant(sim, stopped, 4), 4);
+    assert_int_equal(sim_grant(sim, other, 12), 12);
+    sim->now_ns += 50 * NS_PER_MS;
+    finish_all(sim, other, 1000);
+    assert_int_equal(sim_grant(sim, other, 100), 0); /* not overdue yet */
+    sim->now_ns += 500 * NS_PER_MS;
+    assert_int_equal(sim_grant(sim, other, 100), 0);
+    sim->now_ns += 600 * NS_PER_MS;
+    got = sim_grant(sim, other, 100);
+    assert_int_equal(got, 4);
+    assert_int_equal(sim_grant(sim, other, 100), 0); /* it holds them itself now */
+    finish_all(sim, other, 1000);
+    assert_int_equal(stopped->unit_count, 0); /* its lease was revoked */
+    sim_commit(sim);
+    sim_develop(sim);
+    assert_int_equal(job->state, JOB_STATE_DONE);
+    assert_int_equal(sim->wrong_frames, 0);
+}
+
+static void a_stopped_worker_loses_its_lease(void **state)
+{
+    struct sim *sim = *state;
+    struct sim_worker *stopped = sim_connect(sim, 0, 4), *other;
+
+    sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    assert_int_equal(sim_grant(sim, stopped, 4), 4);
+    sim->now_ns += 9 * NS_PER_SECOND;
+    farm_tick(&sim->farm, sim->now_ns);
+    assert_int_equal(sim->revokes, 0);
+    sim->now_ns += 2 * NS_PER_SECOND;
+    farm_tick(&sim->farm, sim->now_ns);
+    assert_int_equal(sim->revokes, 1);
+    assert_int_equal(stopped->unit_count, 0);
+    other = sim_connect(sim, 1, 16);
+    assert_int_equal(sim_grant(sim, other, 16), 16);
+}
+
+static void unfit_workers_are_told_and_get_nothing(void **state)
+{
+    struct sim *sim = *state;
+    struct job *job = sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    struct sim_worker *first = sim_connect(sim, 0, 1), *old_cpu = sim_connect(sim, 1, 1),
+                      *other_kernel = sim_connect(sim, 2, 1);
+    char why[256];
+
+    old_cpu->worker.isa_mask = 1; /* sse2 only; the job is pinned to avx2 */
+    snprintf(other_kernel->worker.kernel, sizeof other_kernel->worker.kernel, "kernel 2");
+    assert_int_equal(sim_grant(sim, old_cpu, 1), 0);
+    assert_int_equal(sim->notices, 1);
+    assert_non_null(strstr(sim->notice, "avx2"));
+    assert_int_equal(sim_grant(sim, first, 1), 1);
+    assert_string_equal(job->kernel, "kernel 1");
+    assert_int_equal(sim_grant(sim, other_kernel, 1), 0);
+    assert_int_equal(sim->notices, 2);
+    assert_int_equal(sim->notice_session, other_kernel->worker.held.session);
+    assert_non_null(strstr(sim->notice, "kernel 2"));
+    assert_true(other_kernel->worker.note[0] != 0);
+    sim_grant(sim, other_kernel, 1); /* told once */
+    assert_int_equal(sim->notices, 2);
+    assert_false(farm_can_serve(job, &other_kernel->worker, why, sizeof why));
+    /* A job that no one has begun pins the kernel of whoever begins it. */
+    sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    assert_int_equal(sim_grant(sim, other_kernel, 1), 1);
+    assert_int_equal(other_kernel->worker.note[0], 0);
+}
+
+static void a_job_that_nobody_can_render_fails(void **state)
+{
+    struct sim *sim = *state;
+    struct job *job = sim_submit(sim, 64, 64, 4, 1, 1, 0), *second;
+    struct sim_worker *workers[5];
+
+    for (unsigned i = 0; i < 5; i++)
+        workers[i] = sim_connect(sim, i, 2);
+    for (unsigned i = 0; i < 3; i++) {
+        assert_int_equal(job->state, i == 0 ? JOB_STATE_QUEUED : JOB_STATE_RUNNING);
+        assert_true(sim_grant(sim, workers[i], 2) > 0);
+        farm_job_broken(&sim->farm, job, &workers[i]->worker, "the mesh is damaged", sim->now_ns);
+        if (i < 2) {
+            assert_int_equal(sim_grant(sim, workers[i], 2), 0);
+            workers[i]->unit_count = 0;
+        }
+    }
+    assert_int_equal(job->state, JOB_STATE_FAILED);
+    assert_non_null(strstr(job->state_text, "the mesh is damaged"));
+    assert_int_equal(sim->farm.leases.count, 0);
+    /* The only worker that there is cannot: no need to wait for more. */
+    for (unsigned i = 1; i < 5; i++)
+        sim_disconnect(sim, i);
+    second = sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    assert_true(sim_grant(sim, workers[0], 2) > 0);
+    farm_job_broken(&sim->farm, second, &workers[0]->worker, "out of memory", sim->now_ns);
+    assert_int_equal(second->state, JOB_STATE_FAILED);
+}
+
+static void cancelling_takes_the_work_back(void **state)
+{
+    struct sim *sim = *state;
+    struct job *job = sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    struct sim_worker *worker = sim_connect(sim, 0, 4);
+
+    sim_grant(sim, worker, 4);
+    sim_send(sim, worker, 0, 100);
+    farm_cancel(&sim->farm, job, sim->now_ns);
+    assert_int_equal(job->state, JOB_STATE_CANCELLED);
+    assert_int_equal(sim->revokes, 1);
+    assert_int_equal(worker->unit_count, 0);
+    assert_int_equal(worker->worker.held.units, 0);
+    assert_null(merge_commit_begin(&sim->farm));
+    assert_int_equal(sim_grant(sim, worker, 4), 0);
+}
+
+/* A tile may not run away from its first passes: early results wait in memory. */
+static void passes_ahead_are_limited(void **state)
+{
+    struct sim *sim = *state;
+    struct sim_worker *worker = sim_connect(sim, 0, 1000);
+
+    sim_submit(sim, 16, 16, 100000, 1, 1, 0); /* one tile, 1566 passes */
+    assert_int_equal(sim_grant(sim, worker, 4000), FRAME_PASSES_AHEAD);
+    finish_all(sim, worker, 100);
+    assert_int_equal(sim_grant(sim, worker, 10), 10);
+    assert_int_equal(worker->units[0].name.pass, FRAME_PASSES_AHEAD);
+}
+
+#define SIM_TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        SIM_TEST(passes_cover_the_frame_first_and_frames_follow),
+        SIM_TEST(the_next_frame_begins_when_nothing_is_left_of_the_first),
+        SIM_TEST(higher_priority_goes_first),
+        SIM_TEST(leases_grow_with_the_measured_speed),
+        SIM_TEST(shares_shrink_towards_the_end),
+        SIM_TEST(overdue_units_go_to_another_worker),
+        SIM_TEST(a_stopped_worker_loses_its_lease),
+        SIM_TEST(unfit_workers_are_told_and_get_nothing),
+        SIM_TEST(a_job_that_nobody_can_render_fails),
+        SIM_TEST(cancelling_takes_the_work_back),
+        SIM_TEST(passes_ahead_are_limited),
+    };
+    return cmocka_run_group_tests_name("scheduler", tests, NULL, NULL);
+}

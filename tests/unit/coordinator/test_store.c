@@ -1,0 +1,534 @@
+/* The store: jobs and epochs across restarts, the lock, film files torn by a crash, blobs. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <fcntl.h>
+#include <ftw.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "common/base/file.h"
+#include "common/base/memory.h"
+#include "coordinator/blobs.h"
+#include "coordinator/develop.h"
+#include "coordinator/store.h"
+#include "tests/support/sim_farm.h"
+
+enum { WIDTH = 20, HEIGHT = 16, SPP = 16 }; /* 2 tiles, 3 passes: 4, 8, 16 */
+
+static char folder[64];
+
+static int remove_entry(const char *path, const struct stat *info, int type, struct FTW *at)
+{
+    (void)info;
+    (void)type;
+    (void)at;
+    return remove(path);
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    snprintf(folder, sizeof folder, "/tmp/azulejo-test-XXXXXX");
+    return mkdtemp(folder) ? 0 : -1;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    nftw(folder, remove_entry, 16, FTW_DEPTH | FTW_PHYS);
+    return 0;
+}
+
+static struct store *open_it(void)
+{
+    struct store *store;
+    struct error err = {0};
+
+    if (store_open(&store, folder, &err) != STATUS_OK)
+        fail_msg("%s", err.text);
+    return store;
+}
+
+static char *path_of(const char *name)
+{
+    static char path[256];
+
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    return path;
+}
+
+/* ---- jobs ----------------------------------------------------------------------------------- */
+
+struct loaded {
+    struct job *jobs[8];
+    size_t count;
+};
+
+static status adopt(void *user, struct job *job, struct error *err)
+{
+    struct loaded *loaded = user;
+
+    (void)err;
+    loaded->jobs[loaded->count++] = job;
+    return STATUS_OK;
+}
+
+static void jobs_survive_a_restart(void **state)
+{
+    struct store *store = open_it();
+    struct job *job = sim_job(640, 480, 99, 3, 12, -5), *other = sim_job(1, 1, 1, 0, 0, 0);
+    struct loaded loaded = {{NULL}, 0};
+    struct error err = {0};
+    const struct job *back;
+
+    (void)state;
+    snprintf(job->name, sizeof job->name, "a 'quoted' \"name\"; DROP TABLE jobs");
+    snprintf(job->scene_name, sizeof job->scene_name, "scene");
+    job->settings.seed = UINT64_MAX;
+    job->settings.env_rotate_deg = 12.5f;
+    job->output.exr_half = 1;
+    job->output.png = 0;
+    job->output.tonemap.exposure_ev = -1.25;
+    job->epoch_floor = (uint64_t)1 << 56;
+    memset(&job->scene, 0xab, sizeof job->scene);
+    assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
+    assert_int_equal(store_job_insert(store, other, &err), STATUS_OK);
+    assert_true(other->id > job->id);
+    job->state = JOB_STATE_RUNNING;
+    snprintf(job->kernel, sizeof job->kernel, "embree 9");
+    job->stats = (struct work_stats){1, 2, 3, 4, 5, 6};
+    job->active_ns = 1500000000;
+    job->conflicts = 7;
+    assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 5, 0.25, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 6, NAN, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 6, NAN, &err), STATUS_OK);
+    store_close(store);
+
+    store = open_it();
+    assert_int_equal(store_jobs_load(store, adopt, &loaded, &err), STATUS_OK);
+    assert_int_equal(loaded.count, 2);
+    back = loaded.jobs[0];
+    assert_int_equal(back->id, job->id);
+    assert_string_equal(back->name, job->name);
+    assert_string_equal(back->scene_name, "scene");
+    assert_string_equal(back->kernel, "embree 9");
+    assert_int_equal(back->state, JOB_STATE_RUNNING);
+    assert_int_equal(back->priority, -5);
+    assert_memory_equal(&back->settings, &job->settings, sizeof job->settings);
+    assert_memory_equal(&back->stats, &job->stats, sizeof job->stats);
+    assert_true(back->output.exr_half && back->output.exr && !back->output.png);
+    assert_true(back->output.tonemap.exposure_ev == -1.25);
+    assert_ptr_equal(back->output.tonemap.op, job->output.tonemap.op);
+    assert_memory_equal(&back->scene, &job->scene, sizeof job->scene);
+    assert_int_equal(back->epoch_floor, job->epoch_floor);
+    assert_int_equal(back->active_ns, job->active_ns);
+    assert_int_equal(back->conflicts, 7);
+    assert_int_equal(back->frames_done_count, 2);
+    assert_true(job_frame_is_done(back, 5) && job_frame_is_done(back, 6));
+    assert_true(isnan(back->relative_mse));
+    job_free(loaded.jobs[0]);
+    job_free(loaded.jobs[1]);
+    job_free(job);
+    job_free(other);
+    store_close(store);
+}
+
+static void epochs_never_repeat(void **state)
+{
+    uint64_t last = 0, epoch;
+    struct error err = {0};
+
+    (void)state;
+    /* Also when the clock is set back between two runs. */
+    static const int64_t clocks[] = {1700000000, 1700000000, 1500000000, 0, 1700000001};
+    for (size_t i = 0; i < 5; i++) {
+        struct store *store = open_it();
+        assert_int_equal(store_epoch_begin(store, clocks[i], &epoch, &err), STATUS_OK);
+        assert_true(epoch > last + 1000000 || i == 0);
+        assert_true(epoch < INT64_MAX);
+        last = epoch;
+        store_close(store);
+    }
+}
+
+static void a_store_in_use_is_refused(void **state)
+{
+    struct store *store = open_it(), *second;
+    struct error err = {0};
+
+    (void)state;
+    assert_int_equal(store_open(&second, folder, &err), STATUS_ERR_REFUSED);
+    assert_null(second);
+    assert_non_null(strstr(err.text, "another coordinator"));
+    store_close(store);
+    store = open_it();
+    store_close(store);
+}
+
+static void bad_stores_are_refused(void **state)
+{
+    struct store *store = open_it();
+    struct error err = {0};
+    struct buffer bytes = BUFFER_INIT;
+
+    (void)state;
+    store_close(store);
+    /* A newer version, written where SQLite keeps user_version (byte 60, big-endian). */
+    assert_int_equal(file_read(path_of("queue.sqlite"), 1 << 24, &bytes, &err), STATUS_OK);
+    bytes.data[63] = 99;
+    assert_int_equal(file_write_atomic(path_of("queue.sqlite"), bytes.data, bytes.size, &err),
+                     STATUS_OK);
+    assert_int_equal(store_open(&store, folder, &err), STATUS_ERR_CORRUPT);
+    assert_non_null(strstr(err.text, "newer"));
+    memset(bytes.data, 'x', bytes.size);
+    assert_int_equal(file_write_atomic(path_of("queue.sqlite"), bytes.data, bytes.size, &err),
+                     STATUS_OK);
+    assert_int_equal(store_open(&store, folder, &err), STATUS_ERR_CORRUPT);
+    assert_int_equal(file_write_atomic(path_of("plain"), "x", 1, &err), STATUS_OK);
+    assert_int_equal(store_open(&store, path_of("plain"), &err), STATUS_ERR_IO);
+    assert_int_equal(store_open(&store, "/proc/no/such", &err), STATUS_ERR_IO);
+    buffer_release(&bytes);
+}
+
+/* ---- films ---------------------------------------------------------------------------------- */
+
+struct film_fixture {
+    struct film *film;
+    struct film_file *file;
+    uint32_t durable[2];
+    uint8_t slot[2];
+};
+
+static void film_begin(struct film_fixture *f, struct store *store)
+{
+    struct error err = {0};
+
+    memset(f, 0, sizeof *f);
+    f->film = film_new(WIDTH, HEIGHT, SPP);
+    assert_non_null(f->film);
+    if (store_film_open(store, 1, 1, f->film, f->durable, f->slot, &f->file, &err) != STATUS_OK)
+        fail_msg("%s", err.text);
+}
+
+static void film_end(struct film_fixture *f)
+{
+    film_file_close(f->file);
+    film_free(f->film);
+}
+
+static void merge_pass(struct film *film, uint32_t tile, uint32_t pass)
+{
+    static uint8_t bytes[TILE_FLOATS_MAX * 4];
+    static float sums[TILE_FLOATS_MAX];
+    size_t size = sim_sums(WIDTH, HEIGHT, 1, (struct unit_name){tile, pass}, bytes);
+    enum film_merge_result result;
+
+    memcpy(sums, bytes, size);
+    assert_int_equal(film_merge(film, tile, pass, sums, size / 4, &result, NULL), STATUS_OK);
+    assert_int_equal(result, FILM_MERGED);
+}
+
+/* Write the tile's state to the slot that is not the durable one, as a commit does. */
+static void write_tile(struct film_fixture *f, uint32_t tile)
+{
+    size_t size = film_tile_state_size(f->film, tile);
+    uint8_t *bytes = malloc(size);
+
+    assert_non_null(bytes);
+    film_tile_save(f->film, tile, bytes);
+    f->slot[tile] = !f->slot[tile];
+    assert_int_equal(film_file_write(f->file, tile, f->slot[tile], bytes, size, NULL), STATUS_OK);
+    assert_int_equal(film_file_sync(f->file, NULL), STATUS_OK);
+    f->durable[tile] = film_tile_passes(f->film, tile);
+    free(bytes);
+}
+
+static void films_come_back(void **state)
+{
+    struct store *store = open_it();
+    struct film_fixture f, back;
+
+    (void)state;
+    film_begin(&f, store);
+    for (uint32_t p = 0; p < 3; p++) {
+        merge_pass(f.film, 0, p);
+        write_tile(&f, 0);
+    }
+    merge_pass(f.film, 1, 0);
+    write_tile(&f, 1);
+    film_end(&f);
+    assert_true(store_film_exists(store, 1, 1));
+    film_begin(&back, store);
+    assert_int_equal(back.durable[0], 3);
+    assert_int_equal(back.durable[1], 1);
+    assert_int_equal(film_tile_passes(back.film, 0), 3);
+    assert_int_equal(film_tile_passes(back.film, 1), 1);
+    merge_pass(back.film, 1, 1);
+    write_tile(&back, 1);
+    merge_pass(back.film, 1, 2);
+    assert_true(film_complete(back.film));
+    film_end(&back);
+    store_films_remove(store, 1);
+    assert_false(store_film_exists(store, 1, 1));
+    store_close(store);
+}
+
+static off_t file_size(const char *path)
+{
+    struct stat info;
+
+    assert_int_equal(stat(path, &info), 0);
+    return info.st_size;
+}
+
+/* Tear the newest write at every 64th byte: the older state counts, always. */
+static void a_torn_slot_falls_back_to_the_older_one(void **state)
+{
+    struct store *store = open_it();
+    struct film_fixture f;
+    size_t size;
+    uint8_t *before, *after, *torn;
+    int fd;
+    char *path;
+    off_t slot_bytes, at;
+
+    (void)state;
+    film_begin(&f, store);
+    size = film_tile_state_size(f.film, 0);
+    before = malloc(size);
+    after = malloc(size);
+    torn = malloc(size);
+    merge_pass(f.film, 0, 0);
+    write_tile(&f, 0); /* slot 0: pass 0 */
+    merge_pass(f.film, 0, 1);
+    write_tile(&f, 0); /* slot 1: passes 0 and 1 */
+    merge_pass(f.film, 0, 2);
+    film_tile_save(f.film, 0, after);
+    merge_pass(f.film, 1, 0);
+    write_tile(&f, 1);
+    film_end(&f);
+
+    path = path_of("films/1/frame-0001.film");
+    /* 2 tiles, 2 slots each; the last slot is not written: the file ends within tile 1's first. */
+    slot_bytes = (off_t)size;
+    assert_true(file_size(path) > FILM_FILE_HEADER + 2 * slot_bytes);
+    fd = open(path, O_RDWR);
+    assert_true(fd >= 0);
+    at = FILM_FILE_HEADER; /* tile 0, slot 0: where the third state goes */
+    assert_int_equal(pread(fd, before, size, at), (ssize_t)size);
+    for (size_t cut = 0; cut < size; cut += 64) {
+        struct film_fixture back;
+        memcpy(torn, before, size);
+        memcpy(torn, after, cut);
+        assert_int_equal(pwrite(fd, torn, size, at), (ssize_t)size);
+        film_begin(&back, store);
+        assert_int_equal(back.durable[0], 2);
+        assert_int_equal(back.slot[0], 1); /* so the next write goes to the torn one */
+        assert_int_equal(film_tile_passes(back.film, 0), 2);
+        assert_int_equal(film_tile_passes(back.film, 1), 1);
+        film_end(&back);
+    }
+    assert_int_equal(pwrite(fd, after, size, at), (ssize_t)size);
+    film_begin(&f, store);
+    assert_int_equal(f.durable[0], 3);
+    film_end(&f);
+    /* Both slots damaged: the tile begins anew, the others stay. */
+    memset(torn, 0x55, size);
+    assert_int_equal(pwrite(fd, torn, size, at), (ssize_t)size);
+    assert_int_equal(pwrite(fd, torn, size, at + slot_bytes), (ssize_t)size);
+    film_begin(&f, store);
+    assert_int_equal(f.durable[0], 0);
+    assert_int_equal(f.durable[1], 1);
+    film_end(&f);
+    /* A damaged header: the whole frame begins anew. */
+    assert_int_equal(pwrite(fd, "x", 1, 20), 1);
+    film_begin(&f, store);
+    assert_int_equal(f.durable[1], 0);
+    film_end(&f);
+    close(fd);
+    free(before);
+    free(after);
+    free(torn);
+    store_close(store);
+}
+
+static void memory_faults_in_opening_are_told(void **state)
+{
+    struct store *store = open_it();
+    long successes = 0, failures;
+
+    (void)state;
+    do {
+        struct film *film = film_new(WIDTH, HEIGHT, SPP);
+        struct film_file *file = NULL;
+        uint32_t durable[2];
+        uint8_t slot[2];
+        struct error err = {0};
+        status s;
+        mem_fault_arm(successes++, 1);
+        s = store_film_open(store, 1, 1, film, durable, slot, &file, &err);
+        failures = mem_fault_count();
+        mem_fault_arm(-1, 0);
+        assert_true(s == STATUS_OK || (failures && s == STATUS_ERR_NO_MEMORY && !file));
+        film_file_close(file);
+        film_free(film);
+    } while (failures > 0);
+    store_close(store);
+}
+
+/* ---- blobs ---------------------------------------------------------------------------------- */
+
+static void put_blob(const struct digest *digest, const char *text, status expected)
+{
+    struct upload *upload;
+    struct error err = {0};
+
+    assert_int_equal(upload_begin(&upload, folder, digest, strlen(text), &err), STATUS_OK);
+    for (size_t i = 0; i < strlen(text); i += 3)
+        assert_int_equal(upload_add(upload, text + i, strlen(text + i) < 3 ? strlen(text + i) : 3,
+                                    &err),
+                         STATUS_OK);
+    assert_int_equal(upload_add(upload, "x", 1, &err), STATUS_ERR_PROTOCOL);
+    assert_int_equal(upload_finish(upload, &err), expected);
+    upload_free(upload);
+}
+
+static int count_files(const char *name)
+{
+    char command[300];
+    FILE *pipe;
+    int count = -1;
+
+    snprintf(command, sizeof command, "find '%s/%s' -type f | wc -l", folder, name);
+    pipe = popen(command, "r");
+    assert_non_null(pipe);
+    assert_int_equal(fscanf(pipe, "%d", &count), 1);
+    pclose(pipe);
+    return count;
+}
+
+static void blobs_are_checked(void **state)
+{
+    struct store *store = open_it();
+    struct digest digest, other;
+    struct buffer bytes = BUFFER_INIT, path = BUFFER_INIT;
+    struct upload *upload;
+    struct error err = {0};
+    uint64_t size;
+
+    (void)state;
+    assert_int_equal(digest_of(&digest, "hello world", 11), STATUS_OK);
+    assert_int_equal(digest_of(&other, "other", 5), STATUS_OK);
+    assert_false(blobs_find(folder, &digest, &size));
+    assert_int_equal(blobs_read(folder, &digest, 100, &bytes, &err), STATUS_ERR_NOT_FOUND);
+    put_blob(&digest, "hello World", STATUS_ERR_INPUT); /* other bytes than announced */
+    assert_false(blobs_find(folder, &digest, &size));
+    assert_int_equal(count_files("blobs"), 0);
+    put_blob(&digest, "hello world", STATUS_OK);
+    put_blob(&digest, "hello world", STATUS_OK); /* twice is fine */
+    assert_true(blobs_find(folder, &digest, &size));
+    assert_int_equal(size, 11);
+    assert_int_equal(blobs_read(folder, &digest, 100, &bytes, &err), STATUS_OK);
+    assert_string_equal(buffer_text(&bytes), "hello world");
+    assert_int_equal(blobs_read(folder, &digest, 10, &bytes, &err), STATUS_ERR_LIMIT);
+    /* Half an upload leaves nothing, neither when it ends nor when the coordinator is killed. */
+    assert_int_equal(upload_begin(&upload, folder, &other, 5, &err), STATUS_OK);
+    assert_int_equal(upload_add(upload, "oth", 3, &err), STATUS_OK);
+    assert_int_equal(count_files("blobs/tmp"), 1);
+    assert_int_equal(upload_finish(upload, &err), STATUS_ERR_INPUT);
+    upload_free(upload);
+    assert_int_equal(count_files("blobs/tmp"), 0);
+    assert_int_equal(file_write_atomic(path_of("blobs/tmp/left"), "x", 1, &err), STATUS_OK);
+    blobs_clean(folder);
+    assert_int_equal(count_files("blobs/tmp"), 0);
+    /* A blob damaged on disk is removed when it is read. */
+    blobs_path(folder, &digest, &path);
+    assert_int_equal(file_write_atomic(buffer_text(&path), "hello wOrld", 11, &err), STATUS_OK);
+    buffer_clear(&bytes);
+    assert_int_equal(blobs_read(folder, &digest, 100, &bytes, &err), STATUS_ERR_CORRUPT);
+    assert_false(blobs_find(folder, &digest, &size));
+    buffer_release(&bytes);
+    buffer_release(&path);
+    store_close(store);
+}
+
+/* ---- outputs -------------------------------------------------------------------------------- */
+
+static void a_developed_frame_is_on_disk(void **state)
+{
+    struct store *store = open_it();
+    struct job *job = sim_job(WIDTH, HEIGHT, SPP, 1, 1, 0);
+    struct job_frame *frame = job_frame_new(job, 1, WIDTH, HEIGHT, SPP, NULL);
+    struct development *development;
+    struct buffer exr = BUFFER_INIT, path = BUFFER_INIT, found = BUFFER_INIT;
+    struct image image = {0};
+    struct error err = {0};
+    float expected[WIDTH * HEIGHT * 3];
+
+    (void)state;
+    assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
+    for (uint32_t t = 0; t < 2; t++) {
+        for (uint32_t p = 0; p < 3; p++) {
+            float sums[TILE_FLOATS_MAX];
+            enum film_merge_result result;
+            size_t count = (t ? 4 : 16) * 16 * 3 * 2;
+            for (size_t i = 0; i < count; i++)
+                sums[i] = (float)(i % 97) + p;
+            assert_int_equal(film_merge(frame->film, t, p, sums, count, &result, &err), STATUS_OK);
+        }
+    }
+    film_develop(frame->film, expected);
+    assert_int_equal(development_new_frame(&development, frame, &err), STATUS_OK);
+    if (develop_frame(development, store, &err) != STATUS_OK)
+        fail_msg("%s", err.text);
+    development_free(development);
+    assert_int_equal(development_new_frame(&development, frame, &err), STATUS_OK);
+    assert_int_equal(develop_encode(development, &exr, NULL, &err), STATUS_OK);
+    development_free(development);
+    store_output_path(store, job->id, 1, "exr", &path);
+    assert_int_equal(file_read(buffer_text(&path), 1 << 24, &found, &err), STATUS_OK);
+    assert_int_equal(found.size, exr.size);
+    assert_memory_equal(found.data, exr.data, exr.size); /* the same film gives the same file */
+    assert_int_equal(exr_decode(&image, found.data, found.size, "output", &err), STATUS_OK);
+    assert_int_equal(image.width, WIDTH);
+    assert_memory_equal(image.pixels, expected, sizeof expected);
+    assert_non_null(memmem(found.data, found.size, "azulejo:spp", 11));
+    assert_non_null(memmem(found.data, found.size, "azulejo:relativeMse", 19));
+    buffer_clear(&path);
+    store_output_path(store, job->id, 1, "png", &path);
+    assert_true(file_exists(buffer_text(&path)));
+    image_release(&image);
+    buffer_release(&exr);
+    buffer_release(&path);
+    buffer_release(&found);
+    job_frame_free(frame);
+    job_free(job);
+    store_close(store);
+}
+
+#define STORE_TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        STORE_TEST(jobs_survive_a_restart),
+        STORE_TEST(epochs_never_repeat),
+        STORE_TEST(a_store_in_use_is_refused),
+        STORE_TEST(bad_stores_are_refused),
+        STORE_TEST(films_come_back),
+        STORE_TEST(a_torn_slot_falls_back_to_the_older_one),
+        STORE_TEST(memory_faults_in_opening_are_told),
+        STORE_TEST(blobs_are_checked),
+        STORE_TEST(a_developed_frame_is_on_disk),
+    };
+    return cmocka_run_group_tests_name("store", tests, NULL, NULL);
+}
