@@ -263,7 +263,8 @@ static status parse_json(struct gltf *g, const uint8_t *json, size_t size)
     g->root = json_loadb((const char *)json, size, 0, &error);
     if (g->root)
         return STATUS_OK;
-    if (json_error_code(&error) == json_error_out_of_memory)
+    /* jansson does not always set the code when memory runs out, but then says nothing. */
+    if (json_error_code(&error) == json_error_out_of_memory || !*error.text)
         return error_no_memory(g->err, "the JSON");
     return error_set(g->err, STATUS_ERR_INPUT, "line %d, column %d: is not JSON: %s", error.line,
                      error.column, error.text);
