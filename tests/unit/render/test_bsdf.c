@@ -332,7 +332,8 @@ static void scattering_is_reciprocal(void **state)
     (void)state;
     for (int i = 0; i < 400000; i++) {
         struct bsdf_params p = random_material(&r, 0.05f), back = p;
-        struct vec3 wo = random_direction(&r, 0.02f), wi = random_direction(&r, -1), turned_wo, f, g;
+        struct vec3 wo = random_direction(&r, 0.02f), wi = random_direction(&r, -1);
+        struct vec3 turned_wo, f, g;
         float side, scale = 1;
         struct bsdf b, c;
         bsdf_init(&b, &p, wo);

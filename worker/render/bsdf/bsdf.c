@@ -115,7 +115,8 @@ static inline struct vec3 rough_refraction(const struct bsdf *b, struct vec3 wo,
                                            float *pdf)
 {
     struct vec3 h = vec3_mad(wo, wi, b->eta), f;
-    float length2 = vec3_length_squared(h), mu_i = -wi.z, scale, cos_o, cos_i, density, shadowing, keep;
+    float length2 = vec3_length_squared(h), mu_i = -wi.z, scale, cos_o, cos_i;
+    float density, shadowing, keep;
 
     *pdf = 0;
     if (!(length2 > HALF_LENGTH2_MIN))
