@@ -20,16 +20,17 @@ static void stream_free(void *block)
     mem_free(block);
 }
 
+/* The stream that this thread works on. The library may hold the context's lock while it
+ * complains, so that asking the context for its user data would wait for ever. */
+static _Thread_local struct exr_stream *current_stream;
+
 static void stream_complain(exr_const_context_t context, exr_result_t code, const char *text)
 {
-    void *user = NULL;
-    struct exr_stream *stream;
+    struct exr_stream *stream = current_stream;
 
+    (void)context;
     (void)code;
-    if (!context || exr_get_user_data(context, &user) != EXR_ERR_SUCCESS || !user)
-        return;
-    stream = user;
-    if (stream->message[0] != 0)
+    if (!stream || stream->message[0] != 0)
         return;
     snprintf(stream->message, sizeof stream->message, "%s", text);
     for (char *c = stream->message; *c; c++) /* it may quote names from the file */
@@ -70,16 +71,15 @@ static int64_t stream_write(exr_const_context_t context, void *user, const void 
     struct exr_stream *stream = user;
     size_t end;
 
+    (void)context;
     (void)complain;
     if (__builtin_add_overflow(offset, size_bytes, &end))
         return -1;
     if (end > stream->out->size) {
         size_t old = stream->out->size;
 
-        if (!buffer_append_space(stream->out, end - old)) {
-            stream_complain(context, EXR_ERR_OUT_OF_MEMORY, "out of memory");
+        if (!buffer_append_space(stream->out, end - old))
             return -1;
-        }
         memset(stream->out->data + old, 0, end - old);
     }
     memcpy(stream->out->data + offset, data, size_bytes);
@@ -90,6 +90,7 @@ exr_context_initializer_t exr_stream_initializer(struct exr_stream *stream)
 {
     exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
 
+    current_stream = stream;
     init.error_handler_fn = stream_complain;
     init.alloc_fn = stream_alloc;
     init.free_fn = stream_free;
@@ -108,6 +109,14 @@ exr_context_initializer_t exr_stream_initializer(struct exr_stream *stream)
     /* A file whose offset table is damaged is refused, not guessed at. */
     init.flags = EXR_CONTEXT_FLAG_DISABLE_CHUNK_RECONSTRUCTION;
     return init;
+}
+
+exr_result_t exr_stream_finish(exr_context_t *context)
+{
+    exr_result_t result = *context ? exr_finish(context) : EXR_ERR_SUCCESS;
+
+    current_stream = NULL;
+    return result;
 }
 
 status exr_stream_error(const struct exr_stream *stream, exr_result_t result, const char *name,

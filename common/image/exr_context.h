@@ -18,8 +18,12 @@ struct exr_stream {
     char message[256];   /* the library's first complaint; empty when there was none */
 };
 
-/* An initialiser with limits, allocators, the error handler and the stream's functions. */
+/* An initialiser with limits, allocators, the error handler and the stream's functions. From
+ * here to exr_stream_finish() the calling thread works on this one stream. */
 exr_context_initializer_t exr_stream_initializer(struct exr_stream *stream);
+
+/* End the context (NULL is fine); for writing, the offset table goes out here. */
+exr_result_t exr_stream_finish(exr_context_t *context);
 
 /* Turn a result other than EXR_ERR_SUCCESS into a status that names the file. */
 status exr_stream_error(const struct exr_stream *stream, exr_result_t result, const char *name,

@@ -469,9 +469,7 @@ status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, con
 
     memset(out, 0, sizeof *out);
     result = exr_start_read(&r.context, name, &init);
-    if (result != EXR_ERR_SUCCESS)
-        return fail(&r, result, err);
-    st = find_part(&r, err);
+    st = result == EXR_ERR_SUCCESS ? find_part(&r, err) : fail(&r, result, err);
     if (st == STATUS_OK)
         st = check_environment(&r, err);
     if (st == STATUS_OK)
@@ -489,7 +487,7 @@ status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, con
     }
     if (st == STATUS_OK)
         st = convert_color(&r, err);
-    exr_finish(&r.context);
+    exr_stream_finish(&r.context);
     if (st != STATUS_OK)
         image_release(out);
     return st;

@@ -165,15 +165,13 @@ status exr_encode(struct buffer *out, const struct image *image, const struct ex
                          (unsigned)image->channels);
     /* The name is only for the library's messages; the bytes go to stream_write. */
     result = exr_start_write(&w.context, "picture.exr", EXR_WRITE_FILE_DIRECTLY, &init);
-    if (result == EXR_ERR_SUCCESS) {
+    if (result == EXR_ERR_SUCCESS)
         result = write_header(&w, options);
-        if (result == EXR_ERR_SUCCESS)
-            result = write_pixels(&w);
-        /* This writes the offset table. */
-        finished = exr_finish(&w.context);
-        if (result == EXR_ERR_SUCCESS)
-            result = finished;
-    }
+    if (result == EXR_ERR_SUCCESS)
+        result = write_pixels(&w);
+    finished = exr_stream_finish(&w.context);
+    if (result == EXR_ERR_SUCCESS)
+        result = finished;
     mem_free(w.lines);
     if (result == EXR_ERR_SUCCESS && buffer_ok(&file))
         buffer_append(out, file.data, file.size);

@@ -1,0 +1,785 @@
+/* OpenEXR: our encoder's round trips, and files written by OpenEXR itself in every
+ * compression and layout that our decoder promises to read. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <fcntl.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <ImfCRgbaFile.h>
+#include <openexr.h>
+
+#include "common/base/buffer.h"
+#include "common/base/memory.h"
+#include "common/image/half.h"
+#include "common/image/image.h"
+
+/* A value that differs for every pixel and channel, exact in half, smooth enough for the
+ * lossy codes. */
+static float pattern(uint32_t x, uint32_t y, uint32_t c)
+{
+    return (float)(1 + c) * 0.25f + (float)(x % 64) * 0x1p-6f + (float)(y % 32) * 0x1p-5f;
+}
+
+static struct image make_image(uint32_t width, uint32_t height, uint32_t channels)
+{
+    struct image image;
+
+    assert_int_equal(image_init(&image, width, height, channels, NULL), STATUS_OK);
+    for (uint32_t y = 0; y < height; y++)
+        for (uint32_t x = 0; x < width; x++)
+            for (uint32_t c = 0; c < channels; c++)
+                image.pixels[(y * width + x) * channels + c] = pattern(x, y, c);
+    return image;
+}
+
+static struct image decode(const struct buffer *file)
+{
+    struct image image;
+    struct error err = {0};
+    status st = exr_decode(&image, file->data, file->size, "test.exr", &err);
+
+    if (st != STATUS_OK)
+        print_error("%s\n", err.text);
+    assert_int_equal(st, STATUS_OK);
+    return image;
+}
+
+/* Largest difference to the pattern. */
+static float worst(const struct image *image)
+{
+    float difference = 0;
+
+    assert_int_equal(image->channels, 3);
+    for (uint32_t y = 0; y < image->height; y++)
+        for (uint32_t x = 0; x < image->width; x++)
+            for (uint32_t c = 0; c < 3; c++)
+                difference = fmaxf(difference,
+                                   fabsf(image->pixels[(y * image->width + x) * 3 + c] -
+                                         pattern(x, y, c)));
+    return difference;
+}
+
+/* ---- our own encoder --------------------------------------------------------------------- */
+
+static void test_round_trip(void **state)
+{
+    static const uint32_t sizes[][2] = {{1, 1}, {1, 17}, {19, 1}, {16, 16}, {33, 35}, {257, 3}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
+        for (uint32_t channels = 3; channels <= 4; channels++)
+            for (int half = 0; half <= 1; half++) {
+                struct image in = make_image(sizes[i][0], sizes[i][1], channels), out;
+                struct buffer file = BUFFER_INIT, again = BUFFER_INIT;
+                struct exr_options options = {.half = half};
+
+                assert_int_equal(exr_encode(&file, &in, &options, NULL), STATUS_OK);
+                assert_int_equal(exr_encode(&again, &in, &options, NULL), STATUS_OK);
+                assert_int_equal(file.size, again.size);
+                assert_memory_equal(file.data, again.data, file.size);
+                assert_int_equal(image_format_of(file.data, file.size), IMAGE_EXR);
+                out = decode(&file);
+                assert_int_equal(out.width, in.width);
+                assert_int_equal(out.height, in.height);
+                assert_true(worst(&out) == 0.0f);
+                image_release(&in);
+                image_release(&out);
+                buffer_release(&file);
+                buffer_release(&again);
+            }
+}
+
+/* Floats keep their bits, NaN included: the file shows what was rendered. */
+static void test_float_bits_kept(void **state)
+{
+    static const uint32_t bits[] = {0x00000001u, 0x807fffffu, 0x7f800000u, 0xff800000u,
+                                    0x7fc12345u, 0x7f7fffffu, 0x80000000u, 0x3f800001u};
+    struct image in = make_image(8, 3, 3), out;
+    struct buffer file = BUFFER_INIT;
+
+    (void)state;
+    for (size_t i = 0; i < 72; i++)
+        in.pixels[i] = float_from_bits(bits[i % 8]);
+    assert_int_equal(exr_encode(&file, &in, NULL, NULL), STATUS_OK);
+    out = decode(&file);
+    assert_memory_equal(in.pixels, out.pixels, 72 * sizeof(float));
+    image_release(&in);
+    image_release(&out);
+    buffer_release(&file);
+}
+
+static void test_half_clamps_and_counts(void **state)
+{
+    static const float values[] = {65504.0f, 65505.0f, 1e30f, INFINITY, -1e9f, 1.0f};
+    struct image in = make_image(2, 1, 3), out;
+    uint64_t clamped = 99;
+    struct exr_options options = {.half = 1, .clamped = &clamped};
+    struct buffer file = BUFFER_INIT;
+
+    (void)state;
+    memcpy(in.pixels, values, sizeof values);
+    assert_int_equal(exr_encode(&file, &in, &options, NULL), STATUS_OK);
+    assert_int_equal(clamped, 4);
+    out = decode(&file);
+    assert_true(out.pixels[0] == 65504.0f && out.pixels[1] == 65504.0f);
+    assert_true(out.pixels[2] == 65504.0f && out.pixels[3] == 65504.0f);
+    assert_true(out.pixels[4] == -65504.0f && out.pixels[5] == 1.0f);
+    image_release(&in);
+    image_release(&out);
+    buffer_release(&file);
+}
+
+struct memory_file {
+    const struct buffer *bytes;
+};
+
+static int64_t read_memory(exr_const_context_t context, void *user, void *out, uint64_t size,
+                           uint64_t offset, exr_stream_error_func_ptr_t complain)
+{
+    const struct buffer *b = ((struct memory_file *)user)->bytes;
+
+    (void)context;
+    (void)complain;
+    if (offset >= b->size)
+        return 0;
+    if (size > b->size - offset)
+        size = b->size - offset;
+    memcpy(out, b->data + offset, size);
+    return (int64_t)size;
+}
+
+static void test_attributes(void **state)
+{
+    static const struct exr_attribute attributes[] = {{"software", "azulejo", 0},
+                                                      {"relativeError", NULL, 0.125}};
+    struct exr_options options = {.attributes = attributes, .attribute_count = 2};
+    struct image in = make_image(4, 4, 3);
+    struct buffer file = BUFFER_INIT;
+    struct memory_file memory = {&file};
+    exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
+    exr_context_t context;
+    exr_attr_chromaticities_t chroma;
+    exr_compression_t compression;
+    const char *text;
+    double number;
+    int32_t length;
+
+    (void)state;
+    assert_int_equal(exr_encode(&file, &in, &options, NULL), STATUS_OK);
+    init.read_fn = read_memory;
+    init.user_data = &memory;
+    assert_int_equal(exr_start_read(&context, "memory", &init), EXR_ERR_SUCCESS);
+    assert_int_equal(exr_attr_get_string(context, 0, "software", &length, &text), EXR_ERR_SUCCESS);
+    assert_int_equal(length, 7);
+    assert_memory_equal(text, "azulejo", 7);
+    assert_int_equal(exr_attr_get_double(context, 0, "relativeError", &number), EXR_ERR_SUCCESS);
+    assert_true(number == 0.125);
+    assert_int_equal(exr_attr_get_chromaticities(context, 0, "chromaticities", &chroma),
+                     EXR_ERR_SUCCESS);
+    assert_true(chroma.red_x == 0.64f && chroma.white_y == 0.329f);
+    assert_int_equal(exr_get_compression(context, 0, &compression), EXR_ERR_SUCCESS);
+    assert_int_equal(compression, EXR_COMPRESSION_ZIP);
+    exr_finish(&context);
+    image_release(&in);
+    buffer_release(&file);
+}
+
+/* ---- files written by OpenEXR's older API: halves in every compression ---------------------- */
+
+static void read_back(int fd, struct buffer *file)
+{
+    off_t size = lseek(fd, 0, SEEK_END);
+
+    assert_true(size > 0);
+    buffer_clear(file);
+    assert_non_null(buffer_append_space(file, (size_t)size));
+    assert_int_equal(pread(fd, file->data, (size_t)size, 0), size);
+}
+
+/* The pattern (its Y is not the pattern) at offset (x0, y0) of the display window. */
+static void write_rgba(struct buffer *file, int width, int height, int x0, int y0, int channels,
+                       int compression, int line_order)
+{
+    int fd = memfd_create("test-exr", MFD_CLOEXEC);
+    ImfRgba *pixels = calloc((size_t)(width * height), sizeof *pixels);
+    ImfHeader *header = ImfNewHeader();
+    ImfOutputFile *out;
+    char path[64];
+
+    assert_true(fd >= 0);
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++) {
+            ImfRgba *p = &pixels[y * width + x];
+            p->r = half_from_float(pattern((uint32_t)x, (uint32_t)y, 0));
+            p->g = half_from_float(pattern((uint32_t)x, (uint32_t)y, 1));
+            p->b = half_from_float(pattern((uint32_t)x, (uint32_t)y, 2));
+            p->a = half_from_float(1.0f);
+        }
+    snprintf(path, sizeof path, "/proc/self/fd/%d", fd);
+    ImfHeaderSetDisplayWindow(header, 0, 0, 99, 99);
+    ImfHeaderSetDataWindow(header, x0, y0, x0 + width - 1, y0 + height - 1);
+    ImfHeaderSetCompression(header, compression);
+    ImfHeaderSetLineOrder(header, line_order);
+    out = ImfOpenOutputFile(path, header, channels);
+    assert_non_null(out);
+    assert_true(ImfOutputSetFrameBuffer(out, pixels - x0 - y0 * width, 1, (size_t)width));
+    assert_true(ImfOutputWritePixels(out, height));
+    assert_true(ImfCloseOutputFile(out));
+    ImfDeleteHeader(header);
+    free(pixels);
+    read_back(fd, file);
+    close(fd);
+}
+
+static void test_every_compression(void **state)
+{
+    static const int sizes[][4] = {{1, 1, 0, 0}, {5, 3, 0, 0}, {109, 65, -7, 12}, {64, 300, 3, -40}};
+
+    (void)state;
+    for (int compression = IMF_NO_COMPRESSION; compression <= IMF_DWAB_COMPRESSION; compression++)
+        for (size_t i = 0; i < 4; i++)
+            for (int order = IMF_INCREASING_Y; order <= IMF_DECREASING_Y; order++) {
+                int lossy = compression >= IMF_B44_COMPRESSION;
+                struct buffer file = BUFFER_INIT;
+                struct image out;
+
+                write_rgba(&file, sizes[i][0], sizes[i][1], sizes[i][2], sizes[i][3],
+                           IMF_WRITE_RGBA, compression, order);
+                out = decode(&file);
+                assert_int_equal(out.width, sizes[i][0]);
+                assert_int_equal(out.height, sizes[i][1]);
+                assert_true(worst(&out) <= (lossy ? 0.13f : 0.0f));
+                image_release(&out);
+                buffer_release(&file);
+            }
+}
+
+static void test_luminance_and_chroma(void **state)
+{
+    struct buffer file = BUFFER_INIT;
+    struct image out;
+
+    (void)state;
+    write_rgba(&file, 40, 30, 4, 6, IMF_WRITE_Y, IMF_ZIP_COMPRESSION, IMF_INCREASING_Y);
+    out = decode(&file);
+    for (size_t i = 0; i < 40 * 30; i++) {
+        const float *p = out.pixels + 3 * i;
+        float y = 0.2126f * pattern(i % 40, (uint32_t)i / 40, 0) +
+                  0.7152f * pattern(i % 40, (uint32_t)i / 40, 1) +
+                  0.0722f * pattern(i % 40, (uint32_t)i / 40, 2);
+        assert_true(p[0] == p[1] && p[1] == p[2]);
+        assert_true(fabsf(p[0] - y) < 2e-3f);
+    }
+    image_release(&out);
+    /* Chroma at half resolution: away from the borders the pattern comes back nearly. */
+    write_rgba(&file, 40, 30, 4, 6, IMF_WRITE_YC, IMF_PIZ_COMPRESSION, IMF_INCREASING_Y);
+    out = decode(&file);
+    for (uint32_t y = 4; y < 26; y++)
+        for (uint32_t x = 4; x < 36; x++)
+            for (uint32_t c = 0; c < 3; c++)
+                assert_true(fabsf(out.pixels[(y * 40 + x) * 3 + c] - pattern(x, y, c)) < 0.03f);
+    image_release(&out);
+    buffer_release(&file);
+}
+
+static void test_tiles_and_levels(void **state)
+{
+    (void)state;
+    for (int mode = IMF_ONE_LEVEL; mode <= IMF_MIPMAP_LEVELS; mode++)
+        for (int compression = IMF_NO_COMPRESSION; compression <= IMF_DWAA_COMPRESSION;
+             compression++) {
+            enum { W = 45, H = 31, TILE = 16 };
+            int fd = memfd_create("test-exr", MFD_CLOEXEC);
+            static ImfRgba pixels[W * H];
+            ImfHeader *header = ImfNewHeader();
+            struct buffer file = BUFFER_INIT;
+            struct image result;
+            ImfTiledOutputFile *out;
+            char path[64];
+
+            for (int i = 0; i < W * H; i++) {
+                pixels[i].r = half_from_float(pattern((uint32_t)i % W, (uint32_t)i / W, 0));
+                pixels[i].g = half_from_float(pattern((uint32_t)i % W, (uint32_t)i / W, 1));
+                pixels[i].b = half_from_float(pattern((uint32_t)i % W, (uint32_t)i / W, 2));
+            }
+            snprintf(path, sizeof path, "/proc/self/fd/%d", fd);
+            ImfHeaderSetDisplayWindow(header, 0, 0, W - 1, H - 1);
+            ImfHeaderSetDataWindow(header, 0, 0, W - 1, H - 1);
+            ImfHeaderSetCompression(header, compression);
+            out = ImfOpenTiledOutputFile(path, header, IMF_WRITE_RGB, TILE, TILE, mode,
+                                         IMF_ROUND_DOWN);
+            assert_non_null(out);
+            assert_true(ImfTiledOutputSetFrameBuffer(out, pixels, 1, W));
+            for (int level = 0; level <= (mode == IMF_ONE_LEVEL ? 0 : 5); level++) {
+                int w = W >> level, h = H >> level;
+
+                w = w < 1 ? 1 : w;
+                h = h < 1 ? 1 : h;
+                for (int y = 0; y * TILE < h; y++)
+                    for (int x = 0; x * TILE < w; x++)
+                        assert_true(ImfTiledOutputWriteTile(out, x, y, level, level));
+            }
+            assert_true(ImfCloseTiledOutputFile(out));
+            ImfDeleteHeader(header);
+            read_back(fd, &file);
+            close(fd);
+            result = decode(&file);
+            assert_int_equal(result.width, W);
+            assert_int_equal(result.height, H);
+            assert_true(worst(&result) <= (compression >= IMF_B44_COMPRESSION ? 0.13f : 0.0f));
+            image_release(&result);
+            buffer_release(&file);
+        }
+}
+
+/* ---- files written by OpenEXRCore: any channels, any types ---------------------------------- */
+
+struct part_spec {
+    const char *name;
+    exr_storage_t storage;
+    const char *channels[8]; /* in alphabetical order */
+    exr_pixel_type_t types[8];
+    int values[8];           /* the pattern's channel that it holds */
+};
+
+static int64_t write_memory(exr_const_context_t context, void *user, const void *data,
+                            uint64_t size, uint64_t offset, exr_stream_error_func_ptr_t complain)
+{
+    struct buffer *b = user;
+
+    (void)context;
+    (void)complain;
+    if (offset + size > b->size) {
+        size_t old = b->size;
+        assert_non_null(buffer_append_space(b, offset + size - old));
+        memset(b->data + old, 0, offset + size - old);
+    }
+    memcpy(b->data + offset, data, size);
+    return (int64_t)size;
+}
+
+/* What a channel of this type holds: integers are the pattern times 64, which is whole. */
+static float stored_value(exr_pixel_type_t type, uint32_t x, uint32_t y, int c)
+{
+    return type == EXR_PIXEL_UINT ? pattern(x, y, (uint32_t)c) * 64.0f : pattern(x, y, (uint32_t)c);
+}
+
+static void write_chunks(exr_context_t context, int part, const struct part_spec *spec, int width,
+                         int height)
+{
+    int32_t lines;
+
+    assert_int_equal(exr_get_scanlines_per_chunk(context, part, &lines), EXR_ERR_SUCCESS);
+    for (int y = 0; y < height; y += lines) {
+        exr_encode_pipeline_t pipeline = EXR_ENCODE_PIPELINE_INITIALIZER;
+        exr_chunk_info_t chunk;
+        uint8_t *planes[8] = {0};
+
+        assert_int_equal(exr_write_scanline_chunk_info(context, part, y, &chunk), EXR_ERR_SUCCESS);
+        assert_int_equal(exr_encoding_initialize(context, part, &chunk, &pipeline),
+                         EXR_ERR_SUCCESS);
+        for (int c = 0; c < pipeline.channel_count; c++) {
+            exr_coding_channel_info_t *info = &pipeline.channels[c];
+            size_t size = spec->types[c] == EXR_PIXEL_HALF ? 2 : 4;
+
+            planes[c] = calloc((size_t)(width * chunk.height), size);
+            for (int i = 0; i < width * chunk.height; i++) {
+                float v = stored_value(spec->types[c], (uint32_t)(i % width),
+                                       (uint32_t)(y + i / width), spec->values[c]);
+                uint32_t whole = (uint32_t)v;
+                uint16_t half = half_from_float(v);
+                const void *from = spec->types[c] == EXR_PIXEL_HALF    ? (const void *)&half
+                                   : spec->types[c] == EXR_PIXEL_FLOAT ? (const void *)&v
+                                                                       : (const void *)&whole;
+                memcpy(planes[c] + (size_t)i * size, from, size);
+            }
+            info->user_bytes_per_element = (int16_t)size;
+            info->user_data_type = info->data_type;
+            info->user_pixel_stride = (int32_t)size;
+            info->user_line_stride = (int32_t)size * width;
+            info->encode_from_ptr = planes[c];
+        }
+        assert_int_equal(exr_encoding_choose_default_routines(context, part, &pipeline),
+                         EXR_ERR_SUCCESS);
+        assert_int_equal(exr_encoding_run(context, part, &pipeline), EXR_ERR_SUCCESS);
+        exr_encoding_destroy(context, &pipeline);
+        for (int c = 0; c < 8; c++)
+            free(planes[c]);
+    }
+}
+
+static void write_parts(struct buffer *file, const struct part_spec *parts, int part_count,
+                        int width, int height, exr_compression_t compression,
+                        const exr_attr_chromaticities_t *chroma, int cube)
+{
+    exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
+    exr_context_t context;
+
+    buffer_clear(file);
+    init.write_fn = write_memory;
+    init.user_data = file;
+    assert_int_equal(exr_start_write(&context, "memory", EXR_WRITE_FILE_DIRECTLY, &init),
+                     EXR_ERR_SUCCESS);
+    for (int p = 0; p < part_count; p++) {
+        int index;
+
+        assert_int_equal(exr_add_part(context, parts[p].name, parts[p].storage, &index),
+                         EXR_ERR_SUCCESS);
+        assert_int_equal(
+            exr_initialize_required_attr_simple(context, index, width, height, compression),
+            EXR_ERR_SUCCESS);
+        for (int c = 0; c < 8 && parts[p].channels[c]; c++)
+            assert_int_equal(exr_add_channel(context, index, parts[p].channels[c],
+                                             parts[p].types[c], EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1),
+                             EXR_ERR_SUCCESS);
+        if (chroma)
+            assert_int_equal(exr_attr_set_chromaticities(context, index, "chromaticities", chroma),
+                             EXR_ERR_SUCCESS);
+        if (cube)
+            assert_int_equal(exr_attr_set_envmap(context, index, "envmap", EXR_ENVMAP_CUBE),
+                             EXR_ERR_SUCCESS);
+    }
+    assert_int_equal(exr_write_header(context), EXR_ERR_SUCCESS);
+    for (int p = 0; p < part_count; p++)
+        write_chunks(context, p, &parts[p], width, height);
+    assert_int_equal(exr_finish(&context), EXR_ERR_SUCCESS);
+}
+
+static const struct part_spec mixed = {
+    NULL, EXR_STORAGE_SCANLINE, {"A", "B", "G", "R", "Z"},
+    {EXR_PIXEL_HALF, EXR_PIXEL_FLOAT, EXR_PIXEL_UINT, EXR_PIXEL_HALF, EXR_PIXEL_FLOAT},
+    {3, 2, 1, 0, 4}};
+
+static void test_mixed_types(void **state)
+{
+    static const exr_compression_t compressions[] = {
+        EXR_COMPRESSION_NONE, EXR_COMPRESSION_RLE, EXR_COMPRESSION_ZIPS,
+        EXR_COMPRESSION_ZIP,  EXR_COMPRESSION_PIZ, EXR_COMPRESSION_PXR24};
+    struct buffer file = BUFFER_INIT;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof compressions / sizeof *compressions; i++) {
+        struct image out;
+
+        write_parts(&file, &mixed, 1, 37, 41, compressions[i], NULL, 0);
+        out = decode(&file);
+        for (uint32_t y = 0; y < 41; y++)
+            for (uint32_t x = 0; x < 37; x++) {
+                const float *p = out.pixels + (y * 37 + x) * 3;
+                assert_true(p[0] == pattern(x, y, 0));
+                assert_true(p[1] == pattern(x, y, 1) * 64.0f);
+                assert_true(p[2] == pattern(x, y, 2));
+            }
+        image_release(&out);
+    }
+    buffer_release(&file);
+}
+
+#define FLOATS {EXR_PIXEL_FLOAT, EXR_PIXEL_FLOAT, EXR_PIXEL_FLOAT, EXR_PIXEL_FLOAT, \
+                EXR_PIXEL_FLOAT, EXR_PIXEL_FLOAT, EXR_PIXEL_FLOAT, EXR_PIXEL_FLOAT}
+
+static void test_layers_and_parts(void **state)
+{
+    static const struct part_spec layers = {
+        NULL, EXR_STORAGE_SCANLINE,
+        {"View.AO.B", "View.AO.G", "View.AO.R", "View.Combined.B", "View.Combined.G",
+         "View.Combined.R"},
+        FLOATS, {5, 5, 5, 2, 1, 0}};
+    static const struct part_spec other_layer = {
+        NULL, EXR_STORAGE_SCANLINE, {"a.B", "a.G", "a.R", "b.R"}, FLOATS, {2, 1, 0, 5}};
+    static const struct part_spec parts[2] = {
+        {"depth", EXR_STORAGE_SCANLINE, {"Z"}, FLOATS, {5}},
+        {"light", EXR_STORAGE_SCANLINE, {"B", "G", "R"}, FLOATS, {2, 1, 0}}};
+    static const struct part_spec green = {NULL, EXR_STORAGE_SCANLINE, {"G"}, FLOATS, {1}};
+    static const struct part_spec depth = {NULL, EXR_STORAGE_SCANLINE, {"Z"}, FLOATS, {1}};
+    struct buffer file = BUFFER_INIT;
+    struct error err = {0};
+    struct image out;
+
+    (void)state;
+    write_parts(&file, &layers, 1, 9, 5, EXR_COMPRESSION_ZIP, NULL, 0);
+    out = decode(&file);
+    assert_true(worst(&out) == 0.0f);
+    image_release(&out);
+    write_parts(&file, &other_layer, 1, 9, 5, EXR_COMPRESSION_ZIP, NULL, 0);
+    out = decode(&file);
+    assert_true(worst(&out) == 0.0f);
+    image_release(&out);
+    write_parts(&file, parts, 2, 9, 5, EXR_COMPRESSION_ZIP, NULL, 0);
+    out = decode(&file);
+    assert_true(worst(&out) == 0.0f);
+    image_release(&out);
+    write_parts(&file, &green, 1, 9, 5, EXR_COMPRESSION_ZIP, NULL, 0);
+    out = decode(&file);
+    assert_true(out.pixels[0] == 0.0f && out.pixels[1] == pattern(0, 0, 1) && out.pixels[2] == 0.0f);
+    image_release(&out);
+    write_parts(&file, &depth, 1, 9, 5, EXR_COMPRESSION_ZIP, NULL, 0);
+    assert_int_equal(exr_decode(&out, file.data, file.size, "depth.exr", &err),
+                     STATUS_ERR_UNSUPPORTED);
+    assert_non_null(strstr(err.text, "depth.exr"));
+    assert_null(out.pixels);
+    write_parts(&file, &parts[1], 1, 9, 5, EXR_COMPRESSION_ZIP, NULL, 1);
+    assert_int_equal(exr_decode(&out, file.data, file.size, "cube.exr", &err),
+                     STATUS_ERR_UNSUPPORTED);
+    assert_non_null(strstr(err.text, "cube"));
+    buffer_release(&file);
+}
+
+/* Rec. 709 (0.25, 0.5, 0.75) as XYZ comes back as it was. */
+static void test_chromaticities(void **state)
+{
+    static const exr_attr_chromaticities_t xyz = {1, 0, 0, 1, 0, 0, 1 / 3.0f, 1 / 3.0f};
+    static const exr_attr_chromaticities_t flat = {0.5f, 0.5f, 0.5f, 0.5f, 0.5f, 0.5f, 0.3f, 0.3f};
+    static const struct part_spec rgb = {
+        NULL, EXR_STORAGE_SCANLINE, {"B", "G", "R"}, FLOATS, {2, 1, 0}};
+    /* IEC 61966-2-1's inverse matrix. */
+    static const double m[3][3] = {{3.2406, -1.5372, -0.4986}, {-0.9689, 1.8758, 0.0415},
+                                   {0.0557, -0.2040, 1.0570}};
+    struct buffer file = BUFFER_INIT;
+    struct error err = {0};
+    struct image out;
+
+    (void)state;
+    write_parts(&file, &rgb, 1, 3, 2, EXR_COMPRESSION_ZIP, &xyz, 0);
+    out = decode(&file);
+    for (int c = 0; c < 3; c++) {
+        double wanted = 0;
+        for (uint32_t k = 0; k < 3; k++)
+            wanted += m[c][k] * (double)pattern(0, 0, k);
+        assert_true(fabs((double)out.pixels[c] - wanted) < 1e-3);
+    }
+    image_release(&out);
+    write_parts(&file, &rgb, 1, 3, 2, EXR_COMPRESSION_ZIP, &flat, 0);
+    assert_int_equal(exr_decode(&out, file.data, file.size, "x.exr", &err), STATUS_ERR_INPUT);
+    buffer_release(&file);
+}
+
+/* ---- damage ------------------------------------------------------------------------------ */
+
+/* Every prefix of a file is refused; every changed byte is survived. */
+static void damage(const struct buffer *file)
+{
+    uint8_t *copy;
+    struct image out;
+    struct error err;
+
+    for (size_t length = 0; length < file->size; length++) {
+        copy = mem_memdup(file->data, length); /* exact size: the sanitizer sees over-reads */
+        memset(&err, 0, sizeof err);
+        assert_int_not_equal(exr_decode(&out, copy, length, "cut.exr", &err), STATUS_OK);
+        assert_null(out.pixels);
+        assert_non_null(strstr(err.text, "cut.exr"));
+        mem_free(copy);
+    }
+    for (size_t at = 0; at < file->size; at++)
+        for (int change = 0; change < 3; change++) {
+            static const uint8_t changes[] = {0xff, 0x01, 0x80};
+
+            copy = mem_memdup(file->data, file->size);
+            copy[at] ^= changes[change];
+            if (exr_decode(&out, copy, file->size, "bad.exr", NULL) == STATUS_OK)
+                image_release(&out);
+            mem_free(copy);
+        }
+}
+
+static void test_damage(void **state)
+{
+    static const int compressions[] = {IMF_NO_COMPRESSION,  IMF_RLE_COMPRESSION,
+                                       IMF_ZIP_COMPRESSION, IMF_PIZ_COMPRESSION,
+                                       IMF_B44_COMPRESSION, IMF_PXR24_COMPRESSION};
+    struct buffer file = BUFFER_INIT;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof compressions / sizeof *compressions; i++) {
+        write_rgba(&file, 9, 5, 0, 0, IMF_WRITE_RGB, compressions[i], IMF_INCREASING_Y);
+        damage(&file);
+    }
+    buffer_release(&file);
+}
+
+static void test_damage_older_api(void **state)
+{
+    struct buffer file = BUFFER_INIT;
+
+    (void)state;
+    write_rgba(&file, 5, 3, 0, 0, IMF_WRITE_RGB, IMF_DWAA_COMPRESSION, IMF_INCREASING_Y);
+    damage(&file);
+    buffer_release(&file);
+}
+
+/* A header that claims a gigapixel in a few hundred bytes costs no memory. */
+static void test_size_bomb(void **state)
+{
+    struct image in = make_image(4, 4, 3), out;
+    struct buffer file = BUFFER_INIT;
+    struct error err = {0};
+    uint8_t *window = NULL;
+    const int32_t huge = 46339;
+
+    (void)state;
+    assert_int_equal(exr_encode(&file, &in, NULL, NULL), STATUS_OK);
+    for (size_t i = 0; i + 40 < file.size && !window; i++)
+        if (memcmp(file.data + i, "dataWindow\0box2i", 16) == 0)
+            window = file.data + i + 17 + 4 + 8;
+    assert_non_null(window);
+    memcpy(window, &huge, 4);
+    memcpy(window + 4, &huge, 4);
+    assert_int_equal(exr_decode(&out, file.data, file.size, "bomb.exr", &err), STATUS_ERR_INPUT);
+    assert_null(out.pixels);
+    image_release(&in);
+    buffer_release(&file);
+}
+
+/* Every allocation that fails is reported, and nothing leaks (the sanitizer looks). */
+static void test_out_of_memory(void **state)
+{
+    struct image in = make_image(20, 20, 3), out;
+    struct buffer file = BUFFER_INIT;
+    long n;
+
+    (void)state;
+    for (n = 0;; n++) {
+        status st;
+        long failed;
+
+        buffer_release(&file);
+        mem_fault_arm(n, 1);
+        st = exr_encode(&file, &in, NULL, NULL);
+        failed = mem_fault_count();
+        mem_fault_arm(-1, 0);
+        if (failed == 0) {
+            assert_int_equal(st, STATUS_OK);
+            break;
+        }
+        assert_int_not_equal(st, STATUS_OK);
+    }
+    assert_true(n > 3);
+    for (n = 0;; n++) {
+        status st;
+        long failed;
+
+        mem_fault_arm(n, 1);
+        st = exr_decode(&out, file.data, file.size, "x.exr", NULL);
+        failed = mem_fault_count();
+        mem_fault_arm(-1, 0);
+        if (st == STATUS_OK) {
+            image_release(&out);
+            if (failed == 0)
+                break;
+        }
+    }
+    assert_true(n > 3);
+    image_release(&in);
+    buffer_release(&file);
+}
+
+/* ---- halves, repairs --------------------------------------------------------------------- */
+
+static void test_half_conversion(void **state)
+{
+    (void)state;
+    for (uint32_t bits = 0; bits < 0x10000; bits++) {
+        float value = half_to_float((uint16_t)bits);
+        ImfHalf theirs;
+
+        if (isnan(value)) {
+            assert_true((bits & 0x7c00) == 0x7c00 && (bits & 0x3ff) != 0);
+            continue;
+        }
+        assert_true(value == ImfHalfToFloat((ImfHalf)bits));
+        assert_int_equal(half_from_float(value), bits);
+        /* Halfway to the next, and a hair to either side of it: as OpenEXR rounds. */
+        if ((bits & 0x7fff) < 0x7bff) {
+            float next = half_to_float((uint16_t)(bits + 1)), middle = (value + next) / 2;
+            const float probes[3] = {nextafterf(middle, value), middle, nextafterf(middle, next)};
+
+            for (int i = 0; i < 3; i++) {
+                ImfFloatToHalf(probes[i], &theirs);
+                assert_int_equal(half_from_float(probes[i]), theirs);
+            }
+        }
+    }
+    assert_int_equal(half_from_float(65519.0f), 0x7bff);
+    assert_int_equal(half_from_float(65520.0f), 0x7c00);
+    assert_true(isnan(half_to_float(half_from_float(NAN))));
+}
+
+static void test_repairs(void **state)
+{
+    struct image in = make_image(5, 1, 3), out;
+    struct image_repairs repairs = {0};
+    struct buffer file = BUFFER_INIT;
+
+    (void)state;
+    in.pixels[0] = NAN;
+    in.pixels[1] = NAN; /* one pixel, counted once */
+    in.pixels[3] = -2.0f;
+    in.pixels[7] = INFINITY;
+    in.pixels[10] = -INFINITY;
+    in.pixels[12] = 1234.0f;
+    assert_int_equal(exr_encode(&file, &in, NULL, NULL), STATUS_OK);
+    assert_int_equal(image_decode_hdr(&out, file.data, file.size, "x", &repairs, NULL), STATUS_OK);
+    assert_int_equal(repairs.nan_pixels, 1);
+    assert_int_equal(repairs.negative_pixels, 2);
+    assert_int_equal(repairs.infinite_pixels, 1);
+    assert_true(out.pixels[0] == 0 && out.pixels[1] == 0 && out.pixels[2] == in.pixels[2]);
+    assert_true(out.pixels[3] == 0 && out.pixels[10] == 0);
+    assert_true(out.pixels[7] == 1234.0f);
+    image_release(&out);
+    for (int i = 0; i < 15; i++)
+        in.pixels[i] = i == 4 ? INFINITY : 0.0f;
+    buffer_clear(&file);
+    assert_int_equal(exr_encode(&file, &in, NULL, NULL), STATUS_OK);
+    assert_int_equal(image_decode_hdr(&out, file.data, file.size, "x", NULL, NULL), STATUS_OK);
+    assert_true(out.pixels[4] == 65504.0f);
+    image_release(&out);
+    image_release(&in);
+    buffer_release(&file);
+}
+
+static void test_limits(void **state)
+{
+    struct image image;
+    struct error err = {0};
+
+    (void)state;
+    assert_int_equal(image_init(&image, IMAGE_SIDE_MAX + 1, 1, 3, &err), STATUS_ERR_LIMIT);
+    assert_int_equal(image_init(&image, IMAGE_SIDE_MAX, IMAGE_SIDE_MAX, 4, &err), STATUS_ERR_LIMIT);
+    assert_int_equal(image_init(&image, 0, 5, 3, &err), STATUS_ERR_INPUT);
+    assert_null(image.pixels);
+    assert_int_equal(image_format_of((const uint8_t *)"", 0), IMAGE_UNKNOWN);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_round_trip),
+        cmocka_unit_test(test_float_bits_kept),
+        cmocka_unit_test(test_half_clamps_and_counts),
+        cmocka_unit_test(test_attributes),
+        cmocka_unit_test(test_every_compression),
+        cmocka_unit_test(test_luminance_and_chroma),
+        cmocka_unit_test(test_tiles_and_levels),
+        cmocka_unit_test(test_mixed_types),
+        cmocka_unit_test(test_layers_and_parts),
+        cmocka_unit_test(test_chromaticities),
+        cmocka_unit_test(test_damage),
+        cmocka_unit_test(test_damage_older_api),
+        cmocka_unit_test(test_size_bomb),
+        cmocka_unit_test(test_out_of_memory),
+        cmocka_unit_test(test_half_conversion),
+        cmocka_unit_test(test_repairs),
+        cmocka_unit_test(test_limits),
+    };
+    return cmocka_run_group_tests_name("exr", tests, NULL, NULL);
+}
