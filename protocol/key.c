@@ -85,8 +85,8 @@ status farm_key_for_role(const struct farm_key *key, enum farm_role role,
         return role_secret(key->secret, role, secret, err);
     if (key->role != role)
         return error_set(err, STATUS_ERR_REFUSED,
-                         "the %s key cannot act as %s: use the farm key or the %s key", key_name(key),
-                         farm_role_name(role), farm_role_name(role));
+                         "the %s key cannot act as %s: use the farm key or the %s key",
+                         key_name(key), farm_role_name(role), farm_role_name(role));
     memcpy(secret, key->secret, FARM_KEY_BYTES);
     return STATUS_OK;
 }
@@ -112,7 +112,8 @@ static status key_parse_line(struct farm_key *key, const char *line, size_t leng
     copy[length] = 0;
     if (strlen(copy) != length || sscanf(copy, "%31s %15s %65s %1s", magic, role, hex, rest) != 3 ||
         strcmp(magic, KEY_MAGIC) != 0)
-        return error_set(err, STATUS_ERR_INPUT, "not of the form '" KEY_MAGIC " ROLE 64-hex-digits'");
+        return error_set(err, STATUS_ERR_INPUT,
+                         "not of the form '" KEY_MAGIC " ROLE 64-hex-digits'");
     if (digest_from_hex(&secret, hex) != STATUS_OK)
         return error_set(err, STATUS_ERR_INPUT, "the key is not 64 hexadecimal digits");
     key->is_farm = strcmp(role, "farm") == 0;
@@ -145,8 +146,8 @@ static status key_parse(struct farm_key *key, const char *text, size_t size, con
         if (first == last || text[first] == '#')
             continue;
         if (found++)
-            return error_set(err, STATUS_ERR_INPUT, "%s, line %u: a second key; keep one key a file",
-                             path, line);
+            return error_set(err, STATUS_ERR_INPUT,
+                             "%s, line %u: a second key; keep one key a file", path, line);
         if (key_parse_line(key, text + first, last - first, err) != STATUS_OK) {
             error_prefix(err, "%s, line %u", path, line);
             return STATUS_ERR_INPUT;
@@ -188,7 +189,8 @@ void farm_key_print(const struct farm_key *key, struct buffer *out)
 
     memcpy(secret.bytes, key->secret, FARM_KEY_BYTES);
     digest_to_hex(&secret, hex);
-    buffer_printf(out, "# Azulejo %s key: whoever holds it can join the farm%s%s. Keep it secret.\n",
+    buffer_printf(out,
+                  "# Azulejo %s key: whoever holds it can join the farm%s%s. Keep it secret.\n",
                   key_name(key), key->is_farm ? "" : " as ", key->is_farm ? "" : key_name(key));
     buffer_printf(out, KEY_MAGIC " %s %s\n", key_name(key), hex);
     OPENSSL_cleanse(hex, sizeof hex);

@@ -15,7 +15,13 @@
 
 enum { FARM_KEY_BYTES = 32, FARM_KEY_FILE_MAX = 4096 };
 
-enum farm_role { FARM_ROLE_NONE, FARM_ROLE_WORKER, FARM_ROLE_CLIENT, FARM_ROLE_ADMIN, FARM_ROLE_COUNT };
+enum farm_role {
+    FARM_ROLE_NONE,
+    FARM_ROLE_WORKER,
+    FARM_ROLE_CLIENT,
+    FARM_ROLE_ADMIN,
+    FARM_ROLE_COUNT
+};
 
 struct farm_key {
     int is_farm;                 /* the master; otherwise only `role`'s secret is known */

@@ -273,7 +273,8 @@ status tls_read(struct tls *t, void *out, size_t capacity, size_t *got, struct e
     if (t->state == TLS_ENDED)
         return STATUS_OK;
     if (t->state != TLS_OPEN)
-        return error_set(err, STATUS_ERR_INTERNAL, "reading from a TLS connection that is not open");
+        return error_set(err, STATUS_ERR_INTERNAL,
+                         "reading from a TLS connection that is not open");
     ERR_clear_error();
     if (SSL_read_ex(t->ssl, out, capacity, got) == 1)
         return STATUS_OK;

@@ -197,7 +197,8 @@ size_t cached_blob_size(const struct cached_blob *blob)
 
 /* ---- files ----------------------------------------------------------------------------- */
 
-static int is_verified(struct blob_cache *cache, const struct digest *digest, const struct stat *info)
+static int is_verified(struct blob_cache *cache, const struct digest *digest,
+                       const struct stat *info)
 {
     struct verified *v;
 

@@ -1,8 +1,8 @@
 /* blob_cache: the blobs that this machine has, on disk, named by their SHA-256.
  *
  * FOLDER/ab/cdef...: one file a blob, named by the 64 digits of its digest, the first two as
- * a folder. FOLDER/tmp: files being received. A file appears in its place by a rename, so it is whole;
- * it is checked against its name the first time that a process uses it, so neither a crash
+ * a folder. FOLDER/tmp: files being received. A file appears in its place by a rename, so it
+ * is whole; it is checked against its name the first time that a process uses it, so neither a crash
  * nor a bad disk can put a wrong byte into a picture. Several processes may share the folder:
  * nobody ever changes a file in place, and one that is unlinked stays mapped where it is used.
  *

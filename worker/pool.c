@@ -128,7 +128,8 @@ status pool_new(struct pool **out, unsigned threads, void (*notify)(void *user),
         unsigned started = pool->thread_count;
         pool_free(pool);
         return error_set(err, STATUS_ERR_NO_MEMORY,
-                         "only %u of %u threads can be started (lower --threads)", started, threads);
+                         "only %u of %u threads can be started (lower --threads)", started,
+                         threads);
     }
     *out = pool;
     return STATUS_OK;

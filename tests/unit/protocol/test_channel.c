@@ -837,7 +837,8 @@ static void test_bad_frames(void **state)
 static void test_garbage_instead_of_tls(void **state)
 {
     static const char *const texts[] = {"GET / HTTP/1.1\r\nHost: x\r\n\r\n", "\x16\x03\x01\xff\xff",
-                                        "\x16\x03\x01\x00\x05\x01\x00\x00\x01\x00", "\xff\xff\xff\xff\xff\xff"};
+                                        "\x16\x03\x01\x00\x05\x01\x00\x00\x01\x00",
+                                        "\xff\xff\xff\xff\xff\xff"};
 
     (void)state;
     for (int i = 0; i < 4; i++) {

@@ -346,7 +346,8 @@ static void test_unpack_damaged(void **state)
     Azulejo__Wire__LeaseGrant grant = AZULEJO__WIRE__LEASE_GRANT__INIT;
     Azulejo__Wire__Envelope in = MESSAGE(LEASE_GRANT, lease_grant, &grant), *out;
     Azulejo__Wire__RenderSettings settings;
-    Azulejo__Wire__WorkUnit unit = AZULEJO__WIRE__WORK_UNIT__INIT, *units[3] = {&unit, &unit, &unit};
+    Azulejo__Wire__WorkUnit unit = AZULEJO__WIRE__WORK_UNIT__INIT;
+    Azulejo__Wire__WorkUnit *units[3] = {&unit, &unit, &unit};
     struct render_settings s = example_settings();
     uint8_t wire[512], cut[512];
     size_t size;
