@@ -1,0 +1,114 @@
+"""Jobs for the tests of the whole farm: real scenes, comparisons to the bit, and jobs that take
+long enough to be disturbed in mid-frame on any machine."""
+import os
+import re
+import subprocess
+
+from exr import read_exr
+from farm import BIN, BUILD, ROOT, Failure, read_bytes, wait_for
+
+# Sanitizer builds render about ten times slower: smaller pictures, the same tests.
+SLOW = bool(os.environ.get("SANITIZE")) or bool(re.search("address|thread|undefined", BUILD))
+MIRROR = os.path.join(ROOT, "scenes", "cornell", "cornell-mirror.gltf")
+AREA = os.path.join(ROOT, "scenes", "cornell", "cornell-area.gltf")
+SPHERES = os.path.join(ROOT, "scenes", "studio", "textured-spheres.gltf")
+
+
+def expect(condition, words):
+    if not condition:
+        raise Failure(str(words))
+
+
+def make_sky(farm):
+    """A small sky with its sun, made by our generator; its path."""
+    path = farm.path("sky.exr")
+    if not os.path.exists(path):
+        subprocess.run([os.path.join(BIN, "scenes", "sky", "make_sky"), "--size", "128x64", "-o",
+                        path], check=True, stdout=subprocess.DEVNULL)
+    return path
+
+
+class Outcome:
+    """What a finished job gave: each frame's pixels and PNG, and what was counted."""
+
+    def __init__(self, farm, number, name):
+        self.job = farm.job(number)
+        self.files = farm.fetch(number, name)
+        self.exrs = sorted(f for f in self.files if f.endswith(".exr"))
+        self.pngs = [read_bytes(f) for f in sorted(self.files) if f.endswith(".png")]
+        pictures = [read_exr(f) for f in self.exrs]
+        self.bits = [p.bits() for p in pictures]
+        self.means = [p.check() for p in pictures]
+        self.black_tiles = [p.black_tiles() for p in pictures]
+        expect(self.job["conflicts"] == 0, "conflicts: %s" % self.job)
+        expect(self.job["frames_done"] == len(self.exrs) == len(self.pngs) > 0, self.job)
+
+    def keep(self, folder):
+        """Copies of the pictures that outlive the farm."""
+        os.makedirs(folder, exist_ok=True)
+        kept = []
+        for number, path in enumerate(self.exrs):
+            kept.append(os.path.join(folder, "%d.exr" % number))
+            with open(kept[-1], "wb") as out:
+                out.write(read_bytes(path))
+        self.exrs = kept
+        return self
+
+
+def expect_same(farm, outcome, reference, what, counts=True):
+    """The same bits: by `azulejo compare`, by the decoded pixels, and in all that derives from them."""
+    expect(len(outcome.exrs) == len(reference.exrs), what)
+    for mine, other in zip(outcome.exrs, reference.exrs):
+        result = farm.cli("compare", mine, other)
+        expect(result.code == 0, "%s: %s" % (what, result))
+    expect(outcome.bits == reference.bits, what + ": the pixels' bytes differ")
+    expect(outcome.pngs == reference.pngs, what + ": the PNGs differ")
+    if len(outcome.exrs) == 1:  # of several frames it is the one that was written last
+        expect(outcome.job["relative_mse"] == reference.job["relative_mse"], what + ": the error")
+    if counts:
+        for name in ("samples", "rays", "vertices", "dropped_samples"):
+            expect(outcome.job["stats"][name] == reference.job["stats"][name],
+                   "%s: %s: %s, not %s" % (what, name, outcome.job["stats"][name],
+                                           reference.job["stats"][name]))
+
+
+class LongJob:
+    """A job of about `seconds` of one core's work, measured once, so that there is a mid-frame to
+    disturb on fast machines and an end on slow ones. All jobs made from it are the same job."""
+
+    def __init__(self, seconds, size="193x121"):
+        self.seconds, self.size, self.spp = seconds, size, None
+        self.reference = None
+
+    def options(self, farm, spp=None):
+        return ["--env", make_sky(farm), "--size", self.size, "--spp", str(spp or self.spp)]
+
+    def measure(self, farm):
+        """With a worker connected: choose the samples a pixel."""
+        number = farm.submit(MIRROR, *self.options(farm, 16))
+        stats = farm.wait_for_job(number)["stats"]
+        width, height = map(int, self.size.split("x"))
+        cost = stats["cpu_seconds"] / stats["samples"]
+        self.spp = max(64, int(self.seconds / cost / (width * height)) | 1)
+
+    def submit(self, farm, *options):
+        return farm.submit(MIRROR, *self.options(farm), *options)
+
+
+def wait_mid_frame(farm, number, share=0.1):
+    """Wait until the job is in work, and be sure that it is far from done."""
+    def look():
+        job = farm.job(number)
+        return job if job["samples_done"] >= share * job["samples_total"] else None
+    job = wait_for(look, "job %d to get to %g %%" % (number, 100 * share))
+    expect(job["state"] == "running" and job["samples_done"] < 0.85 * job["samples_total"],
+           "too late to disturb it: %s" % job)
+    return job
+
+
+def worker_of(farm, program):
+    """The coordinator's words about this worker; None: not connected."""
+    for worker in farm.list_workers():
+        if worker["process"] == program.pid:
+            return worker
+    return None
