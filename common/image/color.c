@@ -12,7 +12,7 @@ float srgb_encode(float linear)
         return 1.0f;
     if (linear <= 0.0031308f)
         return 12.92f * linear;
-    return fminf(1.055f * det_pow(linear, 1.0f / 2.4f) - 0.055f, 1.0f);
+    return (float)fmin(1.055 * det_pow_d((double)linear, 1.0 / 2.4) - 0.055, 1.0);
 }
 
 float srgb_decode(float encoded)
@@ -23,7 +23,7 @@ float srgb_decode(float encoded)
         return 1.0f;
     if (encoded <= 0.04045f)
         return encoded / 12.92f;
-    return det_pow((encoded + 0.055f) / 1.055f, 2.4f);
+    return (float)det_pow_d(((double)encoded + 0.055) / 1.055, 2.4);
 }
 
 static float decode_table[256];
