@@ -8,12 +8,19 @@
 #include "common/base/log.h"
 #include "common/base/memory.h"
 
+/* A cancelled job must not come back, so the canceller waits for the disk. All else may be
+ * lost in a crash: counters are estimates, and a job that was all but done is ended again at the start.
+ * The pinned kernel is on disk before any result is: see merge_commit_run. */
 static void job_save(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     struct error err = {0};
 
     job->saved_ns = now_ns;
-    if (farm->store && store_job_save(farm->store, job, now_ns, &err) != STATUS_OK)
+    if (!farm->store)
+        return;
+    if (job->state != JOB_STATE_CANCELLED)
+        store_job_save_later(farm->store, job, now_ns);
+    else if (store_job_save(farm->store, job, now_ns, &err) != STATUS_OK)
         log_error("job %llu: its state cannot be stored: %s", (unsigned long long)job->id, err.text);
 }
 
@@ -103,23 +110,21 @@ void farm_release(struct farm *farm, uint64_t now_ns)
 
 /* ---- jobs ----------------------------------------------------------------------------------- */
 
-status farm_submit(struct farm *farm, struct job *job, struct error *err)
+status farm_prepare(const struct farm *farm, struct job *job, struct error *err)
 {
-    status s;
-
     job->epoch_floor = farm->leases.epoch + 1;
     job->submitted_at = farm->wall_s;
     if (farm->queue.active_count >= JOBS_ACTIVE_MAX)
         return error_set(err, STATUS_ERR_LIMIT,
-                         "%d jobs are queued or running already; wait for some to end", JOBS_ACTIVE_MAX);
-    if (farm->store) {
-        s = store_job_insert(farm->store, job, err);
-        if (s != STATUS_OK)
-            return s;
-    } else {
-        job->id = farm->queue.count ? farm->queue.all[farm->queue.count - 1]->id + 1 : 1;
-    }
-    s = queue_add(&farm->queue, job, err);
+                         "%d jobs are queued or running already; wait for some to end",
+                         JOBS_ACTIVE_MAX);
+    return STATUS_OK;
+}
+
+status farm_adopt(struct farm *farm, struct job *job, struct error *err)
+{
+    status s = queue_add(&farm->queue, job, err);
+
     if (s != STATUS_OK) {
         if (farm->store)
             store_job_forget(farm->store, job->id);
@@ -128,6 +133,22 @@ status farm_submit(struct farm *farm, struct job *job, struct error *err)
     farm->pump_wanted = 1;
     farm->events.job_changed(farm->events.user, job);
     return STATUS_OK;
+}
+
+status farm_submit(struct farm *farm, struct job *job, struct error *err)
+{
+    status s = farm_prepare(farm, job, err);
+
+    if (s != STATUS_OK)
+        return s;
+    if (farm->store) {
+        s = store_job_insert(farm->store, job, err);
+        if (s != STATUS_OK)
+            return s;
+    } else {
+        job->id = farm->queue.count ? farm->queue.all[farm->queue.count - 1]->id + 1 : 1;
+    }
+    return farm_adopt(farm, job, err);
 }
 
 static void job_end(struct farm *farm, struct job *job, enum job_state state, const char *text,
@@ -183,7 +204,7 @@ void farm_job_started(struct farm *farm, struct job *job, const struct farm_work
     }
     if (!changed)
         return;
-    job_save(farm, job, now_ns); /* the kernel must be known before a result is kept */
+    job_save(farm, job, now_ns);
     farm->events.job_changed(farm->events.user, job);
 }
 
@@ -354,8 +375,6 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, status res
     frame_close(farm, frame);
     job_frame_set_done(job, number);
     job->relative_mse = relative_mse;
-    if (farm->store)
-        store_film_remove(farm->store, job->id, number);
     log_info("job %llu (%s), frame %u is done: %u of %u", (unsigned long long)job->id, job->name,
              number, job->frames_done_count, job_frame_count(job));
     farm->pump_wanted = 1;
@@ -404,6 +423,12 @@ void farm_resume(struct farm *farm, uint64_t now_ns)
 }
 
 /* ---- time ----------------------------------------------------------------------------------- */
+
+void farm_pause(struct farm *farm, uint64_t paused_ns)
+{
+    for (struct lease *lease = farm->leases.oldest; lease; lease = lease->newer)
+        lease->deadline_ns += paused_ns;
+}
 
 void farm_tick(struct farm *farm, uint64_t now_ns)
 {

@@ -21,7 +21,7 @@ enum {
     FRAMES_OPEN_MAX = 16,        /* films in memory */
     FRAMES_OPEN_PER_JOB = 3,     /* of those, of one job; also counts frames being developed */
     WORKERS_MAX = 4096,
-    PROGRESS_SAVE_MS = 5000,     /* how often a running job's counters go to the store */
+    PROGRESS_SAVE_MS = 2000,     /* how often a running job's counters go to the store */
 };
 /* Films in memory; one frame alone may need more. 48 bytes a pixel. */
 #define FRAMES_OPEN_BYTES ((uint64_t)16 << 30)
@@ -47,7 +47,8 @@ struct farm_events {
                 struct unit_name unit);
     void (*notice)(void *user, uint32_t session, const char *text);
     void (*job_changed)(void *user, struct job *job);
-    /* Turn the frame's complete film into files, then call farm_frame_developed. If it cannot even
+    /* Turn the frame's complete film into files, note it as done in the store, remove the film's
+     * file, then call farm_frame_developed. If it cannot even
      * begin (out of memory) it is asked again at the next tick. */
     status (*develop)(void *user, struct job_frame *frame);
     void *user;
@@ -76,6 +77,10 @@ void farm_resume(struct farm *farm, uint64_t now_ns);
 
 /* Take a new job: gives it an id, stores and queues it. On failure the caller still owns it. */
 status farm_submit(struct farm *farm, struct job *job, struct error *err) MUST_CHECK;
+/* The same in three steps, so that the one in the middle, store_job_insert, can be run in another
+ * thread. */
+status farm_prepare(const struct farm *farm, struct job *job, struct error *err) MUST_CHECK;
+status farm_adopt(struct farm *farm, struct job *job, struct error *err) MUST_CHECK;
 /* No effect on a job that has ended. */
 void farm_cancel(struct farm *farm, struct job *job, uint64_t now_ns);
 void farm_fail(struct farm *farm, struct job *job, uint64_t now_ns, const char *format, ...)
@@ -108,6 +113,8 @@ void farm_frame_unpin(struct farm *farm, struct job_frame *frame);
 void farm_job_started(struct farm *farm, struct job *job, const struct farm_worker *worker,
                       uint64_t now_ns);
 
+/* The coordinator itself was held up for so long: leases get that much more time. */
+void farm_pause(struct farm *farm, uint64_t paused_ns);
 /* Leases that lapsed, counters to store. Call a few times a second. */
 void farm_tick(struct farm *farm, uint64_t now_ns);
 

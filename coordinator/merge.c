@@ -198,6 +198,7 @@ struct commit *merge_commit_begin(struct farm *farm)
     commit = mem_calloc(1, sizeof *commit);
     if (!commit)
         return NULL;
+    commit->store = farm->store;
     commit->items = mem_alloc_array(count, sizeof *commit->items);
     commit->data = mem_alloc(bytes);
     if (!commit->items || !commit->data) {
@@ -213,6 +214,9 @@ struct commit *merge_commit_begin(struct farm *farm)
 void merge_commit_run(struct commit *commit)
 {
     commit->result = STATUS_OK;
+    /* The kernel that a job is pinned to is known on disk before any of its results is. */
+    if (commit->store)
+        store_await_saves(commit->store);
     for (uint32_t i = 0; i < commit->count && commit->result == STATUS_OK; i++) {
         const struct commit_item *item = &commit->items[i];
         if (!item->frame->file)

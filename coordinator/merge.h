@@ -48,6 +48,7 @@ struct commit_item {
 };
 
 struct commit {
+    struct store *store;
     struct commit_item *items;
     uint32_t count;
     uint8_t *data;

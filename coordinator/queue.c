@@ -85,9 +85,8 @@ static size_t active_place(const struct queue *queue, const struct job *job)
 
 status queue_add(struct queue *queue, struct job *job, struct error *err)
 {
-    size_t place;
+    size_t place = queue->count;
 
-    assert(queue->count == 0 || queue->all[queue->count - 1]->id < job->id);
     if (queue->count >= JOBS_MAX)
         return error_set(err, STATUS_ERR_LIMIT, "the coordinator keeps at most %d jobs", JOBS_MAX);
     if (!job_state_ended(job->state) && queue->active_count >= JOBS_ACTIVE_MAX)
@@ -96,7 +95,11 @@ status queue_add(struct queue *queue, struct job *job, struct error *err)
     if (!MEM_GROW(queue->all, queue->capacity, queue->count + 1) ||
         !MEM_GROW(queue->active, queue->active_capacity, queue->active_count + 1))
         return error_no_memory(err, "the queue");
-    queue->all[queue->count++] = job;
+    /* Ids are given in the store, perhaps by two threads: they arrive nearly in order. */
+    for (; place > 0 && queue->all[place - 1]->id > job->id; place--)
+        queue->all[place] = queue->all[place - 1];
+    queue->all[place] = job;
+    queue->count++;
     if (job_state_ended(job->state))
         return STATUS_OK;
     place = active_place(queue, job);

@@ -108,8 +108,7 @@ void queue_release(struct queue *queue);
 struct job *job_new(uint32_t first_frame, uint32_t last_frame);
 void job_free(struct job *job); /* its frames must be closed */
 
-/* Take ownership of a job with an id greater than all before. ERR_LIMIT: too many;
- * ERR_NO_MEMORY. On failure the caller still owns it. */
+/* Take ownership of a job with an id of its own. ERR_LIMIT: too many; ERR_NO_MEMORY. On failure the caller still owns it. */
 status queue_add(struct queue *queue, struct job *job, struct error *err) MUST_CHECK;
 struct job *queue_find(const struct queue *queue, uint64_t id); /* NULL: none */
 

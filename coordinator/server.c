@@ -73,6 +73,7 @@ struct work {
     uint64_t wire_request;
     struct buffer png;
     struct upload *upload;
+    struct job *job;
     char name[64];
 };
 
@@ -92,6 +93,7 @@ static void work_free(struct work *work)
     development_free(work->development);
     buffer_release(&work->png);
     upload_free(work->upload);
+    job_free(work->job);
     mem_free(work);
 }
 
@@ -143,6 +145,10 @@ static void run_develop(uv_work_t *request)
     struct work *work = request->data;
 
     work->result = develop_frame(work->development, work->server->store, &work->error);
+    if (work->result != STATUS_OK)
+        return;
+    film_file_discard(work->frame->file);
+    store_film_remove(work->server->store, work->frame->job->id, work->frame->number);
 }
 
 static void end_develop(uv_work_t *request, int code)
@@ -284,6 +290,57 @@ void server_store_upload(struct server *server, struct session *session, uint64_
     work_start(work, run_upload, end_upload);
 }
 
+static void run_submit(uv_work_t *request)
+{
+    struct work *work = request->data;
+
+    work->result = store_job_insert(work->server->store, work->job, &work->error);
+}
+
+static void end_submit(uv_work_t *request, int code)
+{
+    struct work *work = request->data;
+    struct server *server = work->server;
+    struct session *session = server_session(server, work->session);
+
+    (void)code;
+    server->works--;
+    if (work->result == STATUS_OK)
+        work->result = farm_adopt(&server->farm, work->job, &work->error);
+    if (work->result == STATUS_OK) {
+        const struct job *job = work->job;
+        work->job = NULL;
+        log_info("job %llu (%s): %ux%u, %u spp, frames %u to %u, priority %d",
+                 (unsigned long long)job->id, job->name, job->settings.width, job->settings.height,
+                 job->settings.spp, job->first_frame, job->last_frame, job->priority);
+        if (session)
+            session_accepted(session, work->wire_request, job->id);
+    } else if (session) {
+        session_fail(session, work->wire_request, &work->error);
+    }
+    work_free(work);
+}
+
+void server_submit(struct server *server, struct session *session, uint64_t request,
+                   struct job *job)
+{
+    struct work *work = work_new(server);
+    struct error err = {0};
+    status s = work ? farm_prepare(&server->farm, job, &err) : error_no_memory(&err, "a job");
+
+    if (s != STATUS_OK) {
+        session_fail(session, request, &err);
+        job_free(job);
+        if (work)
+            work_free(work);
+        return;
+    }
+    work->job = job;
+    work->session = session->id;
+    work->wire_request = request;
+    work_start(work, run_submit, end_submit);
+}
+
 /* ---- ending --------------------------------------------------------------------------------- */
 
 static void close_handles(struct server *server)
@@ -376,6 +433,14 @@ static void on_tick(uv_timer_t *timer)
     struct server *server = timer->data;
     uint64_t now_ns = clock_monotonic_ns();
 
+    /* Timers run before sockets are read: after a pause everybody would look silent. */
+    if (server->ticked_ns && now_ns - server->ticked_ns > SERVER_PAUSE_MS * NS_PER_MS) {
+        log_warn("the coordinator was held up for %.1f s",
+                 (double)(now_ns - server->ticked_ns) / 1e9);
+        server->awake_ns = now_ns;
+        farm_pause(&server->farm, now_ns - server->ticked_ns);
+    }
+    server->ticked_ns = now_ns;
     server->farm.wall_s = clock_wall_s();
     farm_tick(&server->farm, now_ns);
     for (struct session *s = server->sessions, *next; s; s = next) {

@@ -18,6 +18,7 @@
 enum {
     SESSIONS_MAX = 8192,
     SERVER_TICK_MS = 100,
+    SERVER_PAUSE_MS = 2000,    /* a tick this late: the machine or the disk held us up */
     SERVER_BACKLOG = 1024,
     PREVIEWS_MAX = 4,          /* being developed at once */
     SERVER_DRAIN_MS = 20000,   /* a shutdown waits so long for the disk */
@@ -42,6 +43,8 @@ struct server {
     uv_signal_t terminate, interrupt;
     enum server_state state;
     uint64_t drain_since_ns;
+    uint64_t ticked_ns;        /* the last tick */
+    uint64_t awake_ns;         /* the loop came back from a long pause: silence counts from here */
     const struct farm_key *key;
     struct store *store;
     struct farm farm;
@@ -62,6 +65,9 @@ struct session *server_session(struct server *server, uint32_t id); /* NULL: gon
 /* Develop a preview of the frame and send it to the session. */
 void server_preview(struct server *server, struct session *session, uint64_t request,
                     const struct job_frame *frame);
+/* Store a job and put it in the queue; the session hears of it. Takes the job. */
+void server_submit(struct server *server, struct session *session, uint64_t request,
+                   struct job *job);
 /* Store a complete upload; the session hears of it by BlobStored or a Failure. Takes it. */
 void server_store_upload(struct server *server, struct session *session, uint64_t request,
                          struct upload *upload);

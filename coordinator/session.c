@@ -447,17 +447,24 @@ void session_accept(struct server *server, uv_stream_t *listener)
 
 void session_tick(struct session *session, uint64_t now_ns)
 {
+    const uint64_t awake_ns = session->server->awake_ns;
+    uint64_t heard_ns;
+
     if (session->state == SESSION_ENDING || session->role == FARM_ROLE_NONE)
         return; /* the channel's own limits hold until it is open */
     if (session->state == SESSION_GREETING) {
-        if (now_ns - session->begun_ns > SESSION_HELLO_MS * NS_PER_MS) {
+        uint64_t begun_ns = session->begun_ns > awake_ns ? session->begun_ns : awake_ns;
+        if (now_ns - begun_ns > SESSION_HELLO_MS * NS_PER_MS) {
             session->state = SESSION_ENDING;
             channel_abort(session->channel, STATUS_ERR_TIMEOUT, "no Hello within %d s",
                           SESSION_HELLO_MS / 1000);
         }
         return;
     }
-    if (now_ns > channel_last_heard_ns(session->channel) + SESSION_SILENCE_MS * NS_PER_MS) {
+    heard_ns = channel_last_heard_ns(session->channel);
+    if (heard_ns < awake_ns)
+        heard_ns = awake_ns;
+    if (now_ns > heard_ns + SESSION_SILENCE_MS * NS_PER_MS) {
         log_warn("session %u (%s) was silent for %d s and is taken for dead", session->id,
                  session->host, SESSION_SILENCE_MS / 1000);
         session->state = SESSION_ENDING;

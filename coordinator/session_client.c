@@ -198,25 +198,23 @@ static status make_job(const char *folder, const Azulejo__Wire__JobSubmit *messa
 static void submit(struct session *session, const Azulejo__Wire__JobSubmit *message,
                    uint64_t request)
 {
-    struct server *server = session->server;
-    Azulejo__Wire__JobAccepted accepted = AZULEJO__WIRE__JOB_ACCEPTED__INIT;
-    Azulejo__Wire__Envelope envelope = MESSAGE(JOB_ACCEPTED, job_accepted, &accepted);
     struct job *job = NULL;
     struct error err = {0};
-    status s = make_job(store_folder(server->store), message, &job, &err);
 
-    if (s == STATUS_OK)
-        s = farm_submit(&server->farm, job, &err);
-    if (s != STATUS_OK) {
-        job_free(job);
+    if (make_job(store_folder(session->server->store), message, &job, &err) != STATUS_OK) {
         log_info("a job from %s was not taken: %s", session->host, err.text);
         session_fail(session, request, &err);
         return;
     }
-    log_info("job %" PRIu64 " (%s) from %s: %ux%u, %u spp, frames %u to %u, priority %d", job->id,
-             job->name, session->host, job->settings.width, job->settings.height, job->settings.spp,
-             job->first_frame, job->last_frame, job->priority);
-    accepted.job = job->id;
+    server_submit(session->server, session, request, job);
+}
+
+void session_accepted(struct session *session, uint64_t request, uint64_t job)
+{
+    Azulejo__Wire__JobAccepted accepted = AZULEJO__WIRE__JOB_ACCEPTED__INIT;
+    Azulejo__Wire__Envelope envelope = MESSAGE(JOB_ACCEPTED, job_accepted, &accepted);
+
+    accepted.job = job;
     reply(session, &envelope, request);
 }
 

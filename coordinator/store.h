@@ -33,13 +33,18 @@ const char *store_folder(const struct store *store);
 status store_epoch_begin(struct store *store, int64_t wall_s, uint64_t *epoch, struct error *err)
     MUST_CHECK;
 
-/* Give the job an id and keep it. */
+/* Give the job an id and keep it. [any thread] */
 status store_job_insert(struct store *store, struct job *job, struct error *err) MUST_CHECK;
 /* Undo an insert; failure is logged. */
 void store_job_forget(struct store *store, uint64_t id);
-/* Keep its state and counters. */
+/* Keep its state and counters; on disk when this returns. */
 status store_job_save(struct store *store, const struct job *job, uint64_t now_ns,
                       struct error *err) MUST_CHECK;
+/* The same, soon, by the store's own thread: a sync can take seconds while films are written.
+ * Failure is logged. store_close writes what still waits. */
+void store_job_save_later(struct store *store, const struct job *job, uint64_t now_ns);
+/* Wait until what store_job_save_later was given before is on disk. [any thread] */
+void store_await_saves(struct store *store);
 /* Every job, ascending id, with its done frames marked. `adopt` takes ownership when it returns
  * STATUS_OK. A row that cannot be read is an error: no job is dropped silently. */
 status store_jobs_load(struct store *store,
@@ -55,6 +60,7 @@ status store_film_open(struct store *store, uint64_t job, uint32_t frame, struct
                        uint32_t *durable, uint8_t *slot, struct film_file **out,
                        struct error *err) MUST_CHECK;
 int store_film_exists(const struct store *store, uint64_t job, uint32_t frame);
+/* [any thread] */
 void store_film_remove(struct store *store, uint64_t job, uint32_t frame);
 void store_films_remove(struct store *store, uint64_t job);
 

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "common/base/digest.h"
+#include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
 
@@ -166,6 +167,18 @@ static status load_all(struct film_file *file, struct film *film, uint32_t *dura
     return s;
 }
 
+static void sync_folder(const char *path)
+{
+    char *folder = file_dirname(path);
+    int fd = folder ? open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
+
+    if (fd >= 0) {
+        fsync(fd); /* where folders cannot be synced, their entries need no sync */
+        close(fd);
+    }
+    mem_free(folder);
+}
+
 status film_file_open(struct film_file **out, const char *path, uint64_t job, uint32_t frame,
                       struct film *film, uint32_t *durable, uint8_t *slot, struct error *err)
 {
@@ -217,6 +230,7 @@ status film_file_open(struct film_file **out, const char *path, uint64_t job, ui
         s = write_at(file, wanted, sizeof wanted, 0, err);
         if (s != STATUS_OK)
             goto fail;
+        sync_folder(path); /* the file's name must last as long as what is acknowledged */
     }
     *out = file;
     return STATUS_OK;
@@ -247,4 +261,10 @@ status film_file_sync(struct film_file *file, struct error *err)
         return error_set(err, STATUS_ERR_IO, "%s: cannot be written to disk: %s", file->path,
                          strerror(errno));
     return STATUS_OK;
+}
+
+void film_file_discard(struct film_file *file)
+{
+    if (file && ftruncate(file->fd, 0) != 0)
+        log_debug("%s: cannot be emptied: %s", file->path, strerror(errno));
 }

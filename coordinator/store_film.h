@@ -33,6 +33,9 @@ status film_file_write(struct film_file *file, uint32_t tile, uint8_t slot, cons
                        size_t size_bytes, struct error *err) MUST_CHECK;
 status film_file_sync(struct film_file *file, struct error *err) MUST_CHECK;
 
+/* The film is not needed any more: free its room now, so that closing takes no time. */
+void film_file_discard(struct film_file *file);
+
 /* Tests: let so many more writes succeed, then fail as if the disk were full; negative: never. */
 void film_file_fault(long successes);
 
