@@ -74,8 +74,12 @@ void builder_warn(struct builder *b, const char *kind, const char *format, ...)
 static int character_length(const uint8_t *p)
 {
     uint32_t code = *p;
-    int length = code < 0x80 ? 1 : code < 0xc2 ? 0 : code < 0xe0 ? 2 : code < 0xf0 ? 3 : code < 0xf5 ? 4 : 0;
+    int length = 0;
 
+    if (code < 0x80)
+        length = 1;
+    else if (code >= 0xc2 && code < 0xf5)
+        length = code < 0xe0 ? 2 : code < 0xf0 ? 3 : 4;
     if (length == 1)
         return code >= 0x20 && code != 0x7f;
     if (length == 0)

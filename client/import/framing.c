@@ -8,8 +8,8 @@
 static const float frame_fov_rad = 40 * PI_F / 180;
 static const float frame_azimuth_rad = 30 * PI_F / 180;
 static const float frame_elevation_rad = 22 * PI_F / 180;
-/* A little air around the bounding sphere. */
-static const double frame_margin = 1.04;
+/* A little air around the scene. */
+static const double frame_margin = 1.06;
 
 static void cross(const double a[3], const double b[3], double out[3])
 {
@@ -57,54 +57,56 @@ int transform_d_to_rigid(const struct transform_d *m, struct transform *out)
     return transform_is_finite(out);
 }
 
-/* The centre of the scene's box and the farthest corner of any instance's box from it. */
-static double bounding_sphere(const struct scene *scene, double center[3])
+/* How far from the centre the camera must stand for the corners of every instance's box to
+ * be in the picture. `axes` are the camera's. */
+static double distance_needed(const struct scene *scene, const double center[3],
+                              const struct transform *axes, double tangent)
 {
-    float low[3], high[3];
-    double squared = 0;
+    double needed = 0;
 
-    if (!scene_bounds(scene, low, high))
-        return 1;
-    for (int i = 0; i < 3; i++)
-        center[i] = ((double)low[i] + (double)high[i]) / 2;
     for (uint32_t i = 0; i < scene->instance_count; i++) {
         const struct scene_mesh *mesh = &scene->meshes[scene->instances[i].mesh];
         const struct transform_d m = transform_to_d(&scene->instances[i].to_world);
         for (int corner = 0; corner < 8; corner++) {
-            double distance2 = 0;
+            double at[3], seen[3];
             for (int r = 0; r < 3; r++) {
-                double at = m.m[r][3] - center[r];
+                at[r] = m.m[r][3] - center[r];
                 for (int c = 0; c < 3; c++)
-                    at += m.m[r][c] *
-                          (double)(corner >> c & 1 ? mesh->bounds_max[c] : mesh->bounds_min[c]);
-                distance2 += at * at;
+                    at[r] += m.m[r][c] *
+                             (double)(corner >> c & 1 ? mesh->bounds_max[c] : mesh->bounds_min[c]);
             }
-            squared = fmax(squared, distance2);
+            for (int c = 0; c < 3; c++)
+                seen[c] = at[0] * (double)axes->m[0][c] + at[1] * (double)axes->m[1][c] +
+                          at[2] * (double)axes->m[2][c];
+            /* In the frame when max(|x|, |y|) <= (distance - z) * tangent: a square one, so
+             * that every landscape picture holds it. */
+            needed = fmax(needed, seen[2] + fmax(fabs(seen[0]), fabs(seen[1])) *
+                                                frame_margin / tangent);
         }
     }
-    return squared > 0 ? sqrt(squared) : 1;
+    return needed > 0 && isfinite(needed) ? needed : 1;
 }
 
 void camera_frame_scene(const struct scene *scene, struct scene_camera *out)
 {
-    double center[3] = {0, 0, 0};
-    double distance = bounding_sphere(scene, center) * frame_margin;
-    float sin_a, cos_a, sin_e, cos_e;
+    double center[3] = {0, 0, 0}, distance;
     struct transform_d view = transform_d_identity();
-    double back[3];
+    float low[3], high[3], sin_a, cos_a, sin_e, cos_e;
 
     det_sincos(frame_azimuth_rad, &sin_a, &cos_a);
     det_sincos(frame_elevation_rad, &sin_e, &cos_e);
-    distance /= (double)det_sin(frame_fov_rad / 2);
-    back[0] = (double)(sin_a * cos_e);
-    back[1] = (double)sin_e;
-    back[2] = (double)(cos_a * cos_e);
-    for (int i = 0; i < 3; i++) {
-        view.m[i][2] = back[i];
+    view.m[0][2] = (double)(sin_a * cos_e);
+    view.m[1][2] = (double)sin_e;
+    view.m[2][2] = (double)(cos_a * cos_e);
+    for (int i = 0; i < 3; i++)
         view.m[i][1] = i == 1;
-        view.m[i][3] = center[i] + back[i] * distance;
-    }
     *out = (struct scene_camera){.name = "", .kind = CAMERA_PERSPECTIVE, .yfov_rad = frame_fov_rad};
-    if (!transform_d_to_rigid(&view, &out->to_world))
-        out->to_world = (struct transform){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+    if (!transform_d_to_rigid(&view, &out->to_world)) /* constants: cannot happen */
+        return;
+    if (scene_bounds(scene, low, high))
+        for (int i = 0; i < 3; i++)
+            center[i] = ((double)low[i] + (double)high[i]) / 2;
+    distance = distance_needed(scene, center, &out->to_world, (double)det_tan(frame_fov_rad / 2));
+    for (int i = 0; i < 3; i++)
+        out->to_world.m[i][3] = (float)(center[i] + view.m[i][2] * distance);
 }

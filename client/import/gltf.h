@@ -15,7 +15,7 @@
 
 enum {
     GLTF_DEPTH_MAX = 4096,             /* of the node hierarchy */
-    GLTF_ZERO_ELEMENTS_MAX = 1 << 24,  /* of an accessor that no bytes back */
+    GLTF_ZERO_ELEMENTS_MAX = 1 << 20,  /* of an accessor that no bytes back */
     GLTF_ROW_UNREAD = -2,              /* in a *_row array; BUILDER_NO_ROW: read, unusable */
     GLTF_KEY_MAX = 96,                 /* characters of a place in messages */
 };

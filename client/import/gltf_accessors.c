@@ -65,8 +65,8 @@ static status open_run(struct gltf *g, const struct gltf_place *at, json_t *in, 
         return gltf_fail(g, STATUS_ERR_INPUT, at,
                          "the elements take %zu bytes, but bufferViews[%lld].byteStride is %zu",
                          element_bytes, (long long)view, stride);
-    if (!mem_size_mul(stride, count - 1, &last) || last > view_bytes || offset > view_bytes - last ||
-        element_bytes > view_bytes - last - offset)
+    if (!mem_size_mul(stride, count - 1, &last) || last > view_bytes ||
+        offset > view_bytes - last || element_bytes > view_bytes - last - offset)
         return gltf_fail(g, STATUS_ERR_INPUT, at,
                          "%zu elements from byte %llu on do not fit into bufferViews[%lld], which "
                          "has %zu bytes",

@@ -16,7 +16,8 @@ status gltf_read_uri(struct gltf *g, const char *uri, const struct gltf_place *a
     if (uri_is_data(uri)) {
         result = uri_decode_data(uri, IMPORT_FILE_BYTES_MAX, out, &inner);
     } else if (!g->folder) {
-        result = error_set(&inner, STATUS_ERR_INPUT, "names another file, which cannot be read here");
+        result = error_set(&inner, STATUS_ERR_INPUT,
+                           "names another file, which cannot be read here");
     } else {
         result = uri_to_path(uri, g->folder, &path, &inner);
         if (result == STATUS_OK && stat(path, &info) == 0 && !S_ISREG(info.st_mode))

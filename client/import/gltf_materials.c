@@ -63,8 +63,8 @@ static status read_image(struct gltf *g, size_t index, int64_t *row)
     }
     if (result == STATUS_OK && image_format_of(bytes.data, bytes.size) == IMAGE_UNKNOWN)
         result = gltf_fail(g, STATUS_ERR_INPUT, &at,
-                           "%.80s is %s file: PNG and JPEG textures are read (convert the textures, "
-                           "for example with gltf-transform)",
+                           "%.80s is %s file: PNG and JPEG textures are read (convert the "
+                           "textures, for example with gltf-transform)",
                            file ? file : name ? name : "it",
                            foreign_format(bytes.data, bytes.size));
     if (result == STATUS_OK) {

@@ -163,7 +163,8 @@ static status read_spot(struct gltf *g, json_t *light, const struct gltf_place *
     TRY(gltf_object(g, light, at, "spot", &spot));
     TRY(gltf_number(g, spot, &inner, "innerConeAngle", &cone_inner));
     TRY(gltf_number(g, spot, &inner, "outerConeAngle", &cone_outer));
-    if (!(cone_outer > 0 && cone_outer <= 1.5707964) || cone_inner < 0 || cone_inner >= cone_outer) {
+    if (!(cone_outer > 0 && cone_outer <= 1.5707964) || cone_inner < 0 ||
+        cone_inner >= cone_outer) {
         builder_warn(g->b, "spot cone",
                      "lights[%zu]: a spot's angles must be 0 <= inner < outer <= pi/2, they are %g "
                      "and %g: brought into range",
@@ -419,7 +420,7 @@ static status push_scene(struct walk *w, int scene_index, const char **title)
         index = 0;
     if (scene_index < 0 && json_array_size(g->scenes) > 1)
         builder_warn(g->b, "several scenes",
-                     "the file has %zu scenes: scene %lld is rendered (choose with --scene)",
+                     "the file has %zu scenes: only scene %lld is rendered",
                      json_array_size(g->scenes), (long long)index);
     at = gltf_at("scenes", (size_t)index, "");
     TRY(gltf_row(g, g->scenes, &at, &scene));

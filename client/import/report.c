@@ -10,25 +10,39 @@ static const char *const light_kinds[LIGHT_KIND_COUNT] = {"point", "spot", "dire
 static const char *const camera_kinds[CAMERA_KIND_COUNT] = {"perspective", "orthographic"};
 static const char *const format_names[] = {"unknown", "PNG", "JPEG", "HDR", "EXR"};
 
+static uint32_t big_endian(const uint8_t *at, int bytes)
+{
+    uint32_t value = 0;
+
+    for (int i = 0; i < bytes; i++)
+        value = value << 8 | at[i];
+    return value;
+}
+
+/* SOF0 to SOF15 without DHT, JPG and DAC: the frame headers of JPEG. */
+static int is_frame_header(uint8_t marker)
+{
+    return marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
+}
+
 /* A PNG's or JPEG's size in pixels from its header; 0 when it has none to be found. */
 static int picture_size(const uint8_t *data, size_t size, uint32_t *width, uint32_t *height)
 {
     if (image_format_of(data, size) == IMAGE_PNG && size >= 24) {
-        *width = (uint32_t)data[16] << 24 | (uint32_t)data[17] << 16 | (uint32_t)data[18] << 8 | data[19];
-        *height = (uint32_t)data[20] << 24 | (uint32_t)data[21] << 16 | (uint32_t)data[22] << 8 | data[23];
+        *width = big_endian(data + 16, 4);
+        *height = big_endian(data + 20, 4);
         return 1;
     }
     if (image_format_of(data, size) != IMAGE_JPEG)
         return 0;
     for (size_t at = 2; at + 9 <= size && data[at] == 0xff;) {
         uint8_t marker = data[at + 1];
-        /* The frame headers: SOF0 to SOF15 without DHT, JPG and DAC. */
-        if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc) {
-            *height = (uint32_t)data[at + 5] << 8 | data[at + 6];
-            *width = (uint32_t)data[at + 7] << 8 | data[at + 8];
+        if (is_frame_header(marker)) {
+            *height = big_endian(data + at + 5, 2);
+            *width = big_endian(data + at + 7, 2);
             return 1;
         }
-        at += marker == 0xff ? 1 : 2 + ((size_t)data[at + 2] << 8 | data[at + 3]);
+        at += marker == 0xff ? 1 : 2 + (size_t)big_endian(data + at + 2, 2);
     }
     return 0;
 }

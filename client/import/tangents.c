@@ -94,7 +94,9 @@ static struct vec3 texture_direction(const struct work *w, size_t t, int8_t *han
     }
     if (!(largest > 0) || !isfinite(largest))
         return direction;
-    direction = vec3_make((float)(d[0] / largest), (float)(d[1] / largest), (float)(d[2] / largest));
+    for (int i = 0; i < 3; i++)
+        d[i] /= largest; /* in a float's range */
+    direction = vec3_make((float)d[0], (float)d[1], (float)d[2]);
     /* v runs downwards in glTF, green of a normal map upwards: a texture that is not mirrored
      * has negative area in (u, v) and keeps cross(normal, tangent) as its up (w = +1). */
     *hand = area < 0 ? 0 : 1;

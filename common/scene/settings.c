@@ -83,7 +83,8 @@ status render_settings_validate(const struct render_settings *s, uint32_t camera
         return error_set(err, STATUS_ERR_INPUT, "camera %u: the scene has %u", s->camera,
                          camera_count);
     if (!isfinite(s->env_rotate_deg) || fabsf(s->env_rotate_deg) > 36000)
-        return error_set(err, STATUS_ERR_INPUT, "environment rotation must be -36000..36000 degrees");
+        return error_set(err, STATUS_ERR_INPUT,
+                         "environment rotation must be -36000..36000 degrees");
     if (!isfinite(s->env_strength) || s->env_strength < 0)
         return error_set(err, STATUS_ERR_INPUT, "environment strength must be finite and >= 0");
     if ((unsigned)s->env_sampling >= ENV_SAMPLING_COUNT || (unsigned)s->isa >= ISA_COUNT)

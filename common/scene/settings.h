@@ -40,7 +40,8 @@ struct render_settings {
     uint32_t max_depth;         /* path edges after the camera ray; 0: emission only */
     uint64_t seed;
     uint32_t camera;            /* index into the scene's cameras */
-    float env_rotate_deg;       /* turns the environment about +Y, counter-clockwise seen from above */
+    float env_rotate_deg;       /* turns the environment about +Y, counter-clockwise seen from
+                                   above */
     float env_strength;         /* multiplies the environment's radiance, >= 0 */
     enum env_sampling env_sampling;
     enum isa isa;

@@ -41,8 +41,8 @@ extern const float corner_positions[9];
     "AAAADUlEQVR42mP8z8BQDwAEhQGAhKmMIQAAAABJRU5ErkJggg==\"}],\"textures\":[{\"source\":0}]"
 #define NORMAL_MAPPED(more)                                                                     \
     "\"materials\":[{\"normalTexture\":{\"index\":0" more "}}]," PNG_IMAGE ","                  \
-    "\"meshes\":[{\"primitives\":[{\"material\":0,\"indices\":3,\"attributes\":{\"POSITION\":0,\"NORMAL\":1,"  \
-    "\"TEXCOORD_0\":2}}]}]"
+    "\"meshes\":[{\"primitives\":[{\"material\":0,\"indices\":3,\"attributes\":{"                \
+    "\"POSITION\":0,\"NORMAL\":1,\"TEXCOORD_0\":2}}]}]"
 
 /* The unit box: accessor 0 positions, 1 indices (SCALAR, 5123). */
 void put_box(struct maker *m, int inside_out);

@@ -23,7 +23,8 @@ static void test_extension_errors(void **state)
                  "KHR_draco_mesh_compression|gltf-transform");
     maker_refuse(&m, "\"extensionsRequired\":[\"EXT_meshopt_compression\"]",
                  "EXT_meshopt_compression|decompress");
-    maker_refuse(&m, "\"extensionsRequired\":[\"KHR_texture_basisu\"]", "KHR_texture_basisu|convert");
+    maker_refuse(&m, "\"extensionsRequired\":[\"KHR_texture_basisu\"]",
+                 "KHR_texture_basisu|convert");
     maker_refuse(&m, "\"extensionsRequired\":[7]", "extensionsRequired[0]");
     m = triangle_maker();
     maker_import(&m, "\"extensionsUsed\":[\"ACME_magic\",\"KHR_xmp\"]," ONE_NODE "," ONE_TRIANGLE,
@@ -35,7 +36,8 @@ static void test_extension_errors(void **state)
     maker_import(&m,
                  "\"animations\":[{},{}],\"extensions\":{\"KHR_materials_variants\":{}},"
                  "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"skin\":0}],"
-                 "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0},\"targets\":[{}]}]}]",
+                 "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0},"
+                 "\"targets\":[{}]}]}]",
                  &r);
     assert_warned(&r, "2 animations");
     assert_warned(&r, "variants");

@@ -51,10 +51,11 @@ static void write_scene(const char *uri, char *path, size_t room)
     struct buffer text = BUFFER_INIT;
 
     buffer_printf(&text,
-                  "{\"asset\":{\"version\":\"2.0\"},\"buffers\":[{\"byteLength\":36,\"uri\":\"%s\"}],"
+                  "{\"asset\":{\"version\":\"2.0\"},\"buffers\":[{\"byteLength\":36,"
+                  "\"uri\":\"%s\"}],"
                   "\"bufferViews\":[{\"buffer\":0,\"byteLength\":36}],\"accessors\":[{"
-                  "\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\"}]," ONE_NODE
-                  "," ONE_TRIANGLE "}",
+                  "\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\"}],"
+                  ONE_NODE "," ONE_TRIANGLE "}",
                   uri);
     write_file("scene.gltf", text.data, text.size, path, room);
     buffer_release(&text);

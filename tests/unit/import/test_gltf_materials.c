@@ -98,7 +98,8 @@ static void test_material_warnings(void **state)
         struct import_result r;
         char json[128];
         snprintf(json, sizeof json,
-                 "\"name\":\"paint\\u001b[31m\",\"extensions\":{\"KHR_materials_%s\":{}}", names[i]);
+                 "\"name\":\"paint\\u001b[31m\",\"extensions\":{\"KHR_materials_%s\":{}}",
+                 names[i]);
         import_material(json, &r);
         assert_warned(&r, names[i]);
         assert_warned(&r, "paint?[31m"); /* nothing that a terminal would obey */
@@ -121,13 +122,14 @@ static void test_texture_transform(void **state)
     maker_import(&m,
                  ONE_NODE ",\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0,"
                           "\"TEXCOORD_0\":1,\"TEXCOORD_1\":2},\"material\":0}]}],\"materials\":[{"
-                          "\"pbrMetallicRoughness\":{\"baseColorTexture\":{\"index\":0,\"extensions\""
-                          ":{\"KHR_texture_transform\":{\"offset\":[0.5,0.25],\"scale\":[2,3],"
+                          "\"pbrMetallicRoughness\":{\"baseColorTexture\":{\"index\":0,"
+                          "\"extensions\":{\"KHR_texture_transform\":{\"offset\":[0.5,0.25],"
+                          "\"scale\":[2,3],"
                           "\"rotation\":0.5,\"texCoord\":1}}}}}],"
                           "\"samplers\":[{\"wrapS\":33071,\"wrapT\":33648,\"magFilter\":9728}],"
                           "\"textures\":[{\"source\":0,\"sampler\":0}],"
-                          "\"images\":[{\"name\":\"dot\",\"mimeType\":\"image/png\",\"uri\":\"data:,"
-                          "%89PNG%0D%0A%1A%0Ax\"}]",
+                          "\"images\":[{\"name\":\"dot\",\"mimeType\":\"image/png\","
+                          "\"uri\":\"data:,%89PNG%0D%0A%1A%0Ax\"}]",
                  &r);
     det_sincos(0.5f, &s, &c);
     slot = &r.scene.materials[0].base_color_texture;
@@ -157,7 +159,8 @@ static void test_texture_faults(void **state)
          "images[0]|w is a WebP file|PNG and JPEG"},
         {"\"textures\":[{\"source\":0}],\"images\":[{\"uri\":\"data:;base64,@@\"}]",
          "images[0]|base64"},
-        {"\"textures\":[{\"source\":0}],\"images\":[{\"uri\":\"data:nothing\"}]", "images[0]|comma"},
+        {"\"textures\":[{\"source\":0}],\"images\":[{\"uri\":\"data:nothing\"}]",
+         "images[0]|comma"},
         {"\"textures\":[{\"source\":0}],\"images\":[{\"uri\":\"data:;base64,AAAAA\"}]",
          "images[0]|cut short"},
     };

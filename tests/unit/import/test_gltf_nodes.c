@@ -76,11 +76,14 @@ static void test_node_faults(void **state)
     struct maker m = triangle_maker();
 
     (void)state;
-    maker_refuse(&m, "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"children\":[1]},{\"children\":[0]}]",
+    maker_refuse(&m,
+                 "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"children\":[1]},"
+                 "{\"children\":[0]}]",
                  "nodes[0]|reached twice");
     m = triangle_maker();
     maker_refuse(&m,
-                 "\"scenes\":[{\"nodes\":[0,1]}],\"nodes\":[{\"children\":[2]},{\"children\":[2]},{}]",
+                 "\"scenes\":[{\"nodes\":[0,1]}],\"nodes\":[{\"children\":[2]},"
+                 "{\"children\":[2]},{}]",
                  "nodes[2]|reached twice");
     m = triangle_maker();
     maker_refuse(&m, "\"scenes\":[{\"nodes\":[7]}],\"nodes\":[{}]", "scenes[0]|nodes[0]");
@@ -99,7 +102,8 @@ static void test_node_faults(void **state)
     m = triangle_maker();
     maker_refuse(&m, "\"scene\":3,\"scenes\":[{}]", "scene is 3");
     m = triangle_maker();
-    maker_refuse(&m, "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"translation\":[1e30,0,0]}],"
+    maker_refuse(&m, "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,"
+                     "\"translation\":[1e30,0,0]}],"
                      ONE_TRIANGLE, "instances[0]|1e15");
 }
 
@@ -216,8 +220,8 @@ static void test_cameras(void **state)
                  "{\"camera\":0,\"translation\":[1,2,3],\"scale\":[5,-5,5],\"rotation\":"
                  "[0,0.7071067811865476,0,0.7071067811865476]},{\"camera\":1,\"name\":\"node\"},"
                  "{\"camera\":0,\"name\":\"again\"}],"
-                 "\"cameras\":[{\"name\":\"eye\",\"type\":\"perspective\",\"perspective\":{\"yfov\":"
-                 "0.5,\"aspectRatio\":1.5,\"znear\":0.1}},{\"type\":\"orthographic\","
+                 "\"cameras\":[{\"name\":\"eye\",\"type\":\"perspective\",\"perspective\":{"
+                 "\"yfov\":0.5,\"aspectRatio\":1.5,\"znear\":0.1}},{\"type\":\"orthographic\","
                  "\"orthographic\":{\"xmag\":2,\"ymag\":1,\"znear\":0,\"zfar\":9}}]," ONE_TRIANGLE,
                  &r);
     assert_int_equal(r.scene.camera_count, 3);
