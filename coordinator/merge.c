@@ -93,6 +93,8 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
                    err);
     if (s == STATUS_ERR_INPUT) {
         error_prefix(err, "job %llu, frame %u", (unsigned long long)result->job, result->frame);
+        if (err)
+            err->code = STATUS_ERR_PROTOCOL;
         return STATUS_ERR_PROTOCOL;
     }
     if (s != STATUS_OK)
