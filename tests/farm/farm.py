@@ -53,14 +53,15 @@ def wait_for(condition, what, limit_s=60.0):
 class Program:
     """One running coordinator or worker; its output goes to a log file."""
 
-    def __init__(self, label, argv, log, pipe_stdout=False, env=None):
+    def __init__(self, label, argv, log, pipe_stdout=False, env=None, pipe_stdin=False):
         self.label = label
         self.argv = argv
         self.log = log
         self.rest = b""
         with open(log, "ab") as sink:
             self.process = subprocess.Popen(
-                argv, stdin=subprocess.DEVNULL, stderr=sink, env=env,
+                argv, stdin=subprocess.PIPE if pipe_stdin else subprocess.DEVNULL, stderr=sink,
+                env=env,
                 stdout=subprocess.PIPE if pipe_stdout else sink)
 
     @property
@@ -119,8 +120,9 @@ class Program:
             raise Failure("%s did not end:\n%s" % (self.label, self.log_text()))
 
     def close(self):
-        if self.process.stdout:
-            self.process.stdout.close()
+        for pipe in (self.process.stdin, self.process.stdout):
+            if pipe:
+                pipe.close()
 
 
 class Result:
@@ -269,8 +271,8 @@ class Farm:
         return self.cli("workers", "--json", expect=0).json()["workers"]
 
     def wait_for_workers(self, count, limit_s=30.0):
-        return wait_for(lambda: (lambda w: w if len(w) == count else None)(self.list_workers()),
-                        "%d workers" % count, limit_s)
+        return wait_for(lambda: (lambda w: (w, ) if len(w) == count else None)(self.list_workers()),
+                        "%d workers" % count, limit_s)[0]
 
     def fetch(self, number, name="fetched"):
         """Fetch every output into a new folder; returns the paths."""
