@@ -1,6 +1,9 @@
 /* azulejo render: render on this machine, with a farm that lives as long as the command. */
 #include <inttypes.h>
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
 
 #include "client/command.h"
 #include "client/destination.h"
@@ -62,6 +65,30 @@ static status fetch_pictures(struct render *r, struct error *err)
     return result;
 }
 
+/* The pictures cannot be written where they were wanted, and the local farm is about to take
+ * them with it: put them into a temporary folder, and say so behind the error. */
+static void rescue_pictures(struct render *r, struct error *err)
+{
+    const char *parent = getenv("TMPDIR");
+    struct buffer folder = BUFFER_INIT;
+    struct error again = {0};
+    size_t used = strlen(err->text);
+    char *wanted = r->destination.folder;
+
+    buffer_printf(&folder, "%s/azulejo-kept-XXXXXX", parent && *parent ? parent : "/tmp");
+    if (buffer_ok(&folder) && mkdtemp((char *)folder.data)) {
+        const char *how_many = "the";
+        r->destination.folder = (char *)folder.data;
+        if (fetch_pictures(r, &again) != STATUS_OK)
+            how_many = rmdir(r->destination.folder) == 0 ? NULL : "some of the";
+        if (how_many)
+            snprintf(err->text + used, sizeof err->text - used, "; %s pictures are kept in %s",
+                     how_many, r->destination.folder);
+        r->destination.folder = wanted;
+    }
+    buffer_release(&folder);
+}
+
 static status render_on_farm(struct render *r, struct error *err)
 {
     status result = connection_open(&r->connection, local_farm_address(r->farm), err);
@@ -77,8 +104,11 @@ static status render_on_farm(struct render *r, struct error *err)
         result = watch_job(r->connection, r->job, r->quiet, 0, &r->last, err);
     if (result == STATUS_OK)
         result = job_info_verdict(job_list_find(r->last->job_list, r->job), err);
-    if (result == STATUS_OK)
+    if (result == STATUS_OK) {
         result = fetch_pictures(r, err);
+        if (result == STATUS_ERR_IO)
+            rescue_pictures(r, err);
+    }
     return result;
 }
 
