@@ -14,13 +14,13 @@ struct job_options {
     const char *env, *camera, *frames, *size, *tonemap, *env_sampling, *isa;
     struct option_list tonemap_parameters;
     double env_rotate_deg, env_strength, exposure_ev;
-    int64_t spp, max_depth, seed, priority;
+    int64_t spp, max_depth, seed, priority, scene;
     int half;
 };
 
 #define JOB_OPTIONS_INIT                                                                        \
     {.env_strength = 1, .env_sampling = "importance", .isa = "avx2",                            \
-     .spp = SETTINGS_SPP_DEFAULT, .max_depth = SETTINGS_DEPTH_DEFAULT}
+     .spp = SETTINGS_SPP_DEFAULT, .max_depth = SETTINGS_DEPTH_DEFAULT, .scene = -1}
 
 #define JOB_OPTION_ROWS(o)                                                                      \
     {"env", 'e', OPTION_STRING, &(o).env, "FILE",                                               \
@@ -33,6 +33,9 @@ struct job_options {
     {"env-sampling", 0, OPTION_CHOICE, &(o).env_sampling, "HOW",                                \
      "how light directions are chosen from the environment (default importance)", 0, 0,         \
      "importance|uniform|bsdf"},                                                                \
+    {"scene", 0, OPTION_INT, &(o).scene, "N",                                                   \
+     "which of the file's scenes, from 0 (default: the one that the file names)", -1, 1e6,      \
+     NULL},                                                                                     \
     {"camera", 0, OPTION_STRING, &(o).camera, "NAME",                                           \
      "camera by name, or by number from 0 (default: the first)", 0, 0, NULL},                   \
     {"frames", 'f', OPTION_STRING, &(o).frames, "FIRST-LAST",                                   \

@@ -17,6 +17,7 @@ status submission_prepare(const char *path, const struct job_options *options, i
     status result;
 
     how.env_path = options->env;
+    how.scene_index = (int)options->scene;
     result = import_scene(path, &how, scene, err);
     if (result != STATUS_OK)
         return result;

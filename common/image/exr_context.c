@@ -9,20 +9,25 @@
 /* No single block of the library's is larger: a chunk holds at most 32 scan lines. */
 #define EXR_BLOCK_BYTES_MAX ((size_t)1 << 30)
 
-/* Zeroed, so that a damaged chunk that decodes to too little shows black, not memory. */
+/* The stream that this thread works on. The library may hold the context's lock while it
+ * complains, so that asking the context for its user data would wait for ever. */
+static _Thread_local struct exr_stream *current_stream;
+
+/* Zeroed, so that a damaged chunk that decodes to too little shows black, not memory. The
+ * library goes on without some of its blocks: remember that one was refused. */
 static void *stream_alloc(size_t size_bytes)
 {
-    return size_bytes <= EXR_BLOCK_BYTES_MAX ? mem_calloc(size_bytes, 1) : NULL;
+    void *block = size_bytes <= EXR_BLOCK_BYTES_MAX ? mem_calloc(size_bytes, 1) : NULL;
+
+    if (!block && current_stream)
+        current_stream->starved = 1;
+    return block;
 }
 
 static void stream_free(void *block)
 {
     mem_free(block);
 }
-
-/* The stream that this thread works on. The library may hold the context's lock while it
- * complains, so that asking the context for its user data would wait for ever. */
-static _Thread_local struct exr_stream *current_stream;
 
 static void stream_complain(exr_const_context_t context, exr_result_t code, const char *text)
 {

@@ -16,6 +16,7 @@ struct exr_stream {
     size_t size_bytes;
     struct buffer *out;  /* writing */
     char message[256];   /* the library's first complaint; empty when there was none */
+    int starved;         /* the library was refused memory, whatever it says in the end */
 };
 
 /* An initialiser with limits, allocators, the error handler and the stream's functions. From

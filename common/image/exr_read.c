@@ -487,6 +487,8 @@ status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, con
     }
     if (st == STATUS_OK)
         st = convert_color(&r, err);
+    if (r.stream.starved)
+        st = error_no_memory(err, name);
     exr_stream_finish(&r.context);
     if (st != STATUS_OK)
         image_release(out);
