@@ -178,8 +178,8 @@ status upload_finish(struct upload *upload, struct error *err)
     if (!folder)
         return error_no_memory(err, "a path");
     s = file_make_folder(folder, err);
-    if (s == STATUS_OK && (fsync(upload->fd) != 0 ||
-                           rename(buffer_text(&upload->temporary), buffer_text(&upload->final)) != 0))
+    if (s == STATUS_OK && (fsync(upload->fd) != 0 || rename(buffer_text(&upload->temporary),
+                                                            buffer_text(&upload->final)) != 0))
         s = error_set(err, STATUS_ERR_IO, "%s: cannot be written: %s", buffer_text(&upload->final),
                       strerror(errno));
     if (s == STATUS_OK) {

@@ -62,7 +62,8 @@ static status take_pixels(struct development *d, struct error *err)
     return s;
 }
 
-status development_new_frame(struct development **out, const struct job_frame *frame, struct error *err)
+status development_new_frame(struct development **out, const struct job_frame *frame,
+                             struct error *err)
 {
     return development_new(out, frame, err);
 }

@@ -1,8 +1,8 @@
 /* develop: the one place that turns a film into files.
  *
  * A development is made on the farm's thread (it copies what it needs of the job), run on any
- * thread, and freed. A frame's development reads the complete film itself, which no longer changes; a
- * preview's copies the film's present state.
+ * thread, and freed. A frame's development reads the complete film itself, which no longer changes;
+ * a preview's copies the film's present state.
  */
 #ifndef AZULEJO_COORDINATOR_DEVELOP_H
 #define AZULEJO_COORDINATOR_DEVELOP_H
@@ -16,8 +16,8 @@
 struct development;
 
 /* ERR_NO_MEMORY, ERR_LIMIT. */
-status development_new_frame(struct development **out, const struct job_frame *frame, struct error *err)
-    MUST_CHECK;
+status development_new_frame(struct development **out, const struct job_frame *frame,
+                             struct error *err) MUST_CHECK;
 status development_new_preview(struct development **out, const struct job_frame *frame,
                                struct error *err) MUST_CHECK;
 void development_free(struct development *development);

@@ -9,8 +9,8 @@
 #include "common/base/memory.h"
 
 /* A cancelled job must not come back, so the canceller waits for the disk. All else may be
- * lost in a crash: counters are estimates, and a job that was all but done is ended again at the start.
- * The pinned kernel is on disk before any result is: see merge_commit_run. */
+ * lost in a crash: counters are estimates, and a job that was all but done is ended again at the
+ * start. The pinned kernel is on disk before any result is: see merge_commit_run. */
 static void job_save(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     struct error err = {0};
@@ -21,7 +21,8 @@ static void job_save(struct farm *farm, struct job *job, uint64_t now_ns)
     if (job->state != JOB_STATE_CANCELLED)
         store_job_save_later(farm->store, job, now_ns);
     else if (store_job_save(farm->store, job, now_ns, &err) != STATUS_OK)
-        log_error("job %llu: its state cannot be stored: %s", (unsigned long long)job->id, err.text);
+        log_error("job %llu: its state cannot be stored: %s", (unsigned long long)job->id,
+                  err.text);
 }
 
 /* ---- life ----------------------------------------------------------------------------------- */
@@ -295,7 +296,8 @@ static int frame_may_open(const struct farm *farm, const struct job *job)
            (farm->open_frames == 0 || farm->open_bytes + bytes <= FRAMES_OPEN_BYTES);
 }
 
-struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t number, uint64_t now_ns)
+struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t number,
+                                  uint64_t now_ns)
 {
     const struct render_settings *settings = &job->settings;
     struct job_frame *frame, **at = &job->frames;
@@ -388,7 +390,7 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, status res
     job_end(farm, job, JOB_STATE_DONE, NULL, now_ns);
 }
 
-/* ---- after a restart -------------------------------------------------------------------------- */
+/* ---- after a restart ------------------------------------------------------------------------- */
 
 /* Open the frames of which there is something on disk. */
 static void resume_films(struct farm *farm, struct job *job, uint64_t now_ns)
@@ -437,7 +439,8 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
     while ((lease = lease_lapsed(&farm->leases, now_ns))) {
         log_warn("lease %llu of session %u lapsed: %u work units go to other workers",
                  (unsigned long long)lease->id, lease->holder->session, lease->open_count);
-        farm->events.revoke(farm->events.user, lease->holder->session, lease->id, "the lease lapsed");
+        farm->events.revoke(farm->events.user, lease->holder->session, lease->id,
+                            "the lease lapsed");
         lease_end(&farm->leases, lease);
         farm->pump_wanted = 1;
     }

@@ -98,7 +98,8 @@ int farm_can_serve(const struct job *job, const struct farm_worker *worker, char
 /* The job's open frame of this number; NULL: none. */
 struct job_frame *farm_frame_find(const struct job *job, uint32_t number);
 /* Open the frame if the limits allow (else NULL without an error). A failure ends the job. */
-struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t number, uint64_t now_ns);
+struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t number,
+                                  uint64_t now_ns);
 /* The next frame of the job that is neither done nor open, opened; NULL: none, or limits. */
 struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint64_t now_ns);
 /* Move the frame on when its film is complete and on disk. */

@@ -66,7 +66,7 @@ void job_frame_set_state(struct job_frame *frame, enum frame_state state)
     frame->state = state;
 }
 
-/* ---- the pool of units that nobody holds ------------------------------------------------------ */
+/* ---- the pool of units that nobody holds ----------------------------------------------------- */
 
 static int name_before(struct unit_name a, struct unit_name b)
 {
@@ -160,7 +160,7 @@ uint64_t job_frame_unit_samples(const struct job_frame *frame, struct unit_name 
     return (uint64_t)rect.width * rect.height * (end - begin);
 }
 
-/* ---- outstanding units ------------------------------------------------------------------------ */
+/* ---- outstanding units ----------------------------------------------------------------------- */
 
 static struct unit **bucket_of(const struct job_frame *frame, uint32_t tile, uint32_t pass)
 {
@@ -246,7 +246,7 @@ void job_frame_unit_drop(struct job_frame *frame, struct unit *unit, struct leas
     job_frame_return(frame, name);
 }
 
-/* ---- what waits for the disk ------------------------------------------------------------------ */
+/* ---- what waits for the disk ----------------------------------------------------------------- */
 
 void job_frame_mark_dirty(struct job_frame *frame, uint32_t tile, uint64_t now_ns)
 {

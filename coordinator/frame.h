@@ -12,7 +12,8 @@
  *  - a unit is in exactly one of: the film (folded or waiting), `outstanding` (lent to at least one
  *    lease), `returned`, or not yet reached by the cursor;
  *  - durable[t] <= film_tile_passes(t); they differ only for tiles that are dirty or in a commit.
- * A frame owns its film, its units and its pending acknowledgements; the film file belongs to it too.
+ * A frame owns its film, its units and its pending acknowledgements; the film file belongs to it
+ * too.
  */
 #ifndef AZULEJO_COORDINATOR_FRAME_H
 #define AZULEJO_COORDINATOR_FRAME_H
@@ -114,6 +115,7 @@ void job_frame_unit_settle(struct job_frame *frame, struct unit *unit);
 
 /* Note that a tile's state must go to the disk. */
 void job_frame_mark_dirty(struct job_frame *frame, uint32_t tile, uint64_t now_ns);
-status job_frame_await_ack(struct job_frame *frame, struct pending_ack ack, struct error *err) MUST_CHECK;
+status job_frame_await_ack(struct job_frame *frame, struct pending_ack ack,
+                           struct error *err) MUST_CHECK;
 
 #endif

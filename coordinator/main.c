@@ -51,14 +51,15 @@ static status load_key(const char *path, struct farm_key *key, struct error *err
     status s;
 
     if (!named || !named[0])
-        return error_set(err, STATUS_ERR_USAGE,
-                         "no key: name the farm's key file with --key or AZULEJO_KEY (azulejo keygen "
-                         "makes one)");
+        return error_set(
+            err, STATUS_ERR_USAGE,
+            "no key: name the farm's key file with --key or AZULEJO_KEY (azulejo keygen "
+            "makes one)");
     s = farm_key_load(key, named, err);
     if (s == STATUS_OK && !key->is_farm)
         s = error_set(err, STATUS_ERR_REFUSED,
-                      "%s: holds the %s role's key; the coordinator needs the farm's own key", named,
-                      farm_role_name(key->role));
+                      "%s: holds the %s role's key; the coordinator needs the farm's own key",
+                      named, farm_role_name(key->role));
     return s;
 }
 

@@ -6,8 +6,8 @@
  *     --merge_commit_end--> durable; acknowledged
  *
  * A result is acknowledged only when the passes up to it are on disk. One commit is in flight
- * at a time; each takes every dirty tile, up to COMMIT_TILES_MAX, so results that arrive while the disk
- * works share the next one.
+ * at a time; each takes every dirty tile, up to COMMIT_TILES_MAX, so results that arrive while the
+ * disk works share the next one.
  */
 #ifndef AZULEJO_COORDINATOR_MERGE_H
 #define AZULEJO_COORDINATOR_MERGE_H
@@ -35,8 +35,8 @@ enum merge_outcome {
 };
 
 /* ERR_PROTOCOL: the worker breaks the rules (wrong size, not finite, an epoch never granted):
- * end its session. ERR_NO_MEMORY, ERR_LIMIT: nothing was taken. A conflict is logged and counted and
- * the first result kept; it counts as KEPT or PENDING. */
+ * end its session. ERR_NO_MEMORY, ERR_LIMIT: nothing was taken. A conflict is logged and counted
+ * and the first result kept; it counts as KEPT or PENDING. */
 status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result,
                     uint64_t now_ns, enum merge_outcome *outcome, struct error *err) MUST_CHECK;
 

@@ -91,7 +91,8 @@ status queue_add(struct queue *queue, struct job *job, struct error *err)
         return error_set(err, STATUS_ERR_LIMIT, "the coordinator keeps at most %d jobs", JOBS_MAX);
     if (!job_state_ended(job->state) && queue->active_count >= JOBS_ACTIVE_MAX)
         return error_set(err, STATUS_ERR_LIMIT,
-                         "%d jobs are queued or running already; wait for some to end", JOBS_ACTIVE_MAX);
+                         "%d jobs are queued or running already; wait for some to end",
+                         JOBS_ACTIVE_MAX);
     if (!MEM_GROW(queue->all, queue->capacity, queue->count + 1) ||
         !MEM_GROW(queue->active, queue->active_capacity, queue->active_count + 1))
         return error_no_memory(err, "the queue");

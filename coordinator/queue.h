@@ -9,7 +9,8 @@
  * are final. Jobs are served by priority (higher first), then in the order of submission.
  *
  * Invariants:
- *  - `all` is sorted by id; `active` holds exactly the jobs that are not final, in order of service;
+ *  - `all` is sorted by id; `active` holds exactly the jobs that are not final, in order of
+ *    service;
  *  - a final job has no open frames.
  * The queue owns its jobs. It survives a restart by way of the store, not by itself.
  */
@@ -108,7 +109,8 @@ void queue_release(struct queue *queue);
 struct job *job_new(uint32_t first_frame, uint32_t last_frame);
 void job_free(struct job *job); /* its frames must be closed */
 
-/* Take ownership of a job with an id of its own. ERR_LIMIT: too many; ERR_NO_MEMORY. On failure the caller still owns it. */
+/* Take ownership of a job with an id of its own. ERR_LIMIT: too many; ERR_NO_MEMORY. On failure the
+ * caller still owns it. */
 status queue_add(struct queue *queue, struct job *job, struct error *err) MUST_CHECK;
 struct job *queue_find(const struct queue *queue, uint64_t id); /* NULL: none */
 

@@ -71,7 +71,8 @@ static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint6
         info->preview_frame = job->state == JOB_STATE_DONE ? job->last_frame : job->first_frame;
         info->preview_ready = job->state == JOB_STATE_DONE && job->output.png;
     }
-    info->samples_per_second = job_state_ended(job->state) ? 0 : rate_per_second(&job->rate, now_ns);
+    info->samples_per_second =
+        job_state_ended(job->state) ? 0 : rate_per_second(&job->rate, now_ns);
     info->seconds_left = -1;
     if (job->state == JOB_STATE_DONE)
         info->seconds_left = 0;

@@ -116,8 +116,8 @@ static int may_serve(struct farm *farm, const struct job *job, struct farm_worke
     return 0;
 }
 
-static struct lease *grant_fresh(struct farm *farm, struct job_frame *frame, struct farm_worker *worker,
-                                 uint64_t now_ns, int *full)
+static struct lease *grant_fresh(struct farm *farm, struct job_frame *frame,
+                                 struct farm_worker *worker, uint64_t now_ns, int *full)
 {
     static struct unit_name units[LEASE_UNITS_MAX];
     struct budget budget;

@@ -117,11 +117,12 @@ static status make_worker(struct session *session, const Azulejo__Wire__Hello *h
     status s;
 
     if (hello->arithmetic != server->fingerprint)
-        return error_set(err, STATUS_ERR_REFUSED,
-                         "this worker's arithmetic (fingerprint %016" PRIx64 ") differs from the "
-                         "coordinator's (%016" PRIx64 "): its tiles would not match the others'. Use "
-                         "the same release of azulejo, built by the same compiler with the same flags",
-                         (uint64_t)hello->arithmetic, server->fingerprint);
+        return error_set(
+            err, STATUS_ERR_REFUSED,
+            "this worker's arithmetic (fingerprint %016" PRIx64 ") differs from the "
+            "coordinator's (%016" PRIx64 "): its tiles would not match the others'. Use "
+            "the same release of azulejo, built by the same compiler with the same flags",
+            (uint64_t)hello->arithmetic, server->fingerprint);
     if (hello->threads < 1 || hello->threads > WORKER_THREADS_MAX)
         return error_set(err, STATUS_ERR_PROTOCOL, "a worker with %u threads: must be 1..%d",
                          hello->threads, WORKER_THREADS_MAX);
@@ -438,8 +439,8 @@ void session_accept(struct server *server, uv_stream_t *listener)
     server->sessions = session;
     server->session_count++;
     if (server->session_count > SESSIONS_MAX) {
-        log_warn("%s is turned away: %d connections are open already", channel_peer(session->channel),
-                 SESSIONS_MAX);
+        log_warn("%s is turned away: %d connections are open already",
+                 channel_peer(session->channel), SESSIONS_MAX);
         session->state = SESSION_ENDING;
         channel_abort(session->channel, STATUS_ERR_LIMIT, "too many connections");
     }

@@ -146,7 +146,8 @@ static status check_blobs(const char *folder, const struct scene *scene, struct 
         if (blobs_find(folder, &blobs[i].digest, &size)) {
             if (size != blobs[i].size_bytes)
                 s = error_set(err, STATUS_ERR_INPUT,
-                              "the scene says that a blob has %" PRIu64 " bytes, but it has %" PRIu64,
+                              "the scene says that a blob has %" PRIu64
+                              " bytes, but it has %" PRIu64,
                               blobs[i].size_bytes, size);
             continue;
         }
@@ -155,9 +156,10 @@ static status check_blobs(const char *folder, const struct scene *scene, struct 
             snprintf(named + strlen(named), sizeof named - strlen(named), " %.12s", hex);
     }
     if (s == STATUS_OK && missing > 0)
-        s = error_set(err, STATUS_ERR_NOT_FOUND,
-                      "%zu of the scene's %zu blobs are not on the coordinator:%s%s; send them first",
-                      missing, count, named, missing > MISSING_NAMED_MAX ? " ..." : "");
+        s = error_set(
+            err, STATUS_ERR_NOT_FOUND,
+            "%zu of the scene's %zu blobs are not on the coordinator:%s%s; send them first",
+            missing, count, named, missing > MISSING_NAMED_MAX ? " ..." : "");
     mem_free(blobs);
     return s;
 }
@@ -243,7 +245,8 @@ static void send_workers(struct session *session, uint64_t request, uint64_t now
     struct server *server = session->server;
     size_t room = server->farm.worker_count, count = 0;
     Azulejo__Wire__WorkerInfo *infos = mem_alloc_array(room, sizeof *infos);
-    Azulejo__Wire__WorkerInfo **pointers = mem_alloc_array(room, sizeof(Azulejo__Wire__WorkerInfo *));
+    Azulejo__Wire__WorkerInfo **pointers =
+        mem_alloc_array(room, sizeof(Azulejo__Wire__WorkerInfo *));
     Azulejo__Wire__WorkerList list = AZULEJO__WIRE__WORKER_LIST__INIT;
     Azulejo__Wire__Envelope envelope = MESSAGE(WORKER_LIST, worker_list, &list);
     struct error err = {0};

@@ -363,7 +363,8 @@ static double tile_error(const struct film *film, uint32_t index)
     struct film_tile *tile = &film->tiles[index];
     size_t values = (size_t)tile_pixels(film, index) * 3;
     uint32_t samples = samples_after(film, tile->passes);
-    double first_count = replicate_samples(samples, 0), second_count = replicate_samples(samples, 1);
+    double first_count = replicate_samples(samples, 0),
+           second_count = replicate_samples(samples, 1);
 
     if (tile->error_known)
         return tile->error;

@@ -32,8 +32,8 @@ void film_free(struct film *film);
 
 /* Merge one tile result. `sums` is [REPLICATES][pixels of the tile][3] float32 as in
  * tiles.h, `count` its number of floats, which must fit the tile. ERR_INPUT: tile, pass or
- * count out of range or a value that is not finite; the film is unchanged. A duplicate of a pass already
- * folded in is compared by a 64-bit hash of its bytes, kept per tile and pass. */
+ * count out of range or a value that is not finite; the film is unchanged. A duplicate of a pass
+ * already folded in is compared by a 64-bit hash of its bytes, kept per tile and pass. */
 status film_merge(struct film *film, uint32_t tile, uint32_t pass, const float *sums, size_t count,
                   enum film_merge_result *result, struct error *err) MUST_CHECK;
 

@@ -308,8 +308,8 @@ int main(int argc, char **argv)
     const struct option table[] = {
         {"coordinator", 0, OPTION_STRING, &address, "HOST:PORT", "where it listens", 0, 0, NULL},
         {"key", 0, OPTION_STRING, &key_path, "FILE", "the farm's key", 0, 0, NULL},
-        {"workers", 0, OPTION_INT, &b.worker_count, "N", "connections that render (8)", 1, PEERS_MAX,
-         NULL},
+        {"workers", 0, OPTION_INT, &b.worker_count, "N", "connections that render (8)", 1,
+         PEERS_MAX, NULL},
         {"frames", 0, OPTION_INT, &b.frames, "N", "frames of the job (1)", 1, 1000, NULL},
         {"width", 0, OPTION_INT, &width, "N", "pixels (1920)", 1, 65536, NULL},
         {"height", 0, OPTION_INT, &height, "N", "pixels (1080)", 1, 65536, NULL},

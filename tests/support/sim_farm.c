@@ -179,14 +179,15 @@ size_t sim_grant(struct sim *sim, struct sim_worker *worker, uint32_t room)
     return worker->unit_count - before;
 }
 
-size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_name name, uint8_t *out)
+size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_name name,
+                uint8_t *out)
 {
     struct tile_rect rect = tile_rect_of(width, height, name.tile);
     size_t count = (size_t)REPLICATES * rect.width * rect.height * 3;
 
     for (size_t i = 0; i < count; i++) {
-        uint32_t h = (uint32_t)i * 2654435761u ^ name.tile * 40503u ^ (name.pass + 1) * 2246822519u ^
-                     frame * 97u;
+        uint32_t h = (uint32_t)i * 2654435761u ^ name.tile * 40503u ^
+                     (name.pass + 1) * 2246822519u ^ frame * 97u;
         float value;
         h ^= h >> 15;
         h *= 2246822519u;

@@ -68,7 +68,8 @@ enum merge_outcome sim_send(struct sim *sim, struct sim_worker *worker, size_t i
 void sim_forget(struct sim_worker *worker, size_t i);
 
 /* The bytes of a unit's result; returns their number. */
-size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_name name, uint8_t *out);
+size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_name name,
+                uint8_t *out);
 
 void sim_commit(struct sim *sim);   /* write and acknowledge what is dirty */
 void sim_develop(struct sim *sim);  /* end the developments that were begun, checking their films */

@@ -120,7 +120,8 @@ static void a_lapsed_lease_returns_what_is_left(void **state)
     lease_end(&f.table, lease);
     assert_int_equal(f.frame->returned_count, 4);
     again = grant(&f, &f.b, 4, T0);
-    for (uint32_t i = 0; i < 4; i++) /* returned ones come first, in order, without the settled one */
+    for (uint32_t i = 0; i < 4;
+         i++) /* returned ones come first, in order, without the settled one */
         assert_int_equal(again->units[i].tile, i < 2 ? i : i + 1);
     assert_int_equal(first.tile, 0);
     tear_down(&f);

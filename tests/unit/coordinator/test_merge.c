@@ -139,8 +139,8 @@ static void a_conflict_is_reported_and_the_first_kept(void **state)
     result = make_result(&worker->units[0], sums);
     assert_int_equal(sim_send(sim, worker, 0, 100), MERGE_PENDING);
     sums[0] ^= 1;
-    assert_int_equal(merge_result(&sim->farm, &worker->worker, &result, sim->now_ns, &outcome, NULL),
-                     STATUS_OK);
+    assert_int_equal(
+        merge_result(&sim->farm, &worker->worker, &result, sim->now_ns, &outcome, NULL), STATUS_OK);
     assert_int_equal(job->conflicts, 1);
     assert_int_equal(sim->farm.conflicts, 1);
     for (size_t i = 1; i < worker->unit_count; i++)

@@ -116,10 +116,12 @@ static void leases_grow_with_the_measured_speed(void **state)
     worker = sim_connect(sim, 0, 4);
     first = sim_grant(sim, worker, 1000);
     assert_int_equal(first, 8); /* nothing is measured: one for each thread, and one in reserve */
-    finish_all(sim, worker, 10000); /* 10 us a sample: a unit of pass 0 takes 10.24 ms of a thread */
+    finish_all(sim, worker,
+               10000); /* 10 us a sample: a unit of pass 0 takes 10.24 ms of a thread */
     second = sim_grant(sim, worker, 100000);
     /* Until it holds HELD_WORK_MS of work, in leases of LEASE_WORK_FIRST_MS. */
-    assert_in_range(second, HELD_WORK_MS * 4 / 10.24, (HELD_WORK_MS + LEASE_WORK_FIRST_MS) * 4 / 10.24);
+    assert_in_range(second, HELD_WORK_MS * 4 / 10.24,
+                    (HELD_WORK_MS + LEASE_WORK_FIRST_MS) * 4 / 10.24);
     finish_all(sim, worker, 10000);
     sim_disconnect(sim, 0);
     worker = sim_connect(sim, 1, 4);

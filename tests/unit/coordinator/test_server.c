@@ -63,8 +63,8 @@ static void start_coordinator(void)
         int null = open("/dev/null", O_WRONLY);
         dup2(null, STDOUT_FILENO);
         execl(binary, binary, "--listen", "127.0.0.1:0", "--key", farm.key_path, "--store",
-              farm.store, "--ready-file", farm.ready, "--lease-seconds", "2", "--log-level", "error",
-              (char *)NULL);
+              farm.store, "--ready-file", farm.ready, "--lease-seconds", "2", "--log-level",
+              "error", (char *)NULL);
         _exit(127);
     }
     for (int i = 0; i < 3000 && !file_exists(farm.ready); i++) {
