@@ -443,6 +443,26 @@ static status check_channels(const struct exr_reader *r, int *older, struct erro
     return STATUS_OK;
 }
 
+/* The older API shows what was in memory where a damaged chunk decodes to too little. So first
+ * let OpenEXRCore, which notices, decode everything for nothing. It cannot for DWA. */
+static status check_chunks(struct exr_reader *r, uint32_t width, uint32_t height,
+                           struct error *err)
+{
+    struct image nowhere = {.width = width, .height = height, .channels = 3};
+    struct selection wanted = r->selection;
+    struct image *out = r->out;
+    status st;
+
+    if (r->compression == EXR_COMPRESSION_DWAA || r->compression == EXR_COMPRESSION_DWAB)
+        return STATUS_OK;
+    r->out = &nowhere;
+    r->selection = (struct selection){{-1, -1, -1}, 0, 0, 0};
+    st = decode_pixels(r, err);
+    r->out = out;
+    r->selection = wanted;
+    return st;
+}
+
 static status check_environment(struct exr_reader *r, struct error *err)
 {
     exr_envmap_t kind;
@@ -476,6 +496,8 @@ status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, con
         st = check_channels(&r, &older, err);
     if (st == STATUS_OK)
         st = check_sizes(&r, &width, &height, err);
+    if (st == STATUS_OK && older)
+        st = check_chunks(&r, width, height, err);
     if (st == STATUS_OK && older) {
         st = exr_decode_rgba(out, data, size_bytes, name, width, height, err);
     } else if (st == STATUS_OK) {
