@@ -8,7 +8,7 @@
 set -eu
 cd "$(dirname "$0")/.."
 build=${BUILD:-build/release}
-env='' size=600x600 spp=256
+env='' size=512x512 spp=256
 more=()
 while [ $# -gt 0 ]; do
     case $1 in
@@ -36,7 +36,7 @@ done
 mkdir -p out
 if [ -z "$env" ]; then
     env=out/sky.exr
-    "$build/bin/scenes/sky/make_sky" --sun-elevation 40 -o "$env"
+    "$build/bin/scenes/sky/make_sky" --sun-elevation 40 --sun-azimuth 325 -o "$env"
     echo "made the sky: $env"
 fi
 "$build/bin/azulejo" render scenes/cornell/cornell-mirror.gltf --env "$env" --workers 2 \
