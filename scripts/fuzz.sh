@@ -29,7 +29,8 @@ objects=()
 for source in "$@"; do
     objects+=("$tree/obj/${source%.c}.o")
 done
-make -s CC="$FUZZ_CC" SANITIZE="$instrument" "${libraries[@]}" "${objects[@]}"
+# Warnings are the ordinary build's business.
+make -s CC="$FUZZ_CC" SANITIZE="$instrument" WARNINGS=-w "${libraries[@]}" "${objects[@]}"
 others=$(pkg-config --libs libuv openssl sqlite3 jansson libpng libjpeg libzstd libprotobuf-c OpenEXR)
 embree=-lembree3
 [ -e /usr/include/embree4/rtcore.h ] && embree=-lembree4
