@@ -41,11 +41,6 @@ enum { CONNECTION_HOST_MAX = 300 };
     {"timeout", 0, OPTION_REAL, &(o).timeout_s, "SECONDS",                                      \
      "give up when the coordinator is silent for so long (default 30)", 0.01, 86400, NULL}
 
-/* "HOST", "HOST:PORT", "[V6]:PORT" or ":PORT" -> host (at most host_size - 1 bytes) and port.
- * ERR_USAGE. */
-status connection_parse_address(const char *text, char *host, size_t host_size, uint16_t *port,
-                                struct error *err) MUST_CHECK;
-
 /* Where to, and with which key: from the options, else the environment, else the defaults.
  * The caller wipes the key. */
 status connection_options_resolve(const struct connection_options *options,

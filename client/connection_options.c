@@ -5,50 +5,7 @@
 #include <string.h>
 
 #include "common/base/buffer.h"
-#include "protocol/channel.h"
-
-status connection_parse_address(const char *text, char *host, size_t host_size, uint16_t *port,
-                                struct error *err)
-{
-    const char *name = text;
-    const char *colon;
-    size_t length;
-
-    *port = PROTOCOL_PORT_DEFAULT;
-    if (text[0] == '[') {
-        const char *end = strchr(text, ']');
-        if (!end || (end[1] != 0 && end[1] != ':'))
-            goto malformed;
-        name = text + 1;
-        length = (size_t)(end - name);
-        colon = end[1] == ':' ? end + 1 : NULL;
-    } else {
-        colon = strchr(text, ':');
-        /* More than one colon and no brackets: an IPv6 address without a port. */
-        if (colon && strchr(colon + 1, ':'))
-            colon = NULL;
-        length = colon ? (size_t)(colon - text) : strlen(text);
-    }
-    if (colon) {
-        char *end;
-        unsigned long number = strtoul(colon + 1, &end, 10);
-        if (colon[1] < '0' || colon[1] > '9' || *end || number < 1 || number > 65535)
-            return error_set(err, STATUS_ERR_USAGE, "'%s': the port must be 1..65535", text);
-        *port = (uint16_t)number;
-    }
-    if (length == 0 && colon && name == text) {
-        name = "127.0.0.1";
-        length = strlen(name);
-    }
-    if (length == 0 || length >= host_size)
-        goto malformed;
-    memcpy(host, name, length);
-    host[length] = 0;
-    return STATUS_OK;
-malformed:
-    return error_set(err, STATUS_ERR_USAGE,
-                     "'%s' is no address: write HOST, HOST:PORT or [IPV6]:PORT", text);
-}
+#include "protocol/address.h"
 
 static status key_path_default(struct buffer *path, struct error *err)
 {
@@ -98,7 +55,7 @@ status connection_options_resolve(const struct connection_options *options,
         address = getenv("AZULEJO_COORDINATOR");
     if (!address || !*address)
         address = "127.0.0.1";
-    result = connection_parse_address(address, host, CONNECTION_HOST_MAX, port, err);
+    result = address_parse(address, "127.0.0.1", 1, host, CONNECTION_HOST_MAX, port, err);
     if (result == STATUS_OK)
         result = key_load(key, options->key_path, err);
     return result;

@@ -10,40 +10,8 @@
 #include "coordinator/blobs.h"
 #include "coordinator/server.h"
 #include "coordinator/store.h"
+#include "protocol/address.h"
 #include "protocol/key.h"
-
-enum { HOST_MAX = 256 };
-
-/* "HOST:PORT", "[V6]:PORT", ":PORT" (every address) or "HOST". */
-static status parse_listen(const char *text, char host[HOST_MAX], uint16_t *port,
-                           struct error *err)
-{
-    const char *colon = strrchr(text, ':');
-    const char *begin = text, *end = colon ? colon : text + strlen(text);
-    char *rest = NULL;
-    unsigned long number = PROTOCOL_PORT_DEFAULT;
-
-    if (text[0] == '[') {
-        begin = text + 1;
-        end = strchr(text, ']');
-        if (!end || (end[1] != 0 && end[1] != ':'))
-            return error_set(err, STATUS_ERR_USAGE, "--listen %s: write [ADDRESS]:PORT", text);
-        colon = end[1] == ':' ? end + 1 : NULL;
-    } else if (colon && memchr(text, ':', (size_t)(colon - text))) {
-        return error_set(err, STATUS_ERR_USAGE,
-                         "--listen %s: write an IPv6 address as [ADDRESS]:PORT", text);
-    }
-    if (colon) {
-        number = strtoul(colon + 1, &rest, 10);
-        if (rest == colon + 1 || *rest || number > 65535)
-            return error_set(err, STATUS_ERR_USAGE, "--listen %s: the port must be 0..65535", text);
-    }
-    if (end - begin >= HOST_MAX)
-        return error_set(err, STATUS_ERR_USAGE, "--listen: the host's name is too long");
-    snprintf(host, HOST_MAX, "%.*s", (int)(end - begin), begin);
-    *port = (uint16_t)number;
-    return STATUS_OK;
-}
 
 static status load_key(const char *path, struct farm_key *key, struct error *err)
 {
@@ -96,7 +64,7 @@ int main(int argc, char **argv)
     struct farm_key key = {0};
     struct store *store = NULL;
     struct error err = {0};
-    char host[HOST_MAX];
+    char host[ADDRESS_HOST_MAX];
     status s = options_parse(table, argc, argv, &rest, &help, &err);
 
     if (s == STATUS_OK && help) {
@@ -113,7 +81,7 @@ int main(int argc, char **argv)
     if (s == STATUS_OK && rest.count > 0)
         s = error_set(&err, STATUS_ERR_USAGE, "unexpected argument '%s'", rest.items[0]);
     if (s == STATUS_OK)
-        s = parse_listen(listen, host, &options.port, &err);
+        s = address_parse(listen, "", 0, host, sizeof host, &options.port, &err);
     if (s == STATUS_OK)
         s = load_key(key_path, &key, &err);
     if (s != STATUS_OK)

@@ -10,6 +10,7 @@
 #include "common/base/log.h"
 #include "common/base/options.h"
 #include "common/scene/settings.h"
+#include "protocol/address.h"
 #include "protocol/channel.h"
 #include "protocol/key.h"
 #include "worker/agent.h"
@@ -72,42 +73,6 @@ static status isa_list_parse(const char *text, uint32_t *mask, struct error *err
     if (*mask == 0)
         return error_set(err, STATUS_ERR_USAGE, "--isa: name at least one of sse2, avx2, avx512");
     return STATUS_OK;
-}
-
-/* HOST, HOST:PORT, [V6] or [V6]:PORT; a bare address with several colons is IPv6. */
-static status address_parse(const char *text, char host[256], uint16_t *port, struct error *err)
-{
-    const char *first = text, *colon = strchr(text, ':');
-    size_t length = strlen(text);
-
-    *port = PROTOCOL_PORT_DEFAULT;
-    if (text[0] == '[') {
-        const char *end = strchr(text, ']');
-        if (!end || (end[1] && end[1] != ':'))
-            goto malformed;
-        first = text + 1;
-        length = (size_t)(end - first);
-        colon = end[1] ? end + 1 : NULL;
-    } else if (colon && strchr(colon + 1, ':')) {
-        colon = NULL;
-    } else if (colon) {
-        length = (size_t)(colon - text);
-    }
-    if (colon) {
-        char *end;
-        unsigned long number = strtoul(colon + 1, &end, 10);
-        if (colon[1] < '0' || colon[1] > '9' || *end || number < 1 || number > 65535)
-            return error_set(err, STATUS_ERR_USAGE, "'%s': the port must be 1..65535", text);
-        *port = (uint16_t)number;
-    }
-    if (length == 0 || length > 255)
-        goto malformed;
-    memcpy(host, first, length);
-    host[length] = 0;
-    return STATUS_OK;
-malformed:
-    return error_set(err, STATUS_ERR_USAGE,
-                     "'%s' is no address: write HOST, HOST:PORT or [IPV6]:PORT", text);
 }
 
 /* `text` as given, else $variable, else $xdg/azulejo`tail`, else $HOME/`home`/azulejo`tail`. */
@@ -212,8 +177,8 @@ int main(int argc, char **argv)
     if (s == STATUS_OK)
         log_setup("azulejo-worker", (enum log_level)log_level_parse(log_level));
     if (s == STATUS_OK)
-        s = address_parse(coordinator && *coordinator ? coordinator : "127.0.0.1", host,
-                          &options.port, &err);
+        s = address_parse(coordinator && *coordinator ? coordinator : "127.0.0.1", "127.0.0.1", 1,
+                          host, sizeof host, &options.port, &err);
     options.isa_mask = isa_supported_mask();
     if (s == STATUS_OK && isa_list)
         s = isa_list_parse(isa_list, &options.isa_mask, &err);

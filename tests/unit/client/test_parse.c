@@ -8,7 +8,6 @@
 
 #include <cmocka.h>
 
-#include "client/connection.h"
 #include "client/parse.h"
 #include "common/scene/settings.h"
 
@@ -126,41 +125,12 @@ static void default_sizes(void **state)
     }
 }
 
-static void addresses(void **state)
-{
-    static const struct { const char *text, *host; int port; } good[] = {
-        {"localhost", "localhost", 7420}, {"farm:1", "farm", 1}, {"10.0.0.1:65535", "10.0.0.1", 65535},
-        {":99", "127.0.0.1", 99}, {"[::1]", "::1", 7420}, {"[::1]:80", "::1", 80}, {"::1", "::1", 7420},
-    };
-    static const char *const bad[] = {"", ":", "host:", "host:0", "host:65536", "host:x", "host:1x",
-                                      "host:-1", "[::1", "[]", "[]:1", "[::1]x", "host: 1"};
-    char host[32];
-    uint16_t port;
-    struct error err = {0};
-
-    (void)state;
-    for (size_t i = 0; i < sizeof good / sizeof good[0]; i++) {
-        assert_int_equal(connection_parse_address(good[i].text, host, sizeof host, &port, &err),
-                         STATUS_OK);
-        assert_string_equal(host, good[i].host);
-        assert_int_equal(port, good[i].port);
-    }
-    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++)
-        assert_int_equal(connection_parse_address(bad[i], host, sizeof host, &port, &err),
-                         STATUS_ERR_USAGE);
-    /* 31 bytes fit into 32, 32 do not. */
-    assert_int_equal(connection_parse_address("aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa", host, sizeof host,
-                                              &port, &err), STATUS_OK);
-    assert_int_equal(connection_parse_address("aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa", host, sizeof host,
-                                              &port, &err), STATUS_ERR_USAGE);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(sizes),         cmocka_unit_test(frame_ranges),
         cmocka_unit_test(parameters),    cmocka_unit_test(job_numbers),
-        cmocka_unit_test(default_sizes), cmocka_unit_test(addresses),
+        cmocka_unit_test(default_sizes),
     };
 
     return cmocka_run_group_tests_name("client/parse", tests, NULL, NULL);
