@@ -236,7 +236,7 @@ static void add_spheres(struct gltf_writer *w, struct shape *scratch)
 
 static status make_studio(const char *folder, struct shape *scratch, struct error *err)
 {
-    static const double eye[3] = {0, 1.9, 6.2}, target[3] = {0, 0.45, 0};
+    static const double eye[3] = {0, 2.1, 7.3}, target[3] = {0, 0.6, 0};
     struct gltf_writer w;
     status st;
 
