@@ -356,6 +356,27 @@ void farm_frame_advance(struct farm *farm, struct job_frame *frame)
     }
 }
 
+/* A full disk must not cost what was rendered: the film stays, and the outputs are tried again
+ * for a while. 0: that was long enough. */
+static int develop_again(struct farm *farm, struct job_frame *frame, const struct error *why,
+                         uint64_t now_ns)
+{
+    if (!frame->trouble[0]) {
+        frame->trouble_since_ns = now_ns;
+        log_error("job %llu, frame %u cannot be written: %s; it is tried again every %d s for "
+                  "%d minutes",
+                  (unsigned long long)frame->job->id, frame->number, why->text,
+                  DISK_RETRY_MS / 1000, DISK_PATIENCE_MS / 60000);
+    } else if (now_ns - frame->trouble_since_ns >= DISK_PATIENCE_MS * NS_PER_MS) {
+        return 0;
+    }
+    snprintf(frame->trouble, sizeof frame->trouble, "%.255s", why->text);
+    frame->develop_next_ns = now_ns + DISK_RETRY_MS * NS_PER_MS;
+    job_frame_set_state(frame, FRAME_COMPLETE);
+    farm->events.job_changed(farm->events.user, frame->job);
+    return 1;
+}
+
 void farm_frame_developed(struct farm *farm, struct job_frame *frame, status result,
                           const struct error *why, uint64_t now_ns)
 {
@@ -369,7 +390,8 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, status res
     }
     if (result != STATUS_OK) {
         farm_frame_unpin(farm, frame);
-        farm_fail(farm, job, now_ns, "frame %u cannot be written: %s", number, why->text);
+        if (result != STATUS_ERR_IO || !develop_again(farm, frame, why, now_ns))
+            farm_fail(farm, job, now_ns, "frame %u cannot be written: %s", number, why->text);
         return;
     }
     relative_mse = film_relative_mse(frame->film);
@@ -447,7 +469,7 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
     for (size_t i = 0; i < farm->queue.active_count; i++) {
         struct job *job = farm->queue.active[i];
         for (struct job_frame *frame = job->frames; frame; frame = frame->next)
-            if (frame->state == FRAME_COMPLETE)
+            if (frame->state == FRAME_COMPLETE && now_ns >= frame->develop_next_ns)
                 farm_frame_advance(farm, frame);
         if (job->leases > 0 && now_ns - job->saved_ns >= PROGRESS_SAVE_MS * NS_PER_MS)
             job_save(farm, job, now_ns);

@@ -61,7 +61,8 @@ void job_frame_free(struct job_frame *frame)
 void job_frame_set_state(struct job_frame *frame, enum frame_state state)
 {
     assert((frame->state == FRAME_RENDERING && state == FRAME_COMPLETE) ||
-           (frame->state == FRAME_COMPLETE && state == FRAME_DEVELOPING));
+           (frame->state == FRAME_COMPLETE && state == FRAME_DEVELOPING) ||
+           (frame->state == FRAME_DEVELOPING && state == FRAME_COMPLETE));
     assert(film_complete(frame->film));
     frame->state = state;
 }

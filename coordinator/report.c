@@ -12,7 +12,7 @@ enum {
     ERROR_COST_SHARE = 20, /* or after so many times what computing it took */
 };
 
-/* Why an active job gets nothing done at the moment; empty when it does. */
+/* What keeps an active job from getting on at the moment; empty when nothing does. */
 static void explain_wait(char *out, size_t size, const struct farm *farm, const struct job *job)
 {
     char why[256] = "";
@@ -20,6 +20,13 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
     size_t before = queue_position(&farm->queue, job);
 
     out[0] = 0;
+    for (const struct job_frame *frame = job->frames; frame; frame = frame->next) {
+        if (frame->trouble[0]) {
+            snprintf(out, size, "frame %u cannot be written: %s; trying again", frame->number,
+                     frame->trouble);
+            return;
+        }
+    }
     if (job->leases > 0)
         return;
     for (uint32_t i = 0; i < farm->worker_count; i++) {

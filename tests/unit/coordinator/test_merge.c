@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "common/base/clock.h"
+#include "coordinator/report.h"
 #include "coordinator/scheduler.h"
 #include "coordinator/store.h"
 #include "coordinator/store_film.h"
@@ -471,12 +472,60 @@ static void a_full_disk_fails_the_job_alone(void **state)
     remove_folder(folder);
 }
 
+static void a_full_disk_is_waited_for(void **state)
+{
+    struct error why = {STATUS_ERR_IO, "no space left"};
+    struct job_report *report = malloc(sizeof *report);
+
+    (void)state;
+    assert_non_null(report);
+    /* Whether the disk has room again in time (1) or not (0). */
+    for (int in_time = 0; in_time < 2; in_time++) {
+        struct sim *sim = sim_new(NULL, 1);
+        struct sim_worker *worker = sim_connect(sim, 0, 36);
+        struct job *job = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+        uint64_t end_ns = sim->now_ns + DISK_PATIENCE_MS * NS_PER_MS;
+
+        assert_int_equal(sim_grant(sim, worker, 1), 1);
+        sim_send(sim, worker, 0, 100);
+        sim_commit(sim);
+        for (uint64_t tries = 0;; tries++) {
+            assert_int_equal(sim->developing_count, 1);
+            if (in_time && tries == 3)
+                break;
+            sim->developing_count = 0;
+            farm_frame_developed(&sim->farm, sim->developing[0], STATUS_ERR_IO, &why, sim->now_ns);
+            if (job->state == JOB_STATE_FAILED)
+                break;
+            job_report_make(report, &sim->farm, job, sim->now_ns);
+            assert_non_null(strstr(report->state_text, "frame 1"));
+            assert_non_null(strstr(report->state_text, "no space left"));
+            sim->now_ns += DISK_RETRY_MS * NS_PER_MS - 1;
+            farm_tick(&sim->farm, sim->now_ns);
+            assert_int_equal(sim->developing_count, 0);
+            sim->now_ns += 1;
+            farm_tick(&sim->farm, sim->now_ns);
+        }
+        if (in_time) {
+            sim_develop(sim);
+            assert_int_equal(job->state, JOB_STATE_DONE);
+        } else {
+            assert_true(sim->now_ns >= end_ns);
+            assert_non_null(strstr(job->state_text, "frame 1"));
+            assert_non_null(strstr(job->state_text, "no space left"));
+        }
+        sim_free(sim);
+    }
+    free(report);
+}
+
+/* What no waiting mends ends the job at once. */
 static void a_failed_development_fails_the_job(void **state)
 {
     struct sim *sim = sim_new(NULL, 1);
     struct sim_worker *worker = sim_connect(sim, 0, 36);
     struct job *job = sim_submit(sim, 16, 16, 4, 1, 2, 0);
-    struct error why = {STATUS_ERR_IO, "no space left"};
+    struct error why = {STATUS_ERR_NO_MEMORY, "no memory left"};
 
     (void)state;
     assert_int_equal(sim_grant(sim, worker, 1), 1);
@@ -484,10 +533,10 @@ static void a_failed_development_fails_the_job(void **state)
     sim_commit(sim);
     assert_int_equal(sim->developing_count, 1);
     sim->developing_count = 0;
-    farm_frame_developed(&sim->farm, sim->developing[0], STATUS_ERR_IO, &why, sim->now_ns);
+    farm_frame_developed(&sim->farm, sim->developing[0], STATUS_ERR_NO_MEMORY, &why, sim->now_ns);
     assert_int_equal(job->state, JOB_STATE_FAILED);
     assert_non_null(strstr(job->state_text, "frame 1"));
-    assert_non_null(strstr(job->state_text, "no space left"));
+    assert_non_null(strstr(job->state_text, "no memory left"));
     sim_free(sim);
 }
 
@@ -533,6 +582,7 @@ int main(void)
         cmocka_unit_test(random_crashes_lose_nothing),
         cmocka_unit_test(acknowledged_results_survive),
         cmocka_unit_test(a_full_disk_fails_the_job_alone),
+        cmocka_unit_test(a_full_disk_is_waited_for),
         cmocka_unit_test(a_failed_development_fails_the_job),
         cmocka_unit_test(ends_wait_for_what_is_in_flight),
     };
