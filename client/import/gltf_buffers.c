@@ -67,7 +67,8 @@ static status load_buffer(struct gltf *g, size_t index, struct gltf_buffer *buff
         return gltf_fail(g, STATUS_ERR_INPUT, &at, "byteLength must be at least 1");
     if (buffer->size_bytes < length)
         return gltf_fail(g, STATUS_ERR_INPUT, &at,
-                         "holds %zu bytes, but byteLength is %llu: the file is cut short",
+                         "%.200s%sholds %zu bytes, but byteLength is %llu: the file is cut short",
+                         uri && !uri_is_data(uri) ? uri : "", uri && !uri_is_data(uri) ? " " : "",
                          buffer->size_bytes, (unsigned long long)length);
     buffer->size_bytes = (size_t)length;
     buffer->loaded = 1;
