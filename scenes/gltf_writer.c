@@ -100,7 +100,8 @@ static unsigned add_accessor(struct gltf_writer *w, const void *data, unsigned c
     while (w->bin.size % 4 != 0 && buffer_ok(&w->bin))
         buffer_append(&w->bin, "", 1);
     buffer_printf(&w->accessors,
-                  "%s{\"bufferView\": %u, \"componentType\": %d, \"count\": %u, \"type\": \"%s\"%s}",
+                  "%s{\"bufferView\": %u, \"componentType\": %d, \"count\": %u, "
+                  "\"type\": \"%s\"%s}",
                   separator(w->accessor_count), w->view_count++, type, count, type_name, bounds);
     return w->accessor_count++;
 }
@@ -184,7 +185,8 @@ void gltf_writer_add_camera(struct gltf_writer *w, double yfov_rad, const double
 /* RFC 4648. */
 static void append_base64(struct buffer *out, const struct buffer *in)
 {
-    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                                 "abcdefghijklmnopqrstuvwxyz0123456789+/";
 
     for (size_t i = 0; i < in->size; i += 3) {
         size_t left = in->size - i;

@@ -59,7 +59,9 @@ static int rgb_to_xyz(const struct color_primaries *p, double m[3][3])
     white[1] = 1.0;
     white[2] = (1.0 - p->white[0] - p->white[1]) / p->white[1];
     for (int i = 0; i < 3; i++) {
-        double scale = inverse[i][0] * white[0] + inverse[i][1] * white[1] + inverse[i][2] * white[2];
+        double scale =
+            inverse[i][0] * white[0] + inverse[i][1] * white[1] + inverse[i][2] * white[2];
+
         for (int row = 0; row < 3; row++)
             m[row][i] *= scale;
     }

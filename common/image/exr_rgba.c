@@ -43,7 +43,8 @@ static int lend_bytes(const uint8_t *data, size_t size_bytes)
 static int read_rows(ImfInputFile *in, struct image *out, ImfRgba *row, int x_min, int y_min)
 {
     /* The library adds x * x_stride + y * y_stride to the base, with x from x_min on. */
-    ImfRgba *base = (ImfRgba *)((uintptr_t)row - (uintptr_t)((intptr_t)x_min * (intptr_t)sizeof *row));
+    ImfRgba *base =
+        (ImfRgba *)((uintptr_t)row - (uintptr_t)((intptr_t)x_min * (intptr_t)sizeof *row));
 
     if (!ImfInputSetFrameBuffer(in, base, 1, 0))
         return 0;

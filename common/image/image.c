@@ -22,8 +22,8 @@ static status check_size(uint32_t width, uint32_t height, uint32_t channels, siz
         return error_set(err, STATUS_ERR_LIMIT,
                          "%u x %u pixels: no side may be longer than %d; make it smaller",
                          (unsigned)width, (unsigned)height, (int)IMAGE_SIDE_MAX);
-    if (!mem_size_mul(width, height, &total) || !mem_size_mul(total, channels * value_bytes, &total) ||
-        total > IMAGE_BYTES_MAX)
+    if (!mem_size_mul(width, height, &total) ||
+        !mem_size_mul(total, channels * value_bytes, &total) || total > IMAGE_BYTES_MAX)
         return error_set(err, STATUS_ERR_LIMIT,
                          "%u x %u pixels need more than %zu MiB; make the picture smaller",
                          (unsigned)width, (unsigned)height, IMAGE_BYTES_MAX >> 20);

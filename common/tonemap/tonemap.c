@@ -41,7 +41,8 @@ status tonemap_settings_init(struct tonemap_settings *s, const char *name, struc
             used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", i ? ", " : "",
                                      operators[i]->name);
         return error_set(err, STATUS_ERR_INPUT,
-                         "no tone mapping operator is called \"%.64s\"; there are: %s", name, known);
+                         "no tone mapping operator is called \"%.64s\"; there are: %s", name,
+                         known);
     }
     for (size_t i = 0; i < s->op->parameter_count; i++)
         s->values[i] = s->op->parameters[i].preset;

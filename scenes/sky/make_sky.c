@@ -14,7 +14,8 @@ static status read_size(const char *text, struct sky_settings *s, struct error *
     char rest;
 
     if (sscanf(text, "%6ux%6u%c", &width, &height, &rest) != 2 || width < 1 || height < 1)
-        return error_set(err, STATUS_ERR_USAGE, "--size must be like 1024x512, and is \"%s\"", text);
+        return error_set(err, STATUS_ERR_USAGE, "--size must be like 1024x512, and is \"%s\"",
+                         text);
     s->width = width;
     s->height = height;
     return STATUS_OK;

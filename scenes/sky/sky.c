@@ -159,7 +159,8 @@ static void paint_sun(const struct sky *sky, struct image *out, double horizonta
                 continue;
             i = split(at / (SUN_HEIGHTS - 1), SUN_HEIGHTS, &fraction);
             for (int c = 0; c < 3; c++) {
-                double middle = table.rgb[i][c] + (table.rgb[i + 1][c] - table.rgb[i][c]) * fraction;
+                double middle =
+                    table.rgb[i][c] + (table.rgb[i + 1][c] - table.rgb[i][c]) * fraction;
 
                 light[c] = fmax(middle * limb[c] / whole[c], 0) * solid_angle;
                 horizontal[c] += light[c] * sin(elevation);

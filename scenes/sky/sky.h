@@ -18,7 +18,7 @@ struct sky_settings {
     double sun_azimuth_deg;
     double turbidity;            /* 1 to 10 */
     double ground_albedo;        /* 0 to 1 */
-    int no_sun;                  /* leave out the disc, keep its light in the sky and on the ground */
+    int no_sun;                  /* leave out the disc, keep its light on sky and ground */
 };
 
 /* Illuminance of a horizontal plane at the ground, lux. */

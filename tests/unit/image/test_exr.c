@@ -242,7 +242,8 @@ static void write_rgba(struct buffer *file, int width, int height, int x0, int y
 
 static void test_every_compression(void **state)
 {
-    static const int sizes[][4] = {{1, 1, 0, 0}, {5, 3, 0, 0}, {109, 65, -7, 12}, {64, 300, 3, -40}};
+    static const int sizes[][4] = {
+        {1, 1, 0, 0}, {5, 3, 0, 0}, {109, 65, -7, 12}, {64, 300, 3, -40}};
 
     (void)state;
     for (int compression = IMF_NO_COMPRESSION; compression <= IMF_DWAB_COMPRESSION; compression++)
@@ -520,7 +521,8 @@ static void test_layers_and_parts(void **state)
     image_release(&out);
     write_parts(&file, &green, 1, 9, 5, EXR_COMPRESSION_ZIP, NULL, 0);
     out = decode(&file);
-    assert_true(out.pixels[0] == 0.0f && out.pixels[1] == pattern(0, 0, 1) && out.pixels[2] == 0.0f);
+    assert_true(out.pixels[0] == 0.0f && out.pixels[2] == 0.0f);
+    assert_true(out.pixels[1] == pattern(0, 0, 1));
     image_release(&out);
     write_parts(&file, &depth, 1, 9, 5, EXR_COMPRESSION_ZIP, NULL, 0);
     assert_int_equal(exr_decode(&out, file.data, file.size, "depth.exr", &err),

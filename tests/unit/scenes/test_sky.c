@@ -98,7 +98,8 @@ static void test_sun_stands_where_it_should(void **state)
             for (uint32_t x = 0; x < map.width; x++) {
                 double light = (double)map.pixels[3 * (y * map.width + x) + 1];
                 /* The renderer's own convention (worker/render/light/environment.h). */
-                double phi = 2 * PI * ((x + 0.5) / map.width - 0.5), theta = PI * (y + 0.5) / map.height;
+                double phi = 2 * PI * ((x + 0.5) / map.width - 0.5);
+                double theta = PI * (y + 0.5) / map.height;
 
                 if (light < 100)
                     continue;
@@ -108,7 +109,8 @@ static void test_sun_stands_where_it_should(void **state)
             }
         length = sqrt(mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2]);
         assert_true(length > 0);
-        cosine = (mean[0] * cos(e) * cos(a) + mean[1] * sin(e) + mean[2] * cos(e) * sin(a)) / length;
+        cosine = (mean[0] * cos(e) * cos(a) + mean[1] * sin(e) + mean[2] * cos(e) * sin(a)) /
+                 length;
         assert_true(acos(fmin(cosine, 1)) < 1.5 * PI / 180); /* a texel is 1.4 degrees */
         image_release(&map);
     }
