@@ -194,7 +194,8 @@ void farm_job_started(struct farm *farm, struct job *job, const struct farm_work
 
     if (!job->active_since_ns)
         job->active_since_ns = now_ns ? now_ns : 1;
-    if (!job->kernel[0]) {
+    /* Another one than before: whoever had units then has gone without a result. */
+    if (strcmp(job->kernel, worker->kernel) != 0) {
         snprintf(job->kernel, sizeof job->kernel, "%s", worker->kernel);
         changed = 1;
     }
@@ -232,13 +233,26 @@ void farm_worker_remove(struct farm *farm, struct farm_worker *worker)
     farm->pump_wanted = 1;
 }
 
+/* Is anything there, or on its way, that was rendered with the job's kernel? */
+static int job_is_begun(const struct job *job)
+{
+    if (job->leases > 0 || job->frames_done_count > 0 || job->stats.samples > 0)
+        return 1;
+    for (const struct job_frame *frame = job->frames; frame; frame = frame->next)
+        if (frame->ack_count > 0 || film_samples(frame->film) > 0)
+            return 1;
+    return 0;
+}
+
 int farm_can_serve(const struct job *job, const struct farm_worker *worker, char *why,
                    size_t why_size)
 {
     if (!(worker->isa_mask >> job->settings.isa & 1))
-        snprintf(why, why_size, "its CPU cannot run %s, which job %llu is pinned to",
+        snprintf(why, why_size,
+                 "it does not offer %s, which job %llu is pinned to (its CPU has none, or its --isa "
+                 "leaves it out)",
                  isa_name(job->settings.isa), (unsigned long long)job->id);
-    else if (job->kernel[0] && strcmp(job->kernel, worker->kernel) != 0)
+    else if (job->kernel[0] && strcmp(job->kernel, worker->kernel) != 0 && job_is_begun(job))
         snprintf(why, why_size,
                  "it traces rays with %s, but job %llu was begun with %s; mixing them would change "
                  "the picture's bits",

@@ -72,7 +72,7 @@ struct job {
     struct digest scene;
     char scene_name[JOB_NAME_MAX + 1];
 
-    char kernel[KERNEL_NAME_MAX + 1];  /* of the first worker that got units; "": none yet */
+    char kernel[KERNEL_NAME_MAX + 1];  /* of the workers that got units; "": none yet */
     uint64_t epoch_floor;              /* results of older epochs are not this job's */
     int64_t submitted_at, finished_at; /* seconds since 1970, UTC; 0: not yet */
     uint64_t active_ns;                /* since the first lease, without the present run */

@@ -401,6 +401,8 @@ static void on_close(struct channel *channel, const struct error *why, void *use
                  why->code == STATUS_OK ? "" : why->text);
         farm_worker_remove(&server->farm, session->worker);
         mem_free(session->worker);
+    } else if (why->code == STATUS_ERR_PROTOCOL) {
+        log_warn("session %u (%s): %s", session->id, session->host, why->text);
     } else if (why->code != STATUS_OK && session->state == SESSION_GREETING) {
         log_warn("a connection ended before its greeting: %s", why->text);
     }

@@ -162,6 +162,38 @@ def broken_job():
         Normal.check(farm, "after a broken job")
 
 
+@tests.add
+def kernel_that_does_not_fit():
+    """two versions of the ray tracing kernel are never mixed in a job, and one that died without a result binds nobody"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        peer = OddPeer(farm, hello="kernel=other-kernel-9")
+        peer.say("request 2")
+        number = farm.submit(farm.scene(), *SMALL)
+        peer.grant()
+        honest = farm.start_worker()
+        wait_for(lambda: "other-kernel-9" in honest.log_text(), "the worker to be told")
+        expect("other-kernel-9" in worker_of(farm, honest)["note"], farm.list_workers())
+        expect(worker_of(farm, honest)["units_done"] == 0, "kernels were mixed")
+        peer.kill()  # without a result: the job is as good as new
+        farm.wait_for_job(number)
+        first = Outcome(farm, number, "first")
+        # The other way round: the job is in work by one kernel, so the other gets nothing of it.
+        number = farm.submit(farm.scene(), "--size", "256x256", "--spp", "100000")
+        wait_mid_frame(farm, number, 0.001)
+        peer = OddPeer(farm, hello="kernel=other-kernel-9")
+        peer.say("request 2")
+        expect("no work of job %d" % number in peer.wait_line("notice "), "not told")
+        honest.kill()
+        job = wait_for(lambda: (lambda j: j if j["state_text"] else None)(farm.job(number)), "words")
+        expect("other-kernel-9" in job["state_text"] and "embree" in job["state_text"], job)
+        farm.cli("cancel", number, expect=0)
+        peer.end()
+        farm.start_worker()
+        Normal.check(farm, "after two kernels")
+        expect(first.bits == Normal.reference.bits, "the picture differs")
+
+
 # ---- peers that break the rules ------------------------------------------------------------
 
 def expect_failure(peer, words):
