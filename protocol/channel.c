@@ -96,6 +96,7 @@ static void finish(struct channel *c)
 }
 
 /* Remember why, with the peer's name; the first reason stands. */
+__attribute__((format(printf, 3, 0)))
 static void set_why(struct channel *c, status code, const char *format, va_list args)
 {
     char text[sizeof c->why.text];
