@@ -20,15 +20,41 @@ struct fetching {
     size_t fetched, not_ready;
 };
 
+/* "NAME.exr", or "NAME-0007.exr" where a job has several frames, from the job's name made
+ * safe: no folders, nothing hidden. Jobs fetched into one folder so keep apart. */
+static void output_name(const struct fetching *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
+                        struct buffer *name)
+{
+    const Azulejo__Wire__JobInfo *job = f->job;
+    const char *extension = kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR ? "exr" : "png";
+    char safe[256];
+    char *begin = safe;
+
+    message_text(safe, sizeof safe, job->name);
+    for (char *c = safe; *c; c++)
+        if (*c == '/')
+            *c = '_';
+    while (*begin == '.')
+        begin++;
+    if (*begin)
+        buffer_puts(name, begin);
+    else
+        buffer_printf(name, "job-%" PRIu64, job->job);
+    if (job->last_frame > job->first_frame)
+        buffer_printf(name, "-%04u", frame);
+    buffer_printf(name, ".%s", extension);
+}
+
 static status fetch_to(struct fetching *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
                        const char *path, struct error *err)
 {
     struct buffer data = BUFFER_INIT, name = BUFFER_INIT;
     char size[FORMAT_SIZE];
     char *joined = NULL;
-    status result = fetch_output(f->connection, f->job->job, frame, kind, &data, &name, err);
+    status result = fetch_output(f->connection, f->job->job, frame, kind, &data, err);
 
     if (result == STATUS_OK && !path) {
+        output_name(f, frame, kind, &name);
         joined = buffer_ok(&name) ? file_join(f->folder, buffer_text(&name)) : NULL;
         path = joined;
         if (!path)

@@ -37,7 +37,7 @@ static status fetch_file(struct render *r, uint32_t frame, Azulejo__Wire__Output
                          const char *extension, struct error *err)
 {
     struct buffer data = BUFFER_INIT, path = BUFFER_INIT;
-    status result = fetch_output(r->connection, r->job, frame, kind, &data, NULL, err);
+    status result = fetch_output(r->connection, r->job, frame, kind, &data, err);
 
     destination_path(&r->destination, frame, extension, &path);
     if (result == STATUS_OK && !buffer_ok(&path))

@@ -407,11 +407,10 @@ status connection_open(struct connection **out, const struct connection_options 
         goto done;
 failed:
     if (result == STATUS_ERR_UNREACHABLE) {
-        error_prefix(err, "no coordinator can be reached at %s", c->address);
+        error_prefix(err, "no coordinator can be reached");
         if (err)
             snprintf(err->text + strlen(err->text), sizeof err->text - strlen(err->text),
-                     " (start azulejo-coordinator there, or name another with --coordinator "
-                     "HOST:PORT)");
+                     " (--coordinator HOST:PORT names another)");
     } else if (result == STATUS_ERR_REFUSED) {
         error_prefix(err, "the coordinator at %s refused", c->address);
     }

@@ -22,21 +22,8 @@ static status append_piece(struct buffer *data, size_t start, const Azulejo__Wir
     return buffer_ok(data) ? STATUS_OK : error_no_memory(err, "an output");
 }
 
-/* What is left of a hostile name: the last component, printable, never hidden or empty. */
-static void take_name(struct buffer *out, const char *name)
-{
-    char copy[256];
-    const char *base = file_basename(name);
-
-    while (*base == '.')
-        base++;
-    message_text(copy, sizeof copy, base);
-    buffer_puts(out, copy[0] ? copy : "output");
-}
-
 status fetch_output(struct connection *c, uint64_t job, uint32_t frame,
-                    Azulejo__Wire__OutputKind kind, struct buffer *data, struct buffer *name,
-                    struct error *err)
+                    Azulejo__Wire__OutputKind kind, struct buffer *data, struct error *err)
 {
     Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__OutputGet get = AZULEJO__WIRE__OUTPUT_GET__INIT;
@@ -65,8 +52,6 @@ status fetch_output(struct connection *c, uint64_t job, uint32_t frame,
         } else {
             total = answer->output_data->total_bytes;
             result = append_piece(data, start, answer->output_data, err);
-            if (first && name)
-                take_name(name, answer->output_data->file_name);
         }
         first = 0;
         message_free(answer);

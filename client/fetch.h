@@ -8,11 +8,9 @@
 /* An 8 GiB output is 26,000 pixels square in 32-bit floats, far above what a job may have. */
 #define FETCH_BYTES_MAX ((uint64_t)8 << 30)
 
-/* Append one output file to `data`; `name` (may be NULL) gets the coordinator's name for it,
- * made safe: no folders in it. */
+/* Append one output file to `data`. */
 status fetch_output(struct connection *c, uint64_t job, uint32_t frame,
-                    Azulejo__Wire__OutputKind kind, struct buffer *data, struct buffer *name,
-                    struct error *err) MUST_CHECK;
+                    Azulejo__Wire__OutputKind kind, struct buffer *data, struct error *err) MUST_CHECK;
 
 /* Make the folder and prove that files can be written there, before anything costly is
  * done. ERR_IO. */
