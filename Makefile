@@ -188,10 +188,10 @@ demo: ## install what is missing, build, render the Cornell box on two workers i
 	@BUILD=$(BUILD) scripts/demo.sh $(DEMO_ARGS)
 
 install: all ## into $(DESTDIR)$(PREFIX)
-	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/share/man/man1 $(DESTDIR)$(PREFIX)/share/azulejo/scenes
+	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/share/man/man1 $(DESTDIR)$(PREFIX)/share/azulejo/scenes/cornell
 	install -m 755 $(PROGRAMS) $(DESTDIR)$(PREFIX)/bin
 	install -m 644 docs/man/*.1 $(DESTDIR)$(PREFIX)/share/man/man1
-	cp -R scenes/cornell $(DESTDIR)$(PREFIX)/share/azulejo/scenes/
+	install -m 644 scenes/cornell/*.md scenes/cornell/*.gltf $(DESTDIR)$(PREFIX)/share/azulejo/scenes/cornell
 uninstall:
 	rm -f $(addprefix $(DESTDIR)$(PREFIX)/bin/,$(notdir $(PROGRAMS)))
 	rm -f $(patsubst docs/man/%,$(DESTDIR)$(PREFIX)/share/man/man1/%,$(wildcard docs/man/*.1))
