@@ -17,8 +17,8 @@ struct camera {
     struct transform to_world;
     float half_width, half_height; /* of the image plane: at distance 1, or in metres */
     float width, height;           /* pixels */
-    /* Inverse of the filter's cumulative distribution at i / FILTER_TABLE_SIZE: pixels from
-     * the pixel's centre. */
+    /* Left half of the filter: where its accumulated weight reaches (i / size)^4; pixels from
+     * the pixel's centre, -1.5..0. */
     float filter_offset[FILTER_TABLE_SIZE + 1];
 };
 
