@@ -370,10 +370,10 @@ void farm_frame_advance(struct farm *farm, struct job_frame *frame)
     }
 }
 
-/* A full disk must not cost what was rendered: the film stays, and the outputs are tried again
- * for a while. 0: that was long enough. */
-static int develop_again(struct farm *farm, struct job_frame *frame, const struct error *why,
-                         uint64_t now_ns)
+/* A full disk must not cost what was rendered: what is in memory stays there, and the disk is
+ * tried again for a while. */
+int farm_frame_trouble(struct farm *farm, struct job_frame *frame, const struct error *why,
+                       uint64_t now_ns)
 {
     if (!frame->trouble[0]) {
         frame->trouble_since_ns = now_ns;
@@ -385,9 +385,17 @@ static int develop_again(struct farm *farm, struct job_frame *frame, const struc
         return 0;
     }
     snprintf(frame->trouble, sizeof frame->trouble, "%.255s", why->text);
+    farm->events.job_changed(farm->events.user, frame->job);
+    return 1;
+}
+
+static int develop_again(struct farm *farm, struct job_frame *frame, const struct error *why,
+                         uint64_t now_ns)
+{
+    if (!farm_frame_trouble(farm, frame, why, now_ns))
+        return 0;
     frame->develop_next_ns = now_ns + DISK_RETRY_MS * NS_PER_MS;
     job_frame_set_state(frame, FRAME_COMPLETE);
-    farm->events.job_changed(farm->events.user, frame->job);
     return 1;
 }
 

@@ -66,6 +66,7 @@ struct farm {
     uint64_t conflicts;
     int64_t wall_s;              /* set by the owner as time passes */
     int pump_wanted;             /* there may be something to grant */
+    uint64_t commit_next_ns;     /* after a film could not be written: no commit before this */
 };
 
 /* Takes the jobs that the store holds. The store stays the caller's. ERR_IO, ERR_NO_MEMORY. */
@@ -107,6 +108,10 @@ void farm_frame_advance(struct farm *farm, struct job_frame *frame);
 /* The end of events.develop. When `result` is OK the frame is in the store as done already. */
 void farm_frame_developed(struct farm *farm, struct job_frame *frame, status result,
                           const struct error *why, uint64_t now_ns);
+/* The frame's film or outputs could not be written: note it, tell the log once, and say whether
+ * to try again after DISK_RETRY_MS (1) or that DISK_PATIENCE_MS is over (0). */
+int farm_frame_trouble(struct farm *farm, struct job_frame *frame, const struct error *why,
+                       uint64_t now_ns);
 /* A commit or develop let go of the frame; frees it when its job has ended. */
 void farm_frame_unpin(struct farm *farm, struct job_frame *frame);
 

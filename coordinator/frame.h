@@ -30,7 +30,7 @@ enum {
     UNIT_HOLDERS_MAX = 3,     /* leases that may hold one unit at once */
     FRAME_PASSES_AHEAD = 64,  /* how far a tile's granted passes may be ahead of its folded ones */
     FRAME_ACKS_MAX = 1 << 20, /* results that wait for the disk or for an earlier pass */
-    DISK_RETRY_MS = 5000,     /* outputs that could not be written are tried again, */
+    DISK_RETRY_MS = 5000,     /* what could not be written is tried again, */
     DISK_PATIENCE_MS = 30 * 60 * 1000, /* for so long; then the job fails */
 };
 
@@ -86,7 +86,7 @@ struct job_frame {
     size_t ack_count, ack_capacity;
     double error;                /* the last reported film_relative_mse */
     uint64_t error_next_ns;      /* when to compute it anew; 0: not computed yet */
-    char trouble[256];           /* why its outputs could not be written; "": no failure yet */
+    char trouble[256];           /* why its film or outputs cannot be written; "": they can */
     uint64_t trouble_since_ns;
     uint64_t develop_next_ns;    /* with `trouble`: when to try again */
     int in_flight;               /* commits and develops that hold this frame */

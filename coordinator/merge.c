@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "common/base/clock.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "coordinator/scheduler.h"
@@ -257,8 +258,29 @@ static void item_is_durable(const struct commit_item *item)
     frame->slot[item->tile] = item->slot;
 }
 
+/* The frame's tiles did not reach the disk: they are dirty again, and everything that is not
+ * acknowledged stays with its worker meanwhile. */
+static void commit_retry(struct farm *farm, const struct commit *commit, uint32_t first,
+                         uint32_t last, uint64_t now_ns)
+{
+    struct job_frame *frame = commit->items[first].frame;
+
+    if (commit->result != STATUS_ERR_IO ||
+        !farm_frame_trouble(farm, frame, &commit->error, now_ns)) {
+        farm_fail(farm, frame->job, now_ns, "frame %u: %s", frame->number, commit->error.text);
+        return;
+    }
+    for (uint32_t i = first; i <= last; i++)
+        job_frame_mark_dirty(frame, commit->items[i].tile, now_ns);
+    farm->commit_next_ns = now_ns + DISK_RETRY_MS * NS_PER_MS;
+}
+
 void merge_commit_end(struct farm *farm, struct commit *commit, uint64_t now_ns)
 {
+    uint32_t first = 0;
+
+    if (commit->result == STATUS_OK)
+        farm->commit_next_ns = 0;
     for (uint32_t i = 0; i < commit->count; i++) {
         struct job_frame *frame = commit->items[i].frame;
         if (commit->result == STATUS_OK && !frame->closing)
@@ -266,12 +288,14 @@ void merge_commit_end(struct farm *farm, struct commit *commit, uint64_t now_ns)
         if (i + 1 < commit->count && commit->items[i + 1].frame == frame)
             continue;
         if (!frame->closing && commit->result == STATUS_OK) {
+            frame->trouble[0] = 0;
             send_acks(farm, frame);
             farm_frame_advance(farm, frame);
         } else if (!frame->closing) {
-            farm_fail(farm, frame->job, now_ns, "frame %u: %s", frame->number, commit->error.text);
+            commit_retry(farm, commit, first, i, now_ns);
         }
         farm_frame_unpin(farm, frame);
+        first = i + 1;
     }
     commit_free(commit);
 }

@@ -61,7 +61,8 @@ int merge_is_dirty(const struct farm *farm, uint64_t *since_ns, uint32_t *tiles)
 /* NULL: nothing is dirty, or out of memory (try again later). */
 struct commit *merge_commit_begin(struct farm *farm);
 void merge_commit_run(struct commit *commit);
-/* Frees the commit. A job whose film cannot be written fails. */
+/* Frees the commit. Where the disk refused it, its tiles are dirty again and farm->commit_next_ns
+ * says when to try anew; after DISK_PATIENCE_MS of that the job fails. */
 void merge_commit_end(struct farm *farm, struct commit *commit, uint64_t now_ns);
 /* Frees the commit without learning how it ended: nothing is durable, nothing acknowledged. */
 void merge_commit_abandon(struct farm *farm, struct commit *commit);

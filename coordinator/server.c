@@ -121,7 +121,13 @@ static void end_commit(uv_work_t *request, int code)
     (void)code;
     server->works--;
     server->commit_running = 0;
-    merge_commit_end(&server->farm, work->commit, clock_monotonic_ns());
+    if (server->state == SERVER_DRAINING && work->commit->result != STATUS_OK) {
+        /* No time to wait for the disk: what is not on it was not acknowledged either. */
+        log_error("%s; its workers keep what is not on disk", work->commit->error.text);
+        merge_commit_abandon(&server->farm, work->commit);
+    } else {
+        merge_commit_end(&server->farm, work->commit, clock_monotonic_ns());
+    }
     work_free(work);
 }
 
@@ -390,7 +396,11 @@ static void commit_when_due(struct server *server, uint64_t now_ns)
     if (server->commit_running || !merge_is_dirty(&server->farm, &since_ns, &tiles))
         return;
     due_ns = since_ns + COMMIT_DELAY_MS * NS_PER_MS;
-    if (tiles >= COMMIT_TILES_ENOUGH || now_ns >= due_ns || server->state != SERVER_LISTENING)
+    if (tiles >= COMMIT_TILES_ENOUGH)
+        due_ns = now_ns;
+    if (due_ns < server->farm.commit_next_ns)
+        due_ns = server->farm.commit_next_ns;
+    if (now_ns >= due_ns || server->state != SERVER_LISTENING)
         start_commit(server);
     else if (!uv_is_active((uv_handle_t *)&server->commit_timer))
         uv_timer_start(&server->commit_timer, on_commit_timer,

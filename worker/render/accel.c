@@ -37,7 +37,7 @@ struct query_context {
 
 const char *render_kernel_name(void)
 {
-    static const char name[] = "embree " RTC_VERSION_STRING
+    static const char name[] = "azulejo " AZULEJO_VERSION " embree " RTC_VERSION_STRING
 #if defined(__x86_64__)
                                " x86_64";
 #else

@@ -56,7 +56,8 @@ size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t ti
 /* Time every Embree call from now on (costs a few percent); for the benchmarks. */
 void render_measure_trace(int on);
 
-/* What traces the rays: "embree 3.13.5 x86_64". Part of the handshake. */
+/* What decides a result's bits beside the scene and the settings: this renderer's release and
+ * Embree's, "azulejo 0.1.0 embree 3.13.5 x86_64". Part of the handshake; pinned per job. */
 const char *render_kernel_name(void);
 
 #endif
