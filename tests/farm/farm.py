@@ -38,6 +38,10 @@ class Failure(Exception):
     """A condition that did not come true, or a program that misbehaved."""
 
 
+class Skip(Exception):
+    """This machine cannot run the test; the text says why."""
+
+
 def wait_for(condition, what, limit_s=60.0):
     """Wait until condition() is true and return its value; Failure after limit_s."""
     end = time.monotonic() + limit_s * PATIENCE
@@ -169,13 +173,13 @@ class Farm:
                 if mark in program.log_text():
                     words = words or "%s: a sanitizer complained:\n%s" % (
                         program.label, program.log_text()[-6000:])
-        if kind is not None:
+        if kind not in (None, Skip):
             for program in self.programs:
                 print("# ---- %s" % program.label)
                 for line in program.log_text().splitlines()[-25:]:
                     print("# " + line)
         shutil.rmtree(self.folder, ignore_errors=True)
-        if kind is None and words:
+        if kind in (None, Skip) and words:
             raise Failure(words)
 
     def path(self, *parts):
@@ -366,6 +370,8 @@ class Tests:
             try:
                 function()
                 print("ok %d - %s" % (number, name), flush=True)
+            except Skip as skip:
+                print("ok %d - %s # SKIP %s" % (number, name, skip), flush=True)
             except Exception:
                 failed += 1
                 for line in traceback.format_exc().splitlines():

@@ -10,10 +10,9 @@ import socket
 import struct
 import subprocess
 import sys
-import tempfile
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
-from farm import BIN, PATIENCE, Farm, Failure, Program, Tests, read_bytes, wait_for
+from farm import BIN, PATIENCE, Farm, Skip, Tests, read_bytes, wait_for
 from jobs import (SLOW, SPHERES, LongJob, Outcome, expect, expect_same, wait_mid_frame, worker_of)
 from odd import OddPeer, talk_raw
 
@@ -124,8 +123,7 @@ def isa_that_does_not_fit():
         expect(job["state"] == "queued" and job["samples_done"] == 0, job)
         with open("/proc/cpuinfo") as source:
             if not re.search(r"\bavx2\b", source.read()):
-                print("# this CPU has no avx2: the job cannot be finished here")
-                return
+                raise Skip("this CPU has no avx2: the job cannot be finished here")
         strong = farm.start_worker()
         farm.wait_for_job(number)
         expect(worker_of(farm, weak)["units_done"] == worker_of(farm, strong)["units_done"],
@@ -550,7 +548,7 @@ def full_disk_of_the_client():
             expect(result.code == 8 and folder in result.err, result)
         with SmallDisk(farm, 16384) as disk:
             if disk is None:
-                print("# mounting is not permitted: no full disk here")
+                print("# mounting is not permitted: only folders that cannot be are tested here")
             else:
                 fill_up(os.path.join(disk, "filler"))
                 result = farm.cli("fetch", number, "-o", disk)
@@ -575,8 +573,7 @@ def full_disk_of_the_coordinator():
     """the store's disk is full: the coordinator says so and lives, and no wrong picture comes out"""
     with Farm() as farm, SmallDisk(farm, 8 << 20) as disk:
         if disk is None:
-            print("# mounting is not permitted: no full disk here")
-            return
+            raise Skip("mounting is not permitted: no full disk here")
         farm.store = os.path.join(disk, "store")
         farm.start_coordinator()
         farm.start_worker()
@@ -601,8 +598,7 @@ def disk_full_at_the_end():
     options = ["--size", "128x128", "--spp", "300"]
     with Farm() as farm, SmallDisk(farm, 16 << 20) as disk:
         if disk is None:
-            print("# mounting is not permitted: no full disk here")
-            return
+            raise Skip("mounting is not permitted: no full disk here")
         farm.store = os.path.join(disk, "store")
         farm.start_coordinator()
         farm.start_worker()
