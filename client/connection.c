@@ -1,5 +1,6 @@
 #include "client/connection.h"
 
+#include <assert.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -284,6 +285,7 @@ status connection_ask(struct connection *c, Azulejo__Wire__Envelope *question,
     result = connection_send(c, question, err);
     if (result == STATUS_OK)
         result = connection_receive(c, question->request, out, err);
+    assert(result != STATUS_OK || *out);
     if (result == STATUS_OK && (*out)->body_case != expected) {
         result = error_set(err, STATUS_ERR_PROTOCOL,
                            "the coordinator at %s answered with message %d, not %d: are both of "

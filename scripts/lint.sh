@@ -11,13 +11,13 @@ read -ra packages <<<"$(pkg-config --cflags libuv openssl sqlite3 jansson libpng
 if command -v cppcheck >/dev/null; then
     cppcheck --quiet --std=c11 --enable=warning,performance,portability --inline-suppr --error-exitcode=1 \
         --suppress=missingInclude --suppress=missingIncludeSystem --suppress=normalCheckLevelMaxBranches \
-        -j "$(nproc)" "${flags[@]:1:3}" -I. -Ibuild/gen "${files[@]}" || found=1
+        -j "$(nproc)" "${flags[@]:1:3}" -I. "${files[@]}" || found=1
 else
     echo "cppcheck is not installed" >&2
 fi
 if command -v clang-tidy >/dev/null; then
     printf "%s\n" "${files[@]}" | xargs -P "$(nproc)" -I{} clang-tidy {} --quiet --warnings-as-errors='*' \
-        --checks='-*,bugprone-*,clang-analyzer-core.*,clang-analyzer-unix.*,clang-analyzer-deadcode.*,-bugprone-easily-swappable-parameters,-bugprone-narrowing-conversions,-bugprone-implicit-widening-of-multiplication-result,-bugprone-reserved-identifier,-bugprone-branch-clone,-bugprone-macro-parentheses,-bugprone-assignment-in-if-condition,-bugprone-suspicious-include' \
+        --checks='-*,bugprone-*,clang-analyzer-core.*,clang-analyzer-unix.*,clang-analyzer-deadcode.*,-bugprone-easily-swappable-parameters,-bugprone-narrowing-conversions,-bugprone-implicit-widening-of-multiplication-result,-bugprone-reserved-identifier,-bugprone-branch-clone,-bugprone-macro-parentheses,-bugprone-assignment-in-if-condition,-bugprone-suspicious-include,-bugprone-sizeof-expression,-bugprone-suspicious-memory-comparison,-bugprone-integer-division,-bugprone-misplaced-widening-cast,-bugprone-too-small-loop-variable,-clang-analyzer-core.DivideZero,-clang-analyzer-core.CallAndMessage' \
         -- "${flags[@]}" "${packages[@]}" || found=1
 else
     echo "clang-tidy is not installed" >&2

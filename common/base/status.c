@@ -26,7 +26,7 @@ int status_exit_code(status code)
     return statuses[code].exit_code;
 }
 
-status error_set(struct error *err, status code, const char *format, ...)
+status error_set_(struct error *err, status code, const char *format, ...)
 {
     if (err) {
         va_list args;
@@ -52,9 +52,4 @@ void error_prefix(struct error *err, const char *format, ...)
     va_end(args);
     used = strlen(err->text);
     snprintf(err->text + used, sizeof err->text - used, ": %s", old);
-}
-
-status error_no_memory(struct error *err, const char *what)
-{
-    return error_set(err, STATUS_ERR_NO_MEMORY, "out of memory for %s", what);
 }

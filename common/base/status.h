@@ -51,15 +51,25 @@ const char *status_text(status code);
 /* The exit code of a program that ends because of `code`. */
 int status_exit_code(status code);
 
-/* Fill `err` (may be NULL) and return `code`, so that `return error_set(...)` reads well. */
-status error_set(struct error *err, status code, const char *format, ...)
+/* Fill `err` (may be NULL) and return `code`, so that `return error_set(...)` reads well. The
+ * macro shows the compiler and the analyser which value comes back. */
+#define error_set(err, code, ...) error_set_result_(error_set_((err), (code), __VA_ARGS__), (code))
+status error_set_(struct error *err, status code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+static inline status error_set_result_(status set, status code)
+{
+    (void)set;
+    return code;
+}
 
 /* Put "context: " before the text of an error already set, to name the file or the place. */
 void error_prefix(struct error *err, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
 /* Out of memory, in one place so that all say the same. */
-status error_no_memory(struct error *err, const char *what);
+static inline status error_no_memory(struct error *err, const char *what)
+{
+    return error_set(err, STATUS_ERR_NO_MEMORY, "out of memory for %s", what);
+}
 
 #endif

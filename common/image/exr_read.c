@@ -455,7 +455,7 @@ static status check_chunks(struct exr_reader *r, uint32_t width, uint32_t height
 
     if (r->compression == EXR_COMPRESSION_DWAA || r->compression == EXR_COMPRESSION_DWAB)
         return STATUS_OK;
-    r->out = &nowhere;
+    r->out = &nowhere; // cppcheck-suppress autoVariables -- put back below
     r->selection = (struct selection){{-1, -1, -1}, 0, 0, 0};
     st = decode_pixels(r, err);
     r->out = out;
