@@ -4,6 +4,11 @@
 
 #include <math.h>
 
+/* One instruction each where fmaxf and fminf are calls (they must look for NaN first): here
+ * `b` comes out when either is NaN. */
+static inline float float_max(float a, float b) { return a > b ? a : b; }
+static inline float float_min(float a, float b) { return a < b ? a : b; }
+
 struct vec3 {
     float x, y, z;
 };
@@ -50,7 +55,7 @@ static inline struct vec3 vec3_normalize(struct vec3 a)
     float l2 = vec3_dot(a, a);
 
     if (!(l2 > 1e-30f && l2 < 1e30f)) {
-        float m = fmaxf(fabsf(a.x), fmaxf(fabsf(a.y), fabsf(a.z)));
+        float m = float_max(fabsf(a.x), float_max(fabsf(a.y), fabsf(a.z)));
         if (!(m > 0.0f && m < INFINITY))
             return (struct vec3){0, 0, 0};
         a.x /= m;
@@ -64,8 +69,8 @@ static inline struct vec3 vec3_lerp(struct vec3 a, struct vec3 b, float t)
 {
     return vec3_add(vec3_scale(a, 1.0f - t), vec3_scale(b, t));
 }
-static inline float vec3_max(struct vec3 a) { return fmaxf(a.x, fmaxf(a.y, a.z)); }
-static inline float vec3_min(struct vec3 a) { return fminf(a.x, fminf(a.y, a.z)); }
+static inline float vec3_max(struct vec3 a) { return float_max(a.x, float_max(a.y, a.z)); }
+static inline float vec3_min(struct vec3 a) { return float_min(a.x, float_min(a.y, a.z)); }
 static inline float vec3_average(struct vec3 a) { return (a.x + a.y + a.z) * (1.0f / 3.0f); }
 static inline int vec3_is_black(struct vec3 a) { return a.x == 0 && a.y == 0 && a.z == 0; }
 static inline int vec3_is_finite(struct vec3 a)

@@ -264,7 +264,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
         if (depth + 1 >= ROULETTE_DEPTH) {
             survival = vec3_max(throughput) * eta_scale;
             if (survival < 1) {
-                survival = fmaxf(survival, ROULETTE_SURVIVAL_MIN);
+                survival = float_max(survival, ROULETTE_SURVIVAL_MIN);
                 if (!(lobe_sample.v < survival))
                     break;
                 throughput = vec3_scale(throughput, 1 / survival);

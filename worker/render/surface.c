@@ -10,7 +10,7 @@
 
 static float abs_max3(struct vec3 a)
 {
-    return fmaxf(fabsf(a.x), fmaxf(fabsf(a.y), fabsf(a.z)));
+    return float_max(fabsf(a.x), float_max(fabsf(a.y), fabsf(a.z)));
 }
 
 float surface_offset(struct vec3 p, const struct vec3 corner[3],
@@ -18,9 +18,9 @@ float surface_offset(struct vec3 p, const struct vec3 corner[3],
 {
     /* Embree subtracts the ray's origin from the corners: its rounding grows with the largest
      * coordinate of the point and with the size of the triangle. */
-    float extent = fmaxf(abs_max3(vec3_sub(corner[1], corner[0])),
-                         abs_max3(vec3_sub(corner[2], corner[0])));
-    float magnitude = fmaxf(abs_max3(p), extent);
+    float extent = float_max(abs_max3(vec3_sub(corner[1], corner[0])),
+                             abs_max3(vec3_sub(corner[2], corner[0])));
+    float magnitude = float_max(abs_max3(p), extent);
 
     return OFFSET_ULPS * 0x1p-24f * magnitude + instance->position_error;
 }

@@ -128,7 +128,7 @@ static inline struct vec3 rough_refraction(const struct bsdf *b, struct vec3 wo,
     if (!(cos_o > 0.0f && cos_i > 0.0f))
         return BLACK;
     f = interface_color(b, cos_o);
-    keep = 1.0f - largest(f);
+    keep = 1.0f - vec3_max(f);
     if (!(keep > 0.0f))
         return BLACK;
     density = ggx_density(b->alpha2, h, length2) * 2.0f / (b->cos_o + b->root_o) *
@@ -197,7 +197,7 @@ float bsdf_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi)
 static inline int finish_delta(struct bsdf_sample *out, int flags)
 {
     out->flags = BSDF_DELTA | flags;
-    return is_finite_sum(out->weight, 0) && largest(out->weight) > 0.0f;
+    return is_finite_sum(out->weight, 0) && vec3_max(out->weight) > 0.0f;
 }
 
 /* The mirror direction, with what all lobes reflect there over how often it is chosen. */
@@ -252,7 +252,7 @@ static int sample_interface(const struct bsdf *b, struct vec3 wo, float u_side, 
     if (!(out->wi.z < 0.0f))
         return 0;
     out->eta_scale = b->eta * b->eta;
-    out->weight = vec3_scale(b->tint, (1.0f - largest(f)) /
+    out->weight = vec3_scale(b->tint, (1.0f - vec3_max(f)) /
                                           (b->lobe_pdf[BSDF_LOBE_INTERFACE] * choice.transmit *
                                            out->eta_scale));
     *result = finish_delta(out, BSDF_TRANSMISSION | BSDF_REFRACTION);
@@ -296,7 +296,7 @@ static int sample_mix(const struct bsdf *b, struct vec3 wo, float u_lobe, float 
     if (!(out->pdf > 0.0f))
         return 0;
     out->weight = vec3_scale(f, 1.0f / out->pdf);
-    return is_finite_sum(out->weight, 0) && largest(out->weight) > 0.0f;
+    return is_finite_sum(out->weight, 0) && vec3_max(out->weight) > 0.0f;
 }
 
 static int sample_metal(const struct bsdf *b, struct vec3 wo, float u, float v,
@@ -311,7 +311,7 @@ static int sample_metal(const struct bsdf *b, struct vec3 wo, float u, float v,
     if (!(out->pdf > 0.0f && out->pdf < INFINITY))
         return 0;
     out->weight = vec3_scale(schlick_color(b, schlick_weight(cos_h)), shadowing);
-    return is_finite_sum(out->weight, 0) && largest(out->weight) > 0.0f;
+    return is_finite_sum(out->weight, 0) && vec3_max(out->weight) > 0.0f;
 }
 
 int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, float v,

@@ -78,7 +78,7 @@ static void init_mix(struct bsdf *b)
     b->normal_f0 = r * r;
     b->f0_dielectric = clamp_color(vec3_scale(p->specular_color, r * r), 1);
     b->f0_dielectric = vec3_scale(b->f0_dielectric, p->specular);
-    b->layer_f0 = largest(b->f0_dielectric);
+    b->layer_f0 = vec3_max(b->f0_dielectric);
     b->f90_dielectric = p->specular;
     b->layer_f90 = p->specular * fade;
     b->layer_f90 = b->layer_f90 > b->layer_f0 ? b->layer_f90 : b->layer_f0;
@@ -124,7 +124,7 @@ static void init_mix(struct bsdf *b)
         b->tint = vec3_scale(p->base_color, b->weight_interface);
         seen = interface_color(b, b->cos_o);
         share[BSDF_LOBE_INTERFACE] =
-            b->weight_interface * (vec3_average(seen) + (1.0f - largest(seen)) * base);
+            b->weight_interface * (vec3_average(seen) + (1.0f - vec3_max(seen)) * base);
     }
 
     share[BSDF_LOBE_THIN] = -1;

@@ -17,12 +17,6 @@ static inline struct vec3 clamp_color(struct vec3 c, float high)
 {
     return (struct vec3){clamp_to(c.x, 0, high), clamp_to(c.y, 0, high), clamp_to(c.z, 0, high)};
 }
-/* vec3_max without fmaxf's calls; c has no NaN. */
-static inline float largest(struct vec3 c)
-{
-    float m = c.x > c.y ? c.x : c.y;
-    return m > c.z ? m : c.z;
-}
 
 /* Schlick reflectance of the reflect lobe, all weights included. */
 static inline struct vec3 schlick_color(const struct bsdf *b, float weight)
@@ -62,7 +56,7 @@ struct interface_choice {
 static inline struct interface_choice interface_choose(const struct bsdf *b, struct vec3 f)
 {
     float reflected = vec3_average(f);
-    float transmitted = (1.0f - largest(f)) * vec3_average(b->p.base_color);
+    float transmitted = (1.0f - vec3_max(f)) * vec3_average(b->p.base_color);
     float scale = reflected + transmitted;
 
     if (!(scale > 0.0f))

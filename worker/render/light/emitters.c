@@ -244,8 +244,8 @@ static int sample_punctual(const struct scene_light *light, struct vec3 p, struc
     if (light->kind == LIGHT_SPOT) {
         float cos_inner = det_cos(light->inner_cone_rad), cos_outer = det_cos(light->outer_cone_rad);
         float cos_angle = -vec3_dot(axis, out->direction);
-        float span = fmaxf(0.001f, cos_inner - cos_outer);
-        float fade = fminf(1, fmaxf(0, (cos_angle - cos_outer) / span));
+        float span = float_max(0.001f, cos_inner - cos_outer);
+        float fade = float_min(1, float_max(0, (cos_angle - cos_outer) / span));
         scale *= fade * fade;
     }
     out->radiance = vec3_scale(out->radiance, scale);
@@ -302,7 +302,7 @@ static int sample_triangle(const struct render_scene *scene, uint32_t light, str
         float alpha = world_alpha(material, mesh, world_vertices(mesh, triangle), b1, b2);
         if (material->m.alpha_mode == ALPHA_MASK)
             alpha = alpha >= material->m.alpha_cutoff ? 1 : 0;
-        out->radiance = vec3_scale(out->radiance, fminf(1, fmaxf(0, alpha)));
+        out->radiance = vec3_scale(out->radiance, float_min(1, float_max(0, alpha)));
     }
     return out->pdf > 0 && isfinite(out->pdf);
 }

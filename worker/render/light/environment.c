@@ -322,8 +322,8 @@ int environment_sample(const struct environment *env, float u, float v, struct v
 {
     float y, radius, sine, cosine;
 
-    u = fminf(fmaxf(u, 0.0f), ONE_MINUS_EPSILON);
-    v = fminf(fmaxf(v, 0.0f), ONE_MINUS_EPSILON);
+    u = float_min(float_max(u, 0.0f), ONE_MINUS_EPSILON);
+    v = float_min(float_max(v, 0.0f), ONE_MINUS_EPSILON);
     if (env->mode == MODE_IMPORTANCE)
         return sample_map(env, u, v, direction, radiance, pdf);
     *direction = vec3_make(0, 1, 0);
