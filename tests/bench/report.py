@@ -1,0 +1,181 @@
+"""The report of `make bench`. Every table says what was run, so that it can be run again."""
+import json
+import os
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import bench_farm
+from farm import BIN, BUILD, ROOT
+
+DATA = os.environ.get("AZULEJO_DATA")
+ROUNDS = 3
+SIZE, SPP = "400x400", 16
+
+
+def output(*argv):
+    try:
+        return subprocess.run(argv, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=True,
+                              universal_newlines=True).stdout
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+
+
+def find(pattern, text, default="unknown"):
+    found = re.search(pattern, text, re.MULTILINE)
+    return found.group(1).strip() if found else default
+
+
+def title(text):
+    print("\n%s\n%s" % (text, "-" * len(text)), flush=True)
+
+
+def median(values):
+    return statistics.median(values)
+
+
+def show_machine():
+    with open("/proc/cpuinfo") as source:
+        cpu = source.read()
+    with open("/proc/meminfo") as source:
+        memory = int(find(r"^MemTotal:\s+(\d+)", source.read(), "0")) / 1048576
+    flags = find(r"^flags\s*: (.*)", cpu).split()
+    title("Machine")
+    print("CPU       %s (family %s, model %s), %d processors; load %.1f before the run" % (
+        find(r"^model name\s*: (.*)", cpu), find(r"^cpu family\s*: (.*)", cpu),
+        find(r"^model\s*: (.*)", cpu), os.cpu_count(), os.getloadavg()[0]))
+    print("ISA       %s" % " ".join(f for f in ("avx2", "fma", "avx512f") if f in flags))
+    print("memory    %.0f GiB" % memory)
+    print("system    %s, Linux %s" % (
+        find(r'^PRETTY_NAME="(.*)"', output("cat", "/etc/os-release")), os.uname().release))
+    print("compiler  %s" % output(os.environ.get("CC", "cc"), "--version").split("\n")[0])
+    print("Embree    %s" % find(r"embree ([0-9.]+)", output("strings", "-a", os.path.join(
+        BIN, "azulejo-worker")), find(r"(libembree[0-9]+\.so\.[0-9.]+)",
+                                     output("ldd", os.path.join(BIN, "azulejo-worker")))))
+
+
+def bench_render(scene, *options):
+    argv = [os.path.join(BUILD, "tests", "bench", "bench_render"), scene, "--json", "--size", SIZE,
+            "--spp", str(SPP)] + list(options)
+    text = output(*argv)
+    if not text:
+        sys.exit("failed: " + " ".join(argv))
+    return json.loads(text)
+
+
+def show_renderer(scenes):
+    title("The renderer alone: bench_render SCENE --size %s --spp %d, one thread, median of %d" % (
+        SIZE, SPP, ROUNDS))
+    print("%-18s %10s %10s %7s %8s %9s" % ("", "samples/", "rays/", "rays/", "Embree's", "BVH and"))
+    print("%-18s %10s %10s %7s %8s %9s" % ("scene", "CPU-s", "CPU-s", "sample", "share", "tables s"))
+    runs = {name: [] for name, _, _ in scenes}
+    for _ in range(ROUNDS):  # in turn, so that the machine's moods meet all scenes
+        for name, scene, options in scenes:
+            runs[name].append(bench_render(scene, *options))
+    for name, scene, options in scenes:
+        traced = bench_render(scene, "--trace", *options)
+        print("%-18s %10.0f %10.0f %7.2f %7.0f%% %9.3f" % (
+            name, median([r["samples_per_cpu_s"] for r in runs[name]]),
+            median([r["rays_per_cpu_s"] for r in runs[name]]), runs[name][0]["rays_per_sample"],
+            100 * traced["trace_share"], median([r["build_s"] for r in runs[name]])), flush=True)
+    print("(Embree's share: from a run of its own with --trace, clock readings included.)")
+
+
+def show_threads(name, scene, options):
+    title("Two threads: %s, %d pairs" % (name, ROUNDS))
+    speed, efficiency = [], []
+    for _ in range(ROUNDS):
+        one = bench_render(scene, "--threads", "1", *options)
+        two = bench_render(scene, "--threads", "2", *options)
+        speed.append(one["wall_s"] / two["wall_s"])
+        efficiency.append(two["samples_per_cpu_s"] / one["samples_per_cpu_s"])
+    print("speed-up by the clock %.2f   samples/CPU-s of two against one %.2f" % (
+        median(speed), median(efficiency)))
+
+
+def show_memory(scenes, empty):
+    title("Memory of a worker with one thread: its peak against mesh + textures + BVH, MiB")
+    options = ["--size", "64x64", "--spp", "4"]
+    base = bench_farm.render(empty, options, 1)["peak_mib"]
+    print("%-18s %8s %8s %8s %8s" % ("scene", "holds", "peak", "ratio", "less empty"))
+    print("%-18s %8s %8.1f" % ("empty", "0", base))
+    for name, scene, env in scenes:
+        holds = bench_render(scene, *env)["scene_mib"]
+        peak = bench_farm.render(scene, options + env, 1)["peak_mib"]
+        print("%-18s %8.1f %8.1f %8.2f %8.2f" % (
+            name, holds, peak, peak / holds, (peak - base) / holds), flush=True)
+
+
+def show_preview(scene, options):
+    title("From submission to the first preview: 640x360, 64 spp, a worker with 2 threads")
+    times = [bench_farm.first_preview(scene, options) for _ in range(5)]
+    print("nothing cached: accepted after %.2f s, preview on disk after %.2f s "
+          "(median of 5; %.2f to %.2f s)" % (
+              median([t[0] for t in times]), median([t[1] for t in times]),
+              min(t[1] for t in times), max(t[1] for t in times)))
+
+
+def show_merging():
+    title("Merging: bench_merge, workers that answer at once, 1920x1080, 64 spp")
+    for workers in (1, 8):
+        runs = [bench_farm.merging(workers, 1) for _ in range(ROUNDS)]
+        print("%d workers: %6.0f tiles/s merged, made durable and acknowledged; coordinator "
+              "%.3f CPU-s a thousand (median of %d)" % (
+                  workers, median([r[0] for r in runs]), median([r[1] for r in runs]), ROUNDS),
+              flush=True)
+
+
+def show_workers(name, scene, options):
+    title("Two workers of one thread each: %s, 400x400, 32 spp, %d pairs" % (name, ROUNDS))
+    options = ["--size", "400x400", "--spp", "32"] + options
+    alone, one, two = [], [], []
+    for _ in range(ROUNDS):
+        alone.append(bench_render(scene, *options)["cpu_s"])
+        one.append(bench_farm.render(scene, options, 1))
+        two.append(bench_farm.render(scene, options, 2))
+    print("speed-up by the clock, from submission to the end  %.2f" %
+          median([a["seconds"] / b["seconds"] for a, b in zip(one, two)]))
+    print("CPU-s: the renderer alone %.2f, one worker %.2f, two workers %.2f, coordinator %.2f" % (
+        median(alone), median([r["worker_cpu"] for r in one]),
+        median([r["worker_cpu"] for r in two]), median([r["coordinator_cpu"] for r in two])))
+
+
+def main():
+    if not os.path.exists(os.path.join(BUILD, "tests", "bench", "bench_render")):
+        sys.exit("make bench: %s is not built" % BUILD)
+    with tempfile.TemporaryDirectory(prefix="azulejo-bench-") as folder:
+        sky = os.path.join(folder, "sky.exr")
+        output(os.path.join(BIN, "scenes", "sky", "make_sky"), "-o", sky)
+        made = {}
+        for kind in ("empty", "instances", "large"):
+            made[kind] = os.path.join(folder, kind + ".gltf")
+            output(sys.executable, "-B", os.path.join(ROOT, "tests", "bench", "make_scenes.py"),
+                   kind, made[kind])
+        scenes = [
+            ("cornell-area", os.path.join(ROOT, "scenes/cornell/cornell-area.gltf"), []),
+            ("cornell-mirror", os.path.join(ROOT, "scenes/cornell/cornell-mirror.gltf"),
+             ["--env", sky]),
+            ("textured-spheres", os.path.join(ROOT, "scenes/studio/textured-spheres.gltf"),
+             ["--env", sky]),
+            ("instances", made["instances"], []),
+        ]
+        large = [("large", made["large"], [])]
+        if DATA:
+            helmet = ("DamagedHelmet", os.path.join(DATA, "gltf/DamagedHelmet/DamagedHelmet.glb"),
+                      ["--env", os.path.join(DATA, "hdri/chinese_garden_1k.hdr")])
+            scenes.append(helmet)
+            large.append(helmet)
+        spheres = scenes[2]
+        show_machine()
+        show_renderer(scenes)
+        show_threads(*spheres)
+        show_memory([spheres] + large, made["empty"])
+        show_preview(spheres[1], spheres[2] + ["--size", "640x360", "--spp", "64"])
+        show_merging()
+        show_workers(*spheres)
+
+
+main()

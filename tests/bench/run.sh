@@ -1,0 +1,8 @@
+#!/usr/bin/env bash
+# `make bench`: every figure of docs/PERFORMANCE.md, in about four minutes.
+#
+# BUILD names the build tree. AZULEJO_DATA, when set, adds a scene from outside. Figures are
+# medians; CPU-seconds are compared rather than seconds, because machines are shared.
+set -eu
+cd "$(dirname "$0")/../.."
+exec python3 -B tests/bench/report.py
