@@ -174,7 +174,7 @@ static void scene_build(struct pool_task *task)
     if (s == STATUS_OK && slot->missing_count == 0)
         s = collect_blobs(slot, &slot->error);
     if (s == STATUS_OK && slot->missing_count == 0)
-        s = render_scene_new(&slot->render, &slot->scene, &slot->settings, source, &slot->error);
+        s = render_scene_new(&slot->render, &slot->scene, &slot->settings, 0, source, &slot->error);
     if (s != STATUS_OK) {
         slot->error.code = s;
         mem_free(slot->missing);

@@ -11,6 +11,7 @@
 void builder_init(struct builder *b, struct import_result *out, struct error *err)
 {
     memset(b, 0, sizeof *b);
+    scene_environment_default(&b->environment);
     b->out = out;
     b->err = err;
 }
@@ -397,8 +398,8 @@ static void light_the_dark(struct builder *b)
         lit = !scene->materials[scene->instances[i].material].unlit;
     if (!lit || (scene_effects(scene, 0) & lights))
         return;
-    scene->environment =
-        (struct scene_environment){.present = 1, .constant = 1, .radiance = {1, 1, 1}};
+    scene_environment_default(&scene->environment);
+    scene->environment.present = scene->environment.constant = 1;
     builder_warn(b, "no light",
                  "the file has no light: an even white environment of radiance 1 was added (give "
                  "an environment map, or add lights to the file)");

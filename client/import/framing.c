@@ -100,7 +100,8 @@ void camera_frame_scene(const struct scene *scene, struct scene_camera *out)
     view.m[2][2] = (double)(cos_a * cos_e);
     for (int i = 0; i < 3; i++)
         view.m[i][1] = i == 1;
-    *out = (struct scene_camera){.name = "", .kind = CAMERA_PERSPECTIVE, .yfov_rad = frame_fov_rad};
+    scene_camera_default(out);
+    out->yfov_rad = frame_fov_rad;
     if (!transform_d_to_rigid(&view, &out->to_world)) /* constants: cannot happen */
         return;
     if (scene_bounds(scene, low, high))

@@ -54,10 +54,13 @@ static status node_transform(struct gltf *g, json_t *node, const struct gltf_pla
 static status place_mesh(struct gltf *g, const struct gltf_mesh *mesh, const char *name,
                          const struct gltf_place *at, const struct transform_d *to_world)
 {
-    struct scene_instance instance = {.name = name, .to_world = transform_from_d(to_world)};
-    const struct transform_d kept = transform_to_d(&instance.to_world);
-    struct transform_d inverse;
+    struct scene_instance instance;
+    struct transform_d kept, inverse;
 
+    scene_instance_default(&instance);
+    instance.name = name;
+    instance.to_world = transform_from_d(to_world);
+    kept = transform_to_d(&instance.to_world);
     if (!transform_is_finite(&instance.to_world) || !transform_d_invert(&kept, &inverse)) {
         builder_warn(g->b, "flattened",
                      "nodes[%zu] \"%.80s\": its transform flattens it to nothing: left out",
@@ -184,11 +187,13 @@ static status add_light(struct gltf *g, json_t *node, size_t index,
                         const struct transform_d *to_world)
 {
     const struct gltf_place at = gltf_at("lights", index, "");
-    struct scene_light out = {0};
+    struct scene_light out;
     double color[3] = {1, 1, 1}, intensity = 1, range = 0, direction[3], length = 0;
     const char *type = "", *name = "";
     json_t *light;
 
+    scene_light_default(&out);
+    out.direction[2] = 0;
     TRY(gltf_row(g, g->lights, &at, &light));
     TRY(gltf_text(g, light, &at, "type", &type));
     TRY(gltf_text(g, light, &at, "name", &name));
@@ -264,9 +269,10 @@ static status add_camera(struct gltf *g, json_t *node, size_t index,
     const struct gltf_place at = gltf_at("cameras", index, "");
     const char *type = "", *name = "";
     json_t *camera, *lens = NULL;
-    struct scene_camera out = {0};
+    struct scene_camera out;
     double yfov = 0, xmag = 0, ymag = 0, aspect = 0;
 
+    scene_camera_default(&out);
     TRY(gltf_row(g, g->cameras, &at, &camera));
     TRY(gltf_text(g, camera, &at, "type", &type));
     TRY(gltf_text(g, camera, &at, "name", &name));

@@ -53,7 +53,7 @@ static int alpha_acts(const struct surface *s, int *invisible)
 }
 
 /* Lobes of a reflecting surface, by how rough it can be. */
-static uint32_t by_roughness(const struct scene_material *m, uint32_t smooth, uint32_t rough)
+static uint64_t by_roughness(const struct scene_material *m, uint64_t smooth, uint64_t rough)
 {
     if (m->roughness < EFFECT_MIRROR_ROUGHNESS)
         return smooth;
@@ -68,12 +68,12 @@ static int transmits(const struct scene_material *m)
     return !m->unlit && m->transmission > 0 && !all_metal;
 }
 
-static uint32_t lobes(const struct scene_material *m)
+static uint64_t lobes(const struct scene_material *m)
 {
     int textured_metal = has(&m->metallic_roughness_texture);
     int some_dielectric = m->metallic < 1 || textured_metal;
     int all_transmission = m->transmission == 1 && !has(&m->transmission_texture);
-    uint32_t set = 0;
+    uint64_t set = 0;
 
     if (m->metallic > 0)
         set |= by_roughness(m, EFFECT_MIRROR, EFFECT_GLOSSY);
@@ -103,14 +103,14 @@ static uint32_t lobes(const struct scene_material *m)
 }
 
 /* Textures that can change what the lobes do. */
-static uint32_t textures(const struct surface *s, uint32_t set, int alpha)
+static uint64_t textures(const struct surface *s, uint64_t set, int alpha)
 {
     const struct scene_material *m = s->m;
     int some_dielectric = m->metallic < 1 || has(&m->metallic_roughness_texture);
     int colored = !is_black(m->base_color);
     int lit = !m->unlit;
     int any = 0;
-    uint32_t found = 0;
+    uint64_t found = 0;
 
     any |= has(&m->base_color_texture) && (colored || alpha);
     any |= lit && has(&m->metallic_roughness_texture) && (m->metallic > 0 || m->roughness > 0);
@@ -153,13 +153,13 @@ static int camera_may_be_inside(const struct scene *scene, const struct scene_ca
     return 1;
 }
 
-static uint32_t instance_effects(const struct scene *scene, const struct scene_camera *camera,
+static uint64_t instance_effects(const struct scene *scene, const struct scene_camera *camera,
                                  uint32_t index)
 {
     const struct scene_instance *instance = &scene->instances[index];
     const struct surface s = {&scene->materials[instance->material],
                               &scene->meshes[instance->mesh]};
-    uint32_t set = 0;
+    uint64_t set = 0;
     int invisible, alpha;
 
     alpha = alpha_acts(&s, &invisible);
@@ -201,11 +201,11 @@ static int any_mesh_repeats(const struct scene *scene)
     return repeats;
 }
 
-uint32_t scene_effects(const struct scene *scene, uint32_t camera)
+uint64_t scene_effects(const struct scene *scene, uint32_t camera)
 {
     const struct scene_camera *eye = &scene->cameras[camera < scene->camera_count ? camera : 0];
     const struct scene_environment *env = &scene->environment;
-    uint32_t set = 0;
+    uint64_t set = 0;
 
     for (uint32_t i = 0; i < scene->instance_count; i++)
         set |= instance_effects(scene, eye, i);

@@ -11,6 +11,8 @@ void scene_init(struct scene *scene)
     memset(scene, 0, sizeof *scene);
     arena_init(&scene->arena);
     scene->name = "";
+    scene->fog = -1;
+    scene_environment_default(&scene->environment);
 }
 
 void scene_release(struct scene *scene)
@@ -40,9 +42,63 @@ void scene_material_default(struct scene_material *material)
     for (int i = 0; i < 3; i++)
         material->specular_color[i] = material->attenuation_color[i] = 1;
     material->attenuation_distance = INFINITY;
+    material->clearcoat_ior = 1.5f;
+    material->clearcoat_normal_scale = 1;
+    material->iridescence_ior = 1.3f;
+    material->iridescence_thickness_min_nm = 100;
+    material->iridescence_thickness_max_nm = 400;
+    for (int i = 0; i < 3; i++)
+        material->diffuse_transmission_color[i] = material->conductor_eta[i] = 1;
+    material->medium = -1;
     material->base_color_texture = material->metallic_roughness_texture =
         material->normal_texture = material->emission_texture = material->specular_texture =
             material->specular_color_texture = material->transmission_texture = slot_default();
+    material->anisotropy_texture = material->clearcoat_texture =
+        material->clearcoat_roughness_texture = material->clearcoat_normal_texture =
+            material->sheen_color_texture = material->sheen_roughness_texture = slot_default();
+    material->iridescence_texture = material->iridescence_thickness_texture =
+        material->diffuse_transmission_texture = material->diffuse_transmission_color_texture =
+            material->mix_texture = slot_default();
+}
+
+static const struct transform identity = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+
+void scene_instance_default(struct scene_instance *instance)
+{
+    memset(instance, 0, sizeof *instance);
+    instance->name = "";
+    instance->to_world = identity;
+    instance->node = instance->skin = -1;
+}
+
+void scene_light_default(struct scene_light *light)
+{
+    memset(light, 0, sizeof *light);
+    light->name = "";
+    light->direction[2] = -1;
+    light->outer_cone_rad = 0.78539816f;
+    light->image = light->node = -1;
+    light->to_world = identity;
+    light->projection_yfov_rad = 0.78539816f;
+    light->projection_aspect = 1;
+}
+
+void scene_camera_default(struct scene_camera *camera)
+{
+    memset(camera, 0, sizeof *camera);
+    camera->name = "";
+    camera->to_world = identity;
+    camera->yfov_rad = 0.78539816f;
+    camera->xmag = camera->ymag = 1;
+    camera->node = -1;
+}
+
+void scene_environment_default(struct scene_environment *environment)
+{
+    memset(environment, 0, sizeof *environment);
+    environment->image.name = "";
+    for (int i = 0; i < 3; i++)
+        environment->radiance[i] = environment->to_map[i][i] = 1;
 }
 
 void scene_mesh_layout(const struct scene_mesh *mesh, struct scene_mesh_layout *out)
@@ -50,7 +106,7 @@ void scene_mesh_layout(const struct scene_mesh *mesh, struct scene_mesh_layout *
     size_t at = 0;
     size_t vertices = mesh->vertex_count;
 
-    /* At most 2^32 vertices of 76 bytes and 2^32 triangles of 12: no overflow in 64 bits. */
+    /* At most 2^32 vertices of 100 bytes and 2^10 morph targets of 24, and 2^32 triangles of 12: no overflow in 64 bits. */
     _Static_assert(sizeof(size_t) == 8, "mesh blobs need a 64-bit size_t");
 #define LAYOUT_ARRAY(field, present, floats)                                \
     out->field = (present) ? at : SIZE_MAX;                                 \
@@ -62,6 +118,10 @@ void scene_mesh_layout(const struct scene_mesh *mesh, struct scene_mesh_layout *
     LAYOUT_ARRAY(uv0, mesh->arrays & MESH_UV0, 2)
     LAYOUT_ARRAY(uv1, mesh->arrays & MESH_UV1, 2)
     LAYOUT_ARRAY(colors, mesh->arrays & MESH_COLORS, 4)
+    LAYOUT_ARRAY(skin, mesh->arrays & MESH_SKIN, sizeof(struct mesh_influence) / sizeof(float))
+    out->morph_stride = vertices * (mesh->arrays & MESH_NORMALS ? 6 : 3) * sizeof(float);
+    LAYOUT_ARRAY(morphs, mesh->morph_count > 0,
+                 (size_t)mesh->morph_count * (mesh->arrays & MESH_NORMALS ? 6 : 3))
 #undef LAYOUT_ARRAY
     out->indices = at;
     at += (size_t)mesh->triangle_count * 3 * sizeof(uint32_t);

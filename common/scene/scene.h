@@ -28,10 +28,19 @@ enum {
     SCENE_IMAGES_MAX = 1 << 16,
     SCENE_LIGHTS_MAX = 1 << 20,
     SCENE_CAMERAS_MAX = 1 << 12,
+    SCENE_NODES_MAX = 1 << 22,
+    SCENE_CHANNELS_MAX = 1 << 20,   /* animation channels */
+    SCENE_KEYS_MAX = 1 << 22,       /* keys of one channel */
+    SCENE_SKINS_MAX = 1 << 16,
+    SCENE_JOINTS_MAX = 1 << 16,     /* of one skin */
+    SCENE_MORPHS_MAX = 1 << 10,     /* morph targets of one mesh */
+    SCENE_MEDIA_MAX = 1 << 12,
+    SCENE_PORTALS_MAX = 1 << 8,
+    SCENE_GRID_SIDE_MAX = 1 << 12,  /* cells along one side of a medium's grid */
     SCENE_NAME_MAX = 255,
     SCENE_TRIANGLES_MAX = 1 << 28, /* in one mesh */
     SCENE_MESH_PADDING_BYTES = 16, /* zeros at the end of a mesh blob */
-    SCENE_WIRE_VERSION = 1,
+    SCENE_WIRE_VERSION = 2,
     SCENE_WIRE_BYTES_MAX = 1 << 30,    /* of a packed scene */
     SCENE_ELEMENT_BYTES_MAX = 1 << 12, /* of one mesh, material, ... in its packed form */
 };
@@ -52,19 +61,29 @@ enum scene_mesh_arrays {
     MESH_UV0 = 1 << 2,      /* float[2] */
     MESH_UV1 = 1 << 3,      /* float[2] */
     MESH_COLORS = 1 << 4,   /* float[4] linear RGBA */
-    MESH_ARRAYS_ALL = 31,
+    MESH_SKIN = 1 << 5,     /* struct mesh_influence: joints of the instance's skin */
+    MESH_ARRAYS_ALL = 63,
+};
+
+/* What moves one vertex of a skinned mesh; weights >= 0 that add up to 1 (to rounding). */
+struct mesh_influence {
+    float weight[4];
+    uint16_t joint[4];      /* index into the skin's joints */
 };
 
 /* A triangle mesh. Its blob holds, little-endian and without gaps, in this order:
  * positions float[3][vertices], then each array of `arrays` in the order of the enum,
- * [vertices] each, then indices uint32[3][triangles], then 16 zero bytes (so that SIMD
- * loads of the last element stay inside). See scene_mesh_layout(). */
+ * [vertices] each, then for each morph target its position offsets float[3][vertices] and, if
+ * the mesh has normals, its normal offsets float[3][vertices], then indices
+ * uint32[3][triangles], then 16 zero bytes (so that SIMD loads of the last element stay
+ * inside). See scene_mesh_layout(). A joint index is checked when the mesh is deformed. */
 struct scene_mesh {
     const char *name;
     struct scene_blob blob;
     uint32_t vertex_count;
     uint32_t triangle_count;
     uint32_t arrays;            /* enum scene_mesh_arrays */
+    uint32_t morph_count;       /* morph targets */
     float bounds_min[3], bounds_max[3];
     int closed;                 /* watertight and wound outwards: no ray from outside can meet a
                                    back face first, so culling an opaque surface changes nothing */
@@ -72,22 +91,32 @@ struct scene_mesh {
 
 /* Byte offsets of a mesh blob's arrays; SIZE_MAX where absent. */
 struct scene_mesh_layout {
-    size_t positions, normals, tangents, uv0, uv1, colors, indices, total_bytes;
+    size_t positions, normals, tangents, uv0, uv1, colors, skin, morphs, indices, total_bytes;
+    size_t morph_stride; /* bytes from one morph target to the next */
 };
 void scene_mesh_layout(const struct scene_mesh *mesh, struct scene_mesh_layout *out);
 
-/* An image file: PNG, JPEG, Radiance HDR or OpenEXR, recognised by its first bytes. */
+/* An image file: PNG, JPEG, WebP, Radiance HDR or OpenEXR, recognised by its first bytes. */
 struct scene_image {
     const char *name;
     struct scene_blob blob;
 };
 
-enum scene_wrap { WRAP_REPEAT, WRAP_CLAMP, WRAP_MIRROR, WRAP_COUNT };
+enum scene_wrap { WRAP_REPEAT, WRAP_CLAMP, WRAP_MIRROR, WRAP_BLACK, WRAP_COUNT };
+
+/* How the colour channels of an 8 or 16 bit image are encoded. */
+enum scene_encoding {
+    ENCODING_BY_SLOT, /* sRGB in slots that hold colours, linear in the others (glTF) */
+    ENCODING_LINEAR,
+    ENCODING_SRGB,
+    ENCODING_COUNT
+};
 
 struct scene_texture {
     uint32_t image;
     enum scene_wrap wrap_u, wrap_v;
-    int nearest;            /* nearest texel instead of bilinear */
+    int nearest;            /* nearest texel instead of filtering */
+    enum scene_encoding encoding;
 };
 
 /* A material's reference to a texture. uv' = (m00 u + m01 v + m02, m10 u + m11 v + m12);
@@ -100,18 +129,28 @@ struct scene_texture_slot {
 
 enum scene_alpha_mode { ALPHA_OPAQUE, ALPHA_MASK, ALPHA_BLEND, ALPHA_COUNT };
 
+enum scene_material_kind {
+    MATERIAL_SURFACE,   /* glTF 2.0's metallic-roughness model and its extensions */
+    MATERIAL_CONDUCTOR, /* a metal by its complex index; roughness, anisotropy and clearcoat act */
+    MATERIAL_INTERFACE, /* no surface at all: rays pass, it only bounds `medium` */
+    MATERIAL_MIX,       /* at every point one of two others, by chance */
+    MATERIAL_KIND_COUNT
+};
+
 /* What a surface is made of. Every texture multiplies its factor, so a factor of 0 is 0
- * whatever the texture. A normal texture acts only on meshes with MESH_TANGENTS.
- * The model: glTF 2.0's metallic-roughness model with the extensions
- * specular, ior, transmission, volume (refraction and absorption), emissive_strength and
- * unlit. roughness is perceptual: GGX alpha = roughness^2. */
+ * whatever the texture. Normal textures and anisotropy act only on meshes with MESH_TANGENTS.
+ * The model: glTF 2.0's metallic-roughness model with the extensions anisotropy, clearcoat,
+ * diffuse_transmission, dispersion, emissive_strength, ior, iridescence, sheen, specular,
+ * transmission, unlit and volume. roughness is perceptual: GGX alpha = roughness^2.
+ * scene_material_default() switches every extension off. */
 struct scene_material {
     const char *name;
+    enum scene_material_kind kind;
     int unlit;                              /* emits base_color, reflects nothing */
     int double_sided;                       /* 0: back faces are invisible to every ray */
     enum scene_alpha_mode alpha_mode;
     float alpha_cutoff;
-    float base_color[4];                    /* linear RGB 0..1, alpha */
+    float base_color[4];                    /* linear RGB 0..1, alpha; multiplies a conductor */
     struct scene_texture_slot base_color_texture;   /* sRGB, alpha linear */
     float metallic, roughness;              /* 0..1 */
     struct scene_texture_slot metallic_roughness_texture; /* G roughness, B metallic */
@@ -129,6 +168,44 @@ struct scene_material {
     int refractive;                         /* 1: bounds a volume and refracts; 0: thin wall */
     float attenuation_color[3];             /* transmittance after attenuation_distance */
     float attenuation_distance;             /* metres; INFINITY: clear */
+
+    float anisotropy;                       /* strength 0..1: alpha along the direction becomes
+                                               mix(alpha, 1, strength^2) */
+    float anisotropy_rotation_rad;          /* of the direction, counter-clockwise from the tangent */
+    struct scene_texture_slot anisotropy_texture;   /* RG direction * 2 - 1, B strength */
+    float clearcoat;                        /* weight 0..1 */
+    struct scene_texture_slot clearcoat_texture;    /* R */
+    float clearcoat_roughness;
+    struct scene_texture_slot clearcoat_roughness_texture; /* G */
+    float clearcoat_ior;                    /* >= 1; glTF: 1.5 */
+    float clearcoat_normal_scale;
+    struct scene_texture_slot clearcoat_normal_texture;
+    float sheen_color[3];                   /* 0..1; black: none */
+    struct scene_texture_slot sheen_color_texture;  /* sRGB */
+    float sheen_roughness;                  /* 0..1 */
+    struct scene_texture_slot sheen_roughness_texture; /* A */
+    float iridescence;                      /* weight of the thin film 0..1 */
+    struct scene_texture_slot iridescence_texture;  /* R */
+    float iridescence_ior;                  /* >= 1 */
+    float iridescence_thickness_min_nm, iridescence_thickness_max_nm; /* min may exceed max */
+    struct scene_texture_slot iridescence_thickness_texture; /* G: from min to max */
+    float diffuse_transmission;             /* share of the Lambert base that goes through, 0..1 */
+    struct scene_texture_slot diffuse_transmission_texture; /* A */
+    float diffuse_transmission_color[3];    /* 0..1 */
+    struct scene_texture_slot diffuse_transmission_color_texture; /* sRGB */
+    float dispersion;                       /* 20 / Abbe number; 0: none */
+
+    float conductor_eta[3], conductor_k[3]; /* complex index of refraction at R, G, B; eta > 0 */
+    float base_interreflection;             /* 0..<1: light that the coat throws back at its base:
+                                               base c becomes c (1 - K) / (1 - K c) (pbrt's coats) */
+    int thin_slab;                          /* thin wall: count all reflections between its two
+                                               sides, R' = 2 R / (1 + R) (pbrt's thin glass) */
+    int priority;                           /* of a refractive volume that overlaps another: the
+                                               higher one is there (Schmidt & Budge 2002) */
+    int32_t medium;                         /* what fills the volume, -1: nothing that scatters */
+    uint32_t mix_material[2];               /* MATERIAL_MIX: both lower than its own index */
+    float mix_amount;                       /* 0..1: share of the second */
+    struct scene_texture_slot mix_texture;  /* R: multiplies it */
 };
 
 /* One mesh with one material somewhere in the world. */
@@ -139,9 +216,73 @@ struct scene_instance {
     struct transform to_world;  /* invertible; a negative determinant mirrors the mesh: the
                                    renderer flips the winding, and thus the side that counts as
                                    front, by its sign (the glTF rule) */
+    int32_t node;               /* >= 0: to_world follows this node (to_world is its value at
+                                   time 0); -1: it stands still */
+    int32_t skin;               /* of a mesh with MESH_SKIN, -1: none. A skinned vertex is in
+                                   world space after its joints: to_world is then not used */
 };
 
-enum scene_light_kind { LIGHT_POINT, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_KIND_COUNT };
+/* Nodes exist only for what moves, and for its parents. */
+struct scene_node {
+    int32_t parent;             /* lower than its own index, -1: the world */
+    int has_matrix;             /* `matrix` stands for translation, rotation and scale */
+    struct transform matrix;
+    float translation[3], rotation[4] /* unit quaternion x y z w */, scale[3];
+    float *weights;             /* [weight_count] of the mesh's morph targets */
+    uint32_t weight_count;
+};
+
+enum scene_channel_path { PATH_TRANSLATION, PATH_ROTATION, PATH_SCALE, PATH_WEIGHTS, PATH_COUNT };
+enum scene_interpolation { INTERPOLATE_STEP, INTERPOLATE_LINEAR, INTERPOLATE_CUBIC, INTERPOLATE_COUNT };
+
+/* One animated property of one node: glTF's channel and sampler in one. Before the first key
+ * and after the last the value stands. Rotations are interpolated along the great circle. */
+struct scene_channel {
+    uint32_t node;
+    enum scene_channel_path path;
+    enum scene_interpolation interpolation;
+    uint32_t key_count;         /* >= 1 */
+    uint32_t components;        /* 3, 4 (rotation) or the node's weight_count */
+    float *times;               /* [key_count] seconds, strictly ascending */
+    float *values;              /* [key_count][components]; INTERPOLATE_CUBIC:
+                                   [key_count][3][components] in-tangent, value, out-tangent */
+};
+
+struct scene_skin {
+    uint32_t joint_count;
+    uint32_t *joints;                   /* [joint_count] nodes */
+    struct transform *inverse_bind;     /* [joint_count] mesh space to joint space */
+};
+
+/* A participating medium. Coefficients are per metre of world length, RGB, for density 1. */
+struct scene_medium {
+    const char *name;
+    float absorption[3], scattering[3];
+    float emission[3];          /* radiance per metre at density 1 (absorption included) */
+    float g;                    /* Henyey-Greenstein, -1 < g < 1: forward positive */
+    int has_grid;               /* density varies: the grid's, trilinear, 0 outside its box */
+    struct scene_blob grid;     /* float32 little-endian [size z][size y][size x], cell centres */
+    uint32_t grid_size[3];      /* cells along x, y, z */
+    struct transform grid_to_world; /* from the unit cube */
+};
+
+/* A window through which the environment shines in: a parallelogram corner + s e1 + t e2. */
+struct scene_portal {
+    float corner[3], edge1[3], edge2[3];
+};
+
+enum scene_light_kind {
+    LIGHT_POINT,
+    LIGHT_SPOT,
+    LIGHT_DIRECTIONAL,
+    LIGHT_GONIOMETRIC, /* a point light times a lat-long image over its sphere of directions */
+    LIGHT_PROJECTION,  /* a slide projector: a point light times an image in its frustum */
+    LIGHT_KIND_COUNT
+};
+
+/* How a spot light falls off between its cones. */
+enum scene_falloff { FALLOFF_GLTF /* square of the linear ramp of the cosine */,
+                     FALLOFF_SMOOTHSTEP /* of the cosine (pbrt) */, FALLOFF_COUNT };
 
 struct scene_light {
     const char *name;
@@ -151,9 +292,21 @@ struct scene_light {
     float intensity[3];         /* RGB: W/sr (point, spot), W/m^2 (directional) */
     float range;                /* metres, 0: unlimited */
     float inner_cone_rad, outer_cone_rad;
+    enum scene_falloff falloff;
+    int32_t image;              /* goniometric, projection: index into images, -1: white */
+    struct transform to_world;  /* goniometric, projection: orthonormal frame; looks along -Z, the
+                                   image's up is +Y. Goniometric: lat-long as the environment */
+    float projection_yfov_rad;
+    float projection_aspect;    /* width / height of the slide */
+    int32_t node;               /* >= 0: it shines from this node along its -Z */
 };
 
-enum scene_camera_kind { CAMERA_PERSPECTIVE, CAMERA_ORTHOGRAPHIC, CAMERA_KIND_COUNT };
+enum scene_camera_kind {
+    CAMERA_PERSPECTIVE,
+    CAMERA_ORTHOGRAPHIC,
+    CAMERA_PANORAMA, /* lat-long over the whole sphere: -Z in the middle, +Y at the top */
+    CAMERA_KIND_COUNT
+};
 
 struct scene_camera {
     const char *name;
@@ -162,6 +315,16 @@ struct scene_camera {
     float yfov_rad;             /* perspective: full vertical angle */
     float xmag, ymag;           /* orthographic: half width and half height, metres */
     float aspect;               /* width / height that the file asks for; 0: none */
+    float lens_radius;          /* metres; 0: pinhole */
+    float focus_distance;       /* metres along the axis to the plane that is sharp; > 0 if there is
+                                   a lens */
+    uint32_t blades;            /* of the aperture; below 3: round */
+    float blade_rotation_rad;
+    float shutter_open_s, shutter_close_s; /* relative to the frame's time; equal: the job's
+                                   settings decide */
+    float exposure_ev;          /* stops that bring the file's physical units to a middle exposure:
+                                   the client adds them to the job's when it is submitted */
+    int32_t node;               /* >= 0: to_world follows this node */
 };
 
 /* Lat-long map: row 0 is the zenith (+Y); with the map's own u = 0.5 + atan2(z, x)/(2 pi)
@@ -171,7 +334,10 @@ struct scene_environment {
     int present;
     struct scene_image image;   /* unused when `constant` */
     int constant;               /* the same radiance from everywhere */
-    float radiance[3];          /* for `constant` */
+    float radiance[3];          /* for `constant`; multiplies the map */
+    float to_map[3][3];         /* rotation from world to the map's axes, before the job's own */
+    uint32_t portal_count;
+    struct scene_portal *portals;
 };
 
 struct scene {
@@ -179,7 +345,7 @@ struct scene {
     const char *name;           /* every name: UTF-8 without control characters, at most
                                    SCENE_NAME_MAX bytes, never NULL */
     uint32_t mesh_count, image_count, texture_count, material_count, instance_count,
-        light_count, camera_count;
+        light_count, camera_count, node_count, channel_count, skin_count, medium_count;
     struct scene_mesh *meshes;
     struct scene_image *images;
     struct scene_texture *textures;
@@ -188,6 +354,11 @@ struct scene {
     struct scene_light *lights;
     struct scene_camera *cameras;  /* at least one: importers frame the scene if need be */
     struct scene_environment environment;
+    struct scene_node *nodes;
+    struct scene_channel *channels; /* sorted by node, then path; none twice */
+    struct scene_skin *skins;
+    struct scene_medium *media;
+    int32_t fog;                /* the medium that fills the scene's bounding sphere, -1: none */
 };
 
 void scene_init(struct scene *scene);
@@ -195,6 +366,11 @@ void scene_release(struct scene *scene);
 
 /* glTF's default material values (base colour 1, metallic 1, roughness 1, ior 1.5 ...). */
 void scene_material_default(struct scene_material *material);
+/* No references, everything optional absent: for tables that are filled in field by field. */
+void scene_instance_default(struct scene_instance *instance);
+void scene_light_default(struct scene_light *light);
+void scene_camera_default(struct scene_camera *camera);
+void scene_environment_default(struct scene_environment *environment);
 
 /* Check every index, count, enum and number. ERR_INPUT names the table, the row and the
  * field. */

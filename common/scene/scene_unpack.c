@@ -214,6 +214,7 @@ static status take_instance(struct reader *r, const ProtobufCMessage *message, u
     const Azulejo__Scene__Instance *m = (const Azulejo__Scene__Instance *)message;
     struct scene_instance *to = &r->scene->instances[row];
 
+    scene_instance_default(to);
     TAKE(take_name(r, m->name, &to->name));
     to->mesh = m->mesh;
     to->material = m->material;
@@ -226,6 +227,7 @@ static status take_light(struct reader *r, const ProtobufCMessage *message, uint
     const Azulejo__Scene__Light *m = (const Azulejo__Scene__Light *)message;
     struct scene_light *to = &r->scene->lights[row];
 
+    scene_light_default(to);
     TAKE(take_name(r, m->name, &to->name));
     if (m->kind >= LIGHT_KIND_COUNT)
         return damaged(r, "a light's kind is unknown");
@@ -244,6 +246,7 @@ static status take_camera(struct reader *r, const ProtobufCMessage *message, uin
     const Azulejo__Scene__Camera *m = (const Azulejo__Scene__Camera *)message;
     struct scene_camera *to = &r->scene->cameras[row];
 
+    scene_camera_default(to);
     TAKE(take_name(r, m->name, &to->name));
     if (m->kind >= CAMERA_KIND_COUNT)
         return damaged(r, "a camera's kind is unknown");

@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "common/scene/effects.h"
+
 static const char *const isa_names[ISA_COUNT] = {"sse2", "avx2", "avx512"};
 static const char *const env_sampling_names[ENV_SAMPLING_COUNT] = {"importance", "uniform", "bsdf"};
 
@@ -53,6 +55,47 @@ int env_sampling_parse(const char *name)
     return name_find(env_sampling_names, ENV_SAMPLING_COUNT, name);
 }
 
+static const char *const aov_names[AOV_COUNT] = {
+#define AOV_NAME(name, text, channels) text,
+    AOV_MAP(AOV_NAME)
+#undef AOV_NAME
+};
+static const uint8_t aov_channel_counts[AOV_COUNT] = {
+#define AOV_CHANNELS(name, text, channels) channels,
+    AOV_MAP(AOV_CHANNELS)
+#undef AOV_CHANNELS
+};
+
+const char *aov_name(enum aov aov)
+{
+    return (unsigned)aov < AOV_COUNT ? aov_names[aov] : "unknown";
+}
+
+int aov_parse(const char *name)
+{
+    return name_find(aov_names, AOV_COUNT, name);
+}
+
+uint32_t aov_channels(enum aov aov)
+{
+    return (unsigned)aov < AOV_COUNT ? aov_channel_counts[aov] : 0;
+}
+
+uint32_t aov_floats(uint32_t mask)
+{
+    uint32_t floats = 0;
+
+    for (int i = 0; i < AOV_COUNT; i++)
+        if (mask >> i & 1)
+            floats += aov_channel_counts[i];
+    return floats;
+}
+
+int aov_is_point(enum aov aov)
+{
+    return aov != AOV_NORMAL && aov != AOV_ALBEDO;
+}
+
 void render_settings_default(struct render_settings *s)
 {
     memset(s, 0, sizeof *s);
@@ -63,6 +106,8 @@ void render_settings_default(struct render_settings *s)
     s->env_strength = 1;
     s->env_sampling = ENV_SAMPLING_IMPORTANCE;
     s->isa = ISA_AVX2;
+    s->fps = 24;
+    s->lens_radius = -1;
 }
 
 status render_settings_validate(const struct render_settings *s, uint32_t camera_count,
@@ -89,5 +134,17 @@ status render_settings_validate(const struct render_settings *s, uint32_t camera
         return error_set(err, STATUS_ERR_INPUT, "environment strength must be finite and >= 0");
     if ((unsigned)s->env_sampling >= ENV_SAMPLING_COUNT || (unsigned)s->isa >= ISA_COUNT)
         return error_set(err, STATUS_ERR_INPUT, "unknown environment sampling or instruction set");
+    if (!(s->fps >= 1e-3f && s->fps <= 1e5f))
+        return error_set(err, STATUS_ERR_INPUT, "%g frames a second: must be 0.001..100000",
+                         (double)s->fps);
+    if (!(s->shutter >= 0 && s->shutter <= 1))
+        return error_set(err, STATUS_ERR_INPUT, "shutter %g: must be 0..1 of a frame's time",
+                         (double)s->shutter);
+    if (!(s->lens_radius < 1e6f) || !(s->focus_distance >= 0 && s->focus_distance < 1e12f))
+        return error_set(err, STATUS_ERR_INPUT, "lens radius or focus distance out of range");
+    if (s->without & ~EFFECTS_ALL)
+        return error_set(err, STATUS_ERR_INPUT, "unknown effects to leave out");
+    if (s->aovs >> AOV_COUNT)
+        return error_set(err, STATUS_ERR_INPUT, "unknown output variables (AOVs)");
     return STATUS_OK;
 }

@@ -34,6 +34,35 @@ enum env_sampling {
 const char *env_sampling_name(enum env_sampling sampling); /* importance, uniform, bsdf */
 int env_sampling_parse(const char *name);
 
+/* Arbitrary output variables: what a frame holds beside its radiance, only when asked for.
+ * X(name, text, channels sent by workers). Point-sampled ones are those of sample 0. */
+#define AOV_MAP(X)                                                                         \
+    X(DEPTH, "depth", 1)        /* metres along the ray's axis; point; 0: nothing hit */   \
+    X(NORMAL, "normal", 3)      /* world shading normal, towards the camera; mean */       \
+    X(ALBEDO, "albedo", 3)      /* reflectance, delta paths not followed; mean */          \
+    X(POSITION, "position", 3)  /* world, metres; point */                                 \
+    X(UV, "uv", 2)              /* first set; point */                                     \
+    X(OBJECT_ID, "object-id", 1)     /* instance + 1; point; 0: nothing hit */             \
+    X(MATERIAL_ID, "material-id", 1) /* material + 1; point */                             \
+    X(MOTION, "motion", 2)      /* pixels from shutter opening to closing, x right, y down; point */ \
+    X(SAMPLES, "samples", 0)    /* samples a pixel; made by the coordinator */             \
+    X(ERROR, "error", 0)        /* standard error of the mean, RGB; made by the coordinator */
+
+enum aov {
+#define AOV_ENUM(name, text, channels) AOV_##name,
+    AOV_MAP(AOV_ENUM)
+#undef AOV_ENUM
+        AOV_COUNT
+};
+enum { AOV_FLOATS_MAX = 16 /* of one pixel, all that workers send */ };
+const char *aov_name(enum aov aov);
+int aov_parse(const char *name);                 /* -1: unknown */
+/* Floats that a worker sends for one pixel; `mask` has bit 1 << enum aov. */
+uint32_t aov_floats(uint32_t mask);
+/* Does only sample 0 count (pass 0 alone carries it)? */
+int aov_is_point(enum aov aov);
+uint32_t aov_channels(enum aov aov);             /* that workers send */
+
 struct render_settings {
     uint32_t width, height;     /* pixels */
     uint32_t spp;               /* samples a pixel, 1..SETTINGS_SPP_MAX */
@@ -45,6 +74,13 @@ struct render_settings {
     float env_strength;         /* multiplies the environment's radiance, >= 0 */
     enum env_sampling env_sampling;
     enum isa isa;
+    float fps;                  /* frames a second: frame f is at f / fps seconds */
+    float shutter;              /* share of a frame's time that the shutter is open, 0..1, from the
+                                   frame's time on; 0: the camera's own, or no motion blur */
+    float lens_radius;          /* metres; negative: the camera's own, 0: pinhole */
+    float focus_distance;       /* metres; 0: the camera's own */
+    uint64_t without;           /* effects to leave out (common/scene/effects.h) */
+    uint32_t aovs;              /* bits 1 << enum aov */
 };
 
 void render_settings_default(struct render_settings *s);

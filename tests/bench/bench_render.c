@@ -133,7 +133,7 @@ int main(int argc, char **argv)
     b.settings.max_depth = (uint32_t)depth;
     b.settings.env_sampling = (enum env_sampling)env_sampling_parse(sampling);
     b.settings.isa = (enum isa)isa_parse(isa);
-    if (render_scene_new(&scene, &import.scene, &b.settings,
+    if (render_scene_new(&scene, &import.scene, &b.settings, 0,
                          (struct blob_source){find_blob, &import}, &err) != STATUS_OK)
         die(&err);
     render_scene_info(scene, &info);

@@ -100,7 +100,7 @@ int main(int argc, char **argv)
     s = import_scene(argv[1], &options, &import, &err);
     for (int k = 0; k < 2 && s == STATUS_OK; k++) {
         settings.isa = k ? ISA_AVX2 : ISA_SSE2;
-        s = render_scene_new(&scenes[k], &import.scene, &settings,
+        s = render_scene_new(&scenes[k], &import.scene, &settings, 0,
                              (struct blob_source){find_blob, &import}, &err);
     }
     if (s != STATUS_OK) {

@@ -27,7 +27,10 @@ static int sample(void *user, const float u[3], struct vec3 *direction)
     const struct view *view = user;
     struct light_sample light;
 
-    if (!emitters_sample(view->scene, view->p, u[0], u[1], u[2], &light))
+    const struct light_query query = {view->p, {0, 0, 0}, 0};
+
+    (void)u[2];
+    if (!emitters_sample(view->scene, &query, u[0], u[1], &light))
         return 0;
     *direction = light.direction;
     return 1;
@@ -39,17 +42,17 @@ static double density(void *user, struct vec3 direction)
     const struct view *view = user;
     const struct render_scene *scene = view->scene;
     const struct emitters *e = &scene->emitters;
+    const struct light_query query = {view->p, {0, 0, 0}, 0};
     double sum = 0;
 
     if (e->has_environment)
-        sum = (double)environment_pdf(scene->environment, direction) *
-              (double)emitters_environment_odds(e);
+        sum = (double)emitters_environment_pdf(scene, &query, direction);
     for (uint32_t i = 0; i < e->triangle_count; i++) {
         const struct world_instance *instance = &scene->instances[e->triangle_instance[i]];
         struct vec3 c[3], e1, e2, n, s, q, d = direction;
         double det, u, v, t, length;
 
-        world_triangle(scene, instance, e->triangle_index[i], c);
+        world_triangle(scene, instance, e->triangle_index[i], 0, c);
         e1 = vec3_sub(c[1], c[0]);
         e2 = vec3_sub(c[2], c[0]);
         n = vec3_cross(e1, e2);
@@ -68,7 +71,7 @@ static double density(void *user, struct vec3 direction)
         if ((det > 0) == instance->flipped &&
             !scene->materials[instance->material].m.double_sided)
             continue; /* its back, which shines nowhere */
-        sum += (double)emitters_triangle_pdf(e, i, (float)(t * t), (float)(fabs(det) / length),
+        sum += (double)emitters_triangle_pdf(scene, &query, i, (float)(t * t), (float)(fabs(det) / length),
                                              (float)(0.5 * length));
     }
     return sum;

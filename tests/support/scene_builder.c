@@ -151,6 +151,7 @@ struct scene_instance *builder_place(struct scene_builder *b, uint32_t mesh, uin
 {
     struct scene_instance *i = &b->scene.instances[b->scene.instance_count++];
 
+    scene_instance_default(i);
     i->name = "instance";
     i->mesh = mesh;
     i->material = material;
@@ -164,6 +165,8 @@ struct scene_light *builder_light(struct scene_builder *b, enum scene_light_kind
 {
     struct scene_light *l = &b->scene.lights[b->scene.light_count++];
 
+    scene_light_default(l);
+    l->direction[2] = 0;
     l->name = "light";
     l->kind = kind;
     l->direction[1] = -1;
@@ -176,6 +179,7 @@ void builder_camera(struct scene_builder *b, struct vec3 eye, struct vec3 target
     struct scene_camera *c = &b->scene.cameras[b->scene.camera_count++];
     struct vec3 z = vec3_normalize(vec3_sub(eye, target)), up = {0, 1, 0}, x, y;
 
+    scene_camera_default(c);
     if (fabsf(z.y) > 0.999f)
         up = vec3_make(0, 0, -1);
     x = vec3_normalize(vec3_cross(up, z));
@@ -240,7 +244,7 @@ struct render_scene *builder_build(struct scene_builder *b, const struct render_
 
     if (scene_validate(&b->scene, &err) != STATUS_OK)
         die("validate", &err);
-    if (render_scene_new(&out, &b->scene, settings, builder_source(b), &err) != STATUS_OK)
+    if (render_scene_new(&out, &b->scene, settings, 0, builder_source(b), &err) != STATUS_OK)
         die("build", &err);
     return out;
 }

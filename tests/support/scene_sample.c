@@ -98,7 +98,9 @@ static void fill_lights(struct scene *s)
                                             .intensity = {10, 20, 30},
                                             .range = 5,
                                             .inner_cone_rad = 0.25f,
-                                            .outer_cone_rad = 0.5f};
+                                            .outer_cone_rad = 0.5f,
+                                            .image = -1,
+                                            .node = -1};
 }
 
 static void fill_cameras(struct scene *s)
@@ -111,12 +113,14 @@ static void fill_cameras(struct scene *s)
                                           .kind = CAMERA_PERSPECTIVE,
                                           .to_world = view,
                                           .yfov_rad = 0.75f,
-                                          .aspect = 1.5f};
+                                          .aspect = 1.5f,
+                                          .node = -1};
     s->cameras[1] = (struct scene_camera){.name = "plan",
                                           .kind = CAMERA_ORTHOGRAPHIC,
                                           .to_world = view,
                                           .xmag = 2,
-                                          .ymag = 3};
+                                          .ymag = 3,
+                                          .node = -1};
 }
 
 void scene_sample(struct scene *s)
@@ -130,8 +134,8 @@ void scene_sample(struct scene *s)
     s->images[1] = (struct scene_image){"again.png", blob(3, 1234)};
     s->texture_count = 2;
     s->textures = checked(ARENA_ARRAY(&s->arena, struct scene_texture, 2));
-    s->textures[0] = (struct scene_texture){0, WRAP_CLAMP, WRAP_MIRROR, 1};
-    s->textures[1] = (struct scene_texture){1, WRAP_REPEAT, WRAP_REPEAT, 0};
+    s->textures[0] = (struct scene_texture){0, WRAP_CLAMP, WRAP_MIRROR, 1, ENCODING_BY_SLOT};
+    s->textures[1] = (struct scene_texture){1, WRAP_REPEAT, WRAP_REPEAT, 0, ENCODING_BY_SLOT};
     fill_materials(s);
     s->instance_count = 3;
     s->instances = checked(ARENA_ARRAY(&s->arena, struct scene_instance, 3));
@@ -140,6 +144,8 @@ void scene_sample(struct scene *s)
             .name = "thing",
             .mesh = i % 2,
             .material = i,
+            .node = -1,
+            .skin = -1,
             .to_world = {{{2, 0, 0, (float)i}, {0, -3, 0, 1}, {0, 0, 4, 2}}}};
     fill_lights(s);
     fill_cameras(s);

@@ -23,6 +23,7 @@ struct ray {
     struct vec3 origin;
     struct vec3 direction; /* unit */
     float t_max;           /* metres; INFINITY for none */
+    float time;            /* 0..1: from the shutter's opening to its closing */
 };
 
 /* What was met. Embree's own t, u, v are not handed on: they depend on the ISA; the caller

@@ -86,4 +86,5 @@ void camera_ray(const struct camera *camera, uint32_t x, uint32_t y, const struc
     ray->origin = transform_point(&camera->to_world, origin);
     ray->direction = vec3_normalize(transform_vector(&camera->to_world, direction));
     ray->t_max = INFINITY;
+    ray->time = 0;
 }

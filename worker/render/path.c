@@ -96,15 +96,13 @@ static struct vec3 direct_light(const struct render_scene *scene, const struct s
 {
     const struct vec3 black = {0, 0, 0};
     struct sample2 point = sampler_get(sampler, vertex_dimension + VERTEX_LIGHT_POINT);
-    float choice = scene->emitters.count > 1
-                       ? sampler_get(sampler, vertex_dimension + VERTEX_LIGHT_CHOICE).u
-                       : 0;
+    const struct light_query asker = {s->p, {0, 0, 0}, 0};
     struct light_sample light;
     struct vec3 wi, value;
     struct ray ray;
     float bsdf_density;
 
-    if (!emitters_sample(scene, s->p, choice, point.u, point.v, &light) ||
+    if (!emitters_sample(scene, &asker, point.u, point.v, &light) ||
         vec3_is_black(light.radiance))
         return black;
     wi = frame_to_local(&s->frame, light.direction);
@@ -135,8 +133,8 @@ static struct vec3 direct_light(const struct render_scene *scene, const struct s
 }
 
 /* Radiance of the environment along an escaped ray, weighted against light sampling. */
-static struct vec3 escaped(const struct render_scene *scene, struct vec3 direction, int from_delta,
-                           float bsdf_density)
+static struct vec3 escaped(const struct render_scene *scene, const struct light_query *asker,
+                           struct vec3 direction, int from_delta, float bsdf_density)
 {
     struct vec3 radiance;
     float density;
@@ -145,13 +143,12 @@ static struct vec3 escaped(const struct render_scene *scene, struct vec3 directi
         return vec3_make(0, 0, 0);
     if (from_delta || !scene->emitters.has_environment)
         return environment_radiance(scene->environment, direction);
-    radiance = environment_radiance_pdf(scene->environment, direction, &density);
-    density *= emitters_environment_odds(&scene->emitters);
+    radiance = emitters_environment(scene, asker, direction, &density);
     return vec3_scale(radiance, mis_weight(bsdf_density, density));
 }
 
 static struct vec3 emitted(const struct render_scene *scene, const struct surface *s,
-                           struct vec3 direction, int from_delta, float bsdf_density)
+                           const struct light_query *asker, struct vec3 direction, int from_delta, float bsdf_density)
 {
     const struct world_material *material = s->material;
     struct vec3 radiance;
@@ -164,7 +161,7 @@ static struct vec3 emitted(const struct render_scene *scene, const struct surfac
         return radiance;
     cosine = fabsf(vec3_dot(s->ng, direction));
     light_density =
-        emitters_triangle_pdf(&scene->emitters, (uint32_t)s->instance->light_base + s->triangle,
+        emitters_triangle_pdf(scene, asker, (uint32_t)s->instance->light_base + s->triangle,
                               s->t * s->t, cosine, s->area);
     return vec3_scale(radiance, mis_weight(bsdf_density, light_density));
 }
@@ -177,7 +174,7 @@ static struct vec3 unlit_radiance(const struct surface *s)
 
     if (s->material->base_color.image) {
         struct texel texel =
-            world_slot_lookup(&s->material->base_color, s->mesh, s->vertex, s->b1, s->b2, 1);
+            world_slot_lookup(&s->material->base_color, s->mesh, s->vertex, s->b1, s->b2, s->footprint, 1);
         color = vec3_mul(color, vec3_make(texel.r, texel.g, texel.b));
     }
     if (s->mesh->colors) {
@@ -206,6 +203,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
 {
     struct vec3 radiance = {0, 0, 0}, throughput = {1, 1, 1};
     struct path_query query = {sampler, 0};
+    struct light_query asker = {{0, 0, 0}, {0, 0, 0}, 0};
     float bsdf_density = 0, eta_scale = 1;
     int from_delta = 1; /* the camera samples like a delta lobe: nothing competes with it */
     uint32_t max_depth = scene->settings.max_depth;
@@ -223,7 +221,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
 
         query.ray_number++;
         if (!trace(scene, &ray, &query, &hit, stats)) {
-            radiance = vec3_add(radiance, vec3_mul(throughput, escaped(scene, ray.direction,
+            radiance = vec3_add(radiance, vec3_mul(throughput, escaped(scene, &asker, ray.direction,
                                                                        from_delta, bsdf_density)));
             break;
         }
@@ -235,7 +233,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             radiance = vec3_add(radiance, vec3_mul(throughput, unlit_radiance(&s)));
             break;
         }
-        radiance = vec3_add(radiance, vec3_mul(throughput, emitted(scene, &s, ray.direction,
+        radiance = vec3_add(radiance, vec3_mul(throughput, emitted(scene, &s, &asker, ray.direction,
                                                                    from_delta, bsdf_density)));
         if (depth >= max_depth)
             break;
@@ -272,6 +270,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
         }
         if (vec3_is_black(throughput))
             break;
+        asker.p = s.p;
         ray.origin = surface_ray_origin(&s, ray.direction);
         ray.t_max = INFINITY;
     }

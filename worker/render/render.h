@@ -39,19 +39,29 @@ struct render_scene_info {
     uint64_t build_ns;
 };
 
-/* ERR_INPUT: damaged or unfitting blobs, in words; ERR_UNSUPPORTED: this CPU lacks the
+/* The scene as it stands in `frame`; it can render every frame if nothing moves
+ * (scene_is_animated). ERR_INPUT: damaged or unfitting blobs, in words; ERR_UNSUPPORTED: this CPU lacks the
  * settings' instruction set; ERR_NO_MEMORY. `scene` may be released afterwards. */
 status render_scene_new(struct render_scene **out, const struct scene *scene,
-                        const struct render_settings *settings, struct blob_source blobs,
-                        struct error *err) MUST_CHECK;
+                        const struct render_settings *settings, uint32_t frame,
+                        struct blob_source blobs, struct error *err) MUST_CHECK;
 void render_scene_free(struct render_scene *scene);
 void render_scene_info(const struct render_scene *scene, struct render_scene_info *info);
 
 /* Render samples of pass `pass` of tile `tile` of frame `frame` into `sums`:
- * [REPLICATES][pixels of the tile, row-major][3] float32 sums of radiance (not means).
- * Returns how many floats were written (2 * 3 * pixels, <= TILE_FLOATS_MAX). Adds to *stats. */
+ * [REPLICATES][pixels of the tile, row-major][3] float32 sums of radiance (not means), then
+ * for each AOV of the settings, in the enum's order, [pixels][its channels]: sums for means;
+ * for point-sampled ones the value of sample 0, and 0 in all passes but the first.
+ * Returns how many floats were written, tile_floats(...) <= TILE_FLOATS_MAX. Adds to *stats. */
 size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t pass,
                    float *sums, struct render_stats *stats);
+
+/* Run the general kernel instead of the smallest that covers the scene: for the tests that
+ * show that both give the same bits, and for the benchmarks. */
+void render_force_general(int on);
+
+/* The kernel that renders the scene, "textured", and how many effects it holds. */
+const char *render_kernel_variant(const struct render_scene *scene);
 
 /* Time every Embree call from now on (costs a few percent); for the benchmarks. */
 void render_measure_trace(int on);

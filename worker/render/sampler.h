@@ -30,10 +30,10 @@ struct sampler {
 enum dimension {
     DIMENSION_PIXEL = 0,     /* position in the pixel (filter) */
     DIMENSION_LENS = 1,
-    DIMENSION_TIME = 2,
+    DIMENSION_TIME = 2,      /* u: when in the shutter, v: the wavelength */
     DIMENSION_VERTEX = 8,
-    VERTEX_LIGHT_POINT = 0,  /* where on the light */
-    VERTEX_LIGHT_CHOICE = 1, /* u: which light, v: spare */
+    VERTEX_LIGHT_POINT = 0,  /* which light, and where on it */
+    VERTEX_MEDIUM = 1,       /* u: free path, v: which material of a mix */
     VERTEX_BSDF = 2,         /* direction */
     VERTEX_LOBE = 3,         /* u: which lobe, v: Russian roulette */
     DIMENSIONS_PER_VERTEX = 4,

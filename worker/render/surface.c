@@ -1,5 +1,7 @@
 #include "worker/render/surface.h"
 
+#include <string.h>
+
 #include "worker/render/world.h"
 
 /* In units of 2^-24 of the largest coordinate in play. Chosen by the grazing-plane test of
@@ -46,11 +48,12 @@ static void corners_d(const struct world_instance *instance, const struct world_
 }
 
 void world_triangle(const struct render_scene *scene, const struct world_instance *instance,
-                    uint32_t triangle, struct vec3 corner[3])
+                    uint32_t triangle, float time, struct vec3 corner[3])
 {
     const struct world_mesh *mesh = &scene->meshes[instance->mesh];
     double c[3][3];
 
+    (void)time;
     corners_d(instance, mesh, world_vertices(mesh, triangle), c);
     for (int k = 0; k < 3; k++)
         corner[k] = vec3_make((float)c[k][0], (float)c[k][1], (float)c[k][2]);
@@ -78,6 +81,8 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     struct vec3 corner[3];
 
     s->instance = &scene->instances[hit->instance];
+    s->footprint = 0;
+    s->time = ray->time;
     s->material = &scene->materials[s->instance->material];
     s->mesh = &scene->meshes[s->instance->mesh];
     s->triangle = hit->triangle;
@@ -140,7 +145,7 @@ static struct vec3 mapped_normal(const struct surface *s, struct vec3 n)
 {
     const struct world_mesh *mesh = s->mesh;
     struct vec3 t = interpolate(mesh->tangents, 4, s->vertex, s->b1, s->b2), b;
-    struct texel texel = world_slot_lookup(&s->material->normal, mesh, s->vertex, s->b1, s->b2, 0);
+    struct texel texel = world_slot_lookup(&s->material->normal, mesh, s->vertex, s->b1, s->b2, s->footprint, 0);
     float scale = s->material->m.normal_scale;
     float handedness = mesh->tangents[4 * (size_t)s->vertex[0] + 3] < 0 ? -1.0f : 1.0f;
 
@@ -205,33 +210,34 @@ static void textured_params(const struct surface *s, struct bsdf_params *params)
     struct texel texel;
 
     if (material->base_color.image) {
-        texel = world_slot_lookup(&material->base_color, s->mesh, s->vertex, s->b1, s->b2, 1);
+        texel = world_slot_lookup(&material->base_color, s->mesh, s->vertex, s->b1, s->b2, s->footprint, 1);
         params->base_color = vec3_mul(params->base_color, vec3_make(texel.r, texel.g, texel.b));
     }
     if (material->metallic_roughness.image) {
         float roughness;
-        texel = world_slot_lookup(&material->metallic_roughness, s->mesh, s->vertex, s->b1, s->b2, 0);
+        texel = world_slot_lookup(&material->metallic_roughness, s->mesh, s->vertex, s->b1, s->b2, s->footprint, 0);
         roughness = material->m.roughness * texel.g;
         params->alpha = roughness * roughness;
         params->metallic *= texel.b;
     }
     if (material->specular.image)
         params->specular *=
-            world_slot_lookup(&material->specular, s->mesh, s->vertex, s->b1, s->b2, 0).a;
+            world_slot_lookup(&material->specular, s->mesh, s->vertex, s->b1, s->b2, s->footprint, 0).a;
     if (material->specular_color.image) {
-        texel = world_slot_lookup(&material->specular_color, s->mesh, s->vertex, s->b1, s->b2, 1);
+        texel = world_slot_lookup(&material->specular_color, s->mesh, s->vertex, s->b1, s->b2, s->footprint, 1);
         params->specular_color =
             vec3_mul(params->specular_color, vec3_make(texel.r, texel.g, texel.b));
     }
     if (material->transmission.image)
         params->transmission *=
-            world_slot_lookup(&material->transmission, s->mesh, s->vertex, s->b1, s->b2, 0).r;
+            world_slot_lookup(&material->transmission, s->mesh, s->vertex, s->b1, s->b2, s->footprint, 0).r;
 }
 
 void surface_shade(struct surface *s, struct vec3 wo, struct bsdf_params *params)
 {
     const struct scene_material *m = &s->material->m;
 
+    memset(params, 0, sizeof *params);
     params->base_color = vec3_make(m->base_color[0], m->base_color[1], m->base_color[2]);
     params->metallic = m->metallic;
     params->alpha = m->roughness * m->roughness;
@@ -257,7 +263,8 @@ struct vec3 surface_ray_origin(const struct surface *s, struct vec3 direction)
 
 /* ---- lookups that need the triangle ------------------------------------------------------- */
 struct texel world_slot_lookup(const struct world_slot *slot, const struct world_mesh *mesh,
-                               const uint32_t vertex[3], float b1, float b2, int srgb)
+                               const uint32_t vertex[3], float b1, float b2, float footprint,
+                               int srgb)
 {
     const float *uv = mesh->uv[slot->uv_set];
     float u = 0, v = 0;
@@ -274,7 +281,7 @@ struct texel world_slot_lookup(const struct world_slot *slot, const struct world
         u = slot->m[0][0] * u0 + slot->m[0][1] * v + slot->m[0][2];
         v = slot->m[1][0] * u0 + slot->m[1][1] * v + slot->m[1][2];
     }
-    return texture_lookup(slot->image, &slot->texture, u, v, srgb);
+    return texture_lookup(slot->image, &slot->texture, u, v, footprint, srgb);
 }
 
 float world_alpha(const struct world_material *material, const struct world_mesh *mesh,
@@ -283,7 +290,7 @@ float world_alpha(const struct world_material *material, const struct world_mesh
     float alpha = material->m.base_color[3];
 
     if (material->base_color.image)
-        alpha *= world_slot_lookup(&material->base_color, mesh, vertex, b1, b2, 1).a;
+        alpha *= world_slot_lookup(&material->base_color, mesh, vertex, b1, b2, 0, 1).a;
     if (mesh->colors) {
         const float *c = mesh->colors;
         alpha *= (1 - b1 - b2) * c[4 * (size_t)vertex[0] + 3] + b1 * c[4 * (size_t)vertex[1] + 3] +
@@ -299,7 +306,7 @@ struct vec3 world_emission(const struct world_material *material, const struct w
         vec3_make(material->m.emission[0], material->m.emission[1], material->m.emission[2]);
 
     if (material->emission.image) {
-        struct texel texel = world_slot_lookup(&material->emission, mesh, vertex, b1, b2, 1);
+        struct texel texel = world_slot_lookup(&material->emission, mesh, vertex, b1, b2, 0, 1);
         emission = vec3_mul(emission, vec3_make(texel.r, texel.g, texel.b));
     }
     return emission;

@@ -26,6 +26,8 @@ struct surface {
     float t;                  /* metres from the ray's origin */
     float area;               /* of the triangle, m^2 */
     float offset;             /* metres to move a ray's origin off the surface */
+    float footprint;          /* width of the ray's beam over sqrt(area); 0: textures at their finest */
+    float time;               /* 0..1: the ray's */
     int front;                /* met from the side of counter-clockwise winding */
     struct vec3 p;            /* world */
     struct vec3 ng;           /* unit geometric normal on the ray's side */

@@ -297,8 +297,10 @@ filter(const struct texture_image *image, enum layout layout, struct texel_pair 
 }
 
 struct texel texture_lookup(const struct texture_image *image, const struct scene_texture *texture,
-                            float u, float v, int srgb)
+                            float u, float v, float footprint,
+                            int srgb)
 {
+    (void)footprint;
     const float *color8 = srgb ? image->srgb8 : linear8;
     const float *color16 = srgb ? image->srgb16 : NULL;
     struct texel_pair x, y;

@@ -28,10 +28,11 @@ size_t texture_image_bytes(const struct texture_image *image);
 int texture_image_is_opaque(const struct texture_image *image);
 
 /* Look up at (u, v), v downwards, any finite value (wrapped as the texture says; a
- * coordinate that is not finite reads as 0). `srgb`: decode the colour channels of integer
+ * coordinate that is not finite reads as 0). `footprint`: width of the looking ray's beam in
+ * units of the whole image (1: it covers all of it); 0: the finest level alone. `srgb`: decode the colour channels of integer
  * images from sRGB (never alpha, never float images). Grey images are replicated to RGB;
  * a missing alpha is 1. Bilinear with texel centres at half integers, or nearest. */
 struct texel texture_lookup(const struct texture_image *image, const struct scene_texture *texture,
-                            float u, float v, int srgb);
+                            float u, float v, float footprint, int srgb);
 
 #endif

@@ -367,8 +367,8 @@ done:
 }
 
 status render_scene_new(struct render_scene **out, const struct scene *scene,
-                        const struct render_settings *settings, struct blob_source blobs,
-                        struct error *err)
+                        const struct render_settings *settings, uint32_t frame,
+                        struct blob_source blobs, struct error *err)
 {
     uint64_t start_ns = clock_monotonic_ns();
     struct render_scene *w;
@@ -382,6 +382,7 @@ status render_scene_new(struct render_scene **out, const struct scene *scene,
     if (!w)
         return error_no_memory(err, "the scene");
     w->settings = *settings;
+    w->frame = frame;
     w->effects = scene_effects(scene, settings->camera);
     camera_init(&w->camera, &scene->cameras[settings->camera], settings->width, settings->height);
     if ((s = load_meshes(w, scene, blobs, err)) != STATUS_OK ||

@@ -38,12 +38,18 @@ enum world_material_flags {
     MATERIAL_ALPHA = 4,       /* some point may be less than opaque */
     MATERIAL_NORMAL_MAP = 8,
     MATERIAL_CULLED = 16,     /* rays pass its back faces */
+    MATERIAL_LAYERED = 32,    /* something of anisotropy ... diffuse transmission acts */
+    MATERIAL_NEEDS_FRAME = 64, /* anisotropy or a clearcoat normal map: tangents are read */
+    MATERIAL_TWO_WAY = 128,   /* light may pass through */
+    MATERIAL_BOUNDS = 256,    /* a volume: refractive, or an interface; the path keeps count */
 };
 
 struct world_material {
     struct scene_material m; /* name points into the scene and is not used here */
     struct world_slot base_color, metallic_roughness, normal, emission, specular, specular_color,
-        transmission;
+        transmission, anisotropy, clearcoat, clearcoat_roughness, clearcoat_normal, sheen_color,
+        sheen_roughness, iridescence, iridescence_thickness, diffuse_transmission,
+        diffuse_transmission_color, mix;
     unsigned flags;
     struct vec3 absorption;  /* 1/metre */
 };
@@ -53,13 +59,23 @@ struct world_instance {
     const float *world_positions; /* vertices in world space, or NULL: transform the mesh's */
     struct transform to_world, to_object;
     int flipped;                  /* negative determinant: world winding is clockwise */
+    /* What moves has its values for motion_steps >= 2 moments, evenly from the shutter's opening
+     * to its closing, between which vertices move along straight lines. */
+    uint32_t motion_steps;        /* 0: it stands still while the shutter is open */
+    const struct transform *motion_to_world;      /* [motion_steps], unless deformed */
+    const float *const *motion_positions;         /* [motion_steps][vertices][3] world, or NULL */
+    const float *deformed_normals, *deformed_tangents; /* at the shutter's opening, or NULL: the mesh's.
+                                     World space for a skinned mesh, else the mesh's */
+    int skinned;                  /* those are in world space */
     float position_error;         /* metres: bound on the rounding of a transformed position */
     int32_t light_base;           /* first of its triangles in the emitters, -1: dark */
 };
 
 struct render_scene {
     struct render_settings settings;
-    uint32_t effects;
+    uint64_t effects;             /* what the frame calls for, less settings.without */
+    uint32_t frame;               /* that it was built for; any, unless `animated` */
+    int animated;                 /* another frame needs a scene of its own */
     struct world_mesh *meshes;
     struct world_material *materials;
     struct world_instance *instances;
@@ -68,6 +84,9 @@ struct render_scene {
     uint32_t mesh_count, material_count, instance_count, image_count;
     struct camera camera;
     struct environment *environment; /* NULL: none */
+    struct world_medium **media;
+    uint32_t medium_count;
+    int32_t fog;                  /* its medium fills the bounding sphere, -1: none */
     struct emitters emitters;
     struct accel *accel;
     struct vec3 bounds_centre;
@@ -75,9 +94,11 @@ struct render_scene {
     struct render_scene_info info;
 };
 
-/* One slot's texel at a triangle's barycentrics (weights of vertices 1 and 2). */
+/* One slot's texel at a triangle's barycentrics (weights of vertices 1 and 2). `footprint`: width
+ * of the ray's beam over the square root of the triangle's area (both in the world), 0: finest. */
 struct texel world_slot_lookup(const struct world_slot *slot, const struct world_mesh *mesh,
-                               const uint32_t vertex[3], float b1, float b2, int srgb);
+                               const uint32_t vertex[3], float b1, float b2, float footprint,
+                               int srgb);
 
 /* Alpha of the material at a point of a triangle, 0..1, before the alpha mode is applied. */
 float world_alpha(const struct world_material *material, const struct world_mesh *mesh,
@@ -87,9 +108,9 @@ float world_alpha(const struct world_material *material, const struct world_mesh
 struct vec3 world_emission(const struct world_material *material, const struct world_mesh *mesh,
                            const uint32_t vertex[3], float b1, float b2);
 
-/* The three corners of a triangle in world space. */
+/* The three corners of a triangle in world space at `time` (0..1 of the shutter). */
 void world_triangle(const struct render_scene *scene, const struct world_instance *instance,
-                    uint32_t triangle, struct vec3 corner[3]);
+                    uint32_t triangle, float time, struct vec3 corner[3]);
 
 static inline const uint32_t *world_vertices(const struct world_mesh *mesh, uint32_t triangle)
 {

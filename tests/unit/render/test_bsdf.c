@@ -495,10 +495,15 @@ static void hostile_parameters_do_no_harm(void **state)
 
     (void)state;
     for (int i = 0; i < 1000000; i++) {
-        struct bsdf_params p = {hostile_color(&r), hostile_float(&r), hostile_float(&r),
-                                hostile_float(&r), hostile_float(&r), hostile_color(&r),
-                                hostile_float(&r), (int)(test_random_u64(&r) % 3),
-                                (int)(test_random_u64(&r) % 3)};
+        struct bsdf_params p = {.base_color = hostile_color(&r),
+                                .metallic = hostile_float(&r),
+                                .alpha = hostile_float(&r),
+                                .ior = hostile_float(&r),
+                                .specular = hostile_float(&r),
+                                .specular_color = hostile_color(&r),
+                                .transmission = hostile_float(&r),
+                                .refractive = (int)(test_random_u64(&r) % 3),
+                                .inside = (int)(test_random_u64(&r) % 3)};
         struct vec3 wo = hostile_direction(&r), wi = hostile_direction(&r), f;
         struct bsdf_sample s;
         struct bsdf b;

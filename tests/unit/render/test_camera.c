@@ -35,7 +35,7 @@ static struct ray mean_ray(const struct camera *camera, uint32_t x, uint32_t y)
         origin = vec3_mad(origin, ray.origin, 1.0f / N);
         direction = vec3_mad(direction, vec3_scale(ray.direction, -1 / ray.direction.z), 1.0f / N);
     }
-    return (struct ray){origin, direction, 0};
+    return (struct ray){origin, direction, 0, 0};
 }
 
 static void near_to(float got, double expected, double tolerance)

@@ -261,20 +261,20 @@ static void test_hostile_blobs(void **state)
     indices = (uint32_t *)(void *)(b.blobs[0].data + 48);
     positions = (float *)(void *)b.blobs[0].data;
     indices[5] = 4;
-    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, builder_source(&b), &err),
+    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 0, builder_source(&b), &err),
                      STATUS_ERR_INPUT);
     assert_non_null(strstr(err.text, "vertex 4 of 4"));
     indices[5] = 3;
     positions[2] = NAN;
-    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, builder_source(&b), &err),
+    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 0, builder_source(&b), &err),
                      STATUS_ERR_INPUT);
     positions[2] = -1;
     b.blobs[0].size_bytes--;
-    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, builder_source(&b), &err),
+    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 0, builder_source(&b), &err),
                      STATUS_ERR_INPUT);
     b.blobs[0].size_bytes++;
     settings.camera = 1;
-    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, builder_source(&b), &err),
+    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 0, builder_source(&b), &err),
                      STATUS_ERR_INPUT);
     assert_null(scene);
     builder_release(&b);
@@ -294,7 +294,7 @@ static void test_out_of_memory(void **state)
     for (;; n++) {
         status s;
         mem_fault_arm(n, 1);
-        s = render_scene_new(&scene, &b.scene, &settings, builder_source(&b), &err);
+        s = render_scene_new(&scene, &b.scene, &settings, 0, builder_source(&b), &err);
         if (mem_fault_count() == 0) {
             mem_fault_arm(-1, 0);
             assert_int_equal(s, STATUS_OK);

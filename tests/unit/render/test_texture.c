@@ -63,7 +63,7 @@ static struct texture_image *texture_from_pixels(uint32_t width, uint32_t height
 
 static struct scene_texture texture_as(enum scene_wrap wrap_u, enum scene_wrap wrap_v, int nearest)
 {
-    return (struct scene_texture){0, wrap_u, wrap_v, nearest};
+    return (struct scene_texture){0, wrap_u, wrap_v, nearest, ENCODING_BY_SLOT};
 }
 
 static void assert_near(float got, double want, double tolerance)
@@ -106,8 +106,8 @@ static void test_wrap_and_filter(void **state)
                 double v = ((int)(hash_u32(k + 77777) % 4096) - 2048) / 512.0;
                 struct scene_texture smooth = texture_as(wrap_u, wrap_v, 0);
                 struct scene_texture nearest = texture_as(wrap_u, wrap_v, 1);
-                struct texel t = texture_lookup(image, &smooth, (float)u, (float)v, 0);
-                struct texel n = texture_lookup(image, &nearest, (float)u, (float)v, 0);
+                struct texel t = texture_lookup(image, &smooth, (float)u, (float)v, 0, 0);
+                struct texel n = texture_lookup(image, &nearest, (float)u, (float)v, 0, 0);
                 double uc = wrap_u == WRAP_CLAMP ? fmin(fmax(u, 0), 1) : u;
                 double vc = wrap_v == WRAP_CLAMP ? fmin(fmax(v, 0), 1) : v;
                 double px = uc * W - 0.5, py = vc * H - 0.5;
@@ -144,14 +144,14 @@ static void test_srgb_decoded_before_filtering(void **state)
     static const uint8_t pixels[2][4] = {{0, 128, 255, 0}, {255, 128, 255, 128}};
     struct texture_image *image = texture_from_pixels(2, 1, 4, 8, &pixels[0][0]);
     struct scene_texture texture = texture_as(WRAP_CLAMP, WRAP_CLAMP, 0);
-    struct texel t = texture_lookup(image, &texture, 0.5f, 0.5f, 1);
+    struct texel t = texture_lookup(image, &texture, 0.5f, 0.5f, 0, 1);
 
     (void)state;
     assert_near(t.r, 0.5, 1e-6);
     assert_near(t.g, 0.21586050, 1e-6); /* sRGB 128 */
     assert_true(t.b == 1.0f);
     assert_near(t.a, 64.0 / 255, 1e-6); /* alpha is never decoded */
-    t = texture_lookup(image, &texture, 0.5f, 0.5f, 0);
+    t = texture_lookup(image, &texture, 0.5f, 0.5f, 0, 0);
     assert_near(t.g, 128.0 / 255, 1e-6);
     texture_image_free(image);
 }
@@ -181,8 +181,8 @@ static void test_layouts(void **state)
         struct texture_image *image =
             texture_from_pixels(1, 1, cases[i].channels, cases[i].bits, cases[i].pixels);
         struct scene_texture texture = texture_as(WRAP_REPEAT, WRAP_REPEAT, 0);
-        struct texel linear = texture_lookup(image, &texture, 0.3f, 0.8f, 0);
-        struct texel decoded = texture_lookup(image, &texture, 0.3f, 0.8f, 1);
+        struct texel linear = texture_lookup(image, &texture, 0.3f, 0.8f, 0, 0);
+        struct texel decoded = texture_lookup(image, &texture, 0.3f, 0.8f, 0, 1);
 
         assert_near(linear.r, cases[i].want[0], 1e-7);
         assert_near(linear.g, cases[i].want[1], 1e-7);
@@ -218,7 +218,7 @@ static void test_opaque(void **state)
         assert_int_equal(texture_image_is_opaque(image), hole < 0);
         for (uint32_t k = 0; hole < 0 && k < 10000; k++)
             assert_true(texture_lookup(image, &texture, (float)hash_u32(k) * 1e-8f,
-                                       (float)hash_u32(k + 1) * 1e-8f, 1).a == 1.0f);
+                                       (float)hash_u32(k + 1) * 1e-8f, 0, 1).a == 1.0f);
         texture_image_free(image);
     }
 }
@@ -243,11 +243,11 @@ static void test_extreme_coordinates(void **state)
 
         for (int mode = 0; mode < 2 * WRAP_COUNT; mode++) {
             struct scene_texture texture = texture_as(mode / 2, mode / 2, mode % 2);
-            struct texel origin = texture_lookup(image, &texture, 0, 0, 0);
+            struct texel origin = texture_lookup(image, &texture, 0, 0, 0, 0);
 
             for (int a = 0; a < COUNT; a++)
                 for (int b = 0; b < COUNT; b++) {
-                    struct texel t = texture_lookup(image, &texture, extremes[a], extremes[b], 0);
+                    struct texel t = texture_lookup(image, &texture, extremes[a], extremes[b], 0, 0);
 
                     assert_true(t.r >= 0.39f && t.r <= 0.79f && t.b >= 0.39f && t.b <= 0.79f);
                     if (!isfinite(extremes[a]) && !isfinite(extremes[b]))
@@ -272,12 +272,12 @@ static void test_float_image(void **state)
     (void)state;
     if (texture_image_new(&image, file, sizeof file - 1, "sky.hdr", &err) != STATUS_OK)
         fail_msg("%s", err.text);
-    t = texture_lookup(image, &texture, 0.25f, 0.5f, 1);
+    t = texture_lookup(image, &texture, 0.25f, 0.5f, 0, 1);
     assert_near(t.r, 8, 0.05); /* RGBE readers differ by half a step */
     assert_near(t.g, 4, 0.05);
     assert_near(t.b, 2, 0.05);
     assert_true(t.a == 1.0f);
-    t = texture_lookup(image, &texture, 0.75f, 0.5f, 0);
+    t = texture_lookup(image, &texture, 0.75f, 0.5f, 0, 0);
     assert_near(t.r, 0.5, 0.003);
     assert_int_equal(texture_image_is_opaque(image), 1);
     texture_image_free(image);

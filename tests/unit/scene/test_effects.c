@@ -24,8 +24,6 @@ struct plain {
 
 static void plain_init(struct plain *p)
 {
-    const struct transform identity = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
-
     memset(p, 0, sizeof *p);
     scene_init(&p->scene);
     p->mesh[0] = (struct scene_mesh){.name = "",
@@ -37,10 +35,11 @@ static void plain_init(struct plain *p)
     p->mesh[1] = p->mesh[0];
     scene_material_default(&p->material);
     p->material.metallic = 0;
-    p->instance[0] = (struct scene_instance){.name = "", .to_world = identity};
+    scene_instance_default(&p->instance[0]);
     p->instance[1] = p->instance[0];
-    p->light = (struct scene_light){.name = "", .direction = {0, 0, -1}};
-    p->camera[0] = (struct scene_camera){.name = "", .to_world = identity, .yfov_rad = 1};
+    scene_light_default(&p->light);
+    scene_camera_default(&p->camera[0]);
+    p->camera[0].yfov_rad = 1;
     p->camera[0].to_world.m[2][3] = 5;
     p->camera[1] = p->camera[0];
     p->camera[1].kind = CAMERA_ORTHOGRAPHIC;
@@ -57,11 +56,11 @@ static void plain_init(struct plain *p)
     p->scene.camera_count = 2;
 }
 
-static const uint32_t plain_set = EFFECT_DIFFUSE | EFFECT_GLOSSY;
+#define plain_set (EFFECT_DIFFUSE | EFFECT_GLOSSY)
 
 static void assert_set(const struct plain *p, uint32_t wanted)
 {
-    uint32_t got = scene_effects(&p->scene, 0);
+    uint64_t got = scene_effects(&p->scene, 0);
 
     for (int i = 0; i < EFFECT_COUNT; i++)
         if ((got ^ wanted) >> i & 1)
@@ -112,8 +111,8 @@ static void test_mirror_threshold(void **state)
 static void test_transmission(void **state)
 {
     /* What transmits has no closed, opaque surface: single-sided ones are culled. */
-    const uint32_t thin = EFFECT_GLOSSY | EFFECT_THIN_TRANSMISSION | EFFECT_CULLING;
-    const uint32_t glass = EFFECT_MIRROR | EFFECT_DIELECTRIC;
+    const uint64_t thin = EFFECT_GLOSSY | EFFECT_THIN_TRANSMISSION | EFFECT_CULLING;
+    const uint64_t glass = EFFECT_MIRROR | EFFECT_DIELECTRIC;
 
     (void)state;
     EXPECT(thin, p.material.transmission = 1);
@@ -143,7 +142,7 @@ static void test_transmission(void **state)
 
 static void test_textures(void **state)
 {
-    const uint32_t textured = plain_set | EFFECT_TEXTURE;
+    const uint64_t textured = plain_set | EFFECT_TEXTURE;
 
     (void)state;
     EXPECT(textured, p.material.base_color_texture.texture = 0);

@@ -55,6 +55,27 @@ struct bsdf_params {
     float transmission;         /* 0..1 */
     int refractive;             /* transmission refracts; else thin wall */
     int inside;                 /* refractive: wo is inside the object (hit from behind) */
+    float ior_outside;          /* of what surrounds the object, >= 1; 0 counts as 1 */
+
+    /* Everything below is absent when 0 (memset), whatever the rest says. */
+    float alpha_stretched;      /* anisotropy: GGX alpha along the frame's x, >= alpha, which then
+                                   is the one along y; 0: isotropic */
+    int conductor;              /* Fresnel of a metal with eta, k at R, G, B (relative to vacuum),
+                                   times base_color; metallic, specular, transmission, ... unused */
+    struct vec3 eta, k;
+    float clearcoat;            /* weight 0..1 */
+    float clearcoat_alpha, clearcoat_ior;
+    struct vec3 clearcoat_normal; /* unit, in the shading frame (z = 1: the same normal) */
+    struct vec3 sheen_color;    /* 0..1 */
+    float sheen_alpha;          /* Charlie's alpha: roughness^2 */
+    float iridescence;          /* weight 0..1 */
+    float iridescence_ior, iridescence_thickness_nm;
+    float diffuse_transmission; /* share of the Lambert base that goes through, 0..1 */
+    struct vec3 diffuse_transmission_color;
+    float base_interreflection; /* 0..<1 (scene.h) */
+    int thin_slab;              /* thin wall: R' = 2 R / (1 + R) */
+    int single_scattering;      /* do not give back what microfacets lose among themselves
+                                   (--without multiple-scattering) */
 };
 
 /* The lobes that are chosen between. All reflection with Schlick's Fresnel term (metal,

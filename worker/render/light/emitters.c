@@ -80,7 +80,7 @@ static double weigh_triangles(struct emitters *e, const struct render_scene *sce
         for (uint32_t t = 0; t < mesh->triangle_count; t++, next++) {
             struct vec3 corner[3];
             double weight;
-            world_triangle(scene, instance, t, corner);
+            world_triangle(scene, instance, t, 0, corner);
             weight = triangle_area(corner) * PI_D *
                      triangle_luminance(material, mesh, world_vertices(mesh, t)) *
                      (material->m.double_sided ? 2 : 1);
@@ -178,17 +178,43 @@ static float odds_of(const struct emitters *e, uint32_t index)
     return index ? e->cdf[index] - e->cdf[index - 1] : e->cdf[0];
 }
 
-float emitters_environment_odds(const struct emitters *e)
+static float environment_odds(const struct emitters *e)
 {
     return e->has_environment ? e->cdf[0] : 0;
 }
 
-float emitters_triangle_pdf(const struct emitters *e, uint32_t light, float distance_squared,
-                            float cosine, float area)
+float emitters_environment_pdf(const struct render_scene *scene, const struct light_query *query,
+                               struct vec3 direction)
 {
+    (void)query;
+    return scene->emitters.has_environment
+               ? environment_pdf(scene->environment, direction) * environment_odds(&scene->emitters)
+               : 0;
+}
+
+struct vec3 emitters_environment(const struct render_scene *scene, const struct light_query *query,
+                                 struct vec3 direction, float *pdf)
+{
+    struct vec3 radiance;
+
+    (void)query;
+    if (!scene->emitters.has_environment) {
+        *pdf = 0;
+        return environment_radiance(scene->environment, direction);
+    }
+    radiance = environment_radiance_pdf(scene->environment, direction, pdf);
+    *pdf *= environment_odds(&scene->emitters);
+    return radiance;
+}
+
+float emitters_triangle_pdf(const struct render_scene *scene, const struct light_query *query,
+                            uint32_t light, float distance_squared, float cosine, float area)
+{
+    const struct emitters *e = &scene->emitters;
     uint32_t index = light + e->punctual_count + (uint32_t)e->has_environment;
     float denominator = cosine * area;
 
+    (void)query;
     if (e->count == 0 || !(denominator > 0))
         return 0;
     return odds_of(e, index) * distance_squared / denominator;
@@ -252,8 +278,9 @@ static int sample_punctual(const struct scene_light *light, struct vec3 p, struc
     return scale > 0 && isfinite(scale);
 }
 
-static int sample_triangle(const struct render_scene *scene, uint32_t light, struct vec3 p,
-                           float u, float v, struct light_sample *out)
+static int sample_triangle(const struct render_scene *scene, uint32_t light,
+                           const struct light_query *query, float u, float v,
+                           struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
     const struct world_instance *instance = &scene->instances[e->triangle_instance[light]];
@@ -263,7 +290,7 @@ static int sample_triangle(const struct render_scene *scene, uint32_t light, str
     struct vec3 corner[3], e1, e2, normal, point, to_light;
     float b1, b2, double_area, cosine, distance_squared, offset;
 
-    world_triangle(scene, instance, triangle, corner);
+    world_triangle(scene, instance, triangle, query->time, corner);
     /* Heitz 2019's low-distortion map of the square onto a triangle. */
     if (v > u) {
         b1 = 0.5f * u;
@@ -280,21 +307,21 @@ static int sample_triangle(const struct render_scene *scene, uint32_t light, str
         return 0;
     normal = vec3_scale(normal, (instance->flipped ? -1 : 1) / double_area);
     point = vec3_add(corner[0], vec3_add(vec3_scale(e1, b1), vec3_scale(e2, b2)));
-    to_light = vec3_sub(point, p);
+    to_light = vec3_sub(point, query->p);
     cosine = -vec3_dot(normal, to_light);
     if (cosine < 0 && !material->m.double_sided)
         return 0;
     /* The shadow ray ends on the near side of the lamp, off its surface. */
     offset = surface_offset(point, corner, instance);
     point = vec3_mad(point, normal, cosine < 0 ? -offset : offset);
-    to_light = vec3_sub(point, p);
+    to_light = vec3_sub(point, query->p);
     distance_squared = vec3_length_squared(to_light);
     if (!(distance_squared > 0) || !isfinite(distance_squared))
         return 0;
     out->distance = sqrtf(distance_squared);
     out->direction = vec3_scale(to_light, 1 / out->distance);
     cosine = fabsf(vec3_dot(normal, out->direction));
-    out->pdf = emitters_triangle_pdf(e, light, distance_squared, cosine, 0.5f * double_area);
+    out->pdf = emitters_triangle_pdf(scene, query, light, distance_squared, cosine, 0.5f * double_area);
     out->radiance = world_emission(material, mesh, world_vertices(mesh, triangle), b1, b2);
     out->delta = 0;
     if (material->flags & MATERIAL_ALPHA) {
@@ -307,12 +334,17 @@ static int sample_triangle(const struct render_scene *scene, uint32_t light, str
     return out->pdf > 0 && isfinite(out->pdf);
 }
 
-int emitters_sample(const struct render_scene *scene, struct vec3 p, float u_choice, float u,
+int emitters_sample(const struct render_scene *scene, const struct light_query *query, float u,
                     float v, struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
-    uint32_t index = choose(e, u_choice);
+    uint32_t index = choose(e, u);
+    float begin = index > 0 ? e->cdf[index - 1] : 0, odds = e->cdf[index] - begin;
 
+    if (!(odds > 0))
+        return 0;
+    /* What is left of the number is as good as a new one. */
+    u = float_min(float_max((u - begin) / odds, 0), 0x1.fffffep-1f);
     if (e->has_environment) {
         if (index == 0) {
             out->delta = 0;
@@ -326,8 +358,8 @@ int emitters_sample(const struct render_scene *scene, struct vec3 p, float u_cho
         index--;
     }
     if (index < e->punctual_count) {
-        out->pdf = odds_of(e, index + (uint32_t)e->has_environment);
-        return out->pdf > 0 && sample_punctual(&e->punctual[index], p, out);
+        out->pdf = odds;
+        return sample_punctual(&e->punctual[index], query->p, out);
     }
-    return sample_triangle(scene, index - e->punctual_count, p, u, v, out);
+    return sample_triangle(scene, index - e->punctual_count, query, u, v, out);
 }

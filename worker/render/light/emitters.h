@@ -42,17 +42,31 @@ status emitters_init(struct emitters *e, struct render_scene *scene,
                      struct error *err) MUST_CHECK;
 void emitters_release(struct emitters *e);
 
-/* Sample a light for point `p`. Returns 0 for "no sample". */
-int emitters_sample(const struct render_scene *scene, struct vec3 p, float u_choice, float u,
+/* Who asks for light: which emitters are worth choosing depends on it. */
+struct light_query {
+    struct vec3 p;      /* world */
+    struct vec3 n;      /* unit geometric normal; black: light from any side counts (media, and
+                           surfaces that transmit) */
+    float time;         /* 0..1 of the shutter */
+};
+
+/* Sample a light for the query. The same numbers choose the light and, rescaled, the place on
+ * it: each in [0, 1). Returns 0 for "no sample". */
+int emitters_sample(const struct render_scene *scene, const struct light_query *query, float u,
                     float v, struct light_sample *out);
 
-/* Odds of choosing the environment. */
-float emitters_environment_odds(const struct emitters *e);
+/* Solid-angle density (odds included) with which emitters_sample would have picked
+ * `direction` on the environment. */
+float emitters_environment_pdf(const struct render_scene *scene, const struct light_query *query,
+                               struct vec3 direction);
+/* The environment's radiance along with it: they share the work. */
+struct vec3 emitters_environment(const struct render_scene *scene, const struct light_query *query,
+                                 struct vec3 direction, float *pdf);
 
-/* Solid-angle density (odds included) with which emitters_sample from `from` would have
- * picked the point at `distance` on a triangle of an emissive instance. `cosine`: absolute
- * cosine at the light; `area`: the triangle's, m^2. */
-float emitters_triangle_pdf(const struct emitters *e, uint32_t light, float distance_squared,
-                            float cosine, float area);
+/* Solid-angle density (odds included) with which emitters_sample would have picked the point
+ * at that distance on a triangle of an emissive instance. `light`: the instance's light_base +
+ * the triangle; `cosine`: absolute cosine at the light; `area`: the triangle's, m^2. */
+float emitters_triangle_pdf(const struct render_scene *scene, const struct light_query *query,
+                            uint32_t light, float distance_squared, float cosine, float area);
 
 #endif

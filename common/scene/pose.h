@@ -1,0 +1,57 @@
+/* pose: where everything that moves is at one moment.
+ *
+ * Evaluates the scene's nodes and animation channels: glTF 2.0's interpolation (step, linear
+ * with the great circle for rotations, cubic Hermite splines), clamped to the first and last
+ * key. All in double; deterministic arithmetic only (det_*), so that every machine poses alike.
+ */
+#ifndef AZULEJO_SCENE_POSE_H
+#define AZULEJO_SCENE_POSE_H
+
+#include "common/base/status.h"
+#include "common/scene/scene.h"
+#include "common/scene/settings.h"
+
+struct scene_pose {
+    struct transform_d *to_world;   /* [node_count] */
+    double **weights;               /* [node_count] morph weights, NULL where the node has none */
+    void *storage;
+};
+
+/* The pose at `time_s`. The caller releases it (also after a failure: it is then empty). */
+status scene_pose_init(struct scene_pose *pose, const struct scene *scene, double time_s,
+                       struct error *err) MUST_CHECK;
+void scene_pose_release(struct scene_pose *pose);
+
+/* Transforms at the pose; what follows no node has its own. A camera's is made rigid (no scale;
+ * unchanged where its axes vanish). `position` and `direction` of a light that follows a node
+ * are the node's origin and -Z. */
+struct transform_d pose_instance(const struct scene_pose *pose, const struct scene *scene,
+                                 uint32_t instance);
+void pose_camera(const struct scene_pose *pose, const struct scene *scene, uint32_t camera,
+                 struct scene_camera *out);
+void pose_light(const struct scene_pose *pose, const struct scene *scene, uint32_t light,
+                struct scene_light *out);
+
+/* The mesh of an instance at the pose: morph targets, then skin. positions[3][vertices] and,
+ * where the mesh has normals, normals[3][vertices] (unit) and tangents [4][vertices] likewise;
+ * either may be NULL. `blob` is the mesh's, of scene_mesh_layout's length. The vertices of a
+ * skinned mesh are in world space, of another in the mesh's. ERR_INPUT for a joint that the
+ * skin has not. */
+status pose_deform(const struct scene_pose *pose, const struct scene *scene, uint32_t instance,
+                   const uint8_t *blob, float *positions, float *normals, float *tangents,
+                   struct error *err) MUST_CHECK;
+/* Does pose_deform change the instance's mesh at any time? */
+int scene_instance_deforms(const struct scene *scene, uint32_t instance);
+
+/* The shutter of a frame, in seconds of the scene's time: equal when nothing blurs. */
+void scene_shutter(const struct scene *scene, const struct render_settings *settings,
+                   uint32_t frame, double *open_s, double *close_s);
+
+/* Does anything that this camera sees differ between two frames (so that the renderer must
+ * build a scene for each), or within one frame's shutter? In doubt, yes. */
+int scene_is_animated(const struct scene *scene, const struct render_settings *settings);
+
+/* The time of the last key, seconds; 0 without channels. */
+double scene_duration_s(const struct scene *scene);
+
+#endif
