@@ -1,6 +1,7 @@
 #include "client/import/builder.h"
 
 #include <stdarg.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "common/base/file.h"
@@ -12,6 +13,7 @@ void builder_init(struct builder *b, struct import_result *out, struct error *er
 {
     memset(b, 0, sizeof *b);
     scene_environment_default(&b->environment);
+    b->fog = BUILDER_NO_ROW;
     b->out = out;
     b->err = err;
 }
@@ -25,10 +27,17 @@ void builder_release(struct builder *b)
     mem_free(b->instances);
     mem_free(b->lights);
     mem_free(b->cameras);
+    mem_free(b->nodes);
+    mem_free(b->channels);
+    mem_free(b->skins);
+    mem_free(b->media);
+    mem_free(b->portals);
     mem_free(b->blob_index);
     mem_free(b->blob_mesh);
-    for (size_t i = 0; i < b->warning_count; i++)
+    for (size_t i = 0; i < b->warning_count; i++) {
         mem_free(b->warnings[i].text);
+        mem_free(b->warnings[i].owned_kind);
+    }
     memset(b, 0, sizeof *b);
 }
 
@@ -41,34 +50,75 @@ void text_disarm(char *text)
             *text = '?';
 }
 
-void builder_warn(struct builder *b, const char *kind, const char *format, ...)
+/* A free slot for a kind that was not seen before; NULL: counted, nothing to add. */
+static struct builder_warning *warning_slot(struct builder *b, const char *kind)
 {
-    struct builder_warning *slot;
-    char text[512];
-    va_list args;
-
     for (size_t i = 0; i < b->warning_count; i++)
         if (strcmp(b->warnings[i].kind, kind) == 0) {
             b->warnings[i].count++;
-            return;
+            return NULL;
         }
     if (b->warning_count == IMPORT_WARNINGS_MAX) {
         b->warnings_dropped++;
-        return;
+        return NULL;
     }
-    va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
-    va_end(args);
+    return &b->warnings[b->warning_count];
+}
+
+static void warning_fill(struct builder *b, struct builder_warning *slot, const char *kind,
+                         char *owned_kind, char *text)
+{
     text_disarm(text);
-    slot = &b->warnings[b->warning_count];
     slot->text = mem_strdup(text);
     if (!slot->text) {
+        mem_free(owned_kind);
         b->no_memory = 1;
         return;
     }
     slot->kind = kind;
+    slot->owned_kind = owned_kind;
     slot->count = 1;
     b->warning_count++;
+}
+
+void builder_warn(struct builder *b, const char *kind, const char *format, ...)
+{
+    struct builder_warning *slot = warning_slot(b, kind);
+    char text[512];
+    va_list args;
+
+    if (!slot)
+        return;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    warning_fill(b, slot, kind, NULL, text);
+}
+
+void builder_warn_at(struct builder *b, const char *file, uint64_t line, const char *kind,
+                     const char *format, ...)
+{
+    struct builder_warning *slot = warning_slot(b, kind);
+    char text[768], *owned;
+    size_t at;
+    va_list args;
+
+    if (!slot)
+        return;
+    owned = mem_strdup(kind);
+    if (!owned) {
+        b->no_memory = 1;
+        return;
+    }
+    if (line)
+        snprintf(text, sizeof text, "%.255s:%llu: ", file, (unsigned long long)line);
+    else
+        snprintf(text, sizeof text, "%.255s: ", file);
+    at = strlen(text);
+    va_start(args, format);
+    vsnprintf(text + at, sizeof text - at, format, args);
+    va_end(args);
+    warning_fill(b, slot, owned, owned, text);
 }
 
 /* How many bytes the valid, printable UTF-8 character at `p` has; 0: it is none. */
@@ -231,7 +281,8 @@ status builder_add_mesh(struct builder *b, const struct scene_mesh *mesh, uint8_
         return result;
     if (b->blob_mesh[blob]) {
         const struct scene_mesh *same = &b->meshes[b->blob_mesh[blob] - 1];
-        if (same->vertex_count == mesh->vertex_count && same->arrays == mesh->arrays) {
+        if (same->vertex_count == mesh->vertex_count && same->arrays == mesh->arrays &&
+            same->morph_count == mesh->morph_count) {
             *row = b->blob_mesh[blob] - 1;
             return STATUS_OK;
         }
@@ -294,52 +345,209 @@ status builder_add_camera(struct builder *b, const struct scene_camera *camera)
     return STATUS_OK;
 }
 
-/* ---- the end ------------------------------------------------------------------------------ */
+/* ---- what moves --------------------------------------------------------------------------- */
 
-static status read_environment(struct builder *b, const char *path)
+/* A copy in the scene's arena; 0 when out of memory. */
+static int keep(struct builder *b, void **array, size_t count, size_t size_bytes)
 {
-    struct buffer bytes = BUFFER_INIT;
+    void *copy;
+
+    if (count == 0) {
+        *array = NULL;
+        return 1;
+    }
+    copy = arena_alloc(&b->out->scene.arena, count, size_bytes);
+    if (copy)
+        memcpy(copy, *array, count * size_bytes);
+    *array = copy;
+    return copy != NULL;
+}
+#define KEEP(b, array, count) keep((b), (void **)&(array), (count), sizeof *(array))
+
+status builder_add_node(struct builder *b, const struct scene_node *node, uint32_t *row)
+{
+    struct scene_node added = *node;
+
+    if (!KEEP(b, added.weights, added.weight_count))
+        return error_no_memory(b->err, "a node");
+    ADD_ROW(nodes, node_count, node_capacity, SCENE_NODES_MAX, added);
+    *row = (uint32_t)b->node_count - 1;
+    return STATUS_OK;
+}
+
+status builder_add_channel(struct builder *b, const struct scene_channel *channel)
+{
+    struct scene_channel added = *channel;
+    size_t values;
+
+    if (channel->key_count > SCENE_KEYS_MAX)
+        return error_set(b->err, STATUS_ERR_LIMIT,
+                         "an animation has %u keys: at most %d are taken", channel->key_count,
+                         SCENE_KEYS_MAX);
+    if (!mem_size_mul((size_t)channel->key_count *
+                          (channel->interpolation == INTERPOLATE_CUBIC ? 3 : 1),
+                      channel->components, &values) ||
+        !KEEP(b, added.times, channel->key_count) || !KEEP(b, added.values, values))
+        return error_no_memory(b->err, "an animation");
+    ADD_ROW(channels, channel_count, channel_capacity, SCENE_CHANNELS_MAX, added);
+    return STATUS_OK;
+}
+
+status builder_add_skin(struct builder *b, const struct scene_skin *skin, uint32_t *row)
+{
+    struct scene_skin added = *skin;
+
+    if (!KEEP(b, added.joints, skin->joint_count) || !KEEP(b, added.inverse_bind, skin->joint_count))
+        return error_no_memory(b->err, "a skin");
+    ADD_ROW(skins, skin_count, skin_capacity, SCENE_SKINS_MAX, added);
+    *row = (uint32_t)b->skin_count - 1;
+    return STATUS_OK;
+}
+
+/* ---- media, portals ----------------------------------------------------------------------- */
+
+status builder_add_medium(struct builder *b, const struct scene_medium *medium, float *grid,
+                          uint32_t *row)
+{
+    struct scene_medium added = *medium;
+    size_t cells;
+
+    added.has_grid = grid != NULL;
+    if (grid) {
+        status result;
+        for (int axis = 0; axis < 3; axis++)
+            if (medium->grid_size[axis] < 1 || medium->grid_size[axis] > SCENE_GRID_SIDE_MAX) {
+                mem_free(grid);
+                return error_set(b->err, STATUS_ERR_LIMIT,
+                                 "a medium's grid has %u cells along one side: 1 to %d are taken",
+                                 medium->grid_size[axis], SCENE_GRID_SIDE_MAX);
+            }
+        cells = (size_t)medium->grid_size[0] * medium->grid_size[1] * medium->grid_size[2];
+        result = builder_add_blob(b, (uint8_t *)grid, cells * sizeof *grid, &added.grid);
+        if (result != STATUS_OK)
+            return result;
+    }
+    ADD_ROW(media, medium_count, medium_capacity, SCENE_MEDIA_MAX, added);
+    *row = (uint32_t)b->medium_count - 1;
+    return STATUS_OK;
+}
+
+status builder_add_portal(struct builder *b, const struct scene_portal *portal)
+{
+    ADD_ROW(portals, portal_count, portal_capacity, SCENE_PORTALS_MAX, *portal);
+    return STATUS_OK;
+}
+
+/* ---- the environment ---------------------------------------------------------------------- */
+
+static status check_environment(struct builder *b, const char *name, const uint8_t *data,
+                                size_t size_bytes)
+{
+    enum image_format format = image_format_of(data, size_bytes);
     struct image_repairs repairs = {0};
     struct image image = {0};
-    enum image_format format;
     status result;
 
-    result = file_read(path, IMPORT_FILE_BYTES_MAX, &bytes, b->err);
-    if (result != STATUS_OK)
-        goto done;
-    format = image_format_of(bytes.data, bytes.size);
-    if (format != IMAGE_EXR && format != IMAGE_HDR) {
-        result = error_set(b->err, STATUS_ERR_INPUT,
-                           "%s: is not an environment map: give an OpenEXR (.exr) or Radiance "
-                           "(.hdr) file in latitude-longitude form",
-                           path);
-        goto done;
-    }
+    if (format != IMAGE_EXR && format != IMAGE_HDR)
+        return error_set(b->err, STATUS_ERR_INPUT,
+                         "%s: is not an environment map: give an OpenEXR (.exr) or Radiance "
+                         "(.hdr) file in latitude-longitude form",
+                         name);
     /* Decoded once only to tell its faults now and not on a worker. */
-    result = image_decode_hdr(&image, bytes.data, bytes.size, path, &repairs, b->err);
+    result = image_decode_hdr(&image, data, size_bytes, name, &repairs, b->err);
     if (result != STATUS_OK)
-        goto done;
+        return result;
     if (repairs.nan_pixels || repairs.negative_pixels || repairs.infinite_pixels)
         builder_warn(b, "environment repairs",
                      "%s: the map has %llu pixels that are not numbers, %llu negative and %llu "
                      "infinite: they count as black, black and the brightest finite value",
-                     path, (unsigned long long)repairs.nan_pixels,
+                     name, (unsigned long long)repairs.nan_pixels,
                      (unsigned long long)repairs.negative_pixels,
                      (unsigned long long)repairs.infinite_pixels);
     if (image.width != 2 * image.height)
         builder_warn(b, "environment shape",
                      "%s: the map is %ux%u: a latitude-longitude map is twice as wide as high, "
                      "this one will look stretched",
-                     path, image.width, image.height);
-    b->environment.present = 1;
-    b->environment.image.name = builder_name(b, file_basename(path));
-    result = builder_add_blob(b, bytes.data, bytes.size, &b->environment.image.blob);
-    bytes = (struct buffer)BUFFER_INIT; /* taken over */
-done:
-    b->error_is_placed = result != STATUS_OK;
+                     name, image.width, image.height);
     image_release(&image);
-    buffer_release(&bytes);
-    return result;
+    return STATUS_OK;
+}
+
+status builder_set_environment_map(struct builder *b, const char *name, uint8_t *data,
+                                   size_t size_bytes)
+{
+    status result = check_environment(b, name, data, size_bytes);
+
+    if (result != STATUS_OK) {
+        b->error_is_placed = 1;
+        mem_free(data);
+        return result;
+    }
+    b->environment.present = 1;
+    b->environment.constant = 0;
+    b->environment.image.name = builder_name(b, file_basename(name));
+    return builder_add_blob(b, data, size_bytes, &b->environment.image.blob);
+}
+
+/* ---- the end ------------------------------------------------------------------------------ */
+
+/* The one that the user gives stands for the file's. */
+static status read_environment(struct builder *b, const char *path)
+{
+    struct buffer bytes = BUFFER_INIT;
+    status result = file_read(path, IMPORT_FILE_BYTES_MAX, &bytes, b->err);
+
+    if (result != STATUS_OK) {
+        b->error_is_placed = 1;
+        buffer_release(&bytes);
+        return result;
+    }
+    scene_environment_default(&b->environment);
+    return builder_set_environment_map(b, path, bytes.data, bytes.size);
+}
+
+struct ordered_channel {
+    struct scene_channel channel;
+    size_t order;
+};
+
+static int channel_compare(const struct scene_channel *a, const struct scene_channel *b)
+{
+    if (a->node != b->node)
+        return a->node < b->node ? -1 : 1;
+    return (a->path > b->path) - (a->path < b->path);
+}
+
+static int ordered_compare(const void *a, const void *b)
+{
+    const struct ordered_channel *x = a, *y = b;
+    int order = channel_compare(&x->channel, &y->channel);
+
+    return order ? order : (x->order > y->order) - (x->order < y->order);
+}
+
+/* Sorted as the scene wants them; of two for one property the one that was added first stays. */
+static status sort_channels(struct builder *b)
+{
+    struct ordered_channel *list = mem_alloc_array(b->channel_count, sizeof *list);
+    size_t kept = 0;
+
+    if (!list)
+        return error_no_memory(b->err, "the animation");
+    for (size_t i = 0; i < b->channel_count; i++)
+        list[i] = (struct ordered_channel){b->channels[i], i};
+    qsort(list, b->channel_count, sizeof *list, ordered_compare);
+    for (size_t i = 0; i < b->channel_count; i++) {
+        if (kept && channel_compare(&b->channels[kept - 1], &list[i].channel) == 0) {
+            builder_warn(b, "animated twice",
+                         "several animations move the same thing: the first one is taken");
+            continue;
+        }
+        b->channels[kept++] = list[i].channel;
+    }
+    b->channel_count = kept;
+    mem_free(list);
+    return STATUS_OK;
 }
 
 #define HAND_OVER(type, table, count)                                            \
@@ -355,14 +563,30 @@ done:
 static status hand_over_tables(struct builder *b)
 {
     struct scene *scene = &b->out->scene;
+    status result = sort_channels(b);
 
+    if (result != STATUS_OK)
+        return result;
     HAND_OVER(struct scene_mesh, meshes, mesh_count);
     HAND_OVER(struct scene_image, images, image_count);
     HAND_OVER(struct scene_texture, textures, texture_count);
     HAND_OVER(struct scene_material, materials, material_count);
     HAND_OVER(struct scene_instance, instances, instance_count);
     HAND_OVER(struct scene_light, lights, light_count);
+    HAND_OVER(struct scene_node, nodes, node_count);
+    HAND_OVER(struct scene_channel, channels, channel_count);
+    HAND_OVER(struct scene_skin, skins, skin_count);
+    HAND_OVER(struct scene_medium, media, medium_count);
     scene->environment = b->environment;
+    scene->environment.portal_count = (uint32_t)b->portal_count;
+    scene->environment.portals = NULL;
+    if (b->portal_count) {
+        struct scene_portal *portals = b->portals;
+        if (!KEEP(b, portals, b->portal_count))
+            return error_no_memory(b->err, "the portals");
+        scene->environment.portals = portals;
+    }
+    scene->fog = b->fog;
     return STATUS_OK;
 }
 
@@ -391,7 +615,7 @@ static status hand_over_cameras(struct builder *b)
 static void light_the_dark(struct builder *b)
 {
     struct scene *scene = &b->out->scene;
-    const uint32_t lights = EFFECT_PUNCTUAL_LIGHT | EFFECT_ENVIRONMENT | EFFECT_EMISSIVE_MESH;
+    const uint64_t lights = EFFECT_PUNCTUAL_LIGHT | EFFECT_ENVIRONMENT | EFFECT_EMISSIVE_MESH;
     int lit = scene->instance_count == 0;
 
     for (uint32_t i = 0; i < scene->instance_count && !lit; i++)
@@ -444,6 +668,39 @@ static status hand_over_warnings(struct builder *b)
     return STATUS_OK;
 }
 
+static int blob_compare(const void *a, const void *b)
+{
+    const struct scene_blob *x = a, *y = b;
+
+    return memcmp(x->digest.bytes, y->digest.bytes, DIGEST_BYTES);
+}
+
+/* Drop the blobs that the scene does not name (any more). */
+static status prune_blobs(struct builder *b)
+{
+    struct import_result *out = b->out;
+    struct scene_blob *named = NULL;
+    size_t named_count = 0, kept = 0;
+    status result = scene_blobs(&out->scene, &named, &named_count, b->err);
+
+    if (result != STATUS_OK)
+        return result;
+    qsort(named, named_count, sizeof *named, blob_compare);
+    out->blob_bytes = 0;
+    for (size_t i = 0; i < out->blob_count; i++) {
+        const struct scene_blob key = {.digest = out->blobs[i].digest};
+        if (!bsearch(&key, named, named_count, sizeof *named, blob_compare)) {
+            mem_free(out->blobs[i].data);
+            continue;
+        }
+        out->blob_bytes += out->blobs[i].size_bytes;
+        out->blobs[kept++] = out->blobs[i];
+    }
+    out->blob_count = kept;
+    mem_free(named);
+    return STATUS_OK;
+}
+
 status builder_finish(struct builder *b, const char *title, const struct import_options *options)
 {
     struct import_result *out = b->out;
@@ -474,6 +731,9 @@ status builder_finish(struct builder *b, const char *title, const struct import_
     if (result != STATUS_OK)
         return result;
     light_the_dark(b);
+    result = prune_blobs(b);
+    if (result != STATUS_OK)
+        return result;
     if (out->degenerate_triangles)
         builder_warn(b, "degenerate", "%llu triangles without area were left out",
                      (unsigned long long)out->degenerate_triangles);

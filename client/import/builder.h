@@ -14,8 +14,9 @@
 enum { BUILDER_NO_ROW = -1 };
 
 struct builder_warning {
-    const char *kind;       /* a literal: warnings of one kind are told once, with a count */
-    char *text;             /* of the first */
+    const char *kind;       /* warnings of one kind are told once, with a count */
+    char *owned_kind;       /* where the kind is not a literal */
+    char *text;             /* of the first; starts with its place where one is known */
     uint64_t count;
 };
 
@@ -32,11 +33,20 @@ struct builder {
     struct scene_instance *instances;
     struct scene_light *lights;
     struct scene_camera *cameras;
+    struct scene_node *nodes;
+    struct scene_channel *channels;
+    struct scene_skin *skins;
+    struct scene_medium *media;
+    struct scene_portal *portals;
     size_t mesh_count, image_count, texture_count, material_count, instance_count, light_count,
-        camera_count;
+        camera_count, node_count, channel_count, skin_count, medium_count, portal_count;
     size_t mesh_capacity, image_capacity, texture_capacity, material_capacity, instance_capacity,
-        light_capacity, camera_capacity;
+        light_capacity, camera_capacity, node_capacity, channel_capacity, skin_capacity,
+        medium_capacity, portal_capacity;
+    /* The importer fills this in (radiance, to_map, constant; builder_set_environment_map for
+     * an image), but not its portals. options->env_path replaces all of it. */
     struct scene_environment environment;
+    int32_t fog;            /* a row of media, BUILDER_NO_ROW: none */
 
     size_t blob_capacity;
     uint32_t *blob_index;   /* open addressing by digest: row + 1, 0 is free */
@@ -55,6 +65,11 @@ void builder_release(struct builder *b);
 /* Remember a warning; control characters in it become '?'. */
 void builder_warn(struct builder *b, const char *kind, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+
+/* The same with its place: "file:line: " (line 0: "file: "). `kind` may be any text (it is
+ * copied), for kinds that are made of the file's words: "shape \"cone\"". */
+void builder_warn_at(struct builder *b, const char *file, uint64_t line, const char *kind,
+                     const char *format, ...) __attribute__((format(printf, 5, 6)));
 
 /* A copy for the scene, made clean: valid UTF-8, no control characters, at most
  * SCENE_NAME_MAX bytes. Never NULL. */
@@ -78,9 +93,39 @@ status builder_add_instance(struct builder *b, const struct scene_instance *inst
 status builder_add_light(struct builder *b, const struct scene_light *light) MUST_CHECK;
 status builder_add_camera(struct builder *b, const struct scene_camera *camera) MUST_CHECK;
 
+/* What the rows point to (weights, times, values, joints, inverse_bind) is copied. A node's
+ * parent must be there already. */
+status builder_add_node(struct builder *b, const struct scene_node *node, uint32_t *row) MUST_CHECK;
+/* In any order; builder_finish sorts. A second channel for the same node and path is a warning
+ * and left out. */
+status builder_add_channel(struct builder *b, const struct scene_channel *channel) MUST_CHECK;
+status builder_add_skin(struct builder *b, const struct scene_skin *skin, uint32_t *row) MUST_CHECK;
+/* `grid` (mem_alloc'd float32, size[0] * size[1] * size[2]; taken over, also when it fails) is
+ * NULL for a homogeneous medium; medium->grid comes from it, has_grid too. */
+status builder_add_medium(struct builder *b, const struct scene_medium *medium, float *grid,
+                          uint32_t *row) MUST_CHECK;
+status builder_add_portal(struct builder *b, const struct scene_portal *portal) MUST_CHECK;
+
+/* Let the environment be this lat-long EXR or Radiance HDR file (taken over, also when it
+ * fails). It is decoded to find its faults; `name` is the file's, for messages. radiance and
+ * to_map stay as they are. */
+status builder_set_environment_map(struct builder *b, const char *name, uint8_t *data,
+                                   size_t size_bytes) MUST_CHECK;
+
 /* Hand everything over to the result. `title` names the scene. */
 status builder_finish(struct builder *b, const char *title, const struct import_options *options)
     MUST_CHECK;
+
+/* One kind of scene file. import.c holds the table of all; the first that recognises a file
+ * takes it. */
+struct import_format {
+    const char *name;       /* "glTF 2.0 (.gltf, .glb)": for the message that none fits */
+    int (*recognise)(const void *data, size_t size_bytes, const char *name);
+    /* Read it into the builder and end with builder_finish. `folder` is where other files are
+     * looked for, NULL: nowhere. An error that names another file sets b->error_is_placed. */
+    status (*import)(const void *data, size_t size_bytes, const char *name, const char *folder,
+                     const struct import_options *options, struct builder *b);
+};
 
 /* Replace control characters, so that hostile text cannot speak to a terminal. */
 void text_disarm(char *text);

@@ -275,7 +275,7 @@ static int is_glb(const uint8_t *data, size_t size)
     return size >= 4 && word(data) == GLB_MAGIC;
 }
 
-int gltf_recognise(const void *data, size_t size_bytes, const char *name)
+static int gltf_recognise(const void *data, size_t size_bytes, const char *name)
 {
     const uint8_t *bytes = data;
     size_t at = size_bytes >= 3 && memcmp(bytes, "\xef\xbb\xbf", 3) == 0 ? 3 : 0;
@@ -288,8 +288,9 @@ int gltf_recognise(const void *data, size_t size_bytes, const char *name)
     return at < size_bytes && bytes[at] == '{';
 }
 
-status gltf_import(const void *data, size_t size_bytes, const char *name, const char *folder,
-                   const struct import_options *options, struct builder *b)
+static status gltf_import(const void *data, size_t size_bytes, const char *name,
+                          const char *folder, const struct import_options *options,
+                          struct builder *b)
 {
     struct gltf g = {.b = b, .err = b->err, .name = name, .folder = folder};
     const uint8_t *json = data;
@@ -319,3 +320,9 @@ status gltf_import(const void *data, size_t size_bytes, const char *name, const 
     close_tables(&g);
     return result;
 }
+
+const struct import_format format_gltf = {
+    .name = "glTF 2.0 (.gltf, .glb)",
+    .recognise = gltf_recognise,
+    .import = gltf_import,
+};

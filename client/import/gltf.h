@@ -140,8 +140,6 @@ status gltf_mesh(struct gltf *g, size_t index, const struct gltf_mesh **out) MUS
 status gltf_walk(struct gltf *g, int scene_index, const char **title) MUST_CHECK;
 
 /* gltf.c */
-status gltf_import(const void *data, size_t size_bytes, const char *name, const char *folder,
-                   const struct import_options *options, struct builder *b) MUST_CHECK;
-int gltf_recognise(const void *data, size_t size_bytes, const char *name);
+extern const struct import_format format_gltf;
 
 #endif

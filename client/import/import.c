@@ -8,9 +8,36 @@
 #include "common/base/file.h"
 #include "common/base/memory.h"
 
+/* In the order in which they are asked. */
+static const struct import_format *const formats[] = {
+    &format_gltf,
+};
+enum { FORMAT_COUNT = sizeof formats / sizeof *formats };
+
+static const struct import_format *format_of(const void *data, size_t size_bytes, const char *name)
+{
+    for (int i = 0; i < FORMAT_COUNT; i++)
+        if (formats[i]->recognise(data, size_bytes, name))
+            return formats[i];
+    return NULL;
+}
+
+static status refuse_unknown(struct error *err)
+{
+    char list[256];
+    size_t at = 0;
+
+    for (int i = 0; i < FORMAT_COUNT && at < sizeof list; i++)
+        at += (size_t)snprintf(list + at, sizeof list - at, "%s%s", i ? ", " : "",
+                               formats[i]->name);
+    return error_set(err, STATUS_ERR_UNSUPPORTED,
+                     "is not a scene that can be read: these are: %s", list);
+}
+
 static void result_init(struct import_result *result)
 {
     memset(result, 0, sizeof *result);
+    result->variant_taken = -1;
     scene_init(&result->scene);
 }
 
@@ -33,6 +60,7 @@ status import_scene_memory(const void *data, size_t size_bytes, const char *name
                            struct import_result *out, struct error *err)
 {
     struct error inner = {0};
+    const struct import_format *format;
     struct builder builder;
     status result;
     int placed;
@@ -44,12 +72,10 @@ status import_scene_memory(const void *data, size_t size_bytes, const char *name
         result = error_no_memory(&inner, "a name");
     else if (size_bytes == 0)
         result = error_set(&inner, STATUS_ERR_INPUT, "is empty");
-    else if (gltf_recognise(data, size_bytes, name))
-        result = gltf_import(data, size_bytes, name, folder, options, &builder);
+    else if ((format = format_of(data, size_bytes, name)))
+        result = format->import(data, size_bytes, name, folder, options, &builder);
     else
-        result = error_set(&inner, STATUS_ERR_UNSUPPORTED,
-                           "is not a scene that can be read: glTF 2.0 is supported, as .gltf or "
-                           ".glb");
+        result = refuse_unknown(&inner);
     placed = builder.error_is_placed;
     builder_release(&builder);
     if (result != STATUS_OK) {

@@ -1,6 +1,7 @@
 /* import: a scene file becomes the one scene description plus its blobs.
  *
- * Formats: glTF 2.0, as .gltf or .glb (known by its content first, its name second).
+ * Formats: glTF 2.0, as .gltf or .glb, and the others of the table in import.c, known by their
+ * content first, their name second.
  * Files are hostile: a bad one gives an error that names file, place and remedy. What a
  * file asks for and the renderer does not do is a warning, once a kind, with a count.
  * Only what the chosen scene reaches is read and kept. Same file, same result, to the bit.
@@ -24,13 +25,23 @@ enum { IMPORT_WARNINGS_MAX = 40 };
 struct import_options {
     const char *env_path;   /* EXR or Radiance HDR environment map; NULL: none */
     int scene_index;        /* -1: the file's default scene */
+    const char *variant;    /* of the materials, by name or number from 0; NULL: the default */
+    const char *animation;  /* by name or number from 0, "none"; NULL: all of the file's */
 };
-#define IMPORT_OPTIONS_DEFAULT {.env_path = NULL, .scene_index = -1}
+#define IMPORT_OPTIONS_DEFAULT \
+    {.env_path = NULL, .scene_index = -1, .variant = NULL, .animation = NULL}
 
 struct import_blob {
     struct digest digest;
     uint8_t *data;          /* owned by the result */
     size_t size_bytes;
+};
+
+/* An animation that the file has. */
+struct import_animation {
+    const char *name;
+    double duration_s;
+    int taken;              /* into the scene */
 };
 
 struct import_result {
@@ -50,6 +61,11 @@ struct import_result {
     uint64_t vertices;
     uint64_t degenerate_triangles;  /* dropped */
     uint64_t blob_bytes;
+    struct import_animation *animations; /* in the scene's arena, like the variants' names */
+    size_t animation_count;
+    const char **variants;
+    size_t variant_count;
+    int variant_taken;                   /* -1: the default materials */
 };
 
 /* Read the file at `path`. ERR_INPUT, ERR_UNSUPPORTED, ERR_LIMIT, ERR_NO_MEMORY. `out` is

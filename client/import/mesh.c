@@ -18,34 +18,57 @@ void mesh_source_release(struct mesh_source *mesh)
     mem_free(mesh->uv[1]);
     mem_free(mesh->colors);
     mem_free(mesh->indices);
+    mem_free(mesh->influences);
+    for (size_t i = 0; mesh->morphs && i < mesh->morph_count; i++) {
+        mem_free(mesh->morphs[i].positions);
+        mem_free(mesh->morphs[i].normals);
+    }
+    mem_free(mesh->morphs);
     memset(mesh, 0, sizeof *mesh);
 }
 
-static int gather_array(float **array, size_t width, const uint32_t *from, size_t count)
+static int deforms(const struct mesh_source *mesh)
 {
-    float *gathered;
+    return mesh->influences || mesh->morph_count;
+}
+
+static int gather_bytes(void **array, size_t row_bytes, const uint32_t *from, size_t count)
+{
+    uint8_t *gathered;
 
     if (!*array)
         return 1;
-    gathered = mem_alloc_array(count, width * sizeof *gathered);
+    gathered = mem_alloc_array(count, row_bytes);
     if (!gathered)
         return 0;
     for (size_t i = 0; i < count; i++)
-        memcpy(gathered + i * width, *array + (size_t)from[i] * width, width * sizeof *gathered);
+        memcpy(gathered + i * row_bytes, (const uint8_t *)*array + (size_t)from[i] * row_bytes,
+               row_bytes);
     mem_free(*array);
     *array = gathered;
     return 1;
 }
 
+static int gather_array(float **array, size_t width, const uint32_t *from, size_t count)
+{
+    return gather_bytes((void **)array, width * sizeof **array, from, count);
+}
+
 status mesh_source_gather(struct mesh_source *mesh, const uint32_t *from, size_t count,
                           struct error *err)
 {
-    if (!gather_array(&mesh->positions, 3, from, count) ||
-        !gather_array(&mesh->normals, 3, from, count) ||
-        !gather_array(&mesh->tangents, 4, from, count) ||
-        !gather_array(&mesh->uv[0], 2, from, count) ||
-        !gather_array(&mesh->uv[1], 2, from, count) ||
-        !gather_array(&mesh->colors, 4, from, count))
+    int good = gather_array(&mesh->positions, 3, from, count) &&
+               gather_array(&mesh->normals, 3, from, count) &&
+               gather_array(&mesh->tangents, 4, from, count) &&
+               gather_array(&mesh->uv[0], 2, from, count) &&
+               gather_array(&mesh->uv[1], 2, from, count) &&
+               gather_array(&mesh->colors, 4, from, count) &&
+               gather_bytes((void **)&mesh->influences, sizeof *mesh->influences, from, count);
+
+    for (size_t i = 0; good && i < mesh->morph_count; i++)
+        good = gather_array(&mesh->morphs[i].positions, 3, from, count) &&
+               gather_array(&mesh->morphs[i].normals, 3, from, count);
+    if (!good)
         return error_no_memory(err, "vertices");
     mesh->vertex_count = count;
     return STATUS_OK;
@@ -73,8 +96,9 @@ static size_t drop_degenerate(struct mesh_source *mesh)
     size_t kept = 0;
 
     for (size_t t = 0; t < mesh->triangle_count; t++) {
+        const uint32_t *i = mesh->indices + 3 * t;
         struct vec3 n = vec3_normalize(area_vector(mesh, t));
-        if (vec3_is_black(n))
+        if (i[0] == i[1] || i[1] == i[2] || i[2] == i[0] || (vec3_is_black(n) && !deforms(mesh)))
             continue;
         memmove(mesh->indices + 3 * kept++, mesh->indices + 3 * t, 3 * sizeof *mesh->indices);
     }
@@ -134,6 +158,8 @@ static size_t mend_normals(struct mesh_source *mesh)
             float *n = mesh->normals + 3 * (size_t)mesh->indices[3 * t + i];
             if (isnan(n[0])) {
                 struct vec3 unit = vec3_normalize(area_vector(mesh, t));
+                if (vec3_is_black(unit)) /* of a mesh that deforms: any will do */
+                    unit.y = 1;
                 n[0] = unit.x, n[1] = unit.y, n[2] = unit.z;
             }
         }
@@ -200,6 +226,21 @@ static void copy_array(uint8_t *blob, size_t offset, const float *array, size_t 
         memcpy(blob + offset, array, floats * sizeof *array);
 }
 
+static void write_morphs(uint8_t *blob, const struct scene_mesh_layout *layout,
+                         const struct mesh_source *mesh)
+{
+    size_t bytes = mesh->vertex_count * 3 * sizeof(float);
+
+    for (size_t i = 0; i < mesh->morph_count; i++) {
+        uint8_t *at = blob + layout->morphs + i * layout->morph_stride;
+        memcpy(at, mesh->morphs[i].positions, bytes);
+        if (mesh->normals && mesh->morphs[i].normals)
+            memcpy(at + bytes, mesh->morphs[i].normals, bytes);
+        else if (mesh->normals)
+            memset(at + bytes, 0, bytes);
+    }
+}
+
 static status write_blob(struct builder *b, const struct mesh_source *mesh,
                          struct scene_mesh *row, uint8_t **data, size_t *size_bytes)
 {
@@ -219,6 +260,9 @@ static status write_blob(struct builder *b, const struct mesh_source *mesh,
     copy_array(*data, layout.uv0, mesh->uv[0], vertices * 2);
     copy_array(*data, layout.uv1, mesh->uv[1], vertices * 2);
     copy_array(*data, layout.colors, mesh->colors, vertices * 4);
+    if (mesh->influences)
+        memcpy(*data + layout.skin, mesh->influences, vertices * sizeof *mesh->influences);
+    write_morphs(*data, &layout, mesh);
     memcpy(*data + layout.indices, mesh->indices, mesh->triangle_count * 3 * sizeof(uint32_t));
     memset(*data + layout.total_bytes - SCENE_MESH_PADDING_BYTES, 0, SCENE_MESH_PADDING_BYTES);
     return STATUS_OK;
@@ -244,6 +288,12 @@ status mesh_finish(struct builder *b, struct mesh_source *mesh, const char *name
                            name, mesh->triangle_count, SCENE_TRIANGLES_MAX);
         goto done;
     }
+    if (mesh->morph_count > SCENE_MORPHS_MAX) {
+        result = error_set(b->err, STATUS_ERR_LIMIT,
+                           "%s: has %zu morph targets: at most %d are taken", name,
+                           mesh->morph_count, SCENE_MORPHS_MAX);
+        goto done;
+    }
     result = drop_unused_vertices(mesh, b->err);
     if (result != STATUS_OK)
         goto done;
@@ -254,14 +304,16 @@ status mesh_finish(struct builder *b, struct mesh_source *mesh, const char *name
     result = prepare_tangents(b, mesh, name, tangents);
     if (result != STATUS_OK)
         goto done;
-    result = mesh_is_closed(mesh, &out.closed, b->err);
+    if (!deforms(mesh))
+        result = mesh_is_closed(mesh, &out.closed, b->err);
     if (result != STATUS_OK)
         goto done;
     out.vertex_count = (uint32_t)mesh->vertex_count;
     out.triangle_count = (uint32_t)mesh->triangle_count;
     out.arrays = (mesh->normals ? MESH_NORMALS : 0u) | (mesh->tangents ? MESH_TANGENTS : 0u) |
                  (mesh->uv[0] ? MESH_UV0 : 0u) | (mesh->uv[1] ? MESH_UV1 : 0u) |
-                 (mesh->colors ? MESH_COLORS : 0u);
+                 (mesh->colors ? MESH_COLORS : 0u) | (mesh->influences ? MESH_SKIN : 0u);
+    out.morph_count = (uint32_t)mesh->morph_count;
     find_bounds(mesh, &out);
     result = write_blob(b, mesh, &out, &data, &size_bytes);
     if (result == STATUS_OK)

@@ -3,7 +3,9 @@
  * A mesh_source owns its arrays (mem_alloc). Its indices are in range; mesh_finish() does
  * the rest, in this order: drop triangles without area, drop vertices that no triangle
  * uses, mend normals, make tangents (splitting vertices where they must differ), find
- * bounds and whether the mesh is closed, write the blob.
+ * bounds and whether the mesh is closed, write the blob. A mesh that deforms (influences or
+ * morphs) keeps its triangles without area, which may open later, and is never closed: what
+ * it looks like at rest says little.
  */
 #ifndef AZULEJO_IMPORT_MESH_H
 #define AZULEJO_IMPORT_MESH_H
@@ -13,6 +15,12 @@
 
 #include "client/import/builder.h"
 
+/* One morph target: offsets from the rest shape. */
+struct mesh_morph {
+    float *positions;   /* [3], required */
+    float *normals;     /* [3] or NULL: none; ignored without normals */
+};
+
 struct mesh_source {
     size_t vertex_count, triangle_count;
     float *positions;   /* [3], required */
@@ -21,6 +29,9 @@ struct mesh_source {
     float *uv[2];       /* [2] or NULL */
     float *colors;      /* [4] or NULL */
     uint32_t *indices;  /* [3] a triangle */
+    struct mesh_influence *influences; /* a vertex, or NULL: no skin */
+    struct mesh_morph *morphs;         /* [morph_count] */
+    size_t morph_count;
 };
 
 void mesh_source_release(struct mesh_source *mesh);

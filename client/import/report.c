@@ -6,8 +6,10 @@
 #include "common/math/elementary.h"
 #include "common/scene/effects.h"
 
-static const char *const light_kinds[LIGHT_KIND_COUNT] = {"point", "spot", "directional"};
-static const char *const camera_kinds[CAMERA_KIND_COUNT] = {"perspective", "orthographic"};
+static const char *const light_kinds[LIGHT_KIND_COUNT] = {"point", "spot", "directional",
+                                                         "goniometric", "projection"};
+static const char *const camera_kinds[CAMERA_KIND_COUNT] = {"perspective", "orthographic",
+                                                           "panorama"};
 static const char *const format_names[] = {"unknown", "PNG", "JPEG", "HDR", "EXR"};
 
 static uint32_t big_endian(const uint8_t *at, int bytes)
@@ -61,9 +63,9 @@ static const char *shown(const char *name)
     return *name ? name : "(no name)";
 }
 
-static uint32_t all_effects(const struct scene *scene)
+static uint64_t all_effects(const struct scene *scene)
 {
-    uint32_t set = 0;
+    uint64_t set = 0;
 
     for (uint32_t i = 0; i < scene->camera_count; i++)
         set |= scene_effects(scene, i);
@@ -128,7 +130,7 @@ static void print_environment(const struct import_result *result, FILE *out)
                 (double)env->image.blob.size_bytes / 1e3);
 }
 
-static void print_effects(uint32_t effects, FILE *out)
+static void print_effects(uint64_t effects, FILE *out)
 {
     int first = 1;
 
@@ -266,7 +268,7 @@ static json_t *environment_json(const struct scene_environment *env)
                      (json_int_t)env->image.blob.size_bytes);
 }
 
-static json_t *effects_json(uint32_t effects, int wanted)
+static json_t *effects_json(uint64_t effects, int wanted)
 {
     json_t *list = json_array();
 
@@ -297,7 +299,7 @@ static json_t *warnings_json(const struct import_result *result)
 json_t *import_report_json(const struct import_result *result)
 {
     const struct scene *scene = &result->scene;
-    uint32_t effects = all_effects(scene);
+    uint64_t effects = all_effects(scene);
     json_t *source = json_string(result->source);
     char hex[DIGEST_HEX_SIZE];
 
