@@ -1,64 +1,9 @@
 #include "worker/render/camera.h"
 
 #include "common/math/elementary.h"
+#include "worker/render/has.h"
 
-/* Half the width of the filter's support, pixels. */
-#define FILTER_RADIUS 1.5
-
-/* Blackman-Harris window over -FILTER_RADIUS..FILTER_RADIUS (Harris 1978, 4 terms, -92 dB). */
-static double blackman_harris(double x)
-{
-    double turn = (x / FILTER_RADIUS + 1) * PI_D;
-
-    return 0.35875 - 0.48829 * (double)det_cos((float)turn) +
-           0.14128 * (double)det_cos((float)(2 * turn)) -
-           0.01168 * (double)det_cos((float)(3 * turn));
-}
-
-/* The table's entry i is where the left half's accumulated weight, of 1, reaches
- * (i / FILTER_TABLE_SIZE)^4: the fourth power gives the faint tail as many entries as the
- * bright middle. */
-static void filter_table_fill(float table[FILTER_TABLE_SIZE + 1])
-{
-    enum { STEPS = 1 << 14 };
-    const double step = FILTER_RADIUS / STEPS;
-    double total = 0, sum = 0;
-    int next = 1;
-
-    for (int i = 0; i < STEPS; i++)
-        total += blackman_harris(-FILTER_RADIUS + (i + 0.5) * step);
-    table[0] = -FILTER_RADIUS;
-    for (int i = 0; i < STEPS; i++) {
-        double weight = blackman_harris(-FILTER_RADIUS + (i + 0.5) * step) / total;
-        for (; next < FILTER_TABLE_SIZE; next++) {
-            double w = (double)next / FILTER_TABLE_SIZE, target = w * w * w * w;
-            if (sum + weight < target)
-                break;
-            table[next] = (float)(-FILTER_RADIUS + (i + (target - sum) / weight) * step);
-        }
-        sum += weight;
-    }
-    while (next <= FILTER_TABLE_SIZE)
-        table[next++] = 0;
-}
-
-void camera_init(struct camera *camera, const struct scene_camera *description, uint32_t width,
-                 uint32_t height)
-{
-    float aspect = (float)width / (float)height;
-
-    camera->kind = description->kind;
-    camera->to_world = description->to_world;
-    camera->width = (float)width;
-    camera->height = (float)height;
-    camera->half_height = description->kind == CAMERA_PERSPECTIVE
-                              ? det_tan(description->yfov_rad * 0.5f)
-                              : description->ymag;
-    camera->half_width = camera->half_height * aspect;
-    filter_table_fill(camera->filter_offset);
-}
-
-static float filter_sample(const struct camera *camera, float u)
+static float camera_filter_sample(const struct camera *camera, float u)
 {
     float half = u < 0.5f ? 2 * u : 2 * (1 - u); /* 0..1, exact */
     float scaled = sqrtf(sqrtf(half)) * FILTER_TABLE_SIZE;
@@ -69,22 +14,89 @@ static float filter_sample(const struct camera *camera, float u)
     return u < 0.5f ? offset : -offset;
 }
 
+/* Uniform on the aperture. Shirley and Chiu's concentric map (1997) yields a radius and an
+ * angle of the disc; in each blade's sector the fraction of the angle then becomes the place
+ * along the blade's edge: (r, s) -> r ((1 - s) corner_k + s corner_k+1) has the constant
+ * Jacobian r dr ds times twice the triangle's area, and neighbours meet along their shared
+ * radius, so the polygon is covered uniformly and without tears. */
+static void camera_lens_sample(const struct camera *camera, struct sample2 at, float lens[2])
+{
+    float a = 2 * at.u - 1, b = 2 * at.v - 1, radius, turn, x = 1, y = 0, sine, cosine, angle;
+
+    if (a * a > b * b) {
+        radius = fabsf(a);
+        turn = 0.125f * (b / a) + (a < 0 ? 0.5f : 0.0f);
+    } else {
+        radius = fabsf(b);
+        turn = b == 0 ? 0.0f : (b < 0 ? 0.75f : 0.25f) - 0.125f * (a / b);
+    }
+    if (turn < 0)
+        turn += 1; /* -1/8..0 */
+    angle = turn * (2 * PI_F);
+    if (camera->blades) {
+        float blades = (float)camera->blades, scaled = turn * blades, blade = floorf(scaled), s;
+        if (blade > blades - 1)
+            blade = blades - 1;
+        s = scaled - blade;
+        x = 1 - s + s * camera->blade_cosine;
+        y = s * camera->blade_sine;
+        angle = blade * (2 * PI_F / blades) + camera->blade_rotation_rad;
+    }
+    det_sincos(angle, &sine, &cosine);
+    radius *= camera->lens_radius;
+    lens[0] = radius * (x * cosine - y * sine);
+    lens[1] = radius * (x * sine + y * cosine);
+}
+
+/* Lat-long: -Z in the middle, +X to its right, +Y at the top. The filter may reach past a
+ * pole or the seam: sine and cosine carry on on the other side. */
+static struct vec3 camera_panorama_direction(float film_x, float film_y, float width, float height)
+{
+    float longitude = (film_x / width - 0.5f) * (2 * PI_F);
+    float latitude = (0.5f - film_y / height) * PI_F;
+    float sin_a, cos_a, sin_b, cos_b;
+
+    det_sincos(longitude, &sin_a, &cos_a);
+    det_sincos(latitude, &sin_b, &cos_b);
+    return vec3_make(sin_a * cos_b, sin_b, -cos_a * cos_b);
+}
+
 void camera_ray(const struct camera *camera, uint32_t x, uint32_t y, const struct sampler *sampler,
                 struct ray *ray)
 {
     struct sample2 pixel = sampler_get(sampler, DIMENSION_PIXEL);
-    float film_x = (float)x + 0.5f + filter_sample(camera, pixel.u);
-    float film_y = (float)y + 0.5f + filter_sample(camera, pixel.v);
+    float film_x = (float)x + 0.5f + camera_filter_sample(camera, pixel.u);
+    float film_y = (float)y + 0.5f + camera_filter_sample(camera, pixel.v);
     float px = (2 * film_x / camera->width - 1) * camera->half_width;
     float py = (1 - 2 * film_y / camera->height) * camera->half_height;
     struct vec3 origin = {0, 0, 0}, direction = {px, py, -1};
+    const struct transform *to_world = &camera->to_world;
+    struct transform moved;
 
-    if (camera->kind == CAMERA_ORTHOGRAPHIC) {
+    if (HAS(ORTHOGRAPHIC) && camera->kind == CAMERA_ORTHOGRAPHIC) {
         origin = vec3_make(px, py, 0);
         direction = vec3_make(0, 0, -1);
+    } else if (HAS(PANORAMA) && camera->kind == CAMERA_PANORAMA) {
+        direction = camera_panorama_direction(film_x, film_y, camera->width, camera->height);
     }
-    ray->origin = transform_point(&camera->to_world, origin);
-    ray->direction = vec3_normalize(transform_vector(&camera->to_world, direction));
-    ray->t_max = INFINITY;
+    if (HAS(DEPTH_OF_FIELD) && camera->lens_radius > 0) {
+        /* All rays of one place on the film meet in the plane that is sharp. */
+        struct vec3 sharp = vec3_mad(origin, direction, camera->focus_distance);
+        float lens[2];
+        camera_lens_sample(camera, sampler_get(sampler, DIMENSION_LENS), lens);
+        origin.x += lens[0];
+        origin.y += lens[1];
+        direction = vec3_sub(sharp, origin);
+    }
     ray->time = 0;
+    if (HAS(MOTION_BLUR) && camera->shutter_open) {
+        ray->time = sampler_get(sampler, DIMENSION_TIME).u;
+        if (camera->motion_steps) {
+            moved = camera_to_world_at(camera, ray->time);
+            to_world = &moved;
+        }
+    }
+    ray->origin = transform_point(to_world, origin);
+    ray->direction = vec3_normalize(transform_vector(to_world, direction));
+    ray->t_max = INFINITY;
 }

@@ -384,7 +384,7 @@ status render_scene_new(struct render_scene **out, const struct scene *scene,
     w->settings = *settings;
     w->frame = frame;
     w->effects = scene_effects(scene, settings->camera);
-    camera_init(&w->camera, &scene->cameras[settings->camera], settings->width, settings->height);
+    camera_init(&w->camera, &scene->cameras[settings->camera], settings, NULL);
     if ((s = load_meshes(w, scene, blobs, err)) != STATUS_OK ||
         (s = load_images(w, scene, blobs, err)) != STATUS_OK ||
         (s = load_materials(w, scene, err)) != STATUS_OK ||
