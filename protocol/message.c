@@ -222,6 +222,13 @@ void wire_settings_set(Azulejo__Wire__RenderSettings *out, const struct render_s
     out->env_strength = in->env_strength;
     out->env_sampling = in->env_sampling;
     out->isa = in->isa;
+    out->fps = in->fps;
+    out->shutter = in->shutter;
+    out->lens_radius = in->lens_radius > 0 ? in->lens_radius : 0;
+    out->pinhole = in->lens_radius == 0;
+    out->focus_distance = in->focus_distance;
+    out->without = in->without;
+    out->aovs = in->aovs;
 }
 
 status wire_settings_get(struct render_settings *out, const Azulejo__Wire__RenderSettings *in,
@@ -246,6 +253,21 @@ status wire_settings_get(struct render_settings *out, const Azulejo__Wire__Rende
     out->env_strength = in->env_strength;
     out->env_sampling = (enum env_sampling)in->env_sampling;
     out->isa = (enum isa)in->isa;
+    out->fps = in->fps;
+    if (in->fps == 0) {
+        struct render_settings defaults;
+        render_settings_default(&defaults);
+        out->fps = defaults.fps;
+    }
+    out->shutter = in->shutter;
+    out->lens_radius = in->pinhole ? 0 : in->lens_radius != 0 ? in->lens_radius : -1;
+    out->focus_distance = in->focus_distance;
+    out->without = in->without;
+    out->aovs = in->aovs;
+    if (in->lens_radius < 0 || (in->pinhole && in->lens_radius != 0)) {
+        memset(out, 0, sizeof *out);
+        return error_set(err, STATUS_ERR_INPUT, "a lens radius below 0, or a pinhole with a lens");
+    }
     s = render_settings_validate(out, camera_count, err);
     if (s != STATUS_OK)
         memset(out, 0, sizeof *out);

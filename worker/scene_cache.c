@@ -265,15 +265,6 @@ void scene_cache_free(struct scene_cache *cache)
     mem_free(cache);
 }
 
-static int settings_equal(const struct render_settings *a, const struct render_settings *b)
-{
-    return a->width == b->width && a->height == b->height && a->spp == b->spp &&
-           a->max_depth == b->max_depth && a->seed == b->seed && a->camera == b->camera &&
-           memcmp(&a->env_rotate_deg, &b->env_rotate_deg, sizeof a->env_rotate_deg) == 0 &&
-           memcmp(&a->env_strength, &b->env_strength, sizeof a->env_strength) == 0 &&
-           a->env_sampling == b->env_sampling && a->isa == b->isa;
-}
-
 status scene_cache_acquire(struct scene_cache *cache, const struct digest *scene,
                            const struct render_settings *settings, struct scene_slot **out,
                            struct error *err)
@@ -281,7 +272,7 @@ status scene_cache_acquire(struct scene_cache *cache, const struct digest *scene
     struct scene_slot *slot = cache->slots;
 
     while (slot && !(slot->state != SCENE_BROKEN && digest_equal(&slot->digest, scene) &&
-                     settings_equal(&slot->settings, settings)))
+                     render_settings_equal(&slot->settings, settings)))
         slot = slot->next;
     if (!slot) {
         slot = mem_calloc(1, sizeof *slot);

@@ -101,12 +101,31 @@ void scene_environment_default(struct scene_environment *environment)
         environment->radiance[i] = environment->to_map[i][i] = 1;
 }
 
+void scene_node_default(struct scene_node *node)
+{
+    memset(node, 0, sizeof *node);
+    node->parent = -1;
+    node->matrix = identity;
+    node->rotation[3] = 1;
+    for (int i = 0; i < 3; i++)
+        node->scale[i] = 1;
+}
+
+void scene_medium_default(struct scene_medium *medium)
+{
+    memset(medium, 0, sizeof *medium);
+    medium->name = "";
+    medium->grid_to_world = identity;
+}
+
 void scene_mesh_layout(const struct scene_mesh *mesh, struct scene_mesh_layout *out)
 {
     size_t at = 0;
     size_t vertices = mesh->vertex_count;
 
-    /* At most 2^32 vertices of 100 bytes and 2^10 morph targets of 24, and 2^32 triangles of 12: no overflow in 64 bits. */
+    /* At most 2^32 vertices of 88 bytes and of 2^32 morph targets of 24 (2^32 * 2^32 * 24
+     * wraps, so the size of a mesh with too many of them means nothing: check_mesh bounds
+     * their count first), and 2^32 triangles of 12: no overflow in 64 bits. */
     _Static_assert(sizeof(size_t) == 8, "mesh blobs need a 64-bit size_t");
 #define LAYOUT_ARRAY(field, present, floats)                                \
     out->field = (present) ? at : SIZE_MAX;                                 \
@@ -139,7 +158,8 @@ status scene_blobs(const struct scene *scene, struct scene_blob **out, size_t *c
                    struct error *err)
 {
     int has_map = scene->environment.present && !scene->environment.constant;
-    size_t total = (size_t)scene->mesh_count + scene->image_count + (has_map ? 1 : 0);
+    size_t total =
+        (size_t)scene->mesh_count + scene->image_count + scene->medium_count + (has_map ? 1 : 0);
     size_t kept = 0, at = 0;
     struct scene_blob *list;
 
@@ -154,6 +174,10 @@ status scene_blobs(const struct scene *scene, struct scene_blob **out, size_t *c
         list[at++] = scene->images[i].blob;
     if (has_map)
         list[at++] = scene->environment.image.blob;
+    for (uint32_t i = 0; i < scene->medium_count; i++)
+        if (scene->media[i].has_grid)
+            list[at++] = scene->media[i].grid;
+    total = at;
     qsort(list, total, sizeof *list, blob_compare);
     for (size_t i = 0; i < total; i++) {
         if (kept && digest_equal(&list[kept - 1].digest, &list[i].digest)) {

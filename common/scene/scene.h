@@ -43,6 +43,11 @@ enum {
     SCENE_WIRE_VERSION = 2,
     SCENE_WIRE_BYTES_MAX = 1 << 30,    /* of a packed scene */
     SCENE_ELEMENT_BYTES_MAX = 1 << 12, /* of one mesh, material, ... in its packed form */
+    SCENE_NODE_BYTES_MAX = SCENE_ELEMENT_BYTES_MAX + 4 * SCENE_MORPHS_MAX, /* likewise a node */
+    SCENE_CHANNEL_BYTES_MAX = 1 << 28,
+    SCENE_SKIN_BYTES_MAX = SCENE_ELEMENT_BYTES_MAX + 56 * SCENE_JOINTS_MAX,
+    SCENE_PRIORITY_MAX = 1000,         /* of a material's volume; the least is its negative */
+    SCENE_BLADES_MAX = 1024,
 };
 #define SCENE_BLOB_BYTES_MAX ((uint64_t)1 << 36)
 /* No coordinate of a mesh or of the world may be larger: squares of lengths and cross
@@ -217,7 +222,8 @@ struct scene_instance {
                                    renderer flips the winding, and thus the side that counts as
                                    front, by its sign (the glTF rule) */
     int32_t node;               /* >= 0: to_world follows this node (to_world is its value at
-                                   time 0); -1: it stands still */
+                                   time 0; it and the value at any other time may be singular:
+                                   a scale of 0 hides a thing); -1: it stands still */
     int32_t skin;               /* of a mesh with MESH_SKIN, -1: none. A skinned vertex is in
                                    world space after its joints: to_world is then not used */
 };
@@ -247,6 +253,14 @@ struct scene_channel {
     float *values;              /* [key_count][components]; INTERPOLATE_CUBIC:
                                    [key_count][3][components] in-tangent, value, out-tangent */
 };
+
+/* Numbers in `values`. */
+static inline size_t scene_channel_floats(const struct scene_channel *channel)
+{
+    size_t values = channel->interpolation == INTERPOLATE_CUBIC ? 3 : 1;
+
+    return values * channel->key_count * channel->components;
+}
 
 struct scene_skin {
     uint32_t joint_count;
@@ -371,6 +385,8 @@ void scene_instance_default(struct scene_instance *instance);
 void scene_light_default(struct scene_light *light);
 void scene_camera_default(struct scene_camera *camera);
 void scene_environment_default(struct scene_environment *environment);
+void scene_node_default(struct scene_node *node);
+void scene_medium_default(struct scene_medium *medium);
 
 /* Check every index, count, enum and number. ERR_INPUT names the table, the row and the
  * field. */
@@ -385,7 +401,8 @@ status scene_pack(const struct scene *scene, struct buffer *out, struct error *e
 status scene_unpack(struct scene *scene, const void *data, size_t size_bytes,
                     struct error *err) MUST_CHECK;
 
-/* The distinct blobs that a worker needs to render the scene: meshes, images, environment.
+/* The distinct blobs that a worker needs to render the scene: meshes, images, environment,
+ * grids.
  * *out is mem_alloc'd with *count entries; the caller frees. */
 status scene_blobs(const struct scene *scene, struct scene_blob **out, size_t *count,
                    struct error *err) MUST_CHECK;

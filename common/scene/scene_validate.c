@@ -100,6 +100,63 @@ static status check_index(const struct place *at, const char *field, uint32_t in
                      at->table, at->row, field, index, count);
 }
 
+/* -1: none. */
+static status check_reference(const struct place *at, const char *field, int32_t index,
+                              uint32_t count)
+{
+    if (index < 0)
+        return index == -1 ? STATUS_OK : complain(at, field, "is below -1");
+    return check_index(at, field, (uint32_t)index, count);
+}
+
+static status check_transform(const struct place *at, const char *field,
+                              const struct transform *t)
+{
+    return check_ranges(at, field, &t->m[0][0], 12, -SCENE_COORDINATE_MAX, SCENE_COORDINATE_MAX);
+}
+
+/* Are the columns of the 3x3 with this row stride orthonormal? Products in double: the
+ * numbers may be large. */
+static int is_orthonormal(const float *m, int stride)
+{
+    for (int a = 0; a < 3; a++)
+        for (int b = a; b < 3; b++) {
+            double dot = 0;
+            for (int r = 0; r < 3; r++)
+                dot += (double)m[r * stride + a] * (double)m[r * stride + b];
+            if (!(fabs(dot - (a == b)) < 1e-3))
+                return 0;
+        }
+    return 1;
+}
+
+static double determinant_of(const float *m, int stride)
+{
+    struct transform_d t = transform_d_identity();
+
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            t.m[r][c] = (double)m[r * stride + c];
+    return transform_d_determinant(&t);
+}
+
+static int can_be_inverted(const struct transform *t)
+{
+    struct transform_d m = transform_to_d(t), inverse;
+
+    return transform_d_invert(&m, &inverse);
+}
+
+/* Long enough to be made unit, and short enough. */
+static int can_be_normalized(const float q[4])
+{
+    double squared = 0;
+
+    for (int i = 0; i < 4; i++)
+        squared += (double)q[i] * (double)q[i];
+    return squared > 1e-12 && squared < 1e12;
+}
+
 static status check_blob(const struct place *at, const struct scene_blob *blob)
 {
     if (blob->size_bytes == 0 || blob->size_bytes > SCENE_BLOB_BYTES_MAX)
@@ -126,6 +183,8 @@ static status check_mesh(const struct place *at, const struct scene_mesh *mesh)
         return complain(at, "vertex_count", "is out of range");
     if (mesh->arrays & ~(uint32_t)MESH_ARRAYS_ALL)
         return complain(at, "arrays", "names an unknown vertex array");
+    if (mesh->morph_count > SCENE_MORPHS_MAX)
+        return complain(at, "morph_count", "is out of range");
     scene_mesh_layout(mesh, &layout);
     if (mesh->blob.size_bytes != layout.total_bytes)
         return complain(at, "blob", "has not the size that the counts call for");
@@ -151,6 +210,7 @@ static status check_texture(const struct place *at, const struct scene_texture *
     CHECK(check_index(at, "image", texture->image, image_count));
     CHECK(check_enum(at, "wrap_u", (unsigned)texture->wrap_u, WRAP_COUNT));
     CHECK(check_enum(at, "wrap_v", (unsigned)texture->wrap_v, WRAP_COUNT));
+    CHECK(check_enum(at, "encoding", (unsigned)texture->encoding, ENCODING_COUNT));
     return check_flag(at, "nearest", texture->nearest);
 }
 
@@ -166,10 +226,73 @@ static status check_slot(const struct place *at, const char *field,
     return check_ranges(at, field, &slot->uv_transform[0][0], 6, -1e6f, 1e6f);
 }
 
-static status check_material(const struct place *at, const struct scene_material *m,
-                             uint32_t texture_count)
+static const float unlimited = 1e30f; /* any radiance or weight that squares may be taken of */
+
+/* glTF's extensions. */
+static status check_layers(const struct place *at, const struct scene_material *m,
+                           uint32_t texture_count)
 {
-    const float unlimited = 1e30f; /* any finite radiance or weight that squares may be taken of */
+#define RANGE(field, low, high) CHECK(check_range(at, #field, m->field, low, high))
+#define SLOT(field) CHECK(check_slot(at, #field, &m->field, texture_count))
+    RANGE(anisotropy, 0, 1);
+    RANGE(anisotropy_rotation_rad, -1e5f, 1e5f);
+    SLOT(anisotropy_texture);
+    RANGE(clearcoat, 0, 1);
+    SLOT(clearcoat_texture);
+    RANGE(clearcoat_roughness, 0, 1);
+    SLOT(clearcoat_roughness_texture);
+    RANGE(clearcoat_ior, 1, 1e6f);
+    RANGE(clearcoat_normal_scale, -1e6f, 1e6f);
+    SLOT(clearcoat_normal_texture);
+    CHECK(check_ranges(at, "sheen_color", m->sheen_color, 3, 0, 1));
+    SLOT(sheen_color_texture);
+    RANGE(sheen_roughness, 0, 1);
+    SLOT(sheen_roughness_texture);
+    RANGE(iridescence, 0, 1);
+    SLOT(iridescence_texture);
+    RANGE(iridescence_ior, 1, 1e6f);
+    RANGE(iridescence_thickness_min_nm, 0, 1e9f);
+    RANGE(iridescence_thickness_max_nm, 0, 1e9f);
+    SLOT(iridescence_thickness_texture);
+    RANGE(diffuse_transmission, 0, 1);
+    SLOT(diffuse_transmission_texture);
+    CHECK(check_ranges(at, "diffuse_transmission_color", m->diffuse_transmission_color, 3, 0, 1));
+    SLOT(diffuse_transmission_color_texture);
+    RANGE(dispersion, 0, 1e6f);
+    SLOT(mix_texture);
+    RANGE(mix_amount, 0, 1);
+#undef SLOT
+#undef RANGE
+    return STATUS_OK;
+}
+
+/* What glTF has not. */
+static status check_kind(const struct place *at, const struct scene *scene,
+                         const struct scene_material *m)
+{
+    CHECK(check_enum(at, "kind", (unsigned)m->kind, MATERIAL_KIND_COUNT));
+    for (int i = 0; i < 3; i++)
+        if (!(m->conductor_eta[i] > 0))
+            return complain(at, "conductor_eta", "must be above 0");
+    CHECK(check_ranges(at, "conductor_eta", m->conductor_eta, 3, 0, 1e6f));
+    CHECK(check_ranges(at, "conductor_k", m->conductor_k, 3, 0, 1e6f));
+    CHECK(check_range(at, "base_interreflection", m->base_interreflection, 0, 1));
+    if (m->base_interreflection == 1)
+        return complain(at, "base_interreflection", "must be below 1");
+    CHECK(check_flag(at, "thin_slab", m->thin_slab));
+    CHECK(check_range(at, "priority", (float)m->priority, -SCENE_PRIORITY_MAX,
+                      SCENE_PRIORITY_MAX));
+    CHECK(check_reference(at, "medium", m->medium, scene->medium_count));
+    for (int i = 0; i < 2 && m->kind == MATERIAL_MIX; i++)
+        if (m->mix_material[i] >= at->row)
+            return complain(at, "mix_material", "must come before the mix itself");
+    return STATUS_OK;
+}
+
+static status check_material(const struct place *at, const struct scene *scene,
+                             const struct scene_material *m)
+{
+    const uint32_t texture_count = scene->texture_count;
 
     CHECK(check_name(at, m->name));
     CHECK(check_flag(at, "unlit", m->unlit));
@@ -198,22 +321,39 @@ static status check_material(const struct place *at, const struct scene_material
     CHECK(check_ranges(at, "attenuation_color", m->attenuation_color, 3, 0, 1));
     if (!(m->attenuation_distance > 0))
         return complain(at, "attenuation_distance", "must be above 0");
+    CHECK(check_layers(at, m, texture_count));
+    return check_kind(at, scene, m);
+}
+
+static status check_moves(const struct place *at, const struct scene *scene,
+                          const struct scene_instance *instance)
+{
+    const struct scene_mesh *mesh = &scene->meshes[instance->mesh];
+
+    CHECK(check_reference(at, "node", instance->node, scene->node_count));
+    CHECK(check_reference(at, "skin", instance->skin, scene->skin_count));
+    if (instance->skin >= 0 && !(mesh->arrays & MESH_SKIN))
+        return complain(at, "skin", "moves a mesh that names no joints");
+    if (instance->node >= 0 && mesh->morph_count) {
+        uint32_t weights = scene->nodes[instance->node].weight_count;
+        if (weights && weights != mesh->morph_count)
+            return complain(at, "node", "has not one weight for each morph target of the mesh");
+    }
     return STATUS_OK;
 }
 
 static status check_instance(const struct place *at, const struct scene *scene, uint32_t row)
 {
     const struct scene_instance *instance = &scene->instances[row];
-    struct transform_d to_world, inverse;
     double low[3], high[3];
 
     CHECK(check_name(at, instance->name));
     CHECK(check_index(at, "mesh", instance->mesh, scene->mesh_count));
     CHECK(check_index(at, "material", instance->material, scene->material_count));
+    CHECK(check_moves(at, scene, instance));
     if (!transform_is_finite(&instance->to_world))
         return complain(at, "to_world", "is not finite");
-    to_world = transform_to_d(&instance->to_world);
-    if (!transform_d_invert(&to_world, &inverse))
+    if (instance->node < 0 && !can_be_inverted(&instance->to_world))
         return complain(at, "to_world", "cannot be inverted");
     if (!scene_instance_bounds(scene, row, low, high))
         return complain(at, "to_world", "moves the mesh out of the range of numbers");
@@ -223,7 +363,8 @@ static status check_instance(const struct place *at, const struct scene *scene, 
     return STATUS_OK;
 }
 
-static status check_light(const struct place *at, const struct scene_light *light)
+static status check_light(const struct place *at, const struct scene *scene,
+                          const struct scene_light *light)
 {
     const struct vec3 d = {light->direction[0], light->direction[1], light->direction[2]};
     const float half_pi = 1.5707964f;
@@ -236,6 +377,14 @@ static status check_light(const struct place *at, const struct scene_light *ligh
         return complain(at, "direction", "is not a unit vector");
     CHECK(check_ranges(at, "intensity", light->intensity, 3, 0, 1e30f));
     CHECK(check_range(at, "range", light->range, 0, SCENE_COORDINATE_MAX));
+    CHECK(check_enum(at, "falloff", (unsigned)light->falloff, FALLOFF_COUNT));
+    CHECK(check_reference(at, "image", light->image, scene->image_count));
+    CHECK(check_reference(at, "node", light->node, scene->node_count));
+    CHECK(check_transform(at, "to_world", &light->to_world));
+    if (!is_orthonormal(&light->to_world.m[0][0], 4))
+        return complain(at, "to_world", "is not a rotation or mirroring and a translation");
+    CHECK(check_range(at, "projection_yfov_rad", light->projection_yfov_rad, 1e-5f, 3.1415f));
+    CHECK(check_range(at, "projection_aspect", light->projection_aspect, 1e-6f, 1e6f));
     if (light->kind == LIGHT_SPOT) {
         CHECK(check_range(at, "outer_cone_rad", light->outer_cone_rad, 0, half_pi));
         CHECK(check_range(at, "inner_cone_rad", light->inner_cone_rad, 0, half_pi));
@@ -245,34 +394,181 @@ static status check_light(const struct place *at, const struct scene_light *ligh
     return STATUS_OK;
 }
 
-static status check_camera(const struct place *at, const struct scene_camera *camera)
+static status check_lens(const struct place *at, const struct scene_camera *camera)
+{
+    CHECK(check_range(at, "lens_radius", camera->lens_radius, 0, 1e6f));
+    CHECK(check_range(at, "focus_distance", camera->focus_distance, 0, 1e12f));
+    if (camera->lens_radius > 0 && camera->focus_distance == 0)
+        return complain(at, "focus_distance", "must be above 0 for a camera with a lens");
+    if (camera->blades > SCENE_BLADES_MAX)
+        return complain(at, "blades", "is out of range");
+    CHECK(check_range(at, "blade_rotation_rad", camera->blade_rotation_rad, -1e5f, 1e5f));
+    CHECK(check_range(at, "shutter_open_s", camera->shutter_open_s, -1e6f, 1e6f));
+    CHECK(check_range(at, "shutter_close_s", camera->shutter_close_s, -1e6f, 1e6f));
+    if (camera->shutter_close_s < camera->shutter_open_s)
+        return complain(at, "shutter_close_s", "comes before shutter_open_s");
+    return check_range(at, "exposure_ev", camera->exposure_ev, -100, 100);
+}
+
+static status check_camera(const struct place *at, const struct scene *scene,
+                           const struct scene_camera *camera)
 {
     CHECK(check_name(at, camera->name));
     CHECK(check_enum(at, "kind", (unsigned)camera->kind, CAMERA_KIND_COUNT));
-    for (int r = 0; r < 3; r++)
-        CHECK(check_range(at, "to_world", camera->to_world.m[r][3], -SCENE_COORDINATE_MAX,
-                          SCENE_COORDINATE_MAX));
-    for (int a = 0; a < 3; a++)
-        for (int b = a; b < 3; b++) {
-            float dot = 0;
-            for (int r = 0; r < 3; r++)
-                dot += camera->to_world.m[r][a] * camera->to_world.m[r][b];
-            if (!(fabsf(dot - (a == b ? 1.0f : 0.0f)) < 1e-3f))
-                return complain(at, "to_world", "is not a rotation and a translation");
-        }
-    {
-        const struct transform_d m = transform_to_d(&camera->to_world);
-        if (!(transform_d_determinant(&m) > 0))
-            return complain(at, "to_world", "mirrors");
-    }
+    CHECK(check_transform(at, "to_world", &camera->to_world));
+    if (!is_orthonormal(&camera->to_world.m[0][0], 4))
+        return complain(at, "to_world", "is not a rotation and a translation");
+    if (!(determinant_of(&camera->to_world.m[0][0], 4) > 0))
+        return complain(at, "to_world", "mirrors");
+    CHECK(check_reference(at, "node", camera->node, scene->node_count));
+    CHECK(check_lens(at, camera));
     if (camera->kind == CAMERA_PERSPECTIVE) {
         /* The tangent of half the angle must be a useful number. */
         CHECK(check_range(at, "yfov_rad", camera->yfov_rad, 1e-5f, 3.1415f));
-    } else {
+    } else if (camera->kind == CAMERA_ORTHOGRAPHIC) {
         CHECK(check_range(at, "xmag", camera->xmag, 1e-12f, SCENE_COORDINATE_MAX));
         CHECK(check_range(at, "ymag", camera->ymag, 1e-12f, SCENE_COORDINATE_MAX));
     }
     return check_range(at, "aspect", camera->aspect, 0, 1e6f);
+}
+
+static status check_node(const struct place *at, const struct scene_node *node)
+{
+    if (node->parent < -1 || node->parent >= (int64_t)at->row)
+        return complain(at, "parent", "must come before the node itself");
+    CHECK(check_flag(at, "has_matrix", node->has_matrix));
+    CHECK(check_transform(at, "matrix", &node->matrix));
+    CHECK(check_ranges(at, "translation", node->translation, 3, -SCENE_COORDINATE_MAX,
+                       SCENE_COORDINATE_MAX));
+    if (!can_be_normalized(node->rotation))
+        return complain(at, "rotation", "cannot be made a unit quaternion");
+    CHECK(check_ranges(at, "scale", node->scale, 3, -SCENE_COORDINATE_MAX, SCENE_COORDINATE_MAX));
+    if (node->weight_count > SCENE_MORPHS_MAX)
+        return complain(at, "weight_count", "is out of range");
+    for (uint32_t i = 0; i < node->weight_count; i++)
+        CHECK(check_range(at, "weights", node->weights[i], -1e6f, 1e6f));
+    return STATUS_OK;
+}
+
+static status check_keys(const struct place *at, const struct scene_channel *channel)
+{
+    const size_t numbers = scene_channel_floats(channel);
+    const size_t stride = numbers / channel->key_count;
+    const float limit = channel->path == PATH_WEIGHTS ? 1e6f : SCENE_COORDINATE_MAX;
+
+    for (uint32_t i = 0; i < channel->key_count; i++) {
+        CHECK(check_range(at, "times", channel->times[i], -1e9f, 1e9f));
+        if (i && channel->times[i] <= channel->times[i - 1])
+            return complain(at, "times", "do not ascend");
+    }
+    for (size_t i = 0; i < numbers; i++)
+        CHECK(check_range(at, "values", channel->values[i], -limit, limit));
+    if (channel->path == PATH_ROTATION)
+        for (uint32_t i = 0; i < channel->key_count; i++) {
+            const float *key = channel->values + i * stride;
+            if (!can_be_normalized(channel->interpolation == INTERPOLATE_CUBIC ? key + 4 : key))
+                return complain(at, "values", "cannot be made unit quaternions");
+        }
+    return STATUS_OK;
+}
+
+static status check_channel(const struct place *at, const struct scene *scene)
+{
+    const struct scene_channel *channel = &scene->channels[at->row];
+    uint32_t components[PATH_COUNT] = {3, 4, 3, 0};
+
+    CHECK(check_index(at, "node", channel->node, scene->node_count));
+    CHECK(check_enum(at, "path", (unsigned)channel->path, PATH_COUNT));
+    CHECK(check_enum(at, "interpolation", (unsigned)channel->interpolation, INTERPOLATE_COUNT));
+    if (at->row) {
+        const struct scene_channel *before = channel - 1;
+        if (channel->node < before->node ||
+            (channel->node == before->node && channel->path <= before->path))
+            return complain(at, "node", "and path are not in order, or there twice");
+    }
+    if (channel->path != PATH_WEIGHTS && scene->nodes[channel->node].has_matrix)
+        return complain(at, "path", "moves a node that has a matrix");
+    components[PATH_WEIGHTS] = scene->nodes[channel->node].weight_count;
+    if (channel->components < 1 || channel->components != components[channel->path])
+        return complain(at, "components", "does not fit what it moves");
+    if (channel->key_count < 1 || channel->key_count > SCENE_KEYS_MAX)
+        return complain(at, "key_count", "is out of range");
+    return check_keys(at, channel);
+}
+
+static status check_skin(const struct place *at, const struct scene_skin *skin,
+                         uint32_t node_count)
+{
+    if (skin->joint_count < 1 || skin->joint_count > SCENE_JOINTS_MAX)
+        return complain(at, "joint_count", "is out of range");
+    for (uint32_t i = 0; i < skin->joint_count; i++) {
+        CHECK(check_index(at, "joints", skin->joints[i], node_count));
+        CHECK(check_transform(at, "inverse_bind", &skin->inverse_bind[i]));
+    }
+    return STATUS_OK;
+}
+
+static status check_grid(const struct place *at, const struct scene_medium *medium)
+{
+    uint64_t cells = 1;
+
+    CHECK(check_blob(at, &medium->grid));
+    for (int i = 0; i < 3; i++) {
+        if (medium->grid_size[i] < 1 || medium->grid_size[i] > SCENE_GRID_SIDE_MAX)
+            return complain(at, "grid_size", "is out of range");
+        cells *= medium->grid_size[i]; /* at most 2^36 */
+    }
+    if (medium->grid.size_bytes != cells * sizeof(float))
+        return complain(at, "grid", "has not the size that its cells call for");
+    CHECK(check_transform(at, "grid_to_world", &medium->grid_to_world));
+    if (!can_be_inverted(&medium->grid_to_world))
+        return complain(at, "grid_to_world", "cannot be inverted");
+    return STATUS_OK;
+}
+
+static status check_medium(const struct place *at, const struct scene_medium *medium)
+{
+    CHECK(check_name(at, medium->name));
+    CHECK(check_ranges(at, "absorption", medium->absorption, 3, 0, 1e12f));
+    CHECK(check_ranges(at, "scattering", medium->scattering, 3, 0, 1e12f));
+    CHECK(check_ranges(at, "emission", medium->emission, 3, 0, unlimited));
+    if (!(medium->g > -1 && medium->g < 1))
+        return complain(at, "g", "must lie between -1 and 1");
+    CHECK(check_flag(at, "has_grid", medium->has_grid));
+    return medium->has_grid ? check_grid(at, medium) : STATUS_OK;
+}
+
+static status check_portal(const struct place *at, const struct scene_portal *portal)
+{
+    const float *a = portal->edge1, *b = portal->edge2;
+    double aa = 0, bb = 0, ab = 0;
+
+    CHECK(check_ranges(at, "corner", portal->corner, 3, -SCENE_COORDINATE_MAX,
+                       SCENE_COORDINATE_MAX));
+    CHECK(check_ranges(at, "edge1", a, 3, -SCENE_COORDINATE_MAX, SCENE_COORDINATE_MAX));
+    CHECK(check_ranges(at, "edge2", b, 3, -SCENE_COORDINATE_MAX, SCENE_COORDINATE_MAX));
+    for (int i = 0; i < 3; i++) {
+        aa += (double)a[i] * (double)a[i];
+        bb += (double)b[i] * (double)b[i];
+        ab += (double)a[i] * (double)b[i];
+    }
+    /* |a x b|^2 = aa bb - ab^2: a sliver's normal is not to be trusted. */
+    if (!(aa > 1e-30 && bb > 1e-30 && aa * bb - ab * ab > 1e-9 * aa * bb))
+        return complain(at, "edge1", "and edge2 span no window");
+    return STATUS_OK;
+}
+
+static status check_environment(const struct place *at, const struct scene_environment *env)
+{
+    CHECK(check_flag(at, "present", env->present));
+    if (!env->present)
+        return STATUS_OK;
+    CHECK(check_flag(at, "constant", env->constant));
+    CHECK(check_ranges(at, "radiance", env->radiance, 3, 0, unlimited));
+    CHECK(check_ranges(at, "to_map", &env->to_map[0][0], 9, -2, 2));
+    if (!is_orthonormal(&env->to_map[0][0], 3) || !(determinant_of(&env->to_map[0][0], 3) > 0))
+        return complain(at, "to_map", "is not a rotation");
+    return env->constant ? STATUS_OK : check_image(at, &env->image);
 }
 
 static status check_count(struct error *err, const char *table, uint32_t count, uint32_t maximum)
@@ -295,6 +591,11 @@ status scene_validate(const struct scene *scene, struct error *err)
     CHECK(check_count(err, "instances", scene->instance_count, SCENE_INSTANCES_MAX));
     CHECK(check_count(err, "lights", scene->light_count, SCENE_LIGHTS_MAX));
     CHECK(check_count(err, "cameras", scene->camera_count, SCENE_CAMERAS_MAX));
+    CHECK(check_count(err, "nodes", scene->node_count, SCENE_NODES_MAX));
+    CHECK(check_count(err, "channels", scene->channel_count, SCENE_CHANNELS_MAX));
+    CHECK(check_count(err, "skins", scene->skin_count, SCENE_SKINS_MAX));
+    CHECK(check_count(err, "media", scene->medium_count, SCENE_MEDIA_MAX));
+    CHECK(check_count(err, "portals", scene->environment.portal_count, SCENE_PORTALS_MAX));
     if (scene->camera_count == 0)
         return error_set(err, STATUS_ERR_INPUT, "the scene has no camera");
 #define EACH_ROW(name, count, call)                  \
@@ -306,17 +607,21 @@ status scene_validate(const struct scene *scene, struct error *err)
     EACH_ROW("textures", scene->texture_count,
              check_texture(&at, &scene->textures[at.row], scene->image_count))
     EACH_ROW("materials", scene->material_count,
-             check_material(&at, &scene->materials[at.row], scene->texture_count))
+             check_material(&at, scene, &scene->materials[at.row]))
+    EACH_ROW("nodes", scene->node_count, check_node(&at, &scene->nodes[at.row]))
+    EACH_ROW("channels", scene->channel_count, check_channel(&at, scene))
+    EACH_ROW("skins", scene->skin_count,
+             check_skin(&at, &scene->skins[at.row], scene->node_count))
+    EACH_ROW("media", scene->medium_count, check_medium(&at, &scene->media[at.row]))
+    EACH_ROW("portals", scene->environment.portal_count,
+             check_portal(&at, &scene->environment.portals[at.row]))
     EACH_ROW("instances", scene->instance_count, check_instance(&at, scene, at.row))
-    EACH_ROW("lights", scene->light_count, check_light(&at, &scene->lights[at.row]))
-    EACH_ROW("cameras", scene->camera_count, check_camera(&at, &scene->cameras[at.row]))
+    EACH_ROW("lights", scene->light_count, check_light(&at, scene, &scene->lights[at.row]))
+    EACH_ROW("cameras", scene->camera_count,
+             check_camera(&at, scene, &scene->cameras[at.row]))
 #undef EACH_ROW
     at = (struct place){"environment", 0, err};
-    CHECK(check_flag(&at, "present", scene->environment.present));
-    if (!scene->environment.present)
-        return STATUS_OK;
-    CHECK(check_flag(&at, "constant", scene->environment.constant));
-    if (scene->environment.constant)
-        return check_ranges(&at, "radiance", scene->environment.radiance, 3, 0, 1e30f);
-    return check_image(&at, &scene->environment.image);
+    CHECK(check_environment(&at, &scene->environment));
+    at = (struct place){"scene", 0, err};
+    return check_reference(&at, "fog", scene->fog, scene->medium_count);
 }

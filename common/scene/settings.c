@@ -110,6 +110,17 @@ void render_settings_default(struct render_settings *s)
     s->lens_radius = -1;
 }
 
+int render_settings_equal(const struct render_settings *a, const struct render_settings *b)
+{
+    return a->width == b->width && a->height == b->height && a->spp == b->spp &&
+           a->max_depth == b->max_depth && a->seed == b->seed && a->camera == b->camera &&
+           a->env_rotate_deg == b->env_rotate_deg && a->env_strength == b->env_strength &&
+           a->env_sampling == b->env_sampling && a->isa == b->isa && a->fps == b->fps &&
+           a->shutter == b->shutter && a->lens_radius == b->lens_radius &&
+           a->focus_distance == b->focus_distance && a->without == b->without &&
+           a->aovs == b->aovs;
+}
+
 status render_settings_validate(const struct render_settings *s, uint32_t camera_count,
                                 struct error *err)
 {

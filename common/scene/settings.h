@@ -84,6 +84,8 @@ struct render_settings {
 };
 
 void render_settings_default(struct render_settings *s);
+/* Every field, by value. */
+int render_settings_equal(const struct render_settings *a, const struct render_settings *b);
 
 /* Check ranges; ERR_INPUT names the field and its range. camera_count bounds `camera`. */
 status render_settings_validate(const struct render_settings *s, uint32_t camera_count,

@@ -259,7 +259,7 @@ static status connect_peer(struct bench *b, struct peer *peer, int is_worker, st
 /* A camera under a constant sky. */
 static status make_scene(struct bench *b, struct error *err)
 {
-    static struct scene_camera camera = {.name = "camera", .yfov_rad = 1};
+    static struct scene_camera camera = {.name = "camera", .yfov_rad = 1, .node = -1};
     const struct transform_d identity = transform_d_identity();
     struct scene scene;
     status s;

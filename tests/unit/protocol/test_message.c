@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include "common/base/memory.h"
+#include "common/scene/effects.h"
 #include "protocol/message.h"
 
 static struct render_settings example_settings(void)
@@ -25,6 +26,12 @@ static struct render_settings example_settings(void)
     s.env_strength = 3;
     s.env_sampling = ENV_SAMPLING_BSDF;
     s.isa = ISA_SSE2;
+    s.fps = 29.97f;
+    s.shutter = 0.5f;
+    s.lens_radius = 0.0125f;
+    s.focus_distance = 3.5f;
+    s.without = EFFECT_CAUSTICS | EFFECT_DISPERSION;
+    s.aovs = 1u << AOV_DEPTH | 1u << AOV_ERROR;
     return s;
 }
 
@@ -45,6 +52,40 @@ static void test_settings_round_trip(void **state)
     assert_true(out.env_rotate_deg == in.env_rotate_deg && out.env_strength == in.env_strength);
     assert_int_equal(out.env_sampling, ENV_SAMPLING_BSDF);
     assert_int_equal(out.isa, ISA_SSE2);
+    assert_true(render_settings_equal(&in, &out));
+}
+
+/* 0 is the camera's own on the wire, but a pinhole in the settings. */
+static void test_settings_lens(void **state)
+{
+    static const float given[] = {-1, -2, 0, 0.5f}, expected[] = {-1, -1, 0, 0.5f};
+    struct render_settings in = example_settings(), out;
+    Azulejo__Wire__RenderSettings wire;
+
+    (void)state;
+    for (int i = 0; i < 4; i++) {
+        in.lens_radius = given[i];
+        wire_settings_set(&wire, &in);
+        assert_int_equal(wire_settings_get(&out, &wire, 1, NULL), STATUS_OK);
+        assert_true(out.lens_radius == expected[i]);
+    }
+}
+
+/* Settings that were stored before there was any motion, lens or AOV. */
+static void test_settings_of_old(void **state)
+{
+    Azulejo__Wire__RenderSettings wire = AZULEJO__WIRE__RENDER_SETTINGS__INIT;
+    struct render_settings out, defaults;
+
+    (void)state;
+    render_settings_default(&defaults);
+    wire.width = wire.height = 8;
+    wire.spp = 1;
+    assert_int_equal(wire_settings_get(&out, &wire, 1, NULL), STATUS_OK);
+    assert_true(out.fps == defaults.fps && out.shutter == defaults.shutter);
+    assert_true(out.lens_radius == defaults.lens_radius);
+    assert_true(out.focus_distance == defaults.focus_distance);
+    assert_true(out.without == 0 && out.aovs == 0);
 }
 
 static void test_settings_out_of_range(void **state)
@@ -75,6 +116,23 @@ static void test_settings_out_of_range(void **state)
     REFUSED(env_sampling, 0xffffffff, 1);
     REFUSED(isa, ISA_COUNT, 1);
     REFUSED(isa, 0x80000000, 1);
+    REFUSED(fps, NAN, 1);
+    REFUSED(fps, -24, 1);
+    REFUSED(fps, 1e6f, 1);
+    REFUSED(shutter, NAN, 1);
+    REFUSED(shutter, -0.1f, 1);
+    REFUSED(shutter, 1.1f, 1);
+    REFUSED(lens_radius, NAN, 1);
+    REFUSED(lens_radius, -1, 1);
+    REFUSED(lens_radius, INFINITY, 1);
+    REFUSED(pinhole, 1, 1); /* and a lens radius */
+    REFUSED(focus_distance, NAN, 1);
+    REFUSED(focus_distance, -1, 1);
+    REFUSED(focus_distance, INFINITY, 1);
+    REFUSED(without, UINT64_MAX, 1);
+    REFUSED(without, EFFECTS_ALL + 1, 1);
+    REFUSED(aovs, 1u << AOV_COUNT, 1);
+    REFUSED(aovs, UINT32_MAX, 1);
 #undef REFUSED
     assert_int_equal(wire_settings_get(&out, NULL, 1, NULL), STATUS_ERR_INPUT);
     wire_settings_set(&wire, &in);
@@ -404,6 +462,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_settings_round_trip),
+        cmocka_unit_test(test_settings_lens),
+        cmocka_unit_test(test_settings_of_old),
         cmocka_unit_test(test_settings_out_of_range),
         cmocka_unit_test(test_digest_lengths),
         cmocka_unit_test(test_units),

@@ -209,7 +209,8 @@ static void test_light(void **state)
     EXPECT(plain_set | EFFECT_PUNCTUAL_LIGHT, p.light.intensity[1] = 1);
     EXPECT(plain_set | EFFECT_EMISSIVE_MESH, p.material.emission[0] = 1);
     EXPECT(plain_set | EFFECT_ENVIRONMENT, p.scene.environment.present = 1);
-    EXPECT(plain_set, p.scene.environment.present = p.scene.environment.constant = 1);
+    EXPECT(plain_set, p.scene.environment.present = p.scene.environment.constant = 1;
+           memset(p.scene.environment.radiance, 0, sizeof p.scene.environment.radiance));
     EXPECT(plain_set | EFFECT_ENVIRONMENT,
            p.scene.environment.present = p.scene.environment.constant = 1;
            p.scene.environment.radiance[0] = 1);

@@ -39,8 +39,20 @@ static void test_layout(void **state)
     assert_int_equal(layout.uv0, 200);
     assert_int_equal(layout.uv1, 240);
     assert_int_equal(layout.colors, 280);
-    assert_int_equal(layout.indices, 360);
-    assert_int_equal(layout.total_bytes, 360 + 24 + 16);
+    assert_int_equal(layout.skin, 360);
+    assert_true(layout.morphs == SIZE_MAX);
+    assert_int_equal(layout.indices, 480); /* 5 times 16 + 8 bytes of weights and joints */
+    assert_int_equal(layout.total_bytes, 480 + 24 + 16);
+    mesh.morph_count = 2;
+    scene_mesh_layout(&mesh, &layout);
+    assert_int_equal(layout.morphs, 480);
+    assert_int_equal(layout.morph_stride, 2 * 60);
+    assert_int_equal(layout.indices, 720);
+    mesh.arrays &= ~(uint32_t)MESH_NORMALS;
+    scene_mesh_layout(&mesh, &layout);
+    assert_int_equal(layout.morphs, 420);
+    assert_int_equal(layout.morph_stride, 60);
+    assert_int_equal(layout.indices, 540);
 }
 
 static void assert_slot_equal(const struct scene_texture_slot *a,
@@ -49,6 +61,118 @@ static void assert_slot_equal(const struct scene_texture_slot *a,
     assert_int_equal(a->texture, b->texture);
     assert_int_equal(a->uv_set, b->uv_set);
     assert_memory_equal(a->uv_transform, b->uv_transform, sizeof a->uv_transform);
+}
+
+static void assert_layers_equal(const struct scene_material *x, const struct scene_material *y)
+{
+#define SAME(field) assert_memory_equal(&x->field, &y->field, sizeof x->field)
+#define SAME_SLOT(field) assert_slot_equal(&x->field, &y->field)
+    SAME(kind);
+    SAME(anisotropy);
+    SAME(anisotropy_rotation_rad);
+    SAME_SLOT(anisotropy_texture);
+    SAME(clearcoat);
+    SAME_SLOT(clearcoat_texture);
+    SAME(clearcoat_roughness);
+    SAME_SLOT(clearcoat_roughness_texture);
+    SAME(clearcoat_ior);
+    SAME(clearcoat_normal_scale);
+    SAME_SLOT(clearcoat_normal_texture);
+    SAME(sheen_color);
+    SAME_SLOT(sheen_color_texture);
+    SAME(sheen_roughness);
+    SAME_SLOT(sheen_roughness_texture);
+    SAME(iridescence);
+    SAME_SLOT(iridescence_texture);
+    SAME(iridescence_ior);
+    SAME(iridescence_thickness_min_nm);
+    SAME(iridescence_thickness_max_nm);
+    SAME_SLOT(iridescence_thickness_texture);
+    SAME(diffuse_transmission);
+    SAME_SLOT(diffuse_transmission_texture);
+    SAME(diffuse_transmission_color);
+    SAME_SLOT(diffuse_transmission_color_texture);
+    SAME(dispersion);
+    SAME(conductor_eta);
+    SAME(conductor_k);
+    SAME(base_interreflection);
+    SAME(thin_slab);
+    SAME(priority);
+    SAME(medium);
+    SAME(mix_material);
+    SAME(mix_amount);
+    SAME_SLOT(mix_texture);
+#undef SAME_SLOT
+}
+
+static void assert_motion_equal(const struct scene *a, const struct scene *b)
+{
+    assert_int_equal(a->node_count, b->node_count);
+    for (uint32_t i = 0; i < a->node_count; i++) {
+        const struct scene_node *x = &a->nodes[i], *y = &b->nodes[i];
+        SAME(parent);
+        SAME(has_matrix);
+        SAME(matrix);
+        SAME(translation);
+        SAME(rotation);
+        SAME(scale);
+        SAME(weight_count);
+        assert_memory_equal(x->weights, y->weights, x->weight_count * sizeof(float));
+    }
+    assert_int_equal(a->channel_count, b->channel_count);
+    for (uint32_t i = 0; i < a->channel_count; i++) {
+        const struct scene_channel *x = &a->channels[i], *y = &b->channels[i];
+        SAME(node);
+        SAME(path);
+        SAME(interpolation);
+        SAME(key_count);
+        SAME(components);
+        assert_memory_equal(x->times, y->times, x->key_count * sizeof(float));
+        assert_memory_equal(x->values, y->values, scene_channel_floats(x) * sizeof(float));
+    }
+    assert_int_equal(a->skin_count, b->skin_count);
+    for (uint32_t i = 0; i < a->skin_count; i++) {
+        const struct scene_skin *x = &a->skins[i], *y = &b->skins[i];
+        SAME(joint_count);
+        assert_memory_equal(x->joints, y->joints, x->joint_count * sizeof(uint32_t));
+        assert_memory_equal(x->inverse_bind, y->inverse_bind,
+                            x->joint_count * sizeof *x->inverse_bind);
+    }
+}
+
+static void assert_media_equal(const struct scene *a, const struct scene *b)
+{
+    assert_int_equal(a->medium_count, b->medium_count);
+    for (uint32_t i = 0; i < a->medium_count; i++) {
+        const struct scene_medium *x = &a->media[i], *y = &b->media[i];
+        assert_string_equal(x->name, y->name);
+        SAME(absorption);
+        SAME(scattering);
+        SAME(emission);
+        SAME(g);
+        SAME(has_grid);
+        SAME(grid.digest);
+        SAME(grid.size_bytes);
+        SAME(grid_size);
+        SAME(grid_to_world);
+    }
+    assert_int_equal(a->fog, b->fog);
+}
+
+static void assert_environment_equal(const struct scene_environment *x,
+                                     const struct scene_environment *y)
+{
+    SAME(present);
+    SAME(constant);
+    if (x->present) {
+        assert_string_equal(x->image.name, y->image.name);
+        SAME(image.blob.digest);
+        SAME(image.blob.size_bytes);
+        SAME(radiance);
+        SAME(to_map);
+    }
+    assert_int_equal(x->portal_count, y->portal_count);
+    assert_memory_equal(x->portals, y->portals, x->portal_count * sizeof *x->portals);
 }
 
 /* Field by field: what packs must come out as it went in. */
@@ -67,6 +191,7 @@ static void assert_scene_equal(const struct scene *a, const struct scene *b)
         assert_memory_equal(x->bounds_min, y->bounds_min, sizeof x->bounds_min);
         assert_memory_equal(x->bounds_max, y->bounds_max, sizeof x->bounds_max);
         assert_int_equal(x->closed, y->closed);
+        SAME(morph_count);
     }
     assert_int_equal(a->image_count, b->image_count);
     for (uint32_t i = 0; i < a->image_count; i++) {
@@ -102,6 +227,7 @@ static void assert_scene_equal(const struct scene *a, const struct scene *b)
         assert_memory_equal(x->attenuation_color, y->attenuation_color,
                             sizeof x->attenuation_color);
         assert_true(x->attenuation_distance == y->attenuation_distance);
+        assert_layers_equal(x, y);
     }
     assert_int_equal(a->instance_count, b->instance_count);
     for (uint32_t i = 0; i < a->instance_count; i++) {
@@ -110,6 +236,8 @@ static void assert_scene_equal(const struct scene *a, const struct scene *b)
         assert_int_equal(a->instances[i].material, b->instances[i].material);
         assert_memory_equal(&a->instances[i].to_world, &b->instances[i].to_world,
                             sizeof a->instances[i].to_world);
+        assert_int_equal(a->instances[i].node, b->instances[i].node);
+        assert_int_equal(a->instances[i].skin, b->instances[i].skin);
     }
     assert_int_equal(a->light_count, b->light_count);
     for (uint32_t i = 0; i < a->light_count; i++) {
@@ -121,6 +249,12 @@ static void assert_scene_equal(const struct scene *a, const struct scene *b)
         assert_memory_equal(x->intensity, y->intensity, sizeof x->intensity);
         assert_true(x->range == y->range && x->inner_cone_rad == y->inner_cone_rad &&
                     x->outer_cone_rad == y->outer_cone_rad);
+        SAME(falloff);
+        SAME(image);
+        SAME(to_world);
+        SAME(projection_yfov_rad);
+        SAME(projection_aspect);
+        SAME(node);
     }
     assert_int_equal(a->camera_count, b->camera_count);
     for (uint32_t i = 0; i < a->camera_count; i++) {
@@ -130,19 +264,20 @@ static void assert_scene_equal(const struct scene *a, const struct scene *b)
         assert_memory_equal(&x->to_world, &y->to_world, sizeof x->to_world);
         assert_true(x->yfov_rad == y->yfov_rad && x->xmag == y->xmag && x->ymag == y->ymag &&
                     x->aspect == y->aspect);
+        SAME(lens_radius);
+        SAME(focus_distance);
+        SAME(blades);
+        SAME(blade_rotation_rad);
+        SAME(shutter_open_s);
+        SAME(shutter_close_s);
+        SAME(exposure_ev);
+        SAME(node);
     }
-    assert_int_equal(a->environment.present, b->environment.present);
-    assert_int_equal(a->environment.constant, b->environment.constant);
-    if (a->environment.present && !a->environment.constant) {
-        assert_string_equal(a->environment.image.name, b->environment.image.name);
-        assert_true(digest_equal(&a->environment.image.blob.digest,
-                                 &b->environment.image.blob.digest));
-        assert_int_equal(a->environment.image.blob.size_bytes,
-                         b->environment.image.blob.size_bytes);
-    }
-    assert_memory_equal(a->environment.radiance, b->environment.radiance,
-                        sizeof a->environment.radiance);
+    assert_environment_equal(&a->environment, &b->environment);
+    assert_motion_equal(a, b);
+    assert_media_equal(a, b);
 }
+#undef SAME
 
 static void check_round_trip(struct scene *scene)
 {
@@ -168,15 +303,53 @@ static void test_round_trip(void **state)
     (void)state;
     scene_sample(&scene);
     check_round_trip(&scene);
-    scene.environment = (struct scene_environment){
-        .present = 1, .constant = 1, .radiance = {0.5f, 0, 7}};
+    scene_environment_default(&scene.environment);
+    scene.environment.present = scene.environment.constant = 1;
+    scene.environment.radiance[0] = 0;
+    scene.environment.image.name = "";
     check_round_trip(&scene);
     scene.environment.present = scene.environment.constant = 0;
-    memset(scene.environment.radiance, 0, sizeof scene.environment.radiance);
     check_round_trip(&scene);
     scene.mesh_count = scene.image_count = scene.texture_count = scene.material_count =
-        scene.instance_count = scene.light_count = 0;
+        scene.instance_count = scene.light_count = scene.node_count = scene.channel_count =
+            scene.skin_count = scene.medium_count = 0;
+    scene.fog = scene.cameras[0].node = -1;
     check_round_trip(&scene);
+    scene_release(&scene);
+}
+
+/* What is not called for takes no bytes, whatever its value. */
+static void test_defaults_take_no_bytes(void **state)
+{
+    struct buffer plain = BUFFER_INIT, same = BUFFER_INIT, more = BUFFER_INIT;
+    struct scene_material material;
+    struct scene_light light;
+    struct scene_camera camera;
+    struct scene scene;
+
+    (void)state;
+    scene_init(&scene);
+    scene_material_default(&material);
+    scene_light_default(&light);
+    scene_camera_default(&camera);
+    scene.materials = &material;
+    scene.lights = &light;
+    scene.cameras = &camera;
+    scene.material_count = scene.light_count = scene.camera_count = 1;
+    pack(&scene, &plain);
+    assert_true(plain.size < 260);
+    material.clearcoat_texture.uv_set = 1; /* of a slot without a texture: means nothing */
+    material.anisotropy = -0.0f;           /* is 0 */
+    light.to_world.m[0][1] = -0.0f;
+    pack(&scene, &same);
+    assert_int_equal(plain.size, same.size);
+    assert_memory_equal(plain.data, same.data, plain.size);
+    material.clearcoat = 0.5f;
+    pack(&scene, &more);
+    assert_true(more.size > plain.size);
+    buffer_release(&plain);
+    buffer_release(&same);
+    buffer_release(&more);
     scene_release(&scene);
 }
 
@@ -219,7 +392,7 @@ static void test_refuses_meshes(void **state)
     REFUSE("meshes[0]", s.meshes[0].vertex_count++);
     REFUSE("meshes[0]", s.meshes[0].triangle_count = 0);
     REFUSE("meshes[0]", s.meshes[0].triangle_count = UINT32_MAX);
-    REFUSE("meshes[0]", s.meshes[0].arrays = 32);
+    REFUSE("meshes[0]", s.meshes[0].arrays = 64);
     REFUSE("meshes[0]", s.meshes[0].arrays = MESH_UV0);
     for (int i = 0; i < 3; i++) {
         REFUSE_NUMBER("meshes[0].bounds_min", meshes[0].bounds_min[i]);
@@ -228,6 +401,8 @@ static void test_refuses_meshes(void **state)
         REFUSE("meshes[0].bounds_max", s.meshes[0].bounds_max[i] = 2e15f);
     }
     REFUSE("meshes[0].closed", s.meshes[0].closed = 2);
+    REFUSE("meshes[0].morph_count", s.meshes[0].morph_count = SCENE_MORPHS_MAX + 1u);
+    REFUSE("meshes[0].blob", s.meshes[0].morph_count++);
 }
 
 static void test_refuses_pictures(void **state)
@@ -246,6 +421,7 @@ static void test_refuses_pictures(void **state)
     REFUSE("textures[0].wrap_u", s.textures[0].wrap_u = WRAP_COUNT);
     REFUSE("textures[0].wrap_v", s.textures[0].wrap_v = (enum scene_wrap)-1);
     REFUSE("textures[0].nearest", s.textures[0].nearest = -1);
+    REFUSE("textures[0].encoding", s.textures[0].encoding = ENCODING_COUNT);
 }
 
 static void test_refuses_materials(void **state)
@@ -258,6 +434,17 @@ static void test_refuses_materials(void **state)
         offsetof(struct scene_material, specular_texture),
         offsetof(struct scene_material, specular_color_texture),
         offsetof(struct scene_material, transmission_texture),
+        offsetof(struct scene_material, anisotropy_texture),
+        offsetof(struct scene_material, clearcoat_texture),
+        offsetof(struct scene_material, clearcoat_roughness_texture),
+        offsetof(struct scene_material, clearcoat_normal_texture),
+        offsetof(struct scene_material, sheen_color_texture),
+        offsetof(struct scene_material, sheen_roughness_texture),
+        offsetof(struct scene_material, iridescence_texture),
+        offsetof(struct scene_material, iridescence_thickness_texture),
+        offsetof(struct scene_material, diffuse_transmission_texture),
+        offsetof(struct scene_material, diffuse_transmission_color_texture),
+        offsetof(struct scene_material, mix_texture),
     };
 
     (void)state;
@@ -308,6 +495,150 @@ static void test_refuses_materials(void **state)
     }
 }
 
+/* Every number of a layer or kind, its range, and something outside. */
+static void test_refuses_layers(void **state)
+{
+    (void)state;
+#define OUTSIDE(field, low, high)                                     \
+    do {                                                              \
+        REFUSE_NUMBER("materials[0]." #field, materials[0].field);    \
+        REFUSE("materials[0]." #field, s.materials[0].field = (low)); \
+        REFUSE("materials[0]." #field, s.materials[0].field = (high)); \
+    } while (0)
+#define OUTSIDE_RGB(field, low, high)                                          \
+    for (int i = 0; i < 3; i++) {                                              \
+        REFUSE("materials[0]." #field, s.materials[0].field[i] = NAN);         \
+        REFUSE("materials[0]." #field, s.materials[0].field[i] = (low));       \
+        REFUSE("materials[0]." #field, s.materials[0].field[i] = (high));      \
+    }
+    OUTSIDE(anisotropy, -0.1f, 1.1f);
+    OUTSIDE(anisotropy_rotation_rad, -1e6f, 1e6f);
+    OUTSIDE(clearcoat, -0.1f, 1.1f);
+    OUTSIDE(clearcoat_roughness, -0.1f, 1.1f);
+    OUTSIDE(clearcoat_ior, 0.9f, 1e7f);
+    OUTSIDE(clearcoat_normal_scale, -1e7f, 1e7f);
+    OUTSIDE_RGB(sheen_color, -0.1f, 1.1f)
+    OUTSIDE(sheen_roughness, -0.1f, 1.1f);
+    OUTSIDE(iridescence, -0.1f, 1.1f);
+    OUTSIDE(iridescence_ior, 0, 1e7f);
+    OUTSIDE(iridescence_thickness_min_nm, -1, 1e10f);
+    OUTSIDE(iridescence_thickness_max_nm, -1, 1e10f);
+    OUTSIDE(diffuse_transmission, -0.1f, 1.1f);
+    OUTSIDE_RGB(diffuse_transmission_color, -0.1f, 1.1f)
+    OUTSIDE(dispersion, -0.1f, 1e7f);
+    OUTSIDE_RGB(conductor_eta, 0, 1e7f)
+    OUTSIDE_RGB(conductor_k, -0.1f, 1e7f)
+    OUTSIDE(base_interreflection, -0.1f, 1);
+    OUTSIDE(mix_amount, -0.1f, 1.1f);
+#undef OUTSIDE_RGB
+#undef OUTSIDE
+    REFUSE("materials[0].kind", s.materials[0].kind = MATERIAL_KIND_COUNT);
+    REFUSE("materials[0].thin_slab", s.materials[0].thin_slab = 2);
+    REFUSE("materials[0].priority", s.materials[0].priority = SCENE_PRIORITY_MAX + 1);
+    REFUSE("materials[0].priority", s.materials[0].priority = INT32_MIN);
+    REFUSE("materials[0].medium", s.materials[0].medium = 2);
+    REFUSE("materials[0].medium", s.materials[0].medium = -2);
+    REFUSE("materials[0].mix_material", s.materials[0].kind = MATERIAL_MIX);
+    REFUSE("materials[2].mix_material", s.materials[2].mix_material[0] = 2);
+    REFUSE("materials[2].mix_material", s.materials[2].mix_material[1] = UINT32_MAX);
+}
+
+static void test_refuses_motion(void **state)
+{
+    (void)state;
+    REFUSE("nodes", s.node_count = SCENE_NODES_MAX + 1u);
+    REFUSE("nodes[1].parent", s.nodes[1].parent = 1);
+    REFUSE("nodes[1].parent", s.nodes[1].parent = 2);
+    REFUSE("nodes[0].parent", s.nodes[0].parent = -2);
+    REFUSE("nodes[0].has_matrix", s.nodes[0].has_matrix = 2);
+    REFUSE_NUMBER("nodes[0].matrix", nodes[0].matrix.m[2][3]);
+    REFUSE_NUMBER("nodes[1].translation", nodes[1].translation[1]);
+    REFUSE_NUMBER("nodes[1].rotation", nodes[1].rotation[3]);
+    REFUSE("nodes[1].rotation", memset(s.nodes[1].rotation, 0, sizeof s.nodes[1].rotation));
+    REFUSE_NUMBER("nodes[1].scale", nodes[1].scale[2]);
+    REFUSE("nodes[1].weight_count", s.nodes[1].weight_count = SCENE_MORPHS_MAX + 1u);
+    REFUSE_NUMBER("nodes[1].weights", nodes[1].weights[1]);
+
+    REFUSE("channels", s.channel_count = SCENE_CHANNELS_MAX + 1u);
+    REFUSE("channels[4].node", s.channels[4].node = 3);
+    REFUSE("channels[4].node", s.channels[4].node = 0);
+    REFUSE("channels[1].node", s.channels[1].path = PATH_TRANSLATION);
+    REFUSE("channels[0].path", s.channels[0].path = PATH_COUNT);
+    REFUSE("channels[0].path", s.channels[0].node = 0);
+    REFUSE("channels[0].interpolation", s.channels[0].interpolation = INTERPOLATE_COUNT);
+    REFUSE("channels[0].components", s.channels[0].components = 4);
+    REFUSE("channels[1].components", s.channels[1].components = 3);
+    REFUSE("channels[3].components", s.channels[3].components = 1);
+    REFUSE("channels[3].components", s.nodes[1].weight_count = 1);
+    REFUSE("channels[3].components", s.nodes[1].weight_count = s.channels[3].components = 0);
+    REFUSE("channels[0].key_count", s.channels[0].key_count = 0);
+    REFUSE("channels[0].key_count", s.channels[0].key_count = SCENE_KEYS_MAX + 1u);
+    REFUSE_NUMBER("channels[0].times", channels[0].times[0]);
+    REFUSE("channels[0].times", s.channels[0].times[1] = s.channels[0].times[0]);
+    REFUSE("channels[0].times", s.channels[0].times[2] = 0);
+    REFUSE_NUMBER("channels[0].values", channels[0].values[8]);
+    REFUSE_NUMBER("channels[1].values", channels[1].values[35]);
+    REFUSE("channels[1].values", memset(s.channels[1].values + 16, 0, 16)); /* key 1's value */
+    REFUSE("channels[4].values", memset(s.channels[4].values + 8, 0, 16));
+    REFUSE("channels[3].values", s.channels[3].values[0] = 1e7f);
+
+    REFUSE("skins", s.skin_count = SCENE_SKINS_MAX + 1u);
+    REFUSE("skins[0].joint_count", s.skins[0].joint_count = 0);
+    REFUSE("skins[0].joint_count", s.skins[0].joint_count = SCENE_JOINTS_MAX + 1u);
+    REFUSE("skins[0].joints", s.skins[0].joints[1] = 3);
+    REFUSE_NUMBER("skins[0].inverse_bind", skins[0].inverse_bind[1].m[0][3]);
+
+    REFUSE("instances[2].node", s.instances[2].node = 3);
+    REFUSE("instances[2].node", s.instances[2].node = -2);
+    REFUSE("instances[2].skin", s.instances[2].skin = 1);
+    REFUSE("instances[1].skin", s.instances[1].skin = 0); /* its mesh has no joints */
+    REFUSE("instances[2].node", (s.nodes[1].weight_count = 1, s.channel_count = 0));
+    REFUSE("lights[1].node", s.lights[1].node = 3);
+    REFUSE("cameras[0].node", s.cameras[0].node = -3);
+}
+
+/* A thing that is hidden by a scale of 0 at first is no mistake. */
+static void test_hidden_at_first(void **state)
+{
+    struct error err = {0};
+    struct scene s;
+
+    (void)state;
+    scene_sample(&s);
+    memset(&s.instances[1].to_world, 0, sizeof s.instances[1].to_world);
+    assert_int_equal(scene_validate(&s, &err), STATUS_OK);
+    s.instances[1].node = -1;
+    assert_int_equal(scene_validate(&s, &err), STATUS_ERR_INPUT);
+    scene_release(&s);
+}
+
+static void test_refuses_media(void **state)
+{
+    (void)state;
+    REFUSE("media", s.medium_count = SCENE_MEDIA_MAX + 1u);
+    for (int i = 0; i < 3; i++) {
+        REFUSE_NUMBER("media[0].absorption", media[0].absorption[i]);
+        REFUSE("media[0].absorption", s.media[0].absorption[i] = -1);
+        REFUSE_NUMBER("media[0].scattering", media[0].scattering[i]);
+        REFUSE("media[0].scattering", s.media[0].scattering[i] = -1);
+        REFUSE_NUMBER("media[0].emission", media[0].emission[i]);
+        REFUSE("media[0].emission", s.media[0].emission[i] = -1);
+        REFUSE("media[1].grid_size", s.media[1].grid_size[i] = 0);
+        REFUSE("media[1].grid_size", s.media[1].grid_size[i] = SCENE_GRID_SIDE_MAX + 1u);
+        REFUSE("media[1].grid ", s.media[1].grid_size[i]++);
+    }
+    REFUSE_NUMBER("media[0].g", media[0].g);
+    REFUSE("media[0].g", s.media[0].g = 1);
+    REFUSE("media[0].g", s.media[0].g = -1);
+    REFUSE("media[0].has_grid", s.media[0].has_grid = 2);
+    REFUSE("media[1].name", s.media[1].name = NULL);
+    REFUSE("media[1].blob", s.media[1].grid.size_bytes = 0);
+    REFUSE_NUMBER("media[1].grid_to_world", media[1].grid_to_world.m[0][0]);
+    REFUSE("media[1].grid_to_world", s.media[1].grid_to_world.m[0][0] = 0);
+    REFUSE("fog", s.fog = 2);
+    REFUSE("fog", s.fog = -2);
+}
+
 static void test_refuses_instances(void **state)
 {
     (void)state;
@@ -317,7 +648,7 @@ static void test_refuses_instances(void **state)
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 4; c++)
             REFUSE_NUMBER("instances[1].to_world", instances[1].to_world.m[r][c]);
-    REFUSE("instances[1].to_world", s.instances[1].to_world.m[1][1] = 0);
+    REFUSE("instances[0].to_world", s.instances[0].to_world.m[1][1] = 0);
     REFUSE("instances[1].to_world", s.instances[1].to_world.m[0][0] = 3e15f);
     REFUSE("instances[1].to_world", s.instances[1].to_world.m[0][3] = 3e15f);
 }
@@ -340,6 +671,16 @@ static void test_refuses_lights(void **state)
     REFUSE_NUMBER("lights[1].outer_cone_rad", lights[1].outer_cone_rad);
     REFUSE("lights[1].inner_cone_rad", s.lights[1].inner_cone_rad = 0.5f);
     REFUSE("lights[1].outer_cone_rad", s.lights[1].outer_cone_rad = 2);
+    REFUSE("lights[1].falloff", s.lights[1].falloff = FALLOFF_COUNT);
+    REFUSE("lights[3].image", s.lights[3].image = 2);
+    REFUSE("lights[3].image", s.lights[3].image = -2);
+    REFUSE_NUMBER("lights[3].to_world", lights[3].to_world.m[1][1]);
+    REFUSE("lights[3].to_world", s.lights[3].to_world.m[1][1] = 1.1f);
+    REFUSE_NUMBER("lights[4].projection_yfov_rad", lights[4].projection_yfov_rad);
+    REFUSE("lights[4].projection_yfov_rad", s.lights[4].projection_yfov_rad = 0);
+    REFUSE("lights[4].projection_yfov_rad", s.lights[4].projection_yfov_rad = 3.15f);
+    REFUSE_NUMBER("lights[4].projection_aspect", lights[4].projection_aspect);
+    REFUSE("lights[4].projection_aspect", s.lights[4].projection_aspect = 0);
 }
 
 static void test_refuses_cameras(void **state)
@@ -363,6 +704,16 @@ static void test_refuses_cameras(void **state)
     REFUSE_NUMBER("cameras[1].ymag", cameras[1].ymag);
     REFUSE_NUMBER("cameras[0].aspect", cameras[0].aspect);
     REFUSE("cameras[0].aspect", s.cameras[0].aspect = -1);
+    REFUSE_NUMBER("cameras[0].lens_radius", cameras[0].lens_radius);
+    REFUSE("cameras[0].lens_radius", s.cameras[0].lens_radius = -1);
+    REFUSE_NUMBER("cameras[0].focus_distance", cameras[0].focus_distance);
+    REFUSE("cameras[0].focus_distance", s.cameras[0].focus_distance = 0);
+    REFUSE("cameras[0].blades", s.cameras[0].blades = SCENE_BLADES_MAX + 1u);
+    REFUSE_NUMBER("cameras[0].blade_rotation_rad", cameras[0].blade_rotation_rad);
+    REFUSE_NUMBER("cameras[0].shutter_open_s", cameras[0].shutter_open_s);
+    REFUSE_NUMBER("cameras[0].shutter_close_s", cameras[0].shutter_close_s);
+    REFUSE("cameras[0].shutter_close_s", s.cameras[0].shutter_open_s = 0.75f);
+    REFUSE_NUMBER("cameras[0].exposure_ev", cameras[0].exposure_ev);
 }
 
 static void test_refuses_environment(void **state)
@@ -377,6 +728,17 @@ static void test_refuses_environment(void **state)
     REFUSE("environment", s.environment.image.name = long_name);
     REFUSE("environment", (s.environment.constant = 1, s.environment.radiance[1] = -1));
     REFUSE("environment", (s.environment.constant = 1, s.environment.radiance[2] = NAN));
+    REFUSE("environment", s.environment.radiance[0] = -1);
+    REFUSE("environment[0].to_map", s.environment.to_map[0][2] = NAN);
+    REFUSE("environment[0].to_map", s.environment.to_map[0][2] = 1.1f);
+    REFUSE("environment[0].to_map", s.environment.to_map[0][2] = -1); /* mirrors */
+    REFUSE("portals", s.environment.portal_count = SCENE_PORTALS_MAX + 1u);
+    REFUSE_NUMBER("portals[1].corner", environment.portals[1].corner[0]);
+    REFUSE_NUMBER("portals[1].edge1", environment.portals[1].edge1[0]);
+    REFUSE_NUMBER("portals[1].edge2", environment.portals[1].edge2[0]);
+    REFUSE("portals[0].edge1", s.environment.portals[0].edge1[0] = 0);
+    REFUSE("portals[0].edge1", (s.environment.portals[0].edge2[0] = 5,
+                                s.environment.portals[0].edge2[2] = 0));
     REFUSE("name", s.name = long_name);
 }
 
@@ -453,18 +815,34 @@ static void test_hostile_bytes(void **state)
 
     (void)state;
     refuse_bytes("", 0, "empty");
-    refuse_bytes("\x08\x02", 2, "version 2");
+    refuse_bytes("\x08\x03", 2, "version 3");
     refuse_bytes("\x12\x00", 2, "version 0");
-    refuse_bytes("\x08\x01", 2, "no camera");
-    refuse_bytes("\x08\x01\x08\x01", 4, "twice");
-    refuse_bytes("\x08\x01\x5a\x00", 4, "does not know");   /* field 11 */
-    refuse_bytes("\x08\x01\x10\x00", 4, "does not know");   /* field 2 as a number */
-    refuse_bytes("\x08\x01\x1a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x01", 13, "ends within");
-    refuse_bytes("\x08\x01\x1a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x7f", 13, "ends within");
-    refuse_bytes("\x08\x01\x3a\x00", 4, "instances[0] is too short");
-    refuse_bytes("\x08\x01\x12\x03" "a\0b", 7, "NUL");
+    refuse_bytes("\x08\x02", 2, "no camera");
+    refuse_bytes("\x08\x02\x08\x02", 4, "twice");
+    refuse_bytes("\x08\x02\x8a\x01\x00", 5, "does not know"); /* field 17 */
+    refuse_bytes("\x08\x02\x10\x00", 4, "does not know");   /* field 2 as a number */
+    refuse_bytes("\x08\x02\x1a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x01", 13, "ends within");
+    refuse_bytes("\x08\x02\x1a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x7f", 13, "ends within");
+    refuse_bytes("\x08\x02\x3a\x00", 4, "instances[0] is too short");
+    refuse_bytes("\x08\x02\x12\x03" "a\0b", 7, "NUL");
+    refuse_bytes("\x08\x02\x80\x01\x01\x80\x01\x01", 8, "twice");       /* fog */
+    refuse_bytes("\x08\x02\x80\x01\xff\xff\xff\xff\xff\x01", 10, "fog"); /* 2^40 */
+    refuse_bytes("\x08\x02\x5a\x00", 4, "nodes[0] is too short");
+    refuse_bytes("\x08\x02\x62\x00", 4, "channels[0] is too short");
+    refuse_bytes("\x08\x02\x6a\x00", 4, "skins[0] is too short");
+    /* A channel in a hundred pieces: protobuf-c would need many times its size. */
+    buffer_append(&many, "\x08\x02\x62\xc8\x01", 5);
+    for (int i = 0; i < 100; i++)
+        buffer_append(&many, "\x08\x00", 2);
+    refuse_bytes(many.data, many.size, "channels[0] cannot be decoded");
+    buffer_clear(&many);
+    /* An instance of 4097 bytes. */
+    buffer_append(&many, "\x08\x02\x3a\x81\x20", 5);
+    buffer_append_space(&many, 4097);
+    refuse_bytes(many.data, many.size, "instances[0] takes 4097 bytes: at most 4096");
+    buffer_clear(&many);
     /* Empty textures cost two bytes each: they are counted before memory is taken. */
-    buffer_append(&many, "\x08\x01", 2);
+    buffer_append(&many, "\x08\x02", 2);
     for (int i = 0; i <= SCENE_TEXTURES_MAX; i++)
         buffer_append(&many, "\x2a\x00", 2);
     refuse_bytes(many.data, many.size, "more than 65536 textures");
@@ -527,13 +905,13 @@ static void test_blobs(void **state)
     (void)state;
     scene_sample(&scene);
     assert_int_equal(scene_blobs(&scene, &list, &count, &err), STATUS_OK);
-    assert_int_equal(count, 4); /* two meshes, one image used twice, the environment */
+    assert_int_equal(count, 5); /* two meshes, one image used twice, the environment, a grid */
     for (size_t i = 1; i < count; i++)
         assert_true(memcmp(&list[i - 1].digest, &list[i].digest, DIGEST_BYTES) < 0);
     mem_free(list);
     scene.environment.constant = 1;
     assert_int_equal(scene_blobs(&scene, &list, &count, &err), STATUS_OK);
-    assert_int_equal(count, 3);
+    assert_int_equal(count, 4);
     mem_free(list);
     scene.images[1].blob.size_bytes++;
     assert_int_equal(scene_blobs(&scene, &list, &count, &err), STATUS_ERR_INPUT);
@@ -567,9 +945,14 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_layout),
         cmocka_unit_test(test_round_trip),
+        cmocka_unit_test(test_defaults_take_no_bytes),
         cmocka_unit_test(test_refuses_meshes),
         cmocka_unit_test(test_refuses_pictures),
         cmocka_unit_test(test_refuses_materials),
+        cmocka_unit_test(test_refuses_layers),
+        cmocka_unit_test(test_refuses_motion),
+        cmocka_unit_test(test_hidden_at_first),
+        cmocka_unit_test(test_refuses_media),
         cmocka_unit_test(test_refuses_instances),
         cmocka_unit_test(test_refuses_lights),
         cmocka_unit_test(test_refuses_cameras),
