@@ -620,7 +620,7 @@ static void light_the_dark(struct builder *b)
 
     for (uint32_t i = 0; i < scene->instance_count && !lit; i++)
         lit = !scene->materials[scene->instances[i].material].unlit;
-    if (!lit || (scene_effects(scene, 0) & lights))
+    if (!lit || (scene_effects_default(scene, 0) & lights))
         return;
     scene_environment_default(&scene->environment);
     scene->environment.present = scene->environment.constant = 1;

@@ -68,7 +68,7 @@ static uint64_t all_effects(const struct scene *scene)
     uint64_t set = 0;
 
     for (uint32_t i = 0; i < scene->camera_count; i++)
-        set |= scene_effects(scene, i);
+        set |= scene_effects_default(scene, i);
     return set;
 }
 

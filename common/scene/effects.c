@@ -1,8 +1,10 @@
 #include "common/scene/effects.h"
 
 #include <math.h>
+#include <string.h>
 
-#include "common/base/memory.h"
+#include "common/scene/pose.h"
+#include "common/scene/settings.h"
 
 static const char *const names[EFFECT_COUNT] = {
 #define EFFECT_NAME(name, text) text,
@@ -13,6 +15,57 @@ static const char *const names[EFFECT_COUNT] = {
 const char *effect_name(enum effect_bit bit)
 {
     return (unsigned)bit < EFFECT_COUNT ? names[bit] : "unknown";
+}
+
+int effect_parse(const char *name)
+{
+    for (int i = 0; i < EFFECT_COUNT; i++) {
+        const char *a = names[i], *b = name;
+        while (*a && (*a == *b || (*a == ' ' && *b == '-')))
+            a++, b++;
+        if (!*a && !*b)
+            return i;
+    }
+    return -1;
+}
+
+void scene_material_reduce(struct scene_material *m, uint64_t without)
+{
+    struct scene_texture_slot *slots[] = {
+        &m->base_color_texture, &m->metallic_roughness_texture, &m->normal_texture,
+        &m->emission_texture, &m->specular_texture, &m->specular_color_texture,
+        &m->transmission_texture, &m->anisotropy_texture, &m->clearcoat_texture,
+        &m->clearcoat_roughness_texture, &m->clearcoat_normal_texture, &m->sheen_color_texture,
+        &m->sheen_roughness_texture, &m->iridescence_texture, &m->iridescence_thickness_texture,
+        &m->diffuse_transmission_texture, &m->diffuse_transmission_color_texture,
+        &m->mix_texture,
+    };
+
+    if (without & EFFECT_TEXTURE)
+        for (size_t i = 0; i < sizeof slots / sizeof *slots; i++)
+            slots[i]->texture = -1;
+    if (without & EFFECT_NORMAL_MAP)
+        m->normal_texture.texture = m->clearcoat_normal_texture.texture = -1;
+    if (without & EFFECT_ALPHA)
+        m->alpha_mode = ALPHA_OPAQUE;
+    if (without & EFFECT_ABSORPTION)
+        m->attenuation_distance = INFINITY;
+    if (without & EFFECT_EMISSIVE_MESH)
+        memset(m->emission, 0, sizeof m->emission);
+    if (without & EFFECT_ANISOTROPY)
+        m->anisotropy = 0;
+    if (without & EFFECT_CLEARCOAT)
+        m->clearcoat = 0;
+    if (without & EFFECT_SHEEN)
+        memset(m->sheen_color, 0, sizeof m->sheen_color);
+    if (without & EFFECT_IRIDESCENCE)
+        m->iridescence = 0;
+    if (without & EFFECT_DIFFUSE_TRANSMISSION)
+        m->diffuse_transmission = 0;
+    if (without & EFFECT_DISPERSION)
+        m->dispersion = 0;
+    if (without & EFFECT_MEDIUM)
+        m->medium = -1;
 }
 
 /* What a material can be on one mesh; a texture can lower its factor to anything. */
@@ -68,6 +121,31 @@ static int transmits(const struct scene_material *m)
     return !m->unlit && m->transmission > 0 && !all_metal;
 }
 
+/* The extensions that lie over or change the base. */
+static uint64_t layers(const struct scene_material *m)
+{
+    uint64_t set = 0;
+
+    if (m->clearcoat > 0) {
+        set |= EFFECT_CLEARCOAT;
+        if (m->clearcoat_roughness < EFFECT_MIRROR_ROUGHNESS || has(&m->clearcoat_roughness_texture))
+            set |= EFFECT_MIRROR;
+        if (m->clearcoat_roughness >= EFFECT_MIRROR_ROUGHNESS)
+            set |= EFFECT_GLOSSY;
+    }
+    if (!is_black(m->sheen_color))
+        set |= EFFECT_SHEEN;
+    if (m->iridescence > 0)
+        set |= EFFECT_IRIDESCENCE;
+    if (m->anisotropy > 0 && m->roughness < 1)
+        set |= EFFECT_ANISOTROPY;
+    if (m->diffuse_transmission > 0 && !is_black(m->diffuse_transmission_color))
+        set |= EFFECT_DIFFUSE_TRANSMISSION;
+    if (m->dispersion > 0 && transmits(m) && m->refractive)
+        set |= EFFECT_DISPERSION;
+    return set;
+}
+
 static uint64_t lobes(const struct scene_material *m)
 {
     int textured_metal = has(&m->metallic_roughness_texture);
@@ -75,6 +153,11 @@ static uint64_t lobes(const struct scene_material *m)
     int all_transmission = m->transmission == 1 && !has(&m->transmission_texture);
     uint64_t set = 0;
 
+    if (m->kind == MATERIAL_INTERFACE)
+        return EFFECT_INTERFACE;
+    set |= layers(m);
+    if (m->kind == MATERIAL_CONDUCTOR)
+        return set | EFFECT_CONDUCTOR | by_roughness(m, EFFECT_MIRROR, EFFECT_GLOSSY);
     if (m->metallic > 0)
         set |= by_roughness(m, EFFECT_MIRROR, EFFECT_GLOSSY);
     if (!some_dielectric)
@@ -120,6 +203,22 @@ static uint64_t textures(const struct surface *s, uint64_t set, int alpha)
         any |= has(&m->specular_color_texture) && m->specular > 0 && !is_black(m->specular_color);
         any |= has(&m->transmission_texture) && m->transmission > 0;
     }
+    if (lit && (set & EFFECT_CLEARCOAT))
+        any |= has(&m->clearcoat_texture) || has(&m->clearcoat_roughness_texture);
+    if (lit && (set & EFFECT_SHEEN))
+        any |= has(&m->sheen_color_texture) || has(&m->sheen_roughness_texture);
+    if (lit && (set & EFFECT_IRIDESCENCE))
+        any |= has(&m->iridescence_texture) || has(&m->iridescence_thickness_texture);
+    if (lit && (set & EFFECT_DIFFUSE_TRANSMISSION))
+        any |= has(&m->diffuse_transmission_texture) ||
+               has(&m->diffuse_transmission_color_texture);
+    if (lit && (set & EFFECT_ANISOTROPY))
+        any |= has(&m->anisotropy_texture);
+    if (lit && (set & EFFECT_CLEARCOAT) && has(&m->clearcoat_normal_texture) &&
+        m->clearcoat_normal_scale != 0 && (s->mesh->arrays & MESH_TANGENTS)) {
+        found |= EFFECT_NORMAL_MAP;
+        any = 1;
+    }
     if (lit && has(&m->normal_texture) && m->normal_scale != 0 &&
         (s->mesh->arrays & MESH_TANGENTS) && set != 0) {
         found |= EFFECT_NORMAL_MAP;
@@ -132,91 +231,317 @@ static uint64_t textures(const struct surface *s, uint64_t set, int alpha)
     return found;
 }
 
+/* ---- the frame ---------------------------------------------------------------------------- */
+
+/* One search: the scene as the settings leave it. */
+struct finder {
+    const struct scene *scene;
+    const struct render_settings *settings;
+    struct effect_cause *causes;    /* or NULL */
+    struct scene_camera eye;        /* at the shutter's opening */
+    int eye_moves;
+    uint64_t found;
+};
+
+static void add(struct finder *f, uint64_t set, const char *kind, const char *name, uint32_t index)
+{
+    set &= ~f->settings->without;
+    f->found |= set;
+    if (!f->causes)
+        return;
+    for (int i = 0; i < EFFECT_COUNT; i++)
+        if (set >> i & 1) {
+            struct effect_cause *cause = &f->causes[i];
+            if (cause->kind && cause->kind == kind && cause->index == index)
+                continue; /* told already for another instance */
+            if (cause->count++ == 0)
+                *cause = (struct effect_cause){kind, name, index, 1};
+        }
+}
+
 /* Can a ray of this camera start inside the instance's box? Then it may meet the back of
  * a closed mesh first. */
-static int camera_may_be_inside(const struct scene *scene, const struct scene_camera *camera,
-                                uint32_t instance)
+static int camera_may_be_inside(const struct finder *f, uint32_t instance)
 {
+    const struct scene_instance *thing = &f->scene->instances[instance];
     double low[3], high[3];
 
-    if (camera->kind == CAMERA_ORTHOGRAPHIC)
+    if (f->eye.kind == CAMERA_ORTHOGRAPHIC)
         return 1; /* rays start on a plane whose extent the job's aspect decides */
-    if (!scene_instance_bounds(scene, instance, low, high))
+    if (f->eye_moves || thing->node >= 0 || thing->skin >= 0 ||
+        !scene_instance_bounds(f->scene, instance, low, high))
         return 1;
     for (int i = 0; i < 3; i++) {
-        double at = (double)camera->to_world.m[i][3];
-        /* A box computed in double may be short by the rounding of the hit in float. */
-        double slack = 1e-4 * (high[i] - low[i]) + 1e-5 * fabs(at);
+        double at = (double)f->eye.to_world.m[i][3];
+        /* A box computed in double may be short by the rounding of the hit in float; and a
+         * lens is as wide as it is. */
+        double slack = 1e-4 * (high[i] - low[i]) + 1e-5 * fabs(at) + (double)f->eye.lens_radius;
         if (at < low[i] - slack || at > high[i] + slack)
             return 0;
     }
     return 1;
 }
 
-static uint64_t instance_effects(const struct scene *scene, const struct scene_camera *camera,
-                                 uint32_t index)
+static int medium_acts(const struct scene_medium *m)
 {
-    const struct scene_instance *instance = &scene->instances[index];
-    const struct surface s = {&scene->materials[instance->material],
-                              &scene->meshes[instance->mesh]};
+    return !is_black(m->absorption) || !is_black(m->scattering) || !is_black(m->emission);
+}
+
+static uint64_t medium_effects(const struct scene_medium *m)
+{
+    uint64_t set = EFFECT_MEDIUM;
+
+    if (!medium_acts(m))
+        return 0;
+    if (m->has_grid)
+        set |= EFFECT_MEDIUM_GRID;
+    if (!is_black(m->emission))
+        set |= EFFECT_MEDIUM_EMISSION;
+    return set;
+}
+
+/* Does the material bound a volume that the path must keep count of? */
+static int bounds_volume(const struct scene_material *m)
+{
+    return m->kind == MATERIAL_INTERFACE ||
+           (m->kind == MATERIAL_SURFACE && transmits(m) && m->refractive);
+}
+
+static void find_material(struct finder *f, uint32_t instance, uint32_t index)
+{
+    const struct scene *scene = f->scene;
+    struct scene_material m = scene->materials[index];
+    const struct surface s = {&m, &scene->meshes[scene->instances[instance].mesh]};
     uint64_t set = 0;
     int invisible, alpha;
 
+    scene_material_reduce(&m, f->settings->without);
+    if (m.kind == MATERIAL_MIX) {
+        add(f, EFFECT_MATERIAL_MIX | (has(&m.mix_texture) ? EFFECT_TEXTURE : 0), "material",
+            m.name, index);
+        if (m.mix_amount < 1 || has(&m.mix_texture))
+            find_material(f, instance, m.mix_material[0]);
+        if (m.mix_amount > 0)
+            find_material(f, instance, m.mix_material[1]);
+        return;
+    }
     alpha = alpha_acts(&s, &invisible);
-    if (invisible)
-        return EFFECT_ALPHA; /* no ray ever sees more of it than that it is not there */
-    if (s.m->unlit) {
+    if (invisible) { /* no ray ever sees more of it than that it is not there */
+        add(f, EFFECT_ALPHA, "material", m.name, index);
+        return;
+    }
+    if (m.unlit) {
         set = EFFECT_UNLIT;
     } else {
-        set = lobes(s.m);
-        if (!is_black(s.m->emission))
+        set = lobes(&m);
+        if (!is_black(m.emission) && m.kind != MATERIAL_INTERFACE)
             set |= EFFECT_EMISSIVE_MESH;
     }
     set |= textures(&s, set, alpha);
     if (alpha)
         set |= EFFECT_ALPHA;
+    if (set & (EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC))
+        set |= EFFECT_MULTIPLE_SCATTERING;
     /* Refractive volumes have two sides by definition (KHR_materials_volume). */
-    if (!s.m->double_sided && !(transmits(s.m) && s.m->refractive)) {
-        int sealed = s.mesh->closed && !alpha && !transmits(s.m);
-        if (!sealed || camera_may_be_inside(scene, camera, index))
+    if (!m.double_sided && !bounds_volume(&m)) {
+        int sealed = s.mesh->closed && !alpha && !transmits(&m) &&
+                     !(set & EFFECT_DIFFUSE_TRANSMISSION);
+        if (!sealed || camera_may_be_inside(f, instance))
             set |= EFFECT_CULLING;
     }
-    return set;
+    if (bounds_volume(&m) && m.medium >= 0)
+        set |= medium_effects(&scene->media[m.medium]);
+    add(f, set, "material", m.name, index);
 }
 
-/* Is a mesh placed more than once? */
-static int any_mesh_repeats(const struct scene *scene)
+/* Is a mesh placed more than once? Meshes far apart in the table share a bit: in doubt, yes. */
+static void find_instancing(struct finder *f)
 {
-    uint8_t *seen;
-    int repeats = 0;
+    enum { SEEN_BITS = 1 << 16 };
+    const struct scene *scene = f->scene;
+    uint8_t seen[SEEN_BITS / 8] = {0};
 
-    if (scene->instance_count > scene->mesh_count)
-        return 1;
-    seen = mem_calloc(scene->mesh_count, 1);
-    if (!seen)
-        return 1; /* the safe answer: instancing is then simulated for nothing */
-    for (uint32_t i = 0; i < scene->instance_count && !repeats; i++)
-        repeats = seen[scene->instances[i].mesh]++ != 0;
-    mem_free(seen);
-    return repeats;
+    for (uint32_t i = 0; i < scene->instance_count; i++) {
+        uint32_t mesh = scene->instances[i].mesh, bit = mesh % SEEN_BITS;
+        if (seen[bit / 8] >> (bit % 8) & 1)
+            add(f, EFFECT_INSTANCING, "mesh", scene->meshes[mesh].name, mesh);
+        seen[bit / 8] |= (uint8_t)(1u << (bit % 8));
+    }
 }
 
-uint64_t scene_effects(const struct scene *scene, uint32_t camera)
+/* More volumes than this are not compared pair by pair: some are then taken to overlap. */
+enum { VOLUMES_COMPARED_MAX = 256 };
+
+struct box {
+    double low[3], high[3];
+    uint32_t instance;
+};
+
+static int boxes_overlap(const struct box *a, const struct box *b)
 {
-    const struct scene_camera *eye = &scene->cameras[camera < scene->camera_count ? camera : 0];
-    const struct scene_environment *env = &scene->environment;
-    uint64_t set = 0;
+    for (int i = 0; i < 3; i++)
+        if (a->low[i] > b->high[i] || b->low[i] > a->high[i])
+            return 0;
+    return 1;
+}
+
+static int box_holds(const struct box *a, const struct box *b)
+{
+    for (int i = 0; i < 3; i++)
+        if (b->low[i] < a->low[i] || b->high[i] > a->high[i])
+            return 0;
+    return 1;
+}
+
+/* Refractive volumes that overlap or hold something, or that the camera is in: the index of
+ * refraction around a surface is then not always the air's. */
+static void find_nested(struct finder *f)
+{
+    const struct scene *scene = f->scene;
+    struct box volumes[VOLUMES_COMPARED_MAX];
+    uint32_t count = 0, volume = 0;
+    int nested = 0;
+
+    for (uint32_t i = 0; i < scene->instance_count && !nested; i++) {
+        const struct scene_material *m = &scene->materials[scene->instances[i].material];
+        if (m->kind != MATERIAL_SURFACE || !bounds_volume(m))
+            continue;
+        volume = i;
+        if (count == VOLUMES_COMPARED_MAX || camera_may_be_inside(f, i) ||
+            !scene_instance_bounds(scene, i, volumes[count].low, volumes[count].high)) {
+            nested = 1;
+            break;
+        }
+        volumes[count].instance = i;
+        for (uint32_t k = 0; k < count && !nested; k++)
+            nested = boxes_overlap(&volumes[k], &volumes[count]);
+        count++;
+    }
+    for (uint32_t i = 0; i < scene->instance_count && count > 0 && !nested; i++) {
+        struct box thing;
+        if (!scene_instance_bounds(scene, i, thing.low, thing.high))
+            continue;
+        for (uint32_t k = 0; k < count && !nested; k++)
+            if (volumes[k].instance != i && box_holds(&volumes[k], &thing)) {
+                nested = 1;
+                volume = volumes[k].instance;
+            }
+    }
+    if (nested) {
+        uint32_t material = scene->instances[volume].material;
+        add(f, EFFECT_NESTED_DIELECTRIC, "material", scene->materials[material].name, material);
+    }
+}
+
+/* Does anything that is seen move while the shutter is open? */
+static void find_motion(struct finder *f, uint32_t frame)
+{
+    const struct scene *scene = f->scene;
+    struct scene_pose open = {0}, close = {0};
+    double open_s, close_s;
+    struct error ignored;
+    int posed;
 
     for (uint32_t i = 0; i < scene->instance_count; i++)
-        set |= instance_effects(scene, eye, i);
+        if (scene_instance_deforms(scene, i))
+            add(f, EFFECT_DEFORMATION, "mesh", scene->meshes[scene->instances[i].mesh].name,
+                scene->instances[i].mesh);
+    scene_shutter(scene, f->settings, frame, &open_s, &close_s);
+    if (scene->node_count == 0 || !(close_s > open_s))
+        return;
+    posed = scene_pose_init(&open, scene, open_s, &ignored) == STATUS_OK &&
+            scene_pose_init(&close, scene, close_s, &ignored) == STATUS_OK;
+    if (!posed) {
+        add(f, EFFECT_MOTION_BLUR, "camera", f->eye.name, f->settings->camera);
+    } else {
+        if (f->eye.node >= 0 && memcmp(&open.to_world[f->eye.node], &close.to_world[f->eye.node],
+                                       sizeof *open.to_world) != 0)
+            add(f, EFFECT_MOTION_BLUR, "camera", f->eye.name, f->settings->camera);
+        for (uint32_t i = 0; i < scene->instance_count; i++) {
+            const struct scene_instance *thing = &scene->instances[i];
+            int moves = scene_instance_deforms(scene, i) ||
+                        (thing->node >= 0 &&
+                         memcmp(&open.to_world[thing->node], &close.to_world[thing->node],
+                                sizeof *open.to_world) != 0);
+            if (moves)
+                add(f, EFFECT_MOTION_BLUR, "instance", thing->name, i);
+        }
+    }
+    scene_pose_release(&open);
+    scene_pose_release(&close);
+}
+
+static void find_lights(struct finder *f)
+{
+    const struct scene *scene = f->scene;
+    const struct scene_environment *env = &scene->environment;
+
     for (uint32_t i = 0; i < scene->light_count; i++)
-        if (!is_black(scene->lights[i].intensity))
-            set |= EFFECT_PUNCTUAL_LIGHT;
-    if (env->present && !(env->constant && is_black(env->radiance)))
-        set |= EFFECT_ENVIRONMENT;
-    if (eye->kind == CAMERA_ORTHOGRAPHIC)
-        set |= EFFECT_ORTHOGRAPHIC;
-    if (any_mesh_repeats(scene))
-        set |= EFFECT_INSTANCING;
-    return set;
+        if (!is_black(scene->lights[i].intensity)) {
+            add(f, EFFECT_PUNCTUAL_LIGHT, "light", scene->lights[i].name, i);
+            if (scene->lights[i].image >= 0)
+                add(f, EFFECT_LIGHT_IMAGE, "light", scene->lights[i].name, i);
+        }
+    if (!env->present || is_black(env->radiance) || f->settings->env_strength == 0)
+        return;
+    add(f, EFFECT_ENVIRONMENT, "environment", env->constant ? "constant" : env->image.name, 0);
+    if (env->portal_count > 0 && !(f->settings->without & EFFECT_ENVIRONMENT))
+        add(f, EFFECT_PORTAL, "environment", env->constant ? "constant" : env->image.name, 0);
+}
+
+static void find_camera(struct finder *f, uint32_t frame)
+{
+    const struct scene *scene = f->scene;
+    uint32_t camera = f->settings->camera < scene->camera_count ? f->settings->camera : 0;
+    const struct render_settings *settings = f->settings;
+    float lens;
+
+    (void)frame;
+    f->eye = scene->cameras[camera];
+    f->eye_moves = f->eye.node >= 0;
+    lens = settings->lens_radius >= 0 ? settings->lens_radius : f->eye.lens_radius;
+    f->eye.lens_radius = lens;
+    if (f->eye.kind == CAMERA_ORTHOGRAPHIC)
+        add(f, EFFECT_ORTHOGRAPHIC, "camera", f->eye.name, camera);
+    if (f->eye.kind == CAMERA_PANORAMA)
+        add(f, EFFECT_PANORAMA, "camera", f->eye.name, camera);
+    else if (lens > 0)
+        add(f, EFFECT_DEPTH_OF_FIELD, "camera", f->eye.name, camera);
+}
+
+uint64_t scene_effects(const struct scene *scene, const struct render_settings *settings,
+                       uint32_t frame, struct effect_cause *causes)
+{
+    struct finder f = {.scene = scene, .settings = settings, .causes = causes};
+    uint64_t scatters, mirrors, shines;
+
+    if (causes)
+        memset(causes, 0, EFFECT_COUNT * sizeof *causes);
+    find_camera(&f, frame);
+    for (uint32_t i = 0; i < scene->instance_count; i++)
+        find_material(&f, i, scene->instances[i].material);
+    if (scene->fog >= 0 && !(settings->without & (EFFECT_FOG | EFFECT_MEDIUM)) &&
+        medium_acts(&scene->media[scene->fog]))
+        add(&f, EFFECT_FOG | medium_effects(&scene->media[scene->fog]), "medium",
+            scene->media[scene->fog].name, (uint32_t)scene->fog);
+    find_lights(&f);
+    find_instancing(&f);
+    find_nested(&f);
+    find_motion(&f, frame);
+    scatters = EFFECT_DIFFUSE | EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC | EFFECT_SHEEN |
+               EFFECT_DIFFUSE_TRANSMISSION | EFFECT_MEDIUM;
+    mirrors = EFFECT_MIRROR | EFFECT_DIELECTRIC | EFFECT_THIN_TRANSMISSION;
+    shines = EFFECT_EMISSIVE_MESH | EFFECT_ENVIRONMENT;
+    if ((f.found & scatters) && (f.found & mirrors) && (f.found & shines))
+        add(&f, EFFECT_CAUSTICS, "scene", scene->name, 0);
+    return f.found;
+}
+
+uint64_t scene_effects_default(const struct scene *scene, uint32_t camera)
+{
+    struct render_settings settings;
+
+    render_settings_default(&settings);
+    settings.camera = camera;
+    return scene_effects(scene, &settings, 0, NULL);
 }

@@ -66,16 +66,48 @@ EFFECT_MAP(EFFECT_VALUE)
 #undef EFFECT_VALUE
 #define EFFECTS_ALL (((uint64_t)1 << EFFECT_COUNT) - 1)
 
+/* What the user may switch off (settings.without); the others are what the scene is made of. */
+#define EFFECTS_SWITCHABLE                                                                     \
+    (EFFECT_ABSORPTION | EFFECT_TEXTURE | EFFECT_NORMAL_MAP | EFFECT_VERTEX_COLOR |             \
+     EFFECT_ALPHA | EFFECT_EMISSIVE_MESH | EFFECT_PUNCTUAL_LIGHT | EFFECT_ENVIRONMENT |         \
+     EFFECT_ANISOTROPY | EFFECT_CLEARCOAT | EFFECT_SHEEN | EFFECT_IRIDESCENCE |                 \
+     EFFECT_DIFFUSE_TRANSMISSION | EFFECT_DISPERSION | EFFECT_NESTED_DIELECTRIC |               \
+     EFFECT_MULTIPLE_SCATTERING | EFFECT_MEDIUM | EFFECT_MEDIUM_EMISSION | EFFECT_FOG |         \
+     EFFECT_DEPTH_OF_FIELD | EFFECT_MOTION_BLUR | EFFECT_LIGHT_IMAGE | EFFECT_PORTAL |          \
+     EFFECT_CAUSTICS)
+
 /* Roughness below this is a mirror: the least float whose square (GGX alpha) is not below
  * 1e-3f, so that the answer is the renderer's to the last bit. */
 #define EFFECT_MIRROR_ROUGHNESS 0.031622778f
 
-/* The set for one camera of a validated scene. It depends on instances only through what
- * they use: a material or light that nothing uses does not count, a factor of 0 is absent
- * whatever its texture, alpha that is 1 everywhere is none, closed opaque meshes seen from
- * outside need no culling. When in doubt the effect is in the set. */
-uint64_t scene_effects(const struct scene *scene, uint32_t camera);
+struct render_settings;
 
-const char *effect_name(enum effect_bit bit);
+/* Who called for an effect. */
+struct effect_cause {
+    const char *kind;   /* "material", "light", "camera", "environment", "medium", "mesh" ...; NULL:
+                           nobody */
+    const char *name;   /* of the first; may be "" */
+    uint32_t index;     /* its row */
+    uint32_t count;     /* how many did */
+};
+
+/* What one frame of a validated scene calls for, less what settings->without switches off. It
+ * depends on instances only through what they use: a material or light that nothing uses does
+ * not count, a factor of 0 is absent whatever its texture, alpha that is 1 everywhere is none,
+ * closed opaque meshes seen from outside need no culling, motion that happens while the shutter
+ * is closed blurs nothing. When in doubt the effect is in the set.
+ * causes[EFFECT_COUNT], filled if not NULL. */
+uint64_t scene_effects(const struct scene *scene, const struct render_settings *settings,
+                       uint32_t frame, struct effect_cause *causes);
+
+/* The same for frame 0 with default settings and this camera. */
+uint64_t scene_effects_default(const struct scene *scene, uint32_t camera);
+
+/* Take the effects of `without` out of a material: what is left acts as if they were 0. */
+void scene_material_reduce(struct scene_material *material, uint64_t without);
+
+const char *effect_name(enum effect_bit bit);       /* "normal map" */
+/* "normal-map" or "normal map"; -1: unknown. */
+int effect_parse(const char *name);
 
 #endif

@@ -153,8 +153,8 @@ status render_settings_validate(const struct render_settings *s, uint32_t camera
                          (double)s->shutter);
     if (!(s->lens_radius < 1e6f) || !(s->focus_distance >= 0 && s->focus_distance < 1e12f))
         return error_set(err, STATUS_ERR_INPUT, "lens radius or focus distance out of range");
-    if (s->without & ~EFFECTS_ALL)
-        return error_set(err, STATUS_ERR_INPUT, "unknown effects to leave out");
+    if (s->without & ~EFFECTS_SWITCHABLE)
+        return error_set(err, STATUS_ERR_INPUT, "effects to leave out that cannot be left out");
     if (s->aovs >> AOV_COUNT)
         return error_set(err, STATUS_ERR_INPUT, "unknown output variables (AOVs)");
     return STATUS_OK;

@@ -1,10 +1,11 @@
 /* bench_render: the renderer alone on one scene: samples/s, rays/s, share of Embree, memory.
  *
  *   bench_render SCENE [--env FILE] [--size WxH] [--spp N] [--threads N] [--max-depth N]
- *                [--env-sampling MODE] [--isa ISA] [--trace] [--json] [--out FILE.exr]
+ *                [--env-sampling MODE] [--isa ISA] [--frame N] [--shutter S] [--without LIST]
+ *                [--general] [--trace] [--json] [--out FILE.exr]
  *
  * --trace times every Embree call (and slows the run down a little, so take samples/s from a
- * run without it). CPU time is that of the rendering threads. */
+ * run without it). --general runs the general kernel instead of the smallest one. CPU time is that of the rendering threads. */
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -19,6 +20,7 @@
 #include "common/base/options.h"
 #include "common/film/film.h"
 #include "common/image/image.h"
+#include "common/scene/effects.h"
 #include "worker/render/render.h"
 
 struct bench {
@@ -27,7 +29,7 @@ struct bench {
     struct film *film;
     pthread_mutex_t lock;
     atomic_uint next;
-    uint32_t tiles, passes;
+    uint32_t frame, tiles, passes;
     struct render_stats stats;
     uint64_t cpu_ns;
 };
@@ -60,7 +62,7 @@ static void *run(void *user)
         size_t n;
         if (unit >= b->tiles * b->passes)
             break;
-        n = render_tile(b->scene, 0, unit % b->tiles, unit / b->tiles, sums, &stats);
+        n = render_tile(b->scene, b->frame, unit % b->tiles, unit / b->tiles, sums, &stats);
         pthread_mutex_lock(&b->lock);
         if (film_merge(b->film, unit % b->tiles, unit / b->tiles, sums, n, &merged, &err) != STATUS_OK) {
             fprintf(stderr, "bench_render: %s\n", err.text);
@@ -89,7 +91,10 @@ int main(int argc, char **argv)
 {
     const char *env = NULL, *size = "400x400", *out = NULL, *sampling = "importance", *isa = "avx2";
     int64_t spp = 100, threads = 1, depth = 12;
-    int trace = 0, json = 0, help = 0;
+    int trace = 0, json = 0, help = 0, general = 0;
+    int64_t frame = 0;
+    double shutter = 0;
+    const char *without = NULL;
     const struct option table[] = {
         {"env", 0, OPTION_STRING, &env, "FILE", "environment map", 0, 0, NULL},
         {"size", 0, OPTION_STRING, &size, "WxH", "pixels", 0, 0, NULL},
@@ -98,6 +103,10 @@ int main(int argc, char **argv)
         {"max-depth", 0, OPTION_INT, &depth, "N", "path depth", 0, SETTINGS_DEPTH_MAX, NULL},
         {"env-sampling", 0, OPTION_CHOICE, &sampling, "MODE", "strategy", 0, 0, "importance|uniform|bsdf"},
         {"isa", 0, OPTION_CHOICE, &isa, "ISA", "Embree's instruction set", 0, 0, "sse2|avx2|avx512"},
+        {"frame", 0, OPTION_INT, &frame, "N", "of an animation", 0, SETTINGS_FRAMES_MAX, NULL},
+        {"shutter", 0, OPTION_REAL, &shutter, "S", "share of the frame's time", 0, 1, NULL},
+        {"without", 0, OPTION_STRING, &without, "EFFECT", "switch one effect off", 0, 0, NULL},
+        {"general", 0, OPTION_FLAG, &general, NULL, "run the general kernel", 0, 0, NULL},
         {"trace", 0, OPTION_FLAG, &trace, NULL, "time Embree's calls", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "one line of JSON", 0, 0, NULL},
         {"out", 0, OPTION_STRING, &out, "FILE.exr", "keep the picture", 0, 0, NULL},
@@ -133,11 +142,22 @@ int main(int argc, char **argv)
     b.settings.max_depth = (uint32_t)depth;
     b.settings.env_sampling = (enum env_sampling)env_sampling_parse(sampling);
     b.settings.isa = (enum isa)isa_parse(isa);
-    if (render_scene_new(&scene, &import.scene, &b.settings, 0,
+    b.settings.shutter = (float)shutter;
+    if (without) {
+        int effect = effect_parse(without);
+        if (effect < 0) {
+            fprintf(stderr, "bench_render: no effect is called \"%s\"\n", without);
+            return 2;
+        }
+        b.settings.without = (uint64_t)1 << effect;
+    }
+    render_force_general(general);
+    if (render_scene_new(&scene, &import.scene, &b.settings, (uint32_t)frame,
                          (struct blob_source){find_blob, &import}, &err) != STATUS_OK)
         die(&err);
     render_scene_info(scene, &info);
     b.scene = scene;
+    b.frame = (uint32_t)frame;
     b.tiles = tile_count(width, height);
     b.passes = pass_count(b.settings.spp);
     b.film = film_new(width, height, b.settings.spp);
@@ -153,13 +173,15 @@ int main(int argc, char **argv)
     wall = (double)(clock_monotonic_ns() - start) * 1e-9;
     cpu = (double)b.cpu_ns * 1e-9;
     getrusage(RUSAGE_SELF, &usage);
-    printf(json ? "{\"samples_per_cpu_s\": %.0f, \"rays_per_cpu_s\": %.0f, \"rays_per_sample\": %.3f, "
+    printf(json ? "{\"kernel\": \"%s\", \"samples_per_cpu_s\": %.0f, \"rays_per_cpu_s\": %.0f, \"rays_per_sample\": %.3f, "
                   "\"trace_share\": %.3f, \"cpu_s\": %.3f, \"wall_s\": %.3f, \"build_s\": %.3f, "
                   "\"peak_mib\": %.1f, \"scene_mib\": %.1f, \"relative_mse\": %.4g, \"dropped\": %llu}\n"
-                : "samples/CPU-s %.0f  rays/CPU-s %.0f  rays/sample %.2f  Embree's share %.3f\n"
+                : "kernel %s\n"
+                  "samples/CPU-s %.0f  rays/CPU-s %.0f  rays/sample %.2f  Embree's share %.3f\n"
                   "CPU %.2f s  wall %.2f s  build %.3f s  peak %.1f MiB (mesh+textures+BVH %.1f MiB)\n"
                   "relative MSE %.4g  dropped samples %llu\n",
-           (double)b.stats.samples / cpu, (double)b.stats.rays / cpu,
+           render_kernel_variant(scene), (double)b.stats.samples / cpu,
+           (double)b.stats.rays / cpu,
            (double)b.stats.rays / (double)b.stats.samples,
            trace ? (double)b.stats.trace_ns * 1e-9 / cpu : 0.0, cpu, wall,
            (double)info.build_ns * 1e-9, (double)usage.ru_maxrss / 1024,

@@ -29,7 +29,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         return 0;
     }
     for (uint32_t camera = 0; camera < scene.camera_count && camera < 4; camera++)
-        scene_effects(&scene, camera);
+        scene_effects_default(&scene, camera);
     scene_bounds(&scene, low, high);
     pack(&scene, &first);
     if (scene_unpack(&again, first.data, first.size, &err) != STATUS_OK)

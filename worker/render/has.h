@@ -16,6 +16,8 @@
 #ifndef KERNEL_EFFECTS
 #define KERNEL_EFFECTS EFFECTS_ALL
 #endif
+/* And does this scene call for it? (The user may have switched it off: settings.without.) */
+#define ACTIVE(scene, name) (HAS(name) && ((scene)->effects >> EFFECT_BIT_##name & 1) != 0)
 #define HAS(name) (((KERNEL_EFFECTS) >> EFFECT_BIT_##name & 1) != 0)
 
 #endif

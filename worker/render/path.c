@@ -3,24 +3,46 @@
 #include "common/base/clock.h"
 #include "common/math/elementary.h"
 #include "worker/render/bsdf/bsdf.h"
+#include "worker/render/bsdf/dispersion.h"
+#include "worker/render/has.h"
+#include "worker/render/interior.h"
+#include "worker/render/kernel.h"
+#include "worker/render/medium.h"
 #include "worker/render/surface.h"
 #include "worker/render/world.h"
 
 /* Russian roulette begins at this vertex, and never kills with more than 95 %. */
 #define ROULETTE_DEPTH 3
 #define ROULETTE_SURVIVAL_MIN 0.05f
+/* A ray that passes more boundaries that are none than this is lost: only faulty geometry
+ * (a volume that is entered again and again and never left) has so many. */
+#define PASSAGES_MAX 256
+/* A scattered ray's beam widens with the spacing of such samples, this share of it; at most so
+ * much a metre. */
+#define CONE_SHARE 0.25f
+#define CONE_SPREAD_MAX 0.25f
 
-static int measure_trace;
+#define HAS_VOLUMES (HAS(MEDIUM) || HAS(NESTED_DIELECTRIC) || HAS(INTERFACE))
 
-void render_measure_trace(int on)
-{
-    measure_trace = on;
-}
-
-/* What a traversal needs to know to answer path_accept. */
-struct path_query {
+struct path {
+    const struct render_scene *scene;
     const struct sampler *sampler;
-    uint32_t ray_number; /* within the path: keys the stochastic alpha */
+    struct render_stats *stats;
+    struct ray ray;
+    struct vec3 throughput;
+    struct path_query query;
+    struct light_query asker;   /* the vertex that the ray left: who could have asked for light */
+    float density;              /* with which the vertex chose the ray's direction */
+    int from_delta;             /* nothing competes with that choice (the camera is alike) */
+    int scattered;              /* a vertex before the last one was not a mirror */
+    float eta_scale;            /* product of squared relative indices, for the roulette */
+    struct camera_cone cone;
+    float wavelength_nm;        /* 0: not chosen yet */
+    int dispersed;              /* the throughput carries the wavelength's colour */
+    struct vec3 wavelength_rgb;
+    struct interior interior;
+    uint32_t medium_key;
+    uint32_t medium_depth;      /* the depth after the last one whose number a medium used */
 };
 
 int path_accept(const void *scene_, const void *query_, uint32_t instance_index, uint32_t triangle,
@@ -47,38 +69,38 @@ int path_accept(const void *scene_, const void *query_, uint32_t instance_index,
                         triangle) < alpha;
 }
 
-static int trace(const struct render_scene *scene, const struct ray *ray,
-                 const struct path_query *query, struct hit *hit, struct render_stats *stats)
+static int path_trace(const struct path *path, const struct ray *ray,
+                      const struct path_query *query, struct hit *hit)
 {
     uint64_t start;
     int met;
 
-    stats->rays++;
-    if (!measure_trace)
-        return accel_intersect(scene->accel, ray, query, hit);
+    path->stats->rays++;
+    if (!kernel_measures_trace)
+        return accel_intersect(path->scene->accel, ray, query, hit);
     start = clock_monotonic_ns();
-    met = accel_intersect(scene->accel, ray, query, hit);
-    stats->trace_ns += clock_monotonic_ns() - start;
+    met = accel_intersect(path->scene->accel, ray, query, hit);
+    path->stats->trace_ns += clock_monotonic_ns() - start;
     return met;
 }
 
-static int occluded(const struct render_scene *scene, const struct ray *ray,
-                    const struct path_query *query, struct render_stats *stats)
+static int path_occluded(const struct path *path, const struct ray *ray,
+                         const struct path_query *query)
 {
     uint64_t start;
     int blocked;
 
-    stats->rays++;
-    if (!measure_trace)
-        return accel_occluded(scene->accel, ray, query);
+    path->stats->rays++;
+    if (!kernel_measures_trace)
+        return accel_occluded(path->scene->accel, ray, query);
     start = clock_monotonic_ns();
-    blocked = accel_occluded(scene->accel, ray, query);
-    stats->trace_ns += clock_monotonic_ns() - start;
+    blocked = accel_occluded(path->scene->accel, ray, query);
+    path->stats->trace_ns += clock_monotonic_ns() - start;
     return blocked;
 }
 
 /* Veach's power heuristic with exponent 2 for strategy a against b. */
-static float mis_weight(float a, float b)
+static float path_mis_weight(float a, float b)
 {
     float r;
 
@@ -88,109 +110,48 @@ static float mis_weight(float a, float b)
     return 1 / (1 + r * r);
 }
 
-/* Next-event estimation: light that one chosen emitter sends to the surface. */
-static struct vec3 direct_light(const struct render_scene *scene, const struct surface *s,
-                                const struct bsdf *bsdf, struct vec3 wo,
-                                const struct sampler *sampler, uint32_t vertex_dimension,
-                                struct path_query *query, struct render_stats *stats)
-{
-    const struct vec3 black = {0, 0, 0};
-    struct sample2 point = sampler_get(sampler, vertex_dimension + VERTEX_LIGHT_POINT);
-    const struct light_query asker = {s->p, {0, 0, 0}, 0};
-    struct light_sample light;
-    struct vec3 wi, value;
-    struct ray ray;
-    float bsdf_density;
+/* ---- volumes ------------------------------------------------------------------------------ */
 
-    if (!emitters_sample(scene, &asker, point.u, point.v, &light) ||
-        vec3_is_black(light.radiance))
-        return black;
-    wi = frame_to_local(&s->frame, light.direction);
-    /* The geometric normal decides on which side the light is, or it leaks. */
-    if ((vec3_dot(light.direction, s->ng) > 0) != (wi.z > 0))
-        return black;
-    value = bsdf_eval_pdf(bsdf, wo, wi, &bsdf_density);
-    if (vec3_is_black(value))
-        return black;
-    ray.origin = surface_ray_origin(s, light.direction);
-    ray.direction = light.direction;
-    ray.t_max = INFINITY;
-    if (light.distance < INFINITY) {
-        /* Aim again from the moved origin, so that the ray ends where the sample lies. */
-        struct vec3 to_light =
-            vec3_sub(vec3_mad(s->p, light.direction, light.distance), ray.origin);
-        float distance = vec3_length(to_light);
-        if (!(distance > 0))
-            return black;
-        ray.direction = vec3_scale(to_light, 1 / distance);
-        ray.t_max = distance * (1 - 0x1p-20f);
-    }
-    query->ray_number++;
-    if (occluded(scene, &ray, query, stats))
-        return black;
-    value = vec3_mul(value, vec3_scale(light.radiance, 1 / light.pdf));
-    return light.delta ? value : vec3_scale(value, mis_weight(light.pdf, bsdf_density));
+/* The medium around the ray, NULL: none. */
+static const struct world_medium *interior_medium(const struct render_scene *scene,
+                                                  const struct interior *in, int *is_fog)
+{
+    int top = interior_top(scene, in);
+    int32_t medium = top < 0 ? -1 : scene->materials[in->material[top]].m.medium;
+
+    *is_fog = 0;
+    if (top >= 0)
+        return medium >= 0 ? scene->media[medium] : NULL;
+    if (!ACTIVE(scene, FOG) || scene->fog < 0)
+        return NULL;
+    *is_fog = 1;
+    return scene->media[scene->fog];
 }
 
-/* Radiance of the environment along an escaped ray, weighted against light sampling. */
-static struct vec3 escaped(const struct render_scene *scene, const struct light_query *asker,
-                           struct vec3 direction, int from_delta, float bsdf_density)
+static float interior_ior(const struct render_scene *scene, const struct interior *in)
 {
-    struct vec3 radiance;
-    float density;
+    int top = interior_top(scene, in);
+    const struct scene_material *m;
 
-    if (!scene->environment)
-        return vec3_make(0, 0, 0);
-    if (from_delta || !scene->emitters.has_environment)
-        return environment_radiance(scene->environment, direction);
-    radiance = emitters_environment(scene, asker, direction, &density);
-    return vec3_scale(radiance, mis_weight(bsdf_density, density));
+    if (top < 0)
+        return 1;
+    m = &scene->materials[in->material[top]].m;
+    return m->kind == MATERIAL_SURFACE && m->refractive && m->ior >= 1 ? m->ior : 1;
 }
 
-static struct vec3 emitted(const struct render_scene *scene, const struct surface *s,
-                           const struct light_query *asker, struct vec3 direction, int from_delta, float bsdf_density)
+/* Fog ends at the scene's sphere: where along the ray. */
+static float path_fog_end(const struct render_scene *scene, const struct ray *ray)
 {
-    const struct world_material *material = s->material;
-    struct vec3 radiance;
-    float cosine, light_density;
+    struct vec3 to = vec3_sub(scene->bounds_centre, ray->origin);
+    float along = vec3_dot(to, ray->direction);
+    float beside = vec3_length_squared(vec3_mad(to, ray->direction, -along));
+    float half = scene->fog_radius * scene->fog_radius - beside;
 
-    if (!(material->flags & MATERIAL_EMISSIVE) || (!s->front && !material->m.double_sided))
-        return vec3_make(0, 0, 0); /* a lamp shines from its front */
-    radiance = world_emission(material, s->mesh, s->vertex, s->b1, s->b2);
-    if (from_delta || s->instance->light_base < 0)
-        return radiance;
-    cosine = fabsf(vec3_dot(s->ng, direction));
-    light_density =
-        emitters_triangle_pdf(scene, asker, (uint32_t)s->instance->light_base + s->triangle,
-                              s->t * s->t, cosine, s->area);
-    return vec3_scale(radiance, mis_weight(bsdf_density, light_density));
+    return half > 0 ? float_max(along + sqrtf(half), 0) : 0;
 }
 
-/* An unlit material shows its base colour, whatever the light. */
-static struct vec3 unlit_radiance(const struct surface *s)
-{
-    const struct scene_material *m = &s->material->m;
-    struct vec3 color = vec3_make(m->base_color[0], m->base_color[1], m->base_color[2]);
-
-    if (s->material->base_color.image) {
-        struct texel texel =
-            world_slot_lookup(&s->material->base_color, s->mesh, s->vertex, s->b1, s->b2, s->footprint, 1);
-        color = vec3_mul(color, vec3_make(texel.r, texel.g, texel.b));
-    }
-    if (s->mesh->colors) {
-        const float *c = s->mesh->colors;
-        float b0 = 1 - s->b1 - s->b2;
-        const float *a0 = c + 4 * (size_t)s->vertex[0], *a1 = c + 4 * (size_t)s->vertex[1],
-                    *a2 = c + 4 * (size_t)s->vertex[2];
-        color.x *= b0 * a0[0] + s->b1 * a1[0] + s->b2 * a2[0];
-        color.y *= b0 * a0[1] + s->b1 * a1[1] + s->b2 * a2[1];
-        color.z *= b0 * a0[2] + s->b1 * a1[2] + s->b2 * a2[2];
-    }
-    return color;
-}
-
-/* Beer-Lambert over the stretch of the path that just ended inside a refractive object. */
-static struct vec3 absorbed(const struct world_material *material, float distance)
+/* Beer-Lambert over a stretch inside a refractive object. */
+static struct vec3 path_absorbed(const struct world_material *material, float distance)
 {
     struct vec3 a = material->absorption;
 
@@ -198,81 +159,474 @@ static struct vec3 absorbed(const struct world_material *material, float distanc
                      a.z > 0 ? det_exp(-a.z * distance) : 1);
 }
 
-struct vec3 path_radiance(const struct render_scene *scene, const struct sampler *sampler,
-                          struct ray ray, struct render_stats *stats)
-{
-    struct vec3 radiance = {0, 0, 0}, throughput = {1, 1, 1};
-    struct path_query query = {sampler, 0};
-    struct light_query asker = {{0, 0, 0}, {0, 0, 0}, 0};
-    float bsdf_density = 0, eta_scale = 1;
-    int from_delta = 1; /* the camera samples like a delta lobe: nothing competes with it */
-    uint32_t max_depth = scene->settings.max_depth;
+/* ---- light -------------------------------------------------------------------------------- */
 
-    for (uint32_t depth = 0;; depth++) {
+/* What gets through from the ray's origin to its end: past medium boundaries, dimmed. */
+static struct vec3 path_visibility(struct path *path, const struct ray *ray)
+{
+    const struct render_scene *scene = path->scene;
+    const struct vec3 black = {0, 0, 0};
+    struct vec3 visible = {1, 1, 1};
+    struct interior in;
+    struct ray stretch = *ray;
+
+    path->query.ray_number++;
+    if (!(HAS_VOLUMES && (ACTIVE(scene, MEDIUM) || ACTIVE(scene, INTERFACE)))) {
+        if (path_occluded(path, ray, &path->query))
+            return black;
+        return visible;
+    }
+    in = path->interior;
+    for (int i = 0; i < PASSAGES_MAX; i++) {
+        struct medium_random random = {path->sampler, path->medium_key++, 0};
+        const struct world_medium *medium;
+        struct interior next;
+        struct surface s;
+        struct hit hit;
+        int met, real, is_fog;
+
+        met = path_trace(path, &stretch, &path->query, &hit);
+        if (met) {
+            surface_from_hit(scene, &stretch, &hit, &s);
+            surface_resolve_mix(scene, &s, 0);
+            if (s.material->m.kind != MATERIAL_INTERFACE)
+                return black;
+        }
+        medium = interior_medium(scene, &in, &is_fog);
+        if (medium) {
+            struct ray through = stretch;
+            through.t_max = met ? s.t : stretch.t_max;
+            if (is_fog)
+                through.t_max = float_min(through.t_max, path_fog_end(scene, &stretch));
+            visible = vec3_mul(visible, medium_transmittance(medium, &through, &random));
+            if (vec3_is_black(visible))
+                return black;
+        }
+        if (!met)
+            return visible;
+        interior_cross(scene, &in, &s, &next, &real);
+        in = next;
+        stretch.origin = surface_ray_origin(&s, ray->direction);
+        if (stretch.t_max < INFINITY) {
+            stretch.t_max -= s.t + s.offset;
+            if (!(stretch.t_max > 0))
+                return visible;
+        }
+        path->query.ray_number++;
+    }
+    return black;
+}
+
+/* The ray to a sampled light from `origin`, which lies off the surface at `p`. */
+static int path_shadow_ray(const struct light_sample *light, struct vec3 p, struct vec3 origin,
+                           float time, struct ray *ray)
+{
+    struct vec3 to_light;
+    float distance;
+
+    ray->origin = origin;
+    ray->direction = light->direction;
+    ray->t_max = INFINITY;
+    ray->time = time;
+    if (light->distance == INFINITY)
+        return 1;
+    /* Aim again from the moved origin, so that the ray ends where the sample lies. */
+    to_light = vec3_sub(vec3_mad(p, light->direction, light->distance), origin);
+    distance = vec3_length(to_light);
+    if (!(distance > 0))
+        return 0;
+    ray->direction = vec3_scale(to_light, 1 / distance);
+    ray->t_max = distance * (1 - 0x1p-20f);
+    return 1;
+}
+
+/* Next-event estimation: light that one chosen emitter sends to the surface. `beyond`: what the
+ * ray is in on the other side. */
+static struct vec3 path_direct_light(struct path *path, const struct surface *s,
+                                     const struct bsdf *bsdf, struct vec3 wo, uint32_t dimension,
+                                     const struct interior *beyond)
+{
+    const struct vec3 black = {0, 0, 0};
+    struct sample2 point = sampler_get(path->sampler, dimension + VERTEX_LIGHT_POINT);
+    struct light_query asker = {s->p, s->ng, s->time};
+    struct light_sample light;
+    struct interior here;
+    struct vec3 wi, value, visible;
+    struct ray ray;
+    float bsdf_density;
+
+    if (s->material->flags & MATERIAL_TWO_WAY)
+        asker.n = black;
+    if (!emitters_sample(path->scene, &asker, point.u, point.v, &light) ||
+        vec3_is_black(light.radiance))
+        return black;
+    wi = frame_to_local(&s->frame, light.direction);
+    /* The geometric normal decides on which side the light is, or it leaks. */
+    if ((vec3_dot(light.direction, s->ng) > 0) != (wi.z > 0))
+        return black;
+    value = bsdf_eval_pdf(bsdf, wo, wi, &bsdf_density);
+    if (vec3_is_black(value) ||
+        !path_shadow_ray(&light, s->p, surface_ray_origin(s, light.direction), s->time, &ray))
+        return black;
+    if (HAS_VOLUMES && wi.z < 0) {
+        here = path->interior;
+        path->interior = *beyond;
+        visible = path_visibility(path, &ray);
+        path->interior = here;
+    } else {
+        visible = path_visibility(path, &ray);
+    }
+    if (vec3_is_black(visible))
+        return black;
+    if (HAS(DISPERSION) && wi.z < 0 && path->wavelength_nm > 0 && !path->dispersed &&
+        s->material->m.dispersion > 0 && s->material->m.refractive)
+        value = vec3_mul(value, path->wavelength_rgb);
+    if (HAS_VOLUMES)
+        value = vec3_mul(value, visible);
+    value = vec3_mul(value, vec3_scale(light.radiance, 1 / light.pdf));
+    return light.delta ? value : vec3_scale(value, path_mis_weight(light.pdf, bsdf_density));
+}
+
+/* The same at a point in a medium. */
+static struct vec3 path_direct_phase(struct path *path, const struct world_medium *medium,
+                                     struct vec3 p, struct vec3 direction, uint32_t dimension)
+{
+    const struct vec3 black = {0, 0, 0};
+    struct sample2 point = sampler_get(path->sampler, dimension + VERTEX_LIGHT_POINT);
+    const struct light_query asker = {p, {0, 0, 0}, path->ray.time};
+    struct light_sample light;
+    struct vec3 value;
+    struct ray ray;
+    float density;
+
+    if (!emitters_sample(path->scene, &asker, point.u, point.v, &light) ||
+        vec3_is_black(light.radiance) || !path_shadow_ray(&light, p, p, path->ray.time, &ray))
+        return black;
+    density = medium_phase(medium, vec3_dot(direction, light.direction));
+    value = vec3_scale(path_visibility(path, &ray), density);
+    value = vec3_mul(value, vec3_scale(light.radiance, 1 / light.pdf));
+    return light.delta ? value : vec3_scale(value, path_mis_weight(light.pdf, density));
+}
+
+/* Light that only reaches a surface by way of a mirror or a lens, when it is not wanted. */
+static int path_is_caustic(const struct path *path)
+{
+    return path->from_delta && path->scattered && (path->scene->settings.without & EFFECT_CAUSTICS);
+}
+
+/* Radiance of the environment along an escaped ray, weighted against light sampling. */
+static struct vec3 path_escaped(const struct path *path)
+{
+    const struct render_scene *scene = path->scene;
+    struct vec3 radiance;
+    float density;
+
+    if (!ACTIVE(scene, ENVIRONMENT) || !scene->environment || path_is_caustic(path))
+        return vec3_make(0, 0, 0);
+    if (path->from_delta || !scene->emitters.has_environment)
+        return environment_radiance(scene->environment, path->ray.direction);
+    radiance = emitters_environment(scene, &path->asker, path->ray.direction, &density);
+    return vec3_scale(radiance, path_mis_weight(path->density, density));
+}
+
+static struct vec3 path_emitted(const struct path *path, const struct surface *s)
+{
+    const struct world_material *material = s->material;
+    struct vec3 radiance, way;
+    float cosine, light_density;
+
+    if (!HAS(EMISSIVE_MESH) || !(material->flags & MATERIAL_EMISSIVE) ||
+        (!s->front && !material->m.double_sided) || path_is_caustic(path))
+        return vec3_make(0, 0, 0); /* a lamp shines from its front */
+    cosine = fabsf(vec3_dot(s->ng, path->ray.direction));
+    radiance = world_emission(material, s->mesh, s->vertex, s->b1, s->b2);
+    if (HAS(CLEARCOAT) && material->m.clearcoat > 0)
+        radiance = vec3_scale(radiance, world_emission_scale(material, cosine));
+    if (path->from_delta || s->instance->light_base < 0 ||
+        material != &path->scene->materials[s->instance->material])
+        return radiance; /* the parts of a mix are not sampled as lights */
+    way = vec3_sub(s->p, path->asker.p);
+    light_density = emitters_triangle_pdf(path->scene, &path->asker,
+                                          (uint32_t)s->instance->light_base + s->triangle,
+                                          vec3_length_squared(way), cosine, s->area);
+    return vec3_scale(radiance, path_mis_weight(path->density, light_density));
+}
+
+/* An unlit material shows its base colour, whatever the light. */
+static struct vec3 path_unlit(const struct path *path, const struct surface *s)
+{
+    const struct scene_material *m = &s->material->m;
+    struct vec3 color = vec3_make(m->base_color[0], m->base_color[1], m->base_color[2]);
+
+    if (HAS(TEXTURE) && s->material->base_color.image) {
+        struct texel texel = world_slot_lookup(&s->material->base_color, s->mesh, s->vertex, s->b1,
+                                               s->b2, s->footprint, 1);
+        color = vec3_mul(color, vec3_make(texel.r, texel.g, texel.b));
+    }
+    if (ACTIVE(path->scene, VERTEX_COLOR) && s->mesh->colors)
+        color = vec3_mul(color, surface_vertex_color(s));
+    return color;
+}
+
+/* ---- the steps of a path ------------------------------------------------------------------ */
+
+/* Kill the path by chance, the likelier the less it carries. `u` in [0,1). */
+static int path_survives(struct path *path, uint32_t depth, float u)
+{
+    float survival;
+
+    if (depth + 1 < ROULETTE_DEPTH)
+        return 1;
+    survival = vec3_max(path->throughput) * path->eta_scale;
+    if (survival < 1) {
+        survival = float_max(survival, ROULETTE_SURVIVAL_MIN);
+        if (!(u < survival))
+            return 0;
+        path->throughput = vec3_scale(path->throughput, 1 / survival);
+    }
+    return 1;
+}
+
+/* Widen the beam: a direction chosen with this density stands for so much solid angle. */
+static void path_widen(struct path *path, float t)
+{
+    float spread;
+
+    path->cone.width += t * path->cone.spread;
+    if (path->from_delta || !(path->density > 0))
+        return;
+    spread = float_min(CONE_SHARE / sqrtf(path->density), CONE_SPREAD_MAX);
+    path->cone.spread = float_max(path->cone.spread, spread);
+}
+
+/* The medium between the ray's origin and the hit: absorbs, emits, scatters. 1: the path was
+ * scattered and goes on from there; 0: it reached the hit; -1: it ended. */
+static int path_cross_medium(struct path *path, float t, uint32_t depth, uint32_t dimension,
+                             struct vec3 *radiance)
+{
+    struct medium_random random = {path->sampler, path->medium_key++, 0};
+    const struct render_scene *scene = path->scene;
+    const struct world_medium *medium;
+    struct sample2 direction, numbers;
+    struct ray stretch = path->ray;
+    struct medium_event event;
+    struct vec3 before = path->ray.direction, p;
+    int is_fog;
+
+    medium = interior_medium(scene, &path->interior, &is_fog);
+    if (!medium)
+        return 0;
+    stretch.t_max = is_fog ? float_min(t, path_fog_end(scene, &path->ray)) : t;
+    numbers = sampler_get(path->sampler, dimension + VERTEX_MEDIUM);
+    if (path->medium_depth > depth) /* a second stretch without a vertex between */
+        numbers.u = sampler_hash(path->sampler, random.key, 0xffffffffu);
+    path->medium_depth = depth + 1;
+    medium_sample(medium, &stretch, numbers.u, &random, &event);
+    *radiance = vec3_add(*radiance, vec3_mul(path->throughput, event.emitted));
+    path->throughput = vec3_mul(path->throughput, event.weight);
+    if (vec3_is_black(path->throughput))
+        return -1;
+    if (!event.scattered)
+        return 0;
+    path->stats->vertices++;
+    if (depth >= scene->settings.max_depth)
+        return -1;
+    p = vec3_mad(path->ray.origin, path->ray.direction, event.distance);
+    if (scene->emitters.count > 0)
+        *radiance = vec3_add(*radiance, vec3_mul(path->throughput,
+                                                 path_direct_phase(path, medium, p, before,
+                                                                   dimension)));
+    direction = sampler_get(path->sampler, dimension + VERTEX_BSDF);
+    path->ray.direction = medium_phase_sample(medium, before, direction.u, direction.v);
+    path->density = medium_phase(medium, vec3_dot(before, path->ray.direction));
+    path->from_delta = 0;
+    path->scattered = 1;
+    path_widen(path, event.distance);
+    path->ray.origin = p;
+    path->ray.t_max = INFINITY;
+    path->asker.p = p;
+    path->asker.n = vec3_make(0, 0, 0);
+    if (!path_survives(path, depth,
+                       sampler_get(path->sampler, dimension + VERTEX_LOBE).v))
+        return -1;
+    return 1;
+}
+
+/* The path's wavelength, chosen when first needed. */
+static float path_wavelength(struct path *path)
+{
+    if (!(path->wavelength_nm > 0))
+        path->wavelength_nm = wavelength_sample(sampler_get(path->sampler, DIMENSION_TIME).v,
+                                                &path->wavelength_rgb);
+    return path->wavelength_nm;
+}
+
+/* Straight on past a boundary that is none. */
+static void path_pass(struct path *path, const struct surface *s, const struct interior *next)
+{
+    path->interior = *next;
+    path->cone.width += s->t * path->cone.spread;
+    path->ray.origin = surface_ray_origin(s, path->ray.direction);
+    path->ray.t_max = INFINITY;
+}
+
+static void path_record_hit(const struct render_scene *scene, const struct surface *s,
+                            const struct bsdf_params *params, struct path_record *record)
+{
+    record->hit = 1;
+    record->distance = s->t;
+    record->position = s->p;
+    record->normal = s->frame.n;
+    record->albedo = params->base_color;
+    record->instance = (uint32_t)(s->instance - scene->instances);
+    record->material = (uint32_t)(s->material - scene->materials);
+    record->triangle = s->triangle;
+    record->b1 = s->b1;
+    record->b2 = s->b2;
+    surface_uv(s, &record->u, &record->v);
+}
+
+struct vec3 path_radiance(const struct render_scene *scene, const struct sampler *sampler,
+                          struct ray ray, struct camera_cone cone, struct path_record *record,
+                          struct render_stats *stats)
+{
+    struct path path = {
+        .scene = scene, .sampler = sampler, .stats = stats, .ray = ray,
+        .throughput = {1, 1, 1}, .query = {sampler, 0}, .from_delta = 1, .eta_scale = 1,
+        .cone = cone,
+    };
+    const int volumes = HAS_VOLUMES && (ACTIVE(scene, MEDIUM) || ACTIVE(scene, INTERFACE) ||
+                                        ACTIVE(scene, NESTED_DIELECTRIC));
+    struct vec3 radiance = {0, 0, 0};
+    uint32_t max_depth = scene->settings.max_depth, depth = 0;
+    int passages = 0;
+
+    path.asker.time = ray.time;
+    if (volumes)
+        path.interior = scene->camera_interior;
+    for (;;) {
         uint32_t dimension = DIMENSION_VERTEX + depth * DIMENSIONS_PER_VERTEX;
         struct sample2 direction_sample, lobe_sample;
+        struct interior beyond;
         struct bsdf_sample sample;
         struct bsdf_params params;
         struct bsdf bsdf;
         struct surface s;
         struct hit hit;
         struct vec3 wo;
-        float survival;
+        int met, real = 1;
 
-        query.ray_number++;
-        if (!trace(scene, &ray, &query, &hit, stats)) {
-            radiance = vec3_add(radiance, vec3_mul(throughput, escaped(scene, &asker, ray.direction,
-                                                                       from_delta, bsdf_density)));
+        if (HAS_VOLUMES)
+            beyond.count = 0;
+        path.query.ray_number++;
+        met = path_trace(&path, &path.ray, &path.query, &hit);
+        if (met) {
+            surface_from_hit(scene, &path.ray, &hit, &s);
+            if (HAS(MATERIAL_MIX) && s.material->m.kind == MATERIAL_MIX)
+                surface_resolve_mix(scene, &s,
+                                    sampler_get(sampler, dimension + VERTEX_MEDIUM).v);
+        }
+        if (HAS(MEDIUM) && ACTIVE(scene, MEDIUM)) {
+            int event = path_cross_medium(&path, met ? s.t : INFINITY, depth, dimension,
+                                          &radiance);
+            if (event < 0)
+                break;
+            if (event > 0) {
+                depth++;
+                continue;
+            }
+        }
+        if (!met) {
+            radiance = vec3_add(radiance, vec3_mul(path.throughput, path_escaped(&path)));
             break;
+        }
+        if (volumes) {
+            int top = interior_top(scene, &path.interior);
+            if (top >= 0 && ACTIVE(scene, ABSORPTION))
+                path.throughput = vec3_mul(
+                    path.throughput,
+                    path_absorbed(&scene->materials[path.interior.material[top]], s.t));
+            if (s.material->flags & MATERIAL_BOUNDS) {
+                interior_cross(scene, &path.interior, &s, &beyond, &real);
+                if (!real || s.material->m.kind == MATERIAL_INTERFACE) {
+                    if (++passages > PASSAGES_MAX)
+                        break;
+                    path_pass(&path, &s, &beyond);
+                    continue;
+                }
+            } else {
+                beyond = path.interior;
+            }
+        } else if (ACTIVE(scene, ABSORPTION) && !s.front && s.material->m.refractive &&
+                   !vec3_is_black(s.material->absorption)) {
+            path.throughput = vec3_mul(path.throughput, path_absorbed(s.material, s.t));
         }
         stats->vertices++;
-        surface_from_hit(scene, &ray, &hit, &s);
-        if (!s.front && s.material->m.refractive && !vec3_is_black(s.material->absorption))
-            throughput = vec3_mul(throughput, absorbed(s.material, s.t));
-        if (s.material->m.unlit) {
-            radiance = vec3_add(radiance, vec3_mul(throughput, unlit_radiance(&s)));
+        if (HAS(TEXTURE) && s.material->flags & (MATERIAL_TEXTURED | MATERIAL_NORMAL_MAP))
+            s.footprint = (path.cone.width + s.t * path.cone.spread) / sqrtf(s.area);
+        if (HAS(UNLIT) && s.material->m.unlit) {
+            radiance = vec3_add(radiance, vec3_mul(path.throughput, path_unlit(&path, &s)));
+            if (record && !record->hit && depth == 0) {
+                surface_shade(scene, &s, vec3_neg(path.ray.direction), &params);
+                path_record_hit(scene, &s, &params, record);
+            }
             break;
         }
-        radiance = vec3_add(radiance, vec3_mul(throughput, emitted(scene, &s, &asker, ray.direction,
-                                                                   from_delta, bsdf_density)));
-        if (depth >= max_depth)
+        if (HAS(EMISSIVE_MESH))
+            radiance = vec3_add(radiance, vec3_mul(path.throughput, path_emitted(&path, &s)));
+        if (depth >= max_depth && !record)
             break;
 
-        surface_shade(&s, vec3_neg(ray.direction), &params);
-        wo = frame_to_local(&s.frame, vec3_neg(ray.direction));
+        surface_shade(scene, &s, vec3_neg(path.ray.direction), &params);
+        if (record && depth == 0)
+            path_record_hit(scene, &s, &params, record);
+        if (depth >= max_depth)
+            break;
+        if (HAS(DISPERSION) && ACTIVE(scene, DISPERSION) && s.material->m.dispersion > 0 &&
+            params.refractive)
+            params.ior = dispersion_ior(params.ior, s.material->m.dispersion,
+                                        path_wavelength(&path));
+        if (volumes && ACTIVE(scene, NESTED_DIELECTRIC))
+            params.ior_outside = interior_ior(scene, s.front ? &path.interior : &beyond);
+        wo = frame_to_local(&s.frame, vec3_neg(path.ray.direction));
         if (!(wo.z > 0))
             break;
         bsdf_init(&bsdf, &params, wo);
         if (bsdf.has_smooth && scene->emitters.count > 0)
             radiance = vec3_add(
-                radiance, vec3_mul(throughput, direct_light(scene, &s, &bsdf, wo, sampler,
-                                                            dimension, &query, stats)));
+                radiance, vec3_mul(path.throughput, path_direct_light(&path, &s, &bsdf, wo,
+                                                                      dimension, &beyond)));
 
         direction_sample = sampler_get(sampler, dimension + VERTEX_BSDF);
         lobe_sample = sampler_get(sampler, dimension + VERTEX_LOBE);
         if (!bsdf_sample(&bsdf, wo, lobe_sample.u, direction_sample.u, direction_sample.v, &sample))
             break;
-        ray.direction = vec3_normalize(frame_to_world(&s.frame, sample.wi));
-        if ((vec3_dot(ray.direction, s.ng) > 0) != (sample.wi.z > 0))
+        path.ray.direction = vec3_normalize(frame_to_world(&s.frame, sample.wi));
+        if ((vec3_dot(path.ray.direction, s.ng) > 0) != (sample.wi.z > 0))
             break;
-        throughput = vec3_mul(throughput, sample.weight);
-        eta_scale *= sample.eta_scale;
-        from_delta = (sample.flags & BSDF_DELTA) != 0;
-        bsdf_density = sample.pdf;
-        if (depth + 1 >= ROULETTE_DEPTH) {
-            survival = vec3_max(throughput) * eta_scale;
-            if (survival < 1) {
-                survival = float_max(survival, ROULETTE_SURVIVAL_MIN);
-                if (!(lobe_sample.v < survival))
-                    break;
-                throughput = vec3_scale(throughput, 1 / survival);
-            }
+        path.throughput = vec3_mul(path.throughput, sample.weight);
+        if (HAS(DISPERSION) && sample.wi.z < 0 && path.wavelength_nm > 0 && !path.dispersed &&
+            s.material->m.dispersion > 0 && params.refractive) {
+            path.throughput = vec3_mul(path.throughput, path.wavelength_rgb);
+            path.dispersed = 1;
         }
-        if (vec3_is_black(throughput))
+        if (volumes && sample.wi.z < 0)
+            path.interior = beyond;
+        path.eta_scale *= sample.eta_scale;
+        path.from_delta = (sample.flags & BSDF_DELTA) != 0;
+        path.scattered |= !path.from_delta;
+        path.density = sample.pdf;
+        if (!path_survives(&path, depth, lobe_sample.v))
             break;
-        asker.p = s.p;
-        ray.origin = surface_ray_origin(&s, ray.direction);
-        ray.t_max = INFINITY;
+        if (vec3_is_black(path.throughput))
+            break;
+        if (ACTIVE(scene, TEXTURE))
+            path_widen(&path, s.t);
+        path.asker.p = s.p;
+        path.asker.n = s.material->flags & MATERIAL_TWO_WAY ? vec3_make(0, 0, 0) : s.ng;
+        path.ray.origin = surface_ray_origin(&s, path.ray.direction);
+        path.ray.t_max = INFINITY;
+        depth++;
     }
     return radiance;
 }

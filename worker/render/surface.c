@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "common/math/elementary.h"
+#include "worker/render/has.h"
 #include "worker/render/world.h"
 
 /* In units of 2^-24 of the largest coordinate in play. Chosen by the grazing-plane test of
@@ -9,6 +11,11 @@
 #define OFFSET_ULPS 8.0f
 /* The cosine to which a shading normal that faces away is bent. */
 #define BEND_COSINE 1e-3f
+
+/* Any of the effects that surface_layers sees to. */
+#define HAS_LAYERS                                                                           \
+    (HAS(ANISOTROPY) || HAS(CONDUCTOR) || HAS(CLEARCOAT) || HAS(SHEEN) || HAS(IRIDESCENCE) || \
+     HAS(DIFFUSE_TRANSMISSION))
 
 static float abs_max3(struct vec3 a)
 {
@@ -129,8 +136,8 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     s->offset = surface_offset(s->p, corner, s->instance);
 }
 
-static struct vec3 interpolate(const float *values, size_t stride, const uint32_t vertex[3],
-                               float b1, float b2)
+static struct vec3 surface_interpolate(const float *values, size_t stride,
+                                       const uint32_t vertex[3], float b1, float b2)
 {
     const float *a = values + stride * vertex[0], *b = values + stride * vertex[1],
                 *c = values + stride * vertex[2];
@@ -140,54 +147,80 @@ static struct vec3 interpolate(const float *values, size_t stride, const uint32_
                      b0 * a[2] + b1 * b[2] + b2 * c[2]);
 }
 
-/* The normal map's normal, world, on the front side; `n` where there is no tangent. */
-static struct vec3 mapped_normal(const struct surface *s, struct vec3 n)
+static struct texel surface_texel(const struct surface *s, const struct world_slot *slot, int srgb)
 {
-    const struct world_mesh *mesh = s->mesh;
-    struct vec3 t = interpolate(mesh->tangents, 4, s->vertex, s->b1, s->b2), b;
-    struct texel texel = world_slot_lookup(&s->material->normal, mesh, s->vertex, s->b1, s->b2, s->footprint, 0);
-    float scale = s->material->m.normal_scale;
-    float handedness = mesh->tangents[4 * (size_t)s->vertex[0] + 3] < 0 ? -1.0f : 1.0f;
+    return world_slot_lookup(slot, s->mesh, s->vertex, s->b1, s->b2, s->footprint, srgb);
+}
 
-    t = transform_vector(&s->instance->to_world, t);
-    t = vec3_normalize(vec3_mad(t, n, -vec3_dot(n, t)));
+static const float *surface_tangents(const struct surface *s)
+{
+    return s->instance->deformed_tangents ? s->instance->deformed_tangents : s->mesh->tangents;
+}
+
+/* The tangent at the hit, world, unit and perpendicular to `n`; black where there is none. */
+static struct vec3 surface_tangent(const struct surface *s, struct vec3 n)
+{
+    struct vec3 t = surface_interpolate(surface_tangents(s), 4, s->vertex, s->b1, s->b2);
+
+    if (!s->instance->skinned)
+        t = transform_vector(&s->instance->to_world, t);
+    return vec3_normalize(vec3_mad(t, n, -vec3_dot(n, t)));
+}
+
+static float surface_handedness(const struct surface *s)
+{
+    float w = surface_tangents(s)[4 * (size_t)s->vertex[0] + 3] < 0 ? -1.0f : 1.0f;
+
+    return s->instance->flipped ? -w : w;
+}
+
+/* A normal map's normal, world, on the front side; `n` where there is no tangent. */
+static struct vec3 surface_mapped_normal(const struct surface *s, const struct world_slot *slot,
+                                         float scale, struct vec3 n)
+{
+    struct vec3 t = surface_tangent(s, n), b, front_ng = s->front ? s->ng : vec3_neg(s->ng);
+    struct texel texel;
+    float cosine;
+
     if (vec3_is_black(t))
         return n;
-    if (s->instance->flipped)
-        handedness = -handedness;
-    b = vec3_scale(vec3_cross(n, t), handedness);
+    texel = surface_texel(s, slot, 0);
+    b = vec3_scale(vec3_cross(n, t), surface_handedness(s));
     b = vec3_normalize(vec3_add(vec3_add(vec3_scale(t, (texel.r * 2 - 1) * scale),
                                          vec3_scale(b, (texel.g * 2 - 1) * scale)),
                                 vec3_scale(n, texel.b * 2 - 1)));
-    return vec3_is_black(b) ? n : b;
+    if (vec3_is_black(b))
+        return n;
+    cosine = vec3_dot(b, front_ng);
+    return cosine < 0 ? vec3_mad(b, front_ng, BEND_COSINE - cosine) : b;
 }
 
-static struct vec3 shading_normal(const struct surface *s, struct vec3 wo)
+/* The vertices' normal on the front side; the triangle's where they have none. */
+static struct vec3 surface_vertex_normal(const struct surface *s)
 {
-    struct vec3 front_ng = s->front ? s->ng : vec3_neg(s->ng), n = front_ng, mirror;
+    struct vec3 front_ng = s->front ? s->ng : vec3_neg(s->ng), n;
+    const float *normals =
+        s->instance->deformed_normals ? s->instance->deformed_normals : s->mesh->normals;
+
+    if (!normals)
+        return front_ng;
+    n = surface_interpolate(normals, 3, s->vertex, s->b1, s->b2);
+    if (!s->instance->skinned)
+        n = transform_normal(&s->instance->to_object, n);
+    n = vec3_normalize(n);
+    if (vec3_is_black(n))
+        return front_ng;
+    return vec3_dot(n, front_ng) < 0 ? vec3_neg(n) : n; /* normals that disagree with the winding */
+}
+
+/* To the ray's side, and bent: first a normal that faces away from wo, then one whose mirror
+ * direction would dive under the geometric surface (the black rims of coarse smooth meshes). */
+static struct vec3 surface_bent_normal(const struct surface *s, struct vec3 n, struct vec3 wo)
+{
+    struct vec3 mirror;
     float cosine;
 
-    if (s->mesh->normals) {
-        n = interpolate(s->mesh->normals, 3, s->vertex, s->b1, s->b2);
-        n = vec3_normalize(transform_normal(&s->instance->to_object, n));
-        if (vec3_is_black(n))
-            n = front_ng;
-        else if (vec3_dot(n, front_ng) < 0)
-            n = vec3_neg(n); /* normals that disagree with the winding */
-    }
-    if (s->material->flags & MATERIAL_NORMAL_MAP && s->mesh->tangents) {
-        n = mapped_normal(s, n);
-        if (vec3_dot(n, front_ng) < 0)
-            n = vec3_mad(n, front_ng, BEND_COSINE - vec3_dot(n, front_ng));
-    } else if (!s->mesh->normals) {
-        return s->ng;
-    }
-    if (!s->front)
-        n = vec3_neg(n);
-    n = vec3_normalize(n);
-
-    /* Bend a normal that faces away from wo, then one whose mirror direction would dive
-     * under the geometric surface (the black rims of coarse smooth meshes). */
+    n = vec3_normalize(s->front ? n : vec3_neg(n));
     cosine = vec3_dot(n, wo);
     if (cosine < BEND_COSINE) {
         n = vec3_normalize(vec3_mad(n, wo, BEND_COSINE - cosine));
@@ -204,38 +237,182 @@ static struct vec3 shading_normal(const struct surface *s, struct vec3 wo)
     return n;
 }
 
-static void textured_params(const struct surface *s, struct bsdf_params *params)
+static void surface_texture_params(const struct surface *s, struct bsdf_params *params)
 {
     const struct world_material *material = s->material;
     struct texel texel;
 
     if (material->base_color.image) {
-        texel = world_slot_lookup(&material->base_color, s->mesh, s->vertex, s->b1, s->b2, s->footprint, 1);
+        texel = surface_texel(s, &material->base_color, 1);
         params->base_color = vec3_mul(params->base_color, vec3_make(texel.r, texel.g, texel.b));
     }
     if (material->metallic_roughness.image) {
         float roughness;
-        texel = world_slot_lookup(&material->metallic_roughness, s->mesh, s->vertex, s->b1, s->b2, s->footprint, 0);
+        texel = surface_texel(s, &material->metallic_roughness, 0);
         roughness = material->m.roughness * texel.g;
         params->alpha = roughness * roughness;
         params->metallic *= texel.b;
     }
     if (material->specular.image)
-        params->specular *=
-            world_slot_lookup(&material->specular, s->mesh, s->vertex, s->b1, s->b2, s->footprint, 0).a;
+        params->specular *= surface_texel(s, &material->specular, 0).a;
     if (material->specular_color.image) {
-        texel = world_slot_lookup(&material->specular_color, s->mesh, s->vertex, s->b1, s->b2, s->footprint, 1);
+        texel = surface_texel(s, &material->specular_color, 1);
         params->specular_color =
             vec3_mul(params->specular_color, vec3_make(texel.r, texel.g, texel.b));
     }
     if (material->transmission.image)
-        params->transmission *=
-            world_slot_lookup(&material->transmission, s->mesh, s->vertex, s->b1, s->b2, s->footprint, 0).r;
+        params->transmission *= surface_texel(s, &material->transmission, 0).r;
 }
 
-void surface_shade(struct surface *s, struct vec3 wo, struct bsdf_params *params)
+/* Factor times texture of the extensions' scalars; 0 where the factor is. */
+static float surface_factor(const struct surface *s, float factor, const struct world_slot *slot,
+                            int channel)
+{
+    struct texel texel;
+
+    if (factor == 0 || !HAS(TEXTURE) || !slot->image)
+        return factor;
+    texel = surface_texel(s, slot, 0);
+    return factor * (channel == 0 ? texel.r : channel == 1 ? texel.g : texel.a);
+}
+
+static struct vec3 surface_color(const struct surface *s, const float factor[3],
+                                 const struct world_slot *slot)
+{
+    struct vec3 color = {factor[0], factor[1], factor[2]};
+    struct texel texel;
+
+    if (!HAS(TEXTURE) || !slot->image || vec3_is_black(color))
+        return color;
+    texel = surface_texel(s, slot, 1);
+    return vec3_mul(color, vec3_make(texel.r, texel.g, texel.b));
+}
+
+static float square(float x)
+{
+    return x * x;
+}
+
+/* Strength and direction of the anisotropy: the frame's x is turned along it. */
+static void surface_anisotropy(struct surface *s, struct bsdf_params *params)
 {
     const struct scene_material *m = &s->material->m;
+    struct vec3 t = surface_tangent(s, s->frame.n), b;
+    float strength = m->anisotropy, x = 1, y = 0, c, sine;
+
+    if (vec3_is_black(t))
+        return;
+    if (HAS(TEXTURE) && s->material->anisotropy.image) {
+        struct texel texel = surface_texel(s, &s->material->anisotropy, 0);
+        x = texel.r * 2 - 1;
+        y = texel.g * 2 - 1;
+        strength *= texel.b;
+    }
+    if (m->anisotropy_rotation_rad != 0) {
+        float x0 = x;
+        det_sincos(m->anisotropy_rotation_rad, &sine, &c);
+        x = c * x0 - sine * y;
+        y = sine * x0 + c * y;
+    }
+    b = vec3_scale(vec3_cross(s->frame.n, t),
+                   s->front ? surface_handedness(s) : -surface_handedness(s));
+    t = vec3_normalize(vec3_add(vec3_scale(t, x), vec3_scale(b, y)));
+    if (vec3_is_black(t) || !(strength > 0))
+        return;
+    s->frame.s = t;
+    s->frame.t = vec3_cross(s->frame.n, t);
+    params->alpha_stretched = params->alpha + (1 - params->alpha) * strength * strength;
+}
+
+static void surface_clearcoat(const struct render_scene *scene, const struct surface *s,
+                              struct vec3 wo, struct vec3 vertex_normal,
+                              struct bsdf_params *params)
+{
+    const struct world_material *material = s->material;
+    struct vec3 n = vertex_normal;
+
+    params->clearcoat = surface_factor(s, material->m.clearcoat, &material->clearcoat, 0);
+    params->clearcoat_alpha = square(surface_factor(s, material->m.clearcoat_roughness,
+                                                    &material->clearcoat_roughness, 1));
+    params->clearcoat_ior = material->m.clearcoat_ior;
+    params->clearcoat_normal = vec3_make(0, 0, 1);
+    if (!ACTIVE(scene, NORMAL_MAP) || !s->mesh->tangents)
+        return;
+    if (material->clearcoat_normal.image && material->m.clearcoat_normal_scale != 0)
+        n = surface_mapped_normal(s, &material->clearcoat_normal,
+                                  material->m.clearcoat_normal_scale, n);
+    else if (!(material->flags & MATERIAL_NORMAL_MAP))
+        return;
+    params->clearcoat_normal =
+        vec3_normalize(frame_to_local(&s->frame, surface_bent_normal(s, n, wo)));
+}
+
+/* What few materials have. */
+static void surface_layers(const struct render_scene *scene, struct surface *s, struct vec3 wo,
+                           struct vec3 vertex_normal, struct bsdf_params *params)
+{
+    const struct world_material *material = s->material;
+    const struct scene_material *m = &material->m;
+
+    if (ACTIVE(scene, ANISOTROPY) && m->anisotropy > 0 && surface_tangents(s))
+        surface_anisotropy(s, params);
+    if (ACTIVE(scene, CONDUCTOR) && m->kind == MATERIAL_CONDUCTOR) {
+        params->conductor = 1;
+        params->eta = vec3_make(m->conductor_eta[0], m->conductor_eta[1], m->conductor_eta[2]);
+        params->k = vec3_make(m->conductor_k[0], m->conductor_k[1], m->conductor_k[2]);
+    }
+    if (ACTIVE(scene, CLEARCOAT) && m->clearcoat > 0)
+        surface_clearcoat(scene, s, wo, vertex_normal, params);
+    if (ACTIVE(scene, SHEEN) && (m->sheen_color[0] > 0 || m->sheen_color[1] > 0 ||
+                                 m->sheen_color[2] > 0)) {
+        params->sheen_color = surface_color(s, m->sheen_color, &material->sheen_color);
+        params->sheen_alpha =
+            square(surface_factor(s, m->sheen_roughness, &material->sheen_roughness, 3));
+    }
+    if (ACTIVE(scene, IRIDESCENCE) && m->iridescence > 0) {
+        float thickness = 1;
+        params->iridescence = surface_factor(s, m->iridescence, &material->iridescence, 0);
+        params->iridescence_ior = m->iridescence_ior;
+        if (HAS(TEXTURE) && material->iridescence_thickness.image)
+            thickness = surface_texel(s, &material->iridescence_thickness, 0).g;
+        params->iridescence_thickness_nm =
+            m->iridescence_thickness_min_nm +
+            (m->iridescence_thickness_max_nm - m->iridescence_thickness_min_nm) * thickness;
+    }
+    if (ACTIVE(scene, DIFFUSE_TRANSMISSION) && m->diffuse_transmission > 0) {
+        params->diffuse_transmission =
+            surface_factor(s, m->diffuse_transmission, &material->diffuse_transmission, 3);
+        params->diffuse_transmission_color = surface_color(
+            s, m->diffuse_transmission_color, &material->diffuse_transmission_color);
+    }
+    params->base_interreflection = m->base_interreflection;
+    params->thin_slab = m->thin_slab;
+}
+
+void surface_resolve_mix(const struct render_scene *scene, struct surface *s, float u)
+{
+    /* A mix refers to lower materials only, so this ends. */
+    while (s->material->m.kind == MATERIAL_MIX) {
+        const struct world_material *mix = s->material;
+        float amount = surface_factor(s, mix->m.mix_amount, &mix->mix, 0);
+        int second;
+
+        amount = amount > 0 ? (amount < 1 ? amount : 1) : 0;
+        second = u < amount;
+        /* What is left of the number is as good as a new one. */
+        u = second ? u / amount : (u - amount) / (1 - amount);
+        u = u > 0 ? (u < ONE_MINUS_EPSILON ? u : ONE_MINUS_EPSILON) : 0;
+        s->material = &scene->materials[mix->m.mix_material[second]];
+    }
+}
+
+void surface_shade(const struct render_scene *scene, struct surface *s, struct vec3 wo,
+                   struct bsdf_params *params)
+{
+    const struct scene_material *m = &s->material->m;
+    int mapped = HAS(NORMAL_MAP) && (s->material->flags & MATERIAL_NORMAL_MAP) &&
+                 ACTIVE(scene, NORMAL_MAP) && s->mesh->tangents;
+    struct vec3 n = s->ng;
 
     memset(params, 0, sizeof *params);
     params->base_color = vec3_make(m->base_color[0], m->base_color[1], m->base_color[2]);
@@ -248,12 +425,40 @@ void surface_shade(struct surface *s, struct vec3 wo, struct bsdf_params *params
     params->transmission = m->transmission;
     params->refractive = m->refractive;
     params->inside = m->refractive && !s->front;
-    if (s->material->flags & MATERIAL_TEXTURED)
-        textured_params(s, params);
-    if (s->mesh->colors)
-        params->base_color = vec3_mul(params->base_color,
-                                      interpolate(s->mesh->colors, 4, s->vertex, s->b1, s->b2));
-    s->frame = frame_from_normal(shading_normal(s, wo));
+    params->single_scattering = !ACTIVE(scene, MULTIPLE_SCATTERING);
+    if (HAS(TEXTURE) && s->material->flags & MATERIAL_TEXTURED)
+        surface_texture_params(s, params);
+    if (ACTIVE(scene, VERTEX_COLOR) && s->mesh->colors)
+        params->base_color = vec3_mul(params->base_color, surface_vertex_color(s));
+    if (s->mesh->normals || mapped) {
+        struct vec3 vertex_normal = surface_vertex_normal(s);
+        n = surface_bent_normal(s, mapped ? surface_mapped_normal(s, &s->material->normal,
+                                                                  m->normal_scale, vertex_normal)
+                                          : vertex_normal, wo);
+    }
+    s->frame = frame_from_normal(n);
+    if (HAS_LAYERS && s->material->flags & MATERIAL_LAYERED)
+        surface_layers(scene, s, wo, surface_vertex_normal(s), params);
+}
+
+struct vec3 surface_vertex_color(const struct surface *s)
+{
+    return surface_interpolate(s->mesh->colors, 4, s->vertex, s->b1, s->b2);
+}
+
+void surface_uv(const struct surface *s, float *u, float *v)
+{
+    const float *uv = s->mesh->uv[0], *a, *b, *c;
+    float b0 = 1 - s->b1 - s->b2;
+
+    *u = *v = 0;
+    if (!uv)
+        return;
+    a = uv + 2 * (size_t)s->vertex[0];
+    b = uv + 2 * (size_t)s->vertex[1];
+    c = uv + 2 * (size_t)s->vertex[2];
+    *u = b0 * a[0] + s->b1 * b[0] + s->b2 * c[0];
+    *v = b0 * a[1] + s->b1 * b[1] + s->b2 * c[1];
 }
 
 struct vec3 surface_ray_origin(const struct surface *s, struct vec3 direction)
@@ -297,6 +502,14 @@ float world_alpha(const struct world_material *material, const struct world_mesh
                  b2 * c[4 * (size_t)vertex[2] + 3];
     }
     return alpha;
+}
+
+float world_emission_scale(const struct world_material *material, float cosine)
+{
+    float n = material->m.clearcoat_ior, f0 = (n - 1) / (n + 1), m = 1 - cosine;
+
+    f0 *= f0;
+    return 1 - material->m.clearcoat * (f0 + (1 - f0) * (m * m * m * m * m));
 }
 
 struct vec3 world_emission(const struct world_material *material, const struct world_mesh *mesh,

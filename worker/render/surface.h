@@ -45,7 +45,17 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
 /* Shading frame and the material's values; `wo` is unit, world, towards the ray's origin.
  * The frame is bent so that wo and its mirror direction are above it and above the
  * geometric surface. */
-void surface_shade(struct surface *s, struct vec3 wo, struct bsdf_params *params);
+void surface_shade(const struct render_scene *scene, struct surface *s, struct vec3 wo,
+                   struct bsdf_params *params);
+
+/* Where the material is a mix, one of its parts by the number `u` in [0,1). */
+void surface_resolve_mix(const struct render_scene *scene, struct surface *s, float u);
+
+/* Colour that the vertices give; the mesh has MESH_COLORS. */
+struct vec3 surface_vertex_color(const struct surface *s);
+
+/* First uv set at the hit; 0, 0 where the mesh has none. */
+void surface_uv(const struct surface *s, float *u, float *v);
 
 /* Origin for a ray that leaves towards `direction` (either side). */
 struct vec3 surface_ray_origin(const struct surface *s, struct vec3 direction);

@@ -1,30 +1,111 @@
 /* tile: the one pixel loop. */
 #include <float.h>
+#include <string.h>
 
+#include "worker/render/kernel.h"
 #include "worker/render/path.h"
-#include "worker/render/render.h"
+#include "worker/render/view.h"
 #include "worker/render/world.h"
 
-size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t pass,
+/* Distance along the camera's axis, which is what compositors call depth. */
+static float tile_depth(const struct render_scene *scene, const struct ray *ray, float distance)
+{
+    const struct transform *view = &scene->camera.to_world;
+    struct vec3 axis = {-view->m[0][2], -view->m[1][2], -view->m[2][2]};
+
+    return scene->camera.kind == CAMERA_PANORAMA ? distance
+                                                 : distance * vec3_dot(ray->direction, axis);
+}
+
+/* One sample's output variables, added to the pixel's `values` in the enum's order. */
+static void tile_aovs(const struct render_scene *scene, const struct ray *ray,
+                      const struct path_record *record, int first, double *values)
+{
+    uint32_t mask = scene->settings.aovs;
+    float sample[AOV_FLOATS_MAX], motion[2] = {0, 0};
+    uint32_t at = 0;
+
+    for (int aov = 0; aov < AOV_COUNT; aov++) {
+        uint32_t channels = aov_channels((enum aov)aov);
+        if (!(mask >> aov & 1) || channels == 0)
+            continue;
+        memset(sample, 0, sizeof sample);
+        if (record->hit)
+            switch ((enum aov)aov) {
+            case AOV_DEPTH:
+                sample[0] = tile_depth(scene, ray, record->distance);
+                break;
+            case AOV_NORMAL:
+                memcpy(sample, &record->normal, sizeof record->normal);
+                break;
+            case AOV_ALBEDO:
+                memcpy(sample, &record->albedo, sizeof record->albedo);
+                break;
+            case AOV_POSITION:
+                memcpy(sample, &record->position, sizeof record->position);
+                break;
+            case AOV_UV:
+                sample[0] = record->u;
+                sample[1] = record->v;
+                break;
+            case AOV_OBJECT_ID:
+                sample[0] = (float)record->instance + 1;
+                break;
+            case AOV_MATERIAL_ID:
+                sample[0] = (float)record->material + 1;
+                break;
+            case AOV_MOTION:
+                view_motion(scene, record->instance, record->triangle, record->b1,
+                                    record->b2, motion);
+                memcpy(sample, motion, sizeof motion);
+                break;
+            case AOV_SAMPLES:
+            case AOV_ERROR:
+            case AOV_COUNT:
+                break;
+            }
+        for (uint32_t c = 0; c < channels; c++, at++) {
+            float value = isfinite(sample[c]) ? sample[c] : 0;
+            if (!aov_is_point((enum aov)aov))
+                values[at] += (double)value;
+            else if (first)
+                values[at] = (double)value;
+        }
+    }
+}
+
+static float tile_float(double sum)
+{
+    return (float)(sum < (double)FLT_MAX ? sum : (double)FLT_MAX);
+}
+
+size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t pass,
                    float *sums, struct render_stats *stats)
 {
     const struct render_settings *settings = &scene->settings;
     struct tile_rect rect = tile_rect_of(settings->width, settings->height, tile);
     size_t pixels = (size_t)rect.width * rect.height, index = 0;
-    uint32_t begin, end;
+    size_t aov_base = REPLICATES * pixels * 3;
+    uint32_t begin, end, extra = aov_floats(settings->aovs);
+    struct camera_cone cone = camera_cone(&scene->camera);
 
     pass_range(settings->spp, pass, &begin, &end);
     for (uint32_t y = rect.y; y < rect.y + rect.height; y++)
         for (uint32_t x = rect.x; x < rect.x + rect.width; x++, index++) {
-            double sum[REPLICATES][3] = {{0}};
+            double sum[REPLICATES][3] = {{0}}, values[AOV_FLOATS_MAX] = {0};
             for (uint32_t i = begin; i < end; i++) {
+                struct path_record record;
                 struct sampler sampler;
                 struct vec3 radiance;
                 struct ray ray;
                 sampler_start(&sampler, settings->seed, frame, x, y, i);
+                if (extra)
+                    memset(&record, 0, sizeof record);
                 camera_ray(&scene->camera, x, y, &sampler, &ray);
-                radiance = path_radiance(scene, &sampler, ray, stats);
+                radiance = path_radiance(scene, &sampler, ray, cone, extra ? &record : NULL, stats);
                 stats->samples++;
+                if (extra)
+                    tile_aovs(scene, &ray, &record, i == 0, values);
                 if (!vec3_is_finite(radiance)) {
                     stats->dropped_samples++;
                     continue;
@@ -35,7 +116,14 @@ size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t ti
             }
             for (int r = 0; r < REPLICATES; r++)
                 for (int c = 0; c < 3; c++)
-                    sums[((size_t)r * pixels + index) * 3 + (size_t)c] = (float)(sum[r][c] < FLT_MAX ? sum[r][c] : FLT_MAX);
+                    sums[((size_t)r * pixels + index) * 3 + (size_t)c] = tile_float(sum[r][c]);
+            for (uint32_t aov = 0, at = 0; aov < AOV_COUNT; aov++) {
+                uint32_t channels = settings->aovs >> aov & 1 ? aov_channels((enum aov)aov) : 0;
+                for (uint32_t c = 0; c < channels; c++)
+                    sums[aov_base + at * pixels + index * channels + c] =
+                        tile_float(values[at + c]);
+                at += channels;
+            }
         }
-    return REPLICATES * pixels * 3;
+    return aov_base + extra * pixels;
 }

@@ -8,6 +8,8 @@
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "worker/render/bounds.h"
+#include "worker/render/interior.h"
+#include "worker/render/kernel.h"
 #include "worker/render/path.h"
 
 /* A shared mesh is copied into the top BVH all the same while its copies hold no more
@@ -383,7 +385,7 @@ status render_scene_new(struct render_scene **out, const struct scene *scene,
         return error_no_memory(err, "the scene");
     w->settings = *settings;
     w->frame = frame;
-    w->effects = scene_effects(scene, settings->camera);
+    w->effects = scene_effects(scene, settings, frame, NULL);
     camera_init(&w->camera, &scene->cameras[settings->camera], settings, NULL);
     if ((s = load_meshes(w, scene, blobs, err)) != STATUS_OK ||
         (s = load_images(w, scene, blobs, err)) != STATUS_OK ||
@@ -396,6 +398,9 @@ status render_scene_new(struct render_scene **out, const struct scene *scene,
         render_scene_free(w);
         return s;
     }
+    if (w->effects & (EFFECT_NESTED_DIELECTRIC | EFFECT_INTERFACE | EFFECT_MEDIUM))
+        interior_find_camera(w);
+    w->kernel = kernel_for(w->effects);
     w->info.emissive_triangles = w->emitters.triangle_count;
     w->info.build_ns = clock_monotonic_ns() - start_ns;
     *out = w;

@@ -71,6 +71,16 @@ struct world_instance {
     int32_t light_base;           /* first of its triangles in the emitters, -1: dark */
 };
 
+/* The volumes that a ray is inside of, in the order of entry. */
+enum { INTERIOR_MAX = 16 };
+struct interior {
+    uint32_t count;
+    uint32_t instance[INTERIOR_MAX];
+    uint32_t material[INTERIOR_MAX];
+};
+
+struct kernel;
+
 struct render_scene {
     struct render_settings settings;
     uint64_t effects;             /* what the frame calls for, less settings.without */
@@ -91,6 +101,9 @@ struct render_scene {
     struct accel *accel;
     struct vec3 bounds_centre;
     float bounds_radius;          /* Ritter's bounding sphere of the geometry, metres */
+    float fog_radius;             /* the same grown to hold the camera */
+    struct interior camera_interior; /* the volumes that the camera is inside of */
+    const struct kernel *kernel;
     struct render_scene_info info;
 };
 
@@ -107,6 +120,10 @@ float world_alpha(const struct world_material *material, const struct world_mesh
 /* Emitted radiance at a point of a triangle. */
 struct vec3 world_emission(const struct world_material *material, const struct world_mesh *mesh,
                            const uint32_t vertex[3], float b1, float b2);
+
+/* What a clearcoat (its factor; textures are not asked) lets out of the emission below it, towards a
+ * direction with this absolute cosine. */
+float world_emission_scale(const struct world_material *material, float cosine);
 
 /* The three corners of a triangle in world space at `time` (0..1 of the shutter). */
 void world_triangle(const struct render_scene *scene, const struct world_instance *instance,

@@ -47,7 +47,7 @@ static void test_hierarchy(void **state)
         struct transform_d world = transform_to_d(&r.scene.instances[1].to_world);
         assert_true(transform_d_determinant(&world) < 0);
     }
-    assert_true(scene_effects(&r.scene, 0) & EFFECT_INSTANCING);
+    assert_true(scene_effects_default(&r.scene, 0) & EFFECT_INSTANCING);
     import_result_release(&r);
 }
 
@@ -328,7 +328,7 @@ static void test_lights(void **state)
     assert_string_equal(l->name, "sun");
     assert_floats(l->direction, (const float[]){0, 0, -1}, 3, 0);
     assert_false(r.scene.environment.present);
-    assert_true(scene_effects(&r.scene, 0) & EFFECT_PUNCTUAL_LIGHT);
+    assert_true(scene_effects_default(&r.scene, 0) & EFFECT_PUNCTUAL_LIGHT);
     import_result_release(&r);
 
     m = triangle_maker();

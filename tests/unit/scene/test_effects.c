@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "common/scene/effects.h"
+#include "common/scene/settings.h"
 #include "tests/support/scene_sample.h"
 
 /* One box, one material, one camera in front of it; no light. */
@@ -58,9 +59,11 @@ static void plain_init(struct plain *p)
 
 #define plain_set (EFFECT_DIFFUSE | EFFECT_GLOSSY)
 
-static void assert_set(const struct plain *p, uint32_t wanted)
+static void assert_set(const struct plain *p, uint64_t wanted)
 {
-    uint64_t got = scene_effects(&p->scene, 0);
+    /* What follows from the rest is test_consequences' business. */
+    uint64_t got = scene_effects_default(&p->scene, 0) &
+                   ~(EFFECT_MULTIPLE_SCATTERING | EFFECT_CAUSTICS | EFFECT_NESTED_DIELECTRIC);
 
     for (int i = 0; i < EFFECT_COUNT; i++)
         if ((got ^ wanted) >> i & 1)
@@ -171,7 +174,7 @@ static void test_alpha(void **state)
     EXPECT(plain_set, p.material.base_color[3] = 0.5f);
     EXPECT(plain_set, p.material.alpha_mode = ALPHA_BLEND);
     EXPECT(seen_through, p.material.alpha_mode = ALPHA_BLEND; p.material.base_color[3] = 0.5f);
-    EXPECT(seen_through & ~(uint32_t)EFFECT_CULLING, p.material.alpha_mode = ALPHA_BLEND;
+    EXPECT(seen_through & ~EFFECT_CULLING, p.material.alpha_mode = ALPHA_BLEND;
            p.material.base_color[3] = 0.5f; p.material.double_sided = 1);
     EXPECT(seen_through | EFFECT_TEXTURE, p.material.alpha_mode = ALPHA_BLEND;
            p.material.base_color_texture.texture = 0);
@@ -231,9 +234,119 @@ static void test_reachable(void **state)
     {
         struct plain p;
         plain_init(&p);
-        assert_int_equal(scene_effects(&p.scene, 1),
+        assert_int_equal(scene_effects_default(&p.scene, 1) & ~EFFECT_MULTIPLE_SCATTERING,
                          plain_set | EFFECT_ORTHOGRAPHIC | EFFECT_CULLING);
     }
+}
+
+static void test_layers(void **state)
+{
+    (void)state;
+    EXPECT(plain_set | EFFECT_CLEARCOAT | EFFECT_MIRROR, p.material.clearcoat = 1);
+    EXPECT(plain_set | EFFECT_CLEARCOAT, p.material.clearcoat = 1;
+           p.material.clearcoat_roughness = 0.5f);
+    EXPECT(plain_set, p.material.clearcoat_roughness = 0.5f);
+    EXPECT(plain_set | EFFECT_SHEEN, p.material.sheen_color[2] = 0.1f);
+    EXPECT(plain_set | EFFECT_IRIDESCENCE, p.material.iridescence = 0.5f);
+    EXPECT(plain_set, p.material.iridescence_texture.texture = 0);
+    EXPECT(EFFECT_GLOSSY | EFFECT_ANISOTROPY, p.material.metallic = 1; p.material.roughness = 0.5f;
+           p.material.anisotropy = 1);
+    EXPECT(EFFECT_GLOSSY, p.material.metallic = 1; p.material.roughness = 1;
+           p.material.anisotropy = 1); /* nothing to stretch */
+    EXPECT(plain_set | EFFECT_DIFFUSE_TRANSMISSION | EFFECT_CULLING,
+           p.material.diffuse_transmission = 0.5f);
+    EXPECT(EFFECT_CONDUCTOR | EFFECT_GLOSSY, p.material.kind = MATERIAL_CONDUCTOR);
+    EXPECT(EFFECT_CONDUCTOR | EFFECT_MIRROR, p.material.kind = MATERIAL_CONDUCTOR;
+           p.material.roughness = 0);
+    EXPECT(EFFECT_MIRROR | EFFECT_DIELECTRIC | EFFECT_DISPERSION, p.material.transmission = 1;
+           p.material.refractive = 1; p.material.roughness = 0; p.material.dispersion = 1);
+    EXPECT(EFFECT_INTERFACE, p.material.kind = MATERIAL_INTERFACE);
+}
+
+static void test_lens(void **state)
+{
+    (void)state;
+    EXPECT(plain_set | EFFECT_DEPTH_OF_FIELD, p.camera[0].lens_radius = 0.1f);
+    EXPECT(plain_set | EFFECT_PANORAMA, p.camera[0].kind = CAMERA_PANORAMA;
+           p.camera[0].lens_radius = 0.1f);
+}
+
+static void test_media(void **state)
+{
+    static struct scene_medium medium = {.name = "haze", .scattering = {1, 1, 1}};
+    static struct scene_medium clear = {.name = "none"};
+
+    (void)state;
+    EXPECT(plain_set | EFFECT_FOG | EFFECT_MEDIUM, p.scene.media = &medium;
+           p.scene.medium_count = 1; p.scene.fog = 0);
+    EXPECT(plain_set, p.scene.media = &clear; p.scene.medium_count = 1; p.scene.fog = 0);
+    /* A medium in what lets no light in is not there. */
+    EXPECT(plain_set, p.scene.media = &medium; p.scene.medium_count = 1; p.material.medium = 0);
+    EXPECT(EFFECT_INTERFACE | EFFECT_MEDIUM, p.scene.media = &medium; p.scene.medium_count = 1;
+           p.material.medium = 0; p.material.kind = MATERIAL_INTERFACE);
+}
+
+static void test_consequences(void **state)
+{
+    struct effect_cause causes[EFFECT_COUNT];
+    struct render_settings settings;
+    struct plain p;
+    uint64_t set;
+
+    (void)state;
+    plain_init(&p);
+    assert_true(scene_effects_default(&p.scene, 0) & EFFECT_MULTIPLE_SCATTERING);
+    p.material.roughness = 0;
+    p.scene.environment.present = 1;
+    p.material.name = "lacquer";
+    render_settings_default(&settings);
+    set = scene_effects(&p.scene, &settings, 0, causes);
+    assert_false(set & EFFECT_MULTIPLE_SCATTERING);
+    assert_true(set & EFFECT_CAUSTICS);
+    assert_string_equal(causes[EFFECT_BIT_MIRROR].kind, "material");
+    assert_string_equal(causes[EFFECT_BIT_MIRROR].name, "lacquer");
+    assert_int_equal(causes[EFFECT_BIT_MIRROR].count, 1);
+    assert_null(causes[EFFECT_BIT_SHEEN].kind);
+    p.material.transmission = p.material.refractive = 1;
+    assert_false(scene_effects_default(&p.scene, 0) & EFFECT_NESTED_DIELECTRIC);
+    p.scene.instance_count = 2; /* in the same place */
+    assert_true(scene_effects_default(&p.scene, 0) & EFFECT_NESTED_DIELECTRIC);
+    p.instance[1].to_world.m[0][3] = 9;
+    assert_false(scene_effects_default(&p.scene, 0) & EFFECT_NESTED_DIELECTRIC);
+    p.camera[0].to_world.m[2][3] = 0;
+    assert_true(scene_effects_default(&p.scene, 0) & EFFECT_NESTED_DIELECTRIC);
+}
+
+/* What is switched off is not in the set, nor what hangs on it. */
+static void test_without(void **state)
+{
+    struct render_settings settings;
+    struct plain p;
+
+    (void)state;
+    plain_init(&p);
+    p.material.clearcoat = 1;
+    p.material.clearcoat_texture.texture = 0;
+    p.material.emission[0] = 1;
+    render_settings_default(&settings);
+    assert_true(scene_effects(&p.scene, &settings, 0, NULL) & EFFECT_TEXTURE);
+    settings.without = EFFECT_CLEARCOAT | EFFECT_EMISSIVE_MESH;
+    assert_int_equal(scene_effects(&p.scene, &settings, 0, NULL),
+                     plain_set | EFFECT_MULTIPLE_SCATTERING);
+    for (int i = 0; i < EFFECT_COUNT; i++) {
+        settings.without = (uint64_t)1 << i & EFFECTS_SWITCHABLE;
+        assert_false(scene_effects(&p.scene, &settings, 0, NULL) & settings.without);
+    }
+}
+
+static void test_parse(void **state)
+{
+    (void)state;
+    assert_int_equal(effect_parse("normal-map"), EFFECT_BIT_NORMAL_MAP);
+    assert_int_equal(effect_parse("normal map"), EFFECT_BIT_NORMAL_MAP);
+    assert_int_equal(effect_parse("normal"), -1);
+    assert_int_equal(effect_parse("normal-maps"), -1);
+    assert_int_equal(effect_parse(""), -1);
 }
 
 static void test_names(void **state)
@@ -253,6 +366,12 @@ int main(void)
         cmocka_unit_test(test_transmission), cmocka_unit_test(test_textures),
         cmocka_unit_test(test_alpha),      cmocka_unit_test(test_culling),
         cmocka_unit_test(test_light),      cmocka_unit_test(test_reachable),
+        cmocka_unit_test(test_layers),
+        cmocka_unit_test(test_lens),
+        cmocka_unit_test(test_media),
+        cmocka_unit_test(test_consequences),
+        cmocka_unit_test(test_without),
+        cmocka_unit_test(test_parse),
         cmocka_unit_test(test_names),
     };
 

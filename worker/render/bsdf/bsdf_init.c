@@ -9,7 +9,7 @@
 /* F90 of plastic reaches its full value at this F0 (ior 1.2); see bsdf.h. */
 #define FADE_F0 (1.0f / 121.0f)
 
-static const struct vec3 BLACK = {0, 0, 0};
+static const struct vec3 INIT_BLACK = {0, 0, 0};
 
 static void clamp_params(struct bsdf_params *p, const struct bsdf_params *from)
 {
@@ -100,7 +100,7 @@ static void init_mix(struct bsdf *b)
     b->layer_o = 1.0f - rest_o;
 
     share[BSDF_LOBE_DIFFUSE] = -1;
-    b->diffuse = BLACK;
+    b->diffuse = INIT_BLACK;
     if (weight_diffuse > 0.0f && base > 0.0f && rest_average > 1e-4f) {
         b->diffuse = vec3_scale(p->base_color, weight_diffuse * rest_o / rest_average * INV_PI_F);
         share[BSDF_LOBE_DIFFUSE] = rest_o > 0.0f ? base * weight_diffuse * rest_o : -1.0f;
@@ -164,7 +164,7 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
     b->kind = BSDF_KIND_BLACK;
     b->eta = 1.0f;
     b->has_delta = b->has_smooth = 0;
-    b->f0_dielectric = BLACK;
+    b->f0_dielectric = INIT_BLACK;
     b->cos_o = clamp_to(wo.z, 0, 1);
     choose_only(b, BSDF_LOBE_DIFFUSE);
     if (!(wo.z > 0.0f && length2 > 0.9f && length2 < 1.1f))

@@ -1,0 +1,261 @@
+/* Every kernel variant that covers a scene gives the same bits as the general one. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "tests/support/scene_builder.h"
+#include "worker/render/kernel.h"
+#include "worker/render/world.h"
+
+enum { SIZE = 24, FLOATS = 2 * 3 * 256 };
+
+/* A room of a floor, a ball, a lamp and a sky; `dress` changes the ball's material. */
+static void room(struct scene_builder *b, void (*dress)(struct scene_builder *b,
+                                                        struct scene_material *ball))
+{
+    struct scene_material *m;
+    uint32_t quad, ball, material;
+
+    builder_init(b);
+    quad = builder_quad(b);
+    ball = builder_sphere(b, 12, 1);
+    builder_lambert(b, 0.6f);
+    builder_place(b, quad, builder_last_material(b), vec3_splat(4), vec3_make(0, -1, 0));
+    m = builder_lambert(b, 0);
+    m->emission[0] = m->emission[1] = m->emission[2] = 5;
+    builder_place(b, quad, builder_last_material(b), vec3_make(1, -1, 1), vec3_make(1, 3, 0));
+    m = builder_lambert(b, 0.7f);
+    material = builder_last_material(b);
+    builder_place(b, ball, material, vec3_splat(1), vec3_make(0, 0, 0));
+    builder_camera(b, vec3_make(0, 1, 5), vec3_splat(0), 0.7f);
+    builder_environment_constant(b, vec3_make(0.2f, 0.3f, 0.4f));
+    if (dress)
+        dress(b, m);
+}
+
+static void dress_mirror(struct scene_builder *b, struct scene_material *ball)
+{
+    (void)b;
+    ball->metallic = 1;
+    ball->roughness = 0;
+}
+
+static void dress_plastic(struct scene_builder *b, struct scene_material *ball)
+{
+    (void)b;
+    ball->specular = 1;
+    ball->roughness = 0.3f;
+}
+
+static void dress_conductor(struct scene_builder *b, struct scene_material *ball)
+{
+    static const float eta[3] = {0.2f, 0.9f, 1.1f}, k[3] = {3.9f, 2.4f, 2.2f};
+
+    (void)b;
+    ball->kind = MATERIAL_CONDUCTOR;
+    ball->roughness = 0.4f;
+    memcpy(ball->conductor_eta, eta, sizeof eta);
+    memcpy(ball->conductor_k, k, sizeof k);
+}
+
+static void dress_glass(struct scene_builder *b, struct scene_material *ball)
+{
+    (void)b;
+    ball->specular = 1;
+    ball->transmission = 1;
+    ball->refractive = 1;
+    ball->roughness = 0;
+    ball->attenuation_distance = 2;
+    ball->attenuation_color[0] = 0.5f;
+}
+
+static void dress_frosted(struct scene_builder *b, struct scene_material *ball)
+{
+    dress_glass(b, ball);
+    ball->roughness = 0.5f;
+}
+
+static void dress_coat(struct scene_builder *b, struct scene_material *ball)
+{
+    dress_plastic(b, ball);
+    ball->clearcoat = 0.8f;
+    ball->clearcoat_roughness = 0.1f;
+}
+
+static void dress_sheen(struct scene_builder *b, struct scene_material *ball)
+{
+    (void)b;
+    ball->sheen_color[0] = 0.8f;
+    ball->sheen_roughness = 0.4f;
+}
+
+static void dress_film(struct scene_builder *b, struct scene_material *ball)
+{
+    dress_plastic(b, ball);
+    ball->iridescence = 1;
+}
+
+static void dress_leaf(struct scene_builder *b, struct scene_material *ball)
+{
+    (void)b;
+    ball->diffuse_transmission = 0.5f;
+    ball->diffuse_transmission_color[2] = 0.2f;
+}
+
+static void dress_prism(struct scene_builder *b, struct scene_material *ball)
+{
+    dress_glass(b, ball);
+    ball->dispersion = 0.5f;
+}
+
+static void dress_mix(struct scene_builder *b, struct scene_material *ball)
+{
+    struct scene_material *mix;
+
+    dress_mirror(b, ball);
+    mix = builder_lambert(b, 1);
+    mix->kind = MATERIAL_MIX;
+    mix->mix_amount = 0.4f;
+    mix->mix_material[0] = 0;
+    mix->mix_material[1] = (uint32_t)(ball - b->scene.materials);
+    b->scene.instances[2].material = builder_last_material(b);
+}
+
+static void dress_lens(struct scene_builder *b, struct scene_material *ball)
+{
+    dress_plastic(b, ball);
+    b->scene.cameras[0].lens_radius = 0.1f;
+    b->scene.cameras[0].focus_distance = 5;
+}
+
+static void dress_orthographic(struct scene_builder *b, struct scene_material *ball)
+{
+    dress_plastic(b, ball);
+    b->scene.cameras[0].kind = CAMERA_ORTHOGRAPHIC;
+    b->scene.cameras[0].ymag = b->scene.cameras[0].xmag = 2;
+}
+
+static void dress_alpha(struct scene_builder *b, struct scene_material *ball)
+{
+    (void)b;
+    ball->alpha_mode = ALPHA_BLEND;
+    ball->base_color[3] = 0.5f;
+}
+
+static void dress_culled(struct scene_builder *b, struct scene_material *ball)
+{
+    (void)ball;
+    b->scene.materials[0].double_sided = 0;
+}
+
+static const struct {
+    const char *name, *kernel;
+    void (*dress)(struct scene_builder *b, struct scene_material *ball);
+} rooms[] = {
+    {"lambert", "matte", NULL},
+    {"culled", "matte", dress_culled},
+    {"mirror", "opaque", dress_mirror},
+    {"plastic", "opaque", dress_plastic},
+    {"conductor", "opaque", dress_conductor},
+    {"orthographic", "opaque", dress_orthographic},
+    {"alpha", "textured", dress_alpha},
+    {"glass", "glass", dress_glass},
+    {"frosted", "glass", dress_frosted},
+    {"coat", "layered", dress_coat},
+    {"sheen", "layered", dress_sheen},
+    {"film", "layered", dress_film},
+    {"leaf", "layered", dress_leaf},
+    {"prism", "layered", dress_prism},
+    {"mix", "layered", dress_mix},
+    {"lens", "layered", dress_lens},
+};
+
+static void test_same_bits(void **state)
+{
+    static float expected[FLOATS], got[FLOATS];
+
+    (void)state;
+    for (size_t i = 0; i < sizeof rooms / sizeof *rooms; i++) {
+        struct render_settings settings = builder_settings(SIZE, SIZE, 16);
+        struct render_scene *scene;
+        struct scene_builder b;
+        int compared = 0;
+
+        room(&b, rooms[i].dress);
+        scene = builder_build(&b, &settings);
+        if (strcmp(render_kernel_variant(scene), rooms[i].kernel) != 0)
+            fail_msg("%s is rendered by kernel %s, not by %s", rooms[i].name,
+                     render_kernel_variant(scene), rooms[i].kernel);
+        for (uint32_t tile = 0; tile < tile_count(SIZE, SIZE); tile++) {
+            struct render_stats stats = {0};
+            size_t count = tile_render(scene, 3, tile, 1, expected, &stats);
+            uint64_t rays = stats.rays;
+            for (size_t k = 0; kernel_at(k); k++) {
+                const struct kernel *kernel = kernel_at(k);
+                if (scene->effects & ~kernel->effects)
+                    continue;
+                memset(got, 0x5a, sizeof got);
+                memset(&stats, 0, sizeof stats);
+                assert_int_equal(kernel->tile_render(scene, 3, tile, 1, got, &stats), count);
+                if (memcmp(got, expected, count * sizeof *got) != 0 || stats.rays != rays)
+                    fail_msg("%s: kernel %s differs from the general one in tile %u",
+                             rooms[i].name, kernel->name, tile);
+                compared++;
+            }
+        }
+        assert_true(compared > (int)tile_count(SIZE, SIZE));
+        render_scene_free(scene);
+        builder_release(&b);
+    }
+}
+
+/* The comparison can fail: another scene's bits differ. */
+static void test_comparison_bites(void **state)
+{
+    static float one[FLOATS], two[FLOATS];
+    struct render_settings settings = builder_settings(SIZE, SIZE, 16);
+    struct render_stats stats = {0};
+    struct render_scene *scene;
+    struct scene_builder b;
+
+    (void)state;
+    room(&b, dress_coat);
+    scene = builder_build(&b, &settings);
+    tile_render(scene, 0, 0, 0, one, &stats);
+    /* A kernel that cannot do clearcoats leaves the coat out. */
+    kernel_at(1)->tile_render(scene, 0, 0, 0, two, &stats);
+    tile_render(scene, 0, 2, 0, one, &stats);
+    kernel_at(1)->tile_render(scene, 0, 2, 0, two, &stats);
+    assert_memory_not_equal(one, two, sizeof one);
+    render_scene_free(scene);
+    builder_release(&b);
+}
+
+static void test_order(void **state)
+{
+    (void)state;
+    for (size_t k = 0; kernel_at(k + 1); k++)
+        assert_int_equal(kernel_at(k)->effects & ~kernel_at(k + 1)->effects, 0);
+    assert_true(kernel_for(0) == kernel_at(0));
+    assert_string_equal(kernel_for(EFFECTS_ALL)->name, "general");
+    render_force_general(1);
+    assert_string_equal(kernel_for(0)->name, "general");
+    render_force_general(0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_same_bits),
+        cmocka_unit_test(test_comparison_bites),
+        cmocka_unit_test(test_order),
+    };
+
+    return cmocka_run_group_tests_name("kernels", tests, NULL, NULL);
+}

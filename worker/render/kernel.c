@@ -1,0 +1,52 @@
+#include "worker/render/kernel.h"
+
+#include "common/scene/kernel_sets.h"
+#include "worker/render/path.h"
+#include "worker/render/world.h"
+
+static const struct kernel kernel_general = {"general", KERNEL_SET_GENERAL, tile_render,
+                                             path_accept};
+
+#define KERNEL_ROW(name, set) &kernel_##name,
+/* The general one is this library's ordinary compilation of the same files. */
+extern const struct kernel kernel_matte, kernel_opaque, kernel_textured, kernel_glass,
+    kernel_layered;
+static const struct kernel *const kernels[] = {KERNEL_MAP(KERNEL_ROW)};
+enum { KERNELS = sizeof kernels / sizeof *kernels };
+
+int kernel_measures_trace;
+static int force_general;
+
+void render_measure_trace(int on)
+{
+    kernel_measures_trace = on;
+}
+
+void render_force_general(int on)
+{
+    force_general = on;
+}
+
+const struct kernel *kernel_for(uint64_t effects)
+{
+    for (int i = 0; i < KERNELS && !force_general; i++)
+        if (!(effects & ~kernels[i]->effects))
+            return kernels[i];
+    return &kernel_general;
+}
+
+const struct kernel *kernel_at(size_t index)
+{
+    return index < KERNELS ? kernels[index] : NULL;
+}
+
+const char *render_kernel_variant(const struct render_scene *scene)
+{
+    return scene->kernel->name;
+}
+
+size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t pass,
+                   float *sums, struct render_stats *stats)
+{
+    return scene->kernel->tile_render(scene, frame, tile, pass, sums, stats);
+}
