@@ -15,6 +15,11 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "light the scene with this lat-long environment map (EXR or Radiance HDR)", 0, 0, NULL},
         {"scene", 0, OPTION_INT, &scene_index, "N",
          "which of the file's scenes, from 0 (default: the one that the file names)", -1, 1e6, NULL},
+        {"variant", 0, OPTION_STRING, &options.variant, "NAME|N",
+         "which of the file's material variants, by name or number from 0 (default: none)", 0, 0,
+         NULL},
+        {"animation", 0, OPTION_STRING, &options.animation, "NAME|N|none",
+         "which of the file's animations, by name or number from 0 (default: all)", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
         {0},
     };

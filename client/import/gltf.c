@@ -15,13 +15,6 @@ enum {
     JSON_BYTES_MAX = 1 << 29,
 };
 
-#define TRY(call)                  \
-    do {                           \
-        status result_ = (call);   \
-        if (result_ != STATUS_OK)  \
-            return result_;        \
-    } while (0)
-
 /* ---- extensions --------------------------------------------------------------------------- */
 
 enum support {
@@ -47,18 +40,19 @@ static const struct {
     {"KHR_mesh_quantization", SUPPORT_FULL},
     {"KHR_node_visibility", SUPPORT_FULL},
     {"EXT_mesh_gpu_instancing", SUPPORT_FULL},
-    {"KHR_materials_clearcoat", SUPPORT_WITHOUT},
-    {"KHR_materials_sheen", SUPPORT_WITHOUT},
-    {"KHR_materials_iridescence", SUPPORT_WITHOUT},
-    {"KHR_materials_anisotropy", SUPPORT_WITHOUT},
-    {"KHR_materials_dispersion", SUPPORT_WITHOUT},
-    {"KHR_materials_diffuse_transmission", SUPPORT_WITHOUT},
+    {"KHR_materials_clearcoat", SUPPORT_FULL},
+    {"KHR_materials_sheen", SUPPORT_FULL},
+    {"KHR_materials_iridescence", SUPPORT_FULL},
+    {"KHR_materials_anisotropy", SUPPORT_FULL},
+    {"KHR_materials_dispersion", SUPPORT_FULL},
+    {"KHR_materials_diffuse_transmission", SUPPORT_FULL},
     {"KHR_materials_subsurface", SUPPORT_WITHOUT},
-    {"KHR_materials_variants", SUPPORT_WITHOUT},
+    {"KHR_materials_variants", SUPPORT_FULL},
     {"KHR_animation_pointer", SUPPORT_WITHOUT},
-    {"KHR_materials_pbrSpecularGlossiness", SUPPORT_FALLBACK},
+    {"KHR_materials_pbrSpecularGlossiness", SUPPORT_FULL},
+    {"EXT_lights_image_based", SUPPORT_WITHOUT},
     {"KHR_texture_basisu", SUPPORT_FALLBACK},
-    {"EXT_texture_webp", SUPPORT_FALLBACK},
+    {"EXT_texture_webp", SUPPORT_FULL},
     {"KHR_draco_mesh_compression", SUPPORT_COMPRESSED},
     {"EXT_meshopt_compression", SUPPORT_COMPRESSED},
     {"KHR_meshopt_compression", SUPPORT_COMPRESSED},
@@ -90,9 +84,9 @@ static status refuse_extension(struct gltf *g, const char *name, int known)
                          clean);
     if (known >= 0)
         return error_set(g->err, STATUS_ERR_UNSUPPORTED,
-                         "the file requires %s, which is not supported: convert it first, for "
-                         "example with gltf-transform (textures to PNG or JPEG, materials to "
-                         "metallic-roughness)",
+                         "the file requires %s, which is not supported: convert its textures to "
+                         "PNG, JPEG or WebP first, for example with \"gltf-transform "
+                         "ktxdecompress in.glb out.glb\"",
                          clean);
     return error_set(g->err, STATUS_ERR_UNSUPPORTED,
                      "the file requires the extension \"%s\", which is not supported: export it "
@@ -122,14 +116,59 @@ static status check_extensions(struct gltf *g)
         if (name && extension_find(name) < 0)
             builder_warn(g->b, "extension", "the extension \"%.80s\" is not known: ignored", name);
     }
-    if (json_array_size(json_object_get(g->root, "animations")) > 0)
-        builder_warn(g->b, "animations",
-                     "the file has %zu animations: rendered without them, as at rest",
-                     json_array_size(json_object_get(g->root, "animations")));
-    if (gltf_extension(g->root, "KHR_materials_variants"))
-        builder_warn(g->b, "variants",
-                     "the file has material variants (KHR_materials_variants): the default "
-                     "materials are rendered");
+    if (gltf_extension(g->root, "EXT_lights_image_based"))
+        builder_warn(g->b, "image based light",
+                     "the file has image based lights (EXT_lights_image_based), which are not "
+                     "read: give an environment map instead");
+    return STATUS_OK;
+}
+
+/* ---- KHR_materials_variants ---------------------------------------------------------------- */
+
+int gltf_choice(const char *wanted, const char *const *names, size_t count)
+{
+    uint64_t number = 0;
+    const char *at = wanted;
+
+    for (size_t i = 0; i < count; i++)
+        if (strcmp(names[i], wanted) == 0)
+            return (int)i;
+    for (; *at >= '0' && *at <= '9' && number < count; at++)
+        number = number * 10 + (uint64_t)(*at - '0');
+    return *wanted && !*at && number < count ? (int)number : -1;
+}
+
+/* List them for the report, and find the one that is wanted. */
+static status read_variants(struct gltf *g, const char *wanted)
+{
+    const struct gltf_place root = gltf_at("", 0, "");
+    json_t *extension = gltf_extension(g->root, "KHR_materials_variants"), *list = NULL;
+    struct import_result *out = g->b->out;
+    size_t count;
+
+    g->variant = -1;
+    if (extension)
+        TRY(gltf_array(g, extension, &root, "variants", &list));
+    count = json_array_size(list);
+    if (count > SCENE_MATERIALS_MAX)
+        return error_set(g->err, STATUS_ERR_LIMIT, "the file has %zu material variants: at most %d "
+                         "are taken", count, SCENE_MATERIALS_MAX);
+    out->variants = ARENA_ARRAY(&out->scene.arena, const char *, count);
+    if (!out->variants)
+        return error_no_memory(g->err, "the variants' names");
+    for (size_t i = 0; i < count; i++)
+        out->variants[i] = builder_name(
+            g->b, json_string_value(json_object_get(json_array_get(list, i), "name")));
+    out->variant_count = count;
+    if (!wanted)
+        return STATUS_OK;
+    g->variant = gltf_choice(wanted, out->variants, count);
+    if (g->variant < 0)
+        return error_set(g->err, STATUS_ERR_INPUT,
+                         "there is no material variant \"%.80s\": the file has %zu (azulejo import "
+                         "lists them)",
+                         wanted, count);
+    out->variant_taken = g->variant;
     return STATUS_OK;
 }
 
@@ -171,23 +210,28 @@ static status open_tables(struct gltf *g)
     TRY(gltf_array(g, g->root, &at, "nodes", &g->nodes));
     TRY(gltf_array(g, g->root, &at, "scenes", &g->scenes));
     TRY(gltf_array(g, g->root, &at, "cameras", &g->cameras));
+    TRY(gltf_array(g, g->root, &at, "animations", &g->animations));
+    TRY(gltf_array(g, g->root, &at, "skins", &g->skins));
     if (punctual)
         TRY(gltf_array(g, punctual, &at, "lights", &g->lights));
     g->buffer_data = mem_calloc(json_array_size(g->buffers), sizeof *g->buffer_data);
     g->mesh_data = mem_calloc(json_array_size(g->meshes), sizeof *g->mesh_data);
     g->image_rows = mem_alloc_array(json_array_size(g->images), sizeof *g->image_rows);
     g->texture_rows = mem_alloc_array(json_array_size(g->textures), sizeof *g->texture_rows);
+    g->skin_rows = mem_alloc_array(json_array_size(g->skins), sizeof *g->skin_rows);
     g->material_rows = mem_alloc_array(json_array_size(g->materials) + 1, sizeof *g->material_rows);
     if (!g->buffer_data || !g->mesh_data || !g->image_rows || !g->texture_rows ||
-        !g->material_rows)
+        !g->skin_rows || !g->material_rows)
         return error_no_memory(g->err, "the file's tables");
     for (size_t i = 0; i < json_array_size(g->images); i++)
         g->image_rows[i] = GLTF_ROW_UNREAD;
     for (size_t i = 0; i < json_array_size(g->textures); i++)
         g->texture_rows[i] = GLTF_ROW_UNREAD;
+    for (size_t i = 0; i < json_array_size(g->skins); i++)
+        g->skin_rows[i] = GLTF_ROW_UNREAD;
     for (size_t i = 0; i <= json_array_size(g->materials); i++)
         g->material_rows[i] = GLTF_ROW_UNREAD;
-    return STATUS_OK;
+    return gltf_open_nodes(g);
 }
 
 static void close_tables(struct gltf *g)
@@ -195,7 +239,14 @@ static void close_tables(struct gltf *g)
     for (size_t i = 0; g->buffer_data && i < json_array_size(g->buffers); i++)
         buffer_release(&g->buffer_data[i].owned);
     for (size_t i = 0; g->mesh_data && i < json_array_size(g->meshes); i++)
-        mem_free(g->mesh_data[i].primitives);
+        gltf_mesh_free(g->mesh_data[i]);
+    for (size_t i = 0; i < g->channel_count; i++) {
+        mem_free(g->channels[i].channel.times);
+        mem_free(g->channels[i].channel.values);
+    }
+    mem_free(g->channels);
+    mem_free(g->node_data);
+    mem_free(g->skin_rows);
     mem_free(g->buffer_data);
     mem_free(g->mesh_data);
     mem_free(g->image_rows);
@@ -314,7 +365,13 @@ static status gltf_import(const void *data, size_t size_bytes, const char *name,
     if (result == STATUS_OK)
         result = open_tables(&g);
     if (result == STATUS_OK)
+        result = read_variants(&g, options->variant);
+    if (result == STATUS_OK)
+        result = gltf_animations(&g, options->animation);
+    if (result == STATUS_OK)
         result = gltf_walk(&g, options->scene_index, &title);
+    if (result == STATUS_OK)
+        result = gltf_add_channels(&g);
     if (result == STATUS_OK)
         result = builder_finish(b, *title ? title : file_basename(name), options);
     close_tables(&g);

@@ -34,7 +34,7 @@ static int components_of(const char *type)
     for (int i = 0; i < 4; i++)
         if (strcmp(type, names[i]) == 0)
             return i + 1;
-    return 0;
+    return strcmp(type, "MAT4") == 0 ? 16 : 0;
 }
 
 /* A run of `count` elements of `element_bytes` at `offset` of a view. */
@@ -144,7 +144,7 @@ status gltf_accessor_open(struct gltf *g, size_t index, struct gltf_accessor *ou
     out->components = components_of(type);
     if (out->components == 0)
         return gltf_fail(g, STATUS_ERR_INPUT, &at,
-                         "type \"%.16s\" is not of use here: SCALAR, VEC2, VEC3 or VEC4 is needed",
+                         "type \"%.16s\" is not of use here: SCALAR, VEC2, VEC3, VEC4 or MAT4 is needed",
                          type);
     result = open_run(g, &at, row, out->count,
                       type_bytes(out->component_type) * (size_t)out->components, 1, &out->data,

@@ -4,18 +4,19 @@
 #include "client/import/gltf.h"
 #include "common/base/memory.h"
 
-#define TRY(call)                  \
-    do {                           \
-        status result_ = (call);   \
-        if (result_ != STATUS_OK)  \
-            return result_;        \
-    } while (0)
-
 /* A node still to be visited. */
 struct visit {
     size_t node;
     uint32_t depth;
+    int moving;              /* something above it moves */
     struct transform_d to_world;
+};
+
+/* Where what hangs on a node stands. */
+struct stand {
+    size_t node;
+    int moving;              /* the node or something above it */
+    struct transform_d to_world; /* at rest */
 };
 
 struct walk {
@@ -32,46 +33,49 @@ static const char *node_name(json_t *node)
     return name ? name : "";
 }
 
-static status node_transform(struct gltf *g, json_t *node, const struct gltf_place *at,
-                             struct transform_d *out)
-{
-    double matrix[16], t[3] = {0, 0, 0}, q[4] = {0, 0, 0, 1}, s[3] = {1, 1, 1};
-
-    if (json_object_get(node, "matrix")) {
-        TRY(gltf_numbers(g, node, at, "matrix", 16, matrix));
-        *out = transform_d_from_columns(matrix);
-        return STATUS_OK;
-    }
-    TRY(gltf_numbers(g, node, at, "translation", 3, t));
-    TRY(gltf_numbers(g, node, at, "rotation", 4, q));
-    TRY(gltf_numbers(g, node, at, "scale", 3, s));
-    *out = transform_d_from_trs(t, q, s);
-    return STATUS_OK;
-}
-
 /* ---- instances ---------------------------------------------------------------------------- */
 
-static status place_mesh(struct gltf *g, const struct gltf_mesh *mesh, const char *name,
-                         const struct gltf_place *at, const struct transform_d *to_world)
+/* How a mesh hangs in the scene. */
+struct placing {
+    const struct gltf_mesh *mesh;
+    const char *name;
+    const struct gltf_place *at;
+    int32_t node, skin;     /* rows, -1 */
+    uint32_t joint_count;   /* of the skin */
+};
+
+static status place_mesh(struct gltf *g, const struct placing *how,
+                         const struct transform_d *to_world)
 {
     struct scene_instance instance;
     struct transform_d kept, inverse;
 
     scene_instance_default(&instance);
-    instance.name = name;
+    instance.name = how->name;
+    instance.node = how->node;
     instance.to_world = transform_from_d(to_world);
     kept = transform_to_d(&instance.to_world);
     if (!transform_is_finite(&instance.to_world) || !transform_d_invert(&kept, &inverse)) {
-        builder_warn(g->b, "flattened",
-                     "nodes[%zu] \"%.80s\": its transform flattens it to nothing: left out",
-                     at->row, name);
-        return STATUS_OK;
+        const struct transform_d identity = transform_d_identity();
+        if (how->node < 0 && how->skin < 0) {
+            builder_warn(g->b, "flattened",
+                         "nodes[%zu] \"%.80s\": its transform flattens it to nothing: left out",
+                         how->at->row, how->name);
+            return STATUS_OK;
+        }
+        instance.to_world = transform_from_d(&identity); /* at other times it may be there */
     }
-    for (size_t i = 0; i < mesh->count; i++) {
-        if (mesh->primitives[i].mesh == BUILDER_NO_ROW)
+    for (size_t i = 0; i < how->mesh->count; i++) {
+        const struct gltf_primitive *primitive = &how->mesh->primitives[i];
+        if (primitive->mesh == BUILDER_NO_ROW)
             continue;
-        instance.mesh = (uint32_t)mesh->primitives[i].mesh;
-        instance.material = (uint32_t)mesh->primitives[i].material;
+        instance.mesh = (uint32_t)primitive->mesh;
+        instance.material = (uint32_t)primitive->material;
+        instance.skin = g->b->meshes[instance.mesh].arrays & MESH_SKIN ? how->skin : -1;
+        if (instance.skin >= 0 && primitive->joint_max >= how->joint_count)
+            return gltf_fail(g, STATUS_ERR_INPUT, how->at,
+                             "its mesh names joint %u, but its skin has %u joints",
+                             primitive->joint_max, how->joint_count);
         TRY(builder_add_instance(g->b, &instance));
     }
     return STATUS_OK;
@@ -96,12 +100,28 @@ static status read_instancing(struct gltf *g, json_t *attributes, const struct g
     return gltf_accessor_floats(g, (size_t)index, &accessor, 0, out);
 }
 
-static status place_instances(struct gltf *g, json_t *extension, const struct gltf_place *at,
-                              const struct gltf_mesh *mesh, const char *name,
+/* The scene's node for one of several instances on a node that moves. */
+static status add_instance_node(struct gltf *g, int32_t parent, const double t[3],
+                                const double q[4], const double s[3], int32_t *row)
+{
+    const struct transform_d matrix = transform_d_from_trs(t, q, s);
+    struct scene_node node = {.parent = parent, .has_matrix = 1, .rotation = {0, 0, 0, 1}};
+    uint32_t added;
+
+    for (int i = 0; i < 3; i++)
+        node.scale[i] = 1;
+    node.matrix = transform_from_d(&matrix);
+    TRY(builder_add_node(g->b, &node, &added));
+    *row = (int32_t)added;
+    return STATUS_OK;
+}
+
+static status place_instances(struct gltf *g, json_t *extension, const struct placing *how,
                               const struct transform_d *to_world)
 {
-    const struct gltf_place inner = gltf_within(at, ".EXT_mesh_gpu_instancing");
+    const struct gltf_place inner = gltf_within(how->at, ".EXT_mesh_gpu_instancing");
     float *translations = NULL, *rotations = NULL, *scales = NULL;
+    struct placing one = *how;
     json_t *attributes = NULL;
     size_t count = 0;
     status result = gltf_object(g, extension, &inner, "attributes", &attributes);
@@ -113,7 +133,7 @@ static status place_instances(struct gltf *g, json_t *extension, const struct gl
     if (result == STATUS_OK)
         result = read_instancing(g, attributes, &inner, "SCALE", 3, &count, &scales);
     if (result == STATUS_OK && count == 0)
-        result = place_mesh(g, mesh, name, at, to_world);
+        result = place_mesh(g, how, to_world);
     for (size_t i = 0; i < count && result == STATUS_OK; i++) {
         double t[3] = {0, 0, 0}, q[4] = {0, 0, 0, 1}, s[3] = {1, 1, 1};
         struct transform_d local, world;
@@ -125,7 +145,10 @@ static status place_instances(struct gltf *g, json_t *extension, const struct gl
             q[c] = (double)rotations[4 * i + c];
         local = transform_d_from_trs(t, q, s);
         world = transform_d_multiply(to_world, &local);
-        result = place_mesh(g, mesh, name, at, &world);
+        if (how->node >= 0)
+            result = add_instance_node(g, how->node, t, q, s, &one.node);
+        if (result == STATUS_OK)
+            result = place_mesh(g, &one, &world);
     }
     mem_free(scales);
     mem_free(rotations);
@@ -133,25 +156,70 @@ static status place_instances(struct gltf *g, json_t *extension, const struct gl
     return result;
 }
 
+/* The kind of use that the node makes of its mesh, and the mesh for it. */
+static status open_mesh(struct gltf *g, const struct stand *stand, size_t index, int skinned,
+                        int instanced, const struct gltf_mesh **out)
+{
+    struct gltf_use use = {.skinned = skinned};
+    float *weights = NULL;
+    status result;
+
+    TRY(gltf_node_weights(g, stand->node, index, &weights, &use.weight_count));
+    use.weights = weights;
+    use.morphing = g->node_data[stand->node].animated >> PATH_WEIGHTS & 1;
+    if (use.morphing && instanced) {
+        builder_warn(g->b, "instanced morph",
+                     "nodes[%zu]: its morph targets are animated and it is instanced "
+                     "(EXT_mesh_gpu_instancing): rendered with the weights at rest",
+                     stand->node);
+        use.morphing = 0;
+    }
+    result = gltf_mesh(g, index, &use, out);
+    mem_free(weights);
+    return result;
+}
+
 static status add_mesh(struct gltf *g, json_t *node, const struct gltf_place *at, size_t index,
-                       const struct transform_d *to_world)
+                       const struct stand *stand)
 {
     json_t *instancing = gltf_extension(node, "EXT_mesh_gpu_instancing");
-    const struct gltf_mesh *mesh;
-    const char *name;
+    struct placing how = {.at = at, .node = -1, .skin = -1};
+    struct transform_d to_world = stand->to_world;
+    int64_t skin = -1;
+    uint32_t row;
 
-    TRY(gltf_mesh(g, index, &mesh));
-    name = node_name(node);
-    if (!*name)
-        name = node_name(json_array_get(g->meshes, index));
-    name = builder_name(g->b, name);
-    if (json_object_get(node, "skin"))
-        builder_warn(g->b, "skins",
-                     "nodes[%zu] \"%.80s\": has a skin: rendered as modelled, not posed", at->row,
-                     name);
+    TRY(gltf_index(g, node, at, "skin", g->skins, &skin));
+    if (skin >= 0)
+        instancing = NULL; /* the joints alone say where it is */
+    TRY(open_mesh(g, stand, index, skin >= 0, instancing != NULL, &how.mesh));
+    how.name = node_name(node);
+    if (!*how.name)
+        how.name = node_name(json_array_get(g->meshes, index));
+    how.name = builder_name(g->b, how.name);
+    if (skin >= 0) {
+        TRY(gltf_skin(g, (size_t)skin, &row, &to_world));
+        how.skin = (int32_t)row;
+        how.joint_count = g->b->skins[row].joint_count;
+    }
+    if ((stand->moving && skin < 0) || how.mesh->morphing) {
+        TRY(gltf_node_row(g, stand->node, &row));
+        how.node = (int32_t)row;
+    }
     if (instancing)
-        return place_instances(g, instancing, at, mesh, name, to_world);
-    return place_mesh(g, mesh, name, at, to_world);
+        return place_instances(g, instancing, &how, &to_world);
+    return place_mesh(g, &how, &to_world);
+}
+
+/* The row of the node to follow, if it moves. */
+static status follow(struct gltf *g, const struct stand *stand, int32_t *node)
+{
+    uint32_t row;
+
+    if (!stand->moving)
+        return STATUS_OK;
+    TRY(gltf_node_row(g, stand->node, &row));
+    *node = (int32_t)row;
+    return STATUS_OK;
 }
 
 /* ---- lights ------------------------------------------------------------------------------- */
@@ -183,9 +251,9 @@ static status read_spot(struct gltf *g, json_t *light, const struct gltf_place *
     return STATUS_OK;
 }
 
-static status add_light(struct gltf *g, json_t *node, size_t index,
-                        const struct transform_d *to_world)
+static status add_light(struct gltf *g, json_t *node, size_t index, const struct stand *stand)
 {
+    const struct transform_d *to_world = &stand->to_world;
     const struct gltf_place at = gltf_at("lights", index, "");
     struct scene_light out;
     double color[3] = {1, 1, 1}, intensity = 1, range = 0, direction[3], length = 0;
@@ -236,6 +304,7 @@ static status add_light(struct gltf *g, json_t *node, size_t index,
             out.direction[c] = (float)(direction[c] / length / sqrt(norm));
     }
     out.name = builder_name(g->b, *name ? name : node_name(node));
+    TRY(follow(g, stand, &out.node));
     return builder_add_light(g->b, &out);
 }
 
@@ -263,8 +332,7 @@ static const char *camera_name(struct gltf *g, const char *name, json_t *node)
     return builder_name(g->b, numbered);
 }
 
-static status add_camera(struct gltf *g, json_t *node, size_t index,
-                         const struct transform_d *to_world)
+static status add_camera(struct gltf *g, json_t *node, size_t index, const struct stand *stand)
 {
     const struct gltf_place at = gltf_at("cameras", index, "");
     const char *type = "", *name = "";
@@ -303,19 +371,20 @@ static status add_camera(struct gltf *g, json_t *node, size_t index,
         out.ymag = (float)ymag;
         out.aspect = (float)fmin(xmag / ymag, 1e6);
     }
-    if (!transform_d_to_rigid(to_world, &out.to_world)) {
+    if (!transform_d_to_rigid(&stand->to_world, &out.to_world)) {
         builder_warn(g->b, "camera node",
                      "cameras[%zu] \"%.80s\": its node's transform has no directions: left out",
                      index, name);
         return STATUS_OK;
     }
     out.name = camera_name(g, name, node);
+    TRY(follow(g, stand, &out.node));
     return builder_add_camera(g->b, &out);
 }
 
 /* ---- the hierarchy ------------------------------------------------------------------------ */
 
-static status push(struct walk *w, size_t node, uint32_t depth, const struct transform_d *parent)
+static status push(struct walk *w, size_t node, const struct visit *parent)
 {
     const struct gltf_place at = gltf_at("nodes", node, "");
 
@@ -323,18 +392,20 @@ static status push(struct walk *w, size_t node, uint32_t depth, const struct tra
         return gltf_fail(w->g, STATUS_ERR_INPUT, &at,
                          "is reached twice: a node must have one parent, and no node may be among "
                          "its own descendants");
-    if (depth > GLTF_DEPTH_MAX)
+    if (parent->depth + 1 > GLTF_DEPTH_MAX)
         return gltf_fail(w->g, STATUS_ERR_LIMIT, &at, "lies more than %d levels deep",
                          GLTF_DEPTH_MAX);
     if (!MEM_GROW(w->stack, w->capacity, w->count + 1))
         return error_no_memory(w->g->err, "nodes");
-    w->stack[w->count++] = (struct visit){node, depth, *parent};
+    w->stack[w->count] = *parent;
+    w->stack[w->count].node = node;
+    w->stack[w->count++].depth++;
     return STATUS_OK;
 }
 
 /* Push a list of node indices so that the first is visited first. */
 static status push_all(struct walk *w, json_t *list, const struct gltf_place *at, const char *key,
-                       uint32_t depth, const struct transform_d *parent)
+                       const struct visit *parent)
 {
     for (size_t i = json_array_size(list); i-- > 0;) {
         json_t *item = json_array_get(list, i);
@@ -342,16 +413,19 @@ static status push_all(struct walk *w, json_t *list, const struct gltf_place *at
         if (index < 0 || (size_t)index >= json_array_size(w->g->nodes))
             return gltf_fail(w->g, STATUS_ERR_INPUT, at, "%s[%zu] is not the index of a node", key,
                              i);
-        TRY(push(w, (size_t)index, depth, parent));
+        TRY(push(w, (size_t)index, parent));
     }
     return STATUS_OK;
 }
 
 static status visit_node(struct walk *w, const struct visit *visit)
 {
+    const uint32_t moves = 1u << PATH_TRANSLATION | 1u << PATH_ROTATION | 1u << PATH_SCALE;
     struct gltf *g = w->g;
     const struct gltf_place at = gltf_at("nodes", visit->node, "");
-    struct transform_d local, to_world;
+    struct stand stand = {.node = visit->node};
+    struct visit below = *visit;
+    struct gltf_local local;
     int64_t mesh = -1, camera = -1, light = -1;
     json_t *node, *children = NULL, *extension;
     int visible = 1;
@@ -362,25 +436,28 @@ static status visit_node(struct walk *w, const struct visit *visit)
         TRY(gltf_flag(g, extension, &at, "visible", &visible));
     if (!visible)
         return STATUS_OK;
-    TRY(node_transform(g, node, &at, &local));
-    to_world = transform_d_multiply(&visit->to_world, &local);
+    TRY(gltf_node_local(g, visit->node, &local));
+    stand.to_world = transform_d_multiply(&visit->to_world, &local.matrix);
+    stand.moving = visit->moving || (g->node_data[visit->node].animated & moves);
     TRY(gltf_index(g, node, &at, "mesh", g->meshes, &mesh));
     TRY(gltf_index(g, node, &at, "camera", g->cameras, &camera));
     extension = gltf_extension(node, "KHR_lights_punctual");
     if (extension)
         TRY(gltf_index(g, extension, &at, "light", g->lights, &light));
     if (mesh >= 0)
-        TRY(add_mesh(g, node, &at, (size_t)mesh, &to_world));
+        TRY(add_mesh(g, node, &at, (size_t)mesh, &stand));
     if (camera >= 0)
-        TRY(add_camera(g, node, (size_t)camera, &to_world));
+        TRY(add_camera(g, node, (size_t)camera, &stand));
     if (light >= 0)
-        TRY(add_light(g, node, (size_t)light, &to_world));
+        TRY(add_light(g, node, (size_t)light, &stand));
     TRY(gltf_array(g, node, &at, "children", &children));
-    return push_all(w, children, &at, "children", visit->depth + 1, &to_world);
+    below.moving = stand.moving;
+    below.to_world = stand.to_world;
+    return push_all(w, children, &at, "children", &below);
 }
 
 /* Every node that is no other's child: what a file without scenes shows. */
-static status push_roots(struct walk *w, const struct transform_d *identity)
+static status push_roots(struct walk *w, const struct visit *world)
 {
     size_t count = json_array_size(w->g->nodes);
     uint8_t *child = mem_calloc(count, 1);
@@ -398,7 +475,7 @@ static status push_roots(struct walk *w, const struct transform_d *identity)
     }
     for (size_t n = count; n-- > 0 && result == STATUS_OK;)
         if (!child[n])
-            result = push(w, n, 1, identity);
+            result = push(w, n, world);
     mem_free(child);
     return result;
 }
@@ -406,7 +483,7 @@ static status push_roots(struct walk *w, const struct transform_d *identity)
 static status push_scene(struct walk *w, int scene_index, const char **title)
 {
     struct gltf *g = w->g;
-    const struct transform_d identity = transform_d_identity();
+    const struct visit world = {.to_world = transform_d_identity()};
     const struct gltf_place root = gltf_at("", 0, "");
     int64_t index = -1;
     struct gltf_place at;
@@ -417,7 +494,7 @@ static status push_scene(struct walk *w, int scene_index, const char **title)
                          scene_index, json_array_size(g->scenes));
     if (json_array_size(g->scenes) == 0) {
         builder_warn(g->b, "no scenes", "the file has no scenes: all its nodes are rendered");
-        return push_roots(w, &identity);
+        return push_roots(w, &world);
     }
     TRY(gltf_index(g, g->root, &root, "scene", g->scenes, &index));
     if (scene_index >= 0)
@@ -432,7 +509,7 @@ static status push_scene(struct walk *w, int scene_index, const char **title)
     TRY(gltf_row(g, g->scenes, &at, &scene));
     TRY(gltf_text(g, scene, &at, "name", title));
     TRY(gltf_array(g, scene, &at, "nodes", &nodes));
-    return push_all(w, nodes, &at, "nodes", 1, &identity);
+    return push_all(w, nodes, &at, "nodes", &world);
 }
 
 status gltf_walk(struct gltf *g, int scene_index, const char **title)

@@ -196,8 +196,8 @@ static status prepare_tangents(struct builder *b, struct mesh_source *mesh, cons
         builder_warn(b, "tangents", "%s: a tangent has no direction: new ones were made", name);
     if (!mesh->uv[wanted->uv_set]) {
         builder_warn(b, "no texture coordinates for a normal map",
-                     "%s: has a normal map but no texture coordinates for it: rendered without "
-                     "the normal map",
+                     "%s: has a normal map or anisotropy but no texture coordinates for it: "
+                     "rendered without",
                      name);
         mem_free(mesh->tangents);
         mesh->tangents = NULL;

@@ -58,6 +58,17 @@ static const struct import_blob *blob_find(const struct import_result *result,
     return NULL;
 }
 
+/* The time of the last key. */
+static double import_duration_s(const struct import_result *result)
+{
+    const struct scene *scene = &result->scene;
+    double last = 0;
+
+    for (uint32_t i = 0; i < scene->channel_count; i++)
+        last = fmax(last, (double)scene->channels[i].times[scene->channels[i].key_count - 1]);
+    return last;
+}
+
 static const char *shown(const char *name)
 {
     return *name ? name : "(no name)";
@@ -130,6 +141,42 @@ static void print_environment(const struct import_result *result, FILE *out)
                 (double)env->image.blob.size_bytes / 1e3);
 }
 
+static void print_variants(const struct import_result *result, FILE *out)
+{
+    if (result->variant_count == 0)
+        return;
+    fprintf(out, "variants:       %zu\n", result->variant_count);
+    for (size_t i = 0; i < result->variant_count && i < LISTED_MAX; i++)
+        fprintf(out, "    %zu: %s%s\n", i, shown(result->variants[i]),
+                (int)i == result->variant_taken ? " (taken)" : "");
+    print_rest(out, (uint32_t)result->variant_count);
+}
+
+static void print_motion(const struct import_result *result, FILE *out)
+{
+    const struct scene *scene = &result->scene;
+    uint32_t morphed = 0, targets = 0;
+
+    if (result->animation_count)
+        fprintf(out, "animations:     %zu\n", result->animation_count);
+    for (size_t i = 0; i < result->animation_count && i < LISTED_MAX; i++)
+        fprintf(out, "    %zu: %-29s %g s%s\n", i, shown(result->animations[i].name),
+                result->animations[i].duration_s,
+                result->animations[i].taken ? "" : ", left out");
+    print_rest(out, (uint32_t)result->animation_count);
+    if (scene->channel_count)
+        fprintf(out, "motion:         %u channels move %u nodes, %g s\n", scene->channel_count,
+                scene->node_count, import_duration_s(result));
+    if (scene->skin_count)
+        fprintf(out, "skins:          %u\n", scene->skin_count);
+    for (uint32_t i = 0; i < scene->mesh_count; i++) {
+        morphed += scene->meshes[i].morph_count > 0;
+        targets += scene->meshes[i].morph_count;
+    }
+    if (morphed)
+        fprintf(out, "morph targets:  %u in %u meshes\n", targets, morphed);
+}
+
 static void print_effects(uint64_t effects, FILE *out)
 {
     int first = 1;
@@ -162,6 +209,7 @@ void import_report_print(const struct import_result *result, FILE *out)
     for (uint32_t i = 0; i < scene->material_count && i < LISTED_MAX; i++)
         fprintf(out, "    %s\n", shown(scene->materials[i].name));
     print_rest(out, scene->material_count);
+    print_variants(result, out);
     fprintf(out, "images:         %u in %u textures\n", scene->image_count, scene->texture_count);
     print_images(result, out);
     fprintf(out, "lights:         %u\n", scene->light_count);
@@ -171,6 +219,7 @@ void import_report_print(const struct import_result *result, FILE *out)
     print_rest(out, scene->light_count);
     fprintf(out, "cameras:        %u\n", scene->camera_count);
     print_cameras(scene, out);
+    print_motion(result, out);
     print_environment(result, out);
     print_effects(all_effects(scene), out);
     fprintf(out, "bytes:          %llu in %zu blobs, scene %zu\n",
@@ -281,6 +330,41 @@ static json_t *effects_json(uint64_t effects, int wanted)
     return list;
 }
 
+static json_t *variants_json(const struct import_result *result)
+{
+    json_t *list = json_array();
+
+    for (size_t i = 0; list && i < result->variant_count; i++)
+        if (!add(list, json_string(result->variants[i]))) {
+            json_decref(list);
+            return NULL;
+        }
+    return list;
+}
+
+static json_t *animations_json(const struct import_result *result)
+{
+    json_t *list = json_array();
+
+    for (size_t i = 0; list && i < result->animation_count; i++)
+        if (!add(list, json_pack("{s:s, s:f, s:b}", "name", result->animations[i].name,
+                                 "duration_s", result->animations[i].duration_s, "taken",
+                                 result->animations[i].taken))) {
+            json_decref(list);
+            return NULL;
+        }
+    return list;
+}
+
+static int morph_targets(const struct scene *scene)
+{
+    uint32_t count = 0;
+
+    for (uint32_t i = 0; i < scene->mesh_count; i++)
+        count += scene->meshes[i].morph_count;
+    return (int)count;
+}
+
 static json_t *warnings_json(const struct import_result *result)
 {
     json_t *list = json_array();
@@ -307,7 +391,7 @@ json_t *import_report_json(const struct import_result *result)
     /* "o" takes the reference also when packing fails, and a NULL makes it fail. */
     return json_pack(
         "{s:o, s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, "
-        "s:{s:I, s:I, s:I}, s:o}",
+        "s:{s:I, s:I, s:I}, s:o, s:o, s:i, s:o, s:f, s:i, s:i, s:i, s:i}",
         "file", source ? source : json_null(), "name", scene->name, "digest", hex, "triangles",
         (json_int_t)result->triangles, "triangles_placed", (json_int_t)result->triangles_placed,
         "vertices", (json_int_t)result->vertices, "degenerate_triangles",
@@ -317,5 +401,9 @@ json_t *import_report_json(const struct import_result *result)
         "cameras", cameras_json(scene), "environment", environment_json(&scene->environment),
         "effects", effects_json(effects, 1), "effects_left_out", effects_json(effects, 0), "bytes",
         "blobs", (json_int_t)result->blob_bytes, "scene", (json_int_t)result->packed_bytes, "count",
-        (json_int_t)result->blob_count, "warnings", warnings_json(result));
+        (json_int_t)result->blob_count, "warnings", warnings_json(result), "variants",
+        variants_json(result), "variant_taken", result->variant_taken, "animations",
+        animations_json(result), "duration_s", import_duration_s(result), "nodes",
+        (int)scene->node_count, "channels", (int)scene->channel_count, "skins",
+        (int)scene->skin_count, "morph_targets", morph_targets(scene));
 }

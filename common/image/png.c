@@ -22,6 +22,7 @@ struct png_stream {
     size_t size_bytes, at;
     struct buffer *out;  /* writing */
     char message[128];
+    int no_memory;
 };
 
 static void png_fail(png_structp png, png_const_charp text)
@@ -40,8 +41,15 @@ static void png_ignore_warning(png_structp png, png_const_charp text)
 
 static png_voidp png_take_memory(png_structp png, png_alloc_size_t size_bytes)
 {
-    (void)png;
-    return size_bytes <= PNG_BLOCK_BYTES_MAX ? mem_alloc(size_bytes) : NULL;
+    struct png_stream *stream = png_get_mem_ptr(png);
+    void *block;
+
+    if (size_bytes > PNG_BLOCK_BYTES_MAX)
+        return NULL;
+    block = mem_alloc(size_bytes);
+    if (!block && stream)
+        stream->no_memory = 1;
+    return block;
 }
 
 static void png_give_memory(png_structp png, png_voidp block)
@@ -105,7 +113,9 @@ static status read_png(png_structp png, png_infop info, struct png_stream *strea
     status st;
 
     if (setjmp(png_jmpbuf(png)))
-        return error_set(err, STATUS_ERR_INPUT, "%s: the PNG is damaged or cut short (%s)", name,
+        return stream->no_memory
+                   ? error_no_memory(err, "a PNG")
+                   : error_set(err, STATUS_ERR_INPUT, "%s: the PNG is damaged or cut short (%s)", name,
                          stream->message);
     png_set_user_limits(png, IMAGE_SIDE_MAX, IMAGE_SIDE_MAX);
     png_set_chunk_cache_max(png, PNG_TEXT_CHUNKS_MAX);
@@ -153,7 +163,7 @@ status png_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, co
 
     memset(out, 0, sizeof *out);
     png = png_create_read_struct_2(PNG_LIBPNG_VER_STRING, &stream, png_fail, png_ignore_warning,
-                                   NULL, png_take_memory, png_give_memory);
+                                   &stream, png_take_memory, png_give_memory);
     info = png ? png_create_info_struct(png) : NULL;
     if (info)
         st = read_png(png, info, &stream, out, &rows, name, err);

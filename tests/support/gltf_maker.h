@@ -36,9 +36,12 @@ extern const float corner_positions[9];
 #define ONE_TRIANGLE "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0}}]}]"
 
 /* A texture, and a mesh 0 with a normal map over what put_mirrored_quads makes. */
+#define ONE_PIXEL                                                                               \
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJ"                                              \
+    "AAAADUlEQVR42mP8z8BQDwAEhQGAhKmMIQAAAABJRU5ErkJggg=="
 #define PNG_IMAGE                                                                               \
-    "\"images\":[{\"uri\":\"data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJ" \
-    "AAAADUlEQVR42mP8z8BQDwAEhQGAhKmMIQAAAABJRU5ErkJggg==\"}],\"textures\":[{\"source\":0}]"
+    "\"images\":[{\"uri\":\"data:image/png;base64," ONE_PIXEL                                   \
+    "\"}],\"textures\":[{\"source\":0}]"
 #define NORMAL_MAPPED(more)                                                                     \
     "\"materials\":[{\"normalTexture\":{\"index\":0" more "}}]," PNG_IMAGE ","                  \
     "\"meshes\":[{\"primitives\":[{\"material\":0,\"indices\":3,\"attributes\":{"                \
