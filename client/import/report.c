@@ -10,7 +10,7 @@ static const char *const light_kinds[LIGHT_KIND_COUNT] = {"point", "spot", "dire
                                                          "goniometric", "projection"};
 static const char *const camera_kinds[CAMERA_KIND_COUNT] = {"perspective", "orthographic",
                                                            "panorama"};
-static const char *const format_names[] = {"unknown", "PNG", "JPEG", "HDR", "EXR"};
+static const char *const format_names[] = {"unknown", "PNG", "JPEG", "HDR", "EXR", "WebP"};
 
 static uint32_t big_endian(const uint8_t *at, int bytes)
 {

@@ -35,9 +35,11 @@ exr_result_t exr_b44_decompress(exr_decode_pipeline_t *pipeline);
 
 /* The same file through OpenEXR's older C API, which alone decodes DWAA, DWAB and the
  * reconstruction of subsampled chroma in OpenEXR 3.1, but only first parts, only channels
- * outside layers, and only to half. `width` and `height` are the data window's, checked. */
+ * outside layers, and only to half. `width` and `height` are the data window's, checked;
+ * `channels` is 3, or 4 with alpha. */
 struct image;
 status exr_decode_rgba(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
-                       uint32_t width, uint32_t height, struct error *err) MUST_CHECK;
+                       uint32_t width, uint32_t height, uint32_t channels, struct error *err)
+    MUST_CHECK;
 
 #endif

@@ -3,7 +3,8 @@
  * What counts is the data window: its pixels are the picture, wherever it lies in the display
  * window, because an environment map has no use for a frame around it. Of a tiled file with
  * several levels the finest is read. Channels in the order of preference: R, G and B outside
- * layers (one that is missing is 0); Y alone; R, G and B of a layer. Alpha is ignored.
+ * layers (one that is missing is 0); Y alone; R, G and B of a layer. Alpha is that beside them,
+ * and only read on demand.
  * A chromaticities attribute other than Rec. 709's is honoured.
  */
 #include <limits.h>
@@ -22,6 +23,7 @@ enum { LAYER_NAME_MAX = 256, PARTS_MAX = 1024 };
 /* Which channels of the list make red, green and blue; -1 for none. */
 struct selection {
     int rgb[3];
+    int alpha;        /* -1: none, or not asked for */
     int luminance;    /* Y is replicated: rgb[] are all Y */
     int chroma;       /* Y with RY and BY */
     int in_layer;
@@ -71,6 +73,7 @@ static int select_rgb(const exr_attr_chlist_t *list, const char *prefix, size_t 
         s->rgb[i] = find_channel(list, prefix, prefix_length, names[i]);
         found += s->rgb[i] >= 0;
     }
+    s->alpha = find_channel(list, prefix, prefix_length, "A");
     return prefix_length == 0 ? found > 0 : found == 3;
 }
 
@@ -78,7 +81,7 @@ static int select_rgb(const exr_attr_chlist_t *list, const char *prefix, size_t 
 static int select_layer(const exr_attr_chlist_t *list, struct selection *s)
 {
     static const char *const main_layers[] = {"Combined.", "beauty.", "Beauty.", "rgba.", "RGBA."};
-    struct selection first = {{-1, -1, -1}, 0, 0, 1};
+    struct selection first = {{-1, -1, -1}, -1, 0, 0, 1};
     int found = 0;
 
     for (int i = 0; i < list->num_channels; i++) {
@@ -109,12 +112,12 @@ static int select_channels(const exr_attr_chlist_t *list, struct selection *s)
 {
     int y;
 
-    *s = (struct selection){{-1, -1, -1}, 0, 0, 0};
+    *s = (struct selection){{-1, -1, -1}, -1, 0, 0, 0};
     if (select_rgb(list, "", 0, s))
         return 1;
     y = find_channel(list, "", 0, "Y");
     if (y >= 0) {
-        s->rgb[0] = s->rgb[1] = s->rgb[2] = y;
+        s->rgb[0] = s->rgb[1] = s->rgb[2] = y; /* alpha was looked for above */
         s->luminance = 1;
         s->chroma = find_channel(list, "", 0, "RY") >= 0 && find_channel(list, "", 0, "BY") >= 0;
         return 1;
@@ -251,14 +254,15 @@ static void store_line(struct exr_reader *r, int channel, int type, const uint8_
 {
     int size = type == EXR_PIXEL_HALF ? 2 : 4;
 
-    for (int c = 0; c < 3; c++) {
+    for (uint32_t c = 0; c < 4; c++) {
+        uint32_t step = r->out->channels;
         float *row;
 
-        if (r->selection.rgb[c] != channel)
+        if ((c < 3 ? r->selection.rgb[c] : r->selection.alpha) != channel)
             continue;
-        row = r->out->pixels + 3 * ((size_t)y * r->out->width + (size_t)x0) + c;
+        row = r->out->pixels + step * ((size_t)y * r->out->width + (size_t)x0) + c;
         for (int32_t x = 0; x < width; x++)
-            row[3 * (size_t)x] = read_sample(line + (size_t)x * (size_t)size, type);
+            row[step * (size_t)x] = read_sample(line + (size_t)x * (size_t)size, type);
     }
 }
 
@@ -407,7 +411,7 @@ static status convert_color(struct exr_reader *r, struct error *err)
                          "remove or correct it",
                          r->name);
     for (size_t i = 0; i < count; i++) {
-        float *p = r->out->pixels + 3 * i;
+        float *p = r->out->pixels + r->out->channels * i;
         const double rgb[3] = {(double)p[0], (double)p[1], (double)p[2]};
 
         for (int k = 0; k < 3; k++)
@@ -429,12 +433,13 @@ static status check_channels(const struct exr_reader *r, int *older, struct erro
                          "%s: DWAA, DWAB and chroma pictures are only read from the first part and "
                          "outside layers; save it again with ZIP compression",
                          r->name);
-    for (int i = 0; i < 3 && !*older; i++) {
+    for (int i = 0; i < 4 && !*older; i++) {
+        int channel = i < 3 ? r->selection.rgb[i] : r->selection.alpha;
         const exr_attr_chlist_entry_t *c;
 
-        if (r->selection.rgb[i] < 0)
+        if (channel < 0)
             continue;
-        c = &r->channels->entries[r->selection.rgb[i]];
+        c = &r->channels->entries[channel];
         if (c->x_sampling != 1 || c->y_sampling != 1)
             return error_set(err, STATUS_ERR_UNSUPPORTED,
                              "%s: channel %s is subsampled; save it with full resolution", r->name,
@@ -456,7 +461,7 @@ static status check_chunks(struct exr_reader *r, uint32_t width, uint32_t height
     if (r->compression == EXR_COMPRESSION_DWAA || r->compression == EXR_COMPRESSION_DWAB)
         return STATUS_OK;
     r->out = &nowhere; // cppcheck-suppress autoVariables -- put back below
-    r->selection = (struct selection){{-1, -1, -1}, 0, 0, 0};
+    r->selection = (struct selection){{-1, -1, -1}, -1, 0, 0, 0};
     st = decode_pixels(r, err);
     r->out = out;
     r->selection = wanted;
@@ -476,13 +481,13 @@ static status check_environment(struct exr_reader *r, struct error *err)
     return STATUS_OK;
 }
 
-status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
-                  struct error *err)
+static status decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
+                     int alpha, struct error *err)
 {
     struct exr_reader r = {.stream = {.data = data, .size_bytes = size_bytes}, .name = name,
                            .out = out};
     exr_context_initializer_t init = exr_stream_initializer(&r.stream);
-    uint32_t width, height;
+    uint32_t width, height, channels;
     exr_result_t result;
     int older = 0;
     status st;
@@ -492,6 +497,9 @@ status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, con
     st = result == EXR_ERR_SUCCESS ? find_part(&r, err) : fail(&r, result, err);
     if (st == STATUS_OK)
         st = check_environment(&r, err);
+    if (!alpha)
+        r.selection.alpha = -1;
+    channels = r.selection.alpha >= 0 ? 4 : 3;
     if (st == STATUS_OK)
         st = check_channels(&r, &older, err);
     if (st == STATUS_OK)
@@ -499,9 +507,9 @@ status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, con
     if (st == STATUS_OK && older)
         st = check_chunks(&r, width, height, err);
     if (st == STATUS_OK && older) {
-        st = exr_decode_rgba(out, data, size_bytes, name, width, height, err);
+        st = exr_decode_rgba(out, data, size_bytes, name, width, height, channels, err);
     } else if (st == STATUS_OK) {
-        st = image_init(out, width, height, 3, err);
+        st = image_init(out, width, height, channels, err);
         if (st != STATUS_OK)
             error_prefix(err, "%s", name);
         else
@@ -515,4 +523,16 @@ status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, con
     if (st != STATUS_OK)
         image_release(out);
     return st;
+}
+
+status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
+                  struct error *err)
+{
+    return decode(out, data, size_bytes, name, 0, err);
+}
+
+status exr_decode_alpha(struct image *out, const uint8_t *data, size_t size_bytes,
+                        const char *name, struct error *err)
+{
+    return decode(out, data, size_bytes, name, 1, err);
 }

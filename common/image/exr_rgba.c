@@ -49,21 +49,24 @@ static int read_rows(ImfInputFile *in, struct image *out, ImfRgba *row, int x_mi
     if (!ImfInputSetFrameBuffer(in, base, 1, 0))
         return 0;
     for (uint32_t y = 0; y < out->height; y++) {
-        float *to = out->pixels + 3 * (size_t)y * out->width;
+        float *to = out->pixels + (size_t)out->channels * y * out->width;
 
         if (!ImfInputReadPixels(in, y_min + (int)y, y_min + (int)y))
             return 0;
         for (uint32_t x = 0; x < out->width; x++) {
-            to[3 * (size_t)x + 0] = half_to_float(row[x].r);
-            to[3 * (size_t)x + 1] = half_to_float(row[x].g);
-            to[3 * (size_t)x + 2] = half_to_float(row[x].b);
+            to[0] = half_to_float(row[x].r);
+            to[1] = half_to_float(row[x].g);
+            to[2] = half_to_float(row[x].b);
+            if (out->channels == 4)
+                to[3] = half_to_float(row[x].a);
+            to += out->channels;
         }
     }
     return 1;
 }
 
 status exr_decode_rgba(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
-                       uint32_t width, uint32_t height, struct error *err)
+                       uint32_t width, uint32_t height, uint32_t channels, struct error *err)
 {
     ImfInputFile *in = NULL;
     ImfRgba *row = NULL;
@@ -76,7 +79,7 @@ status exr_decode_rgba(struct image *out, const uint8_t *data, size_t size_bytes
     if (file < 0)
         return error_set(err, STATUS_ERR_IO, "%s: no anonymous file for its bytes: %s", name,
                          strerror(errno));
-    st = image_init(out, width, height, 3, err);
+    st = image_init(out, width, height, channels, err);
     if (st != STATUS_OK) {
         error_prefix(err, "%s", name);
         goto done;

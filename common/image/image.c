@@ -1,10 +1,13 @@
 #include "common/image/image.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
 #include "common/base/memory.h"
 #include "common/image/half.h"
+
+#define GIB 1073741824.0
 
 /* Sides and the whole against their limits; *bytes is the size of the pixels. */
 static status check_size(uint32_t width, uint32_t height, uint32_t channels, size_t value_bytes,
@@ -22,13 +25,26 @@ static status check_size(uint32_t width, uint32_t height, uint32_t channels, siz
         return error_set(err, STATUS_ERR_LIMIT,
                          "%u x %u pixels: no side may be longer than %d; make it smaller",
                          (unsigned)width, (unsigned)height, (int)IMAGE_SIDE_MAX);
-    if (!mem_size_mul(width, height, &total) ||
-        !mem_size_mul(total, channels * value_bytes, &total) || total > IMAGE_BYTES_MAX)
+    /* No side above 2^17: far from overflow. */
+    total = (size_t)width * height * channels * value_bytes;
+    if (total > IMAGE_BYTES_MAX)
         return error_set(err, STATUS_ERR_LIMIT,
-                         "%u x %u pixels need more than %zu MiB; make the picture smaller",
-                         (unsigned)width, (unsigned)height, IMAGE_BYTES_MAX >> 20);
+                         "%u x %u pixels: it needs %.1f GiB of memory, more than the limit of %.1f "
+                         "GiB; make the picture smaller",
+                         (unsigned)width, (unsigned)height, (double)total / GIB,
+                         (double)IMAGE_BYTES_MAX / GIB);
     *bytes = total;
     return STATUS_OK;
+}
+
+static status no_memory_for(uint32_t width, uint32_t height, size_t bytes, struct error *err)
+{
+    int large = (double)bytes >= GIB;
+
+    return error_set(err, STATUS_ERR_NO_MEMORY,
+                     "out of memory: its %u x %u pixels need %.1f %s; make the picture smaller",
+                     (unsigned)width, (unsigned)height,
+                     (double)bytes / (large ? GIB : 1048576.0), large ? "GiB" : "MiB");
 }
 
 status image_init(struct image *image, uint32_t width, uint32_t height, uint32_t channels,
@@ -43,7 +59,7 @@ status image_init(struct image *image, uint32_t width, uint32_t height, uint32_t
         return st;
     image->pixels = mem_calloc(bytes / sizeof(float), sizeof(float));
     if (!image->pixels)
-        return error_no_memory(err, "a picture");
+        return no_memory_for(width, height, bytes, err);
     image->width = width;
     image->height = height;
     image->channels = channels;
@@ -68,7 +84,7 @@ status image8_init(struct image8 *image, uint32_t width, uint32_t height, uint32
         return st;
     image->pixels = mem_calloc(bytes, 1);
     if (!image->pixels)
-        return error_no_memory(err, "a texture");
+        return no_memory_for(width, height, bytes, err);
     image->width = width;
     image->height = height;
     image->channels = channels;
@@ -97,6 +113,9 @@ enum image_format image_format_of(const uint8_t *data, size_t size_bytes)
         return IMAGE_HDR;
     if (starts_with(data, size_bytes, "\x76\x2f\x31\x01", 4))
         return IMAGE_EXR;
+    if (starts_with(data, size_bytes, "RIFF", 4) && size_bytes >= 12 &&
+        memcmp(data + 8, "WEBP", 4) == 0)
+        return IMAGE_WEBP;
     return IMAGE_UNKNOWN;
 }
 
@@ -136,8 +155,9 @@ static void repair_pixels(struct image *image, struct image_repairs *repairs)
             image->pixels[i] = largest;
 }
 
-status image_decode_hdr(struct image *out, const uint8_t *data, size_t size_bytes,
-                        const char *name, struct image_repairs *repairs, struct error *err)
+static status decode_floats(struct image *out, const uint8_t *data, size_t size_bytes,
+                            const char *name, int alpha, struct image_repairs *repairs,
+                            struct error *err)
 {
     struct image_repairs here = {0, 0, 0};
     status st;
@@ -145,15 +165,17 @@ status image_decode_hdr(struct image *out, const uint8_t *data, size_t size_byte
     memset(out, 0, sizeof *out);
     switch (image_format_of(data, size_bytes)) {
     case IMAGE_EXR:
-        st = exr_decode(out, data, size_bytes, name, err);
+        st = alpha ? exr_decode_alpha(out, data, size_bytes, name, err)
+                   : exr_decode(out, data, size_bytes, name, err);
         break;
     case IMAGE_HDR:
         st = hdr_decode(out, data, size_bytes, name, err);
         break;
     case IMAGE_PNG:
     case IMAGE_JPEG:
+    case IMAGE_WEBP:
         return error_set(err, STATUS_ERR_UNSUPPORTED,
-                         "%s: this is a PNG or JPEG, which cannot hold light; "
+                         "%s: this is a PNG, JPEG or WebP, which cannot hold light; "
                          "give an OpenEXR (.exr) or Radiance (.hdr) file",
                          name);
     default:
@@ -172,6 +194,55 @@ status image_decode_hdr(struct image *out, const uint8_t *data, size_t size_byte
     return STATUS_OK;
 }
 
+status image_decode_hdr(struct image *out, const uint8_t *data, size_t size_bytes,
+                        const char *name, struct image_repairs *repairs, struct error *err)
+{
+    return decode_floats(out, data, size_bytes, name, 0, repairs, err);
+}
+
+/* Colour times alpha to colour, in place. 1 when alpha is 1 everywhere. */
+static int divide_by_alpha(struct image *image)
+{
+    size_t count = (size_t)image->width * image->height;
+    int opaque = 1;
+
+    for (size_t i = 0; i < count; i++) {
+        float *p = image->pixels + 4 * i;
+
+        p[3] = p[3] < 1.0f ? p[3] : 1.0f;
+        if (p[3] == 1.0f)
+            continue;
+        opaque = 0;
+        for (int c = 0; c < 3 && p[3] > 0.0f; c++)
+            p[c] = fminf(p[c] / p[3], FLT_MAX);
+    }
+    return opaque;
+}
+
+/* Four channels to three, in place; what is too much goes back. */
+static void drop_alpha(struct image *image)
+{
+    size_t count = (size_t)image->width * image->height;
+    float *less;
+
+    for (size_t i = 0; i < count; i++)
+        memmove(image->pixels + 3 * i, image->pixels + 4 * i, 3 * sizeof(float));
+    image->channels = 3;
+    less = mem_realloc_array(image->pixels, 3 * count, sizeof(float));
+    if (less)
+        image->pixels = less;
+}
+
+status image_decode_float(struct image *out, const uint8_t *data, size_t size_bytes,
+                          const char *name, struct image_repairs *repairs, struct error *err)
+{
+    status st = decode_floats(out, data, size_bytes, name, 1, repairs, err);
+
+    if (st == STATUS_OK && out->channels == 4 && divide_by_alpha(out))
+        drop_alpha(out);
+    return st;
+}
+
 status image_decode_8(struct image8 *out, const uint8_t *data, size_t size_bytes,
                       const char *name, struct error *err)
 {
@@ -181,8 +252,10 @@ status image_decode_8(struct image8 *out, const uint8_t *data, size_t size_bytes
         return png_decode(out, data, size_bytes, name, err);
     case IMAGE_JPEG:
         return jpeg_decode(out, data, size_bytes, name, err);
+    case IMAGE_WEBP:
+        return webp_decode(out, data, size_bytes, name, err);
     default:
         return error_set(err, STATUS_ERR_INPUT,
-                         "%s: neither a PNG nor a JPEG (its first bytes say so)", name);
+                         "%s: none of PNG, JPEG and WebP (its first bytes say so)", name);
     }
 }

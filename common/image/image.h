@@ -27,7 +27,8 @@ struct image8 {
     uint8_t *pixels;
 };
 
-/* ERR_LIMIT when a side, or the whole, is too large; pixels are zeroed. */
+/* ERR_LIMIT when a side, or the whole, is too large; ERR_NO_MEMORY; both say how much it needs.
+ * Pixels are zeroed. */
 status image_init(struct image *image, uint32_t width, uint32_t height, uint32_t channels,
                   struct error *err) MUST_CHECK;
 void image_release(struct image *image);
@@ -36,7 +37,7 @@ status image8_init(struct image8 *image, uint32_t width, uint32_t height, uint32
                    uint32_t bits, struct error *err) MUST_CHECK;
 void image8_release(struct image8 *image);
 
-enum image_format { IMAGE_UNKNOWN, IMAGE_PNG, IMAGE_JPEG, IMAGE_HDR, IMAGE_EXR };
+enum image_format { IMAGE_UNKNOWN, IMAGE_PNG, IMAGE_JPEG, IMAGE_HDR, IMAGE_EXR, IMAGE_WEBP };
 
 /* By the first bytes, not by the name. */
 enum image_format image_format_of(const uint8_t *data, size_t size_bytes);
@@ -54,19 +55,31 @@ status image_decode_hdr(struct image *out, const uint8_t *data, size_t size_byte
                         const char *name, struct image_repairs *repairs, struct error *err)
     MUST_CHECK;
 
+/* The same for a texture: an EXR's channel A comes out as a fourth channel (straight, 0..1: EXR
+ * files hold colour times alpha, which is divided out where alpha is above 0), unless it is 1
+ * everywhere. */
+status image_decode_float(struct image *out, const uint8_t *data, size_t size_bytes,
+                          const char *name, struct image_repairs *repairs, struct error *err)
+    MUST_CHECK;
+
 /* Decode a PNG (8 or 16 bits kept; palette and low depths expanded; gamma and ICC ignored
- * as glTF demands) or JPEG. */
+ * as glTF demands), JPEG or WebP (one picture, not an animation). */
 status image_decode_8(struct image8 *out, const uint8_t *data, size_t size_bytes,
                       const char *name, struct error *err) MUST_CHECK;
 
 /* ---- the single formats (image_decode_* dispatch to these) ---- */
 status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
                   struct error *err) MUST_CHECK;
+/* With the alpha channel, if there is one: 4 channels, as stored. */
+status exr_decode_alpha(struct image *out, const uint8_t *data, size_t size_bytes,
+                        const char *name, struct error *err) MUST_CHECK;
 status hdr_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
                   struct error *err) MUST_CHECK;
 status png_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, const char *name,
                   struct error *err) MUST_CHECK;
 status jpeg_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, const char *name,
+                   struct error *err) MUST_CHECK;
+status webp_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, const char *name,
                    struct error *err) MUST_CHECK;
 
 /* ---- writing ---- */

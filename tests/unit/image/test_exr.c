@@ -98,6 +98,43 @@ static void test_round_trip(void **state)
             }
 }
 
+/* A texture's alpha: divided out of the colour; a channel of ones is none. */
+static void test_alpha(void **state)
+{
+    (void)state;
+    for (int opaque = 0; opaque <= 1; opaque++) {
+        struct image in = make_image(23, 9, 4), out;
+        struct buffer file = BUFFER_INIT;
+        struct error err = {0};
+
+        for (size_t i = 0; i < 23 * 9; i++) {
+            float alpha = opaque ? 1.0f : (float)(i % 5) * 0.25f;
+
+            for (int c = 0; c < 3; c++)
+                in.pixels[4 * i + (size_t)c] = (float)(i + (size_t)c) * alpha;
+            in.pixels[4 * i + 3] = alpha;
+        }
+        assert_int_equal(exr_encode(&file, &in, NULL, NULL), STATUS_OK);
+        if (image_decode_float(&out, file.data, file.size, "a.exr", NULL, &err) != STATUS_OK)
+            fail_msg("%s", err.text);
+        assert_int_equal(out.channels, opaque ? 3 : 4);
+        for (size_t i = 0; i < 23 * 9; i++)
+            for (size_t c = 0; c < out.channels; c++) {
+                float alpha = opaque ? 1.0f : (float)(i % 5) * 0.25f;
+                float want = c == 3 ? alpha : alpha > 0 ? (float)(i + c) : 0.0f;
+
+                assert_true(out.pixels[out.channels * i + c] == want);
+            }
+        image_release(&out);
+        out = decode(&file); /* asked for light alone */
+        assert_int_equal(out.channels, 3);
+        assert_true(out.pixels[3 * 4 + 1] == in.pixels[4 * 4 + 1]);
+        image_release(&out);
+        image_release(&in);
+        buffer_release(&file);
+    }
+}
+
 /* Floats keep their bits, NaN included: the file shows what was rendered. */
 static void test_float_bits_kept(void **state)
 {
@@ -766,6 +803,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_round_trip),
+        cmocka_unit_test(test_alpha),
         cmocka_unit_test(test_float_bits_kept),
         cmocka_unit_test(test_half_clamps_and_counts),
         cmocka_unit_test(test_attributes),
