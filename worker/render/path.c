@@ -490,18 +490,29 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
                           struct ray ray, struct camera_cone cone, struct path_record *record,
                           struct render_stats *stats)
 {
-    struct path path = {
-        .scene = scene, .sampler = sampler, .stats = stats, .ray = ray,
-        .throughput = {1, 1, 1}, .query = {sampler, 0}, .from_delta = 1, .eta_scale = 1,
-        .cone = cone,
-    };
+    struct path path;
     const int volumes = HAS_VOLUMES && (ACTIVE(scene, MEDIUM) || ACTIVE(scene, INTERFACE) ||
                                         ACTIVE(scene, NESTED_DIELECTRIC));
     struct vec3 radiance = {0, 0, 0};
     uint32_t max_depth = scene->settings.max_depth, depth = 0;
     int passages = 0;
 
-    path.asker.time = ray.time;
+    path.scene = scene;
+    path.sampler = sampler;
+    path.stats = stats;
+    path.ray = ray;
+    path.throughput = vec3_splat(1);
+    path.query = (struct path_query){sampler, 0};
+    path.asker = (struct light_query){{0, 0, 0}, {0, 0, 0}, ray.time};
+    path.density = 0;
+    path.from_delta = 1; /* the camera chooses like a mirror: nothing competes with it */
+    path.scattered = 0;
+    path.eta_scale = 1;
+    path.cone = cone;
+    path.wavelength_nm = 0;
+    path.dispersed = 0;
+    path.interior.count = 0;
+    path.medium_key = path.medium_depth = 0;
     if (volumes)
         path.interior = scene->camera_interior;
     for (;;) {
