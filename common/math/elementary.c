@@ -49,21 +49,38 @@ static double cos_reduced(double r)
     return 1.0 + r2 * p;
 }
 
-void det_sincos(float x, float *sine, float *cosine)
+static void sincos_d(double x, double *sine, double *cosine)
 {
     /* pi/2 in two parts, the high one with 33 significant bits so that n * high is exact. */
     const double half_pi_high = 0x1.921fb544p+0, half_pi_low = 0x1.0b4611a626331p-34;
-    double scaled = (double)x * (2.0 / PI_D);
+    double scaled = x * (2.0 / PI_D);
     double n = (double)(int64_t)(scaled + (scaled >= 0 ? 0.5 : -0.5));
-    double r = ((double)x - n * half_pi_high) - n * half_pi_low;
+    double r = (x - n * half_pi_high) - n * half_pi_low;
     double s = sin_reduced(r), c = cos_reduced(r);
 
     switch ((int64_t)n & 3) {
-    case 0: *sine = (float)s; *cosine = (float)c; break;
-    case 1: *sine = (float)c; *cosine = (float)-s; break;
-    case 2: *sine = (float)-s; *cosine = (float)-c; break;
-    default: *sine = (float)-c; *cosine = (float)s; break;
+    case 0: *sine = s; *cosine = c; break;
+    case 1: *sine = c; *cosine = -s; break;
+    case 2: *sine = -s; *cosine = -c; break;
+    default: *sine = -c; *cosine = s; break;
     }
+}
+
+void det_sincos(float x, float *sine, float *cosine)
+{
+    double s, c;
+
+    sincos_d(x, &s, &c);
+    *sine = (float)s;
+    *cosine = (float)c;
+}
+
+double det_sin_d(double x)
+{
+    double s, c;
+
+    sincos_d(x, &s, &c);
+    return s;
 }
 
 float det_sin(float x)
@@ -109,7 +126,7 @@ static double atan_unit(double q)
     return centre_atan[k] + (t + t * t2 * p);
 }
 
-static double atan2_d(double y, double x)
+double det_atan2_d(double y, double x)
 {
     double ax = x < 0 ? -x : x, ay = y < 0 ? -y : y;
     double angle;
@@ -124,21 +141,21 @@ static double atan2_d(double y, double x)
 
 float det_atan2(float y, float x)
 {
-    return (float)atan2_d(y, x);
+    return (float)det_atan2_d(y, x);
 }
 
 float det_acos(float x)
 {
     double c = x < -1.0f ? -1.0 : x > 1.0f ? 1.0 : x;
 
-    return (float)atan2_d(sqrt((1.0 - c) * (1.0 + c)), c);
+    return (float)det_atan2_d(sqrt((1.0 - c) * (1.0 + c)), c);
 }
 
 float det_asin(float x)
 {
     double s = x < -1.0f ? -1.0 : x > 1.0f ? 1.0 : x;
 
-    return (float)atan2_d(s, sqrt((1.0 - s) * (1.0 + s)));
+    return (float)det_atan2_d(s, sqrt((1.0 - s) * (1.0 + s)));
 }
 
 double det_exp_d(double x)

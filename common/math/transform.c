@@ -79,6 +79,53 @@ int transform_d_invert(const struct transform_d *a, struct transform_d *out)
     return 1;
 }
 
+static int make_unit(double v[3])
+{
+    double largest = 0, length;
+
+    for (int i = 0; i < 3; i++)
+        if (!(fabs(v[i]) <= largest))
+            largest = fabs(v[i]);
+    if (!(largest > 0) || !isfinite(largest))
+        return 0;
+    for (int i = 0; i < 3; i++)
+        v[i] /= largest; /* neither under- nor overflow in the squares */
+    length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+    for (int i = 0; i < 3; i++)
+        v[i] /= length;
+    return 1;
+}
+
+static void cross(const double a[3], const double b[3], double out[3])
+{
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+int transform_d_rigid(const struct transform_d *a, struct transform_d *out)
+{
+    double axis[3][3]; /* right, up, back */
+
+    *out = transform_d_identity();
+    for (int r = 0; r < 3; r++) {
+        axis[1][r] = a->m[r][1];
+        axis[2][r] = a->m[r][2];
+    }
+    if (!make_unit(axis[2]) || !make_unit(axis[1]))
+        return 0;
+    cross(axis[1], axis[2], axis[0]);
+    if (!make_unit(axis[0]))
+        return 0;
+    cross(axis[2], axis[0], axis[1]);
+    for (int r = 0; r < 3; r++) {
+        for (int c = 0; c < 3; c++)
+            out->m[r][c] = axis[c][r];
+        out->m[r][3] = a->m[r][3];
+    }
+    return 1;
+}
+
 struct transform transform_from_d(const struct transform_d *a)
 {
     struct transform out;

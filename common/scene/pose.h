@@ -17,14 +17,17 @@ struct scene_pose {
     void *storage;
 };
 
-/* The pose at `time_s`. The caller releases it (also after a failure: it is then empty). */
+/* The pose at `time_s`. The caller releases it (also after a failure: it is then empty).
+ * ERR_INPUT when a node's transform leaves the range of SCENE_COORDINATE_MAX; a singular one
+ * is no error. */
 status scene_pose_init(struct scene_pose *pose, const struct scene *scene, double time_s,
                        struct error *err) MUST_CHECK;
 void scene_pose_release(struct scene_pose *pose);
 
-/* Transforms at the pose; what follows no node has its own. A camera's is made rigid (no scale;
- * unchanged where its axes vanish). `position` and `direction` of a light that follows a node
- * are the node's origin and -Z. */
+/* Transforms at the pose; what follows no node has its own, and a skinned instance the identity.
+ * A camera's is made rigid (no scale; where its axes vanish its own rotation stays). `position`
+ * and `direction` of a light that follows a node are the node's origin and -Z, to_world its rigid
+ * part (each stays where the node's axes vanish). */
 struct transform_d pose_instance(const struct scene_pose *pose, const struct scene *scene,
                                  uint32_t instance);
 void pose_camera(const struct scene_pose *pose, const struct scene *scene, uint32_t camera,
@@ -34,16 +37,18 @@ void pose_light(const struct scene_pose *pose, const struct scene *scene, uint32
 
 /* The mesh of an instance at the pose: morph targets, then skin. positions[3][vertices] and,
  * where the mesh has normals, normals[3][vertices] (unit) and tangents [4][vertices] likewise;
- * either may be NULL. `blob` is the mesh's, of scene_mesh_layout's length. The vertices of a
- * skinned mesh are in world space, of another in the mesh's. ERR_INPUT for a joint that the
- * skin has not. */
+ * each may be NULL. `blob` is the mesh's, of scene_mesh_layout's length. The vertices of a
+ * skinned mesh are in world space, of another in the mesh's. A joint that mirrors flips the
+ * tangents' handedness. ERR_INPUT for a joint that the skin has not, and for vertices beyond
+ * SCENE_COORDINATE_MAX. */
 status pose_deform(const struct scene_pose *pose, const struct scene *scene, uint32_t instance,
                    const uint8_t *blob, float *positions, float *normals, float *tangents,
                    struct error *err) MUST_CHECK;
-/* Does pose_deform change the instance's mesh at any time? */
+/* Is there a time at which pose_deform yields other vertices than the blob's? In doubt, yes. */
 int scene_instance_deforms(const struct scene *scene, uint32_t instance);
 
-/* The shutter of a frame, in seconds of the scene's time: equal when nothing blurs. */
+/* The shutter of a frame, in seconds of the scene's time: equal when nothing blurs (no shutter,
+ * nothing that moves, or motion blur among the effects to leave out). */
 void scene_shutter(const struct scene *scene, const struct render_settings *settings,
                    uint32_t frame, double *open_s, double *close_s);
 

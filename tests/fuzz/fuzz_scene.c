@@ -1,11 +1,13 @@
 /* Packed scenes from anywhere: no crash, and what is accepted packs to bytes that unpack to
  * the same bytes. */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "common/base/buffer.h"
 #include "common/base/memory.h"
 #include "common/scene/effects.h"
+#include "common/scene/pose.h"
 #include "common/scene/scene.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -14,6 +16,48 @@ static void pack(const struct scene *scene, struct buffer *out)
 {
     if (scene_pack(scene, out, NULL) != STATUS_OK)
         abort();
+}
+
+/* Every node, camera and light in the middle of the animation: numbers, or an error. */
+static void strike_pose(const struct scene *scene)
+{
+    struct scene_pose pose;
+    struct render_settings settings;
+    double open_s, close_s;
+    struct error err = {0};
+
+    render_settings_default(&settings);
+    settings.shutter = 0.5f;
+    scene_shutter(scene, &settings, 1, &open_s, &close_s);
+    if (!(open_s <= close_s))
+        abort();
+    if (scene_pose_init(&pose, scene, scene_duration_s(scene) * 0.625, &err) != STATUS_OK) {
+        if (!err.text[0])
+            abort();
+        return;
+    }
+    for (uint32_t i = 0; i < scene->node_count; i++) {
+        struct transform t = transform_from_d(&pose.to_world[i]);
+        if (!transform_is_finite(&t))
+            abort();
+    }
+    for (uint32_t i = 0; i < scene->camera_count; i++) {
+        struct scene_camera camera;
+        pose_camera(&pose, scene, i, &camera);
+        if (!transform_is_finite(&camera.to_world))
+            abort();
+    }
+    for (uint32_t i = 0; i < scene->light_count; i++) {
+        struct scene_light light;
+        pose_light(&pose, scene, i, &light);
+        if (!transform_is_finite(&light.to_world) || !isfinite(light.direction[0]))
+            abort();
+    }
+    for (uint32_t i = 0; i < scene->instance_count; i++) {
+        pose_instance(&pose, scene, i);
+        scene_instance_deforms(scene, i);
+    }
+    scene_pose_release(&pose);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
@@ -31,6 +75,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     for (uint32_t camera = 0; camera < scene.camera_count && camera < 4; camera++)
         scene_effects_default(&scene, camera);
     scene_bounds(&scene, low, high);
+    strike_pose(&scene);
     pack(&scene, &first);
     if (scene_unpack(&again, first.data, first.size, &err) != STATUS_OK)
         abort();

@@ -187,6 +187,25 @@ static void test_double(void **state)
     judge(&p, 4);
 }
 
+static void test_double_angles(void **state)
+{
+    struct worst s = {.name = "det_sin_d"}, a = {.name = "det_atan2_d"};
+    uint64_t random = 4;
+
+    (void)state;
+    assert_true(LDBL_MANT_DIG >= 64); /* else nothing is measured */
+    for (int i = 0; i < 1000000; i++) {
+        double x = (2 * uniform(&random) - 1) * PI_D, y;
+        /* In units of 1e-16: what is absolute has no last place. */
+        note(&s, (double)fabsl((long double)det_sin_d(x) - sinl((long double)x)) / 1e-16, x, 0);
+        x = 2 * uniform(&random) - 1;
+        y = (2 * uniform(&random) - 1) * (i % 2 ? 1 : exp(-30 * uniform(&random)));
+        note(&a, error_ulp_d(det_atan2_d(y, x), atan2l((long double)y, (long double)x)), y, x);
+    }
+    judge(&s, 2);
+    judge(&a, 4);
+}
+
 static void assert_float(float got, float expected)
 {
     if (isnan(expected))
@@ -242,6 +261,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_sine_and_cosine), cmocka_unit_test(test_inverse),
         cmocka_unit_test(test_exponential),     cmocka_unit_test(test_double),
+        cmocka_unit_test(test_double_angles),
         cmocka_unit_test(test_special_values),  cmocka_unit_test(test_fingerprint),
     };
     return cmocka_run_group_tests_name("elementary", tests, NULL, NULL);
