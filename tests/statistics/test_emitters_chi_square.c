@@ -15,11 +15,14 @@
 #include "tests/support/scene_builder.h"
 #include "worker/render/world.h"
 
-enum { PLACES = 3, TESTS = 2 * PLACES };
+/* The first place asks from all sides, the others as surfaces with a normal; scenes: lamps,
+ * lamps and map, lamps and map behind portals. */
+enum { PLACES = 3, SCENES = 3, TESTS = SCENES * PLACES, TRIANGLES_MAX = 64 };
 
 struct view {
     const struct render_scene *scene;
-    struct vec3 p;
+    struct light_query query;
+    double corner[TRIANGLES_MAX][3][3]; /* of the lamps' triangles */
 };
 
 static int sample(void *user, const float u[3], struct vec3 *direction)
@@ -27,13 +30,30 @@ static int sample(void *user, const float u[3], struct vec3 *direction)
     const struct view *view = user;
     struct light_sample light;
 
-    const struct light_query query = {view->p, {0, 0, 0}, 0};
-
     (void)u[2];
-    if (!emitters_sample(view->scene, &query, u[0], u[1], &light))
+    if (!emitters_sample(view->scene, &view->query, u[0], u[1], &light))
         return 0;
     *direction = light.direction;
     return 1;
+}
+
+static void to_doubles(struct vec3 v, double out[3])
+{
+    out[0] = (double)v.x;
+    out[1] = (double)v.y;
+    out[2] = (double)v.z;
+}
+
+static void cross(const double a[3], const double b[3], double out[3])
+{
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
 /* The density by the other road: every lamp that the ray crosses, whatever is in front. */
@@ -42,37 +62,42 @@ static double density(void *user, struct vec3 direction)
     const struct view *view = user;
     const struct render_scene *scene = view->scene;
     const struct emitters *e = &scene->emitters;
-    const struct light_query query = {view->p, {0, 0, 0}, 0};
+    const struct light_query *query = &view->query;
     double sum = 0;
 
     if (e->has_environment)
-        sum = (double)emitters_environment_pdf(scene, &query, direction);
+        sum = (double)emitters_environment_pdf(scene, query, direction);
     for (uint32_t i = 0; i < e->triangle_count; i++) {
         const struct world_instance *instance = &scene->instances[e->triangle_instance[i]];
-        struct vec3 c[3], e1, e2, n, s, q, d = direction;
-        double det, u, v, t, length;
+        double e1[3], e2[3], n[3], o[3], q[3], d[3], det, u, v, t, length, slack;
+        const double(*c)[3] = view->corner[i];
 
-        world_triangle(scene, instance, e->triangle_index[i], 0, c);
-        e1 = vec3_sub(c[1], c[0]);
-        e2 = vec3_sub(c[2], c[0]);
-        n = vec3_cross(e1, e2);
-        length = (double)vec3_length(n);
-        det = -(double)vec3_dot(n, d);
+        to_doubles(direction, d);
+        to_doubles(query->p, o);
+        for (int a = 0; a < 3; a++) {
+            e1[a] = c[1][a] - c[0][a];
+            e2[a] = c[2][a] - c[0][a];
+            o[a] -= c[0][a];
+        }
+        cross(e1, e2, n);
+        cross(o, d, q);
+        length = sqrt(dot(n, n));
+        det = -dot(n, d);
         if (det == 0)
             continue;
-        s = vec3_sub(view->p, c[0]);
-        q = vec3_cross(s, d);
-        u = (double)vec3_dot(e2, q) / det;
-        v = -(double)vec3_dot(e1, q) / det;
-        t = (double)vec3_dot(s, n) / det;
-        /* A sample at an edge may round to just outside. */
-        if (u < -1e-5 || v < -1e-5 || u + v > 1 + 2e-5 || t <= 0)
+        u = dot(e2, q) / det;
+        v = -dot(e1, q) / det;
+        t = dot(o, n) / det;
+        /* A sample's end is moved off the lamp along the normal: seen under a small angle, that
+         * leads past an edge. */
+        slack = 1e-5 + 1e-5 * length / fabs(det);
+        if (u < -slack || v < -slack || u + v > 1 + 2 * slack || t <= 0)
             continue;
         if ((det > 0) == instance->flipped &&
             !scene->materials[instance->material].m.double_sided)
             continue; /* its back, which shines nowhere */
-        sum += (double)emitters_triangle_pdf(scene, &query, i, (float)(t * t), (float)(fabs(det) / length),
-                                             (float)(0.5 * length));
+        sum += (double)emitters_triangle_pdf(scene, query, i, (float)(t * t),
+                                             (float)(fabs(det) / length), (float)(0.5 * length));
     }
     return sum;
 }
@@ -87,12 +112,30 @@ static void lamp(struct scene_builder *b, uint32_t mesh, float emission, int dou
     builder_place(b, mesh, builder_last_material(b), scale, at);
 }
 
+static void find_triangles(struct view *view)
+{
+    const struct emitters *e = &view->scene->emitters;
+
+    assert_true(e->triangle_count <= TRIANGLES_MAX);
+    for (uint32_t i = 0; i < e->triangle_count; i++) {
+        struct vec3 corner[3];
+
+        world_triangle(view->scene, &view->scene->instances[e->triangle_instance[i]],
+                       e->triangle_index[i], 0, corner);
+        for (int k = 0; k < 3; k++)
+            to_doubles(corner[k], view->corner[i][k]);
+    }
+}
+
 static void test_mixture(void **state)
 {
     static const struct vec3 places[PLACES] = {{0, 0, 0}, {1.5f, 0.3f, -0.7f}, {-3, 4, 1}};
+    static const struct vec3 normals[PLACES] = {{0, 0, 0}, {0.6f, 0, 0.8f}, {0.48f, -0.6f, -0.64f}};
+    static const char *const names[SCENES] = {"lamps", "lamps and map", "lamps, map, portals"};
+    static struct scene_portal portals[1] = {{{-1, -1, 4}, {2, 0, 0.5f}, {0, 3, 0}}};
 
     (void)state;
-    for (int with_map = 0; with_map < 2; with_map++) {
+    for (int which = 0; which < SCENES; which++) {
         static float map[16 * 8 * 3];
         struct render_settings settings = builder_settings(8, 8, 4);
         struct render_scene *scene;
@@ -103,21 +146,31 @@ static void test_mixture(void **state)
         quad = builder_quad(&b);
         ball = builder_sphere(&b, 3, 0);
         lamp(&b, quad, 4, 0, vec3_make(1, -1, 0.6f), vec3_make(0, 2, 0));
-        lamp(&b, quad, 2, 1, vec3_make(0.8f, 1, 0.8f), vec3_make(3, -1, 1));
-        lamp(&b, ball, 1, 0, vec3_make(0.7f, 0.9f, 0.7f), vec3_make(-2, 0.5f, -2));
+        if (which < 2)
+            lamp(&b, quad, 2, 1, vec3_make(0.8f, 1, 0.8f), vec3_make(3, -1, 1));
+        if (which < 2)
+            lamp(&b, ball, 1, 0, vec3_make(0.7f, 0.9f, 0.7f), vec3_make(-2, 0.5f, -2));
         builder_camera(&b, vec3_make(0, 0, 9), vec3_splat(0), 0.5f);
-        if (with_map) {
+        if (which > 0) {
             for (int i = 0; i < 16 * 8 * 3; i++)
                 map[i] = 0.1f + (float)(i * 37 % 29) / 29;
             builder_environment_map(&b, map, 16, 8);
         }
+        if (which > 1) {
+            b.scene.environment.portal_count = 1;
+            b.scene.environment.portals = portals;
+        }
         scene = builder_build(&b, &settings);
         for (int i = 0; i < PLACES; i++) {
-            struct view view = {scene, places[i]};
+            static struct view view;
             struct chi_square_setup setup = {.sample = sample, .pdf = density, .user = &view,
                                              .cos_cells = 10, .phi_cells = 20, .samples = 100000,
                                              .seed = 11 + (uint64_t)i, .axis = {0, 1, 0}};
-            assert_true(chi_square_accept(&setup, 0.01, TESTS, with_map ? "lamps and map" : "lamps"));
+
+            view.scene = scene;
+            view.query = (struct light_query){places[i], normals[i], 0};
+            find_triangles(&view);
+            assert_true(chi_square_accept(&setup, 0.01, TESTS, names[which]));
         }
         render_scene_free(scene);
         builder_release(&b);

@@ -393,7 +393,10 @@ status render_scene_new(struct render_scene **out, const struct scene *scene,
         (s = load_instances(w, scene, err)) != STATUS_OK ||
         (s = load_environment(w, scene, blobs, err)) != STATUS_OK ||
         (s = find_bounds(w, scene, err)) != STATUS_OK ||
-        (s = emitters_init(&w->emitters, w, scene->lights, scene->light_count, err)) != STATUS_OK ||
+        (s = emitters_init(&w->emitters, w, scene->lights, scene->light_count,
+                           scene->environment.portals,
+                           scene->environment.present ? scene->environment.portal_count : 0,
+                           err)) != STATUS_OK ||
         (s = build_accel(w, scene, err)) != STATUS_OK) {
         render_scene_free(w);
         return s;

@@ -1,51 +1,131 @@
 #include "worker/render/light/emitters.h"
 
+#include <float.h>
 #include <string.h>
 
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
+#include "worker/render/light/spherical.h"
 #include "worker/render/surface.h"
 #include "worker/render/world.h"
 
-/* The environment's share of the choices where there are other lights. */
-#define ENVIRONMENT_ODDS_MIN 0.25
-#define ENVIRONMENT_ODDS_MAX 0.75
+/* A group's share of the choices where there are others. */
+#define GROUP_ODDS_MIN 0.25
+#define GROUP_ODDS_MAX 0.75
+/* The share of the environment's samples that go through portals, where some can be seen. */
+#define PORTAL_SHARE 0.5f
 
-/* Mean emitted luminance of a triangle, from a fixed pattern of points where it is textured.
- * A point that the pattern misses is not lost: the BSDF finds it, and MIS knows (pdf 0). */
+/* An emissive texture is averaged over a triangle on a pattern about as fine as the texels of
+ * an image of TEXELS_A_SIDE; what the pattern misses counts as at least this much of the
+ * material's factor, so that no lit spot is ever without odds. */
+enum { TEXELS_A_SIDE = 1024, PATTERN_MIN = 4, PATTERN_MAX = 48 };
+#define UNSEEN_EMISSION 1e-4
+
+/* ---- weighing ---------------------------------------------------------------------------- */
+
+static uint32_t pattern_side(const struct world_slot *slot, const struct world_mesh *mesh,
+                             const uint32_t vertex[3])
+{
+    const float *uv = mesh->uv[slot->uv_set];
+    float longest = 0, side;
+
+    for (int k = 0; uv && k < 3; k++)
+        for (int axis = 0; axis < 2; axis++) {
+            const float *a = uv + 2 * (size_t)vertex[k], *b = uv + 2 * (size_t)vertex[(k + 1) % 3];
+            float du = b[0] - a[0], dv = b[1] - a[1];
+
+            longest = float_max(longest,
+                                fabsf(slot->m[axis][0] * du + slot->m[axis][1] * dv));
+        }
+    side = longest * TEXELS_A_SIDE;
+    return side >= PATTERN_MAX ? PATTERN_MAX : side > PATTERN_MIN ? (uint32_t)side : PATTERN_MIN;
+}
+
+/* Mean emitted luminance of a triangle. */
 static double triangle_luminance(const struct world_material *material,
                                  const struct world_mesh *mesh, const uint32_t vertex[3])
 {
-    enum { SIDE = 4 };
-    double sum = 0;
-    int n = 0;
+    double whole = (double)vec3_luminance(vec3_make(
+               material->m.emission[0], material->m.emission[1], material->m.emission[2])),
+           sum = 0;
+    uint32_t side, n = 0;
 
     if (!material->emission.image)
-        return (double)vec3_luminance(vec3_make(material->m.emission[0], material->m.emission[1],
-                                                material->m.emission[2]));
-    for (int i = 0; i < SIDE; i++)
-        for (int j = 0; j < SIDE - i; j++, n++) {
-            float b1 = ((float)i + 1.0f / 3) / SIDE, b2 = ((float)j + 1.0f / 3) / SIDE;
+        return whole;
+    side = pattern_side(&material->emission, mesh, vertex);
+    for (uint32_t i = 0; i < side; i++)
+        for (uint32_t j = 0; j < side - i; j++, n++) {
+            float b1 = ((float)i + 1.0f / 3) / (float)side;
+            float b2 = ((float)j + 1.0f / 3) / (float)side;
+
             sum += (double)vec3_luminance(world_emission(material, mesh, vertex, b1, b2));
         }
-    return sum / n;
+    sum /= n;
+    return sum > UNSEEN_EMISSION * whole ? sum : UNSEEN_EMISSION * whole;
 }
 
-static double triangle_area(const struct vec3 c[3])
+static void bounds_add_point(struct light_bounds *b, struct vec3 p)
 {
-    return 0.5 * (double)vec3_length(vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0])));
+    b->min = vec3_make(float_min(b->min.x, p.x), float_min(b->min.y, p.y),
+                       float_min(b->min.z, p.z));
+    b->max = vec3_make(float_max(b->max.x, p.x), float_max(b->max.y, p.y),
+                       float_max(b->max.z, p.z));
 }
 
-static double punctual_power(const struct scene_light *light, double radius)
+/* Twice the area as a vector, of the triangle with its first edge from one moment and its
+ * second from another. */
+static struct vec3 crossed(const struct vec3 a[3], const struct vec3 b[3])
 {
-    double intensity = (double)vec3_luminance(
-        vec3_make(light->intensity[0], light->intensity[1], light->intensity[2]));
+    return vec3_cross(vec3_sub(a[1], a[0]), vec3_sub(b[2], b[0]));
+}
 
-    switch (light->kind) {
-    case LIGHT_DIRECTIONAL: return intensity * PI_D * radius * radius;
-    case LIGHT_SPOT: return intensity * 2 * PI_D * (1 - (double)det_cos(light->outer_cone_rad));
-    default: return intensity * 4 * PI_D;
+/* Normals of a triangle whose corners move along straight lines are combinations, with positive
+ * weights, of those at both ends and of the mean of the mixed ones (Bernstein's form): a
+ * cone of less than a right angle around all those holds every normal in between. */
+static void cone_add_normal(struct light_bounds *b, struct vec3 doubled)
+{
+    struct vec3 normal = vec3_normalize(doubled);
+    float cosine;
+
+    if (vec3_is_black(normal))
+        return;
+    if (vec3_is_black(b->axis)) {
+        b->axis = normal;
+        return;
     }
+    cosine = vec3_dot(b->axis, normal);
+    b->spread_rad = float_max(b->spread_rad, cosine >= 1 - 1e-6f ? 0 : det_acos(cosine) + 1e-3f);
+}
+
+/* Where a triangle is and which way it faces while the shutter is open; its largest area. */
+static float triangle_bounds(const struct render_scene *scene,
+                             const struct world_instance *instance, uint32_t triangle,
+                             struct light_bounds *b)
+{
+    uint32_t steps = instance->motion_steps > 1 ? instance->motion_steps : 1;
+    float sign = instance->flipped ? -1.0f : 1.0f, doubled_area = 0;
+    struct vec3 before[3] = {{0, 0, 0}};
+
+    b->min = vec3_splat(INFINITY);
+    b->max = vec3_splat(-INFINITY);
+    for (uint32_t k = 0; k < steps; k++) {
+        float time = steps > 1 ? (float)k / (float)(steps - 1) : 0;
+        struct vec3 corner[3], doubled;
+
+        world_triangle(scene, instance, triangle, time, corner);
+        for (int c = 0; c < 3; c++)
+            bounds_add_point(b, corner[c]);
+        doubled = crossed(corner, corner);
+        cone_add_normal(b, vec3_scale(doubled, sign));
+        if (k > 0)
+            cone_add_normal(b, vec3_scale(vec3_add(crossed(before, corner),
+                                                   crossed(corner, before)), sign));
+        doubled_area = float_max(doubled_area, vec3_length(doubled));
+        memcpy(before, corner, sizeof before);
+    }
+    if (b->spread_rad >= PI_F / 2)
+        b->spread_rad = PI_F;
+    return 0.5f * doubled_area;
 }
 
 /* First pass: number the emissive instances' triangles. */
@@ -65,11 +145,19 @@ static uint64_t count_triangles(struct render_scene *scene)
     return total;
 }
 
-/* Weights of all triangles into power[]; returns their sum. */
-static double weigh_triangles(struct emitters *e, const struct render_scene *scene, double *power)
+/* Intensities in double, so that sums of the largest floats hold. */
+struct weights {
+    struct light_bounds *bounds; /* [count] of the tree's items */
+    double *intensity;           /* [count] */
+    uint32_t count;
+    double local_power, directional_power;
+};
+
+/* Bounds of all triangles, from `next` on. */
+static void weigh_triangles(struct emitters *e, const struct render_scene *scene, struct weights *w,
+                            uint32_t next)
 {
-    double sum = 0;
-    uint32_t next = 0;
+    uint32_t at = 0;
 
     for (uint32_t i = 0; i < scene->instance_count; i++) {
         const struct world_instance *instance = &scene->instances[i];
@@ -77,49 +165,112 @@ static double weigh_triangles(struct emitters *e, const struct render_scene *sce
         const struct world_material *material = &scene->materials[instance->material];
         if (instance->light_base < 0)
             continue;
-        for (uint32_t t = 0; t < mesh->triangle_count; t++, next++) {
-            struct vec3 corner[3];
-            double weight;
-            world_triangle(scene, instance, t, 0, corner);
-            weight = triangle_area(corner) * PI_D *
-                     triangle_luminance(material, mesh, world_vertices(mesh, t)) *
-                     (material->m.double_sided ? 2 : 1);
-            power[next] = weight > 0 && isfinite(weight) ? weight : 0;
-            sum += power[next];
-            e->triangle_instance[next] = i;
-            e->triangle_index[next] = t;
+        for (uint32_t t = 0; t < mesh->triangle_count; t++, at++) {
+            struct light_bounds *b = &w->bounds[next + at];
+            double intensity;
+
+            b->area = triangle_bounds(scene, instance, t, b);
+            b->emission_rad = PI_F / 2;
+            b->reach = INFINITY;
+            b->lamp = i;
+            b->two_sided = material->m.double_sided;
+            intensity = (double)b->area *
+                        triangle_luminance(material, mesh, world_vertices(mesh, t));
+            w->intensity[next + at] = intensity > 0 && isfinite(intensity) ? intensity : 0;
+            w->local_power += w->intensity[next + at] * PI_D * (b->two_sided ? 2 : 1);
+            e->triangle_instance[at] = i;
+            e->triangle_index[at] = t;
         }
     }
-    return sum;
 }
 
-static void fill_cdf(struct emitters *e, const double *power, double environment_odds, double sum)
+/* The directional lights to the front, each with its share; bounds of the others. */
+static void weigh_punctual(struct emitters *e, const struct render_scene *scene,
+                           const struct scene_light *lights, struct weights *w)
 {
-    uint32_t at = 0, last = 0, locals = e->punctual_count + e->triangle_count;
-    double accumulated = 0;
+    double radius = (double)scene->bounds_radius, sum = 0;
+    uint32_t at = 0;
 
-    if (e->has_environment) {
-        accumulated = environment_odds;
-        e->cdf[at++] = (float)accumulated;
-    }
-    for (uint32_t i = 0; i < locals; i++, at++) {
-        if (power[i] > 0) {
-            accumulated += power[i] / sum * (1 - (e->has_environment ? environment_odds : 0));
-            last = at;
+    for (int directional = 1; directional >= 0; directional--)
+        for (uint32_t i = 0; i < e->punctual_count; i++)
+            if ((lights[i].kind == LIGHT_DIRECTIONAL) == directional)
+                punctual_init(&e->punctual[at++], &lights[i],
+                              lights[i].image >= 0 ? scene->images[lights[i].image] : NULL);
+    for (uint32_t i = 0; i < e->punctual_count; i++) {
+        double power = punctual_power(&e->punctual[i], radius);
+
+        power = power > 0 && isfinite(power) ? power : 0;
+        if (i < e->directional_count) {
+            w->directional_power += power;
+        } else {
+            struct light_bounds *b = &w->bounds[i - e->directional_count];
+
+            punctual_bounds(&e->punctual[i], b);
+            w->intensity[i - e->directional_count] = power > 0 ? (double)b->intensity : 0;
+            w->local_power += power;
         }
-        e->cdf[at] = (float)(accumulated < 1 ? accumulated : 1);
     }
-    for (uint32_t i = last; i < e->count; i++)
-        e->cdf[i] = 1;
+    for (uint32_t i = 0; i < e->directional_count; i++) {
+        double power = punctual_power(&e->punctual[i], radius);
+
+        e->directional_start[i] = w->directional_power > 0 ? (float)(sum / w->directional_power) : 0;
+        sum += power > 0 && isfinite(power) ? power : 0;
+    }
+    e->directional_start[e->directional_count] = 1;
+}
+
+static double bounded_share(double part, double rest)
+{
+    double share;
+
+    if (!(part > 0) || !(rest > 0))
+        return part > 0;
+    share = part / (part + rest);
+    return share < GROUP_ODDS_MIN ? GROUP_ODDS_MIN : share > GROUP_ODDS_MAX ? GROUP_ODDS_MAX : share;
+}
+
+static void share_groups(struct emitters *e, const struct render_scene *scene,
+                         const struct weights *w)
+{
+    double radius = (double)scene->bounds_radius, environment = 0, share, directional;
+
+    if (e->has_environment)
+        environment = 4 * PI_D * PI_D * radius * radius *
+                      (double)environment_mean_luminance(scene->environment);
+    /* The faintest environment is sampled too. */
+    environment = e->has_environment && !(environment > 0) ? DBL_MIN : environment;
+    share = bounded_share(environment, w->directional_power + w->local_power);
+    directional = bounded_share(w->directional_power, w->local_power);
+    e->environment_odds = (float)share;
+    e->directional_odds =
+        w->local_power > 0 ? (float)((1 - share) * directional)
+        : w->directional_power > 0 ? 1 - e->environment_odds : 0;
+    e->local_odds = w->local_power > 0 ? 1 - e->environment_odds - e->directional_odds : 0;
+    if (share > 0 || w->directional_power > 0 || w->local_power > 0)
+        e->count = e->punctual_count + e->triangle_count + (uint32_t)e->has_environment;
+}
+
+static status grow_tree(struct emitters *e, struct weights *w, struct error *err)
+{
+    double largest = 0;
+
+    for (uint32_t i = 0; i < w->count; i++)
+        largest = w->intensity[i] > largest ? w->intensity[i] : largest;
+    for (uint32_t i = 0; i < w->count; i++) {
+        float relative = largest > 0 ? (float)(w->intensity[i] / largest) : 0;
+
+        w->bounds[i].intensity = w->intensity[i] > 0 ? float_max(relative, FLT_MIN) : 0;
+    }
+    return light_tree_init(&e->tree, w->bounds, w->count, err);
 }
 
 status emitters_init(struct emitters *e, struct render_scene *scene,
-                     const struct scene_light *lights, uint32_t light_count, struct error *err)
+                     const struct scene_light *lights, uint32_t light_count,
+                     const struct scene_portal *portals, uint32_t portal_count, struct error *err)
 {
     uint64_t triangles = count_triangles(scene);
-    double *power = NULL, sum = 0, environment_power = 0, odds = 1;
-    double radius = (double)scene->bounds_radius;
-    uint32_t locals;
+    struct weights w = {0};
+    status s;
 
     memset(e, 0, sizeof *e);
     if (triangles > INT32_MAX)
@@ -127,159 +278,140 @@ status emitters_init(struct emitters *e, struct render_scene *scene,
                          (unsigned long long)triangles);
     e->triangle_count = (uint32_t)triangles;
     e->punctual_count = light_count;
+    for (uint32_t i = 0; i < light_count; i++)
+        e->directional_count += lights[i].kind == LIGHT_DIRECTIONAL;
     e->has_environment = scene->environment && !environment_is_black(scene->environment) &&
                          scene->settings.env_sampling != ENV_SAMPLING_BSDF;
-    locals = e->punctual_count + e->triangle_count;
-    power = mem_calloc(locals, sizeof *power);
+    w.count = light_count - e->directional_count + e->triangle_count;
+    w.bounds = mem_calloc(w.count, sizeof *w.bounds);
+    w.intensity = mem_calloc(w.count, sizeof *w.intensity);
     e->punctual = mem_calloc(light_count, sizeof *e->punctual);
+    e->directional_start = mem_calloc((size_t)e->directional_count + 1,
+                                      sizeof *e->directional_start);
     e->triangle_instance = mem_alloc_array(e->triangle_count, sizeof *e->triangle_instance);
     e->triangle_index = mem_alloc_array(e->triangle_count, sizeof *e->triangle_index);
-    e->cdf = mem_calloc((size_t)locals + 1, sizeof *e->cdf);
-    if (!power || !e->punctual || !e->triangle_instance || !e->triangle_index || !e->cdf) {
-        mem_free(power);
+    if (!w.bounds || !w.intensity || !e->punctual || !e->directional_start ||
+        !e->triangle_instance || !e->triangle_index) {
+        s = error_no_memory(err, "the table of lights");
+        goto done;
+    }
+    weigh_punctual(e, scene, lights, &w);
+    weigh_triangles(e, scene, &w, light_count - e->directional_count);
+    share_groups(e, scene, &w);
+    s = grow_tree(e, &w, err);
+    if (s == STATUS_OK && e->has_environment)
+        s = portals_init(&e->portals, portals, portal_count, err);
+done:
+    mem_free(w.bounds);
+    mem_free(w.intensity);
+    if (s != STATUS_OK)
         emitters_release(e);
-        return error_no_memory(err, "the table of lights");
-    }
-    for (uint32_t i = 0; i < light_count; i++) {
-        double weight = punctual_power(&lights[i], radius);
-        e->punctual[i] = lights[i];
-        power[i] = weight > 0 && isfinite(weight) ? weight : 0;
-        sum += power[i];
-    }
-    sum += weigh_triangles(e, scene, power + light_count);
-    if (e->has_environment) {
-        environment_power = 4 * PI_D * PI_D * radius * radius *
-                            (double)environment_mean_luminance(scene->environment);
-        if (sum > 0) {
-            odds = environment_power / (environment_power + sum);
-            odds = odds < ENVIRONMENT_ODDS_MIN ? ENVIRONMENT_ODDS_MIN : odds;
-            odds = odds > ENVIRONMENT_ODDS_MAX ? ENVIRONMENT_ODDS_MAX : odds;
-        }
-    }
-    if (sum > 0 || e->has_environment) {
-        e->count = locals + (uint32_t)e->has_environment;
-        fill_cdf(e, power, odds, sum > 0 ? sum : 1);
-    }
-    mem_free(power);
-    return STATUS_OK;
+    return s;
 }
 
 void emitters_release(struct emitters *e)
 {
-    mem_free(e->cdf);
+    portals_release(&e->portals);
+    light_tree_release(&e->tree);
+    mem_free(e->directional_start);
     mem_free(e->punctual);
     mem_free(e->triangle_instance);
     mem_free(e->triangle_index);
     memset(e, 0, sizeof *e);
 }
 
-static float odds_of(const struct emitters *e, uint32_t index)
-{
-    return index ? e->cdf[index] - e->cdf[index - 1] : e->cdf[0];
-}
+/* ---- the environment --------------------------------------------------------------------- */
 
-static float environment_odds(const struct emitters *e)
+/* Density of a direction, given the map's. */
+static float with_portals(const struct emitters *e, const struct light_query *query,
+                          struct vec3 direction, float map_pdf)
 {
-    return e->has_environment ? e->cdf[0] : 0;
-}
+    float portal_pdf;
 
-float emitters_environment_pdf(const struct render_scene *scene, const struct light_query *query,
-                               struct vec3 direction)
-{
-    (void)query;
-    return scene->emitters.has_environment
-               ? environment_pdf(scene->environment, direction) * environment_odds(&scene->emitters)
-               : 0;
+    if (e->portals.count == 0)
+        return map_pdf;
+    portal_pdf = portals_pdf(&e->portals, query->p, query->n, direction);
+    return portal_pdf < 0 ? map_pdf : (1 - PORTAL_SHARE) * map_pdf + PORTAL_SHARE * portal_pdf;
 }
 
 struct vec3 emitters_environment(const struct render_scene *scene, const struct light_query *query,
                                  struct vec3 direction, float *pdf)
 {
+    const struct emitters *e = &scene->emitters;
     struct vec3 radiance;
 
-    (void)query;
-    if (!scene->emitters.has_environment) {
-        *pdf = 0;
+    *pdf = 0;
+    if (!scene->environment)
+        return vec3_splat(0);
+    if (!e->has_environment)
         return environment_radiance(scene->environment, direction);
-    }
     radiance = environment_radiance_pdf(scene->environment, direction, pdf);
-    *pdf *= environment_odds(&scene->emitters);
+    *pdf = with_portals(e, query, direction, *pdf) * e->environment_odds;
     return radiance;
 }
+
+float emitters_environment_pdf(const struct render_scene *scene, const struct light_query *query,
+                               struct vec3 direction)
+{
+    float pdf;
+
+    (void)emitters_environment(scene, query, direction, &pdf);
+    return pdf;
+}
+
+/* Where the part of [0, 1) that begins at `start` and is `size` long contains the number. What
+ * is left of a number is as good as a new one. */
+static float rescaled(float number, float start, float size)
+{
+    return float_min(float_max((number - start) / size, 0), ONE_MINUS_EPSILON);
+}
+
+static int sample_environment(const struct render_scene *scene, const struct light_query *query,
+                              float u, float v, struct light_sample *out)
+{
+    const struct emitters *e = &scene->emitters;
+    float map_pdf;
+
+    out->delta = 0;
+    out->distance = INFINITY;
+    if (e->portals.count == 0 || !portals_visible(&e->portals, query->p, query->n)) {
+        if (!environment_sample(scene->environment, u, v, &out->direction, &out->radiance,
+                                &out->pdf))
+            return 0;
+        out->pdf *= e->environment_odds;
+        return out->pdf > 0;
+    }
+    if (u < PORTAL_SHARE) {
+        if (!portals_sample(&e->portals, query->p, query->n, rescaled(u, 0, PORTAL_SHARE), v,
+                            &out->direction))
+            return 0;
+        out->radiance = emitters_environment(scene, query, out->direction, &out->pdf);
+        return out->pdf > 0;
+    }
+    if (!environment_sample(scene->environment, rescaled(u, PORTAL_SHARE, 1 - PORTAL_SHARE), v,
+                            &out->direction, &out->radiance, &map_pdf))
+        return 0;
+    out->pdf = with_portals(e, query, out->direction, map_pdf) * e->environment_odds;
+    return out->pdf > 0;
+}
+
+/* ---- lights with a place ----------------------------------------------------------------- */
 
 float emitters_triangle_pdf(const struct render_scene *scene, const struct light_query *query,
                             uint32_t light, float distance_squared, float cosine, float area)
 {
     const struct emitters *e = &scene->emitters;
-    uint32_t index = light + e->punctual_count + (uint32_t)e->has_environment;
-    float denominator = cosine * area;
+    float denominator = cosine * area, odds;
 
-    (void)query;
-    if (e->count == 0 || !(denominator > 0))
+    if (e->tree.node_count == 0 || !(denominator > 0))
         return 0;
-    return odds_of(e, index) * distance_squared / denominator;
-}
-
-/* The first candidate whose accumulated probability exceeds u. */
-static uint32_t choose(const struct emitters *e, float u)
-{
-    uint32_t low = 0, high = e->count - 1;
-
-    while (low < high) {
-        uint32_t middle = low + (high - low) / 2;
-        if (e->cdf[middle] > u)
-            high = middle;
-        else
-            low = middle + 1;
-    }
-    return low;
-}
-
-/* Windowed inverse-square falloff (KHR_lights_punctual). */
-static float range_window(float distance, float range)
-{
-    float q;
-
-    if (range <= 0)
-        return 1;
-    q = distance / range;
-    q = 1 - q * q * q * q;
-    return q < 0 ? 0 : q > 1 ? 1 : q;
-}
-
-static int sample_punctual(const struct scene_light *light, struct vec3 p, struct light_sample *out)
-{
-    struct vec3 axis = {light->direction[0], light->direction[1], light->direction[2]};
-    float distance_squared, scale;
-
-    out->delta = 1;
-    out->radiance = vec3_make(light->intensity[0], light->intensity[1], light->intensity[2]);
-    if (light->kind == LIGHT_DIRECTIONAL) {
-        out->direction = vec3_neg(axis);
-        out->distance = INFINITY;
-        return 1;
-    }
-    out->direction =
-        vec3_sub(vec3_make(light->position[0], light->position[1], light->position[2]), p);
-    distance_squared = vec3_length_squared(out->direction);
-    if (!(distance_squared > 0) || !isfinite(distance_squared))
-        return 0;
-    out->distance = sqrtf(distance_squared);
-    out->direction = vec3_scale(out->direction, 1 / out->distance);
-    scale = range_window(out->distance, light->range) / distance_squared;
-    if (light->kind == LIGHT_SPOT) {
-        float cos_inner = det_cos(light->inner_cone_rad), cos_outer = det_cos(light->outer_cone_rad);
-        float cos_angle = -vec3_dot(axis, out->direction);
-        float span = float_max(0.001f, cos_inner - cos_outer);
-        float fade = float_min(1, float_max(0, (cos_angle - cos_outer) / span));
-        scale *= fade * fade;
-    }
-    out->radiance = vec3_scale(out->radiance, scale);
-    return scale > 0 && isfinite(scale);
+    odds = light_tree_odds(&e->tree, query->p, query->n,
+                           light + e->punctual_count - e->directional_count);
+    return e->local_odds * odds * distance_squared / denominator;
 }
 
 static int sample_triangle(const struct render_scene *scene, uint32_t light,
-                           const struct light_query *query, float u, float v,
+                           const struct light_query *query, float u, float v, float odds,
                            struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
@@ -321,7 +453,9 @@ static int sample_triangle(const struct render_scene *scene, uint32_t light,
     out->distance = sqrtf(distance_squared);
     out->direction = vec3_scale(to_light, 1 / out->distance);
     cosine = fabsf(vec3_dot(normal, out->direction));
-    out->pdf = emitters_triangle_pdf(scene, query, light, distance_squared, cosine, 0.5f * double_area);
+    if (!(cosine > 0))
+        return 0;
+    out->pdf = odds * distance_squared / (cosine * (0.5f * double_area));
     out->radiance = world_emission(material, mesh, world_vertices(mesh, triangle), b1, b2);
     out->delta = 0;
     if (material->flags & MATERIAL_ALPHA) {
@@ -334,32 +468,53 @@ static int sample_triangle(const struct render_scene *scene, uint32_t light,
     return out->pdf > 0 && isfinite(out->pdf);
 }
 
+static int sample_punctual(const struct punctual *light, const struct light_query *query,
+                           float odds, struct light_sample *out)
+{
+    out->delta = 1;
+    out->pdf = odds;
+    return odds > 0 && punctual_sample(light, query->p, &out->direction, &out->distance,
+                                       &out->radiance);
+}
+
+static int sample_directional(const struct emitters *e, const struct light_query *query, float u,
+                              struct light_sample *out)
+{
+    const float *start = e->directional_start;
+    uint32_t low = 0, high = e->directional_count;
+
+    /* The last that begins at or before u: start[low] <= u < start[high]. */
+    while (high - low > 1) {
+        uint32_t middle = low + (high - low) / 2;
+
+        if (start[middle] <= u)
+            low = middle;
+        else
+            high = middle;
+    }
+    return sample_punctual(&e->punctual[low], query,
+                           e->directional_odds * (start[low + 1] - start[low]), out);
+}
+
 int emitters_sample(const struct render_scene *scene, const struct light_query *query, float u,
                     float v, struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
-    uint32_t index = choose(e, u);
-    float begin = index > 0 ? e->cdf[index - 1] : 0, odds = e->cdf[index] - begin;
+    uint32_t item, punctual = e->punctual_count - e->directional_count;
+    float odds;
 
-    if (!(odds > 0))
+    if (u < e->environment_odds)
+        return sample_environment(scene, query, rescaled(u, 0, e->environment_odds), v, out);
+    u -= e->environment_odds;
+    if (u < e->directional_odds)
+        return sample_directional(e, query, rescaled(u, 0, e->directional_odds), out);
+    if (e->tree.node_count == 0)
         return 0;
-    /* What is left of the number is as good as a new one. */
-    u = float_min(float_max((u - begin) / odds, 0), 0x1.fffffep-1f);
-    if (e->has_environment) {
-        if (index == 0) {
-            out->delta = 0;
-            out->distance = INFINITY;
-            if (!environment_sample(scene->environment, u, v, &out->direction, &out->radiance,
-                                    &out->pdf))
-                return 0;
-            out->pdf *= e->cdf[0];
-            return out->pdf > 0;
-        }
-        index--;
-    }
-    if (index < e->punctual_count) {
-        out->pdf = odds;
-        return sample_punctual(&e->punctual[index], query->p, out);
-    }
-    return sample_triangle(scene, index - e->punctual_count, query, u, v, out);
+    u = rescaled(u, e->directional_odds, e->local_odds);
+    if (!light_tree_choose(&e->tree, query->p, query->n, &u, &v, &item, &odds))
+        return 0;
+    odds *= e->local_odds;
+    if (item < punctual)
+        return sample_punctual(&e->punctual[e->directional_count + item], query, odds, out);
+    return sample_triangle(scene, item - punctual, query, u, v, odds, out);
 }

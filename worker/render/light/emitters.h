@@ -1,9 +1,11 @@
 /* emitters: every light that next-event estimation may choose, and the odds of each.
  *
- * The candidates are, in this order: the environment (if it is sampled), the punctual
- * lights, the triangles of emissive instances. One uniform number picks one of them by
- * estimated power; the environment's share is kept within bounds where there are others,
+ * Three groups share the choices with fixed odds: the environment (if it is sampled), the
+ * directional lights, and everything that has a place: the other punctual lights and the
+ * triangles of emissive instances, among which a tree chooses by what they can do at the point
+ * that asks (worker/render/light/tree.h). Groups share by power, but each within bounds,
  * because power says nothing about which light a point can see.
+ * The environment is sampled by its map, or through the scene's portals, or both by halves.
  */
 #ifndef AZULEJO_RENDER_EMITTERS_H
 #define AZULEJO_RENDER_EMITTERS_H
@@ -13,17 +15,24 @@
 #include "common/base/status.h"
 #include "common/math/vec.h"
 #include "common/scene/scene.h"
+#include "worker/render/light/portals.h"
+#include "worker/render/light/punctual.h"
+#include "worker/render/light/tree.h"
 
 struct render_scene;
 
 struct emitters {
-    uint32_t count;               /* candidates; 0: nothing to sample */
+    uint32_t count;               /* lights; 0: nothing to sample */
     uint32_t punctual_count, triangle_count;
     int has_environment;
-    float *cdf;                   /* [count], accumulated probability, last is 1 */
-    struct scene_light *punctual; /* [punctual_count] */
+    float environment_odds, directional_odds, local_odds; /* of the groups; their sum is 1 */
+    struct punctual *punctual;    /* [punctual_count], the directional ones first */
+    uint32_t directional_count;
+    float *directional_start;     /* [directional_count + 1] where each one's share begins */
+    struct light_tree tree;       /* items: punctual lights with a place, then the triangles */
     uint32_t *triangle_instance;  /* [triangle_count] */
     uint32_t *triangle_index;     /* [triangle_count] */
+    struct portals portals;
 };
 
 /* A light seen from a point. */
@@ -36,9 +45,11 @@ struct light_sample {
     int delta;             /* punctual: the BSDF cannot find it, no MIS */
 };
 
-/* Needs the scene's instances, materials, environment and bounding sphere. */
+/* Needs the scene's instances (with their motion), materials, images, environment and bounding
+ * sphere. `lights`: as they stand in the frame. Portals are of use only with an environment. */
 status emitters_init(struct emitters *e, struct render_scene *scene,
                      const struct scene_light *lights, uint32_t light_count,
+                     const struct scene_portal *portals, uint32_t portal_count,
                      struct error *err) MUST_CHECK;
 void emitters_release(struct emitters *e);
 

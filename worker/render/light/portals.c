@@ -1,0 +1,137 @@
+#include "worker/render/light/portals.h"
+
+#include <string.h>
+
+#include "common/base/memory.h"
+#include "worker/render/light/spherical.h"
+
+status portals_init(struct portals *p, const struct scene_portal *portals, uint32_t count,
+                    struct error *err)
+{
+    memset(p, 0, sizeof *p);
+    if (count == 0)
+        return STATUS_OK;
+    p->corners = mem_alloc_array(count, sizeof *p->corners);
+    if (!p->corners)
+        return error_no_memory(err, "the portals");
+    p->count = count;
+    for (uint32_t i = 0; i < count; i++) {
+        const float *c = portals[i].corner, *e = portals[i].edge1, *f = portals[i].edge2;
+        struct vec3 corner = {c[0], c[1], c[2]}, edge1 = {e[0], e[1], e[2]},
+                    edge2 = {f[0], f[1], f[2]};
+
+        p->corners[i][0] = corner;
+        p->corners[i][1] = vec3_add(corner, edge1);
+        p->corners[i][2] = vec3_add(vec3_add(corner, edge1), edge2);
+        p->corners[i][3] = vec3_add(corner, edge2);
+    }
+    return STATUS_OK;
+}
+
+void portals_release(struct portals *p)
+{
+    mem_free(p->corners);
+    memset(p, 0, sizeof *p);
+}
+
+static int is_above(const struct vec3 corner[4], struct vec3 p, struct vec3 n)
+{
+    if (vec3_is_black(n))
+        return 1;
+    for (int k = 0; k < 4; k++)
+        if (vec3_dot(vec3_sub(corner[k], p), n) > 0)
+            return 1;
+    return 0;
+}
+
+/* Both halves of a portal; its solid angle, 0 where it is below the horizon. */
+static float halves(const struct vec3 corner[4], struct vec3 p, struct vec3 n,
+                    struct spherical_triangle half[2])
+{
+    if (!is_above(corner, p, n))
+        return 0;
+    /* The corners that both share lie at the ends of the sampled arcs' first side. */
+    spherical_triangle_init(&half[0], p, corner[0], corner[1], corner[2]);
+    spherical_triangle_init(&half[1], p, corner[0], corner[2], corner[3]);
+    return half[0].solid_angle + half[1].solid_angle;
+}
+
+static float solid_angle(const struct portals *portals, struct vec3 p, struct vec3 n)
+{
+    struct spherical_triangle half[2];
+    float sum = 0;
+
+    for (uint32_t i = 0; i < portals->count; i++)
+        sum += halves(portals->corners[i], p, n, half);
+    return sum;
+}
+
+int portals_visible(const struct portals *portals, struct vec3 p, struct vec3 n)
+{
+    struct spherical_triangle half[2];
+
+    for (uint32_t i = 0; i < portals->count; i++)
+        if (halves(portals->corners[i], p, n, half) > 0)
+            return 1;
+    return 0;
+}
+
+int portals_sample(const struct portals *portals, struct vec3 p, struct vec3 n, float u, float v,
+                   struct vec3 *direction)
+{
+    float target = u * solid_angle(portals, p, n), before = 0;
+    struct spherical_triangle half[2], chosen = {0};
+    int found = 0;
+
+    for (uint32_t i = 0; i < portals->count; i++) {
+        if (!(halves(portals->corners[i], p, n, half) > 0))
+            continue;
+        for (int k = 0; k < 2; k++) {
+            if (!(half[k].solid_angle > 0))
+                continue;
+            if (found && target < before + chosen.solid_angle)
+                goto done;
+            before += found ? chosen.solid_angle : 0;
+            chosen = half[k];
+            found = 1;
+        }
+    }
+    if (!found)
+        return 0;
+done:
+    u = (target - before) / chosen.solid_angle;
+    u = float_min(float_max(u, 0), ONE_MINUS_EPSILON);
+    return spherical_triangle_sample(&chosen, u, v, direction);
+}
+
+/* Does the ray from p cross the parallelogram? */
+static int crosses(const struct vec3 corner[4], struct vec3 p, struct vec3 direction)
+{
+    struct dvec3 e1 = dvec3_between(corner[0], corner[1]), e2 = dvec3_between(corner[0], corner[3]);
+    struct dvec3 s = dvec3_between(corner[0], p), q = dvec3_cross(s, e1);
+    struct dvec3 d = {(double)direction.x, (double)direction.y, (double)direction.z};
+    struct dvec3 h = dvec3_cross(d, e2);
+    double det = dvec3_dot(e1, h), u, v;
+
+    if (det == 0)
+        return 0;
+    u = dvec3_dot(s, h) / det;
+    v = dvec3_dot(d, q) / det;
+    return u >= 0 && u <= 1 && v >= 0 && v <= 1 && dvec3_dot(e2, q) / det > 0;
+}
+
+float portals_pdf(const struct portals *portals, struct vec3 p, struct vec3 n,
+                  struct vec3 direction)
+{
+    struct spherical_triangle half[2];
+    float sum = 0, crossed = 0;
+
+    for (uint32_t i = 0; i < portals->count; i++) {
+        float seen = halves(portals->corners[i], p, n, half);
+
+        sum += seen;
+        if (seen > 0 && crosses(portals->corners[i], p, direction))
+            crossed++;
+    }
+    return sum > 0 ? crossed / sum : -1;
+}

@@ -1,0 +1,122 @@
+/* spherical: a triangle as a point sees it, and directions uniform within it.
+ *
+ * Arvo 1995, "Stratified Sampling of Spherical Triangles", in a form without cancellation, so
+ * that it holds for triangles as small as numbers allow: the sub-triangle of a given area is
+ * found from tan(E/2) = tan(a/2) tan(b/2) sin C / (1 + tan(a/2) tan(b/2) cos C), E the
+ * spherical excess over two sides and the angle between them. In double; the only elementary
+ * functions are one arc tangent for the area and one sine and cosine a sample.
+ */
+#ifndef AZULEJO_RENDER_SPHERICAL_H
+#define AZULEJO_RENDER_SPHERICAL_H
+
+#include <math.h>
+
+#include "common/math/elementary.h"
+#include "common/math/vec.h"
+
+struct dvec3 {
+    double x, y, z;
+};
+
+struct spherical_triangle {
+    struct dvec3 a, b, c; /* from the point to the corners, metres */
+    double la, lb, lc;    /* their lengths */
+    float solid_angle;    /* 0: seen edge on, or the point is a corner */
+};
+
+static inline struct dvec3 dvec3_between(struct vec3 from, struct vec3 to)
+{
+    return (struct dvec3){(double)to.x - (double)from.x, (double)to.y - (double)from.y,
+                          (double)to.z - (double)from.z};
+}
+static inline double dvec3_dot(struct dvec3 a, struct dvec3 b)
+{
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+static inline struct dvec3 dvec3_sub(struct dvec3 a, struct dvec3 b)
+{
+    return (struct dvec3){a.x - b.x, a.y - b.y, a.z - b.z};
+}
+static inline struct dvec3 dvec3_cross(struct dvec3 a, struct dvec3 b)
+{
+    return (struct dvec3){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+static inline struct dvec3 dvec3_scale(struct dvec3 a, double s)
+{
+    return (struct dvec3){a.x * s, a.y * s, a.z * s};
+}
+/* a + b * s */
+static inline struct dvec3 dvec3_mad(struct dvec3 a, struct dvec3 b, double s)
+{
+    return (struct dvec3){a.x + b.x * s, a.y + b.y * s, a.z + b.z * s};
+}
+
+/* Van Oosterom and Strackee 1983. */
+static inline void spherical_triangle_init(struct spherical_triangle *t, struct vec3 p,
+                                           struct vec3 a, struct vec3 b, struct vec3 c)
+{
+    double volume, rest;
+
+    t->a = dvec3_between(p, a);
+    t->b = dvec3_between(p, b);
+    t->c = dvec3_between(p, c);
+    t->la = sqrt(dvec3_dot(t->a, t->a));
+    t->lb = sqrt(dvec3_dot(t->b, t->b));
+    t->lc = sqrt(dvec3_dot(t->c, t->c));
+    volume = fabs(
+        dvec3_dot(t->a, dvec3_cross(dvec3_sub(t->b, t->a), dvec3_sub(t->c, t->a))));
+    rest = t->la * t->lb * t->lc + dvec3_dot(t->a, t->b) * t->lc + dvec3_dot(t->b, t->c) * t->la +
+           dvec3_dot(t->c, t->a) * t->lb;
+    t->solid_angle = volume > 0 && isfinite(volume) && isfinite(rest)
+                         ? 2 * det_atan2((float)volume, (float)rest)
+                         : 0;
+}
+
+/* A direction (unit) uniform in solid angle, density 1 / solid_angle. u, v in [0, 1). The map
+ * of the square is continuous. 0: the triangle is too thin for double. */
+static inline int spherical_triangle_sample(const struct spherical_triangle *t, float u, float v,
+                                            struct vec3 *direction)
+{
+    struct dvec3 a = dvec3_scale(t->a, 1 / t->la), b = dvec3_scale(t->b, 1 / t->lb),
+                 c = dvec3_scale(t->c, 1 / t->lc), to_c, to_b, normal, point, along;
+    double scale, sin_alpha, cos_alpha, chord, sum, top, bottom, rise, x, length;
+    float sine, cosine;
+
+    /* The angle at a, between the planes (a, b) and (a, c): of tangents there. */
+    to_b = dvec3_sub(b, a);
+    to_c = dvec3_sub(c, a);
+    chord = dvec3_dot(to_b, to_b);               /* 2 (1 - cos ab) */
+    sum = 4 - chord;                             /* |a + b|^2 */
+    to_b = dvec3_mad(to_b, a, 0.5 * chord);
+    to_c = dvec3_mad(to_c, a, 0.5 * dvec3_dot(to_c, to_c));
+    normal = dvec3_cross(to_b, to_c);
+    scale = sqrt(dvec3_dot(to_b, to_b) * dvec3_dot(to_c, to_c));
+    if (!(scale > 0) || !(chord > 0) || !(sum > 0))
+        return 0;
+    sin_alpha = sqrt(dvec3_dot(normal, normal)) / scale;
+    cos_alpha = dvec3_dot(to_b, to_c) / scale;
+
+    /* tan of half the arc from a to the sub-triangle's corner is top / bottom. */
+    det_sincos(0.5f * u * t->solid_angle, &sine, &cosine);
+    top = (double)sine;
+    bottom = sqrt(chord / sum) * ((double)cosine * sin_alpha - (double)sine * cos_alpha);
+    rise = top * top + bottom * bottom;
+    if (!(rise > 0))
+        return 0;
+    length = sqrt(dvec3_dot(to_c, to_c));
+    point = dvec3_mad(dvec3_scale(a, (bottom - top) * (bottom + top) / rise), to_c,
+                      2 * top * bottom / (rise * length));
+
+    /* Between b and that corner, uniform in the cosine of the arc from b. */
+    along = dvec3_sub(point, b);
+    x = 0.5 * dvec3_dot(along, along);           /* 1 - cos */
+    along = dvec3_mad(along, b, x);
+    length = sqrt(dvec3_dot(along, along));
+    x *= (double)v;
+    point = dvec3_mad(dvec3_scale(b, 1 - x), along, length > 0 ? sqrt(x * (2 - x)) / length : 0);
+    *direction =
+        vec3_normalize(vec3_make((float)point.x, (float)point.y, (float)point.z));
+    return !vec3_is_black(*direction);
+}
+
+#endif
