@@ -15,7 +15,7 @@
 
 enum {
     POLYGON_CORNERS_MAX = 1 << 20,      /* of one face */
-    POLYGON_CLIP_CORNERS_MAX = 1 << 12, /* larger concave faces become fans: clipping takes time
+    POLYGON_CLIP_CORNERS_MAX = 1 << 10, /* larger concave faces become fans: clipping takes time
                                            in the square of the corners and more */
 };
 

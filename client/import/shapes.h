@@ -36,7 +36,8 @@ status shape_disk(double height, double radius, double inner_radius, double phi_
                   uint32_t segments, struct mesh_source *out, struct error *err) MUST_CHECK;
 
 /* Bilinear patches: corners in the order p00 p10 p01 p11 of (u, v). Each patch becomes
- * divisions^2 quads, or a single one if it is a parallelogram. */
+ * divisions^2 quads, or a single one if all of them are parallelograms. Edges that patches
+ * share fit together to the bit. */
 struct shape_patches {
     const float *positions;     /* [vertex_count][3] */
     const float *normals;       /* [vertex_count][3], or NULL: of the surface */
@@ -49,8 +50,8 @@ struct shape_patches {
 status shape_bilinear(const struct shape_patches *patches, struct mesh_source *out,
                       struct error *err) MUST_CHECK;
 
-/* Loop subdivision (Loop 1987; the boundary rules and limit masks of Hoppe et al. 1994, as in
- * pbrt): `levels` times, then every vertex goes to its limit position with its limit normal.
+/* Loop subdivision (Loop 1987, with Warren's weights; tangent masks of Hoppe et al. 1994; the
+ * boundary is a cubic B-spline): `levels` times, then every vertex goes to its limit position with its limit normal.
  * Boundary edges are those of one triangle only; edges of more than two triangles, or of two
  * that are wound against each other, count as boundaries too, and a vertex where several parts
  * meet is parted. uv of the control mesh, or NULL, are subdivided linearly. */
