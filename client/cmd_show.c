@@ -26,6 +26,35 @@ static void print_settings(const Azulejo__Wire__RenderSettings *s)
     printf("  %-10s  %s\n", "isa", isa_name((enum isa)s->isa));
 }
 
+/* Only what is not as it is when nobody asks for anything. */
+static void print_extras(const Azulejo__Wire__RenderSettings *s)
+{
+    char names[SETTINGS_TEXT_SIZE];
+    struct render_settings defaults;
+
+    render_settings_default(&defaults);
+    if (s->fps != defaults.fps || s->shutter != defaults.shutter) {
+        printf("  %-10s  %g frames a second", "motion", (double)s->fps);
+        if (s->shutter > 0)
+            printf(", shutter open for %g of each", (double)s->shutter);
+        printf("\n");
+    }
+    if (s->pinhole || s->lens_radius > 0 || s->focus_distance > 0) {
+        printf("  %-10s ", "lens");
+        if (s->pinhole)
+            printf(" pinhole");
+        else if (s->lens_radius > 0)
+            printf(" radius %g m", (double)s->lens_radius);
+        if (s->focus_distance > 0)
+            printf(" focused at %g m", (double)s->focus_distance);
+        printf("\n");
+    }
+    if (s->without)
+        print_field("without", settings_effects_text(s->without, names));
+    if (s->aovs)
+        print_field("aovs", settings_aovs_text(s->aovs, names));
+}
+
 static void print_output(const Azulejo__Wire__OutputSettings *o)
 {
     char operator_name[128];
@@ -51,8 +80,10 @@ static void print_job(const Azulejo__Wire__JobInfo *job)
         print_field("note", job->state_text);
     printf("  %-10s  %u-%u, priority %d\n", "range", job->first_frame, job->last_frame,
            job->priority);
-    if (job->settings)
+    if (job->settings) {
         print_settings(job->settings);
+        print_extras(job->settings);
+    }
     if (job->output)
         print_output(job->output);
     print_field("submitted", format_time(text, job->submitted_at));

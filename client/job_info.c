@@ -82,16 +82,44 @@ json_t *json_text(const char *text)
     return value ? value : json_string("(not UTF-8)");
 }
 
+/* An array of the names in "one,other". */
+static json_t *names_json(const char *names)
+{
+    json_t *out = json_array();
+
+    while (*names) {
+        size_t length = strcspn(names, ",");
+        json_array_append_new(out, json_stringn(names, length));
+        names += length + (names[length] == ',');
+    }
+    return out;
+}
+
 static json_t *settings_json(const Azulejo__Wire__RenderSettings *s)
 {
-    return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:s, s:s}", "width",
-                     (json_int_t)s->width, "height", (json_int_t)s->height, "spp",
-                     (json_int_t)s->spp, "max_depth", (json_int_t)s->max_depth, "seed",
-                     (json_int_t)s->seed, "camera", (json_int_t)s->camera, "env_rotate_deg",
-                     isfinite(s->env_rotate_deg) ? (double)s->env_rotate_deg : 0.0, "env_strength",
-                     isfinite(s->env_strength) ? (double)s->env_strength : 0.0, "env_sampling",
-                     env_sampling_name((enum env_sampling)s->env_sampling), "isa",
-                     isa_name((enum isa)s->isa));
+    char names[SETTINGS_TEXT_SIZE];
+    json_t *out = json_pack(
+        "{s:I, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:s, s:s}", "width", (json_int_t)s->width,
+        "height", (json_int_t)s->height, "spp", (json_int_t)s->spp, "max_depth",
+        (json_int_t)s->max_depth, "seed", (json_int_t)s->seed, "camera", (json_int_t)s->camera,
+        "env_rotate_deg", isfinite(s->env_rotate_deg) ? (double)s->env_rotate_deg : 0.0,
+        "env_strength", isfinite(s->env_strength) ? (double)s->env_strength : 0.0, "env_sampling",
+        env_sampling_name((enum env_sampling)s->env_sampling), "isa", isa_name((enum isa)s->isa));
+
+    if (!out)
+        return NULL;
+    json_object_set_new(out, "fps", json_number((double)s->fps));
+    json_object_set_new(out, "shutter", json_number((double)s->shutter));
+    /* null: the camera's own */
+    json_object_set_new(out, "lens_radius", s->lens_radius > 0 || s->pinhole
+                                                ? json_number((double)s->lens_radius)
+                                                : json_null());
+    json_object_set_new(out, "focus_distance", s->focus_distance > 0
+                                                   ? json_number((double)s->focus_distance)
+                                                   : json_null());
+    json_object_set_new(out, "without", names_json(settings_effects_text(s->without, names)));
+    json_object_set_new(out, "aovs", names_json(settings_aovs_text(s->aovs, names)));
+    return out;
 }
 
 static json_t *output_json(const Azulejo__Wire__OutputSettings *o)

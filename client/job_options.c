@@ -5,6 +5,7 @@
 
 #include "client/parse.h"
 #include "common/base/buffer.h"
+#include "common/scene/pose.h"
 #include "protocol/message.h"
 
 status tonemap_options_check(const char *name, const struct option_list *parameters,
@@ -38,6 +39,10 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
     s->env_strength = (float)o->env_strength;
     s->env_sampling = (enum env_sampling)env_sampling_parse(o->env_sampling);
     s->isa = (enum isa)isa_parse(o->isa);
+    s->fps = (float)o->fps;
+    s->shutter = (float)o->shutter;
+    s->lens_radius = (float)o->lens_radius;
+    s->focus_distance = (float)o->focus_distance;
     out->first_frame = out->last_frame = 1;
     out->priority = (int32_t)o->priority;
     out->half = o->half;
@@ -45,6 +50,10 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
         result = parse_size(o->size, &s->width, &s->height, err);
     if (result == STATUS_OK && o->frames)
         result = parse_frames(o->frames, &out->first_frame, &out->last_frame, err);
+    for (size_t i = 0; i < o->without.count && result == STATUS_OK; i++)
+        result = parse_effects(o->without.items[i], &s->without, err);
+    for (size_t i = 0; i < o->aovs.count && result == STATUS_OK; i++)
+        result = parse_aovs(o->aovs.items[i], &s->aovs, err);
     if (result == STATUS_OK)
         result = tonemap_options_check(o->tonemap, &o->tonemap_parameters, o->exposure_ev,
                                        &out->tonemap, err);
@@ -81,17 +90,36 @@ static status camera_find(const struct scene *scene, const char *name, uint32_t 
     return STATUS_ERR_USAGE;
 }
 
+/* Options that mean nothing without something that this camera has not. */
+static status lens_check(const struct render_settings *s, const struct scene_camera *camera,
+                         struct error *err)
+{
+    if (s->lens_radius > 0 && camera->kind == CAMERA_PANORAMA)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--lens: a panorama camera has no lens: choose another --camera");
+    if (s->lens_radius > 0 && s->focus_distance == 0 && camera->focus_distance == 0)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--lens: the camera does not say what is sharp: give --focus METRES too");
+    return STATUS_OK;
+}
+
 status job_request_complete(struct job_request *request, const struct job_options *o,
                             const struct scene *scene, struct error *err)
 {
     struct render_settings *s = &request->settings;
+    const struct scene_camera *camera;
     status result = camera_find(scene, o->camera, &s->camera, err);
 
     if (result != STATUS_OK)
         return result;
-    if (!o->size && s->camera < scene->camera_count)
-        picture_size_default(scene->cameras[s->camera].aspect, &s->width, &s->height);
-    return render_settings_validate(s, scene->camera_count, err);
+    camera = &scene->cameras[s->camera];
+    if (!o->size)
+        picture_size_default(camera->aspect, &s->width, &s->height);
+    if (!o->frames && scene_is_animated(scene, s))
+        request->first_frame = request->last_frame = 0;
+    request->tonemap.exposure_ev += (double)camera->exposure_ev;
+    result = lens_check(s, camera, err);
+    return result == STATUS_OK ? render_settings_validate(s, scene->camera_count, err) : result;
 }
 
 status job_request_submit(struct connection *c, const struct job_request *request,

@@ -11,16 +11,18 @@
 #define TONEMAP_DEFAULT "reinhard"
 
 struct job_options {
-    const char *env, *camera, *frames, *size, *tonemap, *env_sampling, *isa;
-    struct option_list tonemap_parameters;
+    const char *env, *variant, *animation, *camera, *frames, *size, *tonemap, *env_sampling, *isa;
+    struct option_list tonemap_parameters, without, aovs;
     double env_rotate_deg, env_strength, exposure_ev;
+    double fps, shutter, lens_radius, focus_distance;
     int64_t spp, max_depth, seed, priority, scene;
     int half;
 };
 
 #define JOB_OPTIONS_INIT                                                                        \
     {.env_strength = 1, .env_sampling = "importance", .isa = "avx2",                            \
-     .spp = SETTINGS_SPP_DEFAULT, .max_depth = SETTINGS_DEPTH_DEFAULT, .scene = -1}
+     .spp = SETTINGS_SPP_DEFAULT, .max_depth = SETTINGS_DEPTH_DEFAULT, .scene = -1,             \
+     .fps = 24, .lens_radius = -1}
 
 #define JOB_OPTION_ROWS(o)                                                                      \
     {"env", 'e', OPTION_STRING, &(o).env, "FILE",                                               \
@@ -36,10 +38,32 @@ struct job_options {
     {"scene", 0, OPTION_INT, &(o).scene, "N",                                                   \
      "which of the file's scenes, from 0 (default: the one that the file names)", -1, 1e6,      \
      NULL},                                                                                     \
+    {"variant", 0, OPTION_STRING, &(o).variant, "NAME|N",                                       \
+     "which of the file's material variants, by name or number from 0 (default: none)", 0, 0,   \
+     NULL},                                                                                     \
+    {"animation", 0, OPTION_STRING, &(o).animation, "NAME|N|none",                              \
+     "which of the file's animations, by name or number from 0 (default: all)", 0, 0, NULL},    \
     {"camera", 0, OPTION_STRING, &(o).camera, "NAME",                                           \
      "camera by name, or by number from 0 (default: the first)", 0, 0, NULL},                   \
     {"frames", 'f', OPTION_STRING, &(o).frames, "FIRST-LAST",                                   \
-     "frames to render (default 1)", 0, 0, NULL},                                               \
+     "frames to render (default 1, or 0, the start, of a scene in which something moves)",      \
+     0, 0, NULL},                                                                               \
+    {"fps", 0, OPTION_REAL, &(o).fps, "N",                                                      \
+     "frames a second: frame F shows the scene at F/N seconds (default 24)", 0.001, 100000,     \
+     NULL},                                                                                     \
+    {"shutter", 0, OPTION_REAL, &(o).shutter, "FRACTION",                                       \
+     "share of a frame's time that the shutter is open, 0 to 1: what moves is blurred "         \
+     "(default 0: as long as the camera says)", 0, 1, NULL},                                    \
+    {"lens", 0, OPTION_REAL, &(o).lens_radius, "METRES",                                        \
+     "radius of the aperture: what is out of focus is blurred; 0 is a pinhole (default: the "   \
+     "camera's own)", 0, 1e5, NULL},                                                            \
+    {"focus", 0, OPTION_REAL, &(o).focus_distance, "METRES",                                    \
+     "distance of what is sharp (default: the camera's own)", 1e-6, 1e11, NULL},                \
+    {"without", 0, OPTION_LIST, &(o).without, "EFFECT,...",                                 \
+     "leave these effects out, as in caustics,dispersion; a wrong name lists all", 0, 0, NULL}, \
+    {"aov", 0, OPTION_LIST, &(o).aovs, "NAME,...",                                          \
+     "add these output variables to the EXR, as in depth,normal; a wrong name lists all",       \
+     0, 0, NULL},                                                                               \
     {"size", 's', OPTION_STRING, &(o).size, "WxH",                                              \
      "pixels (default: 720 rows at the camera's aspect, else 1280x720)", 0, 0, NULL},           \
     {"spp", 'n', OPTION_INT, &(o).spp, "N", "samples a pixel (default 256)",                    \
@@ -56,7 +80,8 @@ struct job_options {
     {"tonemap-param", 'p', OPTION_LIST, &(o).tonemap_parameters, "NAME=X",                      \
      "a parameter of the operator; may be given several times", 0, 0, NULL},                    \
     {"exposure", 0, OPTION_REAL, &(o).exposure_ev, "EV",                                        \
-     "stops of exposure before tone mapping: doubles with each (default 0)", -100, 100, NULL},  \
+     "stops of exposure before tone mapping, on top of the camera's own: doubles with each "    \
+     "(default 0)", -100, 100, NULL},                                                           \
     {"half", 0, OPTION_FLAG, &(o).half, NULL,                                                   \
      "16-bit floats in the EXR instead of 32-bit ones", 0, 0, NULL},                            \
     {"isa", 0, OPTION_CHOICE, &(o).isa, "NAME",                                                 \
@@ -84,7 +109,8 @@ status tonemap_options_check(const char *name, const struct option_list *paramet
 status job_options_check(const struct job_options *o, struct job_request *out, struct error *err)
     MUST_CHECK;
 
-/* Fill in what depends on the scene: the camera and the default size. */
+/* Fill in what depends on the scene: the camera, the default size and frame, and the camera's
+ * exposure, which is added to the job's. ERR_USAGE for options that do not fit the scene. */
 status job_request_complete(struct job_request *request, const struct job_options *o,
                             const struct scene *scene, struct error *err) MUST_CHECK;
 

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/scene/effects.h"
 #include "common/scene/settings.h"
 
 /* Decimal digits only (strtoul would also take signs and blanks); NULL when there are none
@@ -84,6 +85,69 @@ status parse_parameter(const char *text, char *name, size_t name_size, double *v
     if (end == equals + 1 || *end || !isfinite(*value))
         return error_set(err, STATUS_ERR_USAGE, "--tonemap-param: '%s': '%s' is not a number",
                          text, equals + 1);
+    return STATUS_OK;
+}
+
+/* The names of a list, each turned into a bit of *set; `find` yields -1 for one that it does
+ * not know, which is put into `unknown`. */
+enum { NAME_SIZE = 64 };
+static int parse_names(const char *text, int (*find)(const char *name), uint64_t *set,
+                       char unknown[NAME_SIZE])
+{
+    for (const char *at = text;; at++) {
+        size_t length = strcspn(at, ","), kept = length < NAME_SIZE ? length : NAME_SIZE - 1;
+        int bit;
+
+        memcpy(unknown, at, kept);
+        unknown[kept] = 0;
+        bit = find(unknown);
+        if (bit < 0)
+            return 0;
+        *set |= (uint64_t)1 << bit;
+        at += length;
+        if (!*at)
+            return 1;
+    }
+}
+
+static int effect_find(const char *name)
+{
+    int found = effect_parse(name);
+    char text[SETTINGS_TEXT_SIZE];
+
+    if (found >= 0)
+        return EFFECTS_SWITCHABLE >> found & 1 ? found : -1;
+    for (int i = 0; i < EFFECT_COUNT && *name; i++) {
+        if (!(EFFECTS_SWITCHABLE >> i & 1) ||
+            !strstr(settings_effects_text((uint64_t)1 << i, text), name))
+            continue;
+        if (found >= 0)
+            return -1;
+        found = i;
+    }
+    return found;
+}
+
+status parse_effects(const char *text, uint64_t *set, struct error *err)
+{
+    char unknown[NAME_SIZE], known[SETTINGS_TEXT_SIZE];
+
+    if (!parse_names(text, effect_find, set, unknown))
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--without: '%s' is no effect that can be left out; these can: %s",
+                         unknown, settings_effects_text(EFFECTS_SWITCHABLE, known));
+    return STATUS_OK;
+}
+
+status parse_aovs(const char *text, uint32_t *set, struct error *err)
+{
+    char unknown[NAME_SIZE], known[SETTINGS_TEXT_SIZE];
+    uint64_t bits = *set;
+
+    if (!parse_names(text, aov_parse, &bits, unknown))
+        return error_set(err, STATUS_ERR_USAGE, "--aov: '%s' is unknown; known are %s", unknown,
+                         settings_aovs_text((1u << AOV_COUNT) - 1, known));
+    *set = (uint32_t)bits;
     return STATUS_OK;
 }
 

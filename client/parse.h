@@ -20,6 +20,12 @@ status parse_frames(const char *text, uint32_t *first, uint32_t *last, struct er
 status parse_parameter(const char *text, char *name, size_t name_size, double *value,
                        struct error *err) MUST_CHECK;
 
+/* "NAME[,NAME]...": effects to leave out (bits of common/scene/effects.h, those that may be
+ * switched off) and output variables (bits 1 << enum aov), added to *set. An effect may be
+ * named by a part of its name that no other one has. ERR_USAGE lists the names. */
+status parse_effects(const char *text, uint64_t *set, struct error *err) MUST_CHECK;
+status parse_aovs(const char *text, uint32_t *set, struct error *err) MUST_CHECK;
+
 /* A job's number as printed by submit. ERR_USAGE. */
 status parse_job(const char *text, uint64_t *job, struct error *err) MUST_CHECK;
 

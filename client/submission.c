@@ -17,6 +17,8 @@ status submission_prepare(const char *path, const struct job_options *options, i
     status result;
 
     how.env_path = options->env;
+    how.variant = options->variant;
+    how.animation = options->animation;
     how.scene_index = (int)options->scene;
     result = import_scene(path, &how, scene, err);
     if (result != STATUS_OK)

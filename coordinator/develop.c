@@ -9,7 +9,7 @@
 #include "common/base/memory.h"
 #include "common/image/image.h"
 
-enum { ATTRIBUTES_MAX = 20 };
+enum { ATTRIBUTES_MAX = 26 };
 
 struct development {
     uint64_t job;
@@ -105,10 +105,26 @@ static void add_number(struct attributes *a, const char *name, double number)
     a->items[a->count++] = (struct exr_attribute){.name = name, .number = number};
 }
 
+/* Settings that only some jobs have. */
+static void add_extras(struct attributes *a, const struct render_settings *s,
+                       char without[SETTINGS_TEXT_SIZE])
+{
+    add_number(a, "azulejo:fps", s->fps);
+    if (s->shutter > 0)
+        add_number(a, "azulejo:shutter", s->shutter);
+    if (s->lens_radius >= 0)
+        add_number(a, "azulejo:lensRadius", s->lens_radius);
+    if (s->focus_distance > 0)
+        add_number(a, "azulejo:focusDistance", s->focus_distance);
+    if (s->without)
+        add_text(a, "azulejo:without", settings_effects_text(s->without, without));
+}
+
 static status encode_exr(const struct development *d, struct buffer *exr, struct error *err)
 {
     struct attributes a = {.count = 0};
     char scene[DIGEST_HEX_SIZE], seed[24];
+    char without[SETTINGS_TEXT_SIZE];
     uint64_t clamped = 0;
     struct exr_options options = {.half = d->output.exr_half, .clamped = &clamped};
     status s;
@@ -130,6 +146,7 @@ static status encode_exr(const struct development *d, struct buffer *exr, struct
     add_number(&a, "azulejo:envStrength", d->settings.env_strength);
     add_text(&a, "azulejo:envSampling", env_sampling_name(d->settings.env_sampling));
     add_text(&a, "azulejo:isa", isa_name(d->settings.isa));
+    add_extras(&a, &d->settings, without);
     add_text(&a, "azulejo:kernel", d->kernel);
     if (isfinite(d->relative_mse))
         add_number(&a, "azulejo:relativeMse", d->relative_mse);

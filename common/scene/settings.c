@@ -91,6 +91,42 @@ uint32_t aov_floats(uint32_t mask)
     return floats;
 }
 
+/* The names of the bits of a set, with '-' for blanks and ',' between. */
+static const char *set_text(uint64_t set, const char *(*name_of)(int bit), char *out)
+{
+    size_t used = 0;
+
+    for (int bit = 0; bit < 64; bit++) {
+        const char *name = set >> bit & 1 ? name_of(bit) : "";
+        if (used && *name && used < SETTINGS_TEXT_SIZE - 1)
+            out[used++] = ',';
+        for (; *name && used < SETTINGS_TEXT_SIZE - 1; name++)
+            out[used++] = *name == ' ' ? '-' : *name;
+    }
+    out[used] = 0;
+    return out;
+}
+
+static const char *effect_of_bit(int bit)
+{
+    return effect_name((enum effect_bit)bit);
+}
+
+static const char *aov_of_bit(int bit)
+{
+    return aov_name((enum aov)bit);
+}
+
+const char *settings_effects_text(uint64_t set, char out[SETTINGS_TEXT_SIZE])
+{
+    return set_text(set, effect_of_bit, out);
+}
+
+const char *settings_aovs_text(uint32_t set, char out[SETTINGS_TEXT_SIZE])
+{
+    return set_text(set, aov_of_bit, out);
+}
+
 int aov_is_point(enum aov aov)
 {
     return aov != AOV_NORMAL && aov != AOV_ALBEDO;
@@ -124,6 +160,8 @@ int render_settings_equal(const struct render_settings *a, const struct render_s
 status render_settings_validate(const struct render_settings *s, uint32_t camera_count,
                                 struct error *err)
 {
+    char names[SETTINGS_TEXT_SIZE];
+
     if (s->width < 1 || s->height < 1 || s->width > SETTINGS_SIZE_MAX ||
         s->height > SETTINGS_SIZE_MAX || (uint64_t)s->width * s->height > SETTINGS_PIXELS_MAX)
         return error_set(err, STATUS_ERR_INPUT,
@@ -154,7 +192,9 @@ status render_settings_validate(const struct render_settings *s, uint32_t camera
     if (!(s->lens_radius < 1e6f) || !(s->focus_distance >= 0 && s->focus_distance < 1e12f))
         return error_set(err, STATUS_ERR_INPUT, "lens radius or focus distance out of range");
     if (s->without & ~EFFECTS_SWITCHABLE)
-        return error_set(err, STATUS_ERR_INPUT, "effects to leave out that cannot be left out");
+        return error_set(err, STATUS_ERR_INPUT,
+                         "effects that are unknown or cannot be left out: %s",
+                         settings_effects_text(s->without & ~EFFECTS_SWITCHABLE, names));
     if (s->aovs >> AOV_COUNT)
         return error_set(err, STATUS_ERR_INPUT, "unknown output variables (AOVs)");
     return STATUS_OK;

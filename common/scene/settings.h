@@ -87,6 +87,11 @@ void render_settings_default(struct render_settings *s);
 /* Every field, by value. */
 int render_settings_equal(const struct render_settings *a, const struct render_settings *b);
 
+/* Names of a set as the command line takes them: "caustics,normal-map". */
+enum { SETTINGS_TEXT_SIZE = 1024 /* holds any set */ };
+const char *settings_effects_text(uint64_t set, char out[SETTINGS_TEXT_SIZE]);
+const char *settings_aovs_text(uint32_t set, char out[SETTINGS_TEXT_SIZE]);
+
 /* Check ranges; ERR_INPUT names the field and its range. camera_count bounds `camera`. */
 status render_settings_validate(const struct render_settings *s, uint32_t camera_count,
                                 struct error *err) MUST_CHECK;

@@ -329,6 +329,40 @@ def several_frames():
 
 
 @tests.add
+def settings_of_a_job():
+    """what a job asks for beyond the usual comes back in show, in words and in JSON"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        scene = farm.scene()
+        plain = farm.submit(scene, *SMALL)
+        shown = farm.cli("show", plain, expect=0).out
+        expect(not re.search("  (motion|lens|without|aovs) ", shown), shown)
+        settings = farm.job(plain)["settings"]
+        expect((settings["fps"], settings["shutter"]) == (24, 0), settings)
+        expect(settings["lens_radius"] is None and settings["focus_distance"] is None, settings)
+        expect(settings["without"] == [] and settings["aovs"] == [], settings)
+        number = farm.submit(scene, *SMALL, "--fps", "25", "--shutter", "0.5", "--lens", "0.125",
+                             "--focus", "2.5", "--without", "caustics,multiple-scattering",
+                             "--without", "sheen")
+        shown = farm.cli("show", number, expect=0).out
+        for words in ("25 frames a second, shutter open for 0.5", "radius 0.125 m focused at 2.5 m",
+                      "sheen,microfacet-multiple-scattering,caustics"):
+            expect(words in shown, shown)
+        settings = farm.job(number)["settings"]
+        expect((settings["fps"], settings["shutter"], settings["lens_radius"],
+                settings["focus_distance"]) == (25, 0.5, 0.125, 2.5), settings)
+        expect(settings["without"] == ["sheen", "microfacet-multiple-scattering", "caustics"],
+               settings)
+        pinhole = farm.submit(scene, *SMALL, "--lens", "0")
+        expect(farm.job(pinhole)["settings"]["lens_radius"] == 0, "pinhole")
+        expect("pinhole" in farm.cli("show", pinhole, expect=0).out, "pinhole")
+        for words in (["--without", "nonsense"], ["--aov", "nonsense"], ["--lens", "1"],
+                      ["--focus", "0"], ["--shutter", "1.5"], ["--fps", "0"]):
+            result = farm.cli("submit", scene, *words)
+            expect(result.code == 2 and words[0] in result.err, result)
+
+
+@tests.add
 def default_size_and_camera():
     """the size follows the camera's aspect, cameras go by name or number"""
     with Farm() as farm:

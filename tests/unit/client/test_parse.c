@@ -9,6 +9,7 @@
 #include <cmocka.h>
 
 #include "client/parse.h"
+#include "common/scene/effects.h"
 #include "common/scene/settings.h"
 
 static void sizes(void **state)
@@ -125,9 +126,69 @@ static void default_sizes(void **state)
     }
 }
 
+static void effects(void **state)
+{
+    static const char *const bad[] = {"", ",", "caustics,", ",caustics", "nonsense", "diffuse",
+                                      "medium,nonsense", "Caustics", "a", "caustics dispersion"};
+    struct error err = {0};
+    uint64_t set = 0;
+
+    (void)state;
+    assert_int_equal(parse_effects("caustics", &set, &err), STATUS_OK);
+    assert_true(set == EFFECT_CAUSTICS);
+    assert_int_equal(parse_effects("dispersion,normal-map,multiple-scattering", &set, &err),
+                     STATUS_OK);
+    assert_true(set == (EFFECT_CAUSTICS | EFFECT_DISPERSION | EFFECT_NORMAL_MAP |
+                        EFFECT_MULTIPLE_SCATTERING));
+    /* Every name that an error lists is taken. */
+    for (int i = 0; i < EFFECT_COUNT; i++) {
+        char text[SETTINGS_TEXT_SIZE];
+        uint64_t one = (uint64_t)1 << i;
+        set = 0;
+        settings_effects_text(one, text);
+        assert_null(strchr(text, ' '));
+        if (EFFECTS_SWITCHABLE & one) {
+            assert_int_equal(parse_effects(text, &set, &err), STATUS_OK);
+            assert_true(set == one);
+        } else {
+            assert_int_equal(parse_effects(text, &set, &err), STATUS_ERR_USAGE);
+        }
+    }
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        set = 0;
+        assert_int_equal(parse_effects(bad[i], &set, &err), STATUS_ERR_USAGE);
+        assert_non_null(strstr(err.text, "--without"));
+        assert_non_null(strstr(err.text, "motion-blur"));
+    }
+}
+
+static void aovs(void **state)
+{
+    struct error err = {0};
+    uint32_t set = 0;
+    char text[SETTINGS_TEXT_SIZE];
+
+    (void)state;
+    assert_int_equal(parse_aovs("depth,object-id", &set, &err), STATUS_OK);
+    assert_int_equal(parse_aovs("error", &set, &err), STATUS_OK);
+    assert_int_equal(set, 1u << AOV_DEPTH | 1u << AOV_OBJECT_ID | 1u << AOV_ERROR);
+    assert_string_equal(settings_aovs_text(set, text), "depth,object-id,error");
+    set = 0;
+    assert_int_equal(parse_aovs(settings_aovs_text((1u << AOV_COUNT) - 1, text), &set, &err),
+                     STATUS_OK);
+    assert_int_equal(set, (1u << AOV_COUNT) - 1);
+    set = 7;
+    assert_int_equal(parse_aovs("depth,beauty", &set, &err), STATUS_ERR_USAGE);
+    assert_int_equal(set, 7);
+    assert_non_null(strstr(err.text, "'beauty'"));
+    assert_non_null(strstr(err.text, "depth,normal,albedo"));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(effects),
+        cmocka_unit_test(aovs),
         cmocka_unit_test(sizes),         cmocka_unit_test(frame_ranges),
         cmocka_unit_test(parameters),    cmocka_unit_test(job_numbers),
         cmocka_unit_test(default_sizes),

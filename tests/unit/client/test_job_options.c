@@ -1,0 +1,159 @@
+/* What the job options mean for a scene: defaults that its camera and its motion decide. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "client/job_options.h"
+#include "common/scene/effects.h"
+
+/* A camera that may follow a node, which may move. */
+struct stage {
+    struct scene scene;
+    struct scene_camera camera;
+    struct scene_node node;
+    struct scene_channel channel;
+    float times[2], values[6];
+    struct job_options options;
+    struct job_request request;
+};
+
+static void stage_set(struct stage *s)
+{
+    const struct job_options plain = JOB_OPTIONS_INIT;
+
+    memset(s, 0, sizeof *s);
+    scene_init(&s->scene);
+    scene_camera_default(&s->camera);
+    scene_node_default(&s->node);
+    s->times[1] = s->values[5] = 1;
+    s->channel = (struct scene_channel){.path = PATH_TRANSLATION,
+                                        .interpolation = INTERPOLATE_LINEAR,
+                                        .key_count = 2,
+                                        .components = 3,
+                                        .times = s->times,
+                                        .values = s->values};
+    s->scene.cameras = &s->camera;
+    s->scene.camera_count = 1;
+    s->scene.nodes = &s->node;
+    s->scene.node_count = 1;
+    s->scene.channels = &s->channel;
+    s->options = plain;
+}
+
+static status complete(struct stage *s, struct error *err)
+{
+    status result = scene_validate(&s->scene, err);
+
+    if (result == STATUS_OK)
+        result = job_options_check(&s->options, &s->request, err);
+    return result == STATUS_OK ? job_request_complete(&s->request, &s->options, &s->scene, err)
+                               : result;
+}
+
+static void plain(void **state)
+{
+    struct render_settings defaults;
+    struct error err = {0};
+    struct stage s;
+
+    (void)state;
+    stage_set(&s);
+    render_settings_default(&defaults);
+    assert_int_equal(complete(&s, &err), STATUS_OK);
+    assert_true(render_settings_equal(&s.request.settings, &defaults));
+    assert_true(s.request.tonemap.exposure_ev == 0);
+}
+
+static void every_setting(void **state)
+{
+    const struct render_settings *r;
+    struct error err = {0};
+    struct stage s;
+
+    (void)state;
+    stage_set(&s);
+    s.options.fps = 30;
+    s.options.shutter = 0.5;
+    s.options.lens_radius = 0.25;
+    s.options.focus_distance = 3;
+    s.options.without.items[0] = "caustics,fog";
+    s.options.without.items[1] = "sheen";
+    s.options.without.count = 2;
+    s.options.aovs.items[0] = "depth";
+    s.options.aovs.items[1] = "uv,error";
+    s.options.aovs.count = 2;
+    assert_int_equal(complete(&s, &err), STATUS_OK);
+    r = &s.request.settings;
+    assert_true(r->fps == 30 && r->shutter == 0.5f && r->lens_radius == 0.25f);
+    assert_true(r->focus_distance == 3);
+    assert_true(r->without == (EFFECT_CAUSTICS | EFFECT_FOG | EFFECT_SHEEN));
+    assert_int_equal(r->aovs, 1u << AOV_DEPTH | 1u << AOV_UV | 1u << AOV_ERROR);
+}
+
+static void frames(void **state)
+{
+    struct error err = {0};
+    struct stage s;
+
+    (void)state;
+    stage_set(&s);
+    assert_int_equal(complete(&s, &err), STATUS_OK);
+    assert_int_equal(s.request.first_frame, 1);
+    s.scene.channel_count = 1; /* a node moves that nothing follows */
+    assert_int_equal(complete(&s, &err), STATUS_OK);
+    assert_int_equal(s.request.first_frame, 1);
+    s.camera.node = 0;
+    assert_int_equal(complete(&s, &err), STATUS_OK);
+    assert_int_equal(s.request.first_frame, 0);
+    assert_int_equal(s.request.last_frame, 0);
+    s.options.frames = "5-7";
+    assert_int_equal(complete(&s, &err), STATUS_OK);
+    assert_int_equal(s.request.first_frame, 5);
+    assert_int_equal(s.request.last_frame, 7);
+}
+
+static void exposure(void **state)
+{
+    struct error err = {0};
+    struct stage s;
+
+    (void)state;
+    stage_set(&s);
+    s.camera.exposure_ev = -3.5f;
+    s.options.exposure_ev = 1.25;
+    assert_int_equal(complete(&s, &err), STATUS_OK);
+    assert_true(s.request.tonemap.exposure_ev == -2.25);
+}
+
+static void lens(void **state)
+{
+    struct error err = {0};
+    struct stage s;
+
+    (void)state;
+    stage_set(&s);
+    s.options.lens_radius = 0.01;
+    assert_int_equal(complete(&s, &err), STATUS_ERR_USAGE);
+    assert_non_null(strstr(err.text, "--focus"));
+    s.camera.focus_distance = 2;
+    assert_int_equal(complete(&s, &err), STATUS_OK);
+    s.camera.kind = CAMERA_PANORAMA;
+    assert_int_equal(complete(&s, &err), STATUS_ERR_USAGE);
+    assert_non_null(strstr(err.text, "panorama"));
+    s.options.lens_radius = 0;
+    assert_int_equal(complete(&s, &err), STATUS_OK);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(plain),    cmocka_unit_test(every_setting), cmocka_unit_test(frames),
+        cmocka_unit_test(exposure), cmocka_unit_test(lens),
+    };
+    return cmocka_run_group_tests_name("job_options", tests, NULL, NULL);
+}
