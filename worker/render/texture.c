@@ -7,30 +7,8 @@
 #include "common/base/memory.h"
 #include "common/image/color.h"
 #include "common/image/image.h"
-
-enum { LEVELS_16 = 1 << 16 };
-
-enum layout {
-    LAYOUT_GREY8,
-    LAYOUT_GREY_ALPHA8,
-    LAYOUT_RGB8,
-    LAYOUT_RGBA8,
-    LAYOUT_16,
-    LAYOUT_FLOAT
-};
-
-struct texture_image {
-    uint32_t width, height, channels;
-    enum layout layout;
-    int opaque;
-    const uint8_t *bytes;    /* integer layouts; points into `integers` */
-    const uint16_t *words;   /* LAYOUT_16; the same */
-    const float *floats;     /* LAYOUT_FLOAT, 3 channels; points into `hdr` */
-    const float *srgb8;      /* decoding table of 8-bit values, static */
-    float *srgb16;           /* decoding table of 16-bit values; LAYOUT_16 only, owned */
-    struct image8 integers;
-    struct image hdr;
-};
+#include "common/math/elementary.h"
+#include "worker/render/texture_data.h"
 
 #define LINEAR_4(i) (i) / 255.0f, ((i) + 1) / 255.0f, ((i) + 2) / 255.0f, ((i) + 3) / 255.0f
 #define LINEAR_16(i) LINEAR_4(i), LINEAR_4((i) + 4), LINEAR_4((i) + 8), LINEAR_4((i) + 12)
@@ -39,17 +17,20 @@ static const float linear8[256] = {LINEAR_64(0), LINEAR_64(64), LINEAR_64(128), 
 
 /* ---- making ------------------------------------------------------------------------------- */
 
-static int integers_are_opaque(const struct image8 *image)
+static int is_opaque(const struct texture_image *image)
 {
     size_t count = (size_t)image->width * image->height, channels = image->channels;
-    const uint16_t *words = (const uint16_t *)(const void *)image->pixels;
+    const uint16_t *words = image->texels;
+    const uint8_t *bytes = image->texels;
 
-    if (channels == 1 || channels == 3)
+    if (channels % 2 == 1)
         return 1;
+    if (image->layout == TEXTURE_FLOAT)
+        return 0; /* image_decode_float drops alpha that is 1 everywhere */
     for (size_t i = 1; i <= count; i++) {
         size_t alpha = i * channels - 1;
 
-        if (image->bits == 16 ? words[alpha] != 65535 : image->pixels[alpha] != 255)
+        if (image->layout == TEXTURE_16 ? words[alpha] != 65535 : bytes[alpha] != 255)
             return 0;
     }
     return 1;
@@ -58,8 +39,8 @@ static int integers_are_opaque(const struct image8 *image)
 static status decode_integers(struct texture_image *image, const uint8_t *data, size_t size_bytes,
                               const char *name, struct error *err)
 {
-    static const enum layout layouts[4] = {LAYOUT_GREY8, LAYOUT_GREY_ALPHA8, LAYOUT_RGB8,
-                                           LAYOUT_RGBA8};
+    static const enum texture_layout layouts[4] = {TEXTURE_GREY8, TEXTURE_GREY_ALPHA8,
+                                                   TEXTURE_RGB8, TEXTURE_RGBA8};
     struct image8 *pixels = &image->integers;
     status st = image_decode_8(pixels, data, size_bytes, name, err);
 
@@ -68,20 +49,16 @@ static status decode_integers(struct texture_image *image, const uint8_t *data, 
     image->width = pixels->width;
     image->height = pixels->height;
     image->channels = pixels->channels;
-    image->opaque = integers_are_opaque(pixels);
-    image->bytes = pixels->pixels;
+    image->texels = pixels->pixels;
     image->srgb8 = srgb_decode_table();
-    if (pixels->bits == 8) {
-        image->layout = layouts[pixels->channels - 1];
+    image->layout = pixels->bits == 8 ? layouts[pixels->channels - 1] : TEXTURE_16;
+    if (image->layout != TEXTURE_16)
         return STATUS_OK;
-    }
-    image->layout = LAYOUT_16;
-    image->words = (const uint16_t *)(const void *)pixels->pixels;
     /* A power function per channel of every lookup would cost more than the ray. */
-    image->srgb16 = mem_alloc_array(LEVELS_16, sizeof *image->srgb16);
+    image->srgb16 = mem_alloc_array(TEXTURE_CODES_16, sizeof *image->srgb16);
     if (!image->srgb16)
         return error_no_memory(err, "a texture's sRGB table");
-    for (int i = 0; i < LEVELS_16; i++)
+    for (int i = 0; i < TEXTURE_CODES_16; i++)
         image->srgb16[i] = srgb_decode((float)i / 65535.0f);
     return STATUS_OK;
 }
@@ -90,7 +67,7 @@ static status decode_floats(struct texture_image *image, const uint8_t *data, si
                             const char *name, struct error *err)
 {
     struct image_repairs repairs = {0};
-    status st = image_decode_hdr(&image->hdr, data, size_bytes, name, &repairs, err);
+    status st = image_decode_float(&image->floats, data, size_bytes, name, &repairs, err);
 
     if (st != STATUS_OK)
         return st;
@@ -98,13 +75,33 @@ static status decode_floats(struct texture_image *image, const uint8_t *data, si
         log_warn("texture %s: %" PRIu64 " NaN and %" PRIu64 " negative pixels read as 0, %" PRIu64
                  " infinite ones as the largest finite value",
                  name, repairs.nan_pixels, repairs.negative_pixels, repairs.infinite_pixels);
-    image->layout = LAYOUT_FLOAT;
-    image->width = image->hdr.width;
-    image->height = image->hdr.height;
-    image->channels = 3;
-    image->floats = image->hdr.pixels;
-    image->opaque = 1;
+    image->layout = TEXTURE_FLOAT;
+    image->width = image->floats.width;
+    image->height = image->floats.height;
+    image->channels = image->floats.channels;
+    image->texels = image->floats.pixels;
     return STATUS_OK;
+}
+
+/* An image whose texels are all equal is one texel. */
+static void collapse_constant(struct texture_image *image)
+{
+    size_t texel = image->channels * texture_value_bytes(image);
+    size_t rest = ((size_t)image->width * image->height - 1) * texel;
+    const uint8_t *bytes = image->texels;
+    void *less;
+
+    if (rest == 0 || memcmp(bytes, bytes + texel, rest) != 0)
+        return;
+    image->width = image->height = 1;
+    less = mem_realloc_array((void *)(uintptr_t)image->texels, 1, texel);
+    if (!less)
+        return; /* the memory stays larger than it must be */
+    image->texels = less;
+    if (image->layout == TEXTURE_FLOAT)
+        image->floats.pixels = less;
+    else
+        image->integers.pixels = less;
 }
 
 status texture_image_new(struct texture_image **out, const uint8_t *data, size_t size_bytes,
@@ -119,6 +116,7 @@ status texture_image_new(struct texture_image **out, const uint8_t *data, size_t
     switch (image_format_of(data, size_bytes)) {
     case IMAGE_PNG:
     case IMAGE_JPEG:
+    case IMAGE_WEBP:
         st = decode_integers(image, data, size_bytes, name, err);
         break;
     case IMAGE_HDR:
@@ -128,7 +126,7 @@ status texture_image_new(struct texture_image **out, const uint8_t *data, size_t
     default:
         st = error_set(
             err, STATUS_ERR_INPUT,
-            "%s: not an image that can be read: its first bytes are none of PNG's, JPEG's, "
+            "%s: not an image that can be read: its first bytes are none of PNG's, JPEG's, WebP's, "
             "Radiance HDR's or OpenEXR's; convert it to PNG or EXR",
             name);
     }
@@ -136,7 +134,32 @@ status texture_image_new(struct texture_image **out, const uint8_t *data, size_t
         texture_image_free(image);
         return st;
     }
+    collapse_constant(image);
+    image->opaque = is_opaque(image);
+    texture_levels(image);
     *out = image;
+    return STATUS_OK;
+}
+
+status texture_image_filter(struct texture_image *image, unsigned uses, const char *name,
+                            struct error *err)
+{
+    int floats = image->layout == TEXTURE_FLOAT;
+
+    for (int color = 0; color < 2 && image->last_level > 0; color++) {
+        unsigned use = color ? TEXTURE_AS_COLOR : TEXTURE_AS_DATA;
+        status st;
+
+        if (floats ? color == 1 || uses == 0 : !(uses & use))
+            continue;
+        if (image->pyramid[color])
+            continue;
+        st = texture_pyramid_make(image, color, err);
+        if (st != STATUS_OK) {
+            error_prefix(err, "%s", name);
+            return st;
+        }
+    }
     return STATUS_OK;
 }
 
@@ -144,24 +167,24 @@ void texture_image_free(struct texture_image *image)
 {
     if (!image)
         return;
+    mem_free(image->pyramid[1]);
+    mem_free(image->pyramid[0]);
     mem_free(image->srgb16);
     image8_release(&image->integers);
-    image_release(&image->hdr);
+    image_release(&image->floats);
     mem_free(image);
 }
 
 size_t texture_image_bytes(const struct texture_image *image)
 {
-    size_t texels = (size_t)image->width * image->height * image->channels;
+    size_t texels = (size_t)image->width * image->height;
+    size_t smaller = image->last_level ? image->levels[image->last_level].first + 1 : 0;
 
-    switch (image->layout) {
-    case LAYOUT_16:
-        return sizeof *image + texels * sizeof(uint16_t) + LEVELS_16 * sizeof(float);
-    case LAYOUT_FLOAT:
-        return sizeof *image + texels * sizeof(float);
-    default:
-        return sizeof *image + texels;
-    }
+    for (int color = 0; color < 2; color++)
+        if (image->pyramid[color])
+            texels += smaller;
+    return sizeof *image + texels * image->channels * texture_value_bytes(image) +
+           (image->srgb16 ? TEXTURE_CODES_16 * sizeof(float) : 0);
 }
 
 int texture_image_is_opaque(const struct texture_image *image)
@@ -189,6 +212,7 @@ static inline float wrap_coordinate(float x, enum scene_wrap wrap)
     if (!(fabsf(x) <= 3.4e38f))
         return 0.0f;
     switch (wrap) {
+    case WRAP_BLACK: /* inside; what is outside does not come here */
     case WRAP_CLAMP:
         return x < 0.0f ? 0.0f : x > 1.0f ? 1.0f : x;
     case WRAP_MIRROR:
@@ -200,8 +224,7 @@ static inline float wrap_coordinate(float x, enum scene_wrap wrap)
 }
 
 /* The two texels whose centres (at half integers) enclose the coordinate, and the weight of
- * the second. Clamped and mirrored images meet themselves at an edge, so that the texel
- * beyond it is the edge texel again. */
+ * the second. Of all but repeated images the texel beyond an edge is the edge texel again. */
 struct texel_pair {
     uint32_t first, second;
     float weight; /* 0..1, below 1 */
@@ -212,7 +235,7 @@ static inline struct texel_pair pair_of(float x, uint32_t size, enum scene_wrap 
     float position = wrap_coordinate(x, wrap) * (float)size - 0.5f;
     float whole = floor_small(position);
     int32_t first = (int32_t)whole, second = first + 1, last = (int32_t)size - 1;
-    int periodic = wrap != WRAP_CLAMP && wrap != WRAP_MIRROR;
+    int periodic = wrap == WRAP_REPEAT;
 
     if (first < 0)
         first = periodic ? last : 0;
@@ -227,36 +250,36 @@ static inline uint32_t nearest_of(float x, uint32_t size, enum scene_wrap wrap)
 
     if (i < size)
         return i;
-    return wrap == WRAP_CLAMP || wrap == WRAP_MIRROR ? size - 1 : 0;
+    return wrap == WRAP_REPEAT ? 0 : size - 1;
 }
 
 /* ---- lookups ------------------------------------------------------------------------------ */
 
 /* The texel number `index`, colour decoded. `layout` is a constant where this is inlined. */
 static inline __attribute__((always_inline)) struct texel
-fetch(const struct texture_image *image, enum layout layout, size_t index, const float *color)
+fetch(const void *texels, enum texture_layout layout, uint32_t channels, size_t index,
+      const float *color)
 {
-    const uint8_t *b;
-    const float *f;
+    const uint8_t *b = texels;
+    const float *f = texels;
 
     switch (layout) {
-    case LAYOUT_GREY8: {
-        float grey = color[image->bytes[index]];
+    case TEXTURE_GREY8: {
+        float grey = color[b[index]];
         return (struct texel){grey, grey, grey, 1.0f};
     }
-    case LAYOUT_GREY_ALPHA8: {
-        float grey = color[image->bytes[2 * index]];
-        return (struct texel){grey, grey, grey, linear8[image->bytes[2 * index + 1]]};
+    case TEXTURE_GREY_ALPHA8: {
+        float grey = color[b[2 * index]];
+        return (struct texel){grey, grey, grey, linear8[b[2 * index + 1]]};
     }
-    case LAYOUT_RGB8:
-        b = image->bytes + 3 * index;
+    case TEXTURE_RGB8:
+        b += 3 * index;
         return (struct texel){color[b[0]], color[b[1]], color[b[2]], 1.0f};
-    case LAYOUT_RGBA8:
-        b = image->bytes + 4 * index;
+    case TEXTURE_RGBA8:
+        b += 4 * index;
         return (struct texel){color[b[0]], color[b[1]], color[b[2]], linear8[b[3]]};
-    case LAYOUT_16: {
-        uint32_t channels = image->channels;
-        const uint16_t *w = image->words + channels * index;
+    case TEXTURE_16: {
+        const uint16_t *w = (const uint16_t *)texels + channels * index;
         uint16_t g = channels < 3 ? w[0] : w[1], bl = channels < 3 ? w[0] : w[2];
         float alpha = channels == 2 || channels == 4 ? (float)w[channels - 1] / 65535.0f : 1.0f;
 
@@ -266,8 +289,8 @@ fetch(const struct texture_image *image, enum layout layout, size_t index, const
                               alpha};
     }
     default:
-        f = image->floats + 3 * index;
-        return (struct texel){f[0], f[1], f[2], 1.0f};
+        f += channels * index;
+        return (struct texel){f[0], f[1], f[2], channels == 4 ? f[3] : 1.0f};
     }
 }
 
@@ -284,42 +307,108 @@ static inline struct texel texel_lerp(struct texel a, struct texel b, float t)
 }
 
 static inline __attribute__((always_inline)) struct texel
-filter(const struct texture_image *image, enum layout layout, struct texel_pair x,
-       struct texel_pair y, const float *color)
+filter(const void *texels, enum texture_layout layout, uint32_t channels, uint32_t width,
+       struct texel_pair x, struct texel_pair y, const float *color)
 {
-    size_t row0 = (size_t)y.first * image->width, row1 = (size_t)y.second * image->width;
-    struct texel a = fetch(image, layout, row0 + x.first, color);
-    struct texel b = fetch(image, layout, row0 + x.second, color);
-    struct texel c = fetch(image, layout, row1 + x.first, color);
-    struct texel d = fetch(image, layout, row1 + x.second, color);
+    size_t row0 = (size_t)y.first * width, row1 = (size_t)y.second * width;
+    struct texel a = fetch(texels, layout, channels, row0 + x.first, color);
+    struct texel b = fetch(texels, layout, channels, row0 + x.second, color);
+    struct texel c = fetch(texels, layout, channels, row1 + x.first, color);
+    struct texel d = fetch(texels, layout, channels, row1 + x.second, color);
 
     return texel_lerp(texel_lerp(a, b, x.weight), texel_lerp(c, d, x.weight), y.weight);
 }
 
-struct texel texture_lookup(const struct texture_image *image, const struct scene_texture *texture,
-                            float u, float v, float footprint,
-                            int srgb)
+/* `texels` are those of one level, of this width. */
+static inline __attribute__((always_inline)) struct texel
+filter_level(const struct texture_image *image, const void *texels, uint32_t width,
+             struct texel_pair x, struct texel_pair y, int srgb)
 {
-    (void)footprint;
     const float *color8 = srgb ? image->srgb8 : linear8;
     const float *color16 = srgb ? image->srgb16 : NULL;
-    struct texel_pair x, y;
+    uint32_t channels = image->channels;
 
-    if (texture->nearest) {
-        x.first = x.second = nearest_of(u, image->width, texture->wrap_u);
-        y.first = y.second = nearest_of(v, image->height, texture->wrap_v);
-        x.weight = y.weight = 0.0f;
-    } else {
-        x = pair_of(u, image->width, texture->wrap_u);
-        y = pair_of(v, image->height, texture->wrap_v);
-    }
     /* One branch on the layout, then straight code for it. */
     switch (image->layout) {
-    case LAYOUT_RGB8: return filter(image, LAYOUT_RGB8, x, y, color8);
-    case LAYOUT_RGBA8: return filter(image, LAYOUT_RGBA8, x, y, color8);
-    case LAYOUT_GREY8: return filter(image, LAYOUT_GREY8, x, y, color8);
-    case LAYOUT_GREY_ALPHA8: return filter(image, LAYOUT_GREY_ALPHA8, x, y, color8);
-    case LAYOUT_16: return filter(image, LAYOUT_16, x, y, color16);
-    default: return filter(image, LAYOUT_FLOAT, x, y, NULL);
+    case TEXTURE_RGB8: return filter(texels, TEXTURE_RGB8, 3, width, x, y, color8);
+    case TEXTURE_RGBA8: return filter(texels, TEXTURE_RGBA8, 4, width, x, y, color8);
+    case TEXTURE_GREY8: return filter(texels, TEXTURE_GREY8, 1, width, x, y, color8);
+    case TEXTURE_GREY_ALPHA8: return filter(texels, TEXTURE_GREY_ALPHA8, 2, width, x, y, color8);
+    case TEXTURE_16: return filter(texels, TEXTURE_16, channels, width, x, y, color16);
+    default: return filter(texels, TEXTURE_FLOAT, channels, width, x, y, NULL);
     }
+}
+
+/* Bilinear in one level of the pyramid, or in the image itself. */
+static __attribute__((noinline)) struct texel lookup_level(const struct texture_image *image,
+                                                           const struct scene_texture *texture,
+                                                           const uint8_t *pyramid, uint32_t level,
+                                                           float u, float v, int srgb)
+{
+    const struct texture_level *at = &image->levels[level];
+    size_t texel_bytes = image->channels * texture_value_bytes(image);
+    const void *texels = level ? pyramid + at->first * texel_bytes : image->texels;
+
+    return filter_level(image, texels, at->width, pair_of(u, at->width, texture->wrap_u),
+                        pair_of(v, at->height, texture->wrap_v), srgb);
+}
+
+/* Between the two levels whose texels are next to `texels_wide`, the beam's width at the finest
+ * level; > 1. Level and weight are a float's own exponent and fraction: log2 with straight
+ * lines between the powers of two. */
+static struct texel lookup_filtered(const struct texture_image *image,
+                                    const struct scene_texture *texture, const void *pyramid,
+                                    float u, float v, float texels_wide, int srgb)
+{
+    uint32_t bits = float_bits(texels_wide), level = (bits >> 23) - 127;
+    struct texel fine, coarse;
+
+    if (level >= image->last_level)
+        return lookup_level(image, texture, pyramid, image->last_level, u, v, srgb);
+    fine = lookup_level(image, texture, pyramid, level, u, v, srgb);
+    coarse = lookup_level(image, texture, pyramid, level + 1, u, v, srgb);
+    return texel_lerp(fine, coarse, (float)(bits & 0x7fffff) * 0x1p-23f);
+}
+
+/* Is a finite coordinate off the image? */
+static inline int is_outside(float x, enum scene_wrap wrap)
+{
+    return wrap == WRAP_BLACK && fabsf(x) <= 3.4e38f && !(x >= 0.0f && x <= 1.0f);
+}
+
+/* Everything beside the finest level of an image that has no border of its own. */
+static __attribute__((noinline)) struct texel lookup_rare(const struct texture_image *image,
+                                                          const struct scene_texture *texture,
+                                                          float u, float v, float texels_wide,
+                                                          int srgb)
+{
+    const void *pyramid = image->pyramid[srgb && image->layout != TEXTURE_FLOAT];
+
+    if (is_outside(u, texture->wrap_u) || is_outside(v, texture->wrap_v))
+        return (struct texel){0, 0, 0, 0};
+    if (texture->nearest) {
+        struct texel_pair x = {0, 0, 0.0f}, y = {0, 0, 0.0f};
+
+        x.first = x.second = nearest_of(u, image->width, texture->wrap_u);
+        y.first = y.second = nearest_of(v, image->height, texture->wrap_v);
+        return filter_level(image, image->texels, image->width, x, y, srgb);
+    }
+    if (pyramid && texels_wide > 1.0f)
+        return lookup_filtered(image, texture, pyramid, u, v, texels_wide, srgb);
+    return lookup_level(image, texture, NULL, 0, u, v, srgb);
+}
+
+struct texel texture_lookup(const struct texture_image *image, const struct scene_texture *texture,
+                            float u, float v, float footprint, int srgb)
+{
+    float texels_wide = footprint * image->longest;
+
+    if (texture->encoding != ENCODING_BY_SLOT)
+        srgb = texture->encoding == ENCODING_SRGB;
+    if (texels_wide > 1.0f || texture->nearest || texture->wrap_u == WRAP_BLACK ||
+        texture->wrap_v == WRAP_BLACK)
+        return lookup_rare(image, texture, u, v, texels_wide, srgb);
+    return filter_level(image, image->texels, image->width,
+                        pair_of(u, image->width, texture->wrap_u),
+                        pair_of(v, image->height, texture->wrap_v), srgb);
 }

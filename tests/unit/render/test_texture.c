@@ -77,7 +77,7 @@ static int wrapped_index(long i, long size, enum scene_wrap wrap)
 {
     long period;
 
-    if (wrap == WRAP_CLAMP)
+    if (wrap == WRAP_CLAMP || wrap == WRAP_BLACK)
         return (int)(i < 0 ? 0 : i >= size ? size - 1 : i);
     period = wrap == WRAP_MIRROR ? 2 * size : size;
     i = ((i % period) + period) % period;
@@ -108,8 +108,10 @@ static void test_wrap_and_filter(void **state)
                 struct scene_texture nearest = texture_as(wrap_u, wrap_v, 1);
                 struct texel t = texture_lookup(image, &smooth, (float)u, (float)v, 0, 0);
                 struct texel n = texture_lookup(image, &nearest, (float)u, (float)v, 0, 0);
-                double uc = wrap_u == WRAP_CLAMP ? fmin(fmax(u, 0), 1) : u;
-                double vc = wrap_v == WRAP_CLAMP ? fmin(fmax(v, 0), 1) : v;
+                int clamp_u = wrap_u == WRAP_CLAMP || wrap_u == WRAP_BLACK;
+                int clamp_v = wrap_v == WRAP_CLAMP || wrap_v == WRAP_BLACK;
+                double uc = clamp_u ? fmin(fmax(u, 0), 1) : u;
+                double vc = clamp_v ? fmin(fmax(v, 0), 1) : v;
                 double px = uc * W - 0.5, py = vc * H - 0.5;
                 double fx = px - floor(px), fy = py - floor(py);
                 int x0 = wrapped_index((long)floor(px), W, wrap_u);
@@ -118,6 +120,11 @@ static void test_wrap_and_filter(void **state)
                 int y1 = wrapped_index((long)floor(py) + 1, H, wrap_v);
                 double want[3];
 
+                if ((wrap_u == WRAP_BLACK && uc != u) || (wrap_v == WRAP_BLACK && vc != v)) {
+                    assert_true(t.r == 0 && t.g == 0 && t.b == 0 && t.a == 0);
+                    assert_memory_equal(&t, &n, sizeof t);
+                    continue;
+                }
                 for (int c = 0; c < 3; c++)
                     want[c] = ((1 - fy) * ((1 - fx) * pixels[y0][x0][c] + fx * pixels[y0][x1][c]) +
                                fy * ((1 - fx) * pixels[y1][x0][c] + fx * pixels[y1][x1][c])) / 255;
@@ -240,18 +247,24 @@ static void test_extreme_coordinates(void **state)
         pixels[i] = (uint8_t)(100 + i % 100);
     for (size_t s = 0; s < sizeof sizes / sizeof *sizes; s++) {
         struct texture_image *image = texture_from_pixels(sizes[s][0], sizes[s][1], 3, 8, pixels);
+        struct error err = {0};
 
+        assert_int_equal(texture_image_filter(image, TEXTURE_AS_DATA, "x", &err), STATUS_OK);
         for (int mode = 0; mode < 2 * WRAP_COUNT; mode++) {
             struct scene_texture texture = texture_as(mode / 2, mode / 2, mode % 2);
             struct texel origin = texture_lookup(image, &texture, 0, 0, 0, 0);
+            struct texel far = texture_lookup(image, &texture, 0, 0, INFINITY, 0);
 
             for (int a = 0; a < COUNT; a++)
                 for (int b = 0; b < COUNT; b++) {
-                    struct texel t = texture_lookup(image, &texture, extremes[a], extremes[b], 0, 0);
+                    struct texel t = texture_lookup(image, &texture, extremes[a], extremes[b],
+                                                    a % 3 ? 0 : INFINITY, 0);
+                    int black = texture.wrap_u == WRAP_BLACK && t.a == 0.0f;
 
-                    assert_true(t.r >= 0.39f && t.r <= 0.79f && t.b >= 0.39f && t.b <= 0.79f);
+                    assert_true(black || (t.r >= 0.39f && t.r <= 0.79f && t.b >= 0.39f &&
+                                          t.b <= 0.79f));
                     if (!isfinite(extremes[a]) && !isfinite(extremes[b]))
-                        assert_memory_equal(&t, &origin, sizeof t);
+                        assert_memory_equal(&t, a % 3 ? &origin : &far, sizeof t);
                 }
         }
         texture_image_free(image);
@@ -280,6 +293,285 @@ static void test_float_image(void **state)
     t = texture_lookup(image, &texture, 0.75f, 0.5f, 0, 0);
     assert_near(t.r, 0.5, 0.003);
     assert_int_equal(texture_image_is_opaque(image), 1);
+    texture_image_free(image);
+}
+
+/* ---- MIP maps ------------------------------------------------------------------------------- */
+
+/* Level by level in double: each texel the mean of the area it covers in the level above. */
+static double *halved(const double *in, uint32_t w, uint32_t h, uint32_t nw, uint32_t nh)
+{
+    double *out = mem_calloc((size_t)nw * nh, sizeof *out);
+
+    for (uint32_t y = 0; y < nh; y++)
+        for (uint32_t x = 0; x < nw; x++)
+            for (uint32_t j = 0; j < h; j++)
+                for (uint32_t i = 0; i < w; i++) {
+                    double left = fmax(i, (double)x * w / nw), top = fmax(j, (double)y * h / nh);
+                    double right = fmin(i + 1.0, (x + 1.0) * w / nw);
+                    double bottom = fmin(j + 1.0, (y + 1.0) * h / nh);
+
+                    if (right > left && bottom > top)
+                        out[y * nw + x] += in[j * w + i] * (right - left) * (bottom - top) *
+                                           ((double)nw * nh / ((double)w * h));
+                }
+    return out;
+}
+
+/* Value of channel c of texel i of the random pictures below: the code. */
+static uint32_t code_of(size_t i, int c, int bits)
+{
+    uint32_t h = hash_u32((uint32_t)(i * 5 + (size_t)c));
+
+    return bits == 8 ? h & 255 : h & 65535;
+}
+
+/* All levels of all layouts, as colour and as data, at their texels' centres. */
+static void test_levels_are_means(void **state)
+{
+    static const uint32_t sizes[][2] = {{16, 16}, {13, 7}, {31, 1}, {2, 9}, {24, 5}, {3, 3}};
+    uint8_t pixels[16 * 16 * 4 * 2];
+
+    (void)state;
+    for (size_t s = 0; s < sizeof sizes / sizeof *sizes; s++)
+        for (int kind = 0; kind < 8; kind++) {
+            uint32_t w = sizes[s][0], h = sizes[s][1], level = 0;
+            int channels = 1 + kind % 4, bits = kind < 4 ? 8 : 16;
+            double most = bits == 8 ? 255 : 65535;
+            struct scene_texture texture = texture_as(WRAP_CLAMP, WRAP_CLAMP, 0);
+            struct texture_image *image;
+            struct error err = {0};
+            double *mean[2];
+
+            for (size_t i = 0; i < (size_t)w * h; i++)
+                for (int c = 0; c < channels; c++) {
+                    uint32_t code = code_of(i, c, bits);
+                    uint8_t *at = pixels + (i * (size_t)channels + (size_t)c) * (size_t)(bits / 8);
+
+                    at[0] = (uint8_t)(bits == 8 ? code : code >> 8);
+                    if (bits == 16)
+                        at[1] = (uint8_t)code;
+                }
+            image = texture_from_pixels(w, h, channels, bits, pixels);
+            size_t bytes = texture_image_bytes(image);
+            assert_int_equal(texture_image_filter(image, TEXTURE_AS_DATA | TEXTURE_AS_COLOR, "x",
+                                                  &err),
+                             STATUS_OK);
+            assert_true(texture_image_bytes(image) > bytes);
+            for (int srgb = 0; srgb < 2; srgb++) {
+                int c = channels < 3 ? 0 : 1; /* of the texel: g */
+
+                mean[srgb] = mem_calloc((size_t)w * h, sizeof **mean);
+                for (size_t i = 0; i < (size_t)w * h; i++) {
+                    float value = (float)(code_of(i, c, bits) / most);
+
+                    mean[srgb][i] = (double)(srgb ? srgb_decode(value) : value);
+                }
+            }
+            while (w > 1 || h > 1) {
+                uint32_t nw = w > 1 ? w / 2 : 1, nh = h > 1 ? h / 2 : 1;
+                uint32_t longest = sizes[s][0] > sizes[s][1] ? sizes[s][0] : sizes[s][1];
+
+                level++;
+                for (int srgb = 0; srgb < 2; srgb++) {
+                    double *next = halved(mean[srgb], w, h, nw, nh);
+
+                    mem_free(mean[srgb]);
+                    mean[srgb] = next;
+                    for (uint32_t i = 0; i < nw * nh; i++) {
+                        float u = ((float)(i % nw) + 0.5f) / (float)nw;
+                        float v = ((float)(i / nw) + 0.5f) / (float)nh;
+                        /* A hair wider than 2^level texels, lest it round to less. */
+                        float footprint = (float)(1u << level) / (float)longest * 1.000001f;
+                        struct texel t = texture_lookup(image, &texture, u, v, footprint, srgb);
+                        float want = (float)mean[srgb][i];
+                        double codes = srgb ? fabs((double)srgb_encode(t.g) -
+                                                   (double)srgb_encode(want))
+                                            : fabs((double)t.g - (double)want);
+
+                        assert_near((float)(codes * most), 0, bits == 8 ? 0.505 : 0.7);
+                        assert_true(channels % 2 == 0 || t.a == 1.0f);
+                    }
+                }
+                w = nw;
+                h = nh;
+            }
+            mem_free(mean[0]);
+            mem_free(mean[1]);
+            texture_image_free(image);
+        }
+}
+
+/* Up to a texel's width the finest level alone, to the bit; then without a jump ever coarser;
+ * from the whole image on the mean. */
+static void test_footprint(void **state)
+{
+    enum { W = 32, H = 20 };
+    uint8_t pixels[W * H * 4];
+    struct scene_texture texture = texture_as(WRAP_REPEAT, WRAP_MIRROR, 0);
+    struct scene_texture nearest = texture_as(WRAP_REPEAT, WRAP_MIRROR, 1);
+    struct texture_image *image, *plain;
+    struct error err = {0};
+
+    (void)state;
+    for (int i = 0; i < W * H * 4; i++)
+        pixels[i] = i % 4 == 3 ? 255 : (uint8_t)hash_u32((uint32_t)i);
+    image = texture_from_pixels(W, H, 4, 8, pixels);
+    plain = texture_from_pixels(W, H, 4, 8, pixels);
+    assert_int_equal(texture_image_filter(image, TEXTURE_AS_COLOR, "x", &err), STATUS_OK);
+    size_t bytes = texture_image_bytes(image);
+    assert_int_equal(texture_image_filter(image, TEXTURE_AS_COLOR, "x", &err), STATUS_OK);
+    assert_int_equal(texture_image_bytes(image), bytes);
+    assert_true(bytes - texture_image_bytes(plain) < W * H * 4 * 0.36);
+    for (uint32_t k = 0; k < 3000; k++) {
+        float u = (float)hash_u32(k) * 0x1p-30f, v = (float)hash_u32(k + 9) * 0x1p-30f;
+        struct texel finest = texture_lookup(plain, &texture, u, v, 0, 1);
+        struct texel point = texture_lookup(plain, &nearest, u, v, 0, 1);
+        struct texel last = finest, t;
+
+        t = texture_lookup(image, &texture, u, v, 0, 1);
+        assert_memory_equal(&t, &finest, sizeof t);
+        t = texture_lookup(image, &texture, u, v, 1.0f / W, 1);
+        assert_memory_equal(&t, &finest, sizeof t);
+        t = texture_lookup(image, &texture, u, v, NAN, 1);
+        assert_memory_equal(&t, &finest, sizeof t);
+        t = texture_lookup(plain, &texture, u, v, 0.7f, 1); /* no pyramid was made */
+        assert_memory_equal(&t, &finest, sizeof t);
+        t = texture_lookup(image, &nearest, u, v, 0.7f, 1);
+        assert_memory_equal(&t, &point, sizeof t);
+        for (float f = 1.0f / W; f < 3; f *= 1.01f) {
+            t = texture_lookup(image, &texture, u, v, f, 1);
+            assert_true(t.a == 1.0f);
+            assert_near(t.r, (double)last.r, 0.03);
+            last = t;
+        }
+        t = texture_lookup(image, &texture, u + 0.3f, v + 0.1f, INFINITY, 1);
+        assert_memory_equal(&t, &last, sizeof t);
+    }
+    texture_image_free(image);
+    texture_image_free(plain);
+}
+
+/* The slot says colour or data, unless the texture knows better; so does the pyramid's use. */
+static void test_encoding_overrides_slot(void **state)
+{
+    static const uint8_t pixels[2] = {0, 188};
+    struct texture_image *image = texture_from_pixels(2, 1, 1, 8, pixels);
+    struct scene_texture texture = texture_as(WRAP_CLAMP, WRAP_CLAMP, 0);
+    double encoded = 188 / 255.0, linear = (double)srgb_decode(188 / 255.0f);
+    struct error err = {0};
+
+    (void)state;
+    for (int encoding = 0; encoding < ENCODING_COUNT; encoding++)
+        for (int slot = 0; slot < 2; slot++) {
+            int srgb = encoding == ENCODING_BY_SLOT ? slot : encoding == ENCODING_SRGB;
+
+            texture.encoding = (enum scene_encoding)encoding;
+            assert_near(texture_lookup(image, &texture, 1, 0.5f, 0, slot).r,
+                        srgb ? linear : encoded, 1e-6);
+            assert_int_equal(texture_use_of(&texture, slot),
+                             srgb ? TEXTURE_AS_COLOR : TEXTURE_AS_DATA);
+            assert_int_equal(
+                texture_image_filter(image, texture_use_of(&texture, slot), "x", &err), STATUS_OK);
+            assert_near(texture_lookup(image, &texture, 1, 0.5f, 1, slot).r,
+                        srgb ? linear / 2 : encoded / 2, 3e-3);
+        }
+    texture_image_free(image);
+}
+
+/* A constant image is one texel, whatever its depth, and answers as the whole would. */
+static void test_constant_collapses(void **state)
+{
+    enum { W = 64, H = 32 };
+    static uint8_t pixels[W * H * 8];
+
+    (void)state;
+    for (int channels = 1; channels <= 4; channels++)
+        for (int bits = 8; bits <= 16; bits += 8) {
+            size_t count = (size_t)(W * H * channels * (bits / 8));
+            struct scene_texture texture = texture_as(WRAP_MIRROR, WRAP_REPEAT, 0);
+            struct texture_image *image;
+            struct texel t;
+            struct error err = {0};
+
+            memset(pixels, 0x5b, sizeof pixels);
+            image = texture_from_pixels(W, H, channels, bits, pixels);
+            assert_true(texture_image_bytes(image) < 3000 + (bits == 16 ? 65536 * 4 : 0));
+            assert_int_equal(texture_image_filter(image, 3, "x", &err), STATUS_OK);
+            for (uint32_t k = 0; k < 100; k++) {
+                t = texture_lookup(image, &texture, (float)k * 0.17f, (float)k * -0.3f,
+                                   (float)k * 0.01f, 0);
+                assert_near(t.b, (double)(0x5b / 255.0f), 1e-7);
+                assert_near(t.a, channels % 2 ? 1 : (double)(0x5b / 255.0f), 1e-7);
+            }
+            assert_int_equal(texture_image_is_opaque(image), channels % 2);
+            texture_image_free(image);
+            pixels[count - 1] ^= 1;
+            image = texture_from_pixels(W, H, channels, bits, pixels);
+            assert_true(texture_image_bytes(image) > count);
+            texture_image_free(image);
+        }
+}
+
+/* OpenEXR with alpha as a texture: straight colour, alpha filtered beside it, levels in float. */
+static void test_exr_with_alpha(void **state)
+{
+    enum { W = 6, H = 3 };
+    struct image picture;
+    struct buffer file = BUFFER_INIT;
+    struct scene_texture texture = texture_as(WRAP_CLAMP, WRAP_CLAMP, 0);
+    struct texture_image *image;
+    double mean[4] = {0};
+    struct error err = {0};
+    struct texel t;
+
+    (void)state;
+    assert_int_equal(image_init(&picture, W, H, 4, &err), STATUS_OK);
+    for (size_t i = 0; i < W * H; i++) {
+        float alpha = (float)(i % 4) * 0.25f + 0.25f;
+
+        for (size_t c = 0; c < 4; c++) {
+            float value = c == 3 ? alpha : (float)(100 * i + c);
+
+            picture.pixels[4 * i + c] = c == 3 ? alpha : value * alpha;
+            mean[c] += (double)value / (W * H);
+        }
+    }
+    assert_int_equal(exr_encode(&file, &picture, NULL, &err), STATUS_OK);
+    if (texture_image_new(&image, file.data, file.size, "leaf.exr", &err) != STATUS_OK)
+        fail_msg("%s", err.text);
+    assert_int_equal(texture_image_is_opaque(image), 0);
+    assert_int_equal(texture_image_filter(image, TEXTURE_AS_COLOR, "x", &err), STATUS_OK);
+    t = texture_lookup(image, &texture, 1.5f / W, 1.5f / H, 0, 1);
+    assert_near(t.g, 701, 1e-3);
+    assert_near(t.a, 1.0, 1e-6);
+    t = texture_lookup(image, &texture, 0.1f, 0.1f, 5, 1);
+    assert_near(t.b, mean[2], 1e-3);
+    assert_near(t.a, mean[3], 1e-6);
+    texture_image_free(image);
+    image_release(&picture);
+    buffer_release(&file);
+}
+
+static void test_filter_out_of_memory(void **state)
+{
+    static const uint8_t pixels[3 * 3] = {1, 2, 3, 4, 5, 6, 7, 8, 9};
+    struct texture_image *image = texture_from_pixels(3, 3, 1, 8, pixels);
+    struct scene_texture texture = texture_as(WRAP_CLAMP, WRAP_CLAMP, 0);
+    struct error err = {0};
+    int succeeded = 0;
+
+    (void)state;
+    for (long n = 0; n < 20 && !succeeded; n++) {
+        mem_fault_arm(n, 1);
+        if (texture_image_filter(image, 3, "big.png", &err) == STATUS_OK)
+            succeeded = 1;
+        else
+            assert_non_null(strstr(err.text, "big.png"));
+        mem_fault_arm(-1, 0);
+        assert_true(texture_lookup(image, &texture, 0.5f, 0.5f, 1, 1).r > 0);
+    }
+    assert_true(succeeded);
     texture_image_free(image);
 }
 
@@ -348,6 +640,12 @@ int main(void)
         cmocka_unit_test(test_opaque),
         cmocka_unit_test(test_extreme_coordinates),
         cmocka_unit_test(test_float_image),
+        cmocka_unit_test(test_levels_are_means),
+        cmocka_unit_test(test_footprint),
+        cmocka_unit_test(test_encoding_overrides_slot),
+        cmocka_unit_test(test_constant_collapses),
+        cmocka_unit_test(test_exr_with_alpha),
+        cmocka_unit_test(test_filter_out_of_memory),
         cmocka_unit_test(test_damaged_files),
         cmocka_unit_test(test_out_of_memory),
     };
