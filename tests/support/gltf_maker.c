@@ -188,6 +188,9 @@ struct mesh_view view_mesh(const struct import_result *result, uint32_t index)
         view.uv1 = array_at(blob->data, layout.uv1);
         view.colors = array_at(blob->data, layout.colors);
         view.indices = array_at(blob->data, layout.indices);
+        view.skin = array_at(blob->data, layout.skin);
+        view.morphs = array_at(blob->data, layout.morphs);
+        view.morph_floats = layout.morph_stride / sizeof(float);
         for (size_t z = 0; z < SCENE_MESH_PADDING_BYTES; z++)
             assert_int_equal(blob->data[layout.total_bytes - 1 - z], 0);
         return view;

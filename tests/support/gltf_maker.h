@@ -70,6 +70,9 @@ struct mesh_view {
     const struct scene_mesh *mesh;
     const float *positions, *normals, *tangents, *uv0, *uv1, *colors;
     const uint32_t *indices;
+    const struct mesh_influence *skin;
+    const float *morphs;    /* of target i from i * morph_floats on: positions, then normals */
+    size_t morph_floats;
 };
 
 struct mesh_view view_mesh(const struct import_result *result, uint32_t index);
