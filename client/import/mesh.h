@@ -51,9 +51,8 @@ struct mesh_tangents {
 status mesh_finish(struct builder *b, struct mesh_source *mesh, const char *name,
                    const struct mesh_tangents *tangents, int64_t *row) MUST_CHECK;
 
-/* tangents.c: tangents in the manner of MikkTSpace: for each vertex and each handedness of
- * the texture there, the angle-weighted mean of the triangles' texture directions. Vertices
- * where both hands meet are split. Needs normals, or unshared vertices (flat shading). */
+/* tangents.c: tangents after MikkTSpace. Vertices whose triangles come to different ones are
+ * split. Needs unit normals, or none (flat shading: every triangle gets its own vertices). */
 status tangents_generate(struct mesh_source *mesh, const struct mesh_tangents *wanted,
                          struct error *err) MUST_CHECK;
 

@@ -130,9 +130,6 @@ static void test_skin_faults(void **state)
          "skins[0]|each of the 3 joints"},
         {SKELETON ",\"skins\":[{\"joints\":[2,3]}]," SKINNED_MESH(",\"JOINTS_1\":4"),
          "JOINTS_1 and WEIGHTS_1"},
-        {SKELETON ",\"skins\":[{\"joints\":[2,3]}],\"meshes\":[{\"primitives\":[{\"attributes\":{"
-                  "\"POSITION\":0,\"JOINTS_0\":2,\"WEIGHTS_0\":5}}]}]",
-         "joint"},
         /* A joint among its own descendants, outside of the scene. */
         {"\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"skin\":0},{\"children\":[2]},"
          "{\"children\":[1]}],\"skins\":[{\"joints\":[1,2]}],"

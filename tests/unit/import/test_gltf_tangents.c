@@ -122,6 +122,120 @@ static void test_tangents_supplied(void **state)
     import_result_release(&r);
 }
 
+/* Import triangles with normals and texture coordinates of their own; all vertices of one
+ * position, normal and coordinate are one to the tangents. */
+static void import_corners(const float *positions, const float *normals, const float *uv,
+                           size_t vertices, struct import_result *r)
+{
+    struct maker m = {0};
+
+    put_floats(&m, "VEC3", positions, 3 * vertices, vertices);
+    put_floats(&m, "VEC3", normals, 3 * vertices, vertices);
+    put_floats(&m, "VEC2", uv, 2 * vertices, vertices);
+    maker_import(&m,
+                 ONE_NODE ",\"materials\":[{\"normalTexture\":{\"index\":0}}]," PNG_IMAGE
+                          ",\"meshes\":[{\"primitives\":[{\"material\":0,\"attributes\":{"
+                          "\"POSITION\":0,\"NORMAL\":1,\"TEXCOORD_0\":2}}]}]",
+                 r);
+}
+
+static const float *tangent_of(const struct mesh_view *v, size_t corner)
+{
+    return v->tangents + 4 * v->indices[corner];
+}
+
+static const float up[27] = {0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0,
+                             1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1};
+
+/* The mean at a shared vertex is weighted with the angles there: 90 and 45 degrees. */
+static void test_tangents_weighted(void **state)
+{
+    /* Around (0, 0): a quarter whose u grows along +x, and an eighth whose u grows along +y. */
+    static const float positions[18] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, -1, 1, 0};
+    /* u = x, v = -y; then at the edge x = 0 the same u and v, and u + 1 at (-1, 1). */
+    static const float uv[12] = {0, 0, 1, 0, 0, -1, 0, 0, 0, -1, -1, 0};
+    struct import_result r;
+    struct mesh_view v;
+    float first[2], second[2] = {0.5f, 0.5f}, sum[2], length;
+
+    (void)state;
+    import_corners(positions, up, uv, 6, &r);
+    v = view_mesh(&r, 0);
+    /* The second triangle: edges (0, 1) -> (0, -1) and (-1, 1) -> (-1, 0). u does not change
+     * along y, so (-1, 0) must give -1: its u grows along +x; its v falls by 1 along +y, and
+     * along x it is -1 (v(-1, 1) = 0 = -1 * 1 - 1 * -1). The direction where v stays and u
+     * grows is (1, -1) / sqrt 2. */
+    first[0] = 1, first[1] = 0;
+    second[0] = 0.70710678f, second[1] = -0.70710678f;
+    for (int c = 0; c < 2; c++)
+        sum[c] = 2 * first[c] + second[c];
+    length = sqrtf(sum[0] * sum[0] + sum[1] * sum[1]);
+    assert_floats(tangent_of(&v, 0), (const float[]){sum[0] / length, sum[1] / length, 0, 1}, 4,
+                  1e-5f);
+    assert_memory_equal(tangent_of(&v, 0), tangent_of(&v, 3), 16);
+    /* Where only one of them is, it alone counts. */
+    assert_floats(tangent_of(&v, 1), (const float[]){1, 0, 0, 1}, 4, 1e-6f);
+    assert_floats(tangent_of(&v, 5), (const float[]){second[0], second[1], 0, 1}, 4, 1e-6f);
+    import_result_release(&r);
+}
+
+/* Two triangles that touch in one vertex only are two groups. */
+static void test_tangents_touching(void **state)
+{
+    static const float positions[18] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0, 0, 0, -1, 0};
+    static const float uv[12] = {0, 0, 1, 0, 0, -1, 0, 0, 0, -1, -1, 0};
+    struct import_result r;
+    struct mesh_view v;
+
+    (void)state;
+    import_corners(positions, up, uv, 6, &r);
+    v = view_mesh(&r, 0);
+    assert_floats(tangent_of(&v, 0), (const float[]){1, 0, 0, 1}, 4, 1e-6f);
+    assert_floats(tangent_of(&v, 3), (const float[]){0, 1, 0, 1}, 4, 1e-6f);
+    assert_int_equal(v.mesh->vertex_count, 6);
+    import_result_release(&r);
+}
+
+/* A triangle without area in the texture takes the tangent and hand of the group that reaches
+ * it, and does not bend it. */
+static void test_tangents_flat_texture(void **state)
+{
+    static const float positions[18] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
+    static const float uv[12] = {0, 0, -1, 0, 0, -1, -1, 0, -1, 0, 0, -1};
+    struct import_result r;
+    struct mesh_view v;
+
+    (void)state;
+    import_corners(positions, up, uv, 6, &r);
+    v = view_mesh(&r, 0);
+    /* Mirrored: u falls along x. */
+    for (size_t c = 0; c < 6; c++)
+        if (c != 4)
+            assert_floats(tangent_of(&v, c), (const float[]){-1, 0, 0, -1}, 4, 1e-6f);
+    /* Its third corner no group reaches: any direction in the plane, but the same hand. */
+    assert_true(tangent_of(&v, 4)[2] == 0 && tangent_of(&v, 4)[3] == -1);
+    import_result_release(&r);
+}
+
+/* Of three triangles at one edge two are neighbours. */
+static void test_tangents_three_at_an_edge(void **state)
+{
+    static const float positions[27] = {0, 0, 0, 0, 1, 0, -1, 0, 0, 0, 1, 0, 0, 0,
+                                        0, 1, 0, 0, 0, 1, 0, 0, 0, 0, 1, 1, 0};
+    static const float uv[18] = {0, 0, 0, -1, -1, 0, 0, -1, 0, 0, 1, 0, 0, -1, 0, 0, 1, 0};
+    struct import_result r;
+    struct mesh_view v;
+
+    (void)state;
+    import_corners(positions, up, uv, 9, &r);
+    v = view_mesh(&r, 0);
+    for (size_t c = 0; c < 6; c++)
+        assert_floats(tangent_of(&v, c), (const float[]){1, 0, 0, 1}, 4, 1e-6f);
+    for (size_t c = 6; c < 9; c++) /* u = x, v = x - y: alone */
+        assert_floats(tangent_of(&v, c), (const float[]){0.70710678f, 0.70710678f, 0, 1}, 4, 1e-6f);
+    import_result_release(&r);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -129,6 +243,10 @@ int main(void)
         cmocka_unit_test(test_tangents_transformed),
         cmocka_unit_test(test_tangents_flat),
         cmocka_unit_test(test_tangents_supplied),
+        cmocka_unit_test(test_tangents_weighted),
+        cmocka_unit_test(test_tangents_touching),
+        cmocka_unit_test(test_tangents_flat_texture),
+        cmocka_unit_test(test_tangents_three_at_an_edge),
     };
 
     return cmocka_run_group_tests_name("glTF tangents", tests, NULL, NULL);
