@@ -4,6 +4,8 @@
 
 #include "client/import/builder.h"
 #include "client/import/gltf.h"
+#include "client/import/obj.h"
+#include "client/import/ply_scene.h"
 #include "common/base/buffer.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
@@ -11,6 +13,8 @@
 /* In the order in which they are asked. */
 static const struct import_format *const formats[] = {
     &format_gltf,
+    &format_ply,
+    &format_obj,
 };
 enum { FORMAT_COUNT = sizeof formats / sizeof *formats };
 
