@@ -84,11 +84,15 @@ static status embree_failed(RTCDevice device, const char *what, struct error *er
     return error_set(err, STATUS_ERR_INTERNAL, "%s: Embree error %d", what, (int)code);
 }
 
-static void set_triangles(RTCGeometry geometry, const float *positions,
+/* `positions` has one entry for each moment; one alone stands still. */
+static void set_triangles(RTCGeometry geometry, const float *const *positions, uint32_t steps,
                           const struct accel_mesh *mesh, int filtered)
 {
-    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, positions, 0,
-                               3 * sizeof(float), mesh->vertex_count);
+    if (steps > 1)
+        rtcSetGeometryTimeStepCount(geometry, steps);
+    for (uint32_t i = 0; i < steps; i++)
+        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, i, RTC_FORMAT_FLOAT3,
+                                   positions[i], 0, 3 * sizeof(float), mesh->vertex_count);
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh->indices,
                                0, 3 * sizeof(uint32_t), mesh->triangle_count);
     if (filtered) {
@@ -126,13 +130,25 @@ static status build_shared_mesh(struct accel *accel, const struct accel_input *i
             rtcReleaseGeometry(geometry);
         return embree_failed(accel->device, "a mesh's geometry", err);
     }
-    set_triangles(geometry, in->meshes[mesh].positions, &in->meshes[mesh], filtered);
+    set_triangles(geometry, &in->meshes[mesh].positions, 1, &in->meshes[mesh], filtered);
     rtcAttachGeometryByID(accel->mesh_scenes[mesh], geometry, 0);
     rtcReleaseGeometry(geometry);
     rtcCommitScene(accel->mesh_scenes[mesh]);
     if (rtcGetDeviceError(accel->device) != RTC_ERROR_NONE)
         return error_no_memory(err, "the BVH of a mesh");
     return STATUS_OK;
+}
+
+static void set_transforms(RTCGeometry geometry, const struct accel_instance *instance)
+{
+    if (instance->motion_steps == 0) {
+        rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, instance->to_world.m);
+        return;
+    }
+    rtcSetGeometryTimeStepCount(geometry, instance->motion_steps);
+    for (uint32_t i = 0; i < instance->motion_steps; i++)
+        rtcSetGeometryTransform(geometry, i, RTC_FORMAT_FLOAT3X4_ROW_MAJOR,
+                                instance->motion_to_world[i].m);
 }
 
 static status attach_instance(struct accel *accel, const struct accel_input *in, uint32_t index,
@@ -146,11 +162,14 @@ static status attach_instance(struct accel *accel, const struct accel_input *in,
     if (!geometry)
         return embree_failed(accel->device, "an instance", err);
     if (in_world) {
-        set_triangles(geometry, instance->world_positions, &in->meshes[instance->mesh],
-                      instance->filtered);
+        set_triangles(geometry,
+                      instance->motion_steps ? instance->motion_positions
+                                             : &instance->world_positions,
+                      instance->motion_steps ? instance->motion_steps : 1,
+                      &in->meshes[instance->mesh], instance->filtered);
     } else {
         rtcSetGeometryInstancedScene(geometry, accel->mesh_scenes[instance->mesh]);
-        rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, instance->to_world.m);
+        set_transforms(geometry, instance);
         rtcCommitGeometry(geometry);
     }
     rtcAttachGeometryByID(accel->top, geometry, index);
@@ -263,7 +282,7 @@ static void ray_init(struct RTCRay *out, const struct ray *ray)
     out->dir_x = ray->direction.x;
     out->dir_y = ray->direction.y;
     out->dir_z = ray->direction.z;
-    out->time = 0;
+    out->time = ray->time;
     out->tfar = ray->t_max;
     out->mask = ~0u;
     out->id = 0;

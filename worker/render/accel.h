@@ -4,6 +4,9 @@
  * all others of its kind; a shared mesh gets a BVH of its own and instances of it. Each
  * BVH is built by one thread: that keeps the tree, and so the answer on exact ties, the
  * same whatever the machine's number of cores. The ISA is pinned when the device is made.
+ * What moves while the shutter is open is given for several moments, evenly from its opening to
+ * its closing; in between the vertices move along straight lines. A scene in which nothing moves
+ * gets a BVH without a trace of motion.
  * Immutable after accel_new; any number of threads may query.
  */
 #ifndef AZULEJO_RENDER_ACCEL_H
@@ -38,12 +41,19 @@ struct accel_mesh {
     uint32_t vertex_count, triangle_count;
 };
 
+enum { ACCEL_STEPS_MAX = 129 /* Embree's own limit */ };
+
 struct accel_instance {
     uint32_t mesh;
     const float *world_positions; /* not NULL: the mesh's vertices in world space, put straight
                                      into the top BVH; NULL: an instance of the mesh's BVH */
     struct transform to_world;
     int filtered;                 /* ask `accept` about every hit */
+    uint32_t motion_steps;        /* 0: it stands still; else 2..ACCEL_STEPS_MAX, and one of these
+                                     takes the place of the static field above: */
+    const float *const *motion_positions;    /* with world_positions: [motion_steps] of them, each
+                                                with 16 readable bytes after the last */
+    const struct transform *motion_to_world; /* without: [motion_steps] */
 };
 
 /* Does the hit count? Called inside a traversal, possibly several times for one triangle:
