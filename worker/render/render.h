@@ -46,6 +46,11 @@ status render_scene_new(struct render_scene **out, const struct scene *scene,
                         const struct render_settings *settings, uint32_t frame,
                         struct blob_source blobs, struct error *err) MUST_CHECK;
 void render_scene_free(struct render_scene *scene);
+
+/* Refuse scenes that need more than `bytes`, with ERR_NO_MEMORY; 0, as at first: more than the
+ * machine has free when the scene is built. */
+void render_memory_limit(uint64_t bytes);
+
 void render_scene_info(const struct render_scene *scene, struct render_scene_info *info);
 
 /* Render samples of pass `pass` of tile `tile` of frame `frame` into `sums`:

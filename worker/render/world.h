@@ -21,6 +21,7 @@ struct world_mesh {
     const float *positions, *normals, *tangents, *uv[2], *colors;
     const uint32_t *indices;
     uint32_t vertex_count, triangle_count;
+    const uint8_t *blob;          /* all of it: what deforms the mesh is read from here */
 };
 
 /* A texture slot made ready: NULL image where the factor alone counts. */
@@ -56,14 +57,18 @@ struct world_material {
 
 struct world_instance {
     uint32_t mesh, material;
-    const float *world_positions; /* vertices in world space, or NULL: transform the mesh's */
+    const float *world_positions; /* vertices in world space (at the shutter's opening), or NULL:
+                                     transform the mesh's */
     struct transform to_world, to_object;
     int flipped;                  /* negative determinant: world winding is clockwise */
     /* What moves has its values for motion_steps >= 2 moments, evenly from the shutter's opening
      * to its closing, between which vertices move along straight lines. */
     uint32_t motion_steps;        /* 0: it stands still while the shutter is open */
-    const struct transform *motion_to_world;      /* [motion_steps], unless deformed */
-    const float *const *motion_positions;         /* [motion_steps][vertices][3] world, or NULL */
+    const struct transform *motion_to_world;      /* [motion_steps]; NULL: `to_world` throughout */
+    const float *const *motion_positions;         /* [motion_steps][vertices][3] world, or NULL: the
+                                     mesh's vertices transformed; [0] is world_positions */
+    int bounded;                  /* deformed, or moved vertex by vertex: within this box always */
+    float bounds_min[3], bounds_max[3];
     const float *deformed_normals, *deformed_tangents; /* at the shutter's opening, or NULL: the mesh's.
                                      World space for a skinned mesh, else the mesh's */
     int skinned;                  /* those are in world space */
@@ -90,7 +95,8 @@ struct render_scene {
     struct world_material *materials;
     struct world_instance *instances;
     struct texture_image **images;
-    float **baked;                /* world positions, owned, per instance or NULL */
+    void **owned;                 /* blocks that are freed with the scene */
+    size_t owned_count, owned_capacity;
     uint32_t mesh_count, material_count, instance_count, image_count;
     struct camera camera;
     struct environment *environment; /* NULL: none */

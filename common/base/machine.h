@@ -1,0 +1,12 @@
+/* machine: what this machine has. */
+#ifndef AZULEJO_BASE_MACHINE_H
+#define AZULEJO_BASE_MACHINE_H
+
+#include <stdint.h>
+
+/* Bytes of memory that this process could still take without pushing others out: the kernel's
+ * own estimate (page cache included), and no more than its control group and its address space
+ * limit leave. UINT64_MAX when nobody knows. */
+uint64_t machine_memory_available(void);
+
+#endif

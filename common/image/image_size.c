@@ -1,0 +1,169 @@
+#include "common/image/image_size.h"
+
+#include <string.h>
+
+enum { FLOAT_RGB_BYTES = 12, HDR_HEADER_MAX = 1 << 16, EXR_NAME_MAX = 256 };
+
+static uint32_t big16(const uint8_t *p)
+{
+    return (uint32_t)p[0] << 8 | p[1];
+}
+
+static uint32_t big32(const uint8_t *p)
+{
+    return big16(p) << 16 | big16(p + 2);
+}
+
+static uint32_t little32(const uint8_t *p)
+{
+    return (uint32_t)p[3] << 24 | (uint32_t)p[2] << 16 | (uint32_t)p[1] << 8 | p[0];
+}
+
+/* PNG (ISO 15948): IHDR is always the first chunk. */
+static int png_size(const uint8_t *data, size_t size, struct image_size *out)
+{
+    static const uint8_t channels[7] = {1, 0, 3, 4 /* palette, perhaps with alpha */, 2, 0, 4};
+
+    if (size < 26 || data[25] > 6)
+        return 0;
+    out->width = big32(data + 16);
+    out->height = big32(data + 20);
+    out->pixel_bytes = channels[data[25]] * (data[24] == 16 ? 2u : 1u);
+    return 1;
+}
+
+/* JPEG (T.81 B.2.2): the first frame header SOFn among the marker segments. */
+static int jpeg_size(const uint8_t *data, size_t size, struct image_size *out)
+{
+    size_t at = 2;
+
+    while (at + 10 <= size) {
+        uint8_t marker = data[at + 1];
+        if (data[at] != 0xff)
+            return 0;
+        if (marker == 0xff) { /* fill */
+            at++;
+            continue;
+        }
+        if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 &&
+            marker != 0xcc) {
+            out->height = big16(data + at + 5);
+            out->width = big16(data + at + 7);
+            out->pixel_bytes = data[at + 9] == 1 ? 1 : 3;
+            return 1;
+        }
+        at += 2 + big16(data + at + 2);
+    }
+    return 0;
+}
+
+/* WebP (RFC 9649): the first chunk is VP8, VP8L or VP8X. */
+static int webp_size(const uint8_t *data, size_t size, struct image_size *out)
+{
+    const uint8_t *p = data + 20;
+
+    if (size < 30)
+        return 0;
+    out->pixel_bytes = 4;
+    if (memcmp(data + 12, "VP8X", 4) == 0) {
+        out->width = 1 + (little32(p + 4) & 0xffffff);
+        out->height = 1 + (little32(p + 6) >> 8);
+    } else if (memcmp(data + 12, "VP8L", 4) == 0) {
+        uint32_t bits = little32(p + 1);
+        out->width = 1 + (bits & 0x3fff);
+        out->height = 1 + (bits >> 14 & 0x3fff);
+    } else if (memcmp(data + 12, "VP8 ", 4) == 0) {
+        out->width = little32(p + 6) & 0x3fff;
+        out->height = little32(p + 6) >> 16 & 0x3fff;
+        out->pixel_bytes = 3;
+    } else {
+        return 0;
+    }
+    return 1;
+}
+
+static int parse_number(const uint8_t *data, size_t size, size_t *at, uint32_t *out)
+{
+    uint64_t value = 0;
+    size_t start = *at;
+
+    while (*at < size && data[*at] >= '0' && data[*at] <= '9' && value < 1u << 30)
+        value = value * 10 + (uint64_t)(data[(*at)++] - '0');
+    *out = (uint32_t)value;
+    return *at > start;
+}
+
+/* Radiance: header lines, an empty one, then "-Y height +X width" or another order of axes. */
+static int hdr_size(const uint8_t *data, size_t size, struct image_size *out)
+{
+    size_t limit = size < HDR_HEADER_MAX ? size : HDR_HEADER_MAX, at = 0;
+    uint32_t first, second;
+    int rows_first;
+
+    while (at + 1 < limit && !(data[at] == '\n' && data[at + 1] == '\n'))
+        at++;
+    at += 2;
+    if (at + 4 > limit)
+        return 0;
+    rows_first = data[at + 1] == 'Y';
+    at += 3;
+    if (!parse_number(data, limit, &at, &first) || at + 4 > limit)
+        return 0;
+    at += 4;
+    if (!parse_number(data, limit, &at, &second))
+        return 0;
+    out->height = rows_first ? first : second;
+    out->width = rows_first ? second : first;
+    out->pixel_bytes = FLOAT_RGB_BYTES;
+    return 1;
+}
+
+/* OpenEXR: attributes (name, type, size, value) up to an empty name; "dataWindow" is a box2i. */
+static int exr_size(const uint8_t *data, size_t size, struct image_size *out)
+{
+    size_t at = 8;
+
+    while (at < size && data[at]) {
+        const uint8_t *name = data + at;
+        size_t length = strnlen((const char *)name, size - at < EXR_NAME_MAX ? size - at : EXR_NAME_MAX);
+        size_t type, value;
+        uint32_t bytes;
+        if (at + length >= size || length == EXR_NAME_MAX)
+            return 0;
+        type = at + length + 1;
+        length = strnlen((const char *)data + type, size - type < EXR_NAME_MAX ? size - type : EXR_NAME_MAX);
+        value = type + length + 1 + 4;
+        if (length == EXR_NAME_MAX || value > size)
+            return 0;
+        bytes = little32(data + value - 4);
+        if (bytes > size - value)
+            return 0;
+        if (strcmp((const char *)name, "dataWindow") == 0 && bytes == 16) {
+            out->width = little32(data + value + 8) - little32(data + value) + 1;
+            out->height = little32(data + value + 12) - little32(data + value + 4) + 1;
+            out->pixel_bytes = FLOAT_RGB_BYTES;
+            return 1;
+        }
+        at = value + bytes;
+    }
+    return 0;
+}
+
+int image_size_of(const uint8_t *data, size_t size, struct image_size *out)
+{
+    static const uint8_t png[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
+    static const uint8_t exr[4] = {0x76, 0x2f, 0x31, 0x01};
+
+    memset(out, 0, sizeof *out);
+    if (size >= 8 && memcmp(data, png, 8) == 0)
+        return png_size(data, size, out);
+    if (size >= 2 && data[0] == 0xff && data[1] == 0xd8)
+        return jpeg_size(data, size, out);
+    if (size >= 12 && memcmp(data, "RIFF", 4) == 0 && memcmp(data + 8, "WEBP", 4) == 0)
+        return webp_size(data, size, out);
+    if (size >= 4 && memcmp(data, exr, 4) == 0)
+        return exr_size(data, size, out);
+    if (size >= 2 && data[0] == '#' && data[1] == '?')
+        return hdr_size(data, size, out);
+    return 0;
+}

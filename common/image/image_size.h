@@ -1,0 +1,17 @@
+/* image_size: how large an image file is, read from its header alone. */
+#ifndef AZULEJO_IMAGE_IMAGE_SIZE_H
+#define AZULEJO_IMAGE_IMAGE_SIZE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+struct image_size {
+    uint32_t width, height;
+    uint32_t pixel_bytes;   /* of the decoded pixels: 1..8, or 12 for three floats */
+};
+
+/* PNG, JPEG, WebP, Radiance HDR and OpenEXR. 0 where the header is damaged or the format another:
+ * the decoder will say what is wrong. */
+int image_size_of(const uint8_t *data, size_t size_bytes, struct image_size *out);
+
+#endif

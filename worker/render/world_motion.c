@@ -1,0 +1,24 @@
+#include "worker/render/world_motion.h"
+
+static const struct transform identity = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+
+struct transform world_motion_to_world(const struct world_instance *instance, float time)
+{
+    struct transform_d m;
+
+    if (!instance->motion_to_world)
+        return instance->skinned ? identity : instance->to_world;
+    m = world_motion_matrix(instance, time);
+    return transform_from_d(&m);
+}
+
+struct transform world_motion_to_object(const struct world_instance *instance, float time)
+{
+    struct transform_d m, inverse;
+
+    if (!instance->motion_to_world)
+        return instance->skinned ? identity : instance->to_object;
+    m = world_motion_matrix(instance, time);
+    transform_d_invert(&m, &inverse); /* flat at this moment: the identity, as at rest */
+    return transform_from_d(&inverse);
+}
