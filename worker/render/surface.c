@@ -5,6 +5,7 @@
 #include "common/math/elementary.h"
 #include "worker/render/has.h"
 #include "worker/render/world.h"
+#include "worker/render/world_motion.h"
 
 /* In units of 2^-24 of the largest coordinate in play. Chosen by the grazing-plane test of
  * tests/numerics/test_offset.c, which passes from 2 upwards. */
@@ -34,34 +35,13 @@ float surface_offset(struct vec3 p, const struct vec3 corner[3],
     return OFFSET_ULPS * 0x1p-24f * magnitude + instance->position_error;
 }
 
-/* A triangle's corners in world space, in double; exact for baked instances. */
-static void corners_d(const struct world_instance *instance, const struct world_mesh *mesh,
-                      const uint32_t vertex[3], double corner[3][3])
-{
-    for (int k = 0; k < 3; k++) {
-        if (instance->world_positions) {
-            const float *p = instance->world_positions + 3 * (size_t)vertex[k];
-            for (int a = 0; a < 3; a++)
-                corner[k][a] = (double)p[a];
-        } else {
-            const float *p = mesh->positions + 3 * (size_t)vertex[k];
-            for (int a = 0; a < 3; a++) {
-                const float *row = instance->to_world.m[a];
-                corner[k][a] = (double)row[0] * (double)p[0] + (double)row[1] * (double)p[1] +
-                               (double)row[2] * (double)p[2] + (double)row[3];
-            }
-        }
-    }
-}
-
 void world_triangle(const struct render_scene *scene, const struct world_instance *instance,
                     uint32_t triangle, float time, struct vec3 corner[3])
 {
     const struct world_mesh *mesh = &scene->meshes[instance->mesh];
     double c[3][3];
 
-    (void)time;
-    corners_d(instance, mesh, world_vertices(mesh, triangle), c);
+    world_corners(scene, instance, world_vertices(mesh, triangle), time, c);
     for (int k = 0; k < 3; k++)
         corner[k] = vec3_make((float)c[k][0], (float)c[k][1], (float)c[k][2]);
 }
@@ -94,7 +74,7 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     s->mesh = &scene->meshes[s->instance->mesh];
     s->triangle = hit->triangle;
     s->vertex = world_vertices(s->mesh, hit->triangle);
-    corners_d(s->instance, s->mesh, s->vertex, c);
+    world_corners(scene, s->instance, s->vertex, ray->time, c);
     for (int a = 0; a < 3; a++) {
         e1[a] = c[1][a] - c[0][a];
         e2[a] = c[2][a] - c[0][a];
@@ -154,7 +134,7 @@ static struct texel surface_texel(const struct surface *s, const struct world_sl
 
 static const float *surface_tangents(const struct surface *s)
 {
-    return s->instance->deformed_tangents ? s->instance->deformed_tangents : s->mesh->tangents;
+    return world_tangents(s->instance, s->mesh);
 }
 
 /* The tangent at the hit, world, unit and perpendicular to `n`; black where there is none. */
@@ -162,8 +142,10 @@ static struct vec3 surface_tangent(const struct surface *s, struct vec3 n)
 {
     struct vec3 t = surface_interpolate(surface_tangents(s), 4, s->vertex, s->b1, s->b2);
 
-    if (!s->instance->skinned)
-        t = transform_vector(&s->instance->to_world, t);
+    if (!s->instance->skinned) {
+        struct transform to_world = world_to_world_at(s->instance, s->time);
+        t = transform_vector(&to_world, t);
+    }
     return vec3_normalize(vec3_mad(t, n, -vec3_dot(n, t)));
 }
 
@@ -199,14 +181,15 @@ static struct vec3 surface_mapped_normal(const struct surface *s, const struct w
 static struct vec3 surface_vertex_normal(const struct surface *s)
 {
     struct vec3 front_ng = s->front ? s->ng : vec3_neg(s->ng), n;
-    const float *normals =
-        s->instance->deformed_normals ? s->instance->deformed_normals : s->mesh->normals;
+    const float *normals = world_normals(s->instance, s->mesh);
 
     if (!normals)
         return front_ng;
     n = surface_interpolate(normals, 3, s->vertex, s->b1, s->b2);
-    if (!s->instance->skinned)
-        n = transform_normal(&s->instance->to_object, n);
+    if (!s->instance->skinned) {
+        struct transform to_object = world_to_object_at(s->instance, s->time);
+        n = transform_normal(&to_object, n);
+    }
     n = vec3_normalize(n);
     if (vec3_is_black(n))
         return front_ng;
