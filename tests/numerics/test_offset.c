@@ -136,6 +136,92 @@ static void test_instances(void **state)
     builder_release(&b);
 }
 
+/* A plane that moves, turns, spins or bends while the shutter is open, seen at a grazing angle
+ * by a camera that rides along: at every moment the rays that leave it must not meet it again. */
+enum mover { BY_TRANSLATION, BY_TURNING, BY_SPINNING, BY_BENDING, MOVERS };
+
+static double moving_plane_mean(enum mover mover, float scale, float distance)
+{
+    static const float no_yes[2] = {0, 1};
+    static const float square[12] = {-1, 0, -1, -1, 0, 1, 1, 0, 1, 1, 0, -1};
+    static const float lifted[12] = {0, 2, 0, 0, 1, 0, 0, 2, 0, 0, 3, 0}; /* stays a plane */
+    static const uint32_t indices[6] = {0, 1, 2, 0, 2, 3};
+    static double mean[32 * 32 * 3];
+    struct render_settings settings = builder_settings(32, 32, 4);
+    struct render_stats stats = {0};
+    struct scene_instance *instance;
+    struct render_scene *scene;
+    struct scene_builder b;
+    float path[6] = {0}, turns[4 * 9], times[9];
+    double sum = 0;
+
+    settings.max_depth = 1;
+    settings.env_sampling = ENV_SAMPLING_BSDF;
+    settings.fps = 1;
+    settings.shutter = 1;
+    builder_init(&b);
+    builder_lambert(&b, 1);
+    instance = builder_place(&b,
+                             mover == BY_BENDING
+                                 ? builder_mesh_deforming(&b, square, 4, indices, 2, NULL, lifted, 1)
+                                 : builder_quad(&b),
+                             0, vec3_splat(1), vec3_splat(0));
+    builder_node(&b, -1, 0); /* where it all is, and how large */
+    b.scene.nodes[0].translation[0] = distance;
+    b.scene.nodes[0].translation[2] = -0.7f * distance;
+    b.scene.nodes[0].scale[0] = b.scene.nodes[0].scale[1] = b.scene.nodes[0].scale[2] = scale;
+    builder_node(&b, 0, mover == BY_BENDING);
+    builder_node(&b, mover == BY_TRANSLATION ? 1 : 0, 0); /* the camera's */
+    instance->node = 1;
+    path[3] = 5;
+    path[4] = 3;
+    for (int k = 0; k < 9; k++) {
+        double angle = (mover == BY_SPINNING ? 60 : 0.5) * k / 8;
+        times[k] = (float)k / 8;
+        turns[4 * k] = turns[4 * k + 2] = 0;
+        turns[4 * k + 1] = (float)sin(angle / 2); /* in its own plane */
+        turns[4 * k + 3] = (float)cos(angle / 2);
+    }
+    if (mover == BY_TRANSLATION)
+        builder_channel(&b, 1, PATH_TRANSLATION, 2, no_yes, path);
+    else if (mover == BY_BENDING)
+        builder_channel(&b, 1, PATH_WEIGHTS, 2, no_yes, no_yes);
+    else
+        builder_channel(&b, 1, PATH_ROTATION, 9, times, turns);
+    builder_environment_constant(&b, vec3_splat(1));
+    builder_camera(&b, vec3_splat(0), vec3_make(0, 0, -1), 0.02f);
+    b.scene.nodes[2].translation[0] = 0.1f;
+    b.scene.nodes[2].translation[1] = mover == BY_BENDING ? 4 : 0.05f;
+    b.scene.nodes[2].translation[2] = mover == BY_BENDING ? 0 : 0.3f;
+    b.scene.nodes[2].rotation[0] = (float)-sin(mover == BY_BENDING ? M_PI / 4 : 0.07);
+    b.scene.nodes[2].rotation[3] = (float)cos(mover == BY_BENDING ? M_PI / 4 : 0.07);
+    b.scene.cameras[0].node = 2;
+    scene = builder_build(&b, &settings);
+    builder_render(scene, &settings, 0, mean, NULL, &stats);
+    for (size_t i = 0; i < 32 * 32 * 3; i++)
+        sum += mean[i];
+    /* Every sample met the plane: one ray to it, one that left it. */
+    assert_int_equal(stats.rays, 2 * stats.samples);
+    render_scene_free(scene);
+    builder_release(&b);
+    return sum / (32 * 32 * 3);
+}
+
+static void test_moving(void **state)
+{
+    static const struct { float scale, distance; } places[] = {
+        {1, 0}, {1, 1e3f}, {1e-3f, 0}, {1e3f, 1e4f}, {1, 1e4f}};
+
+    (void)state;
+    for (int mover = 0; mover < MOVERS; mover++)
+        for (size_t k = 0; k < sizeof places / sizeof *places; k++) {
+            double got = moving_plane_mean((enum mover)mover, places[k].scale, places[k].distance);
+            if (fabs(got - 1) > 1e-5)
+                fail_msg("mover %d, scale %g at %g: mean %.7f instead of 1", mover,
+                         (double)places[k].scale, (double)places[k].distance, got);
+        }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -143,6 +229,7 @@ int main(void)
         cmocka_unit_test(test_translations),
         cmocka_unit_test(test_sphere_places),
         cmocka_unit_test(test_instances),
+        cmocka_unit_test(test_moving),
     };
     return cmocka_run_group_tests_name("offset", tests, NULL, NULL);
 }

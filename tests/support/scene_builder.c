@@ -33,6 +33,9 @@ void builder_init(struct scene_builder *b)
     b->scene.lights = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.lights));
     b->scene.cameras = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.cameras));
     b->scene.images = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.images));
+    b->scene.nodes = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.nodes));
+    b->scene.channels = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.channels));
+    b->scene.skins = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.skins));
     b->scene.textures = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.textures));
 }
 
@@ -56,6 +59,18 @@ static struct scene_blob add_blob(struct scene_builder *b, uint8_t *data, size_t
     return blob;
 }
 
+static void bound(struct scene_mesh *mesh, const float *positions, uint32_t vertex_count)
+{
+    for (int a = 0; a < 3; a++) {
+        mesh->bounds_min[a] = INFINITY;
+        mesh->bounds_max[a] = -INFINITY;
+        for (uint32_t i = 0; i < vertex_count; i++) {
+            mesh->bounds_min[a] = fminf(mesh->bounds_min[a], positions[3 * i + (uint32_t)a]);
+            mesh->bounds_max[a] = fmaxf(mesh->bounds_max[a], positions[3 * i + (uint32_t)a]);
+        }
+    }
+}
+
 uint32_t builder_mesh(struct scene_builder *b, const float *positions, const float *normals,
                       uint32_t vertex_count, const uint32_t *indices, uint32_t triangle_count,
                       int closed)
@@ -69,14 +84,7 @@ uint32_t builder_mesh(struct scene_builder *b, const float *positions, const flo
     mesh->triangle_count = triangle_count;
     mesh->arrays = normals ? MESH_NORMALS : 0;
     mesh->closed = closed;
-    for (int a = 0; a < 3; a++) {
-        mesh->bounds_min[a] = INFINITY;
-        mesh->bounds_max[a] = -INFINITY;
-        for (uint32_t i = 0; i < vertex_count; i++) {
-            mesh->bounds_min[a] = fminf(mesh->bounds_min[a], positions[3 * i + (uint32_t)a]);
-            mesh->bounds_max[a] = fmaxf(mesh->bounds_max[a], positions[3 * i + (uint32_t)a]);
-        }
-    }
+    bound(mesh, positions, vertex_count);
     scene_mesh_layout(mesh, &layout);
     data = need(mem_calloc(1, layout.total_bytes));
     memcpy(data + layout.positions, positions, 12u * vertex_count);
@@ -85,6 +93,78 @@ uint32_t builder_mesh(struct scene_builder *b, const float *positions, const flo
     memcpy(data + layout.indices, indices, 12u * triangle_count);
     mesh->blob = add_blob(b, data, layout.total_bytes);
     return b->scene.mesh_count++;
+}
+
+uint32_t builder_mesh_deforming(struct scene_builder *b, const float *positions,
+                                uint32_t vertex_count, const uint32_t *indices,
+                                uint32_t triangle_count, const struct mesh_influence *influences,
+                                const float *morphs, uint32_t morph_count)
+{
+    struct scene_mesh *mesh = &b->scene.meshes[b->scene.mesh_count];
+    struct scene_mesh_layout layout;
+    uint8_t *data;
+
+    mesh->name = "deforming mesh";
+    mesh->vertex_count = vertex_count;
+    mesh->triangle_count = triangle_count;
+    mesh->arrays = influences ? MESH_SKIN : 0;
+    mesh->morph_count = morph_count;
+    bound(mesh, positions, vertex_count);
+    scene_mesh_layout(mesh, &layout);
+    data = need(mem_calloc(1, layout.total_bytes));
+    memcpy(data + layout.positions, positions, 12u * vertex_count);
+    if (influences)
+        memcpy(data + layout.skin, influences, sizeof *influences * vertex_count);
+    for (uint32_t i = 0; i < morph_count; i++)
+        memcpy(data + layout.morphs + i * layout.morph_stride, morphs + (size_t)3 * vertex_count * i,
+               12u * vertex_count);
+    memcpy(data + layout.indices, indices, 12u * triangle_count);
+    mesh->blob = add_blob(b, data, layout.total_bytes);
+    return b->scene.mesh_count++;
+}
+
+uint32_t builder_node(struct scene_builder *b, int32_t parent, uint32_t weight_count)
+{
+    struct scene_node *node = &b->scene.nodes[b->scene.node_count];
+
+    memset(node, 0, sizeof *node);
+    node->parent = parent;
+    node->rotation[3] = 1;
+    node->scale[0] = node->scale[1] = node->scale[2] = 1;
+    node->weight_count = weight_count;
+    node->weights = need(arena_alloc(&b->scene.arena, weight_count + 1, sizeof *node->weights));
+    return b->scene.node_count++;
+}
+
+void builder_channel(struct scene_builder *b, uint32_t node, enum scene_channel_path path,
+                     uint32_t key_count, const float *times, const float *values)
+{
+    struct scene_channel *c = &b->scene.channels[b->scene.channel_count++];
+
+    c->node = node;
+    c->path = path;
+    c->interpolation = INTERPOLATE_LINEAR;
+    c->key_count = key_count;
+    c->components = path == PATH_WEIGHTS    ? b->scene.nodes[node].weight_count
+                    : path == PATH_ROTATION ? 4
+                                            : 3;
+    c->times = need(arena_alloc(&b->scene.arena, key_count, sizeof *c->times));
+    memcpy(c->times, times, key_count * sizeof *times);
+    c->values = need(arena_alloc(&b->scene.arena, (size_t)key_count * c->components, sizeof *values));
+    memcpy(c->values, values, (size_t)key_count * c->components * sizeof *values);
+}
+
+int32_t builder_skin(struct scene_builder *b, const uint32_t *joints, uint32_t joint_count)
+{
+    struct scene_skin *skin = &b->scene.skins[b->scene.skin_count];
+
+    skin->joint_count = joint_count;
+    skin->joints = need(arena_alloc(&b->scene.arena, joint_count, sizeof *joints));
+    skin->inverse_bind = need(arena_alloc(&b->scene.arena, joint_count, sizeof *skin->inverse_bind));
+    memcpy(skin->joints, joints, joint_count * sizeof *joints);
+    for (uint32_t i = 0; i < joint_count; i++)
+        skin->inverse_bind[i] = (struct transform){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+    return (int32_t)b->scene.skin_count++;
 }
 
 uint32_t builder_quad(struct scene_builder *b)

@@ -28,6 +28,21 @@ uint32_t builder_quad(struct scene_builder *b);
 uint32_t builder_mesh(struct scene_builder *b, const float *positions, const float *normals,
                       uint32_t vertex_count, const uint32_t *indices, uint32_t triangle_count,
                       int closed);
+/* A mesh that can be deformed: `influences` [vertices] or NULL; `morphs` [morph_count][vertices][3]
+ * position offsets. The blob is the mesh's without them but for their arrays (no normals). */
+uint32_t builder_mesh_deforming(struct scene_builder *b, const float *positions,
+                                uint32_t vertex_count, const uint32_t *indices,
+                                uint32_t triangle_count, const struct mesh_influence *influences,
+                                const float *morphs, uint32_t morph_count);
+
+/* What moves. A node at rest in its parent (-1: the world); give it `weights` of morph targets.
+ * Keys of one property of a node, linear; nodes and paths in ascending order. A skin of these
+ * joints, bound where the mesh's space and the joints' agree. */
+uint32_t builder_node(struct scene_builder *b, int32_t parent, uint32_t weight_count);
+void builder_channel(struct scene_builder *b, uint32_t node, enum scene_channel_path path,
+                     uint32_t key_count, const float *times, const float *values);
+int32_t builder_skin(struct scene_builder *b, const uint32_t *joints, uint32_t joint_count);
+
 /* glTF's defaults made into a white Lambert surface (double-sided); edit the returned row. */
 struct scene_material *builder_lambert(struct scene_builder *b, float albedo);
 uint32_t builder_last_material(const struct scene_builder *b);
