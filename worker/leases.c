@@ -13,6 +13,7 @@ struct lease {
     struct scene_slot *slot;
     uint64_t id, epoch, job;
     uint32_t frame;
+    int started;                    /* its units were given to the pool */
     struct work_unit *first, *last; /* of its units that are not rendered yet */
 };
 
@@ -76,9 +77,7 @@ static void lease_end_if_empty(struct leases *l, struct lease *lease)
 /* Is a thread at it (or just finished, and the loop has not heard)? */
 static int unit_try_take(struct leases *l, struct work_unit *unit)
 {
-    /* Before its scene is ready a unit was never given to the pool. */
-    return scene_slot_state(unit->lease->slot) != SCENE_READY ||
-           pool_cancel(l->pool, &unit->task);
+    return !unit->lease->started || pool_cancel(l->pool, &unit->task);
 }
 
 /* Free the lease's units that no thread has begun; mark the others `dropped` if asked. */
@@ -144,6 +143,7 @@ void leases_release(struct leases *l)
 
 static void lease_start(struct leases *l, struct lease *lease)
 {
+    lease->started = 1;
     for (struct work_unit *unit = lease->first; unit; unit = unit->next)
         pool_push(l->pool, &unit->task, 0);
 }
@@ -217,7 +217,7 @@ status leases_grant(struct leases *l, const Azulejo__Wire__LeaseGrant *grant,
         s = units_make(lease, grant, &settings, &why);
     }
     if (s == STATUS_OK)
-        s = scene_cache_acquire(l->scenes, &scene, &settings, &lease->slot, &why);
+        s = scene_cache_acquire(l->scenes, &scene, &settings, grant->frame, &lease->slot, &why);
     if (s != STATUS_OK) {
         while (lease && lease->first) {
             struct work_unit *unit = lease->first;
@@ -242,19 +242,32 @@ status leases_grant(struct leases *l, const Azulejo__Wire__LeaseGrant *grant,
     return STATUS_OK;
 }
 
+/* Its slot is READY or BROKEN: go on to another one if it turned out to show another moment of
+ * a scene that moves. 0 when there will be none for the lease. */
+static int lease_settle(struct lease *lease, const struct scene_slot *slot, struct error *why)
+{
+    if (scene_slot_state(slot) != SCENE_READY) {
+        *why = *scene_slot_error(slot);
+        return 0;
+    }
+    return scene_slot_shows(slot, lease->frame) ||
+           scene_slot_change(&lease->slot, lease->frame, why) == STATUS_OK;
+}
+
 void leases_scene_settled(struct leases *l, struct scene_slot *slot, struct channel *channel)
 {
     struct lease *next;
 
     for (struct lease *lease = l->first; lease; lease = next) {
         next = lease->next;
+        struct error why = {0};
         if (lease->slot != slot)
             continue;
-        if (scene_slot_state(slot) == SCENE_READY) {
-            lease_start(l, lease);
-        } else {
-            say_broken(channel, lease->job, lease->id, scene_slot_error(slot));
+        if (!lease_settle(lease, slot, &why)) {
+            say_broken(channel, lease->job, lease->id, &why);
             lease_drop_unstarted(l, lease, 0); /* none was started: this ends the lease */
+        } else if (scene_slot_state(lease->slot) == SCENE_READY) {
+            lease_start(l, lease);
         }
     }
 }

@@ -8,7 +8,11 @@
 #include "common/base/clock.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "common/scene/pose.h"
 #include "common/scene/scene.h"
+
+/* What the loop's thread knows of a slot's scene. */
+enum motion { MOTION_UNKNOWN, MOTION_NONE, MOTION_SOME };
 
 struct scene_slot {
     struct pool_task task; /* first: a task is its slot */
@@ -16,6 +20,8 @@ struct scene_slot {
     struct scene_slot *next;
     struct digest digest;
     struct render_settings settings;
+    uint32_t frame;
+    enum motion motion;
     enum scene_state state;
     unsigned references;
     uint64_t used;         /* the cache's tick of the last acquire */
@@ -23,6 +29,7 @@ struct scene_slot {
     /* The build's, in a pool thread while WORKING. */
     struct scene scene;
     int unpacked;
+    int moves;
     char name[SCENE_NAME_MAX + 1];
     struct render_scene *render;
     struct cached_blob **blobs; /* sorted by digest; as long as `render` */
@@ -122,7 +129,10 @@ static status unpack_scene(struct scene_slot *slot, struct error *err)
     }
     slot->unpacked = 1;
     snprintf(slot->name, sizeof slot->name, "%s", slot->scene.name ? slot->scene.name : "");
-    return render_settings_validate(&slot->settings, slot->scene.camera_count, err);
+    s = render_settings_validate(&slot->settings, slot->scene.camera_count, err);
+    if (s == STATUS_OK)
+        slot->moves = scene_is_animated(&slot->scene, &slot->settings);
+    return s;
 }
 
 /* Collect the scene's blobs, or note which ones are missing. */
@@ -174,7 +184,8 @@ static void scene_build(struct pool_task *task)
     if (s == STATUS_OK && slot->missing_count == 0)
         s = collect_blobs(slot, &slot->error);
     if (s == STATUS_OK && slot->missing_count == 0)
-        s = render_scene_new(&slot->render, &slot->scene, &slot->settings, 0, source, &slot->error);
+        s = render_scene_new(&slot->render, &slot->scene, &slot->settings, slot->frame, source,
+                             &slot->error);
     if (s != STATUS_OK) {
         slot->error.code = s;
         mem_free(slot->missing);
@@ -214,6 +225,24 @@ static void slot_free(struct scene_slot *slot)
     mem_free(slot);
 }
 
+static int same_scene(const struct scene_slot *slot, const struct digest *scene,
+                      const struct render_settings *settings)
+{
+    return digest_equal(&slot->digest, scene) && render_settings_equal(&slot->settings, settings);
+}
+
+/* A frame of a scene that moves, of which a later used one lies idle too? */
+static int is_passed(const struct scene_cache *cache, const struct scene_slot *slot)
+{
+    if (slot->motion != MOTION_SOME)
+        return 0;
+    for (const struct scene_slot *other = cache->slots; other; other = other->next)
+        if (other->used > slot->used && other->state == SCENE_READY && !other->references &&
+            same_scene(other, &slot->digest, &slot->settings))
+            return 1;
+    return 0;
+}
+
 /* Drop what nobody holds and is not worth keeping. A slot in work waits for its task. */
 static void cache_trim(struct scene_cache *cache)
 {
@@ -224,7 +253,7 @@ static void cache_trim(struct scene_cache *cache)
             struct scene_slot *slot = *at;
             if (slot->references || slot->state == SCENE_WORKING)
                 continue;
-            if (slot->state != SCENE_READY) {
+            if (slot->state != SCENE_READY || is_passed(cache, slot)) {
                 oldest = at;
                 idle = SCENES_KEPT + 1;
                 break;
@@ -265,15 +294,34 @@ void scene_cache_free(struct scene_cache *cache)
     mem_free(cache);
 }
 
-status scene_cache_acquire(struct scene_cache *cache, const struct digest *scene,
-                           const struct render_settings *settings, struct scene_slot **out,
-                           struct error *err)
+/* The slot for a frame; NULL: a new one is to be made. *motion: what is known of the scene. */
+static struct scene_slot *slot_find(struct scene_cache *cache, const struct digest *scene,
+                                    const struct render_settings *settings, uint32_t frame,
+                                    enum motion *motion)
 {
-    struct scene_slot *slot = cache->slots;
+    struct scene_slot *waits = NULL;
 
-    while (slot && !(slot->state != SCENE_BROKEN && digest_equal(&slot->digest, scene) &&
-                     render_settings_equal(&slot->settings, settings)))
-        slot = slot->next;
+    *motion = MOTION_UNKNOWN;
+    for (struct scene_slot *slot = cache->slots; slot; slot = slot->next) {
+        if (slot->state == SCENE_BROKEN || !same_scene(slot, scene, settings))
+            continue;
+        if (slot->frame == frame || slot->motion == MOTION_NONE)
+            return slot;
+        if (slot->motion == MOTION_SOME)
+            *motion = MOTION_SOME;
+        else
+            waits = slot;
+    }
+    return *motion == MOTION_SOME ? NULL : waits;
+}
+
+status scene_cache_acquire(struct scene_cache *cache, const struct digest *scene,
+                           const struct render_settings *settings, uint32_t frame,
+                           struct scene_slot **out, struct error *err)
+{
+    enum motion motion;
+    struct scene_slot *slot = slot_find(cache, scene, settings, frame, &motion);
+
     if (!slot) {
         slot = mem_calloc(1, sizeof *slot);
         *out = NULL;
@@ -282,6 +330,8 @@ status scene_cache_acquire(struct scene_cache *cache, const struct digest *scene
         slot->cache = cache;
         slot->digest = *scene;
         slot->settings = *settings;
+        slot->frame = frame;
+        slot->motion = motion;
         slot->task.run = scene_build;
         slot->state = SCENE_WORKING;
         slot->next = cache->slots;
@@ -291,6 +341,25 @@ status scene_cache_acquire(struct scene_cache *cache, const struct digest *scene
     slot->references++;
     slot->used = ++cache->tick;
     *out = slot;
+    return STATUS_OK;
+}
+
+int scene_slot_shows(const struct scene_slot *slot, uint32_t frame)
+{
+    return slot->state == SCENE_READY && (slot->frame == frame || slot->motion == MOTION_NONE);
+}
+
+status scene_slot_change(struct scene_slot **slot, uint32_t frame, struct error *err)
+{
+    struct scene_slot *before = *slot, *after;
+    /* `before` is still there and says that its scene moves: it cannot come back. */
+    status s = scene_cache_acquire(before->cache, &before->digest, &before->settings, frame,
+                                   &after, err);
+
+    if (s != STATUS_OK)
+        return s;
+    *slot = after;
+    scene_slot_release(before);
     return STATUS_OK;
 }
 
@@ -373,6 +442,7 @@ int scene_cache_task_done(struct scene_cache *cache, struct pool_task *task)
         slot->references--;
     } else {
         log_built(slot);
+        slot->motion = slot->moves ? MOTION_SOME : MOTION_NONE;
         slot_set_state(slot, SCENE_READY);
     }
     cache_trim(cache);

@@ -6,11 +6,15 @@
  *              \--damaged, does not fit, no memory--> BROKEN
  * slot_set_state is the only function that changes a slot's state.
  *
- * A slot is one (scene digest, render settings). Reading, hashing, unpacking and building
- * happen in a pool thread (scene_build, which begins anew after a fetch; nothing is hashed
- * twice); everything else is called from the loop's thread. A slot is kept while somebody
- * holds a reference; of those that nobody holds, the SCENES_KEPT most recently used that are
- * READY stay. A BROKEN slot goes with its last reference, so the next lease tries again.
+ * A slot is one (scene digest, render settings, frame); where nothing moves it is good for
+ * every frame. Whether something moves is known when the scene has been unpacked: until then
+ * other frames of it wait for the same slot, and ask scene_slot_shows() when it is READY.
+ * Reading, hashing, unpacking and building happen in a pool thread (scene_build, which begins
+ * anew after a fetch; nothing is hashed twice); everything else is called from the loop's
+ * thread. A slot is kept while somebody holds a reference; of those that nobody holds, the
+ * SCENES_KEPT most recently used that are READY stay, but only one frame of each scene that
+ * moves: it goes on to the next, and hardly ever comes back. A BROKEN slot goes with its last
+ * reference, so the next lease tries again.
  */
 #ifndef AZULEJO_WORKER_SCENE_CACHE_H
 #define AZULEJO_WORKER_SCENE_CACHE_H
@@ -48,17 +52,23 @@ status scene_cache_new(struct scene_cache **out, struct blob_cache *blobs, struc
 /* After the pool has ended; references that are still held lapse. */
 void scene_cache_free(struct scene_cache *cache);
 
-/* Take a reference to the slot, making it if need be. `settled` is not called before this
- * returns. ERR_NO_MEMORY. */
+/* Take a reference to the slot, making it if need be. One that is READY shows the frame; one
+ * that becomes READY later may turn out not to. `settled` is not called before this returns.
+ * ERR_NO_MEMORY. */
 status scene_cache_acquire(struct scene_cache *cache, const struct digest *scene,
-                           const struct render_settings *settings, struct scene_slot **out,
-                           struct error *err) MUST_CHECK;
+                           const struct render_settings *settings, uint32_t frame,
+                           struct scene_slot **out, struct error *err) MUST_CHECK;
 void scene_slot_release(struct scene_slot *slot);
 
 enum scene_state scene_slot_state(const struct scene_slot *slot);
 const struct render_scene *scene_slot_render(const struct scene_slot *slot); /* when READY */
 const struct error *scene_slot_error(const struct scene_slot *slot);         /* when BROKEN */
 const struct render_settings *scene_slot_settings(const struct scene_slot *slot);
+/* Is a READY slot good for this frame? */
+int scene_slot_shows(const struct scene_slot *slot, uint32_t frame);
+/* Change a reference to a READY slot that does not show the frame for one to the slot that does
+ * or will. ERR_NO_MEMORY: *slot is unchanged. */
+status scene_slot_change(struct scene_slot **slot, uint32_t frame, struct error *err) MUST_CHECK;
 
 /* A fetched blob goes to every slot that waits for it. */
 void scene_cache_blob_arrived(struct scene_cache *cache, struct cached_blob *blob);
