@@ -16,6 +16,8 @@
 
 enum { POINTS = 128 };
 
+static double square(double x) { return x * x; }
+
 /* Directional albedo of GGX with unit Fresnel, *all, and with (1 - v.h)^5, *schlick: the
  * midpoint rule over the visible normals, whose weight is G2 / G1. */
 static void ggx_albedo(double mu, double alpha, int points, double *all, double *schlick)
@@ -71,6 +73,313 @@ static double row_average(const float *row)
     return sum;
 }
 
+/* ---- loss of GGX with unit Fresnel ----------------------------------------------------------- */
+
+/* mu of column x = 0..1 of the loss tables; the inverse of albedo_loss_column. */
+static double column_mu(double x, double alpha)
+{
+    return alpha * x * x / (1 + alpha - x * x);
+}
+
+static double column_scale(int column, int columns, double alpha)
+{
+    return square(1 - square((double)column / (columns - 1))) + alpha * alpha;
+}
+
+static double loss_entry(int row, int column)
+{
+    double alpha = row_alpha(row), all, schlick;
+
+    if (column == 0)
+        return 0; /* the limit */
+    ggx_albedo(fmin(1, column_mu((double)column / (ALBEDO_COLUMNS - 1), alpha)), alpha, POINTS,
+               &all, &schlick);
+    return (1 - all) / column_scale(column, ALBEDO_COLUMNS, alpha);
+}
+
+/* Hemispherical means, as interpolated: of the loss, and of E blend. By Simpson's rule in
+ * mu^(1/4), which is smooth enough at both ends. */
+static void row_means(double alpha, double *loss, double *schlick)
+{
+    struct albedo_loss_row row = albedo_loss_row_find((float)alpha);
+    struct albedo_row blend = albedo_row_find((float)alpha);
+    enum { STEPS = 4000 };
+
+    *loss = *schlick = 0;
+    for (int i = 0; i <= STEPS; i++) {
+        double s = (double)i / STEPS, mu = s * s * s * s;
+        double w = (i == 0 || i == STEPS ? 1 : i & 1 ? 4 : 2) / (3.0 * STEPS) * 8 * mu * s * s * s;
+        double l = albedo_loss_at(&row, (float)mu);
+        *loss += w * l;
+        *schlick += w * (1 - l) * albedo_blend_at(&blend, (float)mu);
+    }
+}
+
+/* ---- stretched distributions ------------------------------------------------------------------ */
+
+static double stretched_alpha(double t)
+{
+    double first = sqrt(BSDF_ALPHA_MIN);
+    return (first + (1 - first) * t) * (first + (1 - first) * t);
+}
+
+/* Loss along (mu, azimuth) for alphas x and y: the midpoint rule over the visible normals. */
+static double stretched_loss(double mu, double cos2_azimuth, double ax, double ay)
+{
+    double sine = sqrt(1 - mu * mu), w[3] = {sine * sqrt(cos2_azimuth),
+                                             sine * sqrt(1 - cos2_azimuth), mu};
+    double x = ax * w[0], y = ay * w[1], root_o = sqrt(x * x + y * y + mu * mu), z = mu / root_o;
+    double sum = 0;
+    enum { N = 48 };
+
+    x /= root_o;
+    y /= root_o;
+    for (int i = 0; i < N; i++)
+        for (int j = 0; j < 2 * N; j++) {
+            double height = (1 - (i + 0.5) / N) * (1 + z) - z, phi = M_PI * (j + 0.5) / N;
+            double s = sqrt(fmax(0, 1 - height * height));
+            double h[3] = {ax * (s * cos(phi) + x), ay * (s * sin(phi) + y), height + z};
+            double norm = sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2]);
+            double c = 2 * (w[0] * h[0] + w[1] * h[1] + w[2] * h[2]) / norm;
+            double v[3] = {c * h[0] / norm - w[0], c * h[1] / norm - w[1], c * h[2] / norm - w[2]};
+            double root_i;
+            if (v[2] <= 0)
+                continue;
+            root_i = sqrt(ax * ax * v[0] * v[0] + ay * ay * v[1] * v[1] + v[2] * v[2]);
+            sum += v[2] * (mu + root_o) / (v[2] * root_o + mu * root_i);
+        }
+    return 1 - sum / (2 * N * N);
+}
+
+static double stretched_entry(int row, int ratio, int azimuth, int column)
+{
+    double ax = stretched_alpha((double)row / (ALBEDO_STRETCHED_ROWS - 1));
+    double ay = fmax(BSDF_ALPHA_MIN, ax * ratio / (ALBEDO_STRETCHED_RATIOS - 1));
+    double q = (double)azimuth / (ALBEDO_STRETCHED_AZIMUTHS - 1), across = ay + (ax - ay) * q * q;
+    double cos2 = ax > ay ? (across * across - ay * ay) / (ax * ax - ay * ay) : 1;
+
+    if (column == 0)
+        return 0;
+    return stretched_loss(
+               fmin(1, column_mu((double)column / (ALBEDO_STRETCHED_COLUMNS - 1), across)),
+               fmin(1, fmax(0, cos2)), ax, ay) /
+           column_scale(column, ALBEDO_STRETCHED_COLUMNS, ax);
+}
+
+/* Hemispherical mean of the interpolated loss. */
+static double stretched_mean(double row, double ratio)
+{
+    double ax = stretched_alpha(row / (ALBEDO_STRETCHED_ROWS - 1)), sum = 0, weight = 0;
+    double ay = fmax(BSDF_ALPHA_MIN, ax * ratio / (ALBEDO_STRETCHED_RATIOS - 1));
+    struct albedo_stretched s = albedo_stretched_find((float)ax, (float)ay);
+    enum { STEPS = 200, TURNS = 64 };
+
+    for (int i = 0; i < STEPS; i++)
+        for (int j = 0; j < TURNS; j++) {
+            double t = (i + 0.5) / STEPS, mu = t * t * t * t, w = mu * t * t * t;
+            /* Crowded towards the narrow side. */
+            double turn = (j + 0.5) / TURNS, phi = M_PI / 2 * turn * turn * turn;
+            double sine = sqrt(1 - mu * mu);
+            w *= turn * turn;
+            sum += w * albedo_stretched_loss_at(&s, (float)(sine * sin(phi)),
+                                                (float)(sine * cos(phi)), (float)mu);
+            weight += w;
+        }
+    return sum / weight / (ax * ax);
+}
+
+/* ---- rough dielectrics ------------------------------------------------------------------------- */
+
+static double interface_row_alpha(double row)
+{
+    return stretched_alpha(row / (ALBEDO_INTERFACE_ROWS - 1));
+}
+
+static double fresnel(double c, double eta)
+{
+    double sin2 = (1 - c * c) / (eta * eta), t, s, p;
+
+    if (sin2 >= 1)
+        return 1;
+    t = sqrt(1 - sin2);
+    s = (c - eta * t) / (c + eta * t);
+    p = (eta * c - t) / (eta * c + t);
+    return 0.5 * (s * s + p * p);
+}
+
+/* What a rough interface does not send out, reflection and refraction together, seen along mu
+ * from the thinner (side 0) or denser side: index 1 + 2 r / (1 - r). */
+static double interface_loss(double mu, double alpha, double r, int side)
+{
+    double eta = r < 1 ? side ? (1 - r) / (1 + r) : (1 + r) / (1 - r) : 0;
+    double wo_x = sqrt(1 - mu * mu), root_o = hypot(alpha * wo_x, mu);
+    double x = alpha * wo_x / root_o, z = mu / root_o, sum = 0;
+    enum { N = 96 };
+
+    for (int i = 0; i < N; i++)
+        for (int j = 0; j < N; j++) {
+            double height = (1 - (i + 0.5) / N) * (1 + z) - z, phi = M_PI * (j + 0.5) / N;
+            double s = sqrt(fmax(0, 1 - height * height)), mu_i, root_i, f, t;
+            double h[3] = {alpha * (s * cos(phi) + x), alpha * s * sin(phi), height + z};
+            double norm = sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2]), hz = h[2] / norm;
+            double c = (wo_x * h[0] + mu * h[2]) / norm;
+            f = r < 1 ? fresnel(c, eta) : 1;
+            mu_i = 2 * c * hz - mu;
+            if (mu_i > 0) {
+                root_i = sqrt(alpha * alpha * (1 - mu_i * mu_i) + mu_i * mu_i);
+                sum += f * mu_i * (mu + root_o) / (mu_i * root_o + mu * root_i);
+            }
+            if (f >= 1)
+                continue;
+            t = sqrt(1 - (1 - c * c) / (eta * eta));
+            mu_i = -((c * hz - mu) / eta - t * hz);
+            if (mu_i > 0) {
+                root_i = sqrt(alpha * alpha * (1 - mu_i * mu_i) + mu_i * mu_i);
+                sum += (1 - f) * fmin(1, mu_i * (mu + root_o) / (mu * (mu_i + root_i)));
+            }
+        }
+    return 1 - sum / (N * N);
+}
+
+static double interface_entry(int side, int row, int index, int column)
+{
+    double alpha = interface_row_alpha(row);
+
+    if (index == 0)
+        return 0;
+    return interface_loss(
+               fmax(1e-6,
+                    fmin(1, column_mu((double)column / (ALBEDO_INTERFACE_COLUMNS - 1), alpha))),
+               alpha, square((double)index / (ALBEDO_INTERFACE_INDICES - 1)), side) /
+           column_scale(column, ALBEDO_INTERFACE_COLUMNS, alpha);
+}
+
+static double interface_mean(int side, double row, double index)
+{
+    double alpha = interface_row_alpha(row), r = square(index / (ALBEDO_INTERFACE_INDICES - 1)), sum = 0;
+    struct albedo_interface t = albedo_interface_find((float)alpha, (float)r, side);
+    enum { STEPS = 4000 };
+
+    for (int i = 0; i < STEPS; i++) {
+        double s = (i + 0.5) / STEPS, mu = s * s * s * s;
+        sum += 8 * mu * s * s * s * albedo_interface_loss_at(&t, (float)alpha, (float)mu);
+    }
+    return sum / STEPS / (alpha * alpha);
+}
+
+/* ---- sheen --------------------------------------------------------------------------------------- */
+
+static double sheen_fit(double x, double alpha)
+{
+    double t = (1 - alpha) * (1 - alpha);
+    double a = t * 25.3245 + (1 - t) * 21.5473, b = t * 3.32435 + (1 - t) * 3.82987;
+    double c = t * 0.16801 + (1 - t) * 0.19823, d = t * -1.27393 + (1 - t) * -1.97760;
+    double e = t * -4.85967 + (1 - t) * -4.32054;
+    return a / (1 + b * pow(x, c)) + d * x + e;
+}
+
+static double sheen_lambda(double mu, double alpha)
+{
+    return exp(mu < 0.5 ? sheen_fit(mu, alpha)
+                        : 2 * sheen_fit(0.5, alpha) - sheen_fit(1 - mu, alpha));
+}
+
+/* Directional albedo of Charlie's distribution with its shadowing. */
+static double sheen_albedo(double mu, double alpha, int points)
+{
+    double so = sqrt(1 - mu * mu), lambda_o = sheen_lambda(mu, alpha), sum = 0;
+
+    for (int i = 0; i < points; i++) {
+        /* Crowded towards the horizon, where a soft cloth shines. */
+        double s = (i + 0.5) / points, z = s * s, si = sqrt(1 - z * z);
+        double v = 2 * s / (4 * mu * (1 + lambda_o + sheen_lambda(z, alpha)));
+        for (int j = 0; j < points; j++) {
+            double phi = M_PI * (j + 0.5) / points, hx = so + si * cos(phi), hy = si * sin(phi);
+            double sin2 = (hx * hx + hy * hy) / (hx * hx + hy * hy + (mu + z) * (mu + z));
+            sum += v * (2 + 1 / alpha) / (2 * M_PI) * pow(sin2, 0.5 / alpha);
+        }
+    }
+    return sum * 2 * M_PI / points / points;
+}
+
+static double sheen_entry(int row, int column)
+{
+    double first = sqrt(BSDF_SHEEN_ALPHA_MIN), s = (double)column / (ALBEDO_COLUMNS - 1);
+    double root = first + (1 - first) * row / (ALBEDO_ROWS - 1);
+
+    return ALBEDO_MARGIN * sheen_albedo(fmax(1e-4, s * s), fmin(1, root * root), 160);
+}
+
+/* ---- printing -------------------------------------------------------------------------------------- */
+
+static void print_numbers(const char *declaration, const float *values, int count)
+{
+    printf("\nconst float %s = {", declaration);
+    for (int i = 0; i < count; i++)
+        printf("%s%.5ef,", i % 7 == 0 ? "\n    " : " ", (double)values[i]);
+    printf("\n};\n");
+}
+
+/* The tables of means depend on those that they are means of: print, compile, print again. */
+static void print_losses(void)
+{
+    static float loss[ALBEDO_ROWS][ALBEDO_COLUMNS], means[2][ALBEDO_MEAN_ROWS];
+    static float stretched[ALBEDO_STRETCHED_ROWS][ALBEDO_STRETCHED_RATIOS]
+                          [ALBEDO_STRETCHED_AZIMUTHS][ALBEDO_STRETCHED_COLUMNS];
+    static float stretched_means[ALBEDO_STRETCHED_MEAN_ROWS][ALBEDO_STRETCHED_MEAN_RATIOS];
+    static float interface[2][ALBEDO_INTERFACE_ROWS][ALBEDO_INTERFACE_INDICES]
+                          [ALBEDO_INTERFACE_COLUMNS];
+    static float interface_means[2][ALBEDO_INTERFACE_MEAN_ROWS][ALBEDO_INTERFACE_MEAN_INDICES];
+    static float sheen[ALBEDO_ROWS][ALBEDO_COLUMNS];
+
+    for (int i = 0; i < ALBEDO_ROWS; i++)
+        for (int j = 0; j < ALBEDO_COLUMNS; j++) {
+            loss[i][j] = (float)loss_entry(i, j);
+            sheen[i][j] = (float)sheen_entry(i, j);
+        }
+    for (int i = 0; i < ALBEDO_MEAN_ROWS; i++) {
+        double a, b;
+        row_means(row_alpha((double)i / ALBEDO_MEAN_STEPS), &a, &b);
+        means[0][i] = (float)(a / square(row_alpha((double)i / ALBEDO_MEAN_STEPS)));
+        means[1][i] = (float)b;
+    }
+    for (int i = 0; i < ALBEDO_STRETCHED_ROWS; i++)
+        for (int r = 0; r < ALBEDO_STRETCHED_RATIOS; r++)
+            for (int q = 0; q < ALBEDO_STRETCHED_AZIMUTHS; q++)
+                for (int c = 0; c < ALBEDO_STRETCHED_COLUMNS; c++)
+                    stretched[i][r][q][c] = (float)stretched_entry(i, r, q, c);
+    for (int i = 0; i < ALBEDO_STRETCHED_MEAN_ROWS; i++)
+        for (int r = 0; r < ALBEDO_STRETCHED_MEAN_RATIOS; r++)
+            stretched_means[i][r] = (float)stretched_mean((double)i / ALBEDO_MEAN_STEPS, 0.5 * r);
+    for (int side = 0; side < 2; side++)
+        for (int i = 0; i < ALBEDO_INTERFACE_ROWS; i++)
+            for (int n = 0; n < ALBEDO_INTERFACE_INDICES; n++)
+                for (int c = 0; c < ALBEDO_INTERFACE_COLUMNS; c++)
+                    interface[side][i][n][c] = (float)interface_entry(side, i, n, c);
+    for (int side = 0; side < 2; side++)
+        for (int i = 0; i < ALBEDO_INTERFACE_MEAN_ROWS; i++)
+            for (int n = 0; n < ALBEDO_INTERFACE_MEAN_INDICES; n++)
+                interface_means[side][i][n] =
+                    (float)interface_mean(side, (double)i / ALBEDO_MEAN_STEPS, 0.5 * n);
+    print_numbers("albedo_loss[ALBEDO_ROWS * ALBEDO_COLUMNS]", loss[0],
+                  ALBEDO_ROWS * ALBEDO_COLUMNS);
+    print_numbers("albedo_loss_mean[ALBEDO_MEAN_ROWS]", means[0], ALBEDO_MEAN_ROWS);
+    print_numbers("albedo_schlick_mean[ALBEDO_MEAN_ROWS]", means[1], ALBEDO_MEAN_ROWS);
+    print_numbers("albedo_stretched_loss[ALBEDO_STRETCHED_ROWS * ALBEDO_STRETCHED_RATIOS * "
+                  "ALBEDO_STRETCHED_AZIMUTHS *\n                                  "
+                  "ALBEDO_STRETCHED_COLUMNS]",
+                  stretched[0][0][0], sizeof stretched / sizeof(float));
+    print_numbers("albedo_stretched_mean[ALBEDO_STRETCHED_MEAN_ROWS * ALBEDO_STRETCHED_MEAN_RATIOS]",
+                  stretched_means[0], sizeof stretched_means / sizeof(float));
+    print_numbers("albedo_interface_loss[2 * ALBEDO_INTERFACE_ROWS * ALBEDO_INTERFACE_INDICES *\n"
+                  "                                  ALBEDO_INTERFACE_COLUMNS]",
+                  interface[0][0][0], sizeof interface / sizeof(float));
+    print_numbers("albedo_interface_mean[2 * ALBEDO_INTERFACE_MEAN_ROWS *\n                                  ALBEDO_INTERFACE_MEAN_INDICES]",
+                  interface_means[0][0], sizeof interface_means / sizeof(float));
+    print_numbers("albedo_sheen[ALBEDO_ROWS * ALBEDO_COLUMNS]", sheen[0],
+                  ALBEDO_ROWS * ALBEDO_COLUMNS);
+}
+
 static void print_table(void)
 {
     static float table[ALBEDO_ROWS][ALBEDO_COLUMNS];
@@ -92,6 +401,7 @@ static void print_table(void)
         printf("%s%.7ff,%s", i % 8 == 0 ? "    " : " ", row_average(table[i]),
                i % 8 == 7 ? "\n" : "");
     printf("};\n");
+    print_losses();
 }
 
 static void entries_match_their_definition(void **state)

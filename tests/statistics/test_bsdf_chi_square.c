@@ -72,7 +72,7 @@ static void check(const struct bsdf_params *params, float cos_o, float side)
     bsdf_init(&s.bsdf, params, s.wo);
     setup.axis = (struct vec3){-s.wo.x, -s.wo.y, cos_o * side};
     if (side < 0 && !params->refractive)
-        width = s.bsdf.thin_alpha;
+        width = s.bsdf.thin_shape.y;
     if (side < 0 && params->refractive) {
         sin_t = sin_o / s.bsdf.eta;
         width *= fabsf(s.bsdf.eta - 1);

@@ -17,6 +17,8 @@
 
 #include <math.h>
 
+#include "common/math/vec.h"
+
 enum { ALBEDO_ROWS = 32, ALBEDO_COLUMNS = 32 };
 #define ALBEDO_ROW_FIRST 0.031622777f /* sqrt(BSDF_ALPHA_MIN) */
 #define ALBEDO_MARGIN 1.003f
@@ -61,6 +63,246 @@ static inline float albedo_blend_at(const struct albedo_row *r, float mu)
     a = low[0] + (low[1] - low[0]) * x;
     b = low[ALBEDO_COLUMNS] + (low[ALBEDO_COLUMNS + 1] - low[ALBEDO_COLUMNS]) * x;
     return a + (b - a) * r->t;
+}
+
+/* ---- what GGX loses ------------------------------------------------------------------------
+ *
+ * Smith's single scattering drops the light that meets a second microfacet: 1 - E(mu, alpha)
+ * of it with unit Fresnel term. `albedo_loss` tabulates that loss. Its columns are equal in
+ * c = sqrt(mu (1 + alpha) / (mu + alpha)), for at small alpha the loss is a function of
+ * mu / alpha alone, greatest near mu = alpha: linear interpolation is then good to 0.0013 for
+ * every mu and alpha (32 columns in sqrt(mu) are not good to 0.01). The entries are the loss
+ * over (1 - c^2)^2 + alpha^2, which falls off as it does. Rows as above. Hemispherical means
+ * are of the function as it is interpolated, so that what is given back with their help adds
+ * up; their rows are ALBEDO_MEAN_STEPS times denser, because the columns' places move with
+ * alpha. Means of losses are tabulated divided by alpha^2 (the wider alpha's), which they
+ * grow with. */
+enum { ALBEDO_MEAN_STEPS = 4, ALBEDO_MEAN_ROWS = ALBEDO_MEAN_STEPS * (ALBEDO_ROWS - 1) + 1 };
+extern const float albedo_loss[ALBEDO_ROWS * ALBEDO_COLUMNS];
+extern const float albedo_loss_mean[ALBEDO_MEAN_ROWS];
+extern const float albedo_schlick_mean[ALBEDO_MEAN_ROWS]; /* of (1 - loss) blend */
+
+struct albedo_loss_row {
+    const float *low;
+    float t, alpha;
+    float mean, schlick_mean;
+};
+
+/* x = 0..last of a table whose neighbouring entries are then x and x + 1. */
+static inline int albedo_cell(float *x, int count)
+{
+    int cell = *x > 0.0f ? (int)*x : 0;
+
+    cell = cell < count - 2 ? cell : count - 2;
+    *x = *x > 0.0f ? *x - (float)cell : 0.0f;
+    return cell;
+}
+
+/* alpha in BSDF_ALPHA_MIN..1. */
+static inline struct albedo_loss_row albedo_loss_row_find(float alpha)
+{
+    float x = (sqrtf(alpha) - ALBEDO_ROW_FIRST) *
+              ((float)(ALBEDO_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
+    float y = x * (float)ALBEDO_MEAN_STEPS;
+    struct albedo_loss_row r;
+    int mean = albedo_cell(&y, ALBEDO_MEAN_ROWS);
+
+    r.low = albedo_loss + albedo_cell(&x, ALBEDO_ROWS) * ALBEDO_COLUMNS;
+    r.t = x;
+    r.alpha = alpha;
+    r.mean = albedo_loss_mean[mean] + (albedo_loss_mean[mean + 1] - albedo_loss_mean[mean]) * y;
+    r.mean *= alpha * alpha;
+    r.schlick_mean = albedo_schlick_mean[mean] +
+                     (albedo_schlick_mean[mean + 1] - albedo_schlick_mean[mean]) * y;
+    return r;
+}
+
+/* c of mu, 0..1; and what the entries there are multiplied by. */
+static inline float albedo_loss_column(float alpha, float mu, float *scale)
+{
+    float c2 = mu * (1.0f + alpha) / (mu + alpha);
+
+    c2 = c2 < 1.0f ? c2 : 1.0f;
+    *scale = (1.0f - c2) * (1.0f - c2) + alpha * alpha;
+    return sqrtf(c2);
+}
+
+/* mu in 0..1. */
+static inline float albedo_loss_at(const struct albedo_loss_row *r, float mu)
+{
+    float scale, x = albedo_loss_column(r->alpha, mu, &scale) * (float)(ALBEDO_COLUMNS - 1), a, b;
+    const float *low = r->low + albedo_cell(&x, ALBEDO_COLUMNS);
+
+    a = low[0] + (low[1] - low[0]) * x;
+    b = low[ALBEDO_COLUMNS] + (low[ALBEDO_COLUMNS + 1] - low[ALBEDO_COLUMNS]) * x;
+    return (a + (b - a) * r->t) * scale;
+}
+
+/* ---- stretched GGX: the loss depends on the azimuth too ----------------------------------------
+ *
+ * Tables over (alpha x, alpha y / alpha x, azimuth, mu), x the wider. The azimuth enters by
+ * the alpha across the direction, sqrt(ax^2 cos^2 + ay^2 sin^2) = ay + (ax - ay) q^2, which
+ * also takes alpha's place in the columns (the entries are over (1 - c^2)^2 + ax^2, though: seen
+ * from above both alphas count); equal steps in q. */
+enum {
+    ALBEDO_STRETCHED_ROWS = 8,
+    ALBEDO_STRETCHED_RATIOS = 6,
+    ALBEDO_STRETCHED_AZIMUTHS = 4,
+    ALBEDO_STRETCHED_COLUMNS = 12,
+    ALBEDO_STRETCHED_MEAN_ROWS = ALBEDO_MEAN_STEPS * (ALBEDO_STRETCHED_ROWS - 1) + 1,
+    ALBEDO_STRETCHED_MEAN_RATIOS = 2 * (ALBEDO_STRETCHED_RATIOS - 1) + 1,
+};
+extern const float albedo_stretched_loss[ALBEDO_STRETCHED_ROWS * ALBEDO_STRETCHED_RATIOS *
+                                         ALBEDO_STRETCHED_AZIMUTHS * ALBEDO_STRETCHED_COLUMNS];
+extern const float albedo_stretched_mean[ALBEDO_STRETCHED_MEAN_ROWS * ALBEDO_STRETCHED_MEAN_RATIOS];
+
+struct albedo_stretched {
+    const float *low;
+    float row, ratio;      /* how far between the neighbours */
+    float x, y, inverse_range;
+    float mean;
+};
+
+/* 1 >= alpha_x >= alpha_y >= BSDF_ALPHA_MIN. */
+static inline struct albedo_stretched albedo_stretched_find(float alpha_x, float alpha_y)
+{
+    float row = (sqrtf(alpha_x) - ALBEDO_ROW_FIRST) *
+                ((float)(ALBEDO_STRETCHED_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
+    float ratio = alpha_y / alpha_x * (float)(ALBEDO_STRETCHED_RATIOS - 1), a, b;
+    float mean_row = row * (float)ALBEDO_MEAN_STEPS, mean_ratio = ratio * 2.0f;
+    int i = albedo_cell(&row, ALBEDO_STRETCHED_ROWS);
+    int k = albedo_cell(&ratio, ALBEDO_STRETCHED_RATIOS);
+    const float *mean = albedo_stretched_mean + albedo_cell(&mean_row, ALBEDO_STRETCHED_MEAN_ROWS) *
+                                                    ALBEDO_STRETCHED_MEAN_RATIOS;
+    struct albedo_stretched s;
+
+    s.low = albedo_stretched_loss + (i * ALBEDO_STRETCHED_RATIOS + k) * ALBEDO_STRETCHED_AZIMUTHS *
+                                        ALBEDO_STRETCHED_COLUMNS;
+    s.row = row;
+    s.ratio = ratio;
+    s.x = alpha_x;
+    s.y = alpha_y;
+    s.inverse_range = alpha_x > alpha_y ? 1.0f / (alpha_x - alpha_y) : 0.0f;
+    mean += albedo_cell(&mean_ratio, ALBEDO_STRETCHED_MEAN_RATIOS);
+    a = mean[0] + (mean[1] - mean[0]) * mean_ratio;
+    mean += ALBEDO_STRETCHED_MEAN_RATIOS;
+    b = mean[0] + (mean[1] - mean[0]) * mean_ratio;
+    s.mean = (a + (b - a) * mean_row) * (alpha_x * alpha_x);
+    return s;
+}
+
+/* Loss along a unit direction; mu = |z|. */
+static inline float albedo_stretched_loss_at(const struct albedo_stretched *s, float x, float y,
+                                             float mu)
+{
+    enum {
+        RATIO = ALBEDO_STRETCHED_AZIMUTHS * ALBEDO_STRETCHED_COLUMNS,
+        ROW = ALBEDO_STRETCHED_RATIOS * RATIO
+    };
+    float side2 = x * x + y * y, across, q, column, scale, v[2];
+    const float *low;
+
+    across = side2 > 1e-12f
+                 ? sqrtf((s->x * s->x * (x * x) + s->y * s->y * (y * y)) / side2)
+                 : 0.5f * (s->x + s->y);
+    q = sqrtf(float_max(0.0f, (across - s->y) * s->inverse_range)) *
+        (float)(ALBEDO_STRETCHED_AZIMUTHS - 1);
+    column = albedo_loss_column(across, mu, &scale) * (float)(ALBEDO_STRETCHED_COLUMNS - 1);
+    q = float_min(q, (float)(ALBEDO_STRETCHED_AZIMUTHS - 1));
+    low = s->low + albedo_cell(&q, ALBEDO_STRETCHED_AZIMUTHS) * ALBEDO_STRETCHED_COLUMNS;
+    low += albedo_cell(&column, ALBEDO_STRETCHED_COLUMNS);
+    for (int i = 0; i < 2; i++) {
+        float w[2];
+        for (int k = 0; k < 2; k++) {
+            const float *p = low + i * ROW + k * RATIO, *n = p + ALBEDO_STRETCHED_COLUMNS;
+            float a = p[0] + (p[1] - p[0]) * column, b = n[0] + (n[1] - n[0]) * column;
+            w[k] = a + (b - a) * q;
+        }
+        v[i] = w[0] + (w[1] - w[0]) * s->ratio;
+    }
+    return (v[0] + (v[1] - v[0]) * s->row) * (scale - across * across + s->x * s->x);
+}
+
+/* ---- rough dielectrics ---------------------------------------------------------------------------
+ *
+ * What reflection and refraction together lose, seen from the thinner (side 0) or the denser
+ * side (1), over (alpha, sqrt(r) with r = (n - 1) / (n + 1), mu). Just inside a slightly denser
+ * medium nearly all of it is lost at grazing angles: refraction lifts it above the horizon. */
+enum {
+    ALBEDO_INTERFACE_ROWS = 12,
+    ALBEDO_INTERFACE_INDICES = 11,
+    ALBEDO_INTERFACE_COLUMNS = 16,
+    ALBEDO_INTERFACE_MEAN_ROWS = ALBEDO_MEAN_STEPS * (ALBEDO_INTERFACE_ROWS - 1) + 1,
+    ALBEDO_INTERFACE_MEAN_INDICES = 2 * (ALBEDO_INTERFACE_INDICES - 1) + 1,
+};
+extern const float albedo_interface_loss[2 * ALBEDO_INTERFACE_ROWS * ALBEDO_INTERFACE_INDICES *
+                                         ALBEDO_INTERFACE_COLUMNS];
+extern const float
+    albedo_interface_mean[2 * ALBEDO_INTERFACE_MEAN_ROWS * ALBEDO_INTERFACE_MEAN_INDICES];
+
+struct albedo_interface {
+    const float *low;
+    float row, index;
+    float mean;
+};
+
+static inline struct albedo_interface albedo_interface_find(float alpha, float r, int side)
+{
+    float row = (sqrtf(alpha) - ALBEDO_ROW_FIRST) *
+                ((float)(ALBEDO_INTERFACE_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
+    float index = sqrtf(r) * (float)(ALBEDO_INTERFACE_INDICES - 1), a, b;
+    float mean_row = row * (float)ALBEDO_MEAN_STEPS, mean_index = index * 2.0f;
+    int i = albedo_cell(&row, ALBEDO_INTERFACE_ROWS) + side * ALBEDO_INTERFACE_ROWS;
+    int k = i * ALBEDO_INTERFACE_INDICES + albedo_cell(&index, ALBEDO_INTERFACE_INDICES);
+    const float *mean = albedo_interface_mean;
+    struct albedo_interface t;
+
+    i = albedo_cell(&mean_row, ALBEDO_INTERFACE_MEAN_ROWS) + side * ALBEDO_INTERFACE_MEAN_ROWS;
+    mean += i * ALBEDO_INTERFACE_MEAN_INDICES;
+    mean += albedo_cell(&mean_index, ALBEDO_INTERFACE_MEAN_INDICES);
+    t.low = albedo_interface_loss + k * ALBEDO_INTERFACE_COLUMNS;
+    t.row = row;
+    t.index = index;
+    a = mean[0] + (mean[1] - mean[0]) * mean_index;
+    mean += ALBEDO_INTERFACE_MEAN_INDICES;
+    b = mean[0] + (mean[1] - mean[0]) * mean_index;
+    t.mean = (a + (b - a) * mean_row) * (alpha * alpha);
+    return t;
+}
+
+static inline float albedo_interface_loss_at(const struct albedo_interface *t, float alpha,
+                                             float mu)
+{
+    float scale, v[2];
+    float column = albedo_loss_column(alpha, mu, &scale) * (float)(ALBEDO_INTERFACE_COLUMNS - 1);
+    const float *low = t->low + albedo_cell(&column, ALBEDO_INTERFACE_COLUMNS);
+
+    for (int i = 0; i < 2; i++) {
+        const float *p = low + i * ALBEDO_INTERFACE_INDICES * ALBEDO_INTERFACE_COLUMNS;
+        const float *n = p + ALBEDO_INTERFACE_COLUMNS;
+        float a = p[0] + (p[1] - p[0]) * column, b = n[0] + (n[1] - n[0]) * column;
+        v[i] = a + (b - a) * t->index;
+    }
+    return (v[0] + (v[1] - v[0]) * t->row) * scale;
+}
+
+/* ---- sheen: directional albedo of Charlie's distribution ----------------------------------------
+ *
+ * Rows equal in sqrt(alpha) from sqrt(BSDF_SHEEN_ALPHA_MIN) to 1, columns in sqrt(mu). Raised
+ * by ALBEDO_MARGIN. Above 1 for a small alpha at grazing angles. */
+#define BSDF_SHEEN_ALPHA_MIN 0.01f
+extern const float albedo_sheen[ALBEDO_ROWS * ALBEDO_COLUMNS];
+
+static inline float albedo_sheen_at(float alpha, float mu)
+{
+    float x = sqrtf(mu) * (float)(ALBEDO_COLUMNS - 1), a, b;
+    float y = (sqrtf(alpha) - 0.1f) * ((float)(ALBEDO_ROWS - 1) / (1.0f - 0.1f));
+    const float *low = albedo_sheen + albedo_cell(&y, ALBEDO_ROWS) * ALBEDO_COLUMNS;
+
+    low += albedo_cell(&x, ALBEDO_COLUMNS);
+    a = low[0] + (low[1] - low[0]) * x;
+    b = low[ALBEDO_COLUMNS] + (low[ALBEDO_COLUMNS + 1] - low[ALBEDO_COLUMNS]) * x;
+    return a + (b - a) * y;
 }
 
 #endif

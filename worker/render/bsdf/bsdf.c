@@ -8,9 +8,20 @@
 /* Squared length of a half vector below which it has no direction left. */
 #define HALF_LENGTH2_MIN 1e-20f
 
-static const struct vec3 BLACK = {0, 0, 0};
+static const struct vec3 BSDF_NOTHING = {0, 0, 0};
 
 float fresnel_dielectric(float cos_i, float eta) { return fresnel_exact(cos_i, eta); }
+
+float bsdf_emission_scale(const struct bsdf *b, struct vec3 wo)
+{
+    const struct bsdf_layers *l = &b->layers;
+    float weight;
+
+    if (!HAS(CLEARCOAT) || b->kind != BSDF_KIND_LAYERED || !(l->coat > 0.0f) || !l->covered)
+        return 1.0f;
+    weight = schlick_weight(fabsf(vec3_dot(l->coat_normal, wo)));
+    return 1.0f - l->coat * (l->coat_f0 + (l->coat_f90 - l->coat_f0) * weight);
+}
 
 static inline int is_finite_sum(struct vec3 f, float pdf)
 {
@@ -21,58 +32,83 @@ static inline int is_finite_sum(struct vec3 f, float pdf)
 
 /* D G1(wo) / (4 wo.z) of the half vector between wo and wi, both above: the density of
  * reflecting a visible normal. *cos_h is wo.h; *shadowing is G2 / G1. */
-static inline float reflect_density(float alpha2, float root_o, float mu_o, struct vec3 wo,
-                                    struct vec3 wi, float *cos_h, float *shadowing)
+static inline float reflect_density(const struct bsdf *b, const struct bsdf_shape *shape,
+                                    float root_o, struct vec3 wo, struct vec3 wi, float *cos_h,
+                                    float *shadowing, int full)
 {
     struct vec3 h = vec3_add(wo, wi);
-    float length2 = vec3_length_squared(h), root_i = ggx_root(alpha2, wi.z);
+    float length2 = vec3_length_squared(h), root_i = shape_root(b, shape, wi, full);
+    float mu_o = b->cos_o;
 
     if (!(length2 > HALF_LENGTH2_MIN))
         return 0;
     *cos_h = 0.5f * sqrtf(length2);
     *shadowing = wi.z * (mu_o + root_o) / (wi.z * root_o + mu_o * root_i);
-    return ggx_density(alpha2, h, length2) * 0.5f / (mu_o + root_o);
+    return shape_density(b, shape, h, length2, full) * 0.5f / (mu_o + root_o);
 }
 
 static inline struct vec3 metal_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
                                          float *pdf)
 {
-    float cos_h, shadowing;
+    float cos_h, shadowing, density;
     struct vec3 f;
 
     *pdf = 0;
     if (!(wi.z > 0.0f))
-        return BLACK;
-    *pdf = reflect_density(b->alpha2, b->root_o, b->cos_o, wo, wi, &cos_h, &shadowing);
-    if (!(*pdf > 0.0f))
-        return *pdf = 0, BLACK;
-    f = vec3_scale(schlick_color(b, schlick_weight(cos_h)), *pdf * shadowing);
+        return BSDF_NOTHING;
+    density = reflect_density(b, &b->shape, b->root_o, wo, wi, &cos_h, &shadowing, 0);
+    if (!(density > 0.0f))
+        return BSDF_NOTHING;
+    f = vec3_scale(schlick_color(b, schlick_weight(cos_h)), density * shadowing);
+    *pdf = density;
+    if (HAS(MULTIPLE_SCATTERING) && b->compensated) {
+        f = vec3_mad(f, b->given_back, albedo_loss_at(&b->loss, wi.z) * wi.z);
+        *pdf = b->lobe_pdf[BSDF_LOBE_REFLECT] * density +
+               b->lobe_pdf[BSDF_LOBE_DIFFUSE] * wide_density(b, wi.z);
+    }
     if (!is_finite_sum(f, *pdf))
-        return *pdf = 0, BLACK;
+        return *pdf = 0, BSDF_NOTHING;
     return f;
 }
 
+/* The base's reflection: everything above but sheen and coat. */
 static inline struct vec3 mix_reflection(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                         float *pdf)
+                                         float *pdf, struct layer_scale scale, int full)
 {
-    struct vec3 f = BLACK;
+    struct vec3 f = BSDF_NOTHING;
+    float loss = 0;
 
     *pdf = 0;
+    if (HAS(MULTIPLE_SCATTERING) && b->compensated)
+        loss = shape_loss(b, wi, full);
     if (b->lobe_pdf[BSDF_LOBE_DIFFUSE] > 0.0f) {
-        f = vec3_scale(b->diffuse, layer_rest(b, wi.z) * wi.z);
-        *pdf = b->lobe_pdf[BSDF_LOBE_DIFFUSE] * (wi.z * INV_PI_F);
+        float rest = layer_rest(b, wi.z, loss, full) * wi.z;
+        f = vec3_scale(b->diffuse, full ? rest * scale.diffuse : rest);
+        if (HAS(MULTIPLE_SCATTERING)) {
+            float back = loss * wi.z;
+            f = vec3_mad(f, b->given_back, full ? back * scale.lobe : back);
+            if (HAS(ROUGH_DIELECTRIC) && b->interface_compensated) {
+                back = b->given_back_near * wi.z *
+                       albedo_interface_loss_at(&b->loss_near, b->shape.y, wi.z);
+                back = full ? back * scale.lobe : back;
+                f = vec3_add(f, vec3_splat(back));
+            }
+        }
+        *pdf = b->lobe_pdf[BSDF_LOBE_DIFFUSE] * wide_density(b, wi.z);
     }
     if (!b->smooth) {
         float cos_h, shadowing, chosen = b->lobe_pdf[BSDF_LOBE_REFLECT];
-        float density = reflect_density(b->alpha2, b->root_o, b->cos_o, wo, wi, &cos_h, &shadowing);
+        float density =
+            reflect_density(b, &b->shape, b->root_o, wo, wi, &cos_h, &shadowing, full);
         if (density > 0.0f) {
-            struct vec3 r = schlick_color(b, schlick_weight(cos_h));
-            if (b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f) {
-                struct vec3 interface = interface_color(b, cos_h);
+            struct vec3 r = reflect_color(b, cos_h, full);
+            if (BSDF_HAS_INTERFACE && b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f) {
+                struct vec3 interface = interface_color(b, cos_h, full);
                 r = vec3_mad(r, interface, b->weight_interface);
                 chosen += b->lobe_pdf[BSDF_LOBE_INTERFACE] * interface_choose(b, interface).reflect;
             }
-            f = vec3_mad(f, r, density * shadowing);
+            shadowing *= density;
+            f = vec3_mad(f, r, full ? shadowing * scale.lobe : shadowing);
             *pdf += chosen * density;
         }
     }
@@ -91,20 +127,22 @@ static inline float transmit_shadowing(float mu_o, float root_o, float mu_i, flo
 
 /* Light through a rough thin wall: the reflection of the mirrored direction. wi.z < 0. */
 static inline struct vec3 thin_transmission(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                            float *pdf)
+                                            float *pdf, int full)
 {
     struct vec3 mirrored = {wi.x, wi.y, -wi.z};
-    float cos_h, shadowing, density, layer_i, layer;
+    float cos_h, shadowing, density, layer_i, layer, loss = 0;
 
     *pdf = 0;
-    density = reflect_density(b->thin_alpha2, b->thin_root_o, b->cos_o, wo, mirrored, &cos_h,
-                              &shadowing);
+    density = reflect_density(b, &b->thin_shape, b->thin_root_o, wo, mirrored, &cos_h, &shadowing,
+                              full);
     if (!(density > 0.0f))
-        return BLACK;
-    layer_i = 1.0f - layer_rest(b, mirrored.z);
+        return BSDF_NOTHING;
+    if (HAS(MULTIPLE_SCATTERING) && b->compensated)
+        loss = shape_loss(b, mirrored, full);
+    layer_i = 1.0f - layer_rest(b, mirrored.z, loss, full);
     layer = layer_i > b->layer_o ? layer_i : b->layer_o;
     shadowing = transmit_shadowing(b->cos_o, b->thin_root_o, mirrored.z,
-                                   ggx_root(b->thin_alpha2, mirrored.z));
+                                   shape_root(b, &b->thin_shape, mirrored, full));
     *pdf = b->lobe_pdf[BSDF_LOBE_THIN] * density;
     return vec3_scale(b->tint, (1.0f - layer) * shadowing * density);
 }
@@ -112,7 +150,7 @@ static inline struct vec3 thin_transmission(const struct bsdf *b, struct vec3 wo
 /* Walter et al. 2007, equations 17 and 21, with h = -(wo + eta wi) normalised towards wo,
  * whose squared length before that is their squared denominator. wi.z < 0. */
 static inline struct vec3 rough_refraction(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                           float *pdf)
+                                           float *pdf, int full)
 {
     struct vec3 h = vec3_mad(wo, wi, b->eta), f;
     float length2 = vec3_length_squared(h), mu_i = -wi.z, scale, cos_o, cos_i;
@@ -120,41 +158,127 @@ static inline struct vec3 rough_refraction(const struct bsdf *b, struct vec3 wo,
 
     *pdf = 0;
     if (!(length2 > HALF_LENGTH2_MIN))
-        return BLACK;
+        return BSDF_NOTHING;
     scale = 1.0f / sqrtf(length2);
     scale = h.z < 0.0f ? -scale : scale;
     cos_o = vec3_dot(wo, h) * scale;
     cos_i = -vec3_dot(wi, h) * scale;
     if (!(cos_o > 0.0f && cos_i > 0.0f))
-        return BLACK;
-    f = interface_color(b, cos_o);
+        return BSDF_NOTHING;
+    f = interface_color(b, cos_o, full);
     keep = 1.0f - vec3_max(f);
     if (!(keep > 0.0f))
-        return BLACK;
-    density = ggx_density(b->alpha2, h, length2) * 2.0f / (b->cos_o + b->root_o) *
+        return BSDF_NOTHING;
+    density = shape_density(b, &b->shape, h, length2, full) * 2.0f / (b->cos_o + b->root_o) *
               (cos_o * cos_i / length2);
-    shadowing = transmit_shadowing(b->cos_o, b->root_o, mu_i, ggx_root(b->alpha2, mu_i));
+    shadowing =
+        transmit_shadowing(b->cos_o, b->root_o, mu_i, shape_root(b, &b->shape, wi, full));
     *pdf = b->lobe_pdf[BSDF_LOBE_INTERFACE] * interface_choose(b, f).transmit *
            density * (b->eta * b->eta);
     return vec3_scale(b->tint, keep * shadowing * density);
 }
 
-static inline struct vec3 mix_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                       float *pdf)
+/* What passes to the other side. */
+static inline struct vec3 mix_transmission(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
+                                           float *pdf, struct layer_scale scale, int full)
 {
-    struct vec3 f = BLACK;
+    struct vec3 f = BSDF_NOTHING;
+    float mu = -wi.z;
+
+    if (HAS(THIN_TRANSMISSION) && b->lobe_pdf[BSDF_LOBE_THIN] > 0.0f && !b->thin_delta)
+        f = thin_transmission(b, wo, wi, pdf, full);
+    else if (HAS(ROUGH_DIELECTRIC) && b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f &&
+             !b->transmit_delta)
+        f = rough_refraction(b, wo, wi, pdf, full);
+    if ((BSDF_HAS_BELOW || full) && b->lobe_pdf[BSDF_LOBE_BELOW] > 0.0f) {
+        if (BSDF_HAS_BELOW && b->interface_compensated)
+            f = vec3_mad(f, b->given_back_far,
+                         mu * albedo_interface_loss_at(&b->loss_far, b->shape.y, mu));
+        *pdf += b->lobe_pdf[BSDF_LOBE_BELOW] * (mu * INV_PI_F);
+    }
+    if (full) {
+        f = vec3_scale(f, scale.lobe);
+        if (HAS(DIFFUSE_TRANSMISSION) && b->lobe_pdf[BSDF_LOBE_BELOW] > 0.0f) {
+            float loss = HAS(MULTIPLE_SCATTERING) && b->compensated ? shape_loss(b, wi, 1) : 0.0f;
+            f = vec3_mad(f, b->layers.diffuse_below,
+                         layer_rest(b, mu, loss, 1) * mu * scale.diffuse);
+        }
+    }
+    return f;
+}
+
+static inline float coat_value_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
+                                   float *pdf)
+{
+    const struct bsdf_layers *l = &b->layers;
+    struct vec3 h = vec3_add(wo, wi);
+    float length2 = vec3_length_squared(h), mu_o = l->coat_cos_o, f, density;
+    float mu_i = vec3_dot(l->coat_normal, wi), cos_n = vec3_dot(l->coat_normal, h), root_i;
+    float across2;
 
     *pdf = 0;
+    if (!(length2 > HALF_LENGTH2_MIN && mu_i > 0.0f && mu_o > 0.0f))
+        return 0;
+    mu_i = float_min(mu_i, 1.0f);
+    root_i = ggx_root(l->coat_shape.y2, mu_i);
+    /* |h x n|^2 from the cross product, which does not cancel. */
+    across2 = vec3_length_squared(vec3_cross(l->coat_normal, h));
+    f = length2 / (across2 + l->coat_shape.y2 * (cos_n * cos_n));
+    density = l->coat_shape.y2 * INV_PI_F * (f * f) * 0.5f / (mu_o + l->coat_root_o);
+    *pdf = density;
+    f = l->coat_f0 +
+        (l->coat_f90 - l->coat_f0) * schlick_weight(0.5f * sqrtf(length2));
+    return l->coat * f * density * mu_i * (mu_o + l->coat_root_o) /
+           (mu_i * l->coat_root_o + mu_o * root_i);
+}
+
+static inline float sheen_value(const struct bsdf *b, struct vec3 wo, struct vec3 wi)
+{
+    const struct bsdf_layers *l = &b->layers;
+    struct vec3 h = vec3_add(wo, wi);
+    float length2 = vec3_length_squared(h), limit_i, lambda;
+
+    if (!(length2 > HALF_LENGTH2_MIN))
+        return 0;
+    lambda = 1.0f + l->sheen_lambda_o + sheen_lambda(l->sheen_fit, l->sheen_fit_half, wi.z);
+    sheen_share(l, wi.z, &limit_i);
+    return sheen_density(l->sheen_alpha, (h.x * h.x + h.y * h.y) / length2) *
+           float_min(l->sheen_limit_o, limit_i) / (4.0f * b->cos_o * lambda);
+}
+
+static inline struct vec3 mix_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
+                                       float *pdf, int full)
+{
+    struct vec3 f = BSDF_NOTHING;
+    struct layer_scale scale = {1, 1};
+
+    *pdf = 0;
+    if (!(wi.z > 0.0f || wi.z < 0.0f))
+        return BSDF_NOTHING;
+    if (full)
+        scale = layer_scale(b, wi, 1);
     if (wi.z > 0.0f)
-        f = mix_reflection(b, wo, wi, pdf);
-    else if (!(wi.z < 0.0f))
-        return BLACK;
-    else if (b->lobe_pdf[BSDF_LOBE_THIN] > 0.0f && !b->thin_delta)
-        f = thin_transmission(b, wo, wi, pdf);
-    else if (b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f && !b->transmit_delta)
-        f = rough_refraction(b, wo, wi, pdf);
+        f = mix_reflection(b, wo, wi, pdf, scale, full);
+    else if (BSDF_HAS_INTERFACE || HAS(THIN_TRANSMISSION) || full)
+        f = mix_transmission(b, wo, wi, pdf, scale, full);
+    if (full && wi.z > 0.0f && b->layers.covered) {
+        const struct bsdf_layers *l = &b->layers;
+        float coat_i = 1.0f;
+        if (HAS(CLEARCOAT) && l->coat > 0.0f) {
+            coat_i = float_min(l->coat_rest_o, coat_rest(l, vec3_dot(l->coat_normal, wi)));
+            if (!l->coat_smooth && b->lobe_pdf[BSDF_LOBE_COAT] > 0.0f) {
+                float density, value = coat_value_pdf(b, wo, wi, &density);
+                f = vec3_add(f, vec3_splat(value));
+                *pdf += b->lobe_pdf[BSDF_LOBE_COAT] * density;
+            }
+        }
+        if (HAS(SHEEN) && l->sheen_most > 0.0f) {
+            f = vec3_mad(f, l->sheen, sheen_value(b, wo, wi) * coat_i);
+            *pdf += b->lobe_pdf[BSDF_LOBE_SHEEN] * INV_2PI_F;
+        }
+    }
     if (!(*pdf > 0.0f && is_finite_sum(f, *pdf)))
-        return *pdf = 0, BLACK;
+        return *pdf = 0, BSDF_NOTHING;
     return f;
 }
 
@@ -162,21 +286,29 @@ struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, 
 {
     *pdf = 0;
     if (!b->has_smooth)
-        return BLACK;
+        return BSDF_NOTHING;
     switch (b->kind) {
     case BSDF_KIND_LAMBERT:
         if (!(wi.z > 0.0f))
-            return BLACK;
+            return BSDF_NOTHING;
         *pdf = wi.z * INV_PI_F;
         return vec3_scale(b->diffuse, wi.z);
     case BSDF_KIND_METAL:
-        return metal_eval_pdf(b, wo, wi, pdf);
+        if (HAS(GLOSSY))
+            return metal_eval_pdf(b, wo, wi, pdf);
+        break;
     case BSDF_KIND_MIX:
-        return mix_eval_pdf(b, wo, wi, pdf);
+        if (BSDF_HAS_REFLECTION)
+            return mix_eval_pdf(b, wo, wi, pdf, 0);
+        break;
+    case BSDF_KIND_LAYERED:
+        if (BSDF_HAS_LAYERED)
+            return mix_eval_pdf(b, wo, wi, pdf, 1);
+        break;
     case BSDF_KIND_BLACK:
         break;
     }
-    return BLACK;
+    return BSDF_NOTHING;
 }
 
 struct vec3 bsdf_eval(const struct bsdf *b, struct vec3 wo, struct vec3 wi)
@@ -200,14 +332,22 @@ static inline int finish_delta(struct bsdf_sample *out, int flags)
     return is_finite_sum(out->weight, 0) && vec3_max(out->weight) > 0.0f;
 }
 
-/* The mirror direction, with what all lobes reflect there over how often it is chosen. */
-static int sample_mirror(const struct bsdf *b, struct vec3 wo, struct bsdf_sample *out)
+/* Scale a finished delta lobe by what lies over it. */
+static inline void cover_delta(const struct bsdf *b, struct bsdf_sample *out, int full)
 {
-    struct vec3 f = schlick_color(b, schlick_weight(b->cos_o));
+    if (has_cover(b, full))
+        out->weight = vec3_scale(out->weight, layer_scale(b, out->wi, 1).lobe);
+}
+
+/* The mirror direction, with what all lobes reflect there over how often it is chosen. */
+static inline int sample_mirror(const struct bsdf *b, struct vec3 wo, struct bsdf_sample *out,
+                                int full)
+{
+    struct vec3 f = reflect_color(b, b->cos_o, full);
     float chosen = b->lobe_pdf[BSDF_LOBE_REFLECT];
 
-    if (b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f) {
-        struct vec3 interface = interface_color(b, b->cos_o);
+    if (BSDF_HAS_INTERFACE && b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f) {
+        struct vec3 interface = interface_color(b, b->cos_o, full);
         f = vec3_mad(f, interface, b->weight_interface);
         chosen += b->lobe_pdf[BSDF_LOBE_INTERFACE] * interface_choose(b, interface).reflect;
     }
@@ -215,30 +355,35 @@ static int sample_mirror(const struct bsdf *b, struct vec3 wo, struct bsdf_sampl
         return 0;
     out->wi = (struct vec3){-wo.x, -wo.y, wo.z};
     out->weight = vec3_scale(f, 1.0f / chosen);
+    cover_delta(b, out, full);
     return finish_delta(out, 0);
 }
 
 /* The interface's lobe: reflect or refract at one microfacet. 1: *wi has a density; 0: no
  * sample; -1: a delta lobe, and *out is complete with *result as the sampler's. */
-static int sample_interface(const struct bsdf *b, struct vec3 wo, float u_side, float u, float v,
-                            struct bsdf_sample *out, int *result)
+static inline int sample_interface(const struct bsdf *b, struct vec3 wo, float u_side, float u,
+                                   float v, struct bsdf_sample *out, int *result, int full)
 {
-    struct vec3 h = b->smooth ? (struct vec3){0, 0, 1} : ggx_sample_visible(wo, b->p.alpha, u, v);
-    float cos_h = b->smooth ? b->cos_o : vec3_dot(wo, h);
+    struct vec3 h = {0, 0, 1};
+    float cos_h = b->cos_o;
     struct interface_choice choice;
     struct vec3 f;
 
+    if (!b->smooth) {
+        h = shape_sample(b, &b->shape, wo, u, v, full);
+        cos_h = vec3_dot(wo, h);
+    }
     if (!(cos_h > 0.0f))
         return 0;
-    f = interface_color(b, cos_h);
+    f = interface_color(b, cos_h, full);
     choice = interface_choose(b, f);
     if (u_side < choice.reflect || choice.transmit == 0.0f) {
         if (b->smooth)
-            return *result = sample_mirror(b, wo, out), -1;
+            return *result = sample_mirror(b, wo, out, full), -1;
         out->wi = reflect_about(wo, h);
         return out->wi.z > 0.0f;
     }
-    if (!b->transmit_delta) {
+    if (HAS(ROUGH_DIELECTRIC) && !b->transmit_delta) {
         out->flags = BSDF_TRANSMISSION | BSDF_REFRACTION;
         out->eta_scale = b->eta * b->eta;
         return refract_about(wo, h, cos_h, b->eta, &out->wi) && out->wi.z < 0.0f;
@@ -255,59 +400,136 @@ static int sample_interface(const struct bsdf *b, struct vec3 wo, float u_side, 
     out->weight = vec3_scale(b->tint, (1.0f - vec3_max(f)) /
                                           (b->lobe_pdf[BSDF_LOBE_INTERFACE] * choice.transmit *
                                            out->eta_scale));
+    cover_delta(b, out, full);
     *result = finish_delta(out, BSDF_TRANSMISSION | BSDF_REFRACTION);
     return -1;
 }
 
-static int sample_mix(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, float v,
-                      struct bsdf_sample *out)
+/* Straight through, or by the mirrored half vector: 1, 0 and -1 as sample_interface. */
+static inline int sample_thin(const struct bsdf *b, struct vec3 wo, float u, float v,
+                              struct bsdf_sample *out, int *result, int full)
 {
-    struct vec3 f;
-    int result = 0, side;
-
-    if (u_lobe < b->lobe_cdf[BSDF_LOBE_DIFFUSE]) {
-        out->wi = cosine_hemisphere(u, v);
-    } else if (u_lobe < b->lobe_cdf[BSDF_LOBE_REFLECT]) {
-        if (b->smooth)
-            return sample_mirror(b, wo, out);
-        out->wi = reflect_about(wo, ggx_sample_visible(wo, b->p.alpha, u, v));
-        if (!(out->wi.z > 0.0f))
-            return 0;
-    } else if (u_lobe < b->lobe_cdf[BSDF_LOBE_INTERFACE]) {
-        float u_side = (u_lobe - b->lobe_cdf[BSDF_LOBE_REFLECT]) /
-                       b->lobe_pdf[BSDF_LOBE_INTERFACE];
-        side = sample_interface(b, wo, clamp_to(u_side, 0, ONE_MINUS_EPSILON), u, v, out, &result);
-        if (side <= 0)
-            return side < 0 ? result : 0;
-    } else if (b->thin_delta) {
+    if (b->thin_delta) {
         out->wi = vec3_neg(wo);
         out->weight = vec3_scale(b->tint, (1.0f - b->layer_o) / b->lobe_pdf[BSDF_LOBE_THIN]);
-        return finish_delta(out, BSDF_TRANSMISSION);
-    } else {
-        out->wi = reflect_about(wo, ggx_sample_visible(wo, b->thin_alpha, u, v));
-        if (!(out->wi.z > 0.0f))
-            return 0;
-        out->wi.z = -out->wi.z;
-        out->flags = BSDF_TRANSMISSION;
+        cover_delta(b, out, full);
+        *result = finish_delta(out, BSDF_TRANSMISSION);
+        return -1;
     }
+    out->wi = reflect_about(wo, shape_sample(b, &b->thin_shape, wo, u, v, full));
+    if (!(out->wi.z > 0.0f))
+        return 0;
+    out->wi.z = -out->wi.z;
+    out->flags = BSDF_TRANSMISSION;
+    return 1;
+}
+
+/* The coat: around its own normal. 1, 0 and -1 as sample_interface. */
+static inline int sample_coat(const struct bsdf *b, struct vec3 wo, float u, float v,
+                              struct bsdf_sample *out, int *result)
+{
+    const struct bsdf_layers *l = &b->layers;
+    struct frame frame = frame_from_normal(l->coat_normal);
+    float weight;
+
+    if (l->coat_smooth) {
+        out->wi = reflect_about(wo, l->coat_normal);
+        if (!(out->wi.z > 0.0f))
+            return *result = 0, -1;
+        weight = l->coat_f0 + (l->coat_f90 - l->coat_f0) * schlick_weight(l->coat_cos_o);
+        out->weight = vec3_splat(l->coat * weight / b->lobe_pdf[BSDF_LOBE_COAT]);
+        *result = finish_delta(out, 0);
+        return -1;
+    }
+    wo = frame_to_local(&frame, wo);
+    if (!(wo.z > 0.0f))
+        return 0;
+    out->wi = reflect_about(wo, ggx_sample_visible(wo, l->coat_shape.y, l->coat_shape.y, u, v));
+    if (!(out->wi.z > 0.0f))
+        return 0;
+    out->wi = frame_to_world(&frame, out->wi);
+    return out->wi.z > 0.0f;
+}
+
+/* Light that goes below by the cosine lobe: into a refractive object, or through a wall. */
+static inline void sample_below(const struct bsdf *b, float u, float v, struct bsdf_sample *out)
+{
+    out->wi = cosine_hemisphere(u, v);
+    out->wi.z = -out->wi.z;
+    out->flags = BSDF_TRANSMISSION | (b->p.refractive ? BSDF_REFRACTION : 0);
+    if (b->interface_compensated)
+        out->eta_scale = b->eta * b->eta;
+}
+
+static inline struct vec3 uniform_hemisphere(float u, float v)
+{
+    float z = 1.0f - u, radius = sqrtf(u * (1.0f + z)), s, c;
+
+    sincos_turn(v, &s, &c);
+    return (struct vec3){radius * c, radius * s, z};
+}
+
+static inline int sample_mix(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, float v,
+                             struct bsdf_sample *out, int full)
+{
+    struct vec3 f;
+    int result = 0, side = 1;
+
+    if (u_lobe < b->lobe_cdf[BSDF_LOBE_DIFFUSE]) {
+        out->wi = wide_sample(b, u, v);
+    } else if (u_lobe < b->lobe_cdf[BSDF_LOBE_REFLECT]) {
+        if (b->smooth)
+            return sample_mirror(b, wo, out, full);
+        out->wi = reflect_about(wo, shape_sample(b, &b->shape, wo, u, v, full));
+        side = out->wi.z > 0.0f;
+    } else if (BSDF_HAS_INTERFACE && u_lobe < b->lobe_cdf[BSDF_LOBE_INTERFACE]) {
+        float u_side = (u_lobe - b->lobe_cdf[BSDF_LOBE_REFLECT]) /
+                       b->lobe_pdf[BSDF_LOBE_INTERFACE];
+        side = sample_interface(b, wo, clamp_to(u_side, 0, ONE_MINUS_EPSILON), u, v, out, &result,
+                                full);
+    } else if (HAS(THIN_TRANSMISSION) && u_lobe < b->lobe_cdf[BSDF_LOBE_THIN]) {
+        side = sample_thin(b, wo, u, v, out, &result, full);
+    } else if ((BSDF_HAS_BELOW || full) && u_lobe < b->lobe_cdf[BSDF_LOBE_BELOW]) {
+        sample_below(b, u, v, out);
+    } else if (full && HAS(CLEARCOAT) && u_lobe < b->lobe_cdf[BSDF_LOBE_COAT]) {
+        side = sample_coat(b, wo, u, v, out, &result);
+    } else if (full && HAS(SHEEN)) {
+        out->wi = uniform_hemisphere(u, v);
+    } else {
+        side = 0;
+    }
+    if (side <= 0)
+        return side < 0 ? result : 0;
     /* What next-event estimation would compute for this wi, bit for bit, so that the
      * weights of multiple importance sampling add up to 1. */
-    f = mix_eval_pdf(b, wo, out->wi, &out->pdf);
+    f = mix_eval_pdf(b, wo, out->wi, &out->pdf, full);
     if (!(out->pdf > 0.0f))
         return 0;
     out->weight = vec3_scale(f, 1.0f / out->pdf);
     return is_finite_sum(out->weight, 0) && vec3_max(out->weight) > 0.0f;
 }
 
-static int sample_metal(const struct bsdf *b, struct vec3 wo, float u, float v,
-                        struct bsdf_sample *out)
+static inline int sample_metal(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, float v,
+                               struct bsdf_sample *out)
 {
     float cos_h, shadowing;
 
-    out->wi = reflect_about(wo, ggx_sample_visible(wo, b->p.alpha, u, v));
+    if (HAS(MULTIPLE_SCATTERING) && b->compensated) {
+        struct vec3 f;
+        if (u_lobe < b->lobe_cdf[BSDF_LOBE_DIFFUSE])
+            out->wi = wide_sample(b, u, v);
+        else
+            out->wi = reflect_about(wo, ggx_sample_visible(wo, b->shape.y, b->shape.y, u, v));
+        f = metal_eval_pdf(b, wo, out->wi, &out->pdf);
+        if (!(out->pdf > 0.0f))
+            return 0;
+        out->weight = vec3_scale(f, 1.0f / out->pdf);
+        return is_finite_sum(out->weight, 0) && vec3_max(out->weight) > 0.0f;
+    }
+    out->wi = reflect_about(wo, ggx_sample_visible(wo, b->shape.y, b->shape.y, u, v));
     if (!(out->wi.z > 0.0f))
         return 0;
-    out->pdf = reflect_density(b->alpha2, b->root_o, b->cos_o, wo, out->wi, &cos_h, &shadowing);
+    out->pdf = reflect_density(b, &b->shape, b->root_o, wo, out->wi, &cos_h, &shadowing, 0);
     if (!(out->pdf > 0.0f && out->pdf < INFINITY))
         return 0;
     out->weight = vec3_scale(schlick_color(b, schlick_weight(cos_h)), shadowing);
@@ -317,7 +539,7 @@ static int sample_metal(const struct bsdf *b, struct vec3 wo, float u, float v,
 int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, float v,
                 struct bsdf_sample *out)
 {
-    out->wi = out->weight = BLACK;
+    out->wi = out->weight = BSDF_NOTHING;
     out->pdf = 0;
     out->flags = 0;
     out->eta_scale = 1.0f;
@@ -328,9 +550,17 @@ int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, flo
         out->weight = b->p.base_color;
         return 1;
     case BSDF_KIND_METAL:
-        return sample_metal(b, wo, u, v, out);
+        if (HAS(GLOSSY))
+            return sample_metal(b, wo, u_lobe, u, v, out);
+        break;
     case BSDF_KIND_MIX:
-        return sample_mix(b, wo, u_lobe, u, v, out);
+        if (BSDF_HAS_REFLECTION)
+            return sample_mix(b, wo, u_lobe, u, v, out, 0);
+        break;
+    case BSDF_KIND_LAYERED:
+        if (BSDF_HAS_LAYERED)
+            return sample_mix(b, wo, u_lobe, u, v, out, 1);
+        break;
     case BSDF_KIND_BLACK:
         break;
     }

@@ -16,6 +16,8 @@
  *          (albedo.h): reciprocal, a white smooth plastic sends out exactly 1.
  *          F90 fades to 0 below ior 1.2, so that ior 1 is no interface at all: Schlick's
  *          formula, made for 1.2 to 2.2, would keep a bright rim.
+          thin_slab counts all the reflections between the wall's sides.
+          diffuse_transmission sends that share of the base through, into the other half.
  * glass    refractive: one rough interface (Walter et al. 2007, but with masking and
  *          shadowing fully correlated in transmission: bsdf.c) with the exact Fresnel
  *          term, remapped so that it begins at F0 and ends at F90 (total internal
@@ -25,10 +27,26 @@
  *          vector (KHR_materials_transmission), tinted, scaled by 1 minus the larger of
  *          the mean reflectances along wo and wi: reciprocal, never gains energy. Its
  *          spread fades to none as ior goes from 1.5 to 1, as glTF viewers have it.
+ * A conductor is the metal with the exact Fresnel term of its complex index.
+ *
+ * Over and in them, each absent at 0:
+ *   multiple scattering between microfacets: what GGX loses (albedo.h) is given back as a wide
+ *          lobe f = color (1 - E(wo)) (1 - E(wi)) / (pi (1 - E_average)) after Kulla and Conty
+ *          2017, coloured by the mean Fresnel term as if it were a geometric series; plastic's
+ *          share that does not leave at once goes to its base; a rough interface gives back on
+ *          both sides, split so that it stays reciprocal. Reciprocal, and white stays white.
+ *   stretched  GGX with alpha_stretched along x.
+ *   film   iridescence (film.h) replaces the Fresnel term by its weight.
+ *   sheen  Charlie's distribution (sheen.h) over all of that, which is scaled by what the
+ *          sheen leaves along the brighter of the two directions (glTF's rule).
+ *   coat   GGX with Schlick's term and a normal of its own over everything. What lies below is
+ *          scaled by the lesser share that the coat leaves along wo and wi, the Lambert base by
+ *          the product of both over its mean: reciprocal, never gains energy.
+ * Sheen and coat lie on the outside of a refractive object and on both sides of a thin wall.
+ *
  * Special cases: alpha < BSDF_ALPHA_MIN is smooth (delta lobes); ior 0 is Fresnel 1 at F0
  * (no bending); a refraction that would spread by less than BSDF_SPREAD_MIN is a delta
- * lobe, so ior 1 passes straight whatever alpha. Energy lost to multiple scattering between
- * microfacets is not given back.
+ * lobe, so ior 1 passes straight whatever alpha, and so does an ior that is ior_outside.
  */
 #ifndef AZULEJO_RENDER_BSDF_H
 #define AZULEJO_RENDER_BSDF_H
@@ -55,7 +73,8 @@ struct bsdf_params {
     float transmission;         /* 0..1 */
     int refractive;             /* transmission refracts; else thin wall */
     int inside;                 /* refractive: wo is inside the object (hit from behind) */
-    float ior_outside;          /* of what surrounds the object, >= 1; 0 counts as 1 */
+    float ior_outside;          /* of what surrounds the object, >= 1; 0 counts as 1. Every
+                                   index here is absolute: a larger one outside is fine */
 
     /* Everything below is absent when 0 (memset), whatever the rest says. */
     float alpha_stretched;      /* anisotropy: GGX alpha along the frame's x, >= alpha, which then
@@ -78,13 +97,16 @@ struct bsdf_params {
                                    (--without multiple-scattering) */
 };
 
-/* The lobes that are chosen between. All reflection with Schlick's Fresnel term (metal,
- * plastic, thin wall) is one lobe; a refractive interface, both ways, is one. */
+/* The lobes that are chosen between. All reflection with Schlick's or a conductor's Fresnel
+ * term (metal, plastic, thin wall) is one lobe; a refractive interface, both ways, is one. */
 enum bsdf_lobe {
-    BSDF_LOBE_DIFFUSE,
+    BSDF_LOBE_DIFFUSE,   /* cosine: Lambert, and what is given back above */
     BSDF_LOBE_REFLECT,
     BSDF_LOBE_INTERFACE,
     BSDF_LOBE_THIN,
+    BSDF_LOBE_BELOW,     /* cosine, on the other side */
+    BSDF_LOBE_COAT,
+    BSDF_LOBE_SHEEN,
     BSDF_LOBES_MAX
 };
 
@@ -93,36 +115,100 @@ enum bsdf_kind {
     BSDF_KIND_BLACK,   /* scatters nothing */
     BSDF_KIND_LAMBERT, /* no reflection: exactly base_color / pi */
     BSDF_KIND_METAL,   /* rough metal only */
-    BSDF_KIND_MIX,
+    BSDF_KIND_MIX,     /* metal, plastic, glass, thin walls */
+    BSDF_KIND_LAYERED, /* and everything that struct bsdf_params may leave 0 */
 };
 
-/* Fields below `kind` are set only as far as the kind needs them. */
-struct bsdf {
-    struct bsdf_params p;       /* clamped */
-    float eta;                  /* n on the far side / n on wo's side */
-    float lobe_cdf[BSDF_LOBES_MAX]; /* selection probabilities, accumulated, last is 1 */
-    int has_delta, has_smooth;  /* any delta lobe; any lobe with a density */
-    struct vec3 f0_dielectric;
-    float cos_o;
+/* The first part of struct bsdf_params, clamped. */
+struct bsdf_base {
+    struct vec3 base_color;
+    float metallic, alpha, ior /* relative to what surrounds it */, specular;
+    struct vec3 specular_color;
+    float transmission;
+    int refractive, inside;
+};
 
+/* GGX: alpha along y (and x, if not stretched), alpha along x. */
+struct bsdf_shape {
+    float y, y2, x, x2;
+};
+
+/* What only BSDF_KIND_LAYERED has. */
+struct bsdf_layers {
+    int stretched;
+    struct albedo_stretched stretched_loss;
+    int conductor;
+    struct vec3 eta, k;          /* relative to what surrounds it */
+    float interreflection;
+    int slab;
+    float weight_metal, weight_plastic;
+
+    float film;                  /* weight of iridescence */
+    float film_ior, film_path;   /* relative index; 2 n d in nm */
+    struct vec3 film_f0;         /* plastic's or glass's F0 without `specular` */
+
+    int covered;                 /* sheen and coat lie on wo's side */
+    int through;                 /* they lie on the far side, or on both: what passes is scaled */
+    float coat;                  /* weight; 0: none */
+    struct vec3 coat_normal;
+    int coat_smooth;
+    struct bsdf_shape coat_shape;
+    float coat_f0, coat_f90, coat_cos_o, coat_root_o, coat_rest_o;
+    struct albedo_row coat_row;
+    struct albedo_loss_row coat_loss;
+
+    struct vec3 sheen;           /* colour; black: none */
+    float sheen_most, sheen_alpha;
+    float sheen_fit[5], sheen_fit_half;
+    float sheen_lambda_o, sheen_limit_o, sheen_rest_o;
+
+    struct vec3 diffuse_below;   /* Lambert / pi to the other side, as `diffuse` */
+};
+
+/* Fields below `eta` are set only as far as the kind needs them. */
+struct bsdf {
     enum bsdf_kind kind;
+    int has_delta, has_smooth;  /* any delta lobe; any lobe with a density */
+    float cos_o;
+    struct vec3 diffuse;        /* Lambert / pi with all weights and wo's share */
+    struct bsdf_base p;
+    float eta;                  /* n on the far side / n on wo's side */
+
+    float lobe_cdf[BSDF_LOBES_MAX]; /* selection probabilities, accumulated, last is 1 */
     float lobe_pdf[BSDF_LOBES_MAX];
+    struct bsdf_shape shape;
+    float root_o;               /* microfacet.h */
+    struct vec3 f0;             /* reflect lobe: Schlick's ends, with all weights */
+    float f90;
+
+    int compensated;            /* multiple scattering is given back */
+    struct albedo_loss_row loss;
+    struct vec3 given_back;     /* colour (1 - E(wo)) / (pi mean loss), with all weights */
+    float graze, graze_log;     /* share of the diffuse lobe that is sampled towards the horizon,
+                                   log((1 + alpha) / alpha): lobes.h */
+
     int smooth;                 /* reflection (and refraction) is a delta lobe */
     int transmit_delta;         /* refraction is a delta lobe */
     int thin_delta;
     int exact;                  /* interface: exact Fresnel; else Schlick (ior 0) */
-    float alpha2, root_o;       /* microfacet.h */
-    struct vec3 f0;             /* reflect lobe: Schlick's ends, with all weights */
-    float f90;
+    struct vec3 f0_dielectric;
     float f90_dielectric;
     float normal_f0, inverse_rest_f0; /* interface: F at normal incidence, 1 / (1 - it) */
     float weight_interface;
     struct vec3 tint;           /* base colour of transmitted light, with all weights */
-    struct vec3 diffuse;        /* Lambert / pi with all weights and wo's share */
     float layer_f0, layer_f90;  /* what scales the base: ends of the mean reflectance */
+    float layer_given_back;     /* and the share of what microfacets lose that comes back */
     float layer_o;              /* mean reflectance along wo */
     struct albedo_row row;
-    float thin_alpha, thin_alpha2, thin_root_o;
+    struct bsdf_shape thin_shape;
+    float thin_root_o;
+
+    int interface_compensated;
+    struct albedo_interface loss_near, loss_far;
+    float given_back_near;      /* as given_back, by the interface: to wo's side */
+    struct vec3 given_back_far; /* and to the other, with 1 / eta^2 */
+
+    struct bsdf_layers layers;
 };
 
 enum bsdf_flags {
@@ -155,6 +241,10 @@ struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, 
  * weight is the sum over all lobes' f over the mixture pdf. */
 int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, float v,
                 struct bsdf_sample *out);
+
+/* What is left of light that the surface emits along wo, after its coat (glTF: the coat's
+ * weight times Schlick's term at its own normal is missing). 1 without a coat. */
+float bsdf_emission_scale(const struct bsdf *b, struct vec3 wo);
 
 /* Exact unpolarised Fresnel reflectance; cos_i >= 0, eta = n_t / n_i > 0. 1 at total
  * internal reflection, 0 for eta = 1. */

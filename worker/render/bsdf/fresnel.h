@@ -32,6 +32,30 @@ static inline float fresnel_exact(float cos_i, float eta)
     return r < 1.0f ? r : 1.0f;
 }
 
+/* Unpolarised reflectance of a conductor with relative index eta + i k, eta > 0, k >= 0, of
+ * which one is at most 1e4 (Born and Wolf 1999, 14.2). a^2, the real part of the transmitted
+ * wave's squared normal component, is taken without cancellation. */
+static inline float fresnel_conductor(float cos_i, float eta, float k)
+{
+    float c = cos_i < 1.0f ? (cos_i > 0.0f ? cos_i : 0.0f) : 1.0f;
+    float c2 = c * c, s2 = 1.0f - c2, ek = 2.0f * eta * k;
+    float t0 = (eta - k) * (eta + k) - s2, length = sqrtf(t0 * t0 + ek * ek), a, sum, cross, rs, rp;
+
+    a = sqrtf(0.5f * (t0 > 0.0f ? length + t0 : length - t0));
+    if (!(t0 > 0.0f))
+        a = a > 0.0f ? 0.5f * ek / a : 0.0f;
+    sum = length + c2;
+    cross = 2.0f * a * c;
+    if (!(sum + cross > 0.0f))
+        return 1.0f;
+    rs = (sum - cross) / (sum + cross);
+    sum = c2 * length + s2 * s2;
+    cross *= s2;
+    rp = sum + cross > 0.0f ? rs * (sum - cross) / (sum + cross) : rs;
+    rs = 0.5f * (rs + rp);
+    return rs < 1.0f ? (rs > 0.0f ? rs : 0.0f) : 1.0f;
+}
+
 /* Refract wo about h (wo.h = cos_i > 0), eta = n_far / n_near; 0 at total reflection. */
 static inline int refract_about(struct vec3 wo, struct vec3 h, float cos_i, float eta,
                                 struct vec3 *wi)

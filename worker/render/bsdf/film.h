@@ -1,0 +1,130 @@
+/* film: reflectance of a thin film on a base, for iridescence.
+ *
+ * Belcour and Barla 2017 (ACM TOG 36(4), 65) in the simplified form of
+ * KHR_materials_iridescence: unpolarised, the Airy series cut after the second order, the
+ * eye's response to a cosine of the wavelength in closed form from Gaussian fits. The upper
+ * interface has the exact Fresnel term, though, and the film's index fades to its
+ * surroundings' below FILM_FADE_NM (as in the authors' own code): both are needed for a film
+ * without thickness to be none.
+ */
+#ifndef AZULEJO_RENDER_FILM_H
+#define AZULEJO_RENDER_FILM_H
+
+#include "common/math/elementary.h"
+#include "common/math/vec.h"
+#include "worker/render/bsdf/fresnel.h"
+#include "worker/render/bsdf/warp.h"
+
+#define FILM_FADE_NM 30.0f
+/* No colour component of the response is larger (tests/unit/render/test_bsdf_layers.c). */
+#define FILM_RESPONSE_MAX 1.25f
+
+/* e^-x for x >= 0, to 2e-6. */
+static inline float film_exp(float x)
+{
+    float t = x * 1.4426950f, f;
+    int whole;
+
+    if (!(t < 120.0f))
+        return 0.0f;
+    whole = (int)t;
+    f = (t - (float)whole) * -0.69314718f;
+    f = 1.0f + f * (1.0f + f * (0.5f + f * (1.6666667e-1f + f * (4.1666667e-2f +
+        f * (8.3333333e-3f + f * (1.3888889e-3f + f * 1.9841270e-4f))))));
+    return f * float_from_bits((uint32_t)(127 - whole) << 23);
+}
+
+/* amplitude cos(2 pi turns) e^-x */
+static inline float film_wave(float turns, float x, float amplitude)
+{
+    float s, c, e = film_exp(x);
+
+    if (e == 0.0f)
+        return 0.0f;
+    turns -= floorf(turns);
+    sincos_turn(turns, &s, &c);
+    return amplitude * c * e;
+}
+
+/* Linear Rec. 709 response to cos(2 pi path / wavelength + shift), path in nm; `half` has 1
+ * for each of X, Y, Z where the shift is half a turn. The fits' constants are those of
+ * KHR_materials_iridescence, per nm. */
+static inline struct vec3 film_response(float path, struct vec3 half)
+{
+    float p2 = path * path;
+    float x = film_wave(1.6810e-3f * path + 0.5f * half.x, 1.7085470e-7f * p2, 0.846590f) +
+              film_wave(2.2399e-3f * path + 0.5f * half.x, 1.7876617e-7f * p2, 0.153868f);
+    float y = film_wave(1.7953e-3f * path + 0.5f * half.y, 3.6733088e-7f * p2, 1.000222f);
+    float z = film_wave(2.2084e-3f * path + 0.5f * half.z, 2.6103525e-7f * p2, 1.001122f);
+
+    return (struct vec3){3.2404542f * x - 1.5371385f * y - 0.4985314f * z,
+                         -0.9692660f * x + 1.8760108f * y + 0.0415560f * z,
+                         0.0556434f * x - 0.2040259f * y + 1.0572252f * z};
+}
+
+/* Index of a base that reflects f0 at normal incidence, relative to the film's surroundings. */
+static inline float film_base_ior(float f0)
+{
+    float root = sqrtf(f0 < 0.9999f ? f0 : 0.9999f);
+    return (1.0f + root) / (1.0f - root);
+}
+
+/* One component's terms of the series. r12: the upper interface; ior: the film's. */
+static inline float film_terms(float f0, float ior, float r12, float cos_2, float *shift,
+                               float *c1, float *c2)
+{
+    float base = film_base_ior(f0), n = (base - ior) / (base + ior), r1 = n * n;
+    float r23 = r1 + (1.0f - r1) * schlick_weight(cos_2);
+    float product = r12 * r23, root, rs;
+
+    product = product > 0.0f ? (product < 0.9999f ? product : 0.9999f) : 0.0f;
+    root = sqrtf(product);
+    rs = (1.0f - r12) * (1.0f - r12) * r23 / (1.0f - product);
+    *shift = base < ior ? 1.0f : 0.0f;
+    *c1 = (rs - (1.0f - r12)) * root;
+    *c2 = *c1 * root;
+    return r12 + rs;
+}
+
+/* Reflectance of the film on a base with F0 = f0 (per component, in the film's surroundings).
+ * ior: of the film, relative to them; path = 2 n d in nm; cos_1 outside the film. Each
+ * component in 0..1. */
+static inline struct vec3 film_reflectance(float ior, float path, float cos_1, struct vec3 f0)
+{
+    float sin2 = (1.0f - cos_1 * cos_1) / (ior * ior), r12 = fresnel_exact(cos_1, ior), cos_2;
+    struct vec3 sum, shift, c1, c2, response;
+
+    if (!(sin2 < 1.0f))
+        return (struct vec3){1, 1, 1};
+    cos_2 = sqrtf(1.0f - sin2);
+    path *= cos_2;
+    sum.x = film_terms(f0.x, ior, r12, cos_2, &shift.x, &c1.x, &c2.x);
+    sum.y = film_terms(f0.y, ior, r12, cos_2, &shift.y, &c1.y, &c2.y);
+    sum.z = film_terms(f0.z, ior, r12, cos_2, &shift.z, &c1.z, &c2.z);
+    if (ior > 1.0f) /* half a turn at the upper interface seen from inside */
+        shift = (struct vec3){1.0f - shift.x, 1.0f - shift.y, 1.0f - shift.z};
+    response = film_response(path, shift);
+    sum = vec3_add(sum, vec3_scale(vec3_mul(c1, response), 2.0f));
+    response = film_response(2.0f * path, (struct vec3){0, 0, 0});
+    sum = vec3_add(sum, vec3_scale(vec3_mul(c2, response), 2.0f));
+    sum.x = sum.x > 0.0f ? (sum.x < 1.0f ? sum.x : 1.0f) : 0.0f;
+    sum.y = sum.y > 0.0f ? (sum.y < 1.0f ? sum.y : 1.0f) : 0.0f;
+    sum.z = sum.z > 0.0f ? (sum.z < 1.0f ? sum.z : 1.0f) : 0.0f;
+    return sum;
+}
+
+/* No component is larger at normal incidence, whatever the thickness. */
+static inline float film_bound(float ior, struct vec3 f0)
+{
+    float most = 0, n = (ior - 1.0f) / (ior + 1.0f), r12 = n * n;
+    const float components[3] = {f0.x, f0.y, f0.z};
+
+    for (int i = 0; i < 3; i++) {
+        float shift, c1, c2, sum = film_terms(components[i], ior, r12, 1.0f, &shift, &c1, &c2);
+        sum += 2.0f * FILM_RESPONSE_MAX * (fabsf(c1) + fabsf(c2));
+        most = sum > most ? sum : most;
+    }
+    return most < 1.0f ? most : 1.0f;
+}
+
+#endif
