@@ -241,6 +241,19 @@ refused:
     return result;
 }
 
+const struct import_blob *builder_blob(const struct builder *b, const struct scene_blob *blob)
+{
+    size_t at;
+
+    if (b->blob_index_size == 0)
+        return NULL;
+    for (at = digest_slot(&blob->digest, b->blob_index_size); b->blob_index[at];
+         at = (at + 1) & (b->blob_index_size - 1))
+        if (digest_equal(&b->out->blobs[b->blob_index[at] - 1].digest, &blob->digest))
+            return &b->out->blobs[b->blob_index[at] - 1];
+    return NULL;
+}
+
 status builder_add_blob(struct builder *b, uint8_t *data, size_t size_bytes,
                         struct scene_blob *out)
 {
@@ -590,23 +603,25 @@ static status hand_over_tables(struct builder *b)
     return STATUS_OK;
 }
 
-/* Last, because a camera that we choose needs the bounds of the other tables. */
-static status hand_over_cameras(struct builder *b)
+/* *framed: the camera that is still to be aimed, or NULL. */
+static status hand_over_cameras(struct builder *b, struct scene_camera **framed)
 {
     struct scene *scene = &b->out->scene;
+    int none = b->camera_count == 0;
 
-    if (b->camera_count == 0) {
-        struct scene_camera framed;
+    if (none) {
+        struct scene_camera camera;
         status result;
-        camera_frame_scene(scene, &framed);
-        framed.name = builder_name(b, "framed");
-        result = builder_add_camera(b, &framed);
+        scene_camera_default(&camera);
+        camera.name = builder_name(b, "framed");
+        result = builder_add_camera(b, &camera);
         if (result != STATUS_OK)
             return result;
         builder_warn(b, "no camera",
                      "the file has no camera: one was added that looks at the whole scene");
     }
     HAND_OVER(struct scene_camera, cameras, camera_count);
+    *framed = none ? &scene->cameras[0] : NULL;
     return STATUS_OK;
 }
 
@@ -705,6 +720,7 @@ status builder_finish(struct builder *b, const char *title, const struct import_
 {
     struct import_result *out = b->out;
     struct buffer packed = BUFFER_INIT;
+    struct scene_camera *framed = NULL;
     status result;
 
     if (b->instance_count == 0) {
@@ -722,12 +738,16 @@ status builder_finish(struct builder *b, const char *title, const struct import_
     out->scene.name = builder_name(b, title);
     result = hand_over_tables(b);
     if (result == STATUS_OK)
-        result = hand_over_cameras(b);
+        result = hand_over_cameras(b, &framed);
     if (result != STATUS_OK)
         return result;
     if (b->no_memory)
         return error_no_memory(b->err, "names and warnings");
     result = scene_validate(&out->scene, b->err);
+    if (result == STATUS_OK)
+        result = scene_place(b, framed);
+    if (result == STATUS_OK)
+        result = scene_validate(&out->scene, b->err); /* as it was placed */
     if (result != STATUS_OK)
         return result;
     light_the_dark(b);

@@ -233,19 +233,11 @@ status gltf_material_extensions(struct gltf *g, json_t *material, const struct g
 
 /* ---- KHR_materials_pbrSpecularGlossiness ---------------------------------------------------- */
 
-static const struct import_blob *blob_of(const struct gltf *g, const struct scene_blob *blob)
-{
-    for (size_t i = 0; i < g->b->out->blob_count; i++)
-        if (digest_equal(&g->b->out->blobs[i].digest, &blob->digest))
-            return &g->b->out->blobs[i];
-    return NULL;
-}
-
 /* A picture whose green channel is 1 - glossiness * alpha of `from`. */
 static status roughness_image(struct gltf *g, const struct scene_image *from, float glossiness,
                               uint32_t *row)
 {
-    const struct import_blob *blob = blob_of(g, &from->blob);
+    const struct import_blob *blob = builder_blob(g->b, &from->blob);
     struct buffer png = BUFFER_INIT;
     struct image8 in = {0};
     struct image out = {0};

@@ -5,6 +5,7 @@
 #include "common/image/image.h"
 #include "common/math/elementary.h"
 #include "common/scene/effects.h"
+#include "common/scene/pose.h"
 
 static const char *const light_kinds[LIGHT_KIND_COUNT] = {"point", "spot", "directional",
                                                          "goniometric", "projection"};
@@ -56,17 +57,6 @@ static const struct import_blob *blob_find(const struct import_result *result,
         if (digest_equal(&result->blobs[i].digest, digest))
             return &result->blobs[i];
     return NULL;
-}
-
-/* The time of the last key. */
-static double import_duration_s(const struct import_result *result)
-{
-    const struct scene *scene = &result->scene;
-    double last = 0;
-
-    for (uint32_t i = 0; i < scene->channel_count; i++)
-        last = fmax(last, (double)scene->channels[i].times[scene->channels[i].key_count - 1]);
-    return last;
 }
 
 static const char *shown(const char *name)
@@ -166,7 +156,7 @@ static void print_motion(const struct import_result *result, FILE *out)
     print_rest(out, (uint32_t)result->animation_count);
     if (scene->channel_count)
         fprintf(out, "motion:         %u channels move %u nodes, %g s\n", scene->channel_count,
-                scene->node_count, import_duration_s(result));
+                scene->node_count, scene_duration_s(&result->scene));
     if (scene->skin_count)
         fprintf(out, "skins:          %u\n", scene->skin_count);
     for (uint32_t i = 0; i < scene->mesh_count; i++) {
@@ -403,7 +393,7 @@ json_t *import_report_json(const struct import_result *result)
         "blobs", (json_int_t)result->blob_bytes, "scene", (json_int_t)result->packed_bytes, "count",
         (json_int_t)result->blob_count, "warnings", warnings_json(result), "variants",
         variants_json(result), "variant_taken", result->variant_taken, "animations",
-        animations_json(result), "duration_s", import_duration_s(result), "nodes",
+        animations_json(result), "duration_s", scene_duration_s(&result->scene), "nodes",
         (int)scene->node_count, "channels", (int)scene->channel_count, "skins",
         (int)scene->skin_count, "morph_targets", morph_targets(scene));
 }

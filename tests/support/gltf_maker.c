@@ -10,6 +10,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "common/base/memory.h"
+
 void maker_release(struct maker *m)
 {
     buffer_release(&m->bytes);
@@ -138,6 +140,36 @@ void maker_refuse(struct maker *m, const char *rest, const char *words)
     assert_int_equal(result.scene.mesh_count, 0);
     buffer_release(&file);
     maker_release(m);
+}
+
+void maker_starve(struct maker *m, const char *rest, long survivors)
+{
+    struct buffer file = BUFFER_INIT;
+    struct import_result whole;
+    long n, fails = 1, survived = 0;
+
+    maker_write(m, rest, &file);
+    maker_release(m);
+    import_ok_with(file.data, file.size, "a.gltf", &defaults, &whole);
+    for (n = 0; fails; n++) {
+        struct import_result r;
+        struct error err = {0};
+        status result;
+        mem_fault_arm(n, 1);
+        result = import_scene_memory(file.data, file.size, "a.gltf", NULL, &defaults, &r, &err);
+        fails = mem_fault_count();
+        mem_fault_arm(-1, 0);
+        if (result == STATUS_OK)
+            assert_true(digest_equal(&r.scene_digest, &whole.scene_digest));
+        else if (result != STATUS_ERR_NO_MEMORY)
+            fail_msg("allocation %ld: status %d, \"%s\"", n, (int)result, err.text);
+        survived += fails && result == STATUS_OK;
+        import_result_release(&r);
+    }
+    assert_true(n > 50);
+    assert_true(survived <= survivors);
+    import_result_release(&whole);
+    buffer_release(&file);
 }
 
 void refuse_text(const char *text, const char *words)

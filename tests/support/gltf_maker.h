@@ -62,6 +62,10 @@ void import_ok_with(const void *data, size_t size, const char *name,
 void maker_import(struct maker *m, const char *rest, struct import_result *out);
 /* The import must fail and the message hold all of `words` ("a|b"). */
 void maker_refuse(struct maker *m, const char *rest, const char *words);
+/* Import it with each of our allocations failing in turn: ERR_NO_MEMORY every time, but for
+ * `survivors` that can be done without. jansson's own are not counted: it reports them as errors
+ * of syntax. */
+void maker_starve(struct maker *m, const char *rest, long survivors);
 void refuse_text(const char *text, const char *words);
 void assert_says(const struct error *err, const char *words);
 

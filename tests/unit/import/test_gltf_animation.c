@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "common/math/elementary.h"
 #include "tests/support/gltf_maker.h"
 
 /* Accessors 1 and up of the files below; 0 holds the triangle. */
@@ -225,6 +226,59 @@ static void test_followers(void **state)
     import_result_release(&r);
 }
 
+/* Does the camera see the point, in a square picture? */
+static int sees(const struct scene_camera *c, const float point[3])
+{
+    float at[3], half = det_tan(c->yfov_rad / 2);
+
+    for (int axis = 0; axis < 3; axis++) {
+        at[axis] = 0;
+        for (int r = 0; r < 3; r++)
+            at[axis] += (point[r] - c->to_world.m[r][3]) * c->to_world.m[r][axis];
+    }
+    return at[2] < 0 && fmaxf(fabsf(at[0]), fabsf(at[1])) < -at[2] * half;
+}
+
+/* What follows a node stands where it is at time 0; a camera that we choose sees the whole
+ * way. */
+static void test_at_time_0(void **state)
+{
+    static const float far_away[6] = {20, 30, 40, -20, -30, -40};
+    static const float places[2][3] = {{20, 30, 40}, {-20, -30, -40}};
+    struct maker m = motion_maker();
+    struct import_result r;
+
+    (void)state;
+    put_floats(&m, "SCALAR", (const float[]){2, 3}, 2, 2);
+    put_floats(&m, "VEC3", far_away, 6, 2);
+    maker_import(&m,
+                 "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"translation\":[1,1,1],"
+                 "\"extensions\":{\"KHR_lights_punctual\":{\"light\":0}}}],"
+                 "\"extensions\":{\"KHR_lights_punctual\":{\"lights\":[{\"type\":\"point\"}]}},"
+                 "\"animations\":[{\"samplers\":[{\"input\":6,\"output\":7}],\"channels\":["
+                 CHANNEL(0, 0, "translation") "]}]," ONE_TRIANGLE,
+                 &r);
+    /* Before the first key its value stands. */
+    assert_floats(r.scene.lights[0].position, places[0], 3, 0);
+    assert_true(r.scene.instances[0].to_world.m[2][3] == 40);
+    assert_int_equal(r.scene.cameras[0].node, -1);
+    assert_true(sees(&r.scene.cameras[0], places[0]) && sees(&r.scene.cameras[0], places[1]));
+    import_result_release(&r);
+    /* The same with a camera of the file's on the node. */
+    m = motion_maker();
+    put_floats(&m, "SCALAR", (const float[]){2, 3}, 2, 2);
+    put_floats(&m, "VEC3", far_away, 6, 2);
+    maker_import(&m,
+                 "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"camera\":0,\"scale\":"
+                 "[2,2,2]}],\"cameras\":[{\"type\":\"perspective\",\"perspective\":{\"yfov\":1}}"
+                 "],\"animations\":[{\"samplers\":[{\"input\":6,\"output\":7}],\"channels\":["
+                 CHANNEL(0, 0, "translation") "]}]," ONE_TRIANGLE,
+                 &r);
+    assert_floats(&r.scene.cameras[0].to_world.m[0][0],
+                  (const float[]){1, 0, 0, 20, 0, 1, 0, 30, 0, 0, 1, 40}, 12, 1e-6f);
+    import_result_release(&r);
+}
+
 static void test_mending(void **state)
 {
     static const float times[4] = {0, 1, 1, 2};
@@ -322,6 +376,7 @@ int main(void)
         cmocka_unit_test(test_choice),
         cmocka_unit_test(test_pointers),
         cmocka_unit_test(test_followers),
+        cmocka_unit_test(test_at_time_0),
         cmocka_unit_test(test_mending),
         cmocka_unit_test(test_faults),
     };

@@ -308,6 +308,25 @@ static void test_morph_faults(void **state)
     }
 }
 
+static void test_no_memory(void **state)
+{
+    struct maker m = skin_maker();
+
+    (void)state;
+    put_floats(&m, "SCALAR", (const float[]){0, 1}, 2, 2);
+    put_floats(&m, "SCALAR", (const float[]){0.5f, 1}, 2, 2);
+    put_floats(&m, "VEC3", (const float[]){0, 0, 0, 1, 1, 1}, 6, 2);
+    maker_starve(&m,
+                 SKELETON ",\"skins\":[{\"joints\":[2,3],\"inverseBindMatrices\":3}],\"meshes\":[{"
+                          "\"primitives\":[{\"attributes\":{\"POSITION\":0,\"JOINTS_0\":1,"
+                          "\"WEIGHTS_0\":2},\"targets\":[{"
+                          "\"POSITION\":0}]}]}],\"animations\":[{\"name\":\"a\",\"samplers\":["
+                          "{\"input\":6,\"output\":7},{\"input\":6,\"output\":8}],\"channels\":["
+                          "{\"sampler\":0,\"target\":{\"node\":0,\"path\":\"weights\"}},"
+                          "{\"sampler\":1,\"target\":{\"node\":2,\"path\":\"translation\"}}]}]",
+                 1);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -319,6 +338,7 @@ int main(void)
         cmocka_unit_test(test_morph_normals),
         cmocka_unit_test(test_morph_opens),
         cmocka_unit_test(test_morph_faults),
+        cmocka_unit_test(test_no_memory),
     };
 
     return cmocka_run_group_tests_name("glTF deformation", tests, NULL, NULL);

@@ -383,6 +383,31 @@ static void test_texture_faults(void **state)
     }
 }
 
+/* The source in EXT_texture_webp counts, the one beside it is for those who cannot read WebP. */
+static void test_webp(void **state)
+{
+    static const char webp[] = "UklGRj4AAABXRUJQVlA4TDEAAAAvDAACAM1UIKL/sYmI/gfIhCFOBUz/wn4yaZvUv+JdI5O2Sa/5V7zIbAB2AtAcQLkBAA==";
+    struct maker m = triangle_maker();
+    struct import_result r;
+    char rest[1024];
+
+    (void)state;
+    snprintf(rest, sizeof rest,
+             ONE_NODE ",\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0},"
+                      "\"material\":0}]}],\"materials\":[{\"pbrMetallicRoughness\":{"
+                      "\"baseColorTexture\":{\"index\":0}}}],\"textures\":[{\"source\":0,"
+                      "\"extensions\":{\"EXT_texture_webp\":{\"source\":1}}}],"
+                      "\"extensionsRequired\":[\"EXT_texture_webp\"],"
+                      "\"images\":[{\"uri\":\"absent.png\"},{\"name\":\"w\",\"uri\":"
+                      "\"data:image/webp;base64,%s\"}]",
+             webp);
+    maker_import(&m, rest, &r);
+    assert_int_equal(r.scene.image_count, 1);
+    assert_string_equal(r.scene.images[0].name, "w");
+    assert_int_equal(r.scene.materials[0].base_color_texture.texture, 0);
+    import_result_release(&r);
+}
+
 static void test_texture_warnings(void **state)
 {
     static const struct {
@@ -425,6 +450,7 @@ int main(void)
         cmocka_unit_test(test_texture_transform),
         cmocka_unit_test(test_texture_faults),
         cmocka_unit_test(test_texture_warnings),
+        cmocka_unit_test(test_webp),
     };
 
     return cmocka_run_group_tests_name("glTF materials", tests, NULL, NULL);
