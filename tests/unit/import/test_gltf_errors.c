@@ -158,9 +158,9 @@ static void test_file_errors(void **state)
     refuse_text("{\"asset\":{\"version\":\"1.0\"}}", "1.0|2.0 is read");
     refuse_text("{\"asset\":{\"version\":\"2.0\",\"minVersion\":\"2.1\"}}", "2.1");
     refuse_text("{\"asset\":{\"version\":\"2.0\"}}", "nothing to render");
-    assert_int_equal(import_scene_memory("v 1 2 3\n", 8, "a.obj", NULL, &defaults, &r, &err),
+    assert_int_equal(import_scene_memory("solid a\n", 8, "a.stl", NULL, &defaults, &r, &err),
                      STATUS_ERR_UNSUPPORTED);
-    assert_says(&err, "a.obj|glTF 2.0|.glb");
+    assert_says(&err, "a.stl|glTF 2.0|.glb");
     assert_int_equal(import_scene("/nonexistent/a.gltf", &defaults, &r, &err), STATUS_ERR_INPUT);
     assert_says(&err, "/nonexistent/a.gltf");
     /* Nested beyond reason: an error, no stack overflow. */
