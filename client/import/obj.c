@@ -204,33 +204,60 @@ static status find_file(struct obj *o, const char *file, char **path, struct err
     return result;
 }
 
-status obj_read_file(struct obj *o, const char *file, size_t limit, struct buffer *out,
-                     struct error *err)
+/* Take the path of `prefix`/`file` for *path if there is such a file, and no better one yet. */
+static void try_file(struct obj *o, const char *prefix, size_t prefix_length, const char *file,
+                     char **path, int *found)
 {
-    char *path = NULL, *other = NULL;
-    const char *last = file;
+    struct buffer name = BUFFER_INIT;
+    char *other = NULL;
+
+    if (*found)
+        return;
+    buffer_append(&name, prefix, prefix_length);
+    buffer_puts(&name, file);
+    if (buffer_ok(&name) && find_file(o, buffer_text(&name), &other, NULL) == STATUS_OK &&
+        file_exists(other)) {
+        mem_free(*path);
+        *path = other;
+        other = NULL;
+        *found = 1;
+    }
+    mem_free(other);
+    buffer_release(&name);
+}
+
+/* Where the name after the last separator begins. */
+static const char *last_name(const char *path)
+{
+    const char *last = path;
+
+    for (const char *p = path; *p; p++)
+        if (*p == '/' || *p == '\\' || *p == ':')
+            last = p + 1;
+    return last;
+}
+
+status obj_read_file(struct obj *o, const char *within, const char *file, size_t limit,
+                     struct buffer *out, struct error *err)
+{
+    size_t beside = within ? (size_t)(last_name(within) - within) : 0;
+    char *path = NULL;
     struct stat info;
+    int found = 0;
     status result;
 
     if (!o->folder)
         return error_set(err, STATUS_ERR_INPUT, "other files cannot be read here");
-    for (const char *p = file; *p; p++)
-        if (*p == '/' || *p == '\\' || *p == ':')
-            last = p + 1;
-    result = find_file(o, file, &path, err);
-    /* Paths of the computer on which the file was made: the file may lie beside this one. */
-    if ((result != STATUS_OK || !file_exists(path)) && last != file &&
-        find_file(o, last, &other, NULL) == STATUS_OK && file_exists(other)) {
-        mem_free(path);
-        path = other;
-        other = NULL;
-        result = STATUS_OK;
-    }
+    try_file(o, within, beside, file, &path, &found);
+    try_file(o, NULL, 0, file, &path, &found);
+    /* Paths of the computer on which the file was made: the other may lie beside this one. */
+    try_file(o, within, beside, last_name(file), &path, &found);
+    try_file(o, NULL, 0, last_name(file), &path, &found);
+    result = found ? STATUS_OK : find_file(o, file, &path, err);
     if (result == STATUS_OK && stat(path, &info) == 0 && !S_ISREG(info.st_mode))
         result = error_set(err, STATUS_ERR_INPUT, "%s: is not a regular file", path);
     if (result == STATUS_OK)
         result = file_read(path, limit, out, err);
-    mem_free(other);
     mem_free(path);
     return result;
 }
@@ -513,6 +540,7 @@ static void obj_release(struct obj *o)
     for (size_t i = 0; i < o->defined_count; i++)
         obj_material_release(&o->defined[i]);
     mem_free(o->defined);
+    obj_names_release(&o->files);
     obj_names_release(&o->libraries);
     mem_free(o->parts);
     obj_names_release(&o->part_keys);

@@ -65,7 +65,7 @@ struct obj_texture {
 /* A newmtl as it stands; NAN: not said. */
 struct obj_material {
     uint32_t name;                  /* in `materials` */
-    uint32_t library, line;         /* where */
+    uint32_t file, line;            /* where: in `files` */
     int illum;                      /* -1: not said */
     float kd[3], ks[3], ke[3], tf[3], ns, ni, d, pr, pm, pc, pcr, ps, aniso, anisor;
     struct obj_texture maps[OBJ_MAP_COUNT];
@@ -99,6 +99,7 @@ struct obj {
 
     struct obj_names libraries;
     uint32_t library_lines[OBJ_LIBRARIES_MAX];
+    struct obj_names files;         /* of libraries, as they were found */
     struct obj_material *defined;
     size_t defined_count, defined_capacity;
     uint32_t *definition;           /* [materials.count] row of `defined`, OBJ_NONE: nowhere */
@@ -135,10 +136,11 @@ int obj_word_is(struct obj_word word, const char *text);
 /* Up to `most` numbers; how many there are. */
 size_t obj_numbers(struct obj_line *line, size_t most, double *out);
 
-/* The bytes of a file that `file` (as written in an OBJ or MTL file) names. ERR_INPUT in
- * `err`; the caller makes a warning of it. */
-status obj_read_file(struct obj *o, const char *file, size_t limit, struct buffer *out,
-                     struct error *err) MUST_CHECK;
+/* The bytes of a file that `file` names, as it is written in the file `within` (NULL: the OBJ
+ * file): beside that one, or else beside the OBJ file. ERR_INPUT in `err`; the caller makes a
+ * warning of it. */
+status obj_read_file(struct obj *o, const char *within, const char *file, size_t limit,
+                     struct buffer *out, struct error *err) MUST_CHECK;
 
 /* obj_mtl.c: read all libraries; then the builder's row of a material. `colored`: the mesh
  * has vertex colours. */

@@ -27,7 +27,7 @@ static void warn_of_texture(struct obj *o, const struct obj_material *m,
     char kind[300];
 
     snprintf(kind, sizeof kind, "texture %.200s", map->file);
-    builder_warn_at(o->b, o->libraries.texts[m->library], map->line, kind,
+    builder_warn_at(o->b, o->files.texts[m->file], map->line, kind,
                     "the texture \"%.200s\" cannot be used (%.250s): left out", map->file, why);
 }
 
@@ -37,7 +37,8 @@ static status decode_map(struct obj *o, const struct obj_material *m, const stru
 {
     struct error inner = {0};
     enum image_format format;
-    status result = obj_read_file(o, map->file, IMPORT_FILE_BYTES_MAX, bytes, &inner);
+    status result =
+        obj_read_file(o, o->files.texts[m->file], map->file, IMPORT_FILE_BYTES_MAX, bytes, &inner);
 
     if (result == STATUS_OK) {
         format = image_format_of(bytes->data, bytes->size);

@@ -211,7 +211,7 @@ static status read_statement(const struct mtl_place *at, struct obj_line *line,
     return STATUS_OK;
 }
 
-static status begin_material(struct obj *o, struct obj_line *line, uint32_t library)
+static status begin_material(struct obj *o, struct obj_line *line, uint32_t file)
 {
     struct obj_word name = obj_rest(line);
     uint32_t number = obj_intern(&o->materials, name.text, name.length);
@@ -220,19 +220,21 @@ static status begin_material(struct obj *o, struct obj_line *line, uint32_t libr
         return error_no_memory(o->err, "MTL materials");
     material_init(&o->defined[o->defined_count]);
     o->defined[o->defined_count].name = number;
-    o->defined[o->defined_count].library = library;
+    o->defined[o->defined_count].file = file;
     o->defined[o->defined_count].line = line->number;
     o->defined_count++;
     return STATUS_OK;
 }
 
-static status read_library_text(struct obj *o, const struct buffer *bytes, const char *file,
-                                uint32_t library)
+static status read_library_text(struct obj *o, const struct buffer *bytes, const char *file)
 {
+    uint32_t number = obj_intern(&o->files, file, strlen(file));
     struct obj_text text = {(const char *)bytes->data, (const char *)bytes->data + bytes->size, 1};
     struct obj_line line;
     int begun = 0;
 
+    if (number == OBJ_NONE)
+        return error_no_memory(o->err, "MTL materials");
     if (bytes->size >= 3 && memcmp(text.at, "\xef\xbb\xbf", 3) == 0)
         text.at += 3;
     while (obj_next_line(&text, &line)) {
@@ -241,7 +243,7 @@ static status read_library_text(struct obj *o, const struct buffer *bytes, const
         if (word.length == 0)
             continue;
         if (obj_word_is(word, "newmtl")) {
-            TRY(begin_material(o, &line, library));
+            TRY(begin_material(o, &line, number));
             begun = 1;
         } else if (begun) {
             TRY(read_statement(&at, &line, word, &o->defined[o->defined_count - 1]));
@@ -259,11 +261,11 @@ static status read_library(struct obj *o, const char *file, uint32_t library, in
     struct buffer bytes = BUFFER_INIT;
     struct error inner = {0};
     char kind[sizeof inner.text];
-    status result = obj_read_file(o, file, OBJ_MTL_BYTES_MAX, &bytes, &inner);
+    status result = obj_read_file(o, NULL, file, OBJ_MTL_BYTES_MAX, &bytes, &inner);
 
     *found = result == STATUS_OK;
     if (result == STATUS_OK && bytes.size) {
-        result = read_library_text(o, &bytes, file, library);
+        result = read_library_text(o, &bytes, file);
     } else if (result == STATUS_ERR_NO_MEMORY) {
         result = error_no_memory(o->err, "an MTL file");
     } else {
