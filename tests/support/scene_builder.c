@@ -280,8 +280,8 @@ void builder_environment_constant(struct scene_builder *b, struct vec3 radiance)
     b->scene.environment.radiance[2] = radiance.z;
 }
 
-void builder_environment_map(struct scene_builder *b, const float *rgb, uint32_t width,
-                             uint32_t height)
+static struct scene_blob add_exr(struct scene_builder *b, const float *rgb, uint32_t width,
+                                 uint32_t height)
 {
     struct image image = {width, height, 3, NULL};
     struct exr_options options = {0};
@@ -290,12 +290,30 @@ void builder_environment_map(struct scene_builder *b, const float *rgb, uint32_t
 
     image.pixels = need(mem_memdup(rgb, sizeof(float) * 3 * width * height));
     if (exr_encode(&out, &image, &options, &err) != STATUS_OK)
-        die("environment", &err);
+        die("image", &err);
     image_release(&image);
+    return add_blob(b, out.data, out.size);
+}
+
+void builder_environment_map(struct scene_builder *b, const float *rgb, uint32_t width,
+                             uint32_t height)
+{
     b->scene.environment.present = 1;
     b->scene.environment.constant = 0;
     b->scene.environment.image.name = "map";
-    b->scene.environment.image.blob = add_blob(b, out.data, out.size);
+    b->scene.environment.image.blob = add_exr(b, rgb, width, height);
+}
+
+uint32_t builder_texture(struct scene_builder *b, const float *rgb, uint32_t width,
+                         uint32_t height)
+{
+    struct scene_image *image = &b->scene.images[b->scene.image_count];
+    struct scene_texture *texture = &b->scene.textures[b->scene.texture_count];
+
+    image->name = "image";
+    image->blob = add_exr(b, rgb, width, height);
+    texture->image = b->scene.image_count++;
+    return b->scene.texture_count++;
 }
 
 static status find_blob(void *user, const struct digest *digest, const uint8_t **data,

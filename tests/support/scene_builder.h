@@ -57,6 +57,10 @@ void builder_environment_constant(struct scene_builder *b, struct vec3 radiance)
 void builder_environment_map(struct scene_builder *b, const float *rgb, uint32_t width,
                              uint32_t height);
 
+/* A texture of floats [height][width][3], an EXR image of its own, repeated and filtered. */
+uint32_t builder_texture(struct scene_builder *b, const float *rgb, uint32_t width,
+                         uint32_t height);
+
 /* The scene made ready; aborts with the error's words if it is refused. */
 struct render_scene *builder_build(struct scene_builder *b, const struct render_settings *settings);
 struct blob_source builder_source(struct scene_builder *b);
