@@ -44,7 +44,7 @@ const struct command command_import = {
     .group = COMMAND_RENDER,
     .usage = "azulejo import SCENE [OPTION]...",
     .summary = "read a scene and tell what is in it and what it calls for",
-    .description = "Read a glTF 2.0 scene (.gltf or .glb), check it, and tell its contents, the effects that\n"
-                   "rendering it calls for, and what in it is not supported. Nothing is sent anywhere.",
+    .description = "Read a scene file, check it, and tell its contents, the effects that rendering it calls for,\n"
+                   "and what in it is not supported. Nothing is sent anywhere.",
     .run = run,
 };

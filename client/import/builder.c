@@ -716,6 +716,27 @@ static status prune_blobs(struct builder *b)
     return STATUS_OK;
 }
 
+static status blob_get(void *user, const struct digest *digest, const uint8_t **data,
+                       size_t *size_bytes, struct error *err)
+{
+    const struct scene_blob wanted = {.digest = *digest};
+    const struct import_blob *blob = builder_blob(user, &wanted);
+
+    if (!blob)
+        return error_set(err, STATUS_ERR_INTERNAL, "a blob of the scene is missing");
+    *data = blob->data;
+    *size_bytes = blob->size_bytes;
+    return STATUS_OK;
+}
+
+/* Take out what no picture can show; damaged images are found on the way. */
+static status simplify(struct builder *b)
+{
+    const struct scene_blob_reader reader = {blob_get, b};
+
+    return scene_simplify(&b->out->scene, reader, &b->out->simplified, b->err);
+}
+
 status builder_finish(struct builder *b, const char *title, const struct import_options *options)
 {
     struct import_result *out = b->out;
@@ -748,6 +769,9 @@ status builder_finish(struct builder *b, const char *title, const struct import_
         result = scene_place(b, framed);
     if (result == STATUS_OK)
         result = scene_validate(&out->scene, b->err); /* as it was placed */
+    if (result != STATUS_OK)
+        return result;
+    result = simplify(b);
     if (result != STATUS_OK)
         return result;
     light_the_dark(b);

@@ -134,6 +134,25 @@ static struct mesh_tangents tangents_of(const struct scene_material *m)
     return wanted;
 }
 
+static int same_axes(const struct scene_texture_slot *a, const struct scene_texture_slot *b)
+{
+    for (int r = 0; r < 2; r++)
+        if (a->uv_transform[r][0] != b->uv_transform[r][0] ||
+            a->uv_transform[r][1] != b->uv_transform[r][1])
+            return 0;
+    return a->uv_set == b->uv_set;
+}
+
+static void warn_of_axes(struct gltf *g, const struct scene_material *m)
+{
+    if (m->normal_texture.texture >= 0 && m->clearcoat_normal_texture.texture >= 0 &&
+        !same_axes(&m->normal_texture, &m->clearcoat_normal_texture))
+        builder_warn(g->b, "two tangents",
+                     "material \"%.80s\": its clearcoat's normal map lies otherwise on the mesh than "
+                     "its own: the directions of its own are used for both",
+                     m->name);
+}
+
 /* ---- indices ------------------------------------------------------------------------------- */
 
 /* Corner `c` of triangle `t` in the order of the vertices of the primitive. */
@@ -523,6 +542,7 @@ static status read_primitive(struct gltf *g, json_t *primitive, const struct glt
     warn_of_leftovers(g, attributes, at);
     TRY(gltf_material(g, material, &material_row));
     tangents = tangents_of(&g->b->materials[material_row]);
+    warn_of_axes(g, &g->b->materials[material_row]);
     result = read_source(g, primitive, attributes, at, mode, &g->b->materials[material_row],
                          &tangents, &mesh);
     if (result == STATUS_OK && mesh.positions)

@@ -189,8 +189,13 @@ static status add_mesh(struct gltf *g, json_t *node, const struct gltf_place *at
     uint32_t row;
 
     TRY(gltf_index(g, node, at, "skin", g->skins, &skin));
-    if (skin >= 0)
-        instancing = NULL; /* the joints alone say where it is */
+    if (skin >= 0 && instancing) {
+        builder_warn(g->b, "instanced skin",
+                     "nodes[%zu]: has a skin and is instanced (EXT_mesh_gpu_instancing): there is "
+                     "one, where its joints are",
+                     at->row);
+        instancing = NULL;
+    }
     TRY(open_mesh(g, stand, index, skin >= 0, instancing != NULL, &how.mesh));
     how.name = node_name(node);
     if (!*how.name)

@@ -27,29 +27,12 @@ static const char *foreign_format(const uint8_t *data, size_t size)
     return "an unknown";
 }
 
-static status image_check(const uint8_t *data, size_t size_bytes, const char *name,
-                          struct error *err)
-{
-    enum image_format format = image_format_of(data, size_bytes);
-    struct image_repairs repairs = {0};
-    struct image deep = {0};
-    struct image8 image = {0};
-    status result;
-
-    if (format == IMAGE_HDR || format == IMAGE_EXR)
-        result = image_decode_hdr(&deep, data, size_bytes, name, &repairs, err);
-    else
-        result = image_decode_8(&image, data, size_bytes, name, err);
-    image_release(&deep);
-    image8_release(&image);
-    return result;
-}
-
 static status read_image(struct gltf *g, size_t index, int64_t *row)
 {
     const struct gltf_place at = gltf_at("images", index, "");
     const char *uri = NULL, *name = NULL, *file;
     struct buffer bytes = BUFFER_INIT;
+    char numbered[32];
     int64_t view = -1;
     json_t *image;
     uint32_t added = 0;
@@ -60,6 +43,7 @@ static status read_image(struct gltf *g, size_t index, int64_t *row)
     TRY(gltf_text(g, image, &at, "name", &name));
     TRY(gltf_index(g, image, &at, "bufferView", g->views, &view));
     file = uri && !uri_is_data(uri) ? uri : NULL;
+    snprintf(numbered, sizeof numbered, "images[%zu]", index); /* damage is told by the name */
     if (uri) {
         result = gltf_read_uri(g, uri, &at, &bytes);
     } else if (view >= 0) {
@@ -80,17 +64,8 @@ static status read_image(struct gltf *g, size_t index, int64_t *row)
                            file ? file : name ? name : "it",
                            foreign_format(bytes.data, bytes.size));
     if (result == STATUS_OK) {
-        struct error inner = {0};
-        /* Decoded once only to tell its faults now and not on a worker. */
-        result = image_check(bytes.data, bytes.size, file ? file : name ? name : "it", &inner);
-        if (result == STATUS_ERR_NO_MEMORY)
-            result = error_no_memory(g->err, "an image");
-        else if (result != STATUS_OK)
-            result = gltf_fail(g, result, &at, "%s", inner.text);
-    }
-    if (result == STATUS_OK) {
-        result = builder_add_image(g->b, name ? name : file ? file_basename(file) : "", bytes.data,
-                                   bytes.size, &added);
+        result = builder_add_image(g->b, name ? name : file ? file_basename(file) : numbered,
+                                   bytes.data, bytes.size, &added);
         bytes = (struct buffer)BUFFER_INIT; /* taken over */
         *row = added;
     }

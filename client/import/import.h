@@ -18,6 +18,7 @@
 #include "common/base/digest.h"
 #include "common/base/status.h"
 #include "common/scene/scene.h"
+#include "common/scene/simplify.h"
 
 enum { IMPORT_WARNINGS_MAX = 40 };
 #define IMPORT_FILE_BYTES_MAX ((size_t)8 << 30)
@@ -61,6 +62,7 @@ struct import_result {
     uint64_t vertices;
     uint64_t degenerate_triangles;  /* dropped */
     uint64_t blob_bytes;
+    struct scene_simplify_report simplified;
     struct import_animation *animations; /* in the scene's arena, like the variants' names */
     size_t animation_count;
     const char **variants;

@@ -142,6 +142,33 @@ static void print_variants(const struct import_result *result, FILE *out)
     print_rest(out, (uint32_t)result->variant_count);
 }
 
+/* What the scene no longer holds because it shows nothing. */
+static void print_simplified(const struct scene_simplify_report *r, FILE *out)
+{
+    const struct {
+        uint64_t count;
+        const char *what;
+    } parts[] = {
+        {r->folded, "constant textures"},
+        {r->flat_normals, "flat normal maps"},
+        {r->unseen, "textures that cannot act"},
+        {r->made_opaque, "materials whose alpha is 1"},
+        {r->mixes, "mixes of one material"},
+        {(uint64_t)r->uniform_environment, "environment map of one color"},
+        {r->image_bytes, "bytes of images"},
+    };
+    int any = 0;
+
+    for (size_t i = 0; i < sizeof parts / sizeof *parts; i++)
+        if (parts[i].count) {
+            fprintf(out, "%s%llu %s", any ? ", " : "simplified:     ",
+                    (unsigned long long)parts[i].count, parts[i].what);
+            any = 1;
+        }
+    if (any)
+        fputc('\n', out);
+}
+
 static void print_motion(const struct import_result *result, FILE *out)
 {
     const struct scene *scene = &result->scene;
@@ -210,6 +237,7 @@ void import_report_print(const struct import_result *result, FILE *out)
     fprintf(out, "cameras:        %u\n", scene->camera_count);
     print_cameras(scene, out);
     print_motion(result, out);
+    print_simplified(&result->simplified, out);
     print_environment(result, out);
     print_effects(all_effects(scene), out);
     fprintf(out, "bytes:          %llu in %zu blobs, scene %zu\n",
@@ -381,7 +409,8 @@ json_t *import_report_json(const struct import_result *result)
     /* "o" takes the reference also when packing fails, and a NULL makes it fail. */
     return json_pack(
         "{s:o, s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, "
-        "s:{s:I, s:I, s:I}, s:o, s:o, s:i, s:o, s:f, s:i, s:i, s:i, s:i}",
+        "s:{s:I, s:I, s:I}, s:o, s:o, s:i, s:o, s:f, s:i, s:i, s:i, s:i, "
+        "s:{s:i, s:i, s:i, s:i, s:i, s:b, s:I}}",
         "file", source ? source : json_null(), "name", scene->name, "digest", hex, "triangles",
         (json_int_t)result->triangles, "triangles_placed", (json_int_t)result->triangles_placed,
         "vertices", (json_int_t)result->vertices, "degenerate_triangles",
@@ -395,5 +424,11 @@ json_t *import_report_json(const struct import_result *result)
         variants_json(result), "variant_taken", result->variant_taken, "animations",
         animations_json(result), "duration_s", scene_duration_s(&result->scene), "nodes",
         (int)scene->node_count, "channels", (int)scene->channel_count, "skins",
-        (int)scene->skin_count, "morph_targets", morph_targets(scene));
+        (int)scene->skin_count, "morph_targets", morph_targets(scene), "simplified",
+        "constant_textures", (int)result->simplified.folded, "flat_normal_maps",
+        (int)result->simplified.flat_normals, "unseen_textures", (int)result->simplified.unseen,
+        "made_opaque", (int)result->simplified.made_opaque, "mixes",
+        (int)result->simplified.mixes, "uniform_environment",
+        result->simplified.uniform_environment, "image_bytes",
+        (json_int_t)result->simplified.image_bytes);
 }

@@ -36,11 +36,13 @@ extern const float corner_positions[9];
 #define ONE_TRIANGLE "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0}}]}]"
 
 /* A texture, and a mesh 0 with a normal map over what put_mirrored_quads makes. */
-#define ONE_PIXEL                                                                               \
-    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJ"                                              \
-    "AAAADUlEQVR42mP8z8BQDwAEhQGAhKmMIQAAAABJRU5ErkJggg=="
+/* A PNG of two pixels that differ in every channel, so that no texture of it is a constant:
+ * (255, 0, 10, 64) and (0, 255, 200, 192). */
+#define TWO_PIXELS                                                                              \
+    "iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAYAAAD0In+KAAAAEUlEQVR42mP4z8DlwPD/xAEADsoD0TtCbTEAAAAA"  \
+    "SUVORK5CYII="
 #define PNG_IMAGE                                                                               \
-    "\"images\":[{\"uri\":\"data:image/png;base64," ONE_PIXEL                                   \
+    "\"images\":[{\"uri\":\"data:image/png;base64," TWO_PIXELS                                   \
     "\"}],\"textures\":[{\"source\":0}]"
 #define NORMAL_MAPPED(more)                                                                     \
     "\"materials\":[{\"normalTexture\":{\"index\":0" more "}}]," PNG_IMAGE ","                  \

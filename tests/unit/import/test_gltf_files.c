@@ -126,6 +126,7 @@ static void test_environment(void **state)
                 sizeof scene);
     assert_int_equal(image_init(&image, 4, 2, 3, &err), STATUS_OK);
     image.pixels[0] = -1;
+    image.pixels[3] = 1;
     assert_int_equal(exr_encode(&exr, &image, &how, &err), STATUS_OK);
     write_file("sky.exr", exr.data, exr.size, path, sizeof path);
     options.env_path = path;

@@ -82,9 +82,7 @@ static void test_attributes(void **state)
                           "\"COLOR_0\":4}}]}],"
                           "\"materials\":[{\"pbrMetallicRoughness\":{\"baseColorTexture\":{"
                           "\"index\":0},\"metallicRoughnessTexture\":{\"index\":0,\"texCoord\":1}"
-                          "}}],\"textures\":[{\"source\":0}],\"images\":[{\"uri\":\"data:image/"
-                          "png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42m"
-                          "P8z8BQDwAEhQGAhKmMIQAAAABJRU5ErkJggg==\"}]",
+                          "}}]," PNG_IMAGE,
                  &r);
     v = view_mesh(&r, 0);
     assert_int_equal(v.mesh->arrays, MESH_NORMALS | MESH_UV0 | MESH_UV1 | MESH_COLORS);

@@ -23,7 +23,7 @@ static void test_material(void **state)
         ONE_NODE
         ",\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0},\"material\":1}]}],"
         "\"materials\":[{\"name\":\"not used\"},{\"name\":\"glass\",\"doubleSided\":true,"
-        "\"alphaMode\":\"MASK\",\"alphaCutoff\":0.25,\"emissiveFactor\":[1,0.5,0],"
+        "\"alphaMode\":\"MASK\",\"alphaCutoff\":0.5,\"emissiveFactor\":[1,0.5,0],"
         "\"pbrMetallicRoughness\":{\"baseColorFactor\":[0.1,0.2,0.3,0.4],\"metallicFactor\":0.5,"
         "\"roughnessFactor\":0.25},\"extensions\":{"
         "\"KHR_materials_emissive_strength\":{\"emissiveStrength\":8},"
@@ -36,7 +36,7 @@ static void test_material(void **state)
     assert_int_equal(r.scene.material_count, 1); /* only what is used */
     a = &r.scene.materials[0];
     assert_string_equal(a->name, "glass");
-    assert_true(a->double_sided && a->alpha_mode == ALPHA_MASK && a->alpha_cutoff == 0.25f);
+    assert_true(a->double_sided && a->alpha_mode == ALPHA_MASK && a->alpha_cutoff == 0.5f);
     assert_floats(a->base_color, (const float[]){0.1f, 0.2f, 0.3f, 0.4f}, 4, 0);
     assert_true(a->metallic == 0.5f && a->roughness == 0.25f);
     assert_floats(a->emission, (const float[]){8, 4, 0}, 3, 0);
@@ -78,7 +78,8 @@ static void test_material_kinds(void **state)
     import_material("\"extensions\":{\"KHR_materials_ior\":{\"ior\":0}}", &r);
     assert_true(r.scene.materials[0].ior == 0);
     import_result_release(&r);
-    import_material("\"pbrMetallicRoughness\":{\"roughnessFactor\":1.5},\"alphaMode\":\"BLEND\"",
+    import_material("\"pbrMetallicRoughness\":{\"roughnessFactor\":1.5,\"baseColorFactor\":"
+                    "[1,1,1,0.5]},\"alphaMode\":\"BLEND\"",
                     &r);
     assert_true(r.scene.materials[0].roughness == 1);
     assert_int_equal(r.scene.materials[0].alpha_mode, ALPHA_BLEND);
@@ -130,7 +131,7 @@ static void test_extensions(void **state)
 
     (void)state;
     import_textured(
-        "\"extensions\":{"
+        "\"pbrMetallicRoughness\":{\"metallicFactor\":0},\"extensions\":{"
         "\"KHR_materials_clearcoat\":{\"clearcoatFactor\":0.5,\"clearcoatRoughnessFactor\":0.25,"
         "\"clearcoatNormalTexture\":{\"index\":0,\"scale\":0.125,\"texCoord\":1}," TEXTURE(
             "clearcoatTexture", 1) "," TEXTURE("clearcoatRoughnessTexture", 0) "},"
@@ -252,9 +253,10 @@ static void test_specular_glossiness(void **state)
     assert_non_null(blob);
     assert_int_equal(image_decode_8(&image, blob->data, blob->size_bytes, "made", &err),
                      STATUS_OK);
-    /* The picture's only texel has alpha 128/255: roughness 1 - 0.5 * 128/255. */
-    assert_int_equal(image.width, 1);
-    assert_int_equal(image.pixels[1], 191);
+    /* 1 - 0.5 * alpha, of alphas 64/255 and 192/255 */
+    assert_int_equal(image.width, 2);
+    assert_int_equal(image.pixels[1], 223);
+    assert_int_equal(image.pixels[image.channels + 1], 159);
     image8_release(&image);
     import_result_release(&r);
 }
@@ -325,7 +327,7 @@ static void test_texture_transform(void **state)
                           "\"samplers\":[{\"wrapS\":33071,\"wrapT\":33648,\"magFilter\":9728}],"
                           "\"textures\":[{\"source\":0,\"sampler\":0}],"
                           "\"images\":[{\"name\":\"dot\",\"mimeType\":\"image/png\","
-                          "\"uri\":\"data:image/png;base64," ONE_PIXEL "\"}]",
+                          "\"uri\":\"data:image/png;base64," TWO_PIXELS "\"}]",
                  &r);
     det_sincos(0.5f, &s, &c);
     slot = &r.scene.materials[0].base_color_texture;
@@ -351,17 +353,19 @@ static void test_texture_faults(void **state)
          "images[0]|names another file"},
         {"\"textures\":[{\"source\":0}],\"images\":[{\"name\":\"w\",\"uri\":"
          "\"data:;base64,UklGRgAAAABXRUJQ\"}]",
-         "images[0]|w"},
+         "w: the WebP"},
         {"\"textures\":[{\"source\":0}],\"images\":[{\"name\":\"w\",\"uri\":"
          "\"data:;base64,Qk0AAAAAAAAAAAAA\"}]",
          "images[0]|w is a BMP file|PNG, JPEG and WebP"},
-        /* cut short in the header, and in the pixels */
+        /* cut short in the header, and in the pixels; one without a name is told by its row */
         {"\"textures\":[{\"source\":0}],\"images\":[{\"name\":\"w\",\"uri\":"
          "\"data:,%89PNG%0D%0A%1A%0Ax\"}]",
-         "images[0]: w: "},
+         "w: the PNG"},
         {"\"textures\":[{\"source\":0}],\"images\":[{\"name\":\"w\",\"uri\":"
          "\"data:;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mP8\"}]",
-         "images[0]: w: "},
+         "w: the PNG"},
+        {"\"textures\":[{\"source\":0}],\"images\":[{\"uri\":\"data:,%89PNG%0D%0A%1A%0Ax\"}]",
+         "images[0]: the PNG"},
         {"\"textures\":[{\"source\":0}],\"images\":[{\"uri\":\"data:;base64,@@\"}]",
          "images[0]|base64"},
         {"\"textures\":[{\"source\":0}],\"images\":[{\"uri\":\"data:nothing\"}]",
@@ -381,6 +385,29 @@ static void test_texture_faults(void **state)
                  cases[i].tables);
         maker_refuse(&m, rest, cases[i].words);
     }
+}
+
+/* A texture of one color is a color, and its file does not travel. */
+static void test_constant_texture(void **state)
+{
+    struct maker m = triangle_maker();
+    struct import_result r;
+
+    (void)state;
+    maker_import(&m,
+                 ONE_NODE ",\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0},"
+                          "\"material\":0}]}],\"materials\":[{\"pbrMetallicRoughness\":{"
+                          "\"baseColorFactor\":[0.5,0.25,1,1],\"baseColorTexture\":{\"index\":0}"
+                          "}}],\"textures\":[{\"source\":0}],\"images\":[{\"uri\":\"data:image/"
+                          "png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR42mP4"
+                          "z8AAAAMBAQD3A0FDAAAAAElFTkSuQmCC\"}]",
+                 &r);
+    assert_int_equal(r.scene.materials[0].base_color_texture.texture, -1);
+    assert_floats(r.scene.materials[0].base_color, (const float[]){0.5f, 0, 0}, 3, 0); /* red */
+    assert_int_equal(r.scene.image_count, 0);
+    assert_int_equal(r.blob_count, 1);
+    assert_int_equal(r.simplified.folded, 1);
+    import_result_release(&r);
 }
 
 /* The source in EXT_texture_webp counts, the one beside it is for those who cannot read WebP. */
@@ -451,6 +478,7 @@ int main(void)
         cmocka_unit_test(test_texture_faults),
         cmocka_unit_test(test_texture_warnings),
         cmocka_unit_test(test_webp),
+        cmocka_unit_test(test_constant_texture),
     };
 
     return cmocka_run_group_tests_name("glTF materials", tests, NULL, NULL);
