@@ -403,7 +403,7 @@ static void maps_become_textures(void **state)
 {
     static const float color[12] = {1, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 1};
     static const float steps[12] = {0, 0, 0, 1, 1, 1, 0, 0, 0, 1, 1, 1};
-    static const float flat[12] = {0.5f, 0.5f, 1, 0.5f, 0.5f, 1, 0.5f, 0.5f, 1, 0.5f, 0.5f, 1};
+    static const float bumpy[12] = {0.5f, 0.5f, 1, 0.75f, 0.5f, 0.9f, 0.5f, 0.5f, 1, 0.5f, 0.5f, 1};
     struct import_result result;
     struct scene_material m;
     struct image8 picture;
@@ -411,7 +411,7 @@ static void maps_become_textures(void **state)
     (void)state;
     write_picture("c.png", color);
     write_picture("g.png", steps);
-    write_picture("n.png", flat);
+    write_picture("n.png", bumpy);
     material_of("newmtl it\nKd 0 0 0\nmap_Kd -s 2 3 1 -o 0.5 0.25 -clamp on c.png\n"
                 "map_Ke C:\\made\\elsewhere\\c.png\nmap_d g.png\nmap_Pr g.png\nPm 0.5\n"
                 "map_Bump -bm 0.5 n.png\n",
