@@ -9,6 +9,7 @@
 #include "common/math/elementary.h"
 #include "common/scene/pose.h"
 #include "worker/render/bounds.h"
+#include "worker/render/image_share.h"
 #include "worker/render/interior.h"
 #include "worker/render/kernel.h"
 #include "worker/render/medium.h"
@@ -371,11 +372,12 @@ void render_scene_free(struct render_scene *w)
     for (size_t i = 0; i < w->owned_count; i++)
         mem_free(w->owned[i]);
     for (uint32_t i = 0; i < w->image_count; i++)
-        texture_image_free(w->images[i]);
+        image_share_put(w->image_shares[i]);
     for (uint32_t i = 0; i < w->medium_count; i++)
         medium_free(w->media[i]);
     mem_free(w->owned);
     mem_free(w->images);
+    mem_free(w->image_shares);
     mem_free(w->media);
     mem_free(w->instances);
     mem_free(w->materials);

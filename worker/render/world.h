@@ -94,7 +94,8 @@ struct render_scene {
     struct world_mesh *meshes;
     struct world_material *materials;
     struct world_instance *instances;
-    struct texture_image **images;
+    struct texture_image **images; /* NULL: nobody reads it */
+    struct image_share **image_shares; /* who holds them */
     void **owned;                 /* blocks that are freed with the scene */
     size_t owned_count, owned_capacity;
     uint32_t mesh_count, material_count, instance_count, image_count;

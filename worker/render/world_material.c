@@ -6,6 +6,7 @@
 
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
+#include "worker/render/image_share.h"
 
 /* ---- texture slots ------------------------------------------------------------------------ */
 
@@ -16,37 +17,41 @@ static int is_black(const float color[3])
 
 enum slot_flags {
     SLOT_UNLIT = 1, /* read by unlit materials too */
-    SLOT_SHADED = 2 /* read by surface_shade: makes the material MATERIAL_TEXTURED */
+    SLOT_SHADED = 2, /* read by surface_shade: makes the material MATERIAL_TEXTURED */
+    SLOT_COLOR = 4, /* holds colours: sRGB unless the texture says otherwise */
+    SLOT_WIDE = 8 /* looked up by footprint */
 };
+#define SLOT_DATA_READ (SLOT_SHADED | SLOT_WIDE)
+#define SLOT_COLOR_READ (SLOT_DATA_READ | SLOT_COLOR)
 
 /* X(world_material's field, scene_material's field, flags, when its factor is not 0). */
 #define SLOT_MAP(X)                                                                              \
-    X(base_color, base_color_texture, SLOT_UNLIT | SLOT_SHADED,                                  \
+    X(base_color, base_color_texture, SLOT_UNLIT | SLOT_COLOR_READ,                              \
       !is_black(m->base_color) || m->alpha_mode != ALPHA_OPAQUE)                                 \
-    X(metallic_roughness, metallic_roughness_texture, SLOT_SHADED,                               \
+    X(metallic_roughness, metallic_roughness_texture, SLOT_DATA_READ,                            \
       m->metallic > 0 || m->roughness > 0)                                                       \
-    X(normal, normal_texture, 0, m->normal_scale != 0)                                           \
-    X(emission, emission_texture, 0, !is_black(m->emission))                                     \
-    X(specular, specular_texture, SLOT_SHADED, m->specular > 0)                                  \
-    X(specular_color, specular_color_texture, SLOT_SHADED,                                       \
+    X(normal, normal_texture, SLOT_WIDE, m->normal_scale != 0)                                   \
+    X(emission, emission_texture, SLOT_COLOR, !is_black(m->emission))                            \
+    X(specular, specular_texture, SLOT_DATA_READ, m->specular > 0)                               \
+    X(specular_color, specular_color_texture, SLOT_COLOR_READ,                                   \
       m->specular > 0 && !is_black(m->specular_color))                                           \
-    X(transmission, transmission_texture, SLOT_SHADED, m->transmission > 0)                      \
-    X(anisotropy, anisotropy_texture, SLOT_SHADED, m->anisotropy > 0)                            \
-    X(clearcoat, clearcoat_texture, SLOT_SHADED, m->clearcoat > 0)                               \
-    X(clearcoat_roughness, clearcoat_roughness_texture, SLOT_SHADED,                             \
+    X(transmission, transmission_texture, SLOT_DATA_READ, m->transmission > 0)                   \
+    X(anisotropy, anisotropy_texture, SLOT_DATA_READ, m->anisotropy > 0)                         \
+    X(clearcoat, clearcoat_texture, SLOT_DATA_READ, m->clearcoat > 0)                            \
+    X(clearcoat_roughness, clearcoat_roughness_texture, SLOT_DATA_READ,                          \
       m->clearcoat > 0 && m->clearcoat_roughness > 0)                                            \
-    X(clearcoat_normal, clearcoat_normal_texture, SLOT_SHADED,                                   \
+    X(clearcoat_normal, clearcoat_normal_texture, SLOT_DATA_READ,                                \
       m->clearcoat > 0 && m->clearcoat_normal_scale != 0)                                        \
-    X(sheen_color, sheen_color_texture, SLOT_SHADED, !is_black(m->sheen_color))                  \
-    X(sheen_roughness, sheen_roughness_texture, SLOT_SHADED,                                     \
+    X(sheen_color, sheen_color_texture, SLOT_COLOR_READ, !is_black(m->sheen_color))              \
+    X(sheen_roughness, sheen_roughness_texture, SLOT_DATA_READ,                                  \
       !is_black(m->sheen_color) && m->sheen_roughness > 0)                                       \
-    X(iridescence, iridescence_texture, SLOT_SHADED, m->iridescence > 0)                         \
-    X(iridescence_thickness, iridescence_thickness_texture, SLOT_SHADED,                         \
+    X(iridescence, iridescence_texture, SLOT_DATA_READ, m->iridescence > 0)                      \
+    X(iridescence_thickness, iridescence_thickness_texture, SLOT_DATA_READ,                      \
       m->iridescence > 0 &&                                                                      \
           m->iridescence_thickness_min_nm != m->iridescence_thickness_max_nm)                    \
-    X(diffuse_transmission, diffuse_transmission_texture, SLOT_SHADED,                           \
+    X(diffuse_transmission, diffuse_transmission_texture, SLOT_DATA_READ,                        \
       m->diffuse_transmission > 0)                                                               \
-    X(diffuse_transmission_color, diffuse_transmission_color_texture, SLOT_SHADED,               \
+    X(diffuse_transmission_color, diffuse_transmission_color_texture, SLOT_COLOR_READ,           \
       m->diffuse_transmission > 0 && !is_black(m->diffuse_transmission_color))                   \
     X(mix, mix_texture, 0, m->mix_amount > 0)
 
@@ -106,8 +111,13 @@ static void use_material(struct world_used *used, const struct scene *scene,
     for (int i = 0; i < SLOTS; i++) {
         const struct scene_texture_slot *slot =
             (const void *)((const char *)&m + slots[i].described);
-        if (mask >> i & 1)
-            used->images[scene->textures[slot->texture].image] = 1;
+        if (mask >> i & 1) {
+            const struct scene_texture *texture = &scene->textures[slot->texture];
+            used->images[texture->image] |= WORLD_IMAGE_USED;
+            if ((slots[i].flags & SLOT_WIDE) && !texture->nearest)
+                used->images[texture->image] |=
+                    (uint8_t)texture_use_of(texture, slots[i].flags & SLOT_COLOR);
+        }
     }
     if (m.medium >= 0)
         used->media[m.medium] = 1;
@@ -124,7 +134,7 @@ static void use_lights(struct world_used *used, const struct scene *scene,
         const struct scene_light *light = &scene->lights[i];
         int has_image = light->kind == LIGHT_GONIOMETRIC || light->kind == LIGHT_PROJECTION;
         if (has_image && light->image >= 0 && !is_black(light->intensity))
-            used->images[light->image] = 1;
+            used->images[light->image] |= WORLD_IMAGE_USED;
     }
 }
 
@@ -166,7 +176,8 @@ status world_images_load(struct render_scene *w, const struct scene *scene,
                          struct error *err)
 {
     w->images = mem_calloc(scene->image_count, sizeof *w->images);
-    if (!w->images)
+    w->image_shares = mem_calloc(scene->image_count, sizeof *w->image_shares);
+    if (!w->images || !w->image_shares)
         return error_no_memory(err, "the textures");
     w->image_count = scene->image_count;
     for (uint32_t i = 0; i < scene->image_count; i++) {
@@ -177,9 +188,12 @@ status world_images_load(struct render_scene *w, const struct scene *scene,
             continue;
         s = blobs.get(blobs.user, &scene->images[i].blob.digest, &data, &size_bytes, err);
         if (s == STATUS_OK)
-            s = texture_image_new(&w->images[i], data, size_bytes, scene->images[i].name, err);
+            s = image_share_get(&w->image_shares[i], &scene->images[i].blob.digest,
+                                world_image_uses(used, i), data, size_bytes,
+                                scene->images[i].name, err);
         if (s != STATUS_OK)
             return s;
+        w->images[i] = image_share_image(w->image_shares[i]);
         w->info.texture_bytes += texture_image_bytes(w->images[i]);
     }
     return STATUS_OK;

@@ -6,12 +6,20 @@
 
 /* Which rows the frame reads: of a material that no instance has, a texture whose factor is 0 or
  * that the settings do without, nothing is loaded. Freed by world_used_release. */
+enum { WORLD_IMAGE_USED = 4 };
 struct world_used {
-    uint8_t *materials, *images, *media; /* 1: used */
+    uint8_t *materials, *media; /* 1: used */
+    uint8_t *images;            /* 0, or WORLD_IMAGE_USED and the enum texture_use of lookups by
+                                   footprint, for which it is to be filtered */
 };
 status world_used_init(struct world_used *used, const struct scene *scene,
                        const struct render_settings *settings, struct error *err) MUST_CHECK;
 void world_used_release(struct world_used *used);
+
+static inline unsigned world_image_uses(const struct world_used *used, uint32_t image)
+{
+    return used->images[image] & (TEXTURE_AS_DATA | TEXTURE_AS_COLOR);
+}
 
 /* Decode the used images into w->images; the others stay NULL. */
 status world_images_load(struct render_scene *w, const struct scene *scene,

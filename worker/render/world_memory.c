@@ -5,6 +5,7 @@
 #include "common/base/machine.h"
 #include "common/image/image_size.h"
 #include "common/scene/pose.h"
+#include "worker/render/image_share.h"
 #include "worker/render/render.h"
 #include "worker/render/world_place.h"
 
@@ -23,7 +24,8 @@ void render_memory_limit(uint64_t bytes)
     atomic_store(&memory_limit, bytes);
 }
 
-static status image_need(uint64_t *sum, const struct scene_image *image, uint32_t texel_bytes,
+/* `texel_bytes` 0: what the decoder makes of it. */
+static status image_need(uint64_t *bytes, const struct scene_image *image, uint32_t texel_bytes,
                          struct blob_source blobs, struct error *err)
 {
     const uint8_t *data;
@@ -31,13 +33,28 @@ static status image_need(uint64_t *sum, const struct scene_image *image, uint32_
     struct image_size size;
     status s = blobs.get(blobs.user, &image->blob.digest, &data, &size_bytes, err);
 
-    if (s != STATUS_OK)
-        return s;
-    if (!image_size_of(data, size_bytes, &size))
-        return STATUS_OK;
-    /* A third more for the smaller copies of a texture. */
-    *sum += texel_bytes ? (uint64_t)size.width * size.height * texel_bytes
-                        : (uint64_t)size.width * size.height * size.pixel_bytes * 4 / 3;
+    *bytes = 0;
+    if (s == STATUS_OK && image_size_of(data, size_bytes, &size))
+        *bytes = (uint64_t)size.width * size.height * (texel_bytes ? texel_bytes : size.pixel_bytes);
+    return s;
+}
+
+/* A third more for each pyramid of smaller copies; nothing for what another scene holds. */
+static status textures_need(struct world_need *need, const struct scene *scene,
+                            const struct world_used *used, struct blob_source blobs,
+                            struct error *err)
+{
+    for (uint32_t i = 0; i < scene->image_count; i++) {
+        unsigned uses = world_image_uses(used, i), pyramids = (uses & 1) + (uses >> 1 & 1);
+        uint64_t bytes;
+        status s;
+        if (!used->images[i] || image_share_has(&scene->images[i].blob.digest, uses))
+            continue;
+        s = image_need(&bytes, &scene->images[i], 0, blobs, err);
+        if (s != STATUS_OK)
+            return s;
+        need->textures += bytes + bytes * pyramids / 3;
+    }
     return STATUS_OK;
 }
 
@@ -86,15 +103,15 @@ status world_need_of(struct world_need *need, const struct scene *scene,
                      struct blob_source blobs, struct error *err)
 {
     const struct scene_environment *e = &scene->environment;
-    status s = STATUS_OK;
+    uint64_t bytes = 0;
+    status s;
 
     *need = (struct world_need){0, 0, 0};
     geometry_need(need, scene, settings);
-    for (uint32_t i = 0; i < scene->image_count && s == STATUS_OK; i++)
-        if (used->images[i])
-            s = image_need(&need->textures, &scene->images[i], 0, blobs, err);
+    s = textures_need(need, scene, used, blobs, err);
     if (s == STATUS_OK && e->present && !e->constant && !(settings->without & EFFECT_ENVIRONMENT))
-        s = image_need(&need->textures, &e->image, ENVIRONMENT_BYTES_TEXEL, blobs, err);
+        s = image_need(&bytes, &e->image, ENVIRONMENT_BYTES_TEXEL, blobs, err);
+    need->textures += bytes;
     for (uint32_t i = 0; i < scene->medium_count; i++)
         if (used->media[i] && scene->media[i].has_grid)
             need->textures += scene->media[i].grid.size_bytes;

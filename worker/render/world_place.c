@@ -11,6 +11,8 @@
 /* A matrix that is mixed from two must keep this share of their volume half way, or it is no
  * rotation any more but a collapse: then the vertices are given instead. */
 #define VOLUME_SHARE_MIN 0.1
+/* Determinants beyond this and its inverse are baked too. */
+#define VOLUME_MIN 1e-30
 /* Embree wants 16 readable bytes after the last vertex. */
 #define PADDING_FLOATS 4
 
@@ -91,15 +93,22 @@ static float transform_error(const struct scene_mesh *mesh, const struct transfo
     return 16 * 0x1p-24f * largest;
 }
 
+/* Embree inverts matrices in float. */
+static int fits_floats(double volume)
+{
+    return fabs(volume) > VOLUME_MIN && fabs(volume) < 1 / VOLUME_MIN;
+}
+
 static void set_transform(struct world_instance *instance, const struct transform *to_world,
                           int *flat)
 {
     struct transform_d forward = transform_to_d(to_world), inverse;
+    double volume = transform_d_determinant(&forward);
 
-    *flat = !transform_d_invert(&forward, &inverse);
+    *flat = !transform_d_invert(&forward, &inverse) || !fits_floats(volume);
     instance->to_world = *to_world;
     instance->to_object = transform_from_d(&inverse);
-    instance->flipped = transform_d_determinant(&forward) < 0;
+    instance->flipped = volume < 0;
 }
 
 /* ---- what stands still -------------------------------------------------------------------- */
@@ -173,7 +182,8 @@ static int stays_solid(const struct transform *steps, uint32_t count)
             for (int c = 0; c < 4; c++)
                 mid.m[r][c] = 0.5 * (a.m[r][c] + b.m[r][c]);
         dm = transform_d_determinant(&mid);
-        if (!(da * db > 0) || !(dm / da > VOLUME_SHARE_MIN) || !(dm / db > VOLUME_SHARE_MIN))
+        if (!fits_floats(da) || !fits_floats(db) || !(dm / da > VOLUME_SHARE_MIN) ||
+            !(dm / db > VOLUME_SHARE_MIN))
             return 0;
     }
     return 1;
@@ -253,7 +263,7 @@ static status keep_positions(struct placer *p, const float *const *positions)
 static status place_moving(struct placer *p)
 {
     struct world_instance *instance = p->instance;
-    const float *positions[WORLD_STEPS_MAX];
+    const float *positions[WORLD_STEPS_MAX] = {NULL};
     status s = choose_matrices(p);
     int flat;
 
@@ -373,7 +383,7 @@ static status place_deformed(struct placer *p)
 {
     struct world_instance *instance = p->instance;
     float *positions[WORLD_STEPS_MAX] = {NULL};
-    const float *kept[WORLD_STEPS_MAX];
+    const float *kept[WORLD_STEPS_MAX] = {NULL};
     uint32_t moments = 1, stride = 1, used = 1;
     status s = STATUS_OK;
     int flat;

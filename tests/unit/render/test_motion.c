@@ -435,6 +435,37 @@ static void test_camera_and_light(void **state)
     builder_release(&b);
 }
 
+/* A thing that is scaled to nothing and back: no matrix of it can be inverted half way. It is
+ * there at both ends and a point, that no ray meets, in the middle. */
+static void test_vanishing(void **state)
+{
+    static const float times[3] = {0, 0.5f, 1}, scales[9] = {1, 1, 1, 0, 0, 0, 1, 1, 1};
+    struct render_settings settings = open_shutter();
+    struct render_scene *scene;
+    struct scene_builder b;
+    struct surface s;
+
+    (void)state;
+    builder_init(&b);
+    builder_lambert(&b, 0.5f);
+    builder_place(&b, triangle_mesh(&b), 0, vec3_splat(1), vec3_splat(0))->node = 0;
+    builder_node(&b, -1, 0);
+    builder_channel(&b, 0, PATH_SCALE, 3, times, scales);
+    builder_camera(&b, vec3_make(0, 0, 9), vec3_splat(0), 1);
+    scene = builder_build(&b, &settings);
+    assert_int_equal(scene->instances[0].motion_steps, 3);
+    assert_non_null(scene->instances[0].motion_positions);
+    assert_true(shoot(scene, 0.1f, -0.9f, 0, &s));
+    assert_true(s.ng.z == 1);
+    assert_true(shoot(scene, 0.1f, -0.9f, 0.99f, &s));
+    assert_false(shoot(scene, 0.1f, -0.9f, 0.3f, &s));
+    assert_true(shoot(scene, 0.03f, -0.2f, 0.3f, &s));
+    assert_false(shoot(scene, 0.03f, -0.2f, 0.5f, &s));
+    hits_agree(scene, 1);
+    render_scene_free(scene);
+    builder_release(&b);
+}
+
 /* Out of memory at every place, with everything that moves. */
 static void test_out_of_memory(void **state)
 {
@@ -485,8 +516,8 @@ int main(void)
         cmocka_unit_test(test_moving_triangle), cmocka_unit_test(test_turning),
         cmocka_unit_test(test_spinning),        cmocka_unit_test(test_morphing),
         cmocka_unit_test(test_skin),            cmocka_unit_test(test_closed_shutter),
-        cmocka_unit_test(test_standing_node),   cmocka_unit_test(test_camera_and_light),
-        cmocka_unit_test(test_out_of_memory),
+        cmocka_unit_test(test_vanishing),       cmocka_unit_test(test_standing_node),
+        cmocka_unit_test(test_camera_and_light), cmocka_unit_test(test_out_of_memory),
     };
     return cmocka_run_group_tests_name("motion", tests, NULL, NULL);
 }

@@ -1,5 +1,6 @@
 /* What render_scene_new loads, leaves out and refuses. */
 #include <math.h>
+#include <pthread.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -283,12 +284,71 @@ static void test_memory_estimate(void **state)
     builder_release(&b);
 }
 
+/* Scenes that live at the same time share what they decode; of another use it is decoded anew. */
+static void test_shared_images(void **state)
+{
+    struct render_settings settings = builder_settings(16, 16, 16);
+    struct render_scene *one, *two, *three;
+    struct scene_builder b;
+
+    (void)state;
+    build_room(&b);
+    one = builder_build(&b, &settings);
+    two = builder_build(&b, &settings);
+    assert_true(one->images[0] == two->images[0]);
+    b.scene.materials[0].roughness = 0.5f;
+    b.scene.materials[0].metallic_roughness_texture.texture = 0; /* as data too */
+    three = builder_build(&b, &settings);
+    assert_true(three->images[0] != one->images[0]);
+    render_scene_free(one);
+    b.scene.materials[0].metallic_roughness_texture.texture = -1;
+    one = builder_build(&b, &settings);
+    assert_true(one->images[0] == two->images[0]);
+    render_scene_free(one);
+    render_scene_free(two);
+    render_scene_free(three);
+    builder_release(&b);
+}
+
+static void *build_often(void *user)
+{
+    struct render_settings settings = builder_settings(16, 16, 16);
+    struct scene_builder *b = user;
+
+    for (int i = 0; i < 20; i++) {
+        struct render_stats stats = {0};
+        float out[FLOATS];
+        struct render_scene *scene = builder_build(b, &settings);
+        render_tile(scene, 0, 0, 0, out, &stats);
+        render_scene_free(scene);
+    }
+    return NULL;
+}
+
+/* Threads that build and free the same scene do not get in one another's way (the sanitizers
+ * would tell). */
+static void test_shared_by_threads(void **state)
+{
+    enum { THREADS = 4 };
+    pthread_t threads[THREADS];
+    struct scene_builder b;
+
+    (void)state;
+    build_room(&b);
+    for (int i = 0; i < THREADS; i++)
+        assert_int_equal(pthread_create(&threads[i], NULL, build_often, &b), 0);
+    for (int i = 0; i < THREADS; i++)
+        assert_int_equal(pthread_join(threads[i], NULL), 0);
+    builder_release(&b);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_unused_images), cmocka_unit_test(test_mix_parts),
         cmocka_unit_test(test_flags),         cmocka_unit_test(test_without),
         cmocka_unit_test(test_memory_limit),  cmocka_unit_test(test_memory_estimate),
+        cmocka_unit_test(test_shared_images), cmocka_unit_test(test_shared_by_threads),
     };
     return cmocka_run_group_tests_name("world", tests, NULL, NULL);
 }
