@@ -225,11 +225,11 @@ static status choose_matrices(struct placer *p)
     return STATUS_OK;
 }
 
-/* Give the vertices at each of the instance's steps; `positions` has them. */
-static status keep_positions(struct placer *p, const float *const *positions)
+/* Give the vertices at each of the instance's steps: `positions` has `count` of them, 1 for what
+ * stands still. */
+static status keep_positions(struct placer *p, const float *const *positions, uint32_t count)
 {
     struct world_instance *instance = p->instance;
-    uint32_t count = instance->motion_steps ? instance->motion_steps : 1;
     size_t vertices = p->vertices->vertex_count;
     const float **kept = mem_alloc_array(count, sizeof *kept);
     float largest = 0;
@@ -252,7 +252,7 @@ static status keep_positions(struct placer *p, const float *const *positions)
         largest = float_max(largest, float_max(fabsf(instance->bounds_min[a]),
                                                fabsf(instance->bounds_max[a])));
     instance->world_positions = kept[0];
-    if (instance->motion_steps) {
+    if (count > 1) {
         instance->motion_positions = kept;
         /* Embree mixes in float. */
         instance->position_error = 2 * 0x1p-24f * largest;
@@ -265,24 +265,25 @@ static status place_moving(struct placer *p)
     struct world_instance *instance = p->instance;
     const float *positions[WORLD_STEPS_MAX] = {NULL};
     status s = choose_matrices(p);
+    uint32_t count = instance->motion_steps;
     int flat;
 
     if (s != STATUS_OK)
         return s;
     set_transform(instance, &p->at[0], &flat);
-    if (stays_solid(instance->motion_to_world, instance->motion_steps)) {
-        for (uint32_t k = 0; k < instance->motion_steps; k++)
+    if (stays_solid(instance->motion_to_world, count)) {
+        for (uint32_t k = 0; k < count; k++)
             instance->position_error =
                 float_max(instance->position_error,
                           2 * transform_error(p->mesh, &instance->motion_to_world[k]));
         return STATUS_OK;
     }
-    for (uint32_t k = 0; k < instance->motion_steps; k++) {
+    for (uint32_t k = 0; k < count; k++) {
         positions[k] = bake(p, &instance->motion_to_world[k]);
         if (!positions[k])
             return no_memory(p);
     }
-    return keep_positions(p, positions);
+    return keep_positions(p, positions, count);
 }
 
 /* ---- what is deformed --------------------------------------------------------------------- */
@@ -416,7 +417,7 @@ static status place_deformed(struct placer *p)
             s = no_memory(p);
     }
     if (s == STATUS_OK)
-        s = keep_positions(p, kept);
+        s = keep_positions(p, kept, used);
     for (uint32_t k = 0; k < WORLD_STEPS_MAX; k++)
         mem_free(positions[k]);
     return s;
@@ -465,16 +466,18 @@ status world_place(struct render_scene *w, const struct world_poses *poses, stru
     status s = STATUS_OK;
 
     w->instances = mem_calloc(p.scene->instance_count, sizeof *w->instances);
-    if (!uses || !w->instances)
+    if (!uses || !w->instances) {
         s = no_memory(&p);
-    else
-        w->instance_count = p.scene->instance_count;
+        goto done;
+    }
+    w->instance_count = p.scene->instance_count;
     for (uint32_t i = 0; i < w->instance_count; i++)
         if (look_at(&p, i) == PLACE_STILL)
             uses[p.scene->instances[i].mesh]++;
     for (uint32_t i = 0; i < w->instance_count && s == STATUS_OK; i++)
         s = place_one(&p, i, uses);
     w->info.instances = w->instance_count;
+done:
     mem_free(uses);
     return s;
 }
