@@ -341,7 +341,8 @@ static struct vec3 path_emitted(const struct path *path, const struct surface *s
     cosine = fabsf(vec3_dot(s->ng, path->ray.direction));
     radiance = world_emission(material, s->mesh, s->vertex, s->b1, s->b2);
     if (HAS(CLEARCOAT) && material->m.clearcoat > 0)
-        radiance = vec3_scale(radiance, world_emission_scale(material, cosine));
+        radiance = vec3_scale(radiance, world_emission_scale(material, s->mesh, s->vertex,
+                                                             s->b1, s->b2, cosine));
     if (path->from_delta || s->instance->light_base < 0 ||
         material != &path->scene->materials[s->instance->material])
         return radiance; /* the parts of a mix are not sampled as lights */

@@ -455,7 +455,7 @@ struct texel world_slot_lookup(const struct world_slot *slot, const struct world
                                int srgb)
 {
     const float *uv = mesh->uv[slot->uv_set];
-    float u = 0, v = 0;
+    float u = 0, v = 0, area = 0;
 
     if (uv) {
         const float *a = uv + 2 * (size_t)vertex[0], *b = uv + 2 * (size_t)vertex[1],
@@ -463,12 +463,16 @@ struct texel world_slot_lookup(const struct world_slot *slot, const struct world
         float b0 = 1 - b1 - b2;
         u = b0 * a[0] + b1 * b[0] + b2 * c[0];
         v = b0 * a[1] + b1 * b[1] + b2 * c[1];
+        if (footprint > 0)
+            area = 0.5f * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
     }
     if (slot->transformed) {
         float u0 = u;
         u = slot->m[0][0] * u0 + slot->m[0][1] * v + slot->m[0][2];
         v = slot->m[1][0] * u0 + slot->m[1][1] * v + slot->m[1][2];
+        area *= slot->m[0][0] * slot->m[1][1] - slot->m[0][1] * slot->m[1][0];
     }
+    footprint *= sqrtf(fabsf(area)); /* from the triangle's scale to the image's */
     return texture_lookup(slot->image, &slot->texture, u, v, footprint, srgb);
 }
 
@@ -487,12 +491,16 @@ float world_alpha(const struct world_material *material, const struct world_mesh
     return alpha;
 }
 
-float world_emission_scale(const struct world_material *material, float cosine)
+float world_emission_scale(const struct world_material *material, const struct world_mesh *mesh,
+                           const uint32_t vertex[3], float b1, float b2, float cosine)
 {
     float n = material->m.clearcoat_ior, f0 = (n - 1) / (n + 1), m = 1 - cosine;
+    float coat = material->m.clearcoat;
 
+    if (material->clearcoat.image)
+        coat *= world_slot_lookup(&material->clearcoat, mesh, vertex, b1, b2, 0, 0).r;
     f0 *= f0;
-    return 1 - material->m.clearcoat * (f0 + (1 - f0) * (m * m * m * m * m));
+    return 1 - coat * (f0 + (1 - f0) * (m * m * m * m * m));
 }
 
 struct vec3 world_emission(const struct world_material *material, const struct world_mesh *mesh,

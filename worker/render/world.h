@@ -128,9 +128,10 @@ float world_alpha(const struct world_material *material, const struct world_mesh
 struct vec3 world_emission(const struct world_material *material, const struct world_mesh *mesh,
                            const uint32_t vertex[3], float b1, float b2);
 
-/* What a clearcoat (its factor; textures are not asked) lets out of the emission below it, towards a
- * direction with this absolute cosine. */
-float world_emission_scale(const struct world_material *material, float cosine);
+/* What a clearcoat lets out of the emission below it, towards a direction with this absolute cosine
+ * to the geometric normal (next-event estimation knows no other). */
+float world_emission_scale(const struct world_material *material, const struct world_mesh *mesh,
+                           const uint32_t vertex[3], float b1, float b2, float cosine);
 
 /* The three corners of a triangle in world space at `time` (0..1 of the shutter). */
 void world_triangle(const struct render_scene *scene, const struct world_instance *instance,

@@ -457,6 +457,11 @@ static int sample_triangle(const struct render_scene *scene, uint32_t light,
         return 0;
     out->pdf = odds * distance_squared / (cosine * (0.5f * double_area));
     out->radiance = world_emission(material, mesh, world_vertices(mesh, triangle), b1, b2);
+    if (material->m.clearcoat > 0)
+        out->radiance = vec3_scale(out->radiance,
+                                   world_emission_scale(material, mesh,
+                                                        world_vertices(mesh, triangle), b1, b2,
+                                                        cosine));
     out->delta = 0;
     if (material->flags & MATERIAL_ALPHA) {
         /* What a BSDF ray meets only some of the time sends only that share. */
