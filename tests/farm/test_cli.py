@@ -12,7 +12,7 @@ sys.dont_write_bytecode = True  # no __pycache__ in the sources
 from farm import BIN, ROOT, Farm, Failure, Tests, read_bytes, wait_for
 
 tests = Tests()
-COMMANDS = ["render", "import", "submit", "list", "show", "watch", "fetch", "cancel", "workers",
+COMMANDS = ["render", "import", "effects", "submit", "list", "show", "watch", "fetch", "cancel", "workers",
             "keygen", "tonemap", "compare"]
 SMALL = ["--size", "32x32", "--spp", "4", "--max-depth", "3"]
 

@@ -67,7 +67,7 @@ static void add_channel(struct stage *s, uint32_t node, enum scene_channel_path 
 
 static struct scene_pose pose_at(struct stage *s, double time_s)
 {
-    struct scene_pose pose;
+    struct scene_pose pose = {0};
     struct error err = {0};
 
     scene_sample_blob(&s->mesh, 1);
