@@ -243,7 +243,8 @@ static inline float sheen_value(const struct bsdf *b, struct vec3 wo, struct vec
     lambda = 1.0f + l->sheen_lambda_o + sheen_lambda(l->sheen_fit, l->sheen_fit_half, wi.z);
     sheen_share(l, wi.z, &limit_i);
     return sheen_density(l->sheen_alpha, (h.x * h.x + h.y * h.y) / length2) *
-           float_min(l->sheen_limit_o, limit_i) / (4.0f * b->cos_o * lambda);
+           float_min(l->sheen_limit_o, limit_i) * float_min(wi.z * (1.0f / SHEEN_MU_MIN), 1.0f) /
+           (4.0f * float_max(b->cos_o, SHEEN_MU_MIN) * lambda);
 }
 
 static inline struct vec3 mix_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
@@ -452,12 +453,15 @@ static inline int sample_coat(const struct bsdf *b, struct vec3 wo, float u, flo
 }
 
 /* Light that goes below by the cosine lobe: into a refractive object, or through a wall. */
-static inline void sample_below(const struct bsdf *b, float u, float v, struct bsdf_sample *out)
+static inline void sample_below(const struct bsdf *b, float u, float v, struct bsdf_sample *out,
+                                int full)
 {
+    int lambert = full && HAS(DIFFUSE_TRANSMISSION) && !vec3_is_black(b->layers.diffuse_below);
+
     out->wi = cosine_hemisphere(u, v);
     out->wi.z = -out->wi.z;
     out->flags = BSDF_TRANSMISSION | (b->p.refractive ? BSDF_REFRACTION : 0);
-    if (b->interface_compensated)
+    if (b->interface_compensated && !lambert)
         out->eta_scale = b->eta * b->eta;
 }
 
@@ -490,7 +494,7 @@ static inline int sample_mix(const struct bsdf *b, struct vec3 wo, float u_lobe,
     } else if (HAS(THIN_TRANSMISSION) && u_lobe < b->lobe_cdf[BSDF_LOBE_THIN]) {
         side = sample_thin(b, wo, u, v, out, &result, full);
     } else if ((BSDF_HAS_BELOW || full) && u_lobe < b->lobe_cdf[BSDF_LOBE_BELOW]) {
-        sample_below(b, u, v, out);
+        sample_below(b, u, v, out, full);
     } else if (full && HAS(CLEARCOAT) && u_lobe < b->lobe_cdf[BSDF_LOBE_COAT]) {
         side = sample_coat(b, wo, u, v, out, &result);
     } else if (full && HAS(SHEEN)) {

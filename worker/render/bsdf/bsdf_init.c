@@ -122,8 +122,9 @@ static inline struct vec3 metal_average(const struct bsdf *b, int full)
     if (full && HAS(CONDUCTOR) && l->conductor) /* Gauss's rule for the weight 2 mu */
         return vec3_add(vec3_scale(layered_metal(b, 0.35505103f), 0.36391724f),
                         vec3_scale(layered_metal(b, 0.84494897f), 0.63608276f));
-    if (full && HAS(IRIDESCENCE) && l->film > 0.0f)
-        return layered_metal(b, 2.0f / 3.0f);
+    if (full && HAS(IRIDESCENCE) && l->film > 0.0f) /* the film's part by the one-point rule */
+        return clamp_color(vec3_mad(schlick_average_color(b->p.base_color, 1.0f),
+                                    film_difference(b, 2.0f / 3.0f, b->p.base_color), l->film), 1);
     return schlick_average_color(b->p.base_color, 1.0f);
 }
 
@@ -151,7 +152,9 @@ static inline float init_given_back(struct bsdf *b, struct vec3 wo, float metal,
     if (plastic > 0.0f) {
         plastic_average = schlick_average_color(b->f0_dielectric, b->f90_dielectric);
         if (full && HAS(IRIDESCENCE) && b->layers.film > 0.0f)
-            plastic_average = layered_plastic(b, 2.0f / 3.0f);
+            plastic_average = clamp_color(
+                vec3_mad(plastic_average, film_difference(b, 2.0f / 3.0f, b->layers.film_f0),
+                         b->layers.film * b->p.specular), 1);
         color = vec3_scale(series_color(plastic_average, kept), plastic);
         b->layer_given_back = series(schlick_average(b->layer_f0, b->layer_f90), kept);
     }
@@ -238,7 +241,9 @@ static inline void init_film(struct bsdf_layers *l, const struct bsdf_params *p)
     float t, thickness = clamp_to(p->iridescence_thickness_nm, 0, 1e5f);
 
     l->film = clamp_to(p->iridescence, 0, 1);
-    l->film_ior = clamp_to(p->iridescence_ior, 1, BSDF_IOR_MAX) / outside;
+    /* Optically thinner than its surroundings it counts as none: total reflection in a film
+     * thinner than a wavelength is not what the formulas describe. */
+    l->film_ior = float_max(clamp_to(p->iridescence_ior, 1, BSDF_IOR_MAX) / outside, 1.0f);
     t = float_min(thickness * (1.0f / FILM_FADE_NM), 1.0f);
     t = t * t * (3.0f - 2.0f * t);
     l->film_ior = 1.0f + (l->film_ior - 1.0f) * t;

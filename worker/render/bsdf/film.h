@@ -17,7 +17,7 @@
 
 #define FILM_FADE_NM 30.0f
 /* No colour component of the response is larger (tests/unit/render/test_bsdf_layers.c). */
-#define FILM_RESPONSE_MAX 1.25f
+#define FILM_RESPONSE_MAX 1.8f
 
 /* e^-x for x >= 0, to 2e-6. */
 static inline float film_exp(float x)

@@ -12,6 +12,9 @@
 #include "common/math/vec.h"
 #include "worker/render/bsdf/albedo.h"
 
+/* Nearer to the horizon the fit does not shadow as it should, and 1 / mu runs away. */
+#define SHEEN_MU_MIN 1e-4f
+
 /* The shadowing's fit at this alpha: a / (1 + b x^c) + d x + e. */
 static inline void sheen_fit(float alpha, float fit[5])
 {

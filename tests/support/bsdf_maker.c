@@ -1,0 +1,134 @@
+#include "tests/support/bsdf_maker.h"
+
+#include <stdio.h>
+
+static int chance(struct test_random *r, unsigned percent)
+{
+    return test_random_u64(r) % 100 < percent;
+}
+
+static struct vec3 color(struct test_random *r)
+{
+    float x = test_random_float(r), y = test_random_float(r);
+    return (struct vec3){x, y, test_random_float(r)};
+}
+
+struct bsdf_params bsdf_maker_plain(float metallic, float alpha)
+{
+    return (struct bsdf_params){.base_color = {0.8f, 0.5f, 0.3f}, .metallic = metallic,
+                                .alpha = alpha, .ior = 1.5f, .specular = 1,
+                                .specular_color = {1, 1, 1}};
+}
+
+static float any_alpha(struct test_random *r, float alpha_min)
+{
+    float a = test_random_float(r);
+    a = chance(r, 10) ? 0 : a * a;
+    return a > alpha_min ? a : alpha_min;
+}
+
+struct bsdf_params bsdf_maker_random(struct test_random *r, float alpha_min)
+{
+    static const float SHARES[] = {0, 0, 1, 1, 0.5f};
+    static const float IORS[] = {1, 1.05f, 1.33f, 1.5f, 2.5f};
+    struct bsdf_params p = bsdf_maker_plain(SHARES[test_random_u64(r) % 5],
+                                            any_alpha(r, alpha_min));
+
+    p.base_color = color(r);
+    p.ior = IORS[test_random_u64(r) % 5];
+    p.specular = chance(r, 60) ? 1 : test_random_float(r);
+    p.specular_color = color(r);
+    p.specular_color.x *= 3;
+    p.transmission = SHARES[test_random_u64(r) % 5];
+    p.refractive = chance(r, 50);
+    p.inside = chance(r, 50);
+    p.single_scattering = chance(r, 20);
+    if (chance(r, 25))
+        p.ior_outside = IORS[test_random_u64(r) % 5];
+    if (chance(r, 30))
+        p.alpha_stretched = p.alpha + (1 - p.alpha) * test_random_float(r);
+    if (chance(r, 20)) {
+        p.conductor = 1;
+        p.eta = vec3_scale(color(r), 3);
+        p.k = vec3_scale(color(r), 6);
+    }
+    if (chance(r, 35)) {
+        p.clearcoat = chance(r, 50) ? 1 : test_random_float(r);
+        p.clearcoat_alpha = any_alpha(r, alpha_min);
+        p.clearcoat_ior = IORS[test_random_u64(r) % 5];
+        p.clearcoat_normal = (struct vec3){0, 0, 1};
+        if (chance(r, 50))
+            p.clearcoat_normal = vec3_normalize((struct vec3){
+                0.6f * test_random_float(r) - 0.3f, 0.6f * test_random_float(r) - 0.3f, 1});
+    }
+    if (chance(r, 35)) {
+        p.sheen_color = color(r);
+        p.sheen_alpha = any_alpha(r, 0);
+    }
+    if (chance(r, 25)) {
+        p.iridescence = chance(r, 50) ? 1 : test_random_float(r);
+        p.iridescence_ior = 1 + 1.5f * test_random_float(r);
+        p.iridescence_thickness_nm = 1000 * test_random_float(r);
+    }
+    if (chance(r, 30)) {
+        p.diffuse_transmission = chance(r, 50) ? 1 : test_random_float(r);
+        p.diffuse_transmission_color = color(r);
+    }
+    if (chance(r, 10))
+        p.base_interreflection = 0.9f * test_random_float(r);
+    p.thin_slab = chance(r, 20);
+    return p;
+}
+
+struct bsdf_params bsdf_maker_white(struct test_random *r, float alpha_min)
+{
+    struct bsdf_params p = bsdf_maker_random(r, alpha_min);
+    const struct vec3 white = {1, 1, 1};
+
+    p.base_color = p.diffuse_transmission_color = white;
+    if (chance(r, 80))
+        p.specular_color = white;
+    if (p.sheen_color.x > 0)
+        p.sheen_color = white;
+    if (p.clearcoat > 0)
+        p.clearcoat = 1;
+    return p;
+}
+
+struct bsdf_params bsdf_maker_other_side(const struct bsdf_params *p)
+{
+    struct bsdf_params back = *p;
+
+    back.clearcoat_normal.x = -p->clearcoat_normal.x;
+    back.clearcoat_normal.y = -p->clearcoat_normal.y;
+    if (p->refractive)
+        back.inside = !p->inside;
+    return back;
+}
+
+const char *bsdf_maker_describe(const struct bsdf_params *p)
+{
+    static char text[1000];
+
+    snprintf(text, sizeof text,
+             "base (%g %g %g) metallic %g alpha %g ior %g in %g specular %g (%g %g %g) transmission "
+             "%g%s%s, stretched %g, conductor %d (%g %g %g) (%g %g %g), coat %g alpha %g ior %g n "
+             "(%g %g %g), sheen (%g %g %g) alpha %g, film %g ior %g %g nm, through %g (%g %g %g), "
+             "K %g, slab %d, single %d",
+             (double)p->base_color.x, (double)p->base_color.y, (double)p->base_color.z,
+             (double)p->metallic, (double)p->alpha, (double)p->ior, (double)p->ior_outside,
+             (double)p->specular, (double)p->specular_color.x, (double)p->specular_color.y,
+             (double)p->specular_color.z, (double)p->transmission,
+             p->refractive ? " refractive" : "", p->inside ? " inside" : "",
+             (double)p->alpha_stretched, p->conductor, (double)p->eta.x, (double)p->eta.y,
+             (double)p->eta.z, (double)p->k.x, (double)p->k.y, (double)p->k.z,
+             (double)p->clearcoat, (double)p->clearcoat_alpha, (double)p->clearcoat_ior,
+             (double)p->clearcoat_normal.x, (double)p->clearcoat_normal.y,
+             (double)p->clearcoat_normal.z, (double)p->sheen_color.x, (double)p->sheen_color.y,
+             (double)p->sheen_color.z, (double)p->sheen_alpha, (double)p->iridescence,
+             (double)p->iridescence_ior, (double)p->iridescence_thickness_nm,
+             (double)p->diffuse_transmission, (double)p->diffuse_transmission_color.x,
+             (double)p->diffuse_transmission_color.y, (double)p->diffuse_transmission_color.z,
+             (double)p->base_interreflection, p->thin_slab, p->single_scattering);
+    return text;
+}
