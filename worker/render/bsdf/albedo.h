@@ -70,7 +70,7 @@ static inline float albedo_blend_at(const struct albedo_row *r, float mu)
  * Smith's single scattering drops the light that meets a second microfacet: 1 - E(mu, alpha)
  * of it with unit Fresnel term. `albedo_loss` tabulates that loss. Its columns are equal in
  * c = sqrt(mu (1 + alpha) / (mu + alpha)), for at small alpha the loss is a function of
- * mu / alpha alone, greatest near mu = alpha: linear interpolation is then good to 0.0013 for
+ * mu / alpha alone, greatest near mu = alpha: linear interpolation is then good to 0.002 for
  * every mu and alpha (32 columns in sqrt(mu) are not good to 0.01). The entries are the loss
  * over (1 - c^2)^2 + alpha^2, which falls off as it does. Rows as above. Hemispherical means
  * are of the function as it is interpolated, so that what is given back with their help adds

@@ -12,17 +12,6 @@ static const struct vec3 BSDF_NOTHING = {0, 0, 0};
 
 float fresnel_dielectric(float cos_i, float eta) { return fresnel_exact(cos_i, eta); }
 
-float bsdf_emission_scale(const struct bsdf *b, struct vec3 wo)
-{
-    const struct bsdf_layers *l = &b->layers;
-    float weight;
-
-    if (!HAS(CLEARCOAT) || b->kind != BSDF_KIND_LAYERED || !(l->coat > 0.0f) || !l->covered)
-        return 1.0f;
-    weight = schlick_weight(fabsf(vec3_dot(l->coat_normal, wo)));
-    return 1.0f - l->coat * (l->coat_f0 + (l->coat_f90 - l->coat_f0) * weight);
-}
-
 static inline int is_finite_sum(struct vec3 f, float pdf)
 {
     return f.x + f.y + f.z + pdf < INFINITY; /* nothing negative here; NaN compares false */
@@ -84,7 +73,7 @@ static inline struct vec3 mix_reflection(const struct bsdf *b, struct vec3 wo, s
     if (b->lobe_pdf[BSDF_LOBE_DIFFUSE] > 0.0f) {
         float rest = layer_rest(b, wi.z, loss, full) * wi.z;
         f = vec3_scale(b->diffuse, full ? rest * scale.diffuse : rest);
-        if (HAS(MULTIPLE_SCATTERING)) {
+        if (HAS(MULTIPLE_SCATTERING) && b->compensated) {
             float back = loss * wi.z;
             f = vec3_mad(f, b->given_back, full ? back * scale.lobe : back);
             if (HAS(ROUGH_DIELECTRIC) && b->interface_compensated) {
@@ -283,6 +272,13 @@ static inline struct vec3 mix_eval_pdf(const struct bsdf *b, struct vec3 wo, str
     return f;
 }
 
+/* Apart, or what it keeps in registers would be saved for every simpler surface. */
+static __attribute__((noinline)) struct vec3 layered_eval_pdf(const struct bsdf *b, struct vec3 wo,
+                                                              struct vec3 wi, float *pdf)
+{
+    return mix_eval_pdf(b, wo, wi, pdf, 1);
+}
+
 struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, float *pdf)
 {
     *pdf = 0;
@@ -304,7 +300,7 @@ struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, 
         break;
     case BSDF_KIND_LAYERED:
         if (BSDF_HAS_LAYERED)
-            return mix_eval_pdf(b, wo, wi, pdf, 1);
+            return layered_eval_pdf(b, wo, wi, pdf);
         break;
     case BSDF_KIND_BLACK:
         break;
@@ -506,7 +502,8 @@ static inline int sample_mix(const struct bsdf *b, struct vec3 wo, float u_lobe,
         return side < 0 ? result : 0;
     /* What next-event estimation would compute for this wi, bit for bit, so that the
      * weights of multiple importance sampling add up to 1. */
-    f = mix_eval_pdf(b, wo, out->wi, &out->pdf, full);
+    f = full ? layered_eval_pdf(b, wo, out->wi, &out->pdf)
+             : mix_eval_pdf(b, wo, out->wi, &out->pdf, 0);
     if (!(out->pdf > 0.0f))
         return 0;
     out->weight = vec3_scale(f, 1.0f / out->pdf);
@@ -540,6 +537,13 @@ static inline int sample_metal(const struct bsdf *b, struct vec3 wo, float u_lob
     return is_finite_sum(out->weight, 0) && vec3_max(out->weight) > 0.0f;
 }
 
+static __attribute__((noinline)) int sample_layered(const struct bsdf *b, struct vec3 wo,
+                                                    float u_lobe, float u, float v,
+                                                    struct bsdf_sample *out)
+{
+    return sample_mix(b, wo, u_lobe, u, v, out, 1);
+}
+
 int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, float v,
                 struct bsdf_sample *out)
 {
@@ -563,7 +567,7 @@ int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, flo
         break;
     case BSDF_KIND_LAYERED:
         if (BSDF_HAS_LAYERED)
-            return sample_mix(b, wo, u_lobe, u, v, out, 1);
+            return sample_layered(b, wo, u_lobe, u, v, out);
         break;
     case BSDF_KIND_BLACK:
         break;

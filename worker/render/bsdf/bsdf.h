@@ -53,6 +53,7 @@
 
 #include "common/math/vec.h"
 #include "worker/render/bsdf/albedo.h"
+#include "worker/render/bsdf/fresnel.h"
 
 /* GGX alpha below this is a perfect mirror (a delta lobe). */
 #define BSDF_ALPHA_MIN 1e-3f
@@ -174,7 +175,8 @@ struct bsdf {
     struct bsdf_base p;
     float eta;                  /* n on the far side / n on wo's side */
 
-    float lobe_cdf[BSDF_LOBES_MAX]; /* selection probabilities, accumulated, last is 1 */
+    float lobe_cdf[BSDF_LOBES_MAX]; /* selection probabilities, accumulated; as many as the
+                                       kind has, the last of them is 1 */
     float lobe_pdf[BSDF_LOBES_MAX];
     struct bsdf_shape shape;
     float root_o;               /* microfacet.h */
@@ -244,7 +246,16 @@ int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, flo
 
 /* What is left of light that the surface emits along wo, after its coat (glTF: the coat's
  * weight times Schlick's term at its own normal is missing). 1 without a coat. */
-float bsdf_emission_scale(const struct bsdf *b, struct vec3 wo);
+static inline float bsdf_emission_scale(const struct bsdf *b, struct vec3 wo)
+{
+    const struct bsdf_layers *l = &b->layers;
+    float weight;
+
+    if (b->kind != BSDF_KIND_LAYERED || !(l->coat > 0.0f) || !l->covered)
+        return 1.0f;
+    weight = schlick_weight(fabsf(vec3_dot(l->coat_normal, wo)));
+    return 1.0f - l->coat * (l->coat_f0 + (l->coat_f90 - l->coat_f0) * weight);
+}
 
 /* Exact unpolarised Fresnel reflectance; cos_i >= 0, eta = n_t / n_i > 0. 1 at total
  * internal reflection, 0 for eta = 1. */

@@ -85,11 +85,28 @@ static inline int choose_by_share(struct bsdf *b, const float *share, int count)
         total += b->lobe_pdf[i];
         b->lobe_cdf[i] = i >= last ? 1.0f : total;
     }
-    for (int i = count; i < BSDF_LOBES_MAX; i++) {
-        b->lobe_pdf[i] = 0;
-        b->lobe_cdf[i] = 1.0f;
-    }
     return 1;
+}
+
+/* The same for BSDF_KIND_MIX, with as few lobes as may be: their number is a constant in each. */
+static inline int choose_of_mix(struct bsdf *b, const float *share)
+{
+    int few = 1;
+
+    if (BSDF_HAS_INTERFACE)
+        few = share[BSDF_LOBE_INTERFACE] < 0.0f;
+    if (HAS(THIN_TRANSMISSION))
+        few &= share[BSDF_LOBE_THIN] < 0.0f;
+    if (BSDF_HAS_BELOW && share[BSDF_LOBE_BELOW] >= 0.0f)
+        return choose_by_share(b, share, BSDF_LOBE_BELOW + 1);
+    for (int i = few ? BSDF_LOBE_INTERFACE : BSDF_LOBE_BELOW; i < BSDF_LOBES_MIX; i++) {
+        b->lobe_pdf[i] = 0;
+        b->lobe_cdf[i] = 1;
+    }
+    if (few)
+        return choose_by_share(b, share, BSDF_LOBE_REFLECT + 1);
+    return choose_by_share(b, share, BSDF_LOBES_MIX < BSDF_LOBE_THIN + 1 ? BSDF_LOBES_MIX
+                                                                         : BSDF_LOBE_THIN + 1);
 }
 
 /* ---- multiple scattering ----------------------------------------------------------------------- */
@@ -448,15 +465,19 @@ static inline void init_thin(struct bsdf *b, struct vec3 wo, float weight, float
                              float share[BSDF_LOBES_MAX], int full)
 {
     /* No blur at ior 1, all of it from 1.5 on: the roughness is scaled, not alpha. */
-    float n = b->p.ior == 0.0f || b->p.ior > 1.0f ? b->p.ior : 1.0f / b->p.ior;
-    float scale = n == 0.0f ? 1.0f : clamp_to(2.0f * n - 2.0f, 0, 1), wide;
+    float n = b->p.ior, scale, y, x;
 
+    if (HAS(NESTED_DIELECTRIC) && n < 1.0f && n > 0.0f)
+        n = 1.0f / n;
+    scale = n == 0.0f ? 1.0f : clamp_to(2.0f * n - 2.0f, 0, 1);
     scale *= scale;
-    b->thin_shape = shape_make(b->p.alpha * scale, b->shape.x * scale);
-    wide = b->thin_shape.x;
-    b->thin_delta = wide < BSDF_ALPHA_MIN;
-    if (!b->thin_delta)
-        b->thin_shape = shape_make(float_max(b->thin_shape.y, BSDF_ALPHA_MIN), wide);
+    x = y = b->p.alpha * scale;
+    if (is_stretched(b, full)) {
+        x = b->shape.x * scale;
+        y = x < BSDF_ALPHA_MIN ? y : float_max(y, BSDF_ALPHA_MIN);
+    }
+    b->thin_delta = x < BSDF_ALPHA_MIN;
+    b->thin_shape = shape_make(y, x);
     b->thin_root_o = shape_root(b, &b->thin_shape, wo, full);
     b->tint = vec3_scale(b->p.base_color, weight);
     if (b->layer_o < 1.0f)
@@ -477,12 +498,14 @@ static inline void init_mix(struct bsdf *b, const struct bsdf_params *params, st
     float fade = r * r < FADE_F0 ? r * r * (1.0f / FADE_F0) : 1.0f;
     float base = vec3_average(p->base_color), blend, rest_o, loss_o = 0, given_back = -1;
     float share[BSDF_LOBES_MAX];
+    const int lobes = full ? BSDF_LOBES_MAX : BSDF_LOBES_MIX;
 
-    for (int i = 0; i < BSDF_LOBES_MAX; i++)
+    for (int i = 0; i < lobes; i++)
         share[i] = -1;
     b->normal_f0 = r * r;
     b->exact = p->ior != 0.0f;
-    b->inverse_rest_f0 = 1.0f / (1.0f - (b->exact ? b->normal_f0 : 0.0f));
+    if (full || (BSDF_HAS_INTERFACE && glass > 0.0f))
+        b->inverse_rest_f0 = 1.0f / (1.0f - (b->exact ? b->normal_f0 : 0.0f));
     b->f0_dielectric = clamp_color(vec3_scale(p->specular_color, r * r), 1);
     if (full)
         l->film_f0 = b->f0_dielectric;
@@ -504,16 +527,14 @@ static inline void init_mix(struct bsdf *b, const struct bsdf_params *params, st
                                            fresnel_conductor(1, l->eta.y, l->k.y),
                                            fresnel_conductor(1, l->eta.z, l->k.z)});
     } else {
-        b->shape = shape_make(p->alpha, p->alpha);
+        b->shape.y = b->shape.x = p->alpha;
+        b->shape.y2 = p->alpha * p->alpha;
     }
 
     b->smooth = p->alpha < BSDF_ALPHA_MIN;
     b->compensated = 0;
     b->interface_compensated = 0;
-    if (HAS(MULTIPLE_SCATTERING)) {
-        b->given_back = BSDF_INIT_BLACK;
-        b->graze = 0;
-    }
+    b->graze = 0;
     if (b->smooth) {
         blend = schlick_weight(b->cos_o);
     } else {
@@ -522,6 +543,7 @@ static inline void init_mix(struct bsdf *b, const struct bsdf_params *params, st
         blend = albedo_blend_at(&b->row, b->cos_o);
         if (HAS(MULTIPLE_SCATTERING) && !params->single_scattering) {
             b->compensated = 1;
+            b->given_back = BSDF_INIT_BLACK;
             b->loss = albedo_loss_row_find(p->alpha);
             given_back = init_given_back(b, wo, p->metallic, plastic, &loss_o, full);
         }
@@ -566,20 +588,21 @@ static inline void init_mix(struct bsdf *b, const struct bsdf_params *params, st
         }
     }
 
-    if (!choose_by_share(b, share, full ? BSDF_LOBES_MAX
-                                        : BSDF_HAS_BELOW ? BSDF_LOBE_BELOW + 1
-                                                         : BSDF_LOBE_THIN + 1)) {
+    if (!(full ? choose_by_share(b, share, BSDF_LOBES_MAX) : choose_of_mix(b, share))) {
         b->kind = BSDF_KIND_BLACK;
         return;
     }
-    b->has_delta = (b->smooth && (b->lobe_pdf[BSDF_LOBE_REFLECT] > 0.0f ||
-                                  b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f)) ||
-                   (b->transmit_delta && b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f) ||
-                   (b->thin_delta && b->lobe_pdf[BSDF_LOBE_THIN] > 0.0f);
+    b->has_delta = b->smooth && b->lobe_pdf[BSDF_LOBE_REFLECT] > 0.0f;
     b->has_smooth = b->lobe_pdf[BSDF_LOBE_DIFFUSE] > 0.0f ||
-                    (!b->smooth && (b->lobe_pdf[BSDF_LOBE_REFLECT] > 0.0f ||
-                                    b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f)) ||
-                    (!b->thin_delta && b->lobe_pdf[BSDF_LOBE_THIN] > 0.0f);
+                    (!b->smooth && b->lobe_pdf[BSDF_LOBE_REFLECT] > 0.0f);
+    if (BSDF_HAS_INTERFACE && b->lobe_pdf[BSDF_LOBE_INTERFACE] > 0.0f) {
+        b->has_delta |= b->smooth || b->transmit_delta;
+        b->has_smooth |= !b->smooth;
+    }
+    if (HAS(THIN_TRANSMISSION) && b->lobe_pdf[BSDF_LOBE_THIN] > 0.0f) {
+        b->has_delta |= b->thin_delta;
+        b->has_smooth |= !b->thin_delta;
+    }
     if (BSDF_HAS_BELOW || full)
         b->has_smooth |= b->lobe_pdf[BSDF_LOBE_BELOW] > 0.0f;
     if (full) {
@@ -591,24 +614,40 @@ static inline void init_mix(struct bsdf *b, const struct bsdf_params *params, st
 
 static inline void init_metal(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
 {
-    b->shape = shape_make(b->p.alpha, b->p.alpha);
+    b->shape.y = b->p.alpha;
+    b->shape.y2 = b->p.alpha * b->p.alpha;
     b->root_o = ggx_root(b->shape.y2, b->cos_o);
     b->f0 = b->p.base_color;
     b->f90 = 1.0f;
     b->has_smooth = 1;
     b->compensated = 0;
+    b->graze = 0;
     if (HAS(MULTIPLE_SCATTERING) && !params->single_scattering) {
         float loss_o, given_back, reflected;
         b->compensated = 1;
         b->loss = albedo_loss_row_find(b->p.alpha);
         given_back = init_given_back(b, wo, 1, 0, &loss_o, 0);
-        b->graze = 0;
         init_graze(b, given_back, 0);
         reflected = (1.0f - loss_o) * vec3_average(b->f0) + loss_o * 1e-3f + 1e-6f;
         b->lobe_pdf[BSDF_LOBE_DIFFUSE] = given_back / (given_back + reflected);
         b->lobe_pdf[BSDF_LOBE_REFLECT] = 1.0f - b->lobe_pdf[BSDF_LOBE_DIFFUSE];
         b->lobe_cdf[BSDF_LOBE_DIFFUSE] = b->lobe_pdf[BSDF_LOBE_DIFFUSE];
     }
+}
+
+/* Apart, or what they keep in registers would be saved for every Lambert surface. */
+static __attribute__((noinline)) void init_mix_only(struct bsdf *b,
+                                                    const struct bsdf_params *params,
+                                                    struct vec3 wo)
+{
+    init_mix(b, params, wo, 0);
+}
+static __attribute__((noinline)) void init_layered(struct bsdf *b,
+                                                   const struct bsdf_params *params,
+                                                   struct vec3 wo)
+{
+    init_layers(b, params, wo);
+    init_mix(b, params, wo, 1);
 }
 
 void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
@@ -625,8 +664,7 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
 
     if (BSDF_HAS_LAYERED && is_layered(params)) {
         b->kind = BSDF_KIND_LAYERED;
-        init_layers(b, params, wo);
-        init_mix(b, params, wo, 1);
+        init_layered(b, params, wo);
     } else if (b->p.metallic == 0.0f && b->p.transmission == 0.0f &&
                (b->p.specular == 0.0f || b->p.ior == 1.0f)) {
         if (vec3_is_black(b->p.base_color))
@@ -639,6 +677,6 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
         init_metal(b, params, wo);
     } else if (BSDF_HAS_REFLECTION) {
         b->kind = BSDF_KIND_MIX;
-        init_mix(b, params, wo, 0);
+        init_mix_only(b, params, wo);
     }
 }

@@ -26,6 +26,13 @@
 /* Does BSDF_KIND_MIX need the cosine lobe below? */
 #define BSDF_HAS_BELOW (HAS(ROUGH_DIELECTRIC) && HAS(MULTIPLE_SCATTERING))
 
+/* BSDF_KIND_MIX chooses between the first of the lobes only; beyond them lobe_pdf is not set. */
+#define BSDF_LOBES_MIX                                                 \
+    (BSDF_HAS_BELOW             ? BSDF_LOBE_BELOW + 1                  \
+     : HAS(THIN_TRANSMISSION)   ? BSDF_LOBE_THIN + 1                   \
+     : BSDF_HAS_INTERFACE       ? BSDF_LOBE_INTERFACE + 1              \
+                                : BSDF_LOBE_REFLECT + 1)
+
 /* x clamped to low..high; NaN becomes low. */
 static inline float clamp_to(float x, float low, float high)
 {
