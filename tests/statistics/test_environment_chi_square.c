@@ -64,7 +64,7 @@ static struct environment *environment_of_case(const struct map_case *c)
                 value = i == c->row * c->width + c->column ? 100 : 0;
             map.pixels[3 * i + (uint32_t)channel] = (float)value;
         }
-    if (environment_new(&env, &map, c->rotate_deg, 1, c->sampling, &err) != STATUS_OK)
+    if (environment_new(&env, &map, NULL, c->rotate_deg, vec3_splat(1), c->sampling, &err) != STATUS_OK)
         fail_msg("%s", err.text);
     return env;
 }
@@ -82,8 +82,8 @@ static double density(void *user, struct vec3 direction)
     return (double)environment_pdf(user, direction);
 }
 
-/* The map's own coordinates as an equal-area sphere, y = 1 - 2 theta / pi: there the density is
- * bilinear, and cells around +Y are equal pieces of (u, v). */
+/* The map's own coordinates as an equal-area sphere, y = 1 - 2 theta / pi: there cells around
+ * +Y are equal pieces of (u, v). */
 static int sample_map(void *user, const float u[3], struct vec3 *direction)
 {
     struct vec3 d;
@@ -138,8 +138,10 @@ static void test_in_the_map(void **state)
     struct chi_square_setup setup = {.sample = sample_map, .pdf = density_map, .axis = {0, 1, 0}};
 
     (void)state;
+    /* One lit texel is too little for this test's cells: it has the other test's, around it. */
     for (int i = 0; i < CASES; i++)
-        run_case(&cases[i], setup);
+        if (cases[i].fill != FILL_ONE)
+            run_case(&cases[i], setup);
 }
 
 /* On the sphere, around the lit texel where there is only one, finer there; else around an

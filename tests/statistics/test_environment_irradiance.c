@@ -44,26 +44,38 @@ static struct environment *environment_of(int which, enum env_sampling sampling)
                 default: *p = y == 20 && x >= 90 && x < 92 ? 2000.0f : y < 32 ? 1.0f : 0.2f;
                 }
             }
-    if (environment_new(&env, &map, 25, 1, sampling, &err) != STATUS_OK)
+    if (environment_new(&env, &map, NULL, 25, vec3_splat(1), sampling, &err) != STATUS_OK)
         fail_msg("%s", err.text);
     return env;
 }
 
-/* Irradiance (luminance) of a plane, one estimate a sample, with the sampler's own pdf. */
+/* Irradiance (luminance) of a plane: one sample of the environment and one by the cosine, joined
+ * by the power heuristic as the path tracer does. */
 static struct running_stats irradiance(const struct environment *env, struct vec3 normal,
                                        uint64_t seed)
 {
     struct running_stats stats = {0};
     struct test_random random = {seed};
+    struct frame frame = frame_from_normal(normal);
 
     for (int i = 0; i < SAMPLES; i++) {
         float u = test_random_float(&random), v = test_random_float(&random), pdf;
+        double value = 0, cosine, ratio, radius, angle;
         struct vec3 d, radiance;
-        double value = 0;
 
-        if (environment_sample(env, u, v, &d, &radiance, &pdf))
-            value = (double)vec3_luminance(radiance) * fmax(0, (double)vec3_dot(d, normal)) /
-                    (double)pdf;
+        if (environment_sample(env, u, v, &d, &radiance, &pdf)) {
+            cosine = fmax(0, (double)vec3_dot(d, normal));
+            ratio = cosine / PI_D / (double)pdf;
+            value = (double)vec3_luminance(radiance) * cosine / (double)pdf / (1 + ratio * ratio);
+        }
+        radius = sqrt(test_random_double(&random));
+        angle = 2 * PI_D * test_random_double(&random);
+        cosine = sqrt(1 - radius * radius);
+        d = frame_to_world(&frame, vec3_make((float)(radius * cos(angle)),
+                                             (float)(radius * sin(angle)), (float)cosine));
+        radiance = environment_radiance_pdf(env, d, &pdf);
+        ratio = cosine > 0 ? (double)pdf * PI_D / cosine : INFINITY;
+        value += (double)vec3_luminance(radiance) * PI_D / (1 + ratio * ratio);
         running_stats_add(&stats, value);
     }
     return stats;
@@ -100,7 +112,7 @@ static void test_strategies_agree(void **state)
             ratio += running_stats_variance(&a) / running_stats_variance(&b) / NORMALS;
         }
         print_message("# map %d: variance of uniform over importance %.3g\n", map, ratio);
-        assert_true(map < 2 || ratio > 30);
+        assert_true(map < 2 || ratio > 10);
         environment_free(uniform);
         environment_free(importance);
     }
@@ -150,7 +162,7 @@ static void test_hot_texel_at_a_pole(void **state)
                 for (int c = 0; c < 3; c++)
                     map.pixels[3 * (row * width + width / 3) + (uint32_t)c] = 1;
                 assert_int_equal(
-                    environment_new(&env, &map, 0, 1,
+                    environment_new(&env, &map, NULL, 0, vec3_splat(1),
                                     mode ? ENV_SAMPLING_IMPORTANCE : ENV_SAMPLING_UNIFORM, &err),
                     STATUS_OK);
                 got = irradiance(env, normals[south], (uint64_t)(s * 10 + south * 2 + mode));
@@ -158,7 +170,7 @@ static void test_hot_texel_at_a_pole(void **state)
                     fail_msg("%ux%u %s: %.6g +- %.2g, closed form %.6g", width, height,
                              mode ? "importance" : "uniform", got.mean, running_stats_error(&got),
                              want);
-                assert_true(running_stats_error(&got) < (mode ? 0.001 : 0.25) * want);
+                assert_true(running_stats_error(&got) < (mode ? 0.005 : 0.25) * want);
                 environment_free(env);
             }
 }

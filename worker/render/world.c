@@ -102,8 +102,11 @@ static status load_environment(struct render_scene *w, const struct scene *scene
     s = image_decode_hdr(&map, data, size_bytes, e->image.name, &repairs, err);
     if (s != STATUS_OK)
         return s;
-    s = environment_new(&w->environment, &map, settings->env_rotate_deg, settings->env_strength,
-                        settings->env_sampling, err);
+    s = environment_new(
+        &w->environment, &map, e->to_map, settings->env_rotate_deg,
+        vec3_scale(vec3_make(e->radiance[0], e->radiance[1], e->radiance[2]),
+                   settings->env_strength),
+        settings->env_sampling, err);
     if (s == STATUS_OK)
         w->info.texture_bytes += environment_bytes(w->environment);
     return s;

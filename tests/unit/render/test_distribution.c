@@ -21,7 +21,7 @@ static void make(struct distribution *d, uint32_t rows, uint32_t columns, const 
     if (distribution_init(d, rows, columns, &err) != STATUS_OK)
         fail_msg("%s", err.text);
     for (uint32_t row = 0; row < rows; row++)
-        distribution_set_row(d, row, weights + (size_t)row * columns, 1.0);
+        distribution_set_row(d, row, weights + (size_t)row * columns);
     assert_true(distribution_finish(d));
 }
 
@@ -29,11 +29,11 @@ static struct distribution_cell choose(const struct distribution *d, float u, fl
 {
     struct distribution_cell cell;
 
-    distribution_choose_block(d, u, v, &cell);
-    distribution_choose_column(d, u, &cell);
+    distribution_choose(d, u, v, &cell);
     assert_true(cell.row < d->rows && cell.column < d->columns);
     assert_true(cell.row_fraction >= 0 && cell.row_fraction <= 1);
     assert_true(cell.column_fraction >= 0 && cell.column_fraction <= 1);
+    assert_true(cell.odds > 0 && cell.odds == distribution_odds(d, cell.row, cell.column));
     return cell;
 }
 
@@ -69,10 +69,14 @@ static void test_proportions(void **state)
         for (uint32_t i = 0; i < rows * columns; i++) {
             /* A cell's edges can gain or lose a line of the grid each. */
             double share = row_sum[i / columns] / total, want = weights[i] / total;
-            double slack = 1.01 / SIDE * (share + want / fmax(share, 1e-9)) + 1.0 / SIDE / SIDE;
+            double slack = share * 0x1p-16 + 1.01 / SIDE * (share + want / fmax(share, 1e-9)) + 1.0 / SIDE / SIDE;
 
+            /* Starts are rounded to 2^-16 of the row; the odds are the rounded ones'. */
+            assert_true(fabs(distribution_odds(&d, i / columns, i % columns) - want) <=
+                        share * 0x1p-16);
             if (weights[i] == 0)
-                assert_true(counts[i] == 0);
+                assert_true(counts[i] == 0 &&
+                            distribution_odds(&d, i / columns, i % columns) == 0);
             else
                 assert_true(fabs(counts[i] - want) <= slack);
         }
@@ -149,11 +153,11 @@ static void test_all_zero(void **state)
 
     (void)state;
     assert_int_equal(distribution_init(&d, 2, 3, &err), STATUS_OK);
-    distribution_set_row(&d, 0, weights, 1);
-    distribution_set_row(&d, 1, weights, 1);
+    distribution_set_row(&d, 0, weights);
+    distribution_set_row(&d, 1, weights);
     assert_false(distribution_finish(&d));
     distribution_release(&d);
-    for (long n = 0; n < 3; n++) {
+    for (long n = 0; n < 4; n++) {
         mem_fault_arm(n, 1);
         assert_int_equal(distribution_init(&d, 2, 3, &err), STATUS_ERR_NO_MEMORY);
         mem_fault_arm(-1, 0);

@@ -4,7 +4,7 @@
 
 #include "common/base/memory.h"
 
-#define WHOLE 4294967296.0 /* 2^32: the end of a row */
+#define WHOLE 65536.0 /* the end of a row */
 
 status distribution_init(struct distribution *d, uint32_t rows, uint32_t columns,
                          struct error *err)
@@ -19,7 +19,8 @@ status distribution_init(struct distribution *d, uint32_t rows, uint32_t columns
     d->row_start = mem_calloc((size_t)rows + 1, sizeof *d->row_start);
     d->column_start = mem_calloc(cells, sizeof *d->column_start);
     d->block_start = mem_calloc((size_t)rows * blocks, sizeof *d->block_start);
-    if (!d->row_start || !d->column_start || !d->block_start) {
+    d->used = mem_calloc(rows, sizeof *d->used);
+    if (!d->row_start || !d->column_start || !d->block_start || !d->used) {
         distribution_release(d);
         return error_no_memory(err, "the environment's importance table");
     }
@@ -34,32 +35,35 @@ void distribution_release(struct distribution *d)
     mem_free(d->row_start);
     mem_free(d->column_start);
     mem_free(d->block_start);
+    mem_free(d->used);
     memset(d, 0, sizeof *d);
 }
 
 size_t distribution_bytes(const struct distribution *d)
 {
-    return ((size_t)d->rows + 1) * sizeof *d->row_start +
+    return ((size_t)d->rows + 1) * sizeof *d->row_start + d->rows * sizeof *d->used +
            (size_t)d->rows * d->columns * sizeof *d->column_start +
            (size_t)d->rows * d->blocks * sizeof *d->block_start;
 }
 
-void distribution_set_row(struct distribution *d, uint32_t row, const double *weights, double scale)
+void distribution_set_row(struct distribution *d, uint32_t row, const double *weights)
 {
-    uint32_t *start = d->column_start + (size_t)row * d->columns;
+    uint16_t *start = d->column_start + (size_t)row * d->columns;
     double sum = 0, before = 0;
 
-    for (uint32_t i = 0; i < d->columns; i++)
-        sum += weights[i];
-    d->row_start[row + 1] = d->row_start[row] + sum * scale;
-    if (!(sum > 0))
-        return;
     for (uint32_t i = 0; i < d->columns; i++) {
+        sum += weights[i];
+        if (weights[i] > 0)
+            d->used[row] = i + 1;
+    }
+    d->row_start[row + 1] = d->row_start[row] + sum;
+    if (!(sum > 0))
+        d->used[row] = 0;
+    for (uint32_t i = 0; i < d->used[row]; i++) {
         double position = before / sum * WHOLE;
 
-        /* Cells without weight at a row's end start at its end, which does not fit the word:
-         * but no u below 1 reaches the last 256 positions. */
-        start[i] = position < WHOLE - 1 ? (uint32_t)position : UINT32_MAX;
+        /* The last cell keeps a width, were it below the rounding. */
+        start[i] = position < WHOLE - 1 ? (uint16_t)position : UINT16_MAX;
         if (i % DISTRIBUTION_BLOCK == 0)
             d->block_start[(size_t)row * d->blocks + i / DISTRIBUTION_BLOCK] = start[i];
         before += weights[i];
@@ -79,7 +83,7 @@ int distribution_finish(struct distribution *d)
 
 /* The last of `count` ascending starts that is at or below the target; the first is. Always
  * the same number of steps, without a branch to mispredict. */
-static inline uint32_t last_at_or_below(const uint32_t *start, uint32_t count, uint32_t target)
+static inline uint32_t last_at_or_below(const uint16_t *start, uint32_t count, uint32_t target)
 {
     uint32_t low = 0;
 
@@ -92,16 +96,12 @@ static inline uint32_t last_at_or_below(const uint32_t *start, uint32_t count, u
     return low;
 }
 
-static inline uint32_t fraction_32(float u)
+void distribution_choose(const struct distribution *d, float u, float v,
+                         struct distribution_cell *out)
 {
-    return (uint32_t)((double)u * WHOLE);
-}
-
-void distribution_choose_block(const struct distribution *d, float u, float v,
-                               struct distribution_cell *out)
-{
-    uint32_t row = 0;
-    double before;
+    const uint16_t *start;
+    uint32_t row = 0, used, block, left, at;
+    double position = (double)u * WHOLE, before, end, row_odds;
 
     for (uint32_t count = d->rows; count > 1;) {
         uint32_t half = count / 2;
@@ -109,22 +109,34 @@ void distribution_choose_block(const struct distribution *d, float u, float v,
         row += d->row_start[row + half] <= (double)v ? half : 0;
         count -= half;
     }
-    before = d->row_start[row];
+    row_odds = d->row_start[row + 1] - d->row_start[row];
     out->row = row;
-    out->row_fraction = ((double)v - before) / (d->row_start[row + 1] - before);
-    out->column = DISTRIBUTION_BLOCK * last_at_or_below(d->block_start + (size_t)row * d->blocks,
-                                                        d->blocks, fraction_32(u));
+    out->row_fraction = ((double)v - d->row_start[row]) / row_odds;
+
+    used = d->used[row];
+    block = DISTRIBUTION_BLOCK *
+            last_at_or_below(d->block_start + (size_t)row * d->blocks,
+                             (used + DISTRIBUTION_BLOCK - 1) / DISTRIBUTION_BLOCK,
+                             (uint32_t)position);
+    start = d->column_start + (size_t)row * d->columns + block;
+    left = used - block;
+    at = last_at_or_below(start, left < DISTRIBUTION_BLOCK ? left : DISTRIBUTION_BLOCK,
+                          (uint32_t)position);
+    before = (double)start[at];
+    end = at + 1 < left ? (double)start[at + 1] : WHOLE;
+    out->column = block + at;
+    out->column_fraction = (position - before) / (end - before);
+    out->odds = row_odds * ((end - before) * (1 / WHOLE));
 }
 
-void distribution_choose_column(const struct distribution *d, float u,
-                                struct distribution_cell *out)
+double distribution_odds(const struct distribution *d, uint32_t row, uint32_t column)
 {
-    const uint32_t *start = d->column_start + (size_t)out->row * d->columns + out->column;
-    uint32_t target = fraction_32(u), left = d->columns - out->column;
-    uint32_t at = last_at_or_below(start, left < DISTRIBUTION_BLOCK ? left : DISTRIBUTION_BLOCK,
-                                   target);
-    double before = (double)start[at], end = at + 1 < left ? (double)start[at + 1] : WHOLE;
+    const uint16_t *start = d->column_start + (size_t)row * d->columns + column;
+    uint32_t used = d->used[row];
+    double end;
 
-    out->column += at;
-    out->column_fraction = ((double)target - before) / (end - before);
+    if (column >= used)
+        return 0;
+    end = column + 1 < used ? (double)start[1] : WHOLE;
+    return (d->row_start[row + 1] - d->row_start[row]) * ((end - (double)start[0]) * (1 / WHOLE));
 }

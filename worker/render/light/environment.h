@@ -1,12 +1,18 @@
 /* environment: light from infinitely far away, by a lat-long map or a constant.
  *
- * Map coordinates: u = 0.5 + atan2(z, x) / (2 pi) after undoing the rotation about +Y,
- * v = acos(y) / pi from the zenith. Lookups are bilinear with texel centres at half
- * integers; u is periodic, and across a pole the neighbour is (u + 1/2, mirrored v).
- * Sampling: EITHER uniform over the sphere OR by a density that is positive wherever the
- * bilinear radiance is; pdf() agrees with sample() exactly (to rounding). The importance
- * density is the bilinear interpolant of luminance * sin(theta) in (u, v) between the texel
- * centres; at a pole its node is 0, unless the light across the pole is the brighter.
+ * Map coordinates of a direction in the map's own axes: u = 0.5 + atan2(z, x) / (2 pi),
+ * v = acos(y) / pi from the zenith. Lookups are bilinear with texel centres at half integers;
+ * u is periodic, and across a pole the neighbour is (u + 1/2, mirrored v).
+ * Sampling: EITHER uniform over the sphere OR by importance; pdf() agrees with sample()
+ * exactly (to rounding, which at the edge of a cell may be the neighbour's).
+ *
+ * The importance of a direction is how much brighter it is than the mean of the map (Karlik et
+ * al. 2019, "MIS compensation"): where it is darker it is not sampled at all, since every use is
+ * combined with sampling by the BSDF or the phase function, which finds that light. A map that
+ * is nearly constant is sampled by its plain luminance.
+ * It is held as a grid just fine enough for the map, which is much coarser than the map as a
+ * rule, and apart from that a few small windows, finer than the map, around suns and lamps:
+ * compact regions that hold a good share of all importance.
  * A direction of length 0, or not finite, sees black.
  * Immutable after environment_new.
  */
@@ -24,13 +30,15 @@
 struct environment;
 
 /* Takes over the image's pixels (3 channels; released on failure too). Any size from 1x1.
- * `rotate_deg` turns the map about +Y, counter-clockwise seen from above, for lookups and
- * sampling alike; `strength` >= 0 multiplies. Values that are negative or NaN count as 0, and
- * products beyond float as its largest value (image_decode_hdr has counted what it mended).
+ * A direction in the world is first turned back by `rotate_deg` about +Y (the map turns
+ * counter-clockwise seen from above), then by `to_map` (orthonormal rows; NULL: not at all).
+ * `factor` >= 0 multiplies. Values that are negative or NaN count as 0, and products beyond
+ * float as its largest value (image_decode_hdr has counted what it mended).
  * An all-black map yields an environment whose environment_is_black is true. ERR_INPUT for
- * other channels, a rotation or strength that is not finite; ERR_NO_MEMORY. */
-status environment_new(struct environment **out, struct image *map, float rotate_deg,
-                       float strength, enum env_sampling sampling, struct error *err) MUST_CHECK;
+ * other channels, a rotation or factor that is none; ERR_NO_MEMORY. */
+status environment_new(struct environment **out, struct image *map, const float to_map[3][3],
+                       float rotate_deg, struct vec3 factor, enum env_sampling sampling,
+                       struct error *err) MUST_CHECK;
 status environment_new_constant(struct environment **out, struct vec3 radiance,
                                 enum env_sampling sampling, struct error *err) MUST_CHECK;
 void environment_free(struct environment *env);
@@ -44,7 +52,7 @@ struct vec3 environment_radiance(const struct environment *env, struct vec3 dire
 /* Solid-angle density of environment_sample; 0 with ENV_SAMPLING_BSDF and for black. */
 float environment_pdf(const struct environment *env, struct vec3 direction);
 
-/* Both, for a ray that leaves the scene: they share the trigonometry and the texels. */
+/* Both, for a ray that leaves the scene: they share the trigonometry. */
 struct vec3 environment_radiance_pdf(const struct environment *env, struct vec3 direction,
                                      float *pdf);
 
@@ -54,5 +62,8 @@ int environment_sample(const struct environment *env, float u, float v, struct v
 
 /* Mean luminance over the sphere (for light selection). */
 float environment_mean_luminance(const struct environment *env);
+
+/* How the importance is held: columns of the grid (0: none), and windows. */
+void environment_importance(const struct environment *env, uint32_t *columns, uint32_t *windows);
 
 #endif
