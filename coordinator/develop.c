@@ -20,7 +20,8 @@ struct development {
     struct output_settings output;
     uint64_t samples;
     double relative_mse;
-    const struct film *film; /* NULL once `image` holds it */
+    const struct film *film; /* NULL: `image` holds a copy, and there are no AOVs */
+    int taken;               /* `image` holds the film's means */
     struct image image;
 };
 
@@ -53,12 +54,12 @@ static status take_pixels(struct development *d, struct error *err)
 {
     status s = STATUS_OK;
 
-    if (!d->film)
+    if (d->taken)
         return STATUS_OK;
     s = image_init(&d->image, film_width(d->film), film_height(d->film), 3, err);
     if (s == STATUS_OK)
         film_develop(d->film, d->image.pixels);
-    d->film = NULL;
+    d->taken = s == STATUS_OK;
     return s;
 }
 
@@ -75,6 +76,8 @@ status development_new_preview(struct development **out, const struct job_frame 
 
     if (s == STATUS_OK)
         s = take_pixels(*out, err);
+    if (s == STATUS_OK)
+        (*out)->film = NULL; /* which goes on changing */
     if (s != STATUS_OK) {
         development_free(*out);
         *out = NULL;
@@ -120,11 +123,56 @@ static void add_extras(struct attributes *a, const struct render_settings *s,
         add_text(a, "azulejo:without", settings_effects_text(s->without, without));
 }
 
-static status encode_exr(const struct development *d, struct buffer *exr, struct error *err)
+/* ---- AOVs ----------------------------------------------------------------------------------- */
+
+/* The channels of each, as compositors name them (docs/AOV.md). */
+static const struct {
+    const char *names[3];
+    int precise; /* float even in a file of halves */
+} aov_layers[AOV_COUNT] = {
+    [AOV_DEPTH] = {{"Z"}, 1},
+    [AOV_NORMAL] = {{"N.X", "N.Y", "N.Z"}, 0},
+    [AOV_ALBEDO] = {{"albedo.R", "albedo.G", "albedo.B"}, 0},
+    [AOV_POSITION] = {{"P.X", "P.Y", "P.Z"}, 1},
+    [AOV_UV] = {{"uv.U", "uv.V"}, 1},
+    [AOV_OBJECT_ID] = {{"objectId.X"}, 1},
+    [AOV_MATERIAL_ID] = {{"materialId.X"}, 1},
+    [AOV_MOTION] = {{"motion.X", "motion.Y"}, 1},
+    [AOV_SAMPLES] = {{"samples.Y"}, 1},
+    [AOV_ERROR] = {{"error.R", "error.G", "error.B"}, 0},
+};
+
+static size_t list_channels(uint32_t aovs, struct exr_channel *out)
+{
+    size_t count = 0;
+
+    for (int aov = 0; aov < AOV_COUNT; aov++)
+        for (uint32_t c = 0; aovs >> aov & 1 && c < film_aov_channels((enum aov)aov); c++)
+            out[count++] =
+                (struct exr_channel){aov_layers[aov].names[c], aov_layers[aov].precise};
+    return count;
+}
+
+static void develop_lines(void *user, uint32_t y, uint32_t height, float *planes)
+{
+    const struct development *d = user;
+
+    for (int aov = 0; aov < AOV_COUNT; aov++)
+        if (d->settings.aovs >> aov & 1) {
+            film_develop_aov(d->film, (enum aov)aov, y, height, planes);
+            planes += (size_t)film_aov_channels((enum aov)aov) * film_width(d->film) * height;
+        }
+}
+
+/* ---- files ---------------------------------------------------------------------------------- */
+
+static status encode_exr(struct development *d, struct buffer *exr, struct error *err)
 {
     struct attributes a = {.count = 0};
     char scene[DIGEST_HEX_SIZE], seed[24];
     char without[SETTINGS_TEXT_SIZE];
+    struct exr_channel channels[EXR_CHANNELS_MAX];
+    struct exr_channels more = {.channels = channels, .lines = develop_lines, .user = d};
     uint64_t clamped = 0;
     struct exr_options options = {.half = d->output.exr_half, .clamped = &clamped};
     status s;
@@ -152,6 +200,8 @@ static status encode_exr(const struct development *d, struct buffer *exr, struct
         add_number(&a, "azulejo:relativeMse", d->relative_mse);
     options.attributes = a.items;
     options.attribute_count = a.count;
+    more.count = d->film ? list_channels(d->settings.aovs, channels) : 0;
+    options.more = &more;
     s = exr_encode(exr, &d->image, &options, err);
     if (s == STATUS_OK && clamped > 0)
         log_warn("job %" PRIu64 ", frame %u: %" PRIu64 " values were too large for half floats and "

@@ -59,6 +59,12 @@ status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns,
     return STATUS_OK;
 }
 
+/* What a film holds in memory when it is full. */
+static uint64_t film_bytes(uint32_t width, uint32_t height, uint32_t aovs)
+{
+    return (uint64_t)width * height * (PIXEL_FLOATS + aov_floats(aovs)) * sizeof(double);
+}
+
 static void frame_unlink(struct farm *farm, struct job_frame *frame)
 {
     struct job_frame **at = &frame->job->frames;
@@ -67,8 +73,8 @@ static void frame_unlink(struct farm *farm, struct job_frame *frame)
         at = &(*at)->next;
     *at = frame->next;
     farm->open_frames--;
-    farm->open_bytes -=
-        (uint64_t)film_width(frame->film) * film_height(frame->film) * FILM_PIXEL_BYTES;
+    farm->open_bytes -= film_bytes(film_width(frame->film), film_height(frame->film),
+                                   film_aovs(frame->film));
 }
 
 /* The frame leaves its job; it is freed now, or when its last commit or develop ends. */
@@ -300,8 +306,7 @@ struct job_frame *farm_frame_find(const struct job *job, uint32_t number)
 
 static int frame_may_open(const struct farm *farm, const struct job *job)
 {
-    uint64_t bytes =
-        (uint64_t)job->settings.width * job->settings.height * FILM_PIXEL_BYTES;
+    uint64_t bytes = film_bytes(job->settings.width, job->settings.height, job->settings.aovs);
     int of_job = 0;
 
     for (const struct job_frame *frame = job->frames; frame; frame = frame->next)
@@ -320,7 +325,8 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
 
     if (!frame_may_open(farm, job))
         return NULL;
-    frame = job_frame_new(job, number, settings->width, settings->height, settings->spp, NULL);
+    frame = job_frame_new(job, number, settings->width, settings->height, settings->spp,
+                          settings->aovs, NULL);
     if (!frame)
         s = error_no_memory(&err, "the film");
     else if (farm->store)
@@ -338,7 +344,7 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
     frame->next = *at;
     *at = frame;
     farm->open_frames++;
-    farm->open_bytes += (uint64_t)settings->width * settings->height * FILM_PIXEL_BYTES;
+    farm->open_bytes += film_bytes(settings->width, settings->height, settings->aovs);
     if (film_samples(frame->film) > 0)
         log_info("job %llu, frame %u: goes on at %.1f %%", (unsigned long long)job->id, number,
                  100.0 * (double)film_samples(frame->film) /

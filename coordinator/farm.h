@@ -23,9 +23,8 @@ enum {
     WORKERS_MAX = 4096,
     PROGRESS_SAVE_MS = 2000,     /* how often a running job's counters go to the store */
 };
-/* Films in memory; one frame alone may need more. 48 bytes a pixel. */
+/* Films in memory; one frame alone may need more. */
 #define FRAMES_OPEN_BYTES ((uint64_t)16 << 30)
-#define FILM_PIXEL_BYTES 48u
 
 struct farm_worker {
     struct lease_holder held;

@@ -8,7 +8,7 @@
 enum { BUCKETS_MIN = 64, BUCKETS_MAX = 1 << 16 };
 
 struct job_frame *job_frame_new(struct job *job, uint32_t number, uint32_t width, uint32_t height,
-                        uint32_t spp, struct film_file *file)
+                        uint32_t spp, uint32_t aovs, struct film_file *file)
 {
     struct job_frame *frame = mem_calloc(1, sizeof *frame);
     uint32_t tiles = tile_count(width, height);
@@ -21,7 +21,7 @@ struct job_frame *job_frame_new(struct job *job, uint32_t number, uint32_t width
     frame->job = job;
     frame->number = number;
     frame->bucket_mask = buckets - 1;
-    frame->film = film_new(width, height, spp);
+    frame->film = film_new_aovs(width, height, spp, aovs);
     frame->buckets = mem_calloc(buckets, sizeof(struct unit *));
     frame->durable = mem_calloc(tiles, sizeof *frame->durable);
     frame->slot = mem_calloc(tiles, 1);

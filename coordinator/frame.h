@@ -95,7 +95,7 @@ struct job_frame {
 
 /* NULL when out of memory. The film is new and empty; `file` stays the caller's on failure. */
 struct job_frame *job_frame_new(struct job *job, uint32_t number, uint32_t width, uint32_t height,
-                        uint32_t spp, struct film_file *file);
+                        uint32_t spp, uint32_t aovs, struct film_file *file);
 void job_frame_free(struct job_frame *frame); /* no unit may be outstanding */
 
 void job_frame_set_state(struct job_frame *frame, enum frame_state state);

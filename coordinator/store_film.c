@@ -18,8 +18,10 @@ struct film_file {
     char *path;
 };
 
-enum { HEADER_FIELDS = 48, HEADER_SIZE = HEADER_FIELDS + DIGEST_BYTES };
-static const char header_magic[8] = "AZFILM1\n";
+enum { HEADER_FIELDS = 56, HEADER_SIZE = HEADER_FIELDS + DIGEST_BYTES };
+/* Version 2: the film may hold AOVs. */
+static const char header_magic[8] = "AZFILM2\n";
+enum { HEADER_VERSION_AT = 6 };
 
 static atomic_long fault_successes = -1;
 
@@ -96,6 +98,7 @@ static status make_header(uint8_t header[HEADER_SIZE], const struct film *film, 
     put_number(header + 24, film_spp(film));
     put_number(header + 32, job);
     put_number(header + 40, frame);
+    put_number(header + 48, film_aovs(film));
     s = digest_of(&check, header, HEADER_FIELDS);
     memcpy(header + HEADER_FIELDS, check.bytes, DIGEST_BYTES);
     return s;
@@ -167,6 +170,11 @@ static status load_all(struct film_file *file, struct film *film, uint32_t *dura
     return s;
 }
 
+static int printable(uint8_t byte)
+{
+    return byte > 0x20 && byte < 0x7f ? byte : '?';
+}
+
 static void sync_folder(const char *path)
 {
     char *folder = file_dirname(path);
@@ -219,7 +227,12 @@ status film_file_open(struct film_file **out, const char *path, uint64_t job, ui
         if (s != STATUS_OK)
             goto fail;
     } else {
-        if (got > 0 && !all_zero(found, got))
+        if (got > HEADER_VERSION_AT && memcmp(found, header_magic, HEADER_VERSION_AT) == 0 &&
+            found[HEADER_VERSION_AT] != (uint8_t)header_magic[HEADER_VERSION_AT])
+            log_warn("%s: was written by another version of azulejo (film format %c, this one "
+                     "reads %c); the frame will be rendered from its beginning",
+                     path, printable(found[HEADER_VERSION_AT]), header_magic[HEADER_VERSION_AT]);
+        else if (got > 0 && !all_zero(found, got))
             log_warn("%s: belongs to another frame or is damaged; the frame will be rendered "
                      "from its beginning",
                      path);

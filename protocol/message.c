@@ -289,9 +289,7 @@ status wire_unit_check(uint32_t tile, uint32_t pass, const struct render_setting
 
 size_t wire_sums_count(const struct render_settings *settings, uint32_t tile)
 {
-    struct tile_rect r = tile_rect_of(settings->width, settings->height, tile);
-
-    return (size_t)REPLICATES * r.width * r.height * 3;
+    return tile_floats(settings->width, settings->height, tile, settings->aovs);
 }
 
 void wire_sums_set(uint8_t *out, const float *sums, size_t count)

@@ -172,7 +172,8 @@ static status units_make(struct lease *lease, const Azulejo__Wire__LeaseGrant *g
         status s = wire_unit_check(name->tile, name->pass, settings, err);
         if (s != STATUS_OK)
             return s;
-        unit = mem_calloc(1, sizeof *unit);
+        unit = mem_calloc(1, sizeof *unit +
+                                 wire_sums_count(settings, name->tile) * sizeof *unit->sums);
         if (!unit)
             return error_no_memory(err, "work units");
         unit->task.run = unit_render;

@@ -14,7 +14,7 @@
 #include "worker/pool.h"
 #include "worker/render/render.h"
 
-enum { OUTBOX_HIGH = 8192 }; /* results; about 6 KiB each */
+enum { OUTBOX_HIGH = 8192 }; /* results; 6 KiB each, up to 22 KiB with AOVs */
 
 struct lease;
 
@@ -30,7 +30,7 @@ struct work_unit {
     size_t sum_count;
     uint64_t cpu_ns, wall_ns;
     struct render_stats stats;
-    float sums[TILE_FLOATS_MAX];
+    float sums[];          /* as many as tile_floats() says */
 };
 
 struct outbox {

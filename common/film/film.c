@@ -14,7 +14,7 @@ struct waiting {
 };
 
 struct film_tile {
-    double *sums;        /* [REPLICATES][pixels][3]; NULL until the first pass is folded in */
+    double *sums;        /* as tile_floats(); NULL until the first pass is folded in */
     uint64_t *hashes;    /* of the passes folded in */
     size_t hash_capacity;
     uint32_t passes;     /* folded in: a prefix of the schedule */
@@ -25,7 +25,7 @@ struct film_tile {
 };
 
 struct film {
-    uint32_t width, height, spp;
+    uint32_t width, height, spp, aovs;
     uint32_t tiles_total, passes_total;
     struct film_tile *tiles;
     uint64_t samples;         /* folded in, over all pixels */
@@ -34,9 +34,9 @@ struct film {
 };
 
 enum {
-    STATE_MAGIC = 0x315a5441, /* "ATZ1" */
-    /* magic, passes, frame width, frame height, spp, tile */
-    STATE_HEADER_BYTES = 6 * 4,
+    STATE_MAGIC = 0x325a5441, /* "ATZ2": 1 knew no AOVs */
+    /* magic, passes, frame width, frame height, spp, tile, AOVs, 0 */
+    STATE_HEADER_BYTES = 8 * 4,
     STATE_CHECK_BYTES = 8,
 };
 
@@ -79,6 +79,11 @@ static uint64_t hash_bytes(const uint8_t *data, size_t size)
 
 struct film *film_new(uint32_t width, uint32_t height, uint32_t spp)
 {
+    return film_new_aovs(width, height, spp, 0);
+}
+
+struct film *film_new_aovs(uint32_t width, uint32_t height, uint32_t spp, uint32_t aovs)
+{
     struct film *film = mem_calloc(1, sizeof *film);
 
     if (!film)
@@ -86,6 +91,7 @@ struct film *film_new(uint32_t width, uint32_t height, uint32_t spp)
     film->width = width;
     film->height = height;
     film->spp = spp;
+    film->aovs = aovs;
     film->tiles_total = tile_count(width, height);
     film->passes_total = pass_count(spp);
     film->tiles = mem_calloc(film->tiles_total, sizeof *film->tiles);
@@ -121,9 +127,9 @@ static uint32_t tile_pixels(const struct film *film, uint32_t tile)
     return rect.width * rect.height;
 }
 
-static size_t tile_floats(const struct film *film, uint32_t tile)
+static size_t tile_numbers(const struct film *film, uint32_t tile)
 {
-    return (size_t)REPLICATES * tile_pixels(film, tile) * 3;
+    return tile_floats(film->width, film->height, tile, film->aovs);
 }
 
 /* Samples a pixel has after `passes` passes. */
@@ -144,7 +150,7 @@ static int tile_reserve(const struct film *film, uint32_t index, uint32_t passes
     struct film_tile *tile = &film->tiles[index];
 
     if (!tile->sums) {
-        tile->sums = mem_calloc(tile_floats(film, index), sizeof *tile->sums);
+        tile->sums = mem_calloc(tile_numbers(film, index), sizeof *tile->sums);
         if (!tile->sums)
             return 0;
     }
@@ -169,8 +175,9 @@ static void tile_count_passes(struct film *film, uint32_t index, uint32_t passes
 static void tile_fold(struct film *film, uint32_t index, const float *sums, uint64_t hash)
 {
     struct film_tile *tile = &film->tiles[index];
-    size_t count = tile_floats(film, index);
+    size_t count = tile_numbers(film, index);
 
+    /* AOVs that are point-sampled are 0 in all passes but the first: they, too, may be added. */
     for (size_t i = 0; i < count; i++)
         tile->sums[i] += sums[i];
     tile->hashes[tile->passes] = hash;
@@ -202,9 +209,9 @@ static status check_result(const struct film *film, uint32_t tile, uint32_t pass
     if (pass >= film->passes_total)
         return error_set(err, STATUS_ERR_INPUT, "tile %u, pass %u: the frame has %u passes", tile,
                          pass, film->passes_total);
-    if (count != tile_floats(film, tile))
+    if (count != tile_numbers(film, tile))
         return error_set(err, STATUS_ERR_INPUT, "tile %u, pass %u: %zu numbers instead of %zu",
-                         tile, pass, count, tile_floats(film, tile));
+                         tile, pass, count, tile_numbers(film, tile));
     for (size_t i = 0; i < count; i++)
         if (!isfinite(sums[i]))
             return error_set(err, STATUS_ERR_INPUT, "tile %u, pass %u: number %zu is not finite",
@@ -275,6 +282,11 @@ uint32_t film_height(const struct film *film)
 uint32_t film_spp(const struct film *film)
 {
     return film->spp;
+}
+
+uint32_t film_aovs(const struct film *film)
+{
+    return film->aovs;
 }
 
 uint32_t film_tile_count(const struct film *film)
@@ -358,6 +370,55 @@ void film_develop(const struct film *film, float *rgb)
             develop_tile(film, i, rgb);
 }
 
+uint32_t film_aov_channels(enum aov aov)
+{
+    return aov == AOV_SAMPLES ? 1 : aov == AOV_ERROR ? 3 : aov_channels(aov);
+}
+
+/* Value `c` of pixel `pixel` of a tile that has passes. */
+static double aov_value(const struct film_tile *tile, const double *values, enum aov aov,
+                        size_t pixels, size_t pixel, uint32_t c, uint32_t samples)
+{
+    double difference;
+
+    if (aov == AOV_SAMPLES)
+        return samples;
+    if (aov != AOV_ERROR)
+        return values[pixel * aov_channels(aov) + c] / (aov_is_point(aov) ? 1 : samples);
+    if (samples < REPLICATES)
+        return 0;
+    difference = tile->sums[pixel * 3 + c] / replicate_samples(samples, 0) -
+                 tile->sums[(pixels + pixel) * 3 + c] / replicate_samples(samples, 1);
+    return fabs(difference) / 2;
+}
+
+void film_develop_aov(const struct film *film, enum aov aov, uint32_t y, uint32_t height,
+                      float *out)
+{
+    uint32_t across = tiles_across(film->width), channels = film_aov_channels(aov);
+    size_t plane = (size_t)height * film->width;
+
+    memset(out, 0, channels * plane * sizeof *out);
+    for (uint32_t i = y / TILE_SIZE * across; i < film->tiles_total; i++) {
+        struct tile_rect rect = tile_rect_of(film->width, film->height, i);
+        const struct film_tile *tile = &film->tiles[i];
+        size_t pixels = (size_t)rect.width * rect.height;
+        uint32_t samples = samples_after(film, tile->passes);
+        const double *values;
+        if (rect.y >= y + height)
+            break;
+        if (tile->passes == 0)
+            continue;
+        values = tile->sums + tile_aov_offset((uint32_t)pixels, film->aovs, aov);
+        for (uint32_t row = 0; row < rect.height && rect.y + row < y + height; row++)
+            for (uint32_t x = 0; x < rect.width; x++)
+                for (uint32_t c = 0; c < channels; c++)
+                    out[c * plane + (size_t)(rect.y + row - y) * film->width + rect.x + x] =
+                        (float)aov_value(tile, values, aov, pixels, (size_t)row * rect.width + x,
+                                         c, samples);
+    }
+}
+
 static double tile_error(const struct film *film, uint32_t index)
 {
     struct film_tile *tile = &film->tiles[index];
@@ -392,7 +453,7 @@ double film_relative_mse(const struct film *film)
 }
 
 /* ---- a tile's state on disk -------------------------------------------------------------------
- * header | doubles [REPLICATES][pixels][3] | hash of every pass of the schedule (0: not in) |
+ * header | doubles as tile_floats() | hash of every pass of the schedule (0: not in) |
  * 64-bit check of all before. The header repeats the frame's geometry and the tile's number so
  * that a state that was written to the wrong place is refused. */
 
@@ -420,14 +481,14 @@ static uint64_t get64(const uint8_t *in)
 
 size_t film_tile_state_size(const struct film *film, uint32_t tile)
 {
-    return STATE_HEADER_BYTES + tile_floats(film, tile) * 8 + (size_t)film->passes_total * 8 +
+    return STATE_HEADER_BYTES + tile_numbers(film, tile) * 8 + (size_t)film->passes_total * 8 +
            STATE_CHECK_BYTES;
 }
 
 void film_tile_save(const struct film *film, uint32_t index, uint8_t *out)
 {
     const struct film_tile *tile = &film->tiles[index];
-    size_t count = tile_floats(film, index);
+    size_t count = tile_numbers(film, index);
     uint8_t *at = out;
 
     at = put32(at, STATE_MAGIC);
@@ -436,6 +497,8 @@ void film_tile_save(const struct film *film, uint32_t index, uint8_t *out)
     at = put32(at, film->height);
     at = put32(at, film->spp);
     at = put32(at, index);
+    at = put32(at, film->aovs);
+    at = put32(at, 0);
     for (size_t i = 0; i < count; i++) {
         uint64_t bits = 0;
         if (tile->sums)
@@ -460,7 +523,7 @@ status film_tile_peek(const struct film *film, uint32_t tile, const uint8_t *dat
         return error_set(err, STATUS_ERR_CORRUPT, "tile %u: its stored state is damaged", tile);
     if (get32(data + 4) > film->passes_total || get32(data + 8) != film->width ||
         get32(data + 12) != film->height || get32(data + 16) != film->spp ||
-        get32(data + 20) != tile)
+        get32(data + 20) != tile || get32(data + 24) != film->aovs)
         return error_set(err, STATUS_ERR_CORRUPT,
                          "tile %u: the stored state belongs to another tile or frame", tile);
     *passes = get32(data + 4);
@@ -479,7 +542,7 @@ status film_tile_load(struct film *film, uint32_t index, const uint8_t *data, si
     if (s != STATUS_OK)
         return s;
     tile = &film->tiles[index];
-    count = tile_floats(film, index);
+    count = tile_numbers(film, index);
     for (size_t i = 0; i < count; i++) {
         uint64_t bits = get64(at + 8 * i);
         double value;

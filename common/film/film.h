@@ -28,10 +28,11 @@ enum film_merge_result {
 
 /* NULL when out of memory. `spp` fixes the pass schedule. */
 struct film *film_new(uint32_t width, uint32_t height, uint32_t spp);
+/* The same, for results that hold these AOVs, too. */
+struct film *film_new_aovs(uint32_t width, uint32_t height, uint32_t spp, uint32_t aovs);
 void film_free(struct film *film);
 
-/* Merge one tile result. `sums` is [REPLICATES][pixels of the tile][3] float32 as in
- * tiles.h, `count` its number of floats, which must fit the tile. ERR_INPUT: tile, pass or
+/* Merge one tile result. `sums` is as in tiles.h, `count` its number of floats, which must fit the tile. ERR_INPUT: tile, pass or
  * count out of range or a value that is not finite; the film is unchanged. A duplicate of a pass
  * already folded in is compared by a 64-bit hash of its bytes, kept per tile and pass. */
 status film_merge(struct film *film, uint32_t tile, uint32_t pass, const float *sums, size_t count,
@@ -40,6 +41,7 @@ status film_merge(struct film *film, uint32_t tile, uint32_t pass, const float *
 uint32_t film_width(const struct film *film);
 uint32_t film_height(const struct film *film);
 uint32_t film_spp(const struct film *film);
+uint32_t film_aovs(const struct film *film);
 uint32_t film_tile_count(const struct film *film);
 uint32_t film_pass_count(const struct film *film);
 
@@ -60,6 +62,17 @@ int film_covered(const struct film *film);
 
 /* The mean radiance of every pixel into rgb[height][width][3]; 0 where nothing is yet. */
 void film_develop(const struct film *film, float *rgb);
+
+/* How many floats of a pixel film_develop_aov() gives: those that workers send, 1 for
+ * AOV_SAMPLES, 3 for AOV_ERROR. */
+uint32_t film_aov_channels(enum aov aov);
+/* The AOV's values for lines y..y+height-1 into out[channels][height][film width]; 0 where nothing
+ * is yet. Means over the samples; point-sampled ones as they are; AOV_SAMPLES (samples of the
+ * pixel) and AOV_ERROR (standard error of the mean, from the two replicates; 0 with less than
+ * two samples) are there whether the film was made for them or not, the others must be in its
+ * mask. `y` is a multiple of TILE_SIZE. */
+void film_develop_aov(const struct film *film, enum aov aov, uint32_t y, uint32_t height,
+                      float *out);
 
 /* The frame's estimated error, in pbrt's form of the relative mean squared error:
  * mean over pixels and channels of se^2 / (mean^2 + 0.01), where se^2 = (A-B)^2 / 4 from the

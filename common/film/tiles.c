@@ -18,6 +18,18 @@ struct tile_rect tile_rect_of(uint32_t width, uint32_t height, uint32_t index)
     return r;
 }
 
+size_t tile_floats(uint32_t width, uint32_t height, uint32_t index, uint32_t aovs)
+{
+    struct tile_rect r = tile_rect_of(width, height, index);
+
+    return (size_t)r.width * r.height * (PIXEL_FLOATS + aov_floats(aovs));
+}
+
+size_t tile_aov_offset(uint32_t pixels, uint32_t aovs, enum aov aov)
+{
+    return (size_t)pixels * (PIXEL_FLOATS + aov_floats(aovs & ((1u << aov) - 1)));
+}
+
 /* The boundary at which pass `index` ends, were there no last sample. */
 static uint32_t boundary(uint32_t index)
 {

@@ -7,19 +7,26 @@
 #include "common/image/half.h"
 #include "common/image/image.h"
 
-/* In the order of the file, which is alphabetical. */
-static const struct {
+/* One channel of the file. The file's order is alphabetical. */
+struct exr_plane {
     const char *name;
-    uint32_t channel; /* of struct image */
-} exr_channels[] = {{"A", 3}, {"B", 2}, {"G", 1}, {"R", 0}};
+    int half;
+    int more;         /* of the additional ones ... */
+    uint32_t channel; /* ... or else of the picture: which */
+};
+
+enum { PLANES_MAX = EXR_CHANNELS_MAX + 4 };
 
 struct exr_writer {
     exr_context_t context;
     struct exr_stream stream;
     const struct image *image;
-    int half;
+    const struct exr_channels *more;
+    struct exr_plane planes[PLANES_MAX];
+    int plane_count;
     uint64_t clamped;
-    void *lines; /* one chunk of samples, channel after channel, as they are stored */
+    uint8_t *lines;    /* one chunk of samples, channel after channel, as they are stored */
+    float *more_lines; /* one chunk of the additional channels */
 };
 
 /* A finite half: what is beyond its range becomes its largest value, and is counted. */
@@ -49,6 +56,36 @@ static exr_result_t declare_attributes(struct exr_writer *w, const struct exr_op
     return result;
 }
 
+static void add_plane(struct exr_writer *w, struct exr_plane plane)
+{
+    int at = w->plane_count++;
+
+    for (; at > 0 && strcmp(w->planes[at - 1].name, plane.name) > 0; at--)
+        w->planes[at] = w->planes[at - 1];
+    w->planes[at] = plane;
+}
+
+static void list_planes(struct exr_writer *w, const struct exr_options *options)
+{
+    static const char *const names[] = {"R", "G", "B", "A"};
+
+    for (uint32_t c = 0; c < w->image->channels; c++)
+        add_plane(w, (struct exr_plane){names[c], options->half, 0, c});
+    for (uint32_t c = 0; w->more && c < w->more->count; c++)
+        add_plane(w, (struct exr_plane){w->more->channels[c].name,
+                                        options->half && !w->more->channels[c].precise, 1, c});
+}
+
+/* Are the values of a channel colours, which the eye sees as logarithms? Says how lossy
+ * compression may treat them, should the file ever be saved so. */
+static exr_perceptual_treatment_t treatment(const struct exr_plane *plane)
+{
+    char last = plane->name[strlen(plane->name) - 1];
+
+    return last == 'R' || last == 'G' || last == 'B' || last == 'A' ? EXR_PERCEPTUALLY_LOGARITHMIC
+                                                                    : EXR_PERCEPTUALLY_LINEAR;
+}
+
 static exr_result_t write_header(struct exr_writer *w, const struct exr_options *options)
 {
     int part = 0;
@@ -58,11 +95,10 @@ static exr_result_t write_header(struct exr_writer *w, const struct exr_options 
         result = exr_initialize_required_attr_simple(w->context, part, (int32_t)w->image->width,
                                                      (int32_t)w->image->height,
                                                      EXR_COMPRESSION_ZIP);
-    for (size_t i = 0; i < sizeof exr_channels / sizeof *exr_channels; i++)
-        if (result == EXR_ERR_SUCCESS && exr_channels[i].channel < w->image->channels)
-            result = exr_add_channel(w->context, part, exr_channels[i].name,
-                                     w->half ? EXR_PIXEL_HALF : EXR_PIXEL_FLOAT,
-                                     EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1);
+    for (int i = 0; result == EXR_ERR_SUCCESS && i < w->plane_count; i++)
+        result = exr_add_channel(w->context, part, w->planes[i].name,
+                                 w->planes[i].half ? EXR_PIXEL_HALF : EXR_PIXEL_FLOAT,
+                                 treatment(&w->planes[i]), 1, 1);
     if (result == EXR_ERR_SUCCESS)
         result = declare_attributes(w, options);
     if (result == EXR_ERR_SUCCESS)
@@ -70,22 +106,22 @@ static exr_result_t write_header(struct exr_writer *w, const struct exr_options 
     return result;
 }
 
-/* Gather one channel's samples of `height` lines from line `y` on into plane `plane`. */
-static void gather_plane(struct exr_writer *w, uint32_t channel, int plane, int32_t y,
-                         int32_t height)
+/* Gather one channel's samples of `height` lines from line `y` on. */
+static void gather_plane(struct exr_writer *w, const struct exr_plane *plane, int32_t y,
+                         int32_t height, uint8_t *to)
 {
-    const struct image *image = w->image;
-    size_t count = (size_t)image->width * (size_t)height;
-    const float *from = image->pixels + (size_t)y * image->width * image->channels + channel;
+    size_t count = (size_t)w->image->width * (size_t)height;
+    size_t step = plane->more ? 1 : w->image->channels;
+    const float *from = plane->more
+                            ? w->more_lines + plane->channel * count
+                            : w->image->pixels + (size_t)y * w->image->width * step + plane->channel;
 
     for (size_t i = 0; i < count; i++) {
-        float value = from[i * image->channels];
-        size_t at = (size_t)plane * count + i;
-
-        if (w->half)
-            ((uint16_t *)w->lines)[at] = to_finite_half(value, &w->clamped);
+        float value = from[i * step];
+        if (plane->half)
+            ((uint16_t *)(void *)to)[i] = to_finite_half(value, &w->clamped);
         else
-            ((float *)w->lines)[at] = value;
+            ((float *)(void *)to)[i] = value;
     }
 }
 
@@ -93,9 +129,8 @@ static exr_result_t write_chunk(struct exr_writer *w, exr_encode_pipeline_t *pip
                                 int *started)
 {
     exr_chunk_info_t chunk;
-    size_t sample_bytes = w->half ? 2 : 4, line_bytes = w->image->width * sample_bytes;
     exr_result_t result = exr_write_scanline_chunk_info(w->context, 0, y, &chunk);
-    int plane = 0;
+    uint8_t *to = w->lines;
 
     if (result != EXR_ERR_SUCCESS)
         return result;
@@ -103,19 +138,20 @@ static exr_result_t write_chunk(struct exr_writer *w, exr_encode_pipeline_t *pip
                       : exr_encoding_initialize(w->context, 0, &chunk, pipeline);
     if (result != EXR_ERR_SUCCESS)
         return result;
-    for (size_t i = 0; i < sizeof exr_channels / sizeof *exr_channels; i++) {
-        exr_coding_channel_info_t *info = &pipeline->channels[plane];
+    if (w->more)
+        w->more->lines(w->more->user, (uint32_t)y, (uint32_t)chunk.height, w->more_lines);
+    for (int i = 0; i < w->plane_count; i++) {
+        exr_coding_channel_info_t *info = &pipeline->channels[i];
+        size_t sample_bytes = w->planes[i].half ? sizeof(uint16_t) : sizeof(float);
+        size_t line_bytes = w->image->width * sample_bytes;
 
-        if (exr_channels[i].channel >= w->image->channels)
-            continue;
-        gather_plane(w, exr_channels[i].channel, plane, y, chunk.height);
+        gather_plane(w, &w->planes[i], y, chunk.height, to);
         info->user_bytes_per_element = (int16_t)sample_bytes;
         info->user_data_type = info->data_type;
         info->user_pixel_stride = (int32_t)sample_bytes;
         info->user_line_stride = (int32_t)line_bytes;
-        info->encode_from_ptr = (const uint8_t *)w->lines +
-                                (size_t)plane * line_bytes * (size_t)chunk.height;
-        plane++;
+        info->encode_from_ptr = to;
+        to += w->image->width * sizeof(float) * (size_t)chunk.height; /* aligned for both kinds */
     }
     if (!*started) {
         *started = 1;
@@ -135,9 +171,14 @@ static exr_result_t write_pixels(struct exr_writer *w)
 
     if (result != EXR_ERR_SUCCESS)
         return result;
-    w->lines = mem_alloc_array((size_t)w->image->width * (size_t)lines,
-                               w->image->channels * (w->half ? sizeof(uint16_t) : sizeof(float)));
-    if (!w->lines)
+    if (lines != EXR_LINES)
+        return EXR_ERR_INVALID_ATTR; /* ZIP has always had these */
+    w->lines = mem_alloc_array((size_t)w->image->width * EXR_LINES,
+                               (size_t)w->plane_count * sizeof(float));
+    if (w->more)
+        w->more_lines = mem_alloc_array((size_t)w->image->width * EXR_LINES,
+                                        w->more->count * sizeof(float));
+    if (!w->lines || (w->more && !w->more_lines))
         return EXR_ERR_OUT_OF_MEMORY;
     for (uint32_t y = 0; result == EXR_ERR_SUCCESS && y < w->image->height; y += (uint32_t)lines)
         result = write_chunk(w, &pipeline, (int32_t)y, &started);
@@ -157,12 +198,16 @@ status exr_encode(struct buffer *out, const struct image *image, const struct ex
 
     if (!options)
         options = &plain;
-    w.half = options->half;
+    w.more = options->more && options->more->count ? options->more : NULL;
     if (options->clamped)
         *options->clamped = 0;
     if (image->channels < 3)
         return error_set(err, STATUS_ERR_INTERNAL, "an EXR is made of 3 or 4 channels, not of %u",
                          (unsigned)image->channels);
+    if (w.more && w.more->count > EXR_CHANNELS_MAX)
+        return error_set(err, STATUS_ERR_INTERNAL, "an EXR of %zu more channels: at most %d",
+                         w.more->count, EXR_CHANNELS_MAX);
+    list_planes(&w, options);
     /* The name is only for the library's messages; the bytes go to stream_write. */
     result = exr_start_write(&w.context, "picture.exr", EXR_WRITE_FILE_DIRECTLY, &init);
     if (result == EXR_ERR_SUCCESS)
@@ -172,6 +217,7 @@ status exr_encode(struct buffer *out, const struct image *image, const struct ex
     finished = exr_stream_finish(&w.context);
     if (result == EXR_ERR_SUCCESS)
         result = finished;
+    mem_free(w.more_lines);
     mem_free(w.lines);
     if (result == EXR_ERR_SUCCESS && buffer_ok(&file))
         buffer_append(out, file.data, file.size);

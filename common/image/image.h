@@ -92,10 +92,26 @@ struct exr_attribute {
     double number;    /* written as a double attribute */
 };
 
+/* More channels for an EXR file, beside the picture's. */
+struct exr_channel {
+    const char *name;         /* "N.X"; no two alike, and none of R, G, B, A */
+    int precise;              /* float even where the picture is half */
+};
+struct exr_channels {
+    const struct exr_channel *channels;
+    size_t count;             /* up to EXR_CHANNELS_MAX */
+    /* Fill planes[count][height][image width] with the lines from y on. Asked for from top to
+     * bottom in runs of EXR_LINES (the last may be shorter). */
+    void (*lines)(void *user, uint32_t y, uint32_t height, float *planes);
+    void *user;
+};
+enum { EXR_CHANNELS_MAX = 64, EXR_LINES = 16 };
+
 struct exr_options {
     int half;                 /* HALF channels: values are clamped to +-65504 and counted */
     const struct exr_attribute *attributes;
     size_t attribute_count;
+    const struct exr_channels *more; /* NULL: none */
     uint64_t *clamped;        /* may be NULL: how many values were clamped */
 };
 

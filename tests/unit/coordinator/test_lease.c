@@ -28,7 +28,7 @@ static void set_up(struct fixture *f)
 {
     memset(f, 0, sizeof *f);
     f->job = sim_job(64, 48, 12, 1, 1, 0); /* 12 tiles, 3 passes */
-    f->frame = job_frame_new(f->job, 1, 64, 48, 12, NULL);
+    f->frame = job_frame_new(f->job, 1, 64, 48, 12, 0, NULL);
     assert_non_null(f->frame);
     lease_table_init(&f->table, 1000, DURATION_NS);
     f->a.session = 1;

@@ -18,6 +18,7 @@
 #include "common/base/memory.h"
 #include "coordinator/blobs.h"
 #include "coordinator/develop.h"
+#include "tests/support/exr_channels.h"
 #include "coordinator/store.h"
 #include "tests/support/sim_farm.h"
 
@@ -353,6 +354,16 @@ static void a_torn_slot_falls_back_to_the_older_one(void **state)
     assert_int_equal(pwrite(fd, "x", 1, 20), 1);
     film_begin(&f, store);
     assert_int_equal(f.durable[1], 0);
+    merge_pass(f.film, 1, 0);
+    write_tile(&f, 1);
+    film_end(&f);
+    /* So it does when the file is of the format before AOVs. */
+    film_begin(&f, store);
+    assert_int_equal(f.durable[1], 1);
+    film_end(&f);
+    assert_int_equal(pwrite(fd, "1", 1, 6), 1);
+    film_begin(&f, store);
+    assert_int_equal(f.durable[1], 0);
     film_end(&f);
     close(fd);
     free(before);
@@ -467,7 +478,7 @@ static void a_developed_frame_is_on_disk(void **state)
 {
     struct store *store = open_it();
     struct job *job = sim_job(WIDTH, HEIGHT, SPP, 1, 1, 0);
-    struct job_frame *frame = job_frame_new(job, 1, WIDTH, HEIGHT, SPP, NULL);
+    struct job_frame *frame = job_frame_new(job, 1, WIDTH, HEIGHT, SPP, 0, NULL);
     struct development *development;
     struct buffer exr = BUFFER_INIT, path = BUFFER_INIT, found = BUFFER_INIT;
     struct image image = {0};
@@ -515,6 +526,68 @@ static void a_developed_frame_is_on_disk(void **state)
     store_close(store);
 }
 
+/* Synthetic results with every AOV come out of the EXR file, those that are positions in full
+ * precision although the file is of halves. */
+static void aovs_are_layers(void **state)
+{
+    static const struct {
+        const char *name;
+        int half;
+        enum aov aov;
+        uint32_t channel;
+    } channels[] = {{"Z", 0, AOV_DEPTH, 0},           {"N.X", 1, AOV_NORMAL, 0},
+                    {"N.Z", 1, AOV_NORMAL, 2},        {"albedo.G", 1, AOV_ALBEDO, 1},
+                    {"P.Y", 0, AOV_POSITION, 1},      {"uv.U", 0, AOV_UV, 0},
+                    {"uv.V", 0, AOV_UV, 1},           {"objectId.X", 0, AOV_OBJECT_ID, 0},
+                    {"materialId.X", 0, AOV_MATERIAL_ID, 0}, {"motion.Y", 0, AOV_MOTION, 1},
+                    {"samples.Y", 0, AOV_SAMPLES, 0}, {"error.B", 1, AOV_ERROR, 2}};
+    const uint32_t all = (1u << AOV_COUNT) - 1;
+    struct job *job = sim_job(WIDTH, HEIGHT, SPP, 1, 1, 0);
+    struct job_frame *frame = job_frame_new(job, 1, WIDTH, HEIGHT, SPP, all, NULL);
+    struct development *development;
+    struct buffer exr = BUFFER_INIT;
+    struct error err = {0};
+
+    (void)state;
+    job->settings.aovs = all;
+    job->output.exr_half = 1;
+    for (uint32_t t = 0; t < 2; t++)
+        for (uint32_t p = 0; p < 3; p++) {
+            static float sums[TILE_FLOATS_MAX];
+            enum film_merge_result result;
+            size_t count = tile_floats(WIDTH, HEIGHT, t, all);
+            for (size_t i = 0; i < count; i++)
+                sums[i] = (float)(i % 97) + 1.0f / 3 + (float)t;
+            assert_int_equal(film_merge(frame->film, t, p, sums, count, &result, &err), STATUS_OK);
+        }
+    assert_int_equal(development_new_frame(&development, frame, &err), STATUS_OK);
+    assert_int_equal(develop_encode(development, &exr, NULL, &err), STATUS_OK);
+    development_free(development);
+    assert_int_equal(exr_channel_count(exr.data, exr.size), 3 + 16 + 4);
+    for (size_t i = 0; i < sizeof channels / sizeof *channels; i++) {
+        float wanted[3 * WIDTH * HEIGHT];
+        int half = -1;
+        float *got = exr_channel_read(exr.data, exr.size, channels[i].name, &half);
+        assert_non_null(got);
+        assert_int_equal(half, channels[i].half);
+        film_develop_aov(frame->film, channels[i].aov, 0, HEIGHT, wanted);
+        for (size_t k = 0; k < WIDTH * HEIGHT; k++) {
+            float value = wanted[channels[i].channel * WIDTH * HEIGHT + k];
+            assert_float_equal(got[k], value, half ? fabsf(value) * 0x1p-11f : 0);
+        }
+        free(got);
+    }
+    /* A preview has the picture alone. */
+    buffer_clear(&exr);
+    assert_int_equal(development_new_preview(&development, frame, &err), STATUS_OK);
+    assert_int_equal(develop_encode(development, &exr, NULL, &err), STATUS_OK);
+    development_free(development);
+    assert_int_equal(exr_channel_count(exr.data, exr.size), 3);
+    buffer_release(&exr);
+    job_frame_free(frame);
+    job_free(job);
+}
+
 #define STORE_TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
 
 int main(void)
@@ -529,6 +602,7 @@ int main(void)
         STORE_TEST(memory_faults_in_opening_are_told),
         STORE_TEST(blobs_are_checked),
         STORE_TEST(a_developed_frame_is_on_disk),
+        STORE_TEST(aovs_are_layers),
     };
     return cmocka_run_group_tests_name("store", tests, NULL, NULL);
 }

@@ -401,6 +401,177 @@ static void memory_faults_lose_nothing(void **state)
     film_free(reference);
 }
 
+/* ---- AOVs ----------------------------------------------------------------------------------- */
+
+/* What a renderer sends for pixel `pixel` of a tile and AOV channel `k` (of all that are sent). */
+static float aov_sent(enum aov aov, uint32_t tile, uint32_t pass, size_t pixel, uint32_t k)
+{
+    if (aov_is_point(aov))
+        return pass ? 0 : (float)(1 + k) + 0.001f * (float)pixel - (float)tile;
+    return (float)(pass + 1) * (float)(k + 1) + (float)pixel;
+}
+
+static size_t make_aovs(const struct film *film, uint32_t tile, uint32_t pass, float *out)
+{
+    struct tile_rect rect = tile_rect_of(film_width(film), film_height(film), tile);
+    size_t pixels = (size_t)rect.width * rect.height;
+    size_t count = make_sums(film_width(film), film_height(film), tile, pass, out);
+    uint32_t k = 0;
+
+    for (int aov = 0; aov < AOV_COUNT; aov++) {
+        uint32_t channels = film_aovs(film) >> aov & 1 ? aov_channels((enum aov)aov) : 0;
+        assert_true(!channels ||
+                    count == tile_aov_offset((uint32_t)pixels, film_aovs(film), (enum aov)aov));
+        for (size_t i = 0; i < pixels * channels; i++)
+            out[count++] = aov_sent((enum aov)aov, tile, pass, i / channels,
+                                    k + (uint32_t)(i % channels));
+        k += channels;
+    }
+    assert_int_equal(count, tile_floats(film_width(film), film_height(film), tile, film_aovs(film)));
+    return count;
+}
+
+static struct film *film_with_aovs(uint32_t width, uint32_t height, uint32_t spp, uint32_t aovs,
+                                   int backwards)
+{
+    struct film *film = film_new_aovs(width, height, spp, aovs);
+    uint32_t passes;
+
+    assert_non_null(film);
+    passes = film_pass_count(film);
+    for (uint32_t t = 0; t < film_tile_count(film); t++)
+        for (uint32_t i = 0; i < passes; i++) {
+            uint32_t p = backwards ? passes - 1 - i : i;
+            float sums[TILE_FLOATS_MAX];
+            enum film_merge_result result;
+            size_t count = make_aovs(film, t, p, sums);
+            assert_int_equal(film_merge(film, t, p, sums, count, &result, NULL), STATUS_OK);
+        }
+    assert_true(film_complete(film));
+    return film;
+}
+
+static void aovs_are_means_or_first_samples(void **state)
+{
+    enum { WIDTH = 37, HEIGHT = 19, SPP = 13 }; /* passes of 4, 4 and 5 samples */
+    const uint32_t masks[] = {(1u << AOV_COUNT) - 1, 1u << AOV_UV | 1u << AOV_ALBEDO,
+                              1u << AOV_NORMAL};
+
+    (void)state;
+    for (size_t m = 0; m < sizeof masks / sizeof *masks; m++) {
+        struct film *film = film_with_aovs(WIDTH, HEIGHT, SPP, masks[m], 1);
+        uint32_t k = 0;
+        for (int aov = 0; aov < AOV_COUNT; aov++) {
+            uint32_t channels = aov_channels((enum aov)aov);
+            static float out[4 * WIDTH * HEIGHT];
+            if (!(masks[m] >> aov & 1) || channels == 0)
+                continue;
+            assert_int_equal(film_aov_channels((enum aov)aov), channels);
+            /* In runs of tile rows, as files are written. */
+            for (uint32_t y = 0; y < HEIGHT; y += TILE_SIZE) {
+                uint32_t height = HEIGHT - y < TILE_SIZE ? HEIGHT - y : TILE_SIZE;
+                film_develop_aov(film, (enum aov)aov, y, height, out);
+                for (uint32_t i = 0; i < channels * height * WIDTH; i++) {
+                    uint32_t c = i / (height * WIDTH), row = i / WIDTH % height, x = i % WIDTH;
+                    uint32_t tile = (y + row) / TILE_SIZE * tiles_across(WIDTH) + x / TILE_SIZE;
+                    struct tile_rect rect = tile_rect_of(WIDTH, HEIGHT, tile);
+                    size_t pixel = (size_t)(y + row - rect.y) * rect.width + (x - rect.x);
+                    double sum = 0;
+                    for (uint32_t p = 0; p < film_pass_count(film); p++)
+                        sum += (double)aov_sent((enum aov)aov, tile, p, pixel, k + c);
+                    if (!aov_is_point((enum aov)aov))
+                        sum /= SPP;
+                    assert_true(out[i] == (float)sum);
+                }
+            }
+            k += channels;
+        }
+        film_free(film);
+    }
+}
+
+static void samples_and_error_are_the_films(void **state)
+{
+    struct film *film = film_new_aovs(20, 2, 5, 1u << AOV_DEPTH); /* 2 tiles; passes of 4 and 1 */
+    float sums[TILE_FLOATS_MAX] = {0}, samples[40], error[120];
+    enum film_merge_result result;
+
+    (void)state;
+    /* Tile 0: the first replicate's sums are 8, the second's 2 (of 2 samples each). */
+    for (size_t i = 0; i < 16 * 2 * 3; i++)
+        sums[i] = 8, sums[16 * 2 * 3 + i] = 2;
+    assert_int_equal(film_merge(film, 0, 0, sums, 32 * 7, &result, NULL), STATUS_OK);
+    film_develop_aov(film, AOV_SAMPLES, 0, 2, samples);
+    film_develop_aov(film, AOV_ERROR, 0, 2, error);
+    for (size_t i = 0; i < 40; i++)
+        for (size_t c = 0; c < 3; c++) {
+            assert_true(samples[i] == (i % 20 < 16 ? 4 : 0));
+            /* Means 4 and 1: |4 - 1| / 2. */
+            assert_true(error[40 * c + i] == (i % 20 < 16 ? 1.5f : 0));
+        }
+    /* The fifth sample is the first replicate's. */
+    for (size_t i = 0; i < 16 * 2 * 3; i++)
+        sums[i] = 1, sums[16 * 2 * 3 + i] = 0;
+    assert_int_equal(film_merge(film, 0, 1, sums, 32 * 7, &result, NULL), STATUS_OK);
+    film_develop_aov(film, AOV_ERROR, 0, 2, error);
+    assert_true(error[0] == 1 && error[119] == 0);
+    film_free(film);
+    film = film_new(2, 1, 1); /* one sample tells no error */
+    for (size_t i = 0; i < 6; i++)
+        sums[i] = 7, sums[6 + i] = 0;
+    assert_int_equal(film_merge(film, 0, 0, sums, 12, &result, NULL), STATUS_OK);
+    film_develop_aov(film, AOV_ERROR, 0, 1, error);
+    assert_true(error[0] == 0);
+    film_free(film);
+}
+
+/* The radiance does not depend on what else is asked for; the state of a tile with AOVs comes
+ * back, and is refused by a film that has others. */
+static void aovs_are_kept_and_change_nothing_else(void **state)
+{
+    enum { WIDTH = 21, HEIGHT = 17, SPP = 28 };
+    const uint32_t mask = 1u << AOV_POSITION | 1u << AOV_ALBEDO | 1u << AOV_ERROR;
+    struct film *film = film_with_aovs(WIDTH, HEIGHT, SPP, mask, 0);
+    struct film *shuffled = film_with_aovs(WIDTH, HEIGHT, SPP, mask, 1);
+    struct film *plain = film_in_order(WIDTH, HEIGHT, SPP);
+    struct film *back = film_new_aovs(WIDTH, HEIGHT, SPP, mask);
+    struct film *other = film_new_aovs(WIDTH, HEIGHT, SPP, 1u << AOV_POSITION | 1u << AOV_NORMAL);
+    static float one[3 * WIDTH * HEIGHT], two[3 * WIDTH * HEIGHT];
+    float sums[TILE_FLOATS_MAX] = {0};
+    enum film_merge_result result;
+    struct error err = {0};
+
+    (void)state;
+    assert_same_bits(film, shuffled);
+    film_develop(film, one);
+    film_develop(plain, two);
+    assert_memory_equal(one, two, sizeof one);
+    assert_true(film_relative_mse(film) == film_relative_mse(plain));
+    for (uint32_t t = 0; t < film_tile_count(film); t++) {
+        size_t size = film_tile_state_size(film, t);
+        uint8_t *bytes = malloc(size);
+        assert_non_null(bytes);
+        film_tile_save(film, t, bytes);
+        assert_int_equal(film_tile_load(back, t, bytes, size, &err), STATUS_OK);
+        /* The same size, other variables. */
+        assert_int_equal(film_tile_state_size(other, t), size);
+        assert_int_equal(film_tile_load(other, t, bytes, size, &err), STATUS_ERR_CORRUPT);
+        assert_int_equal(film_tile_load(plain, t, bytes, size, &err), STATUS_ERR_CORRUPT);
+        free(bytes);
+    }
+    assert_same_bits(film, back);
+    film_develop_aov(film, AOV_POSITION, 0, HEIGHT, one);
+    film_develop_aov(back, AOV_POSITION, 0, HEIGHT, two);
+    assert_memory_equal(one, two, sizeof one);
+    /* A result without the variables that are asked for is refused. */
+    assert_int_equal(film_merge(other, 0, 0, sums, 256 * 6, &result, &err), STATUS_ERR_INPUT);
+    film_free(film);
+    film_free(shuffled);
+    film_free(plain);
+    film_free(back);
+    film_free(other);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -414,6 +585,9 @@ int main(void)
         cmocka_unit_test(state_goes_to_disk_and_back),
         cmocka_unit_test(damaged_state_is_refused),
         cmocka_unit_test(memory_faults_lose_nothing),
+        cmocka_unit_test(aovs_are_means_or_first_samples),
+        cmocka_unit_test(samples_and_error_are_the_films),
+        cmocka_unit_test(aovs_are_kept_and_change_nothing_else),
     };
     return cmocka_run_group_tests_name("film", tests, NULL, NULL);
 }

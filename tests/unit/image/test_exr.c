@@ -21,6 +21,7 @@
 #include "common/base/memory.h"
 #include "common/image/half.h"
 #include "common/image/image.h"
+#include "tests/support/exr_channels.h"
 
 /* A value that differs for every pixel and channel, exact in half, smooth enough for the
  * lossy codes. */
@@ -722,6 +723,69 @@ static void test_out_of_memory(void **state)
     buffer_release(&file);
 }
 
+/* ---- more channels than the picture ------------------------------------------------------- */
+
+enum { MORE_WIDTH = 21, MORE_HEIGHT = 37, MORE_COUNT = 4 };
+
+static float more_value(uint32_t x, uint32_t y, uint32_t c)
+{
+    return 100000.5f * (float)c + (float)x + 0x1p-10f * (float)y;
+}
+
+static void more_lines(void *user, uint32_t y, uint32_t height, float *planes)
+{
+    uint32_t *next = user;
+
+    assert_int_equal(y, *next); /* from top to bottom, in runs of EXR_LINES */
+    assert_true(height == EXR_LINES || y + height == MORE_HEIGHT);
+    *next = y + height;
+    for (uint32_t c = 0; c < MORE_COUNT; c++)
+        for (uint32_t line = 0; line < height; line++)
+            for (uint32_t x = 0; x < MORE_WIDTH; x++)
+                *planes++ = more_value(x, y + line, c);
+}
+
+static void test_more_channels(void **state)
+{
+    static const struct exr_channel channels[MORE_COUNT] = {
+        {"Z", 1}, {"albedo.R", 0}, {"Aa.X", 1}, {"P.X", 0}};
+
+    (void)state;
+    for (int half = 0; half < 2; half++) {
+        struct image in = make_image(MORE_WIDTH, MORE_HEIGHT, 3), out;
+        struct buffer file = BUFFER_INIT;
+        uint32_t next = 0;
+        uint64_t clamped;
+        struct exr_channels more = {channels, MORE_COUNT, more_lines, &next};
+        struct exr_options options = {.half = half, .more = &more, .clamped = &clamped};
+        struct error err = {0};
+        assert_int_equal(exr_encode(&file, &in, &options, &err), STATUS_OK);
+        assert_int_equal(next, MORE_HEIGHT);
+        assert_int_equal(exr_channel_count(file.data, file.size), 3 + MORE_COUNT);
+        for (uint32_t c = 0; c < MORE_COUNT; c++) {
+            int is_half;
+            float *values = exr_channel_read(file.data, file.size, channels[c].name, &is_half);
+            assert_non_null(values);
+            assert_int_equal(is_half, half && !channels[c].precise);
+            for (uint32_t y = 0; y < MORE_HEIGHT; y++)
+                for (uint32_t x = 0; x < MORE_WIDTH; x++) {
+                    float wanted = more_value(x, y, c);
+                    assert_true(values[y * MORE_WIDTH + x] ==
+                                (is_half ? fminf(wanted, 65504.0f) : wanted));
+                }
+            free(values);
+        }
+        /* Only the two that are halves and beyond their range. */
+        assert_int_equal(clamped, half ? 2 * MORE_WIDTH * MORE_HEIGHT : 0);
+        /* The picture is still found, and is what it was. */
+        out = decode(&file);
+        assert_memory_equal(out.pixels, in.pixels, MORE_WIDTH * MORE_HEIGHT * 3 * sizeof(float));
+        image_release(&out);
+        image_release(&in);
+        buffer_release(&file);
+    }
+}
+
 /* ---- halves, repairs --------------------------------------------------------------------- */
 
 static void test_half_conversion(void **state)
@@ -817,6 +881,7 @@ int main(void)
         cmocka_unit_test(test_damage_older_api),
         cmocka_unit_test(test_size_bomb),
         cmocka_unit_test(test_out_of_memory),
+        cmocka_unit_test(test_more_channels),
         cmocka_unit_test(test_half_conversion),
         cmocka_unit_test(test_repairs),
         cmocka_unit_test(test_limits),

@@ -171,9 +171,15 @@ static void test_units(void **state)
     assert_int_equal(wire_unit_check(84, 0, &s, NULL), STATUS_ERR_PROTOCOL);
     assert_int_equal(wire_unit_check(0, 6, &s, NULL), STATUS_ERR_PROTOCOL);
     assert_int_equal(wire_unit_check(UINT32_MAX, UINT32_MAX, &s, NULL), STATUS_ERR_PROTOCOL);
+    s.aovs = 0;
     assert_int_equal(wire_sums_count(&s, 0), 2 * 256 * 3);
     assert_int_equal(wire_sums_count(&s, 20), 2 * 13 * 16 * 3); /* right edge: 333 = 20 * 16 + 13 */
     assert_int_equal(wire_sums_count(&s, 83), 2 * 13 * 2 * 3);  /* corner: 50 = 3 * 16 + 2 */
+    /* 1 and 3 floats more; samples and error are not sent. */
+    s.aovs = 1u << AOV_DEPTH | 1u << AOV_NORMAL | 1u << AOV_SAMPLES | 1u << AOV_ERROR;
+    assert_int_equal(wire_sums_count(&s, 83), 13 * 2 * (2 * 3 + 4));
+    s.aovs = (1u << AOV_COUNT) - 1;
+    assert_int_equal(wire_sums_count(&s, 0), TILE_FLOATS_MAX);
 }
 
 static void test_sums(void **state)
