@@ -267,31 +267,40 @@ static void numbers_are_those_of_strtod(void **state)
     assert_true(isinf(got));
 }
 
+static size_t number(const char *text, double *out)
+{
+    return scan_double(text, text + strlen(text), out);
+}
+
+static size_t integer(const char *text, int64_t *out)
+{
+    return scan_integer(text, text + strlen(text), out);
+}
+
 static void numbers_end_where_they_end(void **state)
 {
     double got;
-    int64_t integer;
+    int64_t value;
 
     (void)state;
-    assert_int_equal(scan_double("12/3", "12/3" + 4, &got), 2);
-    assert_int_equal(scan_double("1e", "1e" + 2, &got), 1);
-    assert_int_equal(scan_double("1.2.3", "1.2.3" + 5, &got), 3);
-    assert_int_equal(scan_double("", "", &got), 0);
-    assert_int_equal(scan_double("-", "-" + 1, &got), 0);
-    assert_int_equal(scan_double(".", "." + 1, &got), 0);
-    assert_int_equal(scan_double("x", "x" + 1, &got), 0);
-    assert_int_equal(scan_double("-inf", "-inf" + 4, &got), 4);
+    assert_int_equal(number("12/3", &got), 2);
+    assert_int_equal(number("1e", &got), 1);
+    assert_int_equal(number("1.2.3", &got), 3);
+    assert_int_equal(number("", &got), 0);
+    assert_int_equal(number("-", &got), 0);
+    assert_int_equal(number(".", &got), 0);
+    assert_int_equal(number("x", &got), 0);
+    assert_int_equal(number("-inf", &got), 4);
     assert_true(isinf(got) && got < 0);
-    assert_int_equal(scan_double("-nan(ind)", "-nan(ind)" + 9, &got), 9);
+    assert_int_equal(number("-nan(ind)", &got), 9);
     assert_true(isnan(got));
-    assert_int_equal(scan_double("1.#QNAN", "1.#QNAN" + 7, &got), 7);
+    assert_int_equal(number("1.#QNAN", &got), 7);
     assert_true(isnan(got));
-    assert_int_equal(scan_double("-1.#INF00", "-1.#INF00" + 9, &got), 9);
+    assert_int_equal(number("-1.#INF00", &got), 9);
     assert_true(isinf(got) && got < 0);
-    assert_int_equal(scan_integer("-12/", "-12/" + 4, &integer), 3);
-    assert_int_equal(integer, -12);
-    assert_int_equal(scan_integer("99999999999999999999", "99999999999999999999" + 20, &integer),
-                     0);
+    assert_int_equal(integer("-12/", &value), 3);
+    assert_int_equal(value, -12);
+    assert_int_equal(integer("99999999999999999999", &value), 0);
 }
 
 int main(void)
