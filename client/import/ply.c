@@ -594,8 +594,7 @@ static status make_triangles(struct ply *p)
 {
     struct polygon_scratch scratch = {0};
     struct mesh_source *out = p->out;
-    const uint32_t *corners = p->corners;
-    size_t triangles = 0;
+    size_t triangles = 0, first = 0;
     status result = STATUS_OK;
 
     for (size_t f = 0; f < p->face_count; f++)
@@ -606,9 +605,10 @@ static status make_triangles(struct ply *p)
     out->indices = mem_alloc_array(triangles, 3 * sizeof *out->indices);
     if (!out->indices)
         return error_no_memory(p->err, "PLY faces");
-    for (size_t f = 0; f < p->face_count && result == STATUS_OK; corners += p->sizes[f++]) {
+    for (size_t f = 0; f < p->face_count && result == STATUS_OK; first += p->sizes[f++]) {
         uint32_t *indices = out->indices + 3 * out->triangle_count;
         size_t count = p->sizes[f];
+        const uint32_t *corners = count ? p->corners + first : NULL;
         if (!face_is_valid(corners, count, out->vertex_count)) {
             p->report.faces_invalid++;
             continue;
