@@ -34,7 +34,7 @@ endif
 BUILD := build/$(VARIANT)
 GEN := build/gen
 
-PACKAGES := libuv openssl sqlite3 jansson libpng libjpeg libwebp libzstd libprotobuf-c OpenEXR
+PACKAGES := libuv openssl sqlite3 jansson libpng zlib libjpeg libwebp libzstd libprotobuf-c OpenEXR
 # Embree ships no .pc file in Debian: take 4 where its header is, else 3.
 hash := \#
 EMBREE := $(shell echo '$(hash)include <embree4/rtcore.h>' | $(CC) -E -x c - >/dev/null 2>&1 && echo 4 || echo 3)
@@ -47,7 +47,7 @@ CPPFLAGS += $(patsubst -I%,-isystem %,$(shell $(PKG_CONFIG) --cflags $(PACKAGES)
 # The determinism contract: no contraction, no fast-math (docs/NUMERICS.md).
 CFLAGS += -std=c17 $(OPTIMISE) -ffp-contract=off -fno-math-errno -fno-trapping-math -fPIC -pthread $(WARNINGS)
 LDFLAGS += $(OPTIMISE) -pthread
-LIBS_COMMON := $(shell $(PKG_CONFIG) --libs libpng libjpeg libwebp libzstd libprotobuf-c openssl OpenEXR 2>/dev/null) -lm
+LIBS_COMMON := $(shell $(PKG_CONFIG) --libs libpng zlib libjpeg libwebp libzstd libprotobuf-c openssl OpenEXR 2>/dev/null) -lm
 LIBS_PROTOCOL := $(shell $(PKG_CONFIG) --libs libuv 2>/dev/null)
 LIBS_COORDINATOR := $(shell $(PKG_CONFIG) --libs sqlite3 2>/dev/null)
 LIBS_CLIENT := $(shell $(PKG_CONFIG) --libs jansson 2>/dev/null)

@@ -32,8 +32,8 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
 
     memset(out, 0, sizeof *out);
     render_settings_default(s);
-    s->spp = (uint32_t)o->spp;
-    s->max_depth = (uint32_t)o->max_depth;
+    s->spp = o->spp > 0 ? (uint32_t)o->spp : SETTINGS_SPP_DEFAULT;
+    s->max_depth = o->max_depth >= 0 ? (uint32_t)o->max_depth : SETTINGS_DEPTH_DEFAULT;
     s->seed = (uint64_t)o->seed;
     s->env_rotate_deg = (float)o->env_rotate_deg;
     s->env_strength = (float)o->env_strength;

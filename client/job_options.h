@@ -21,7 +21,7 @@ struct job_options {
 
 #define JOB_OPTIONS_INIT                                                                        \
     {.env_strength = 1, .env_sampling = "importance", .isa = "avx2",                            \
-     .spp = SETTINGS_SPP_DEFAULT, .max_depth = SETTINGS_DEPTH_DEFAULT, .scene = -1,             \
+     .spp = 0, .max_depth = -1, .scene = -1,             \
      .fps = 24, .lens_radius = -1}
 
 #define JOB_OPTION_ROWS(o)                                                                      \
@@ -65,11 +65,12 @@ struct job_options {
      "add these output variables to the EXR, as in depth,normal; a wrong name lists all",       \
      0, 0, NULL},                                                                               \
     {"size", 's', OPTION_STRING, &(o).size, "WxH",                                              \
-     "pixels (default: 720 rows at the camera's aspect, else 1280x720)", 0, 0, NULL},           \
-    {"spp", 'n', OPTION_INT, &(o).spp, "N", "samples a pixel (default 256)",                    \
-     1, SETTINGS_SPP_MAX, NULL},                                                                \
+     "pixels (default: the file's own, 720 rows at the camera's aspect, or 1280x720)", 0, 0,     \
+     NULL},                                                                                     \
+    {"spp", 'n', OPTION_INT, &(o).spp, "N",                                                     \
+     "samples a pixel (default: the file's own, or 256)", 1, SETTINGS_SPP_MAX, NULL},           \
     {"max-depth", 0, OPTION_INT, &(o).max_depth, "N",                                           \
-     "path edges after the camera's ray; 0 shows emitters only (default 12)",                   \
+     "path edges after the camera's ray; 0 shows emitters only (default: the file's own, or 12)", \
      0, SETTINGS_DEPTH_MAX, NULL},                                                              \
     {"seed", 0, OPTION_INT, &(o).seed, "N",                                                     \
      "another seed gives other noise, the same one the same bits (default 0)",                  \

@@ -9,6 +9,27 @@
 #include "common/base/file.h"
 #include "common/base/memory.h"
 
+/* What the file asks for counts where the user asks for nothing. */
+static void take_hints(const struct import_hints *hints, const struct job_options *o, int quiet,
+                       struct render_settings *s)
+{
+    const int size = !o->size && hints->width && hints->height;
+    const int spp = o->spp <= 0 && hints->spp;
+    const int depth = o->max_depth < 0 && hints->has_max_depth;
+
+    if (size) {
+        s->width = hints->width;
+        s->height = hints->height;
+    }
+    if (spp)
+        s->spp = hints->spp;
+    if (depth)
+        s->max_depth = hints->max_depth;
+    if ((size || spp || depth) && !quiet)
+        fprintf(stderr, "as the file asks: %ux%u pixels, %u samples, depth %u\n", s->width,
+                s->height, s->spp, s->max_depth);
+}
+
 status submission_prepare(const char *path, const struct job_options *options, int quiet,
                           struct job_request *request, struct import_result *scene,
                           struct error *err)
@@ -25,7 +46,11 @@ status submission_prepare(const char *path, const struct job_options *options, i
         return result;
     for (size_t i = 0; i < scene->warning_count && !quiet; i++)
         fprintf(stderr, "warning: %s\n", scene->warnings[i]);
-    return job_request_complete(request, options, &scene->scene, err);
+    result = job_request_complete(request, options, &scene->scene, err);
+    if (result != STATUS_OK)
+        return result;
+    take_hints(&scene->hints, options, quiet, &request->settings);
+    return render_settings_validate(&request->settings, scene->scene.camera_count, err);
 }
 
 static void report_upload(const struct upload_progress *progress, void *user)

@@ -31,7 +31,7 @@ for source in "$@"; do
 done
 # Warnings are the ordinary build's business.
 make -s CC="$FUZZ_CC" SANITIZE="$instrument" WARNINGS=-w "${libraries[@]}" "${objects[@]}"
-others=$(pkg-config --libs libuv openssl sqlite3 jansson libpng libjpeg libwebp libzstd libprotobuf-c OpenEXR)
+others=$(pkg-config --libs libuv openssl sqlite3 jansson libpng zlib libjpeg libwebp libzstd libprotobuf-c OpenEXR)
 embree=-lembree3
 [ -e /usr/include/embree4/rtcore.h ] && embree=-lembree4
 mkdir -p build/fuzz/corpus

@@ -5,6 +5,7 @@
 #include "client/import/builder.h"
 #include "client/import/gltf.h"
 #include "client/import/obj.h"
+#include "client/import/pbrt.h"
 #include "client/import/ply_scene.h"
 #include "common/base/buffer.h"
 #include "common/base/file.h"
@@ -14,6 +15,7 @@
 static const struct import_format *const formats[] = {
     &format_gltf,
     &format_ply,
+    &format_pbrt,
     &format_obj,
 };
 enum { FORMAT_COUNT = sizeof formats / sizeof *formats };

@@ -45,6 +45,14 @@ struct import_animation {
     int taken;              /* into the scene */
 };
 
+/* How the file itself asks to be rendered; 0: it says nothing. */
+struct import_hints {
+    uint32_t width, height;         /* pixels */
+    uint32_t spp;
+    int has_max_depth;
+    uint32_t max_depth;             /* as in struct render_settings */
+};
+
 struct import_result {
     struct scene scene;
     struct import_blob *blobs;      /* distinct: exactly those of scene_blobs() */
@@ -54,6 +62,8 @@ struct import_result {
     struct digest scene_digest;     /* of `packed`: the scene's name */
     char **warnings;
     size_t warning_count;
+
+    struct import_hints hints;
 
     /* for the report */
     char *source;                   /* the path as given */

@@ -131,6 +131,21 @@ static void print_environment(const struct import_result *result, FILE *out)
                 (double)env->image.blob.size_bytes / 1e3);
 }
 
+/* How the file itself asks to be rendered. */
+static void print_hints(const struct import_hints *hints, FILE *out)
+{
+    if (!hints->width && !hints->spp && !hints->has_max_depth)
+        return;
+    fprintf(out, "asks for:      ");
+    if (hints->width)
+        fprintf(out, " %ux%u pixels", hints->width, hints->height);
+    if (hints->spp)
+        fprintf(out, "%s %u samples a pixel", hints->width ? "," : "", hints->spp);
+    if (hints->has_max_depth)
+        fprintf(out, "%s depth %u", hints->width || hints->spp ? "," : "", hints->max_depth);
+    fputc('\n', out);
+}
+
 static void print_variants(const struct import_result *result, FILE *out)
 {
     if (result->variant_count == 0)
@@ -239,6 +254,7 @@ void import_report_print(const struct import_result *result, FILE *out)
     print_motion(result, out);
     print_simplified(&result->simplified, out);
     print_environment(result, out);
+    print_hints(&result->hints, out);
     print_effects(all_effects(scene), out);
     fprintf(out, "bytes:          %llu in %zu blobs, scene %zu\n",
             (unsigned long long)result->blob_bytes, result->blob_count, result->packed_bytes);
@@ -398,6 +414,19 @@ static json_t *warnings_json(const struct import_result *result)
     return list;
 }
 
+static json_t *hints_json(const struct import_hints *hints)
+{
+    json_t *out = json_object();
+
+    if (hints->width)
+        json_object_set_new(out, "size", json_pack("[i, i]", (int)hints->width, (int)hints->height));
+    if (hints->spp)
+        json_object_set_new(out, "spp", json_integer(hints->spp));
+    if (hints->has_max_depth)
+        json_object_set_new(out, "max_depth", json_integer(hints->max_depth));
+    return out;
+}
+
 json_t *import_report_json(const struct import_result *result)
 {
     const struct scene *scene = &result->scene;
@@ -410,7 +439,7 @@ json_t *import_report_json(const struct import_result *result)
     return json_pack(
         "{s:o, s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, "
         "s:{s:I, s:I, s:I}, s:o, s:o, s:i, s:o, s:f, s:i, s:i, s:i, s:i, "
-        "s:{s:i, s:i, s:i, s:i, s:i, s:b, s:I}}",
+        "s:{s:i, s:i, s:i, s:i, s:i, s:b, s:I}, s:o}",
         "file", source ? source : json_null(), "name", scene->name, "digest", hex, "triangles",
         (json_int_t)result->triangles, "triangles_placed", (json_int_t)result->triangles_placed,
         "vertices", (json_int_t)result->vertices, "degenerate_triangles",
@@ -430,5 +459,5 @@ json_t *import_report_json(const struct import_result *result)
         "made_opaque", (int)result->simplified.made_opaque, "mixes",
         (int)result->simplified.mixes, "uniform_environment",
         result->simplified.uniform_environment, "image_bytes",
-        (json_int_t)result->simplified.image_bytes);
+        (json_int_t)result->simplified.image_bytes, "asks", hints_json(&result->hints));
 }

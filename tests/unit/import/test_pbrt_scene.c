@@ -1,0 +1,504 @@
+/* pbrt: words, files, matrices, cameras, objects and motion. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <math.h>
+#include <string.h>
+#include <zlib.h>
+
+#include "common/base/memory.h"
+#include "common/math/elementary.h"
+#include "tests/support/gltf_maker.h"
+#include "tests/support/pbrt_text.h"
+
+/* ---- words and files ---------------------------------------------------------------------- */
+
+static void test_words(void **state)
+{
+    struct import_result r;
+
+    (void)state;
+    pbrt_whole("# a comment \"with\" [words]\n" RIGHT_HANDED
+               "WorldBegin#no blank needed\n" LAMP
+               "Material\"diffuse\"\"rgb reflectance\"[.1 2e-1 +0.3]"
+               "Shape \"trianglemesh\"\n\t\"integer indices\" [0 1 2]\r\n"
+               "\"point3 P\" [ 0 0 0  1 0 0  0 1 0 ]\nWorldEnd\n",
+               NULL, &r);
+    assert_int_equal(r.scene.instance_count, 1);
+    assert_floats(r.scene.materials[0].base_color, (const float[]){0.1f, 0.2f, 0.3f, 1}, 4, 1e-6f);
+    assert_int_equal(r.warning_count, 0);
+    import_result_release(&r);
+}
+
+static void test_errors_name_their_place(void **state)
+{
+    static const char *const bad[][2] = {
+        {"WorldBegin\n\nFoo", "a.pbrt:3: |\"Foo\" is no directive"},
+        {"WorldBegin\nShape \"sphere\" \"float radius\" [1 x]", "a.pbrt:2: |radius|x"},
+        {"WorldBegin\nShape \"sphere\" \"float radius\" [1 2", "a.pbrt:2: |no closing bracket"},
+        {"WorldBegin\nShape \"sphere", "a.pbrt:2: |no closing quote"},
+        {"WorldBegin\nShape \"sphere\" \"flat radius\" 1", "a.pbrt:2: |no parameter"},
+        {"WorldBegin Shape \"sphere\" \"point3 P\" [1 2]", "2 numbers|by 3"},
+        {"Translate 1 2", "Translate takes 3 numbers"},
+        {"Translate 1 2 nan", "Translate takes 3 numbers"},
+        {"Scale 1 2 0x10", "Scale takes 3 numbers"},
+        {"Transform [1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 0]", "a.pbrt:1: |perspective"},
+        {"LookAt 0 0 0 0 0 1 0 0 2", "a.pbrt:1: |parallel"},
+        {"WorldBegin\nAttributeEnd", "a.pbrt:2: |nothing was begun"},
+        {"WorldBegin\nAttributeBegin\nTransformEnd", "a.pbrt:3: |AttributeBegin must be ended"},
+        {"Shape \"sphere\"", "must stand after WorldBegin"},
+        {"WorldBegin WorldBegin", "twice"},
+        {"WorldBegin Camera \"perspective\"", "before WorldBegin"},
+        {"WorldBegin NamedMaterial \"x\"", "\"x\" is not known"},
+        {"WorldBegin ObjectInstance \"x\"", "\"x\" is not known"},
+        {"WorldBegin ObjectBegin \"x\" ObjectBegin \"y\"", "inside of another"},
+        {"WorldBegin ObjectBegin \"x\" ObjectInstance \"x\"", "object definition"},
+        {"Include \"other.pbrt\"", "a.pbrt:1: |read from a folder"},
+        {"WorldBegin Shape \"plymesh\" \"string filename\" \"a.ply\"", "read from a folder"},
+        {"Camera \"realistic\" WorldBegin", "a.pbrt:1: |\"realistic\" is not supported|perspective"},
+        {"ColorSpace \"foo\"", "foo|rec2020"},
+        {"ActiveTransform Sometimes", "StartTime"},
+        {"TransformTimes 1 1", "later end"},
+        {"WorldBegin Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] "
+         "\"integer indices\" [0 1 3]", "indices|holds 3|3 vertices"},
+        {"WorldBegin Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1e16 0] "
+         "\"integer indices\" [0 1 2]", "P|1e+16"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
+        pbrt_refused(bad[i][0], bad[i][1]);
+}
+
+static void test_includes(void **state)
+{
+    const struct import_options options = IMPORT_OPTIONS_DEFAULT;
+    char *folder = pbrt_folder_make();
+    const char *loop = "Include \"loop.pbrt\"", *up = "Include \"../../../../../x.pbrt\"",
+               *absolute = "Include \"/etc/passwd\"", *gone = "\nInclude \"gone.pbrt\"",
+               *bad = "WorldBegin Include \"bad.pbrt\"";
+    const char *part = "Material \"diffuse\" \"rgb reflectance\" [.25 .25 .25] " TRIANGLE;
+    struct import_result r;
+    struct error err = {0};
+
+    (void)state;
+    pbrt_folder_put(folder, "part.pbrt", part, strlen(part));
+    pbrt_folder_put(folder, "loop.pbrt", loop, strlen(loop));
+    pbrt_folder_put(folder, "bad.pbrt", "\n\nFoo", 5);
+    pbrt_whole(RIGHT_HANDED "WorldBegin " LAMP "Include \"part.pbrt\" " TRIANGLE, folder, &r);
+    assert_int_equal(r.scene.instance_count, 2);
+    assert_int_equal(r.scene.instances[0].material, r.scene.instances[1].material);
+    import_result_release(&r);
+    /* What an import does to the state stays in it. */
+    pbrt_whole(RIGHT_HANDED "WorldBegin " LAMP "Import \"part.pbrt\" " TRIANGLE, folder, &r);
+    assert_int_equal(r.scene.instance_count, 2);
+    assert_true(r.scene.materials[r.scene.instances[0].material].base_color[0] == 0.25f);
+    assert_true(r.scene.materials[r.scene.instances[1].material].base_color[0] == 0.5f);
+    import_result_release(&r);
+    assert_int_equal(import_scene_memory(loop, strlen(loop), "a.pbrt", folder, &options, &r, &err),
+                     STATUS_ERR_INPUT);
+    assert_says(&err, "loop.pbrt:1: |includes itself");
+    assert_int_equal(import_scene_memory(up, strlen(up), "a.pbrt", folder, &options, &r, &err),
+                     STATUS_ERR_INPUT);
+    assert_says(&err, "a.pbrt:1: |folders above");
+    assert_int_equal(import_scene_memory(absolute, strlen(absolute), "a.pbrt", folder, &options,
+                                         &r, &err),
+                     STATUS_ERR_INPUT);
+    assert_says(&err, "a.pbrt:1: |relative");
+    assert_int_equal(import_scene_memory(gone, strlen(gone), "a.pbrt", folder, &options, &r, &err),
+                     STATUS_ERR_INPUT);
+    assert_says(&err, "a.pbrt:2: |gone.pbrt|is not there");
+    assert_int_equal(import_scene_memory(bad, strlen(bad), "a.pbrt", folder, &options, &r, &err),
+                     STATUS_ERR_INPUT);
+    assert_says(&err, "bad.pbrt:3: |Foo");
+    pbrt_folder_remove(folder);
+}
+
+static size_t gzip(const char *text, uint8_t *out, size_t size)
+{
+    z_stream z = {0};
+
+    assert_int_equal(deflateInit2(&z, 6, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY), Z_OK);
+    z.next_in = (Bytef *)(uintptr_t)text;
+    z.avail_in = (uInt)strlen(text);
+    z.next_out = out;
+    z.avail_out = (uInt)size;
+    assert_int_equal(deflate(&z, Z_FINISH), Z_STREAM_END);
+    size -= z.avail_out;
+    deflateEnd(&z);
+    return size;
+}
+
+static void test_gzip(void **state)
+{
+    const struct import_options options = IMPORT_OPTIONS_DEFAULT;
+    struct import_result r;
+    struct error err = {0};
+    uint8_t packed[512];
+    size_t size = gzip(RIGHT_HANDED "WorldBegin " LAMP TRIANGLE, packed, sizeof packed);
+
+    (void)state;
+    assert_int_equal(import_scene_memory(packed, size, "a.pbrt.gz", NULL, &options, &r, &err),
+                     STATUS_OK);
+    assert_int_equal(r.scene.instance_count, 1);
+    import_result_release(&r);
+    assert_int_equal(import_scene_memory(packed, size - 9, "a.pbrt.gz", NULL, &options, &r, &err),
+                     STATUS_ERR_INPUT);
+    assert_says(&err, "damaged gzip");
+    import_result_release(&r);
+}
+
+static void test_unknown_parameters(void **state)
+{
+    struct import_result r;
+
+    (void)state;
+    pbrt_world(LAMP "\nShape \"sphere\" \"float radius\" 2\n\"float raduis\" 3", &r);
+    pbrt_warned(&r, "a.pbrt:6: |shape \"sphere\"|\"float raduis\"");
+    import_result_release(&r);
+    pbrt_world(LAMP "Material \"diffuse\" \"float sigma\" 3 " TRIANGLE, &r);
+    pbrt_warned(&r, "material \"diffuse\"|\"float sigma\"");
+    import_result_release(&r);
+    pbrt_world("LightSource \"point\" \"float I\" 3 " TRIANGLE, &r); /* of the wrong type */
+    pbrt_warned(&r, "light \"point\"|\"float I\"");
+    import_result_release(&r);
+    pbrt_world(LAMP "Shape \"cone\" " TRIANGLE, &r);
+    pbrt_warned(&r, "a.pbrt:|\"cone\" is not supported: left out");
+    assert_int_equal(r.scene.instance_count, 1);
+    import_result_release(&r);
+}
+
+/* ---- cameras ------------------------------------------------------------------------------ */
+
+static void assert_camera(const struct import_result *r, const float right[3], const float up[3],
+                          const float back[3], const float at[3])
+{
+    const struct transform *m = &r->scene.cameras[0].to_world;
+
+    for (int i = 0; i < 3; i++) {
+        assert_true(fabsf(m->m[i][0] - right[i]) < 1e-6f);
+        assert_true(fabsf(m->m[i][1] - up[i]) < 1e-6f);
+        assert_true(fabsf(m->m[i][2] - back[i]) < 1e-6f);
+        assert_true(fabsf(m->m[i][3] - at[i]) < 1e-5f);
+    }
+}
+
+/* In pbrt's world the right of a camera at +z that looks at the origin is -x. We mirror z: what
+ * stood at z stands at -z, and the camera sees the same picture. */
+static void test_handedness(void **state)
+{
+    struct import_result r;
+
+    (void)state;
+    pbrt_whole("LookAt 0 0 5 0 0 0 0 1 0 Camera \"perspective\" WorldBegin " LAMP
+               "Translate 1 2 3 " TRIANGLE,
+               NULL, &r);
+    assert_camera(&r, (const float[]){-1, 0, 0}, (const float[]){0, 1, 0},
+                  (const float[]){0, 0, -1}, (const float[]){0, 0, -5});
+    assert_floats(&r.scene.instances[0].to_world.m[0][0],
+                  (const float[]){1, 0, 0, 1, 0, 1, 0, 2, 0, 0, -1, -3}, 12, 1e-6f);
+    import_result_release(&r);
+    /* A mirrored camera matrix: the file's world is right-handed already. */
+    pbrt_world(LAMP "Translate 1 2 3 " TRIANGLE, &r);
+    assert_camera(&r, (const float[]){1, 0, 0}, (const float[]){0, 1, 0},
+                  (const float[]){0, 0, 1}, (const float[]){0, 0, 5});
+    assert_floats(&r.scene.instances[0].to_world.m[0][0],
+                  (const float[]){1, 0, 0, 1, 0, 1, 0, 2, 0, 0, 1, 3}, 12, 1e-6f);
+    import_result_release(&r);
+    pbrt_whole("Transform [1 0 0 0  0 1 0 0  0 0 -1 0  0 -1 6.8 1] Camera \"perspective\" "
+               "WorldBegin " LAMP TRIANGLE,
+               NULL, &r);
+    assert_camera(&r, (const float[]){1, 0, 0}, (const float[]){0, 1, 0},
+                  (const float[]){0, 0, 1}, (const float[]){0, 1, 6.8f});
+    import_result_release(&r);
+}
+
+#define DEGREES(x) ((float)((x) * PI_D / 180))
+
+static void test_perspective(void **state)
+{
+    static const struct {
+        const char *film, *camera;
+        float yfov, aspect;
+    } cases[] = {
+        {"200 \"integer yresolution\" 100", "\"float fov\" 60", DEGREES(60), 2},
+        /* fov is that of the shorter side: here the width. */
+        {"100 \"integer yresolution\" 200", "\"float fov\" 90", 2 * 1.1071487f, 0.5f},
+        {"100 \"integer yresolution\" 100", "\"float screenwindow\" [-2 2 -1 1]", DEGREES(90), 2},
+        {"100 \"integer yresolution\" 100", "\"float frameaspectratio\" 3", DEGREES(90), 3},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct buffer text = BUFFER_INIT;
+        struct import_result r;
+        buffer_printf(&text,
+                      "Film \"rgb\" \"integer xresolution\" %s Camera \"perspective\" %s "
+                      "WorldBegin " LAMP TRIANGLE,
+                      cases[i].film, cases[i].camera);
+        pbrt_whole(buffer_text(&text), NULL, &r);
+        assert_float_equal(r.scene.cameras[0].yfov_rad, cases[i].yfov, 1e-5f);
+        assert_float_equal(r.scene.cameras[0].aspect, cases[i].aspect, 1e-5f);
+        import_result_release(&r);
+        buffer_release(&text);
+    }
+}
+
+static void test_other_cameras(void **state)
+{
+    struct import_result r;
+
+    (void)state;
+    pbrt_whole("Scale .5 .5 .5 Camera \"orthographic\" \"float screenwindow\" [-2 2 -1 1] "
+               "\"float lensradius\" .1 \"float focaldistance\" 4 WorldBegin " LAMP TRIANGLE,
+               NULL, &r);
+    assert_int_equal(r.scene.cameras[0].kind, CAMERA_ORTHOGRAPHIC);
+    assert_float_equal(r.scene.cameras[0].xmag, 4, 1e-6f); /* a camera that is scaled by 2 */
+    assert_float_equal(r.scene.cameras[0].ymag, 2, 1e-6f);
+    assert_float_equal(r.scene.cameras[0].lens_radius, 0.2f, 1e-6f);
+    assert_float_equal(r.scene.cameras[0].focus_distance, 8, 1e-6f);
+    import_result_release(&r);
+    /* The middle of pbrt's panorama is -x, the right of that -z, in a right-handed world. */
+    pbrt_whole("Camera \"spherical\" \"string mapping\" \"equirectangular\" WorldBegin " LAMP
+               TRIANGLE, NULL, &r);
+    assert_int_equal(r.scene.cameras[0].kind, CAMERA_PANORAMA);
+    assert_camera(&r, (const float[]){0, 0, -1}, (const float[]){0, 1, 0},
+                  (const float[]){1, 0, 0}, (const float[]){0, 0, 0});
+    assert_true(r.scene.instances[0].to_world.m[2][2] == 1);
+    assert_int_equal(r.warning_count, 0);
+    import_result_release(&r);
+    pbrt_whole("Camera \"spherical\" WorldBegin " LAMP TRIANGLE, NULL, &r);
+    pbrt_warned(&r, "equalarea");
+    import_result_release(&r);
+}
+
+static void test_hints(void **state)
+{
+    struct import_result r;
+
+    (void)state;
+    pbrt_whole("Film \"rgb\" \"integer xresolution\" 640 \"integer yresolution\" 480 "
+               "\"string filename\" \"a.exr\" \"float iso\" 400 \"float exposuretime\" .5 "
+               "Sampler \"zsobol\" \"integer pixelsamples\" 64 Integrator \"volpath\" "
+               "\"integer maxdepth\" 17 Option \"integer seed\" 3 Option \"bool forcediffuse\" true "
+               "PixelFilter \"gaussian\" \"float xradius\" 2 " RIGHT_HANDED
+               "WorldBegin " LAMP TRIANGLE,
+               NULL, &r);
+    assert_int_equal(r.hints.width, 640);
+    assert_int_equal(r.hints.height, 480);
+    assert_int_equal(r.hints.spp, 64);
+    assert_true(r.hints.has_max_depth && r.hints.max_depth == 17);
+    assert_float_equal(r.scene.cameras[0].exposure_ev, 1, 1e-6f); /* twice the light */
+    pbrt_warned(&r, "pixel filter|gaussian");
+    pbrt_warned(&r, "Option|forcediffuse");
+    assert_false(pbrt_has_warned(&r, "seed"));
+    import_result_release(&r);
+}
+
+/* ---- matrices, objects, motion ------------------------------------------------------------ */
+
+static void assert_placed(const struct import_result *r, uint32_t instance, const float point[3],
+                          const float wanted[3])
+{
+    const struct vec3 got = transform_point(&r->scene.instances[instance].to_world,
+                                            (struct vec3){point[0], point[1], point[2]});
+
+    assert_float_equal(got.x, wanted[0], 1e-5f);
+    assert_float_equal(got.y, wanted[1], 1e-5f);
+    assert_float_equal(got.z, wanted[2], 1e-5f);
+}
+
+static void test_matrices(void **state)
+{
+    struct import_result r;
+
+    (void)state;
+    pbrt_world(LAMP
+               "AttributeBegin Translate 1 0 0 Rotate 90 0 0 1 Scale 2 1 1 " TRIANGLE
+               "CoordinateSystem \"here\" AttributeEnd\n"
+               "AttributeBegin Translate 9 9 9 Identity " TRIANGLE "AttributeEnd\n"
+               "TransformBegin CoordSysTransform \"here\" " TRIANGLE "TransformEnd\n"
+               "ConcatTransform [1 0 0 0 0 1 0 0 0 0 1 0 5 6 7 1] " TRIANGLE
+               "Rotate 60 1 1 1 Rotate 60 1 1 1 " TRIANGLE
+               "CoordSysTransform \"camera\" " TRIANGLE,
+               &r);
+    assert_placed(&r, 0, (const float[]){1, 0, 0}, (const float[]){1, 2, 0});
+    assert_placed(&r, 1, (const float[]){1, 0, 0}, (const float[]){1, 0, 0});
+    assert_placed(&r, 2, (const float[]){0, 1, 0}, (const float[]){0, 0, 0});
+    assert_placed(&r, 3, (const float[]){1, 0, 0}, (const float[]){6, 6, 7});
+    /* A third of a turn about the diagonal takes x to y. */
+    assert_placed(&r, 4, (const float[]){1, 0, 0}, (const float[]){5, 7, 7});
+    assert_placed(&r, 5, (const float[]){0, 0, 5}, (const float[]){0, 0, 0});
+    import_result_release(&r);
+}
+
+static void test_objects(void **state)
+{
+    struct import_result r;
+
+    (void)state;
+    pbrt_world(LAMP
+               "ObjectBegin \"pair\" Translate 1 0 0 " TRIANGLE "Translate 1 0 0 " TRIANGLE
+               "ObjectEnd\n"
+               "ObjectInstance \"pair\" Scale 2 2 2 ObjectInstance \"pair\"",
+               &r);
+    assert_int_equal(r.scene.instance_count, 4);
+    assert_int_equal(r.scene.mesh_count, 1);
+    assert_placed(&r, 0, (const float[]){0, 0, 0}, (const float[]){1, 0, 0});
+    assert_placed(&r, 3, (const float[]){0, 0, 0}, (const float[]){4, 0, 0});
+    import_result_release(&r);
+    pbrt_world("ObjectBegin \"o\" AreaLightSource \"diffuse\" " TRIANGLE "ObjectEnd "
+               "ObjectInstance \"o\"", &r);
+    pbrt_warned(&r, "area light in an object");
+    assert_true(r.scene.materials[0].emission[0] == 0);
+    import_result_release(&r);
+}
+
+static const struct scene_channel *channel_of(const struct import_result *r,
+                                              enum scene_channel_path path)
+{
+    for (uint32_t i = 0; i < r->scene.channel_count; i++)
+        if (r->scene.channels[i].path == path)
+            return &r->scene.channels[i];
+    return NULL;
+}
+
+static void test_motion(void **state)
+{
+    const struct scene_channel *c;
+    struct import_result r;
+
+    (void)state;
+    pbrt_whole("TransformTimes 0 2 Scale -1 1 1 Camera \"perspective\" \"float shutteropen\" .5 "
+               "\"float shutterclose\" 1.5 WorldBegin " LAMP
+               "Translate 1 0 0 ActiveTransform EndTime Translate 2 0 0 Rotate 90 0 0 1 "
+               "Scale 3 3 3 ActiveTransform All " TRIANGLE TRIANGLE,
+               NULL, &r);
+    assert_int_equal(r.scene.node_count, 1); /* both follow one node */
+    assert_int_equal(r.scene.instances[1].node, 0);
+    assert_placed(&r, 0, (const float[]){0, 0, 0}, (const float[]){1, 0, 0});
+    c = channel_of(&r, PATH_TRANSLATION);
+    assert_non_null(c);
+    assert_floats(c->times, (const float[]){0, 2}, 2, 0);
+    assert_floats(c->values, (const float[]){1, 0, 0, 3, 0, 0}, 6, 1e-6f);
+    c = channel_of(&r, PATH_ROTATION);
+    assert_non_null(c);
+    assert_floats(c->values, (const float[]){0, 0, 0, 1, 0, 0, 0.70710678f, 0.70710678f}, 8, 1e-6f);
+    c = channel_of(&r, PATH_SCALE);
+    assert_non_null(c);
+    assert_floats(c->values, (const float[]){1, 1, 1, 3, 3, 3}, 6, 1e-6f);
+    assert_true(r.scene.cameras[0].shutter_open_s == 0.5f &&
+                r.scene.cameras[0].shutter_close_s == 1.5f);
+    import_result_release(&r);
+    /* Nothing moves: the shutter does not matter. */
+    pbrt_world(LAMP TRIANGLE, &r);
+    assert_true(r.scene.cameras[0].shutter_close_s == r.scene.cameras[0].shutter_open_s);
+    import_result_release(&r);
+}
+
+/* The mirrored world's motion: the node with its scale must be what pbrt_to_world gives. */
+static void test_mirrored_motion(void **state)
+{
+    struct import_result r;
+    const struct scene_node *n;
+    struct transform_d pose;
+    double t[3], q[4], s[3];
+
+    (void)state;
+    pbrt_whole("Camera \"perspective\" WorldBegin " LAMP
+               "Translate 1 2 3 Rotate 40 1 2 3 Scale 2 2 2 ActiveTransform EndTime "
+               "Translate 1 0 0 " TRIANGLE,
+               NULL, &r);
+    assert_int_equal(r.scene.node_count, 1);
+    n = &r.scene.nodes[0];
+    for (int i = 0; i < 3; i++) {
+        t[i] = (double)n->translation[i];
+        s[i] = (double)n->scale[i];
+    }
+    for (int i = 0; i < 4; i++)
+        q[i] = (double)n->rotation[i];
+    pose = transform_d_from_trs(t, q, s);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 4; j++)
+            assert_float_equal(r.scene.instances[0].to_world.m[i][j], (float)pose.m[i][j], 2e-6f);
+    assert_true(transform_d_determinant(&pose) < 0);
+    import_result_release(&r);
+}
+
+static void test_camera_motion(void **state)
+{
+    const struct scene_channel *c;
+    struct import_result r;
+
+    (void)state;
+    pbrt_whole("Scale -1 1 1 ActiveTransform EndTime Translate 0 0 -2 ActiveTransform All "
+               "Camera \"perspective\" WorldBegin " LAMP TRIANGLE, NULL, &r);
+    assert_int_equal(r.scene.cameras[0].node, 0);
+    assert_null(channel_of(&r, PATH_ROTATION));
+    c = channel_of(&r, PATH_TRANSLATION);
+    assert_non_null(c);
+    assert_floats(c->values, (const float[]){0, 0, 0, 0, 0, 2}, 6, 1e-6f);
+    assert_true(r.scene.cameras[0].shutter_close_s == 1);
+    import_result_release(&r);
+}
+
+/* Whichever allocation fails: an error, nothing kept. */
+static void test_out_of_memory(void **state)
+{
+    static const char text[] =
+        RIGHT_HANDED
+        "WorldBegin LightSource \"infinite\" \"blackbody L\" 5000 AttributeBegin "
+        "Texture \"c\" \"spectrum\" \"checkerboard\" \"rgb tex1\" [1 0 0] "
+        "MakeNamedMaterial \"a\" \"string type\" \"diffuse\" \"texture reflectance\" \"c\" "
+        "MakeNamedMaterial \"b\" \"string type\" \"dielectric\" \"float odd\" 1 "
+        "MakeNamedMaterial \"m\" \"string type\" \"mix\" \"string materials\" [\"a\" \"b\"] "
+        "MakeNamedMedium \"f\" \"string type\" \"uniformgrid\" \"float density\" 1 "
+        "MediumInterface \"f\" \"\" NamedMaterial \"m\" " TRIANGLE "AttributeEnd "
+        "ObjectBegin \"o\" " TRIANGLE "ObjectEnd ActiveTransform EndTime Translate 1 0 0 "
+        "ObjectInstance \"o\" AreaLightSource \"diffuse\" " TRIANGLE;
+    const struct import_options options = IMPORT_OPTIONS_DEFAULT;
+    long failed = 1, n;
+
+    (void)state;
+    for (n = 0; failed && n < 5000; n++) {
+        struct import_result r;
+        struct error err = {0};
+        status result;
+        mem_fault_arm(n, 1);
+        result = import_scene_memory(text, sizeof text - 1, "a.pbrt", NULL, &options, &r, &err);
+        failed = mem_fault_count();
+        mem_fault_arm(-1, 0);
+        if (failed && result != STATUS_OK)
+            assert_int_equal(result, STATUS_ERR_NO_MEMORY);
+        if (!failed)
+            assert_int_equal(result, STATUS_OK);
+        import_result_release(&r);
+    }
+    assert_true(n > 100 && !failed);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_words),
+        cmocka_unit_test(test_errors_name_their_place),
+        cmocka_unit_test(test_includes),
+        cmocka_unit_test(test_gzip),
+        cmocka_unit_test(test_unknown_parameters),
+        cmocka_unit_test(test_handedness),
+        cmocka_unit_test(test_perspective),
+        cmocka_unit_test(test_other_cameras),
+        cmocka_unit_test(test_hints),
+        cmocka_unit_test(test_matrices),
+        cmocka_unit_test(test_objects),
+        cmocka_unit_test(test_motion),
+        cmocka_unit_test(test_mirrored_motion),
+        cmocka_unit_test(test_camera_motion),
+        cmocka_unit_test(test_out_of_memory),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
