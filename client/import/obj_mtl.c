@@ -12,7 +12,8 @@
  *                  is 1), tinted by Tf
  *   Ke             radiance
  *   Pr Pm Pc Pcr Ps aniso anisor   roughness, metallic, clearcoat, its roughness, sheen,
- *                  anisotropy, its rotation in turns. With Pr or Pm, Ks is not used.
+ *                  anisotropy, its rotation in turns. With Pr, Pm or a map of
+ *                  them, Ks is not used.
  */
 #include <math.h>
 #include <string.h>
@@ -343,7 +344,8 @@ static void set_specular(const struct obj_material *in, struct scene_material *o
     int mirror = in->illum == 3 || in->illum == 5 || in->illum == 8;
     float scale = (mirror ? 1 : highlight_reflectance) / default_reflectance;
 
-    if (!isnan(in->pr) || !isnan(in->pm)) {
+    if (!isnan(in->pr) || !isnan(in->pm) || in->maps[OBJ_MAP_PR].file ||
+        in->maps[OBJ_MAP_PM].file) {
         out->ior = in->ni >= 1 ? float_min(in->ni, 10) : 1.5f;
         return;
     }

@@ -417,7 +417,7 @@ static void maps_become_textures(void **state)
                 "map_Bump -bm 0.5 n.png\n",
                 &result, &m);
     assert_true(m.base_color[0] == 1 && m.emission[0] == 1 && m.metallic == 0.5f);
-    assert_true(m.roughness == 1 && m.normal_scale == 0.5f);
+    assert_true(m.roughness == 1 && m.normal_scale == 0.5f && m.specular == 1);
     assert_int_equal(m.alpha_mode, ALPHA_BLEND);
     assert_float_equal(m.base_color_texture.uv_transform[0][0], 2, 0);
     assert_float_equal(m.base_color_texture.uv_transform[0][2], 0.5, 0);
