@@ -241,7 +241,11 @@ struct finder {
     struct scene_camera eye;        /* at the shutter's opening */
     int eye_moves;
     uint64_t found;
+    uint32_t mix_parts;             /* of the instance's material looked at so far */
 };
+
+/* Mixes of mixes of mixes: behind so many parts everything is taken to be there. */
+enum { MIX_PARTS_MAX = 1024 };
 
 static void add(struct finder *f, uint64_t set, const char *kind, const char *name, uint32_t index)
 {
@@ -319,6 +323,11 @@ static void find_material(struct finder *f, uint32_t instance, uint32_t index)
     if (m.kind == MATERIAL_MIX) {
         add(f, EFFECT_MATERIAL_MIX | (has(&m.mix_texture) ? EFFECT_TEXTURE : 0), "material",
             m.name, index);
+        if (++f->mix_parts > MIX_PARTS_MAX) {
+            add(f, EFFECTS_ALL & ~(EFFECT_PANORAMA | EFFECT_ORTHOGRAPHIC | EFFECT_DEPTH_OF_FIELD),
+                "material", m.name, index);
+            return;
+        }
         if (m.mix_amount < 1 || has(&m.mix_texture))
             find_material(f, instance, m.mix_material[0]);
         if (m.mix_amount > 0)
@@ -518,8 +527,10 @@ uint64_t scene_effects(const struct scene *scene, const struct render_settings *
     if (causes)
         memset(causes, 0, EFFECT_COUNT * sizeof *causes);
     find_camera(&f, frame);
-    for (uint32_t i = 0; i < scene->instance_count; i++)
+    for (uint32_t i = 0; i < scene->instance_count; i++) {
+        f.mix_parts = 0;
         find_material(&f, i, scene->instances[i].material);
+    }
     if (scene->fog >= 0 && !(settings->without & (EFFECT_FOG | EFFECT_MEDIUM)) &&
         medium_acts(&scene->media[scene->fog]))
         add(&f, EFFECT_FOG | medium_effects(&scene->media[scene->fog]), "medium",
