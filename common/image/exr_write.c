@@ -27,6 +27,7 @@ struct exr_writer {
     uint64_t clamped;
     uint8_t *lines;    /* one chunk of samples, channel after channel, as they are stored */
     float *more_lines; /* one chunk of the additional channels */
+    exr_result_t (*compress)(exr_encode_pipeline_t *pipeline);
 };
 
 /* A finite half: what is beyond its range becomes its largest value, and is counted. */
@@ -125,6 +126,23 @@ static void gather_plane(struct exr_writer *w, const struct exr_plane *plane, in
     }
 }
 
+/* A chunk whose length is that of its pixels is read as not compressed. OpenEXRCore 3.1 stores
+ * what compresses to exactly that length compressed all the same, and no reader can tell. */
+static exr_result_t compress_or_store(exr_encode_pipeline_t *pipeline)
+{
+    const struct exr_writer *w = pipeline->encoding_user_data;
+    exr_result_t result = w->compress(pipeline);
+
+    if (result == EXR_ERR_SUCCESS && pipeline->compressed_bytes >= pipeline->packed_bytes &&
+        pipeline->compressed_buffer != pipeline->packed_buffer) {
+        if (pipeline->compressed_alloc_size < pipeline->packed_bytes)
+            return EXR_ERR_OUT_OF_MEMORY;
+        memcpy(pipeline->compressed_buffer, pipeline->packed_buffer, pipeline->packed_bytes);
+        pipeline->compressed_bytes = pipeline->packed_bytes;
+    }
+    return result;
+}
+
 static exr_result_t write_chunk(struct exr_writer *w, exr_encode_pipeline_t *pipeline, int32_t y,
                                 int *started)
 {
@@ -158,6 +176,11 @@ static exr_result_t write_chunk(struct exr_writer *w, exr_encode_pipeline_t *pip
         result = exr_encoding_choose_default_routines(w->context, 0, pipeline);
         if (result != EXR_ERR_SUCCESS)
             return result;
+        if (pipeline->compress_fn) {
+            w->compress = pipeline->compress_fn;
+            pipeline->encoding_user_data = w;
+            pipeline->compress_fn = compress_or_store;
+        }
     }
     return exr_encoding_run(w->context, 0, pipeline);
 }
