@@ -1,0 +1,255 @@
+/* Punctual lights against closed forms, triangles on the sphere, and what emitters do with
+ * scenes that have few lights or odd ones. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "common/base/buffer.h"
+#include "common/image/image.h"
+#include "common/math/elementary.h"
+#include "tests/support/scene_builder.h"
+#include "tests/support/statistics.h"
+#include "worker/render/light/spherical.h"
+#include "worker/render/world.h"
+
+static void assert_near(double got, double want, double tolerance)
+{
+    if (!(fabs(got - want) <= tolerance))
+        fail_msg("%.9g is not %.9g +- %.3g", got, want, tolerance);
+}
+
+/* An image of float texels. */
+static struct texture_image *image_of(const float *rgb, uint32_t width, uint32_t height)
+{
+    struct texture_image *out;
+    struct error err = {0};
+    struct buffer bytes = BUFFER_INIT;
+    struct exr_options options = {0};
+    struct image image;
+
+    assert_int_equal(image_init(&image, width, height, 3, &err), STATUS_OK);
+    memcpy(image.pixels, rgb, (size_t)width * height * 3 * sizeof(float));
+    assert_int_equal(exr_encode(&bytes, &image, &options, &err), STATUS_OK);
+    assert_int_equal(texture_image_new(&out, bytes.data, bytes.size, "test", &err), STATUS_OK);
+    image_release(&image);
+    buffer_release(&bytes);
+    return out;
+}
+
+static struct scene_light light_of(enum scene_light_kind kind)
+{
+    struct scene_light light;
+
+    scene_light_default(&light);
+    light.kind = kind;
+    light.position[0] = 1;
+    light.position[1] = 2;
+    light.position[2] = 3;
+    light.direction[0] = light.direction[1] = 0;
+    light.direction[2] = -1;
+    light.intensity[0] = light.intensity[1] = light.intensity[2] = 10;
+    light.range = 0;
+    light.to_world = (struct transform){{{1, 0, 0, 1}, {0, 1, 0, 2}, {0, 0, 1, 3}}};
+    light.projection_yfov_rad = PI_F / 2;
+    light.projection_aspect = 2;
+    return light;
+}
+
+/* Irradiance at a point two metres from the light in that direction. */
+static struct vec3 shine(const struct punctual *p, struct vec3 towards)
+{
+    struct vec3 direction, irradiance = {0, 0, 0}, d = vec3_normalize(towards);
+    struct vec3 at = vec3_mad(vec3_make(1, 2, 3), d, 2);
+    float distance;
+
+    if (!punctual_sample(p, at, &direction, &distance, &irradiance))
+        return vec3_splat(0);
+    assert_near((double)distance, 2, 1e-6);
+    assert_near((double)vec3_dot(direction, d), -1, 1e-6);
+    return irradiance;
+}
+
+static void test_falloffs(void **state)
+{
+    struct scene_light light = light_of(LIGHT_SPOT);
+    struct punctual p;
+
+    (void)state;
+    light.inner_cone_rad = 0.3f;
+    light.outer_cone_rad = 0.7f;
+    for (int falloff = 0; falloff < FALLOFF_COUNT; falloff++) {
+        light.falloff = (enum scene_falloff)falloff;
+        punctual_init(&p, &light, NULL);
+        for (int i = 0; i <= 40; i++) {
+            double angle = i * 0.02, t;
+            struct vec3 d = {(float)sin(angle), 0, -(float)cos(angle)};
+
+            t = fmin(1, fmax(0, (cos(angle) - cos(0.7)) / (cos(0.3) - cos(0.7))));
+            assert_near((double)shine(&p, d).x,
+                        2.5 * (falloff == FALLOFF_GLTF ? t * t : t * t * (3 - 2 * t)), 1e-5);
+        }
+    }
+    light.inner_cone_rad = light.outer_cone_rad; /* a hard edge */
+    punctual_init(&p, &light, NULL);
+    assert_near((double)shine(&p, vec3_make(0.6f, 0, -1)).x, 2.5, 1e-6);
+    assert_near((double)shine(&p, vec3_make(1, 0, -1)).x, 0, 0);
+}
+
+static void test_projection(void **state)
+{
+    static const float slide[2 * 2 * 3] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 1, 1};
+    struct texture_image *image = image_of(slide, 2, 2);
+    struct scene_light light = light_of(LIGHT_PROJECTION);
+    struct punctual p;
+    struct vec3 e;
+
+    (void)state;
+    punctual_init(&p, &light, image);
+    /* Half a slide is 2 wide and 1 high one metre ahead; texel centres at its quarters. */
+    e = shine(&p, vec3_make(-1, 0.5f, -1));
+    assert_near((double)e.x, 2.5, 1e-5);
+    assert_near((double)e.y, 0, 1e-5);
+    e = shine(&p, vec3_make(1, 0.5f, -1));
+    assert_near((double)e.y, 2.5, 1e-5);
+    e = shine(&p, vec3_make(-1, -0.5f, -1));
+    assert_near((double)e.z, 2.5, 1e-5);
+    assert_near((double)e.x, 0, 1e-5);
+    e = shine(&p, vec3_make(0, 0, -1));
+    assert_near((double)e.x, 1.25, 1e-5);
+    assert_true(vec3_is_black(shine(&p, vec3_make(2.05f, 0, -1))));
+    assert_true(vec3_is_black(shine(&p, vec3_make(0, 1.02f, -1))));
+    assert_true(vec3_is_black(shine(&p, vec3_make(0, 0, 1))));
+    assert_false(vec3_is_black(shine(&p, vec3_make(1.95f, 0.98f, -1))));
+    punctual_init(&p, &light, NULL); /* white */
+    assert_near((double)shine(&p, vec3_make(1.9f, 0, -1)).y, 2.5, 1e-5);
+    /* Solid angle of a 4 x 2 rectangle at 1: 4 asin(2 / sqrt(5 * 2)). */
+    assert_near(punctual_power(&p, 1), 10 * 4 * asin(2 / sqrt(10.0)), 1e-4);
+    texture_image_free(image);
+}
+
+/* Laid out as an environment, in the light's own axes, which are turned here. */
+static void test_goniometric(void **state)
+{
+    static float profile[8 * 4 * 3];
+    struct scene_light light = light_of(LIGHT_GONIOMETRIC);
+    struct texture_image *image;
+    struct punctual p;
+
+    (void)state;
+    for (int i = 0; i < 32; i++) {
+        profile[3 * i] = (float)(i % 8);     /* column */
+        profile[3 * i + 1] = (float)(i / 8); /* row */
+        profile[3 * i + 2] = 1;
+    }
+    image = image_of(profile, 8, 4);
+    light.to_world = (struct transform){{{0, 0, 1, 1}, {0, 1, 0, 2}, {-1, 0, 0, 3}}};
+    punctual_init(&p, &light, image);
+    for (int row = 0; row < 4; row++)
+        for (int column = 0; column < 8; column++) {
+            double theta = PI_D * (row + 0.5) / 4, phi = 2 * PI_D * ((column + 0.5) / 8 - 0.5);
+            struct vec3 local = {(float)(sin(theta) * cos(phi)), (float)cos(theta),
+                                 (float)(sin(theta) * sin(phi))};
+            struct vec3 e = shine(&p, vec3_make(local.z, local.y, -local.x));
+
+            assert_near((double)e.x, 2.5 * column, 1e-4);
+            assert_near((double)e.y, 2.5 * row, 1e-4);
+        }
+    texture_image_free(image);
+}
+
+/* Solid angles: an octant, a known tiny one, and areas of parts add up; samples are uniform:
+ * the share that falls into one half is that half's share of the solid angle. */
+static void test_spherical_triangles(void **state)
+{
+    struct test_random random = {12};
+    struct spherical_triangle t, half;
+    struct vec3 o = {0, 0, 0}, d = {0, 0, 0};
+
+    (void)state;
+    spherical_triangle_init(&t, o, vec3_make(3, 0, 0), vec3_make(0, 2, 0), vec3_make(0, 0, 1));
+    assert_near((double)t.solid_angle, PI_D / 2, 1e-6);
+    spherical_triangle_init(&t, o, vec3_make(0, 0, 1000), vec3_make(1e-3f, 0, 1000),
+                            vec3_make(0, 2e-3f, 1000));
+    assert_near((double)t.solid_angle, 1e-12, 1e-18);
+    spherical_triangle_init(&t, o, vec3_make(0, 0, 0), vec3_make(1, 0, 0), vec3_make(0, 1, 0));
+    assert_true(t.solid_angle == 0);
+    for (int k = 0; k < 24; k++) {
+        enum { DRAWS = 20000 };
+        float size = k % 4 == 0 ? 1e-3f : 1;
+        struct vec3 c[3], middle, normal;
+        double share;
+        int inside = 0;
+
+        for (int i = 0; i < 3; i++)
+            c[i] = vec3_make(size * (4 * test_random_float(&random) - 2),
+                             size * (4 * test_random_float(&random) - 2),
+                             0.3f + size * test_random_float(&random));
+        middle = vec3_lerp(c[1], c[2], 0.4f);
+        spherical_triangle_init(&t, o, c[0], c[1], c[2]);
+        spherical_triangle_init(&half, o, c[0], c[1], middle);
+        share = (double)half.solid_angle / (double)t.solid_angle;
+        normal = vec3_cross(c[0], middle);
+        if (vec3_dot(normal, c[1]) < 0)
+            normal = vec3_neg(normal);
+        for (int i = 0; i < DRAWS; i++) {
+            assert_true(spherical_triangle_sample(&t, test_random_float(&random),
+                                                  test_random_float(&random), &d));
+            assert_near((double)vec3_length(d), 1, 1e-6);
+            for (int e = 0; e < 3; e++) { /* within the three planes */
+                struct vec3 plane = vec3_normalize(vec3_cross(c[e], c[(e + 1) % 3]));
+                float side = vec3_dot(plane, vec3_normalize(c[(e + 2) % 3]));
+
+                assert_true(vec3_dot(plane, d) * (side < 0 ? -1 : 1) > -1e-6f);
+            }
+            inside += vec3_dot(normal, d) > 0;
+        }
+        assert_near((double)inside / DRAWS, share, 4.5 * sqrt(share * (1 - share) / DRAWS) + 1e-4);
+    }
+}
+
+/* A lamp of two triangles is one choice: no walk, odds by area. */
+static void test_one_lamp_is_one_leaf(void **state)
+{
+    struct render_settings settings = builder_settings(4, 4, 1);
+    struct light_query query = {{0.3f, 0, 0.2f}, {0, 1, 0}, 0};
+    struct render_scene *scene;
+    struct scene_builder b;
+    struct scene_material *m;
+
+    (void)state;
+    builder_init(&b);
+    m = builder_lambert(&b, 0);
+    m->emission[0] = 1;
+    builder_place(&b, builder_quad(&b), 0, vec3_make(1, -1, 1), vec3_make(0, 2, 0));
+    builder_camera(&b, vec3_make(0, 0, 3), vec3_splat(0), 1);
+    scene = builder_build(&b, &settings);
+    assert_int_equal(scene->emitters.tree.node_count, 1);
+    assert_near((double)emitters_triangle_pdf(scene, &query, 0, 4, 0.5f, 2), 0.5 * 4 / 1, 1e-6);
+    render_scene_free(scene);
+
+    /* A black point light beside it changes nothing. */
+    builder_light(&b, LIGHT_POINT)->intensity[0] = 0;
+    b.scene.lights[0].intensity[1] = b.scene.lights[0].intensity[2] = 0;
+    scene = builder_build(&b, &settings);
+    assert_int_equal(scene->emitters.tree.node_count, 1);
+    render_scene_free(scene);
+    builder_release(&b);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_falloffs),
+        cmocka_unit_test(test_projection),
+        cmocka_unit_test(test_goniometric),
+        cmocka_unit_test(test_spherical_triangles),
+        cmocka_unit_test(test_one_lamp_is_one_leaf),
+    };
+
+    return cmocka_run_group_tests_name("emitters", tests, NULL, NULL);
+}
