@@ -37,6 +37,7 @@ void builder_init(struct scene_builder *b)
     b->scene.channels = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.channels));
     b->scene.skins = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.skins));
     b->scene.textures = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.textures));
+    b->scene.media = need(arena_alloc(&b->scene.arena, BUILDER_MAX, sizeof *b->scene.media));
 }
 
 void builder_release(struct scene_builder *b)
@@ -175,6 +176,15 @@ uint32_t builder_quad(struct scene_builder *b)
     return builder_mesh(b, positions, NULL, 4, indices, 2, 0);
 }
 
+uint32_t builder_slab(struct scene_builder *b)
+{
+    static const float positions[24] = {-1, -1, -1, 1, -1, -1, 1, -1, 1, -1, -1, 1,
+                                        -1, 1,  -1, 1, 1,  -1, 1, 1,  1, -1, 1,  1};
+    static const uint32_t indices[12] = {0, 1, 2, 0, 2, 3, 4, 6, 5, 4, 7, 6};
+
+    return builder_mesh(b, positions, NULL, 8, indices, 4, 0);
+}
+
 uint32_t builder_sphere(struct scene_builder *b, uint32_t segments, int smooth)
 {
     uint32_t rows = segments, columns = 2 * segments, vertex = 0, triangle = 0;
@@ -302,6 +312,28 @@ void builder_environment_map(struct scene_builder *b, const float *rgb, uint32_t
     b->scene.environment.constant = 0;
     b->scene.environment.image.name = "map";
     b->scene.environment.image.blob = add_exr(b, rgb, width, height);
+}
+
+struct scene_medium *builder_medium(struct scene_builder *b)
+{
+    struct scene_medium *medium = &b->scene.media[b->scene.medium_count++];
+
+    scene_medium_default(medium);
+    medium->name = "medium";
+    return medium;
+}
+
+void builder_grid(struct scene_builder *b, struct scene_medium *medium, const float *density,
+                  const uint32_t size[3], struct vec3 low, struct vec3 high)
+{
+    size_t bytes = sizeof *density * size[0] * size[1] * size[2];
+
+    medium->has_grid = 1;
+    memcpy(medium->grid_size, size, sizeof medium->grid_size);
+    medium->grid = add_blob(b, need(mem_memdup(density, bytes)), bytes);
+    medium->grid_to_world = (struct transform){{{high.x - low.x, 0, 0, low.x},
+                                                {0, high.y - low.y, 0, low.y},
+                                                {0, 0, high.z - low.z, low.z}}};
 }
 
 uint32_t builder_texture(struct scene_builder *b, const float *rgb, uint32_t width,

@@ -25,6 +25,8 @@ void builder_release(struct scene_builder *b);
  * followed by normals of the same count, NULL for none). */
 uint32_t builder_sphere(struct scene_builder *b, uint32_t segments, int smooth);
 uint32_t builder_quad(struct scene_builder *b);
+/* Two quads that face away from each other at y = -1 and 1, without sides, from -1 to 1. */
+uint32_t builder_slab(struct scene_builder *b);
 uint32_t builder_mesh(struct scene_builder *b, const float *positions, const float *normals,
                       uint32_t vertex_count, const uint32_t *indices, uint32_t triangle_count,
                       int closed);
@@ -56,6 +58,12 @@ void builder_environment_constant(struct scene_builder *b, struct vec3 radiance)
 /* A lat-long map of floats [height][width][3], stored as an EXR blob. */
 void builder_environment_map(struct scene_builder *b, const float *rgb, uint32_t width,
                              uint32_t height);
+
+/* A medium that neither absorbs nor scatters; edit the returned row. A grid of densities
+ * [z][y][x] makes it heterogeneous; it fills the box from `low` to `high`. */
+struct scene_medium *builder_medium(struct scene_builder *b);
+void builder_grid(struct scene_builder *b, struct scene_medium *medium, const float *density,
+                  const uint32_t size[3], struct vec3 low, struct vec3 high);
 
 /* A texture of floats [height][width][3], an EXR image of its own, repeated and filtered. */
 uint32_t builder_texture(struct scene_builder *b, const float *rgb, uint32_t width,

@@ -1,0 +1,125 @@
+#include "tests/support/radiance.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+/* Where nothing is random but the rounding of float, rounding is what is left. */
+#define ROUNDING 2e-5
+
+typedef void frame_fn(const double *picture, void *user);
+
+static void each_frame(struct scene_builder *b, const struct render_settings *settings,
+                       frame_fn *take, void *user)
+{
+    struct render_scene *scene = builder_build(b, settings);
+    struct render_stats stats = {0};
+    double *picture =
+        test_malloc((size_t)settings->width * settings->height * 3 * sizeof *picture);
+
+    for (uint32_t frame = 0; frame < RADIANCE_FRAMES; frame++) {
+        builder_render(scene, settings, frame, picture, NULL, &stats);
+        take(picture, user);
+    }
+    assert_int_equal(stats.dropped_samples, 0);
+    test_free(picture);
+    render_scene_free(scene);
+}
+
+struct channel_means {
+    size_t pixels;
+    struct running_stats *out;
+};
+
+static void take_means(const double *picture, void *user)
+{
+    const struct channel_means *m = user;
+
+    for (size_t c = 0; c < 3; c++) {
+        double sum = 0;
+        for (size_t i = 0; i < m->pixels; i++)
+            sum += picture[3 * i + c];
+        running_stats_add(&m->out[c], sum / (double)m->pixels);
+    }
+}
+
+void radiance_measure(struct scene_builder *b, const struct render_settings *settings,
+                      struct running_stats out[3])
+{
+    struct channel_means m = {(size_t)settings->width * settings->height, out};
+
+    for (int c = 0; c < 3; c++)
+        out[c] = (struct running_stats){0};
+    each_frame(b, settings, take_means, &m);
+}
+
+static void judge(const struct running_stats *s, unsigned comparisons, double expected,
+                  const char *what, const char *part)
+{
+    double p = mean_test_p_value(s, expected);
+
+    if (fabs(s->mean - expected) <= ROUNDING * fabs(expected))
+        return;
+    if (p < sidak_alpha(RADIANCE_SIGNIFICANCE, comparisons))
+        fail_msg("%s%s: mean %.7g +- %.2g, expected %.7g (p = %.2g)", what, part, s->mean,
+                 running_stats_error(s), expected, p);
+}
+
+void radiance_expect_rgb(struct scene_builder *b, const struct render_settings *settings,
+                         unsigned channels, const double expected[3], const char *what)
+{
+    static const char *const names[] = {", red", ", green", ", blue"};
+    struct running_stats s[3];
+
+    radiance_measure(b, settings, s);
+    for (int c = 0; c < 3; c++)
+        judge(&s[c], channels, expected[c], what, names[c]);
+}
+
+void radiance_expect(struct scene_builder *b, const struct render_settings *settings,
+                     unsigned channels, double expected, const char *what)
+{
+    const double rgb[3] = {expected, expected, expected};
+
+    radiance_expect_rgb(b, settings, channels, rgb, what);
+}
+
+struct value_means {
+    const struct render_settings *settings;
+    radiance_measure_fn *measure;
+    const void *user;
+    struct running_stats out;
+};
+
+static void take_value(const double *picture, void *user)
+{
+    struct value_means *m = user;
+
+    running_stats_add(&m->out, m->measure(picture, m->settings, m->user));
+}
+
+void radiance_expect_value(struct scene_builder *b, const struct render_settings *settings,
+                           unsigned comparisons, radiance_measure_fn *measure, const void *user,
+                           double expected, const char *what)
+{
+    struct value_means m = {settings, measure, user, {0}};
+
+    each_frame(b, settings, take_value, &m);
+    judge(&m.out, comparisons, expected, what, "");
+}
+
+int radiance_differs(struct scene_builder *b, const struct render_settings *settings,
+                     double expected)
+{
+    struct running_stats s[3];
+    int differs = 0;
+
+    radiance_measure(b, settings, s);
+    for (int c = 0; c < 3; c++)
+        differs |= fabs(s[c].mean - expected) > 1e-3 * fabs(expected) &&
+                   mean_test_p_value(&s[c], expected) < 1e-6;
+    return differs;
+}
