@@ -5,6 +5,7 @@
 
 #include "client/command.h"
 #include "client/compare.h"
+#include "client/effects_view.h"
 #include "client/job_info.h"
 #include "client/local.h"
 #include "client/pilot.h"
@@ -58,20 +59,6 @@ static int trial_of(const struct effects *e, int bit)
     return -1;
 }
 
-static void cause_text(const struct effect_cause *cause, char *out, size_t size)
-{
-    int used;
-
-    if (!cause->kind) {
-        snprintf(out, size, "-");
-        return;
-    }
-    used = *cause->name ? snprintf(out, size, "%s \"%.60s\"", cause->kind, cause->name)
-                        : snprintf(out, size, "%s %u", cause->kind, cause->index);
-    if (cause->count > 1 && used > 0 && (size_t)used < size)
-        snprintf(out + used, size - (size_t)used, " and %u more", cause->count - 1);
-}
-
 static status print_table(const struct effects *e, struct error *err)
 {
     static const char *const plain[] = {"EFFECT", "CALLED FOR BY"};
@@ -85,10 +72,11 @@ static status print_table(const struct effects *e, struct error *err)
         table_init(&table, plain, 2);
     for (int bit = 0; bit < EFFECT_COUNT; bit++) {
         int trial = trial_of(e, bit);
-        char cause[160];
+        const struct effect_cause *who = &e->causes[bit];
+        char cause[CAUSE_TEXT_SIZE];
         if (!(e->set >> bit & 1))
             continue;
-        cause_text(&e->causes[bit], cause, sizeof cause);
+        cause_text(who->kind, who->name, who->index, who->count, cause);
         table_add(&table, "%s", effect_name((enum effect_bit)bit));
         if (e->measured && trial > 0) {
             struct effect_price price = price_of(e, (size_t)trial);
@@ -108,23 +96,12 @@ static status print_table(const struct effects *e, struct error *err)
 
 static void print_list(const char *title, uint64_t set)
 {
-    int column = 0, first = 1;
+    struct name_list list = NAME_LIST_INIT(title);
 
-    if (!set)
-        return;
-    printf("\n%s: ", title);
     for (int bit = 0; bit < EFFECT_COUNT; bit++)
-        if (set >> bit & 1) {
-            const char *name = effect_name((enum effect_bit)bit);
-            if (column > 78) {
-                printf(",\n  ");
-                column = 2;
-                first = 1;
-            }
-            column += printf("%s%s", first ? "" : ", ", name);
-            first = 0;
-        }
-    printf("\n");
+        if (set >> bit & 1)
+            name_list_add(&list, effect_name((enum effect_bit)bit));
+    name_list_end(&list);
 }
 
 static status print_text(const struct effects *e, struct error *err)

@@ -10,12 +10,14 @@
 #include "client/parse.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
+#include "common/scene/manifest.h"
 #include "protocol/message.h"
 
 struct fetching {
     struct connection *connection;
     const Azulejo__Wire__JobInfo *job;
     const char *folder;
+    int manifest;    /* these too */
     json_t *files;   /* NULL: print a line for each */
     size_t fetched, not_ready;
 };
@@ -26,7 +28,9 @@ static void output_name(const struct fetching *f, uint32_t frame, Azulejo__Wire_
                         struct buffer *name)
 {
     const Azulejo__Wire__JobInfo *job = f->job;
-    const char *extension = kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR ? "exr" : "png";
+    const char *extension = kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR            ? "exr"
+                            : kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON ? MANIFEST_EXTENSION
+                                                                                      : "png";
     char safe[256];
     char *begin = safe;
 
@@ -92,6 +96,8 @@ static status fetch_frame(struct fetching *f, uint32_t frame, int must_be_there,
             return STATUS_OK;
         }
     }
+    if (result == STATUS_OK && f->manifest)
+        result = fetch_to(f, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON, NULL, err);
     return result;
 }
 
@@ -134,6 +140,10 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {"output", 'o', OPTION_STRING, &f.folder, "FOLDER",
          "where the files go; made if it is missing (default: here)", 0, 0, NULL},
         {"frame", 0, OPTION_INT, &frame, "N", "only this frame (default: all)", 0, INT32_MAX, NULL},
+        {"manifest", 0, OPTION_FLAG, &f.manifest, NULL,
+         "also each frame's manifest, ." MANIFEST_EXTENSION ": which effects ran, who called for "
+         "them, and where the time went",
+         0, 0, NULL},
         {"preview", 0, OPTION_STRING, &preview, "FILE.png",
          "instead: the frame in work as it stands, tone mapped", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},

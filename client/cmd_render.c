@@ -15,13 +15,14 @@
 #include "client/watch.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
+#include "common/scene/manifest.h"
 #include "protocol/message.h"
 
 struct render {
     const char *scene_path;
     struct job_options options;
     struct local_options local;
-    int json, quiet;
+    int json, quiet, manifest;
     struct job_request request;
     struct import_result scene;
     struct destination destination;
@@ -61,6 +62,9 @@ static status fetch_pictures(struct render *r, struct error *err)
             result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR, "exr", err);
         if (result == STATUS_OK && (r->destination.formats & OUTPUT_FORMAT_PNG))
             result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG, "png", err);
+        if (result == STATUS_OK && r->manifest)
+            result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON,
+                                MANIFEST_EXTENSION, err);
     }
     return result;
 }
@@ -168,6 +172,10 @@ static status run(const struct command *command, int argc, char *const *argv, in
          LOCAL_WORKERS_MAX, NULL},
         {"threads", 'j', OPTION_INT, &threads, "N",
          "threads of each worker (default: the processors, shared out)", 1, 1024, NULL},
+        {"manifest", 0, OPTION_FLAG, &r.manifest, NULL,
+         "also write each frame's manifest, ." MANIFEST_EXTENSION ": which effects ran, who called "
+         "for them, and where the time went",
+         0, 0, NULL},
         {"json", 0, OPTION_FLAG, &r.json, NULL, "print JSON at the end", 0, 0, NULL},
         {"quiet", 'q', OPTION_FLAG, &r.quiet, NULL, "no progress, no warnings, no summary", 0, 0,
          NULL},

@@ -3,6 +3,8 @@
 #include <stdio.h>
 
 #include "client/command.h"
+#include "client/effects_view.h"
+#include "client/fetch.h"
 #include "client/format.h"
 #include "client/job_info.h"
 #include "client/parse.h"
@@ -96,12 +98,39 @@ static void print_job(const Azulejo__Wire__JobInfo *job)
     }
 }
 
+/* The manifest of one frame: the named one, else the job's first. */
+static status show_effects(struct connection *connection, const Azulejo__Wire__JobInfo *job,
+                           int64_t frame, int json, struct error *err)
+{
+    uint32_t number = frame >= 0 ? (uint32_t)frame : job->first_frame;
+    struct buffer data = BUFFER_INIT;
+    json_t *manifest = NULL;
+    status result = fetch_output(connection, job->job, number,
+                                 AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON, &data, err);
+
+    if (result == STATUS_OK)
+        result = manifest_parse(&manifest, data.data, data.size, err);
+    if (result == STATUS_OK && json)
+        result = json_print(json_incref(manifest), err);
+    else if (result == STATUS_OK)
+        result = manifest_print(manifest, err);
+    json_decref(manifest);
+    buffer_release(&data);
+    return result;
+}
+
 static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
                   struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
-    int json = 0, done;
+    int json = 0, effects = 0, done;
+    int64_t frame = -1;
     const struct option table[] = {
+        {"effects", 0, OPTION_FLAG, &effects, NULL,
+         "instead: what a finished frame called for, what was left out, and where its time went", 0,
+         0, NULL},
+        {"frame", 0, OPTION_INT, &frame, "N", "the frame for --effects (default: the job's first)",
+         0, INT32_MAX, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
         CONNECTION_OPTION_ROWS(where),
         {0},
@@ -115,12 +144,16 @@ static status run(const struct command *command, int argc, char *const *argv, in
     (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
+    if (frame >= 0 && !effects)
+        return error_set(err, STATUS_ERR_USAGE, "--frame says whose --effects to show: give both");
     result = parse_job(rest.items[0], &job, err);
     if (result == STATUS_OK)
         result = connection_open(&connection, &where, err);
     if (result == STATUS_OK)
         result = job_query(connection, job, &answer, err);
-    if (result == STATUS_OK && json)
+    if (result == STATUS_OK && effects)
+        result = show_effects(connection, job_list_find(answer->job_list, job), frame, json, err);
+    else if (result == STATUS_OK && json)
         result = json_print(job_info_json(job_list_find(answer->job_list, job)), err);
     else if (result == STATUS_OK)
         print_job(job_list_find(answer->job_list, job));
@@ -134,6 +167,8 @@ const struct command command_show = {
     .group = COMMAND_JOBS,
     .usage = "azulejo show JOB [OPTION]...",
     .summary = "tell everything about a job",
-    .description = "Tell a job's settings, how far it is, what it has cost so far, and its estimated error.",
+    .description =
+        "Tell a job's settings, how far it is, what it has cost so far, and its estimated error. With\n"
+        "--effects, tell of a finished frame which effects ran, who called for them, and where the time went.",
     .run = run,
 };

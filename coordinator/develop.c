@@ -8,6 +8,10 @@
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "common/image/image.h"
+#include "common/scene/effects.h"
+#include "common/scene/manifest.h"
+#include "common/scene/scene.h"
+#include "coordinator/blobs.h"
 
 enum { ATTRIBUTES_MAX = 26 };
 
@@ -20,6 +24,7 @@ struct development {
     struct output_settings output;
     uint64_t samples;
     double relative_mse;
+    struct work_stats stats;
     const struct film *film; /* NULL: `image` holds a copy, and there are no AOVs */
     int taken;               /* `image` holds the film's means */
     struct image image;
@@ -44,6 +49,7 @@ static status development_new(struct development **out, const struct job_frame *
     d->output = job->output;
     d->samples = film_samples(frame->film);
     d->relative_mse = film_relative_mse(frame->film);
+    d->stats = frame->stats;
     d->film = frame->film;
     *out = d;
     return STATUS_OK;
@@ -233,9 +239,59 @@ status develop_encode(struct development *development, struct buffer *exr, struc
     return s;
 }
 
+/* What the frame calls for, from its stored scene. The causes' names belong to `scene`. */
+static status find_effects(const struct development *d, const struct store *store,
+                           struct scene *scene, struct manifest *m,
+                           struct effect_cause causes[EFFECT_COUNT], struct error *err)
+{
+    struct render_settings whole = d->settings;
+    struct buffer packed = BUFFER_INIT;
+    status s = blobs_read(store_folder(store), &d->scene, SCENE_BYTES_MAX, &packed, err);
+
+    if (s == STATUS_OK)
+        s = scene_unpack(scene, packed.data, packed.size, err);
+    buffer_release(&packed);
+    if (s != STATUS_OK)
+        return s;
+    whole.without = 0;
+    m->called_for = scene_effects(scene, &whole, d->frame, causes);
+    m->causes = causes;
+    /* The worker knows best: it has seen the textures and the motion. */
+    if (!m->effects)
+        m->effects = scene_effects(scene, &d->settings, d->frame, NULL);
+    return STATUS_OK;
+}
+
+status develop_manifest(const struct development *d, const struct store *store,
+                        struct buffer *json, struct error *err)
+{
+    struct effect_cause causes[EFFECT_COUNT];
+    char digest[DIGEST_HEX_SIZE];
+    struct manifest m = {
+        .job_name = d->name, .scene_name = d->scene_name, .renderer = d->kernel,
+        .scene_digest = digest, .job = d->job, .frame = d->frame, .effects = d->stats.effects,
+        .without = d->settings.without, .frame_samples = d->samples, .samples = d->stats.samples,
+        .rays = d->stats.rays, .vertices = d->stats.vertices, .cpu_ns = d->stats.cpu_ns,
+    };
+    struct error why = {0};
+    struct scene scene;
+
+    digest_to_hex(&d->scene, digest);
+    memcpy(m.stages, d->stats.stages, sizeof m.stages);
+    scene_init(&scene);
+    /* The picture is what counts: a manifest that names nobody must not keep it back. */
+    if (find_effects(d, store, &scene, &m, causes, &why) != STATUS_OK)
+        log_warn("job %" PRIu64 ", frame %u: its manifest will not tell who called for which "
+                 "effect: %s",
+                 d->job, d->frame, why.text);
+    manifest_write(json, &m);
+    scene_release(&scene);
+    return buffer_ok(json) ? STATUS_OK : error_no_memory(err, "a manifest");
+}
+
 status develop_frame(struct development *d, struct store *store, struct error *err)
 {
-    struct buffer exr = BUFFER_INIT, png = BUFFER_INIT;
+    struct buffer exr = BUFFER_INIT, png = BUFFER_INIT, json = BUFFER_INIT;
     status s = develop_encode(d, d->output.exr ? &exr : NULL, d->output.png ? &png : NULL, err);
 
     if (s == STATUS_OK && d->output.exr)
@@ -243,9 +299,14 @@ status develop_frame(struct development *d, struct store *store, struct error *e
     if (s == STATUS_OK && d->output.png)
         s = store_output_write(store, d->job, d->frame, "png", &png, err);
     if (s == STATUS_OK)
+        s = develop_manifest(d, store, &json, err);
+    if (s == STATUS_OK)
+        s = store_output_write(store, d->job, d->frame, MANIFEST_EXTENSION, &json, err);
+    if (s == STATUS_OK)
         s = store_frame_done(store, d->job, d->frame, d->relative_mse, err);
     buffer_release(&exr);
     buffer_release(&png);
+    buffer_release(&json);
     return s;
 }
 

@@ -22,12 +22,16 @@ status development_new_preview(struct development **out, const struct job_frame 
                                struct error *err) MUST_CHECK;
 void development_free(struct development *development);
 
-/* Encode the frame's files, write them and note the frame as done. */
+/* Encode the frame's files, write them and its manifest, and note the frame as done. */
 status develop_frame(struct development *development, struct store *store, struct error *err)
     MUST_CHECK;
 /* Append the preview as PNG to `png`. */
 status develop_preview(struct development *development, struct buffer *png, struct error *err)
     MUST_CHECK;
+
+/* Append the frame's manifest (common/scene/manifest.h) to `json`. */
+status develop_manifest(const struct development *development, const struct store *store,
+                        struct buffer *json, struct error *err) MUST_CHECK;
 
 /* The files' bytes, for develop_frame and for tests; either buffer may be NULL. */
 status develop_encode(struct development *development, struct buffer *exr, struct buffer *png,

@@ -24,6 +24,7 @@
 
 #include "common/base/status.h"
 #include "common/film/film.h"
+#include "coordinator/queue.h"
 #include "coordinator/store_film.h"
 
 enum {
@@ -84,6 +85,7 @@ struct job_frame {
     uint64_t dirty_since_ns;
     struct pending_ack *acks;
     size_t ack_count, ack_capacity;
+    struct work_stats stats;     /* of the results merged in this run */
     double error;                /* the last reported film_relative_mse */
     uint64_t error_next_ns;      /* when to compute it anew; 0: not computed yet */
     char trouble[256];           /* why its film or outputs cannot be written; "": they can */

@@ -112,6 +112,7 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
     if (merged == FILM_MERGED || merged == FILM_WAITING) {
         lease_settle_unit(&farm->leases, frame, name, worker->held.session, tell_others, farm);
         work_stats_add(&frame->job->stats, &result->stats);
+        work_stats_add(&frame->stats, &result->stats);
         rate_add(&frame->job->rate, job_frame_unit_samples(frame, name), now_ns);
         scheduler_learn(worker, frame->job, &result->stats, granted_ns, now_ns);
         farm->pump_wanted = 1;

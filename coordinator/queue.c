@@ -23,6 +23,9 @@ void work_stats_add(struct work_stats *sum, const struct work_stats *more)
     sum->dropped_samples += more->dropped_samples;
     sum->cpu_ns += more->cpu_ns;
     sum->trace_ns += more->trace_ns;
+    sum->effects |= more->effects;
+    for (int i = 0; i < STAGE_COUNT; i++)
+        sum->stages[i] += more->stages[i];
 }
 
 void queue_init(struct queue *queue)

@@ -23,6 +23,7 @@
 #include "common/base/digest.h"
 #include "common/base/status.h"
 #include "common/scene/settings.h"
+#include "common/scene/stages.h"
 #include "common/tonemap/tonemap.h"
 #include "coordinator/rate.h"
 
@@ -32,6 +33,7 @@ enum {
     JOB_NAME_MAX = 255,
     JOB_TEXT_MAX = 511,
     KERNEL_NAME_MAX = 127,
+    SCENE_BYTES_MAX = 1 << 30, /* of a packed scene */
     JOB_BROKEN_MAX = 3, /* so many workers that cannot render a job end it */
 };
 
@@ -55,6 +57,8 @@ struct output_settings {
 /* Counted work; what workers report, summed over merged results. */
 struct work_stats {
     uint64_t samples, rays, vertices, dropped_samples, cpu_ns, trace_ns;
+    uint64_t effects;                /* of all results together; 0: not told */
+    uint64_t stages[STAGE_COUNT];
 };
 void work_stats_add(struct work_stats *sum, const struct work_stats *more);
 

@@ -7,6 +7,7 @@
 #include "common/base/clock.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "common/scene/effects.h"
 #include "coordinator/merge.h"
 #include "coordinator/scheduler.h"
 #include "coordinator/server.h"
@@ -252,6 +253,9 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
         result.stats.dropped_samples = message->stats->dropped_samples;
         result.stats.cpu_ns = message->stats->cpu_ns;
         result.stats.trace_ns = message->stats->trace_ns;
+        result.stats.effects = message->stats->effects & EFFECTS_ALL;
+        for (size_t i = 0; i < message->stats->n_stages && i < STAGE_COUNT; i++)
+            result.stats.stages[i] = message->stats->stages[i];
     }
     if (merge_result(&session->server->farm, session->worker, &result, now_ns, &outcome, &err) !=
         STATUS_OK) {

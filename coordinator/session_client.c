@@ -7,6 +7,7 @@
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "common/scene/manifest.h"
 #include "common/scene/scene.h"
 #include "coordinator/report.h"
 #include "coordinator/server.h"
@@ -15,7 +16,6 @@
 #include "protocol/message.h"
 
 enum {
-    SCENE_BYTES_MAX = 1 << 30,  /* of a packed scene */
     JOB_LIST_MAX = 2000,        /* jobs in one list: all that are active, then the newest */
     MISSING_NAMED_MAX = 4,      /* digests named in a failure */
 };
@@ -319,6 +319,11 @@ static status send_output(struct session *session, const struct job *job,
                              "job %" PRIu64 " was submitted without %s output", job->id, extension);
         return send_file(session, job, number, extension, request, err);
     }
+    case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON:
+        if (!done)
+            return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ", frame %u is not finished",
+                             job->id, number);
+        return send_file(session, job, number, MANIFEST_EXTENSION, request, err);
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG:
         if (done && job->output.png)
             return send_file(session, job, number, "png", request, err);

@@ -5,7 +5,7 @@
  * STORE/blobs/ab/HEX      blobs by SHA-256 (blobs.h)
  * STORE/blobs/tmp/        uploads on their way; emptied at the start
  * STORE/films/JOB/frame-NNNN.film   films in work (store_film.h); removed when the job ends
- * STORE/outputs/JOB/frame-NNNN.exr, .png
+ * STORE/outputs/JOB/frame-NNNN.exr, .png, .effects.json
  *
  * Functions marked [any thread] may be called from any thread, the others from the one that
  * opened the store.

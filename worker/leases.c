@@ -7,6 +7,7 @@
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
+#include "worker/profile.h"
 
 struct lease {
     struct lease *next;
@@ -22,10 +23,17 @@ struct lease {
 static void unit_render(struct pool_task *task)
 {
     struct work_unit *unit = (struct work_unit *)task;
+    const struct render_scene *scene = scene_slot_render(unit->lease->slot);
     uint64_t cpu_ns = clock_thread_cpu_ns(), wall_ns = clock_monotonic_ns();
+    uint64_t before[STAGE_COUNT], after[STAGE_COUNT];
 
-    unit->sum_count = render_tile(scene_slot_render(unit->lease->slot), unit->frame, unit->tile,
-                                  unit->pass, unit->sums, &unit->stats);
+    profile_counts(before);
+    unit->sum_count =
+        render_tile(scene, unit->frame, unit->tile, unit->pass, unit->sums, &unit->stats);
+    profile_counts(after);
+    for (int i = 0; i < STAGE_COUNT; i++)
+        unit->stages[i] = (uint32_t)(after[i] - before[i]);
+    unit->effects = render_effects(scene);
     unit->cpu_ns = clock_thread_cpu_ns() - cpu_ns;
     unit->wall_ns = clock_monotonic_ns() - wall_ns;
 }

@@ -14,6 +14,7 @@
 #include "protocol/channel.h"
 #include "protocol/key.h"
 #include "worker/agent.h"
+#include "worker/profile.h"
 #include "worker/pool.h"
 
 #define CACHE_LIMIT_DEFAULT (10ull << 30)
@@ -98,12 +99,15 @@ static status default_path(struct buffer *out, const char *given, const char *va
 
 static status run(const struct agent_options *options, struct error *err)
 {
+    struct error no_profile = {0};
     struct program p;
     status s;
 
     memset(&p, 0, sizeof p);
     if (uv_loop_init(&p.loop) != 0)
         return error_set(err, STATUS_ERR_INTERNAL, "no event loop can be made");
+    if (profile_start(&no_profile) != STATUS_OK)
+        log_warn("%s; frames will not tell where their time went", no_profile.text);
     s = agent_new(&p.agent, &p.loop, options, err);
     if (s == STATUS_OK) {
         watch_signals(&p);
@@ -114,6 +118,7 @@ static status run(const struct agent_options *options, struct error *err)
         uv_close((uv_handle_t *)&p.terminate, NULL);
         uv_run(&p.loop, UV_RUN_DEFAULT);
     }
+    profile_stop();
     uv_loop_close(&p.loop);
     return s;
 }

@@ -11,6 +11,7 @@
 
 #include "common/film/tiles.h"
 #include "protocol/channel.h"
+#include "common/scene/stages.h"
 #include "worker/pool.h"
 #include "worker/render/render.h"
 
@@ -29,6 +30,8 @@ struct work_unit {
     int sent;              /* on this connection */
     size_t sum_count;
     uint64_t cpu_ns, wall_ns;
+    uint64_t effects;      /* what the scene called for */
+    uint32_t stages[STAGE_COUNT]; /* how often the thread was found in each */
     struct render_stats stats;
     float sums[];          /* as many as tile_floats() says */
 };

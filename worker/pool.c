@@ -8,6 +8,7 @@
 #endif
 
 #include "common/base/memory.h"
+#include "worker/profile.h"
 
 struct task_list {
     struct pool_task *first, *last;
@@ -75,6 +76,7 @@ static void *thread_main(void *argument)
     struct pool *pool = argument;
 
     reset_float_state();
+    profile_join();
     pthread_mutex_lock(&pool->lock);
     for (;;) {
         struct pool_task *task = pool->queue.first;
@@ -97,6 +99,7 @@ static void *thread_main(void *argument)
             pool->notify(pool->user);
     }
     pthread_mutex_unlock(&pool->lock);
+    profile_leave();
     return NULL;
 }
 

@@ -45,6 +45,11 @@ const char *render_kernel_variant(const struct render_scene *scene)
     return scene->kernel->name;
 }
 
+uint64_t render_effects(const struct render_scene *scene)
+{
+    return scene->effects;
+}
+
 size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t pass,
                    float *sums, struct render_stats *stats)
 {

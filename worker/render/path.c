@@ -8,6 +8,7 @@
 #include "worker/render/interior.h"
 #include "worker/render/kernel.h"
 #include "worker/render/medium.h"
+#include "worker/render/stage.h"
 #include "worker/render/surface.h"
 #include "worker/render/world.h"
 
@@ -61,8 +62,10 @@ int path_accept(const void *scene_, const void *query_, uint32_t instance_index,
         return 0;
     if (!(material->flags & MATERIAL_ALPHA))
         return 1;
+    STAGE(SURFACE);
     alpha = world_alpha(material, &scene->meshes[instance->mesh],
                         world_vertices(&scene->meshes[instance->mesh], triangle), u, v);
+    STAGE(TRACE);
     if (material->m.alpha_mode == ALPHA_MASK)
         return alpha >= material->m.alpha_cutoff;
     return sampler_hash(query->sampler, query->ray_number * 0x9e3779b9u + instance_index,
@@ -75,6 +78,7 @@ static int path_trace(const struct path *path, const struct ray *ray,
     uint64_t start;
     int met;
 
+    STAGE(TRACE);
     path->stats->rays++;
     if (!kernel_measures_trace)
         return accel_intersect(path->scene->accel, ray, query, hit);
@@ -90,6 +94,7 @@ static int path_occluded(const struct path *path, const struct ray *ray,
     uint64_t start;
     int blocked;
 
+    STAGE(TRACE);
     path->stats->rays++;
     if (!kernel_measures_trace)
         return accel_occluded(path->scene->accel, ray, query);
@@ -186,6 +191,7 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
         int met, real, is_fog;
 
         met = path_trace(path, &stretch, &path->query, &hit);
+        STAGE(MEDIUM);
         if (met) {
             surface_from_hit(scene, &stretch, &hit, &s);
             surface_resolve_mix(scene, &s, 0);
@@ -255,6 +261,7 @@ static struct vec3 path_direct_light(struct path *path, const struct surface *s,
     struct ray ray;
     float bsdf_density;
 
+    STAGE(LIGHT);
     if (s->material->flags & MATERIAL_TWO_WAY)
         asker.n = black;
     if (!emitters_sample(path->scene, &asker, point.u, point.v, &light) ||
@@ -264,6 +271,7 @@ static struct vec3 path_direct_light(struct path *path, const struct surface *s,
     /* The geometric normal decides on which side the light is, or it leaks. */
     if ((vec3_dot(light.direction, s->ng) > 0) != (wi.z > 0))
         return black;
+    STAGE(SCATTER);
     value = bsdf_eval_pdf(bsdf, wo, wi, &bsdf_density);
     if (vec3_is_black(value) ||
         !path_shadow_ray(&light, s->p, surface_ray_origin(s, light.direction), s->time, &ray))
@@ -299,6 +307,7 @@ static struct vec3 path_direct_phase(struct path *path, const struct world_mediu
     struct ray ray;
     float density;
 
+    STAGE(LIGHT);
     if (!emitters_sample(path->scene, &asker, point.u, point.v, &light) ||
         vec3_is_black(light.radiance) || !path_shadow_ray(&light, p, p, path->ray.time, &ray))
         return black;
@@ -414,6 +423,7 @@ static int path_cross_medium(struct path *path, float t, uint32_t depth, uint32_
     struct vec3 before = path->ray.direction, p;
     int is_fog;
 
+    STAGE(MEDIUM);
     medium = interior_medium(scene, &path->interior, &is_fog);
     if (!medium)
         return 0;
@@ -437,6 +447,7 @@ static int path_cross_medium(struct path *path, float t, uint32_t depth, uint32_
         *radiance = vec3_add(*radiance, vec3_mul(path->throughput,
                                                  path_direct_phase(path, medium, p, before,
                                                                    dimension)));
+    STAGE(MEDIUM);
     direction = sampler_get(path->sampler, dimension + VERTEX_BSDF);
     path->ray.direction = medium_phase_sample(medium, before, direction.u, direction.v);
     path->density = medium_phase(medium, vec3_dot(before, path->ray.direction));
@@ -532,6 +543,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             beyond.count = 0;
         path.query.ray_number++;
         met = path_trace(&path, &path.ray, &path.query, &hit);
+        STAGE(SURFACE);
         if (met) {
             surface_from_hit(scene, &path.ray, &hit, &s);
             if (HAS(MATERIAL_MIX) && s.material->m.kind == MATERIAL_MIX)
@@ -549,6 +561,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             }
         }
         if (!met) {
+            STAGE(LIGHT);
             radiance = vec3_add(radiance, vec3_mul(path.throughput, path_escaped(&path)));
             break;
         }
@@ -584,11 +597,13 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             }
             break;
         }
+        STAGE(LIGHT);
         if (HAS(EMISSIVE_MESH))
             radiance = vec3_add(radiance, vec3_mul(path.throughput, path_emitted(&path, &s)));
         if (depth >= max_depth && !record)
             break;
 
+        STAGE(SURFACE);
         surface_shade(scene, &s, vec3_neg(path.ray.direction), &params);
         if (record && depth == 0)
             path_record_hit(scene, &s, &params, record);
@@ -603,12 +618,14 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
         wo = frame_to_local(&s.frame, vec3_neg(path.ray.direction));
         if (!(wo.z > 0))
             break;
+        STAGE(SCATTER);
         bsdf_init(&bsdf, &params, wo);
         if (bsdf.has_smooth && scene->emitters.count > 0)
             radiance = vec3_add(
                 radiance, vec3_mul(path.throughput, path_direct_light(&path, &s, &bsdf, wo,
                                                                       dimension, &beyond)));
 
+        STAGE(SCATTER);
         direction_sample = sampler_get(sampler, dimension + VERTEX_BSDF);
         lobe_sample = sampler_get(sampler, dimension + VERTEX_LOBE);
         if (!bsdf_sample(&bsdf, wo, lobe_sample.u, direction_sample.u, direction_sample.v, &sample))

@@ -68,6 +68,10 @@ void render_force_general(int on);
 /* The kernel that renders the scene, "textured", and how many effects it holds. */
 const char *render_kernel_variant(const struct render_scene *scene);
 
+/* The effects (common/scene/effects.h) that the scene's frame calls for, as it was found when
+ * all was loaded. */
+uint64_t render_effects(const struct render_scene *scene);
+
 /* Time every Embree call from now on (costs a few percent); for the benchmarks. */
 void render_measure_trace(int on);
 

@@ -4,6 +4,7 @@
 
 #include "worker/render/kernel.h"
 #include "worker/render/path.h"
+#include "worker/render/stage.h"
 #include "worker/render/view.h"
 #include "worker/render/world.h"
 
@@ -98,11 +99,13 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                 struct sampler sampler;
                 struct vec3 radiance;
                 struct ray ray;
+                STAGE(CAMERA);
                 sampler_start(&sampler, settings->seed, frame, x, y, i);
                 if (extra)
                     memset(&record, 0, sizeof record);
                 camera_ray(&scene->camera, x, y, &sampler, &ray);
                 radiance = path_radiance(scene, &sampler, ray, cone, extra ? &record : NULL, stats);
+                STAGE(REST);
                 stats->samples++;
                 if (extra)
                     tile_aovs(scene, &ray, &record, i == 0, values);
@@ -125,5 +128,6 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                 at += channels;
             }
         }
+    STAGE_NONE();
     return aov_base + extra * pixels;
 }

@@ -105,7 +105,8 @@ static void jobs_survive_a_restart(void **state)
     assert_true(other->id > job->id);
     job->state = JOB_STATE_RUNNING;
     snprintf(job->kernel, sizeof job->kernel, "embree 9");
-    job->stats = (struct work_stats){1, 2, 3, 4, 5, 6};
+    job->stats = (struct work_stats){.samples = 1, .rays = 2, .vertices = 3, .dropped_samples = 4,
+                                     .cpu_ns = 5, .trace_ns = 6};
     job->active_ns = 1500000000;
     job->conflicts = 7;
     assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);

@@ -1,0 +1,32 @@
+/* effects_view: effects, and a finished frame's manifest, as people read them. */
+#ifndef AZULEJO_CLIENT_EFFECTS_VIEW_H
+#define AZULEJO_CLIENT_EFFECTS_VIEW_H
+
+#include <jansson.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/base/status.h"
+
+enum { CAUSE_TEXT_SIZE = 160, MANIFEST_BYTES_MAX = 1 << 20 };
+
+/* `material "wall" and 2 more`; "-" without a kind. */
+void cause_text(const char *kind, const char *name, uint32_t index, uint32_t count,
+                char out[CAUSE_TEXT_SIZE]);
+
+/* Names behind a title, wrapped; a list without names prints nothing. */
+struct name_list {
+    const char *title;
+    int column, count;
+};
+#define NAME_LIST_INIT(title) {title, 0, 0}
+void name_list_add(struct name_list *list, const char *name);
+void name_list_end(struct name_list *list);
+
+/* A manifest as it was fetched. ERR_PROTOCOL: it is none that this release reads. */
+status manifest_parse(json_t **out, const uint8_t *data, size_t size_bytes, struct error *err)
+    MUST_CHECK;
+/* Print it to standard output. Fields that are missing are left out. */
+status manifest_print(const json_t *manifest, struct error *err) MUST_CHECK;
+
+#endif

@@ -1,0 +1,149 @@
+#include "common/scene/manifest.h"
+
+#include <inttypes.h>
+
+#include "common/scene/kernel_sets.h"
+
+/* Length of the UTF-8 sequence at `s`, 0 if it is none (RFC 3629: shortest form, no surrogates,
+ * up to U+10FFFF). The text ends with a NUL, which no sequence contains. */
+static size_t utf8_length(const unsigned char *s)
+{
+    unsigned low = 0x80, high = 0xbf; /* of the second byte */
+    size_t length;
+
+    if (s[0] < 0x80)
+        return 1;
+    if (s[0] < 0xc2 || s[0] > 0xf4)
+        return 0;
+    length = s[0] < 0xe0 ? 2 : s[0] < 0xf0 ? 3 : 4;
+    if (s[0] == 0xe0)
+        low = 0xa0;
+    else if (s[0] == 0xed)
+        high = 0x9f;
+    else if (s[0] == 0xf0)
+        low = 0x90;
+    else if (s[0] == 0xf4)
+        high = 0x8f;
+    if (s[1] < low || s[1] > high)
+        return 0;
+    for (size_t i = 2; i < length; i++)
+        if (s[i] < 0x80 || s[i] > 0xbf)
+            return 0;
+    return length;
+}
+
+void manifest_write_text(struct buffer *out, const char *text)
+{
+    const unsigned char *s = (const unsigned char *)text;
+
+    buffer_puts(out, "\"");
+    while (*s) {
+        size_t length = utf8_length(s);
+        if (length == 0) {
+            buffer_puts(out, "\\ufffd");
+            s++;
+            continue;
+        }
+        if (*s == '"' || *s == '\\')
+            buffer_printf(out, "\\%c", *s);
+        else if (*s < 0x20 || *s == 0x7f)
+            buffer_printf(out, "\\u%04x", *s);
+        else
+            buffer_append(out, s, length);
+        s += length;
+    }
+    buffer_puts(out, "\"");
+}
+
+static void write_field(struct buffer *out, const char *key, const char *text)
+{
+    buffer_printf(out, "  \"%s\": ", key);
+    manifest_write_text(out, text);
+    buffer_puts(out, ",\n");
+}
+
+/* The effects of `set`, each with who called for it. */
+static void write_causes(struct buffer *out, const char *key, const struct manifest *m,
+                         uint64_t set)
+{
+    int first = 1;
+
+    buffer_printf(out, "  \"%s\": [", key);
+    for (int bit = 0; bit < EFFECT_COUNT; bit++) {
+        const struct effect_cause *cause = m->causes ? &m->causes[bit] : NULL;
+        if (!(set >> bit & 1))
+            continue;
+        buffer_puts(out, first ? "\n    {\"effect\": " : ",\n    {\"effect\": ");
+        first = 0;
+        manifest_write_text(out, effect_name((enum effect_bit)bit));
+        if (cause && cause->kind) {
+            buffer_puts(out, ", \"cause\": {\"kind\": ");
+            manifest_write_text(out, cause->kind);
+            buffer_puts(out, ", \"name\": ");
+            manifest_write_text(out, cause->name ? cause->name : "");
+            buffer_printf(out, ", \"index\": %" PRIu32 ", \"count\": %" PRIu32 "}", cause->index,
+                          cause->count);
+        }
+        buffer_puts(out, "}");
+    }
+    buffer_puts(out, first ? "],\n" : "\n  ],\n");
+}
+
+static void write_names(struct buffer *out, const char *key, uint64_t set)
+{
+    int first = 1, column = 0;
+
+    buffer_printf(out, "  \"%s\": [", key);
+    for (int bit = 0; bit < EFFECT_COUNT; bit++)
+        if (set >> bit & 1) {
+            if (!first)
+                buffer_puts(out, ",");
+            buffer_puts(out, column++ % 5 == 0 ? "\n    " : " ");
+            manifest_write_text(out, effect_name((enum effect_bit)bit));
+            first = 0;
+        }
+    buffer_puts(out, first ? "],\n" : "\n  ],\n");
+}
+
+static void write_time(struct buffer *out, const struct manifest *m)
+{
+    uint64_t looks = 0;
+
+    for (int i = 0; i < STAGE_COUNT; i++)
+        looks += m->stages[i];
+    buffer_printf(out, "  \"time\": {\"looks\": %" PRIu64 ", \"share\": {", looks);
+    for (int i = 0; i < STAGE_COUNT; i++) {
+        buffer_printf(out, "%s\"%s\": ", i ? ", " : "", stage_name((enum stage)i));
+        if (looks > 0)
+            buffer_printf(out, "%.4f", (double)m->stages[i] / (double)looks);
+        else
+            buffer_puts(out, "null");
+    }
+    buffer_puts(out, "}}\n");
+}
+
+void manifest_write(struct buffer *out, const struct manifest *m)
+{
+    uint64_t off = m->called_for & ~m->effects & m->without;
+
+    buffer_printf(out, "{\n  \"azulejo_effects\": %d,\n", MANIFEST_VERSION);
+    buffer_printf(out, "  \"job\": %" PRIu64 ",\n", m->job);
+    write_field(out, "name", m->job_name);
+    write_field(out, "scene", m->scene_digest);
+    write_field(out, "scene_name", m->scene_name);
+    buffer_printf(out, "  \"frame\": %" PRIu32 ",\n", m->frame);
+    buffer_puts(out, "  \"kernel\": {\"variant\": ");
+    manifest_write_text(out, kernel_set_name(m->effects));
+    buffer_puts(out, ", \"renderer\": ");
+    manifest_write_text(out, m->renderer);
+    buffer_puts(out, "},\n");
+    write_causes(out, "ran", m, m->effects);
+    write_causes(out, "switched_off", m, off);
+    write_names(out, "not_called_for", EFFECTS_ALL & ~m->effects & ~off);
+    buffer_printf(out,
+                  "  \"work\": {\"frame_samples\": %" PRIu64 ", \"samples\": %" PRIu64
+                  ", \"rays\": %" PRIu64 ", \"vertices\": %" PRIu64 ", \"cpu_s\": %.3f},\n",
+                  m->frame_samples, m->samples, m->rays, m->vertices, (double)m->cpu_ns * 1e-9);
+    write_time(out, m);
+    buffer_puts(out, "}\n");
+}

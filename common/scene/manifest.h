@@ -1,0 +1,44 @@
+/* manifest: what was simulated in one frame, for whom, and where the time went.
+ *
+ * The coordinator keeps one with each finished frame, as JSON (PROTOCOL.md, "The manifest"):
+ *
+ *   ran              effects that were simulated, and who called for each
+ *   switched_off     effects that the scene calls for, but the user does not want (--without)
+ *   not_called_for   the rest: nothing in the frame needs them, so no code for them ran
+ *   kernel           the variant of the renderer that ran (kernel_sets.h), and the renderer
+ *   work             counted samples, rays, path vertices, CPU time
+ *   time             share of each stage (stages.h), by so many looks at the threads
+ */
+#ifndef AZULEJO_SCENE_MANIFEST_H
+#define AZULEJO_SCENE_MANIFEST_H
+
+#include <stdint.h>
+
+#include "common/base/buffer.h"
+#include "common/scene/effects.h"
+#include "common/scene/stages.h"
+
+enum { MANIFEST_VERSION = 1 };
+#define MANIFEST_EXTENSION "effects.json"
+
+/* Whatever it points to stays the caller's. Texts may hold any bytes. */
+struct manifest {
+    const char *job_name, *scene_name, *scene_digest, *renderer;
+    uint64_t job;
+    uint32_t frame;
+    uint64_t effects;      /* what ran */
+    uint64_t called_for;   /* what would have run, had nothing been switched off */
+    uint64_t without;      /* what was switched off, called for or not */
+    const struct effect_cause *causes; /* [EFFECT_COUNT] of `called_for`; NULL: not known */
+    uint64_t frame_samples; /* what the frame has */
+    uint64_t samples, rays, vertices, cpu_ns; /* counted; less than the frame has after a restart */
+    uint64_t stages[STAGE_COUNT];
+};
+
+/* Append the JSON, with a newline at its end. buffer_ok tells whether memory sufficed. */
+void manifest_write(struct buffer *out, const struct manifest *manifest);
+
+/* Append `text` as a JSON string with its quotes; what is not UTF-8 becomes U+FFFD. */
+void manifest_write_text(struct buffer *out, const char *text);
+
+#endif

@@ -1,0 +1,118 @@
+#include "worker/profile.h"
+
+#include <pthread.h>
+#include <signal.h>
+#include <string.h>
+#include <time.h>
+
+#include "common/base/memory.h"
+#include "worker/render/stage.h"
+
+/* A little off a millisecond, so as not to beat with what the system does every millisecond. */
+enum { PERIOD_NS = 1013000, IDLE_PERIOD_NS = 20000000 };
+
+/* A thread that is looked at. */
+struct watched {
+    struct watched *next;
+    const _Atomic uint8_t *now;
+    _Atomic uint64_t counts[STAGE_COUNT];
+};
+
+static struct {
+    pthread_mutex_t lock;    /* of `first` and the list */
+    struct watched *first;
+    atomic_int stop;
+    int running;
+    pthread_t thread;
+} profile = {.lock = PTHREAD_MUTEX_INITIALIZER};
+
+static _Thread_local struct watched *mine;
+
+/* Count every thread once; how many were rendering. */
+static int look(void)
+{
+    int busy = 0;
+
+    pthread_mutex_lock(&profile.lock);
+    for (struct watched *w = profile.first; w; w = w->next) {
+        unsigned stage = atomic_load_explicit(w->now, memory_order_relaxed);
+        if (stage == 0 || stage > STAGE_COUNT)
+            continue;
+        atomic_fetch_add_explicit(&w->counts[stage - 1], 1, memory_order_relaxed);
+        busy++;
+    }
+    pthread_mutex_unlock(&profile.lock);
+    return busy;
+}
+
+static void *watch_main(void *unused)
+{
+    (void)unused;
+    while (!atomic_load_explicit(&profile.stop, memory_order_relaxed)) {
+        struct timespec pause = {0, look() ? PERIOD_NS : IDLE_PERIOD_NS};
+        clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, NULL);
+    }
+    return NULL;
+}
+
+status profile_start(struct error *err)
+{
+    sigset_t all, before;
+    int code;
+
+    atomic_store(&profile.stop, 0);
+    sigfillset(&all); /* signals are the loop's */
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    code = pthread_create(&profile.thread, NULL, watch_main, NULL);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    if (code != 0)
+        return error_set(err, STATUS_ERR_NO_MEMORY, "the profile's thread cannot be started: %s",
+                         strerror(code));
+    profile.running = 1;
+    return STATUS_OK;
+}
+
+void profile_stop(void)
+{
+    if (!profile.running)
+        return;
+    atomic_store(&profile.stop, 1);
+    pthread_join(profile.thread, NULL);
+    profile.running = 0;
+}
+
+void profile_join(void)
+{
+    struct watched *w = mem_calloc(1, sizeof *w);
+
+    if (!w)
+        return;
+    w->now = &stage_now;
+    pthread_mutex_lock(&profile.lock);
+    w->next = profile.first;
+    profile.first = w;
+    pthread_mutex_unlock(&profile.lock);
+    mine = w;
+}
+
+void profile_leave(void)
+{
+    if (!mine)
+        return;
+    pthread_mutex_lock(&profile.lock);
+    for (struct watched **at = &profile.first; *at; at = &(*at)->next)
+        if (*at == mine) {
+            *at = mine->next;
+            break;
+        }
+    pthread_mutex_unlock(&profile.lock);
+    mem_free(mine);
+    mine = NULL;
+}
+
+void profile_counts(uint64_t counts[STAGE_COUNT])
+{
+    memset(counts, 0, STAGE_COUNT * sizeof *counts);
+    for (int i = 0; mine && i < STAGE_COUNT; i++)
+        counts[i] = atomic_load_explicit(&mine->counts[i], memory_order_relaxed);
+}

@@ -1,0 +1,30 @@
+/* profile: in which stages of rendering the time goes.
+ *
+ * One thread looks about a thousand times a second at the stage of every rendering thread
+ * (worker/render/stage.h) and counts. The rendering threads pay one store at each border of a
+ * stage; looking costs the process some microseconds a millisecond, and almost nothing while
+ * nobody renders.
+ *
+ * A thread must join before its counts are read and leave before it ends. One profile in a
+ * process. Without one (it could not be started), or in a thread that did not join, all counts
+ * are 0.
+ */
+#ifndef AZULEJO_WORKER_PROFILE_H
+#define AZULEJO_WORKER_PROFILE_H
+
+#include <stdint.h>
+
+#include "common/base/status.h"
+#include "common/scene/stages.h"
+
+status profile_start(struct error *err) MUST_CHECK;
+void profile_stop(void); /* after every thread has left */
+
+/* The calling thread may be looked at. Out of memory it is not. */
+void profile_join(void);
+void profile_leave(void);
+
+/* How often the calling thread was found in each stage since it joined. */
+void profile_counts(uint64_t counts[STAGE_COUNT]);
+
+#endif

@@ -1,0 +1,3 @@
+#include "worker/render/stage.h"
+
+_Thread_local _Atomic uint8_t stage_now;
