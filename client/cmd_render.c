@@ -218,7 +218,7 @@ const struct command command_render = {
     .usage = "azulejo render SCENE [OPTION]...",
     .summary = "render a scene on this machine",
     .description =
-        "Render a glTF 2.0 scene (.gltf or .glb) with a coordinator and workers of its own, which live\n"
+        "Render a scene (glTF 2.0, pbrt, OBJ or PLY) with a coordinator and workers of its own, which live\n"
         "as long as the command. Writes an EXR file with the linear radiance and a tone mapped PNG.",
     .run = run,
 };

@@ -76,7 +76,7 @@ const struct command command_submit = {
     .group = COMMAND_JOBS,
     .usage = "azulejo submit SCENE [OPTION]...",
     .summary = "send a scene to the farm as a job",
-    .description = "Read a glTF 2.0 scene, send the coordinator what it lacks of it, queue a job, and print the\n"
+    .description = "Read a scene (glTF 2.0, pbrt, OBJ or PLY), send the coordinator what it lacks of it, queue a job, and print the\n"
                    "job's number.",
     .run = run,
 };
