@@ -146,8 +146,9 @@ static double stretched_alpha(double t)
     return (first + (1 - first) * t) * (first + (1 - first) * t);
 }
 
-/* Loss along (mu, azimuth) for alphas x and y: the midpoint rule over the visible normals. */
-static double stretched_loss(double mu, double cos2_azimuth, double ax, double ay)
+/* Loss along (mu, azimuth) for alphas x and y, and *schlick, the mean of (1 - v.h)^5 that is
+ * sent out: the midpoint rule over the visible normals. */
+static double stretched_loss(double mu, double cos2_azimuth, double ax, double ay, double *schlick)
 {
     double sine = sqrt(1 - mu * mu), w[3] = {sine * sqrt(cos2_azimuth),
                                              sine * sqrt(1 - cos2_azimuth), mu};
@@ -157,6 +158,7 @@ static double stretched_loss(double mu, double cos2_azimuth, double ax, double a
 
     x /= root_o;
     y /= root_o;
+    *schlick = 0;
     for (int i = 0; i < N; i++)
         for (int j = 0; j < 2 * N; j++) {
             double t = (i + 0.5) / N, height = t * t * (1 + z) - z, phi = M_PI * (j + 0.5) / N;
@@ -171,6 +173,7 @@ static double stretched_loss(double mu, double cos2_azimuth, double ax, double a
                 weight = v[2] * (mu + root_o) / (v[2] * root_o + mu * root_i);
             }
             sum += 2 * t * (1 - weight);
+            *schlick += 2 * t * weight * pow(1 - 0.5 * c, 5) / (2 * N * N);
         }
     return sum / (2 * N * N);
 }
@@ -180,13 +183,13 @@ static double stretched_entry(int row, int ratio, int azimuth, int column)
     double ax = stretched_alpha((double)row / (ALBEDO_STRETCHED_ROWS - 1));
     double ay = fmax(BSDF_ALPHA_MIN, ax * ratio / (ALBEDO_STRETCHED_RATIOS - 1));
     double q = (double)azimuth / (ALBEDO_STRETCHED_AZIMUTHS - 1), across = ay + (ax - ay) * q * q;
-    double cos2 = ax > ay ? (across * across - ay * ay) / (ax * ax - ay * ay) : 1;
+    double schlick, cos2 = ax > ay ? (across * across - ay * ay) / (ax * ax - ay * ay) : 1;
 
     if (column == 0)
         return 0;
     return stretched_loss(
                fmin(1, column_mu((double)column / (ALBEDO_STRETCHED_COLUMNS - 1), across)),
-               fmin(1, fmax(0, cos2)), ax, ay) /
+               fmin(1, fmax(0, cos2)), ax, ay, &schlick) /
            column_scale(column, ALBEDO_STRETCHED_COLUMNS, ax);
 }
 
@@ -549,6 +552,40 @@ static void interpolation_is_close_and_gains_nothing(void **state)
     assert_true(sqrt(sum / count) < 1e-3);
 }
 
+/* The alpha by which a stretched plastic's base is scaled: what is reflected in any azimuth is
+ * taken from it, and in the mean over the hemisphere not much more. */
+static void stretched_layer_takes_what_is_reflected(void **state)
+{
+    static const double WIDE[] = {0.01, 0.03, 0.1, 0.2, 0.35, 0.5, 0.7, 1};
+    static const double RATIOS[] = {0.001, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 0.95};
+    double most = -1;
+    enum { COSINES = 12, TURNS = 4 };
+
+    (void)state;
+    assert_true(ALBEDO_ALPHA_FIRST == BSDF_ALPHA_MIN);
+    for (int k = 0; k < 8 * 9; k++) {
+        double ax = WIDE[k / 9], ay = fmax(BSDF_ALPHA_MIN, ax * RATIOS[k % 9]), sum = 0, all = 0;
+        struct albedo_row row =
+            albedo_row_find(albedo_stretched_layer((float)ax, (float)ay));
+        for (int i = 0; i < COSINES * (TURNS + 1); i++) {
+            double s = (i / (TURNS + 1) + 0.5) / COSINES, mu = s * s, schlick, taken;
+            double cosine = cos(0.5 * M_PI * (i % (TURNS + 1)) / TURNS);
+            double weight = s * mu * (i % (TURNS + 1) % TURNS ? 1 : 0.5);
+            stretched_loss(mu, cosine * cosine, ax, ay, &schlick);
+            taken = (double)albedo_blend_at(&row, (float)mu);
+            most = fmax(most, schlick - taken);
+            sum += weight * (taken - schlick);
+            all += weight;
+            if (schlick - taken > 0.004)
+                fail_msg("alphas %g %g, mu %g, azimuth's cosine %g: %g, which is above %g", ax, ay,
+                         mu, cosine, schlick, taken);
+        }
+        if (!(sum / all < 0.04))
+            fail_msg("alphas %g %g: %g too much is taken", ax, ay, sum / all);
+    }
+    assert_true(most > 0.003); /* as albedo.h and docs/NUMERICS.md say */
+}
+
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
@@ -556,6 +593,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(losses_match_their_definition),
         cmocka_unit_test(losses_are_close_everywhere),
         cmocka_unit_test(interpolation_is_close_and_gains_nothing),
+        cmocka_unit_test(stretched_layer_takes_what_is_reflected),
     };
 
     if (argc > 1 && strcmp(argv[1], "--print") == 0) {

@@ -51,7 +51,7 @@ static struct running_stats albedo(const struct bsdf_params *p, struct vec3 wo, 
 
 static void no_layers_gain_energy(void **state)
 {
-    enum { MATERIALS = 4000 };
+    enum { MATERIALS = 3000 };
     double z = normal_quantile(1 - sidak_alpha(SIGNIFICANCE, MATERIALS * 3));
     struct test_random r = {1};
 
@@ -63,13 +63,10 @@ static void no_layers_gain_energy(void **state)
         struct running_stats s;
         if (p.refractive && p.diffuse_transmission > 0)
             p.transmission = 0; /* eta_scale would not tell power from radiance */
-        s = albedo(&p, wo, 4000, (uint64_t)i + 1);
-        if (s.mean > 1 + TABLE + z * running_stats_error(&s)) { /* skewed? look closer */
-            s = albedo(&p, wo, 400000, (uint64_t)i + 1);
-            if (s.mean > 1 + TABLE + z * running_stats_error(&s))
-                fail_msg("cos %g: %.5f +- %.5f: %s", (double)wo.z, s.mean,
-                         running_stats_error(&s), bsdf_maker_describe(&p));
-        }
+        s = albedo(&p, wo, 20000, (uint64_t)i + 1);
+        if (s.mean > 1 + TABLE + z * running_stats_error(&s))
+            fail_msg("cos %g: %.5f +- %.5f: %s", (double)wo.z, s.mean, running_stats_error(&s),
+                     bsdf_maker_describe(&p));
     }
 }
 
@@ -158,6 +155,63 @@ static void stretched_metal_gives_back_without_gain(void **state)
     assert_true(sum / COUNT > 0.975 && sum / COUNT < 1.001);
 }
 
+/* Seen across the stretch the mean Fresnel term is above that of either alpha alone: the base
+ * must not get what was reflected. */
+static void stretched_plastic_gains_nothing(void **state)
+{
+    static const float WIDE[] = {0.05f, 0.367f, 0.7f, 1}, RATIOS[] = {0.02f, 0.2f, 0.45f, 0.8f};
+    static const float MU[] = {1e-3f, 0.02f, 0.1f, 0.3f, 0.7f};
+    enum { TESTS = 4 * 4 * 5 * 3 * 2 };
+    double z = normal_quantile(1 - sidak_alpha(SIGNIFICANCE, TESTS));
+    uint64_t seed = 0;
+
+    (void)state;
+    for (int i = 0; i < TESTS; i++) {
+        struct bsdf_params p = bsdf_maker_plain(0, 0);
+        float mu = MU[i / 16 % 5], azimuth = 0.5f * (float)M_PI * (0.5f * (float)(i / 80 % 3));
+        struct running_stats s;
+        p.base_color = (struct vec3){1, 1, 1};
+        p.alpha_stretched = WIDE[i % 4];
+        p.alpha = p.alpha_stretched * RATIOS[i / 4 % 4];
+        p.single_scattering = i / 240;
+        s = albedo(&p, direction(mu, azimuth), 60000, ++seed);
+        if (s.mean > 1 + TABLE + z * running_stats_error(&s))
+            fail_msg("alphas %g %g, mu %g, azimuth %g: %.5f +- %.5f", (double)p.alpha_stretched,
+                     (double)p.alpha, (double)mu, (double)azimuth, s.mean,
+                     running_stats_error(&s));
+    }
+}
+
+/* At grazing angles along the stretch much is lost (docs/NUMERICS.md), of the hemisphere's light
+ * little. */
+static void stretched_plastic_loses_little(void **state)
+{
+    static const float WIDE[] = {0.1f, 0.4f, 1}, RATIOS[] = {0.02f, 0.2f, 0.6f};
+    enum { TESTS = 3 * 3, SAMPLES = 60000 };
+    double z = normal_quantile(1 - sidak_alpha(SIGNIFICANCE, TESTS));
+    struct test_random r = {11};
+
+    (void)state;
+    for (int i = 0; i < TESTS; i++) {
+        struct bsdf_params p = bsdf_maker_plain(0, WIDE[i / 3] * RATIOS[i % 3]);
+        struct running_stats s = {0};
+        p.base_color = (struct vec3){1, 1, 1};
+        p.alpha_stretched = WIDE[i / 3];
+        for (int k = 0; k < SAMPLES; k++) {
+            float mu = sqrtf(1 - test_random_float(&r)), u = test_random_float(&r);
+            struct vec3 wo = direction(mu, 2 * PI_F * test_random_float(&r));
+            float v = test_random_float(&r), w = test_random_float(&r);
+            struct bsdf_sample out;
+            struct bsdf b;
+            bsdf_init(&b, &p, wo);
+            running_stats_add(&s, bsdf_sample(&b, wo, w, u, v, &out) ? (double)out.weight.y : 0);
+        }
+        if (s.mean < 0.95 - z * running_stats_error(&s))
+            fail_msg("alphas %g %g: %.5f +- %.5f", (double)p.alpha_stretched, (double)p.alpha,
+                     s.mean, running_stats_error(&s));
+    }
+}
+
 /* The sampler's albedo against plain integration of bsdf_eval over the sphere. Two-sided. */
 static void sampling_finds_all_that_is_evaluated(void **state)
 {
@@ -198,6 +252,8 @@ int main(void)
         cmocka_unit_test(no_layers_gain_energy),
         cmocka_unit_test(white_stays_nearly_white),
         cmocka_unit_test(stretched_metal_gives_back_without_gain),
+        cmocka_unit_test(stretched_plastic_gains_nothing),
+        cmocka_unit_test(stretched_plastic_loses_little),
         cmocka_unit_test(sampling_finds_all_that_is_evaluated),
     };
     return cmocka_run_group_tests_name("bsdf_layers_energy", tests, NULL, NULL);

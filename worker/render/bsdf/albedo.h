@@ -20,7 +20,8 @@
 #include "common/math/vec.h"
 
 enum { ALBEDO_ROWS = 32, ALBEDO_COLUMNS = 32 };
-#define ALBEDO_ROW_FIRST 0.031622777f /* sqrt(BSDF_ALPHA_MIN) */
+#define ALBEDO_ALPHA_FIRST 1e-3f      /* BSDF_ALPHA_MIN */
+#define ALBEDO_ROW_FIRST 0.031622777f /* its root */
 #define ALBEDO_MARGIN 1.003f
 
 extern const float albedo_blend[ALBEDO_ROWS][ALBEDO_COLUMNS];
@@ -221,6 +222,17 @@ static inline float albedo_stretched_loss_at(const struct albedo_stretched *s, f
         v[i] = w[0] + (w[1] - w[0]) * s->ratio;
     }
     return (v[0] + (v[1] - v[0]) * s->row) * (scale - across * across + s->x * s->x);
+}
+
+/* The alpha whose `blend` is, in every azimuth, not below the mean Schlick weight of a stretched
+ * distribution: less than the narrow one, for where one looks across the stretch the microfacets
+ * that are seen lean aside, which lowers v.h. Found by quadrature (docs/NUMERICS.md), which finds
+ * the weight above the blend by 0.004 at most. 1 >= alpha_x >= alpha_y >= BSDF_ALPHA_MIN. */
+static inline float albedo_stretched_layer(float alpha_x, float alpha_y)
+{
+    float alpha = alpha_y * sqrtf(alpha_y / alpha_x);
+
+    return alpha > ALBEDO_ALPHA_FIRST ? alpha : ALBEDO_ALPHA_FIRST;
 }
 
 /* ---- rough dielectrics ---------------------------------------------------------------------------

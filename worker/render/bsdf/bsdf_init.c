@@ -344,7 +344,7 @@ static inline void init_layers(struct bsdf *b, const struct bsdf_params *p, stru
     struct bsdf_layers *l = &b->layers;
     float stretched = HAS(ANISOTROPY) ? clamp_to(p->alpha_stretched, 0, 1) : 0.0f;
 
-    l->stretched = l->conductor = l->slab = 0;
+    l->stretched = l->conductor = l->slab = l->coat_smooth = 0;
     l->film = l->coat = l->sheen_most = l->interreflection = 0;
     l->diffuse_below = BSDF_INIT_BLACK;
     if (HAS(ANISOTROPY) && stretched > b->p.alpha && stretched >= BSDF_ALPHA_MIN) {
@@ -539,7 +539,8 @@ static inline void init_mix(struct bsdf *b, const struct bsdf_params *params, st
         blend = schlick_weight(b->cos_o);
     } else {
         b->root_o = shape_root(b, &b->shape, wo, full);
-        b->row = albedo_row_find(p->alpha);
+        b->row = albedo_row_find(
+            is_stretched(b, full) ? albedo_stretched_layer(b->shape.x, b->shape.y) : p->alpha);
         blend = albedo_blend_at(&b->row, b->cos_o);
         if (HAS(MULTIPLE_SCATTERING) && !params->single_scattering) {
             b->compensated = 1;
