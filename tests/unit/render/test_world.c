@@ -342,9 +342,26 @@ static void test_shared_by_threads(void **state)
     builder_release(&b);
 }
 
+/* glTF's clearcoat: what is emitted below it is dimmed by its weight times Schlick's term. */
+static void a_coat_dims_the_emission_below_it(void **state)
+{
+    static const uint32_t vertex[3] = {0, 1, 2};
+    struct world_material material = {.m = {.clearcoat = 0.5f, .clearcoat_ior = 1.5f}};
+
+    (void)state;
+    for (float c = 0; c <= 1; c += 0.125f) {
+        float f = 0.04f + 0.96f * powf(1 - c, 5);
+        float scale = world_emission_scale(&material, NULL, vertex, 0.3f, 0.3f, c);
+        assert_true(fabsf(scale - (1 - 0.5f * f)) < 1e-6f);
+    }
+    material.m.clearcoat = 0;
+    assert_true(world_emission_scale(&material, NULL, vertex, 0.3f, 0.3f, 0) == 1);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_coat_dims_the_emission_below_it),
         cmocka_unit_test(test_unused_images), cmocka_unit_test(test_mix_parts),
         cmocka_unit_test(test_flags),         cmocka_unit_test(test_without),
         cmocka_unit_test(test_memory_limit),  cmocka_unit_test(test_memory_estimate),

@@ -244,19 +244,6 @@ struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, 
 int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, float v,
                 struct bsdf_sample *out);
 
-/* What is left of light that the surface emits along wo, after its coat (glTF: the coat's
- * weight times Schlick's term at its own normal is missing). 1 without a coat. */
-static inline float bsdf_emission_scale(const struct bsdf *b, struct vec3 wo)
-{
-    const struct bsdf_layers *l = &b->layers;
-    float weight;
-
-    if (b->kind != BSDF_KIND_LAYERED || !(l->coat > 0.0f) || !l->covered)
-        return 1.0f;
-    weight = schlick_weight(fabsf(vec3_dot(l->coat_normal, wo)));
-    return 1.0f - l->coat * (l->coat_f0 + (l->coat_f90 - l->coat_f0) * weight);
-}
-
 /* Exact unpolarised Fresnel reflectance; cos_i >= 0, eta = n_t / n_i > 0. 1 at total
  * internal reflection, 0 for eta = 1. */
 float fresnel_dielectric(float cos_i, float eta);
