@@ -22,7 +22,8 @@ enum {
     COUNT_COSINES = sizeof COSINES / sizeof *COSINES,
     COUNT_KINDS = 14,
     COUNT_MIXTURES = 60,
-    TESTS = (COUNT_COSINES * COUNT_KINDS + COUNT_MIXTURES) * 2 /* sides */,
+    COUNT_GRID = BSDF_MAKER_KINDS * 2 /* alphas */ * 2 /* cosines */,
+    TESTS = (COUNT_COSINES * COUNT_KINDS + COUNT_MIXTURES + COUNT_GRID) * 2 /* sides */,
     SAMPLES = 30000,
 };
 
@@ -132,6 +133,16 @@ static void each_lobe(void **state)
         }
 }
 
+static void every_kind(void **state)
+{
+    (void)state;
+    for (int i = 0; i < COUNT_GRID; i++) {
+        struct bsdf_params p = bsdf_maker_kind(i / 4, i & 1 ? 0.7f : 0.15f);
+        float z = i & 2 ? 0.5f : 0.15f, sine = sqrtf(1 - z * z);
+        check(&p, (struct vec3){sine * 0.6f, sine * 0.8f, z});
+    }
+}
+
 static void mixtures(void **state)
 {
     struct test_random r = {17};
@@ -159,6 +170,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(each_lobe),
+        cmocka_unit_test(every_kind),
         cmocka_unit_test(mixtures),
         cmocka_unit_test(every_test_of_the_family_ran),
     };

@@ -70,6 +70,29 @@ static void no_layers_gain_energy(void **state)
     }
 }
 
+/* Each kind by itself, in white, over a grid of alphas and directions. */
+static void no_kind_gains_energy(void **state)
+{
+    static const float COSINES[] = {1e-3f, 0.1f, 0.3f, 0.7f}, ALPHAS[] = {0, 0.01f, 0.1f, 0.4f, 1};
+    enum { TESTS = BSDF_MAKER_KINDS * 4 * 5 * 2 };
+    double z = normal_quantile(1 - sidak_alpha(SIGNIFICANCE, TESTS * 3));
+    uint64_t seed = 0;
+
+    (void)state;
+    for (int i = 0; i < TESTS; i++) {
+        struct bsdf_params p = bsdf_maker_kind(i / 40, ALPHAS[i / 8 % 5]);
+        struct running_stats s;
+        p.base_color = p.diffuse_transmission_color = vec3_splat(1);
+        p.sheen_color = vec3_splat(p.sheen_color.x);
+        p.single_scattering = i & 1;
+        s = albedo(&p, direction(COSINES[i / 2 % 4], 0.9f), 20000, ++seed);
+        if (s.mean > 1 + TABLE + z * running_stats_error(&s) || !(s.mean > 0))
+            fail_msg("%s, alpha %g, cos %g: %.5f +- %.5f", bsdf_maker_kind_name(i / 40),
+                     (double)ALPHAS[i / 8 % 5], (double)COSINES[i / 2 % 4], s.mean,
+                     running_stats_error(&s));
+    }
+}
+
 /* Each layer over white, and how much of white it may keep at least. */
 static void white_stays_nearly_white(void **state)
 {
@@ -250,6 +273,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(no_layers_gain_energy),
+        cmocka_unit_test(no_kind_gains_energy),
         cmocka_unit_test(white_stays_nearly_white),
         cmocka_unit_test(stretched_metal_gives_back_without_gain),
         cmocka_unit_test(stretched_plastic_gains_nothing),

@@ -95,6 +95,83 @@ struct bsdf_params bsdf_maker_white(struct test_random *r, float alpha_min)
     return p;
 }
 
+/* What the kinds differ in from plastic of the given alpha. */
+enum {
+    METAL = 1, GLASS = 2, INSIDE = 4, WALL = 8, COAT = 16, SHEEN = 32, FILM = 64, STRETCHED = 128,
+    THROUGH = 256, CONDUCTOR = 512, SLAB = 1024, MATT = 2048, DENSE = 4096, INTERREFLECTING = 8192,
+};
+static const struct { const char *name; unsigned parts; } KINDS[BSDF_MAKER_KINDS] = {
+    {"Lambert", MATT},
+    {"plastic", 0},
+    {"metal", METAL},
+    {"conductor", CONDUCTOR},
+    {"rough glass", GLASS},
+    {"rough glass from inside", GLASS | INSIDE},
+    {"rough glass in something denser", GLASS | DENSE},
+    {"thin wall", WALL},
+    {"thin slab", WALL | SLAB},
+    {"diffuse transmission", MATT | THROUGH},
+    {"plastic that lets light through", THROUGH},
+    {"coated diffuse", MATT | COAT | INTERREFLECTING},
+    {"coated plastic", COAT},
+    {"coated metal", METAL | COAT},
+    {"coated conductor", CONDUCTOR | COAT | INTERREFLECTING},
+    {"coated glass", GLASS | COAT},
+    {"sheen over Lambert", MATT | SHEEN},
+    {"sheen over plastic", SHEEN},
+    {"film over plastic", FILM},
+    {"film over metal", METAL | FILM},
+    {"film over glass", GLASS | FILM},
+    {"stretched plastic", STRETCHED},
+    {"stretched metal", METAL | STRETCHED},
+    {"stretched conductor", CONDUCTOR | STRETCHED},
+    {"stretched glass", GLASS | STRETCHED},
+    {"everything over plastic", COAT | SHEEN | FILM | STRETCHED | THROUGH},
+};
+
+const char *bsdf_maker_kind_name(int kind) { return KINDS[kind].name; }
+
+struct bsdf_params bsdf_maker_kind(int kind, float alpha)
+{
+    unsigned parts = KINDS[kind].parts;
+    struct bsdf_params p = bsdf_maker_plain(parts & METAL ? 1 : 0, alpha);
+
+    p.specular = parts & MATT ? 0 : 1;
+    p.transmission = parts & (GLASS | WALL) ? 1 : 0;
+    p.refractive = (parts & GLASS) != 0;
+    p.inside = (parts & INSIDE) != 0;
+    p.thin_slab = (parts & SLAB) != 0;
+    p.ior_outside = parts & DENSE ? 2 : 0;
+    p.base_interreflection = parts & INTERREFLECTING ? 0.5f : 0;
+    if (parts & STRETCHED)
+        p.alpha_stretched = alpha + (1 - alpha) * 0.6f;
+    if (parts & CONDUCTOR) {
+        p.conductor = 1;
+        p.eta = (struct vec3){0.2f, 0.9f, 1.3f};
+        p.k = (struct vec3){4, 2.4f, 1.9f};
+    }
+    if (parts & COAT) {
+        p.clearcoat = 1;
+        p.clearcoat_alpha = alpha;
+        p.clearcoat_ior = 1.5f;
+        p.clearcoat_normal = (struct vec3){0, 0, 1};
+    }
+    if (parts & SHEEN) {
+        p.sheen_color = (struct vec3){1, 0.6f, 0.3f};
+        p.sheen_alpha = alpha;
+    }
+    if (parts & FILM) {
+        p.iridescence = 1;
+        p.iridescence_ior = 1.8f;
+        p.iridescence_thickness_nm = 400;
+    }
+    if (parts & THROUGH) {
+        p.diffuse_transmission = 0.4f;
+        p.diffuse_transmission_color = (struct vec3){0.3f, 0.9f, 0.5f};
+    }
+    return p;
+}
+
 struct bsdf_params bsdf_maker_other_side(const struct bsdf_params *p)
 {
     struct bsdf_params back = *p;

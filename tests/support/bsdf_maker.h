@@ -11,6 +11,13 @@ struct bsdf_params bsdf_maker_random(struct test_random *r, float alpha_min);
 /* The same with all colours white and all weights 1 or a half. */
 struct bsdf_params bsdf_maker_white(struct test_random *r, float alpha_min);
 
+/* Every kind of material that importers make, by name, with the given alpha for each of its
+ * distributions. (A mix is one of two of them at every hit, and a dispersive glass one with
+ * another index for every path.) */
+enum { BSDF_MAKER_KINDS = 26 };
+struct bsdf_params bsdf_maker_kind(int kind, float alpha);
+const char *bsdf_maker_kind_name(int kind);
+
 /* A plain dielectric of ior 1.5, base colour (0.8, 0.5, 0.3). */
 struct bsdf_params bsdf_maker_plain(float metallic, float alpha);
 
