@@ -494,13 +494,13 @@ float world_alpha(const struct world_material *material, const struct world_mesh
 float world_emission_scale(const struct world_material *material, const struct world_mesh *mesh,
                            const uint32_t vertex[3], float b1, float b2, float cosine)
 {
-    float n = material->m.clearcoat_ior, f0 = (n - 1) / (n + 1), m = 1 - cosine;
+    float n = float_max(material->m.clearcoat_ior, 1), f0 = (n - 1) / (n + 1), m = 1 - cosine;
     float coat = material->m.clearcoat;
 
     if (material->clearcoat.image)
         coat *= world_slot_lookup(&material->clearcoat, mesh, vertex, b1, b2, 0, 0).r;
     f0 *= f0;
-    return 1 - coat * (f0 + (1 - f0) * (m * m * m * m * m));
+    return 1 - coat * (f0 + (bsdf_f90_of(f0) - f0) * (m * m * m * m * m));
 }
 
 struct vec3 world_emission(const struct world_material *material, const struct world_mesh *mesh,

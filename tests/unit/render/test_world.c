@@ -354,6 +354,9 @@ static void a_coat_dims_the_emission_below_it(void **state)
         float scale = world_emission_scale(&material, NULL, vertex, 0.3f, 0.3f, c);
         assert_true(fabsf(scale - (1 - 0.5f * f)) < 1e-6f);
     }
+    material.m.clearcoat_ior = 1; /* reflects nothing, at no angle */
+    assert_true(world_emission_scale(&material, NULL, vertex, 0.3f, 0.3f, 0) == 1);
+    material.m.clearcoat_ior = 1.5f;
     material.m.clearcoat = 0;
     assert_true(world_emission_scale(&material, NULL, vertex, 0.3f, 0.3f, 0) == 1);
 }

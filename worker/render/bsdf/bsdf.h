@@ -57,6 +57,8 @@
 
 /* GGX alpha below this is a perfect mirror (a delta lobe). */
 #define BSDF_ALPHA_MIN 1e-3f
+/* F90 of plastic and of coats reaches its full value at this F0 (ior 1.2). */
+#define BSDF_FADE_F0 (1.0f / 121.0f)
 /* Rough refraction with alpha * |eta - 1| below this is a delta lobe: floats could not
  * resolve its half vector, and nobody its blur (radians). */
 #define BSDF_SPREAD_MIN 1e-4f
@@ -247,5 +249,11 @@ int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, flo
 /* Exact unpolarised Fresnel reflectance; cos_i >= 0, eta = n_t / n_i > 0. 1 at total
  * internal reflection, 0 for eta = 1. */
 float fresnel_dielectric(float cos_i, float eta);
+
+/* What Schlick's term comes to at a grazing angle: 1, and for what hardly refracts less. */
+static inline float bsdf_f90_of(float f0)
+{
+    return f0 < BSDF_FADE_F0 ? f0 * (1.0f / BSDF_FADE_F0) : 1.0f;
+}
 
 #endif

@@ -6,8 +6,6 @@
 
 /* A lobe that can contribute is chosen at least this often. */
 #define LOBE_SHARE_MIN 0.02f
-/* F90 of plastic reaches its full value at this F0 (ior 1.2); see bsdf.h. */
-#define FADE_F0 (1.0f / 121.0f)
 /* Hemispherical mean of (1 - mu)^5, and its variance. */
 #define SCHLICK_MEAN (1.0f / 21.0f)
 #define SCHLICK_VARIANCE 0.0129f
@@ -296,7 +294,7 @@ static inline void init_coat(struct bsdf *b, const struct bsdf_params *p, struct
         n = relative_to(n, p->ior_outside);
     r = (n - 1.0f) / (n + 1.0f);
     l->coat_f0 = r * r;
-    l->coat_f90 = r * r < FADE_F0 ? r * r * (1.0f / FADE_F0) : 1.0f;
+    l->coat_f90 = bsdf_f90_of(r * r);
     alpha = clamp_to(p->clearcoat_alpha, 0, 1);
     l->coat_smooth = alpha < BSDF_ALPHA_MIN;
     l->coat_shape = shape_make(alpha, alpha);
@@ -495,7 +493,7 @@ static inline void init_mix(struct bsdf *b, const struct bsdf_params *params, st
     float weight_thin = p->refractive ? 0.0f : dielectric * p->transmission;
     float weight_diffuse = dielectric * (1.0f - p->transmission);
     float r = p->ior == 0.0f ? 1.0f : (p->ior - 1.0f) / (p->ior + 1.0f);
-    float fade = r * r < FADE_F0 ? r * r * (1.0f / FADE_F0) : 1.0f;
+    float fade = bsdf_f90_of(r * r);
     float base = vec3_average(p->base_color), blend, rest_o, loss_o = 0, given_back = -1;
     float share[BSDF_LOBES_MAX];
     const int lobes = full ? BSDF_LOBES_MAX : BSDF_LOBES_MIX;
