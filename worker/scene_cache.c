@@ -25,6 +25,7 @@ struct scene_slot {
     enum scene_state state;
     unsigned references;
     uint64_t used;         /* the cache's tick of the last acquire */
+    uint64_t evicted;      /* the cache's count when the build was pushed */
 
     /* The build's, in a pool thread while WORKING. */
     struct scene scene;
@@ -49,6 +50,7 @@ struct scene_cache {
     struct scene_cache_callbacks callbacks;
     struct scene_slot *slots;
     uint64_t tick;
+    uint64_t evicted; /* scenes that made room for others, ever */
 };
 
 /* ---- in a pool thread ------------------------------------------------------------------ */
@@ -204,12 +206,18 @@ static void scene_build(struct pool_task *task)
 
 /* ---- in the loop's thread -------------------------------------------------------------- */
 
+static void push_build(struct scene_slot *slot)
+{
+    slot->evicted = slot->cache->evicted;
+    pool_push(slot->cache->pool, &slot->task, 1);
+}
+
 static void slot_set_state(struct scene_slot *slot, enum scene_state state)
 {
-    assert(state == SCENE_WORKING ? slot->state == SCENE_FETCHING : slot->state < SCENE_READY);
+    assert(slot->state < SCENE_READY);
     slot->state = state;
     if (state == SCENE_WORKING)
-        pool_push(slot->cache->pool, &slot->task, 1);
+        push_build(slot);
     else if (state >= SCENE_READY)
         slot->cache->callbacks.settled(slot->cache->callbacks.user, slot);
 }
@@ -268,6 +276,42 @@ static void cache_trim(struct scene_cache *cache)
         *oldest = gone->next;
         slot_free(gone);
     }
+}
+
+/* Free the scenes that are ready but that nobody holds. */
+static void evict_idle(struct scene_cache *cache)
+{
+    struct scene_slot **at = &cache->slots;
+
+    while (*at) {
+        struct scene_slot *slot = *at;
+        if (slot->references || slot->state != SCENE_READY) {
+            at = &slot->next;
+            continue;
+        }
+        *at = slot->next;
+        slot_free(slot);
+        cache->evicted++;
+    }
+    mem_trim();
+}
+
+/* The build found no memory: has room been made since it began, or can it be made now? Each
+ * eviction is good for one more build of each slot, so this comes to an end. */
+static int make_room(struct scene_slot *slot)
+{
+    struct scene_cache *cache = slot->cache;
+    char hex[DIGEST_HEX_SIZE];
+
+    if (slot->references == 0)
+        return 0;
+    evict_idle(cache);
+    if (cache->evicted == slot->evicted)
+        return 0;
+    digest_to_hex(&slot->digest, hex);
+    log_info("scene %.12s: %s; %llu scenes that lay idle were dropped, trying again", hex,
+             slot->error.text, (unsigned long long)(cache->evicted - slot->evicted));
+    return 1;
 }
 
 status scene_cache_new(struct scene_cache **out, struct blob_cache *blobs, struct pool *pool,
@@ -336,7 +380,7 @@ status scene_cache_acquire(struct scene_cache *cache, const struct digest *scene
         slot->state = SCENE_WORKING;
         slot->next = cache->slots;
         cache->slots = slot;
-        pool_push(cache->pool, &slot->task, 1);
+        push_build(slot);
     }
     slot->references++;
     slot->used = ++cache->tick;
@@ -432,7 +476,9 @@ int scene_cache_task_done(struct scene_cache *cache, struct pool_task *task)
     if (task->run != scene_build)
         return 0;
     blobs_release(&slot->arrived, &slot->arrived_count);
-    if (slot->error.code != STATUS_OK) {
+    if (slot->error.code == STATUS_ERR_NO_MEMORY && make_room(slot)) {
+        slot_set_state(slot, SCENE_WORKING);
+    } else if (slot->error.code != STATUS_OK) {
         blobs_release(&slot->blobs, &slot->blob_count);
         slot_set_state(slot, SCENE_BROKEN);
     } else if (slot->missing_count > 0) {

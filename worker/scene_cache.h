@@ -3,6 +3,7 @@
  *   new --> WORKING --all blobs here, scene built--> READY
  *              |  ^--the last missing blob arrived-- FETCHING
  *              |--some blobs are missing--^
+ *              |--no memory, but idle scenes were evicted: WORKING again
  *              \--damaged, does not fit, no memory--> BROKEN
  * slot_set_state is the only function that changes a slot's state.
  *
@@ -13,8 +14,9 @@
  * anew after a fetch; nothing is hashed twice); everything else is called from the loop's
  * thread. A slot is kept while somebody holds a reference; of those that nobody holds, the
  * SCENES_KEPT most recently used that are READY stay, but only one frame of each scene that
- * moves: it goes on to the next, and hardly ever comes back. A BROKEN slot goes with its last
- * reference, so the next lease tries again.
+ * moves: it goes on to the next, and hardly ever comes back. When a build finds no memory, all
+ * that nobody holds go, and it is done again. A BROKEN slot goes with its last reference, so the
+ * next lease tries again.
  */
 #ifndef AZULEJO_WORKER_SCENE_CACHE_H
 #define AZULEJO_WORKER_SCENE_CACHE_H

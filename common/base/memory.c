@@ -4,6 +4,9 @@
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 static atomic_int fault_armed;
 static atomic_long fault_successes;
@@ -97,6 +100,13 @@ void *mem_memdup(const void *data, size_t size_bytes)
 void mem_free(void *block)
 {
     free(block);
+}
+
+void mem_trim(void)
+{
+#ifdef __GLIBC__
+    malloc_trim(0);
+#endif
 }
 
 int mem_grow_(void **array, size_t *capacity, size_t needed, size_t size_bytes)

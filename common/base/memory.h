@@ -30,6 +30,9 @@ char *mem_strdup(const char *text) __attribute__((warn_unused_result));
 void *mem_memdup(const void *data, size_t size_bytes) __attribute__((warn_unused_result));
 void mem_free(void *block);
 
+/* Give what was freed back to the machine, as far as the C library can. */
+void mem_trim(void);
+
 /* Fault hook: let `successes` more allocations succeed, then fail `failures` ones in a row
  * (a negative `successes` disarms). For tests; not thread-safe against itself. */
 void mem_fault_arm(long successes, long failures);

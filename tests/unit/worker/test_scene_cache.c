@@ -134,20 +134,30 @@ static struct scene_slot *acquire(struct stage *s, uint32_t frame)
     return slot;
 }
 
-/* The loop: until the slot is built. */
-static void wait_for(struct stage *s, const struct scene_slot *slot)
+static void pause_briefly(void)
 {
     const struct timespec a_moment = {0, 1000000};
 
+    nanosleep(&a_moment, NULL);
+}
+
+/* The loop: until the slot is READY or BROKEN. */
+static void wait_settled(struct stage *s, const struct scene_slot *slot)
+{
     while (scene_slot_state(slot) < SCENE_READY) {
         struct pool_task *next, *done = pool_take_done(s->pool);
         if (!done)
-            nanosleep(&a_moment, NULL);
+            pause_briefly();
         for (; done; done = next) {
             next = done->next;
             assert_true(scene_cache_task_done(s->cache, done));
         }
     }
+}
+
+static void wait_for(struct stage *s, const struct scene_slot *slot)
+{
+    wait_settled(s, slot);
     if (scene_slot_state(slot) != SCENE_READY)
         fail_msg("%s", scene_slot_error(slot)->text);
 }
@@ -257,6 +267,102 @@ static void test_settings(void **state)
     stage_free(s);
 }
 
+/* A frame that finds no memory is built after all once the idle scenes are gone. */
+static void test_no_memory(void **state)
+{
+    struct stage *s = stage_new(0);
+    struct scene_slot *held = acquire(s, 0), *idle, *slot;
+
+    (void)state;
+    wait_for(s, held);
+    for (int tries = 0; tries < 2; tries++) {
+        s->settings.seed = 1;
+        idle = acquire(s, 0);
+        wait_for(s, idle);
+        scene_slot_release(idle);
+        s->settings.seed = 2 + (uint64_t)tries;
+        /* The build fails at its first allocation, or half way. */
+        s->settled = 0;
+        mem_fault_arm(1 + 20 * tries, 1);
+        slot = acquire(s, 0);
+        wait_for(s, slot);
+        assert_int_equal(mem_fault_count(), 1);
+        mem_fault_arm(-1, 0);
+        assert_int_equal(s->settled, 1); /* its owner is told once */
+        assert_int_equal(scene_slot_error(slot)->code, STATUS_OK);
+        s->settings.seed = 1;
+        assert_false(is_kept(s, 0));
+        s->settings.seed = 2 + (uint64_t)tries;
+        assert_true(is_kept(s, 0)); /* while it is held */
+        scene_slot_release(slot);
+    }
+    assert_int_equal(scene_slot_state(held), SCENE_READY);
+    scene_slot_release(held);
+    stage_free(s);
+}
+
+/* Where there is nothing to drop, or it does not help, it fails. */
+static void test_no_memory_at_all(void **state)
+{
+    struct stage *s = stage_new(0);
+    struct scene_slot *slot;
+
+    (void)state;
+    mem_fault_arm(1, 1000000);
+    slot = acquire(s, 0);
+    wait_settled(s, slot);
+    mem_fault_arm(-1, 0);
+    assert_int_equal(scene_slot_state(slot), SCENE_BROKEN);
+    assert_int_equal(scene_slot_error(slot)->code, STATUS_ERR_NO_MEMORY);
+    assert_int_equal(s->settled, 1);
+    scene_slot_release(slot);
+
+    assert_false(is_kept(s, 0));
+    assert_true(is_kept(s, 0));
+    s->settings.seed = 2;
+    render_memory_limit(1);
+    slot = acquire(s, 0);
+    wait_settled(s, slot);
+    render_memory_limit(0);
+    assert_int_equal(scene_slot_state(slot), SCENE_BROKEN);
+    assert_int_equal(scene_slot_error(slot)->code, STATUS_ERR_NO_MEMORY);
+    scene_slot_release(slot);
+    stage_free(s);
+}
+
+/* Two builds that fail together: the second is done again too, though the first took all that
+ * lay idle. */
+static void test_no_memory_twice(void **state)
+{
+    struct stage *s = stage_new(0);
+    struct scene_slot *slots[2];
+    struct pool_task *failed[2], *next;
+    unsigned count = 0;
+
+    (void)state;
+    assert_false(is_kept(s, 0));
+    render_memory_limit(1);
+    for (int i = 0; i < 2; i++) {
+        s->settings.seed = 2 + (uint64_t)i;
+        slots[i] = acquire(s, 0);
+    }
+    while (count < 2) {
+        for (struct pool_task *done = pool_take_done(s->pool); done; done = next) {
+            next = done->next;
+            failed[count++] = done;
+        }
+        pause_briefly();
+    }
+    render_memory_limit(0);
+    for (int i = 0; i < 2; i++)
+        assert_true(scene_cache_task_done(s->cache, failed[i]));
+    for (int i = 0; i < 2; i++) {
+        wait_for(s, slots[i]);
+        scene_slot_release(slots[i]);
+    }
+    stage_free(s);
+}
+
 static void test_equal_settings(void **state)
 {
     struct render_settings a, b;
@@ -296,6 +402,9 @@ int main(void)
         cmocka_unit_test(test_still_scene),
         cmocka_unit_test(test_moving_scene),
         cmocka_unit_test(test_settings),
+        cmocka_unit_test(test_no_memory),
+        cmocka_unit_test(test_no_memory_at_all),
+        cmocka_unit_test(test_no_memory_twice),
         cmocka_unit_test(test_equal_settings),
     };
 
