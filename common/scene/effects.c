@@ -475,6 +475,14 @@ static void find_motion(struct finder *f, uint32_t frame)
             if (moves)
                 add(f, EFFECT_MOTION_BLUR, "instance", thing->name, i);
         }
+        for (uint32_t i = 0; i < scene->light_count; i++) {
+            const struct scene_light *light = &scene->lights[i];
+            if (light->node >= 0 && !is_black(light->intensity) &&
+                !(f->settings->without & EFFECT_PUNCTUAL_LIGHT) &&
+                memcmp(&open.to_world[light->node], &close.to_world[light->node],
+                       sizeof *open.to_world) != 0)
+                add(f, EFFECT_MOTION_BLUR, "light", light->name, i);
+        }
     }
     scene_pose_release(&open);
     scene_pose_release(&close);

@@ -258,27 +258,59 @@ done:
     return s;
 }
 
-/* The lights as they stand at the shutter's opening. */
+static uint32_t lights_wanted(const struct render_scene *w, const struct scene *scene)
+{
+    return w->settings.without & EFFECT_PUNCTUAL_LIGHT ? 0 : scene->light_count;
+}
+
+static int lights_move(const struct render_scene *w, const struct world_poses *poses)
+{
+    struct punctual_pose steps[WORLD_STEPS_MAX];
+
+    for (uint32_t i = 0; i < lights_wanted(w, poses->scene); i++)
+        if (world_poses_light_motion(poses, i, steps))
+            return 1;
+    return 0;
+}
+
+static status load_light_motion(struct render_scene *w, const struct world_poses *poses,
+                                uint32_t light, struct punctual_motion *out, struct error *err)
+{
+    struct punctual_pose steps[WORLD_STEPS_MAX];
+    void *kept;
+
+    out->steps = world_poses_light_motion(poses, light, steps);
+    if (!out->steps)
+        return STATUS_OK;
+    kept = mem_memdup(steps, out->steps * sizeof *steps);
+    if (!world_own(w, kept))
+        return error_no_memory(err, "the lights");
+    out->at = kept;
+    return STATUS_OK;
+}
+
 static status load_lights(struct render_scene *w, const struct scene *scene,
                           const struct world_poses *poses, struct error *err)
 {
-    uint32_t count = w->settings.without & EFFECT_PUNCTUAL_LIGHT ? 0 : scene->light_count;
+    uint32_t count = lights_wanted(w, scene);
     struct scene_light *lights = mem_calloc(count, sizeof *lights);
-    status s;
+    struct punctual_motion *motion = mem_calloc(count, sizeof *motion);
+    status s = lights && motion ? STATUS_OK : error_no_memory(err, "the lights");
 
-    if (!lights)
-        return error_no_memory(err, "the lights");
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count && s == STATUS_OK; i++) {
         world_poses_light(poses, i, &lights[i]);
         if (w->settings.without & EFFECT_LIGHT_IMAGE)
             lights[i].image = -1;
+        s = load_light_motion(w, poses, i, &motion[i], err);
     }
-    s = emitters_init(&w->emitters, w, lights, count, scene->environment.portals,
+    if (s == STATUS_OK)
+        s = emitters_init(&w->emitters, w, lights, motion, count, scene->environment.portals,
                       w->environment && !(w->settings.without & EFFECT_PORTAL)
                           ? scene->environment.portal_count
                           : 0,
                       err);
     mem_free(lights);
+    mem_free(motion);
     return s;
 }
 
@@ -291,7 +323,7 @@ static void load_camera(struct render_scene *w, const struct world_poses *poses)
 
     world_poses_camera(poses, w->settings.camera, &description, steps, &motion);
     /* What is animated need not move now: then no ray needs a time. */
-    motion.shutter_open &= motion.steps > 0 || world_place_moves(w);
+    motion.shutter_open &= motion.steps > 0 || world_place_moves(w) || lights_move(w, poses);
     camera_init(&w->camera, &description, &w->settings, &motion);
     w->effects &= ~EFFECT_MOTION_BLUR;
     if (motion.shutter_open)

@@ -90,6 +90,13 @@ uint32_t world_stride(const float *const track[WORLD_STEPS_MAX], size_t points, 
     return stride;
 }
 
+static void vec3_store(struct vec3 v, float out[3])
+{
+    out[0] = v.x;
+    out[1] = v.y;
+    out[2] = v.z;
+}
+
 void world_poses_camera(const struct world_poses *poses, uint32_t camera, struct scene_camera *out,
                         struct transform *steps, struct camera_motion *motion)
 {
@@ -132,4 +139,40 @@ void world_poses_camera(const struct world_poses *poses, uint32_t camera, struct
 void world_poses_light(const struct world_poses *poses, uint32_t light, struct scene_light *out)
 {
     pose_light(&poses->at[0], poses->scene, light, out);
+}
+
+uint32_t world_poses_light_motion(const struct world_poses *poses, uint32_t light,
+                                  struct punctual_pose steps[WORLD_STEPS_MAX])
+{
+    float axes[WORLD_STEPS_MAX][12], place[WORLD_STEPS_MAX][3], reach = 0;
+    const float *axes_track[WORLD_STEPS_MAX], *place_track[WORLD_STEPS_MAX];
+    const float *intensity = poses->scene->lights[light].intensity;
+    uint32_t stride, other, count;
+    int moves = 0;
+
+    if (poses->count == 1 || poses->scene->lights[light].node < 0 ||
+        (intensity[0] == 0 && intensity[1] == 0 && intensity[2] == 0))
+        return 0;
+    for (uint32_t k = 0; k < WORLD_STEPS_MAX; k++) {
+        struct scene_light posed;
+        pose_light(&poses->at[k], poses->scene, light, &posed);
+        punctual_pose_of(&steps[k], &posed);
+        moves |= memcmp(&steps[k], &steps[0], sizeof *steps) != 0;
+        vec3_store(steps[k].position, place[k]);
+        vec3_store(steps[k].direction, axes[k]);
+        for (size_t a = 0; a < 3; a++)
+            vec3_store(steps[k].axis[a], axes[k] + 3 + 3 * a);
+        reach = float_max(reach, vec3_length(vec3_sub(steps[k].position, steps[0].position)));
+        axes_track[k] = axes[k];
+        place_track[k] = place[k];
+    }
+    if (!moves)
+        return 0;
+    stride = world_stride(axes_track, 4, 1);
+    other = world_stride(place_track, 1, reach);
+    stride = stride < other ? stride : other;
+    count = (WORLD_STEPS_MAX - 1) / stride + 1;
+    for (uint32_t k = 0; k < count; k++)
+        steps[k] = steps[k * stride];
+    return count;
 }

@@ -9,6 +9,7 @@
 #include "common/scene/effects.h"
 #include "common/scene/pose.h"
 #include "worker/render/camera.h"
+#include "worker/render/light/punctual.h"
 
 enum { WORLD_STEPS_MAX = CAMERA_STEPS_MAX }; /* a power of two, and one */
 
@@ -32,6 +33,9 @@ void world_poses_camera(const struct world_poses *poses, uint32_t camera, struct
 
 /* A light at the shutter's opening. */
 void world_poses_light(const struct world_poses *poses, uint32_t light, struct scene_light *out);
+/* How it moves: the count of steps, 0 for one that stands still or is black. */
+uint32_t world_poses_light_motion(const struct world_poses *poses, uint32_t light,
+                                  struct punctual_pose steps[WORLD_STEPS_MAX]);
 
 /* track[k] are `points` points at moment k: the largest power of two such that chords between
  * every so many moments keep all of them within the tolerance. `extent`: size of what moves. */

@@ -67,7 +67,7 @@ static struct vec3 shine(const struct punctual *p, struct vec3 towards)
     struct vec3 at = vec3_mad(vec3_make(1, 2, 3), d, 2);
     float distance;
 
-    if (!punctual_sample(p, at, &direction, &distance, &irradiance))
+    if (!punctual_sample(p, at, 0, &direction, &distance, &irradiance))
         return vec3_splat(0);
     assert_near((double)distance, 2, 1e-6);
     assert_near((double)vec3_dot(direction, d), -1, 1e-6);

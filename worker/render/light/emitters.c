@@ -64,14 +64,6 @@ static double triangle_luminance(const struct world_material *material,
     return sum > UNSEEN_EMISSION * whole ? sum : UNSEEN_EMISSION * whole;
 }
 
-static void bounds_add_point(struct light_bounds *b, struct vec3 p)
-{
-    b->min = vec3_make(float_min(b->min.x, p.x), float_min(b->min.y, p.y),
-                       float_min(b->min.z, p.z));
-    b->max = vec3_make(float_max(b->max.x, p.x), float_max(b->max.y, p.y),
-                       float_max(b->max.z, p.z));
-}
-
 /* Twice the area as a vector, of the triangle with its first edge from one moment and its
  * second from another. */
 static struct vec3 crossed(const struct vec3 a[3], const struct vec3 b[3])
@@ -114,7 +106,7 @@ static float triangle_bounds(const struct render_scene *scene,
 
         world_triangle(scene, instance, triangle, time, corner);
         for (int c = 0; c < 3; c++)
-            bounds_add_point(b, corner[c]);
+            light_bounds_add(b, corner[c]);
         doubled = crossed(corner, corner);
         cone_add_normal(b, vec3_scale(doubled, sign));
         if (k > 0)
@@ -186,16 +178,19 @@ static void weigh_triangles(struct emitters *e, const struct render_scene *scene
 
 /* The directional lights to the front, each with its share; bounds of the others. */
 static void weigh_punctual(struct emitters *e, const struct render_scene *scene,
-                           const struct scene_light *lights, struct weights *w)
+                           const struct scene_light *lights,
+                           const struct punctual_motion *motion, struct weights *w)
 {
     double radius = (double)scene->bounds_radius, sum = 0;
     uint32_t at = 0;
 
     for (int directional = 1; directional >= 0; directional--)
         for (uint32_t i = 0; i < e->punctual_count; i++)
-            if ((lights[i].kind == LIGHT_DIRECTIONAL) == directional)
-                punctual_init(&e->punctual[at++], &lights[i],
+            if ((lights[i].kind == LIGHT_DIRECTIONAL) == directional) {
+                punctual_init(&e->punctual[at], &lights[i],
                               lights[i].image >= 0 ? scene->images[lights[i].image] : NULL);
+                e->punctual[at++].motion = motion[i];
+            }
     for (uint32_t i = 0; i < e->punctual_count; i++) {
         double power = punctual_power(&e->punctual[i], radius);
 
@@ -265,8 +260,9 @@ static status grow_tree(struct emitters *e, struct weights *w, struct error *err
 }
 
 status emitters_init(struct emitters *e, struct render_scene *scene,
-                     const struct scene_light *lights, uint32_t light_count,
-                     const struct scene_portal *portals, uint32_t portal_count, struct error *err)
+                     const struct scene_light *lights, const struct punctual_motion *motion,
+                     uint32_t light_count, const struct scene_portal *portals,
+                     uint32_t portal_count, struct error *err)
 {
     uint64_t triangles = count_triangles(scene);
     struct weights w = {0};
@@ -295,7 +291,7 @@ status emitters_init(struct emitters *e, struct render_scene *scene,
         s = error_no_memory(err, "the table of lights");
         goto done;
     }
-    weigh_punctual(e, scene, lights, &w);
+    weigh_punctual(e, scene, lights, motion, &w);
     weigh_triangles(e, scene, &w, light_count - e->directional_count);
     share_groups(e, scene, &w);
     s = grow_tree(e, &w, err);
@@ -478,8 +474,8 @@ static int sample_punctual(const struct punctual *light, const struct light_quer
 {
     out->delta = 1;
     out->pdf = odds;
-    return odds > 0 && punctual_sample(light, query->p, &out->direction, &out->distance,
-                                       &out->radiance);
+    return odds > 0 && punctual_sample(light, query->p, query->time, &out->direction,
+                                       &out->distance, &out->radiance);
 }
 
 static int sample_directional(const struct emitters *e, const struct light_query *query, float u,

@@ -46,11 +46,12 @@ struct light_sample {
 };
 
 /* Needs the scene's instances (with their motion), materials, images, environment and bounding
- * sphere. `lights`: as they stand in the frame. Portals are of use only with an environment. */
+ * sphere. `lights`: as they stand at the shutter's opening; motion[i] of each must outlive *e.
+ * Portals are of use only with an environment. */
 status emitters_init(struct emitters *e, struct render_scene *scene,
-                     const struct scene_light *lights, uint32_t light_count,
-                     const struct scene_portal *portals, uint32_t portal_count,
-                     struct error *err) MUST_CHECK;
+                     const struct scene_light *lights, const struct punctual_motion *motion,
+                     uint32_t light_count, const struct scene_portal *portals,
+                     uint32_t portal_count, struct error *err) MUST_CHECK;
 void emitters_release(struct emitters *e);
 
 /* Who asks for light: which emitters are worth choosing depends on it. */

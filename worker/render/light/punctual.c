@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "common/math/elementary.h"
+#include "worker/render/camera.h"
 
 /* An image's mean luminance is taken on a grid of this many points a side. What falls between
  * them is not lost: no image counts as darker than IMAGE_MEAN_MIN. */
@@ -22,14 +23,28 @@ static struct vec3 column(const struct transform *t, int c)
     return vec3_normalize(vec3_make(t->m[0][c], t->m[1][c], t->m[2][c]));
 }
 
+void punctual_pose_of(struct punctual_pose *out, const struct scene_light *light)
+{
+    memset(out, 0, sizeof *out);
+    if (light->kind != LIGHT_DIRECTIONAL)
+        out->position = vec3_of(light->position);
+    if (light->kind == LIGHT_DIRECTIONAL || light->kind == LIGHT_SPOT)
+        out->direction = vec3_of(light->direction);
+    if (light->kind != LIGHT_GONIOMETRIC && light->kind != LIGHT_PROJECTION)
+        return;
+    for (int c = 0; c < 3; c++)
+        out->axis[c] = column(&light->to_world, c);
+    if (light->kind == LIGHT_PROJECTION)
+        out->direction = vec3_neg(out->axis[2]);
+}
+
 void punctual_init(struct punctual *p, const struct scene_light *light,
                    const struct texture_image *image)
 {
     memset(p, 0, sizeof *p);
     p->kind = light->kind;
     p->falloff = light->falloff;
-    p->position = vec3_of(light->position);
-    p->direction = vec3_of(light->direction);
+    punctual_pose_of(&p->pose, light);
     p->intensity = vec3_of(light->intensity);
     p->range = light->range;
     if (light->kind == LIGHT_SPOT) {
@@ -39,13 +54,54 @@ void punctual_init(struct punctual *p, const struct scene_light *light,
     if (light->kind != LIGHT_GONIOMETRIC && light->kind != LIGHT_PROJECTION)
         return;
     p->image = image;
-    for (int c = 0; c < 3; c++)
-        p->axis[c] = column(&light->to_world, c);
     if (light->kind == LIGHT_PROJECTION) {
-        p->direction = vec3_neg(p->axis[2]);
         p->slide_y = det_tan(0.5f * light->projection_yfov_rad);
         p->slide_x = p->slide_y * light->projection_aspect;
     }
+}
+
+/* ---- where it is -------------------------------------------------------------------------- */
+
+static struct vec3 mixed(struct vec3 a, struct vec3 b, float share)
+{
+    return vec3_add(vec3_scale(a, 1 - share), vec3_scale(b, share));
+}
+
+/* A unit vector between two; between opposite ones, the first. */
+static struct vec3 mixed_direction(struct vec3 a, struct vec3 b, float share)
+{
+    struct vec3 v = vec3_normalize(mixed(a, b, share));
+
+    return vec3_is_black(v) ? a : v;
+}
+
+/* The axes, mixed and made orthonormal again; the frame stays as right- or left-handed as it was. */
+static void mix_axes(struct vec3 out[3], const struct vec3 a[3], const struct vec3 b[3], float share)
+{
+    struct vec3 x = mixed(a[0], b[0], share), y;
+
+    out[2] = mixed_direction(a[2], b[2], share);
+    x = vec3_normalize(vec3_mad(x, out[2], -vec3_dot(x, out[2])));
+    out[0] = vec3_is_black(x) ? a[0] : x;
+    y = vec3_cross(out[2], out[0]);
+    out[1] = vec3_dot(vec3_cross(a[2], a[0]), a[1]) < 0 ? vec3_neg(y) : y;
+}
+
+static struct punctual_pose pose_at(const struct punctual *light, float time)
+{
+    struct punctual_pose out = {0};
+    const struct punctual_pose *a, *b;
+    float share;
+    uint32_t segment = motion_segment(time, light->motion.steps, &share);
+
+    a = &light->motion.at[segment];
+    b = a + 1;
+    out.position = mixed(a->position, b->position, share);
+    if (light->kind == LIGHT_GONIOMETRIC || light->kind == LIGHT_PROJECTION)
+        mix_axes(out.axis, a->axis, b->axis, share);
+    else
+        out.direction = mixed_direction(a->direction, b->direction, share);
+    return out;
 }
 
 /* ---- what it can do ---------------------------------------------------------------------- */
@@ -72,25 +128,54 @@ static double image_mean(const struct punctual *p)
     return sum > IMAGE_MEAN_MIN ? sum : IMAGE_MEAN_MIN;
 }
 
+/* Of all its directions the mean, and the largest angle to it: the directions in between lie
+ * within that too while it is less than a right one. */
+static void sweep_of(const struct punctual *p, struct vec3 *axis, float *angle_rad)
+{
+    struct vec3 sum = {0, 0, 0};
+    float least = 1;
+
+    *axis = p->pose.direction;
+    *angle_rad = 0;
+    if (!p->motion.steps)
+        return;
+    for (uint32_t k = 0; k < p->motion.steps; k++)
+        sum = vec3_add(sum, p->motion.at[k].direction);
+    sum = vec3_normalize(sum);
+    if (!vec3_is_black(sum))
+        *axis = sum;
+    for (uint32_t k = 0; k < p->motion.steps; k++)
+        least = float_min(least, vec3_dot(*axis, p->motion.at[k].direction));
+    *angle_rad = det_acos(float_max(least, -1)) + 1e-3f;
+    if (*angle_rad >= PI_F / 2)
+        *angle_rad = PI_F;
+}
+
 void punctual_bounds(const struct punctual *p, struct light_bounds *out)
 {
+    float sweep_rad;
+
     memset(out, 0, sizeof *out);
-    out->min = out->max = p->position;
+    out->min = out->max = p->pose.position;
+    for (uint32_t k = 0; k < p->motion.steps; k++)
+        light_bounds_add(out, p->motion.at[k].position);
     out->axis = vec3_make(0, 0, 1);
     out->spread_rad = PI_F;
     out->emission_rad = PI_F / 2;
     out->reach = p->range > 0 ? p->range : INFINITY;
     out->intensity = (float)((double)vec3_luminance(p->intensity) * image_mean(p));
+    if (p->kind != LIGHT_SPOT && p->kind != LIGHT_PROJECTION)
+        return;
+    sweep_of(p, &out->axis, &sweep_rad);
     if (p->kind == LIGHT_SPOT) {
-        out->axis = p->direction;
         out->spread_rad = det_acos(p->cos_inner);
         out->emission_rad = float_max(0, det_acos(p->cos_outer) - out->spread_rad);
-    } else if (p->kind == LIGHT_PROJECTION) {
-        out->axis = p->direction;
+    } else {
         out->spread_rad =
             det_atan2(sqrtf(p->slide_x * p->slide_x + p->slide_y * p->slide_y), 1);
         out->emission_rad = 0;
     }
+    out->spread_rad = float_min(PI_F, out->spread_rad + sweep_rad);
 }
 
 double punctual_power(const struct punctual *p, double scene_radius)
@@ -135,10 +220,11 @@ static float spot_window(const struct punctual *light, float cos_angle)
 }
 
 /* What the image lets through towards `d` (unit, away from the light). */
-static struct vec3 image_filter(const struct punctual *light, struct vec3 d)
+static struct vec3 image_filter(const struct punctual *light, const struct vec3 axis[3],
+                                struct vec3 d)
 {
-    struct vec3 local = vec3_make(vec3_dot(d, light->axis[0]), vec3_dot(d, light->axis[1]),
-                                  vec3_dot(d, light->axis[2]));
+    struct vec3 local =
+        vec3_make(vec3_dot(d, axis[0]), vec3_dot(d, axis[1]), vec3_dot(d, axis[2]));
     struct texel texel;
     float u, v;
 
@@ -162,18 +248,24 @@ static struct vec3 image_filter(const struct punctual *light, struct vec3 d)
     return vec3_make(texel.r, texel.g, texel.b);
 }
 
-int punctual_sample(const struct punctual *light, struct vec3 p, struct vec3 *direction,
-                    float *distance, struct vec3 *irradiance)
+int punctual_sample(const struct punctual *light, struct vec3 p, float time,
+                    struct vec3 *direction, float *distance, struct vec3 *irradiance)
 {
+    const struct punctual_pose *pose = &light->pose;
+    struct punctual_pose moved;
     float distance_squared, scale;
 
+    if (light->motion.steps) {
+        moved = pose_at(light, time);
+        pose = &moved;
+    }
     *irradiance = light->intensity;
     if (light->kind == LIGHT_DIRECTIONAL) {
-        *direction = vec3_neg(light->direction);
+        *direction = vec3_neg(pose->direction);
         *distance = INFINITY;
         return 1;
     }
-    *direction = vec3_sub(light->position, p);
+    *direction = vec3_sub(pose->position, p);
     distance_squared = vec3_length_squared(*direction);
     if (!(distance_squared > 0) || !isfinite(distance_squared))
         return 0;
@@ -181,10 +273,10 @@ int punctual_sample(const struct punctual *light, struct vec3 p, struct vec3 *di
     *direction = vec3_scale(*direction, 1 / *distance);
     scale = range_window(*distance, light->range) / distance_squared;
     if (light->kind == LIGHT_SPOT)
-        scale *= spot_window(light, -vec3_dot(light->direction, *direction));
+        scale *= spot_window(light, -vec3_dot(pose->direction, *direction));
     *irradiance = vec3_scale(*irradiance, scale);
     if (light->kind == LIGHT_GONIOMETRIC || light->kind == LIGHT_PROJECTION) {
-        *irradiance = vec3_mul(*irradiance, image_filter(light, vec3_neg(*direction)));
+        *irradiance = vec3_mul(*irradiance, image_filter(light, pose->axis, vec3_neg(*direction)));
         return vec3_max(*irradiance) > 0 && vec3_is_finite(*irradiance);
     }
     return scale > 0 && isfinite(scale);

@@ -32,6 +32,14 @@ struct light_bounds {
     int two_sided;
 };
 
+static inline void light_bounds_add(struct light_bounds *b, struct vec3 p)
+{
+    b->min = vec3_make(float_min(b->min.x, p.x), float_min(b->min.y, p.y),
+                       float_min(b->min.z, p.z));
+    b->max = vec3_make(float_max(b->max.x, p.x), float_max(b->max.y, p.y),
+                       float_max(b->max.z, p.z));
+}
+
 struct light_node {
     struct vec3 centre;    /* of the bounding sphere */
     float radius_squared;

@@ -1,0 +1,207 @@
+/* Lights that move while the shutter is open: what a plane below them receives is the mean over
+ * time, in closed form. Family-wise significance 0.01, Sidak-corrected; seeds are fixed. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <cmocka.h>
+
+#include "common/scene/effects.h"
+#include "tests/support/scene_builder.h"
+#include "tests/support/statistics.h"
+
+enum { SIZE = 8, SPP = 16, REPEATS = 60, COMPARISONS = 40 };
+
+/* A turn is mixed from directions that may miss it by a thousandth (worker/render/world_pose.h). */
+#define CHORD 1e-3
+#define HEIGHT 2.0
+#define INTENSITY 5.0
+#define ALBEDO 0.8
+
+/* A plane, looked at at (x, 0, 0); a light 2 m above its middle that follows node 0. */
+static struct scene_light *moving_light(struct scene_builder *b, enum scene_light_kind kind, double x)
+{
+    struct scene_light *l;
+
+    builder_init(b);
+    builder_lambert(b, (float)ALBEDO);
+    builder_place(b, builder_quad(b), 0, vec3_make(20, 1, 20), vec3_splat(0));
+    builder_camera(b, vec3_make((float)x, 9, 0), vec3_make((float)x, 0, 0), 0.0002f);
+    builder_node(b, -1, 0);
+    b->scene.nodes[0].translation[1] = (float)HEIGHT;
+    l = builder_light(b, kind);
+    l->node = 0;
+    l->falloff = FALLOFF_SMOOTHSTEP;
+    for (int c = 0; c < 3; c++)
+        l->intensity[c] = (float)INTENSITY;
+    return l;
+}
+
+/* In one second the light turns from `first` to `last`, radians from straight down towards +X. */
+static void turn(struct scene_builder *b, double first, double last)
+{
+    static const float times[2] = {0, 1};
+    double at[2] = {first, last}, s = sqrt(0.5);
+    float values[8];
+
+    for (int k = 0; k < 2; k++) {
+        /* down, then about Z */
+        double sine = sin(at[k] / 2), cosine = cos(at[k] / 2);
+        values[4 * k] = (float)(-s * cosine);
+        values[4 * k + 1] = (float)(-s * sine);
+        values[4 * k + 2] = (float)(s * sine);
+        values[4 * k + 3] = (float)(s * cosine);
+    }
+    builder_channel(b, 0, PATH_ROTATION, 2, times, values);
+}
+
+/* The mean picture's value and its standard error. */
+static double measure(struct scene_builder *b, uint64_t without, double *error)
+{
+    struct render_settings settings = builder_settings(SIZE, SIZE, SPP);
+    double sum = 0, square = 0, variance;
+
+    settings.fps = 1;
+    settings.shutter = 1;
+    settings.max_depth = 1;
+    settings.without = without;
+    for (uint64_t seed = 0; seed < REPEATS; seed++) {
+        static double picture[SIZE * SIZE * 3];
+        struct render_stats stats = {0};
+        struct render_scene *scene;
+        double mean = 0;
+
+        settings.seed = seed;
+        scene = builder_build(b, &settings);
+        builder_render(scene, &settings, 0, picture, NULL, &stats);
+        render_scene_free(scene);
+        for (int i = 0; i < SIZE * SIZE; i++)
+            mean += picture[3 * i] / (SIZE * SIZE);
+        sum += mean;
+        square += mean * mean;
+    }
+    variance = (square - sum * sum / REPEATS) / (REPEATS - 1);
+    *error = sqrt(fmax(variance, 0) / REPEATS);
+    return sum / REPEATS;
+}
+
+/* z-test against the irradiance; what it would be with the light as at the shutter's opening is
+ * rejected, unless motion blur is left out. */
+static void expect(struct scene_builder *b, double irradiance, double at_opening, double slack,
+                   const char *what)
+{
+    double scale = ALBEDO / M_PI, error, mean = measure(b, 0, &error), difference;
+
+    difference = fmax(fabs(mean - scale * irradiance) - slack * scale * irradiance, 0);
+    difference = fmax(difference - 1e-5 * scale * irradiance, 0); /* floats */
+    if (difference > 0 && erfc(difference / error / sqrt(2)) < sidak_alpha(0.01, COMPARISONS))
+        fail_msg("%s: %g instead of %g +- %g", what, mean, scale * irradiance, error);
+    if (fabs(mean - scale * at_opening) < 10 * error + 0.01 * scale * irradiance)
+        fail_msg("%s: %g is as if it stood as at the shutter's opening", what, mean);
+    mean = measure(b, EFFECT_MOTION_BLUR, &error);
+    if (fabs(mean - scale * at_opening) > 5 * error + 1e-4 * scale * at_opening)
+        fail_msg("%s, without blur: %g instead of %g", what, mean, scale * at_opening);
+}
+
+/* Irradiance of the plane at x, by a point light above `at`. */
+static double from_point(double x, double at)
+{
+    double r2 = (x - at) * (x - at) + HEIGHT * HEIGHT;
+
+    return INTENSITY * HEIGHT / (r2 * sqrt(r2));
+}
+
+/* Along a line from -2 to 3: the integral of h / (s^2 + h^2)^(3/2) is s / (h sqrt(s^2 + h^2)). */
+static double from_line(double x)
+{
+    double s = 3 - x, t = -2 - x;
+
+    return INTENSITY / (5 * HEIGHT) *
+           (s / sqrt(s * s + HEIGHT * HEIGHT) - t / sqrt(t * t + HEIGHT * HEIGHT));
+}
+
+static void test_point_on_a_line(void **state)
+{
+    static const double xs[] = {-3, -1, 1, 2.5};
+    static const float times[2] = {0, 1},
+                       line[6] = {-2, (float)HEIGHT, 0, 3, (float)HEIGHT, 0};
+
+    (void)state;
+    for (size_t k = 0; k < 4; k++)
+        for (int round = 0; round < 2; round++) {
+            struct scene_builder b;
+            moving_light(&b, round ? LIGHT_GONIOMETRIC : LIGHT_POINT, xs[k]);
+            builder_channel(&b, 0, PATH_TRANSLATION, 2, times, line);
+            expect(&b, from_line(xs[k]), from_point(xs[k], -2), 0,
+                   round ? "goniometric light on a line" : "point light on a line");
+            builder_release(&b);
+        }
+}
+
+/* A beam with a hard edge, `half` wide to either side, sweeps from `first` to `last`: the share of
+ * the time in which it holds the angle. */
+static double share_of_sweep(double angle, double half, double first, double last)
+{
+    double from = fmin(fmax(angle - half, first), last), to = fmin(fmax(angle + half, first), last);
+
+    return (to - from) / (last - first);
+}
+
+/* At the opening the beam is far from what is looked at: a tree of lights that knew no more than
+ * that would never choose it. The second light, which stands, shares the tree. */
+static void test_sweeping_beams(void **state)
+{
+    static const double angles[] = {-0.5, 0, 0.4, 0.85};
+    const double first = -1.4, last = 0.7;
+
+    (void)state;
+    for (size_t k = 0; k < 4; k++)
+        for (int kind = 0; kind < 4; kind++) {
+            double x = HEIGHT * tan(angles[k]), half = 0.3, full = from_point(x, 0), other = 0;
+            int projects = kind & 1, company = kind & 2;
+            struct scene_builder b;
+            struct scene_light *l = moving_light(&b, projects ? LIGHT_PROJECTION : LIGHT_SPOT, x);
+            l->inner_cone_rad = (float)half - 1e-5f;
+            l->outer_cone_rad = (float)half;
+            l->projection_yfov_rad = (float)(2 * half);
+            l->projection_aspect = 1;
+            /* the image lies with its x along the sweep or across: square, so both are one */
+            turn(&b, first, last);
+            if (company) {
+                l = builder_light(&b, LIGHT_POINT);
+                l->position[1] = (float)HEIGHT;
+                l->intensity[0] = l->intensity[1] = l->intensity[2] = (float)INTENSITY / 2;
+                other = full / 2;
+            }
+            expect(&b, other + full * share_of_sweep(angles[k], half, first, last), other,
+                   2 * CHORD / half, projects ? "sweeping projector" : "sweeping spot light");
+            builder_release(&b);
+        }
+}
+
+/* The sun from one side of the sky to the other, below the horizon at first: the mean of the
+ * positive part of a cosine. */
+static void test_turning_sun(void **state)
+{
+    struct scene_builder b;
+    const double first = -2, last = 1;
+
+    (void)state;
+    moving_light(&b, LIGHT_DIRECTIONAL, 0);
+    turn(&b, first, last);
+    expect(&b, INTENSITY * (sin(last) + 1) / (last - first), 0, 2 * CHORD, "turning sun");
+    builder_release(&b);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_point_on_a_line),
+        cmocka_unit_test(test_sweeping_beams),
+        cmocka_unit_test(test_turning_sun),
+    };
+
+    return cmocka_run_group_tests_name("lights that move", tests, NULL, NULL);
+}
