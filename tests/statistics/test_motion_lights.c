@@ -140,6 +140,34 @@ static void test_point_on_a_line(void **state)
         }
 }
 
+/* A second light, which stands, to share the tree of lights: one alone is always chosen. */
+static void company(struct scene_builder *b, double intensity)
+{
+    struct scene_light *l = builder_light(b, LIGHT_POINT);
+
+    l->position[1] = (float)HEIGHT;
+    for (int c = 0; c < 3; c++)
+        l->intensity[c] = (float)intensity;
+}
+
+/* Up through the plane, from -1 to 2: from below it sends nothing to the side that is seen, and
+ * whoever took it to stay there would never ask it. The integral of y / (x^2 + y^2)^(3/2) is
+ * -1 / sqrt(x^2 + y^2). */
+static void test_rising_point(void **state)
+{
+    static const float times[2] = {0, 1}, rise[6] = {0, -1, 0, 0, 2, 0};
+    const double x = 1.5, other = from_point(x, 0) / 8;
+    struct scene_builder b;
+
+    (void)state;
+    moving_light(&b, LIGHT_POINT, x);
+    builder_channel(&b, 0, PATH_TRANSLATION, 2, times, rise);
+    company(&b, INTENSITY / 8);
+    expect(&b, other + INTENSITY / 3 * (1 / x - 1 / sqrt(x * x + 4)), other, 0,
+           "rising point light");
+    builder_release(&b);
+}
+
 /* A beam with a hard edge, `half` wide to either side, sweeps from `first` to `last`: the share of
  * the time in which it holds the angle. */
 static double share_of_sweep(double angle, double half, double first, double last)
@@ -150,7 +178,7 @@ static double share_of_sweep(double angle, double half, double first, double las
 }
 
 /* At the opening the beam is far from what is looked at: a tree of lights that knew no more than
- * that would never choose it. The second light, which stands, shares the tree. */
+ * that would never choose it. */
 static void test_sweeping_beams(void **state)
 {
     static const double angles[] = {-0.5, 0, 0.4, 0.85};
@@ -160,7 +188,7 @@ static void test_sweeping_beams(void **state)
     for (size_t k = 0; k < 4; k++)
         for (int kind = 0; kind < 4; kind++) {
             double x = HEIGHT * tan(angles[k]), half = 0.3, full = from_point(x, 0), other = 0;
-            int projects = kind & 1, company = kind & 2;
+            int projects = kind & 1, in_company = kind & 2;
             struct scene_builder b;
             struct scene_light *l = moving_light(&b, projects ? LIGHT_PROJECTION : LIGHT_SPOT, x);
             l->inner_cone_rad = (float)half - 1e-5f;
@@ -169,10 +197,8 @@ static void test_sweeping_beams(void **state)
             l->projection_aspect = 1;
             /* the image lies with its x along the sweep or across: square, so both are one */
             turn(&b, first, last);
-            if (company) {
-                l = builder_light(&b, LIGHT_POINT);
-                l->position[1] = (float)HEIGHT;
-                l->intensity[0] = l->intensity[1] = l->intensity[2] = (float)INTENSITY / 2;
+            if (in_company) {
+                company(&b, INTENSITY / 2);
                 other = full / 2;
             }
             expect(&b, other + full * share_of_sweep(angles[k], half, first, last), other,
@@ -199,6 +225,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_point_on_a_line),
+        cmocka_unit_test(test_rising_point),
         cmocka_unit_test(test_sweeping_beams),
         cmocka_unit_test(test_turning_sun),
     };
