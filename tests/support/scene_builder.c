@@ -101,6 +101,16 @@ uint32_t builder_mesh_deforming(struct scene_builder *b, const float *positions,
                                 uint32_t triangle_count, const struct mesh_influence *influences,
                                 const float *morphs, uint32_t morph_count)
 {
+    return builder_mesh_deforming_smooth(b, positions, NULL, vertex_count, indices, triangle_count,
+                                         influences, morphs, NULL, morph_count);
+}
+
+uint32_t builder_mesh_deforming_smooth(struct scene_builder *b, const float *positions,
+                                       const float *normals, uint32_t vertex_count,
+                                       const uint32_t *indices, uint32_t triangle_count,
+                                       const struct mesh_influence *influences, const float *morphs,
+                                       const float *morph_normals, uint32_t morph_count)
+{
     struct scene_mesh *mesh = &b->scene.meshes[b->scene.mesh_count];
     struct scene_mesh_layout layout;
     uint8_t *data;
@@ -108,17 +118,23 @@ uint32_t builder_mesh_deforming(struct scene_builder *b, const float *positions,
     mesh->name = "deforming mesh";
     mesh->vertex_count = vertex_count;
     mesh->triangle_count = triangle_count;
-    mesh->arrays = influences ? MESH_SKIN : 0;
+    mesh->arrays = (influences ? MESH_SKIN : 0) | (normals ? MESH_NORMALS : 0);
     mesh->morph_count = morph_count;
     bound(mesh, positions, vertex_count);
     scene_mesh_layout(mesh, &layout);
     data = need(mem_calloc(1, layout.total_bytes));
     memcpy(data + layout.positions, positions, 12u * vertex_count);
+    if (normals)
+        memcpy(data + layout.normals, normals, 12u * vertex_count);
     if (influences)
         memcpy(data + layout.skin, influences, sizeof *influences * vertex_count);
-    for (uint32_t i = 0; i < morph_count; i++)
-        memcpy(data + layout.morphs + i * layout.morph_stride, morphs + (size_t)3 * vertex_count * i,
-               12u * vertex_count);
+    for (uint32_t i = 0; i < morph_count; i++) {
+        uint8_t *target = data + layout.morphs + i * layout.morph_stride;
+        memcpy(target, morphs + (size_t)3 * vertex_count * i, 12u * vertex_count);
+        if (normals)
+            memcpy(target + 12u * vertex_count, morph_normals + (size_t)3 * vertex_count * i,
+                   12u * vertex_count);
+    }
     memcpy(data + layout.indices, indices, 12u * triangle_count);
     mesh->blob = add_blob(b, data, layout.total_bytes);
     return b->scene.mesh_count++;

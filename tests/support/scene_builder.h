@@ -36,6 +36,12 @@ uint32_t builder_mesh_deforming(struct scene_builder *b, const float *positions,
                                 uint32_t vertex_count, const uint32_t *indices,
                                 uint32_t triangle_count, const struct mesh_influence *influences,
                                 const float *morphs, uint32_t morph_count);
+/* The same with normals, and their offsets [morph_count][vertices][3]. */
+uint32_t builder_mesh_deforming_smooth(struct scene_builder *b, const float *positions,
+                                       const float *normals, uint32_t vertex_count,
+                                       const uint32_t *indices, uint32_t triangle_count,
+                                       const struct mesh_influence *influences, const float *morphs,
+                                       const float *morph_normals, uint32_t morph_count);
 
 /* What moves. A node at rest in its parent (-1: the world); give it `weights` of morph targets.
  * Keys of one property of a node, linear; nodes and paths in ascending order. A skin of these

@@ -127,6 +127,22 @@ static struct vec3 surface_interpolate(const float *values, size_t stride,
                      b0 * a[2] + b1 * b[2] + b2 * c[2]);
 }
 
+/* The same of vectors that deform with the mesh: mixed between the steps where it moves. */
+static struct vec3 surface_deformed(const struct surface *s, const float *opening,
+                                    const float *const *motion, size_t stride)
+{
+    struct vec3 from, to;
+    float f;
+    uint32_t segment;
+
+    if (!HAS(MOTION_BLUR) || !HAS(DEFORMATION) || !motion)
+        return surface_interpolate(opening, stride, s->vertex, s->b1, s->b2);
+    segment = motion_segment(s->time, s->instance->motion_steps, &f);
+    from = surface_interpolate(motion[segment], stride, s->vertex, s->b1, s->b2);
+    to = surface_interpolate(motion[segment + 1], stride, s->vertex, s->b1, s->b2);
+    return vec3_mad(vec3_scale(from, 1 - f), to, f);
+}
+
 static struct texel surface_texel(const struct surface *s, const struct world_slot *slot, int srgb)
 {
     return world_slot_lookup(slot, s->mesh, s->vertex, s->b1, s->b2, s->footprint, srgb);
@@ -140,7 +156,7 @@ static const float *surface_tangents(const struct surface *s)
 /* The tangent at the hit, world, unit and perpendicular to `n`; black where there is none. */
 static struct vec3 surface_tangent(const struct surface *s, struct vec3 n)
 {
-    struct vec3 t = surface_interpolate(surface_tangents(s), 4, s->vertex, s->b1, s->b2);
+    struct vec3 t = surface_deformed(s, surface_tangents(s), s->instance->motion_tangents, 4);
 
     if (!s->instance->skinned) {
         struct transform to_world = world_to_world_at(s->instance, s->time);
@@ -185,7 +201,7 @@ static struct vec3 surface_vertex_normal(const struct surface *s)
 
     if (!normals)
         return front_ng;
-    n = surface_interpolate(normals, 3, s->vertex, s->b1, s->b2);
+    n = surface_deformed(s, normals, s->instance->motion_normals, 3);
     if (!s->instance->skinned) {
         struct transform to_object = world_to_object_at(s->instance, s->time);
         n = transform_normal(&to_object, n);

@@ -71,6 +71,7 @@ struct world_instance {
     float bounds_min[3], bounds_max[3];
     const float *deformed_normals, *deformed_tangents; /* at the shutter's opening, or NULL: the mesh's.
                                      World space for a skinned mesh, else the mesh's */
+    const float *const *motion_normals, *const *motion_tangents; /* [motion_steps] of the same, or NULL */
     int skinned;                  /* those are in world space */
     float position_error;         /* metres: bound on the rounding of a transformed position */
     int32_t light_base;           /* first of its triangles in the emitters, -1: dark */

@@ -93,7 +93,8 @@ static void geometry_need(struct world_need *need, const struct scene *scene,
             continue;
         need->meshes += vertices * 3 * sizeof(float) * (blurs ? WORLD_STEPS_MAX : 1);
         need->meshes += vertices * ((mesh->arrays & MESH_NORMALS ? 3 : 0) +
-                                    (mesh->arrays & MESH_TANGENTS ? 4u : 0)) * sizeof(float);
+                                    (mesh->arrays & MESH_TANGENTS ? 4u : 0)) * sizeof(float) *
+                        (blurs ? WORLD_STEPS_MAX : 1);
         need->bvh += triangles * (blurs ? BVH_BYTES_MOVING_TRIANGLE : BVH_BYTES_TRIANGLE);
     }
 }

@@ -102,7 +102,8 @@ static inline struct transform world_to_world_at(const struct world_instance *in
     return instance->to_world;
 }
 
-/* The mesh's vertex normals and tangents as the frame has them: deformed or not; NULL: none. */
+/* The mesh's vertex normals and tangents as the frame has them at the shutter's opening: deformed
+ * or not; NULL: none. */
 static inline const float *world_normals(const struct world_instance *instance,
                                          const struct world_mesh *mesh)
 {

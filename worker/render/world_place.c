@@ -326,6 +326,17 @@ static int skin_flips(const struct placer *p)
     return mirrored > skin->joint_count / 2;
 }
 
+/* Room for a moment's normals and tangents, where the mesh has such. */
+static status new_vectors(const struct placer *p, float **normals, float **tangents)
+{
+    *normals = *tangents = NULL;
+    if (p->vertices->normals && !(*normals = new_vertices(p, 3)))
+        return no_memory(p);
+    if (p->vertices->tangents && !(*tangents = new_vertices(p, 4)))
+        return no_memory(p);
+    return STATUS_OK;
+}
+
 /* The deformed vertices at moment `k`, in the world; the normals and tangents at the first. */
 static status deform_at(struct placer *p, uint32_t k, float **positions)
 {
@@ -338,10 +349,9 @@ static status deform_at(struct placer *p, uint32_t k, float **positions)
     if (!*positions)
         return no_memory(p);
     if (k == 0) {
-        if (mesh->normals && !(normals = new_vertices(p, 3)))
-            return no_memory(p);
-        if (mesh->tangents && !(tangents = new_vertices(p, 4)))
-            return no_memory(p);
+        s = new_vectors(p, &normals, &tangents);
+        if (s != STATUS_OK)
+            return s;
         instance->deformed_normals = normals;
         instance->deformed_tangents = tangents;
     }
@@ -349,6 +359,38 @@ static status deform_at(struct placer *p, uint32_t k, float **positions)
                     p->err);
     if (s == STATUS_OK && !instance->skinned)
         transform_vertices(*positions, *positions, mesh->vertex_count, &p->at[k]);
+    return s;
+}
+
+/* The normals and tangents at each of the steps, the first of which are known. */
+static status deform_vectors(struct placer *p, uint32_t stride)
+{
+    struct world_instance *instance = p->instance;
+    uint32_t count = instance->motion_steps;
+    const float **normals, **tangents;
+    status s = STATUS_OK;
+
+    if (!instance->deformed_normals && !instance->deformed_tangents)
+        return STATUS_OK;
+    normals = mem_calloc(count, sizeof *normals);
+    if (!world_own(p->w, (void *)normals))
+        return no_memory(p);
+    tangents = mem_calloc(count, sizeof *tangents);
+    if (!world_own(p->w, (void *)tangents))
+        return no_memory(p);
+    normals[0] = instance->deformed_normals;
+    tangents[0] = instance->deformed_tangents;
+    for (uint32_t k = 1; k < count && s == STATUS_OK; k++) {
+        float *n, *t;
+        s = new_vectors(p, &n, &t);
+        if (s == STATUS_OK)
+            s = pose_deform(&p->poses->at[k * stride], p->scene, p->index, p->vertices->blob, NULL,
+                            n, t, p->err);
+        normals[k] = n;
+        tangents[k] = t;
+    }
+    instance->motion_normals = instance->deformed_normals ? normals : NULL;
+    instance->motion_tangents = instance->deformed_tangents ? tangents : NULL;
     return s;
 }
 
@@ -407,7 +449,8 @@ static status place_deformed(struct placer *p)
     if (s == STATUS_OK && moments > 1) {
         stride = choose_moments(p, positions);
         used = instance->motion_steps;
-        if (!instance->skinned)
+        s = deform_vectors(p, stride);
+        if (s == STATUS_OK && !instance->skinned)
             s = keep_matrices(p, stride);
     }
     for (uint32_t k = 0; k < used && s == STATUS_OK; k++) {

@@ -315,6 +315,69 @@ static void test_skin(void **state)
     builder_release(&b);
 }
 
+/* The shading normal where the ray down the Z axis meets the scene. */
+static struct vec3 normal_at(const struct render_scene *scene, float time)
+{
+    struct bsdf_params params;
+    struct surface s;
+
+    assert_true(shoot(scene, 0, 0, time, &s));
+    surface_shade(scene, &s, vec3_make(0, 0, 1), &params);
+    return s.frame.n;
+}
+
+/* Vertex normals go along: with a joint that turns by 40 degrees, and with
+ * a morph target that tilts nothing else. */
+static void test_normals(void **state)
+{
+    static const float base[9] = {-1, -1, 0, 1, -1, 0, 0, 1, 0};
+    static const float normals[9] = {0, 0, 1, 0, 0, 1, 0, 0, 1}, tilt[9] = {1, 0, 0, 1, 0, 0, 1, 0, 0};
+    static const float still[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
+    static const uint32_t indices[3] = {0, 1, 2}, joint = 0;
+    static const struct mesh_influence influences[3] = {
+        {{1, 0, 0, 0}, {0, 0, 0, 0}}, {{1, 0, 0, 0}, {0, 0, 0, 0}}, {{1, 0, 0, 0}, {0, 0, 0, 0}}};
+    static const float weights[2] = {0, 0.25f};
+    const double last = 0.7;
+
+    (void)state;
+    for (int skin = 0; skin < 2; skin++) {
+        struct render_settings settings = open_shutter();
+        struct scene_instance *instance;
+        struct render_scene *scene;
+        struct scene_builder b;
+        float turns[8];
+        builder_init(&b);
+        builder_lambert(&b, 0.5f);
+        instance = builder_place(&b,
+                                 builder_mesh_deforming_smooth(&b, base, normals, 3, indices, 1,
+                                                               skin ? influences : NULL, still,
+                                                               tilt, !skin),
+                                 0, vec3_splat(1), vec3_splat(0));
+        builder_node(&b, -1, !skin);
+        turn_y(0, turns);
+        turn_y(last, turns + 4);
+        if (skin) {
+            instance->skin = builder_skin(&b, &joint, 1);
+            builder_channel(&b, 0, PATH_ROTATION, 2, no_yes, turns);
+        } else {
+            instance->node = 0;
+            builder_channel(&b, 0, PATH_WEIGHTS, 2, no_yes, weights);
+        }
+        builder_camera(&b, vec3_make(0, 0, 9), vec3_splat(0), 1);
+        scene = builder_build(&b, &settings);
+        assert_non_null(scene->instances[0].motion_normals);
+        for (int i = 0; i <= 10; i++) {
+            double t = i / 10.0, angle = skin ? last * t : atan(0.25 * t);
+            struct vec3 n = normal_at(scene, (float)t);
+            assert_true(fabs((double)n.x - sin(angle)) < 2e-3);
+            assert_true(fabs((double)n.y) < 1e-6);
+            assert_true(fabs((double)n.z - cos(angle)) < 2e-3);
+        }
+        render_scene_free(scene);
+        builder_release(&b);
+    }
+}
+
 /* All of a frame's floats. */
 static void frame_bits(const struct render_scene *scene, uint32_t frame, float *out)
 {
@@ -482,8 +545,8 @@ static void test_out_of_memory(void **state)
     builder_init(&b);
     builder_lambert(&b, 0.5f);
     builder_place(&b, triangle_mesh(&b), 0, vec3_splat(1), vec3_splat(0))->node = 0;
-    builder_place(&b, builder_mesh_deforming(&b, base, 3, indices, 1, NULL, morph, 1), 0,
-                  vec3_splat(1), vec3_splat(0))->node = 1;
+    builder_place(&b, builder_mesh_deforming_smooth(&b, base, base, 3, indices, 1, NULL, morph, morph, 1),
+                  0, vec3_splat(1), vec3_splat(0))->node = 1;
     builder_node(&b, -1, 0);
     builder_node(&b, -1, 1);
     builder_channel(&b, 0, PATH_TRANSLATION, 2, no_yes, path);
@@ -515,7 +578,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_moving_triangle), cmocka_unit_test(test_turning),
         cmocka_unit_test(test_spinning),        cmocka_unit_test(test_morphing),
-        cmocka_unit_test(test_skin),            cmocka_unit_test(test_closed_shutter),
+        cmocka_unit_test(test_skin),            cmocka_unit_test(test_normals),
+        cmocka_unit_test(test_closed_shutter),
         cmocka_unit_test(test_vanishing),       cmocka_unit_test(test_standing_node),
         cmocka_unit_test(test_camera_and_light), cmocka_unit_test(test_out_of_memory),
     };
