@@ -168,8 +168,9 @@ status manifest_print(const json_t *m, struct error *err)
         result = print_causes(json_object_get(m, "switched_off"), "SWITCHED OFF", err);
     if (result != STATUS_OK)
         return result;
-    json_array_foreach(idle, i, name)
+    json_array_foreach(idle, i, name) {
         name_list_add(&list, json_is_string(name) ? json_string_value(name) : "?");
+    }
     name_list_end(&list);
     print_work(json_object_get(m, "work"));
     print_time(json_object_get(m, "time"));

@@ -20,12 +20,14 @@ static const struct import_format *const formats[] = {
 };
 enum { FORMAT_COUNT = sizeof formats / sizeof *formats };
 
-static const struct import_format *format_of(const void *data, size_t size_bytes, const char *name)
+/* Its row in the table; FORMAT_COUNT: none. */
+static int format_of(const void *data, size_t size_bytes, const char *name)
 {
-    for (int i = 0; i < FORMAT_COUNT; i++)
-        if (formats[i]->recognise(data, size_bytes, name))
-            return formats[i];
-    return NULL;
+    int i = 0;
+
+    while (i < FORMAT_COUNT && !formats[i]->recognise(data, size_bytes, name))
+        i++;
+    return i;
 }
 
 static status refuse_unknown(struct error *err)
@@ -66,10 +68,9 @@ status import_scene_memory(const void *data, size_t size_bytes, const char *name
                            struct import_result *out, struct error *err)
 {
     struct error inner = {0};
-    const struct import_format *format;
     struct builder builder;
     status result;
-    int placed;
+    int placed, format;
 
     result_init(out);
     builder_init(&builder, out, &inner);
@@ -78,8 +79,8 @@ status import_scene_memory(const void *data, size_t size_bytes, const char *name
         result = error_no_memory(&inner, "a name");
     else if (size_bytes == 0)
         result = error_set(&inner, STATUS_ERR_INPUT, "is empty");
-    else if ((format = format_of(data, size_bytes, name)))
-        result = format->import(data, size_bytes, name, folder, options, &builder);
+    else if ((format = format_of(data, size_bytes, name)) < FORMAT_COUNT)
+        result = formats[format]->import(data, size_bytes, name, folder, options, &builder);
     else
         result = refuse_unknown(&inner);
     placed = builder.error_is_placed;

@@ -1,5 +1,6 @@
 #include "client/import/obj.h"
 
+#include <assert.h>
 #include <math.h>
 #include <string.h>
 #include <strings.h>
@@ -61,6 +62,7 @@ uint32_t obj_intern(struct obj_names *names, const char *text, size_t length)
         return OBJ_NONE;
     at = hash_text(text, length) & (names->index_size - 1);
     for (; names->index[at]; at = (at + 1) & (names->index_size - 1)) {
+        assert(names->index[at] <= names->count);
         const char *other = names->texts[names->index[at] - 1];
         if (strlen(other) == length && memcmp(other, text, length) == 0)
             return names->index[at] - 1;

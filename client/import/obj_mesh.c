@@ -339,7 +339,7 @@ static status make_part(struct obj *o, const struct obj_part *part, struct part_
     struct mesh_tangents tangents;
     const char *name = builder_name(o->b, o->words.texts[part->name]);
     uint32_t material;
-    int64_t row;
+    int64_t row = BUILDER_NO_ROW;
     status result;
 
     survey(o, faces);

@@ -1,5 +1,6 @@
 #include "client/import/pbrt.h"
 
+#include <assert.h>
 #include <math.h>
 #include <string.h>
 #include <strings.h>
@@ -474,6 +475,7 @@ static status do_attribute(struct pbrt *p, const struct pbrt_place *at)
     struct pbrt_params **slot;
     const char *target;
 
+    assert(p);
     TRY(next_string(p, "Attribute", &target));
     slot = strcmp(target, "shape") == 0      ? &p->now.shape_defaults
            : strcmp(target, "light") == 0    ? &p->now.light_defaults

@@ -301,7 +301,8 @@ static status read_goniometric(struct pbrt *p, const struct pbrt_directive *d,
     TRY(pbrt_octahedral_to_latlong(&image->pixels, swapped, &latlong, p->err));
     result = add_pixels(p, image->name, &latlong, &row);
     image_release(&latlong);
-    out->image = (int32_t)row;
+    if (result == STATUS_OK)
+        out->image = (int32_t)row;
     return result;
 }
 

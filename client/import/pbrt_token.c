@@ -342,10 +342,11 @@ static status read_string(struct pbrt_reader *r, struct pbrt_source *s, struct e
 
 static status read_word(struct pbrt_reader *r, struct pbrt_source *s, struct error *err)
 {
+    static const char marks[4] = {'"', '[', ']', '#'};
     size_t start = s->at;
 
     while (s->at < s->data.size && !is_blank(s->data.data[s->at]) &&
-           !memchr("\"[]#", s->data.data[s->at], 4))
+           !memchr(marks, s->data.data[s->at], sizeof marks))
         s->at++;
     if (s->at - start > PBRT_WORD_BYTES_MAX)
         return pbrt_error(err, STATUS_ERR_LIMIT, &s->place, "a word is longer than %d bytes",

@@ -1,5 +1,6 @@
 #include "client/import/ply.h"
 
+#include <assert.h>
 #include <math.h>
 #include <string.h>
 
@@ -597,6 +598,7 @@ static status make_triangles(struct ply *p)
     size_t triangles = 0, first = 0;
     status result = STATUS_OK;
 
+    assert(p->sizes || p->face_count == 0);
     for (size_t f = 0; f < p->face_count; f++)
         triangles += p->sizes[f] >= 3 ? p->sizes[f] - 2 : 0;
     if (triangles > SCENE_TRIANGLES_MAX)

@@ -15,6 +15,7 @@
  * of 180 degrees splits nothing else), and its fixed tangent (1, 0, 0) for what no group
  * reaches: that takes another group's of the same vertex, or any direction in the plane.
  */
+#include <assert.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -48,7 +49,7 @@ struct work {
     struct key *keys;        /* a vertex */
     uint32_t *weld;          /* a vertex: the first vertex like it */
     struct vec3 *direction;  /* a triangle: where u grows, unit */
-    int8_t *hand;            /* a triangle */
+    uint8_t *hand;           /* a triangle */
     uint8_t *any;            /* a triangle: no area in the texture, or none at all */
     int32_t *neighbor;       /* a corner: the triangle across the side that starts there */
     int32_t *group_of;       /* a corner */
@@ -218,7 +219,7 @@ static int join_group(struct work *w, int32_t group, uint32_t vertex, size_t t)
     if (of[corner] != NO_GROUP)
         return -1;
     if (w->any[t] && of[0] == NO_GROUP && of[1] == NO_GROUP && of[2] == NO_GROUP)
-        w->hand[t] = (int8_t)w->groups[group].hand;
+        w->hand[t] = (uint8_t)w->groups[group].hand;
     if (w->hand[t] != w->groups[group].hand)
         return -1;
     of[corner] = group;
@@ -322,6 +323,7 @@ static struct corner_key corner_key(const struct work *w, size_t corner)
     if (group == NO_GROUP)
         group = w->group_at[w->weld[v]];
     if (group != NO_GROUP) {
+        assert(w->groups);
         t = w->groups[group].tangent;
         hand = w->groups[group].hand;
     }

@@ -1,5 +1,6 @@
 #include "common/scene/pose.h"
 
+#include <assert.h>
 #include <math.h>
 #include <string.h>
 
@@ -163,6 +164,7 @@ static void channel_apply(const struct scene_channel *c, double time_s, struct l
         channel_rotation(c, m, l->rotation);
         return;
     }
+    assert(to); /* scene_validate: it has as many components as the node has weights */
     for (uint32_t i = 0; i < c->components; i++)
         to[i] = channel_number(c, m, i);
 }
@@ -394,6 +396,7 @@ static int vertex_skin(const struct deformation *d, uint32_t v, struct vertex *o
     struct transform_d t;
     double sign;
 
+    assert(d->blob);
     memcpy(&influence, d->blob + d->layout.skin + (size_t)v * sizeof influence, sizeof influence);
     if (!joints_blend(d, &influence, &t))
         return 0;

@@ -98,6 +98,14 @@ static void set_encoding(struct maker *m)
     }
 }
 
+/* 0..1 as a whole number up to `top`. */
+static uint32_t quantized(float value, float top)
+{
+    float scaled = value * top;
+
+    return (uint32_t)(scaled + 0.5f);
+}
+
 static void store_row(const struct maker *m, uint32_t level, uint32_t y, const float *row)
 {
     const struct texture_image *image = m->image;
@@ -117,13 +125,12 @@ static void store_row(const struct maker *m, uint32_t level, uint32_t y, const f
                 floats[i] = float_min(row[i], FLT_MAX);
                 break;
             case TEXTURE_16:
-                words[i] =
-                    (uint16_t)((color ? srgb_encode(row[i]) : float_min(row[i], 1.0f)) * 65535.0f +
-                               0.5f);
+                words[i] = (uint16_t)quantized(
+                    color ? srgb_encode(row[i]) : float_min(row[i], 1.0f), 65535);
                 break;
             default:
                 bytes[i] = color ? encode_srgb8(m, row[i])
-                                 : (uint8_t)(float_min(row[i], 1.0f) * 255.0f + 0.5f);
+                                 : (uint8_t)quantized(float_min(row[i], 1.0f), 255);
             }
     }
 }

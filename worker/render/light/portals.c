@@ -48,6 +48,7 @@ static int is_above(const struct vec3 corner[4], struct vec3 p, struct vec3 n)
 static float halves(const struct vec3 corner[4], struct vec3 p, struct vec3 n,
                     struct spherical_triangle half[2])
 {
+    half[0].solid_angle = half[1].solid_angle = 0;
     if (!is_above(corner, p, n))
         return 0;
     /* The corners that both share lie at the ends of the sampled arcs' first side. */
