@@ -14,49 +14,13 @@ static const float frame_elevation_rad = 22 * PI_F / 180;
 /* A little air around the scene. */
 static const double frame_margin = 1.06;
 
-static void cross(const double a[3], const double b[3], double out[3])
-{
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-static int normalize(double v[3])
-{
-    double largest = fmax(fabs(v[0]), fmax(fabs(v[1]), fabs(v[2])));
-    double length;
-
-    if (!(largest > 0) || !isfinite(largest))
-        return 0;
-    for (int i = 0; i < 3; i++)
-        v[i] /= largest; /* neither under- nor overflow in the squares */
-    length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
-    for (int i = 0; i < 3; i++)
-        v[i] /= length;
-    return 1;
-}
-
 int transform_d_to_rigid(const struct transform_d *m, struct transform *out)
 {
-    double axis[3][3]; /* right, up, back */
+    struct transform_d rigid;
 
-    for (int i = 0; i < 3; i++) {
-        axis[2][i] = m->m[i][2];
-        axis[1][i] = m->m[i][1];
-    }
-    /* The viewing direction stays exact, up is made square to it; a mirrored node gives a
-     * proper rotation all the same. */
-    if (!normalize(axis[2]) || !normalize(axis[1]))
+    if (!transform_d_rigid(m, &rigid))
         return 0;
-    cross(axis[1], axis[2], axis[0]);
-    if (!normalize(axis[0]))
-        return 0;
-    cross(axis[2], axis[0], axis[1]);
-    for (int i = 0; i < 3; i++) {
-        for (int c = 0; c < 3; c++)
-            out->m[i][c] = (float)axis[c][i];
-        out->m[i][3] = (float)m->m[i][3];
-    }
+    *out = transform_from_d(&rigid);
     return transform_is_finite(out);
 }
 

@@ -12,6 +12,7 @@
 
 #include "client/import/builder.h"
 #include "client/import/mesh.h"
+#include "client/import/try.h"
 
 enum {
     GLTF_DEPTH_MAX = 4096,             /* of the node hierarchy */
@@ -23,13 +24,6 @@ enum {
 };
 
 /* Return what failed. */
-#define TRY(call)                  \
-    do {                           \
-        status result_ = (call);   \
-        if (result_ != STATUS_OK)  \
-            return result_;        \
-    } while (0)
-
 /* "materials[3].pbrMetallicRoughness": where a value stands, for messages. */
 struct gltf_place {
     const char *table;       /* "": the file itself */

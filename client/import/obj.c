@@ -8,17 +8,11 @@
 
 #include "client/import/polygon.h"
 #include "client/import/scan.h"
+#include "client/import/try.h"
 #include "client/import/uri.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
 #include "common/image/color.h"
-
-#define TRY(call)                                                                                  \
-    do {                                                                                           \
-        status result_ = (call);                                                                   \
-        if (result_ != STATUS_OK)                                                                  \
-            return result_;                                                                        \
-    } while (0)
 
 /* ---- names --------------------------------------------------------------------------------- */
 

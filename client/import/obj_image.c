@@ -6,16 +6,10 @@
 #include <string.h>
 
 #include "client/import/obj.h"
+#include "client/import/try.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
 #include "common/image/image.h"
-
-#define TRY(call)                                                                                  \
-    do {                                                                                           \
-        status result_ = (call);                                                                   \
-        if (result_ != STATUS_OK)                                                                  \
-            return result_;                                                                        \
-    } while (0)
 
 static const float HEIGHT_TEXELS = 8;
 

@@ -6,16 +6,10 @@
 
 #include "client/import/obj.h"
 #include "client/import/polygon.h"
+#include "client/import/try.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
-
-#define TRY(call)                                                                                  \
-    do {                                                                                           \
-        status result_ = (call);                                                                   \
-        if (result_ != STATUS_OK)                                                                  \
-            return result_;                                                                        \
-    } while (0)
 
 /* Cosine of 40 degrees: flatter edges of a file without normals are taken for round. */
 #define OBJ_CREASE 0.76604444f

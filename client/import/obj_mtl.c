@@ -19,16 +19,10 @@
 #include <string.h>
 
 #include "client/import/obj.h"
+#include "client/import/try.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
-
-#define TRY(call)                                                                                  \
-    do {                                                                                           \
-        status result_ = (call);                                                                   \
-        if (result_ != STATUS_OK)                                                                  \
-            return result_;                                                                        \
-    } while (0)
 
 static const float highlight_reflectance = 0.08f;
 static const float default_reflectance = 0.04f; /* of ior 1.5 */

@@ -135,7 +135,7 @@ static void sincos_degrees(double angle, double *sine, double *cosine)
     *cosine = (double)c / length;
 }
 
-static int unit(double v[3])
+int pbrt_unit(double v[3])
 {
     double length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 
@@ -152,7 +152,7 @@ static int rotation(double angle, const double given[3], struct transform_d *out
     double a[3] = {given[0], given[1], given[2]}, s, c;
 
     *out = transform_d_identity();
-    if (!unit(a))
+    if (!pbrt_unit(a))
         return 0;
     sincos_degrees(angle, &s, &c);
     for (int i = 0; i < 3; i++)
@@ -181,10 +181,10 @@ static int look_at(const double n[9], struct transform_d *out)
 
     for (int i = 0; i < 3; i++)
         forward[i] = n[3 + i] - n[i];
-    if (!unit(forward) || !unit(up))
+    if (!pbrt_unit(forward) || !pbrt_unit(up))
         return 0;
     cross(up, forward, right);
-    if (!unit(right))
+    if (!pbrt_unit(right))
         return 0;
     cross(forward, right, top);
     for (int i = 0; i < 3; i++) {

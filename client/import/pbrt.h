@@ -17,6 +17,7 @@
 #include "client/import/pbrt_params.h"
 #include "client/import/pbrt_spectrum.h"
 #include "client/import/pbrt_token.h"
+#include "client/import/try.h"
 #include "common/image/image.h"
 
 extern const struct import_format format_pbrt;
@@ -32,13 +33,6 @@ enum {
     PBRT_IMAGES_BYTES_KEPT = 1 << 28,  /* afterwards */
     PBRT_OBJECT_SHAPES_MAX = 1 << 22,
 };
-
-#define TRY(call)                  \
-    do {                           \
-        status result_ = (call);   \
-        if (result_ != STATUS_OK)  \
-            return result_;        \
-    } while (0)
 
 /* ---- a table by name ---------------------------------------------------------------------- */
 
@@ -208,6 +202,8 @@ struct pbrt {
 /* ---- pbrt.c ------------------------------------------------------------------------------- */
 /* The world's matrix for what stands at `ctm` at the start, mirroring included. */
 struct transform_d pbrt_to_world(const struct pbrt *p, const struct transform_d *ctm);
+/* Make it unit; 0: it vanishes. */
+int pbrt_unit(double v[3]);
 int pbrt_is_moving(const struct pbrt_matrices *m);
 char *pbrt_keep(struct pbrt *p, const char *text); /* NULL: out of memory */
 

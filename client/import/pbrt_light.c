@@ -100,17 +100,6 @@ static void transform_to(const struct transform_d *m, const double v[3], int is_
                  (is_point ? m->m[i][3] : 0);
 }
 
-static int unit(double v[3])
-{
-    double length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
-
-    if (!(length > 1e-150) || !isfinite(length))
-        return 0;
-    for (int i = 0; i < 3; i++)
-        v[i] /= length;
-    return 1;
-}
-
 /* The rotation or mirroring in a matrix: its axes made orthonormal, z kept. 0: singular. */
 static int orthonormal(const struct transform_d *m, double out[3][3])
 {
@@ -120,13 +109,13 @@ static int orthonormal(const struct transform_d *m, double out[3][3])
         y[i] = m->m[i][1];
         z[i] = m->m[i][2];
     }
-    if (!unit(z))
+    if (!pbrt_unit(z))
         return 0;
     for (int i = 0; i < 3; i++)
         dot += y[i] * z[i];
     for (int i = 0; i < 3; i++)
         y[i] -= dot * z[i];
-    if (!unit(y))
+    if (!pbrt_unit(y))
         return 0;
     for (int i = 0; i < 3; i++)
         x[i] = y[(i + 1) % 3] * z[(i + 2) % 3] - y[(i + 2) % 3] * z[(i + 1) % 3];
@@ -152,7 +141,7 @@ static status read_aim(struct pbrt *p, const struct pbrt_directive *d, struct sc
     for (int i = 0; i < 3; i++)
         w[i] = to[i] - from[i];
     transform_to(&world, w, 0, at);
-    if (!unit(at))
+    if (!pbrt_unit(at))
         return pbrt_fail(p, STATUS_ERR_INPUT, &d->at, "the light has no direction");
     for (int i = 0; i < 3; i++)
         out->direction[i] = (float)at[i];

@@ -6,15 +6,9 @@
 
 #include "client/import/polygon.h"
 #include "client/import/scan.h"
+#include "client/import/try.h"
 #include "common/base/memory.h"
 #include "common/image/color.h"
-
-#define TRY(call)                                                                                  \
-    do {                                                                                           \
-        status result_ = (call);                                                                   \
-        if (result_ != STATUS_OK)                                                                  \
-            return result_;                                                                        \
-    } while (0)
 
 enum ply_format { FORMAT_NONE, FORMAT_ASCII, FORMAT_LITTLE, FORMAT_BIG };
 enum ply_type {

@@ -1,4 +1,5 @@
 #include "client/import/shapes.h"
+#include "client/import/try.h"
 
 #include <math.h>
 #include <string.h>
@@ -6,13 +7,6 @@
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
-
-#define TRY(call)                                                                                  \
-    do {                                                                                           \
-        status result_ = (call);                                                                   \
-        if (result_ != STATUS_OK)                                                                  \
-            return result_;                                                                        \
-    } while (0)
 
 void mesh_source_reverse(struct mesh_source *mesh)
 {

@@ -5,15 +5,9 @@
 #include <string.h>
 
 #include "client/import/shapes.h"
+#include "client/import/try.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
-
-#define TRY(call)                                                                                  \
-    do {                                                                                           \
-        status result_ = (call);                                                                   \
-        if (result_ != STATUS_OK)                                                                  \
-            return result_;                                                                        \
-    } while (0)
 
 #define LOOP_NONE UINT32_MAX
 
