@@ -486,6 +486,9 @@ static void test_camera_and_light(void **state)
     assert_int_equal(scene->camera.motion_steps, 2);
     assert_true(scene->camera.to_world.m[1][3] == 0);
     assert_true(camera_to_world_at(&scene->camera, 0.5f).m[1][3] == 1.5f);
+    assert_int_equal(scene->emitters.punctual[0].motion.steps, 2);
+    assert_true(scene->emitters.punctual[0].pose.position.y == 1);
+    assert_true(scene->emitters.punctual[0].motion.at[1].position.y == 5);
     render_scene_free(scene);
     /* Half a frame a second: frame 1 is at half a second. */
     settings.fps = 2;
@@ -496,6 +499,70 @@ static void test_camera_and_light(void **state)
     assert_true(scene->camera.to_world.m[1][3] == 1.5f);
     render_scene_free(scene);
     builder_release(&b);
+}
+
+/* A light alone calls for motion blur, and for rays with a time, if what it asks for moves: a point
+ * light that only turns stands still, and so does one that is black or left out. */
+static void test_light_alone(void **state)
+{
+    static const float path[6] = {0, 1, 0, 0, 5, 0};
+    static const struct {
+        int turns;
+        enum scene_light_kind kind;
+        float intensity;
+        uint64_t without;
+        int moves;
+    } cases[] = {
+        {0, LIGHT_POINT, 1, 0, 1},
+        {0, LIGHT_DIRECTIONAL, 1, 0, 0},
+        {0, LIGHT_POINT, 0, 0, 0},
+        {0, LIGHT_POINT, 1, EFFECT_PUNCTUAL_LIGHT, 0},
+        {0, LIGHT_POINT, 1, EFFECT_MOTION_BLUR, 0},
+        {1, LIGHT_POINT, 1, 0, 0},
+        {1, LIGHT_SPOT, 1, 0, 1},
+        {1, LIGHT_DIRECTIONAL, 1, 0, 1},
+        {1, LIGHT_GONIOMETRIC, 1, 0, 1},
+    };
+
+    (void)state;
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        struct render_settings settings = open_shutter();
+        struct effect_cause causes[EFFECT_COUNT];
+        struct render_scene *scene;
+        struct scene_builder b;
+        struct scene_light *light;
+        float turns[8];
+
+        builder_init(&b);
+        builder_lambert(&b, 0.5f);
+        builder_place(&b, triangle_mesh(&b), 0, vec3_splat(1), vec3_splat(0));
+        builder_node(&b, -1, 0);
+        turn_y(0, turns);
+        turn_y(1, turns + 4);
+        if (cases[k].turns)
+            builder_channel(&b, 0, PATH_ROTATION, 2, no_yes, turns);
+        else
+            builder_channel(&b, 0, PATH_TRANSLATION, 2, no_yes, path);
+        builder_camera(&b, vec3_make(0, 0, 9), vec3_splat(0), 1);
+        light = builder_light(&b, cases[k].kind);
+        light->node = 0;
+        light->name = "lamp";
+        for (int c = 0; c < 3; c++)
+            light->intensity[c] = cases[k].intensity;
+        settings.without = cases[k].without;
+        scene = builder_build(&b, &settings);
+        assert_int_equal(scene->camera.shutter_open, cases[k].moves);
+        assert_int_equal(scene->effects >> EFFECT_BIT_MOTION_BLUR & 1, cases[k].moves);
+        if (scene->emitters.punctual_count)
+            assert_int_equal(scene->emitters.punctual[0].motion.steps > 0, cases[k].moves);
+        render_scene_free(scene);
+        if (cases[k].moves) {
+            scene_effects(&b.scene, &settings, 0, causes);
+            assert_string_equal(causes[EFFECT_BIT_MOTION_BLUR].kind, "light");
+            assert_string_equal(causes[EFFECT_BIT_MOTION_BLUR].name, "lamp");
+        }
+        builder_release(&b);
+    }
 }
 
 /* A thing that is scaled to nothing and back: no matrix of it can be inverted half way. It is
@@ -581,7 +648,8 @@ int main(void)
         cmocka_unit_test(test_skin),            cmocka_unit_test(test_normals),
         cmocka_unit_test(test_closed_shutter),
         cmocka_unit_test(test_vanishing),       cmocka_unit_test(test_standing_node),
-        cmocka_unit_test(test_camera_and_light), cmocka_unit_test(test_out_of_memory),
+        cmocka_unit_test(test_camera_and_light), cmocka_unit_test(test_light_alone),
+        cmocka_unit_test(test_out_of_memory),
     };
     return cmocka_run_group_tests_name("motion", tests, NULL, NULL);
 }
