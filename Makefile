@@ -118,6 +118,14 @@ $(BUILD)/obj/gen/%.o: $(GEN)/%.c
 	@mkdir -p $(@D)
 	$(CC) $(CPPFLAGS) $(filter-out $(WARNINGS),$(CFLAGS)) -MMD -MP -c -o $@ $<
 
+# A kernel variant is one piece of code that is to be compiled as one: nothing in it is replaced
+# at run time, and gcc's limits on what it inlines are meant for larger programs' sake.
+$(BUILD)/obj/worker/render/%.o: CFLAGS += -fno-semantic-interposition
+ifeq ($(findstring clang,$(CC)),)
+$(BUILD)/obj/worker/render/kernels/%.o: CFLAGS += --param inline-unit-growth=300 \
+  --param large-unit-insns=100000 --param large-function-growth=1000
+endif
+
 $(BUILD)/obj/%.o: %.c | $(PROTO_HDR)
 	@mkdir -p $(@D)
 	$(CC) $(CPPFLAGS) $(CFLAGS) -MMD -MP -c -o $@ $<

@@ -60,7 +60,7 @@ int path_accept(const void *scene_, const void *query_, uint32_t instance_index,
         facing = !facing;
     if (!facing && (material->flags & MATERIAL_CULLED))
         return 0;
-    if (!(material->flags & MATERIAL_ALPHA))
+    if (!HAS(ALPHA) || !(material->flags & MATERIAL_ALPHA))
         return 1;
     STAGE(SURFACE);
     alpha = world_alpha(material, &scene->meshes[instance->mesh],

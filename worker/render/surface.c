@@ -497,7 +497,7 @@ float world_alpha(const struct world_material *material, const struct world_mesh
 {
     float alpha = material->m.base_color[3];
 
-    if (material->base_color.image)
+    if (HAS(TEXTURE) && material->base_color.image)
         alpha *= world_slot_lookup(&material->base_color, mesh, vertex, b1, b2, 0, 1).a;
     if (mesh->colors) {
         const float *c = mesh->colors;
@@ -513,7 +513,7 @@ float world_emission_scale(const struct world_material *material, const struct w
     float n = float_max(material->m.clearcoat_ior, 1), f0 = (n - 1) / (n + 1), m = 1 - cosine;
     float coat = material->m.clearcoat;
 
-    if (material->clearcoat.image)
+    if (HAS(TEXTURE) && material->clearcoat.image)
         coat *= world_slot_lookup(&material->clearcoat, mesh, vertex, b1, b2, 0, 0).r;
     f0 *= f0;
     return 1 - coat * (f0 + (bsdf_f90_of(f0) - f0) * (m * m * m * m * m));
@@ -525,7 +525,7 @@ struct vec3 world_emission(const struct world_material *material, const struct w
     struct vec3 emission =
         vec3_make(material->m.emission[0], material->m.emission[1], material->m.emission[2]);
 
-    if (material->emission.image) {
+    if (HAS(TEXTURE) && material->emission.image) {
         struct texel texel = world_slot_lookup(&material->emission, mesh, vertex, b1, b2, 0, 1);
         emission = vec3_mul(emission, vec3_make(texel.r, texel.g, texel.b));
     }
