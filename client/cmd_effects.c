@@ -76,7 +76,7 @@ static status print_table(const struct effects *e, struct error *err)
         char cause[CAUSE_TEXT_SIZE];
         if (!(e->set >> bit & 1))
             continue;
-        cause_text(who->kind, who->name, who->index, who->count, cause);
+        cause_text(who, cause);
         table_add(&table, "%s", effect_name((enum effect_bit)bit));
         if (e->measured && trial > 0) {
             struct effect_price price = price_of(e, (size_t)trial);
@@ -104,6 +104,45 @@ static void print_list(const char *title, uint64_t set)
     name_list_end(&list);
 }
 
+/* Frames after the first that call for the same, one after the other. */
+struct effects_run {
+    uint32_t first, last;
+    uint64_t set;
+};
+
+/* The run that begins at `first`; the job's last frame bounds it. */
+static struct effects_run run_from(const struct effects *e, uint32_t first)
+{
+    const struct render_settings *settings = &e->request.settings;
+    struct effects_run r = {first, first,
+                            scene_effects(&e->scene.scene, settings, first, NULL)};
+
+    while (r.last < e->request.last_frame &&
+           scene_effects(&e->scene.scene, settings, r.last + 1, NULL) == r.set)
+        r.last++;
+    return r;
+}
+
+static void print_frames(const struct effects *e)
+{
+    struct effects_run r = run_from(e, e->request.first_frame);
+
+    if (r.last == e->request.last_frame && r.last > r.first)
+        printf("\nso are all frames to %u\n", r.last);
+    while (r.last < e->request.last_frame) {
+        uint64_t more, less;
+        r = run_from(e, r.last + 1);
+        more = r.set & ~e->set;
+        less = e->set & ~r.set;
+        printf("\nframes %u to %u: \"%s\" kernel%s", r.first, r.last, kernel_set_name(r.set),
+               more | less ? "" : ", the same effects\n");
+        if (more)
+            print_list("  more", more);
+        if (less)
+            print_list("  less", less);
+    }
+}
+
 static status print_text(const struct effects *e, struct error *err)
 {
     uint64_t without = e->request.settings.without;
@@ -117,12 +156,34 @@ static status print_text(const struct effects *e, struct error *err)
         return result;
     print_list("switched off", without);
     print_list("not called for, so not simulated", EFFECTS_ALL & ~e->set & ~without);
+    if (!e->measured)
+        print_frames(e);
     if (e->measured)
         printf("\nTIME is the share of the render that leaving the effect out saves, MEAN and RMS how the\n"
                "picture's mean and its pixels change (%ux%u pixels, %u samples each, %.2f CPU-s in all).\n",
                e->request.settings.width, e->request.settings.height, e->request.settings.spp,
                e->trials[0].cpu_s);
     return STATUS_OK;
+}
+
+static json_t *caller_json(const char *kind, const char *name, uint32_t index)
+{
+    return json_pack("{s:s, s:o, s:I}", "kind", kind, "name", json_text(name), "index",
+                     (json_int_t)index);
+}
+
+static json_t *cause_json(const struct effect_cause *cause)
+{
+    json_t *row = caller_json(cause->kind, cause->name, cause->index), *also = json_array();
+
+    json_object_set_new(row, "count", json_integer(cause->count));
+    for (int i = 0; i < EFFECT_CAUSES_ALSO && cause->also[i].kind; i++)
+        json_array_append_new(also, caller_json(cause->also[i].kind, cause->also[i].name,
+                                                cause->also[i].index));
+    if (json_array_size(also) > 0)
+        json_object_set(row, "also", also);
+    json_decref(also);
+    return row;
 }
 
 static json_t *effect_json(const struct effects *e, int bit)
@@ -134,10 +195,7 @@ static json_t *effect_json(const struct effects *e, int bit)
                             (int)(e->request.settings.without >> bit & 1));
 
     if (row && cause->kind)
-        json_object_set_new(row, "cause",
-                            json_pack("{s:s, s:o, s:i, s:i}", "kind", cause->kind, "name",
-                                      json_text(cause->name), "index", (int)cause->index, "count",
-                                      (int)cause->count));
+        json_object_set_new(row, "cause", cause_json(cause));
     if (row && trial > 0) {
         struct effect_price price = price_of(e, (size_t)trial);
         json_object_set_new(row, "time_share", json_number(price.time_share));
@@ -148,14 +206,33 @@ static json_t *effect_json(const struct effects *e, int bit)
     return row;
 }
 
+static json_t *frames_json(const struct effects *e)
+{
+    json_t *rows = json_array();
+    struct effects_run r = {.last = e->request.first_frame};
+
+    for (int begun = 0; !begun || r.last < e->request.last_frame; begun = 1) {
+        json_t *names = json_array();
+        r = run_from(e, begun ? r.last + 1 : r.last);
+        for (int bit = 0; bit < EFFECT_COUNT; bit++)
+            if (r.set >> bit & 1)
+                json_array_append_new(names, json_string(effect_name((enum effect_bit)bit)));
+        json_array_append_new(rows, json_pack("{s:i, s:i, s:s, s:o}", "first", (int)r.first, "last",
+                                              (int)r.last, "kernel", kernel_set_name(r.set),
+                                              "effects", names));
+    }
+    return rows;
+}
+
 static status print_json(const struct effects *e, struct error *err)
 {
     json_t *rows = json_array();
 
     for (int bit = 0; bit < EFFECT_COUNT; bit++)
         json_array_append_new(rows, effect_json(e, bit));
-    return json_print(json_pack("{s:i, s:s, s:o}", "frame", (int)e->request.first_frame, "kernel",
-                                kernel_set_name(e->set), "effects", rows),
+    return json_print(json_pack("{s:i, s:s, s:o, s:o}", "frame", (int)e->request.first_frame,
+                                "kernel", kernel_set_name(e->set), "effects", rows, "frames",
+                                frames_json(e)),
                       err);
 }
 

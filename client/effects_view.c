@@ -1,5 +1,6 @@
 #include "client/effects_view.h"
 
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -11,19 +12,47 @@
 
 enum { LINE_COLUMNS = 78, NAME_SIZE = 64 };
 
-void cause_text(const char *kind, const char *name, uint32_t index, uint32_t count,
-                char out[CAUSE_TEXT_SIZE])
+static void append(char out[CAUSE_TEXT_SIZE], const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+static void append(char out[CAUSE_TEXT_SIZE], const char *format, ...)
 {
-    int used;
+    size_t used = strlen(out);
+    va_list args;
 
-    if (!kind) {
-        snprintf(out, CAUSE_TEXT_SIZE, "-");
+    va_start(args, format);
+    vsnprintf(out + used, CAUSE_TEXT_SIZE - used, format, args);
+    va_end(args);
+}
+
+static void append_caller(char out[CAUSE_TEXT_SIZE], const char *kind, const char *name,
+                          uint32_t index)
+{
+    if (*kind)
+        append(out, "%.32s ", kind);
+    if (*name)
+        append(out, "\"%.48s\"", name);
+    else
+        append(out, "%u", index);
+}
+
+void cause_text(const struct effect_cause *cause, char out[CAUSE_TEXT_SIZE])
+{
+    const char *kind = cause->kind;
+    uint32_t told = 1;
+
+    snprintf(out, CAUSE_TEXT_SIZE, "%s", kind ? "" : "-");
+    if (!kind)
         return;
+    append_caller(out, kind, cause->name, cause->index);
+    for (; told < CAUSE_NAMES && told <= EFFECT_CAUSES_ALSO && cause->also[told - 1].kind; told++) {
+        const struct effect_caller *other = &cause->also[told - 1];
+        append(out, told + 1 == cause->count ? " and " : ", ");
+        append_caller(out, strcmp(other->kind, kind) == 0 ? "" : other->kind, other->name,
+                      other->index);
+        kind = other->kind;
     }
-    used = *name ? snprintf(out, CAUSE_TEXT_SIZE, "%.32s \"%.60s\"", kind, name)
-                 : snprintf(out, CAUSE_TEXT_SIZE, "%.32s %u", kind, index);
-    if (count > 1 && used > 0)
-        snprintf(out + used, (size_t)(CAUSE_TEXT_SIZE - used), " and %u more", count - 1);
+    if (cause->count > told)
+        append(out, " and %u more", cause->count - told);
 }
 
 void name_list_add(struct name_list *list, const char *name)
@@ -78,12 +107,22 @@ static const char *text_of(const json_t *object, const char *key)
 /* The cell that says who called for an effect. */
 static void add_cause(struct table *table, const json_t *row)
 {
-    const json_t *cause = json_object_get(row, "cause");
+    const json_t *from = json_object_get(row, "cause"), *also = json_object_get(from, "also"), *other;
+    struct effect_cause cause = {0};
     char text[CAUSE_TEXT_SIZE];
+    size_t i;
 
-    cause_text(cause ? text_of(cause, "kind") : NULL, text_of(cause, "name"),
-               (uint32_t)json_integer_value(json_object_get(cause, "index")),
-               (uint32_t)json_integer_value(json_object_get(cause, "count")), text);
+    if (from) {
+        cause.kind = text_of(from, "kind");
+        cause.name = text_of(from, "name");
+        cause.index = (uint32_t)json_integer_value(json_object_get(from, "index"));
+        cause.count = (uint32_t)json_integer_value(json_object_get(from, "count"));
+    }
+    json_array_foreach(also, i, other) if (i < EFFECT_CAUSES_ALSO)
+        cause.also[i] = (struct effect_caller){
+            text_of(other, "kind"), text_of(other, "name"),
+            (uint32_t)json_integer_value(json_object_get(other, "index"))};
+    cause_text(&cause, text);
     table_add(table, "%s", text);
 }
 

@@ -7,12 +7,14 @@
 #include <stdint.h>
 
 #include "common/base/status.h"
+#include "common/scene/effects.h"
 
-enum { CAUSE_TEXT_SIZE = 160, MANIFEST_BYTES_MAX = 1 << 20 };
+enum { CAUSE_TEXT_SIZE = 320, MANIFEST_BYTES_MAX = 1 << 20 };
+/* So many callers are named; the JSON names more. */
+enum { CAUSE_NAMES = 3 };
 
-/* `material "wall" and 2 more`; "-" without a kind. */
-void cause_text(const char *kind, const char *name, uint32_t index, uint32_t count,
-                char out[CAUSE_TEXT_SIZE]);
+/* `material "wall", "floor", "lamp" and 2 more`; "-" without a kind. */
+void cause_text(const struct effect_cause *cause, char out[CAUSE_TEXT_SIZE]);
 
 /* Names behind a title, wrapped; a list without names prints nothing. */
 struct name_list {

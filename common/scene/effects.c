@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "common/base/memory.h"
 #include "common/scene/pose.h"
 #include "common/scene/settings.h"
 
@@ -242,25 +243,43 @@ struct finder {
     int eye_moves;
     uint64_t found;
     uint32_t mix_parts;             /* of the instance's material looked at so far */
+    /* What is told already of each material and mesh, which many instances may use; NULL: not
+     * kept (no causes are asked for, or no memory: then some are counted twice). */
+    uint64_t *told_material, *told_mesh;
 };
 
 /* Mixes of mixes of mixes: behind so many parts everything is taken to be there. */
 enum { MIX_PARTS_MAX = 1024 };
 
+static void cause_add(struct effect_cause *cause, const char *kind, const char *name,
+                      uint32_t index)
+{
+    if (cause->count == 0) {
+        cause->kind = kind;
+        cause->name = name;
+        cause->index = index;
+    } else if (cause->count <= EFFECT_CAUSES_ALSO) {
+        cause->also[cause->count - 1] = (struct effect_caller){kind, name, index};
+    }
+    cause->count++;
+}
+
 static void add(struct finder *f, uint64_t set, const char *kind, const char *name, uint32_t index)
 {
+    uint64_t *told = strcmp(kind, "material") == 0 ? f->told_material
+                     : strcmp(kind, "mesh") == 0   ? f->told_mesh : NULL;
+
     set &= ~f->settings->without;
     f->found |= set;
     if (!f->causes)
         return;
+    if (told) {
+        set &= ~told[index];
+        told[index] |= set;
+    }
     for (int i = 0; i < EFFECT_COUNT; i++)
-        if (set >> i & 1) {
-            struct effect_cause *cause = &f->causes[i];
-            if (cause->kind && cause->kind == kind && cause->index == index)
-                continue; /* told already for another instance */
-            if (cause->count++ == 0)
-                *cause = (struct effect_cause){kind, name, index, 1};
-        }
+        if (set >> i & 1)
+            cause_add(&f->causes[i], kind, name, index);
 }
 
 /* Can a ray of this camera start inside the instance's box? Then it may meet the back of
@@ -442,14 +461,37 @@ static void find_nested(struct finder *f)
     }
 }
 
-/* Does anything that is seen move while the shutter is open? */
-static void find_motion(struct finder *f, uint32_t frame)
+static int node_differs(int32_t node, const struct scene_pose *a, const struct scene_pose *b)
+{
+    return node >= 0 && memcmp(&a->to_world[node], &b->to_world[node], sizeof *a->to_world) != 0;
+}
+
+/* Whatever stands elsewhere at this moment than at the shutter's opening. */
+static void find_moved(struct finder *f, const struct scene_pose *open, const struct scene_pose *now)
 {
     const struct scene *scene = f->scene;
-    struct scene_pose open = {0}, close = {0};
+
+    if (node_differs(f->eye.node, open, now))
+        add(f, EFFECT_MOTION_BLUR, "camera", f->eye.name, f->settings->camera);
+    for (uint32_t i = 0; i < scene->instance_count; i++)
+        if (node_differs(scene->instances[i].node, open, now) && !scene_instance_deforms(scene, i))
+            add(f, EFFECT_MOTION_BLUR, "instance", scene->instances[i].name, i);
+    for (uint32_t i = 0; i < scene->light_count; i++)
+        if (node_differs(scene->lights[i].node, open, now) &&
+            !is_black(scene->lights[i].intensity) &&
+            !(f->settings->without & EFFECT_PUNCTUAL_LIGHT))
+            add(f, EFFECT_MOTION_BLUR, "light", scene->lights[i].name, i);
+}
+
+/* Does anything that is seen move while the shutter is open? The moments are not evenly spaced,
+ * so that what turns round and round is not always met at the same place. */
+static void find_motion(struct finder *f, uint32_t frame)
+{
+    static const double moments[] = {1, 0.5, 0.3125, 0.1875};
+    const struct scene *scene = f->scene;
+    struct scene_pose open = {0};
     double open_s, close_s;
     struct error ignored;
-    int posed;
 
     for (uint32_t i = 0; i < scene->instance_count; i++)
         if (scene_instance_deforms(scene, i))
@@ -458,34 +500,25 @@ static void find_motion(struct finder *f, uint32_t frame)
     scene_shutter(scene, f->settings, frame, &open_s, &close_s);
     if (scene->node_count == 0 || !(close_s > open_s))
         return;
-    posed = scene_pose_init(&open, scene, open_s, &ignored) == STATUS_OK &&
-            scene_pose_init(&close, scene, close_s, &ignored) == STATUS_OK;
-    if (!posed) {
+    for (uint32_t i = 0; i < scene->instance_count; i++)
+        if (scene_instance_deforms(scene, i))
+            add(f, EFFECT_MOTION_BLUR, "instance", scene->instances[i].name, i);
+    if (scene_pose_init(&open, scene, open_s, &ignored) != STATUS_OK) {
         add(f, EFFECT_MOTION_BLUR, "camera", f->eye.name, f->settings->camera);
-    } else {
-        if (f->eye.node >= 0 && memcmp(&open.to_world[f->eye.node], &close.to_world[f->eye.node],
-                                       sizeof *open.to_world) != 0)
+        return;
+    }
+    for (size_t i = 0; i < sizeof moments / sizeof *moments; i++) {
+        double time_s = open_s + moments[i] * (close_s - open_s);
+        struct scene_pose now = {0};
+        if (i > 0 && (f->found & EFFECT_MOTION_BLUR))
+            break;
+        if (scene_pose_init(&now, scene, time_s, &ignored) == STATUS_OK)
+            find_moved(f, &open, &now);
+        else
             add(f, EFFECT_MOTION_BLUR, "camera", f->eye.name, f->settings->camera);
-        for (uint32_t i = 0; i < scene->instance_count; i++) {
-            const struct scene_instance *thing = &scene->instances[i];
-            int moves = scene_instance_deforms(scene, i) ||
-                        (thing->node >= 0 &&
-                         memcmp(&open.to_world[thing->node], &close.to_world[thing->node],
-                                sizeof *open.to_world) != 0);
-            if (moves)
-                add(f, EFFECT_MOTION_BLUR, "instance", thing->name, i);
-        }
-        for (uint32_t i = 0; i < scene->light_count; i++) {
-            const struct scene_light *light = &scene->lights[i];
-            if (light->node >= 0 && !is_black(light->intensity) &&
-                !(f->settings->without & EFFECT_PUNCTUAL_LIGHT) &&
-                memcmp(&open.to_world[light->node], &close.to_world[light->node],
-                       sizeof *open.to_world) != 0)
-                add(f, EFFECT_MOTION_BLUR, "light", light->name, i);
-        }
+        scene_pose_release(&now);
     }
     scene_pose_release(&open);
-    scene_pose_release(&close);
 }
 
 static void find_lights(struct finder *f)
@@ -532,8 +565,11 @@ uint64_t scene_effects(const struct scene *scene, const struct render_settings *
     struct finder f = {.scene = scene, .settings = settings, .causes = causes};
     uint64_t scatters, mirrors, shines;
 
-    if (causes)
+    if (causes) {
         memset(causes, 0, EFFECT_COUNT * sizeof *causes);
+        f.told_material = mem_calloc(scene->material_count, sizeof *f.told_material);
+        f.told_mesh = mem_calloc(scene->mesh_count, sizeof *f.told_mesh);
+    }
     find_camera(&f, frame);
     for (uint32_t i = 0; i < scene->instance_count; i++) {
         f.mix_parts = 0;
@@ -553,6 +589,8 @@ uint64_t scene_effects(const struct scene *scene, const struct render_settings *
     shines = EFFECT_EMISSIVE_MESH | EFFECT_ENVIRONMENT;
     if ((f.found & scatters) && (f.found & mirrors) && (f.found & shines))
         add(&f, EFFECT_CAUSTICS, "scene", scene->name, 0);
+    mem_free(f.told_material);
+    mem_free(f.told_mesh);
     return f.found;
 }
 

@@ -82,13 +82,22 @@ EFFECT_MAP(EFFECT_VALUE)
 
 struct render_settings;
 
+/* Others who called for an effect are told by name, but no more than these. */
+enum { EFFECT_CAUSES_ALSO = 7 };
+
+struct effect_caller {
+    const char *kind;   /* "material", "light", "camera", "environment", "medium", "mesh" ... */
+    const char *name;   /* may be "" */
+    uint32_t index;     /* its row */
+};
+
 /* Who called for an effect. */
 struct effect_cause {
-    const char *kind;   /* "material", "light", "camera", "environment", "medium", "mesh" ...; NULL:
-                           nobody */
-    const char *name;   /* of the first; may be "" */
-    uint32_t index;     /* its row */
+    const char *kind;   /* of the first; NULL: nobody called */
+    const char *name;
+    uint32_t index;
     uint32_t count;     /* how many did */
+    struct effect_caller also[EFFECT_CAUSES_ALSO]; /* the next ones; kind is NULL behind the last */
 };
 
 /* What one frame of a validated scene calls for, less what settings->without switches off. It

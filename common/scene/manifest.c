@@ -62,6 +62,27 @@ static void write_field(struct buffer *out, const char *key, const char *text)
     buffer_puts(out, ",\n");
 }
 
+static void write_caller(struct buffer *out, const char *kind, const char *name, uint32_t index)
+{
+    buffer_puts(out, "{\"kind\": ");
+    manifest_write_text(out, kind);
+    buffer_puts(out, ", \"name\": ");
+    manifest_write_text(out, name ? name : "");
+    buffer_printf(out, ", \"index\": %" PRIu32, index);
+}
+
+static void write_cause(struct buffer *out, const struct effect_cause *cause)
+{
+    write_caller(out, cause->kind, cause->name, cause->index);
+    buffer_printf(out, ", \"count\": %" PRIu32, cause->count);
+    for (int i = 0; i < EFFECT_CAUSES_ALSO && cause->also[i].kind; i++) {
+        buffer_puts(out, i ? ", " : ", \"also\": [");
+        write_caller(out, cause->also[i].kind, cause->also[i].name, cause->also[i].index);
+        buffer_puts(out, "}");
+    }
+    buffer_puts(out, cause->also[0].kind ? "]}" : "}");
+}
+
 /* The effects of `set`, each with who called for it. */
 static void write_causes(struct buffer *out, const char *key, const struct manifest *m,
                          uint64_t set)
@@ -77,12 +98,8 @@ static void write_causes(struct buffer *out, const char *key, const struct manif
         first = 0;
         manifest_write_text(out, effect_name((enum effect_bit)bit));
         if (cause && cause->kind) {
-            buffer_puts(out, ", \"cause\": {\"kind\": ");
-            manifest_write_text(out, cause->kind);
-            buffer_puts(out, ", \"name\": ");
-            manifest_write_text(out, cause->name ? cause->name : "");
-            buffer_printf(out, ", \"index\": %" PRIu32 ", \"count\": %" PRIu32 "}", cause->index,
-                          cause->count);
+            buffer_puts(out, ", \"cause\": ");
+            write_cause(out, cause);
         }
         buffer_puts(out, "}");
     }

@@ -55,7 +55,7 @@ static float emitters_rescaled(float number, float start, float size)
 }
 
 static int emitters_sample_map(const struct render_scene *scene, const struct light_query *query,
-                                float u, float v, struct light_sample *out)
+                               float u, float v, struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
     float map_pdf;
@@ -71,14 +71,15 @@ static int emitters_sample_map(const struct render_scene *scene, const struct li
         return out->pdf > 0;
     }
     if (u < PORTAL_SHARE) {
-        if (!portals_sample(&e->portals, query->p, query->n, emitters_rescaled(u, 0, PORTAL_SHARE), v,
-                            &out->direction))
+        if (!portals_sample(&e->portals, query->p, query->n,
+                            emitters_rescaled(u, 0, PORTAL_SHARE), v, &out->direction))
             return 0;
         out->radiance = emitters_environment(scene, query, out->direction, &out->pdf);
         return out->pdf > 0;
     }
-    if (!environment_sample(scene->environment, emitters_rescaled(u, PORTAL_SHARE, 1 - PORTAL_SHARE), v,
-                            &out->direction, &out->radiance, &map_pdf))
+    if (!environment_sample(scene->environment,
+                            emitters_rescaled(u, PORTAL_SHARE, 1 - PORTAL_SHARE), v, &out->direction,
+                            &out->radiance, &map_pdf))
         return 0;
     out->pdf = emitters_map_or_portals(e, query, out->direction, map_pdf) * e->environment_odds;
     return out->pdf > 0;
@@ -100,8 +101,8 @@ float emitters_triangle_pdf(const struct render_scene *scene, const struct light
 }
 
 static int emitters_sample_triangle(const struct render_scene *scene, uint32_t light,
-                           const struct light_query *query, float u, float v, float odds,
-                           struct light_sample *out)
+                                    const struct light_query *query, float u, float v, float odds,
+                                    struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
     const struct world_instance *instance = &scene->instances[e->triangle_instance[light]];
@@ -163,7 +164,7 @@ static int emitters_sample_triangle(const struct render_scene *scene, uint32_t l
 }
 
 static int emitters_sample_punctual(const struct punctual *light, const struct light_query *query,
-                           float odds, struct light_sample *out)
+                                    float odds, struct light_sample *out)
 {
     out->delta = 1;
     out->pdf = odds;
@@ -171,8 +172,8 @@ static int emitters_sample_punctual(const struct punctual *light, const struct l
                                        &out->distance, &out->radiance);
 }
 
-static int emitters_sample_directional(const struct emitters *e, const struct light_query *query, float u,
-                              struct light_sample *out)
+static int emitters_sample_directional(const struct emitters *e, const struct light_query *query,
+                                       float u, struct light_sample *out)
 {
     const float *start = e->directional_start;
     uint32_t low = 0, high = e->directional_count;
@@ -198,10 +199,12 @@ int emitters_sample(const struct render_scene *scene, const struct light_query *
     float odds;
 
     if (HAS(ENVIRONMENT) && u < e->environment_odds)
-        return emitters_sample_map(scene, query, emitters_rescaled(u, 0, e->environment_odds), v, out);
+        return emitters_sample_map(scene, query, emitters_rescaled(u, 0, e->environment_odds), v,
+                                   out);
     u -= e->environment_odds;
     if (HAS(PUNCTUAL_LIGHT) && u < e->directional_odds)
-        return emitters_sample_directional(e, query, emitters_rescaled(u, 0, e->directional_odds), out);
+        return emitters_sample_directional(e, query,
+                                           emitters_rescaled(u, 0, e->directional_odds), out);
     if (e->tree.node_count == 0)
         return 0;
     u = emitters_rescaled(u, e->directional_odds, e->local_odds);
@@ -209,6 +212,7 @@ int emitters_sample(const struct render_scene *scene, const struct light_query *
         return 0;
     odds *= e->local_odds;
     if (HAS(PUNCTUAL_LIGHT) && item < punctual)
-        return emitters_sample_punctual(&e->punctual[e->directional_count + item], query, odds, out);
+        return emitters_sample_punctual(&e->punctual[e->directional_count + item], query, odds,
+                                        out);
     return emitters_sample_triangle(scene, item - punctual, query, u, v, odds, out);
 }
