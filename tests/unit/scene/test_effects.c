@@ -317,6 +317,45 @@ static void test_consequences(void **state)
     assert_true(scene_effects_default(&p.scene, 0) & EFFECT_NESTED_DIELECTRIC);
 }
 
+/* Every caller counts once, however many instances it has, and the next ones are named too. */
+static void test_causes(void **state)
+{
+    enum { MATERIALS = EFFECT_CAUSES_ALSO + 3 };
+    static const char *const labels[MATERIALS] = {"a", "b", "c", "d", "e", "f", "g", "h", "i", "j"};
+    struct effect_cause causes[EFFECT_COUNT];
+    struct scene_material materials[MATERIALS];
+    struct scene_instance instances[3 * MATERIALS];
+    const struct effect_cause *glossy = &causes[EFFECT_BIT_GLOSSY];
+    struct render_settings settings;
+    struct plain p;
+
+    (void)state;
+    plain_init(&p);
+    render_settings_default(&settings);
+    for (uint32_t i = 0; i < MATERIALS; i++) {
+        materials[i] = p.material;
+        materials[i].name = labels[i];
+    }
+    for (uint32_t i = 0; i < 3 * MATERIALS; i++) {
+        instances[i] = p.instance[0];
+        instances[i].material = i % MATERIALS;
+    }
+    p.scene.materials = materials;
+    p.scene.material_count = MATERIALS;
+    p.scene.instances = instances;
+    p.scene.instance_count = 3 * MATERIALS;
+    scene_effects(&p.scene, &settings, 0, causes);
+    assert_int_equal(glossy->count, MATERIALS);
+    assert_string_equal(glossy->name, "a");
+    for (uint32_t i = 0; i < EFFECT_CAUSES_ALSO; i++) {
+        assert_string_equal(glossy->also[i].kind, "material");
+        assert_string_equal(glossy->also[i].name, labels[i + 1]);
+        assert_int_equal(glossy->also[i].index, i + 1);
+    }
+    assert_int_equal(causes[EFFECT_BIT_INSTANCING].count, 1); /* of one mesh */
+    assert_null(causes[EFFECT_BIT_INSTANCING].also[0].kind);
+}
+
 /* What is switched off is not in the set, nor what hangs on it. */
 static void test_without(void **state)
 {
@@ -370,6 +409,7 @@ int main(void)
         cmocka_unit_test(test_lens),
         cmocka_unit_test(test_media),
         cmocka_unit_test(test_consequences),
+        cmocka_unit_test(test_causes),
         cmocka_unit_test(test_without),
         cmocka_unit_test(test_parse),
         cmocka_unit_test(test_names),
