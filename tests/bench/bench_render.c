@@ -2,10 +2,11 @@
  *
  *   bench_render SCENE [--env FILE] [--size WxH] [--spp N] [--threads N] [--max-depth N]
  *                [--env-sampling MODE] [--isa ISA] [--frame N] [--shutter S] [--without LIST]
- *                [--general] [--trace] [--json] [--out FILE.exr]
+ *                [--aovs] [--general] [--trace] [--json] [--out FILE.exr]
  *
  * --trace times every Embree call (and slows the run down a little, so take samples/s from a
- * run without it). --general runs the general kernel instead of the smallest one. CPU time is that of the rendering threads. */
+ * run without it). --general runs the general kernel instead of the smallest one.
+ * CPU time is that of the rendering threads. */
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -93,6 +94,7 @@ int main(int argc, char **argv)
     int64_t spp = 100, threads = 1, depth = 12;
     int trace = 0, json = 0, help = 0, general = 0;
     int64_t frame = 0;
+    int aovs = 0;
     double shutter = 0;
     const char *without = NULL;
     const struct option table[] = {
@@ -106,6 +108,7 @@ int main(int argc, char **argv)
         {"frame", 0, OPTION_INT, &frame, "N", "of an animation", 0, SETTINGS_FRAMES_MAX, NULL},
         {"shutter", 0, OPTION_REAL, &shutter, "S", "share of the frame's time", 0, 1, NULL},
         {"without", 0, OPTION_STRING, &without, "EFFECT", "switch one effect off", 0, 0, NULL},
+        {"aovs", 0, OPTION_FLAG, &aovs, NULL, "all output variables, too", 0, 0, NULL},
         {"general", 0, OPTION_FLAG, &general, NULL, "run the general kernel", 0, 0, NULL},
         {"trace", 0, OPTION_FLAG, &trace, NULL, "time Embree's calls", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "one line of JSON", 0, 0, NULL},
@@ -143,6 +146,8 @@ int main(int argc, char **argv)
     b.settings.env_sampling = (enum env_sampling)env_sampling_parse(sampling);
     b.settings.isa = (enum isa)isa_parse(isa);
     b.settings.shutter = (float)shutter;
+    if (aovs)
+        b.settings.aovs = (1u << AOV_COUNT) - 1;
     if (without) {
         int effect = effect_parse(without);
         if (effect < 0) {
@@ -160,7 +165,7 @@ int main(int argc, char **argv)
     b.frame = (uint32_t)frame;
     b.tiles = tile_count(width, height);
     b.passes = pass_count(b.settings.spp);
-    b.film = film_new(width, height, b.settings.spp);
+    b.film = film_new_aovs(width, height, b.settings.spp, b.settings.aovs);
     if (!b.film)
         return 1;
     render_measure_trace(trace);

@@ -14,6 +14,8 @@ from farm import BIN, BUILD, ROOT
 DATA = os.environ.get("AZULEJO_DATA")
 ROUNDS = 3
 SIZE, SPP = "400x400", 16
+GROUP_SIZE = "240x160"
+KERNEL_SIZE, KERNEL_SPP, KERNEL_ROUNDS = "64x64", 8, 41
 
 
 def output(*argv):
@@ -58,8 +60,12 @@ def show_machine():
 
 
 def bench_render(scene, *options):
-    argv = [os.path.join(BUILD, "tests", "bench", "bench_render"), scene, "--json", "--size", SIZE,
-            "--spp", str(SPP)] + list(options)
+    argv = [os.path.join(BUILD, "tests", "bench", "bench_render"), scene, "--json"]
+    if "--size" not in options:
+        argv += ["--size", SIZE]
+    if "--spp" not in options:
+        argv += ["--spp", str(SPP)]
+    argv += options
     text = output(*argv)
     if not text:
         sys.exit("failed: " + " ".join(argv))
@@ -82,6 +88,40 @@ def show_renderer(scenes):
             median([r["rays_per_cpu_s"] for r in runs[name]]), runs[name][0]["rays_per_sample"],
             100 * traced["trace_share"], median([r["build_s"] for r in runs[name]])), flush=True)
     print("(Embree's share: from a run of its own with --trace, clock readings included.)")
+
+
+def show_effect_groups(groups):
+    title("One scene for each group of effects: bench_render SCENE --size %s --spp %d, one thread, "
+          "median of %d" % (GROUP_SIZE, SPP, ROUNDS))
+    print("%-32s %-9s %10s %10s %7s" % ("", "", "samples/", "rays/", "rays/"))
+    print("%-32s %-9s %10s %10s %7s" % ("group", "kernel", "CPU-s", "CPU-s", "sample"))
+    for name, scene, options in groups:
+        runs = [bench_render(scene, "--size", GROUP_SIZE, *options) for _ in range(ROUNDS)]
+        print("%-32s %-9s %10.0f %10.0f %7.2f" % (
+            name, runs[0]["kernel"], median([r["samples_per_cpu_s"] for r in runs]),
+            median([r["rays_per_cpu_s"] for r in runs]), runs[0]["rays_per_sample"]), flush=True)
+
+
+def show_kernels(scenes):
+    """The table of docs/EFFECTS.md; `report.py kernels` prints it alone."""
+    title("Each scene's own kernel against the general one: bench_kernels SCENE --size %s --spp %d "
+          "--rounds %d" % (KERNEL_SIZE, KERNEL_SPP, KERNEL_ROUNDS))
+    print("| scene | kernel | its ns a sample | the general one's | share of its time | 95 % of such medians |")
+    print("|---|---|---:|---:|---:|---|")
+    slower = []
+    for name, scene, options in scenes:
+        argv = [os.path.join(BUILD, "tests", "bench", "bench_kernels"), scene, "--json", "--size",
+                KERNEL_SIZE, "--spp", str(KERNEL_SPP), "--rounds", str(KERNEL_ROUNDS)] + options
+        text = output(*argv)
+        if not text.startswith("{"):
+            sys.exit("failed: %s\n%s" % (" ".join(argv), text))
+        r = json.loads(text)
+        print("| %s | %s | %.0f | %.0f | %.3f | %.3f to %.3f |" % (
+            name, r["kernel"], r["ns"], r["general_ns"], r["ratio"], r["low"], r["high"]),
+            flush=True)
+        if r["low"] > 1:
+            slower.append(name)
+    print("the general kernel is faster on: %s" % (", ".join(slower) or "none"))
 
 
 def show_threads(name, scene, options):
@@ -143,6 +183,53 @@ def show_workers(name, scene, options):
         median([r["worker_cpu"] for r in two]), median([r["coordinator_cpu"] for r in two])))
 
 
+def feature(name):
+    return os.path.join(ROOT, "scenes/features", name)
+
+
+def kernel_scenes(scenes, sky):
+    """At least one for each variant; the last ones call for what only the general one has."""
+    return scenes + [
+        ("cornell-area under a sky", os.path.join(ROOT, "scenes/cornell/cornell-area.gltf"),
+         ["--env", sky]),
+        ("normal-map", feature("normal-map.gltf"), []),
+        ("many-lights", feature("many-lights.gltf"), []),
+        ("alpha", feature("alpha.gltf"), []),
+        ("glass", feature("glass.gltf"), []),
+        ("thin-transmission", feature("thin-transmission.gltf"), []),
+        ("clearcoat", feature("clearcoat.gltf"), []),
+        ("sheen", feature("sheen.gltf"), []),
+        ("dispersion", feature("dispersion.gltf"), []),
+        ("lens", feature("lens.pbrt"), []),
+        ("fog: nothing to leave out", feature("fog.pbrt"), []),
+    ]
+
+
+def effect_groups(sky):
+    return [
+        ("layered materials", feature("clearcoat.gltf"), []),
+        ("sheen", feature("sheen.gltf"), []),
+        ("glass", feature("glass.gltf"), []),
+        ("glass with dispersion", feature("dispersion.gltf"), []),
+        ("glass in glass", feature("nested.gltf"), []),
+        ("metals", feature("conductor.pbrt"), []),
+        ("mixes", feature("mix.pbrt"), []),
+        ("textures, filtered", feature("texture-filter.gltf"), []),
+        ("normal maps", feature("normal-map.gltf"), []),
+        ("alpha", feature("alpha.gltf"), []),
+        ("many lights", feature("many-lights.gltf"), []),
+        ("environment with a sun, a portal", feature("portal.pbrt"), ["--env", sky]),
+        ("panorama", feature("panorama.pbrt"), []),
+        ("lens", feature("lens.pbrt"), []),
+        ("motion blur", feature("motion.gltf"), ["--shutter", "0.5", "--frame", "6"]),
+        ("skins and morphs, blurred", feature("deformation.gltf"),
+         ["--shutter", "0.5", "--frame", "6"]),
+        ("fog", feature("fog.pbrt"), []),
+        ("media, one of them a grid", feature("media.pbrt"), []),
+        ("output variables, all", feature("normal-map.gltf"), ["--aovs"]),
+    ]
+
+
 def main():
     if not os.path.exists(os.path.join(BUILD, "tests", "bench", "bench_render")):
         sys.exit("make bench: %s is not built" % BUILD)
@@ -170,7 +257,12 @@ def main():
             large.append(helmet)
         spheres = scenes[2]
         show_machine()
+        if sys.argv[1:] == ["kernels"]:
+            show_kernels(kernel_scenes(scenes, sky))
+            return
         show_renderer(scenes)
+        show_effect_groups(effect_groups(sky))
+        show_kernels(kernel_scenes(scenes, sky))
         show_threads(*spheres)
         show_memory([spheres] + large, made["empty"])
         show_preview(spheres[1], spheres[2] + ["--size", "640x360", "--spp", "64"])
