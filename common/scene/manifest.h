@@ -1,6 +1,6 @@
 /* manifest: what was simulated in one frame, for whom, and where the time went.
  *
- * The coordinator keeps one with each finished frame, as JSON (PROTOCOL.md, "The manifest"):
+ * The coordinator keeps one with each finished frame, as JSON (docs/EFFECTS.md):
  *
  *   ran              effects that were simulated, and who called for each
  *   switched_off     effects that the scene calls for, but the user does not want (--without)
