@@ -15,8 +15,7 @@ import time
 
 import numpy
 
-if not hasattr(numpy, "bool"):
-    numpy.bool = bool  # removed in numpy 1.24; Blender 3.4's glTF importer still asks for it
+numpy.bool = bool  # removed in numpy 1.24; Blender 3.4's glTF importer still asks for it
 
 import bmesh
 import bpy
@@ -46,7 +45,7 @@ def copy_input(tree, source, target):
 
 
 def make_lambert(material):
-    """Put a Lambert reflector, and its own light, in the place of Principled's."""
+    """Put a Lambert reflector, its own light and its alpha in the place of Principled's."""
     tree = material.node_tree
     principled = next((n for n in tree.nodes if n.type == "BSDF_PRINCIPLED"), None)
     if principled is None:
@@ -62,8 +61,16 @@ def make_lambert(material):
     lit = emission.inputs["Color"].is_linked or (
         max(list(emission.inputs["Color"].default_value)[:3]) > 0 and
         emission.inputs["Strength"].default_value > 0)
+    surface = both.outputs["Shader"] if lit else diffuse.outputs["BSDF"]
+    alpha = principled.inputs["Alpha"]
+    if alpha.is_linked or alpha.default_value < 1:
+        mix = tree.nodes.new("ShaderNodeMixShader")
+        copy_input(tree, alpha, mix.inputs["Fac"])
+        tree.links.new(tree.nodes.new("ShaderNodeBsdfTransparent").outputs[0], mix.inputs[1])
+        tree.links.new(surface, mix.inputs[2])
+        surface = mix.outputs["Shader"]
     for link in list(principled.outputs["BSDF"].links):
-        tree.links.new(both.outputs["Shader"] if lit else diffuse.outputs["BSDF"], link.to_socket)
+        tree.links.new(surface, link.to_socket)
 
 
 def cut_lamps(gltf, cuts):
@@ -75,11 +82,13 @@ def cut_lamps(gltf, cuts):
     """
     lamps = {m.get("name") for m in gltf.get("materials", [])
              if max(m.get("emissiveFactor", [0])) > 0}
+    cut = set()
     for thing in bpy.context.scene.objects:
         slots = [i for i, m in enumerate(thing.data.materials) if m and m.name in lamps] \
             if thing.type == "MESH" else []
-        if not slots:
+        if not slots or thing.data.name in cut:
             continue
+        cut.add(thing.data.name)
         mesh = bmesh.new()
         mesh.from_mesh(thing.data)
         edges = {e for face in mesh.faces if face.material_index in slots for e in face.edges}
@@ -173,4 +182,5 @@ def main():
     print("cycles: render %.2f seconds, %.2f CPU-seconds" % (time.monotonic() - start, cpu))
 
 
-main()
+if __name__ == "__main__":
+    main()
