@@ -222,6 +222,21 @@ def bar():
     return s
 
 
+def write_hdr(path, width, height, paint):
+    """Radiance RGBE without run lengths; paint(x, y) -> three floats."""
+    def rgbe(rgb):
+        top = max(rgb)
+        if top <= 1e-32:
+            return bytes(4)
+        mantissa, exponent = math.frexp(top)
+        scale = mantissa * 256 / top
+        return bytes([int(v * scale) for v in rgb] + [exponent + 128])
+
+    with open(path, "wb") as out:
+        out.write(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n" % (height, width))
+        out.write(b"".join(rgbe(paint(x, y)) for y in range(height) for x in range(width)))
+
+
 def write_png(path, width, height, paint, alpha=False):
     """paint(x, y) -> codes 0..255, three or four."""
     rows = b"".join(b"\0" + bytes(c for x in range(width) for c in paint(x, y))
@@ -346,7 +361,15 @@ def material_scene(shape, rows):
             image, scale = arguments["normalTexture"]
             arguments["normalTexture"] = dict(s.image(image), scale=scale)
         mesh = s.mesh(name, s.shapes[shape], s.material(name, **arguments))
-        s.node(name=name, mesh=mesh, translation=[2.3 * (i - 1), 1 if shape != "prism" else 0.7, 0])
+        s.node(name=name, mesh=mesh, translation=[2.3 * (i - 1), 1 if shape != "prism" else 0.7, 0],
+               **({"rotation": turn(math.pi / 2, (0, 1, 0))} if shape == "prism" else {}))
+    if shape == "prism":
+        # Bright and dark stripes to look at through the slanted faces.
+        for i in range(4):
+            m = s.material("stripe %d" % i, base=(0, 0, 0), emissiveFactor=[1, 1, 1])
+            s.node(name="stripe", mesh=s.mesh("stripe", s.shapes["quad"], m),
+                   translation=[0, 0.5 + 1.5 * i, -6], rotation=turn(math.pi / 2, (1, 0, 0)),
+                   scale=[9, 1, 0.3])
     return s
 
 
@@ -416,6 +439,45 @@ def many_lights_scene():
         x, z = (i % 8 - 3.5) * 1.1, (i // 8 - 5) * 1.1
         s.node(name="bulb", mesh=s.mesh("bulb", s.shapes["quad"], m), scale=[0.05, 1, 0.05],
                translation=[x, 0.3 + 0.1 * math.sin(i), z], rotation=[1, 0, 0, 0])
+    return s
+
+
+def vertex_color_scene():
+    """Three spheres painted at their vertices: by height, by longitude, and not at all."""
+    s = stage()
+    white = s.material("white", base=(1, 1, 1), roughness=0.8)
+    for i in range(3):
+        shape = sphere()
+        if i < 2:
+            shape["colors"] = [((1 + n[1]) / 2, 0.3, (1 - n[1]) / 2, 1) if i == 0 else
+                               ((1 + n[0]) / 2, (1 + n[2]) / 2, 0.2, 1) for n in shape["normals"]]
+        s.node(name="ball %d" % i, mesh=s.mesh("ball", s.primitive(shape), white),
+               translation=[2.3 * (i - 1), 1, 0])
+    return s
+
+
+def orthographic_scene():
+    """Three spheres one behind the other are equally large."""
+    s = stage()
+    s.doc["cameras"][0] = {"type": "orthographic", "orthographic": {
+        "xmag": 4.2, "ymag": 2.8, "znear": 0.01, "zfar": 100}}
+    for i, color in enumerate((RED, GOLD, BLUE)):
+        m = s.material("ball %d" % i, base=color, roughness=0.5)
+        s.node(name="ball %d" % i, mesh=s.mesh("ball", s.shapes["sphere"], m),
+               translation=[2.3 * (i - 1), 1, 4 * (1 - i)])
+    return s
+
+
+def culling_scene():
+    """Three upright squares that turn their fronts, their backs, and their double-sided backs."""
+    s = stage()
+    half = math.sqrt(0.5)
+    front, back = [half, 0, 0, half], [-half, 0, 0, half]
+    rows = (("front", front, False), ("back", back, False), ("both", back, True))
+    for i, (name, turned, both) in enumerate(rows):
+        m = s.material(name, base=RED, roughness=0.9, **({"doubleSided": True} if both else {}))
+        s.node(name=name, mesh=s.mesh(name, s.shapes["quad"], m), translation=[2.3 * (i - 1), 1, 0],
+               rotation=turned, scale=[0.9] * 3)
     return s
 
 
@@ -505,11 +567,24 @@ def main():
         n = math.sqrt(dx * dx + dy * dy + 1)
         return tuple(int(round((v / n * 0.5 + 0.5) * 255)) for v in (dx, dy, 1))
     write_png(join(folder, "bumps.png"), 64, 64, bump)
+    slide = ((220, 40, 30), (240, 200, 40), (40, 160, 60), (40, 80, 200))
+    write_png(join(folder, "slide.png"), 64, 64,
+              lambda x, y: slide[x // 32 + 2 * (y // 32)] if (x // 4 + y // 4) % 2 else
+              tuple(c // 4 for c in slide[x // 32 + 2 * (y // 32)]))
+
+    def sky(x, y):
+        if 10 <= x < 13 and 9 <= y < 11:
+            return 60, 45, 25
+        up = max(0, 1 - y / 16)
+        return (0.5 - 0.3 * up, 0.6 - 0.2 * up, 0.7 + 0.1 * up) if y < 16 else (0.1, 0.09, 0.08)
+    write_hdr(join(folder, "sky.hdr"), 64, 32, sky)
     scenes = {name: (lambda a=a: material_scene(*a)) for name, a in MATERIALS.items()}
-    scenes.update({"nested": nested_scene, "lights": lights_scene, "variants": variants_scene})
+    scenes.update({"nested": nested_scene, "lights": lights_scene, "variants": variants_scene,
+                   "orthographic": orthographic_scene, "culling": culling_scene})
     for name, make in sorted(scenes.items()):
         make().save(folder, name, "features.bin")
     for name, make in (("motion", motion_scene), ("deformation", deform_scene),
+                       ("vertex-color", vertex_color_scene),
                        ("many-lights", many_lights_scene), ("texture-filter", textures_scene)):
         make().save(folder, name, name + ".bin" if name != "many-lights" else "features.bin")
 
