@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Make the references of tests/statistics/test_features.c anew: all, or those of the scenes named.
 # Needed when a scene is new or changed, or when the renderer was found to be wrong; never just
-# because the test fails. Ten minutes of CPU for all; each scene is one process of its own.
+# because the test fails. About ten minutes of CPU for all; each scene is a
+# process of its own.
 #   tests/statistics/make_references.sh [NAME...]    BUILD names the build tree
 set -eu
 cd "$(dirname "$0")/../.."
