@@ -441,7 +441,7 @@ static void feature_name(const struct feature *f, char name[64])
 
 /* ---- rendering ----------------------------------------------------------------------------- */
 
-static void fail_now(const char *name, const char *why)
+static _Noreturn void fail_now(const char *name, const char *why)
 {
     fprintf(stderr, "test_features: %s: %s\n", name, why);
     exit(1);
