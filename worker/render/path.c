@@ -286,7 +286,7 @@ static struct vec3 path_direct_light(struct path *path, const struct surface *s,
     }
     if (vec3_is_black(visible))
         return black;
-    if (HAS(DISPERSION) && wi.z < 0 && path->wavelength_nm > 0 && !path->dispersed &&
+    if (HAS(DISPERSION) && path->wavelength_nm > 0 && !path->dispersed &&
         s->material->m.dispersion > 0 && s->material->m.refractive)
         value = vec3_mul(value, path->wavelength_rgb);
     if (HAS_VOLUMES)
@@ -634,7 +634,8 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
         if ((vec3_dot(path.ray.direction, s.ng) > 0) != (sample.wi.z > 0))
             break;
         path.throughput = vec3_mul(path.throughput, sample.weight);
-        if (HAS(DISPERSION) && sample.wi.z < 0 && path.wavelength_nm > 0 && !path.dispersed &&
+        /* What is reflected has the wavelength's colour, too: its share depends on the index. */
+        if (HAS(DISPERSION) && path.wavelength_nm > 0 && !path.dispersed &&
             s.material->m.dispersion > 0 && params.refractive) {
             path.throughput = vec3_mul(path.throughput, path.wavelength_rgb);
             path.dispersed = 1;
