@@ -61,7 +61,7 @@ static status tonemap_file(const char *from, const char *to, const struct tonema
     if (result == STATUS_OK)
         result = image_decode_hdr(&picture, file.data, file.size, from, &repairs, err);
     if (result == STATUS_OK)
-        result = tonemap_apply(&display, &picture, how, err);
+        result = tonemap_apply(&display, &picture, how, NULL, err);
     if (result == STATUS_OK)
         result = png_encode(&png, &display, err);
     if (result == STATUS_OK)

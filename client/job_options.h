@@ -8,7 +8,7 @@
 #include "common/scene/settings.h"
 #include "common/tonemap/tonemap.h"
 
-#define TONEMAP_DEFAULT "reinhard"
+#define TONEMAP_DEFAULT "reinhard02"
 
 struct job_options {
     const char *env, *variant, *animation, *camera, *frames, *size, *tonemap, *env_sampling, *isa;

@@ -219,7 +219,7 @@ static status encode_exr(struct development *d, struct buffer *exr, struct error
 static status encode_png(const struct development *d, struct buffer *png, struct error *err)
 {
     struct image display = {0};
-    status s = tonemap_apply(&display, &d->image, &d->output.tonemap, err);
+    status s = tonemap_apply(&display, &d->image, &d->output.tonemap, NULL, err);
 
     if (s == STATUS_OK)
         s = png_encode(png, &display, err);

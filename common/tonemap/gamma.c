@@ -12,16 +12,26 @@ static const struct tonemap_parameter parameters[] = {
     [GAIN] = {"gain", 0.001, 1000.0, 1.0, "multiplies the display code"},
 };
 
-static status gamma_apply(struct image *image, const struct tonemap_statistics *statistics,
-                          const double *values, struct error *err)
-{
-    size_t count = (size_t)image->width * image->height * 3;
-    float exponent = (float)(1.0 / values[GAMMA]), gain = (float)values[GAIN];
+struct curve {
+    float exponent, gain;
+};
 
-    (void)statistics;
+static void gamma_row(const void *user, float *rgb, uint32_t width)
+{
+    const struct curve *curve = user;
+
+    for (size_t i = 0; i < (size_t)width * 3; i++)
+        rgb[i] = fminf(curve->gain * det_pow(rgb[i], curve->exponent), 1.0f);
+}
+
+static status gamma_apply(const struct tonemap_frame *frame, const double *state,
+                          struct error *err)
+{
+    struct curve curve = {(float)(1.0 / frame->values[GAMMA]), (float)frame->values[GAIN]};
+
+    (void)state;
     (void)err;
-    for (size_t i = 0; i < count; i++)
-        image->pixels[i] = fminf(gain * det_pow(image->pixels[i], exponent), 1.0f);
+    tonemap_each_row(frame, gamma_row, &curve);
     return STATUS_OK;
 }
 

@@ -2,12 +2,11 @@
  * referred already. */
 #include "common/tonemap/operators.h"
 
-static status linear_apply(struct image *image, const struct tonemap_statistics *statistics,
-                           const double *values, struct error *err)
+static status linear_apply(const struct tonemap_frame *frame, const double *state,
+                           struct error *err)
 {
-    (void)image;
-    (void)statistics;
-    (void)values;
+    (void)frame;
+    (void)state;
     (void)err;
     return STATUS_OK;
 }

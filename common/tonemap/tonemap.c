@@ -1,171 +1,313 @@
+/* The way of a picture: white balance and exposure, an operator, codes. */
 #include "common/tonemap/tonemap.h"
 
 #include <float.h>
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
+#include "common/base/parallel.h"
 #include "common/image/color.h"
 #include "common/math/elementary.h"
 #include "common/tonemap/operators.h"
+#include "common/tonemap/statistics.h"
 
-static const struct tonemap_operator *const operators[] = {
-    &tonemap_reinhard,
-    &tonemap_gamma,
-    &tonemap_linear,
+enum { GRAIN = 8 }; /* lines in a piece of a loop */
+
+static const double KEY = 0.18;
+
+/* ---- loops over lines ----------------------------------------------------------------------- */
+
+struct row_loop {
+    const struct image *image;
+    void (*row)(const void *user, float *rgb, uint32_t width);
+    const void *user;
 };
 
-const struct tonemap_operator *const *tonemap_operators(size_t *count)
+static void do_rows(void *user, size_t begin, size_t end)
 {
-    *count = sizeof operators / sizeof *operators;
-    return operators;
+    const struct row_loop *loop = user;
+
+    for (size_t y = begin; y < end; y++)
+        loop->row(loop->user, loop->image->pixels + y * loop->image->width * 3,
+                  loop->image->width);
 }
 
-const struct tonemap_operator *tonemap_find(const char *name)
+void tonemap_each_row(const struct tonemap_frame *frame,
+                      void (*row)(const void *user, float *rgb, uint32_t width), const void *user)
 {
-    for (size_t i = 0; i < sizeof operators / sizeof *operators; i++)
-        if (strcmp(operators[i]->name, name) == 0)
-            return operators[i];
-    return NULL;
+    struct row_loop loop = {frame->image, row, user};
+
+    parallel_for(frame->threads, frame->image->height, GRAIN, do_rows, &loop);
 }
 
-status tonemap_settings_init(struct tonemap_settings *s, const char *name, struct error *err)
-{
-    memset(s, 0, sizeof *s);
-    s->op = tonemap_find(name);
-    if (!s->op) {
-        char known[256] = "";
-        size_t used = 0;
-
-        for (size_t i = 0; i < sizeof operators / sizeof *operators && used < sizeof known; i++)
-            used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", i ? ", " : "",
-                                     operators[i]->name);
-        return error_set(err, STATUS_ERR_INPUT,
-                         "no tone mapping operator is called \"%.64s\"; there are: %s", name,
-                         known);
-    }
-    for (size_t i = 0; i < s->op->parameter_count; i++)
-        s->values[i] = s->op->parameters[i].preset;
-    return STATUS_OK;
-}
-
-status tonemap_settings_set(struct tonemap_settings *s, const char *parameter, double value,
-                            struct error *err)
-{
-    char known[256] = "none";
-    size_t used = 0;
-
-    for (size_t i = 0; i < s->op->parameter_count; i++) {
-        const struct tonemap_parameter *p = &s->op->parameters[i];
-
-        if (strcmp(p->name, parameter) == 0) {
-            if (!(value >= p->min && value <= p->max))
-                return error_set(err, STATUS_ERR_INPUT,
-                                 "%s's %s must be from %g to %g, and is %g", s->op->name, p->name,
-                                 p->min, p->max, value);
-            s->values[i] = value;
-            return STATUS_OK;
-        }
-        if (used < sizeof known)
-            used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", i ? ", " : "",
-                                     p->name);
-    }
-    return error_set(err, STATUS_ERR_INPUT,
-                     "the operator %s has no parameter \"%.64s\"; its parameters: %s", s->op->name,
-                     parameter, known);
-}
-
-/* A channel after exposure: finite and not negative. */
-static float expose(float value, double gain)
-{
-    double exposed = (double)value * gain;
-
-    if (!(exposed > 0.0)) /* NaN too */
-        return 0.0f;
-    return exposed > (double)FLT_MAX ? FLT_MAX : (float)exposed;
-}
-
-/* Expose `in` into `out` and take the statistics on the way, row by row, in double. */
-static void expose_and_measure(struct image *out, const struct image *in, double gain,
-                               struct tonemap_statistics *statistics)
-{
-    size_t count = (size_t)in->width * in->height;
-    double log_sum = 0.0;
-
-    *statistics = (struct tonemap_statistics){.log_mean = 1.0};
-    for (size_t i = 0; i < count; i++) {
-        const float *from = in->pixels + 3 * i;
-        float *to = out->pixels + 3 * i, plain[3];
-        double luminance, exposed;
-
-        for (int c = 0; c < 3; c++) {
-            to[c] = expose(from[c], gain);
-            plain[c] = from[c] > 0.0f ? from[c] : 0.0f;
-        }
-        if (!isfinite(from[0]) || !isfinite(from[1]) || !isfinite(from[2]))
-            continue;
-        luminance = tonemap_luminance(plain);
-        exposed = tonemap_luminance(to);
-        if (!(luminance > 0.0) || !(exposed > 0.0))
-            continue;
-        log_sum += det_log_d(luminance);
-        statistics->counted++;
-        if (exposed > statistics->max)
-            statistics->max = exposed;
-        if (exposed < statistics->min || statistics->min == 0.0)
-            statistics->min = exposed;
-    }
-    if (statistics->counted > 0)
-        statistics->log_mean = det_exp_d(log_sum / (double)statistics->counted);
-}
-
-/* Whatever the operator left: within 0..1, never NaN, and encoded exactly once. */
-static void finish(struct image *image, int display_encoded)
-{
-    size_t count = (size_t)image->width * image->height * 3;
-
-    for (size_t i = 0; i < count; i++) {
-        float value = image->pixels[i];
-
-        if (!display_encoded)
-            value = srgb_encode(value);
-        if (!(value > 0.0f))
-            value = 0.0f;
-        image->pixels[i] = value < 1.0f ? value : 1.0f;
-    }
-}
+/* ---- white balance and exposure ------------------------------------------------------------- */
 
 /* 2^ev, exact for whole stops. */
-static double exposure_gain(double ev)
+static double stops_to_gain(double ev)
 {
     double whole = floor(ev);
 
     return ldexp(ev == whole ? 1.0 : det_pow_d(2.0, ev - whole), (int)whole);
 }
 
-status tonemap_apply(struct image *out, const struct image *in, const struct tonemap_settings *s,
-                     struct error *err)
+static void balance_of(const struct tonemap_settings *s, double matrix[3][3])
 {
-    struct tonemap_statistics statistics;
+    if (s->white_kelvin > 0.0)
+        tonemap_white_balance(s->white_kelvin, matrix);
+    else
+        for (int i = 0; i < 9; i++)
+            matrix[i / 3][i % 3] = i % 4 == 0;
+}
+
+struct exposing {
+    const struct image *in;
+    struct image *out;
+    double matrix[3][3];
+};
+
+static float limited(double value)
+{
+    if (!(value > 0.0)) /* NaN too */
+        return 0.0f;
+    return value > (double)FLT_MAX ? FLT_MAX : (float)value;
+}
+
+/* Lines of `in` times the matrix: finite and not negative. */
+static void expose_lines(void *user, size_t begin, size_t end)
+{
+    const struct exposing *e = user;
+    const double (*m)[3] = (const double (*)[3])e->matrix;
+    int plain = m[0][1] == 0.0 && m[0][2] == 0.0 && m[1][0] == 0.0 && m[1][2] == 0.0 &&
+                m[2][0] == 0.0 && m[2][1] == 0.0;
+
+    for (size_t i = begin * e->in->width * 3; i < end * e->in->width * 3; i += 3) {
+        const float *from = e->in->pixels + i;
+        float *to = e->out->pixels + i;
+        double rgb[3];
+
+        for (int c = 0; c < 3; c++)
+            rgb[c] = (double)limited((double)from[c]);
+        for (int c = 0; c < 3; c++)
+            to[c] = plain ? limited(rgb[c] * m[c][c])
+                          : limited(m[c][0] * rgb[0] + m[c][1] * rgb[1] + m[c][2] * rgb[2]);
+    }
+}
+
+/* ---- measuring ------------------------------------------------------------------------------ */
+
+/* Stops that the metering adds. */
+static status meter(double *ev, const struct tonemap_settings *s, const struct image *in,
+                    const struct tonemap_statistics *raw, unsigned threads, struct error *err)
+{
+    double level = raw->log_mean, target = KEY;
+    status st = STATUS_OK;
+
+    *ev = 0.0;
+    if (s->metering == TONEMAP_METERING_OFF || raw->counted == 0)
+        return STATUS_OK;
+    if (s->metering == TONEMAP_METERING_PERCENTILE) {
+        st = tonemap_percentile(&level, in, s->metering_percentile, threads, err);
+        target = 1.0;
+    }
+    if (st == STATUS_OK && level > 0.0)
+        *ev = det_log_d(target / level) / det_log_d(2.0);
+    return st;
+}
+
+/* A picture on its way. */
+struct work {
+    const struct tonemap_settings *settings;
+    const struct tonemap_context *context;
+    const struct image *in;
+    struct image *out;
+    struct tonemap_frame frame;
+    void *file;
+};
+
+/* The frame's exposed pixels and statistics, as the state says. */
+static void expose(struct work *w, const struct tonemap_state *state)
+{
+    struct exposing e = {.in = w->in, .out = w->out};
+    double gain = stops_to_gain(w->settings->exposure_ev), all;
+
+    all = gain * (state->metered_ev == 0.0 ? 1.0 : stops_to_gain(state->metered_ev));
+    balance_of(w->settings, e.matrix);
+    for (int i = 0; i < 9; i++)
+        e.matrix[i / 3][i % 3] *= all;
+    parallel_for(w->frame.threads, w->in->height, GRAIN, expose_lines, &e);
+    w->frame.gain = gain;
+    w->frame.statistics = (struct tonemap_statistics){.log_mean = 1.0};
+    if (state->counts) {
+        w->frame.statistics.log_mean = det_exp_d(state->ln_log_mean);
+        w->frame.statistics.max = det_exp_d(state->ln_max) * gain;
+        w->frame.statistics.min = det_exp_d(state->ln_min) * gain;
+        w->frame.statistics.counted = (size_t)w->in->width * w->in->height;
+    }
+}
+
+static status measure_raw(struct work *w, struct tonemap_state *state, struct error *err)
+{
+    struct tonemap_statistics raw;
+    double matrix[3][3], ln_gain;
     status st;
 
+    balance_of(w->settings, matrix);
+    st = statistics_measure(&raw, w->in, (const double (*)[3])matrix, w->frame.threads, err);
+    if (st == STATUS_OK)
+        st = meter(&state->metered_ev, w->settings, w->in, &raw, w->frame.threads, err);
+    if (st != STATUS_OK || raw.counted == 0)
+        return st;
+    ln_gain = state->metered_ev * det_log_d(2.0);
+    state->counts = 1;
+    state->ln_log_mean = det_log_d(raw.log_mean) + ln_gain;
+    state->ln_max = det_log_d(raw.max) + ln_gain;
+    state->ln_min = det_log_d(raw.min) + ln_gain;
+    return STATUS_OK;
+}
+
+/* Leaves the picture exposed in w->out. */
+static status measure(struct work *w, struct tonemap_state *state, struct error *err)
+{
+    const struct tonemap_operator *op = w->settings->op;
+    status st;
+
+    memset(state, 0, sizeof *state);
+    st = measure_raw(w, state, err);
+    if (st != STATUS_OK)
+        return st;
+    expose(w, state);
+    if (state->counts && op->state_count > 0)
+        st = op->measure(&w->frame, state->values, err);
+    return st;
+}
+
+static status work_begin(struct work *w, struct image *out, const struct image *in,
+                         const struct tonemap_settings *s, const struct tonemap_context *context,
+                         struct error *err)
+{
+    static const struct tonemap_context nothing;
+    status st;
+
+    memset(w, 0, sizeof *w);
     memset(out, 0, sizeof *out);
+    w->settings = s;
+    w->context = context ? context : &nothing;
+    w->in = in;
+    w->out = out;
     if (in->channels != 3)
         return error_set(err, STATUS_ERR_INTERNAL, "tone mapping needs 3 channels, not %u",
                          (unsigned)in->channels);
-    if (!(fabs(s->exposure_ev) <= TONEMAP_EXPOSURE_MAX))
-        return error_set(err, STATUS_ERR_INPUT,
-                         "the exposure must be from -%d to %d stops, and is %g",
-                         TONEMAP_EXPOSURE_MAX, TONEMAP_EXPOSURE_MAX, s->exposure_ev);
-    st = image_init(out, in->width, in->height, 3, err);
+    st = tonemap_settings_validate(s, err);
+    if (st == STATUS_OK && s->op->file_load && w->context->file_data)
+        st = s->op->file_load(&w->file, w->context->file_data, w->context->file_size,
+                              s->file_name, err);
+    else if (st == STATUS_OK && s->has_file)
+        st = error_set(err, STATUS_ERR_INTERNAL, "%s's file %s is not at hand", s->op->name,
+                       s->file_name);
+    if (st == STATUS_OK)
+        st = image_init(out, in->width, in->height, 3, err);
+    w->frame = (struct tonemap_frame){
+        .image = out, .values = s->values, .file = w->file, .gain = 1.0,
+        .threads = w->context->threads ? w->context->threads : parallel_processors(),
+    };
+    return st;
+}
+
+static void work_end(struct work *w, status st)
+{
+    if (w->file)
+        w->settings->op->file_free(w->file);
     if (st != STATUS_OK)
-        return st;
-    expose_and_measure(out, in, exposure_gain(s->exposure_ev), &statistics);
-    st = s->op->apply(out, &statistics, s->values, err);
-    if (st != STATUS_OK) {
-        image_release(out);
-        return st;
+        image_release(w->out);
+}
+
+status tonemap_measure(struct tonemap_state *out, const struct image *in,
+                       const struct tonemap_settings *s, const struct tonemap_context *context,
+                       struct error *err)
+{
+    struct image exposed;
+    struct work w;
+    status st = work_begin(&w, &exposed, in, s, context, err);
+
+    if (st == STATUS_OK)
+        st = measure(&w, out, err);
+    work_end(&w, st);
+    image_release(&exposed);
+    return st;
+}
+
+void tonemap_state_mean(struct tonemap_state *out, const struct tonemap_state *const *states,
+                        size_t count, const struct tonemap_settings *s)
+{
+    size_t counted = 0;
+
+    memset(out, 0, sizeof *out);
+    for (size_t i = 0; i < count; i++) {
+        const struct tonemap_state *state = states[i];
+
+        if (!state->counts)
+            continue;
+        counted++;
+        out->metered_ev += state->metered_ev;
+        out->ln_log_mean += state->ln_log_mean;
+        out->ln_max += state->ln_max;
+        out->ln_min += state->ln_min;
+        for (size_t k = 0; k < s->op->state_count; k++)
+            out->values[k] += state->values[k];
     }
-    finish(out, s->op->display_encoded);
-    return STATUS_OK;
+    if (counted == 0)
+        return;
+    out->counts = 1;
+    out->metered_ev /= (double)counted;
+    out->ln_log_mean /= (double)counted;
+    out->ln_max /= (double)counted;
+    out->ln_min /= (double)counted;
+    for (size_t k = 0; k < s->op->state_count; k++)
+        out->values[k] /= (double)counted;
+}
+
+/* ---- the whole way -------------------------------------------------------------------------- */
+
+struct finishing {
+    int encode, decode; /* apply the sRGB curve, or take it away */
+};
+
+/* Whatever the operator left: within 0..1, never NaN, and encoded exactly once. */
+static void finish_row(const void *user, float *rgb, uint32_t width)
+{
+    const struct finishing *f = user;
+
+    if (f->encode)
+        srgb_encode_row(rgb, (size_t)width * 3);
+    for (size_t i = 0; i < (size_t)width * 3; i++) {
+        float value = rgb[i] > 0.0f ? rgb[i] : 0.0f; /* NaN too */
+
+        value = value < 1.0f ? value : 1.0f;
+        rgb[i] = f->decode ? srgb_decode(value) : value;
+    }
+}
+
+status tonemap_apply(struct image *out, const struct image *in, const struct tonemap_settings *s,
+                     const struct tonemap_context *context, struct error *err)
+{
+    struct finishing finish;
+    struct tonemap_state own;
+    const struct tonemap_state *state;
+    struct work w;
+    status st = work_begin(&w, out, in, s, context, err);
+
+    state = w.context->state ? w.context->state : &own;
+    if (st == STATUS_OK && state == &own)
+        st = measure(&w, &own, err);
+    else if (st == STATUS_OK)
+        expose(&w, state);
+    if (st == STATUS_OK)
+        st = s->op->apply(&w.frame, state->counts && s->op->state_count ? state->values : NULL, err);
+    if (st == STATUS_OK) {
+        finish.encode = !s->op->display_encoded && !w.context->linear;
+        finish.decode = s->op->display_encoded && w.context->linear;
+        tonemap_each_row(&w.frame, finish_row, &finish);
+    }
+    work_end(&w, st);
+    return st;
 }

@@ -22,28 +22,40 @@ static const struct tonemap_parameter parameters[] = {
                "the scaled luminance that becomes white; 0: the picture's maximum"},
 };
 
-static status reinhard_apply(struct image *image, const struct tonemap_statistics *statistics,
-                             const double *values, struct error *err)
-{
-    size_t count = (size_t)image->width * image->height;
-    double scale = values[KEY] / statistics->log_mean;
-    double white = values[WHITE] > 0.0 ? values[WHITE] : scale * statistics->max;
-    double inverse_white2 = white > 0.0 ? 1.0 / (white * white) : 0.0;
+struct curve {
+    double scale, inverse_white2;
+};
 
-    (void)err;
-    for (size_t i = 0; i < count; i++) {
-        float *p = image->pixels + 3 * i;
-        double luminance = scale * tonemap_luminance(p);
-        double factor = scale * (1.0 + luminance * inverse_white2) / (1.0 + luminance);
+static void reinhard_row(const void *user, float *rgb, uint32_t width)
+{
+    const struct curve *curve = user;
+
+    for (float *p = rgb; p < rgb + (size_t)width * 3; p += 3) {
+        double luminance = curve->scale * tonemap_luminance(p);
+        double factor = curve->scale * (1.0 + luminance * curve->inverse_white2) /
+                        (1.0 + luminance);
 
         for (int c = 0; c < 3; c++)
             p[c] = (float)fmin((double)p[c] * factor, 1.0);
     }
+}
+
+static status reinhard_apply(const struct tonemap_frame *frame, const double *state,
+                             struct error *err)
+{
+    struct curve curve = {.scale = frame->values[KEY] / frame->statistics.log_mean};
+    double white = frame->values[WHITE] > 0.0 ? frame->values[WHITE]
+                                              : curve.scale * frame->statistics.max;
+
+    (void)state;
+    (void)err;
+    curve.inverse_white2 = white > 0.0 ? 1.0 / (white * white) : 0.0;
+    tonemap_each_row(frame, reinhard_row, &curve);
     return STATUS_OK;
 }
 
-const struct tonemap_operator tonemap_reinhard = {
-    .name = "reinhard",
+const struct tonemap_operator tonemap_reinhard02 = {
+    .name = "reinhard02",
     .summary = "Photographic tone reproduction, global, with a white point.",
     .source = "E. Reinhard, M. Stark, P. Shirley, J. Ferwerda, \"Photographic Tone Reproduction "
               "for Digital Images\", ACM TOG 21(3), 2002",

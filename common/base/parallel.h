@@ -1,0 +1,21 @@
+/* parallel: a loop by several threads. Which thread does which part is left to chance, so what the
+ * body computes for an index must depend on that index alone; then the result is the same with
+ * any number of threads. */
+#ifndef AZULEJO_BASE_PARALLEL_H
+#define AZULEJO_BASE_PARALLEL_H
+
+#include <stddef.h>
+
+enum { PARALLEL_THREADS_MAX = 256 };
+
+/* The processors that this process may use, 1 to PARALLEL_THREADS_MAX. */
+unsigned parallel_processors(void);
+
+/* Call body(user, begin, end) for pieces of 0..count-1, each index once, and return when all are
+ * done. `threads` counts the caller's own; 0 means parallel_processors(). A piece has `grain`
+ * indices (at least 1), the last one may have fewer. Threads that cannot be started are done
+ * without. */
+void parallel_for(unsigned threads, size_t count, size_t grain,
+                  void (*body)(void *user, size_t begin, size_t end), void *user);
+
+#endif
