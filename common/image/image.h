@@ -125,4 +125,18 @@ status exr_encode(struct buffer *out, const struct image *image, const struct ex
  * values are meant. Deterministic. */
 status png_encode(struct buffer *out, const struct image *image, struct error *err) MUST_CHECK;
 
+/* How display values become a file. All zero: the usual. */
+struct picture_options {
+    int bits;    /* of a PNG's channel: 8 (0 too) or 16 */
+    int plain;   /* round instead of dithering */
+    int quality; /* of a JPEG, 1..100; 0: JPEG_QUALITY_DEFAULT */
+};
+enum { JPEG_QUALITY_DEFAULT = 92 };
+
+status png_encode_as(struct buffer *out, const struct image *image,
+                     const struct picture_options *how, struct error *err) MUST_CHECK;
+/* A baseline JPEG with colours in full resolution. ERR_LIMIT: a side above 65500. */
+status jpeg_encode(struct buffer *out, const struct image *image,
+                   const struct picture_options *how, struct error *err) MUST_CHECK;
+
 #endif

@@ -8,6 +8,7 @@
 #include "common/base/buffer.h"
 #include "common/base/memory.h"
 #include "common/image/image.h"
+#include "common/image/quantize.h"
 
 enum {
     PNG_TEXT_CHUNKS_MAX = 64,
@@ -179,37 +180,12 @@ status png_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, co
 
 /* ---- writing ----------------------------------------------------------------------------- */
 
-/* The dither's threshold at a pixel, 0..1 exclusive: the R2 low-discrepancy sequence of
- * Roberts 2018 ("The Unreasonable Effectiveness of Quasirandom Sequences"), x / p + y / p^2
- * with the plastic number p, as a triangle wave so that the mask has no jumps. In integers, and
- * held off the ends, so that values that are code values but for rounding stay so. */
-static double dither_threshold(uint32_t x, uint32_t y)
-{
-    uint32_t phase = x * 3242174889u + y * 2447445414u;
-    uint32_t wave = phase < 0x80000000u ? phase * 2 : ~phase * 2;
-
-    return (1.0 + (double)wave * (1022.0 / 4294967296.0)) / 1024.0;
-}
-
-static void quantize_row(const struct image *image, uint32_t y, uint8_t *row)
-{
-    for (uint32_t x = 0; x < image->width; x++) {
-        const float *p = image->pixels + ((size_t)y * image->width + x) * image->channels;
-        double threshold = dither_threshold(x, y);
-
-        for (int c = 0; c < 3; c++) {
-            double code = (double)p[c] * 255.0;
-
-            if (!(code > 0.0)) /* NaN too */
-                code = 0.0;
-            row[3 * (size_t)x + (size_t)c] = (uint8_t)(code >= 255.0 ? 255.0 : code + threshold);
-        }
-    }
-}
-
 static status write_png(png_structp png, png_infop info, struct png_stream *stream,
-                        const struct image *image, uint8_t *row, struct error *err)
+                        const struct image *image, const struct picture_options *how,
+                        uint8_t *row, struct error *err)
 {
+    int bits = how->bits == 16 ? 16 : 8;
+
     if (setjmp(png_jmpbuf(png)))
         return buffer_ok(stream->out)
                    ? error_set(err, STATUS_ERR_INTERNAL, "PNG: %s", stream->message)
@@ -218,12 +194,15 @@ static status write_png(png_structp png, png_infop info, struct png_stream *stre
     png_set_write_fn(png, stream, png_write_bytes, png_flush_nothing);
     png_set_compression_level(png, PNG_DEFLATE_LEVEL);
     png_set_filter(png, 0, PNG_ALL_FILTERS);
-    png_set_IHDR(png, info, image->width, image->height, 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
+    png_set_IHDR(png, info, image->width, image->height, bits, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
                  PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
     png_write_info(png, info);
     for (uint32_t y = 0; y < image->height; y++) {
-        quantize_row(image, y, row);
+        if (bits == 16)
+            quantize_row16(image, y, how->plain, row);
+        else
+            quantize_row8(image, y, how->plain, row);
         png_write_row(png, row);
     }
     png_write_end(png, info);
@@ -231,6 +210,14 @@ static status write_png(png_structp png, png_infop info, struct png_stream *stre
 }
 
 status png_encode(struct buffer *out, const struct image *image, struct error *err)
+{
+    static const struct picture_options usual;
+
+    return png_encode_as(out, image, &usual, err);
+}
+
+status png_encode_as(struct buffer *out, const struct image *image,
+                     const struct picture_options *how, struct error *err)
 {
     struct png_stream stream = {.out = out};
     size_t start = out->size;
@@ -242,13 +229,13 @@ status png_encode(struct buffer *out, const struct image *image, struct error *e
     if (image->channels < 3)
         return error_set(err, STATUS_ERR_INTERNAL, "a PNG is made of 3 channels, not of %u",
                          (unsigned)image->channels);
-    row = mem_alloc_array(image->width, 3);
+    row = mem_alloc_array(image->width, how->bits == 16 ? 6 : 3);
     if (row)
         png = png_create_write_struct_2(PNG_LIBPNG_VER_STRING, &stream, png_fail,
                                         png_ignore_warning, NULL, png_take_memory, png_give_memory);
     info = png ? png_create_info_struct(png) : NULL;
     if (info)
-        st = write_png(png, info, &stream, image, row, err);
+        st = write_png(png, info, &stream, image, how, row, err);
     else
         st = error_no_memory(err, "libpng");
     if (png)
