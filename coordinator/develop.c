@@ -12,6 +12,7 @@
 #include "common/scene/manifest.h"
 #include "common/scene/scene.h"
 #include "coordinator/blobs.h"
+#include "coordinator/wire.h"
 
 enum { ATTRIBUTES_MAX = 26 };
 
@@ -19,7 +20,8 @@ struct development {
     uint64_t job;
     char name[JOB_NAME_MAX + 1], scene_name[JOB_NAME_MAX + 1], kernel[KERNEL_NAME_MAX + 1];
     struct digest scene;
-    uint32_t frame;
+    uint32_t frame, first_frame, window_begin;
+    uint32_t revision;       /* of `output` */
     struct render_settings settings;
     struct output_settings output;
     uint64_t samples;
@@ -30,10 +32,9 @@ struct development {
     struct image image;
 };
 
-static status development_new(struct development **out, const struct job_frame *frame,
-                              struct error *err)
+static status development_new(struct development **out, const struct job *job, uint32_t number,
+                              const struct job_frame *frame, struct error *err)
 {
-    const struct job *job = frame->job;
     struct development *d = mem_calloc(1, sizeof *d);
 
     *out = NULL;
@@ -44,13 +45,18 @@ static status development_new(struct development **out, const struct job_frame *
     memcpy(d->scene_name, job->scene_name, sizeof d->scene_name);
     memcpy(d->kernel, job->kernel, sizeof d->kernel);
     d->scene = job->scene;
-    d->frame = frame->number;
+    d->frame = number;
+    d->first_frame = job->first_frame;
+    d->window_begin = job_window_begin(job, number);
+    d->revision = job->revision;
     d->settings = job->settings;
     d->output = job->output;
-    d->samples = film_samples(frame->film);
-    d->relative_mse = film_relative_mse(frame->film);
-    d->stats = frame->stats;
-    d->film = frame->film;
+    if (frame) {
+        d->samples = film_samples(frame->film);
+        d->relative_mse = film_relative_mse(frame->film);
+        d->stats = frame->stats;
+        d->film = frame->film;
+    }
     *out = d;
     return STATUS_OK;
 }
@@ -72,13 +78,19 @@ static status take_pixels(struct development *d, struct error *err)
 status development_new_frame(struct development **out, const struct job_frame *frame,
                              struct error *err)
 {
-    return development_new(out, frame, err);
+    return development_new(out, frame->job, frame->number, frame, err);
+}
+
+status development_new_stored(struct development **out, const struct job *job, uint32_t frame,
+                              struct error *err)
+{
+    return development_new(out, job, frame, NULL, err);
 }
 
 status development_new_preview(struct development **out, const struct job_frame *frame,
                                struct error *err)
 {
-    status s = development_new(out, frame, err);
+    status s = development_new(out, frame->job, frame->number, frame, err);
 
     if (s == STATUS_OK)
         s = take_pixels(*out, err);
@@ -216,28 +228,223 @@ static status encode_exr(struct development *d, struct buffer *exr, struct error
     return s;
 }
 
-static status encode_png(const struct development *d, struct buffer *png, struct error *err)
+/* ---- display pictures ------------------------------------------------------------------------ */
+
+/* Tone mapping of one development: its settings, and the operator's file. */
+struct toning {
+    const struct tonemap_settings *settings;
+    struct tonemap_context context;
+    struct buffer file;
+};
+
+static status toning_begin(struct toning *t, const struct development *d,
+                           const struct store *store, struct error *err)
+{
+    status s;
+
+    *t = (struct toning){.settings = &d->output.tonemap, .file = BUFFER_INIT};
+    if (!t->settings->has_file || !store)
+        return STATUS_OK;
+    s = blobs_read(store_folder(store), &t->settings->file, TONEMAP_FILE_BYTES_MAX, &t->file, err);
+    t->context.file_data = t->file.data;
+    t->context.file_size = t->file.size;
+    return s;
+}
+
+static void toning_end(struct toning *t)
+{
+    buffer_release(&t->file);
+}
+
+/* Append the picture as PNG or JPEG, either of which may be NULL. */
+static status encode_display(const struct development *d, const struct toning *t,
+                             struct buffer *png, struct buffer *jpg, struct error *err)
 {
     struct image display = {0};
-    status s = tonemap_apply(&display, &d->image, &d->output.tonemap, NULL, err);
+    status s = tonemap_apply(&display, &d->image, t->settings, &t->context, err);
 
-    if (s == STATUS_OK)
-        s = png_encode(png, &display, err);
+    if (s == STATUS_OK && png)
+        s = png_encode_as(png, &display, &d->output.picture, err);
+    if (s == STATUS_OK && jpg)
+        s = jpeg_encode(jpg, &display, &d->output.picture, err);
     image_release(&display);
     return s;
 }
 
-status develop_encode(struct development *development, struct buffer *exr, struct buffer *png,
-                      struct error *err)
+static status write_display(const struct development *d, const struct toning *t,
+                            struct store *store, struct error *err)
 {
-    status s = take_pixels(development, err);
+    struct buffer png = BUFFER_INIT, jpg = BUFFER_INIT;
+    status s = STATUS_OK;
 
-    if (s == STATUS_OK && exr)
-        s = encode_exr(development, exr, err);
-    if (s == STATUS_OK && png)
-        s = encode_png(development, png, err);
+    if (d->output.png || d->output.jpg)
+        s = encode_display(d, t, d->output.png ? &png : NULL, d->output.jpg ? &jpg : NULL, err);
+    if (s == STATUS_OK && d->output.png)
+        s = store_output_write(store, d->job, d->frame, "png", &png, err);
+    if (s == STATUS_OK && d->output.jpg)
+        s = store_output_write(store, d->job, d->frame, "jpg", &jpg, err);
+    buffer_release(&png);
+    buffer_release(&jpg);
     return s;
 }
+
+status develop_encode(struct development *d, const struct store *store, struct buffer *exr,
+                      struct buffer *png, struct error *err)
+{
+    struct toning t;
+    status s = take_pixels(d, err);
+
+    if (s == STATUS_OK && exr)
+        s = encode_exr(d, exr, err);
+    if (s != STATUS_OK || !png)
+        return s;
+    s = toning_begin(&t, d, store, err);
+    if (s == STATUS_OK)
+        s = encode_display(d, &t, png, NULL, err);
+    toning_end(&t);
+    return s;
+}
+
+/* ---- stored pictures ------------------------------------------------------------------------- */
+
+#define PICTURE_EXTENSION "picture.exr"
+#define STATE_EXTENSION "state"
+
+/* The means in 32 bits are kept, so that the frame can be developed again. */
+static int picture_is_apart(const struct development *d)
+{
+    return !d->output.exr || d->output.exr_half;
+}
+
+static status write_picture(const struct development *d, struct store *store, struct error *err)
+{
+    struct buffer exr = BUFFER_INIT;
+    struct exr_options options = {0};
+    status s = exr_encode(&exr, &d->image, &options, err);
+
+    if (s == STATUS_OK)
+        s = store_output_write(store, d->job, d->frame, PICTURE_EXTENSION, &exr, err);
+    buffer_release(&exr);
+    return s;
+}
+
+/* Read a frame's stored picture. */
+static status read_picture(const struct development *d, const struct store *store, uint32_t frame,
+                           struct image *out, struct error *err)
+{
+    struct buffer exr = BUFFER_INIT;
+    struct image_repairs repairs = {0};
+    char name[64];
+    status s = STATUS_ERR_NOT_FOUND;
+
+    snprintf(name, sizeof name, "job %" PRIu64 ", frame %u", d->job, frame);
+    if (picture_is_apart(d))
+        s = store_output_read(store, d->job, frame, PICTURE_EXTENSION, IMAGE_BYTES_MAX, &exr, NULL);
+    if (s != STATUS_OK) { /* stores of before have no such file */
+        buffer_clear(&exr);
+        s = store_output_read(store, d->job, frame, "exr", IMAGE_BYTES_MAX, &exr, err);
+    }
+    if (s == STATUS_OK)
+        s = image_decode_hdr(out, exr.data, exr.size, name, &repairs, err);
+    buffer_release(&exr);
+    return s;
+}
+
+/* A state in a file: the digest of the settings that it was measured with, then its bytes, which
+ * only this machine reads again; anything else there is measured anew. */
+struct stored_state {
+    struct digest looks;
+    struct tonemap_state state;
+};
+
+/* The state of another frame, or of this one: as stored, else measured and stored. */
+static status state_of(const struct development *d, const struct toning *t, struct store *store,
+                       uint32_t frame, const struct digest *looks, struct tonemap_state *out,
+                       struct error *err)
+{
+    struct buffer file = BUFFER_INIT;
+    struct image other = {0};
+    struct stored_state stored;
+    status s;
+
+    if (store_output_read(store, d->job, frame, STATE_EXTENSION, sizeof stored, &file, NULL) ==
+            STATUS_OK &&
+        file.size == sizeof stored) {
+        memcpy(&stored, file.data, sizeof stored);
+        if (digest_equal(&stored.looks, looks)) {
+            *out = stored.state;
+            buffer_release(&file);
+            return STATUS_OK;
+        }
+    }
+    buffer_clear(&file);
+    s = frame == d->frame ? STATUS_OK : read_picture(d, store, frame, &other, err);
+    memset(&stored, 0, sizeof stored);
+    if (s == STATUS_OK)
+        s = tonemap_measure(&stored.state, frame == d->frame ? &d->image : &other, t->settings,
+                            &t->context, err);
+    if (s == STATUS_OK) {
+        stored.looks = *looks;
+        *out = stored.state;
+        buffer_append(&file, &stored, sizeof stored);
+        /* Without it the next frame measures again. */
+        if (!buffer_ok(&file) ||
+            store_output_write(store, d->job, frame, STATE_EXTENSION, &file, NULL) != STATUS_OK)
+            log_debug("job %" PRIu64 ", frame %u: its statistics were not kept", d->job, frame);
+    }
+    image_release(&other);
+    buffer_release(&file);
+    return s;
+}
+
+/* The mean state of the frames from window_begin to the development's own. */
+static status window_state(const struct development *d, const struct toning *t,
+                           struct store *store, struct tonemap_state *out, struct error *err)
+{
+    uint32_t count = d->frame - d->window_begin + 1;
+    struct tonemap_state *states = mem_alloc_array(count, sizeof *states);
+    const struct tonemap_state **pointers = mem_alloc_array(count, sizeof *pointers);
+    struct digest looks;
+    status s = states && pointers ? wire_output_digest(&looks, &d->output, err)
+                                  : error_no_memory(err, "frames' statistics");
+
+    for (uint32_t i = 0; i < count && s == STATUS_OK; i++) {
+        pointers[i] = &states[i];
+        s = state_of(d, t, store, d->window_begin + i, &looks, &states[i], err);
+    }
+    if (s == STATUS_OK)
+        tonemap_state_mean(out, pointers, count, &d->output.tonemap);
+    mem_free(pointers);
+    mem_free(states);
+    return s;
+}
+
+status develop_again(struct development *d, struct store *store, struct error *err)
+{
+    struct tonemap_state *state = mem_alloc(sizeof *state);
+    struct toning t;
+    status s = state ? STATUS_OK : error_no_memory(err, "a frame's statistics");
+
+    if (s == STATUS_OK)
+        s = read_picture(d, store, d->frame, &d->image, err);
+    if (s == STATUS_OK)
+        s = toning_begin(&t, d, store, err);
+    if (s == STATUS_OK) {
+        if (d->output.tonemap.temporal > 1) {
+            s = window_state(d, &t, store, state, err);
+            t.context.state = state;
+        }
+        if (s == STATUS_OK)
+            s = write_display(d, &t, store, err);
+        toning_end(&t);
+    }
+    if (s == STATUS_OK)
+        s = store_frame_developed(store, d->job, d->frame, d->revision, err);
+    mem_free(state);
+    return s;
+}
+
+/* ---- the manifest ---------------------------------------------------------------------------- */
 
 /* What the frame calls for, from its stored scene. The causes' names belong to `scene`. */
 static status find_effects(const struct development *d, const struct store *store,
@@ -289,28 +496,53 @@ status develop_manifest(const struct development *d, const struct store *store,
     return buffer_ok(json) ? STATUS_OK : error_no_memory(err, "a manifest");
 }
 
+int64_t development_revision(const struct development *d)
+{
+    return d->film && d->output.tonemap.temporal > 1 ? -1 : (int64_t)d->revision;
+}
+
+/* The display pictures, unless they are for develop_again. */
+static status develop_display(const struct development *d, struct store *store, struct error *err)
+{
+    struct toning t;
+    status s;
+
+    if (development_revision(d) < 0)
+        return STATUS_OK;
+    s = toning_begin(&t, d, store, err);
+    if (s == STATUS_OK)
+        s = write_display(d, &t, store, err);
+    toning_end(&t);
+    return s;
+}
+
 status develop_frame(struct development *d, struct store *store, struct error *err)
 {
-    struct buffer exr = BUFFER_INIT, png = BUFFER_INIT, json = BUFFER_INIT;
-    status s = develop_encode(d, d->output.exr ? &exr : NULL, d->output.png ? &png : NULL, err);
+    struct buffer exr = BUFFER_INIT, json = BUFFER_INIT;
+    status s = take_pixels(d, err);
 
     if (s == STATUS_OK && d->output.exr)
+        s = encode_exr(d, &exr, err);
+    if (s == STATUS_OK && d->output.exr)
         s = store_output_write(store, d->job, d->frame, "exr", &exr, err);
-    if (s == STATUS_OK && d->output.png)
-        s = store_output_write(store, d->job, d->frame, "png", &png, err);
+    if (s == STATUS_OK && picture_is_apart(d))
+        s = write_picture(d, store, err);
+    if (s == STATUS_OK)
+        s = develop_display(d, store, err);
     if (s == STATUS_OK)
         s = develop_manifest(d, store, &json, err);
     if (s == STATUS_OK)
         s = store_output_write(store, d->job, d->frame, MANIFEST_EXTENSION, &json, err);
     if (s == STATUS_OK)
-        s = store_frame_done(store, d->job, d->frame, d->relative_mse, err);
+        s = store_frame_done(store, d->job, d->frame, d->relative_mse, development_revision(d),
+                             err);
     buffer_release(&exr);
-    buffer_release(&png);
     buffer_release(&json);
     return s;
 }
 
-status develop_preview(struct development *development, struct buffer *png, struct error *err)
+status develop_preview(struct development *development, const struct store *store,
+                       struct buffer *png, struct error *err)
 {
-    return develop_encode(development, NULL, png, err);
+    return develop_encode(development, store, NULL, png, err);
 }

@@ -1,5 +1,8 @@
 /* develop: the one place that turns a film into files.
  *
+ *   film --develop_frame--> EXR, manifest, and unless other frames' statistics count: PNG, JPEG
+ *   stored pictures --develop_again--> PNG, JPEG, after the job's output settings as they are now
+ *
  * A development is made on the farm's thread (it copies what it needs of the job), run on any
  * thread, and freed. A frame's development reads the complete film itself, which no longer changes;
  * a preview's copies the film's present state.
@@ -20,21 +23,32 @@ status development_new_frame(struct development **out, const struct job_frame *f
                              struct error *err) MUST_CHECK;
 status development_new_preview(struct development **out, const struct job_frame *frame,
                                struct error *err) MUST_CHECK;
+/* Of a frame that is done, from its stored picture. */
+status development_new_stored(struct development **out, const struct job *job, uint32_t frame,
+                              struct error *err) MUST_CHECK;
 void development_free(struct development *development);
 
 /* Encode the frame's files, write them and its manifest, and note the frame as done. */
 status develop_frame(struct development *development, struct store *store, struct error *err)
     MUST_CHECK;
-/* Append the preview as PNG to `png`. */
-status develop_preview(struct development *development, struct buffer *png, struct error *err)
+/* Make the display pictures of a stored frame anew, write them, and note it. Reads the stored
+ * pictures of the frames whose statistics it is averaged with. */
+status develop_again(struct development *development, struct store *store, struct error *err)
     MUST_CHECK;
+/* The revision of the output settings that the development follows; -1 where it leaves display
+ * pictures to develop_again. */
+int64_t development_revision(const struct development *development);
+/* Append the preview as PNG to `png`. Averages no statistics: the frames before may not be done. */
+status develop_preview(struct development *development, const struct store *store,
+                       struct buffer *png, struct error *err) MUST_CHECK;
 
 /* Append the frame's manifest (common/scene/manifest.h) to `json`. */
 status develop_manifest(const struct development *development, const struct store *store,
                         struct buffer *json, struct error *err) MUST_CHECK;
 
-/* The files' bytes, for develop_frame and for tests; either buffer may be NULL. */
-status develop_encode(struct development *development, struct buffer *exr, struct buffer *png,
-                      struct error *err) MUST_CHECK;
+/* The files' bytes, for develop_frame and for tests; either buffer may be NULL. `store` may be NULL
+ * when the tone mapping needs no file. */
+status develop_encode(struct development *development, const struct store *store,
+                      struct buffer *exr, struct buffer *png, struct error *err) MUST_CHECK;
 
 #endif

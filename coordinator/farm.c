@@ -405,8 +405,125 @@ static int develop_again(struct farm *farm, struct job_frame *frame, const struc
     return 1;
 }
 
-void farm_frame_developed(struct farm *farm, struct job_frame *frame, status result,
-                          const struct error *why, uint64_t now_ns)
+/* ---- pictures made anew ----------------------------------------------------------------------- */
+
+/* Every frame is done and its pictures are made: the job is. */
+static void job_end_when_done(struct farm *farm, struct job *job, uint64_t now_ns)
+{
+    if (job_state_ended(job->state) || job->frames_done_count < job_frame_count(job) ||
+        job->frames_developed_count < job->frames_done_count)
+        return;
+    if (job->state == JOB_STATE_QUEUED) /* all of it came back from disk */
+        job_set_state(&farm->queue, job, JOB_STATE_RUNNING, NULL, now_ns, farm->wall_s);
+    log_info("job %llu (%s) is done", (unsigned long long)job->id, job->name);
+    job_end(farm, job, JOB_STATE_DONE, NULL, now_ns);
+}
+
+static void develop_list_add(struct farm *farm, struct job *job)
+{
+    struct job **at = &farm->to_develop;
+
+    if (job->to_develop || job->frames_developed_count == job->frames_done_count)
+        return;
+    while (*at)
+        at = &(*at)->next_to_develop;
+    *at = job;
+    job->next_to_develop = NULL;
+    job->to_develop = 1;
+}
+
+static void develop_list_remove(struct farm *farm, struct job *job)
+{
+    struct job **at = &farm->to_develop;
+
+    while (*at && *at != job)
+        at = &(*at)->next_to_develop;
+    if (*at)
+        *at = job->next_to_develop;
+    job->to_develop = 0;
+}
+
+/* Begin with the next picture that can be made, one at a time: rendering has the other threads. */
+static void develop_next(struct farm *farm, uint64_t now_ns)
+{
+    if (farm->developing)
+        return;
+    for (struct job *job = farm->to_develop; job; job = job->next_to_develop) {
+        uint32_t frame;
+
+        if (now_ns < job->develop_next_ns || !job_frame_to_develop(job, &frame))
+            continue;
+        if (farm->events.redevelop(farm->events.user, job, frame) == STATUS_OK)
+            farm->developing = 1;
+        return;
+    }
+}
+
+status farm_develop(struct farm *farm, struct job *job, const struct output_settings *output,
+                    struct error *err)
+{
+    struct output_settings before = job->output;
+    uint32_t revision = job->revision;
+    status s = STATUS_OK;
+
+    job->output = *output;
+    job->output.exr = before.exr;
+    job->output.exr_half = before.exr_half;
+    job->revision++;
+    if (farm->store)
+        s = store_job_revise(farm->store, job, err);
+    job->revision = revision;
+    if (s != STATUS_OK) {
+        job->output = before;
+        return s;
+    }
+    job_revise(job);
+    log_info("job %llu (%s) is developed with %s", (unsigned long long)job->id, job->name,
+             job->output.tonemap.op->name);
+    develop_list_add(farm, job);
+    farm->events.job_changed(farm->events.user, job);
+    return STATUS_OK;
+}
+
+/* Try a picture again later, or give the job's pictures up. */
+static void develop_failed(struct farm *farm, struct job *job, uint32_t frame,
+                           const struct error *why, uint64_t now_ns)
+{
+    if (job->develop_trouble_ns == 0)
+        job->develop_trouble_ns = now_ns;
+    log_error("job %llu: the picture of frame %u cannot be made: %s", (unsigned long long)job->id,
+              frame, why->text);
+    snprintf(job->develop_error, sizeof job->develop_error, "frame %u: %.480s", frame, why->text);
+    if (why->code == STATUS_ERR_IO &&
+        now_ns - job->develop_trouble_ns < DISK_PATIENCE_MS * NS_PER_MS) {
+        job->develop_next_ns = now_ns + DISK_RETRY_MS * NS_PER_MS;
+        return;
+    }
+    develop_list_remove(farm, job);
+    if (!job_state_ended(job->state))
+        farm_fail(farm, job, now_ns, "the picture of %s", job->develop_error);
+}
+
+void farm_pictures_made(struct farm *farm, struct job *job, uint32_t frame, int64_t revision,
+                        status result, const struct error *why, uint64_t now_ns)
+{
+    farm->developing = 0;
+    if (revision == (int64_t)job->revision && result == STATUS_OK) {
+        job_frame_set_developed(job, frame);
+        job->develop_error[0] = 0;
+        job->develop_trouble_ns = 0;
+    } else if (revision == (int64_t)job->revision) {
+        develop_failed(farm, job, frame, why, now_ns);
+    }
+    if (job->frames_developed_count == job->frames_done_count)
+        develop_list_remove(farm, job);
+    job_end_when_done(farm, job, now_ns);
+    farm->events.job_changed(farm->events.user, job);
+    develop_next(farm, now_ns);
+}
+
+void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t revision,
+                          status result, const struct error *why, uint64_t now_ns)
 {
     struct job *job = frame->job;
     uint32_t number = frame->number;
@@ -426,18 +543,17 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, status res
     farm_frame_unpin(farm, frame);
     frame_close(farm, frame);
     job_frame_set_done(job, number);
+    if (revision == (int64_t)job->revision)
+        job_frame_set_developed(job, number);
     job->relative_mse = relative_mse;
     log_info("job %llu (%s), frame %u is done: %u of %u", (unsigned long long)job->id, job->name,
              number, job->frames_done_count, job_frame_count(job));
     farm->pump_wanted = 1;
-    if (job->frames_done_count < job_frame_count(job)) {
+    develop_list_add(farm, job);
+    job_end_when_done(farm, job, now_ns);
+    if (!job_state_ended(job->state))
         farm->events.job_changed(farm->events.user, job);
-        return;
-    }
-    if (job->state == JOB_STATE_QUEUED) /* all of it came back from disk */
-        job_set_state(&farm->queue, job, JOB_STATE_RUNNING, NULL, now_ns, farm->wall_s);
-    log_info("job %llu (%s) is done", (unsigned long long)job->id, job->name);
-    job_end(farm, job, JOB_STATE_DONE, NULL, now_ns);
+    develop_next(farm, now_ns);
 }
 
 /* ---- after a restart ------------------------------------------------------------------------- */
@@ -454,12 +570,14 @@ static void resume_films(struct farm *farm, struct job *job, uint64_t now_ns)
 
 void farm_resume(struct farm *farm, uint64_t now_ns)
 {
+    for (size_t i = 0; i < farm->queue.count; i++)
+        if (farm->queue.all[i]->state != JOB_STATE_FAILED)
+            develop_list_add(farm, farm->queue.all[i]);
     for (size_t i = 0; i < farm->queue.active_count;) {
         struct job *job = farm->queue.active[i];
-        if (job->frames_done_count == job_frame_count(job)) {
-            if (job->state == JOB_STATE_QUEUED)
-                job_set_state(&farm->queue, job, JOB_STATE_RUNNING, NULL, now_ns, farm->wall_s);
-            job_end(farm, job, JOB_STATE_DONE, NULL, now_ns);
+        if (job->frames_done_count == job_frame_count(job) &&
+            job->frames_developed_count == job->frames_done_count) {
+            job_end_when_done(farm, job, now_ns);
             continue;
         }
         if (job->state == JOB_STATE_RUNNING) {
@@ -502,4 +620,5 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
         if (job->leases > 0 && now_ns - job->saved_ns >= PROGRESS_SAVE_MS * NS_PER_MS)
             job_save(farm, job, now_ns);
     }
+    develop_next(farm, now_ns);
 }

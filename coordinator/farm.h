@@ -50,6 +50,9 @@ struct farm_events {
      * file, then call farm_frame_developed. If it cannot even
      * begin (out of memory) it is asked again at the next tick. */
     status (*develop)(void *user, struct job_frame *frame);
+    /* Make the pictures of a frame that is done anew, from its stored one, then call
+     * farm_pictures_made. If it cannot even begin it is asked again at the next tick. */
+    status (*redevelop)(void *user, struct job *job, uint32_t frame);
     void *user;
 };
 
@@ -65,6 +68,8 @@ struct farm {
     uint64_t conflicts;
     int64_t wall_s;              /* set by the owner as time passes */
     int pump_wanted;             /* there may be something to grant */
+    struct job *to_develop;      /* jobs with pictures to be made anew, a list */
+    int developing;              /* one is being made */
     uint64_t commit_next_ns;     /* after a film could not be written: no commit before this */
 };
 
@@ -104,9 +109,17 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
 struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint64_t now_ns);
 /* Move the frame on when its film is complete and on disk. */
 void farm_frame_advance(struct farm *farm, struct job_frame *frame);
-/* The end of events.develop. When `result` is OK the frame is in the store as done already. */
-void farm_frame_developed(struct farm *farm, struct job_frame *frame, status result,
-                          const struct error *why, uint64_t now_ns);
+/* The end of events.develop. When `result` is OK the frame is in the store as done already, and its
+ * pictures follow that revision of the job's output settings (-1: none was made). */
+void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t revision,
+                          status result, const struct error *why, uint64_t now_ns);
+/* Have the job's pictures made after other output settings, those there are and those to come.
+ * Whether there is an EXR, and of which kind, stays. ERR_IO: nothing changed. */
+status farm_develop(struct farm *farm, struct job *job, const struct output_settings *output,
+                    struct error *err) MUST_CHECK;
+/* The end of events.redevelop. */
+void farm_pictures_made(struct farm *farm, struct job *job, uint32_t frame, int64_t revision,
+                        status result, const struct error *why, uint64_t now_ns);
 /* The frame's film or outputs could not be written: note it, tell the log once, and say whether
  * to try again after DISK_RETRY_MS (1) or that DISK_PATIENCE_MS is over (0). */
 int farm_frame_trouble(struct farm *farm, struct job_frame *frame, const struct error *why,

@@ -52,8 +52,9 @@ struct job *job_new(uint32_t first_frame, uint32_t last_frame)
     job->last_frame = last_frame;
     job->relative_mse = NAN;
     job->frames_done = mem_calloc((size_t)job_frame_count(job) / 8 + 1, 1);
-    if (!job->frames_done) {
-        mem_free(job);
+    job->frames_developed = mem_calloc((size_t)job_frame_count(job) / 8 + 1, 1);
+    if (!job->frames_done || !job->frames_developed) {
+        job_free(job);
         return NULL;
     }
     return job;
@@ -65,6 +66,7 @@ void job_free(struct job *job)
         return;
     assert(!job->frames);
     mem_free(job->frames_done);
+    mem_free(job->frames_developed);
     mem_free(job);
 }
 
@@ -181,6 +183,54 @@ void job_frame_set_done(struct job *job, uint32_t frame)
     job->frames_done[i / 8] |= (uint8_t)(1u << i % 8);
     job->frames_done_count++;
     job->samples_done += job_frame_samples(job);
+}
+
+int job_frame_is_developed(const struct job *job, uint32_t frame)
+{
+    uint32_t i = frame - job->first_frame;
+
+    return job->frames_developed[i / 8] >> i % 8 & 1;
+}
+
+void job_frame_set_developed(struct job *job, uint32_t frame)
+{
+    uint32_t i = frame - job->first_frame;
+
+    if (job_frame_is_developed(job, frame))
+        return;
+    job->frames_developed[i / 8] |= (uint8_t)(1u << i % 8);
+    job->frames_developed_count++;
+}
+
+void job_revise(struct job *job)
+{
+    job->revision++;
+    job->frames_developed_count = 0;
+    memset(job->frames_developed, 0, job_frame_count(job) / 8 + 1);
+    job->develop_error[0] = 0;
+    job->develop_next_ns = job->develop_trouble_ns = 0;
+}
+
+uint32_t job_window_begin(const struct job *job, uint32_t frame)
+{
+    uint32_t before = job->output.tonemap.temporal > 1 ? job->output.tonemap.temporal - 1 : 0;
+
+    return frame - job->first_frame < before ? job->first_frame : frame - before;
+}
+
+int job_frame_to_develop(const struct job *job, uint32_t *frame)
+{
+    uint32_t run = 0; /* frames before this one that are done, one after another */
+
+    if (job->frames_developed_count == job->frames_done_count)
+        return 0;
+    for (uint64_t at = job->first_frame; at <= job->last_frame; at++) {
+        *frame = (uint32_t)at;
+        run = job_frame_is_done(job, *frame) ? run + 1 : 0;
+        if (run > *frame - job_window_begin(job, *frame) && !job_frame_is_developed(job, *frame))
+            return 1;
+    }
+    return 0;
 }
 
 uint64_t job_frame_samples(const struct job *job)

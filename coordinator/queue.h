@@ -50,7 +50,8 @@ const char *job_state_word(enum job_state state);
 
 struct output_settings {
     int exr_half;
-    int exr, png;                    /* which files are made; at least one */
+    int exr, png, jpg;               /* which files are made; at least one */
+    struct picture_options picture;  /* of the PNG and the JPEG */
     struct tonemap_settings tonemap; /* op is never NULL */
 };
 
@@ -84,6 +85,13 @@ struct job {
 
     uint8_t *frames_done;              /* a bit a frame from first_frame on */
     uint32_t frames_done_count;
+    uint32_t revision;                 /* of `output`: how often it was changed */
+    uint8_t *frames_developed;         /* of those that are done: the pictures follow `output` */
+    uint32_t frames_developed_count;
+    struct job *next_to_develop;       /* in the farm's list */
+    int to_develop;                    /* it is in that list */
+    uint64_t develop_next_ns, develop_trouble_ns; /* when to try again, and since when in vain */
+    char develop_error[JOB_TEXT_MAX + 1]; /* why pictures cannot be made anew; "": they can */
     uint64_t samples_done;             /* pixel samples of the frames that are done */
     double relative_mse;               /* of the last frame done; NaN: none */
     struct work_stats stats;
@@ -129,6 +137,15 @@ void job_set_state(struct queue *queue, struct job *job, enum job_state state, c
 uint32_t job_frame_count(const struct job *job);
 int job_frame_is_done(const struct job *job, uint32_t frame);
 void job_frame_set_done(struct job *job, uint32_t frame);
+int job_frame_is_developed(const struct job *job, uint32_t frame);
+void job_frame_set_developed(struct job *job, uint32_t frame);
+/* Every frame's pictures are to be made anew, after job->output as it is now. */
+void job_revise(struct job *job);
+/* A done frame whose pictures must be made and can be: the frames whose statistics they are
+ * averaged with are done, too. 0: none. */
+int job_frame_to_develop(const struct job *job, uint32_t *frame);
+/* The first of the frames whose statistics the frame's are averaged with. */
+uint32_t job_window_begin(const struct job *job, uint32_t frame);
 uint64_t job_frame_samples(const struct job *job); /* of one whole frame */
 double job_active_seconds(const struct job *job, uint64_t now_ns);
 int job_is_broken_for(const struct job *job, uint32_t session);

@@ -29,6 +29,10 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
     }
     if (job->leases > 0)
         return;
+    if (job->frames_done_count == job_frame_count(job)) {
+        snprintf(out, size, "its last pictures are being tone mapped");
+        return;
+    }
     for (uint32_t i = 0; i < farm->worker_count; i++) {
         if (farm_can_serve(job, farm->workers[i], why, sizeof why)) {
             able++;
@@ -63,6 +67,9 @@ static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint6
     struct job_frame *first = job->frames;
 
     info->frames_done = job->frames_done_count;
+    info->frames_developed = job->frames_developed_count;
+    info->revision = job->revision;
+    info->develop_error = job->develop_error;
     info->samples_done = job->samples_done;
     info->samples_total = job_frame_samples(job) * job_frame_count(job);
     for (const struct job_frame *frame = first; frame; frame = frame->next)

@@ -69,6 +69,8 @@ struct work {
     struct commit *commit;
     struct job_frame *frame;
     struct development *development;
+    struct job *stored_job;      /* whose stored_frame is developed again; jobs are never freed */
+    uint32_t stored_frame;
     uint32_t session;            /* who asked, for a preview or an upload */
     uint64_t wire_request;
     struct buffer png;
@@ -164,8 +166,8 @@ static void end_develop(uv_work_t *request, int code)
 
     (void)code;
     server->works--;
-    farm_frame_developed(&server->farm, work->frame, work->result, &work->error,
-                         clock_monotonic_ns());
+    farm_frame_developed(&server->farm, work->frame, development_revision(work->development),
+                         work->result, &work->error, clock_monotonic_ns());
     work_free(work);
 }
 
@@ -190,11 +192,56 @@ static status on_develop(void *user, struct job_frame *frame)
     return STATUS_OK;
 }
 
+static void run_redevelop(uv_work_t *request)
+{
+    struct work *work = request->data;
+
+    work->result = develop_again(work->development, work->server->store, &work->error);
+}
+
+static void end_redevelop(uv_work_t *request, int code)
+{
+    struct work *work = request->data;
+    struct server *server = work->server;
+
+    (void)code;
+    server->works--;
+    farm_pictures_made(&server->farm, work->stored_job, work->stored_frame,
+                       development_revision(work->development), work->result, &work->error,
+                       clock_monotonic_ns());
+    work_free(work);
+}
+
+static status on_redevelop(void *user, struct job *job, uint32_t frame)
+{
+    struct server *server = user;
+    struct work *work = work_new(server);
+    struct error err = {0};
+    status s = work ? STATUS_OK : error_no_memory(&err, "a picture");
+
+    if (server->state != SERVER_LISTENING)
+        s = error_set(&err, STATUS_ERR_REFUSED, "the coordinator is ending");
+    if (s == STATUS_OK)
+        s = development_new_stored(&work->development, job, frame, &err);
+    if (s != STATUS_OK) {
+        log_debug("job %llu, frame %u: %s; trying again", (unsigned long long)job->id, frame,
+                  err.text);
+        if (work)
+            work_free(work);
+        return s;
+    }
+    work->stored_job = job;
+    work->stored_frame = frame;
+    work_start(work, run_redevelop, end_redevelop);
+    return STATUS_OK;
+}
+
 static void run_preview(uv_work_t *request)
 {
     struct work *work = request->data;
 
-    work->result = develop_preview(work->development, &work->png, &work->error);
+    work->result = develop_preview(work->development, work->server->store, &work->png,
+                                   &work->error);
 }
 
 static void end_preview(uv_work_t *request, int code)
@@ -552,7 +599,8 @@ static void init_handles(struct server *server)
 status server_run(const struct server_options *options, struct error *err)
 {
     struct server *server = mem_calloc(1, sizeof *server);
-    struct farm_events events = {on_revoke, on_ack, on_notice, on_job_changed, on_develop, server};
+    struct farm_events events = {on_revoke, on_ack, on_notice, on_job_changed, on_develop,
+                                 on_redevelop, server};
     status s;
 
     if (!server)

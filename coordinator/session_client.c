@@ -164,6 +164,19 @@ static status check_blobs(const char *folder, const struct scene *scene, struct 
     return s;
 }
 
+/* Is the file of the tone mapping there? */
+static status check_tonemap_file(const char *folder, const struct output_settings *output,
+                                 struct error *err)
+{
+    uint64_t size;
+
+    if (!output->tonemap.has_file || blobs_find(folder, &output->tonemap.file, &size))
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_NOT_FOUND,
+                     "the file %s of the tone mapping is not on the coordinator; send it first",
+                     output->tonemap.file_name);
+}
+
 static status make_job(const char *folder, const Azulejo__Wire__JobSubmit *message,
                        struct job **out, struct error *err)
 {
@@ -187,6 +200,13 @@ static status make_job(const char *folder, const Azulejo__Wire__JobSubmit *messa
         s = check_blobs(folder, &scene, err);
     if (s == STATUS_OK)
         s = wire_job_get(out, message, scene.camera_count, err);
+    if (s == STATUS_OK) {
+        s = check_tonemap_file(folder, &(*out)->output, err);
+        if (s != STATUS_OK) {
+            job_free(*out);
+            *out = NULL;
+        }
+    }
     if (s == STATUS_OK) {
         message_text((*out)->scene_name, sizeof (*out)->scene_name, scene.name ? scene.name : "");
         if (!(*out)->name[0])
@@ -218,6 +238,27 @@ void session_accepted(struct session *session, uint64_t request, uint64_t job)
 
     accepted.job = job;
     reply(session, &envelope, request);
+}
+
+static void develop(struct session *session, const Azulejo__Wire__JobDevelop *message,
+                    uint64_t request, uint64_t now_ns)
+{
+    struct job *job = find_job(session, message->job, request);
+    struct output_settings output;
+    struct error err = {0};
+    status s;
+
+    if (!job)
+        return;
+    s = wire_output_get(&output, message->output, &err);
+    if (s == STATUS_OK)
+        s = check_tonemap_file(store_folder(session->server->store), &output, &err);
+    if (s == STATUS_OK)
+        s = farm_develop(&session->server->farm, job, &output, &err);
+    if (s == STATUS_OK)
+        send_jobs(session, request, job, now_ns);
+    else
+        session_fail(session, request, &err);
 }
 
 /* ---- workers -------------------------------------------------------------------------------- */
@@ -293,6 +334,30 @@ static status send_file(struct session *session, const struct job *job, uint32_t
     return s;
 }
 
+/* One of a finished frame's files. */
+static status send_picture(struct session *session, const struct job *job,
+                           const Azulejo__Wire__OutputGet *message, uint64_t request,
+                           struct error *err)
+{
+    int exr = message->kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR;
+    int png = message->kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG;
+    const char *extension = exr ? "exr" : png ? "png" : "jpg";
+
+    if (!job_frame_is_done(job, message->frame))
+        return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ", frame %u is not finished",
+                         job->id, message->frame);
+    if (!(exr ? job->output.exr : png ? job->output.png : job->output.jpg))
+        return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 " has no %s output", job->id,
+                         extension);
+    if (!exr && !job_frame_is_developed(job, message->frame))
+        return error_set(err, STATUS_ERR_NOT_FOUND,
+                         "job %" PRIu64 ", frame %u is not tone mapped yet%s%s; try again in a "
+                         "moment",
+                         job->id, message->frame, job->develop_error[0] ? ": " : "",
+                         job->develop_error);
+    return send_file(session, job, message->frame, extension, request, err);
+}
+
 static status send_output(struct session *session, const struct job *job,
                           const Azulejo__Wire__OutputGet *message, uint64_t request,
                           struct error *err)
@@ -308,24 +373,16 @@ static status send_output(struct session *session, const struct job *job,
     frame = farm_frame_find(job, number);
     switch (message->kind) {
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR:
-    case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG: {
-        int exr = message->kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR;
-        const char *extension = exr ? "exr" : "png";
-        if (!done)
-            return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ", frame %u is not finished",
-                             job->id, number);
-        if (!(exr ? job->output.exr : job->output.png))
-            return error_set(err, STATUS_ERR_NOT_FOUND,
-                             "job %" PRIu64 " was submitted without %s output", job->id, extension);
-        return send_file(session, job, number, extension, request, err);
-    }
+    case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG:
+    case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_JPEG:
+        return send_picture(session, job, message, request, err);
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON:
         if (!done)
             return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ", frame %u is not finished",
                              job->id, number);
         return send_file(session, job, number, MANIFEST_EXTENSION, request, err);
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG:
-        if (done && job->output.png)
+        if (done && job->output.png && job_frame_is_developed(job, number))
             return send_file(session, job, number, "png", request, err);
         if (done)
             return error_set(err, STATUS_ERR_NOT_FOUND,
@@ -516,6 +573,9 @@ static int client_only(struct session *session, const Azulejo__Wire__Envelope *m
             farm_cancel(&session->server->farm, job, now_ns);
             send_jobs(session, request, job, now_ns);
         }
+        return 1;
+    case AZULEJO__WIRE__ENVELOPE__BODY_JOB_DEVELOP:
+        develop(session, message->job_develop, request, now_ns);
         return 1;
     case AZULEJO__WIRE__ENVELOPE__BODY_WORKER_QUERY:
         send_workers(session, request, now_ns);

@@ -20,7 +20,7 @@
 #include "coordinator/wire.h"
 
 /* Version of the tables, kept in SQLite's user_version. */
-enum { STORE_VERSION = 1, BUSY_MS = 5000 };
+enum { STORE_VERSION = 2, BUSY_MS = 5000 };
 
 /* Epochs that one run may grant. At a million leases a second they last 12 days; the wall clock's
  * part outgrows them. */
@@ -63,6 +63,11 @@ static const char schema[] =
     " request BLOB NOT NULL);" /* the wire's JobSubmit */
     "CREATE TABLE frames (job INTEGER NOT NULL REFERENCES jobs(id), frame INTEGER NOT NULL,"
     " relative_mse REAL, PRIMARY KEY (job, frame)) WITHOUT ROWID;";
+
+/* Version 2: which frames' pictures follow the job's present output settings. */
+static const char schema_2[] =
+    "ALTER TABLE jobs ADD COLUMN revision INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN revision INTEGER NOT NULL DEFAULT 0;";
 
 /* ---- SQL ------------------------------------------------------------------------------------ */
 
@@ -271,10 +276,12 @@ static status open_database(struct store *store, struct error *err)
     if (version == STORE_VERSION)
         return STATUS_OK;
     s = sql_exec(store, "BEGIN IMMEDIATE", "cannot be written", err);
-    if (s == STATUS_OK)
+    if (s == STATUS_OK && version < 1)
         s = sql_exec(store, schema, "cannot be set up", err);
     if (s == STATUS_OK)
-        s = sql_exec(store, "PRAGMA user_version=1; COMMIT", "cannot be set up", err);
+        s = sql_exec(store, schema_2, "cannot be brought up to date", err);
+    if (s == STATUS_OK)
+        s = sql_exec(store, "PRAGMA user_version=2; COMMIT", "cannot be set up", err);
     return s;
 }
 
@@ -482,7 +489,7 @@ static status load_frames(struct store *store, struct job *job, struct error *er
 {
     sqlite3_stmt *statement = NULL;
     int code;
-    status s = sql_prepare(store, "SELECT frame, relative_mse FROM frames WHERE job=? "
+    status s = sql_prepare(store, "SELECT frame, relative_mse, revision FROM frames WHERE job=? "
                                   "ORDER BY frame", &statement, err);
 
     if (s != STATUS_OK)
@@ -493,6 +500,8 @@ static status load_frames(struct store *store, struct job *job, struct error *er
         if (frame < job->first_frame || frame > job->last_frame)
             continue;
         job_frame_set_done(job, (uint32_t)frame);
+        if (sqlite3_column_int64(statement, 2) == (sqlite3_int64)job->revision)
+            job_frame_set_developed(job, (uint32_t)frame);
         job->relative_mse = sqlite3_column_type(statement, 1) == SQLITE_NULL
                                 ? NAN
                                 : sqlite3_column_double(statement, 1);
@@ -534,6 +543,7 @@ static status load_job(struct store *store, sqlite3_stmt *row, struct job **out,
     job->stats.dropped_samples = column_number(row, 13);
     job->stats.cpu_ns = column_number(row, 14);
     job->stats.trace_ns = column_number(row, 16);
+    job->revision = (uint32_t)column_number(row, 17);
     s = load_frames(store, job, err);
     if (s != STATUS_OK) {
         job_free(job);
@@ -552,7 +562,7 @@ status store_jobs_load(struct store *store,
     status s = sql_prepare(store,
                            "SELECT id, state, state_text, scene_name, kernel, epoch_floor, "
                            "submitted_at, finished_at, active_ns, conflicts, samples, rays, "
-                           "vertices, dropped, cpu_ns, request, trace_ns FROM jobs ORDER BY id",
+                           "vertices, dropped, cpu_ns, request, trace_ns, revision FROM jobs ORDER BY id",
                            &statement, err);
 
     if (s != STATUS_OK)
@@ -573,18 +583,54 @@ status store_jobs_load(struct store *store,
 }
 
 status store_frame_done(struct store *store, uint64_t job, uint32_t frame, double relative_mse,
-                        struct error *err)
+                        int64_t revision, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
-    status s = sql_prepare(store, "INSERT OR REPLACE INTO frames (job, frame, relative_mse) "
-                                  "VALUES (?, ?, ?)", &statement, err);
+    status s = sql_prepare(store,
+                           "INSERT OR REPLACE INTO frames (job, frame, relative_mse, revision) "
+                           "VALUES (?, ?, ?, ?)",
+                           &statement, err);
 
     if (s != STATUS_OK)
         return s;
     bind_number(statement, 1, job);
     sqlite3_bind_int64(statement, 2, frame);
     sqlite3_bind_double(statement, 3, relative_mse); /* NaN becomes NULL */
+    sqlite3_bind_int64(statement, 4, revision);
     return sql_run(store, statement, "the frame cannot be noted as done", err);
+}
+
+status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
+                             struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    status s = sql_prepare(store, "UPDATE frames SET revision=? WHERE job=? AND frame=?",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    sqlite3_bind_int64(statement, 1, revision);
+    bind_number(statement, 2, job);
+    sqlite3_bind_int64(statement, 3, frame);
+    return sql_run(store, statement, "the frame's pictures cannot be noted", err);
+}
+
+status store_job_revise(struct store *store, const struct job *job, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    struct buffer request = BUFFER_INIT;
+    status s = wire_job_pack(job, &request, err);
+
+    if (s == STATUS_OK)
+        s = sql_prepare(store, "UPDATE jobs SET request=?, revision=? WHERE id=?", &statement, err);
+    if (s == STATUS_OK) {
+        sqlite3_bind_blob(statement, 1, request.data, (int)request.size, SQLITE_TRANSIENT);
+        sqlite3_bind_int64(statement, 2, job->revision);
+        bind_number(statement, 3, job->id);
+        s = sql_run(store, statement, "the job's output settings cannot be stored", err);
+    }
+    buffer_release(&request);
+    return s;
 }
 
 /* ---- films and outputs ---------------------------------------------------------------------- */
@@ -658,6 +704,20 @@ void store_output_path(const struct store *store, uint64_t job, uint32_t frame,
 {
     buffer_printf(path, "%s/outputs/%" PRIu64 "/frame-%04u.%s", store->folder, job, frame,
                   extension);
+}
+
+status store_output_read(const struct store *store, uint64_t job, uint32_t frame,
+                         const char *extension, size_t limit_bytes, struct buffer *out,
+                         struct error *err)
+{
+    struct buffer path = BUFFER_INIT;
+    status s;
+
+    store_output_path(store, job, frame, extension, &path);
+    s = buffer_ok(&path) ? file_read(buffer_text(&path), limit_bytes, out, err)
+                         : error_no_memory(err, "a path");
+    buffer_release(&path);
+    return s;
 }
 
 status store_output_write(struct store *store, uint64_t job, uint32_t frame, const char *extension,

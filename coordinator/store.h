@@ -5,7 +5,9 @@
  * STORE/blobs/ab/HEX      blobs by SHA-256 (blobs.h)
  * STORE/blobs/tmp/        uploads on their way; emptied at the start
  * STORE/films/JOB/frame-NNNN.film   films in work (store_film.h); removed when the job ends
- * STORE/outputs/JOB/frame-NNNN.exr, .png, .effects.json
+ * STORE/outputs/JOB/frame-NNNN.exr, .png, .jpg, .effects.json
+ *     .picture.exr        the means in 32 bits, where frame-NNNN.exr is not that
+ *     .state              what tone mapping measured (develop.c): only saves time
  *
  * Functions marked [any thread] may be called from any thread, the others from the one that
  * opened the store.
@@ -51,9 +53,15 @@ status store_jobs_load(struct store *store,
                        status (*adopt)(void *user, struct job *job, struct error *err), void *user,
                        struct error *err) MUST_CHECK;
 
-/* The frame's outputs are on disk. [any thread] */
+/* The frame's outputs are on disk; its pictures follow that revision of the job's output settings
+ * (-1: there are none yet). [any thread] */
 status store_frame_done(struct store *store, uint64_t job, uint32_t frame, double relative_mse,
-                        struct error *err) MUST_CHECK;
+                        int64_t revision, struct error *err) MUST_CHECK;
+/* The pictures of a frame that is done were made anew. [any thread] */
+status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
+                             struct error *err) MUST_CHECK;
+/* Keep the job's changed output settings and their revision; on disk when this returns. */
+status store_job_revise(struct store *store, const struct job *job, struct error *err) MUST_CHECK;
 
 /* film_file_open on the frame's file. */
 status store_film_open(struct store *store, uint64_t job, uint32_t frame, struct film *film,
@@ -67,6 +75,10 @@ void store_films_remove(struct store *store, uint64_t job);
 /* Path of an output: append to `path`. [any thread] */
 void store_output_path(const struct store *store, uint64_t job, uint32_t frame,
                        const char *extension, struct buffer *path);
+/* Append an output's bytes to `out`. ERR_IO, ERR_LIMIT, ERR_NO_MEMORY. [any thread] */
+status store_output_read(const struct store *store, uint64_t job, uint32_t frame,
+                         const char *extension, size_t limit_bytes, struct buffer *out,
+                         struct error *err) MUST_CHECK;
 /* Write an output atomically. [any thread] */
 status store_output_write(struct store *store, uint64_t job, uint32_t frame, const char *extension,
                           const struct buffer *data, struct error *err) MUST_CHECK;

@@ -1,17 +1,14 @@
 #include "coordinator/wire.h"
 
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "common/base/memory.h"
 #include "protocol/message.h"
 
-enum { EXPOSURE_EV_MAX = 100 };
-
 void wire_output_set(struct wire_output *out, const struct output_settings *in)
 {
-    static char exr[] = "exr", png[] = "png";
+    static char exr[] = "exr", png[] = "png", jpg[] = "jpg";
     Azulejo__Wire__OutputSettings message = AZULEJO__WIRE__OUTPUT_SETTINGS__INIT;
     const struct tonemap_operator *op = in->tonemap.op;
 
@@ -29,51 +26,127 @@ void wire_output_set(struct wire_output *out, const struct output_settings *in)
     }
     out->message.n_parameters = op->parameter_count;
     out->message.parameters = out->entry_pointers;
+    snprintf(out->metering, sizeof out->metering, "%s",
+             tonemap_metering_name(in->tonemap.metering));
+    out->message.metering = out->metering;
+    out->message.metering_percentile = in->tonemap.metering_percentile;
+    out->message.white_kelvin = in->tonemap.white_kelvin;
+    out->message.temporal = in->tonemap.temporal;
+    if (in->tonemap.has_file) {
+        wire_digest_set(&out->message.tonemap_file, &in->tonemap.file);
+        out->message.tonemap_file_name = (char *)in->tonemap.file_name;
+    }
+    out->message.png_bits = (uint32_t)in->picture.bits;
+    out->message.jpeg_quality = (uint32_t)in->picture.quality;
+    out->message.no_dither = in->picture.plain;
     if (in->exr)
         out->formats[out->message.n_formats++] = exr;
     if (in->png)
         out->formats[out->message.n_formats++] = png;
+    if (in->jpg)
+        out->formats[out->message.n_formats++] = jpg;
     out->message.formats = out->formats;
 }
 
-static status output_get(struct output_settings *out, const Azulejo__Wire__OutputSettings *in,
-                         struct error *err)
+/* What is asked of the display files. */
+static status picture_get(struct output_settings *out, const Azulejo__Wire__OutputSettings *in,
+                          struct error *err)
 {
-    static const Azulejo__Wire__OutputSettings none = AZULEJO__WIRE__OUTPUT_SETTINGS__INIT;
-    size_t count;
-    const struct tonemap_operator *const *first = tonemap_operators(&count);
     char text[64];
-    status s;
 
-    memset(out, 0, sizeof *out);
-    if (!in)
-        in = &none;
-    s = tonemap_settings_init(&out->tonemap, in->tonemap[0] ? in->tonemap : first[0]->name, err);
-    if (s != STATUS_OK)
-        return s;
-    for (size_t i = 0; i < in->n_parameters; i++) {
-        s = tonemap_settings_set(&out->tonemap, in->parameters[i]->key, in->parameters[i]->value,
-                                 err);
-        if (s != STATUS_OK)
-            return s;
-    }
-    if (!isfinite(in->exposure_ev) || fabs(in->exposure_ev) > EXPOSURE_EV_MAX)
-        return error_set(err, STATUS_ERR_INPUT, "exposure must be -%d..%d EV", EXPOSURE_EV_MAX,
-                         EXPOSURE_EV_MAX);
-    out->tonemap.exposure_ev = in->exposure_ev;
-    out->exr_half = in->exr_half;
+    if (in->png_bits != 0 && in->png_bits != 8 && in->png_bits != 16)
+        return error_set(err, STATUS_ERR_INPUT, "a PNG has 8 or 16 bits, not %u", in->png_bits);
+    if (in->jpeg_quality > 100)
+        return error_set(err, STATUS_ERR_INPUT, "a JPEG's quality is 1 to 100, not %u",
+                         in->jpeg_quality);
+    out->picture = (struct picture_options){
+        .bits = (int)in->png_bits, .plain = in->no_dither, .quality = (int)in->jpeg_quality};
     for (size_t i = 0; i < in->n_formats; i++) {
         if (strcmp(in->formats[i], "exr") == 0)
             out->exr = 1;
         else if (strcmp(in->formats[i], "png") == 0)
             out->png = 1;
+        else if (strcmp(in->formats[i], "jpg") == 0)
+            out->jpg = 1;
         else
-            return error_set(err, STATUS_ERR_INPUT, "output format '%s': must be exr or png",
+            return error_set(err, STATUS_ERR_INPUT,
+                             "output format '%s': must be exr, png or jpg",
                              message_text(text, sizeof text, in->formats[i]));
     }
     if (in->n_formats == 0)
         out->exr = out->png = 1;
     return STATUS_OK;
+}
+
+static status tonemap_get(struct tonemap_settings *out, const Azulejo__Wire__OutputSettings *in,
+                          struct error *err)
+{
+    size_t count;
+    const struct tonemap_operator *const *first = tonemap_operators(&count);
+    int metering = in->metering[0] ? tonemap_metering_parse(in->metering) : TONEMAP_METERING_OFF;
+    char text[64];
+    status s = tonemap_settings_init(out, in->tonemap[0] ? in->tonemap : first[0]->name, err);
+
+    for (size_t i = 0; s == STATUS_OK && i < in->n_parameters; i++)
+        s = tonemap_settings_set(out, in->parameters[i]->key, in->parameters[i]->value, err);
+    if (s != STATUS_OK)
+        return s;
+    if (metering < 0)
+        return error_set(err, STATUS_ERR_INPUT, "exposure metering '%s': must be off, key or "
+                         "percentile",
+                         message_text(text, sizeof text, in->metering));
+    out->metering = (enum tonemap_metering)metering;
+    if (in->metering_percentile != 0)
+        out->metering_percentile = in->metering_percentile;
+    out->exposure_ev = in->exposure_ev;
+    out->white_kelvin = in->white_kelvin;
+    out->temporal = in->temporal;
+    if (in->tonemap_file.len > 0) {
+        s = wire_digest_get(&out->file, &in->tonemap_file, "the operator's file", err);
+        if (s != STATUS_OK)
+            return s;
+        out->has_file = 1;
+        message_text(out->file_name, sizeof out->file_name, in->tonemap_file_name);
+    }
+    return tonemap_settings_validate(out, err);
+}
+
+status wire_output_get(struct output_settings *out, const Azulejo__Wire__OutputSettings *in,
+                       struct error *err)
+{
+    static const Azulejo__Wire__OutputSettings none = AZULEJO__WIRE__OUTPUT_SETTINGS__INIT;
+    status s;
+
+    memset(out, 0, sizeof *out);
+    if (!in)
+        in = &none;
+    s = tonemap_get(&out->tonemap, in, err);
+    if (s == STATUS_OK)
+        s = picture_get(out, in, err);
+    out->exr_half = in->exr_half;
+    return s;
+}
+
+status wire_output_digest(struct digest *out, const struct output_settings *in, struct error *err)
+{
+    struct output_settings looks = *in;
+    struct wire_output output;
+    struct buffer packed = BUFFER_INIT;
+    uint8_t *space;
+    status s;
+
+    looks.exr = looks.png = looks.jpg = looks.exr_half = 0;
+    memset(&looks.picture, 0, sizeof looks.picture);
+    looks.tonemap.file_name[0] = 0;
+    wire_output_set(&output, &looks);
+    space = buffer_append_space(
+        &packed, azulejo__wire__output_settings__get_packed_size(&output.message));
+    if (!space)
+        return error_no_memory(err, "a digest");
+    azulejo__wire__output_settings__pack(&output.message, space);
+    s = digest_of(out, packed.data, packed.size);
+    buffer_release(&packed);
+    return s == STATUS_OK ? s : error_no_memory(err, "a digest");
 }
 
 status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32_t camera_count,
@@ -94,7 +167,7 @@ status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32
         return error_set(err, STATUS_ERR_PROTOCOL, "a job without render settings");
     s = wire_settings_get(&settings, in->settings, camera_count, err);
     if (s == STATUS_OK)
-        s = output_get(&output, in->output, err);
+        s = wire_output_get(&output, in->output, err);
     if (s != STATUS_OK)
         return s;
     if (strlen(in->name) > JOB_NAME_MAX)

@@ -11,9 +11,16 @@ struct wire_output {
     Azulejo__Wire__OutputSettings message;
     Azulejo__Wire__OutputSettings__ParametersEntry entries[TONEMAP_PARAMETERS_MAX];
     Azulejo__Wire__OutputSettings__ParametersEntry *entry_pointers[TONEMAP_PARAMETERS_MAX];
-    char *formats[2];
+    char *formats[3];
+    char metering[16];
 };
 void wire_output_set(struct wire_output *out, const struct output_settings *in);
+/* The other way, every range checked; NULL gives the presets. ERR_INPUT. */
+status wire_output_get(struct output_settings *out, const Azulejo__Wire__OutputSettings *in,
+                       struct error *err) MUST_CHECK;
+/* A digest of all that decides how display values look, and of nothing else. */
+status wire_output_digest(struct digest *out, const struct output_settings *in,
+                          struct error *err) MUST_CHECK;
 
 /* A new job in state QUEUED from a JobSubmit, every range checked. ERR_INPUT, ERR_PROTOCOL,
  * ERR_LIMIT, ERR_NO_MEMORY. `camera_count`: of its scene, UINT32_MAX when not known. */

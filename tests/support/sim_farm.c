@@ -73,14 +73,27 @@ static status on_develop(void *user, struct job_frame *frame)
     return STATUS_OK;
 }
 
+static status on_redevelop(void *user, struct job *job, uint32_t frame)
+{
+    struct sim *sim = user;
+
+    assert_null(sim->picture_job); /* one at a time */
+    assert_true(job_frame_is_done(job, frame) && !job_frame_is_developed(job, frame));
+    sim->picture_job = job;
+    sim->picture_frame = frame;
+    return STATUS_OK;
+}
+
 void sim_init(struct sim *sim, struct store *store, uint64_t seed)
 {
-    struct farm_events events = {on_revoke, on_ack, on_notice, on_job_changed, on_develop, sim};
+    struct farm_events events = {on_revoke, on_ack, on_notice, on_job_changed, on_develop,
+                                 on_redevelop, sim};
     struct error err = {0};
     uint64_t now_ns = sim->now_ns;
 
     memset(sim, 0, offsetof(struct sim, workers));
     sim->developing_count = 0;
+    sim->picture_job = NULL;
     sim->acks = sim->revokes = sim->notices = sim->changes = sim->developed = 0;
     sim->wrong_frames = 0;
     sim->now_ns = now_ns ? now_ns : 5 * NS_PER_SECOND;
@@ -240,6 +253,12 @@ void sim_commit(struct sim *sim)
     merge_commit_end(&sim->farm, commit, sim->now_ns);
 }
 
+/* What development_revision says of a frame's first development. */
+static int64_t sim_revision(const struct job *job)
+{
+    return job->output.tonemap.temporal > 1 ? -1 : (int64_t)job->revision;
+}
+
 void sim_develop(struct sim *sim)
 {
     while (sim->developing_count > 0) {
@@ -251,10 +270,26 @@ void sim_develop(struct sim *sim)
             sim->developed++;
             sim->wrong_frames += !sim_frame_is_right(frame->job, frame->number, frame->film);
             if (sim->store)
-                s = store_frame_done(sim->store, frame->job->id, frame->number, 0, &err);
+                s = store_frame_done(sim->store, frame->job->id, frame->number, 0,
+                                     sim_revision(frame->job), &err);
         }
-        farm_frame_developed(&sim->farm, frame, s, &err, sim->now_ns);
+        farm_frame_developed(&sim->farm, frame, sim_revision(frame->job), s, &err, sim->now_ns);
     }
+}
+
+int sim_make_picture(struct sim *sim)
+{
+    struct job *job = sim->picture_job;
+    struct error err = {0};
+    status s = STATUS_OK;
+
+    if (!job)
+        return 0;
+    sim->picture_job = NULL;
+    if (sim->store)
+        s = store_frame_developed(sim->store, job->id, sim->picture_frame, job->revision, &err);
+    farm_pictures_made(&sim->farm, job, sim->picture_frame, job->revision, s, &err, sim->now_ns);
+    return 1;
 }
 
 int sim_frame_is_right(const struct job *job, uint32_t number, const struct film *film)

@@ -38,6 +38,8 @@ struct sim {
     uint32_t last_session;
     struct job_frame *developing[FRAMES_OPEN_MAX];
     size_t developing_count;
+    struct job *picture_job;     /* whose picture_frame shall be developed again; NULL: none */
+    uint32_t picture_frame;
     /* What happened. */
     size_t acks, revokes, notices, changes, developed, wrong_frames;
     uint32_t notice_session;
@@ -73,6 +75,8 @@ size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_nam
 
 void sim_commit(struct sim *sim);   /* write and acknowledge what is dirty */
 void sim_develop(struct sim *sim);  /* end the developments that were begun, checking their films */
+/* Make the one picture that was asked for anew; 0: none was. */
+int sim_make_picture(struct sim *sim);
 
 /* Does the film hold exactly what merging in order gives? */
 int sim_frame_is_right(const struct job *job, uint32_t number, const struct film *film);

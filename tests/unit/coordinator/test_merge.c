@@ -518,7 +518,7 @@ static void a_full_disk_is_waited_for(void **state)
             if (in_time && tries == 3)
                 break;
             sim->developing_count = 0;
-            farm_frame_developed(&sim->farm, sim->developing[0], STATUS_ERR_IO, &why, sim->now_ns);
+            farm_frame_developed(&sim->farm, sim->developing[0], 0, STATUS_ERR_IO, &why, sim->now_ns);
             if (job->state == JOB_STATE_FAILED)
                 break;
             job_report_make(report, &sim->farm, job, sim->now_ns);
@@ -557,7 +557,7 @@ static void a_failed_development_fails_the_job(void **state)
     sim_commit(sim);
     assert_int_equal(sim->developing_count, 1);
     sim->developing_count = 0;
-    farm_frame_developed(&sim->farm, sim->developing[0], STATUS_ERR_NO_MEMORY, &why, sim->now_ns);
+    farm_frame_developed(&sim->farm, sim->developing[0], 0, STATUS_ERR_NO_MEMORY, &why, sim->now_ns);
     assert_int_equal(job->state, JOB_STATE_FAILED);
     assert_non_null(strstr(job->state_text, "frame 1"));
     assert_non_null(strstr(job->state_text, "no memory left"));
@@ -594,6 +594,75 @@ static void ends_wait_for_what_is_in_flight(void **state)
     sim_free(sim);
 }
 
+/* Pictures that wait for the frames before them keep the job from ending; those of a job that is
+ * done are made anew one at a time. */
+static void pictures_follow_the_settings(void **state)
+{
+    struct sim *sim = sim_new(NULL, 8);
+    struct sim_worker *worker = sim_connect(sim, 0, 36);
+    struct job *job = sim_submit(sim, 16, 16, 4, 1, 2, 0);
+    struct output_settings output = job->output;
+    struct error err = {0};
+
+    (void)state;
+    job->output.tonemap.temporal = 2;
+    while (job->frames_done_count < 2) {
+        sim_grant(sim, worker, 4);
+        sim_send(sim, worker, 0, 100);
+        sim_commit(sim);
+        sim_develop(sim);
+    }
+    assert_int_equal(job->state, JOB_STATE_RUNNING);
+    assert_int_equal(job->frames_developed_count, 0);
+    assert_true(sim_make_picture(sim));
+    assert_int_equal(job->state, JOB_STATE_RUNNING);
+    assert_true(sim_make_picture(sim));
+    assert_int_equal(job->state, JOB_STATE_DONE);
+    assert_false(sim_make_picture(sim));
+
+    assert_int_equal(farm_develop(&sim->farm, job, &output, &err), STATUS_OK);
+    assert_int_equal(job->revision, 1);
+    assert_int_equal(job->state, JOB_STATE_DONE);
+    farm_tick(&sim->farm, sim->now_ns);
+    assert_ptr_equal(sim->picture_job, job);
+    /* Changed again while one is made: that one does not count. */
+    assert_int_equal(farm_develop(&sim->farm, job, &output, &err), STATUS_OK);
+    sim->picture_job = NULL;
+    farm_pictures_made(&sim->farm, job, sim->picture_frame, 1, STATUS_OK, &err, sim->now_ns);
+    assert_int_equal(job->frames_developed_count, 0);
+    assert_true(sim_make_picture(sim) && sim_make_picture(sim));
+    assert_int_equal(job->frames_developed_count, 2);
+    assert_false(sim_make_picture(sim));
+    sim_free(sim);
+}
+
+/* A stored picture that cannot be read is told, and the job stays done. */
+static void a_lost_picture_is_told(void **state)
+{
+    struct sim *sim = sim_new(NULL, 9);
+    struct sim_worker *worker = sim_connect(sim, 0, 36);
+    struct job *job = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+    struct error err = {0}, why = {STATUS_ERR_INPUT, "frame-0001.exr: gone"};
+    struct output_settings output = job->output;
+
+    (void)state;
+    sim_grant(sim, worker, 4);
+    sim_send(sim, worker, 0, 100);
+    sim_commit(sim);
+    sim_develop(sim);
+    assert_int_equal(job->state, JOB_STATE_DONE);
+    assert_int_equal(farm_develop(&sim->farm, job, &output, &err), STATUS_OK);
+    farm_tick(&sim->farm, sim->now_ns);
+    assert_non_null(sim->picture_job);
+    sim->picture_job = NULL;
+    farm_pictures_made(&sim->farm, job, 1, 1, STATUS_ERR_INPUT, &why, sim->now_ns);
+    assert_int_equal(job->state, JOB_STATE_DONE);
+    assert_non_null(strstr(job->develop_error, "frame 1: frame-0001.exr: gone"));
+    farm_tick(&sim->farm, sim->now_ns);
+    assert_null(sim->picture_job);
+    sim_free(sim);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -609,6 +678,8 @@ int main(void)
         cmocka_unit_test(a_full_disk_is_waited_for),
         cmocka_unit_test(a_failed_development_fails_the_job),
         cmocka_unit_test(ends_wait_for_what_is_in_flight),
+        cmocka_unit_test(pictures_follow_the_settings),
+        cmocka_unit_test(a_lost_picture_is_told),
     };
     return cmocka_run_group_tests_name("merge", tests, NULL, NULL);
 }

@@ -110,9 +110,19 @@ static void jobs_survive_a_restart(void **state)
     job->active_ns = 1500000000;
     job->conflicts = 7;
     assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 5, 0.25, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 6, NAN, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 6, NAN, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 5, 0.25, 0, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 6, NAN, 0, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 6, NAN, 0, &err), STATUS_OK);
+    assert_int_equal(tonemap_settings_init(&job->output.tonemap, "linear", &err), STATUS_OK);
+    job->output.tonemap.exposure_ev = -1.25;
+    job->output.tonemap.white_kelvin = 5000;
+    job->output.tonemap.temporal = 7;
+    job->output.tonemap.metering = TONEMAP_METERING_PERCENTILE;
+    job->output.jpg = 1;
+    job->output.picture.bits = 16;
+    job_revise(job);
+    assert_int_equal(store_job_revise(store, job, &err), STATUS_OK);
+    assert_int_equal(store_frame_developed(store, job->id, 6, job->revision, &err), STATUS_OK);
     store_close(store);
 
     store = open_it();
@@ -137,6 +147,13 @@ static void jobs_survive_a_restart(void **state)
     assert_int_equal(back->frames_done_count, 2);
     assert_true(job_frame_is_done(back, 5) && job_frame_is_done(back, 6));
     assert_true(isnan(back->relative_mse));
+    assert_int_equal(back->revision, 1);
+    assert_int_equal(back->frames_developed_count, 1); /* the other's pictures are of before */
+    assert_true(job_frame_is_developed(back, 6));
+    assert_string_equal(back->output.tonemap.op->name, "linear");
+    assert_true(back->output.tonemap.white_kelvin == 5000 && back->output.tonemap.temporal == 7);
+    assert_true(back->output.tonemap.metering == TONEMAP_METERING_PERCENTILE);
+    assert_true(back->output.jpg && back->output.picture.bits == 16);
     job_free(loaded.jobs[0]);
     job_free(loaded.jobs[1]);
     job_free(job);
@@ -504,7 +521,7 @@ static void a_developed_frame_is_on_disk(void **state)
         fail_msg("%s", err.text);
     development_free(development);
     assert_int_equal(development_new_frame(&development, frame, &err), STATUS_OK);
-    assert_int_equal(develop_encode(development, &exr, NULL, &err), STATUS_OK);
+    assert_int_equal(develop_encode(development, NULL, &exr, NULL, &err), STATUS_OK);
     development_free(development);
     store_output_path(store, job->id, 1, "exr", &path);
     assert_int_equal(file_read(buffer_text(&path), 1 << 24, &found, &err), STATUS_OK);
@@ -524,6 +541,138 @@ static void a_developed_frame_is_on_disk(void **state)
     buffer_release(&found);
     job_frame_free(frame);
     job_free(job);
+    store_close(store);
+}
+
+/* A film of one 20x16 frame whose values depend on the frame. */
+static struct job_frame *filled_frame(struct job *job, uint32_t number)
+{
+    struct job_frame *frame = job_frame_new(job, number, WIDTH, HEIGHT, SPP, 0, NULL);
+
+    for (uint32_t t = 0; t < 2; t++)
+        for (uint32_t p = 0; p < 3; p++) {
+            float sums[TILE_FLOATS_MAX];
+            enum film_merge_result result;
+            size_t count = (t ? 4 : 16) * 16 * 3 * 2;
+            for (size_t i = 0; i < count; i++)
+                sums[i] = (float)(i % 97 + 1) * (float)(1 + number * number) + p;
+            assert_int_equal(film_merge(frame->film, t, p, sums, count, &result, NULL), STATUS_OK);
+        }
+    return frame;
+}
+
+/* Develop frame by frame, as the farm does; `file` gets a frame's PNG. */
+static void develop_job(struct store *store, struct job *job, uint32_t wanted, struct buffer *file)
+{
+    struct development *development;
+    struct error err = {0};
+    uint32_t number;
+
+    for (uint32_t f = job->first_frame; f <= job->last_frame; f++) {
+        struct job_frame *frame = filled_frame(job, f);
+        assert_int_equal(development_new_frame(&development, frame, &err), STATUS_OK);
+        if (develop_frame(development, store, &err) != STATUS_OK)
+            fail_msg("%s", err.text);
+        job_frame_set_done(job, f);
+        if (development_revision(development) == job->revision)
+            job_frame_set_developed(job, f);
+        development_free(development);
+        job_frame_free(frame);
+    }
+    while (job_frame_to_develop(job, &number)) {
+        assert_int_equal(development_new_stored(&development, job, number, &err), STATUS_OK);
+        if (develop_again(development, store, &err) != STATUS_OK)
+            fail_msg("%s", err.text);
+        assert_int_equal(development_revision(development), job->revision);
+        job_frame_set_developed(job, number);
+        development_free(development);
+    }
+    assert_int_equal(job->frames_developed_count, job_frame_count(job));
+    buffer_clear(file);
+    assert_int_equal(store_output_read(store, job->id, wanted, "png", 1 << 24, file, &err),
+                     STATUS_OK);
+}
+
+/* From stored pictures come the same bytes as from films: whether the EXR file is in halves, or
+ * there is none, and with another operator as if it had been the first. */
+static void pictures_can_be_made_anew(void **state)
+{
+    struct store *store = open_it();
+    struct buffer first = BUFFER_INIT, again = BUFFER_INIT;
+    struct error err = {0};
+
+    (void)state;
+    for (int kind = 0; kind < 3; kind++) {
+        struct job *job = sim_job(WIDTH, HEIGHT, SPP, 1, 2, 0);
+        struct job *other = sim_job(WIDTH, HEIGHT, SPP, 1, 2, 0);
+        struct output_settings linear;
+
+        job->output.exr = other->output.exr = kind != 1;
+        job->output.exr_half = other->output.exr_half = kind == 2;
+        assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
+        assert_int_equal(store_job_insert(store, other, &err), STATUS_OK);
+        linear = other->output;
+        assert_int_equal(tonemap_settings_init(&linear.tonemap, "linear", &err), STATUS_OK);
+        linear.tonemap.exposure_ev = -4;
+        other->output = linear;
+        develop_job(store, other, 2, &first);
+        develop_job(store, job, 2, &again);
+        assert_true(first.size != again.size || memcmp(first.data, again.data, again.size) != 0);
+        job->output = linear;
+        job_revise(job);
+        develop_job(store, job, 2, &again);
+        assert_int_equal(first.size, again.size);
+        assert_memory_equal(first.data, again.data, again.size);
+        job_free(job);
+        job_free(other);
+    }
+    buffer_release(&first);
+    buffer_release(&again);
+    store_close(store);
+}
+
+/* Averaged statistics: no picture before its window is whole, and then the same whatever the order
+ * in which frames were done; the third frame differs from one that stands alone. */
+static void averaged_frames_wait_for_their_window(void **state)
+{
+    struct store *store = open_it();
+    struct job *job = sim_job(WIDTH, HEIGHT, SPP, 1, 4, 0), *alone;
+    struct buffer first = BUFFER_INIT, again = BUFFER_INIT;
+    struct error err = {0};
+    uint32_t number;
+
+    (void)state;
+    job->output.tonemap.temporal = 3;
+    assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
+    job_frame_set_done(job, 2);
+    assert_false(job_frame_to_develop(job, &number));
+    job_frame_set_done(job, 4);
+    assert_false(job_frame_to_develop(job, &number));
+    job_frame_set_done(job, 1);
+    assert_true(job_frame_to_develop(job, &number));
+    assert_int_equal(number, 1);
+    job_frame_set_developed(job, 1);
+    assert_true(job_frame_to_develop(job, &number));
+    assert_int_equal(number, 2);
+    job_frame_set_developed(job, 2);
+    assert_false(job_frame_to_develop(job, &number));
+    job_frame_set_done(job, 3);
+    assert_true(job_frame_to_develop(job, &number));
+    assert_int_equal(number, 3);
+    job_revise(job);
+    develop_job(store, job, 3, &first);
+    job_revise(job); /* with the statistics that were kept */
+    develop_job(store, job, 3, &again);
+    assert_int_equal(first.size, again.size);
+    assert_memory_equal(first.data, again.data, again.size);
+    alone = sim_job(WIDTH, HEIGHT, SPP, 1, 4, 0);
+    assert_int_equal(store_job_insert(store, alone, &err), STATUS_OK);
+    develop_job(store, alone, 3, &again);
+    assert_true(first.size != again.size || memcmp(first.data, again.data, again.size) != 0);
+    job_free(job);
+    job_free(alone);
+    buffer_release(&first);
+    buffer_release(&again);
     store_close(store);
 }
 
@@ -562,7 +711,7 @@ static void aovs_are_layers(void **state)
             assert_int_equal(film_merge(frame->film, t, p, sums, count, &result, &err), STATUS_OK);
         }
     assert_int_equal(development_new_frame(&development, frame, &err), STATUS_OK);
-    assert_int_equal(develop_encode(development, &exr, NULL, &err), STATUS_OK);
+    assert_int_equal(develop_encode(development, NULL, &exr, NULL, &err), STATUS_OK);
     development_free(development);
     assert_int_equal(exr_channel_count(exr.data, exr.size), 3 + 16 + 4);
     for (size_t i = 0; i < sizeof channels / sizeof *channels; i++) {
@@ -581,7 +730,7 @@ static void aovs_are_layers(void **state)
     /* A preview has the picture alone. */
     buffer_clear(&exr);
     assert_int_equal(development_new_preview(&development, frame, &err), STATUS_OK);
-    assert_int_equal(develop_encode(development, &exr, NULL, &err), STATUS_OK);
+    assert_int_equal(develop_encode(development, NULL, &exr, NULL, &err), STATUS_OK);
     development_free(development);
     assert_int_equal(exr_channel_count(exr.data, exr.size), 3);
     buffer_release(&exr);
@@ -604,6 +753,8 @@ int main(void)
         STORE_TEST(blobs_are_checked),
         STORE_TEST(a_developed_frame_is_on_disk),
         STORE_TEST(aovs_are_layers),
+        STORE_TEST(pictures_can_be_made_anew),
+        STORE_TEST(averaged_frames_wait_for_their_window),
     };
     return cmocka_run_group_tests_name("store", tests, NULL, NULL);
 }
