@@ -1,43 +1,288 @@
-/* The global operator of Reinhard et al. 2002, with burn-out at a white point (their
- * equations 1, 2 and 4). Colours keep their ratios: every channel is scaled like the
- * luminance.
+/* Photographic tone reproduction of Reinhard et al. 2002: the global operator with burn-out at a
+ * white point (their equations 1, 2 and 4), and the local one, dodging and burning (equations 5 to
+ * 9). Colours keep their ratios: every channel is scaled like the luminance.
  *
  *   L  = key / log_mean * Y
- *   Ld = L (1 + L / white^2) / (1 + L)
+ *   Ld = L (1 + L / white^2) / (1 + V)      V = L, or locally V1 at the pixel's scale
  *
  * The scale Ld / Y is computed without dividing by Y, so that black stays black without a
  * special case.
+ *
+ * Locally, V1(s) is L blurred by a Gaussian exp(-r^2 / (alpha1 s)^2), and a pixel takes the largest
+ * s up to which no scale's centre and surround differ by more than the threshold. The surround's
+ * alpha2 is 1.6 alpha1 and the scales are 1.6 apart, so that a scale's surround is the next one's
+ * centre: eight scales are nine blurs, the last of them (s = 43) only a surround. The paper has no
+ * white point here; ours stays in the numerator, where it does the same as in the global operator:
+ * where the surroundings are as bright as the pixel the two agree.
  */
 #include <math.h>
 
+#include "common/base/memory.h"
+#include "common/base/parallel.h"
+#include "common/math/elementary.h"
 #include "common/tonemap/operators.h"
 
-enum { KEY, WHITE };
+enum { KEY, WHITE, SCALE, SHARPNESS, THRESHOLD };
+enum scale { SCALE_GLOBAL, SCALE_LOCAL };
+enum { SCALES = 8 };
+
+static const char *const scale_names[] = {"global", "local", NULL};
 
 static const struct tonemap_parameter parameters[] = {
     [KEY] = {"key", 0.001, 100.0, 0.18,
              "what the picture's log-mean luminance becomes before compression; "
-             "0.045 is low key, 0.72 high key"},
+             "0.045 is low key, 0.72 high key", TONEMAP_NUMBER, NULL},
     [WHITE] = {"white", 0.0, 1e9, 0.0,
-               "the scaled luminance that becomes white; 0: the picture's maximum"},
+               "the scaled luminance that becomes white; 0: the picture's maximum",
+               TONEMAP_NUMBER, NULL},
+    [SCALE] = {"scale", 0, 1, SCALE_GLOBAL,
+               "global: one curve for the picture; local: dodging and burning, each pixel by the "
+               "brightness around it",
+               TONEMAP_CHOICE, scale_names},
+    [SHARPNESS] = {"sharpness", 0.0, 30.0, 8.0,
+                   "local: phi of the paper; more keeps small scales, which sharpens edges",
+                   TONEMAP_NUMBER, NULL},
+    [THRESHOLD] = {"threshold", 0.0, 1e6, 0.05,
+                   "local: the contrast that ends the growth of a pixel's surroundings",
+                   TONEMAP_NUMBER, NULL},
 };
 
 struct curve {
     double scale, inverse_white2;
 };
 
+/* Scale a pixel whose surroundings have the scaled luminance `around`; negative: its own. */
+static void scale_pixel(const struct curve *curve, float *p, double around)
+{
+    double luminance = curve->scale * tonemap_luminance(p);
+    double factor = curve->scale * (1.0 + luminance * curve->inverse_white2) /
+                    (1.0 + (around < 0.0 ? luminance : around));
+
+    for (int c = 0; c < 3; c++)
+        p[c] = (float)fmin((double)p[c] * factor, 1.0);
+}
+
 static void reinhard_row(const void *user, float *rgb, uint32_t width)
 {
-    const struct curve *curve = user;
+    for (float *p = rgb; p < rgb + (size_t)width * 3; p += 3)
+        scale_pixel(user, p, -1.0);
+}
 
-    for (float *p = rgb; p < rgb + (size_t)width * 3; p += 3) {
-        double luminance = curve->scale * tonemap_luminance(p);
-        double factor = curve->scale * (1.0 + luminance * curve->inverse_white2) /
-                        (1.0 + luminance);
+/* ---- the local operator --------------------------------------------------------------------- */
 
-        for (int c = 0; c < 3; c++)
-            p[c] = (float)fmin((double)p[c] * factor, 1.0);
+static const double ALPHA = 0.35355339059327376; /* alpha1 of the paper: 1 / (2 sqrt 2) */
+static const double RATIO = 1.6;
+static const float LUMINANCE_MAX = 1e30f; /* so that sums and differences stay finite */
+
+enum {
+    RADIUS_MAX = 64,
+    STRIP = 512, /* columns that are blurred together: what is near stays in the cache */
+    LINES = 32,
+};
+
+/* Half of a symmetric kernel, cut off at three times alpha s: the middle, then one side. */
+struct kernel {
+    int radius;
+    float weights[RADIUS_MAX + 1];
+};
+
+struct local {
+    const struct tonemap_frame *frame;
+    struct curve curve;
+    uint32_t width, height;
+    struct kernel kernel;
+    float *luminance; /* L */
+    float *rows;      /* L blurred along the lines */
+    float *centre;    /* V1 at the scale in hand */
+    float *chosen;    /* V1 at the pixel's scale; its sign bit: larger scales may follow */
+    float activity;   /* 2^phi key / s^2 */
+    float threshold;
+};
+
+static void kernel_init(struct kernel *kernel, double s)
+{
+    double sum = 0.0, weights[RADIUS_MAX + 1];
+
+    kernel->radius = (int)floor(3.0 * ALPHA * s);
+    for (int i = 0; i <= kernel->radius; i++) {
+        double r = (double)i / (ALPHA * s);
+        weights[i] = det_exp_d(-r * r);
+        sum += i ? 2.0 * weights[i] : weights[i];
     }
+    for (int i = 0; i <= kernel->radius; i++)
+        kernel->weights[i] = (float)(weights[i] / sum);
+}
+
+/* The index that a picture mirrored at its borders has at `i`: ... 1 0 0 1 2 ... n-1 n-1 ... */
+static size_t mirrored(ptrdiff_t i, size_t count)
+{
+    ptrdiff_t period = 2 * (ptrdiff_t)count;
+
+    i %= period;
+    i = i < 0 ? i + period : i;
+    return (size_t)(i < (ptrdiff_t)count ? i : period - 1 - i);
+}
+
+static void luminance_lines(void *user, size_t begin, size_t end)
+{
+    struct local *l = user;
+
+    for (size_t i = begin * l->width; i < end * l->width; i++) {
+        double value = l->curve.scale * tonemap_luminance(l->frame->image->pixels + 3 * i);
+
+        l->luminance[i] = value < (double)LUMINANCE_MAX ? (float)value : LUMINANCE_MAX;
+    }
+}
+
+/* out[0..count) = the kernel over from[-radius .. count + radius). */
+static void blur_along(const struct kernel *k, float *restrict out, const float *from,
+                       size_t count)
+{
+    for (size_t x = 0; x < count; x++)
+        out[x] = k->weights[0] * from[x];
+    for (int i = 1; i <= k->radius; i++) {
+        const float *before = from - i, *after = from + i;
+        float weight = k->weights[i];
+
+        for (size_t x = 0; x < count; x++)
+            out[x] += weight * (before[x] + after[x]);
+    }
+}
+
+static void blur_rows(void *user, size_t begin, size_t end)
+{
+    struct local *l = user;
+    float padded[STRIP + 2 * RADIUS_MAX];
+    size_t radius = (size_t)l->kernel.radius;
+
+    for (size_t y = begin; y < end; y++)
+        for (size_t x = 0; x < l->width; x += STRIP) {
+            const float *line = l->luminance + y * l->width;
+            size_t count = l->width - x < STRIP ? l->width - x : STRIP;
+
+            for (size_t i = 0; i < count + 2 * radius; i++) {
+                size_t at = x + i - radius; /* wraps below 0, which is not inside either */
+                padded[i] = line[at < l->width ? at
+                                               : mirrored((ptrdiff_t)at, l->width)];
+            }
+            blur_along(&l->kernel, l->rows + y * l->width + x, padded + radius, count);
+        }
+}
+
+/* out[0..count) = the kernel over the column of lines around y, from column x on. */
+static void blur_across(const struct local *l, float *restrict out, size_t y, size_t x,
+                        size_t count)
+{
+    const struct kernel *k = &l->kernel;
+    const float *middle = l->rows + y * l->width + x;
+
+    for (size_t i = 0; i < count; i++)
+        out[i] = k->weights[0] * middle[i];
+    for (int r = 1; r <= k->radius; r++) {
+        const float *above =
+            l->rows + mirrored((ptrdiff_t)y - r, l->height) * l->width + x;
+        const float *below =
+            l->rows + mirrored((ptrdiff_t)y + r, l->height) * l->width + x;
+        float weight = k->weights[r];
+
+        for (size_t i = 0; i < count; i++)
+            out[i] += weight * (above[i] + below[i]);
+    }
+}
+
+static void first_scale(void *user, size_t begin, size_t end)
+{
+    struct local *l = user;
+
+    for (size_t x = 0; x < l->width; x += STRIP)
+        for (size_t y = begin; y < end; y++) {
+            size_t count = l->width - x < STRIP ? l->width - x : STRIP;
+            float *centre = l->centre + y * l->width + x;
+            float *chosen = l->chosen + y * l->width + x;
+
+            blur_across(l, centre, y, x, count);
+            for (size_t i = 0; i < count; i++)
+                chosen[i] = -centre[i];
+        }
+}
+
+/* Compare a scale's centre with its surround, the next scale's centre. Where they are alike the
+ * scale is chosen for now, elsewhere the one before is for good (equation 8); a pixel at which
+ * already the smallest scale fails keeps that. */
+static void next_scale(void *user, size_t begin, size_t end)
+{
+    struct local *l = user;
+    float surround[STRIP];
+
+    for (size_t x = 0; x < l->width; x += STRIP)
+        for (size_t y = begin; y < end; y++) {
+            size_t count = l->width - x < STRIP ? l->width - x : STRIP;
+            float *centre = l->centre + y * l->width + x;
+            float *chosen = l->chosen + y * l->width + x;
+
+            blur_across(l, surround, y, x, count);
+            for (size_t i = 0; i < count; i++) {
+                int alike = fabsf(centre[i] - surround[i]) <=
+                            l->threshold * (l->activity + centre[i]);
+                if (signbit(chosen[i]))
+                    chosen[i] = alike ? -centre[i] : -chosen[i];
+                centre[i] = surround[i];
+            }
+        }
+}
+
+static void scale_lines(void *user, size_t begin, size_t end)
+{
+    const struct local *l = user;
+
+    for (size_t i = begin * l->width; i < end * l->width; i++)
+        scale_pixel(&l->curve, l->frame->image->pixels + 3 * i, (double)fabsf(l->chosen[i]));
+}
+
+static void local_blur(struct local *l, double s, void (*across)(void *, size_t, size_t))
+{
+    kernel_init(&l->kernel, s);
+    parallel_for(l->frame->threads, l->height, LINES, blur_rows, l);
+    parallel_for(l->frame->threads, l->height, LINES, across, l);
+}
+
+static void local_run(struct local *l)
+{
+    const double *values = l->frame->values;
+    double s = 1.0;
+
+    parallel_for(l->frame->threads, l->height, LINES, luminance_lines, l);
+    l->threshold = (float)values[THRESHOLD];
+    local_blur(l, s, first_scale);
+    for (int i = 0; i < SCALES; i++) {
+        l->activity = (float)(det_pow_d(2.0, values[SHARPNESS]) * values[KEY] / (s * s));
+        s *= RATIO;
+        local_blur(l, s, next_scale);
+    }
+    parallel_for(l->frame->threads, l->height, LINES, scale_lines, l);
+}
+
+static status local_apply(const struct tonemap_frame *frame, const struct curve *curve,
+                          struct error *err)
+{
+    struct local l = {.frame = frame, .curve = *curve, .width = frame->image->width,
+                      .height = frame->image->height};
+    size_t pixels = (size_t)l.width * l.height;
+    status st = STATUS_OK;
+
+    l.luminance = mem_alloc_array(pixels, sizeof *l.luminance);
+    l.rows = mem_alloc_array(pixels, sizeof *l.rows);
+    l.centre = mem_alloc_array(pixels, sizeof *l.centre);
+    l.chosen = mem_alloc_array(pixels, sizeof *l.chosen);
+    if (l.luminance && l.rows && l.centre && l.chosen)
+        local_run(&l);
+    else
+        st = error_no_memory(err, "dodging and burning");
+    mem_free(l.chosen);
+    mem_free(l.centre);
+    mem_free(l.rows);
+    mem_free(l.luminance);
+    return st;
 }
 
 static status reinhard_apply(const struct tonemap_frame *frame, const double *state,
@@ -48,15 +293,16 @@ static status reinhard_apply(const struct tonemap_frame *frame, const double *st
                                               : curve.scale * frame->statistics.max;
 
     (void)state;
-    (void)err;
     curve.inverse_white2 = white > 0.0 ? 1.0 / (white * white) : 0.0;
+    if ((int)frame->values[SCALE] == SCALE_LOCAL)
+        return local_apply(frame, &curve, err);
     tonemap_each_row(frame, reinhard_row, &curve);
     return STATUS_OK;
 }
 
 const struct tonemap_operator tonemap_reinhard02 = {
     .name = "reinhard02",
-    .summary = "Photographic tone reproduction, global, with a white point.",
+    .summary = "Photographic tone reproduction, global or local, with a white point.",
     .source = "E. Reinhard, M. Stark, P. Shirley, J. Ferwerda, \"Photographic Tone Reproduction "
               "for Digital Images\", ACM TOG 21(3), 2002",
     .parameters = parameters,

@@ -1,0 +1,299 @@
+/* Dodging and burning: which scale a pixel takes, and what that does at edges. The global
+ * operator's numbers are in test_tonemap.c. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "common/tonemap/tonemap.h"
+
+static struct tonemap_settings settings_of(const char *name)
+{
+    struct tonemap_settings s;
+    struct error err = {0};
+
+    assert_int_equal(tonemap_settings_init(&s, name, &err), STATUS_OK);
+    return s;
+}
+
+static void set(struct tonemap_settings *s, const char *parameter, double value)
+{
+    struct error err = {0};
+
+    assert_int_equal(tonemap_settings_set(s, parameter, value, &err), STATUS_OK);
+}
+
+static struct image grey_image(uint32_t width, uint32_t height, float value)
+{
+    struct image image;
+
+    assert_int_equal(image_init(&image, width, height, 3, NULL), STATUS_OK);
+    for (size_t i = 0; i < (size_t)width * height * 3; i++)
+        image.pixels[i] = value;
+    return image;
+}
+
+static void put(struct image *image, size_t x, size_t y, float value)
+{
+    for (size_t c = 0; c < 3; c++)
+        image->pixels[(y * image->width + x) * 3 + c] = value;
+}
+
+/* Display light. */
+static struct image apply_threads(const struct image *in, const struct tonemap_settings *s,
+                                  unsigned threads)
+{
+    struct tonemap_context context = {.threads = threads, .linear = 1};
+    struct image out;
+    struct error err = {0};
+
+    assert_int_equal(tonemap_apply(&out, in, s, &context, &err), STATUS_OK);
+    for (size_t i = 0; i < (size_t)out.width * out.height * 3; i++)
+        assert_true(out.pixels[i] >= 0.0f && out.pixels[i] <= 1.0f); /* false for NaN */
+    return out;
+}
+
+static struct image apply(const struct image *in, const struct tonemap_settings *s)
+{
+    return apply_threads(in, s, 1);
+}
+
+static float at(const struct image *image, size_t x, size_t y)
+{
+    return image->pixels[(y * image->width + x) * 3];
+}
+
+/* A picture with edges, slopes, noise and colours over five decades, one pixel of them black. */
+static struct image test_picture(uint32_t width, uint32_t height)
+{
+    struct image image = grey_image(width, height, 0.0f);
+    uint32_t random = 12345;
+
+    for (size_t y = 0; y < height; y++)
+        for (size_t x = 0; x < width; x++) {
+            double level = x > width / 3 ? 1.0 : 0.01;
+
+            level *= (y > height / 2) == (x > width / 2) ? 30.0 : 0.5;
+            level *= 0.2 + (double)x / width;
+            for (size_t c = 0; c < 3; c++) {
+                random = random * 1664525u + 1013904223u;
+                image.pixels[(y * width + x) * 3 + c] =
+                    (float)(level * (0.8 + 0.4 * (double)(random >> 8) / (1 << 24)));
+            }
+        }
+    put(&image, width / 2, height / 3, 0.0f);
+    return image;
+}
+
+static struct tonemap_settings local_settings(void)
+{
+    struct tonemap_settings s = settings_of("reinhard02");
+    struct error err = {0};
+
+    assert_int_equal(tonemap_settings_set_text(&s, "scale", "local", &err), STATUS_OK);
+    set(&s, "white", 1e9); /* out of the way */
+    return s;
+}
+
+/* V1 of a constant is the constant up to the borders, of small pictures too: the kernels sum to 1
+ * and the borders are mirrored. */
+static void test_constant_is_global(void **state)
+{
+    static const uint32_t sizes[][2] = {{1, 1}, {1, 7}, {7, 1}, {2, 3}, {40, 50}, {600, 5}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
+        for (double key = 0.01; key < 100.0; key *= 9.0) {
+            struct tonemap_settings s = local_settings();
+            struct image in = grey_image(sizes[i][0], sizes[i][1], 0.37f), out;
+
+            set(&s, "key", key);
+            out = apply(&in, &s);
+            for (size_t k = 0; k < (size_t)in.width * in.height * 3; k++)
+                assert_true(fabs((double)out.pixels[k] - key / (1.0 + key)) < 2e-6);
+            image_release(&in);
+            image_release(&out);
+        }
+}
+
+/* With the white point at hand the constant is equation 4. */
+static void test_constant_with_white(void **state)
+{
+    struct tonemap_settings s = local_settings();
+    struct image in = grey_image(9, 9, 5.0f), out;
+
+    (void)state;
+    set(&s, "white", 4.0);
+    set(&s, "key", 2.0);
+    out = apply(&in, &s);
+    assert_true(fabs((double)at(&out, 4, 4) - 0.75) < 2e-6);
+    image_release(&in);
+    image_release(&out);
+}
+
+/* A bright spot on grey. Threshold 0: every pixel keeps the smallest scale, which is hardly more
+ * than the pixel itself. An endless one: every pixel has the largest, under which the spot is
+ * spread over a disk. */
+static void test_threshold_chooses_scale(void **state)
+{
+    struct tonemap_settings s = local_settings();
+    struct image in = grey_image(101, 101, 1.0f), out;
+    double scaled, spot, alpha_s = 0.35355339059327376 * 26.843545600000001; /* 1.6^7 */
+    double peak = 0.0;
+
+    (void)state;
+    put(&in, 50, 50, 100.0f);
+    scaled = 0.18 * exp(-log(100.0) / (101.0 * 101.0));
+    spot = 100.0 * scaled;
+    set(&s, "threshold", 0.0);
+    out = apply(&in, &s);
+    /* exp(-8) of the spot's neighbours is the smallest kernel's only side lobe. */
+    assert_true(fabs((double)at(&out, 50, 50) - spot / (1.0 + spot)) < 2e-3);
+    assert_true(fabs((double)at(&out, 53, 50) - scaled / (1.0 + scaled)) < 1e-6);
+    image_release(&out);
+    set(&s, "threshold", 1e6);
+    out = apply(&in, &s);
+    for (int y = -28; y <= 28; y++)
+        for (int x = -28; x <= 28; x++)
+            peak += exp(-(x * x + y * y) / (alpha_s * alpha_s));
+    for (int x = 0; x <= 20; x += 10) {
+        double v = scaled * (1.0 + 99.0 * exp(-x * x / (alpha_s * alpha_s)) / peak);
+        double l = x == 0 ? spot : scaled, wanted = fmin(l / (1.0 + v), 1.0);
+
+        assert_true(fabs((double)at(&out, 50 + (size_t)x, 50) - wanted) < 1e-5);
+    }
+    image_release(&in);
+    image_release(&out);
+}
+
+/* A scale is taken only if all smaller ones pass too, and it is the last that passes, not the first
+ * that fails: far from an edge the largest, beside it a small one. */
+static void test_scale_ends_at_edges(void **state)
+{
+    struct tonemap_settings s = local_settings();
+    struct image in = grey_image(256, 8, 1.0f), out;
+    double scaled, dark, bright;
+
+    (void)state;
+    for (size_t y = 0; y < 8; y++)
+        for (size_t x = 128; x < 256; x++)
+            put(&in, x, y, 1000.0f);
+    scaled = 0.18 / sqrt(1000.0);
+    dark = scaled / (1.0 + scaled);
+    bright = 1000.0 * scaled / (1.0 + 1000.0 * scaled);
+    out = apply(&in, &s);
+    assert_true(fabs((double)at(&out, 2, 3) - dark) < 1e-6);
+    assert_true(fabs((double)at(&out, 253, 3) - bright) < 1e-5);
+    /* No halo: no pixel is brighter or darker than its half by more than a bound. The dark pixel
+     * at the edge sees across it by exp(-8) even at the smallest scale. */
+    for (size_t x = 0; x < 127; x++)
+        assert_true(fabs((double)at(&out, x, 3) / dark - 1.0) < 0.06);
+    assert_true((double)at(&out, 127, 3) / dark > 0.8);
+    for (size_t x = 128; x < 256; x++)
+        assert_true(fabs((double)at(&out, x, 3) / bright - 1.0) < 0.06);
+    /* With the largest scale everywhere there is one, so that the above can fail. */
+    image_release(&out);
+    set(&s, "threshold", 1e6);
+    out = apply(&in, &s);
+    assert_true((double)at(&out, 124, 3) / dark < 0.5);
+    image_release(&in);
+    image_release(&out);
+}
+
+/* Local contrast is what the operator is for: a small dark spot in bright surroundings becomes
+ * darker against them than under the global curve. */
+static void test_local_contrast(void **state)
+{
+    struct tonemap_settings local = local_settings(), global = settings_of("reinhard02");
+    struct image in = grey_image(64, 64, 8.0f), a, b;
+
+    (void)state;
+    set(&global, "white", 1e9);
+    set(&local, "key", 1.0);
+    set(&global, "key", 1.0);
+    for (size_t i = 0; i < 4; i++)
+        put(&in, 30 + i % 2, 30 + i / 2, 7.0f);
+    a = apply(&in, &local);
+    b = apply(&in, &global);
+    assert_true(at(&a, 30, 30) / at(&a, 0, 0) < 0.97f * at(&b, 30, 30) / at(&b, 0, 0));
+    image_release(&in);
+    image_release(&a);
+    image_release(&b);
+}
+
+static void test_threads(void **state)
+{
+    static const uint32_t sizes[][2] = {{700, 90}, {33, 200}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        struct tonemap_settings s = local_settings();
+        struct image in = test_picture(sizes[i][0], sizes[i][1]), a, b;
+
+        a = apply_threads(&in, &s, 1);
+        b = apply_threads(&in, &s, 3);
+        assert_memory_equal(a.pixels, b.pixels,
+                            (size_t)a.width * a.height * 3 * sizeof *a.pixels);
+        image_release(&in);
+        image_release(&a);
+        image_release(&b);
+    }
+}
+
+static void test_hard_inputs(void **state)
+{
+    static const float hard[] = {0.0f, -1.0f, NAN, INFINITY, 1e30f, FLT_MAX, 1e-40f, 1.0f};
+    static const uint32_t sizes[][2] = {{1, 1}, {1, 9}, {9, 1}, {5, 3}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
+        for (size_t a = 0; a < sizeof hard / sizeof *hard; a++)
+            for (size_t b = 0; b < sizeof hard / sizeof *hard; b++) {
+                struct tonemap_settings s = local_settings();
+                struct image in = grey_image(sizes[i][0], sizes[i][1], hard[a]), out;
+
+                in.pixels[1] = hard[b]; /* pure green */
+                out = apply(&in, &s);   /* checks the range */
+                if (!(hard[a] > 0.0f) && in.width * in.height > 1)
+                    assert_true(out.pixels[5] == 0.0f);
+                image_release(&in);
+                image_release(&out);
+            }
+}
+
+/* A firefly darkens what touches it and nothing else. */
+static void test_firefly(void **state)
+{
+    struct tonemap_settings s = local_settings();
+    struct image in = grey_image(64, 64, 0.18f), out;
+
+    (void)state;
+    put(&in, 32, 32, 1e30f);
+    out = apply(&in, &s);
+    for (size_t y = 0; y < 64; y++)
+        for (size_t x = 0; x < 64; x++)
+            if (x < 31 || x > 33 || y < 31 || y > 33)
+                assert_true(at(&out, x, y) > 0.1f && at(&out, x, y) < 0.2f);
+    image_release(&in);
+    image_release(&out);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_constant_is_global),
+        cmocka_unit_test(test_constant_with_white),
+        cmocka_unit_test(test_threshold_chooses_scale),
+        cmocka_unit_test(test_scale_ends_at_edges),
+        cmocka_unit_test(test_local_contrast),
+        cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_hard_inputs),
+        cmocka_unit_test(test_firefly),
+    };
+    return cmocka_run_group_tests_name("reinhard02", tests, NULL, NULL);
+}
