@@ -9,6 +9,7 @@
 
 static const struct tonemap_operator *const operators[] = {
     &tonemap_reinhard02,
+    &tonemap_drago03,
     &tonemap_gamma,
     &tonemap_linear,
 };

@@ -1,0 +1,88 @@
+/* Adaptive logarithmic mapping of Drago et al. 2003: a logarithm whose base moves from 2 in the
+ * dark to 10 in the brightest spot, by a bias power function (their equation 4).
+ *
+ *   Ld = display / 100 / log10(Lmax + 1) * ln(L + 1) / ln(2 + 8 (L / Lmax)^(ln bias / ln 0.5))
+ *
+ * L is luminance over the world adaptation luminance: the log-mean over (1 + bias - 0.85)^5, so
+ * that the picture does not darken as the bias grows (as the paper has it; pfstools leaves the
+ * power out, which is the same at bias 0.85 only). Colours keep their ratios. Ld / Y is computed by
+ * log1p(L) / L, which has a limit at 0. Their changes to the display's gamma are left to the
+ * display: what comes out is light.
+ */
+#include <math.h>
+
+#include "common/math/elementary.h"
+#include "common/tonemap/operators.h"
+
+enum { BIAS, DISPLAY };
+
+static const struct tonemap_parameter parameters[] = {
+    [BIAS] = {"bias", 0.5, 1.0, 0.85,
+              "how the logarithm's base moves; less is brighter, 0.7 to 0.9 is of use",
+              TONEMAP_NUMBER, NULL},
+    [DISPLAY] = {"display", 1.0, 10000.0, 100.0,
+                 "cd/m2 of the display's white; the picture's maximum becomes display / 100",
+                 TONEMAP_NUMBER, NULL},
+};
+
+static const double PRESET_BIAS = 0.85; /* of the paper's rescaling, not of ours */
+
+struct curve {
+    double adaptation; /* multiplies luminance */
+    double inverse_max;
+    double exponent;
+    double level; /* of the display, over log10(Lmax + 1) */
+};
+
+/* ln(1 + x) / x for x >= 0. What 1 + x rounds off is divided away again. */
+static double log1p_ratio(double x)
+{
+    double sum = 1.0 + x;
+
+    return sum == 1.0 ? 1.0 : det_log_d(sum) / (sum - 1.0);
+}
+
+static void drago_row(const void *user, float *rgb, uint32_t width)
+{
+    const struct curve *curve = user;
+
+    for (float *p = rgb; p < rgb + (size_t)width * 3; p += 3) {
+        double luminance = curve->adaptation * tonemap_luminance(p);
+        double ratio = fmin(luminance * curve->inverse_max, 1.0);
+        double base = 2.0 + 8.0 * det_pow_d(ratio, curve->exponent);
+        double factor =
+            curve->level * curve->adaptation * log1p_ratio(luminance) / det_log_d(base);
+
+        for (int c = 0; c < 3; c++)
+            p[c] = (float)fmin((double)p[c] * factor, 1.0);
+    }
+}
+
+static status drago_apply(const struct tonemap_frame *frame, const double *state,
+                          struct error *err)
+{
+    double bias = frame->values[BIAS], max, growth = 1.0 + bias - PRESET_BIAS;
+    struct curve curve;
+
+    (void)state;
+    (void)err;
+    if (!(frame->statistics.max > 0.0))
+        return STATUS_OK; /* black */
+    curve.adaptation = growth * growth * growth * growth * growth / frame->statistics.log_mean;
+    max = curve.adaptation * frame->statistics.max;
+    curve.inverse_max = 1.0 / max;
+    curve.exponent = det_log_d(bias) / det_log_d(0.5);
+    curve.level = frame->values[DISPLAY] / 100.0 * det_log_d(10.0) / (log1p_ratio(max) * max);
+    tonemap_each_row(frame, drago_row, &curve);
+    return STATUS_OK;
+}
+
+const struct tonemap_operator tonemap_drago03 = {
+    .name = "drago03",
+    .summary = "Adaptive logarithmic mapping: more compression the brighter it is.",
+    .source = "F. Drago, K. Myszkowski, T. Annen, N. Chiba, \"Adaptive Logarithmic Mapping For "
+              "Displaying High Contrast Scenes\", Computer Graphics Forum 22(3), 2003",
+    .parameters = parameters,
+    .parameter_count = sizeof parameters / sizeof *parameters,
+    .apply = drago_apply,
+};
