@@ -10,6 +10,7 @@
 static const struct tonemap_operator *const operators[] = {
     &tonemap_reinhard02,
     &tonemap_drago03,
+    &tonemap_mantiuk06,
     &tonemap_gamma,
     &tonemap_linear,
 };

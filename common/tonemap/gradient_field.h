@@ -1,0 +1,70 @@
+/* gradient_field: the plane whose differences, at all scales, come nearest to what is wanted.
+ * Private to common/tonemap.
+ *
+ * A pyramid of a plane: level 0 is the plane, each next one the mean of blocks of 2x2 (3 at the end
+ * of an odd side). For every two neighbours of every level there is a wanted difference and a
+ * weight. Solved is, by conjugate gradients, for the plane x that minimises
+ *
+ *     sum over levels l of 4^l sum over neighbours of weight (difference(x_l) - wanted)^2
+ *
+ * The 4^l (exactly: the ratio of the numbers of pixels) makes slow and fast changes equally stiff,
+ * so that a few dozen steps do for any size. x is found up to a constant, which stays that of the
+ * plane it starts from. Sums are over lines, then over lines in order: the result is the same with
+ * any number of threads.
+ */
+#ifndef AZULEJO_TONEMAP_GRADIENT_FIELD_H
+#define AZULEJO_TONEMAP_GRADIENT_FIELD_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/base/status.h"
+
+enum {
+    GRADIENT_LEVELS_MAX = 18,
+    GRADIENT_RUN = 256,       /* neighbours that are asked for at a time */
+    GRADIENT_STRIPES = 16,    /* parts that gradient_field_visit tells apart */
+};
+
+struct gradient_level {
+    uint32_t width, height;
+    float *weight_x, *weight_y; /* of a pixel and its right and lower neighbour; 0: there is none */
+    float *value, *sum;         /* of level 0: the solver's planes */
+};
+
+struct gradient_field {
+    struct gradient_level levels[GRADIENT_LEVELS_MAX];
+    int level_count;
+    unsigned threads;
+    float *residual, *step, *product; /* of level 0's size */
+    double *line_sums;
+};
+
+/* Differences of up to GRADIENT_RUN pixels to their right (x) and lower (y) neighbours, in; the
+ * wanted ones and their weights (above 0), out. */
+struct gradient_run {
+    size_t count;
+    float x[GRADIENT_RUN + 1], y[GRADIENT_RUN + 1];
+    float weight_x[GRADIENT_RUN + 1], weight_y[GRADIENT_RUN + 1];
+};
+
+status gradient_field_init(struct gradient_field *f, uint32_t width, uint32_t height,
+                           unsigned threads, struct error *err) MUST_CHECK;
+void gradient_field_release(struct gradient_field *f);
+
+/* Show all differences of a plane, weights unset. Parts with different `stripe` numbers are shown
+ * at the same time. */
+void gradient_field_visit(struct gradient_field *f, const float *plane,
+                          void (*see)(void *user, size_t stripe, const struct gradient_run *run),
+                          void *user);
+
+/* Want what `map` makes of a plane's differences. */
+void gradient_field_want(struct gradient_field *f, const float *plane,
+                         void (*map)(const void *user, struct gradient_run *run),
+                         const void *user);
+
+/* Solve, once after each _want, starting from the multiple of x that fits best, until the residual
+ * is below `tolerance` times the right side, or after `steps_max` steps. The steps done. */
+int gradient_field_solve(struct gradient_field *f, float *x, double tolerance, int steps_max);
+
+#endif

@@ -1,0 +1,579 @@
+/* Contrast processing in the gradient domain: the solver, the transducer by its effects, and
+ * inputs that break naive ones. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "common/base/memory.h"
+#include "common/tonemap/gradient_field.h"
+#include "common/tonemap/tonemap.h"
+
+static struct tonemap_settings settings_of(const char *name)
+{
+    struct tonemap_settings s;
+    struct error err = {0};
+
+    assert_int_equal(tonemap_settings_init(&s, name, &err), STATUS_OK);
+    return s;
+}
+
+static void set(struct tonemap_settings *s, const char *parameter, double value)
+{
+    struct error err = {0};
+
+    assert_int_equal(tonemap_settings_set(s, parameter, value, &err), STATUS_OK);
+}
+
+static struct image grey_image(uint32_t width, uint32_t height, float value)
+{
+    struct image image;
+
+    assert_int_equal(image_init(&image, width, height, 3, NULL), STATUS_OK);
+    for (size_t i = 0; i < (size_t)width * height * 3; i++)
+        image.pixels[i] = value;
+    return image;
+}
+
+static void put(struct image *image, size_t x, size_t y, float value)
+{
+    for (size_t c = 0; c < 3; c++)
+        image->pixels[(y * image->width + x) * 3 + c] = value;
+}
+
+/* Display light. */
+static struct image apply_threads(const struct image *in, const struct tonemap_settings *s,
+                                  unsigned threads)
+{
+    struct tonemap_context context = {.threads = threads, .linear = 1};
+    struct image out;
+    struct error err = {0};
+
+    assert_int_equal(tonemap_apply(&out, in, s, &context, &err), STATUS_OK);
+    for (size_t i = 0; i < (size_t)out.width * out.height * 3; i++)
+        assert_true(out.pixels[i] >= 0.0f && out.pixels[i] <= 1.0f); /* false for NaN */
+    return out;
+}
+
+static struct image apply(const struct image *in, const struct tonemap_settings *s)
+{
+    return apply_threads(in, s, 1);
+}
+
+static float at(const struct image *image, size_t x, size_t y)
+{
+    return image->pixels[(y * image->width + x) * 3];
+}
+
+/* A picture with edges, slopes, noise and colours over five decades, one pixel of them black. */
+static struct image test_picture(uint32_t width, uint32_t height)
+{
+    struct image image = grey_image(width, height, 0.0f);
+    uint32_t random = 12345;
+
+    for (size_t y = 0; y < height; y++)
+        for (size_t x = 0; x < width; x++) {
+            double level = x > width / 3 ? 1.0 : 0.01;
+
+            level *= (y > height / 2) == (x > width / 2) ? 30.0 : 0.5;
+            level *= 0.2 + (double)x / width;
+            for (size_t c = 0; c < 3; c++) {
+                random = random * 1664525u + 1013904223u;
+                image.pixels[(y * width + x) * 3 + c] =
+                    (float)(level * (0.8 + 0.4 * (double)(random >> 8) / (1 << 24)));
+            }
+        }
+    put(&image, width / 2, height / 3, 0.0f);
+    return image;
+}
+
+/* ---- the solver ----------------------------------------------------------------------------- */
+
+/* Wants the differences there are, with weights that vary. */
+static void map_same(const void *user, struct gradient_run *run)
+{
+    (void)user;
+    for (size_t i = 0; i < run->count; i++) {
+        run->weight_x[i] = 1.0f / (0.05f + fabsf(run->x[i]));
+        run->weight_y[i] = 1.0f / (0.05f + fabsf(run->y[i]));
+    }
+}
+
+static void map_half(const void *user, struct gradient_run *run)
+{
+    map_same(user, run);
+    for (size_t i = 0; i < run->count; i++) {
+        run->x[i] *= 0.5f;
+        run->y[i] *= 0.5f;
+    }
+}
+
+static void test_plane(float *plane, uint32_t width, uint32_t height)
+{
+    uint32_t random = 7;
+
+    for (uint32_t i = 0; i < width * height; i++) {
+        random = random * 1664525u + 1013904223u;
+        plane[i] = (float)(random >> 8) / (1 << 24) + 3.0f * (float)(i % width) / (float)width +
+                   (i / width > height / 2 ? 2.0f : 0.0f);
+    }
+}
+
+/* From a start that has nothing to do with it, the differences of a plane give the plane back, up
+ * to a constant. Odd, thin and tiny sizes too. */
+static void test_solver_gives_back(void **state)
+{
+    static const uint32_t sizes[][2] = {{64, 64}, {61, 47}, {1, 300}, {301, 1}, {2, 99}, {2, 2},
+                                        {3, 1}, {7, 3}, {600, 33}};
+    static float plane[64 * 1024], x[64 * 1024];
+
+    (void)state;
+    for (size_t k = 0; k < sizeof sizes / sizeof *sizes; k++) {
+        uint32_t width = sizes[k][0], height = sizes[k][1], count = width * height;
+        struct gradient_field field;
+        struct error err = {0};
+        double shift = 0.0;
+        int steps;
+
+        test_plane(plane, width, height);
+        for (uint32_t i = 0; i < count; i++)
+            x[i] = (float)(i * 7 % 5);
+        assert_int_equal(gradient_field_init(&field, width, height, 2, &err), STATUS_OK);
+        gradient_field_want(&field, plane, map_same, NULL);
+        steps = gradient_field_solve(&field, x, 1e-6, 500);
+        assert_true(steps > 0 && steps < 200);
+        for (uint32_t i = 0; i < count; i++)
+            shift += ((double)x[i] - (double)plane[i]) / count;
+        for (uint32_t i = 0; i < count; i++)
+            assert_true(fabs((double)x[i] - (double)plane[i] - shift) < 1e-4);
+        gradient_field_release(&field);
+    }
+}
+
+/* Where the start is a multiple of the answer no step is needed. */
+static void test_solver_fits_start(void **state)
+{
+    static float plane[40 * 30], x[40 * 30];
+    struct gradient_field field;
+    struct error err = {0};
+
+    (void)state;
+    test_plane(plane, 40, 30);
+    memcpy(x, plane, sizeof x);
+    assert_int_equal(gradient_field_init(&field, 40, 30, 1, &err), STATUS_OK);
+    gradient_field_want(&field, plane, map_half, NULL);
+    assert_int_equal(gradient_field_solve(&field, x, 1e-4, 500), 0);
+    for (size_t i = 0; i < 40 * 30; i++)
+        assert_true(fabsf(x[i] - 0.5f * plane[i]) < 1e-5f);
+    gradient_field_release(&field);
+}
+
+static int solver_steps(uint32_t side)
+{
+    static float plane[256 * 256], x[256 * 256];
+    struct gradient_field field;
+    struct error err = {0};
+    int steps;
+
+    test_plane(plane, side, side);
+    memset(x, 0, sizeof x);
+    assert_int_equal(gradient_field_init(&field, side, side, 2, &err), STATUS_OK);
+    gradient_field_want(&field, plane, map_same, NULL);
+    steps = gradient_field_solve(&field, x, 1e-3, 500);
+    gradient_field_release(&field);
+    return steps;
+}
+
+/* The pyramid makes the steps needed independent of the size: cost is linear in pixels. */
+static void test_solver_steps(void **state)
+{
+    (void)state;
+    assert_true(solver_steps(256) <= solver_steps(32) + 10);
+}
+
+/* ---- the operator --------------------------------------------------------------------------- */
+
+static double luminance_at(const struct image *image, size_t i)
+{
+    const float *p = image->pixels + 3 * i;
+
+    return 0.212656 * (double)p[0] + 0.715158 * (double)p[1] + 0.072186 * (double)p[2];
+}
+
+/* At contrast 1 nothing is done to the differences: the display's log luminance is the picture's,
+ * stretched so that the percentiles are 2.3 decades apart. */
+static void test_round_trip(void **state)
+{
+    struct tonemap_settings s = settings_of("mantiuk06");
+    struct image in = test_picture(61, 47), out;
+    double low = 0.0, high = 0.0, slope = 0.0;
+    size_t first = 0, last = 0, checked = 0;
+
+    (void)state;
+    put(&in, 30, 15, 1.0f);
+    set(&s, "contrast", 1.0);
+    set(&s, "saturation", 1.0);
+    s.exposure_ev = -2.0; /* below the display's white all over */
+    out = apply(&in, &s);
+    for (size_t i = 0; i < 61 * 47; i++) {
+        double l = log10(luminance_at(&in, i));
+
+        if (i == 0 || l < low) {
+            low = l;
+            first = i;
+        }
+        if (i == 0 || l > high) {
+            high = l;
+            last = i;
+        }
+    }
+    slope = (log10(luminance_at(&out, last)) - log10(luminance_at(&out, first))) / (high - low);
+    assert_true(slope * (high - low) > 2.3 && slope * (high - low) < 2.7);
+    for (size_t i = 0; i < 61 * 47; i++) {
+        double wanted = log10(luminance_at(&out, first)) +
+                        slope * (log10(luminance_at(&in, i)) - low);
+
+        assert_true(fabs(log10(luminance_at(&out, i)) - wanted) < 2e-3);
+        checked++;
+    }
+    assert_true(checked == 61 * 47);
+    image_release(&in);
+    image_release(&out);
+}
+
+/* What a difference g becomes, straight from the definition. */
+static double mapped(double g, double contrast)
+{
+    /* R counts thresholds, as in the paper; linear between. */
+    double nodes[200] = {0.0, 0.01}, w = pow(10.0, g) - 1.0, r;
+    int k = 0;
+
+    for (int i = 2; i < 200; i++)
+        nodes[i] = nodes[i - 1] + 0.0928 * pow(nodes[i - 1], 1.08) +
+                   0.0046 * pow(nodes[i - 1], -0.18);
+    assert_true(fabs(nodes[106] - 10510.0806) < 1e-3); /* the end of the published table */
+    while (nodes[k + 1] < w)
+        k++;
+    r = contrast * (k + (w - nodes[k]) / (nodes[k + 1] - nodes[k]));
+    k = (int)floor(r);
+    return log10(1.0 + nodes[k] + (r - k) * (nodes[k + 1] - nodes[k]));
+}
+
+/* Three pixels have two differences and level 1 none, as it is one pixel: the answer has exactly
+ * the wanted differences, times what fills the display's range. */
+static void test_transducer(void **state)
+{
+    static const double contrasts[] = {0.05, 0.1, 0.3, 0.7, 2.0};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof contrasts / sizeof *contrasts; i++) {
+        struct tonemap_settings s = settings_of("mantiuk06");
+        struct image in = grey_image(3, 1, 1.0f), out;
+        double a, b, ratio = mapped(1.7, contrasts[i]) / mapped(0.2, contrasts[i]);
+
+        put(&in, 1, 0, (float)pow(10.0, 0.2));
+        put(&in, 2, 0, (float)pow(10.0, 1.9));
+        set(&s, "contrast", contrasts[i]);
+        set(&s, "detail", 1.0);
+        out = apply(&in, &s);
+        a = log10((double)at(&out, 1, 0) / (double)at(&out, 0, 0));
+        b = log10((double)at(&out, 2, 0) / (double)at(&out, 1, 0));
+        assert_true(fabs(a + b - 2.3) < 1e-4);
+        assert_true(fabs(b / a / ratio - 1.0) < 2e-3);
+        image_release(&in);
+        image_release(&out);
+    }
+}
+
+/* Percentiles: 0.1 % of the pixels are cut off at either end, and white is the display's. */
+static void test_range(void **state)
+{
+    struct tonemap_settings s = settings_of("mantiuk06");
+    struct image in = test_picture(200, 100), out;
+    size_t white = 0, dark = 0;
+
+    (void)state;
+    for (size_t i = 0; i < 200 * 100 * 3; i += 3) /* grey */
+        in.pixels[i] = in.pixels[i + 2] = in.pixels[i + 1];
+    out = apply(&in, &s);
+    for (size_t i = 0; i < 200 * 100; i++) {
+        double l = luminance_at(&out, i);
+
+        white += l >= 0.9999;
+        dark += l <= pow(10.0, -2.3) * 1.0001;
+    }
+    assert_true(white >= 15 && white <= 25);
+    assert_true(dark >= 15 && dark <= 25); /* the black one among them */
+    image_release(&in);
+    image_release(&out);
+}
+
+/* Exposure multiplies the display's light, and does nothing to contrasts, however large. */
+static void test_exposure(void **state)
+{
+    struct image in = test_picture(40, 30), plain, darker;
+    struct tonemap_settings s = settings_of("mantiuk06");
+
+    (void)state;
+    for (int ev = -6; ev <= -3; ev++) {
+        s.exposure_ev = -2;
+        plain = apply(&in, &s);
+        s.exposure_ev = -2 + ev;
+        darker = apply(&in, &s);
+        for (size_t i = 0; i < 40 * 30 * 3; i++)
+            if (plain.pixels[i] < 0.99f)
+                assert_true(fabs((double)darker.pixels[i] - ldexp((double)plain.pixels[i], ev)) <=
+                            3e-5 * (double)plain.pixels[i]);
+        image_release(&plain);
+        image_release(&darker);
+    }
+    image_release(&in);
+}
+
+/* Saturation is the power of the ratio of a channel and luminance. */
+static void test_saturation(void **state)
+{
+    struct image in = test_picture(16, 16), grey, half, full;
+    struct tonemap_settings s = settings_of("mantiuk06");
+
+    (void)state;
+    in.pixels[0] = 0.0f;
+    s.exposure_ev = -4;
+    set(&s, "saturation", 0.0);
+    grey = apply(&in, &s);
+    set(&s, "saturation", 0.5);
+    half = apply(&in, &s);
+    set(&s, "saturation", 1.0);
+    full = apply(&in, &s);
+    assert_true(grey.pixels[0] == grey.pixels[1] && half.pixels[0] == 0.0f);
+    for (size_t i = 0; i < 16 * 16; i++)
+        for (size_t c = 0; c < 3; c++) {
+            double ratio = luminance_at(&in, i) > 0.0
+                               ? (double)in.pixels[3 * i + c] / luminance_at(&in, i)
+                               : 0.0;
+            double level = (double)grey.pixels[3 * i];
+
+            assert_true(fabs((double)full.pixels[3 * i + c] - ratio * level) <= 1e-5 * level);
+            assert_true(fabs((double)half.pixels[3 * i + c] - sqrt(ratio) * level) <=
+                        1e-5 * level);
+        }
+    image_release(&in);
+    image_release(&grey);
+    image_release(&half);
+    image_release(&full);
+}
+
+/* Spread of neighbours' log luminance as a share of the whole's: how much is detail. */
+static double detail_share(const struct image *image)
+{
+    double sum = 0.0;
+    size_t count = 0;
+
+    for (size_t y = 0; y < image->height; y++)
+        for (size_t x = 0; x + 1 < image->width; x++) {
+            double a = luminance_at(image, y * image->width + x);
+            double b = luminance_at(image, y * image->width + x + 1);
+
+            if (a > 0.0 && b > 0.0 && a < 1.0 && b < 1.0) {
+                sum += fabs(log10(a / b));
+                count++;
+            }
+        }
+    return sum / (double)count;
+}
+
+/* Less contrast is a sharper picture, as the range is always filled, less detail a softer one;
+ * equalization is sharper still. */
+static void test_parameters_act(void **state)
+{
+    struct image in = test_picture(96, 80), out;
+    struct tonemap_settings s = settings_of("mantiuk06");
+    double share[5];
+    struct error err = {0};
+
+    (void)state;
+    for (size_t i = 0; i < 5; i++) {
+        s = settings_of("mantiuk06");
+        set(&s, "detail", i == 3 ? 0.02 : 1.0);
+        set(&s, "contrast", i == 0 ? 1.0 : 0.1);
+        if (i == 2)
+            set(&s, "contrast", 0.02);
+        if (i == 4)
+            assert_int_equal(tonemap_settings_set_text(&s, "mode", "equalize", &err), STATUS_OK);
+        out = apply(&in, &s);
+        share[i] = detail_share(&out);
+        image_release(&out);
+    }
+    assert_true(share[1] > 1.05 * share[0] && share[2] > 1.01 * share[1]);
+    assert_true(share[3] < 0.95 * share[1]);
+    assert_true(share[4] > 1.05 * share[1]);
+    image_release(&in);
+}
+
+static void test_threads(void **state)
+{
+    static const uint32_t sizes[][2] = {{700, 190}, {33, 200}};
+
+    (void)state;
+    for (int mode = 0; mode < 2; mode++)
+        for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+            struct tonemap_settings s = settings_of("mantiuk06");
+            struct image in = test_picture(sizes[i][0], sizes[i][1]), a, b;
+
+            set(&s, "mode", mode);
+            a = apply_threads(&in, &s, 1);
+            b = apply_threads(&in, &s, 3);
+            assert_memory_equal(a.pixels, b.pixels,
+                                (size_t)a.width * a.height * 3 * sizeof *a.pixels);
+            image_release(&in);
+            image_release(&a);
+            image_release(&b);
+        }
+}
+
+/* A frame's own state changes nothing; a mean over frames moves the range. */
+static void test_state(void **state)
+{
+    struct tonemap_settings s = settings_of("mantiuk06");
+    struct image in = test_picture(300, 200), plain, own, moved;
+    struct tonemap_state measured, other, mean;
+    const struct tonemap_state *both[] = {&measured, &other};
+    struct tonemap_context context = {.linear = 1};
+    struct error err = {0};
+
+    (void)state;
+    plain = apply(&in, &s);
+    assert_int_equal(tonemap_measure(&measured, &in, &s, &context, &err), STATUS_OK);
+    context.state = &measured;
+    assert_int_equal(tonemap_apply(&own, &in, &s, &context, &err), STATUS_OK);
+    assert_memory_equal(plain.pixels, own.pixels, 300 * 200 * 3 * sizeof(float));
+    other = measured;
+    other.values[0] += 0.02;
+    other.values[1] += 0.02;
+    tonemap_state_mean(&mean, both, 2, &s);
+    context.state = &mean;
+    assert_int_equal(tonemap_apply(&moved, &in, &s, &context, &err), STATUS_OK);
+    assert_true(luminance_at(&moved, 20000) < 0.99 * luminance_at(&plain, 20000));
+    image_release(&in);
+    image_release(&plain);
+    image_release(&own);
+    image_release(&moved);
+}
+
+/* Grey, not white and not noise. */
+static void test_constant(void **state)
+{
+    (void)state;
+    for (uint32_t side = 1; side < 100; side += 49) {
+        struct tonemap_settings s = settings_of("mantiuk06");
+        struct image in = grey_image(side, side + 1, 0.37f), out = apply(&in, &s);
+
+        for (size_t i = 0; i < (size_t)side * (side + 1) * 3; i++)
+            assert_true(fabs((double)out.pixels[i] - pow(10.0, -1.15)) < 1e-4);
+        image_release(&in);
+        image_release(&out);
+    }
+}
+
+static void test_hard_inputs(void **state)
+{
+    static const float hard[] = {0.0f, -1.0f, NAN, INFINITY, 1e30f, FLT_MAX, 1e-40f, 1.0f};
+    static const uint32_t sizes[][2] = {{1, 1}, {1, 9}, {9, 1}, {5, 3}, {20, 20}};
+
+    (void)state;
+    for (int mode = 0; mode < 2; mode++)
+        for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
+            for (size_t a = 0; a < sizeof hard / sizeof *hard; a++)
+                for (size_t b = 0; b < sizeof hard / sizeof *hard; b++) {
+                    struct tonemap_settings s = settings_of("mantiuk06");
+                    struct image in = grey_image(sizes[i][0], sizes[i][1], hard[a]), out;
+
+                    set(&s, "mode", mode);
+                    in.pixels[1] = hard[b]; /* pure green */
+                    out = apply(&in, &s);   /* checks the range */
+                    if (!(hard[a] > 0.0f) && in.width * in.height > 1)
+                        assert_true(out.pixels[5] == 0.0f);
+                    image_release(&in);
+                    image_release(&out);
+                }
+}
+
+/* Neither a firefly nor a half that is black takes the display's range. */
+static void test_firefly_and_black(void **state)
+{
+    struct tonemap_settings s = settings_of("mantiuk06");
+    struct image in = test_picture(64, 64), plain, lit;
+    double sum_plain = 0.0, sum_lit = 0.0, sum_half = 0.0;
+
+    (void)state;
+    plain = apply(&in, &s);
+    put(&in, 10, 40, 1e30f);
+    lit = apply(&in, &s);
+    for (size_t i = 0; i < 64 * 64; i++) {
+        sum_plain += luminance_at(&plain, i);
+        sum_lit += luminance_at(&lit, i);
+    }
+    assert_true(sum_lit > 0.5 * sum_plain && sum_lit < 2.0 * sum_plain);
+    image_release(&lit);
+    put(&in, 10, 40, 1.0f);
+    memset(in.pixels, 0, 64 * 32 * 3 * sizeof(float));
+    lit = apply(&in, &s);
+    for (size_t i = 0; i < 64 * 32; i++) {
+        assert_true(luminance_at(&lit, i) == 0.0);
+        sum_half += luminance_at(&lit, i + 64 * 32);
+    }
+    assert_true(sum_half > 0.1 * sum_plain);
+    image_release(&in);
+    image_release(&plain);
+    image_release(&lit);
+}
+
+/* Every allocation may fail. */
+static void test_no_memory(void **state)
+{
+    struct tonemap_settings s = settings_of("mantiuk06");
+    struct tonemap_context context = {.threads = 1};
+    struct image in = test_picture(20, 10), out;
+    status st = STATUS_ERR_NO_MEMORY;
+
+    (void)state;
+    set(&s, "mode", 1);
+    for (long n = 0; st != STATUS_OK; n++) {
+        struct error err = {0};
+
+        assert_true(n < 1000);
+        mem_fault_arm(n, 1);
+        st = tonemap_apply(&out, &in, &s, &context, &err);
+        mem_fault_arm(-1, 0);
+        assert_true(st == STATUS_OK || st == STATUS_ERR_NO_MEMORY);
+        image_release(&out);
+    }
+    image_release(&in);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_solver_gives_back),
+        cmocka_unit_test(test_solver_fits_start),
+        cmocka_unit_test(test_solver_steps),
+        cmocka_unit_test(test_round_trip),
+        cmocka_unit_test(test_transducer),
+        cmocka_unit_test(test_range),
+        cmocka_unit_test(test_exposure),
+        cmocka_unit_test(test_saturation),
+        cmocka_unit_test(test_parameters_act),
+        cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_state),
+        cmocka_unit_test(test_constant),
+        cmocka_unit_test(test_hard_inputs),
+        cmocka_unit_test(test_firefly_and_black),
+        cmocka_unit_test(test_no_memory),
+    };
+    return cmocka_run_group_tests_name("mantiuk06", tests, NULL, NULL);
+}
