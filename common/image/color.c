@@ -2,6 +2,7 @@
 
 #include <pthread.h>
 
+#include "common/math/curve_table.h"
 #include "common/math/elementary.h"
 
 float srgb_encode(float linear)
@@ -26,49 +27,32 @@ float srgb_decode(float encoded)
     return (float)det_pow_d(((double)encoded + 0.055) / 1.055, 2.4);
 }
 
-/* The curve's power part from 2^-9 on, which is below its start, in 128 pieces an octave: a parabola
- * through the ends and the middle of each, whose error is below 2e-8. */
-enum { ENCODE_OCTAVES = 9, ENCODE_PIECES = 128 };
-static float encode_table[ENCODE_OCTAVES * ENCODE_PIECES][3];
+/* The curve's power part, from 2^-9 on, which is below its start. */
+enum { ENCODE_FIRST = -9 };
+static float encode_pieces[-ENCODE_FIRST * CURVE_PIECES][4];
+static struct curve_table encode_table;
 static pthread_once_t encode_table_once = PTHREAD_ONCE_INIT;
 
-static double srgb_power(double linear)
+static double srgb_power(double linear, const void *user)
 {
+    (void)user;
     return 1.055 * det_pow_d(linear, 1.0 / 2.4) - 0.055;
 }
 
 static void encode_table_build(void)
 {
-    for (int i = 0; i < ENCODE_OCTAVES * ENCODE_PIECES; i++) {
-        double start = ldexp(1.0 + (double)(i % ENCODE_PIECES) / ENCODE_PIECES,
-                             i / ENCODE_PIECES - ENCODE_OCTAVES);
-        double width = ldexp(1.0 / ENCODE_PIECES, i / ENCODE_PIECES - ENCODE_OCTAVES);
-        double a = srgb_power(start), b = srgb_power(start + 0.5 * width);
-        double c = srgb_power(start + width);
-
-        encode_table[i][0] = (float)a;
-        encode_table[i][1] = (float)(4.0 * b - 3.0 * a - c);
-        encode_table[i][2] = (float)(2.0 * (a + c) - 4.0 * b);
-    }
+    curve_table_build(&encode_table, encode_pieces, ENCODE_FIRST, -ENCODE_FIRST, srgb_power, NULL);
 }
 
 static float encode_quickly(float linear)
 {
-    uint32_t bits, piece;
-    float t, code;
-
     if (!(linear > 0.0f)) /* NaN too */
         return 0.0f;
     if (linear >= 1.0f)
         return 1.0f;
     if (linear <= 0.0031308f)
         return 12.92f * linear;
-    bits = float_bits(linear);
-    piece = (bits >> 16) - (((127u - ENCODE_OCTAVES) << 23) >> 16);
-    t = (float)(bits & 0xffff) * (1.0f / 65536.0f);
-    code = encode_table[piece][0] +
-           t * (encode_table[piece][1] + t * encode_table[piece][2]);
-    return code < 1.0f ? code : 1.0f;
+    return curve_table_at(&encode_table, linear);
 }
 
 void srgb_encode_row(float *values, size_t count)

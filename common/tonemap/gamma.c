@@ -1,37 +1,53 @@
-/* Gamma compression: a power of each channel is the display code itself. It takes the place
- * of the sRGB curve and is not followed by it. */
-#include <math.h>
-
-#include "common/math/elementary.h"
+/* Gamma compression: a power of each channel, L_out = A L^(1/gamma), is the display code itself.
+ * It takes the place of the sRGB curve and is not followed by it. */
+#include "common/base/memory.h"
+#include "common/math/curve_table.h"
 #include "common/tonemap/operators.h"
 
 enum { GAMMA, GAIN };
 
+/* Gains from 0.001 reach white at 0.001^-5 < 2^50, and below 2^-126 a gain of 1000 and a gamma
+ * of 5 leave less than 3e-5. */
+enum { FIRST_OCTAVE = -126, OCTAVES = 50 - FIRST_OCTAVE };
+
 static const struct tonemap_parameter parameters[] = {
-    [GAMMA] = {"gamma", 1.0, 5.0, 2.2, "display code = gain * light^(1/gamma)"},
-    [GAIN] = {"gain", 0.001, 1000.0, 1.0, "multiplies the display code"},
+    [GAMMA] = {"gamma", 1.0, 5.0, 2.2, "display code = gain * light^(1/gamma)", TONEMAP_NUMBER,
+               NULL},
+    [GAIN] = {"gain", 0.001, 1000.0, 1.0, "multiplies the display code", TONEMAP_NUMBER, NULL},
 };
 
-struct curve {
-    float exponent, gain;
+struct power {
+    double exponent, gain;
 };
+
+static double power_at(double light, const void *user)
+{
+    const struct power *power = user;
+
+    return power->gain * det_pow_d(light, power->exponent);
+}
 
 static void gamma_row(const void *user, float *rgb, uint32_t width)
 {
-    const struct curve *curve = user;
+    const struct curve_table *table = user;
 
     for (size_t i = 0; i < (size_t)width * 3; i++)
-        rgb[i] = fminf(curve->gain * det_pow(rgb[i], curve->exponent), 1.0f);
+        rgb[i] = rgb[i] >= table->low ? curve_table_at(table, rgb[i]) : 0.0f;
 }
 
 static status gamma_apply(const struct tonemap_frame *frame, const double *state,
                           struct error *err)
 {
-    struct curve curve = {(float)(1.0 / frame->values[GAMMA]), (float)frame->values[GAIN]};
+    struct power power = {1.0 / frame->values[GAMMA], frame->values[GAIN]};
+    float (*pieces)[4] = mem_alloc_array(OCTAVES * CURVE_PIECES, sizeof *pieces);
+    struct curve_table table;
 
     (void)state;
-    (void)err;
-    tonemap_each_row(frame, gamma_row, &curve);
+    if (!pieces)
+        return error_no_memory(err, "a gamma curve");
+    curve_table_build(&table, pieces, FIRST_OCTAVE, OCTAVES, power_at, &power);
+    tonemap_each_row(frame, gamma_row, &table);
+    mem_free(pieces);
     return STATUS_OK;
 }
 

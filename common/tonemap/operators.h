@@ -18,21 +18,28 @@ extern const struct tonemap_operator tonemap_pbr_neutral;
 extern const struct tonemap_operator tonemap_hable;
 extern const struct tonemap_operator tonemap_lut;
 
-/* Luminance of linear Rec. 709 in double: three large floats must not overflow. */
+/* The weights of luminance in linear Rec. 709. */
+static const double tonemap_weights[3] = {0.212656, 0.715158, 0.072186};
+
+/* Luminance in double: three large floats must not overflow. */
 static inline double tonemap_luminance(const float rgb[3])
 {
-    return 0.212656 * (double)rgb[0] + 0.715158 * (double)rgb[1] + 0.072186 * (double)rgb[2];
+    return tonemap_weights[0] * (double)rgb[0] + tonemap_weights[1] * (double)rgb[1] +
+           tonemap_weights[2] * (double)rgb[2];
 }
 
 /* Call row(user, rgb[width][3], width) for every line of the frame's picture, on its threads. */
 void tonemap_each_row(const struct tonemap_frame *frame,
                       void (*row)(const void *user, float *rgb, uint32_t width), const void *user);
 
-/* The luminance below which `percent` (0..100) of the pixels with positive luminance lie, as a
- * float, exactly (nearest rank); 0 if there is none. Pixels that are not finite do not count.
- * ERR_NO_MEMORY. */
+/* The luminance, or largest channel, below which `percent` (0..100) of the frame's pixels lie, as a
+ * float, exactly (nearest rank); 0 if no pixel counts. Pixels without light do not count, nor those
+ * with a channel of FLT_MAX, which stands for what was not finite. ERR_NO_MEMORY. */
+enum tonemap_of { TONEMAP_LUMINANCE, TONEMAP_LARGEST_CHANNEL };
+status tonemap_percentile_of(double *out, const struct image *image, enum tonemap_of of,
+                             double percent, unsigned threads, struct error *err) MUST_CHECK;
 status tonemap_percentile(double *out, const struct image *image, double percent,
-                          unsigned threads, struct error *err) MUST_CHECK;
+                          unsigned threads, struct error *err) MUST_CHECK; /* luminance */
 
 /* The matrix by which linear Rec. 709 is multiplied so that a light of that colour temperature
  * looks like D65 (Bradford). Below 4000 K the Planckian locus, above it the CIE daylight locus. */

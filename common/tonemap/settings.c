@@ -8,10 +8,17 @@
 #include "common/tonemap/tonemap.h"
 
 static const struct tonemap_operator *const operators[] = {
-    &tonemap_reinhard02,
+    &tonemap_reinhard02, /* the first is the default */
     &tonemap_drago03,
     &tonemap_mantiuk06,
+    &tonemap_aces,
+    &tonemap_aces_hill,
+    &tonemap_agx,
+    &tonemap_pbr_neutral,
+    &tonemap_hable,
+    &tonemap_lut,
     &tonemap_gamma,
+    &tonemap_normalize,
     &tonemap_linear,
 };
 

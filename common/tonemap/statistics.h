@@ -9,4 +9,9 @@ status statistics_measure(struct tonemap_statistics *out, const struct image *in
                           const double matrix[3][3], unsigned threads, struct error *err)
     MUST_CHECK;
 
+/* The luminance after the matrix below which `percent` (0..100) of the pixels that count lie, as a
+ * float, exactly (nearest rank); 0 if none counts. ERR_NO_MEMORY. */
+status statistics_percentile(double *out, const struct image *in, const double matrix[3][3],
+                             double percent, unsigned threads, struct error *err) MUST_CHECK;
+
 #endif

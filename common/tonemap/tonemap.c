@@ -97,7 +97,8 @@ static void expose_lines(void *user, size_t begin, size_t end)
 
 /* Stops that the metering adds. */
 static status meter(double *ev, const struct tonemap_settings *s, const struct image *in,
-                    const struct tonemap_statistics *raw, unsigned threads, struct error *err)
+                    const double balance[3][3], const struct tonemap_statistics *raw,
+                    unsigned threads, struct error *err)
 {
     double level = raw->log_mean, target = KEY;
     status st = STATUS_OK;
@@ -106,7 +107,7 @@ static status meter(double *ev, const struct tonemap_settings *s, const struct i
     if (s->metering == TONEMAP_METERING_OFF || raw->counted == 0)
         return STATUS_OK;
     if (s->metering == TONEMAP_METERING_PERCENTILE) {
-        st = tonemap_percentile(&level, in, s->metering_percentile, threads, err);
+        st = statistics_percentile(&level, in, balance, s->metering_percentile, threads, err);
         target = 1.0;
     }
     if (st == STATUS_OK && level > 0.0)
@@ -154,7 +155,8 @@ static status measure_raw(struct work *w, struct tonemap_state *state, struct er
     balance_of(w->settings, matrix);
     st = statistics_measure(&raw, w->in, (const double (*)[3])matrix, w->frame.threads, err);
     if (st == STATUS_OK)
-        st = meter(&state->metered_ev, w->settings, w->in, &raw, w->frame.threads, err);
+        st = meter(&state->metered_ev, w->settings, w->in, (const double (*)[3])matrix, &raw,
+                   w->frame.threads, err);
     if (st != STATUS_OK || raw.counted == 0)
         return st;
     ln_gain = state->metered_ev * det_log_d(2.0);
