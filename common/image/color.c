@@ -5,15 +5,20 @@
 #include "common/math/curve_table.h"
 #include "common/math/elementary.h"
 
+/* Where the curve's line ends. The standard's rounded constants make the power begin 2.6e-8 below
+ * the line's end; it is held there, so that the curve never decreases. */
+static const float LINE_END = 0.0031308f, LINE_SLOPE = 12.92f;
+
 float srgb_encode(float linear)
 {
     if (!(linear > 0.0f)) /* NaN too */
         return 0.0f;
     if (linear >= 1.0f)
         return 1.0f;
-    if (linear <= 0.0031308f)
-        return 12.92f * linear;
-    return (float)fmin(1.055 * det_pow_d((double)linear, 1.0 / 2.4) - 0.055, 1.0);
+    if (linear <= LINE_END)
+        return LINE_SLOPE * linear;
+    return fmaxf((float)fmin(1.055 * det_pow_d((double)linear, 1.0 / 2.4) - 0.055, 1.0),
+                 LINE_SLOPE * LINE_END);
 }
 
 float srgb_decode(float encoded)
@@ -46,13 +51,16 @@ static void encode_table_build(void)
 
 static float encode_quickly(float linear)
 {
+    float code;
+
     if (!(linear > 0.0f)) /* NaN too */
         return 0.0f;
     if (linear >= 1.0f)
         return 1.0f;
-    if (linear <= 0.0031308f)
-        return 12.92f * linear;
-    return curve_table_at(&encode_table, linear);
+    if (linear <= LINE_END)
+        return LINE_SLOPE * linear;
+    code = curve_table_at(&encode_table, linear);
+    return code > LINE_SLOPE * LINE_END ? code : LINE_SLOPE * LINE_END;
 }
 
 void srgb_encode_row(float *values, size_t count)

@@ -6,8 +6,10 @@
 
 #include <cmocka.h>
 #include <math.h>
+#include <string.h>
 
 #include "common/image/color.h"
+#include "common/math/elementary.h"
 
 static double reference_encode(double v)
 {
@@ -32,6 +34,33 @@ static void test_against_formula(void **state)
         assert_true(srgb_encode(v) >= before); /* monotone, across the joint too */
         before = srgb_encode(v);
     }
+}
+
+/* The quick row against the curve, and over every float of its power part without a step back. */
+static void test_row(void **state)
+{
+    enum { CHUNK = 1 << 16 };
+    static float row[CHUNK];
+    float before = 0.0f, ends[] = {-1.0f, 0.0f, 1.0f, 7.0f, NAN, -INFINITY, INFINITY, 1e-45f};
+    uint32_t first = float_bits(0.0031f), last = float_bits(1.0f);
+
+    (void)state;
+    for (uint32_t bits = first; bits <= last; bits += CHUNK) {
+        for (uint32_t i = 0; i < CHUNK; i++)
+            row[i] = float_from_bits(bits + i);
+        srgb_encode_row(row, CHUNK);
+        for (uint32_t i = 0; i < CHUNK; i++) {
+            assert_true(row[i] >= before);
+            before = row[i];
+        }
+        for (uint32_t i = 0; i < CHUNK; i += 997)
+            assert_true(fabsf(row[i] - srgb_encode(float_from_bits(bits + i))) < 1e-7f);
+    }
+    assert_true(before == 1.0f);
+    memcpy(row, ends, sizeof ends);
+    srgb_encode_row(row, sizeof ends / sizeof *ends);
+    for (size_t i = 0; i < sizeof ends / sizeof *ends; i++)
+        assert_true(row[i] == srgb_encode(ends[i]));
 }
 
 static void test_ends_and_nonsense(void **state)
@@ -103,9 +132,9 @@ static void test_matrix_inverse(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_against_formula), cmocka_unit_test(test_ends_and_nonsense),
-        cmocka_unit_test(test_table),           cmocka_unit_test(test_color_spaces),
-        cmocka_unit_test(test_matrix_inverse),
+        cmocka_unit_test(test_against_formula), cmocka_unit_test(test_row),
+        cmocka_unit_test(test_ends_and_nonsense), cmocka_unit_test(test_table),
+        cmocka_unit_test(test_color_spaces), cmocka_unit_test(test_matrix_inverse),
     };
     return cmocka_run_group_tests_name("color", tests, NULL, NULL);
 }
