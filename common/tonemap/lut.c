@@ -236,7 +236,7 @@ static status cube_begin_entries(struct cube_reader *r, struct error *err)
         return error_set(err, STATUS_ERR_INPUT, "%s has two tables, and DOMAIN_MIN or DOMAIN_MAX "
                          "does not say for which; use LUT_1D_INPUT_RANGE and LUT_3D_INPUT_RANGE",
                          r->name);
-    if (left / CUBE_ENTRY_BYTES + 1 < r->expected)
+    if ((left + 1) / CUBE_ENTRY_BYTES < r->expected) /* the last line may have no end */
         return error_set(err, STATUS_ERR_INPUT, "%s should have %zu lines of numbers, and is too "
                          "short for them; it was cut off, or its size is wrong", r->name,
                          r->expected);

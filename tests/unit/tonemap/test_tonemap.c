@@ -7,10 +7,16 @@
 #include <cmocka.h>
 #include <float.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "common/image/color.h"
+#include "common/math/elementary.h"
 #include "common/tonemap/tonemap.h"
+
+/* The file of operators that need one: the table of `lut` that changes nothing. */
+static const char identity_cube[] = "LUT_3D_SIZE 2\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n"
+                                    "0 0 1\n1 0 1\n0 1 1\n1 1 1\n";
 
 static struct tonemap_settings settings_of(const char *name)
 {
@@ -18,7 +24,19 @@ static struct tonemap_settings settings_of(const char *name)
     struct error err = {0};
 
     assert_int_equal(tonemap_settings_init(&s, name, &err), STATUS_OK);
+    s.has_file = s.op->file_required;
     return s;
+}
+
+static struct tonemap_context context_of(const struct tonemap_settings *s)
+{
+    struct tonemap_context context = {0};
+
+    if (s->has_file) {
+        context.file_data = (const uint8_t *)identity_cube;
+        context.file_size = sizeof identity_cube - 1;
+    }
+    return context;
 }
 
 static void set(struct tonemap_settings *s, const char *parameter, double value)
@@ -38,18 +56,65 @@ static struct image grey_image(uint32_t width, uint32_t height, float value)
     return image;
 }
 
-static struct image apply(const struct image *in, const struct tonemap_settings *s)
+static struct image apply_in(const struct image *in, const struct tonemap_settings *s,
+                             const struct tonemap_context *context)
 {
     struct image out;
     struct error err = {0};
 
-    assert_int_equal(tonemap_apply(&out, in, s, NULL, &err), STATUS_OK);
+    assert_int_equal(tonemap_apply(&out, in, s, context, &err), STATUS_OK);
     assert_int_equal(out.width, in->width);
     assert_int_equal(out.height, in->height);
     assert_int_equal(out.channels, 3);
     for (size_t i = 0; i < (size_t)out.width * out.height * 3; i++)
         assert_true(out.pixels[i] >= 0.0f && out.pixels[i] <= 1.0f); /* false for NaN */
     return out;
+}
+
+static struct image apply(const struct image *in, const struct tonemap_settings *s)
+{
+    struct tonemap_context context = context_of(s);
+
+    return apply_in(in, s, &context);
+}
+
+static struct tonemap_state measure(const struct image *in, const struct tonemap_settings *s)
+{
+    struct tonemap_context context = context_of(s);
+    struct tonemap_state state;
+    struct error err = {0};
+
+    assert_int_equal(tonemap_measure(&state, in, s, &context, &err), STATUS_OK);
+    return state;
+}
+
+static int same_pixels(const struct image *a, const struct image *b)
+{
+    return a->width == b->width && a->height == b->height &&
+           memcmp(a->pixels, b->pixels, (size_t)a->width * a->height * 3 * sizeof(float)) == 0;
+}
+
+/* 0 to 1, the same with every run. */
+static double number(uint64_t *seed)
+{
+    *seed = *seed * 6364136223846793005u + 1442695040888963407u;
+    return (double)(*seed >> 40) / (double)(1 << 24);
+}
+
+/* Colours over six orders of magnitude, some pixels black, a few not finite or negative. */
+static struct image wild_image(uint32_t width, uint32_t height, uint64_t seed)
+{
+    struct image image = grey_image(width, height, 0.0f);
+
+    for (size_t i = 0; i < (size_t)width * height; i++) {
+        double level = pow(10.0, 6.0 * number(&seed) - 4.0), kind = number(&seed);
+
+        for (int c = 0; c < 3 && kind < 0.9; c++)
+            image.pixels[3 * i + c] = (float)(level * number(&seed));
+        if (kind > 0.99)
+            image.pixels[3 * i + 1] = i % 3 == 0 ? NAN : i % 3 == 1 ? INFINITY : -1.0f;
+    }
+    return image;
 }
 
 /* The display light of a one-pixel grey picture. A constant picture's scaled luminance is the
@@ -166,8 +231,11 @@ static void test_exposure_brightens(void **state)
     (void)state;
     for (size_t i = 0; i < count; i++) {
         struct tonemap_settings s = settings_of(all[i]->name);
-        struct image in = grey_image(2, 1, 0.05f), plain, brighter;
+        struct image in, plain, brighter;
 
+        if (all[i]->adaptive)
+            continue;
+        in = grey_image(2, 1, 0.05f);
         in.pixels[3] = in.pixels[4] = in.pixels[5] = 5.0f;
         plain = apply(&in, &s);
         s.exposure_ev = 1.5;
@@ -234,6 +302,39 @@ static void test_hard_inputs(void **state)
             }
 }
 
+/* All black, one lit pixel, half black, primaries, and shapes of one line or column. */
+static void test_hard_shapes(void **state)
+{
+    static const uint32_t sizes[][2] = {{1, 1}, {1, 2}, {1, 37}, {37, 1}, {3, 2}, {64, 48}};
+    size_t operator_count;
+    const struct tonemap_operator *const *all = tonemap_operators(&operator_count);
+
+    (void)state;
+    for (size_t i = 0; i < operator_count; i++)
+        for (size_t k = 0; k < sizeof sizes / sizeof *sizes; k++) {
+            struct tonemap_settings s = settings_of(all[i]->name);
+            size_t count = (size_t)sizes[k][0] * sizes[k][1];
+            struct image in = grey_image(sizes[k][0], sizes[k][1], 0.0f), out = apply(&in, &s);
+
+            for (size_t p = 0; p < count * 3; p++) /* black stays black */
+                assert_true(out.pixels[p] == 0.0f);
+            image_release(&out);
+            for (int c = 0; c < 3; c++) { /* one lit pixel, of a primary */
+                in.pixels[count / 2 * 3 + (size_t)c] = 3.0f;
+                out = apply(&in, &s);
+                assert_true(out.pixels[count / 2 * 3 + (size_t)c] > 0.05f);
+                image_release(&out);
+                in.pixels[count / 2 * 3 + (size_t)c] = 0.0f;
+            }
+            for (size_t p = 0; p < count / 2 * 3; p++)
+                in.pixels[p] = 0.18f;
+            out = apply(&in, &s);
+            assert_true(count == 1 || out.pixels[0] > 0.05f);
+            image_release(&out);
+            image_release(&in);
+        }
+}
+
 /* One firefly may darken what the white point serves, never make the picture vanish. */
 static void test_firefly(void **state)
 {
@@ -270,6 +371,440 @@ static void test_settings_errors(void **state)
     image_release(&in);
 }
 
+static const char *const fruit[] = {"apple", "pear", NULL};
+static const struct tonemap_parameter fake_parameters[] = {
+    {"count", 1.0, 9.0, 4.0, "how many", TONEMAP_INTEGER, NULL},
+    {"fruit", 0.0, 1.0, 0.0, "which", TONEMAP_CHOICE, fruit},
+    {"weight", 0.0, 2.5, 1.0, "how much", TONEMAP_NUMBER, NULL},
+};
+static const struct tonemap_operator fake = {
+    .name = "fake", .parameters = fake_parameters, .parameter_count = 3};
+
+static void refuse_text(struct tonemap_settings *s, const char *parameter, const char *text,
+                        const char *said)
+{
+    struct error err = {0};
+
+    assert_int_equal(tonemap_settings_set_text(s, parameter, text, &err), STATUS_ERR_INPUT);
+    assert_non_null(strstr(err.text, said));
+}
+
+static void test_settings_by_text(void **state)
+{
+    struct tonemap_settings s = {.op = &fake};
+    struct error err = {0};
+
+    (void)state;
+    assert_int_equal(tonemap_settings_set_text(&s, "count", "7", &err), STATUS_OK);
+    assert_true(s.values[0] == 7.0);
+    assert_int_equal(tonemap_settings_set_text(&s, "fruit", "pear", &err), STATUS_OK);
+    assert_true(s.values[1] == 1.0);
+    assert_int_equal(tonemap_settings_set_text(&s, "fruit", "apple", &err), STATUS_OK);
+    assert_true(s.values[1] == 0.0);
+    assert_int_equal(tonemap_settings_set_text(&s, "weight", "1.5e-1", &err), STATUS_OK);
+    assert_true(s.values[2] == 0.15);
+    refuse_text(&s, "count", "7.5", "whole");
+    refuse_text(&s, "count", "10", "9");
+    refuse_text(&s, "count", "seven", "seven");
+    refuse_text(&s, "fruit", "plum", "apple, pear");
+    refuse_text(&s, "fruit", "1", "apple, pear");
+    refuse_text(&s, "weight", "", "not a number");
+    refuse_text(&s, "weight", "1x", "1x");
+    refuse_text(&s, "weight", "nan", "2.5");
+    refuse_text(&s, "height", "1", "weight");
+    assert_int_equal(tonemap_settings_set(&s, "fruit", 0.5, &err), STATUS_ERR_INPUT);
+    assert_true(s.values[0] == 7.0 && s.values[1] == 0.0 && s.values[2] == 0.15);
+}
+
+static void test_validation(void **state)
+{
+    struct tonemap_settings good = settings_of("reinhard02"), s = good;
+    struct error err = {0};
+
+    (void)state;
+    assert_int_equal(tonemap_settings_validate(&good, &err), STATUS_OK);
+    s.metering_percentile = 101.0;
+    assert_int_equal(tonemap_settings_validate(&s, &err), STATUS_ERR_INPUT);
+    s = good;
+    s.white_kelvin = 1000.0;
+    assert_int_equal(tonemap_settings_validate(&s, &err), STATUS_ERR_INPUT);
+    s = good;
+    s.white_kelvin = (double)NAN;
+    assert_int_equal(tonemap_settings_validate(&s, &err), STATUS_ERR_INPUT);
+    s = good;
+    s.temporal = TONEMAP_TEMPORAL_MAX + 1;
+    assert_int_equal(tonemap_settings_validate(&s, &err), STATUS_ERR_INPUT);
+    s = good;
+    s.has_file = 1;
+    assert_int_equal(tonemap_settings_validate(&s, &err), STATUS_ERR_INPUT);
+    s = settings_of("lut");
+    assert_int_equal(tonemap_settings_validate(&s, &err), STATUS_OK);
+    s.has_file = 0;
+    assert_int_equal(tonemap_settings_validate(&s, &err), STATUS_ERR_INPUT);
+    assert_non_null(strstr(err.text, ".cube"));
+    for (int m = 0; m < TONEMAP_METERING_COUNT; m++)
+        assert_int_equal(tonemap_metering_parse(tonemap_metering_name((enum tonemap_metering)m)),
+                         m);
+    assert_int_equal(tonemap_metering_parse("guess"), -1);
+}
+
+/* ---- metering ------------------------------------------------------------------------------- */
+
+static void test_metering_key(void **state)
+{
+    struct tonemap_settings s = settings_of("linear");
+    struct image in = grey_image(3, 1, 2.0f), out;
+
+    (void)state;
+    in.pixels[0] = in.pixels[1] = in.pixels[2] = 0.5f; /* the log-mean of 0.5, 1 and 2 is 1 */
+    in.pixels[3] = in.pixels[4] = in.pixels[5] = 1.0f;
+    s.metering = TONEMAP_METERING_KEY;
+    out = apply(&in, &s);
+    assert_true(fabsf(out.pixels[3] - srgb_encode(0.18f)) < 2e-7f);
+    assert_true(fabsf(out.pixels[6] - srgb_encode(0.36f)) < 2e-7f);
+    image_release(&out);
+    s.exposure_ev = -1.0; /* on top of it */
+    out = apply(&in, &s);
+    assert_true(fabsf(out.pixels[6] - srgb_encode(0.18f)) < 2e-7f);
+    image_release(&out);
+    image_release(&in);
+}
+
+static int compare_floats(const void *a, const void *b)
+{
+    float x = *(const float *)a, y = *(const float *)b;
+
+    return (x > y) - (x < y);
+}
+
+/* The values of the pixels that count, sorted. */
+static size_t sort_values(const struct image *in, int largest, float *values)
+{
+    size_t count = 0;
+
+    for (size_t i = 0; i < (size_t)in->width * in->height; i++) {
+        const float *p = in->pixels + 3 * i;
+        double r = fmax((double)p[0], 0), g = fmax((double)p[1], 0), b = fmax((double)p[2], 0);
+        double value = largest ? fmax(r, fmax(g, b)) : 0.212656 * r + 0.715158 * g + 0.072186 * b;
+
+        if (isfinite(p[0]) && isfinite(p[1]) && isfinite(p[2]) && value > 0.0)
+            values[count++] = (float)value;
+    }
+    qsort(values, count, sizeof *values, compare_floats);
+    return count;
+}
+
+static void test_percentile_is_exact(void **state)
+{
+    static const double percents[] = {0.0, 1.0, 12.5, 50.0, 90.0, 99.0, 99.9, 100.0};
+    static float values[67 * 41];
+    struct image in = wild_image(67, 41, 5);
+    struct tonemap_settings s = settings_of("linear"), normalize = settings_of("normalize");
+
+    (void)state;
+    s.metering = TONEMAP_METERING_PERCENTILE;
+    for (size_t k = 0; k < sizeof percents / sizeof *percents; k++) {
+        size_t count = sort_values(&in, 0, values);
+        size_t rank = (size_t)(percents[k] / 100.0 * (double)(count - 1) + 0.5);
+        struct tonemap_state found;
+
+        s.metering_percentile = percents[k];
+        found = measure(&in, &s);
+        assert_true(fabs(found.metered_ev + log2((double)values[rank])) < 1e-9);
+        assert_int_equal(sort_values(&in, 1, values), count); /* of normalize: the largest channel */
+        set(&normalize, "percentile", percents[k]);
+        /* Its pixels that are not a number are black, so they do not count either. */
+        assert_true(fabs(measure(&in, &normalize).values[0] - log((double)values[rank])) < 1e-9);
+    }
+    image_release(&in);
+}
+
+/* The metering sees the picture after white balance. */
+static void test_metering_after_balance(void **state)
+{
+    struct tonemap_settings s = settings_of("linear");
+    struct image in = grey_image(2, 2, 0.4f), out;
+
+    (void)state;
+    for (int i = 0; i < 12; i += 3) {
+        in.pixels[i] = 0.9f;
+        in.pixels[i + 2] = 0.1f;
+    }
+    s.white_kelvin = 3000.0;
+    for (int m = TONEMAP_METERING_KEY; m <= TONEMAP_METERING_PERCENTILE; m++) {
+        float light[3];
+        double luminance;
+
+        s.metering = (enum tonemap_metering)m;
+        s.exposure_ev = m == TONEMAP_METERING_PERCENTILE ? -2.0 : 0.0;
+        out = apply(&in, &s);
+        for (int c = 0; c < 3; c++)
+            light[c] = srgb_decode(out.pixels[c]);
+        luminance = 0.212656 * (double)light[0] + 0.715158 * (double)light[1] +
+                    0.072186 * (double)light[2];
+        assert_true(fabs(luminance - (m == TONEMAP_METERING_KEY ? 0.18 : 0.25)) < 1e-6);
+        image_release(&out);
+    }
+    image_release(&in);
+}
+
+/* normalize: its reference becomes white, exposure acts on it, one firefly does nothing. */
+static void test_normalize(void **state)
+{
+    struct tonemap_settings s = settings_of("normalize");
+    struct image in = grey_image(50, 50, 2.0f), out;
+
+    (void)state;
+    in.pixels[0] = 1e30f;
+    in.pixels[3] = 1.0f;
+    out = apply(&in, &s);
+    assert_true(fabsf(out.pixels[3] - srgb_encode(0.5f)) < 1e-6f);
+    assert_true(out.pixels[6] > 0.999999f);
+    image_release(&out);
+    s.exposure_ev = -1.0;
+    out = apply(&in, &s);
+    assert_true(fabsf(out.pixels[3] - srgb_encode(0.25f)) < 1e-6f);
+    image_release(&out);
+    set(&s, "percentile", 100.0);
+    in.pixels[0] = 4.0f;
+    out = apply(&in, &s);
+    assert_true(fabsf(out.pixels[0] - srgb_encode(0.5f)) < 1e-6f);
+    assert_true(fabsf(out.pixels[3] - srgb_encode(0.125f)) < 1e-6f);
+    image_release(&out);
+    image_release(&in);
+}
+
+/* ---- white balance -------------------------------------------------------------------------- */
+
+/* Linear Rec. 709 of a light by its chromaticity, Y = 1 (the usual published matrix). */
+static void light_of(double x, double y, float rgb[3])
+{
+    const double xyz[3] = {x / y, 1.0, (1.0 - x - y) / y};
+    static const double m[3][3] = {{3.2404542, -1.5371385, -0.4985314},
+                                   {-0.9692660, 1.8760108, 0.0415560},
+                                   {0.0556434, -0.2040259, 1.0572252}};
+
+    for (int i = 0; i < 3; i++)
+        rgb[i] = (float)(m[i][0] * xyz[0] + m[i][1] * xyz[1] + m[i][2] * xyz[2]);
+}
+
+/* The largest ratio between channels, less 1, of a grey card in that light after balancing. */
+static double cast_of(double kelvin, double x, double y)
+{
+    struct tonemap_settings s = settings_of("linear");
+    struct image in = grey_image(1, 1, 0.0f), out;
+    float light[3], high, low;
+
+    light_of(x, y, light);
+    for (int c = 0; c < 3; c++)
+        in.pixels[c] = 0.3f * light[c];
+    s.white_kelvin = kelvin;
+    out = apply(&in, &s);
+    for (int c = 0; c < 3; c++)
+        light[c] = srgb_decode(out.pixels[c]);
+    high = fmaxf(light[0], fmaxf(light[1], light[2]));
+    low = fminf(light[0], fminf(light[1], light[2]));
+    assert_true(fabsf(light[1] - 0.3f) < 0.01f); /* no brighter, no darker */
+    image_release(&in);
+    image_release(&out);
+    return (double)(high / low) - 1.0;
+}
+
+/* Planck's law under the colour matching functions of Wyman, Sloan, Shirley (JCGT 2(2), 2013, the fit
+ * of several lobes), which is good for 0.002 of x and y. */
+static void planck(double kelvin, double *x, double *y)
+{
+    static const double lobes[7][5] = {
+        /* of, weight, mean, 1/width below, above */
+        {0, 1.056, 599.8, 1 / 37.9, 1 / 31.0}, {0, 0.362, 442.0, 1 / 16.0, 1 / 26.7},
+        {0, -0.065, 501.1, 1 / 20.4, 1 / 26.2}, {1, 0.821, 568.8, 1 / 46.9, 1 / 40.5},
+        {1, 0.286, 530.9, 1 / 16.3, 1 / 31.1}, {2, 1.217, 437.0, 1 / 11.8, 1 / 36.0},
+        {2, 0.681, 459.0, 1 / 26.0, 1 / 13.8}};
+    double xyz[3] = {0};
+
+    for (double nm = 360.0; nm <= 830.0; nm += 1.0) {
+        double power = pow(nm / 560.0, -5.0) / (exp(1.438777e7 / (nm * kelvin)) - 1.0);
+
+        for (int i = 0; i < 7; i++) {
+            double d = (nm - lobes[i][2]) * lobes[i][nm < lobes[i][2] ? 3 : 4];
+            xyz[(int)lobes[i][0]] += power * lobes[i][1] * exp(-0.5 * d * d);
+        }
+    }
+    *x = xyz[0] / (xyz[0] + xyz[1] + xyz[2]);
+    *y = xyz[1] / (xyz[0] + xyz[1] + xyz[2]);
+}
+
+static void test_white_balance(void **state)
+{
+    static const double hot[] = {2000.0, 2400.0, 3000.0, 3900.0};
+
+    (void)state;
+    /* The CIE's illuminants A, D50, D55, D65 and D75. */
+    assert_true(cast_of(2856.0, 0.44758, 0.40745) < 0.02);
+    assert_true(cast_of(5003.0, 0.34567, 0.35850) < 0.005);
+    assert_true(cast_of(5503.0, 0.33242, 0.34743) < 0.005);
+    assert_true(cast_of(6504.0, 0.31271, 0.32902) < 0.002);
+    assert_true(cast_of(7504.0, 0.29902, 0.31485) < 0.005);
+    /* Planck's radiators, as tabulated. */
+    assert_true(cast_of(2000.0, 0.52669, 0.41331) < 0.02);
+    assert_true(cast_of(2500.0, 0.47701, 0.41368) < 0.01);
+    assert_true(cast_of(3000.0, 0.43693, 0.40407) < 0.01);
+    for (size_t i = 0; i < sizeof hot / sizeof *hot; i++) {
+        double x, y;
+
+        planck(hot[i], &x, &y);
+        assert_true(cast_of(hot[i], x, y) < 0.06);
+    }
+    /* And without it the cast is there. */
+    assert_true(cast_of(6504.0, 0.34567, 0.35850) > 0.1);
+}
+
+static void test_white_balance_of_daylight_is_none(void **state)
+{
+    struct tonemap_settings s = settings_of("linear");
+    struct image in = grey_image(1, 1, 0.2f), a, b;
+
+    (void)state;
+    in.pixels[0] = 0.6f;
+    in.pixels[2] = 0.05f;
+    a = apply(&in, &s);
+    s.white_kelvin = 6504.0;
+    b = apply(&in, &s);
+    for (int c = 0; c < 3; c++)
+        assert_true(fabsf(srgb_decode(a.pixels[c]) - srgb_decode(b.pixels[c])) <
+                    1e-3f * srgb_decode(a.pixels[0]));
+    image_release(&in);
+    image_release(&a);
+    image_release(&b);
+}
+
+/* ---- states --------------------------------------------------------------------------------- */
+
+static void test_state_mean(void **state)
+{
+    struct tonemap_settings s = settings_of("normalize");
+    struct image dark = grey_image(2, 2, 1.0f), bright = grey_image(2, 2, 4.0f);
+    struct image black = grey_image(2, 2, 0.0f), out;
+    struct tonemap_state a, b, none, mean;
+    const struct tonemap_state *states[] = {&a, &none, &b};
+    struct tonemap_context context = {.state = &mean};
+
+    (void)state;
+    s.metering = TONEMAP_METERING_KEY;
+    s.exposure_ev = 3.0; /* no part of the state */
+    a = measure(&dark, &s);
+    b = measure(&bright, &s);
+    none = measure(&black, &s);
+    assert_true(a.counts && b.counts && !none.counts);
+    tonemap_state_mean(&mean, states, 3, &s);
+    assert_true(mean.counts);
+    assert_true(fabs(mean.metered_ev - log2(0.18 / 2.0)) < 1e-6); /* 2: between 1 and 4 */
+    assert_true(fabs(mean.ln_log_mean - log(0.18)) < 1e-6);
+    assert_true(fabs(mean.ln_max - log(0.18)) < 1e-6);
+    assert_true(fabs(mean.values[0] - log(0.18)) < 1e-6);
+    /* Alone both are white; by the mean the dark one is half as bright, and three stops up. */
+    s.exposure_ev = -1.0;
+    out = apply_in(&dark, &s, &context);
+    assert_true(fabsf(out.pixels[0] - srgb_encode(0.25f)) < 1e-6f);
+    image_release(&out);
+    tonemap_state_mean(&mean, states + 1, 1, &s); /* black frames only */
+    assert_false(mean.counts);
+    out = apply_in(&black, &s, &context);
+    assert_true(out.pixels[0] == 0.0f);
+    image_release(&out);
+    image_release(&dark);
+    image_release(&bright);
+    image_release(&black);
+}
+
+/* Given its own state, a picture is what it is without; with any number of threads; and a black
+ * frame's state serves a frame that is not black. */
+static void test_states_and_threads(void **state)
+{
+    static const unsigned threads[] = {1, 2, 3, 7};
+    struct image in = wild_image(97, 61, 9);
+    size_t count;
+    const struct tonemap_operator *const *all = tonemap_operators(&count);
+
+    (void)state;
+    for (size_t i = 0; i < count; i++) {
+        struct tonemap_settings s = settings_of(all[i]->name);
+        struct tonemap_context context = context_of(&s);
+        struct tonemap_state own, none = {0};
+        struct image alone, out;
+
+        s.metering = TONEMAP_METERING_KEY;
+        s.exposure_ev = 0.7;
+        s.white_kelvin = 4500.0;
+        alone = apply(&in, &s);
+        own = measure(&in, &s);
+        for (size_t t = 0; t < sizeof threads / sizeof *threads; t++) {
+            context.threads = threads[t];
+            context.state = t % 2 ? &own : NULL;
+            out = apply_in(&in, &s, &context);
+            assert_true(same_pixels(&alone, &out));
+            image_release(&out);
+        }
+        context.state = &none;
+        out = apply_in(&in, &s, &context);
+        image_release(&out);
+        image_release(&alone);
+    }
+    image_release(&in);
+}
+
+/* Exchange the 16x16 tiles of a picture of whole tiles: tile k goes to place (5 k + 3) mod count. */
+static struct image shuffle_tiles(const struct image *in, int back)
+{
+    struct image out = grey_image(in->width, in->height, 0.0f);
+    uint32_t across = in->width / 16, count = across * (in->height / 16);
+
+    for (uint32_t k = 0; k < count; k++) {
+        uint32_t to = (5 * k + 3) % count, from = k;
+
+        if (back) {
+            from = to;
+            to = k;
+        }
+        for (uint32_t line = 0; line < 16; line++)
+            memcpy(out.pixels + 3 * (((size_t)to / across * 16 + line) * in->width +
+                                     (size_t)to % across * 16),
+                   in->pixels + 3 * (((size_t)from / across * 16 + line) * in->width +
+                                     (size_t)from % across * 16), 16 * 3 * sizeof(float));
+    }
+    return out;
+}
+
+/* Operators that look at one pixel at a time do not care where it lies, so that no tile shows:
+ * their statistics are of the whole picture. */
+static void test_tiles_do_not_show(void **state)
+{
+    static const char *const names[] = {"aces", "aces-hill", "agx",       "pbr-neutral", "hable",
+                                        "lut",  "gamma",     "normalize", "linear"};
+    struct image in = wild_image(112, 64, 3), shuffled;
+
+    (void)state;
+    for (size_t i = 0; i < 112 * 64 * 3; i++) /* one tile brighter than the others */
+        in.pixels[i] *= i / 3 % 112 < 16 && i / 336 < 16 ? 30.0f : 1.0f;
+    shuffled = shuffle_tiles(&in, 0);
+    assert_false(same_pixels(&in, &shuffled));
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        struct tonemap_settings s = settings_of(names[i]);
+        struct image a, b, ordered;
+
+        s.metering = TONEMAP_METERING_PERCENTILE;
+        a = apply(&in, &s);
+        b = apply(&shuffled, &s);
+        ordered = shuffle_tiles(&b, 1);
+        assert_true(same_pixels(&a, &ordered));
+        image_release(&a);
+        image_release(&b);
+        image_release(&ordered);
+    }
+    image_release(&in);
+    image_release(&shuffled);
+}
+
 /* Presets lie within their ranges, names are distinct: what a user interface relies on. */
 static void test_registry(void **state)
 {
@@ -281,10 +816,24 @@ static void test_registry(void **state)
     for (size_t i = 0; i < count; i++) {
         assert_ptr_equal(tonemap_find(all[i]->name), all[i]);
         assert_true(all[i]->parameter_count <= TONEMAP_PARAMETERS_MAX);
+        assert_true(all[i]->state_count <= TONEMAP_STATE_MAX);
+        assert_true((all[i]->state_count > 0) == (all[i]->measure != NULL));
+        assert_true((all[i]->file_load != NULL) == (all[i]->file_free != NULL));
+        assert_true((all[i]->file_load != NULL) == (all[i]->file_help != NULL));
+        assert_true(all[i]->file_load || !all[i]->file_required);
         assert_true(strlen(all[i]->summary) > 10 && strlen(all[i]->source) > 10);
         for (size_t k = 0; k < all[i]->parameter_count; k++) {
             const struct tonemap_parameter *p = &all[i]->parameters[k];
             assert_true(p->preset >= p->min && p->preset <= p->max);
+            assert_true(strlen(p->help) > 4);
+            assert_true(p->kind == TONEMAP_NUMBER || p->preset == floor(p->preset));
+            assert_true((p->kind == TONEMAP_CHOICE) == (p->choices != NULL));
+            if (p->kind == TONEMAP_CHOICE) {
+                size_t words = 0;
+                while (p->choices[words])
+                    words++;
+                assert_true(p->min == 0.0 && p->max == (double)(words - 1));
+            }
         }
     }
 }
@@ -300,8 +849,20 @@ int main(void)
         cmocka_unit_test(test_exposure_brightens),
         cmocka_unit_test(test_monotone),
         cmocka_unit_test(test_hard_inputs),
+        cmocka_unit_test(test_hard_shapes),
         cmocka_unit_test(test_firefly),
         cmocka_unit_test(test_settings_errors),
+        cmocka_unit_test(test_settings_by_text),
+        cmocka_unit_test(test_validation),
+        cmocka_unit_test(test_metering_key),
+        cmocka_unit_test(test_percentile_is_exact),
+        cmocka_unit_test(test_metering_after_balance),
+        cmocka_unit_test(test_normalize),
+        cmocka_unit_test(test_white_balance),
+        cmocka_unit_test(test_white_balance_of_daylight_is_none),
+        cmocka_unit_test(test_state_mean),
+        cmocka_unit_test(test_states_and_threads),
+        cmocka_unit_test(test_tiles_do_not_show),
         cmocka_unit_test(test_registry),
     };
     return cmocka_run_group_tests_name("tonemap", tests, NULL, NULL);
