@@ -230,6 +230,25 @@ def effect_groups(sky):
     ]
 
 
+def show_tonemapping():
+    title("Tone mapping: bench_tonemap, a frame's whole development, median of %d" % ROUNDS)
+    program = os.path.join(BUILD, "tests", "bench", "bench_tonemap")
+    columns = [(size, threads) for size in ("1920x1080", "3840x2160") for threads in (1, 0)]
+    table = {}
+    for size, threads in columns:
+        argv = [program, "--size", size, "--threads", str(threads), "--rounds", str(ROUNDS)]
+        for line in output(*argv).splitlines():
+            run = json.loads(line)
+            table.setdefault(run["operator"], []).append(run)
+    if not table:
+        sys.exit("failed: " + program)
+    print("%-14s%18s%18s" % ("Mpixel/s", columns[0][0], columns[2][0]))
+    print("%-14s%s%9s" % ("threads", 2 * ("%9s%9s" % (1, os.cpu_count())), "CPU-s 4K"))
+    for name, runs in table.items():
+        print("%-14s%s%9.2f" % (name, "".join("%9.1f" % r["mpixel_per_s"] for r in runs),
+                                runs[-1]["cpu_s"]), flush=True)
+
+
 def main():
     if not os.path.exists(os.path.join(BUILD, "tests", "bench", "bench_render")):
         sys.exit("make bench: %s is not built" % BUILD)
@@ -267,6 +286,7 @@ def main():
         show_memory([spheres] + large, made["empty"])
         show_preview(spheres[1], spheres[2] + ["--size", "640x360", "--spp", "64"])
         show_merging()
+        show_tonemapping()
         show_workers(*spheres)
 
 
