@@ -157,14 +157,15 @@ static void make(void)
 
 /* ---- the pixels ----------------------------------------------------------------------------- */
 
-static double max3(const double v[3])
+/* Without libm's calls, and with no NaN about. */
+static double larger(double a, double b)
 {
-    return fmax(v[0], fmax(v[1], v[2]));
+    return a > b ? a : b;
 }
 
-static double min3(const double v[3])
+static double smaller(double a, double b)
 {
-    return fmin(v[0], fmin(v[1], v[2]));
+    return a < b ? a : b;
 }
 
 /* What dark and saturated colours are multiplied with. */
@@ -172,16 +173,17 @@ static double glow(const double aces[3], double saturation)
 {
     const double gain_max = 0.05, middle = 0.08;
     double red_green = aces[0] - aces[1], green_blue = aces[1] - aces[2];
-    double blue_red = aces[2] - aces[0], x = (saturation - 0.4) / 0.2, t, gain, y;
+    double blue_red = aces[2] - aces[0], x, t, gain, y;
 
     /* Weighted luminance: the chroma counts, as sqrt of half the squares' sum. */
     y = (aces[0] + aces[1] + aces[2] +
          1.75 * sqrt(0.5 * (red_green * red_green + green_blue * green_blue +
-                            blue_red * blue_red))) / 3.0;
-    t = fmax(1.0 - 0.5 * fabs(x), 0.0);
-    gain = gain_max * 0.5 * (x < 0.0 ? t * t : 2.0 - t * t);
+                            blue_red * blue_red))) * (1.0 / 3.0);
     if (y >= 2.0 * middle)
         return 1.0;
+    x = (saturation - 0.4) / 0.2;
+    t = larger(1.0 - 0.5 * fabs(x), 0.0);
+    gain = gain_max * 0.5 * (x < 0.0 ? t * t : 2.0 - t * t);
     return 1.0 + (y <= 2.0 / 3.0 * middle ? gain : gain * (middle / y - 0.5));
 }
 
@@ -202,8 +204,9 @@ static double redness(const double aces[3])
 static void rrt_modifiers(double aces[3])
 {
     const double tiny = 1e-10, red_pivot = 0.03, red_scale = 0.82;
-    double high = max3(aces);
-    double saturation = (fmax(high, tiny) - fmax(min3(aces), tiny)) / fmax(high, 1e-2);
+    double high = larger(aces[0], larger(aces[1], aces[2]));
+    double low = smaller(aces[0], smaller(aces[1], aces[2]));
+    double saturation = (larger(high, tiny) - larger(low, tiny)) / larger(high, 1e-2);
     double factor = glow(aces, saturation);
 
     for (int i = 0; i < 3; i++)
@@ -220,27 +223,27 @@ static void transform(const double m[3][3], const double from[3], double to[3])
 static void aces_pixel(float rgb[3])
 {
     const double light[3] = {(double)rgb[0], (double)rgb[1], (double)rgb[2]};
-    double v[3], display[3], luminance;
+    double v[3], display[3], luminance, factor;
 
     transform((const double (*)[3])made.into_ap0, light, v);
     rrt_modifiers(v);
     for (int i = 0; i < 3; i++)
-        v[i] = fmax(v[i], 0.0);
+        v[i] = larger(v[i], 0.0);
     transform((const double (*)[3])made.into_ap1, v, display);
     luminance = 0.0;
     for (int i = 0; i < 3; i++) {
-        v[i] = fmin(fmax(display[i], 0.0), HALF_MAX);
+        v[i] = smaller(larger(display[i], 0.0), HALF_MAX);
         luminance += ap1_luminance[i] * v[i];
     }
     for (int i = 0; i < 3; i++)
         v[i] = (double)curve_table_at(&made.tone,
                                       (float)(luminance + RRT_SATURATION * (v[i] - luminance)));
     luminance = ap1_luminance[0] * v[0] + ap1_luminance[1] * v[1] + ap1_luminance[2] * v[2];
-    luminance = fmax(luminance, (double)made.dim.low);
+    luminance = larger(luminance, (double)made.dim.low);
     transform((const double (*)[3])made.out_of_ap1, v, display);
+    factor = (double)curve_table_at(&made.dim, (float)luminance) / luminance;
     for (int i = 0; i < 3; i++)
-        rgb[i] = (float)fmax(display[i] / luminance *
-                             (double)curve_table_at(&made.dim, (float)luminance), 0.0);
+        rgb[i] = (float)larger(display[i] * factor, 0.0);
 }
 
 static void aces_row(const void *user, float *rgb, uint32_t width)
