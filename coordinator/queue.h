@@ -53,6 +53,7 @@ struct output_settings {
     int exr, png, jpg;               /* which files are made; at least one */
     struct picture_options picture;  /* of the PNG and the JPEG */
     struct tonemap_settings tonemap; /* op is never NULL */
+    double camera_ev;                /* what of tonemap.exposure_ev is the camera's own */
 };
 
 /* Counted work; what workers report, summed over merged results. */

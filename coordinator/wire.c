@@ -1,5 +1,6 @@
 #include "coordinator/wire.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -16,6 +17,7 @@ void wire_output_set(struct wire_output *out, const struct output_settings *in)
     out->message.exr_half = in->exr_half;
     out->message.tonemap = (char *)op->name;
     out->message.exposure_ev = in->tonemap.exposure_ev;
+    out->message.camera_ev = in->camera_ev;
     for (size_t i = 0; i < op->parameter_count; i++) {
         Azulejo__Wire__OutputSettings__ParametersEntry entry =
             AZULEJO__WIRE__OUTPUT_SETTINGS__PARAMETERS_ENTRY__INIT;
@@ -124,6 +126,10 @@ status wire_output_get(struct output_settings *out, const Azulejo__Wire__OutputS
     if (s == STATUS_OK)
         s = picture_get(out, in, err);
     out->exr_half = in->exr_half;
+    if (s == STATUS_OK && !(fabs(in->camera_ev) <= TONEMAP_EXPOSURE_MAX))
+        return error_set(err, STATUS_ERR_INPUT, "the camera's exposure must be from -%d to %d stops",
+                         TONEMAP_EXPOSURE_MAX, TONEMAP_EXPOSURE_MAX);
+    out->camera_ev = in->camera_ev;
     return s;
 }
 
@@ -138,6 +144,7 @@ status wire_output_digest(struct digest *out, const struct output_settings *in, 
     looks.exr = looks.png = looks.jpg = looks.exr_half = 0;
     memset(&looks.picture, 0, sizeof looks.picture);
     looks.tonemap.file_name[0] = 0;
+    looks.camera_ev = 0;
     wire_output_set(&output, &looks);
     space = buffer_append_space(
         &packed, azulejo__wire__output_settings__get_packed_size(&output.message));
