@@ -96,6 +96,8 @@ static status option_store(const struct option *o, const char *value, struct err
         list->items[list->count++] = value;
         return STATUS_OK;
     }
+    case OPTION_GROUP:
+        break;
     }
     return error_set(err, STATUS_ERR_INTERNAL, "--%s: unknown kind of option", o->name);
 }
@@ -105,7 +107,7 @@ static const struct option *option_find(const struct option *table, const char *
     size_t length = strcspn(text, "=");
 
     for (const struct option *o = table; o->name; o++)
-        if (strlen(o->name) == length && memcmp(o->name, text, length) == 0)
+        if (o->kind != OPTION_GROUP && strlen(o->name) == length && memcmp(o->name, text, length) == 0)
             return o;
     return NULL;
 }
@@ -171,13 +173,27 @@ status options_parse(const struct option *table, int argc, char *const *argv,
     return STATUS_OK;
 }
 
+static void print_help_row(void)
+{
+    printf("  %-28s  %s\n", "-h, --help", "print this");
+}
+
 void options_print_help(const char *usage, const char *description, const struct option *table)
 {
+    int help_told = 0;
+
     printf("usage: %s\n\n%s\n", usage, description);
     if (table->name)
         printf("\noptions:\n");
     for (const struct option *o = table; o->name; o++) {
         char head[64];
+
+        if (o->kind == OPTION_GROUP) {
+            if (!help_told++)
+                print_help_row();
+            printf("\n%s:\n", o->help);
+            continue;
+        }
         if (o->letter)
             snprintf(head, sizeof head, "-%c, --%s%s%s", o->letter, o->name,
                      o->argument ? " " : "", o->argument ? o->argument : "");
@@ -192,5 +208,6 @@ void options_print_help(const char *usage, const char *description, const struct
             printf(" [%s]", o->choices);
         printf("\n");
     }
-    printf("  %-28s  %s\n", "-h, --help", "print this");
+    if (!help_told)
+        print_help_row();
 }

@@ -23,6 +23,7 @@ enum option_kind {
     OPTION_SIZE,   /* uint64_t *: bytes, suffix K, M, G or T (powers of 1024) */
     OPTION_CHOICE, /* const char **: one of `choices` ("a|b|c"), points into argv */
     OPTION_LIST,   /* struct option_list *: every occurrence is kept */
+    OPTION_GROUP,  /* no option: `help` is the title above the rows that follow; the name is "" */
 };
 
 struct option_list {
