@@ -302,11 +302,13 @@ static status run(const struct command *command, int argc, char *const *argv, in
         JOB_OPTION_ROWS(e.options),
         {0},
     };
+    struct option rows[TONEMAP_ROWS_MAX];
     struct positionals rest;
     status result;
 
     e.options.spp = 0;
-    result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+    result = command_parse(command, tonemap_options_table(&e.options.output.tone, table, rows),
+                           argc, argv, 1, 1, &rest, &done, err);
     (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
@@ -334,6 +336,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     for (size_t i = 0; i < e.trial_count; i++)
         image_release(&e.trials[i].picture);
     import_result_release(&e.scene);
+    job_request_release(&e.request);
     return result;
 }
 

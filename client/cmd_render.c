@@ -62,6 +62,8 @@ static status fetch_pictures(struct render *r, struct error *err)
             result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR, "exr", err);
         if (result == STATUS_OK && (r->destination.formats & OUTPUT_FORMAT_PNG))
             result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG, "png", err);
+        if (result == STATUS_OK && (r->destination.formats & OUTPUT_FORMAT_JPEG))
+            result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_JPEG, "jpg", err);
         if (result == STATUS_OK && r->manifest)
             result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON,
                                 MANIFEST_EXTENSION, err);
@@ -144,7 +146,8 @@ static status prepare(struct render *r, const char *out, struct error *err)
     r->files = json_array();
     if (!r->name || !r->files)
         return error_no_memory(err, "a name");
-    result = destination_init(&r->destination, out, r->name, frames, err);
+    result = destination_init(&r->destination, out, r->request.output.formats, r->name, frames,
+                              err);
     if (result == STATUS_OK)
         result = submission_prepare(r->scene_path, &r->options, r->quiet, &r->request, &r->scene,
                                     err);
@@ -164,7 +167,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     int done;
     const struct option table[] = {
         {"output", 'o', OPTION_STRING, &out, "OUT",
-         "where the pictures go: a folder, a file (.exr or .png), or both files' path without "
+         "where the pictures go: a folder, a file (.exr, .png or .jpg), or the files' path without "
          "extension (default: the scene's name, here)",
          0, 0, NULL},
         JOB_OPTION_ROWS(r.options),
@@ -183,8 +186,11 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "show what the coordinator and the workers log", 0, 0, NULL},
         {0},
     };
+    struct option rows[TONEMAP_ROWS_MAX];
     struct positionals rest;
-    status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+    status result = command_parse(command,
+                                  tonemap_options_table(&r.options.output.tone, table, rows), argc,
+                                  argv, 1, 1, &rest, &done, err);
 
     (void)exit_code;
     if (result != STATUS_OK || done)
@@ -208,6 +214,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     json_decref(r.files);
     destination_release(&r.destination);
     import_result_release(&r.scene);
+    job_request_release(&r.request);
     mem_free(r.name);
     return result;
 }

@@ -1,12 +1,14 @@
 /* azulejo show: everything about one job. */
 #include <inttypes.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "client/command.h"
 #include "client/effects_view.h"
 #include "client/fetch.h"
 #include "client/format.h"
 #include "client/job_info.h"
+#include "client/output.h"
 #include "client/parse.h"
 #include "common/scene/settings.h"
 #include "protocol/message.h"
@@ -57,18 +59,61 @@ static void print_extras(const Azulejo__Wire__RenderSettings *s)
         print_field("aovs", settings_aovs_text(s->aovs, names));
 }
 
+static void print_parameter(const Azulejo__Wire__OutputSettings *o, size_t i)
+{
+    json_t *value = job_parameter_json(o->tonemap, o->parameters[i]->key, o->parameters[i]->value);
+    char key[64];
+
+    message_text(key, sizeof key, o->parameters[i]->key);
+    if (json_is_string(value))
+        printf(", %s=%s", key, json_string_value(value));
+    else
+        printf(", %s=%g", key, o->parameters[i]->value);
+    json_decref(value);
+}
+
+static void print_files(const Azulejo__Wire__OutputSettings *o)
+{
+    unsigned formats = output_message_formats(o);
+    const char *between = "";
+
+    printf("  %-10s  ", "output");
+    if (formats & OUTPUT_FORMAT_EXR) {
+        printf("%s EXR", o->exr_half ? "16-bit" : "32-bit");
+        between = ", ";
+    }
+    if (formats & OUTPUT_FORMAT_PNG) {
+        printf("%s%u-bit PNG", between, o->png_bits ? o->png_bits : 8);
+        between = ", ";
+    }
+    if (formats & OUTPUT_FORMAT_JPEG)
+        printf("%sJPEG of quality %u", between,
+               o->jpeg_quality ? o->jpeg_quality : JPEG_QUALITY_DEFAULT);
+    printf("%s\n", o->no_dither ? ", not dithered" : "");
+}
+
 static void print_output(const Azulejo__Wire__OutputSettings *o)
 {
-    char operator_name[128];
+    char text[128];
 
-    printf("  %-10s  %s EXR; PNG by %s", "output", o->exr_half ? "16-bit" : "32-bit",
-           message_text(operator_name, sizeof operator_name, o->tonemap));
-    for (size_t i = 0; i < o->n_parameters; i++) {
-        char key[64];
-        printf(", %s=%g", message_text(key, sizeof key, o->parameters[i]->key),
-               o->parameters[i]->value);
-    }
-    printf(", exposure %+g EV\n", o->exposure_ev);
+    print_files(o);
+    printf("  %-10s  %s", "tone map", message_text(text, sizeof text, o->tonemap));
+    for (size_t i = 0; i < o->n_parameters; i++)
+        print_parameter(o, i);
+    printf(", exposure %+g EV", o->exposure_ev);
+    if (o->camera_ev != 0)
+        printf(" of which %+g the camera's", o->camera_ev);
+    if (strcmp(o->metering, "percentile") == 0)
+        printf(", percentile %g becomes white", output_percentile(o));
+    else if (strcmp(o->metering, "key") == 0)
+        printf(", log-mean becomes 0.18");
+    if (o->white_kelvin > 0)
+        printf(", %g K becomes white", o->white_kelvin);
+    if (o->temporal > 1)
+        printf(", averaged over %u frames", o->temporal);
+    if (o->tonemap_file.len)
+        printf(", with %s", message_text(text, sizeof text, o->tonemap_file_name));
+    printf("\n");
 }
 
 static void print_job(const Azulejo__Wire__JobInfo *job)

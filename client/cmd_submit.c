@@ -34,22 +34,24 @@ static status run(const struct command *command, int argc, char *const *argv, in
         CONNECTION_OPTION_ROWS(where),
         {0},
     };
+    struct option rows[TONEMAP_ROWS_MAX];
     struct positionals rest;
-    struct job_request request;
+    struct job_request request = {0};
     struct import_result scene = {0};
     struct connection *connection = NULL;
     char *default_name = NULL;
     uint64_t job;
-    status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+    status result = command_parse(command, tonemap_options_table(&options.output.tone, table, rows),
+                                  argc, argv, 1, 1, &rest, &done, err);
 
     (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
     result = job_options_check(&options, &request, err);
-    if (result != STATUS_OK)
-        return result;
+    if (result == STATUS_OK)
+        result = tonemap_key_check(&request.output.tonemap, where.key_path, err);
     default_name = submission_name(rest.items[0]);
-    if (!default_name)
+    if (result == STATUS_OK && !default_name)
         result = error_no_memory(err, "a name");
     if (result == STATUS_OK)
         result = submission_prepare(rest.items[0], &options, quiet, &request, &scene, err);
@@ -57,7 +59,9 @@ static status run(const struct command *command, int argc, char *const *argv, in
         result = connection_open(&connection, &where, err);
     if (result == STATUS_OK)
         result = submission_send(connection, &scene, &request, name ? name : default_name,
-                                 OUTPUT_FORMAT_BOTH, quiet, &job, err);
+                                 request.output.formats ? request.output.formats
+                                                        : OUTPUT_FORMAT_BOTH,
+                                 quiet, &job, err);
     if (result == STATUS_OK && watch) {
         if (!quiet)
             fprintf(stderr, "job %" PRIu64 "\n", job);
@@ -67,6 +71,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     }
     connection_close(connection);
     import_result_release(&scene);
+    job_request_release(&request);
     mem_free(default_name);
     return result;
 }

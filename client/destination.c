@@ -1,10 +1,9 @@
 #include "client/destination.h"
 
 #include <string.h>
-#include <strings.h>
 #include <sys/stat.h>
 
-#include "client/job_options.h"
+#include "client/output.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
 
@@ -18,11 +17,12 @@ static int is_folder(const char *path)
     return stat(path, &info) == 0 && S_ISDIR(info.st_mode);
 }
 
-status destination_init(struct destination *d, const char *out, const char *scene_name,
-                        uint32_t frames, struct error *err)
+status destination_init(struct destination *d, const char *out, unsigned formats,
+                        const char *scene_name, uint32_t frames, struct error *err)
 {
     memset(d, 0, sizeof *d);
-    d->formats = OUTPUT_FORMAT_BOTH;
+    d->formats = formats ? formats : OUTPUT_FORMAT_BOTH;
+    d->jpeg_extension = "jpg";
     d->numbered = frames > 1;
     if (!out || !*out)
         out = "./";
@@ -30,15 +30,23 @@ status destination_init(struct destination *d, const char *out, const char *scen
         d->folder = mem_strdup(out);
         d->base = mem_strdup(scene_name);
     } else {
-        const char *extension = file_extension(out);
+        unsigned named = output_format_of(out);
+
+        if (named && formats && named != formats)
+            return error_set(err, STATUS_ERR_USAGE,
+                             "--format: %s is one file of its own format; write it without "
+                             "extension", out);
         d->folder = file_dirname(out);
         d->base = mem_strdup(file_basename(out));
-        if (strcasecmp(extension, "exr") == 0)
-            d->formats = OUTPUT_FORMAT_EXR;
-        else if (strcasecmp(extension, "png") == 0)
-            d->formats = OUTPUT_FORMAT_PNG;
-        if (d->base && d->formats != OUTPUT_FORMAT_BOTH)
-            d->base[strlen(d->base) - strlen(".exr")] = 0;
+        if (named) {
+            const char *extension = file_extension(out);
+
+            d->formats = named;
+            if (strlen(extension) == strlen("jpeg"))
+                d->jpeg_extension = "jpeg";
+            if (d->base)
+                d->base[strlen(d->base) - strlen(extension) - 1] = 0;
+        }
     }
     if (!d->folder || !d->base) {
         destination_release(d);
@@ -64,5 +72,5 @@ void destination_path(const struct destination *d, uint32_t frame, const char *e
     buffer_puts(path, d->base);
     if (d->numbered)
         buffer_printf(path, "-%04u", frame);
-    buffer_printf(path, ".%s", extension);
+    buffer_printf(path, ".%s", strcmp(extension, "jpg") == 0 ? d->jpeg_extension : extension);
 }

@@ -11,13 +11,16 @@ struct destination {
     char *folder, *base;  /* owned; base is the file's name without extension */
     unsigned formats;     /* enum output_format */
     int numbered;         /* several frames: the frame's number goes into the name */
+    const char *jpeg_extension; /* as the user writes it: "jpg" or "jpeg" */
 };
 
-/* From -o: a path that ends in .exr or .png is that one file, a folder (one that is there, or
- * a path that ends in '/') gets both files named after the scene, anything else is both files'
- * path without extension. NULL: both files here, named after the scene. ERR_NO_MEMORY. */
-status destination_init(struct destination *d, const char *out, const char *scene_name,
-                        uint32_t frames, struct error *err) MUST_CHECK;
+/* From -o: a path that ends in .exr, .png or .jpg is that one file, a folder (one that is there, or
+ * a path that ends in '/') gets the files named after the scene, anything else is the files'
+ * path without extension. NULL: the files here, named after the scene. `formats`: which files, 0
+ * for the usual two where the path does not say. ERR_USAGE when it says something else;
+ * ERR_NO_MEMORY. */
+status destination_init(struct destination *d, const char *out, unsigned formats,
+                        const char *scene_name, uint32_t frames, struct error *err) MUST_CHECK;
 void destination_release(struct destination *d);
 
 /* Append a frame's path: FOLDER/BASE.EXT, or FOLDER/BASE-0001.EXT when numbered. */

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "client/format.h"
+#include "client/output.h"
 #include "common/base/digest.h"
 #include "common/scene/settings.h"
 #include "protocol/message.h"
@@ -122,19 +123,62 @@ static json_t *settings_json(const Azulejo__Wire__RenderSettings *s)
     return out;
 }
 
+json_t *job_parameter_json(const char *operator_name, const char *name, double value)
+{
+    const struct tonemap_operator *op = tonemap_find(operator_name);
+
+    for (size_t i = 0; op && i < op->parameter_count; i++) {
+        const struct tonemap_parameter *p = &op->parameters[i];
+
+        if (strcmp(p->name, name) == 0 && p->kind == TONEMAP_CHOICE && value >= p->min &&
+            value <= p->max)
+            return json_string(p->choices[(size_t)value]);
+    }
+    return json_number(value);
+}
+
+static json_t *file_json(const Azulejo__Wire__OutputSettings *o)
+{
+    struct digest digest;
+    char hex[DIGEST_HEX_SIZE];
+
+    if (o->tonemap_file.len != DIGEST_BYTES)
+        return json_null();
+    memcpy(digest.bytes, o->tonemap_file.data, DIGEST_BYTES);
+    digest_to_hex(&digest, hex);
+    return json_pack("{s:o, s:s}", "name", json_text(o->tonemap_file_name), "digest", hex);
+}
+
 static json_t *output_json(const Azulejo__Wire__OutputSettings *o)
 {
     json_t *parameters = json_object();
     json_t *formats = json_array();
+    json_t *out;
 
     for (size_t i = 0; i < o->n_parameters; i++)
         json_object_set_new(parameters, o->parameters[i]->key,
-                            json_number(o->parameters[i]->value));
+                            job_parameter_json(o->tonemap, o->parameters[i]->key,
+                                               o->parameters[i]->value));
     for (size_t i = 0; i < o->n_formats; i++)
         json_array_append_new(formats, json_text(o->formats[i]));
-    return json_pack("{s:b, s:o, s:o, s:o, s:o}", "exr_half", (int)o->exr_half, "tonemap",
-                     json_text(o->tonemap), "parameters", parameters, "exposure_ev",
-                     json_number(o->exposure_ev), "formats", formats);
+    out = json_pack("{s:b, s:o, s:o, s:o, s:o}", "exr_half", (int)o->exr_half, "tonemap",
+                    json_text(o->tonemap), "parameters", parameters, "exposure_ev",
+                    json_number(o->exposure_ev), "formats", formats);
+    if (!out)
+        return NULL;
+    json_object_set_new(out, "camera_ev", json_number(o->camera_ev));
+    json_object_set_new(out, "auto_exposure", json_text(o->metering[0] ? o->metering : "off"));
+    json_object_set_new(out, "percentile", json_number(output_percentile(o)));
+    /* null: colours as they are; no file */
+    json_object_set_new(out, "white_balance", o->white_kelvin > 0 ? json_number(o->white_kelvin)
+                                                                  : json_null());
+    json_object_set_new(out, "temporal", json_integer(o->temporal ? o->temporal : 1));
+    json_object_set_new(out, "lut", file_json(o));
+    json_object_set_new(out, "png_bits", json_integer(o->png_bits ? o->png_bits : 8));
+    json_object_set_new(out, "jpeg_quality",
+                        json_integer(o->jpeg_quality ? o->jpeg_quality : JPEG_QUALITY_DEFAULT));
+    json_object_set_new(out, "dither", json_boolean(!o->no_dither));
+    return out;
 }
 
 static json_t *stats_json(const Azulejo__Wire__RenderStats *s)
@@ -171,6 +215,11 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
     if (job->output)
         json_object_set_new(root, "output", output_json(job->output));
     json_object_set_new(root, "frames_done", json_integer(job->frames_done));
+    json_object_set_new(root, "frames_developed", json_integer(job->frames_developed));
+    json_object_set_new(root, "revision", json_integer(job->revision));
+    json_object_set_new(root, "develop_error", job->develop_error[0]
+                                                   ? json_text(job->develop_error)
+                                                   : json_null());
     json_object_set_new(root, "samples_done", json_integer((json_int_t)job->samples_done));
     json_object_set_new(root, "samples_total", json_integer((json_int_t)job->samples_total));
     json_object_set_new(root, "relative_mse", json_number(job->relative_mse));
@@ -229,6 +278,14 @@ void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
                  "%" PRIu64 " samples were not finite numbers and count as black",
                  job->stats->dropped_samples);
         print_line(out, "dropped", line);
+    }
+    if (job->develop_error[0])
+        print_line(out, "pictures", job->develop_error);
+    else if (job->output && output_message_formats(job->output) & ~(unsigned)OUTPUT_FORMAT_EXR &&
+             job->frames_developed < job->frames_done) {
+        snprintf(line, sizeof line, "of %u of %u finished frames are made", job->frames_developed,
+                 job->frames_done);
+        print_line(out, "pictures", line);
     }
     if (job->conflicts) {
         snprintf(line, sizeof line,

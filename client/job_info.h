@@ -25,6 +25,9 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job);
 /* A number, or null when it is not finite (JSON knows no NaN). */
 json_t *json_number(double value);
 
+/* An operator's parameter: a choice's word, else the number. */
+json_t *job_parameter_json(const char *operator_name, const char *name, double value);
+
 /* Text that came over the wire; "(not UTF-8)" if it is not. */
 json_t *json_text(const char *text);
 

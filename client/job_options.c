@@ -8,23 +8,6 @@
 #include "common/scene/pose.h"
 #include "protocol/message.h"
 
-status tonemap_options_check(const char *name, const struct option_list *parameters,
-                             double exposure_ev, struct tonemap_settings *out, struct error *err)
-{
-    status result = tonemap_settings_init(out, name ? name : TONEMAP_DEFAULT, err);
-
-    for (size_t i = 0; i < parameters->count && result == STATUS_OK; i++) {
-        char parameter[64];
-        double value;
-        result = parse_parameter(parameters->items[i], parameter, sizeof parameter, &value, err);
-        if (result == STATUS_OK)
-            result = tonemap_settings_set(out, parameter, value, err);
-    }
-    out->exposure_ev = exposure_ev;
-    /* A wrong name or range is a slip on the command line, not a bad file. */
-    return result == STATUS_ERR_INPUT ? STATUS_ERR_USAGE : result;
-}
-
 status job_options_check(const struct job_options *o, struct job_request *out, struct error *err)
 {
     struct render_settings *s = &out->settings;
@@ -45,7 +28,6 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
     s->focus_distance = (float)o->focus_distance;
     out->first_frame = out->last_frame = 1;
     out->priority = (int32_t)o->priority;
-    out->half = o->half;
     if (o->size)
         result = parse_size(o->size, &s->width, &s->height, err);
     if (result == STATUS_OK && o->frames)
@@ -55,9 +37,14 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
     for (size_t i = 0; i < o->aovs.count && result == STATUS_OK; i++)
         result = parse_aovs(o->aovs.items[i], &s->aovs, err);
     if (result == STATUS_OK)
-        result = tonemap_options_check(o->tonemap, &o->tonemap_parameters, o->exposure_ev,
-                                       &out->tonemap, err);
+        result = output_options_check(&o->output, &out->output, err);
+    out->output.half = o->half;
     return result;
+}
+
+void job_request_release(struct job_request *request)
+{
+    output_request_release(&request->output);
 }
 
 static status camera_find(const struct scene *scene, const char *name, uint32_t *camera,
@@ -117,7 +104,8 @@ status job_request_complete(struct job_request *request, const struct job_option
         picture_size_default(camera->aspect, &s->width, &s->height);
     if (!o->frames && scene_is_animated(scene, s))
         request->first_frame = request->last_frame = 0;
-    request->tonemap.exposure_ev += (double)camera->exposure_ev;
+    request->output.camera_ev = (double)camera->exposure_ev;
+    request->output.tonemap.exposure_ev += request->output.camera_ev;
     result = lens_check(s, camera, err);
     return result == STATUS_OK ? render_settings_validate(s, scene->camera_count, err) : result;
 }
@@ -126,39 +114,19 @@ status job_request_submit(struct connection *c, const struct job_request *reques
                           const char *name, const struct digest *scene, unsigned formats,
                           uint64_t *job, struct error *err)
 {
-    const struct tonemap_operator *op = request->tonemap.op;
     Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__JobSubmit submit = AZULEJO__WIRE__JOB_SUBMIT__INIT;
     Azulejo__Wire__RenderSettings settings = AZULEJO__WIRE__RENDER_SETTINGS__INIT;
-    Azulejo__Wire__OutputSettings output = AZULEJO__WIRE__OUTPUT_SETTINGS__INIT;
-    Azulejo__Wire__OutputSettings__ParametersEntry entries[TONEMAP_PARAMETERS_MAX];
-    Azulejo__Wire__OutputSettings__ParametersEntry *parameters[TONEMAP_PARAMETERS_MAX];
-    char exr[] = "exr", png[] = "png";
-    char *names[2];
+    struct output_message output;
     Azulejo__Wire__Envelope *answer = NULL;
     status result;
 
     wire_settings_set(&settings, &request->settings);
-    for (size_t i = 0; i < op->parameter_count; i++) {
-        azulejo__wire__output_settings__parameters_entry__init(&entries[i]);
-        entries[i].key = (char *)op->parameters[i].name;
-        entries[i].value = request->tonemap.values[i];
-        parameters[i] = &entries[i];
-    }
-    output.exr_half = request->half;
-    output.tonemap = (char *)op->name;
-    output.n_parameters = op->parameter_count;
-    output.parameters = parameters;
-    output.exposure_ev = request->tonemap.exposure_ev;
-    output.formats = names;
-    if (formats & OUTPUT_FORMAT_EXR)
-        names[output.n_formats++] = exr;
-    if (formats & OUTPUT_FORMAT_PNG)
-        names[output.n_formats++] = png;
+    output_message_set(&output, &request->output, formats);
     submit.name = (char *)name;
     wire_digest_set(&submit.scene, scene);
     submit.settings = &settings;
-    submit.output = &output;
+    submit.output = &output.message;
     submit.first_frame = request->first_frame;
     submit.last_frame = request->last_frame;
     submit.priority = request->priority;

@@ -3,17 +3,16 @@
 #define AZULEJO_CLIENT_JOB_OPTIONS_H
 
 #include "client/connection.h"
+#include "client/output.h"
 #include "common/base/options.h"
 #include "common/scene/scene.h"
 #include "common/scene/settings.h"
-#include "common/tonemap/tonemap.h"
-
-#define TONEMAP_DEFAULT "reinhard02"
 
 struct job_options {
-    const char *env, *variant, *animation, *camera, *frames, *size, *tonemap, *env_sampling, *isa;
-    struct option_list tonemap_parameters, without, aovs;
-    double env_rotate_deg, env_strength, exposure_ev;
+    const char *env, *variant, *animation, *camera, *frames, *size, *env_sampling, *isa;
+    struct option_list without, aovs;
+    struct output_options output;
+    double env_rotate_deg, env_strength;
     double fps, shutter, lens_radius, focus_distance;
     int64_t spp, max_depth, seed, priority, scene;
     int half;
@@ -22,7 +21,7 @@ struct job_options {
 #define JOB_OPTIONS_INIT                                                                        \
     {.env_strength = 1, .env_sampling = "importance", .isa = "avx2",                            \
      .spp = 0, .max_depth = -1, .scene = -1,             \
-     .fps = 24, .lens_radius = -1}
+     .fps = 24, .lens_radius = -1, .output = OUTPUT_OPTIONS_INIT}
 
 #define JOB_OPTION_ROWS(o)                                                                      \
     {"env", 'e', OPTION_STRING, &(o).env, "FILE",                                               \
@@ -75,14 +74,7 @@ struct job_options {
     {"seed", 0, OPTION_INT, &(o).seed, "N",                                                     \
      "another seed gives other noise, the same one the same bits (default 0)",                  \
      0, 9e18, NULL},                                                                            \
-    {"tonemap", 't', OPTION_STRING, &(o).tonemap, "OPERATOR",                                   \
-     "how the PNG is tone mapped (default " TONEMAP_DEFAULT "; 'azulejo tonemap --list' lists all)", \
-     0, 0, NULL},                                                                               \
-    {"tonemap-param", 'p', OPTION_LIST, &(o).tonemap_parameters, "NAME=X",                      \
-     "a parameter of the operator; may be given several times", 0, 0, NULL},                    \
-    {"exposure", 0, OPTION_REAL, &(o).exposure_ev, "EV",                                        \
-     "stops of exposure before tone mapping, on top of the camera's own: doubles with each "    \
-     "(default 0)", -100, 100, NULL},                                                           \
+    OUTPUT_OPTION_ROWS((o).output),                                                             \
     {"half", 0, OPTION_FLAG, &(o).half, NULL,                                                   \
      "16-bit floats in the EXR instead of 32-bit ones", 0, 0, NULL},                            \
     {"isa", 0, OPTION_CHOICE, &(o).isa, "NAME",                                                 \
@@ -91,35 +83,30 @@ struct job_options {
     {"priority", 0, OPTION_INT, &(o).priority, "N",                                             \
      "jobs with a higher number go first (default 0)", -1000000, 1000000, NULL}
 
-/* What the options mean for a scene. */
+/* What the options mean for a scene. Zero-initialise. */
 struct job_request {
     struct render_settings settings;
-    struct tonemap_settings tonemap;
+    struct output_request output;
     uint32_t first_frame, last_frame;
     int32_t priority;
-    int half;
 };
 
-/* The tone mapping that --tonemap, --tonemap-param and --exposure ask for. ERR_USAGE. */
-status tonemap_options_check(const char *name, const struct option_list *parameters,
-                             double exposure_ev, struct tonemap_settings *out, struct error *err)
-    MUST_CHECK;
-
 /* Check what can be checked before the scene is read, so that a slip in an option is told
- * at once, whatever else is wrong. ERR_USAGE or ERR_INPUT. */
+ * at once, whatever else is wrong. The operator's file is read. ERR_USAGE or ERR_INPUT; release
+ * after a failure, too. */
 status job_options_check(const struct job_options *o, struct job_request *out, struct error *err)
     MUST_CHECK;
+void job_request_release(struct job_request *request);
 
 /* Fill in what depends on the scene: the camera, the default size and frame, and the camera's
  * exposure, which is added to the job's. ERR_USAGE for options that do not fit the scene. */
 status job_request_complete(struct job_request *request, const struct job_options *o,
                             const struct scene *scene, struct error *err) MUST_CHECK;
 
-/* Submit; the scene's blobs and the packed scene must be stored already. */
+/* Submit; the scene's blobs, the packed scene and the operator's file must be
+ * stored already. */
 status job_request_submit(struct connection *c, const struct job_request *request,
                           const char *name, const struct digest *scene, unsigned formats,
                           uint64_t *job, struct error *err) MUST_CHECK;
-
-enum output_format { OUTPUT_FORMAT_EXR = 1, OUTPUT_FORMAT_PNG = 2, OUTPUT_FORMAT_BOTH = 3 };
 
 #endif

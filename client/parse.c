@@ -66,25 +66,21 @@ status parse_frames(const char *text, uint32_t *first, uint32_t *last, struct er
     return STATUS_OK;
 }
 
-status parse_parameter(const char *text, char *name, size_t name_size, double *value,
+status parse_parameter(const char *text, char *name, size_t name_size, const char **value,
                        struct error *err)
 {
     const char *equals = strchr(text, '=');
     size_t length = equals ? (size_t)(equals - text) : 0;
-    char *end = NULL;
 
-    if (length == 0)
+    if (length == 0 || !equals[1])
         return error_set(err, STATUS_ERR_USAGE,
-                         "--tonemap-param: '%s' is no parameter, write NAME=NUMBER", text);
+                         "--tonemap-param: '%s' is no parameter, write NAME=VALUE", text);
     if (length >= name_size)
         return error_set(err, STATUS_ERR_USAGE, "--tonemap-param: '%s': the name is too long",
                          text);
     memcpy(name, text, length);
     name[length] = 0;
-    *value = strtod(equals + 1, &end);
-    if (end == equals + 1 || *end || !isfinite(*value))
-        return error_set(err, STATUS_ERR_USAGE, "--tonemap-param: '%s': '%s' is not a number",
-                         text, equals + 1);
+    *value = equals + 1;
     return STATUS_OK;
 }
 
@@ -148,6 +144,29 @@ status parse_aovs(const char *text, uint32_t *set, struct error *err)
         return error_set(err, STATUS_ERR_USAGE, "--aov: '%s' is unknown; known are %s", unknown,
                          settings_aovs_text((1u << AOV_COUNT) - 1, known));
     *set = (uint32_t)bits;
+    return STATUS_OK;
+}
+
+static int format_find(const char *name)
+{
+    static const char *const names[] = {"exr", "png", "jpg"}; /* in enum output_format's order */
+
+    for (int i = 0; i < (int)(sizeof names / sizeof names[0]); i++)
+        if (strcmp(names[i], name) == 0)
+            return i;
+    return -1;
+}
+
+status parse_formats(const char *text, unsigned *formats, struct error *err)
+{
+    char unknown[NAME_SIZE];
+    uint64_t bits = 0;
+
+    if (!parse_names(text, format_find, &bits, unknown))
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--format: '%s' is none of exr, png and jpg; write a list as in exr,png",
+                         unknown);
+    *formats = (unsigned)bits;
     return STATUS_OK;
 }
 

@@ -16,9 +16,13 @@ status parse_size(const char *text, uint32_t *width, uint32_t *height, struct er
 status parse_frames(const char *text, uint32_t *first, uint32_t *last, struct error *err)
     MUST_CHECK;
 
-/* "NAME=NUMBER": the name's bytes into `name` (name_size includes the NUL). ERR_USAGE. */
-status parse_parameter(const char *text, char *name, size_t name_size, double *value,
+/* "NAME=VALUE": the name's bytes into `name` (name_size includes the NUL), and where the value
+ * begins, which is not empty. ERR_USAGE. */
+status parse_parameter(const char *text, char *name, size_t name_size, const char **value,
                        struct error *err) MUST_CHECK;
+
+/* "exr,png,jpg" in any order: bits of enum output_format. ERR_USAGE. */
+status parse_formats(const char *text, unsigned *formats, struct error *err) MUST_CHECK;
 
 /* "NAME[,NAME]...": effects to leave out (bits of common/scene/effects.h, those that may be
  * switched off) and output variables (bits 1 << enum aov), added to *set. An effect may be

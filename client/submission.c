@@ -69,8 +69,9 @@ status submission_send(struct connection *c, const struct import_result *scene,
                        const struct job_request *request, const char *name, unsigned formats,
                        int quiet, uint64_t *job, struct error *err)
 {
-    size_t count = scene->blob_count + 1;
-    struct upload_item *items = mem_calloc(count, sizeof *items);
+    const struct output_request *output = &request->output;
+    size_t count = scene->blob_count;
+    struct upload_item *items = mem_calloc(count + 2, sizeof *items);
     struct upload_progress uploaded;
     struct progress progress;
     status result;
@@ -80,9 +81,11 @@ status submission_send(struct connection *c, const struct import_result *scene,
     for (size_t i = 0; i < scene->blob_count; i++)
         items[i] = (struct upload_item){scene->blobs[i].digest, scene->blobs[i].data,
                                         scene->blobs[i].size_bytes};
+    if (output->tonemap.has_file)
+        items[count++] = (struct upload_item){output->tonemap.file, output->tonemap_file.data,
+                                              output->tonemap_file.size};
     /* The scene last: when it is there, so is everything that it names. */
-    items[scene->blob_count] =
-        (struct upload_item){scene->scene_digest, scene->packed, scene->packed_bytes};
+    items[count++] = (struct upload_item){scene->scene_digest, scene->packed, scene->packed_bytes};
     progress_init(&progress, quiet);
     result = upload_blobs(c, items, count, report_upload, &progress, &uploaded, err);
     progress_clear(&progress);

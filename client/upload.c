@@ -153,7 +153,7 @@ status upload_blobs(struct connection *c, const struct upload_item *items, size_
     while (u.under_way_count > 0 && result == STATUS_OK)
         result = await_oldest(&u, err);
     if (result != STATUS_OK)
-        error_prefix(err, "sending the scene");
+        error_prefix(err, "sending files");
     buffer_release(&u.scratch);
     mem_free(u.missing);
     return result;

@@ -12,8 +12,8 @@ sys.dont_write_bytecode = True  # no __pycache__ in the sources
 from farm import BIN, ROOT, Farm, Failure, Tests, read_bytes, wait_for
 
 tests = Tests()
-COMMANDS = ["render", "import", "effects", "submit", "list", "show", "watch", "fetch", "cancel", "workers",
-            "keygen", "tonemap", "compare"]
+COMMANDS = ["render", "import", "effects", "submit", "list", "show", "watch", "fetch", "develop",
+            "cancel", "workers", "keygen", "tonemap", "compare"]
 SMALL = ["--size", "32x32", "--spp", "4", "--max-depth", "3"]
 
 
@@ -80,7 +80,10 @@ def bad_usage():
                  ["keygen", "--role", "worker"], ["keygen", "--from", "x"],
                  ["keygen", "--role", "king", "--from", "x"], ["compare", "one"],
                  ["compare", "a", "b", "--max-relmse", "-1"], ["tonemap", "one"],
-                 ["tonemap", "--list", "x"], ["list", "--coordinator", "host:99999"],
+                 ["tonemap", "--list", "x"], ["develop"], ["develop", "0"],
+                 ["develop", "1", "--tonemap", "nonsense"], ["develop", "1", "--format", "tif"],
+                 ["develop", "1", "--no-wait", "-o", "x"], ["submit", scene, "--format", "exr,"],
+                 ["render", scene, "-o", "x.png", "--format", "exr"], ["list", "--coordinator", "host:99999"],
                  ["list", "--timeout", "0"]]
         for case in cases:
             result = farm.cli(*case, connect=False) if case else \
@@ -110,7 +113,7 @@ def nobody_there():
         holder.bind(("127.0.0.1", 0))  # bound but not listening: refuses, and nobody else gets it
         address = "127.0.0.1:%d" % holder.getsockname()[1]
         for command in (["list"], ["workers"], ["show", "1"], ["watch", "1"], ["cancel", "1"],
-                        ["fetch", "1"], ["submit", farm.scene()]):
+                        ["fetch", "1"], ["develop", "1"], ["submit", farm.scene()]):
             result = farm.cli(*command, "--coordinator", address, "--key", farm.key)
             expect(result.code == 4, result)
             expect(address in result.err and "--coordinator" in result.err, result)
@@ -246,7 +249,7 @@ def unknown_jobs():
     """a job that is not there exits with 5 and says so"""
     with Farm() as farm:
         farm.start_coordinator()
-        for command in ("show", "watch", "fetch", "cancel"):
+        for command in ("show", "watch", "fetch", "develop", "cancel"):
             result = farm.cli(command, "12345")
             expect(result.code == 5 and "12345" in result.err, result)
         expect(farm.cli("list", "--json", expect=0).json() == {"jobs": []}, "jobs")
@@ -305,15 +308,20 @@ def tonemap_is_the_farms():
             expect(re.search("^%s$" % re.escape(operator["name"]), text, re.M), operator)
             options = []
             for p in operator["parameters"]:
-                options += ["--tonemap-param", "%s=%r" % (p["name"], p["default"])]
+                value = p["default"] if p["kind"] == "choice" else repr(p["default"])
+                options += ["--tonemap-param", "%s=%s" % (p["name"], value)]
+            if operator["file"] == "required":
+                continue
             farm.cli("tonemap", exr, "plain.png", "-t", operator["name"], expect=0)
             farm.cli("tonemap", exr, "spelled.png", "-t", operator["name"], *options, expect=0)
             expect(read_bytes(farm.path("plain.png")) == read_bytes(farm.path("spelled.png")),
                    "defaults of %s" % operator["name"])
             pictures.add(read_bytes(farm.path("plain.png")))
             for p in operator["parameters"]:
+                wrong = "nonsense" if p["kind"] == "choice" else \
+                    repr(p["max"] + abs(p["max"]) + 1)
                 result = farm.cli("tonemap", exr, "x.png", "-t", operator["name"], "-p",
-                                  "%s=%r" % (p["name"], p["max"] + abs(p["max"]) + 1))
+                                  "%s=%s" % (p["name"], wrong))
                 expect(result.code == 2 and p["name"] in result.err, result)
         expect(len(pictures) > 1, "all operators give the same picture")
 

@@ -21,7 +21,7 @@ static void expect(const char *out, uint32_t frames, unsigned formats, uint32_t 
     struct buffer got = BUFFER_INIT;
     struct error err = {0};
 
-    assert_int_equal(destination_init(&d, out, "scene", frames, &err), STATUS_OK);
+    assert_int_equal(destination_init(&d, out, 0, "scene", frames, &err), STATUS_OK);
     assert_int_equal(d.formats, formats);
     destination_path(&d, frame, extension, &got);
     assert_string_equal(buffer_text(&got), path);
@@ -42,9 +42,28 @@ static void names(void **state)
     expect("/tmp", 1, OUTPUT_FORMAT_BOTH, 1, "png", "/tmp/scene.png");
     expect("pic.exr", 1, OUTPUT_FORMAT_EXR, 1, "exr", "pic.exr");
     expect("out/pic.PNG", 1, OUTPUT_FORMAT_PNG, 1, "png", "out/pic.png");
-    /* Only the two known extensions are taken off. */
+    expect("pic.jpg", 1, OUTPUT_FORMAT_JPEG, 1, "jpg", "pic.jpg");
+    expect("out/pic.jpeg", 3, OUTPUT_FORMAT_JPEG, 2, "jpg", "out/pic-0002.jpeg");
+    /* Only the known extensions are taken off. */
     expect("v1.5", 1, OUTPUT_FORMAT_BOTH, 1, "exr", "v1.5.exr");
     expect("a.exr/pic", 1, OUTPUT_FORMAT_BOTH, 1, "exr", "a.exr/pic.exr");
+}
+
+static void formats_are_chosen(void **state)
+{
+    struct destination d;
+    struct error err = {0};
+
+    (void)state;
+    assert_int_equal(destination_init(&d, "pic", OUTPUT_FORMAT_ALL, "scene", 1, &err), STATUS_OK);
+    assert_int_equal(d.formats, OUTPUT_FORMAT_ALL);
+    destination_release(&d);
+    assert_int_equal(destination_init(&d, "pic.png", OUTPUT_FORMAT_PNG, "scene", 1, &err),
+                     STATUS_OK);
+    destination_release(&d);
+    assert_int_equal(destination_init(&d, "pic.png", OUTPUT_FORMAT_ALL, "scene", 1, &err),
+                     STATUS_ERR_USAGE);
+    assert_non_null(strstr(err.text, "--format"));
 }
 
 static void frames_are_numbered(void **state)
@@ -80,6 +99,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(names),
+        cmocka_unit_test(formats_are_chosen),
         cmocka_unit_test(frames_are_numbered),
         cmocka_unit_test(folders_are_proved),
     };

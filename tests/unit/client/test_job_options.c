@@ -66,7 +66,7 @@ static void plain(void **state)
     render_settings_default(&defaults);
     assert_int_equal(complete(&s, &err), STATUS_OK);
     assert_true(render_settings_equal(&s.request.settings, &defaults));
-    assert_true(s.request.tonemap.exposure_ev == 0);
+    assert_true(s.request.output.tonemap.exposure_ev == 0);
 }
 
 static void every_setting(void **state)
@@ -125,9 +125,9 @@ static void exposure(void **state)
     (void)state;
     stage_set(&s);
     s.camera.exposure_ev = -3.5f;
-    s.options.exposure_ev = 1.25;
+    s.options.output.tone.exposure_ev = 1.25;
     assert_int_equal(complete(&s, &err), STATUS_OK);
-    assert_true(s.request.tonemap.exposure_ev == -2.25);
+    assert_true(s.request.output.tonemap.exposure_ev == -2.25 && s.request.output.camera_ev == -3.5);
 }
 
 static void lens(void **state)

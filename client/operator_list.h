@@ -1,0 +1,11 @@
+/* operator_list: the tone mapping operators with their parameters, for people and programs. */
+#ifndef AZULEJO_CLIENT_OPERATOR_LIST_H
+#define AZULEJO_CLIENT_OPERATOR_LIST_H
+
+#include "common/base/options.h"
+#include "common/base/status.h"
+
+/* To standard output. `rows`: the command's own options, which parameters cannot be called. */
+status operator_list_print(const struct option *rows, int json, struct error *err) MUST_CHECK;
+
+#endif

@@ -1,0 +1,88 @@
+/* tonemap_options: how pictures are tone mapped, from the command line; shared by every command
+ * that describes it.
+ *
+ * A parameter of an operator is given as --tonemap-param NAME=VALUE or directly, as --NAME VALUE.
+ * The rows for the direct ones are made from the operators' own tables, so that a new operator
+ * needs no change here; where a command already has an option of that name, only
+ * --tonemap-param reaches the parameter.
+ */
+#ifndef AZULEJO_CLIENT_TONEMAP_OPTIONS_H
+#define AZULEJO_CLIENT_TONEMAP_OPTIONS_H
+
+#include "common/base/buffer.h"
+#include "common/base/options.h"
+#include "common/tonemap/tonemap.h"
+
+#define TONEMAP_DEFAULT "reinhard02"
+
+enum {
+    TONEMAP_DIRECT_MAX = 64,       /* different names of parameters, of all operators */
+    TONEMAP_DIRECT_HELP_SIZE = 512,
+    TONEMAP_ROWS_MAX = 160,        /* of a command's table with the direct options */
+};
+
+struct tonemap_direct {
+    const char *name, *value;      /* value NULL: not given */
+    char help[TONEMAP_DIRECT_HELP_SIZE];
+};
+
+struct tonemap_options {
+    const char *tonemap;           /* NULL: TONEMAP_DEFAULT */
+    struct option_list parameters; /* NAME=VALUE */
+    double exposure_ev;
+    const char *auto_exposure;     /* NULL: off */
+    double percentile;             /* negative: not given */
+    double white_kelvin;           /* 0: not given */
+    const char *file;              /* path */
+    struct tonemap_direct direct[TONEMAP_DIRECT_MAX];
+    size_t direct_count;
+};
+
+#define TONEMAP_OPTIONS_INIT {.percentile = -1}
+
+/* Rows for a command's table; `o` is a struct tonemap_options. */
+#define TONEMAP_OPTION_ROWS(o)                                                                  \
+    {"tonemap", 't', OPTION_STRING, &(o).tonemap, "OPERATOR",                                   \
+     "the tone mapping operator (default " TONEMAP_DEFAULT "; 'azulejo tonemap --list' lists all)", \
+     0, 0, NULL},                                                                               \
+    {"tonemap-param", 'p', OPTION_LIST, &(o).parameters, "NAME=VALUE",                          \
+     "a parameter of the operator, a number or a word; may be given several times", 0, 0, NULL}, \
+    {"lut", 0, OPTION_STRING, &(o).file, "FILE", "the look-up table of an operator that takes one", \
+     0, 0, NULL},                                                                               \
+    {"exposure", 0, OPTION_REAL, &(o).exposure_ev, "EV",                                        \
+     "stops of exposure before tone mapping, on top of the camera's own and of "                \
+     "--auto-exposure: each doubles (default 0)",                                               \
+     -TONEMAP_EXPOSURE_MAX, TONEMAP_EXPOSURE_MAX, NULL},                                        \
+    {"auto-exposure", 0, OPTION_CHOICE, &(o).auto_exposure, "HOW",                              \
+     "find the exposure: the log-mean luminance becomes 0.18, or a percentile becomes 1 "       \
+     "(default off)", 0, 0, "off|key|percentile"},                                              \
+    {"percentile", 0, OPTION_REAL, &(o).percentile, "P",                                        \
+     "which percentile --auto-exposure percentile takes (default 99); without that, the "       \
+     "operator's parameter of this name", 1e-6, 100, NULL},                                        \
+    {"white-balance", 0, OPTION_REAL, &(o).white_kelvin, "KELVIN",                              \
+     "make light of this colour temperature white (default: leave colours as they are)",        \
+     TONEMAP_KELVIN_MIN, TONEMAP_KELVIN_MAX, NULL}
+
+/* The command's rows with the direct options behind them, under a heading. `o` must stay where it
+ * is while the rows are in use. Returns `out`. */
+const struct option *tonemap_options_table(struct tonemap_options *o, const struct option *rows,
+                                           struct option out[TONEMAP_ROWS_MAX]);
+
+/* What the options ask for. The operator's file is read and tried; `file`, initialised by the
+ * caller, gets its bytes (it stays empty without one). ERR_USAGE for slips on the command line,
+ * ERR_INPUT and ERR_LIMIT for a bad file. */
+status tonemap_options_check(const struct tonemap_options *o, struct tonemap_settings *out,
+                             struct buffer *file, struct error *err) MUST_CHECK;
+
+/* Where --key names the farm's key: was the operator's parameter meant? `path` may be NULL.
+ * ERR_USAGE. */
+status tonemap_key_check(const struct tonemap_settings *s, const char *path, struct error *err)
+    MUST_CHECK;
+
+/* Does the operator have a parameter of that name? (The first `length` bytes of `name`.) */
+int tonemap_has_parameter(const struct tonemap_operator *op, const char *name, size_t length);
+
+/* Forget the parameters that the operator does not have. */
+void tonemap_options_keep(struct tonemap_options *o, const struct tonemap_operator *op);
+
+#endif
