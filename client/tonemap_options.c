@@ -195,6 +195,30 @@ static status load_file(const char *path, struct tonemap_settings *out, struct b
     return digest_of(&out->file, file->data, file->size);
 }
 
+/* Operators refuse some settings only when they work: let this one do so at once, not after hours
+ * of rendering. */
+static status try_out(const struct tonemap_options *o, const struct tonemap_settings *settings,
+                      const struct buffer *file, struct error *err)
+{
+    float grey[4 * 4 * 3];
+    const struct image picture = {4, 4, 3, grey};
+    const struct tonemap_context context = {
+        .threads = 1, .file_data = file->data, .file_size = file->size};
+    struct image display = {0};
+    status result;
+
+    for (int i = 0; i < 4 * 4 * 3; i++)
+        grey[i] = (float)(i / 3 + 1);
+    result = tonemap_apply(&display, &picture, settings, &context, err);
+    image_release(&display);
+    if (result == STATUS_ERR_INPUT && !o->file) {
+        if (settings->op->file_load)
+            error_prefix(err, "without --lut");
+        return STATUS_ERR_USAGE;
+    }
+    return result;
+}
+
 status tonemap_options_check(const struct tonemap_options *o, struct tonemap_settings *out,
                              struct buffer *file, struct error *err)
 {
@@ -218,5 +242,7 @@ status tonemap_options_check(const struct tonemap_options *o, struct tonemap_set
         return result == STATUS_ERR_INPUT ? STATUS_ERR_USAGE : result;
     if (o->file)
         result = load_file(o->file, out, file, err);
-    return result == STATUS_OK ? tonemap_settings_validate(out, err) : result;
+    if (result == STATUS_OK)
+        result = tonemap_settings_validate(out, err);
+    return result == STATUS_OK ? try_out(o, out, file, err) : result;
 }

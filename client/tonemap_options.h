@@ -68,9 +68,9 @@ struct tonemap_options {
 const struct option *tonemap_options_table(struct tonemap_options *o, const struct option *rows,
                                            struct option out[TONEMAP_ROWS_MAX]);
 
-/* What the options ask for. The operator's file is read and tried; `file`, initialised by the
- * caller, gets its bytes (it stays empty without one). ERR_USAGE for slips on the command line,
- * ERR_INPUT and ERR_LIMIT for a bad file. */
+/* What the options ask for. The operator's file is read, and all of it is tried out; `file`,
+ * initialised by the caller, gets its bytes (it stays empty without one). ERR_USAGE for slips on
+ * the command line, ERR_INPUT and ERR_LIMIT for a bad file. */
 status tonemap_options_check(const struct tonemap_options *o, struct tonemap_settings *out,
                              struct buffer *file, struct error *err) MUST_CHECK;
 
