@@ -402,6 +402,37 @@ def develop_other_formats():
         expect(result.code == 2 and "-p key=0.5" in result.err, result)
 
 
+PBRT = """LookAt 0 1 5  0 1 0  0 1 0
+Camera "perspective" "float fov" 40
+Film "rgb" "string filename" "x.exr" "integer xresolution" 48 "integer yresolution" 32
+  "float iso" 400
+WorldBegin
+LightSource "infinite" "rgb L" [0.1 0.2 0.3]
+Shape "sphere" "float radius" 1
+"""
+
+
+@tests.add
+def the_cameras_exposure():
+    """what a camera adds to the exposure stays when a job is developed anew"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        scene = farm.path("film.pbrt")
+        with open(scene, "w") as out:
+            out.write(PBRT)
+        number = farm.submit(scene, "--spp", "4", "-o", "film", "-t", "linear", "--exposure", "-1")
+        output = farm.wait_for_job(number)["output"]
+        expect((output["camera_ev"], output["exposure_ev"]) == (2, 1), output)
+        exr, _ = sorted(farm.fetch(number, "film"))
+        made = fetched(farm, number, "made", "-t", "linear", "--exposure", "1")
+        output = farm.job(number)["output"]
+        expect((output["camera_ev"], output["exposure_ev"]) == (2, 3), output)
+        farm.cli("tonemap", exr, "-o", "mine.png", "-t", "linear", "--exposure", "3", expect=0)
+        expect(list(made.values()) == [read_bytes(farm.path("mine.png"))], "the picture")
+        expect("the camera's" in farm.cli("show", number, expect=0).out, "show")
+
+
 @tests.add
 def jobs():
     """submit and render take all of it, and show tells it"""
