@@ -10,6 +10,7 @@
 static const struct tonemap_operator *const operators[] = {
     &tonemap_reinhard02, /* the first is the default */
     &tonemap_drago03,
+    &tonemap_mantiuk08,
     &tonemap_mantiuk06,
     &tonemap_aces,
     &tonemap_aces_hill,
