@@ -60,7 +60,6 @@ void m08_lut_free(void *lut);
 struct m08_contrasts {
     uint32_t bands;
     double frequency[M08_BANDS_MAX]; /* cycles per degree at a band's peak */
-    uint64_t total;                  /* of all counts */
     uint64_t counts[M08_BANDS_MAX][M08_NODES][M08_BINS];
 };
 

@@ -146,11 +146,8 @@ static void measure_band(struct m08_contrasts *out, struct pyramid *p)
     for (size_t s = 0; s < p->stripes; s++)
         for (int i = 0; i < M08_NODES * M08_BINS; i++)
             counts[i / M08_BINS][i % M08_BINS] += p->counts[s][i / M08_BINS][i % M08_BINS];
-    for (int i = 0; i < M08_NODES; i++) {
+    for (int i = 0; i < M08_NODES; i++)
         mend_singular(counts[i]);
-        for (int g = 0; g < M08_BINS; g++)
-            out->total += counts[i][g];
-    }
     out->bands++;
 }
 

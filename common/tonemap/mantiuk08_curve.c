@@ -160,27 +160,44 @@ static void add_contrast(struct fit *fit, int band, int node, int from, int to, 
     add_equation(fit, &equation);
 }
 
-/* Gaps keep their contrast if there is room; what is to be white shall not rise any more. */
+static double visible_contrasts(const struct fit *fit)
+{
+    uint64_t sum = 0;
+
+    for (uint32_t band = 0; band < fit->contrasts->bands; band++)
+        for (int i = 0; i < M08_NODES * M08_BINS; i++)
+            if (i % M08_BINS != M08_CENTRE)
+                sum += fit->contrasts->counts[band][i / M08_BINS][i % M08_BINS];
+    return (double)sum;
+}
+
+static void add_soft_equation(struct fit *fit, int first, int last, int node, double contrast,
+                              double weight)
+{
+    struct equation equation = {.first = first, .last = last, .node = node, .weight = weight};
+
+    equation.target = response_of(fit, contrast, scene_sensitivity(fit, 0, node));
+    add_equation(fit, &equation);
+}
+
+/* Gaps keep their contrast if there is room; what is to be white shall not rise any more. In the
+ * band of the highest frequency, and the gaps with the weight of one band: so the curves come
+ * nearest to those of pfstools 2.1.0; the paper gives no weights. */
 static void add_soft_equations(struct fit *fit, int white_node)
 {
-    int band = (int)fit->contrasts->bands - 1, node = fit->low;
-    double weight = SOFT_SHARE * (double)fit->contrasts->total;
+    double weight = SOFT_SHARE * visible_contrasts(fit), e = fit->model->contrast * M08_STEP;
+    int node = fit->low, first = white_node < fit->low ? fit->low : white_node;
 
     for (int v = 0; v < fit->variables; v++) {
         if (fit->length[v] < 0) {
             fit->length[v] = -fit->length[v];
-            add_equation(fit, &(struct equation){
-                .first = v, .last = v + 1, .band = band, .node = node, .weight = weight,
-                .target = response_of(fit, fit->model->contrast * fit->length[v] * M08_STEP,
-                                      scene_sensitivity(fit, band, node))});
+            add_soft_equation(fit, v, v + 1, node, e * fit->length[v],
+                              weight / fit->contrasts->bands);
         }
         node += fit->length[v];
     }
-    if (white_node < fit->high)
-        add_equation(fit, &(struct equation){
-            .first = fit->variable[white_node < fit->low ? fit->low : white_node],
-            .last = fit->variables, .band = band,
-            .node = white_node < fit->low ? fit->low : white_node, .weight = weight});
+    if (first < fit->high)
+        add_soft_equation(fit, fit->variable[first], fit->variables, first, 0.0, weight);
 }
 
 /* Count what there is, then number it, then write it down. */
@@ -193,7 +210,8 @@ static status set_up(struct fit *fit, struct error *err)
         fit->variable[s] = -1;
     each_contrast(fit, mark_used);
     if (fit->model->white > 0.0) {
-        white_node = (int)((m08_log(fit->model->white) - M08_X_MIN) / M08_STEP + 0.5);
+        /* The lower end of the segment in which it lies, or which it ends. */
+        white_node = (int)ceil((m08_log(fit->model->white) - M08_X_MIN) / M08_STEP - 1e-9) - 1;
         if (fit->count > 0 && white_node > fit->high)
             fit->high = white_node; /* brighter than the picture: room above it */
     }
