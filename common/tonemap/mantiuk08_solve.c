@@ -22,6 +22,9 @@ static const double TOLERANCE = 1e-10;
 static const double RIDGE = 1e-12;
 /* How much of the way to the boundary is gone. */
 static const double STEP_SHARE = 0.995;
+/* A step below this length, or that leaves more than this share of the gap, is replaced by one
+ * that seeks equal products, of this share of the gap. */
+static const double STUCK = 0.1, PROGRESS = 0.9, CENTRING = 0.5;
 
 struct point {
     double d[M08_SEGMENTS], z[M08_SEGMENTS], t, w;
@@ -160,7 +163,7 @@ static void improve(struct m08_programme *p, struct point *at, struct system *sy
                     double ridge)
 {
     struct point step;
-    double cd[M08_SEGMENTS], ct, centre;
+    double cd[M08_SEGMENTS], ct, centre, length;
 
     factorise(p, at, ridge);
     for (size_t i = 0; i < p->count; i++) {
@@ -171,13 +174,23 @@ static void improve(struct m08_programme *p, struct point *at, struct system *sy
     sys->ones_sum = sum_of(sys->ones, p->count);
     ct = -at->t * at->w;
     newton_step(p, at, sys, cd, ct, &step);
-    centre = gap_after(p, at, &step, longest(p, at, &step)) / gap;
+    length = longest(p, at, &step);
+    centre = gap_after(p, at, &step, length) / gap;
     centre = centre * centre * centre * gap;
     for (size_t i = 0; i < p->count; i++)
-        cd[i] += centre - step.d[i] * step.z[i];
-    ct += centre - step.t * step.w;
+        cd[i] += centre - length * length * step.d[i] * step.z[i];
+    ct += centre - length * length * step.t * step.w;
     newton_step(p, at, sys, cd, ct, &step);
-    move(p, at, &step, fmin(1.0, STEP_SHARE * longest(p, at, &step)));
+    length = fmin(1.0, STEP_SHARE * longest(p, at, &step));
+    if (length < STUCK || gap_after(p, at, &step, length) > PROGRESS * gap) {
+        /* Too near the boundary, where the corrector can lead in circles: to the middle first. */
+        for (size_t i = 0; i < p->count; i++)
+            cd[i] = CENTRING * gap - at->d[i] * at->z[i];
+        ct = CENTRING * gap - at->t * at->w;
+        newton_step(p, at, sys, cd, ct, &step);
+        length = fmin(1.0, STEP_SHARE * longest(p, at, &step));
+    }
+    move(p, at, &step, length);
 }
 
 /* Make the mean of H's diagonal 1, so that tolerances mean something. */
