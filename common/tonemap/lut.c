@@ -389,15 +389,15 @@ static const char *const output_choices[] = {"display", "linear", NULL};
 static const struct tonemap_parameter parameters[] = {
     [INPUT] = {"input", 0, 2, INPUT_SRGB,
                "what the table is for: srgb: sRGB codes of light up to 1; linear: light; log2: "
-               "stops from log2_min to log2_max as 0 to 1",
+               "stops from log2-min to log2-max as 0 to 1",
                TONEMAP_CHOICE, input_choices},
-    [OUTPUT] = {"output", 0, 1, OUTPUT_DISPLAY,
+    [OUTPUT] = {"result", 0, 1, OUTPUT_DISPLAY,
                 "what the table gives: display: codes for the display; linear: display light",
                 TONEMAP_CHOICE, output_choices},
-    [LOG2_MIN] = {"log2_min", -30.0, 30.0, -10.0,
+    [LOG2_MIN] = {"log2-min", -30.0, 30.0, -10.0,
                   "with input=log2: stops from middle grey (0.18) to the table's 0",
                   TONEMAP_NUMBER, NULL},
-    [LOG2_MAX] = {"log2_max", -30.0, 30.0, 6.5,
+    [LOG2_MAX] = {"log2-max", -30.0, 30.0, 6.5,
                   "with input=log2: stops from middle grey (0.18) to the table's 1",
                   TONEMAP_NUMBER, NULL},
 };
@@ -464,7 +464,7 @@ static status lut_apply(const struct tonemap_frame *frame, const double *state, 
     (void)state;
     if (l.input == INPUT_LOG2 && !(values[LOG2_MAX] > values[LOG2_MIN]))
         return error_set(err, STATUS_ERR_INPUT,
-                         "lut's log2_max must be larger than its log2_min, and they are %g and %g",
+                         "lut's log2-max must be larger than its log2-min, and they are %g and %g",
                          values[LOG2_MAX], values[LOG2_MIN]);
     pthread_once(&log2_once, log2_build);
     l.log2_start = log2_of(0.18, NULL) + values[LOG2_MIN];

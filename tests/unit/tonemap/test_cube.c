@@ -19,7 +19,7 @@ static struct tonemap_settings lut_settings(const char *input, const char *outpu
 
     assert_int_equal(tonemap_settings_init(&s, "lut", NULL), STATUS_OK);
     assert_int_equal(tonemap_settings_set_text(&s, "input", input, NULL), STATUS_OK);
-    assert_int_equal(tonemap_settings_set_text(&s, "output", output, NULL), STATUS_OK);
+    assert_int_equal(tonemap_settings_set_text(&s, "result", output, NULL), STATUS_OK);
     s.has_file = 1;
     snprintf(s.file_name, sizeof s.file_name, "look.cube");
     return s;
@@ -158,8 +158,8 @@ static void test_inputs_and_outputs(void **state)
     s = lut_settings("log2", "display"); /* -10 .. 6.5 stops around 0.18 */
     expect(&s, identity, 0.18f, 0.36f, 0.09f, 10 / 16.5f, 11 / 16.5f, 9 / 16.5f);
     expect(&s, identity, 0.18f / 4096, 0.18f * 64, 1e20f, 0.0f, 16 / 16.5f, 1.0f);
-    assert_int_equal(tonemap_settings_set(&s, "log2_min", -8.0, &err), STATUS_OK);
-    assert_int_equal(tonemap_settings_set(&s, "log2_max", 8.0, &err), STATUS_OK);
+    assert_int_equal(tonemap_settings_set(&s, "log2-min", -8.0, &err), STATUS_OK);
+    assert_int_equal(tonemap_settings_set(&s, "log2-max", 8.0, &err), STATUS_OK);
     for (double stops = -7.9; stops < 8.0; stops += 0.13) {
         float light = (float)(0.18 * pow(2.0, stops)), code = (float)((stops + 8.0) / 16.0);
         expect(&s, identity, light, light, light, code, code, code);
@@ -239,9 +239,9 @@ static void test_bad_log_range(void **state)
 
     (void)state;
     assert_int_equal(image_init(&picture, 1, 1, 3, &err), STATUS_OK);
-    assert_int_equal(tonemap_settings_set(&s, "log2_min", 7.0, &err), STATUS_OK);
+    assert_int_equal(tonemap_settings_set(&s, "log2-min", 7.0, &err), STATUS_OK);
     assert_int_equal(tonemap_apply(&out, &picture, &s, &context, &err), STATUS_ERR_INPUT);
-    assert_non_null(strstr(err.text, "log2_max"));
+    assert_non_null(strstr(err.text, "log2-max"));
     assert_null(out.pixels);
     image_release(&picture);
 }
