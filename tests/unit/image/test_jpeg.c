@@ -11,6 +11,7 @@
 
 #include <jpeglib.h>
 
+#include "common/base/buffer.h"
 #include "common/base/memory.h"
 #include "common/image/image.h"
 
@@ -182,6 +183,57 @@ static void test_size_bomb(void **state)
     free(file.data);
 }
 
+/* What is written reads back about the same, colours in full resolution; twice the same bytes; a
+ * higher quality is closer; NaN and what is beyond 0..1 are cut off. */
+static void test_writing(void **state)
+{
+    struct buffer file = BUFFER_INIT, again = BUFFER_INIT;
+    double errors[2] = {0};
+    struct image in;
+    struct error err = {0};
+
+    (void)state;
+    assert_int_equal(image_init(&in, 40, 24, 3, NULL), STATUS_OK);
+    for (uint32_t y = 0; y < 24; y++)
+        for (uint32_t x = 0; x < 40; x++)
+            for (uint32_t c = 0; c < 3; c++) /* a red and a green stripe, one pixel wide each */
+                in.pixels[(y * 40 + x) * 3 + c] = c == x % 2 ? 0.8f : 0.3f;
+    for (int i = 0; i < 2; i++) {
+        struct picture_options how = {.quality = i ? 100 : 50};
+        struct image8 out;
+
+        buffer_clear(&file);
+        buffer_clear(&again);
+        assert_int_equal(jpeg_encode(&file, &in, &how, &err), STATUS_OK);
+        assert_int_equal(jpeg_encode(&again, &in, &how, &err), STATUS_OK);
+        assert_int_equal(file.size, again.size);
+        assert_memory_equal(file.data, again.data, file.size);
+        assert_int_equal(jpeg_decode(&out, file.data, file.size, "x.jpg", &err), STATUS_OK);
+        assert_int_equal(out.width, 40);
+        assert_int_equal(out.height, 24);
+        for (size_t k = 0; k < 40 * 24 * 3; k++) {
+            double off = out.pixels[k] - 255.0 * (double)in.pixels[k];
+            errors[i] += off * off / (40 * 24 * 3);
+        }
+        image8_release(&out);
+    }
+    assert_true(errors[1] < 4); /* half the colours would be lost in 4:2:0 */
+    assert_true(errors[0] > 2 * errors[1]);
+    in.pixels[0] = -1;
+    in.pixels[1] = 0.0f / 0.0f;
+    in.pixels[2] = 1e30f;
+    buffer_clear(&file);
+    assert_int_equal(jpeg_encode(&file, &in, &(struct picture_options){0}, &err), STATUS_OK);
+    image_release(&in);
+    assert_int_equal(image_init(&in, 65501, 1, 3, NULL), STATUS_OK);
+    assert_int_equal(jpeg_encode(&file, &in, &(struct picture_options){0}, &err),
+                     STATUS_ERR_LIMIT);
+    assert_non_null(strstr(err.text, "65500"));
+    image_release(&in);
+    buffer_release(&file);
+    buffer_release(&again);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -189,6 +241,7 @@ int main(void)
         cmocka_unit_test(test_four_inks),
         cmocka_unit_test(test_damage),
         cmocka_unit_test(test_size_bomb),
+        cmocka_unit_test(test_writing),
     };
     return cmocka_run_group_tests_name("jpeg", tests, NULL, NULL);
 }

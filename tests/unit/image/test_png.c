@@ -228,6 +228,38 @@ static void test_dither(void **state)
     buffer_release(&file);
 }
 
+/* 16 bits keep what 8 cannot; rounding gives the nearest code. */
+static void test_sixteen_bits_and_rounding(void **state)
+{
+    static const struct picture_options ways[] = {{.bits = 16}, {.bits = 16, .plain = 1},
+                                                  {.plain = 1}};
+    struct buffer file = BUFFER_INIT;
+    struct image in;
+
+    (void)state;
+    assert_int_equal(image_init(&in, 61, 31, 3, NULL), STATUS_OK);
+    for (size_t i = 0; i < 61 * 31 * 3; i++)
+        in.pixels[i] = (float)i / (61 * 31 * 3 - 1);
+    for (size_t w = 0; w < sizeof ways / sizeof *ways; w++) {
+        double most = ways[w].bits == 16 ? 65535 : 255, allowed = ways[w].plain ? 0.5 : 1;
+        struct image8 out;
+
+        buffer_clear(&file);
+        assert_int_equal(png_encode_as(&file, &in, &ways[w], NULL), STATUS_OK);
+        assert_int_equal(png_decode(&out, file.data, file.size, "x.png", NULL), STATUS_OK);
+        assert_int_equal(out.bits, ways[w].bits == 16 ? 16 : 8);
+        for (size_t i = 0; i < 61 * 31 * 3; i++) {
+            uint16_t code = out.pixels[i * out.bits / 8];
+            if (out.bits == 16)
+                memcpy(&code, out.pixels + 2 * i, 2);
+            assert_true(fabs(code - (double)in.pixels[i] * most) <= allowed + 1e-6);
+        }
+        image8_release(&out);
+    }
+    image_release(&in);
+    buffer_release(&file);
+}
+
 static void test_hostile_values_and_repeatability(void **state)
 {
     static const float values[] = {NAN, INFINITY, -INFINITY, -1.0f, 2.0f, 1e30f, 0.0f, 1.0f, 0.5f};
@@ -357,6 +389,7 @@ int main(void)
         cmocka_unit_test(test_every_kind),
         cmocka_unit_test(test_codes_survive),
         cmocka_unit_test(test_dither),
+        cmocka_unit_test(test_sixteen_bits_and_rounding),
         cmocka_unit_test(test_hostile_values_and_repeatability),
         cmocka_unit_test(test_damage),
         cmocka_unit_test(test_size_bomb),
