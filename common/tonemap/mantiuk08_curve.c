@@ -180,9 +180,9 @@ static void add_soft_equation(struct fit *fit, int first, int last, int node, do
     add_equation(fit, &equation);
 }
 
-/* Gaps keep their contrast if there is room; what is to be white shall not rise any more. In the
- * band of the highest frequency, and the gaps with the weight of one band: so the curves come
- * nearest to those of pfstools 2.1.0; the paper gives no weights. */
+/* Gaps keep their contrast if there is room; what is to be white shall not rise any more. Their
+ * band and weights are not known from a description: they were fitted, by trying some, to curves
+ * that pfstools 2.1.0 gives. The gap's is the less certain. */
 static void add_soft_equations(struct fit *fit, int white_node)
 {
     double weight = SOFT_SHARE * visible_contrasts(fit), e = fit->model->contrast * M08_STEP;

@@ -1,7 +1,7 @@
 /* The base layer for mantiuk08's detail: the guided filter of K. He, J. Sun, X. Tang, "Guided
  * Image Filtering", IEEE PAMI 35(6), 2013, of log10 luminance guided by itself. In every window
  * the base is a line a value + b with a = variance / (variance + FLAT), so that it follows edges,
- * whose variance is large (no halo: across a step of h decades what is left is below 2 FLAT / h),
+ * whose variance is large (across a step of h decades about 2 FLAT / h is left, the halo),
  * and levels out what is fainter. Its cost does not depend on the window: sums run along columns
  * and lines. Windows end at the picture's border. */
 #include <string.h>

@@ -110,10 +110,10 @@ struct golden {
 
 /* The notes' numbers, computed there by the reference implementation and accepted within 0.01. The
  * one for the adaptation is met within 0.0102 at one of its five nodes.
- * Of picture B, whose two halves lie 4 decades apart, only what its pixels have is asked for: how
- * the curve crosses the void between them rests on a few hundred pixels that the blur makes up,
- * most of whose contrasts do not fit into the display. Which of them survive depends on the order
- * of roundings in the reference; its curves for steps up to 3 decades are met (see below). */
+ * Picture B, whose halves lie 4 decades apart, is NOT met between them: the notes have 1.0779,
+ * 1.4725 and 1.7604 at x = 0, 1 and 2, this gives 1.0321, 1.3549 and 1.6233. The cause is not
+ * known. Rounding at the bins' borders is not it (a step of 4.05 decades, without ties, differs as
+ * much), nor do other weights, bands or targets of the gap's equation mend it. */
 static const struct golden goldens[] = {
     {'A', NULL, NULL, M08_LCD, -1, 6, {.3470, .6857, 1.0742, 1.4801, 1.8827, 2.3014}, 0.01},
     {'A', "display", "lcd_office", M08_LCD_OFFICE, -1, 6,
@@ -159,7 +159,8 @@ static void test_golden(void **state)
 }
 
 /* Steps between two flat halves at 0 and x, as Debian's pfstools 2.1.0 maps them (lcd): a gap is
- * in that of 3.0045 decades. */
+ * in that of 3.0045 decades. Of steps between 2.2 and 2.8 decades single nodes were seen to differ
+ * by up to 0.05, beyond 3.4 by more. */
 static void test_golden_steps(void **state)
 {
     static const struct {
