@@ -777,6 +777,59 @@ static struct image shuffle_tiles(const struct image *in, int back)
 
 /* Operators that look at one pixel at a time do not care where it lies, so that no tile shows:
  * their statistics are of the whole picture. */
+/* A wall that never changes, beside a light that flickers: what the operators make of the wall must
+ * waver less when the states of six frames are averaged. */
+static void test_averaging_calms_a_sequence(void **state)
+{
+    static const char *const names[] = {"reinhard02", "drago03", "normalize", "mantiuk08"};
+    enum { FRAMES = 24, WINDOW = 6 };
+
+    (void)state;
+    for (size_t n = 0; n < sizeof names / sizeof *names; n++) {
+        struct tonemap_settings s = settings_of(names[n]);
+        struct tonemap_state *states = calloc(FRAMES, sizeof *states), *mean = malloc(sizeof *mean);
+        const struct tonemap_state *window[WINDOW];
+        struct tonemap_context context = {.state = mean};
+        double last[2] = {0}, jumps[2] = {0};
+        uint32_t random = 1;
+
+        assert_true(states && mean);
+        for (int f = 0; f < FRAMES; f++) {
+            struct image frame = grey_image(24, 16, 0.2f), alone, calm;
+
+            random = random * 1664525u + 1013904223u;
+            for (size_t i = 0; i < 24 * 16; i++) /* the wall has some contrast */
+                for (int c = 0; c < 3; c++)
+                    frame.pixels[3 * i + (size_t)c] *= 1.0f + 0.1f * (float)(i % 3);
+            for (size_t i = 0; i < 24 * 2 * 3; i++)
+                frame.pixels[i] = 5.0f + 100.0f * (float)(random >> 24) / 255.0f;
+            assert_int_equal(tonemap_measure(&states[f], &frame, &s, NULL, NULL), STATUS_OK);
+            if (f >= WINDOW - 1) {
+                size_t wall = (24 * 10 + 12) * 3;
+                for (int k = 0; k < WINDOW; k++)
+                    window[k] = &states[f - k];
+                tonemap_state_mean(mean, window, WINDOW, &s);
+                alone = apply(&frame, &s);
+                calm = apply_in(&frame, &s, &context);
+                if (f >= WINDOW) {
+                    jumps[0] += fabs((double)alone.pixels[wall] - last[0]);
+                    jumps[1] += fabs((double)calm.pixels[wall] - last[1]);
+                }
+                last[0] = (double)alone.pixels[wall];
+                last[1] = (double)calm.pixels[wall];
+                image_release(&alone);
+                image_release(&calm);
+            }
+            image_release(&frame);
+        }
+        assert_true(jumps[0] > 0.01);
+        if (jumps[1] > 0.5 * jumps[0])
+            fail_msg("%s: %g instead of %g", names[n], jumps[1], jumps[0]);
+        free(states);
+        free(mean);
+    }
+}
+
 static void test_tiles_do_not_show(void **state)
 {
     static const char *const names[] = {"aces", "aces-hill", "agx",       "pbr-neutral", "hable",
@@ -861,6 +914,7 @@ int main(void)
         cmocka_unit_test(test_white_balance),
         cmocka_unit_test(test_white_balance_of_daylight_is_none),
         cmocka_unit_test(test_state_mean),
+        cmocka_unit_test(test_averaging_calms_a_sequence),
         cmocka_unit_test(test_states_and_threads),
         cmocka_unit_test(test_tiles_do_not_show),
         cmocka_unit_test(test_registry),
