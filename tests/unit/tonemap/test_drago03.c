@@ -10,79 +10,24 @@
 #include <string.h>
 
 #include "common/tonemap/tonemap.h"
-
-static struct tonemap_settings settings_of(const char *name)
-{
-    struct tonemap_settings s;
-    struct error err = {0};
-
-    assert_int_equal(tonemap_settings_init(&s, name, &err), STATUS_OK);
-    return s;
-}
-
-static void set(struct tonemap_settings *s, const char *parameter, double value)
-{
-    struct error err = {0};
-
-    assert_int_equal(tonemap_settings_set(s, parameter, value, &err), STATUS_OK);
-}
-
-static struct image grey_image(uint32_t width, uint32_t height, float value)
-{
-    struct image image;
-
-    assert_int_equal(image_init(&image, width, height, 3, NULL), STATUS_OK);
-    for (size_t i = 0; i < (size_t)width * height * 3; i++)
-        image.pixels[i] = value;
-    return image;
-}
-
-static void put(struct image *image, size_t x, size_t y, float value)
-{
-    for (size_t c = 0; c < 3; c++)
-        image->pixels[(y * image->width + x) * 3 + c] = value;
-}
-
-/* Display light. */
-static struct image apply_threads(const struct image *in, const struct tonemap_settings *s,
-                                  unsigned threads)
-{
-    struct tonemap_context context = {.threads = threads, .linear = 1};
-    struct image out;
-    struct error err = {0};
-
-    assert_int_equal(tonemap_apply(&out, in, s, &context, &err), STATUS_OK);
-    for (size_t i = 0; i < (size_t)out.width * out.height * 3; i++)
-        assert_true(out.pixels[i] >= 0.0f && out.pixels[i] <= 1.0f); /* false for NaN */
-    return out;
-}
-
-static struct image apply(const struct image *in, const struct tonemap_settings *s)
-{
-    return apply_threads(in, s, 1);
-}
-
-static float at(const struct image *image, size_t x, size_t y)
-{
-    return image->pixels[(y * image->width + x) * 3];
-}
+#include "tests/support/tonemap_pictures.h"
 
 /* The curve at luminance `l` (over the log-mean) of a picture with the maximum `max`: of three
  * pixels, l, max and what makes the log-mean 1. */
 static double curve(double l, double max, double bias, double display)
 {
-    struct tonemap_settings s = settings_of("drago03");
-    struct image in = grey_image(3, 1, 0.0f), out;
+    struct tonemap_settings s = tonemap_preset("drago03");
+    struct image in = picture_grey(3, 1, 0.0f), out;
     double light;
 
-    put(&in, 0, 0, (float)l);
-    put(&in, 1, 0, (float)max);
-    put(&in, 2, 0, (float)(1.0 / (l * max)));
+    picture_put(&in, 0, 0, (float)l);
+    picture_put(&in, 1, 0, (float)max);
+    picture_put(&in, 2, 0, (float)(1.0 / (l * max)));
     assert_true(1.0 / (l * max) <= max);
-    set(&s, "bias", bias);
-    set(&s, "display", display);
-    out = apply(&in, &s);
-    light = (double)at(&out, 0, 0);
+    tonemap_preset_set(&s, "bias", bias);
+    tonemap_preset_set(&s, "display", display);
+    out = picture_light(&in, &s);
+    light = (double)picture_at(&out, 0, 0);
     image_release(&in);
     image_release(&out);
     return light;
@@ -128,18 +73,18 @@ static void test_bias_keeps_brightness(void **state)
 /* Faint pixels keep their digits: log1p, not log. */
 static void test_faint(void **state)
 {
-    struct tonemap_settings s = settings_of("drago03");
-    struct image in = grey_image(4, 1, 0.0f), out;
+    struct tonemap_settings s = tonemap_preset("drago03");
+    struct image in = picture_grey(4, 1, 0.0f), out;
 
     (void)state;
-    put(&in, 0, 0, 1e-20f);
-    put(&in, 1, 0, 2e-20f);
-    put(&in, 2, 0, 1e20f);
-    put(&in, 3, 0, 1e20f);
+    picture_put(&in, 0, 0, 1e-20f);
+    picture_put(&in, 1, 0, 2e-20f);
+    picture_put(&in, 2, 0, 1e20f);
+    picture_put(&in, 3, 0, 1e20f);
     s.exposure_ev = 40;
-    out = apply(&in, &s);
-    assert_true(at(&out, 0, 0) > 0.0f);
-    assert_true(fabsf(at(&out, 1, 0) / at(&out, 0, 0) - 2.0f) < 1e-3f);
+    out = picture_light(&in, &s);
+    assert_true(picture_at(&out, 0, 0) > 0.0f);
+    assert_true(fabsf(picture_at(&out, 1, 0) / picture_at(&out, 0, 0) - 2.0f) < 1e-3f);
     image_release(&in);
     image_release(&out);
 }
@@ -148,16 +93,16 @@ static void test_monotone(void **state)
 {
     (void)state;
     for (double bias = 0.5; bias <= 1.0; bias += 0.25) {
-        struct tonemap_settings s = settings_of("drago03");
-        struct image in = grey_image(1601, 1, 0.0f), out;
+        struct tonemap_settings s = tonemap_preset("drago03");
+        struct image in = picture_grey(1601, 1, 0.0f), out;
 
-        set(&s, "bias", bias);
+        tonemap_preset_set(&s, "bias", bias);
         for (size_t x = 0; x <= 1600; x++)
-            put(&in, x, 0, (float)pow(10.0, (double)x / 100.0 - 8.0));
-        out = apply(&in, &s);
+            picture_put(&in, x, 0, (float)pow(10.0, (double)x / 100.0 - 8.0));
+        out = picture_light(&in, &s);
         for (size_t x = 1; x <= 1600; x++)
-            assert_true(at(&out, x, 0) >= at(&out, x - 1, 0));
-        assert_true(at(&out, 1600, 0) > 0.9999f);
+            assert_true(picture_at(&out, x, 0) >= picture_at(&out, x - 1, 0));
+        assert_true(picture_at(&out, 1600, 0) > 0.9999f);
         image_release(&in);
         image_release(&out);
     }
@@ -171,14 +116,14 @@ static void test_hard_inputs(void **state)
     for (double bias = 0.5; bias <= 1.0; bias += 0.5)
         for (size_t a = 0; a < sizeof hard / sizeof *hard; a++)
             for (size_t b = 0; b < sizeof hard / sizeof *hard; b++) {
-                struct tonemap_settings s = settings_of("drago03");
-                struct image in = grey_image(4, 2, hard[a]), out;
+                struct tonemap_settings s = tonemap_preset("drago03");
+                struct image in = picture_grey(4, 2, hard[a]), out;
 
-                set(&s, "bias", bias);
+                tonemap_preset_set(&s, "bias", bias);
                 in.pixels[2] = hard[b]; /* pure blue */
-                out = apply(&in, &s);   /* checks the range */
+                out = picture_light(&in, &s);   /* checks the range */
                 if (!(hard[a] > 0.0f))
-                    assert_true(at(&out, 1, 1) == 0.0f);
+                    assert_true(picture_at(&out, 1, 1) == 0.0f);
                 image_release(&in);
                 image_release(&out);
             }
@@ -187,16 +132,16 @@ static void test_hard_inputs(void **state)
 /* The maximum stands in a logarithm only: thirty decades dim the picture by thirty, not by 1e30. */
 static void test_firefly(void **state)
 {
-    struct tonemap_settings s = settings_of("drago03");
-    struct image in = grey_image(64, 64, 0.18f), plain, lit;
+    struct tonemap_settings s = tonemap_preset("drago03");
+    struct image in = picture_grey(64, 64, 0.18f), plain, lit;
 
     (void)state;
-    put(&in, 5, 5, 10.0f);
-    plain = apply(&in, &s);
-    put(&in, 5, 5, 1e30f);
-    lit = apply(&in, &s);
-    assert_true(at(&lit, 40, 40) > 0.02f);
-    assert_true(at(&lit, 40, 40) > at(&plain, 40, 40) / 20.0f);
+    picture_put(&in, 5, 5, 10.0f);
+    plain = picture_light(&in, &s);
+    picture_put(&in, 5, 5, 1e30f);
+    lit = picture_light(&in, &s);
+    assert_true(picture_at(&lit, 40, 40) > 0.02f);
+    assert_true(picture_at(&lit, 40, 40) > picture_at(&plain, 40, 40) / 20.0f);
     image_release(&in);
     image_release(&plain);
     image_release(&lit);

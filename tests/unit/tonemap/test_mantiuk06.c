@@ -13,84 +13,7 @@
 #include "common/base/memory.h"
 #include "common/tonemap/gradient_field.h"
 #include "common/tonemap/tonemap.h"
-
-static struct tonemap_settings settings_of(const char *name)
-{
-    struct tonemap_settings s;
-    struct error err = {0};
-
-    assert_int_equal(tonemap_settings_init(&s, name, &err), STATUS_OK);
-    return s;
-}
-
-static void set(struct tonemap_settings *s, const char *parameter, double value)
-{
-    struct error err = {0};
-
-    assert_int_equal(tonemap_settings_set(s, parameter, value, &err), STATUS_OK);
-}
-
-static struct image grey_image(uint32_t width, uint32_t height, float value)
-{
-    struct image image;
-
-    assert_int_equal(image_init(&image, width, height, 3, NULL), STATUS_OK);
-    for (size_t i = 0; i < (size_t)width * height * 3; i++)
-        image.pixels[i] = value;
-    return image;
-}
-
-static void put(struct image *image, size_t x, size_t y, float value)
-{
-    for (size_t c = 0; c < 3; c++)
-        image->pixels[(y * image->width + x) * 3 + c] = value;
-}
-
-/* Display light. */
-static struct image apply_threads(const struct image *in, const struct tonemap_settings *s,
-                                  unsigned threads)
-{
-    struct tonemap_context context = {.threads = threads, .linear = 1};
-    struct image out;
-    struct error err = {0};
-
-    assert_int_equal(tonemap_apply(&out, in, s, &context, &err), STATUS_OK);
-    for (size_t i = 0; i < (size_t)out.width * out.height * 3; i++)
-        assert_true(out.pixels[i] >= 0.0f && out.pixels[i] <= 1.0f); /* false for NaN */
-    return out;
-}
-
-static struct image apply(const struct image *in, const struct tonemap_settings *s)
-{
-    return apply_threads(in, s, 1);
-}
-
-static float at(const struct image *image, size_t x, size_t y)
-{
-    return image->pixels[(y * image->width + x) * 3];
-}
-
-/* A picture with edges, slopes, noise and colours over five decades, one pixel of them black. */
-static struct image test_picture(uint32_t width, uint32_t height)
-{
-    struct image image = grey_image(width, height, 0.0f);
-    uint32_t random = 12345;
-
-    for (size_t y = 0; y < height; y++)
-        for (size_t x = 0; x < width; x++) {
-            double level = x > width / 3 ? 1.0 : 0.01;
-
-            level *= (y > height / 2) == (x > width / 2) ? 30.0 : 0.5;
-            level *= 0.2 + (double)x / width;
-            for (size_t c = 0; c < 3; c++) {
-                random = random * 1664525u + 1013904223u;
-                image.pixels[(y * width + x) * 3 + c] =
-                    (float)(level * (0.8 + 0.4 * (double)(random >> 8) / (1 << 24)));
-            }
-        }
-    put(&image, width / 2, height / 3, 0.0f);
-    return image;
-}
+#include "tests/support/tonemap_pictures.h"
 
 /* ---- the solver ----------------------------------------------------------------------------- */
 
@@ -209,17 +132,17 @@ static double luminance_at(const struct image *image, size_t i)
  * stretched so that the percentiles are 2.3 decades apart. */
 static void test_round_trip(void **state)
 {
-    struct tonemap_settings s = settings_of("mantiuk06");
-    struct image in = test_picture(61, 47), out;
+    struct tonemap_settings s = tonemap_preset("mantiuk06");
+    struct image in = picture_hard(61, 47), out;
     double low = 0.0, high = 0.0, slope = 0.0;
     size_t first = 0, last = 0, checked = 0;
 
     (void)state;
-    put(&in, 30, 15, 1.0f);
-    set(&s, "contrast", 1.0);
-    set(&s, "saturation", 1.0);
+    picture_put(&in, 30, 15, 1.0f);
+    tonemap_preset_set(&s, "contrast", 1.0);
+    tonemap_preset_set(&s, "saturation", 1.0);
     s.exposure_ev = -2.0; /* below the display's white all over */
-    out = apply(&in, &s);
+    out = picture_light(&in, &s);
     for (size_t i = 0; i < 61 * 47; i++) {
         double l = log10(luminance_at(&in, i));
 
@@ -272,17 +195,17 @@ static void test_transducer(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof contrasts / sizeof *contrasts; i++) {
-        struct tonemap_settings s = settings_of("mantiuk06");
-        struct image in = grey_image(3, 1, 1.0f), out;
+        struct tonemap_settings s = tonemap_preset("mantiuk06");
+        struct image in = picture_grey(3, 1, 1.0f), out;
         double a, b, ratio = mapped(1.7, contrasts[i]) / mapped(0.2, contrasts[i]);
 
-        put(&in, 1, 0, (float)pow(10.0, 0.2));
-        put(&in, 2, 0, (float)pow(10.0, 1.9));
-        set(&s, "contrast", contrasts[i]);
-        set(&s, "detail", 1.0);
-        out = apply(&in, &s);
-        a = log10((double)at(&out, 1, 0) / (double)at(&out, 0, 0));
-        b = log10((double)at(&out, 2, 0) / (double)at(&out, 1, 0));
+        picture_put(&in, 1, 0, (float)pow(10.0, 0.2));
+        picture_put(&in, 2, 0, (float)pow(10.0, 1.9));
+        tonemap_preset_set(&s, "contrast", contrasts[i]);
+        tonemap_preset_set(&s, "detail", 1.0);
+        out = picture_light(&in, &s);
+        a = log10((double)picture_at(&out, 1, 0) / (double)picture_at(&out, 0, 0));
+        b = log10((double)picture_at(&out, 2, 0) / (double)picture_at(&out, 1, 0));
         assert_true(fabs(a + b - 2.3) < 1e-4);
         assert_true(fabs(b / a / ratio - 1.0) < 2e-3);
         image_release(&in);
@@ -293,14 +216,14 @@ static void test_transducer(void **state)
 /* Percentiles: 0.1 % of the pixels are cut off at either end, and white is the display's. */
 static void test_range(void **state)
 {
-    struct tonemap_settings s = settings_of("mantiuk06");
-    struct image in = test_picture(200, 100), out;
+    struct tonemap_settings s = tonemap_preset("mantiuk06");
+    struct image in = picture_hard(200, 100), out;
     size_t white = 0, dark = 0;
 
     (void)state;
     for (size_t i = 0; i < 200 * 100 * 3; i += 3) /* grey */
         in.pixels[i] = in.pixels[i + 2] = in.pixels[i + 1];
-    out = apply(&in, &s);
+    out = picture_light(&in, &s);
     for (size_t i = 0; i < 200 * 100; i++) {
         double l = luminance_at(&out, i);
 
@@ -316,15 +239,15 @@ static void test_range(void **state)
 /* Exposure multiplies the display's light, and does nothing to contrasts, however large. */
 static void test_exposure(void **state)
 {
-    struct image in = test_picture(40, 30), plain, darker;
-    struct tonemap_settings s = settings_of("mantiuk06");
+    struct image in = picture_hard(40, 30), plain, darker;
+    struct tonemap_settings s = tonemap_preset("mantiuk06");
 
     (void)state;
     for (int ev = -6; ev <= -3; ev++) {
         s.exposure_ev = -2;
-        plain = apply(&in, &s);
+        plain = picture_light(&in, &s);
         s.exposure_ev = -2 + ev;
-        darker = apply(&in, &s);
+        darker = picture_light(&in, &s);
         for (size_t i = 0; i < 40 * 30 * 3; i++)
             if (plain.pixels[i] < 0.99f)
                 assert_true(fabs((double)darker.pixels[i] - ldexp((double)plain.pixels[i], ev)) <=
@@ -338,18 +261,18 @@ static void test_exposure(void **state)
 /* Saturation is the power of the ratio of a channel and luminance. */
 static void test_saturation(void **state)
 {
-    struct image in = test_picture(16, 16), grey, half, full;
-    struct tonemap_settings s = settings_of("mantiuk06");
+    struct image in = picture_hard(16, 16), grey, half, full;
+    struct tonemap_settings s = tonemap_preset("mantiuk06");
 
     (void)state;
     in.pixels[0] = 0.0f;
     s.exposure_ev = -4;
-    set(&s, "saturation", 0.0);
-    grey = apply(&in, &s);
-    set(&s, "saturation", 0.5);
-    half = apply(&in, &s);
-    set(&s, "saturation", 1.0);
-    full = apply(&in, &s);
+    tonemap_preset_set(&s, "saturation", 0.0);
+    grey = picture_light(&in, &s);
+    tonemap_preset_set(&s, "saturation", 0.5);
+    half = picture_light(&in, &s);
+    tonemap_preset_set(&s, "saturation", 1.0);
+    full = picture_light(&in, &s);
     assert_true(grey.pixels[0] == grey.pixels[1] && half.pixels[0] == 0.0f);
     for (size_t i = 0; i < 16 * 16; i++)
         for (size_t c = 0; c < 3; c++) {
@@ -391,21 +314,21 @@ static double detail_share(const struct image *image)
  * equalization is sharper still. */
 static void test_parameters_act(void **state)
 {
-    struct image in = test_picture(96, 80), out;
-    struct tonemap_settings s = settings_of("mantiuk06");
+    struct image in = picture_hard(96, 80), out;
+    struct tonemap_settings s = tonemap_preset("mantiuk06");
     double share[5];
     struct error err = {0};
 
     (void)state;
     for (size_t i = 0; i < 5; i++) {
-        s = settings_of("mantiuk06");
-        set(&s, "detail", i == 3 ? 0.02 : 1.0);
-        set(&s, "contrast", i == 0 ? 1.0 : 0.1);
+        s = tonemap_preset("mantiuk06");
+        tonemap_preset_set(&s, "detail", i == 3 ? 0.02 : 1.0);
+        tonemap_preset_set(&s, "contrast", i == 0 ? 1.0 : 0.1);
         if (i == 2)
-            set(&s, "contrast", 0.02);
+            tonemap_preset_set(&s, "contrast", 0.02);
         if (i == 4)
             assert_int_equal(tonemap_settings_set_text(&s, "mode", "equalize", &err), STATUS_OK);
-        out = apply(&in, &s);
+        out = picture_light(&in, &s);
         share[i] = detail_share(&out);
         image_release(&out);
     }
@@ -422,12 +345,12 @@ static void test_threads(void **state)
     (void)state;
     for (int mode = 0; mode < 2; mode++)
         for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
-            struct tonemap_settings s = settings_of("mantiuk06");
-            struct image in = test_picture(sizes[i][0], sizes[i][1]), a, b;
+            struct tonemap_settings s = tonemap_preset("mantiuk06");
+            struct image in = picture_hard(sizes[i][0], sizes[i][1]), a, b;
 
-            set(&s, "mode", mode);
-            a = apply_threads(&in, &s, 1);
-            b = apply_threads(&in, &s, 3);
+            tonemap_preset_set(&s, "mode", mode);
+            a = picture_light_threads(&in, &s, 1);
+            b = picture_light_threads(&in, &s, 3);
             assert_memory_equal(a.pixels, b.pixels,
                                 (size_t)a.width * a.height * 3 * sizeof *a.pixels);
             image_release(&in);
@@ -439,15 +362,15 @@ static void test_threads(void **state)
 /* A frame's own state changes nothing; a mean over frames moves the range. */
 static void test_state(void **state)
 {
-    struct tonemap_settings s = settings_of("mantiuk06");
-    struct image in = test_picture(300, 200), plain, own, moved;
+    struct tonemap_settings s = tonemap_preset("mantiuk06");
+    struct image in = picture_hard(300, 200), plain, own, moved;
     struct tonemap_state measured, other, mean;
     const struct tonemap_state *both[] = {&measured, &other};
     struct tonemap_context context = {.linear = 1};
     struct error err = {0};
 
     (void)state;
-    plain = apply(&in, &s);
+    plain = picture_light(&in, &s);
     assert_int_equal(tonemap_measure(&measured, &in, &s, &context, &err), STATUS_OK);
     context.state = &measured;
     assert_int_equal(tonemap_apply(&own, &in, &s, &context, &err), STATUS_OK);
@@ -470,8 +393,8 @@ static void test_constant(void **state)
 {
     (void)state;
     for (uint32_t side = 1; side < 100; side += 49) {
-        struct tonemap_settings s = settings_of("mantiuk06");
-        struct image in = grey_image(side, side + 1, 0.37f), out = apply(&in, &s);
+        struct tonemap_settings s = tonemap_preset("mantiuk06");
+        struct image in = picture_grey(side, side + 1, 0.37f), out = picture_light(&in, &s);
 
         for (size_t i = 0; i < (size_t)side * (side + 1) * 3; i++)
             assert_true(fabs((double)out.pixels[i] - pow(10.0, -1.15)) < 1e-4);
@@ -490,12 +413,12 @@ static void test_hard_inputs(void **state)
         for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
             for (size_t a = 0; a < sizeof hard / sizeof *hard; a++)
                 for (size_t b = 0; b < sizeof hard / sizeof *hard; b++) {
-                    struct tonemap_settings s = settings_of("mantiuk06");
-                    struct image in = grey_image(sizes[i][0], sizes[i][1], hard[a]), out;
+                    struct tonemap_settings s = tonemap_preset("mantiuk06");
+                    struct image in = picture_grey(sizes[i][0], sizes[i][1], hard[a]), out;
 
-                    set(&s, "mode", mode);
+                    tonemap_preset_set(&s, "mode", mode);
                     in.pixels[1] = hard[b]; /* pure green */
-                    out = apply(&in, &s);   /* checks the range */
+                    out = picture_light(&in, &s);   /* checks the range */
                     if (!(hard[a] > 0.0f) && in.width * in.height > 1)
                         assert_true(out.pixels[5] == 0.0f);
                     image_release(&in);
@@ -506,23 +429,23 @@ static void test_hard_inputs(void **state)
 /* Neither a firefly nor a half that is black takes the display's range. */
 static void test_firefly_and_black(void **state)
 {
-    struct tonemap_settings s = settings_of("mantiuk06");
-    struct image in = test_picture(64, 64), plain, lit;
+    struct tonemap_settings s = tonemap_preset("mantiuk06");
+    struct image in = picture_hard(64, 64), plain, lit;
     double sum_plain = 0.0, sum_lit = 0.0, sum_half = 0.0;
 
     (void)state;
-    plain = apply(&in, &s);
-    put(&in, 10, 40, 1e30f);
-    lit = apply(&in, &s);
+    plain = picture_light(&in, &s);
+    picture_put(&in, 10, 40, 1e30f);
+    lit = picture_light(&in, &s);
     for (size_t i = 0; i < 64 * 64; i++) {
         sum_plain += luminance_at(&plain, i);
         sum_lit += luminance_at(&lit, i);
     }
     assert_true(sum_lit > 0.5 * sum_plain && sum_lit < 2.0 * sum_plain);
     image_release(&lit);
-    put(&in, 10, 40, 1.0f);
+    picture_put(&in, 10, 40, 1.0f);
     memset(in.pixels, 0, 64 * 32 * 3 * sizeof(float));
-    lit = apply(&in, &s);
+    lit = picture_light(&in, &s);
     for (size_t i = 0; i < 64 * 32; i++) {
         assert_true(luminance_at(&lit, i) == 0.0);
         sum_half += luminance_at(&lit, i + 64 * 32);
@@ -536,13 +459,13 @@ static void test_firefly_and_black(void **state)
 /* Every allocation may fail. */
 static void test_no_memory(void **state)
 {
-    struct tonemap_settings s = settings_of("mantiuk06");
+    struct tonemap_settings s = tonemap_preset("mantiuk06");
     struct tonemap_context context = {.threads = 1};
-    struct image in = test_picture(20, 10), out;
+    struct image in = picture_hard(20, 10), out;
     status st = STATUS_ERR_NO_MEMORY;
 
     (void)state;
-    set(&s, "mode", 1);
+    tonemap_preset_set(&s, "mode", 1);
     for (long n = 0; st != STATUS_OK; n++) {
         struct error err = {0};
 

@@ -11,92 +11,15 @@
 #include <string.h>
 
 #include "common/tonemap/tonemap.h"
-
-static struct tonemap_settings settings_of(const char *name)
-{
-    struct tonemap_settings s;
-    struct error err = {0};
-
-    assert_int_equal(tonemap_settings_init(&s, name, &err), STATUS_OK);
-    return s;
-}
-
-static void set(struct tonemap_settings *s, const char *parameter, double value)
-{
-    struct error err = {0};
-
-    assert_int_equal(tonemap_settings_set(s, parameter, value, &err), STATUS_OK);
-}
-
-static struct image grey_image(uint32_t width, uint32_t height, float value)
-{
-    struct image image;
-
-    assert_int_equal(image_init(&image, width, height, 3, NULL), STATUS_OK);
-    for (size_t i = 0; i < (size_t)width * height * 3; i++)
-        image.pixels[i] = value;
-    return image;
-}
-
-static void put(struct image *image, size_t x, size_t y, float value)
-{
-    for (size_t c = 0; c < 3; c++)
-        image->pixels[(y * image->width + x) * 3 + c] = value;
-}
-
-/* Display light. */
-static struct image apply_threads(const struct image *in, const struct tonemap_settings *s,
-                                  unsigned threads)
-{
-    struct tonemap_context context = {.threads = threads, .linear = 1};
-    struct image out;
-    struct error err = {0};
-
-    assert_int_equal(tonemap_apply(&out, in, s, &context, &err), STATUS_OK);
-    for (size_t i = 0; i < (size_t)out.width * out.height * 3; i++)
-        assert_true(out.pixels[i] >= 0.0f && out.pixels[i] <= 1.0f); /* false for NaN */
-    return out;
-}
-
-static struct image apply(const struct image *in, const struct tonemap_settings *s)
-{
-    return apply_threads(in, s, 1);
-}
-
-static float at(const struct image *image, size_t x, size_t y)
-{
-    return image->pixels[(y * image->width + x) * 3];
-}
-
-/* A picture with edges, slopes, noise and colours over five decades, one pixel of them black. */
-static struct image test_picture(uint32_t width, uint32_t height)
-{
-    struct image image = grey_image(width, height, 0.0f);
-    uint32_t random = 12345;
-
-    for (size_t y = 0; y < height; y++)
-        for (size_t x = 0; x < width; x++) {
-            double level = x > width / 3 ? 1.0 : 0.01;
-
-            level *= (y > height / 2) == (x > width / 2) ? 30.0 : 0.5;
-            level *= 0.2 + (double)x / width;
-            for (size_t c = 0; c < 3; c++) {
-                random = random * 1664525u + 1013904223u;
-                image.pixels[(y * width + x) * 3 + c] =
-                    (float)(level * (0.8 + 0.4 * (double)(random >> 8) / (1 << 24)));
-            }
-        }
-    put(&image, width / 2, height / 3, 0.0f);
-    return image;
-}
+#include "tests/support/tonemap_pictures.h"
 
 static struct tonemap_settings local_settings(void)
 {
-    struct tonemap_settings s = settings_of("reinhard02");
+    struct tonemap_settings s = tonemap_preset("reinhard02");
     struct error err = {0};
 
     assert_int_equal(tonemap_settings_set_text(&s, "scale", "local", &err), STATUS_OK);
-    set(&s, "white", 1e9); /* out of the way */
+    tonemap_preset_set(&s, "white", 1e9); /* out of the way */
     return s;
 }
 
@@ -110,10 +33,10 @@ static void test_constant_is_global(void **state)
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
         for (double key = 0.01; key < 100.0; key *= 9.0) {
             struct tonemap_settings s = local_settings();
-            struct image in = grey_image(sizes[i][0], sizes[i][1], 0.37f), out;
+            struct image in = picture_grey(sizes[i][0], sizes[i][1], 0.37f), out;
 
-            set(&s, "key", key);
-            out = apply(&in, &s);
+            tonemap_preset_set(&s, "key", key);
+            out = picture_light(&in, &s);
             for (size_t k = 0; k < (size_t)in.width * in.height * 3; k++)
                 assert_true(fabs((double)out.pixels[k] - key / (1.0 + key)) < 2e-6);
             image_release(&in);
@@ -125,13 +48,13 @@ static void test_constant_is_global(void **state)
 static void test_constant_with_white(void **state)
 {
     struct tonemap_settings s = local_settings();
-    struct image in = grey_image(9, 9, 5.0f), out;
+    struct image in = picture_grey(9, 9, 5.0f), out;
 
     (void)state;
-    set(&s, "white", 4.0);
-    set(&s, "key", 2.0);
-    out = apply(&in, &s);
-    assert_true(fabs((double)at(&out, 4, 4) - 0.75) < 2e-6);
+    tonemap_preset_set(&s, "white", 4.0);
+    tonemap_preset_set(&s, "key", 2.0);
+    out = picture_light(&in, &s);
+    assert_true(fabs((double)picture_at(&out, 4, 4) - 0.75) < 2e-6);
     image_release(&in);
     image_release(&out);
 }
@@ -142,22 +65,22 @@ static void test_constant_with_white(void **state)
 static void test_threshold_chooses_scale(void **state)
 {
     struct tonemap_settings s = local_settings();
-    struct image in = grey_image(101, 101, 1.0f), out;
+    struct image in = picture_grey(101, 101, 1.0f), out;
     double scaled, spot, alpha_s = 0.35355339059327376 * 26.843545600000001; /* 1.6^7 */
     double peak = 0.0;
 
     (void)state;
-    put(&in, 50, 50, 100.0f);
+    picture_put(&in, 50, 50, 100.0f);
     scaled = 0.18 * exp(-log(100.0) / (101.0 * 101.0));
     spot = 100.0 * scaled;
-    set(&s, "threshold", 0.0);
-    out = apply(&in, &s);
+    tonemap_preset_set(&s, "threshold", 0.0);
+    out = picture_light(&in, &s);
     /* exp(-8) of the spot's neighbours is the smallest kernel's only side lobe. */
-    assert_true(fabs((double)at(&out, 50, 50) - spot / (1.0 + spot)) < 2e-3);
-    assert_true(fabs((double)at(&out, 53, 50) - scaled / (1.0 + scaled)) < 1e-6);
+    assert_true(fabs((double)picture_at(&out, 50, 50) - spot / (1.0 + spot)) < 2e-3);
+    assert_true(fabs((double)picture_at(&out, 53, 50) - scaled / (1.0 + scaled)) < 1e-6);
     image_release(&out);
-    set(&s, "threshold", 1e6);
-    out = apply(&in, &s);
+    tonemap_preset_set(&s, "threshold", 1e6);
+    out = picture_light(&in, &s);
     for (int y = -28; y <= 28; y++)
         for (int x = -28; x <= 28; x++)
             peak += exp(-(x * x + y * y) / (alpha_s * alpha_s));
@@ -165,7 +88,7 @@ static void test_threshold_chooses_scale(void **state)
         double v = scaled * (1.0 + 99.0 * exp(-x * x / (alpha_s * alpha_s)) / peak);
         double l = x == 0 ? spot : scaled, wanted = fmin(l / (1.0 + v), 1.0);
 
-        assert_true(fabs((double)at(&out, 50 + (size_t)x, 50) - wanted) < 1e-5);
+        assert_true(fabs((double)picture_at(&out, 50 + (size_t)x, 50) - wanted) < 1e-5);
     }
     image_release(&in);
     image_release(&out);
@@ -176,31 +99,31 @@ static void test_threshold_chooses_scale(void **state)
 static void test_scale_ends_at_edges(void **state)
 {
     struct tonemap_settings s = local_settings();
-    struct image in = grey_image(256, 8, 1.0f), out;
+    struct image in = picture_grey(256, 8, 1.0f), out;
     double scaled, dark, bright;
 
     (void)state;
     for (size_t y = 0; y < 8; y++)
         for (size_t x = 128; x < 256; x++)
-            put(&in, x, y, 1000.0f);
+            picture_put(&in, x, y, 1000.0f);
     scaled = 0.18 / sqrt(1000.0);
     dark = scaled / (1.0 + scaled);
     bright = 1000.0 * scaled / (1.0 + 1000.0 * scaled);
-    out = apply(&in, &s);
-    assert_true(fabs((double)at(&out, 2, 3) - dark) < 1e-6);
-    assert_true(fabs((double)at(&out, 253, 3) - bright) < 1e-5);
+    out = picture_light(&in, &s);
+    assert_true(fabs((double)picture_at(&out, 2, 3) - dark) < 1e-6);
+    assert_true(fabs((double)picture_at(&out, 253, 3) - bright) < 1e-5);
     /* No halo: no pixel is brighter or darker than its half by more than a bound. The dark pixel
      * at the edge sees across it by exp(-8) even at the smallest scale. */
     for (size_t x = 0; x < 127; x++)
-        assert_true(fabs((double)at(&out, x, 3) / dark - 1.0) < 0.06);
-    assert_true((double)at(&out, 127, 3) / dark > 0.8);
+        assert_true(fabs((double)picture_at(&out, x, 3) / dark - 1.0) < 0.06);
+    assert_true((double)picture_at(&out, 127, 3) / dark > 0.8);
     for (size_t x = 128; x < 256; x++)
-        assert_true(fabs((double)at(&out, x, 3) / bright - 1.0) < 0.06);
+        assert_true(fabs((double)picture_at(&out, x, 3) / bright - 1.0) < 0.06);
     /* With the largest scale everywhere there is one, so that the above can fail. */
     image_release(&out);
-    set(&s, "threshold", 1e6);
-    out = apply(&in, &s);
-    assert_true((double)at(&out, 124, 3) / dark < 0.5);
+    tonemap_preset_set(&s, "threshold", 1e6);
+    out = picture_light(&in, &s);
+    assert_true((double)picture_at(&out, 124, 3) / dark < 0.5);
     image_release(&in);
     image_release(&out);
 }
@@ -209,18 +132,18 @@ static void test_scale_ends_at_edges(void **state)
  * darker against them than under the global curve. */
 static void test_local_contrast(void **state)
 {
-    struct tonemap_settings local = local_settings(), global = settings_of("reinhard02");
-    struct image in = grey_image(64, 64, 8.0f), a, b;
+    struct tonemap_settings local = local_settings(), global = tonemap_preset("reinhard02");
+    struct image in = picture_grey(64, 64, 8.0f), a, b;
 
     (void)state;
-    set(&global, "white", 1e9);
-    set(&local, "key", 1.0);
-    set(&global, "key", 1.0);
+    tonemap_preset_set(&global, "white", 1e9);
+    tonemap_preset_set(&local, "key", 1.0);
+    tonemap_preset_set(&global, "key", 1.0);
     for (size_t i = 0; i < 4; i++)
-        put(&in, 30 + i % 2, 30 + i / 2, 7.0f);
-    a = apply(&in, &local);
-    b = apply(&in, &global);
-    assert_true(at(&a, 30, 30) / at(&a, 0, 0) < 0.97f * at(&b, 30, 30) / at(&b, 0, 0));
+        picture_put(&in, 30 + i % 2, 30 + i / 2, 7.0f);
+    a = picture_light(&in, &local);
+    b = picture_light(&in, &global);
+    assert_true(picture_at(&a, 30, 30) / picture_at(&a, 0, 0) < 0.97f * picture_at(&b, 30, 30) / picture_at(&b, 0, 0));
     image_release(&in);
     image_release(&a);
     image_release(&b);
@@ -233,10 +156,10 @@ static void test_threads(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
         struct tonemap_settings s = local_settings();
-        struct image in = test_picture(sizes[i][0], sizes[i][1]), a, b;
+        struct image in = picture_hard(sizes[i][0], sizes[i][1]), a, b;
 
-        a = apply_threads(&in, &s, 1);
-        b = apply_threads(&in, &s, 3);
+        a = picture_light_threads(&in, &s, 1);
+        b = picture_light_threads(&in, &s, 3);
         assert_memory_equal(a.pixels, b.pixels,
                             (size_t)a.width * a.height * 3 * sizeof *a.pixels);
         image_release(&in);
@@ -255,10 +178,10 @@ static void test_hard_inputs(void **state)
         for (size_t a = 0; a < sizeof hard / sizeof *hard; a++)
             for (size_t b = 0; b < sizeof hard / sizeof *hard; b++) {
                 struct tonemap_settings s = local_settings();
-                struct image in = grey_image(sizes[i][0], sizes[i][1], hard[a]), out;
+                struct image in = picture_grey(sizes[i][0], sizes[i][1], hard[a]), out;
 
                 in.pixels[1] = hard[b]; /* pure green */
-                out = apply(&in, &s);   /* checks the range */
+                out = picture_light(&in, &s);   /* checks the range */
                 if (!(hard[a] > 0.0f) && in.width * in.height > 1)
                     assert_true(out.pixels[5] == 0.0f);
                 image_release(&in);
@@ -270,15 +193,15 @@ static void test_hard_inputs(void **state)
 static void test_firefly(void **state)
 {
     struct tonemap_settings s = local_settings();
-    struct image in = grey_image(64, 64, 0.18f), out;
+    struct image in = picture_grey(64, 64, 0.18f), out;
 
     (void)state;
-    put(&in, 32, 32, 1e30f);
-    out = apply(&in, &s);
+    picture_put(&in, 32, 32, 1e30f);
+    out = picture_light(&in, &s);
     for (size_t y = 0; y < 64; y++)
         for (size_t x = 0; x < 64; x++)
             if (x < 31 || x > 33 || y < 31 || y > 33)
-                assert_true(at(&out, x, y) > 0.1f && at(&out, x, y) < 0.2f);
+                assert_true(picture_at(&out, x, y) > 0.1f && picture_at(&out, x, y) < 0.2f);
     image_release(&in);
     image_release(&out);
 }

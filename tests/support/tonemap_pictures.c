@@ -1,0 +1,84 @@
+#include "tests/support/tonemap_pictures.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+struct tonemap_settings tonemap_preset(const char *name)
+{
+    struct tonemap_settings s;
+    struct error err = {0};
+
+    assert_int_equal(tonemap_settings_init(&s, name, &err), STATUS_OK);
+    return s;
+}
+
+void tonemap_preset_set(struct tonemap_settings *s, const char *parameter, double value)
+{
+    struct error err = {0};
+
+    assert_int_equal(tonemap_settings_set(s, parameter, value, &err), STATUS_OK);
+}
+
+struct image picture_grey(uint32_t width, uint32_t height, float value)
+{
+    struct image image;
+
+    assert_int_equal(image_init(&image, width, height, 3, NULL), STATUS_OK);
+    for (size_t i = 0; i < (size_t)width * height * 3; i++)
+        image.pixels[i] = value;
+    return image;
+}
+
+void picture_put(struct image *image, size_t x, size_t y, float value)
+{
+    for (size_t c = 0; c < 3; c++)
+        image->pixels[(y * image->width + x) * 3 + c] = value;
+}
+
+struct image picture_light_threads(const struct image *in, const struct tonemap_settings *s,
+                                  unsigned threads)
+{
+    struct tonemap_context context = {.threads = threads, .linear = 1};
+    struct image out;
+    struct error err = {0};
+
+    assert_int_equal(tonemap_apply(&out, in, s, &context, &err), STATUS_OK);
+    for (size_t i = 0; i < (size_t)out.width * out.height * 3; i++)
+        assert_true(out.pixels[i] >= 0.0f && out.pixels[i] <= 1.0f); /* false for NaN */
+    return out;
+}
+
+struct image picture_light(const struct image *in, const struct tonemap_settings *s)
+{
+    return picture_light_threads(in, s, 1);
+}
+
+float picture_at(const struct image *image, size_t x, size_t y)
+{
+    return image->pixels[(y * image->width + x) * 3];
+}
+
+struct image picture_hard(uint32_t width, uint32_t height)
+{
+    struct image image = picture_grey(width, height, 0.0f);
+    uint32_t random = 12345;
+
+    for (size_t y = 0; y < height; y++)
+        for (size_t x = 0; x < width; x++) {
+            double level = x > width / 3 ? 1.0 : 0.01;
+
+            level *= (y > height / 2) == (x > width / 2) ? 30.0 : 0.5;
+            level *= 0.2 + (double)x / width;
+            for (size_t c = 0; c < 3; c++) {
+                random = random * 1664525u + 1013904223u;
+                image.pixels[(y * width + x) * 3 + c] =
+                    (float)(level * (0.8 + 0.4 * (double)(random >> 8) / (1 << 24)));
+            }
+        }
+    picture_put(&image, width / 2, height / 3, 0.0f);
+    return image;
+}

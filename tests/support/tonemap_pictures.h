@@ -1,0 +1,24 @@
+/* tonemap_pictures: pictures for tests of tone mapping, and what an operator makes of them. Every
+ * function fails the test when something goes wrong. */
+#ifndef AZULEJO_TESTS_TONEMAP_PICTURES_H
+#define AZULEJO_TESTS_TONEMAP_PICTURES_H
+
+#include "common/image/image.h"
+#include "common/tonemap/tonemap.h"
+
+struct tonemap_settings tonemap_preset(const char *name);
+void tonemap_preset_set(struct tonemap_settings *s, const char *parameter, double value);
+
+struct image picture_grey(uint32_t width, uint32_t height, float value);
+void picture_put(struct image *image, size_t x, size_t y, float value); /* a grey pixel */
+float picture_at(const struct image *image, size_t x, size_t y);        /* its red */
+
+/* With edges, slopes, noise and colours over five decades; one pixel is black. */
+struct image picture_hard(uint32_t width, uint32_t height);
+
+/* Display light, all of it within 0..1. */
+struct image picture_light_threads(const struct image *in, const struct tonemap_settings *s,
+                                   unsigned threads);
+struct image picture_light(const struct image *in, const struct tonemap_settings *s);
+
+#endif
