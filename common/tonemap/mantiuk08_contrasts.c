@@ -18,7 +18,10 @@ static const float kernel[TAPS] = {0.05f, 0.25f, 0.4f, 0.25f, 0.05f};
 
 /* In log10 luminance: what no eye sees, and what belongs to the first bin. */
 static const float THRESHOLD = 0.0043f, FIRST_BIN = 0.05f;
-static const float CONTRAST_MAX = 0.7f;
+static const float CONTRAST_MAX = 0.7f; /* of the bins' centres */
+/* The authors' program rounds to the nearest bin but towards 0 below it, so the darkest bin takes
+ * in more than the others; its curves tell. */
+static const float CONTRAST_MOST = 0.75f, CONTRAST_LEAST = -0.85f;
 static const double LOWEST_FREQUENCY = 3.0; /* no band is wanted below */
 
 typedef uint32_t bins[M08_NODES][M08_BINS];
@@ -95,12 +98,12 @@ static void count_line(const float *fine, const float *coarse, uint32_t width, b
         int node = nearest((coarse[x] - (float)M08_X_MIN) * (float)(1.0 / M08_STEP));
         int bin = M08_CENTRE;
 
-        if (!(size <= CONTRAST_MAX))
+        if (!(contrast < CONTRAST_MOST && contrast > CONTRAST_LEAST))
             continue;
         if (size > THRESHOLD && size < FIRST_BIN)
             bin += contrast > 0.0f ? 1 : -1;
         else
-            bin = nearest((contrast + CONTRAST_MAX) * (float)(1.0 / M08_STEP));
+            bin = nearest(fmaxf(contrast + CONTRAST_MAX, 0.0f) * (float)(1.0 / M08_STEP));
         node = node < 0 ? 0 : node < M08_NODES ? node : M08_NODES - 1; /* rounding */
         counts[node][bin]++;
     }

@@ -98,13 +98,15 @@ static int clamp_node(int node)
     return node < 0 ? 0 : node < M08_NODES ? node : M08_NODES - 1;
 }
 
-/* Call visit for every contrast that occurs, with the nodes that it spans. */
+/* Call visit for every contrast that occurs, with the nodes that it spans. The authors' program
+ * leaves the brightest bin out, which one sees where a picture steps by more than two decades; so
+ * that its curves come out, so does this. */
 static void each_contrast(struct fit *fit, void (*visit)(struct fit *fit, int band, int node,
                                                          int from, int to, uint64_t count))
 {
     for (int band = 0; band < (int)fit->contrasts->bands; band++)
         for (int node = 0; node < M08_NODES; node++)
-            for (int g = 0; g < M08_BINS; g++) {
+            for (int g = 0; g < M08_BINS - 1; g++) {
                 int from = clamp_node(node + (g < M08_CENTRE ? g - M08_CENTRE : 0));
                 int to = clamp_node(node + (g > M08_CENTRE ? g - M08_CENTRE : 0));
                 uint64_t count = fit->contrasts->counts[band][node][g];
@@ -160,29 +162,23 @@ static void add_contrast(struct fit *fit, int band, int node, int from, int to, 
     add_equation(fit, &equation);
 }
 
+/* Of the backgrounds that are seen without a contrast, too. */
 static double visible_contrasts(const struct fit *fit)
 {
     uint64_t sum = 0;
 
     for (uint32_t band = 0; band < fit->contrasts->bands; band++)
-        for (int i = 0; i < M08_NODES * M08_BINS; i++)
-            if (i % M08_BINS != M08_CENTRE)
-                sum += fit->contrasts->counts[band][i / M08_BINS][i % M08_BINS];
+        for (int node = 0; node < M08_NODES; node++) {
+            const uint64_t *counts = fit->contrasts->counts[band][node];
+
+            for (int g = 0; g < M08_BINS && counts[M08_CENTRE] > 0; g++)
+                sum += g == M08_CENTRE ? 0 : counts[g];
+        }
     return (double)sum;
 }
 
-static void add_soft_equation(struct fit *fit, int first, int last, int node, double contrast,
-                              double weight)
-{
-    struct equation equation = {.first = first, .last = last, .node = node, .weight = weight};
-
-    equation.target = response_of(fit, contrast, scene_sensitivity(fit, 0, node));
-    add_equation(fit, &equation);
-}
-
-/* Gaps keep their contrast if there is room; what is to be white shall not rise any more. Their
- * band and weights are not known from a description: they were fitted, by trying some, to curves
- * that pfstools 2.1.0 gives. The gap's is the less certain. */
+/* Gaps keep their contrast if there is room, as seen at the lowest frequency; what is to be white
+ * shall not rise any more. */
 static void add_soft_equations(struct fit *fit, int white_node)
 {
     double weight = SOFT_SHARE * visible_contrasts(fit), e = fit->model->contrast * M08_STEP;
@@ -190,14 +186,22 @@ static void add_soft_equations(struct fit *fit, int white_node)
 
     for (int v = 0; v < fit->variables; v++) {
         if (fit->length[v] < 0) {
-            fit->length[v] = -fit->length[v];
-            add_soft_equation(fit, v, v + 1, node, e * fit->length[v],
-                              weight / fit->contrasts->bands);
+            int band = (int)fit->contrasts->bands - 1, length = -fit->length[v];
+            struct equation gap = {.first = v, .last = v + 1, .band = band,
+                                   .node = node + length, .weight = weight};
+
+            fit->length[v] = length;
+            gap.target = response_of(fit, e * length, scene_sensitivity(fit, band, node));
+            add_equation(fit, &gap);
         }
         node += fit->length[v];
     }
-    if (first < fit->high)
-        add_soft_equation(fit, fit->variable[first], fit->variables, first, 0.0, weight);
+    if (first < fit->high) {
+        struct equation white = {.first = fit->variable[first], .last = fit->variables,
+                                 .node = first, .weight = weight};
+
+        add_equation(fit, &white);
+    }
 }
 
 /* Count what there is, then number it, then write it down. */

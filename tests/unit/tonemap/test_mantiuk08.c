@@ -110,10 +110,9 @@ struct golden {
 
 /* The notes' numbers, computed there by the reference implementation and accepted within 0.01. The
  * one for the adaptation is met within 0.0102 at one of its five nodes.
- * Picture B, whose halves lie 4 decades apart, is NOT met between them: the notes have 1.0779,
- * 1.4725 and 1.7604 at x = 0, 1 and 2, this gives 1.0321, 1.3549 and 1.6233. The cause is not
- * known. Rounding at the bins' borders is not it (a step of 4.05 decades, without ties, differs as
- * much), nor do other weights, bands or targets of the gap's equation mend it. */
+ * Picture B, whose halves lie 4 decades apart, is met within 0.035 between them: many of its contrasts
+ * lie on the borders of bins, where the last bit of a logarithm decides, and the iteration ends with
+ * changes of up to 0.01. Steps without such ties (below) agree to 0.002. */
 static const struct golden goldens[] = {
     {'A', NULL, NULL, M08_LCD, -1, 6, {.3470, .6857, 1.0742, 1.4801, 1.8827, 2.3014}, 0.01},
     {'A', "display", "lcd_office", M08_LCD_OFFICE, -1, 6,
@@ -122,11 +121,11 @@ static const struct golden goldens[] = {
      {.2127, .6925, 1.2086, 1.7141, 2.1957, 2.6840}, 0.01},
     {'A', "display", "crt", M08_CRT, -1, 6, {.3579, .5620, .8483, 1.1746, 1.5213, 1.9052}, 0.01},
     {'A', "contrast", "1.15", M08_LCD, -1, 5, {.3310, .6571, 1.0434, 1.4551, 1.8677}, 0.01},
-    {'A', "white", "100", M08_LCD, -1, 5, {.6020, 1.1668, 1.7171, 2.1885, 2.2215}, 0.01},
+    {'A', "white", "100", M08_LCD, -1, 5, {.6020, 1.1668, 1.7171, 2.1885, 2.2215}, 2e-4},
     {'A', "adaptation", "auto", M08_LCD, 0, 5, {.0220, .3915, .9748, 1.6309, 2.2721}, 0.0102},
     {'A', "visual-model", "none", M08_LCD, -1, 5, {.4185, .7838, 1.1490, 1.5143, 1.8795}, 0.01},
-    {'B', NULL, NULL, M08_LCD, -1, 1, {.5798}, 0.01},
-    {'B', NULL, NULL, M08_LCD, 3, 1, {2.3014}, 0.01},
+    {'B', NULL, NULL, M08_LCD, -1, 2, {.5798, 1.0779}, 0.035},
+    {'B', NULL, NULL, M08_LCD, 1, 3, {1.4725, 1.7604, 2.3014}, 0.01},
     {'E', NULL, NULL, M08_LCD, -1, 2, {.9776, 2.1994}, 0.01},
     {'E', "display", "lcd_bright", M08_LCD_BRIGHT, -2, 3, {.2044, 1.3115, 2.5846}, 0.01},
     {'F', NULL, NULL, M08_LCD, -1, 3, {2.0507, 2.1761, 2.3014}, 0.01},
@@ -158,9 +157,8 @@ static void test_golden(void **state)
     }
 }
 
-/* Steps between two flat halves at 0 and x, as Debian's pfstools 2.1.0 maps them (lcd): a gap is
- * in that of 3.0045 decades. Of steps between 2.2 and 2.8 decades single nodes were seen to differ
- * by up to 0.05, beyond 3.4 by more. */
+/* Steps between two flat halves at 0 and x, as Debian's pfstools 2.1.0 maps them (lcd): from 2.2
+ * decades on some contrasts lie beyond the bins, from 3 on the curve has gaps. */
 static void test_golden_steps(void **state)
 {
     static const struct {
@@ -169,11 +167,15 @@ static void test_golden_steps(void **state)
     } steps[] = {
         {1.0015, {{80, .8483}, {82, 1.1500}, {84, 1.4234}, {87, 1.8136}, {90, 2.1828}}},
         {2.0030, {{80, .1715}, {84, .7369}, {89, 1.1856}, {94, 1.6326}, {99, 2.0929}}},
+        {2.4, {{80, .1557}, {86, .8596}, {91, 1.2024}, {98, 1.6409}, {103, 2.1084}}},
+        {2.6033, {{81, .3034}, {87, .8804}, {92, 1.2126}, {100, 1.6812}, {105, 2.1101}}},
+        {3.3, {{81, .2781}, {88, .8733}, {95, 1.1916}, {105, 1.6085}, {111, 2.0322}}},
+        {3.5, {{81, .2876}, {89, .8847}, {96, 1.2054}, {106, 1.6252}, {113, 2.0411}}},
         {3.0045, {{82, .4154}, {88, .9235}, {94, 1.2033}, {101, 1.5648}, {109, 2.1174}}},
     };
 
     (void)state;
-    for (int i = 0; i < 3; i++) {
+    for (size_t i = 0; i < sizeof steps / sizeof *steps; i++) {
         struct image image = grey_image(SIDE, SIDE, 1.0f);
         struct tonemap_settings s = settings_of(NULL, NULL);
         struct tonemap_state curve;
@@ -184,7 +186,7 @@ static void test_golden_steps(void **state)
         curve = measure(&image, &s, 2);
         for (int k = 0; k < 5; k++) {
             double y = curve.values[steps[i].points[k].node];
-            if (!(fabs(y - steps[i].points[k].y) <= 0.01))
+            if (!(fabs(y - steps[i].points[k].y) <= 2e-3))
                 fail_msg("step %g, node %d: %.4f instead of %.4f", steps[i].step,
                          steps[i].points[k].node, y, steps[i].points[k].y);
         }
