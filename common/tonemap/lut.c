@@ -355,7 +355,7 @@ static void look_up_cube(const struct cube_table *table, float rgb[3])
 {
     const size_t step[3] = {1, table->size, (size_t)table->size * table->size};
     const float *corner[4];
-    float t[3], weight[4];
+    float t[3] = {0}, weight[4];
     size_t at = 0;
     int first, second, third;
 

@@ -313,7 +313,7 @@ static void iterate(struct fit *fit)
  * ends. */
 static void extend(const struct fit *fit, struct m08_curve *out)
 {
-    double rise[M08_SEGMENTS];
+    double rise[M08_SEGMENTS] = {0};
 
     for (int s = fit->low; s < fit->high; s++)
         rise[s] = (fit->y[s + 1] - fit->y[s]) / M08_STEP;

@@ -293,7 +293,7 @@ status tonemap_apply(struct image *out, const struct image *in, const struct ton
                      const struct tonemap_context *context, struct error *err)
 {
     struct finishing finish;
-    struct tonemap_state own;
+    struct tonemap_state own = {0};
     const struct tonemap_state *state;
     struct work w;
     status st = work_begin(&w, out, in, s, context, err);
