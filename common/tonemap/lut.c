@@ -353,17 +353,23 @@ static void look_up_line(const struct cube_table *table, float rgb[3])
  * corners are reached by stepping along the channels in the order of their fractions. */
 static void look_up_cube(const struct cube_table *table, float rgb[3])
 {
+    /* The channels, largest fraction first, by which of red and green, green and blue, red and blue
+     * is in order. */
+    static const uint8_t orders[8][3] = {{2, 1, 0}, {2, 0, 1}, {1, 2, 0}, {0, 1, 2},
+                                         {2, 1, 0}, {0, 2, 1}, {1, 0, 2}, {0, 1, 2}};
     const size_t step[3] = {1, table->size, (size_t)table->size * table->size};
     const float *corner[4];
+    const uint8_t *order;
     float t[3] = {0}, weight[4];
-    size_t at = 0;
     int first, second, third;
+    size_t at = 0;
 
     for (int c = 0; c < 3; c++)
         at += step[c] * locate(table, c, (double)rgb[c], &t[c]);
-    first = t[0] >= t[1] ? (t[0] >= t[2] ? 0 : 2) : (t[1] >= t[2] ? 1 : 2);
-    third = t[0] < t[1] ? (t[0] < t[2] ? 0 : 2) : (t[1] < t[2] ? 1 : 2);
-    second = 3 - first - third;
+    order = orders[(t[0] >= t[1]) | (t[1] >= t[2]) << 1 | (t[0] >= t[2]) << 2];
+    first = order[0];
+    second = order[1];
+    third = order[2];
     corner[0] = table->entries[at];
     corner[1] = table->entries[at += step[first]];
     corner[2] = table->entries[at += step[second]];
