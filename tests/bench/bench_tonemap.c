@@ -1,6 +1,6 @@
 /* bench_tonemap: what each operator takes for a made picture of high contrast, the same every time.
  *
- *   bench_tonemap [--size WxH] [--threads N] [--rounds N] [--operator NAME] [--param NAME=X]...
+ *   bench_tonemap [--size WxH | --picture FILE] [--threads N] [--rounds N] [--operator NAME] [--param NAME=X]...
  *
  * Prints one line of JSON for each operator: megapixels a second by the clock, seconds by the clock
  * and of CPU, the median of the rounds. Everything that developing a frame needs is in it: statistics,
@@ -13,6 +13,7 @@
 
 #include "common/base/buffer.h"
 #include "common/base/clock.h"
+#include "common/base/file.h"
 #include "common/base/options.h"
 #include "common/math/elementary.h"
 #include "common/tonemap/tonemap.h"
@@ -52,6 +53,18 @@ static void make_picture(struct image *image, uint32_t width, uint32_t height)
             for (uint32_t c = 0; c < 3; c++)
                 p[c] = light * (0.1f + 0.3f * (float)((box >> c) & 3));
         }
+}
+
+static void read_picture(struct image *image, const char *path)
+{
+    struct buffer file = BUFFER_INIT;
+    struct image_repairs repairs = {0};
+    struct error err = {0};
+
+    if (file_read(path, IMAGE_BYTES_MAX, &file, &err) != STATUS_OK ||
+        image_decode_hdr(image, file.data, file.size, path, &repairs, &err) != STATUS_OK)
+        die(&err);
+    buffer_release(&file);
 }
 
 /* A table for `lut`: a curve with some desaturation. */
@@ -139,11 +152,13 @@ static void run(const struct image *picture, const char *name, const struct opti
 
 int main(int argc, char **argv)
 {
-    const char *size = "1920x1080", *name = NULL;
+    const char *size = "1920x1080", *name = NULL, *path = NULL;
     int64_t threads = 1, rounds = 3;
     struct option_list params = {0};
     const struct option table[] = {
         {"size", 0, OPTION_STRING, &size, "WxH", "pixels (default 1920x1080)", 0, 0, NULL},
+        {"picture", 0, OPTION_STRING, &path, "FILE", "an EXR or HDR instead of the made picture", 0, 0,
+         NULL},
         {"threads", 0, OPTION_INT, &threads, "N", "threads; 0: one a processor (default 1)", 0, 256,
          NULL},
         {"rounds", 0, OPTION_INT, &rounds, "N", "runs of each (default 3)", 1, ROUNDS_MAX, NULL},
@@ -167,7 +182,10 @@ int main(int argc, char **argv)
         options_print_help("bench_tonemap [options]", "Times the tone mapping operators.", table);
         return help ? 0 : 2;
     }
-    make_picture(&picture, width, height);
+    if (path)
+        read_picture(&picture, path);
+    else
+        make_picture(&picture, width, height);
     make_cube(&cube);
     for (size_t i = 0; i < count; i++)
         if (!name || strcmp(all[i]->name, name) == 0)
