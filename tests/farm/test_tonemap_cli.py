@@ -6,7 +6,7 @@ import sys
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
 from exr import read_exr
-from farm import Farm, Failure, Tests, read_bytes, wait_for
+from farm import Farm, Failure, ROOT, Tests, read_bytes, wait_for
 from png import Png
 
 tests = Tests()
@@ -431,6 +431,35 @@ def the_cameras_exposure():
         farm.cli("tonemap", exr, "-o", "mine.png", "-t", "linear", "--exposure", "3", expect=0)
         expect(list(made.values()) == [read_bytes(farm.path("mine.png"))], "the picture")
         expect("the camera's" in farm.cli("show", number, expect=0).out, "show")
+
+
+@tests.add
+def averaged_sequences():
+    """averaged pictures are the same with another farm, and after a coordinator is killed"""
+    scene = os.path.join(ROOT, "scenes", "features", "motion.gltf")
+    options = ["--size", "48x32", "--spp", "4", "--frames", "0-5", "-t", "mantiuk08", "--format",
+               "png"]
+    pictures = []
+    for workers, killed in ((1, False), (3, True)):
+        with Farm() as farm:
+            farm.start_coordinator()
+            for _ in range(workers):
+                farm.start_worker()
+            number = farm.submit(scene, *options, "--temporal", "3", "-o", "calm")
+            if killed:
+                wait_for(lambda: farm.job(number)["frames_done"] > 0, "the first frame")
+                farm.coordinator.kill()
+                farm.restart_coordinator()
+            farm.wait_for_job(number)
+            pictures.append([read_bytes(f) for f in sorted(farm.fetch(number, "calm"))])
+            if killed:
+                continue
+            number = farm.submit(scene, *options, "-o", "alone")
+            farm.wait_for_job(number)
+            alone = [read_bytes(f) for f in sorted(farm.fetch(number, "alone"))]
+    expect(len(alone) == 6 and pictures[0] == pictures[1], "another farm, other pictures")
+    expect(alone[0] == pictures[0][0], "the first frame has none before it")
+    expect(all(a != b for a, b in zip(alone[1:], pictures[0][1:])), "nothing was averaged")
 
 
 @tests.add
