@@ -10,6 +10,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <sqlite3.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -159,6 +160,38 @@ static void jobs_survive_a_restart(void **state)
     job_free(job);
     job_free(other);
     store_close(store);
+}
+
+/* A store of version 1, which knew no revisions: its finished frames' pictures are as they should. */
+static void an_older_store_is_brought_up_to_date(void **state)
+{
+    struct store *store = open_it();
+    struct job *job = sim_job(16, 16, 1, 1, 3, 0);
+    struct loaded loaded = {{NULL}, 0};
+    struct error err = {0};
+    sqlite3 *db;
+
+    (void)state;
+    assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 2, 0.5, 0, &err), STATUS_OK);
+    store_close(store);
+    assert_int_equal(sqlite3_open(path_of("queue.sqlite"), &db), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(db, "ALTER TABLE jobs DROP COLUMN revision;"
+                                      "ALTER TABLE frames DROP COLUMN revision;"
+                                      "PRAGMA user_version=1", NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(db);
+    for (int times = 0; times < 2; times++) { /* the second time it is up to date */
+        store = open_it();
+        loaded.count = 0;
+        assert_int_equal(store_jobs_load(store, adopt, &loaded, &err), STATUS_OK);
+        assert_int_equal(loaded.count, 1);
+        assert_int_equal(loaded.jobs[0]->revision, 0);
+        assert_int_equal(loaded.jobs[0]->frames_done_count, 1);
+        assert_int_equal(loaded.jobs[0]->frames_developed_count, 1);
+        job_free(loaded.jobs[0]);
+        store_close(store);
+    }
+    job_free(job);
 }
 
 static void epochs_never_repeat(void **state)
@@ -744,6 +777,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         STORE_TEST(jobs_survive_a_restart),
+        STORE_TEST(an_older_store_is_brought_up_to_date),
         STORE_TEST(epochs_never_repeat),
         STORE_TEST(a_store_in_use_is_refused),
         STORE_TEST(bad_stores_are_refused),
