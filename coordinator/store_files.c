@@ -1,0 +1,119 @@
+/* Where a job's films and outputs lie below the store's folder. */
+#include <dirent.h>
+#include <errno.h>
+#include <inttypes.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "common/base/file.h"
+#include "common/base/log.h"
+#include "coordinator/store_parts.h"
+
+static status make_job_folder(const struct store *store, const char *kind, uint64_t job,
+                              struct error *err)
+{
+    struct buffer path = BUFFER_INIT;
+    status s;
+
+    buffer_printf(&path, "%s/%s/%" PRIu64, store->folder, kind, job);
+    s = buffer_ok(&path) ? file_make_folder(buffer_text(&path), err)
+                         : error_no_memory(err, "a path");
+    buffer_release(&path);
+    return s;
+}
+
+static void film_path(const struct store *store, uint64_t job, uint32_t frame, struct buffer *path)
+{
+    buffer_printf(path, "%s/films/%" PRIu64 "/frame-%04u.film", store->folder, job, frame);
+}
+
+status store_film_open(struct store *store, uint64_t job, uint32_t frame, struct film *film,
+                       uint32_t *durable, uint8_t *slot, struct film_file **out, struct error *err)
+{
+    struct buffer path = BUFFER_INIT;
+    status s = make_job_folder(store, "films", job, err);
+
+    *out = NULL;
+    film_path(store, job, frame, &path);
+    if (s == STATUS_OK && !buffer_ok(&path))
+        s = error_no_memory(err, "a path");
+    if (s == STATUS_OK)
+        s = film_file_open(out, buffer_text(&path), job, frame, film, durable, slot, err);
+    buffer_release(&path);
+    return s;
+}
+
+int store_film_exists(const struct store *store, uint64_t job, uint32_t frame)
+{
+    struct buffer path = BUFFER_INIT;
+    int exists;
+
+    film_path(store, job, frame, &path);
+    exists = buffer_ok(&path) && file_exists(buffer_text(&path));
+    buffer_release(&path);
+    return exists;
+}
+
+void store_film_remove(struct store *store, uint64_t job, uint32_t frame)
+{
+    struct buffer path = BUFFER_INIT;
+
+    film_path(store, job, frame, &path);
+    if (buffer_ok(&path) && unlink(buffer_text(&path)) != 0 && errno != ENOENT)
+        log_warn("%s: cannot be removed: %s", buffer_text(&path), strerror(errno));
+    buffer_release(&path);
+}
+
+void store_films_remove(struct store *store, uint64_t job)
+{
+    struct buffer path = BUFFER_INIT;
+    DIR *folder;
+    const struct dirent *entry;
+
+    buffer_printf(&path, "%s/films/%" PRIu64, store->folder, job);
+    folder = buffer_ok(&path) ? opendir(buffer_text(&path)) : NULL;
+    if (folder) {
+        while ((entry = readdir(folder)))
+            if (entry->d_name[0] != '.')
+                unlinkat(dirfd(folder), entry->d_name, 0);
+        closedir(folder);
+        rmdir(buffer_text(&path));
+    }
+    buffer_release(&path);
+}
+
+void store_output_path(const struct store *store, uint64_t job, uint32_t frame,
+                       const char *extension, struct buffer *path)
+{
+    buffer_printf(path, "%s/outputs/%" PRIu64 "/frame-%04u.%s", store->folder, job, frame,
+                  extension);
+}
+
+status store_output_read(const struct store *store, uint64_t job, uint32_t frame,
+                         const char *extension, size_t limit_bytes, struct buffer *out,
+                         struct error *err)
+{
+    struct buffer path = BUFFER_INIT;
+    status s;
+
+    store_output_path(store, job, frame, extension, &path);
+    s = buffer_ok(&path) ? file_read(buffer_text(&path), limit_bytes, out, err)
+                         : error_no_memory(err, "a path");
+    buffer_release(&path);
+    return s;
+}
+
+status store_output_write(struct store *store, uint64_t job, uint32_t frame, const char *extension,
+                          const struct buffer *data, struct error *err)
+{
+    struct buffer path = BUFFER_INIT;
+    status s = make_job_folder(store, "outputs", job, err);
+
+    store_output_path(store, job, frame, extension, &path);
+    if (s == STATUS_OK && !buffer_ok(&path))
+        s = error_no_memory(err, "a path");
+    if (s == STATUS_OK)
+        s = file_write_atomic(buffer_text(&path), data->data, data->size, err);
+    buffer_release(&path);
+    return s;
+}

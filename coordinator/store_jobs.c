@@ -1,0 +1,199 @@
+/* The rows of the database: jobs, and the frames of each that are done. */
+#include <inttypes.h>
+#include <math.h>
+
+#include "common/base/log.h"
+#include "coordinator/store_parts.h"
+#include "coordinator/wire.h"
+
+status store_job_insert(struct store *store, struct job *job, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    struct buffer request = BUFFER_INIT;
+    status s = wire_job_pack(job, &request, err);
+
+    pthread_mutex_lock(&store->order);
+    if (s == STATUS_OK)
+        s = sql_prepare(store,
+                        "INSERT INTO jobs (name, state, state_text, scene_name, kernel, "
+                        "epoch_floor, submitted_at, finished_at, active_ns, conflicts, samples, "
+                        "rays, vertices, dropped, cpu_ns, trace_ns, request) "
+                        "VALUES (?, ?, '', ?, '', ?, ?, 0, 0, 0, 0, 0, 0, 0, 0, 0, ?)",
+                        &statement, err);
+    if (s == STATUS_OK) {
+        bind_text(statement, 1, job->name);
+        sqlite3_bind_int(statement, 2, (int)job->state);
+        bind_text(statement, 3, job->scene_name);
+        bind_number(statement, 4, job->epoch_floor);
+        sqlite3_bind_int64(statement, 5, job->submitted_at);
+        sqlite3_bind_blob(statement, 6, request.data, (int)request.size, SQLITE_TRANSIENT);
+        s = sql_run(store, statement, "the job cannot be stored", err);
+    }
+    if (s == STATUS_OK)
+        job->id = (uint64_t)sqlite3_last_insert_rowid(store->db);
+    pthread_mutex_unlock(&store->order); /* between the insert and its id nobody else inserts */
+    buffer_release(&request);
+    return s;
+}
+
+void store_job_forget(struct store *store, uint64_t id)
+{
+    sqlite3_stmt *statement = NULL;
+    struct error err = {0};
+    status s = sql_prepare(store, "DELETE FROM jobs WHERE id=?", &statement, &err);
+
+    if (s == STATUS_OK) {
+        bind_number(statement, 1, id);
+        s = sql_run(store, statement, "a job cannot be removed", &err);
+    }
+    if (s != STATUS_OK)
+        log_error("%s", err.text);
+}
+
+static status load_frames(struct store *store, struct job *job, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    int code;
+    status s = sql_prepare(store, "SELECT frame, relative_mse, revision FROM frames WHERE job=? "
+                                  "ORDER BY frame", &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job->id);
+    while ((code = sqlite3_step(statement)) == SQLITE_ROW) {
+        sqlite3_int64 frame = sqlite3_column_int64(statement, 0);
+        if (frame < job->first_frame || frame > job->last_frame)
+            continue;
+        job_frame_set_done(job, (uint32_t)frame);
+        if (sqlite3_column_int64(statement, 2) == (sqlite3_int64)job->revision)
+            job_frame_set_developed(job, (uint32_t)frame);
+        job->relative_mse = sqlite3_column_type(statement, 1) == SQLITE_NULL
+                                ? NAN
+                                : sqlite3_column_double(statement, 1);
+    }
+    if (code != SQLITE_DONE)
+        s = sql_error(store, "the frames cannot be read", err);
+    sqlite3_finalize(statement);
+    return s;
+}
+
+static status load_job(struct store *store, sqlite3_stmt *row, struct job **out, struct error *err)
+{
+    struct job *job = NULL;
+    uint64_t id = column_number(row, 0);
+    int state = sqlite3_column_int(row, 1);
+    status s = wire_job_unpack(&job, sqlite3_column_blob(row, 15),
+                               (size_t)sqlite3_column_bytes(row, 15), err);
+
+    if (s == STATUS_OK && (state < 0 || state >= JOB_STATE_COUNT))
+        s = error_set(err, STATUS_ERR_CORRUPT, "unknown state %d", state);
+    if (s != STATUS_OK) {
+        error_prefix(err, "%s/queue.sqlite: job %" PRIu64, store->folder, id);
+        job_free(job);
+        return s;
+    }
+    job->id = id;
+    job->state = (enum job_state)state;
+    column_text(row, 2, job->state_text, sizeof job->state_text);
+    column_text(row, 3, job->scene_name, sizeof job->scene_name);
+    column_text(row, 4, job->kernel, sizeof job->kernel);
+    job->epoch_floor = column_number(row, 5);
+    job->submitted_at = sqlite3_column_int64(row, 6);
+    job->finished_at = sqlite3_column_int64(row, 7);
+    job->active_ns = column_number(row, 8);
+    job->conflicts = column_number(row, 9);
+    job->stats.samples = column_number(row, 10);
+    job->stats.rays = column_number(row, 11);
+    job->stats.vertices = column_number(row, 12);
+    job->stats.dropped_samples = column_number(row, 13);
+    job->stats.cpu_ns = column_number(row, 14);
+    job->stats.trace_ns = column_number(row, 16);
+    job->revision = (uint32_t)column_number(row, 17);
+    s = load_frames(store, job, err);
+    if (s != STATUS_OK) {
+        job_free(job);
+        return s;
+    }
+    *out = job;
+    return STATUS_OK;
+}
+
+status store_jobs_load(struct store *store,
+                       status (*adopt)(void *user, struct job *job, struct error *err), void *user,
+                       struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    int code = SQLITE_DONE;
+    status s = sql_prepare(store,
+                           "SELECT id, state, state_text, scene_name, kernel, epoch_floor, "
+                           "submitted_at, finished_at, active_ns, conflicts, samples, rays, "
+                           "vertices, dropped, cpu_ns, request, trace_ns, revision FROM jobs ORDER BY id",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW) {
+        struct job *job = NULL;
+        s = load_job(store, statement, &job, err);
+        if (s != STATUS_OK)
+            break;
+        s = adopt(user, job, err);
+        if (s != STATUS_OK)
+            job_free(job);
+    }
+    if (s == STATUS_OK && code != SQLITE_DONE)
+        s = sql_error(store, "the jobs cannot be read", err);
+    sqlite3_finalize(statement);
+    return s;
+}
+
+status store_frame_done(struct store *store, uint64_t job, uint32_t frame, double relative_mse,
+                        int64_t revision, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    status s = sql_prepare(store,
+                           "INSERT OR REPLACE INTO frames (job, frame, relative_mse, revision) "
+                           "VALUES (?, ?, ?, ?)",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job);
+    sqlite3_bind_int64(statement, 2, frame);
+    sqlite3_bind_double(statement, 3, relative_mse); /* NaN becomes NULL */
+    sqlite3_bind_int64(statement, 4, revision);
+    return sql_run(store, statement, "the frame cannot be noted as done", err);
+}
+
+status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
+                             struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    status s = sql_prepare(store, "UPDATE frames SET revision=? WHERE job=? AND frame=?",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    sqlite3_bind_int64(statement, 1, revision);
+    bind_number(statement, 2, job);
+    sqlite3_bind_int64(statement, 3, frame);
+    return sql_run(store, statement, "the frame's pictures cannot be noted", err);
+}
+
+status store_job_revise(struct store *store, const struct job *job, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    struct buffer request = BUFFER_INIT;
+    status s = wire_job_pack(job, &request, err);
+
+    if (s == STATUS_OK)
+        s = sql_prepare(store, "UPDATE jobs SET request=?, revision=? WHERE id=?", &statement, err);
+    if (s == STATUS_OK) {
+        sqlite3_bind_blob(statement, 1, request.data, (int)request.size, SQLITE_TRANSIENT);
+        sqlite3_bind_int64(statement, 2, job->revision);
+        bind_number(statement, 3, job->id);
+        s = sql_run(store, statement, "the job's output settings cannot be stored", err);
+    }
+    buffer_release(&request);
+    return s;
+}

@@ -1,0 +1,181 @@
+/* Saving jobs: what changes in a job's row while it runs, written at once or soon. */
+#include <string.h>
+
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "coordinator/store_parts.h"
+
+/* A job's row as it stood when it was to be saved. */
+struct saved_job {
+    struct saved_job *next;
+    uint64_t id;
+    enum job_state state;
+    char state_text[JOB_TEXT_MAX + 1], kernel[KERNEL_NAME_MAX + 1];
+    int64_t finished_at;
+    uint64_t active_ns, conflicts;
+    struct work_stats stats;
+};
+
+static void row_take(struct saved_job *row, const struct job *job, uint64_t now_ns)
+{
+    row->next = NULL;
+    row->id = job->id;
+    row->state = job->state;
+    memcpy(row->state_text, job->state_text, sizeof row->state_text);
+    memcpy(row->kernel, job->kernel, sizeof row->kernel);
+    row->finished_at = job->finished_at;
+    row->active_ns = (uint64_t)(job_active_seconds(job, now_ns) * 1e9);
+    row->conflicts = job->conflicts;
+    row->stats = job->stats;
+}
+
+static status row_write(struct store *store, const struct saved_job *row, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    status s = sql_prepare(store,
+                           "UPDATE jobs SET state=?, state_text=?, kernel=?, finished_at=?, "
+                           "active_ns=?, conflicts=?, samples=?, rays=?, vertices=?, dropped=?, "
+                           "cpu_ns=?, trace_ns=? WHERE id=?",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    sqlite3_bind_int(statement, 1, (int)row->state);
+    bind_text(statement, 2, row->state_text);
+    bind_text(statement, 3, row->kernel);
+    sqlite3_bind_int64(statement, 4, row->finished_at);
+    bind_number(statement, 5, row->active_ns);
+    bind_number(statement, 6, row->conflicts);
+    bind_number(statement, 7, row->stats.samples);
+    bind_number(statement, 8, row->stats.rays);
+    bind_number(statement, 9, row->stats.vertices);
+    bind_number(statement, 10, row->stats.dropped_samples);
+    bind_number(statement, 11, row->stats.cpu_ns);
+    bind_number(statement, 12, row->stats.trace_ns);
+    bind_number(statement, 13, row->id);
+    return sql_run(store, statement, "the job's state cannot be stored", err);
+}
+
+/* The writer thread: one row after another, until the store closes and none is left. */
+static void *write_saves(void *user)
+{
+    struct store *store = user;
+
+    for (;;) {
+        struct error err = {0};
+        struct saved_job *row;
+
+        pthread_mutex_lock(&store->lock);
+        while (!store->saves && !store->ending)
+            pthread_cond_wait(&store->wake, &store->lock);
+        row = store->saves;
+        store->busy = row != NULL;
+        pthread_mutex_unlock(&store->lock);
+        if (!row)
+            return NULL;
+        pthread_mutex_lock(&store->order);
+        pthread_mutex_lock(&store->lock);
+        row = store->saves; /* what was there may have been overtaken */
+        if (row)
+            store->saves = row->next;
+        pthread_mutex_unlock(&store->lock);
+        if (row && row_write(store, row, &err) != STATUS_OK)
+            log_error("%s", err.text);
+        pthread_mutex_unlock(&store->order);
+        mem_free(row);
+        pthread_mutex_lock(&store->lock);
+        store->busy = 0;
+        if (!store->saves)
+            pthread_cond_broadcast(&store->idle);
+        pthread_mutex_unlock(&store->lock);
+    }
+}
+
+void saves_init(struct store *store)
+{
+    pthread_mutex_init(&store->lock, NULL);
+    pthread_mutex_init(&store->order, NULL);
+    pthread_cond_init(&store->wake, NULL);
+    pthread_cond_init(&store->idle, NULL);
+}
+
+status saves_start(struct store *store, struct error *err)
+{
+    if (pthread_create(&store->writer, NULL, write_saves, store) != 0)
+        return error_set(err, STATUS_ERR_NO_MEMORY, "%s: no thread for the store", store->folder);
+    store->has_writer = 1;
+    return STATUS_OK;
+}
+
+void saves_stop(struct store *store)
+{
+    if (store->has_writer) {
+        pthread_mutex_lock(&store->lock);
+        store->ending = 1;
+        pthread_cond_signal(&store->wake);
+        pthread_mutex_unlock(&store->lock);
+        pthread_join(store->writer, NULL);
+    }
+    pthread_cond_destroy(&store->wake);
+    pthread_cond_destroy(&store->idle);
+    pthread_mutex_destroy(&store->lock);
+    pthread_mutex_destroy(&store->order);
+}
+
+/* Take the job's waiting row out of the list: a newer one follows. */
+static void saves_drop(struct store *store, uint64_t id)
+{
+    for (struct saved_job **at = &store->saves; *at; at = &(*at)->next) {
+        struct saved_job *row = *at;
+        if (row->id != id)
+            continue;
+        *at = row->next;
+        mem_free(row);
+        return;
+    }
+}
+
+status store_job_save(struct store *store, const struct job *job, uint64_t now_ns,
+                      struct error *err)
+{
+    struct saved_job row;
+    status s;
+
+    row_take(&row, job, now_ns);
+    pthread_mutex_lock(&store->order);
+    pthread_mutex_lock(&store->lock);
+    saves_drop(store, job->id);
+    pthread_mutex_unlock(&store->lock);
+    s = row_write(store, &row, err);
+    pthread_mutex_unlock(&store->order);
+    return s;
+}
+
+void store_job_save_later(struct store *store, const struct job *job, uint64_t now_ns)
+{
+    struct saved_job *row = mem_alloc(sizeof *row);
+    struct saved_job **at = &store->saves;
+    struct error err = {0};
+
+    if (!row) { /* no memory for speed: write it now */
+        if (store_job_save(store, job, now_ns, &err) != STATUS_OK)
+            log_error("%s", err.text);
+        return;
+    }
+    row_take(row, job, now_ns);
+    pthread_mutex_lock(&store->lock);
+    saves_drop(store, job->id);
+    while (*at)
+        at = &(*at)->next;
+    *at = row;
+    pthread_cond_signal(&store->wake);
+    pthread_mutex_unlock(&store->lock);
+}
+
+void store_await_saves(struct store *store)
+{
+    pthread_mutex_lock(&store->lock);
+    while (store->saves || store->busy)
+        pthread_cond_wait(&store->idle, &store->lock);
+    pthread_mutex_unlock(&store->lock);
+}
