@@ -46,7 +46,7 @@ static status sql_exec(const struct store *store, const char *sql, const char *w
 }
 
 status sql_prepare(const struct store *store, const char *sql, sqlite3_stmt **out,
-                          struct error *err)
+                   struct error *err)
 {
     if (sqlite3_prepare_v2(store->db, sql, -1, out, NULL) != SQLITE_OK)
         return sql_error(store, "prepare", err);
@@ -54,7 +54,7 @@ status sql_prepare(const struct store *store, const char *sql, sqlite3_stmt **ou
 }
 
 status sql_run(const struct store *store, sqlite3_stmt *statement, const char *what,
-                      struct error *err)
+               struct error *err)
 {
     status s = STATUS_OK;
 

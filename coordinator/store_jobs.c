@@ -54,8 +54,10 @@ static status load_frames(struct store *store, struct job *job, struct error *er
 {
     sqlite3_stmt *statement = NULL;
     int code;
-    status s = sql_prepare(store, "SELECT frame, relative_mse, revision FROM frames WHERE job=? "
-                                  "ORDER BY frame", &statement, err);
+    status s = sql_prepare(store,
+                           "SELECT frame, relative_mse, revision FROM frames WHERE job=? "
+                           "ORDER BY frame",
+                           &statement, err);
 
     if (s != STATUS_OK)
         return s;
@@ -127,7 +129,8 @@ status store_jobs_load(struct store *store,
     status s = sql_prepare(store,
                            "SELECT id, state, state_text, scene_name, kernel, epoch_floor, "
                            "submitted_at, finished_at, active_ns, conflicts, samples, rays, "
-                           "vertices, dropped, cpu_ns, request, trace_ns, revision FROM jobs ORDER BY id",
+                           "vertices, dropped, cpu_ns, request, trace_ns, revision "
+                           "FROM jobs ORDER BY id",
                            &statement, err);
 
     if (s != STATUS_OK)
