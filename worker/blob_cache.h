@@ -2,8 +2,8 @@
  *
  * FOLDER/ab/cdef...: one file a blob, named by the 64 digits of its digest, the first two as
  * a folder. FOLDER/tmp: files being received. A file appears in its place by a rename, so it
- * is whole; it is checked against its name the first time that a process uses it, so neither a crash
- * nor a bad disk can put a wrong byte into a picture. Several processes may share the folder:
+ * is whole; it is checked against its name the first time that a process uses it, so neither a
+ * crash nor a bad disk can put a wrong byte into a picture. Several processes may share the folder:
  * nobody ever changes a file in place, and one that is unlinked stays mapped where it is used.
  *
  * Above the limit the files unused for the longest time (by modification time, which every
@@ -24,7 +24,6 @@
 
 struct blob_cache;
 struct cached_blob;
-struct cache_writer;
 
 /* Make the folder if need be, see that it can be written, sweep what crashed receivers left.
  * ERR_IO with the folder's name and the remedy. */
@@ -42,21 +41,5 @@ void cached_blob_release(struct cached_blob *blob);
 const struct digest *cached_blob_digest(const struct cached_blob *blob);
 const uint8_t *cached_blob_data(const struct cached_blob *blob); /* never NULL */
 size_t cached_blob_size(const struct cached_blob *blob);
-
-/* Receive a blob of `total_bytes`, in order. One writer, one thread. */
-status cache_writer_new(struct cache_writer **out, struct blob_cache *cache,
-                        const struct digest *digest, uint64_t total_bytes,
-                        struct error *err) MUST_CHECK;
-status cache_writer_add(struct cache_writer *w, const void *data, size_t size_bytes,
-                        struct error *err) MUST_CHECK;
-uint64_t cache_writer_bytes(const struct cache_writer *w); /* so far */
-/* Check the digest, put the blob into the cache and take a reference to it. Frees the writer
- * in any case. ERR_CORRUPT: the bytes are not the blob's. */
-status cache_writer_finish(struct cache_writer *w, struct cached_blob **out,
-                           struct error *err) MUST_CHECK;
-void cache_writer_abandon(struct cache_writer *w); /* NULL is fine */
-
-/* For tests: every write to disk from now on fails as if the disk were full. */
-void blob_cache_fault_disk_full(int on);
 
 #endif

@@ -5,6 +5,7 @@
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
+#include "worker/cache_writer.h"
 
 struct fetch {
     struct fetch *chain;            /* in its hash bucket */

@@ -19,6 +19,7 @@
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "worker/blob_cache.h"
+#include "worker/cache_writer.h"
 
 #define NO_LIMIT (1ull << 40)
 

@@ -15,6 +15,7 @@
 #include "common/base/memory.h"
 #include "common/scene/effects.h"
 #include "tests/support/scene_builder.h"
+#include "worker/cache_writer.h"
 #include "worker/scene_cache.h"
 
 struct stage {

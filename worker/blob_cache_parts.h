@@ -1,0 +1,58 @@
+/* blob_cache_parts: the inside of the cache, shared by its files; nobody else includes this.
+ *
+ * blob_cache.c        blobs in use: found, mapped, checked against their names, counted
+ * blob_cache_sweep.c  the size limit, and what crashed receivers left
+ * cache_writer.c      blobs on their way in
+ */
+#ifndef AZULEJO_WORKER_BLOB_CACHE_PARTS_H
+#define AZULEJO_WORKER_BLOB_CACHE_PARTS_H
+
+#include <pthread.h>
+#include <sys/stat.h>
+
+#include "worker/blob_cache.h"
+
+enum {
+    CACHE_BUCKETS = 4096,
+    CACHE_PATH_ROOM = 96, /* what follows the folder's name in a path */
+};
+
+struct verified;
+
+struct blob_cache {
+    pthread_mutex_t lock;
+    char *folder;
+    uint64_t limit_bytes;
+    uint64_t stored_bytes; /* files, as of the last sweep and with what was stored since */
+    uint64_t temporary_count;
+    struct cached_blob *live[CACHE_BUCKETS];
+    struct verified *verified[CACHE_BUCKETS];
+};
+
+/* FOLDER/ab/cdef... ; NULL: out of memory. */
+char *cache_blob_path(const struct blob_cache *cache, const struct digest *digest,
+                      int folder_only);
+
+/* A blob with one reference that nobody can find yet; owns the mapping `data`. NULL: out of
+ * memory. */
+struct cached_blob *cached_blob_new(struct blob_cache *cache, const struct digest *digest,
+                                    const uint8_t *data, size_t size_bytes);
+/* Make it findable. If another thread was faster, its blob is taken and ours dropped. */
+struct cached_blob *cache_add(struct blob_cache *cache, struct cached_blob *blob);
+
+/* This file need not be hashed again by this process. Failing to remember only costs another
+ * hashing. */
+void cache_remember_verified(struct blob_cache *cache, const struct digest *digest,
+                             const struct stat *info);
+/* Map the open file and see that it is what its name says. */
+status cache_map_file(struct blob_cache *cache, int fd, const char *path,
+                      const struct digest *digest, struct cached_blob **out,
+                      struct error *err) MUST_CHECK;
+
+/* Count what is there; above the limit, remove the least recently used files until a tenth of
+ * it is free again, so that not every new blob sweeps. Other processes may do the same at the
+ * same time: a file that is already gone is no matter. */
+void cache_sweep(struct blob_cache *cache);
+void cache_sweep_temporaries(const char *folder);
+
+#endif
