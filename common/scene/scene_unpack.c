@@ -51,8 +51,7 @@ static int is_number(uint64_t field)
 
 /* The next top-level field; its payload lies at *data, or in *number. */
 static status read_field(struct scene_reader *r, uint32_t *field, const uint8_t **data,
-                         size_t *size,
-                         uint64_t *number)
+                         size_t *size, uint64_t *number)
 {
     uint64_t key, length;
 
@@ -211,8 +210,7 @@ static status allocate_tables(struct scene_reader *r, const uint32_t counts[FIEL
 }
 
 static status read_element(struct scene_reader *r, uint32_t field, uint32_t row,
-                           const uint8_t *data,
-                           size_t size)
+                           const uint8_t *data, size_t size)
 {
     const struct element *element = &elements[field];
     ProtobufCMessage *message;

@@ -1,0 +1,191 @@
+/* What is known of the images and of the meshes' colours: all that simplifying decodes, but for
+ * the environment. */
+#include <math.h>
+#include <string.h>
+
+#include "common/image/color.h"
+#include "common/image/image.h"
+#include "common/scene/simplify_parts.h"
+
+static void survey_value(struct survey *s, int channel, float value)
+{
+    s->low[channel] = fminf(s->low[channel], value);
+    s->high[channel] = fmaxf(s->high[channel], value);
+}
+
+static void survey_copy(struct survey *s, int from, int to)
+{
+    s->low[to] = s->low[from];
+    s->high[to] = s->high[from];
+}
+
+/* One and two channels are grey; the last of two or four is alpha. */
+static void survey_spread(struct survey *s, uint32_t channels)
+{
+    if (channels == 2)
+        survey_copy(s, GREEN, ALPHA);
+    if (channels % 2 == 1)
+        s->low[ALPHA] = s->high[ALPHA] = s->floats ? 1 : s->code_max;
+    if (channels < 3) {
+        survey_copy(s, RED, GREEN);
+        survey_copy(s, RED, BLUE);
+    }
+}
+
+static status survey_integers(struct survey *s, const uint8_t *data, size_t size_bytes,
+                              const char *name, struct error *err)
+{
+    struct image8 image;
+    status st = image_decode_8(&image, data, size_bytes, name, err);
+    size_t count;
+
+    if (st != STATUS_OK)
+        return st;
+    count = (size_t)image.width * image.height;
+    s->code_max = image.bits == 8 ? 255 : 65535;
+    for (uint32_t c = 0; c < image.channels; c++) {
+        const uint16_t *words = (const uint16_t *)(const void *)image.pixels;
+        unsigned low = 65535, high = 0;
+
+        for (size_t i = 0; i < count; i++) {
+            unsigned code = image.bits == 8 ? image.pixels[i * image.channels + c]
+                                            : words[i * image.channels + c];
+            low = code < low ? code : low;
+            high = code > high ? code : high;
+        }
+        s->low[c] = (float)low;
+        s->high[c] = (float)high;
+    }
+    survey_spread(s, image.channels);
+    image8_release(&image);
+    return STATUS_OK;
+}
+
+static status survey_floats(struct survey *s, const uint8_t *data, size_t size_bytes,
+                            const char *name, struct error *err)
+{
+    struct image image;
+    status st = image_decode_float(&image, data, size_bytes, name, NULL, err);
+    size_t count;
+
+    if (st != STATUS_OK)
+        return st;
+    count = (size_t)image.width * image.height;
+    s->floats = 1;
+    for (int c = 0; c < (int)image.channels; c++) {
+        s->low[c] = s->high[c] = image.pixels[c];
+        for (size_t i = 1; i < count; i++)
+            survey_value(s, c, image.pixels[i * image.channels + (size_t)c]);
+    }
+    survey_spread(s, image.channels);
+    image_release(&image);
+    return STATUS_OK;
+}
+
+status simplify_survey(struct simplifier *w, const struct scene_texture_slot *slot,
+                       const struct survey **out)
+{
+    uint32_t index = w->scene->textures[slot->texture].image;
+    const struct scene_image *image = &w->scene->images[index];
+    struct survey *s = &w->images[index];
+    enum image_format format;
+    const uint8_t *data;
+    size_t size_bytes;
+    status st;
+
+    *out = s;
+    if (s->done)
+        return STATUS_OK;
+    st = w->reader.get(w->reader.user, &image->blob.digest, &data, &size_bytes, w->err);
+    if (st != STATUS_OK)
+        return st;
+    format = image_format_of(data, size_bytes);
+    if (format == IMAGE_HDR || format == IMAGE_EXR)
+        st = survey_floats(s, data, size_bytes, image->name, w->err);
+    else
+        st = survey_integers(s, data, size_bytes, image->name, w->err);
+    s->done = st == STATUS_OK;
+    return st;
+}
+
+int survey_is_constant(const struct survey *s, int channel)
+{
+    return s->low[channel] == s->high[channel];
+}
+
+float survey_constant(const struct survey *s, int channel, int srgb)
+{
+    float code = s->low[channel];
+
+    if (s->floats)
+        return code;
+    if (!srgb || channel == ALPHA)
+        return code / s->code_max;
+    return srgb_decode(code / s->code_max);
+}
+
+int survey_is_flat(const struct survey *s)
+{
+    const float max = s->floats ? 1 : s->code_max;
+
+    for (int c = RED; c <= GREEN; c++)
+        if (s->low[c] / max < 127.0f / 255.0f || s->high[c] / max > 128.0f / 255.0f)
+            return 0;
+    return s->low[BLUE] / max >= 254.0f / 255.0f && s->high[BLUE] / max <= 1.0f;
+}
+
+/* ---- alpha of vertices --------------------------------------------------------------------- */
+
+/* Is any vertex's alpha other than 1? */
+static status survey_mesh_alpha(struct simplifier *w, uint32_t index, int *below)
+{
+    const struct scene_mesh *mesh = &w->scene->meshes[index];
+    struct scene_mesh_layout layout;
+    const uint8_t *data;
+    size_t size_bytes;
+    status st;
+
+    *below = w->mesh_alpha[index] == 2;
+    if (w->mesh_alpha[index] || !(mesh->arrays & MESH_COLORS))
+        return STATUS_OK;
+    st = w->reader.get(w->reader.user, &mesh->blob.digest, &data, &size_bytes, w->err);
+    if (st != STATUS_OK)
+        return st;
+    scene_mesh_layout(mesh, &layout);
+    if (size_bytes != layout.total_bytes)
+        return error_set(w->err, STATUS_ERR_INPUT, "mesh %s: its blob has %zu bytes instead of %zu",
+                         mesh->name, size_bytes, layout.total_bytes);
+    for (uint32_t i = 0; i < mesh->vertex_count && !*below; i++) {
+        float alpha;
+
+        memcpy(&alpha, data + layout.colors + 16 * (size_t)i + 12, sizeof alpha);
+        *below = alpha != 1.0f;
+    }
+    w->mesh_alpha[index] = *below ? 2 : 1;
+    return STATUS_OK;
+}
+
+status simplify_survey_colors(struct simplifier *w)
+{
+    const struct scene *scene = w->scene;
+
+    for (uint32_t i = 0; i < scene->instance_count; i++) {
+        const struct scene_instance *instance = &scene->instances[i];
+        int below = 0;
+        const struct scene_material *m = &scene->materials[instance->material];
+        status st;
+
+        if (m->kind != MATERIAL_MIX && m->alpha_mode == ALPHA_OPAQUE)
+            continue;
+        st = survey_mesh_alpha(w, instance->mesh, &below);
+        if (st != STATUS_OK)
+            return st;
+        if (below)
+            w->alpha_colors[instance->material] = 1;
+    }
+    for (uint32_t i = scene->material_count; i-- > 0;)
+        if (w->alpha_colors[i] && scene->materials[i].kind == MATERIAL_MIX)
+            for (int k = 0; k < 2; k++)
+                w->alpha_colors[scene->materials[i].mix_material[k]] = 1;
+    return STATUS_OK;
+}
