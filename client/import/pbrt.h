@@ -50,6 +50,7 @@ void *pbrt_table_find(const struct pbrt_table *t, const void *key, size_t key_by
 /* Replaces what was there. */
 status pbrt_table_set(struct pbrt_table *t, struct arena *arena, const void *key, size_t key_bytes,
                       void *value, struct error *err) MUST_CHECK;
+void *pbrt_name_find(const struct pbrt_table *t, const char *name);
 
 /* ---- textures ----------------------------------------------------------------------------- */
 
@@ -199,13 +200,22 @@ struct pbrt {
 #define pbrt_fail(p, code, where, ...) \
     ((p)->b->error_is_placed = 1, pbrt_error((p)->err, (code), (where), __VA_ARGS__))
 
-/* ---- pbrt.c ------------------------------------------------------------------------------- */
+/* ---- pbrt_table.c, pbrt_arguments.c ------------------------------------------------------- */
+status pbrt_name_set(struct pbrt *p, struct pbrt_table *t, const char *name,
+                     const void *value) MUST_CHECK;
+char *pbrt_keep(struct pbrt *p, const char *text); /* NULL: out of memory */
+
+/* ---- pbrt_matrix.c ------------------------------------------------------------------------ */
 /* The world's matrix for what stands at `ctm` at the start, mirroring included. */
 struct transform_d pbrt_to_world(const struct pbrt *p, const struct transform_d *ctm);
 /* Make it unit; 0: it vanishes. */
 int pbrt_unit(double v[3]);
 int pbrt_is_moving(const struct pbrt_matrices *m);
-char *pbrt_keep(struct pbrt *p, const char *text); /* NULL: out of memory */
+/* By degrees about an axis; 0: it vanishes. */
+int pbrt_rotation(double angle, const double given[3], struct transform_d *out);
+/* From the world to a camera that stands at n[0..2], looks at n[3..5] with n[6..8] upwards:
+ * x to the right of that in a left-handed world. 0: there is none. */
+int pbrt_look_at(const double n[9], struct transform_d *out);
 
 /* ---- pbrt_camera.c ------------------------------------------------------------------------ */
 status pbrt_option(struct pbrt *p, const struct pbrt_directive *d) MUST_CHECK;

@@ -118,7 +118,7 @@ static status check_ascending(struct pbrt *p, const struct spectrum *s,
 static status read_spectrum_file(struct pbrt *p, const char *name, const struct pbrt_place *at,
                                  struct spectrum *out)
 {
-    struct spectrum *kept = pbrt_table_find(&p->spectra, name, strlen(name));
+    struct spectrum *kept = pbrt_name_find(&p->spectra, name);
     struct buffer bytes = BUFFER_INIT;
     status result;
 
@@ -138,7 +138,7 @@ static status read_spectrum_file(struct pbrt *p, const char *name, const struct 
     if (!kept)
         return error_no_memory(p->err, "a spectrum");
     *kept = *out;
-    return pbrt_table_set(&p->spectra, &p->arena, name, strlen(name), kept, p->err);
+    return pbrt_name_set(p, &p->spectra, name, kept);
 }
 
 /* ---- parameters --------------------------------------------------------------------------- */

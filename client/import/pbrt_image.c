@@ -331,7 +331,7 @@ static status recognise_image(struct pbrt *p, struct pbrt_image *image, const ch
 status pbrt_image(struct pbrt *p, const char *name, const struct pbrt_place *at,
                   struct pbrt_image **out)
 {
-    struct pbrt_image *image = pbrt_table_find(&p->images, name, strlen(name));
+    struct pbrt_image *image = pbrt_name_find(&p->images, name);
     char *path = NULL;
     int known = 0;
     status result;
@@ -354,7 +354,7 @@ status pbrt_image(struct pbrt *p, const char *name, const struct pbrt_place *at,
         result = recognise_image(p, image, path, &known);
     mem_free(path);
     if (result == STATUS_OK && known)
-        result = pbrt_table_set(&p->images, &p->arena, name, strlen(name), image, p->err);
+        result = pbrt_name_set(p, &p->images, name, image);
     if (result != STATUS_OK || !known)
         buffer_release(&image->bytes);
     if (result != STATUS_OK)

@@ -84,7 +84,7 @@ status pbrt_medium(struct pbrt *p, const char *name, const struct pbrt_directive
     entry->d.params = pbrt_params_copy(d->params, &p->arena);
     if (!entry->d.kind || !entry->d.params)
         return error_no_memory(p->err, "a medium");
-    return pbrt_table_set(&p->media, &p->arena, name, strlen(name), entry, p->err);
+    return pbrt_name_set(p, &p->media, name, entry);
 }
 
 static int preset_find(const char *name)
@@ -225,7 +225,7 @@ status pbrt_medium_row(struct pbrt *p, const char *name, const struct pbrt_place
     *row = BUILDER_NO_ROW;
     if (!*name)
         return STATUS_OK;
-    e = pbrt_table_find(&p->media, name, strlen(name));
+    e = pbrt_name_find(&p->media, name);
     if (!e) {
         pbrt_warn(p, at, "medium", "the medium \"%.60s\" is not known: none", name);
         return STATUS_OK;

@@ -90,9 +90,9 @@ static status find_texture(struct pbrt *p, const struct pbrt_param *param, int c
     const struct pbrt_table *first = color ? &p->color_textures : &p->float_textures,
                             *second = color ? &p->float_textures : &p->color_textures;
 
-    *out = pbrt_table_find(first, name, strlen(name));
+    *out = pbrt_name_find(first, name);
     if (!*out)
-        *out = pbrt_table_find(second, name, strlen(name));
+        *out = pbrt_name_find(second, name);
     if (!*out)
         return pbrt_fail(p, STATUS_ERR_INPUT, &param->at,
                          "the texture \"%.80s\" is not known: define it above", name);
@@ -367,8 +367,7 @@ status pbrt_texture(struct pbrt *p, const char *name, const char *type,
         return error_no_memory(p->err, "a texture");
     snprintf(what, sizeof what, "texture \"%.60s\"", d->kind);
     pbrt_params_report(d->params, p->b, what);
-    return pbrt_table_set(color ? &p->color_textures : &p->float_textures, &p->arena, name,
-                          strlen(name), (void *)made, p->err);
+    return pbrt_name_set(p, color ? &p->color_textures : &p->float_textures, name, made);
 }
 
 /* ---- looking up --------------------------------------------------------------------------- */
