@@ -300,19 +300,31 @@ static status do_medium_interface(struct pbrt *p, const struct pbrt_place *at)
     return STATUS_OK;
 }
 
+/* A directive may be the last word of an imported file and find its name in the file around it:
+ * the import has ended then, so that each one that is under way lies deeper than those before. */
+static status next_file_name(struct pbrt *p, const struct pbrt_place *at, const char **name)
+{
+    TRY(pbrt_next_string(p, "Include", name));
+    return pbrt_end_imports(p, at, 0);
+}
+
 static status do_include(struct pbrt *p, const struct pbrt_place *at)
 {
     const char *name;
 
-    TRY(pbrt_next_string(p, "Include", &name));
+    TRY(next_file_name(p, at, &name));
     return pbrt_include(&p->reader, name, at, p->err);
 }
 
 /* What an imported file does to the state stays in it. */
 static status do_import(struct pbrt *p, const struct pbrt_place *at)
 {
+    const char *name;
+
+    TRY(next_file_name(p, at, &name));
     TRY(pbrt_push(p, PBRT_STACK_IMPORT, at));
-    TRY(do_include(p, at));
+    TRY(pbrt_include(&p->reader, name, at, p->err));
+    assert(p->import_count < PBRT_INCLUDE_DEPTH_MAX);
     p->import_depth[p->import_count++] = p->reader.depth;
     return STATUS_OK;
 }

@@ -6,9 +6,11 @@
 #include <cmocka.h>
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 #include <zlib.h>
 
+#include "client/import/pbrt_token.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "tests/support/gltf_maker.h"
@@ -114,6 +116,32 @@ static void test_includes(void **state)
     assert_int_equal(import_scene_memory(bad, strlen(bad), "a.pbrt", folder, &options, &r, &err),
                      STATUS_ERR_INPUT);
     assert_says(&err, "bad.pbrt:3: |Foo");
+    pbrt_folder_remove(folder);
+}
+
+/* A file may end between a directive and its name, over and over, at the same depth. */
+static void test_import_at_the_end_of_an_import(void **state)
+{
+    char *folder = pbrt_folder_make(), text[4096];
+    const char *part = "Material \"diffuse\" \"rgb reflectance\" [.25 .25 .25] " TRIANGLE;
+    struct import_result r;
+    size_t length;
+
+    (void)state;
+    pbrt_folder_put(folder, "part.pbrt", part, strlen(part));
+    pbrt_folder_put(folder, "tail.pbrt", "Import", 6);
+    snprintf(text, sizeof text, "%s", RIGHT_HANDED "WorldBegin " LAMP "Import ");
+    for (int i = 0; i < 2 * PBRT_INCLUDE_DEPTH_MAX; i++) {
+        length = strlen(text);
+        snprintf(text + length, sizeof text - length, "\"tail.pbrt\" ");
+    }
+    length = strlen(text);
+    snprintf(text + length, sizeof text - length, "\"part.pbrt\" %s", TRIANGLE);
+    pbrt_whole(text, folder, &r);
+    assert_int_equal(r.scene.instance_count, 2);
+    assert_true(r.scene.materials[r.scene.instances[0].material].base_color[0] == 0.25f);
+    assert_true(r.scene.materials[r.scene.instances[1].material].base_color[0] == 0.5f);
+    import_result_release(&r);
     pbrt_folder_remove(folder);
 }
 
@@ -486,6 +514,7 @@ int main(void)
         cmocka_unit_test(test_words),
         cmocka_unit_test(test_errors_name_their_place),
         cmocka_unit_test(test_includes),
+        cmocka_unit_test(test_import_at_the_end_of_an_import),
         cmocka_unit_test(test_gzip),
         cmocka_unit_test(test_unknown_parameters),
         cmocka_unit_test(test_handedness),
