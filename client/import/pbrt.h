@@ -254,6 +254,7 @@ const struct pbrt_texture *pbrt_constant(struct pbrt *p, double r, double g, dou
 const struct pbrt_texture *pbrt_product(struct pbrt *p, const struct pbrt_texture *a,
                                         const struct pbrt_texture *b);
 
+/* ---- pbrt_texture_slot.c ------------------------------------------------------------------ */
 /* factor * slot = the colour, the factor within 0..limit (1, or more for light). `alpha`, not
  * constant or NULL, goes into the slot's alpha. */
 status pbrt_color_slot(struct pbrt *p, const struct pbrt_texture *color,

@@ -1,15 +1,10 @@
-/* Textures: a small expression each, that becomes a factor and a reference to a picture. What
- * is no plain picture is computed here, once, into a new one. */
+/* Texture directives and parameters: a small expression each. What becomes of it is told in
+ * pbrt_texture_slot.c. */
 #include <math.h>
-#include <stdlib.h>
+#include <stdio.h>
 #include <string.h>
 
-#include "client/import/pbrt.h"
-#include "common/base/memory.h"
-#include "common/image/color.h"
-#include "common/math/elementary.h"
-
-/* ---- reading ------------------------------------------------------------------------------ */
+#include "client/import/pbrt_texture_parts.h"
 
 static struct pbrt_texture *texture_new(struct pbrt *p, enum pbrt_texture_op op)
 {
@@ -47,21 +42,17 @@ static void texture_weigh(struct pbrt_texture *t)
         }
 }
 
-static int is_constant(const struct pbrt_texture *t)
-{
-    return t->op == TEXTURE_CONSTANT;
-}
-
 /* What can be computed at once, is. */
 static const struct pbrt_texture *fold(struct pbrt *p, struct pbrt_texture *t)
 {
     const struct pbrt_texture *const *c = t->child;
     double v[3];
 
-    if (t->op == TEXTURE_SCALE && is_constant(c[0]) && is_constant(c[1]))
+    if (t->op == TEXTURE_SCALE && pbrt_is_constant(c[0]) && pbrt_is_constant(c[1]))
         for (int i = 0; i < 3; i++)
             v[i] = c[0]->value[i] * c[1]->value[i];
-    else if (t->op == TEXTURE_MIX && is_constant(c[0]) && is_constant(c[1]) && is_constant(c[2]))
+    else if (t->op == TEXTURE_MIX && pbrt_is_constant(c[0]) && pbrt_is_constant(c[1]) &&
+             pbrt_is_constant(c[2]))
         for (int i = 0; i < 3; i++)
             v[i] = c[0]->value[i] * (1 - c[2]->value[i]) + c[1]->value[i] * c[2]->value[i];
     else
@@ -103,7 +94,7 @@ status pbrt_float_texture(struct pbrt *p, struct pbrt_params *params, const char
                           const struct pbrt_texture **out)
 {
     const struct pbrt_param *param = pbrt_param(params, name, PBRT_NUMBERS |
-                                                                  PBRT_BIT(PBRT_TEXTURE));
+                                                PBRT_BIT(PBRT_TEXTURE));
     struct pbrt_texture *t;
 
     *out = NULL;
@@ -124,7 +115,7 @@ status pbrt_color_texture(struct pbrt *p, struct pbrt_params *params, const char
                           enum pbrt_use use, const struct pbrt_texture **out)
 {
     const struct pbrt_param *param = pbrt_param(params, name, PBRT_COLORS | PBRT_NUMBERS |
-                                                                  PBRT_BIT(PBRT_TEXTURE));
+                                                PBRT_BIT(PBRT_TEXTURE));
     double rgb[3];
 
     *out = NULL;
@@ -268,7 +259,7 @@ static status read_bilerp(struct pbrt *p, const struct pbrt_directive *d, int co
     for (int i = 0; i < 4; i++) {
         const struct pbrt_texture *value;
         TRY(child_or(p, d, names[i], color, i & 1, &value));
-        if (!is_constant(value))
+        if (!pbrt_is_constant(value))
             return pbrt_fail(p, STATUS_ERR_INPUT, &d->at,
                              "\"%s\" of a bilerp texture must be constant", names[i]);
         memcpy(t->corner[i], value->value, sizeof t->corner[i]);
@@ -368,430 +359,4 @@ status pbrt_texture(struct pbrt *p, const char *name, const char *type,
     snprintf(what, sizeof what, "texture \"%.60s\"", d->kind);
     pbrt_params_report(d->params, p->b, what);
     return pbrt_name_set(p, color ? &p->color_textures : &p->float_textures, name, made);
-}
-
-/* ---- looking up --------------------------------------------------------------------------- */
-
-static double decode(const struct pbrt_texture *t, float encoded)
-{
-    if (t->image->is_float || t->gamma == 1)
-        return (double)encoded;
-    if (t->gamma == 0)
-        return (double)srgb_decode(encoded);
-    return (double)det_pow(encoded, (float)t->gamma);
-}
-
-/* Texel (x, y), row 0 at the top, as colour and as the number that pbrt takes from it. */
-static void texel(const struct pbrt_texture *t, long x, long y, double out[4])
-{
-    const struct image *im = &t->image->pixels;
-    long w = (long)im->width, h = (long)im->height;
-    const float *from;
-
-    memset(out, 0, 4 * sizeof *out);
-    if (t->wrap == WRAP_BLACK && (x < 0 || y < 0 || x >= w || y >= h))
-        return;
-    if (t->wrap == WRAP_CLAMP) {
-        x = x < 0 ? 0 : x >= w ? w - 1 : x;
-        y = y < 0 ? 0 : y >= h ? h - 1 : y;
-    } else {
-        x = (x % w + w) % w;
-        y = (y % h + h) % h;
-    }
-    from = im->pixels + ((size_t)y * im->width + (size_t)x) * im->channels;
-    for (unsigned c = 0; c < 3; c++)
-        out[c] = decode(t, from[im->channels >= 3 ? c : 0]);
-    out[3] = im->channels < 3    ? out[0]
-             : im->channels == 3 ? (out[0] + out[1] + out[2]) / 3
-                                 : (double)from[3];
-}
-
-static void look_up_image(const struct pbrt_texture *t, double s, double up, double out[4])
-{
-    const struct image *im = &t->image->pixels;
-    double x = s * im->width, y = (1 - up) * im->height;
-
-    if (!(fabs(x) < 1e15) || !(fabs(y) < 1e15))
-        x = y = 0;
-    if (t->nearest) {
-        texel(t, (long)floor(x), (long)floor(y), out);
-    } else {
-        double fx = floor(x - 0.5), fy = floor(y - 0.5), wx = x - 0.5 - fx, wy = y - 0.5 - fy;
-        double corner[4];
-        memset(out, 0, 4 * sizeof *out);
-        for (int i = 0; i < 4; i++) {
-            double weight = (i & 1 ? wx : 1 - wx) * (i & 2 ? wy : 1 - wy);
-            if (weight == 0)
-                continue;
-            texel(t, (long)fx + (i & 1), (long)fy + (i >> 1), corner);
-            for (int c = 0; c < 4; c++)
-                out[c] += weight * corner[c];
-        }
-    }
-    for (int c = 0; c < 4; c++) {
-        out[c] *= t->scale;
-        if (t->invert)
-            out[c] = out[c] < 1 ? 1 - out[c] : 0;
-    }
-}
-
-/* rgb, and the number as out[3]. `uv` are the mesh's. Depth and cost are limited. */
-static void evaluate(const struct pbrt_texture *t, const double uv[2], double out[4])
-{
-    double a[4], b[4], m[4], st[2];
-
-    for (int i = 0; i < 2; i++)
-        st[i] = t->mapping[i][0] * uv[0] + t->mapping[i][1] * uv[1] + t->mapping[i][2];
-    switch (t->op) {
-    case TEXTURE_CONSTANT:
-        memcpy(out, t->value, sizeof t->value);
-        out[3] = (out[0] + out[1] + out[2]) / 3;
-        break;
-    case TEXTURE_IMAGE:
-        look_up_image(t, st[0], st[1], out);
-        break;
-    case TEXTURE_SCALE:
-        evaluate(t->child[0], uv, a);
-        evaluate(t->child[1], uv, b);
-        for (int i = 0; i < 4; i++)
-            out[i] = a[i] * b[i];
-        break;
-    case TEXTURE_MIX:
-        evaluate(t->child[0], uv, a);
-        evaluate(t->child[1], uv, b);
-        evaluate(t->child[2], uv, m);
-        for (int i = 0; i < 4; i++)
-            out[i] = a[i] * (1 - m[3]) + b[i] * m[3];
-        break;
-    case TEXTURE_CHECKER:
-        evaluate(t->child[fmod(floor(st[0]) + floor(st[1]), 2) != 0], uv, out);
-        break;
-    case TEXTURE_BILERP:
-        for (int i = 0; i < 3; i++)
-            out[i] = (1 - st[0]) * ((1 - st[1]) * t->corner[0][i] + st[1] * t->corner[1][i]) +
-                     st[0] * ((1 - st[1]) * t->corner[2][i] + st[1] * t->corner[3][i]);
-        out[3] = (out[0] + out[1] + out[2]) / 3;
-        break;
-    case TEXTURE_DIRECTION_MIX:
-        evaluate(t->child[0], uv, out);
-        break;
-    }
-    if (!t->is_color)
-        out[0] = out[1] = out[2] = out[3];
-}
-
-/* ---- computing a picture ------------------------------------------------------------------ */
-
-/* What the leaves below a texture have in common. */
-struct domain {
-    const struct pbrt_texture *first;   /* the leaf that gives the mapping */
-    int same_mapping;
-    int images, checkers, bilerps;
-    int all_wrap, all_nearest;          /* of the images; -1: none, -2: different */
-    uint32_t width, height;             /* the largest image */
-};
-
-static status collect(struct pbrt *p, const struct pbrt_texture *t, struct domain *d)
-{
-    for (int i = 0; i < 3; i++)
-        if (t->child[i])
-            TRY(collect(p, t->child[i], d));
-    if (t->op != TEXTURE_IMAGE && t->op != TEXTURE_CHECKER && t->op != TEXTURE_BILERP)
-        return STATUS_OK;
-    if (!d->first)
-        d->first = t;
-    else if (memcmp(d->first->mapping, t->mapping, sizeof t->mapping) != 0)
-        d->same_mapping = 0;
-    d->checkers += t->op == TEXTURE_CHECKER;
-    d->bilerps += t->op == TEXTURE_BILERP;
-    if (t->op != TEXTURE_IMAGE)
-        return STATUS_OK;
-    TRY(pbrt_image_decode(p, t->image));
-    d->images++;
-    d->all_wrap = d->all_wrap == -1 || d->all_wrap == (int)t->wrap ? (int)t->wrap : -2;
-    d->all_nearest = d->all_nearest == -1 || d->all_nearest == t->nearest ? t->nearest : -2;
-    if (t->image->width > d->width)
-        d->width = t->image->width;
-    if (t->image->height > d->height)
-        d->height = t->image->height;
-    return STATUS_OK;
-}
-
-/* The picture's size, how often (s, t) goes through it, and how it is put on the surface. */
-struct canvas {
-    uint32_t width, height;
-    double period;
-    double mapping[2][3];   /* mesh uv to (s, t) */
-    enum scene_wrap wrap;
-    int nearest;
-};
-
-static void plan_canvas(const struct domain *d, struct canvas *c)
-{
-    double scale[2] = {1, 1};
-
-    *c = (struct canvas){.period = 1, .wrap = WRAP_REPEAT};
-    c->mapping[0][0] = c->mapping[1][1] = 1;
-    if (d->same_mapping && d->first) {
-        memcpy(c->mapping, d->first->mapping, sizeof c->mapping);
-        c->period = d->checkers ? 2 : 1;
-    } else if (d->first) { /* the mesh's own 0..1, fine enough for what is repeated within */
-        for (int i = 0; i < 2; i++)
-            scale[i] = fmax(1, ceil(fabs(d->first->mapping[i][i])));
-    }
-    if (d->images) {
-        double w = d->width * c->period * scale[0], h = d->height * c->period * scale[1];
-        c->width = (uint32_t)fmin(w, PBRT_BAKE_SIDE_MAX);
-        c->height = (uint32_t)fmin(h, PBRT_BAKE_SIDE_MAX);
-        while ((size_t)c->width * c->height > PBRT_BAKE_TEXELS_MAX)
-            c->width = (c->width + 1) / 2, c->height = (c->height + 1) / 2;
-        c->nearest = d->all_nearest == 1;
-    } else if (d->bilerps) {
-        c->width = c->height = d->checkers ? 256 : 64;
-    } else if (d->same_mapping) {
-        c->width = c->height = 2; /* a checkerboard is two by two fields */
-        c->nearest = 1;
-    } else {
-        c->width = c->height = 1024;
-        c->nearest = 1;
-    }
-    if (d->images && !d->checkers && d->same_mapping && d->all_wrap >= 0)
-        c->wrap = (enum scene_wrap)d->all_wrap;
-    if (!d->images && !d->checkers && d->bilerps)
-        c->wrap = WRAP_CLAMP;
-}
-
-/* Where texel (x, y) lies in mesh uv: the inverse of what the slot does. 0: nowhere. */
-static int canvas_uv(const struct canvas *c, uint32_t x, uint32_t y, double uv[2])
-{
-    double s = (x + 0.5) / c->width * c->period, t = (1 - (y + 0.5) / c->height) * c->period;
-
-    if (c->mapping[0][0] == 0 || c->mapping[1][1] == 0)
-        return 0;
-    uv[0] = (s - c->mapping[0][2]) / c->mapping[0][0];
-    uv[1] = (t - c->mapping[1][2]) / c->mapping[1][1];
-    return 1;
-}
-
-static void slot_mapping(const double mapping[2][3], double period, int flip,
-                         struct scene_texture_slot *slot)
-{
-    for (int i = 0; i < 3; i++) {
-        slot->uv_transform[0][i] = (float)(mapping[0][i] / period);
-        slot->uv_transform[1][i] = (float)((flip ? -1 : 1) * mapping[1][i] / period);
-    }
-    if (flip)
-        slot->uv_transform[1][2] = (float)(1 - mapping[1][2] / period);
-    slot->uv_set = 0;
-}
-
-static status texture_row(struct pbrt *p, const struct scene_texture *texture, uint32_t *row)
-{
-    const uint32_t key[5] = {texture->image, (uint32_t)texture->wrap_u, (uint32_t)texture->wrap_v,
-                             (uint32_t)texture->nearest, (uint32_t)texture->encoding};
-    uint32_t *known = pbrt_table_find(&p->texture_rows, key, sizeof key);
-
-    if (known) {
-        *row = *known;
-        return STATUS_OK;
-    }
-    TRY(builder_add_texture(p->b, texture, row));
-    known = ARENA_NEW(&p->arena, uint32_t);
-    if (!known)
-        return error_no_memory(p->err, "a texture");
-    *known = *row;
-    return pbrt_table_set(&p->texture_rows, &p->arena, key, sizeof key, known, p->err);
-}
-
-static status add_canvas(struct pbrt *p, const struct canvas *c, const struct image *pixels,
-                         int as_exr, enum scene_encoding encoding, struct scene_texture_slot *slot)
-{
-    const int small = (size_t)c->width * c->height <= 4096;
-    const struct exr_options options = {0};
-    struct scene_texture texture = {.wrap_u = c->wrap,
-                                    .wrap_v = c->wrap,
-                                    .nearest = c->nearest,
-                                    .encoding = encoding};
-    struct buffer out = BUFFER_INIT;
-    uint32_t row;
-    status result = as_exr ? exr_encode(&out, pixels, &options, p->err)
-                           : pbrt_png(pixels, small ? 16 : 8, &out, p->err);
-
-    if (result != STATUS_OK) {
-        buffer_release(&out);
-        return result;
-    }
-    TRY(builder_add_image(p->b, "computed", out.data, out.size, &texture.image));
-    TRY(texture_row(p, &texture, &row));
-    slot->texture = (int32_t)row;
-    slot_mapping(c->mapping, c->period, 1, slot);
-    return STATUS_OK;
-}
-
-static status plan(struct pbrt *p, const struct pbrt_texture *a, const struct pbrt_texture *b,
-                   struct canvas *c)
-{
-    struct domain d = {.same_mapping = 1, .all_wrap = -1, .all_nearest = -1};
-
-    TRY(collect(p, a, &d));
-    if (b)
-        TRY(collect(p, b, &d));
-    plan_canvas(&d, c);
-    return STATUS_OK;
-}
-
-static status bake_color(struct pbrt *p, const struct pbrt_texture *color,
-                         const struct pbrt_texture *alpha, float limit,
-                         float factor[3], struct scene_texture_slot *slot)
-{
-    struct image pixels = {0};
-    struct canvas c;
-    double brightest = 0;
-    int as_exr;
-    status result;
-
-    TRY(plan(p, color, alpha, &c));
-    TRY(image_init(&pixels, c.width, c.height, alpha ? 4 : 3, p->err));
-    for (size_t i = 0; i < (size_t)c.width * c.height; i++) {
-        double uv[2], v[4] = {0}, a[4];
-        float *to = pixels.pixels + i * pixels.channels;
-        if (canvas_uv(&c, (uint32_t)(i % c.width), (uint32_t)(i / c.width), uv)) {
-            evaluate(color, uv, v);
-            if (alpha) {
-                evaluate(alpha, uv, a);
-                to[3] = (float)fmin(fmax(a[3], 0), 1);
-            }
-        }
-        for (int k = 0; k < 3; k++) {
-            to[k] = (float)fmin(fmax(v[k], 0), (double)limit);
-            brightest = fmax(brightest, (double)to[k]);
-        }
-    }
-    /* Light above 1 does not fit into a PNG, nor does it need alpha. */
-    as_exr = brightest > 1;
-    for (size_t i = 0; !as_exr && i < (size_t)c.width * c.height; i++)
-        for (int k = 0; k < 3; k++) {
-            float *to = pixels.pixels + i * pixels.channels + k;
-            *to = srgb_encode(*to);
-        }
-    result = add_canvas(p, &c, &pixels, as_exr, as_exr ? ENCODING_BY_SLOT : ENCODING_SRGB, slot);
-    image_release(&pixels);
-    pbrt_images_trim(p);
-    factor[0] = factor[1] = factor[2] = 1;
-    return result;
-}
-
-/* ---- slots -------------------------------------------------------------------------------- */
-
-static void no_slot(struct scene_texture_slot *slot)
-{
-    *slot = (struct scene_texture_slot){.texture = -1};
-    slot->uv_transform[0][0] = slot->uv_transform[1][1] = 1;
-}
-
-/* A picture that can be shown as it is stored. */
-static int is_plain(const struct pbrt_texture *t)
-{
-    return t->op == TEXTURE_IMAGE && !t->invert && t->is_color &&
-           (t->image->is_float || t->gamma == 0 || t->gamma == 1);
-}
-
-static status plain_slot(struct pbrt *p, const struct pbrt_texture *t,
-                         struct scene_texture_slot *slot)
-{
-    struct scene_texture texture = {.wrap_u = t->wrap, .wrap_v = t->wrap, .nearest = t->nearest};
-    uint32_t row;
-
-    texture.encoding = t->image->is_float ? ENCODING_BY_SLOT
-                       : t->gamma == 1    ? ENCODING_LINEAR
-                                          : ENCODING_SRGB;
-    TRY(pbrt_image_row(p, t->image, &texture.image));
-    TRY(texture_row(p, &texture, &row));
-    slot->texture = (int32_t)row;
-    slot_mapping(t->mapping, 1, 1, slot);
-    return STATUS_OK;
-}
-
-status pbrt_color_slot(struct pbrt *p, const struct pbrt_texture *color,
-                       const struct pbrt_texture *alpha, float limit, float factor[3],
-                       struct scene_texture_slot *slot)
-{
-    const struct pbrt_texture *t = color;
-    double f[3] = {1, 1, 1};
-    int fits = 1;
-
-    no_slot(slot);
-    while (t->op == TEXTURE_SCALE && (is_constant(t->child[0]) || is_constant(t->child[1]))) {
-        const int which = is_constant(t->child[0]) ? 0 : 1;
-        for (int i = 0; i < 3; i++)
-            f[i] *= t->child[which]->value[i];
-        t = t->child[1 - which];
-    }
-    if (t->op == TEXTURE_IMAGE && !t->invert)
-        for (int i = 0; i < 3; i++)
-            f[i] *= t->scale;
-    else if (is_constant(t))
-        for (int i = 0; i < 3; i++)
-            f[i] *= t->value[i];
-    for (int i = 0; i < 3; i++) {
-        fits = fits && f[i] >= 0 && f[i] <= (double)limit;
-        factor[i] = (float)fmin(fmax(f[i], 0), (double)limit);
-    }
-    if (is_constant(t) && !alpha)
-        return STATUS_OK;
-    if (is_constant(t)) { /* the factor has the colour, the picture only alpha */
-        float ignored[3];
-        const struct pbrt_texture *white = pbrt_constant(p, 1, 1, 1);
-        if (!white)
-            return error_no_memory(p->err, "a texture");
-        return bake_color(p, white, alpha, 1, ignored, slot);
-    }
-    if (is_plain(t) && fits && !alpha)
-        return plain_slot(p, t, slot);
-    return bake_color(p, color, alpha, limit, factor, slot);
-}
-
-status pbrt_scalar_slot(struct pbrt *p, const struct pbrt_texture *value, pbrt_change *change,
-                        double parameter, float *factor, struct scene_texture_slot *slot)
-{
-    struct image pixels = {0};
-    struct canvas c;
-    status result;
-
-    no_slot(slot);
-    if (is_constant(value)) {
-        *factor = (float)fmin(fmax(change(value->value[0], parameter), 0), 1);
-        return STATUS_OK;
-    }
-    TRY(plan(p, value, NULL, &c));
-    TRY(image_init(&pixels, c.width, c.height, 4, p->err));
-    for (size_t i = 0; i < (size_t)c.width * c.height; i++) {
-        double uv[2], v[4] = {0};
-        if (canvas_uv(&c, (uint32_t)(i % c.width), (uint32_t)(i / c.width), uv))
-            evaluate(value, uv, v);
-        for (int k = 0; k < 4; k++)
-            pixels.pixels[4 * i + (size_t)k] =
-                (float)fmin(fmax(change(v[3], parameter), 0), 1);
-    }
-    result = add_canvas(p, &c, &pixels, 0, ENCODING_LINEAR, slot);
-    image_release(&pixels);
-    pbrt_images_trim(p);
-    *factor = 1;
-    return result;
-}
-
-status pbrt_image_slot(struct pbrt *p, struct pbrt_image *image, enum scene_encoding encoding,
-                       enum scene_wrap wrap, int nearest, struct scene_texture_slot *slot)
-{
-    static const double identity[2][3] = {{1, 0, 0}, {0, 1, 0}};
-    struct scene_texture texture = {
-        .wrap_u = wrap, .wrap_v = wrap, .nearest = nearest, .encoding = encoding};
-    uint32_t row;
-
-    no_slot(slot);
-    TRY(pbrt_image_row(p, image, &texture.image));
-    TRY(texture_row(p, &texture, &row));
-    slot->texture = (int32_t)row;
-    slot_mapping(identity, 1, 1, slot);
-    return STATUS_OK;
 }
