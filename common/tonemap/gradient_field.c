@@ -6,7 +6,7 @@
 #include "common/base/memory.h"
 #include "common/base/parallel.h"
 
-enum { PIXELS_PER_PIECE = 1 << 15 };
+enum { PIXELS_PER_PIECE = 1 << 15, SIDE_MIN = 3, STRIP_MIN = 96 };
 
 static size_t lines_per_piece(const struct gradient_level *level)
 {
@@ -16,6 +16,15 @@ static size_t lines_per_piece(const struct gradient_level *level)
 static size_t pixels_of(const struct gradient_level *level)
 {
     return (size_t)level->width * level->height;
+}
+
+/* The level after it would have a side below SIDE_MIN. Of a strip it may: how many steps the solver
+ * takes would grow with its length. */
+static int is_last(uint32_t width, uint32_t height)
+{
+    uint32_t shorter = width < height ? width : height, longer = width < height ? height : width;
+
+    return shorter < 2 * SIDE_MIN && longer < STRIP_MIN;
 }
 
 status gradient_field_init(struct gradient_field *f, uint32_t width, uint32_t height,
@@ -42,7 +51,7 @@ status gradient_field_init(struct gradient_field *f, uint32_t width, uint32_t he
         level->value = l ? mem_alloc_array(pixels_of(level), sizeof(float)) : f->step;
         level->sum = l ? mem_alloc_array(pixels_of(level), sizeof(float)) : f->product;
         complete = level->weight_x && level->weight_y && level->value && level->sum;
-        if (width < 3 && height < 3)
+        if (is_last(width, height))
             break;
         width = width > 1 ? width / 2 : 1;
         height = height > 1 ? height / 2 : 1;
@@ -72,10 +81,43 @@ void gradient_field_release(struct gradient_field *f)
 
 /* ---- from level to level -------------------------------------------------------------------- */
 
-/* The first pixel of a block, of `count` ones, that are `coarse` blocks. */
-static uint32_t block_end(uint32_t block, uint32_t count, uint32_t coarse)
+/* A coarser level's pixel is the mean over its share of the side, count / coarse pixels. Of a side
+ * of 2n pixels that are two; of 2n + 1 the pixel i begins i / n into the pixel 2i and ends
+ * (i + 1) / n into the pixel 2i + 2; a side of 1 stays. */
+struct share {
+    size_t first;
+    float part[3]; /* of the pixels from first on */
+};
+
+static struct share share_of(size_t i, uint32_t count, uint32_t coarse)
 {
-    return block + 1 == coarse ? count : (block + 1) * (count / coarse);
+    float n = (float)coarse;
+
+    if (count == coarse)
+        return (struct share){i, {1.0f, 0.0f, 0.0f}};
+    if (count % 2 == 0)
+        return (struct share){2 * i, {1.0f, 1.0f, 0.0f}};
+    return (struct share){2 * i, {1.0f - (float)i / n, 1.0f, (float)(i + 1) / n}};
+}
+
+/* The other way about: the one or two coarser pixels that a pixel belongs to, and how much of it. */
+struct owners {
+    size_t first, count;
+    float part[2];
+};
+
+static struct owners owners_of(size_t i, uint32_t count, uint32_t coarse)
+{
+    size_t half = i / 2;
+    float n = (float)coarse;
+
+    if (count == coarse)
+        return (struct owners){i, 1, {1.0f, 0.0f}};
+    if (i % 2 != 0 || count % 2 == 0 || half == 0)
+        return (struct owners){half, 1, {1.0f, 0.0f}};
+    if (half == coarse)
+        return (struct owners){half - 1, 1, {1.0f, 0.0f}};
+    return (struct owners){half - 1, 2, {(float)half / n, 1.0f - (float)half / n}};
 }
 
 struct reducing {
@@ -84,31 +126,37 @@ struct reducing {
     float *to;
 };
 
+static void reduce_line_even(const float *above, const float *below, uint32_t coarse_width,
+                             float *restrict to)
+{
+    for (size_t x = 0; x < coarse_width; x++)
+        to[x] = 0.25f * (above[2 * x] + above[2 * x + 1] + below[2 * x] + below[2 * x + 1]);
+}
+
 static void reduce_lines(void *user, size_t begin, size_t end)
 {
     const struct reducing *r = user;
     uint32_t width = r->fine->width, height = r->fine->height;
-    uint32_t step_x = width / r->coarse->width, step_y = height / r->coarse->height;
+    uint32_t coarse_width = r->coarse->width, coarse_height = r->coarse->height;
+    float scale = (float)pixels_of(r->coarse) / (float)pixels_of(r->fine);
 
     for (size_t y = begin; y < end; y++) {
-        float *to = r->to + y * r->coarse->width;
-        size_t first = y * step_y, last = block_end((uint32_t)y, height, r->coarse->height);
-        uint32_t x = 0;
+        struct share rows = share_of(y, height, coarse_height);
+        const float *from = r->from + rows.first * width;
+        float *to = r->to + y * coarse_width;
 
-        if (step_x == 2 && last - first == 2) {
-            const float *above = r->from + first * width, *below = above + width;
-            for (; x + 1 < r->coarse->width; x++)
-                to[x] = 0.25f * (above[2 * x] + above[2 * x + 1] + below[2 * x] +
-                                 below[2 * x + 1]);
+        if (width == 2 * coarse_width && height == 2 * coarse_height) {
+            reduce_line_even(from, from + width, coarse_width, to);
+            continue;
         }
-        for (; x < r->coarse->width; x++) {
-            size_t left = (size_t)x * step_x, right = block_end(x, width, r->coarse->width);
+        for (size_t x = 0; x < coarse_width; x++) {
+            struct share columns = share_of(x, width, coarse_width);
             float sum = 0.0f;
 
-            for (size_t i = first; i < last; i++)
-                for (size_t k = left; k < right; k++)
-                    sum += r->from[i * width + k];
-            to[x] = sum / (float)((last - first) * (right - left));
+            for (size_t i = 0; i < 3 && rows.part[i] > 0.0f; i++)
+                for (size_t k = 0; k < 3 && columns.part[k] > 0.0f; k++)
+                    sum += rows.part[i] * columns.part[k] * from[i * width + columns.first + k];
+            to[x] = scale * sum;
         }
     }
 }
@@ -122,28 +170,30 @@ static void reduce(struct gradient_field *f, int level, const float *from)
 }
 
 /* Add a line of the coarser level's sums to one of this level: what the means' transpose gives,
- * times the ratio of the numbers of pixels. */
+ * times the ratio of the numbers of pixels, by which the means were divided. */
 static void spread_line(const struct gradient_level *fine, const struct gradient_level *coarse,
-                        size_t y, float *to)
+                        size_t y, float *restrict to)
 {
-    uint32_t step_x = fine->width / coarse->width, step_y = fine->height / coarse->height;
-    size_t block = y / step_y < coarse->height ? y / step_y : coarse->height - 1;
-    size_t lines = block_end((uint32_t)block, fine->height, coarse->height) - block * step_y;
-    float scale = (float)pixels_of(fine) / ((float)pixels_of(coarse) * (float)lines);
-    const float *from = coarse->sum + block * coarse->width;
-    uint32_t x = 0;
+    struct owners rows = owners_of(y, fine->height, coarse->height);
 
-    if (step_x == 2)
-        for (; x + 1 < coarse->width; x++) {
-            float value = 0.5f * scale * from[x];
-            to[2 * x] += value;
-            to[2 * x + 1] += value;
+    for (size_t i = 0; i < rows.count; i++) {
+        const float *from = coarse->sum + (rows.first + i) * coarse->width;
+        float part = rows.part[i];
+
+        if (fine->width == 2 * coarse->width) {
+            for (size_t x = 0; x < coarse->width; x++) {
+                float value = part * from[x];
+                to[2 * x] += value;
+                to[2 * x + 1] += value;
+            }
+            continue;
         }
-    for (; x < coarse->width; x++) {
-        size_t left = (size_t)x * step_x, right = block_end(x, fine->width, coarse->width);
+        for (size_t x = 0; x < fine->width; x++) {
+            struct owners columns = owners_of(x, fine->width, coarse->width);
 
-        for (size_t k = left; k < right; k++)
-            to[k] += scale * from[x] / (float)(right - left);
+            for (size_t k = 0; k < columns.count; k++)
+                to[x] += part * columns.part[k] * from[columns.first + k];
+        }
     }
 }
 

@@ -1,8 +1,9 @@
 /* gradient_field: the plane whose differences, at all scales, come nearest to what is wanted.
  * Private to common/tonemap.
  *
- * A pyramid of a plane: level 0 is the plane, each next one the mean of blocks of 2x2 (3 at the end
- * of an odd side). For every two neighbours of every level there is a wanted difference and a
+ * A pyramid of a plane: level 0 is the plane, each next one has half the pixels of each side, every
+ * one the mean of what it covers (2x2 of them; of odd sides a little more). It ends before a side
+ * is shorter than 3 pixels, as the authors' does; that of a strip goes on. For every two neighbours of every level there is a wanted difference and a
  * weight. Solved is, by conjugate gradients, for the plane x that minimises
  *
  *     sum over levels l of 4^l sum over neighbours of weight (difference(x_l) - wanted)^2

@@ -12,12 +12,15 @@
  * straight lines between. The recurrence gives the 107 numbers that the implementations tabulate
  * up to W = 10510, and goes on above it.
  *
+ * When equalizing, a pixel's responses to its right and lower neighbour keep their ratio, and the
+ * length of the two becomes the share of all pixels of all levels that have a shorter one.
+ *
  * What differs: black pixels (they would be minus infinity) are 10^-8 of the log-mean, and bright
  * ones end at 10^8 of it, where the implementations take 10^-7 of the maximum and so lose the
- * picture to a firefly; percentiles are of pixels with light only; odd sides are halved by simple
- * blocks; the pyramid goes down to one pixel; a picture without any contrast comes out grey. When
- * equalizing, a difference of 0 stays 0, where pfstools divides 0 by 0 in the last corner of each
- * level and gets a full response there.
+ * picture to a firefly; percentiles are of pixels with light only; strips have levels with sides
+ * below 3 pixels; a picture without any contrast comes out grey. When equalizing, a difference of 0
+ * stays 0, where pfstools divides 0 by 0 in the last corner of each level and gets a full response
+ * there.
  *
  * A frame's state is the two percentiles, taken from a solution for a small copy. The picture's own
  * percentiles are moved by as much as a mean over frames moves the state: a frame by itself is
@@ -187,6 +190,7 @@ static void map_differences(const void *user, struct gradient_run *run)
 /* Equalisation: the length of a pixel's response becomes its rank, 0..1, times `contrast`. Counted
  * by the upper half of the bits, linear within. */
 enum { RANKS = 1 << 15 };
+static const float ROUNDING = 0x1p-16f; /* decades: a 280th of what is just seen */
 
 struct equalizing {
     struct sampled response;            /* R / |G|, of |G| */
@@ -196,11 +200,20 @@ struct equalizing {
     uint64_t (*counts)[RANKS];          /* [GRADIENT_STRIPES] */
 };
 
+/* Where there is no contrast at all there must be none after it: the last digits of a level's means
+ * differ, and however small a difference is, it would get the rank of all that are as level. */
+static float response_to(const struct equalizing *e, float difference)
+{
+    float size = fabsf(difference);
+
+    return size > ROUNDING ? difference * sampled_at(&e->response, size) : 0.0f;
+}
+
 static float response_length(const struct equalizing *e, const struct gradient_run *run, size_t i,
                              float *x, float *y)
 {
-    *x = run->x[i] * sampled_at(&e->response, fabsf(run->x[i]));
-    *y = run->y[i] * sampled_at(&e->response, fabsf(run->y[i]));
+    *x = response_to(e, run->x[i]);
+    *y = response_to(e, run->y[i]);
     return sqrtf(*x * *x + *y * *y);
 }
 

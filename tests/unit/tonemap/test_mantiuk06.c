@@ -47,6 +47,30 @@ static void test_plane(float *plane, uint32_t width, uint32_t height)
     }
 }
 
+/* The pyramid ends before a side is below 3 pixels; of strips it goes on. */
+static void test_levels(void **state)
+{
+    static const uint32_t sizes[][5] = { /* width, height, levels, the last one's width, height */
+        {1, 1, 1, 1, 1},   {2, 2, 1, 2, 2},      {5, 7, 1, 5, 7},     {6, 5, 1, 6, 5},
+        {6, 6, 2, 3, 3},   {25, 19, 3, 6, 4},    {192, 108, 6, 6, 3}, {95, 2, 1, 95, 2},
+        {96, 2, 2, 48, 1}, {1, 1000, 5, 1, 62},
+    };
+
+    (void)state;
+    for (size_t k = 0; k < sizeof sizes / sizeof *sizes; k++) {
+        struct gradient_field field;
+        const struct gradient_level *last;
+        struct error err = {0};
+
+        assert_int_equal(gradient_field_init(&field, sizes[k][0], sizes[k][1], 1, &err), STATUS_OK);
+        assert_int_equal(field.level_count, sizes[k][2]);
+        last = &field.levels[field.level_count - 1];
+        assert_int_equal(last->width, sizes[k][3]);
+        assert_int_equal(last->height, sizes[k][4]);
+        gradient_field_release(&field);
+    }
+}
+
 /* From a start that has nothing to do with it, the differences of a plane give the plane back, up
  * to a constant. Odd, thin and tiny sizes too. */
 static void test_solver_gives_back(void **state)
@@ -169,17 +193,24 @@ static void test_round_trip(void **state)
     image_release(&out);
 }
 
-/* What a difference g becomes, straight from the definition. */
-static double mapped(double g, double contrast)
+/* W where the response is 0, 1, 2 ...: R counts thresholds, as in the paper; linear between. */
+static void response_nodes(double nodes[200])
 {
-    /* R counts thresholds, as in the paper; linear between. */
-    double nodes[200] = {0.0, 0.01}, w = pow(10.0, g) - 1.0, r;
-    int k = 0;
-
+    nodes[0] = 0.0;
+    nodes[1] = 0.01;
     for (int i = 2; i < 200; i++)
         nodes[i] = nodes[i - 1] + 0.0928 * pow(nodes[i - 1], 1.08) +
                    0.0046 * pow(nodes[i - 1], -0.18);
     assert_true(fabs(nodes[106] - 10510.0806) < 1e-3); /* the end of the published table */
+}
+
+/* What a difference g becomes, straight from the definition. */
+static double mapped(double g, double contrast)
+{
+    double nodes[200], w = pow(10.0, g) - 1.0, r;
+    int k = 0;
+
+    response_nodes(nodes);
     while (nodes[k + 1] < w)
         k++;
     r = contrast * (k + (w - nodes[k]) / (nodes[k + 1] - nodes[k]));
@@ -187,8 +218,8 @@ static double mapped(double g, double contrast)
     return log10(1.0 + nodes[k] + (r - k) * (nodes[k + 1] - nodes[k]));
 }
 
-/* Three pixels have two differences and level 1 none, as it is one pixel: the answer has exactly
- * the wanted differences, times what fills the display's range. */
+/* Three pixels have two differences, and there is no other level: the answer has exactly the
+ * wanted differences, times what fills the display's range. */
 static void test_transducer(void **state)
 {
     static const double contrasts[] = {0.05, 0.1, 0.3, 0.7, 2.0};
@@ -210,6 +241,226 @@ static void test_transducer(void **state)
         assert_true(fabs(b / a / ratio - 1.0) < 2e-3);
         image_release(&in);
         image_release(&out);
+    }
+}
+
+/* ---- the whole of it, straight from the definitions ------------------------------------------ */
+
+/* A picture's grey, its pyramid as dense matrices, and the system of equations. */
+enum { ORACLE_WIDTH = 25, ORACLE_HEIGHT = 19, ORACLE_PIXELS = ORACLE_WIDTH * ORACLE_HEIGHT,
+       ORACLE_LEVELS = 3 };
+
+struct oracle {
+    double plane[ORACLE_PIXELS]; /* log10 luminance */
+    size_t width[ORACLE_LEVELS], height[ORACLE_LEVELS];
+    double mean[ORACLE_LEVELS][ORACLE_PIXELS][ORACLE_PIXELS]; /* a level's pixel of level 0's */
+    double a[ORACLE_PIXELS][ORACLE_PIXELS], b[ORACLE_PIXELS]; /* a x = b */
+    double lengths[2 * ORACLE_PIXELS];                        /* of all pixels' responses */
+    size_t length_count;
+};
+
+/* How much of the pixel `fine` the pixel `coarse` of a side half as long covers. */
+static double covered(size_t fine, size_t coarse, size_t fine_side, size_t coarse_side)
+{
+    double ratio = (double)fine_side / (double)coarse_side;
+    double begin = fmax((double)fine, (double)coarse * ratio);
+    double end = fmin((double)fine + 1.0, ((double)coarse + 1.0) * ratio);
+
+    return fmax(end - begin, 0.0);
+}
+
+static void oracle_pyramid(struct oracle *o)
+{
+    static const size_t widths[] = {25, 12, 6}, heights[] = {19, 9, 4}; /* no side below 3 */
+
+    for (size_t i = 0; i < ORACLE_PIXELS; i++)
+        o->mean[0][i][i] = 1.0;
+    for (int l = 0; l < ORACLE_LEVELS; l++) {
+        o->width[l] = widths[l];
+        o->height[l] = heights[l];
+        for (size_t i = 0; l > 0 && i < widths[l] * heights[l]; i++)
+            for (size_t k = 0; k < widths[l - 1] * heights[l - 1]; k++) {
+                double part = covered(k % widths[l - 1], i % widths[l], widths[l - 1], widths[l]) *
+                              covered(k / widths[l - 1], i / widths[l], heights[l - 1], heights[l]) *
+                              (double)(widths[l] * heights[l]) /
+                              (double)(widths[l - 1] * heights[l - 1]);
+
+                for (size_t p = 0; part > 0.0 && p < ORACLE_PIXELS; p++)
+                    o->mean[l][i][p] += part * o->mean[l - 1][k][p];
+            }
+    }
+}
+
+/* The neighbour of a level's pixel to its right or below it; the pixel itself if there is none. */
+static size_t neighbour(const struct oracle *o, int level, size_t i, int below)
+{
+    size_t width = o->width[level];
+
+    if (below)
+        return i / width + 1 < o->height[level] ? i + width : i;
+    return i % width + 1 < width ? i + 1 : i;
+}
+
+static double difference(const struct oracle *o, int level, size_t i, int below)
+{
+    size_t other = neighbour(o, level, i, below);
+    double sum = 0.0;
+
+    for (size_t p = 0; p < ORACLE_PIXELS; p++)
+        sum += (o->mean[level][other][p] - o->mean[level][i][p]) * o->plane[p];
+    return fabs(sum) < 1e-12 ? 0.0 : sum;
+}
+
+/* R(W) and back, with the sign of its argument: thresholds counted from 0. */
+static double response_to(double g)
+{
+    double nodes[200], w = pow(10.0, fabs(g)) - 1.0;
+    int k = 0;
+
+    response_nodes(nodes);
+    while (nodes[k + 1] < w)
+        k++;
+    return copysign(k + (w - nodes[k]) / (nodes[k + 1] - nodes[k]), g);
+}
+
+static double difference_for(double r)
+{
+    double nodes[200], size = fabs(r);
+    int k = (int)floor(size);
+
+    response_nodes(nodes);
+    return copysign(log10(1.0 + nodes[k] + (size - k) * (nodes[k + 1] - nodes[k])), r);
+}
+
+static double response_size(const struct oracle *o, int level, size_t i)
+{
+    return hypot(response_to(difference(o, level, i, 0)), response_to(difference(o, level, i, 1)));
+}
+
+/* The cumulative histogram of the sizes of all responses of all levels: the share that is smaller. */
+static double rank_of(const struct oracle *o, double size)
+{
+    size_t smaller = 0;
+
+    for (size_t i = 0; i < o->length_count; i++)
+        smaller += o->lengths[i] < size;
+    return (double)smaller / (double)o->length_count;
+}
+
+static double wanted_for(const struct oracle *o, int level, size_t i, int below, int equalize,
+                         double contrast)
+{
+    double response = response_to(difference(o, level, i, below)), size;
+
+    if (!equalize)
+        return difference_for(contrast * response);
+    size = response_size(o, level, i);
+    /* The whole response, 106 thresholds, is that to the end of the published table. */
+    return size > 0.0 ? difference_for(contrast * 106.0 * rank_of(o, size) * response / size) : 0.0;
+}
+
+/* Sum over neighbours at all levels of (pixels of level 0 / pixels) weight (difference - wanted)^2:
+ * where its derivative is 0. */
+static void oracle_equations(struct oracle *o, int equalize, double contrast)
+{
+    for (int l = 0; l < ORACLE_LEVELS; l++)
+        for (size_t i = 0; i < o->width[l] * o->height[l]; i++)
+            o->lengths[o->length_count++] = response_size(o, l, i);
+    for (int l = 0; l < ORACLE_LEVELS; l++)
+        for (size_t i = 0; i < 2 * o->width[l] * o->height[l]; i++) {
+            int below = i % 2;
+            size_t other = neighbour(o, l, i / 2, below);
+            double wanted = wanted_for(o, l, i / 2, below, equalize, contrast);
+            double weight = ORACLE_PIXELS / (double)(o->width[l] * o->height[l]) /
+                            (0.038737 * pow(fmax(fabs(wanted), 0.001), 0.537756));
+            double row[ORACLE_PIXELS];
+
+            for (size_t p = 0; p < ORACLE_PIXELS; p++)
+                row[p] = o->mean[l][other][p] - o->mean[l][i / 2][p];
+            for (size_t p = 0; p < ORACLE_PIXELS; p++) {
+                o->b[p] += weight * wanted * row[p];
+                for (size_t q = 0; row[p] != 0.0 && q < ORACLE_PIXELS; q++)
+                    o->a[p][q] += weight * row[p] * row[q];
+            }
+        }
+    o->a[0][0] += 1.0; /* x is known up to a constant */
+}
+
+/* Gaussian elimination of a positive definite matrix; the answer is left in b. */
+static void oracle_solve(struct oracle *o)
+{
+    for (size_t k = 0; k < ORACLE_PIXELS; k++)
+        for (size_t i = k + 1; i < ORACLE_PIXELS; i++) {
+            double factor = o->a[i][k] / o->a[k][k];
+
+            for (size_t q = k; q < ORACLE_PIXELS; q++)
+                o->a[i][q] -= factor * o->a[k][q];
+            o->b[i] -= factor * o->b[k];
+        }
+    for (size_t k = ORACLE_PIXELS; k-- > 0;) {
+        for (size_t q = k + 1; q < ORACLE_PIXELS; q++)
+            o->b[k] -= o->a[k][q] * o->b[q];
+        o->b[k] /= o->a[k][k];
+    }
+}
+
+/* A slope, two steps, noise, and a patch without any contrast. */
+static struct image oracle_picture(struct oracle *o)
+{
+    struct image in = picture_grey(ORACLE_WIDTH, ORACLE_HEIGHT, 1.0f);
+    uint32_t random = 3;
+
+    for (size_t i = 0; i < ORACLE_PIXELS; i++) {
+        size_t x = i % ORACLE_WIDTH, y = i / ORACLE_WIDTH;
+        double l = 0.08 * (double)x + (y > 9 ? 1.2 : 0.0) - (x > 14 && y > 4 ? 0.9 : 0.0);
+
+        random = random * 1664525u + 1013904223u;
+        if (x < 18 || y < 12)
+            l += 0.3 * (double)(random >> 8) / (1 << 24);
+        else
+            l = 1.0;
+        picture_put(&in, x, y, (float)pow(10.0, l));
+        o->plane[i] = log10((double)picture_at(&in, x, y));
+    }
+    return in;
+}
+
+/* Both modes against it. The percentiles of so few pixels are the darkest and the brightest. */
+static void test_oracle(void **state)
+{
+    static const struct {
+        int equalize;
+        double contrast;
+    } cases[] = {{0, 0.1}, {0, 0.4}, {1, 0.1}, {1, 0.5}, {1, 1.0}};
+
+    (void)state;
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+        struct oracle *o = test_calloc(1, sizeof *o);
+        struct image in = oracle_picture(o), out;
+        struct tonemap_settings s = tonemap_preset("mantiuk06");
+        double low, high, worst = 0.0;
+
+        tonemap_preset_set(&s, "detail", 1.0);
+        tonemap_preset_set(&s, "mode", cases[c].equalize);
+        tonemap_preset_set(&s, "contrast", cases[c].contrast);
+        out = picture_light(&in, &s);
+        oracle_pyramid(o);
+        oracle_equations(o, cases[c].equalize, cases[c].contrast);
+        oracle_solve(o);
+        low = high = o->b[0];
+        for (size_t i = 1; i < ORACLE_PIXELS; i++) {
+            low = fmin(low, o->b[i]);
+            high = fmax(high, o->b[i]);
+        }
+        for (size_t i = 0; i < ORACLE_PIXELS; i++) {
+            double wanted = 2.3 * (o->b[i] - high) / (high - low);
+
+            worst = fmax(worst, fabs(log10((double)out.pixels[3 * i]) - wanted));
+        }
+        assert_true(worst < 0.006); /* of the decades; the ranks' steps are 1 / 607 */
+        image_release(&in);
+        image_release(&out);
+        test_free(o);
     }
 }
 
@@ -482,11 +733,13 @@ static void test_no_memory(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_levels),
         cmocka_unit_test(test_solver_gives_back),
         cmocka_unit_test(test_solver_fits_start),
         cmocka_unit_test(test_solver_steps),
         cmocka_unit_test(test_round_trip),
         cmocka_unit_test(test_transducer),
+        cmocka_unit_test(test_oracle),
         cmocka_unit_test(test_range),
         cmocka_unit_test(test_exposure),
         cmocka_unit_test(test_saturation),
