@@ -6,12 +6,13 @@
  * L is luminance over the world adaptation luminance: the log-mean over (1 + bias - 0.85)^5, so
  * that the picture does not darken as the bias grows (as the paper has it; pfstools leaves the
  * power out, which is the same at bias 0.85 only). Colours keep their ratios. Ld / Y is computed by
- * log1p(L) / L, which has a limit at 0. Their changes to the display's gamma are left to the
- * display: what comes out is light.
+ * log1p(L) / L, which has a limit at 0; as it depends on Y alone, it is taken from a table. Their
+ * changes to the display's gamma are left to the display: what comes out is light.
  */
 #include <math.h>
 
-#include "common/math/elementary.h"
+#include "common/base/memory.h"
+#include "common/math/curve_table.h"
 #include "common/tonemap/operators.h"
 
 enum { BIAS, DISPLAY };
@@ -31,7 +32,8 @@ struct curve {
     double adaptation; /* multiplies luminance */
     double inverse_max;
     double exponent;
-    double level; /* of the display, over log10(Lmax + 1) */
+    double level;             /* of the display, over log10(Lmax + 1) */
+    struct curve_table table; /* of negative_factor over the picture's luminances */
 };
 
 /* ln(1 + x) / x for x >= 0. What 1 + x rounds off is divided away again. */
@@ -42,38 +44,75 @@ static double log1p_ratio(double x)
     return sum == 1.0 ? 1.0 : det_log_d(sum) / (sum - 1.0);
 }
 
+/* -Ld / Y of the luminance Y. It falls with Y; a curve_table must not. */
+static double negative_factor(double y, const void *user)
+{
+    const struct curve *curve = user;
+    double luminance = curve->adaptation * y;
+    double ratio = fmin(luminance * curve->inverse_max, 1.0);
+    double base = 2.0 + 8.0 * det_pow_d(ratio, curve->exponent);
+
+    return -(curve->level * curve->adaptation * log1p_ratio(luminance) / det_log_d(base));
+}
+
 static void drago_row(const void *user, float *rgb, uint32_t width)
 {
     const struct curve *curve = user;
 
     for (float *p = rgb; p < rgb + (size_t)width * 3; p += 3) {
-        double luminance = curve->adaptation * tonemap_luminance(p);
-        double ratio = fmin(luminance * curve->inverse_max, 1.0);
-        double base = 2.0 + 8.0 * det_pow_d(ratio, curve->exponent);
-        double factor =
-            curve->level * curve->adaptation * log1p_ratio(luminance) / det_log_d(base);
+        double luminance = tonemap_luminance(p), factor;
+        float y = (float)luminance;
 
-        for (int c = 0; c < 3; c++)
-            p[c] = (float)fmin((double)p[c] * factor, 1.0);
+        if (!(luminance > 0.0))
+            continue;
+        if (y >= curve->table.low && y <= curve->table.high)
+            factor = -(double)curve_table_at(&curve->table, y);
+        else /* an average over frames does not know all that is in this one */
+            factor = -negative_factor(luminance, curve);
+        for (int c = 0; c < 3; c++) {
+            double value = (double)p[c] * factor;
+
+            p[c] = value < 1.0 ? (float)value : 1.0f;
+        }
     }
+}
+
+enum { OCTAVE_MIN = -126, OCTAVE_MAX = 127 }; /* of normal floats */
+
+/* The octave in which a luminance lies. */
+static int octave_of(double luminance)
+{
+    int exponent;
+
+    frexp(luminance, &exponent);
+    exponent--;
+    return exponent < OCTAVE_MIN ? OCTAVE_MIN : exponent > OCTAVE_MAX ? OCTAVE_MAX : exponent;
 }
 
 static status drago_apply(const struct tonemap_frame *frame, const double *state,
                           struct error *err)
 {
     double bias = frame->values[BIAS], max, growth = 1.0 + bias - PRESET_BIAS;
+    int first, count;
     struct curve curve;
+    float (*pieces)[4];
 
     (void)state;
-    (void)err;
     if (!(frame->statistics.max > 0.0))
         return STATUS_OK; /* black */
+    first = octave_of(frame->statistics.min);
+    count = octave_of(frame->statistics.max) - first + 1;
+    pieces = mem_alloc_array((size_t)count * CURVE_PIECES, sizeof *pieces);
+    if (!pieces)
+        return error_no_memory(err, "a logarithmic curve");
     curve.adaptation = growth * growth * growth * growth * growth / frame->statistics.log_mean;
     max = curve.adaptation * frame->statistics.max;
     curve.inverse_max = 1.0 / max;
     curve.exponent = det_log_d(bias) / det_log_d(0.5);
     curve.level = frame->values[DISPLAY] / 100.0 * det_log_d(10.0) / (log1p_ratio(max) * max);
+    curve_table_build(&curve.table, pieces, first, count, negative_factor, &curve);
     tonemap_each_row(frame, drago_row, &curve);
+    mem_free(pieces);
     return STATUS_OK;
 }
 

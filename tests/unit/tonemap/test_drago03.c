@@ -9,6 +9,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "common/base/memory.h"
 #include "common/tonemap/tonemap.h"
 #include "tests/support/tonemap_pictures.h"
 
@@ -58,6 +59,58 @@ static void test_formula(void **state)
 
             assert_true(fabs(curve(l, 300, bias, 100) / fmin(wanted, 1.0) - 1.0) < 3e-6);
         }
+}
+
+/* With the state of other frames there are pixels beyond its luminances: the same formula. */
+static void test_state_of_others(void **state)
+{
+    struct tonemap_settings s = tonemap_preset("drago03");
+    struct tonemap_context context = {.linear = 1};
+    struct tonemap_state measured;
+    struct image known = picture_grey(3, 1, 1.0f), in, out;
+    struct error err = {0};
+
+    (void)state;
+    picture_put(&known, 0, 0, 0.25f);
+    picture_put(&known, 2, 0, 4.0f); /* the log-mean is 1 */
+    assert_int_equal(tonemap_measure(&measured, &known, &s, &context, &err), STATUS_OK);
+    context.state = &measured;
+    in = picture_grey(600, 1, 1.0f);
+    for (size_t x = 0; x < 600; x++)
+        picture_put(&in, x, 0, (float)pow(10.0, (double)x / 100.0 - 4.0));
+    assert_int_equal(tonemap_apply(&out, &in, &s, &context, &err), STATUS_OK);
+    for (size_t x = 0; x < 600; x++) {
+        double l = (double)picture_at(&in, x, 0);
+        double power = pow(fmin(l / 4.0, 1.0), log(0.85) / log(0.5));
+        double wanted = log1p(l) / log10(5.0) / log(2.0 + 8.0 * power);
+
+        assert_true(fabs((double)picture_at(&out, x, 0) / fmin(wanted, 1.0) - 1.0) < 1e-6);
+    }
+    image_release(&known);
+    image_release(&in);
+    image_release(&out);
+}
+
+/* Every allocation may fail. */
+static void test_no_memory(void **state)
+{
+    struct tonemap_settings s = tonemap_preset("drago03");
+    struct tonemap_context context = {.threads = 1};
+    struct image in = picture_grey(5, 4, 0.3f), out;
+    status st = STATUS_ERR_NO_MEMORY;
+
+    (void)state;
+    for (long n = 0; st != STATUS_OK; n++) {
+        struct error err = {0};
+
+        assert_true(n < 100);
+        mem_fault_arm(n, 1);
+        st = tonemap_apply(&out, &in, &s, &context, &err);
+        mem_fault_arm(-1, 0);
+        assert_true(st == STATUS_OK || st == STATUS_ERR_NO_MEMORY);
+        image_release(&out);
+    }
+    image_release(&in);
 }
 
 /* What the rescaling of the adaptation luminance is for: the bias moves contrast more than
@@ -152,6 +205,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_golden),
         cmocka_unit_test(test_formula),
+        cmocka_unit_test(test_state_of_others),
+        cmocka_unit_test(test_no_memory),
         cmocka_unit_test(test_bias_keeps_brightness),
         cmocka_unit_test(test_faint),
         cmocka_unit_test(test_monotone),
