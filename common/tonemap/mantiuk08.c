@@ -17,6 +17,7 @@
 
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
+#include "common/math/quick.h"
 #include "common/tonemap/operators.h"
 
 enum { CONTRAST, SATURATION, DETAIL, DISPLAY, WHITE, ADAPTATION, VISUAL_MODEL, PPD };
@@ -109,9 +110,11 @@ static status measure(const struct tonemap_frame *frame, double *state, struct e
 struct mapping {
     const struct image *image;
     struct m08_display display;
+    double inverse_range, inverse_gamma; /* of the display */
     double y[M08_NODES];
     double power[M08_NODES]; /* of a channel's ratio to the luminance */
     double detail;
+    struct quick quick;
 };
 
 /* s of the colour correction. */
@@ -122,37 +125,57 @@ static double colour_power(double slope, double saturation)
     return saturation * (1.0 + COLOUR_K1) * p / (1.0 + COLOUR_K1 * p);
 }
 
+/* `x` is brought within the nodes. */
 static double at_node(const double *values, double x)
 {
     double place = (x - M08_X_MIN) * (1.0 / M08_STEP);
-    int node = place < M08_NODES - 2 ? (int)place : M08_NODES - 2;
+    int node;
 
+    place = place > 0.0 ? place : 0.0;
+    place = place < M08_NODES - 1 ? place : M08_NODES - 1;
+    node = place < M08_NODES - 2 ? (int)place : M08_NODES - 2;
     return values[node] + (place - node) * (values[node + 1] - values[node]);
+}
+
+/* m08_display_code of 2^log2_light. */
+static float code_of(const struct mapping *m, double log2_light)
+{
+    double light = quick_exp2(&m->quick, log2_light), share;
+
+    if (m->display.lut)
+        return (float)m08_display_code(&m->display, light);
+    share = (light - m->display.offset) * m->inverse_range;
+    if (!(share > 0.0))
+        return 0.0f;
+    if (share >= 1.0)
+        return 1.0f;
+    return (float)quick_exp2(&m->quick, quick_log2(&m->quick, share) * m->inverse_gamma);
 }
 
 /* `base`: of the pixel's log luminance, or NULL. */
 static void map_pixel(const struct mapping *m, float *rgb, const float *base)
 {
-    double luminance = tonemap_luminance(rgb), log_l, x, y, power;
+    double luminance = tonemap_luminance(rgb), log2_l, x, y, power, inverse;
 
     if (!(luminance > 0.0)) {
         rgb[0] = rgb[1] = rgb[2] = 0.0f;
         return;
     }
-    log_l = det_log_d(luminance);
-    x = fmax(M08_X_MIN, fmin(log_l * M08_INV_LN10, -M08_X_MIN));
+    log2_l = quick_log2(&m->quick, luminance);
+    x = log2_l * M08_LOG10_2;
     y = at_node(m->y, x);
     power = at_node(m->power, x);
     if (base) {
-        double level = at_node(m->y, fmax(M08_X_MIN, fmin((double)*base, -M08_X_MIN)));
+        double level = at_node(m->y, (double)*base);
 
         y = level + m->detail * (y - level);
     }
+    inverse = 1.0 / luminance;
     for (int c = 0; c < 3; c++) {
-        double ratio = fmax((double)rgb[c] / luminance, RATIO_MIN);
+        double ratio = (double)rgb[c] * inverse;
 
-        rgb[c] = (float)m08_display_code(&m->display,
-                                         det_exp_d(power * det_log_d(ratio) + y * M08_LN10));
+        ratio = ratio > RATIO_MIN ? ratio : RATIO_MIN;
+        rgb[c] = code_of(m, power * quick_log2(&m->quick, ratio) + y * M08_LOG2_10);
     }
 }
 
@@ -202,6 +225,9 @@ static status apply(const struct tonemap_frame *frame, const double *state, stru
         tonemap_each_row(frame, map_row_black, NULL);
         return STATUS_OK;
     }
+    quick_init(&m.quick);
+    m.inverse_range = 1.0 / m.display.range;
+    m.inverse_gamma = 1.0 / m.display.gamma;
     for (int i = 0; i < M08_NODES; i++) {
         m.y[i] = state[i];
         m.power[i] = colour_power(state[M08_NODES + i], frame->values[SATURATION]);

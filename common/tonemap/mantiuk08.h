@@ -24,6 +24,8 @@ enum {
 #define M08_STEP 0.1       /* between nodes and between bins */
 #define M08_LN10 2.30258509299404568402
 #define M08_INV_LN10 0.43429448190325182765
+#define M08_LOG10_2 0.30102999566398119521
+#define M08_LOG2_10 3.32192809488736234787
 
 /* log10 of a positive luminance, within the nodes' range. */
 double m08_log(double luminance);

@@ -7,6 +7,7 @@
 #include "common/base/memory.h"
 #include "common/base/parallel.h"
 #include "common/math/elementary.h"
+#include "common/math/quick.h"
 #include "common/tonemap/mantiuk08.h"
 #include "common/tonemap/operators.h"
 
@@ -165,6 +166,7 @@ struct logs {
     float *plane;
     const struct image *image;
     float darkest;
+    struct quick quick;
 };
 
 static void log_lines(void *user, size_t begin, size_t end)
@@ -173,15 +175,21 @@ static void log_lines(void *user, size_t begin, size_t end)
 
     for (size_t i = begin * l->image->width; i < end * l->image->width; i++) {
         double luminance = tonemap_luminance(l->image->pixels + 3 * i);
+        float log10_l = l->darkest;
 
-        l->plane[i] = luminance > 0.0 ? fmaxf((float)m08_log(luminance), l->darkest) : l->darkest;
+        if (luminance > 0.0)
+            log10_l = (float)(quick_log2(&l->quick, luminance) * M08_LOG10_2);
+        log10_l = log10_l < (float)-M08_X_MIN ? log10_l : (float)-M08_X_MIN;
+        l->plane[i] = log10_l > l->darkest ? log10_l : l->darkest;
     }
 }
 
 void m08_log_plane(float *plane, const struct tonemap_frame *frame)
 {
-    struct logs l = {plane, frame->image, (float)m08_log(frame->statistics.min)};
+    struct logs l = {.plane = plane, .image = frame->image,
+                     .darkest = (float)m08_log(frame->statistics.min)};
 
+    quick_init(&l.quick);
     parallel_for(frame->threads, frame->image->height, 8, log_lines, &l);
 }
 
