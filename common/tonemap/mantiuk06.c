@@ -32,6 +32,7 @@
 #include "common/base/memory.h"
 #include "common/base/parallel.h"
 #include "common/math/elementary.h"
+#include "common/math/quick.h"
 #include "common/tonemap/gradient_field.h"
 #include "common/tonemap/operators.h"
 
@@ -55,7 +56,7 @@ static const struct tonemap_parameter parameters[] = {
               TONEMAP_CHOICE, mode_names},
 };
 
-static const double LN_10 = 2.302585092994045684;
+static const double LN_10 = 2.302585092994045684, LOG10_2 = 0.30102999566398119521;
 static const double DISPLAY_RANGE = 2.3;   /* decades between the percentiles */
 static const double PERCENT = 0.1;         /* cut off at either end */
 static const double RANGE_MIN = 1e-4;      /* decades: less is noise of the arithmetic */
@@ -320,6 +321,7 @@ struct logging {
     uint32_t width, height; /* of the plane, not larger than the picture */
     float *plane;
     uint8_t *lit;           /* whether there is any light */
+    struct quick quick;
 };
 
 static double mean_luminance(const struct image *image, size_t x, size_t y, size_t x_end,
@@ -339,7 +341,6 @@ static void log_lines(void *user, size_t begin, size_t end)
     const struct image *image = l->frame->image;
     double inverse_mean = 1.0 / (l->frame->statistics.log_mean * l->frame->gain);
     double min = det_exp_d(-DECADES_MAX * LN_10), max = det_exp_d(DECADES_MAX * LN_10);
-    float scale = (float)(1.0 / LN_10);
 
     for (size_t y = begin; y < end; y++)
         for (size_t x = 0; x < l->width; x++) {
@@ -349,8 +350,10 @@ static void log_lines(void *user, size_t begin, size_t end)
                                           (y + 1) * image->height / l->height);
 
             l->lit[y * l->width + x] = value > 0.0;
-            value = fmin(fmax(value * inverse_mean, min), max);
-            l->plane[y * l->width + x] = scale * det_log((float)value);
+            value *= inverse_mean;
+            value = value > min ? value : min;
+            value = value < max ? value : max;
+            l->plane[y * l->width + x] = (float)(LOG10_2 * quick_log2(&l->quick, value));
         }
 }
 
@@ -420,6 +423,7 @@ static status process_frame(struct processed *out, const struct tonemap_frame *f
     memset(out, 0, sizeof *out);
     l.plane = mem_alloc_array(count, sizeof *l.plane);
     l.lit = mem_alloc_array(count, sizeof *l.lit);
+    quick_init(&l.quick);
     if (!l.plane || !l.lit)
         st = error_no_memory(err, "a picture's luminance");
     if (st == STATUS_OK) {
@@ -464,9 +468,21 @@ static status mantiuk_measure(const struct tonemap_frame *frame, double *state, 
 struct colouring {
     const struct tonemap_frame *frame;
     const float *plane;
-    float scale, middle, level; /* ln of display light: scale (plane - middle) + level */
-    float saturation;
+    double scale, middle, level; /* log2 of display light: scale (plane - middle) + level */
+    double saturation;
+    struct quick quick;
 };
+
+/* `ratio` of a channel to luminance. Saturation 0 leaves no colour, not even of a channel that is
+ * 0. More than white is white. */
+static float coloured(const struct colouring *c, double level, double ratio)
+{
+    if (!(ratio > 0.0) && c->saturation > 0.0)
+        return 0.0f;
+    if (c->saturation > 0.0)
+        level += c->saturation * quick_log2(&c->quick, ratio);
+    return (float)quick_exp2(&c->quick, level < 1.0 ? level : 1.0);
+}
 
 static void colour_lines(void *user, size_t begin, size_t end)
 {
@@ -474,28 +490,24 @@ static void colour_lines(void *user, size_t begin, size_t end)
     size_t width = c->frame->image->width;
 
     for (size_t i = begin * width; i < end * width; i++) {
-        float *p = c->frame->image->pixels + 3 * i, level;
-        double luminance = tonemap_luminance(p);
+        float *p = c->frame->image->pixels + 3 * i;
+        double luminance = tonemap_luminance(p), level, inverse;
 
         if (!(luminance > 0.0)) {
             p[0] = p[1] = p[2] = 0.0f;
             continue;
         }
-        level = (c->plane[i] - c->middle) * c->scale + c->level;
-        for (int k = 0; k < 3; k++) {
-            float power = c->saturation;
-            /* Saturation 0 leaves no colour, not even of a channel that is 0. */
-            if (power > 0.0f)
-                power *= det_log((float)((double)p[k] / luminance));
-            p[k] = det_exp(fminf(level + power, 1.0f));
-        }
+        level = ((double)c->plane[i] - c->middle) * c->scale + c->level;
+        inverse = 1.0 / luminance;
+        for (int k = 0; k < 3; k++)
+            p[k] = coloured(c, level, (double)p[k] * inverse);
     }
 }
 
 static status mantiuk_apply(const struct tonemap_frame *frame, const double *state,
                             struct error *err)
 {
-    struct colouring c = {.frame = frame, .saturation = (float)frame->values[SATURATION]};
+    struct colouring c = {.frame = frame, .saturation = frame->values[SATURATION]};
     double own[STATE_COUNT], range;
     struct processed p;
     status st;
@@ -511,9 +523,10 @@ static status mantiuk_apply(const struct tonemap_frame *frame, const double *sta
     p.high += state[STATE_HIGH] - own[STATE_HIGH];
     range = fmax(p.high - p.low, RANGE_MIN);
     c.plane = p.plane;
-    c.middle = (float)(0.5 * (p.low + p.high));
-    c.scale = (float)(DISPLAY_RANGE * LN_10 / range);
-    c.level = (float)(det_log_d(frame->gain) - 0.5 * DISPLAY_RANGE * LN_10);
+    c.middle = 0.5 * (p.low + p.high);
+    c.scale = DISPLAY_RANGE / LOG10_2 / range;
+    c.level = (det_log_d(frame->gain) / LN_10 - 0.5 * DISPLAY_RANGE) / LOG10_2;
+    quick_init(&c.quick);
     parallel_for(frame->threads, frame->image->height, LINES, colour_lines, &c);
     mem_free(p.plane);
     return STATUS_OK;
