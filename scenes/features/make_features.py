@@ -426,6 +426,19 @@ def textures_scene():
     return s
 
 
+def horizon_scene():
+    """Fine checks from below the camera to the horizon, lit by nothing: every sample is a lookup,
+    and tests/statistics/test_texture_filter.c knows what each should say. The ground is turned, so
+    that a row of pixels meets the checks in all phases."""
+    s = Stage()
+    checks = s.material("checks", base=(1, 1, 1), baseColorTexture=s.image("checks.png"),
+                        doubleSided=True, extensions=ext(unlit={}))
+    s.node(name="ground", mesh=s.mesh("ground", s.primitive(quad(3600)), checks),
+           scale=[200, 1, 200], rotation=turn(0.5, (0, 1, 0)))
+    s.camera((0, 1.5, 0), (0, 1.5 - math.tan(0.25), -1))
+    return s
+
+
 def many_lights_scene():
     s = stage()
     plain = s.material("plain", roughness=0.5)
@@ -558,6 +571,8 @@ def main():
     join = os.path.join
     write_png(join(folder, "checker.png"), 64, 64,
               lambda x, y: (200, 196, 188) if (x // 32 + y // 32) % 2 else (70, 72, 80))
+    write_png(join(folder, "checks.png"), 16, 16,
+              lambda x, y: (230, 200, 120) if (x // 8 + y // 8) % 2 else (30, 60, 20))
     write_png(join(folder, "holes.png"), 64, 64,
               lambda x, y: (60, 150, 80, 0 if (x % 16 - 7.5) ** 2 + (y % 16 - 7.5) ** 2 < 30
                             else 255), alpha=True)
@@ -585,7 +600,8 @@ def main():
         make().save(folder, name, "features.bin")
     for name, make in (("motion", motion_scene), ("deformation", deform_scene),
                        ("vertex-color", vertex_color_scene),
-                       ("many-lights", many_lights_scene), ("texture-filter", textures_scene)):
+                       ("many-lights", many_lights_scene), ("texture-filter", textures_scene),
+                       ("horizon", horizon_scene)):
         make().save(folder, name, name + ".bin" if name != "many-lights" else "features.bin")
 
 

@@ -362,6 +362,18 @@ static void unmorphed(struct scene *scene)
             scene->channels[i].key_count = 1;
 }
 
+static void without_slabs(struct scene *scene)
+{
+    EACH_MATERIAL(scene, m)
+        m->thin_slab = 0;
+}
+
+static void unfiltered(struct scene *scene)
+{
+    for (uint32_t i = 0; i < scene->texture_count; i++)
+        scene->textures[i].nearest = 1;
+}
+
 /* ---- the scenes ---------------------------------------------------------------------------- */
 
 #define BIT(name) EFFECT_BIT_##name
@@ -388,6 +400,7 @@ static const struct feature features[] = {
     {SCENE("fog.pbrt"), .bites = {WITHOUT(FOG), ALTER(scattering_backwards)}},
     {SCENE("glass.gltf"), .runs = 2,
      .bites = {EDIT(DIELECTRIC, roughened), EDIT(ROUGH_DIELECTRIC, polished), ALTER(other_index)}},
+    {SCENE("horizon.gltf"), .bites = {EDIT(UNLIT, lit), ALTER(unfiltered)}},
     {SCENE("instances.pbrt"),
      .bites = {EDIT(INSTANCING, first_of_each_mesh), ALTER(raised_instance)}},
     {SCENE("iridescence.gltf"), .bites = {WITHOUT(IRIDESCENCE)}},
@@ -406,6 +419,7 @@ static const struct feature features[] = {
     {SCENE("normal-map.gltf"), .bites = {WITHOUT(NORMAL_MAP)}},
     {SCENE("orthographic.gltf"), .bites = {EDIT(ORTHOGRAPHIC, as_perspective)}},
     {SCENE("panorama.pbrt"), .bites = {EDIT(PANORAMA, as_perspective), ALTER(turned_camera)}},
+    {SCENE("panes.pbrt"), .bites = {EDIT(THIN_TRANSMISSION, untransmitting), ALTER(without_slabs)}},
     {SCENE("sheen.gltf"), .bites = {WITHOUT(SHEEN)}},
     {SCENE("shutter.pbrt"), .bites = {WITHOUT(MOTION_BLUR)}},
     {SCENE("sky.pbrt"), .warnings = 1 /* the map is not square */,

@@ -1,0 +1,34 @@
+/* imported: scene files and texts, imported and rendered as a user would have them: for tests of
+ * the whole way from a file to radiance. Every function aborts the test program when something
+ * goes wrong that the test is not about. */
+#ifndef AZULEJO_TESTS_IMPORTED_H
+#define AZULEJO_TESTS_IMPORTED_H
+
+#include "client/import/import.h"
+#include "common/scene/settings.h"
+#include "worker/render/render.h"
+
+/* The blobs of an import; `import` must outlive it. */
+struct blob_source imported_source(struct import_result *import);
+
+/* A scene file, by the default options and without any warning. */
+void imported_file(const char *path, struct import_result *import);
+
+/* A text whose other files are looked for in `folder` (may be NULL); `name` tells the format. */
+void imported_text(const char *text, const char *name, const char *folder,
+                   struct import_result *import);
+
+/* The scene made ready for `frame`, edits of import->scene included. */
+struct render_scene *imported_build(struct import_result *import,
+                                    const struct render_settings *settings, uint32_t frame);
+
+/* Settings of a small picture with this many samples. */
+struct render_settings imported_settings(uint32_t width, uint32_t height, uint32_t spp);
+
+/* The mean picture [height][width][3] of one frame. */
+void imported_render_scene(const struct render_scene *scene, const struct render_settings *settings,
+                           uint32_t frame, float *picture);
+void imported_render(struct import_result *import, const struct render_settings *settings,
+                     uint32_t frame, float *picture);
+
+#endif
