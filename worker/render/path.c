@@ -343,18 +343,24 @@ static struct vec3 path_emitted(const struct path *path, const struct surface *s
     const struct world_material *material = s->material;
     struct vec3 radiance, way;
     float cosine, light_density;
+    int sampled;
 
     if (!HAS(EMISSIVE_MESH) || !(material->flags & MATERIAL_EMISSIVE) ||
         (!s->front && !material->m.double_sided) || path_is_caustic(path))
         return vec3_make(0, 0, 0); /* a lamp shines from its front */
+    /* The parts of a mix are not sampled as lights. */
+    sampled = s->instance->light_base >= 0 &&
+              material == &path->scene->materials[s->instance->material];
+    if (HAS(TEXTURE) && sampled &&
+        emitters_is_dark(&path->scene->emitters, (uint32_t)s->instance->light_base + s->triangle))
+        return vec3_make(0, 0, 0);
     cosine = fabsf(vec3_dot(s->ng, path->ray.direction));
     radiance = world_emission(material, s->mesh, s->vertex, s->b1, s->b2);
     if (HAS(CLEARCOAT) && material->m.clearcoat > 0)
         radiance = vec3_scale(radiance, world_emission_scale(material, s->mesh, s->vertex,
                                                              s->b1, s->b2, cosine));
-    if (path->from_delta || s->instance->light_base < 0 ||
-        material != &path->scene->materials[s->instance->material])
-        return radiance; /* the parts of a mix are not sampled as lights */
+    if (path->from_delta || !sampled)
+        return radiance;
     way = vec3_sub(s->p, path->asker.p);
     light_density = emitters_triangle_pdf(path->scene, &path->asker,
                                           (uint32_t)s->instance->light_base + s->triangle,

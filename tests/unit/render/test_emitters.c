@@ -241,6 +241,58 @@ static void test_one_lamp_is_one_leaf(void **state)
     builder_release(&b);
 }
 
+/* Where the emissive texture is black there is no light to choose, and none to be met. */
+static void test_dark_triangles(void **state)
+{
+    enum { SIDE = 8 };
+    struct render_settings settings = builder_settings(4, 4, 1);
+    struct light_query query = {{0, 0, 0}, {0, 0, 0}, 0};
+    float rgb[SIDE * SIDE * 3] = {0};
+    struct render_scene *scene;
+    struct scene_builder b;
+    struct scene_material *m;
+    uint32_t quad, texture;
+
+    (void)state;
+    for (int y = 0; y < SIDE; y++) /* light in the left column alone */
+        rgb[y * SIDE * 3] = 1;
+    builder_init(&b);
+    quad = builder_quad(&b);
+    texture = builder_texture(&b, rgb, SIDE, SIDE);
+    for (int right = 0; right < 2; right++) {
+        m = builder_lambert(&b, 0);
+        m->emission[0] = m->emission[1] = m->emission[2] = 1;
+        m->double_sided = 1;
+        m->emission_texture.texture = (int32_t)texture;
+        m->emission_texture.uv_transform[0][0] = 0.4f;
+        m->emission_texture.uv_transform[0][1] = 0;
+        m->emission_texture.uv_transform[0][2] = right ? 0.45f : 0;
+        m->emission_texture.uv_transform[1][0] = 0;
+        m->emission_texture.uv_transform[1][1] = 1;
+        m->emission_texture.uv_transform[1][2] = 0;
+        builder_place(&b, quad, builder_last_material(&b), vec3_splat(1),
+                      vec3_make(right ? 2 : -2, 2, 0));
+    }
+    builder_camera(&b, vec3_make(0, 0, 3), vec3_splat(0), 1);
+    scene = builder_build(&b, &settings);
+    assert_int_equal(scene->emitters.triangle_count, 4);
+    for (uint32_t i = 0; i < 4; i++) {
+        float pdf = emitters_triangle_pdf(scene, &query, i, 4, 0.5f, 2);
+
+        assert_int_equal(emitters_is_dark(&scene->emitters, i), i >= 2);
+        assert_true(i < 2 ? pdf > 0 : pdf == 0);
+    }
+    for (int i = 0; i < 1000; i++) {
+        struct light_sample light;
+        float u = ((float)i + 0.5f) / 1000, v = (float)(i * 377 % 1000) / 1000;
+
+        if (emitters_sample(scene, &query, u, v, &light))
+            assert_true(light.direction.x < 0);
+    }
+    render_scene_free(scene);
+    builder_release(&b);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -249,6 +301,7 @@ int main(void)
         cmocka_unit_test(test_goniometric),
         cmocka_unit_test(test_spherical_triangles),
         cmocka_unit_test(test_one_lamp_is_one_leaf),
+        cmocka_unit_test(test_dark_triangles),
     };
 
     return cmocka_run_group_tests_name("emitters", tests, NULL, NULL);

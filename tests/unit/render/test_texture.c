@@ -17,6 +17,7 @@
 #include "common/image/image.h"
 #include "worker/render/sampler.h"
 #include "worker/render/texture.h"
+#include "worker/render/texture_dark.h"
 
 static void png_append(png_structp png, png_bytep data, size_t size_bytes)
 {
@@ -631,6 +632,87 @@ static void test_out_of_memory(void **state)
     buffer_release(&file);
 }
 
+/* Between `low` and `high`, both possible, by the i-th hashed number. */
+static float between(float low, float high, uint32_t i)
+{
+    float t = (float)(hash_u32(i) >> 8) / 16777215.0f;
+
+    return t < 1 ? low + (high - low) * t : high;
+}
+
+/* What is called dark gives exactly black wherever it is looked up; what is plainly dark is
+ * called so. */
+static void test_dark(void **state)
+{
+    enum { W = 60, H = 35, BOXES = 400, LOOKUPS = 150, WIDE = 2000 };
+    static const enum scene_wrap wraps[4] = {WRAP_REPEAT, WRAP_CLAMP, WRAP_MIRROR, WRAP_BLACK};
+    static uint8_t pixels[W * H * 4 * 2], wide[WIDE];
+    const double inside_u[2] = {0.55, 0.8}, inside_v[2] = {0.4, 0.6}, never[2] = {0, INFINITY};
+    struct texture_image *image;
+    struct texture_dark *dark;
+    struct error err = {0};
+    int said = 0;
+
+    (void)state;
+    for (uint32_t kind = 0; kind < 8; kind++) {
+        int channels = 1 + (int)kind % 4, bits = kind < 4 ? 8 : 16;
+        size_t texel = (size_t)channels * (size_t)bits / 8;
+
+        memset(pixels, 0, sizeof pixels);
+        if (channels % 2 == 0) /* alpha is no light */
+            for (size_t i = texel - 1; i < (size_t)W * H * texel / 2; i += texel)
+                pixels[i] = 255;
+        pixels[0] = pixels[(12 * W + 20) * texel] = 1;
+        image = texture_from_pixels(W, H, channels, bits, pixels);
+        assert_int_equal(texture_dark_new(&dark, image, &err), STATUS_OK);
+        for (uint32_t box = 0; box < BOXES; box++) {
+            struct scene_texture texture = texture_as(wraps[box % 4], wraps[box / 4 % 4],
+                                                      box % 7 == 0);
+            uint32_t seed = (kind * BOXES + box) * 1000;
+            float reach = box % 5 == 0 ? 300.0f : 1.6f;
+            float u0 = between(-reach, reach, seed), v0 = between(-reach, reach, seed + 1);
+            float u1 = u0 + between(0, 0.5f, seed + 2), v1 = v0 + between(0, 0.5f, seed + 3);
+            const double u[2] = {(double)u0, (double)u1}, v[2] = {(double)v0, (double)v1};
+
+            if (!texture_dark_in(dark, &texture, u, v))
+                continue;
+            said++;
+            for (uint32_t i = 0; i < LOOKUPS; i++) {
+                struct texel t = texture_lookup(image, &texture, between(u0, u1, seed + 4 + 2 * i),
+                                                between(v0, v1, seed + 5 + 2 * i), 0, 1);
+                assert_true(t.r == 0 && t.g == 0 && t.b == 0);
+            }
+        }
+        for (int wrap = 0; wrap < 4; wrap++) {
+            struct scene_texture texture = texture_as(wraps[wrap], wraps[3 - wrap], 0);
+
+            assert_true(texture_dark_in(dark, &texture, inside_u, inside_v));
+            assert_false(texture_dark_in(dark, &texture, never, inside_v));
+        }
+        texture_dark_free(dark);
+        texture_image_free(image);
+    }
+    assert_true(said > BOXES);
+
+    /* Wider than the table has blocks. */
+    wide[777] = 9;
+    image = texture_from_pixels(WIDE, 1, 1, 8, wide);
+    assert_int_equal(texture_dark_new(&dark, image, &err), STATUS_OK);
+    for (int i = 0; i < 100; i++) {
+        struct scene_texture texture = texture_as(WRAP_CLAMP, WRAP_CLAMP, 0);
+        const double u[2] = {i / 100.0, (i + 1) / 100.0};
+
+        assert_int_equal(texture_dark_in(dark, &texture, u, inside_v),
+                         u[1] < 776.0 / WIDE - 0.004 || u[0] > 779.0 / WIDE + 0.004);
+    }
+    texture_dark_free(dark);
+    mem_fault_arm(1, 1);
+    assert_int_equal(texture_dark_new(&dark, image, &err), STATUS_ERR_NO_MEMORY);
+    mem_fault_arm(-1, 0);
+    assert_null(dark);
+    texture_image_free(image);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -646,6 +728,7 @@ int main(void)
         cmocka_unit_test(test_constant_collapses),
         cmocka_unit_test(test_exr_with_alpha),
         cmocka_unit_test(test_filter_out_of_memory),
+        cmocka_unit_test(test_dark),
         cmocka_unit_test(test_damaged_files),
         cmocka_unit_test(test_out_of_memory),
     };

@@ -7,6 +7,7 @@
 #include "common/math/elementary.h"
 #include "worker/render/light/spherical.h"
 #include "worker/render/surface.h"
+#include "worker/render/texture_dark.h"
 #include "worker/render/world.h"
 
 /* A group's share of the choices where there are others. */
@@ -14,7 +15,8 @@
 #define GROUP_ODDS_MAX 0.75
 /* An emissive texture is averaged over a triangle on a pattern about as fine as the texels of
  * an image of TEXELS_A_SIDE; what the pattern misses counts as at least this much of the
- * material's factor, so that no lit spot is ever without odds. */
+ * material's factor, so that no lit spot is ever without odds. Triangles that the texture leaves
+ * dark throughout are none of the lights. */
 enum { TEXELS_A_SIDE = 1024, PATTERN_MIN = 4, PATTERN_MAX = 48 };
 #define UNSEEN_EMISSION 1e-4
 
@@ -38,7 +40,35 @@ static uint32_t pattern_side(const struct world_slot *slot, const struct world_m
     return side >= PATTERN_MAX ? PATTERN_MAX : side > PATTERN_MIN ? (uint32_t)side : PATTERN_MIN;
 }
 
-/* Mean emitted luminance of a triangle. */
+/* Is the slot's image black all over the triangle? */
+static int slot_is_dark(const struct texture_dark *dark, const struct world_slot *slot,
+                        const struct world_mesh *mesh, const uint32_t vertex[3])
+{
+    const float *uv = mesh->uv[slot->uv_set];
+    double range[2][2];
+
+    for (int axis = 0; axis < 2; axis++) {
+        const float *m = slot->m[axis];
+        double largest = 0, low = INFINITY, high = -INFINITY;
+
+        for (int k = 0; k < 3; k++) {
+            double u = uv ? (double)uv[2 * (size_t)vertex[k]] : 0;
+            double v = uv ? (double)uv[2 * (size_t)vertex[k] + 1] : 0;
+            double at = (double)m[0] * u + (double)m[1] * v + (double)m[2];
+
+            low = fmin(low, at);
+            high = fmax(high, at);
+            largest = fmax(largest, fabs((double)m[0] * u) + fabs((double)m[1] * v) +
+                                        fabs((double)m[2]));
+        }
+        /* Points in between are interpolated and transformed in float. */
+        range[axis][0] = low - 0x1p-20 * largest;
+        range[axis][1] = high + 0x1p-20 * largest;
+    }
+    return texture_dark_in(dark, &slot->texture, range[0], range[1]);
+}
+
+/* Mean emitted luminance of a triangle that is not dark. */
 static double triangle_luminance(const struct world_material *material,
                                  const struct world_mesh *mesh, const uint32_t vertex[3])
 {
@@ -142,9 +172,27 @@ struct weights {
     double local_power, directional_power;
 };
 
+/* Where the material's emissive texture is dark: made for the first that asks, NULL if it has
+ * none. `maps`: [image_count]. */
+static status dark_map(const struct world_material *material, struct texture_dark **maps,
+                       const struct texture_dark **out, struct error *err)
+{
+    const struct world_slot *slot = &material->emission;
+    status s = STATUS_OK;
+
+    *out = NULL;
+    if (!slot->image)
+        return STATUS_OK;
+    if (!maps[slot->texture.image])
+        s = texture_dark_new(&maps[slot->texture.image], slot->image, err);
+    *out = maps[slot->texture.image];
+    return s;
+}
+
 /* Bounds of all triangles, from `next` on. */
-static void weigh_triangles(struct emitters *e, const struct render_scene *scene, struct weights *w,
-                            uint32_t next)
+static status weigh_triangles(struct emitters *e, const struct render_scene *scene,
+                              struct texture_dark **maps, struct weights *w, uint32_t next,
+                              struct error *err)
 {
     uint32_t at = 0;
 
@@ -152,11 +200,24 @@ static void weigh_triangles(struct emitters *e, const struct render_scene *scene
         const struct world_instance *instance = &scene->instances[i];
         const struct world_mesh *mesh = &scene->meshes[instance->mesh];
         const struct world_material *material = &scene->materials[instance->material];
+        const struct texture_dark *map;
+        status s;
+
         if (instance->light_base < 0)
             continue;
+        s = dark_map(material, maps, &map, err);
+        if (s != STATUS_OK)
+            return s;
         for (uint32_t t = 0; t < mesh->triangle_count; t++, at++) {
             struct light_bounds *b = &w->bounds[next + at];
             double intensity;
+
+            e->triangle_instance[at] = i;
+            e->triangle_index[at] = t;
+            if (map && slot_is_dark(map, &material->emission, mesh, world_vertices(mesh, t))) {
+                e->dark[at / 8] |= (uint8_t)(1 << at % 8);
+                continue;
+            }
 
             b->area = triangle_bounds(scene, instance, t, b);
             b->emission_rad = PI_F / 2;
@@ -167,10 +228,9 @@ static void weigh_triangles(struct emitters *e, const struct render_scene *scene
                         triangle_luminance(material, mesh, world_vertices(mesh, t));
             w->intensity[next + at] = intensity > 0 && isfinite(intensity) ? intensity : 0;
             w->local_power += w->intensity[next + at] * PI_D * (b->two_sided ? 2 : 1);
-            e->triangle_instance[at] = i;
-            e->triangle_index[at] = t;
         }
     }
+    return STATUS_OK;
 }
 
 /* The directional lights to the front, each with its share; bounds of the others. */
@@ -262,6 +322,7 @@ status emitters_init(struct emitters *e, struct render_scene *scene,
                      uint32_t portal_count, struct error *err)
 {
     uint64_t triangles = count_triangles(scene);
+    struct texture_dark **maps = NULL;
     struct weights w = {0};
     status s;
 
@@ -283,18 +344,25 @@ status emitters_init(struct emitters *e, struct render_scene *scene,
                                       sizeof *e->directional_start);
     e->triangle_instance = mem_alloc_array(e->triangle_count, sizeof *e->triangle_instance);
     e->triangle_index = mem_alloc_array(e->triangle_count, sizeof *e->triangle_index);
+    e->dark = mem_calloc((size_t)e->triangle_count / 8 + 1, 1);
+    maps = mem_calloc((size_t)scene->image_count + 1, sizeof *maps);
     if (!w.bounds || !w.intensity || !e->punctual || !e->directional_start ||
-        !e->triangle_instance || !e->triangle_index) {
+        !e->triangle_instance || !e->triangle_index || !e->dark || !maps) {
         s = error_no_memory(err, "the table of lights");
         goto done;
     }
     weigh_punctual(e, scene, lights, motion, &w);
-    weigh_triangles(e, scene, &w, light_count - e->directional_count);
+    s = weigh_triangles(e, scene, maps, &w, light_count - e->directional_count, err);
+    if (s != STATUS_OK)
+        goto done;
     share_groups(e, scene, &w);
     s = grow_tree(e, &w, err);
     if (s == STATUS_OK && e->has_environment)
         s = portals_init(&e->portals, portals, portal_count, err);
 done:
+    for (uint32_t i = 0; maps && i < scene->image_count; i++)
+        texture_dark_free(maps[i]);
+    mem_free(maps);
     mem_free(w.bounds);
     mem_free(w.intensity);
     if (s != STATUS_OK)
@@ -310,5 +378,6 @@ void emitters_release(struct emitters *e)
     mem_free(e->punctual);
     mem_free(e->triangle_instance);
     mem_free(e->triangle_index);
+    mem_free(e->dark);
     memset(e, 0, sizeof *e);
 }

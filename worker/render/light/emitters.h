@@ -32,6 +32,7 @@ struct emitters {
     struct light_tree tree;       /* items: punctual lights with a place, then the triangles */
     uint32_t *triangle_instance;  /* [triangle_count] */
     uint32_t *triangle_index;     /* [triangle_count] */
+    uint8_t *dark;                /* [triangle_count] bits: the emissive texture is black there */
     struct portals portals;
 };
 
@@ -53,6 +54,12 @@ status emitters_init(struct emitters *e, struct render_scene *scene,
                      uint32_t light_count, const struct scene_portal *portals,
                      uint32_t portal_count, struct error *err) MUST_CHECK;
 void emitters_release(struct emitters *e);
+
+/* Does the triangle, by its instance's light_base + its number, send out nothing at all? */
+static inline int emitters_is_dark(const struct emitters *e, uint32_t light)
+{
+    return e->dark[light / 8] >> light % 8 & 1;
+}
 
 /* Who asks for light: which emitters are worth choosing depends on it. */
 struct light_query {
