@@ -54,16 +54,15 @@ static void sincos_d(double x, double *sine, double *cosine)
     /* pi/2 in two parts, the high one with 33 significant bits so that n * high is exact. */
     const double half_pi_high = 0x1.921fb544p+0, half_pi_low = 0x1.0b4611a626331p-34;
     double scaled = x * (2.0 / PI_D);
-    double n = (double)(int64_t)(scaled + (scaled >= 0 ? 0.5 : -0.5));
+    double n = (double)(int64_t)(scaled + copysign(0.5, scaled));
     double r = (x - n * half_pi_high) - n * half_pi_low;
-    double s = sin_reduced(r), c = cos_reduced(r);
+    uint64_t s = double_to_bits(sin_reduced(r)), c = double_to_bits(cos_reduced(r));
+    uint64_t quarter = (uint64_t)(int64_t)n;
+    uint64_t swapped = (s ^ c) & (0 - (quarter & 1));
 
-    switch ((int64_t)n & 3) {
-    case 0: *sine = s; *cosine = c; break;
-    case 1: *sine = c; *cosine = -s; break;
-    case 2: *sine = -s; *cosine = -c; break;
-    default: *sine = -c; *cosine = s; break;
-    }
+    /* s, c; c, -s; -s, -c; -c, s: without a branch that every other angle would mispredict. */
+    *sine = bits_to_double(s ^ swapped ^ (quarter & 2) << 62);
+    *cosine = bits_to_double(c ^ swapped ^ ((quarter + 1) & 2) << 62);
 }
 
 void det_sincos(float x, float *sine, float *cosine)
@@ -128,15 +127,19 @@ static double atan_unit(double q)
 
 double det_atan2_d(double y, double x)
 {
-    double ax = x < 0 ? -x : x, ay = y < 0 ? -y : y;
+    /* Of the nearer axis, and how the angle is counted from there; without branches, since
+     * directions come from anywhere. */
+    static const double start[2] = {0, PI_D / 2}, half[2] = {0, PI_D}, way[2] = {1, -1};
+    double ax = fabs(x), ay = fabs(y);
+    int steep = ay > ax, left = x < 0;
+    double high = ay > ax ? ay : ax, low = ay < ax ? ay : ax;
     double angle;
 
-    if (ax == 0 && ay == 0)
+    if (high == 0)
         return 0;
-    angle = ay <= ax ? atan_unit(ay / ax) : PI_D / 2 - atan_unit(ax / ay);
-    if (x < 0)
-        angle = PI_D - angle;
-    return y < 0 ? -angle : angle;
+    angle = start[steep] + way[steep] * atan_unit(low / high);
+    angle = half[left] + way[left] * angle;
+    return way[y < 0] * angle;
 }
 
 float det_atan2(float y, float x)
