@@ -5,13 +5,14 @@
 
 static float camera_filter_sample(const struct camera *camera, float u)
 {
-    float half = u < 0.5f ? 2 * u : 2 * (1 - u); /* 0..1, exact */
+    float half = float_min(2 * u, 2 * (1 - u)); /* 0..1, exact */
     float scaled = sqrtf(sqrtf(half)) * FILTER_TABLE_SIZE;
     int i = scaled < FILTER_TABLE_SIZE ? (int)scaled : FILTER_TABLE_SIZE - 1;
     float offset = camera->filter_offset[i] +
                    (camera->filter_offset[i + 1] - camera->filter_offset[i]) * (scaled - (float)i);
 
-    return u < 0.5f ? offset : -offset;
+    /* -offset from 1/2 on; a branch would be mispredicted every other time. */
+    return float_from_bits(float_bits(offset) ^ (uint32_t)(u >= 0.5f) << 31);
 }
 
 /* Uniform on the aperture. Shirley and Chiu's concentric map (1997) yields a radius and an

@@ -8,6 +8,8 @@
 #include "worker/render/view.h"
 #include "worker/render/world.h"
 
+enum { TILE_BATCH = 8 };
+
 /* Distance along the camera's axis, which is what compositors call depth. */
 static float tile_depth(const struct render_scene *scene, const struct ray *ray, float distance)
 {
@@ -80,6 +82,18 @@ static float tile_float(double sum)
     return (float)(sum < (double)FLT_MAX ? sum : (double)FLT_MAX);
 }
 
+/* Several of a pixel's samples begin together: each one's arithmetic is a chain of steps that wait
+ * for one another, and chains side by side wait together. */
+static void tile_start(const struct render_scene *scene, uint32_t frame, uint32_t x, uint32_t y,
+                       uint32_t first, uint32_t count, struct sampler *samplers, struct ray *rays)
+{
+    STAGE(CAMERA);
+    for (uint32_t k = 0; k < count; k++)
+        sampler_start(&samplers[k], scene->settings.seed, frame, x, y, first + k);
+    for (uint32_t k = 0; k < count; k++)
+        camera_ray(&scene->camera, x, y, &samplers[k], &rays[k]);
+}
+
 size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t pass,
                    float *sums, struct render_stats *stats)
 {
@@ -89,26 +103,29 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
     size_t aov_base = REPLICATES * pixels * 3;
     uint32_t begin, end, extra = aov_floats(settings->aovs);
     struct camera_cone cone = camera_cone(&scene->camera);
+    struct sampler samplers[TILE_BATCH];
+    struct ray rays[TILE_BATCH];
 
     pass_range(settings->spp, pass, &begin, &end);
     for (uint32_t y = rect.y; y < rect.y + rect.height; y++)
         for (uint32_t x = rect.x; x < rect.x + rect.width; x++, index++) {
             double sum[REPLICATES][3] = {{0}}, values[AOV_FLOATS_MAX] = {0};
-            for (uint32_t i = begin; i < end; i++) {
+            for (uint32_t i = begin, at = 0, ready = 0; i < end; i++, at++) {
                 struct path_record record;
-                struct sampler sampler;
                 struct vec3 radiance;
-                struct ray ray;
-                STAGE(CAMERA);
-                sampler_start(&sampler, settings->seed, frame, x, y, i);
+                if (at == ready) {
+                    at = 0;
+                    ready = end - i < TILE_BATCH ? end - i : TILE_BATCH;
+                    tile_start(scene, frame, x, y, i, ready, samplers, rays);
+                }
                 if (extra)
                     memset(&record, 0, sizeof record);
-                camera_ray(&scene->camera, x, y, &sampler, &ray);
-                radiance = path_radiance(scene, &sampler, ray, cone, extra ? &record : NULL, stats);
+                radiance = path_radiance(scene, &samplers[at], rays[at], cone,
+                                         extra ? &record : NULL, stats);
                 STAGE(REST);
                 stats->samples++;
                 if (extra)
-                    tile_aovs(scene, &ray, &record, i == 0, values);
+                    tile_aovs(scene, &rays[at], &record, i == 0, values);
                 if (!vec3_is_finite(radiance)) {
                     stats->dropped_samples++;
                     continue;
