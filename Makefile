@@ -162,7 +162,7 @@ $(TESTS) $(TOOLS): $(BUILD)/%: $(BUILD)/obj/%.o $(LIB_SUPPORT) $(LIBRARIES)
 	$(CC) $(LDFLAGS) -o $@ $^ -lcmocka $(LIBS_ALL)
 
 # Every fuzz target also replays its corpus as an ordinary test.
-$(BUILD)/tests/fuzz/%_replay: $(BUILD)/obj/tests/fuzz/%.o $(BUILD)/obj/tests/support/fuzz_replay.o $(LIBRARIES)
+$(BUILD)/tests/fuzz/%_replay: $(BUILD)/obj/tests/fuzz/%.o $(BUILD)/obj/tests/support/fuzz_replay.o $(LIB_SUPPORT) $(LIBRARIES)
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_ALL)
 

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Build the fuzz targets with clang's libFuzzer and AddressSanitizer, and run each of them for
-# FUZZ_SECONDS (60). New inputs go to build/fuzz/corpus/NAME; what breaks a target to
-# build/fuzz/crash-NAME-*. Run by `make fuzz`; scripts/fuzz.sh tests/fuzz/fuzz_exr.c runs one.
+# FUZZ_SECONDS (60), with the words of tests/fuzz/dictionaries/NAME.dict where there are some. New
+# inputs go to build/fuzz/corpus/NAME; what breaks a target to build/fuzz/crash-NAME-*. Run by
+# `make fuzz`; scripts/fuzz.sh tests/fuzz/fuzz_exr.c runs one.
 set -eu
 cd "$(dirname "$0")/.."
 : "${FUZZ_SECONDS:=60}"
@@ -48,9 +49,11 @@ for source in "$@"; do
     echo "== $target for $FUZZ_SECONDS s"
     seeds=()
     [ -d "tests/fuzz/corpus/$name" ] && seeds=("tests/fuzz/corpus/$name")
+    words=()
+    [ -f "tests/fuzz/dictionaries/$name.dict" ] && words=("-dict=tests/fuzz/dictionaries/$name.dict")
     if ! "build/fuzz/$target" -max_total_time="$FUZZ_SECONDS" -rss_limit_mb="$FUZZ_RSS_MB" \
         -timeout=20 -max_len=65536 -print_final_stats=1 -artifact_prefix="build/fuzz/crash-$name-" \
-        "$corpus" "${seeds[@]}" >"build/fuzz/$target.log" 2>&1; then
+        "${words[@]}" "$corpus" "${seeds[@]}" >"build/fuzz/$target.log" 2>&1; then
         failed=$((failed + 1))
         echo "FAIL $target; the last lines of build/fuzz/$target.log:"
         tail -n 40 "build/fuzz/$target.log"

@@ -1,0 +1,45 @@
+/* The files that a pbrt scene names, a picture (TGA and PFM are read by the importer itself) and a
+ * spectrum, from any bytes: no crash, and what is accepted is a valid scene. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "client/import/import.h"
+#include "tests/support/fuzz_folder.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+int LLVMFuzzerInitialize(int *argc, char ***argv);
+
+int LLVMFuzzerInitialize(int *argc, char ***argv)
+{
+    (void)argc;
+    (void)argv;
+    fuzz_folder_make();
+    return 0;
+}
+
+static void import_text(const char *text)
+{
+    const struct import_options options = IMPORT_OPTIONS_DEFAULT;
+    struct import_result result;
+    struct error err = {0};
+
+    if (import_scene_memory(text, strlen(text), "fuzz.pbrt", fuzz_folder(), &options, &result,
+                            &err) == STATUS_OK) {
+        if (scene_validate(&result.scene, NULL) != STATUS_OK)
+            abort();
+    } else if (!err.text[0]) {
+        abort(); /* every refusal says why */
+    }
+    import_result_release(&result);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    fuzz_folder_put("file", data, size);
+    /* "invert" asks for a new picture, computed from the file's texels. */
+    import_text("WorldBegin Texture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \"file\" "
+                "\"bool invert\" true Material \"diffuse\" \"texture reflectance\" \"t\" "
+                "Shape \"sphere\"");
+    import_text("WorldBegin LightSource \"point\" \"spectrum I\" \"file\" Shape \"sphere\"");
+    return 0;
+}

@@ -1,0 +1,14 @@
+/* fuzz_folder: the files that a fuzz target's input may name. One folder for the process, in memory
+ * where there is /dev/shm; it is taken away when the process ends in good order. */
+#ifndef AZULEJO_TESTS_FUZZ_FOLDER_H
+#define AZULEJO_TESTS_FUZZ_FOLDER_H
+
+#include <stddef.h>
+
+/* Make it; for LLVMFuzzerInitialize. These abort when they fail. */
+void fuzz_folder_make(void);
+const char *fuzz_folder(void);
+/* Write a file in it, anew if need be. */
+void fuzz_folder_put(const char *name, const void *data, size_t size_bytes);
+
+#endif
