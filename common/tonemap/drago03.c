@@ -30,7 +30,7 @@ static const double PRESET_BIAS = 0.85; /* of the paper's rescaling, not of ours
 
 struct curve {
     double adaptation; /* multiplies luminance */
-    double inverse_max;
+    double max;        /* of the luminances, before that */
     double exponent;
     double level;             /* of the display, over log10(Lmax + 1) */
     struct curve_table table; /* of negative_factor over the picture's luminances */
@@ -44,15 +44,21 @@ static double log1p_ratio(double x)
     return sum == 1.0 ? 1.0 : det_log_d(sum) / (sum - 1.0);
 }
 
-/* -Ld / Y of the luminance Y. It falls with Y; a curve_table must not. */
+/* Ld / Y of the luminance Y, the share of the maximum to go by. */
+static double factor_of(const struct curve *curve, double y, double ratio)
+{
+    double base = 2.0 + 8.0 * det_pow_d(ratio, curve->exponent);
+
+    return curve->level * curve->adaptation * log1p_ratio(curve->adaptation * y) /
+           det_log_d(base);
+}
+
+/* It falls with Y; a curve_table must not. Nor may it have a corner where Y is the maximum. */
 static double negative_factor(double y, const void *user)
 {
     const struct curve *curve = user;
-    double luminance = curve->adaptation * y;
-    double ratio = fmin(luminance * curve->inverse_max, 1.0);
-    double base = 2.0 + 8.0 * det_pow_d(ratio, curve->exponent);
 
-    return -(curve->level * curve->adaptation * log1p_ratio(luminance) / det_log_d(base));
+    return -factor_of(curve, y, y / curve->max);
 }
 
 static void drago_row(const void *user, float *rgb, uint32_t width)
@@ -65,10 +71,10 @@ static void drago_row(const void *user, float *rgb, uint32_t width)
 
         if (!(luminance > 0.0))
             continue;
-        if (y >= curve->table.low && y <= curve->table.high)
+        if (y >= curve->table.low && luminance <= curve->max)
             factor = -(double)curve_table_at(&curve->table, y);
         else /* an average over frames does not know all that is in this one */
-            factor = -negative_factor(luminance, curve);
+            factor = factor_of(curve, luminance, fmin(luminance / curve->max, 1.0));
         for (int c = 0; c < 3; c++) {
             double value = (double)p[c] * factor;
 
@@ -107,7 +113,7 @@ static status drago_apply(const struct tonemap_frame *frame, const double *state
         return error_no_memory(err, "a logarithmic curve");
     curve.adaptation = growth * growth * growth * growth * growth / frame->statistics.log_mean;
     max = curve.adaptation * frame->statistics.max;
-    curve.inverse_max = 1.0 / max;
+    curve.max = frame->statistics.max;
     curve.exponent = det_log_d(bias) / det_log_d(0.5);
     curve.level = frame->values[DISPLAY] / 100.0 * det_log_d(10.0) / (log1p_ratio(max) * max);
     curve_table_build(&curve.table, pieces, first, count, negative_factor, &curve);

@@ -71,8 +71,8 @@ static void test_state_of_others(void **state)
     struct error err = {0};
 
     (void)state;
-    picture_put(&known, 0, 0, 0.25f);
-    picture_put(&known, 2, 0, 4.0f); /* the log-mean is 1 */
+    picture_put(&known, 0, 0, 1.0f / 5.015f);
+    picture_put(&known, 2, 0, 5.015f); /* the log-mean is 1 */
     assert_int_equal(tonemap_measure(&measured, &known, &s, &context, &err), STATUS_OK);
     context.state = &measured;
     in = picture_grey(600, 1, 1.0f);
@@ -81,8 +81,8 @@ static void test_state_of_others(void **state)
     assert_int_equal(tonemap_apply(&out, &in, &s, &context, &err), STATUS_OK);
     for (size_t x = 0; x < 600; x++) {
         double l = (double)picture_at(&in, x, 0);
-        double power = pow(fmin(l / 4.0, 1.0), log(0.85) / log(0.5));
-        double wanted = log1p(l) / log10(5.0) / log(2.0 + 8.0 * power);
+        double power = pow(fmin(l / 5.015, 1.0), log(0.85) / log(0.5));
+        double wanted = log1p(l) / log10(6.015) / log(2.0 + 8.0 * power);
 
         assert_true(fabs((double)picture_at(&out, x, 0) / fmin(wanted, 1.0) - 1.0) < 1e-6);
     }
