@@ -1,0 +1,156 @@
+/* What every output variable of the renderer says, against closed forms: a plane seen from above
+ * by a tilted camera, and squares that move. Their way into layers of a file is test_store's. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "tests/support/imported.h"
+
+enum {
+    SIDE = 16,      /* one tile */
+    PIXELS = SIDE * SIDE,
+    SPP = 4,
+    EVERY = 1 << AOV_DEPTH | 1 << AOV_NORMAL | 1 << AOV_ALBEDO | 1 << AOV_POSITION | 1 << AOV_UV |
+            1 << AOV_OBJECT_ID | 1 << AOV_MATERIAL_ID | 1 << AOV_MOTION,
+};
+#define FILTER_RADIUS 1.5f /* pixels */
+
+/* One tile's variables, means divided. */
+struct variables {
+    float depth, normal[3], albedo[3], position[3], uv[2], object, material, motion[2];
+};
+_Static_assert(sizeof(struct variables) == 16 * sizeof(float), "those of the enum, in its order");
+
+static void look(struct import_result *import, struct variables out[PIXELS])
+{
+    struct render_settings settings = imported_settings(SIDE, SIDE, SPP);
+    float sums[TILE_FLOATS_MAX], *to = (float *)out;
+    struct render_stats stats = {0};
+    struct render_scene *scene;
+
+    settings.aovs = EVERY;
+    scene = imported_build(import, &settings, 0);
+    memset(out, 0, PIXELS * sizeof *out);
+    for (uint32_t pass = 0; pass < pass_count(SPP); pass++) {
+        const float *from = sums + (size_t)REPLICATES * PIXELS * 3;
+        size_t at = 0;
+        assert_int_equal(render_tile(scene, 0, 0, pass, sums, &stats),
+                         PIXELS * (REPLICATES * 3 + aov_floats(EVERY)));
+        for (int aov = 0; aov < AOV_COUNT; aov++)
+            for (uint32_t c = 0, n = EVERY >> aov & 1 ? aov_channels((enum aov)aov) : 0; c < n; c++, at++)
+                for (size_t i = 0; i < PIXELS; i++)
+                    to[i * 16 + at] += from[(at - c) * PIXELS + i * n + c] /
+                                       (aov_is_point((enum aov)aov) ? 1 : SPP);
+        assert_int_equal(at, 16);
+    }
+    render_scene_free(scene);
+}
+
+static void assert_close(float got, float wanted, float tolerance)
+{
+    assert_float_equal(got, wanted, tolerance);
+}
+
+/* scenes/features/horizon.gltf: the plane y = 0 seen from (0, 1.5, 0), down by 0.25. */
+static void test_plane(void **state)
+{
+    const float sine = sinf(0.25f), cosine = cosf(0.25f), half_height = tanf(0.3f);
+    const float turn_sine = sinf(0.5f), turn_cosine = cosf(0.5f);
+    struct variables v[PIXELS];
+    struct import_result import;
+    int hits = 0, misses = 0;
+
+    (void)state;
+    imported_file("scenes/features/horizon.gltf", &import);
+    look(&import, v);
+    import_result_release(&import);
+    for (int i = 0; i < PIXELS; i++) {
+        float x = v[i].position[0], y = v[i].position[1] - 1.5f, z = v[i].position[2];
+        float ahead = -sine * y - cosine * z, up = cosine * y - sine * z;
+        float column = (x / ahead / half_height + 1) * SIDE / 2;
+        float row = (1 - up / ahead / half_height) * SIDE / 2;
+        if (v[i].object == 0) {
+            assert_true(v[i].depth == 0 && v[i].material == 0 && v[i].position[2] == 0);
+            misses++;
+            continue;
+        }
+        hits++;
+        assert_true(v[i].object == 1 && v[i].material == 1);
+        assert_close(v[i].position[1], 0, 1e-4f);
+        assert_close(v[i].depth, ahead, 1e-4f * ahead);
+        /* Where the filter put the pixel's first sample. */
+        assert_close(column, (float)(i % SIDE) + 0.5f, FILTER_RADIUS);
+        assert_close(row, (float)(i / SIDE) + 0.5f, FILTER_RADIUS);
+        /* The file's quad, from -1 to 1, has (0, 3600) at (-1, 0, 1); it is turned by 0.5 rad. */
+        assert_close(v[i].uv[0], ((turn_cosine * x - turn_sine * z) / 200 + 1) / 2 * 3600, 0.01f);
+        assert_close(v[i].uv[1], ((turn_sine * x + turn_cosine * z) / 200 + 1) / 2 * 3600, 0.01f);
+        assert_true(v[i].motion[0] == 0 && v[i].motion[1] == 0);
+        if (i / SIDE < 6)
+            continue; /* the means may hold samples beyond the horizon */
+        assert_close(v[i].normal[0], 0, 1e-5f);
+        assert_close(v[i].normal[1], 1, 1e-5f);
+        assert_close(v[i].normal[2], 0, 1e-5f);
+        assert_true(v[i].albedo[0] > v[i].albedo[1] && v[i].albedo[1] > v[i].albedo[2]);
+    }
+    assert_true(misses >= SIDE && hits >= 12 * SIDE);
+}
+
+/* Two squares side by side before the camera; the left one moves right and up while the shutter
+ * is open. The right one is seen from behind. */
+static const char squares[] =
+    "LookAt 0 0 -5  0 0 0  0 1 0\n"
+    "Camera \"perspective\" \"float fov\" 20 \"float shutteropen\" 0 \"float shutterclose\" 1\n"
+    "WorldBegin\n"
+    "LightSource \"infinite\" \"rgb L\" [1 1 1]\n"
+    "AttributeBegin\n"
+    "Material \"diffuse\" \"rgb reflectance\" [0.8 0.4 0.2]\n"
+    "ActiveTransform EndTime Translate 0.2 0.1 0 ActiveTransform All\n"
+    "Shape \"trianglemesh\" \"point3 P\" [-2 -2 0  0 -2 0  0 2 0  -2 2 0]\n"
+    "  \"integer indices\" [0 1 2 0 2 3] \"point2 uv\" [0 0  1 0  1 1  0 1]\n"
+    "AttributeEnd\n"
+    "Material \"diffuse\" \"rgb reflectance\" [0.1 0.3 0.5]\n"
+    "Shape \"trianglemesh\" \"point3 P\" [0 -2 1  2 -2 1  2 2 1  0 2 1]\n"
+    "  \"integer indices\" [0 2 1 0 3 2]\n";
+
+static void test_motion_and_numbers(void **state)
+{
+    const float pixels_per_metre = SIDE / (2 * 5 * tanf(0.17453293f));
+    struct variables v[PIXELS];
+    struct import_result import;
+
+    (void)state;
+    imported_text(squares, "squares.pbrt", NULL, &import);
+    look(&import, v);
+    for (int i = 0; i < PIXELS; i++) {
+        int right = i % SIDE >= SIDE / 2;
+        const float *albedo = right ? (const float[]){0.1f, 0.3f, 0.5f} : (const float[]){0.8f, 0.4f, 0.2f};
+        if (i % SIDE >= SIDE / 2 - 3 && i % SIDE < SIDE / 2 + 6)
+            continue; /* the edge, and where it moves to */
+        assert_true(v[i].object == 1 + (float)right);
+        assert_true(v[i].material != 0 &&
+                    (v[i].material == v[right ? SIDE - 1 : 0].material));
+        assert_close(v[i].depth, right ? 6 : 5, 1e-5f);
+        assert_close(v[i].motion[0], right ? 0 : 0.2f * pixels_per_metre, 1e-3f);
+        assert_close(v[i].motion[1], right ? 0 : -0.1f * pixels_per_metre, 1e-3f);
+        assert_close(v[i].normal[2], 1, 1e-6f); /* towards the camera, in a right-handed world */
+        for (int c = 0; c < 3; c++)
+            assert_close(v[i].albedo[c], albedo[c], 1e-6f);
+        if (!right)
+            assert_true(v[i].uv[0] > 0 && v[i].uv[0] < 1);
+    }
+    assert_true(v[0].material != v[SIDE - 1].material);
+    import_result_release(&import);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_plane),
+        cmocka_unit_test(test_motion_and_numbers),
+    };
+    return cmocka_run_group_tests_name("output variables", tests, NULL, NULL);
+}
