@@ -15,6 +15,9 @@
 #include "worker/render/bsdf/bsdf.h"
 
 enum { POINTS = 128 };
+/* How far the table of the exact term may be off between its entries. */
+#define EXACT_BELOW 4e-3
+#define EXACT_ABOVE 8e-3
 
 static double square(double x) { return x * x; }
 
@@ -293,6 +296,80 @@ static double interface_mean(int side, double row, double index)
     return sum / STEPS / (alpha * alpha);
 }
 
+/* ---- the exact Fresnel term ---------------------------------------------------------------------- */
+
+static double exact_alpha(double row)
+{
+    double first = sqrt(sqrt(BSDF_ALPHA_MIN));
+
+    return square(square(first + (1 - first) * row / (ALBEDO_EXACT_ROWS - 1)));
+}
+
+static double exact_r(double index)
+{
+    double first = sqrt(1.0 / 11);
+    return square(first + (sqrt(0.5) - first) * index / (ALBEDO_EXACT_INDICES - 1));
+}
+
+/* What is above Schlick's mean weight along mu, for `count` values of r. */
+static void exact_above(double mu, double alpha, int points, const double *r, int count,
+                        double *above)
+{
+    double wo_x = sqrt(1 - mu * mu), root_o = hypot(alpha * wo_x, mu), all = 0;
+    double x = alpha * wo_x / root_o, z = mu / root_o;
+
+    memset(above, 0, (size_t)count * sizeof *above);
+    for (int i = 0; i < points; i++)
+        for (int j = 0; j < points; j++) {
+            double height = (1 - (i + 0.5) / points) * (1 + z) - z, phi = M_PI * (j + 0.5) / points;
+            double sine = sqrt(fmax(0, 1 - height * height));
+            double h[3] = {alpha * (sine * cos(phi) + x), alpha * sine * sin(phi), height + z};
+            double norm = sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2]);
+            double cosine = fmin(1, (wo_x * h[0] + mu * h[2]) / norm);
+            double mu_i = 2 * cosine * h[2] / norm - mu, root_i, weight, schlick;
+            if (mu_i <= 0)
+                continue;
+            root_i = sqrt(alpha * alpha * (1 - mu_i * mu_i) + mu_i * mu_i);
+            weight = mu_i * (mu + root_o) / (mu_i * root_o + mu * root_i);
+            schlick = square(square(1 - cosine)) * (1 - cosine);
+            all += weight;
+            for (int k = 0; k < count; k++)
+                above[k] += weight * ((fresnel(cosine, (1 + r[k]) / (1 - r[k])) - square(r[k])) /
+                                          (1 - square(r[k])) - schlick);
+        }
+    for (int k = 0; k < count; k++)
+        above[k] /= all;
+}
+
+static void exact_entries(int row, int column, double entries[ALBEDO_EXACT_INDICES])
+{
+    double r[ALBEDO_EXACT_INDICES], s = (double)column / (ALBEDO_EXACT_COLUMNS - 1);
+
+    for (int k = 0; k < ALBEDO_EXACT_INDICES; k++)
+        r[k] = exact_r(k);
+    exact_above(fmax(1e-4, s * s), exact_alpha(row), 96, r,
+                ALBEDO_EXACT_INDICES, entries);
+    for (int k = 0; k < ALBEDO_EXACT_INDICES; k++)
+        entries[k] += ALBEDO_EXACT_MARGIN;
+}
+
+/* Of the table as it stands. */
+static void exact_means(int row, int index, double *mean, double *kept)
+{
+    double alpha = exact_alpha(row), r = exact_r(index);
+    struct albedo_exact t = albedo_exact_find((float)alpha, (float)((1 + r) / (1 - r)));
+    struct albedo_loss_row loss = albedo_loss_row_find((float)alpha);
+    enum { STEPS = 4000 };
+
+    *mean = *kept = 0;
+    for (int i = 0; i < STEPS; i++) {
+        double s = (i + 0.5) / STEPS, mu = s * s * s * s, weight = 8 * mu * s * s * s / STEPS;
+        double at = (double)albedo_exact_at(&t, (float)mu);
+        *mean += weight * at;
+        *kept += weight * at * (1 - (double)albedo_loss_at(&loss, (float)mu));
+    }
+}
+
 /* ---- sheen --------------------------------------------------------------------------------------- */
 
 static double sheen_fit(double x, double alpha)
@@ -406,6 +483,32 @@ static void print_losses(void)
                   ALBEDO_ROWS * ALBEDO_COLUMNS);
 }
 
+static void print_exact(void)
+{
+    static float exact[ALBEDO_EXACT_ROWS][ALBEDO_EXACT_INDICES][ALBEDO_EXACT_COLUMNS];
+    static float means[2][ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES];
+
+    for (int i = 0; i < ALBEDO_EXACT_ROWS; i++) {
+        double entries[ALBEDO_EXACT_INDICES], mean, kept;
+        for (int c = 0; c < ALBEDO_EXACT_COLUMNS; c++) {
+            exact_entries(i, c, entries);
+            for (int n = 0; n < ALBEDO_EXACT_INDICES; n++)
+                exact[i][n][c] = (float)entries[n];
+        }
+        for (int n = 0; n < ALBEDO_EXACT_INDICES; n++) {
+            exact_means(i, n, &mean, &kept);
+            means[0][i * ALBEDO_EXACT_INDICES + n] = (float)mean;
+            means[1][i * ALBEDO_EXACT_INDICES + n] = (float)kept;
+        }
+    }
+    print_numbers("albedo_exact[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES * ALBEDO_EXACT_COLUMNS]",
+                  exact[0][0], sizeof exact / sizeof(float));
+    print_numbers("albedo_exact_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES]", means[0],
+                  ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES);
+    print_numbers("albedo_exact_kept_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES]", means[1],
+                  ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES);
+}
+
 static void print_table(void)
 {
     static float table[ALBEDO_ROWS][ALBEDO_COLUMNS];
@@ -428,6 +531,7 @@ static void print_table(void)
                i % 8 == 7 ? "\n" : "");
     printf("};\n");
     print_losses();
+    print_exact();
 }
 
 static void entries_match_their_definition(void **state)
@@ -527,6 +631,55 @@ static void losses_are_close_everywhere(void **state)
         }
 }
 
+static void exact_match_their_definition(void **state)
+{
+    (void)state;
+    for (int i = 0; i < ALBEDO_EXACT_ROWS; i++) {
+        double entries[ALBEDO_EXACT_INDICES], mean, kept;
+        for (int c = 0; c < ALBEDO_EXACT_COLUMNS; c++) {
+            exact_entries(i, c, entries);
+            for (int n = 0; n < ALBEDO_EXACT_INDICES; n++) {
+                int at = (i * ALBEDO_EXACT_INDICES + n) * ALBEDO_EXACT_COLUMNS + c;
+                assert_entry("exact", at, albedo_exact[at], entries[n]);
+            }
+        }
+        for (int n = 0; n < ALBEDO_EXACT_INDICES; n++) {
+            int at = i * ALBEDO_EXACT_INDICES + n;
+            exact_means(i, n, &mean, &kept);
+            assert_entry("mean of exact", at, albedo_exact_mean[at], mean);
+            assert_entry("kept mean of exact", at, albedo_exact_kept_mean[at], kept);
+        }
+    }
+}
+
+/* Between the entries: near the truth, and the base never gets what was reflected. */
+static void exact_is_close_everywhere(void **state)
+{
+    enum { COUNT = 9 };
+    static const double IORS[COUNT] = {1.2, 1.25, 1.33, 1.45, 1.5, 1.7, 2, 2.6, 3};
+    double r[COUNT], above[COUNT], sum = 0;
+    int count = 0;
+
+    (void)state;
+    for (int k = 0; k < COUNT; k++)
+        r[k] = (IORS[k] - 1) / (IORS[k] + 1);
+    for (double row = 0; row <= ALBEDO_EXACT_ROWS - 1; row += 0.5)
+        for (double s = 0.02; s < 1; s += 0.0313) {
+            float alpha = (float)exact_alpha(row), mu = (float)(s * s);
+            exact_above((double)mu, (double)alpha, 64, r, COUNT, above);
+            for (int k = 0; k < COUNT; k++) {
+                struct albedo_exact t = albedo_exact_find(alpha, (float)IORS[k]);
+                double got = (double)albedo_exact_at(&t, mu), off = got - above[k];
+                sum += off * off;
+                count++;
+                if (off < -EXACT_BELOW || off > EXACT_ABOVE)
+                    fail_msg("alpha %g ior %g mu %g: %g, should be %g", (double)alpha, IORS[k],
+                             (double)mu, got, above[k]);
+            }
+        }
+    assert_true(sqrt(sum / count) < 2e-3);
+}
+
 /* Between the entries: near the truth, and a plastic of ior 1.5 gains no energy. */
 static void interpolation_is_close_and_gains_nothing(void **state)
 {
@@ -592,10 +745,16 @@ int main(int argc, char **argv)
         cmocka_unit_test(entries_match_their_definition),
         cmocka_unit_test(losses_match_their_definition),
         cmocka_unit_test(losses_are_close_everywhere),
+        cmocka_unit_test(exact_match_their_definition),
+        cmocka_unit_test(exact_is_close_everywhere),
         cmocka_unit_test(interpolation_is_close_and_gains_nothing),
         cmocka_unit_test(stretched_layer_takes_what_is_reflected),
     };
 
+    if (argc > 1 && strcmp(argv[1], "--print-exact") == 0) {
+        print_exact();
+        return 0;
+    }
     if (argc > 1 && strcmp(argv[1], "--print") == 0) {
         print_table();
         return 0;

@@ -66,6 +66,52 @@ static inline float albedo_blend_at(const struct albedo_row *r, float mu)
     return a + (b - a) * r->t;
 }
 
+/* ---- the exact Fresnel term --------------------------------------------------------------------
+ *
+ * Schlick's formula is up to a fifth below Fresnel's equations around 60 degrees for an index of
+ * 1.5. Where the exact term is asked for, F = f0 + (1 - f0) w, this is by how much the blend of
+ * its w is above Schlick's: over (alpha, r = (n - 1) / (n + 1), mu), rows equal in the fourth root
+ * of alpha, equal in sqrt(r) from 1.2's to 3's, columns equal in sqrt(mu). Raised by
+ * ALBEDO_EXACT_MARGIN. Means over the hemisphere are of the function as it is interpolated:
+ * of itself, and of itself times what GGX keeps. */
+enum { ALBEDO_EXACT_ROWS = 12, ALBEDO_EXACT_INDICES = 9, ALBEDO_EXACT_COLUMNS = 24 };
+#define ALBEDO_EXACT_IOR_FIRST 1.2f
+#define ALBEDO_EXACT_IOR_LAST 3.0f
+#define ALBEDO_EXACT_ROW_FIRST 0.17782794f /* fourth root of ALBEDO_ALPHA_FIRST */
+#define ALBEDO_EXACT_ROOT_FIRST 0.30151134f /* sqrt(r) of these */
+#define ALBEDO_EXACT_ROOT_LAST 0.70710678f
+#define ALBEDO_EXACT_MARGIN 1e-3f
+extern const float
+    albedo_exact[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES * ALBEDO_EXACT_COLUMNS];
+extern const float albedo_exact_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES];
+extern const float albedo_exact_kept_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES];
+
+struct albedo_exact {
+    const float *low;
+    float row, index;      /* how far between the neighbours */
+    float mean, kept_mean;
+    float smooth_mean;     /* of no roughness: never above the truth, for it has no table */
+};
+
+/* mu in 0..1. */
+static inline float albedo_exact_at(const struct albedo_exact *t, float mu)
+{
+    float x = sqrtf(mu) * (float)(ALBEDO_EXACT_COLUMNS - 1), v[2];
+    int column = (int)x;
+    const float *low;
+
+    column = column < ALBEDO_EXACT_COLUMNS - 2 ? column : ALBEDO_EXACT_COLUMNS - 2;
+    x -= (float)column;
+    low = t->low + column;
+    for (int i = 0; i < 2; i++) {
+        const float *p = low + i * ALBEDO_EXACT_INDICES * ALBEDO_EXACT_COLUMNS;
+        const float *n = p + ALBEDO_EXACT_COLUMNS;
+        float a = p[0] + (p[1] - p[0]) * x, b = n[0] + (n[1] - n[0]) * x;
+        v[i] = a + (b - a) * t->index;
+    }
+    return v[0] + (v[1] - v[0]) * t->row;
+}
+
 /* ---- what GGX loses ------------------------------------------------------------------------
  *
  * Smith's single scattering drops the light that meets a second microfacet: 1 - E(mu, alpha)
@@ -137,6 +183,35 @@ static inline float albedo_loss_at(const struct albedo_loss_row *r, float mu)
     a = low[0] + (low[1] - low[0]) * x;
     b = low[ALBEDO_COLUMNS] + (low[ALBEDO_COLUMNS + 1] - low[ALBEDO_COLUMNS]) * x;
     return (a + (b - a) * r->t) * scale;
+}
+
+static inline float albedo_exact_between(const float *p, float row, float index)
+{
+    const float *n = p + ALBEDO_EXACT_INDICES;
+    float a = p[0] + (p[1] - p[0]) * index, b = n[0] + (n[1] - n[0]) * index;
+
+    return a + (b - a) * row;
+}
+
+/* alpha in 0..1, n in ALBEDO_EXACT_IOR_FIRST..LAST. */
+static inline struct albedo_exact albedo_exact_find(float alpha, float n)
+{
+    float row = (sqrtf(sqrtf(alpha)) - ALBEDO_EXACT_ROW_FIRST) *
+                ((float)(ALBEDO_EXACT_ROWS - 1) / (1.0f - ALBEDO_EXACT_ROW_FIRST));
+    float index = (sqrtf((n - 1.0f) / (n + 1.0f)) - ALBEDO_EXACT_ROOT_FIRST) *
+                  ((float)(ALBEDO_EXACT_INDICES - 1) /
+                   (ALBEDO_EXACT_ROOT_LAST - ALBEDO_EXACT_ROOT_FIRST));
+    int i = albedo_cell(&row, ALBEDO_EXACT_ROWS), k = albedo_cell(&index, ALBEDO_EXACT_INDICES);
+    struct albedo_exact t;
+
+    t.row = row;
+    t.index = index;
+    t.low = albedo_exact + (i * ALBEDO_EXACT_INDICES + k) * ALBEDO_EXACT_COLUMNS;
+    i = i * ALBEDO_EXACT_INDICES + k;
+    t.mean = albedo_exact_between(albedo_exact_mean + i, row, index);
+    t.kept_mean = albedo_exact_between(albedo_exact_kept_mean + i, row, index);
+    t.smooth_mean = albedo_exact_between(albedo_exact_mean + k, 0, index) - ALBEDO_EXACT_MARGIN;
+    return t;
 }
 
 /* ---- stretched GGX: the loss depends on the azimuth too ----------------------------------------

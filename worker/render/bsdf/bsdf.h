@@ -94,7 +94,8 @@ struct bsdf_params {
     float iridescence_ior, iridescence_thickness_nm;
     float diffuse_transmission; /* share of the Lambert base that goes through, 0..1 */
     struct vec3 diffuse_transmission_color;
-    float base_interreflection; /* 0..<1 (scene.h) */
+    float base_interreflection; /* 0..<1 (scene.h): plastic is pbrt's coat, with Fresnel's exact term
+                                   for an ior of 1.2 to 3 */
     int thin_slab;              /* thin wall: R' = 2 R / (1 + R) */
     int single_scattering;      /* do not give back what microfacets lose among themselves
                                    (--without multiple-scattering) */
@@ -144,6 +145,8 @@ struct bsdf_layers {
     struct vec3 eta, k;          /* relative to what surrounds it */
     float interreflection;
     int slab;
+    int exact_coat;              /* plastic's Fresnel term is the exact one */
+    struct albedo_exact exact;
     float weight_metal, weight_plastic;
 
     float film;                  /* weight of iridescence */

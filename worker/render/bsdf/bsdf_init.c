@@ -54,7 +54,8 @@ static inline int is_layered(const struct bsdf_params *p)
             (p->sheen_color.x > 0.0f || p->sheen_color.y > 0.0f || p->sheen_color.z > 0.0f)) ||
            (HAS(IRIDESCENCE) && p->iridescence > 0.0f) ||
            (HAS(DIFFUSE_TRANSMISSION) && p->diffuse_transmission > 0.0f) ||
-           (HAS(THIN_TRANSMISSION) && p->thin_slab && !p->refractive);
+           (HAS(THIN_TRANSMISSION) && p->thin_slab && !p->refractive) ||
+           p->base_interreflection > 0.0f;
 }
 
 /* Selection probabilities from the first `count` lobes' shares; a negative share is an absent
@@ -120,10 +121,6 @@ static inline struct vec3 series_color(struct vec3 f, float kept)
     return (struct vec3){series(f.x, kept), series(f.y, kept), series(f.z, kept)};
 }
 
-static inline float schlick_average(float f0, float f90)
-{
-    return f0 + (f90 - f0) * SCHLICK_MEAN;
-}
 static inline struct vec3 schlick_average_color(struct vec3 f0, float f90)
 {
     return schlick_mix(f0, f90, SCHLICK_MEAN);
@@ -165,13 +162,16 @@ static inline float init_given_back(struct bsdf *b, struct vec3 wo, float metal,
     kept = 1.0f - mean;
     b->layer_given_back = 0;
     if (plastic > 0.0f) {
-        plastic_average = schlick_average_color(b->f0_dielectric, b->f90_dielectric);
+        float weight = SCHLICK_MEAN;
+        if (full && b->layers.exact_coat)
+            weight += b->layers.exact.smooth_mean;
+        plastic_average = schlick_mix(b->f0_dielectric, b->f90_dielectric, weight);
         if (full && HAS(IRIDESCENCE) && b->layers.film > 0.0f)
             plastic_average = clamp_color(
                 vec3_mad(plastic_average, film_difference(b, 2.0f / 3.0f, b->layers.film_f0),
                          b->layers.film * b->p.specular), 1);
         color = vec3_scale(series_color(plastic_average, kept), plastic);
-        b->layer_given_back = series(schlick_average(b->layer_f0, b->layer_f90), kept);
+        b->layer_given_back = series(b->layer_f0 + (b->layer_f90 - b->layer_f0) * weight, kept);
     }
     if (metal > 0.0f)
         color = vec3_mad(color, series_color(metal_average(b, full), kept), metal);
@@ -357,6 +357,11 @@ static inline void init_layers(struct bsdf *b, const struct bsdf_params *p, stru
         init_film(l, p);
     if (HAS(THIN_TRANSMISSION))
         l->slab = p->thin_slab && !p->refractive;
+    l->exact_coat = p->base_interreflection > 0.0f && !p->conductor && b->p.ior >= ALBEDO_EXACT_IOR_FIRST &&
+                    b->p.ior <= ALBEDO_EXACT_IOR_LAST;
+    if (l->exact_coat)
+        l->exact = albedo_exact_find(
+            l->stretched ? albedo_stretched_layer(b->shape.x, b->shape.y) : b->p.alpha, b->p.ior);
     l->covered = !(b->p.refractive && b->p.inside);
     l->through = !b->p.refractive || b->p.inside;
     if (HAS(CLEARCOAT) && p->clearcoat > 0.0f)
@@ -382,18 +387,23 @@ static inline void raise_layer_ends(struct bsdf *b)
 /* What the base's own reflection leaves of a hemisphere's light. */
 static inline float layer_rest_average(const struct bsdf *b, int full)
 {
-    float range = b->layer_f90 - b->layer_f0, mean;
+    float range = b->layer_f90 - b->layer_f0, mean, more = 0, more_kept = 0;
 
+    if (full && b->layers.exact_coat) {
+        more = b->smooth ? b->layers.exact.smooth_mean : b->layers.exact.mean;
+        more_kept = b->layers.exact.kept_mean;
+    }
     if (b->smooth)
-        return 1.0f - (b->layer_f0 + range * SCHLICK_MEAN);
+        return 1.0f - (b->layer_f0 + range * (SCHLICK_MEAN + more));
     if (!HAS(MULTIPLE_SCATTERING) || !b->compensated)
-        return 1.0f - (b->layer_f0 + range * b->row.average);
+        return 1.0f - (b->layer_f0 + range * (b->row.average + more));
     if (is_stretched(b, full)) {
         mean = b->layers.stretched_loss.mean;
-        return 1.0f - (b->layer_f0 * (1.0f - mean) + range * b->row.average +
+        return 1.0f - (b->layer_f0 * (1.0f - mean) + range * (b->row.average + more) +
                        mean * b->layer_given_back);
     }
-    return 1.0f - (b->layer_f0 * (1.0f - b->loss.mean) + range * b->loss.schlick_mean +
+    return 1.0f - (b->layer_f0 * (1.0f - b->loss.mean) +
+                   range * (b->loss.schlick_mean + more_kept) +
                    b->loss.mean * b->layer_given_back);
 }
 

@@ -172,7 +172,7 @@ static inline struct vec3 layered_plastic(const struct bsdf *b, float cos_h)
     float fade = b->f90_dielectric, weight = schlick_weight(cos_h);
     struct vec3 f;
 
-    if (HAS(THIN_TRANSMISSION) && l->slab && b->smooth && b->exact)
+    if (l->exact_coat || (HAS(THIN_TRANSMISSION) && l->slab && b->smooth && b->exact))
         weight = (fresnel_exact(cos_h, b->p.ior) - b->normal_f0) * b->inverse_rest_f0;
     f = schlick_mix(b->f0_dielectric, fade, weight);
     if (HAS(IRIDESCENCE) && l->film > 0.0f)
@@ -193,7 +193,7 @@ static inline struct vec3 reflect_color(const struct bsdf *b, float cos_h, int f
     struct vec3 f = {0, 0, 0};
 
     if (full && ((HAS(CONDUCTOR) && l->conductor) || (HAS(IRIDESCENCE) && l->film > 0.0f) ||
-                 (HAS(THIN_TRANSMISSION) && l->slab))) {
+                 (HAS(THIN_TRANSMISSION) && l->slab) || l->exact_coat)) {
         if (l->weight_metal > 0.0f)
             f = vec3_scale(layered_metal(b, cos_h), l->weight_metal);
         if (l->weight_plastic > 0.0f)
@@ -271,7 +271,10 @@ static inline float layer_rest(const struct bsdf *b, float mu, float loss, int f
     if (b->layer_f90 == 0.0f)
         return 1.0f;
     blend = b->smooth ? schlick_weight(mu) : albedo_blend_at(&b->row, mu);
-    if (full && HAS(THIN_TRANSMISSION) && b->layers.slab && b->smooth && b->exact)
+    if (full && b->layers.exact_coat && !b->smooth)
+        blend += albedo_exact_at(&b->layers.exact, mu);
+    if (full && b->smooth &&
+        (b->layers.exact_coat || (HAS(THIN_TRANSMISSION) && b->layers.slab && b->exact)))
         blend = (fresnel_exact(mu, b->p.ior) - b->normal_f0) * b->inverse_rest_f0;
     return layer_rest_of(b, blend, loss, full);
 }
