@@ -54,6 +54,8 @@ def make_lambert(material):
     emission = tree.nodes.new("ShaderNodeEmission")
     both = tree.nodes.new("ShaderNodeAddShader")
     copy_input(tree, principled.inputs["Base Color"], diffuse.inputs["Color"])
+    if principled.inputs["Normal"].is_linked:
+        copy_input(tree, principled.inputs["Normal"], diffuse.inputs["Normal"])
     copy_input(tree, principled.inputs["Emission"], emission.inputs["Color"])
     copy_input(tree, principled.inputs["Emission Strength"], emission.inputs["Strength"])
     tree.links.new(diffuse.outputs["BSDF"], both.inputs[0])

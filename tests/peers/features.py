@@ -58,6 +58,7 @@ FEATURES = [
     row("clearcoat", "clearcoat"),
     row("clearcoat,none", "clearcoat", ["without=clearcoat"]),
     row("clearcoat,none,Lambert", "clearcoat", FLAT),
+    row("clearcoat,none,Lambert,faceted", "clearcoat", FLAT + ["faceted"]),
     row("sheen", "sheen"),
     row("sheen,none,Lambert", "sheen", FLAT),
     row("specular", "specular"),

@@ -212,9 +212,11 @@ static struct vec3 surface_vertex_normal(const struct surface *s)
     return vec3_dot(n, front_ng) < 0 ? vec3_neg(n) : n; /* normals that disagree with the winding */
 }
 
-/* To the ray's side, and bent: first a normal that faces away from wo, then one whose mirror
- * direction would dive under the geometric surface (the black rims of coarse smooth meshes). */
-static struct vec3 surface_bent_normal(const struct surface *s, struct vec3 n, struct vec3 wo)
+/* To the ray's side, and bent: first a normal that faces away from wo, then, where something
+ * reflects, one whose mirror direction would dive under the geometric surface (the black rims of
+ * coarse smooth meshes). */
+static struct vec3 surface_bent_normal(const struct surface *s, struct vec3 n, struct vec3 wo,
+                                       int reflects)
 {
     struct vec3 mirror;
     float cosine;
@@ -225,6 +227,8 @@ static struct vec3 surface_bent_normal(const struct surface *s, struct vec3 n, s
         n = vec3_normalize(vec3_mad(n, wo, BEND_COSINE - cosine));
         cosine = vec3_dot(n, wo);
     }
+    if (!reflects)
+        return n;
     mirror = vec3_sub(vec3_scale(n, 2 * cosine), wo);
     cosine = vec3_dot(mirror, s->ng);
     if (cosine < BEND_COSINE) {
@@ -343,7 +347,7 @@ static void surface_clearcoat(const struct render_scene *scene, const struct sur
     else if (!(material->flags & MATERIAL_NORMAL_MAP))
         return;
     params->clearcoat_normal =
-        vec3_normalize(frame_to_local(&s->frame, surface_bent_normal(s, n, wo)));
+        vec3_normalize(frame_to_local(&s->frame, surface_bent_normal(s, n, wo, 1)));
 }
 
 /* What few materials have. */
@@ -431,9 +435,12 @@ void surface_shade(const struct render_scene *scene, struct surface *s, struct v
         params->base_color = vec3_mul(params->base_color, surface_vertex_color(s));
     if (s->mesh->normals || mapped) {
         struct vec3 vertex_normal = surface_vertex_normal(s);
+        /* A Lambert reflector has no mirror direction: its normal is what the file says. */
+        int reflects = params->metallic > 0 || params->specular > 0 || params->transmission > 0 ||
+                       s->material->flags & MATERIAL_LAYERED;
         n = surface_bent_normal(s, mapped ? surface_mapped_normal(s, &s->material->normal,
                                                                   m->normal_scale, vertex_normal)
-                                          : vertex_normal, wo);
+                                          : vertex_normal, wo, reflects);
     }
     s->frame = frame_from_normal(n);
     if (HAS_LAYERS && s->material->flags & MATERIAL_LAYERED)

@@ -43,8 +43,8 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
                       const struct hit *hit, struct surface *s);
 
 /* Shading frame and the material's values; `wo` is unit, world, towards the ray's origin.
- * The frame is bent so that wo and its mirror direction are above it and above the
- * geometric surface. */
+ * The frame is bent so that wo is above it and, where anything reflects, so that the mirror
+ * direction is above it and above the geometric surface. */
 void surface_shade(const struct render_scene *scene, struct surface *s, struct vec3 wo,
                    struct bsdf_params *params);
 
