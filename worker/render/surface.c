@@ -145,6 +145,8 @@ static struct vec3 surface_deformed(const struct surface *s, const float *openin
 
 static struct texel surface_texel(const struct surface *s, const struct world_slot *slot, int srgb)
 {
+    if (slot->shares_place)
+        return texture_read(slot->image, &slot->texture, &s->place, srgb);
     return world_slot_lookup(slot, s->mesh, s->vertex, s->b1, s->b2, s->footprint, srgb);
 }
 
@@ -429,6 +431,9 @@ void surface_shade(const struct render_scene *scene, struct surface *s, struct v
     params->refractive = m->refractive;
     params->inside = m->refractive && !s->front;
     params->single_scattering = !ACTIVE(scene, MULTIPLE_SCATTERING);
+    if ((HAS(TEXTURE) || HAS(NORMAL_MAP)) && s->material->lead)
+        world_slot_place(s->material->lead, s->mesh, s->vertex, s->b1, s->b2, s->footprint,
+                         s->material->lead_srgb, &s->place);
     if (HAS(TEXTURE) && s->material->flags & MATERIAL_TEXTURED)
         surface_texture_params(s, params);
     if (ACTIVE(scene, VERTEX_COLOR) && s->mesh->colors)
@@ -473,9 +478,10 @@ struct vec3 surface_ray_origin(const struct surface *s, struct vec3 direction)
 }
 
 /* ---- lookups that need the triangle ------------------------------------------------------- */
-struct texel world_slot_lookup(const struct world_slot *slot, const struct world_mesh *mesh,
-                               const uint32_t vertex[3], float b1, float b2, float footprint,
-                               int srgb)
+/* The image's coordinates there; the footprint from the triangle's scale to the image's. */
+static void surface_slot_coordinates(const struct world_slot *slot, const struct world_mesh *mesh,
+                             const uint32_t vertex[3], float b1, float b2, float *u_out,
+                             float *v_out, float *footprint)
 {
     const float *uv = mesh->uv[slot->uv_set];
     float u = 0, v = 0, area = 0;
@@ -486,7 +492,7 @@ struct texel world_slot_lookup(const struct world_slot *slot, const struct world
         float b0 = 1 - b1 - b2;
         u = b0 * a[0] + b1 * b[0] + b2 * c[0];
         v = b0 * a[1] + b1 * b[1] + b2 * c[1];
-        if (footprint > 0)
+        if (*footprint > 0)
             area = 0.5f * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
     }
     if (slot->transformed) {
@@ -495,8 +501,29 @@ struct texel world_slot_lookup(const struct world_slot *slot, const struct world
         v = slot->m[1][0] * u0 + slot->m[1][1] * v + slot->m[1][2];
         area *= slot->m[0][0] * slot->m[1][1] - slot->m[0][1] * slot->m[1][0];
     }
-    footprint *= sqrtf(fabsf(area)); /* from the triangle's scale to the image's */
+    *u_out = u;
+    *v_out = v;
+    *footprint *= sqrtf(fabsf(area));
+}
+
+struct texel world_slot_lookup(const struct world_slot *slot, const struct world_mesh *mesh,
+                               const uint32_t vertex[3], float b1, float b2, float footprint,
+                               int srgb)
+{
+    float u, v;
+
+    surface_slot_coordinates(slot, mesh, vertex, b1, b2, &u, &v, &footprint);
     return texture_lookup(slot->image, &slot->texture, u, v, footprint, srgb);
+}
+
+void world_slot_place(const struct world_slot *slot, const struct world_mesh *mesh,
+                      const uint32_t vertex[3], float b1, float b2, float footprint, int srgb,
+                      struct texture_place *place)
+{
+    float u, v;
+
+    surface_slot_coordinates(slot, mesh, vertex, b1, b2, &u, &v, &footprint);
+    texture_place(place, slot->image, &slot->texture, u, v, footprint, srgb);
 }
 
 float world_alpha(const struct world_material *material, const struct world_mesh *mesh,

@@ -10,6 +10,7 @@
 #include "common/math/vec.h"
 #include "worker/render/accel.h"
 #include "worker/render/bsdf/bsdf.h"
+#include "worker/render/texture.h"
 
 struct render_scene;
 struct world_instance;
@@ -32,6 +33,7 @@ struct surface {
     struct vec3 p;            /* world */
     struct vec3 ng;           /* unit geometric normal on the ray's side */
     struct frame frame;       /* shading frame on the ray's side, after surface_shade */
+    struct texture_place place; /* that the material's textures share, while it is shaded */
 };
 
 /* Distance in metres by which a ray's origin at `p` on the triangle must be moved. */

@@ -136,6 +136,7 @@ status texture_image_new(struct texture_image **out, const uint8_t *data, size_t
     }
     collapse_constant(image);
     image->opaque = is_opaque(image);
+    image->texel_bytes = image->channels * texture_value_bytes(image);
     texture_levels(image);
     *out = image;
     return STATUS_OK;
@@ -230,9 +231,10 @@ struct texel_pair {
     float weight; /* 0..1, below 1 */
 };
 
+/* `x` is wrapped already. */
 static inline struct texel_pair pair_of(float x, uint32_t size, enum scene_wrap wrap)
 {
-    float position = wrap_coordinate(x, wrap) * (float)size - 0.5f;
+    float position = x * (float)size - 0.5f;
     float whole = floor_small(position);
     int32_t first = (int32_t)whole, second = first + 1, last = (int32_t)size - 1;
     int periodic = wrap == WRAP_REPEAT;
@@ -253,10 +255,124 @@ static inline uint32_t nearest_of(float x, uint32_t size, enum scene_wrap wrap)
     return wrap == WRAP_REPEAT ? 0 : size - 1;
 }
 
+/* ---- places ------------------------------------------------------------------------------- */
+
+/* Is a finite coordinate off the image? */
+static inline int is_outside(float x, enum scene_wrap wrap)
+{
+    return wrap == WRAP_BLACK && fabsf(x) <= 3.4e38f && !(x >= 0.0f && x <= 1.0f);
+}
+
+static inline void place_in(struct texture_taps *taps, uint32_t width, struct texel_pair x,
+                            struct texel_pair y)
+{
+    size_t row0 = (size_t)y.first * width, row1 = (size_t)y.second * width;
+
+    taps->index[0] = row0 + x.first;
+    taps->index[1] = row0 + x.second;
+    taps->index[2] = row1 + x.first;
+    taps->index[3] = row1 + x.second;
+    taps->x = x.weight;
+    taps->y = y.weight;
+}
+
+/* `u` and `v` are wrapped already. */
+static inline void place_in_level(struct texture_taps *taps, const struct texture_image *image,
+                                  const struct scene_texture *texture, uint32_t level, float u,
+                                  float v)
+{
+    const struct texture_level *at = &image->levels[level];
+
+    place_in(taps, at->width, pair_of(u, at->width, texture->wrap_u),
+             pair_of(v, at->height, texture->wrap_v));
+}
+
+/* Rare: what is off the image, or not interpolated. */
+static __attribute__((noinline)) void place_special(struct texture_place *out,
+                                                    const struct texture_image *image,
+                                                    const struct scene_texture *texture, float u,
+                                                    float v)
+{
+    struct texel_pair x = {0, 0, 0.0f}, y = {0, 0, 0.0f};
+
+    x.first = x.second = nearest_of(u, image->width, texture->wrap_u);
+    y.first = y.second = nearest_of(v, image->height, texture->wrap_v);
+    out->levels = 1;
+    out->level = 0;
+    place_in(&out->taps[0], image->width, x, y);
+}
+
+/* Between the two levels whose texels are next to the beam's width at the finest level. Level and
+ * weight are a float's own exponent and fraction: log2 with straight lines between the powers
+ * of two. */
+static inline __attribute__((always_inline)) void
+place_of(struct texture_place *out, const struct texture_image *image,
+         const struct scene_texture *texture, int filtered, float u, float v, float footprint)
+{
+    float texels_wide = footprint * image->longest;
+    uint32_t bits;
+
+    if (is_outside(u, texture->wrap_u) || is_outside(v, texture->wrap_v)) {
+        out->levels = 0;
+        return;
+    }
+    if (texture->nearest) {
+        place_special(out, image, texture, u, v);
+        return;
+    }
+    u = wrap_coordinate(u, texture->wrap_u);
+    v = wrap_coordinate(v, texture->wrap_v);
+    out->levels = 1;
+    out->level = 0;
+    if (filtered && texels_wide > 1.0f) {
+        bits = float_bits(texels_wide);
+        out->level = (bits >> 23) - 127;
+        if (out->level >= image->last_level) {
+            out->level = image->last_level;
+        } else {
+            out->levels = 2;
+            out->blend = (float)(bits & 0x7fffff) * 0x1p-23f;
+            place_in_level(&out->taps[1], image, texture, out->level + 1, u, v);
+        }
+    }
+    place_in_level(&out->taps[0], image, texture, out->level, u, v);
+}
+
+/* The pyramid that lookups of this use read; NULL: the finest level alone. */
+static inline const uint8_t *pyramid_of(const struct texture_image *image, int srgb)
+{
+    return image->pyramid[srgb && image->layout != TEXTURE_FLOAT];
+}
+
+static inline int is_srgb(const struct scene_texture *texture, int srgb)
+{
+    return texture->encoding == ENCODING_BY_SLOT ? srgb : texture->encoding == ENCODING_SRGB;
+}
+
+void texture_place(struct texture_place *out, const struct texture_image *image,
+                   const struct scene_texture *texture, float u, float v, float footprint, int srgb)
+{
+    place_of(out, image, texture, pyramid_of(image, is_srgb(texture, srgb)) != NULL, u, v,
+             footprint);
+}
+
+int texture_shares_place(const struct texture_image *a, const struct scene_texture *texture_a,
+                         int srgb_a, const struct texture_image *b,
+                         const struct scene_texture *texture_b, int srgb_b)
+{
+    return a->width == b->width && a->height == b->height &&
+           texture_a->wrap_u == texture_b->wrap_u && texture_a->wrap_v == texture_b->wrap_v &&
+           texture_a->nearest == texture_b->nearest &&
+           !pyramid_of(a, is_srgb(texture_a, srgb_a)) == !pyramid_of(b, is_srgb(texture_b, srgb_b));
+}
+
 /* ---- lookups ------------------------------------------------------------------------------ */
 
+/* A texel's channels side by side, for arithmetic on all of them at once. */
+typedef float lanes __attribute__((vector_size(16)));
+
 /* The texel number `index`, colour decoded. `layout` is a constant where this is inlined. */
-static inline __attribute__((always_inline)) struct texel
+static inline __attribute__((always_inline)) lanes
 fetch(const void *texels, enum texture_layout layout, uint32_t channels, size_t index,
       const float *color)
 {
@@ -266,149 +382,100 @@ fetch(const void *texels, enum texture_layout layout, uint32_t channels, size_t 
     switch (layout) {
     case TEXTURE_GREY8: {
         float grey = color[b[index]];
-        return (struct texel){grey, grey, grey, 1.0f};
+        return (lanes){grey, grey, grey, 1.0f};
     }
     case TEXTURE_GREY_ALPHA8: {
         float grey = color[b[2 * index]];
-        return (struct texel){grey, grey, grey, linear8[b[2 * index + 1]]};
+        return (lanes){grey, grey, grey, linear8[b[2 * index + 1]]};
     }
     case TEXTURE_RGB8:
         b += 3 * index;
-        return (struct texel){color[b[0]], color[b[1]], color[b[2]], 1.0f};
+        return (lanes){color[b[0]], color[b[1]], color[b[2]], 1.0f};
     case TEXTURE_RGBA8:
         b += 4 * index;
-        return (struct texel){color[b[0]], color[b[1]], color[b[2]], linear8[b[3]]};
+        return (lanes){color[b[0]], color[b[1]], color[b[2]], linear8[b[3]]};
     case TEXTURE_16: {
         const uint16_t *w = (const uint16_t *)texels + channels * index;
         uint16_t g = channels < 3 ? w[0] : w[1], bl = channels < 3 ? w[0] : w[2];
         float alpha = channels == 2 || channels == 4 ? (float)w[channels - 1] / 65535.0f : 1.0f;
 
         if (color)
-            return (struct texel){color[w[0]], color[g], color[bl], alpha};
-        return (struct texel){(float)w[0] / 65535.0f, (float)g / 65535.0f, (float)bl / 65535.0f,
-                              alpha};
+            return (lanes){color[w[0]], color[g], color[bl], alpha};
+        return (lanes){(float)w[0] / 65535.0f, (float)g / 65535.0f, (float)bl / 65535.0f, alpha};
     }
     default:
         f += channels * index;
-        return (struct texel){f[0], f[1], f[2], channels == 4 ? f[3] : 1.0f};
+        return (lanes){f[0], f[1], f[2], channels == 4 ? f[3] : 1.0f};
     }
 }
 
 /* Equal ends give exactly that value, so that an opaque texture stays opaque. */
-static inline float lerp(float a, float b, float t)
+static inline lanes lerp(lanes a, lanes b, float t)
 {
     return a + (b - a) * t;
 }
 
-static inline struct texel texel_lerp(struct texel a, struct texel b, float t)
+/* `texels` are those of the taps' level. */
+static inline __attribute__((always_inline)) lanes
+filter(const void *texels, enum texture_layout layout, uint32_t channels,
+       const struct texture_taps *taps, const float *color)
 {
-    return (struct texel){lerp(a.r, b.r, t), lerp(a.g, b.g, t), lerp(a.b, b.b, t),
-                          lerp(a.a, b.a, t)};
+    lanes a = fetch(texels, layout, channels, taps->index[0], color);
+    lanes b = fetch(texels, layout, channels, taps->index[1], color);
+    lanes c = fetch(texels, layout, channels, taps->index[2], color);
+    lanes d = fetch(texels, layout, channels, taps->index[3], color);
+
+    return lerp(lerp(a, b, taps->x), lerp(c, d, taps->x), taps->y);
 }
 
-static inline __attribute__((always_inline)) struct texel
-filter(const void *texels, enum texture_layout layout, uint32_t channels, uint32_t width,
-       struct texel_pair x, struct texel_pair y, const float *color)
+static inline __attribute__((always_inline)) lanes
+filter_levels(const void *const texels[2], enum texture_layout layout, uint32_t channels,
+              const struct texture_place *place, const float *color)
 {
-    size_t row0 = (size_t)y.first * width, row1 = (size_t)y.second * width;
-    struct texel a = fetch(texels, layout, channels, row0 + x.first, color);
-    struct texel b = fetch(texels, layout, channels, row0 + x.second, color);
-    struct texel c = fetch(texels, layout, channels, row1 + x.first, color);
-    struct texel d = fetch(texels, layout, channels, row1 + x.second, color);
+    lanes fine = filter(texels[0], layout, channels, &place->taps[0], color);
 
-    return texel_lerp(texel_lerp(a, b, x.weight), texel_lerp(c, d, x.weight), y.weight);
+    if (place->levels == 1)
+        return fine;
+    return lerp(fine, filter(texels[1], layout, channels, &place->taps[1], color), place->blend);
 }
 
-/* `texels` are those of one level, of this width. */
-static inline __attribute__((always_inline)) struct texel
-filter_level(const struct texture_image *image, const void *texels, uint32_t width,
-             struct texel_pair x, struct texel_pair y, int srgb)
+struct texel texture_read(const struct texture_image *image, const struct scene_texture *texture,
+                          const struct texture_place *place, int srgb)
 {
-    const float *color8 = srgb ? image->srgb8 : linear8;
-    const float *color16 = srgb ? image->srgb16 : NULL;
+    int decoded = is_srgb(texture, srgb);
+    const float *color8 = decoded ? image->srgb8 : linear8;
+    const float *color16 = decoded ? image->srgb16 : NULL;
+    const uint8_t *pyramid = pyramid_of(image, decoded);
+    const struct texture_level *level = &image->levels[place->level];
+    const void *texels[2] = {image->texels, NULL};
     uint32_t channels = image->channels;
+    lanes result;
 
+    if (place->levels == 0)
+        return (struct texel){0, 0, 0, 0};
+    if (place->level > 0)
+        texels[0] = pyramid + level->first * image->texel_bytes;
+    if (place->levels == 2)
+        texels[1] = pyramid + level[1].first * image->texel_bytes;
     /* One branch on the layout, then straight code for it. */
     switch (image->layout) {
-    case TEXTURE_RGB8: return filter(texels, TEXTURE_RGB8, 3, width, x, y, color8);
-    case TEXTURE_RGBA8: return filter(texels, TEXTURE_RGBA8, 4, width, x, y, color8);
-    case TEXTURE_GREY8: return filter(texels, TEXTURE_GREY8, 1, width, x, y, color8);
-    case TEXTURE_GREY_ALPHA8: return filter(texels, TEXTURE_GREY_ALPHA8, 2, width, x, y, color8);
-    case TEXTURE_16: return filter(texels, TEXTURE_16, channels, width, x, y, color16);
-    default: return filter(texels, TEXTURE_FLOAT, channels, width, x, y, NULL);
+    case TEXTURE_RGB8: result = filter_levels(texels, TEXTURE_RGB8, 3, place, color8); break;
+    case TEXTURE_RGBA8: result = filter_levels(texels, TEXTURE_RGBA8, 4, place, color8); break;
+    case TEXTURE_GREY8: result = filter_levels(texels, TEXTURE_GREY8, 1, place, color8); break;
+    case TEXTURE_GREY_ALPHA8:
+        result = filter_levels(texels, TEXTURE_GREY_ALPHA8, 2, place, color8);
+        break;
+    case TEXTURE_16: result = filter_levels(texels, TEXTURE_16, channels, place, color16); break;
+    default: result = filter_levels(texels, TEXTURE_FLOAT, channels, place, NULL); break;
     }
-}
-
-/* Bilinear in one level of the pyramid, or in the image itself. */
-static __attribute__((noinline)) struct texel lookup_level(const struct texture_image *image,
-                                                           const struct scene_texture *texture,
-                                                           const uint8_t *pyramid, uint32_t level,
-                                                           float u, float v, int srgb)
-{
-    const struct texture_level *at = &image->levels[level];
-    size_t texel_bytes = image->channels * texture_value_bytes(image);
-    const void *texels = level ? pyramid + at->first * texel_bytes : image->texels;
-
-    return filter_level(image, texels, at->width, pair_of(u, at->width, texture->wrap_u),
-                        pair_of(v, at->height, texture->wrap_v), srgb);
-}
-
-/* Between the two levels whose texels are next to `texels_wide`, the beam's width at the finest
- * level; > 1. Level and weight are a float's own exponent and fraction: log2 with straight
- * lines between the powers of two. */
-static struct texel lookup_filtered(const struct texture_image *image,
-                                    const struct scene_texture *texture, const void *pyramid,
-                                    float u, float v, float texels_wide, int srgb)
-{
-    uint32_t bits = float_bits(texels_wide), level = (bits >> 23) - 127;
-    struct texel fine, coarse;
-
-    if (level >= image->last_level)
-        return lookup_level(image, texture, pyramid, image->last_level, u, v, srgb);
-    fine = lookup_level(image, texture, pyramid, level, u, v, srgb);
-    coarse = lookup_level(image, texture, pyramid, level + 1, u, v, srgb);
-    return texel_lerp(fine, coarse, (float)(bits & 0x7fffff) * 0x1p-23f);
-}
-
-/* Is a finite coordinate off the image? */
-static inline int is_outside(float x, enum scene_wrap wrap)
-{
-    return wrap == WRAP_BLACK && fabsf(x) <= 3.4e38f && !(x >= 0.0f && x <= 1.0f);
-}
-
-/* Everything beside the finest level of an image that has no border of its own. */
-static __attribute__((noinline)) struct texel lookup_rare(const struct texture_image *image,
-                                                          const struct scene_texture *texture,
-                                                          float u, float v, float texels_wide,
-                                                          int srgb)
-{
-    const void *pyramid = image->pyramid[srgb && image->layout != TEXTURE_FLOAT];
-
-    if (is_outside(u, texture->wrap_u) || is_outside(v, texture->wrap_v))
-        return (struct texel){0, 0, 0, 0};
-    if (texture->nearest) {
-        struct texel_pair x = {0, 0, 0.0f}, y = {0, 0, 0.0f};
-
-        x.first = x.second = nearest_of(u, image->width, texture->wrap_u);
-        y.first = y.second = nearest_of(v, image->height, texture->wrap_v);
-        return filter_level(image, image->texels, image->width, x, y, srgb);
-    }
-    if (pyramid && texels_wide > 1.0f)
-        return lookup_filtered(image, texture, pyramid, u, v, texels_wide, srgb);
-    return lookup_level(image, texture, NULL, 0, u, v, srgb);
+    return (struct texel){result[0], result[1], result[2], result[3]};
 }
 
 struct texel texture_lookup(const struct texture_image *image, const struct scene_texture *texture,
                             float u, float v, float footprint, int srgb)
 {
-    float texels_wide = footprint * image->longest;
+    struct texture_place place;
 
-    if (texture->encoding != ENCODING_BY_SLOT)
-        srgb = texture->encoding == ENCODING_SRGB;
-    if (texels_wide > 1.0f || texture->nearest || texture->wrap_u == WRAP_BLACK ||
-        texture->wrap_v == WRAP_BLACK)
-        return lookup_rare(image, texture, u, v, texels_wide, srgb);
-    return filter_level(image, image->texels, image->width,
-                        pair_of(u, image->width, texture->wrap_u),
-                        pair_of(v, image->height, texture->wrap_v), srgb);
+    texture_place(&place, image, texture, u, v, footprint, srgb);
+    return texture_read(image, texture, &place, srgb);
 }

@@ -61,4 +61,27 @@ int texture_image_is_opaque(const struct texture_image *image);
 struct texel texture_lookup(const struct texture_image *image, const struct scene_texture *texture,
                             float u, float v, float footprint, int srgb);
 
+/* ---- the same in two steps, for textures that are looked up at one place ---- */
+struct texture_taps {
+    size_t index[4]; /* texels of one level: above left and right, below */
+    float x, y;      /* weights of the right and the lower ones */
+};
+struct texture_place {
+    uint32_t level;  /* the finer one */
+    int levels;      /* 0: off the image, 1, or 2: the next coarser one, too */
+    float blend;     /* weight of that */
+    struct texture_taps taps[2];
+};
+
+void texture_place(struct texture_place *out, const struct texture_image *image,
+                   const struct scene_texture *texture, float u, float v, float footprint,
+                   int srgb);
+struct texel texture_read(const struct texture_image *image, const struct scene_texture *texture,
+                          const struct texture_place *place, int srgb);
+/* Do both lookups find the same place for the same coordinates? Asked once their pyramids are
+ * made. */
+int texture_shares_place(const struct texture_image *a, const struct scene_texture *texture_a,
+                         int srgb_a, const struct texture_image *b,
+                         const struct scene_texture *texture_b, int srgb_b);
+
 #endif

@@ -27,6 +27,7 @@ struct texture_level {
 
 struct texture_image {
     uint32_t width, height, channels;
+    uint32_t texel_bytes;
     enum texture_layout layout;
     int opaque;
     const void *texels;       /* level 0: uint8_t, uint16_t or float; points into one of the two */

@@ -30,6 +30,7 @@ struct world_slot {
     struct scene_texture texture;
     uint32_t uv_set;
     int transformed;
+    int shares_place;             /* its lookups by footprint are at the place of world_material.lead's */
     float m[2][3];
 };
 
@@ -52,6 +53,8 @@ struct world_material {
         sheen_roughness, iridescence, iridescence_thickness, diffuse_transmission,
         diffuse_transmission_color, mix;
     unsigned flags;
+    const struct world_slot *lead; /* the first slot that is looked up by footprint; NULL: none */
+    int lead_srgb;
     struct vec3 absorption;  /* 1/metre */
 };
 
@@ -120,6 +123,11 @@ struct render_scene {
 struct texel world_slot_lookup(const struct world_slot *slot, const struct world_mesh *mesh,
                                const uint32_t vertex[3], float b1, float b2, float footprint,
                                int srgb);
+
+/* Where that lookup is. */
+void world_slot_place(const struct world_slot *slot, const struct world_mesh *mesh,
+                      const uint32_t vertex[3], float b1, float b2, float footprint, int srgb,
+                      struct texture_place *place);
 
 /* Alpha of the material at a point of a triangle, 0..1, before the alpha mode is applied. */
 float world_alpha(const struct world_material *material, const struct world_mesh *mesh,

@@ -262,6 +262,27 @@ static unsigned flags_of(const struct world_material *material)
     return flags;
 }
 
+/* Textures of one layout, as most materials' are, are looked up at one place. */
+static void share_places(struct world_material *material)
+{
+    for (int i = 0; i < SLOTS; i++) {
+        struct world_slot *slot = (void *)((char *)material + slots[i].ready);
+        int srgb = (slots[i].flags & SLOT_COLOR) != 0;
+
+        if (!slot->image || !(slots[i].flags & SLOT_WIDE))
+            continue;
+        if (!material->lead) {
+            material->lead = slot;
+            material->lead_srgb = srgb;
+        }
+        slot->shares_place =
+            slot->uv_set == material->lead->uv_set &&
+            memcmp(slot->m, material->lead->m, sizeof slot->m) == 0 &&
+            texture_shares_place(slot->image, &slot->texture, srgb, material->lead->image,
+                                 &material->lead->texture, material->lead_srgb);
+    }
+}
+
 static void material_init(struct world_material *out, const struct render_scene *w,
                           const struct scene *scene, const struct scene_material *material)
 {
@@ -279,6 +300,7 @@ static void material_init(struct world_material *out, const struct render_scene 
                   absorption(out->m.attenuation_color[1], out->m.attenuation_distance),
                   absorption(out->m.attenuation_color[2], out->m.attenuation_distance));
     out->flags = flags_of(out);
+    share_places(out);
     if (out->m.kind == MATERIAL_MIX) {
         /* Which part a ray meets is decided at the hit; a face is culled where neither shows. */
         unsigned a = w->materials[out->m.mix_material[0]].flags;
