@@ -4,6 +4,7 @@
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #ifdef __GLIBC__
 #include <malloc.h>
 #endif
@@ -81,6 +82,21 @@ void *mem_alloc_aligned(size_t alignment, size_t size_bytes)
     if (posix_memalign(&block, alignment, size_bytes ? size_bytes : 1) != 0)
         return NULL;
     return block;
+}
+
+void mem_advise_large_pages(void *block, size_t size_bytes)
+{
+#ifdef MADV_HUGEPAGE
+    const uintptr_t page = (uintptr_t)2 << 20; /* of x86-64; only advice */
+    uintptr_t start = ((uintptr_t)block + page - 1) & ~(page - 1);
+    uintptr_t end = ((uintptr_t)block + size_bytes) & ~(page - 1);
+
+    if (block && start < end)
+        (void)madvise((void *)start, end - start, MADV_HUGEPAGE);
+#else
+    (void)block;
+    (void)size_bytes;
+#endif
 }
 
 char *mem_strdup(const char *text)

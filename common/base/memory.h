@@ -26,6 +26,10 @@ void *mem_realloc_array(void *old, size_t count, size_t size_bytes)
 void *mem_alloc_aligned(size_t alignment, size_t size_bytes)
     __attribute__((malloc, warn_unused_result));
 
+/* Ask for large pages under a block that will be read all over, before it is written: a texture's
+ * every other texel would cost a search of the page tables. Only ever an advice. */
+void mem_advise_large_pages(void *block, size_t size_bytes);
+
 char *mem_strdup(const char *text) __attribute__((warn_unused_result));
 void *mem_memdup(const void *data, size_t size_bytes) __attribute__((warn_unused_result));
 void mem_free(void *block);

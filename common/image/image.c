@@ -60,6 +60,7 @@ status image_init(struct image *image, uint32_t width, uint32_t height, uint32_t
     image->pixels = mem_calloc(bytes / sizeof(float), sizeof(float));
     if (!image->pixels)
         return no_memory_for(width, height, bytes, err);
+    mem_advise_large_pages(image->pixels, bytes);
     image->width = width;
     image->height = height;
     image->channels = channels;
@@ -85,6 +86,7 @@ status image8_init(struct image8 *image, uint32_t width, uint32_t height, uint32
     image->pixels = mem_calloc(bytes, 1);
     if (!image->pixels)
         return no_memory_for(width, height, bytes, err);
+    mem_advise_large_pages(image->pixels, bytes);
     image->width = width;
     image->height = height;
     image->channels = channels;

@@ -219,6 +219,7 @@ status texture_pyramid_make(struct texture_image *image, int color, struct error
         st = error_no_memory(err, "a texture's smaller copies");
         goto done;
     }
+    mem_advise_large_pages(image->pyramid[color], (last->first + 1) * image->texel_bytes);
     m->image = image;
     m->color = color;
     set_encoding(m);

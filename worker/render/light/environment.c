@@ -64,6 +64,21 @@ static inline struct vec3 texel(const struct environment *env, uint32_t column, 
     return (struct vec3){p[0], p[1], p[2]};
 }
 
+/* A texel's channels side by side, for arithmetic on all of them at once. */
+typedef float lanes __attribute__((vector_size(16)));
+
+static inline lanes texel_lanes(const struct environment *env, uint32_t column, uint32_t row)
+{
+    const float *p = env->map.pixels + 3 * ((size_t)row * env->width + column);
+
+    return (lanes){p[0], p[1], p[2], 0};
+}
+
+static inline lanes lanes_lerp(lanes a, lanes b, float t)
+{
+    return a * (1.0f - t) + b * t;
+}
+
 /* The texel of the same row half-way round; between two columns where the width is odd. */
 static struct vec3 opposite(const struct environment *env, uint32_t column, uint32_t row)
 {
@@ -74,11 +89,6 @@ static struct vec3 opposite(const struct environment *env, uint32_t column, uint
     return vec3_lerp(texel(env, a, row), texel(env, (a + 1) % width, row), 0.5f);
 }
 
-/* A cell, seen from the nearer pole: `near` is its edge on the pole's side. */
-struct cell {
-    struct vec3 near[2], far[2]; /* radiance at columns i and i + 1 */
-};
-
 /* Which cell and where in it: what a direction is turned into. */
 struct place {
     uint32_t column;  /* cell column, 0..width-1 */
@@ -87,31 +97,37 @@ struct place {
     float x, y;       /* 0..1 from column to column, and from the near edge to the far one */
 };
 
-static inline void cell_load(const struct environment *env, const struct place *at,
-                             struct cell *cell)
+/* Rare: the edge of a pole's strip on the pole's side. */
+static __attribute__((noinline)) lanes pole_edge(const struct environment *env, uint32_t column,
+                                                 uint32_t next, uint32_t row, float x)
 {
-    uint32_t last = env->height - 1;
-    uint32_t columns[2] = {at->column, at->column + 1 < env->width ? at->column + 1 : 0};
+    struct vec3 near[2] = {vec3_lerp(texel(env, column, row), opposite(env, column, row), 0.5f),
+                           vec3_lerp(texel(env, next, row), opposite(env, next, row), 0.5f)};
+    struct vec3 edge = vec3_lerp(near[0], near[1], x);
+
+    return (lanes){edge.x, edge.y, edge.z, 0};
+}
+
+/* A cell is seen from the nearer pole: its near edge is on the pole's side. */
+static inline struct vec3 cell_radiance(const struct environment *env, const struct place *at)
+{
+    uint32_t last = env->height - 1, next = at->column + 1 < env->width ? at->column + 1 : 0;
     uint32_t far_step = at->strip < last ? at->strip : last;
     uint32_t far_row = at->south ? last - far_step : far_step;
+    lanes far = lanes_lerp(texel_lanes(env, at->column, far_row), texel_lanes(env, next, far_row),
+                           at->x);
+    lanes near, mean;
 
-    for (int c = 0; c < 2; c++)
-        cell->far[c] = texel(env, columns[c], far_row);
     if (at->strip > 0) {
         uint32_t near_row = at->south ? far_row + 1 : far_row - 1;
 
-        for (int c = 0; c < 2; c++)
-            cell->near[c] = texel(env, columns[c], near_row);
-        return;
+        near = lanes_lerp(texel_lanes(env, at->column, near_row),
+                          texel_lanes(env, next, near_row), at->x);
+    } else {
+        near = pole_edge(env, at->column, next, far_row, at->x);
     }
-    for (int c = 0; c < 2; c++)
-        cell->near[c] = vec3_lerp(cell->far[c], opposite(env, columns[c], far_row), 0.5f);
-}
-
-static inline struct vec3 cell_radiance(const struct cell *cell, float x, float y)
-{
-    return vec3_lerp(vec3_lerp(cell->near[0], cell->near[1], x),
-                     vec3_lerp(cell->far[0], cell->far[1], x), y);
+    mean = lanes_lerp(near, far, at->y);
+    return (struct vec3){mean[0], mean[1], mean[2]};
 }
 
 /* What a direction means in the map. */
@@ -185,11 +201,9 @@ static inline int angles_of(const struct environment *env, struct vec3 d, struct
 static struct vec3 radiance_at(const struct environment *env, const struct angles *angles)
 {
     struct place at;
-    struct cell cell;
 
     place_of(env, angles, &at);
-    cell_load(env, &at, &cell);
-    return cell_radiance(&cell, at.x, at.y);
+    return cell_radiance(env, &at);
 }
 
 static float importance_pdf(const struct environment *env, const struct angles *angles)
