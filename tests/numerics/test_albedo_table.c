@@ -270,22 +270,27 @@ static double interface_loss(double mu, double alpha, double r, int side)
     return sum / (N * N);
 }
 
+/* r of index x = 0..1 of the tables. */
+static double interface_r(double x)
+{
+    double first = (double)ALBEDO_INTERFACE_FIRST;
+    return square(square(first + (1 - first) * x));
+}
+
 static double interface_entry(int side, int row, int index, int column)
 {
-    double alpha = interface_row_alpha(row);
+    double alpha = interface_row_alpha(row), c = (double)column / (ALBEDO_INTERFACE_COLUMNS - 1);
+    double mu = alpha * c / (1 + alpha - c);
 
-    if (index == 0)
-        return 0;
-    return interface_loss(
-               fmax(1e-6,
-                    fmin(1, column_mu((double)column / (ALBEDO_INTERFACE_COLUMNS - 1), alpha))),
-               alpha, square((double)index / (ALBEDO_INTERFACE_INDICES - 1)), side) /
-           column_scale(column, ALBEDO_INTERFACE_COLUMNS, alpha);
+    return interface_loss(fmax(1e-6, fmin(1, mu)), alpha,
+                          interface_r((double)index / (ALBEDO_INTERFACE_INDICES - 1)), side) /
+           (square(1 - c) + alpha * alpha);
 }
 
 static double interface_mean(int side, double row, double index)
 {
-    double alpha = interface_row_alpha(row), r = square(index / (ALBEDO_INTERFACE_INDICES - 1)), sum = 0;
+    double alpha = interface_row_alpha(row), sum = 0;
+    double r = interface_r(index / (ALBEDO_INTERFACE_INDICES - 1));
     struct albedo_interface t = albedo_interface_find((float)alpha, (float)r, side);
     enum { STEPS = 4000 };
 

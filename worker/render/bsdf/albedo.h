@@ -313,15 +313,19 @@ static inline float albedo_stretched_layer(float alpha_x, float alpha_y)
 /* ---- rough dielectrics ---------------------------------------------------------------------------
  *
  * What reflection and refraction together lose, seen from the thinner (side 0) or the denser
- * side (1), over (alpha, sqrt(r) with r = (n - 1) / (n + 1), mu). Just inside a slightly denser
- * medium nearly all of it is lost at grazing angles: refraction lifts it above the horizon. */
+ * side (1), over (alpha, r^(1/4) with r = (n - 1) / (n + 1), mu). Just inside a slightly denser
+ * medium nearly all of it is lost at grazing angles: refraction lifts it above the horizon. Where
+ * that begins moves with r, hence the fourth root, and ALBEDO_INTERFACE_FIRST, below which no table
+ * of this size would do (n = 1.008). Columns are equal in c = mu (1 + alpha) / (mu + alpha): closer at the
+ * far end than the other tables', where the loss of a wide distribution is steep. */
 enum {
     ALBEDO_INTERFACE_ROWS = 12,
-    ALBEDO_INTERFACE_INDICES = 11,
+    ALBEDO_INTERFACE_INDICES = 16,
     ALBEDO_INTERFACE_COLUMNS = 16,
     ALBEDO_INTERFACE_MEAN_ROWS = ALBEDO_MEAN_STEPS * (ALBEDO_INTERFACE_ROWS - 1) + 1,
     ALBEDO_INTERFACE_MEAN_INDICES = 2 * (ALBEDO_INTERFACE_INDICES - 1) + 1,
 };
+#define ALBEDO_INTERFACE_FIRST 0.25f /* the first index's fourth root of r */
 extern const float albedo_interface_loss[2 * ALBEDO_INTERFACE_ROWS * ALBEDO_INTERFACE_INDICES *
                                          ALBEDO_INTERFACE_COLUMNS];
 extern const float
@@ -337,8 +341,9 @@ static inline struct albedo_interface albedo_interface_find(float alpha, float r
 {
     float row = (sqrtf(alpha) - ALBEDO_ROW_FIRST) *
                 ((float)(ALBEDO_INTERFACE_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
-    float index = sqrtf(r) * (float)(ALBEDO_INTERFACE_INDICES - 1), a, b;
-    float mean_row = row * (float)ALBEDO_MEAN_STEPS, mean_index = index * 2.0f;
+    float index = (sqrtf(sqrtf(r)) - ALBEDO_INTERFACE_FIRST) *
+                  ((float)(ALBEDO_INTERFACE_INDICES - 1) / (1.0f - ALBEDO_INTERFACE_FIRST));
+    float mean_row = row * (float)ALBEDO_MEAN_STEPS, mean_index = index * 2.0f, a, b;
     int i = albedo_cell(&row, ALBEDO_INTERFACE_ROWS) + side * ALBEDO_INTERFACE_ROWS;
     int k = i * ALBEDO_INTERFACE_INDICES + albedo_cell(&index, ALBEDO_INTERFACE_INDICES);
     const float *mean = albedo_interface_mean;
@@ -360,8 +365,8 @@ static inline struct albedo_interface albedo_interface_find(float alpha, float r
 static inline float albedo_interface_loss_at(const struct albedo_interface *t, float alpha,
                                              float mu)
 {
-    float scale, v[2];
-    float column = albedo_loss_column(alpha, mu, &scale) * (float)(ALBEDO_INTERFACE_COLUMNS - 1);
+    float c = float_min(mu * (1.0f + alpha) / (mu + alpha), 1.0f), v[2];
+    float column = c * (float)(ALBEDO_INTERFACE_COLUMNS - 1);
     const float *low = t->low + albedo_cell(&column, ALBEDO_INTERFACE_COLUMNS);
 
     for (int i = 0; i < 2; i++) {
@@ -370,7 +375,7 @@ static inline float albedo_interface_loss_at(const struct albedo_interface *t, f
         float a = p[0] + (p[1] - p[0]) * column, b = n[0] + (n[1] - n[0]) * column;
         v[i] = a + (b - a) * t->index;
     }
-    return (v[0] + (v[1] - v[0]) * t->row) * scale;
+    return (v[0] + (v[1] - v[0]) * t->row) * ((1.0f - c) * (1.0f - c) + alpha * alpha);
 }
 
 /* ---- sheen: directional albedo of Charlie's distribution ----------------------------------------

@@ -71,17 +71,18 @@ static inline struct vec3 mix_reflection(const struct bsdf *b, struct vec3 wo, s
     if (HAS(MULTIPLE_SCATTERING) && b->compensated)
         loss = shape_loss(b, wi, full);
     if (b->lobe_pdf[BSDF_LOBE_DIFFUSE] > 0.0f) {
-        float rest = layer_rest(b, wi.z, loss, full) * wi.z;
-        f = vec3_scale(b->diffuse, full ? rest * scale.diffuse : rest);
+        if (!(BSDF_HAS_INTERFACE && b->interface_only)) {
+            float rest = layer_rest(b, wi.z, loss, full) * wi.z;
+            f = vec3_scale(b->diffuse, full ? rest * scale.diffuse : rest);
+        }
         if (HAS(MULTIPLE_SCATTERING) && b->compensated) {
             float back = loss * wi.z;
             f = vec3_mad(f, b->given_back, full ? back * scale.lobe : back);
-            if (HAS(ROUGH_DIELECTRIC) && b->interface_compensated) {
-                back = b->given_back_near * wi.z *
-                       albedo_interface_loss_at(&b->loss_near, b->shape.y, wi.z);
-                back = full ? back * scale.lobe : back;
-                f = vec3_add(f, vec3_splat(back));
-            }
+        }
+        if (BSDF_HAS_BELOW && b->interface_compensated) {
+            float back = b->given_back_near * wi.z *
+                         albedo_interface_loss_at(&b->loss_near, b->shape.y, wi.z);
+            f = vec3_add(f, vec3_splat(full ? back * scale.lobe : back));
         }
         *pdf = b->lobe_pdf[BSDF_LOBE_DIFFUSE] * wide_density(b, wi.z);
     }
@@ -187,7 +188,8 @@ static inline struct vec3 mix_transmission(const struct bsdf *b, struct vec3 wo,
     }
     if (full) {
         f = vec3_scale(f, scale.lobe);
-        if (HAS(DIFFUSE_TRANSMISSION) && b->lobe_pdf[BSDF_LOBE_BELOW] > 0.0f) {
+        if (HAS(DIFFUSE_TRANSMISSION) && b->lobe_pdf[BSDF_LOBE_BELOW] > 0.0f &&
+            !b->interface_only) {
             float loss = HAS(MULTIPLE_SCATTERING) && b->compensated ? shape_loss(b, wi, 1) : 0.0f;
             f = vec3_mad(f, b->layers.diffuse_below,
                          layer_rest(b, mu, loss, 1) * mu * scale.diffuse);

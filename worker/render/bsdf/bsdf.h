@@ -202,6 +202,7 @@ struct bsdf {
     float f90_dielectric;
     float normal_f0, inverse_rest_f0; /* interface: F at normal incidence, 1 / (1 - it) */
     float weight_interface;
+    int interface_only;         /* its weight is 1: there is no other reflection and no base */
     struct vec3 tint;           /* base colour of transmitted light, with all weights */
     float layer_f0, layer_f90;  /* what scales the base: ends of the mean reflectance */
     float layer_given_back;     /* and the share of what microfacets lose that comes back */

@@ -14,11 +14,14 @@
 /* The table of stretched distributions' losses errs by less than this share of the loss where
  * alphas are unlike; see tests/statistics/test_bsdf_energy.c. */
 #define STRETCHED_DOUBT 0.12f
-/* An interface gives back a little less than the table says, for its errors; and still less
- * below this (n - 1) / (n + 1), where the table is too coarse;
+/* An interface gives back a little less than the table says, for its errors; nothing below
+ * the first (n - 1) / (n + 1), which is the table's first, all from the second;
  * nothing below the first alpha (the loss is at grazing angles only), all from the second. */
-#define INTERFACE_KEPT 0.97f
-#define INTERFACE_FULL 0.1f
+#define INTERFACE_KEPT 0.99f
+#define INTERFACE_NONE 0.00390625f
+#define INTERFACE_ALL 0.015f
+/* From the table's last but one (n = 9.8) to the last, a mirror, is too far to interpolate. */
+#define INTERFACE_MOST 0.8145f
 #define INTERFACE_ALPHA_NONE 0.02f
 #define INTERFACE_ALPHA_ALL 0.05f
 
@@ -192,7 +195,8 @@ static inline float init_given_back(struct bsdf *b, struct vec3 wo, float metal,
 static inline float init_interface_given_back(struct bsdf *b, float base, float *below, int full)
 {
     float n = b->eta > 1.0f ? b->eta : 1.0f / b->eta, r = (n - 1.0f) / (n + 1.0f), average, pass;
-    float near, far, loss_o, scale, fade = r * (1.0f / INTERFACE_FULL);
+    float near, far, loss_o, scale;
+    float fade = clamp_to((r - INTERFACE_NONE) * (1.0f / (INTERFACE_ALL - INTERFACE_NONE)), 0, 1);
     int side = b->eta < 1.0f; /* wo is in the denser medium */
 
     b->interface_compensated = 0;
@@ -202,6 +206,8 @@ static inline float init_interface_given_back(struct bsdf *b, float base, float 
         fade = 1;
     } else if (b->transmit_delta) {
         return -1;
+    } else {
+        r = float_min(r, INTERFACE_MOST);
     }
     b->loss_near = albedo_interface_find(b->shape.y, r, side);
     b->loss_far = albedo_interface_find(b->shape.y, r, !side);
@@ -220,7 +226,7 @@ static inline float init_interface_given_back(struct bsdf *b, float base, float 
     scale = float_min(float_min(scale, b->p.specular), 1.0f);
     if (b->exact)
         scale = float_min(scale, (1.0f - vec3_max(b->f0_dielectric)) * b->inverse_rest_f0);
-    scale *= fade < 1.0f ? INTERFACE_KEPT * (fade * fade) : INTERFACE_KEPT;
+    scale *= INTERFACE_KEPT * fade;
     scale *= clamp_to((b->shape.y - INTERFACE_ALPHA_NONE) *
                       (1.0f / (INTERFACE_ALPHA_ALL - INTERFACE_ALPHA_NONE)), 0, 1);
     if (is_stretched(b, full))
@@ -539,14 +545,19 @@ static inline void init_mix(struct bsdf *b, const struct bsdf_params *params, st
         b->shape.y2 = p->alpha * p->alpha;
     }
 
+    b->weight_interface = dielectric * glass;
+    b->interface_only = BSDF_HAS_INTERFACE && b->weight_interface == 1.0f;
     b->smooth = p->alpha < BSDF_ALPHA_MIN;
     b->compensated = 0;
     b->interface_compensated = 0;
     b->graze = 0;
-    if (b->smooth) {
+    if (!b->smooth)
+        b->root_o = shape_root(b, &b->shape, wo, full);
+    if (b->interface_only) {
+        blend = 0;
+    } else if (b->smooth) {
         blend = schlick_weight(b->cos_o);
     } else {
-        b->root_o = shape_root(b, &b->shape, wo, full);
         b->row = albedo_row_find(
             is_stretched(b, full) ? albedo_stretched_layer(b->shape.x, b->shape.y) : p->alpha);
         blend = albedo_blend_at(&b->row, b->cos_o);
@@ -557,7 +568,8 @@ static inline void init_mix(struct bsdf *b, const struct bsdf_params *params, st
             given_back = init_given_back(b, wo, p->metallic, plastic, &loss_o, full);
         }
     }
-    rest_o = b->layer_f90 == 0.0f ? 1.0f : layer_rest(b, b->cos_o, loss_o, full);
+    rest_o = b->layer_f90 == 0.0f || b->interface_only ? 1.0f
+                                                       : layer_rest(b, b->cos_o, loss_o, full);
     b->layer_o = 1.0f - rest_o;
 
     b->diffuse = BSDF_INIT_BLACK;
@@ -575,7 +587,6 @@ static inline void init_mix(struct bsdf *b, const struct bsdf_params *params, st
         !(full && HAS(IRIDESCENCE) && l->film > 0.0f && plastic > 0.0f && p->specular > 0.0f))
         share[BSDF_LOBE_REFLECT] = -1;
 
-    b->weight_interface = dielectric * glass;
     b->transmit_delta = 1;
     b->thin_delta = 0;
     if (BSDF_HAS_INTERFACE && b->weight_interface > 0.0f)
