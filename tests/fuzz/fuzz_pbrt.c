@@ -45,11 +45,13 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
     (void)argv;
     fuzz_folder_make();
     put_pictures();
-    put_text("a.ply", "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+    put_text("a.ply", "ply\nformat ascii 1.0\nelement vertex 3\n"
+                      "property float x\nproperty float y\n"
                       "property float z\nelement face 1\nproperty list uchar int vertex_indices\n"
                       "end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
     put_text("a.spd", "400 0.5\n500 1\n700 2\n");
-    put_text("part.pbrt", "Translate 1 0 0 Material \"diffuse\" Shape \"sphere\"\n");
+    put_text("part.pbrt", "Translate 1 0 0 Material \"diffuse\" "
+                          "Shape \"plymesh\" \"string filename\" \"a.ply\"\n");
     put_text("tail.pbrt", "AttributeBegin AttributeEnd Import");
     return 0;
 }

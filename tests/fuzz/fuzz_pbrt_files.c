@@ -6,6 +6,8 @@
 #include "client/import/import.h"
 #include "tests/support/fuzz_folder.h"
 
+#define SHAPE "Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0]"
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerInitialize(int *argc, char ***argv);
 
@@ -38,8 +40,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     fuzz_folder_put("file", data, size);
     /* "invert" asks for a new picture, computed from the file's texels. */
     import_text("WorldBegin Texture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \"file\" "
-                "\"bool invert\" true Material \"diffuse\" \"texture reflectance\" \"t\" "
-                "Shape \"sphere\"");
-    import_text("WorldBegin LightSource \"point\" \"spectrum I\" \"file\" Shape \"sphere\"");
+                "\"bool invert\" true Material \"diffuse\" \"texture reflectance\" \"t\" " SHAPE);
+    import_text("WorldBegin LightSource \"point\" \"spectrum I\" \"file\" " SHAPE);
     return 0;
 }
