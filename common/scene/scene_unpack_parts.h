@@ -21,7 +21,11 @@ struct scene_reader {
     ProtobufCAllocator allocator;
 };
 
-status unpack_damaged(struct scene_reader *r, const char *what);
+static inline status unpack_damaged(const struct scene_reader *r, const char *what)
+{
+    return error_set(r->err, STATUS_ERR_INPUT, "the packed scene is damaged: %s", what);
+}
+
 /* From the wire's index + 1; what lies in the table is checked by scene_validate. */
 status unpack_index(struct scene_reader *r, const char *what, uint32_t from, uint32_t maximum,
                     int32_t *to) MUST_CHECK;

@@ -3,11 +3,6 @@
 
 #include "common/scene/scene_unpack_parts.h"
 
-status unpack_damaged(struct scene_reader *r, const char *what)
-{
-    return error_set(r->err, STATUS_ERR_INPUT, "the packed scene is damaged: %s", what);
-}
-
 status unpack_index(struct scene_reader *r, const char *what, uint32_t from, uint32_t maximum,
                     int32_t *to)
 {
