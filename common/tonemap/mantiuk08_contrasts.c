@@ -130,15 +130,14 @@ static void do_stripes(void *user, size_t begin, size_t end)
 }
 
 /* A background of which only invisible contrasts are known would leave its part of the curve
- * undetermined: let there be a little of the least visible one. */
+ * undetermined: let there be a little of the least visible one. The authors' program does so for
+ * all backgrounds, and its curves tell. */
 static void mend_singular(uint64_t counts[M08_BINS])
 {
-    uint64_t visible = 0;
-
-    for (int g = 0; g < M08_BINS; g++)
-        visible += g == M08_CENTRE ? 0 : counts[g];
-    if (visible == 0 && counts[M08_CENTRE] > 0)
-        counts[M08_CENTRE - 1] = counts[M08_CENTRE + 1] = 1;
+    if (counts[M08_CENTRE] > 0) {
+        counts[M08_CENTRE - 1]++;
+        counts[M08_CENTRE + 1]++;
+    }
 }
 
 static void measure_band(struct m08_contrasts *out, struct pyramid *p)

@@ -74,18 +74,27 @@ struct fit {
     size_t count;
     double d[M08_SEGMENTS];         /* rises of the variables */
     double y[M08_NODES];            /* from low to high */
-    double sensitivity[M08_BANDS_MAX][M08_NODES]; /* at the display */
+    double seen[M08_BANDS_MAX][M08_NODES];        /* sensitivity at the nodes' luminances */
+    double sensitivity[M08_BANDS_MAX][M08_NODES]; /* at the display's luminance of the nodes */
     struct m08_programme programme;
 };
 
+static void tabulate_sensitivity(struct fit *fit)
+{
+    for (uint32_t band = 0; band < fit->contrasts->bands; band++)
+        for (int node = 0; node < M08_NODES; node++)
+            fit->seen[band][node] =
+                m08_sensitivity(fit->contrasts->frequency[band],
+                                det_exp_d((M08_X_MIN + node * M08_STEP) * M08_LN10));
+}
+
+/* At the scene, where the eye is adapted to that node, or to one luminance. */
 static double scene_sensitivity(const struct fit *fit, int band, int node)
 {
     if (fit->model->no_vision)
         return 1.0;
-    return m08_sensitivity(fit->contrasts->frequency[band],
-                           fit->model->adapts
-                               ? det_exp_d((M08_X_MIN + node * M08_STEP) * M08_LN10)
-                               : SCENE_ADAPTATION);
+    return fit->model->adapts ? fit->seen[band][node]
+                              : m08_sensitivity(fit->contrasts->frequency[band], SCENE_ADAPTATION);
 }
 
 static double response_of(const struct fit *fit, double contrast, double sensitivity)
@@ -157,8 +166,9 @@ static void add_contrast(struct fit *fit, int band, int node, int from, int to, 
         .band = band, .node = node, .weight = (double)count,
     };
 
+    /* The eye is adapted to the darker end, as in the authors' program. */
     equation.target = response_of(fit, fit->model->contrast * (to - from) * M08_STEP,
-                                  scene_sensitivity(fit, band, node));
+                                  scene_sensitivity(fit, band, from));
     add_equation(fit, &equation);
 }
 
@@ -251,14 +261,21 @@ static void integrate(struct fit *fit)
     }
 }
 
+/* Between nodes by straight lines, as the authors' program has it: which iteration is the last one
+ * depends on it. */
 static void adapt_to_display(struct fit *fit)
 {
-    for (uint32_t band = 0; band < fit->contrasts->bands; band++)
-        for (int node = fit->low; node <= fit->high; node++)
+    for (int node = fit->low; node <= fit->high; node++) {
+        double place = (fit->y[node] - M08_X_MIN) * (1.0 / M08_STEP);
+        int at = place < M08_NODES - 2 ? (int)place : M08_NODES - 2;
+
+        for (uint32_t band = 0; band < fit->contrasts->bands; band++) {
+            const double *seen = fit->seen[band] + at;
+
             fit->sensitivity[band][node] =
-                fit->model->no_vision ? 1.0
-                                      : m08_sensitivity(fit->contrasts->frequency[band],
-                                                        det_exp_d(fit->y[node] * M08_LN10));
+                fit->model->no_vision ? 1.0 : seen[0] + (place - at) * (seen[1] - seen[0]);
+        }
+    }
 }
 
 /* Linearise the equations at the curve of now: H and f. */
@@ -339,6 +356,7 @@ status m08_curve_fit(struct m08_curve *out, const struct m08_contrasts *contrast
     fit->model = model;
     fit->y_min = det_log_d(m08_display_light(model->display, 0.0)) * M08_INV_LN10;
     fit->y_max = det_log_d(m08_display_light(model->display, 1.0)) * M08_INV_LN10;
+    tabulate_sensitivity(fit);
     st = set_up(fit, err);
     if (st == STATUS_OK && fit->count > 0) {
         iterate(fit);

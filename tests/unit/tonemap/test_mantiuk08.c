@@ -108,27 +108,28 @@ struct golden {
     double tolerance;
 };
 
-/* The notes' numbers, computed there by the reference implementation and accepted within 0.01. The
- * one for the adaptation is met within 0.0102 at one of its five nodes.
- * Picture B, whose halves lie 4 decades apart, is met within 0.035 between them: many of its contrasts
- * lie on the borders of bins, where the last bit of a logarithm decides, and the iteration ends with
- * changes of up to 0.01. Steps without such ties (below) agree to 0.002. */
+/* The notes' numbers, computed there by the reference implementation: met to their last digit.
+ * But for picture B, whose halves lie 4 decades apart. Three pairs of its segments, that meet at
+ * x = 0, 1.4 and 1.6, are crossed by no contrast that ends between the two, so that the optimum
+ * determines their sum only. Ours is halved; the reference's split is arbitrary, and while it moves
+ * from iteration to iteration the curve does not count as settled: it goes on to the limit. With
+ * SETTLED at 1e-4 ours is within 1e-4 of it at all nodes but those three; as it is, within 0.012. */
 static const struct golden goldens[] = {
-    {'A', NULL, NULL, M08_LCD, -1, 6, {.3470, .6857, 1.0742, 1.4801, 1.8827, 2.3014}, 0.01},
+    {'A', NULL, NULL, M08_LCD, -1, 6, {.3470, .6857, 1.0742, 1.4801, 1.8827, 2.3014}, 1e-4},
     {'A', "display", "lcd_office", M08_LCD_OFFICE, -1, 6,
-     {.5582, .7835, 1.0539, 1.3520, 1.6630, 2.0055}, 0.01},
+     {.5582, .7835, 1.0539, 1.3520, 1.6630, 2.0055}, 1e-4},
     {'A', "display", "lcd_bright", M08_LCD_BRIGHT, -1, 6,
-     {.2127, .6925, 1.2086, 1.7141, 2.1957, 2.6840}, 0.01},
-    {'A', "display", "crt", M08_CRT, -1, 6, {.3579, .5620, .8483, 1.1746, 1.5213, 1.9052}, 0.01},
-    {'A', "contrast", "1.15", M08_LCD, -1, 5, {.3310, .6571, 1.0434, 1.4551, 1.8677}, 0.01},
-    {'A', "white", "100", M08_LCD, -1, 5, {.6020, 1.1668, 1.7171, 2.1885, 2.2215}, 2e-4},
-    {'A', "adaptation", "auto", M08_LCD, 0, 5, {.0220, .3915, .9748, 1.6309, 2.2721}, 0.0102},
-    {'A', "visual-model", "none", M08_LCD, -1, 5, {.4185, .7838, 1.1490, 1.5143, 1.8795}, 0.01},
+     {.2127, .6925, 1.2086, 1.7141, 2.1957, 2.6840}, 1e-4},
+    {'A', "display", "crt", M08_CRT, -1, 6, {.3579, .5620, .8483, 1.1746, 1.5213, 1.9052}, 1e-4},
+    {'A', "contrast", "1.15", M08_LCD, -1, 5, {.3310, .6571, 1.0434, 1.4551, 1.8677}, 1e-4},
+    {'A', "white", "100", M08_LCD, -1, 5, {.6020, 1.1668, 1.7171, 2.1885, 2.2215}, 1e-4},
+    {'A', "adaptation", "auto", M08_LCD, 0, 5, {.0220, .3915, .9748, 1.6309, 2.2721}, 1e-4},
+    {'A', "visual-model", "none", M08_LCD, -1, 5, {.4185, .7838, 1.1490, 1.5143, 1.8795}, 1e-4},
     {'B', NULL, NULL, M08_LCD, -1, 2, {.5798, 1.0779}, 0.035},
     {'B', NULL, NULL, M08_LCD, 1, 3, {1.4725, 1.7604, 2.3014}, 0.01},
-    {'E', NULL, NULL, M08_LCD, -1, 2, {.9776, 2.1994}, 0.01},
-    {'E', "display", "lcd_bright", M08_LCD_BRIGHT, -2, 3, {.2044, 1.3115, 2.5846}, 0.01},
-    {'F', NULL, NULL, M08_LCD, -1, 3, {2.0507, 2.1761, 2.3014}, 0.01},
+    {'E', NULL, NULL, M08_LCD, -1, 2, {.9776, 2.1994}, 1e-4},
+    {'E', "display", "lcd_bright", M08_LCD_BRIGHT, -2, 3, {.2044, 1.3115, 2.5846}, 1e-4},
+    {'F', NULL, NULL, M08_LCD, -1, 3, {2.0507, 2.1761, 2.3014}, 1e-4},
 };
 
 static int node_of(double x)
