@@ -72,7 +72,8 @@ static const struct {
     const char *axis;           /* to be turned about; NULL: not at all */
 } shapes[] = {
     {"Shape \"sphere\" \"float radius\" 1.5", PI * 2.25, 0.004, NULL},
-    {"Rotate 90 1 0 0 Shape \"sphere\" \"float radius\" 1.5 \"float zmin\" 0", PI * 2.25 / 2, 0.004, NULL},
+    {"Rotate 90 1 0 0 Shape \"sphere\" \"float radius\" 1.5 \"float zmin\" 0", PI * 2.25 / 2,
+     0.004, NULL},
     {"Shape \"disk\" \"float radius\" 1.5", PI * 2.25, 0.004, NULL},
     {"Rotate 60 0 1 0 Shape \"disk\" \"float radius\" 1.5 \"float innerradius\" 0.5", PI, 0.004, NULL},
     {"Rotate 90 0 1 0 Shape \"cylinder\" \"float radius\" 0.5 \"float zmin\" -1.5 \"float zmax\" 1",
@@ -86,7 +87,8 @@ static const struct {
     {"Shape \"curve\" \"string type\" \"cylinder\" \"float width0\" 0.6 \"float width1\" 0.2 "
      "\"point3 P\" [0 -1.5 0  0 -0.5 0  0 0.5 0  0 1.5 0]", 1.2, 0.01, "0 1 0"},
     {"Shape \"curve\" \"string type\" \"ribbon\" \"float width\" 0.4 "
-     "\"normal N\" [0 0 -1 0 0 -1] \"point3 P\" [-1.5 0 0  -0.5 0 0  0.5 0 0  1.5 0 0]", 1.2, 0.01, NULL},
+     "\"normal N\" [0 0 -1 0 0 -1] \"point3 P\" [-1.5 0 0  -0.5 0 0  0.5 0 0  1.5 0 0]", 1.2, 0.01,
+     NULL},
     {"Shape \"plymesh\" \"string filename\" \"square.ply\"", 4, 0.004, NULL},
 };
 

@@ -40,11 +40,13 @@ static void look(struct import_result *import, struct variables out[PIXELS])
         size_t at = 0;
         assert_int_equal(render_tile(scene, 0, 0, pass, sums, &stats),
                          PIXELS * (REPLICATES * 3 + aov_floats(EVERY)));
-        for (int aov = 0; aov < AOV_COUNT; aov++)
-            for (uint32_t c = 0, n = EVERY >> aov & 1 ? aov_channels((enum aov)aov) : 0; c < n; c++, at++)
+        for (int aov = 0; aov < AOV_COUNT; aov++) {
+            uint32_t n = EVERY >> aov & 1 ? aov_channels((enum aov)aov) : 0;
+            for (uint32_t c = 0; c < n; c++, at++)
                 for (size_t i = 0; i < PIXELS; i++)
                     to[i * 16 + at] += from[(at - c) * PIXELS + i * n + c] /
                                        (aov_is_point((enum aov)aov) ? 1 : SPP);
+        }
         assert_int_equal(at, 16);
     }
     render_scene_free(scene);
@@ -118,6 +120,7 @@ static const char squares[] =
 
 static void test_motion_and_numbers(void **state)
 {
+    static const float albedos[2][3] = {{0.8f, 0.4f, 0.2f}, {0.1f, 0.3f, 0.5f}};
     const float pixels_per_metre = SIDE / (2 * 5 * tanf(0.17453293f));
     struct variables v[PIXELS];
     struct import_result import;
@@ -127,7 +130,7 @@ static void test_motion_and_numbers(void **state)
     look(&import, v);
     for (int i = 0; i < PIXELS; i++) {
         int right = i % SIDE >= SIDE / 2;
-        const float *albedo = right ? (const float[]){0.1f, 0.3f, 0.5f} : (const float[]){0.8f, 0.4f, 0.2f};
+        const float *albedo = albedos[right];
         if (i % SIDE >= SIDE / 2 - 3 && i % SIDE < SIDE / 2 + 6)
             continue; /* the edge, and where it moves to */
         assert_true(v[i].object == 1 + (float)right);
