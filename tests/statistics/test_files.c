@@ -322,6 +322,84 @@ static void test_pictures(void **state)
     pbrt_folder_remove(folder);
 }
 
+/* ---- glTF's texture coordinates ------------------------------------------------------------- */
+
+/* A square from -1 to 1 that shows picture p.png flat. The first set of coordinates runs as the
+ * picture does, the second one from right to left. */
+static const struct {
+    float positions[4][3], uv0[4][2], uv1[4][2];
+    uint16_t indices[6];
+} square_bin = {.positions = {{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, {-1, 1, 0}},
+                .uv0 = {{0, 1}, {1, 1}, {1, 0}, {0, 0}},
+                .uv1 = {{1, 1}, {0, 1}, {0, 0}, {1, 0}},
+                .indices = {0, 1, 2, 0, 2, 3}};
+
+#define SQUARE_GLTF                                                                               \
+    "{\"asset\":{\"version\":\"2.0\"},\"extensionsUsed\":[\"KHR_materials_unlit\","                 \
+    "\"KHR_texture_transform\"],\"scenes\":[{\"nodes\":[0,1]}],"                                  \
+    "\"nodes\":[{\"mesh\":0},{\"camera\":0,\"translation\":[0,0,10]}],"                           \
+    "\"cameras\":[{\"type\":\"orthographic\",\"orthographic\":"                                   \
+    "{\"xmag\":1,\"ymag\":1,\"znear\":1,\"zfar\":100}}],"                                         \
+    "\"meshes\":[{\"primitives\":[{\"material\":0,\"indices\":3,"                                 \
+    "\"attributes\":{\"POSITION\":0,\"TEXCOORD_0\":1,\"TEXCOORD_1\":2}}]}],"                      \
+    "\"buffers\":[{\"uri\":\"square.bin\",\"byteLength\":124}],\"bufferViews\":["                 \
+    "{\"buffer\":0,\"byteLength\":48},{\"buffer\":0,\"byteOffset\":48,\"byteLength\":32},"        \
+    "{\"buffer\":0,\"byteOffset\":80,\"byteLength\":32},"                                         \
+    "{\"buffer\":0,\"byteOffset\":112,\"byteLength\":12}],\"accessors\":["                        \
+    "{\"bufferView\":0,\"componentType\":5126,\"count\":4,\"type\":\"VEC3\","                     \
+    "\"min\":[-1,-1,0],\"max\":[1,1,0]},"                                                         \
+    "{\"bufferView\":1,\"componentType\":5126,\"count\":4,\"type\":\"VEC2\"},"                    \
+    "{\"bufferView\":2,\"componentType\":5126,\"count\":4,\"type\":\"VEC2\"},"                    \
+    "{\"bufferView\":3,\"componentType\":5123,\"count\":6,\"type\":\"SCALAR\"}],"                 \
+    "\"images\":[{\"uri\":\"p.png\"}],\"textures\":[{\"source\":0}],"                             \
+    "\"materials\":[{\"extensions\":{\"KHR_materials_unlit\":{}},\"pbrMetallicRoughness\":"       \
+    "{\"baseColorTexture\":{\"index\":0%s}}}]}"
+
+/* For each, the quadrant of the picture that is seen in each quadrant, in the order of
+ * `quadrants`. Turned: by the extension's u' = c u + s v, v' = -s u + c v. */
+static const struct {
+    const char *info;
+    int shown[4];
+} coordinates[] = {
+    {"", {0, 1, 2, 3}},
+    {",\"texCoord\":1", {1, 0, 3, 2}},
+    {",\"extensions\":{\"KHR_texture_transform\":{\"texCoord\":1}}", {1, 0, 3, 2}},
+    {",\"extensions\":{\"KHR_texture_transform\":{\"offset\":[0,0.5]}}", {2, 3, 0, 1}},
+    {",\"extensions\":{\"KHR_texture_transform\":{\"scale\":[-1,1]}}", {1, 0, 3, 2}},
+    {",\"extensions\":{\"KHR_texture_transform\":{\"rotation\":1.5707963}}", {2, 0, 3, 1}},
+    /* Scaled first, then turned, then moved: (u, v) to (v, 0.5 - u / 2). */
+    {",\"extensions\":{\"KHR_texture_transform\":{\"rotation\":1.5707963,\"scale\":[0.5,1],"
+     "\"offset\":[0,0.5]}}", {0, 0, 1, 1}},
+};
+
+static void test_coordinates(void **state)
+{
+    char *folder = pbrt_folder_make();
+
+    (void)state;
+    put_picture(folder, PNG8);
+    pbrt_folder_put(folder, "square.bin", &square_bin, sizeof square_bin);
+    for (size_t i = 0; i < sizeof coordinates / sizeof *coordinates; i++) {
+        struct import_result import;
+        const float *picture;
+        char text[4096];
+        snprintf(text, sizeof text, SQUARE_GLTF, coordinates[i].info);
+        imported_text(text, "square.gltf", folder, &import);
+        picture = look(&import, 4);
+        import_result_release(&import);
+        for (int q = 0; q < 4; q++)
+            for (int c = 0; c < 3; c++) {
+                int x = SIDE / 4 + q % 2 * SIDE / 2, y = SIDE / 4 + q / 2 * SIDE / 2;
+                float wanted = srgb_decode((float)quadrants[coordinates[i].shown[q]][c] / 255);
+                float got = picture[3 * (y * SIDE + x) + c];
+                if (fabsf(got - wanted) > 1e-4f)
+                    fail_msg("%s: quadrant %d, channel %d: %.5f instead of %.5f",
+                             coordinates[i].info, q, c, (double)got, (double)wanted);
+            }
+    }
+    pbrt_folder_remove(folder);
+}
+
 /* The same picture as a matt surface's reflectance under a white sky: radiance is reflectance. */
 static void test_reflectance(void **state)
 {
@@ -381,6 +459,7 @@ int main(void)
         cmocka_unit_test(test_loop_subdivision),
         cmocka_unit_test(test_places),
         cmocka_unit_test(test_pictures),
+        cmocka_unit_test(test_coordinates),
         cmocka_unit_test(test_reflectance),
         cmocka_unit_test(test_ply_colors),
     };
