@@ -25,14 +25,16 @@ static void unit_render(struct pool_task *task)
     struct work_unit *unit = (struct work_unit *)task;
     const struct render_scene *scene = scene_slot_render(unit->lease->slot);
     uint64_t cpu_ns = clock_thread_cpu_ns(), wall_ns = clock_monotonic_ns();
-    uint64_t before[STAGE_COUNT], after[STAGE_COUNT];
+    struct profile_counts before, after;
 
-    profile_counts(before);
+    profile_counts(&before);
     unit->sum_count =
         render_tile(scene, unit->frame, unit->tile, unit->pass, unit->sums, &unit->stats);
-    profile_counts(after);
+    profile_counts(&after);
     for (int i = 0; i < STAGE_COUNT; i++)
-        unit->stages[i] = (uint32_t)(after[i] - before[i]);
+        unit->stages[i] = (uint32_t)(after.stages[i] - before.stages[i]);
+    for (int i = 0; i < EFFECT_ACCOUNTS; i++)
+        unit->accounts[i] = (uint32_t)(after.accounts[i] - before.accounts[i]);
     unit->effects = render_effects(scene);
     unit->cpu_ns = clock_thread_cpu_ns() - cpu_ns;
     unit->wall_ns = clock_monotonic_ns() - wall_ns;

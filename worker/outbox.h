@@ -11,6 +11,7 @@
 
 #include "common/film/tiles.h"
 #include "protocol/channel.h"
+#include "common/scene/effects.h"
 #include "common/scene/stages.h"
 #include "worker/pool.h"
 #include "worker/render/render.h"
@@ -32,6 +33,7 @@ struct work_unit {
     uint64_t cpu_ns, wall_ns;
     uint64_t effects;      /* what the scene called for */
     uint32_t stages[STAGE_COUNT]; /* how often the thread was found in each */
+    uint32_t accounts[EFFECT_ACCOUNTS]; /* the same looks, by effect */
     struct render_stats stats;
     float sums[];          /* as many as tile_floats() says */
 };

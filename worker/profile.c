@@ -2,10 +2,12 @@
 
 #include <pthread.h>
 #include <signal.h>
+#include <stdatomic.h>
 #include <string.h>
 #include <time.h>
 
 #include "common/base/memory.h"
+#include "worker/render/charge.h"
 #include "worker/render/stage.h"
 
 /* A little off a millisecond, so as not to beat with what the system does every millisecond. */
@@ -14,8 +16,8 @@ enum { PERIOD_NS = 1013000, IDLE_PERIOD_NS = 20000000 };
 /* A thread that is looked at. */
 struct watched {
     struct watched *next;
-    const _Atomic uint8_t *now;
-    _Atomic uint64_t counts[STAGE_COUNT];
+    const watched_byte *stage, *account;
+    _Atomic uint64_t stages[STAGE_COUNT], accounts[EFFECT_ACCOUNTS];
 };
 
 static struct {
@@ -35,10 +37,12 @@ static int look(void)
 
     pthread_mutex_lock(&profile.lock);
     for (struct watched *w = profile.first; w; w = w->next) {
-        unsigned stage = atomic_load_explicit(w->now, memory_order_relaxed);
-        if (stage == 0 || stage > STAGE_COUNT)
+        unsigned stage = WATCHED_GET(*w->stage);
+        unsigned account = WATCHED_GET(*w->account);
+        if (stage == 0 || stage > STAGE_COUNT || account >= EFFECT_ACCOUNTS)
             continue;
-        atomic_fetch_add_explicit(&w->counts[stage - 1], 1, memory_order_relaxed);
+        atomic_fetch_add_explicit(&w->stages[stage - 1], 1, memory_order_relaxed);
+        atomic_fetch_add_explicit(&w->accounts[account], 1, memory_order_relaxed);
         busy++;
     }
     pthread_mutex_unlock(&profile.lock);
@@ -87,7 +91,8 @@ void profile_join(void)
 
     if (!w)
         return;
-    w->now = &stage_now;
+    w->stage = &stage_now;
+    w->account = &charge_now;
     pthread_mutex_lock(&profile.lock);
     w->next = profile.first;
     profile.first = w;
@@ -110,9 +115,11 @@ void profile_leave(void)
     mine = NULL;
 }
 
-void profile_counts(uint64_t counts[STAGE_COUNT])
+void profile_counts(struct profile_counts *out)
 {
-    memset(counts, 0, STAGE_COUNT * sizeof *counts);
+    memset(out, 0, sizeof *out);
     for (int i = 0; mine && i < STAGE_COUNT; i++)
-        counts[i] = atomic_load_explicit(&mine->counts[i], memory_order_relaxed);
+        out->stages[i] = atomic_load_explicit(&mine->stages[i], memory_order_relaxed);
+    for (int i = 0; mine && i < EFFECT_ACCOUNTS; i++)
+        out->accounts[i] = atomic_load_explicit(&mine->accounts[i], memory_order_relaxed);
 }

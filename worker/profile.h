@@ -1,8 +1,8 @@
-/* profile: in which stages of rendering the time goes.
+/* profile: in which stages of rendering the time goes, and for which effects.
  *
  * One thread looks about a thousand times a second at the stage of every rendering thread
- * (worker/render/stage.h) and counts. The rendering threads pay one store at each border of a
- * stage; looking costs the process some microseconds a millisecond, and almost nothing while
+ * (worker/render/stage.h) and at the effect that it works for (worker/render/charge.h), and counts.
+ * The rendering threads pay one store at each border; looking costs the process some microseconds a millisecond, and almost nothing while
  * nobody renders.
  *
  * A thread must join before its counts are read and leave before it ends. One profile in a
@@ -15,7 +15,13 @@
 #include <stdint.h>
 
 #include "common/base/status.h"
+#include "common/scene/effects.h"
 #include "common/scene/stages.h"
+
+/* Each look counts once in either. */
+struct profile_counts {
+    uint64_t stages[STAGE_COUNT], accounts[EFFECT_ACCOUNTS];
+};
 
 status profile_start(struct error *err) MUST_CHECK;
 void profile_stop(void); /* after every thread has left */
@@ -24,7 +30,7 @@ void profile_stop(void); /* after every thread has left */
 void profile_join(void);
 void profile_leave(void);
 
-/* How often the calling thread was found in each stage since it joined. */
-void profile_counts(uint64_t counts[STAGE_COUNT]);
+/* How often the calling thread was found in each since it joined. */
+void profile_counts(struct profile_counts *out);
 
 #endif

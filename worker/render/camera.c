@@ -1,6 +1,7 @@
 #include "worker/render/camera.h"
 
 #include "common/math/elementary.h"
+#include "worker/render/charge.h"
 #include "worker/render/has.h"
 
 static float camera_filter_sample(const struct camera *camera, float u)
@@ -78,12 +79,14 @@ void camera_ray(const struct camera *camera, uint32_t x, uint32_t y, const struc
         origin = vec3_make(px, py, 0);
         direction = vec3_make(0, 0, -1);
     } else if (HAS(PANORAMA) && camera->kind == CAMERA_PANORAMA) {
+        CHARGE_SCOPE(PANORAMA);
         direction = camera_panorama_direction(film_x, film_y, camera->width, camera->height);
     }
     if (HAS(DEPTH_OF_FIELD) && camera->lens_radius > 0) {
         /* All rays of one place on the film meet in the plane that is sharp. */
         struct vec3 sharp = vec3_mad(origin, direction, camera->focus_distance);
         float lens[2];
+        CHARGE_SCOPE(DEPTH_OF_FIELD);
         camera_lens_sample(camera, sampler_get(sampler, DIMENSION_LENS), lens);
         origin.x += lens[0];
         origin.y += lens[1];
@@ -91,6 +94,7 @@ void camera_ray(const struct camera *camera, uint32_t x, uint32_t y, const struc
     }
     ray->time = 0;
     if (HAS(MOTION_BLUR) && camera->shutter_open) {
+        CHARGE_SCOPE(MOTION_BLUR);
         ray->time = sampler_get(sampler, DIMENSION_TIME).u;
         if (camera->motion_steps) {
             moved = camera_to_world_at(camera, ray->time);

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "common/math/elementary.h"
+#include "worker/render/charge.h"
 #include "worker/render/has.h"
 #include "worker/render/medium_data.h"
 
@@ -60,6 +61,7 @@ static struct vec3 medium_homogeneous_emission(const struct world_medium *medium
 {
     float sum[3];
 
+    CHARGE_SCOPE(MEDIUM_EMISSION);
     for (int c = 0; c < 3; c++)
         sum[c] = medium->emission[c] > 0.0f
                      ? float_min(medium->emission[c] *
@@ -372,6 +374,7 @@ void medium_sample(const struct world_medium *medium, const struct ray *ray, flo
     if (HAS(MEDIUM_GRID) && medium->size[0]) {
         float emitted[3] = {0, 0, 0};
 
+        CHARGE_SCOPE(MEDIUM_GRID);
         if (medium->scatters) {
             medium_sample_grid(medium, ray, first, random, out);
             return;
@@ -400,8 +403,10 @@ struct vec3 medium_transmittance(const struct world_medium *medium, const struct
 {
     float t_max = ray->t_max > 0.0f ? ray->t_max : 0.0f;
 
-    if (HAS(MEDIUM_GRID) && medium->size[0])
+    if (HAS(MEDIUM_GRID) && medium->size[0]) {
+        CHARGE_SCOPE(MEDIUM_GRID);
         return medium_ratio_track(medium, ray, medium_next(random), random, NULL);
+    }
     return (struct vec3){medium_beer(medium->extinction[0], t_max),
                          medium_beer(medium->extinction[1], t_max),
                          medium_beer(medium->extinction[2], t_max)};

@@ -4,6 +4,7 @@
 #include "common/math/elementary.h"
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/bsdf/dispersion.h"
+#include "worker/render/charge.h"
 #include "worker/render/has.h"
 #include "worker/render/interior.h"
 #include "worker/render/kernel.h"
@@ -44,6 +45,9 @@ struct path {
     struct interior interior;
     uint32_t medium_key;
     uint32_t medium_depth;      /* the depth after the last one whose number a medium used */
+    /* With volumes only; else the charge stays as scattering has left it (charge.h). */
+    uint8_t sender;             /* to whom the ray and what it meets are charged */
+    uint8_t bearer;             /* and the stretch that is traced now: the sender, or a boundary */
 };
 
 int path_accept(const void *scene_, const void *query_, uint32_t instance_index, uint32_t triangle,
@@ -55,6 +59,7 @@ int path_accept(const void *scene_, const void *query_, uint32_t instance_index,
     const struct world_material *material = &scene->materials[instance->material];
     float alpha;
 
+    CHARGE_SCOPE_OF(ACTIVE(scene, CULLING) ? CHARGE_OF(CULLING) : CHARGE_OF(ALPHA));
     /* Baked triangles are seen in world space, where a mirror turns the winding round. */
     if (instance->world_positions && instance->flipped)
         facing = !facing;
@@ -63,6 +68,7 @@ int path_accept(const void *scene_, const void *query_, uint32_t instance_index,
     if (!HAS(ALPHA) || !(material->flags & MATERIAL_ALPHA))
         return 1;
     STAGE(SURFACE);
+    CHARGE(ALPHA);
     alpha = world_alpha(material, &scene->meshes[instance->mesh],
                         world_vertices(&scene->meshes[instance->mesh], triangle), u, v);
     STAGE(TRACE);
@@ -144,6 +150,14 @@ static float interior_ior(const struct render_scene *scene, const struct interio
     return m->kind == MATERIAL_SURFACE && m->refractive && m->ior >= 1 ? m->ior : 1;
 }
 
+/* To whom keeping count of the volumes is charged. */
+static uint8_t path_keeper(const struct render_scene *scene)
+{
+    return ACTIVE(scene, NESTED_DIELECTRIC) ? CHARGE_OF(NESTED_DIELECTRIC)
+           : ACTIVE(scene, INTERFACE)       ? CHARGE_OF(INTERFACE)
+                                            : CHARGE_OF(MEDIUM);
+}
+
 /* Fog ends at the scene's sphere: where along the ray. */
 static float path_fog_end(const struct render_scene *scene, const struct ray *ray)
 {
@@ -174,6 +188,7 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
     struct vec3 visible = {1, 1, 1};
     struct interior in;
     struct ray stretch = *ray;
+    uint8_t light;
 
     path->query.ray_number++;
     if (!(HAS_VOLUMES && (ACTIVE(scene, MEDIUM) || ACTIVE(scene, INTERFACE)))) {
@@ -182,6 +197,7 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
         return visible;
     }
     in = path->interior;
+    light = charge_get();
     for (int i = 0; i < PASSAGES_MAX; i++) {
         struct medium_random random = {path->sampler, path->medium_key++, 0};
         const struct world_medium *medium;
@@ -195,12 +211,14 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
         if (met) {
             surface_from_hit(scene, &stretch, &hit, &s);
             surface_resolve_mix(scene, &s, 0);
+            charge_set(light);
             if (s.material->m.kind != MATERIAL_INTERFACE)
                 return black;
         }
         medium = interior_medium(scene, &in, &is_fog);
         if (medium) {
             struct ray through = stretch;
+            CHARGE_SCOPE_OF(is_fog ? CHARGE_OF(FOG) : CHARGE_OF(MEDIUM));
             through.t_max = met ? s.t : stretch.t_max;
             if (is_fog)
                 through.t_max = float_min(through.t_max, path_fog_end(scene, &stretch));
@@ -210,6 +228,7 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
         }
         if (!met)
             return visible;
+        CHARGE(INTERFACE);
         interior_cross(scene, &in, &s, &next, &real);
         in = next;
         stretch.origin = surface_ray_origin(&s, ray->direction);
@@ -247,10 +266,10 @@ static int path_shadow_ray(const struct light_sample *light, struct vec3 p, stru
 }
 
 /* Next-event estimation: light that one chosen emitter sends to the surface. `beyond`: what the
- * ray is in on the other side. */
+ * ray is in on the other side; `scatterer`: to whom the BSDF is charged. */
 static struct vec3 path_direct_light(struct path *path, const struct surface *s,
                                      const struct bsdf *bsdf, struct vec3 wo, uint32_t dimension,
-                                     const struct interior *beyond)
+                                     const struct interior *beyond, uint8_t scatterer)
 {
     const struct vec3 black = {0, 0, 0};
     struct sample2 point = sampler_get(path->sampler, dimension + VERTEX_LIGHT_POINT);
@@ -260,6 +279,7 @@ static struct vec3 path_direct_light(struct path *path, const struct surface *s,
     struct vec3 wi, value, visible;
     struct ray ray;
     float bsdf_density;
+    uint8_t sender;
 
     STAGE(LIGHT);
     if (s->material->flags & MATERIAL_TWO_WAY)
@@ -267,12 +287,15 @@ static struct vec3 path_direct_light(struct path *path, const struct surface *s,
     if (!emitters_sample(path->scene, &asker, point.u, point.v, &light) ||
         vec3_is_black(light.radiance))
         return black;
+    sender = charge_get();
     wi = frame_to_local(&s->frame, light.direction);
     /* The geometric normal decides on which side the light is, or it leaks. */
     if ((vec3_dot(light.direction, s->ng) > 0) != (wi.z > 0))
         return black;
     STAGE(SCATTER);
+    charge_set(scatterer);
     value = bsdf_eval_pdf(bsdf, wo, wi, &bsdf_density);
+    charge_set(sender);
     if (vec3_is_black(value) ||
         !path_shadow_ray(&light, s->p, surface_ray_origin(s, light.direction), s->time, &ray))
         return black;
@@ -332,6 +355,7 @@ static struct vec3 path_escaped(const struct path *path)
 
     if (!ACTIVE(scene, ENVIRONMENT) || !scene->environment || path_is_caustic(path))
         return vec3_make(0, 0, 0);
+    CHARGE(ENVIRONMENT);
     if (path->from_delta || !scene->emitters.has_environment)
         return environment_radiance(scene->environment, path->ray.direction);
     radiance = emitters_environment(scene, &path->asker, path->ray.direction, &density);
@@ -348,6 +372,7 @@ static struct vec3 path_emitted(const struct path *path, const struct surface *s
     if (!HAS(EMISSIVE_MESH) || !(material->flags & MATERIAL_EMISSIVE) ||
         (!s->front && !material->m.double_sided) || path_is_caustic(path))
         return vec3_make(0, 0, 0); /* a lamp shines from its front */
+    CHARGE_SCOPE(EMISSIVE_MESH);
     /* The parts of a mix are not sampled as lights. */
     sampled = s->instance->light_base >= 0 &&
               material == &path->scene->materials[s->instance->material];
@@ -428,11 +453,15 @@ static int path_cross_medium(struct path *path, float t, uint32_t depth, uint32_
     struct medium_event event;
     struct vec3 before = path->ray.direction, p;
     int is_fog;
+    uint8_t account;
 
     STAGE(MEDIUM);
+    CHARGE_SCOPE(MEDIUM);
     medium = interior_medium(scene, &path->interior, &is_fog);
     if (!medium)
         return 0;
+    account = is_fog ? CHARGE_OF(FOG) : CHARGE_OF(MEDIUM);
+    charge_set(account);
     stretch.t_max = is_fog ? float_min(t, path_fog_end(scene, &path->ray)) : t;
     numbers = sampler_get(path->sampler, dimension + VERTEX_MEDIUM);
     if (path->medium_depth > depth) /* a second stretch without a vertex between */
@@ -454,6 +483,8 @@ static int path_cross_medium(struct path *path, float t, uint32_t depth, uint32_
                                                  path_direct_phase(path, medium, p, before,
                                                                    dimension)));
     STAGE(MEDIUM);
+    charge_set(account);
+    path->sender = path->bearer = account;
     direction = sampler_get(path->sampler, dimension + VERTEX_BSDF);
     path->ray.direction = medium_phase_sample(medium, before, direction.u, direction.v);
     path->density = medium_phase(medium, vec3_dot(before, path->ray.direction));
@@ -470,13 +501,14 @@ static int path_cross_medium(struct path *path, float t, uint32_t depth, uint32_
     return 1;
 }
 
-/* The path's wavelength, chosen when first needed. */
-static float path_wavelength(struct path *path)
+/* The index for the path's wavelength, which is chosen when first needed. */
+static float path_dispersed_ior(struct path *path, float ior, float dispersion)
 {
+    CHARGE_SCOPE(DISPERSION);
     if (!(path->wavelength_nm > 0))
         path->wavelength_nm = wavelength_sample(sampler_get(path->sampler, DIMENSION_TIME).v,
                                                 &path->wavelength_rgb);
-    return path->wavelength_nm;
+    return dispersion_ior(ior, dispersion, path->wavelength_nm);
 }
 
 /* Straight on past a boundary that is none. */
@@ -530,6 +562,8 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
     path.wavelength_nm = 0;
     path.dispersed = 0;
     path.interior.count = 0;
+    if (HAS_VOLUMES)
+        path.sender = path.bearer = CHARGE_NOBODY;
     path.medium_key = path.medium_depth = 0;
     if (volumes)
         path.interior = scene->camera_interior;
@@ -544,9 +578,12 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
         struct hit hit;
         struct vec3 wo;
         int met, real = 1;
+        uint8_t scatterer;
 
-        if (HAS_VOLUMES)
+        if (HAS_VOLUMES) {
             beyond.count = 0;
+            charge_set(path.bearer);
+        }
         path.query.ray_number++;
         met = path_trace(&path, &path.ray, &path.query, &hit);
         STAGE(SURFACE);
@@ -555,6 +592,10 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             if (HAS(MATERIAL_MIX) && s.material->m.kind == MATERIAL_MIX)
                 surface_resolve_mix(scene, &s,
                                     sampler_get(sampler, dimension + VERTEX_MEDIUM).v);
+        }
+        if (HAS_VOLUMES) {
+            charge_set(path.sender);
+            path.bearer = path.sender;
         }
         if (HAS(MEDIUM) && ACTIVE(scene, MEDIUM)) {
             int event = path_cross_medium(&path, met ? s.t : INFINITY, depth, dimension,
@@ -572,16 +613,21 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             break;
         }
         if (volumes) {
+            CHARGE_SCOPE_OF(path_keeper(scene));
             int top = interior_top(scene, &path.interior);
-            if (top >= 0 && ACTIVE(scene, ABSORPTION))
+            if (top >= 0 && ACTIVE(scene, ABSORPTION)) {
+                CHARGE_SCOPE(ABSORPTION);
                 path.throughput = vec3_mul(
                     path.throughput,
                     path_absorbed(&scene->materials[path.interior.material[top]], s.t));
+            }
             if (s.material->flags & MATERIAL_BOUNDS) {
                 interior_cross(scene, &path.interior, &s, &beyond, &real);
                 if (!real || s.material->m.kind == MATERIAL_INTERFACE) {
                     if (++passages > PASSAGES_MAX)
                         break;
+                    path.bearer = s.material->m.kind == MATERIAL_INTERFACE
+                                      ? CHARGE_OF(INTERFACE) : charge_get();
                     path_pass(&path, &s, &beyond);
                     continue;
                 }
@@ -590,12 +636,14 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             }
         } else if (ACTIVE(scene, ABSORPTION) && !s.front && s.material->m.refractive &&
                    !vec3_is_black(s.material->absorption)) {
+            CHARGE_SCOPE(ABSORPTION);
             path.throughput = vec3_mul(path.throughput, path_absorbed(s.material, s.t));
         }
         stats->vertices++;
         if (HAS(TEXTURE) && s.material->flags & (MATERIAL_TEXTURED | MATERIAL_NORMAL_MAP))
             s.footprint = (path.cone.width + s.t * path.cone.spread) / sqrtf(s.area);
         if (HAS(UNLIT) && s.material->m.unlit) {
+            CHARGE_SCOPE(UNLIT);
             radiance = vec3_add(radiance, vec3_mul(path.throughput, path_unlit(&path, &s)));
             if (record && !record->hit && depth == 0) {
                 surface_shade(scene, &s, vec3_neg(path.ray.direction), &params);
@@ -617,25 +665,31 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             break;
         if (HAS(DISPERSION) && ACTIVE(scene, DISPERSION) && s.material->m.dispersion > 0 &&
             params.refractive)
-            params.ior = dispersion_ior(params.ior, s.material->m.dispersion,
-                                        path_wavelength(&path));
-        if (volumes && ACTIVE(scene, NESTED_DIELECTRIC))
+            params.ior = path_dispersed_ior(&path, params.ior, s.material->m.dispersion);
+        if (volumes && ACTIVE(scene, NESTED_DIELECTRIC)) {
+            CHARGE_SCOPE(NESTED_DIELECTRIC);
             params.ior_outside = interior_ior(scene, s.front ? &path.interior : &beyond);
+        }
         wo = frame_to_local(&s.frame, vec3_neg(path.ray.direction));
         if (!(wo.z > 0))
             break;
         STAGE(SCATTER);
-        bsdf_init(&bsdf, &params, wo);
+        bsdf_init(&bsdf, &params, wo); /* charges what scatters */
+        scatterer = charge_get();
         if (bsdf.has_smooth && scene->emitters.count > 0)
             radiance = vec3_add(
-                radiance, vec3_mul(path.throughput, path_direct_light(&path, &s, &bsdf, wo,
-                                                                      dimension, &beyond)));
+                radiance, vec3_mul(path.throughput,
+                                   path_direct_light(&path, &s, &bsdf, wo, dimension, &beyond,
+                                                     scatterer)));
 
         STAGE(SCATTER);
+        charge_set(scatterer);
         direction_sample = sampler_get(sampler, dimension + VERTEX_BSDF);
         lobe_sample = sampler_get(sampler, dimension + VERTEX_LOBE);
         if (!bsdf_sample(&bsdf, wo, lobe_sample.u, direction_sample.u, direction_sample.v, &sample))
             break;
+        if (HAS_VOLUMES)
+            path.sender = path.bearer = charge_get(); /* the lobe */
         path.ray.direction = vec3_normalize(frame_to_world(&s.frame, sample.wi));
         if ((vec3_dot(path.ray.direction, s.ng) > 0) != (sample.wi.z > 0))
             break;

@@ -1,3 +1,3 @@
 #include "worker/render/stage.h"
 
-_Thread_local _Atomic uint8_t stage_now;
+_Thread_local watched_byte stage_now;

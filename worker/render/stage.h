@@ -6,16 +6,15 @@
 #ifndef AZULEJO_RENDER_STAGE_H
 #define AZULEJO_RENDER_STAGE_H
 
-#include <stdatomic.h>
 #include <stdint.h>
 
 #include "common/scene/stages.h"
+#include "worker/render/watched.h"
 
 /* The stage's number + 1; 0: the thread renders nothing, as at its start. */
-extern _Thread_local _Atomic uint8_t stage_now __attribute__((tls_model("local-exec")));
+extern _Thread_local watched_byte stage_now __attribute__((tls_model("local-exec")));
 
-#define STAGE(name) \
-    atomic_store_explicit(&stage_now, (uint8_t)(STAGE_##name + 1), memory_order_relaxed)
-#define STAGE_NONE() atomic_store_explicit(&stage_now, (uint8_t)0, memory_order_relaxed)
+#define STAGE(name) WATCHED_SET(stage_now, (uint8_t)(STAGE_##name + 1))
+#define STAGE_NONE() WATCHED_SET(stage_now, (uint8_t)0)
 
 #endif

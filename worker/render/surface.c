@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "common/math/elementary.h"
+#include "worker/render/charge.h"
 #include "worker/render/has.h"
 #include "worker/render/world.h"
 #include "worker/render/world_motion.h"
@@ -137,6 +138,7 @@ static struct vec3 surface_deformed(const struct surface *s, const float *openin
 
     if (!HAS(MOTION_BLUR) || !HAS(DEFORMATION) || !motion)
         return surface_interpolate(opening, stride, s->vertex, s->b1, s->b2);
+    CHARGE_SCOPE(MOTION_BLUR);
     segment = motion_segment(s->time, s->instance->motion_steps, &f);
     from = surface_interpolate(motion[segment], stride, s->vertex, s->b1, s->b2);
     to = surface_interpolate(motion[segment + 1], stride, s->vertex, s->b1, s->b2);
@@ -145,8 +147,10 @@ static struct vec3 surface_deformed(const struct surface *s, const float *openin
 
 static struct texel surface_texel(const struct surface *s, const struct world_slot *slot, int srgb)
 {
-    if (slot->shares_place)
+    if (slot->shares_place) {
+        CHARGE_SCOPE(TEXTURE);
         return texture_read(slot->image, &slot->texture, &s->place, srgb);
+    }
     return world_slot_lookup(slot, s->mesh, s->vertex, s->b1, s->b2, s->footprint, srgb);
 }
 
@@ -182,6 +186,7 @@ static struct vec3 surface_mapped_normal(const struct surface *s, const struct w
     struct texel texel;
     float cosine;
 
+    CHARGE_SCOPE(NORMAL_MAP);
     if (vec3_is_black(t))
         return n;
     texel = surface_texel(s, slot, 0);
@@ -359,23 +364,30 @@ static void surface_layers(const struct render_scene *scene, struct surface *s, 
     const struct world_material *material = s->material;
     const struct scene_material *m = &material->m;
 
-    if (ACTIVE(scene, ANISOTROPY) && m->anisotropy > 0 && surface_tangents(s))
+    if (ACTIVE(scene, ANISOTROPY) && m->anisotropy > 0 && surface_tangents(s)) {
+        CHARGE_SCOPE(ANISOTROPY);
         surface_anisotropy(s, params);
+    }
     if (ACTIVE(scene, CONDUCTOR) && m->kind == MATERIAL_CONDUCTOR) {
+        CHARGE_SCOPE(CONDUCTOR);
         params->conductor = 1;
         params->eta = vec3_make(m->conductor_eta[0], m->conductor_eta[1], m->conductor_eta[2]);
         params->k = vec3_make(m->conductor_k[0], m->conductor_k[1], m->conductor_k[2]);
     }
-    if (ACTIVE(scene, CLEARCOAT) && m->clearcoat > 0)
+    if (ACTIVE(scene, CLEARCOAT) && m->clearcoat > 0) {
+        CHARGE_SCOPE(CLEARCOAT);
         surface_clearcoat(scene, s, wo, vertex_normal, params);
+    }
     if (ACTIVE(scene, SHEEN) && (m->sheen_color[0] > 0 || m->sheen_color[1] > 0 ||
                                  m->sheen_color[2] > 0)) {
+        CHARGE_SCOPE(SHEEN);
         params->sheen_color = surface_color(s, m->sheen_color, &material->sheen_color);
         params->sheen_alpha =
             square(surface_factor(s, m->sheen_roughness, &material->sheen_roughness, 3));
     }
     if (ACTIVE(scene, IRIDESCENCE) && m->iridescence > 0) {
         float thickness = 1;
+        CHARGE_SCOPE(IRIDESCENCE);
         params->iridescence = surface_factor(s, m->iridescence, &material->iridescence, 0);
         params->iridescence_ior = m->iridescence_ior;
         if (HAS(TEXTURE) && material->iridescence_thickness.image)
@@ -385,6 +397,7 @@ static void surface_layers(const struct render_scene *scene, struct surface *s, 
             (m->iridescence_thickness_max_nm - m->iridescence_thickness_min_nm) * thickness;
     }
     if (ACTIVE(scene, DIFFUSE_TRANSMISSION) && m->diffuse_transmission > 0) {
+        CHARGE_SCOPE(DIFFUSE_TRANSMISSION);
         params->diffuse_transmission =
             surface_factor(s, m->diffuse_transmission, &material->diffuse_transmission, 3);
         params->diffuse_transmission_color = surface_color(
@@ -398,6 +411,7 @@ void surface_resolve_mix(const struct render_scene *scene, struct surface *s, fl
 {
     /* A mix refers to lower materials only, so this ends. */
     while (s->material->m.kind == MATERIAL_MIX) {
+        CHARGE_SCOPE(MATERIAL_MIX);
         const struct world_material *mix = s->material;
         float amount = surface_factor(s, mix->m.mix_amount, &mix->mix, 0);
         int second;
@@ -454,6 +468,7 @@ void surface_shade(const struct render_scene *scene, struct surface *s, struct v
 
 struct vec3 surface_vertex_color(const struct surface *s)
 {
+    CHARGE_SCOPE(VERTEX_COLOR);
     return surface_interpolate(s->mesh->colors, 4, s->vertex, s->b1, s->b2);
 }
 
@@ -512,6 +527,7 @@ struct texel world_slot_lookup(const struct world_slot *slot, const struct world
 {
     float u, v;
 
+    CHARGE_SCOPE(TEXTURE);
     surface_slot_coordinates(slot, mesh, vertex, b1, b2, &u, &v, &footprint);
     return texture_lookup(slot->image, &slot->texture, u, v, footprint, srgb);
 }
@@ -522,6 +538,7 @@ void world_slot_place(const struct world_slot *slot, const struct world_mesh *me
 {
     float u, v;
 
+    CHARGE_SCOPE(TEXTURE);
     surface_slot_coordinates(slot, mesh, vertex, b1, b2, &u, &v, &footprint);
     texture_place(place, slot->image, &slot->texture, u, v, footprint, srgb);
 }
@@ -547,6 +564,7 @@ float world_emission_scale(const struct world_material *material, const struct w
     float n = float_max(material->m.clearcoat_ior, 1), f0 = (n - 1) / (n + 1), m = 1 - cosine;
     float coat = material->m.clearcoat;
 
+    CHARGE_SCOPE(CLEARCOAT);
     if (HAS(TEXTURE) && material->clearcoat.image)
         coat *= world_slot_lookup(&material->clearcoat, mesh, vertex, b1, b2, 0, 0).r;
     f0 *= f0;

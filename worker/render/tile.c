@@ -2,6 +2,7 @@
 #include <float.h>
 #include <string.h>
 
+#include "worker/render/charge.h"
 #include "worker/render/kernel.h"
 #include "worker/render/path.h"
 #include "worker/render/stage.h"
@@ -107,6 +108,7 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
     struct ray rays[TILE_BATCH];
 
     pass_range(settings->spp, pass, &begin, &end);
+    charge_set(CHARGE_NOBODY);
     for (uint32_t y = rect.y; y < rect.y + rect.height; y++)
         for (uint32_t x = rect.x; x < rect.x + rect.width; x++, index++) {
             double sum[REPLICATES][3] = {{0}}, values[AOV_FLOATS_MAX] = {0};
@@ -123,6 +125,7 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                 radiance = path_radiance(scene, &samplers[at], rays[at], cone,
                                          extra ? &record : NULL, stats);
                 STAGE(REST);
+                charge_set(CHARGE_NOBODY);
                 stats->samples++;
                 if (extra)
                     tile_aovs(scene, &rays[at], &record, i == 0, values);

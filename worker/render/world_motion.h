@@ -7,6 +7,7 @@
 #ifndef AZULEJO_RENDER_WORLD_MOTION_H
 #define AZULEJO_RENDER_WORLD_MOTION_H
 
+#include "worker/render/charge.h"
 #include "worker/render/has.h"
 #include "worker/render/world.h"
 
@@ -63,6 +64,7 @@ static inline void world_corners(const struct render_scene *scene,
     const struct world_mesh *mesh = &scene->meshes[instance->mesh];
 
     if (HAS(MOTION_BLUR) && instance->motion_steps) {
+        CHARGE_SCOPE(MOTION_BLUR);
         world_motion_corners(mesh, instance, vertex, time, corner);
         return;
     }
@@ -90,15 +92,19 @@ struct transform world_motion_to_world(const struct world_instance *instance, fl
  * are the world's already, the identity. */
 static inline struct transform world_to_object_at(const struct world_instance *instance, float time)
 {
-    if (HAS(MOTION_BLUR) && instance->motion_steps)
+    if (HAS(MOTION_BLUR) && instance->motion_steps) {
+        CHARGE_SCOPE(MOTION_BLUR);
         return world_motion_to_object(instance, time);
+    }
     return instance->to_object;
 }
 
 static inline struct transform world_to_world_at(const struct world_instance *instance, float time)
 {
-    if (HAS(MOTION_BLUR) && instance->motion_steps)
+    if (HAS(MOTION_BLUR) && instance->motion_steps) {
+        CHARGE_SCOPE(MOTION_BLUR);
         return world_motion_to_world(instance, time);
+    }
     return instance->to_world;
 }
 

@@ -51,6 +51,7 @@ static inline struct vec3 metal_eval_pdf(const struct bsdf *b, struct vec3 wo, s
     f = vec3_scale(schlick_color(b, schlick_weight(cos_h)), density * shadowing);
     *pdf = density;
     if (HAS(MULTIPLE_SCATTERING) && b->compensated) {
+        CHARGE_SCOPE(MULTIPLE_SCATTERING);
         f = vec3_mad(f, b->given_back, albedo_loss_at(&b->loss, wi.z) * wi.z);
         *pdf = b->lobe_pdf[BSDF_LOBE_REFLECT] * density +
                b->lobe_pdf[BSDF_LOBE_DIFFUSE] * wide_density(b, wi.z);
@@ -80,6 +81,7 @@ static inline struct vec3 mix_reflection(const struct bsdf *b, struct vec3 wo, s
             f = vec3_mad(f, b->given_back, full ? back * scale.lobe : back);
         }
         if (BSDF_HAS_BELOW && b->interface_compensated) {
+            CHARGE_SCOPE(MULTIPLE_SCATTERING);
             float back = b->given_back_near * wi.z *
                          albedo_interface_loss_at(&b->loss_near, b->shape.y, wi.z);
             f = vec3_add(f, vec3_splat(full ? back * scale.lobe : back));
@@ -181,15 +183,18 @@ static inline struct vec3 mix_transmission(const struct bsdf *b, struct vec3 wo,
              !b->transmit_delta)
         f = rough_refraction(b, wo, wi, pdf, full);
     if ((BSDF_HAS_BELOW || full) && b->lobe_pdf[BSDF_LOBE_BELOW] > 0.0f) {
-        if (BSDF_HAS_BELOW && b->interface_compensated)
+        if (BSDF_HAS_BELOW && b->interface_compensated) {
+            CHARGE_SCOPE(MULTIPLE_SCATTERING);
             f = vec3_mad(f, b->given_back_far,
                          mu * albedo_interface_loss_at(&b->loss_far, b->shape.y, mu));
+        }
         *pdf += b->lobe_pdf[BSDF_LOBE_BELOW] * (mu * INV_PI_F);
     }
     if (full) {
         f = vec3_scale(f, scale.lobe);
         if (HAS(DIFFUSE_TRANSMISSION) && b->lobe_pdf[BSDF_LOBE_BELOW] > 0.0f &&
             !b->interface_only) {
+            CHARGE_SCOPE(DIFFUSE_TRANSMISSION);
             float loss = HAS(MULTIPLE_SCATTERING) && b->compensated ? shape_loss(b, wi, 1) : 0.0f;
             f = vec3_mad(f, b->layers.diffuse_below,
                          layer_rest(b, mu, loss, 1) * mu * scale.diffuse);
@@ -257,6 +262,7 @@ static inline struct vec3 mix_eval_pdf(const struct bsdf *b, struct vec3 wo, str
         const struct bsdf_layers *l = &b->layers;
         float coat_i = 1.0f;
         if (HAS(CLEARCOAT) && l->coat > 0.0f) {
+            CHARGE_SCOPE(CLEARCOAT);
             coat_i = float_min(l->coat_rest_o, coat_rest(l, vec3_dot(l->coat_normal, wi)));
             if (!l->coat_smooth && b->lobe_pdf[BSDF_LOBE_COAT] > 0.0f) {
                 float density, value = coat_value_pdf(b, wo, wi, &density);
@@ -265,6 +271,7 @@ static inline struct vec3 mix_eval_pdf(const struct bsdf *b, struct vec3 wo, str
             }
         }
         if (HAS(SHEEN) && l->sheen_most > 0.0f) {
+            CHARGE_SCOPE(SHEEN);
             f = vec3_mad(f, l->sheen, sheen_value(b, wo, wi) * coat_i);
             *pdf += b->lobe_pdf[BSDF_LOBE_SHEEN] * INV_2PI_F;
         }
@@ -456,6 +463,7 @@ static inline void sample_below(const struct bsdf *b, float u, float v, struct b
 {
     int lambert = full && HAS(DIFFUSE_TRANSMISSION) && !vec3_is_black(b->layers.diffuse_below);
 
+    charge_set(lambert ? CHARGE_OF(DIFFUSE_TRANSMISSION) : CHARGE_OF(MULTIPLE_SCATTERING));
     out->wi = cosine_hemisphere(u, v);
     out->wi.z = -out->wi.z;
     out->flags = BSDF_TRANSMISSION | (b->p.refractive ? BSDF_REFRACTION : 0);
@@ -478,8 +486,10 @@ static inline int sample_mix(const struct bsdf *b, struct vec3 wo, float u_lobe,
     int result = 0, side = 1;
 
     if (u_lobe < b->lobe_cdf[BSDF_LOBE_DIFFUSE]) {
+        charge_set(vec3_is_black(b->diffuse) ? CHARGE_OF(MULTIPLE_SCATTERING) : CHARGE_OF(DIFFUSE));
         out->wi = wide_sample(b, u, v);
     } else if (u_lobe < b->lobe_cdf[BSDF_LOBE_REFLECT]) {
+        charge_set(b->smooth ? CHARGE_OF(MIRROR) : CHARGE_OF(GLOSSY));
         if (b->smooth)
             return sample_mirror(b, wo, out, full);
         out->wi = reflect_about(wo, shape_sample(b, &b->shape, wo, u, v, full));
@@ -487,15 +497,19 @@ static inline int sample_mix(const struct bsdf *b, struct vec3 wo, float u_lobe,
     } else if (BSDF_HAS_INTERFACE && u_lobe < b->lobe_cdf[BSDF_LOBE_INTERFACE]) {
         float u_side = (u_lobe - b->lobe_cdf[BSDF_LOBE_REFLECT]) /
                        b->lobe_pdf[BSDF_LOBE_INTERFACE];
+        charge_set(b->smooth ? CHARGE_OF(DIELECTRIC) : CHARGE_OF(ROUGH_DIELECTRIC));
         side = sample_interface(b, wo, clamp_to(u_side, 0, ONE_MINUS_EPSILON), u, v, out, &result,
                                 full);
     } else if (HAS(THIN_TRANSMISSION) && u_lobe < b->lobe_cdf[BSDF_LOBE_THIN]) {
+        CHARGE(THIN_TRANSMISSION);
         side = sample_thin(b, wo, u, v, out, &result, full);
     } else if ((BSDF_HAS_BELOW || full) && u_lobe < b->lobe_cdf[BSDF_LOBE_BELOW]) {
         sample_below(b, u, v, out, full);
     } else if (full && HAS(CLEARCOAT) && u_lobe < b->lobe_cdf[BSDF_LOBE_COAT]) {
+        CHARGE(CLEARCOAT);
         side = sample_coat(b, wo, u, v, out, &result);
     } else if (full && HAS(SHEEN)) {
+        CHARGE(SHEEN);
         out->wi = uniform_hemisphere(u, v);
     } else {
         side = 0;
@@ -519,10 +533,12 @@ static inline int sample_metal(const struct bsdf *b, struct vec3 wo, float u_lob
 
     if (HAS(MULTIPLE_SCATTERING) && b->compensated) {
         struct vec3 f;
-        if (u_lobe < b->lobe_cdf[BSDF_LOBE_DIFFUSE])
+        if (u_lobe < b->lobe_cdf[BSDF_LOBE_DIFFUSE]) {
+            CHARGE(MULTIPLE_SCATTERING);
             out->wi = wide_sample(b, u, v);
-        else
+        } else {
             out->wi = reflect_about(wo, ggx_sample_visible(wo, b->shape.y, b->shape.y, u, v));
+        }
         f = metal_eval_pdf(b, wo, out->wi, &out->pdf);
         if (!(out->pdf > 0.0f))
             return 0;

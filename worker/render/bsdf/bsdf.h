@@ -233,7 +233,8 @@ struct bsdf_sample {
     float eta_scale;       /* squared relative ior for Russian roulette: product of eta^2 */
 };
 
-/* Prepare for one wo (unit, wo.z > 0). Clamps params into their ranges. */
+/* Prepare for one wo (unit, wo.z > 0). Clamps params into their ranges. Charges what scatters
+ * (charge.h), or leaves the charge as it is. */
 void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo);
 
 /* f(wo, wi) * |wi.z| of all lobes that have a density; black for a delta-only surface. */
@@ -246,7 +247,7 @@ float bsdf_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi);
 struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, float *pdf);
 
 /* Sample wi. u_lobe, u, v in [0,1). Returns 0 for "no sample" (absorbed). For smooth lobes
- * weight is the sum over all lobes' f over the mixture pdf. */
+ * weight is the sum over all lobes' f over the mixture pdf. Charges the lobe (charge.h). */
 int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, float v,
                 struct bsdf_sample *out);
 

@@ -261,6 +261,7 @@ static inline void init_film(struct bsdf_layers *l, const struct bsdf_params *p)
                         ? float_min(p->ior_outside, BSDF_IOR_MAX) : 1.0f;
     float t, thickness = clamp_to(p->iridescence_thickness_nm, 0, 1e5f);
 
+    CHARGE_SCOPE(IRIDESCENCE);
     l->film = clamp_to(p->iridescence, 0, 1);
     /* Optically thinner than its surroundings it counts as none: total reflection in a film
      * thinner than a wavelength is not what the formulas describe. */
@@ -276,6 +277,7 @@ static inline void init_conductor(struct bsdf *b, const struct bsdf_params *p)
     struct bsdf_layers *l = &b->layers;
     float outside = HAS(NESTED_DIELECTRIC) ? p->ior_outside : 1.0f;
 
+    CHARGE_SCOPE(CONDUCTOR);
     l->conductor = 1;
     l->eta.x = relative_to(clamp_to(p->eta.x, 1e-4f, 1e4f), outside);
     l->eta.y = relative_to(clamp_to(p->eta.y, 1e-4f, 1e4f), outside);
@@ -295,6 +297,7 @@ static inline void init_coat(struct bsdf *b, const struct bsdf_params *p, struct
     struct bsdf_layers *l = &b->layers;
     float n = clamp_to(p->clearcoat_ior, 1, BSDF_IOR_MAX), r, alpha;
 
+    CHARGE_SCOPE(CLEARCOAT);
     l->coat = clamp_to(p->clearcoat, 0, 1);
     if (HAS(NESTED_DIELECTRIC))
         n = relative_to(n, p->ior_outside);
@@ -335,6 +338,7 @@ static inline void init_sheen(struct bsdf *b, const struct bsdf_params *p)
     l->sheen_most = vec3_max(l->sheen);
     if (!(l->sheen_most > 0.0f))
         return;
+    CHARGE_SCOPE(SHEEN);
     l->sheen_alpha = clamp_to(p->sheen_alpha, BSDF_SHEEN_ALPHA_MIN, 1);
     sheen_fit(l->sheen_alpha, l->sheen_fit);
     l->sheen_fit_half = sheen_curve(l->sheen_fit, 0.5f);
@@ -352,6 +356,7 @@ static inline void init_layers(struct bsdf *b, const struct bsdf_params *p, stru
     l->film = l->coat = l->sheen_most = l->interreflection = 0;
     l->diffuse_below = BSDF_INIT_BLACK;
     if (HAS(ANISOTROPY) && stretched > b->p.alpha && stretched >= BSDF_ALPHA_MIN) {
+        CHARGE_SCOPE(ANISOTROPY);
         b->p.alpha = float_max(b->p.alpha, BSDF_ALPHA_MIN);
         l->stretched = stretched > b->p.alpha;
         l->stretched_loss = albedo_stretched_find(stretched, b->p.alpha);
@@ -454,6 +459,7 @@ static inline void init_interface(struct bsdf *b, const struct bsdf_params *para
     struct vec3 seen;
     float near, far, spread = b->shape.x;
 
+    charge_set(b->smooth ? CHARGE_OF(DIELECTRIC) : CHARGE_OF(ROUGH_DIELECTRIC));
     if (b->exact)
         b->eta = b->p.inside ? 1.0f / b->p.ior : b->p.ior;
     b->transmit_delta = b->smooth || spread * fabsf(b->eta - 1.0f) < BSDF_SPREAD_MIN;
@@ -465,6 +471,7 @@ static inline void init_interface(struct bsdf *b, const struct bsdf_params *para
         b->weight_interface * (vec3_average(seen) + (1.0f - vec3_max(seen)) * base);
     if (HAS(ROUGH_DIELECTRIC) && HAS(MULTIPLE_SCATTERING) && !b->smooth &&
         !params->single_scattering) {
+        CHARGE_SCOPE(MULTIPLE_SCATTERING);
         near = init_interface_given_back(b, base, &far, full);
         if (b->interface_compensated) {
             share[BSDF_LOBE_DIFFUSE] = float_max(share[BSDF_LOBE_DIFFUSE], 0) + near;
@@ -481,6 +488,7 @@ static inline void init_thin(struct bsdf *b, struct vec3 wo, float weight, float
     /* No blur at ior 1, all of it from 1.5 on: the roughness is scaled, not alpha. */
     float n = b->p.ior, scale, y, x;
 
+    CHARGE(THIN_TRANSMISSION);
     if (HAS(NESTED_DIELECTRIC) && n < 1.0f && n > 0.0f)
         n = 1.0f / n;
     scale = n == 0.0f ? 1.0f : clamp_to(2.0f * n - 2.0f, 0, 1);
@@ -551,6 +559,8 @@ static inline void init_mix(struct bsdf *b, const struct bsdf_params *params, st
     b->compensated = 0;
     b->interface_compensated = 0;
     b->graze = 0;
+    if (b->f90 != 0.0f)
+        charge_set(b->smooth ? CHARGE_OF(MIRROR) : CHARGE_OF(GLOSSY));
     if (!b->smooth)
         b->root_o = shape_root(b, &b->shape, wo, full);
     if (b->interface_only) {
@@ -562,6 +572,7 @@ static inline void init_mix(struct bsdf *b, const struct bsdf_params *params, st
             is_stretched(b, full) ? albedo_stretched_layer(b->shape.x, b->shape.y) : p->alpha);
         blend = albedo_blend_at(&b->row, b->cos_o);
         if (HAS(MULTIPLE_SCATTERING) && !params->single_scattering) {
+            CHARGE_SCOPE(MULTIPLE_SCATTERING);
             b->compensated = 1;
             b->given_back = BSDF_INIT_BLACK;
             b->loss = albedo_loss_row_find(p->alpha);
@@ -584,8 +595,11 @@ static inline void init_mix(struct bsdf *b, const struct bsdf_params *params, st
     if (full && HAS(IRIDESCENCE) && l->film > 0.0f)
         share[BSDF_LOBE_REFLECT] = vec3_average(reflect_color(b, b->cos_o, 1));
     if (b->f90 == 0.0f && vec3_is_black(b->f0) &&
-        !(full && HAS(IRIDESCENCE) && l->film > 0.0f && plastic > 0.0f && p->specular > 0.0f))
+        !(full && HAS(IRIDESCENCE) && l->film > 0.0f && plastic > 0.0f && p->specular > 0.0f)) {
         share[BSDF_LOBE_REFLECT] = -1;
+        if (!vec3_is_black(b->diffuse))
+            CHARGE(DIFFUSE);
+    }
 
     b->transmit_delta = 1;
     b->thin_delta = 0;
@@ -644,6 +658,7 @@ static inline void init_metal(struct bsdf *b, const struct bsdf_params *params, 
     b->graze = 0;
     if (HAS(MULTIPLE_SCATTERING) && !params->single_scattering) {
         float loss_o, given_back, reflected;
+        CHARGE_SCOPE(MULTIPLE_SCATTERING);
         b->compensated = 1;
         b->loss = albedo_loss_row_find(b->p.alpha);
         given_back = init_given_back(b, wo, 1, 0, &loss_o, 0);
@@ -689,10 +704,12 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
                (b->p.specular == 0.0f || b->p.ior == 1.0f)) {
         if (vec3_is_black(b->p.base_color))
             return;
+        CHARGE(DIFFUSE);
         b->kind = BSDF_KIND_LAMBERT;
         b->diffuse = vec3_scale(b->p.base_color, INV_PI_F);
         b->has_smooth = 1;
     } else if (HAS(GLOSSY) && b->p.metallic == 1.0f && b->p.alpha >= BSDF_ALPHA_MIN) {
+        CHARGE(GLOSSY);
         b->kind = BSDF_KIND_METAL;
         init_metal(b, params, wo);
     } else if (BSDF_HAS_REFLECTION) {

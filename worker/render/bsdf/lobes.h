@@ -15,6 +15,7 @@
 #include "worker/render/bsdf/microfacet.h"
 #include "worker/render/bsdf/sheen.h"
 #include "worker/render/bsdf/warp.h"
+#include "worker/render/charge.h"
 #include "worker/render/has.h"
 
 /* What a kernel variant can leave out (has.h). */
@@ -53,16 +54,20 @@ static inline int is_stretched(const struct bsdf *b, int full)
 static inline float shape_root(const struct bsdf *b, const struct bsdf_shape *shape, struct vec3 w,
                                int full)
 {
-    if (is_stretched(b, full))
+    if (is_stretched(b, full)) {
+        CHARGE_SCOPE(ANISOTROPY);
         return ggx_stretched_root(shape->x2, shape->y2, w);
+    }
     return ggx_root(shape->y2, w.z);
 }
 
 static inline float shape_density(const struct bsdf *b, const struct bsdf_shape *shape,
                                   struct vec3 h, float length2, int full)
 {
-    if (is_stretched(b, full))
+    if (is_stretched(b, full)) {
+        CHARGE_SCOPE(ANISOTROPY);
         return ggx_stretched_density(shape->x, shape->y, h, length2);
+    }
     return ggx_density(shape->y2, h, length2);
 }
 
@@ -75,6 +80,7 @@ static inline struct vec3 shape_sample(const struct bsdf *b, const struct bsdf_s
 /* 1 - E along w. */
 static inline float shape_loss(const struct bsdf *b, struct vec3 w, int full)
 {
+    CHARGE_SCOPE(MULTIPLE_SCATTERING);
     if (is_stretched(b, full))
         return albedo_stretched_loss_at(&b->layers.stretched_loss, w.x, w.y, fabsf(w.z));
     return albedo_loss_at(&b->loss, fabsf(w.z));
@@ -128,6 +134,7 @@ static inline struct vec3 schlick_color(const struct bsdf *b, float weight)
  * difference of the two, so that it is nothing without thickness whatever the term's form. */
 static inline struct vec3 film_difference(const struct bsdf *b, float cos_1, struct vec3 f0)
 {
+    CHARGE_SCOPE(IRIDESCENCE);
     struct vec3 f = film_reflectance(b->layers.film_ior, b->layers.film_path, cos_1, f0);
     return vec3_sub(f, schlick_mix(f0, 1.0f, schlick_weight(cos_1)));
 }
@@ -138,6 +145,7 @@ static inline float interreflected(float r, float k) { return r * (1.0f - k) / (
 
 static inline struct vec3 conductor_color(const struct bsdf *b, float cos_h)
 {
+    CHARGE_SCOPE(CONDUCTOR);
     const struct bsdf_layers *l = &b->layers;
     struct vec3 f = {fresnel_conductor(cos_h, l->eta.x, l->k.x),
                      fresnel_conductor(cos_h, l->eta.y, l->k.y),
@@ -324,12 +332,14 @@ static inline struct layer_scale layer_scale(const struct bsdf *b, struct vec3 w
     if (!has_cover(b, full) || (!near && !far))
         return s;
     if (HAS(CLEARCOAT) && l->coat > 0.0f) {
+        CHARGE_SCOPE(CLEARCOAT);
         float rest_o = near ? l->coat_rest_o : 1.0f;
         float rest_i = far ? coat_rest(l, vec3_dot(l->coat_normal, wi)) : 1.0f;
         s.lobe = float_min(rest_o, rest_i);
         s.diffuse = near && far ? rest_o * rest_i : s.lobe;
     }
     if (HAS(SHEEN) && l->sheen_most > 0.0f) {
+        CHARGE_SCOPE(SHEEN);
         float rest_i = 1.0f, limit;
         if (far)
             rest_i -= l->sheen_most * sheen_share(l, wi.z, &limit);

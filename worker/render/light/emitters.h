@@ -70,7 +70,7 @@ struct light_query {
 };
 
 /* Sample a light for the query. The same numbers choose the light and, rescaled, the place on
- * it: each in [0, 1). Returns 0 for "no sample". */
+ * it: each in [0, 1). Returns 0 for "no sample". Charges the kind of light (charge.h). */
 int emitters_sample(const struct render_scene *scene, const struct light_query *query, float u,
                     float v, struct light_sample *out);
 

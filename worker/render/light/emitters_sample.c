@@ -1,5 +1,6 @@
 /* emitters_sample: choosing a light at a path's vertex, and the odds of having chosen one. */
 #include "common/math/elementary.h"
+#include "worker/render/charge.h"
 #include "worker/render/has.h"
 #include "worker/render/light/emitters.h"
 #include "worker/render/surface.h"
@@ -18,6 +19,7 @@ static float emitters_map_or_portals(const struct emitters *e, const struct ligh
 
     if (!HAS(PORTAL) || e->portals.count == 0)
         return map_pdf;
+    CHARGE_SCOPE(PORTAL);
     portal_pdf = portals_pdf(&e->portals, query->p, query->n, direction);
     return portal_pdf < 0 ? map_pdf : (1 - PORTAL_SHARE) * map_pdf + PORTAL_SHARE * portal_pdf;
 }
@@ -54,6 +56,12 @@ static float emitters_rescaled(float number, float start, float size)
     return float_min(float_max((number - start) / size, 0), ONE_MINUS_EPSILON);
 }
 
+static int emitters_sees_portal(const struct emitters *e, const struct light_query *query)
+{
+    CHARGE_SCOPE(PORTAL);
+    return portals_visible(&e->portals, query->p, query->n);
+}
+
 static int emitters_sample_map(const struct render_scene *scene, const struct light_query *query,
                                float u, float v, struct light_sample *out)
 {
@@ -62,8 +70,8 @@ static int emitters_sample_map(const struct render_scene *scene, const struct li
 
     out->delta = 0;
     out->distance = INFINITY;
-    if (!HAS(PORTAL) || e->portals.count == 0 ||
-        !portals_visible(&e->portals, query->p, query->n)) {
+    CHARGE(ENVIRONMENT);
+    if (!HAS(PORTAL) || e->portals.count == 0 || !emitters_sees_portal(e, query)) {
         if (!environment_sample(scene->environment, u, v, &out->direction, &out->radiance,
                                 &out->pdf))
             return 0;
@@ -71,6 +79,7 @@ static int emitters_sample_map(const struct render_scene *scene, const struct li
         return out->pdf > 0;
     }
     if (u < PORTAL_SHARE) {
+        CHARGE(PORTAL);
         if (!portals_sample(&e->portals, query->p, query->n,
                             emitters_rescaled(u, 0, PORTAL_SHARE), v, &out->direction))
             return 0;
@@ -154,6 +163,7 @@ static int emitters_sample_triangle(const struct render_scene *scene, uint32_t l
                                                         cosine));
     out->delta = 0;
     if (HAS(ALPHA) && material->flags & MATERIAL_ALPHA) {
+        CHARGE_SCOPE(ALPHA);
         /* What a BSDF ray meets only some of the time sends only that share. */
         float alpha = world_alpha(material, mesh, world_vertices(mesh, triangle), b1, b2);
         if (material->m.alpha_mode == ALPHA_MASK)
@@ -166,6 +176,7 @@ static int emitters_sample_triangle(const struct render_scene *scene, uint32_t l
 static int emitters_sample_punctual(const struct punctual *light, const struct light_query *query,
                                     float odds, struct light_sample *out)
 {
+    charge_set(light->image ? CHARGE_OF(LIGHT_IMAGE) : CHARGE_OF(PUNCTUAL_LIGHT));
     out->delta = 1;
     out->pdf = odds;
     return odds > 0 && punctual_sample(light, query->p, query->time, &out->direction,
@@ -207,6 +218,8 @@ int emitters_sample(const struct render_scene *scene, const struct light_query *
                                            emitters_rescaled(u, 0, e->directional_odds), out);
     if (e->tree.node_count == 0)
         return 0;
+    /* Choosing among lights of both kinds counts as the triangles': they are the many. */
+    charge_set(e->triangle_count ? CHARGE_OF(EMISSIVE_MESH) : CHARGE_OF(PUNCTUAL_LIGHT));
     u = emitters_rescaled(u, e->directional_odds, e->local_odds);
     if (!light_tree_choose(&e->tree, query->p, query->n, &u, &v, &item, &odds))
         return 0;

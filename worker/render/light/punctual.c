@@ -4,6 +4,7 @@
 
 #include "common/math/elementary.h"
 #include "worker/render/camera.h"
+#include "worker/render/charge.h"
 
 /* An image's mean luminance is taken on a grid of this many points a side. What falls between
  * them is not lost: no image counts as darker than IMAGE_MEAN_MIN. */
@@ -256,6 +257,7 @@ int punctual_sample(const struct punctual *light, struct vec3 p, float time,
     float distance_squared, scale;
 
     if (light->motion.steps) {
+        CHARGE_SCOPE(MOTION_BLUR);
         moved = pose_at(light, time);
         pose = &moved;
     }
