@@ -1,5 +1,6 @@
 #include "client/effects_view.h"
 
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -126,9 +127,43 @@ static void add_cause(struct table *table, const json_t *row)
     table_add(table, "%s", text);
 }
 
-static status print_causes(const json_t *rows, const char *title, struct error *err)
+static void add_share(struct table *table, const json_t *share)
 {
-    const char *const titles[] = {title, "CALLED FOR BY"};
+    if (json_is_number(share))
+        table_add(table, "%.1f %%", 100 * json_number_value(share));
+    else
+        table_add(table, "-");
+}
+
+/* The effects that ran, with their shares of the time, and what is none's. */
+static status print_ran(const json_t *rows, const json_t *time, struct error *err)
+{
+    static const char *const titles[] = {"EFFECT", ">SHARE", "CALLED FOR BY"};
+    const json_t *none = json_object_get(time, "no_effect"), *row;
+    struct table table;
+    status result;
+    size_t i;
+
+    table_init(&table, titles, 3);
+    json_array_foreach(rows, i, row) {
+        table_add(&table, "%s", text_of(row, "effect"));
+        add_share(&table, json_object_get(row, "share"));
+        add_cause(&table, row);
+    }
+    if (json_is_number(none)) {
+        table_add(&table, "(none of them)");
+        add_share(&table, none);
+        table_add(&table, "any picture: the camera's rays, what they meet, sums");
+    }
+    printf("\n");
+    result = table_print(&table, err);
+    table_release(&table);
+    return result;
+}
+
+static status print_switched_off(const json_t *rows, struct error *err)
+{
+    static const char *const titles[] = {"SWITCHED OFF", "CALLED FOR BY"};
     struct table table;
     const json_t *row;
     status result;
@@ -172,6 +207,11 @@ static void print_time(const json_t *time)
         name_list_add(&list, text);
     }
     name_list_end(&list);
+    if (json_number_value(json_object_get(time, "looks")) > 0)
+        /* 1.96 standard errors of a share of a half. */
+        printf("(by %.0f looks at the threads: 19 of 20 shares are right to %.1f %% of the whole)\n",
+               json_number_value(json_object_get(time, "looks")),
+               98 / sqrt(json_number_value(json_object_get(time, "looks"))));
 }
 
 static void print_work(const json_t *work)
@@ -202,9 +242,9 @@ status manifest_print(const json_t *m, struct error *err)
            message_text(variant, sizeof variant, text_of(json_object_get(m, "kernel"), "variant")),
            message_text(renderer, sizeof renderer,
                         text_of(json_object_get(m, "kernel"), "renderer")));
-    result = print_causes(ran, "EFFECT", err);
+    result = print_ran(ran, json_object_get(m, "time"), err);
     if (result == STATUS_OK)
-        result = print_causes(json_object_get(m, "switched_off"), "SWITCHED OFF", err);
+        result = print_switched_off(json_object_get(m, "switched_off"), err);
     if (result != STATUS_OK)
         return result;
     json_array_foreach(idle, i, name) {

@@ -485,6 +485,7 @@ status develop_manifest(const struct development *d, const struct store *store,
 
     digest_to_hex(&d->scene, digest);
     memcpy(m.stages, d->stats.stages, sizeof m.stages);
+    memcpy(m.accounts, d->stats.accounts, sizeof m.accounts);
     scene_init(&scene);
     /* The picture is what counts: a manifest that names nobody must not keep it back. */
     if (find_effects(d, store, &scene, &m, causes, &why) != STATUS_OK)

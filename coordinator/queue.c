@@ -26,6 +26,8 @@ void work_stats_add(struct work_stats *sum, const struct work_stats *more)
     sum->effects |= more->effects;
     for (int i = 0; i < STAGE_COUNT; i++)
         sum->stages[i] += more->stages[i];
+    for (int i = 0; i < EFFECT_ACCOUNTS; i++)
+        sum->accounts[i] += more->accounts[i];
 }
 
 void queue_init(struct queue *queue)

@@ -22,6 +22,7 @@
 
 #include "common/base/digest.h"
 #include "common/base/status.h"
+#include "common/scene/effects.h"
 #include "common/scene/settings.h"
 #include "common/scene/stages.h"
 #include "common/tonemap/tonemap.h"
@@ -60,7 +61,7 @@ struct output_settings {
 struct work_stats {
     uint64_t samples, rays, vertices, dropped_samples, cpu_ns, trace_ns;
     uint64_t effects;                /* of all results together; 0: not told */
-    uint64_t stages[STAGE_COUNT];
+    uint64_t stages[STAGE_COUNT], accounts[EFFECT_ACCOUNTS];
 };
 void work_stats_add(struct work_stats *sum, const struct work_stats *more);
 

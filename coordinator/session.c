@@ -256,6 +256,8 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
         result.stats.effects = message->stats->effects & EFFECTS_ALL;
         for (size_t i = 0; i < message->stats->n_stages && i < STAGE_COUNT; i++)
             result.stats.stages[i] = message->stats->stages[i];
+        for (size_t i = 0; i < message->stats->n_accounts && i < EFFECT_ACCOUNTS; i++)
+            result.stats.accounts[i] = message->stats->accounts[i];
     }
     if (merge_result(&session->server->farm, session->worker, &result, now_ns, &outcome, &err) !=
         STATUS_OK) {

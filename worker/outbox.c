@@ -57,6 +57,10 @@ static status send_result(struct channel *channel, struct work_unit *unit)
     stats.effects = unit->effects;
     stats.stages = unit->stages;
     stats.n_stages = STAGE_COUNT;
+    stats.accounts = unit->accounts;
+    for (size_t i = 0; i < EFFECT_ACCOUNTS; i++)
+        if (unit->accounts[i] > 0)
+            stats.n_accounts = i + 1;
     return channel_send(channel, &e);
 }
 

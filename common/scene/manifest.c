@@ -83,10 +83,33 @@ static void write_cause(struct buffer *out, const struct effect_cause *cause)
     buffer_puts(out, cause->also[0].kind ? "]}" : "}");
 }
 
-/* The effects of `set`, each with who called for it. */
+/* All looks; *nobodys are those that go to no effect's account. */
+static uint64_t accounted_looks(const struct manifest *m, uint64_t *nobodys)
+{
+    uint64_t known = m->effects & ~EFFECTS_WITHOUT_TIME, all = 0;
+
+    *nobodys = 0;
+    for (int i = 0; i < EFFECT_ACCOUNTS; i++) {
+        all += m->accounts[i];
+        if (i == 0 || !(known >> (i - 1) & 1))
+            *nobodys += m->accounts[i];
+    }
+    return all;
+}
+
+static void write_share(struct buffer *out, uint64_t looks, uint64_t all)
+{
+    if (all > 0)
+        buffer_printf(out, "%.4f", (double)looks / (double)all);
+    else
+        buffer_puts(out, "null");
+}
+
+/* The effects of `set`, each with who called for it and, if it ran, its share of the time. */
 static void write_causes(struct buffer *out, const char *key, const struct manifest *m,
                          uint64_t set)
 {
+    uint64_t nobodys, looks = accounted_looks(m, &nobodys);
     int first = 1;
 
     buffer_printf(out, "  \"%s\": [", key);
@@ -97,6 +120,10 @@ static void write_causes(struct buffer *out, const char *key, const struct manif
         buffer_puts(out, first ? "\n    {\"effect\": " : ",\n    {\"effect\": ");
         first = 0;
         manifest_write_text(out, effect_name((enum effect_bit)bit));
+        if (m->effects & ~EFFECTS_WITHOUT_TIME & (uint64_t)1 << bit) {
+            buffer_puts(out, ", \"share\": ");
+            write_share(out, m->accounts[bit + 1], looks);
+        }
         if (cause && cause->kind) {
             buffer_puts(out, ", \"cause\": ");
             write_cause(out, cause);
@@ -124,19 +151,18 @@ static void write_names(struct buffer *out, const char *key, uint64_t set)
 
 static void write_time(struct buffer *out, const struct manifest *m)
 {
-    uint64_t looks = 0;
+    uint64_t looks = 0, nobodys, accounted = accounted_looks(m, &nobodys);
 
     for (int i = 0; i < STAGE_COUNT; i++)
         looks += m->stages[i];
     buffer_printf(out, "  \"time\": {\"looks\": %" PRIu64 ", \"share\": {", looks);
     for (int i = 0; i < STAGE_COUNT; i++) {
         buffer_printf(out, "%s\"%s\": ", i ? ", " : "", stage_name((enum stage)i));
-        if (looks > 0)
-            buffer_printf(out, "%.4f", (double)m->stages[i] / (double)looks);
-        else
-            buffer_puts(out, "null");
+        write_share(out, m->stages[i], looks);
     }
-    buffer_puts(out, "}}\n");
+    buffer_puts(out, "}, \"no_effect\": ");
+    write_share(out, nobodys, accounted);
+    buffer_puts(out, "}\n");
 }
 
 void manifest_write(struct buffer *out, const struct manifest *m)

@@ -1,4 +1,5 @@
 """The command line client from the outside: words, exit statuses, files, and a render for real."""
+import json
 import os
 import re
 import signal
@@ -498,6 +499,45 @@ def a_job_on_a_farm():
         # Watched and submitted in one go; the scene is there already.
         result = farm.cli("submit", scene, *SMALL, "--watch", "--json", expect=0)
         expect(result.json()["state"] == "done", result)
+
+
+@tests.add
+def shares_of_the_effects():
+    """a frame's manifest says how the time is shared among its effects, on a farm and alone"""
+    def check(manifest, words):
+        looks, none = manifest["time"]["looks"], manifest["time"]["no_effect"]
+        shares = {row["effect"]: row.get("share") for row in manifest["ran"]}
+        expect(shares.pop("instancing", None) is None, shares)  # it has no time of its own
+        # A frame of a second or two, at a thousand looks a second.
+        expect(looks >= 100, (words, looks))
+        expect(all(0 <= share <= 1 for share in shares.values()), (words, shares))
+        expect(abs(sum(shares.values()) + none - 1) < 1e-3, (words, shares, none))
+        expect(not any("share" in row for row in manifest["switched_off"]), words)
+        return shares
+
+    options = ["--size", "320x240", "--spp", "16"]
+    with Farm() as farm:
+        fog = os.path.join(ROOT, "scenes/features/fog.pbrt")
+        farm.start_coordinator()
+        farm.start_worker("--threads", "1")
+        number = farm.submit(fog, *options)
+        farm.wait_for_job(number)
+        shares = check(farm.cli("show", number, "--effects", "--json", expect=0).json(), "fog")
+        # More than half of the time; a tenth would be ten standard errors off.
+        expect(shares["fog"] > 0.1 and "texture" not in shares, shares)
+        words = farm.cli("show", number, "--effects", expect=0).out
+        expect(re.search(r"^EFFECT +SHARE +CALLED FOR BY$", words, re.M), words)
+        expect(re.search(r"^fog +[0-9.]+ % +medium", words, re.M), words)
+        expect(re.search(r"^\(none of them\) +[0-9.]+ % ", words, re.M), words)
+        expect(re.search(r"^instancing +- +mesh", words, re.M), words)
+    with Farm() as farm:
+        farm.cli("render", os.path.join(ROOT, "scenes/features/clearcoat.gltf"), *options,
+                 "--without", "clearcoat", "--manifest", "-o", "coat", expect=0)
+        with open(farm.path("coat.effects.json")) as file:
+            manifest = json.load(file)
+        shares = check(manifest, "coat")
+        expect("clearcoat" not in shares and shares["emissive mesh"] > 0.05, shares)
+        expect([row["effect"] for row in manifest["switched_off"]] == ["clearcoat"], manifest)
 
 
 @tests.add
