@@ -36,7 +36,9 @@ except ImportError:
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.path.insert(0, os.path.join(ROOT, "tests", "farm"))
 sys.dont_write_bytecode = True
+sys.path.insert(0, os.path.join(ROOT, "tests", "peers"))
 import exr
+import mantiuk06
 
 BUILD = os.path.join(ROOT, os.environ.get("BUILD", "build/release"))
 AZULEJO = os.path.join(BUILD, "bin", "azulejo")
@@ -163,10 +165,11 @@ class Work:
         return light if encoded else srgb(light)
 
     def to_pfs(self, picture, name):
-        pfm, pfs = self.path(name + ".pfm"), self.path(name + ".pfs")
-        write_pfm(pfm, picture)
+        pfs = self.path(name + ".pfs")
+        write_pfm(self.path(name + ".pfm"), picture)
         with open(pfs, "wb") as stream:
-            subprocess.run(["pfsinpfm", pfm], stdout=stream, check=True)
+            # The name goes along in the pfs file, and one of 28 to 30 characters ends mantiuk08.
+            subprocess.run(["pfsinpfm", name + ".pfm"], cwd=self.folder, stdout=stream, check=True)
         return pfs
 
     def variant(self, picture, name):
@@ -175,7 +178,7 @@ class Work:
         with open(self.to_pfs(picture, name), "rb") as stream:
             subprocess.run(["pfsout", hdr], stdin=stream, check=True)
         with open(pfs, "wb") as stream:
-            subprocess.run(["pfsin", hdr], stdout=stream, check=True)
+            subprocess.run(["pfsin", name + ".hdr"], cwd=self.folder, stdout=stream, check=True)
         with open(pfs, "rb") as stream:
             subprocess.run(["pfsoutpfm", pfm], stdin=stream, check=True)
         with open(pfm, "rb") as result:
@@ -335,6 +338,13 @@ def coarse_share(ours, theirs):
     return (means ** 2).mean() / (off ** 2).mean()
 
 
+def mantiuk06_shown(light, plane):
+    """Codes of a plane after contrast processing: percentiles to 2.3 decades, saturation 0.8."""
+    low, high = numpy.percentile(plane, [0.1, 99.9])
+    y = luminance(light)[..., None]
+    return srgb((light / y) ** 0.8 * 10 ** (2.3 * (plane - high) / (high - low))[..., None])
+
+
 def experiment_mantiuk06(work):
     options = ["mantiuk06", "--contrast", "0.3", "--detail", "1"]
     command, solved = ["pfstmo_mantiuk06", "-f", "0.3"], ["--bcg", "--tol", "1e-4", "--itmax", "500"]
@@ -343,25 +353,34 @@ def experiment_mantiuk06(work):
     print("  pfstools says: %s" % (work.complaint(command) or "nothing"))
     show("pfstools, its other solver, to the end (%s)" % " ".join(solved), ours,
          work.theirs(command + solved, False))
-    side = 1 << min(work.light.shape[:2]).bit_length() - 1
-    cut = work.variant(work.light[:side, :side], "square")
-    show("the same of %dx%d pixels" % (side, side), cut.ours(options),
-         cut.theirs(command + solved, False))
     print("  of the squared difference %.0f %% lie between the means of 32 blocks across" % (
         100 * coarse_share(ours, theirs)))
+    raised = numpy.maximum(work.light, 1e-7 * luminance(work.light).max())
+    if (raised != work.light).any():
+        lifted = work.variant(raised, "raised")
+        show("the same, the picture raised to 1e-7 of its maximum, as pfstools does",
+             lifted.ours(options), lifted.theirs(command + solved, False))
+    paper = mantiuk06.Contrasts(numpy.log10(luminance(raised)))
+    responses = paper.responses()
+    by_paper = mantiuk06_shown(raised, paper.solve(paper.wanted([0.3 * r for r in responses])))
+    show("ours | the paper in Python", ours, by_paper)
+    show("pfstools, to the end | the paper in Python", work.theirs(command + solved, False), by_paper)
     firefly = work.light.copy()
     firefly[firefly.shape[0] // 2, firefly.shape[1] // 2] = 1e30
     lost = work.theirs(command, False, work.to_pfs(firefly, "firefly"))
     print("  with one pixel of 1e30, pfstools' codes have a deviation of %.1f (without: %.1f)" % (
         255 * numpy.std(numpy.nan_to_num(lost)), 255 * numpy.std(theirs)))
-    print("mantiuk06, equalize: pfstools less ours, mean codes of the upper left and the lower "
-          "right sixteenth")
+    print("mantiuk06, equalize")
     for factor in ("0.1", "0.5", "1"):
-        off = 255 * (work.theirs(["pfstmo_mantiuk06", "-e", factor], False) - work.ours(
-            ["mantiuk06", "--mode", "equalize", "--contrast", factor, "--detail", "1"]))
-        rows, columns = off.shape[0] // 4, off.shape[1] // 4
-        print("  factor %-4s%+6.0f%+6.0f" % (
-            factor, off[:rows, :columns].mean(), off[-rows:, -columns:].mean()))
+        ours = work.ours(["mantiuk06", "--mode", "equalize", "--contrast", factor, "--detail", "1"])
+        theirs = work.theirs(["pfstmo_mantiuk06", "-e", factor] + solved, False)
+        planes = [paper.solve(paper.wanted(mantiuk06.equalized(responses, float(factor), full)))
+                  for full in (False, True)]
+        show("factor %s: ours | the paper in Python" % factor, ours,
+             mantiuk06_shown(raised, planes[0]))
+        show("pfstools, to the end | the same", theirs, mantiuk06_shown(raised, planes[0]))
+        show("pfstools, to the end | ..., the full response in last corners", theirs,
+             mantiuk06_shown(raised, planes[1]))
 
 
 def mantiuk08_by_curve(work, curve, forward):
