@@ -322,17 +322,20 @@ static void test_pictures(void **state)
     pbrt_folder_remove(folder);
 }
 
-/* ---- glTF's texture coordinates ------------------------------------------------------------- */
+/* ---- a square in glTF ----------------------------------------------------------------------- */
 
-/* A square from -1 to 1 that shows picture p.png flat. The first set of coordinates runs as the
- * picture does, the second one from right to left. */
+/* A square from -1 to 1. The first set of coordinates runs as pictures do, the second one from right
+ * to left. */
 static const struct {
     float positions[4][3], uv0[4][2], uv1[4][2];
     uint16_t indices[6];
+    float colors[4][4];
 } square_bin = {.positions = {{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, {-1, 1, 0}},
                 .uv0 = {{0, 1}, {1, 1}, {1, 0}, {0, 0}},
                 .uv1 = {{1, 1}, {0, 1}, {0, 0}, {1, 0}},
-                .indices = {0, 1, 2, 0, 2, 3}};
+                .indices = {0, 1, 2, 0, 2, 3},
+                .colors = {{1, 0.5f, 0.25f, 0.25f}, {1, 0.5f, 0.25f, 0.25f},
+                           {1, 0.5f, 0.25f, 0.25f}, {1, 0.5f, 0.25f, 0.25f}}};
 
 #define SQUARE_GLTF                                                                               \
     "{\"asset\":{\"version\":\"2.0\"},\"extensionsUsed\":[\"KHR_materials_unlit\","                 \
@@ -341,19 +344,31 @@ static const struct {
     "\"cameras\":[{\"type\":\"orthographic\",\"orthographic\":"                                   \
     "{\"xmag\":1,\"ymag\":1,\"znear\":1,\"zfar\":100}}],"                                         \
     "\"meshes\":[{\"primitives\":[{\"material\":0,\"indices\":3,"                                 \
-    "\"attributes\":{\"POSITION\":0,\"TEXCOORD_0\":1,\"TEXCOORD_1\":2}}]}],"                      \
-    "\"buffers\":[{\"uri\":\"square.bin\",\"byteLength\":124}],\"bufferViews\":["                 \
+    "\"attributes\":{\"POSITION\":0,\"TEXCOORD_0\":1,\"TEXCOORD_1\":2%s}}]}],"                    \
+    "\"buffers\":[{\"uri\":\"square.bin\",\"byteLength\":188}],\"bufferViews\":["                 \
     "{\"buffer\":0,\"byteLength\":48},{\"buffer\":0,\"byteOffset\":48,\"byteLength\":32},"        \
     "{\"buffer\":0,\"byteOffset\":80,\"byteLength\":32},"                                         \
-    "{\"buffer\":0,\"byteOffset\":112,\"byteLength\":12}],\"accessors\":["                        \
+    "{\"buffer\":0,\"byteOffset\":112,\"byteLength\":12},"                                        \
+    "{\"buffer\":0,\"byteOffset\":124,\"byteLength\":64}],\"accessors\":["                        \
     "{\"bufferView\":0,\"componentType\":5126,\"count\":4,\"type\":\"VEC3\","                     \
     "\"min\":[-1,-1,0],\"max\":[1,1,0]},"                                                         \
     "{\"bufferView\":1,\"componentType\":5126,\"count\":4,\"type\":\"VEC2\"},"                    \
     "{\"bufferView\":2,\"componentType\":5126,\"count\":4,\"type\":\"VEC2\"},"                    \
-    "{\"bufferView\":3,\"componentType\":5123,\"count\":6,\"type\":\"SCALAR\"}],"                 \
+    "{\"bufferView\":3,\"componentType\":5123,\"count\":6,\"type\":\"SCALAR\"},"                  \
+    "{\"bufferView\":4,\"componentType\":5126,\"count\":4,\"type\":\"VEC4\"}],"                   \
     "\"images\":[{\"uri\":\"p.png\"}],\"textures\":[{\"source\":0}],"                             \
-    "\"materials\":[{\"extensions\":{\"KHR_materials_unlit\":{}},\"pbrMetallicRoughness\":"       \
-    "{\"baseColorTexture\":{\"index\":0%s}}}]}"
+    "\"materials\":[{%s}]}"
+_Static_assert(sizeof square_bin == 188, "as the text says");
+
+/* With this material, and these attributes beside the usual ones. */
+static void import_square(const char *material, const char *attributes, const char *folder,
+                          struct import_result *import)
+{
+    char text[4096];
+
+    snprintf(text, sizeof text, SQUARE_GLTF, attributes, material);
+    imported_text(text, "square.gltf", folder, import);
+}
 
 /* For each, the quadrant of the picture that is seen in each quadrant, in the order of
  * `quadrants`. Turned: by the extension's u' = c u + s v, v' = -s u + c v. */
@@ -382,9 +397,12 @@ static void test_coordinates(void **state)
     for (size_t i = 0; i < sizeof coordinates / sizeof *coordinates; i++) {
         struct import_result import;
         const float *picture;
-        char text[4096];
-        snprintf(text, sizeof text, SQUARE_GLTF, coordinates[i].info);
-        imported_text(text, "square.gltf", folder, &import);
+        char material[1024];
+        snprintf(material, sizeof material,
+                 "\"extensions\":{\"KHR_materials_unlit\":{}},"
+                 "\"pbrMetallicRoughness\":{\"baseColorTexture\":{\"index\":0%s}}",
+                 coordinates[i].info);
+        import_square(material, "", folder, &import);
         picture = look(&import, 4);
         import_result_release(&import);
         for (int q = 0; q < 4; q++)
@@ -396,6 +414,70 @@ static void test_coordinates(void **state)
                     fail_msg("%s: quadrant %d, channel %d: %.5f instead of %.5f",
                              coordinates[i].info, q, c, (double)got, (double)wanted);
             }
+    }
+    pbrt_folder_remove(folder);
+}
+
+enum { MARGIN = 2 }; /* where the pixels' filter sees more than the square */
+
+static void expect_mean(struct import_result *import, const char *what, const double wanted[3],
+                        double tolerance)
+{
+    const float *picture = look(import, 64);
+
+    for (int c = 0; c < 3; c++) {
+        double sum = 0;
+        for (int y = MARGIN; y < SIDE - MARGIN; y++)
+            for (int x = MARGIN; x < SIDE - MARGIN; x++)
+                sum += (double)picture[3 * (y * SIDE + x) + c] / pow(SIDE - 2 * MARGIN, 2);
+        if (fabs(sum / wanted[c] - 1) > tolerance)
+            fail_msg("%s, channel %d: %.5f instead of %.5f", what, c, sum, wanted[c]);
+    }
+    import_result_release(import);
+}
+
+/* A quarter of the square is there, in the vertices' colours. */
+static void test_vertex_colors(void **state)
+{
+    static const char *const modes[2] = {"OPAQUE", "BLEND"};
+    char *folder = pbrt_folder_make();
+
+    (void)state;
+    put_picture(folder, PNG8);
+    pbrt_folder_put(folder, "square.bin", &square_bin, sizeof square_bin);
+    for (int blend = 0; blend < 2; blend++) {
+        double share = blend ? 0.25 : 1;
+        struct import_result import;
+        char material[256];
+        snprintf(material, sizeof material,
+                 "\"alphaMode\":\"%s\",\"extensions\":{\"KHR_materials_unlit\":{}}", modes[blend]);
+        import_square(material, ",\"COLOR_0\":4", folder, &import);
+        expect_mean(&import, modes[blend], (const double[]){share, share * 0.5, share * 0.25}, 0.02);
+    }
+    pbrt_folder_remove(folder);
+}
+
+/* A lamp under a varnish of weight w, seen straight on: it keeps 0.04 w to itself. */
+static void test_coated_lamp(void **state)
+{
+    static const double weights[] = {0, 0.5, 1};
+    char *folder = pbrt_folder_make();
+
+    (void)state;
+    put_picture(folder, PNG8);
+    pbrt_folder_put(folder, "square.bin", &square_bin, sizeof square_bin);
+    for (size_t i = 0; i < sizeof weights / sizeof *weights; i++) {
+        double radiance = 2 * (1 - 0.04 * weights[i]);
+        struct import_result import;
+        char material[512];
+        snprintf(material, sizeof material,
+                 "\"emissiveFactor\":[1,0.5,0.25],\"pbrMetallicRoughness\":{\"baseColorFactor\":"
+                 "[0,0,0,1]},\"extensions\":{\"KHR_materials_emissive_strength\":{"
+                 "\"emissiveStrength\":2},\"KHR_materials_clearcoat\":{\"clearcoatFactor\":%g}}",
+                 weights[i]);
+        import_square(material, "", folder, &import);
+        expect_mean(&import, "coated lamp",
+                    (const double[]){radiance, radiance / 2, radiance / 4}, 1e-3);
     }
     pbrt_folder_remove(folder);
 }
@@ -460,6 +542,8 @@ int main(void)
         cmocka_unit_test(test_places),
         cmocka_unit_test(test_pictures),
         cmocka_unit_test(test_coordinates),
+        cmocka_unit_test(test_vertex_colors),
+        cmocka_unit_test(test_coated_lamp),
         cmocka_unit_test(test_reflectance),
         cmocka_unit_test(test_ply_colors),
     };
