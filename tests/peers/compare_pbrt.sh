@@ -42,7 +42,8 @@ compare() {
 # The depths are those that the references were made with, as far as they can be told: see
 # docs/COMPARISON.md.
 compare cornell-box cornell-box 256x256 65
-compare coffee coffee 400x500 17 backdrop=0.02:0.05:0.2:0.5
+compare coffee coffee 400x500 17 backdrop=0.02:0.05:0.2:0.5 orange=0.42:0.3:0.6:0.45 \
+    black=0.42:0.51:0.56:0.55 glass=0.35:0.6:0.6:0.78
 compare staircase2 staircase2 256x256 65 wall=0.1:0.2:0.3:0.4 floor=0.1:0.85:0.5:1
 compare veach-mis veach-mis 320x180 1 wall=0.05:0.05:0.3:0.4 lamp=0.63:0.15:0.68:0.25 \
     mirror=0.62:0.4:0.67:0.46 rough=0.3:0.82:0.7:0.87
