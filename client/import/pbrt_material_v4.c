@@ -86,6 +86,7 @@ static status read_coated_conductor(struct pbrt *p, struct pbrt_material *m)
     TRY(read_layers(p, m));
     m->base.clearcoat = 1;
     m->base.clearcoat_ior = (float)index;
+    m->base.base_interreflection = (float)((index - 1) / (index + 1) * ((index - 1) / (index + 1)));
     TRY(pbrt_put_coat_roughness(p, m, &coat));
     return pbrt_put_roughness(p, m, &metal);
 }

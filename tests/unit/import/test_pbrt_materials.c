@@ -128,6 +128,7 @@ static void test_conductors(void **state)
     assert_rgb(m.conductor_k, 2, 1, 4);
     assert_true(m.clearcoat == 1 && m.clearcoat_ior == 1.5f);
     assert_float_equal(m.clearcoat_roughness, 0.1f, 1e-6f);
+    assert_float_equal(m.base_interreflection, 0.04f, 1e-6f);
     assert_float_equal(m.roughness, 0.5f, 1e-6f);
     import_result_release(&r);
 }

@@ -222,8 +222,7 @@ static inline float coat_value_pdf(const struct bsdf *b, struct vec3 wo, struct 
     f = length2 / (across2 + l->coat_shape.y2 * (cos_n * cos_n));
     density = l->coat_shape.y2 * INV_PI_F * (f * f) * 0.5f / (mu_o + l->coat_root_o);
     *pdf = density;
-    f = l->coat_f0 +
-        (l->coat_f90 - l->coat_f0) * schlick_weight(0.5f * sqrtf(length2));
+    f = coat_fresnel(l, 0.5f * sqrtf(length2));
     return l->coat * f * density * mu_i * (mu_o + l->coat_root_o) /
            (mu_i * l->coat_root_o + mu_o * root_i);
 }
@@ -442,7 +441,7 @@ static inline int sample_coat(const struct bsdf *b, struct vec3 wo, float u, flo
         out->wi = reflect_about(wo, l->coat_normal);
         if (!(out->wi.z > 0.0f))
             return *result = 0, -1;
-        weight = l->coat_f0 + (l->coat_f90 - l->coat_f0) * schlick_weight(l->coat_cos_o);
+        weight = coat_fresnel(l, l->coat_cos_o);
         out->weight = vec3_splat(l->coat * weight / b->lobe_pdf[BSDF_LOBE_COAT]);
         *result = finish_delta(out, 0);
         return -1;

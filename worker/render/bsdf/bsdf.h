@@ -95,7 +95,7 @@ struct bsdf_params {
     float diffuse_transmission; /* share of the Lambert base that goes through, 0..1 */
     struct vec3 diffuse_transmission_color;
     float base_interreflection; /* 0..<1 (scene.h): plastic is pbrt's coat, with Fresnel's exact term
-                                   for an ior of 1.2 to 3 */
+                                   for an ior of 1.2 to 3; a conductor's clearcoat likewise */
     int thin_slab;              /* thin wall: R' = 2 R / (1 + R) */
     int single_scattering;      /* do not give back what microfacets lose among themselves
                                    (--without multiple-scattering) */
@@ -146,7 +146,7 @@ struct bsdf_layers {
     float interreflection;
     int slab;
     int exact_coat;              /* plastic's Fresnel term is the exact one */
-    struct albedo_exact exact;
+    struct albedo_exact exact;   /* ... or the coat's over a metal */
     float weight_metal, weight_plastic;
 
     float film;                  /* weight of iridescence */
@@ -158,6 +158,8 @@ struct bsdf_layers {
     float coat;                  /* weight; 0: none */
     struct vec3 coat_normal;
     int coat_smooth;
+    int coat_exact;              /* Fresnel's term for coat_ior, and the metal below knows of it */
+    float coat_ior;              /* relative */
     struct bsdf_shape coat_shape;
     float coat_f0, coat_f90, coat_cos_o, coat_root_o, coat_rest_o;
     struct albedo_row coat_row;

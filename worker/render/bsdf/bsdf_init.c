@@ -306,6 +306,11 @@ static inline void init_coat(struct bsdf *b, const struct bsdf_params *p, struct
     l->coat_f90 = bsdf_f90_of(r * r);
     alpha = clamp_to(p->clearcoat_alpha, 0, 1);
     l->coat_smooth = alpha < BSDF_ALPHA_MIN;
+    l->coat_ior = n;
+    l->coat_exact = l->conductor && l->interreflection > 0.0f && n >= ALBEDO_EXACT_IOR_FIRST &&
+                    n <= ALBEDO_EXACT_IOR_LAST;
+    if (l->coat_exact && !l->coat_smooth)
+        l->exact = albedo_exact_find(alpha, n);
     l->coat_shape = shape_make(alpha, alpha);
     if (!l->coat_smooth) {
         l->coat_row = albedo_row_find(alpha);

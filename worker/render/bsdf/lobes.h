@@ -143,20 +143,36 @@ static inline float slab_reflectance(float r) { return 2.0f * r / (1.0f + r); }
 
 static inline float interreflected(float r, float k) { return r * (1.0f - k) / (1.0f - k * r); }
 
+/* Reflectance of the coat's microfacets. */
+static inline float coat_fresnel(const struct bsdf_layers *l, float cos_h)
+{
+    if (l->coat_exact)
+        return fresnel_exact(cos_h, l->coat_ior);
+    return l->coat_f0 + (l->coat_f90 - l->coat_f0) * schlick_weight(cos_h);
+}
+
 static inline struct vec3 conductor_color(const struct bsdf *b, float cos_h)
 {
     CHARGE_SCOPE(CONDUCTOR);
     const struct bsdf_layers *l = &b->layers;
-    struct vec3 f = {fresnel_conductor(cos_h, l->eta.x, l->k.x),
+    float back = l->interreflection;
+    struct vec3 f;
+
+    if (HAS(CLEARCOAT) && l->coat > 0.0f && l->coat_exact) {
+        /* Light comes steeper to a metal under a coat, and is thrown back and forth. */
+        back = l->coat * coat_fresnel(l, cos_h);
+        cos_h = sqrtf(1.0f - (1.0f - cos_h * cos_h) / (l->coat_ior * l->coat_ior));
+    }
+    f = (struct vec3){fresnel_conductor(cos_h, l->eta.x, l->k.x),
                      fresnel_conductor(cos_h, l->eta.y, l->k.y),
                      fresnel_conductor(cos_h, l->eta.z, l->k.z)};
 
     f = vec3_mul(f, b->p.base_color);
     if (HAS(IRIDESCENCE) && l->film > 0.0f)
         f = clamp_color(vec3_mad(f, film_difference(b, cos_h, b->f0), l->film), 1);
-    f.x = interreflected(f.x, l->interreflection);
-    f.y = interreflected(f.y, l->interreflection);
-    f.z = interreflected(f.z, l->interreflection);
+    f.x = interreflected(f.x, back);
+    f.y = interreflected(f.y, back);
+    f.z = interreflected(f.z, back);
     return f;
 }
 
@@ -294,9 +310,12 @@ static inline float coat_rest(const struct bsdf_layers *l, float mu)
 
     mu = float_min(fabsf(mu), 1.0f);
     if (l->coat_smooth) {
-        r = l->coat_f0 + (l->coat_f90 - l->coat_f0) * schlick_weight(mu);
+        r = coat_fresnel(l, mu);
     } else {
-        r = l->coat_f0 + (l->coat_f90 - l->coat_f0) * albedo_blend_at(&l->coat_row, mu);
+        r = albedo_blend_at(&l->coat_row, mu);
+        if (l->coat_exact)
+            r += albedo_exact_at(&l->exact, mu);
+        r = l->coat_f0 + (l->coat_f90 - l->coat_f0) * r;
         r *= 1.0f - albedo_loss_at(&l->coat_loss, mu);
     }
     return 1.0f - l->coat * r;
