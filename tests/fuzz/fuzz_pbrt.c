@@ -43,7 +43,6 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
 {
     (void)argc;
     (void)argv;
-    fuzz_folder_make();
     put_pictures();
     put_text("a.ply", "ply\nformat ascii 1.0\nelement vertex 3\n"
                       "property float x\nproperty float y\n"

@@ -23,17 +23,15 @@ static void clean_up(void)
     rmdir(folder);
 }
 
-void fuzz_folder_make(void)
+const char *fuzz_folder(void)
 {
+    if (folder[0])
+        return folder;
     snprintf(folder, sizeof folder, "%s/azulejo-fuzz-XXXXXX",
              access("/dev/shm", W_OK) == 0 ? "/dev/shm" : "/tmp");
     if (!mkdtemp(folder))
         abort();
     atexit(clean_up);
-}
-
-const char *fuzz_folder(void)
-{
     return folder;
 }
 
@@ -42,7 +40,7 @@ void fuzz_folder_put(const char *name, const void *data, size_t size_bytes)
     char path[PATH_SIZE];
     FILE *file;
 
-    snprintf(path, sizeof path, "%s/%s", folder, name);
+    snprintf(path, sizeof path, "%s/%s", fuzz_folder(), name);
     file = fopen(path, "wb");
     if (!file || (size_bytes && fwrite(data, 1, size_bytes, file) != size_bytes) ||
         fclose(file) != 0)

@@ -5,8 +5,7 @@
 
 #include <stddef.h>
 
-/* Make it; for LLVMFuzzerInitialize. These abort when they fail. */
-void fuzz_folder_make(void);
+/* Its path. The folder is made when it is first asked for; these abort when they fail. */
 const char *fuzz_folder(void);
 /* Write a file in it, anew if need be. */
 void fuzz_folder_put(const char *name, const void *data, size_t size_bytes);
