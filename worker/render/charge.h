@@ -54,6 +54,7 @@ static inline void charge_back(const uint8_t *before)
 #define CHARGE_SCOPE_OF(account) CHARGE_SCOPE_AT(account, __LINE__)
 #define CHARGE_SCOPE_AT(account, line) CHARGE_SCOPE_NAMED(account, line)
 #define CHARGE_SCOPE_NAMED(account, line) \
-    __attribute__((cleanup(charge_back))) const uint8_t charge_before_##line = charge_swap(account)
+    __attribute__((cleanup(charge_back), unused)) const uint8_t charge_before_##line = \
+        charge_swap(account)
 
 #endif
