@@ -240,8 +240,8 @@ static void smooth_coats_over_metals_are_the_series(void **state)
         for (int m = 0; m < 3; m++)
             for (int c = 0; c < COUNT_COSINES; c++) {
                 double eta = IORS[n], mu = COSINES[c], f = fresnel(mu, eta), metal, sum = 0;
-                struct bsdf_params p = {.metallic = 1, .ior = 1.5f, .specular = 1, .conductor = 1,
-                                        .clearcoat = 1};
+                struct bsdf_params p = {
+                    .metallic = 1, .ior = 1.5f, .specular = 1, .conductor = 1, .clearcoat = 1};
                 struct vec3 wo = {(float)sqrt(1 - mu * mu), 0, (float)mu};
                 struct bsdf b;
                 p.base_color = p.specular_color = vec3_splat(1);
