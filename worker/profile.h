@@ -2,8 +2,8 @@
  *
  * One thread looks about a thousand times a second at the stage of every rendering thread
  * (worker/render/stage.h) and at the effect that it works for (worker/render/charge.h), and counts.
- * The rendering threads pay one store at each border; looking costs the process some microseconds a millisecond, and almost nothing while
- * nobody renders.
+ * The rendering threads pay one store at each border; looking costs the process some microseconds
+ * a millisecond, and almost nothing while nobody renders.
  *
  * A thread must join before its counts are read and leave before it ends. One profile in a
  * process. Without one (it could not be started), or in a thread that did not join, all counts

@@ -106,11 +106,12 @@ static int alpha_acts(const struct surface *s, int *invisible)
     return varies || alpha < 1;
 }
 
-/* Lobes of a reflecting surface, by how rough it can be. */
+/* Lobes of a reflecting surface, by how rough it can be: a stretched mirror is rough along one
+ * axis, where the mesh has tangents and the texture stretches it. */
 static uint64_t by_roughness(const struct scene_material *m, uint64_t smooth, uint64_t rough)
 {
     if (m->roughness < EFFECT_MIRROR_ROUGHNESS)
-        return smooth;
+        return m->anisotropy > 0 ? smooth | rough : smooth;
     return has(&m->metallic_roughness_texture) ? smooth | rough : rough;
 }
 

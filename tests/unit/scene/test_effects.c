@@ -253,6 +253,8 @@ static void test_layers(void **state)
            p.material.anisotropy = 1);
     EXPECT(EFFECT_GLOSSY, p.material.metallic = 1; p.material.roughness = 1;
            p.material.anisotropy = 1); /* nothing to stretch */
+    EXPECT(EFFECT_MIRROR | EFFECT_GLOSSY | EFFECT_ANISOTROPY, p.material.metallic = 1;
+           p.material.roughness = 0; p.material.anisotropy = 0.5f); /* rough along one axis */
     EXPECT(plain_set | EFFECT_DIFFUSE_TRANSMISSION | EFFECT_CULLING,
            p.material.diffuse_transmission = 0.5f);
     EXPECT(EFFECT_CONDUCTOR | EFFECT_GLOSSY, p.material.kind = MATERIAL_CONDUCTOR);
