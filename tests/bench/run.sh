@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# `make bench`: every figure of docs/PERFORMANCE.md, in some eight minutes. `report.py kernels`: the table of docs/EFFECTS.md alone.
+# `make bench`: every figure of docs/PERFORMANCE.md, in some five minutes. `report.py kernels`: the table of docs/EFFECTS.md alone.
 #
 # BUILD names the build tree. AZULEJO_DATA, when set, adds a scene from outside. Figures are
 # medians; CPU-seconds are compared rather than seconds, because machines are shared.
