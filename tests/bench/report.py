@@ -18,6 +18,7 @@ SIZE, SPP = "400x400", 16
 GROUP_SIZE = "240x160"
 KERNEL_SIZE, KERNEL_SPP, KERNEL_ROUNDS = "64x64", 8, 9
 KERNEL_COPIES = 9
+AGAINST_SIZE, AGAINST_SPP = "256x256", 16
 
 
 def output(*argv):
@@ -61,8 +62,8 @@ def show_machine():
                                      output("ldd", os.path.join(BIN, "azulejo-worker")))))
 
 
-def bench_render(scene, *options):
-    argv = [os.path.join(BUILD, "tests", "bench", "bench_render"), scene, "--json"]
+def bench_render(scene, *options, program=os.path.join(BUILD, "tests", "bench", "bench_render")):
+    argv = [program, scene, "--json"]
     if "--size" not in options:
         argv += ["--size", SIZE]
     if "--spp" not in options:
@@ -72,6 +73,34 @@ def bench_render(scene, *options):
     if not text:
         sys.exit("failed: " + " ".join(argv))
     return json.loads(text)
+
+
+def show_against(scenes, tree):
+    """Against another checkout, which is built: `report.py against FOLDER`.
+
+    Copies of both programs, as for the kernels below.
+    """
+    title("This tree against another: bench_render SCENE --size %s --spp %d, CPU time and variance of "
+          "a sample, %d pairs" % (AGAINST_SIZE, AGAINST_SPP, KERNEL_COPIES))
+    print("| scene | time | 96 % of such medians | variance |")
+    print("|---|---:|---|---:|")
+    with tempfile.TemporaryDirectory(prefix="azulejo-bench-", dir=BUILD) as folder:
+        pairs = []
+        for i in range(KERNEL_COPIES):
+            pairs.append([os.path.join(folder, "%s%d" % (kind, i)) for kind in ("this", "other")])
+            for copy, build in zip(pairs[-1], (BUILD, os.path.join(tree, "build", "release"))):
+                shutil.copy(os.path.join(build, "tests", "bench", "bench_render"), copy)
+        for name, scene, options in scenes:
+            ratios, variances = [], []
+            for i, pair in enumerate(pairs):
+                order = (0, 1) if i % 2 else (1, 0)
+                runs = {k: bench_render(scene, "--size", AGAINST_SIZE, "--spp", str(AGAINST_SPP),
+                                        *options, program=pair[k]) for k in order}
+                ratios.append(runs[1]["samples_per_cpu_s"] / runs[0]["samples_per_cpu_s"])
+                variances.append(runs[0]["relative_mse"] / runs[1]["relative_mse"])
+            ratios.sort()
+            print("| %s | %.2f | %.2f to %.2f | %.2f |" % (
+                name, median(ratios), ratios[1], ratios[-2], median(variances)), flush=True)
 
 
 def show_renderer(scenes):
@@ -267,6 +296,9 @@ def show_tonemapping():
 
 
 def main():
+    against = sys.argv[2] if len(sys.argv) == 3 and sys.argv[1] == "against" else None
+    if sys.argv[1:] and sys.argv[1:] != ["kernels"] and not against:
+        sys.exit("usage: report.py [kernels | against FOLDER]")
     if not os.path.exists(os.path.join(BUILD, "tests", "bench", "bench_render")):
         sys.exit("make bench: %s is not built" % BUILD)
     with tempfile.TemporaryDirectory(prefix="azulejo-bench-") as folder:
@@ -295,6 +327,9 @@ def main():
         show_machine()
         if sys.argv[1:] == ["kernels"]:
             show_kernels(kernel_scenes(scenes, sky))
+            return
+        if against:
+            show_against(scenes, against)
             return
         show_renderer(scenes)
         show_effect_groups(effect_groups(sky))

@@ -10,7 +10,8 @@
 #
 # From the environment: BUILD, the build tree; LAMBERT=1, make dielectrics Lambert's first, and
 # LAMBERT=filtered, but interpolate textures (lambert_variant.py); LAMP_CUTS=N, cut the lamps of
-# Cycles (cycles_render.py); KEEP=FOLDER, keep the pictures.
+# Cycles (cycles_render.py); OPTIONS, more of them for bench_render, such as `--without
+# microfacet-multiple-scattering`, which Blender's importer leaves off; KEEP=FOLDER, keep the pictures.
 set -eu
 cd "$(dirname "$0")/../.."
 scene=$1 environment=${2:--} size=${3:-400x400} spp=${4:-256} depth=${5:-12}
@@ -40,7 +41,7 @@ cycles() {
 
 cycles 0
 "$build/tests/bench/bench_render" "$scene" "${env_option[@]}" --size "$size" --spp "$spp" \
-    --max-depth "$depth" --threads "$threads" --out "$work/azulejo.exr"
+    --max-depth "$depth" --threads "$threads" ${OPTIONS:-} --out "$work/azulejo.exr"
 cycles 1
 echo "Azulejo against Cycles:"
 "$build/bin/azulejo" compare "$work/azulejo.exr" "$work/cycles0.exr" || true
