@@ -446,13 +446,14 @@ struct texel texture_read(const struct texture_image *image, const struct scene_
     const float *color8 = decoded ? image->srgb8 : linear8;
     const float *color16 = decoded ? image->srgb16 : NULL;
     const uint8_t *pyramid = pyramid_of(image, decoded);
-    const struct texture_level *level = &image->levels[place->level];
+    const struct texture_level *level;
     const void *texels[2] = {image->texels, NULL};
     uint32_t channels = image->channels;
     lanes result;
 
-    if (place->levels == 0)
+    if (place->levels == 0) /* and nothing else of the place is set */
         return (struct texel){0, 0, 0, 0};
+    level = &image->levels[place->level];
     if (place->level > 0)
         texels[0] = pyramid + level->first * image->texel_bytes;
     if (place->levels == 2)
