@@ -18,6 +18,7 @@
 #include "common/base/options.h"
 #include "common/film/tiles.h"
 #include "common/scene/effects.h"
+#include "tests/support/imported.h"
 #include "worker/render/render.h"
 
 enum { KINDS = 2, ROUNDS_MAX = 999 };
@@ -32,20 +33,6 @@ static void die(const struct error *err)
 {
     fprintf(stderr, "bench_kernels: %s\n", err->text);
     exit(status_exit_code(err->code));
-}
-
-static status find_blob(void *user, const struct digest *digest, const uint8_t **data,
-                        size_t *size_bytes, struct error *err)
-{
-    const struct import_result *import = user;
-
-    for (size_t i = 0; i < import->blob_count; i++)
-        if (digest_equal(&import->blobs[i].digest, digest)) {
-            *data = import->blobs[i].data;
-            *size_bytes = import->blobs[i].size_bytes;
-            return STATUS_OK;
-        }
-    return error_set(err, STATUS_ERR_NOT_FOUND, "a blob is missing");
 }
 
 static int by_value(const void *a, const void *b)
@@ -160,7 +147,7 @@ int main(int argc, char **argv)
     for (int kind = 0; kind < KINDS; kind++) {
         render_force_general(kind == GENERAL);
         if (render_scene_new(&scenes[kind], &import.scene, &settings, (uint32_t)frame,
-                             (struct blob_source){find_blob, &import}, &err) != STATUS_OK)
+                             imported_source(&import), &err) != STATUS_OK)
             die(&err);
     }
     for (int round = -1; round < rounds; round++)

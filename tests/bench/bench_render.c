@@ -22,6 +22,7 @@
 #include "common/film/film.h"
 #include "common/image/image.h"
 #include "common/scene/effects.h"
+#include "tests/support/imported.h"
 #include "worker/render/render.h"
 
 struct bench {
@@ -34,20 +35,6 @@ struct bench {
     struct render_stats stats;
     uint64_t cpu_ns;
 };
-
-static status find_blob(void *user, const struct digest *digest, const uint8_t **data,
-                        size_t *size_bytes, struct error *err)
-{
-    const struct import_result *import = user;
-
-    for (size_t i = 0; i < import->blob_count; i++)
-        if (digest_equal(&import->blobs[i].digest, digest)) {
-            *data = import->blobs[i].data;
-            *size_bytes = import->blobs[i].size_bytes;
-            return STATUS_OK;
-        }
-    return error_set(err, STATUS_ERR_NOT_FOUND, "a blob is missing");
-}
 
 static void *run(void *user)
 {
@@ -158,7 +145,7 @@ int main(int argc, char **argv)
     }
     render_force_general(general);
     if (render_scene_new(&scene, &import.scene, &b.settings, (uint32_t)frame,
-                         (struct blob_source){find_blob, &import}, &err) != STATUS_OK)
+                         imported_source(&import), &err) != STATUS_OK)
         die(&err);
     render_scene_info(scene, &info);
     b.scene = scene;

@@ -9,6 +9,7 @@
 
 #include "client/import/import.h"
 #include "common/math/elementary.h"
+#include "tests/support/imported.h"
 #include "worker/render/surface.h"
 #include "worker/render/world.h"
 
@@ -18,20 +19,6 @@ enum { SIDE = 400, SAMPLES = 64, BOUNCES = 3 };
 struct tally {
     unsigned long rays, edge, distance, silhouette;
 };
-
-static status find_blob(void *user, const struct digest *digest, const uint8_t **data,
-                        size_t *size_bytes, struct error *err)
-{
-    const struct import_result *scene = user;
-
-    for (size_t i = 0; i < scene->blob_count; i++)
-        if (digest_equal(&scene->blobs[i].digest, digest)) {
-            *data = scene->blobs[i].data;
-            *size_bytes = scene->blobs[i].size_bytes;
-            return STATUS_OK;
-        }
-    return error_set(err, STATUS_ERR_NOT_FOUND, "a blob is missing");
-}
 
 static float edge_distance(const struct surface *s)
 {
@@ -101,7 +88,7 @@ int main(int argc, char **argv)
     for (int k = 0; k < 2 && s == STATUS_OK; k++) {
         settings.isa = k ? ISA_AVX2 : ISA_SSE2;
         s = render_scene_new(&scenes[k], &import.scene, &settings, 0,
-                             (struct blob_source){find_blob, &import}, &err);
+                             imported_source(&import), &err);
     }
     if (s != STATUS_OK) {
         fprintf(stderr, "isa_rays: %s\n", err.text);

@@ -69,6 +69,7 @@
 #include "common/scene/kernel_sets.h"
 #include "tests/support/exr_channels.h"
 #include "tests/support/statistics.h"
+#include "tests/support/imported.h"
 #include "worker/render/render.h"
 
 enum {
@@ -481,20 +482,6 @@ static _Noreturn void fail_now(const char *name, const char *why)
     exit(1);
 }
 
-static status find_blob(void *user, const struct digest *digest, const uint8_t **data,
-                        size_t *size_bytes, struct error *err)
-{
-    const struct import_result *import = user;
-
-    for (size_t i = 0; i < import->blob_count; i++)
-        if (digest_equal(&import->blobs[i].digest, digest)) {
-            *data = import->blobs[i].data;
-            *size_bytes = import->blobs[i].size_bytes;
-            return STATUS_OK;
-        }
-    return error_set(err, STATUS_ERR_NOT_FOUND, "a blob is missing");
-}
-
 static void import_feature(const struct feature *f, struct import_result *import)
 {
     struct import_options options = IMPORT_OPTIONS_DEFAULT;
@@ -554,7 +541,7 @@ static void render(const struct feature *f, struct import_result *import,
         fail_now(f->path, "out of memory");
     if (scene_validate(&import->scene, &err) != STATUS_OK ||
         render_scene_new(&scene, &import->scene, settings, f->frame,
-                         (struct blob_source){find_blob, import}, &err) != STATUS_OK)
+                         imported_source(import), &err) != STATUS_OK)
         fail_now(f->path, err.text);
     render_frame(f, scene, film);
     film_develop(film, picture);

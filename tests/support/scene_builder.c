@@ -306,6 +306,29 @@ void builder_environment_constant(struct scene_builder *b, struct vec3 radiance)
     b->scene.environment.radiance[2] = radiance.z;
 }
 
+void builder_room(struct scene_builder *b,
+                  void (*dress)(struct scene_builder *b, struct scene_material *ball))
+{
+    struct scene_material *m;
+    uint32_t quad, ball, material;
+
+    builder_init(b);
+    quad = builder_quad(b);
+    ball = builder_sphere(b, 12, 1);
+    builder_lambert(b, 0.6f);
+    builder_place(b, quad, builder_last_material(b), vec3_splat(4), vec3_make(0, -1, 0));
+    m = builder_lambert(b, 0);
+    m->emission[0] = m->emission[1] = m->emission[2] = 5;
+    builder_place(b, quad, builder_last_material(b), vec3_make(1, -1, 1), vec3_make(1, 3, 0));
+    m = builder_lambert(b, 0.7f);
+    material = builder_last_material(b);
+    builder_place(b, ball, material, vec3_splat(1), vec3_make(0, 0, 0));
+    builder_camera(b, vec3_make(0, 1, 5), vec3_splat(0), 0.7f);
+    builder_environment_constant(b, vec3_make(0.2f, 0.3f, 0.4f));
+    if (dress)
+        dress(b, m);
+}
+
 static struct scene_blob add_exr(struct scene_builder *b, const float *rgb, uint32_t width,
                                  uint32_t height)
 {

@@ -61,6 +61,10 @@ struct scene_light *builder_light(struct scene_builder *b, enum scene_light_kind
 /* A camera at `eye` that looks at `target`, up +y (or +z when looking along y). */
 void builder_camera(struct scene_builder *b, struct vec3 eye, struct vec3 target, float yfov_rad);
 void builder_environment_constant(struct scene_builder *b, struct vec3 radiance);
+/* A whole scene: a floor, a ball, a lamp and a sky, and a camera before them. `dress` (may be NULL)
+ * changes the ball's material, which is Lambert's. Takes the place of builder_init. */
+void builder_room(struct scene_builder *b,
+                  void (*dress)(struct scene_builder *b, struct scene_material *ball));
 /* A lat-long map of floats [height][width][3], stored as an EXR blob. */
 void builder_environment_map(struct scene_builder *b, const float *rgb, uint32_t width,
                              uint32_t height);

@@ -7,6 +7,8 @@
 
 #include <cmocka.h>
 
+#include "common/base/memory.h"
+
 struct tonemap_settings tonemap_preset(const char *name)
 {
     struct tonemap_settings s;
@@ -81,4 +83,38 @@ struct image picture_hard(uint32_t width, uint32_t height)
         }
     picture_put(&image, width / 2, height / 3, 0.0f);
     return image;
+}
+
+void picture_threads_agree(struct image *in, const struct tonemap_settings *s)
+{
+    struct image a = picture_light_threads(in, s, 1), b = picture_light_threads(in, s, 3);
+
+    assert_memory_equal(a.pixels, b.pixels, (size_t)a.width * a.height * 3 * sizeof *a.pixels);
+    image_release(in);
+    image_release(&a);
+    image_release(&b);
+}
+
+int picture_out_of_memory(struct image *in, const struct tonemap_settings *s)
+{
+    enum { MOST = 1000 };
+    struct tonemap_context context = {.threads = 1};
+    struct image out;
+
+    for (int failures = 0; failures < MOST; failures++) {
+        struct error err = {0};
+        status st;
+
+        mem_fault_arm(failures, 1);
+        st = tonemap_apply(&out, in, s, &context, &err);
+        mem_fault_arm(-1, 0);
+        if (st == STATUS_OK) {
+            image_release(&out);
+            image_release(in);
+            return failures;
+        }
+        assert_int_equal(st, STATUS_ERR_NO_MEMORY);
+    }
+    fail_msg("out of memory with %d allocations", (int)MOST);
+    return MOST;
 }

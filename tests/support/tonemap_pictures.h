@@ -21,4 +21,11 @@ struct image picture_light_threads(const struct image *in, const struct tonemap_
                                    unsigned threads);
 struct image picture_light(const struct image *in, const struct tonemap_settings *s);
 
+/* One thread and three make the same bits of `in`, which is released. */
+void picture_threads_agree(struct image *in, const struct tonemap_settings *s);
+
+/* Tone maps `in` again and again, each time with one allocation more that succeeds: every failure is
+ * told as such. Returns how many there were; `in` is released. */
+int picture_out_of_memory(struct image *in, const struct tonemap_settings *s);
+
 #endif

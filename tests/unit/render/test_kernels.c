@@ -15,30 +15,6 @@
 
 enum { SIZE = 24, FLOATS = 2 * 3 * 256 };
 
-/* A room of a floor, a ball, a lamp and a sky; `dress` changes the ball's material. */
-static void room(struct scene_builder *b, void (*dress)(struct scene_builder *b,
-                                                        struct scene_material *ball))
-{
-    struct scene_material *m;
-    uint32_t quad, ball, material;
-
-    builder_init(b);
-    quad = builder_quad(b);
-    ball = builder_sphere(b, 12, 1);
-    builder_lambert(b, 0.6f);
-    builder_place(b, quad, builder_last_material(b), vec3_splat(4), vec3_make(0, -1, 0));
-    m = builder_lambert(b, 0);
-    m->emission[0] = m->emission[1] = m->emission[2] = 5;
-    builder_place(b, quad, builder_last_material(b), vec3_make(1, -1, 1), vec3_make(1, 3, 0));
-    m = builder_lambert(b, 0.7f);
-    material = builder_last_material(b);
-    builder_place(b, ball, material, vec3_splat(1), vec3_make(0, 0, 0));
-    builder_camera(b, vec3_make(0, 1, 5), vec3_splat(0), 0.7f);
-    builder_environment_constant(b, vec3_make(0.2f, 0.3f, 0.4f));
-    if (dress)
-        dress(b, m);
-}
-
 static void dress_mirror(struct scene_builder *b, struct scene_material *ball)
 {
     (void)b;
@@ -187,7 +163,7 @@ static void test_same_bits(void **state)
         struct scene_builder b;
         int compared = 0;
 
-        room(&b, rooms[i].dress);
+        builder_room(&b, rooms[i].dress);
         scene = builder_build(&b, &settings);
         if (strcmp(render_kernel_variant(scene), rooms[i].kernel) != 0)
             fail_msg("%s is rendered by kernel %s, not by %s", rooms[i].name,
@@ -225,7 +201,7 @@ static void test_comparison_bites(void **state)
     struct scene_builder b;
 
     (void)state;
-    room(&b, dress_coat);
+    builder_room(&b, dress_coat);
     scene = builder_build(&b, &settings);
     tile_render(scene, 0, 0, 0, one, &stats);
     /* A kernel that cannot do clearcoats leaves the coat out. */

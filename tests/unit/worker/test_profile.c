@@ -72,30 +72,6 @@ static void test_one_place(void **state)
             assert_int_equal(now.stages[i], before.stages[i]);
 }
 
-/* A room of a floor, a ball, a lamp and a sky; `dress` changes the ball's material. */
-static void room(struct scene_builder *b, void (*dress)(struct scene_builder *b,
-                                                        struct scene_material *ball))
-{
-    struct scene_material *m;
-    uint32_t quad, ball, material;
-
-    builder_init(b);
-    quad = builder_quad(b);
-    ball = builder_sphere(b, 12, 1);
-    builder_lambert(b, 0.6f);
-    builder_place(b, quad, builder_last_material(b), vec3_splat(4), vec3_make(0, -1, 0));
-    m = builder_lambert(b, 0);
-    m->emission[0] = m->emission[1] = m->emission[2] = 5;
-    builder_place(b, quad, builder_last_material(b), vec3_make(1, -1, 1), vec3_make(1, 3, 0));
-    m = builder_lambert(b, 0.7f);
-    material = builder_last_material(b);
-    builder_place(b, ball, material, vec3_splat(1), vec3_make(0, 0, 0));
-    builder_camera(b, vec3_make(0, 1, 5), vec3_splat(0), 0.7f);
-    builder_environment_constant(b, vec3_make(0.2f, 0.3f, 0.4f));
-    if (dress)
-        dress(b, m);
-}
-
 static void dress_plastic(struct scene_builder *b, struct scene_material *ball)
 {
     (void)b;
@@ -197,7 +173,7 @@ static void test_rooms(void **state)
         struct scene_builder b;
         uint64_t found = 0, end, allowed;
 
-        room(&b, rooms[k].dress);
+        builder_room(&b, rooms[k].dress);
         render_force_general(i % 2);
         scene = builder_build(&b, &settings);
         render_force_general(0);
