@@ -26,6 +26,18 @@ class OddPeer(Program):
             self.say("hello " + hello)
             self.wait_line("welcome")
 
+    @classmethod
+    def coordinator(cls, farm, address="127.0.0.1:0", key=None):
+        """One that listens at the address (farm.address from now on) and takes one connection."""
+        self = cls.__new__(cls)
+        number = len(farm.programs)
+        Program.__init__(self, "odd coordinator %d" % number,
+                         [ODD_PEER] + address.rsplit(":", 1) + [key or farm.key, "coordinator"],
+                         farm.path("odd-%d.log" % number), pipe_stdout=True, pipe_stdin=True)
+        farm.programs.append(self)
+        farm.address = self.wait_line("listening on ")
+        return self
+
     def say(self, line):
         try:
             self.process.stdin.write((line + "\n").encode("ascii"))

@@ -6,9 +6,9 @@ import shutil
 import sys
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
-from farm import BUILD, Farm, Program, Tests, wait_for
+from farm import BUILD, ROOT, Farm, Program, Tests, wait_for
 from jobs import Outcome, expect
-from odd import Strangers, alert, passing_on, saying
+from odd import OddPeer, Strangers, alert, passing_on, saying
 
 tests = Tests()
 SMALL = ["--size", "64x64", "--spp", "4"]
@@ -24,6 +24,12 @@ def check_renders(farm, name="rendered"):
 
 def lines_with(worker, words):
     return [l for l in worker.log_text().splitlines() if words in l]
+
+
+def status_number(name):
+    """The number that stands for STATUS_ERR_name on the wire."""
+    with open(os.path.join(ROOT, "common", "base", "status.h")) as source:
+        return re.findall(r"^    X\((\w+),", source.read(), re.M).index("ERR_" + name)
 
 
 def make_keys(farm):
@@ -107,6 +113,43 @@ def key_replaced_in_place():
         farm.wait_for_workers(1)
         check_renders(farm)
         expect(len(lines_with(worker, "stays in use")) == 2, worker.log_text())
+
+
+def meet_odd_coordinator(farm, answer, address="127.0.0.1:0"):
+    """A worker's Hello to a coordinator that holds the key gets this answer; the worker."""
+    peer = OddPeer.coordinator(farm, address)
+    worker = farm.start_worker()
+    peer.wait_line("hello")
+    peer.say(answer)
+    return worker
+
+
+@tests.add
+def refusals_of_the_own_farm():
+    """a coordinator with the farm's key that refuses the release ends a worker with 9; other failures do not"""
+    refused, unsupported, limit = (status_number(n) for n in ("REFUSED", "UNSUPPORTED", "LIMIT"))
+    with Farm() as farm:
+        for answer in ("failure %d" % refused, "failure %d" % unsupported, "welcome version=999"):
+            worker = meet_odd_coordinator(farm, answer)
+            code = worker.wait(20)
+            expect(code == 9, "%s: exit status %d: %s" % (answer, code, worker.log_text()))
+            expect(re.search("odd coordinator will not have it|same release", worker.log_text()),
+                   worker.log_text())
+        worker = meet_odd_coordinator(farm, "failure %d" % limit)
+        wait_for(lambda: lines_with(worker, TROUBLE), "the failure to be logged")
+        farm.restart_coordinator()
+        farm.wait_for_workers(1)
+        # Once it works, no Failure ends it.
+        farm.coordinator.stop()
+        peer = OddPeer.coordinator(farm, farm.address)
+        peer.wait_line("hello")
+        peer.say("welcome")
+        peer.wait_line("lease_request")
+        peer.say("failure %d" % unsupported)
+        peer.wait(20)
+        farm.restart_coordinator()
+        farm.wait_for_workers(1)
+        check_renders(farm)
 
 
 @tests.add
