@@ -39,8 +39,8 @@ struct agent {
     int was_welcome;         /* ever */
     int last_asked;          /* units of the last LeaseRequest, not granted since */
     int failed_at_work;      /* the last connection ended by a Failure: keep backing off */
-    uint32_t failed_attempts;    /* in a row */
-    char trouble[sizeof((struct error *)0)->text]; /* why the last of them failed, as logged */
+    uint32_t failures;       /* connections lost or not made since the last Welcome */
+    char trouble[sizeof((struct error *)0)->text]; /* why, as last logged */
 
     struct blob_cache *blobs;
     struct pool *pool;
@@ -202,10 +202,10 @@ static void on_welcome(struct agent *a, const Azulejo__Wire__Welcome *welcome)
     a->was_welcome = 1;
     if (!a->failed_at_work)
         a->backoff_ms = BACKOFF_FIRST_MS;
-    if (a->failed_attempts > 0)
-        log_info("%s: connected after %u failed attempts", channel_peer(a->channel),
-                 a->failed_attempts);
-    a->failed_attempts = 0;
+    if (a->failures > 0)
+        log_info("%s: connected after %u failure%s", channel_peer(a->channel), a->failures,
+                 a->failures == 1 ? "" : "s");
+    a->failures = 0;
     a->trouble[0] = 0;
     log_info("%s: joined as session %u with %u threads, %zu results to send again",
              channel_peer(a->channel), welcome->session, a->options.threads, a->outbox.count);
@@ -337,7 +337,7 @@ static int disconnect_is_final(const struct agent *a, const struct error *why)
 /* Logged once for each kind of trouble, not at every attempt. */
 static void report_trouble(struct agent *a, const struct error *why)
 {
-    a->failed_attempts += a->failed_attempts < UINT32_MAX;
+    a->failures += a->failures < UINT32_MAX;
     if (why->code == STATUS_OK) {
         log_info("the coordinator ended the connection; connecting again");
     } else if (strcmp(why->text, a->trouble) == 0) {
@@ -388,7 +388,7 @@ static void begin_connect(struct agent *a)
     static const struct channel_callbacks callbacks = {on_open, on_message, on_drain, on_close};
     struct error err = {0};
 
-    if (a->failed_attempts > 0)
+    if (a->failures > 0)
         (void)!key_file_refresh(a->options.key_file);
     if (channel_connect(&a->channel, a->loop, a->options.host, a->options.port,
                         &a->options.key_file->key, FARM_ROLE_WORKER, &callbacks, a,
