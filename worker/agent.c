@@ -388,8 +388,8 @@ static void begin_connect(struct agent *a)
     static const struct channel_callbacks callbacks = {on_open, on_message, on_drain, on_close};
     struct error err = {0};
 
-    if (a->failures > 0)
-        (void)!key_file_refresh(a->options.key_file);
+    if (a->failures > 0 && key_file_refresh(a->options.key_file))
+        a->backoff_ms = BACKOFF_FIRST_MS; /* the coordinator may get its new key a little later */
     if (channel_connect(&a->channel, a->loop, a->options.host, a->options.port,
                         &a->options.key_file->key, FARM_ROLE_WORKER, &callbacks, a,
                         &err) == STATUS_OK)

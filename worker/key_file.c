@@ -52,17 +52,16 @@ int key_file_refresh(struct key_file *file)
     struct stat now = look_at(file->path);
     struct farm_key key;
     struct error err = {0};
-    int changed;
+    int changed = 0;
 
     if (same_file(&now, &file->seen))
         return 0;
     file->seen = now;
-    if (load_worker_key(&key, file->path, &err) != STATUS_OK) {
+    if (load_worker_key(&key, file->path, &err) != STATUS_OK)
         log_warn("%s; the key that was read before stays in use", err.text);
-        return 0;
-    }
-    changed = memcmp(key.secret, file->key.secret, sizeof key.secret) != 0 ||
-              key.is_farm != file->key.is_farm;
+    else
+        changed = memcmp(key.secret, file->key.secret, sizeof key.secret) != 0 ||
+                  key.is_farm != file->key.is_farm;
     if (changed) {
         log_info("%s: the key was replaced; the new one is used from now on", file->path);
         file->key = key;
