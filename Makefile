@@ -97,7 +97,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test check-asan check-tsan fuzz bench layers install uninstall clean tests lint
+.PHONY: all help deps demo test test-slurm check-asan check-tsan fuzz bench layers install uninstall clean tests lint
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -179,6 +179,9 @@ check-tsan: ## the tests under ThreadSanitizer
 
 layers: ## prove the dependency rule of docs/ARCHITECTURE.md
 	@scripts/check-layers.sh
+
+test-slurm: all ## preempt, cancel and time out deploy/slurm's workers (needs slurm-wlm and munge)
+	@BUILD=$(BUILD) deploy/slurm/try.sh
 
 lint: ## clang-tidy and cppcheck
 	@scripts/lint.sh

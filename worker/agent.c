@@ -38,8 +38,9 @@ struct agent {
     uint64_t backoff_ms;
     int was_welcome;         /* ever */
     int last_asked;          /* units of the last LeaseRequest, not granted since */
-    int unreachable_logged;
     int failed_at_work;      /* the last connection ended by a Failure: keep backing off */
+    uint32_t failures;       /* connections lost or not made since the last Welcome */
+    char trouble[sizeof((struct error *)0)->text]; /* why, as last logged */
 
     struct blob_cache *blobs;
     struct pool *pool;
@@ -179,20 +180,33 @@ static void on_open(struct channel *channel, void *user)
         agent_set_state(a, GREETING);
 }
 
+/* What a refusal in the greeting means: the coordinator holds the farm's key, so it speaks for
+ * the farm, and this release will not fit it at the next attempt either. Anything else (its
+ * limits, its memory) may pass. */
+static status greeting_refusal(status code)
+{
+    return code == STATUS_ERR_REFUSED || code == STATUS_ERR_UNSUPPORTED ? STATUS_ERR_MISMATCH
+                                                                        : code;
+}
+
 static void on_welcome(struct agent *a, const Azulejo__Wire__Welcome *welcome)
 {
     struct error err = {0};
 
     if (welcome_check(welcome, &err) != STATUS_OK) {
-        channel_abort(a->channel, err.code, "%s", err.text);
+        channel_abort(a->channel, greeting_refusal(err.code), "%s", err.text);
         return;
     }
     a->heartbeat_ms = welcome->heartbeat_ms;
     a->silence_limit_ms = welcome->silence_limit_ms;
     a->was_welcome = 1;
-    a->unreachable_logged = 0;
     if (!a->failed_at_work)
         a->backoff_ms = BACKOFF_FIRST_MS;
+    if (a->failures > 0)
+        log_info("%s: connected after %u failure%s", channel_peer(a->channel), a->failures,
+                 a->failures == 1 ? "" : "s");
+    a->failures = 0;
+    a->trouble[0] = 0;
     log_info("%s: joined as session %u with %u threads, %zu results to send again",
              channel_peer(a->channel), welcome->session, a->options.threads, a->outbox.count);
     agent_set_state(a, WORKING);
@@ -208,7 +222,9 @@ static void on_failure(struct agent *a, const Azulejo__Wire__Envelope *message)
         return;
     }
     code = message_failure_get(message->failure, &err);
-    if (a->state != GREETING) {
+    if (a->state == GREETING) {
+        code = greeting_refusal(code);
+    } else {
         /* It may have refused a result (of a store that was since replaced, say). Sending the
          * same again would end the same way; rendering it again is cheap. */
         log_warn("%zu results that the coordinator has not taken are dropped", a->outbox.count);
@@ -300,11 +316,6 @@ static void on_drain(struct channel *channel, void *user)
         outbox_pump(&a->outbox, channel);
 }
 
-static int refusal_is_final(status code)
-{
-    return code == STATUS_ERR_REFUSED || code == STATUS_ERR_UNSUPPORTED;
-}
-
 /* End with this; the loop runs dry once the handles have closed. */
 static void end_with(struct agent *a, const struct error *why)
 {
@@ -314,11 +325,33 @@ static void end_with(struct agent *a, const struct error *why)
     agent_set_state(a, ENDED);
 }
 
+/* With exit_on_disconnect: not to be reached, or not by this key, is the end. Before the first
+ * Welcome the coordinator may still be starting. */
+static int disconnect_is_final(const struct agent *a, const struct error *why)
+{
+    return a->options.exit_on_disconnect &&
+           (a->was_welcome || why->code == STATUS_ERR_REFUSED ||
+            clock_monotonic_ns() - a->started_ns > FIRST_CONNECTION_MS * NS_PER_MS);
+}
+
+/* Logged once for each kind of trouble, not at every attempt. */
+static void report_trouble(struct agent *a, const struct error *why)
+{
+    a->failures += a->failures < UINT32_MAX;
+    if (why->code == STATUS_OK) {
+        log_info("the coordinator ended the connection; connecting again");
+    } else if (strcmp(why->text, a->trouble) == 0) {
+        log_debug("%s", why->text);
+    } else {
+        log_warn("%s; trying again until it works", why->text);
+        snprintf(a->trouble, sizeof a->trouble, "%s", why->text);
+    }
+}
+
 static void on_close(struct channel *channel, const struct error *why, void *user)
 {
     struct agent *a = user;
     struct error told = *why;
-    int welcome = a->state == WORKING || a->state == DRAINING;
 
     (void)channel;
     a->channel = NULL;
@@ -327,10 +360,6 @@ static void on_close(struct channel *channel, const struct error *why, void *use
     fetcher_reset(&a->fetcher);
     outbox_reset(&a->outbox);
     leases_forget_unstarted(&a->leases);
-    if (refusal_is_final(why->code) && !welcome) {
-        end_with(a, &told);
-        return;
-    }
     if (a->state == DRAINING) {
         log_warn("the connection ended before %zu results were acknowledged; they will be "
                  "rendered again", a->outbox.count);
@@ -338,20 +367,12 @@ static void on_close(struct channel *channel, const struct error *why, void *use
         end_with(a, &told);
         return;
     }
-    if (a->options.exit_on_disconnect &&
-        (a->was_welcome ||
-         clock_monotonic_ns() - a->started_ns > FIRST_CONNECTION_MS * NS_PER_MS)) {
+    if ((a->state == GREETING && why->code == STATUS_ERR_MISMATCH) ||
+        disconnect_is_final(a, why)) {
         end_with(a, &told);
         return;
     }
-    /* Said once, not at every attempt. */
-    if (why->code == STATUS_OK)
-        log_info("the coordinator ended the connection; connecting again");
-    else if (welcome || !a->unreachable_logged)
-        log_warn("%s; trying again until it works", why->text);
-    else
-        log_debug("%s", why->text);
-    a->unreachable_logged = 1;
+    report_trouble(a, why);
     agent_set_state(a, WAITING);
 }
 
@@ -367,15 +388,14 @@ static void begin_connect(struct agent *a)
     static const struct channel_callbacks callbacks = {on_open, on_message, on_drain, on_close};
     struct error err = {0};
 
-    if (channel_connect(&a->channel, a->loop, a->options.host, a->options.port, a->options.key,
-                        FARM_ROLE_WORKER, &callbacks, a, &err) == STATUS_OK)
+    if (a->failures > 0 && key_file_refresh(a->options.key_file))
+        a->backoff_ms = BACKOFF_FIRST_MS; /* the coordinator may get its new key a little later */
+    if (channel_connect(&a->channel, a->loop, a->options.host, a->options.port,
+                        &a->options.key_file->key, FARM_ROLE_WORKER, &callbacks, a,
+                        &err) == STATUS_OK)
         return;
-    if (refusal_is_final(err.code)) {
-        end_with(a, &err);
-    } else {
-        log_warn("%s", err.text);
-        agent_set_state(a, WAITING);
-    }
+    report_trouble(a, &err);
+    agent_set_state(a, WAITING);
 }
 
 /* Twice as long each time, times a random 0.5..1, so that a farm's workers do not all come

@@ -12,8 +12,8 @@
 #include "common/scene/settings.h"
 #include "protocol/address.h"
 #include "protocol/channel.h"
-#include "protocol/key.h"
 #include "worker/agent.h"
+#include "worker/key_file.h"
 #include "worker/profile.h"
 #include "worker/pool.h"
 
@@ -156,7 +156,7 @@ int main(int argc, char **argv)
     struct agent_options options = {0};
     struct buffer key_file = BUFFER_INIT, folder = BUFFER_INIT;
     struct positionals rest;
-    struct farm_key key;
+    struct key_file key;
     struct error err = {0};
     char host[256];
     status s;
@@ -191,12 +191,12 @@ int main(int argc, char **argv)
         s = default_path(&key_file, key_path, "AZULEJO_KEY", "XDG_CONFIG_HOME", ".config",
                          "/farm.key", "key", &err);
     if (s == STATUS_OK)
-        s = farm_key_load(&key, buffer_text(&key_file), &err);
+        s = key_file_load(&key, buffer_text(&key_file), &err);
     if (s == STATUS_OK)
         s = default_path(&folder, cache, NULL, "XDG_CACHE_HOME", ".cache", "", "cache", &err);
     if (s == STATUS_OK) {
         options.host = host;
-        options.key = &key;
+        options.key_file = &key;
         options.threads = threads ? (unsigned)threads : uv_available_parallelism();
         options.cache_folder = buffer_text(&folder);
         options.cache_limit_bytes = cache_limit;

@@ -1,7 +1,9 @@
-"""Peers that break the rules: odd_peer (beside this file, in C) with the farm's key, and bare sockets."""
+"""Peers that break the rules: odd_peer (beside this file, in C) with the farm's key, bare sockets, and
+strangers on the coordinator's port."""
 import os
 import select
 import socket
+import threading
 import time
 
 from farm import BUILD, PATIENCE, Failure, Program
@@ -23,6 +25,18 @@ class OddPeer(Program):
         if hello is not None:
             self.say("hello " + hello)
             self.wait_line("welcome")
+
+    @classmethod
+    def coordinator(cls, farm, address="127.0.0.1:0", key=None):
+        """One that listens at the address (farm.address from now on) and takes one connection."""
+        self = cls.__new__(cls)
+        number = len(farm.programs)
+        Program.__init__(self, "odd coordinator %d" % number,
+                         [ODD_PEER] + address.rsplit(":", 1) + [key or farm.key, "coordinator"],
+                         farm.path("odd-%d.log" % number), pipe_stdout=True, pipe_stdin=True)
+        farm.programs.append(self)
+        farm.address = self.wait_line("listening on ")
+        return self
 
     def say(self, line):
         try:
@@ -63,3 +77,81 @@ def talk_raw(farm, data, until_closed=True, limit_s=30.0):
         except (ConnectionResetError, BrokenPipeError):
             pass
     return heard
+
+
+class Strangers:
+    """What a worker may find on its coordinator's port: each connection gets the next of `manners`,
+    over and over. A manner is a function of the connected socket; it runs in a thread of its own."""
+
+    def __init__(self, *manners):
+        self.manners, self.met = manners, 0
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.address = "127.0.0.1:%d" % self.listener.getsockname()[1]
+        self.threads = [threading.Thread(target=self.receive)]
+
+    def __enter__(self):
+        self.threads[0].start()
+        return self
+
+    def __exit__(self, *_):
+        """The port is free again when every conversation has ended."""
+        self.listener.shutdown(socket.SHUT_RDWR)
+        for thread in self.threads:
+            thread.join()
+        self.listener.close()
+
+    def receive(self):
+        while True:
+            try:
+                peer, _ = self.listener.accept()
+            except OSError:
+                return
+            thread = threading.Thread(target=self.meet,
+                                      args=(self.manners[self.met % len(self.manners)], peer))
+            self.threads.append(thread)
+            thread.start()
+            self.met += 1
+
+    @staticmethod
+    def meet(manner, peer):
+        with peer:
+            peer.settimeout(30 * PATIENCE)
+            try:
+                manner(peer)
+            except OSError:
+                pass  # the worker was first to go
+
+
+def saying(data):
+    """Answers the first bytes with these."""
+    def manner(peer):
+        peer.recv(65536)
+        peer.sendall(data)
+        peer.shutdown(socket.SHUT_WR)
+        while peer.recv(65536):
+            pass
+    return manner
+
+
+def alert(number):
+    """Answers with a fatal TLS alert: seven plain bytes."""
+    return saying(bytes([21, 3, 3, 0, 2, 2, number]))
+
+
+def passing_on(address, damage_client_at=None, damage_server_at=None):
+    """Passes everything on to and from another address; one bit of that byte is turned over."""
+    def manner(peer):
+        host, port = address.rsplit(":", 1)
+        with socket.create_connection((host, int(port)), 30 * PATIENCE) as server:
+            ways = {peer: [server, 0, damage_client_at], server: [peer, 0, damage_server_at]}
+            while True:
+                for source in select.select(list(ways), [], [], 30 * PATIENCE)[0]:
+                    target, passed, damage_at = ways[source]
+                    data = bytearray(source.recv(65536))
+                    if not data:
+                        return
+                    if damage_at is not None and 0 <= damage_at - passed < len(data):
+                        data[damage_at - passed] ^= 1
+                    ways[source][1] += len(data)
+                    target.sendall(data)
+    return manner

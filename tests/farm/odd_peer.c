@@ -1,6 +1,8 @@
 /* odd_peer: one end of Azulejo's protocol that does as it is told, also what no program of ours does.
  *
  *   odd_peer HOST PORT KEYFILE ROLE      ROLE: worker, client; whose key the handshake proves
+ *   odd_peer HOST PORT KEYFILE coordinator   listens there (PORT 0: a free one, which it prints),
+ *                                            takes one connection and is its other end
  *
  * Commands come on standard input, one a line; what the coordinator says goes to standard output,
  * one line a message. The tests in test_faults.py hold the conversation. Commands:
@@ -16,10 +18,13 @@
  *   submit DIGEST             a JobSubmit of the scene of that digest (64 hex digits)
  *   raw HEX                   these bytes in the TLS stream;  tcp HEX: beside it
  *   mute                      no more heartbeats of our own
+ *   welcome [version=N]       as coordinator: a Welcome
+ *   failure CODE              as coordinator: a Failure with that status's number
  *   close                     say goodbye and end (so does the end of the input)
  *
  * It goes on reading until the coordinator ends the connection ("ended": with a goodbye, "lost": without).
  */
+#include <arpa/inet.h>
 #include <errno.h>
 #include <inttypes.h>
 #include <netdb.h>
@@ -198,6 +203,29 @@ static void send_result(struct peer *p, char *const words[], int count)
     free(sums);
 }
 
+static void say_welcome(struct peer *p, char *const words[], int count)
+{
+    Azulejo__Wire__Welcome welcome = AZULEJO__WIRE__WELCOME__INIT;
+    Azulejo__Wire__Envelope e = MESSAGE(WELCOME, welcome, &welcome);
+
+    welcome.protocol_version = (uint32_t)number_of(words, count, "version", PROTOCOL_VERSION);
+    welcome.software = (char *)"odd_peer";
+    welcome.session = 1;
+    welcome.heartbeat_ms = HEARTBEAT_MS;
+    welcome.silence_limit_ms = 60 * 1000;
+    send_message(p, &e);
+}
+
+static void say_failure(struct peer *p, const char *code)
+{
+    Azulejo__Wire__Failure failure = AZULEJO__WIRE__FAILURE__INIT;
+    Azulejo__Wire__Envelope e = MESSAGE(FAILURE, failure, &failure);
+
+    failure.code = (uint32_t)strtoul(code, NULL, 0);
+    failure.text = (char *)"the odd coordinator will not have it";
+    send_message(p, &e);
+}
+
 static void return_unit(struct peer *p, char *const words[], int count)
 {
     Azulejo__Wire__LeaseReturn back = AZULEJO__WIRE__LEASE_RETURN__INIT;
@@ -307,6 +335,10 @@ static void obey(struct peer *p, char *line)
         send_plain(p, bytes, parse_hex(words[1], bytes));
     } else if (strcmp(words[0], "tcp") == 0 && count == 2) {
         send_all(p, bytes, parse_hex(words[1], bytes));
+    } else if (strcmp(words[0], "welcome") == 0) {
+        say_welcome(p, words, count);
+    } else if (strcmp(words[0], "failure") == 0 && count == 2) {
+        say_failure(p, words[1]);
     } else if (strcmp(words[0], "mute") == 0) {
         p->mute = 1;
     } else if (strcmp(words[0], "close") == 0) {
@@ -446,6 +478,31 @@ static int connect_to(const char *host, const char *port)
     return fd;
 }
 
+/* As coordinator: the first connection to host:port. */
+static int accept_at(const char *host, const char *port)
+{
+    struct addrinfo hints = {.ai_socktype = SOCK_STREAM, .ai_flags = AI_PASSIVE}, *found = NULL;
+    struct sockaddr_in name = {0};
+    socklen_t size = sizeof name;
+    int one = 1, fd, listener;
+
+    hints.ai_family = AF_INET;
+    if (getaddrinfo(host, port, &hints, &found) != 0)
+        die("no such host");
+    listener = socket(AF_INET, SOCK_STREAM, 0);
+    if (listener < 0 || setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one) != 0 ||
+        bind(listener, found->ai_addr, found->ai_addrlen) != 0 || listen(listener, 1) != 0 ||
+        getsockname(listener, (struct sockaddr *)&name, &size) != 0)
+        die("cannot listen there");
+    freeaddrinfo(found);
+    printf("listening on %s:%u\n", host, ntohs(name.sin_port));
+    fd = accept(listener, NULL, NULL);
+    close(listener);
+    if (fd < 0)
+        die("no connection came");
+    return fd;
+}
+
 static void converse(struct peer *p)
 {
     static char input[LINE_SIZE];
@@ -490,18 +547,21 @@ int main(int argc, char **argv)
     struct farm_key key;
     struct error err = {0};
     enum farm_role role;
+    int is_coordinator;
 
     if (argc != 5)
         die("usage: odd_peer HOST PORT KEYFILE ROLE");
     setvbuf(stdout, NULL, _IOLBF, 0);
     signal(SIGPIPE, SIG_IGN);
+    is_coordinator = strcmp(argv[4], "coordinator") == 0;
     role = strcmp(argv[4], "worker") == 0 ? FARM_ROLE_WORKER : FARM_ROLE_CLIENT;
     if (farm_key_load(&key, argv[3], &err) != STATUS_OK)
         die(err.text);
     frame_reader_init(&p.frames, CHANNEL_FRAME_MAX);
-    if (tls_new_client(&p.tls, &key, role, &err) != STATUS_OK)
+    if ((is_coordinator ? tls_new_server(&p.tls, &key, &err)
+                        : tls_new_client(&p.tls, &key, role, &err)) != STATUS_OK)
         die(err.text);
-    p.socket = connect_to(argv[1], argv[2]);
+    p.socket = is_coordinator ? accept_at(argv[1], argv[2]) : connect_to(argv[1], argv[2]);
     converse(&p);
     close(p.socket);
     tls_free(p.tls);
