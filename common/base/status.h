@@ -12,7 +12,7 @@
 
 /* One line a status: name, exit code of a program that ends with it, text.
  * Exit codes: 0 success, 1 internal, 2 usage, 3 bad input, 4 unreachable, 5 refused,
- * 6 job failed or cancelled, 7 timed out, 8 local I/O, 9 a worker of another release. */
+ * 6 job failed or cancelled, 7 timed out, 8 local I/O, 10 a worker of another release. */
 #define STATUS_MAP(X)                                                    \
     X(OK, 0, "success")                                                  \
     X(ERR_INTERNAL, 1, "internal error")                                 \
@@ -29,7 +29,7 @@
     X(ERR_IO, 8, "input/output error")                                   \
     X(ERR_CORRUPT, 8, "stored data is damaged")                          \
     X(ERR_PROTOCOL, 5, "protocol violation")                             \
-    X(ERR_MISMATCH, 9, "the releases do not fit")
+    X(ERR_MISMATCH, 10, "the releases do not fit")
 
 typedef enum status {
 #define STATUS_ENUM(name, exit_code, text) STATUS_##name,

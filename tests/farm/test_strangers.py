@@ -126,14 +126,14 @@ def meet_odd_coordinator(farm, answer, address="127.0.0.1:0"):
 
 @tests.add
 def refusals_of_the_own_farm():
-    """a coordinator with the farm's key that refuses the release ends a worker with 9; other failures do not"""
+    """a coordinator with the farm's key that refuses the release ends a worker with 10; other failures do not"""
     refused, unsupported, limit, mismatch = (
         status_number(n) for n in ("REFUSED", "UNSUPPORTED", "LIMIT", "MISMATCH"))
     with Farm() as farm:
         for answer in ("failure %d" % refused, "failure %d" % unsupported, "welcome version=999"):
             worker = meet_odd_coordinator(farm, answer)
             code = worker.wait(20)
-            expect(code == 9, "%s: exit status %d: %s" % (answer, code, worker.log_text()))
+            expect(code == 10, "%s: exit status %d: %s" % (answer, code, worker.log_text()))
             expect(re.search("odd coordinator will not have it|same release", worker.log_text()),
                    worker.log_text())
         worker = meet_odd_coordinator(farm, "failure %d" % limit)
