@@ -121,7 +121,7 @@ static void on_connection(uv_stream_t *listener, int result)
     struct error err = {0};
 
     assert_int_equal(result, 0);
-    f->accepting = channel_accept(&f->server.channel, listener, &f->key, &callbacks, f, &err);
+    f->accepting = channel_accept(&f->server.channel, listener, &f->key, &callbacks, NULL, f, &err);
     if (f->accepting != STATUS_OK && f->closes_expected == 2)
         f->closes_expected = 1;
 }
@@ -868,7 +868,7 @@ static void test_peer_leaves_before_tls(void **state)
     raw_start(&f, &p);
     raw_finish(&f, &p);
     assert_int_equal(f.server.why.code, STATUS_ERR_UNREACHABLE);
-    assert_non_null(strstr(f.server.why.text, "during the TLS handshake"));
+    assert_non_null(strstr(f.server.why.text, "before the TLS handshake"));
 }
 
 /* Silence on both sides: a peer that never speaks, and a listener that nobody serves. */
