@@ -65,7 +65,8 @@ struct admission_address {
 };
 
 struct admission {
-    uint32_t places_max, places, shaking, ready;
+    uint32_t places_max;                       /* the caller may change it before admission_enter */
+    uint32_t places, shaking, ready;
     uint64_t numbers;
     struct admission_address *first, *last;
     struct admission_address *buckets[ADMISSION_BUCKETS];

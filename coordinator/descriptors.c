@@ -17,7 +17,7 @@ static uint64_t clamp(uint64_t value, uint64_t low, uint64_t high)
 status descriptors_share(struct descriptors *out, uint64_t limit, uint64_t open, struct error *err)
 {
     const uint64_t needed = open + DESCRIPTORS_RESERVE_MIN + STRANGERS_MIN + SESSIONS_MIN;
-    uint64_t left;
+    uint64_t left, strangers;
 
     memset(out, 0, sizeof *out);
     if (limit < needed)
@@ -31,9 +31,15 @@ status descriptors_share(struct descriptors *out, uint64_t limit, uint64_t open,
     if (out->reserve > limit - (needed - DESCRIPTORS_RESERVE_MIN))
         out->reserve = (uint32_t)(limit - (needed - DESCRIPTORS_RESERVE_MIN));
     left = limit - open - out->reserve;
-    out->strangers_max = (uint32_t)clamp(left / 4, STRANGERS_MIN, STRANGERS_MAX);
-    out->sessions_max = (uint32_t)clamp(left - out->strangers_max, SESSIONS_MIN, SESSIONS_MAX);
+    strangers = clamp(left / 4, STRANGERS_MIN, STRANGERS_MAX);
+    out->connections_max = (uint32_t)clamp(left, 0, SESSIONS_MAX + STRANGERS_MAX);
+    out->sessions_max = (uint32_t)clamp(left - strangers, SESSIONS_MIN, SESSIONS_MAX);
     return STATUS_OK;
+}
+
+uint32_t descriptors_strangers(const struct descriptors *d, uint32_t sessions)
+{
+    return (uint32_t)clamp(d->connections_max - sessions, STRANGERS_MIN, STRANGERS_MAX);
 }
 
 static uint64_t count_open(void)
@@ -70,9 +76,9 @@ status descriptors_plan(struct descriptors *out, struct error *err)
     }
     s = descriptors_share(out, limit.rlim_cur, count_open(), err);
     if (s == STATUS_OK)
-        log_info("%llu file descriptors (raised from %llu): at most %u sessions and %u connections "
-                 "before their handshake; %u kept for the store",
-                 (unsigned long long)limit.rlim_cur, (unsigned long long)soft, out->sessions_max,
-                 out->strangers_max, out->reserve);
+        log_info("%llu file descriptors (raised from %llu): at most %u connections, of these %u "
+                 "sessions; %u kept for the store",
+                 (unsigned long long)limit.rlim_cur, (unsigned long long)soft,
+                 out->connections_max, out->sessions_max, out->reserve);
     return s;
 }

@@ -112,7 +112,7 @@ static void on_open(struct channel *channel, void *user)
     struct door *door = visitor->door;
     struct error err = {0};
 
-    if (door->server->session_count >= door->server->sessions_max) {
+    if (door->server->session_count >= door->server->descriptors.sessions_max) {
         turn_away(visitor);
     } else if (session_begin(door->server, channel, &err) != STATUS_OK) {
         channel_abort(channel, err.code, "%s", err.text);
@@ -144,6 +144,8 @@ static void enter(struct door *door, struct visitor *visitor)
     struct admission_place *out;
     struct error err = {0};
 
+    door->admission.places_max =
+        descriptors_strangers(&door->server->descriptors, door->server->session_count);
     channel_address(visitor->channel, address);
     if (admission_enter(&door->admission, &visitor->place, address, &out, &err) != STATUS_OK)
         channel_abort(visitor->channel, err.code, "%s", err.text);
@@ -188,10 +190,10 @@ void door_connection(struct door *door, uv_stream_t *listener, int uv_error)
 
 /* ---- life ----------------------------------------------------------------------------------- */
 
-void door_init(struct door *door, struct server *server, uint32_t strangers_max)
+void door_init(struct door *door, struct server *server)
 {
     door->server = server;
-    admission_init(&door->admission, strangers_max);
+    admission_init(&door->admission, STRANGERS_MIN);
     uv_idle_init(&server->loop, &door->turn);
     door->turn.data = door;
 }

@@ -25,7 +25,7 @@ struct door {
     uv_idle_t turn;            /* active while a handshake may begin */
 };
 
-void door_init(struct door *door, struct server *server, uint32_t strangers_max);
+void door_init(struct door *door, struct server *server);
 
 /* In the listener's connection callback. Failures are logged. */
 void door_connection(struct door *door, uv_stream_t *listener, int uv_error);

@@ -641,8 +641,8 @@ status server_run(const struct server_options *options, struct error *err)
         return error_set(err, STATUS_ERR_INTERNAL, "no event loop");
     }
     init_handles(server);
-    door_init(&server->door, server, options->descriptors.strangers_max);
-    server->sessions_max = options->descriptors.sessions_max;
+    server->descriptors = options->descriptors;
+    door_init(&server->door, server);
     s = farm_init(&server->farm, options->store, options->lease_ns, &events, clock_wall_s(), err);
     if (s == STATUS_OK) {
         s = listen_on(server, options, err);

@@ -53,7 +53,8 @@ struct server {
     struct farm farm;
     struct door door;
     struct session *sessions, *by_id[SESSION_BUCKETS];
-    uint32_t session_count, sessions_max, last_session;
+    struct descriptors descriptors;
+    uint32_t session_count, last_session;
     uint64_t fingerprint;      /* our own arithmetic */
     int commit_running;
     uint32_t works;            /* in the thread pool, of any kind */

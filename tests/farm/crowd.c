@@ -31,7 +31,7 @@ static struct crowd {
     uv_pipe_t input;
     struct worker *workers;
     uint32_t count, settled, welcomed, process;
-    char last_failure[512];
+    char last_failure[1024];
 } crowd;
 
 static void die(const char *what)
