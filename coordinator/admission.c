@@ -94,6 +94,11 @@ static void address_drop(struct admission *a, struct admission_address *address)
 
 /* ---- who must go ---------------------------------------------------------------------------- */
 
+static int is_older(const struct admission_place *place, const struct admission_place *other)
+{
+    return place && (!other || place->number < other->number);
+}
+
 /* All places are taken, the newcomer's among them; see the header. */
 static struct admission_place *choose(const struct admission *a, struct admission_place *newcomer)
 {
@@ -102,9 +107,10 @@ static struct admission_place *choose(const struct admission *a, struct admissio
 
     for (const struct admission_address *at = a->first; at; at = at->next) {
         struct admission_place *idle = at->idle.first;
-        if (at->places > largest->places)
+        if (at->places > largest->places ||
+            (at->places == largest->places && is_older(idle, largest->idle.first)))
             largest = at;
-        if (idle && idle != newcomer && (!oldest || idle->number < oldest->number))
+        if (idle != newcomer && is_older(idle, oldest))
             oldest = idle;
     }
     if (newcomer->address->places == largest->places)
