@@ -154,6 +154,7 @@ class Strangers(threading.Thread):
                 self.drop(number)
 
     def drop(self, number):
+        self.poll.unregister(number)  # a child just forked may hold it open for a moment
         self.open.pop(number)[0].close()
         self.sent.pop(number, None)
         self.connected.discard(number)
