@@ -7,7 +7,10 @@
 
 #include "common/base/log.h"
 
-enum { OPEN_ASSUMED = 32 }; /* where they cannot be counted */
+enum {
+    OPEN_ASSUMED = 32, /* where they cannot be counted */
+    OPEN_LATER = 16,   /* the event loop's own and the listener */
+};
 
 static uint64_t clamp(uint64_t value, uint64_t low, uint64_t high)
 {
@@ -74,7 +77,7 @@ status descriptors_plan(struct descriptors *out, struct error *err)
                  strerror(errno));
         limit.rlim_cur = soft;
     }
-    s = descriptors_share(out, limit.rlim_cur, count_open(), err);
+    s = descriptors_share(out, limit.rlim_cur, count_open() + OPEN_LATER, err);
     if (s == STATUS_OK)
         log_info("%llu file descriptors (raised from %llu): at most %u connections, of these %u "
                  "sessions; %u kept for the store",

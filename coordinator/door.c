@@ -48,15 +48,22 @@ static void complain(struct door *door, const char *peer, status code, const cha
 
 /* ---- handshakes ----------------------------------------------------------------------------- */
 
-/* Failed handshakes free their slot at once, so without a bound one turn could try them all. */
+/* Once a turn of the loop. Failed handshakes free their slot at once, and dropped connections their
+ * place, so without bounds a flood would keep the loop in one turn. */
 static void on_turn(uv_idle_t *turn)
 {
     struct door *door = turn->data;
+    uv_stream_t *listener = door->waiting;
 
+    door->accepted = 0;
+    door->waiting = NULL;
+    if (listener && !uv_is_closing((uv_handle_t *)listener))
+        door_connection(door, listener, 0);
     for (int i = 0; i < DOOR_HANDSHAKES_PER_TURN; i++) {
         struct admission_place *place = admission_next(&door->admission);
         if (!place) {
-            uv_idle_stop(turn);
+            if (door->accepted == 0)
+                uv_idle_stop(turn);
             return;
         }
         channel_handshake(((struct visitor *)place)->channel);
@@ -65,7 +72,7 @@ static void on_turn(uv_idle_t *turn)
 
 static void wake(struct door *door)
 {
-    if (door->admission.ready > 0 && !uv_is_closing((uv_handle_t *)&door->turn))
+    if ((door->admission.ready > 0 || door->accepted > 0) && !uv_is_closing((uv_handle_t *)&door->turn))
         uv_idle_start(&door->turn, on_turn);
 }
 
@@ -167,6 +174,12 @@ void door_connection(struct door *door, uv_stream_t *listener, int uv_error)
         complain(door, "", STATUS_ERR_IO, uv_strerror(uv_error));
         return;
     }
+    if (door->accepted == DOOR_ACCEPTS_PER_TURN) {
+        door->waiting = listener; /* libuv accepts no other before this one is taken */
+        return;
+    }
+    door->accepted++;
+    wake(door);
     visitor = mem_calloc(1, sizeof *visitor);
     if (!visitor) {
         channel_reject(listener);

@@ -12,7 +12,9 @@
 #include "common/base/log_limit.h"
 #include "coordinator/admission.h"
 
-enum { DOOR_HANDSHAKES_PER_TURN = 8 }; /* of the loop: sessions are served in between */
+/* In one turn of the loop, so that sessions are served in between (9 ms of handshakes), and no fewer
+ * handshakes than connections, so that a flood of bad ones does not fill the line. */
+enum { DOOR_ACCEPTS_PER_TURN = 64, DOOR_HANDSHAKES_PER_TURN = 64 };
 
 struct server;
 struct visitor;
@@ -22,7 +24,9 @@ struct door {
     struct admission admission;
     struct log_limit complaints;
     struct visitor *visitors;
-    uv_idle_t turn;            /* active while a handshake may begin */
+    uv_idle_t turn;            /* active while there may be something to do in the next turn */
+    uint32_t accepted;         /* in this turn */
+    uv_stream_t *waiting;      /* the listener, when it has a connection for the next turn */
 };
 
 void door_init(struct door *door, struct server *server);

@@ -107,12 +107,13 @@ static void lost(struct channel *c, int uv_error)
         channel_end_now(c, STATUS_ERR_UNREACHABLE, "closed the connection %s the TLS handshake",
                         c->state == HANDSHAKE ? "during" : "before");
     else if (uv_error == UV_EOF)
-        channel_end_now(c, STATUS_ERR_UNREACHABLE, "the connection was lost%s (it ended without a goodbye)",
-                frame_reader_waiting(&c->frames) ? " in the middle of a message" : "");
+        channel_end_now(c, STATUS_ERR_UNREACHABLE,
+                        "the connection was lost%s (it ended without a goodbye)",
+                        frame_reader_waiting(&c->frames) ? " in the middle of a message" : "");
     else
         channel_end_now(c, STATUS_ERR_UNREACHABLE, "the connection was lost%s: %s",
-                frame_reader_waiting(&c->frames) ? " in the middle of a message" : "",
-                uv_strerror(uv_error));
+                        frame_reader_waiting(&c->frames) ? " in the middle of a message" : "",
+                        uv_strerror(uv_error));
 }
 
 static void on_timer(uv_timer_t *timer)
@@ -127,8 +128,8 @@ static void on_timer(uv_timer_t *timer)
         break;
     case CLOSING:
         if (!c->shutdown_done)
-            channel_end_now(c, STATUS_ERR_UNREACHABLE, "%zu bytes were not read by the time of closing",
-                    c->queued_bytes);
+            channel_end_now(c, STATUS_ERR_UNREACHABLE,
+                            "%zu bytes were not read by the time of closing", c->queued_bytes);
         else
             finish(c);
         break;
@@ -231,8 +232,9 @@ status channel_send(struct channel *c, const Azulejo__Wire__Envelope *message)
     c->last_sent_ns = clock_monotonic_ns();
     s = flush_output(c);
     if (s == STATUS_OK && c->queued_bytes > CHANNEL_QUEUE_MAX) {
-        channel_end_now(c, STATUS_ERR_LIMIT, "it does not read: %zu bytes wait to be sent (limit %d)",
-                c->queued_bytes, CHANNEL_QUEUE_MAX);
+        channel_end_now(c, STATUS_ERR_LIMIT,
+                        "it does not read: %zu bytes wait to be sent (limit %d)", c->queued_bytes,
+                        CHANNEL_QUEUE_MAX);
         return STATUS_ERR_LIMIT;
     }
     return s;
@@ -328,7 +330,8 @@ static int deliver(struct channel *c)
 static void peer_said_goodbye(struct channel *c)
 {
     if (frame_reader_waiting(&c->frames)) {
-        channel_end_now(c, STATUS_ERR_PROTOCOL, "ended the conversation in the middle of a message");
+        channel_end_now(c, STATUS_ERR_PROTOCOL,
+                        "ended the conversation in the middle of a message");
         return;
     }
     tls_end(c->tls);

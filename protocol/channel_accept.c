@@ -29,15 +29,15 @@ void channel_take_first(struct channel *c, const void *data, size_t size_bytes)
         channel_end_now(c, STATUS_ERR_PROTOCOL, "it does not speak TLS");
         return;
     }
-    record = c->first.size < TLS_RECORD_HEADER_BYTES
-                 ? TLS_RECORD_HEADER_BYTES
-                 : TLS_RECORD_HEADER_BYTES + ((size_t)p[3] << 8 | p[4]);
+    record = TLS_RECORD_HEADER_BYTES;
+    if (c->first.size >= TLS_RECORD_HEADER_BYTES)
+        record += (size_t)p[3] << 8 | p[4];
     if (record > CHANNEL_FIRST_MAX || c->first.size > CHANNEL_FIRST_MAX) {
         channel_end_now(c, STATUS_ERR_PROTOCOL,
                         "it sent more than %d bytes before the TLS handshake", CHANNEL_FIRST_MAX);
         return;
     }
-    if (c->state == READY || c->first.size < record || record == TLS_RECORD_HEADER_BYTES)
+    if (c->state == READY || c->first.size < record)
         return;
     c->state = READY;
     uv_timer_stop(&c->timer);

@@ -25,7 +25,7 @@ static void attempt_failed(struct channel *c, int uv_error)
     uv_timer_stop(&c->timer);
     if (!c->next_address || clock_monotonic_ns() >= c->connect_deadline_ns) {
         channel_end_now(c, STATUS_ERR_UNREACHABLE, "cannot connect: %s%s", uv_strerror(uv_error),
-                uv_error == UV_ECONNREFUSED ? " (is azulejo-coordinator running there?)" : "");
+                        uv_error == UV_ECONNREFUSED ? " (is azulejo-coordinator running there?)" : "");
         return;
     }
     uv_close((uv_handle_t *)&c->tcp, on_attempt_closed);
@@ -81,7 +81,7 @@ static void on_resolved(uv_getaddrinfo_t *request, int result, struct addrinfo *
     c->holds--; /* the three handles remain */
     if (result < 0 || !addresses)
         channel_end_now(c, STATUS_ERR_UNREACHABLE, "no such host: %s",
-                uv_strerror(result < 0 ? result : UV_EAI_NONAME));
+                        uv_strerror(result < 0 ? result : UV_EAI_NONAME));
     else
         connect_next(c);
 }
@@ -107,7 +107,8 @@ status channel_connect(struct channel **out, uv_loop_t *loop, const char *host, 
     snprintf(c->peer, sizeof c->peer, strchr(host, ':') ? "[%s]:%u" : "%s:%u", host, port);
     snprintf(service, sizeof service, "%u", port);
     channel_start_handles(c);
-    c->connect_deadline_ns = clock_monotonic_ns() + channel_limit_ms(CHANNEL_CONNECT_MS) * NS_PER_MS;
+    c->connect_deadline_ns =
+        clock_monotonic_ns() + channel_limit_ms(CHANNEL_CONNECT_MS) * NS_PER_MS;
     c->resolve.data = c;
     result = uv_getaddrinfo(loop, &c->resolve, on_resolved, host, service, &hints);
     if (result < 0)

@@ -9,7 +9,7 @@
 
 enum { PEER_NAME_MAX = 320 };
 
-/* In the order of the diagram in channel.h; TLS exists from HANDSHAKE on (client: from the start). */
+/* In the order of the diagram in channel.h. A server has `tls` from HANDSHAKE on. */
 enum channel_state { CONNECTING, ARRIVED, READY, HANDSHAKE, OPEN, CLOSING, DEAD };
 
 struct channel {

@@ -1,11 +1,12 @@
 /* crowd: many peers in one process.
  *
- *   crowd workers HOST PORT KEYFILE COUNT   COUNT workers that connect at once, say Hello and stay,
- *                                           with heartbeats, until the end of standard input. Prints
- *                                           "welcomed N failed N" once each got an answer, after a
- *                                           line "failure TEXT" for each kind of failure.
- *   crowd record HOST PORT KEYFILE          print the first TLS record of a worker, in hexadecimal:
- *                                           a stranger that recorded one can send it again
+ *   crowd workers HOST PORT KEYFILE COUNT
+ *       COUNT workers that connect at once, say Hello and stay, with heartbeats, until the end of
+ *       standard input. Prints "welcomed N failed N" once each got an answer, after a line
+ *       "failure TEXT" for each kind of failure.
+ *   crowd record HOST PORT KEYFILE
+ *       Print "record HEX", the first TLS record of a worker: a stranger that recorded one can
+ *       send it again.
  */
 #include <stdio.h>
 #include <stdlib.h>

@@ -123,7 +123,8 @@ def worker_among_strangers():
         record = first_record(farm)
         for what, how in (("silent", {}),
                           ("a byte a second", {"first": record, "trickle": True}),
-                          ("TLS without a key", {"first": record[:-1] + bytes([record[-1] ^ 1])}),
+                          ("TLS with a wrong key", {"first": record[:-1] + bytes([record[-1] ^ 1]),
+                                                    "source": "127.0.0.3"}),
                           ("reconnecting", {"reset_s": 0.5}),
                           ("recorded handshakes", {"first": record, "source": "127.0.0.2"})):
             with Strangers(farm, 5000, **how) as crowd:

@@ -124,7 +124,8 @@ static void on_connection(uv_stream_t *listener, int result)
     struct error err = {0};
 
     assert_int_equal(result, 0);
-    f->accepting = channel_accept(&f->server.channel, listener, &f->key, &callbacks, f->gate, f, &err);
+    f->accepting = channel_accept(&f->server.channel, listener, &f->key, &callbacks, f->gate, f,
+                                  &err);
     if (f->accepting != STATUS_OK && f->closes_expected == 2)
         f->closes_expected = 1;
 }
