@@ -85,7 +85,7 @@ def descriptors():
 
 @tests.add
 def sessions_over_the_limit():
-    """more key holders than there are descriptors are refused in words, and are served later"""
+    """more key holders than there are descriptors are refused in words, and workers try again"""
     with Farm() as farm:
         farm.start_coordinator(prefix=limited(160))
         sessions = int(re.search(r"of these (\d+) sessions", farm.coordinator.log_text()).group(1))
@@ -94,9 +94,10 @@ def sessions_over_the_limit():
         refused = farm.cli("list")
         expect(refused.code == 3 and "file descriptors" in refused.err, refused)
         expect(descriptors_of(farm.coordinator) <= 160 - 64, "the reserve was touched")
+        worker = farm.start_worker()
+        wait_for(lambda: "file descriptors" in worker.log_text(), "the worker to be refused")
         crowd.end()
         wait_for(lambda: farm.cli("list").code == 0, "room for a client")
-        farm.start_worker()
         farm.wait_for_job(farm.submit(farm.scene(), *SMALL))
 
 
