@@ -8,6 +8,7 @@
 #include "common/base/log.h"
 #include "common/base/options.h"
 #include "coordinator/blobs.h"
+#include "coordinator/descriptors.h"
 #include "coordinator/server.h"
 #include "coordinator/store.h"
 #include "protocol/address.h"
@@ -89,6 +90,8 @@ int main(int argc, char **argv)
     log_setup("azulejo-coordinator", (enum log_level)log_level_parse(level));
     signal(SIGPIPE, SIG_IGN);
     s = store_open(&store, folder, &err);
+    if (s == STATUS_OK)
+        s = descriptors_plan(&options.descriptors, &err);
     if (s == STATUS_OK) {
         blobs_clean(folder);
         options.host = host;

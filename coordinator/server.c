@@ -15,10 +15,40 @@
 
 struct session *server_session(struct server *server, uint32_t id)
 {
-    for (struct session *s = server->sessions; s; s = s->next)
-        if (s->id == id)
-            return s;
-    return NULL;
+    struct session *s = server->by_id[id % SESSION_BUCKETS];
+
+    while (s && s->id != id)
+        s = s->same_bucket;
+    return s;
+}
+
+void server_session_add(struct server *server, struct session *session)
+{
+    struct session **bucket;
+
+    session->server = server;
+    session->id = ++server->last_session;
+    session->next = server->sessions;
+    if (server->sessions)
+        server->sessions->previous = session;
+    server->sessions = session;
+    bucket = &server->by_id[session->id % SESSION_BUCKETS];
+    session->same_bucket = *bucket;
+    *bucket = session;
+    server->session_count++;
+}
+
+void server_session_remove(struct server *server, struct session *session)
+{
+    struct session **at = &server->by_id[session->id % SESSION_BUCKETS];
+
+    while (*at != session)
+        at = &(*at)->same_bucket;
+    *at = session->same_bucket;
+    *(session->previous ? &session->previous->next : &server->sessions) = session->next;
+    if (session->next)
+        session->next->previous = session->previous;
+    server->session_count--;
 }
 
 /* ---- what the farm asks for ----------------------------------------------------------------- */
@@ -405,6 +435,7 @@ static void close_handles(struct server *server)
         next = s->next;
         session_end(s, NULL);
     }
+    door_close(&server->door);
     uv_close((uv_handle_t *)&server->tick, NULL);
     uv_close((uv_handle_t *)&server->commit_timer, NULL);
     uv_close((uv_handle_t *)&server->prepare, NULL);
@@ -511,10 +542,7 @@ static void on_connection(uv_stream_t *listener, int code)
 {
     struct server *server = listener->data;
 
-    if (code < 0)
-        log_error("a connection could not be accepted: %s", uv_strerror(code));
-    else
-        session_accept(server, listener);
+    door_connection(&server->door, listener, code);
 }
 
 static status resolve(struct server *server, const char *host, uint16_t port,
@@ -613,6 +641,8 @@ status server_run(const struct server_options *options, struct error *err)
         return error_set(err, STATUS_ERR_INTERNAL, "no event loop");
     }
     init_handles(server);
+    server->descriptors = options->descriptors;
+    door_init(&server->door, server);
     s = farm_init(&server->farm, options->store, options->lease_ns, &events, clock_wall_s(), err);
     if (s == STATUS_OK) {
         s = listen_on(server, options, err);

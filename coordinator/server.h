@@ -11,15 +11,17 @@
 #include <uv.h>
 
 #include "common/base/status.h"
+#include "coordinator/descriptors.h"
+#include "coordinator/door.h"
 #include "coordinator/farm.h"
 #include "coordinator/session.h"
 #include "protocol/key.h"
 
 enum {
-    SESSIONS_MAX = 8192,
+    SESSION_BUCKETS = 1024,
     SERVER_TICK_MS = 100,
     SERVER_PAUSE_MS = 2000,    /* a tick this late: the machine or the disk held us up */
-    SERVER_BACKLOG = 1024,
+    SERVER_BACKLOG = 4096,
     PREVIEWS_MAX = 4,          /* being developed at once */
     SERVER_DRAIN_MS = 20000,   /* a shutdown waits so long for the disk */
 };
@@ -31,6 +33,7 @@ struct server_options {
     struct store *store;
     uint64_t lease_ns;
     const char *ready_file;    /* NULL, or gets the port, atomically */
+    struct descriptors descriptors;
 };
 
 enum server_state { SERVER_LISTENING, SERVER_DRAINING, SERVER_CLOSING };
@@ -48,7 +51,9 @@ struct server {
     const struct farm_key *key;
     struct store *store;
     struct farm farm;
-    struct session *sessions;
+    struct door door;
+    struct session *sessions, *by_id[SESSION_BUCKETS];
+    struct descriptors descriptors;
     uint32_t session_count, last_session;
     uint64_t fingerprint;      /* our own arithmetic */
     int commit_running;
@@ -61,6 +66,9 @@ struct server {
 status server_run(const struct server_options *options, struct error *err) MUST_CHECK;
 
 struct session *server_session(struct server *server, uint32_t id); /* NULL: gone */
+/* Gives the session its id. The server does not own it. */
+void server_session_add(struct server *server, struct session *session);
+void server_session_remove(struct server *server, struct session *session);
 
 /* Develop a preview of the frame and send it to the session. */
 void server_preview(struct server *server, struct session *session, uint64_t request,

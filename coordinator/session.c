@@ -338,15 +338,6 @@ static int worker_message(struct session *session, const Azulejo__Wire__Envelope
 
 /* ---- the channel's callbacks ---------------------------------------------------------------- */
 
-static void on_open(struct channel *channel, void *user)
-{
-    struct session *session = user;
-
-    session->role = channel_role(channel);
-    session->begun_ns = clock_monotonic_ns();
-    snprintf(session->peer, sizeof session->peer, "%s", channel_peer(channel));
-}
-
 static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *message, void *user)
 {
     struct session *session = user;
@@ -415,43 +406,24 @@ static void on_close(struct channel *channel, const struct error *why, void *use
     for (uint32_t i = 0; i < SESSION_UPLOADS_MAX; i++)
         upload_free(session->uploads[i]);
     transfers_release(&session->transfers);
-    *(session->previous ? &session->previous->next : &server->sessions) = session->next;
-    if (session->next)
-        session->next->previous = session->previous;
-    server->session_count--;
+    server_session_remove(server, session);
     mem_free(session);
 }
 
-void session_accept(struct server *server, uv_stream_t *listener)
+status session_begin(struct server *server, struct channel *channel, struct error *err)
 {
-    static const struct channel_callbacks callbacks = {on_open, on_message, on_drain, on_close};
+    static const struct channel_callbacks callbacks = {NULL, on_message, on_drain, on_close};
     struct session *session = mem_calloc(1, sizeof *session);
-    struct error err = {0};
 
-    if (!session) {
-        log_error("out of memory for a session");
-        return;
-    }
-    session->server = server;
+    if (!session)
+        return error_no_memory(err, "a session");
+    session->channel = channel;
+    session->role = channel_role(channel);
     session->begun_ns = clock_monotonic_ns();
-    if (channel_accept(&session->channel, listener, server->key, &callbacks, session, &err) !=
-        STATUS_OK) {
-        log_error("a connection could not be accepted: %s", err.text);
-        mem_free(session);
-        return;
-    }
-    session->id = ++server->last_session;
-    session->next = server->sessions;
-    if (server->sessions)
-        server->sessions->previous = session;
-    server->sessions = session;
-    server->session_count++;
-    if (server->session_count > SESSIONS_MAX) {
-        log_warn("%s is turned away: %d connections are open already",
-                 channel_peer(session->channel), SESSIONS_MAX);
-        session->state = SESSION_ENDING;
-        channel_abort(session->channel, STATUS_ERR_LIMIT, "too many connections");
-    }
+    snprintf(session->peer, sizeof session->peer, "%s", channel_peer(channel));
+    server_session_add(server, session);
+    channel_adopt(channel, &callbacks, session);
+    return STATUS_OK;
 }
 
 void session_tick(struct session *session, uint64_t now_ns)
@@ -459,8 +431,8 @@ void session_tick(struct session *session, uint64_t now_ns)
     const uint64_t awake_ns = session->server->awake_ns;
     uint64_t heard_ns;
 
-    if (session->state == SESSION_ENDING || session->role == FARM_ROLE_NONE)
-        return; /* the channel's own limits hold until it is open */
+    if (session->state == SESSION_ENDING)
+        return;
     if (session->state == SESSION_GREETING) {
         uint64_t begun_ns = session->begun_ns > awake_ns ? session->begun_ns : awake_ns;
         if (now_ns - begun_ns > SESSION_HELLO_MS * NS_PER_MS) {

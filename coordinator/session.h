@@ -42,6 +42,7 @@ struct watch {
 
 struct session {
     struct session *next, *previous;
+    struct session *same_bucket;  /* of server->by_id */
     struct server *server;
     struct channel *channel;
     enum session_state state;
@@ -66,8 +67,8 @@ struct session {
     struct unit_name acks[SESSION_ACKS_MAX];
 };
 
-/* In the listener's connection callback. Failures are logged. */
-void session_accept(struct server *server, uv_stream_t *listener);
+/* For an open channel, which the session then owns. ERR_NO_MEMORY: it does not. */
+status session_begin(struct server *server, struct channel *channel, struct error *err) MUST_CHECK;
 
 /* Say goodbye. `why` may be NULL: an orderly end. */
 void session_end(struct session *session, const struct error *why);

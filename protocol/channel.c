@@ -1,48 +1,15 @@
-#include "protocol/channel.h"
+#include "protocol/channel_parts.h"
 
 #include <signal.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
-#include "common/base/buffer.h"
 #include "common/base/clock.h"
 #include "common/base/memory.h"
-#include "protocol/frame.h"
 #include "protocol/message.h"
-#include "protocol/tls.h"
 
-enum { READ_BYTES = 64 << 10, PEER_NAME_MAX = 320 };
-
-enum channel_state { CONNECTING, HANDSHAKE, OPEN, CLOSING, DEAD };
-
-struct channel {
-    uv_loop_t *loop;
-    uv_tcp_t tcp;
-    uv_timer_t timer;      /* handshake, then flushing and lingering */
-    uv_idle_t kick;        /* delivers what waited while reading was paused */
-    uv_getaddrinfo_t resolve;
-    uv_connect_t connect;
-    uv_shutdown_t shutdown;
-    int holds;             /* handles and requests whose callbacks still come */
-    struct addrinfo *addresses, *next_address;
-    uint64_t connect_deadline_ns;
-
-    enum channel_state state;
-    struct tls *tls;
-    struct frame_reader frames;
-    struct buffer outgoing; /* scratch of channel_send */
-    size_t queued_bytes;
-    int was_high;           /* above CHANNEL_QUEUE_HIGH since the last on_drain */
-    int paused, is_server, shutdown_done, peer_ended;
-    enum farm_role role;
-    uint64_t last_heard_ns, last_sent_ns;
-    struct error why;
-    struct channel_callbacks callbacks;
-    void *user;
-    char peer[PEER_NAME_MAX];
-    char read_buffer[READ_BYTES];
-};
+enum { READ_BYTES = 64 << 10 };
 
 struct write_request {
     uv_write_t request;
@@ -51,25 +18,25 @@ struct write_request {
     char bytes[];
 };
 
-static uint32_t handshake_ms = CHANNEL_HANDSHAKE_MS;
+static uint32_t fault_limit_ms; /* 0: the limits as they are */
 
-static void connect_next(struct channel *c);
 static void close_gently(struct channel *c);
 static void process_input(struct channel *c);
 
 /* ---- the end --------------------------------------------------------------------------- */
 
-static void channel_free(struct channel *c)
+void channel_free(struct channel *c)
 {
     if (c->addresses)
         uv_freeaddrinfo(c->addresses);
     tls_free(c->tls);
+    buffer_release(&c->first);
     frame_reader_release(&c->frames);
     buffer_release(&c->outgoing);
     mem_free(c);
 }
 
-static void hold_drop(struct channel *c)
+void channel_hold_drop(struct channel *c)
 {
     if (--c->holds > 0)
         return;
@@ -79,7 +46,7 @@ static void hold_drop(struct channel *c)
 
 static void on_handle_closed(uv_handle_t *handle)
 {
-    hold_drop(handle->data);
+    channel_hold_drop(handle->data);
 }
 
 /* Let go of everything at once; on_close comes when libuv has let go too. */
@@ -107,8 +74,7 @@ static void set_why(struct channel *c, status code, const char *format, va_list 
     (void)error_set(&c->why, code, "%s: %s", c->peer, text);
 }
 
-__attribute__((format(printf, 3, 4)))
-static void end_now(struct channel *c, status code, const char *format, ...)
+void channel_end_now(struct channel *c, status code, const char *format, ...)
 {
     va_list args;
 
@@ -137,15 +103,17 @@ static void lost(struct channel *c, int uv_error)
 {
     if (c->state == CLOSING)
         finish(c);
-    else if (c->state == HANDSHAKE && uv_error == UV_EOF)
-        end_now(c, STATUS_ERR_UNREACHABLE, "closed the connection during the TLS handshake");
+    else if (c->state < OPEN && uv_error == UV_EOF)
+        channel_end_now(c, STATUS_ERR_UNREACHABLE, "closed the connection %s the TLS handshake",
+                        c->state == HANDSHAKE ? "during" : "before");
     else if (uv_error == UV_EOF)
-        end_now(c, STATUS_ERR_UNREACHABLE, "the connection was lost%s (it ended without a goodbye)",
-                frame_reader_waiting(&c->frames) ? " in the middle of a message" : "");
+        channel_end_now(c, STATUS_ERR_UNREACHABLE,
+                        "the connection was lost%s (it ended without a goodbye)",
+                        frame_reader_waiting(&c->frames) ? " in the middle of a message" : "");
     else
-        end_now(c, STATUS_ERR_UNREACHABLE, "the connection was lost%s: %s",
-                frame_reader_waiting(&c->frames) ? " in the middle of a message" : "",
-                uv_strerror(uv_error));
+        channel_end_now(c, STATUS_ERR_UNREACHABLE, "the connection was lost%s: %s",
+                        frame_reader_waiting(&c->frames) ? " in the middle of a message" : "",
+                        uv_strerror(uv_error));
 }
 
 static void on_timer(uv_timer_t *timer)
@@ -153,22 +121,35 @@ static void on_timer(uv_timer_t *timer)
     struct channel *c = timer->data;
 
     switch (c->state) {
+    case ARRIVED:
     case HANDSHAKE:
-        end_now(c, c->is_server ? STATUS_ERR_TIMEOUT : STATUS_ERR_UNREACHABLE,
-                "no TLS handshake within %.1f s", handshake_ms / 1000.0);
+        channel_end_now(c, c->is_server ? STATUS_ERR_TIMEOUT : STATUS_ERR_UNREACHABLE,
+                        "no TLS handshake within %.1f s", c->limit_ms / 1000.0);
         break;
     case CLOSING:
         if (!c->shutdown_done)
-            end_now(c, STATUS_ERR_UNREACHABLE, "%zu bytes were not read by the time of closing",
-                    c->queued_bytes);
+            channel_end_now(c, STATUS_ERR_UNREACHABLE,
+                            "%zu bytes were not read by the time of closing", c->queued_bytes);
         else
             finish(c);
         break;
     case CONNECTING: /* has its own: on_attempt_timeout */
+    case READY:
     case OPEN:
     case DEAD:
         break;
     }
+}
+
+uint32_t channel_limit_ms(uint32_t limit_ms)
+{
+    return fault_limit_ms ? fault_limit_ms : limit_ms;
+}
+
+void channel_limit(struct channel *c, uint32_t limit_ms)
+{
+    c->limit_ms = channel_limit_ms(limit_ms);
+    uv_timer_start(&c->timer, on_timer, c->limit_ms, 0);
 }
 
 /* ---- writing --------------------------------------------------------------------------- */
@@ -202,11 +183,11 @@ static status flush_output(struct channel *c)
     struct write_request *w;
     uv_buf_t bytes;
 
-    if (size == 0 || c->state == DEAD || c->state == CONNECTING)
+    if (size == 0 || c->state == DEAD || c->state < HANDSHAKE)
         return STATUS_OK;
     w = mem_alloc(sizeof *w + size);
     if (!w) {
-        end_now(c, STATUS_ERR_NO_MEMORY, "out of memory for %zu bytes to send", size);
+        channel_end_now(c, STATUS_ERR_NO_MEMORY, "out of memory for %zu bytes to send", size);
         return STATUS_ERR_NO_MEMORY;
     }
     w->channel = c;
@@ -219,7 +200,7 @@ static status flush_output(struct channel *c)
     if (result < 0) {
         c->queued_bytes -= w->size_bytes;
         mem_free(w);
-        end_now(c, STATUS_ERR_UNREACHABLE, "cannot send: %s", uv_strerror(result));
+        channel_end_now(c, STATUS_ERR_UNREACHABLE, "cannot send: %s", uv_strerror(result));
         return STATUS_ERR_IO;
     }
     return STATUS_OK;
@@ -245,14 +226,15 @@ status channel_send(struct channel *c, const Azulejo__Wire__Envelope *message)
     azulejo__wire__envelope__pack(message, space + FRAME_HEADER_BYTES);
     s = tls_write(c->tls, c->outgoing.data, c->outgoing.size, &err);
     if (s != STATUS_OK) {
-        end_now(c, s, "%s", err.text);
+        channel_end_now(c, s, "%s", err.text);
         return s;
     }
     c->last_sent_ns = clock_monotonic_ns();
     s = flush_output(c);
     if (s == STATUS_OK && c->queued_bytes > CHANNEL_QUEUE_MAX) {
-        end_now(c, STATUS_ERR_LIMIT, "it does not read: %zu bytes wait to be sent (limit %d)",
-                c->queued_bytes, CHANNEL_QUEUE_MAX);
+        channel_end_now(c, STATUS_ERR_LIMIT,
+                        "it does not read: %zu bytes wait to be sent (limit %d)", c->queued_bytes,
+                        CHANNEL_QUEUE_MAX);
         return STATUS_ERR_LIMIT;
     }
     return s;
@@ -260,12 +242,15 @@ status channel_send(struct channel *c, const Azulejo__Wire__Envelope *message)
 
 /* ---- reading --------------------------------------------------------------------------- */
 
+/* One buffer for all channels of a thread: libuv fills it and calls on_read in one go, and on_read
+ * hands the bytes on before it calls anything that could read again. */
 static void on_allocate(uv_handle_t *handle, size_t suggested, uv_buf_t *out)
 {
-    struct channel *c = handle->data;
+    static _Thread_local char bytes[READ_BYTES];
 
+    (void)handle;
     (void)suggested;
-    *out = uv_buf_init(c->read_buffer, READ_BYTES);
+    *out = uv_buf_init(bytes, READ_BYTES);
 }
 
 static void on_read(uv_stream_t *stream, ssize_t got, const uv_buf_t *buffer)
@@ -273,7 +258,6 @@ static void on_read(uv_stream_t *stream, ssize_t got, const uv_buf_t *buffer)
     struct channel *c = stream->data;
     struct error err = {0};
 
-    (void)buffer;
     if (got == 0 || c->state == DEAD)
         return;
     if (got < 0) {
@@ -287,8 +271,12 @@ static void on_read(uv_stream_t *stream, ssize_t got, const uv_buf_t *buffer)
     c->last_heard_ns = clock_monotonic_ns();
     if (c->state == CLOSING)
         return;
-    if (tls_feed(c->tls, c->read_buffer, (size_t)got, &err) != STATUS_OK) {
-        end_now(c, err.code, "%s", err.text);
+    if (c->state < HANDSHAKE) {
+        channel_take_first(c, buffer->base, (size_t)got);
+        return;
+    }
+    if (tls_feed(c->tls, buffer->base, (size_t)got, &err) != STATUS_OK) {
+        channel_end_now(c, err.code, "%s", err.text);
         return;
     }
     process_input(c);
@@ -342,7 +330,8 @@ static int deliver(struct channel *c)
 static void peer_said_goodbye(struct channel *c)
 {
     if (frame_reader_waiting(&c->frames)) {
-        end_now(c, STATUS_ERR_PROTOCOL, "ended the conversation in the middle of a message");
+        channel_end_now(c, STATUS_ERR_PROTOCOL,
+                        "ended the conversation in the middle of a message");
         return;
     }
     tls_end(c->tls);
@@ -419,8 +408,8 @@ static void ignore_sigpipe(void)
     }
 }
 
-static struct channel *channel_new(uv_loop_t *loop, const struct channel_callbacks *callbacks,
-                                   void *user)
+struct channel *channel_new(uv_loop_t *loop, const struct channel_callbacks *callbacks,
+                            void *user)
 {
     struct channel *c = mem_calloc(1, sizeof *c);
 
@@ -435,7 +424,7 @@ static struct channel *channel_new(uv_loop_t *loop, const struct channel_callbac
     return c;
 }
 
-static void start_handles(struct channel *c)
+void channel_start_handles(struct channel *c)
 {
     uv_timer_init(c->loop, &c->timer);
     uv_idle_init(c->loop, &c->kick);
@@ -444,200 +433,20 @@ static void start_handles(struct channel *c)
     c->holds = 3;
 }
 
-/* A connected socket: begin TLS. */
-static void begin_handshake(struct channel *c)
+void channel_read_start(struct channel *c)
 {
     int result;
 
-    c->state = HANDSHAKE;
     uv_tcp_nodelay(&c->tcp, 1);
     result = uv_read_start((uv_stream_t *)&c->tcp, on_allocate, on_read);
     if (result < 0)
-        end_now(c, STATUS_ERR_UNREACHABLE, "cannot read: %s", uv_strerror(result));
-    else
-        process_input(c);
+        channel_end_now(c, STATUS_ERR_UNREACHABLE, "cannot read: %s", uv_strerror(result));
 }
 
-/* The socket of a failed attempt is closed: try the next address with a new one. */
-static void on_attempt_closed(uv_handle_t *handle)
+void channel_begin_handshake(struct channel *c)
 {
-    struct channel *c = handle->data;
-
-    if (c->state == DEAD) {
-        hold_drop(c);
-        return;
-    }
-    uv_tcp_init(c->loop, &c->tcp);
-    c->tcp.data = c;
-    connect_next(c);
-}
-
-static void attempt_failed(struct channel *c, int uv_error)
-{
-    uv_timer_stop(&c->timer);
-    if (!c->next_address || clock_monotonic_ns() >= c->connect_deadline_ns) {
-        end_now(c, STATUS_ERR_UNREACHABLE, "cannot connect: %s%s", uv_strerror(uv_error),
-                uv_error == UV_ECONNREFUSED ? " (is azulejo-coordinator running there?)" : "");
-        return;
-    }
-    uv_close((uv_handle_t *)&c->tcp, on_attempt_closed);
-}
-
-static void on_connected(uv_connect_t *request, int result)
-{
-    struct channel *c = request->data;
-
-    if (c->state == DEAD || result == UV_ECANCELED)
-        return;
-    if (result < 0) {
-        attempt_failed(c, result);
-        return;
-    }
-    uv_timer_start(&c->timer, on_timer, handshake_ms, 0);
-    begin_handshake(c);
-}
-
-static void on_attempt_timeout(uv_timer_t *timer)
-{
-    attempt_failed(timer->data, UV_ETIMEDOUT);
-}
-
-static void connect_next(struct channel *c)
-{
-    struct addrinfo *address = c->next_address;
-    uint64_t now = clock_monotonic_ns(), left_ms;
-    int result;
-
-    left_ms = now < c->connect_deadline_ns ? (c->connect_deadline_ns - now) / NS_PER_MS : 0;
-    c->next_address = address->ai_next;
-    if (c->next_address && left_ms > CHANNEL_ADDRESS_MS)
-        left_ms = CHANNEL_ADDRESS_MS;
-    uv_timer_start(&c->timer, on_attempt_timeout, left_ms, 0);
-    c->connect.data = c;
-    result = uv_tcp_connect(&c->connect, &c->tcp, address->ai_addr, on_connected);
-    if (result < 0)
-        attempt_failed(c, result);
-}
-
-static void on_resolved(uv_getaddrinfo_t *request, int result, struct addrinfo *addresses)
-{
-    struct channel *c = request->data;
-
-    c->addresses = c->next_address = addresses;
-    if (c->state == DEAD) {
-        hold_drop(c);
-        return;
-    }
-    c->holds--; /* the three handles remain */
-    if (result < 0 || !addresses)
-        end_now(c, STATUS_ERR_UNREACHABLE, "no such host: %s",
-                uv_strerror(result < 0 ? result : UV_EAI_NONAME));
-    else
-        connect_next(c);
-}
-
-status channel_connect(struct channel **out, uv_loop_t *loop, const char *host, uint16_t port,
-                       const struct farm_key *key, enum farm_role role,
-                       const struct channel_callbacks *callbacks, void *user, struct error *err)
-{
-    const struct addrinfo hints = {.ai_socktype = SOCK_STREAM, .ai_protocol = IPPROTO_TCP};
-    struct channel *c = channel_new(loop, callbacks, user);
-    char service[8];
-    status s;
-    int result;
-
-    *out = NULL;
-    if (!c)
-        return error_no_memory(err, "a connection");
-    s = tls_new_client(&c->tls, key, role, err);
-    if (s != STATUS_OK) {
-        channel_free(c);
-        return s;
-    }
-    snprintf(c->peer, sizeof c->peer, strchr(host, ':') ? "[%s]:%u" : "%s:%u", host, port);
-    snprintf(service, sizeof service, "%u", port);
-    start_handles(c);
-    c->connect_deadline_ns = clock_monotonic_ns() + handshake_ms * NS_PER_MS;
-    c->resolve.data = c;
-    result = uv_getaddrinfo(loop, &c->resolve, on_resolved, host, service, &hints);
-    if (result < 0)
-        end_now(c, STATUS_ERR_UNREACHABLE, "no such host: %s", uv_strerror(result));
-    else
-        c->holds++;
-    *out = c;
-    return STATUS_OK;
-}
-
-static void name_peer(struct channel *c)
-{
-    struct sockaddr_storage address;
-    int size = sizeof address;
-    char host[64] = "unknown";
-    unsigned port = 0;
-
-    if (uv_tcp_getpeername(&c->tcp, (struct sockaddr *)&address, &size) == 0) {
-        if (address.ss_family == AF_INET6) {
-            const struct sockaddr_in6 *in6 = (const struct sockaddr_in6 *)&address;
-            uv_ip6_name(in6, host, sizeof host);
-            port = ntohs(in6->sin6_port);
-        } else if (address.ss_family == AF_INET) {
-            const struct sockaddr_in *in = (const struct sockaddr_in *)&address;
-            uv_ip4_name(in, host, sizeof host);
-            port = ntohs(in->sin_port);
-        }
-    }
-    snprintf(c->peer, sizeof c->peer, strchr(host, ':') ? "[%s]:%u" : "%s:%u", host, port);
-}
-
-static void on_rejected(uv_handle_t *handle)
-{
-    mem_free(handle);
-}
-
-/* Out of memory for a channel: take the connection off the listener and drop it, or the
- * listener would wait for it for ever. */
-static void reject(uv_stream_t *listener)
-{
-    uv_tcp_t *tcp = mem_alloc(sizeof *tcp);
-
-    if (!tcp)
-        return;
-    uv_tcp_init(listener->loop, tcp);
-    (void)!uv_accept(listener, (uv_stream_t *)tcp);
-    uv_close((uv_handle_t *)tcp, on_rejected);
-}
-
-status channel_accept(struct channel **out, uv_stream_t *listener, const struct farm_key *key,
-                      const struct channel_callbacks *callbacks, void *user, struct error *err)
-{
-    struct channel *c = channel_new(listener->loop, callbacks, user);
-    status s;
-    int result;
-
-    *out = NULL;
-    if (!c) {
-        reject(listener);
-        return error_no_memory(err, "a connection");
-    }
-    c->is_server = 1;
-    s = tls_new_server(&c->tls, key, err);
-    if (s != STATUS_OK) {
-        channel_free(c);
-        reject(listener);
-        return s;
-    }
-    start_handles(c);
-    snprintf(c->peer, sizeof c->peer, "unknown peer");
-    *out = c;
-    result = uv_accept(listener, (uv_stream_t *)&c->tcp);
-    if (result < 0) {
-        end_now(c, STATUS_ERR_UNREACHABLE, "cannot accept: %s", uv_strerror(result));
-        return STATUS_OK;
-    }
-    name_peer(c);
-    uv_timer_start(&c->timer, on_timer, handshake_ms, 0);
-    begin_handshake(c);
-    return STATUS_OK;
+    c->state = HANDSHAKE;
+    process_input(c);
 }
 
 /* ---- closing --------------------------------------------------------------------------- */
@@ -657,19 +466,24 @@ static void on_shutdown(uv_shutdown_t *request, int result)
 
 static void close_gently(struct channel *c)
 {
-    int result;
+    int result, was_open;
 
     if (c->state == CLOSING || c->state == DEAD)
         return;
-    if (c->state == CONNECTING) {
+    if (c->state < HANDSHAKE) {
         finish(c);
         return;
     }
     tls_end(c->tls);
     if (flush_output(c) != STATUS_OK)
         return;
+    was_open = c->state == OPEN;
     c->state = CLOSING;
     uv_idle_stop(&c->kick);
+    if (!was_open && c->gate)
+        c->gate->on_refused(c, c->user);
+    if (c->state == DEAD)
+        return;
     c->shutdown.data = c;
     result = uv_shutdown(&c->shutdown, (uv_stream_t *)&c->tcp, on_shutdown);
     if (result < 0) {
@@ -722,12 +536,13 @@ uint64_t channel_last_sent_ns(const struct channel *c)
     return c->last_sent_ns;
 }
 
-void channel_set_user(struct channel *c, void *user)
+void channel_adopt(struct channel *c, const struct channel_callbacks *callbacks, void *user)
 {
+    c->callbacks = *callbacks;
     c->user = user;
 }
 
 void channel_fault_handshake_ms(uint32_t limit_ms)
 {
-    handshake_ms = limit_ms ? limit_ms : CHANNEL_HANDSHAKE_MS;
+    fault_limit_ms = limit_ms;
 }

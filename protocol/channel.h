@@ -6,10 +6,19 @@
  * is freed right after on_close returns. on_message's envelope lives until it returns.
  * A channel_send never calls back into the owner before it returns.
  *
- *   CONNECTING --tcp--> HANDSHAKE --tls--> OPEN --channel_close--> CLOSING --> DEAD --> freed
- *   connect_next        on_connected       handshake_done          close_gently finish
+ *   client: CONNECTING --tcp--> HANDSHAKE
+ *           connect_next        on_connected
+ *   server: ARRIVED --first TLS record whole--> READY --the owner's channel_handshake--> HANDSHAKE
+ *           channel_accept                      channel_take_first
+ *   HANDSHAKE --tls--> OPEN --channel_close--> CLOSING --> DEAD --> freed
+ *                      handshake_step          close_gently finish
  *   Any state --channel_abort, reset, time-out--> DEAD; a refused handshake or a broken
  *   message goes through CLOSING, so that the peer learns why.
+ *
+ * A server's channel has CHANNEL_SILENT_MS for its first byte, CHANNEL_HANDSHAKE_MS from there to
+ * the whole first record, no limit while it is READY, and CHANNEL_HANDSHAKE_MS again in HANDSHAKE.
+ * Until HANDSHAKE it takes about 3 KB, and OpenSSL knows nothing of it. What does not begin like
+ * TLS is closed without an answer.
  *
  * CLOSING flushes, says goodbye in TLS and TCP, and reads on (without delivering) until the
  * peer has ended too or CHANNEL_LINGER_MS passed: closing a socket that holds unread bytes
@@ -39,10 +48,15 @@ enum {
     CHANNEL_QUEUE_HIGH = 8 << 20,
     CHANNEL_QUEUE_LOW = 1 << 20,
     CHANNEL_QUEUE_MAX = 256 << 20,    /* a peer that reads nothing: more ends the connection */
-    CHANNEL_HANDSHAKE_MS = 10000,     /* tcp + tls must be done by then */
+    CHANNEL_FIRST_MAX = 4 << 10,      /* bytes that are read of a peer before its handshake */
+    CHANNEL_SILENT_MS = 10000,        /* server: from TCP to the first byte */
+    CHANNEL_HANDSHAKE_MS = 5000,      /* server: first byte to first record; then the handshake */
+    CHANNEL_CONNECT_MS = 10000,       /* client: TCP, over all of a host's addresses */
+    CHANNEL_PATIENCE_MS = 30000,      /* client: TLS, with the wait for the server's attention */
     CHANNEL_ADDRESS_MS = 3000,        /* one of several addresses of a host */
     CHANNEL_FLUSH_MS = 10000,         /* closing: the peer reads nothing for so long */
     CHANNEL_LINGER_MS = 2000,         /* closing: the peer's own end after ours */
+    CHANNEL_ADDRESS_BYTES = 16,       /* IPv6; IPv4 as ::ffff:a.b.c.d */
     BLOB_PIECE_BYTES = 256 << 10,
 };
 
@@ -59,6 +73,14 @@ struct channel_callbacks {
     void (*on_close)(struct channel *c, const struct error *why, void *user);
 };
 
+/* How the owner of accepted channels says whose handshake comes when. */
+struct channel_gate {
+    /* READY: the owner calls channel_handshake, now or later. */
+    void (*on_ready)(struct channel *c, void *user);
+    /* The handshake failed; the channel is CLOSING. Not called when it is DEAD at once. */
+    void (*on_refused)(struct channel *c, void *user);
+};
+
 /* Connect to host:port with the key of a role. Failures after this call come by on_close:
  * ERR_UNREACHABLE (no such host, refused, timeout), ERR_REFUSED (the key was not taken). */
 status channel_connect(struct channel **out, uv_loop_t *loop, const char *host, uint16_t port,
@@ -66,11 +88,19 @@ status channel_connect(struct channel **out, uv_loop_t *loop, const char *host, 
                        const struct channel_callbacks *callbacks, void *user,
                        struct error *err) MUST_CHECK;
 
-/* Accept from a listening stream (in its connection callback). The peer's role is known
- * when on_open runs (channel_role). */
+/* Accept from a listening stream (in its connection callback). The key is not copied and must
+ * outlive the handshake. Without a gate the handshake begins as soon as it can. The peer's role is
+ * known when on_open runs (channel_role). ERR_NO_MEMORY: the connection was dropped. */
 status channel_accept(struct channel **out, uv_stream_t *listener, const struct farm_key *key,
-                      const struct channel_callbacks *callbacks, void *user,
-                      struct error *err) MUST_CHECK;
+                      const struct channel_callbacks *callbacks, const struct channel_gate *gate,
+                      void *user, struct error *err) MUST_CHECK;
+
+/* Take a connection off the listener and drop it, when there is no memory for more: libuv accepts
+ * no other before. */
+void channel_reject(uv_stream_t *listener);
+
+/* Begin the handshake of a READY channel; otherwise nothing. May call back before it returns. */
+void channel_handshake(struct channel *c);
 
 /* Pack and queue. ERR_LIMIT: the message is larger than a frame may be, or the queue is
  * over its maximum (the channel then closes by itself). Before on_open and after
@@ -91,9 +121,12 @@ enum farm_role channel_role(const struct channel *c);
 const char *channel_peer(const struct channel *c);       /* "127.0.0.1:40312" */
 uint64_t channel_last_heard_ns(const struct channel *c); /* monotonic: last byte received */
 uint64_t channel_last_sent_ns(const struct channel *c);
-void channel_set_user(struct channel *c, void *user);
+/* The peer's address, for comparing; zeros when it is not known. */
+void channel_address(const struct channel *c, uint8_t out[CHANNEL_ADDRESS_BYTES]);
+/* A new owner: its callbacks are called from now on. */
+void channel_adopt(struct channel *c, const struct channel_callbacks *callbacks, void *user);
 
-/* Tests: another handshake limit for channels that begin from now on; 0: CHANNEL_HANDSHAKE_MS. */
+/* Tests: this limit instead of each of the four above, for what begins from now on; 0: as above. */
 void channel_fault_handshake_ms(uint32_t limit_ms);
 
 #endif

@@ -5,6 +5,7 @@
 #include <openssl/crypto.h>
 #include <openssl/err.h>
 #include <openssl/ssl.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -19,7 +20,6 @@ static const unsigned char cipher_id[2] = {0x13, 0x01};
 enum { IDENTITY_MAX = 32 };
 
 struct tls {
-    SSL_CTX *ctx;
     SSL *ssl;
     BIO *in, *out; /* owned by ssl */
     struct farm_key key;
@@ -92,10 +92,53 @@ static int server_psk(SSL *ssl, const unsigned char *id, size_t id_size, SSL_SES
 
 /* ---- life ------------------------------------------------------------------------------ */
 
+static SSL_CTX *context_new(int is_server)
+{
+    SSL_CTX *ctx = SSL_CTX_new(is_server ? TLS_server_method() : TLS_client_method());
+
+    if (!ctx || !SSL_CTX_set_min_proto_version(ctx, TLS1_3_VERSION) ||
+        !SSL_CTX_set_max_proto_version(ctx, TLS1_3_VERSION) ||
+        !SSL_CTX_set_ciphersuites(ctx, CIPHER_SUITE) ||
+        (is_server && !SSL_CTX_set_num_tickets(ctx, 0))) {
+        SSL_CTX_free(ctx);
+        return NULL;
+    }
+    SSL_CTX_set_session_cache_mode(ctx, SSL_SESS_CACHE_OFF);
+    SSL_CTX_set_options(ctx, SSL_OP_NO_TICKET | SSL_OP_NO_COMPRESSION | SSL_OP_NO_RENEGOTIATION);
+    SSL_CTX_set_mode(ctx, SSL_MODE_RELEASE_BUFFERS);
+    if (is_server) {
+        SSL_CTX_set_psk_find_session_callback(ctx, server_psk);
+    } else {
+        /* No trusted certificate exists, so a server that shows one instead of proving the
+         * key is refused. */
+        SSL_CTX_set_verify(ctx, SSL_VERIFY_PEER, NULL);
+        SSL_CTX_set_psk_use_session_callback(ctx, client_psk);
+    }
+    return ctx;
+}
+
+/* What all connections of a process share; it holds no key. A context takes 100 KB and a
+ * millisecond, so each side makes one, when its first connection needs it, and keeps it. NULL
+ * when OpenSSL gives none; the next connection tries again. */
+static SSL_CTX *context_of(int is_server)
+{
+    static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
+    static SSL_CTX *contexts[2];
+    SSL_CTX *ctx;
+
+    pthread_mutex_lock(&lock);
+    if (!contexts[is_server])
+        contexts[is_server] = context_new(is_server);
+    ctx = contexts[is_server];
+    pthread_mutex_unlock(&lock);
+    return ctx;
+}
+
 static status tls_new(struct tls **out, const struct farm_key *key, int is_server,
                       enum farm_role role, struct error *err)
 {
     struct tls *t = mem_calloc(1, sizeof *t);
+    SSL_CTX *ctx;
 
     *out = NULL;
     if (!t)
@@ -105,31 +148,18 @@ static status tls_new(struct tls **out, const struct farm_key *key, int is_serve
     t->is_server = is_server;
     snprintf(t->identity, sizeof t->identity, IDENTITY_PREFIX "%s", farm_role_name(role));
     ERR_clear_error();
-    t->ctx = SSL_CTX_new(is_server ? TLS_server_method() : TLS_client_method());
-    if (!t->ctx || !SSL_CTX_set_min_proto_version(t->ctx, TLS1_3_VERSION) ||
-        !SSL_CTX_set_max_proto_version(t->ctx, TLS1_3_VERSION) ||
-        !SSL_CTX_set_ciphersuites(t->ctx, CIPHER_SUITE))
-        goto failed;
-    SSL_CTX_set_session_cache_mode(t->ctx, SSL_SESS_CACHE_OFF);
-    SSL_CTX_set_options(t->ctx, SSL_OP_NO_TICKET | SSL_OP_NO_COMPRESSION | SSL_OP_NO_RENEGOTIATION);
-    SSL_CTX_set_mode(t->ctx, SSL_MODE_RELEASE_BUFFERS);
-    if (is_server) {
-        if (!SSL_CTX_set_num_tickets(t->ctx, 0))
-            goto failed;
-        SSL_CTX_set_psk_find_session_callback(t->ctx, server_psk);
-    } else {
-        /* No trusted certificate exists, so a server that shows one instead of proving the
-         * key is refused. */
-        SSL_CTX_set_verify(t->ctx, SSL_VERIFY_PEER, NULL);
-        SSL_CTX_set_psk_use_session_callback(t->ctx, client_psk);
-    }
-    t->ssl = SSL_new(t->ctx);
+    ctx = context_of(is_server);
+    t->ssl = ctx ? SSL_new(ctx) : NULL;
     t->in = BIO_new(BIO_s_mem());
     t->out = BIO_new(BIO_s_mem());
     if (!t->ssl || !t->in || !t->out) {
         BIO_free(t->in);
         BIO_free(t->out);
-        goto failed;
+        tls_free(t);
+        ERR_clear_error();
+        return error_set(err, STATUS_ERR_INTERNAL,
+                         "OpenSSL gives no TLS 1.3 with " CIPHER_SUITE " (out of memory, or a "
+                         "system-wide policy forbids it)");
     }
     BIO_set_mem_eof_return(t->in, -1);
     BIO_set_mem_eof_return(t->out, -1);
@@ -141,12 +171,6 @@ static status tls_new(struct tls **out, const struct farm_key *key, int is_serve
         SSL_set_connect_state(t->ssl);
     *out = t;
     return STATUS_OK;
-failed:
-    tls_free(t);
-    ERR_clear_error();
-    return error_set(err, STATUS_ERR_INTERNAL,
-                     "OpenSSL gives no TLS 1.3 with " CIPHER_SUITE " (out of memory, or a "
-                     "system-wide policy forbids it)");
 }
 
 status tls_new_client(struct tls **out, const struct farm_key *key, enum farm_role role,
@@ -170,7 +194,6 @@ void tls_free(struct tls *t)
     if (!t)
         return;
     SSL_free(t->ssl);
-    SSL_CTX_free(t->ctx);
     OPENSSL_cleanse(&t->key, sizeof t->key);
     mem_free(t);
 }

@@ -4,7 +4,8 @@
  * Diffie-Hellman exchange, so that a key that leaks later opens no recorded traffic).
  * There are no certificates, no tickets, no early data. No I/O happens here: bytes from the
  * wire go in by tls_feed, bytes for the wire are taken out with tls_output_*, so whoever
- * owns the socket stays in charge.
+ * owns the socket stays in charge. What OpenSSL keeps for all connections of one side is made
+ * once a process, by whichever thread comes first; a struct tls belongs to one thread at a time.
  *
  *   HANDSHAKE --tls_step--> OPEN --peer's close_notify--> ENDED
  *       \----------------------\--any error--> FAILED

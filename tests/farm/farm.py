@@ -54,6 +54,13 @@ def wait_for(condition, what, limit_s=60.0):
         time.sleep(0.01)  # how often we look, not how long it takes
 
 
+def readable(fd, limit_s):
+    """Wait until there is something to read; any descriptor number will do, unlike with select()."""
+    source = select.poll()
+    source.register(fd, select.POLLIN)
+    return bool(source.poll(limit_s * 1000))
+
+
 class Program:
     """One running coordinator or worker; its output goes to a log file."""
 
@@ -92,7 +99,7 @@ class Program:
             left = end - time.monotonic()
             if left <= 0:
                 raise Failure("%s did not print '%s...'" % (self.label, prefix))
-            if select.select([fd], [], [], left)[0]:
+            if readable(fd, left):
                 data = os.read(fd, 65536)
                 if not data:
                     self.process.wait()
@@ -187,9 +194,11 @@ class Farm:
 
     # ---- programs ------------------------------------------------------------------------
 
-    def start_coordinator(self, *options, listen="127.0.0.1:0", key=None):
-        """Start (or, after a kill, start again with the same store) and wait until it listens."""
-        argv = [os.path.join(BIN, "azulejo-coordinator"), "--listen", listen,
+    def start_coordinator(self, *options, listen="127.0.0.1:0", key=None, prefix=()):
+        """Start (or, after a kill, start again with the same store) and wait until it listens.
+
+        prefix: words before the command, such as a shell that sets limits and runs it."""
+        argv = list(prefix) + [os.path.join(BIN, "azulejo-coordinator"), "--listen", listen,
                 "--key", key or self.key, "--store", self.store] + list(options)
         self.coordinator = Program("coordinator", argv,
                                    self.path("coordinator-%d.log" % len(self.programs)),

@@ -1,174 +1,171 @@
-"""What a worker finds on its coordinator's port when that is not its coordinator: whatever speaks without
-the farm's key may delay the worker, never end it."""
-import os
+#!/usr/bin/env python3
+"""Those without a key: what they cost, and that they keep nobody out who has one."""
 import re
-import shutil
+import socket
+import ssl
 import sys
 
-sys.dont_write_bytecode = True  # no __pycache__ in the sources
-from farm import BUILD, ROOT, Farm, Program, Tests, wait_for
-from jobs import Outcome, expect
-from odd import OddPeer, Strangers, alert, passing_on, saying
+from farm import PATIENCE, Farm, Tests, wait_for
+from jobs import expect
+from odd import OddPeer, talk_raw
+from strangers import (Strangers, Workers, descriptors_of, first_record, need_descriptors,
+                       resident_bytes)
 
 tests = Tests()
-SMALL = ["--size", "64x64", "--spp", "4"]
-HTTP = saying(b"HTTP/1.1 400 Bad Request\r\nServer: other\r\nContent-Length: 0\r\n\r\n")
-TROUBLE = "trying again until it works"
+SMALL = ("--size", "64x64", "--spp", "4")
+IDLE_BYTES_MAX = 16 << 10       # a connection that says nothing, or waits for its handshake
+HANDSHAKE_BYTES_MAX = 96 << 10
+HANDSHAKES_MAX = 64             # ADMISSION_HANDSHAKES_MAX, half of them of one address
 
 
-def check_renders(farm, name="rendered"):
-    number = farm.submit(farm.scene(), *SMALL)
-    farm.wait_for_job(number)
-    expect(Outcome(farm, number, name).means[0] > 0.001, "a black picture")
+def limited(count):
+    """The start of a command line that runs with so many file descriptors and may not raise that."""
+    return ["sh", "-c", "ulimit -n %d && exec \"$@\"" % count, "sh"]
 
 
-def lines_with(worker, words):
-    return [l for l in worker.log_text().splitlines() if words in l]
+def warnings(farm):
+    return [l for l in farm.coordinator.log_text().splitlines() if " warn " in l]
 
 
-def status_number(name):
-    """The number that stands for STATUS_ERR_name on the wire."""
-    with open(os.path.join(ROOT, "common", "base", "status.h")) as source:
-        return re.findall(r"^    X\((\w+),", source.read(), re.M).index("ERR_" + name)
-
-
-def make_keys(farm):
-    """Another farm's key, and this farm's keys for a worker and a client."""
-    other, worker, client = (farm.path(n + ".key") for n in ("other", "worker", "client"))
-    farm.cli("keygen", "-o", other, expect=0)
-    farm.cli("keygen", "--role", "worker", "--from", farm.key, "-o", worker, expect=0)
-    farm.cli("keygen", "--role", "client", "--from", farm.key, "-o", client, expect=0)
-    return other, worker, client
-
-
-def replace(path, source):
-    """As a careful person does: the new file is complete before it has the name."""
-    shutil.copyfile(source, path + ".new")
-    os.chmod(path + ".new", 0o600)
-    os.rename(path + ".new", path)
+def measure(farm, what, count, limit):
+    """Print and check what each of count connections added to resident memory since farm.base."""
+    each = (resident_bytes(farm.coordinator) - farm.base) / count
+    print("# %s: %.1f KB each" % (what, each / 1024), flush=True)
+    if PATIENCE == 1:  # sanitizers add to every allocation
+        expect(each <= limit, "%s: %.0f bytes each, more than %d" % (what, each, limit))
 
 
 @tests.add
-def strangers_on_the_port():
-    """alerts, garbage, HTTP, a certificate, another farm and damaged handshakes end no worker"""
-    with Farm() as farm, Farm() as other, Farm() as twin:
-        other.start_coordinator()
-        twin.start_coordinator(key=farm.key)
-        stranger = Program("stranger", [os.path.join(BUILD, "tests", "farm", "stranger")],
-                           farm.path("stranger.log"), pipe_stdout=True, pipe_stdin=True)
-        farm.programs.append(stranger)
-        certificate = "127.0.0.1:" + stranger.wait_line("listening on ")
-        manners = [alert(40), alert(47), alert(51), HTTP, saying(bytes(range(256)) * 4), saying(b""),
-                   passing_on(certificate), passing_on(other.address),
-                   passing_on(twin.address, damage_client_at=20),
-                   passing_on(twin.address, damage_server_at=20)]
-        with Strangers(*manners) as strangers:
-            farm.address = strangers.address
-            workers = [farm.start_worker() for _ in range(5)]
-            wait_for(lambda: strangers.met >= 2 * len(manners), "every stranger to be met")
-        stranger.wait_line("met")
-        for worker in workers:
-            expect(worker.alive(), "%s: %s" % (worker.label, worker.log_text()))
-        expect("joins" not in other.coordinator.log_text() + twin.coordinator.log_text(), "one joined")
-        farm.restart_coordinator()
-        farm.wait_for_workers(len(workers))
-        check_renders(farm)
+def memory():
+    """2,000 idle connections cost 16 KB each at most, 64 in the handshake 96 KB, 2,000 in line little"""
+    need_descriptors(6000)
+    for idle in (True, False):
+        with Farm() as farm:
+            farm.start_coordinator()
+            farm.cli("list", expect=0)  # what is made once is there
+            before = descriptors_of(farm.coordinator)
+            farm.base = resident_bytes(farm.coordinator)
+            if idle:
+                with Strangers(farm, 2000) as crowd:
+                    crowd.all_connected()
+                    wait_for(lambda: descriptors_of(farm.coordinator) >= before + 2000, "them to be in")
+                    measure(farm, "idle", 2000, IDLE_BYTES_MAX)
+                continue
+            record = first_record(farm)
+            half = HANDSHAKES_MAX // 2
+            with Strangers(farm, half, "127.0.0.2", record) as one, \
+                    Strangers(farm, half, "127.0.0.3", record) as two:
+                wait_for(lambda: len(one.answered) == len(two.answered) == half, "64 handshakes")
+                measure(farm, "in the handshake", HANDSHAKES_MAX, HANDSHAKE_BYTES_MAX)
+                with Strangers(farm, 2000, "127.0.0.4", record) as crowd:
+                    crowd.all_connected()
+                    wait_for(lambda: descriptors_of(farm.coordinator) >= before + 2000, "them to be in")
+                    measure(farm, "with the first record sent", 2000 + HANDSHAKES_MAX,
+                            IDLE_BYTES_MAX)
+                    farm.cli("list", expect=0)
 
 
 @tests.add
-def trouble_is_said_once():
-    """the same trouble is logged once, another kind once more, and its end once"""
+def descriptors():
+    """1,100 idle connections under a limit of 1,024 descriptors fail no job, and the limit is raised"""
+    need_descriptors(3000)
     with Farm() as farm:
-        with Strangers(alert(40), alert(47), alert(51), HTTP) as strangers:
-            farm.address = strangers.address
-            worker = farm.start_worker()
-            wait_for(lambda: strangers.met >= 4, "the fourth stranger")
-        wait_for(lambda: len(lines_with(worker, TROUBLE)) >= 3, "the empty port to be logged")
-        farm.restart_coordinator()
-        farm.wait_for_workers(1)
-        troubles = lines_with(worker, TROUBLE)
-        expect(len(troubles) == 3 and all(" warn" in l for l in troubles), worker.log_text())
-        for line, words in zip(troubles, ("key was not taken", "wrong version", "cannot connect")):
-            expect(words in line and farm.address in line, line)
-        over = lines_with(worker, "connected after")
-        expect(len(over) == 1 and int(re.search(r"after (\d+) failures", over[0]).group(1)) >= 5, over)
+        farm.start_coordinator(prefix=["sh", "-c", "ulimit -Sn 256 && ulimit -Hn 1024 && exec \"$@\"", "sh"])
+        expect(re.search(r" info .*1024 file descriptors \(raised from 256\)", farm.coordinator.log_text()),
+               farm.coordinator.log_text())
+        with Strangers(farm, 1100) as crowd:
+            wait_for(lambda: crowd.closed > 0, "strangers to make room")
+            farm.start_worker()
+            for number in [farm.submit(farm.scene(), *SMALL) for _ in range(8)]:
+                farm.wait_for_job(number)
+            expect(descriptors_of(farm.coordinator) <= 1024 - 64, "the reserve was touched")
+            expect(not crowd.fault, crowd.fault)
+        expect("Too many open files" not in farm.coordinator.log_text(), "descriptors ran out")
 
 
 @tests.add
-def key_replaced_in_place():
-    """a worker whose key is not the farm's any more takes the new one from its file, unusable files in between"""
+def sessions_over_the_limit():
+    """more key holders than there are descriptors are refused in words, and workers try again"""
     with Farm() as farm:
-        farm.start_coordinator()
-        other, worker_key, client = make_keys(farm)
-        key = farm.path("mine.key")
-        replace(key, other)
-        worker = farm.start_worker(key=key)
-        wait_for(lambda: lines_with(worker, "another farm"), "the key to be refused")
-        os.remove(key)
-        wait_for(lambda: lines_with(worker, "No such file"), "the missing file")
-        replace(key, client)
-        wait_for(lambda: lines_with(worker, "client key cannot act as worker"), "the wrong role")
-        expect(worker.alive() and farm.list_workers() == [], worker.log_text())
-        replace(key, worker_key)
-        farm.wait_for_workers(1)
-        check_renders(farm)
-        expect(len(lines_with(worker, "stays in use")) == 2, worker.log_text())
-
-
-def meet_odd_coordinator(farm, answer, address="127.0.0.1:0"):
-    """A worker's Hello to a coordinator that holds the key gets this answer; the worker."""
-    peer = OddPeer.coordinator(farm, address)
-    worker = farm.start_worker()
-    peer.wait_line("hello")
-    peer.say(answer)
-    return worker
+        farm.start_coordinator(prefix=limited(160))
+        sessions = int(re.search(r"of these (\d+) sessions", farm.coordinator.log_text()).group(1))
+        crowd = Workers(farm, sessions)
+        expect(crowd.settled() == (sessions, 0), "not all were welcomed")
+        refused = farm.cli("list")
+        expect(refused.code == 3 and "file descriptors" in refused.err, refused)
+        expect(descriptors_of(farm.coordinator) <= 160 - 64, "the reserve was touched")
+        worker = farm.start_worker()
+        wait_for(lambda: "file descriptors" in worker.log_text(), "the worker to be refused")
+        crowd.end()
+        wait_for(lambda: farm.cli("list").code == 0, "room for a client")
+        farm.wait_for_job(farm.submit(farm.scene(), *SMALL))
 
 
 @tests.add
-def refusals_of_the_own_farm():
-    """a coordinator with the farm's key that refuses the release ends a worker with 10; other failures do not"""
-    refused, unsupported, limit, mismatch = (
-        status_number(n) for n in ("REFUSED", "UNSUPPORTED", "LIMIT", "MISMATCH"))
-    with Farm() as farm:
-        for answer in ("failure %d" % refused, "failure %d" % unsupported, "welcome version=999"):
-            worker = meet_odd_coordinator(farm, answer)
-            code = worker.wait(20)
-            expect(code == 10, "%s: exit status %d: %s" % (answer, code, worker.log_text()))
-            expect(re.search("odd coordinator will not have it|same release", worker.log_text()),
-                   worker.log_text())
-        worker = meet_odd_coordinator(farm, "failure %d" % limit)
-        wait_for(lambda: lines_with(worker, TROUBLE), "the failure to be logged")
-        farm.restart_coordinator()
-        farm.wait_for_workers(1)
-        # Once it works, no Failure ends it.
-        farm.coordinator.stop()
-        for code in (unsupported, mismatch):
-            peer = OddPeer.coordinator(farm, farm.address)
-            peer.wait_line("hello")
-            peer.say("welcome")
-            peer.wait_line("lease_request")
-            peer.say("failure %d" % code)
-            peer.wait(20)
-        farm.restart_coordinator()
-        farm.wait_for_workers(1)
-        check_renders(farm)
-
-
-@tests.add
-def keys_that_cannot_work():
-    """a key of another role ends a worker at once; with --exit-on-disconnect another farm's key does, too"""
+def two_thousand_workers_at_once():
+    """2,000 workers of one machine that connect at once are all welcomed"""
+    need_descriptors(6000)
     with Farm() as farm:
         farm.start_coordinator()
-        other, _, client = make_keys(farm)
-        for words, key, options in (("client key cannot act as worker", client, []),
-                                    ("another farm", other, ["--exit-on-disconnect"])):
-            worker = farm.start_worker(*options, key=key)
-            code = worker.wait(20)
-            expect(code == 5 and words in worker.log_text(), "%s: %s" % (code, worker.log_text()))
-        worker = farm.start_worker(key=farm.path("missing.key"))
-        expect(worker.wait(20) == 3 and "missing.key" in worker.log_text(), worker.log_text())
-        expect(farm.list_workers() == [], "one of them joined")
+        crowd = Workers(farm, 2000)
+        welcomed, failed = crowd.settled()
+        expect((welcomed, failed) == (2000, 0), "%d welcomed, %d failed" % (welcomed, failed))
+        expect(len(farm.list_workers()) == 2000, "some are not listed")
+        crowd.end()
+        farm.wait_for_workers(0)
+
+
+@tests.add
+def worker_among_strangers():
+    """a worker and a client get in within seconds beside 5,000 strangers, whatever these do"""
+    need_descriptors(12000)
+    with Farm() as farm:
+        farm.start_coordinator()
+        record = first_record(farm)
+        for what, how in (("silent", {}),
+                          ("a byte a second", {"first": record, "trickle": True}),
+                          ("TLS with a wrong key", {"first": record[:-1] + bytes([record[-1] ^ 1]),
+                                                    "source": "127.0.0.3"}),
+                          ("reconnecting", {"reset_s": 0.5}),
+                          ("recorded handshakes", {"first": record, "source": "127.0.0.2"})):
+            with Strangers(farm, 5000, **how) as crowd:
+                # As many as there are places, or as come round in a loop.
+                wait_for(lambda: crowd.fault or len(crowd.connected) + crowd.closed > 5000, what)
+                peer = OddPeer(farm)  # within the limits of a handshake, or it fails
+                farm.cli("list", expect=0, limit_s=20)
+                peer.end()
+                expect(not crowd.fault, "%s: %s" % (what, crowd.fault))
+        farm.start_worker()
+        farm.wait_for_job(farm.submit(farm.scene(), *SMALL))
+        expect(len(warnings(farm)) < 30, "%d warnings" % len(warnings(farm)))
+
+
+@tests.add
+def probes():
+    """connections that close at once leave no warning, and HTTP or keyless TLS one line a minute"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        host, port = farm.address.rsplit(":", 1)
+        for _ in range(50):
+            socket.create_connection((host, int(port))).close()
+        farm.cli("list", expect=0)  # it has looked at them all
+        expect(warnings(farm) == [], warnings(farm))
+        for _ in range(20):
+            talk_raw(farm, b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
+        wait_for(lambda: len(warnings(farm)) == 1, "a line about HTTP")
+        expect("does not speak TLS" in warnings(farm)[0] and "127.0.0.1" in warnings(farm)[0],
+               warnings(farm))
+        context = ssl._create_unverified_context()  # pylint: disable=protected-access
+        for _ in range(20):
+            try:
+                with socket.create_connection((host, int(port))) as peer:
+                    context.wrap_socket(peer)
+            except OSError:
+                pass  # an alert: it has no key
+        wait_for(lambda: len(warnings(farm)) == 2, "a line about TLS without a key")
+        expect("no farm key" in warnings(farm)[1], warnings(farm))
 
 
 if __name__ == "__main__":
+    sys.setswitchinterval(0.002)
     tests.run()

@@ -41,6 +41,9 @@ struct farm {
     struct side server, client;
     int closes_expected;
     int accepting;
+    const struct channel_gate *gate;
+    uv_idle_cb turn;         /* started when the gate is ready; NULL: its turn never comes */
+    unsigned ready, refused;
     void (*on_open)(struct farm *f, struct side *s);
     void (*on_message)(struct farm *f, struct side *s, const Azulejo__Wire__Envelope *m);
     void (*on_drain)(struct farm *f, struct side *s);
@@ -121,7 +124,8 @@ static void on_connection(uv_stream_t *listener, int result)
     struct error err = {0};
 
     assert_int_equal(result, 0);
-    f->accepting = channel_accept(&f->server.channel, listener, &f->key, &callbacks, f, &err);
+    f->accepting = channel_accept(&f->server.channel, listener, &f->key, &callbacks, f->gate, f,
+                                  &err);
     if (f->accepting != STATUS_OK && f->closes_expected == 2)
         f->closes_expected = 1;
 }
@@ -868,7 +872,161 @@ static void test_peer_leaves_before_tls(void **state)
     raw_start(&f, &p);
     raw_finish(&f, &p);
     assert_int_equal(f.server.why.code, STATUS_ERR_UNREACHABLE);
-    assert_non_null(strstr(f.server.why.text, "during the TLS handshake"));
+    assert_non_null(strstr(f.server.why.text, "before the TLS handshake"));
+}
+
+/* ---- before the handshake -------------------------------------------------------------- */
+
+static void gate_ready(struct channel *c, void *user)
+{
+    struct farm *f = user;
+
+    assert_ptr_equal(c, f->server.channel);
+    f->ready++;
+    if (f->turn)
+        uv_idle_start(&f->idle, f->turn);
+}
+
+static void gate_refused(struct channel *c, void *user)
+{
+    struct farm *f = user;
+
+    assert_ptr_equal(c, f->server.channel);
+    assert_int_equal(f->server.closed, 0);
+    f->refused++;
+}
+
+static const struct channel_gate gate = {gate_ready, gate_refused};
+
+/* The turn comes after some turns of the loop. */
+static void gate_turn(uv_idle_t *idle)
+{
+    struct farm *f = idle->data;
+
+    assert_int_equal(f->server.opened + f->client.opened, 0);
+    if (++f->idle_turns < 20)
+        return;
+    uv_idle_stop(idle);
+    channel_handshake(f->server.channel);
+    channel_handshake(f->server.channel);
+}
+
+static void test_handshake_waits_for_its_turn(void **state)
+{
+    struct farm f;
+
+    (void)state;
+    farm_begin(&f);
+    f.gate = &gate;
+    f.turn = gate_turn;
+    f.on_open = exchange_open;
+    f.on_message = exchange_message;
+    farm_connect(&f);
+    farm_run(&f);
+    assert_int_equal(f.ready, 1);
+    assert_int_equal(f.refused, 0);
+    assert_int_equal(f.server.messages, 1);
+    assert_int_equal(f.client.why.code, STATUS_OK);
+}
+
+static void test_gate_hears_of_refusals(void **state)
+{
+    struct farm f;
+
+    (void)state;
+    farm_begin(&f);
+    f.gate = &gate;
+    f.turn = gate_turn;
+    f.client_key.secret[0] ^= 1;
+    refused_run(&f);
+    assert_int_equal(f.ready, 1);
+    assert_int_equal(f.refused, 1);
+}
+
+/* Who waits for its turn is not limited: this timer would run after the limit's. */
+static void gate_much_later(uv_timer_t *timer)
+{
+    struct farm *f = timer->data;
+
+    assert_int_equal(f->server.closed, 0);
+    uv_close((uv_handle_t *)timer, NULL);
+    channel_close(f->server.channel);
+}
+
+static void gate_wait(uv_idle_t *idle)
+{
+    static uv_timer_t later;
+    struct farm *f = idle->data;
+
+    uv_idle_stop(idle);
+    uv_timer_init(&f->loop, &later);
+    later.data = f;
+    uv_timer_start(&later, gate_much_later, 300, 0);
+}
+
+static void test_no_limit_while_it_waits(void **state)
+{
+    struct farm f;
+    struct raw_peer p = {.with_tls = 1, .hold_until_closed = 1};
+
+    (void)state;
+    channel_fault_handshake_ms(100);
+    farm_begin(&f);
+    f.gate = &gate;
+    f.turn = gate_wait;
+    raw_start(&f, &p);
+    raw_finish(&f, &p);
+    assert_int_equal(f.ready, 1);
+    assert_int_equal(f.server.why.code, STATUS_OK);
+    channel_fault_handshake_ms(0);
+}
+
+/* A part of a record is no reason for a handshake, and its time is limited. */
+static void test_part_of_a_record(void **state)
+{
+    static const uint8_t record[] = {22, 3, 1, 0, 100, 1, 0, 0, 96, 3, 3};
+
+    (void)state;
+    channel_fault_handshake_ms(100);
+    for (size_t size = 1; size <= sizeof record; size++) {
+        struct farm f;
+        struct raw_peer p = {.hold_until_closed = 1};
+        farm_begin(&f);
+        f.gate = &gate;
+        buffer_append(&p.bytes, record, size);
+        raw_start(&f, &p);
+        raw_finish(&f, &p);
+        assert_int_equal(f.ready, 0);
+        assert_int_equal(f.server.why.code, STATUS_ERR_TIMEOUT);
+    }
+    channel_fault_handshake_ms(0);
+}
+
+/* More than a record may hold, announced or sent after it, ends the connection. */
+static void test_too_much_before_the_handshake(void **state)
+{
+    static const uint8_t long_record[] = {22, 3, 1, CHANNEL_FIRST_MAX >> 8, 0},
+                         short_record[] = {22, 3, 1, 0, 1, 1};
+    static const uint8_t zeros[2 * CHANNEL_FIRST_MAX];
+
+    (void)state;
+    for (int after = 0; after < 2; after++) {
+        struct farm f;
+        struct raw_peer p = {.hold_until_closed = 1};
+        farm_begin(&f);
+        f.gate = &gate;
+        if (after) {
+            buffer_append(&p.bytes, short_record, sizeof short_record);
+            buffer_append(&p.bytes, zeros, sizeof zeros);
+            p.piece = sizeof short_record;
+        } else {
+            buffer_append(&p.bytes, long_record, sizeof long_record);
+        }
+        raw_start(&f, &p);
+        raw_finish(&f, &p);
+        assert_int_equal(f.server.why.code, STATUS_ERR_PROTOCOL);
+        assert_non_null(strstr(f.server.why.text, "4096"));
+    }
 }
 
 /* Silence on both sides: a peer that never speaks, and a listener that nobody serves. */
@@ -981,6 +1139,11 @@ int main(void)
         cmocka_unit_test(test_goodbye_in_mid_frame),
         cmocka_unit_test(test_bad_frames),
         cmocka_unit_test(test_garbage_instead_of_tls),
+        cmocka_unit_test(test_handshake_waits_for_its_turn),
+        cmocka_unit_test(test_gate_hears_of_refusals),
+        cmocka_unit_test(test_no_limit_while_it_waits),
+        cmocka_unit_test(test_part_of_a_record),
+        cmocka_unit_test(test_too_much_before_the_handshake),
         cmocka_unit_test(test_peer_leaves_before_tls),
         cmocka_unit_test(test_handshake_limit),
         cmocka_unit_test(test_every_allocation_fails_once),

@@ -1,0 +1,67 @@
+/* The channel's inside, for channel*.c only. */
+#ifndef AZULEJO_PROTOCOL_CHANNEL_PARTS_H
+#define AZULEJO_PROTOCOL_CHANNEL_PARTS_H
+
+#include "common/base/buffer.h"
+#include "protocol/channel.h"
+#include "protocol/frame.h"
+#include "protocol/tls.h"
+
+enum { PEER_NAME_MAX = 320 };
+
+/* In the order of the diagram in channel.h. A server has `tls` from HANDSHAKE on. */
+enum channel_state { CONNECTING, ARRIVED, READY, HANDSHAKE, OPEN, CLOSING, DEAD };
+
+struct channel {
+    uv_loop_t *loop;
+    uv_tcp_t tcp;
+    uv_timer_t timer;      /* first record, handshake, then flushing and lingering */
+    uv_idle_t kick;        /* delivers what waited while reading was paused */
+    uv_getaddrinfo_t resolve;
+    uv_connect_t connect;
+    uv_shutdown_t shutdown;
+    int holds;             /* handles and requests whose callbacks still come */
+    struct addrinfo *addresses, *next_address;
+    uint64_t connect_deadline_ns;
+
+    enum channel_state state;
+    uint32_t limit_ms;      /* what the running timer was set to, before OPEN */
+    const struct farm_key *key;       /* server, until HANDSHAKE: the owner's */
+    const struct channel_gate *gate;  /* server; NULL: none */
+    struct buffer first;    /* server, until HANDSHAKE: the first record, as far as it came */
+    struct tls *tls;
+    struct frame_reader frames;
+    struct buffer outgoing; /* scratch of channel_send */
+    size_t queued_bytes;
+    int was_high;           /* above CHANNEL_QUEUE_HIGH since the last on_drain */
+    int paused, is_server, shutdown_done, peer_ended;
+    enum farm_role role;
+    uint64_t last_heard_ns, last_sent_ns;
+    struct error why;
+    struct channel_callbacks callbacks;
+    void *user;
+    char peer[PEER_NAME_MAX];
+};
+
+/* NULL: out of memory. Nothing is registered with the loop before channel_start_handles, so
+ * until then channel_free is the way back. */
+struct channel *channel_new(uv_loop_t *loop, const struct channel_callbacks *callbacks,
+                            void *user);
+void channel_free(struct channel *c);
+void channel_start_handles(struct channel *c);
+void channel_hold_drop(struct channel *c);
+
+/* The time that a peer has until the next step; the test's limit, if one is set, counts. */
+void channel_limit(struct channel *c, uint32_t limit_ms);
+uint32_t channel_limit_ms(uint32_t limit_ms);
+
+void channel_read_start(struct channel *c);
+/* A connected socket, and a TLS object: shake hands. */
+void channel_begin_handshake(struct channel *c);
+void channel_end_now(struct channel *c, status code, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+/* channel_accept.c: bytes that came before the handshake. */
+void channel_take_first(struct channel *c, const void *data, size_t size_bytes);
+
+#endif
