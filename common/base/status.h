@@ -12,7 +12,8 @@
 
 /* One line a status: name, exit code of a program that ends with it, text.
  * Exit codes: 0 success, 1 internal, 2 usage, 3 bad input, 4 unreachable, 5 refused,
- * 6 job failed or cancelled, 7 timed out, 8 local I/O. */
+ * 6 job failed or cancelled, 7 timed out, 8 local I/O, 9 only a part was there. The numbers of the
+ * statuses themselves go over the wire: new ones are added at the end. */
 #define STATUS_MAP(X)                                                    \
     X(OK, 0, "success")                                                  \
     X(ERR_INTERNAL, 1, "internal error")                                 \
@@ -28,7 +29,8 @@
     X(ERR_TIMEOUT, 7, "timed out")                                       \
     X(ERR_IO, 8, "input/output error")                                   \
     X(ERR_CORRUPT, 8, "stored data is damaged")                          \
-    X(ERR_PROTOCOL, 5, "protocol violation")
+    X(ERR_PROTOCOL, 5, "protocol violation")                             \
+    X(ERR_INCOMPLETE, 9, "incomplete")
 
 typedef enum status {
 #define STATUS_ENUM(name, exit_code, text) STATUS_##name,

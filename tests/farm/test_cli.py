@@ -107,6 +107,25 @@ def farm_run_bare(farm):
 
 
 @tests.add
+def readers_that_go_away():
+    """output into a pipe that nothing reads ends quietly, like other tools; a full disk does not"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        number = farm.submit(farm.scene(), *SMALL)
+        for words in (["tonemap", "--list"], ["tonemap", "--list", "--json"], ["--help"], ["list"],
+                      ["list", "--json"], ["show", number], ["show", number, "--json"],
+                      ["submit", "--help"], ["effects", farm.scene()]):
+            reader, writer = os.pipe()
+            os.close(reader)
+            done = subprocess.run(farm.cli_argv(*words), stdout=writer, stderr=subprocess.PIPE)
+            os.close(writer)
+            expect((done.returncode, done.stderr) == (141, b""), (words, done))
+            with open("/dev/full", "wb") as full:
+                done = subprocess.run(farm.cli_argv(*words), stdout=full, stderr=subprocess.PIPE)
+            expect(done.returncode == 8, (words, done))
+
+
+@tests.add
 def nobody_there():
     """an unreachable coordinator exits with 4 and names host, port and remedy"""
     with Farm() as farm:
