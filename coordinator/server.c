@@ -73,7 +73,8 @@ struct work {
     uint32_t stored_frame;
     uint32_t session;            /* who asked, for a preview or an upload */
     uint64_t wire_request;
-    struct buffer png;
+    struct buffer picture;       /* a preview */
+    int linear;                  /* it is an EXR, not a PNG */
     struct upload *upload;
     struct job *job;
     char name[64];
@@ -93,7 +94,7 @@ static struct work *work_new(struct server *server)
 static void work_free(struct work *work)
 {
     development_free(work->development);
-    buffer_release(&work->png);
+    buffer_release(&work->picture);
     upload_free(work->upload);
     job_free(work->job);
     mem_free(work);
@@ -240,8 +241,9 @@ static void run_preview(uv_work_t *request)
 {
     struct work *work = request->data;
 
-    work->result = develop_preview(work->development, work->server->store, &work->png,
-                                   &work->error);
+    work->result = develop_encode(work->development, work->server->store,
+                                  work->linear ? &work->picture : NULL,
+                                  work->linear ? NULL : &work->picture, &work->error);
 }
 
 static void end_preview(uv_work_t *request, int code)
@@ -255,7 +257,7 @@ static void end_preview(uv_work_t *request, int code)
     server->previews--;
     if (session && session->state == SESSION_OPEN) {
         if (work->result == STATUS_OK)
-            work->result = transfer_bytes(&session->transfers, work->wire_request, &work->png,
+            work->result = transfer_bytes(&session->transfers, work->wire_request, &work->picture,
                                           work->name, &work->error);
         if (work->result != STATUS_OK)
             session_fail(session, work->wire_request, &work->error);
@@ -265,7 +267,7 @@ static void end_preview(uv_work_t *request, int code)
 }
 
 void server_preview(struct server *server, struct session *session, uint64_t request,
-                    const struct job_frame *frame)
+                    const struct job_frame *frame, int linear)
 {
     struct work *work = NULL;
     struct error err = {0};
@@ -286,7 +288,9 @@ void server_preview(struct server *server, struct session *session, uint64_t req
     }
     work->session = session->id;
     work->wire_request = request;
-    snprintf(work->name, sizeof work->name, "frame-%04u-preview.png", frame->number);
+    work->linear = linear;
+    snprintf(work->name, sizeof work->name, "frame-%04u-preview.%s", frame->number,
+             linear ? "exr" : "png");
     server->previews++;
     work_start(work, run_preview, end_preview);
 }

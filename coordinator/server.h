@@ -62,9 +62,9 @@ status server_run(const struct server_options *options, struct error *err) MUST_
 
 struct session *server_session(struct server *server, uint32_t id); /* NULL: gone */
 
-/* Develop a preview of the frame and send it to the session. */
+/* Develop a preview of the frame, an EXR if `linear`, else a PNG, and send it to the session. */
 void server_preview(struct server *server, struct session *session, uint64_t request,
-                    const struct job_frame *frame);
+                    const struct job_frame *frame, int linear);
 /* Store a job and put it in the queue; the session hears of it. Takes the job. */
 void server_submit(struct server *server, struct session *session, uint64_t request,
                    struct job *job);

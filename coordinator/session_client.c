@@ -358,41 +358,51 @@ static status send_picture(struct session *session, const struct job *job,
     return send_file(session, job, message->frame, extension, request, err);
 }
 
+/* The frame as it stands; of one that is done, its file. */
+static status send_preview(struct session *session, const struct job *job,
+                           const Azulejo__Wire__OutputGet *message, uint64_t request,
+                           struct error *err)
+{
+    int linear = message->kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_EXR;
+    uint32_t number = message->frame;
+    struct job_frame *frame = farm_frame_find(job, number);
+
+    if (job_frame_is_done(job, number)) {
+        if (linear ? job->output.exr : job->output.png && job_frame_is_developed(job, number))
+            return send_file(session, job, number, linear ? "exr" : "png", request, err);
+        return error_set(err, STATUS_ERR_NOT_FOUND,
+                         "job %" PRIu64 ", frame %u is finished: fetch its files without --preview",
+                         job->id, number);
+    }
+    if (!frame || film_samples(frame->film) == 0)
+        return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ", frame %u has no samples yet",
+                         job->id, number);
+    server_preview(session->server, session, request, frame, linear);
+    return STATUS_OK;
+}
+
 static status send_output(struct session *session, const struct job *job,
                           const Azulejo__Wire__OutputGet *message, uint64_t request,
                           struct error *err)
 {
     uint32_t number = message->frame;
-    struct job_frame *frame;
-    int done;
 
     if (number < job->first_frame || number > job->last_frame)
         return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 " has frames %u to %u", job->id,
                          job->first_frame, job->last_frame);
-    done = job_frame_is_done(job, number);
-    frame = farm_frame_find(job, number);
     switch (message->kind) {
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR:
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG:
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_JPEG:
         return send_picture(session, job, message, request, err);
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON:
-        if (!done)
+        if (!job_frame_is_done(job, number))
             return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ", frame %u is not finished",
                              job->id, number);
         return send_file(session, job, number, MANIFEST_EXTENSION, request, err);
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG:
-        if (done && job->output.png && job_frame_is_developed(job, number))
-            return send_file(session, job, number, "png", request, err);
-        if (done)
-            return error_set(err, STATUS_ERR_NOT_FOUND,
-                             "job %" PRIu64 ", frame %u is finished: fetch its EXR file", job->id,
-                             number);
-        if (!frame || film_samples(frame->film) == 0)
-            return error_set(err, STATUS_ERR_NOT_FOUND,
-                             "job %" PRIu64 ", frame %u has no samples yet", job->id, number);
-        server_preview(session->server, session, request, frame);
-        return STATUS_OK;
+    case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_EXR:
+        return send_preview(session, job, message, request, err);
     default:
         return error_set(err, STATUS_ERR_UNSUPPORTED, "unknown kind of output %d",
                          (int)message->kind);

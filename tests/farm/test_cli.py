@@ -5,11 +5,13 @@ import re
 import signal
 import socket
 import stat
+import struct
 import subprocess
 import sys
 import threading
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
+from exr import read_exr
 from farm import BIN, ROOT, Farm, Failure, Tests, read_bytes, wait_for
 
 tests = Tests()
@@ -518,6 +520,102 @@ def a_job_on_a_farm():
         # Watched and submitted in one go; the scene is there already.
         result = farm.cli("submit", scene, *SMALL, "--watch", "--json", expect=0)
         expect(result.json()["state"] == "done", result)
+
+
+@tests.add
+def fetching_into_one_folder():
+    """no job overwrites another's files, whatever they are called; fetching again changes nothing"""
+    def contents(folder):
+        return {f: read_bytes(os.path.join(folder, f)) for f in os.listdir(folder)
+                if not f.startswith(".")}
+
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        scene = farm.scene()
+        longest = "\u00e9" * 127 + "x"  # 255 bytes
+        first, second = [farm.submit(scene, *SMALL, "-o", "shot", "--seed", seed)
+                         for seed in (1, 2)]
+        cut, twin = [farm.submit(scene, *SMALL, "-o", longest[:-1] + end, "--frames", "7-8")
+                     for end in "xy"]
+        third = farm.submit(scene, *SMALL, "-o", "shot", "--format", "png")
+        for number in (first, second, cut, twin, third):
+            farm.wait_for_job(number)
+        folder = farm.path("all")
+        farm.cli("fetch", first, "-o", folder, "--manifest", expect=0)
+        before = contents(folder)
+        expect(sorted(before) == ["shot.effects.json", "shot.exr", "shot.png"], before.keys())
+        result = farm.cli("fetch", second, "-o", folder, expect=0)
+        expect("shot-job2" in result.err and "--force" in result.err, result)
+        both = contents(folder)
+        expect(dict(both, **before) == both, "the first job's files were changed")
+        expect(both["shot-job2.exr"] != both["shot.exr"], "the second job's picture")
+        # Again, in any order, and with other pictures: each has its own.
+        farm.cli("fetch", second, "-o", folder, expect=0)
+        farm.cli("fetch", first, "-o", folder, "--manifest", expect=0)
+        expect(contents(folder) == both, "fetching again is not the same")
+        for number in (first, second):
+            farm.cli("develop", number, "--tonemap", "linear", "-o", folder, expect=0)
+        now = contents(folder)
+        expect(sorted(now) == sorted(both) and now["shot.png"] != both["shot.png"], now.keys())
+        farm.cli("fetch", third, "-o", folder, expect=0)
+        farm.cli("fetch", third, "-o", folder, "--force", expect=0)
+        expect(contents(folder)["shot.png"] == contents(folder)["shot-job%d.png" % third], "force")
+        # What render left there is not overwritten either.
+        farm.cli("render", scene, *SMALL, "-o", os.path.join(folder, "mine"), expect=0)
+        mine = read_bytes(os.path.join(folder, "mine.exr"))
+        number = farm.submit(scene, *SMALL, "-o", "mine", "--seed", 5)
+        farm.wait_for_job(number)
+        farm.cli("fetch", number, "-o", folder, expect=0)
+        expect(read_bytes(os.path.join(folder, "mine.exr")) == mine, "render's picture")
+        # Names as long as a job's may be, the same up to the last byte.
+        files = [f for n in (cut, twin) for f in farm.cli(
+            "fetch", n, "-o", folder, "--json", expect=0).json()["files"]]
+        expect(len(set(files)) == 8 and all(os.path.exists(f) for f in files), files)
+        expect(all(re.search(r"-000[78]\.(exr|png)$", f) for f in files), files)
+
+
+@tests.add
+def fetching_a_part():
+    """a fetch that lacks frames or files ends with status 9 and keeps what it got"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        scene = farm.scene()
+        number = farm.submit(scene, *SMALL, "-o", "part", "--frames", "1-3")
+        farm.start_worker()
+        farm.wait_for_job(number)
+        stored = farm.path("store", "outputs", str(number))
+        os.unlink(os.path.join(stored, "frame-0002.png"))
+        result = farm.cli("fetch", number, "-o", "there", expect=9)
+        expect("frame 2" in result.err and "1 file could not be fetched" in result.err, result)
+        expect(sum(f.startswith("part-") for f in os.listdir(farm.path("there"))) == 5, result)
+        told = farm.cli("fetch", number, "-o", "there", "--json", expect=9).json()
+        expect(len(told["files"]) == 5 and [(m["frame"], m["file"]) for m in told["missing"]] ==
+               [(2, "png")], told)
+        os.unlink(os.path.join(stored, "frame-0002.exr"))
+        farm.cli("fetch", number, "--frame", 2, "-o", "there", expect=5)  # nothing at all
+        # A job that goes on: the frames that are finished come, and the status tells.
+        farm.workers[0].kill()
+        running = farm.submit(scene, "--size", "160x160", "--spp", "128", "-o", "on",
+                              "--frames", "1-50")
+        farm.start_worker()
+        wait_for(lambda: farm.job(running)["frames_done"] > 0, "a frame")
+        result = farm.cli("fetch", running, "-o", "on", expect=9)
+        expect("not rendered yet" in result.err, result)
+        expect(os.path.exists(farm.path("on", "on-0001.exr")), result)
+        # The frame in work, as a picture and as light; nothing is fetched for a name that is neither.
+        wait_for(lambda: farm.job(running)["preview_ready"], "a preview")
+        for name in ("x.jpg", "x", "x.exr.txt"):
+            result = farm.cli("fetch", running, "--preview", name, expect=2)
+            expect(".exr" in result.err and not os.path.exists(farm.path(name)), result)
+        farm.cli("fetch", running, "--preview", "x.png", expect=0)
+        expect(read_bytes(farm.path("x.png"))[:4] == b"\x89PNG", "no PNG")
+        farm.cli("fetch", running, "--preview", "x.exr", expect=0)
+        preview = read_exr(farm.path("x.exr"))
+        expect((preview.width, preview.height) == (160, 160), "the preview's size")
+        samples = struct.unpack("<d", preview.attributes["azulejo:samples"])[0]
+        expect(0 < samples < 160 * 160 * 128, samples)
+        farm.cli("cancel", running, expect=0)
 
 
 @tests.add
