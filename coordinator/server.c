@@ -77,6 +77,7 @@ struct work {
     int linear;                  /* it is an EXR, not a PNG */
     struct upload *upload;
     struct job *job;
+    uint64_t existing;           /* the job that was submitted with the same token; 0: none */
     char name[64];
 };
 
@@ -351,7 +352,21 @@ static void run_submit(uv_work_t *request)
 {
     struct work *work = request->data;
 
-    work->result = store_job_insert(work->server->store, work->job, &work->error);
+    struct store *store = work->server->store;
+
+    work->result = store_job_find(store, work->job, &work->existing, &work->error);
+    if (work->result != STATUS_OK || work->existing)
+        return;
+    work->result = store_job_insert(store, work->job, &work->error);
+    /* Another thread may have stored the same submission in between. */
+    if (work->result != STATUS_OK && work->job->token[0]) {
+        struct error again = {0};
+        status found = store_job_find(store, work->job, &work->existing, &again);
+        if (found != STATUS_OK || work->existing) {
+            work->result = found;
+            work->error = again;
+        }
+    }
 }
 
 static void end_submit(uv_work_t *request, int code)
@@ -362,6 +377,14 @@ static void end_submit(uv_work_t *request, int code)
 
     (void)code;
     server->works--;
+    if (work->result == STATUS_OK && work->existing) {
+        log_info("job %llu (%s) was submitted again with its token",
+                 (unsigned long long)work->existing, work->job->name);
+        if (session)
+            session_accepted(session, work->wire_request, work->existing);
+        work_free(work);
+        return;
+    }
     if (work->result == STATUS_OK)
         work->result = farm_adopt(&server->farm, work->job, &work->error);
     if (work->result == STATUS_OK) {

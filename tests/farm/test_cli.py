@@ -13,6 +13,7 @@ import threading
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
 from exr import read_exr
 from farm import BIN, ROOT, Farm, Failure, Tests, read_bytes, wait_for
+from odd import Proxy
 
 tests = Tests()
 COMMANDS = ["render", "import", "effects", "submit", "list", "show", "watch", "fetch", "develop",
@@ -700,29 +701,82 @@ def catches_signals(pid):
 
 @tests.add
 def coordinator_goes_away():
-    """a coordinator that dies ends watch with status 4; after a restart the job is still there"""
+    """watch outlives a coordinator that is killed and started again; with --reconnect 0 it ends with 4"""
     with Farm() as farm:
         farm.start_coordinator()
         farm.start_worker()
         number = farm.submit(farm.scene(), "--size", "256x256", "--spp", "64", "-o", "survivor")
         farm.wait_for_job(number, "running")
-        watcher = farm.start_cli("watch", number)
+        patient, hasty, short = watchers = [
+            farm.start_cli("watch", number, *options)
+            for options in ([], ["--reconnect", "0"], ["--limit", "3"])]
+        stopped = farm.start_cli("watch", number)
         try:
-            wait_for(lambda: catches_signals(watcher.pid), "the watcher")
+            for watcher in watchers + [stopped]:
+                wait_for(lambda: catches_signals(watcher.pid), "the watcher")
             farm.coordinator.kill()
-            out, err = watcher.communicate(timeout=60)
+            out, err = hasty.communicate(timeout=60)
+            expect(hasty.returncode == 4 and farm.address.encode() in err,
+                   (hasty.returncode, out, err))
+            out, err = short.communicate(timeout=60)
+            expect(short.returncode == 7 and b"3 seconds" in err, (short.returncode, out, err))
+            stopped.send_signal(signal.SIGINT)
+            out, err = stopped.communicate(timeout=60)
+            expect(stopped.returncode == 130 and b"goes on" in err, (stopped.returncode, out, err))
+            farm.restart_coordinator()
+            job = farm.wait_for_job(number, "done")
+            out, err = patient.communicate(timeout=60)
+            expect(patient.returncode == 0 and b": done" in out, (patient.returncode, out, err))
+            expect(err.count(b"waiting up to 10:00") == 1 and err.count(b" is back") == 1, err)
         finally:
-            watcher.kill()
-            watcher.wait()
-        expect(watcher.returncode == 4 and farm.address.encode() in err,
-               (watcher.returncode, out, err))
-        farm.restart_coordinator()
-        job = farm.wait_for_job(number, "done")
+            for watcher in watchers + [stopped]:
+                watcher.kill()
+                watcher.communicate()
         expect(job["name"] == "survivor" and job["conflicts"] == 0, job)
         files = farm.fetch(number)
         farm.cli("render", farm.scene(), "--size", "256x256", "--spp", "64", "-o", "whole.exr",
                  expect=0)
         farm.cli("compare", [f for f in files if f.endswith(".exr")][0], "whole.exr", expect=0)
+
+
+@tests.add
+def submitted_twice():
+    """a submission whose answer is lost is one job, and so is one that a script repeats"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        jobs = lambda: len(farm.cli("list", "--json", expect=0).json()["jobs"])
+        # Cut at every answer in turn: the handshake's, the welcome, each of the submission's.
+        for answer in range(1, 20):
+            before = jobs()
+            with Proxy(farm, which=1, answer=answer) as proxy:
+                done = subprocess.run(
+                    [os.path.join(BIN, "azulejo"), "submit", farm.scene(), *SMALL, "-c",
+                     proxy.address, "-k", farm.key], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                    timeout=60)
+                expect(done.returncode in (0, 4), done)
+                expect(jobs() == before + (done.returncode == 0), (answer, done))
+                if not proxy.cut:
+                    break
+                if done.returncode == 0:
+                    expect(proxy.count == 2 and b"is back" in done.stderr, (answer, done))
+        expect(not proxy.cut, "there were more than 20 answers")
+        expect("submitted again with its token" in farm.coordinator.log_text(),
+               "no answer to a JobSubmit was lost")
+        # A person's script.
+        first = farm.submit(farm.scene(), *SMALL, "--token", "nightly 7")
+        count = jobs()
+        expect(farm.submit(farm.scene(), *SMALL, "--token", "nightly 7", "--tonemap", "linear") ==
+               first, "another job")
+        farm.coordinator.kill()
+        farm.restart_coordinator()
+        expect(farm.submit(farm.scene(), *SMALL, "--token", "nightly 7") == first, "a restart")
+        result = farm.cli("submit", farm.scene(), *SMALL, "--seed", 1, "--token", "nightly 7",
+                          expect=5)
+        expect("nightly 7" in result.err and "job %d" % first in result.err, result)
+        for token in ("", "x" * 65):
+            farm.cli("submit", farm.scene(), *SMALL, "--token", token, expect=2)
+        farm.cli("submit", farm.scene(), *SMALL, "--token", "a\nb", expect=3)
+        expect(jobs() == count, "more jobs")
 
 
 @tests.add
