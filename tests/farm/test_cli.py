@@ -1,9 +1,11 @@
 """The command line client from the outside: words, exit statuses, files, and a render for real."""
+import contextlib
 import json
 import os
 import re
 import signal
 import socket
+import sqlite3
 import stat
 import struct
 import subprocess
@@ -617,6 +619,34 @@ def fetching_a_part():
         samples = struct.unpack("<d", preview.attributes["azulejo:samples"])[0]
         expect(0 < samples < 160 * 160 * 128, samples)
         farm.cli("cancel", running, expect=0)
+
+
+@tests.add
+def lists_of_many_jobs():
+    """list shows every active job, says how many ended ones it leaves out, and --all shows those"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        active = farm.submit(farm.scene(), *SMALL)
+        ended = farm.submit(farm.scene(), *SMALL)
+        farm.cli("cancel", ended, expect=0)
+        farm.coordinator.stop()
+        # 3,500 more like the one that has ended, as years of use would leave them.
+        with contextlib.closing(sqlite3.connect(farm.path("store", "queue.sqlite"))) as db:
+            columns = ", ".join(row[1] for row in db.execute("PRAGMA table_info(jobs)")
+                                if row[1] not in ("id", "token"))
+            db.executemany("INSERT INTO jobs (%s) SELECT %s FROM jobs WHERE id=?" %
+                           (columns, columns), [(ended, )] * 3500)
+            db.commit()
+        farm.restart_coordinator()
+        shown = farm.cli("list", "--json", expect=0).json()
+        numbers = [job["job"] for job in shown["jobs"]]
+        expect(numbers == [active] + list(range(1503, 3503)), (numbers[:3], len(numbers)))
+        expect(shown["not_shown"] == 1501, shown["not_shown"])
+        result = farm.cli("list", expect=0)
+        expect("1501 older" in result.err and "--all" in result.err, result.err)
+        shown = farm.cli("list", "--all", "--json", expect=0).json()
+        expect([job["job"] for job in shown["jobs"]] == list(range(1, 3503)), len(shown["jobs"]))
+        expect(shown["not_shown"] == 0 and farm.cli("list", "-a", expect=0).err == "", "--all")
 
 
 @tests.add
