@@ -10,8 +10,8 @@
 #include "common/base/memory.h"
 #include "protocol/message.h"
 
-static const char *const titles[] = {">JOB",   "NAME",  "STATE",  ">FRAMES",  ">DONE",
-                                     ">RATE/s", ">LEFT", ">ERROR", ">WORKERS", "SUBMITTED"};
+static const char *const titles[] = {">JOB",    "<NAME", "STATE",    ">FRAMES", ">DONE",
+                                     ">RATE/s", ">LEFT", ">WORKERS", "SUBMITTED"};
 enum { COLUMNS = sizeof titles / sizeof titles[0] };
 
 /* Jobs that have ended and are shown without --all. */
@@ -117,9 +117,9 @@ static status print_table(const struct job_rows *list, struct error *err)
                                                         : 0.0);
         table_add(&table, "%s", running ? format_count(text, job->samples_per_second) : "-");
         table_add(&table, "%s", running ? format_duration(text, job->seconds_left) : "-");
-        table_add(&table, "%s", format_error(text, job->relative_mse));
         table_add(&table, "%u", job->workers);
-        table_add(&table, "%s", format_time(text, job->submitted_at));
+        /* Month to minute: the whole of it, and the error, is in show. */
+        table_add(&table, "%.11s", job->submitted_at ? format_time(text, job->submitted_at) + 5 : "-");
     }
     result = table_print(&table, err);
     table_release(&table);

@@ -251,7 +251,7 @@ static status verdict(const struct job_fetch *f, uint64_t frames, struct error *
         return error_set(err, STATUS_ERR_NOT_FOUND,
                          "job %" PRIu64 " has no finished frame%s (--preview FILE.png shows the one "
                          "in work)",
-                         f->job->job, frames == 1 ? " of this number" : "");
+                         f->job->job, frames <= f->job->last_frame - f->job->first_frame ? " of this number" : "");
     if (f->not_rendered)
         snprintf(frames_text, sizeof frames_text, "%zu of %" PRIu64 " frames %s not rendered%s",
                  f->not_rendered, frames, f->not_rendered == 1 ? "is" : "are",

@@ -278,6 +278,8 @@ status job_info_verdict(const Azulejo__Wire__JobInfo *job, struct error *err)
         job->state != AZULEJO__WIRE__JOB_STATE__JOB_CANCELLED)
         return STATUS_OK;
     message_text(why, sizeof why, job->state_text);
+    if (strcmp(why, job_state_name(job->state)) == 0)
+        why[0] = 0; /* "was cancelled: cancelled" */
     return error_set(err, STATUS_ERR_JOB_FAILED, "job %" PRIu64 " %s%s%s", job->job,
                      job->state == AZULEJO__WIRE__JOB_STATE__JOB_FAILED ? "failed"
                                                                         : "was cancelled",

@@ -622,6 +622,27 @@ def fetching_a_part():
 
 
 @tests.add
+def lists_on_a_terminal():
+    """on a terminal of 80 columns list cuts names instead of breaking lines; in a pipe it does not"""
+    import fcntl
+    import pty
+    import termios
+    with Farm() as farm:
+        farm.start_coordinator()
+        name = "a-name-as-long-as-people-give-\u00e9\u00e9\u00e9\u00e9-shot-0040-v012"
+        farm.submit(farm.scene(), *SMALL, "-o", name, "--frames", "1-100000")
+        expect(name in farm.cli("list", expect=0).out, "a pipe")
+        master, slave = pty.openpty()
+        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("4H", 24, 80, 0, 0))
+        subprocess.run(farm.cli_argv("list"), stdout=slave, check=True, timeout=60)
+        lines = os.read(master, 65536).decode().splitlines()
+        os.close(slave)
+        os.close(master)
+        expect(len(lines) == 2 and len(lines[0]) <= 80 and len(lines[1]) <= 80, lines)
+        expect("a-name-" in lines[1] and ".." in lines[1] and "100000" in lines[1], lines)
+
+
+@tests.add
 def lists_of_many_jobs():
     """list shows every active job, says how many ended ones it leaves out, and --all shows those"""
     with Farm() as farm:
