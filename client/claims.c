@@ -27,7 +27,7 @@ struct claims {
     uint64_t job;
 };
 
-void claims_plain_name(const Azulejo__Wire__JobInfo *job, struct buffer *name)
+void claim_plain_name(const Azulejo__Wire__JobInfo *job, struct buffer *name)
 {
     char safe[256];
     char *begin = safe;
@@ -129,7 +129,7 @@ static int choose(const struct claims *c, struct buffer *base)
     return CANDIDATES_MAX;
 }
 
-static status claim(struct claims *c, const char *path, int force, struct buffer *base,
+static status keep(struct claims *c, const char *path, int force, struct buffer *base,
                     struct error *err)
 {
     int number = force ? 0 : choose(c, base);
@@ -158,21 +158,37 @@ static status claim(struct claims *c, const char *path, int force, struct buffer
     return file_write_atomic(path, c->text.data, c->text.size, err);
 }
 
-status claims_take(const char *folder, const Azulejo__Wire__JobInfo *job, int force,
-                   struct buffer *base, struct error *err)
+/* Where folders cannot be locked (NFS), two that fetch at once may choose the same name. */
+static void lock_folder(struct claim *claim, const char *folder)
+{
+    claim->lock = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    claim->locked = claim->lock >= 0;
+    if (claim->locked && flock(claim->lock, LOCK_EX) != 0)
+        claim_unlock(claim);
+}
+
+void claim_unlock(struct claim *claim)
+{
+    if (claim->locked)
+        close(claim->lock);
+    claim->locked = 0;
+}
+
+void claim_release(struct claim *claim)
+{
+    claim_unlock(claim);
+    buffer_release(&claim->base);
+}
+
+status claim_take(struct claim *claim, const char *folder, const Azulejo__Wire__JobInfo *job,
+                  int force, struct error *err)
 {
     struct claims c = {.folder = folder, .text = BUFFER_INIT, .name = BUFFER_INIT, .job = job->job};
     char *path = file_join(folder, CLAIMS_FILE);
     char hex[DIGEST_HEX_SIZE] = "-";
-    int lock = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     status result = path ? STATUS_OK : error_no_memory(err, "a path");
 
-    /* Two that fetch into one folder at once choose one after the other. Where folders cannot be
-     * locked (NFS) they may choose the same name. */
-    if (lock >= 0 && flock(lock, LOCK_EX) != 0) {
-        close(lock);
-        lock = -1;
-    }
+    lock_folder(claim, folder);
     if (job->scene.len == DIGEST_BYTES) {
         struct digest digest;
         memcpy(digest.bytes, job->scene.data, DIGEST_BYTES);
@@ -180,16 +196,14 @@ status claims_take(const char *folder, const Azulejo__Wire__JobInfo *job, int fo
     }
     snprintf(c.owner, sizeof c.owner, "%" PRIu64 " %" PRId64 " %s ", job->job, job->submitted_at,
              hex);
-    claims_plain_name(job, &c.name);
+    claim_plain_name(job, &c.name);
     if (result == STATUS_OK && file_exists(path)) {
         result = file_read(path, CLAIMS_BYTES_MAX, &c.text, err);
         if (result == STATUS_OK && c.text.size > 0 && c.text.data[c.text.size - 1] != '\n')
             buffer_puts(&c.text, "\n");
     }
     if (result == STATUS_OK)
-        result = claim(&c, path, force, base, err);
-    if (lock >= 0)
-        close(lock);
+        result = keep(&c, path, force, &claim->base, err);
     buffer_release(&c.name);
     buffer_release(&c.text);
     mem_free(path);

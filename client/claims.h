@@ -26,13 +26,22 @@ enum {
     CLAIM_NAME_BYTES_MAX = 190,
 };
 
-/* Append the base name of the job's files in the folder, and claim it. `force`: the plain name,
- * whatever is there. ERR_IO when the claim cannot be kept; ERR_LIMIT; ERR_NO_MEMORY. */
-status claims_take(const char *folder, const Azulejo__Wire__JobInfo *job, int force,
-                   struct buffer *base, struct error *err) MUST_CHECK;
+/* What a job has in a folder. Zero-initialise; claim_release frees it. */
+struct claim {
+    struct buffer base; /* name of its files, without number and extension; empty: not taken yet */
+    int locked, lock;   /* the folder's descriptor while it is locked */
+};
+
+/* Choose the base name of the job's files in the folder, and keep the choice. `force`: the plain name,
+ * whatever is there. The folder stays locked until claim_unlock: a claim counts for others once a file
+ * of its name is there. ERR_IO when the claim cannot be kept; ERR_LIMIT; ERR_NO_MEMORY. */
+status claim_take(struct claim *claim, const char *folder, const Azulejo__Wire__JobInfo *job,
+                  int force, struct error *err) MUST_CHECK;
+void claim_unlock(struct claim *claim);
+void claim_release(struct claim *claim);
 
 /* Append a job's name made fit for files: no folders, no control characters, nothing hidden, at
  * most CLAIM_NAME_BYTES_MAX bytes of whole characters; "job-N" where nothing is left. */
-void claims_plain_name(const Azulejo__Wire__JobInfo *job, struct buffer *name);
+void claim_plain_name(const Azulejo__Wire__JobInfo *job, struct buffer *name);
 
 #endif

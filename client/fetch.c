@@ -7,7 +7,6 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "client/claims.h"
 #include "client/format.h"
 #include "client/output.h"
 #include "common/base/file.h"
@@ -107,7 +106,7 @@ void job_fetch_release(struct job_fetch *f)
 {
     json_decref(f->files);
     json_decref(f->missing);
-    buffer_release(&f->base);
+    claim_release(&f->claim);
 }
 
 static json_t *append_row(json_t **rows, json_t *row)
@@ -154,11 +153,11 @@ static status output_path(struct job_fetch *f, uint32_t frame, Azulejo__Wire__Ou
     status result = STATUS_OK;
 
     *path = NULL;
-    if (f->base.size == 0)
-        result = claims_take(f->folder, f->job, f->force, &f->base, err);
+    if (f->claim.base.size == 0)
+        result = claim_take(&f->claim, f->folder, f->job, f->force, err);
     if (result != STATUS_OK)
         return result;
-    buffer_puts(&name, buffer_text(&f->base));
+    buffer_puts(&name, buffer_text(&f->claim.base));
     if (f->job->last_frame > f->job->first_frame)
         buffer_printf(&name, "-%04u", frame);
     buffer_printf(&name, ".%s", kind_extension(kind));
@@ -199,6 +198,7 @@ static status fetch_one(struct job_fetch *f, uint32_t frame, Azulejo__Wire__Outp
         result = output_path(f, frame, kind, &path, err);
         if (result == STATUS_OK)
             result = write_file(f, path, &data, err);
+        claim_unlock(&f->claim);
     } else if (is_of_the_file(result)) {
         result = STATUS_OK;
     } else if (err) {

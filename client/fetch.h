@@ -2,6 +2,7 @@
 #ifndef AZULEJO_CLIENT_FETCH_H
 #define AZULEJO_CLIENT_FETCH_H
 
+#include "client/claims.h"
 #include "client/connection.h"
 #include "client/job_info.h"
 #include "common/base/buffer.h"
@@ -29,7 +30,7 @@ struct job_fetch {
     int json;            /* fill `files` and `missing` instead of printing a line for each file */
     json_t *files, *missing;
     size_t fetched, failed, not_rendered; /* files; files; frames */
-    struct buffer base;  /* of the files' names; empty until it is needed */
+    struct claim claim;  /* taken when the first file is there */
     struct error first;  /* why the first file that failed did */
 };
 void job_fetch_release(struct job_fetch *f);

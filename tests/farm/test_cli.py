@@ -277,7 +277,8 @@ def unknown_jobs():
         for command in ("show", "watch", "fetch", "develop", "cancel"):
             result = farm.cli(command, "12345")
             expect(result.code == 5 and "12345" in result.err, result)
-        expect(farm.cli("list", "--json", expect=0).json() == {"jobs": []}, "jobs")
+        expect(farm.cli("list", "--json", expect=0).json() == {"jobs": [], "not_shown": 0},
+               "jobs")
         expect(farm.cli("workers", "--json", expect=0).json() == {"workers": []}, "workers")
 
 
@@ -564,6 +565,12 @@ def fetching_into_one_folder():
         farm.cli("fetch", third, "-o", folder, expect=0)
         farm.cli("fetch", third, "-o", folder, "--force", expect=0)
         expect(contents(folder)["shot.png"] == contents(folder)["shot-job%d.png" % third], "force")
+        # At the same time: one chooses its names after the other.
+        together = [farm.start_cli("fetch", n, "-o", "race") for n in (first, second, third) * 3]
+        for fetch in together:
+            out, err = fetch.communicate(timeout=120)
+            expect(fetch.returncode == 0, err)
+        expect(len(contents(farm.path("race"))) == 5, os.listdir(farm.path("race")))
         # What render left there is not overwritten either.
         farm.cli("render", scene, *SMALL, "-o", os.path.join(folder, "mine"), expect=0)
         mine = read_bytes(os.path.join(folder, "mine.exr"))

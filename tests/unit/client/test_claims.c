@@ -55,14 +55,16 @@ static void expect_base(uint64_t number, const char *name, int64_t submitted, in
                         const char *base)
 {
     const Azulejo__Wire__JobInfo job = job_of(number, name, submitted);
-    struct buffer out = BUFFER_INIT;
+    struct claim claim = {0};
     char file[300];
 
-    assert_int_equal(claims_take(folder, &job, force, &out, NULL), STATUS_OK);
-    assert_string_equal(buffer_text(&out), base);
+    assert_int_equal(claim_take(&claim, folder, &job, force, NULL), STATUS_OK);
+    assert_string_equal(buffer_text(&claim.base), base);
+    assert_true(claim.locked); /* until the file is there */
     snprintf(file, sizeof file, "%s.png", base);
     touch(file);
-    buffer_release(&out);
+    claim_release(&claim);
+    assert_false(claim.locked);
 }
 
 static void test_jobs_of_one_name(void **state)
@@ -126,7 +128,7 @@ static void test_names(void **state)
         const Azulejo__Wire__JobInfo job = job_of(7, cases[i].name, 100);
         struct buffer name = BUFFER_INIT;
 
-        claims_plain_name(&job, &name);
+        claim_plain_name(&job, &name);
         assert_string_equal(buffer_text(&name), cases[i].plain);
         buffer_release(&name);
     }
