@@ -86,7 +86,7 @@ static int is_ours(const struct claims *c, const char *base)
 /* Is it BASE.EXTENSION or BASE-0001.EXTENSION, with an extension that fetch writes? */
 static int belongs_to(const char *file, const char *base)
 {
-    static const char *const extensions[] = {".exr", ".png", ".jpg", "." MANIFEST_EXTENSION};
+    static const char *const extensions[] = {"exr", "png", "jpg", MANIFEST_EXTENSION};
     size_t length = strlen(base);
 
     if (strncmp(file, base, length) != 0)
@@ -94,8 +94,8 @@ static int belongs_to(const char *file, const char *base)
     file += length;
     if (*file == '-' && file[1] >= '0' && file[1] <= '9')
         file += 1 + strspn(file + 1, "0123456789");
-    for (size_t i = 0; i < sizeof extensions / sizeof *extensions; i++)
-        if (strcmp(file, extensions[i]) == 0)
+    for (size_t i = 0; *file == '.' && i < sizeof extensions / sizeof *extensions; i++)
+        if (strcmp(file + 1, extensions[i]) == 0)
             return 1;
     return 0;
 }
@@ -129,8 +129,9 @@ static int choose(const struct claims *c, struct buffer *base)
     return CANDIDATES_MAX;
 }
 
+/* Choose the base name, and add the claim to the file if it is new. */
 static status keep(struct claims *c, const char *path, int force, struct buffer *base,
-                    struct error *err)
+                   struct error *err)
 {
     int number = force ? 0 : choose(c, base);
 

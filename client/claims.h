@@ -32,9 +32,10 @@ struct claim {
     int locked, lock;   /* the folder's descriptor while it is locked */
 };
 
-/* Choose the base name of the job's files in the folder, and keep the choice. `force`: the plain name,
- * whatever is there. The folder stays locked until claim_unlock: a claim counts for others once a file
- * of its name is there. ERR_IO when the claim cannot be kept; ERR_LIMIT; ERR_NO_MEMORY. */
+/* Choose the base name of the job's files in the folder, and keep the choice. `force`: the plain
+ * name, whatever is there. The folder stays locked until claim_unlock: a claim counts for others
+ * once a file of its name is there. ERR_IO when the claim cannot be kept; ERR_LIMIT;
+ * ERR_NO_MEMORY. */
 status claim_take(struct claim *claim, const char *folder, const Azulejo__Wire__JobInfo *job,
                   int force, struct error *err) MUST_CHECK;
 void claim_unlock(struct claim *claim);

@@ -119,7 +119,8 @@ static status print_table(const struct job_rows *list, struct error *err)
         table_add(&table, "%s", running ? format_duration(text, job->seconds_left) : "-");
         table_add(&table, "%u", job->workers);
         /* Month to minute: the whole of it, and the error, is in show. */
-        table_add(&table, "%.11s", job->submitted_at ? format_time(text, job->submitted_at) + 5 : "-");
+        table_add(&table, "%.11s",
+                  job->submitted_at ? format_time(text, job->submitted_at) + 5 : "-");
     }
     result = table_print(&table, err);
     table_release(&table);
@@ -132,7 +133,8 @@ static status print_json(const struct job_rows *list, struct error *err)
 
     for (size_t i = 0; i < list->count; i++)
         json_array_append_new(jobs, job_info_json(list->jobs[i]));
-    return json_print(json_pack("{s:o, s:I}", "jobs", jobs, "not_shown", (json_int_t)list->not_shown),
+    return json_print(json_pack("{s:o, s:I}", "jobs", jobs, "not_shown",
+                                (json_int_t)list->not_shown),
                       err);
 }
 

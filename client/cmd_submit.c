@@ -76,8 +76,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "the job's name, from which its output files get theirs (default: the scene file's)", 0, 0,
          NULL},
         {"token", 0, OPTION_STRING, &token, "TEXT",
-         "the submission's own name, up to 64 bytes: what is submitted again with it is the same job, whose "
-         "number is printed (default: a random one)",
+         "the submission's own name, up to 64 bytes: what is submitted again with it is the same "
+         "job, whose number is printed (default: a random one)",
          0, 0, NULL},
         {"watch", 'w', OPTION_FLAG, &watch, NULL, "follow the job until it ends", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &how.json, NULL, "print JSON", 0, 0, NULL},

@@ -109,12 +109,11 @@ void job_fetch_release(struct job_fetch *f)
     claim_release(&f->claim);
 }
 
-static json_t *append_row(json_t **rows, json_t *row)
+static void append_row(json_t **rows, json_t *row)
 {
     if (!*rows)
         *rows = json_array();
     json_array_append_new(*rows, row);
-    return *rows;
 }
 
 static status write_file(struct job_fetch *f, const char *path, const struct buffer *data,
@@ -249,9 +248,11 @@ static status verdict(const struct job_fetch *f, uint64_t frames, struct error *
         return error_set(err, f->first.code, "%s", f->first.text);
     if (f->fetched == 0)
         return error_set(err, STATUS_ERR_NOT_FOUND,
-                         "job %" PRIu64 " has no finished frame%s (--preview FILE.png shows the one "
-                         "in work)",
-                         f->job->job, frames <= f->job->last_frame - f->job->first_frame ? " of this number" : "");
+                         "job %" PRIu64 " has no finished frame%s (--preview FILE.png shows the "
+                         "one in work)",
+                         f->job->job,
+                         frames <= f->job->last_frame - f->job->first_frame ? " of this number"
+                                                                            : "");
     if (f->not_rendered)
         snprintf(frames_text, sizeof frames_text, "%zu of %" PRIu64 " frames %s not rendered%s",
                  f->not_rendered, frames, f->not_rendered == 1 ? "is" : "are",

@@ -18,7 +18,8 @@ status fetch_output(struct connection *c, uint64_t job, uint32_t frame,
  * done. ERR_IO. */
 status fetch_check_folder(const char *folder, struct error *err) MUST_CHECK;
 
-/* Bringing a job's files into a folder. Zero what is not given; job_fetch_release frees the rest. */
+/* Bringing a job's files into a folder. Zero what is not given; job_fetch_release frees the
+ * rest. */
 struct job_fetch {
     struct connection *connection;
     const Azulejo__Wire__JobInfo *job;
@@ -44,8 +45,8 @@ status job_fetch_file(struct job_fetch *f, uint32_t frame, Azulejo__Wire__Output
                       const char *path, struct error *err) MUST_CHECK;
 
 /* The files of every finished frame, or of only_frame (negative: all). What the coordinator cannot
- * give does not keep the rest back: ERR_INCOMPLETE at the end, or, when there was nothing at all, the
- * first file's error, ERR_NOT_FOUND where no frame is finished. ERR_IO when a file cannot be
+ * give does not keep the rest back: ERR_INCOMPLETE at the end, or, when there was nothing at all,
+ * the first file's error, ERR_NOT_FOUND where no frame is finished. ERR_IO when a file cannot be
  * written. */
 status job_fetch_pictures(struct job_fetch *f, int64_t only_frame, struct error *err) MUST_CHECK;
 

@@ -56,8 +56,9 @@ static status watch_through(struct connection **c, uint64_t job, const struct fo
         connection_set_watch(*c, NULL, NULL); /* `job` is ours */
     if (result == STATUS_ERR_TIMEOUT && again.deadline_ns &&
         clock_monotonic_ns() >= again.deadline_ns)
-        result = error_set(err, result, "job %" PRIu64 " has not ended within %g seconds; it goes on",
-                           job, how->limit_s);
+        result = error_set(err, result,
+                           "job %" PRIu64 " has not ended within %g seconds; it goes on", job,
+                           how->limit_s);
     return result;
 }
 

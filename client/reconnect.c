@@ -46,7 +46,8 @@ status reconnect(struct connection **c, const struct reconnect *how, struct erro
     while (!*c) {
         pause_until(until_ns, pause_ms);
         pause_ms = pause_ms * 2 < PAUSE_LAST_MS ? pause_ms * 2 : PAUSE_LAST_MS;
-        if (how->where.watch && (result = how->where.watch(how->where.watch_user, err)) != STATUS_OK)
+        result = how->where.watch ? how->where.watch(how->where.watch_user, err) : STATUS_OK;
+        if (result != STATUS_OK)
             return result;
         result = connection_open(c, &how->where, err);
         if (result == STATUS_OK || !reconnect_is_loss(result))

@@ -23,8 +23,9 @@ struct reconnect {
 int reconnect_is_loss(status code);
 
 /* Close *c, which was lost for the reason in *err, and open another in its place, with pauses of
- * 0.25 s doubling up to 5 s. When it was in vain *c is NULL, and the status and the error are those
- * of the loss; ERR_TIMEOUT at the deadline; or what the watch, or a coordinator that refuses, says. */
+ * 0.25 s doubling up to 5 s. When it was in vain *c is NULL, and the status and the error are
+ * those of the loss; ERR_TIMEOUT at the deadline; or what the watch, or a coordinator that refuses,
+ * says. */
 status reconnect(struct connection **c, const struct reconnect *how, struct error *err) MUST_CHECK;
 
 #endif

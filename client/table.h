@@ -36,7 +36,8 @@ size_t text_columns(const char *text);
 /* Cut to so many columns at a character's boundary. */
 void text_cut(char *text, size_t columns);
 
-/* How many columns the terminal behind the descriptor has; $COLUMNS, else 80, where it does not say. */
+/* How many columns the terminal behind the descriptor has; $COLUMNS, else 80, where it does not
+ * say. */
 size_t terminal_columns(int fd);
 
 #endif
