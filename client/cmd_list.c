@@ -2,6 +2,7 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "client/command.h"
 #include "client/format.h"
@@ -102,6 +103,7 @@ static status print_table(const struct job_rows *list, struct error *err)
 {
     struct table table;
     char text[FORMAT_SIZE];
+    const char *when;
     status result;
 
     table_init(&table, titles, COLUMNS);
@@ -119,8 +121,8 @@ static status print_table(const struct job_rows *list, struct error *err)
         table_add(&table, "%s", running ? format_duration(text, job->seconds_left) : "-");
         table_add(&table, "%u", job->workers);
         /* Month to minute: the whole of it, and the error, is in show. */
-        table_add(&table, "%.11s",
-                  job->submitted_at ? format_time(text, job->submitted_at) + 5 : "-");
+        when = format_time(text, job->submitted_at);
+        table_add(&table, "%.11s", strlen(when) > 5 ? when + 5 : when);
     }
     result = table_print(&table, err);
     table_release(&table);
