@@ -162,27 +162,27 @@ static void print_outcome(const Azulejo__Wire__JobInfo *info, int waited)
                info->frames_done < frames ? "; those to come will be, too" : "");
 }
 
-static status report(const struct develop *d, json_t *files, int json, int quiet, int waited,
-                     struct error *err)
+static status report(const struct develop *d, const struct job_fetch *fetch, int json, int quiet,
+                     int waited, struct error *err)
 {
-    if (json && files)
-        return json_print(json_pack("{s:o, s:O}", "job", job_info_json(job_of(d)), "files", files),
-                          err);
-    if (json)
-        return json_print(json_pack("{s:o}", "job", job_info_json(job_of(d))), err);
-    if (!quiet)
-        print_outcome(job_of(d), waited);
-    return STATUS_OK;
+    json_t *out;
+
+    if (!json) {
+        if (!quiet)
+            print_outcome(job_of(d), waited);
+        return STATUS_OK;
+    }
+    out = json_pack("{s:o}", "job", job_info_json(job_of(d)));
+    if (fetch->folder)
+        json_object_update_new(out, job_fetch_json(fetch));
+    return json_print(out, err);
 }
 
-static status develop(struct develop *d, const char *folder, int wait, int json, int quiet,
+static status develop(struct develop *d, struct job_fetch *fetch, int wait, int json, int quiet,
                       struct error *err)
 {
-    struct job_fetch fetch = {.connection = d->connection,
-                              .folder = folder,
-                              .formats = OUTPUT_FORMAT_PNG | OUTPUT_FORMAT_JPEG};
     unsigned formats;
-    status result = look(d, err);
+    status result = look(d, err), fetched = STATUS_OK;
 
     if (result == STATUS_OK)
         result = choose_formats(d, &formats, err);
@@ -194,16 +194,15 @@ static status develop(struct develop *d, const char *folder, int wait, int json,
         result = await_pictures(d, quiet || json, err);
     if (result != STATUS_OK)
         return result;
-    if (folder && job_of(d)->frames_done > 0) {
-        fetch.job = job_of(d);
-        if (json || quiet)
-            fetch.files = json_array();
-        result = job_fetch_pictures(&fetch, -1, err);
+    if (fetch->folder && job_of(d)->frames_done > 0) {
+        fetch->connection = d->connection;
+        fetch->job = job_of(d);
+        fetch->json = json || quiet;
+        fetched = job_fetch_pictures(fetch, -1, err);
     }
-    if (result == STATUS_OK)
-        result = report(d, fetch.files, json, quiet || folder, wait, err);
-    json_decref(fetch.files);
-    return result;
+    if (fetched == STATUS_OK || fetched == STATUS_ERR_INCOMPLETE)
+        result = report(d, fetch, json, quiet || fetch->folder, wait, err);
+    return result == STATUS_OK ? fetched : result;
 }
 
 static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
@@ -211,11 +210,13 @@ static status run(const struct command *command, int argc, char *const *argv, in
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct develop d = {.options = OUTPUT_OPTIONS_INIT};
-    const char *folder = NULL;
+    struct job_fetch fetch = {.formats = OUTPUT_FORMAT_PNG | OUTPUT_FORMAT_JPEG,
+                              .finished_only = 1};
     int no_wait = 0, json = 0, quiet = 0, done;
     const struct option table[] = {
-        {"output", 'o', OPTION_STRING, &folder, "FOLDER",
+        {"output", 'o', OPTION_STRING, &fetch.folder, "FOLDER",
          "fetch the new pictures into this folder, which is made if it is missing", 0, 0, NULL},
+        JOB_FETCH_FORCE_ROW(fetch.force),
         {"operator", 0, OPTION_STRING, &d.options.tone.tonemap, "OPERATOR", "the same as --tonemap",
          0, 0, NULL},
         OUTPUT_OPTION_ROWS(d.options),
@@ -234,7 +235,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
-    if (no_wait && folder)
+    if (no_wait && fetch.folder)
         return error_set(err, STATUS_ERR_USAGE,
                          "--no-wait: pictures that are not made yet cannot be fetched; leave out "
                          "either it or --output");
@@ -243,14 +244,15 @@ static status run(const struct command *command, int argc, char *const *argv, in
         result = output_options_check(&d.options, &d.request, err);
     if (result == STATUS_OK)
         result = tonemap_key_check(&d.request.tonemap, where.key_path, err);
-    if (result == STATUS_OK && folder)
-        result = fetch_check_folder(folder, err);
+    if (result == STATUS_OK && fetch.folder)
+        result = fetch_check_folder(fetch.folder, err);
     if (result == STATUS_OK)
         result = connection_open(&d.connection, &where, err);
     if (result == STATUS_OK)
         result = signals_catch(err);
     if (result == STATUS_OK)
-        result = develop(&d, folder, !no_wait, json, quiet, err);
+        result = develop(&d, &fetch, !no_wait, json, quiet, err);
+    job_fetch_release(&fetch);
     message_free(d.last);
     connection_close(d.connection);
     output_request_release(&d.request);

@@ -1,24 +1,113 @@
 /* azulejo list: the farm's jobs. */
 #include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
 
 #include "client/command.h"
 #include "client/format.h"
 #include "client/job_info.h"
 #include "client/table.h"
+#include "common/base/memory.h"
 #include "protocol/message.h"
 
-static const char *const titles[] = {">JOB",   "NAME",  "STATE",  ">FRAMES",  ">DONE",
-                                     ">RATE/s", ">LEFT", ">ERROR", ">WORKERS", "SUBMITTED"};
+static const char *const titles[] = {">JOB",    "<NAME", "STATE",    ">FRAMES", ">DONE",
+                                     ">RATE/s", ">LEFT", ">WORKERS", "SUBMITTED"};
 enum { COLUMNS = sizeof titles / sizeof titles[0] };
 
-static status print_table(const Azulejo__Wire__JobList *list, struct error *err)
+/* Jobs that have ended and are shown without --all. */
+enum { ENDED_SHOWN = 2000 };
+
+struct job_rows {
+    Azulejo__Wire__Envelope **answers; /* own what `jobs` points at */
+    size_t answer_count, answer_capacity;
+    const Azulejo__Wire__JobInfo **jobs; /* ascending numbers */
+    size_t count, capacity;
+    uint64_t not_shown;
+};
+
+static void rows_release(struct job_rows *r)
+{
+    for (size_t i = 0; i < r->answer_count; i++)
+        message_free(r->answers[i]);
+    mem_free(r->answers);
+    mem_free(r->jobs);
+}
+
+/* Ask for the jobs that the filter lets through, page by page from the newest one, until there are
+ * `most`. */
+static status collect(struct connection *c, Azulejo__Wire__JobFilter filter, size_t most,
+                      struct job_rows *r, struct error *err)
+{
+    Azulejo__Wire__JobQuery query = AZULEJO__WIRE__JOB_QUERY__INIT;
+    size_t begin = r->count;
+
+    query.filter = filter;
+    do {
+        Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
+        Azulejo__Wire__Envelope *answer = NULL;
+        const Azulejo__Wire__JobList *list;
+        status result;
+
+        envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_QUERY;
+        envelope.job_query = &query;
+        result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST, &answer, err);
+        if (result != STATUS_OK)
+            return result;
+        list = answer->job_list;
+        if (!MEM_GROW(r->answers, r->answer_capacity, r->answer_count + 1) ||
+            !MEM_GROW(r->jobs, r->capacity, r->count + list->n_jobs)) {
+            message_free(answer);
+            return error_no_memory(err, "a list of jobs");
+        }
+        r->answers[r->answer_count++] = answer;
+        for (size_t i = 0; i < list->n_jobs; i++)
+            r->jobs[r->count++] = list->jobs[i];
+        r->not_shown = list->older;
+        if (list->n_jobs == 0)
+            break;
+        if (query.before && list->jobs[0]->job >= query.before)
+            return error_set(err, STATUS_ERR_PROTOCOL, "the coordinator sent a page of jobs twice");
+        query.before = list->jobs[0]->job;
+    } while (r->not_shown > 0 && r->count - begin < most);
+    return STATUS_OK;
+}
+
+static int by_number(const void *a, const void *b)
+{
+    const Azulejo__Wire__JobInfo *const *one = a, *const *other = b;
+
+    return ((*one)->job > (*other)->job) - ((*one)->job < (*other)->job);
+}
+
+/* All jobs that are active, and the newest of those that have ended. */
+static status rows_get(struct connection *c, int all, struct job_rows *r, struct error *err)
+{
+    size_t kept = 0;
+    status result = collect(c, AZULEJO__WIRE__JOB_FILTER__JOBS_ACTIVE, SIZE_MAX, r, err);
+
+    if (result == STATUS_OK)
+        result = collect(c, AZULEJO__WIRE__JOB_FILTER__JOBS_ENDED, all ? SIZE_MAX : ENDED_SHOWN, r,
+                         err);
+    if (r->count > 0)
+        qsort(r->jobs, r->count, sizeof *r->jobs, by_number);
+    /* One that ended between the two questions is in both answers. */
+    for (size_t i = 0; i < r->count; i++)
+        if (kept == 0 || r->jobs[i]->job != r->jobs[kept - 1]->job)
+            r->jobs[kept++] = r->jobs[i];
+    r->count = kept;
+    return result;
+}
+
+static status print_table(const struct job_rows *list, struct error *err)
 {
     struct table table;
     char text[FORMAT_SIZE];
+    const char *when;
     status result;
 
     table_init(&table, titles, COLUMNS);
-    for (size_t i = 0; i < list->n_jobs; i++) {
+    for (size_t i = 0; i < list->count; i++) {
         const Azulejo__Wire__JobInfo *job = list->jobs[i];
         int running = job->state == AZULEJO__WIRE__JOB_STATE__JOB_RUNNING;
         table_add(&table, "%" PRIu64, job->job);
@@ -30,37 +119,42 @@ static status print_table(const Azulejo__Wire__JobList *list, struct error *err)
                                                         : 0.0);
         table_add(&table, "%s", running ? format_count(text, job->samples_per_second) : "-");
         table_add(&table, "%s", running ? format_duration(text, job->seconds_left) : "-");
-        table_add(&table, "%s", format_error(text, job->relative_mse));
         table_add(&table, "%u", job->workers);
-        table_add(&table, "%s", format_time(text, job->submitted_at));
+        /* Month to minute: the whole of it, and the error, is in show. */
+        when = format_time(text, job->submitted_at);
+        table_add(&table, "%.11s", strlen(when) > 5 ? when + 5 : when);
     }
     result = table_print(&table, err);
     table_release(&table);
     return result;
 }
 
-static status print_json(const Azulejo__Wire__JobList *list, struct error *err)
+static status print_json(const struct job_rows *list, struct error *err)
 {
     json_t *jobs = json_array();
 
-    for (size_t i = 0; i < list->n_jobs; i++)
+    for (size_t i = 0; i < list->count; i++)
         json_array_append_new(jobs, job_info_json(list->jobs[i]));
-    return json_print(json_pack("{s:o}", "jobs", jobs), err);
+    return json_print(json_pack("{s:o, s:I}", "jobs", jobs, "not_shown",
+                                (json_int_t)list->not_shown),
+                      err);
 }
 
 static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
                   struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
-    int json = 0, done;
+    struct job_rows rows = {0};
+    int all = 0, json = 0, done;
     const struct option table[] = {
+        {"all", 'a', OPTION_FLAG, &all, NULL,
+         "also the oldest jobs that have ended (without it: the newest 2000 of these)", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
         CONNECTION_OPTION_ROWS(where),
         {0},
     };
     struct positionals rest;
     struct connection *connection = NULL;
-    Azulejo__Wire__Envelope *answer = NULL;
     status result = command_parse(command, table, argc, argv, 0, 0, &rest, &done, err);
 
     (void)exit_code;
@@ -68,10 +162,13 @@ static status run(const struct command *command, int argc, char *const *argv, in
         return result;
     result = connection_open(&connection, &where, err);
     if (result == STATUS_OK)
-        result = job_query(connection, 0, &answer, err);
+        result = rows_get(connection, all, &rows, err);
     if (result == STATUS_OK)
-        result = json ? print_json(answer->job_list, err) : print_table(answer->job_list, err);
-    message_free(answer);
+        result = json ? print_json(&rows, err) : print_table(&rows, err);
+    if (result == STATUS_OK && rows.not_shown > 0 && !json)
+        fprintf(stderr, "%" PRIu64 " older jobs that have ended are not shown (--all shows them)\n",
+                rows.not_shown);
+    rows_release(&rows);
     connection_close(connection);
     return result;
 }

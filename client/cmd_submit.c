@@ -1,12 +1,18 @@
 /* azulejo submit: send a scene to a farm as a job. */
+#include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
+#include <string.h>
+#include <sys/random.h>
 
 #include "client/command.h"
 #include "client/follow.h"
 #include "client/job_info.h"
 #include "client/submission.h"
 #include "common/base/memory.h"
+
+/* So often is one job sent: if the coordinator dies of it, it shall not do so for ever. */
+enum { ATTEMPTS_MAX = 5 };
 
 static status print_submitted(uint64_t job, int json, struct error *err)
 {
@@ -16,21 +22,67 @@ static status print_submitted(uint64_t job, int json, struct error *err)
     return STATUS_OK;
 }
 
+static status choose_token(const char *token, struct job_request *request, struct error *err)
+{
+    uint8_t random[16];
+
+    if (token && (!*token || strlen(token) > JOB_TOKEN_BYTES_MAX))
+        return error_set(err, STATUS_ERR_USAGE, "--token: must have 1 to %d bytes",
+                         JOB_TOKEN_BYTES_MAX);
+    if (token) {
+        memcpy(request->token, token, strlen(token) + 1);
+        return STATUS_OK;
+    }
+    if (getrandom(random, sizeof random, 0) != sizeof random)
+        return error_set(err, STATUS_ERR_IO, "no random numbers: %s", strerror(errno));
+    for (size_t i = 0; i < sizeof random; i++)
+        snprintf(request->token + 2 * i, 3, "%02x", random[i]);
+    return STATUS_OK;
+}
+
+/* Send the scene and the job, again when the connection is lost before the answer: the token makes
+ * it the same job. */
+static status send_again(struct connection **c, const struct import_result *scene,
+                         const struct job_request *request, const char *name,
+                         const struct follow *how, uint64_t *job, struct error *err)
+{
+    const struct reconnect again = {.where = how->where, .patience_s = how->reconnect_s,
+                                    .quiet = how->quiet};
+    unsigned formats = request->output.formats ? request->output.formats : OUTPUT_FORMAT_BOTH;
+    status result;
+
+    for (int attempt = 1;; attempt++) {
+        result = submission_send(*c, scene, request, name, formats, how->quiet, job, err);
+        if (!reconnect_is_loss(result) || attempt == ATTEMPTS_MAX)
+            return result;
+        result = reconnect(c, &again, err);
+        if (result != STATUS_OK)
+            return result;
+    }
+}
+
 static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
                   struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct job_options options = JOB_OPTIONS_INIT;
     const char *name = NULL;
-    int json = 0, quiet = 0, watch = 0, done;
+    const char *token = NULL;
+    struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
+    int watch = 0, done;
     const struct option table[] = {
         JOB_OPTION_ROWS(options),
         {"name", 'o', OPTION_STRING, &name, "NAME",
          "the job's name, from which its output files get theirs (default: the scene file's)", 0, 0,
          NULL},
+        {"token", 0, OPTION_STRING, &token, "TEXT",
+         "the submission's own name, up to 64 bytes: what is submitted again with it is the same "
+         "job, whose number is printed (default: a random one)",
+         0, 0, NULL},
         {"watch", 'w', OPTION_FLAG, &watch, NULL, "follow the job until it ends", 0, 0, NULL},
-        {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
-        {"quiet", 'q', OPTION_FLAG, &quiet, NULL, "no progress and no warnings", 0, 0, NULL},
+        {"json", 0, OPTION_FLAG, &how.json, NULL, "print JSON", 0, 0, NULL},
+        {"quiet", 'q', OPTION_FLAG, &how.quiet, NULL, "no progress and no warnings", 0, 0, NULL},
+        RECONNECT_OPTION_ROW(how.reconnect_s),
         CONNECTION_OPTION_ROWS(where),
         {0},
     };
@@ -49,25 +101,26 @@ static status run(const struct command *command, int argc, char *const *argv, in
         return result;
     result = job_options_check(&options, &request, err);
     if (result == STATUS_OK)
+        result = choose_token(token, &request, err);
+    if (result == STATUS_OK)
         result = tonemap_key_check(&request.output.tonemap, where.key_path, err);
     default_name = submission_name(rest.items[0]);
     if (result == STATUS_OK && !default_name)
         result = error_no_memory(err, "a name");
     if (result == STATUS_OK)
-        result = submission_prepare(rest.items[0], &options, quiet, &request, &scene, err);
+        result = submission_prepare(rest.items[0], &options, how.quiet, &request, &scene, err);
     if (result == STATUS_OK)
         result = connection_open(&connection, &where, err);
+    how.where = where;
     if (result == STATUS_OK)
-        result = submission_send(connection, &scene, &request, name ? name : default_name,
-                                 request.output.formats ? request.output.formats
-                                                        : OUTPUT_FORMAT_BOTH,
-                                 quiet, &job, err);
+        result = send_again(&connection, &scene, &request, name ? name : default_name, &how, &job,
+                            err);
     if (result == STATUS_OK && watch) {
-        if (!quiet)
+        if (!how.quiet)
             fprintf(stderr, "job %" PRIu64 "\n", job);
-        result = follow_job(connection, job, quiet, json, 0, err);
+        result = follow_job(&connection, job, &how, err);
     } else if (result == STATUS_OK) {
-        result = print_submitted(job, json, err);
+        result = print_submitted(job, how.json, err);
     }
     connection_close(connection);
     import_result_release(&scene);

@@ -395,7 +395,7 @@ status connection_open(struct connection **out, const struct connection_options 
     c->timeout_s = options->timeout_s;
     c->key = key;
     snprintf(c->address, sizeof c->address, strchr(host, ':') ? "[%s]:%u" : "%s:%u", host, port);
-    connection_set_watch(c, NULL, NULL);
+    connection_set_watch(c, options->watch, options->watch_user);
     result = channel_connect(&c->channel, &c->loop, host, port, &c->key, role, &callbacks, c, err);
     if (result != STATUS_OK)
         goto failed;

@@ -20,16 +20,22 @@
 
 #define CONNECTION_TIMEOUT_DEFAULT_S 30.0
 
+/* Called whenever a caught signal arrived while the connection waits; an error that it
+ * returns ends the waiting with that error and leaves the connection usable. */
+typedef status (*connection_watch_fn)(void *user, struct error *err);
+
 /* What every command that talks to a coordinator takes. */
 struct connection_options {
     const char *coordinator; /* HOST[:PORT]; NULL: AZULEJO_COORDINATOR or 127.0.0.1:7420 */
     const char *key_path;    /* NULL: AZULEJO_KEY or ~/.config/azulejo/farm.key */
     double timeout_s;        /* longest silence while an answer is awaited */
+    connection_watch_fn watch; /* from the first moment on; NULL: none */
+    void *watch_user;
 };
 
 enum { CONNECTION_HOST_MAX = 300 };
 
-#define CONNECTION_OPTIONS_INIT {NULL, NULL, CONNECTION_TIMEOUT_DEFAULT_S}
+#define CONNECTION_OPTIONS_INIT {.timeout_s = CONNECTION_TIMEOUT_DEFAULT_S}
 
 /* Rows for a command's option table; `o` is a struct connection_options. */
 #define CONNECTION_OPTION_ROWS(o)                                                               \
@@ -57,9 +63,7 @@ status connection_open(struct connection **out, const struct connection_options 
 /* Close in good order (what is queued is flushed) and free; NULL is fine. */
 void connection_close(struct connection *c);
 
-/* Called whenever a caught signal arrived while the connection waits; an error that it
- * returns ends the waiting with that error and leaves the connection usable. */
-typedef status (*connection_watch_fn)(void *user, struct error *err);
+/* Another watch from now on. */
 void connection_set_watch(struct connection *c, connection_watch_fn watch, void *user);
 
 /* Send; `message->request` must have been chosen with connection_request_id(). Waits while

@@ -102,111 +102,193 @@ static const char *kind_extension(Azulejo__Wire__OutputKind kind)
     }
 }
 
-/* "NAME.exr", or "NAME-0007.exr" where a job has several frames, from the job's name made
- * safe: no folders, nothing hidden. Jobs fetched into one folder so keep apart. */
-static void output_name(const struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
-                        struct buffer *name)
+void job_fetch_release(struct job_fetch *f)
 {
-    const Azulejo__Wire__JobInfo *job = f->job;
-    const char *extension = kind_extension(kind);
-    char safe[256];
-    char *begin = safe;
+    json_decref(f->files);
+    json_decref(f->missing);
+    claim_release(&f->claim);
+}
 
-    message_text(safe, sizeof safe, job->name);
-    for (char *c = safe; *c; c++)
-        if (*c == '/')
-            *c = '_';
-    while (*begin == '.')
-        begin++;
-    if (*begin)
-        buffer_puts(name, begin);
+static void append_row(json_t **rows, json_t *row)
+{
+    if (!*rows)
+        *rows = json_array();
+    json_array_append_new(*rows, row);
+}
+
+static status write_file(struct job_fetch *f, const char *path, const struct buffer *data,
+                         struct error *err)
+{
+    char size[FORMAT_SIZE];
+    status result = file_write_atomic(path, data->data, data->size, err);
+
+    if (result != STATUS_OK)
+        return result;
+    f->fetched++;
+    if (f->json)
+        append_row(&f->files, json_text(path));
     else
-        buffer_printf(name, "job-%" PRIu64, job->job);
-    if (job->last_frame > job->first_frame)
-        buffer_printf(name, "-%04u", frame);
-    buffer_printf(name, ".%s", extension);
+        printf("%s  %s\n", path, format_bytes(size, data->size));
+    return STATUS_OK;
 }
 
 status job_fetch_file(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
                       const char *path, struct error *err)
 {
-    struct buffer data = BUFFER_INIT, name = BUFFER_INIT;
-    char size[FORMAT_SIZE];
-    char *joined = NULL;
+    struct buffer data = BUFFER_INIT;
     status result = fetch_output(f->connection, f->job->job, frame, kind, &data, err);
 
-    if (result == STATUS_OK && !path) {
-        output_name(f, frame, kind, &name);
-        joined = buffer_ok(&name) ? file_join(f->folder, buffer_text(&name)) : NULL;
-        path = joined;
-        if (!path)
-            result = error_no_memory(err, "a path");
-    }
     if (result == STATUS_OK)
-        result = file_write_atomic(path, data.data, data.size, err);
-    if (result == STATUS_OK) {
-        f->fetched++;
-        if (f->files)
-            json_array_append_new(f->files, json_text(path));
-        else
-            printf("%s  %s\n", path, format_bytes(size, data.size));
-    }
-    mem_free(joined);
-    buffer_release(&name);
+        result = write_file(f, path, &data, err);
     buffer_release(&data);
     return result;
 }
 
-/* Every format of one frame. A frame that is not rendered yet is counted, not an error, as
- * long as the job still runs. */
-static status fetch_frame(struct job_fetch *f, uint32_t frame, int must_be_there, struct error *err)
+/* "BASE.exr", or "BASE-0007.exr" where a job has several frames. */
+static status output_path(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
+                          char **path, struct error *err)
 {
-    static const Azulejo__Wire__OutputKind kinds[OUTPUT_FORMAT_COUNT] = {
+    struct buffer name = BUFFER_INIT;
+    status result = STATUS_OK;
+
+    *path = NULL;
+    if (f->claim.base.size == 0)
+        result = claim_take(&f->claim, f->folder, f->job, f->force, err);
+    if (result != STATUS_OK)
+        return result;
+    buffer_puts(&name, buffer_text(&f->claim.base));
+    if (f->job->last_frame > f->job->first_frame)
+        buffer_printf(&name, "-%04u", frame);
+    buffer_printf(&name, ".%s", kind_extension(kind));
+    *path = buffer_ok(&name) ? file_join(f->folder, buffer_text(&name)) : NULL;
+    buffer_release(&name);
+    return *path ? STATUS_OK : error_no_memory(err, "a path");
+}
+
+/* Does this failure concern only the file that was asked for? */
+static int is_of_the_file(status code)
+{
+    return code == STATUS_ERR_NOT_FOUND || code == STATUS_ERR_CORRUPT || code == STATUS_ERR_IO ||
+           code == STATUS_ERR_INPUT || code == STATUS_ERR_LIMIT ||
+           code == STATUS_ERR_UNSUPPORTED || code == STATUS_ERR_INTERNAL;
+}
+
+static void note_missing(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
+                         const struct error *why)
+{
+    if (f->failed++ == 0)
+        f->first = *why;
+    if (f->json)
+        append_row(&f->missing, json_pack("{s:I, s:s, s:o}", "frame", (json_int_t)frame, "file",
+                                          kind_extension(kind), "error", json_text(why->text)));
+    else
+        fprintf(stderr, "%s\n", why->text);
+}
+
+/* Fetch one of a frame's files. `why` is filled where the coordinator cannot give it. */
+static status fetch_one(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
+                        struct error *why, struct error *err)
+{
+    struct buffer data = BUFFER_INIT;
+    char *path = NULL;
+    status result = fetch_output(f->connection, f->job->job, frame, kind, &data, why);
+
+    if (result == STATUS_OK) {
+        result = output_path(f, frame, kind, &path, err);
+        if (result == STATUS_OK)
+            result = write_file(f, path, &data, err);
+        claim_unlock(&f->claim);
+    } else if (is_of_the_file(result)) {
+        result = STATUS_OK;
+    } else if (err) {
+        *err = *why;
+    }
+    mem_free(path);
+    buffer_release(&data);
+    return result;
+}
+
+/* Every format of one frame. A frame of which nothing is there is not rendered yet, unless the
+ * job is done. */
+static status fetch_frame(struct job_fetch *f, uint32_t frame, struct error *err)
+{
+    static const Azulejo__Wire__OutputKind kinds[] = {
         AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR,
         AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG,
         AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_JPEG,
+        AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON,
     };
-    unsigned formats = f->job->output ? output_message_formats(f->job->output) & f->formats : 0;
+    enum { KINDS = sizeof kinds / sizeof *kinds };
+    unsigned wanted = f->job->output ? output_message_formats(f->job->output) & f->formats : 0;
+    struct error why[KINDS] = {0};
+    int rendered = f->job->state == AZULEJO__WIRE__JOB_STATE__JOB_DONE;
     status result = STATUS_OK;
 
-    for (int i = 0; i < OUTPUT_FORMAT_COUNT && result == STATUS_OK; i++) {
-        if (!(formats >> i & 1))
+    if (f->manifest)
+        wanted |= 1u << OUTPUT_FORMAT_COUNT;
+    for (int i = 0; i < KINDS && result == STATUS_OK; i++) {
+        if (!(wanted >> i & 1))
             continue;
-        result = job_fetch_file(f, frame, kinds[i], NULL, err);
-        if (result == STATUS_ERR_NOT_FOUND && !must_be_there) {
-            f->not_ready++;
-            return STATUS_OK;
-        }
+        result = fetch_one(f, frame, kinds[i], &why[i], err);
+        rendered |= why[i].code != STATUS_ERR_NOT_FOUND;
     }
-    if (result == STATUS_OK && f->manifest)
-        result = job_fetch_file(f, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON, NULL,
-                                err);
+    for (int i = 0; i < KINDS && rendered && result == STATUS_OK; i++)
+        if (why[i].code != STATUS_OK)
+            note_missing(f, frame, kinds[i], &why[i]);
+    f->not_rendered += result == STATUS_OK && !rendered;
     return result;
+}
+
+/* What was fetched, against what was wanted. */
+static status verdict(const struct job_fetch *f, uint64_t frames, struct error *err)
+{
+    char frames_text[80] = "", files_text[80] = "";
+
+    if (f->fetched == 0 && f->failed > 0)
+        return error_set(err, f->first.code, "%s", f->first.text);
+    if (f->fetched == 0)
+        return error_set(err, STATUS_ERR_NOT_FOUND,
+                         "job %" PRIu64 " has no finished frame%s (--preview FILE.png shows the "
+                         "one in work)",
+                         f->job->job,
+                         frames <= f->job->last_frame - f->job->first_frame ? " of this number"
+                                                                            : "");
+    if (f->not_rendered)
+        snprintf(frames_text, sizeof frames_text, "%zu of %" PRIu64 " frames %s not rendered%s",
+                 f->not_rendered, frames, f->not_rendered == 1 ? "is" : "are",
+                 job_state_is_final(f->job->state) ? "" : " yet");
+    if (f->failed)
+        snprintf(files_text, sizeof files_text, "%zu file%s could not be fetched", f->failed,
+                 f->failed == 1 ? "" : "s");
+    if (f->failed == 0 && (f->not_rendered == 0 || f->finished_only)) {
+        if (f->not_rendered)
+            fprintf(stderr, "%s\n", frames_text);
+        return STATUS_OK;
+    }
+    return error_set(err, STATUS_ERR_INCOMPLETE, "job %" PRIu64 ": %s%s%s; the rest is here",
+                     f->job->job, frames_text, f->not_rendered && f->failed ? ", " : "",
+                     files_text);
 }
 
 status job_fetch_pictures(struct job_fetch *f, int64_t only_frame, struct error *err)
 {
     const Azulejo__Wire__JobInfo *job = f->job;
+    uint64_t first = job->first_frame, last = job->last_frame;
     status result = STATUS_OK;
 
     if (only_frame >= 0) {
         if (only_frame < job->first_frame || only_frame > job->last_frame)
             return error_set(err, STATUS_ERR_USAGE, "--frame: the job's frames are %u-%u",
                              job->first_frame, job->last_frame);
-        return fetch_frame(f, (uint32_t)only_frame, 1, err);
+        first = last = (uint64_t)only_frame;
     }
-    for (uint64_t frame = job->first_frame; frame <= job->last_frame && result == STATUS_OK; frame++)
-        result = fetch_frame(f, (uint32_t)frame,
-                             job->state == AZULEJO__WIRE__JOB_STATE__JOB_DONE, err);
-    if (result != STATUS_OK)
-        return result;
-    if (f->not_ready)
-        fprintf(stderr, "%zu frame%s not rendered%s\n", f->not_ready,
-                f->not_ready == 1 ? " is" : "s are", job_state_is_final(job->state) ? "" : " yet");
-    if (f->fetched == 0)
-        return error_set(err, STATUS_ERR_NOT_FOUND,
-                         "job %" PRIu64 " has no finished frame (--preview FILE.png shows the one "
-                         "in work)",
-                         job->job);
-    return STATUS_OK;
+    for (uint64_t frame = first; frame <= last && result == STATUS_OK; frame++)
+        result = fetch_frame(f, (uint32_t)frame, err);
+    return result == STATUS_OK ? verdict(f, last - first + 1, err) : result;
+}
+
+json_t *job_fetch_json(const struct job_fetch *f)
+{
+    return json_pack("{s:o, s:o}", "files", f->files ? json_incref(f->files) : json_array(),
+                     "missing", f->missing ? json_incref(f->missing) : json_array());
 }

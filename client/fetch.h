@@ -2,6 +2,7 @@
 #ifndef AZULEJO_CLIENT_FETCH_H
 #define AZULEJO_CLIENT_FETCH_H
 
+#include "client/claims.h"
 #include "client/connection.h"
 #include "client/job_info.h"
 #include "common/base/buffer.h"
@@ -17,23 +18,39 @@ status fetch_output(struct connection *c, uint64_t job, uint32_t frame,
  * done. ERR_IO. */
 status fetch_check_folder(const char *folder, struct error *err) MUST_CHECK;
 
-/* Bringing a job's files into a folder. */
+/* Bringing a job's files into a folder. Zero what is not given; job_fetch_release frees the
+ * rest. */
 struct job_fetch {
     struct connection *connection;
     const Azulejo__Wire__JobInfo *job;
     const char *folder;
-    unsigned formats; /* enum output_format; those that the job does not have do not count */
-    int manifest;     /* these too */
-    json_t *files;    /* NULL: print a line for each */
-    size_t fetched, not_ready; /* files; frames */
+    unsigned formats;    /* enum output_format; those that the job does not have do not count */
+    int manifest;        /* these too */
+    int force;           /* under the job's plain name, whatever is there (client/claims.h) */
+    int finished_only;   /* frames that are not rendered yet are not missed */
+    int json;            /* fill `files` and `missing` instead of printing a line for each file */
+    json_t *files, *missing;
+    size_t fetched, failed, not_rendered; /* files; files; frames */
+    struct claim claim;  /* taken when the first file is there */
+    struct error first;  /* why the first file that failed did */
 };
+void job_fetch_release(struct job_fetch *f);
 
-/* One file; `path` NULL: into the folder, named after the job. */
+#define JOB_FETCH_FORCE_ROW(flag)                                                                 \
+    {"force", 'f', OPTION_FLAG, &(flag), NULL,                                                    \
+     "name the files after the job even where that overwrites another job's", 0, 0, NULL}
+
+/* One file to `path`. */
 status job_fetch_file(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
                       const char *path, struct error *err) MUST_CHECK;
 
-/* The files of every finished frame, or of only_frame (negative: all). ERR_NOT_FOUND when there is
- * none. */
+/* The files of every finished frame, or of only_frame (negative: all). What the coordinator cannot
+ * give does not keep the rest back: ERR_INCOMPLETE at the end, or, when there was nothing at all,
+ * the first file's error, ERR_NOT_FOUND where no frame is finished. ERR_IO when a file cannot be
+ * written. */
 status job_fetch_pictures(struct job_fetch *f, int64_t only_frame, struct error *err) MUST_CHECK;
+
+/* {"files": [...], "missing": [{"frame": 3, "file": "png", "error": "..."}]}; a new reference. */
+json_t *job_fetch_json(const struct job_fetch *f);
 
 #endif

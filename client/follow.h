@@ -5,10 +5,18 @@
 #ifndef AZULEJO_CLIENT_FOLLOW_H
 #define AZULEJO_CLIENT_FOLLOW_H
 
-#include "client/connection.h"
+#include "client/reconnect.h"
 
-/* ERR_JOB_FAILED when the job failed or was cancelled; ERR_TIMEOUT after limit_s (0: none). */
-status follow_job(struct connection *c, uint64_t job, int quiet, int json, double limit_s,
+struct follow {
+    struct connection_options where; /* for another connection when this one is lost */
+    double reconnect_s;              /* how long to wait for a coordinator that goes away */
+    double limit_s;                  /* how long to follow the job; 0: until it ends */
+    int quiet, json;
+};
+
+/* *c is another connection where the first was lost, and NULL where none came in its place.
+ * ERR_JOB_FAILED when the job failed or was cancelled; ERR_TIMEOUT after the limit. */
+status follow_job(struct connection **c, uint64_t job, const struct follow *how,
                   struct error *err) MUST_CHECK;
 
 #endif

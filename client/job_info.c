@@ -1,7 +1,6 @@
 #include "client/job_info.h"
 
 #include <inttypes.h>
-#include <math.h>
 #include <string.h>
 
 #include "client/format.h"
@@ -58,31 +57,6 @@ status job_query(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **o
     return result;
 }
 
-json_t *json_number(double value)
-{
-    return isfinite(value) ? json_real(value) : json_null();
-}
-
-status json_print(json_t *value, struct error *err)
-{
-    status result = STATUS_OK;
-
-    if (!value || json_dumpf(value, stdout, JSON_INDENT(2) | JSON_PRESERVE_ORDER) != 0)
-        result = value ? error_set(err, STATUS_ERR_IO, "standard output cannot be written")
-                       : error_no_memory(err, "JSON");
-    else
-        putchar('\n');
-    json_decref(value);
-    return result;
-}
-
-json_t *json_text(const char *text)
-{
-    json_t *value = json_string(text);
-
-    return value ? value : json_string("(not UTF-8)");
-}
-
 /* An array of the names in "one,other". */
 static json_t *names_json(const char *names)
 {
@@ -100,23 +74,23 @@ static json_t *settings_json(const Azulejo__Wire__RenderSettings *s)
 {
     char names[SETTINGS_TEXT_SIZE];
     json_t *out = json_pack(
-        "{s:I, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:s, s:s}", "width", (json_int_t)s->width,
+        "{s:I, s:I, s:I, s:I, s:I, s:I, s:o, s:o, s:s, s:s}", "width", (json_int_t)s->width,
         "height", (json_int_t)s->height, "spp", (json_int_t)s->spp, "max_depth",
         (json_int_t)s->max_depth, "seed", (json_int_t)s->seed, "camera", (json_int_t)s->camera,
-        "env_rotate_deg", isfinite(s->env_rotate_deg) ? (double)s->env_rotate_deg : 0.0,
-        "env_strength", isfinite(s->env_strength) ? (double)s->env_strength : 0.0, "env_sampling",
+        "env_rotate_deg", json_number_float(s->env_rotate_deg), "env_strength",
+        json_number_float(s->env_strength), "env_sampling",
         env_sampling_name((enum env_sampling)s->env_sampling), "isa", isa_name((enum isa)s->isa));
 
     if (!out)
         return NULL;
-    json_object_set_new(out, "fps", json_number((double)s->fps));
-    json_object_set_new(out, "shutter", json_number((double)s->shutter));
+    json_object_set_new(out, "fps", json_number_float(s->fps));
+    json_object_set_new(out, "shutter", json_number_float(s->shutter));
     /* null: the camera's own */
     json_object_set_new(out, "lens_radius", s->lens_radius > 0 || s->pinhole
-                                                ? json_number((double)s->lens_radius)
+                                                ? json_number_float(s->lens_radius)
                                                 : json_null());
     json_object_set_new(out, "focus_distance", s->focus_distance > 0
-                                                   ? json_number((double)s->focus_distance)
+                                                   ? json_number_float(s->focus_distance)
                                                    : json_null());
     json_object_set_new(out, "without", names_json(settings_effects_text(s->without, names)));
     json_object_set_new(out, "aovs", names_json(settings_aovs_text(s->aovs, names)));
@@ -185,8 +159,8 @@ static json_t *stats_json(const Azulejo__Wire__RenderStats *s)
 {
     return json_pack("{s:I, s:I, s:I, s:I, s:f, s:f}", "samples", (json_int_t)s->samples, "rays",
                      (json_int_t)s->rays, "vertices", (json_int_t)s->vertices, "dropped_samples",
-                     (json_int_t)s->dropped_samples, "cpu_seconds", (double)s->cpu_ns * 1e-9,
-                     "trace_seconds", (double)s->trace_ns * 1e-9);
+                     (json_int_t)s->dropped_samples, "cpu_seconds", (double)s->cpu_ns / 1e9,
+                     "trace_seconds", (double)s->trace_ns / 1e9);
 }
 
 json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
@@ -304,6 +278,8 @@ status job_info_verdict(const Azulejo__Wire__JobInfo *job, struct error *err)
         job->state != AZULEJO__WIRE__JOB_STATE__JOB_CANCELLED)
         return STATUS_OK;
     message_text(why, sizeof why, job->state_text);
+    if (strcmp(why, job_state_name(job->state)) == 0)
+        why[0] = 0; /* "was cancelled: cancelled" */
     return error_set(err, STATUS_ERR_JOB_FAILED, "job %" PRIu64 " %s%s%s", job->job,
                      job->state == AZULEJO__WIRE__JOB_STATE__JOB_FAILED ? "failed"
                                                                         : "was cancelled",

@@ -2,10 +2,10 @@
 #ifndef AZULEJO_CLIENT_JOB_INFO_H
 #define AZULEJO_CLIENT_JOB_INFO_H
 
-#include <jansson.h>
 #include <stdio.h>
 
 #include "client/connection.h"
+#include "client/json.h"
 
 /* "queued", "running", "done", "failed", "cancelled"; "unknown" for anything else. */
 const char *job_state_name(Azulejo__Wire__JobState state);
@@ -22,17 +22,8 @@ const Azulejo__Wire__JobInfo *job_list_find(const Azulejo__Wire__JobList *list, 
 /* A new JSON object with every field; unknown numbers are null. NULL: out of memory. */
 json_t *job_info_json(const Azulejo__Wire__JobInfo *job);
 
-/* A number, or null when it is not finite (JSON knows no NaN). */
-json_t *json_number(double value);
-
 /* An operator's parameter: a choice's word, else the number. */
 json_t *job_parameter_json(const char *operator_name, const char *name, double value);
-
-/* Text that came over the wire; "(not UTF-8)" if it is not. */
-json_t *json_text(const char *text);
-
-/* Print JSON with a newline to standard output and drop the reference. */
-status json_print(json_t *value, struct error *err) MUST_CHECK;
 
 /* The summary's lines: what was rendered, how long it took, what went wrong. */
 void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job);

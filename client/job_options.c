@@ -130,6 +130,7 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     submit.first_frame = request->first_frame;
     submit.last_frame = request->last_frame;
     submit.priority = request->priority;
+    submit.token = (char *)request->token;
     envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_SUBMIT;
     envelope.job_submit = &submit;
     result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_ACCEPTED, &answer, err);

@@ -83,12 +83,16 @@ struct job_options {
     {"priority", 0, OPTION_INT, &(o).priority, "N",                                             \
      "jobs with a higher number go first (default 0)", -1000000, 1000000, NULL}
 
+enum { JOB_TOKEN_BYTES_MAX = 64 }; /* the coordinator's limit */
+
 /* What the options mean for a scene. Zero-initialise. */
 struct job_request {
     struct render_settings settings;
     struct output_request output;
     uint32_t first_frame, last_frame;
     int32_t priority;
+    /* The submission's own name, so that it can be sent twice and is one job; "": none. */
+    char token[JOB_TOKEN_BYTES_MAX + 1];
 };
 
 /* Check what can be checked before the scene is read, so that a slip in an option is told

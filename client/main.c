@@ -1,4 +1,5 @@
 /* azulejo: the command line client. */
+#include <poll.h>
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
@@ -41,7 +42,8 @@ static void print_help(void)
            "  2 bad usage              3 bad input or a limit exceeded\n"
            "  4 no coordinator there   5 refused or not found\n"
            "  6 job failed, cancelled  7 timed out\n"
-           "  8 local input/output     130 interrupted\n");
+           "  8 local input/output     9 some frames or files are missing\n"
+           "  130 interrupted          141 nothing reads the output any more\n");
 }
 
 static int report_unknown(const char *what, const char *word)
@@ -77,12 +79,33 @@ status command_parse(const struct command *command, const struct option *table, 
     return result;
 }
 
+/* Has the reader of our standard output gone away, as head does? */
+static int reader_is_gone(void)
+{
+    struct pollfd out = {.fd = STDOUT_FILENO, .events = POLLOUT};
+
+    return poll(&out, 1, 0) == 1 && out.revents & POLLERR;
+}
+
+/* Write out what standard output still holds, and turn a failure into `result` where there is none
+ * yet. 1 when the reader is gone: it wants no more, and no complaint either. */
+static int output_end(status *result, struct error *err)
+{
+    int failed = fflush(stdout) != 0 || ferror(stdout);
+
+    if (failed && reader_is_gone())
+        return 1;
+    if (failed && *result == STATUS_OK)
+        *result = error_set(err, STATUS_ERR_IO, "standard output cannot be written");
+    return 0;
+}
+
 int main(int argc, char **argv)
 {
     struct error err = {0};
     const struct command *command;
     int exit_code = 0;
-    status result;
+    status result = STATUS_OK;
 
     log_setup("azulejo", LOG_LEVEL_WARN);
     signal(SIGPIPE, SIG_IGN); /* a broken pipe is an error of write(), not our death */
@@ -93,7 +116,7 @@ int main(int argc, char **argv)
     if (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0 ||
         strcmp(argv[1], "help") == 0) {
         print_help();
-        return fflush(stdout) == 0 ? 0 : status_exit_code(STATUS_ERR_IO);
+        return output_end(&result, &err) ? 128 + SIGPIPE : status_exit_code(result);
     }
     if (strcmp(argv[1], "--version") == 0) {
         printf("azulejo %s\n", AZULEJO_VERSION);
@@ -105,8 +128,8 @@ int main(int argc, char **argv)
     if (!command)
         return report_unknown("command", argv[1]);
     result = command->run(command, argc - 1, argv + 1, &exit_code, &err);
-    if (fflush(stdout) != 0 && result == STATUS_OK)
-        result = error_set(&err, STATUS_ERR_IO, "standard output cannot be written");
+    if (output_end(&result, &err))
+        return 128 + SIGPIPE;
     if (signals_stop()) {
         if (err.text[0])
             fprintf(stderr, "azulejo: %s\n", err.text);

@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include "client/table.h"
@@ -13,7 +12,7 @@
 
 #define PLAIN_INTERVAL_NS (5 * NS_PER_SECOND)
 
-enum { BAR_MAX = 40, BAR_MIN = 8, WIDTH_DEFAULT = 80, LINE_MAX_BYTES = 1024 };
+enum { BAR_MAX = 40, BAR_MIN = 8, LINE_MAX_BYTES = 1024 };
 
 void progress_init(struct progress *p, int quiet)
 {
@@ -26,36 +25,9 @@ void progress_init(struct progress *p, int quiet)
     p->color = p->terminal && !(no_color && *no_color);
 }
 
-static size_t terminal_width(void)
-{
-    struct winsize size;
-    const char *columns = getenv("COLUMNS");
-    long named = columns ? strtol(columns, NULL, 10) : 0;
-
-    if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0)
-        return size.ws_col;
-    return named > 0 && named < 10000 ? (size_t)named : WIDTH_DEFAULT;
-}
-
-/* Cut to `columns` at a character's boundary. */
-static void cut(char *text, size_t columns)
-{
-    size_t seen = 0;
-
-    for (char *at = text; *at; at++) {
-        if (((unsigned char)*at & 0xc0) == 0x80)
-            continue;
-        if (seen == columns) {
-            *at = 0;
-            return;
-        }
-        seen++;
-    }
-}
-
 static void draw_in_place(struct progress *p, double fraction, const char *text)
 {
-    size_t width = terminal_width() - 1; /* the last column would wrap on some terminals */
+    size_t width = terminal_columns(STDERR_FILENO) - 1; /* the last column would wrap on some terminals */
     char line[LINE_MAX_BYTES];
     size_t bar = 0, filled, used;
 
@@ -65,10 +37,10 @@ static void draw_in_place(struct progress *p, double fraction, const char *text)
         bar = used + BAR_MIN <= width ? width - used : 0;
         bar = bar > BAR_MAX ? BAR_MAX : bar;
         fprintf(stderr, "\r\033[K%3d%% ", (int)(fraction * 100));
-        cut(line, width > 5 ? width - 5 - (bar ? bar + 3 : 0) : 0);
+        text_cut(line, width > 5 ? width - 5 - (bar ? bar + 3 : 0) : 0);
     } else {
         fputs("\r\033[K", stderr);
-        cut(line, width);
+        text_cut(line, width);
     }
     if (bar) {
         filled = (size_t)(fraction * (double)bar);

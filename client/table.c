@@ -2,10 +2,16 @@
 
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
 
 #include "common/base/memory.h"
 #include "protocol/message.h"
+
+#define CUT_MARK ".."
+enum { CUT_MIN = 8, COLUMNS_DEFAULT = 80 };
 
 void table_init(struct table *t, const char *const *titles, size_t column_count)
 {
@@ -31,6 +37,32 @@ size_t text_columns(const char *text)
     return columns;
 }
 
+void text_cut(char *text, size_t columns)
+{
+    size_t seen = 0;
+
+    for (char *at = text; *at; at++) {
+        if (((unsigned char)*at & 0xc0) == 0x80)
+            continue;
+        if (seen == columns) {
+            *at = 0;
+            return;
+        }
+        seen++;
+    }
+}
+
+size_t terminal_columns(int fd)
+{
+    struct winsize size;
+    const char *columns = getenv("COLUMNS");
+    long named = columns ? strtol(columns, NULL, 10) : 0;
+
+    if (ioctl(fd, TIOCGWINSZ, &size) == 0 && size.ws_col > 0)
+        return size.ws_col;
+    return named > 0 && named < 10000 ? (size_t)named : COLUMNS_DEFAULT;
+}
+
 void table_add(struct table *t, const char *format, ...)
 {
     char text[512], printable[512];
@@ -49,41 +81,67 @@ void table_add(struct table *t, const char *format, ...)
     t->cells[t->cell_count++] = copy;
 }
 
-static void print_cell(const char *text, size_t width, int right, int last)
+/* `mark`: the first letter of the column's title. */
+static void print_cell(const char *text, size_t width, char mark, int last)
 {
     size_t columns = text_columns(text);
     int pad = columns < width ? (int)(width - columns) : 0;
+    char shown[512];
 
-    if (right)
+    if (columns > width && mark == '<') {
+        snprintf(shown, sizeof shown, "%s", text);
+        text_cut(shown, width - strlen(CUT_MARK));
+        printf("%s" CUT_MARK, shown);
+    } else if (mark == '>') {
         printf("%*s%s", pad, "", text);
-    else if (last)
+    } else if (last) {
         fputs(text, stdout);
-    else
+    } else {
         printf("%s%*s", text, pad, "");
+    }
     fputs(last ? "\n" : "  ", stdout);
+}
+
+/* Make the column narrower whose texts may be cut, so that the rows fit `columns`. */
+static void fit(const struct table *t, size_t *widths, size_t columns)
+{
+    size_t all = 2 * (t->column_count - 1);
+
+    for (size_t c = 0; c < t->column_count; c++)
+        all += widths[c];
+    for (size_t c = 0; c < t->column_count && all > columns; c++)
+        if (t->titles[c][0] == '<') {
+            size_t too_much = all - columns;
+            widths[c] = widths[c] > CUT_MIN + too_much ? widths[c] - too_much
+                        : widths[c] > CUT_MIN          ? CUT_MIN
+                                                       : widths[c];
+            return;
+        }
 }
 
 status table_print(const struct table *t, struct error *err)
 {
     size_t widths[TABLE_COLUMNS_MAX] = {0};
-    int right[TABLE_COLUMNS_MAX] = {0};
+    int marked[TABLE_COLUMNS_MAX] = {0};
 
     if (t->failed)
         return error_no_memory(err, "a table");
     for (size_t c = 0; c < t->column_count; c++) {
-        right[c] = t->titles[c][0] == '>';
-        widths[c] = text_columns(t->titles[c] + right[c]);
+        marked[c] = t->titles[c][0] == '>' || t->titles[c][0] == '<';
+        widths[c] = text_columns(t->titles[c] + marked[c]);
     }
     for (size_t i = 0; i < t->cell_count; i++) {
         size_t columns = text_columns(t->cells[i]);
         if (columns > widths[i % t->column_count])
             widths[i % t->column_count] = columns;
     }
+    if (isatty(STDOUT_FILENO))
+        fit(t, widths, terminal_columns(STDOUT_FILENO));
     for (size_t c = 0; c < t->column_count; c++)
-        print_cell(t->titles[c] + right[c], widths[c], right[c], c + 1 == t->column_count);
+        print_cell(t->titles[c] + marked[c], widths[c], t->titles[c][0], c + 1 == t->column_count);
     for (size_t i = 0; i < t->cell_count; i++) {
         size_t c = i % t->column_count;
-        print_cell(t->cells[i], widths[c], right[c], c + 1 == t->column_count);
+        print_cell(t->cells[i], widths[c], t->titles[c][0], c + 1 == t->column_count);
     }
     return STATUS_OK;
 }

@@ -13,7 +13,9 @@
 enum { TABLE_COLUMNS_MAX = 16 };
 
 struct table {
-    const char *const *titles; /* a title that starts with '>' sets its column flush right */
+    /* A title that starts with '>' sets its column flush right, one with '<' lets its texts be cut
+     * where a terminal is too narrow. */
+    const char *const *titles;
     size_t column_count;
     char **cells;              /* [row][column], owned */
     size_t cell_count, cell_capacity;
@@ -31,5 +33,11 @@ status table_print(const struct table *t, struct error *err) MUST_CHECK;
 
 /* How many columns of a terminal the text takes (code points; wide ones count once). */
 size_t text_columns(const char *text);
+/* Cut to so many columns at a character's boundary. */
+void text_cut(char *text, size_t columns);
+
+/* How many columns the terminal behind the descriptor has; $COLUMNS, else 80, where it does not
+ * say. */
+size_t terminal_columns(int fd);
 
 #endif

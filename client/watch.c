@@ -66,10 +66,9 @@ static status start_watching(struct connection *c, uint64_t job, int terminal, u
     return connection_send(c, &envelope, err);
 }
 
-status watch_job(struct connection *c, uint64_t job, int quiet, double limit_s,
+status watch_job(struct connection *c, uint64_t job, int quiet, uint64_t deadline_ns,
                  Azulejo__Wire__Envelope **last, struct error *err)
 {
-    uint64_t begin_ns = clock_monotonic_ns();
     Azulejo__Wire__Envelope *message = NULL;
     const Azulejo__Wire__JobInfo *info;
     struct progress progress;
@@ -99,10 +98,9 @@ status watch_job(struct connection *c, uint64_t job, int quiet, double limit_s,
         draw(&progress, info);
         message_free(message);
         message = NULL;
-        if (limit_s > 0 && (double)(clock_monotonic_ns() - begin_ns) > limit_s * 1e9)
-            result = error_set(err, STATUS_ERR_TIMEOUT,
-                               "job %" PRIu64 " has not ended within %g seconds; it goes on", job,
-                               limit_s);
+        if (deadline_ns && clock_monotonic_ns() >= deadline_ns)
+            result = error_set(err, STATUS_ERR_TIMEOUT, "job %" PRIu64 " has not ended in time",
+                               job);
     }
     progress_clear(&progress);
     message_free(message);

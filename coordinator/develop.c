@@ -542,8 +542,3 @@ status develop_frame(struct development *d, struct store *store, struct error *e
     return s;
 }
 
-status develop_preview(struct development *development, const struct store *store,
-                       struct buffer *png, struct error *err)
-{
-    return develop_encode(development, store, NULL, png, err);
-}

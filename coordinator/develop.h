@@ -38,16 +38,13 @@ status develop_again(struct development *development, struct store *store, struc
 /* The revision of the output settings that the development follows; -1 where it leaves display
  * pictures to develop_again. */
 int64_t development_revision(const struct development *development);
-/* Append the preview as PNG to `png`. Averages no statistics: the frames before may not be done. */
-status develop_preview(struct development *development, const struct store *store,
-                       struct buffer *png, struct error *err) MUST_CHECK;
-
 /* Append the frame's manifest (common/scene/manifest.h) to `json`. */
 status develop_manifest(const struct development *development, const struct store *store,
                         struct buffer *json, struct error *err) MUST_CHECK;
 
-/* The files' bytes, for develop_frame and for tests; either buffer may be NULL. `store` may be NULL
- * when the tone mapping needs no file. */
+/* The files' bytes, for previews and for tests; either buffer may be NULL. `store` may be NULL when
+ * the tone mapping needs no file. A preview has no AOVs, and averages no statistics: the frames before
+ * may not be done. */
 status develop_encode(struct development *development, const struct store *store,
                       struct buffer *exr, struct buffer *png, struct error *err) MUST_CHECK;
 

@@ -33,6 +33,7 @@ enum {
     JOBS_MAX = 200000,
     JOB_NAME_MAX = 255,
     JOB_TEXT_MAX = 511,
+    JOB_TOKEN_MAX = 64,
     KERNEL_NAME_MAX = 127,
     SCENE_BYTES_MAX = 1 << 30, /* of a packed scene */
     JOB_BROKEN_MAX = 3, /* so many workers that cannot render a job end it */
@@ -78,6 +79,7 @@ struct job {
     struct output_settings output;
     struct digest scene;
     char scene_name[JOB_NAME_MAX + 1];
+    char token[JOB_TOKEN_MAX + 1];     /* of the submission; "": none. No two jobs have the same */
 
     char kernel[KERNEL_NAME_MAX + 1];  /* of the workers that got units; "": none yet */
     uint64_t epoch_floor;              /* results of older epochs are not this job's */

@@ -103,9 +103,11 @@ struct work {
     uint32_t stored_frame;
     uint32_t session;            /* who asked, for a preview or an upload */
     uint64_t wire_request;
-    struct buffer png;
+    struct buffer picture;       /* a preview */
+    int linear;                  /* it is an EXR, not a PNG */
     struct upload *upload;
     struct job *job;
+    uint64_t existing;           /* the job that was submitted with the same token; 0: none */
     char name[64];
 };
 
@@ -123,7 +125,7 @@ static struct work *work_new(struct server *server)
 static void work_free(struct work *work)
 {
     development_free(work->development);
-    buffer_release(&work->png);
+    buffer_release(&work->picture);
     upload_free(work->upload);
     job_free(work->job);
     mem_free(work);
@@ -270,8 +272,9 @@ static void run_preview(uv_work_t *request)
 {
     struct work *work = request->data;
 
-    work->result = develop_preview(work->development, work->server->store, &work->png,
-                                   &work->error);
+    work->result = develop_encode(work->development, work->server->store,
+                                  work->linear ? &work->picture : NULL,
+                                  work->linear ? NULL : &work->picture, &work->error);
 }
 
 static void end_preview(uv_work_t *request, int code)
@@ -285,7 +288,7 @@ static void end_preview(uv_work_t *request, int code)
     server->previews--;
     if (session && session->state == SESSION_OPEN) {
         if (work->result == STATUS_OK)
-            work->result = transfer_bytes(&session->transfers, work->wire_request, &work->png,
+            work->result = transfer_bytes(&session->transfers, work->wire_request, &work->picture,
                                           work->name, &work->error);
         if (work->result != STATUS_OK)
             session_fail(session, work->wire_request, &work->error);
@@ -295,7 +298,7 @@ static void end_preview(uv_work_t *request, int code)
 }
 
 void server_preview(struct server *server, struct session *session, uint64_t request,
-                    const struct job_frame *frame)
+                    const struct job_frame *frame, int linear)
 {
     struct work *work = NULL;
     struct error err = {0};
@@ -316,7 +319,9 @@ void server_preview(struct server *server, struct session *session, uint64_t req
     }
     work->session = session->id;
     work->wire_request = request;
-    snprintf(work->name, sizeof work->name, "frame-%04u-preview.png", frame->number);
+    work->linear = linear;
+    snprintf(work->name, sizeof work->name, "frame-%04u-preview.%s", frame->number,
+             linear ? "exr" : "png");
     server->previews++;
     work_start(work, run_preview, end_preview);
 }
@@ -377,7 +382,21 @@ static void run_submit(uv_work_t *request)
 {
     struct work *work = request->data;
 
-    work->result = store_job_insert(work->server->store, work->job, &work->error);
+    struct store *store = work->server->store;
+
+    work->result = store_job_find(store, work->job, &work->existing, &work->error);
+    if (work->result != STATUS_OK || work->existing)
+        return;
+    work->result = store_job_insert(store, work->job, &work->error);
+    /* Another thread may have stored the same submission in between. */
+    if (work->result != STATUS_OK && work->job->token[0]) {
+        struct error again = {0};
+        status found = store_job_find(store, work->job, &work->existing, &again);
+        if (found != STATUS_OK || work->existing) {
+            work->result = found;
+            work->error = again;
+        }
+    }
 }
 
 static void end_submit(uv_work_t *request, int code)
@@ -388,6 +407,14 @@ static void end_submit(uv_work_t *request, int code)
 
     (void)code;
     server->works--;
+    if (work->result == STATUS_OK && work->existing) {
+        log_info("job %llu (%s) was submitted again with its token",
+                 (unsigned long long)work->existing, work->job->name);
+        if (session)
+            session_accepted(session, work->wire_request, work->existing);
+        work_free(work);
+        return;
+    }
     if (work->result == STATUS_OK)
         work->result = farm_adopt(&server->farm, work->job, &work->error);
     if (work->result == STATUS_OK) {

@@ -70,9 +70,9 @@ struct session *server_session(struct server *server, uint32_t id); /* NULL: gon
 void server_session_add(struct server *server, struct session *session);
 void server_session_remove(struct server *server, struct session *session);
 
-/* Develop a preview of the frame and send it to the session. */
+/* Develop a preview of the frame, an EXR if `linear`, else a PNG, and send it to the session. */
 void server_preview(struct server *server, struct session *session, uint64_t request,
-                    const struct job_frame *frame);
+                    const struct job_frame *frame, int linear);
 /* Store a job and put it in the queue; the session hears of it. Takes the job. */
 void server_submit(struct server *server, struct session *session, uint64_t request,
                    struct job *job);

@@ -16,7 +16,7 @@
 #include "protocol/message.h"
 
 enum {
-    JOB_LIST_MAX = 2000,        /* jobs in one list: all that are active, then the newest */
+    JOB_LIST_MAX = 1000,        /* jobs in one list: below 3 MiB, whatever their names and texts */
     MISSING_NAMED_MAX = 4,      /* digests named in a failure */
 };
 
@@ -29,15 +29,36 @@ static void reply(struct session *session, Azulejo__Wire__Envelope *envelope, ui
 
 /* ---- job lists ------------------------------------------------------------------------------ */
 
-/* Send the job, or with NULL all of them up to JOB_LIST_MAX, in ascending order. */
-static void send_jobs(struct session *session, uint64_t request, struct job *only, uint64_t now_ns)
+/* The newest jobs that the query lets through, at most JOB_LIST_MAX, in ascending order; how many
+ * older ones it would let through goes to *older. */
+static size_t select_jobs(const struct queue *queue, const Azulejo__Wire__JobQuery *query,
+                          struct job *out[JOB_LIST_MAX], uint64_t *older)
 {
-    const struct farm *farm = &session->server->farm;
-    const struct queue *queue = &farm->queue;
-    size_t skip = queue->count > JOB_LIST_MAX ? queue->count - JOB_LIST_MAX : 0;
-    size_t room = only ? 1 : queue->count - skip, count = 0;
-    struct job_report *reports = mem_alloc_array(room, sizeof *reports);
-    Azulejo__Wire__JobInfo **pointers = mem_alloc_array(room, sizeof(Azulejo__Wire__JobInfo *));
+    size_t count = 0;
+
+    *older = 0;
+    for (size_t i = queue->count; i-- > 0;) {
+        struct job *job = queue->all[i];
+        int ended = job_state_ended(job->state);
+
+        if ((query->before && job->id >= query->before) ||
+            (query->filter == AZULEJO__WIRE__JOB_FILTER__JOBS_ACTIVE && ended) ||
+            (query->filter == AZULEJO__WIRE__JOB_FILTER__JOBS_ENDED && !ended))
+            continue;
+        if (count < JOB_LIST_MAX)
+            out[JOB_LIST_MAX - ++count] = job;
+        else
+            ++*older;
+    }
+    memmove(out, out + JOB_LIST_MAX - count, count * sizeof *out);
+    return count;
+}
+
+static void send_list(struct session *session, uint64_t request, struct job *const *jobs,
+                      size_t count, uint64_t older, uint64_t now_ns)
+{
+    struct job_report *reports = mem_alloc_array(count, sizeof *reports);
+    Azulejo__Wire__JobInfo **pointers = mem_alloc_array(count, sizeof(Azulejo__Wire__JobInfo *));
     Azulejo__Wire__JobList list = AZULEJO__WIRE__JOB_LIST__INIT;
     Azulejo__Wire__Envelope envelope = MESSAGE(JOB_LIST, job_list, &list);
     struct error err = {0};
@@ -46,16 +67,34 @@ static void send_jobs(struct session *session, uint64_t request, struct job *onl
         error_no_memory(&err, "a list of jobs");
         session_fail(session, request, &err);
     } else {
-        for (size_t i = only ? 0 : skip; count < room; i++)
-            job_report_make(&reports[count++], farm, only ? only : queue->all[i], now_ns);
-        for (size_t i = 0; i < count; i++)
+        for (size_t i = 0; i < count; i++) {
+            job_report_make(&reports[i], &session->server->farm, jobs[i], now_ns);
             pointers[i] = &reports[i].message;
+        }
         list.n_jobs = count;
         list.jobs = pointers;
+        list.older = older;
         reply(session, &envelope, request);
     }
     mem_free(pointers);
     mem_free(reports);
+}
+
+/* Send the job, or with NULL those that the query lets through (NULL: any). */
+static void send_jobs(struct session *session, uint64_t request, struct job *only,
+                      const Azulejo__Wire__JobQuery *query, uint64_t now_ns)
+{
+    static const Azulejo__Wire__JobQuery any = AZULEJO__WIRE__JOB_QUERY__INIT;
+    struct job *jobs[JOB_LIST_MAX];
+    uint64_t older = 0;
+    size_t count;
+
+    if (only) {
+        send_list(session, request, &only, 1, 0, now_ns);
+        return;
+    }
+    count = select_jobs(&session->server->farm.queue, query ? query : &any, jobs, &older);
+    send_list(session, request, jobs, count, older, now_ns);
 }
 
 /* The job, or a Failure and NULL. */
@@ -71,13 +110,14 @@ static struct job *find_job(struct session *session, uint64_t id, uint64_t reque
     return job;
 }
 
-static void answer_query(struct session *session, uint64_t id, uint64_t request, uint64_t now_ns)
+static void answer_query(struct session *session, const Azulejo__Wire__JobQuery *query,
+                         uint64_t request, uint64_t now_ns)
 {
     struct job *job = NULL;
 
-    if (id != 0 && !(job = find_job(session, id, request)))
+    if (query->job != 0 && !(job = find_job(session, query->job, request)))
         return;
-    send_jobs(session, request, job, now_ns);
+    send_jobs(session, request, job, query, now_ns);
 }
 
 static void begin_watch(struct session *session, const Azulejo__Wire__JobWatch *message,
@@ -121,7 +161,7 @@ void session_watches_send(struct session *session, uint64_t now_ns, int only_due
         if (!blocked && (watch->due || (!only_due && timely))) {
             watch->due = 0;
             watch->sent_ns = now_ns;
-            send_jobs(session, watch->request, job, now_ns);
+            send_jobs(session, watch->request, job, NULL, now_ns);
             if (job && job_state_ended(job->state))
                 continue;
         }
@@ -256,7 +296,7 @@ static void develop(struct session *session, const Azulejo__Wire__JobDevelop *me
     if (s == STATUS_OK)
         s = farm_develop(&session->server->farm, job, &output, &err);
     if (s == STATUS_OK)
-        send_jobs(session, request, job, now_ns);
+        send_jobs(session, request, job, NULL, now_ns);
     else
         session_fail(session, request, &err);
 }
@@ -358,41 +398,51 @@ static status send_picture(struct session *session, const struct job *job,
     return send_file(session, job, message->frame, extension, request, err);
 }
 
+/* The frame as it stands; of one that is done, its file. */
+static status send_preview(struct session *session, const struct job *job,
+                           const Azulejo__Wire__OutputGet *message, uint64_t request,
+                           struct error *err)
+{
+    int linear = message->kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_EXR;
+    uint32_t number = message->frame;
+    struct job_frame *frame = farm_frame_find(job, number);
+
+    if (job_frame_is_done(job, number)) {
+        if (linear ? job->output.exr : job->output.png && job_frame_is_developed(job, number))
+            return send_file(session, job, number, linear ? "exr" : "png", request, err);
+        return error_set(err, STATUS_ERR_NOT_FOUND,
+                         "job %" PRIu64 ", frame %u is finished: fetch its files without --preview",
+                         job->id, number);
+    }
+    if (!frame || film_samples(frame->film) == 0)
+        return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ", frame %u has no samples yet",
+                         job->id, number);
+    server_preview(session->server, session, request, frame, linear);
+    return STATUS_OK;
+}
+
 static status send_output(struct session *session, const struct job *job,
                           const Azulejo__Wire__OutputGet *message, uint64_t request,
                           struct error *err)
 {
     uint32_t number = message->frame;
-    struct job_frame *frame;
-    int done;
 
     if (number < job->first_frame || number > job->last_frame)
         return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 " has frames %u to %u", job->id,
                          job->first_frame, job->last_frame);
-    done = job_frame_is_done(job, number);
-    frame = farm_frame_find(job, number);
     switch (message->kind) {
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR:
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG:
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_JPEG:
         return send_picture(session, job, message, request, err);
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON:
-        if (!done)
+        if (!job_frame_is_done(job, number))
             return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ", frame %u is not finished",
                              job->id, number);
         return send_file(session, job, number, MANIFEST_EXTENSION, request, err);
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG:
-        if (done && job->output.png && job_frame_is_developed(job, number))
-            return send_file(session, job, number, "png", request, err);
-        if (done)
-            return error_set(err, STATUS_ERR_NOT_FOUND,
-                             "job %" PRIu64 ", frame %u is finished: fetch its EXR file", job->id,
-                             number);
-        if (!frame || film_samples(frame->film) == 0)
-            return error_set(err, STATUS_ERR_NOT_FOUND,
-                             "job %" PRIu64 ", frame %u has no samples yet", job->id, number);
-        server_preview(session->server, session, request, frame);
-        return STATUS_OK;
+    case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_EXR:
+        return send_preview(session, job, message, request, err);
     default:
         return error_set(err, STATUS_ERR_UNSUPPORTED, "unknown kind of output %d",
                          (int)message->kind);
@@ -562,7 +612,7 @@ static int client_only(struct session *session, const Azulejo__Wire__Envelope *m
         submit(session, message->job_submit, request);
         return 1;
     case AZULEJO__WIRE__ENVELOPE__BODY_JOB_QUERY:
-        answer_query(session, message->job_query->job, request, now_ns);
+        answer_query(session, message->job_query, request, now_ns);
         return 1;
     case AZULEJO__WIRE__ENVELOPE__BODY_JOB_WATCH:
         begin_watch(session, message->job_watch, request, now_ns);
@@ -571,7 +621,7 @@ static int client_only(struct session *session, const Azulejo__Wire__Envelope *m
         job = find_job(session, message->job_cancel->job, request);
         if (job) {
             farm_cancel(&session->server->farm, job, now_ns);
-            send_jobs(session, request, job, now_ns);
+            send_jobs(session, request, job, NULL, now_ns);
         }
         return 1;
     case AZULEJO__WIRE__ENVELOPE__BODY_JOB_DEVELOP:

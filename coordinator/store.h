@@ -35,8 +35,12 @@ const char *store_folder(const struct store *store);
 status store_epoch_begin(struct store *store, int64_t wall_s, uint64_t *epoch, struct error *err)
     MUST_CHECK;
 
-/* Give the job an id and keep it. [any thread] */
+/* Give the job an id and keep it. Fails where its token is a stored job's. [any thread] */
 status store_job_insert(struct store *store, struct job *job, struct error *err) MUST_CHECK;
+/* The stored job that was submitted with the job's token; 0: none. ERR_REFUSED when that one is
+ * another job (wire_job_same). [any thread] */
+status store_job_find(struct store *store, const struct job *job, uint64_t *id, struct error *err)
+    MUST_CHECK;
 /* Undo an insert; failure is logged. */
 void store_job_forget(struct store *store, uint64_t id);
 /* Keep its state and counters; on disk when this returns. */

@@ -6,7 +6,7 @@
 #include "coordinator/store_parts.h"
 
 /* Version of the tables, kept in SQLite's user_version. */
-enum { STORE_VERSION = 2, BUSY_MS = 5000 };
+enum { STORE_VERSION = 3, BUSY_MS = 5000 };
 
 static const char schema[] =
     "CREATE TABLE meta (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;"
@@ -25,6 +25,11 @@ static const char schema[] =
 static const char schema_2[] =
     "ALTER TABLE jobs ADD COLUMN revision INTEGER NOT NULL DEFAULT 0;"
     "ALTER TABLE frames ADD COLUMN revision INTEGER NOT NULL DEFAULT 0;";
+
+/* Version 3: the tokens of submissions; NULL for jobs without one. */
+static const char schema_3[] =
+    "ALTER TABLE jobs ADD COLUMN token TEXT;"
+    "CREATE UNIQUE INDEX jobs_token ON jobs (token) WHERE token IS NOT NULL;";
 
 status sql_error(const struct store *store, const char *what, struct error *err)
 {
@@ -123,9 +128,11 @@ status database_open(struct store *store, struct error *err)
     s = sql_exec(store, "BEGIN IMMEDIATE", "cannot be written", err);
     if (s == STATUS_OK && version < 1)
         s = sql_exec(store, schema, "cannot be set up", err);
-    if (s == STATUS_OK)
+    if (s == STATUS_OK && version < 2)
         s = sql_exec(store, schema_2, "cannot be brought up to date", err);
     if (s == STATUS_OK)
-        s = sql_exec(store, "PRAGMA user_version=2; COMMIT", "cannot be set up", err);
+        s = sql_exec(store, schema_3, "cannot be brought up to date", err);
+    if (s == STATUS_OK)
+        s = sql_exec(store, "PRAGMA user_version=3; COMMIT", "cannot be set up", err);
     return s;
 }

@@ -17,8 +17,8 @@ status store_job_insert(struct store *store, struct job *job, struct error *err)
         s = sql_prepare(store,
                         "INSERT INTO jobs (name, state, state_text, scene_name, kernel, "
                         "epoch_floor, submitted_at, finished_at, active_ns, conflicts, samples, "
-                        "rays, vertices, dropped, cpu_ns, trace_ns, request) "
-                        "VALUES (?, ?, '', ?, '', ?, ?, 0, 0, 0, 0, 0, 0, 0, 0, 0, ?)",
+                        "rays, vertices, dropped, cpu_ns, trace_ns, request, token) "
+                        "VALUES (?, ?, '', ?, '', ?, ?, 0, 0, 0, 0, 0, 0, 0, 0, 0, ?, ?)",
                         &statement, err);
     if (s == STATUS_OK) {
         bind_text(statement, 1, job->name);
@@ -27,12 +27,48 @@ status store_job_insert(struct store *store, struct job *job, struct error *err)
         bind_number(statement, 4, job->epoch_floor);
         sqlite3_bind_int64(statement, 5, job->submitted_at);
         sqlite3_bind_blob(statement, 6, request.data, (int)request.size, SQLITE_TRANSIENT);
+        if (job->token[0])
+            bind_text(statement, 7, job->token);
         s = sql_run(store, statement, "the job cannot be stored", err);
     }
     if (s == STATUS_OK)
         job->id = (uint64_t)sqlite3_last_insert_rowid(store->db);
     pthread_mutex_unlock(&store->order); /* between the insert and its id nobody else inserts */
     buffer_release(&request);
+    return s;
+}
+
+status store_job_find(struct store *store, const struct job *job, uint64_t *id, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    struct job *there = NULL;
+    int code, same = 0;
+    status s;
+
+    *id = 0;
+    if (!job->token[0])
+        return STATUS_OK;
+    s = sql_prepare(store, "SELECT id, request FROM jobs WHERE token=?", &statement, err);
+    if (s != STATUS_OK)
+        return s;
+    bind_text(statement, 1, job->token);
+    code = sqlite3_step(statement);
+    if (code == SQLITE_ROW) {
+        *id = column_number(statement, 0);
+        s = wire_job_unpack(&there, sqlite3_column_blob(statement, 1),
+                            (size_t)sqlite3_column_bytes(statement, 1), err);
+        if (s == STATUS_OK)
+            s = wire_job_same(job, there, &same, err);
+        if (s == STATUS_OK && !same)
+            s = error_set(err, STATUS_ERR_REFUSED,
+                          "the token '%s' was used for job %" PRIu64 ", which has another scene, "
+                          "name, frames or settings; choose another token",
+                          job->token, *id);
+    } else if (code != SQLITE_DONE) {
+        s = sql_error(store, "the jobs cannot be read", err);
+    }
+    sqlite3_finalize(statement);
+    job_free(there);
     return s;
 }
 

@@ -162,6 +162,7 @@ status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32
     struct render_settings settings;
     struct output_settings output;
     struct digest scene;
+    char token[JOB_TOKEN_MAX + 1];
     struct job *job;
     uint64_t total, frames;
     status s;
@@ -179,6 +180,10 @@ status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32
         return s;
     if (strlen(in->name) > JOB_NAME_MAX)
         return error_set(err, STATUS_ERR_LIMIT, "a job's name has at most %d bytes", JOB_NAME_MAX);
+    if (strlen(in->token) > JOB_TOKEN_MAX ||
+        strcmp(message_text(token, sizeof token, in->token), in->token) != 0)
+        return error_set(err, STATUS_ERR_INPUT,
+                         "a submission's token has at most %d bytes, all printable", JOB_TOKEN_MAX);
     if (in->last_frame < in->first_frame ||
         in->last_frame - in->first_frame >= SETTINGS_FRAMES_MAX)
         return error_set(err, STATUS_ERR_INPUT,
@@ -194,6 +199,7 @@ status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32
     if (!job)
         return error_no_memory(err, "a job");
     message_text(job->name, sizeof job->name, in->name);
+    memcpy(job->token, token, sizeof job->token);
     job->priority = in->priority;
     job->settings = settings;
     job->output = output;
@@ -218,6 +224,7 @@ status wire_job_pack(const struct job *job, struct buffer *out, struct error *er
     message.first_frame = job->first_frame;
     message.last_frame = job->last_frame;
     message.priority = job->priority;
+    message.token = (char *)job->token;
     space = buffer_append_space(out, azulejo__wire__job_submit__get_packed_size(&message));
     if (!space)
         return error_no_memory(err, "a job");
@@ -236,5 +243,23 @@ status wire_job_unpack(struct job **out, const void *data, size_t size_bytes, st
         return error_set(err, STATUS_ERR_CORRUPT, "the job's description is damaged");
     s = wire_job_get(out, message, UINT32_MAX, err);
     azulejo__wire__job_submit__free_unpacked(message, NULL);
+    return s;
+}
+
+status wire_job_same(const struct job *a, const struct job *b, int *same, struct error *err)
+{
+    struct job other = *b; /* packed, never kept */
+    struct buffer left = BUFFER_INIT, right = BUFFER_INIT;
+    status s;
+
+    other.output = a->output;
+    other.priority = a->priority;
+    s = wire_job_pack(a, &left, err);
+    if (s == STATUS_OK)
+        s = wire_job_pack(&other, &right, err);
+    *same = s == STATUS_OK && left.size == right.size &&
+            memcmp(left.data, right.data, left.size) == 0;
+    buffer_release(&right);
+    buffer_release(&left);
     return s;
 }

@@ -29,6 +29,9 @@ status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32
 
 /* The JobSubmit of a job as bytes, for the store, and back. ERR_CORRUPT. */
 status wire_job_pack(const struct job *job, struct buffer *out, struct error *err) MUST_CHECK;
+/* Do both ask for the same, but for what can be changed later: output settings and priority? */
+status wire_job_same(const struct job *a, const struct job *b, int *same, struct error *err)
+    MUST_CHECK;
 status wire_job_unpack(struct job **out, const void *data, size_t size_bytes, struct error *err)
     MUST_CHECK;
 

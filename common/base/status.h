@@ -12,7 +12,9 @@
 
 /* One line a status: name, exit code of a program that ends with it, text.
  * Exit codes: 0 success, 1 internal, 2 usage, 3 bad input, 4 unreachable, 5 refused,
- * 6 job failed or cancelled, 7 timed out, 8 local I/O, 10 a worker of another release. */
+ * 6 job failed or cancelled, 7 timed out, 8 local I/O, 9 only a part was there, 10 a worker of
+ * another release. The numbers of the statuses themselves go over the wire: new ones are added at
+ * the end. */
 #define STATUS_MAP(X)                                                    \
     X(OK, 0, "success")                                                  \
     X(ERR_INTERNAL, 1, "internal error")                                 \
@@ -29,6 +31,7 @@
     X(ERR_IO, 8, "input/output error")                                   \
     X(ERR_CORRUPT, 8, "stored data is damaged")                          \
     X(ERR_PROTOCOL, 5, "protocol violation")                             \
+    X(ERR_INCOMPLETE, 9, "incomplete")                                   \
     X(ERR_MISMATCH, 10, "the releases do not fit")
 
 typedef enum status {

@@ -14,12 +14,15 @@
 static _Thread_local struct exr_stream *current_stream;
 
 /* Zeroed, so that a damaged chunk that decodes to too little shows black, not memory. The
- * library goes on without some of its blocks: remember that one was refused. */
+ * library goes on without some of its blocks: remember that one is missing, and why. */
 static void *stream_alloc(size_t size_bytes)
 {
-    void *block = size_bytes <= EXR_BLOCK_BYTES_MAX ? mem_calloc(size_bytes, 1) : NULL;
+    int too_large = size_bytes > EXR_BLOCK_BYTES_MAX;
+    void *block = too_large ? NULL : mem_calloc(size_bytes, 1);
 
-    if (!block && current_stream)
+    if (!block && current_stream && too_large)
+        current_stream->oversized = 1;
+    else if (!block && current_stream)
         current_stream->starved = 1;
     return block;
 }
@@ -129,10 +132,14 @@ status exr_stream_error(const struct exr_stream *stream, exr_result_t result, co
 {
     const char *why = stream->message[0] ? stream->message : exr_get_error_code_as_string(result);
 
+    if (stream->starved)
+        return error_no_memory(err, name);
+    if (stream->oversized)
+        return error_set(err, STATUS_ERR_LIMIT,
+                         "%s: a block of more than %zu MiB: the OpenEXR file is damaged, or its "
+                         "tiles are too large",
+                         name, EXR_BLOCK_BYTES_MAX >> 20);
     switch (result) {
-    case EXR_ERR_OUT_OF_MEMORY:
-        return error_set(err, STATUS_ERR_NO_MEMORY, "%s: out of memory, or a block is too large",
-                         name);
     case EXR_ERR_FEATURE_NOT_IMPLEMENTED:
         return error_set(err, STATUS_ERR_UNSUPPORTED,
                          "%s: OpenEXR cannot read this kind of file (%s)", name, why);

@@ -16,7 +16,8 @@ struct exr_stream {
     size_t size_bytes;
     struct buffer *out;  /* writing */
     char message[256];   /* the library's first complaint; empty when there was none */
-    int starved;         /* the library was refused memory, whatever it says in the end */
+    int starved;         /* there was no memory, whatever the library says in the end */
+    int oversized;       /* the library asked for a block above the limit: the file's claim */
 };
 
 /* An initialiser with limits, allocators, the error handler and the stream's functions. From

@@ -517,8 +517,8 @@ static status decode(struct image *out, const uint8_t *data, size_t size_bytes, 
     }
     if (st == STATUS_OK)
         st = convert_color(&r, err);
-    if (r.stream.starved)
-        st = error_no_memory(err, name);
+    if (r.stream.starved || r.stream.oversized)
+        st = fail(&r, EXR_ERR_OUT_OF_MEMORY, err);
     exr_stream_finish(&r.context);
     if (st != STATUS_OK)
         image_release(out);

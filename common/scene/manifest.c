@@ -1,7 +1,9 @@
 #include "common/scene/manifest.h"
 
 #include <inttypes.h>
+#include <math.h>
 
+#include "common/base/number.h"
 #include "common/scene/kernel_sets.h"
 
 /* Length of the UTF-8 sequence at `s`, 0 if it is none (RFC 3629: shortest form, no surrogates,
@@ -97,10 +99,18 @@ static uint64_t accounted_looks(const struct manifest *m, uint64_t *nobodys)
     return all;
 }
 
+/* Rounded to so many units of 1: 1000 keeps three decimals. */
+static void write_rounded(struct buffer *out, double value, double units)
+{
+    char text[NUMBER_TEXT_SIZE];
+
+    buffer_puts(out, number_text(text, round(value * units) / units));
+}
+
 static void write_share(struct buffer *out, uint64_t looks, uint64_t all)
 {
     if (all > 0)
-        buffer_printf(out, "%.4f", (double)looks / (double)all);
+        write_rounded(out, (double)looks / (double)all, 1e4);
     else
         buffer_puts(out, "null");
 }
@@ -185,8 +195,10 @@ void manifest_write(struct buffer *out, const struct manifest *m)
     write_names(out, "not_called_for", EFFECTS_ALL & ~m->effects & ~off);
     buffer_printf(out,
                   "  \"work\": {\"frame_samples\": %" PRIu64 ", \"samples\": %" PRIu64
-                  ", \"rays\": %" PRIu64 ", \"vertices\": %" PRIu64 ", \"cpu_s\": %.3f},\n",
-                  m->frame_samples, m->samples, m->rays, m->vertices, (double)m->cpu_ns * 1e-9);
+                  ", \"rays\": %" PRIu64 ", \"vertices\": %" PRIu64 ", \"cpu_s\": ",
+                  m->frame_samples, m->samples, m->rays, m->vertices);
+    write_rounded(out, (double)m->cpu_ns / 1e9, 1e3);
+    buffer_puts(out, "},\n");
     write_time(out, m);
     buffer_puts(out, "}\n");
 }

@@ -155,3 +155,50 @@ def passing_on(address, damage_client_at=None, damage_server_at=None):
                     ways[source][1] += len(data)
                     target.sendall(data)
     return manner
+
+
+class Proxy:
+    """Between a client and the farm's coordinator; cuts one connection, passes the others on.
+
+    Connection number `which` (from 1) is cut when the coordinator's answer number `answer` to it
+    has come: that one is not passed on. `cut` tells whether it came to that."""
+
+    def __init__(self, farm, which=0, answer=0):
+        self.target = farm.address.rsplit(":", 1)
+        self.which, self.answer, self.cut, self.count = which, answer, False, 0
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.address = "127.0.0.1:%d" % self.listener.getsockname()[1]
+        threading.Thread(target=self.accept, daemon=True).start()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.listener.shutdown(socket.SHUT_RDWR)  # close alone does not wake accept
+        self.listener.close()
+
+    def accept(self):
+        while True:
+            try:
+                client, _ = self.listener.accept()
+            except OSError:
+                return
+            self.count += 1
+            threading.Thread(target=self.carry, args=(client, self.count), daemon=True).start()
+
+    def carry(self, client, number):
+        answers = 0
+        try:
+            with client, socket.create_connection((self.target[0], int(self.target[1]))) as farm:
+                while True:
+                    for end in select.select([client, farm], [], [])[0]:
+                        data = end.recv(65536)
+                        answers += end is farm
+                        if number == self.which and answers == self.answer and end is farm:
+                            self.cut = True
+                            return
+                        if not data:
+                            return
+                        (farm if end is client else client).sendall(data)
+        except OSError:
+            pass

@@ -1,16 +1,21 @@
 """The command line client from the outside: words, exit statuses, files, and a render for real."""
+import contextlib
 import json
 import os
 import re
 import signal
 import socket
+import sqlite3
 import stat
+import struct
 import subprocess
 import sys
 import threading
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
+from exr import read_exr
 from farm import BIN, ROOT, Farm, Failure, Tests, read_bytes, wait_for
+from odd import Proxy
 
 tests = Tests()
 COMMANDS = ["render", "import", "effects", "submit", "list", "show", "watch", "fetch", "develop",
@@ -104,6 +109,25 @@ def farm_run_bare(farm):
         code, out, err = done.returncode, done.stdout.decode(), done.stderr.decode()
     expect("usage:" in Bare.out, Bare.out)
     return Bare
+
+
+@tests.add
+def readers_that_go_away():
+    """output into a pipe that nothing reads ends quietly, like other tools; a full disk does not"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        number = farm.submit(farm.scene(), *SMALL)
+        for words in (["tonemap", "--list"], ["tonemap", "--list", "--json"], ["--help"], ["list"],
+                      ["list", "--json"], ["show", number], ["show", number, "--json"],
+                      ["submit", "--help"], ["effects", farm.scene()]):
+            reader, writer = os.pipe()
+            os.close(reader)
+            done = subprocess.run(farm.cli_argv(*words), stdout=writer, stderr=subprocess.PIPE)
+            os.close(writer)
+            expect((done.returncode, done.stderr) == (141, b""), (words, done))
+            with open("/dev/full", "wb") as full:
+                done = subprocess.run(farm.cli_argv(*words), stdout=full, stderr=subprocess.PIPE)
+            expect(done.returncode == 8, (words, done))
 
 
 @tests.add
@@ -253,7 +277,8 @@ def unknown_jobs():
         for command in ("show", "watch", "fetch", "develop", "cancel"):
             result = farm.cli(command, "12345")
             expect(result.code == 5 and "12345" in result.err, result)
-        expect(farm.cli("list", "--json", expect=0).json() == {"jobs": []}, "jobs")
+        expect(farm.cli("list", "--json", expect=0).json() == {"jobs": [], "not_shown": 0},
+               "jobs")
         expect(farm.cli("workers", "--json", expect=0).json() == {"workers": []}, "workers")
 
 
@@ -502,6 +527,157 @@ def a_job_on_a_farm():
 
 
 @tests.add
+def fetching_into_one_folder():
+    """no job overwrites another's files, whatever they are called; fetching again changes nothing"""
+    def contents(folder):
+        return {f: read_bytes(os.path.join(folder, f)) for f in os.listdir(folder)
+                if not f.startswith(".")}
+
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        scene = farm.scene()
+        longest = "\u00e9" * 127 + "x"  # 255 bytes
+        first, second = [farm.submit(scene, *SMALL, "-o", "shot", "--seed", seed)
+                         for seed in (1, 2)]
+        cut, twin = [farm.submit(scene, *SMALL, "-o", longest[:-1] + end, "--frames", "7-8")
+                     for end in "xy"]
+        third = farm.submit(scene, *SMALL, "-o", "shot", "--format", "png")
+        for number in (first, second, cut, twin, third):
+            farm.wait_for_job(number)
+        folder = farm.path("all")
+        farm.cli("fetch", first, "-o", folder, "--manifest", expect=0)
+        before = contents(folder)
+        expect(sorted(before) == ["shot.effects.json", "shot.exr", "shot.png"], before.keys())
+        result = farm.cli("fetch", second, "-o", folder, expect=0)
+        expect("shot-job2" in result.err and "--force" in result.err, result)
+        both = contents(folder)
+        expect(dict(both, **before) == both, "the first job's files were changed")
+        expect(both["shot-job2.exr"] != both["shot.exr"], "the second job's picture")
+        # Again, in any order, and with other pictures: each has its own.
+        farm.cli("fetch", second, "-o", folder, expect=0)
+        farm.cli("fetch", first, "-o", folder, "--manifest", expect=0)
+        expect(contents(folder) == both, "fetching again is not the same")
+        for number in (first, second):
+            farm.cli("develop", number, "--tonemap", "linear", "-o", folder, expect=0)
+        now = contents(folder)
+        expect(sorted(now) == sorted(both) and now["shot.png"] != both["shot.png"], now.keys())
+        farm.cli("fetch", third, "-o", folder, expect=0)
+        farm.cli("fetch", third, "-o", folder, "--force", expect=0)
+        expect(contents(folder)["shot.png"] == contents(folder)["shot-job%d.png" % third], "force")
+        # At the same time: one chooses its names after the other.
+        together = [farm.start_cli("fetch", n, "-o", "race") for n in (first, second, third) * 3]
+        for fetch in together:
+            out, err = fetch.communicate(timeout=120)
+            expect(fetch.returncode == 0, err)
+        expect(len(contents(farm.path("race"))) == 5, os.listdir(farm.path("race")))
+        # What render left there is not overwritten either.
+        farm.cli("render", scene, *SMALL, "-o", os.path.join(folder, "mine"), expect=0)
+        mine = read_bytes(os.path.join(folder, "mine.exr"))
+        number = farm.submit(scene, *SMALL, "-o", "mine", "--seed", 5)
+        farm.wait_for_job(number)
+        farm.cli("fetch", number, "-o", folder, expect=0)
+        expect(read_bytes(os.path.join(folder, "mine.exr")) == mine, "render's picture")
+        # Names as long as a job's may be, the same up to the last byte.
+        files = [f for n in (cut, twin) for f in farm.cli(
+            "fetch", n, "-o", folder, "--json", expect=0).json()["files"]]
+        expect(len(set(files)) == 8 and all(os.path.exists(f) for f in files), files)
+        expect(all(re.search(r"-000[78]\.(exr|png)$", f) for f in files), files)
+
+
+@tests.add
+def fetching_a_part():
+    """a fetch that lacks frames or files ends with status 9 and keeps what it got"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        scene = farm.scene()
+        number = farm.submit(scene, *SMALL, "-o", "part", "--frames", "1-3")
+        farm.start_worker()
+        farm.wait_for_job(number)
+        stored = farm.path("store", "outputs", str(number))
+        os.unlink(os.path.join(stored, "frame-0002.png"))
+        result = farm.cli("fetch", number, "-o", "there", expect=9)
+        expect("frame 2" in result.err and "1 file could not be fetched" in result.err, result)
+        expect(sum(f.startswith("part-") for f in os.listdir(farm.path("there"))) == 5, result)
+        told = farm.cli("fetch", number, "-o", "there", "--json", expect=9).json()
+        expect(len(told["files"]) == 5 and [(m["frame"], m["file"]) for m in told["missing"]] ==
+               [(2, "png")], told)
+        os.unlink(os.path.join(stored, "frame-0002.exr"))
+        farm.cli("fetch", number, "--frame", 2, "-o", "there", expect=5)  # nothing at all
+        # A job that goes on: the frames that are finished come, and the status tells.
+        farm.workers[0].kill()
+        running = farm.submit(scene, "--size", "160x160", "--spp", "128", "-o", "on",
+                              "--frames", "1-50")
+        farm.start_worker()
+        wait_for(lambda: farm.job(running)["frames_done"] > 0, "a frame")
+        result = farm.cli("fetch", running, "-o", "on", expect=9)
+        expect("not rendered yet" in result.err, result)
+        expect(os.path.exists(farm.path("on", "on-0001.exr")), result)
+        # The frame in work, as a picture and as light; nothing is fetched for a name that is neither.
+        wait_for(lambda: farm.job(running)["preview_ready"], "a preview")
+        for name in ("x.jpg", "x", "x.exr.txt"):
+            result = farm.cli("fetch", running, "--preview", name, expect=2)
+            expect(".exr" in result.err and not os.path.exists(farm.path(name)), result)
+        farm.cli("fetch", running, "--preview", "x.png", expect=0)
+        expect(read_bytes(farm.path("x.png"))[:4] == b"\x89PNG", "no PNG")
+        farm.cli("fetch", running, "--preview", "x.exr", expect=0)
+        preview = read_exr(farm.path("x.exr"))
+        expect((preview.width, preview.height) == (160, 160), "the preview's size")
+        samples = struct.unpack("<d", preview.attributes["azulejo:samples"])[0]
+        expect(0 < samples < 160 * 160 * 128, samples)
+        farm.cli("cancel", running, expect=0)
+
+
+@tests.add
+def lists_on_a_terminal():
+    """on a terminal of 80 columns list cuts names instead of breaking lines; in a pipe it does not"""
+    import fcntl
+    import pty
+    import termios
+    with Farm() as farm:
+        farm.start_coordinator()
+        name = "a-name-as-long-as-people-give-\u00e9\u00e9\u00e9\u00e9-shot-0040-v012"
+        farm.submit(farm.scene(), *SMALL, "-o", name, "--frames", "1-100000")
+        expect(name in farm.cli("list", expect=0).out, "a pipe")
+        master, slave = pty.openpty()
+        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("4H", 24, 80, 0, 0))
+        subprocess.run(farm.cli_argv("list"), stdout=slave, check=True, timeout=60)
+        lines = os.read(master, 65536).decode().splitlines()
+        os.close(slave)
+        os.close(master)
+        expect(len(lines) == 2 and len(lines[0]) <= 80 and len(lines[1]) <= 80, lines)
+        expect("a-name-" in lines[1] and ".." in lines[1] and "100000" in lines[1], lines)
+
+
+@tests.add
+def lists_of_many_jobs():
+    """list shows every active job, says how many ended ones it leaves out, and --all shows those"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        active = farm.submit(farm.scene(), *SMALL)
+        ended = farm.submit(farm.scene(), *SMALL)
+        farm.cli("cancel", ended, expect=0)
+        farm.coordinator.stop()
+        # 3,500 more like the one that has ended, as years of use would leave them.
+        with contextlib.closing(sqlite3.connect(farm.path("store", "queue.sqlite"))) as db:
+            columns = ", ".join(row[1] for row in db.execute("PRAGMA table_info(jobs)")
+                                if row[1] not in ("id", "token"))
+            db.executemany("INSERT INTO jobs (%s) SELECT %s FROM jobs WHERE id=?" %
+                           (columns, columns), [(ended, )] * 3500)
+            db.commit()
+        farm.restart_coordinator()
+        shown = farm.cli("list", "--json", expect=0).json()
+        numbers = [job["job"] for job in shown["jobs"]]
+        expect(numbers == [active] + list(range(1503, 3503)), (numbers[:3], len(numbers)))
+        expect(shown["not_shown"] == 1501, shown["not_shown"])
+        result = farm.cli("list", expect=0)
+        expect("1501 older" in result.err and "--all" in result.err, result.err)
+        shown = farm.cli("list", "--all", "--json", expect=0).json()
+        expect([job["job"] for job in shown["jobs"]] == list(range(1, 3503)), len(shown["jobs"]))
+        expect(shown["not_shown"] == 0 and farm.cli("list", "-a", expect=0).err == "", "--all")
+
+
+@tests.add
 def shares_of_the_effects():
     """a frame's manifest says how the time is shared among its effects, on a farm and alone"""
     def check(manifest, words):
@@ -583,29 +759,83 @@ def catches_signals(pid):
 
 @tests.add
 def coordinator_goes_away():
-    """a coordinator that dies ends watch with status 4; after a restart the job is still there"""
+    """watch outlives a coordinator that is killed and started again; with --reconnect 0 it ends with 4"""
     with Farm() as farm:
         farm.start_coordinator()
         farm.start_worker()
         number = farm.submit(farm.scene(), "--size", "256x256", "--spp", "64", "-o", "survivor")
         farm.wait_for_job(number, "running")
-        watcher = farm.start_cli("watch", number)
+        patient, hasty, short = watchers = [
+            farm.start_cli("watch", number, *options)
+            for options in ([], ["--reconnect", "0"], ["--limit", "3"])]
+        stopped = farm.start_cli("watch", number)
         try:
-            wait_for(lambda: catches_signals(watcher.pid), "the watcher")
+            for watcher in watchers + [stopped]:
+                wait_for(lambda: catches_signals(watcher.pid), "the watcher")
             farm.coordinator.kill()
-            out, err = watcher.communicate(timeout=60)
+            out, err = hasty.communicate(timeout=60)
+            expect(hasty.returncode == 4 and farm.address.encode() in err,
+                   (hasty.returncode, out, err))
+            out, err = short.communicate(timeout=60)
+            expect(short.returncode == 7 and b"3 seconds" in err, (short.returncode, out, err))
+            stopped.send_signal(signal.SIGINT)
+            out, err = stopped.communicate(timeout=60)
+            expect(stopped.returncode == 130 and b"goes on" in err, (stopped.returncode, out, err))
+            farm.restart_coordinator()
+            job = farm.wait_for_job(number, "done")
+            out, err = patient.communicate(timeout=60)
+            expect(patient.returncode == 0 and b": done" in out, (patient.returncode, out, err))
+            expect(err.count(b"waiting up to 10:00") == 1 and err.count(b" is back") == 1, err)
         finally:
-            watcher.kill()
-            watcher.wait()
-        expect(watcher.returncode == 4 and farm.address.encode() in err,
-               (watcher.returncode, out, err))
-        farm.restart_coordinator()
-        job = farm.wait_for_job(number, "done")
+            for watcher in watchers + [stopped]:
+                watcher.kill()
+                watcher.communicate()
         expect(job["name"] == "survivor" and job["conflicts"] == 0, job)
         files = farm.fetch(number)
         farm.cli("render", farm.scene(), "--size", "256x256", "--spp", "64", "-o", "whole.exr",
                  expect=0)
         farm.cli("compare", [f for f in files if f.endswith(".exr")][0], "whole.exr", expect=0)
+
+
+@tests.add
+def submitted_twice():
+    """a submission whose answer is lost is one job, and so is one that a script repeats"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        jobs = lambda: len(farm.cli("list", "--json", expect=0).json()["jobs"])
+        # Cut at every answer in turn: the handshake's, the welcome, each of the submission's.
+        for answer in range(1, 20):
+            before = jobs()
+            with Proxy(farm, which=1, answer=answer) as proxy:
+                done = subprocess.run(
+                    [os.path.join(BIN, "azulejo"), "submit", farm.scene(), *SMALL, "-c",
+                     proxy.address, "-k", farm.key], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                    timeout=60)
+                expect(done.returncode in (0, 4), done)
+                expect(jobs() == before + (done.returncode == 0), (answer, done))
+                if not proxy.cut:
+                    break
+                # One connection and a number: it was the goodbye that was cut.
+                expect(done.returncode == 4 or (b"is back" in done.stderr) == (proxy.count == 2),
+                       (answer, done))
+        expect(not proxy.cut, "there were more than 20 answers")
+        expect("submitted again with its token" in farm.coordinator.log_text(),
+               "no answer to a JobSubmit was lost")
+        # A person's script.
+        first = farm.submit(farm.scene(), *SMALL, "--token", "nightly 7")
+        count = jobs()
+        expect(farm.submit(farm.scene(), *SMALL, "--token", "nightly 7", "--tonemap", "linear") ==
+               first, "another job")
+        farm.coordinator.kill()
+        farm.restart_coordinator()
+        expect(farm.submit(farm.scene(), *SMALL, "--token", "nightly 7") == first, "a restart")
+        result = farm.cli("submit", farm.scene(), *SMALL, "--seed", 1, "--token", "nightly 7",
+                          expect=5)
+        expect("nightly 7" in result.err and "job %d" % first in result.err, result)
+        for token in ("", "x" * 65):
+            farm.cli("submit", farm.scene(), *SMALL, "--token", token, expect=2)
+        farm.cli("submit", farm.scene(), *SMALL, "--token", "a\nb", expect=3)
+        expect(jobs() == count, "more jobs")
 
 
 @tests.add

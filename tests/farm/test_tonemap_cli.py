@@ -126,6 +126,37 @@ def every_parameter():
 
 
 @tests.add
+def documented_parameters():
+    """docs/TONEMAPPING.md and --list have the same parameters, ranges, words and presets"""
+    with open(os.path.join(ROOT, "docs/TONEMAPPING.md")) as source:
+        sections = re.findall(r"^### ([\w, -]+)\n(.*?)(?=^##)", source.read(), re.M | re.S)
+    documented = {}
+    for titles, text in sections:
+        text = " ".join(text.split())
+        # A row of a table, or a bracket behind the name: `white` (0.1..1000, preset 11.2).
+        found = re.findall(r"\| `([\w-]+)` \| ([^|]+) \| ([^|]+) \|", text)
+        found += re.findall(r"`([\w-]+)` \(?([^()|]{3,30}?)[,;] preset ([^ );]+)", text)
+        for name, values, preset in found:
+            preset = preset.strip("`")
+            if ".." in values:
+                values, preset = [float(v) for v in values.split("..")], float(preset)
+            else:
+                values = re.findall(r"`([\w-]+)`", values)
+            documented.setdefault(titles, {})[name] = (values, preset)
+    with Farm() as farm:
+        program = {op["name"]: {p["name"]: (p.get("choices") or [p["min"], p["max"]], p["default"])
+                                for p in op["parameters"]} for op in operators(farm)}
+    seen = set()
+    for titles, parameters in documented.items():
+        names = titles.split(", ")
+        wanted = {k: v for name in names for k, v in program[name].items()}
+        expect(parameters == wanted, "%s: documented %s, the program has %s" % (
+            titles, parameters, wanted))
+        seen.update(names)
+    expect(all(name in seen or not p for name, p in program.items()), (seen, program.keys()))
+
+
+@tests.add
 def formats():
     """the name's ending says the format: 8 and 16 bits of PNG, JPEG, EXR of linear display light"""
     with Farm() as farm:

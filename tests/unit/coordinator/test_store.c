@@ -162,36 +162,87 @@ static void jobs_survive_a_restart(void **state)
     store_close(store);
 }
 
-/* A store of version 1, which knew no revisions: its finished frames' pictures are as they should. */
+/* A store of version 1, which knew no revisions: its finished frames' pictures are as they should;
+ * and one of version 2, which knew no tokens. */
 static void an_older_store_is_brought_up_to_date(void **state)
 {
+    static const char *const steps_back[] = {
+        "DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token; PRAGMA user_version=2",
+        "DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token;"
+        "ALTER TABLE jobs DROP COLUMN revision; ALTER TABLE frames DROP COLUMN revision;"
+        "PRAGMA user_version=1",
+    };
     struct store *store = open_it();
     struct job *job = sim_job(16, 16, 1, 1, 3, 0);
     struct loaded loaded = {{NULL}, 0};
     struct error err = {0};
     sqlite3 *db;
+    uint64_t id;
 
     (void)state;
     assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
     assert_int_equal(store_frame_done(store, job->id, 2, 0.5, 0, &err), STATUS_OK);
     store_close(store);
-    assert_int_equal(sqlite3_open(path_of("queue.sqlite"), &db), SQLITE_OK);
-    assert_int_equal(sqlite3_exec(db, "ALTER TABLE jobs DROP COLUMN revision;"
-                                      "ALTER TABLE frames DROP COLUMN revision;"
-                                      "PRAGMA user_version=1", NULL, NULL, NULL), SQLITE_OK);
-    sqlite3_close(db);
-    for (int times = 0; times < 2; times++) { /* the second time it is up to date */
-        store = open_it();
-        loaded.count = 0;
-        assert_int_equal(store_jobs_load(store, adopt, &loaded, &err), STATUS_OK);
-        assert_int_equal(loaded.count, 1);
-        assert_int_equal(loaded.jobs[0]->revision, 0);
-        assert_int_equal(loaded.jobs[0]->frames_done_count, 1);
-        assert_int_equal(loaded.jobs[0]->frames_developed_count, 1);
-        job_free(loaded.jobs[0]);
-        store_close(store);
+    snprintf(job->token, sizeof job->token, "new");
+    for (size_t i = 0; i < sizeof steps_back / sizeof *steps_back; i++) {
+        assert_int_equal(sqlite3_open(path_of("queue.sqlite"), &db), SQLITE_OK);
+        assert_int_equal(sqlite3_exec(db, steps_back[i], NULL, NULL, NULL), SQLITE_OK);
+        sqlite3_close(db);
+        for (int times = 0; times < 2; times++) { /* the second time it is up to date */
+            store = open_it();
+            loaded.count = 0;
+            assert_int_equal(store_jobs_load(store, adopt, &loaded, &err), STATUS_OK);
+            assert_int_equal(loaded.count, 1);
+            assert_int_equal(loaded.jobs[0]->revision, 0);
+            assert_string_equal(loaded.jobs[0]->token, "");
+            assert_int_equal(loaded.jobs[0]->frames_done_count, 1);
+            assert_int_equal(loaded.jobs[0]->frames_developed_count, 1);
+            assert_int_equal(store_job_find(store, job, &id, &err), STATUS_OK);
+            assert_int_equal(id, 0);
+            job_free(loaded.jobs[0]);
+            store_close(store);
+        }
     }
     job_free(job);
+}
+
+/* A token names one job for ever, also after its output settings have changed. */
+static void tokens_name_one_job(void **state)
+{
+    struct store *store = open_it();
+    struct job *first = sim_job(16, 16, 1, 1, 3, 0), *second = sim_job(16, 16, 1, 1, 3, 0);
+    struct job *none = sim_job(16, 16, 1, 1, 3, 0), *again = sim_job(16, 16, 1, 1, 3, 0);
+    struct error err = {0};
+    uint64_t id;
+
+    (void)state;
+    snprintf(first->token, sizeof first->token, "one");
+    snprintf(second->token, sizeof second->token, "one");
+    assert_int_equal(store_job_find(store, first, &id, &err), STATUS_OK);
+    assert_int_equal(id, 0);
+    assert_int_equal(store_job_insert(store, first, &err), STATUS_OK);
+    assert_int_equal(store_job_insert(store, none, &err), STATUS_OK);
+    assert_int_equal(store_job_insert(store, again, &err), STATUS_OK); /* two without a token */
+    assert_int_not_equal(store_job_insert(store, second, &err), STATUS_OK);
+    first->output.tonemap.exposure_ev = 2;
+    first->revision++;
+    assert_int_equal(store_job_revise(store, first, &err), STATUS_OK);
+    store_close(store);
+    store = open_it();
+    assert_int_equal(store_job_find(store, second, &id, &err), STATUS_OK);
+    assert_int_equal(id, first->id);
+    second->priority = 7;
+    assert_int_equal(store_job_find(store, second, &id, &err), STATUS_OK);
+    assert_int_equal(store_job_find(store, none, &id, &err), STATUS_OK);
+    assert_int_equal(id, 0);
+    second->settings.seed++;
+    assert_int_equal(store_job_find(store, second, &id, &err), STATUS_ERR_REFUSED);
+    assert_non_null(strstr(err.text, "'one'"));
+    store_close(store);
+    job_free(again);
+    job_free(none);
+    job_free(second);
+    job_free(first);
 }
 
 static void epochs_never_repeat(void **state)
@@ -778,6 +829,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         STORE_TEST(jobs_survive_a_restart),
         STORE_TEST(an_older_store_is_brought_up_to_date),
+        STORE_TEST(tokens_name_one_job),
         STORE_TEST(epochs_never_repeat),
         STORE_TEST(a_store_in_use_is_refused),
         STORE_TEST(bad_stores_are_refused),

@@ -643,12 +643,14 @@ static void test_chromaticities(void **state)
 
 /* ---- damage ------------------------------------------------------------------------------ */
 
-/* Every prefix of a file is refused; every changed byte is survived. */
+/* Every prefix of a file is refused; every changed byte is survived, and what is wrong is the file,
+ * never the program or the machine's memory. */
 static void damage(const struct buffer *file)
 {
     uint8_t *copy;
     struct image out;
     struct error err;
+    status st;
 
     for (size_t length = 0; length < file->size; length++) {
         copy = mem_memdup(file->data, length); /* exact size: the sanitizer sees over-reads */
@@ -664,8 +666,11 @@ static void damage(const struct buffer *file)
 
             copy = mem_memdup(file->data, file->size);
             copy[at] ^= changes[change];
-            if (exr_decode(&out, copy, file->size, "bad.exr", NULL) == STATUS_OK)
+            st = exr_decode(&out, copy, file->size, "bad.exr", NULL);
+            if (st == STATUS_OK)
                 image_release(&out);
+            else
+                assert_int_equal(status_exit_code(st), 3);
             mem_free(copy);
         }
 }
@@ -692,6 +697,33 @@ static void test_damage_older_api(void **state)
     (void)state;
     write_rgba(&file, 5, 3, 0, 0, IMF_WRITE_RGB, IMF_DWAA_COMPRESSION, IMF_INCREASING_Y);
     damage(&file);
+    buffer_release(&file);
+}
+
+/* OpenEXRCore says that it is out of memory where a chunk's Huffman codes are damaged. A smaller
+ * picture would be stored as it is. */
+static void test_damaged_codes(void **state)
+{
+    struct buffer file = BUFFER_INIT;
+    struct image out;
+    int refused = 0;
+
+    (void)state;
+    write_rgba(&file, 61, 47, 0, 0, IMF_WRITE_RGB, IMF_PIZ_COMPRESSION, IMF_INCREASING_Y);
+    for (size_t at = 330; at < file.size; at++) {
+        uint8_t kept = file.data[at];
+        status st;
+
+        file.data[at] ^= 0xff;
+        st = exr_decode(&out, file.data, file.size, "bad.exr", NULL);
+        if (st == STATUS_OK)
+            image_release(&out);
+        else
+            assert_int_equal(status_exit_code(st), 3);
+        refused += st != STATUS_OK;
+        file.data[at] = kept;
+    }
+    assert_true(refused > 100);
     buffer_release(&file);
 }
 
@@ -754,6 +786,8 @@ static void test_out_of_memory(void **state)
             image_release(&out);
             if (failed == 0)
                 break;
+        } else {
+            assert_int_equal(st, STATUS_ERR_NO_MEMORY);
         }
     }
     assert_true(n > 3);
@@ -918,6 +952,7 @@ int main(void)
         cmocka_unit_test(test_chromaticities),
         cmocka_unit_test(test_damage),
         cmocka_unit_test(test_damage_older_api),
+        cmocka_unit_test(test_damaged_codes),
         cmocka_unit_test(test_size_bomb),
         cmocka_unit_test(test_out_of_memory),
         cmocka_unit_test(test_more_channels),

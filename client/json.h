@@ -1,0 +1,25 @@
+/* json: the values and the documents that commands print for programs. */
+#ifndef AZULEJO_CLIENT_JSON_H
+#define AZULEJO_CLIENT_JSON_H
+
+#include <jansson.h>
+
+#include "common/base/buffer.h"
+#include "common/base/status.h"
+
+/* A number, or null when it is not finite (JSON knows no NaN). Values of 32 bits have a function of
+ * their own, so that 0.1f is 0.1. */
+json_t *json_number(double value);
+json_t *json_number_float(float value);
+
+/* Text that came over the wire; "(not UTF-8)" if it is not. */
+json_t *json_text(const char *text);
+
+/* Append the value as text, indented by two columns a level. Reals are the shortest text that reads
+ * back as the same value; JSON_REAL_PRECISION has one length for all. */
+void json_write(struct buffer *out, const json_t *value);
+
+/* Print JSON with a newline to standard output and drop the reference. */
+status json_print(json_t *value, struct error *err) MUST_CHECK;
+
+#endif
