@@ -43,7 +43,7 @@ status develop_preview(struct development *development, const struct store *stor
                        struct buffer *png, struct error *err) MUST_CHECK;
 
 /* Append the frame's manifest (common/scene/manifest.h) to `json`. */
-status develop_manifest(const struct development *development, const struct store *store,
+status develop_manifest(struct development *development, const struct store *store,
                         struct buffer *json, struct error *err) MUST_CHECK;
 
 /* The files' bytes, for develop_frame and for tests; either buffer may be NULL. `store` may be NULL
