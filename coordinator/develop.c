@@ -14,7 +14,7 @@
 #include "coordinator/blobs.h"
 #include "coordinator/wire.h"
 
-enum { ATTRIBUTES_MAX = 26 };
+enum { ATTRIBUTES_MAX = 27 };
 
 struct development {
     uint64_t job;
@@ -30,6 +30,8 @@ struct development {
     const struct film *film; /* NULL: `image` holds a copy, and there are no AOVs */
     int taken;               /* `image` holds the film's means */
     struct image image;
+    int described;           /* `description` is the job's scene */
+    struct scene description;
 };
 
 static status development_new(struct development **out, const struct job *job, uint32_t number,
@@ -40,6 +42,7 @@ static status development_new(struct development **out, const struct job *job, u
     *out = NULL;
     if (!d)
         return error_no_memory(err, "a picture");
+    scene_init(&d->description);
     d->job = job->id;
     memcpy(d->name, job->name, sizeof d->name);
     memcpy(d->scene_name, job->scene_name, sizeof d->scene_name);
@@ -108,6 +111,7 @@ void development_free(struct development *development)
     if (!development)
         return;
     image_release(&development->image);
+    scene_release(&development->description);
     mem_free(development);
 }
 
@@ -124,6 +128,11 @@ static void add_text(struct attributes *a, const char *name, const char *text)
 static void add_number(struct attributes *a, const char *name, double number)
 {
     a->items[a->count++] = (struct exr_attribute){.name = name, .number = number};
+}
+
+static void add_point(struct attributes *a, const char *name, const double point[3])
+{
+    a->items[a->count++] = (struct exr_attribute){.name = name, .point = point};
 }
 
 /* Settings that only some jobs have. */
@@ -184,6 +193,27 @@ static void develop_lines(void *user, uint32_t y, uint32_t height, float *planes
 
 /* ---- files ---------------------------------------------------------------------------------- */
 
+/* Read the job's scene, once. The picture is what counts: it is not held back for want of what
+ * only its header and its manifest say. */
+static void describe(struct development *d, const struct store *store)
+{
+    struct buffer packed = BUFFER_INIT;
+    struct error err = {0};
+    status s;
+
+    if (d->described)
+        return;
+    s = blobs_read(store_folder(store), &d->scene, SCENE_BYTES_MAX, &packed, &err);
+    if (s == STATUS_OK)
+        s = scene_unpack(&d->description, packed.data, packed.size, &err);
+    buffer_release(&packed);
+    d->described = s == STATUS_OK;
+    if (s != STATUS_OK)
+        log_warn("job %" PRIu64 ", frame %u: its header lacks the scene's origin and its manifest "
+                 "the causes of its effects: %s",
+                 d->job, d->frame, err.text);
+}
+
 static status encode_exr(struct development *d, struct buffer *exr, struct error *err)
 {
     struct attributes a = {.count = 0};
@@ -214,6 +244,8 @@ static status encode_exr(struct development *d, struct buffer *exr, struct error
     add_text(&a, "azulejo:isa", isa_name(d->settings.isa));
     add_extras(&a, &d->settings, without);
     add_text(&a, "azulejo:kernel", d->kernel);
+    if (d->described)
+        add_point(&a, "azulejo:origin", d->description.origin);
     if (isfinite(d->relative_mse))
         add_number(&a, "azulejo:relativeMse", d->relative_mse);
     options.attributes = a.items;
@@ -446,31 +478,22 @@ status develop_again(struct development *d, struct store *store, struct error *e
 
 /* ---- the manifest ---------------------------------------------------------------------------- */
 
-/* What the frame calls for, from its stored scene. The causes' names belong to `scene`. */
-static status find_effects(const struct development *d, const struct store *store,
-                           struct scene *scene, struct manifest *m,
-                           struct effect_cause causes[EFFECT_COUNT], struct error *err)
+/* What the frame calls for. The causes' names belong to the description. */
+static void find_effects(const struct development *d, struct manifest *m,
+                         struct effect_cause causes[EFFECT_COUNT])
 {
     struct render_settings whole = d->settings;
-    struct buffer packed = BUFFER_INIT;
-    status s = blobs_read(store_folder(store), &d->scene, SCENE_BYTES_MAX, &packed, err);
 
-    if (s == STATUS_OK)
-        s = scene_unpack(scene, packed.data, packed.size, err);
-    buffer_release(&packed);
-    if (s != STATUS_OK)
-        return s;
     whole.without = 0;
-    m->called_for = scene_effects(scene, &whole, d->frame, causes);
+    m->called_for = scene_effects(&d->description, &whole, d->frame, causes);
     m->causes = causes;
     /* The worker knows best: it has seen the textures and the motion. */
     if (!m->effects)
-        m->effects = scene_effects(scene, &d->settings, d->frame, NULL);
-    return STATUS_OK;
+        m->effects = scene_effects(&d->description, &d->settings, d->frame, NULL);
 }
 
-status develop_manifest(const struct development *d, const struct store *store,
-                        struct buffer *json, struct error *err)
+status develop_manifest(struct development *d, const struct store *store, struct buffer *json,
+                        struct error *err)
 {
     struct effect_cause causes[EFFECT_COUNT];
     char digest[DIGEST_HEX_SIZE];
@@ -480,20 +503,14 @@ status develop_manifest(const struct development *d, const struct store *store,
         .without = d->settings.without, .frame_samples = d->samples, .samples = d->stats.samples,
         .rays = d->stats.rays, .vertices = d->stats.vertices, .cpu_ns = d->stats.cpu_ns,
     };
-    struct error why = {0};
-    struct scene scene;
 
     digest_to_hex(&d->scene, digest);
     memcpy(m.stages, d->stats.stages, sizeof m.stages);
     memcpy(m.accounts, d->stats.accounts, sizeof m.accounts);
-    scene_init(&scene);
-    /* The picture is what counts: a manifest that names nobody must not keep it back. */
-    if (find_effects(d, store, &scene, &m, causes, &why) != STATUS_OK)
-        log_warn("job %" PRIu64 ", frame %u: its manifest will not tell who called for which "
-                 "effect: %s",
-                 d->job, d->frame, why.text);
+    describe(d, store);
+    if (d->described)
+        find_effects(d, &m, causes);
     manifest_write(json, &m);
-    scene_release(&scene);
     return buffer_ok(json) ? STATUS_OK : error_no_memory(err, "a manifest");
 }
 
@@ -522,6 +539,7 @@ status develop_frame(struct development *d, struct store *store, struct error *e
     struct buffer exr = BUFFER_INIT, json = BUFFER_INIT;
     status s = take_pixels(d, err);
 
+    describe(d, store);
     if (s == STATUS_OK && d->output.exr)
         s = encode_exr(d, &exr, err);
     if (s == STATUS_OK && d->output.exr)

@@ -39,7 +39,7 @@ status develop_again(struct development *development, struct store *store, struc
  * pictures to develop_again. */
 int64_t development_revision(const struct development *development);
 /* Append the frame's manifest (common/scene/manifest.h) to `json`. */
-status develop_manifest(const struct development *development, const struct store *store,
+status develop_manifest(struct development *development, const struct store *store,
                         struct buffer *json, struct error *err) MUST_CHECK;
 
 /* The files' bytes, for previews and for tests; either buffer may be NULL. `store` may be NULL when

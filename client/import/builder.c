@@ -765,8 +765,10 @@ status builder_finish(struct builder *b, const char *title, const struct import_
     if (b->no_memory)
         return error_no_memory(b->err, "names and warnings");
     result = scene_validate(&out->scene, b->err);
-    if (result == STATUS_OK)
+    if (result == STATUS_OK) {
+        scene_rebase(b);
         result = scene_place(b, framed);
+    }
     if (result == STATUS_OK)
         result = scene_validate(&out->scene, b->err); /* as it was placed */
     if (result != STATUS_OK)

@@ -130,6 +130,11 @@ struct import_format {
 /* Replace control characters, so that hostile text cannot speak to a terminal. */
 void text_disarm(char *text);
 
+/* rebase.c: choose the scene's origin, the centre of what stands still (of everything at rest where
+ * nothing does), and make all places but the nodes' relative to it. Warns of what float rounds
+ * visibly. Once, before scene_place(). */
+void scene_rebase(struct builder *b);
+
 /* framing.c: put what follows a node where it is at time 0, and let `framed` (may be NULL) look
  * at the whole scene from the front, the right and above, at several moments if it moves. The
  * scene must have been validated. ERR_INPUT when something moves out of the range of numbers. */
@@ -137,9 +142,5 @@ status scene_place(struct builder *b, struct scene_camera *framed) MUST_CHECK;
 
 /* The bytes of a blob that was added; NULL: there is none. */
 const struct import_blob *builder_blob(const struct builder *b, const struct scene_blob *blob);
-
-/* framing.c: `m` reduced to a rotation and a translation that looks the same way; 0 when
- * its axes vanish. */
-int transform_d_to_rigid(const struct transform_d *m, struct transform *out);
 
 #endif

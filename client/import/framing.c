@@ -14,16 +14,6 @@ static const float frame_elevation_rad = 22 * PI_F / 180;
 /* A little air around the scene. */
 static const double frame_margin = 1.06;
 
-int transform_d_to_rigid(const struct transform_d *m, struct transform *out)
-{
-    struct transform_d rigid;
-
-    if (!transform_d_rigid(m, &rigid))
-        return 0;
-    *out = transform_from_d(&rigid);
-    return transform_is_finite(out);
-}
-
 /* ---- where things are ----------------------------------------------------------------------- */
 
 /* At so many moments of an animation, its ends among them, things are looked at. */
@@ -99,8 +89,7 @@ static void place_followers(struct scene *scene, const struct scene_pose *pose)
 {
     for (uint32_t i = 0; i < scene->instance_count; i++)
         if (scene->instances[i].node >= 0 && scene->instances[i].skin < 0) {
-            const struct transform_d to_world = pose_instance(pose, scene, i);
-            scene->instances[i].to_world = transform_from_d(&to_world);
+            scene->instances[i].to_world = pose_instance(pose, scene, i);
         }
     for (uint32_t i = 0; i < scene->light_count; i++) {
         struct scene_light light;
@@ -167,7 +156,7 @@ static void find_center(const struct boxes *boxes, double center[3])
 /* How far from the centre the camera must stand for the corners of every box to be in the
  * picture. `axes` are the camera's. */
 static double distance_needed(const struct boxes *boxes, const double center[3],
-                              const struct transform *axes, double tangent)
+                              const struct transform_d *axes, double tangent)
 {
     double needed = 0;
 
@@ -177,8 +166,7 @@ static double distance_needed(const struct boxes *boxes, const double center[3],
         for (int c = 0; c < 3; c++)
             at[c] -= center[c];
         for (int c = 0; c < 3; c++)
-            seen[c] = at[0] * (double)axes->m[0][c] + at[1] * (double)axes->m[1][c] +
-                      at[2] * (double)axes->m[2][c];
+            seen[c] = at[0] * axes->m[0][c] + at[1] * axes->m[1][c] + at[2] * axes->m[2][c];
         /* In the frame when max(|x|, |y|) <= (distance - z) * tangent: a square one, so that
          * every landscape picture holds it. */
         needed = fmax(needed,
@@ -201,12 +189,12 @@ static void frame_boxes(const struct boxes *boxes, struct scene_camera *out)
     for (int i = 0; i < 3; i++)
         view.m[i][1] = i == 1;
     out->yfov_rad = frame_fov_rad;
-    if (!transform_d_to_rigid(&view, &out->to_world)) /* constants: cannot happen */
+    if (!transform_d_rigid(&view, &out->to_world)) /* constants: cannot happen */
         return;
     find_center(boxes, center);
     distance = distance_needed(boxes, center, &out->to_world, (double)det_tan(frame_fov_rad / 2));
     for (int i = 0; i < 3; i++)
-        out->to_world.m[i][3] = (float)(center[i] + view.m[i][2] * distance);
+        out->to_world.m[i][3] = center[i] + view.m[i][2] * distance;
 }
 
 status scene_place(struct builder *b, struct scene_camera *framed)

@@ -48,22 +48,20 @@ static status place_mesh(struct gltf *g, const struct placing *how,
                          const struct transform_d *to_world)
 {
     struct scene_instance instance;
-    struct transform_d kept, inverse;
+    struct transform_d inverse;
 
     scene_instance_default(&instance);
     instance.name = how->name;
     instance.node = how->node;
-    instance.to_world = transform_from_d(to_world);
-    kept = transform_to_d(&instance.to_world);
-    if (!transform_is_finite(&instance.to_world) || !transform_d_invert(&kept, &inverse)) {
-        const struct transform_d identity = transform_d_identity();
+    instance.to_world = *to_world;
+    if (!transform_d_is_finite(to_world) || !transform_d_invert(to_world, &inverse)) {
         if (how->node < 0 && how->skin < 0) {
             builder_warn(g->b, "flattened",
                          "nodes[%zu] \"%.80s\": its transform flattens it to nothing: left out",
                          how->at->row, how->name);
             return STATUS_OK;
         }
-        instance.to_world = transform_from_d(&identity); /* at other times it may be there */
+        instance.to_world = transform_d_identity(); /* at other times it may be there */
     }
     for (size_t i = 0; i < how->mesh->count; i++) {
         const struct gltf_primitive *primitive = &how->mesh->primitives[i];
@@ -104,13 +102,12 @@ static status read_instancing(struct gltf *g, json_t *attributes, const struct g
 static status add_instance_node(struct gltf *g, int32_t parent, const double t[3],
                                 const double q[4], const double s[3], int32_t *row)
 {
-    const struct transform_d matrix = transform_d_from_trs(t, q, s);
     struct scene_node node = {.parent = parent, .has_matrix = 1, .rotation = {0, 0, 0, 1}};
     uint32_t added;
 
     for (int i = 0; i < 3; i++)
         node.scale[i] = 1;
-    node.matrix = transform_from_d(&matrix);
+    node.matrix = transform_d_from_trs(t, q, s);
     TRY(builder_add_node(g->b, &node, &added));
     *row = (int32_t)added;
     return STATUS_OK;
@@ -292,7 +289,7 @@ static status add_light(struct gltf *g, json_t *node, size_t index, const struct
         if (!(value >= 0 && value <= 1e30))
             return gltf_fail(g, STATUS_ERR_INPUT, &at, "color times intensity must be 0 to 1e30");
         out.intensity[c] = (float)value;
-        out.position[c] = (float)to_world->m[c][3];
+        out.position[c] = to_world->m[c][3];
         /* Along the node's -Z. The node's scale changes neither intensity nor range. */
         direction[c] = -to_world->m[c][2];
         length = fmax(length, fabs(direction[c]));
@@ -376,7 +373,7 @@ static status add_camera(struct gltf *g, json_t *node, size_t index, const struc
         out.ymag = (float)ymag;
         out.aspect = (float)fmin(xmag / ymag, 1e6);
     }
-    if (!transform_d_to_rigid(&stand->to_world, &out.to_world)) {
+    if (!transform_d_rigid(&stand->to_world, &out.to_world)) {
         builder_warn(g->b, "camera node",
                      "cameras[%zu] \"%.80s\": its node's transform has no directions: left out",
                      index, name);

@@ -156,15 +156,15 @@ static status add_node(struct gltf *g, size_t node)
     if (data->parent >= 0)
         added.parent = (int32_t)g->node_data[data->parent].row;
     added.has_matrix = local.has_matrix;
-    added.matrix = transform_from_d(&local.matrix);
+    added.matrix = local.matrix;
     normalize_rotation(local.rotation);
     for (int i = 0; i < 4; i++)
-        added.rotation[i] = (float)local.rotation[i];
+        added.rotation[i] = local.rotation[i];
     for (int i = 0; i < 3; i++) {
-        added.translation[i] = (float)local.translation[i];
-        added.scale[i] = (float)local.scale[i];
+        added.translation[i] = local.translation[i];
+        added.scale[i] = local.scale[i];
     }
-    if (!transform_is_finite(&added.matrix))
+    if (!transform_d_is_finite(&added.matrix))
         return gltf_fail(g, STATUS_ERR_INPUT, &at, "its transform is out of the range of numbers");
     if (mesh >= 0 && (data->animated >> PATH_WEIGHTS & 1)) {
         TRY(gltf_node_weights(g, node, (size_t)mesh, &added.weights, &weight_count));

@@ -72,6 +72,7 @@ struct import_result {
     uint64_t vertices;
     uint64_t degenerate_triangles;  /* dropped */
     uint64_t blob_bytes;
+    double position_spacing_m;      /* from one float to the next at the far end of the scene */
     struct scene_simplify_report simplified;
     struct import_animation *animations; /* in the scene's arena, like the variants' names */
     size_t animation_count;

@@ -9,6 +9,19 @@
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
                "mesh blobs are little-endian and are written as they lie in memory");
 
+/* From here on an ordinary scene's details, in metres, begin to need more digits than float has. */
+#define ORIGIN_FAR 1024.0
+
+void mesh_origin_choose(const double first[3], double origin[3])
+{
+    int far = 0;
+
+    for (int c = 0; c < 3; c++)
+        far |= fabs(first[c]) >= ORIGIN_FAR;
+    for (int c = 0; c < 3; c++)
+        origin[c] = far ? first[c] : 0;
+}
+
 void mesh_source_release(struct mesh_source *mesh)
 {
     mem_free(mesh->positions);

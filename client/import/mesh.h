@@ -23,7 +23,8 @@ struct mesh_morph {
 
 struct mesh_source {
     size_t vertex_count, triangle_count;
-    float *positions;   /* [3], required */
+    double origin[3];   /* where in the file's coordinates the positions' origin lies */
+    float *positions;   /* [3], required; relative to `origin` */
     float *normals;     /* [3] or NULL: flat shading */
     float *tangents;    /* [4] or NULL */
     float *uv[2];       /* [2] or NULL */
@@ -35,6 +36,11 @@ struct mesh_source {
 };
 
 void mesh_source_release(struct mesh_source *mesh);
+
+/* Where to put the origin of positions that a file gives in more digits than float holds: at the
+ * file's first vertex if that is far away, else at 0. Meshes that may touch one another must
+ * share one: equal vertices stay equal only then. */
+void mesh_origin_choose(const double first[3], double origin[3]);
 
 /* Replace the vertices by copies: new vertex i is old vertex from[i]. ERR_NO_MEMORY. */
 status mesh_source_gather(struct mesh_source *mesh, const uint32_t *from, size_t count,

@@ -85,6 +85,8 @@ struct obj {
     const char *name;               /* of the file, for messages */
     const char *folder;             /* NULL: no other files */
 
+    double origin[3];               /* of v: the first vertex chooses it */
+    int has_origin;
     float *v, *colors, *vt, *vn;    /* [3], [4] or NULL, [2], [3]; a v that cannot be read: NAN */
     size_t v_count, vt_count, vn_count, v_capacity, color_capacity, vt_capacity, vn_capacity;
     struct obj_corner *corners;

@@ -349,6 +349,8 @@ static status make_part(struct obj *o, const struct obj_part *part, struct part_
     instance.name = name;
     instance.mesh = (uint32_t)row;
     instance.material = material;
+    for (int c = 0; c < 3; c++)
+        instance.to_world.m[c][3] = o->origin[c];
     return builder_add_instance(o->b, &instance);
 }
 

@@ -192,6 +192,8 @@ struct pbrt {
     int64_t last_node;              /* of last_ctm, BUILDER_NO_ROW: none */
     struct pbrt_matrices last_ctm;
     int environments;               /* infinite lights so far */
+    int has_origin;                 /* a shape with vertices has been read: */
+    double origin[3];               /* the world's origin of positions (mesh_origin_choose) */
 };
 
 #define pbrt_warn(p, where, kind, ...) \

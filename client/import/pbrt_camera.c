@@ -192,15 +192,29 @@ static status add_channel(struct pbrt *p, uint32_t node, enum scene_channel_path
     return builder_add_channel(p->b, &channel);
 }
 
-static void node_pose(struct scene_node *node, const struct pose_key *key, int with_scale)
+/* A node at the first key's place, in double, and one below it for what the keys change: an
+ * animation's own numbers are floats. */
+static status add_key_nodes(struct pbrt *p, const struct pose_key key[2], int with_scale,
+                            uint32_t *row)
 {
-    *node = (struct scene_node){.parent = -1};
+    struct scene_node place, node;
+    const double still[3] = {0, 0, 0};
+    double moved[3];
+    uint32_t parent;
+
+    scene_node_default(&place);
+    scene_node_default(&node);
     for (int i = 0; i < 3; i++) {
-        node->translation[i] = (float)key->translation[i];
-        node->scale[i] = with_scale ? (float)key->stretch[i][i] : 1.0f;
+        place.translation[i] = key[0].translation[i];
+        moved[i] = key[1].translation[i] - key[0].translation[i];
+        node.scale[i] = with_scale ? key[0].stretch[i][i] : 1;
     }
-    for (int i = 0; i < 4; i++)
-        node->rotation[i] = (float)key->rotation[i];
+    memcpy(node.rotation, key[0].rotation, sizeof node.rotation);
+    TRY(builder_add_node(p->b, &place, &parent));
+    node.parent = (int32_t)parent;
+    TRY(builder_add_node(p->b, &node, row));
+    TRY(add_channel(p, *row, PATH_TRANSLATION, still, moved, 3));
+    return add_channel(p, *row, PATH_ROTATION, key[0].rotation, key[1].rotation, 4);
 }
 
 /* What does not change and is no scale along the axes stands in a node below. */
@@ -212,7 +226,7 @@ static status add_stretch(struct pbrt *p, uint32_t parent, const double s[3][3],
     for (int i = 0; i < 3; i++) {
         node.scale[i] = 1;
         for (int j = 0; j < 3; j++)
-            node.matrix.m[i][j] = (float)s[i][j];
+            node.matrix.m[i][j] = s[i][j];
     }
     return builder_add_node(p->b, &node, row);
 }
@@ -222,7 +236,6 @@ static status add_moving_node(struct pbrt *p, struct pose_key key[2], const stru
 {
     int diagonal = stretch_is_diagonal(key[0].stretch) && stretch_is_diagonal(key[1].stretch);
     double near_enough = 0, dot = 0, scale[2][3];
-    struct scene_node node;
 
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
@@ -238,10 +251,7 @@ static status add_moving_node(struct pbrt *p, struct pose_key key[2], const stru
         key[1].rotation[i] = -key[1].rotation[i];
     if (!diagonal && near_enough >= 1e-7)
         diagonal = 1;
-    node_pose(&node, &key[0], diagonal);
-    TRY(builder_add_node(p->b, &node, row));
-    TRY(add_channel(p, *row, PATH_TRANSLATION, key[0].translation, key[1].translation, 3));
-    TRY(add_channel(p, *row, PATH_ROTATION, key[0].rotation, key[1].rotation, 4));
+    TRY(add_key_nodes(p, key, diagonal, row));
     if (!diagonal)
         return add_stretch(p, *row, key[0].stretch, row);
     for (int k = 0; k < 2; k++)
@@ -487,7 +497,6 @@ static status moving_camera(struct pbrt *p, const struct pbrt_matrices *rigid,
                             struct scene_camera *camera)
 {
     struct pose_key key[2];
-    struct scene_node node;
     uint32_t row;
     double dot = 0;
 
@@ -500,10 +509,7 @@ static status moving_camera(struct pbrt *p, const struct pbrt_matrices *rigid,
         dot += key[0].rotation[i] * key[1].rotation[i];
     for (int i = 0; i < 4 && dot < 0; i++)
         key[1].rotation[i] = -key[1].rotation[i];
-    node_pose(&node, &key[0], 0);
-    TRY(builder_add_node(p->b, &node, &row));
-    TRY(add_channel(p, row, PATH_TRANSLATION, key[0].translation, key[1].translation, 3));
-    TRY(add_channel(p, row, PATH_ROTATION, key[0].rotation, key[1].rotation, 4));
+    TRY(add_key_nodes(p, key, 0, &row));
     camera->node = (int32_t)row;
     p->is_animated = 1;
     return STATUS_OK;
@@ -529,7 +535,7 @@ static status place_camera(struct pbrt *p, struct scene_camera *camera,
         world = pbrt_to_world(p, &world);
         TRY(rigid_camera(p, &world, &rigid.at[i]));
     }
-    camera->to_world = transform_from_d(&rigid.at[0]);
+    camera->to_world = rigid.at[0];
     return pbrt_is_moving(&rigid) ? moving_camera(p, &rigid, camera) : STATUS_OK;
 }
 

@@ -146,8 +146,7 @@ static status read_aim(struct pbrt *p, const struct pbrt_directive *d, struct sc
     for (int i = 0; i < 3; i++)
         out->direction[i] = (float)at[i];
     transform_to(&world, from, 1, at);
-    for (int i = 0; i < 3; i++)
-        out->position[i] = (float)at[i];
+    memcpy(out->position, at, sizeof out->position);
     return STATUS_OK;
 }
 
@@ -162,9 +161,9 @@ static status read_frame(struct pbrt *p, const struct pbrt_directive *d, const d
         return pbrt_fail(p, STATUS_ERR_INPUT, &d->at, "the light's matrix cannot be inverted");
     for (int i = 0; i < 3; i++) {
         for (int c = 0; c < 3; c++)
-            out->to_world.m[i][c] = (float)(axes[i][c] * turn[c]);
-        out->position[i] = out->to_world.m[i][3] = (float)world.m[i][3];
-        out->direction[i] = -out->to_world.m[i][2];
+            out->to_world.m[i][c] = axes[i][c] * turn[c];
+        out->position[i] = out->to_world.m[i][3] = world.m[i][3];
+        out->direction[i] = (float)-out->to_world.m[i][2];
     }
     return STATUS_OK;
 }
@@ -477,7 +476,7 @@ static status read_portal(struct pbrt *p, const struct pbrt_directive *d)
     for (int i = 0; i < 3; i++) {
         double sign = p->mirrored && i == 2 ? -1 : 1;
         const double *n = param->numbers;
-        portal.corner[i] = (float)(sign * n[i]);
+        portal.corner[i] = sign * n[i];
         portal.edge1[i] = (float)(sign * (n[3 + i] - n[i]));
         portal.edge2[i] = (float)(sign * (n[9 + i] - n[i]));
     }

@@ -177,7 +177,7 @@ static status read_grid(struct pbrt *p, const struct medium_entry *e, struct sce
         pbrt_warn(p, &e->d.at, "animated medium", "a medium that moves is not supported: at rest");
     world = transform_d_multiply(&e->d.ctm.at[0], &box);
     world = pbrt_to_world(p, &world);
-    out->grid_to_world = transform_from_d(&world);
+    out->grid_to_world = world;
     out->has_grid = 1;
     *grid = mem_alloc_array(cells, sizeof **grid);
     if (!*grid)

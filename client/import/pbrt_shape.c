@@ -25,6 +25,53 @@ static status copy_floats(struct pbrt *p, const struct pbrt_param *param, float 
     return STATUS_OK;
 }
 
+/* The origin of a shape's positions in its own space: where the file's, which the first vertex of
+ * all chooses, lies there. So shapes of one matrix share one, and equal vertices stay equal. */
+struct origin_choice {
+    struct pbrt *p;
+    const struct pbrt_directive *d;
+};
+
+static void choose_origin(void *user, const double first[3], double origin[3])
+{
+    const struct origin_choice *choice = user;
+    struct pbrt *p = choice->p;
+    const struct transform_d *ctm = &choice->d->ctm.at[0];
+    double world[3], local[3], far = 0, near = 0;
+    struct transform_d inverse;
+
+    memset(origin, 0, 3 * sizeof *origin);
+    if (!p->has_origin) {
+        transform_d_point(ctm, first, world);
+        mesh_origin_choose(world, p->origin);
+        p->has_origin = 1;
+    }
+    if ((p->origin[0] == 0 && p->origin[1] == 0 && p->origin[2] == 0) ||
+        !transform_d_invert(ctm, &inverse))
+        return;
+    transform_d_point(&inverse, p->origin, local);
+    for (int c = 0; c < 3; c++) {
+        far = fmax(far, fabs(first[c]));
+        near = fmax(near, fabs(first[c] - local[c]));
+    }
+    if (near < far) /* else the vertices are given around the shape's own place */
+        memcpy(origin, local, sizeof local);
+}
+
+/* "P" relative to the origin that it gets. */
+static status copy_positions(struct pbrt *p, const struct pbrt_directive *d,
+                             const struct pbrt_param *param, float **out, double origin[3])
+{
+    struct origin_choice choice = {p, d};
+
+    TRY(copy_floats(p, param, SCENE_COORDINATE_MAX, out));
+    if (param->number_count >= 3)
+        choose_origin(&choice, param->numbers, origin);
+    for (size_t i = 0; i < param->number_count; i++)
+        (*out)[i] = (float)(param->numbers[i] - origin[i % 3]) + 0.0f;
+    return STATUS_OK;
+}
+
 static status copy_indices(struct pbrt *p, const struct pbrt_param *param, size_t vertex_count,
                            uint32_t **out)
 {
@@ -43,6 +90,7 @@ static status copy_indices(struct pbrt *p, const struct pbrt_param *param, size_
 
 /* "P", "N", "uv" and "indices": what shapes of vertices share. */
 struct vertex_arrays {
+    double origin[3];
     float *positions, *normals, *uv;
     uint32_t *indices;
     size_t vertex_count, index_count;
@@ -84,7 +132,7 @@ static status read_arrays(struct pbrt *p, const struct pbrt_directive *d, unsign
                   uv->number_count / 2, a->vertex_count);
         uv = NULL;
     }
-    TRY(copy_floats(p, positions, SCENE_COORDINATE_MAX, &a->positions));
+    TRY(copy_positions(p, d, positions, &a->positions, a->origin));
     if (normals)
         TRY(copy_floats(p, normals, 1e30f, &a->normals));
     if (uv)
@@ -129,6 +177,7 @@ static status make_triangles(struct pbrt *p, const struct pbrt_directive *d,
         arrays_release(&a);
         return result;
     }
+    memcpy(out->origin, a.origin, sizeof out->origin);
     out->positions = a.positions;
     out->normals = a.normals;
     out->uv[0] = a.uv;
@@ -142,6 +191,8 @@ static status make_ply(struct pbrt *p, const struct pbrt_directive *d, struct me
 {
     const char *name = pbrt_string(d->params, "filename", NULL);
     static const char *const detail[] = {"displacement.uvscale", "edgelength", NULL};
+    struct origin_choice choice = {p, d};
+    const struct ply_origin origin = {choose_origin, &choice};
     struct buffer bytes = BUFFER_INIT;
     struct ply_report report = {0};
     status result;
@@ -154,7 +205,7 @@ static status make_ply(struct pbrt *p, const struct pbrt_directive *d, struct me
     pbrt_ignore(d->params, detail);
     result = pbrt_read_file(&p->reader, name, &d->at, &bytes, p->err);
     if (result == STATUS_OK) {
-        result = ply_read(bytes.data, bytes.size, out, &report, p->err);
+        result = ply_read(bytes.data, bytes.size, &origin, out, &report, p->err);
         if (result != STATUS_OK && result != STATUS_ERR_NO_MEMORY)
             error_prefix(p->err, "%s:%u: %.200s", d->at.file, d->at.line, name);
     }
@@ -220,6 +271,7 @@ static status make_patches(struct pbrt *p, const struct pbrt_directive *d,
                                               .patch_count = a.index_count / 4,
                                               .divisions = DIVISIONS};
         result = shape_bilinear(&patches, out, p->err);
+        memcpy(out->origin, a.origin, sizeof out->origin);
     }
     arrays_release(&a);
     return result;
@@ -243,6 +295,7 @@ static status make_loop(struct pbrt *p, const struct pbrt_directive *d, struct m
                                               .indices = a.indices,
                                               .triangle_count = a.index_count / 3};
         result = shape_loop(&control, (uint32_t)levels, out, p->err);
+        memcpy(out->origin, a.origin, sizeof out->origin);
     }
     arrays_release(&a);
     return result;
@@ -259,6 +312,7 @@ static status make_curve(struct pbrt *p, const struct pbrt_directive *d, struct 
     double width = pbrt_float(d->params, "width", 1);
     struct shape_curve curve = {.degree = (uint32_t)pbrt_integer(d->params, "degree", 3)};
     float *position = NULL, *facing = NULL;
+    double origin[3] = {0, 0, 0};
     status result;
 
     (void)pbrt_param(d->params, "splitdepth", ~0u);
@@ -270,7 +324,7 @@ static status make_curve(struct pbrt *p, const struct pbrt_directive *d, struct 
             curve.kind = (enum shape_curve_kind)i;
     curve.width_start = (float)pbrt_float(d->params, "width0", width);
     curve.width_end = (float)pbrt_float(d->params, "width1", width);
-    result = copy_floats(p, points, SCENE_COORDINATE_MAX, &position);
+    result = copy_positions(p, d, points, &position, origin);
     if (result == STATUS_OK && normals && curve.kind == CURVE_RIBBON)
         result = copy_floats(p, normals, 1e30f, &facing);
     curve.points = position;
@@ -282,6 +336,7 @@ static status make_curve(struct pbrt *p, const struct pbrt_directive *d, struct 
     curve.normals = facing;
     if (result == STATUS_OK)
         result = shape_curves(&curve, 1, PIECES, SIDES, out, p->err);
+    memcpy(out->origin, origin, sizeof out->origin);
     mem_free(position);
     mem_free(facing);
     return result;
@@ -372,6 +427,7 @@ static status copy_mesh(struct pbrt *p, const struct mesh_source *from, struct m
 {
     *to = (struct mesh_source){.vertex_count = from->vertex_count,
                                .triangle_count = from->triangle_count};
+    memcpy(to->origin, from->origin, sizeof to->origin);
     to->positions = mem_memdup(from->positions, from->vertex_count * 3 * sizeof(float));
     to->indices = mem_memdup(from->indices, from->triangle_count * 3 * sizeof(uint32_t));
     if (from->normals)
@@ -402,7 +458,7 @@ status pbrt_instance(struct pbrt *p, const struct pbrt_part *part)
     instance.name = p->b->meshes[part->mesh].name;
     instance.mesh = part->mesh;
     instance.material = part->material;
-    instance.to_world = transform_from_d(&world);
+    instance.to_world = world;
     TRY(pbrt_node(p, &part->ctm, &part->at, &instance.node));
     return builder_add_instance(p->b, &instance);
 }
@@ -483,6 +539,12 @@ static status add_part(struct pbrt *p, const struct pbrt_directive *d, struct pb
     struct pbrt_part part = {.ctm = d->ctm, .at = d->at};
     struct mesh_tangents tangents;
 
+    for (int k = 0; k < 2; k++) {
+        double at[3];
+        transform_d_point(&d->ctm.at[k], mesh->origin, at);
+        for (int c = 0; c < 3; c++)
+            part.ctm.at[k].m[c][3] = at[c];
+    }
     tangents_of(s, &tangents);
     TRY(mesh_finish(p->b, mesh, builder_name(p->b, d->kind), &tangents, mesh_row));
     if (*mesh_row < 0)

@@ -68,6 +68,7 @@ struct ply {
     size_t line; /* 1..: of the header, then of ascii data */
 
     struct mesh_source *out;
+    const struct ply_origin *origin; /* NULL: mesh_origin_choose */
     struct ply_report report;
     int has_vertices, has_faces;
     uint32_t *corners; /* of all faces */
@@ -450,7 +451,7 @@ static status store_position(struct ply *p, size_t vertex, int axis, double valu
                          "1e15 are taken",
                          vertex, value);
     /* One zero only, so that equal positions are equal in their bits. */
-    p->out->positions[3 * vertex + (size_t)axis] = (float)value + 0.0f;
+    p->out->positions[3 * vertex + (size_t)axis] = (float)(value - p->out->origin[axis]) + 0.0f;
     return STATUS_OK;
 }
 
@@ -464,7 +465,7 @@ static float finite_or_zero(double value)
 static status read_vertex(struct ply *p, const struct element *element, size_t vertex)
 {
     struct mesh_source *out = p->out;
-    double value;
+    double value, position[3] = {0, 0, 0};
 
     for (uint32_t i = 0; i < element->property_count; i++) {
         const struct property *property = &p->properties[element->first_property + i];
@@ -474,7 +475,7 @@ static status read_vertex(struct ply *p, const struct element *element, size_t v
         }
         TRY(read_value(p, property->type, &value));
         if (property->role <= ROLE_Z)
-            TRY(store_position(p, vertex, (int)property->role - ROLE_X, value));
+            position[property->role - ROLE_X] = value;
         else if (property->role <= ROLE_NZ && out->normals)
             out->normals[3 * vertex + property->role - ROLE_NX] = finite_or_zero(value);
         else if (property->role >= ROLE_U && property->role <= ROLE_V && out->uv[0])
@@ -482,6 +483,12 @@ static status read_vertex(struct ply *p, const struct element *element, size_t v
         else if (property->role >= ROLE_RED && out->colors)
             out->colors[4 * vertex + property->role - ROLE_RED] = color_value(property, value);
     }
+    if (vertex == 0 && p->origin)
+        p->origin->choose(p->origin->user, position, out->origin);
+    else if (vertex == 0)
+        mesh_origin_choose(position, out->origin);
+    for (int axis = 0; axis < 3; axis++)
+        TRY(store_position(p, vertex, axis, position[axis]));
     return STATUS_OK;
 }
 
@@ -654,10 +661,10 @@ static status read_all(struct ply *p)
     return make_triangles(p);
 }
 
-status ply_read(const void *data, size_t size_bytes, struct mesh_source *out,
-                struct ply_report *report, struct error *err)
+status ply_read(const void *data, size_t size_bytes, const struct ply_origin *origin,
+                struct mesh_source *out, struct ply_report *report, struct error *err)
 {
-    struct ply p = {.at = data, .start = data, .err = err, .out = out};
+    struct ply p = {.at = data, .start = data, .err = err, .out = out, .origin = origin};
     status result;
 
     p.end = p.start + size_bytes;

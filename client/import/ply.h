@@ -27,6 +27,12 @@ struct ply_report {
     int has_strips;         /* an element tristrips, which is not read */
 };
 
+/* Who chooses the origin of the positions, from the first vertex (mesh.h). */
+struct ply_origin {
+    void (*choose)(void *user, const double first[3], double origin[3]);
+    void *user;
+};
+
 /* Does it begin like a PLY file? */
 int ply_recognise(const void *data, size_t size_bytes);
 
@@ -34,10 +40,10 @@ int ply_recognise(const void *data, size_t size_bytes);
  * Indices are in range, all numbers are finite and coordinates are within
  * SCENE_COORDINATE_MAX; a mesh without faces is success with triangle_count 0. Texture
  * coordinates are as in the file, where v usually runs upwards: mesh_source_flip_v() turns them
- * into the scene's. `report` may be NULL. ERR_INPUT, ERR_LIMIT, ERR_NO_MEMORY; the error names the line or the byte,
+ * into the scene's. `origin` (NULL: mesh_origin_choose) and `report` may be NULL. ERR_INPUT, ERR_LIMIT, ERR_NO_MEMORY; the error names the line or the byte,
  * and not the file: prefix it. */
-status ply_read(const void *data, size_t size_bytes, struct mesh_source *out,
-                struct ply_report *report, struct error *err) MUST_CHECK;
+status ply_read(const void *data, size_t size_bytes, const struct ply_origin *origin,
+                struct mesh_source *out, struct ply_report *report, struct error *err) MUST_CHECK;
 
 /* v becomes 1 - v in both sets: files of PLY, OBJ and pbrt count it from the image's bottom. */
 void mesh_source_flip_v(struct mesh_source *mesh);

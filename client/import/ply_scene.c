@@ -34,9 +34,11 @@ static status add_mesh(struct builder *b, struct mesh_source *mesh, const char *
     struct scene_material material;
     struct scene_instance instance;
     int colored = mesh->colors != NULL;
+    double origin[3];
     int64_t row;
     status result;
 
+    memcpy(origin, mesh->origin, sizeof origin);
     mesh_source_flip_v(mesh);
     result = mesh_finish(b, mesh, name, &none, &row);
     if (result != STATUS_OK)
@@ -54,6 +56,8 @@ static status add_mesh(struct builder *b, struct mesh_source *mesh, const char *
     scene_instance_default(&instance);
     instance.name = name;
     instance.mesh = (uint32_t)row;
+    for (int c = 0; c < 3; c++)
+        instance.to_world.m[c][3] = origin[c];
     result = builder_add_material(b, &material, &instance.material);
     return result == STATUS_OK ? builder_add_instance(b, &instance) : result;
 }
@@ -63,7 +67,7 @@ static status import(const void *data, size_t size_bytes, const char *name, cons
 {
     struct mesh_source mesh;
     struct ply_report report;
-    status result = ply_read(data, size_bytes, &mesh, &report, b->err);
+    status result = ply_read(data, size_bytes, NULL, &mesh, &report, b->err);
 
     (void)folder; /* a PLY file names no others */
     if (result == STATUS_OK) {

@@ -225,6 +225,17 @@ static void print_effects(uint64_t effects, FILE *out)
     }
 }
 
+/* Where the scene lies in the file, and how finely floats keep it there. */
+static void print_origin(const struct import_result *result, FILE *out)
+{
+    const double *origin = result->scene.origin;
+
+    fprintf(out, "centre:         %.10g, %.10g, %.10g m\n", origin[0], origin[1], origin[2]);
+    if (result->position_spacing_m > 0)
+        fprintf(out, "    positions are kept in steps of %.2g m at its far end\n",
+                result->position_spacing_m);
+}
+
 void import_report_print(const struct import_result *result, FILE *out)
 {
     const struct scene *scene = &result->scene;
@@ -237,6 +248,7 @@ void import_report_print(const struct import_result *result, FILE *out)
             (unsigned long long)result->triangles_placed);
     fprintf(out, "vertices:       %llu\n", (unsigned long long)result->vertices);
     fprintf(out, "meshes:         %u in %u instances\n", scene->mesh_count, scene->instance_count);
+    print_origin(result, out);
     fprintf(out, "materials:      %u\n", scene->material_count);
     for (uint32_t i = 0; i < scene->material_count && i < LISTED_MAX; i++)
         fprintf(out, "    %s\n", shown(scene->materials[i].name));
@@ -439,7 +451,7 @@ json_t *import_report_json(const struct import_result *result)
     return json_pack(
         "{s:o, s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, "
         "s:{s:I, s:I, s:I}, s:o, s:o, s:i, s:o, s:f, s:i, s:i, s:i, s:i, "
-        "s:{s:i, s:i, s:i, s:i, s:i, s:b, s:I}, s:o}",
+        "s:{s:i, s:i, s:i, s:i, s:i, s:b, s:I}, s:o, s:[f,f,f], s:f}",
         "file", source ? source : json_null(), "name", scene->name, "digest", hex, "triangles",
         (json_int_t)result->triangles, "triangles_placed", (json_int_t)result->triangles_placed,
         "vertices", (json_int_t)result->vertices, "degenerate_triangles",
@@ -459,5 +471,7 @@ json_t *import_report_json(const struct import_result *result)
         "made_opaque", (int)result->simplified.made_opaque, "mixes",
         (int)result->simplified.mixes, "uniform_environment",
         result->simplified.uniform_environment, "image_bytes",
-        (json_int_t)result->simplified.image_bytes, "asks", hints_json(&result->hints));
+        (json_int_t)result->simplified.image_bytes, "asks", hints_json(&result->hints), "origin",
+        scene->origin[0], scene->origin[1], scene->origin[2], "position_spacing_m",
+        result->position_spacing_m);
 }

@@ -49,10 +49,14 @@ static exr_result_t declare_attributes(struct exr_writer *w, const struct exr_op
     for (size_t i = 0; result == EXR_ERR_SUCCESS && i < options->attribute_count; i++) {
         const struct exr_attribute *a = &options->attributes[i];
 
-        if (a->text)
+        if (a->text) {
             result = exr_attr_set_string(w->context, 0, a->name, a->text);
-        else
+        } else if (a->point) {
+            const exr_attr_v3d_t point = {{{a->point[0], a->point[1], a->point[2]}}};
+            result = exr_attr_set_v3d(w->context, 0, a->name, &point);
+        } else {
             result = exr_attr_set_double(w->context, 0, a->name, a->number);
+        }
     }
     return result;
 }

@@ -85,11 +85,12 @@ status webp_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, c
 /* ---- writing ---- */
 struct buffer;
 
-/* One text or number for an EXR header. */
+/* One text, point or number for an EXR header. */
 struct exr_attribute {
     const char *name;
-    const char *text; /* a string attribute, or NULL for a number */
-    double number;    /* written as a double attribute */
+    const char *text;    /* a string attribute, or NULL */
+    const double *point; /* [3] a v3d attribute, or NULL */
+    double number;       /* else a double attribute */
 };
 
 /* More channels for an EXR file, beside the picture's. */

@@ -146,7 +146,26 @@ struct transform_d transform_to_d(const struct transform *a)
     return out;
 }
 
+void transform_d_point(const struct transform_d *a, const double p[3], double out[3])
+{
+    double moved[3];
+
+    for (int r = 0; r < 3; r++)
+        moved[r] = a->m[r][0] * p[0] + a->m[r][1] * p[1] + a->m[r][2] * p[2] + a->m[r][3];
+    for (int r = 0; r < 3; r++)
+        out[r] = moved[r];
+}
+
 int transform_is_finite(const struct transform *a)
+{
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 4; c++)
+            if (!isfinite(a->m[r][c]))
+                return 0;
+    return 1;
+}
+
+int transform_d_is_finite(const struct transform_d *a)
 {
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 4; c++)

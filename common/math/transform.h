@@ -23,6 +23,8 @@ static inline struct transform_d transform_d_identity(void)
 /* a after b: x -> a(b(x)). */
 struct transform_d transform_d_multiply(const struct transform_d *a, const struct transform_d *b);
 
+void transform_d_point(const struct transform_d *a, const double p[3], double out[3]);
+
 /* From a column-major 4x4 matrix as glTF stores it (the last row is taken as 0 0 0 1). */
 struct transform_d transform_d_from_columns(const double columns[16]);
 
@@ -42,6 +44,7 @@ int transform_d_rigid(const struct transform_d *a, struct transform_d *out);
 struct transform transform_from_d(const struct transform_d *a);
 struct transform_d transform_to_d(const struct transform *a);
 int transform_is_finite(const struct transform *a);
+int transform_d_is_finite(const struct transform_d *a);
 
 static inline struct vec3 transform_point(const struct transform *a, struct vec3 p)
 {

@@ -144,11 +144,11 @@ static struct local node_rest(const struct scene_node *node)
     struct local l;
 
     for (int i = 0; i < 3; i++) {
-        l.translation[i] = (double)node->translation[i];
-        l.scale[i] = (double)node->scale[i];
+        l.translation[i] = node->translation[i];
+        l.scale[i] = node->scale[i];
     }
     for (int i = 0; i < 4; i++)
-        l.rotation[i] = (double)node->rotation[i];
+        l.rotation[i] = node->rotation[i];
     return l;
 }
 
@@ -219,7 +219,7 @@ status scene_pose_init(struct scene_pose *pose, const struct scene *scene, doubl
         for (; channel < scene->channel_count && scene->channels[channel].node == i; channel++)
             channel_apply(&scene->channels[channel], time_s, &local, pose->weights[i]);
         *to_world = node->has_matrix
-                        ? transform_to_d(&node->matrix)
+                        ? node->matrix
                         : transform_d_from_trs(local.translation, local.rotation, local.scale);
         if (node->parent >= 0)
             *to_world = transform_d_multiply(&pose->to_world[node->parent], to_world);
@@ -229,9 +229,14 @@ status scene_pose_init(struct scene_pose *pose, const struct scene *scene, doubl
                                "animation is damaged or its parents' scales add up to that",
                                i, time_s);
     }
-    if (result != STATUS_OK)
+    if (result != STATUS_OK) {
         scene_pose_release(pose);
-    return result;
+        return result;
+    }
+    for (uint32_t i = 0; i < scene->node_count; i++)
+        for (int r = 0; r < 3; r++)
+            pose->to_world[i].m[r][3] -= scene->origin[r];
+    return STATUS_OK;
 }
 
 void scene_pose_release(struct scene_pose *pose)
@@ -249,19 +254,19 @@ struct transform_d pose_instance(const struct scene_pose *pose, const struct sce
 
     if (it->skin >= 0)
         return transform_d_identity();
-    return it->node >= 0 ? pose->to_world[it->node] : transform_to_d(&it->to_world);
+    return it->node >= 0 ? pose->to_world[it->node] : it->to_world;
 }
 
 /* The rigid part of a node's transform; its place alone where its axes vanish. */
-static void follow_rigidly(const struct transform_d *node, struct transform *to_world)
+static void follow_rigidly(const struct transform_d *node, struct transform_d *to_world)
 {
     struct transform_d rigid;
 
     if (transform_d_rigid(node, &rigid))
-        *to_world = transform_from_d(&rigid);
+        *to_world = rigid;
     else
         for (int r = 0; r < 3; r++)
-            to_world->m[r][3] = (float)node->m[r][3];
+            to_world->m[r][3] = node->m[r][3];
 }
 
 void pose_camera(const struct scene_pose *pose, const struct scene *scene, uint32_t camera,
@@ -284,7 +289,7 @@ void pose_light(const struct scene_pose *pose, const struct scene *scene, uint32
     node = &pose->to_world[out->node];
     follow_rigidly(node, &out->to_world);
     for (int r = 0; r < 3; r++) {
-        out->position[r] = (float)node->m[r][3];
+        out->position[r] = node->m[r][3];
         back[r] = node->m[r][2];
         if (fabs(back[r]) > largest)
             largest = fabs(back[r]);

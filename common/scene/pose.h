@@ -17,7 +17,8 @@ struct scene_pose {
     void *storage;
 };
 
-/* The pose at `time_s`. The caller releases it (also after a failure: it is then empty).
+/* The pose at `time_s`, relative to the scene's origin. The caller releases it (also after a
+ * failure: it is then empty).
  * ERR_INPUT when a node's transform leaves the range of SCENE_COORDINATE_MAX; a singular one
  * is no error. */
 status scene_pose_init(struct scene_pose *pose, const struct scene *scene, double time_s,

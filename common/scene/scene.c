@@ -61,13 +61,11 @@ void scene_material_default(struct scene_material *material)
             material->mix_texture = slot_default();
 }
 
-static const struct transform identity = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
-
 void scene_instance_default(struct scene_instance *instance)
 {
     memset(instance, 0, sizeof *instance);
     instance->name = "";
-    instance->to_world = identity;
+    instance->to_world = transform_d_identity();
     instance->node = instance->skin = -1;
 }
 
@@ -78,7 +76,7 @@ void scene_light_default(struct scene_light *light)
     light->direction[2] = -1;
     light->outer_cone_rad = 0.78539816f;
     light->image = light->node = -1;
-    light->to_world = identity;
+    light->to_world = transform_d_identity();
     light->projection_yfov_rad = 0.78539816f;
     light->projection_aspect = 1;
 }
@@ -87,7 +85,7 @@ void scene_camera_default(struct scene_camera *camera)
 {
     memset(camera, 0, sizeof *camera);
     camera->name = "";
-    camera->to_world = identity;
+    camera->to_world = transform_d_identity();
     camera->yfov_rad = 0.78539816f;
     camera->xmag = camera->ymag = 1;
     camera->node = -1;
@@ -105,7 +103,7 @@ void scene_node_default(struct scene_node *node)
 {
     memset(node, 0, sizeof *node);
     node->parent = -1;
-    node->matrix = identity;
+    node->matrix = transform_d_identity();
     node->rotation[3] = 1;
     for (int i = 0; i < 3; i++)
         node->scale[i] = 1;
@@ -115,7 +113,7 @@ void scene_medium_default(struct scene_medium *medium)
 {
     memset(medium, 0, sizeof *medium);
     medium->name = "";
-    medium->grid_to_world = identity;
+    medium->grid_to_world = transform_d_identity();
 }
 
 void scene_mesh_layout(const struct scene_mesh *mesh, struct scene_mesh_layout *out)
@@ -202,10 +200,10 @@ int scene_instance_bounds(const struct scene *scene, uint32_t instance, double b
     const struct scene_mesh *mesh = &scene->meshes[it->mesh];
 
     for (int axis = 0; axis < 3; axis++) {
-        bounds_min[axis] = bounds_max[axis] = (double)it->to_world.m[axis][3];
+        bounds_min[axis] = bounds_max[axis] = it->to_world.m[axis][3];
         for (int c = 0; c < 3; c++) {
-            double a = (double)it->to_world.m[axis][c] * (double)mesh->bounds_min[c];
-            double b = (double)it->to_world.m[axis][c] * (double)mesh->bounds_max[c];
+            double a = it->to_world.m[axis][c] * (double)mesh->bounds_min[c];
+            double b = it->to_world.m[axis][c] * (double)mesh->bounds_max[c];
             bounds_min[axis] += a < b ? a : b;
             bounds_max[axis] += a < b ? b : a;
         }

@@ -40,7 +40,7 @@ enum {
     SCENE_NAME_MAX = 255,
     SCENE_TRIANGLES_MAX = 1 << 28, /* in one mesh */
     SCENE_MESH_PADDING_BYTES = 16, /* zeros at the end of a mesh blob */
-    SCENE_WIRE_VERSION = 2,
+    SCENE_WIRE_VERSION = 3,
     SCENE_WIRE_BYTES_MAX = 1 << 30,    /* of a packed scene */
     SCENE_ELEMENT_BYTES_MAX = 1 << 12, /* of one mesh, material, ... in its packed form */
     SCENE_NODE_BYTES_MAX = SCENE_ELEMENT_BYTES_MAX + 4 * SCENE_MORPHS_MAX, /* likewise a node */
@@ -218,7 +218,7 @@ struct scene_instance {
     const char *name;
     uint32_t mesh;
     uint32_t material;
-    struct transform to_world;  /* invertible; a negative determinant mirrors the mesh: the
+    struct transform_d to_world; /* invertible; a negative determinant mirrors the mesh: the
                                    renderer flips the winding, and thus the side that counts as
                                    front, by its sign (the glTF rule) */
     int32_t node;               /* >= 0: to_world follows this node (to_world is its value at
@@ -228,12 +228,13 @@ struct scene_instance {
                                    world space after its joints: to_world is then not used */
 };
 
-/* Nodes exist only for what moves, and for its parents. */
+/* Nodes exist only for what moves, and for its parents. Their chain is the file's own, in the
+ * file's coordinates: scene_pose_init() subtracts the scene's origin at its end. */
 struct scene_node {
     int32_t parent;             /* lower than its own index, -1: the world */
     int has_matrix;             /* `matrix` stands for translation, rotation and scale */
-    struct transform matrix;
-    float translation[3], rotation[4] /* unit quaternion x y z w */, scale[3];
+    struct transform_d matrix;
+    double translation[3], rotation[4] /* unit quaternion x y z w */, scale[3];
     float *weights;             /* [weight_count] of the mesh's morph targets */
     uint32_t weight_count;
 };
@@ -277,12 +278,13 @@ struct scene_medium {
     int has_grid;               /* density varies: the grid's, trilinear, 0 outside its box */
     struct scene_blob grid;     /* float32 little-endian [size z][size y][size x], cell centres */
     uint32_t grid_size[3];      /* cells along x, y, z */
-    struct transform grid_to_world; /* from the unit cube */
+    struct transform_d grid_to_world; /* from the unit cube */
 };
 
 /* A window through which the environment shines in: a parallelogram corner + s e1 + t e2. */
 struct scene_portal {
-    float corner[3], edge1[3], edge2[3];
+    double corner[3];
+    float edge1[3], edge2[3];
 };
 
 enum scene_light_kind {
@@ -301,14 +303,14 @@ enum scene_falloff { FALLOFF_GLTF /* square of the linear ramp of the cosine */,
 struct scene_light {
     const char *name;
     enum scene_light_kind kind;
-    float position[3];          /* world; unused by directional lights */
+    double position[3];         /* world; unused by directional lights */
     float direction[3];         /* world, unit: where the light shines to */
     float intensity[3];         /* RGB: W/sr (point, spot), W/m^2 (directional) */
     float range;                /* metres, 0: unlimited */
     float inner_cone_rad, outer_cone_rad;
     enum scene_falloff falloff;
     int32_t image;              /* goniometric, projection: index into images, -1: white */
-    struct transform to_world;  /* goniometric, projection: orthonormal frame; looks along -Z, the
+    struct transform_d to_world; /* goniometric, projection: orthonormal frame; looks along -Z, the
                                    image's up is +Y. Goniometric: lat-long as the environment */
     float projection_yfov_rad;
     float projection_aspect;    /* width / height of the slide */
@@ -325,7 +327,7 @@ enum scene_camera_kind {
 struct scene_camera {
     const char *name;
     enum scene_camera_kind kind;
-    struct transform to_world;  /* rotation and translation only, orthonormal */
+    struct transform_d to_world; /* rotation and translation only, orthonormal */
     float yfov_rad;             /* perspective: full vertical angle */
     float xmag, ymag;           /* orthographic: half width and half height, metres */
     float aspect;               /* width / height that the file asks for; 0: none */
@@ -373,6 +375,9 @@ struct scene {
     struct scene_skin *skins;
     struct scene_medium *media;
     int32_t fog;                /* the medium that fills the scene's bounding sphere, -1: none */
+    double origin[3];           /* where the world's origin lies in the file's coordinates, metres:
+                                   every place but the nodes' is relative to it, so that a scene far
+                                   from the file's origin keeps its digits in float */
 };
 
 void scene_init(struct scene *scene);

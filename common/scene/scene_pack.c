@@ -39,6 +39,12 @@ static void append_message(struct buffer *out, uint32_t field, const ProtobufCMe
         (message)->field = (float *)(uintptr_t)(array);             \
     } while (0)
 
+#define DOUBLES(message, field, array, count)                       \
+    do {                                                            \
+        (message)->n_##field = (count);                             \
+        (message)->field = (double *)(uintptr_t)(array);            \
+    } while (0)
+
 static void blob_fill(Azulejo__Scene__Blob *out, const struct scene_blob *blob)
 {
     azulejo__scene__blob__init(out);
@@ -62,6 +68,14 @@ static int floats_equal(const float *a, const float *b, int count)
     return 1;
 }
 
+static int doubles_equal(const double *a, const double *b, int count)
+{
+    for (int i = 0; i < count; i++)
+        if (a[i] != b[i])
+            return 0;
+    return 1;
+}
+
 static int all_equal(const float *a, float value, int count)
 {
     for (int i = 0; i < count; i++)
@@ -70,11 +84,11 @@ static int all_equal(const float *a, float value, int count)
     return 1;
 }
 
-static const float identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
-
-static int is_identity(const struct transform *t)
+static int is_identity(const struct transform_d *t)
 {
-    return floats_equal(&t->m[0][0], identity, 12);
+    const struct transform_d identity = transform_d_identity();
+
+    return doubles_equal(&t->m[0][0], &identity.m[0][0], 12);
 }
 
 static void pack_mesh(struct buffer *out, const struct scene_mesh *mesh)
@@ -316,9 +330,9 @@ static void pack_instance(struct buffer *out, const struct scene_instance *insta
     m.name = TEXT(instance->name);
     m.mesh = instance->mesh;
     m.material = instance->material;
-    FLOATS(&m, to_world, instance->to_world.m, 12);
     m.node = index_plus_one(instance->node);
     m.skin = index_plus_one(instance->skin);
+    DOUBLES(&m, to_world, instance->to_world.m, 12);
     append_message(out, 7, &m.base);
 }
 
@@ -329,9 +343,9 @@ static Azulejo__Scene__Projector *projector_fill(Azulejo__Scene__Projector *out,
 
     scene_light_default(&plain);
     azulejo__scene__projector__init(out);
-    FLOATS(out, to_world, light->to_world.m, 12);
     out->yfov_rad = light->projection_yfov_rad;
     out->aspect = light->projection_aspect;
+    DOUBLES(out, to_world, light->to_world.m, 12);
     return !is_identity(&light->to_world) || out->yfov_rad != plain.projection_yfov_rad ||
                    out->aspect != plain.projection_aspect
                ? out
@@ -345,7 +359,6 @@ static void pack_light(struct buffer *out, const struct scene_light *light)
 
     m.name = TEXT(light->name);
     m.kind = (uint32_t)light->kind;
-    FLOATS(&m, position, light->position, 3);
     FLOATS(&m, direction, light->direction, 3);
     FLOATS(&m, intensity, light->intensity, 3);
     m.range = light->range;
@@ -355,6 +368,7 @@ static void pack_light(struct buffer *out, const struct scene_light *light)
     m.image = index_plus_one(light->image);
     m.projector = projector_fill(&projector, light);
     m.node = index_plus_one(light->node);
+    DOUBLES(&m, position, light->position, 3);
     append_message(out, 8, &m.base);
 }
 
@@ -364,7 +378,6 @@ static void pack_camera(struct buffer *out, const struct scene_camera *camera)
 
     m.name = TEXT(camera->name);
     m.kind = (uint32_t)camera->kind;
-    FLOATS(&m, to_world, camera->to_world.m, 12);
     m.yfov_rad = camera->yfov_rad;
     m.xmag = camera->xmag;
     m.ymag = camera->ymag;
@@ -377,6 +390,7 @@ static void pack_camera(struct buffer *out, const struct scene_camera *camera)
     m.shutter_close_s = camera->shutter_close_s;
     m.exposure_ev = camera->exposure_ev;
     m.node = index_plus_one(camera->node);
+    DOUBLES(&m, to_world, camera->to_world.m, 12);
     append_message(out, 9, &m.base);
 }
 
@@ -402,18 +416,18 @@ static void pack_environment(struct buffer *out, const struct scene_environment 
 
 static void pack_node(struct buffer *out, const struct scene_node *node)
 {
-    static const float upright[4] = {0, 0, 0, 1};
+    static const double upright[4] = {0, 0, 0, 1}, unscaled[3] = {1, 1, 1};
     Azulejo__Scene__Node m = AZULEJO__SCENE__NODE__INIT;
 
     m.parent = index_plus_one(node->parent);
     if (node->has_matrix) {
-        FLOATS(&m, matrix, node->matrix.m, 12);
+        DOUBLES(&m, matrix, node->matrix.m, 12);
     } else {
-        FLOATS(&m, translation, node->translation, 3);
-        if (!floats_equal(node->rotation, upright, 4))
-            FLOATS(&m, rotation, node->rotation, 4);
-        if (!all_equal(node->scale, 1, 3))
-            FLOATS(&m, scale, node->scale, 3);
+        DOUBLES(&m, translation, node->translation, 3);
+        if (!doubles_equal(node->rotation, upright, 4))
+            DOUBLES(&m, rotation, node->rotation, 4);
+        if (!doubles_equal(node->scale, unscaled, 3))
+            DOUBLES(&m, scale, node->scale, 3);
     }
     FLOATS(&m, weights, node->weights, node->weight_count);
     append_message(out, 11, &m.base);
@@ -459,7 +473,7 @@ static void pack_medium(struct buffer *out, const struct scene_medium *medium)
         grid.blob = &blob;
         grid.n_size = 3;
         grid.size = (uint32_t *)(uintptr_t)medium->grid_size;
-        FLOATS(&grid, to_world, medium->grid_to_world.m, 12);
+        DOUBLES(&grid, to_world, medium->grid_to_world.m, 12);
         m.grid = &grid;
     }
     append_message(out, 14, &m.base);
@@ -469,10 +483,21 @@ static void pack_portal(struct buffer *out, const struct scene_portal *portal)
 {
     Azulejo__Scene__Portal m = AZULEJO__SCENE__PORTAL__INIT;
 
-    FLOATS(&m, corner, portal->corner, 3);
     FLOATS(&m, edge1, portal->edge1, 3);
     FLOATS(&m, edge2, portal->edge2, 3);
+    DOUBLES(&m, corner, portal->corner, 3);
     append_message(out, 15, &m.base);
+}
+
+static void pack_origin(struct buffer *out, const double origin[3])
+{
+    static const double nowhere[3] = {0, 0, 0};
+    Azulejo__Scene__Origin m = AZULEJO__SCENE__ORIGIN__INIT;
+
+    if (doubles_equal(origin, nowhere, 3))
+        return;
+    DOUBLES(&m, at, origin, 3);
+    append_message(out, 17, &m.base);
 }
 
 status scene_pack(const struct scene *scene, struct buffer *out, struct error *err)
@@ -509,6 +534,7 @@ status scene_pack(const struct scene *scene, struct buffer *out, struct error *e
         append_varint(out, 16 << 3 | 0);
         append_varint(out, index_plus_one(scene->fog));
     }
+    pack_origin(out, scene->origin);
     if (!buffer_ok(out))
         return error_no_memory(err, "the packed scene");
     if (out->size - start > SCENE_WIRE_BYTES_MAX)

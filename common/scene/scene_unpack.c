@@ -10,7 +10,7 @@ enum {
     FIELD_VERSION = 1,
     FIELD_NAME = 2,
     FIELD_FOG = 16,
-    FIELD_COUNT = 17,
+    FIELD_COUNT = 18,
     /* An element of ours writes each of its fields once: one with more pieces is not one of
      * ours, and protobuf-c would take many times its size to decode it. */
     ELEMENT_PIECES_MAX = 64,
@@ -135,6 +135,7 @@ static const struct element {
     [14] = {"media", &azulejo__scene__medium__descriptor, SCENE_MEDIA_MAX, 28, unpack_medium, 0},
     [15] = {"portals", &azulejo__scene__portal__descriptor, SCENE_PORTALS_MAX, 42, unpack_portal,
             0},
+    [17] = {"origins", &azulejo__scene__origin__descriptor, 1, 26, unpack_origin, 0},
 };
 
 static size_t element_bytes_max(uint32_t field)

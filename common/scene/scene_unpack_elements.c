@@ -53,7 +53,7 @@ status unpack_instance(struct scene_reader *r, const ProtobufCMessage *message, 
     TAKE(unpack_name(r, m->name, &to->name));
     to->mesh = m->mesh;
     to->material = m->material;
-    TAKE_FLOATS(to_world, &to->to_world.m[0][0], 12);
+    TAKE_DOUBLES(to_world, &to->to_world.m[0][0], 12);
     TAKE(unpack_index(r, "an instance's node", m->node, SCENE_NODES_MAX, &to->node));
     return unpack_index(r, "an instance's skin", m->skin, SCENE_SKINS_MAX, &to->skin);
 }
@@ -66,7 +66,7 @@ static status unpack_projector(struct scene_reader *r, const Azulejo__Scene__Pro
     KNOWN_FIELDS("a projector")
     to->projection_yfov_rad = m->yfov_rad;
     to->projection_aspect = m->aspect;
-    TAKE_FLOATS(to_world, &to->to_world.m[0][0], 12);
+    TAKE_DOUBLES(to_world, &to->to_world.m[0][0], 12);
     return STATUS_OK;
 }
 
@@ -80,7 +80,7 @@ status unpack_light(struct scene_reader *r, const ProtobufCMessage *message, uin
     if (m->kind >= LIGHT_KIND_COUNT)
         return unpack_damaged(r, "a light's kind is unknown");
     to->kind = (enum scene_light_kind)m->kind;
-    TAKE_FLOATS(position, to->position, 3);
+    TAKE_DOUBLES(position, to->position, 3);
     TAKE_FLOATS(direction, to->direction, 3);
     TAKE_FLOATS(intensity, to->intensity, 3);
     to->range = m->range;
@@ -104,7 +104,7 @@ status unpack_camera(struct scene_reader *r, const ProtobufCMessage *message, ui
     if (m->kind >= CAMERA_KIND_COUNT)
         return unpack_damaged(r, "a camera's kind is unknown");
     to->kind = (enum scene_camera_kind)m->kind;
-    TAKE_FLOATS(to_world, &to->to_world.m[0][0], 12);
+    TAKE_DOUBLES(to_world, &to->to_world.m[0][0], 12);
     to->yfov_rad = m->yfov_rad;
     to->xmag = m->xmag;
     to->ymag = m->ymag;
@@ -147,11 +147,11 @@ status unpack_node(struct scene_reader *r, const ProtobufCMessage *message, uint
     if (m->n_matrix && (m->n_translation || m->n_rotation || m->n_scale))
         return unpack_damaged(r, "a node has a matrix and more");
     to->has_matrix = m->n_matrix != 0;
-    TAKE_FLOATS_IF(matrix, &to->matrix.m[0][0], 12);
+    TAKE_DOUBLES_IF(matrix, &to->matrix.m[0][0], 12);
     if (!to->has_matrix)
-        TAKE_FLOATS(translation, to->translation, 3);
-    TAKE_FLOATS_IF(rotation, to->rotation, 4);
-    TAKE_FLOATS_IF(scale, to->scale, 3);
+        TAKE_DOUBLES(translation, to->translation, 3);
+    TAKE_DOUBLES_IF(rotation, to->rotation, 4);
+    TAKE_DOUBLES_IF(scale, to->scale, 3);
     if (m->n_weights == 0)
         return STATUS_OK;
     if (m->n_weights > SCENE_MORPHS_MAX)
@@ -213,7 +213,7 @@ static status unpack_grid(struct scene_reader *r, const Azulejo__Scene__Grid *m,
     to->has_grid = 1;
     memcpy(to->grid_size, m->size, sizeof to->grid_size);
     TAKE(unpack_blob(r, m->blob, &to->grid));
-    TAKE_FLOATS(to_world, &to->grid_to_world.m[0][0], 12);
+    TAKE_DOUBLES(to_world, &to->grid_to_world.m[0][0], 12);
     return STATUS_OK;
 }
 
@@ -236,8 +236,17 @@ status unpack_portal(struct scene_reader *r, const ProtobufCMessage *message, ui
     const Azulejo__Scene__Portal *m = (const Azulejo__Scene__Portal *)message;
     struct scene_portal *to = &r->scene->environment.portals[row];
 
-    TAKE_FLOATS(corner, to->corner, 3);
+    TAKE_DOUBLES(corner, to->corner, 3);
     TAKE_FLOATS(edge1, to->edge1, 3);
     TAKE_FLOATS(edge2, to->edge2, 3);
+    return STATUS_OK;
+}
+
+status unpack_origin(struct scene_reader *r, const ProtobufCMessage *message, uint32_t row)
+{
+    const Azulejo__Scene__Origin *m = (const Azulejo__Scene__Origin *)message;
+
+    (void)row;
+    TAKE_DOUBLES(at, r->scene->origin, 3);
     return STATUS_OK;
 }

@@ -36,6 +36,8 @@ status unpack_floats(struct scene_reader *r, const char *what, const float *from
 /* As unpack_floats, but what is not there stays as its default. */
 status unpack_floats_if(struct scene_reader *r, const char *what, const float *from, size_t got,
                         float *to, size_t wanted) MUST_CHECK;
+status unpack_doubles(struct scene_reader *r, const char *what, const double *from, size_t got,
+                      double *to, size_t wanted) MUST_CHECK;
 /* A copy in the scene's arena; `got` may be 0. */
 status unpack_array(struct scene_reader *r, const void *from, size_t got, size_t size_bytes,
                     void **to) MUST_CHECK;
@@ -56,6 +58,11 @@ status unpack_slot(struct scene_reader *r, const Azulejo__Scene__TextureSlot *fr
     TAKE(unpack_floats(r, #field, m->field, m->n_##field, to, wanted))
 #define TAKE_FLOATS_IF(field, to, wanted) \
     TAKE(unpack_floats_if(r, #field, m->field, m->n_##field, to, wanted))
+#define TAKE_DOUBLES(field, to, wanted) \
+    TAKE(unpack_doubles(r, #field, m->field, m->n_##field, to, wanted))
+#define TAKE_DOUBLES_IF(field, to, wanted) \
+    if (m->n_##field)                      \
+        TAKE_DOUBLES(field, to, wanted)
 #define KNOWN_FIELDS(what)            \
     if (m->base.n_unknown_fields)     \
         return unpack_damaged(r, what " has an unknown field");
@@ -65,6 +72,6 @@ typedef status unpack_element(struct scene_reader *r, const ProtobufCMessage *me
                               uint32_t row);
 unpack_element unpack_mesh, unpack_image_row, unpack_texture, unpack_material, unpack_instance;
 unpack_element unpack_light, unpack_camera, unpack_environment, unpack_node, unpack_channel;
-unpack_element unpack_skin, unpack_medium, unpack_portal;
+unpack_element unpack_skin, unpack_medium, unpack_portal, unpack_origin;
 
 #endif

@@ -36,6 +36,17 @@ status unpack_floats_if(struct scene_reader *r, const char *what, const float *f
     return got ? unpack_floats(r, what, from, got, to, wanted) : STATUS_OK;
 }
 
+status unpack_doubles(struct scene_reader *r, const char *what, const double *from, size_t got,
+                      double *to, size_t wanted)
+{
+    if (got != wanted)
+        return error_set(r->err, STATUS_ERR_INPUT,
+                         "the packed scene is damaged: %s has %zu numbers instead of %zu", what,
+                         got, wanted);
+    memcpy(to, from, wanted * sizeof *to);
+    return STATUS_OK;
+}
+
 status unpack_array(struct scene_reader *r, const void *from, size_t got, size_t size_bytes,
                     void **to)
 {

@@ -115,45 +115,46 @@ static status check_transform(const struct place *at, const char *field,
     return check_ranges(at, field, &t->m[0][0], 12, -SCENE_COORDINATE_MAX, SCENE_COORDINATE_MAX);
 }
 
-/* Are the columns of the 3x3 with this row stride orthonormal? Products in double: the
- * numbers may be large. */
-static int is_orthonormal(const float *m, int stride)
+static status check_coordinates(const struct place *at, const char *field, const double *values,
+                                int count)
+{
+    const double most = (double)SCENE_COORDINATE_MAX;
+
+    for (int i = 0; i < count; i++)
+        if (!(values[i] >= -most && values[i] <= most))
+            return error_set(at->err, STATUS_ERR_INPUT,
+                             "the scene's %s[%u].%s is %g: must be %g to %g", at->table, at->row,
+                             field, values[i], -most, most);
+    return STATUS_OK;
+}
+
+static status check_transform_d(const struct place *at, const char *field,
+                                const struct transform_d *t)
+{
+    return check_coordinates(at, field, &t->m[0][0], 12);
+}
+
+/* Are the columns of the 3x3 with this row stride orthonormal? */
+static int is_orthonormal(const double *m, int stride)
 {
     for (int a = 0; a < 3; a++)
         for (int b = a; b < 3; b++) {
             double dot = 0;
             for (int r = 0; r < 3; r++)
-                dot += (double)m[r * stride + a] * (double)m[r * stride + b];
+                dot += m[r * stride + a] * m[r * stride + b];
             if (!(fabs(dot - (a == b)) < 1e-3))
                 return 0;
         }
     return 1;
 }
 
-static double determinant_of(const float *m, int stride)
-{
-    struct transform_d t = transform_d_identity();
-
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++)
-            t.m[r][c] = (double)m[r * stride + c];
-    return transform_d_determinant(&t);
-}
-
-static int can_be_inverted(const struct transform *t)
-{
-    struct transform_d m = transform_to_d(t), inverse;
-
-    return transform_d_invert(&m, &inverse);
-}
-
 /* Long enough to be made unit, and short enough. */
-static int can_be_normalized(const float q[4])
+static int can_be_normalized(const double q[4])
 {
     double squared = 0;
 
     for (int i = 0; i < 4; i++)
-        squared += (double)q[i] * (double)q[i];
+        squared += q[i] * q[i];
     return squared > 1e-12 && squared < 1e12;
 }
 
@@ -345,15 +346,18 @@ static status check_moves(const struct place *at, const struct scene *scene,
 static status check_instance(const struct place *at, const struct scene *scene, uint32_t row)
 {
     const struct scene_instance *instance = &scene->instances[row];
+    struct transform_d inverse;
+    struct transform rounded;
     double low[3], high[3];
 
     CHECK(check_name(at, instance->name));
     CHECK(check_index(at, "mesh", instance->mesh, scene->mesh_count));
     CHECK(check_index(at, "material", instance->material, scene->material_count));
     CHECK(check_moves(at, scene, instance));
-    if (!transform_is_finite(&instance->to_world))
+    rounded = transform_from_d(&instance->to_world);
+    if (!transform_is_finite(&rounded))
         return complain(at, "to_world", "is not finite");
-    if (instance->node < 0 && !can_be_inverted(&instance->to_world))
+    if (instance->node < 0 && !transform_d_invert(&instance->to_world, &inverse))
         return complain(at, "to_world", "cannot be inverted");
     if (!scene_instance_bounds(scene, row, low, high))
         return complain(at, "to_world", "moves the mesh out of the range of numbers");
@@ -371,8 +375,7 @@ static status check_light(const struct place *at, const struct scene *scene,
 
     CHECK(check_name(at, light->name));
     CHECK(check_enum(at, "kind", (unsigned)light->kind, LIGHT_KIND_COUNT));
-    CHECK(check_ranges(at, "position", light->position, 3, -SCENE_COORDINATE_MAX,
-                       SCENE_COORDINATE_MAX));
+    CHECK(check_coordinates(at, "position", light->position, 3));
     if (!(fabsf(vec3_length(d) - 1) < 1e-3f))
         return complain(at, "direction", "is not a unit vector");
     CHECK(check_ranges(at, "intensity", light->intensity, 3, 0, 1e30f));
@@ -380,7 +383,7 @@ static status check_light(const struct place *at, const struct scene *scene,
     CHECK(check_enum(at, "falloff", (unsigned)light->falloff, FALLOFF_COUNT));
     CHECK(check_reference(at, "image", light->image, scene->image_count));
     CHECK(check_reference(at, "node", light->node, scene->node_count));
-    CHECK(check_transform(at, "to_world", &light->to_world));
+    CHECK(check_transform_d(at, "to_world", &light->to_world));
     if (!is_orthonormal(&light->to_world.m[0][0], 4))
         return complain(at, "to_world", "is not a rotation or mirroring and a translation");
     CHECK(check_range(at, "projection_yfov_rad", light->projection_yfov_rad, 1e-5f, 3.1415f));
@@ -415,10 +418,10 @@ static status check_camera(const struct place *at, const struct scene *scene,
 {
     CHECK(check_name(at, camera->name));
     CHECK(check_enum(at, "kind", (unsigned)camera->kind, CAMERA_KIND_COUNT));
-    CHECK(check_transform(at, "to_world", &camera->to_world));
+    CHECK(check_transform_d(at, "to_world", &camera->to_world));
     if (!is_orthonormal(&camera->to_world.m[0][0], 4))
         return complain(at, "to_world", "is not a rotation and a translation");
-    if (!(determinant_of(&camera->to_world.m[0][0], 4) > 0))
+    if (!(transform_d_determinant(&camera->to_world) > 0))
         return complain(at, "to_world", "mirrors");
     CHECK(check_reference(at, "node", camera->node, scene->node_count));
     CHECK(check_lens(at, camera));
@@ -437,12 +440,11 @@ static status check_node(const struct place *at, const struct scene_node *node)
     if (node->parent < -1 || node->parent >= (int64_t)at->row)
         return complain(at, "parent", "must come before the node itself");
     CHECK(check_flag(at, "has_matrix", node->has_matrix));
-    CHECK(check_transform(at, "matrix", &node->matrix));
-    CHECK(check_ranges(at, "translation", node->translation, 3, -SCENE_COORDINATE_MAX,
-                       SCENE_COORDINATE_MAX));
+    CHECK(check_transform_d(at, "matrix", &node->matrix));
+    CHECK(check_coordinates(at, "translation", node->translation, 3));
     if (!can_be_normalized(node->rotation))
         return complain(at, "rotation", "cannot be made a unit quaternion");
-    CHECK(check_ranges(at, "scale", node->scale, 3, -SCENE_COORDINATE_MAX, SCENE_COORDINATE_MAX));
+    CHECK(check_coordinates(at, "scale", node->scale, 3));
     if (node->weight_count > SCENE_MORPHS_MAX)
         return complain(at, "weight_count", "is out of range");
     for (uint32_t i = 0; i < node->weight_count; i++)
@@ -465,8 +467,10 @@ static status check_keys(const struct place *at, const struct scene_channel *cha
         CHECK(check_range(at, "values", channel->values[i], -limit, limit));
     if (channel->path == PATH_ROTATION)
         for (uint32_t i = 0; i < channel->key_count; i++) {
-            const float *key = channel->values + i * stride;
-            if (!can_be_normalized(channel->interpolation == INTERPOLATE_CUBIC ? key + 4 : key))
+            const float *key = channel->values + i * stride +
+                               (channel->interpolation == INTERPOLATE_CUBIC ? 4 : 0);
+            const double q[4] = {(double)key[0], (double)key[1], (double)key[2], (double)key[3]};
+            if (!can_be_normalized(q))
                 return complain(at, "values", "cannot be made unit quaternions");
         }
     return STATUS_OK;
@@ -510,6 +514,7 @@ static status check_skin(const struct place *at, const struct scene_skin *skin,
 
 static status check_grid(const struct place *at, const struct scene_medium *medium)
 {
+    struct transform_d inverse;
     uint64_t cells = 1;
 
     CHECK(check_blob(at, &medium->grid));
@@ -520,8 +525,8 @@ static status check_grid(const struct place *at, const struct scene_medium *medi
     }
     if (medium->grid.size_bytes != cells * sizeof(float))
         return complain(at, "grid", "has not the size that its cells call for");
-    CHECK(check_transform(at, "grid_to_world", &medium->grid_to_world));
-    if (!can_be_inverted(&medium->grid_to_world))
+    CHECK(check_transform_d(at, "grid_to_world", &medium->grid_to_world));
+    if (!transform_d_invert(&medium->grid_to_world, &inverse))
         return complain(at, "grid_to_world", "cannot be inverted");
     return STATUS_OK;
 }
@@ -543,8 +548,7 @@ static status check_portal(const struct place *at, const struct scene_portal *po
     const float *a = portal->edge1, *b = portal->edge2;
     double aa = 0, bb = 0, ab = 0;
 
-    CHECK(check_ranges(at, "corner", portal->corner, 3, -SCENE_COORDINATE_MAX,
-                       SCENE_COORDINATE_MAX));
+    CHECK(check_coordinates(at, "corner", portal->corner, 3));
     CHECK(check_ranges(at, "edge1", a, 3, -SCENE_COORDINATE_MAX, SCENE_COORDINATE_MAX));
     CHECK(check_ranges(at, "edge2", b, 3, -SCENE_COORDINATE_MAX, SCENE_COORDINATE_MAX));
     for (int i = 0; i < 3; i++) {
@@ -560,13 +564,18 @@ static status check_portal(const struct place *at, const struct scene_portal *po
 
 static status check_environment(const struct place *at, const struct scene_environment *env)
 {
+    struct transform_d to_map = transform_d_identity();
+
     CHECK(check_flag(at, "present", env->present));
     if (!env->present)
         return STATUS_OK;
     CHECK(check_flag(at, "constant", env->constant));
     CHECK(check_ranges(at, "radiance", env->radiance, 3, 0, unlimited));
     CHECK(check_ranges(at, "to_map", &env->to_map[0][0], 9, -2, 2));
-    if (!is_orthonormal(&env->to_map[0][0], 3) || !(determinant_of(&env->to_map[0][0], 3) > 0))
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            to_map.m[r][c] = (double)env->to_map[r][c];
+    if (!is_orthonormal(&to_map.m[0][0], 4) || !(transform_d_determinant(&to_map) > 0))
         return complain(at, "to_map", "is not a rotation");
     return env->constant ? STATUS_OK : check_image(at, &env->image);
 }
@@ -623,5 +632,6 @@ status scene_validate(const struct scene *scene, struct error *err)
     at = (struct place){"environment", 0, err};
     CHECK(check_environment(&at, &scene->environment));
     at = (struct place){"scene", 0, err};
+    CHECK(check_coordinates(&at, "origin", scene->origin, 3));
     return check_reference(&at, "fog", scene->fog, scene->medium_count);
 }

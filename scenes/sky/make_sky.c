@@ -25,11 +25,11 @@ static status write_map(const char *path, const struct image *map, const struct 
                         struct error *err)
 {
     const struct exr_attribute attributes[] = {
-        {"sunElevation", NULL, s->sun_elevation_deg},
-        {"sunAzimuth", NULL, s->sun_azimuth_deg},
-        {"turbidity", NULL, s->turbidity},
-        {"groundAlbedo", NULL, s->ground_albedo},
-        {"candelasPerUnit", NULL, SKY_CANDELAS_PER_UNIT},
+        {.name = "sunElevation", .number = s->sun_elevation_deg},
+        {.name = "sunAzimuth", .number = s->sun_azimuth_deg},
+        {.name = "turbidity", .number = s->turbidity},
+        {.name = "groundAlbedo", .number = s->ground_albedo},
+        {.name = "candelasPerUnit", .number = SKY_CANDELAS_PER_UNIT},
     };
     const struct exr_options options = {
         .attributes = attributes, .attribute_count = sizeof attributes / sizeof *attributes};

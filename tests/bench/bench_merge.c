@@ -260,13 +260,12 @@ static status connect_peer(struct bench *b, struct peer *peer, int is_worker, st
 static status make_scene(struct bench *b, struct error *err)
 {
     static struct scene_camera camera = {.name = "camera", .yfov_rad = 1, .node = -1};
-    const struct transform_d identity = transform_d_identity();
     struct scene scene;
     status s;
 
     scene_init(&scene);
     scene.name = "empty";
-    camera.to_world = transform_from_d(&identity);
+    camera.to_world = transform_d_identity();
     scene.cameras = &camera;
     scene.camera_count = 1;
     scene.environment.present = 1;

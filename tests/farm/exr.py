@@ -10,11 +10,12 @@ LINES = {0: 1, 2: 1, 3: 16}  # of a chunk: uncompressed, ZIPS, ZIP
 
 
 class Picture:
-    """channels: name -> the bytes of its samples, row by row from the top."""
+    """channels: name -> the bytes of its samples, row by row from the top; attributes: name -> the
+    bytes of its value in the header."""
 
     def __init__(self, width, height, kinds, channels, attributes):
         self.width, self.height, self.kinds, self.channels = width, height, kinds, channels
-        self.attributes = attributes  # the bytes of each, by name
+        self.attributes = attributes
 
     def bits(self):
         return (self.width, self.height, tuple(sorted(self.kinds.items())),

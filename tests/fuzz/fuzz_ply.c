@@ -11,7 +11,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     struct mesh_source mesh;
     struct error err = {0};
 
-    if (ply_read(data, size, &mesh, NULL, &err) == STATUS_OK) {
+    if (ply_read(data, size, NULL, &mesh, NULL, &err) == STATUS_OK) {
         for (size_t i = 0; i < 3 * mesh.triangle_count; i++)
             if (mesh.indices[i] >= mesh.vertex_count)
                 abort();

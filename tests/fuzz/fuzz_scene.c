@@ -44,13 +44,13 @@ static void strike_pose(const struct scene *scene)
     for (uint32_t i = 0; i < scene->camera_count; i++) {
         struct scene_camera camera;
         pose_camera(&pose, scene, i, &camera);
-        if (!transform_is_finite(&camera.to_world))
+        if (!transform_d_is_finite(&camera.to_world))
             abort();
     }
     for (uint32_t i = 0; i < scene->light_count; i++) {
         struct scene_light light;
         pose_light(&pose, scene, i, &light);
-        if (!transform_is_finite(&light.to_world) || !isfinite(light.direction[0]))
+        if (!transform_d_is_finite(&light.to_world) || !isfinite(light.direction[0]))
             abort();
     }
     for (uint32_t i = 0; i < scene->instance_count; i++) {

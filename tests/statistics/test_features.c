@@ -299,9 +299,9 @@ static void as_perspective(struct scene *scene)
 static void turned_camera(struct scene *scene)
 {
     for (int r = 0; r < 3; r++) {
-        float *row = scene->cameras[0].to_world.m[r], x = row[0], z = row[2];
-        row[0] = 0.99985f * x - 0.01745f * z;
-        row[2] = 0.01745f * x + 0.99985f * z;
+        double *row = scene->cameras[0].to_world.m[r], x = row[0], z = row[2];
+        row[0] = 0.99985 * x - 0.01745 * z;
+        row[2] = 0.01745 * x + 0.99985 * z;
     }
 }
 
@@ -589,8 +589,8 @@ static void reference_save(const struct feature *f, struct reference *r)
     const struct exr_channel channels[3] = {
         {plane_names[1][0], 0}, {plane_names[1][1], 0}, {plane_names[1][2], 0}};
     const struct exr_channels more = {channels, 3, deviation_lines, r};
-    const struct exr_attribute attributes[] = {{"samples", NULL, SPP},
-                                               {"runs", NULL, REFERENCE_RUNS}};
+    const struct exr_attribute attributes[] = {{.name = "samples", .number = SPP},
+                                               {.name = "runs", .number = REFERENCE_RUNS}};
     const struct exr_options options = {
         .half = 1, .attributes = attributes, .attribute_count = 2, .more = &more};
     struct image image = {WIDTH, HEIGHT, 3, pixels};

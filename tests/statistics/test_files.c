@@ -43,7 +43,7 @@ static void look_straight(struct import_result *import, float half)
     c->name = "straight";
     c->kind = CAMERA_ORTHOGRAPHIC;
     c->xmag = c->ymag = half;
-    c->to_world = (struct transform){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 10}}};
+    c->to_world = (struct transform_d){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 10}}};
 }
 
 /* ---- pbrt's shapes -------------------------------------------------------------------------- */

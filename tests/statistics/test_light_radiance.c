@@ -36,7 +36,7 @@ static struct scene_light *lit_plane(struct scene_builder *b, enum scene_light_k
     l->intensity[1] = 5;
     l->intensity[2] = 6;
     /* looks along -Z: turned down, the image's up is -Z of the world */
-    l->to_world = (struct transform){{{1, 0, 0, 0}, {0, 0, 1, 2}, {0, -1, 0, 0}}};
+    l->to_world = (struct transform_d){{{1, 0, 0, 0}, {0, 0, 1, 2}, {0, -1, 0, 0}}};
     return l;
 }
 
@@ -180,7 +180,7 @@ static void test_caustics(void **state)
     m->metallic = 1;
     m->roughness = 0;
     i = builder_place(&b, quad, 2, vec3_splat(1), vec3_splat(0));
-    i->to_world = (struct transform){{{0, -1, 0, (float)wall}, {3, 0, 0, 0}, {0, 0, 3, 0}}};
+    i->to_world = (struct transform_d){{{0, -1, 0, (float)wall}, {3, 0, 0, 0}, {0, 0, 3, 0}}};
     builder_camera(&b, vec3_make(0.2f, 1.9f, 0), vec3_make(0.2f, 0, 0), 0.002f);
     radiance_expect(&b, &settings, COMPARISONS, direct + mirrored, "lamp and its mirror image");
     settings.without = EFFECT_CAUSTICS;

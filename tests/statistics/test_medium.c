@@ -29,7 +29,7 @@ static struct scene_medium grid_medium(uint32_t x, uint32_t y, uint32_t z)
 {
     struct scene_medium m = {.name = "test", .has_grid = 1, .grid_size = {x, y, z}};
 
-    m.grid_to_world = (struct transform){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+    m.grid_to_world = (struct transform_d){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
     return m;
 }
 

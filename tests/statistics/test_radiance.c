@@ -221,7 +221,7 @@ static void test_grazing_lamp(void **state)
     builder_init(&b);
     square_lamp(&b, 2, 0.5f, 0);
     wall = builder_place(&b, 0, 0, vec3_splat(1), vec3_splat(0));
-    wall->to_world = (struct transform){{{0, 1, 0, -2}, {3, 0, 0, 0}, {0, 0, 3, 0}}};
+    wall->to_world = (struct transform_d){{{0, 1, 0, -2}, {3, 0, 0, 0}, {0, 0, 3, 0}}};
     builder_camera(&b, vec3_make(0, 1.9f, 0), vec3_make(-2, 1.9f, 0), 0.004f);
     expect_mean(&b, &settings, 0.6 / M_PI * 10 * sum, "grazing lamp");
     builder_release(&b);

@@ -239,6 +239,44 @@ void assert_floats(const float *got, const float *wanted, size_t count, float to
             fail_msg("value %zu is %.9g instead of %.9g", i, (double)got[i], (double)wanted[i]);
 }
 
+void assert_doubles(const double *got, const double *wanted, size_t count, double tolerance)
+{
+    assert_non_null(got);
+    for (size_t i = 0; i < count; i++)
+        if (!(fabs(got[i] - wanted[i]) <= tolerance))
+            fail_msg("value %zu is %.17g instead of %.17g", i, got[i], wanted[i]);
+}
+
+void assert_in_file(const struct scene *scene, const double at[3], const double wanted[3],
+                    double tolerance)
+{
+    double there[3];
+
+    for (int i = 0; i < 3; i++)
+        there[i] = at[i] + scene->origin[i];
+    assert_doubles(there, wanted, 3, tolerance);
+}
+
+void assert_matrix_in_file(const struct scene *scene, const struct transform_d *to_world,
+                           const double wanted[12], double tolerance)
+{
+    struct transform_d m = *to_world;
+
+    for (int r = 0; r < 3; r++)
+        m.m[r][3] += scene->origin[r];
+    assert_doubles(&m.m[0][0], wanted, 12, tolerance);
+}
+
+struct vec3 in_file(const struct scene *scene, const struct transform_d *to_world, struct vec3 p)
+{
+    const double from[3] = {(double)p.x, (double)p.y, (double)p.z};
+    double to[3];
+
+    transform_d_point(to_world, from, to);
+    return vec3_make((float)(to[0] + scene->origin[0]), (float)(to[1] + scene->origin[1]),
+                     (float)(to[2] + scene->origin[2]));
+}
+
 int warned(const struct import_result *result, const char *words)
 {
     for (size_t i = 0; i < result->warning_count; i++)

@@ -83,6 +83,13 @@ struct mesh_view {
 
 struct mesh_view view_mesh(const struct import_result *result, uint32_t index);
 void assert_floats(const float *got, const float *wanted, size_t count, float tolerance);
+void assert_doubles(const double *got, const double *wanted, size_t count, double tolerance);
+/* Places in the coordinates of the file, which the scene's origin was taken from. */
+struct vec3 in_file(const struct scene *scene, const struct transform_d *to_world, struct vec3 p);
+void assert_in_file(const struct scene *scene, const double at[3], const double wanted[3],
+                    double tolerance);
+void assert_matrix_in_file(const struct scene *scene, const struct transform_d *to_world,
+                           const double wanted[12], double tolerance);
 int warned(const struct import_result *result, const char *words);
 void assert_warned(const struct import_result *result, const char *words);
 

@@ -261,7 +261,7 @@ struct scene_instance *builder_place(struct scene_builder *b, uint32_t mesh, uin
     i->name = "instance";
     i->mesh = mesh;
     i->material = material;
-    i->to_world = (struct transform){{{scale.x, 0, 0, translate.x},
+    i->to_world = (struct transform_d){{{scale.x, 0, 0, translate.x},
                                       {0, scale.y, 0, translate.y},
                                       {0, 0, scale.z, translate.z}}};
     return i;
@@ -294,7 +294,7 @@ void builder_camera(struct scene_builder *b, struct vec3 eye, struct vec3 target
     c->kind = CAMERA_PERSPECTIVE;
     c->yfov_rad = yfov_rad;
     c->xmag = c->ymag = 1;
-    c->to_world = (struct transform){{{x.x, y.x, z.x, eye.x}, {x.y, y.y, z.y, eye.y}, {x.z, y.z, z.z, eye.z}}};
+    c->to_world = (struct transform_d){{{x.x, y.x, z.x, eye.x}, {x.y, y.y, z.y, eye.y}, {x.z, y.z, z.z, eye.z}}};
 }
 
 void builder_environment_constant(struct scene_builder *b, struct vec3 radiance)
@@ -370,7 +370,7 @@ void builder_grid(struct scene_builder *b, struct scene_medium *medium, const fl
     medium->has_grid = 1;
     memcpy(medium->grid_size, size, sizeof medium->grid_size);
     medium->grid = add_blob(b, need(mem_memdup(density, bytes)), bytes);
-    medium->grid_to_world = (struct transform){{{high.x - low.x, 0, 0, low.x},
+    medium->grid_to_world = (struct transform_d){{{high.x - low.x, 0, 0, low.x},
                                                 {0, high.y - low.y, 0, low.y},
                                                 {0, 0, high.z - low.z, low.z}}};
 }

@@ -126,7 +126,7 @@ static void fill_meshes(struct scene *s)
 
 static void fill_lights(struct scene *s)
 {
-    const struct transform turned = {{{0, 0, 1, 1}, {0, -1, 0, 2}, {1, 0, 0, 3}}};
+    const struct transform_d turned = {{{0, 0, 1, 1}, {0, -1, 0, 2}, {1, 0, 0, 3}}};
 
     s->light_count = 5;
     s->lights = checked(ARENA_ARRAY(&s->arena, struct scene_light, 5));
@@ -149,7 +149,7 @@ static void fill_lights(struct scene *s)
 
 static void fill_cameras(struct scene *s)
 {
-    const struct transform view = {{{1, 0, 0, 4}, {0, 0.8f, -0.6f, 5}, {0, 0.6f, 0.8f, 6}}};
+    const struct transform_d view = {{{1, 0, 0, 4}, {0, 0.8, -0.6, 5}, {0, 0.6, 0.8, 6}}};
 
     s->camera_count = 2;
     s->cameras = checked(ARENA_ARRAY(&s->arena, struct scene_camera, 2));
@@ -190,7 +190,7 @@ static void fill_nodes(struct scene *s)
     for (int i = 0; i < 3; i++)
         scene_node_default(&s->nodes[i]);
     s->nodes[0].has_matrix = 1;
-    s->nodes[0].matrix = (struct transform){{{1, 2, 0, 3}, {0, 1, 0, 4}, {0, 0, -1, 5}}};
+    s->nodes[0].matrix = (struct transform_d){{{1, 2, 0, 3}, {0, 1, 0, 4}, {0, 0, -1, 5}}};
     s->nodes[1] = (struct scene_node){.parent = 0,
                                       .translation = {1, 2, 3},
                                       .rotation = {0.5f, -0.5f, 0.5f, 0.5f},
@@ -296,6 +296,8 @@ void scene_sample(struct scene *s)
             .node = (int32_t)i - 1,
             .skin = i == 2 ? 0 : -1,
             .to_world = {{{2, 0, 0, (float)i}, {0, -3, 0, 1}, {0, 0, 4, 2}}}};
+    s->origin[0] = 500000.125;
+    s->origin[2] = -3;
     fill_lights(s);
     fill_cameras(s);
     fill_environment(s);

@@ -72,7 +72,7 @@ void camera_init(struct camera *camera, const struct scene_camera *description,
 
     memset(camera, 0, sizeof *camera);
     camera->kind = description->kind;
-    camera->to_world = description->to_world;
+    camera->to_world = transform_from_d(&description->to_world);
     camera->width = (float)settings->width;
     camera->height = (float)settings->height;
     camera->half_height = description->kind == CAMERA_PERSPECTIVE

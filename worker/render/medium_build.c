@@ -42,7 +42,7 @@ static float block_maximum(const struct world_medium *medium, const uint32_t blo
 }
 
 /* Metres across the box, corner to corner, at most. */
-static double box_diagonal(const struct transform *grid_to_world)
+static double box_diagonal(const struct transform_d *grid_to_world)
 {
     double sum = 0;
 
@@ -50,7 +50,7 @@ static double box_diagonal(const struct transform *grid_to_world)
         double extent = 0;
 
         for (int column = 0; column < 3; column++)
-            extent += fabs((double)grid_to_world->m[row][column]);
+            extent += fabs(grid_to_world->m[row][column]);
         sum += extent * extent;
     }
     return sqrt(sum);
@@ -75,7 +75,7 @@ static void set_glow(struct world_medium *medium, const struct scene_medium *sou
 static status build_grid(struct world_medium *medium, const struct scene_medium *source,
                          const uint8_t *grid, struct error *err)
 {
-    struct transform_d to_world = transform_to_d(&source->grid_to_world), to_unit, to_cells;
+    struct transform_d to_world = source->grid_to_world, to_unit, to_cells;
     size_t count = 1, at = 0;
     float densest = 0.0f;
     uint32_t block[3];

@@ -13,10 +13,14 @@
 #define VOLUME_SHARE_MIN 0.1
 /* Determinants beyond this and its inverse are baked too. */
 #define VOLUME_MIN 1e-30
+/* A shared mesh is baked, too, where rounding its matrix would move it by more than this share of
+ * its size. */
+#define DIGITS_SHARE_MAX 1e-4
 /* Embree wants 16 readable bytes after the last vertex. */
 #define PADDING_FLOATS 4
 
 static const struct transform identity = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+static const struct transform_d identity_d = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
 
 struct placer {
     struct render_scene *w;
@@ -27,7 +31,8 @@ struct placer {
     const struct scene_mesh *mesh;
     const struct world_mesh *vertices;
     struct world_instance *instance;
-    struct transform at[WORLD_STEPS_MAX]; /* [poses->count] */
+    struct transform_d exact;             /* its transform at the first pose */
+    struct transform at[WORLD_STEPS_MAX]; /* [poses->count] rounded */
     struct error *err;
 };
 
@@ -56,20 +61,19 @@ static float *new_vertices(const struct placer *p, uint32_t components)
 }
 
 static void transform_vertices(float *out, const float *in, size_t count,
-                               const struct transform *to_world)
+                               const struct transform_d *to_world)
 {
     for (size_t i = 0; i < count; i++) {
         double p[3] = {(double)in[3 * i], (double)in[3 * i + 1], (double)in[3 * i + 2]};
         for (size_t a = 0; a < 3; a++) {
-            const float *row = to_world->m[a];
-            out[3 * i + a] = (float)((double)row[0] * p[0] + (double)row[1] * p[1] +
-                                     (double)row[2] * p[2] + (double)row[3]);
+            const double *row = to_world->m[a];
+            out[3 * i + a] = (float)(row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3]);
         }
     }
 }
 
-/* The mesh's vertices in world space. */
-static float *bake(const struct placer *p, const struct transform *to_world)
+/* The mesh's vertices in world space, each coordinate rounded once. */
+static float *bake(const struct placer *p, const struct transform_d *to_world)
 {
     float *out = new_vertices(p, 3);
 
@@ -113,17 +117,33 @@ static void set_transform(struct world_instance *instance, const struct transfor
 
 /* ---- what stands still -------------------------------------------------------------------- */
 
+/* Does Embree's float matrix blur the mesh? So it does where the mesh lies far from its own origin
+ * and the matrix takes it back. */
+static int loses_digits(const struct placer *p)
+{
+    double size = 0;
+
+    for (int r = 0; r < 3; r++) {
+        double extent = 0;
+        for (int c = 0; c < 3; c++)
+            extent += fabs(p->exact.m[r][c]) *
+                      ((double)p->mesh->bounds_max[c] - (double)p->mesh->bounds_min[c]);
+        size = fmax(size, extent);
+    }
+    return (double)transform_error(p->mesh, &p->at[0]) > DIGITS_SHARE_MAX * size;
+}
+
 static status place_still(struct placer *p, uint32_t uses)
 {
     struct world_instance *instance = p->instance;
     int flat;
 
     set_transform(instance, &p->at[0], &flat);
-    if (memcmp(&instance->to_world, &identity, sizeof identity) == 0) {
+    if (memcmp(&p->exact, &identity_d, sizeof identity_d) == 0) {
         instance->world_positions = p->vertices->positions;
-    } else if (flat || uses == 1 ||
+    } else if (flat || uses == 1 || loses_digits(p) ||
                (uint64_t)uses * p->mesh->triangle_count <= BAKE_TRIANGLES_MAX) {
-        instance->world_positions = bake(p, &instance->to_world);
+        instance->world_positions = bake(p, &p->exact);
         if (!instance->world_positions)
             return no_memory(p);
         p->w->info.mesh_bytes += 3 * sizeof(float) * (size_t)p->mesh->vertex_count;
@@ -279,7 +299,8 @@ static status place_moving(struct placer *p)
         return STATUS_OK;
     }
     for (uint32_t k = 0; k < count; k++) {
-        positions[k] = bake(p, &instance->motion_to_world[k]);
+        struct transform_d step = transform_to_d(&instance->motion_to_world[k]);
+        positions[k] = bake(p, &step);
         if (!positions[k])
             return no_memory(p);
     }
@@ -357,8 +378,10 @@ static status deform_at(struct placer *p, uint32_t k, float **positions)
     }
     s = pose_deform(&p->poses->at[k], p->scene, p->index, mesh->blob, *positions, normals, tangents,
                     p->err);
-    if (s == STATUS_OK && !instance->skinned)
-        transform_vertices(*positions, *positions, mesh->vertex_count, &p->at[k]);
+    if (s == STATUS_OK && !instance->skinned) {
+        struct transform_d to_world = transform_to_d(&p->at[k]);
+        transform_vertices(*positions, *positions, mesh->vertex_count, &to_world);
+    }
     return s;
 }
 
@@ -482,6 +505,8 @@ static enum placement look_at(struct placer *p, uint32_t index)
     p->instance = &p->w->instances[index];
     for (uint32_t k = 0; k < p->poses->count; k++) {
         struct transform_d exact = pose_instance(&p->poses->at[k], p->scene, index);
+        if (k == 0)
+            p->exact = exact;
         p->at[k] = transform_from_d(&exact);
         moves |= memcmp(&p->at[k], &p->at[0], sizeof *p->at) != 0;
     }

@@ -114,7 +114,7 @@ void world_poses_camera(const struct world_poses *poses, uint32_t camera, struct
     for (uint32_t k = 0; k < WORLD_STEPS_MAX; k++) {
         struct scene_camera posed;
         pose_camera(&poses->at[k], poses->scene, camera, &posed);
-        at[k] = posed.to_world;
+        at[k] = transform_from_d(&posed.to_world);
         moves |= memcmp(&at[k], &at[0], sizeof *at) != 0;
         for (int r = 0; r < 3; r++) {
             for (int c = 0; c < 3; c++)

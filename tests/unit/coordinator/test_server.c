@@ -307,14 +307,13 @@ static void join(struct peer *peer, enum farm_role role)
 
 static void make_scene(struct buffer *out, struct digest *digest, int with_missing_image)
 {
-    const struct transform_d identity = transform_d_identity();
     struct scene_camera camera = {.name = "camera", .yfov_rad = 1, .node = -1};
     struct scene scene;
     struct error err = {0};
 
     scene_init(&scene);
     scene.name = "empty";
-    camera.to_world = transform_from_d(&identity);
+    camera.to_world = transform_d_identity();
     scene.cameras = &camera;
     scene.camera_count = 1;
     scene.environment.present = 1;

@@ -235,9 +235,11 @@ static int64_t read_memory(exr_const_context_t context, void *user, void *out, u
 
 static void test_attributes(void **state)
 {
-    static const struct exr_attribute attributes[] = {{"software", "azulejo", 0},
-                                                      {"relativeError", NULL, 0.125}};
-    struct exr_options options = {.attributes = attributes, .attribute_count = 2};
+    static const double origin[3] = {500000.125, -1e-300, 3};
+    static const struct exr_attribute attributes[] = {{.name = "software", .text = "azulejo"},
+                                                      {.name = "relativeError", .number = 0.125},
+                                                      {.name = "origin", .point = origin}};
+    struct exr_options options = {.attributes = attributes, .attribute_count = 3};
     struct image in = make_image(4, 4, 3);
     struct buffer file = BUFFER_INIT;
     struct memory_file memory = {&file};
@@ -245,6 +247,7 @@ static void test_attributes(void **state)
     exr_context_t context;
     exr_attr_chromaticities_t chroma;
     exr_compression_t compression;
+    exr_attr_v3d_t point;
     const char *text;
     double number;
     int32_t length;
@@ -259,6 +262,8 @@ static void test_attributes(void **state)
     assert_memory_equal(text, "azulejo", 7);
     assert_int_equal(exr_attr_get_double(context, 0, "relativeError", &number), EXR_ERR_SUCCESS);
     assert_true(number == 0.125);
+    assert_int_equal(exr_attr_get_v3d(context, 0, "origin", &point), EXR_ERR_SUCCESS);
+    assert_memory_equal(point.arr, origin, sizeof origin);
     assert_int_equal(exr_attr_get_chromaticities(context, 0, "chromaticities", &chroma),
                      EXR_ERR_SUCCESS);
     assert_true(chroma.red_x == 0.64f && chroma.white_y == 0.329f);

@@ -56,9 +56,9 @@ static void test_channels(void **state)
     assert_int_equal(r.scene.node_count, 2);
     assert_int_equal(r.scene.nodes[0].parent, -1);
     assert_int_equal(r.scene.nodes[1].parent, 0);
-    assert_floats(r.scene.nodes[0].translation, (const float[]){1, 0, 0}, 3, 0);
-    assert_floats(r.scene.nodes[1].scale, (const float[]){2, 2, 2}, 3, 0);
-    assert_floats(r.scene.nodes[1].rotation, (const float[]){0, 0, 0, 1}, 4, 0);
+    assert_doubles(r.scene.nodes[0].translation, (const double[]){1, 0, 0}, 3, 0);
+    assert_doubles(r.scene.nodes[1].scale, (const double[]){2, 2, 2}, 3, 0);
+    assert_doubles(r.scene.nodes[1].rotation, (const double[]){0, 0, 0, 1}, 4, 0);
     assert_int_equal(r.scene.instances[0].node, 1);
     assert_int_equal(r.scene.channel_count, 3); /* by node, then path */
     c = &r.scene.channels[0];
@@ -104,7 +104,7 @@ static void test_only_what_moves(void **state)
     assert_int_equal(r.scene.channels[0].node, 1);
     assert_int_equal(r.scene.instances[0].node, 2);
     assert_int_equal(r.scene.instances[1].node, -1);
-    assert_true(r.scene.instances[1].to_world.m[0][3] == 5);
+    assert_true(r.scene.instances[1].to_world.m[0][3] + r.scene.origin[0] == 5);
     import_result_release(&r);
 }
 
@@ -122,8 +122,8 @@ static void test_standing_still(void **state)
     assert_int_equal(r.scene.node_count, 0);
     assert_int_equal(r.scene.channel_count, 0);
     assert_int_equal(r.scene.instances[0].node, -1);
-    assert_true(r.scene.instances[0].to_world.m[0][3] == 7 &&
-                r.scene.instances[0].to_world.m[2][3] == 9);
+    assert_true(r.scene.instances[0].to_world.m[0][3] + r.scene.origin[0] == 7 &&
+                r.scene.instances[0].to_world.m[2][3] + r.scene.origin[2] == 9);
     import_result_release(&r);
 }
 
@@ -226,17 +226,18 @@ static void test_followers(void **state)
     import_result_release(&r);
 }
 
-/* Does the camera see the point, in a square picture? */
-static int sees(const struct scene_camera *c, const float point[3])
+/* Does the camera see the file's point, in a square picture? */
+static int sees(const struct scene *scene, const double point[3])
 {
-    float at[3], half = det_tan(c->yfov_rad / 2);
+    const struct scene_camera *c = &scene->cameras[0];
+    double at[3], half = (double)det_tan(c->yfov_rad / 2);
 
     for (int axis = 0; axis < 3; axis++) {
         at[axis] = 0;
         for (int r = 0; r < 3; r++)
-            at[axis] += (point[r] - c->to_world.m[r][3]) * c->to_world.m[r][axis];
+            at[axis] += (point[r] - scene->origin[r] - c->to_world.m[r][3]) * c->to_world.m[r][axis];
     }
-    return at[2] < 0 && fmaxf(fabsf(at[0]), fabsf(at[1])) < -at[2] * half;
+    return at[2] < 0 && fmax(fabs(at[0]), fabs(at[1])) < -at[2] * half;
 }
 
 /* What follows a node stands where it is at time 0; a camera that we choose sees the whole
@@ -244,7 +245,7 @@ static int sees(const struct scene_camera *c, const float point[3])
 static void test_at_time_0(void **state)
 {
     static const float far_away[6] = {20, 30, 40, -20, -30, -40};
-    static const float places[2][3] = {{20, 30, 40}, {-20, -30, -40}};
+    static const double places[2][3] = {{20, 30, 40}, {-20, -30, -40}};
     struct maker m = motion_maker();
     struct import_result r;
 
@@ -259,10 +260,10 @@ static void test_at_time_0(void **state)
                  CHANNEL(0, 0, "translation") "]}]," ONE_TRIANGLE,
                  &r);
     /* Before the first key its value stands. */
-    assert_floats(r.scene.lights[0].position, places[0], 3, 0);
-    assert_true(r.scene.instances[0].to_world.m[2][3] == 40);
+    assert_in_file(&r.scene, r.scene.lights[0].position, places[0], 0);
+    assert_true(r.scene.instances[0].to_world.m[2][3] + r.scene.origin[2] == 40);
     assert_int_equal(r.scene.cameras[0].node, -1);
-    assert_true(sees(&r.scene.cameras[0], places[0]) && sees(&r.scene.cameras[0], places[1]));
+    assert_true(sees(&r.scene, places[0]) && sees(&r.scene, places[1]));
     import_result_release(&r);
     /* The same with a camera of the file's on the node. */
     m = motion_maker();
@@ -274,8 +275,8 @@ static void test_at_time_0(void **state)
                  "],\"animations\":[{\"samplers\":[{\"input\":6,\"output\":7}],\"channels\":["
                  CHANNEL(0, 0, "translation") "]}]," ONE_TRIANGLE,
                  &r);
-    assert_floats(&r.scene.cameras[0].to_world.m[0][0],
-                  (const float[]){1, 0, 0, 20, 0, 1, 0, 30, 0, 0, 1, 40}, 12, 1e-6f);
+    assert_matrix_in_file(&r.scene, &r.scene.cameras[0].to_world,
+                          (const double[]){1, 0, 0, 20, 0, 1, 0, 30, 0, 0, 1, 40}, 1e-6);
     import_result_release(&r);
 }
 

@@ -62,8 +62,8 @@ static void test_skin(void **state)
     assert_int_equal(r.scene.instances[0].skin, 0);
     assert_int_equal(r.scene.instances[0].node, -1);
     /* Where joint 0 has it. */
-    assert_true(r.scene.instances[0].to_world.m[0][3] == 9 &&
-                r.scene.instances[0].to_world.m[2][3] == 27);
+    assert_true(r.scene.instances[0].to_world.m[0][3] + r.scene.origin[0] == 9 &&
+                r.scene.instances[0].to_world.m[2][3] + r.scene.origin[2] == 27);
     assert_int_equal(r.scene.meshes[0].arrays, MESH_SKIN);
     assert_int_equal(r.scene.meshes[0].closed, 0);
     v = view_mesh(&r, 0);

@@ -15,7 +15,7 @@
 static void assert_point(const struct import_result *r, uint32_t instance, struct vec3 in,
                          float x, float y, float z)
 {
-    struct vec3 p = transform_point(&r->scene.instances[instance].to_world, in);
+    struct vec3 p = in_file(&r->scene, &r->scene.instances[instance].to_world, in);
 
     assert_floats(&p.x, (const float[]){x, y, z}, 3, 1e-5f);
 }
@@ -43,10 +43,7 @@ static void test_hierarchy(void **state)
     assert_point(&r, 1, vec3_make(1, 1, 1), 34, 3, 2);
     assert_string_equal(r.scene.instances[1].name, "leaf");
     /* The mirroring stays in the transform: the renderer flips the winding by its sign. */
-    {
-        struct transform_d world = transform_to_d(&r.scene.instances[1].to_world);
-        assert_true(transform_d_determinant(&world) < 0);
-    }
+    assert_true(transform_d_determinant(&r.scene.instances[1].to_world) < 0);
     assert_true(scene_effects_default(&r.scene, 0) & EFFECT_INSTANCING);
     import_result_release(&r);
 }
@@ -230,9 +227,8 @@ static void test_cameras(void **state)
     assert_true(c->yfov_rad == 0.5f && c->aspect == 1.5f);
     /* Turned a quarter about +Y it looks along -X; scale does not count, but a mirrored up
      * axis turns the picture round. */
-    assert_floats(&c->to_world.m[0][0], (const float[]){0, 0, 1, 1}, 4, 1e-6f);
-    assert_floats(&c->to_world.m[1][0], (const float[]){0, -1, 0, 2}, 4, 1e-6f);
-    assert_floats(&c->to_world.m[2][0], (const float[]){1, 0, 0, 3}, 4, 1e-6f);
+    assert_matrix_in_file(&r.scene, &c->to_world,
+                          (const double[]){0, 0, 1, 1, 0, -1, 0, 2, 1, 0, 0, 3}, 1e-12);
     c = &r.scene.cameras[1];
     assert_int_equal(c->kind, CAMERA_ORTHOGRAPHIC);
     assert_string_equal(c->name, "node");
@@ -264,7 +260,7 @@ static void test_framing(void **state)
         struct import_result r;
         const struct scene_camera *c;
         char rest[512];
-        float widest = 0, half;
+        double widest = 0, half;
         put_box(&m, 0);
         snprintf(rest, sizeof rest,
                  "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"scale\":[%g,%g,%g],"
@@ -273,23 +269,22 @@ static void test_framing(void **state)
                  (double)scales[i], (double)scales[i], (double)scales[i], 3 * (double)scales[i]);
         maker_import(&m, rest, &r);
         c = &r.scene.cameras[0];
-        half = det_tan(c->yfov_rad / 2);
+        half = (double)det_tan(c->yfov_rad / 2);
         for (int corner = 0; corner < 8; corner++) {
-            struct vec3 p = transform_point(&r.scene.instances[0].to_world,
-                                            vec3_make((float)(corner & 1), (float)(corner >> 1 & 1),
-                                                      (float)(corner >> 2)));
-            float at[3];
+            const struct transform_d *to_world = &r.scene.instances[0].to_world;
+            double p[3] = {corner & 1, corner >> 1 & 1, corner >> 2}, at[3];
+            transform_d_point(to_world, p, p);
             for (int axis = 0; axis < 3; axis++)
-                at[axis] = (p.x - c->to_world.m[0][3]) * c->to_world.m[0][axis] +
-                           (p.y - c->to_world.m[1][3]) * c->to_world.m[1][axis] +
-                           (p.z - c->to_world.m[2][3]) * c->to_world.m[2][axis];
+                at[axis] = (p[0] - c->to_world.m[0][3]) * c->to_world.m[0][axis] +
+                           (p[1] - c->to_world.m[1][3]) * c->to_world.m[1][axis] +
+                           (p[2] - c->to_world.m[2][3]) * c->to_world.m[2][axis];
             assert_true(at[2] < 0); /* before the camera, which looks along its -Z */
-            widest = fmaxf(widest, fmaxf(fabsf(at[0]), fabsf(at[1])) / -at[2] / half);
+            widest = fmax(widest, fmax(fabs(at[0]), fabs(at[1])) / -at[2] / half);
         }
         assert_true(widest < 1);
-        assert_true(widest > 0.7f);
+        assert_true(widest > 0.7);
         /* From above. */
-        assert_true(c->to_world.m[1][2] > 0.2f);
+        assert_true(c->to_world.m[1][2] > 0.2);
         import_result_release(&r);
     }
 }
@@ -317,7 +312,7 @@ static void test_lights(void **state)
     l = &r.scene.lights[0];
     assert_int_equal(l->kind, LIGHT_POINT);
     assert_floats(l->intensity, (const float[]){4, 2, 1}, 3, 0);
-    assert_floats(l->position, (const float[]){1, 2, 3}, 3, 0);
+    assert_in_file(&r.scene, l->position, (const double[]){1, 2, 3}, 0);
     assert_true(l->range == 10);
     l = &r.scene.lights[1];
     /* Turned to shine down; the scale neither dims nor widens. */

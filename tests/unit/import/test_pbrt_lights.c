@@ -42,7 +42,7 @@ static void test_point_lights(void **state)
     l = r.scene.lights;
     assert_int_equal(l[0].kind, LIGHT_POINT);
     assert_rgb(l[0].intensity, 2, 4, 6);
-    assert_rgb(l[0].position, 2, 2, 3);
+    assert_in_file(&r.scene, l[0].position, (const double[]){2, 2, 3}, 0);
     assert_rgb(l[1].intensity, 7.9577472f, 7.9577472f, 7.9577472f); /* 100 / (4 pi) */
     assert_int_equal(l[2].kind, LIGHT_SPOT);
     assert_int_equal(l[2].falloff, FALLOFF_SMOOTHSTEP);
@@ -74,7 +74,7 @@ static void test_mirrored_light(void **state)
                "\"point3 to\" [1 0 1] LightSource \"point\" \"point3 from\" [1 2 3] " TRIANGLE,
                NULL, &r);
     assert_rgb(r.scene.lights[0].direction, 0.70710678f, 0, -0.70710678f);
-    assert_rgb(r.scene.lights[1].position, 1, 2, -3);
+    assert_in_file(&r.scene, r.scene.lights[1].position, (const double[]){1, 2, -3}, 0);
     import_result_release(&r);
 }
 
@@ -174,7 +174,7 @@ static void test_constant_environment(void **state)
                "[0 0 1  2 0 1  2 3 1  0 3 1] " TRIANGLE, &r);
     assert_rgb(r.scene.environment.radiance, 1, 1, 1);
     assert_int_equal(r.scene.environment.portal_count, 1);
-    assert_rgb(r.scene.environment.portals[0].corner, 0, 0, 1);
+    assert_in_file(&r.scene, r.scene.environment.portals[0].corner, (const double[]){0, 0, 1}, 0);
     assert_rgb(r.scene.environment.portals[0].edge1, 2, 0, 0);
     assert_rgb(r.scene.environment.portals[0].edge2, 0, 3, 0);
     import_result_release(&r);
@@ -404,7 +404,7 @@ static void test_grid(void **state)
 {
     const struct scene_medium *m;
     struct import_result r;
-    float corner[3];
+    double corner[3];
 
     (void)state;
     pbrt_world(LAMP "Translate 10 0 0 MakeNamedMedium \"g\" \"string type\" \"uniformgrid\" "
@@ -418,7 +418,7 @@ static void test_grid(void **state)
     for (int i = 0; i < 3; i++) /* the cube's far corner */
         corner[i] = m->grid_to_world.m[i][0] + m->grid_to_world.m[i][1] + m->grid_to_world.m[i][2] +
                     m->grid_to_world.m[i][3];
-    assert_rgb(corner, 11, 3, 1);
+    assert_in_file(&r.scene, corner, (const double[]){11, 3, 1}, 1e-12);
     for (size_t i = 0; i < r.blob_count; i++)
         if (digest_equal(&r.blobs[i].digest, &m->grid.digest)) {
             assert_int_equal(r.blobs[i].size_bytes, 6 * sizeof(float));

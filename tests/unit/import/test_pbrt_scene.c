@@ -204,13 +204,13 @@ static void test_unknown_parameters(void **state)
 static void assert_camera(const struct import_result *r, const float right[3], const float up[3],
                           const float back[3], const float at[3])
 {
-    const struct transform *m = &r->scene.cameras[0].to_world;
+    const struct transform_d *m = &r->scene.cameras[0].to_world;
 
     for (int i = 0; i < 3; i++) {
-        assert_true(fabsf(m->m[i][0] - right[i]) < 1e-6f);
-        assert_true(fabsf(m->m[i][1] - up[i]) < 1e-6f);
-        assert_true(fabsf(m->m[i][2] - back[i]) < 1e-6f);
-        assert_true(fabsf(m->m[i][3] - at[i]) < 1e-5f);
+        assert_true(fabs(m->m[i][0] - (double)right[i]) < 1e-6);
+        assert_true(fabs(m->m[i][1] - (double)up[i]) < 1e-6);
+        assert_true(fabs(m->m[i][2] - (double)back[i]) < 1e-6);
+        assert_true(fabs(m->m[i][3] + r->scene.origin[i] - (double)at[i]) < 1e-6);
     }
 }
 
@@ -226,15 +226,15 @@ static void test_handedness(void **state)
                NULL, &r);
     assert_camera(&r, (const float[]){-1, 0, 0}, (const float[]){0, 1, 0},
                   (const float[]){0, 0, -1}, (const float[]){0, 0, -5});
-    assert_floats(&r.scene.instances[0].to_world.m[0][0],
-                  (const float[]){1, 0, 0, 1, 0, 1, 0, 2, 0, 0, -1, -3}, 12, 1e-6f);
+    assert_matrix_in_file(&r.scene, &r.scene.instances[0].to_world,
+                          (const double[]){1, 0, 0, 1, 0, 1, 0, 2, 0, 0, -1, -3}, 1e-12);
     import_result_release(&r);
     /* A mirrored camera matrix: the file's world is right-handed already. */
     pbrt_world(LAMP "Translate 1 2 3 " TRIANGLE, &r);
     assert_camera(&r, (const float[]){1, 0, 0}, (const float[]){0, 1, 0},
                   (const float[]){0, 0, 1}, (const float[]){0, 0, 5});
-    assert_floats(&r.scene.instances[0].to_world.m[0][0],
-                  (const float[]){1, 0, 0, 1, 0, 1, 0, 2, 0, 0, 1, 3}, 12, 1e-6f);
+    assert_matrix_in_file(&r.scene, &r.scene.instances[0].to_world,
+                          (const double[]){1, 0, 0, 1, 0, 1, 0, 2, 0, 0, 1, 3}, 1e-12);
     import_result_release(&r);
     pbrt_whole("Transform [1 0 0 0  0 1 0 0  0 0 -1 0  0 -1 6.8 1] Camera \"perspective\" "
                "WorldBegin " LAMP TRIANGLE,
@@ -331,8 +331,8 @@ static void test_hints(void **state)
 static void assert_placed(const struct import_result *r, uint32_t instance, const float point[3],
                           const float wanted[3])
 {
-    const struct vec3 got = transform_point(&r->scene.instances[instance].to_world,
-                                            (struct vec3){point[0], point[1], point[2]});
+    const struct vec3 got = in_file(&r->scene, &r->scene.instances[instance].to_world,
+                                    (struct vec3){point[0], point[1], point[2]});
 
     assert_float_equal(got.x, wanted[0], 1e-5f);
     assert_float_equal(got.y, wanted[1], 1e-5f);
@@ -405,13 +405,15 @@ static void test_motion(void **state)
                "Translate 1 0 0 ActiveTransform EndTime Translate 2 0 0 Rotate 90 0 0 1 "
                "Scale 3 3 3 ActiveTransform All " TRIANGLE TRIANGLE,
                NULL, &r);
-    assert_int_equal(r.scene.node_count, 1); /* both follow one node */
-    assert_int_equal(r.scene.instances[1].node, 0);
+    assert_int_equal(r.scene.node_count, 2); /* a place, and what moves there: both follow it */
+    assert_int_equal(r.scene.instances[0].node, 1);
+    assert_int_equal(r.scene.instances[1].node, 1);
+    assert_doubles(r.scene.nodes[0].translation, (const double[]){1, 0, 0}, 3, 0);
     assert_placed(&r, 0, (const float[]){0, 0, 0}, (const float[]){1, 0, 0});
     c = channel_of(&r, PATH_TRANSLATION);
     assert_non_null(c);
     assert_floats(c->times, (const float[]){0, 2}, 2, 0);
-    assert_floats(c->values, (const float[]){1, 0, 0, 3, 0, 0}, 6, 1e-6f);
+    assert_floats(c->values, (const float[]){0, 0, 0, 2, 0, 0}, 6, 1e-6f);
     c = channel_of(&r, PATH_ROTATION);
     assert_non_null(c);
     assert_floats(c->values, (const float[]){0, 0, 0, 1, 0, 0, 0.70710678f, 0.70710678f}, 8, 1e-6f);
@@ -433,25 +435,18 @@ static void test_mirrored_motion(void **state)
     struct import_result r;
     const struct scene_node *n;
     struct transform_d pose;
-    double t[3], q[4], s[3];
+    double wanted[12];
 
     (void)state;
     pbrt_whole("Camera \"perspective\" WorldBegin " LAMP
                "Translate 1 2 3 Rotate 40 1 2 3 Scale 2 2 2 ActiveTransform EndTime "
                "Translate 1 0 0 " TRIANGLE,
                NULL, &r);
-    assert_int_equal(r.scene.node_count, 1);
-    n = &r.scene.nodes[0];
-    for (int i = 0; i < 3; i++) {
-        t[i] = (double)n->translation[i];
-        s[i] = (double)n->scale[i];
-    }
-    for (int i = 0; i < 4; i++)
-        q[i] = (double)n->rotation[i];
-    pose = transform_d_from_trs(t, q, s);
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 4; j++)
-            assert_float_equal(r.scene.instances[0].to_world.m[i][j], (float)pose.m[i][j], 2e-6f);
+    assert_int_equal(r.scene.node_count, 2);
+    n = r.scene.nodes;
+    pose = transform_d_from_trs(n[0].translation, n[1].rotation, n[1].scale);
+    memcpy(wanted, pose.m, sizeof wanted);
+    assert_matrix_in_file(&r.scene, &r.scene.instances[0].to_world, wanted, 1e-12);
     assert_true(transform_d_determinant(&pose) < 0);
     import_result_release(&r);
 }
@@ -464,7 +459,7 @@ static void test_camera_motion(void **state)
     (void)state;
     pbrt_whole("Scale -1 1 1 ActiveTransform EndTime Translate 0 0 -2 ActiveTransform All "
                "Camera \"perspective\" WorldBegin " LAMP TRIANGLE, NULL, &r);
-    assert_int_equal(r.scene.cameras[0].node, 0);
+    assert_int_equal(r.scene.cameras[0].node, 1);
     assert_null(channel_of(&r, PATH_ROTATION));
     c = channel_of(&r, PATH_TRANSLATION);
     assert_non_null(c);

@@ -17,7 +17,7 @@
 static void read_ok(const char *text, struct mesh_source *mesh, struct ply_report *report)
 {
     struct error err = {0};
-    status result = ply_read(text, strlen(text), mesh, report, &err);
+    status result = ply_read(text, strlen(text), NULL, mesh, report, &err);
 
     if (result != STATUS_OK)
         print_message("%s\n", err.text);
@@ -30,7 +30,7 @@ static void refuse(const void *data, size_t size, status code, const char *words
     struct mesh_source mesh;
     struct error err = {0};
 
-    assert_int_equal(ply_read(data, size, &mesh, NULL, &err), code);
+    assert_int_equal(ply_read(data, size, NULL, &mesh, NULL, &err), code);
     assert_null(mesh.positions);
     if (!strstr(err.text, words))
         print_message("\"%s\" lacks \"%s\"\n", err.text, words);
@@ -133,7 +133,7 @@ static void binary_in_every_type(void **state)
             put_value(&file, big, count_type, 4);
             for (int i = 0; i < 4; i++)
                 put_value(&file, big, types[t], i);
-            assert_int_equal(ply_read(file.data, file.size, &mesh, NULL, &err), STATUS_OK);
+            assert_int_equal(ply_read(file.data, file.size, NULL, &mesh, NULL, &err), STATUS_OK);
             assert_int_equal(mesh.triangle_count, 2);
             assert_memory_equal(mesh.indices, wanted, sizeof wanted);
             for (int i = 0; i < 12; i++)
@@ -143,7 +143,7 @@ static void binary_in_every_type(void **state)
             for (size_t cut = 0; cut < file.size; cut++) {
                 uint8_t *copy = mem_memdup(file.data, cut);
                 assert_non_null(copy);
-                assert_int_equal(ply_read(copy, cut, &mesh, NULL, &err), STATUS_ERR_INPUT);
+                assert_int_equal(ply_read(copy, cut, NULL, &mesh, NULL, &err), STATUS_ERR_INPUT);
                 mem_free(copy);
             }
             buffer_release(&file);
@@ -314,7 +314,7 @@ static void out_of_memory_leaves_nothing(void **state)
     for (long n = 0; result != STATUS_OK; n++) {
         assert_true(n < 100);
         mem_fault_arm(n, 1);
-        result = ply_read(text, sizeof text - 1, &mesh, NULL, &err);
+        result = ply_read(text, sizeof text - 1, NULL, &mesh, NULL, &err);
         mem_fault_arm(-1, 0);
         assert_true(result == STATUS_OK || result == STATUS_ERR_NO_MEMORY);
         assert_true(result == STATUS_OK || !mesh.positions);

@@ -18,7 +18,7 @@ static struct scene_camera looking_down_z(enum scene_camera_kind kind)
 {
     struct scene_camera c = {.name = "c", .kind = kind, .yfov_rad = 1, .xmag = 3, .ymag = 2};
 
-    c.to_world = (struct transform){{{1, 0, 0, 5}, {0, 1, 0, 6}, {0, 0, 1, 7}}};
+    c.to_world = (struct transform_d){{{1, 0, 0, 5}, {0, 1, 0, 6}, {0, 0, 1, 7}}};
     return c;
 }
 
@@ -107,7 +107,7 @@ static void test_filter(void **state)
 
     (void)state;
     description.ymag = 50; /* one pixel is one metre */
-    description.to_world = (struct transform){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+    description.to_world = (struct transform_d){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
     camera_of(&camera, &description, 100, 100);
     for (int i = 0; i < BINS; i++)
         for (int j = 0; j < 50; j++) {
@@ -168,7 +168,7 @@ static void test_pinhole_bits(void **state)
     render_settings_default(&settings);
     settings.width = 200;
     settings.height = 100;
-    description.to_world = (struct transform){{{0.6f, 0, 0.8f, 1}, {0, 1, 0, 2}, {-0.8f, 0, 0.6f, 3}}};
+    description.to_world = (struct transform_d){{{0.6f, 0, 0.8f, 1}, {0, 1, 0, 2}, {-0.8f, 0, 0.6f, 3}}};
     camera_init(&camera, &description, &settings, NULL);
     for (uint32_t i = 0; i < 1000; i++) {
         struct sampler s;
@@ -210,7 +210,7 @@ static void test_circle_of_confusion(void **state)
             render_settings_default(&settings);
             settings.width = 200000; /* the pixel itself is a point */
             settings.height = 100000;
-            description.to_world = (struct transform){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+            description.to_world = (struct transform_d){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
             description.lens_radius = (float)radius;
             description.focus_distance = (float)focus;
             description.blades = blades[k];
@@ -261,7 +261,7 @@ static void test_blades(void **state)
         memset(count, 0, sizeof count);
         render_settings_default(&settings);
         settings.width = settings.height = 1000000;
-        description.to_world = (struct transform){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+        description.to_world = (struct transform_d){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
         description.ymag = 1e-6f;
         description.blades = n;
         description.blade_rotation_rad = 0.7f;
@@ -308,7 +308,7 @@ static void test_round_lens(void **state)
     render_settings_default(&settings);
     settings.width = settings.height = 1000;
     description.to_world = pinhole.to_world =
-        (struct transform){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+        (struct transform_d){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
     description.lens_radius = 0.5f;
     description.focus_distance = 3;
     camera_init(&camera, &description, &settings, NULL);
@@ -346,7 +346,7 @@ static void test_panorama(void **state)
     struct camera camera;
 
     (void)state;
-    description.to_world = (struct transform){{{1, 0, 0, 1}, {0, 1, 0, 2}, {0, 0, 1, 3}}};
+    description.to_world = (struct transform_d){{{1, 0, 0, 1}, {0, 1, 0, 2}, {0, 0, 1, 3}}};
     camera_of(&camera, &description, 400, 200);
     for (size_t k = 0; k < sizeof axes / sizeof *axes; k++) {
         double mean[3] = {0};

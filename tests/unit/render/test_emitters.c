@@ -54,7 +54,7 @@ static struct scene_light light_of(enum scene_light_kind kind)
     light.direction[2] = -1;
     light.intensity[0] = light.intensity[1] = light.intensity[2] = 10;
     light.range = 0;
-    light.to_world = (struct transform){{{1, 0, 0, 1}, {0, 1, 0, 2}, {0, 0, 1, 3}}};
+    light.to_world = (struct transform_d){{{1, 0, 0, 1}, {0, 1, 0, 2}, {0, 0, 1, 3}}};
     light.projection_yfov_rad = PI_F / 2;
     light.projection_aspect = 2;
     return light;
@@ -147,7 +147,7 @@ static void test_goniometric(void **state)
         profile[3 * i + 2] = 1;
     }
     image = image_of(profile, 8, 4);
-    light.to_world = (struct transform){{{0, 0, 1, 1}, {0, 1, 0, 2}, {-1, 0, 0, 3}}};
+    light.to_world = (struct transform_d){{{0, 0, 1, 1}, {0, 1, 0, 2}, {-1, 0, 0, 3}}};
     punctual_init(&p, &light, image);
     for (int row = 0; row < 4; row++)
         for (int column = 0; column < 8; column++) {

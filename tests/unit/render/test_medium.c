@@ -279,7 +279,7 @@ static void test_even_grid_is_homogeneous_in_its_box(void **state)
     source.has_grid = 1;
     source.grid_size[0] = X, source.grid_size[1] = Y, source.grid_size[2] = Z;
     /* The box reaches from (1, -2, 0) to (5, 1, 8). */
-    source.grid_to_world = (struct transform){{{4, 0, 0, 1}, {0, 3, 0, -2}, {0, 0, 8, 0}}};
+    source.grid_to_world = (struct transform_d){{{4, 0, 0, 1}, {0, 3, 0, -2}, {0, 0, 8, 0}}};
     for (int c = 0; c < 3; c++) {
         even.absorption[c] *= 2;
         even.scattering[c] *= 2;
@@ -323,7 +323,7 @@ static void test_pure_function_of_its_numbers(void **state)
     (void)state;
     source.has_grid = 1;
     source.grid_size[0] = 2, source.grid_size[1] = source.grid_size[2] = 1;
-    source.grid_to_world = (struct transform){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+    source.grid_to_world = (struct transform_d){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
     medium = medium_made(&source, cells);
     for (uint32_t key = 0; key < 50; key++) {
         struct medium_random a = {&sampler, key, 0}, b = a, other = {&sampler, key + 1000, 0};

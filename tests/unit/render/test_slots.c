@@ -284,6 +284,7 @@ static void test_normal(void **state)
     struct import_result import;
     struct render_scene *scene;
     int on_ball[2] = {0}, mirrored = 0;
+    float origin[3];
 
     (void)state;
     open_scene(&import);
@@ -293,7 +294,7 @@ static void test_normal(void **state)
             import.scene.materials[i].normal_scale = 0.2f; /* of right and up alone */
         }
     for (uint32_t i = 0; i < import.scene.instance_count; i++)
-        if (import.scene.instances[i].to_world.m[0][3] < -2) {
+        if (import.scene.instances[i].to_world.m[0][3] + import.scene.origin[0] < -2) {
             import.scene.instances[i].to_world.m[0][0] *= -1;
             mirrored++;
         }
@@ -302,10 +303,13 @@ static void test_normal(void **state)
     scene = imported_build(&import, &settings, 0);
     render_tile(scene, 0, 0, 0, sums, &stats);
     render_scene_free(scene);
+    for (int c = 0; c < 3; c++)
+        origin[c] = (float)import.scene.origin[c];
     import_result_release(&import);
     for (int i = 0; i < 256; i++) {
         const float *n = sums + REPLICATES * 256 * 3 + 3 * i, *p = n + 256 * 3;
-        float x = p[0], y = p[1] - 1, z = p[2], r, east[2], north[3];
+        float x = p[0] + origin[0], y = p[1] + origin[1] - 1, z = p[2] + origin[2], r, east[2],
+              north[3];
         int left = x < -1.15f; /* it or the middle one */
         x = left ? -(x + 2.3f) : x;
         r = sqrtf(x * x + z * z);

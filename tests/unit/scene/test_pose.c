@@ -333,7 +333,7 @@ static void test_camera_and_light(void **state)
     scene_pose_release(&pose);
     /* Sheared and mirrored: a proper rotation with the viewing direction kept. */
     s.nodes[0].has_matrix = 1;
-    s.nodes[0].matrix = (struct transform){{{-1, 1, 0, 0}, {0, 2, 3, 0}, {0, 0, 3, 0}}};
+    s.nodes[0].matrix = (struct transform_d){{{-1, 1, 0, 0}, {0, 2, 3, 0}, {0, 0, 3, 0}}};
     pose = pose_at(&s, 0);
     pose_camera(&pose, &s.scene, 0, &camera);
     assert_near((double)camera.to_world.m[1][2], sqrt(0.5), 1e-6);
@@ -441,7 +441,7 @@ static void test_skin(void **state)
     /* A joint that mirrors and stretches: normals by the inverse transpose. */
     s.scene.channel_count = 0;
     s.nodes[0].has_matrix = 1;
-    s.nodes[0].matrix = (struct transform){{{-1, 0, 0, 0}, {1, 1, 0, 0}, {0, 0, 1, 0}}};
+    s.nodes[0].matrix = (struct transform_d){{{-1, 0, 0, 0}, {1, 1, 0, 0}, {0, 0, 1, 0}}};
     pose = pose_at(&s, 0);
     assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, normals, tangents, &err),
                      STATUS_OK);

@@ -157,6 +157,7 @@ static void assert_media_equal(const struct scene *a, const struct scene *b)
         SAME(grid_to_world);
     }
     assert_int_equal(a->fog, b->fog);
+    assert_memory_equal(a->origin, b->origin, sizeof a->origin);
 }
 
 static void assert_environment_equal(const struct scene_environment *x,
@@ -337,7 +338,7 @@ static void test_defaults_take_no_bytes(void **state)
     scene.cameras = &camera;
     scene.material_count = scene.light_count = scene.camera_count = 1;
     pack(&scene, &plain);
-    assert_true(plain.size < 260);
+    assert_true(plain.size < 320);
     material.clearcoat_texture.uv_set = 1; /* of a slot without a texture: means nothing */
     material.anisotropy = -0.0f;           /* is 0 */
     light.to_world.m[0][1] = -0.0f;
@@ -815,34 +816,34 @@ static void test_hostile_bytes(void **state)
 
     (void)state;
     refuse_bytes("", 0, "empty");
-    refuse_bytes("\x08\x03", 2, "version 3");
+    refuse_bytes("\x08\x04", 2, "version 4");
     refuse_bytes("\x12\x00", 2, "version 0");
-    refuse_bytes("\x08\x02", 2, "no camera");
-    refuse_bytes("\x08\x02\x08\x02", 4, "twice");
-    refuse_bytes("\x08\x02\x8a\x01\x00", 5, "does not know"); /* field 17 */
-    refuse_bytes("\x08\x02\x10\x00", 4, "does not know");   /* field 2 as a number */
-    refuse_bytes("\x08\x02\x1a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x01", 13, "ends within");
-    refuse_bytes("\x08\x02\x1a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x7f", 13, "ends within");
-    refuse_bytes("\x08\x02\x3a\x00", 4, "instances[0] is too short");
-    refuse_bytes("\x08\x02\x12\x03" "a\0b", 7, "NUL");
-    refuse_bytes("\x08\x02\x80\x01\x01\x80\x01\x01", 8, "twice");       /* fog */
-    refuse_bytes("\x08\x02\x80\x01\xff\xff\xff\xff\xff\x01", 10, "fog"); /* 2^40 */
-    refuse_bytes("\x08\x02\x5a\x00", 4, "nodes[0] is too short");
-    refuse_bytes("\x08\x02\x62\x00", 4, "channels[0] is too short");
-    refuse_bytes("\x08\x02\x6a\x00", 4, "skins[0] is too short");
+    refuse_bytes("\x08\x03", 2, "no camera");
+    refuse_bytes("\x08\x03\x08\x03", 4, "twice");
+    refuse_bytes("\x08\x03\x92\x01\x00", 5, "does not know"); /* field 18 */
+    refuse_bytes("\x08\x03\x10\x00", 4, "does not know");   /* field 2 as a number */
+    refuse_bytes("\x08\x03\x1a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x01", 13, "ends within");
+    refuse_bytes("\x08\x03\x1a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x7f", 13, "ends within");
+    refuse_bytes("\x08\x03\x3a\x00", 4, "instances[0] is too short");
+    refuse_bytes("\x08\x03\x12\x03" "a\0b", 7, "NUL");
+    refuse_bytes("\x08\x03\x80\x01\x01\x80\x01\x01", 8, "twice");       /* fog */
+    refuse_bytes("\x08\x03\x80\x01\xff\xff\xff\xff\xff\x01", 10, "fog"); /* 2^40 */
+    refuse_bytes("\x08\x03\x5a\x00", 4, "nodes[0] is too short");
+    refuse_bytes("\x08\x03\x62\x00", 4, "channels[0] is too short");
+    refuse_bytes("\x08\x03\x6a\x00", 4, "skins[0] is too short");
     /* A channel in a hundred pieces: protobuf-c would need many times its size. */
-    buffer_append(&many, "\x08\x02\x62\xc8\x01", 5);
+    buffer_append(&many, "\x08\x03\x62\xc8\x01", 5);
     for (int i = 0; i < 100; i++)
         buffer_append(&many, "\x08\x00", 2);
     refuse_bytes(many.data, many.size, "channels[0] cannot be decoded");
     buffer_clear(&many);
     /* An instance of 4097 bytes. */
-    buffer_append(&many, "\x08\x02\x3a\x81\x20", 5);
+    buffer_append(&many, "\x08\x03\x3a\x81\x20", 5);
     buffer_append_space(&many, 4097);
     refuse_bytes(many.data, many.size, "instances[0] takes 4097 bytes: at most 4096");
     buffer_clear(&many);
     /* Empty textures cost two bytes each: they are counted before memory is taken. */
-    buffer_append(&many, "\x08\x02", 2);
+    buffer_append(&many, "\x08\x03", 2);
     for (int i = 0; i <= SCENE_TEXTURES_MAX; i++)
         buffer_append(&many, "\x2a\x00", 2);
     refuse_bytes(many.data, many.size, "more than 65536 textures");

@@ -16,8 +16,9 @@ status portals_init(struct portals *p, const struct scene_portal *portals, uint3
         return error_no_memory(err, "the portals");
     p->count = count;
     for (uint32_t i = 0; i < count; i++) {
-        const float *c = portals[i].corner, *e = portals[i].edge1, *f = portals[i].edge2;
-        struct vec3 corner = {c[0], c[1], c[2]}, edge1 = {e[0], e[1], e[2]},
+        const double *c = portals[i].corner;
+        const float *e = portals[i].edge1, *f = portals[i].edge2;
+        struct vec3 corner = {(float)c[0], (float)c[1], (float)c[2]}, edge1 = {e[0], e[1], e[2]},
                     edge2 = {f[0], f[1], f[2]};
 
         p->corners[i][0] = corner;

@@ -19,16 +19,18 @@ static struct vec3 vec3_of(const float v[3])
     return vec3_make(v[0], v[1], v[2]);
 }
 
-static struct vec3 column(const struct transform *t, int c)
+static struct vec3 column(const struct transform_d *t, int c)
 {
-    return vec3_normalize(vec3_make(t->m[0][c], t->m[1][c], t->m[2][c]));
+    return vec3_normalize(
+        vec3_make((float)t->m[0][c], (float)t->m[1][c], (float)t->m[2][c]));
 }
 
 void punctual_pose_of(struct punctual_pose *out, const struct scene_light *light)
 {
     memset(out, 0, sizeof *out);
     if (light->kind != LIGHT_DIRECTIONAL)
-        out->position = vec3_of(light->position);
+        out->position = vec3_make((float)light->position[0], (float)light->position[1],
+                                  (float)light->position[2]);
     if (light->kind == LIGHT_DIRECTIONAL || light->kind == LIGHT_SPOT)
         out->direction = vec3_of(light->direction);
     if (light->kind != LIGHT_GONIOMETRIC && light->kind != LIGHT_PROJECTION)
