@@ -34,16 +34,14 @@ status submission_prepare(const char *path, const struct job_options *options, i
                           struct job_request *request, struct import_result *scene,
                           struct error *err)
 {
-    struct import_options how = IMPORT_OPTIONS_DEFAULT;
-    status result;
+    char size[FORMAT_SIZE];
+    status result = import_scene(path, &options->import, scene, err);
 
-    how.env_path = options->env;
-    how.variant = options->variant;
-    how.animation = options->animation;
-    how.scene_index = (int)options->scene;
-    result = import_scene(path, &how, scene, err);
     if (result != STATUS_OK)
         return result;
+    if (!quiet)
+        fprintf(stderr, "takes %zu file%s, %s\n", scene->files.count,
+                scene->files.count == 1 ? "" : "s", format_bytes(size, scene->file_bytes));
     for (size_t i = 0; i < scene->warning_count && !quiet; i++)
         fprintf(stderr, "warning: %s\n", scene->warnings[i]);
     result = job_request_complete(request, options, &scene->scene, err);

@@ -1,5 +1,6 @@
 #include "client/import/builder.h"
 
+#include <math.h>
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,14 +8,18 @@
 #include "common/base/file.h"
 #include "common/base/memory.h"
 #include "common/image/image.h"
+#include "common/image/image_size.h"
 #include "common/scene/effects.h"
 
-void builder_init(struct builder *b, struct import_result *out, struct error *err)
+void builder_init(struct builder *b, struct import_result *out,
+                  const struct import_options *options, struct error *err)
 {
     memset(b, 0, sizeof *b);
     scene_environment_default(&b->environment);
     b->fog = BUILDER_NO_ROW;
     b->out = out;
+    b->files = &out->files;
+    b->options = options;
     b->err = err;
 }
 
@@ -267,6 +272,50 @@ status builder_add_blob(struct builder *b, uint8_t *data, size_t size_bytes,
     return result;
 }
 
+/* ---- images ------------------------------------------------------------------------------- */
+
+status builder_check_pixels(struct builder *b, const char *name, uint64_t width, uint64_t height)
+{
+    const uint64_t million = 1000000, limit = (uint64_t)b->options->image_megapixels * million;
+
+    if (height == 0 || width <= limit / height)
+        return STATUS_OK;
+    return error_set(b->err, STATUS_ERR_LIMIT,
+                     "%.200s: the image has %llu x %llu pixels, more than %llu million: make it "
+                     "smaller, or raise the limit with --max-image %.0f",
+                     name, (unsigned long long)width, (unsigned long long)height,
+                     (unsigned long long)b->options->image_megapixels,
+                     ceil((double)width * (double)height / (double)million));
+}
+
+status builder_check_image(struct builder *b, const char *name, const uint8_t *data,
+                           size_t size_bytes)
+{
+    struct image_size size;
+
+    if (!image_size_of(data, size_bytes, &size))
+        return STATUS_OK;
+    return builder_check_pixels(b, name, size.width, size.height);
+}
+
+/* An image of its own against what all may take. */
+static status count_image(struct builder *b, const char *name, const uint8_t *data,
+                          size_t size_bytes)
+{
+    const double gib = 1024.0 * 1024 * 1024;
+    struct image_size size;
+
+    if (!image_size_of(data, size_bytes, &size))
+        return STATUS_OK;
+    b->images_bytes += (uint64_t)size.width * size.height * size.pixel_bytes;
+    if (b->images_bytes <= b->options->images_bytes)
+        return STATUS_OK;
+    return error_set(b->err, STATUS_ERR_LIMIT,
+                     "%.200s: with it the scene's images take %.1f GiB when decoded, more than "
+                     "%.1f GiB: make them smaller, or raise the limit with --max-image-memory",
+                     name, (double)b->images_bytes / gib, (double)b->options->images_bytes / gib);
+}
+
 /* ---- rows --------------------------------------------------------------------------------- */
 
 static status no_room(struct builder *b, const char *table)
@@ -315,7 +364,15 @@ status builder_add_image(struct builder *b, const char *name, uint8_t *data, siz
                          uint32_t *row)
 {
     struct scene_image image = {.name = builder_name(b, name)};
-    status result = builder_add_blob(b, data, size_bytes, &image.blob);
+    size_t before = b->out->blob_count;
+    status result = builder_check_image(b, image.name, data, size_bytes);
+
+    if (result != STATUS_OK)
+        mem_free(data);
+    else
+        result = builder_add_blob(b, data, size_bytes, &image.blob);
+    if (result == STATUS_OK && b->out->blob_count > before)
+        result = count_image(b, image.name, data, size_bytes);
 
     if (result != STATUS_OK)
         return result;
@@ -466,6 +523,9 @@ static status check_environment(struct builder *b, const char *name, const uint8
                          "%s: is not an environment map: give an OpenEXR (.exr) or Radiance "
                          "(.hdr) file in latitude-longitude form",
                          name);
+    result = builder_check_image(b, name, data, size_bytes);
+    if (result != STATUS_OK)
+        return result;
     /* Decoded once only to tell its faults now and not on a worker. */
     result = image_decode_hdr(&image, data, size_bytes, name, &repairs, b->err);
     if (result != STATUS_OK)
@@ -510,6 +570,8 @@ static status read_environment(struct builder *b, const char *path)
     struct buffer bytes = BUFFER_INIT;
     status result = file_read(path, IMPORT_FILE_BYTES_MAX, &bytes, b->err);
 
+    if (result == STATUS_OK)
+        result = input_files_add(b->files, path, bytes.size, b->err);
     if (result != STATUS_OK) {
         b->error_is_placed = 1;
         buffer_release(&bytes);

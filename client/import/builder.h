@@ -22,6 +22,8 @@ struct builder_warning {
 
 struct builder {
     struct import_result *out;
+    struct input_files *files;  /* of the result */
+    const struct import_options *options;
     struct error *err;
     int error_is_placed;    /* the error names another file already */
     int no_memory;          /* a warning or name could not be kept: reported by builder_finish */
@@ -57,9 +59,12 @@ struct builder {
     struct builder_warning warnings[IMPORT_WARNINGS_MAX];
     size_t warning_count;
     uint64_t warnings_dropped;
+    uint64_t images_bytes;  /* of all images, decoded */
 };
 
-void builder_init(struct builder *b, struct import_result *out, struct error *err);
+/* The builder borrows all three. */
+void builder_init(struct builder *b, struct import_result *out,
+                  const struct import_options *options, struct error *err);
 void builder_release(struct builder *b);
 
 /* Remember a warning; control characters in it become '?'. */
@@ -78,6 +83,15 @@ const char *builder_name(struct builder *b, const char *name);
 /* Take over `data` (also when it fails: it is freed). */
 status builder_add_blob(struct builder *b, uint8_t *data, size_t size_bytes,
                         struct scene_blob *out) MUST_CHECK;
+
+/* May an image of this size, in pixels, be decoded? ERR_LIMIT names the option that would allow
+ * it. builder_add_image and builder_set_environment_map ask for themselves; importers that decode
+ * a file first ask before. */
+status builder_check_pixels(struct builder *b, const char *name, uint64_t width, uint64_t height)
+    MUST_CHECK;
+/* The same for a file, by its header. A damaged header passes: its decoder says what is wrong. */
+status builder_check_image(struct builder *b, const char *name, const uint8_t *data,
+                           size_t size_bytes) MUST_CHECK;
 
 /* Add the row, or find the mesh that has the same blob and arrays. `mesh->blob` comes from
  * `data`, which is taken over. */

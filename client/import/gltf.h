@@ -208,7 +208,7 @@ void gltf_mesh_free(struct gltf_mesh *mesh);
 /* How many morph targets the mesh has. */
 size_t gltf_target_count(const struct gltf *g, size_t mesh);
 /* Walk the chosen scene: instances, lights, cameras. *title may be set to its name. */
-status gltf_walk(struct gltf *g, int scene_index, const char **title) MUST_CHECK;
+status gltf_walk(struct gltf *g, int64_t scene_index, const char **title) MUST_CHECK;
 
 /* ---- gltf_animations.c -------------------------------------------------------------------- */
 

@@ -485,7 +485,7 @@ static status push_roots(struct walk *w, const struct visit *world)
     return result;
 }
 
-static status push_scene(struct walk *w, int scene_index, const char **title)
+static status push_scene(struct walk *w, int64_t scene_index, const char **title)
 {
     struct gltf *g = w->g;
     const struct visit world = {.to_world = transform_d_identity()};
@@ -495,8 +495,8 @@ static status push_scene(struct walk *w, int scene_index, const char **title)
     json_t *scene, *nodes = NULL;
 
     if (scene_index >= 0 && (size_t)scene_index >= json_array_size(g->scenes))
-        return error_set(g->err, STATUS_ERR_INPUT, "there is no scene %d: the file has %zu",
-                         scene_index, json_array_size(g->scenes));
+        return error_set(g->err, STATUS_ERR_INPUT, "there is no scene %lld: the file has %zu",
+                         (long long)scene_index, json_array_size(g->scenes));
     if (json_array_size(g->scenes) == 0) {
         builder_warn(g->b, "no scenes", "the file has no scenes: all its nodes are rendered");
         return push_roots(w, &world);
@@ -517,7 +517,7 @@ static status push_scene(struct walk *w, int scene_index, const char **title)
     return push_all(w, nodes, &at, "nodes", &world);
 }
 
-status gltf_walk(struct gltf *g, int scene_index, const char **title)
+status gltf_walk(struct gltf *g, int64_t scene_index, const char **title)
 {
     struct walk w = {.g = g};
     status result;

@@ -1,7 +1,9 @@
 #include <math.h>
 #include <string.h>
 
+#include "client/format.h"
 #include "client/import/import.h"
+#include "client/job_info.h"
 #include "common/image/image.h"
 #include "common/math/elementary.h"
 #include "common/scene/effects.h"
@@ -213,16 +215,26 @@ static void print_effects(uint64_t effects, FILE *out)
 {
     int first = 1;
 
-    for (int pass = 1; pass >= 0; pass--) {
-        fprintf(out, pass ? "effects:        " : "left out:       ");
-        first = 1;
-        for (int i = 0; i < EFFECT_COUNT; i++)
-            if ((int)(effects >> i & 1) == pass) {
-                fprintf(out, "%s%s", first ? "" : ", ", effect_name((enum effect_bit)i));
-                first = 0;
-            }
-        fprintf(out, "%s\n", first ? "none" : "");
-    }
+    fprintf(out, "effects:        ");
+    for (int i = 0; i < EFFECT_COUNT; i++)
+        if (effects >> i & 1) {
+            fprintf(out, "%s%s", first ? "" : ", ", effect_name((enum effect_bit)i));
+            first = 0;
+        }
+    fprintf(out, "%s\n", first ? "none" : "");
+}
+
+static void print_files(const struct import_result *result, FILE *out)
+{
+    char size[FORMAT_SIZE];
+    size_t count = result->files.count;
+
+    fprintf(out, "takes:          %zu file%s, %s\n", count, count == 1 ? "" : "s",
+            format_bytes(size, result->file_bytes));
+    for (size_t i = 0; i < count && i < LISTED_MAX; i++)
+        fprintf(out, "    %-32s %s\n", result->files.files[i].name,
+                format_bytes(size, result->files.files[i].size_bytes));
+    print_rest(out, (uint32_t)count);
 }
 
 void import_report_print(const struct import_result *result, FILE *out)
@@ -232,6 +244,7 @@ void import_report_print(const struct import_result *result, FILE *out)
 
     digest_to_hex(&result->scene_digest, hex);
     fprintf(out, "file:           %s\n", result->source);
+    print_files(result, out);
     fprintf(out, "scene:          %s\n", shown(scene->name));
     fprintf(out, "triangles:      %llu, placed %llu\n", (unsigned long long)result->triangles,
             (unsigned long long)result->triangles_placed);
@@ -309,6 +322,20 @@ static json_t *images_json(const struct import_result *result)
     return list;
 }
 
+json_t *import_inputs_json(const struct import_result *result)
+{
+    const struct input_files *files = &result->files;
+    json_t *list = json_array();
+
+    for (size_t i = 0; list && i < files->count; i++)
+        if (!add(list, json_pack("{s:o, s:I}", "name", json_text(files->files[i].name), "bytes",
+                                 (json_int_t)files->files[i].size_bytes))) {
+            json_decref(list);
+            return NULL;
+        }
+    return list;
+}
+
 static json_t *lights_json(const struct scene *scene)
 {
     json_t *list = json_array();
@@ -351,12 +378,12 @@ static json_t *environment_json(const struct scene_environment *env)
                      (json_int_t)env->image.blob.size_bytes);
 }
 
-static json_t *effects_json(uint64_t effects, int wanted)
+static json_t *effects_json(uint64_t effects)
 {
     json_t *list = json_array();
 
     for (int i = 0; list && i < EFFECT_COUNT; i++)
-        if ((int)(effects >> i & 1) == wanted &&
+        if ((effects >> i & 1) &&
             !add(list, json_string(effect_name((enum effect_bit)i)))) {
             json_decref(list);
             return NULL;
@@ -437,17 +464,17 @@ json_t *import_report_json(const struct import_result *result)
     digest_to_hex(&result->scene_digest, hex);
     /* "o" takes the reference also when packing fails, and a NULL makes it fail. */
     return json_pack(
-        "{s:o, s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, "
+        "{s:o, s:o, s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:o, s:o, "
         "s:{s:I, s:I, s:I}, s:o, s:o, s:i, s:o, s:f, s:i, s:i, s:i, s:i, "
         "s:{s:i, s:i, s:i, s:i, s:i, s:b, s:I}, s:o}",
-        "file", source ? source : json_null(), "name", scene->name, "digest", hex, "triangles",
+        "file", source ? source : json_null(), "inputs", import_inputs_json(result), "name", scene->name, "digest", hex, "triangles",
         (json_int_t)result->triangles, "triangles_placed", (json_int_t)result->triangles_placed,
         "vertices", (json_int_t)result->vertices, "degenerate_triangles",
         (json_int_t)result->degenerate_triangles, "meshes", (int)scene->mesh_count, "instances",
         (int)scene->instance_count, "textures", (int)scene->texture_count, "materials",
         materials_json(scene), "images", images_json(result), "lights", lights_json(scene),
         "cameras", cameras_json(scene), "environment", environment_json(&scene->environment),
-        "effects", effects_json(effects, 1), "effects_left_out", effects_json(effects, 0), "bytes",
+        "effects", effects_json(effects), "bytes",
         "blobs", (json_int_t)result->blob_bytes, "scene", (json_int_t)result->packed_bytes, "count",
         (json_int_t)result->blob_count, "warnings", warnings_json(result), "variants",
         variants_json(result), "variant_taken", result->variant_taken, "animations",

@@ -28,7 +28,8 @@
     X(ERR_TIMEOUT, 7, "timed out")                                       \
     X(ERR_IO, 8, "input/output error")                                   \
     X(ERR_CORRUPT, 8, "stored data is damaged")                          \
-    X(ERR_PROTOCOL, 5, "protocol violation")
+    X(ERR_PROTOCOL, 5, "protocol violation")                             \
+    X(ERR_FORBIDDEN, 3, "not allowed")
 
 typedef enum status {
 #define STATUS_ENUM(name, exit_code, text) STATUS_##name,
