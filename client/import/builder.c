@@ -406,6 +406,7 @@ status builder_add_instance(struct builder *b, const struct scene_instance *inst
 status builder_add_light(struct builder *b, const struct scene_light *light)
 {
     ADD_ROW(lights, light_count, light_capacity, SCENE_LIGHTS_MAX, *light);
+    b->has_light = 1;
     return STATUS_OK;
 }
 
@@ -510,12 +511,25 @@ status builder_add_portal(struct builder *b, const struct scene_portal *portal)
 
 /* ---- the environment ---------------------------------------------------------------------- */
 
+static uint64_t count_too_bright(const struct image *image)
+{
+    uint64_t count = 0;
+
+    for (size_t i = 0; i < (size_t)image->width * image->height; i++) {
+        const float *p = image->pixels + 3 * i;
+        count += p[0] > SCENE_RADIANCE_MAX || p[1] > SCENE_RADIANCE_MAX ||
+                 p[2] > SCENE_RADIANCE_MAX;
+    }
+    return count;
+}
+
 static status check_environment(struct builder *b, const char *name, const uint8_t *data,
                                 size_t size_bytes)
 {
     enum image_format format = image_format_of(data, size_bytes);
     struct image_repairs repairs = {0};
     struct image image = {0};
+    uint64_t too_bright;
     status result;
 
     if (format != IMAGE_EXR && format != IMAGE_HDR)
@@ -537,6 +551,11 @@ static status check_environment(struct builder *b, const char *name, const uint8
                      name, (unsigned long long)repairs.nan_pixels,
                      (unsigned long long)repairs.negative_pixels,
                      (unsigned long long)repairs.infinite_pixels);
+    too_bright = count_too_bright(&image);
+    if (too_bright)
+        builder_warn(b, "environment radiance",
+                     "%s: the map has %llu pixels above %g: they count as that", name,
+                     (unsigned long long)too_bright, (double)SCENE_RADIANCE_MAX);
     if (image.width != 2 * image.height)
         builder_warn(b, "environment shape",
                      "%s: the map is %ux%u: a latitude-longitude map is twice as wide as high, "
@@ -687,8 +706,8 @@ static status hand_over_cameras(struct builder *b, struct scene_camera **framed)
     return STATUS_OK;
 }
 
-/* A scene that nothing lights would be black: say so and light it evenly. What is unlit
- * shines by itself and needs no help. */
+/* A scene that nothing lights would be black: say so, and light it evenly unless it has lights,
+ * which then are meant to be off. What is unlit shines by itself and needs no help. */
 static void light_the_dark(struct builder *b)
 {
     struct scene *scene = &b->out->scene;
@@ -699,6 +718,10 @@ static void light_the_dark(struct builder *b)
         lit = !scene->materials[scene->instances[i].material].unlit;
     if (!lit || (scene_effects_default(scene, 0) & lights))
         return;
+    if (b->has_light || b->environment.present) {
+        builder_warn(b, "no power", "none of the lights has any power: the picture will be black");
+        return;
+    }
     scene_environment_default(&scene->environment);
     scene->environment.present = scene->environment.constant = 1;
     builder_warn(b, "no light",

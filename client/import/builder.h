@@ -48,6 +48,8 @@ struct builder {
     /* The importer fills this in (radiance, to_map, constant; builder_set_environment_map for
      * an image), but not its portals. options->env_path replaces all of it. */
     struct scene_environment environment;
+    int has_light;          /* the file has a light, perhaps of no power; builder_add_light and an
+                             * environment say so, too */
     int32_t fog;            /* a row of media, BUILDER_NO_ROW: none */
 
     size_t blob_capacity;

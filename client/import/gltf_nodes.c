@@ -357,9 +357,9 @@ static status add_camera(struct gltf *g, json_t *node, size_t index, const struc
         out.kind = CAMERA_PERSPECTIVE;
         TRY(gltf_number(g, lens, &at, "yfov", &yfov));
         TRY(gltf_number(g, lens, &at, "aspectRatio", &aspect));
-        if (!(yfov >= 1e-5 && yfov <= 3.1415))
-            return gltf_fail(g, STATUS_ERR_INPUT, &at, "yfov is %g: must be above 0 and below pi",
-                             yfov);
+        if (!(yfov >= (double)SCENE_FOV_MIN_RAD && yfov <= (double)SCENE_FOV_MAX_RAD))
+            return gltf_fail(g, STATUS_ERR_INPUT, &at, "yfov is %g: must be %g to %g radians", yfov,
+                             (double)SCENE_FOV_MIN_RAD, (double)SCENE_FOV_MAX_RAD);
         if (!(aspect >= 0 && aspect <= 1e6))
             return gltf_fail(g, STATUS_ERR_INPUT, &at, "aspectRatio is %g: must be above 0",
                              aspect);

@@ -5,6 +5,7 @@
 #include "client/import/import.h"
 #include "client/job_info.h"
 #include "common/image/image.h"
+#include "common/image/image_size.h"
 #include "common/math/elementary.h"
 #include "common/scene/effects.h"
 #include "common/scene/pose.h"
@@ -14,43 +15,6 @@ static const char *const light_kinds[LIGHT_KIND_COUNT] = {"point", "spot", "dire
 static const char *const camera_kinds[CAMERA_KIND_COUNT] = {"perspective", "orthographic",
                                                            "panorama"};
 static const char *const format_names[] = {"unknown", "PNG", "JPEG", "HDR", "EXR", "WebP"};
-
-static uint32_t big_endian(const uint8_t *at, int bytes)
-{
-    uint32_t value = 0;
-
-    for (int i = 0; i < bytes; i++)
-        value = value << 8 | at[i];
-    return value;
-}
-
-/* SOF0 to SOF15 without DHT, JPG and DAC: the frame headers of JPEG. */
-static int is_frame_header(uint8_t marker)
-{
-    return marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
-}
-
-/* A PNG's or JPEG's size in pixels from its header; 0 when it has none to be found. */
-static int picture_size(const uint8_t *data, size_t size, uint32_t *width, uint32_t *height)
-{
-    if (image_format_of(data, size) == IMAGE_PNG && size >= 24) {
-        *width = big_endian(data + 16, 4);
-        *height = big_endian(data + 20, 4);
-        return 1;
-    }
-    if (image_format_of(data, size) != IMAGE_JPEG)
-        return 0;
-    for (size_t at = 2; at + 9 <= size && data[at] == 0xff;) {
-        uint8_t marker = data[at + 1];
-        if (is_frame_header(marker)) {
-            *height = big_endian(data + at + 5, 2);
-            *width = big_endian(data + at + 7, 2);
-            return 1;
-        }
-        at += marker == 0xff ? 1 : 2 + (size_t)big_endian(data + at + 2, 2);
-    }
-    return 0;
-}
 
 static const struct import_blob *blob_find(const struct import_result *result,
                                            const struct digest *digest)
@@ -91,13 +55,13 @@ static void print_images(const struct import_result *result, FILE *out)
     for (uint32_t i = 0; i < scene->image_count && i < LISTED_MAX; i++) {
         const struct scene_image *image = &scene->images[i];
         const struct import_blob *blob = blob_find(result, &image->blob.digest);
-        uint32_t width = 0, height = 0;
+        struct image_size pixels;
         if (!blob)
             continue;
         fprintf(out, "    %-32s %s", shown(image->name),
                 format_names[image_format_of(blob->data, blob->size_bytes)]);
-        if (picture_size(blob->data, blob->size_bytes, &width, &height))
-            fprintf(out, " %ux%u", width, height);
+        if (image_size_of(blob->data, blob->size_bytes, &pixels))
+            fprintf(out, " %ux%u", pixels.width, pixels.height);
         fprintf(out, ", %.1f kB\n", (double)blob->size_bytes / 1e3);
     }
     print_rest(out, scene->image_count);
@@ -304,16 +268,16 @@ static json_t *images_json(const struct import_result *result)
     for (uint32_t i = 0; list && i < scene->image_count; i++) {
         const struct scene_image *image = &scene->images[i];
         const struct import_blob *blob = blob_find(result, &image->blob.digest);
-        uint32_t width = 0, height = 0;
+        struct image_size pixels = {0};
         char hex[DIGEST_HEX_SIZE];
 
         digest_to_hex(&image->blob.digest, hex);
         if (blob)
-            picture_size(blob->data, blob->size_bytes, &width, &height);
+            image_size_of(blob->data, blob->size_bytes, &pixels);
         if (!add(list, json_pack("{s:s, s:s, s:i, s:i, s:I, s:s}", "name", image->name, "format",
                                  blob ? format_names[image_format_of(blob->data, blob->size_bytes)]
                                       : format_names[0],
-                                 "width", (int)width, "height", (int)height, "bytes",
+                                 "width", (int)pixels.width, "height", (int)pixels.height, "bytes",
                                  (json_int_t)image->blob.size_bytes, "digest", hex))) {
             json_decref(list);
             return NULL;
