@@ -50,6 +50,7 @@ struct builder {
     struct scene_environment environment;
     int has_light;          /* the file has a light, perhaps of no power; builder_add_light and an
                              * environment say so, too */
+    const char *no_camera_hint, *no_light_hint; /* what to do in the file's exporter */
     int32_t fog;            /* a row of media, BUILDER_NO_ROW: none */
 
     size_t blob_capacity;
@@ -101,6 +102,9 @@ status builder_add_mesh(struct builder *b, const struct scene_mesh *mesh, uint8_
                         size_t size_bytes, uint32_t *row) MUST_CHECK;
 status builder_add_image(struct builder *b, const char *name, uint8_t *data, size_t size_bytes,
                          uint32_t *row) MUST_CHECK;
+/* For builder_add_image. */
+status builder_add_image_row(struct builder *b, const struct scene_image *image, uint32_t *row)
+    MUST_CHECK;
 status builder_add_texture(struct builder *b, const struct scene_texture *texture, uint32_t *row)
     MUST_CHECK;
 status builder_add_material(struct builder *b, const struct scene_material *material,
@@ -127,6 +131,9 @@ status builder_add_portal(struct builder *b, const struct scene_portal *portal) 
  * to_map stay as they are. */
 status builder_set_environment_map(struct builder *b, const char *name, uint8_t *data,
                                    size_t size_bytes) MUST_CHECK;
+
+/* The map that the user gives, in place of the file's. */
+status builder_read_environment(struct builder *b, const char *path) MUST_CHECK;
 
 /* Hand everything over to the result. `title` names the scene. */
 status builder_finish(struct builder *b, const char *title, const struct import_options *options)

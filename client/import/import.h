@@ -26,6 +26,7 @@ enum {
     IMPORT_IMAGE_MEGAPIXELS = 270,          /* 16384 x 16384 fits */
     IMPORT_IMAGE_MEGAPIXELS_MAX = 17180,    /* IMAGE_SIDE_MAX squared */
 };
+#define LIGHT_UNITS_WORDS "auto|photometric|radiometric|watts"
 #define IMPORT_FILE_BYTES_MAX ((size_t)8 << 30)
 #define IMPORT_IMAGES_BYTES ((uint64_t)16 << 30)
 
@@ -34,13 +35,14 @@ struct import_options {
     int64_t scene_index;    /* -1: the file's default scene */
     const char *variant;    /* of the materials, by name or number from 0; NULL: the default */
     const char *animation;  /* by name or number from 0, "none"; NULL: all of the file's */
+    const char *light_units;        /* of glTF's lights: a word of LIGHT_UNITS_WORDS */
     struct option_list outside;     /* folders beside the scene's own that it may read from */
     int64_t image_megapixels;       /* one image has at most so many 10^6 pixels */
     uint64_t images_bytes;          /* all images have at most so many bytes once decoded */
 };
 #define IMPORT_OPTIONS_DEFAULT                                                       \
     {.env_path = NULL, .scene_index = -1, .variant = NULL, .animation = NULL,        \
-     .image_megapixels = IMPORT_IMAGE_MEGAPIXELS, .images_bytes = IMPORT_IMAGES_BYTES}
+     .light_units = "auto", .image_megapixels = IMPORT_IMAGE_MEGAPIXELS, .images_bytes = IMPORT_IMAGES_BYTES}
 
 struct import_blob {
     struct digest digest;
@@ -117,6 +119,10 @@ void import_result_release(struct import_result *result);
      NULL},                                                                                     \
     {"animation", 0, OPTION_STRING, &(o).animation, "NAME|N|none",                              \
      "which of the file's animations, by name or number from 0 (default: all)", 0, 0, NULL},    \
+    {"light-units", 0, OPTION_CHOICE, &(o).light_units, "UNITS",                                \
+     "what a glTF file's light intensities are: candela and lux, W/sr and W/m^2, or Blender's "  \
+     "watts (default auto: as the exporter's version means them, else radiometric)", 0, 0,      \
+     LIGHT_UNITS_WORDS},                                                                        \
     {"allow-outside", 0, OPTION_LIST, &(o).outside, "DIR",                                      \
      "let the scene read files below this folder, too (default: below its own folder only)", 0, \
      0, NULL},                                                                                  \
