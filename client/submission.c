@@ -39,16 +39,17 @@ status submission_prepare(const char *path, const struct job_options *options, i
 
     if (result != STATUS_OK)
         return result;
-    if (!quiet)
-        fprintf(stderr, "takes %zu file%s, %s\n", scene->files.count,
-                scene->files.count == 1 ? "" : "s", format_bytes(size, scene->file_bytes));
     for (size_t i = 0; i < scene->warning_count && !quiet; i++)
         fprintf(stderr, "warning: %s\n", scene->warnings[i]);
     result = job_request_complete(request, options, &scene->scene, err);
     if (result != STATUS_OK)
         return result;
     take_hints(&scene->hints, options, quiet, &request->settings);
-    return render_settings_validate(&request->settings, scene->scene.camera_count, err);
+    result = render_settings_validate(&request->settings, scene->scene.camera_count, err);
+    if (result == STATUS_OK && !quiet)
+        fprintf(stderr, "takes %zu file%s, %s\n", scene->files.count,
+                scene->files.count == 1 ? "" : "s", format_bytes(size, scene->file_bytes));
+    return result;
 }
 
 static void report_upload(const struct upload_progress *progress, void *user)
