@@ -141,6 +141,8 @@ static status check_place(const struct input_files *f, const char *path, int pla
 
     if (fstat(place, &info) != 0)
         return error_set(err, STATUS_ERR_INPUT, "%s: %s", path, strerror(errno));
+    if (!S_ISREG(info.st_mode))
+        return error_set(err, STATUS_ERR_INPUT, "%s: is not a regular file", path);
     snprintf(link, 32, "/proc/self/fd/%d", place);
     length = readlink(link, whole, sizeof whole);
     if (length < 0 || (size_t)length >= sizeof whole)
@@ -148,11 +150,7 @@ static status check_place(const struct input_files *f, const char *path, int pla
                          "%s: its place cannot be found out from %s (%s): is /proc mounted?", path,
                          link, length < 0 ? strerror(errno) : "the path is too long");
     whole[length] = 0;
-    if (!is_allowed(f, whole))
-        return refuse(path, whole, err);
-    if (!S_ISREG(info.st_mode))
-        return error_set(err, STATUS_ERR_INPUT, "%s: is not a regular file", path);
-    return STATUS_OK;
+    return is_allowed(f, whole) ? STATUS_OK : refuse(path, whole, err);
 }
 
 status input_files_read(struct input_files *f, const char *path, size_t limit_bytes,

@@ -63,7 +63,7 @@ status pbrt_integrator(struct pbrt *p, const struct pbrt_directive *d)
     p->depth_at = d->at;
     if (pbrt_bool(d->params, "regularize", 0))
         pbrt_warn(p, &d->at, "regularize",
-                  "the integrator's \"regularize\" is not supported: caustics stay sharp, and noisy");
+                  "the integrator's \"regularize\" is not supported: caustics stay sharp and noisy");
     pbrt_ignore(d->params, how);
     if (known)
         pbrt_params_report(d->params, p->b, "integrator");
