@@ -65,7 +65,7 @@ struct builder {
     uint64_t images_bytes;  /* of all images, decoded */
 };
 
-/* The builder borrows all three. */
+/* The builder borrows all three until it is released. */
 void builder_init(struct builder *b, struct import_result *out,
                   const struct import_options *options, struct error *err);
 void builder_release(struct builder *b);

@@ -42,7 +42,8 @@ struct import_options {
 };
 #define IMPORT_OPTIONS_DEFAULT                                                       \
     {.env_path = NULL, .scene_index = -1, .variant = NULL, .animation = NULL,        \
-     .light_units = "auto", .image_megapixels = IMPORT_IMAGE_MEGAPIXELS, .images_bytes = IMPORT_IMAGES_BYTES}
+     .light_units = "auto", .image_megapixels = IMPORT_IMAGE_MEGAPIXELS,             \
+     .images_bytes = IMPORT_IMAGES_BYTES}
 
 struct import_blob {
     struct digest digest;
@@ -107,7 +108,7 @@ status import_scene_memory(const void *data, size_t size_bytes, const char *name
 
 void import_result_release(struct import_result *result);
 
-/* The file at `path` with what it needs of options, as command lines take it. */
+/* The rows of a command's table that fill in the struct import_options `o`. */
 #define IMPORT_OPTION_ROWS(o)                                                                   \
     {"env", 'e', OPTION_STRING, &(o).env_path, "FILE",                                          \
      "light the scene with this lat-long environment map (EXR or Radiance HDR)", 0, 0, NULL},   \

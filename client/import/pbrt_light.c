@@ -416,6 +416,8 @@ static status make_map(struct pbrt *p, const struct pbrt_directive *d, struct pb
             m.m[i][j] = axes[i][j];
     handed = transform_d_determinant(&m) < 0 ? -1 : 1;
     TRY(pbrt_image_decode(p, image));
+    if (image->width == image->height) /* the lat-long map is twice as large */
+        TRY(builder_check_pixels(p->b, image->name, 2 * (uint64_t)image->width, image->height));
     TRY(linear_copy(p, image, &pixels));
     if (image->width == image->height) {
         /* Map axes (x, z, -+y) of the light: the zenith is +z, and the whole is a rotation. */
