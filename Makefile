@@ -9,7 +9,7 @@ DESTDIR ?=
 CC ?= cc
 PKG_CONFIG ?= pkg-config
 PROTOC_C ?= protoc-c
-VERSION := 0.1.0
+VERSION := 0.2.0-dev
 
 SANITIZE ?=
 DEBUG ?=

@@ -8,18 +8,9 @@ static status run(const struct command *command, int argc, char *const *argv, in
 {
     struct import_options options = IMPORT_OPTIONS_DEFAULT;
     struct import_result scene;
-    int64_t scene_index = -1;
     int json = 0, done;
     const struct option table[] = {
-        {"env", 'e', OPTION_STRING, &options.env_path, "FILE",
-         "light the scene with this lat-long environment map (EXR or Radiance HDR)", 0, 0, NULL},
-        {"scene", 0, OPTION_INT, &scene_index, "N",
-         "which of the file's scenes, from 0 (default: the one that the file names)", -1, 1e6, NULL},
-        {"variant", 0, OPTION_STRING, &options.variant, "NAME|N",
-         "which of the file's material variants, by name or number from 0 (default: none)", 0, 0,
-         NULL},
-        {"animation", 0, OPTION_STRING, &options.animation, "NAME|N|none",
-         "which of the file's animations, by name or number from 0 (default: all)", 0, 0, NULL},
+        IMPORT_OPTION_ROWS(options),
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
         {0},
     };
@@ -29,7 +20,6 @@ static status run(const struct command *command, int argc, char *const *argv, in
     (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
-    options.scene_index = (int)scene_index;
     result = import_scene(rest.items[0], &options, &scene, err);
     if (result == STATUS_OK && json)
         result = json_print(import_report_json(&scene), err);

@@ -123,7 +123,8 @@ static status report(struct render *r, struct error *err)
     const Azulejo__Wire__JobInfo *info = job_list_find(r->last->job_list, r->job);
 
     if (r->json)
-        return json_print(json_pack("{s:o, s:O}", "job", job_info_json(info), "files", r->files),
+        return json_print(json_pack("{s:o, s:O, s:o}", "job", job_info_json(info), "files",
+                                    r->files, "inputs", import_inputs_json(&r->scene)),
                           err);
     if (r->quiet)
         return STATUS_OK;

@@ -14,10 +14,13 @@
 /* So often is one job sent: if the coordinator dies of it, it shall not do so for ever. */
 enum { ATTEMPTS_MAX = 5 };
 
-static status print_submitted(uint64_t job, int json, struct error *err)
+static status print_submitted(uint64_t job, const struct import_result *scene, int json,
+                              struct error *err)
 {
     if (json)
-        return json_print(json_pack("{s:I}", "job", (json_int_t)job), err);
+        return json_print(json_pack("{s:I, s:o}", "job", (json_int_t)job, "inputs",
+                                    import_inputs_json(scene)),
+                          err);
     printf("%" PRIu64 "\n", job);
     return STATUS_OK;
 }
@@ -120,7 +123,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
             fprintf(stderr, "job %" PRIu64 "\n", job);
         result = follow_job(&connection, job, &how, err);
     } else if (result == STATUS_OK) {
-        result = print_submitted(job, how.json, err);
+        result = print_submitted(job, &scene, how.json, err);
     }
     connection_close(connection);
     import_result_release(&scene);

@@ -3,29 +3,30 @@
 #define AZULEJO_CLIENT_JOB_OPTIONS_H
 
 #include "client/connection.h"
+#include "client/import/import.h"
 #include "client/output.h"
 #include "common/base/options.h"
 #include "common/scene/scene.h"
 #include "common/scene/settings.h"
 
 struct job_options {
-    const char *env, *variant, *animation, *camera, *frames, *size, *env_sampling, *isa;
+    struct import_options import;
+    const char *camera, *frames, *size, *env_sampling, *isa;
     struct option_list without, aovs;
     struct output_options output;
     double env_rotate_deg, env_strength;
     double fps, shutter, lens_radius, focus_distance;
-    int64_t spp, max_depth, seed, priority, scene;
+    int64_t spp, max_depth, seed, priority;
     int half;
 };
 
 #define JOB_OPTIONS_INIT                                                                        \
-    {.env_strength = 1, .env_sampling = "importance", .isa = "avx2",                            \
-     .spp = 0, .max_depth = -1, .scene = -1,             \
+    {.import = IMPORT_OPTIONS_DEFAULT, .env_strength = 1, .env_sampling = "importance", .isa = "avx2",                            \
+     .spp = 0, .max_depth = -1,                                                                 \
      .fps = 24, .lens_radius = -1, .output = OUTPUT_OPTIONS_INIT}
 
 #define JOB_OPTION_ROWS(o)                                                                      \
-    {"env", 'e', OPTION_STRING, &(o).env, "FILE",                                               \
-     "light the scene with this lat-long environment map (EXR or Radiance HDR)", 0, 0, NULL},   \
+    IMPORT_OPTION_ROWS((o).import),                                                             \
     {"env-rotate", 0, OPTION_REAL, &(o).env_rotate_deg, "DEG",                                  \
      "turn the environment about +Y, counter-clockwise seen from above (default 0)",            \
      -36000, 36000, NULL},                                                                      \
@@ -34,14 +35,6 @@ struct job_options {
     {"env-sampling", 0, OPTION_CHOICE, &(o).env_sampling, "HOW",                                \
      "how light directions are chosen from the environment (default importance)", 0, 0,         \
      "importance|uniform|bsdf"},                                                                \
-    {"scene", 0, OPTION_INT, &(o).scene, "N",                                                   \
-     "which of the file's scenes, from 0 (default: the one that the file names)", -1, 1e6,      \
-     NULL},                                                                                     \
-    {"variant", 0, OPTION_STRING, &(o).variant, "NAME|N",                                       \
-     "which of the file's material variants, by name or number from 0 (default: none)", 0, 0,   \
-     NULL},                                                                                     \
-    {"animation", 0, OPTION_STRING, &(o).animation, "NAME|N|none",                              \
-     "which of the file's animations, by name or number from 0 (default: all)", 0, 0, NULL},    \
     {"camera", 0, OPTION_STRING, &(o).camera, "NAME",                                           \
      "camera by name, or by number from 0 (default: the first)", 0, 0, NULL},                   \
     {"frames", 'f', OPTION_STRING, &(o).frames, "FIRST-LAST",                                   \

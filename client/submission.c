@@ -34,14 +34,9 @@ status submission_prepare(const char *path, const struct job_options *options, i
                           struct job_request *request, struct import_result *scene,
                           struct error *err)
 {
-    struct import_options how = IMPORT_OPTIONS_DEFAULT;
-    status result;
+    char size[FORMAT_SIZE];
+    status result = import_scene(path, &options->import, scene, err);
 
-    how.env_path = options->env;
-    how.variant = options->variant;
-    how.animation = options->animation;
-    how.scene_index = (int)options->scene;
-    result = import_scene(path, &how, scene, err);
     if (result != STATUS_OK)
         return result;
     for (size_t i = 0; i < scene->warning_count && !quiet; i++)
@@ -50,7 +45,11 @@ status submission_prepare(const char *path, const struct job_options *options, i
     if (result != STATUS_OK)
         return result;
     take_hints(&scene->hints, options, quiet, &request->settings);
-    return render_settings_validate(&request->settings, scene->scene.camera_count, err);
+    result = render_settings_validate(&request->settings, scene->scene.camera_count, err);
+    if (result == STATUS_OK && !quiet)
+        fprintf(stderr, "takes %zu file%s, %s\n", scene->files.count,
+                scene->files.count == 1 ? "" : "s", format_bytes(size, scene->file_bytes));
+    return result;
 }
 
 static void report_upload(const struct upload_progress *progress, void *user)

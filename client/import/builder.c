@@ -6,15 +6,18 @@
 
 #include "common/base/file.h"
 #include "common/base/memory.h"
-#include "common/image/image.h"
 #include "common/scene/effects.h"
 
-void builder_init(struct builder *b, struct import_result *out, struct error *err)
+void builder_init(struct builder *b, struct import_result *out,
+                  const struct import_options *options, struct error *err)
 {
     memset(b, 0, sizeof *b);
     scene_environment_default(&b->environment);
     b->fog = BUILDER_NO_ROW;
+    b->no_camera_hint = b->no_light_hint = "";
     b->out = out;
+    b->files = &out->files;
+    b->options = options;
     b->err = err;
 }
 
@@ -311,15 +314,9 @@ status builder_add_mesh(struct builder *b, const struct scene_mesh *mesh, uint8_
     return STATUS_OK;
 }
 
-status builder_add_image(struct builder *b, const char *name, uint8_t *data, size_t size_bytes,
-                         uint32_t *row)
+status builder_add_image_row(struct builder *b, const struct scene_image *image, uint32_t *row)
 {
-    struct scene_image image = {.name = builder_name(b, name)};
-    status result = builder_add_blob(b, data, size_bytes, &image.blob);
-
-    if (result != STATUS_OK)
-        return result;
-    ADD_ROW(images, image_count, image_capacity, SCENE_IMAGES_MAX, image);
+    ADD_ROW(images, image_count, image_capacity, SCENE_IMAGES_MAX, *image);
     *row = (uint32_t)b->image_count - 1;
     return STATUS_OK;
 }
@@ -349,6 +346,7 @@ status builder_add_instance(struct builder *b, const struct scene_instance *inst
 status builder_add_light(struct builder *b, const struct scene_light *light)
 {
     ADD_ROW(lights, light_count, light_capacity, SCENE_LIGHTS_MAX, *light);
+    b->has_light = 1;
     return STATUS_OK;
 }
 
@@ -451,73 +449,7 @@ status builder_add_portal(struct builder *b, const struct scene_portal *portal)
     return STATUS_OK;
 }
 
-/* ---- the environment ---------------------------------------------------------------------- */
-
-static status check_environment(struct builder *b, const char *name, const uint8_t *data,
-                                size_t size_bytes)
-{
-    enum image_format format = image_format_of(data, size_bytes);
-    struct image_repairs repairs = {0};
-    struct image image = {0};
-    status result;
-
-    if (format != IMAGE_EXR && format != IMAGE_HDR)
-        return error_set(b->err, STATUS_ERR_INPUT,
-                         "%s: is not an environment map: give an OpenEXR (.exr) or Radiance "
-                         "(.hdr) file in latitude-longitude form",
-                         name);
-    /* Decoded once only to tell its faults now and not on a worker. */
-    result = image_decode_hdr(&image, data, size_bytes, name, &repairs, b->err);
-    if (result != STATUS_OK)
-        return result;
-    if (repairs.nan_pixels || repairs.negative_pixels || repairs.infinite_pixels)
-        builder_warn(b, "environment repairs",
-                     "%s: the map has %llu pixels that are not numbers, %llu negative and %llu "
-                     "infinite: they count as black, black and the brightest finite value",
-                     name, (unsigned long long)repairs.nan_pixels,
-                     (unsigned long long)repairs.negative_pixels,
-                     (unsigned long long)repairs.infinite_pixels);
-    if (image.width != 2 * image.height)
-        builder_warn(b, "environment shape",
-                     "%s: the map is %ux%u: a latitude-longitude map is twice as wide as high, "
-                     "this one will look stretched",
-                     name, image.width, image.height);
-    image_release(&image);
-    return STATUS_OK;
-}
-
-status builder_set_environment_map(struct builder *b, const char *name, uint8_t *data,
-                                   size_t size_bytes)
-{
-    status result = check_environment(b, name, data, size_bytes);
-
-    if (result != STATUS_OK) {
-        b->error_is_placed = 1;
-        mem_free(data);
-        return result;
-    }
-    b->environment.present = 1;
-    b->environment.constant = 0;
-    b->environment.image.name = builder_name(b, file_basename(name));
-    return builder_add_blob(b, data, size_bytes, &b->environment.image.blob);
-}
-
 /* ---- the end ------------------------------------------------------------------------------ */
-
-/* The one that the user gives stands for the file's. */
-static status read_environment(struct builder *b, const char *path)
-{
-    struct buffer bytes = BUFFER_INIT;
-    status result = file_read(path, IMPORT_FILE_BYTES_MAX, &bytes, b->err);
-
-    if (result != STATUS_OK) {
-        b->error_is_placed = 1;
-        buffer_release(&bytes);
-        return result;
-    }
-    scene_environment_default(&b->environment);
-    return builder_set_environment_map(b, path, bytes.data, bytes.size);
-}
 
 struct ordered_channel {
     struct scene_channel channel;
@@ -618,15 +550,16 @@ static status hand_over_cameras(struct builder *b, struct scene_camera **framed)
         if (result != STATUS_OK)
             return result;
         builder_warn(b, "no camera",
-                     "the file has no camera: one was added that looks at the whole scene");
+                     "the file has no camera: one was added that looks at the whole scene%s",
+                     b->no_camera_hint);
     }
     HAND_OVER(struct scene_camera, cameras, camera_count);
     *framed = none ? &scene->cameras[0] : NULL;
     return STATUS_OK;
 }
 
-/* A scene that nothing lights would be black: say so and light it evenly. What is unlit
- * shines by itself and needs no help. */
+/* A scene that nothing lights would be black: say so, and light it evenly unless it has lights,
+ * which then are meant to be off. What is unlit shines by itself and needs no help. */
 static void light_the_dark(struct builder *b)
 {
     struct scene *scene = &b->out->scene;
@@ -637,11 +570,16 @@ static void light_the_dark(struct builder *b)
         lit = !scene->materials[scene->instances[i].material].unlit;
     if (!lit || (scene_effects_default(scene, 0) & lights))
         return;
+    if (b->has_light || b->environment.present) {
+        builder_warn(b, "no power", "none of the lights has any power: the picture will be black");
+        return;
+    }
     scene_environment_default(&scene->environment);
     scene->environment.present = scene->environment.constant = 1;
     builder_warn(b, "no light",
                  "the file has no light: an even white environment of radiance 1 was added (give "
-                 "an environment map, or add lights to the file)");
+                 "an environment map, or add lights to the file)%s",
+                 b->no_light_hint);
 }
 
 static status hand_over_warnings(struct builder *b)
@@ -752,7 +690,7 @@ status builder_finish(struct builder *b, const char *title, const struct import_
         builder_warn(b, "empty", "the scene has no triangles: only the environment will be seen");
     }
     if (options->env_path) {
-        result = read_environment(b, options->env_path);
+        result = builder_read_environment(b, options->env_path);
         if (result != STATUS_OK)
             return result;
     }

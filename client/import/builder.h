@@ -22,6 +22,8 @@ struct builder_warning {
 
 struct builder {
     struct import_result *out;
+    struct input_files *files;  /* of the result */
+    const struct import_options *options;
     struct error *err;
     int error_is_placed;    /* the error names another file already */
     int no_memory;          /* a warning or name could not be kept: reported by builder_finish */
@@ -46,6 +48,9 @@ struct builder {
     /* The importer fills this in (radiance, to_map, constant; builder_set_environment_map for
      * an image), but not its portals. options->env_path replaces all of it. */
     struct scene_environment environment;
+    int has_light;          /* the file has a light, perhaps of no power; builder_add_light and an
+                             * environment say so, too */
+    const char *no_camera_hint, *no_light_hint; /* what to do in the file's exporter */
     int32_t fog;            /* a row of media, BUILDER_NO_ROW: none */
 
     size_t blob_capacity;
@@ -57,9 +62,12 @@ struct builder {
     struct builder_warning warnings[IMPORT_WARNINGS_MAX];
     size_t warning_count;
     uint64_t warnings_dropped;
+    uint64_t images_bytes;  /* of all images, decoded */
 };
 
-void builder_init(struct builder *b, struct import_result *out, struct error *err);
+/* The builder borrows all three until it is released. */
+void builder_init(struct builder *b, struct import_result *out,
+                  const struct import_options *options, struct error *err);
 void builder_release(struct builder *b);
 
 /* Remember a warning; control characters in it become '?'. */
@@ -79,12 +87,24 @@ const char *builder_name(struct builder *b, const char *name);
 status builder_add_blob(struct builder *b, uint8_t *data, size_t size_bytes,
                         struct scene_blob *out) MUST_CHECK;
 
+/* May an image of this size, in pixels, be decoded? ERR_LIMIT names the option that would allow
+ * it. builder_add_image and builder_set_environment_map ask for themselves; importers that decode
+ * a file first ask before. */
+status builder_check_pixels(struct builder *b, const char *name, uint64_t width, uint64_t height)
+    MUST_CHECK;
+/* The same for a file, by its header. A damaged header passes: its decoder says what is wrong. */
+status builder_check_image(struct builder *b, const char *name, const uint8_t *data,
+                           size_t size_bytes) MUST_CHECK;
+
 /* Add the row, or find the mesh that has the same blob and arrays. `mesh->blob` comes from
  * `data`, which is taken over. */
 status builder_add_mesh(struct builder *b, const struct scene_mesh *mesh, uint8_t *data,
                         size_t size_bytes, uint32_t *row) MUST_CHECK;
 status builder_add_image(struct builder *b, const char *name, uint8_t *data, size_t size_bytes,
                          uint32_t *row) MUST_CHECK;
+/* For builder_add_image. */
+status builder_add_image_row(struct builder *b, const struct scene_image *image, uint32_t *row)
+    MUST_CHECK;
 status builder_add_texture(struct builder *b, const struct scene_texture *texture, uint32_t *row)
     MUST_CHECK;
 status builder_add_material(struct builder *b, const struct scene_material *material,
@@ -111,6 +131,9 @@ status builder_add_portal(struct builder *b, const struct scene_portal *portal) 
  * to_map stay as they are. */
 status builder_set_environment_map(struct builder *b, const char *name, uint8_t *data,
                                    size_t size_bytes) MUST_CHECK;
+
+/* The map that the user gives, in place of the file's. */
+status builder_read_environment(struct builder *b, const char *path) MUST_CHECK;
 
 /* Hand everything over to the result. `title` names the scene. */
 status builder_finish(struct builder *b, const char *title, const struct import_options *options)

@@ -365,6 +365,8 @@ static status gltf_import(const void *data, size_t size_bytes, const char *name,
     if (result == STATUS_OK)
         result = open_tables(&g);
     if (result == STATUS_OK)
+        gltf_light_units(&g, options->light_units);
+    if (result == STATUS_OK)
         result = read_variants(&g, options->variant);
     if (result == STATUS_OK)
         result = gltf_animations(&g, options->animation);

@@ -103,8 +103,19 @@ struct gltf {
     int64_t *skin_rows;
     int64_t *image_rows, *texture_rows;
     int variant;            /* -1: none chosen */
+    double light_scale[LIGHT_DIRECTIONAL + 1]; /* of intensities, by kind */
     int64_t *material_rows; /* one more than the file has: the last is the default material */
 };
+
+/* ---- gltf_lights.c ------------------------------------------------------------------------ */
+
+/* Find out in which units the file's lights are, from `units` (as the option's) and from what
+ * wrote the file, and say so where that matters; fill in light_scale. */
+void gltf_light_units(struct gltf *g, const char *units);
+
+/* The scene's light for row `index` of the file's, which shines from `to_world`. */
+status gltf_light(struct gltf *g, size_t index, const char *node_name,
+                  const struct transform_d *to_world, struct scene_light *out) MUST_CHECK;
 
 /* ---- gltf_json.c: typed reading, with errors that name the place -------------------------- */
 
@@ -208,7 +219,7 @@ void gltf_mesh_free(struct gltf_mesh *mesh);
 /* How many morph targets the mesh has. */
 size_t gltf_target_count(const struct gltf *g, size_t mesh);
 /* Walk the chosen scene: instances, lights, cameras. *title may be set to its name. */
-status gltf_walk(struct gltf *g, int scene_index, const char **title) MUST_CHECK;
+status gltf_walk(struct gltf *g, int64_t scene_index, const char **title) MUST_CHECK;
 
 /* ---- gltf_animations.c -------------------------------------------------------------------- */
 

@@ -310,19 +310,24 @@ static status read_channel(struct gltf *g, json_t *channel, json_t *samplers,
     return STATUS_OK;
 }
 
+/* *duration_s holds what the accessors claim. That stays where a channel is not read, because an
+ * earlier animation moves the same thing: such a channel counts, too. */
 static status read_animation(struct gltf *g, size_t index, double *duration_s)
 {
     const struct gltf_place at = gltf_at("animations", index, "");
     json_t *animation, *channels = NULL, *samplers = NULL;
+    size_t before = g->channel_count;
+    double read_s = 0;
 
     TRY(gltf_row(g, g->animations, &at, &animation));
     TRY(gltf_array(g, animation, &at, "channels", &channels));
     TRY(gltf_array(g, animation, &at, "samplers", &samplers));
-    *duration_s = 0;
     for (size_t i = 0; i < json_array_size(channels); i++) {
         const struct gltf_place inner = gltf_within(&at, ".channels[%zu]", i);
-        TRY(read_channel(g, json_array_get(channels, i), samplers, &at, &inner, duration_s));
+        TRY(read_channel(g, json_array_get(channels, i), samplers, &at, &inner, &read_s));
     }
+    if (g->channel_count - before == json_array_size(channels) || read_s > *duration_s)
+        *duration_s = read_s;
     return STATUS_OK;
 }
 

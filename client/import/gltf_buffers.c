@@ -1,8 +1,5 @@
-#include <sys/stat.h>
-
 #include "client/import/gltf.h"
 #include "client/import/uri.h"
-#include "common/base/file.h"
 #include "common/base/memory.h"
 
 status gltf_read_uri(struct gltf *g, const char *uri, const struct gltf_place *at,
@@ -10,7 +7,6 @@ status gltf_read_uri(struct gltf *g, const char *uri, const struct gltf_place *a
 {
     struct error inner = {0};
     char *path = NULL;
-    struct stat info;
     status result;
 
     if (uri_is_data(uri)) {
@@ -20,10 +16,8 @@ status gltf_read_uri(struct gltf *g, const char *uri, const struct gltf_place *a
                            "names another file, which cannot be read here");
     } else {
         result = uri_to_path(uri, g->folder, &path, &inner);
-        if (result == STATUS_OK && stat(path, &info) == 0 && !S_ISREG(info.st_mode))
-            result = error_set(&inner, STATUS_ERR_INPUT, "%s: is not a regular file", path);
         if (result == STATUS_OK)
-            result = file_read(path, IMPORT_FILE_BYTES_MAX, out, &inner);
+            result = input_files_read(g->b->files, path, IMPORT_FILE_BYTES_MAX, out, &inner);
     }
     mem_free(path);
     if (result == STATUS_ERR_NO_MEMORY)

@@ -226,86 +226,11 @@ static status follow(struct gltf *g, const struct stand *stand, int32_t *node)
 
 /* ---- lights ------------------------------------------------------------------------------- */
 
-static status read_spot(struct gltf *g, json_t *light, const struct gltf_place *at,
-                        struct scene_light *out)
-{
-    const struct gltf_place inner = gltf_within(at, ".spot");
-    double cone_inner = 0, cone_outer = 0.78539816339744830962;
-    json_t *spot = NULL;
-
-    TRY(gltf_object(g, light, at, "spot", &spot));
-    TRY(gltf_number(g, spot, &inner, "innerConeAngle", &cone_inner));
-    TRY(gltf_number(g, spot, &inner, "outerConeAngle", &cone_outer));
-    if (!(cone_outer > 0 && cone_outer <= 1.5707964) || cone_inner < 0 ||
-        cone_inner >= cone_outer) {
-        builder_warn(g->b, "spot cone",
-                     "lights[%zu]: a spot's angles must be 0 <= inner < outer <= pi/2, they are %g "
-                     "and %g: brought into range",
-                     at->row, cone_inner, cone_outer);
-        cone_outer = fmin(fmax(cone_outer, 1e-3), 1.5707963);
-        cone_inner = fmin(fmax(cone_inner, 0), cone_outer * 0.999);
-    }
-    out->inner_cone_rad = (float)cone_inner;
-    out->outer_cone_rad = (float)cone_outer;
-    /* Rounding to float must not make a hard edge of a very narrow one. */
-    if (!(out->inner_cone_rad < out->outer_cone_rad))
-        out->inner_cone_rad = out->outer_cone_rad * 0.999f;
-    return STATUS_OK;
-}
-
 static status add_light(struct gltf *g, json_t *node, size_t index, const struct stand *stand)
 {
-    const struct transform_d *to_world = &stand->to_world;
-    const struct gltf_place at = gltf_at("lights", index, "");
     struct scene_light out;
-    double color[3] = {1, 1, 1}, intensity = 1, range = 0, direction[3], length = 0;
-    const char *type = "", *name = "";
-    json_t *light;
 
-    scene_light_default(&out);
-    out.direction[2] = 0;
-    TRY(gltf_row(g, g->lights, &at, &light));
-    TRY(gltf_text(g, light, &at, "type", &type));
-    TRY(gltf_text(g, light, &at, "name", &name));
-    TRY(gltf_numbers(g, light, &at, "color", 3, color));
-    TRY(gltf_number(g, light, &at, "intensity", &intensity));
-    TRY(gltf_number(g, light, &at, "range", &range));
-    if (strcmp(type, "point") == 0) {
-        out.kind = LIGHT_POINT;
-    } else if (strcmp(type, "spot") == 0) {
-        out.kind = LIGHT_SPOT;
-        TRY(read_spot(g, light, &at, &out));
-    } else if (strcmp(type, "directional") == 0) {
-        out.kind = LIGHT_DIRECTIONAL;
-    } else {
-        return gltf_fail(g, STATUS_ERR_INPUT, &at,
-                         "type \"%.32s\" is unknown: point, spot and directional are known", type);
-    }
-    if (range < 0 || range > (double)SCENE_COORDINATE_MAX)
-        return gltf_fail(g, STATUS_ERR_INPUT, &at, "range must be 0 to 1e15");
-    out.range = out.kind == LIGHT_DIRECTIONAL ? 0 : (float)range;
-    for (int c = 0; c < 3; c++) {
-        double value = color[c] * intensity;
-        if (!(value >= 0 && value <= 1e30))
-            return gltf_fail(g, STATUS_ERR_INPUT, &at, "color times intensity must be 0 to 1e30");
-        out.intensity[c] = (float)value;
-        out.position[c] = to_world->m[c][3];
-        /* Along the node's -Z. The node's scale changes neither intensity nor range. */
-        direction[c] = -to_world->m[c][2];
-        length = fmax(length, fabs(direction[c]));
-    }
-    if (!(length > 0) || !isfinite(length)) {
-        builder_warn(g->b, "light direction",
-                     "lights[%zu]: its node has no direction: it shines along -Z", index);
-        out.direction[2] = -1;
-    } else {
-        double norm = 0;
-        for (int c = 0; c < 3; c++)
-            norm += direction[c] / length * (direction[c] / length);
-        for (int c = 0; c < 3; c++)
-            out.direction[c] = (float)(direction[c] / length / sqrt(norm));
-    }
-    out.name = builder_name(g->b, *name ? name : node_name(node));
+    TRY(gltf_light(g, index, node_name(node), &stand->to_world, &out));
     TRY(follow(g, stand, &out.node));
     return builder_add_light(g->b, &out);
 }
@@ -354,9 +279,9 @@ static status add_camera(struct gltf *g, json_t *node, size_t index, const struc
         out.kind = CAMERA_PERSPECTIVE;
         TRY(gltf_number(g, lens, &at, "yfov", &yfov));
         TRY(gltf_number(g, lens, &at, "aspectRatio", &aspect));
-        if (!(yfov >= 1e-5 && yfov <= 3.1415))
-            return gltf_fail(g, STATUS_ERR_INPUT, &at, "yfov is %g: must be above 0 and below pi",
-                             yfov);
+        if (!(yfov >= (double)SCENE_FOV_MIN_RAD && yfov <= (double)SCENE_FOV_MAX_RAD))
+            return gltf_fail(g, STATUS_ERR_INPUT, &at, "yfov is %g: must be %g to %g radians", yfov,
+                             (double)SCENE_FOV_MIN_RAD, (double)SCENE_FOV_MAX_RAD);
         if (!(aspect >= 0 && aspect <= 1e6))
             return gltf_fail(g, STATUS_ERR_INPUT, &at, "aspectRatio is %g: must be above 0",
                              aspect);
@@ -482,7 +407,7 @@ static status push_roots(struct walk *w, const struct visit *world)
     return result;
 }
 
-static status push_scene(struct walk *w, int scene_index, const char **title)
+static status push_scene(struct walk *w, int64_t scene_index, const char **title)
 {
     struct gltf *g = w->g;
     const struct visit world = {.to_world = transform_d_identity()};
@@ -492,8 +417,8 @@ static status push_scene(struct walk *w, int scene_index, const char **title)
     json_t *scene, *nodes = NULL;
 
     if (scene_index >= 0 && (size_t)scene_index >= json_array_size(g->scenes))
-        return error_set(g->err, STATUS_ERR_INPUT, "there is no scene %d: the file has %zu",
-                         scene_index, json_array_size(g->scenes));
+        return error_set(g->err, STATUS_ERR_INPUT, "there is no scene %lld: the file has %zu",
+                         (long long)scene_index, json_array_size(g->scenes));
     if (json_array_size(g->scenes) == 0) {
         builder_warn(g->b, "no scenes", "the file has no scenes: all its nodes are rendered");
         return push_roots(w, &world);
@@ -514,7 +439,7 @@ static status push_scene(struct walk *w, int scene_index, const char **title)
     return push_all(w, nodes, &at, "nodes", &world);
 }
 
-status gltf_walk(struct gltf *g, int scene_index, const char **title)
+status gltf_walk(struct gltf *g, int64_t scene_index, const char **title)
 {
     struct walk w = {.g = g};
     status result;

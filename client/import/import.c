@@ -59,6 +59,7 @@ void import_result_release(struct import_result *result)
         mem_free(result->warnings[i]);
     mem_free(result->warnings);
     mem_free(result->source);
+    input_files_release(&result->files);
     scene_release(&result->scene);
     result_init(result);
 }
@@ -73,9 +74,14 @@ status import_scene_memory(const void *data, size_t size_bytes, const char *name
     int placed, format;
 
     result_init(out);
-    builder_init(&builder, out, &inner);
+    builder_init(&builder, out, options, &inner);
     out->source = mem_strdup(name);
-    if (!out->source)
+    result = input_files_init(&out->files, folder, &options->outside, &inner);
+    if (result == STATUS_OK)
+        result = input_files_add(&out->files, name, size_bytes, &inner);
+    if (result != STATUS_OK)
+        builder.error_is_placed = 1;
+    else if (!out->source)
         result = error_no_memory(&inner, "a name");
     else if (size_bytes == 0)
         result = error_set(&inner, STATUS_ERR_INPUT, "is empty");
@@ -85,6 +91,9 @@ status import_scene_memory(const void *data, size_t size_bytes, const char *name
         result = refuse_unknown(&inner);
     placed = builder.error_is_placed;
     builder_release(&builder);
+    input_files_sort(&out->files);
+    for (size_t i = 0; i < out->files.count; i++)
+        out->file_bytes += out->files.files[i].size_bytes;
     if (result != STATUS_OK) {
         import_result_release(out);
         text_disarm(inner.text);

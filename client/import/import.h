@@ -15,22 +15,35 @@
 
 #include <jansson.h>
 
+#include "client/import/input_files.h"
 #include "common/base/digest.h"
 #include "common/base/status.h"
 #include "common/scene/scene.h"
 #include "common/scene/simplify.h"
 
-enum { IMPORT_WARNINGS_MAX = 40 };
+enum {
+    IMPORT_WARNINGS_MAX = 40,
+    IMPORT_IMAGE_MEGAPIXELS = 270,          /* 16384 x 16384 fits */
+    IMPORT_IMAGE_MEGAPIXELS_MAX = 17180,    /* IMAGE_SIDE_MAX squared */
+};
+#define LIGHT_UNITS_WORDS "auto|photometric|radiometric|watts"
 #define IMPORT_FILE_BYTES_MAX ((size_t)8 << 30)
+#define IMPORT_IMAGES_BYTES ((uint64_t)16 << 30)
 
 struct import_options {
     const char *env_path;   /* EXR or Radiance HDR environment map; NULL: none */
-    int scene_index;        /* -1: the file's default scene */
+    int64_t scene_index;    /* -1: the file's default scene */
     const char *variant;    /* of the materials, by name or number from 0; NULL: the default */
     const char *animation;  /* by name or number from 0, "none"; NULL: all of the file's */
+    const char *light_units;        /* of glTF's lights: a word of LIGHT_UNITS_WORDS */
+    struct option_list outside;     /* folders beside the scene's own that it may read from */
+    int64_t image_megapixels;       /* one image has at most so many 10^6 pixels */
+    uint64_t images_bytes;          /* all images have at most so many bytes once decoded */
 };
-#define IMPORT_OPTIONS_DEFAULT \
-    {.env_path = NULL, .scene_index = -1, .variant = NULL, .animation = NULL}
+#define IMPORT_OPTIONS_DEFAULT                                                       \
+    {.env_path = NULL, .scene_index = -1, .variant = NULL, .animation = NULL,        \
+     .light_units = "auto", .image_megapixels = IMPORT_IMAGE_MEGAPIXELS,             \
+     .images_bytes = IMPORT_IMAGES_BYTES}
 
 struct import_blob {
     struct digest digest;
@@ -67,6 +80,8 @@ struct import_result {
 
     /* for the report */
     char *source;                   /* the path as given */
+    struct input_files files;       /* that were read, sorted by name */
+    uint64_t file_bytes;
     uint64_t triangles;             /* in meshes, each mesh once */
     uint64_t triangles_placed;      /* in instances */
     uint64_t vertices;
@@ -94,10 +109,38 @@ status import_scene_memory(const void *data, size_t size_bytes, const char *name
 
 void import_result_release(struct import_result *result);
 
+/* The rows of a command's table that fill in the struct import_options `o`. */
+#define IMPORT_OPTION_ROWS(o)                                                                   \
+    {"env", 'e', OPTION_STRING, &(o).env_path, "FILE",                                          \
+     "light the scene with this lat-long environment map (EXR or Radiance HDR)", 0, 0, NULL},   \
+    {"scene", 0, OPTION_INT, &(o).scene_index, "N",                                             \
+     "which of the file's scenes, from 0 (default: the one that the file names)", -1, 1e6,      \
+     NULL},                                                                                     \
+    {"variant", 0, OPTION_STRING, &(o).variant, "NAME|N",                                       \
+     "which of the file's material variants, by name or number from 0 (default: none)", 0, 0,   \
+     NULL},                                                                                     \
+    {"animation", 0, OPTION_STRING, &(o).animation, "NAME|N|none",                              \
+     "which of the file's animations, by name or number from 0 (default: all)", 0, 0, NULL},    \
+    {"light-units", 0, OPTION_CHOICE, &(o).light_units, "UNITS",                                \
+     "what a glTF file's light intensities are: candela and lux, W/sr and W/m^2, or Blender's "  \
+     "watts (default auto: as the exporter's version means them, else radiometric)", 0, 0,      \
+     LIGHT_UNITS_WORDS},                                                                        \
+    {"allow-outside", 0, OPTION_LIST, &(o).outside, "DIR",                                      \
+     "let the scene read files below this folder, too (default: below its own folder only)", 0, \
+     0, NULL},                                                                                  \
+    {"max-image", 0, OPTION_INT, &(o).image_megapixels, "MEGAPIXELS",                           \
+     "refuse larger images (default 270, which 16384x16384 fits)", 1,                           \
+     IMPORT_IMAGE_MEGAPIXELS_MAX, NULL},                                                        \
+    {"max-image-memory", 0, OPTION_SIZE, &(o).images_bytes, "SIZE",                             \
+     "refuse scenes whose images need more memory when decoded (default 16G)", 0, 0, NULL}
+
 /* What was imported, for people. */
 void import_report_print(const struct import_result *result, FILE *out);
 
 /* The same for programs; a new reference, or NULL when out of memory. */
 json_t *import_report_json(const struct import_result *result);
+
+/* The files that it was read from, [{"name", "bytes"}]; a new reference, or NULL. */
+json_t *import_inputs_json(const struct import_result *result);
 
 #endif

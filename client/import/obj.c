@@ -200,7 +200,8 @@ static status find_file(struct obj *o, const char *file, char **path, struct err
     return result;
 }
 
-/* Take the path of `prefix`/`file` for *path if there is such a file, and no better one yet. */
+/* Take the path of `prefix`/`file` for *path if there is such a file that may be read, and no
+ * better one yet. */
 static void try_file(struct obj *o, const char *prefix, size_t prefix_length, const char *file,
                      char **path, int *found)
 {
@@ -212,7 +213,7 @@ static void try_file(struct obj *o, const char *prefix, size_t prefix_length, co
     buffer_append(&name, prefix, prefix_length);
     buffer_puts(&name, file);
     if (buffer_ok(&name) && find_file(o, buffer_text(&name), &other, NULL) == STATUS_OK &&
-        file_exists(other)) {
+        input_files_contain(o->b->files, other)) {
         mem_free(*path);
         *path = other;
         other = NULL;
@@ -238,7 +239,6 @@ status obj_read_file(struct obj *o, const char *within, const char *file, size_t
 {
     size_t beside = within ? (size_t)(last_name(within) - within) : 0;
     char *path = NULL;
-    struct stat info;
     int found = 0;
     status result;
 
@@ -250,10 +250,8 @@ status obj_read_file(struct obj *o, const char *within, const char *file, size_t
     try_file(o, within, beside, last_name(file), &path, &found);
     try_file(o, NULL, 0, last_name(file), &path, &found);
     result = found ? STATUS_OK : find_file(o, file, &path, err);
-    if (result == STATUS_OK && stat(path, &info) == 0 && !S_ISREG(info.st_mode))
-        result = error_set(err, STATUS_ERR_INPUT, "%s: is not a regular file", path);
     if (result == STATUS_OK)
-        result = file_read(path, limit, out, err);
+        result = input_files_read(o->b->files, path, limit, out, err);
     mem_free(path);
     return result;
 }

@@ -34,6 +34,8 @@ static status decode_map(struct obj *o, const struct obj_material *m, const stru
     status result =
         obj_read_file(o, o->files.texts[m->file], map->file, IMPORT_FILE_BYTES_MAX, bytes, &inner);
 
+    if (result == STATUS_OK)
+        TRY(builder_check_image(o->b, map->file, bytes->data, bytes->size));
     if (result == STATUS_OK) {
         format = image_format_of(bytes->data, bytes->size);
         if (format == IMAGE_UNKNOWN) {
@@ -52,6 +54,11 @@ static status decode_map(struct obj *o, const struct obj_material *m, const stru
     *good = result == STATUS_OK;
     if (result == STATUS_ERR_NO_MEMORY)
         return error_no_memory(o->err, "a texture");
+    if (result == STATUS_ERR_FORBIDDEN) {
+        o->b->error_is_placed = 1;
+        return error_set(o->err, result, "%s:%u: %s", o->files.texts[m->file], map->line,
+                         inner.text);
+    }
     if (result != STATUS_OK)
         warn_of_texture(o, m, map, inner.text);
     return STATUS_OK;

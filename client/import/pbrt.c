@@ -31,7 +31,8 @@ static status begin(struct pbrt *p, const void *data, size_t size_bytes, const c
     p->now.active = 3;
     p->now.ctm.at[0] = p->now.ctm.at[1] = transform_d_identity();
     p->now.inside = p->now.outside = p->camera_medium = "";
-    TRY(pbrt_reader_init(&p->reader, &p->arena, data, size_bytes, name, folder, p->err));
+    TRY(pbrt_reader_init(&p->reader, &p->arena, data, size_bytes, name, folder, p->b->files,
+                         p->err));
     TRY(pbrt_material_new(p, "diffuse", "default", &nowhere, &p->default_material));
     p->now.material = p->default_material;
     return STATUS_OK;

@@ -32,6 +32,7 @@ enum {
     PBRT_IMAGES_BYTES_MAX = 1 << 30,   /* decoded for one texture that we make */
     PBRT_IMAGES_BYTES_KEPT = 1 << 28,  /* afterwards */
     PBRT_OBJECT_SHAPES_MAX = 1 << 22,
+    PBRT_MAX_DEPTH = 5,                /* pbrt's where the file gives none */
 };
 
 /* ---- a table by name ---------------------------------------------------------------------- */
@@ -181,6 +182,7 @@ struct pbrt {
     double shutter_open, shutter_close;
     int is_animated;                /* something moves */
     long max_depth, samples;        /* -1: not given */
+    struct pbrt_place depth_at, samples_at;
 
     struct pbrt_table float_textures, color_textures, materials, media, objects, systems, images,
         texture_rows, spectra;

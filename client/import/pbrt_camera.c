@@ -7,6 +7,10 @@
 #include "common/math/elementary.h"
 #include "common/scene/settings.h"
 
+/* Of the shorter side; the vertical angle that comes of it is checked with the scene. */
+#define FOV_MIN_DEG 0.001
+#define FOV_MAX_DEG 179.9
+
 /* ---- hints -------------------------------------------------------------------------------- */
 
 status pbrt_option(struct pbrt *p, const struct pbrt_directive *d)
@@ -29,6 +33,7 @@ status pbrt_sampler(struct pbrt *p, const struct pbrt_directive *d)
     long x, y;
 
     p->samples = pbrt_integer(d->params, "pixelsamples", -1);
+    p->samples_at = d->at;
     x = pbrt_integer(d->params, "xsamples", 0);
     y = pbrt_integer(d->params, "ysamples", 0);
     if (x > 0 && y > 0 && x <= 1 << 12 && y <= 1 << 12)
@@ -40,9 +45,8 @@ status pbrt_sampler(struct pbrt *p, const struct pbrt_directive *d)
 
 status pbrt_integrator(struct pbrt *p, const struct pbrt_directive *d)
 {
-    static const char *const how[] = {"lightsampler", "lightsamplestrategy", "regularize",
-                                      "rrthreshold", "visualizestrategies", "visualizeweights",
-                                      "usemis", NULL};
+    static const char *const how[] = {"lightsampler", "lightsamplestrategy", "rrthreshold",
+                                      "visualizestrategies", "visualizeweights", "usemis", NULL};
     static const char *const paths[] = {"path", "volpath", "bdpt", "mlt", "simplepath",
                                         "simplevolpath", "lightpath", "randomwalk", "directlighting",
                                         "sppm", NULL};
@@ -53,9 +57,13 @@ status pbrt_integrator(struct pbrt *p, const struct pbrt_directive *d)
     if (!known)
         pbrt_warn(p, &d->at, "integrator",
                   "the integrator \"%.40s\" is not supported: paths are traced", d->kind);
-    p->max_depth = pbrt_integer(d->params, "maxdepth", p->version3 ? -1 : 5);
+    p->max_depth = pbrt_integer(d->params, "maxdepth", PBRT_MAX_DEPTH);
     if (strcmp(d->kind, "directlighting") == 0)
         p->max_depth = 1;
+    p->depth_at = d->at;
+    if (pbrt_bool(d->params, "regularize", 0))
+        pbrt_warn(p, &d->at, "regularize",
+                  "the integrator's \"regularize\" is not supported: caustics stay sharp and noisy");
     pbrt_ignore(d->params, how);
     if (known)
         pbrt_params_report(d->params, p->b, "integrator");
@@ -350,9 +358,10 @@ static status read_perspective(struct pbrt *p, double film_aspect, const struct 
 
     if (half)
         fov = 2 * half->numbers[0];
-    if (!(fov > 0.001 && fov < 179.9))
+    if (!(fov >= FOV_MIN_DEG && fov <= FOV_MAX_DEG))
         return pbrt_fail(p, STATUS_ERR_INPUT, &p->camera.at,
-                         "the camera's fov is %g: it must lie between 0 and 180 degrees", fov);
+                         "the camera's fov is %g: it must be %g to %g degrees", fov, FOV_MIN_DEG,
+                         FOV_MAX_DEG);
     TRY(read_screen(p, film_aspect, &screen));
     lx = axis_length(world, 0);
     ly = axis_length(world, 1);
@@ -410,10 +419,10 @@ static status rigid_camera(struct pbrt *p, const struct transform_d *world,
 static void film_hints(struct pbrt *p, struct scene_camera *camera, double *aspect)
 {
     struct pbrt_params *params = p->film.params;
-    static const char *const elsewhere[] = {"filename", "savefp16", "diagonal", "maxcomponentvalue",
-                                            "coordinatesystem", "whitebalance", NULL};
+    static const char *const elsewhere[] = {"filename", "savefp16", "diagonal",
+                                            "coordinatesystem", NULL};
     long width = 1280, height = 720;
-    double iso, exposure, ratio;
+    double iso, exposure, ratio, most;
     const char *sensor;
 
     *aspect = 1280.0 / 720.0;
@@ -425,6 +434,10 @@ static void film_hints(struct pbrt *p, struct scene_camera *camera, double *aspe
         *aspect = (double)width / (double)height;
         p->b->out->hints.width = (uint32_t)width;
         p->b->out->hints.height = (uint32_t)height;
+    } else {
+        pbrt_warn(p, &p->film.at, "resolution",
+                  "a film of %ld x %ld pixels is not supported, 1 to %d are: it is not taken over",
+                  width, height, SETTINGS_SIZE_MAX);
     }
     sensor = pbrt_string(params, "sensor", "cie1931");
     if (strcmp(sensor, "cie1931") != 0)
@@ -435,6 +448,15 @@ static void film_hints(struct pbrt *p, struct scene_camera *camera, double *aspe
     ratio = iso * exposure / 100; /* pbrt's imaging ratio: 1 unless asked for */
     if (ratio > 1e-12 && ratio < 1e12 && ratio != 1)
         camera->exposure_ev = det_log((float)ratio) * 1.44269504f;
+    if (pbrt_float(params, "whitebalance", 0) != 0)
+        pbrt_warn(p, &p->film.at, "whitebalance",
+                  "the film's \"whitebalance\" is not supported: see --white-balance for the tone "
+                  "mapped picture");
+    most = pbrt_float(params, "maxcomponentvalue", INFINITY);
+    if (most < (double)SCENE_RADIANCE_MAX)
+        pbrt_warn(p, &p->film.at, "maxcomponentvalue",
+                  "the film's \"maxcomponentvalue\" of %g is not supported: no sample is clamped",
+                  most);
     if (strcmp(p->film.kind, "rgb") != 0 && strcmp(p->film.kind, "image") != 0)
         pbrt_warn(p, &p->film.at, "film", "the film \"%.40s\" is taken as \"rgb\"", p->film.kind);
     pbrt_ignore(params, elsewhere);
@@ -444,14 +466,23 @@ static void film_hints(struct pbrt *p, struct scene_camera *camera, double *aspe
     pbrt_params_report(params, p->b, "film");
 }
 
+/* Without an Integrator pbrt goes PBRT_MAX_DEPTH deep, as with one that names no depth. */
 static void depth_and_samples(struct pbrt *p)
 {
-    if (p->samples > 0 && p->samples <= SETTINGS_SPP_MAX)
-        p->b->out->hints.spp = (uint32_t)p->samples;
-    if (p->max_depth >= 0 && p->max_depth <= SETTINGS_DEPTH_MAX) {
-        p->b->out->hints.has_max_depth = 1;
-        p->b->out->hints.max_depth = (uint32_t)p->max_depth;
-    }
+    struct import_hints *hints = &p->b->out->hints;
+    long depth = p->max_depth >= 0 ? p->max_depth : PBRT_MAX_DEPTH;
+
+    if (p->samples > SETTINGS_SPP_MAX)
+        pbrt_warn(p, &p->samples_at, "pixelsamples",
+                  "%ld samples a pixel are more than %d: so many are taken", p->samples,
+                  SETTINGS_SPP_MAX);
+    if (p->samples > 0)
+        hints->spp = (uint32_t)(p->samples < SETTINGS_SPP_MAX ? p->samples : SETTINGS_SPP_MAX);
+    if (depth > SETTINGS_DEPTH_MAX)
+        pbrt_warn(p, &p->depth_at, "maxdepth", "a depth of %ld is more than %d: so deep is gone",
+                  depth, SETTINGS_DEPTH_MAX);
+    hints->has_max_depth = 1;
+    hints->max_depth = (uint32_t)(depth < SETTINGS_DEPTH_MAX ? depth : SETTINGS_DEPTH_MAX);
 }
 
 static int camera_kind(const struct pbrt *p, enum scene_camera_kind *kind)

@@ -313,11 +313,12 @@ static status recognise_image(struct pbrt *p, struct pbrt_image *image, const ch
     *known = 1;
     image->is_float = format == IMAGE_EXR || format == IMAGE_HDR;
     if (format != IMAGE_UNKNOWN)
-        return STATUS_OK;
+        return builder_check_image(p->b, path, image->bytes.data, image->bytes.size);
     if (is_pfm(&image->bytes)) {
         image->is_float = 1;
         result = pfm_decode(&image->bytes, &pixels, path, p->err);
     } else if (tga_open(&image->bytes, &tga)) {
+        TRY(builder_check_pixels(p->b, path, tga.width, tga.height));
         result = tga_decode(&image->bytes, &pixels, path, p->err);
     } else {
         *known = 0;
@@ -348,7 +349,8 @@ status pbrt_image(struct pbrt *p, const char *name, const struct pbrt_place *at,
     image->row = BUILDER_NO_ROW;
     image->at = *at;
     image->name = pbrt_keep(p, name);
-    result = image->name ? file_read(path, PBRT_FILE_BYTES_MAX, &image->bytes, p->err)
+    result = image->name ? input_files_read(p->b->files, path, PBRT_FILE_BYTES_MAX, &image->bytes,
+                                           p->err)
                          : error_no_memory(p->err, "a picture");
     if (result == STATUS_OK)
         result = recognise_image(p, image, path, &known);

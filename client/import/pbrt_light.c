@@ -9,6 +9,9 @@
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 
+#define FOV_MIN_DEG 0.01 /* of a projection's shorter side */
+#define FOV_MAX_DEG 179.0
+
 static double luminance(const double c[3])
 {
     return 0.2126729 * c[0] + 0.7151522 * c[1] + 0.0721750 * c[2];
@@ -307,9 +310,10 @@ static status read_projection(struct pbrt *p, const struct pbrt_directive *d,
     if (!image)
         return pbrt_fail(p, STATUS_ERR_INPUT, &d->at,
                          "a projection light needs a picture (\"string filename\")");
-    if (!(fov > 0.01 && fov < 179))
+    if (!(fov >= FOV_MIN_DEG && fov <= FOV_MAX_DEG))
         return pbrt_fail(p, STATUS_ERR_INPUT, &d->at,
-                         "the projection light's fov is %g: it must lie between 0 and 180", fov);
+                         "the projection light's fov is %g: it must be %g to %g degrees", fov,
+                         FOV_MIN_DEG, FOV_MAX_DEG);
     out->kind = LIGHT_PROJECTION;
     TRY(read_frame(p, d, flip, out));
     TRY(read_strength(p, d->params, "I", strength));
@@ -411,6 +415,8 @@ static status make_map(struct pbrt *p, const struct pbrt_directive *d, struct pb
             m.m[i][j] = axes[i][j];
     handed = transform_d_determinant(&m) < 0 ? -1 : 1;
     TRY(pbrt_image_decode(p, image));
+    if (image->width == image->height) /* the lat-long map is twice as large */
+        TRY(builder_check_pixels(p->b, image->name, 2 * (uint64_t)image->width, image->height));
     TRY(linear_copy(p, image, &pixels));
     if (image->width == image->height) {
         /* Map axes (x, z, -+y) of the light: the zenith is +z, and the whole is a rotation. */

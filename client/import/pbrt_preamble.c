@@ -55,8 +55,9 @@ static status do_filter(struct pbrt *p, const struct pbrt_place *at)
     struct pbrt_directive d;
 
     TRY(pbrt_read_directive(p, "PixelFilter", NULL, at, &d));
-    pbrt_warn(p, at, "PixelFilter", "the pixel filter \"%.40s\" is not taken over: pictures are "
-              "made with one filter here", d.kind);
+    pbrt_warn(p, at, "PixelFilter",
+              "the pixel filter \"%.40s\" is not taken over: the filter is always a Blackman-Harris "
+              "window of 3 pixels", d.kind);
     return STATUS_OK;
 }
 

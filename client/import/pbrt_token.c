@@ -30,34 +30,12 @@ status pbrt_error_(struct error *err, status code, const struct pbrt_place *at, 
 
 /* ---- files -------------------------------------------------------------------------------- */
 
-/* Does `name` stay near the scene? It may climb a little: shared textures often lie beside. */
-static int path_is_near(const char *name)
-{
-    long depth = 0, lowest = 0;
-
-    if (name[0] == '/' || name[0] == 0)
-        return 0;
-    for (const char *p = name; *p;) {
-        size_t length = strcspn(p, "/");
-        if (length == 2 && p[0] == '.' && p[1] == '.')
-            depth--;
-        else if (length > 0 && !(length == 1 && p[0] == '.'))
-            depth++;
-        if (depth < lowest)
-            lowest = depth;
-        p += length;
-        while (*p == '/')
-            p++;
-    }
-    return lowest >= -PBRT_LEVELS_UP_MAX;
-}
-
 static status try_folder(const char *folder, const char *name, char **path, struct error *err)
 {
     *path = NULL;
     if (!folder)
         return STATUS_OK;
-    *path = file_join(folder, name);
+    *path = *name == '/' ? mem_strdup(name) : file_join(folder, name);
     if (!*path)
         return error_no_memory(err, "a path");
     if (!file_exists(*path)) {
@@ -86,13 +64,6 @@ status pbrt_resolve(const struct pbrt_reader *r, const char *name, const struct 
     for (char *p = slashed; *p; p++)
         if (*p == '\\')
             *p = '/';
-    if (!path_is_near(name) || !path_is_near(slashed)) {
-        mem_free(slashed);
-        return pbrt_error(err, STATUS_ERR_INPUT, at,
-                          "names the file \"%.*s\": only paths relative to the scene and at most "
-                          "%d folders above it are followed",
-                          NAME_SHOWN, name, PBRT_LEVELS_UP_MAX);
-    }
     result = try_folder(r->folder, name, path, err);
     if (result == STATUS_OK && !*path)
         result = try_folder(beside, name, path, err);
@@ -159,19 +130,26 @@ static status unpack(struct buffer *data, size_t limit, struct error *err)
     return STATUS_OK;
 }
 
-static status read_path(const char *path, struct buffer *out, struct error *err)
+static status read_path(struct pbrt_reader *r, const char *path, struct buffer *out,
+                        struct error *err)
 {
-    status result = file_read(path, PBRT_FILE_BYTES_MAX, out, err);
+    status result = input_files_read(r->files, path, PBRT_FILE_BYTES_MAX, out, err);
 
     if (result == STATUS_OK && is_gzip(out)) {
         result = unpack(out, PBRT_FILE_BYTES_MAX, err);
         if (result != STATUS_OK)
             error_prefix(err, "%s", path);
     }
+    if (result == STATUS_OK && out->size > PBRT_TEXT_BYTES_MAX - r->read_bytes)
+        return error_set(err, STATUS_ERR_LIMIT,
+                         "%s: the scene's files have more than %zu GiB once unpacked", path,
+                         PBRT_TEXT_BYTES_MAX >> 30);
+    if (result == STATUS_OK)
+        r->read_bytes += out->size;
     return result;
 }
 
-status pbrt_read_file(const struct pbrt_reader *r, const char *name, const struct pbrt_place *at,
+status pbrt_read_file(struct pbrt_reader *r, const char *name, const struct pbrt_place *at,
                       struct buffer *out, struct error *err)
 {
     char *path;
@@ -179,7 +157,7 @@ status pbrt_read_file(const struct pbrt_reader *r, const char *name, const struc
 
     if (result != STATUS_OK)
         return result;
-    result = read_path(path, out, err);
+    result = read_path(r, path, out, err);
     if (result != STATUS_OK && result != STATUS_ERR_NO_MEMORY)
         error_prefix(err, "%s:%u", at->file, at->line);
     mem_free(path);
@@ -198,13 +176,14 @@ static void source_release(struct pbrt_source *s)
 
 status pbrt_reader_init(struct pbrt_reader *r, struct arena *arena, const void *data,
                         size_t size_bytes, const char *name, const char *folder,
-                        struct error *err)
+                        struct input_files *files, struct error *err)
 {
     struct pbrt_source *s = &r->stack[0];
 
     memset(r, 0, sizeof *r);
     r->arena = arena;
     r->folder = folder;
+    r->files = files;
     r->depth = 1;
     buffer_append(&s->data, data, size_bytes);
     s->place.file = arena_strdup(arena, name);
@@ -259,7 +238,7 @@ status pbrt_include(struct pbrt_reader *r, const char *name, const struct pbrt_p
                                 name);
             goto done;
         }
-    result = read_path(path, &s.data, err);
+    result = read_path(r, path, &s.data, err);
     if (result != STATUS_OK && result != STATUS_ERR_NO_MEMORY)
         error_prefix(err, "%s:%u", at->file, at->line);
 done:

@@ -3,7 +3,7 @@
  * A reader holds a stack of files; `Include` pushes one, and its end pops it. Every token
  * knows its file and line. File names live in the reader's arena, as long as the reader.
  * Files are looked for in the folder of the scene's first file, then in that of the file that
- * names them; absolute paths and paths that climb more than PBRT_LEVELS_UP_MAX are refused.
+ * names them; input_files says which of them may be read.
  */
 #ifndef AZULEJO_IMPORT_PBRT_TOKEN_H
 #define AZULEJO_IMPORT_PBRT_TOKEN_H
@@ -11,6 +11,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "client/import/input_files.h"
 #include "common/base/arena.h"
 #include "common/base/buffer.h"
 #include "common/base/status.h"
@@ -18,11 +19,11 @@
 enum {
     PBRT_INCLUDE_DEPTH_MAX = 32,
     PBRT_INCLUDES_MAX = 1 << 16,       /* in all */
-    PBRT_LEVELS_UP_MAX = 4,
     PBRT_STRING_BYTES_MAX = 4096,
     PBRT_WORD_BYTES_MAX = 255,
 };
-#define PBRT_FILE_BYTES_MAX ((size_t)4 << 30) /* one file, unpacked */
+#define PBRT_FILE_BYTES_MAX ((size_t)4 << 30)  /* one file, unpacked */
+#define PBRT_TEXT_BYTES_MAX ((size_t)16 << 30) /* all files of a scene but pictures, unpacked */
 
 /* Where something stands. `file` lives as long as the reader. */
 struct pbrt_place {
@@ -53,15 +54,17 @@ struct pbrt_reader {
     size_t depth;
     size_t included;
     const char *folder; /* of the first file; NULL: other files are refused */
+    struct input_files *files;
+    size_t read_bytes;  /* of all files, unpacked */
     struct pbrt_token token;    /* of pbrt_peek() */
     int peeked;
     struct buffer text;
 };
 
-/* `data` is copied. `folder` (may be NULL) must live as long as the reader. */
+/* `data` is copied. `folder` (may be NULL) and `files` must live as long as the reader. */
 status pbrt_reader_init(struct pbrt_reader *r, struct arena *arena, const void *data,
                         size_t size_bytes, const char *name, const char *folder,
-                        struct error *err) MUST_CHECK;
+                        struct input_files *files, struct error *err) MUST_CHECK;
 void pbrt_reader_release(struct pbrt_reader *r);
 
 /* Read on in `name`, which stands at `at`. Nothing may be peeked. */
@@ -81,7 +84,7 @@ status pbrt_resolve(const struct pbrt_reader *r, const char *name, const struct 
                     char **path, struct error *err) MUST_CHECK;
 
 /* The same, read as a whole, unpacked when it is in gzip's form. */
-status pbrt_read_file(const struct pbrt_reader *r, const char *name, const struct pbrt_place *at,
+status pbrt_read_file(struct pbrt_reader *r, const char *name, const struct pbrt_place *at,
                       struct buffer *out, struct error *err) MUST_CHECK;
 
 /* "file:line: " and the words. */

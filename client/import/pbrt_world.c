@@ -123,6 +123,7 @@ static status do_area_light(struct pbrt *p, const struct pbrt_place *at)
     light->at = *at;
     light->params = pbrt_params_copy(&p->params, &p->arena);
     p->now.area_light = light;
+    p->b->has_light = 1;
     return light->params ? STATUS_OK : error_no_memory(p->err, "a light");
 }
 

@@ -1,8 +1,11 @@
 #include <math.h>
 #include <string.h>
 
+#include "client/format.h"
 #include "client/import/import.h"
+#include "client/job_info.h"
 #include "common/image/image.h"
+#include "common/image/image_size.h"
 #include "common/math/elementary.h"
 #include "common/scene/effects.h"
 #include "common/scene/pose.h"
@@ -12,43 +15,6 @@ static const char *const light_kinds[LIGHT_KIND_COUNT] = {"point", "spot", "dire
 static const char *const camera_kinds[CAMERA_KIND_COUNT] = {"perspective", "orthographic",
                                                            "panorama"};
 static const char *const format_names[] = {"unknown", "PNG", "JPEG", "HDR", "EXR", "WebP"};
-
-static uint32_t big_endian(const uint8_t *at, int bytes)
-{
-    uint32_t value = 0;
-
-    for (int i = 0; i < bytes; i++)
-        value = value << 8 | at[i];
-    return value;
-}
-
-/* SOF0 to SOF15 without DHT, JPG and DAC: the frame headers of JPEG. */
-static int is_frame_header(uint8_t marker)
-{
-    return marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
-}
-
-/* A PNG's or JPEG's size in pixels from its header; 0 when it has none to be found. */
-static int picture_size(const uint8_t *data, size_t size, uint32_t *width, uint32_t *height)
-{
-    if (image_format_of(data, size) == IMAGE_PNG && size >= 24) {
-        *width = big_endian(data + 16, 4);
-        *height = big_endian(data + 20, 4);
-        return 1;
-    }
-    if (image_format_of(data, size) != IMAGE_JPEG)
-        return 0;
-    for (size_t at = 2; at + 9 <= size && data[at] == 0xff;) {
-        uint8_t marker = data[at + 1];
-        if (is_frame_header(marker)) {
-            *height = big_endian(data + at + 5, 2);
-            *width = big_endian(data + at + 7, 2);
-            return 1;
-        }
-        at += marker == 0xff ? 1 : 2 + (size_t)big_endian(data + at + 2, 2);
-    }
-    return 0;
-}
 
 static const struct import_blob *blob_find(const struct import_result *result,
                                            const struct digest *digest)
@@ -89,13 +55,13 @@ static void print_images(const struct import_result *result, FILE *out)
     for (uint32_t i = 0; i < scene->image_count && i < LISTED_MAX; i++) {
         const struct scene_image *image = &scene->images[i];
         const struct import_blob *blob = blob_find(result, &image->blob.digest);
-        uint32_t width = 0, height = 0;
+        struct image_size pixels;
         if (!blob)
             continue;
         fprintf(out, "    %-32s %s", shown(image->name),
                 format_names[image_format_of(blob->data, blob->size_bytes)]);
-        if (picture_size(blob->data, blob->size_bytes, &width, &height))
-            fprintf(out, " %ux%u", width, height);
+        if (image_size_of(blob->data, blob->size_bytes, &pixels))
+            fprintf(out, " %ux%u", pixels.width, pixels.height);
         fprintf(out, ", %.1f kB\n", (double)blob->size_bytes / 1e3);
     }
     print_rest(out, scene->image_count);
@@ -213,16 +179,26 @@ static void print_effects(uint64_t effects, FILE *out)
 {
     int first = 1;
 
-    for (int pass = 1; pass >= 0; pass--) {
-        fprintf(out, pass ? "effects:        " : "left out:       ");
-        first = 1;
-        for (int i = 0; i < EFFECT_COUNT; i++)
-            if ((int)(effects >> i & 1) == pass) {
-                fprintf(out, "%s%s", first ? "" : ", ", effect_name((enum effect_bit)i));
-                first = 0;
-            }
-        fprintf(out, "%s\n", first ? "none" : "");
-    }
+    fprintf(out, "effects:        ");
+    for (int i = 0; i < EFFECT_COUNT; i++)
+        if (effects >> i & 1) {
+            fprintf(out, "%s%s", first ? "" : ", ", effect_name((enum effect_bit)i));
+            first = 0;
+        }
+    fprintf(out, "%s\n", first ? "none" : "");
+}
+
+static void print_files(const struct import_result *result, FILE *out)
+{
+    char size[FORMAT_SIZE];
+    size_t count = result->files.count;
+
+    fprintf(out, "takes:          %zu file%s, %s\n", count, count == 1 ? "" : "s",
+            format_bytes(size, result->file_bytes));
+    for (size_t i = 0; i < count && i < LISTED_MAX; i++)
+        fprintf(out, "    %-32s %s\n", result->files.files[i].name,
+                format_bytes(size, result->files.files[i].size_bytes));
+    print_rest(out, (uint32_t)count);
 }
 
 /* Where the scene lies in the file, and how finely floats keep it there. */
@@ -243,6 +219,7 @@ void import_report_print(const struct import_result *result, FILE *out)
 
     digest_to_hex(&result->scene_digest, hex);
     fprintf(out, "file:           %s\n", result->source);
+    print_files(result, out);
     fprintf(out, "scene:          %s\n", shown(scene->name));
     fprintf(out, "triangles:      %llu, placed %llu\n", (unsigned long long)result->triangles,
             (unsigned long long)result->triangles_placed);
@@ -303,21 +280,35 @@ static json_t *images_json(const struct import_result *result)
     for (uint32_t i = 0; list && i < scene->image_count; i++) {
         const struct scene_image *image = &scene->images[i];
         const struct import_blob *blob = blob_find(result, &image->blob.digest);
-        uint32_t width = 0, height = 0;
+        struct image_size pixels = {0};
         char hex[DIGEST_HEX_SIZE];
 
         digest_to_hex(&image->blob.digest, hex);
         if (blob)
-            picture_size(blob->data, blob->size_bytes, &width, &height);
+            image_size_of(blob->data, blob->size_bytes, &pixels);
         if (!add(list, json_pack("{s:s, s:s, s:i, s:i, s:I, s:s}", "name", image->name, "format",
                                  blob ? format_names[image_format_of(blob->data, blob->size_bytes)]
                                       : format_names[0],
-                                 "width", (int)width, "height", (int)height, "bytes",
+                                 "width", (int)pixels.width, "height", (int)pixels.height, "bytes",
                                  (json_int_t)image->blob.size_bytes, "digest", hex))) {
             json_decref(list);
             return NULL;
         }
     }
+    return list;
+}
+
+json_t *import_inputs_json(const struct import_result *result)
+{
+    const struct input_files *files = &result->files;
+    json_t *list = json_array();
+
+    for (size_t i = 0; list && i < files->count; i++)
+        if (!add(list, json_pack("{s:o, s:I}", "name", json_text(files->files[i].name), "bytes",
+                                 (json_int_t)files->files[i].size_bytes))) {
+            json_decref(list);
+            return NULL;
+        }
     return list;
 }
 
@@ -363,12 +354,12 @@ static json_t *environment_json(const struct scene_environment *env)
                      (json_int_t)env->image.blob.size_bytes);
 }
 
-static json_t *effects_json(uint64_t effects, int wanted)
+static json_t *effects_json(uint64_t effects)
 {
     json_t *list = json_array();
 
     for (int i = 0; list && i < EFFECT_COUNT; i++)
-        if ((int)(effects >> i & 1) == wanted &&
+        if ((effects >> i & 1) &&
             !add(list, json_string(effect_name((enum effect_bit)i)))) {
             json_decref(list);
             return NULL;
@@ -449,17 +440,18 @@ json_t *import_report_json(const struct import_result *result)
     digest_to_hex(&result->scene_digest, hex);
     /* "o" takes the reference also when packing fails, and a NULL makes it fail. */
     return json_pack(
-        "{s:o, s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:o, "
+        "{s:o, s:o, s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:o, s:o, "
         "s:{s:I, s:I, s:I}, s:o, s:o, s:i, s:o, s:f, s:i, s:i, s:i, s:i, "
         "s:{s:i, s:i, s:i, s:i, s:i, s:b, s:I}, s:o, s:[f,f,f], s:f}",
-        "file", source ? source : json_null(), "name", scene->name, "digest", hex, "triangles",
+        "file", source ? source : json_null(), "inputs", import_inputs_json(result), "name",
+        scene->name, "digest", hex, "triangles",
         (json_int_t)result->triangles, "triangles_placed", (json_int_t)result->triangles_placed,
         "vertices", (json_int_t)result->vertices, "degenerate_triangles",
         (json_int_t)result->degenerate_triangles, "meshes", (int)scene->mesh_count, "instances",
         (int)scene->instance_count, "textures", (int)scene->texture_count, "materials",
         materials_json(scene), "images", images_json(result), "lights", lights_json(scene),
         "cameras", cameras_json(scene), "environment", environment_json(&scene->environment),
-        "effects", effects_json(effects, 1), "effects_left_out", effects_json(effects, 0), "bytes",
+        "effects", effects_json(effects), "bytes",
         "blobs", (json_int_t)result->blob_bytes, "scene", (json_int_t)result->packed_bytes, "count",
         (json_int_t)result->blob_count, "warnings", warnings_json(result), "variants",
         variants_json(result), "variant_taken", result->variant_taken, "animations",

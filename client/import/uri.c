@@ -108,42 +108,18 @@ static int has_scheme(const char *uri)
     return *p == ':';
 }
 
-/* How far above its start does the path climb at most? */
-static int levels_up(const char *path)
-{
-    int depth = 0, least = 0;
-
-    while (*path) {
-        size_t length = strcspn(path, "/");
-        if (length == 2 && path[0] == '.' && path[1] == '.')
-            depth--;
-        else if (length > 0 && !(length == 1 && path[0] == '.'))
-            depth++;
-        if (depth < least)
-            least = depth;
-        path += length;
-        while (*path == '/')
-            path++;
-    }
-    return -least;
-}
-
-static status check_relative(const char *uri, const char *path, size_t size, struct error *err)
+static status check_name(const char *uri, const char *path, size_t size, struct error *err)
 {
     if (size == 0 || strlen(path) != size)
         return error_set(err, STATUS_ERR_INPUT, "the URI \"%.*s\" does not name a file",
                          MESSAGE_URI_CHARS, uri);
-    if (path[0] == '/' || path[0] == '\\')
-        return error_set(err, STATUS_ERR_INPUT,
-                         "the URI \"%.*s\" is an absolute path: only files relative to the glTF "
-                         "file are read",
-                         MESSAGE_URI_CHARS, uri);
-    if (levels_up(path) > URI_LEVELS_UP_MAX)
-        return error_set(err, STATUS_ERR_INPUT,
-                         "the URI \"%.*s\" leads more than %d folders up: move the file next to "
-                         "the glTF file",
-                         MESSAGE_URI_CHARS, uri, URI_LEVELS_UP_MAX);
     return STATUS_OK;
+}
+
+/* An absolute path stays as it is: whoever reads it asks where it leads. */
+static char *path_below(const char *folder, const char *path)
+{
+    return *path == '/' ? mem_strdup(path) : file_join(folder, path);
 }
 
 status uri_to_path(const char *uri, const char *folder, char **path, struct error *err)
@@ -163,10 +139,10 @@ status uri_to_path(const char *uri, const char *folder, char **path, struct erro
         result = error_no_memory(err, "a URI");
         goto done;
     }
-    result = check_relative(uri, buffer_text(&decoded), decoded.size, err);
+    result = check_name(uri, buffer_text(&decoded), decoded.size, err);
     if (result != STATUS_OK)
         goto done;
-    *path = file_join(folder, buffer_text(&decoded));
+    *path = path_below(folder, buffer_text(&decoded));
     if (!*path) {
         result = error_no_memory(err, "a path");
         goto done;
@@ -184,9 +160,9 @@ status uri_to_path(const char *uri, const char *folder, char **path, struct erro
                     decoded.data[i] = '/';
         }
         if (!buffer_ok(&decoded) ||
-            check_relative(uri, buffer_text(&decoded), decoded.size, NULL) != STATUS_OK)
+            check_name(uri, buffer_text(&decoded), decoded.size, NULL) != STATUS_OK)
             break;
-        other = file_join(folder, buffer_text(&decoded));
+        other = path_below(folder, buffer_text(&decoded));
         if (other && file_exists(other)) {
             mem_free(*path);
             *path = other;

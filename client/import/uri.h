@@ -8,19 +8,14 @@
 #include "common/base/buffer.h"
 #include "common/base/status.h"
 
-enum {
-    URI_LEVELS_UP_MAX = 4, /* how far above the file's folder a relative path may lead */
-};
-
 int uri_is_data(const char *uri);
 
 /* Append the bytes of a data URI (base64 or percent-encoded). ERR_INPUT. */
 status uri_decode_data(const char *uri, size_t limit_bytes, struct buffer *out,
                        struct error *err) MUST_CHECK;
 
-/* The path of a relative URI below (or a little above) `folder`, mem_alloc'd. Refused:
- * other schemes, absolute paths, NUL bytes, paths that climb too far. The file need not
- * exist; when the decoded name does not but the name as written or with '/' for '\' does,
+/* The path that a URI without a scheme means in `folder`, mem_alloc'd. Refused: schemes and NUL
+ * bytes; where the path leads is checked by input_files_read. The file need not exist; when the decoded name does not but the name as written or with '/' for '\' does,
  * that one is taken. */
 status uri_to_path(const char *uri, const char *folder, char **path, struct error *err) MUST_CHECK;
 

@@ -10,7 +10,8 @@
 
 #include "common/base/memory.h"
 
-status file_read(const char *path, size_t limit_bytes, struct buffer *out, struct error *err)
+status file_read_as(const char *path, const char *name, size_t limit_bytes, struct buffer *out,
+                    struct error *err)
 {
     status result = STATUS_OK;
     struct stat info;
@@ -18,19 +19,19 @@ status file_read(const char *path, size_t limit_bytes, struct buffer *out, struc
     int fd = open(path, O_RDONLY | O_CLOEXEC);
 
     if (fd < 0)
-        return error_set(err, STATUS_ERR_INPUT, "%s: cannot be opened: %s", path, strerror(errno));
+        return error_set(err, STATUS_ERR_INPUT, "%s: cannot be opened: %s", name, strerror(errno));
     if (fstat(fd, &info) != 0) {
-        result = error_set(err, STATUS_ERR_INPUT, "%s: %s", path, strerror(errno));
+        result = error_set(err, STATUS_ERR_INPUT, "%s: %s", name, strerror(errno));
         goto done;
     }
     if (S_ISDIR(info.st_mode)) {
-        result = error_set(err, STATUS_ERR_INPUT, "%s: is a folder, a file is needed", path);
+        result = error_set(err, STATUS_ERR_INPUT, "%s: is a folder, a file is needed", name);
         goto done;
     }
     if (S_ISREG(info.st_mode)) {
         if ((uint64_t)info.st_size > limit_bytes) {
             result = error_set(err, STATUS_ERR_LIMIT, "%s: %lld bytes, more than the limit of %zu",
-                               path, (long long)info.st_size, limit_bytes);
+                               name, (long long)info.st_size, limit_bytes);
             goto done;
         }
         buffer_reserve(out, (size_t)info.st_size);
@@ -43,24 +44,29 @@ status file_read(const char *path, size_t limit_bytes, struct buffer *out, struc
         if (got < 0) {
             if (errno == EINTR)
                 continue;
-            result = error_set(err, STATUS_ERR_INPUT, "%s: cannot be read: %s", path,
+            result = error_set(err, STATUS_ERR_INPUT, "%s: cannot be read: %s", name,
                                strerror(errno));
             goto done;
         }
         if (out->size - start + (size_t)got > limit_bytes) {
-            result = error_set(err, STATUS_ERR_LIMIT, "%s: more than the limit of %zu bytes", path,
+            result = error_set(err, STATUS_ERR_LIMIT, "%s: more than the limit of %zu bytes", name,
                                limit_bytes);
             goto done;
         }
         buffer_append(out, chunk, (size_t)got);
         if (!buffer_ok(out)) {
-            result = error_no_memory(err, path);
+            result = error_no_memory(err, name);
             goto done;
         }
     }
 done:
     close(fd);
     return result;
+}
+
+status file_read(const char *path, size_t limit_bytes, struct buffer *out, struct error *err)
+{
+    return file_read_as(path, path, limit_bytes, out, err);
 }
 
 static int write_all(int fd, const uint8_t *data, size_t size_bytes)

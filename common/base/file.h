@@ -14,6 +14,10 @@
 status file_read(const char *path, size_t limit_bytes, struct buffer *out, struct error *err)
     MUST_CHECK;
 
+/* The same, but messages call the file `name`. */
+status file_read_as(const char *path, const char *name, size_t limit_bytes, struct buffer *out,
+                    struct error *err) MUST_CHECK;
+
 /* Write atomically (temporary file, fsync, rename, fsync of the folder). ERR_IO. */
 status file_write_atomic(const char *path, const void *data, size_t size_bytes,
                          struct error *err) MUST_CHECK;

@@ -32,7 +32,8 @@
     X(ERR_CORRUPT, 8, "stored data is damaged")                          \
     X(ERR_PROTOCOL, 5, "protocol violation")                             \
     X(ERR_INCOMPLETE, 9, "incomplete")                                   \
-    X(ERR_MISMATCH, 10, "the releases do not fit")
+    X(ERR_MISMATCH, 10, "the releases do not fit")                       \
+    X(ERR_FORBIDDEN, 3, "not allowed")
 
 typedef enum status {
 #define STATUS_ENUM(name, exit_code, text) STATUS_##name,

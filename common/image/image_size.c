@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-enum { FLOAT_RGB_BYTES = 12, HDR_HEADER_MAX = 1 << 16, EXR_NAME_MAX = 256 };
+enum { FLOAT_RGB_BYTES = 12, HDR_HEADER_MAX = 1 << 21, EXR_NAME_MAX = 256 };
 
 static uint32_t big16(const uint8_t *p)
 {
@@ -39,12 +39,17 @@ static int jpeg_size(const uint8_t *data, size_t size, struct image_size *out)
 
     while (at + 10 <= size) {
         uint8_t marker = data[at + 1];
-        if (data[at] != 0xff)
-            return 0;
-        if (marker == 0xff) { /* fill */
+        /* Fill, and what libjpeg passes over between segments. */
+        if (data[at] != 0xff || marker == 0xff) {
             at++;
             continue;
         }
+        if (marker == 0 || marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8)) { /* no length */
+            at += 2;
+            continue;
+        }
+        if (marker == 0xd9 || marker == 0xda) /* the end, or a scan: no frame header came */
+            return 0;
         if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 &&
             marker != 0xcc) {
             out->height = big16(data + at + 5);
@@ -100,9 +105,16 @@ static int hdr_size(const uint8_t *data, size_t size, struct image_size *out)
     uint32_t first, second;
     int rows_first;
 
-    while (at + 1 < limit && !(data[at] == '\n' && data[at + 1] == '\n'))
-        at++;
-    at += 2;
+    for (;;) { /* past the first empty line, with either line end */
+        const uint8_t *end = memchr(data + at, '\n', limit - at);
+        size_t length = end ? (size_t)(end - (data + at)) : 0;
+
+        if (!end)
+            return 0;
+        at += length + 1;
+        if (length == 0 || (length == 1 && end[-1] == '\r'))
+            break;
+    }
     if (at + 4 > limit)
         return 0;
     rows_first = data[at + 1] == 'Y';

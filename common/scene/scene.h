@@ -53,6 +53,10 @@ enum {
 /* No coordinate of a mesh or of the world may be larger: squares of lengths and cross
  * products must stay finite in float. */
 #define SCENE_COORDINATE_MAX 1e15f
+#define SCENE_RADIANCE_MAX 1e30f    /* and any intensity: squares and sums of it stay finite */
+/* Of a picture from top to bottom: the tangent of half of it must be a useful number. */
+#define SCENE_FOV_MIN_RAD 1e-5f
+#define SCENE_FOV_MAX_RAD 3.1415f
 
 struct scene_blob {
     struct digest digest;

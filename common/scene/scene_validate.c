@@ -227,7 +227,7 @@ static status check_slot(const struct place *at, const char *field,
     return check_ranges(at, field, &slot->uv_transform[0][0], 6, -1e6f, 1e6f);
 }
 
-static const float unlimited = 1e30f; /* any radiance or weight that squares may be taken of */
+static const float unlimited = SCENE_RADIANCE_MAX; /* any radiance or weight that squares may be taken of */
 
 /* glTF's extensions. */
 static status check_layers(const struct place *at, const struct scene_material *m,
@@ -378,7 +378,7 @@ static status check_light(const struct place *at, const struct scene *scene,
     CHECK(check_coordinates(at, "position", light->position, 3));
     if (!(fabsf(vec3_length(d) - 1) < 1e-3f))
         return complain(at, "direction", "is not a unit vector");
-    CHECK(check_ranges(at, "intensity", light->intensity, 3, 0, 1e30f));
+    CHECK(check_ranges(at, "intensity", light->intensity, 3, 0, unlimited));
     CHECK(check_range(at, "range", light->range, 0, SCENE_COORDINATE_MAX));
     CHECK(check_enum(at, "falloff", (unsigned)light->falloff, FALLOFF_COUNT));
     CHECK(check_reference(at, "image", light->image, scene->image_count));
@@ -386,7 +386,8 @@ static status check_light(const struct place *at, const struct scene *scene,
     CHECK(check_transform_d(at, "to_world", &light->to_world));
     if (!is_orthonormal(&light->to_world.m[0][0], 4))
         return complain(at, "to_world", "is not a rotation or mirroring and a translation");
-    CHECK(check_range(at, "projection_yfov_rad", light->projection_yfov_rad, 1e-5f, 3.1415f));
+    CHECK(check_range(at, "projection_yfov_rad", light->projection_yfov_rad, SCENE_FOV_MIN_RAD,
+                      SCENE_FOV_MAX_RAD));
     CHECK(check_range(at, "projection_aspect", light->projection_aspect, 1e-6f, 1e6f));
     if (light->kind == LIGHT_SPOT) {
         CHECK(check_range(at, "outer_cone_rad", light->outer_cone_rad, 0, half_pi));
@@ -426,8 +427,7 @@ static status check_camera(const struct place *at, const struct scene *scene,
     CHECK(check_reference(at, "node", camera->node, scene->node_count));
     CHECK(check_lens(at, camera));
     if (camera->kind == CAMERA_PERSPECTIVE) {
-        /* The tangent of half the angle must be a useful number. */
-        CHECK(check_range(at, "yfov_rad", camera->yfov_rad, 1e-5f, 3.1415f));
+        CHECK(check_range(at, "yfov_rad", camera->yfov_rad, SCENE_FOV_MIN_RAD, SCENE_FOV_MAX_RAD));
     } else if (camera->kind == CAMERA_ORTHOGRAPHIC) {
         CHECK(check_range(at, "xmag", camera->xmag, 1e-12f, SCENE_COORDINATE_MAX));
         CHECK(check_range(at, "ymag", camera->ymag, 1e-12f, SCENE_COORDINATE_MAX));

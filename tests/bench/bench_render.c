@@ -104,7 +104,7 @@ int main(int argc, char **argv)
     };
     struct positionals rest;
     struct error err = {0};
-    struct import_options options = {0};
+    struct import_options options = IMPORT_OPTIONS_DEFAULT;
     struct import_result import;
     struct render_scene_info info;
     struct render_scene *scene;
@@ -122,7 +122,6 @@ int main(int argc, char **argv)
         return help ? 0 : 2;
     }
     options.env_path = env;
-    options.scene_index = -1;
     if (import_scene(rest.items[0], &options, &import, &err) != STATUS_OK)
         die(&err);
     render_settings_default(&b.settings);

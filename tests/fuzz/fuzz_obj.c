@@ -17,6 +17,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     fuzz_folder_put("m.mtl", data, size);
     if (import_scene_memory(data, size, "fuzz.obj", fuzz_folder(), &options, &result, &err) ==
         STATUS_OK) {
+        fuzz_folder_check(&result.files, "fuzz.obj");
         if (scene_validate(&result.scene, NULL) != STATUS_OK)
             abort();
     } else if (!err.text[0]) {

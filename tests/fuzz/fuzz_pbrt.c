@@ -64,6 +64,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (import_scene_memory(data, size, "fuzz.pbrt", fuzz_folder(), &options, &result, &err) ==
         STATUS_OK) {
         json_t *report = import_report_json(&result);
+        fuzz_folder_check(&result.files, "fuzz.pbrt");
         if (scene_validate(&result.scene, NULL) != STATUS_OK || !report)
             abort();
         json_decref(report);

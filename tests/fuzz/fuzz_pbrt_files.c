@@ -18,6 +18,7 @@ static void import_text(const char *text)
 
     if (import_scene_memory(text, strlen(text), "fuzz.pbrt", fuzz_folder(), &options, &result,
                             &err) == STATUS_OK) {
+        fuzz_folder_check(&result.files, "fuzz.pbrt");
         if (scene_validate(&result.scene, NULL) != STATUS_OK)
             abort();
     } else if (!err.text[0]) {

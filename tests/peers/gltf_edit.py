@@ -13,11 +13,12 @@
     without=EXTENSION  leave out that KHR_materials_ extension
     bare=NAME,...      take away what has these materials
     camera             put a camera where it sees everything, if there is none
-Buffers and images are linked to from OUT's folder, which must be another than the scene's.
+Buffers and images are copied to OUT's folder, which must be another than the scene's.
 """
 import json
 import math
 import os
+import shutil
 import struct
 import sys
 
@@ -38,13 +39,13 @@ def load(path, folder):
     return gltf
 
 
-def link_files(gltf, source, target):
+def copy_files(gltf, source, target):
     for thing in gltf.get("buffers", []) + gltf.get("images", []):
         uri = thing.get("uri", "data:").replace("%20", " ")
         link = os.path.join(target, uri)
         if not uri.startswith("data:") and not os.path.lexists(link):
             os.makedirs(os.path.dirname(link), exist_ok=True)
-            os.symlink(os.path.join(source, uri), link)
+            shutil.copyfile(os.path.join(source, uri), link)
 
 
 def matrix_of(node):
@@ -189,7 +190,7 @@ def main():
     scene, out = sys.argv[1:3]
     target = os.path.dirname(os.path.abspath(out))
     gltf = load(scene, target)
-    link_files(gltf, os.path.dirname(os.path.abspath(scene)), target)
+    copy_files(gltf, os.path.dirname(os.path.abspath(scene)), target)
     for change in sys.argv[3:]:
         edit(gltf, change)
     empty_unused_nodes(gltf)

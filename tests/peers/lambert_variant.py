@@ -4,10 +4,11 @@
 
 Dielectrics become pure Lambert reflectors, normal maps go, textures are looked up without
 interpolation (unless --filtered). Materials that are metal or transmit light are kept. Buffers and
-images are linked to from OUT's folder, which must be another than the scene's.
+images are copied to OUT's folder, which must be another than the scene's.
 """
 import json
 import os
+import shutil
 import sys
 
 paths = [a for a in sys.argv[1:] if a != "--filtered"]
@@ -19,7 +20,7 @@ folder, target = (os.path.dirname(os.path.abspath(p)) for p in paths)
 for thing in gltf.get("buffers", []) + gltf.get("images", []):
     uri = thing.get("uri", "data:")
     if not uri.startswith("data:") and not os.path.lexists(os.path.join(target, uri)):
-        os.symlink(os.path.join(folder, uri), os.path.join(target, uri))
+        shutil.copyfile(os.path.join(folder, uri), os.path.join(target, uri))
 changed = []
 for material in gltf.get("materials", []):
     extensions = material.setdefault("extensions", {})

@@ -3,6 +3,7 @@
 #include <dirent.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <unistd.h>
 
 enum { PATH_SIZE = 128 };
@@ -45,4 +46,19 @@ void fuzz_folder_put(const char *name, const void *data, size_t size_bytes)
     if (!file || (size_bytes && fwrite(data, 1, size_bytes, file) != size_bytes) ||
         fclose(file) != 0)
         abort();
+}
+
+void fuzz_folder_check(const struct input_files *files, const char *given)
+{
+    size_t length = strlen(fuzz_folder());
+
+    for (size_t i = 0; i < files->count; i++) {
+        char *whole;
+        if (strcmp(files->files[i].name, given) == 0)
+            continue;
+        whole = realpath(files->files[i].name, NULL);
+        if (!whole || strncmp(whole, fuzz_folder(), length) != 0 || whole[length] != '/')
+            abort();
+        free(whole);
+    }
 }

@@ -67,11 +67,16 @@ static void test_headers(void **state)
                                        'V', 'P', '8', 'X', 10, 0, 0, 0, 0x10, 0, 0, 0,
                                        0xff, 0x03, 0, 0xff, 0x01, 0};
     static const char hdr[] = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 512 +X 1024\n";
+    static const char crlf[] = "#?RADIANCE\r\nFORMAT=32-bit_rle_rgbe\r\n\r\n-Y 5 +X 6\r\n";
+    /* What libjpeg passes over: bytes between segments, a marker without a length. */
+    static const uint8_t odd_jpeg[] = {0xff, 0xd8, 0, 7, 0xff, 0xd0, 0xff, 0, 0xff, 0xc0, 0, 11, 8,
+                                       0, 5, 0, 9, 1, 1, 0x11, 0};
     static const char turned[] = "#?RGBE\n\n+X 12 -Y 34\n";
 
     (void)state;
     expect(jpeg, sizeof jpeg, 0x304, 0x102, 3);
     expect(grey_jpeg, sizeof grey_jpeg, 9, 5, 1);
+    expect(odd_jpeg, sizeof odd_jpeg, 9, 5, 1);
     expect(png16, sizeof png16, 256, 512, 8);
     expect(lossless, sizeof lossless, 100, 50, 4);
     expect(lossy, sizeof lossy, 272, 32, 3);
@@ -85,6 +90,8 @@ static void test_headers(void **state)
         assert_int_equal(image_size_of((const uint8_t *)turned, sizeof turned - 1, &got), 1);
         assert_int_equal(got.width, 12);
         assert_int_equal(got.height, 34);
+        assert_int_equal(image_size_of((const uint8_t *)crlf, sizeof crlf - 1, &got), 1);
+        assert_true(got.width == 6 && got.height == 5);
         assert_int_equal(image_size_of((const uint8_t *)"GIF89a", 6, &got), 0);
         assert_int_equal(got.width, 0);
     }

@@ -172,6 +172,37 @@ static void test_choice(void **state)
     maker_release(&m);
 }
 
+/* Three gaits of one animal, as in Khronos's Fox: the second and third move only what the first
+ * moves already, and last as long as ever. */
+static void test_durations(void **state)
+{
+    static const double last[3] = {3.4166667461395264, 0.7083333134651184, 1.1583333015441895};
+    struct maker m = motion_maker();
+    struct buffer rest = BUFFER_INIT;
+    struct import_result r;
+
+    (void)state;
+    buffer_puts(&rest, TWO_NODES ",\"animations\":[");
+    for (int i = 0; i < 3; i++) {
+        const float times[3] = {0, 0.5f * (float)last[i], (float)last[i]};
+        char more[64];
+        int input;
+        snprintf(more, sizeof more, ",\"min\":[0],\"max\":[%.17g]", last[i]);
+        input = put_accessor(&m, put_view(&m, times, sizeof times, 0), "SCALAR", 5126, 3, more);
+        buffer_printf(&rest,
+                      "%s{\"samplers\":[{\"input\":%d,\"output\":2}],\"channels\":["
+                      CHANNEL(0, 0, "translation") "]}",
+                      i ? "," : "", input);
+    }
+    buffer_puts(&rest, "]," ONE_TRIANGLE);
+    maker_import(&m, buffer_text(&rest), &r);
+    assert_int_equal(r.scene.channel_count, 1);
+    for (int i = 0; i < 3; i++)
+        assert_true(r.animations[i].duration_s == last[i]);
+    import_result_release(&r);
+    buffer_release(&rest);
+}
+
 static void test_pointers(void **state)
 {
     struct maker m = motion_maker();
@@ -375,6 +406,7 @@ int main(void)
         cmocka_unit_test(test_only_what_moves),
         cmocka_unit_test(test_standing_still),
         cmocka_unit_test(test_choice),
+        cmocka_unit_test(test_durations),
         cmocka_unit_test(test_pointers),
         cmocka_unit_test(test_followers),
         cmocka_unit_test(test_at_time_0),

@@ -242,6 +242,11 @@ static void test_cameras(void **state)
                  "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"camera\":0}],\"cameras\":[{\"type\":"
                  "\"perspective\",\"perspective\":{}}]",
                  "cameras[0]|yfov");
+    m = triangle_maker(); /* the limits named are those that hold */
+    maker_refuse(&m,
+                 "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"camera\":0}],\"cameras\":[{\"type\":"
+                 "\"perspective\",\"perspective\":{\"yfov\":3.1416}}]",
+                 "cameras[0]|yfov is 3.1416: must be 1e-05 to 3.1415 radians");
     m = triangle_maker();
     maker_refuse(&m,
                  "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"camera\":0}],\"cameras\":[{\"type\":"

@@ -11,6 +11,7 @@
 
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
+#include "common/scene/scene.h"
 #include "worker/render/light/density.h"
 
 /* The finest grid on which the importance is looked at has two cells a texel each way, since a
@@ -668,7 +669,9 @@ static double row_share(uint32_t row, uint32_t height)
     return sum * PI_D / 2;
 }
 
-/* Multiply the factor in, and mend what no radiance can be. Returns the largest value. */
+/* Multiply the factor in. What no radiance can be, or is brighter than lights may be, becomes the
+ * nearest that can: an estimate of it, its square and sums of these stay finite, so no sample is
+ * lost. Returns the largest value. */
 static float scale_pixels(struct image *map, struct vec3 factor)
 {
     const float strength[3] = {factor.x, factor.y, factor.z};
@@ -678,8 +681,8 @@ static float scale_pixels(struct image *map, struct vec3 factor)
     for (size_t i = 0; i < count; i++) {
         float f = strength[i % 3], value = map->pixels[i], scaled = value > 0 ? value * f : 0.0f;
 
-        if (!(scaled < FLT_MAX)) /* the product of infinity and 0 too */
-            scaled = f > 0 ? FLT_MAX : 0.0f;
+        if (!(scaled <= SCENE_RADIANCE_MAX)) /* the product of infinity and 0 too */
+            scaled = f > 0 ? SCENE_RADIANCE_MAX : 0.0f;
         if (scaled != value)
             map->pixels[i] = scaled;
         largest = scaled > largest ? scaled : largest;
@@ -806,7 +809,9 @@ status environment_new_constant(struct environment **out, struct vec3 radiance,
     if (!env)
         return error_no_memory(err, "the environment");
     set_rotation(env, NULL, 0);
-    env->constant = radiance;
+    env->constant = (struct vec3){float_min(radiance.x, SCENE_RADIANCE_MAX),
+                                  float_min(radiance.y, SCENE_RADIANCE_MAX),
+                                  float_min(radiance.z, SCENE_RADIANCE_MAX)};
     env->black = vec3_is_black(radiance);
     env->mean_luminance = luminance(radiance);
     env->mode = env->black || sampling == ENV_SAMPLING_BSDF ? MODE_NONE : MODE_UNIFORM;

@@ -1,0 +1,55 @@
+/* input_files: the files that a scene is read from, and the folders in which they may lie.
+ *
+ * A scene file may come from a stranger, and what it names ends up on the farm. So only regular
+ * files below the scene's own folder, or below a folder that the user allowed, are read. A file
+ * lies where its canonical path says, after symbolic links and "..": it is taken from the open
+ * descriptor, so a link that is exchanged meanwhile changes nothing. Every file read is listed.
+ */
+#ifndef AZULEJO_IMPORT_INPUT_FILES_H
+#define AZULEJO_IMPORT_INPUT_FILES_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/base/buffer.h"
+#include "common/base/options.h"
+#include "common/base/status.h"
+
+enum { INPUT_FILES_MAX = 1 << 20 };
+
+struct input_file {
+    char *name;             /* the path as it was opened, control characters replaced */
+    uint64_t size_bytes;
+};
+
+struct input_files {
+    char **folders;         /* canonical; the first is the scene's own */
+    size_t folder_count, folder_capacity;
+    struct input_file *files;
+    size_t count, capacity;
+};
+
+/* Files may lie below `folder` (NULL: there is none) and below each of `outside`. ERR_USAGE when
+ * one of these is no folder, ERR_INPUT for `folder`. Release after a failure, too. */
+status input_files_init(struct input_files *f, const char *folder,
+                        const struct option_list *outside, struct error *err) MUST_CHECK;
+void input_files_release(struct input_files *f);
+
+/* Does the file at `path` exist below one of the folders? For choosing among names; reading asks
+ * again. */
+int input_files_contain(const struct input_files *f, const char *path);
+
+/* Append the bytes of a file that the scene names, and list it. ERR_FORBIDDEN, with the option
+ * that would allow it, when it lies elsewhere; ERR_INPUT when it is not a regular file or cannot
+ * be read, ERR_LIMIT above `limit_bytes`. */
+status input_files_read(struct input_files *f, const char *path, size_t limit_bytes,
+                        struct buffer *out, struct error *err) MUST_CHECK;
+
+/* List a file that the user named and that was read without asking. */
+status input_files_add(struct input_files *f, const char *name, uint64_t size_bytes,
+                       struct error *err) MUST_CHECK;
+
+/* Sort the list by name, each file once. */
+void input_files_sort(struct input_files *f);
+
+#endif

@@ -1,0 +1,116 @@
+/* glTF: the units of lights, which depend on what wrote the file. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <math.h>
+#include <string.h>
+
+#include "tests/support/gltf_maker.h"
+
+#define BLENDER "Khronos glTF Blender I/O v"
+#define FOUR_PI 12.566370614359172
+
+/* A point, a spot and a sun of intensity 683, seen by a camera. */
+static void import_lights(const char *generator, const char *units, struct import_result *out)
+{
+    struct import_options options = IMPORT_OPTIONS_DEFAULT;
+    struct buffer text = BUFFER_INIT;
+
+    buffer_printf(&text,
+                  "{\"asset\":{\"version\":\"2.0\",\"generator\":\"%s\"},\"nodes\":[{\"camera\":0},"
+                  "{\"extensions\":{\"KHR_lights_punctual\":{\"light\":0}}},"
+                  "{\"extensions\":{\"KHR_lights_punctual\":{\"light\":1}}},"
+                  "{\"extensions\":{\"KHR_lights_punctual\":{\"light\":2}}}],"
+                  "\"scenes\":[{\"nodes\":[0,1,2,3]}],"
+                  "\"cameras\":[{\"type\":\"perspective\",\"perspective\":{\"yfov\":1}}],"
+                  "\"extensions\":{\"KHR_lights_punctual\":{\"lights\":["
+                  "{\"type\":\"point\",\"intensity\":683},{\"type\":\"spot\",\"intensity\":683},"
+                  "{\"type\":\"directional\",\"intensity\":683}]}}}",
+                  generator);
+    if (units)
+        options.light_units = units;
+    import_ok_with(text.data, text.size, "lights.gltf", &options, out);
+    buffer_release(&text);
+    assert_int_equal(out->scene.light_count, 3);
+}
+
+static void test_units(void **state)
+{
+    static const struct {
+        const char *generator, *units;
+        double spread, sun; /* W/sr and W/m^2 */
+        const char *words;  /* of the warning; NULL: there is none */
+    } cases[] = {
+        {"another", NULL, 683, 683, NULL},
+        {BLENDER "3.4.50", NULL, 1, 1, "683 lm/W"},
+        {BLENDER "4.2.70", NULL, 1, 1, "683 lm/W"},
+        {BLENDER "10.0.1", NULL, 1, 1, "683 lm/W"},
+        {BLENDER "3.3.36", NULL, 683 / FOUR_PI, 683, "4 pi"},
+        {BLENDER "1.6.16", NULL, 683 / FOUR_PI, 683, "4 pi"},
+        {BLENDER "new", NULL, 683, 683, NULL}, /* no version */
+        {BLENDER "3.4.50", "auto", 1, 1, "683 lm/W"},
+        {BLENDER "3.4.50", "radiometric", 683, 683, NULL},
+        {BLENDER "3.4.50", "watts", 683 / FOUR_PI, 683, NULL},
+        {BLENDER "1.6.16", "photometric", 1, 1, NULL},
+        {"another", "photometric", 1, 1, NULL},
+        {"another", "watts", 683 / FOUR_PI, 683, NULL},
+    };
+    struct import_result r;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        import_lights(cases[i].generator, cases[i].units, &r);
+        for (int light = 0; light < 2; light++)
+            assert_true(fabs((double)r.scene.lights[light].intensity[0] - cases[i].spread) <=
+                        1e-6 * cases[i].spread);
+        assert_true(fabs((double)r.scene.lights[2].intensity[0] - cases[i].sun) <=
+                    1e-6 * cases[i].sun);
+        if (cases[i].words) {
+            assert_warned(&r, cases[i].words);
+            assert_warned(&r, "--light-units radiometric");
+        } else {
+            assert_false(warned(&r, "light"));
+        }
+        import_result_release(&r);
+    }
+}
+
+/* What to tick in the exporter, where it is Blender's. */
+static void test_missing(void **state)
+{
+    struct maker m = triangle_maker();
+    struct buffer file = BUFFER_INIT, text = BUFFER_INIT;
+    const char *asset;
+    struct import_result r;
+
+    (void)state;
+    maker_write(&m, ONE_NODE "," ONE_TRIANGLE, &file);
+    import_ok_with(file.data, file.size, "a.gltf", &defaults, &r);
+    assert_false(warned(&r, "Blender"));
+    import_result_release(&r);
+    asset = strstr(buffer_text(&file), "\"version\"");
+    assert_non_null(asset);
+    buffer_append(&text, file.data, (size_t)(asset - buffer_text(&file)));
+    buffer_printf(&text, "\"generator\":\"" BLENDER "4.0.44\",%s", asset);
+    import_ok_with(text.data, text.size, "a.gltf", &defaults, &r);
+    assert_warned(&r, "Include > Cameras");
+    assert_warned(&r, "Include > Punctual Lights");
+    assert_false(warned(&r, "683"));
+    import_result_release(&r);
+    buffer_release(&text);
+    buffer_release(&file);
+    maker_release(&m);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_units),
+        cmocka_unit_test(test_missing),
+    };
+
+    return cmocka_run_group_tests_name("glTF lights", tests, NULL, NULL);
+}
