@@ -339,8 +339,8 @@ static status read_picture(const struct development *d, const struct store *stor
 
     snprintf(name, sizeof name, "job %" PRIu64 ", frame %u", d->job, frame);
     if (picture_is_apart(d))
-        s = store_output_read(store, d->job, frame, PICTURE_EXTENSION, IMAGE_BYTES_MAX, &exr, NULL);
-    if (s != STATUS_OK) { /* stores of before have no such file */
+        s = store_output_read(store, d->job, frame, PICTURE_EXTENSION, IMAGE_BYTES_MAX, &exr, err);
+    if (s == STATUS_ERR_NOT_FOUND) { /* stores of before have no such file */
         buffer_clear(&exr);
         s = store_output_read(store, d->job, frame, "exr", IMAGE_BYTES_MAX, &exr, err);
     }
@@ -482,18 +482,22 @@ status develop_manifest(const struct development *d, const struct store *store,
     };
     struct error why = {0};
     struct scene scene;
+    status s;
 
     digest_to_hex(&d->scene, digest);
     memcpy(m.stages, d->stats.stages, sizeof m.stages);
     memcpy(m.accounts, d->stats.accounts, sizeof m.accounts);
     scene_init(&scene);
     /* The picture is what counts: a manifest that names nobody must not keep it back. */
-    if (find_effects(d, store, &scene, &m, causes, &why) != STATUS_OK)
+    s = find_effects(d, store, &scene, &m, causes, &why);
+    if (s != STATUS_OK && !status_is_environment(s))
         log_warn("job %" PRIu64 ", frame %u: its manifest will not tell who called for which "
                  "effect: %s",
                  d->job, d->frame, why.text);
     manifest_write(json, &m);
     scene_release(&scene);
+    if (status_is_environment(s))
+        return error_set(err, s, "%s", why.text);
     return buffer_ok(json) ? STATUS_OK : error_no_memory(err, "a manifest");
 }
 

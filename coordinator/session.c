@@ -9,6 +9,7 @@
 #include "common/base/memory.h"
 #include "common/scene/effects.h"
 #include "coordinator/merge.h"
+#include "coordinator/reserve.h"
 #include "coordinator/scheduler.h"
 #include "coordinator/server.h"
 #include "protocol/message.h"
@@ -270,6 +271,8 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
                     now_ns);
     else if (outcome == MERGE_UNWANTED)
         session_revoke(session, result.lease, "nobody wants this result any more");
+    else if (outcome == MERGE_DEFERRED)
+        session->worker->deferred_job = result.job;
 }
 
 static void take_return(struct session *session, const Azulejo__Wire__LeaseReturn *message)
@@ -446,9 +449,9 @@ void session_accept(struct server *server, uv_stream_t *listener)
         server->sessions->previous = session;
     server->sessions = session;
     server->session_count++;
-    if (server->session_count > SESSIONS_MAX) {
-        log_warn("%s is turned away: %d connections are open already",
-                 channel_peer(session->channel), SESSIONS_MAX);
+    if (server->session_count > SESSIONS_MAX || reserve_is_short()) {
+        log_warn("%s is turned away: %u connections are open already",
+                 channel_peer(session->channel), server->session_count - 1);
         session->state = SESSION_ENDING;
         channel_abort(session->channel, STATUS_ERR_LIMIT, "too many connections");
     }
@@ -485,4 +488,11 @@ void session_tick(struct session *session, uint64_t now_ns)
         message_send_heartbeat(session->channel) != STATUS_OK)
         log_debug("session %u: no heartbeat was sent", session->id);
     session_watches_send(session, now_ns, 0);
+    transfers_pump(&session->transfers, session->channel); /* some may have waited for the store */
+    if (session->worker && session->worker->deferred_job &&
+        farm_takes_again(&session->server->farm, session->worker->deferred_job)) {
+        session_notice(session, LOG_LEVEL_INFO,
+                       "the store can be used again: connect and send what was not acknowledged");
+        session_end(session, NULL);
+    }
 }
