@@ -8,7 +8,8 @@
 #include "protocol/message.h"
 
 static const char *const titles[] = {">JOB",   "NAME",  "STATE",  ">FRAMES",  ">DONE",
-                                     ">RATE/s", ">LEFT", ">ERROR", ">WORKERS", "SUBMITTED"};
+                                     ">RATE/s", ">LEFT", ">ERROR", ">WORKERS", "SUBMITTED",
+                                     "NOTE"};
 enum { COLUMNS = sizeof titles / sizeof titles[0] };
 
 static status print_table(const Azulejo__Wire__JobList *list, struct error *err)
@@ -33,6 +34,7 @@ static status print_table(const Azulejo__Wire__JobList *list, struct error *err)
         table_add(&table, "%s", format_error(text, job->relative_mse));
         table_add(&table, "%u", job->workers);
         table_add(&table, "%s", format_time(text, job->submitted_at));
+        table_add(&table, "%s", job->state_text);
     }
     result = table_print(&table, err);
     table_release(&table);

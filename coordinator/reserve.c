@@ -48,20 +48,30 @@ int reserve_release(const char *folder)
     return released;
 }
 
-int reserve_allows(int fd)
+/* Are more than so many parts of the reserve left above this descriptor? */
+static int leaves(int fd, unsigned parts)
 {
     struct rlimit limit;
+    rlim_t part = RESERVE_DESCRIPTORS;
 
-    return getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY ||
-           (rlim_t)fd + RESERVE_DESCRIPTORS < limit.rlim_cur;
+    if (getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY)
+        return 1;
+    if (limit.rlim_cur < 4 * part)
+        part = limit.rlim_cur / 8;
+    return (rlim_t)fd + parts * part < limit.rlim_cur;
+}
+
+int reserve_allows(int fd)
+{
+    return leaves(fd, 1);
 }
 
 int reserve_is_short(void)
 {
     int fd = open("/dev/null", O_RDONLY | O_CLOEXEC);
-    int allowed = fd >= 0 && reserve_allows(fd);
+    int enough = fd >= 0 && leaves(fd, 2);
 
     if (fd >= 0)
         close(fd);
-    return !allowed;
+    return !enough;
 }

@@ -257,26 +257,32 @@ status database_open(struct store *store, struct error *err)
     return s;
 }
 
+/* SQLite shares what it knows of the log's index between a process's connections, and it was opened
+ * for reading: the old connection must be closed first. Without any, every statement fails as it does
+ * without memory, and store_check comes back here. */
 status database_reopen(struct store *store, struct error *err)
 {
     char *path = file_join(store->folder, "queue.sqlite");
-    sqlite3 *old;
-    status s;
+    int fd = path ? open(path, O_RDWR | O_CLOEXEC) : -1;
+    status s = STATUS_OK;
 
     if (!path)
         return error_no_memory(err, "the store");
-    pthread_mutex_lock(&store->order);
-    old = store->db;
-    store->db = NULL;
-    s = open_to_write(store, path, err);
-    if (s == STATUS_OK) {
-        store->read_only = 0;
-        sqlite3_close(old);
+    if (fd < 0) {
+        s = error_set(err, STATUS_ERR_IO, "%s: cannot be opened: %s", path, strerror(errno));
     } else {
+        close(fd);
+        pthread_mutex_lock(&store->order);
         sqlite3_close(store->db);
-        store->db = old;
+        store->db = NULL;
+        s = open_to_write(store, path, err);
+        if (s != STATUS_OK) {
+            sqlite3_close(store->db);
+            store->db = NULL;
+        }
+        store->read_only = s != STATUS_OK;
+        pthread_mutex_unlock(&store->order);
     }
-    pthread_mutex_unlock(&store->order);
     mem_free(path);
     return s;
 }

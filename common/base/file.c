@@ -191,12 +191,13 @@ static int is_folder(const char *path)
 /* One folder, whose parent is there. */
 static status make_one(const char *path, mode_t mode, struct error *err)
 {
-    if (mkdir(path, mode) == 0)
+    int code = mkdir(path, mode) == 0 ? 0 : errno;
+
+    if (code == 0)
         return file_sync_folder_of(path, err);
-    if (errno == EEXIST || is_folder(path))
+    if (code == EEXIST || is_folder(path))
         return STATUS_OK;
-    return error_set(err, STATUS_ERR_IO, "%s: the folder cannot be made: %s", path,
-                     strerror(errno));
+    return error_set(err, STATUS_ERR_IO, "%s: the folder cannot be made: %s", path, strerror(code));
 }
 
 static status make_folders(const char *path, mode_t mode, struct error *err)
