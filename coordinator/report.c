@@ -12,6 +12,15 @@ enum {
     ERROR_COST_SHARE = 20, /* or after so many times what computing it took */
 };
 
+/* Do the pictures that are made again wait for the environment? */
+static int explain_pictures(char *out, size_t size, const struct job *job)
+{
+    if (!trouble_is(&job->pictures) || job->pictures.next_ns == UINT64_MAX)
+        return 0;
+    snprintf(out, size, "the picture of %s; trying again", job->pictures.text);
+    return 1;
+}
+
 /* What keeps an active job from getting on at the moment; empty when nothing does. */
 static void explain_wait(char *out, size_t size, const struct farm *farm, const struct job *job)
 {
@@ -34,6 +43,8 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
         snprintf(out, size, "%s; trying again", job->trouble.text);
         return;
     }
+    if (explain_pictures(out, size, job))
+        return;
     if (job->leases > 0)
         return;
     if (job->frames_done_count == job_frame_count(job)) {
@@ -61,10 +72,11 @@ static void explain_end(char *out, size_t size, const struct farm *farm, const s
     int unsaved = trouble_is(&farm->trouble) &&
                   (job->unsaved || store_job_unsaved(farm->store, job->id));
 
-    snprintf(out, size, "%s", job->state_text);
     if (unsaved)
         snprintf(out, size, "%.255s%snot stored yet: %.200s", job->state_text,
                  job->state_text[0] ? "; " : "", farm->trouble.text);
+    else if (!explain_pictures(out, size, job))
+        snprintf(out, size, "%s", job->state_text);
 }
 
 /* Computing the estimate reads the whole film: not at every question. */
@@ -88,7 +100,8 @@ static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint6
     info->frames_done = job->frames_done_count;
     info->frames_developed = job->frames_developed_count;
     info->revision = job->revision;
-    info->develop_error = job->pictures.text;
+    if (job->pictures.next_ns == UINT64_MAX)
+        info->develop_error = job->pictures.text;
     info->samples_done = job->samples_done;
     info->samples_total = job_frame_samples(job) * job_frame_count(job);
     for (const struct job_frame *frame = first; frame; frame = frame->next)

@@ -246,6 +246,7 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
     };
     enum merge_outcome outcome = MERGE_PENDING;
     struct error err = {0};
+    status s;
 
     if (message->stats) {
         result.stats.samples = message->stats->samples;
@@ -260,8 +261,10 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
         for (size_t i = 0; i < message->stats->n_accounts && i < EFFECT_ACCOUNTS; i++)
             result.stats.accounts[i] = message->stats->accounts[i];
     }
-    if (merge_result(&session->server->farm, session->worker, &result, now_ns, &outcome, &err) !=
-        STATUS_OK) {
+    s = merge_result(&session->server->farm, session->worker, &result, now_ns, &outcome, &err);
+    if (s == STATUS_ERR_NO_MEMORY) { /* a Failure would have the worker drop it */
+        outcome = MERGE_DEFERRED;
+    } else if (s != STATUS_OK) {
         log_error("session %u (%s): %s", session->id, session->host, err.text);
         session_end(session, &err);
         return;

@@ -657,6 +657,44 @@ static void pictures_follow_the_settings(void **state)
     sim_free(sim);
 }
 
+/* A picture that the environment keeps from being made again is waited for, also after the job's end. */
+static void a_picture_is_waited_for(void **state)
+{
+    struct job_report *report = malloc(sizeof *report);
+    struct sim *sim = sim_new(NULL, 9);
+    struct sim_worker *worker = sim_connect(sim, 0, 36);
+    struct job *job = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+    struct error err = {0}, why = {STATUS_ERR_IO, "frame-0001.exr: no descriptors"};
+    struct output_settings output = job->output;
+
+    (void)state;
+    assert_non_null(report);
+    sim_grant(sim, worker, 4);
+    sim_send(sim, worker, 0, 100);
+    sim_commit(sim);
+    sim_develop(sim);
+    assert_int_equal(farm_develop(&sim->farm, job, &output, &err), STATUS_OK);
+    farm_tick(&sim->farm, sim->now_ns);
+    for (int day = 0; day < 3; day++) {
+        assert_non_null(sim->picture_job);
+        sim->picture_job = NULL;
+        farm_pictures_made(&sim->farm, job, 1, 1, why.code, &why, sim->now_ns);
+        job_report_make(report, &sim->farm, job, sim->now_ns);
+        assert_non_null(strstr(report->state_text, "no descriptors; trying again"));
+        assert_string_equal(report->message.develop_error, ""); /* that is for good */
+        farm_tick(&sim->farm, sim->now_ns);
+        assert_null(sim->picture_job);
+        sim->now_ns += 24 * 3600 * NS_PER_SECOND;
+        farm_tick(&sim->farm, sim->now_ns);
+    }
+    assert_true(sim_make_picture(sim));
+    job_report_make(report, &sim->farm, job, sim->now_ns);
+    assert_string_equal(report->state_text, "");
+    assert_int_equal(job->frames_developed_count, 1);
+    sim_free(sim);
+    free(report);
+}
+
 /* A stored picture that cannot be read is told, and the job stays done. */
 static void a_lost_picture_is_told(void **state)
 {
@@ -701,6 +739,7 @@ int main(void)
         cmocka_unit_test(a_failed_development_fails_the_job),
         cmocka_unit_test(ends_wait_for_what_is_in_flight),
         cmocka_unit_test(pictures_follow_the_settings),
+        cmocka_unit_test(a_picture_is_waited_for),
         cmocka_unit_test(a_lost_picture_is_told),
     };
     return cmocka_run_group_tests_name("merge", tests, NULL, NULL);
