@@ -32,7 +32,7 @@ void farm_trouble(struct farm *farm, const struct job *job, uint32_t frame, stru
         store_check(farm->store, &store_why) != STATUS_OK)
         store_failed(farm, &store_why, now_ns);
     snprintf(text, sizeof text, "frame %u%s%s: %.200s", frame, what[0] ? " " : "", what, why->text);
-    if (!trouble_note(trouble, text, now_ns))
+    if (!trouble_note(trouble, text, now_ns) && !trouble->quiet)
         return;
     trouble->quiet = trouble_is(&farm->trouble);
     if (!trouble->quiet)
