@@ -303,6 +303,7 @@ def results_are_kept_and_sent_again():
         expect(int(kept) > 0, "nothing to keep")
         expect(farm.job(number)["state"] == "running", farm.job(number))
         disk.work()
+        wait_for(lambda: worker.log_text().count("joined as session") == 3, "the worker to deliver")
         farm.wait_for_job(number)
         expect("connect and send what was not acknowledged" in worker.log_text(), worker.log_text())
         again = re.findall(r"(\d+) results to send again", worker.log_text())[-1]

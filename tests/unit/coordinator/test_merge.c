@@ -7,9 +7,11 @@
 #include <cmocka.h>
 #include <ftw.h>
 #include <math.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include "common/base/clock.h"
@@ -495,34 +497,41 @@ static void a_full_disk_keeps_the_film(void **state)
     remove_folder(folder);
 }
 
-/* One frame that cannot be written does not keep the other's results from the disk. */
+/* One frame that cannot be written does not keep the other's results from the disk: here one whose film
+ * is larger than the process may write. */
 static void a_failed_film_leaves_the_others_alone(void **state)
 {
     char folder[64];
     struct store *store;
     struct sim *sim;
     struct sim_worker *worker;
-    struct job *job;
+    struct job *large, *small;
+    struct rlimit old, little;
 
     (void)state;
     make_folder(folder);
     store = open_store(folder);
     sim = sim_new(store, 1);
-    job = sim_submit(sim, 16, 16, 4, 1, 2, 0);
-    worker = sim_connect(sim, 0, 2);
-    assert_int_equal(sim_grant(sim, worker, 2), 2);
-    sim_send(sim, worker, 0, 100);
-    sim_send(sim, worker, 1, 100);
-    film_file_fault(1); /* the first frame's one tile is written, the second's is not */
+    large = sim_submit(sim, 64, 64, 4, 1, 1, 0); /* 16 tiles: 400 KB */
+    small = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+    worker = sim_connect(sim, 0, 36);
+    assert_int_equal(sim_grant(sim, worker, 36), 17);
+    for (size_t i = 0; i < 17; i++)
+        sim_send(sim, worker, i, 100);
+    assert_int_equal(getrlimit(RLIMIT_FSIZE, &old), 0);
+    little = old;
+    little.rlim_cur = 200 << 10;
+    signal(SIGXFSZ, SIG_IGN);
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &little), 0);
     sim_commit(sim);
-    film_file_fault(-1);
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &old), 0);
     assert_int_equal(sim->acks, 1);
-    assert_false(trouble_is(&job->frames->trouble));
-    assert_true(trouble_is(&job->frames->next->trouble));
+    assert_non_null(strstr(large->frames->trouble.text, "File too large"));
+    assert_false(trouble_is(&small->frames->trouble) || trouble_is(&sim->farm.trouble));
     sim_develop(sim);
-    assert_int_equal(job->frames_done_count, 1);
+    assert_int_equal(small->state, JOB_STATE_DONE);
     worker->unit_count = 0;
-    finish(sim, worker, job);
+    finish(sim, worker, large);
     sim_free(sim);
     store_close(store);
     remove_folder(folder);
