@@ -56,13 +56,6 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     return sql_run_reserved(store, statement, "the job's state cannot be stored", err);
 }
 
-/* The row is on disk. Only then may what the job no longer needs be removed. */
-static void row_done(struct store *store, const struct saved_job *row)
-{
-    if (job_state_ended(row->state))
-        store_films_remove(store, row->id);
-}
-
 static struct saved_job **saves_find(struct store *store, uint64_t id)
 {
     struct saved_job **at = &store->saves;
@@ -83,7 +76,8 @@ static void saves_drop(struct store *store, uint64_t id)
     mem_free(row);
 }
 
-/* What became of a row that left the list. A failed one goes back unless a newer one came. */
+/* What became of a row that left the list; `order` is held. A failed one goes back unless a newer one
+ * came. */
 static void row_written(struct store *store, struct saved_job *row, status s,
                         const struct error *why)
 {
@@ -134,6 +128,7 @@ static void *write_saves(void *user)
     while (await_row(store)) {
         struct error err = {0};
         struct saved_job *row;
+        uint64_t ended = 0;
         status s = STATUS_OK;
 
         pthread_mutex_lock(&store->order);
@@ -144,10 +139,12 @@ static void *write_saves(void *user)
         pthread_mutex_unlock(&store->lock);
         if (row)
             s = row_write(store, row, &err);
-        pthread_mutex_unlock(&store->order);
-        if (row && s == STATUS_OK)
-            row_done(store, row);
+        if (row && s == STATUS_OK && job_state_ended(row->state))
+            ended = row->id;
         row_written(store, row, s, &err);
+        pthread_mutex_unlock(&store->order);
+        if (ended) /* and only now: its end is on disk */
+            store_films_remove(store, ended);
     }
     return NULL;
 }
@@ -177,6 +174,8 @@ void saves_stop(struct store *store)
         pthread_mutex_unlock(&store->lock);
         pthread_join(store->writer, NULL);
     }
+    while (store->saves)
+        saves_drop(store, store->saves->id);
     pthread_cond_destroy(&store->wake);
     pthread_cond_destroy(&store->idle);
     pthread_mutex_destroy(&store->lock);
@@ -196,8 +195,8 @@ status store_job_save(struct store *store, const struct job *job, uint64_t now_n
     pthread_mutex_unlock(&store->lock);
     s = row_write(store, &row, err);
     pthread_mutex_unlock(&store->order);
-    if (s == STATUS_OK)
-        row_done(store, &row);
+    if (s == STATUS_OK && job_state_ended(row.state))
+        store_films_remove(store, row.id);
     return s;
 }
 
