@@ -591,6 +591,7 @@ def disk_full_at_the_end():
             expect("No space left" in job["state_text"], job)
             if restart:
                 farm.coordinator.stop()
+                fill_up(filler)  # the database's log went as it was closed
                 farm.restart_coordinator()
                 job = farm.job(number)
                 expect(job["state"] == "running" and "No space left" in job["state_text"], job)
