@@ -34,11 +34,14 @@ static const char schema_2[] =
 
 status sql_error(struct store *store, const char *what, struct error *err)
 {
+    int code = sqlite3_errcode(store->db);
+    int number = sqlite3_system_errno(store->db); /* of its last I/O error */
+    int told = number && (code == SQLITE_IOERR || code == SQLITE_CANTOPEN);
+
     atomic_store(&store->suspect, 1);
-    return error_set(err,
-                     sqlite3_errcode(store->db) == SQLITE_NOMEM ? STATUS_ERR_NO_MEMORY
-                                                                : STATUS_ERR_IO,
-                     "%s/queue.sqlite: %s: %s", store->folder, what, sqlite3_errmsg(store->db));
+    return error_set(err, code == SQLITE_NOMEM ? STATUS_ERR_NO_MEMORY : STATUS_ERR_IO,
+                     "%s/queue.sqlite: %s: %s%s%s", store->folder, what, sqlite3_errmsg(store->db),
+                     told ? ": " : "", told ? strerror(number) : "");
 }
 
 static status sql_exec(struct store *store, const char *sql, const char *what, struct error *err)
@@ -65,13 +68,14 @@ status sql_run(struct store *store, sqlite3_stmt *statement, const char *what, s
     return s;
 }
 
-/* Did what was done last find no room? Some of SQLite's files report it as an I/O error. */
+/* Did what was done last find no room? Some of SQLite's files report it as an I/O error, and the index
+ * of its log without a number. */
 static int found_no_room(const struct store *store)
 {
     int number = sqlite3_system_errno(store->db);
 
     return sqlite3_errcode(store->db) == SQLITE_FULL ||
-           (sqlite3_errcode(store->db) == SQLITE_IOERR && (number == ENOSPC || number == EDQUOT));
+           (sqlite3_errcode(store->db) == SQLITE_IOERR && (number == 0 || number == ENOSPC || number == EDQUOT));
 }
 
 static int give_reserve(struct store *store)
@@ -161,7 +165,7 @@ static status open_to_write(struct store *store, const char *path, struct error 
     s = connect(store, path, SQLITE_OPEN_READWRITE, err);
     if (s == STATUS_OK)
         s = sql_exec(store, "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; "
-                            "PRAGMA foreign_keys=ON", "cannot be read", err);
+                            "PRAGMA foreign_keys=ON", "cannot be opened", err);
     if (s == STATUS_OK)
         s = schema_version(store, &version, err);
     if (s != STATUS_OK || version == STORE_VERSION)
@@ -212,8 +216,8 @@ static status open_to_read(struct store *store, const char *path, struct error *
     return s;
 }
 
-/* The connection to a database that did not open. Damage is told from the environment's failures
- * here: it ends the coordinator before anything was written. */
+/* Close a connection that did not open. Damage is told from the environment's failures here: it ends
+ * the coordinator before anything was written. */
 static status disconnect(struct store *store, status s, struct error *err)
 {
     int code = store->db ? sqlite3_errcode(store->db) : SQLITE_OK;
@@ -228,43 +232,45 @@ static status disconnect(struct store *store, status s, struct error *err)
     return s;
 }
 
-status database_open(struct store *store, struct error *err)
+/* For writing, with the reserve's room where there is no other, or at least for reading. What keeps it
+ * from being written is in `err` also when it can be read. */
+static status open_as_possible(struct store *store, const char *path, struct error *err)
 {
-    char *path = file_join(store->folder, "queue.sqlite");
     struct error why = {0};
-    status s;
+    status s = open_to_write(store, path, err);
 
-    if (!path)
-        return error_no_memory(err, "the store");
-    s = open_to_write(store, path, err);
-    if (s != STATUS_OK && status_is_environment(s) && store->db && give_reserve(store)) {
+    if (status_is_environment(s) && store->db && give_reserve(store)) {
         sqlite3_close(store->db);
         store->db = NULL;
         s = open_to_write(store, path, err);
     }
-    if (s != STATUS_OK)
-        s = disconnect(store, s, err);
-    if (status_is_environment(s)) {
-        if (open_to_read(store, path, &why) == STATUS_OK) {
-            store->read_only = 1;
-            s = STATUS_OK;
-        } else {
-            sqlite3_close(store->db);
-            store->db = NULL;
-        }
-    }
-    mem_free(path);
+    store->read_only = s != STATUS_OK;
+    if (s == STATUS_OK)
+        return s;
+    s = disconnect(store, s, err);
+    if (!status_is_environment(s) || open_to_read(store, path, &why) == STATUS_OK)
+        return s;
+    sqlite3_close(store->db);
+    store->db = NULL;
     return s;
 }
 
+status database_open(struct store *store, struct error *err)
+{
+    char *path = file_join(store->folder, "queue.sqlite");
+    status s = path ? open_as_possible(store, path, err) : error_no_memory(err, "the store");
+
+    mem_free(path);
+    return store->db ? STATUS_OK : s;
+}
+
 /* SQLite shares what it knows of the log's index between a process's connections, and it was opened
- * for reading: the old connection must be closed first. Without any, every statement fails as it does
- * without memory, and store_check comes back here. */
+ * for reading: the old connection must be closed first. */
 status database_reopen(struct store *store, struct error *err)
 {
     char *path = file_join(store->folder, "queue.sqlite");
     int fd = path ? open(path, O_RDWR | O_CLOEXEC) : -1;
-    status s = STATUS_OK;
+    status s;
 
     if (!path)
         return error_no_memory(err, "the store");
@@ -275,12 +281,7 @@ status database_reopen(struct store *store, struct error *err)
         pthread_mutex_lock(&store->order);
         sqlite3_close(store->db);
         store->db = NULL;
-        s = open_to_write(store, path, err);
-        if (s != STATUS_OK) {
-            sqlite3_close(store->db);
-            store->db = NULL;
-        }
-        store->read_only = s != STATUS_OK;
+        s = open_as_possible(store, path, err);
         pthread_mutex_unlock(&store->order);
     }
     mem_free(path);

@@ -594,7 +594,7 @@ def disk_full_at_the_end():
                 fill_up(filler)  # the database's log went as it was closed
                 farm.restart_coordinator()
                 job = farm.job(number)
-                expect(job["state"] == "running" and "No space left" in job["state_text"], job)
+                expect(job["state"] == "running" and "cannot be used" in job["state_text"], job)
                 expect(job["samples_done"] > 0, job)
             os.unlink(filler)
             farm.wait_for_job(number)
