@@ -27,8 +27,8 @@ struct store {
     uint64_t epoch_limit;          /* to be stored; 0: it is */
     atomic_int suspect;
 
-    /* Saves that wait for the writer thread. `order` is held by whoever writes to the database: from
-     * a row's leaving the list until it is written, so that an older row never overwrites a newer
+    /* Saves that wait for the writer thread. `order` is held by a thread that writes to the database:
+     * from a row's leaving the list until it is written, so that an older row never overwrites a newer
      * one, and while the connection is exchanged. `lock` is for what follows; it is taken last. */
     pthread_mutex_t lock, order;
     pthread_cond_t wake, idle;
