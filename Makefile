@@ -90,7 +90,9 @@ TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(TEST_SRC)))
 SUPPORT_SRC := $(call sources,tests/support)
 LIB_SUPPORT := $(BUILD)/lib/libsupport.a
 # Programs that the farm tests and benchmarks drive.
-TOOL_SRC := $(sort $(shell find tests/farm tests/fault tests/bench tests/fuzz -name '*.c' ! -name 'fuzz_*.c' 2>/dev/null))
+TOOL_SRC := $(sort $(shell find tests/farm tests/fault tests/bench tests/fuzz -name '*.c' ! -name 'fuzz_*.c' ! -name odd_disk.c 2>/dev/null))
+# Preloaded into a coordinator under test.
+ODD_DISK := $(BUILD)/tests/farm/odd_disk.so
 TOOLS := $(patsubst %.c,$(BUILD)/%,$(TOOL_SRC))
 FUZZ_SRC := $(sort $(shell find tests/fuzz -name 'fuzz_*.c' 2>/dev/null))
 FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
@@ -167,7 +169,11 @@ $(BUILD)/tests/fuzz/%_replay: $(BUILD)/obj/tests/fuzz/%.o $(BUILD)/obj/tests/sup
 	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_ALL)
 
 # ---- test ---------------------------------------------------------------------------------
-tests: all $(TESTS) $(TOOLS) $(FUZZ_REPLAY)
+$(BUILD)/%.so: %.c
+	@mkdir -p $(@D)
+	$(CC) -std=c17 -D_GNU_SOURCE -O1 -g $(WARNINGS) -fPIC -shared -o $@ $< -ldl
+
+tests: all $(TESTS) $(TOOLS) $(ODD_DISK) $(FUZZ_REPLAY)
 
 test: tests layers ## every test; the end says "N passed, N failed"
 	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) tests/run.sh

@@ -11,8 +11,8 @@
 #include "common/base/memory.h"
 #include "protocol/message.h"
 
-static const char *const titles[] = {">JOB",    "<NAME", "STATE",    ">FRAMES", ">DONE",
-                                     ">RATE/s", ">LEFT", ">WORKERS", "SUBMITTED"};
+static const char *const titles[] = {">JOB",    "<NAME", "STATE",    ">FRAMES",   ">DONE",
+                                     ">RATE/s", ">LEFT", ">WORKERS", "SUBMITTED", "NOTE"};
 enum { COLUMNS = sizeof titles / sizeof titles[0] };
 
 /* Jobs that have ended and are shown without --all. */
@@ -123,6 +123,7 @@ static status print_table(const struct job_rows *list, struct error *err)
         /* Month to minute: the whole of it, and the error, is in show. */
         when = format_time(text, job->submitted_at);
         table_add(&table, "%.11s", strlen(when) > 5 ? when + 5 : when);
+        table_add(&table, "%s", job->state_text);
     }
     result = table_print(&table, err);
     table_release(&table);

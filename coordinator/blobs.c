@@ -12,6 +12,7 @@
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "coordinator/reserve.h"
 
 struct upload {
     struct buffer temporary, final; /* paths; `temporary` is empty once renamed */
@@ -44,16 +45,31 @@ void blobs_clean(const char *folder)
     mem_free(path);
 }
 
+/* Are there blobs at all? Without, what is missing says nothing about one. */
+static int folder_is_there(const char *folder)
+{
+    char *path = file_join(folder, "blobs");
+    int there = path && file_exists(path);
+
+    mem_free(path);
+    return there;
+}
+
 int blobs_find(const char *folder, const struct digest *digest, uint64_t *size_bytes)
 {
     struct buffer path = BUFFER_INIT;
     struct stat info;
-    int found;
+    int found = -1;
 
     *size_bytes = 0;
     blobs_path(folder, digest, &path);
-    found = buffer_ok(&path) && stat(buffer_text(&path), &info) == 0 && S_ISREG(info.st_mode);
-    if (found)
+    if (!buffer_ok(&path))
+        errno = ENOMEM;
+    else if (stat(buffer_text(&path), &info) == 0)
+        found = S_ISREG(info.st_mode) != 0;
+    else if (errno == ENOENT && folder_is_there(folder))
+        found = 0;
+    if (found == 1)
         *size_bytes = (uint64_t)info.st_size;
     buffer_release(&path);
     return found;
@@ -68,12 +84,12 @@ status blobs_read(const char *folder, const struct digest *digest, size_t limit_
     uint64_t size;
     status s;
 
-    if (!blobs_find(folder, digest, &size))
+    if (blobs_find(folder, digest, &size) == 0)
         return error_set(err, STATUS_ERR_NOT_FOUND, "the coordinator does not have this blob");
     blobs_path(folder, digest, &path);
     if (!buffer_ok(&path))
         return error_no_memory(err, "a path");
-    s = file_read(buffer_text(&path), limit_bytes, out, err);
+    s = file_read_kept(buffer_text(&path), limit_bytes, out, err);
     if (s == STATUS_OK && digest_of(&found, out->data + start, out->size - start) != STATUS_OK)
         s = error_set(err, STATUS_ERR_INTERNAL, "no SHA-256");
     if (s == STATUS_OK && !digest_equal(&found, digest)) {
@@ -113,6 +129,9 @@ status upload_begin(struct upload **out, const char *folder, const struct digest
             s = error_set(err, STATUS_ERR_IO, "%s/blobs/tmp: cannot be written: %s", folder,
                           strerror(errno));
             buffer_clear(&upload->temporary);
+        } else if (!reserve_allows(upload->fd)) {
+            s = error_set(err, STATUS_ERR_IO, "%s/blobs/tmp: cannot be written: %s", folder,
+                          strerror(EMFILE));
         }
     }
     if (s != STATUS_OK) {
@@ -165,7 +184,6 @@ status upload_finish(struct upload *upload, struct error *err)
 {
     struct digest found;
     char *folder;
-    int fd;
     status s = digest_stream_final(upload->stream, &found);
 
     upload->stream = NULL;
@@ -177,18 +195,14 @@ status upload_finish(struct upload *upload, struct error *err)
     folder = file_dirname(buffer_text(&upload->final));
     if (!folder)
         return error_no_memory(err, "a path");
-    s = file_make_folder(folder, err);
+    s = file_make_private_folder(folder, err);
     if (s == STATUS_OK && (fsync(upload->fd) != 0 || rename(buffer_text(&upload->temporary),
                                                             buffer_text(&upload->final)) != 0))
         s = error_set(err, STATUS_ERR_IO, "%s: cannot be written: %s", buffer_text(&upload->final),
                       strerror(errno));
     if (s == STATUS_OK) {
         buffer_clear(&upload->temporary);
-        fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-        if (fd >= 0) {
-            fsync(fd);
-            close(fd);
-        }
+        s = file_sync_folder_of(buffer_text(&upload->final), err);
     }
     mem_free(folder);
     return s;

@@ -19,11 +19,12 @@
 
 /* Remove what unfinished uploads of an earlier run left. */
 void blobs_clean(const char *folder);
-/* Is the blob there? Its size is told. */
+/* 1: the blob is there, and its size is set; 0: it is not; -1: the store cannot tell at present (errno
+ * says why), and it may be. */
 int blobs_find(const char *folder, const struct digest *digest, uint64_t *size_bytes);
 void blobs_path(const char *folder, const struct digest *digest, struct buffer *path);
 
-/* Append the blob's bytes to `out`, hash checked. ERR_NOT_FOUND, ERR_LIMIT; ERR_CORRUPT: the
+/* Append the blob's bytes to `out`, hash checked. ERR_NOT_FOUND, ERR_LIMIT, ERR_IO; ERR_CORRUPT: the
  * file was damaged, and is removed so that it can be sent again. */
 status blobs_read(const char *folder, const struct digest *digest, size_t limit_bytes,
                   struct buffer *out, struct error *err) MUST_CHECK;

@@ -193,25 +193,28 @@ static void develop_lines(void *user, uint32_t y, uint32_t height, float *planes
 
 /* ---- files ---------------------------------------------------------------------------------- */
 
-/* Read the job's scene, once. The picture is what counts: it is not held back for want of what
- * only its header and its manifest say. */
-static void describe(struct development *d, const struct store *store)
+/* Read the job's scene, once. A damaged one does not hold the picture back: only its header and its
+ * manifest say less then. What the environment did is an error. */
+static status describe(struct development *d, const struct store *store, struct error *err)
 {
     struct buffer packed = BUFFER_INIT;
-    struct error err = {0};
+    struct error why = {0};
     status s;
 
     if (d->described)
-        return;
-    s = blobs_read(store_folder(store), &d->scene, SCENE_BYTES_MAX, &packed, &err);
+        return STATUS_OK;
+    s = blobs_read(store_folder(store), &d->scene, SCENE_BYTES_MAX, &packed, &why);
     if (s == STATUS_OK)
-        s = scene_unpack(&d->description, packed.data, packed.size, &err);
+        s = scene_unpack(&d->description, packed.data, packed.size, &why);
     buffer_release(&packed);
     d->described = s == STATUS_OK;
+    if (status_is_environment(s))
+        return error_set(err, s, "%s", why.text);
     if (s != STATUS_OK)
         log_warn("job %" PRIu64 ", frame %u: its header lacks the scene's origin and its manifest "
                  "the causes of its effects: %s",
-                 d->job, d->frame, err.text);
+                 d->job, d->frame, why.text);
+    return STATUS_OK;
 }
 
 static status encode_exr(struct development *d, struct buffer *exr, struct error *err)
@@ -371,8 +374,8 @@ static status read_picture(const struct development *d, const struct store *stor
 
     snprintf(name, sizeof name, "job %" PRIu64 ", frame %u", d->job, frame);
     if (picture_is_apart(d))
-        s = store_output_read(store, d->job, frame, PICTURE_EXTENSION, IMAGE_BYTES_MAX, &exr, NULL);
-    if (s != STATUS_OK) { /* stores of before have no such file */
+        s = store_output_read(store, d->job, frame, PICTURE_EXTENSION, IMAGE_BYTES_MAX, &exr, err);
+    if (s == STATUS_ERR_NOT_FOUND) { /* stores of before have no such file */
         buffer_clear(&exr);
         s = store_output_read(store, d->job, frame, "exr", IMAGE_BYTES_MAX, &exr, err);
     }
@@ -503,11 +506,14 @@ status develop_manifest(struct development *d, const struct store *store, struct
         .without = d->settings.without, .frame_samples = d->samples, .samples = d->stats.samples,
         .rays = d->stats.rays, .vertices = d->stats.vertices, .cpu_ns = d->stats.cpu_ns,
     };
+    status s;
 
     digest_to_hex(&d->scene, digest);
     memcpy(m.stages, d->stats.stages, sizeof m.stages);
     memcpy(m.accounts, d->stats.accounts, sizeof m.accounts);
-    describe(d, store);
+    s = describe(d, store, err);
+    if (s != STATUS_OK)
+        return s;
     if (d->described)
         find_effects(d, &m, causes);
     manifest_write(json, &m);
@@ -539,7 +545,8 @@ status develop_frame(struct development *d, struct store *store, struct error *e
     struct buffer exr = BUFFER_INIT, json = BUFFER_INIT;
     status s = take_pixels(d, err);
 
-    describe(d, store);
+    if (s == STATUS_OK)
+        s = describe(d, store, err);
     if (s == STATUS_OK && d->output.exr)
         s = encode_exr(d, &exr, err);
     if (s == STATUS_OK && d->output.exr)

@@ -6,6 +6,7 @@
 #include "common/base/clock.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "coordinator/reserve.h"
 #include "coordinator/server.h"
 #include "protocol/message.h"
 
@@ -151,8 +152,12 @@ static void enter(struct door *door, struct visitor *visitor)
     struct admission_place *out;
     struct error err = {0};
 
+    /* The plan counts connections. Where other files took its descriptors, or the limit was lowered,
+     * a newcomer takes another's place. */
     door->admission.places_max =
-        descriptors_strangers(&door->server->descriptors, door->server->session_count);
+        reserve_is_short()
+            ? (door->admission.places > 1 ? door->admission.places : 1)
+            : descriptors_strangers(&door->server->descriptors, door->server->session_count);
     channel_address(visitor->channel, address);
     if (admission_enter(&door->admission, &visitor->place, address, &out, &err) != STATUS_OK)
         channel_abort(visitor->channel, err.code, "%s", err.text);

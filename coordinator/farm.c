@@ -11,17 +11,22 @@
 /* A cancelled job must not come back, so the canceller waits for the disk. All else may be
  * lost in a crash: counters are estimates, and a job that was all but done is ended again at the
  * start. The pinned kernel is on disk before any result is: see merge_commit_run. */
-static void job_save(struct farm *farm, struct job *job, uint64_t now_ns)
+void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     struct error err = {0};
+    status s = STATUS_OK;
 
     job->saved_ns = now_ns;
+    job->unsaved = 0;
     if (!farm->store)
         return;
-    if (job->state != JOB_STATE_CANCELLED)
-        store_job_save_later(farm->store, job, now_ns);
-    else if (store_job_save(farm->store, job, now_ns, &err) != STATUS_OK)
-        log_error("job %llu: its state cannot be stored: %s", (unsigned long long)job->id,
+    if (job->state != JOB_STATE_CANCELLED ||
+        store_job_save(farm->store, job, now_ns, &err) != STATUS_OK)
+        s = store_job_save_later(farm->store, job, now_ns, &err);
+    job->unsaved = s != STATUS_OK;
+    farm->unsaved |= job->unsaved;
+    if (job->unsaved)
+        log_debug("job %llu: its state cannot be stored now: %s", (unsigned long long)job->id,
                   err.text);
 }
 
@@ -106,7 +111,7 @@ void farm_release(struct farm *farm, uint64_t now_ns)
 {
     for (size_t i = 0; i < farm->queue.active_count; i++) {
         struct job *job = farm->queue.active[i];
-        job_save(farm, job, now_ns);
+        farm_job_save(farm, job, now_ns);
     }
     lease_table_release(&farm->leases);
     for (size_t i = 0; i < farm->queue.count; i++)
@@ -121,6 +126,8 @@ status farm_prepare(const struct farm *farm, struct job *job, struct error *err)
 {
     job->epoch_floor = farm->leases.epoch + 1;
     job->submitted_at = farm->wall_s;
+    if (farm_store_usable(farm, err) != STATUS_OK)
+        return STATUS_ERR_IO;
     if (farm->queue.active_count >= JOBS_ACTIVE_MAX)
         return error_set(err, STATUS_ERR_LIMIT,
                          "%d jobs are queued or running already; wait for some to end",
@@ -164,9 +171,7 @@ static void job_end(struct farm *farm, struct job *job, enum job_state state, co
     while (job->frames)
         frame_close(farm, job->frames);
     job_set_state(&farm->queue, job, state, text, now_ns, farm->wall_s);
-    job_save(farm, job, now_ns);
-    if (farm->store)
-        store_films_remove(farm->store, job->id);
+    farm_job_save(farm, job, now_ns); /* its films go when that is on disk */
     farm->pump_wanted = 1;
     farm->events.job_changed(farm->events.user, job);
 }
@@ -212,7 +217,7 @@ void farm_job_started(struct farm *farm, struct job *job, const struct farm_work
     }
     if (!changed)
         return;
-    job_save(farm, job, now_ns);
+    farm_job_save(farm, job, now_ns);
     farm->events.job_changed(farm->events.user, job);
 }
 
@@ -323,7 +328,8 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
     struct error err = {0};
     status s = STATUS_OK;
 
-    if (!frame_may_open(farm, job))
+    if (!frame_may_open(farm, job) || trouble_waits(&job->trouble, now_ns) ||
+        (trouble_is(&farm->trouble) && !store_film_exists(farm->store, job->id, number)))
         return NULL;
     frame = job_frame_new(job, number, settings->width, settings->height, settings->spp,
                           settings->aovs, NULL);
@@ -334,9 +340,10 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
                             &frame->file, &err);
     if (s != STATUS_OK) {
         job_frame_free(frame);
-        farm_fail(farm, job, now_ns, "frame %u cannot be opened: %s", number, err.text);
+        farm_trouble(farm, job, number, &job->trouble, "cannot be opened", &err, now_ns);
         return NULL;
     }
+    farm_trouble_over(farm, job, &job->trouble, now_ns);
     for (uint32_t i = 0; i < film_tile_count(frame->film); i++)
         frame->durable_tiles += frame->durable[i] == film_pass_count(frame->film);
     while (*at && (*at)->number < number)
@@ -349,7 +356,7 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
         log_info("job %llu, frame %u: goes on at %.1f %%", (unsigned long long)job->id, number,
                  100.0 * (double)film_samples(frame->film) /
                      (double)film_samples_total(frame->film));
-    farm_frame_advance(farm, frame);
+    farm_frame_advance(farm, frame, now_ns);
     return frame;
 }
 
@@ -363,46 +370,26 @@ struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint6
     return NULL;
 }
 
-void farm_frame_advance(struct farm *farm, struct job_frame *frame)
+void farm_frame_advance(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
 {
+    struct error err = {0};
+    status s;
+
     if (frame->state == FRAME_RENDERING && film_complete(frame->film))
         job_frame_set_state(frame, FRAME_COMPLETE);
-    if (frame->state == FRAME_COMPLETE && !frame->closing &&
-        frame->durable_tiles == film_tile_count(frame->film)) {
-        if (farm->events.develop(farm->events.user, frame) != STATUS_OK)
-            return;
-        job_frame_set_state(frame, FRAME_DEVELOPING);
-        frame->in_flight++;
+    if (frame->state != FRAME_COMPLETE || frame->closing || trouble_is(&farm->trouble) ||
+        trouble_waits(&frame->trouble, now_ns) ||
+        frame->durable_tiles != film_tile_count(frame->film))
+        return;
+    s = farm->events.develop(farm->events.user, frame);
+    if (s != STATUS_OK) {
+        error_set(&err, s, "%s", status_text(s));
+        farm_trouble(farm, frame->job, frame->number, &frame->trouble, "cannot be developed", &err,
+                     now_ns);
+        return;
     }
-}
-
-/* A full disk must not cost what was rendered: what is in memory stays there, and the disk is
- * tried again for a while. */
-int farm_frame_trouble(struct farm *farm, struct job_frame *frame, const struct error *why,
-                       uint64_t now_ns)
-{
-    if (!frame->trouble[0]) {
-        frame->trouble_since_ns = now_ns;
-        log_error("job %llu, frame %u cannot be written: %s; it is tried again every %d s for "
-                  "%d minutes",
-                  (unsigned long long)frame->job->id, frame->number, why->text,
-                  DISK_RETRY_MS / 1000, DISK_PATIENCE_MS / 60000);
-    } else if (now_ns - frame->trouble_since_ns >= DISK_PATIENCE_MS * NS_PER_MS) {
-        return 0;
-    }
-    snprintf(frame->trouble, sizeof frame->trouble, "%.255s", why->text);
-    farm->events.job_changed(farm->events.user, frame->job);
-    return 1;
-}
-
-static int develop_again(struct farm *farm, struct job_frame *frame, const struct error *why,
-                         uint64_t now_ns)
-{
-    if (!farm_frame_trouble(farm, frame, why, now_ns))
-        return 0;
-    frame->develop_next_ns = now_ns + DISK_RETRY_MS * NS_PER_MS;
-    job_frame_set_state(frame, FRAME_COMPLETE);
-    return 1;
+    job_frame_set_state(frame, FRAME_DEVELOPING);
+    frame->in_flight++;
 }
 
 /* ---- pictures made anew ----------------------------------------------------------------------- */
@@ -446,12 +433,12 @@ static void develop_list_remove(struct farm *farm, struct job *job)
 /* Begin with the next picture that can be made, one at a time: rendering has the other threads. */
 static void develop_next(struct farm *farm, uint64_t now_ns)
 {
-    if (farm->developing)
+    if (farm->developing || trouble_is(&farm->trouble))
         return;
     for (struct job *job = farm->to_develop; job; job = job->next_to_develop) {
         uint32_t frame;
 
-        if (now_ns < job->develop_next_ns || !job_frame_to_develop(job, &frame))
+        if (trouble_waits(&job->pictures, now_ns) || !job_frame_to_develop(job, &frame))
             continue;
         if (farm->events.redevelop(farm->events.user, job, frame) == STATUS_OK)
             farm->developing = 1;
@@ -489,19 +476,20 @@ status farm_develop(struct farm *farm, struct job *job, const struct output_sett
 static void develop_failed(struct farm *farm, struct job *job, uint32_t frame,
                            const struct error *why, uint64_t now_ns)
 {
-    if (job->develop_trouble_ns == 0)
-        job->develop_trouble_ns = now_ns;
-    log_error("job %llu: the picture of frame %u cannot be made: %s", (unsigned long long)job->id,
-              frame, why->text);
-    snprintf(job->develop_error, sizeof job->develop_error, "frame %u: %.480s", frame, why->text);
-    if (why->code == STATUS_ERR_IO &&
-        now_ns - job->develop_trouble_ns < DISK_PATIENCE_MS * NS_PER_MS) {
-        job->develop_next_ns = now_ns + DISK_RETRY_MS * NS_PER_MS;
+    char text[sizeof job->pictures.text];
+
+    if (status_is_environment(why->code)) {
+        farm_trouble(farm, job, frame, &job->pictures, "", why, now_ns);
         return;
     }
+    snprintf(text, sizeof text, "frame %u: %.200s", frame, why->text);
+    (void)trouble_note(&job->pictures, text, now_ns);
+    job->pictures.next_ns = UINT64_MAX;
+    log_error("job %llu: the picture of frame %u cannot be made: %s", (unsigned long long)job->id,
+              frame, why->text);
     develop_list_remove(farm, job);
     if (!job_state_ended(job->state))
-        farm_fail(farm, job, now_ns, "the picture of %s", job->develop_error);
+        farm_fail(farm, job, now_ns, "the picture of %s", text);
 }
 
 void farm_pictures_made(struct farm *farm, struct job *job, uint32_t frame, int64_t revision,
@@ -510,8 +498,7 @@ void farm_pictures_made(struct farm *farm, struct job *job, uint32_t frame, int6
     farm->developing = 0;
     if (revision == (int64_t)job->revision && result == STATUS_OK) {
         job_frame_set_developed(job, frame);
-        job->develop_error[0] = 0;
-        job->develop_trouble_ns = 0;
+        farm_trouble_over(farm, job, &job->pictures, now_ns);
     } else if (revision == (int64_t)job->revision) {
         develop_failed(farm, job, frame, why, now_ns);
     }
@@ -535,10 +522,14 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
     }
     if (result != STATUS_OK) {
         farm_frame_unpin(farm, frame);
-        if (result != STATUS_ERR_IO || !develop_again(farm, frame, why, now_ns))
+        job_frame_set_state(frame, FRAME_COMPLETE);
+        if (status_is_environment(result))
+            farm_trouble(farm, job, number, &frame->trouble, "cannot be written", why, now_ns);
+        else
             farm_fail(farm, job, now_ns, "frame %u cannot be written: %s", number, why->text);
         return;
     }
+    farm_trouble_over(farm, job, &frame->trouble, now_ns);
     relative_mse = film_relative_mse(frame->film);
     farm_frame_unpin(farm, frame);
     frame_close(farm, frame);
@@ -562,14 +553,34 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
 static void resume_films(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     for (uint64_t number = job->first_frame; number <= job->last_frame; number++)
-        if (!job_frame_is_done(job, (uint32_t)number) &&
+        if (!job_frame_is_done(job, (uint32_t)number) && !farm_frame_find(job, (uint32_t)number) &&
             store_film_exists(farm->store, job->id, (uint32_t)number) &&
             !farm_frame_open(farm, job, (uint32_t)number, now_ns))
             return;
 }
 
+void farm_resume_films(struct farm *farm, uint64_t now_ns)
+{
+    for (size_t i = 0; farm->store && i < farm->queue.active_count; i++)
+        if (farm->queue.active[i]->state == JOB_STATE_RUNNING)
+            resume_films(farm, farm->queue.active[i], now_ns);
+}
+
+/* The coordinator was killed after the job's end was stored, and before its films were removed. */
+static void remove_left_films(void *user, uint64_t id)
+{
+    const struct farm *farm = user;
+    const struct job *job = queue_find(&farm->queue, id);
+
+    if (job && job_state_ended(job->state))
+        store_films_remove(farm->store, id);
+}
+
 void farm_resume(struct farm *farm, uint64_t now_ns)
 {
+    if (farm->store)
+        store_films_list(farm->store, remove_left_films, farm);
+    farm_trouble_tick(farm, now_ns);
     for (size_t i = 0; i < farm->queue.count; i++)
         if (farm->queue.all[i]->state != JOB_STATE_FAILED)
             develop_list_add(farm, farm->queue.all[i]);
@@ -580,16 +591,12 @@ void farm_resume(struct farm *farm, uint64_t now_ns)
             job_end_when_done(farm, job, now_ns);
             continue;
         }
-        if (job->state == JOB_STATE_RUNNING) {
+        if (job->state == JOB_STATE_RUNNING)
             log_info("job %llu (%s) goes on: %u of %u frames are done", (unsigned long long)job->id,
                      job->name, job->frames_done_count, job_frame_count(job));
-            if (farm->store)
-                resume_films(farm, job, now_ns);
-        }
-        /* A job that failed just now has left its place to the next. */
-        if (i < farm->queue.active_count && farm->queue.active[i] == job)
-            i++;
+        i++;
     }
+    farm_resume_films(farm, now_ns);
 }
 
 /* ---- time ----------------------------------------------------------------------------------- */
@@ -604,6 +611,7 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
 {
     struct lease *lease;
 
+    farm_trouble_tick(farm, now_ns);
     while ((lease = lease_lapsed(&farm->leases, now_ns))) {
         log_warn("lease %llu of session %u lapsed: %u work units go to other workers",
                  (unsigned long long)lease->id, lease->holder->session, lease->open_count);
@@ -615,10 +623,10 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
     for (size_t i = 0; i < farm->queue.active_count; i++) {
         struct job *job = farm->queue.active[i];
         for (struct job_frame *frame = job->frames; frame; frame = frame->next)
-            if (frame->state == FRAME_COMPLETE && now_ns >= frame->develop_next_ns)
-                farm_frame_advance(farm, frame);
+            if (frame->state == FRAME_COMPLETE)
+                farm_frame_advance(farm, frame, now_ns);
         if (job->leases > 0 && now_ns - job->saved_ns >= PROGRESS_SAVE_MS * NS_PER_MS)
-            job_save(farm, job, now_ns);
+            farm_job_save(farm, job, now_ns);
     }
     develop_next(farm, now_ns);
 }

@@ -37,6 +37,7 @@ struct farm_worker {
     uint64_t units_done, samples_done;
     struct rate rate;
     uint64_t noticed_job;        /* the newest job it was told it cannot serve */
+    uint64_t deferred_job;       /* it keeps a result of this job that could not be taken; 0: none */
     char note[256];              /* why it gets no work; "" otherwise */
 };
 
@@ -48,7 +49,7 @@ struct farm_events {
     void (*job_changed)(void *user, struct job *job);
     /* Turn the frame's complete film into files, note it as done in the store, remove the film's
      * file, then call farm_frame_developed. If it cannot even
-     * begin (out of memory) it is asked again at the next tick. */
+     * begin (out of memory) it is asked again later. */
     status (*develop)(void *user, struct job_frame *frame);
     /* Make the pictures of a frame that is done anew, from its stored one, then call
      * farm_pictures_made. If it cannot even begin it is asked again at the next tick. */
@@ -70,7 +71,9 @@ struct farm {
     int pump_wanted;             /* there may be something to grant */
     struct job *to_develop;      /* jobs with pictures to be made anew, a list */
     int developing;              /* one is being made */
-    uint64_t commit_next_ns;     /* after a film could not be written: no commit before this */
+    struct trouble trouble;      /* the store cannot be used */
+    int resume_wanted;           /* films on disk are to be opened */
+    int unsaved;                 /* some job is `unsaved` */
 };
 
 /* Takes the jobs that the store holds. The store stays the caller's. ERR_IO, ERR_NO_MEMORY. */
@@ -102,13 +105,14 @@ int farm_can_serve(const struct job *job, const struct farm_worker *worker, char
 
 /* The job's open frame of this number; NULL: none. */
 struct job_frame *farm_frame_find(const struct job *job, uint32_t number);
-/* Open the frame if the limits allow (else NULL without an error). A failure ends the job. */
+/* Open the frame if the limits allow (else NULL without an error). While the store is in trouble only
+ * films that it has are opened. A failure is noted as the job's trouble, and leaves the job waiting. */
 struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t number,
                                   uint64_t now_ns);
 /* The next frame of the job that is neither done nor open, opened; NULL: none, or limits. */
 struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint64_t now_ns);
 /* Move the frame on when its film is complete and on disk. */
-void farm_frame_advance(struct farm *farm, struct job_frame *frame);
+void farm_frame_advance(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
 /* The end of events.develop. When `result` is OK the frame is in the store as done already, and its
  * pictures follow that revision of the job's output settings (-1: none was made). */
 void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t revision,
@@ -120,10 +124,26 @@ status farm_develop(struct farm *farm, struct job *job, const struct output_sett
 /* The end of events.redevelop. */
 void farm_pictures_made(struct farm *farm, struct job *job, uint32_t frame, int64_t revision,
                         status result, const struct error *why, uint64_t now_ns);
-/* The frame's film or outputs could not be written: note it, tell the log once, and say whether
- * to try again after DISK_RETRY_MS (1) or that DISK_PATIENCE_MS is over (0). */
-int farm_frame_trouble(struct farm *farm, struct job_frame *frame, const struct error *why,
+/* The environment kept something of a job's frame from being done. Asks the store whether it is the
+ * cause itself; notes it in `trouble`, which says when to try again; logs that it began. `what` follows
+ * "frame N"; it may be empty. */
+void farm_trouble(struct farm *farm, const struct job *job, uint32_t frame, struct trouble *trouble,
+                  const char *what, const struct error *why, uint64_t now_ns);
+/* It works; no effect where there was no trouble. */
+void farm_trouble_over(struct farm *farm, struct job *job, struct trouble *trouble,
                        uint64_t now_ns);
+/* May new jobs and blobs be taken? ERR_IO: the text says why not. */
+status farm_store_usable(const struct farm *farm, struct error *err) MUST_CHECK;
+/* May units of the frame be lent? While it cannot be written: up to TROUBLE_RESULTS_MAX. */
+int farm_may_lease(const struct farm *farm, const struct job_frame *frame);
+/* May results of that job be delivered that were deferred? */
+int farm_takes_again(const struct farm *farm, uint64_t job);
+/* farm_tick's part in all this. */
+void farm_trouble_tick(struct farm *farm, uint64_t now_ns);
+/* Open the films of running jobs that are on disk. */
+void farm_resume_films(struct farm *farm, uint64_t now_ns);
+/* Hand the job's state to the store; where that fails it is done again by farm_tick. */
+void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns);
 /* A commit or develop let go of the frame; frees it when its job has ended. */
 void farm_frame_unpin(struct farm *farm, struct job_frame *frame);
 

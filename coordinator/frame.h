@@ -2,7 +2,7 @@
  *
  *   RENDERING --every unit merged--> COMPLETE --all of it on disk--> DEVELOPING
  *        DEVELOPING --outputs on disk--> closed (freed)
- *        DEVELOPING --outputs cannot be written--> COMPLETE, and again after DISK_RETRY_MS
+ *        DEVELOPING --outputs cannot be written--> COMPLETE, and again (trouble.h)
  *   any --job ends--> closed, as soon as no commit or develop is in flight
  * job_frame_set_state is the only function that changes it.
  *
@@ -31,8 +31,9 @@ enum {
     UNIT_HOLDERS_MAX = 3,     /* leases that may hold one unit at once */
     FRAME_PASSES_AHEAD = 64,  /* how far a tile's granted passes may be ahead of its folded ones */
     FRAME_ACKS_MAX = 1 << 20, /* results that wait for the disk or for an earlier pass */
-    DISK_RETRY_MS = 5000,     /* what could not be written is tried again, */
-    DISK_PATIENCE_MS = 30 * 60 * 1000, /* for so long; then the job fails */
+    /* While it cannot be written: results that are lent or wait for the disk, with their workers. No
+     * lease is granted above it, so one lease more is possible. */
+    TROUBLE_RESULTS_MAX = 4096,
 };
 
 struct job;
@@ -88,9 +89,7 @@ struct job_frame {
     struct work_stats stats;     /* of the results merged in this run */
     double error;                /* the last reported film_relative_mse */
     uint64_t error_next_ns;      /* when to compute it anew; 0: not computed yet */
-    char trouble[256];           /* why its film or outputs cannot be written; "": they can */
-    uint64_t trouble_since_ns;
-    uint64_t develop_next_ns;    /* with `trouble`: when to try again */
+    struct trouble trouble;      /* its film or outputs cannot be written */
     int in_flight;               /* commits and develops that hold this frame */
     int closing;                 /* the job ended: free it when nothing is in flight */
 };

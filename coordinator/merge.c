@@ -58,7 +58,11 @@ static struct job_frame *frame_of(struct farm *farm, const struct farm_worker *w
     if (job_state_ended(job->state) || strcmp(job->kernel, worker->kernel) != 0)
         return NULL;
     frame = farm_frame_find(job, result->frame);
-    return frame ? frame : farm_frame_open(farm, job, result->frame, now_ns);
+    if (!frame)
+        frame = farm_frame_open(farm, job, result->frame, now_ns);
+    if (!frame && (trouble_is(&farm->trouble) || trouble_is(&job->trouble)))
+        *outcome = MERGE_DEFERRED;
+    return frame;
 }
 
 status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result,
@@ -126,26 +130,32 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
         frame->acks[frame->ack_count++] = ack;
     }
     if (frame->state == FRAME_RENDERING)
-        farm_frame_advance(farm, frame);
+        farm_frame_advance(farm, frame, now_ns);
     return STATUS_OK;
 }
 
 /* ---- onto the disk -------------------------------------------------------------------------- */
 
-int merge_is_dirty(const struct farm *farm, uint64_t *since_ns, uint32_t *tiles)
+int merge_is_dirty(const struct farm *farm, uint64_t *due_ns, uint32_t *tiles)
 {
-    *since_ns = UINT64_MAX;
+    *due_ns = UINT64_MAX;
     *tiles = 0;
+    if (trouble_is(&farm->trouble))
+        return 0;
     for (size_t i = 0; i < farm->queue.active_count; i++) {
         for (const struct job_frame *f = farm->queue.active[i]->frames; f; f = f->next) {
+            uint64_t frame_ns = trouble_is(&f->trouble)
+                                    ? f->trouble.next_ns
+                                    : f->dirty_since_ns + COMMIT_DELAY_MS * NS_PER_MS;
             if (f->dirty_count == 0)
                 continue;
-            *tiles += f->dirty_count;
-            if (f->dirty_since_ns < *since_ns)
-                *since_ns = f->dirty_since_ns;
+            if (!trouble_is(&f->trouble))
+                *tiles += f->dirty_count;
+            if (frame_ns < *due_ns)
+                *due_ns = frame_ns;
         }
     }
-    return *tiles > 0;
+    return *due_ns != UINT64_MAX;
 }
 
 static void commit_free(struct commit *commit)
@@ -153,6 +163,7 @@ static void commit_free(struct commit *commit)
     if (!commit)
         return;
     mem_free(commit->items);
+    mem_free(commit->parts);
     mem_free(commit->data);
     mem_free(commit);
 }
@@ -177,21 +188,29 @@ static void commit_take(struct commit *commit, struct job_frame *frame, uint32_t
     }
     frame->dirty_count -= taken;
     memmove(frame->dirty, frame->dirty + taken, frame->dirty_count * sizeof *frame->dirty);
-    if (taken)
-        frame->in_flight++;
+    if (taken == 0)
+        return;
+    commit->parts[commit->part_count++] =
+        (struct commit_part){.frame = frame, .first = commit->count - taken, .count = taken};
+    frame->in_flight++;
 }
 
-struct commit *merge_commit_begin(struct farm *farm)
+struct commit *merge_commit_begin(struct farm *farm, uint64_t now_ns)
 {
     struct commit *commit;
     size_t bytes = 0, used = 0;
-    uint32_t count = 0;
+    uint32_t count = 0, parts = 0;
 
+    if (trouble_is(&farm->trouble) && now_ns != UINT64_MAX)
+        return NULL;
     for (size_t i = 0; i < farm->queue.active_count; i++) {
         for (struct job_frame *f = farm->queue.active[i]->frames; f; f = f->next) {
             uint32_t take = COMMIT_TILES_MAX - count;
             if (take > f->dirty_count)
                 take = f->dirty_count;
+            if (trouble_waits(&f->trouble, now_ns))
+                take = 0;
+            parts += take > 0;
             count += take;
             /* Tile 0 is the largest of a frame's tiles. */
             bytes += take * film_tile_state_size(f->film, 0);
@@ -204,33 +223,53 @@ struct commit *merge_commit_begin(struct farm *farm)
         return NULL;
     commit->store = farm->store;
     commit->items = mem_alloc_array(count, sizeof *commit->items);
+    commit->parts = mem_calloc(parts, sizeof *commit->parts);
     commit->data = mem_alloc(bytes);
-    if (!commit->items || !commit->data) {
+    if (!commit->items || !commit->parts || !commit->data) {
         commit_free(commit);
         return NULL;
     }
     for (size_t i = 0; i < farm->queue.active_count; i++)
         for (struct job_frame *f = farm->queue.active[i]->frames; f; f = f->next)
-            commit_take(commit, f, count, &used);
+            if (!trouble_waits(&f->trouble, now_ns))
+                commit_take(commit, f, count, &used);
     return commit;
+}
+
+static void part_run(const struct commit *commit, struct commit_part *part)
+{
+    struct film_file *file = part->frame->file;
+
+    if (!file)
+        return;
+    for (uint32_t i = part->first; i < part->first + part->count && part->result == STATUS_OK; i++) {
+        const struct commit_item *item = &commit->items[i];
+        part->result = film_file_write(file, item->tile, item->slot, commit->data + item->offset,
+                                       item->size, &part->error);
+    }
+    if (part->result == STATUS_OK)
+        part->result = film_file_sync(file, &part->error);
 }
 
 void merge_commit_run(struct commit *commit)
 {
-    commit->result = STATUS_OK;
     /* The kernel that a job is pinned to is known on disk before any of its results is. */
     if (commit->store)
-        store_await_saves(commit->store);
-    for (uint32_t i = 0; i < commit->count && commit->result == STATUS_OK; i++) {
-        const struct commit_item *item = &commit->items[i];
-        if (!item->frame->file)
+        commit->result = store_await_saves(commit->store, &commit->error);
+    for (uint32_t i = 0; i < commit->part_count; i++) {
+        struct commit_part *part = &commit->parts[i];
+        part->result = commit->result;
+        part->error = commit->error;
+    }
+    if (commit->result != STATUS_OK)
+        return;
+    for (uint32_t i = 0; i < commit->part_count; i++) {
+        struct commit_part *part = &commit->parts[i];
+        part_run(commit, part);
+        if (part->result == STATUS_OK || commit->result != STATUS_OK)
             continue;
-        commit->result = film_file_write(item->frame->file, item->tile, item->slot,
-                                         commit->data + item->offset, item->size, &commit->error);
-        /* The items of one frame stand together. */
-        if (commit->result == STATUS_OK &&
-            (i + 1 == commit->count || commit->items[i + 1].frame != item->frame))
-            commit->result = film_file_sync(item->frame->file, &commit->error);
+        commit->result = part->result;
+        commit->error = part->error;
     }
 }
 
@@ -261,50 +300,45 @@ static void item_is_durable(const struct commit_item *item)
 
 /* The frame's tiles did not reach the disk: they are dirty again, and everything that is not
  * acknowledged stays with its worker meanwhile. */
-static void commit_retry(struct farm *farm, const struct commit *commit, uint32_t first,
-                         uint32_t last, uint64_t now_ns)
+static void part_failed(struct farm *farm, const struct commit *commit,
+                        const struct commit_part *part, uint64_t now_ns)
 {
-    struct job_frame *frame = commit->items[first].frame;
+    for (uint32_t i = part->first; i < part->first + part->count; i++)
+        job_frame_mark_dirty(part->frame, commit->items[i].tile, now_ns);
+    farm_trouble(farm, part->frame->job, part->frame->number, &part->frame->trouble,
+                 "cannot be written", &part->error, now_ns);
+}
 
-    if (commit->result != STATUS_ERR_IO ||
-        !farm_frame_trouble(farm, frame, &commit->error, now_ns)) {
-        farm_fail(farm, frame->job, now_ns, "frame %u: %s", frame->number, commit->error.text);
+static void part_end(struct farm *farm, const struct commit *commit, const struct commit_part *part,
+                     uint64_t now_ns)
+{
+    struct job_frame *frame = part->frame;
+
+    if (frame->closing)
+        return;
+    if (part->result != STATUS_OK) {
+        part_failed(farm, commit, part, now_ns);
         return;
     }
-    for (uint32_t i = first; i <= last; i++)
-        job_frame_mark_dirty(frame, commit->items[i].tile, now_ns);
-    farm->commit_next_ns = now_ns + DISK_RETRY_MS * NS_PER_MS;
+    for (uint32_t i = part->first; i < part->first + part->count; i++)
+        item_is_durable(&commit->items[i]);
+    farm_trouble_over(farm, frame->job, &frame->trouble, now_ns);
+    send_acks(farm, frame);
+    farm_frame_advance(farm, frame, now_ns);
 }
 
 void merge_commit_end(struct farm *farm, struct commit *commit, uint64_t now_ns)
 {
-    uint32_t first = 0;
-
-    if (commit->result == STATUS_OK)
-        farm->commit_next_ns = 0;
-    for (uint32_t i = 0; i < commit->count; i++) {
-        struct job_frame *frame = commit->items[i].frame;
-        if (commit->result == STATUS_OK && !frame->closing)
-            item_is_durable(&commit->items[i]);
-        if (i + 1 < commit->count && commit->items[i + 1].frame == frame)
-            continue;
-        if (!frame->closing && commit->result == STATUS_OK) {
-            frame->trouble[0] = 0;
-            send_acks(farm, frame);
-            farm_frame_advance(farm, frame);
-        } else if (!frame->closing) {
-            commit_retry(farm, commit, first, i, now_ns);
-        }
-        farm_frame_unpin(farm, frame);
-        first = i + 1;
+    for (uint32_t i = 0; i < commit->part_count; i++) {
+        part_end(farm, commit, &commit->parts[i], now_ns);
+        farm_frame_unpin(farm, commit->parts[i].frame);
     }
     commit_free(commit);
 }
 
 void merge_commit_abandon(struct farm *farm, struct commit *commit)
 {
-    for (uint32_t i = 0; i < commit->count; i++)
-        if (i + 1 == commit->count || commit->items[i + 1].frame != commit->items[i].frame)
-            farm_frame_unpin(farm, commit->items[i].frame);
+    for (uint32_t i = 0; i < commit->part_count; i++)
+        farm_frame_unpin(farm, commit->parts[i].frame);
     commit_free(commit);
 }

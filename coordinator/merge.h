@@ -32,6 +32,8 @@ enum merge_outcome {
     MERGE_PENDING,  /* events.ack follows when it is on disk */
     MERGE_KEPT,     /* it is on disk already: acknowledge now */
     MERGE_UNWANTED, /* nobody wants it (job ended, ...): revoke its lease */
+    MERGE_DEFERRED, /* its film cannot be opened at present: the worker keeps it, and sends it again
+                     * when it connects again */
 };
 
 /* ERR_PROTOCOL: the worker breaks the rules (wrong size, not finite, an epoch never granted):
@@ -47,22 +49,33 @@ struct commit_item {
     size_t offset, size;
 };
 
-struct commit {
-    struct store *store;
-    struct commit_item *items;
-    uint32_t count;
-    uint8_t *data;
+/* The items of one frame, which stand together. */
+struct commit_part {
+    struct job_frame *frame;
+    uint32_t first, count;
     status result;
     struct error error;
 };
 
-/* Is there anything to write, and since when? 0: no. */
-int merge_is_dirty(const struct farm *farm, uint64_t *since_ns, uint32_t *tiles);
-/* NULL: nothing is dirty, or out of memory (try again later). */
-struct commit *merge_commit_begin(struct farm *farm);
+struct commit {
+    struct store *store;
+    struct commit_item *items;
+    uint32_t count;
+    struct commit_part *parts;
+    uint32_t part_count;
+    uint8_t *data;
+    status result;               /* of the first part that failed */
+    struct error error;
+};
+
+/* Is there anything to write, and from when on? *due_ns: COMMIT_DELAY_MS after the first of it, or
+ * when a frame in trouble is tried again. 0: no, or the store is in trouble. */
+int merge_is_dirty(const struct farm *farm, uint64_t *due_ns, uint32_t *tiles);
+/* What may be written at now_ns; at UINT64_MAX everything, trouble or not. NULL: nothing, or out of
+ * memory (try again later). */
+struct commit *merge_commit_begin(struct farm *farm, uint64_t now_ns);
 void merge_commit_run(struct commit *commit);
-/* Frees the commit. Where the disk refused it, its tiles are dirty again and farm->commit_next_ns
- * says when to try anew; after DISK_PATIENCE_MS of that the job fails. */
+/* Frees the commit. What the disk refused of it is dirty again, and its frame in trouble. */
 void merge_commit_end(struct farm *farm, struct commit *commit, uint64_t now_ns);
 /* Frees the commit without learning how it ended: nothing is durable, nothing acknowledged. */
 void merge_commit_abandon(struct farm *farm, struct commit *commit);

@@ -209,8 +209,7 @@ void job_revise(struct job *job)
     job->revision++;
     job->frames_developed_count = 0;
     memset(job->frames_developed, 0, job_frame_count(job) / 8 + 1);
-    job->develop_error[0] = 0;
-    job->develop_next_ns = job->develop_trouble_ns = 0;
+    memset(&job->pictures, 0, sizeof job->pictures);
 }
 
 uint32_t job_window_begin(const struct job *job, uint32_t frame)

@@ -27,6 +27,7 @@
 #include "common/scene/stages.h"
 #include "common/tonemap/tonemap.h"
 #include "coordinator/rate.h"
+#include "coordinator/trouble.h"
 
 enum {
     JOBS_ACTIVE_MAX = 10000,
@@ -94,8 +95,9 @@ struct job {
     uint32_t frames_developed_count;
     struct job *next_to_develop;       /* in the farm's list */
     int to_develop;                    /* it is in that list */
-    uint64_t develop_next_ns, develop_trouble_ns; /* when to try again, and since when in vain */
-    char develop_error[JOB_TEXT_MAX + 1]; /* why pictures cannot be made anew; "": they can */
+    struct trouble pictures;           /* they cannot be made again */
+    struct trouble trouble;            /* its next film cannot be opened */
+    int unsaved;                       /* its state is to be handed to the store again */
     uint64_t samples_done;             /* pixel samples of the frames that are done */
     double relative_mse;               /* of the last frame done; NaN: none */
     struct work_stats stats;

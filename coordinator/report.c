@@ -12,6 +12,15 @@ enum {
     ERROR_COST_SHARE = 20, /* or after so many times what computing it took */
 };
 
+/* Do the pictures that are made again wait for the environment? */
+static int explain_pictures(char *out, size_t size, const struct job *job)
+{
+    if (!trouble_is(&job->pictures) || job->pictures.next_ns == UINT64_MAX)
+        return 0;
+    snprintf(out, size, "the picture of %s; trying again", job->pictures.text);
+    return 1;
+}
+
 /* What keeps an active job from getting on at the moment; empty when nothing does. */
 static void explain_wait(char *out, size_t size, const struct farm *farm, const struct job *job)
 {
@@ -20,13 +29,22 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
     size_t before = queue_position(&farm->queue, job);
 
     out[0] = 0;
+    if (trouble_is(&farm->trouble)) {
+        snprintf(out, size, "waits: the store cannot be used: %s; trying again", farm->trouble.text);
+        return;
+    }
     for (const struct job_frame *frame = job->frames; frame; frame = frame->next) {
-        if (frame->trouble[0]) {
-            snprintf(out, size, "frame %u cannot be written: %s; trying again", frame->number,
-                     frame->trouble);
+        if (trouble_is(&frame->trouble)) {
+            snprintf(out, size, "%s; trying again", frame->trouble.text);
             return;
         }
     }
+    if (trouble_is(&job->trouble)) {
+        snprintf(out, size, "%s; trying again", job->trouble.text);
+        return;
+    }
+    if (explain_pictures(out, size, job))
+        return;
     if (job->leases > 0)
         return;
     if (job->frames_done_count == job_frame_count(job)) {
@@ -46,6 +64,19 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
                  farm->worker_count, why);
     else if (before > 0)
         snprintf(out, size, "waits behind %zu job%s", before, before == 1 ? "" : "s");
+}
+
+/* How a job ended, and whether a restart would still forget it. */
+static void explain_end(char *out, size_t size, const struct farm *farm, const struct job *job)
+{
+    int unsaved = trouble_is(&farm->trouble) &&
+                  (job->unsaved || store_job_unsaved(farm->store, job->id));
+
+    if (unsaved)
+        snprintf(out, size, "%.255s%snot stored yet: %.200s", job->state_text,
+                 job->state_text[0] ? "; " : "", farm->trouble.text);
+    else if (!explain_pictures(out, size, job))
+        snprintf(out, size, "%s", job->state_text);
 }
 
 /* Computing the estimate reads the whole film: not at every question. */
@@ -69,7 +100,8 @@ static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint6
     info->frames_done = job->frames_done_count;
     info->frames_developed = job->frames_developed_count;
     info->revision = job->revision;
-    info->develop_error = job->develop_error;
+    if (job->pictures.next_ns == UINT64_MAX)
+        info->develop_error = job->pictures.text;
     info->samples_done = job->samples_done;
     info->samples_total = job_frame_samples(job) * job_frame_count(job);
     for (const struct job_frame *frame = first; frame; frame = frame->next)
@@ -129,7 +161,7 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     stats.trace_ns = job->stats.trace_ns;
     report->stats = stats;
     if (job_state_ended(job->state))
-        snprintf(report->state_text, sizeof report->state_text, "%s", job->state_text);
+        explain_end(report->state_text, sizeof report->state_text, farm, job);
     else
         explain_wait(report->state_text, sizeof report->state_text, farm, job);
 

@@ -123,7 +123,7 @@ static struct lease *grant_fresh(struct farm *farm, struct job_frame *frame,
     struct budget budget;
     uint32_t count;
 
-    if (frame->state != FRAME_RENDERING)
+    if (frame->state != FRAME_RENDERING || !farm_may_lease(farm, frame))
         return NULL;
     if (!budget_for(farm, worker, frame, &budget)) {
         *full = 1;
@@ -139,7 +139,7 @@ static struct lease *grant_overdue(struct farm *farm, struct job_frame *frame,
     static struct unit_name units[LEASE_UNITS_MAX];
     uint32_t count;
 
-    if (frame->state != FRAME_RENDERING)
+    if (frame->state != FRAME_RENDERING || !farm_may_lease(farm, frame))
         return NULL;
     count = take_overdue(frame, worker, now_ns, units);
     if (count == 0)
@@ -169,8 +169,6 @@ struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uin
             lease = grant_fresh(farm, frame, worker, now_ns, &full);
         if (lease || full)
             return lease;
-        if (i < queue->active_count && queue->active[i] != job)
-            i--; /* the job failed as its frame was opened, and the next took its place */
     }
     if (worker->held.units >= worker->threads)
         return NULL;

@@ -171,7 +171,8 @@ static void start_commit(struct server *server)
 
     if (!work)
         return; /* the tick tries again */
-    work->commit = merge_commit_begin(&server->farm);
+    work->commit = merge_commit_begin(
+        &server->farm, server->state == SERVER_LISTENING ? clock_monotonic_ns() : UINT64_MAX);
     if (!work->commit) {
         work_free(work);
         return;
@@ -213,8 +214,8 @@ static status on_develop(void *user, struct job_frame *frame)
     if (s == STATUS_OK)
         s = development_new_frame(&work->development, frame, &err);
     if (s != STATUS_OK) {
-        log_error("job %llu, frame %u: %s; trying again", (unsigned long long)frame->job->id,
-                  frame->number, err.text);
+        log_debug("job %llu, frame %u: %s", (unsigned long long)frame->job->id, frame->number,
+                  err.text);
         if (work)
             work_free(work);
         return s;
@@ -495,16 +496,13 @@ static void on_commit_timer(uv_timer_t *timer)
 
 static void commit_when_due(struct server *server, uint64_t now_ns)
 {
-    uint64_t since_ns, due_ns;
+    uint64_t due_ns;
     uint32_t tiles;
 
-    if (server->commit_running || !merge_is_dirty(&server->farm, &since_ns, &tiles))
+    if (server->commit_running || !merge_is_dirty(&server->farm, &due_ns, &tiles))
         return;
-    due_ns = since_ns + COMMIT_DELAY_MS * NS_PER_MS;
     if (tiles >= COMMIT_TILES_ENOUGH)
         due_ns = now_ns;
-    if (due_ns < server->farm.commit_next_ns)
-        due_ns = server->farm.commit_next_ns;
     if (now_ns >= due_ns || server->state != SERVER_LISTENING)
         start_commit(server);
     else if (!uv_is_active((uv_handle_t *)&server->commit_timer))
@@ -535,9 +533,9 @@ static void on_prepare(uv_prepare_t *handle)
             session_flush(s, now_ns);
     }
     if (server->state == SERVER_DRAINING) {
-        uint64_t since_ns;
+        uint64_t due_ns;
         uint32_t tiles;
-        int idle = server->works == 0 && !merge_is_dirty(&server->farm, &since_ns, &tiles);
+        int idle = server->works == 0 && !merge_is_dirty(&server->farm, &due_ns, &tiles);
         if (idle || now_ns - server->drain_since_ns > SERVER_DRAIN_MS * NS_PER_MS)
             close_handles(server);
     }

@@ -245,6 +245,7 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
     };
     enum merge_outcome outcome = MERGE_PENDING;
     struct error err = {0};
+    status s;
 
     if (message->stats) {
         result.stats.samples = message->stats->samples;
@@ -259,8 +260,10 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
         for (size_t i = 0; i < message->stats->n_accounts && i < EFFECT_ACCOUNTS; i++)
             result.stats.accounts[i] = message->stats->accounts[i];
     }
-    if (merge_result(&session->server->farm, session->worker, &result, now_ns, &outcome, &err) !=
-        STATUS_OK) {
+    s = merge_result(&session->server->farm, session->worker, &result, now_ns, &outcome, &err);
+    if (s == STATUS_ERR_NO_MEMORY) { /* a Failure would have the worker drop it */
+        outcome = MERGE_DEFERRED;
+    } else if (s != STATUS_OK) {
         log_error("session %u (%s): %s", session->id, session->host, err.text);
         session_end(session, &err);
         return;
@@ -270,6 +273,8 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
                     now_ns);
     else if (outcome == MERGE_UNWANTED)
         session_revoke(session, result.lease, "nobody wants this result any more");
+    else if (outcome == MERGE_DEFERRED)
+        session->worker->deferred_job = result.job;
 }
 
 static void take_return(struct session *session, const Azulejo__Wire__LeaseReturn *message)
@@ -457,4 +462,11 @@ void session_tick(struct session *session, uint64_t now_ns)
         message_send_heartbeat(session->channel) != STATUS_OK)
         log_debug("session %u: no heartbeat was sent", session->id);
     session_watches_send(session, now_ns, 0);
+    transfers_pump(&session->transfers, session->channel); /* some may have waited for the store */
+    if (session->worker && session->worker->deferred_job &&
+        farm_takes_again(&session->server->farm, session->worker->deferred_job)) {
+        session_notice(session, LOG_LEVEL_INFO,
+                       "the store can be used again: connect and send what was not acknowledged");
+        session_end(session, NULL);
+    }
 }

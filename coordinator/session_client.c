@@ -1,4 +1,5 @@
 /* What clients ask for, and what everybody asks about blobs. */
+#include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
@@ -183,7 +184,13 @@ static status check_blobs(const char *folder, const struct scene *scene, struct 
     for (size_t i = 0; s == STATUS_OK && i < count; i++) {
         char hex[DIGEST_HEX_SIZE];
         uint64_t size;
-        if (blobs_find(folder, &blobs[i].digest, &size)) {
+        int found = blobs_find(folder, &blobs[i].digest, &size);
+        if (found < 0) {
+            s = error_set(err, STATUS_ERR_IO, "the coordinator cannot look for the scene's blobs: %s",
+                          strerror(errno));
+            continue;
+        }
+        if (found) {
             if (size != blobs[i].size_bytes)
                 s = error_set(err, STATUS_ERR_INPUT,
                               "the scene says that a blob has %" PRIu64
@@ -393,8 +400,8 @@ static status send_picture(struct session *session, const struct job *job,
         return error_set(err, STATUS_ERR_NOT_FOUND,
                          "job %" PRIu64 ", frame %u is not tone mapped yet%s%s; try again in a "
                          "moment",
-                         job->id, message->frame, job->develop_error[0] ? ": " : "",
-                         job->develop_error);
+                         job->id, message->frame, trouble_is(&job->pictures) ? ": " : "",
+                         job->pictures.text);
     return send_file(session, job, message->frame, extension, request, err);
 }
 
@@ -544,7 +551,7 @@ static void put_blob(struct session *session, const Azulejo__Wire__BlobPut *mess
         slot = upload_slot(session, &piece.digest);
         if (!slot && piece.offset > 0)
             return; /* the rest of one that was there already, or failed: it was answered */
-        if (!slot && blobs_find(folder, &piece.digest, &size)) {
+        if (!slot && blobs_find(folder, &piece.digest, &size) == 1) {
             send_stored(session, &piece.digest, request);
             return;
         }
@@ -555,6 +562,8 @@ static void put_blob(struct session *session, const Azulejo__Wire__BlobPut *mess
             s = error_set(&err, STATUS_ERR_LIMIT, "too many blobs at once: end %d of them first",
                           SESSION_UPLOADS_MAX);
         else
+            s = farm_store_usable(&session->server->farm, &err);
+        if (s == STATUS_OK)
             s = upload_begin(slot, folder, &piece.digest, piece.total_bytes, &err);
     }
     if (s == STATUS_OK)
@@ -579,7 +588,7 @@ static void get_blob(struct session *session, const Azulejo__Wire__BlobGet *mess
     uint64_t size;
     status s = wire_digest_get(&digest, &message->digest, "a blob", &err);
 
-    if (s == STATUS_OK && !blobs_find(folder, &digest, &size)) {
+    if (s == STATUS_OK && blobs_find(folder, &digest, &size) == 0) {
         char hex[DIGEST_HEX_SIZE];
         digest_to_hex(&digest, hex);
         s = error_set(&err, STATUS_ERR_NOT_FOUND, "the coordinator has no blob %s", hex);

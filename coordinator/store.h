@@ -1,6 +1,7 @@
 /* store: what survives a restart. The only SQL is here.
  *
  * STORE/lock              held (flock) while a coordinator uses the store
+ * STORE/reserve           room kept back for queue.sqlite (reserve.h)
  * STORE/queue.sqlite      jobs, the frames that are done, the lease epoch (WAL, full sync)
  * STORE/blobs/ab/HEX      blobs by SHA-256 (blobs.h)
  * STORE/blobs/tmp/        uploads on their way; emptied at the start
@@ -8,6 +9,18 @@
  * STORE/outputs/JOB/frame-NNNN.exr, .png, .jpg, .effects.json
  *     .picture.exr        the means in 32 bits, where frame-NNNN.exr is not that
  *     .state              what tone mapping measured (develop.c): only saves time
+ *
+ * Folders have mode 700, files 600.
+ *
+ * A failure of the environment (status_is_environment) leaves everything as it was and may be tried
+ * again at any time:
+ *
+ *   WORKING --a write fails: store_suspect--> store_check says whether the store itself is the cause
+ *     ^                                                               |
+ *     +------------------store_check: STATUS_OK------------ FAILING <-+
+ *
+ * A store that can be read but not written is opened, too: it has read_only, its epoch is not
+ * stored, and store_check makes up for both.
  *
  * Functions marked [any thread] may be called from any thread, the others from the one that
  * opened the store.
@@ -24,16 +37,25 @@
 
 struct store;
 
-/* ERR_REFUSED: another coordinator uses it. ERR_IO: cannot be made, read or written.
- * ERR_CORRUPT: not a store, damaged, or of a newer version. */
+/* ERR_REFUSED: another coordinator uses it. ERR_IO, ERR_NO_MEMORY: cannot be made or read; nothing was
+ * changed. ERR_CORRUPT: not a store, damaged, or of a newer version. */
 status store_open(struct store **out, const char *folder, struct error *err) MUST_CHECK;
 void store_close(struct store *store);
 const char *store_folder(const struct store *store);
 
+/* Can it be used? If not, and if the environment is the cause, the text says what to do about it.
+ * Does what is needed for that and was not possible before: folders, the database, the epoch, the
+ * reserve, saves that failed. Writes a small file, and syncs nothing. ERR_IO, ERR_NO_MEMORY. */
+status store_check(struct store *store, struct error *err) MUST_CHECK;
+/* Did something fail since the last store_check, so that it should be asked? [any thread] */
+int store_suspect(const struct store *store);
+
 /* The epoch that this run's leases start after: greater than any that an earlier run of this
- * store can have granted, and, by the wall clock, than those of another store. */
+ * store can have granted, and, by the wall clock, than those of another store. It must be stored
+ * before a lease is granted: where that fails now, store_check does it later. */
 status store_epoch_begin(struct store *store, int64_t wall_s, uint64_t *epoch, struct error *err)
     MUST_CHECK;
+int store_epoch_stored(const struct store *store);
 
 /* Give the job an id and keep it. Fails where its token is a stored job's. [any thread] */
 status store_job_insert(struct store *store, struct job *job, struct error *err) MUST_CHECK;
@@ -43,14 +65,20 @@ status store_job_find(struct store *store, const struct job *job, uint64_t *id, 
     MUST_CHECK;
 /* Undo an insert; failure is logged. */
 void store_job_forget(struct store *store, uint64_t id);
-/* Keep its state and counters; on disk when this returns. */
+/* Keep its state and counters; on disk when this returns. ERR_IO, ERR_NO_MEMORY. */
 status store_job_save(struct store *store, const struct job *job, uint64_t now_ns,
                       struct error *err) MUST_CHECK;
-/* The same, soon, by the store's own thread: a sync can take seconds while films are written.
- * Failure is logged. store_close writes what still waits. */
-void store_job_save_later(struct store *store, const struct job *job, uint64_t now_ns);
-/* Wait until what store_job_save_later was given before is on disk. [any thread] */
-void store_await_saves(struct store *store);
+/* The same, soon, by the store's own thread: a sync can take seconds while films are written. What
+ * cannot be written is kept, and written when store_check finds that it can be; store_close tries
+ * what still waits once more. The films of a job that has ended are removed when its state is on
+ * disk, and not before. ERR_NO_MEMORY: it was not noted. */
+status store_job_save_later(struct store *store, const struct job *job, uint64_t now_ns,
+                            struct error *err) MUST_CHECK;
+/* Wait until what store_job_save_later was given before is on disk. ERR_IO, ERR_NO_MEMORY: it cannot
+ * be written at present. [any thread] */
+status store_await_saves(struct store *store, struct error *err) MUST_CHECK;
+/* Does a save of this job wait to be written? [any thread] */
+int store_job_unsaved(struct store *store, uint64_t id);
 /* Every job, ascending id, with its done frames marked. `adopt` takes ownership when it returns
  * STATUS_OK. A row that cannot be read is an error: no job is dropped silently. */
 status store_jobs_load(struct store *store,
@@ -74,12 +102,16 @@ status store_film_open(struct store *store, uint64_t job, uint32_t frame, struct
 int store_film_exists(const struct store *store, uint64_t job, uint32_t frame);
 /* [any thread] */
 void store_film_remove(struct store *store, uint64_t job, uint32_t frame);
+/* [any thread] */
 void store_films_remove(struct store *store, uint64_t job);
+/* Call visit for each job of which there is a folder of films. */
+void store_films_list(const struct store *store, void (*visit)(void *user, uint64_t job),
+                      void *user);
 
 /* Path of an output: append to `path`. [any thread] */
 void store_output_path(const struct store *store, uint64_t job, uint32_t frame,
                        const char *extension, struct buffer *path);
-/* Append an output's bytes to `out`. ERR_IO, ERR_LIMIT, ERR_NO_MEMORY. [any thread] */
+/* Append an output's bytes to `out`. ERR_NOT_FOUND, ERR_IO, ERR_LIMIT, ERR_NO_MEMORY. [any thread] */
 status store_output_read(const struct store *store, uint64_t job, uint32_t frame,
                          const char *extension, size_t limit_bytes, struct buffer *out,
                          struct error *err) MUST_CHECK;

@@ -1,8 +1,14 @@
 /* The database file: its tables and their versions, and the few ways to run a statement. */
+#include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "common/base/file.h"
 #include "common/base/memory.h"
+#include "coordinator/reserve.h"
 #include "coordinator/store_parts.h"
 
 /* Version of the tables, kept in SQLite's user_version. */
@@ -31,35 +37,33 @@ static const char schema_3[] =
     "ALTER TABLE jobs ADD COLUMN token TEXT;"
     "CREATE UNIQUE INDEX jobs_token ON jobs (token) WHERE token IS NOT NULL;";
 
-status sql_error(const struct store *store, const char *what, struct error *err)
+status sql_error(struct store *store, const char *what, struct error *err)
 {
     int code = sqlite3_errcode(store->db);
+    int number = sqlite3_system_errno(store->db); /* of its last I/O error */
+    int told = number && (code == SQLITE_IOERR || code == SQLITE_CANTOPEN);
 
-    return error_set(err,
-                     code == SQLITE_NOMEM ? STATUS_ERR_NO_MEMORY
-                     : code == SQLITE_CORRUPT || code == SQLITE_NOTADB ? STATUS_ERR_CORRUPT
-                                                                       : STATUS_ERR_IO,
-                     "%s/queue.sqlite: %s: %s", store->folder, what, sqlite3_errmsg(store->db));
+    atomic_store(&store->suspect, 1);
+    return error_set(err, code == SQLITE_NOMEM ? STATUS_ERR_NO_MEMORY : STATUS_ERR_IO,
+                     "%s/queue.sqlite: %s: %s%s%s", store->folder, what, sqlite3_errmsg(store->db),
+                     told ? ": " : "", told ? strerror(number) : "");
 }
 
-static status sql_exec(const struct store *store, const char *sql, const char *what,
-                       struct error *err)
+static status sql_exec(struct store *store, const char *sql, const char *what, struct error *err)
 {
     if (sqlite3_exec(store->db, sql, NULL, NULL, NULL) != SQLITE_OK)
         return sql_error(store, what, err);
     return STATUS_OK;
 }
 
-status sql_prepare(const struct store *store, const char *sql, sqlite3_stmt **out,
-                   struct error *err)
+status sql_prepare(struct store *store, const char *sql, sqlite3_stmt **out, struct error *err)
 {
     if (sqlite3_prepare_v2(store->db, sql, -1, out, NULL) != SQLITE_OK)
         return sql_error(store, "prepare", err);
     return STATUS_OK;
 }
 
-status sql_run(const struct store *store, sqlite3_stmt *statement, const char *what,
-               struct error *err)
+status sql_run(struct store *store, sqlite3_stmt *statement, const char *what, struct error *err)
 {
     status s = STATUS_OK;
 
@@ -67,6 +71,40 @@ status sql_run(const struct store *store, sqlite3_stmt *statement, const char *w
         s = sql_error(store, what, err);
     sqlite3_finalize(statement);
     return s;
+}
+
+/* Did what was done last find no room? Some of SQLite's files report it as an I/O error, and the index
+ * of its log without a number. */
+static int found_no_room(const struct store *store)
+{
+    int number = sqlite3_system_errno(store->db);
+
+    return sqlite3_errcode(store->db) == SQLITE_FULL ||
+           (sqlite3_errcode(store->db) == SQLITE_IOERR && (number == 0 || number == ENOSPC || number == EDQUOT));
+}
+
+static int give_reserve(struct store *store)
+{
+    if (!found_no_room(store) || !reserve_release(store->folder))
+        return 0;
+    atomic_store(&store->suspect, 1);
+    return 1;
+}
+
+status sql_run_reserved(struct store *store, sqlite3_stmt *statement, const char *what,
+                        struct error *err)
+{
+    if (sqlite3_step(statement) != SQLITE_DONE) {
+        if (!give_reserve(store)) {
+            status s = sql_error(store, what, err);
+            sqlite3_finalize(statement);
+            return s;
+        }
+        sqlite3_reset(statement);
+        return sql_run(store, statement, what, err);
+    }
+    sqlite3_finalize(statement);
+    return STATUS_OK;
 }
 
 void bind_text(sqlite3_stmt *statement, int at, const char *text)
@@ -91,40 +129,52 @@ uint64_t column_number(sqlite3_stmt *statement, int at)
     return (uint64_t)sqlite3_column_int64(statement, at);
 }
 
-status database_open(struct store *store, struct error *err)
+static status schema_version(struct store *store, int *version, struct error *err)
 {
-    char *path = file_join(store->folder, "queue.sqlite");
     sqlite3_stmt *statement = NULL;
-    int version = 0;
-    status s;
+    status s = sql_prepare(store, "PRAGMA user_version", &statement, err);
 
-    if (!path)
-        return error_no_memory(err, "the store");
-    if (sqlite3_open_v2(path, &store->db,
-                        SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_FULLMUTEX,
-                        NULL) != SQLITE_OK) {
-        s = store->db ? sql_error(store, "cannot be opened", err) : error_no_memory(err, path);
-        mem_free(path);
-        return s;
-    }
-    mem_free(path);
-    sqlite3_extended_result_codes(store->db, 0);
-    sqlite3_busy_timeout(store->db, BUSY_MS);
-    s = sql_exec(store, "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON",
-                 "cannot be read", err);
-    if (s == STATUS_OK)
-        s = sql_prepare(store, "PRAGMA user_version", &statement, err);
     if (s != STATUS_OK)
         return s;
     if (sqlite3_step(statement) == SQLITE_ROW)
-        version = sqlite3_column_int(statement, 0);
+        *version = sqlite3_column_int(statement, 0);
+    else
+        s = sql_error(store, "cannot be read", err);
     sqlite3_finalize(statement);
-    if (version > STORE_VERSION)
+    if (s == STATUS_OK && *version > STORE_VERSION)
         return error_set(err, STATUS_ERR_CORRUPT,
                          "%s: was written by a newer azulejo (store version %d; this one reads %d)",
-                         store->folder, version, STORE_VERSION);
-    if (version == STORE_VERSION)
-        return STATUS_OK;
+                         store->folder, *version, STORE_VERSION);
+    return s;
+}
+
+static status connect(struct store *store, const char *name, int flags, struct error *err)
+{
+    if (sqlite3_open_v2(name, &store->db, flags | SQLITE_OPEN_FULLMUTEX, NULL) != SQLITE_OK)
+        return store->db ? sql_error(store, "cannot be opened", err) : error_no_memory(err, name);
+    sqlite3_extended_result_codes(store->db, 0);
+    sqlite3_busy_timeout(store->db, BUSY_MS);
+    return STATUS_OK;
+}
+
+static status open_to_write(struct store *store, const char *path, struct error *err)
+{
+    int version = 0;
+    /* SQLite makes its other files with the rights of this one. */
+    int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+    status s;
+
+    if (fd < 0)
+        return error_set(err, STATUS_ERR_IO, "%s: cannot be opened: %s", path, strerror(errno));
+    close(fd);
+    s = connect(store, path, SQLITE_OPEN_READWRITE, err);
+    if (s == STATUS_OK)
+        s = sql_exec(store, "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; "
+                            "PRAGMA foreign_keys=ON", "cannot be opened", err);
+    if (s == STATUS_OK)
+        s = schema_version(store, &version, err);
+    if (s != STATUS_OK || version == STORE_VERSION)
+        return s;
     s = sql_exec(store, "BEGIN IMMEDIATE", "cannot be written", err);
     if (s == STATUS_OK && version < 1)
         s = sql_exec(store, schema, "cannot be set up", err);
@@ -134,5 +184,113 @@ status database_open(struct store *store, struct error *err)
         s = sql_exec(store, schema_3, "cannot be brought up to date", err);
     if (s == STATUS_OK)
         s = sql_exec(store, "PRAGMA user_version=3; COMMIT", "cannot be set up", err);
+    return s;
+}
+
+/* The path as a URI that says that nobody will change the file: SQLite then needs neither its index
+ * of the log nor a lock. */
+static void immutable_name(const char *path, struct buffer *name)
+{
+    buffer_printf(name, "file:");
+    for (const char *at = path; *at; at++)
+        buffer_printf(name, strchr("?#%", *at) ? "%%%02X" : "%c", (unsigned char)*at);
+    buffer_printf(name, "?immutable=1");
+}
+
+/* Without the right or the room to write, the log can only be read where its index lies beside it;
+ * where the log is empty, as after an orderly end, it needs not be. */
+static status open_to_read(struct store *store, const char *path, struct error *err)
+{
+    struct buffer name = BUFFER_INIT, log = BUFFER_INIT;
+    struct stat info;
+    int version = 0;
+    status s;
+
+    buffer_printf(&log, "%s-wal", path);
+    if (stat(buffer_text(&log), &info) == 0 && info.st_size > 0)
+        buffer_printf(&name, "%s", path);
+    else
+        immutable_name(path, &name);
+    s = buffer_ok(&name) && buffer_ok(&log)
+            ? connect(store, buffer_text(&name), SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, err)
+            : error_no_memory(err, "the store");
+    if (s == STATUS_OK)
+        s = schema_version(store, &version, err);
+    if (s == STATUS_OK && version != STORE_VERSION)
+        s = error_set(err, STATUS_ERR_IO, "%s: its tables are of an older version", path);
+    buffer_release(&name);
+    buffer_release(&log);
+    return s;
+}
+
+/* Close a connection that did not open. Damage is told from the environment's failures here: it ends
+ * the coordinator before anything was written. */
+static status disconnect(struct store *store, status s, struct error *err)
+{
+    int code = store->db ? sqlite3_errcode(store->db) : SQLITE_OK;
+
+    if (code == SQLITE_CORRUPT || code == SQLITE_NOTADB || code == SQLITE_ERROR) {
+        s = STATUS_ERR_CORRUPT;
+        if (err)
+            err->code = s;
+    }
+    sqlite3_close(store->db);
+    store->db = NULL;
+    return s;
+}
+
+/* For writing, with the reserve's room where there is no other, or at least for reading. What keeps it
+ * from being written is in `err` also when it can be read. */
+static status open_as_possible(struct store *store, const char *path, struct error *err)
+{
+    struct error why = {0};
+    status s = open_to_write(store, path, err);
+
+    if (status_is_environment(s) && store->db && give_reserve(store)) {
+        sqlite3_close(store->db);
+        store->db = NULL;
+        s = open_to_write(store, path, err);
+    }
+    store->read_only = s != STATUS_OK;
+    if (s == STATUS_OK)
+        return s;
+    s = disconnect(store, s, err);
+    if (!status_is_environment(s) || open_to_read(store, path, &why) == STATUS_OK)
+        return s;
+    sqlite3_close(store->db);
+    store->db = NULL;
+    return s;
+}
+
+status database_open(struct store *store, struct error *err)
+{
+    char *path = file_join(store->folder, "queue.sqlite");
+    status s = path ? open_as_possible(store, path, err) : error_no_memory(err, "the store");
+
+    mem_free(path);
+    return store->db ? STATUS_OK : s;
+}
+
+/* SQLite shares what it knows of the log's index between a process's connections, and it was opened
+ * for reading: the old connection must be closed first. */
+status database_reopen(struct store *store, struct error *err)
+{
+    char *path = file_join(store->folder, "queue.sqlite");
+    int fd = path ? open(path, O_RDWR | O_CLOEXEC) : -1;
+    status s;
+
+    if (!path)
+        return error_no_memory(err, "the store");
+    if (fd < 0) {
+        s = error_set(err, STATUS_ERR_IO, "%s: cannot be opened: %s", path, strerror(errno));
+    } else {
+        close(fd);
+        pthread_mutex_lock(&store->order);
+        sqlite3_close(store->db);
+        store->db = NULL;
+        s = open_as_possible(store, path, err);
+        pthread_mutex_unlock(&store->order);
+    }
+    mem_free(path);
     return s;
 }

@@ -2,24 +2,23 @@
 #include <dirent.h>
 #include <errno.h>
 #include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "common/base/file.h"
 #include "common/base/log.h"
+#include "common/base/memory.h"
 #include "coordinator/store_parts.h"
 
 static status make_job_folder(const struct store *store, const char *kind, uint64_t job,
                               struct error *err)
 {
-    struct buffer path = BUFFER_INIT;
-    status s;
+    char name[48];
 
-    buffer_printf(&path, "%s/%s/%" PRIu64, store->folder, kind, job);
-    s = buffer_ok(&path) ? file_make_folder(buffer_text(&path), err)
-                         : error_no_memory(err, "a path");
-    buffer_release(&path);
-    return s;
+    snprintf(name, sizeof name, "%s/%" PRIu64, kind, job);
+    return store_make_folder(store, name, err);
 }
 
 static void film_path(const struct store *store, uint64_t job, uint32_t frame, struct buffer *path)
@@ -82,6 +81,23 @@ void store_films_remove(struct store *store, uint64_t job)
     buffer_release(&path);
 }
 
+void store_films_list(const struct store *store, void (*visit)(void *user, uint64_t job), void *user)
+{
+    char *path = file_join(store->folder, "films");
+    DIR *folder = path ? opendir(path) : NULL;
+    const struct dirent *entry;
+
+    while (folder && (entry = readdir(folder))) {
+        char *end;
+        uint64_t job = strtoull(entry->d_name, &end, 10);
+        if (job > 0 && *end == 0)
+            visit(user, job);
+    }
+    if (folder)
+        closedir(folder);
+    mem_free(path);
+}
+
 void store_output_path(const struct store *store, uint64_t job, uint32_t frame,
                        const char *extension, struct buffer *path)
 {
@@ -97,7 +113,7 @@ status store_output_read(const struct store *store, uint64_t job, uint32_t frame
     status s;
 
     store_output_path(store, job, frame, extension, &path);
-    s = buffer_ok(&path) ? file_read(buffer_text(&path), limit_bytes, out, err)
+    s = buffer_ok(&path) ? file_read_kept(buffer_text(&path), limit_bytes, out, err)
                          : error_no_memory(err, "a path");
     buffer_release(&path);
     return s;
@@ -113,7 +129,7 @@ status store_output_write(struct store *store, uint64_t job, uint32_t frame, con
     if (s == STATUS_OK && !buffer_ok(&path))
         s = error_no_memory(err, "a path");
     if (s == STATUS_OK)
-        s = file_write_atomic(buffer_text(&path), data->data, data->size, err);
+        s = file_write_private(buffer_text(&path), data->data, data->size, err);
     buffer_release(&path);
     return s;
 }

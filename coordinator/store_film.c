@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <stdatomic.h>
+#include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -14,6 +15,7 @@
 
 struct film_file {
     int fd;
+    int read_only;
     size_t slot_bytes;
     char *path;
 };
@@ -124,13 +126,14 @@ static status load_tile(struct film_file *file, struct film *film, uint32_t tile
     size_t size = film_tile_state_size(film, tile);
     uint8_t *best = bytes + file->slot_bytes;
     struct error why = {0};
+    status s;
 
     *durable = 0;
     *slot = 1;
     for (uint8_t i = 0; i < FILM_SLOTS; i++) {
         uint32_t passes;
         size_t got;
-        status s = read_at(file, bytes, size, slot_offset(file, tile, i), &got, err);
+        s = read_at(file, bytes, size, slot_offset(file, tile, i), &got, err);
         if (s != STATUS_OK)
             return s;
         memset(bytes + got, 0, size - got);
@@ -148,7 +151,13 @@ static status load_tile(struct film_file *file, struct film *film, uint32_t tile
     }
     if (*durable == 0)
         return STATUS_OK;
-    return film_tile_load(film, tile, best, size, err);
+    s = film_tile_load(film, tile, best, size, err);
+    if (s == STATUS_ERR_CORRUPT) { /* its check is right and its sums are not: not worth waiting for */
+        *durable = 0;
+        *damaged += 1;
+        s = STATUS_OK;
+    }
+    return s;
 }
 
 static status load_all(struct film_file *file, struct film *film, uint32_t *durable, uint8_t *slot,
@@ -175,24 +184,90 @@ static int printable(uint8_t byte)
     return byte > 0x20 && byte < 0x7f ? byte : '?';
 }
 
-static void sync_folder(const char *path)
+/* What is in the file's place is not this frame's film. It goes aside: somebody may know what to do
+ * with it. */
+static status set_aside(struct film_file *file, const uint8_t *found, size_t got, struct error *err)
 {
-    char *folder = file_dirname(path);
-    int fd = folder ? open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
+    struct buffer aside = BUFFER_INIT;
+    status s = STATUS_OK;
 
-    if (fd >= 0) {
-        fsync(fd); /* where folders cannot be synced, their entries need no sync */
-        close(fd);
+    buffer_printf(&aside, "%s.unusable", file->path);
+    if (!buffer_ok(&aside))
+        s = error_no_memory(err, "a path");
+    else if (rename(file->path, buffer_text(&aside)) != 0)
+        s = error_set(err, STATUS_ERR_IO, "%s: cannot be renamed: %s", file->path, strerror(errno));
+    else if (got > HEADER_VERSION_AT && memcmp(found, header_magic, HEADER_VERSION_AT) == 0 &&
+             found[HEADER_VERSION_AT] != (uint8_t)header_magic[HEADER_VERSION_AT])
+        log_warn("%s: was written by another version of azulejo (film format %c, this one reads "
+                 "%c); the frame will be rendered from its beginning, and the file is kept as %s",
+                 file->path, printable(found[HEADER_VERSION_AT]), header_magic[HEADER_VERSION_AT],
+                 buffer_text(&aside));
+    else
+        log_warn("%s: belongs to another frame or is damaged; the frame will be rendered from its "
+                 "beginning, and the file is kept as %s",
+                 file->path, buffer_text(&aside));
+    buffer_release(&aside);
+    return s;
+}
+
+/* Open the file that is there. ERR_NOT_FOUND: none is. */
+static status open_there(struct film_file *file, struct error *err)
+{
+    file->fd = open(file->path, O_RDWR | O_CLOEXEC);
+    if (file->fd < 0 && (errno == EROFS || errno == EACCES)) {
+        file->fd = open(file->path, O_RDONLY | O_CLOEXEC);
+        file->read_only = file->fd >= 0;
     }
-    mem_free(folder);
+    if (file->fd >= 0)
+        return STATUS_OK;
+    return error_set(err, errno == ENOENT ? STATUS_ERR_NOT_FOUND : STATUS_ERR_IO,
+                     "%s: cannot be opened: %s", file->path, strerror(errno));
+}
+
+static status make_file(struct film_file *file, const uint8_t wanted[HEADER_SIZE], struct error *err)
+{
+    status s;
+
+    file->fd = open(file->path, O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+    if (file->fd < 0)
+        return error_set(err, STATUS_ERR_IO, "%s: cannot be made: %s", file->path, strerror(errno));
+    s = write_at(file, wanted, HEADER_SIZE, 0, err);
+    if (s != STATUS_OK) {
+        unlink(file->path); /* nothing was in it */
+        return s;
+    }
+    /* The file's name must last as long as what is acknowledged. */
+    return file_sync_folder_of(file->path, err);
+}
+
+static status open_and_load(struct film_file *file, struct film *film,
+                            const uint8_t wanted[HEADER_SIZE], uint32_t *durable, uint8_t *slot,
+                            struct error *err)
+{
+    uint8_t found[HEADER_SIZE];
+    size_t got = 0;
+    status s = open_there(file, err);
+
+    if (s == STATUS_ERR_NOT_FOUND)
+        return make_file(file, wanted, err);
+    if (s == STATUS_OK)
+        s = read_at(file, found, sizeof found, 0, &got, err);
+    if (s != STATUS_OK)
+        return s;
+    if (got == sizeof found && memcmp(found, wanted, sizeof found) == 0)
+        return load_all(file, film, durable, slot, err);
+    if (!all_zero(found, got))
+        s = set_aside(file, found, got, err);
+    close(file->fd);
+    file->fd = -1;
+    return s == STATUS_OK ? make_file(file, wanted, err) : s;
 }
 
 status film_file_open(struct film_file **out, const char *path, uint64_t job, uint32_t frame,
                       struct film *film, uint32_t *durable, uint8_t *slot, struct error *err)
 {
     struct film_file *file = mem_calloc(1, sizeof *file);
-    uint8_t wanted[HEADER_SIZE], found[HEADER_SIZE];
-    size_t got = 0;
+    uint8_t wanted[HEADER_SIZE];
     status s;
 
     *out = NULL;
@@ -214,37 +289,9 @@ status film_file_open(struct film_file **out, const char *path, uint64_t job, ui
         s = error_set(err, STATUS_ERR_INTERNAL, "%s: no SHA-256", path);
         goto fail;
     }
-    file->fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-    if (file->fd < 0) {
-        s = error_set(err, STATUS_ERR_IO, "%s: cannot be opened: %s", path, strerror(errno));
-        goto fail;
-    }
-    s = read_at(file, found, sizeof found, 0, &got, err);
+    s = open_and_load(file, film, wanted, durable, slot, err);
     if (s != STATUS_OK)
         goto fail;
-    if (got == sizeof found && memcmp(found, wanted, sizeof found) == 0) {
-        s = load_all(file, film, durable, slot, err);
-        if (s != STATUS_OK)
-            goto fail;
-    } else {
-        if (got > HEADER_VERSION_AT && memcmp(found, header_magic, HEADER_VERSION_AT) == 0 &&
-            found[HEADER_VERSION_AT] != (uint8_t)header_magic[HEADER_VERSION_AT])
-            log_warn("%s: was written by another version of azulejo (film format %c, this one "
-                     "reads %c); the frame will be rendered from its beginning",
-                     path, printable(found[HEADER_VERSION_AT]), header_magic[HEADER_VERSION_AT]);
-        else if (got > 0 && !all_zero(found, got))
-            log_warn("%s: belongs to another frame or is damaged; the frame will be rendered "
-                     "from its beginning",
-                     path);
-        if (ftruncate(file->fd, 0) != 0) {
-            s = error_set(err, STATUS_ERR_IO, "%s: %s", path, strerror(errno));
-            goto fail;
-        }
-        s = write_at(file, wanted, sizeof wanted, 0, err);
-        if (s != STATUS_OK)
-            goto fail;
-        sync_folder(path); /* the file's name must last as long as what is acknowledged */
-    }
     *out = file;
     return STATUS_OK;
 fail:
@@ -262,9 +309,28 @@ void film_file_close(struct film_file *file)
     mem_free(file);
 }
 
+/* The disk may take writes by now. */
+static status become_writable(struct film_file *file, struct error *err)
+{
+    int fd = open(file->path, O_RDWR | O_CLOEXEC);
+
+    if (fd < 0)
+        return error_set(err, STATUS_ERR_IO, "%s: cannot be written: %s", file->path,
+                         strerror(errno));
+    close(file->fd);
+    file->fd = fd;
+    file->read_only = 0;
+    return STATUS_OK;
+}
+
 status film_file_write(struct film_file *file, uint32_t tile, uint8_t slot, const uint8_t *state,
                        size_t size_bytes, struct error *err)
 {
+    if (file->read_only) {
+        status s = become_writable(file, err);
+        if (s != STATUS_OK)
+            return s;
+    }
     return write_at(file, state, size_bytes, slot_offset(file, tile, slot), err);
 }
 

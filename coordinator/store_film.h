@@ -4,7 +4,8 @@
  * slots for each tile, each FILM slot_bytes long, holding film_tile_save's bytes. A tile's new
  * state goes to the slot that does not hold its newest durable one; a slot that was torn by
  * a crash is refused by its checksum, and the other one, which is older, counts. Slots
- * never written are holes.
+ * never written are holes. A file whose header is not the frame's (damaged, or of another version) is
+ * kept beside it as FILE.unusable until the job ends.
  *
  * film_file_write and film_file_sync may be called from another thread than the others,
  * one at a time.
@@ -22,8 +23,9 @@ enum { FILM_FILE_HEADER = 4096, FILM_SLOTS = 2 };
 struct film_file;
 
 /* Open or make the file and load what it holds into the new, empty film; durable[tile] and
- * slot[tile] tell what was found. Damaged slots are logged, and rendered again. ERR_IO,
- * ERR_NO_MEMORY. */
+ * slot[tile] tell what was found. Damaged slots are logged, and rendered again. Where the file may
+ * only be read, that is enough; it is opened again when it is written to. ERR_IO, ERR_NO_MEMORY: what
+ * there was is there still. */
 status film_file_open(struct film_file **out, const char *path, uint64_t job, uint32_t frame,
                       struct film *film, uint32_t *durable, uint8_t *slot, struct error *err)
     MUST_CHECK;

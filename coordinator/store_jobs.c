@@ -76,12 +76,15 @@ void store_job_forget(struct store *store, uint64_t id)
 {
     sqlite3_stmt *statement = NULL;
     struct error err = {0};
-    status s = sql_prepare(store, "DELETE FROM jobs WHERE id=?", &statement, &err);
+    status s;
 
+    pthread_mutex_lock(&store->order);
+    s = sql_prepare(store, "DELETE FROM jobs WHERE id=?", &statement, &err);
     if (s == STATUS_OK) {
         bind_number(statement, 1, id);
         s = sql_run(store, statement, "a job cannot be removed", &err);
     }
+    pthread_mutex_unlock(&store->order);
     if (s != STATUS_OK)
         log_error("%s", err.text);
 }
@@ -190,33 +193,40 @@ status store_frame_done(struct store *store, uint64_t job, uint32_t frame, doubl
                         int64_t revision, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
-    status s = sql_prepare(store,
-                           "INSERT OR REPLACE INTO frames (job, frame, relative_mse, revision) "
-                           "VALUES (?, ?, ?, ?)",
-                           &statement, err);
+    status s;
 
-    if (s != STATUS_OK)
-        return s;
-    bind_number(statement, 1, job);
-    sqlite3_bind_int64(statement, 2, frame);
-    sqlite3_bind_double(statement, 3, relative_mse); /* NaN becomes NULL */
-    sqlite3_bind_int64(statement, 4, revision);
-    return sql_run(store, statement, "the frame cannot be noted as done", err);
+    pthread_mutex_lock(&store->order);
+    s = sql_prepare(store,
+                    "INSERT OR REPLACE INTO frames (job, frame, relative_mse, revision) "
+                    "VALUES (?, ?, ?, ?)",
+                    &statement, err);
+    if (s == STATUS_OK) {
+        bind_number(statement, 1, job);
+        sqlite3_bind_int64(statement, 2, frame);
+        sqlite3_bind_double(statement, 3, relative_mse); /* NaN becomes NULL */
+        sqlite3_bind_int64(statement, 4, revision);
+        s = sql_run_reserved(store, statement, "the frame cannot be noted as done", err);
+    }
+    pthread_mutex_unlock(&store->order);
+    return s;
 }
 
 status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
                              struct error *err)
 {
     sqlite3_stmt *statement = NULL;
-    status s = sql_prepare(store, "UPDATE frames SET revision=? WHERE job=? AND frame=?",
-                           &statement, err);
+    status s;
 
-    if (s != STATUS_OK)
-        return s;
-    sqlite3_bind_int64(statement, 1, revision);
-    bind_number(statement, 2, job);
-    sqlite3_bind_int64(statement, 3, frame);
-    return sql_run(store, statement, "the frame's pictures cannot be noted", err);
+    pthread_mutex_lock(&store->order);
+    s = sql_prepare(store, "UPDATE frames SET revision=? WHERE job=? AND frame=?", &statement, err);
+    if (s == STATUS_OK) {
+        sqlite3_bind_int64(statement, 1, revision);
+        bind_number(statement, 2, job);
+        sqlite3_bind_int64(statement, 3, frame);
+        s = sql_run_reserved(store, statement, "the frame's pictures cannot be noted", err);
+    }
+    pthread_mutex_unlock(&store->order);
+    return s;
 }
 
 status store_job_revise(struct store *store, const struct job *job, struct error *err)
@@ -225,6 +235,7 @@ status store_job_revise(struct store *store, const struct job *job, struct error
     struct buffer request = BUFFER_INIT;
     status s = wire_job_pack(job, &request, err);
 
+    pthread_mutex_lock(&store->order);
     if (s == STATUS_OK)
         s = sql_prepare(store, "UPDATE jobs SET request=?, revision=? WHERE id=?", &statement, err);
     if (s == STATUS_OK) {
@@ -233,6 +244,7 @@ status store_job_revise(struct store *store, const struct job *job, struct error
         bind_number(statement, 3, job->id);
         s = sql_run(store, statement, "the job's output settings cannot be stored", err);
     }
+    pthread_mutex_unlock(&store->order);
     buffer_release(&request);
     return s;
 }

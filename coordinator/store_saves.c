@@ -53,7 +53,71 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     bind_number(statement, 11, row->stats.cpu_ns);
     bind_number(statement, 12, row->stats.trace_ns);
     bind_number(statement, 13, row->id);
-    return sql_run(store, statement, "the job's state cannot be stored", err);
+    return sql_run_reserved(store, statement, "the job's state cannot be stored", err);
+}
+
+static struct saved_job **saves_find(struct store *store, uint64_t id)
+{
+    struct saved_job **at = &store->saves;
+
+    while (*at && (*at)->id != id)
+        at = &(*at)->next;
+    return at;
+}
+
+/* Take the job's waiting row out of the list: a newer one follows. */
+static void saves_drop(struct store *store, uint64_t id)
+{
+    struct saved_job **at = saves_find(store, id), *row = *at;
+
+    if (!row)
+        return;
+    *at = row->next;
+    mem_free(row);
+}
+
+/* What became of a row that left the list; `order` is held. A failed one goes back unless a newer one
+ * came. */
+static void row_written(struct store *store, struct saved_job *row, status s,
+                        const struct error *why)
+{
+    pthread_mutex_lock(&store->lock);
+    store->failing = s != STATUS_OK;
+    store->retry = 0;
+    if (store->failing) {
+        store->save_error = *why;
+        if (!*saves_find(store, row->id)) {
+            row->next = store->saves;
+            store->saves = row;
+            row = NULL;
+        }
+    }
+    store->busy = 0;
+    if (!store->saves || store->failing)
+        pthread_cond_broadcast(&store->idle);
+    pthread_mutex_unlock(&store->lock);
+    mem_free(row);
+}
+
+/* Wait until there is a row that may be written. 0: the store closes, and nothing is left that can
+ * be. */
+static int await_row(struct store *store)
+{
+    int there;
+
+    pthread_mutex_lock(&store->lock);
+    while (!store->ending && (!store->saves || (store->failing && !store->retry)))
+        pthread_cond_wait(&store->wake, &store->lock);
+    if (store->ending && store->failing && !store->retry && store->saves) {
+        log_error("%s; how jobs stand now is not stored: those that ended go on at the next start",
+                  store->save_error.text);
+        there = 0;
+    } else {
+        there = store->saves != NULL;
+    }
+    store->busy = there;
+    pthread_mutex_unlock(&store->lock);
+    return there;
 }
 
 /* The writer thread: one row after another, until the store closes and none is left. */
@@ -61,34 +125,28 @@ static void *write_saves(void *user)
 {
     struct store *store = user;
 
-    for (;;) {
+    while (await_row(store)) {
         struct error err = {0};
         struct saved_job *row;
+        uint64_t ended = 0;
+        status s = STATUS_OK;
 
-        pthread_mutex_lock(&store->lock);
-        while (!store->saves && !store->ending)
-            pthread_cond_wait(&store->wake, &store->lock);
-        row = store->saves;
-        store->busy = row != NULL;
-        pthread_mutex_unlock(&store->lock);
-        if (!row)
-            return NULL;
         pthread_mutex_lock(&store->order);
         pthread_mutex_lock(&store->lock);
         row = store->saves; /* what was there may have been overtaken */
         if (row)
             store->saves = row->next;
         pthread_mutex_unlock(&store->lock);
-        if (row && row_write(store, row, &err) != STATUS_OK)
-            log_error("%s", err.text);
+        if (row)
+            s = row_write(store, row, &err);
+        if (row && s == STATUS_OK && job_state_ended(row->state))
+            ended = row->id;
+        row_written(store, row, s, &err);
         pthread_mutex_unlock(&store->order);
-        mem_free(row);
-        pthread_mutex_lock(&store->lock);
-        store->busy = 0;
-        if (!store->saves)
-            pthread_cond_broadcast(&store->idle);
-        pthread_mutex_unlock(&store->lock);
+        if (ended) /* and only now: its end is on disk */
+            store_films_remove(store, ended);
     }
+    return NULL;
 }
 
 void saves_init(struct store *store)
@@ -111,28 +169,17 @@ void saves_stop(struct store *store)
 {
     if (store->has_writer) {
         pthread_mutex_lock(&store->lock);
-        store->ending = 1;
+        store->ending = store->retry = 1;
         pthread_cond_signal(&store->wake);
         pthread_mutex_unlock(&store->lock);
         pthread_join(store->writer, NULL);
     }
+    while (store->saves)
+        saves_drop(store, store->saves->id);
     pthread_cond_destroy(&store->wake);
     pthread_cond_destroy(&store->idle);
     pthread_mutex_destroy(&store->lock);
     pthread_mutex_destroy(&store->order);
-}
-
-/* Take the job's waiting row out of the list: a newer one follows. */
-static void saves_drop(struct store *store, uint64_t id)
-{
-    for (struct saved_job **at = &store->saves; *at; at = &(*at)->next) {
-        struct saved_job *row = *at;
-        if (row->id != id)
-            continue;
-        *at = row->next;
-        mem_free(row);
-        return;
-    }
 }
 
 status store_job_save(struct store *store, const struct job *job, uint64_t now_ns,
@@ -148,34 +195,61 @@ status store_job_save(struct store *store, const struct job *job, uint64_t now_n
     pthread_mutex_unlock(&store->lock);
     s = row_write(store, &row, err);
     pthread_mutex_unlock(&store->order);
+    if (s == STATUS_OK && job_state_ended(row.state))
+        store_films_remove(store, row.id);
     return s;
 }
 
-void store_job_save_later(struct store *store, const struct job *job, uint64_t now_ns)
+status store_job_save_later(struct store *store, const struct job *job, uint64_t now_ns,
+                            struct error *err)
 {
     struct saved_job *row = mem_alloc(sizeof *row);
-    struct saved_job **at = &store->saves;
-    struct error err = {0};
 
-    if (!row) { /* no memory for speed: write it now */
-        if (store_job_save(store, job, now_ns, &err) != STATUS_OK)
-            log_error("%s", err.text);
-        return;
-    }
+    if (!row)
+        return error_no_memory(err, "a job's state");
     row_take(row, job, now_ns);
     pthread_mutex_lock(&store->lock);
     saves_drop(store, job->id);
-    while (*at)
-        at = &(*at)->next;
-    *at = row;
+    *saves_find(store, UINT64_MAX) = row; /* at the end */
+    pthread_cond_signal(&store->wake);
+    pthread_mutex_unlock(&store->lock);
+    return STATUS_OK;
+}
+
+void saves_retry(struct store *store)
+{
+    pthread_mutex_lock(&store->lock);
+    store->retry = 1;
     pthread_cond_signal(&store->wake);
     pthread_mutex_unlock(&store->lock);
 }
 
-void store_await_saves(struct store *store)
+status saves_state(struct store *store, struct error *err)
+{
+    status s = STATUS_OK;
+
+    pthread_mutex_lock(&store->lock);
+    if (store->failing)
+        s = error_set(err, store->save_error.code, "%s", store->save_error.text);
+    pthread_mutex_unlock(&store->lock);
+    return s;
+}
+
+status store_await_saves(struct store *store, struct error *err)
 {
     pthread_mutex_lock(&store->lock);
-    while (store->saves || store->busy)
+    while (!store->failing && (store->saves || store->busy))
         pthread_cond_wait(&store->idle, &store->lock);
     pthread_mutex_unlock(&store->lock);
+    return saves_state(store, err);
+}
+
+int store_job_unsaved(struct store *store, uint64_t id)
+{
+    int waits;
+
+    pthread_mutex_lock(&store->lock);
+    waits = *saves_find(store, id) != NULL;
+    pthread_mutex_unlock(&store->lock);
+    return waits;
 }

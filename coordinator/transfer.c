@@ -7,7 +7,9 @@
 #include <unistd.h>
 
 #include "common/base/file.h"
+#include "common/base/log.h"
 #include "common/base/memory.h"
+#include "coordinator/reserve.h"
 #include "protocol/message.h"
 
 struct transfer {
@@ -19,6 +21,7 @@ struct transfer {
     int fd;               /* -1: not open yet */
     struct buffer bytes;  /* when there is no file */
     int from_file;
+    int waited;           /* for the store to work; it was logged */
     uint64_t total, offset;
 };
 
@@ -102,11 +105,17 @@ static status open_file(struct transfer *t, struct error *err)
     if (!t->from_file || t->fd >= 0)
         return STATUS_OK;
     t->fd = open(t->path, O_RDONLY | O_CLOEXEC);
-    if (t->fd < 0 || fstat(t->fd, &info) != 0)
-        return error_set(err, STATUS_ERR_IO, "the coordinator cannot read %s: %s", t->path,
-                         strerror(errno));
-    t->total = (uint64_t)info.st_size;
-    return STATUS_OK;
+    if (t->fd >= 0 && fstat(t->fd, &info) == 0 && reserve_allows(t->fd)) {
+        t->total = (uint64_t)info.st_size;
+        return STATUS_OK;
+    }
+    if (t->fd >= 0) {
+        close(t->fd);
+        t->fd = -1;
+        errno = EMFILE;
+    }
+    return error_set(err, errno == ENOENT ? STATUS_ERR_NOT_FOUND : STATUS_ERR_IO,
+                     "the coordinator cannot read %s: %s", t->path, strerror(errno));
 }
 
 /* The next piece's bytes: in `scratch`, or in the transfer's own memory. */
@@ -168,8 +177,10 @@ static status send_output_piece(struct transfer *t, struct channel *channel, con
     return channel_send(channel, &envelope);
 }
 
-/* Send one piece; *done when it was the last one or the transfer failed. */
-static void send_piece(struct transfer *t, struct channel *channel, int *done)
+/* Send one piece; *done when it was the last one or the transfer failed. A worker would take a
+ * failure to read a blob for its job's fault: such a transfer waits for the store instead, and
+ * *waits is set. */
+static void send_piece(struct transfer *t, struct channel *channel, int *done, int *waits)
 {
     static uint8_t scratch[BLOB_PIECE_BYTES];
     const uint8_t *data = NULL;
@@ -182,6 +193,14 @@ static void send_piece(struct transfer *t, struct channel *channel, int *done)
     if (s == STATUS_OK)
         s = t->is_blob ? send_blob_piece(t, channel, data, size, &err)
                        : send_output_piece(t, channel, data, size);
+    *waits = t->is_blob && err.code == STATUS_ERR_IO;
+    if (*waits) {
+        if (!t->waited)
+            log_warn("%s; it is sent when it can be read", err.text);
+        t->waited = 1;
+        *done = 0;
+        return;
+    }
     t->offset += size;
     *done = s != STATUS_OK || t->offset == t->total;
     if (s != STATUS_OK && err.code != STATUS_OK &&
@@ -193,9 +212,11 @@ void transfers_pump(struct transfers *transfers, struct channel *channel)
 {
     while (transfers->first && channel_queued_bytes(channel) < CHANNEL_QUEUE_HIGH) {
         struct transfer *t = transfers->first;
-        int done;
+        int done, waits;
 
-        send_piece(t, channel, &done);
+        send_piece(t, channel, &done, &waits);
+        if (waits)
+            return;
         if (!done)
             continue;
         transfers->first = t->next;

@@ -304,7 +304,7 @@ status blob_cache_open(struct blob_cache **out, const char *folder, uint64_t lim
         goto failed;
     }
     cache->limit_bytes = limit_bytes;
-    s = file_make_folder(temporaries, err);
+    s = file_make_private_folder(temporaries, err);
     if (s != STATUS_OK) {
         error_prefix(err, "the cache folder cannot be used (choose another with --cache)");
         goto failed;

@@ -111,7 +111,7 @@ status cache_writer_new(struct cache_writer **out, struct blob_cache *cache,
     snprintf(w->path, size, "%s/tmp/%.31s-%ld-%llu", cache->folder, host, (long)getpid(),
              (unsigned long long)number);
     /* O_EXCL: two containers on one folder may have the same host name and process number. */
-    w->fd = open(w->path, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0666);
+    w->fd = open(w->path, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (w->fd < 0) {
         int code = errno;
         mem_free(w->path);
@@ -175,7 +175,7 @@ static void writer_publish(struct cache_writer *w)
     if (!folder || !path)
         goto done;
     /* No fsync: after a power cut a file may be short, and its digest will say so. */
-    if ((mkdir(folder, 0777) != 0 && errno != EEXIST) || rename(w->path, path) != 0) {
+    if ((mkdir(folder, 0700) != 0 && errno != EEXIST) || rename(w->path, path) != 0) {
         log_warn("%s: cannot be put into the cache: %s", path, strerror(errno));
         goto done;
     }

@@ -10,6 +10,19 @@
 
 #include "common/base/memory.h"
 
+/* The machine's failure, not the path's. */
+static int errno_is_machine(int number)
+{
+    return number == EIO || number == EMFILE || number == ENFILE || number == ENOMEM ||
+           number == ESTALE;
+}
+
+static status read_failed(const char *name, const char *what, struct error *err)
+{
+    return error_set(err, errno_is_machine(errno) ? STATUS_ERR_IO : STATUS_ERR_INPUT, "%s: %s: %s",
+                     name, what, strerror(errno));
+}
+
 status file_read_as(const char *path, const char *name, size_t limit_bytes, struct buffer *out,
                     struct error *err)
 {
@@ -19,9 +32,9 @@ status file_read_as(const char *path, const char *name, size_t limit_bytes, stru
     int fd = open(path, O_RDONLY | O_CLOEXEC);
 
     if (fd < 0)
-        return error_set(err, STATUS_ERR_INPUT, "%s: cannot be opened: %s", name, strerror(errno));
+        return read_failed(name, "cannot be opened", err);
     if (fstat(fd, &info) != 0) {
-        result = error_set(err, STATUS_ERR_INPUT, "%s: %s", name, strerror(errno));
+        result = read_failed(name, "cannot be read", err);
         goto done;
     }
     if (S_ISDIR(info.st_mode)) {
@@ -44,8 +57,7 @@ status file_read_as(const char *path, const char *name, size_t limit_bytes, stru
         if (got < 0) {
             if (errno == EINTR)
                 continue;
-            result = error_set(err, STATUS_ERR_INPUT, "%s: cannot be read: %s", name,
-                               strerror(errno));
+            result = read_failed(name, "cannot be read", err);
             goto done;
         }
         if (out->size - start + (size_t)got > limit_bytes) {
@@ -69,6 +81,31 @@ status file_read(const char *path, size_t limit_bytes, struct buffer *out, struc
     return file_read_as(path, path, limit_bytes, out, err);
 }
 
+/* Is the folder there that holds the file's folder? */
+static int keeper_is_there(const char *path)
+{
+    char *folder = file_dirname(path);
+    char *keeper = folder ? file_dirname(folder) : NULL;
+    int there = keeper && file_exists(keeper);
+
+    mem_free(keeper);
+    mem_free(folder);
+    return there;
+}
+
+status file_read_kept(const char *path, size_t limit_bytes, struct buffer *out, struct error *err)
+{
+    struct error why = {0};
+    struct stat info;
+    status s = file_read(path, limit_bytes, out, &why);
+
+    if (s == STATUS_ERR_INPUT) {
+        int missing = stat(path, &info) != 0 && (errno == ENOENT || errno == ENOTDIR);
+        s = missing && keeper_is_there(path) ? STATUS_ERR_NOT_FOUND : STATUS_ERR_IO;
+    }
+    return s == STATUS_OK ? s : error_set(err, s, "%s", why.text);
+}
+
 static int write_all(int fd, const uint8_t *data, size_t size_bytes)
 {
     while (size_bytes > 0) {
@@ -84,24 +121,30 @@ static int write_all(int fd, const uint8_t *data, size_t size_bytes)
     return 0;
 }
 
-static void sync_folder_of(const char *path)
+status file_sync_folder_of(const char *path, struct error *err)
 {
     char *folder = file_dirname(path);
     int fd = folder ? open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
+    status s = STATUS_OK;
 
-    if (fd >= 0) {
-        fsync(fd); /* some file systems cannot sync a folder; the rename stands all the same */
+    if (!folder)
+        return error_no_memory(err, path);
+    /* A folder that may be written to but not listed cannot be opened, either. */
+    if (fd < 0 ? errno != EACCES : fsync(fd) != 0 && errno != EINVAL && errno != ENOTSUP)
+        s = error_set(err, STATUS_ERR_IO, "%s: the folder cannot be synced: %s", folder,
+                      strerror(errno));
+    if (fd >= 0)
         close(fd);
-    }
     mem_free(folder);
+    return s;
 }
 
-status file_write_atomic(const char *path, const void *data, size_t size_bytes, struct error *err)
+static status write_file(const char *path, const void *data, size_t size_bytes, mode_t mode,
+                         struct error *err)
 {
     struct buffer temporary = BUFFER_INIT;
     status result = STATUS_OK;
     int fd = -1;
-    mode_t mask;
 
     buffer_printf(&temporary, "%s.XXXXXX", path);
     if (!buffer_ok(&temporary)) {
@@ -117,9 +160,7 @@ status file_write_atomic(const char *path, const void *data, size_t size_bytes, 
         buffer_release(&temporary);
         return result;
     }
-    mask = umask(0);
-    umask(mask);
-    if (fchmod(fd, 0666 & ~mask) != 0 || write_all(fd, data, size_bytes) != 0 || fsync(fd) != 0) {
+    if (fchmod(fd, mode) != 0 || write_all(fd, data, size_bytes) != 0 || fsync(fd) != 0) {
         result = error_set(err, STATUS_ERR_IO, "%s: cannot be written: %s", path, strerror(errno));
         close(fd);
         unlink((char *)temporary.data);
@@ -127,39 +168,75 @@ status file_write_atomic(const char *path, const void *data, size_t size_bytes, 
         result = error_set(err, STATUS_ERR_IO, "%s: cannot be written: %s", path, strerror(errno));
         unlink((char *)temporary.data);
     } else {
-        sync_folder_of(path);
+        result = file_sync_folder_of(path, err);
     }
     buffer_release(&temporary);
     return result;
 }
 
-status file_make_folder(const char *path, struct error *err)
+status file_write_atomic(const char *path, const void *data, size_t size_bytes, struct error *err)
+{
+    mode_t mask = umask(0);
+
+    umask(mask);
+    return write_file(path, data, size_bytes, 0666 & ~mask, err);
+}
+
+status file_write_private(const char *path, const void *data, size_t size_bytes, struct error *err)
+{
+    return write_file(path, data, size_bytes, 0600, err);
+}
+
+static int is_folder(const char *path)
+{
+    struct stat info;
+
+    return stat(path, &info) == 0 && S_ISDIR(info.st_mode);
+}
+
+/* One folder, whose parent is there. */
+static status make_one(const char *path, mode_t mode, struct error *err)
+{
+    int code = mkdir(path, mode) == 0 ? 0 : errno;
+
+    if (code == 0)
+        return file_sync_folder_of(path, err);
+    if (code == EEXIST || is_folder(path))
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_IO, "%s: the folder cannot be made: %s", path, strerror(code));
+}
+
+static status make_folders(const char *path, mode_t mode, struct error *err)
 {
     char *copy = mem_strdup(path);
     status result = STATUS_OK;
-    struct stat info;
 
     if (!copy)
         return error_no_memory(err, path);
-    for (char *at = copy + 1; *copy; at++) {
+    for (char *at = copy + 1; *copy && result == STATUS_OK; at++) {
         char saved = *at;
         if (saved != '/' && saved != 0)
             continue;
         *at = 0;
-        if (mkdir(copy, 0777) != 0 && errno != EEXIST) {
-            result = error_set(err, STATUS_ERR_IO, "%s: the folder cannot be made: %s", copy,
-                               strerror(errno));
-            goto done;
-        }
+        result = make_one(copy, mode, err);
         *at = saved;
         if (saved == 0)
             break;
     }
-    if (stat(path, &info) != 0 || !S_ISDIR(info.st_mode))
+    if (result == STATUS_OK && !is_folder(path))
         result = error_set(err, STATUS_ERR_IO, "%s: is not a folder", path);
-done:
     mem_free(copy);
     return result;
+}
+
+status file_make_folder(const char *path, struct error *err)
+{
+    return make_folders(path, 0777, err);
+}
+
+status file_make_private_folder(const char *path, struct error *err)
+{
+    return make_folders(path, 0700, err);
 }
 
 int file_exists(const char *path)

@@ -9,8 +9,9 @@
 #include "common/base/buffer.h"
 #include "common/base/status.h"
 
-/* Append the file's bytes to `out`. ERR_INPUT when it cannot be read (the text says why),
- * ERR_LIMIT when it is larger than `limit_bytes`. */
+/* Append the file's bytes to `out`. ERR_INPUT when the path cannot be read (missing, a folder, no
+ * right), ERR_IO when the machine failed to read it (disk, descriptors), ERR_NO_MEMORY, ERR_LIMIT
+ * when it is larger than `limit_bytes`. */
 status file_read(const char *path, size_t limit_bytes, struct buffer *out, struct error *err)
     MUST_CHECK;
 
@@ -18,12 +19,30 @@ status file_read(const char *path, size_t limit_bytes, struct buffer *out, struc
 status file_read_as(const char *path, const char *name, size_t limit_bytes, struct buffer *out,
                     struct error *err) MUST_CHECK;
 
-/* Write atomically (temporary file, fsync, rename, fsync of the folder). ERR_IO. */
+/* The same for a file that this program keeps below a folder of its own, two levels up
+ * (outputs/JOB/FILE): ERR_NOT_FOUND only where that folder is there and the file is not; every other
+ * failure to read is ERR_IO. */
+status file_read_kept(const char *path, size_t limit_bytes, struct buffer *out, struct error *err)
+    MUST_CHECK;
+
+/* Write atomically (temporary file, fsync, rename, fsync of the folder), mode 0666 less umask. A
+ * failure leaves no temporary file. ERR_IO. */
 status file_write_atomic(const char *path, const void *data, size_t size_bytes,
                          struct error *err) MUST_CHECK;
 
-/* Make the folder and its parents (mode 0777 less umask); fine if it is there. ERR_IO. */
+/* The same, mode 0600. */
+status file_write_private(const char *path, const void *data, size_t size_bytes,
+                          struct error *err) MUST_CHECK;
+
+/* Make the folder and its parents (mode 0777 less umask), and sync each parent that got a new entry;
+ * fine if it is there. ERR_IO. */
 status file_make_folder(const char *path, struct error *err) MUST_CHECK;
+/* The same, mode 0700. */
+status file_make_private_folder(const char *path, struct error *err) MUST_CHECK;
+
+/* Sync the folder that holds `path`, so that its entries are durable; fine where the file system
+ * cannot sync folders. ERR_IO. */
+status file_sync_folder_of(const char *path, struct error *err) MUST_CHECK;
 
 int file_exists(const char *path);
 

@@ -53,6 +53,13 @@ struct error {
 /* The status's short text ("bad input"); never NULL. */
 const char *status_text(status code);
 
+/* Did the environment keep it from being done (disk, rights, descriptors, memory), so that the same
+ * may work later? 0: what was asked for, or what is stored, is at fault, and waiting changes nothing. */
+static inline int status_is_environment(status code)
+{
+    return code == STATUS_ERR_IO || code == STATUS_ERR_NO_MEMORY;
+}
+
 /* The exit code of a program that ends because of `code`. */
 int status_exit_code(status code);
 

@@ -194,7 +194,7 @@ class Farm:
 
     # ---- programs ------------------------------------------------------------------------
 
-    def start_coordinator(self, *options, listen="127.0.0.1:0", key=None, prefix=()):
+    def start_coordinator(self, *options, listen="127.0.0.1:0", key=None, prefix=(), env=None):
         """Start (or, after a kill, start again with the same store) and wait until it listens.
 
         prefix: words before the command, such as a shell that sets limits and runs it."""
@@ -202,14 +202,15 @@ class Farm:
                 "--key", key or self.key, "--store", self.store] + list(options)
         self.coordinator = Program("coordinator", argv,
                                    self.path("coordinator-%d.log" % len(self.programs)),
-                                   pipe_stdout=True)
+                                   pipe_stdout=True,
+                                   env=dict(os.environ, **env) if env else None)
         self.programs.append(self.coordinator)
         self.address = self.coordinator.wait_line("listening on ").split()[0]
         return self.coordinator
 
-    def restart_coordinator(self, *options):
+    def restart_coordinator(self, *options, env=None):
         """Again at the same address, as a service manager would."""
-        return self.start_coordinator(*options, listen=self.address)
+        return self.start_coordinator(*options, listen=self.address, env=env)
 
     def start_worker(self, *options, key=None, threads=1, env=None, cache=None):
         number = len(self.workers) + 1

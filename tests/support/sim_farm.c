@@ -245,7 +245,7 @@ void sim_forget(struct sim_worker *worker, size_t i)
 
 void sim_commit(struct sim *sim)
 {
-    struct commit *commit = merge_commit_begin(&sim->farm);
+    struct commit *commit = merge_commit_begin(&sim->farm, sim->now_ns);
 
     if (!commit)
         return;

@@ -7,9 +7,11 @@
 #include <cmocka.h>
 #include <ftw.h>
 #include <math.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include "common/base/clock.h"
@@ -79,10 +81,10 @@ static void acknowledged_when_durable(void **state)
     while (worker->units[late].name.tile != 0 || worker->units[late].name.pass != 1)
         late++;
     assert_int_equal(sim_send(sim, worker, late, 100), MERGE_PENDING);
-    assert_null(merge_commit_begin(&sim->farm));
+    assert_null(merge_commit_begin(&sim->farm, sim->now_ns));
     assert_int_equal(sim_send(sim, worker, 0, 100), MERGE_PENDING); /* pass 0 of tile 0 */
     assert_int_equal(sim_send(sim, worker, 1, 100), MERGE_PENDING); /* of tile 1 */
-    commit = merge_commit_begin(&sim->farm);
+    commit = merge_commit_begin(&sim->farm, sim->now_ns);
     assert_non_null(commit);
     assert_int_equal(commit->count, 2);
     merge_commit_run(commit);
@@ -191,7 +193,7 @@ static void hostile_results_are_refused(void **state)
     REFUSED((void)0);
 #undef REFUSED
     assert_int_equal(job->stats.samples, 0);
-    assert_null(merge_commit_begin(&sim->farm));
+    assert_null(merge_commit_begin(&sim->farm, sim->now_ns));
     sim_free(sim);
 }
 
@@ -290,7 +292,7 @@ static struct sim *random_farm(uint64_t seed, const char *folder, size_t *crashe
         case 3:
         case 4:
             if (!commit) {
-                commit = merge_commit_begin(&sim->farm);
+                commit = merge_commit_begin(&sim->farm, sim->now_ns);
                 break;
             }
             merge_commit_run(commit);
@@ -433,123 +435,151 @@ static void acknowledged_results_survive(void **state)
     remove_folder(folder);
 }
 
-/* A film that cannot be written is tried again; nothing is acknowledged meanwhile and nothing
- * is lost. Where the disk stays full (round 0) the job fails in the end, and it alone. */
+/* Let the worker render and deliver until the job is done. */
+static void finish(struct sim *sim, struct sim_worker *worker, const struct job *job)
+{
+    while (job->state != JOB_STATE_DONE) {
+        assert_int_equal(job->state, JOB_STATE_RUNNING);
+        sim->now_ns += TROUBLE_LAST_MS * NS_PER_MS;
+        farm_tick(&sim->farm, sim->now_ns);
+        sim_grant(sim, worker, 36);
+        for (size_t i = worker->unit_count; i-- > 0;)
+            sim_send(sim, worker, i, 100);
+        worker->unit_count = 0;
+        sim_commit(sim);
+        sim_develop(sim);
+    }
+    assert_int_equal(sim->wrong_frames, 0);
+}
+
+/* A film that cannot be written is tried again, for days; nothing is acknowledged meanwhile and
+ * nothing is lost. */
 static void a_full_disk_keeps_the_film(void **state)
 {
-    (void)state;
-    for (int in_time = 0; in_time < 2; in_time++) {
-        char folder[64];
-        struct store *store;
-        struct sim *sim;
-        struct sim_worker *worker;
-        struct job *job, *second;
+    char folder[64];
+    struct store *store;
+    struct sim *sim;
+    struct sim_worker *worker;
+    struct job *job;
+    uint64_t wait_ms = TROUBLE_FIRST_MS;
 
-        make_folder(folder);
-        store = open_store(folder);
-        sim = sim_new(store, 1);
-        job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
-        worker = sim_connect(sim, 0, 36);
-        sim_grant(sim, worker, 3);
-        sim_send(sim, worker, 0, 100);
-        sim_send(sim, worker, 1, 100);
-        for (int tries = 0; tries < 3; tries++) {
-            film_file_fault(1);
-            sim_commit(sim);
-            film_file_fault(-1);
-            assert_int_equal(sim->acks, 0);
-            assert_int_equal(job->state, JOB_STATE_RUNNING);
-            assert_non_null(strstr(job->frames->trouble, "No space left on device"));
-            assert_int_equal(sim->farm.commit_next_ns, sim->now_ns + DISK_RETRY_MS * NS_PER_MS);
-            sim->now_ns += DISK_RETRY_MS * NS_PER_MS;
-        }
-        if (in_time) {
-            sim_commit(sim);
-            assert_int_equal(sim->acks, 2);
-            assert_string_equal(job->frames->trouble, "");
-            assert_int_equal(sim->farm.commit_next_ns, 0);
-            second = job;
-        } else {
-            sim->now_ns += DISK_PATIENCE_MS * NS_PER_MS;
-            film_file_fault(1);
-            sim_commit(sim);
-            film_file_fault(-1);
-            assert_int_equal(job->state, JOB_STATE_FAILED);
-            assert_non_null(strstr(job->state_text, "No space left on device"));
-            second = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
-        }
-        worker->unit_count = 0;
-        sim_disconnect(sim, 0);
-        worker = sim_connect(sim, 0, 36);
-        while (second->state != JOB_STATE_DONE) {
-            sim_grant(sim, worker, 36);
-            for (size_t i = worker->unit_count; i-- > 0;)
-                sim_send(sim, worker, i, 100);
-            worker->unit_count = 0;
-            sim_commit(sim);
-            sim_develop(sim);
-        }
-        assert_int_equal(sim->wrong_frames, 0);
-        sim_free(sim);
-        store_close(store);
-        remove_folder(folder);
+    (void)state;
+    make_folder(folder);
+    store = open_store(folder);
+    sim = sim_new(store, 1);
+    job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
+    worker = sim_connect(sim, 0, 36);
+    sim_grant(sim, worker, 3);
+    sim_send(sim, worker, 0, 100);
+    sim_send(sim, worker, 1, 100);
+    film_file_fault(0);
+    for (int tries = 0; tries < 40; tries++) {
+        const struct trouble *trouble = &job->frames->trouble;
+        sim_commit(sim);
+        assert_int_equal(sim->acks, 0);
+        assert_int_equal(job->state, JOB_STATE_RUNNING);
+        assert_non_null(strstr(trouble->text, "No space left on device"));
+        assert_int_equal(trouble->next_ns, sim->now_ns + wait_ms * NS_PER_MS);
+        wait_ms = wait_ms * 2 < TROUBLE_LAST_MS ? wait_ms * 2 : TROUBLE_LAST_MS;
+        sim->now_ns = trouble->next_ns - 1;
+        assert_null(merge_commit_begin(&sim->farm, sim->now_ns));
+        sim->now_ns += tries == 30 ? 3 * 24 * 3600 * NS_PER_SECOND : 1;
     }
+    film_file_fault(-1);
+    sim_commit(sim);
+    assert_int_equal(sim->acks, 2);
+    assert_false(trouble_is(&job->frames->trouble));
+    worker->unit_count = 0;
+    sim_disconnect(sim, 0);
+    finish(sim, sim_connect(sim, 0, 36), job);
+    sim_free(sim);
+    store_close(store);
+    remove_folder(folder);
+}
+
+/* One frame that cannot be written does not keep the other's results from the disk: here one whose film
+ * is larger than the process may write. */
+static void a_failed_film_leaves_the_others_alone(void **state)
+{
+    char folder[64];
+    struct store *store;
+    struct sim *sim;
+    struct sim_worker *worker;
+    struct job *large, *small;
+    struct rlimit old, little;
+
+    (void)state;
+    make_folder(folder);
+    store = open_store(folder);
+    sim = sim_new(store, 1);
+    large = sim_submit(sim, 64, 64, 4, 1, 1, 0); /* 16 tiles: 400 KB */
+    small = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+    worker = sim_connect(sim, 0, 36);
+    assert_int_equal(sim_grant(sim, worker, 36), 17);
+    for (size_t i = 0; i < 17; i++)
+        sim_send(sim, worker, i, 100);
+    assert_int_equal(getrlimit(RLIMIT_FSIZE, &old), 0);
+    little = old;
+    little.rlim_cur = 200 << 10;
+    signal(SIGXFSZ, SIG_IGN);
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &little), 0);
+    sim_commit(sim);
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &old), 0);
+    assert_int_equal(sim->acks, 1);
+    assert_non_null(strstr(large->frames->trouble.text, "File too large"));
+    assert_false(trouble_is(&small->frames->trouble) || trouble_is(&sim->farm.trouble));
+    sim_develop(sim);
+    assert_int_equal(small->state, JOB_STATE_DONE);
+    worker->unit_count = 0;
+    finish(sim, worker, large);
+    sim_free(sim);
+    store_close(store);
+    remove_folder(folder);
 }
 
 static void a_full_disk_is_waited_for(void **state)
 {
     struct error why = {STATUS_ERR_IO, "no space left"};
     struct job_report *report = malloc(sizeof *report);
+    struct sim *sim = sim_new(NULL, 1);
+    struct sim_worker *worker = sim_connect(sim, 0, 36);
+    struct job *job = sim_submit(sim, 16, 16, 4, 1, 1, 0);
 
     (void)state;
     assert_non_null(report);
-    /* Whether the disk has room again in time (1) or not (0). */
-    for (int in_time = 0; in_time < 2; in_time++) {
-        struct sim *sim = sim_new(NULL, 1);
-        struct sim_worker *worker = sim_connect(sim, 0, 36);
-        struct job *job = sim_submit(sim, 16, 16, 4, 1, 1, 0);
-        uint64_t end_ns = sim->now_ns + DISK_PATIENCE_MS * NS_PER_MS;
-
-        assert_int_equal(sim_grant(sim, worker, 1), 1);
-        sim_send(sim, worker, 0, 100);
-        sim_commit(sim);
-        for (uint64_t tries = 0;; tries++) {
-            assert_int_equal(sim->developing_count, 1);
-            if (in_time && tries == 3)
-                break;
-            sim->developing_count = 0;
-            farm_frame_developed(&sim->farm, sim->developing[0], 0, STATUS_ERR_IO, &why, sim->now_ns);
-            if (job->state == JOB_STATE_FAILED)
-                break;
-            job_report_make(report, &sim->farm, job, sim->now_ns);
-            assert_non_null(strstr(report->state_text, "frame 1"));
-            assert_non_null(strstr(report->state_text, "no space left"));
-            sim->now_ns += DISK_RETRY_MS * NS_PER_MS - 1;
-            farm_tick(&sim->farm, sim->now_ns);
-            assert_int_equal(sim->developing_count, 0);
-            sim->now_ns += 1;
-            farm_tick(&sim->farm, sim->now_ns);
-        }
-        if (in_time) {
-            sim_develop(sim);
-            assert_int_equal(job->state, JOB_STATE_DONE);
-        } else {
-            assert_true(sim->now_ns >= end_ns);
-            assert_non_null(strstr(job->state_text, "frame 1"));
-            assert_non_null(strstr(job->state_text, "no space left"));
-        }
-        sim_free(sim);
+    assert_int_equal(sim_grant(sim, worker, 1), 1);
+    sim_send(sim, worker, 0, 100);
+    sim_commit(sim);
+    for (int tries = 0; tries < 40; tries++) {
+        const struct trouble *trouble = &job->frames->trouble;
+        /* No memory is waited for, too. */
+        why.code = tries % 2 ? STATUS_ERR_NO_MEMORY : STATUS_ERR_IO;
+        assert_int_equal(sim->developing_count, 1);
+        sim->developing_count = 0;
+        farm_frame_developed(&sim->farm, sim->developing[0], 0, why.code, &why, sim->now_ns);
+        assert_int_equal(job->state, JOB_STATE_RUNNING);
+        job_report_make(report, &sim->farm, job, sim->now_ns);
+        assert_non_null(strstr(report->state_text, "frame 1"));
+        assert_non_null(strstr(report->state_text, "no space left"));
+        sim->now_ns = trouble->next_ns - 1;
+        farm_tick(&sim->farm, sim->now_ns);
+        assert_int_equal(sim->developing_count, 0);
+        sim->now_ns += tries == 30 ? 3 * 24 * 3600 * NS_PER_SECOND : 1;
+        farm_tick(&sim->farm, sim->now_ns);
     }
+    sim_develop(sim);
+    assert_int_equal(job->state, JOB_STATE_DONE);
+    sim_free(sim);
     free(report);
 }
 
-/* What no waiting mends ends the job at once. */
+/* What no waiting changes ends the job at once. */
 static void a_failed_development_fails_the_job(void **state)
 {
     struct sim *sim = sim_new(NULL, 1);
     struct sim_worker *worker = sim_connect(sim, 0, 36);
     struct job *job = sim_submit(sim, 16, 16, 4, 1, 2, 0);
-    struct error why = {STATUS_ERR_NO_MEMORY, "no memory left"};
+    struct error why = {STATUS_ERR_LIMIT, "too large a picture"};
 
     (void)state;
     assert_int_equal(sim_grant(sim, worker, 1), 1);
@@ -557,10 +587,10 @@ static void a_failed_development_fails_the_job(void **state)
     sim_commit(sim);
     assert_int_equal(sim->developing_count, 1);
     sim->developing_count = 0;
-    farm_frame_developed(&sim->farm, sim->developing[0], 0, STATUS_ERR_NO_MEMORY, &why, sim->now_ns);
+    farm_frame_developed(&sim->farm, sim->developing[0], 0, STATUS_ERR_LIMIT, &why, sim->now_ns);
     assert_int_equal(job->state, JOB_STATE_FAILED);
     assert_non_null(strstr(job->state_text, "frame 1"));
-    assert_non_null(strstr(job->state_text, "no memory left"));
+    assert_non_null(strstr(job->state_text, "too large a picture"));
     sim_free(sim);
 }
 
@@ -575,7 +605,7 @@ static void ends_wait_for_what_is_in_flight(void **state)
     (void)state;
     assert_int_equal(sim_grant(sim, worker, 2), 2);
     sim_send(sim, worker, 0, 100);
-    commit = merge_commit_begin(&sim->farm);
+    commit = merge_commit_begin(&sim->farm, sim->now_ns);
     farm_cancel(&sim->farm, job, sim->now_ns);
     merge_commit_run(commit);
     merge_commit_end(&sim->farm, commit, sim->now_ns);
@@ -636,6 +666,44 @@ static void pictures_follow_the_settings(void **state)
     sim_free(sim);
 }
 
+/* A picture that the environment keeps from being made again is waited for, also after the job's end. */
+static void a_picture_is_waited_for(void **state)
+{
+    struct job_report *report = malloc(sizeof *report);
+    struct sim *sim = sim_new(NULL, 9);
+    struct sim_worker *worker = sim_connect(sim, 0, 36);
+    struct job *job = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+    struct error err = {0}, why = {STATUS_ERR_IO, "frame-0001.exr: no descriptors"};
+    struct output_settings output = job->output;
+
+    (void)state;
+    assert_non_null(report);
+    sim_grant(sim, worker, 4);
+    sim_send(sim, worker, 0, 100);
+    sim_commit(sim);
+    sim_develop(sim);
+    assert_int_equal(farm_develop(&sim->farm, job, &output, &err), STATUS_OK);
+    farm_tick(&sim->farm, sim->now_ns);
+    for (int day = 0; day < 3; day++) {
+        assert_non_null(sim->picture_job);
+        sim->picture_job = NULL;
+        farm_pictures_made(&sim->farm, job, 1, 1, why.code, &why, sim->now_ns);
+        job_report_make(report, &sim->farm, job, sim->now_ns);
+        assert_non_null(strstr(report->state_text, "no descriptors; trying again"));
+        assert_string_equal(report->message.develop_error, ""); /* that is for good */
+        farm_tick(&sim->farm, sim->now_ns);
+        assert_null(sim->picture_job);
+        sim->now_ns += 24 * 3600 * NS_PER_SECOND;
+        farm_tick(&sim->farm, sim->now_ns);
+    }
+    assert_true(sim_make_picture(sim));
+    job_report_make(report, &sim->farm, job, sim->now_ns);
+    assert_string_equal(report->state_text, "");
+    assert_int_equal(job->frames_developed_count, 1);
+    sim_free(sim);
+    free(report);
+}
+
 /* A stored picture that cannot be read is told, and the job stays done. */
 static void a_lost_picture_is_told(void **state)
 {
@@ -657,7 +725,7 @@ static void a_lost_picture_is_told(void **state)
     sim->picture_job = NULL;
     farm_pictures_made(&sim->farm, job, 1, 1, STATUS_ERR_INPUT, &why, sim->now_ns);
     assert_int_equal(job->state, JOB_STATE_DONE);
-    assert_non_null(strstr(job->develop_error, "frame 1: frame-0001.exr: gone"));
+    assert_non_null(strstr(job->pictures.text, "frame 1: frame-0001.exr: gone"));
     farm_tick(&sim->farm, sim->now_ns);
     assert_null(sim->picture_job);
     sim_free(sim);
@@ -675,10 +743,12 @@ int main(void)
         cmocka_unit_test(random_crashes_lose_nothing),
         cmocka_unit_test(acknowledged_results_survive),
         cmocka_unit_test(a_full_disk_keeps_the_film),
+        cmocka_unit_test(a_failed_film_leaves_the_others_alone),
         cmocka_unit_test(a_full_disk_is_waited_for),
         cmocka_unit_test(a_failed_development_fails_the_job),
         cmocka_unit_test(ends_wait_for_what_is_in_flight),
         cmocka_unit_test(pictures_follow_the_settings),
+        cmocka_unit_test(a_picture_is_waited_for),
         cmocka_unit_test(a_lost_picture_is_told),
     };
     return cmocka_run_group_tests_name("merge", tests, NULL, NULL);

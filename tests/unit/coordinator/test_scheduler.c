@@ -270,7 +270,7 @@ static void cancelling_takes_the_work_back(void **state)
     assert_int_equal(sim->revokes, 1);
     assert_int_equal(worker->unit_count, 0);
     assert_int_equal(worker->worker.held.units, 0);
-    assert_null(merge_commit_begin(&sim->farm));
+    assert_null(merge_commit_begin(&sim->farm, sim->now_ns));
     assert_int_equal(sim_grant(sim, worker, 4), 0);
 }
 

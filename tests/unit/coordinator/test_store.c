@@ -452,13 +452,19 @@ static void a_torn_slot_falls_back_to_the_older_one(void **state)
     assert_int_equal(f.durable[0], 0);
     assert_int_equal(f.durable[1], 1);
     film_end(&f);
-    /* A damaged header: the whole frame begins anew. */
+    /* A damaged header: the whole frame begins again, and the file is kept. */
     assert_int_equal(pwrite(fd, "x", 1, 20), 1);
     film_begin(&f, store);
     assert_int_equal(f.durable[1], 0);
+    assert_true(file_size(path_of("films/1/frame-0001.film.unusable")) >
+                FILM_FILE_HEADER + 2 * slot_bytes);
+    path = path_of("films/1/frame-0001.film");
     merge_pass(f.film, 1, 0);
     write_tile(&f, 1);
     film_end(&f);
+    close(fd);
+    fd = open(path, O_RDWR);
+    assert_true(fd >= 0);
     /* So it does when the file is of the format before AOVs. */
     film_begin(&f, store);
     assert_int_equal(f.durable[1], 1);

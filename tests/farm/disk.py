@@ -1,0 +1,71 @@
+"""Disks that go wrong: small ones that fill up or become read-only, which only root can mount, and
+ones whose every call fails as a test wants (odd_disk.c), which need no rights."""
+import ctypes
+import os
+import subprocess
+
+from farm import BUILD, PATIENCE, Skip
+
+ODD_DISK = os.path.join(BUILD, "tests", "farm", "odd_disk.so")
+CLONE_NEWNS = 0x20000
+
+
+def leave_mounts():
+    """From here on this process and its children mount where nobody else sees it; False: not allowed."""
+    if os.geteuid() != 0 or ctypes.CDLL(None).unshare(CLONE_NEWNS) != 0:
+        return False
+    return subprocess.run(["mount", "--make-rprivate", "/"],
+                          stderr=subprocess.DEVNULL).returncode == 0
+
+
+class SmallDisk:
+    """A file system of so many bytes; entered as None where mounting is not permitted."""
+
+    def __init__(self, farm, size):
+        self.folder, self.size = farm.path("disk"), size
+
+    def __enter__(self):
+        os.makedirs(self.folder, exist_ok=True)
+        self.mounted = leave_mounts() and subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", "size=%d,mode=700" % self.size, "azulejo-test",
+             self.folder], stderr=subprocess.DEVNULL).returncode == 0
+        return self.folder if self.mounted else None
+
+    def __exit__(self, *_):
+        if self.mounted:
+            subprocess.run(["umount", "-l", self.folder], check=True)
+
+    def remount(self, how):
+        subprocess.run(["mount", "-o", "remount," + how, self.folder], check=True)
+
+
+def fill_up(path):
+    """Leave no page of the disk free; its folders still take new names."""
+    with open(path, "wb", buffering=0) as filler:
+        try:
+            while filler.write(b"x" * 4096):
+                pass
+        except OSError:
+            pass
+
+
+class OddDisk:
+    """A coordinator's calls on files that fail at a test's word; start it with env=disk.env."""
+
+    def __init__(self, farm):
+        if not os.path.exists(ODD_DISK):
+            raise Skip("odd_disk.so is not built")
+        self.control = farm.path("odd-disk")
+        # A sanitizer's runtime wants to be loaded first, and would leave when it is not.
+        options = os.environ.get("ASAN_OPTIONS", "")
+        self.env = {"ODD_DISK": self.control, "LD_PRELOAD": ODD_DISK,
+                    "ASAN_OPTIONS": options + ("" if PATIENCE == 1 else
+                                               ":verify_asan_link_order=0")}
+
+    def fail(self, number, text, kind="write"):
+        with open(self.control + ".new", "w") as out:
+            out.write("%d %s %s" % (number, kind, text))
+        os.rename(self.control + ".new", self.control)
+
+    def work(self):
+        os.unlink(self.control)
