@@ -26,6 +26,14 @@ static const char schema_2[] =
     "ALTER TABLE jobs ADD COLUMN revision INTEGER NOT NULL DEFAULT 0;"
     "ALTER TABLE frames ADD COLUMN revision INTEGER NOT NULL DEFAULT 0;";
 
+/* No new version: a store without this table, or a release that does not know it, has no frame that
+ * was cut short. */
+static const char schema_cuts[] =
+    "CREATE TABLE IF NOT EXISTS cut_frames (job INTEGER NOT NULL REFERENCES jobs(id),"
+    " frame INTEGER NOT NULL, samples INTEGER NOT NULL, least INTEGER NOT NULL,"
+    " most INTEGER NOT NULL, tiles INTEGER NOT NULL, tiles_empty INTEGER NOT NULL,"
+    " PRIMARY KEY (job, frame)) WITHOUT ROWID;";
+
 status sql_error(const struct store *store, const char *what, struct error *err)
 {
     int code = sqlite3_errcode(store->db);
@@ -119,12 +127,14 @@ status database_open(struct store *store, struct error *err)
                          "%s: was written by a newer azulejo (store version %d; this one reads %d)",
                          store->folder, version, STORE_VERSION);
     if (version == STORE_VERSION)
-        return STATUS_OK;
+        return sql_exec(store, schema_cuts, "cannot be brought up to date", err);
     s = sql_exec(store, "BEGIN IMMEDIATE", "cannot be written", err);
     if (s == STATUS_OK && version < 1)
         s = sql_exec(store, schema, "cannot be set up", err);
     if (s == STATUS_OK)
         s = sql_exec(store, schema_2, "cannot be brought up to date", err);
+    if (s == STATUS_OK)
+        s = sql_exec(store, schema_cuts, "cannot be brought up to date", err);
     if (s == STATUS_OK)
         s = sql_exec(store, "PRAGMA user_version=2; COMMIT", "cannot be set up", err);
     return s;

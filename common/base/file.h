@@ -21,6 +21,10 @@ status file_write_atomic(const char *path, const void *data, size_t size_bytes,
 /* Make the folder and its parents (mode 0777 less umask); fine if it is there. ERR_IO. */
 status file_make_folder(const char *path, struct error *err) MUST_CHECK;
 
+/* Remove the folder and what is in it, as far as that can be removed. Follows no links, and stays
+ * on one file system. */
+void file_remove_tree(const char *path);
+
 int file_exists(const char *path);
 
 /* Join folder and name with one '/'; the caller frees with mem_free. NULL: out of memory. */
