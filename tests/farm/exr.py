@@ -10,10 +10,16 @@ LINES = {0: 1, 2: 1, 3: 16}  # of a chunk: uncompressed, ZIPS, ZIP
 
 
 class Picture:
-    """channels: name -> the bytes of its samples, row by row from the top."""
+    """channels: name -> the bytes of its samples, row by row from the top.
+    attributes: name -> the header's bytes."""
 
-    def __init__(self, width, height, kinds, channels):
+    def __init__(self, width, height, kinds, channels, attributes):
         self.width, self.height, self.kinds, self.channels = width, height, kinds, channels
+        self.attributes = attributes
+
+    def number(self, name):
+        """An attribute of type double."""
+        return struct.unpack("<d", self.attributes[name])[0]
 
     def bits(self):
         return (self.width, self.height, tuple(sorted(self.kinds.items())),
@@ -104,4 +110,5 @@ def read_exr(path):
             for name in kinds:  # a line holds its channels in the order of the header
                 channels[name] += packed[used:used + row_bytes[name]]
                 used += row_bytes[name]
-    return Picture(width, height, kinds, {n: bytes(c) for n, c in channels.items()})
+    return Picture(width, height, kinds, {n: bytes(c) for n, c in channels.items()},
+                   attributes)
