@@ -64,13 +64,14 @@ status child_find_program(const char *name, struct buffer *path, struct error *e
 }
 
 /* In the child, between fork and exec: only async-signal-safe calls. */
-static void run_child(char *const argv[], int log_fd, int stdout_fd, pid_t parent)
+static void run_child(char *const argv[], int log_fd, int stdout_fd, int death_signal,
+                      pid_t parent)
 {
     static const char sorry[] = ": cannot be started\n";
     sigset_t none;
     int null = open("/dev/null", O_RDONLY);
 
-    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    prctl(PR_SET_PDEATHSIG, death_signal);
     if (getppid() != parent)
         _exit(127); /* the parent died before the line above */
     setpgid(0, 0);
@@ -90,7 +91,7 @@ static void run_child(char *const argv[], int log_fd, int stdout_fd, pid_t paren
 }
 
 status child_start(struct child *child, const char *label, char *const argv[],
-                   const char *log_path, int stdout_fd, struct error *err)
+                   const char *log_path, int stdout_fd, int death_signal, struct error *err)
 {
     pid_t parent = getpid();
     int log_fd = -1;
@@ -104,7 +105,7 @@ status child_start(struct child *child, const char *label, char *const argv[],
     }
     child->pid = fork();
     if (child->pid == 0)
-        run_child(argv, log_fd, stdout_fd, parent);
+        run_child(argv, log_fd, stdout_fd, death_signal, parent);
     if (log_fd >= 0)
         close(log_fd);
     if (child->pid < 0) {

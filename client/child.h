@@ -1,7 +1,7 @@
 /* child: a program that runs for us and dies with us.
  *
  * A child has its own process group, so that a Ctrl-C at the terminal reaches only us and we
- * end it in good order; the kernel kills it if we die. What it writes goes into a log file,
+ * end it in good order; the kernel sends it a signal if we die. What it writes goes into a log file,
  * whose tail explains an unexpected end.
  */
 #ifndef AZULEJO_CLIENT_CHILD_H
@@ -23,9 +23,11 @@ struct child {
 status child_find_program(const char *name, struct buffer *path, struct error *err) MUST_CHECK;
 
 /* Start argv[0] with its output going to `log_path` (appended), or to our standard error when
- * that is NULL. stdout_fd >= 0: its standard output goes there instead. ERR_IO. */
+ * that is NULL. stdout_fd >= 0: its standard output goes there instead. When we die it gets
+ * death_signal. ERR_IO. */
 status child_start(struct child *child, const char *label, char *const argv[],
-                   const char *log_path, int stdout_fd, struct error *err) MUST_CHECK;
+                   const char *log_path, int stdout_fd, int death_signal,
+                   struct error *err) MUST_CHECK;
 
 /* Has it ended? Never blocks. */
 int child_has_ended(struct child *child);

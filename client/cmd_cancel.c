@@ -2,32 +2,68 @@
 #include <inttypes.h>
 #include <stdio.h>
 
+#include "client/cancel.h"
 #include "client/command.h"
+#include "client/cut_frame.h"
 #include "client/job_info.h"
 #include "client/parse.h"
+#include "client/signals.h"
+#include "client/watch.h"
 #include "protocol/message.h"
 
-static status cancel(struct connection *c, uint64_t job, int json, struct error *err)
-{
-    Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
-    Azulejo__Wire__JobCancel body = AZULEJO__WIRE__JOB_CANCEL__INIT;
-    Azulejo__Wire__Envelope *answer = NULL;
-    const Azulejo__Wire__JobInfo *info;
-    status result;
+/* How long the pictures of what is rendered are waited for. They are made all the same. */
+static const double wait_limit_s = 30;
 
-    body.job = job;
-    envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_CANCEL;
-    envelope.job_cancel = &body;
-    result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST, &answer, err);
-    if (result != STATUS_OK)
+static status stop_wanted(void *user, struct error *err)
+{
+    (void)user;
+    if (!signals_stop())
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_JOB_FAILED, "detached; the job is cancelled all the same");
+}
+
+/* Replace *answer by a later one, in which the job has ended. */
+static status await_end(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **answer,
+                        struct error *err)
+{
+    status result = signals_catch(err);
+
+    if (result != STATUS_OK || job_state_is_final(job_list_find((*answer)->job_list, job)->state))
         return result;
-    info = job_list_find(answer->job_list, job);
-    if (!info)
-        result = error_set(err, STATUS_ERR_NOT_FOUND, "there is no job %" PRIu64, job);
-    else if (json)
-        result = json_print(job_info_json(info), err);
-    else
-        printf("job %" PRIu64 ": %s\n", job, job_state_name(info->state));
+    message_free(*answer);
+    *answer = NULL;
+    connection_set_watch(c, stop_wanted, NULL);
+    result = watch_job(c, job, 1, wait_limit_s, answer, err);
+    if (result == STATUS_ERR_TIMEOUT)
+        result = job_query(c, job, answer, err);
+    return result;
+}
+
+static void print(const Azulejo__Wire__JobInfo *info)
+{
+    char text[512];
+
+    printf("job %" PRIu64 ": %s", info->job, job_state_name(info->state));
+    if (!job_state_is_final(info->state) && info->state_text[0])
+        printf(": %s", message_text(text, sizeof text, info->state_text));
+    printf("\n");
+    for (size_t i = 0; i < info->n_cut_frames; i++)
+        printf("  %s\n", cut_frame_text(text, info, info->cut_frames[i]));
+    if (info->frames_done > 0)
+        printf("  'azulejo fetch %" PRIu64 "' brings the pictures\n", info->job);
+}
+
+static status cancel(struct connection *c, uint64_t job, int discard, int json, struct error *err)
+{
+    Azulejo__Wire__Envelope *answer = NULL;
+    status result = cancel_job(c, job, discard, &answer, err);
+
+    if (result == STATUS_OK)
+        result = await_end(c, job, &answer, err);
+    if (result == STATUS_OK && json)
+        result = json_print(job_info_json(job_list_find(answer->job_list, job)), err);
+    else if (result == STATUS_OK)
+        print(job_list_find(answer->job_list, job));
     message_free(answer);
     return result;
 }
@@ -36,8 +72,10 @@ static status run(const struct command *command, int argc, char *const *argv, in
                   struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
-    int json = 0, done;
+    int discard = 0, json = 0, done;
     const struct option table[] = {
+        {"discard", 0, OPTION_FLAG, &discard, NULL,
+         "throw away what unfinished frames hold, instead of making pictures of it", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
         CONNECTION_OPTION_ROWS(where),
         {0},
@@ -54,7 +92,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     if (result == STATUS_OK)
         result = connection_open(&connection, &where, err);
     if (result == STATUS_OK)
-        result = cancel(connection, job, json, err);
+        result = cancel(connection, job, discard, json, err);
     connection_close(connection);
     return result;
 }
@@ -64,6 +102,8 @@ const struct command command_cancel = {
     .group = COMMAND_JOBS,
     .usage = "azulejo cancel JOB [OPTION]...",
     .summary = "end a job",
-    .description = "End a job that is queued or running. Frames that are done stay and can be fetched.",
+    .description =
+        "End a job. Pictures are made of the frames in work with the samples that they hold; these and the\n"
+        "frames that are done can be fetched.",
     .run = run,
 };

@@ -1,5 +1,8 @@
 /* azulejo fetch: bring a job's pictures here. */
+#include <stdio.h>
+
 #include "client/command.h"
+#include "client/cut_frame.h"
 #include "client/fetch.h"
 #include "client/job_info.h"
 #include "client/output.h"
@@ -30,6 +33,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct job_fetch f = {.folder = ".", .formats = OUTPUT_FORMAT_ALL};
     const char *preview = NULL;
+    char cut[CUT_FRAME_TEXT_SIZE];
     int64_t frame = -1;
     int done;
     const struct option table[] = {
@@ -73,6 +77,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
                                     preview, err);
         else
             result = job_fetch_pictures(&f, frame, err);
+        for (size_t i = 0; result == STATUS_OK && !preview && i < f.job->n_cut_frames; i++)
+            fprintf(stderr, "%s\n", cut_frame_text(cut, f.job, f.job->cut_frames[i]));
     }
     if (f.json && (result == STATUS_OK || result == STATUS_ERR_INCOMPLETE)) {
         status printed = json_print(job_fetch_json(&f), err);

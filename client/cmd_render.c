@@ -5,7 +5,9 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "client/cancel.h"
 #include "client/command.h"
+#include "client/cut_frame.h"
 #include "client/destination.h"
 #include "client/fetch.h"
 #include "client/job_info.h"
@@ -31,6 +33,7 @@ struct render {
     struct connection *connection;
     uint64_t job;
     Azulejo__Wire__Envelope *last;       /* the job's last JobList */
+    int cut;                             /* interrupted: only what there is is fetched */
     json_t *files;
 };
 
@@ -52,21 +55,31 @@ static status fetch_file(struct render *r, uint32_t frame, Azulejo__Wire__Output
     return result;
 }
 
+static status fetch_frame(struct render *r, uint32_t frame, struct error *err)
+{
+    status result = STATUS_OK;
+
+    if (r->destination.formats & OUTPUT_FORMAT_EXR)
+        result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR, "exr", err);
+    if (result == STATUS_OK && (r->destination.formats & OUTPUT_FORMAT_PNG))
+        result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG, "png", err);
+    if (result == STATUS_OK && (r->destination.formats & OUTPUT_FORMAT_JPEG))
+        result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_JPEG, "jpg", err);
+    if (result == STATUS_OK && r->manifest)
+        result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON,
+                            MANIFEST_EXTENSION, err);
+    return result;
+}
+
 static status fetch_pictures(struct render *r, struct error *err)
 {
     status result = STATUS_OK;
 
     for (uint32_t frame = r->request.first_frame;
          frame <= r->request.last_frame && result == STATUS_OK; frame++) {
-        if (r->destination.formats & OUTPUT_FORMAT_EXR)
-            result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR, "exr", err);
-        if (result == STATUS_OK && (r->destination.formats & OUTPUT_FORMAT_PNG))
-            result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG, "png", err);
-        if (result == STATUS_OK && (r->destination.formats & OUTPUT_FORMAT_JPEG))
-            result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_JPEG, "jpg", err);
-        if (result == STATUS_OK && r->manifest)
-            result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON,
-                                MANIFEST_EXTENSION, err);
+        result = fetch_frame(r, frame, err);
+        if (r->cut && result == STATUS_ERR_NOT_FOUND)
+            result = STATUS_OK; /* it had no sample yet */
     }
     return result;
 }
@@ -95,6 +108,54 @@ static void rescue_pictures(struct render *r, struct error *err)
     buffer_release(&folder);
 }
 
+static status fetch_or_rescue(struct render *r, struct error *err)
+{
+    status result = fetch_pictures(r, err);
+
+    if (result == STATUS_ERR_IO)
+        rescue_pictures(r, err);
+    return result;
+}
+
+/* What was cut short, and what of it was written, as the error of an interruption. */
+static status explain_cut(const struct render *r, struct error *err)
+{
+    const Azulejo__Wire__JobInfo *info = job_list_find(r->last->job_list, r->job);
+    struct buffer text = BUFFER_INIT;
+    char cut[CUT_FRAME_TEXT_SIZE];
+
+    for (size_t i = 0; i < info->n_cut_frames; i++)
+        buffer_printf(&text, "; %s", cut_frame_text(cut, info, info->cut_frames[i]));
+    if (json_array_size(r->files) == 0)
+        buffer_puts(&text, "; no frame has a sample yet, and nothing is written");
+    for (size_t i = 0; i < json_array_size(r->files); i++)
+        buffer_printf(&text, "%s%s", i ? ", " : "; written: ",
+                      json_string_value(json_array_get(r->files, i)));
+    error_set(err, STATUS_ERR_JOB_FAILED, "interrupted%s",
+              buffer_ok(&text) ? buffer_text(&text) : "");
+    buffer_release(&text);
+    return STATUS_ERR_JOB_FAILED;
+}
+
+/* The first Ctrl-C: end the job with what it has. The next one ends this as well. */
+static status cut_short(struct render *r, struct error *err)
+{
+    Azulejo__Wire__Envelope *answer = NULL;
+    status result;
+
+    local_farm_tolerate(r->farm);
+    if (!r->quiet)
+        fprintf(stderr, "interrupted: what is rendered is written; once more to stop at once\n");
+    result = cancel_job(r->connection, r->job, 0, &answer, err);
+    message_free(answer);
+    if (result == STATUS_OK)
+        result = watch_job(r->connection, r->job, r->quiet, 0, &r->last, err);
+    r->cut = 1;
+    if (result == STATUS_OK)
+        result = fetch_or_rescue(r, err);
+    return result == STATUS_OK ? explain_cut(r, err) : result;
+}
+
 static status render_on_farm(struct render *r, struct error *err)
 {
     status result = connection_open(&r->connection, local_farm_address(r->farm), err);
@@ -108,13 +169,12 @@ static status render_on_farm(struct render *r, struct error *err)
                                  r->destination.formats, r->quiet, &r->job, err);
     if (result == STATUS_OK)
         result = watch_job(r->connection, r->job, r->quiet, 0, &r->last, err);
+    if (result != STATUS_OK && r->job && signals_stop_count() == 1)
+        return cut_short(r, err);
     if (result == STATUS_OK)
         result = job_info_verdict(job_list_find(r->last->job_list, r->job), err);
-    if (result == STATUS_OK) {
-        result = fetch_pictures(r, err);
-        if (result == STATUS_ERR_IO)
-            rescue_pictures(r, err);
-    }
+    if (result == STATUS_OK)
+        result = fetch_or_rescue(r, err);
     return result;
 }
 
@@ -165,6 +225,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct render r = {.options = JOB_OPTIONS_INIT};
     const char *out = NULL;
     int64_t workers = 1, threads = 0;
+    struct error again = {0};
     int done;
     const struct option table[] = {
         {"output", 'o', OPTION_STRING, &out, "OUT",
@@ -211,6 +272,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
     local_farm_stop(r.farm);
     if (result == STATUS_OK)
         result = report(&r, err);
+    else if (r.cut && r.last && report(&r, &again) != STATUS_OK)
+        fprintf(stderr, "azulejo: %s\n", again.text);
     message_free(r.last);
     json_decref(r.files);
     destination_release(&r.destination);
@@ -227,6 +290,7 @@ const struct command command_render = {
     .summary = "render a scene on this machine",
     .description =
         "Render a scene (glTF 2.0, pbrt, OBJ or PLY) with a coordinator and workers of its own, which live\n"
-        "as long as the command. Writes an EXR file with the linear radiance and a tone mapped PNG.",
+        "as long as the command. Writes an EXR file with the linear radiance and a tone mapped PNG. Ctrl-C\n"
+        "writes them with the samples that there are, and says how many; a second Ctrl-C stops at once.",
     .run = run,
 };

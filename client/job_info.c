@@ -3,6 +3,7 @@
 #include <inttypes.h>
 #include <string.h>
 
+#include "client/cut_frame.h"
 #include "client/format.h"
 #include "client/output.h"
 #include "common/base/digest.h"
@@ -17,6 +18,8 @@ const char *job_state_name(Azulejo__Wire__JobState state)
     case AZULEJO__WIRE__JOB_STATE__JOB_DONE: return "done";
     case AZULEJO__WIRE__JOB_STATE__JOB_FAILED: return "failed";
     case AZULEJO__WIRE__JOB_STATE__JOB_CANCELLED: return "cancelled";
+    case AZULEJO__WIRE__JOB_STATE__JOB_PARKED: return "parked";
+    case AZULEJO__WIRE__JOB_STATE__JOB_CANCELLING: return "cancelling";
     default: return "unknown";
     }
 }
@@ -194,6 +197,7 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
     json_object_set_new(root, "develop_error", job->develop_error[0]
                                                    ? json_text(job->develop_error)
                                                    : json_null());
+    json_object_set_new(root, "cut_frames", cut_frames_json(job));
     json_object_set_new(root, "samples_done", json_integer((json_int_t)job->samples_done));
     json_object_set_new(root, "samples_total", json_integer((json_int_t)job->samples_total));
     json_object_set_new(root, "relative_mse", json_number(job->relative_mse));
@@ -242,6 +246,8 @@ void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
                  format_duration(b, (double)job->stats->cpu_ns * 1e-9));
         print_line(out, "rays", line);
     }
+    for (size_t i = 0; i < job->n_cut_frames; i++)
+        print_line(out, "cut short", cut_frame_text(line, job, job->cut_frames[i]));
     if (job->relative_mse >= 0) {
         snprintf(line, sizeof line, "%s (estimated, root of the relative mean squared error)",
                  format_error(a, job->relative_mse));

@@ -7,7 +7,8 @@
 #include "client/connection.h"
 #include "client/json.h"
 
-/* "queued", "running", "done", "failed", "cancelled"; "unknown" for anything else. */
+/* "queued", "running", "done", "failed", "cancelled", "parked", "cancelling"; "unknown" for anything
+ * else. */
 const char *job_state_name(Azulejo__Wire__JobState state);
 int job_state_is_final(Azulejo__Wire__JobState state);
 

@@ -2,15 +2,16 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <ftw.h>
 #include <poll.h>
 #include <sched.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "client/child.h"
+#include "client/scratch.h"
 #include "client/signals.h"
 #include "common/base/clock.h"
 #include "common/base/memory.h"
@@ -20,15 +21,16 @@ enum {
     START_LIMIT_MS = 20000,  /* for the coordinator to say where it listens */
     STOP_LIMIT_MS = 3000,    /* between SIGTERM and SIGKILL */
     DYING_LIMIT_MS = 1000,   /* how long a lost connection's cause is looked for */
-    PATH_SIZE = 4096,
+    LOG_PATH_SIZE = SCRATCH_PATH_SIZE + 64,
     LINE_SIZE = 512,
     ARGUMENTS_MAX = 16,
 };
 static const char listening[] = "listening on ";
 
 struct local_farm {
-    char folder[PATH_SIZE];
-    char key_path[PATH_SIZE + 16];
+    struct scratch scratch;
+    char key_path[SCRATCH_PATH_SIZE + 16];
+    int stops_seen;          /* signals that local_farm_check tolerates */
     char address[LINE_SIZE];
     struct connection_options where;
     int verbose;
@@ -42,18 +44,9 @@ struct local_farm {
 
 /* ---- the temporary folder ----------------------------------------------------------------- */
 
-static void log_path(const struct local_farm *farm, const char *label, char out[PATH_SIZE + 64])
+static void log_path(const struct local_farm *farm, const char *label, char out[LOG_PATH_SIZE])
 {
-    snprintf(out, PATH_SIZE + 64, "%s/%s.log", farm->folder, label);
-}
-
-static int remove_entry(const char *path, const struct stat *info, int type, struct FTW *where)
-{
-    (void)info;
-    (void)type;
-    (void)where;
-    remove(path);
-    return 0; /* go on: what can be removed shall be */
+    snprintf(out, LOG_PATH_SIZE, "%s/%s.log", farm->scratch.path, label);
 }
 
 static status write_key(struct local_farm *farm, struct error *err)
@@ -65,7 +58,7 @@ static status write_key(struct local_farm *farm, struct error *err)
 
     if (result != STATUS_OK)
         return result;
-    snprintf(farm->key_path, sizeof farm->key_path, "%s/farm.key", farm->folder);
+    snprintf(farm->key_path, sizeof farm->key_path, "%s/farm.key", farm->scratch.path);
     farm_key_print(&key, &text);
     fd = open(farm->key_path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
     if (fd < 0 || !buffer_ok(&text) ||
@@ -81,33 +74,14 @@ static status write_key(struct local_farm *farm, struct error *err)
     return result;
 }
 
-static status make_folder(struct local_farm *farm, struct error *err)
-{
-    const char *parent = getenv("TMPDIR");
-
-    if (!parent || !*parent)
-        parent = "/tmp";
-    if (snprintf(farm->folder, sizeof farm->folder, "%s/azulejo-XXXXXX", parent) >=
-        (int)sizeof farm->folder)
-        return error_set(err, STATUS_ERR_IO, "TMPDIR is too long");
-    if (!mkdtemp(farm->folder)) {
-        farm->folder[0] = 0;
-        return error_set(err, STATUS_ERR_IO,
-                         "%s: no temporary folder can be made there: %s (set TMPDIR to one where "
-                         "it can)",
-                         parent, strerror(errno));
-    }
-    return STATUS_OK;
-}
-
 /* ---- the programs ------------------------------------------------------------------------- */
 
 static status start_program(struct local_farm *farm, struct child *child, const char *label,
                             const char *program, const char *const *arguments, int stdout_fd,
-                            struct error *err)
+                            int death_signal, struct error *err)
 {
     struct buffer path = BUFFER_INIT;
-    char log[PATH_SIZE + 64];
+    char log[LOG_PATH_SIZE];
     char *argv[ARGUMENTS_MAX + 2];
     size_t count = 0;
     status result = child_find_program(program, &path, err);
@@ -120,7 +94,8 @@ static status start_program(struct local_farm *farm, struct child *child, const 
             argv[count++] = (char *)*arguments++;
         argv[count] = NULL;
         log_path(farm, label, log);
-        result = child_start(child, label, argv, farm->verbose ? NULL : log, stdout_fd, err);
+        result = child_start(child, label, argv, farm->verbose ? NULL : log, stdout_fd,
+                             death_signal, err);
     }
     buffer_release(&path);
     return result;
@@ -129,7 +104,7 @@ static status start_program(struct local_farm *farm, struct child *child, const 
 static status program_ended(struct local_farm *farm, struct child *child, const char *when,
                             struct error *err)
 {
-    char how[128], log[PATH_SIZE + 64];
+    char how[128], log[LOG_PATH_SIZE];
 
     child_describe_end(child, how, sizeof how);
     if (!farm->verbose) {
@@ -191,18 +166,16 @@ static status await_address(struct local_farm *farm, struct error *err)
 
 static status start_coordinator(struct local_farm *farm, struct error *err)
 {
-    char store[PATH_SIZE + 16];
     const char *const arguments[] = {"--listen", "127.0.0.1:0", "--key", farm->key_path,
-                                     "--store", store, NULL};
+                                     "--store", farm->scratch.path, "--remove-store-at-end", NULL};
     int ends[2];
     status result;
 
-    snprintf(store, sizeof store, "%s/store", farm->folder);
     if (pipe2(ends, O_CLOEXEC) != 0)
         return error_set(err, STATUS_ERR_IO, "no pipe: %s", strerror(errno));
     farm->coordinator_stdout = ends[0];
     result = start_program(farm, &farm->coordinator, "coordinator", "azulejo-coordinator", arguments,
-                           ends[1], err);
+                           ends[1], SIGTERM, err);
     close(ends[1]);
     if (result == STATUS_OK)
         result = await_address(farm, err);
@@ -212,16 +185,16 @@ static status start_coordinator(struct local_farm *farm, struct error *err)
 static status start_worker(struct local_farm *farm, unsigned index, unsigned threads,
                            struct error *err)
 {
-    char cache[PATH_SIZE + 32], count[16];
+    char cache[SCRATCH_PATH_SIZE + 32], count[16];
     const char *const arguments[] = {"--coordinator", farm->address, "--key", farm->key_path,
                                      "--threads", count, "--cache", cache,
                                      "--exit-on-disconnect", NULL};
 
     snprintf(farm->labels[index], sizeof farm->labels[index], "worker-%u", index + 1);
-    snprintf(cache, sizeof cache, "%s/cache-%u", farm->folder, index + 1);
+    snprintf(cache, sizeof cache, "%s/cache-%u", farm->scratch.path, index + 1);
     snprintf(count, sizeof count, "%u", threads);
     return start_program(farm, &farm->workers[index], farm->labels[index], "azulejo-worker",
-                         arguments, -1, err);
+                         arguments, -1, SIGKILL, err);
 }
 
 /* Processors that this process may run on. */
@@ -245,12 +218,13 @@ status local_farm_start(struct local_farm **out, const struct local_options *opt
     if (!farm)
         return error_no_memory(err, "a local farm");
     farm->coordinator_stdout = -1;
+    farm->scratch.owner_fd = -1;
     farm->verbose = options->verbose;
     if (threads == 0) {
         threads = processors() / options->workers;
         threads = threads ? threads : 1;
     }
-    result = make_folder(farm, err);
+    result = scratch_make(&farm->scratch, err);
     if (result == STATUS_OK)
         result = write_key(farm, err);
     if (result == STATUS_OK)
@@ -281,7 +255,7 @@ status local_farm_check(void *user, struct error *err)
     unsigned alive = 0;
     struct child *last = NULL;
 
-    if (signals_stop())
+    if (signals_stop_count() > farm->stops_seen)
         return error_set(err, STATUS_ERR_JOB_FAILED, "interrupted; the job is given up");
     if (child_has_ended(&farm->coordinator))
         return program_ended(farm, &farm->coordinator, "in the middle of the job", err);
@@ -305,6 +279,11 @@ status local_farm_check(void *user, struct error *err)
                                              ? "as the last of the workers"
                                              : "in the middle of the job", err);
     return STATUS_OK;
+}
+
+void local_farm_tolerate(struct local_farm *farm)
+{
+    farm->stops_seen = signals_stop_count();
 }
 
 status local_farm_explain(struct local_farm *farm, status code, struct error *err)
@@ -335,7 +314,6 @@ void local_farm_stop(struct local_farm *farm)
     children_stop(all, farm->worker_count + 1, STOP_LIMIT_MS);
     if (farm->coordinator_stdout >= 0)
         close(farm->coordinator_stdout);
-    if (farm->folder[0])
-        nftw(farm->folder, remove_entry, 16, FTW_DEPTH | FTW_PHYS | FTW_MOUNT);
+    scratch_remove(&farm->scratch);
     mem_free(farm);
 }

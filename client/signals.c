@@ -10,14 +10,16 @@ static const int stop_signals[] = {SIGINT, SIGTERM, SIGHUP};
 enum { STOP_SIGNAL_COUNT = sizeof stop_signals / sizeof stop_signals[0] };
 
 static int pipe_ends[2] = {-1, -1};
-static volatile sig_atomic_t stop_signal;
+static volatile sig_atomic_t stop_signal, stop_count;
 
 static void note(int number)
 {
     int saved = errno;
 
-    if (number != SIGCHLD)
+    if (number != SIGCHLD) {
         stop_signal = number;
+        stop_count++;
+    }
     /* A full pipe is fine: the reader has not yet seen the bytes that are in it. */
     if (write(pipe_ends[1], "", 1) < 0) {
     }
@@ -72,4 +74,9 @@ void signals_drain(void)
 int signals_stop(void)
 {
     return stop_signal;
+}
+
+int signals_stop_count(void)
+{
+    return stop_count;
 }

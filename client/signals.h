@@ -22,5 +22,7 @@ void signals_drain(void);
 
 /* The signal that asked us to stop, or 0. */
 int signals_stop(void);
+/* How many such signals there were. */
+int signals_stop_count(void);
 
 #endif

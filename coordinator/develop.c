@@ -14,7 +14,7 @@
 #include "coordinator/blobs.h"
 #include "coordinator/wire.h"
 
-enum { ATTRIBUTES_MAX = 27 };
+enum { ATTRIBUTES_MAX = 33 };
 
 struct development {
     uint64_t job;
@@ -24,13 +24,13 @@ struct development {
     uint32_t revision;       /* of `output` */
     struct render_settings settings;
     struct output_settings output;
-    uint64_t samples;
+    struct film_coverage coverage;
     double relative_mse;
     struct work_stats stats;
     const struct film *film; /* NULL: `image` holds a copy, and there are no AOVs */
     int taken;               /* `image` holds the film's means */
     struct image image;
-    int described;           /* `description` is the job's scene */
+    int looked, described;   /* `description` was read; it is the job's scene */
     struct scene description;
 };
 
@@ -55,7 +55,7 @@ static status development_new(struct development **out, const struct job *job, u
     d->settings = job->settings;
     d->output = job->output;
     if (frame) {
-        d->samples = film_samples(frame->film);
+        d->coverage = film_coverage(frame->film);
         d->relative_mse = film_relative_mse(frame->film);
         d->stats = frame->stats;
         d->film = frame->film;
@@ -135,6 +135,28 @@ static void add_point(struct attributes *a, const char *name, const double point
     a->items[a->count++] = (struct exr_attribute){.name = name, .point = point};
 }
 
+static double mean_samples(const struct development *d)
+{
+    return (double)d->coverage.samples / ((double)d->settings.width * d->settings.height);
+}
+
+static int is_whole(const struct development *d)
+{
+    return d->coverage.least == d->settings.spp;
+}
+
+/* What there is: a frame of a cancelled job may have less than azulejo:spp, and not everywhere
+ * alike. */
+static void add_samples(struct attributes *a, const struct development *d)
+{
+    add_number(a, "azulejo:samples", (double)d->coverage.samples);
+    add_number(a, "azulejo:complete", is_whole(d));
+    add_number(a, "azulejo:samplesMin", d->coverage.least);
+    add_number(a, "azulejo:samplesMean", mean_samples(d));
+    add_number(a, "azulejo:samplesMax", d->coverage.most);
+    add_number(a, "azulejo:tilesWithoutSamples", d->coverage.tiles_empty);
+}
+
 /* Settings that only some jobs have. */
 static void add_extras(struct attributes *a, const struct render_settings *s,
                        char without[SETTINGS_TEXT_SIZE])
@@ -201,7 +223,7 @@ static status describe(struct development *d, const struct store *store, struct 
     struct error why = {0};
     status s;
 
-    if (d->described)
+    if (d->looked)
         return STATUS_OK;
     s = blobs_read(store_folder(store), &d->scene, SCENE_BYTES_MAX, &packed, &why);
     if (s == STATUS_OK)
@@ -210,6 +232,7 @@ static status describe(struct development *d, const struct store *store, struct 
     d->described = s == STATUS_OK;
     if (status_is_environment(s))
         return error_set(err, s, "%s", why.text);
+    d->looked = 1;
     if (s != STATUS_OK)
         log_warn("job %" PRIu64 ", frame %u: its header lacks the scene's origin and its manifest "
                  "the causes of its effects: %s",
@@ -237,7 +260,7 @@ static status encode_exr(struct development *d, struct buffer *exr, struct error
     add_number(&a, "azulejo:job", (double)d->job);
     add_number(&a, "azulejo:frame", d->frame);
     add_number(&a, "azulejo:spp", d->settings.spp);
-    add_number(&a, "azulejo:samples", (double)d->samples);
+    add_samples(&a, d);
     add_number(&a, "azulejo:maxDepth", d->settings.max_depth);
     add_text(&a, "azulejo:seed", seed);
     add_number(&a, "azulejo:camera", d->settings.camera);
@@ -503,7 +526,9 @@ status develop_manifest(struct development *d, const struct store *store, struct
     struct manifest m = {
         .job_name = d->name, .scene_name = d->scene_name, .renderer = d->kernel,
         .scene_digest = digest, .job = d->job, .frame = d->frame, .effects = d->stats.effects,
-        .without = d->settings.without, .frame_samples = d->samples, .samples = d->stats.samples,
+        .without = d->settings.without, .frame_samples = d->coverage.samples, .complete = is_whole(d),
+        .pixel_samples = {d->coverage.least, mean_samples(d), d->coverage.most},
+        .tiles_empty = d->coverage.tiles_empty, .samples = d->stats.samples,
         .rays = d->stats.rays, .vertices = d->stats.vertices, .cpu_ns = d->stats.cpu_ns,
     };
     status s;
@@ -561,7 +586,7 @@ status develop_frame(struct development *d, struct store *store, struct error *e
         s = store_output_write(store, d->job, d->frame, MANIFEST_EXTENSION, &json, err);
     if (s == STATUS_OK)
         s = store_frame_done(store, d->job, d->frame, d->relative_mse, development_revision(d),
-                             err);
+                             is_whole(d) ? NULL : &d->coverage, err);
     buffer_release(&exr);
     buffer_release(&json);
     return s;

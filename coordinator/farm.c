@@ -7,6 +7,7 @@
 #include "common/base/clock.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "coordinator/closing.h"
 
 /* A cancelled job must not come back, so the canceller waits for the disk. All else may be
  * lost in a crash: counters are estimates, and a job that was all but done is ended again at the
@@ -20,7 +21,7 @@ void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns)
     job->unsaved = 0;
     if (!farm->store)
         return;
-    if (job->state != JOB_STATE_CANCELLED ||
+    if ((job->state != JOB_STATE_CANCELLED && job->state != JOB_STATE_CANCELLING) ||
         store_job_save(farm->store, job, now_ns, &err) != STATUS_OK)
         s = store_job_save_later(farm->store, job, now_ns, &err);
     job->unsaved = s != STATUS_OK;
@@ -82,16 +83,37 @@ static void frame_unlink(struct farm *farm, struct job_frame *frame)
                                    film_aovs(frame->film));
 }
 
-/* The frame leaves its job; it is freed now, or when its last commit or develop ends. */
-static void frame_close(struct farm *farm, struct job_frame *frame)
+/* Revoke the leases of one frame, or with NULL of all frames of the job. */
+static void revoke_leases(struct farm *farm, const struct job *job, const struct job_frame *frame,
+                          const char *reason)
 {
     for (struct lease *lease = farm->leases.oldest, *newer; lease; lease = newer) {
         newer = lease->newer;
-        if (lease->frame != frame)
+        if (lease->frame->job != job || (frame && lease->frame != frame))
             continue;
-        farm->events.revoke(farm->events.user, lease->holder->session, lease->id, "the job ended");
+        farm->events.revoke(farm->events.user, lease->holder->session, lease->id, reason);
         lease_end(&farm->leases, lease);
     }
+}
+
+void farm_job_revoke(struct farm *farm, const struct job *job, const char *reason)
+{
+    revoke_leases(farm, job, NULL, reason);
+}
+
+void farm_frame_close(struct farm *farm, struct job_frame *frame, const char *reason)
+{
+    uint64_t last = 0;
+
+    /* Workers keep these results for our answer, also where their leases are settled. */
+    for (size_t i = 0; i < frame->ack_count; i++) {
+        const struct pending_ack *ack = &frame->acks[i];
+        if (ack->lease != last && !lease_find(&farm->leases, ack->lease, 0))
+            farm->events.revoke(farm->events.user, ack->session, ack->lease, reason);
+        last = ack->lease;
+    }
+    frame->ack_count = 0;
+    revoke_leases(farm, frame->job, frame, reason);
     frame_unlink(farm, frame);
     frame->closing = 1;
     if (frame->in_flight == 0)
@@ -115,8 +137,10 @@ void farm_release(struct farm *farm, uint64_t now_ns)
     }
     lease_table_release(&farm->leases);
     for (size_t i = 0; i < farm->queue.count; i++)
-        while (farm->queue.all[i]->frames)
-            frame_close(farm, farm->queue.all[i]->frames);
+        while (farm->queue.all[i]->frames) {
+            farm->queue.all[i]->frames->ack_count = 0; /* the workers keep them for the next run */
+            farm_frame_close(farm, farm->queue.all[i]->frames, "the coordinator ends");
+        }
     queue_release(&farm->queue);
 }
 
@@ -165,23 +189,30 @@ status farm_submit(struct farm *farm, struct job *job, struct error *err)
     return farm_adopt(farm, job, err);
 }
 
-static void job_end(struct farm *farm, struct job *job, enum job_state state, const char *text,
-                    uint64_t now_ns)
+void farm_job_change(struct farm *farm, struct job *job, enum job_state state, const char *text,
+                     uint64_t now_ns)
 {
-    while (job->frames)
-        frame_close(farm, job->frames);
+    int ends = job_state_ended(state);
+
+    while (ends && job->frames)
+        farm_frame_close(farm, job->frames, "the job ended");
     job_set_state(&farm->queue, job, state, text, now_ns, farm->wall_s);
     farm_job_save(farm, job, now_ns); /* its films go when that is on disk */
     farm->pump_wanted = 1;
     farm->events.job_changed(farm->events.user, job);
 }
 
-void farm_cancel(struct farm *farm, struct job *job, uint64_t now_ns)
+void farm_cancel(struct farm *farm, struct job *job, int discard, uint64_t now_ns)
 {
-    if (job_state_ended(job->state))
+    if (job_state_ended(job->state) || (job->state == JOB_STATE_CANCELLING && !discard))
         return;
-    log_info("job %llu (%s) was cancelled", (unsigned long long)job->id, job->name);
-    job_end(farm, job, JOB_STATE_CANCELLED, "cancelled", now_ns);
+    log_info("job %llu (%s) is cancelled%s", (unsigned long long)job->id, job->name,
+             discard ? ", and what it holds discarded" : "");
+    if (discard)
+        farm_job_change(farm, job, JOB_STATE_CANCELLED, "cancelled, unfinished frames discarded",
+                        now_ns);
+    else
+        closing_begin(farm, job, now_ns);
 }
 
 void farm_fail(struct farm *farm, struct job *job, uint64_t now_ns, const char *format, ...)
@@ -195,7 +226,7 @@ void farm_fail(struct farm *farm, struct job *job, uint64_t now_ns, const char *
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
     log_error("job %llu (%s) failed: %s", (unsigned long long)job->id, job->name, text);
-    job_end(farm, job, JOB_STATE_FAILED, text, now_ns);
+    farm_job_change(farm, job, JOB_STATE_FAILED, text, now_ns);
 }
 
 void farm_job_started(struct farm *farm, struct job *job, const struct farm_worker *worker,
@@ -227,14 +258,20 @@ status farm_worker_add(struct farm *farm, struct farm_worker *worker, struct err
 {
     if (farm->worker_count == WORKERS_MAX)
         return error_set(err, STATUS_ERR_LIMIT, "%d workers are connected already", WORKERS_MAX);
+    credit_init(&worker->credit, worker->threads);
     farm->workers[farm->worker_count++] = worker;
     farm->pump_wanted = 1;
     return STATUS_OK;
 }
 
-void farm_worker_remove(struct farm *farm, struct farm_worker *worker)
+void farm_worker_remove(struct farm *farm, struct farm_worker *worker, int died, uint64_t now_ns)
 {
+    uint64_t lent_ns = 0;
+    struct job *job = died ? closing_suspected(farm, worker, &lent_ns) : NULL;
+
     lease_end_all_of(&farm->leases, &worker->held);
+    if (job)
+        closing_note_death(farm, job, worker, lent_ns, now_ns);
     for (uint32_t i = 0; i < farm->worker_count; i++) {
         if (farm->workers[i] == worker) {
             farm->workers[i] = farm->workers[--farm->worker_count];
@@ -244,15 +281,20 @@ void farm_worker_remove(struct farm *farm, struct farm_worker *worker)
     farm->pump_wanted = 1;
 }
 
-/* Is anything there, or on its way, that was rendered with the job's kernel? */
-static int job_is_begun(const struct job *job)
+static int job_has_results(const struct job *job)
 {
-    if (job->leases > 0 || job->frames_done_count > 0 || job->stats.samples > 0)
+    if (job->frames_done_count > 0 || job->stats.samples > 0)
         return 1;
     for (const struct job_frame *frame = job->frames; frame; frame = frame->next)
         if (frame->ack_count > 0 || film_samples(frame->film) > 0)
             return 1;
     return 0;
+}
+
+/* Is anything there, or on its way, that was rendered with the job's kernel? */
+static int job_is_begun(const struct job *job)
+{
+    return job->leases > 0 || job_has_results(job);
 }
 
 int farm_can_serve(const struct job *job, const struct farm_worker *worker, char *why,
@@ -268,8 +310,8 @@ int farm_can_serve(const struct job *job, const struct farm_worker *worker, char
                  "it traces rays with %s, but job %llu was begun with %s; mixing them would change "
                  "the picture's bits",
                  worker->kernel, (unsigned long long)job->id, job->kernel);
-    else if (job_is_broken_for(job, worker->held.session))
-        snprintf(why, why_size, "it said that it cannot render job %llu",
+    else if (job_is_broken_for(job, worker->machine))
+        snprintf(why, why_size, "its machine said that it cannot render job %llu",
                  (unsigned long long)job->id);
     else
         return 1;
@@ -279,24 +321,29 @@ int farm_can_serve(const struct job *job, const struct farm_worker *worker, char
 void farm_job_broken(struct farm *farm, struct job *job, struct farm_worker *worker,
                      const char *text, uint64_t now_ns)
 {
-    uint32_t able = 0;
+    uint32_t able = 0, held = 0;
+    status s = STATUS_OK;
     char why[256];
 
-    if (job_state_ended(job->state))
-        return;
     for (struct lease *lease = farm->leases.oldest, *newer; lease; lease = newer) {
         newer = lease->newer;
-        if (lease->holder == &worker->held && lease->frame->job == job)
-            lease_end(&farm->leases, lease);
+        if (lease->holder != &worker->held || lease->frame->job != job)
+            continue;
+        lease_end(&farm->leases, lease);
+        held++;
     }
-    if (!job_is_broken_for(job, worker->held.session))
-        job->broken_sessions[job->broken_count++] = worker->held.session;
+    if (held == 0 || !job_state_is_open(job->state))
+        return; /* its second lease, one that was revoked meanwhile, or an intruder's word */
+    farm->pump_wanted = 1;
+    if (!job_is_broken_for(job, worker->machine))
+        s = job_set_broken_for(job, worker->machine);
     for (uint32_t i = 0; i < farm->worker_count; i++)
         able += (uint32_t)farm_can_serve(job, farm->workers[i], why, sizeof why);
-    if (job->broken_count == JOB_BROKEN_MAX || able == 0)
-        farm_fail(farm, job, now_ns, "%u worker%s cannot render it: %s", job->broken_count,
+    /* With a result there are machines that can: those that cannot are passed over. */
+    if (s != STATUS_OK || able == 0 || job->broken_count >= JOB_BROKEN_MACHINES_MAX ||
+        (job->broken_count >= JOB_BROKEN_MAX && !job_has_results(job)))
+        farm_fail(farm, job, now_ns, "%zu machine%s cannot render it: %s", job->broken_count,
                   job->broken_count == 1 ? "" : "s", text);
-    farm->pump_wanted = 1;
 }
 
 /* ---- frames --------------------------------------------------------------------------------- */
@@ -379,7 +426,8 @@ void farm_frame_advance(struct farm *farm, struct job_frame *frame, uint64_t now
         job_frame_set_state(frame, FRAME_COMPLETE);
     if (frame->state != FRAME_COMPLETE || frame->closing || trouble_is(&farm->trouble) ||
         trouble_waits(&frame->trouble, now_ns) ||
-        frame->durable_tiles != film_tile_count(frame->film))
+        (frame->durable_tiles != film_tile_count(frame->film) &&
+         frame->job->state != JOB_STATE_CANCELLING))
         return;
     s = farm->events.develop(farm->events.user, frame);
     if (s != STATUS_OK) {
@@ -397,13 +445,16 @@ void farm_frame_advance(struct farm *farm, struct job_frame *frame, uint64_t now
 /* Every frame is done and its pictures are made: the job is. */
 static void job_end_when_done(struct farm *farm, struct job *job, uint64_t now_ns)
 {
-    if (job_state_ended(job->state) || job->frames_done_count < job_frame_count(job) ||
+    if (job_state_ended(job->state) || job->state == JOB_STATE_CANCELLING ||
+        job->frames_done_count < job_frame_count(job) ||
         job->frames_developed_count < job->frames_done_count)
         return;
+    if (job->state == JOB_STATE_PARKED)
+        job_set_state(&farm->queue, job, JOB_STATE_QUEUED, NULL, now_ns, farm->wall_s);
     if (job->state == JOB_STATE_QUEUED) /* all of it came back from disk */
         job_set_state(&farm->queue, job, JOB_STATE_RUNNING, NULL, now_ns, farm->wall_s);
     log_info("job %llu (%s) is done", (unsigned long long)job->id, job->name);
-    job_end(farm, job, JOB_STATE_DONE, NULL, now_ns);
+    farm_job_change(farm, job, JOB_STATE_DONE, NULL, now_ns);
 }
 
 static void develop_list_add(struct farm *farm, struct job *job)
@@ -507,6 +558,7 @@ void farm_pictures_made(struct farm *farm, struct job *job, uint32_t frame, int6
     job_end_when_done(farm, job, now_ns);
     farm->events.job_changed(farm->events.user, job);
     develop_next(farm, now_ns);
+    closing_step(farm, job, now_ns);
 }
 
 void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t revision,
@@ -514,6 +566,8 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
 {
     struct job *job = frame->job;
     uint32_t number = frame->number;
+    struct film_coverage coverage;
+    struct error err = {0};
     double relative_mse;
 
     if (frame->closing) {
@@ -531,9 +585,13 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
     }
     farm_trouble_over(farm, job, &frame->trouble, now_ns);
     relative_mse = film_relative_mse(frame->film);
+    coverage = film_coverage(frame->film);
     farm_frame_unpin(farm, frame);
-    frame_close(farm, frame);
+    farm_frame_close(farm, frame, "the frame is done");
     job_frame_set_done(job, number);
+    if (coverage.samples < job_frame_samples(job) &&
+        job_frame_set_cut(job, number, &coverage, &err) != STATUS_OK)
+        log_error("job %llu, frame %u: %s", (unsigned long long)job->id, number, err.text);
     if (revision == (int64_t)job->revision)
         job_frame_set_developed(job, number);
     job->relative_mse = relative_mse;
@@ -545,6 +603,7 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
     if (!job_state_ended(job->state))
         farm->events.job_changed(farm->events.user, job);
     develop_next(farm, now_ns);
+    closing_step(farm, job, now_ns);
 }
 
 /* ---- after a restart ------------------------------------------------------------------------- */
@@ -586,7 +645,7 @@ void farm_resume(struct farm *farm, uint64_t now_ns)
             develop_list_add(farm, farm->queue.all[i]);
     for (size_t i = 0; i < farm->queue.active_count;) {
         struct job *job = farm->queue.active[i];
-        if (job->frames_done_count == job_frame_count(job) &&
+        if (job->state != JOB_STATE_CANCELLING && job->frames_done_count == job_frame_count(job) &&
             job->frames_developed_count == job->frames_done_count) {
             job_end_when_done(farm, job, now_ns);
             continue;
@@ -594,7 +653,10 @@ void farm_resume(struct farm *farm, uint64_t now_ns)
         if (job->state == JOB_STATE_RUNNING)
             log_info("job %llu (%s) goes on: %u of %u frames are done", (unsigned long long)job->id,
                      job->name, job->frames_done_count, job_frame_count(job));
-        i++;
+        closing_step(farm, job, now_ns);
+        /* A job that ended just now has left its place to the next. */
+        if (i < farm->queue.active_count && farm->queue.active[i] == job)
+            i++;
     }
     farm_resume_films(farm, now_ns);
 }
@@ -607,6 +669,13 @@ void farm_pause(struct farm *farm, uint64_t paused_ns)
         lease->deadline_ns += paused_ns;
 }
 
+static void worker_lapsed(struct farm *farm, const struct lease *lease, uint64_t now_ns)
+{
+    for (uint32_t i = 0; i < farm->worker_count; i++)
+        if (&farm->workers[i]->held == lease->holder)
+            credit_lapsed(&farm->workers[i]->credit, lease->granted_ns, now_ns);
+}
+
 void farm_tick(struct farm *farm, uint64_t now_ns)
 {
     struct lease *lease;
@@ -617,6 +686,7 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
                  (unsigned long long)lease->id, lease->holder->session, lease->open_count);
         farm->events.revoke(farm->events.user, lease->holder->session, lease->id,
                             "the lease lapsed");
+        worker_lapsed(farm, lease, now_ns);
         lease_end(&farm->leases, lease);
         farm->pump_wanted = 1;
     }
@@ -627,6 +697,7 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
                 farm_frame_advance(farm, frame, now_ns);
         if (job->leases > 0 && now_ns - job->saved_ns >= PROGRESS_SAVE_MS * NS_PER_MS)
             farm_job_save(farm, job, now_ns);
+        closing_step(farm, job, now_ns); /* the last: it may end the job */
     }
     develop_next(farm, now_ns);
 }

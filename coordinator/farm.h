@@ -13,6 +13,7 @@
 #include <stdint.h>
 
 #include "common/base/status.h"
+#include "coordinator/credit.h"
 #include "coordinator/lease.h"
 #include "coordinator/queue.h"
 #include "coordinator/store.h"
@@ -28,12 +29,15 @@ enum {
 
 struct farm_worker {
     struct lease_holder held;
-    uint32_t threads;            /* >= 1 */
+    uint32_t threads;            /* that it claims; >= 1 */
+    struct credit credit;        /* how many of them it is trusted with */
+    uint64_t machine;            /* machine_identity */
     uint32_t isa_mask;
     char kernel[KERNEL_NAME_MAX + 1];
     uint32_t room;               /* units it asked for and did not get yet */
     uint64_t cost_job;           /* the job that `cost_ns` was measured on */
     double cost_ns;              /* CPU time of one pixel sample on one thread; 0: not known */
+    uint64_t delivered_job;      /* whose result it delivered last; 0: none yet */
     uint64_t units_done, samples_done;
     struct rate rate;
     uint64_t noticed_job;        /* the newest job it was told it cannot serve */
@@ -89,14 +93,18 @@ status farm_submit(struct farm *farm, struct job *job, struct error *err) MUST_C
  * thread. */
 status farm_prepare(const struct farm *farm, struct job *job, struct error *err) MUST_CHECK;
 status farm_adopt(struct farm *farm, struct job *job, struct error *err) MUST_CHECK;
-/* No effect on a job that has ended. */
-void farm_cancel(struct farm *farm, struct job *job, uint64_t now_ns);
+/* End the job. Unless `discard`, pictures are first made of what its open frames hold: the job is
+ * CANCELLING until they are on disk. No effect on a job that has ended. */
+void farm_cancel(struct farm *farm, struct job *job, int discard, uint64_t now_ns);
 void farm_fail(struct farm *farm, struct job *job, uint64_t now_ns, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
 
 status farm_worker_add(struct farm *farm, struct farm_worker *worker, struct error *err) MUST_CHECK;
-void farm_worker_remove(struct farm *farm, struct farm_worker *worker);
-/* A worker cannot render this job at all. */
+/* `died`: its connection was lost. Jobs that it held leases of may be parked for that
+ * (suspicion.h). */
+void farm_worker_remove(struct farm *farm, struct farm_worker *worker, int died, uint64_t now_ns);
+/* A worker cannot render this job at all. Counts once a machine, and only while the worker holds a
+ * lease of the job. */
 void farm_job_broken(struct farm *farm, struct job *job, struct farm_worker *worker,
                      const char *text, uint64_t now_ns);
 /* Can this worker serve the job? If not, `why` says so, for people. */
@@ -111,6 +119,15 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
                                   uint64_t now_ns);
 /* The next frame of the job that is neither done nor open, opened; NULL: none, or limits. */
 struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint64_t now_ns);
+/* The frame leaves its job: its leases are revoked and unacknowledged results disowned, for
+ * `reason`. It is freed now, or when its last commit or develop ends. */
+void farm_frame_close(struct farm *farm, struct job_frame *frame, const char *reason);
+/* Take back every lease of the job. */
+void farm_job_revoke(struct farm *farm, const struct job *job, const char *reason);
+/* Change the job's state, store it and tell those who watch. Ending a job closes its frames and
+ * removes its films. */
+void farm_job_change(struct farm *farm, struct job *job, enum job_state state, const char *text,
+                     uint64_t now_ns);
 /* Move the frame on when its film is complete and on disk. */
 void farm_frame_advance(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
 /* The end of events.develop. When `result` is OK the frame is in the store as done already, and its

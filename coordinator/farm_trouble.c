@@ -121,7 +121,8 @@ void farm_trouble_tick(struct farm *farm, uint64_t now_ns)
     save_again(farm, now_ns);
     for (size_t i = 0; i < farm->queue.active_count; i++) {
         struct job *job = farm->queue.active[i];
-        if (trouble_is(&job->trouble) && !trouble_waits(&job->trouble, now_ns))
+        if (job_state_is_open(job->state) && trouble_is(&job->trouble) &&
+            !trouble_waits(&job->trouble, now_ns))
             (void)farm_frame_open_next(farm, job, now_ns);
     }
 }

@@ -63,7 +63,7 @@ void job_frame_set_state(struct job_frame *frame, enum frame_state state)
     assert((frame->state == FRAME_RENDERING && state == FRAME_COMPLETE) ||
            (frame->state == FRAME_COMPLETE && state == FRAME_DEVELOPING) ||
            (frame->state == FRAME_DEVELOPING && state == FRAME_COMPLETE));
-    assert(film_complete(frame->film));
+    assert(film_complete(frame->film) || frame->job->state == JOB_STATE_CANCELLING);
     frame->state = state;
 }
 

@@ -3,7 +3,8 @@
  *   RENDERING --every unit merged--> COMPLETE --all of it on disk--> DEVELOPING
  *        DEVELOPING --outputs on disk--> closed (freed)
  *        DEVELOPING --outputs cannot be written--> COMPLETE, and again (trouble.h)
- *   any --job ends--> closed, as soon as no commit or develop is in flight
+ *   RENDERING --job is cancelled, every merged tile on disk--> COMPLETE, with what there is
+ *   any --job ends or is parked--> closed, as soon as no commit or develop is in flight
  * job_frame_set_state is the only function that changes it.
  *
  * Units are granted in passes over all tiles, so that a preview covers the frame early:
@@ -28,7 +29,8 @@
 #include "coordinator/store_film.h"
 
 enum {
-    UNIT_HOLDERS_MAX = 3,     /* leases that may hold one unit at once */
+    UNIT_HOLDERS_MAX = 3,     /* leases that may hold one unit at once; */
+    UNIT_HOLDERS_UNPROVEN_MAX = UNIT_HOLDERS_MAX - 1, /* the last place is for a proven worker */
     FRAME_PASSES_AHEAD = 64,  /* how far a tile's granted passes may be ahead of its folded ones */
     FRAME_ACKS_MAX = 1 << 20, /* results that wait for the disk or for an earlier pass */
     /* While it cannot be written: results that are lent or wait for the disk, with their workers. No
@@ -57,6 +59,7 @@ struct unit {
 
 /* A result that is not acknowledged yet. */
 struct pending_ack {
+    uint64_t lease;
     uint32_t session, tile, pass;
 };
 
@@ -91,7 +94,7 @@ struct job_frame {
     uint64_t error_next_ns;      /* when to compute it anew; 0: not computed yet */
     struct trouble trouble;      /* its film or outputs cannot be written */
     int in_flight;               /* commits and develops that hold this frame */
-    int closing;                 /* the job ended: free it when nothing is in flight */
+    int closing;                 /* free it when nothing is in flight */
 };
 
 /* NULL when out of memory. The film is new and empty; `file` stays the caller's on failure. */

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "common/base/clock.h"
+#include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/options.h"
 #include "coordinator/blobs.h"
@@ -43,7 +44,7 @@ int main(int argc, char **argv)
     const char *listen = "127.0.0.1:7420", *key_path = NULL, *folder = "azulejo-store";
     const char *level = "info", *ready_file = NULL;
     double lease_seconds = 60;
-    int version = 0, help = 0;
+    int remove_store = 0, version = 0, help = 0;
     const struct option table[] = {
         {"listen", 'l', OPTION_STRING, &listen, "HOST:PORT",
          "address to listen on (127.0.0.1:7420); port 0 takes any free one", 0, 0, NULL},
@@ -55,6 +56,9 @@ int main(int argc, char **argv)
          "work that a worker sends nothing of for this long goes to others (60)", 1, 86400, NULL},
         {"ready-file", 0, OPTION_STRING, &ready_file, "FILE",
          "write the port there, atomically, once connections are taken", 0, 0, NULL},
+        {"remove-store-at-end", 0, OPTION_FLAG, &remove_store, NULL,
+         "a throw-away store: on SIGTERM or SIGINT, remove its folder and everything in it", 0, 0,
+         NULL},
         {"log-level", 0, OPTION_CHOICE, &level, "LEVEL", "what is logged (info)", 0, 0,
          "error|warn|info|debug"},
         {"version", 0, OPTION_FLAG, &version, NULL, "print the version", 0, 0, NULL},
@@ -105,6 +109,8 @@ int main(int argc, char **argv)
     explicit_bzero(&key, sizeof key);
     if (s != STATUS_OK)
         return fail(&err);
+    if (remove_store)
+        file_remove_tree(folder);
     log_info("ended");
     return 0;
 }

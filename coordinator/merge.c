@@ -52,10 +52,11 @@ static struct job_frame *frame_of(struct farm *farm, const struct farm_worker *w
         result->frame > job->last_frame)
         return NULL;
     if (job_frame_is_done(job, result->frame)) {
-        *outcome = MERGE_KEPT;
+        if (!job_frame_is_cut(job, result->frame))
+            *outcome = MERGE_KEPT;
         return NULL;
     }
-    if (job_state_ended(job->state) || strcmp(job->kernel, worker->kernel) != 0)
+    if (!job_state_is_open(job->state) || strcmp(job->kernel, worker->kernel) != 0)
         return NULL;
     frame = farm_frame_find(job, result->frame);
     if (!frame)
@@ -70,7 +71,7 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
 {
     static float sums[TILE_FLOATS_MAX];
     struct unit_name name = {result->tile, result->pass};
-    struct pending_ack ack = {worker->held.session, result->tile, result->pass};
+    struct pending_ack ack = {result->lease, worker->held.session, result->tile, result->pass};
     enum film_merge_result merged;
     const struct unit *unit;
     struct job_frame *frame;

@@ -7,8 +7,8 @@
 
 #include "common/base/memory.h"
 
-static const char *const state_names[JOB_STATE_COUNT] = {"queued", "running", "done", "failed",
-                                                         "cancelled"};
+static const char *const state_names[JOB_STATE_COUNT] = {
+    "queued", "running", "done", "failed", "cancelled", "parked", "cancelling"};
 
 const char *job_state_word(enum job_state state)
 {
@@ -69,7 +69,15 @@ void job_free(struct job *job)
     assert(!job->frames);
     mem_free(job->frames_done);
     mem_free(job->frames_developed);
+    mem_free(job->cuts);
+    mem_free(job->broken_machines);
     mem_free(job);
+}
+
+/* Active, but neither lent nor merged. */
+static int is_shut(enum job_state state)
+{
+    return !job_state_ended(state) && !job_state_is_open(state);
 }
 
 /* Where `job` stands, or would stand, among the active ones. */
@@ -115,6 +123,7 @@ status queue_add(struct queue *queue, struct job *job, struct error *err)
             (queue->active_count - place) * sizeof *queue->active);
     queue->active[place] = job;
     queue->active_count++;
+    queue->shut_count += (size_t)is_shut(job->state);
     return STATUS_OK;
 }
 
@@ -134,7 +143,13 @@ struct job *queue_find(const struct queue *queue, uint64_t id)
 
 size_t queue_position(const struct queue *queue, const struct job *job)
 {
-    return active_place(queue, job);
+    size_t place = active_place(queue, job), before = 0;
+
+    if (queue->shut_count == 0)
+        return place;
+    for (size_t i = 0; i < place; i++)
+        before += (size_t)job_state_is_open(queue->active[i]->state);
+    return before;
 }
 
 int job_state_ended(enum job_state state)
@@ -142,13 +157,35 @@ int job_state_ended(enum job_state state)
     return state == JOB_STATE_DONE || state == JOB_STATE_FAILED || state == JOB_STATE_CANCELLED;
 }
 
+int job_state_is_open(enum job_state state)
+{
+    return state == JOB_STATE_QUEUED || state == JOB_STATE_RUNNING;
+}
+
+/* The diagram in queue.h. */
+static int change_is_allowed(enum job_state from, enum job_state to)
+{
+    switch (to) {
+    case JOB_STATE_QUEUED: return from == JOB_STATE_PARKED;
+    case JOB_STATE_RUNNING: return from == JOB_STATE_QUEUED;
+    case JOB_STATE_DONE: return from == JOB_STATE_RUNNING;
+    case JOB_STATE_PARKED: return job_state_is_open(from);
+    case JOB_STATE_CANCELLING: return job_state_is_open(from) || from == JOB_STATE_PARKED;
+    default: return !job_state_ended(from);
+    }
+}
+
 void job_set_state(struct queue *queue, struct job *job, enum job_state state, const char *text,
                    uint64_t now_ns, int64_t wall_s)
 {
-    assert(!job_state_ended(job->state));
-    assert(state == JOB_STATE_RUNNING ? job->state == JOB_STATE_QUEUED
-                                      : job_state_ended(state));
-    assert(state != JOB_STATE_DONE || job->state == JOB_STATE_RUNNING);
+    assert(change_is_allowed(job->state, state));
+    queue->shut_count -= (size_t)is_shut(job->state);
+    queue->shut_count += (size_t)is_shut(state);
+    if (!job_state_is_open(state)) {
+        if (job->active_since_ns)
+            job->active_ns += now_ns - job->active_since_ns;
+        job->active_since_ns = 0;
+    }
     if (job_state_ended(state)) {
         size_t place = active_place(queue, job);
         assert(place < queue->active_count && queue->active[place] == job);
@@ -156,9 +193,6 @@ void job_set_state(struct queue *queue, struct job *job, enum job_state state, c
         memmove(queue->active + place, queue->active + place + 1,
                 (queue->active_count - place) * sizeof *queue->active);
         job->finished_at = wall_s;
-        if (job->active_since_ns)
-            job->active_ns += now_ns - job->active_since_ns;
-        job->active_since_ns = 0;
     }
     job->state = state;
     snprintf(job->state_text, sizeof job->state_text, "%s", text ? text : "");
@@ -185,6 +219,24 @@ void job_frame_set_done(struct job *job, uint32_t frame)
     job->frames_done[i / 8] |= (uint8_t)(1u << i % 8);
     job->frames_done_count++;
     job->samples_done += job_frame_samples(job);
+}
+
+status job_frame_set_cut(struct job *job, uint32_t frame, const struct film_coverage *coverage,
+                         struct error *err)
+{
+    if (!MEM_GROW(job->cuts, job->cut_capacity, job->cut_count + 1))
+        return error_no_memory(err, "a frame that was cut short");
+    job->cuts[job->cut_count++] = (struct cut_frame){frame, *coverage};
+    job->samples_done -= job_frame_samples(job) - coverage->samples;
+    return STATUS_OK;
+}
+
+int job_frame_is_cut(const struct job *job, uint32_t frame)
+{
+    for (size_t i = 0; i < job->cut_count; i++)
+        if (job->cuts[i].frame == frame)
+            return 1;
+    return 0;
 }
 
 int job_frame_is_developed(const struct job *job, uint32_t frame)
@@ -248,10 +300,18 @@ double job_active_seconds(const struct job *job, uint64_t now_ns)
     return (double)ns / 1e9;
 }
 
-int job_is_broken_for(const struct job *job, uint32_t session)
+int job_is_broken_for(const struct job *job, uint64_t machine)
 {
-    for (uint32_t i = 0; i < job->broken_count; i++)
-        if (job->broken_sessions[i] == session)
+    for (size_t i = 0; i < job->broken_count; i++)
+        if (job->broken_machines[i] == machine)
             return 1;
     return 0;
+}
+
+status job_set_broken_for(struct job *job, uint64_t machine)
+{
+    if (!MEM_GROW(job->broken_machines, job->broken_capacity, job->broken_count + 1))
+        return STATUS_ERR_NO_MEMORY;
+    job->broken_machines[job->broken_count++] = machine;
+    return STATUS_OK;
 }

@@ -1,12 +1,17 @@
 /* queue: the jobs, and the order in which they are served.
  *
  *   QUEUED --first lease--> RUNNING --last frame's files on disk--> DONE
+ *     |  ^                    |
+ *     |  +--resumed-- PARKED <--its workers die (suspicion.h), also from QUEUED
  *     |                       |
- *     +---cancelled-----------+--> CANCELLED
+ *     +---cancelled-----------+--> CANCELLING --pictures of what there is on disk--> CANCELLED
+ *     +---cancelled, discard--+--> CANCELLED
  *     +---cannot be done------+--> FAILED
  *
- * job_set_state is the only function that changes a job's state; DONE, FAILED and CANCELLED
- * are final. Jobs are served by priority (higher first), then in the order of submission.
+ * A PARKED or CANCELLING job can be cancelled and can fail as well. It holds no lease and takes no
+ * result: closing.h says what becomes of its frames. job_set_state is the only function that changes
+ * a job's state; DONE, FAILED and CANCELLED are final. Jobs are served by priority (higher first),
+ * then in the order of submission.
  *
  * Invariants:
  *  - `all` is sorted by id; `active` holds exactly the jobs that are not final, in order of
@@ -22,11 +27,13 @@
 
 #include "common/base/digest.h"
 #include "common/base/status.h"
+#include "common/film/film.h"
 #include "common/scene/effects.h"
 #include "common/scene/settings.h"
 #include "common/scene/stages.h"
 #include "common/tonemap/tonemap.h"
 #include "coordinator/rate.h"
+#include "coordinator/suspicion.h"
 #include "coordinator/trouble.h"
 
 enum {
@@ -37,7 +44,8 @@ enum {
     JOB_TOKEN_MAX = 64,
     KERNEL_NAME_MAX = 127,
     SCENE_BYTES_MAX = 1 << 30, /* of a packed scene */
-    JOB_BROKEN_MAX = 3, /* so many workers that cannot render a job end it */
+    JOB_BROKEN_MAX = 3, /* so many machines that cannot render a job that has no result end it */
+    JOB_BROKEN_MACHINES_MAX = 256, /* so many end it with results, too */
 };
 
 /* The numbers are the wire's JobState and the store's. */
@@ -47,6 +55,8 @@ enum job_state {
     JOB_STATE_DONE,
     JOB_STATE_FAILED,
     JOB_STATE_CANCELLED,
+    JOB_STATE_PARKED,
+    JOB_STATE_CANCELLING,
     JOB_STATE_COUNT
 };
 const char *job_state_word(enum job_state state);
@@ -69,11 +79,17 @@ void work_stats_add(struct work_stats *sum, const struct work_stats *more);
 
 struct job_frame;
 
+/* A frame that was cut short: it is done with fewer samples than were asked for. */
+struct cut_frame {
+    uint32_t frame;
+    struct film_coverage coverage;
+};
+
 struct job {
     uint64_t id;
     char name[JOB_NAME_MAX + 1];
     enum job_state state;
-    char state_text[JOB_TEXT_MAX + 1]; /* why it failed; empty otherwise */
+    char state_text[JOB_TEXT_MAX + 1]; /* why it failed, was cancelled or parked; else empty */
     int32_t priority;
     uint32_t first_frame, last_frame;
     struct render_settings settings;
@@ -99,14 +115,17 @@ struct job {
     struct trouble trouble;            /* its next film cannot be opened */
     int unsaved;                       /* its state is to be handed to the store again */
     uint64_t samples_done;             /* pixel samples of the frames that are done */
+    struct cut_frame *cuts;            /* of the frames that are done */
+    size_t cut_count, cut_capacity;
     double relative_mse;               /* of the last frame done; NaN: none */
     struct work_stats stats;
     uint64_t conflicts;
 
     struct job_frame *frames;              /* open ones, ascending number */
     struct rate rate;                  /* pixel samples */
-    uint32_t broken_sessions[JOB_BROKEN_MAX]; /* who said JobBroken */
-    uint32_t broken_count;
+    uint64_t *broken_machines;         /* that said JobBroken (machine_identity) */
+    size_t broken_count, broken_capacity;
+    struct suspicion suspicion;        /* that it kills its workers */
     uint32_t leases;                   /* live ones */
     uint64_t turnaround_ns;            /* from a unit's grant to its result, smoothed; 0: unknown */
     uint64_t saved_ns;                 /* monotonic: when the progress was last stored */
@@ -117,6 +136,7 @@ struct queue {
     size_t count, capacity;
     struct job **active;
     size_t active_count, active_capacity;
+    size_t shut_count;           /* of the active ones, those that are not open */
 };
 
 void queue_init(struct queue *queue);
@@ -136,6 +156,8 @@ struct job *queue_find(const struct queue *queue, uint64_t id); /* NULL: none */
 size_t queue_position(const struct queue *queue, const struct job *job);
 
 int job_state_ended(enum job_state state);
+/* Units of the job are lent and results taken: it is QUEUED or RUNNING. */
+int job_state_is_open(enum job_state state);
 /* `text` may be NULL. Asserts that the diagram allows the change. */
 void job_set_state(struct queue *queue, struct job *job, enum job_state state, const char *text,
                    uint64_t now_ns, int64_t wall_s);
@@ -143,6 +165,10 @@ void job_set_state(struct queue *queue, struct job *job, enum job_state state, c
 uint32_t job_frame_count(const struct job *job);
 int job_frame_is_done(const struct job *job, uint32_t frame);
 void job_frame_set_done(struct job *job, uint32_t frame);
+/* A frame that is done was cut short. ERR_NO_MEMORY: the job counts it as whole. */
+status job_frame_set_cut(struct job *job, uint32_t frame, const struct film_coverage *coverage,
+                         struct error *err) MUST_CHECK;
+int job_frame_is_cut(const struct job *job, uint32_t frame);
 int job_frame_is_developed(const struct job *job, uint32_t frame);
 void job_frame_set_developed(struct job *job, uint32_t frame);
 /* Every frame's pictures are to be made anew, after job->output as it is now. */
@@ -154,6 +180,8 @@ int job_frame_to_develop(const struct job *job, uint32_t *frame);
 uint32_t job_window_begin(const struct job *job, uint32_t frame);
 uint64_t job_frame_samples(const struct job *job); /* of one whole frame */
 double job_active_seconds(const struct job *job, uint64_t now_ns);
-int job_is_broken_for(const struct job *job, uint32_t session);
+int job_is_broken_for(const struct job *job, uint64_t machine);
+/* Note a machine that cannot render the job. ERR_NO_MEMORY. */
+status job_set_broken_for(struct job *job, uint64_t machine) MUST_CHECK;
 
 #endif

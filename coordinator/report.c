@@ -39,12 +39,27 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
             return;
         }
     }
+    if (job->state == JOB_STATE_PARKED) {
+        snprintf(out, size, "%s", job->state_text);
+        return;
+    }
     if (trouble_is(&job->trouble)) {
         snprintf(out, size, "%s; trying again", job->trouble.text);
         return;
     }
+    if (job->state == JOB_STATE_CANCELLING) {
+        snprintf(out, size, "pictures are made of what is rendered");
+        return;
+    }
     if (explain_pictures(out, size, job))
         return;
+    if (job->suspicion.deaths > 0) {
+        snprintf(out, size,
+                 "%u worker%s died with work of it in hand; it is lent to one at a time until a "
+                 "result comes",
+                 job->suspicion.deaths, job->suspicion.deaths == 1 ? "" : "s");
+        return;
+    }
     if (job->leases > 0)
         return;
     if (job->frames_done_count == job_frame_count(job)) {
@@ -118,7 +133,7 @@ static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint6
         info->preview_ready = job->state == JOB_STATE_DONE && job->output.png;
     }
     info->samples_per_second =
-        job_state_ended(job->state) ? 0 : rate_per_second(&job->rate, now_ns);
+        !job_state_is_open(job->state) ? 0 : rate_per_second(&job->rate, now_ns);
     info->seconds_left = -1;
     if (job->state == JOB_STATE_DONE)
         info->seconds_left = 0;
@@ -126,6 +141,26 @@ static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint6
         info->seconds_left =
             (double)(info->samples_total - info->samples_done) / info->samples_per_second;
     info->seconds_active = job_active_seconds(job, now_ns);
+}
+
+static void report_cuts(struct job_report *report, Azulejo__Wire__JobInfo *info,
+                        const struct job *job)
+{
+    size_t count = job->cut_count < REPORT_CUT_FRAMES_MAX ? job->cut_count : REPORT_CUT_FRAMES_MAX;
+
+    for (size_t i = 0; i < count; i++) {
+        Azulejo__Wire__CutFrame cut = AZULEJO__WIRE__CUT_FRAME__INIT;
+        cut.frame = job->cuts[i].frame;
+        cut.samples = job->cuts[i].coverage.samples;
+        cut.samples_min = job->cuts[i].coverage.least;
+        cut.samples_max = job->cuts[i].coverage.most;
+        cut.tiles = job->cuts[i].coverage.tiles;
+        cut.tiles_empty = job->cuts[i].coverage.tiles_empty;
+        report->cuts[i] = cut;
+        report->cut_pointers[i] = &report->cuts[i];
+    }
+    info->n_cut_frames = count;
+    info->cut_frames = report->cut_pointers;
 }
 
 static uint32_t workers_on(const struct farm *farm, const struct job *job)
@@ -181,6 +216,7 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     info.finished_at = job->finished_at;
     info.conflicts = job->conflicts;
     info.workers = job->leases ? workers_on(farm, job) : 0;
+    report_cuts(report, &info, job);
     report_progress(&info, job, now_ns);
     report->message = info;
 }

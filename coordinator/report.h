@@ -6,6 +6,8 @@
 #include "coordinator/wire.h"
 #include "protocol/azulejo.pb-c.h"
 
+enum { REPORT_CUT_FRAMES_MAX = 8 }; /* more than FRAMES_OPEN_PER_JOB, which are cut at most */
+
 /* One job's message and what it points at; must not move once made. */
 struct job_report {
     Azulejo__Wire__JobInfo message;
@@ -13,6 +15,8 @@ struct job_report {
     Azulejo__Wire__RenderStats stats;
     struct wire_output output;
     char state_text[JOB_TEXT_MAX + 1];
+    Azulejo__Wire__CutFrame cuts[REPORT_CUT_FRAMES_MAX];
+    Azulejo__Wire__CutFrame *cut_pointers[REPORT_CUT_FRAMES_MAX];
 };
 void job_report_make(struct job_report *report, const struct farm *farm, struct job *job,
                      uint64_t now_ns);

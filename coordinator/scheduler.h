@@ -5,9 +5,16 @@
  * is nothing fresh at all, units that are overdue with another worker are lent a second time, so
  * that one stopped worker holds up nobody.
  *
- * A lease is sized by time: LEASE_WORK_MS of work at the worker's measured speed, less while the
- * frame is not covered yet; towards a frame's end shares get smaller, so that all workers end
- * together. These choices decide who renders what and when, never what comes out.
+ * A job that is suspected of killing its workers (suspicion.h) is lent to one worker at a time.
+ *
+ * A lease is sized by time: LEASE_WORK_MS of work at the worker's measured speed on the threads that
+ * it is trusted with (credit.h), less while the frame is not covered yet; towards a frame's end
+ * shares get smaller, so that all workers end together.
+ *
+ * Overdue units go to workers that are not stuck themselves (credit_is_stuck). A unit's last place
+ * (UNIT_HOLDERS_UNPROVEN_MAX) is for a worker that delivered lately; where all places that a worker may
+ * take are taken, the unproven worker that holds the unit longest loses its place. Its result is still
+ * welcome. These choices decide who renders what and when, never what comes out.
  */
 #ifndef AZULEJO_COORDINATOR_SCHEDULER_H
 #define AZULEJO_COORDINATOR_SCHEDULER_H

@@ -135,6 +135,7 @@ static status make_worker(struct session *session, const Azulejo__Wire__Hello *h
         return error_no_memory(err, "a worker");
     worker->held.session = session->id;
     worker->threads = hello->threads;
+    worker->machine = machine_identity(session->host, session->peer);
     worker->isa_mask = hello->isa_mask;
     message_text(worker->kernel, sizeof worker->kernel, hello->kernel);
     s = farm_worker_add(&server->farm, worker, err);
@@ -401,7 +402,11 @@ static void on_close(struct channel *channel, const struct error *why, void *use
         log_info("worker %s:%u (session %u) leaves%s%s", session->host, session->process,
                  session->id, why->code == STATUS_OK ? "" : ": ",
                  why->code == STATUS_OK ? "" : why->text);
-        farm_worker_remove(&server->farm, session->worker);
+        /* An end that we chose (a broken rule, our own shutdown) is no death; silence is. */
+        farm_worker_remove(&server->farm, session->worker,
+                           session->silent ||
+                               (why->code == STATUS_ERR_UNREACHABLE && session->state == SESSION_OPEN),
+                           clock_monotonic_ns());
         mem_free(session->worker);
     } else if (why->code == STATUS_ERR_PROTOCOL) {
         log_warn("session %u (%s): %s", session->id, session->host, why->text);
@@ -454,6 +459,7 @@ void session_tick(struct session *session, uint64_t now_ns)
         log_warn("session %u (%s) was silent for %d s and is taken for dead", session->id,
                  session->host, SESSION_SILENCE_MS / 1000);
         session->state = SESSION_ENDING;
+        session->silent = 1;
         channel_abort(session->channel, STATUS_ERR_TIMEOUT, "silent for %d s",
                       SESSION_SILENCE_MS / 1000);
         return;

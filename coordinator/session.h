@@ -51,6 +51,7 @@ struct session {
     uint64_t begun_ns;
     char host[64], software[64], peer[64];
     uint32_t process;
+    int silent;                   /* it was taken for dead */
 
     struct farm_worker *worker;   /* NULL: not a worker */
 

@@ -10,6 +10,7 @@
 #include "common/base/memory.h"
 #include "common/scene/manifest.h"
 #include "common/scene/scene.h"
+#include "coordinator/closing.h"
 #include "coordinator/report.h"
 #include "coordinator/server.h"
 #include "coordinator/session.h"
@@ -303,6 +304,20 @@ static void develop(struct session *session, const Azulejo__Wire__JobDevelop *me
     if (s == STATUS_OK)
         s = farm_develop(&session->server->farm, job, &output, &err);
     if (s == STATUS_OK)
+        send_jobs(session, request, job, NULL, now_ns);
+    else
+        session_fail(session, request, &err);
+}
+
+static void resume(struct session *session, const Azulejo__Wire__JobResume *message,
+                   uint64_t request, uint64_t now_ns)
+{
+    struct job *job = find_job(session, message->job, request);
+    struct error err = {0};
+
+    if (!job)
+        return;
+    if (closing_unpark(&session->server->farm, job, now_ns, &err) == STATUS_OK)
         send_jobs(session, request, job, NULL, now_ns);
     else
         session_fail(session, request, &err);
@@ -629,9 +644,12 @@ static int client_only(struct session *session, const Azulejo__Wire__Envelope *m
     case AZULEJO__WIRE__ENVELOPE__BODY_JOB_CANCEL:
         job = find_job(session, message->job_cancel->job, request);
         if (job) {
-            farm_cancel(&session->server->farm, job, now_ns);
+            farm_cancel(&session->server->farm, job, message->job_cancel->discard, now_ns);
             send_jobs(session, request, job, NULL, now_ns);
         }
+        return 1;
+    case AZULEJO__WIRE__ENVELOPE__BODY_JOB_RESUME:
+        resume(session, message->job_resume, request, now_ns);
         return 1;
     case AZULEJO__WIRE__ENVELOPE__BODY_JOB_DEVELOP:
         develop(session, message->job_develop, request, now_ns);

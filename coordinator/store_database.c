@@ -32,10 +32,14 @@ static const char schema_2[] =
     "ALTER TABLE jobs ADD COLUMN revision INTEGER NOT NULL DEFAULT 0;"
     "ALTER TABLE frames ADD COLUMN revision INTEGER NOT NULL DEFAULT 0;";
 
-/* Version 3: the tokens of submissions; NULL for jobs without one. */
+/* Version 3: the tokens of submissions, NULL for jobs without one; the frames that were cut short. */
 static const char schema_3[] =
     "ALTER TABLE jobs ADD COLUMN token TEXT;"
-    "CREATE UNIQUE INDEX jobs_token ON jobs (token) WHERE token IS NOT NULL;";
+    "CREATE UNIQUE INDEX jobs_token ON jobs (token) WHERE token IS NOT NULL;"
+    "CREATE TABLE cut_frames (job INTEGER NOT NULL REFERENCES jobs(id),"
+    " frame INTEGER NOT NULL, samples INTEGER NOT NULL, least INTEGER NOT NULL,"
+    " most INTEGER NOT NULL, tiles INTEGER NOT NULL, tiles_empty INTEGER NOT NULL,"
+    " PRIMARY KEY (job, frame)) WITHOUT ROWID;";
 
 status sql_error(struct store *store, const char *what, struct error *err)
 {

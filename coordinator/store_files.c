@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "common/base/file.h"
@@ -45,10 +46,13 @@ status store_film_open(struct store *store, uint64_t job, uint32_t frame, struct
 int store_film_exists(const struct store *store, uint64_t job, uint32_t frame)
 {
     struct buffer path = BUFFER_INIT;
+    struct stat info;
     int exists;
 
     film_path(store, job, frame, &path);
-    exists = buffer_ok(&path) && file_exists(buffer_text(&path));
+    /* What cannot be looked at may be there: opening it then tells why. */
+    exists = !buffer_ok(&path) || stat(buffer_text(&path), &info) == 0 ||
+             (errno != ENOENT && errno != ENOTDIR);
     buffer_release(&path);
     return exists;
 }

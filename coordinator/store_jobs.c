@@ -118,6 +118,35 @@ static status load_frames(struct store *store, struct job *job, struct error *er
     return s;
 }
 
+static status load_cuts(struct store *store, struct job *job, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    int code = SQLITE_DONE;
+    status s = sql_prepare(store,
+                           "SELECT frame, samples, least, most, tiles, tiles_empty "
+                           "FROM cut_frames WHERE job=? ORDER BY frame",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job->id);
+    while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW) {
+        uint64_t frame = column_number(statement, 0);
+        struct film_coverage cut = {.samples = column_number(statement, 1),
+                                    .least = (uint32_t)column_number(statement, 2),
+                                    .most = (uint32_t)column_number(statement, 3),
+                                    .tiles = (uint32_t)column_number(statement, 4),
+                                    .tiles_empty = (uint32_t)column_number(statement, 5)};
+        if (frame >= job->first_frame && frame <= job->last_frame &&
+            job_frame_is_done(job, (uint32_t)frame) && cut.samples <= job_frame_samples(job))
+            s = job_frame_set_cut(job, (uint32_t)frame, &cut, err);
+    }
+    if (s == STATUS_OK && code != SQLITE_DONE)
+        s = sql_error(store, "the frames cannot be read", err);
+    sqlite3_finalize(statement);
+    return s;
+}
+
 static status load_job(struct store *store, sqlite3_stmt *row, struct job **out, struct error *err)
 {
     struct job *job = NULL;
@@ -151,6 +180,8 @@ static status load_job(struct store *store, sqlite3_stmt *row, struct job **out,
     job->stats.trace_ns = column_number(row, 16);
     job->revision = (uint32_t)column_number(row, 17);
     s = load_frames(store, job, err);
+    if (s == STATUS_OK && job->frames_done_count > 0)
+        s = load_cuts(store, job, err);
     if (s != STATUS_OK) {
         job_free(job);
         return s;
@@ -189,17 +220,42 @@ status store_jobs_load(struct store *store,
     return s;
 }
 
-status store_frame_done(struct store *store, uint64_t job, uint32_t frame, double relative_mse,
-                        int64_t revision, struct error *err)
+/* Only rows of frames that are done count: this one is written first. */
+static status cut_insert(struct store *store, uint64_t job, uint32_t frame,
+                         const struct film_coverage *cut, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
-    status s;
+    status s = sql_prepare(store,
+                           "INSERT OR REPLACE INTO cut_frames (job, frame, samples, least, most, "
+                           "tiles, tiles_empty) VALUES (?, ?, ?, ?, ?, ?, ?)",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job);
+    sqlite3_bind_int64(statement, 2, frame);
+    bind_number(statement, 3, cut->samples);
+    sqlite3_bind_int64(statement, 4, cut->least);
+    sqlite3_bind_int64(statement, 5, cut->most);
+    sqlite3_bind_int64(statement, 6, cut->tiles);
+    sqlite3_bind_int64(statement, 7, cut->tiles_empty);
+    return sql_run_reserved(store, statement, "the frame's samples cannot be noted", err);
+}
+
+status store_frame_done(struct store *store, uint64_t job, uint32_t frame, double relative_mse,
+                        int64_t revision, const struct film_coverage *cut, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    status s = STATUS_OK;
 
     pthread_mutex_lock(&store->order);
-    s = sql_prepare(store,
-                    "INSERT OR REPLACE INTO frames (job, frame, relative_mse, revision) "
-                    "VALUES (?, ?, ?, ?)",
-                    &statement, err);
+    if (cut)
+        s = cut_insert(store, job, frame, cut, err);
+    if (s == STATUS_OK)
+        s = sql_prepare(store,
+                        "INSERT OR REPLACE INTO frames (job, frame, relative_mse, revision) "
+                        "VALUES (?, ?, ?, ?)",
+                        &statement, err);
     if (s == STATUS_OK) {
         bind_number(statement, 1, job);
         sqlite3_bind_int64(statement, 2, frame);

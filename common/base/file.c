@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <ftw.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,6 +10,8 @@
 #include <unistd.h>
 
 #include "common/base/memory.h"
+
+enum { TREE_DESCRIPTORS = 16 };
 
 /* The machine's failure, not the path's. */
 static int errno_is_machine(int number)
@@ -237,6 +240,20 @@ status file_make_folder(const char *path, struct error *err)
 status file_make_private_folder(const char *path, struct error *err)
 {
     return make_folders(path, 0700, err);
+}
+
+static int remove_entry(const char *path, const struct stat *info, int type, struct FTW *where)
+{
+    (void)info;
+    (void)type;
+    (void)where;
+    (void)remove(path);
+    return 0; /* go on: what can be removed shall be */
+}
+
+void file_remove_tree(const char *path)
+{
+    (void)nftw(path, remove_entry, TREE_DESCRIPTORS, FTW_DEPTH | FTW_PHYS | FTW_MOUNT);
 }
 
 int file_exists(const char *path)

@@ -44,6 +44,10 @@ status file_make_private_folder(const char *path, struct error *err) MUST_CHECK;
  * cannot sync folders. ERR_IO. */
 status file_sync_folder_of(const char *path, struct error *err) MUST_CHECK;
 
+/* Remove the folder and what is in it, as far as that can be removed. Follows no links, and stays
+ * on one file system. */
+void file_remove_tree(const char *path);
+
 int file_exists(const char *path);
 
 /* Join folder and name with one '/'; the caller frees with mem_free. NULL: out of memory. */

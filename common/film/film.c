@@ -346,6 +346,20 @@ int film_covered(const struct film *film)
     return film->tiles_started == film->tiles_total;
 }
 
+struct film_coverage film_coverage(const struct film *film)
+{
+    struct film_coverage c = {.samples = film->samples, .least = UINT32_MAX,
+                              .tiles = film->tiles_total,
+                              .tiles_empty = film->tiles_total - film->tiles_started};
+
+    for (uint32_t i = 0; i < film->tiles_total; i++) {
+        uint32_t samples = film_tile_samples(film, i);
+        c.least = samples < c.least ? samples : c.least;
+        c.most = samples > c.most ? samples : c.most;
+    }
+    return c;
+}
+
 /* ---- developing ----------------------------------------------------------------------------- */
 
 static void develop_tile(const struct film *film, uint32_t index, float *rgb)

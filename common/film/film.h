@@ -60,6 +60,14 @@ int film_complete(const struct film *film);
 /* Every tile has at least one pass: a preview covers the frame. */
 int film_covered(const struct film *film);
 
+/* How many samples the frame's pixels have. */
+struct film_coverage {
+    uint64_t samples;            /* of all pixels together */
+    uint32_t least, most;        /* of one pixel */
+    uint32_t tiles, tiles_empty; /* all; those without any sample, which develop to black */
+};
+struct film_coverage film_coverage(const struct film *film);
+
 /* The mean radiance of every pixel into rgb[height][width][3]; 0 where nothing is yet. */
 void film_develop(const struct film *film, float *rgb);
 

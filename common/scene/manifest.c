@@ -194,6 +194,12 @@ void manifest_write(struct buffer *out, const struct manifest *m)
     write_causes(out, "switched_off", m, off);
     write_names(out, "not_called_for", EFFECTS_ALL & ~m->effects & ~off);
     buffer_printf(out,
+                  "  \"picture\": {\"complete\": %s, \"samples_min\": %" PRIu32
+                  ", \"samples_mean\": %.6g, \"samples_max\": %" PRIu32
+                  ", \"tiles_without_samples\": %" PRIu32 "},\n",
+                  m->complete ? "true" : "false", m->pixel_samples.least, m->pixel_samples.mean,
+                  m->pixel_samples.most, m->tiles_empty);
+    buffer_printf(out,
                   "  \"work\": {\"frame_samples\": %" PRIu64 ", \"samples\": %" PRIu64
                   ", \"rays\": %" PRIu64 ", \"vertices\": %" PRIu64 ", \"cpu_s\": ",
                   m->frame_samples, m->samples, m->rays, m->vertices);

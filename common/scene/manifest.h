@@ -6,6 +6,7 @@
  *   switched_off     effects that the scene calls for, but the user does not want (--without)
  *   not_called_for   the rest: nothing in the frame needs them, so no code for them ran
  *   kernel           the variant of the renderer that ran (kernel_sets.h), and the renderer
+ *   picture          the samples that it holds: all that were asked for, unless its job was cancelled
  *   work             counted samples, rays, path vertices, CPU time
  *   time             share of each stage (stages.h), by so many looks at the threads
  *
@@ -32,7 +33,10 @@ struct manifest {
     uint64_t called_for;   /* what would have run, had nothing been switched off */
     uint64_t without;      /* what was switched off, called for or not */
     const struct effect_cause *causes; /* [EFFECT_COUNT] of `called_for`; NULL: not known */
-    uint64_t frame_samples; /* what the frame has */
+    uint64_t frame_samples; /* what the frame has, over all pixels */
+    int complete;           /* that is all that was asked for */
+    struct { uint32_t least; double mean; uint32_t most; } pixel_samples; /* of one pixel */
+    uint32_t tiles_empty;   /* tiles without any sample */
     uint64_t samples, rays, vertices, cpu_ns; /* counted; less than the frame has after a restart */
     uint64_t stages[STAGE_COUNT];
     uint64_t accounts[EFFECT_ACCOUNTS]; /* what is charged to an effect that did not run, or that

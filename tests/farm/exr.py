@@ -17,6 +17,10 @@ class Picture:
         self.width, self.height, self.kinds, self.channels = width, height, kinds, channels
         self.attributes = attributes
 
+    def number(self, name):
+        """An attribute of type double."""
+        return struct.unpack("<d", self.attributes[name])[0]
+
     def bits(self):
         return (self.width, self.height, tuple(sorted(self.kinds.items())),
                 tuple(sorted(self.channels.items())))

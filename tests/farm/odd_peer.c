@@ -7,7 +7,7 @@
  * Commands come on standard input, one a line; what the coordinator says goes to standard output,
  * one line a message. The tests in test_faults.py hold the conversation. Commands:
  *
- *   hello [version=N] [role=N] [threads=N] [isa=MASK] [arithmetic=HEX] [kernel=WORD]
+ *   hello [version=N] [role=N] [threads=N] [isa=MASK] [arithmetic=HEX] [kernel=WORD] [host=WORD]
  *   request UNITS             a LeaseRequest
  *   result [KEY=VALUE]...     a TileResult for a unit of the last grant: unit=INDEX (0), and what
  *                             to say instead of the truth: lease, epoch, job, frame, tile, pass,
@@ -149,12 +149,12 @@ static void say_hello(struct peer *p, char *const words[], int count)
 {
     Azulejo__Wire__Hello hello = AZULEJO__WIRE__HELLO__INIT;
     Azulejo__Wire__Envelope e = MESSAGE(HELLO, hello, &hello);
-    const char *kernel = value_of(words, count, "kernel");
+    const char *kernel = value_of(words, count, "kernel"), *host = value_of(words, count, "host");
 
     hello.protocol_version = (uint32_t)number_of(words, count, "version", PROTOCOL_VERSION);
     hello.role = (Azulejo__Wire__Role)number_of(words, count, "role", (uint64_t)tls_role(p->tls));
     hello.software = (char *)"odd_peer";
-    hello.host = (char *)"odd";
+    hello.host = host ? (char *)host : (char *)"odd";
     hello.process = (uint32_t)getpid();
     hello.threads = (uint32_t)number_of(words, count, "threads", 1);
     hello.isa_mask = (uint32_t)number_of(words, count, "isa", isa_supported_mask());

@@ -555,7 +555,7 @@ def full_disk_of_the_coordinator():
         job = wait_for(stuck, "the coordinator to find its disk full", 120)
         expect("space" in job["state_text"].lower(), job)
         expect(farm.coordinator.alive(), "the coordinator died")
-        farm.cli("cancel", number)
+        farm.cli("cancel", number, "--discard")  # without it, its film would wait for room
         farm.wait_for_workers(1)
         wait_for(lambda: farm.coordinator.log_text().count("can be used again") ==
                  farm.coordinator.log_text().count("cannot be used"), "the store to work")
@@ -701,6 +701,7 @@ def nothing_left_behind():
         mark = "TMPDIR=" + temporary
         endless = ["render", farm.scene(), "--size", "512x512", "--spp", "1000000", "--workers", "2",
                    "-o", "endless"]
+        dying = endless[:-1] + ["dying"]
 
         def check(what):
             wait_for(lambda: processes_with(mark) == [], what + ": processes are left")
@@ -727,7 +728,7 @@ def nothing_left_behind():
                 expect(client.returncode == code, (name, client.returncode, out, err))
                 check("after %s when %d %s ran" % (number.name, count, name))
         for victims, name in ((2, "azulejo-worker"), (1, "azulejo-coordinator")):
-            client = farm.start_cli(*endless, env=env)
+            client = farm.start_cli(*dying, env=env)
             try:
                 for pid in wait_for(lambda: named(victims, name), name):
                     os.kill(pid, signal.SIGKILL)
@@ -738,7 +739,7 @@ def nothing_left_behind():
             expect(client.returncode == 6 and name.replace("azulejo-", "") in err.decode(),
                    (client.returncode, out, err))
             check("after the death of every " + name)
-        expect(not os.path.exists(farm.path("endless.exr")), "a picture of a job that never ended")
+        expect(not os.path.exists(farm.path("dying.exr")), "a picture of a job that never ended")
 
 
 if __name__ == "__main__":

@@ -62,6 +62,9 @@ struct sim_worker *sim_connect(struct sim *sim, unsigned index, uint32_t threads
 /* It keeps what it holds, and can connect again and send it. */
 void sim_disconnect(struct sim *sim, unsigned index);
 
+/* Its connection is lost, and with it all that it holds. */
+void sim_die(struct sim *sim, unsigned index);
+
 /* Ask for leases with so much room; returns how many units came. */
 size_t sim_grant(struct sim *sim, struct sim_worker *worker, uint32_t room);
 /* Send the result of the worker's i-th unit; cost_ns: CPU time of one pixel sample. */
@@ -78,7 +81,8 @@ void sim_develop(struct sim *sim);  /* end the developments that were begun, che
 /* Make the one picture that was asked for anew; 0: none was. */
 int sim_make_picture(struct sim *sim);
 
-/* Does the film hold exactly what merging in order gives? */
+/* Does the film hold exactly what merging its passes in order gives? A film of a job that is not
+ * cancelled must be complete. */
 int sim_frame_is_right(const struct job *job, uint32_t number, const struct film *film);
 
 #endif

@@ -231,7 +231,7 @@ static void unwanted_results_are_sent_away(void **state)
     /* A lease that has ended does not make a result bad. */
     lease_end_all_of(&sim->farm.leases, &worker->worker.held);
     assert_int_equal(OUTCOME_OF(result), MERGE_PENDING);
-    farm_cancel(&sim->farm, job, sim->now_ns);
+    farm_cancel(&sim->farm, job, 1, sim->now_ns);
     assert_int_equal(OUTCOME_OF(result), MERGE_UNWANTED);
 #undef OUTCOME_OF
     sim_free(sim);
@@ -606,7 +606,7 @@ static void ends_wait_for_what_is_in_flight(void **state)
     assert_int_equal(sim_grant(sim, worker, 2), 2);
     sim_send(sim, worker, 0, 100);
     commit = merge_commit_begin(&sim->farm, sim->now_ns);
-    farm_cancel(&sim->farm, job, sim->now_ns);
+    farm_cancel(&sim->farm, job, 1, sim->now_ns);
     merge_commit_run(commit);
     merge_commit_end(&sim->farm, commit, sim->now_ns);
     assert_int_equal(sim->acks, 0);
@@ -618,7 +618,7 @@ static void ends_wait_for_what_is_in_flight(void **state)
     sim_send(sim, worker, 0, 100);
     sim_commit(sim);
     assert_int_equal(sim->developing_count, 1);
-    farm_cancel(&sim->farm, job, sim->now_ns);
+    farm_cancel(&sim->farm, job, 1, sim->now_ns);
     sim_develop(sim);
     assert_int_equal(job->state, JOB_STATE_CANCELLED);
     sim_free(sim);

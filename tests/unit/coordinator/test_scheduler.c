@@ -257,6 +257,118 @@ static void a_job_that_nobody_can_render_fails(void **state)
     assert_int_equal(second->state, JOB_STATE_FAILED);
 }
 
+static void a_broken_job_counts_machines_that_hold_it(void **state)
+{
+    struct sim *sim = *state;
+    struct job *job = sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    struct sim_worker *honest = sim_connect(sim, 0, 1), *liar = NULL;
+
+    /* Without a lease of the job it is idle talk. */
+    liar = sim_connect(sim, 1, 1);
+    farm_job_broken(&sim->farm, job, &liar->worker, "no", sim->now_ns);
+    assert_int_equal(job->broken_count, 0);
+    /* One machine counts once, however often its worker starts again, and gets no more of the job. */
+    for (int i = 0; i < 4; i++) {
+        sim_disconnect(sim, 1);
+        liar = sim_connect(sim, 1, 1);
+        assert_int_equal(sim_grant(sim, liar, 1), i == 0);
+        farm_job_broken(&sim->farm, job, &liar->worker, "no", sim->now_ns);
+        liar->unit_count = 0;
+    }
+    assert_int_equal(job->broken_count, 1);
+    /* With a result, machines that cannot are passed over. */
+    assert_int_equal(sim_grant(sim, honest, 2), 2);
+    sim_send(sim, honest, 0, 100);
+    for (unsigned i = 2; i < 2 + JOB_BROKEN_MAX; i++) {
+        liar = sim_connect(sim, i, 1);
+        assert_true(sim_grant(sim, liar, 1) > 0);
+        farm_job_broken(&sim->farm, job, &liar->worker, "no", sim->now_ns);
+    }
+    assert_int_equal(job->broken_count, 1 + JOB_BROKEN_MAX);
+    assert_int_equal(job->state, JOB_STATE_RUNNING);
+    assert_true(sim_grant(sim, honest, 2) > 0);
+}
+
+/* A worker that claims this many threads and delivers nothing. */
+static struct sim_worker *connect_claimant(struct sim *sim, unsigned index)
+{
+    struct sim_worker *worker = sim_connect(sim, index, 4096);
+
+    credit_init(&worker->worker.credit, 4096);
+    return worker;
+}
+
+static void claims_without_results_take_little(void **state)
+{
+    struct sim *sim = *state;
+    struct sim_worker *claimant = connect_claimant(sim, 0), *honest = sim_connect(sim, 1, 2);
+    uint64_t got, before = 2 * CREDIT_THREADS_FIRST;
+
+    sim_submit(sim, 320, 320, 4, 1, 1, 0); /* 400 units */
+    assert_int_equal(sim_grant(sim, claimant, 10000), before);
+    /* The honest one's shares are as if it were alone: half of what is left. */
+    sim_grant(sim, honest, 4);
+    finish_all(sim, honest, 10);
+    honest->worker.room = 1000;
+    assert_in_range(scheduler_grant(&sim->farm, &honest->worker, sim->now_ns)->unit_count, 170, 182);
+    /* Each lapse halves what it gets. */
+    for (int i = 0; i < 5; i++) {
+        sim->now_ns += 11 * NS_PER_SECOND;
+        farm_tick(&sim->farm, sim->now_ns);
+        got = sim_grant(sim, claimant, 10000);
+        assert_int_equal(got, before > 2 ? before / 2 : 2); /* one thread's, in the end */
+        before = got;
+    }
+}
+
+static void claimants_cannot_keep_a_unit_from_others(void **state)
+{
+    struct sim *sim = *state;
+    struct job *job = sim_submit(sim, 32, 32, 4, 1, 1, 0); /* 4 units */
+    struct sim_worker *claimants[4], *honest;
+
+    for (unsigned i = 0; i < 4; i++)
+        claimants[i] = connect_claimant(sim, i);
+    for (unsigned i = 0; i < 4; i++) { /* one after another takes all of it */
+        assert_int_equal(sim_grant(sim, claimants[i], 10000), 4);
+        for (unsigned j = 0; j <= i; j++) /* those that hold overdue units get no others */
+            assert_int_equal(sim_grant(sim, claimants[j], 10000), 0);
+        sim->now_ns += OVERDUE_UNKNOWN_MS * NS_PER_MS;
+        assert_in_range(job->frames->oldest->holder_count, 1, UNIT_HOLDERS_UNPROVEN_MAX);
+    }
+    honest = sim_connect(sim, 4, 2); /* it has shown nothing yet, either */
+    for (unsigned i = 0; i < 4; i++) /* those that lost their places get them back by results only */
+        assert_int_equal(sim_grant(sim, claimants[i], 10000), 0);
+    assert_int_equal(sim_grant(sim, honest, 2), 2);
+    finish_all(sim, honest, 100);
+    sim->now_ns += OVERDUE_UNKNOWN_MS * NS_PER_MS;
+    assert_int_equal(sim_grant(sim, honest, 2), 2);
+    finish_all(sim, honest, 100);
+    sim_commit(sim);
+    sim_develop(sim);
+    assert_int_equal(job->state, JOB_STATE_DONE);
+}
+
+static void the_last_place_is_for_a_proven_worker(void **state)
+{
+    struct sim *sim = *state;
+    struct job *job = sim_submit(sim, 32, 32, 4, 1, 1, 0); /* 4 units */
+    struct sim_worker *a = sim_connect(sim, 0, 3), *b = sim_connect(sim, 1, 1),
+                      *c = sim_connect(sim, 2, 3), *proven = sim_connect(sim, 3, 3);
+
+    assert_int_equal(sim_grant(sim, b, 1), 1);
+    finish_all(sim, b, 100);
+    assert_int_equal(sim_grant(sim, a, 3), 3);
+    sim->now_ns += OVERDUE_UNKNOWN_MS * NS_PER_MS;
+    assert_int_equal(sim_grant(sim, c, 3), 3);
+    assert_int_equal(job->frames->oldest->holder_count, 2);
+    sim->now_ns += OVERDUE_UNKNOWN_MS * NS_PER_MS;
+    proven->worker.credit.delivered_ns = sim->now_ns - NS_PER_SECOND;
+    assert_int_equal(sim_grant(sim, proven, 3), 3);
+    assert_int_equal(job->frames->oldest->holder_count, UNIT_HOLDERS_MAX); /* nobody lost its place */
+    assert_int_equal(a->worker.held.units, 3);
+}
+
 static void cancelling_takes_the_work_back(void **state)
 {
     struct sim *sim = *state;
@@ -265,7 +377,7 @@ static void cancelling_takes_the_work_back(void **state)
 
     sim_grant(sim, worker, 4);
     sim_send(sim, worker, 0, 100);
-    farm_cancel(&sim->farm, job, sim->now_ns);
+    farm_cancel(&sim->farm, job, 1, sim->now_ns);
     assert_int_equal(job->state, JOB_STATE_CANCELLED);
     assert_int_equal(sim->revokes, 1);
     assert_int_equal(worker->unit_count, 0);
@@ -301,6 +413,10 @@ int main(void)
         SIM_TEST(a_stopped_worker_loses_its_lease),
         SIM_TEST(unfit_workers_are_told_and_get_nothing),
         SIM_TEST(a_job_that_nobody_can_render_fails),
+        SIM_TEST(a_broken_job_counts_machines_that_hold_it),
+        SIM_TEST(claims_without_results_take_little),
+        SIM_TEST(claimants_cannot_keep_a_unit_from_others),
+        SIM_TEST(the_last_place_is_for_a_proven_worker),
         SIM_TEST(cancelling_takes_the_work_back),
         SIM_TEST(passes_ahead_are_limited),
     };

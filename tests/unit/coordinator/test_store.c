@@ -111,9 +111,9 @@ static void jobs_survive_a_restart(void **state)
     job->active_ns = 1500000000;
     job->conflicts = 7;
     assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 5, 0.25, 0, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 6, NAN, 0, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 6, NAN, 0, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 5, 0.25, 0, NULL, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 6, NAN, 0, NULL, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 6, NAN, 0, NULL, &err), STATUS_OK);
     assert_int_equal(tonemap_settings_init(&job->output.tonemap, "linear", &err), STATUS_OK);
     job->output.tonemap.exposure_ev = -1.25;
     job->output.tonemap.white_kelvin = 5000;
@@ -167,8 +167,9 @@ static void jobs_survive_a_restart(void **state)
 static void an_older_store_is_brought_up_to_date(void **state)
 {
     static const char *const steps_back[] = {
-        "DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token; PRAGMA user_version=2",
-        "DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token;"
+        "DROP TABLE cut_frames; DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token;"
+        "PRAGMA user_version=2",
+        "DROP TABLE cut_frames; DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token;"
         "ALTER TABLE jobs DROP COLUMN revision; ALTER TABLE frames DROP COLUMN revision;"
         "PRAGMA user_version=1",
     };
@@ -181,7 +182,7 @@ static void an_older_store_is_brought_up_to_date(void **state)
 
     (void)state;
     assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 2, 0.5, 0, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 2, 0.5, 0, NULL, &err), STATUS_OK);
     store_close(store);
     snprintf(job->token, sizeof job->token, "new");
     for (size_t i = 0; i < sizeof steps_back / sizeof *steps_back; i++) {

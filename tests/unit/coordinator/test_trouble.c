@@ -297,7 +297,7 @@ static void films_that_were_left_are_removed(void **state)
     sim_init(sim, store, 1);
     ended = sim_submit(sim, 16, 16, 4, 1, 1, 0);
     waiting = sim_submit(sim, 16, 16, 4, 1, 1, 0);
-    farm_cancel(&sim->farm, ended, sim->now_ns);
+    farm_cancel(&sim->farm, ended, 1, sim->now_ns);
     assert_int_equal(ended->id, 1);
     assert_int_equal(waiting->id, 2);
     for (int id = 1; id <= 3; id++) {

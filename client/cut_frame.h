@@ -1,0 +1,18 @@
+/* cut_frame: a finished frame with fewer samples than were asked for, for people and programs. */
+#ifndef AZULEJO_CLIENT_CUT_FRAME_H
+#define AZULEJO_CLIENT_CUT_FRAME_H
+
+#include <jansson.h>
+#include <stddef.h>
+
+#include "protocol/azulejo.pb-c.h"
+
+enum { CUT_FRAME_TEXT_SIZE = 192 };
+
+/* "frame 3 holds 12.4 of 64 samples a pixel (8 to 16); 5 of 96 tiles have none and are black". */
+const char *cut_frame_text(char out[CUT_FRAME_TEXT_SIZE], const Azulejo__Wire__JobInfo *job,
+                           const Azulejo__Wire__CutFrame *cut);
+/* All of the job's as a JSON array. NULL: out of memory. */
+json_t *cut_frames_json(const Azulejo__Wire__JobInfo *job);
+
+#endif

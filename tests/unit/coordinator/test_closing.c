@@ -1,0 +1,251 @@
+/* Jobs that are cancelled keep their picture: in any order of events, and over a restart. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "common/base/clock.h"
+#include "common/base/file.h"
+#include "coordinator/scheduler.h"
+#include "coordinator/store.h"
+#include "coordinator/store_film.h"
+#include "tests/support/sim_farm.h"
+
+struct fixture {
+    char folder[64];
+    struct store *store;
+    struct sim *sim;
+};
+
+static void begin(struct fixture *f)
+{
+    struct error err = {0};
+
+    if (store_open(&f->store, f->folder, &err) != STATUS_OK)
+        fail_msg("%s", err.text);
+    sim_init(f->sim, f->store, 1);
+}
+
+/* The coordinator is killed, and started again. */
+static void restart(struct fixture *f)
+{
+    sim_release(f->sim);
+    store_close(f->store);
+    begin(f);
+}
+
+static int set_up(void **state)
+{
+    struct fixture *f = calloc(1, sizeof *f);
+
+    assert_non_null(f);
+    snprintf(f->folder, sizeof f->folder, "/tmp/azulejo-test-XXXXXX");
+    assert_non_null(mkdtemp(f->folder));
+    f->sim = calloc(1, sizeof *f->sim);
+    assert_non_null(f->sim);
+    begin(f);
+    *state = f;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    struct fixture *f = *state;
+
+    film_file_fault(-1);
+    sim_release(f->sim);
+    store_close(f->store);
+    file_remove_tree(f->folder);
+    free(f->sim);
+    free(f);
+    return 0;
+}
+
+/* A job of two frames of 4 tiles and 4 passes, of which tile 0 of frame 1 has two passes merged, tile
+ * 1 one, and tile 2 one that waits for the pass before it. */
+static struct job *begin_job(struct fixture *f, struct sim_worker *worker)
+{
+    struct job *job = sim_submit(f->sim, 32, 32, 32, 1, 2, 0);
+    static const struct unit_name done[] = {{0, 0}, {0, 1}, {1, 0}, {2, 1}};
+
+    assert_true(sim_grant(f->sim, worker, 16) == 16);
+    for (size_t i = 0; i < sizeof done / sizeof done[0]; i++)
+        for (size_t u = 0; u < worker->unit_count; u++)
+            if (worker->units[u].name.tile == done[i].tile &&
+                worker->units[u].name.pass == done[i].pass && worker->units[u].frame == 1)
+                assert_int_equal(sim_send(f->sim, worker, u, 100), MERGE_PENDING);
+    return job;
+}
+
+static void check_cut(const struct job *job)
+{
+    assert_int_equal(job->state, JOB_STATE_CANCELLED);
+    assert_true(job_frame_is_done(job, 1));
+    assert_false(job_frame_is_done(job, 2));
+    assert_int_equal(job->cut_count, 1);
+    assert_int_equal(job->cuts[0].frame, 1);
+    assert_int_equal(job->cuts[0].coverage.samples, 256 * (8 + 4));
+    assert_int_equal(job->cuts[0].coverage.least, 0);
+    assert_int_equal(job->cuts[0].coverage.most, 8);
+    assert_int_equal(job->cuts[0].coverage.tiles, 4);
+    assert_int_equal(job->cuts[0].coverage.tiles_empty, 2);
+    assert_int_equal(job->samples_done, 256 * (8 + 4));
+}
+
+static void a_cancelled_job_makes_its_picture(void **state)
+{
+    struct fixture *f = *state;
+    struct sim *sim = f->sim;
+    struct sim_worker *worker = sim_connect(sim, 0, 16);
+    struct job *job = begin_job(f, worker);
+    struct sim_unit late = worker->units[worker->unit_count - 1];
+
+    farm_cancel(&sim->farm, job, 0, sim->now_ns);
+    assert_int_equal(job->state, JOB_STATE_CANCELLING);
+    assert_int_equal(worker->worker.held.units, 0);
+    assert_int_equal(sim->developing_count, 0); /* its tiles are not on disk yet */
+    /* Nothing is lent and no result taken any more. */
+    assert_int_equal(sim_grant(sim, worker, 16), 0);
+    worker->units[worker->unit_count++] = late;
+    assert_int_equal(sim_send(sim, worker, worker->unit_count - 1, 100), MERGE_UNWANTED);
+    worker->unit_count--;
+    farm_cancel(&sim->farm, job, 0, sim->now_ns); /* twice is once */
+
+    sim_commit(sim);
+    farm_tick(&sim->farm, sim->now_ns);
+    assert_int_equal(sim->developing_count, 1);
+    assert_int_equal(job->state, JOB_STATE_CANCELLING);
+    sim_develop(sim);
+    check_cut(job);
+    assert_int_equal(sim->wrong_frames, 0);
+    assert_int_equal(worker->unit_count, 0); /* what waited is disowned as well */
+    worker->units[worker->unit_count++] = late; /* it is not in the picture: not acknowledged */
+    assert_int_equal(sim_send(sim, worker, 0, 100), MERGE_UNWANTED);
+    assert_false(store_film_exists(f->store, job->id, 2));
+
+    restart(f);
+    check_cut(sim->farm.queue.all[0]);
+}
+
+static void closing_survives_restarts(void **state)
+{
+    struct fixture *f = *state;
+    struct sim *sim = f->sim;
+    struct job *job = begin_job(f, sim_connect(sim, 0, 16));
+
+    sim_commit(sim);
+    farm_cancel(&sim->farm, job, 0, sim->now_ns);
+    for (int i = 0; i < 3; i++) {
+        job = sim->farm.queue.all[0];
+        assert_int_equal(job->state, JOB_STATE_CANCELLING);
+        assert_int_equal(sim->developing_count, 1); /* killed in the middle of it */
+        restart(f);
+    }
+    sim_develop(sim);
+    check_cut(sim->farm.queue.all[0]);
+}
+
+static void nothing_is_made_of_nothing(void **state)
+{
+    struct fixture *f = *state;
+    struct sim *sim = f->sim;
+    struct job *queued = sim_submit(sim, 32, 32, 32, 1, 2, 0);
+    struct job *begun = sim_submit(sim, 32, 32, 32, 1, 2, 1);
+
+    sim_grant(sim, sim_connect(sim, 0, 4), 4);
+    assert_int_equal(begun->state, JOB_STATE_RUNNING);
+    farm_cancel(&sim->farm, queued, 0, sim->now_ns);
+    farm_cancel(&sim->farm, begun, 0, sim->now_ns);
+    assert_int_equal(queued->state, JOB_STATE_CANCELLED);
+    assert_int_equal(begun->state, JOB_STATE_CANCELLED);
+    assert_int_equal(begun->cut_count, 0);
+    assert_int_equal(sim->farm.open_frames, 0);
+}
+
+static void discarding_makes_no_picture(void **state)
+{
+    struct fixture *f = *state;
+    struct sim *sim = f->sim;
+    struct job *job = begin_job(f, sim_connect(sim, 0, 16));
+
+    sim_commit(sim);
+    farm_cancel(&sim->farm, job, 0, sim->now_ns);
+    assert_int_equal(job->state, JOB_STATE_CANCELLING);
+    farm_cancel(&sim->farm, job, 1, sim->now_ns); /* second thoughts */
+    assert_int_equal(job->state, JOB_STATE_CANCELLED);
+    sim_develop(sim);
+    assert_int_equal(job->frames_done_count, 0);
+    assert_false(store_film_exists(f->store, job->id, 1));
+}
+
+static void a_full_disk_delays_the_end(void **state)
+{
+    struct fixture *f = *state;
+    struct sim *sim = f->sim;
+    struct job *job = begin_job(f, sim_connect(sim, 0, 16));
+
+    film_file_fault(0);
+    farm_cancel(&sim->farm, job, 0, sim->now_ns);
+    for (int i = 0; i < 3; i++) {
+        sim_commit(sim);
+        sim->now_ns += TROUBLE_LAST_MS * NS_PER_MS;
+        farm_tick(&sim->farm, sim->now_ns);
+        assert_int_equal(job->state, JOB_STATE_CANCELLING);
+        assert_int_equal(sim->developing_count, 0);
+    }
+    film_file_fault(-1);
+    sim_commit(sim);
+    farm_tick(&sim->farm, sim->now_ns);
+    sim_develop(sim);
+    check_cut(job);
+}
+
+static void a_parked_job_keeps_its_film(void **state)
+{
+    struct fixture *f = *state;
+    struct sim *sim = f->sim;
+    struct job *job = begin_job(f, sim_connect(sim, 0, 16));
+
+    for (uint64_t i = 1; i < SUSPICION_DEATHS; i++)
+        suspicion_add(&job->suspicion, i, sim->now_ns, sim->now_ns);
+    /* The parking death is of one that never delivered. */
+    sim_connect(sim, 1, 1);
+    assert_int_equal(sim_grant(sim, &sim->workers[1], 1), 1);
+    sim->now_ns += NS_PER_SECOND;
+    sim_die(sim, 1);
+    assert_int_equal(job->state, JOB_STATE_PARKED);
+    assert_non_null(job->frames); /* until what is merged is on disk */
+    sim_commit(sim);
+    farm_tick(&sim->farm, sim->now_ns);
+    assert_null(job->frames);
+    restart(f);
+    job = sim->farm.queue.all[0];
+    assert_int_equal(job->state, JOB_STATE_PARKED);
+    assert_non_null(strstr(job->state_text, "died"));
+    assert_null(job->frames);
+    farm_cancel(&sim->farm, job, 0, sim->now_ns);
+    assert_int_equal(sim->developing_count, 1); /* its film came from the disk */
+    sim_develop(sim);
+    check_cut(job);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(a_cancelled_job_makes_its_picture),
+        TEST(closing_survives_restarts),
+        TEST(nothing_is_made_of_nothing),
+        TEST(discarding_makes_no_picture),
+        TEST(a_full_disk_delays_the_end),
+        TEST(a_parked_job_keeps_its_film),
+    };
+    return cmocka_run_group_tests_name("closing", tests, NULL, NULL);
+}
