@@ -9,10 +9,11 @@
 #include "client/parse.h"
 #include "client/signals.h"
 #include "client/watch.h"
+#include "common/base/clock.h"
 #include "protocol/message.h"
 
 /* How long the pictures of what is rendered are waited for. They are made all the same. */
-static const double wait_limit_s = 30;
+enum { WAIT_LIMIT_MS = 30000 };
 
 static status stop_wanted(void *user, struct error *err)
 {
@@ -33,7 +34,7 @@ static status await_end(struct connection *c, uint64_t job, Azulejo__Wire__Envel
     message_free(*answer);
     *answer = NULL;
     connection_set_watch(c, stop_wanted, NULL);
-    result = watch_job(c, job, 1, wait_limit_s, answer, err);
+    result = watch_job(c, job, 1, clock_monotonic_ns() + WAIT_LIMIT_MS * NS_PER_MS, answer, err);
     if (result == STATUS_ERR_TIMEOUT)
         result = job_query(c, job, answer, err);
     return result;

@@ -12,7 +12,7 @@
 #include "protocol/message.h"
 
 static const char *const titles[] = {">JOB",    "<NAME", "STATE",    ">FRAMES",   ">DONE",
-                                     ">RATE/s", ">LEFT", ">WORKERS", "SUBMITTED", "NOTE"};
+                                     ">RATE/s", ">LEFT", ">WORKERS", "SUBMITTED", "~NOTE"};
 enum { COLUMNS = sizeof titles / sizeof titles[0] };
 
 /* Jobs that have ended and are shown without --all. */

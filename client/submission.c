@@ -34,7 +34,6 @@ status submission_prepare(const char *path, const struct job_options *options, i
                           struct job_request *request, struct import_result *scene,
                           struct error *err)
 {
-    char size[FORMAT_SIZE];
     status result = import_scene(path, &options->import, scene, err);
 
     if (result != STATUS_OK)
@@ -46,9 +45,6 @@ status submission_prepare(const char *path, const struct job_options *options, i
         return result;
     take_hints(&scene->hints, options, quiet, &request->settings);
     result = render_settings_validate(&request->settings, scene->scene.camera_count, err);
-    if (result == STATUS_OK && !quiet)
-        fprintf(stderr, "takes %zu file%s, %s\n", scene->files.count,
-                scene->files.count == 1 ? "" : "s", format_bytes(size, scene->file_bytes));
     return result;
 }
 
@@ -73,10 +69,14 @@ status submission_send(struct connection *c, const struct import_result *scene,
     struct upload_item *items = mem_calloc(count + 2, sizeof *items);
     struct upload_progress uploaded;
     struct progress progress;
+    char size[FORMAT_SIZE];
     status result;
 
     if (!items)
         return error_no_memory(err, "an upload");
+    if (!quiet)
+        fprintf(stderr, "takes %zu file%s, %s\n", scene->files.count,
+                scene->files.count == 1 ? "" : "s", format_bytes(size, scene->file_bytes));
     for (size_t i = 0; i < scene->blob_count; i++)
         items[i] = (struct upload_item){scene->blobs[i].digest, scene->blobs[i].data,
                                         scene->blobs[i].size_bytes};

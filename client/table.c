@@ -119,15 +119,32 @@ static void fit(const struct table *t, size_t *widths, size_t columns)
         }
 }
 
+/* Rows without the last column, whose texts follow on lines of their own where there are any. */
+static void print_with_notes(const struct table *t, const size_t *widths, const int *marked)
+{
+    size_t shown = t->column_count - 1;
+
+    for (size_t c = 0; c < shown; c++)
+        print_cell(t->titles[c] + marked[c], widths[c], t->titles[c][0], c + 1 == shown);
+    for (size_t i = 0; i < t->cell_count; i++) {
+        size_t c = i % t->column_count;
+        if (c < shown)
+            print_cell(t->cells[i], widths[c], t->titles[c][0], c + 1 == shown);
+        else if (t->cells[i][0])
+            printf("     %s\n", t->cells[i]);
+    }
+}
+
 status table_print(const struct table *t, struct error *err)
 {
     size_t widths[TABLE_COLUMNS_MAX] = {0};
     int marked[TABLE_COLUMNS_MAX] = {0};
+    int notes = t->titles[t->column_count - 1][0] == '~' && isatty(STDOUT_FILENO);
 
     if (t->failed)
         return error_no_memory(err, "a table");
     for (size_t c = 0; c < t->column_count; c++) {
-        marked[c] = t->titles[c][0] == '>' || t->titles[c][0] == '<';
+        marked[c] = strchr("><~", t->titles[c][0]) != NULL;
         widths[c] = text_columns(t->titles[c] + marked[c]);
     }
     for (size_t i = 0; i < t->cell_count; i++) {
@@ -135,8 +152,14 @@ status table_print(const struct table *t, struct error *err)
         if (columns > widths[i % t->column_count])
             widths[i % t->column_count] = columns;
     }
+    if (notes)
+        widths[t->column_count - 1] = 0;
     if (isatty(STDOUT_FILENO))
         fit(t, widths, terminal_columns(STDOUT_FILENO));
+    if (notes) {
+        print_with_notes(t, widths, marked);
+        return STATUS_OK;
+    }
     for (size_t c = 0; c < t->column_count; c++)
         print_cell(t->titles[c] + marked[c], widths[c], t->titles[c][0], c + 1 == t->column_count);
     for (size_t i = 0; i < t->cell_count; i++) {

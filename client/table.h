@@ -14,7 +14,8 @@ enum { TABLE_COLUMNS_MAX = 16 };
 
 struct table {
     /* A title that starts with '>' sets its column flush right, one with '<' lets its texts be cut
-     * where a terminal is too narrow. */
+     * where a terminal is too narrow. The last one may start with '~': a column of notes, which a
+     * terminal gets on lines of their own below their rows. */
     const char *const *titles;
     size_t column_count;
     char **cells;              /* [row][column], owned */

@@ -58,8 +58,9 @@ static void cancelling_step(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     uint32_t frame;
 
-    if (trouble_is(&farm->trouble))
-        return; /* films that cannot be looked for are not films that are not there */
+    /* Films that cannot be looked for are not films that are not there. */
+    if (trouble_is(&farm->trouble) && job->kernel[0])
+        return;
     cut_frames(farm, job, now_ns);
     while (!job->frames) {
         if (!open_next_film(farm, job, now_ns))

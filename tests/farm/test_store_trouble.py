@@ -329,7 +329,7 @@ def films_outlive_what_is_not_stored():
             number = farm.submit(farm.scene(), *long_job)
             wait_for(lambda: films(farm, number) and farm.job(number)["samples_done"] > 0, "samples")
             disk.fail(errno.EIO, "/queue.sqlite")
-            farm.cli("cancel", number, expect=0)
+            farm.cli("cancel", "--discard", number, expect=0)
             job = wait_for(lambda: (lambda j: j if "not stored yet" in j["state_text"] else None)(
                 farm.job(number)), "the job to say that it is not stored")
             expect(job["state"] == "cancelled" and films(farm, number) != [], job)
