@@ -110,6 +110,13 @@ int accel_intersect(const struct accel *accel, const struct ray *ray, const void
 /* Is anything accepted between the origin and t_max? */
 int accel_occluded(const struct accel *accel, const struct ray *ray, const void *query);
 
+/* The same for a ray that starts inside something closed and for which they found nothing: it
+ * slipped through at a vertex, around which rounding can leave a gap that no triangle covers. They
+ * look closely beside the ray; what they find is a function of the ray alone. */
+int accel_intersect_enclosed(const struct accel *accel, const struct ray *ray, const void *query,
+                             struct hit *hit);
+int accel_occluded_enclosed(const struct accel *accel, const struct ray *ray, const void *query);
+
 /* Faces closer than this are one event to a ray that crosses them: floats could not keep them
  * apart. In units of 2^-23 of the place's largest coordinate. */
 enum { ACCEL_COINCIDENT_ULPS = 8 };

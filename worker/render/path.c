@@ -79,8 +79,58 @@ int path_accept(const void *scene_, const void *query_, uint32_t instance_index,
                         triangle) < alpha;
 }
 
-static int path_trace(const struct path *path, const struct ray *ray,
-                      const struct path_query *query, struct hit *hit)
+/* Does the ray start inside something closed? Then it cannot escape: if it does, it has slipped
+ * through a vertex (docs/NUMERICS.md). `in`: the volumes that it is in. */
+static int path_is_enclosed(const struct render_scene *scene, const struct interior *in,
+                            const struct ray *ray)
+{
+    const struct world_instance *instance;
+    double corner[3][3], n[3], direction[3];
+
+    if (ray->t_max < INFINITY)
+        return 0; /* it did not escape but reached its end */
+    if (scene->enclosed)
+        return 1;
+    if (HAS_VOLUMES)
+        for (uint32_t i = 0; i < in->count; i++)
+            if (scene->instances[in->instance[i]].encloses)
+                return 1;
+    if (ray->left_count == 0)
+        return 0;
+    instance = &scene->instances[ray->left[0].instance];
+    if (!instance->encloses)
+        return 0;
+    world_exact_corners(scene, ray->left[0].instance, ray->left[0].triangle, ray->time, corner);
+    exact_normal(corner, n);
+    exact_vec(ray->direction, direction);
+    return instance->flipped ? exact_dot(n, direction) > 0 : exact_dot(n, direction) < 0;
+}
+
+static int path_meets(const struct path *path, const struct interior *in, const struct ray *ray,
+                      struct hit *hit)
+{
+    if (accel_intersect(path->scene->accel, ray, &path->query, hit))
+        return 1;
+    if (!path_is_enclosed(path->scene, in, ray) ||
+        !accel_intersect_enclosed(path->scene->accel, ray, &path->query, hit))
+        return 0;
+    path->stats->leaked_rays++;
+    return 1;
+}
+
+static int path_is_blocked(const struct path *path, const struct ray *ray)
+{
+    if (accel_occluded(path->scene->accel, ray, &path->query))
+        return 1;
+    if (!path_is_enclosed(path->scene, &path->interior, ray) ||
+        !accel_occluded_enclosed(path->scene->accel, ray, &path->query))
+        return 0;
+    path->stats->leaked_rays++;
+    return 1;
+}
+
+static int path_trace(const struct path *path, const struct interior *in, const struct ray *ray,
+                      struct hit *hit)
 {
     uint64_t start;
     int met;
@@ -88,15 +138,14 @@ static int path_trace(const struct path *path, const struct ray *ray,
     STAGE(TRACE);
     path->stats->rays++;
     if (!kernel_measures_trace)
-        return accel_intersect(path->scene->accel, ray, query, hit);
+        return path_meets(path, in, ray, hit);
     start = clock_monotonic_ns();
-    met = accel_intersect(path->scene->accel, ray, query, hit);
+    met = path_meets(path, in, ray, hit);
     path->stats->trace_ns += clock_monotonic_ns() - start;
     return met;
 }
 
-static int path_occluded(const struct path *path, const struct ray *ray,
-                         const struct path_query *query)
+static int path_occluded(const struct path *path, const struct ray *ray)
 {
     uint64_t start;
     int blocked;
@@ -104,9 +153,9 @@ static int path_occluded(const struct path *path, const struct ray *ray,
     STAGE(TRACE);
     path->stats->rays++;
     if (!kernel_measures_trace)
-        return accel_occluded(path->scene->accel, ray, query);
+        return path_is_blocked(path, ray);
     start = clock_monotonic_ns();
-    blocked = accel_occluded(path->scene->accel, ray, query);
+    blocked = path_is_blocked(path, ray);
     path->stats->trace_ns += clock_monotonic_ns() - start;
     return blocked;
 }
@@ -194,7 +243,7 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
 
     path->query.ray_number++;
     if (!(HAS_VOLUMES && (ACTIVE(scene, MEDIUM) || ACTIVE(scene, INTERFACE)))) {
-        if (path_occluded(path, ray, &path->query))
+        if (path_occluded(path, ray))
             return black;
         return visible;
     }
@@ -208,7 +257,7 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
         struct hit hit;
         int met, real, is_fog;
 
-        met = path_trace(path, &stretch, &path->query, &hit);
+        met = path_trace(path, &in, &stretch, &hit);
         STAGE(MEDIUM);
         if (met) {
             surface_from_hit(scene, &stretch, &hit, &s);
@@ -588,7 +637,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             charge_set(path.bearer);
         }
         path.query.ray_number++;
-        met = path_trace(&path, &path.ray, &path.query, &hit);
+        met = path_trace(&path, &path.interior, &path.ray, &hit);
         STAGE(SURFACE);
         if (met) {
             surface_from_hit(scene, &path.ray, &hit, &s);

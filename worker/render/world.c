@@ -10,6 +10,7 @@
 #include "common/scene/pose.h"
 #include "worker/render/bounds.h"
 #include "worker/render/image_share.h"
+#include "worker/render/enclosure.h"
 #include "worker/render/interior.h"
 #include "worker/render/kernel.h"
 #include "worker/render/medium.h"
@@ -217,6 +218,20 @@ static int culling_shows(const struct render_scene *w, const struct scene *scene
     return 1;
 }
 
+/* Rays get behind the faces of a closed mesh where its material lets them through, and do not get
+ * out again except through it. (Around the camera: enclosure.h.) */
+static void find_enclosing(struct render_scene *w, const struct scene *scene)
+{
+    for (uint32_t i = 0; i < w->instance_count; i++) {
+        struct world_instance *instance = &w->instances[i];
+        unsigned flags = w->materials[instance->material].flags;
+
+        instance->encloses = scene->meshes[instance->mesh].closed &&
+                             (flags & (MATERIAL_BOUNDS | MATERIAL_TWO_WAY)) &&
+                             !(flags & (MATERIAL_ALPHA | MATERIAL_CULLED));
+    }
+}
+
 static status build_accel(struct render_scene *w, const struct scene *scene, struct error *err)
 {
     struct accel_mesh *meshes = mem_calloc(w->mesh_count, sizeof *meshes);
@@ -349,6 +364,7 @@ static status build(struct render_scene *w, const struct scene *scene,
         (s = world_poses_new(&poses, scene, &w->settings, w->frame, err)) == STATUS_OK &&
         (s = world_place(w, poses, err)) == STATUS_OK) {
         world_materials_placed(w);
+        find_enclosing(w, scene);
         load_camera(w, poses);
         w->kernel = kernel_for(w->effects);
         if ((s = load_environment(w, scene, blobs, err)) == STATUS_OK &&
@@ -389,6 +405,7 @@ status render_scene_new(struct render_scene **out, const struct scene *scene,
         return s;
     }
     find_fog(w);
+    enclosure_find(w);
     if (w->effects & (EFFECT_NESTED_DIELECTRIC | EFFECT_INTERFACE | EFFECT_MEDIUM))
         interior_find_camera(w);
     w->info.emissive_triangles = w->emitters.triangle_count;

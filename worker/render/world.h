@@ -76,6 +76,7 @@ struct world_instance {
                                      World space for a skinned mesh, else the mesh's */
     const float *const *motion_normals, *const *motion_tangents; /* [motion_steps] of the same, or NULL */
     int skinned;                  /* those are in world space */
+    int encloses;                 /* what is behind its faces is closed in, and rays get there */
     int32_t light_base;           /* first of its triangles in the emitters, -1: dark */
 };
 
@@ -112,6 +113,7 @@ struct render_scene {
     struct vec3 bounds_centre;
     float bounds_radius;          /* Ritter's bounding sphere of the geometry, metres */
     float fog_radius;             /* the same grown to hold the camera */
+    int enclosed;                 /* no ray escapes from where the camera is (enclosure.h) */
     struct interior camera_interior; /* the volumes that the camera is inside of */
     const struct kernel *kernel;
     struct render_scene_info info;

@@ -1,0 +1,311 @@
+/* No ray escapes from inside a closed mesh, though it is aimed at a vertex or an edge
+ * (docs/NUMERICS.md).
+ *
+ *   test_leaks [RAYS]          so many in all instead of some two million
+ */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <cmocka.h>
+
+#include "tests/support/scene_builder.h"
+#include "worker/render/exact.h"
+#include "worker/render/path.h"
+#include "worker/render/world.h"
+
+static uint64_t rays_wanted = 2000000;
+
+/* ---- closed bodies ------------------------------------------------------------------------ */
+
+enum form { FORM_BOX, FORM_SPHERE_COARSE, FORM_SPHERE, FORM_SPHERE_FINE, FORM_SPIKES, FORMS };
+static const char *const form_names[] = {"box", "coarse sphere", "sphere", "fine sphere", "spikes"};
+
+struct place {
+    const char *name;
+    struct vec3 scale, at;
+};
+static const struct place places[] = {
+    {"1 m", {1, 1, 1}, {0, 0, 0}},
+    {"1 mm", {1e-3f, 1e-3f, 1e-3f}, {0, 0, 0}},
+    {"3.3 m at 777", {3.3f, 3.3f, 3.3f}, {777.7f, -777.7f, 777.7f}},
+    {"needle", {0.1f, 40, 0.7f}, {3, 2, 1}},
+};
+enum { PLACES = sizeof places / sizeof places[0] };
+
+static uint32_t add_box(struct scene_builder *b)
+{
+    static const float corners[24] = {-1, -1, -1, 1, -1, -1, 1, 1, -1, -1, 1, -1,
+                                      -1, -1, 1,  1, -1, 1,  1, 1, 1,  -1, 1, 1};
+    static const uint32_t faces[36] = {0, 2, 1, 0, 3, 2, 4, 5, 6, 4, 6, 7, 0, 1, 5, 0, 5, 4,
+                                       3, 6, 2, 3, 7, 6, 1, 2, 6, 1, 6, 5, 0, 4, 7, 0, 7, 3};
+
+    return builder_mesh(b, corners, NULL, 8, faces, 12, 1);
+}
+
+/* A ball whose every point lies elsewhere: its middle still sees all of it. */
+static uint32_t add_spikes(struct scene_builder *b)
+{
+    enum { RINGS = 24, SIDES = 31, COUNT = RINGS * SIDES + 2 };
+    static float p[3 * COUNT];
+    static uint32_t faces[6 * RINGS * SIDES];
+    uint32_t n = 0;
+
+    for (uint32_t i = 0; i < COUNT; i++) {
+        uint32_t ring = i / SIDES;
+        double polar = i < COUNT - 2 ? 3.14159265 * (ring + 1) / (RINGS + 1) : i == COUNT - 2 ? 0 : 3.14159265;
+        double azimuth = 6.2831853 * (i % SIDES) / SIDES;
+        double radius = 0.6 + 0.4 * (double)(hash_u64(i) >> 40) * 0x1p-24;
+
+        p[3 * i] = (float)(radius * sin(polar) * cos(azimuth));
+        p[3 * i + 1] = (float)(radius * cos(polar));
+        p[3 * i + 2] = (float)(-radius * sin(polar) * sin(azimuth));
+    }
+    for (uint32_t k = 0; k < SIDES; k++) {
+        uint32_t next = (k + 1) % SIDES, last = (RINGS - 1) * SIDES;
+        const uint32_t caps[6] = {COUNT - 2, k, next, COUNT - 1, last + next, last + k};
+        for (int c = 0; c < 6; c++)
+            faces[n++] = caps[c];
+        for (uint32_t ring = 0; ring + 1 < RINGS; ring++) {
+            uint32_t a = ring * SIDES + k, d = ring * SIDES + next;
+            const uint32_t quad[6] = {a, a + SIDES, d, d, a + SIDES, d + SIDES};
+            for (int c = 0; c < 6; c++)
+                faces[n++] = quad[c];
+        }
+    }
+    return builder_mesh(b, p, NULL, COUNT, faces, n / 3, 1);
+}
+
+static uint32_t add_form(struct scene_builder *b, enum form form)
+{
+    switch (form) {
+    case FORM_BOX: return add_box(b);
+    case FORM_SPHERE_COARSE: return builder_sphere(b, 6, 0);
+    case FORM_SPHERE: return builder_sphere(b, 32, 0);
+    case FORM_SPHERE_FINE: return builder_sphere(b, 128, 0); /* twice: instances */
+    default: return add_spikes(b);
+    }
+}
+
+/* ---- rays --------------------------------------------------------------------------------- */
+
+struct shooter {
+    struct render_scene *scene;
+    struct vec3 at, scale;   /* of instance 0, around whose middle the rays start */
+    uint64_t counter;
+    struct render_stats stats;
+};
+
+static double number(struct shooter *sh)
+{
+    return (double)(hash_u64(++sh->counter) >> 11) * 0x1p-53;
+}
+
+static uint32_t any_triangle(struct shooter *sh)
+{
+    const struct world_mesh *mesh = &sh->scene->meshes[sh->scene->instances[0].mesh];
+
+    return (uint32_t)(number(sh) * mesh->triangle_count);
+}
+
+/* A vertex, or a point of an edge. */
+static void any_target(struct shooter *sh, int edge, double out[3])
+{
+    double c[3][3], f = edge ? number(sh) : 0;
+    int a = (int)(3 * number(sh)), b = (a + 1) % 3;
+
+    world_exact_corners(sh->scene, 0, any_triangle(sh), 0, c);
+    for (int k = 0; k < 3; k++)
+        out[k] = c[a][k] + f * (c[b][k] - c[a][k]);
+}
+
+/* From somewhere around the middle, in mid-air. */
+static void start_in_air(struct shooter *sh, struct ray *ray)
+{
+    *ray = (struct ray){.t_max = INFINITY};
+    ray->origin = vec3_make((float)(number(sh) - 0.5), (float)(number(sh) - 0.5),
+                            (float)(number(sh) - 0.5));
+    ray->origin = vec3_add(sh->at, vec3_mul(vec3_scale(ray->origin, 0.5f), sh->scale));
+}
+
+/* From a face. */
+static void start_on_face(struct shooter *sh, struct ray *ray)
+{
+    double c[3][3], p[3], u = number(sh), v = number(sh);
+
+    *ray = (struct ray){.t_max = INFINITY, .left_count = 1};
+    ray->left[0].triangle = any_triangle(sh);
+    world_exact_corners(sh->scene, 0, ray->left[0].triangle, 0, c);
+    if (u + v > 1) {
+        u = 1 - u;
+        v = 1 - v;
+    }
+    for (int k = 0; k < 3; k++)
+        p[k] = c[0][k] + u * (c[1][k] - c[0][k]) + v * (c[2][k] - c[0][k]);
+    ray->origin = exact_round(p, ray->rest);
+}
+
+/* 0: the target is at the start, or outside as seen from the face. */
+static int aim(const struct shooter *sh, struct ray *ray, const double target[3])
+{
+    double from[3], to[3], c[3][3], n[3], d[3], length;
+
+    exact_origin(ray, from);
+    exact_sub(target, from, to);
+    length = sqrt(exact_dot(to, to));
+    if (!(length > 0))
+        return 0;
+    ray->direction = vec3_make((float)(to[0] / length), (float)(to[1] / length),
+                               (float)(to[2] / length));
+    if (ray->left_count == 0)
+        return 1;
+    world_exact_corners(sh->scene, 0, ray->left[0].triangle, 0, c);
+    exact_normal(c, n);
+    exact_vec(ray->direction, d);
+    return exact_dot(n, d) < -1e-4 * sqrt(exact_dot(n, n));
+}
+
+/* Radiance along the ray: the sky is 1 and all else is black. */
+static int escapes(struct shooter *sh, const struct ray *ray)
+{
+    const struct camera_cone cone = {0, 0};
+    struct sampler sampler;
+    struct vec3 light;
+
+    sampler_start(&sampler, 1, 0, 0, 0, 0);
+    light = path_radiance(sh->scene, &sampler, *ray, cone, NULL, &sh->stats);
+    return !(light.x == 0);
+}
+
+static uint64_t shoot(struct shooter *sh, uint64_t count, int on_face)
+{
+    uint64_t escaped = 0;
+
+    for (uint64_t i = 0; i < count; i++) {
+        double target[3];
+        struct ray ray;
+
+        any_target(sh, i % 4 == 3, target);
+        if (on_face)
+            start_on_face(sh, &ray);
+        else
+            start_in_air(sh, &ray);
+        if (aim(sh, &ray, target))
+            escaped += (uint64_t)escapes(sh, &ray);
+    }
+    return escaped;
+}
+
+/* ---- tests -------------------------------------------------------------------------------- */
+
+static struct scene_material *add_glass(struct scene_builder *b)
+{
+    struct scene_material *m = builder_lambert(b, 1);
+
+    m->transmission = 1;
+    m->refractive = 1;
+    m->ior = 1.5f;
+    m->specular = 1;
+    m->roughness = 0.3f;
+    return m;
+}
+
+/* Of one form in one place. `glass`: the camera is outside; else it is inside, and all is black. */
+static struct render_scene *build(struct scene_builder *b, enum form form, const struct place *place,
+                                  enum isa isa, int glass)
+{
+    struct render_settings settings = builder_settings(16, 16, 1);
+    uint32_t mesh;
+
+    settings.max_depth = 0;
+    settings.isa = isa;
+    builder_init(b);
+    if (glass)
+        add_glass(b);
+    else
+        builder_lambert(b, 0);
+    mesh = add_form(b, form);
+    builder_place(b, mesh, 0, place->scale, place->at);
+    if (form == FORM_SPHERE_FINE)
+        builder_place(b, mesh, 0, place->scale, vec3_add(place->at, vec3_scale(place->scale, 3)));
+    builder_environment_constant(b, vec3_splat(1));
+    builder_camera(b, vec3_add(place->at, vec3_scale(place->scale, glass ? 5 : 0.01f)), place->at, 1);
+    return builder_build(b, &settings);
+}
+
+static uint64_t leaked;
+
+static void check_everywhere(int on_face, int glass)
+{
+    uint64_t runs = 0, share;
+
+    for (int isa = 0; isa < ISA_COUNT; isa++)
+        runs += isa_supported_mask() >> isa & 1;
+    share = rays_wanted / (3 * runs * FORMS * PLACES);
+    for (int isa = 0; isa < ISA_COUNT; isa++)
+        for (int form = 0; form < FORMS && isa_supported_mask() >> isa & 1; form++)
+            for (int place = 0; place < PLACES; place++) {
+                struct scene_builder b;
+                struct shooter sh = {.at = places[place].at, .scale = places[place].scale};
+                uint64_t escaped;
+
+                sh.scene = build(&b, (enum form)form, &places[place], (enum isa)isa, glass);
+                assert_int_equal(sh.scene->enclosed, !glass);
+                escaped = shoot(&sh, share, on_face);
+                leaked += sh.stats.leaked_rays;
+                if (rays_wanted > 10000000)
+                    printf("# %s, %s, %s, from %s: %llu rays, %llu leaked, %llu escaped\n",
+                           isa_name((enum isa)isa), form_names[form], places[place].name,
+                           glass ? "a face of glass" : on_face ? "a face" : "mid-air",
+                           (unsigned long long)sh.stats.rays,
+                           (unsigned long long)sh.stats.leaked_rays, (unsigned long long)escaped);
+                if (escaped)
+                    fail_msg("%s, %s, %s: %llu of %llu rays escaped", isa_name((enum isa)isa),
+                             form_names[form], places[place].name, (unsigned long long)escaped,
+                             (unsigned long long)share);
+                render_scene_free(sh.scene);
+                builder_release(&b);
+            }
+}
+
+static void test_room_from_mid_air(void **state)
+{
+    (void)state;
+    check_everywhere(0, 0);
+}
+
+static void test_room_from_its_faces(void **state)
+{
+    (void)state;
+    check_everywhere(1, 0);
+}
+
+static void test_glass_from_its_faces(void **state)
+{
+    (void)state;
+    check_everywhere(1, 1);
+}
+
+/* The tests above show nothing if no ray leaks in the first place. */
+static void test_rays_leak(void **state)
+{
+    (void)state;
+    assert_true(leaked > 0);
+}
+
+int main(int argc, char **argv)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_room_from_mid_air),
+        cmocka_unit_test(test_room_from_its_faces),
+        cmocka_unit_test(test_glass_from_its_faces),
+        cmocka_unit_test(test_rays_leak),
+    };
+
+    if (argc > 1)
+        rays_wanted = (uint64_t)strtod(argv[1], NULL);
+    return cmocka_run_group_tests_name("leaks", tests, NULL, NULL);
+}
