@@ -7,6 +7,14 @@
 /* Boundaries that the search looks at, at most. */
 enum { CROSSINGS_MAX = 1024 };
 
+static void cross(struct interior *entered, struct interior *left, uint32_t body, int front)
+{
+    if (front)
+        interior_add(entered, body);
+    else if (!interior_remove(entered, body))
+        interior_add(left, body);
+}
+
 void interior_find_camera(struct render_scene *scene)
 {
     static const struct sampler nobody;
@@ -15,24 +23,25 @@ void interior_find_camera(struct render_scene *scene)
     struct ray ray = {{view->m[0][3], view->m[1][3], view->m[2][3]},
                       {0.48f, 0.64f, 0.6f}, INFINITY, 0};
     struct path_query query = {&nobody, 0};
-    struct interior entered = {0};
+    struct interior entered = {0}, left = {0};
     struct surface s;
     struct hit hit;
 
     memset(&scene->camera_interior, 0, sizeof scene->camera_interior);
+    scene->camera_interior.medium = scene->fog;
+    if (scene->volume_rule != VOLUMES_NESTED)
+        return;
     for (int i = 0; i < CROSSINGS_MAX && accel_intersect(scene->accel, &ray, &query, &hit); i++) {
         surface_from_hit(scene, &ray, &hit, &s);
-        if (s.material->flags & MATERIAL_BOUNDS) {
-            uint32_t material = (uint32_t)(s.material - scene->materials), before = entered.count;
-            if (s.front) {
-                interior_add(&entered, hit.instance, material);
-            } else {
-                interior_remove(&entered, hit.instance);
-                if (entered.count == before)
-                    interior_add(&scene->camera_interior, hit.instance, material);
-            }
-        }
+        if (s.material->flags & MATERIAL_BOUNDS)
+            cross(&entered, &left, s.instance->body, s.front);
         ray.origin = surface_ray_origin(&s, ray.direction);
         query.ray_number++;
     }
+    /* What is open or wound inwards may have been left first and entered then. */
+    for (uint32_t i = 0; i < entered.count; i++)
+        interior_remove(&left, entered.entry[i]);
+    /* The body that was left first is the innermost: it was entered last. */
+    for (uint32_t i = left.count; i-- > 0;)
+        interior_add(&scene->camera_interior, left.entry[i]);
 }

@@ -1,5 +1,7 @@
 #include "worker/render/path.h"
 
+#include <string.h>
+
 #include "common/base/clock.h"
 #include "common/math/elementary.h"
 #include "worker/render/bsdf/bsdf.h"
@@ -50,6 +52,22 @@ struct path {
     uint8_t bearer;             /* and the stretch that is traced now: the sender, or a boundary */
 };
 
+/* Of the corners where the mesh has them, whatever their numbers and the triangle's. */
+static uint32_t path_triangle_key(const struct world_mesh *mesh, const uint32_t vertex[3])
+{
+    uint32_t key = 0;
+
+    for (int k = 0; k < 3; k++) {
+        uint32_t bits[3];
+        memcpy(bits, mesh->positions + 3 * (size_t)vertex[k], sizeof bits);
+        for (int a = 0; a < 3; a++) {
+            key = (key ^ bits[a]) * 0x9e3779b1u;
+            key ^= key >> 15;
+        }
+    }
+    return key;
+}
+
 int path_accept(const void *scene_, const void *query_, uint32_t instance_index, uint32_t triangle,
                 float u, float v, int facing)
 {
@@ -57,6 +75,8 @@ int path_accept(const void *scene_, const void *query_, uint32_t instance_index,
     const struct path_query *query = query_;
     const struct world_instance *instance = &scene->instances[instance_index];
     const struct world_material *material = &scene->materials[instance->material];
+    const struct world_mesh *mesh = &scene->meshes[instance->mesh];
+    const uint32_t *vertex;
     float alpha;
 
     CHARGE_SCOPE_OF(ACTIVE(scene, CULLING) ? CHARGE_OF(CULLING) : CHARGE_OF(ALPHA));
@@ -69,13 +89,13 @@ int path_accept(const void *scene_, const void *query_, uint32_t instance_index,
         return 1;
     STAGE(SURFACE);
     CHARGE(ALPHA);
-    alpha = world_alpha(material, &scene->meshes[instance->mesh],
-                        world_vertices(&scene->meshes[instance->mesh], triangle), u, v);
+    vertex = world_vertices(mesh, triangle);
+    alpha = world_alpha(material, mesh, vertex, u, v);
     STAGE(TRACE);
     if (material->m.alpha_mode == ALPHA_MASK)
         return alpha >= material->m.alpha_cutoff;
-    return sampler_hash(query->sampler, query->ray_number * 0x9e3779b9u + instance_index,
-                        triangle) < alpha;
+    return sampler_hash(query->sampler, query->ray_number * 0x9e3779b9u + instance->alpha_key,
+                        path_triangle_key(mesh, vertex)) < alpha;
 }
 
 static int path_trace(const struct path *path, const struct ray *ray,
@@ -127,27 +147,29 @@ static float path_mis_weight(float a, float b)
 static const struct world_medium *interior_medium(const struct render_scene *scene,
                                                   const struct interior *in, int *is_fog)
 {
-    int top = interior_top(scene, in);
-    int32_t medium = top < 0 ? -1 : scene->materials[in->material[top]].m.medium;
+    const struct world_material *around;
+    int32_t medium = in->medium;
 
-    *is_fog = 0;
-    if (top >= 0)
-        return medium >= 0 ? scene->media[medium] : NULL;
-    if (!ACTIVE(scene, FOG) || scene->fog < 0)
+    if (scene->volume_rule == VOLUMES_NESTED) {
+        around = interior_around(scene, in);
+        medium = around ? around->m.medium : scene->fog;
+        *is_fog = !around;
+    } else {
+        *is_fog = medium == scene->fog;
+    }
+    if (medium < 0 || (*is_fog && !ACTIVE(scene, FOG)))
         return NULL;
-    *is_fog = 1;
-    return scene->media[scene->fog];
+    return scene->media[medium];
 }
 
 static float interior_ior(const struct render_scene *scene, const struct interior *in)
 {
-    int top = interior_top(scene, in);
-    const struct scene_material *m;
+    const struct world_material *around = interior_around(scene, in);
 
-    if (top < 0)
-        return 1;
-    m = &scene->materials[in->material[top]].m;
-    return m->kind == MATERIAL_SURFACE && m->refractive && m->ior >= 1 ? m->ior : 1;
+    return around && around->m.kind == MATERIAL_SURFACE && around->m.refractive &&
+                   around->m.ior >= 1
+               ? around->m.ior
+               : 1;
 }
 
 /* To whom keeping count of the volumes is charged. */
@@ -167,6 +189,15 @@ static float path_fog_end(const struct render_scene *scene, const struct ray *ra
     float half = scene->fog_radius * scene->fog_radius - beside;
 
     return half > 0 ? float_max(along + sqrtf(half), 0) : 0;
+}
+
+/* What the stretch that ends at the surface lies in; NULL: nothing that is known of. */
+static const struct world_material *path_around(const struct path *path, const struct surface *s,
+                                                int volumes)
+{
+    if (volumes && path->scene->volume_rule == VOLUMES_NESTED)
+        return interior_around(path->scene, &path->interior);
+    return !s->front && s->material->m.refractive ? s->material : NULL;
 }
 
 /* Beer-Lambert over a stretch inside a refractive object. */
@@ -562,6 +593,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
     path.wavelength_nm = 0;
     path.dispersed = 0;
     path.interior.count = 0;
+    path.interior.medium = -1;
     if (HAS_VOLUMES)
         path.sender = path.bearer = CHARGE_NOBODY;
     path.medium_key = path.medium_depth = 0;
@@ -582,6 +614,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
 
         if (HAS_VOLUMES) {
             beyond.count = 0;
+            beyond.medium = -1;
             charge_set(path.bearer);
         }
         path.query.ray_number++;
@@ -612,15 +645,14 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             radiance = vec3_add(radiance, vec3_mul(path.throughput, path_escaped(&path)));
             break;
         }
+        if (ACTIVE(scene, ABSORPTION)) {
+            const struct world_material *around = path_around(&path, &s, volumes);
+            CHARGE_SCOPE(ABSORPTION);
+            if (around && !vec3_is_black(around->absorption))
+                path.throughput = vec3_mul(path.throughput, path_absorbed(around, s.t));
+        }
         if (volumes) {
             CHARGE_SCOPE_OF(path_keeper(scene));
-            int top = interior_top(scene, &path.interior);
-            if (top >= 0 && ACTIVE(scene, ABSORPTION)) {
-                CHARGE_SCOPE(ABSORPTION);
-                path.throughput = vec3_mul(
-                    path.throughput,
-                    path_absorbed(&scene->materials[path.interior.material[top]], s.t));
-            }
             if (s.material->flags & MATERIAL_BOUNDS) {
                 interior_cross(scene, &path.interior, &s, &beyond, &real);
                 if (!real || s.material->m.kind == MATERIAL_INTERFACE) {
@@ -634,10 +666,6 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             } else {
                 beyond = path.interior;
             }
-        } else if (ACTIVE(scene, ABSORPTION) && !s.front && s.material->m.refractive &&
-                   !vec3_is_black(s.material->absorption)) {
-            CHARGE_SCOPE(ABSORPTION);
-            path.throughput = vec3_mul(path.throughput, path_absorbed(s.material, s.t));
         }
         stats->vertices++;
         if (HAS(TEXTURE) && s.material->flags & (MATERIAL_TEXTURED | MATERIAL_NORMAL_MAP))
@@ -663,6 +691,8 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             path_record_hit(scene, &s, &params, record);
         if (depth >= max_depth)
             break;
+        if (volumes && s.material->flags & MATERIAL_BOUNDS)
+            params.ior = interior_filling(scene, s.instance->body)->m.ior;
         if (HAS(DISPERSION) && ACTIVE(scene, DISPERSION) && s.material->m.dispersion > 0 &&
             params.refractive)
             params.ior = path_dispersed_ior(&path, params.ior, s.material->m.dispersion);

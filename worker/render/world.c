@@ -379,6 +379,7 @@ status render_scene_new(struct render_scene **out, const struct scene *scene,
     w->settings = *settings;
     w->frame = frame;
     w->animated = scene_is_animated(scene, settings);
+    w->volume_rule = scene->volume_rule;
     w->effects = scene_effects(scene, settings, frame, NULL);
     s = world_used_init(&used, scene, settings, err);
     if (s == STATUS_OK)

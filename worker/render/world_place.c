@@ -490,12 +490,36 @@ static enum placement look_at(struct placer *p, uint32_t index)
     return moves ? PLACE_MOVING : PLACE_STILL;
 }
 
+/* The material whose body the instance bounds; its own where settings leave that one without. */
+static uint32_t body_of(const struct render_scene *w, const struct scene_instance *description)
+{
+    uint32_t body = description->body < 0 ? description->material : (uint32_t)description->body;
+    const struct world_material *filling = &w->materials[w->materials[body].filling];
+
+    return filling->flags & MATERIAL_BOUNDS ? body : description->material;
+}
+
+/* Of the place at rest: the same in all frames. */
+static uint32_t alpha_key(const struct scene_instance *description)
+{
+    uint32_t bits[12], key = description->material;
+
+    memcpy(bits, description->to_world.m, sizeof bits);
+    for (int i = 0; i < 12; i++) {
+        key = (key ^ bits[i]) * 0x9e3779b1u;
+        key ^= key >> 15;
+    }
+    return key;
+}
+
 static status place_one(struct placer *p, uint32_t index, const uint32_t *uses)
 {
     enum placement placement = look_at(p, index);
 
     p->instance->mesh = p->description->mesh;
     p->instance->material = p->description->material;
+    p->instance->body = body_of(p->w, p->description);
+    p->instance->alpha_key = alpha_key(p->description);
     p->w->info.triangles += p->mesh->triangle_count;
     if (placement == PLACE_DEFORMED)
         return place_deformed(p);
