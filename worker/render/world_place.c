@@ -55,26 +55,13 @@ static float *new_vertices(const struct placer *p, uint32_t components)
     return world_own(p->w, out) ? out : NULL;
 }
 
-static void transform_vertices(float *out, const float *in, size_t count,
-                               const struct transform *to_world)
-{
-    for (size_t i = 0; i < count; i++) {
-        double p[3] = {(double)in[3 * i], (double)in[3 * i + 1], (double)in[3 * i + 2]};
-        for (size_t a = 0; a < 3; a++) {
-            const float *row = to_world->m[a];
-            out[3 * i + a] = (float)((double)row[0] * p[0] + (double)row[1] * p[1] +
-                                     (double)row[2] * p[2] + (double)row[3]);
-        }
-    }
-}
-
 /* The mesh's vertices in world space. */
 static float *bake(const struct placer *p, const struct transform *to_world)
 {
     float *out = new_vertices(p, 3);
 
     if (out)
-        transform_vertices(out, p->vertices->positions, p->vertices->vertex_count, to_world);
+        transform_points(to_world, p->vertices->positions, p->vertices->vertex_count, out);
     return out;
 }
 
@@ -358,7 +345,7 @@ static status deform_at(struct placer *p, uint32_t k, float **positions)
     s = pose_deform(&p->poses->at[k], p->scene, p->index, mesh->blob, *positions, normals, tangents,
                     p->err);
     if (s == STATUS_OK && !instance->skinned)
-        transform_vertices(*positions, *positions, mesh->vertex_count, &p->at[k]);
+        transform_points(&p->at[k], *positions, mesh->vertex_count, *positions);
     return s;
 }
 
