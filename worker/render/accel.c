@@ -6,25 +6,58 @@
 #include <embree3/rtcore.h>
 #endif
 
+#include <math.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "worker/render/exact.h"
 #include "worker/render/render.h"
+#include "worker/render/sizes.h"
+
+/* Embree's error in a ray's height over a triangle's plane, in 2^-24 of the largest coordinate of
+ * its origin plus the longest edge: its own, and what a ray's way through an instance's matrix adds,
+ * at rest and where Embree mixes two matrices and inverts the mix. docs/NUMERICS.md derives them. */
+#define ERROR_TRIANGLE 8.0
+#define ERROR_INSTANCE 16.0
+#define ERROR_MOVING 32.0
+/* So many such errors before its start a ray starts for Embree, or a triangle right before it
+ * could seem to lie behind. */
+#define BACK_ERRORS 64.0
+/* A face on which the ray ends is looked for up to this share of the length before and behind. */
+#define END_SHARE 0x1p-18
+
+/* One of the top BVH's geometries: an instance. */
+struct accel_geometry {
+    const uint8_t *slender;  /* of its triangles (sizes.h), NULL: all are ordinary */
+    uint8_t slenderest;
+    uint8_t filtered;        /* accept is to be asked */
+    float least_stretch;     /* of its matrix; 1 in world space */
+    uint32_t motion_steps;
+};
 
 struct accel {
     RTCDevice device;
     RTCScene top;
     RTCScene *mesh_scenes;        /* per mesh; NULL where it lies in the top BVH */
-    uint32_t mesh_count;
-    uint32_t *geometry_instance;  /* top-level geometry number -> instance */
+    uint8_t **mesh_slender, *mesh_slenderest; /* per mesh with a BVH of its own */
+    uint32_t mesh_count, geometry_count;
+    struct accel_geometry *geometries;
+    struct sizes sizes;
+    void **owned;                 /* [owned_count] indices without the huge triangles, and the like */
+    size_t owned_count, owned_capacity;
+    uint32_t huge_next;           /* while instances are attached: the next one's first */
+    double error_origin, error_extent; /* error = these * (largest coordinate, 1 metre) */
     accel_accept *accept;
+    accel_corners *corners;
     const void *scene;
     _Atomic(ptrdiff_t) bytes;
 };
 
-/* Embree hands the context back to the filter; ours carries the query along. */
+enum query_kind { QUERY_NEAREST, QUERY_OCCLUDED, QUERY_COINCIDENT };
+
+/* Embree hands the context back to the callbacks; ours carries the query along. */
 struct query_context {
 #if AZULEJO_EMBREE >= 4
     struct RTCRayQueryContext embree;
@@ -33,6 +66,19 @@ struct query_context {
 #endif
     const struct accel *accel;
     const void *query;
+    const struct ray *ray;
+    enum query_kind kind;
+    double origin[3], direction[3];
+    double error;                 /* metres: Embree's, in the height over a plane */
+    double back;                  /* metres: by which its ray starts before the ray */
+    double end;                   /* metres: where the ray ends */
+    int met;                      /* of what double decided, the nearest: */
+    struct hit nearest;
+    double nearest_t;
+    double gap_max;               /* QUERY_COINCIDENT: metres, */
+    const struct hit *about;      /* the face that the others coincide with, */
+    struct contact *contacts;     /* and what was found */
+    uint32_t contact_count, contact_capacity;
 };
 
 const char *render_kernel_name(void)
@@ -55,20 +101,289 @@ static bool count_memory(void *user, ssize_t bytes, bool post)
     return true;
 }
 
+/* ---- what double decides ------------------------------------------------------------------ */
+
+static int same_face(const struct hit *a, const struct hit *b)
+{
+    return a->instance == b->instance && a->triangle == b->triangle;
+}
+
+/* The ray starts on the face, or ends on it. */
+static int is_excepted(const struct ray *ray, const struct hit *face)
+{
+    for (uint32_t i = 0; i < ray->left_count; i++)
+        if (same_face(&ray->left[i], face))
+            return 1;
+    return ray->reaches && same_face(&ray->end, face);
+}
+
+static double largest(const double a[3])
+{
+    return fmax(fabs(a[0]), fmax(fabs(a[1]), fabs(a[2])));
+}
+
+/* What rounding may make of a height over a plane through `from`, times the normal's length. */
+static double height_noise(const double normal[3], const double to[3], const double from[3])
+{
+    return 0x1p-49 * (fabs(normal[0]) + fabs(normal[1]) + fabs(normal[2])) *
+           (largest(to) + largest(from));
+}
+
+/* The corner's height over the plane that is farthest from it, times the normal's length. */
+static double farthest(const double corner[3][3], const double plane[3][3], const double normal[3],
+                       double sign)
+{
+    double most = -INFINITY, to_corner[3];
+
+    for (int k = 0; k < 3; k++) {
+        double height;
+
+        exact_sub(corner[k], plane[0], to_corner);
+        height = sign * exact_dot(normal, to_corner);
+        if (height > height_noise(normal, to_corner, plane[0]))
+            most = fmax(most, height);
+    }
+    return most;
+}
+
+/* Is all of the triangle behind the plane of a face that the ray leaves (`sign` 1), or beyond the
+ * plane of the one that it ends on (-1)? Then the ray cannot meet it, whatever the rounding. */
+static int is_beyond(const struct query_context *q, const struct hit *face, double sign,
+                     const double corner[3][3])
+{
+    double plane[3][3], n[3];
+
+    q->accel->corners(q->accel->scene, face->instance, face->triangle, q->ray->time, plane);
+    exact_normal(plane, n);
+    if (exact_dot(n, n) == 0)
+        return 0;
+    if (exact_dot(n, q->direction) < 0)
+        sign = -sign;
+    return !(farthest(corner, plane, n, sign) > 0);
+}
+
+/* A ray that starts on a triangle's plane, as on an edge that it shares with the face it leaves,
+ * starts on the side on which that face lies: does it go to the other? */
+static int goes_through(const struct query_context *q, const double corner[3][3],
+                        const double normal[3])
+{
+    double face[3][3], before, behind;
+
+    q->accel->corners(q->accel->scene, q->ray->left[0].instance, q->ray->left[0].triangle,
+                      q->ray->time, face);
+    before = farthest(face, corner, normal, 1);
+    behind = farthest(face, corner, normal, -1);
+    return before > behind ? exact_dot(normal, q->direction) < 0
+                           : exact_dot(normal, q->direction) > 0;
+}
+
+/* Does the ray meet the triangle's plane between its ends, and the triangle not lie beyond them?
+ * *t in metres. The plane alone counts: whoever proposed the triangle has seen to its edges. */
+static int decide(const struct query_context *q, const struct hit *face, double *t)
+{
+    double corner[3][3], n[3], to_corner[3], height;
+
+    q->accel->corners(q->accel->scene, face->instance, face->triangle, q->ray->time, corner);
+    exact_normal(corner, n);
+    exact_sub(corner[0], q->origin, to_corner);
+    height = exact_dot(n, to_corner);
+    *t = height / exact_dot(n, q->direction);
+    if (q->kind == QUERY_COINCIDENT)
+        return fabs(*t) < q->gap_max;
+    if (q->ray->left_count && fabs(height) <= height_noise(n, to_corner, q->origin)) {
+        if (!goes_through(q, corner, n))
+            return 0;
+        *t = 0;
+    } else if (!(*t > 0 && *t < q->end)) {
+        return 0;
+    }
+    for (uint32_t i = 0; i < q->ray->left_count; i++)
+        if (is_beyond(q, &q->ray->left[i], 1, corner))
+            return 0;
+    return !q->ray->reaches || !is_beyond(q, &q->ray->end, -1, corner);
+}
+
+static int comes_first(double t, const struct hit *a, double u, const struct hit *b)
+{
+    if (t != u)
+        return t < u;
+    return a->instance != b->instance ? a->instance < b->instance : a->triangle < b->triangle;
+}
+
+static void keep_contact(struct query_context *q, const struct hit *face, double gap, int facing)
+{
+    struct contact *list = q->contacts;
+    uint32_t at = q->contact_count < q->contact_capacity ? q->contact_count : q->contact_capacity;
+
+    q->contact_count++;
+    while (at > 0 && comes_first(gap, face, list[at - 1].gap, &list[at - 1].hit)) {
+        if (at < q->contact_capacity)
+            list[at] = list[at - 1];
+        at--;
+    }
+    if (at < q->contact_capacity)
+        list[at] = (struct contact){*face, gap, facing, 0};
+}
+
+/* A triangle that double found to be met: 1 where the traversal may count it as Embree's hit. */
+static int keep(struct query_context *q, const struct hit *face, double t, int facing)
+{
+    if (q->kind == QUERY_OCCLUDED)
+        return 1;
+    if (q->kind == QUERY_COINCIDENT) {
+        keep_contact(q, face, t, facing);
+    } else if (!q->met || comes_first(t, face, q->nearest_t, &q->nearest)) {
+        q->met = 1;
+        q->nearest = *face;
+        q->nearest_t = t;
+    }
+    return 0;
+}
+
+/* ---- Embree's proposals ------------------------------------------------------------------- */
+
+/* Is the plane so near to an end of the ray that float may be wrong about its side? `t`: metres by
+ * Embree. The hit's normal and the ray are in the instance's space, where products are alike. */
+static int is_near(const struct query_context *q, const struct RTCRay *ray,
+                   const struct RTCHit *hit, const struct accel_geometry *g, double t)
+{
+    double reach = t, product, area2, height2, error2;
+
+    if (q->ray->reaches)
+        reach = fmin(t, (double)q->ray->t_max - t);
+    if (!(reach > q->back))
+        return 1;
+    product = (double)ray->dir_x * (double)hit->Ng_x + (double)ray->dir_y * (double)hit->Ng_y +
+              (double)ray->dir_z * (double)hit->Ng_z;
+    area2 = (double)hit->Ng_x * (double)hit->Ng_x + (double)hit->Ng_y * (double)hit->Ng_y +
+            (double)hit->Ng_z * (double)hit->Ng_z;
+    height2 = reach * product * (double)g->least_stretch;
+    height2 *= height2;
+    error2 = q->error * q->error * area2;
+    if (height2 > error2 * (double)(UINT64_C(1) << 2 * g->slenderest))
+        return 0;
+    return !g->slender || g->slender[hit->primID] == SIZES_SLENDER_MAX ||
+           !(height2 > error2 * (double)(UINT64_C(1) << 2 * g->slender[hit->primID]));
+}
+
 static void filter(const struct RTCFilterFunctionNArguments *args)
 {
-    const struct query_context *context = (const struct query_context *)args->context;
-    const struct accel *accel = context->accel;
+    struct query_context *q = (struct query_context *)args->context;
     const struct RTCRay *ray = (const struct RTCRay *)args->ray; /* N is 1: single rays only */
     const struct RTCHit *hit = (const struct RTCHit *)args->hit;
-    uint32_t geometry = hit->instID[0] != RTC_INVALID_GEOMETRY_ID ? hit->instID[0] : hit->geomID;
-    float facing = ray->dir_x * hit->Ng_x + ray->dir_y * hit->Ng_y + ray->dir_z * hit->Ng_z;
+    struct hit face = {hit->instID[0] != RTC_INVALID_GEOMETRY_ID ? hit->instID[0] : hit->geomID,
+                       hit->primID};
+    const struct accel_geometry *g = &q->accel->geometries[face.instance];
+    double t = (double)ray->tfar - q->back;
+    int near, facing;
 
     if (args->valid[0] != -1)
         return;
-    if (!accel->accept(accel->scene, context->query, accel->geometry_instance[geometry],
-                       hit->primID, hit->u, hit->v, facing < 0))
-        args->valid[0] = 0;
+    args->valid[0] = 0;
+    if (is_excepted(q->ray, &face))
+        return;
+    near = q->kind == QUERY_COINCIDENT || is_near(q, ray, hit, g, t);
+    if (near && !decide(q, &face, &t))
+        return;
+    facing = ray->dir_x * hit->Ng_x + ray->dir_y * hit->Ng_y + ray->dir_z * hit->Ng_z < 0;
+    if (g->filtered && !q->accel->accept(q->accel->scene, q->query, face.instance, face.triangle,
+                                         hit->u, hit->v, facing))
+        return;
+    if (!near || keep(q, &face, t, facing))
+        args->valid[0] = -1;
+}
+
+/* ---- huge triangles ----------------------------------------------------------------------- */
+
+static void huge_bounds(const struct RTCBoundsFunctionArguments *args)
+{
+    const struct accel *accel = args->geometryUserPtr;
+    const struct hit *face = &accel->sizes.huge[args->primID];
+    uint32_t steps = accel->geometries[face->instance].motion_steps;
+    float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+
+    for (uint32_t i = 0; i < (steps ? steps : 1); i++) {
+        double corner[3][3];
+
+        accel->corners(accel->scene, face->instance, face->triangle,
+                       steps ? (float)i / (float)(steps - 1) : 0, corner);
+        for (int k = 0; k < 3; k++)
+            for (int a = 0; a < 3; a++) {
+                low[a] = fminf(low[a], nextafterf((float)corner[k][a], -INFINITY));
+                high[a] = fmaxf(high[a], nextafterf((float)corner[k][a], INFINITY));
+            }
+    }
+    *args->bounds_o = (struct RTCBounds){.lower_x = low[0], .lower_y = low[1], .lower_z = low[2],
+                                         .upper_x = high[0], .upper_y = high[1],
+                                         .upper_z = high[2]};
+}
+
+/* Weights of corners 1 and 2 where the line meets the triangle. It reaches over its edges by as
+ * much as Embree's triangles beside it may be off, so that no ray slips through between. */
+static int huge_covers(const struct query_context *q, const struct hit *face, double *u, double *v,
+                       int *facing)
+{
+    double corner[3][3], e1[3], e2[3], e3[3], n[3], p[3], s[3], m[3], determinant, size, slack;
+
+    q->accel->corners(q->accel->scene, face->instance, face->triangle, q->ray->time, corner);
+    exact_sub(corner[1], corner[0], e1);
+    exact_sub(corner[2], corner[0], e2);
+    exact_sub(corner[2], corner[1], e3);
+    exact_sub(q->origin, corner[0], s);
+    exact_cross(e1, e2, n);
+    exact_cross(q->direction, e2, p);
+    exact_cross(s, e1, m);
+    determinant = exact_dot(e1, p);
+    size = sqrt(exact_dot(n, n));
+    if (determinant == 0 || !(size > 0))
+        return 0;
+    *u = exact_dot(s, p) / determinant;
+    *v = exact_dot(q->direction, m) / determinant;
+    *facing = determinant > 0;
+    slack = q->error + 0x1p-22 * fabs(exact_dot(e2, m) / determinant);
+    return *u >= -slack * sqrt(exact_dot(e2, e2)) / size &&
+           *v >= -slack * sqrt(exact_dot(e1, e1)) / size &&
+           1 - *u - *v >= -slack * sqrt(exact_dot(e3, e3)) / size;
+}
+
+/* Met? Then *t in metres. */
+static int huge_meets(struct query_context *q, const struct hit *face, double *t)
+{
+    double u, v;
+    int facing;
+
+    if (is_excepted(q->ray, face) || !huge_covers(q, face, &u, &v, &facing) || !decide(q, face, t))
+        return 0;
+    if (q->accel->geometries[face->instance].filtered &&
+        !q->accel->accept(q->accel->scene, q->query, face->instance, face->triangle, (float)u,
+                          (float)v, facing))
+        return 0;
+    if (q->kind != QUERY_OCCLUDED)
+        keep(q, face, *t, facing);
+    return 1;
+}
+
+static void huge_intersect(const struct RTCIntersectFunctionNArguments *args)
+{
+    struct query_context *q = (struct query_context *)args->context;
+    struct RTCRay *ray = &((struct RTCRayHit *)args->rayhit)->ray;
+    double t;
+
+    if (args->valid[0] != -1 || !huge_meets(q, &q->accel->sizes.huge[args->primID], &t) ||
+        q->kind == QUERY_COINCIDENT)
+        return;
+    /* What lies behind need not be looked at. */
+    ray->tfar = fminf(ray->tfar, (float)((t + q->back) * (1 + END_SHARE)));
+}
+
+static void huge_occluded(const struct RTCOccludedFunctionNArguments *args)
+{
+    struct query_context *q = (struct query_context *)args->context;
+    struct RTCRay *ray = (struct RTCRay *)args->ray;
+    double t;
+
+    if (args->valid[0] == -1 && huge_meets(q, &q->accel->sizes.huge[args->primID], &t))
+        ray->tfar = -INFINITY;
 }
 
 static status embree_failed(RTCDevice device, const char *what, struct error *err)
@@ -86,19 +401,17 @@ static status embree_failed(RTCDevice device, const char *what, struct error *er
 
 /* `positions` has one entry for each moment; one alone stands still. */
 static void set_triangles(RTCGeometry geometry, const float *const *positions, uint32_t steps,
-                          const struct accel_mesh *mesh, int filtered)
+                          const struct accel_mesh *mesh, const uint32_t *indices)
 {
     if (steps > 1)
         rtcSetGeometryTimeStepCount(geometry, steps);
     for (uint32_t i = 0; i < steps; i++)
         rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, i, RTC_FORMAT_FLOAT3,
                                    positions[i], 0, 3 * sizeof(float), mesh->vertex_count);
-    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh->indices,
-                               0, 3 * sizeof(uint32_t), mesh->triangle_count);
-    if (filtered) {
-        rtcSetGeometryIntersectFilterFunction(geometry, filter);
-        rtcSetGeometryOccludedFilterFunction(geometry, filter);
-    }
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, indices, 0,
+                               3 * sizeof(uint32_t), mesh->triangle_count);
+    rtcSetGeometryIntersectFilterFunction(geometry, filter);
+    rtcSetGeometryOccludedFilterFunction(geometry, filter);
     rtcCommitGeometry(geometry);
 }
 
@@ -117,12 +430,11 @@ static status build_shared_mesh(struct accel *accel, const struct accel_input *i
                                 struct error *err)
 {
     RTCGeometry geometry;
-    int filtered = 0;
+    status s = sizes_slender(in->meshes[mesh].positions, &in->meshes[mesh],
+                             &accel->mesh_slender[mesh], &accel->mesh_slenderest[mesh], err);
 
-    /* One instance that wants to be asked makes all of the mesh's instances be asked. */
-    for (uint32_t i = 0; i < in->instance_count; i++)
-        if (in->instances[i].mesh == mesh && !in->instances[i].world_positions)
-            filtered |= in->instances[i].filtered;
+    if (s != STATUS_OK)
+        return s;
     accel->mesh_scenes[mesh] = new_scene(accel->device);
     geometry = rtcNewGeometry(accel->device, RTC_GEOMETRY_TYPE_TRIANGLE);
     if (!accel->mesh_scenes[mesh] || !geometry) {
@@ -130,7 +442,8 @@ static status build_shared_mesh(struct accel *accel, const struct accel_input *i
             rtcReleaseGeometry(geometry);
         return embree_failed(accel->device, "a mesh's geometry", err);
     }
-    set_triangles(geometry, &in->meshes[mesh].positions, 1, &in->meshes[mesh], filtered);
+    set_triangles(geometry, &in->meshes[mesh].positions, 1, &in->meshes[mesh],
+                  in->meshes[mesh].indices);
     rtcAttachGeometryByID(accel->mesh_scenes[mesh], geometry, 0);
     rtcReleaseGeometry(geometry);
     rtcCommitScene(accel->mesh_scenes[mesh]);
@@ -151,31 +464,153 @@ static void set_transforms(RTCGeometry geometry, const struct accel_instance *in
                                 instance->motion_to_world[i].m);
 }
 
+static status own(struct accel *accel, void *block, struct error *err)
+{
+    if (!block || !MEM_GROW(accel->owned, accel->owned_capacity, accel->owned_count + 1)) {
+        mem_free(block);
+        return error_no_memory(err, "the ray accelerator");
+    }
+    accel->owned[accel->owned_count++] = block;
+    return STATUS_OK;
+}
+
+/* The mesh's triangles, of which Embree gets those of `instance` that are not huge: the others
+ * become points. */
+static status choose_indices(struct accel *accel, const struct accel_mesh *mesh, uint32_t instance,
+                             const uint32_t **indices, struct error *err)
+{
+    uint32_t *chosen = NULL;
+    status s;
+
+    *indices = mesh->indices;
+    for (; accel->huge_next < accel->sizes.huge_count; accel->huge_next++) {
+        const struct hit *huge = &accel->sizes.huge[accel->huge_next];
+
+        if (huge->instance != instance)
+            break;
+        if (!chosen) {
+            chosen = mem_memdup(mesh->indices, 3 * (size_t)mesh->triangle_count * sizeof *chosen);
+            s = own(accel, chosen, err);
+            if (s != STATUS_OK)
+                return s;
+            *indices = chosen;
+        }
+        chosen[3 * (size_t)huge->triangle + 1] = chosen[3 * (size_t)huge->triangle + 2] =
+            chosen[3 * (size_t)huge->triangle];
+    }
+    return STATUS_OK;
+}
+
+/* Where two matrices are mixed, the mix is at most half their difference from one of them. */
+static float least_stretch(const struct accel_instance *instance)
+{
+    double least, difference = 0;
+
+    if (!instance->motion_steps)
+        return (float)sizes_least_stretch(&instance->to_world);
+    least = sizes_least_stretch(&instance->motion_to_world[0]);
+    for (uint32_t i = 1; i < instance->motion_steps; i++) {
+        const struct transform *a = &instance->motion_to_world[i - 1], *b = a + 1;
+        double square = 0;
+
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++) {
+                double d = (double)b->m[r][c] - (double)a->m[r][c];
+                square += d * d;
+            }
+        difference = fmax(difference, sqrt(square));
+        least = fmin(least, sizes_least_stretch(b));
+    }
+    return (float)fmax(least - 0.5 * difference, 0);
+}
+
+static status set_world_triangles(struct accel *accel, const struct accel_input *in, uint32_t index,
+                                  RTCGeometry geometry, struct error *err)
+{
+    const struct accel_instance *instance = &in->instances[index];
+    const struct accel_mesh *mesh = &in->meshes[instance->mesh];
+    struct accel_geometry *g = &accel->geometries[index];
+    const uint32_t *indices;
+    uint8_t *slender;
+    status s = sizes_slender(instance->world_positions, mesh, &slender, &g->slenderest, err);
+
+    g->slender = slender;
+    if (s == STATUS_OK && slender)
+        s = own(accel, slender, err);
+    if (s == STATUS_OK)
+        s = choose_indices(accel, mesh, index, &indices, err);
+    if (s == STATUS_OK)
+        set_triangles(geometry,
+                      instance->motion_steps ? instance->motion_positions
+                                             : &instance->world_positions,
+                      instance->motion_steps ? instance->motion_steps : 1, mesh, indices);
+    return s;
+}
+
 static status attach_instance(struct accel *accel, const struct accel_input *in, uint32_t index,
                               struct error *err)
 {
     const struct accel_instance *instance = &in->instances[index];
+    struct accel_geometry *g = &accel->geometries[index];
     int in_world = instance->world_positions != NULL;
     RTCGeometry geometry = rtcNewGeometry(
         accel->device, in_world ? RTC_GEOMETRY_TYPE_TRIANGLE : RTC_GEOMETRY_TYPE_INSTANCE);
+    status s = STATUS_OK;
 
     if (!geometry)
         return embree_failed(accel->device, "an instance", err);
+    g->filtered = instance->filtered != 0;
+    g->least_stretch = 1;
+    g->motion_steps = instance->motion_steps;
     if (in_world) {
-        set_triangles(geometry,
-                      instance->motion_steps ? instance->motion_positions
-                                             : &instance->world_positions,
-                      instance->motion_steps ? instance->motion_steps : 1,
-                      &in->meshes[instance->mesh], instance->filtered);
+        s = set_world_triangles(accel, in, index, geometry, err);
     } else {
+        g->slender = accel->mesh_slender[instance->mesh];
+        g->slenderest = accel->mesh_slenderest[instance->mesh];
+        g->least_stretch = least_stretch(instance);
         rtcSetGeometryInstancedScene(geometry, accel->mesh_scenes[instance->mesh]);
         set_transforms(geometry, instance);
         rtcCommitGeometry(geometry);
     }
-    rtcAttachGeometryByID(accel->top, geometry, index);
+    if (s == STATUS_OK)
+        rtcAttachGeometryByID(accel->top, geometry, index);
     rtcReleaseGeometry(geometry);
-    accel->geometry_instance[index] = index;
+    return s;
+}
+
+/* The huge triangles, behind the instances. */
+static status attach_huge(struct accel *accel, struct error *err)
+{
+    RTCGeometry geometry;
+
+    if (accel->sizes.huge_count == 0)
+        return STATUS_OK;
+    geometry = rtcNewGeometry(accel->device, RTC_GEOMETRY_TYPE_USER);
+    if (!geometry)
+        return embree_failed(accel->device, "the huge triangles", err);
+    rtcSetGeometryUserPrimitiveCount(geometry, accel->sizes.huge_count);
+    rtcSetGeometryUserData(geometry, accel);
+    rtcSetGeometryBoundsFunction(geometry, huge_bounds, NULL);
+    rtcSetGeometryIntersectFunction(geometry, huge_intersect);
+    rtcSetGeometryOccludedFunction(geometry, huge_occluded);
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometryByID(accel->top, geometry, accel->geometry_count);
+    rtcReleaseGeometry(geometry);
     return STATUS_OK;
+}
+
+/* How wrong Embree can be. */
+static void bound_errors(struct accel *accel, const struct accel_input *in)
+{
+    double instances = 0;
+
+    for (uint32_t i = 0; i < in->instance_count; i++) {
+        const struct accel_instance *instance = &in->instances[i];
+        if (!instance->world_positions)
+            instances = fmax(instances, instance->motion_steps ? ERROR_MOVING : ERROR_INSTANCE);
+    }
+    accel->error_origin = 0x1p-24 * (ERROR_TRIANGLE + instances * accel->sizes.condition);
+    accel->error_extent = accel->error_origin * accel->sizes.longest;
 }
 
 status accel_new(struct accel **out, const struct accel_input *in, struct error *err)
@@ -193,8 +628,10 @@ status accel_new(struct accel **out, const struct accel_input *in, struct error 
     if (!accel)
         return error_no_memory(err, "the ray accelerator");
     accel->accept = in->accept;
+    accel->corners = in->corners;
     accel->scene = in->scene;
     accel->mesh_count = in->mesh_count;
+    accel->geometry_count = in->instance_count;
     snprintf(config, sizeof config, "isa=%s,threads=1,set_affinity=0",
              in->isa == ISA_AVX512 ? "avx512" : in->isa == ISA_AVX2 ? "avx2" : "sse2");
     accel->device = rtcNewDevice(config);
@@ -204,11 +641,18 @@ status accel_new(struct accel **out, const struct accel_input *in, struct error 
     }
     rtcSetDeviceMemoryMonitorFunction(accel->device, count_memory, accel);
     accel->mesh_scenes = mem_calloc(in->mesh_count, sizeof *accel->mesh_scenes);
-    accel->geometry_instance = mem_calloc(in->instance_count, sizeof *accel->geometry_instance);
-    if (!accel->mesh_scenes || !accel->geometry_instance) {
+    accel->mesh_slender = mem_calloc(in->mesh_count, sizeof *accel->mesh_slender);
+    accel->mesh_slenderest = mem_calloc(in->mesh_count, 1);
+    accel->geometries = mem_calloc(in->instance_count, sizeof *accel->geometries);
+    if (!accel->mesh_scenes || !accel->mesh_slender || !accel->mesh_slenderest ||
+        !accel->geometries) {
         result = error_no_memory(err, "the ray accelerator");
         goto failed;
     }
+    result = sizes_init(&accel->sizes, in, err);
+    if (result != STATUS_OK)
+        goto failed;
+    bound_errors(accel, in);
     accel->top = new_scene(accel->device);
     if (!accel->top) {
         result = embree_failed(accel->device, "Embree's scene", err);
@@ -225,6 +669,9 @@ status accel_new(struct accel **out, const struct accel_input *in, struct error 
         if (result != STATUS_OK)
             goto failed;
     }
+    result = attach_huge(accel, err);
+    if (result != STATUS_OK)
+        goto failed;
     rtcCommitScene(accel->top);
     if (rtcGetDeviceError(accel->device) != RTC_ERROR_NONE) {
         result = error_no_memory(err, "the BVH of the scene");
@@ -249,8 +696,17 @@ void accel_free(struct accel *accel)
                 rtcReleaseScene(accel->mesh_scenes[i]);
     if (accel->device)
         rtcReleaseDevice(accel->device);
+    if (accel->mesh_slender)
+        for (uint32_t i = 0; i < accel->mesh_count; i++)
+            mem_free(accel->mesh_slender[i]);
+    for (size_t i = 0; i < accel->owned_count; i++)
+        mem_free(accel->owned[i]);
+    sizes_release(&accel->sizes);
     mem_free(accel->mesh_scenes);
-    mem_free(accel->geometry_instance);
+    mem_free(accel->mesh_slender);
+    mem_free(accel->mesh_slenderest);
+    mem_free(accel->geometries);
+    mem_free(accel->owned);
     mem_free(accel);
 }
 
@@ -261,75 +717,192 @@ size_t accel_bytes(const struct accel *accel)
     return bytes > 0 ? (size_t)bytes : 0;
 }
 
-static void context_init(struct query_context *context, const struct accel *accel,
-                         const void *query)
+/* ---- queries ------------------------------------------------------------------------------ */
+
+static void query_start(struct query_context *q, const struct accel *accel, const struct ray *ray,
+                        const void *query, enum query_kind kind)
 {
 #if AZULEJO_EMBREE >= 4
-    rtcInitRayQueryContext(&context->embree);
+    rtcInitRayQueryContext(&q->embree);
 #else
-    rtcInitIntersectContext(&context->embree);
+    rtcInitIntersectContext(&q->embree);
 #endif
-    context->accel = accel;
-    context->query = query;
+    q->accel = accel;
+    q->query = query;
+    q->ray = ray;
+    q->kind = kind;
+    exact_origin(ray, q->origin);
+    exact_vec(ray->direction, q->direction);
+    q->error = accel->error_origin * largest(q->origin) + accel->error_extent;
+    q->end = (double)ray->t_max;
+    q->met = 0;
+    if (ray->reaches) {
+        double corner[3][3], n[3], end;
+
+        q->error += accel->error_origin * (double)ray->t_max;
+        accel->corners(accel->scene, ray->end.instance, ray->end.triangle, ray->time, corner);
+        exact_normal(corner, n);
+        end = exact_crossing(corner, n, q->origin, q->direction);
+        if (end > 0 && end < INFINITY)
+            q->end = end;
+    }
+    q->back = BACK_ERRORS * q->error;
 }
 
-static void ray_init(struct RTCRay *out, const struct ray *ray)
+/* For Embree the ray starts earlier, and where it ends on a face it ends later. */
+static void ray_init(struct RTCRay *out, const struct query_context *q)
 {
-    out->org_x = ray->origin.x;
-    out->org_y = ray->origin.y;
-    out->org_z = ray->origin.z;
+    const struct ray *ray = q->ray;
+    double t_max = (double)ray->t_max + q->back;
+
+    if (ray->reaches)
+        t_max += q->back + END_SHARE * (double)ray->t_max;
+    out->org_x = (float)(q->origin[0] - q->back * q->direction[0]);
+    out->org_y = (float)(q->origin[1] - q->back * q->direction[1]);
+    out->org_z = (float)(q->origin[2] - q->back * q->direction[2]);
     out->tnear = 0;
     out->dir_x = ray->direction.x;
     out->dir_y = ray->direction.y;
     out->dir_z = ray->direction.z;
     out->time = ray->time;
-    out->tfar = ray->t_max;
+    out->tfar = (float)t_max;
     out->mask = ~0u;
     out->id = 0;
     out->flags = 0;
 }
 
-int accel_intersect(const struct accel *accel, const struct ray *ray, const void *query,
-                    struct hit *hit)
+/* Embree's nearest of what float decides; 0: none. */
+static int trace(struct query_context *q, struct hit *hit)
 {
-    struct query_context context;
     struct RTCRayHit shot;
 
-    context_init(&context, accel, query);
-    ray_init(&shot.ray, ray);
+    ray_init(&shot.ray, q);
     shot.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     shot.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
 #if AZULEJO_EMBREE >= 4
     struct RTCIntersectArguments args;
     rtcInitIntersectArguments(&args);
-    args.context = &context.embree;
-    rtcIntersect1(accel->top, &shot, &args);
+    args.context = &q->embree;
+    rtcIntersect1(q->accel->top, &shot, &args);
 #else
-    rtcIntersect1(accel->top, &context.embree, &shot);
+    rtcIntersect1(q->accel->top, &q->embree, &shot);
 #endif
     if (shot.hit.geomID == RTC_INVALID_GEOMETRY_ID)
         return 0;
-    hit->instance = accel->geometry_instance[shot.hit.instID[0] != RTC_INVALID_GEOMETRY_ID
-                                                 ? shot.hit.instID[0]
-                                                 : shot.hit.geomID];
+    hit->instance = shot.hit.instID[0] != RTC_INVALID_GEOMETRY_ID ? shot.hit.instID[0]
+                                                                  : shot.hit.geomID;
     hit->triangle = shot.hit.primID;
     return 1;
 }
 
+int accel_intersect(const struct accel *accel, const struct ray *ray, const void *query,
+                    struct hit *hit)
+{
+    struct query_context q;
+    int met;
+
+    query_start(&q, accel, ray, query, QUERY_NEAREST);
+    met = trace(&q, hit);
+    if (q.met) {
+        double corner[3][3], n[3];
+
+        if (met) {
+            accel->corners(accel->scene, hit->instance, hit->triangle, ray->time, corner);
+            exact_normal(corner, n);
+            met = exact_crossing(corner, n, q.origin, q.direction) < q.nearest_t;
+        }
+        if (!met)
+            *hit = q.nearest;
+        met = 1;
+    }
+    return met;
+}
+
 int accel_occluded(const struct accel *accel, const struct ray *ray, const void *query)
 {
-    struct query_context context;
+    struct query_context q;
     struct RTCRay shot;
 
-    context_init(&context, accel, query);
-    ray_init(&shot, ray);
+    query_start(&q, accel, ray, query, QUERY_OCCLUDED);
+    ray_init(&shot, &q);
 #if AZULEJO_EMBREE >= 4
     struct RTCOccludedArguments args;
     rtcInitOccludedArguments(&args);
-    args.context = &context.embree;
+    args.context = &q.embree;
     rtcOccluded1(accel->top, &shot, &args);
 #else
-    rtcOccluded1(accel->top, &context.embree, &shot);
+    rtcOccluded1(accel->top, &q.embree, &shot);
 #endif
     return shot.tfar < 0;
+}
+
+/* Do two faces of one instance lie side by side: a corner in common, and wound alike as `axis`
+ * sees them? */
+static int one_sheet(const struct query_context *q, const struct hit *a, const struct hit *b)
+{
+    double x[3][3], y[3][3], n[3], m[3];
+
+    if (a->instance != b->instance)
+        return 0;
+    q->accel->corners(q->accel->scene, a->instance, a->triangle, q->ray->time, x);
+    q->accel->corners(q->accel->scene, b->instance, b->triangle, q->ray->time, y);
+    exact_normal(x, n);
+    exact_normal(y, m);
+    if ((exact_dot(n, q->direction) < 0) != (exact_dot(m, q->direction) < 0))
+        return 0;
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++)
+            if (memcmp(x[i], y[k], sizeof x[i]) == 0)
+                return 1;
+    return 0;
+}
+
+static void mark_repeats(const struct query_context *q)
+{
+    uint32_t count = q->contact_count < q->contact_capacity ? q->contact_count
+                                                            : q->contact_capacity;
+
+    for (uint32_t i = 0; i < count; i++) {
+        struct contact *contact = &q->contacts[i];
+
+        contact->repeats = one_sheet(q, &contact->hit, q->about);
+        for (uint32_t k = 0; k < i && !contact->repeats; k++)
+            contact->repeats = one_sheet(q, &contact->hit, &q->contacts[k].hit);
+    }
+}
+
+uint32_t accel_coincident(const struct accel *accel, const struct ray *ray, const struct hit *hit,
+                          const double place[3], const void *query, struct contact *out,
+                          uint32_t capacity)
+{
+    struct ray line = {.t_max = INFINITY, .time = ray->time, .left_count = 1, .left = {*hit}};
+    double corner[3][3], n[3], along[3], length;
+    struct query_context q;
+    struct hit unused;
+    int exponent;
+
+    accel->corners(accel->scene, hit->instance, hit->triangle, ray->time, corner);
+    exact_normal(corner, n);
+    exact_vec(ray->direction, along);
+    length = sqrt(exact_dot(n, n));
+    if (exact_dot(n, along) < 0)
+        length = -length;
+    if (!(length != 0))
+        return 0;
+    for (int k = 0; k < 3; k++)
+        along[k] = n[k] / length;
+    line.origin = exact_round(place, line.rest);
+    line.direction = vec3_make((float)along[0], (float)along[1], (float)along[2]);
+    frexp(largest(place), &exponent);
+    query_start(&q, accel, &line, query, QUERY_COINCIDENT);
+    memcpy(q.direction, along, sizeof along);
+    q.gap_max = ldexp(ACCEL_COINCIDENT_ULPS, exponent - 24);
+    q.about = hit;
+    q.contacts = out;
+    q.contact_count = 0;
+    q.contact_capacity = capacity;
+    line.t_max = (float)(q.gap_max + q.back);
+    trace(&q, &unused);
+    mark_repeats(&q);
+    return q.contact_count;
 }

@@ -20,8 +20,8 @@ void interior_find_camera(struct render_scene *scene)
     static const struct sampler nobody;
     const struct transform *view = &scene->camera.to_world;
     /* Any direction would do; one that no wall of a modelled room is parallel to. */
-    struct ray ray = {{view->m[0][3], view->m[1][3], view->m[2][3]},
-                      {0.48f, 0.64f, 0.6f}, INFINITY, 0};
+    struct ray ray = {.origin = {view->m[0][3], view->m[1][3], view->m[2][3]},
+                      .direction = {0.48f, 0.64f, 0.6f}, .t_max = INFINITY};
     struct path_query query = {&nobody, 0};
     struct interior entered = {0}, left = {0};
     struct surface s;
@@ -35,7 +35,7 @@ void interior_find_camera(struct render_scene *scene)
         surface_from_hit(scene, &ray, &hit, &s);
         if (s.material->flags & MATERIAL_BOUNDS)
             cross(&entered, &left, s.instance->body, s.front);
-        ray.origin = surface_ray_origin(&s, ray.direction);
+        surface_leave(&s, ray.direction, &ray);
         query.ray_number++;
     }
     /* What is open or wound inwards may have been left first and entered then. */

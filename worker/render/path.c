@@ -7,6 +7,7 @@
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/bsdf/dispersion.h"
 #include "worker/render/charge.h"
+#include "worker/render/exact.h"
 #include "worker/render/has.h"
 #include "worker/render/interior.h"
 #include "worker/render/kernel.h"
@@ -219,6 +220,7 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
     struct vec3 visible = {1, 1, 1};
     struct interior in;
     struct ray stretch = *ray;
+    float left = ray->t_max;
     uint8_t light;
 
     path->query.ray_number++;
@@ -262,38 +264,23 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
         CHARGE(INTERFACE);
         interior_cross(scene, &in, &s, &next, &real);
         in = next;
-        stretch.origin = surface_ray_origin(&s, ray->direction);
-        if (stretch.t_max < INFINITY) {
-            stretch.t_max -= s.t + s.offset;
-            if (!(stretch.t_max > 0))
-                return visible;
-        }
+        surface_leave(&s, ray->direction, &stretch);
+        stretch.reaches = ray->reaches;
+        stretch.t_max = left -= s.t;
+        if (!(left > 0))
+            return visible;
         path->query.ray_number++;
     }
     return black;
 }
 
-/* The ray to a sampled light from `origin`, which lies off the surface at `p`. */
-static int path_shadow_ray(const struct light_sample *light, struct vec3 p, struct vec3 origin,
-                           float time, struct ray *ray)
+/* Where the ray to a sampled light ends. A lamp's face is not in its own way; a light without a
+ * face may stand on something. */
+static void path_end_at_light(const struct light_sample *light, struct ray *ray)
 {
-    struct vec3 to_light;
-    float distance;
-
-    ray->origin = origin;
-    ray->direction = light->direction;
-    ray->t_max = INFINITY;
-    ray->time = time;
-    if (light->distance == INFINITY)
-        return 1;
-    /* Aim again from the moved origin, so that the ray ends where the sample lies. */
-    to_light = vec3_sub(vec3_mad(p, light->direction, light->distance), origin);
-    distance = vec3_length(to_light);
-    if (!(distance > 0))
-        return 0;
-    ray->direction = vec3_scale(to_light, 1 / distance);
-    ray->t_max = distance * (1 - 0x1p-20f);
-    return 1;
+    ray->t_max = light->on_face ? light->distance : light->distance * (1 - 0x1p-20f);
+    ray->reaches = light->on_face;
+    ray->end = light->face;
 }
 
 /* Next-event estimation: light that one chosen emitter sends to the surface. `beyond`: what the
@@ -327,9 +314,10 @@ static struct vec3 path_direct_light(struct path *path, const struct surface *s,
     charge_set(scatterer);
     value = bsdf_eval_pdf(bsdf, wo, wi, &bsdf_density);
     charge_set(sender);
-    if (vec3_is_black(value) ||
-        !path_shadow_ray(&light, s->p, surface_ray_origin(s, light.direction), s->time, &ray))
+    if (vec3_is_black(value))
         return black;
+    surface_leave(s, light.direction, &ray);
+    path_end_at_light(&light, &ray);
     if (HAS_VOLUMES && wi.z < 0) {
         here = path->interior;
         path->interior = *beyond;
@@ -349,22 +337,25 @@ static struct vec3 path_direct_light(struct path *path, const struct surface *s,
     return light.delta ? value : vec3_scale(value, path_mis_weight(light.pdf, bsdf_density));
 }
 
-/* The same at a point in a medium. */
+/* The same at the point in a medium where path->ray starts, for light that arrives along
+ * `direction` there. */
 static struct vec3 path_direct_phase(struct path *path, const struct world_medium *medium,
-                                     struct vec3 p, struct vec3 direction, uint32_t dimension)
+                                     struct vec3 direction, uint32_t dimension)
 {
     const struct vec3 black = {0, 0, 0};
     struct sample2 point = sampler_get(path->sampler, dimension + VERTEX_LIGHT_POINT);
-    const struct light_query asker = {p, {0, 0, 0}, path->ray.time};
+    const struct light_query asker = {path->ray.origin, {0, 0, 0}, path->ray.time};
+    struct ray ray = path->ray;
     struct light_sample light;
     struct vec3 value;
-    struct ray ray;
     float density;
 
     STAGE(LIGHT);
     if (!emitters_sample(path->scene, &asker, point.u, point.v, &light) ||
-        vec3_is_black(light.radiance) || !path_shadow_ray(&light, p, p, path->ray.time, &ray))
+        vec3_is_black(light.radiance))
         return black;
+    ray.direction = light.direction;
+    path_end_at_light(&light, &ray);
     density = medium_phase(medium, vec3_dot(direction, light.direction));
     value = vec3_scale(path_visibility(path, &ray), density);
     value = vec3_mul(value, vec3_scale(light.radiance, 1 / light.pdf));
@@ -471,6 +462,21 @@ static void path_widen(struct path *path, float t)
     path->cone.spread = float_max(path->cone.spread, spread);
 }
 
+/* The ray goes on from a point on its way, in mid-air. In double: in a dense medium the way may be
+ * far shorter than the distance between floats. */
+static void path_go_on(struct ray *ray, float distance)
+{
+    double place[3], direction[3];
+
+    exact_origin(ray, place);
+    exact_vec(ray->direction, direction);
+    for (int k = 0; k < 3; k++)
+        place[k] += direction[k] * (double)distance;
+    ray->origin = exact_round(place, ray->rest);
+    ray->t_max = INFINITY;
+    ray->left_count = 0;
+}
+
 /* The medium between the ray's origin and the hit: absorbs, emits, scatters. 1: the path was
  * scattered and goes on from there; 0: it reached the hit; -1: it ended. */
 static int path_cross_medium(struct path *path, float t, uint32_t depth, uint32_t dimension,
@@ -482,7 +488,7 @@ static int path_cross_medium(struct path *path, float t, uint32_t depth, uint32_
     struct sample2 direction, numbers;
     struct ray stretch = path->ray;
     struct medium_event event;
-    struct vec3 before = path->ray.direction, p;
+    struct vec3 before = path->ray.direction;
     int is_fog;
     uint8_t account;
 
@@ -508,10 +514,10 @@ static int path_cross_medium(struct path *path, float t, uint32_t depth, uint32_
     path->stats->vertices++;
     if (depth >= scene->settings.max_depth)
         return -1;
-    p = vec3_mad(path->ray.origin, path->ray.direction, event.distance);
+    path_go_on(&path->ray, event.distance);
     if (scene->emitters.count > 0)
         *radiance = vec3_add(*radiance, vec3_mul(path->throughput,
-                                                 path_direct_phase(path, medium, p, before,
+                                                 path_direct_phase(path, medium, before,
                                                                    dimension)));
     STAGE(MEDIUM);
     charge_set(account);
@@ -522,9 +528,7 @@ static int path_cross_medium(struct path *path, float t, uint32_t depth, uint32_
     path->from_delta = 0;
     path->scattered = 1;
     path_widen(path, event.distance);
-    path->ray.origin = p;
-    path->ray.t_max = INFINITY;
-    path->asker.p = p;
+    path->asker.p = path->ray.origin;
     path->asker.n = vec3_make(0, 0, 0);
     if (!path_survives(path, depth,
                        sampler_get(path->sampler, dimension + VERTEX_LOBE).v))
@@ -547,8 +551,7 @@ static void path_pass(struct path *path, const struct surface *s, const struct i
 {
     path->interior = *next;
     path->cone.width += s->t * path->cone.spread;
-    path->ray.origin = surface_ray_origin(s, path->ray.direction);
-    path->ray.t_max = INFINITY;
+    surface_leave(s, path->ray.direction, &path->ray);
 }
 
 static void path_record_hit(const struct render_scene *scene, const struct surface *s,
@@ -744,8 +747,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             path_widen(&path, s.t);
         path.asker.p = s.p;
         path.asker.n = s.material->flags & MATERIAL_TWO_WAY ? vec3_make(0, 0, 0) : s.ng;
-        path.ray.origin = surface_ray_origin(&s, path.ray.direction);
-        path.ray.t_max = INFINITY;
+        surface_leave(&s, path.ray.direction, &path.ray);
         depth++;
     }
     return radiance;

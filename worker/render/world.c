@@ -221,8 +221,8 @@ static status build_accel(struct render_scene *w, const struct scene *scene, str
 {
     struct accel_mesh *meshes = mem_calloc(w->mesh_count, sizeof *meshes);
     struct accel_instance *instances = mem_calloc(w->instance_count, sizeof *instances);
-    struct accel_input input = {meshes,          instances,        w->mesh_count, w->instance_count,
-                                w->settings.isa, w->kernel->accept, w};
+    struct accel_input input = {meshes, instances, w->mesh_count, w->instance_count, w->settings.isa,
+                                w->kernel->accept, world_exact_corners, w};
     status s;
 
     if (!meshes || !instances) {

@@ -82,7 +82,6 @@ struct world_instance {
                                      World space for a skinned mesh, else the mesh's */
     const float *const *motion_normals, *const *motion_tangents; /* [motion_steps] of the same, or NULL */
     int skinned;                  /* those are in world space */
-    float position_error;         /* metres: bound on the rounding of a transformed position */
     int32_t light_base;           /* first of its triangles in the emitters, -1: dark */
 };
 
@@ -152,6 +151,9 @@ float world_emission_scale(const struct world_material *material, const struct w
 /* The three corners of a triangle in world space at `time` (0..1 of the shutter). */
 void world_triangle(const struct render_scene *scene, const struct world_instance *instance,
                     uint32_t triangle, float time, struct vec3 corner[3]);
+
+/* The same in double, for the accel; `scene` is a struct render_scene. */
+accel_corners world_exact_corners;
 
 static inline const uint32_t *world_vertices(const struct world_mesh *mesh, uint32_t triangle)
 {

@@ -65,21 +65,6 @@ static float *bake(const struct placer *p, const struct transform *to_world)
     return out;
 }
 
-/* Bound on the rounding of positions and rays that go through an instance's transforms. */
-static float transform_error(const struct scene_mesh *mesh, const struct transform *to_world)
-{
-    float largest = 0;
-
-    for (int a = 0; a < 3; a++) {
-        float sum = fabsf(to_world->m[a][3]);
-        for (int c = 0; c < 3; c++)
-            sum += fabsf(to_world->m[a][c]) *
-                   fmaxf(fabsf(mesh->bounds_min[c]), fabsf(mesh->bounds_max[c]));
-        largest = fmaxf(largest, sum);
-    }
-    return 16 * 0x1p-24f * largest;
-}
-
 /* Embree inverts matrices in float. */
 static int fits_floats(double volume)
 {
@@ -114,8 +99,6 @@ static status place_still(struct placer *p, uint32_t uses)
         if (!instance->world_positions)
             return no_memory(p);
         p->w->info.mesh_bytes += 3 * sizeof(float) * (size_t)p->mesh->vertex_count;
-    } else {
-        instance->position_error = transform_error(p->mesh, &instance->to_world);
     }
     return STATUS_OK;
 }
@@ -219,7 +202,6 @@ static status keep_positions(struct placer *p, const float *const *positions, ui
     struct world_instance *instance = p->instance;
     size_t vertices = p->vertices->vertex_count;
     const float **kept = mem_alloc_array(count, sizeof *kept);
-    float largest = 0;
 
     if (!world_own(p->w, (void *)kept))
         return no_memory(p);
@@ -235,15 +217,9 @@ static status keep_positions(struct placer *p, const float *const *positions, ui
         grow_box(instance->bounds_min, instance->bounds_max, kept[k], vertices);
         p->w->info.mesh_bytes += 3 * sizeof(float) * vertices;
     }
-    for (int a = 0; a < 3; a++)
-        largest = float_max(largest, float_max(fabsf(instance->bounds_min[a]),
-                                               fabsf(instance->bounds_max[a])));
     instance->world_positions = kept[0];
-    if (count > 1) {
+    if (count > 1)
         instance->motion_positions = kept;
-        /* Embree mixes in float. */
-        instance->position_error = 2 * 0x1p-24f * largest;
-    }
     return STATUS_OK;
 }
 
@@ -258,13 +234,8 @@ static status place_moving(struct placer *p)
     if (s != STATUS_OK)
         return s;
     set_transform(instance, &p->at[0], &flat);
-    if (stays_solid(instance->motion_to_world, count)) {
-        for (uint32_t k = 0; k < count; k++)
-            instance->position_error =
-                float_max(instance->position_error,
-                          2 * transform_error(p->mesh, &instance->motion_to_world[k]));
+    if (stays_solid(instance->motion_to_world, count))
         return STATUS_OK;
-    }
     for (uint32_t k = 0; k < count; k++) {
         positions[k] = bake(p, &instance->motion_to_world[k]);
         if (!positions[k])
