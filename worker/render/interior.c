@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "worker/render/crossing.h"
 #include "worker/render/path.h"
 
 /* Boundaries that the search looks at, at most. */
@@ -24,8 +25,10 @@ void interior_find_camera(struct render_scene *scene)
                       .direction = {0.48f, 0.64f, 0.6f}, .t_max = INFINITY};
     struct path_query query = {&nobody, 0};
     struct interior entered = {0}, left = {0};
-    struct surface s;
+    struct surface s, faces[RAY_LEFT_MAX];
     struct hit hit;
+    uint32_t count;
+    int stops;
 
     memset(&scene->camera_interior, 0, sizeof scene->camera_interior);
     scene->camera_interior.medium = scene->fog;
@@ -33,8 +36,11 @@ void interior_find_camera(struct render_scene *scene)
         return;
     for (int i = 0; i < CROSSINGS_MAX && accel_intersect(scene->accel, &ray, &query, &hit); i++) {
         surface_from_hit(scene, &ray, &hit, &s);
-        if (s.material->flags & MATERIAL_BOUNDS)
-            cross(&entered, &left, s.instance->body, s.front);
+        /* Of a mix the part that bounds a volume counts. */
+        s.material = interior_filling(scene, s.instance->material);
+        count = crossing_gather(scene, &ray, &query, 0, &s, faces, &stops);
+        for (uint32_t k = 0; k < count; k++)
+            cross(&entered, &left, faces[k].instance->body, faces[k].front);
         surface_leave(&s, ray.direction, &ray);
         query.ray_number++;
     }

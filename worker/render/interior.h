@@ -66,6 +66,17 @@ static inline const struct world_material *interior_around(const struct render_s
     return top < 0 ? NULL : interior_filling(scene, in->entry[top]);
 }
 
+/* Its index of refraction. */
+static inline float interior_ior(const struct render_scene *scene, const struct interior *in)
+{
+    const struct world_material *around = interior_around(scene, in);
+
+    return around && around->m.kind == MATERIAL_SURFACE && around->m.refractive &&
+                   around->m.ior >= 1
+               ? around->m.ior
+               : 1;
+}
+
 /* Take off the last such entry; 0: there is none. */
 static inline int interior_remove(struct interior *in, uint32_t entry)
 {

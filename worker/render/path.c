@@ -7,6 +7,7 @@
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/bsdf/dispersion.h"
 #include "worker/render/charge.h"
+#include "worker/render/crossing.h"
 #include "worker/render/exact.h"
 #include "worker/render/has.h"
 #include "worker/render/interior.h"
@@ -163,16 +164,6 @@ static const struct world_medium *interior_medium(const struct render_scene *sce
     return scene->media[medium];
 }
 
-static float interior_ior(const struct render_scene *scene, const struct interior *in)
-{
-    const struct world_material *around = interior_around(scene, in);
-
-    return around && around->m.kind == MATERIAL_SURFACE && around->m.refractive &&
-                   around->m.ior >= 1
-               ? around->m.ior
-               : 1;
-}
-
 /* To whom keeping count of the volumes is charged. */
 static uint8_t path_keeper(const struct render_scene *scene)
 {
@@ -234,10 +225,10 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
     for (int i = 0; i < PASSAGES_MAX; i++) {
         struct medium_random random = {path->sampler, path->medium_key++, 0};
         const struct world_medium *medium;
-        struct interior next;
+        struct crossing crossing;
         struct surface s;
         struct hit hit;
-        int met, real, is_fog;
+        int met, is_fog;
 
         met = path_trace(path, &stretch, &path->query, &hit);
         STAGE(MEDIUM);
@@ -262,8 +253,10 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
         if (!met)
             return visible;
         CHARGE(INTERFACE);
-        interior_cross(scene, &in, &s, &next, &real);
-        in = next;
+        crossing_find(scene, &stretch, &path->query, 0, 0, &in, &s, &crossing);
+        if (s.material->m.kind != MATERIAL_INTERFACE)
+            return black;
+        in = crossing.beyond;
         surface_leave(&s, ray->direction, &stretch);
         stretch.reaches = ray->reaches;
         stretch.t_max = left -= s.t;
@@ -577,6 +570,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
     struct path path;
     const int volumes = HAS_VOLUMES && (ACTIVE(scene, MEDIUM) || ACTIVE(scene, INTERFACE) ||
                                         ACTIVE(scene, NESTED_DIELECTRIC));
+    const int counted = volumes && ACTIVE(scene, NESTED_DIELECTRIC);
     struct vec3 radiance = {0, 0, 0};
     uint32_t max_depth = scene->settings.max_depth, depth = 0;
     int passages = 0;
@@ -605,21 +599,22 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
     for (;;) {
         uint32_t dimension = DIMENSION_VERTEX + depth * DIMENSIONS_PER_VERTEX;
         struct sample2 direction_sample, lobe_sample;
-        struct interior beyond;
+        struct crossing crossing;
         struct bsdf_sample sample;
         struct bsdf_params params;
         struct bsdf bsdf;
         struct surface s;
         struct hit hit;
         struct vec3 wo;
-        int met, real = 1;
+        int met;
         uint8_t scatterer;
 
         if (HAS_VOLUMES) {
-            beyond.count = 0;
-            beyond.medium = -1;
             charge_set(path.bearer);
+            crossing.beyond.count = 0;
+            crossing.beyond.medium = -1;
         }
+        crossing.together = 0;
         path.query.ray_number++;
         met = path_trace(&path, &path.ray, &path.query, &hit);
         STAGE(SURFACE);
@@ -654,20 +649,19 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             if (around && !vec3_is_black(around->absorption))
                 path.throughput = vec3_mul(path.throughput, path_absorbed(around, s.t));
         }
-        if (volumes) {
+        if (volumes || (HAS(NESTED_DIELECTRIC) && crossing_touches(&s))) {
             CHARGE_SCOPE_OF(path_keeper(scene));
-            if (s.material->flags & MATERIAL_BOUNDS) {
-                interior_cross(scene, &path.interior, &s, &beyond, &real);
-                if (!real || s.material->m.kind == MATERIAL_INTERFACE) {
-                    if (++passages > PASSAGES_MAX)
-                        break;
-                    path.bearer = s.material->m.kind == MATERIAL_INTERFACE
-                                      ? CHARGE_OF(INTERFACE) : charge_get();
-                    path_pass(&path, &s, &beyond);
-                    continue;
-                }
-            } else {
-                beyond = path.interior;
+            crossing_find(scene, &path.ray, &path.query,
+                          HAS(MATERIAL_MIX) && crossing_touches(&s)
+                              ? sampler_get(sampler, dimension + VERTEX_MEDIUM).v : 0,
+                          counted, &path.interior, &s, &crossing);
+            if (!crossing.real || s.material->m.kind == MATERIAL_INTERFACE) {
+                if (++passages > PASSAGES_MAX)
+                    break;
+                path.bearer = s.material->m.kind == MATERIAL_INTERFACE ? CHARGE_OF(INTERFACE)
+                                                                       : charge_get();
+                path_pass(&path, &s, &crossing.beyond);
+                continue;
             }
         }
         stats->vertices++;
@@ -694,14 +688,16 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             path_record_hit(scene, &s, &params, record);
         if (depth >= max_depth)
             break;
-        if (volumes && s.material->flags & MATERIAL_BOUNDS)
+        if (HAS(NESTED_DIELECTRIC) && crossing.together)
+            params.ior = crossing.ior;
+        else if (counted && s.material->flags & MATERIAL_BOUNDS)
             params.ior = interior_filling(scene, s.instance->body)->m.ior;
         if (HAS(DISPERSION) && ACTIVE(scene, DISPERSION) && s.material->m.dispersion > 0 &&
             params.refractive)
             params.ior = path_dispersed_ior(&path, params.ior, s.material->m.dispersion);
-        if (volumes && ACTIVE(scene, NESTED_DIELECTRIC)) {
+        if (counted) {
             CHARGE_SCOPE(NESTED_DIELECTRIC);
-            params.ior_outside = interior_ior(scene, s.front ? &path.interior : &beyond);
+            params.ior_outside = interior_ior(scene, s.front ? &path.interior : &crossing.beyond);
         }
         wo = frame_to_local(&s.frame, vec3_neg(path.ray.direction));
         if (!(wo.z > 0))
@@ -712,8 +708,8 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
         if (bsdf.has_smooth && scene->emitters.count > 0)
             radiance = vec3_add(
                 radiance, vec3_mul(path.throughput,
-                                   path_direct_light(&path, &s, &bsdf, wo, dimension, &beyond,
-                                                     scatterer)));
+                                   path_direct_light(&path, &s, &bsdf, wo, dimension,
+                                                     &crossing.beyond, scatterer)));
 
         STAGE(SCATTER);
         charge_set(scatterer);
@@ -734,7 +730,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             path.dispersed = 1;
         }
         if (volumes && sample.wi.z < 0)
-            path.interior = beyond;
+            path.interior = crossing.beyond;
         path.eta_scale *= sample.eta_scale;
         path.from_delta = (sample.flags & BSDF_DELTA) != 0;
         path.scattered |= !path.from_delta;

@@ -16,6 +16,7 @@
 #include "worker/render/world_material.h"
 #include "worker/render/world_memory.h"
 #include "worker/render/world_place.h"
+#include "worker/render/world_touch.h"
 
 static status mesh_init(struct world_mesh *out, const struct scene_mesh *mesh, const uint8_t *data,
                         size_t size_bytes, struct error *err)
@@ -353,7 +354,8 @@ static status build(struct render_scene *w, const struct scene *scene,
         w->kernel = kernel_for(w->effects);
         if ((s = load_environment(w, scene, blobs, err)) == STATUS_OK &&
             (s = find_bounds(w, scene, err)) == STATUS_OK &&
-            (s = load_lights(w, scene, poses, err)) == STATUS_OK)
+            (s = load_lights(w, scene, poses, err)) == STATUS_OK &&
+            (s = world_touch_find(w, err)) == STATUS_OK)
             s = build_accel(w, scene, err);
     }
     world_poses_free(poses);

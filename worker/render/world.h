@@ -82,6 +82,8 @@ struct world_instance {
                                      World space for a skinned mesh, else the mesh's */
     const float *const *motion_normals, *const *motion_tangents; /* [motion_steps] of the same, or NULL */
     int skinned;                  /* those are in world space */
+    const uint8_t *touches;       /* [triangles] may another face coincide with it? NULL: nowhere
+                                     (world_touch.h) */
     int32_t light_base;           /* first of its triangles in the emitters, -1: dark */
 };
 
