@@ -47,6 +47,7 @@ struct builder {
      * an image), but not its portals. options->env_path replaces all of it. */
     struct scene_environment environment;
     int32_t fog;            /* a row of media, BUILDER_NO_ROW: none */
+    enum scene_volume_rule volume_rule;
 
     size_t blob_capacity;
     uint32_t *blob_index;   /* open addressing by digest: row + 1, 0 is free */

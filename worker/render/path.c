@@ -1,10 +1,13 @@
 #include "worker/render/path.h"
 
+#include <string.h>
+
 #include "common/base/clock.h"
 #include "common/math/elementary.h"
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/bsdf/dispersion.h"
 #include "worker/render/charge.h"
+#include "worker/render/crossing.h"
 #include "worker/render/exact.h"
 #include "worker/render/has.h"
 #include "worker/render/interior.h"
@@ -51,6 +54,22 @@ struct path {
     uint8_t bearer;             /* and the stretch that is traced now: the sender, or a boundary */
 };
 
+/* Of the corners where the mesh has them, whatever their numbers and the triangle's. */
+static uint32_t path_triangle_key(const struct world_mesh *mesh, const uint32_t vertex[3])
+{
+    uint32_t key = 0;
+
+    for (int k = 0; k < 3; k++) {
+        uint32_t bits[3];
+        memcpy(bits, mesh->positions + 3 * (size_t)vertex[k], sizeof bits);
+        for (int a = 0; a < 3; a++) {
+            key = (key ^ bits[a]) * 0x9e3779b1u;
+            key ^= key >> 15;
+        }
+    }
+    return key;
+}
+
 int path_accept(const void *scene_, const void *query_, uint32_t instance_index, uint32_t triangle,
                 float u, float v, int facing)
 {
@@ -58,6 +77,8 @@ int path_accept(const void *scene_, const void *query_, uint32_t instance_index,
     const struct path_query *query = query_;
     const struct world_instance *instance = &scene->instances[instance_index];
     const struct world_material *material = &scene->materials[instance->material];
+    const struct world_mesh *mesh = &scene->meshes[instance->mesh];
+    const uint32_t *vertex;
     float alpha;
 
     CHARGE_SCOPE_OF(ACTIVE(scene, CULLING) ? CHARGE_OF(CULLING) : CHARGE_OF(ALPHA));
@@ -70,13 +91,27 @@ int path_accept(const void *scene_, const void *query_, uint32_t instance_index,
         return 1;
     STAGE(SURFACE);
     CHARGE(ALPHA);
-    alpha = world_alpha(material, &scene->meshes[instance->mesh],
-                        world_vertices(&scene->meshes[instance->mesh], triangle), u, v);
+    vertex = world_vertices(mesh, triangle);
+    alpha = world_alpha(material, mesh, vertex, u, v);
     STAGE(TRACE);
     if (material->m.alpha_mode == ALPHA_MASK)
         return alpha >= material->m.alpha_cutoff;
-    return sampler_hash(query->sampler, query->ray_number * 0x9e3779b9u + instance_index,
-                        triangle) < alpha;
+    return sampler_hash(query->sampler, query->ray_number * 0x9e3779b9u + instance->alpha_key,
+                        path_triangle_key(mesh, vertex)) < alpha;
+}
+
+/* Is any of the volumes that the ray is in closed? A medium without a list of bodies has no mesh to
+ * ask: it is taken to be closed where the ray starts in its midst. */
+static int path_is_inside(const struct render_scene *scene, const struct interior *in,
+                          const struct ray *ray)
+{
+    if (scene->volume_rule == VOLUMES_BOUNDARIES)
+        return in->medium >= 0 && in->medium != scene->fog && ray->left_count == 0;
+    for (uint32_t i = 0; i < in->count; i++)
+        if (!(in->entry[i] & INTERIOR_OWED) &&
+            (scene->materials[in->entry[i]].flags & MATERIAL_ENCLOSES))
+            return 1;
+    return 0;
 }
 
 /* Does the ray start inside something closed? Then it cannot escape: if it does, it has slipped
@@ -89,12 +124,8 @@ static int path_is_enclosed(const struct render_scene *scene, const struct inter
 
     if (ray->t_max < INFINITY)
         return 0; /* it did not escape but reached its end */
-    if (scene->enclosed)
+    if (scene->enclosed || (HAS_VOLUMES && path_is_inside(scene, in, ray)))
         return 1;
-    if (HAS_VOLUMES)
-        for (uint32_t i = 0; i < in->count; i++)
-            if (scene->instances[in->instance[i]].encloses)
-                return 1;
     if (ray->left_count == 0)
         return 0;
     instance = &scene->instances[ray->left[0].instance];
@@ -177,27 +208,19 @@ static float path_mis_weight(float a, float b)
 static const struct world_medium *interior_medium(const struct render_scene *scene,
                                                   const struct interior *in, int *is_fog)
 {
-    int top = interior_top(scene, in);
-    int32_t medium = top < 0 ? -1 : scene->materials[in->material[top]].m.medium;
+    const struct world_material *around;
+    int32_t medium = in->medium;
 
-    *is_fog = 0;
-    if (top >= 0)
-        return medium >= 0 ? scene->media[medium] : NULL;
-    if (!ACTIVE(scene, FOG) || scene->fog < 0)
+    if (scene->volume_rule == VOLUMES_NESTED) {
+        around = interior_around(scene, in);
+        medium = around ? around->m.medium : scene->fog;
+        *is_fog = !around;
+    } else {
+        *is_fog = medium == scene->fog;
+    }
+    if (medium < 0 || (*is_fog && !ACTIVE(scene, FOG)))
         return NULL;
-    *is_fog = 1;
-    return scene->media[scene->fog];
-}
-
-static float interior_ior(const struct render_scene *scene, const struct interior *in)
-{
-    int top = interior_top(scene, in);
-    const struct scene_material *m;
-
-    if (top < 0)
-        return 1;
-    m = &scene->materials[in->material[top]].m;
-    return m->kind == MATERIAL_SURFACE && m->refractive && m->ior >= 1 ? m->ior : 1;
+    return scene->media[medium];
 }
 
 /* To whom keeping count of the volumes is charged. */
@@ -217,6 +240,15 @@ static float path_fog_end(const struct render_scene *scene, const struct ray *ra
     float half = scene->fog_radius * scene->fog_radius - beside;
 
     return half > 0 ? float_max(along + sqrtf(half), 0) : 0;
+}
+
+/* What the stretch that ends at the surface lies in; NULL: nothing that is known of. */
+static const struct world_material *path_around(const struct path *path, const struct surface *s,
+                                                int volumes)
+{
+    if (volumes && path->scene->volume_rule == VOLUMES_NESTED)
+        return interior_around(path->scene, &path->interior);
+    return !s->front && s->material->m.refractive ? s->material : NULL;
 }
 
 /* Beer-Lambert over a stretch inside a refractive object. */
@@ -252,10 +284,10 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
     for (int i = 0; i < PASSAGES_MAX; i++) {
         struct medium_random random = {path->sampler, path->medium_key++, 0};
         const struct world_medium *medium;
-        struct interior next;
+        struct crossing crossing;
         struct surface s;
         struct hit hit;
-        int met, real, is_fog;
+        int met, is_fog;
 
         met = path_trace(path, &in, &stretch, &hit);
         STAGE(MEDIUM);
@@ -280,8 +312,10 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
         if (!met)
             return visible;
         CHARGE(INTERFACE);
-        interior_cross(scene, &in, &s, &next, &real);
-        in = next;
+        crossing_find(scene, &stretch, &path->query, 0, 0, &in, &s, &crossing);
+        if (s.material->m.kind != MATERIAL_INTERFACE)
+            return black;
+        in = crossing.beyond;
         surface_leave(&s, ray->direction, &stretch);
         stretch.reaches = ray->reaches;
         stretch.t_max = left -= s.t;
@@ -595,6 +629,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
     struct path path;
     const int volumes = HAS_VOLUMES && (ACTIVE(scene, MEDIUM) || ACTIVE(scene, INTERFACE) ||
                                         ACTIVE(scene, NESTED_DIELECTRIC));
+    const int counted = volumes && ACTIVE(scene, NESTED_DIELECTRIC);
     struct vec3 radiance = {0, 0, 0};
     uint32_t max_depth = scene->settings.max_depth, depth = 0;
     int passages = 0;
@@ -614,6 +649,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
     path.wavelength_nm = 0;
     path.dispersed = 0;
     path.interior.count = 0;
+    path.interior.medium = -1;
     if (HAS_VOLUMES)
         path.sender = path.bearer = CHARGE_NOBODY;
     path.medium_key = path.medium_depth = 0;
@@ -622,20 +658,22 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
     for (;;) {
         uint32_t dimension = DIMENSION_VERTEX + depth * DIMENSIONS_PER_VERTEX;
         struct sample2 direction_sample, lobe_sample;
-        struct interior beyond;
+        struct crossing crossing;
         struct bsdf_sample sample;
         struct bsdf_params params;
         struct bsdf bsdf;
         struct surface s;
         struct hit hit;
         struct vec3 wo;
-        int met, real = 1;
+        int met;
         uint8_t scatterer;
 
         if (HAS_VOLUMES) {
-            beyond.count = 0;
             charge_set(path.bearer);
+            crossing.beyond.count = 0;
+            crossing.beyond.medium = -1;
         }
+        crossing.together = 0;
         path.query.ray_number++;
         met = path_trace(&path, &path.interior, &path.ray, &hit);
         STAGE(SURFACE);
@@ -664,32 +702,26 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             radiance = vec3_add(radiance, vec3_mul(path.throughput, path_escaped(&path)));
             break;
         }
-        if (volumes) {
-            CHARGE_SCOPE_OF(path_keeper(scene));
-            int top = interior_top(scene, &path.interior);
-            if (top >= 0 && ACTIVE(scene, ABSORPTION)) {
-                CHARGE_SCOPE(ABSORPTION);
-                path.throughput = vec3_mul(
-                    path.throughput,
-                    path_absorbed(&scene->materials[path.interior.material[top]], s.t));
-            }
-            if (s.material->flags & MATERIAL_BOUNDS) {
-                interior_cross(scene, &path.interior, &s, &beyond, &real);
-                if (!real || s.material->m.kind == MATERIAL_INTERFACE) {
-                    if (++passages > PASSAGES_MAX)
-                        break;
-                    path.bearer = s.material->m.kind == MATERIAL_INTERFACE
-                                      ? CHARGE_OF(INTERFACE) : charge_get();
-                    path_pass(&path, &s, &beyond);
-                    continue;
-                }
-            } else {
-                beyond = path.interior;
-            }
-        } else if (ACTIVE(scene, ABSORPTION) && !s.front && s.material->m.refractive &&
-                   !vec3_is_black(s.material->absorption)) {
+        if (ACTIVE(scene, ABSORPTION)) {
+            const struct world_material *around = path_around(&path, &s, volumes);
             CHARGE_SCOPE(ABSORPTION);
-            path.throughput = vec3_mul(path.throughput, path_absorbed(s.material, s.t));
+            if (around && !vec3_is_black(around->absorption))
+                path.throughput = vec3_mul(path.throughput, path_absorbed(around, s.t));
+        }
+        if (volumes || (HAS(NESTED_DIELECTRIC) && crossing_touches(&s))) {
+            CHARGE_SCOPE_OF(path_keeper(scene));
+            crossing_find(scene, &path.ray, &path.query,
+                          HAS(MATERIAL_MIX) && crossing_touches(&s)
+                              ? sampler_get(sampler, dimension + VERTEX_MEDIUM).v : 0,
+                          counted, &path.interior, &s, &crossing);
+            if (!crossing.real || s.material->m.kind == MATERIAL_INTERFACE) {
+                if (++passages > PASSAGES_MAX)
+                    break;
+                path.bearer = s.material->m.kind == MATERIAL_INTERFACE ? CHARGE_OF(INTERFACE)
+                                                                       : charge_get();
+                path_pass(&path, &s, &crossing.beyond);
+                continue;
+            }
         }
         stats->vertices++;
         if (HAS(TEXTURE) && s.material->flags & (MATERIAL_TEXTURED | MATERIAL_NORMAL_MAP))
@@ -715,12 +747,16 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             path_record_hit(scene, &s, &params, record);
         if (depth >= max_depth)
             break;
+        if (HAS(NESTED_DIELECTRIC) && crossing.together)
+            params.ior = crossing.ior;
+        else if (counted && s.material->flags & MATERIAL_BOUNDS)
+            params.ior = interior_filling(scene, s.instance->body)->m.ior;
         if (HAS(DISPERSION) && ACTIVE(scene, DISPERSION) && s.material->m.dispersion > 0 &&
             params.refractive)
             params.ior = path_dispersed_ior(&path, params.ior, s.material->m.dispersion);
-        if (volumes && ACTIVE(scene, NESTED_DIELECTRIC)) {
+        if (counted) {
             CHARGE_SCOPE(NESTED_DIELECTRIC);
-            params.ior_outside = interior_ior(scene, s.front ? &path.interior : &beyond);
+            params.ior_outside = interior_ior(scene, s.front ? &path.interior : &crossing.beyond);
         }
         wo = frame_to_local(&s.frame, vec3_neg(path.ray.direction));
         if (!(wo.z > 0))
@@ -731,8 +767,8 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
         if (bsdf.has_smooth && scene->emitters.count > 0)
             radiance = vec3_add(
                 radiance, vec3_mul(path.throughput,
-                                   path_direct_light(&path, &s, &bsdf, wo, dimension, &beyond,
-                                                     scatterer)));
+                                   path_direct_light(&path, &s, &bsdf, wo, dimension,
+                                                     &crossing.beyond, scatterer)));
 
         STAGE(SCATTER);
         charge_set(scatterer);
@@ -753,7 +789,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             path.dispersed = 1;
         }
         if (volumes && sample.wi.z < 0)
-            path.interior = beyond;
+            path.interior = crossing.beyond;
         path.eta_scale *= sample.eta_scale;
         path.from_delta = (sample.flags & BSDF_DELTA) != 0;
         path.scattered |= !path.from_delta;

@@ -39,6 +39,7 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     s->number = hit->instance;
     s->instance = &scene->instances[hit->instance];
     s->footprint = 0;
+    s->other_count = 0;
     s->time = ray->time;
     s->material = &scene->materials[s->instance->material];
     s->mesh = &scene->meshes[s->instance->mesh];
@@ -458,8 +459,10 @@ void surface_leave(const struct surface *s, struct vec3 direction, struct ray *r
     ray->t_max = INFINITY;
     ray->time = s->time;
     memcpy(ray->rest, s->rest, sizeof ray->rest);
-    ray->left_count = 1;
+    ray->left_count = 1 + s->other_count;
     ray->left[0] = (struct hit){s->number, s->triangle};
+    for (uint32_t i = 0; i < s->other_count; i++)
+        ray->left[1 + i] = s->others[i];
     ray->reaches = 0;
 }
 

@@ -17,6 +17,7 @@
 #include "worker/render/world_material.h"
 #include "worker/render/world_memory.h"
 #include "worker/render/world_place.h"
+#include "worker/render/world_touch.h"
 
 static status mesh_init(struct world_mesh *out, const struct scene_mesh *mesh, const uint8_t *data,
                         size_t size_bytes, struct error *err)
@@ -229,7 +230,12 @@ static void find_enclosing(struct render_scene *w, const struct scene *scene)
         instance->encloses = scene->meshes[instance->mesh].closed &&
                              (flags & (MATERIAL_BOUNDS | MATERIAL_TWO_WAY)) &&
                              !(flags & (MATERIAL_ALPHA | MATERIAL_CULLED));
+        if (instance->encloses)
+            w->materials[instance->body].flags |= MATERIAL_ENCLOSES;
     }
+    for (uint32_t i = 0; i < w->instance_count; i++)
+        if (!w->instances[i].encloses)
+            w->materials[w->instances[i].body].flags &= ~(unsigned)MATERIAL_ENCLOSES;
 }
 
 static status build_accel(struct render_scene *w, const struct scene *scene, struct error *err)
@@ -369,7 +375,8 @@ static status build(struct render_scene *w, const struct scene *scene,
         w->kernel = kernel_for(w->effects);
         if ((s = load_environment(w, scene, blobs, err)) == STATUS_OK &&
             (s = find_bounds(w, scene, err)) == STATUS_OK &&
-            (s = load_lights(w, scene, poses, err)) == STATUS_OK)
+            (s = load_lights(w, scene, poses, err)) == STATUS_OK &&
+            (s = world_touch_find(w, err)) == STATUS_OK)
             s = build_accel(w, scene, err);
     }
     world_poses_free(poses);
@@ -395,6 +402,7 @@ status render_scene_new(struct render_scene **out, const struct scene *scene,
     w->settings = *settings;
     w->frame = frame;
     w->animated = scene_is_animated(scene, settings);
+    w->volume_rule = scene->volume_rule;
     w->effects = scene_effects(scene, settings, frame, NULL);
     s = world_used_init(&used, scene, settings, err);
     if (s == STATUS_OK)

@@ -55,26 +55,13 @@ static float *new_vertices(const struct placer *p, uint32_t components)
     return world_own(p->w, out) ? out : NULL;
 }
 
-static void transform_vertices(float *out, const float *in, size_t count,
-                               const struct transform *to_world)
-{
-    for (size_t i = 0; i < count; i++) {
-        double p[3] = {(double)in[3 * i], (double)in[3 * i + 1], (double)in[3 * i + 2]};
-        for (size_t a = 0; a < 3; a++) {
-            const float *row = to_world->m[a];
-            out[3 * i + a] = (float)((double)row[0] * p[0] + (double)row[1] * p[1] +
-                                     (double)row[2] * p[2] + (double)row[3]);
-        }
-    }
-}
-
 /* The mesh's vertices in world space. */
 static float *bake(const struct placer *p, const struct transform *to_world)
 {
     float *out = new_vertices(p, 3);
 
     if (out)
-        transform_vertices(out, p->vertices->positions, p->vertices->vertex_count, to_world);
+        transform_points(to_world, p->vertices->positions, p->vertices->vertex_count, out);
     return out;
 }
 
@@ -329,7 +316,7 @@ static status deform_at(struct placer *p, uint32_t k, float **positions)
     s = pose_deform(&p->poses->at[k], p->scene, p->index, mesh->blob, *positions, normals, tangents,
                     p->err);
     if (s == STATUS_OK && !instance->skinned)
-        transform_vertices(*positions, *positions, mesh->vertex_count, &p->at[k]);
+        transform_points(&p->at[k], *positions, mesh->vertex_count, *positions);
     return s;
 }
 
@@ -461,12 +448,36 @@ static enum placement look_at(struct placer *p, uint32_t index)
     return moves ? PLACE_MOVING : PLACE_STILL;
 }
 
+/* The material whose body the instance bounds; its own where settings leave that one without. */
+static uint32_t body_of(const struct render_scene *w, const struct scene_instance *description)
+{
+    uint32_t body = description->body < 0 ? description->material : (uint32_t)description->body;
+    const struct world_material *filling = &w->materials[w->materials[body].filling];
+
+    return filling->flags & MATERIAL_BOUNDS ? body : description->material;
+}
+
+/* Of the place at rest: the same in all frames. */
+static uint32_t alpha_key(const struct scene_instance *description)
+{
+    uint32_t bits[12], key = description->material;
+
+    memcpy(bits, description->to_world.m, sizeof bits);
+    for (int i = 0; i < 12; i++) {
+        key = (key ^ bits[i]) * 0x9e3779b1u;
+        key ^= key >> 15;
+    }
+    return key;
+}
+
 static status place_one(struct placer *p, uint32_t index, const uint32_t *uses)
 {
     enum placement placement = look_at(p, index);
 
     p->instance->mesh = p->description->mesh;
     p->instance->material = p->description->material;
+    p->instance->body = body_of(p->w, p->description);
+    p->instance->alpha_key = alpha_key(p->description);
     p->w->info.triangles += p->mesh->triangle_count;
     if (placement == PLACE_DEFORMED)
         return place_deformed(p);

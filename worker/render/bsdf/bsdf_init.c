@@ -32,7 +32,7 @@ static inline void clamp_base(struct bsdf_base *p, const struct bsdf_params *fro
     p->base_color = clamp_color(from->base_color, 1);
     p->metallic = clamp_to(from->metallic, 0, 1);
     p->alpha = clamp_to(from->alpha, 0, 1);
-    p->ior = from->ior == 0.0f ? 0.0f : clamp_to(from->ior, 1, BSDF_IOR_MAX);
+    p->ior = from->ior == 0.0f ? 0.0f : clamp_to(from->ior, 1 / BSDF_IOR_MAX, BSDF_IOR_MAX);
     if (HAS(NESTED_DIELECTRIC) && from->ior_outside > 1.0f)
         p->ior /= from->ior_outside < BSDF_IOR_MAX ? from->ior_outside : BSDF_IOR_MAX;
     p->specular = clamp_to(from->specular, 0, 1);
