@@ -25,6 +25,8 @@
 /* So many such errors before its start a ray starts for Embree, or a triangle right before it
  * could seem to lie behind. */
 #define BACK_ERRORS 64.0
+/* Farther than this from the edges of the one face that it leaves, a ray may start off it. */
+#define INSET_ERRORS 16.0
 /* A face on which the ray ends is looked for up to this share of the length before and behind. */
 #define END_SHARE 0x1p-18
 /* A ray that leaked is traced again this many times at most, turned by this angle (radians) and
@@ -74,8 +76,10 @@ struct query_context {
     enum query_kind kind;
     double origin[3], direction[3];
     double error;                 /* metres: Embree's, in the height over a plane */
-    double back;                  /* metres: by which its ray starts before the ray */
-    double end;                   /* metres: where the ray ends */
+    double back;                  /* metres: by which its ray starts before the ray, */
+    double off;                   /* and by which it starts beside it, along ray->off */
+    double t_max;                 /* metres: of Embree's ray */
+    int reaches;                  /* what is near the ray's end is to be looked at, too */
     int met;                      /* of what double decided, the nearest: */
     struct hit nearest;
     double nearest_t;
@@ -182,6 +186,20 @@ static int goes_through(const struct query_context *q, const double corner[3][3]
                            : exact_dot(normal, q->direction) > 0;
 }
 
+/* Where the ray ends, in metres. */
+static double ray_end(const struct query_context *q)
+{
+    double corner[3][3], n[3], end;
+
+    if (!q->ray->reaches)
+        return (double)q->ray->t_max;
+    q->accel->corners(q->accel->scene, q->ray->end.instance, q->ray->end.triangle, q->ray->time,
+                      corner);
+    exact_normal(corner, n);
+    end = exact_crossing(corner, n, q->origin, q->direction);
+    return end > 0 && end < INFINITY ? end : (double)q->ray->t_max;
+}
+
 /* Does the ray meet the triangle's plane between its ends, and the triangle not lie beyond them?
  * *t in metres. The plane alone counts: whoever proposed the triangle has seen to its edges. */
 static int decide(const struct query_context *q, const struct hit *face, double *t)
@@ -199,7 +217,7 @@ static int decide(const struct query_context *q, const struct hit *face, double 
         if (!goes_through(q, corner, n))
             return 0;
         *t = 0;
-    } else if (!(*t > 0 && *t < q->end)) {
+    } else if (!(*t > 0 && *t < ray_end(q))) {
         return 0;
     }
     for (uint32_t i = 0; i < q->ray->left_count; i++)
@@ -254,9 +272,9 @@ static int is_near(const struct query_context *q, const struct RTCRay *ray,
 {
     double reach = t, product, area2, height2, error2;
 
-    if (q->ray->reaches)
+    if (q->reaches)
         reach = fmin(t, (double)q->ray->t_max - t);
-    if (!(reach > q->back))
+    if (!(reach > BACK_ERRORS * q->error))
         return 1;
     product = (double)ray->dir_x * (double)hit->Ng_x + (double)ray->dir_y * (double)hit->Ng_y +
               (double)ray->dir_z * (double)hit->Ng_z;
@@ -727,6 +745,8 @@ size_t accel_bytes(const struct accel *accel)
 static void query_start(struct query_context *q, const struct accel *accel, const struct ray *ray,
                         const void *query, enum query_kind kind)
 {
+    double inset;
+
 #if AZULEJO_EMBREE >= 4
     rtcInitRayQueryContext(&q->embree);
 #else
@@ -739,20 +759,29 @@ static void query_start(struct query_context *q, const struct accel *accel, cons
     exact_origin(ray, q->origin);
     exact_vec(ray->direction, q->direction);
     q->error = accel->error_origin * largest(q->origin) + accel->error_extent;
-    q->end = (double)ray->t_max;
     q->attempt = 0;
     q->met = 0;
-    if (ray->reaches) {
-        double corner[3][3], n[3], end;
-
+    if (ray->reaches)
         q->error += accel->error_origin * (double)ray->t_max;
-        accel->corners(accel->scene, ray->end.instance, ray->end.triangle, ray->time, corner);
-        exact_normal(corner, n);
-        end = exact_crossing(corner, n, q->origin, q->direction);
-        if (end > 0 && end < INFINITY)
-            q->end = end;
-    }
+    inset = INSET_ERRORS * q->error;
     q->back = BACK_ERRORS * q->error;
+    q->off = 0;
+    q->reaches = ray->reaches;
+    q->t_max = (double)ray->t_max + q->back;
+    if (ray->reaches && (double)ray->end_inset > inset &&
+        q->back < 0.5 * (double)ray->t_max * (double)ray->end_cosine) {
+        q->reaches = 0;
+        q->t_max -= q->error / (double)ray->end_cosine + END_SHARE * (double)ray->t_max;
+    } else if (ray->reaches) {
+        q->t_max += q->back + END_SHARE * (double)ray->t_max;
+    }
+    if (ray->left_count == 1 && (double)ray->inset > inset) {
+        /* Neighbours are out of reach; a start just off the face spares Embree the face itself. */
+        q->t_max -= q->back;
+        q->back = 0;
+        q->off = q->error;
+        q->error *= 2;
+    }
 }
 
 /* Embree is to look a little beside the ray: each time farther, and a quarter turn on. Its errors
@@ -777,19 +806,17 @@ static void look_beside(struct RTCRay *out, const struct query_context *q)
 static void ray_init(struct RTCRay *out, const struct query_context *q)
 {
     const struct ray *ray = q->ray;
-    double t_max = (double)ray->t_max + q->back;
+    const double *o = q->origin, *d = q->direction;
 
-    if (ray->reaches)
-        t_max += q->back + END_SHARE * (double)ray->t_max;
-    out->org_x = (float)(q->origin[0] - q->back * q->direction[0]);
-    out->org_y = (float)(q->origin[1] - q->back * q->direction[1]);
-    out->org_z = (float)(q->origin[2] - q->back * q->direction[2]);
+    out->org_x = (float)(o[0] - q->back * d[0] + q->off * (double)ray->off.x);
+    out->org_y = (float)(o[1] - q->back * d[1] + q->off * (double)ray->off.y);
+    out->org_z = (float)(o[2] - q->back * d[2] + q->off * (double)ray->off.z);
     out->tnear = 0;
     out->dir_x = ray->direction.x;
     out->dir_y = ray->direction.y;
     out->dir_z = ray->direction.z;
     out->time = ray->time;
-    out->tfar = (float)t_max;
+    out->tfar = (float)q->t_max;
     out->mask = ~0u;
     out->id = 0;
     out->flags = 0;
@@ -962,7 +989,7 @@ uint32_t accel_coincident(const struct accel *accel, const struct ray *ray, cons
     q.contacts = out;
     q.contact_count = 0;
     q.contact_capacity = capacity;
-    line.t_max = (float)(q.gap_max + q.back);
+    q.t_max = q.gap_max + 2 * q.back;
     trace(&q, &unused);
     mark_repeats(&q);
     return q.contact_count;
