@@ -187,13 +187,14 @@ class Farm:
 
     # ---- programs ------------------------------------------------------------------------
 
-    def start_coordinator(self, *options, listen="127.0.0.1:0", key=None):
+    def start_coordinator(self, *options, listen="127.0.0.1:0", key=None, env=None):
         """Start (or, after a kill, start again with the same store) and wait until it listens."""
         argv = [os.path.join(BIN, "azulejo-coordinator"), "--listen", listen,
                 "--key", key or self.key, "--store", self.store] + list(options)
         self.coordinator = Program("coordinator", argv,
                                    self.path("coordinator-%d.log" % len(self.programs)),
-                                   pipe_stdout=True)
+                                   pipe_stdout=True,
+                                   env=dict(os.environ, **env) if env else None)
         self.programs.append(self.coordinator)
         self.address = self.coordinator.wait_line("listening on ").split()[0]
         return self.coordinator
