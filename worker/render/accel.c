@@ -25,6 +25,8 @@
 /* So many such errors before its start a ray starts for Embree, or a triangle right before it
  * could seem to lie behind. */
 #define BACK_ERRORS 64.0
+/* Farther than this from the edges of the one face that it leaves, a ray may start off it. */
+#define INSET_ERRORS 64.0
 /* A face on which the ray ends is looked for up to this share of the length before and behind. */
 #define END_SHARE 0x1p-18
 
@@ -70,8 +72,14 @@ struct query_context {
     enum query_kind kind;
     double origin[3], direction[3];
     double error;                 /* metres: Embree's, in the height over a plane */
-    double back;                  /* metres: by which its ray starts before the ray */
-    double end;                   /* metres: where the ray ends */
+    double start[3];              /* of Embree's ray */
+    int at_edge;                  /* the ray starts so near to its face's edges that Embree's starts */
+    double inside[3];             /* farther inside the face: here; */
+    int doubt;                    /* then a neighbour was proposed that lies behind the ray */
+    double back;                  /* metres: by which that starts before the ray */
+    double t_max;                 /* metres: of Embree's ray */
+    double near_start, near_end;  /* metres: so far from its ends double decides anyway */
+    int reaches;                  /* what is near the ray's end is to be looked at, too */
     int met;                      /* of what double decided, the nearest: */
     struct hit nearest;
     double nearest_t;
@@ -151,13 +159,16 @@ static double farthest(const double corner[3][3], const double plane[3][3], cons
 static int is_beyond(const struct query_context *q, const struct hit *face, double sign,
                      const double corner[3][3])
 {
-    double plane[3][3], n[3];
+    double plane[3][3], n[3], towards[3];
+
+    /* A direction along the plane may be off by its rounding: the ray says to which side it goes. */
+    exact_vec(sign > 0 ? q->ray->off : q->ray->direction, towards);
 
     q->accel->corners(q->accel->scene, face->instance, face->triangle, q->ray->time, plane);
     exact_normal(plane, n);
     if (exact_dot(n, n) == 0)
         return 0;
-    if (exact_dot(n, q->direction) < 0)
+    if (exact_dot(n, towards) < 0)
         sign = -sign;
     return !(farthest(corner, plane, n, sign) > 0);
 }
@@ -177,9 +188,23 @@ static int goes_through(const struct query_context *q, const double corner[3][3]
                            : exact_dot(normal, q->direction) > 0;
 }
 
+/* Where the ray ends, in metres. */
+static double ray_end(const struct query_context *q)
+{
+    double corner[3][3], n[3], end;
+
+    if (!q->ray->reaches)
+        return (double)q->ray->t_max;
+    q->accel->corners(q->accel->scene, q->ray->end.instance, q->ray->end.triangle, q->ray->time,
+                      corner);
+    exact_normal(corner, n);
+    end = exact_crossing(corner, n, q->origin, q->direction);
+    return end > 0 && end < INFINITY ? end : (double)q->ray->t_max;
+}
+
 /* Does the ray meet the triangle's plane between its ends, and the triangle not lie beyond them?
  * *t in metres. The plane alone counts: whoever proposed the triangle has seen to its edges. */
-static int decide(const struct query_context *q, const struct hit *face, double *t)
+static int decide(struct query_context *q, const struct hit *face, double *t)
 {
     double corner[3][3], n[3], to_corner[3], height;
 
@@ -191,15 +216,17 @@ static int decide(const struct query_context *q, const struct hit *face, double 
     if (q->kind == QUERY_COINCIDENT)
         return fabs(*t) < q->gap_max;
     if (q->ray->left_count && fabs(height) <= height_noise(n, to_corner, q->origin)) {
-        if (!goes_through(q, corner, n))
-            return 0;
-        *t = 0;
-    } else if (!(*t > 0 && *t < q->end)) {
+        *t = goes_through(q, corner, n) ? 0 : -1;
+    } else if (!(*t < ray_end(q))) {
         return 0;
     }
     for (uint32_t i = 0; i < q->ray->left_count; i++)
         if (is_beyond(q, &q->ray->left[i], 1, corner))
             return 0;
+    if (!(*t >= 0)) {
+        q->doubt = q->at_edge;
+        return 0;
+    }
     return !q->ray->reaches || !is_beyond(q, &q->ray->end, -1, corner);
 }
 
@@ -249,10 +276,13 @@ static int is_near(const struct query_context *q, const struct RTCRay *ray,
 {
     double reach = t, product, area2, height2, error2;
 
-    if (q->ray->reaches)
-        reach = fmin(t, (double)q->ray->t_max - t);
-    if (!(reach > q->back))
+    if (!(t > q->near_start))
         return 1;
+    if (q->reaches) {
+        reach = fmin(t, (double)q->ray->t_max - t);
+        if (!(reach > q->near_end))
+            return 1;
+    }
     product = (double)ray->dir_x * (double)hit->Ng_x + (double)ray->dir_y * (double)hit->Ng_y +
               (double)ray->dir_z * (double)hit->Ng_z;
     area2 = (double)hit->Ng_x * (double)hit->Ng_x + (double)hit->Ng_y * (double)hit->Ng_y +
@@ -280,7 +310,7 @@ static void filter(const struct RTCFilterFunctionNArguments *args)
     if (args->valid[0] != -1)
         return;
     args->valid[0] = 0;
-    if (is_excepted(q->ray, &face))
+    if (is_excepted(q->ray, &face) || (q->about && same_face(q->about, &face)))
         return;
     near = q->kind == QUERY_COINCIDENT || is_near(q, ray, hit, g, t);
     if (near && !decide(q, &face, &t))
@@ -352,7 +382,7 @@ static int huge_meets(struct query_context *q, const struct hit *face, double *t
     double u, v;
     int facing;
 
-    if (is_excepted(q->ray, face) || !huge_covers(q, face, &u, &v, &facing) || !decide(q, face, t))
+    if (is_excepted(q->ray, face) || (q->about && same_face(q->about, face)) || !huge_covers(q, face, &u, &v, &facing) || !decide(q, face, t))
         return 0;
     if (q->accel->geometries[face->instance].filtered &&
         !q->accel->accept(q->accel->scene, q->query, face->instance, face->triangle, (float)u,
@@ -719,6 +749,70 @@ size_t accel_bytes(const struct accel *accel)
 
 /* ---- queries ------------------------------------------------------------------------------ */
 
+static void move(double place[3], const double direction[3], double by)
+{
+    for (int k = 0; k < 3; k++)
+        place[k] += by * direction[k];
+}
+
+/* To the middle of the face as far as it takes to be clear of its edges: there an error to the side
+ * could take the ray past a neighbour that stands up. */
+static void move_inwards(struct query_context *q)
+{
+    double corner[3][3], e[3], way[3], n[3], longest = 0, middle, wanted, inset, part;
+
+    q->accel->corners(q->accel->scene, q->ray->left[0].instance, q->ray->left[0].triangle,
+                      q->ray->time, corner);
+    exact_normal(corner, n);
+    for (int k = 0; k < 3; k++) {
+        way[k] = (corner[0][k] + corner[1][k] + corner[2][k]) / 3 - q->origin[k];
+        exact_sub(corner[(k + 1) % 3], corner[k], e);
+        longest = fmax(longest, exact_dot(e, e));
+    }
+    middle = longest > 0 ? sqrt(exact_dot(n, n) / longest) / 3 : 0;
+    inset = fmax((double)q->ray->inset, 0);
+    wanted = 2 * INSET_ERRORS * q->error;
+    part = middle > wanted ? (wanted - inset) / (middle - inset) : 1;
+    move(q->start, way, part);
+    q->error += part * sqrt(exact_dot(way, way));
+}
+
+/* Without contacts a start just off the face spares Embree the face itself. */
+static void start_on_face(struct query_context *q)
+{
+    double off[3];
+
+    q->at_edge = (double)q->ray->inset < INSET_ERRORS * q->error;
+    if (q->at_edge)
+        move_inwards(q);
+    memcpy(q->inside, q->start, sizeof q->inside);
+    if (q->at_edge || q->ray->contacts) {
+        q->near_start = fmax(q->back, 2 * q->error /
+                                          (double)vec3_dot(q->ray->off, q->ray->direction));
+        move(q->start, q->direction, -q->back);
+        return;
+    }
+    exact_vec(q->ray->off, off);
+    move(q->start, off, q->error);
+    q->t_max -= q->back;
+    q->back = 0;
+    q->error *= 2;
+}
+
+/* Where the end is clear of the face's edges nothing can be right before it but the face. */
+static void end_on_face(struct query_context *q)
+{
+    double cosine = (double)q->ray->end_cosine, t_max = (double)q->ray->t_max;
+
+    if ((double)q->ray->end_inset > INSET_ERRORS * q->error && q->back < 0.5 * t_max * cosine) {
+        q->t_max -= q->error / cosine + END_SHARE * t_max;
+        return;
+    }
+    q->reaches = 1;
+    q->near_end = fmax(q->back + END_SHARE * t_max, 2 * q->error / cosine);
+    q->t_max += q->back + END_SHARE * t_max;
+}
+
 static void query_start(struct query_context *q, const struct accel *accel, const struct ray *ray,
                         const void *query, enum query_kind kind)
 {
@@ -734,38 +828,38 @@ static void query_start(struct query_context *q, const struct accel *accel, cons
     exact_origin(ray, q->origin);
     exact_vec(ray->direction, q->direction);
     q->error = accel->error_origin * largest(q->origin) + accel->error_extent;
-    q->end = (double)ray->t_max;
-    q->met = 0;
-    if (ray->reaches) {
-        double corner[3][3], n[3], end;
-
+    memcpy(q->start, q->origin, sizeof q->start);
+    q->met = q->reaches = q->at_edge = q->doubt = 0;
+    q->about = NULL;
+    if (ray->reaches)
         q->error += accel->error_origin * (double)ray->t_max;
-        accel->corners(accel->scene, ray->end.instance, ray->end.triangle, ray->time, corner);
-        exact_normal(corner, n);
-        end = exact_crossing(corner, n, q->origin, q->direction);
-        if (end > 0 && end < INFINITY)
-            q->end = end;
-    }
     q->back = BACK_ERRORS * q->error;
+    q->t_max = (double)ray->t_max + q->back;
+    /* Until the ray is clear of the plane that it leaves, an error to the side may seem to take it
+     * below. */
+    q->near_start = q->near_end = q->back;
+    if (ray->reaches)
+        end_on_face(q);
+    if (ray->left_count)
+        start_on_face(q);
+    else
+        move(q->start, q->direction, -q->back);
 }
 
 /* For Embree the ray starts earlier, and where it ends on a face it ends later. */
 static void ray_init(struct RTCRay *out, const struct query_context *q)
 {
     const struct ray *ray = q->ray;
-    double t_max = (double)ray->t_max + q->back;
 
-    if (ray->reaches)
-        t_max += q->back + END_SHARE * (double)ray->t_max;
-    out->org_x = (float)(q->origin[0] - q->back * q->direction[0]);
-    out->org_y = (float)(q->origin[1] - q->back * q->direction[1]);
-    out->org_z = (float)(q->origin[2] - q->back * q->direction[2]);
+    out->org_x = (float)q->start[0];
+    out->org_y = (float)q->start[1];
+    out->org_z = (float)q->start[2];
     out->tnear = 0;
     out->dir_x = ray->direction.x;
     out->dir_y = ray->direction.y;
     out->dir_z = ray->direction.z;
     out->time = ray->time;
-    out->tfar = (float)t_max;
+    out->tfar = (float)q->t_max;
     out->mask = ~0u;
     out->id = 0;
     out->flags = 0;
@@ -795,14 +889,30 @@ static int trace(struct query_context *q, struct hit *hit)
     return 1;
 }
 
+/* Where three faces meet, the ray from farther inside the face may pass by the neighbour that the
+ * ray itself meets. Then that ray is what counts: it starts on the same face, some 2^-14 away. */
+static void start_inside(struct ray *moved, const struct query_context *q)
+{
+    *moved = *q->ray;
+    moved->origin = exact_round(q->inside, moved->rest);
+    moved->inset = INFINITY;
+    moved->contacts = 1;
+}
+
 int accel_intersect(const struct accel *accel, const struct ray *ray, const void *query,
                     struct hit *hit)
 {
     struct query_context q;
+    struct ray moved;
     int met;
 
     query_start(&q, accel, ray, query, QUERY_NEAREST);
     met = trace(&q, hit);
+    if (!met && !q.met && q.doubt) {
+        start_inside(&moved, &q);
+        query_start(&q, accel, &moved, query, QUERY_NEAREST);
+        met = trace(&q, hit);
+    }
     if (q.met) {
         double corner[3][3], n[3];
 
@@ -818,22 +928,36 @@ int accel_intersect(const struct accel *accel, const struct ray *ray, const void
     return met;
 }
 
-int accel_occluded(const struct accel *accel, const struct ray *ray, const void *query)
+static int is_blocked(struct query_context *q)
 {
-    struct query_context q;
     struct RTCRay shot;
 
-    query_start(&q, accel, ray, query, QUERY_OCCLUDED);
-    ray_init(&shot, &q);
+    ray_init(&shot, q);
 #if AZULEJO_EMBREE >= 4
     struct RTCOccludedArguments args;
     rtcInitOccludedArguments(&args);
-    args.context = &q.embree;
-    rtcOccluded1(accel->top, &shot, &args);
+    args.context = &q->embree;
+    rtcOccluded1(q->accel->top, &shot, &args);
 #else
-    rtcOccluded1(accel->top, &q.embree, &shot);
+    rtcOccluded1(q->accel->top, &q->embree, &shot);
 #endif
     return shot.tfar < 0;
+}
+
+int accel_occluded(const struct accel *accel, const struct ray *ray, const void *query)
+{
+    struct query_context q;
+    struct ray moved;
+    int blocked;
+
+    query_start(&q, accel, ray, query, QUERY_OCCLUDED);
+    blocked = is_blocked(&q);
+    if (!blocked && q.doubt) {
+        start_inside(&moved, &q);
+        query_start(&q, accel, &moved, query, QUERY_OCCLUDED);
+        blocked = is_blocked(&q);
+    }
+    return blocked;
 }
 
 /* Do two faces of one instance lie side by side: a corner in common, and wound alike as `axis`
@@ -875,7 +999,7 @@ uint32_t accel_coincident(const struct accel *accel, const struct ray *ray, cons
                           const double place[3], const void *query, struct contact *out,
                           uint32_t capacity)
 {
-    struct ray line = {.t_max = INFINITY, .time = ray->time, .left_count = 1, .left = {*hit}};
+    struct ray line = {.t_max = INFINITY, .time = ray->time};
     double corner[3][3], n[3], along[3], length;
     struct query_context q;
     struct hit unused;
@@ -901,7 +1025,7 @@ uint32_t accel_coincident(const struct accel *accel, const struct ray *ray, cons
     q.contacts = out;
     q.contact_count = 0;
     q.contact_capacity = capacity;
-    line.t_max = (float)(q.gap_max + q.back);
+    q.t_max = q.gap_max + 2 * q.back;
     trace(&q, &unused);
     mark_repeats(&q);
     return q.contact_count;

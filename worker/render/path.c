@@ -274,6 +274,8 @@ static void path_end_at_light(const struct light_sample *light, struct ray *ray)
     ray->t_max = light->on_face ? light->distance : light->distance * (1 - 0x1p-20f);
     ray->reaches = light->on_face;
     ray->end = light->face;
+    ray->end_inset = light->inset;
+    ray->end_cosine = light->cosine;
 }
 
 /* Next-event estimation: light that one chosen emitter sends to the surface. `beyond`: what the

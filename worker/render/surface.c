@@ -28,6 +28,21 @@ void world_triangle(const struct render_scene *scene, const struct world_instanc
         corner[k] = vec3_make((float)c[k][0], (float)c[k][1], (float)c[k][2]);
 }
 
+/* A lower bound of the distance to the nearest edge: the smallest weight's share of the least
+ * height. */
+static float surface_inset(double u, double v, double double_area, const double e1[3],
+                           const double e2[3])
+{
+    double a = exact_dot(e1, e1), b = exact_dot(e2, e2), ab = exact_dot(e1, e2);
+    double c = a + b - 2 * ab, w = 1 - u - v, least, longest;
+
+    least = u < v ? u : v;
+    least = w < least ? w : least;
+    longest = a > b ? a : b;
+    longest = c > longest ? c : longest;
+    return longest > 0 ? (float)(least * double_area / sqrt(longest)) : 0;
+}
+
 void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
                       const struct hit *hit, struct surface *s)
 {
@@ -71,6 +86,8 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     s->t = (float)((p[0] - o[0]) * d[0] + (p[1] - o[1]) * d[1] + (p[2] - o[2]) * d[2]);
     s->p = exact_round(p, s->rest);
     s->area = (float)(0.5 * length);
+    s->contacts = scene->contacts;
+    s->inset = surface_inset(u, v, length, e1, e2);
 
     sign = s->instance->flipped ? -1 : 1;
     s->front = exact_dot(n, d) * sign < 0;
@@ -464,6 +481,9 @@ void surface_leave(const struct surface *s, struct vec3 direction, struct ray *r
     for (uint32_t i = 0; i < s->other_count; i++)
         ray->left[1 + i] = s->others[i];
     ray->reaches = 0;
+    ray->contacts = s->contacts;
+    ray->inset = s->inset;
+    ray->off = vec3_dot(direction, s->ng) < 0 ? vec3_neg(s->ng) : s->ng;
 }
 
 /* ---- lookups that need the triangle ------------------------------------------------------- */

@@ -121,7 +121,13 @@ static inline float series(float f, float kept)
 }
 static inline struct vec3 series_color(struct vec3 f, float kept)
 {
-    return (struct vec3){series(f.x, kept), series(f.y, kept), series(f.z, kept)};
+    /* Four lanes, all of them set: gcc divides two at a time and leaves the others what the stack
+     * held, and if those are subnormal the division takes a hundred cycles. */
+    float lane[4] = {f.x, f.y, f.z, 0};
+
+    for (int i = 0; i < 4; i++)
+        lane[i] = series(lane[i], kept);
+    return (struct vec3){lane[0], lane[1], lane[2]};
 }
 
 static inline struct vec3 schlick_average_color(struct vec3 f0, float f90)

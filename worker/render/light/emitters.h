@@ -43,6 +43,7 @@ struct light_sample {
     float distance;        /* metres; INFINITY for the environment */
     int on_face;           /* the light is a point of this face */
     struct hit face;
+    float inset, cosine;   /* of that point and direction (struct ray) */
     struct vec3 radiance;  /* radiance, or irradiance-like intensity for delta lights */
     float pdf;             /* solid angle, times the odds of choosing this light; for delta
                               lights the odds alone */

@@ -109,6 +109,16 @@ float emitters_triangle_pdf(const struct render_scene *scene, const struct light
     return e->local_odds * odds * distance_squared / denominator;
 }
 
+/* A lower bound of the distance to the nearest edge: see surface_inset. */
+static float emitters_inset(float b1, float b2, float double_area, struct vec3 e1, struct vec3 e2)
+{
+    float a = vec3_dot(e1, e1), b = vec3_dot(e2, e2);
+    float c = vec3_length_squared(vec3_sub(e1, e2));
+
+    return float_min(b1, float_min(b2, 1 - b1 - b2)) * double_area /
+           sqrtf(float_max(a, float_max(b, c)));
+}
+
 static int emitters_sample_triangle(const struct render_scene *scene, uint32_t light,
                                     const struct light_query *query, float u, float v, float odds,
                                     struct light_sample *out)
@@ -152,6 +162,8 @@ static int emitters_sample_triangle(const struct render_scene *scene, uint32_t l
         return 0;
     out->on_face = 1;
     out->face = (struct hit){e->triangle_instance[light], triangle};
+    out->cosine = cosine;
+    out->inset = scene->contacts ? 0 : emitters_inset(b1, b2, double_area, e1, e2);
     out->pdf = odds * distance_squared / (cosine * (0.5f * double_area));
     out->radiance = world_emission(material, mesh, world_vertices(mesh, triangle), b1, b2);
     if (HAS(CLEARCOAT) && material->m.clearcoat > 0)
