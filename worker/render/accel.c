@@ -26,7 +26,7 @@
  * could seem to lie behind. */
 #define BACK_ERRORS 64.0
 /* Farther than this from the edges of the one face that it leaves, a ray may start off it. */
-#define INSET_ERRORS 16.0
+#define INSET_ERRORS 64.0
 /* A face on which the ray ends is looked for up to this share of the length before and behind. */
 #define END_SHARE 0x1p-18
 /* A ray that leaked is traced again this many times at most, turned by this angle (radians) and
@@ -76,15 +76,19 @@ struct query_context {
     enum query_kind kind;
     double origin[3], direction[3];
     double error;                 /* metres: Embree's, in the height over a plane */
-    double back;                  /* metres: by which its ray starts before the ray, */
-    double off;                   /* and by which it starts beside it, along ray->off */
+    double start[3];              /* of Embree's ray */
+    int at_edge;                  /* the ray starts so near to its face's edges that Embree's starts */
+    double inside[3];             /* farther inside the face: here; */
+    int doubt;                    /* then a neighbour was proposed that lies behind the ray */
+    double back;                  /* metres: by which that starts before the ray */
     double t_max;                 /* metres: of Embree's ray */
+    double near_start, near_end;  /* metres: so far from its ends double decides anyway */
     int reaches;                  /* what is near the ray's end is to be looked at, too */
     int met;                      /* of what double decided, the nearest: */
     struct hit nearest;
     double nearest_t;
-    double gap_max;               /* QUERY_COINCIDENT: metres, */
     uint32_t attempt;             /* so many times Embree found nothing for a ray that cannot escape */
+    double gap_max;               /* QUERY_COINCIDENT: metres, */
     const struct hit *about;      /* the face that the others coincide with, */
     struct contact *contacts;     /* and what was found */
     uint32_t contact_count, contact_capacity;
@@ -160,13 +164,16 @@ static double farthest(const double corner[3][3], const double plane[3][3], cons
 static int is_beyond(const struct query_context *q, const struct hit *face, double sign,
                      const double corner[3][3])
 {
-    double plane[3][3], n[3];
+    double plane[3][3], n[3], towards[3];
+
+    /* A direction along the plane may be off by its rounding: the ray says to which side it goes. */
+    exact_vec(sign > 0 ? q->ray->off : q->ray->direction, towards);
 
     q->accel->corners(q->accel->scene, face->instance, face->triangle, q->ray->time, plane);
     exact_normal(plane, n);
     if (exact_dot(n, n) == 0)
         return 0;
-    if (exact_dot(n, q->direction) < 0)
+    if (exact_dot(n, towards) < 0)
         sign = -sign;
     return !(farthest(corner, plane, n, sign) > 0);
 }
@@ -202,7 +209,7 @@ static double ray_end(const struct query_context *q)
 
 /* Does the ray meet the triangle's plane between its ends, and the triangle not lie beyond them?
  * *t in metres. The plane alone counts: whoever proposed the triangle has seen to its edges. */
-static int decide(const struct query_context *q, const struct hit *face, double *t)
+static int decide(struct query_context *q, const struct hit *face, double *t)
 {
     double corner[3][3], n[3], to_corner[3], height;
 
@@ -214,15 +221,17 @@ static int decide(const struct query_context *q, const struct hit *face, double 
     if (q->kind == QUERY_COINCIDENT)
         return fabs(*t) < q->gap_max;
     if (q->ray->left_count && fabs(height) <= height_noise(n, to_corner, q->origin)) {
-        if (!goes_through(q, corner, n))
-            return 0;
-        *t = 0;
-    } else if (!(*t > 0 && *t < ray_end(q))) {
+        *t = goes_through(q, corner, n) ? 0 : -1;
+    } else if (!(*t < ray_end(q))) {
         return 0;
     }
     for (uint32_t i = 0; i < q->ray->left_count; i++)
         if (is_beyond(q, &q->ray->left[i], 1, corner))
             return 0;
+    if (!(*t >= 0)) {
+        q->doubt = q->at_edge;
+        return 0;
+    }
     return !q->ray->reaches || !is_beyond(q, &q->ray->end, -1, corner);
 }
 
@@ -272,10 +281,13 @@ static int is_near(const struct query_context *q, const struct RTCRay *ray,
 {
     double reach = t, product, area2, height2, error2;
 
-    if (q->reaches)
-        reach = fmin(t, (double)q->ray->t_max - t);
-    if (!(reach > BACK_ERRORS * q->error))
+    if (!(t > q->near_start))
         return 1;
+    if (q->reaches) {
+        reach = fmin(t, (double)q->ray->t_max - t);
+        if (!(reach > q->near_end))
+            return 1;
+    }
     product = (double)ray->dir_x * (double)hit->Ng_x + (double)ray->dir_y * (double)hit->Ng_y +
               (double)ray->dir_z * (double)hit->Ng_z;
     area2 = (double)hit->Ng_x * (double)hit->Ng_x + (double)hit->Ng_y * (double)hit->Ng_y +
@@ -303,7 +315,7 @@ static void filter(const struct RTCFilterFunctionNArguments *args)
     if (args->valid[0] != -1)
         return;
     args->valid[0] = 0;
-    if (is_excepted(q->ray, &face))
+    if (is_excepted(q->ray, &face) || (q->about && same_face(q->about, &face)))
         return;
     near = q->kind == QUERY_COINCIDENT || is_near(q, ray, hit, g, t);
     if (near && !decide(q, &face, &t))
@@ -375,7 +387,7 @@ static int huge_meets(struct query_context *q, const struct hit *face, double *t
     double u, v;
     int facing;
 
-    if (is_excepted(q->ray, face) || !huge_covers(q, face, &u, &v, &facing) || !decide(q, face, t))
+    if (is_excepted(q->ray, face) || (q->about && same_face(q->about, face)) || !huge_covers(q, face, &u, &v, &facing) || !decide(q, face, t))
         return 0;
     if (q->accel->geometries[face->instance].filtered &&
         !q->accel->accept(q->accel->scene, q->query, face->instance, face->triangle, (float)u,
@@ -742,11 +754,73 @@ size_t accel_bytes(const struct accel *accel)
 
 /* ---- queries ------------------------------------------------------------------------------ */
 
+static void move(double place[3], const double direction[3], double by)
+{
+    for (int k = 0; k < 3; k++)
+        place[k] += by * direction[k];
+}
+
+/* To the middle of the face as far as it takes to be clear of its edges: there an error to the side
+ * could take the ray past a neighbour that stands up. */
+static void move_inwards(struct query_context *q)
+{
+    double corner[3][3], e[3], way[3], n[3], longest = 0, middle, wanted, inset, part;
+
+    q->accel->corners(q->accel->scene, q->ray->left[0].instance, q->ray->left[0].triangle,
+                      q->ray->time, corner);
+    exact_normal(corner, n);
+    for (int k = 0; k < 3; k++) {
+        way[k] = (corner[0][k] + corner[1][k] + corner[2][k]) / 3 - q->origin[k];
+        exact_sub(corner[(k + 1) % 3], corner[k], e);
+        longest = fmax(longest, exact_dot(e, e));
+    }
+    middle = longest > 0 ? sqrt(exact_dot(n, n) / longest) / 3 : 0;
+    inset = fmax((double)q->ray->inset, 0);
+    wanted = 2 * INSET_ERRORS * q->error;
+    part = middle > wanted ? (wanted - inset) / (middle - inset) : 1;
+    move(q->start, way, part);
+    q->error += part * sqrt(exact_dot(way, way));
+}
+
+/* Without contacts a start just off the face spares Embree the face itself. */
+static void start_on_face(struct query_context *q)
+{
+    double off[3];
+
+    q->at_edge = (double)q->ray->inset < INSET_ERRORS * q->error;
+    if (q->at_edge)
+        move_inwards(q);
+    memcpy(q->inside, q->start, sizeof q->inside);
+    if (q->at_edge || q->ray->contacts) {
+        q->near_start = fmax(q->back, 2 * q->error /
+                                          (double)vec3_dot(q->ray->off, q->ray->direction));
+        move(q->start, q->direction, -q->back);
+        return;
+    }
+    exact_vec(q->ray->off, off);
+    move(q->start, off, q->error);
+    q->t_max -= q->back;
+    q->back = 0;
+    q->error *= 2;
+}
+
+/* Where the end is clear of the face's edges nothing can be right before it but the face. */
+static void end_on_face(struct query_context *q)
+{
+    double cosine = (double)q->ray->end_cosine, t_max = (double)q->ray->t_max;
+
+    if ((double)q->ray->end_inset > INSET_ERRORS * q->error && q->back < 0.5 * t_max * cosine) {
+        q->t_max -= q->error / cosine + END_SHARE * t_max;
+        return;
+    }
+    q->reaches = 1;
+    q->near_end = fmax(q->back + END_SHARE * t_max, 2 * q->error / cosine);
+    q->t_max += q->back + END_SHARE * t_max;
+}
+
 static void query_start(struct query_context *q, const struct accel *accel, const struct ray *ray,
                         const void *query, enum query_kind kind)
 {
-    double inset;
-
 #if AZULEJO_EMBREE >= 4
     rtcInitRayQueryContext(&q->embree);
 #else
@@ -759,29 +833,23 @@ static void query_start(struct query_context *q, const struct accel *accel, cons
     exact_origin(ray, q->origin);
     exact_vec(ray->direction, q->direction);
     q->error = accel->error_origin * largest(q->origin) + accel->error_extent;
+    memcpy(q->start, q->origin, sizeof q->start);
+    q->met = q->reaches = q->at_edge = q->doubt = 0;
     q->attempt = 0;
-    q->met = 0;
+    q->about = NULL;
     if (ray->reaches)
         q->error += accel->error_origin * (double)ray->t_max;
-    inset = INSET_ERRORS * q->error;
     q->back = BACK_ERRORS * q->error;
-    q->off = 0;
-    q->reaches = ray->reaches;
     q->t_max = (double)ray->t_max + q->back;
-    if (ray->reaches && (double)ray->end_inset > inset &&
-        q->back < 0.5 * (double)ray->t_max * (double)ray->end_cosine) {
-        q->reaches = 0;
-        q->t_max -= q->error / (double)ray->end_cosine + END_SHARE * (double)ray->t_max;
-    } else if (ray->reaches) {
-        q->t_max += q->back + END_SHARE * (double)ray->t_max;
-    }
-    if (ray->left_count == 1 && (double)ray->inset > inset) {
-        /* Neighbours are out of reach; a start just off the face spares Embree the face itself. */
-        q->t_max -= q->back;
-        q->back = 0;
-        q->off = q->error;
-        q->error *= 2;
-    }
+    /* Until the ray is clear of the plane that it leaves, an error to the side may seem to take it
+     * below. */
+    q->near_start = q->near_end = q->back;
+    if (ray->reaches)
+        end_on_face(q);
+    if (ray->left_count)
+        start_on_face(q);
+    else
+        move(q->start, q->direction, -q->back);
 }
 
 /* Embree is to look a little beside the ray: each time farther, and a quarter turn on. Its errors
@@ -806,11 +874,10 @@ static void look_beside(struct RTCRay *out, const struct query_context *q)
 static void ray_init(struct RTCRay *out, const struct query_context *q)
 {
     const struct ray *ray = q->ray;
-    const double *o = q->origin, *d = q->direction;
 
-    out->org_x = (float)(o[0] - q->back * d[0] + q->off * (double)ray->off.x);
-    out->org_y = (float)(o[1] - q->back * d[1] + q->off * (double)ray->off.y);
-    out->org_z = (float)(o[2] - q->back * d[2] + q->off * (double)ray->off.z);
+    out->org_x = (float)q->start[0];
+    out->org_y = (float)q->start[1];
+    out->org_z = (float)q->start[2];
     out->tnear = 0;
     out->dir_x = ray->direction.x;
     out->dir_y = ray->direction.y;
@@ -868,7 +935,7 @@ static int meets(struct query_context *q, struct hit *hit)
     return met;
 }
 
-static int is_occluded(const struct query_context *q)
+static int is_blocked(struct query_context *q)
 {
     struct RTCRay shot;
 
@@ -876,29 +943,55 @@ static int is_occluded(const struct query_context *q)
 #if AZULEJO_EMBREE >= 4
     struct RTCOccludedArguments args;
     rtcInitOccludedArguments(&args);
-    args.context = (struct RTCRayQueryContext *)&q->embree;
+    args.context = &q->embree;
     rtcOccluded1(q->accel->top, &shot, &args);
 #else
-    rtcOccluded1(q->accel->top, (struct RTCIntersectContext *)&q->embree, &shot);
+    rtcOccluded1(q->accel->top, &q->embree, &shot);
 #endif
     return shot.tfar < 0;
+}
+
+/* Where three faces meet, the ray from farther inside the face may pass by the neighbour that the
+ * ray itself meets. Then that ray is what counts: it starts on the same face, some 2^-14 away. */
+static void start_inside(struct ray *moved, const struct query_context *q)
+{
+    *moved = *q->ray;
+    moved->origin = exact_round(q->inside, moved->rest);
+    moved->inset = INFINITY;
+    moved->contacts = 1;
 }
 
 int accel_intersect(const struct accel *accel, const struct ray *ray, const void *query,
                     struct hit *hit)
 {
     struct query_context q;
+    struct ray moved;
+    int met;
 
     query_start(&q, accel, ray, query, QUERY_NEAREST);
-    return meets(&q, hit);
+    met = meets(&q, hit);
+    if (!met && q.doubt) {
+        start_inside(&moved, &q);
+        query_start(&q, accel, &moved, query, QUERY_NEAREST);
+        met = meets(&q, hit);
+    }
+    return met;
 }
 
 int accel_occluded(const struct accel *accel, const struct ray *ray, const void *query)
 {
     struct query_context q;
+    struct ray moved;
+    int blocked;
 
     query_start(&q, accel, ray, query, QUERY_OCCLUDED);
-    return is_occluded(&q);
+    blocked = is_blocked(&q);
+    if (!blocked && q.doubt) {
+        start_inside(&moved, &q);
+        query_start(&q, accel, &moved, query, QUERY_OCCLUDED);
+        blocked = is_blocked(&q);
+    }
+    return blocked;
 }
 
 int accel_intersect_enclosed(const struct accel *accel, const struct ray *ray, const void *query,
@@ -919,7 +1012,7 @@ int accel_occluded_enclosed(const struct accel *accel, const struct ray *ray, co
 
     query_start(&q, accel, ray, query, QUERY_OCCLUDED);
     while (q.attempt++ < LEAK_ATTEMPTS)
-        if (is_occluded(&q))
+        if (is_blocked(&q))
             return 1;
     return 0;
 }
@@ -963,7 +1056,7 @@ uint32_t accel_coincident(const struct accel *accel, const struct ray *ray, cons
                           const double place[3], const void *query, struct contact *out,
                           uint32_t capacity)
 {
-    struct ray line = {.t_max = INFINITY, .time = ray->time, .left_count = 1, .left = {*hit}};
+    struct ray line = {.t_max = INFINITY, .time = ray->time};
     double corner[3][3], n[3], along[3], length;
     struct query_context q;
     struct hit unused;

@@ -44,11 +44,11 @@ struct ray {
     double rest[3];        /* metres: what rounding took away; the ray starts at origin + rest */
     uint32_t left_count;   /* 0: it starts in mid-air */
     int reaches;           /* it ends on the face `end`; t_max is then near enough */
-    struct hit left[RAY_LEFT_MAX], end; /* the faces on which it starts, in any order */
-    /* A hint, which makes rays cheaper in a scene where nothing depends on contacts closer than
-     * Embree's error: */
-    float inset;           /* metres from the start to the left face's edges, or less; 0: none */
-    struct vec3 off;       /* unit: the left face's normal, to the side to which the ray goes */
+    struct hit left[RAY_LEFT_MAX], end; /* the faces on which it starts, first the one it met */
+    int contacts;          /* what is closer to left[0] than Embree's error is to be met, too, even
+                              if it shares no corner with it; makes a ray dearer */
+    float inset;           /* metres from the start to the edges of left[0], or less */
+    struct vec3 off;       /* unit: the normal of left[0], to the side to which the ray goes */
     float end_inset;       /* metres from the end to the edges of `end`, or less; 0: none */
     float end_cosine;      /* between the ray and the normal of `end`, positive */
 };

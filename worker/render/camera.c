@@ -107,6 +107,4 @@ void camera_ray(const struct camera *camera, uint32_t x, uint32_t y, const struc
     ray->rest[0] = ray->rest[1] = ray->rest[2] = 0;
     ray->left_count = 0;
     ray->reaches = 0;
-    ray->inset = 0;
-    ray->off = vec3_splat(0);
 }

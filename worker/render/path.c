@@ -529,7 +529,6 @@ static void path_go_on(struct ray *ray, float distance)
     ray->origin = exact_round(place, ray->rest);
     ray->t_max = INFINITY;
     ray->left_count = 0;
-    ray->inset = 0;
 }
 
 /* The medium between the ray's origin and the hit: absorbs, emits, scatters. 1: the path was

@@ -86,7 +86,8 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     s->t = (float)((p[0] - o[0]) * d[0] + (p[1] - o[1]) * d[1] + (p[2] - o[2]) * d[2]);
     s->p = exact_round(p, s->rest);
     s->area = (float)(0.5 * length);
-    s->inset = scene->contacts_count ? 0 : surface_inset(u, v, length, e1, e2);
+    s->contacts = scene->contacts;
+    s->inset = surface_inset(u, v, length, e1, e2);
 
     sign = s->instance->flipped ? -1 : 1;
     s->front = exact_dot(n, d) * sign < 0;
@@ -480,6 +481,7 @@ void surface_leave(const struct surface *s, struct vec3 direction, struct ray *r
     for (uint32_t i = 0; i < s->other_count; i++)
         ray->left[1 + i] = s->others[i];
     ray->reaches = 0;
+    ray->contacts = s->contacts;
     ray->inset = s->inset;
     ray->off = vec3_dot(direction, s->ng) < 0 ? vec3_neg(s->ng) : s->ng;
 }

@@ -27,6 +27,7 @@ struct surface {
     float b1, b2;             /* barycentric weights of vertices 1 and 2 */
     float t;                  /* metres from the ray's origin */
     float area;               /* of the triangle, m^2 */
+    int contacts;             /* what is very close counts (struct ray) */
     float inset;              /* metres from the place to the triangle's edges, or less */
     float footprint;          /* width of the ray's beam over sqrt(area); 0: textures at their finest */
     float time;               /* 0..1: the ray's */

@@ -119,7 +119,7 @@ struct render_scene {
     int32_t fog;                  /* its medium fills the bounding sphere, -1: none */
     struct emitters emitters;
     struct accel *accel;
-    int contacts_count;           /* something refracts or holds a medium: each of its faces is to be
+    int contacts;           /* something refracts or holds a medium: each of its faces is to be
                                      crossed, however close to another */
     struct vec3 bounds_centre;
     float bounds_radius;          /* Ritter's bounding sphere of the geometry, metres */
