@@ -186,6 +186,33 @@ static void test_thin(void **state)
     import_result_release(&r);
 }
 
+/* glTF says nothing of priorities: an extra does, and what is no number is somebody else's. */
+static void test_priority(void **state)
+{
+    static const struct {
+        const char *extras;
+        int priority;
+    } cases[] = {{"{\"dielectric_priority\":3}", 3}, {"{\"dielectric_priority\":-2.0}", -2},
+                 {"{\"dielectric_priority\":1e9}", SCENE_PRIORITY_MAX},
+                 {"{\"dielectric_priority\":\"high\"}", 0}, {"[1,2]", 0}};
+    char rest[2048];
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct maker m = cut_box();
+        struct import_result r;
+        snprintf(rest, sizeof rest,
+                 ONE_NODE ",\"materials\":[{\"extras\":%s,\"extensions\":{"
+                 "\"KHR_materials_transmission\":{\"transmissionFactor\":1},"
+                 "\"KHR_materials_volume\":{\"thicknessFactor\":1}}}],"
+                 "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0},"
+                 "\"indices\":1,\"material\":0}]}]", cases[i].extras);
+        maker_import(&m, rest, &r);
+        assert_int_equal(r.scene.materials[0].priority, cases[i].priority);
+        import_result_release(&r);
+    }
+}
+
 static void test_no_memory(void **state)
 {
     struct maker m = cut_box();
@@ -201,7 +228,7 @@ int main(void)
         cmocka_unit_test(test_different_fillings), cmocka_unit_test(test_mirrored),
         cmocka_unit_test(test_touching),      cmocka_unit_test(test_open_together),
         cmocka_unit_test(test_inverted),      cmocka_unit_test(test_thin),
-        cmocka_unit_test(test_no_memory),
+        cmocka_unit_test(test_priority),      cmocka_unit_test(test_no_memory),
     };
     return cmocka_run_group_tests_name("bodies", tests, NULL, NULL);
 }
