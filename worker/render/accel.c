@@ -37,6 +37,7 @@ struct accel_geometry {
     uint8_t filtered;        /* accept is to be asked */
     float least_stretch;     /* of its matrix; 1 in world space */
     uint32_t motion_steps;
+    double error_origin, error_extent; /* as the accel's, for rays that meet its triangles */
 };
 
 struct accel {
@@ -71,7 +72,8 @@ struct query_context {
     const struct ray *ray;
     enum query_kind kind;
     double origin[3], direction[3];
-    double error;                 /* metres: Embree's, in the height over a plane */
+    double error;                 /* metres: Embree's, in the height over a plane; */
+    double error_left;            /* over those of the instance that the ray leaves */
     double start[3];              /* of Embree's ray */
     int at_edge;                  /* the ray starts so near to its face's edges that Embree's starts */
     double inside[3];             /* farther inside the face: here; */
@@ -629,18 +631,25 @@ static status attach_huge(struct accel *accel, struct error *err)
     return STATUS_OK;
 }
 
-/* How wrong Embree can be. */
+/* How wrong Embree can be, at each instance and at all of them. */
 static void bound_errors(struct accel *accel, const struct accel_input *in)
 {
-    double instances = 0;
-
     for (uint32_t i = 0; i < in->instance_count; i++) {
         const struct accel_instance *instance = &in->instances[i];
-        if (!instance->world_positions)
-            instances = fmax(instances, instance->motion_steps ? ERROR_MOVING : ERROR_INSTANCE);
+        struct accel_geometry *g = &accel->geometries[i];
+        double condition = 1, origin = ERROR_TRIANGLE;
+
+        if (!instance->world_positions) {
+            condition = instance->motion_steps ? 1 : sizes_condition(&instance->to_world);
+            for (uint32_t k = 0; k < instance->motion_steps; k++)
+                condition = fmax(condition, sizes_condition(&instance->motion_to_world[k]));
+            origin += condition * (instance->motion_steps ? ERROR_MOVING : ERROR_INSTANCE);
+        }
+        g->error_origin = 0x1p-24 * origin;
+        g->error_extent = g->error_origin * accel->sizes.longest[i];
+        accel->error_origin = fmax(accel->error_origin, g->error_origin);
+        accel->error_extent = fmax(accel->error_extent, g->error_extent);
     }
-    accel->error_origin = 0x1p-24 * (ERROR_TRIANGLE + instances * accel->sizes.condition);
-    accel->error_extent = accel->error_origin * accel->sizes.longest;
 }
 
 status accel_new(struct accel **out, const struct accel_input *in, struct error *err)
@@ -771,7 +780,7 @@ static void move_inwards(struct query_context *q)
     }
     middle = longest > 0 ? sqrt(exact_dot(n, n) / longest) / 3 : 0;
     inset = fmax((double)q->ray->inset, 0);
-    wanted = 2 * INSET_ERRORS * q->error;
+    wanted = 2 * INSET_ERRORS * q->error_left;
     part = middle > wanted ? (wanted - inset) / (middle - inset) : 1;
     move(q->start, way, part);
     q->error += part * sqrt(exact_dot(way, way));
@@ -780,23 +789,26 @@ static void move_inwards(struct query_context *q)
 /* Without contacts a start just off the face spares Embree the face itself. */
 static void start_on_face(struct query_context *q)
 {
+    const struct accel_geometry *g = &q->accel->geometries[q->ray->left[0].instance];
     double off[3];
 
-    q->at_edge = (double)q->ray->inset < INSET_ERRORS * q->error;
+    q->error_left = g->error_origin * largest(q->origin) + g->error_extent;
+    q->at_edge = (double)q->ray->inset < INSET_ERRORS * q->error_left;
     if (q->at_edge)
         move_inwards(q);
     memcpy(q->inside, q->start, sizeof q->inside);
+    /* Until the ray is clear of the plane that it leaves, an error to the side, or the direction's
+     * own, may seem to take it below. */
+    q->near_start = fmax(q->back, 2 * q->error / (double)vec3_dot(q->ray->off, q->ray->direction));
     if (q->at_edge || q->ray->contacts) {
-        q->near_start = fmax(q->back, 2 * q->error /
-                                          (double)vec3_dot(q->ray->off, q->ray->direction));
         move(q->start, q->direction, -q->back);
         return;
     }
     exact_vec(q->ray->off, off);
-    move(q->start, off, q->error);
+    move(q->start, off, q->error_left);
     q->t_max -= q->back;
     q->back = 0;
-    q->error *= 2;
+    q->error += q->error_left;
 }
 
 /* Where the end is clear of the face's edges nothing can be right before it but the face. */
@@ -835,8 +847,6 @@ static void query_start(struct query_context *q, const struct accel *accel, cons
         q->error += accel->error_origin * (double)ray->t_max;
     q->back = BACK_ERRORS * q->error;
     q->t_max = (double)ray->t_max + q->back;
-    /* Until the ray is clear of the plane that it leaves, an error to the side may seem to take it
-     * below. */
     q->near_start = q->near_end = q->back;
     if (ray->reaches)
         end_on_face(q);
