@@ -35,6 +35,11 @@ static inline void exact_vec(struct vec3 v, double out[3])
     out[2] = (double)v.z;
 }
 
+static inline double exact_largest(const double a[3])
+{
+    return fmax(fabs(a[0]), fmax(fabs(a[1]), fabs(a[2])));
+}
+
 /* Where the ray starts. */
 static inline void exact_origin(const struct ray *ray, double out[3])
 {

@@ -18,8 +18,6 @@ enum { EXPONENT_MIN = -160, EXPONENTS = 320 };
 struct tally {
     uint64_t count[EXPONENTS];   /* triangles whose longest edge has the exponent */
     uint64_t world[EXPONENTS];   /* of them, those that lie in the top BVH */
-    double longest[EXPONENTS];
-    double longest_shared;       /* of those that do not */
     uint64_t total;
 };
 
@@ -74,47 +72,59 @@ static void count_one(struct tally *tally, double longest, double area2, int in_
         return; /* a point or a line: no ray meets it */
     tally->count[e]++;
     tally->world[e] += (uint64_t)in_world;
-    tally->longest[e] = fmax(tally->longest[e], longest);
     tally->total++;
 }
 
-static double norm(const struct transform *m)
+/* The largest of the matrix, at any step, stretches nothing by more. */
+static double norm(const struct accel_instance *instance)
 {
-    double sum = 0;
+    double most = 0;
 
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++)
-            sum += (double)m->m[r][c] * (double)m->m[r][c];
-    return sqrt(sum);
+    for (uint32_t i = 0; i < (instance->motion_steps ? instance->motion_steps : 1); i++) {
+        const struct transform *m = instance->motion_steps ? &instance->motion_to_world[i]
+                                                           : &instance->to_world;
+        double sum = 0;
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++)
+                sum += (double)m->m[r][c] * (double)m->m[r][c];
+        most = fmax(most, sqrt(sum));
+    }
+    return most;
 }
 
-/* Meshes with a BVH of their own: by the smallest and largest scales of their instances. */
-static status tally_shared(struct tally *tally, const struct accel_input *in, struct error *err)
+/* Meshes with a BVH of their own: by the smallest scale of their instances. */
+static status tally_shared(struct tally *tally, struct sizes *sizes, const struct accel_input *in,
+                           struct error *err)
 {
-    struct span { double least, most; } *scale = mem_calloc(in->mesh_count, sizeof *scale);
+    double *least = mem_calloc(in->mesh_count, sizeof *least);
 
-    if (!scale)
+    if (!least)
         return error_no_memory(err, "the sizes of the triangles");
     for (uint32_t i = 0; i < in->instance_count; i++) {
         const struct accel_instance *instance = &in->instances[i];
-        struct span *span = &scale[instance->mesh];
-        double at;
+        double *of_mesh = &least[instance->mesh];
 
         if (instance->world_positions)
             continue;
-        at = norm(instance->motion_steps ? instance->motion_to_world : &instance->to_world);
-        span->least = span->most > 0 ? fmin(span->least, at) : at;
-        span->most = fmax(span->most, at);
+        sizes->longest[i] = norm(instance);
+        *of_mesh = *of_mesh > 0 ? fmin(*of_mesh, sizes->longest[i]) : sizes->longest[i];
     }
-    for (uint32_t m = 0; m < in->mesh_count; m++)
-        for (uint32_t k = 0; scale[m].most > 0 && k < in->meshes[m].triangle_count; k++) {
+    for (uint32_t m = 0; m < in->mesh_count; m++) {
+        double most = 0;
+
+        for (uint32_t k = 0; least[m] > 0 && k < in->meshes[m].triangle_count; k++) {
             double area2, longest = sqrt(longest_edge(in->meshes[m].positions,
                                                       in->meshes[m].indices + 3 * (size_t)k,
                                                       &area2));
-            count_one(tally, scale[m].least / sqrt(3.0) * longest, area2, 0);
-            tally->longest_shared = fmax(tally->longest_shared, scale[m].most * longest);
+            count_one(tally, least[m] / sqrt(3.0) * longest, area2, 0);
+            most = fmax(most, longest);
         }
-    mem_free(scale);
+        least[m] = most;
+    }
+    for (uint32_t i = 0; i < in->instance_count; i++)
+        if (!in->instances[i].world_positions)
+            sizes->longest[i] *= least[in->instances[i].mesh];
+    mem_free(least);
     return STATUS_OK;
 }
 
@@ -143,24 +153,31 @@ static int huge_exponent(const struct tally *tally)
     return huge;
 }
 
+/* Sets the triangles of the top BVH apart: the huge are listed, of the others the longest counts. */
 static status list_huge(struct sizes *sizes, const struct accel_input *in, int least, uint64_t count,
                         struct error *err)
 {
-    if (count == 0)
-        return STATUS_OK;
     sizes->huge = mem_alloc_array(count, sizeof *sizes->huge);
     if (!sizes->huge)
         return error_no_memory(err, "the list of huge triangles");
     for (uint32_t i = 0; i < in->instance_count; i++) {
         const struct accel_instance *instance = &in->instances[i];
         const struct accel_mesh *mesh = &in->meshes[instance->mesh];
+        double most = 0;
 
-        for (uint32_t k = 0; instance->world_positions && k < mesh->triangle_count; k++) {
+        if (!instance->world_positions)
+            continue;
+        for (uint32_t k = 0; k < mesh->triangle_count; k++) {
             double area2, longest = largest_in_motion(instance, mesh->indices + 3 * (size_t)k,
                                                       &area2);
-            if (area2 > 0 && exponent_of(sqrt(longest)) >= least && sizes->huge_count < count)
+            if (!(area2 > 0))
+                continue;
+            if (exponent_of(sqrt(longest)) < least)
+                most = fmax(most, longest);
+            else if (sizes->huge_count < count)
                 sizes->huge[sizes->huge_count++] = (struct hit){i, k};
         }
+        sizes->longest[i] = sqrt(most);
     }
     return STATUS_OK;
 }
@@ -203,32 +220,22 @@ status sizes_init(struct sizes *sizes, const struct accel_input *in, struct erro
     int least;
 
     memset(sizes, 0, sizeof *sizes);
-    sizes->condition = 1;
-    if (!tally)
-        return error_no_memory(err, "the sizes of the triangles");
-    s = tally_shared(tally, in, err);
-    for (uint32_t i = 0; i < in->instance_count && s == STATUS_OK; i++) {
-        const struct accel_instance *instance = &in->instances[i];
-
-        if (instance->world_positions)
-            tally_world(tally, in, instance);
-        else if (!instance->motion_steps)
-            sizes->condition = fmax(sizes->condition, sizes_condition(&instance->to_world));
-        else
-            for (uint32_t k = 0; k < instance->motion_steps; k++)
-                sizes->condition = fmax(sizes->condition,
-                                        sizes_condition(&instance->motion_to_world[k]));
+    sizes->longest = mem_calloc(in->instance_count, sizeof *sizes->longest);
+    if (!tally || !sizes->longest) {
+        s = error_no_memory(err, "the sizes of the triangles");
+        goto done;
     }
+    s = tally_shared(tally, sizes, in, err);
+    if (s != STATUS_OK)
+        goto done;
+    for (uint32_t i = 0; i < in->instance_count; i++)
+        if (in->instances[i].world_positions)
+            tally_world(tally, in, &in->instances[i]);
     least = huge_exponent(tally);
-    sizes->longest = tally->longest_shared;
-    for (int e = 0; e < EXPONENTS; e++) {
-        if (e >= least)
-            count += tally->world[e];
-        else
-            sizes->longest = fmax(sizes->longest, tally->longest[e]);
-    }
-    if (s == STATUS_OK)
-        s = list_huge(sizes, in, least, count, err);
+    for (int e = least; e < EXPONENTS; e++)
+        count += tally->world[e];
+    s = list_huge(sizes, in, least, count, err);
+done:
     mem_free(tally);
     return s;
 }
@@ -236,6 +243,7 @@ status sizes_init(struct sizes *sizes, const struct accel_input *in, struct erro
 void sizes_release(struct sizes *sizes)
 {
     mem_free(sizes->huge);
+    mem_free(sizes->longest);
     memset(sizes, 0, sizeof *sizes);
 }
 

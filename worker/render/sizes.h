@@ -14,8 +14,8 @@
 enum { SIZES_HUGE_MAX = 1024 };  /* triangles */
 
 struct sizes {
-    double longest;       /* metres: the longest edge of a triangle that is not huge, in the world */
-    double condition;     /* >= 1: how much an instance's matrix and its inverse magnify rounding */
+    double *longest;      /* [instances] metres: the longest edge of a triangle that is not huge, in
+                             the world; at most so long */
     uint32_t huge_count;
     struct hit *huge;     /* [huge_count] by instance, then by triangle */
 };

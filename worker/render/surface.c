@@ -86,7 +86,7 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     s->t = (float)((p[0] - o[0]) * d[0] + (p[1] - o[1]) * d[1] + (p[2] - o[2]) * d[2]);
     s->p = exact_round(p, s->rest);
     s->area = (float)(0.5 * length);
-    s->contacts = scene->contacts;
+    s->contacts = world_near_boundary(scene, s->p);
     s->inset = surface_inset(u, v, length, e1, e2);
 
     sign = s->instance->flipped ? -1 : 1;

@@ -153,6 +153,38 @@ static status load_media(struct render_scene *w, const struct scene *scene,
 
 /* Ritter's sphere around the corners of every instance's box, at every moment of the shutter:
  * the boxes are known without touching the vertices. */
+/* A box around the corners, and a thousandth of its diagonal more. Where there are many boundaries
+ * the last box holds the rest. */
+static void add_boundary(struct render_scene *w, const struct vec3 *corners, size_t count)
+{
+    struct world_box *box;
+    struct vec3 low = vec3_splat(INFINITY), high = vec3_splat(-INFINITY);
+    float margin;
+
+    for (size_t i = 0; i < count; i++) {
+        low = vec3_make(float_min(corners[i].x, low.x), float_min(corners[i].y, low.y),
+                        float_min(corners[i].z, low.z));
+        high = vec3_make(float_max(corners[i].x, high.x), float_max(corners[i].y, high.y),
+                         float_max(corners[i].z, high.z));
+    }
+    margin = 1e-3f * vec3_length(vec3_sub(high, low)) +
+             0x1p-12f * float_max(float_max(fabsf(vec3_max(high)), fabsf(vec3_min(high))),
+                                  float_max(fabsf(vec3_max(low)), fabsf(vec3_min(low))));
+    if (w->boundary_count < WORLD_BOUNDARIES_MAX) {
+        box = &w->boundaries[w->boundary_count++];
+        *box = (struct world_box){{INFINITY, INFINITY, INFINITY},
+                                  {-INFINITY, -INFINITY, -INFINITY}};
+    } else {
+        box = &w->boundaries[WORLD_BOUNDARIES_MAX - 1];
+    }
+    box->low[0] = float_min(low.x - margin, box->low[0]);
+    box->low[1] = float_min(low.y - margin, box->low[1]);
+    box->low[2] = float_min(low.z - margin, box->low[2]);
+    box->high[0] = float_max(high.x + margin, box->high[0]);
+    box->high[1] = float_max(high.y + margin, box->high[1]);
+    box->high[2] = float_max(high.z + margin, box->high[2]);
+}
+
 static status find_bounds(struct render_scene *w, const struct scene *scene, struct error *err)
 {
     size_t count = 0, room = 0;
@@ -164,8 +196,14 @@ static status find_bounds(struct render_scene *w, const struct scene *scene, str
     corners = mem_alloc_array(room, sizeof *corners);
     if (!corners)
         return error_no_memory(err, "the bounding sphere");
-    for (uint32_t i = 0; i < w->instance_count; i++)
-        count += world_place_hull(w, scene, i, corners + count);
+    for (uint32_t i = 0; i < w->instance_count; i++) {
+        const struct world_material *material = &w->materials[w->instances[i].material];
+        size_t added = world_place_hull(w, scene, i, corners + count);
+
+        if (material->flags & MATERIAL_BOUNDS || material->m.kind == MATERIAL_MIX)
+            add_boundary(w, corners + count, added);
+        count += added;
+    }
     sphere = sphere_around(corners, count);
     w->bounds_centre = sphere.centre;
     w->bounds_radius = sphere.radius > 0 && isfinite(sphere.radius) ? sphere.radius : 1;

@@ -97,6 +97,11 @@ struct interior {
     uint32_t entry[INTERIOR_MAX]; /* in the order of entry: the body's material, or INTERIOR_OWED */
 };
 
+struct world_box {
+    float low[3], high[3];
+};
+enum { WORLD_BOUNDARIES_MAX = 8 };
+
 struct kernel;
 
 struct render_scene {
@@ -119,8 +124,10 @@ struct render_scene {
     int32_t fog;                  /* its medium fills the bounding sphere, -1: none */
     struct emitters emitters;
     struct accel *accel;
-    int contacts;           /* something refracts or holds a medium: each of its faces is to be
-                                     crossed, however close to another */
+    /* Around what refracts or holds a medium, with a margin: there each face is to be crossed,
+     * however close to another. */
+    struct world_box boundaries[WORLD_BOUNDARIES_MAX];
+    uint32_t boundary_count;
     struct vec3 bounds_centre;
     float bounds_radius;          /* Ritter's bounding sphere of the geometry, metres */
     float fog_radius;             /* the same grown to hold the camera */
@@ -161,6 +168,18 @@ void world_triangle(const struct render_scene *scene, const struct world_instanc
 
 /* The same in double, for the accel; `scene` is a struct render_scene. */
 accel_corners world_exact_corners;
+
+/* Is something that refracts, or a medium, so near that every contact counts? */
+static inline int world_near_boundary(const struct render_scene *scene, struct vec3 p)
+{
+    for (uint32_t i = 0; i < scene->boundary_count; i++) {
+        const struct world_box *box = &scene->boundaries[i];
+        if (p.x >= box->low[0] && p.x <= box->high[0] && p.y >= box->low[1] &&
+            p.y <= box->high[1] && p.z >= box->low[2] && p.z <= box->high[2])
+            return 1;
+    }
+    return 0;
+}
 
 static inline const uint32_t *world_vertices(const struct world_mesh *mesh, uint32_t triangle)
 {

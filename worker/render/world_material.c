@@ -352,8 +352,6 @@ static int alpha_matters(const struct world_material *material, const struct wor
 
 void world_materials_placed(struct render_scene *w)
 {
-    for (uint32_t i = 0; i < w->material_count; i++)
-        w->contacts |= (w->materials[i].flags & MATERIAL_BOUNDS) != 0;
     for (uint32_t i = 0; i < w->instance_count; i++) {
         struct world_material *material = &w->materials[w->instances[i].material];
         /* It depends on the mesh's colours: recorded with the material that meshes share. */

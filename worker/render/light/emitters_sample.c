@@ -163,7 +163,8 @@ static int emitters_sample_triangle(const struct render_scene *scene, uint32_t l
     out->on_face = 1;
     out->face = (struct hit){e->triangle_instance[light], triangle};
     out->cosine = cosine;
-    out->inset = scene->contacts ? 0 : emitters_inset(b1, b2, double_area, e1, e2);
+    out->inset = world_near_boundary(scene, point) ? 0
+                                                   : emitters_inset(b1, b2, double_area, e1, e2);
     out->pdf = odds * distance_squared / (cosine * (0.5f * double_area));
     out->radiance = world_emission(material, mesh, world_vertices(mesh, triangle), b1, b2);
     if (HAS(CLEARCOAT) && material->m.clearcoat > 0)
