@@ -123,7 +123,7 @@ static int path_is_enclosed(const struct render_scene *scene, const struct inter
     double corner[3][3], n[3], direction[3];
 
     if (ray->t_max < INFINITY)
-        return 0; /* it did not escape but reached its end */
+        return 0; /* it reached its end */
     if (scene->enclosed || (HAS_VOLUMES && path_is_inside(scene, in, ray)))
         return 1;
     if (ray->left_count == 0)
@@ -137,11 +137,11 @@ static int path_is_enclosed(const struct render_scene *scene, const struct inter
     return instance->flipped ? exact_dot(n, direction) > 0 : exact_dot(n, direction) < 0;
 }
 
-static int path_meets(const struct path *path, const struct interior *in, const struct ray *ray,
-                      struct hit *hit)
+/* What such a ray meets; 0: it did escape. Seldom called: kept out of the way of what runs always. */
+static __attribute__((cold, noinline)) int path_leaked(const struct path *path,
+                                                       const struct interior *in,
+                                                       const struct ray *ray, struct hit *hit)
 {
-    if (accel_intersect(path->scene->accel, ray, &path->query, hit))
-        return 1;
     if (!path_is_enclosed(path->scene, in, ray) ||
         !accel_intersect_enclosed(path->scene->accel, ray, &path->query, hit))
         return 0;
@@ -149,15 +149,28 @@ static int path_meets(const struct path *path, const struct interior *in, const 
     return 1;
 }
 
-static int path_is_blocked(const struct path *path, const struct ray *ray)
+static int path_meets(const struct path *path, const struct interior *in, const struct ray *ray,
+                      struct hit *hit)
 {
-    if (accel_occluded(path->scene->accel, ray, &path->query))
-        return 1;
+    return accel_intersect(path->scene->accel, ray, &path->query, hit) ||
+           path_leaked(path, in, ray, hit);
+}
+
+/* The same of a shadow ray that found its way free. */
+static __attribute__((cold, noinline)) int path_leaked_shadow(const struct path *path,
+                                                              const struct ray *ray)
+{
     if (!path_is_enclosed(path->scene, &path->interior, ray) ||
         !accel_occluded_enclosed(path->scene->accel, ray, &path->query))
         return 0;
     path->stats->leaked_rays++;
     return 1;
+}
+
+static int path_is_blocked(const struct path *path, const struct ray *ray)
+{
+    return accel_occluded(path->scene->accel, ray, &path->query) ||
+           (!(ray->t_max < INFINITY) && path_leaked_shadow(path, ray));
 }
 
 static int path_trace(const struct path *path, const struct interior *in, const struct ray *ray,
