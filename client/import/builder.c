@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "client/import/bodies.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
 #include "common/scene/effects.h"
@@ -532,6 +533,7 @@ static status hand_over_tables(struct builder *b)
         scene->environment.portals = portals;
     }
     scene->fog = b->fog;
+    scene->volume_rule = b->volume_rule;
     return STATUS_OK;
 }
 
@@ -712,6 +714,8 @@ status builder_finish(struct builder *b, const char *title, const struct import_
     if (result != STATUS_OK)
         return result;
     result = simplify(b);
+    if (result == STATUS_OK)
+        result = bodies_find(b);
     if (result != STATUS_OK)
         return result;
     light_the_dark(b);

@@ -52,6 +52,7 @@ struct builder {
                              * environment say so, too */
     const char *no_camera_hint, *no_light_hint; /* what to do in the file's exporter */
     int32_t fog;            /* a row of media, BUILDER_NO_ROW: none */
+    enum scene_volume_rule volume_rule;
 
     size_t blob_capacity;
     uint32_t *blob_index;   /* open addressing by digest: row + 1, 0 is free */

@@ -19,6 +19,19 @@ static float clamp(struct gltf *g, const struct gltf_place *at, const char *key,
     return (float)clamped;
 }
 
+/* glTF has no priorities: an extra has. Extras may hold anything, so what is no number is not
+ * meant for us. */
+static void read_priority(struct gltf *g, json_t *in, const struct gltf_place *at,
+                          struct scene_material *m)
+{
+    const struct gltf_place inner = gltf_within(at, ".extras");
+    json_t *value = json_object_get(json_object_get(in, "extras"), "dielectric_priority");
+
+    if (json_is_number(value))
+        m->priority = (int)clamp(g, &inner, "dielectric_priority", json_number_value(value),
+                                 -SCENE_PRIORITY_MAX, SCENE_PRIORITY_MAX);
+}
+
 status gltf_factor(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
                    double high, float *out)
 {
@@ -112,6 +125,7 @@ static status read_transmission(struct gltf *g, json_t *in, const struct gltf_pl
                      at->row, at_v.part);
         m->attenuation_distance = INFINITY;
     }
+    read_priority(g, in, at, m);
     return STATUS_OK;
 }
 

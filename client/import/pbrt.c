@@ -114,6 +114,7 @@ static status import(const void *data, size_t size_bytes, const char *name, cons
     if (!p)
         return error_no_memory(b->err, "a scene");
     p->b = b;
+    b->volume_rule = VOLUMES_BOUNDARIES;
     p->err = b->err;
     p->reader.arena = &p->arena;
     result = begin(p, data, size_bytes, name, folder);

@@ -298,7 +298,7 @@ struct pbrt_surface {
     struct pbrt_material *material;
     struct pbrt_area_light *light;          /* NULL: does not shine */
     const struct pbrt_texture *alpha;       /* NULL: opaque */
-    int32_t medium;                         /* inside, BUILDER_NO_ROW: none */
+    int32_t medium, medium_outside;         /* BUILDER_NO_ROW: none; the same: no change */
     double area;                            /* m^2 in the world, for lights with a power */
     int one_sided;                          /* front alone is there */
 };

@@ -13,7 +13,7 @@ struct pbrt_variant {
     const struct pbrt_area_light *light;
     const struct pbrt_texture *alpha;
     double area;
-    int32_t medium;
+    int32_t medium, medium_outside;
     int one_sided;
     uint32_t row;
 };
@@ -202,10 +202,10 @@ static status put_light(struct pbrt *p, const struct pbrt_surface *s, struct sce
     return STATUS_OK;
 }
 
-static int bounds_volume(const struct scene_material *m)
+static int lets_through(const struct scene_material *m)
 {
     return m->kind == MATERIAL_INTERFACE || m->kind == MATERIAL_MIX ||
-           (m->kind == MATERIAL_SURFACE && m->refractive && m->transmission > 0);
+           (m->kind == MATERIAL_SURFACE && (m->transmission > 0 || m->diffuse_transmission > 0));
 }
 
 static status make_row(struct pbrt *p, const struct pbrt_surface *s, unsigned depth,
@@ -219,7 +219,7 @@ static status find_or_make(struct pbrt *p, const struct pbrt_surface *s, unsigne
 
     for (v = *list; v; v = v->next)
         if (v->material == s->material && v->light == s->light && v->alpha == s->alpha &&
-            v->medium == s->medium && v->one_sided == s->one_sided && v->area == area) {
+            v->medium == s->medium && v->medium_outside == s->medium_outside && v->one_sided == s->one_sided && v->area == area) {
             *row = v->row;
             return STATUS_OK;
         }
@@ -227,8 +227,8 @@ static status find_or_make(struct pbrt *p, const struct pbrt_surface *s, unsigne
     v = ARENA_NEW(&p->arena, struct pbrt_variant);
     if (!v)
         return error_no_memory(p->err, "a material");
-    *v = (struct pbrt_variant){*list,     s->material, s->light,     s->alpha,
-                               area,      s->medium,   s->one_sided, *row};
+    *v = (struct pbrt_variant){*list,     s->material,       s->light,     s->alpha, area,
+                               s->medium, s->medium_outside, s->one_sided, *row};
     *list = v;
     return STATUS_OK;
 }
@@ -243,8 +243,10 @@ static status make_row(struct pbrt *p, const struct pbrt_surface *s, unsigned de
                          PBRT_MATERIAL_DEPTH_MAX);
     TRY(put_color(p, m, s->alpha, &out));
     TRY(put_light(p, s, &out));
-    if (bounds_volume(&out))
+    if (lets_through(&out)) {
         out.medium = s->medium;
+        out.medium_outside = s->medium_outside;
+    }
     if (s->one_sided)
         out.double_sided = 0;
     for (int i = 0; i < 2 && out.kind == MATERIAL_MIX; i++) {

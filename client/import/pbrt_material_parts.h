@@ -43,9 +43,11 @@ status pbrt_put_coat_roughness(struct pbrt *p, struct pbrt_material *m,
                                const struct pbrt_roughness *r) MUST_CHECK;
 int pbrt_same_constant(const struct pbrt_texture *a, const struct pbrt_texture *b);
 
-/* An index of refraction of 1 to 1000, and Abbe's number (0: no dispersion). */
+/* What a dielectric's index may be: that behind the surface over that before it. */
+#define PBRT_INDEX_MIN 1e-3
+/* An index of refraction from `least` to 1000, and Abbe's number (0: no dispersion). */
 status pbrt_read_index(struct pbrt *p, struct pbrt_material *m, const char *name,
-                       double otherwise, double *index, double *abbe) MUST_CHECK;
+                       double least, double *index, double *abbe) MUST_CHECK;
 /* What a smooth surface throws back of diffuse light that comes from inside it:
  * 1 - (1 - F) / eta^2 with F the diffuse reflectance from outside (Egan & Hilgeman 1973). */
 double pbrt_inner_reflectance(double eta);

@@ -88,7 +88,7 @@ static status read_uber(struct pbrt *p, struct pbrt_material *m)
     double index, abbe;
 
     TRY(read_plastic(p, m));
-    TRY(pbrt_read_index(p, m, pbrt_has(m->params, "index") ? "index" : "eta", 1.5, &index, &abbe));
+    TRY(pbrt_read_index(p, m, pbrt_has(m->params, "index") ? "index" : "eta", 1, &index, &abbe));
     m->base.ior = (float)index;
     for (int i = 0; i < 2; i++) {
         TRY(pbrt_color_texture(p, m->params, missing[i], USE_REFLECTANCE, &t));
@@ -121,7 +121,8 @@ static status read_glass(struct pbrt *p, struct pbrt_material *m)
     struct pbrt_roughness rough;
     double index, abbe;
 
-    TRY(pbrt_read_index(p, m, pbrt_has(m->params, "index") ? "index" : "eta", 1.5, &index, &abbe));
+    TRY(pbrt_read_index(p, m, pbrt_has(m->params, "index") ? "index" : "eta", PBRT_INDEX_MIN,
+                        &index, &abbe));
     pbrt_be_glass(m, index, abbe);
     TRY(pbrt_color_or(p, m, "Kt", 1, &m->color));
     TRY(pbrt_color_or(p, m, "Kr", 1, &kr));
@@ -153,7 +154,7 @@ static status read_disney(struct pbrt *p, struct pbrt_material *m)
     if (t)
         TRY(pbrt_scalar_slot(p, t, pbrt_unchanged, 0, &m->base.roughness,
                              &m->base.metallic_roughness_texture));
-    TRY(pbrt_read_index(p, m, "eta", 1.5, &index, &abbe));
+    TRY(pbrt_read_index(p, m, "eta", 1, &index, &abbe));
     m->base.ior = (float)index;
     m->base.transmission = (float)fmin(fmax(pbrt_float(a, "spectrans", 0), 0), 1);
     m->base.refractive = !pbrt_bool(a, "thin", 0);

@@ -34,7 +34,7 @@ static status read_coated_diffuse(struct pbrt *p, struct pbrt_material *m)
     m->base.metallic = 0;
     TRY(pbrt_color_or(p, m, "reflectance", 0.5, &m->color));
     TRY(pbrt_read_roughness(p, m, "", 0, 0, &rough));
-    TRY(pbrt_read_index(p, m, "eta", 1.5, &index, &abbe));
+    TRY(pbrt_read_index(p, m, "eta", 1, &index, &abbe));
     m->base.ior = (float)index;
     m->base.base_interreflection = (float)fmin(pbrt_inner_reflectance(index), 0.999);
     TRY(read_layers(p, m));
@@ -79,7 +79,7 @@ static status read_coated_conductor(struct pbrt *p, struct pbrt_material *m)
     struct pbrt_roughness coat, metal;
     double index, abbe;
 
-    TRY(pbrt_read_index(p, m, "interface.eta", 1.5, &index, &abbe));
+    TRY(pbrt_read_index(p, m, "interface.eta", 1, &index, &abbe));
     TRY(pbrt_read_conductor(p, m, "conductor.", index));
     TRY(pbrt_read_roughness(p, m, "interface.", 0, 0, &coat));
     TRY(pbrt_read_roughness(p, m, "conductor.", 0, 0, &metal));
@@ -95,7 +95,7 @@ static status read_dielectric(struct pbrt *p, struct pbrt_material *m)
 {
     double index, abbe;
 
-    TRY(pbrt_read_index(p, m, "eta", 1.5, &index, &abbe));
+    TRY(pbrt_read_index(p, m, "eta", PBRT_INDEX_MIN, &index, &abbe));
     pbrt_be_glass(m, index, abbe);
     return pbrt_own_roughness(p, m, 0, 0);
 }
@@ -104,7 +104,7 @@ static status read_thin_dielectric(struct pbrt *p, struct pbrt_material *m)
 {
     double index, abbe;
 
-    TRY(pbrt_read_index(p, m, "eta", 1.5, &index, &abbe));
+    TRY(pbrt_read_index(p, m, "eta", 1, &index, &abbe));
     pbrt_be_glass(m, index, 0);
     m->base.refractive = 0;
     m->base.thin_slab = 1;

@@ -109,14 +109,16 @@ status pbrt_put_coat_roughness(struct pbrt *p, struct pbrt_material *m,
                             &m->base.clearcoat_roughness_texture);
 }
 
+#define INDEX_DEFAULT 1.5
+
 /* ---- indices of refraction ---------------------------------------------------------------- */
 
 status pbrt_read_index(struct pbrt *p, struct pbrt_material *m, const char *name,
-                       double otherwise, double *index, double *abbe)
+                       double least, double *index, double *abbe)
 {
     const struct pbrt_param *param = pbrt_param(m->params, name, PBRT_NUMBERS | PBRT_COLORS);
 
-    *index = otherwise;
+    *index = INDEX_DEFAULT;
     *abbe = 0;
     if (!param)
         return STATUS_OK;
@@ -132,12 +134,12 @@ status pbrt_read_index(struct pbrt *p, struct pbrt_material *m, const char *name
     } else {
         *index = param->numbers[0];
     }
-    if (!(*index >= 1 && *index <= 1e3)) {
+    if (!(*index >= least && *index <= 1e3)) {
         pbrt_warn(p, &param->at, "index of refraction",
-                  "material \"%.60s\": an index of refraction of %g is not supported (1 to 1000): "
+                  "material \"%.60s\": an index of refraction of %g is not supported (%g to 1000): "
                   "%g is used",
-                  m->name, *index, *index < 1 ? 1.0 : otherwise);
-        *index = *index < 1 ? 1 : otherwise;
+                  m->name, *index, least, *index < least ? least : INDEX_DEFAULT);
+        *index = *index < least ? least : INDEX_DEFAULT;
         *abbe = 0;
     }
     return STATUS_OK;

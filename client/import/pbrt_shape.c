@@ -505,25 +505,13 @@ static status read_alpha(struct pbrt *p, const struct pbrt_directive *d,
     return STATUS_OK;
 }
 
-/* The medium inside of the surface. Where a bare interface has its medium on its outside alone
- * (and that is not the one all around), it is turned inside out. */
-static status read_medium(struct pbrt *p, const struct pbrt_directive *d,
-                          struct pbrt_surface *s, struct mesh_source *mesh)
+/* The media behind and before the surface; none where it does not part two. */
+static status read_media(struct pbrt *p, const struct pbrt_directive *d, struct pbrt_surface *s)
 {
-    const char *inside = p->now.inside, *outside = p->now.outside;
-    const enum scene_material_kind kind = s->material->base.kind;
-
-    if (kind == MATERIAL_INTERFACE && !*inside && *outside &&
-        strcmp(outside, p->camera_medium) != 0) {
-        mesh_source_reverse(mesh);
-        inside = outside;
-    }
-    if (kind == MATERIAL_SURFACE && !s->material->base.refractive &&
-        strcmp(inside, outside) != 0 &&
-        (s->material->base.transmission > 0 || s->material->base.diffuse_transmission > 0))
-        pbrt_warn(p, &d->at, "medium behind a thin surface",
-                  "a thin surface between two media is not supported: the medium stays the same");
-    return pbrt_medium_row(p, inside, &d->at, &s->medium);
+    if (strcmp(p->now.inside, p->now.outside) == 0)
+        return STATUS_OK;
+    TRY(pbrt_medium_row(p, p->now.inside, &d->at, &s->medium));
+    return pbrt_medium_row(p, p->now.outside, &d->at, &s->medium_outside);
 }
 
 static void tangents_of(const struct pbrt_surface *s, struct mesh_tangents *out)
@@ -582,7 +570,8 @@ static status add_shape(struct pbrt *p, const struct pbrt_directive *d, struct m
 {
     struct pbrt_surface s = {.material = p->now.material,
                              .light = p->now.area_light,
-                             .medium = BUILDER_NO_ROW};
+                             .medium = BUILDER_NO_ROW,
+                             .medium_outside = BUILDER_NO_ROW};
     struct transform_d world = pbrt_to_world(p, &d->ctm.at[0]);
     int64_t row;
 
@@ -606,7 +595,7 @@ static status add_shape(struct pbrt *p, const struct pbrt_directive *d, struct m
     wind_by_normals(mesh);
     if (p->now.reversed)
         mesh_source_reverse(mesh);
-    TRY(read_medium(p, d, &s, mesh));
+    TRY(read_media(p, d, &s));
     if (pbrt_material_uses_uv(s.material) || (s.alpha && s.alpha->op != TEXTURE_CONSTANT) ||
         (s.light && s.light->image))
         TRY(give_uv(p, mesh));

@@ -173,3 +173,14 @@ int transform_d_is_finite(const struct transform_d *a)
                 return 0;
     return 1;
 }
+
+void transform_points(const struct transform_d *a, const float *in, size_t count, float *out)
+{
+    for (size_t i = 0; i < 3 * count; i += 3) {
+        double p[3] = {(double)in[i], (double)in[i + 1], (double)in[i + 2]};
+        for (size_t k = 0; k < 3; k++) {
+            const double *row = a->m[k];
+            out[i + k] = (float)(row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3]);
+        }
+    }
+}

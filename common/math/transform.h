@@ -5,6 +5,8 @@
 #ifndef AZULEJO_MATH_TRANSFORM_H
 #define AZULEJO_MATH_TRANSFORM_H
 
+#include <stddef.h>
+
 #include "common/math/vec.h"
 
 struct transform_d {
@@ -52,6 +54,8 @@ static inline struct vec3 transform_point(const struct transform *a, struct vec3
                          a->m[1][0] * p.x + a->m[1][1] * p.y + a->m[1][2] * p.z + a->m[1][3],
                          a->m[2][0] * p.x + a->m[2][1] * p.y + a->m[2][2] * p.z + a->m[2][3]};
 }
+/* Points of 3 floats each, computed in double; out may be in. */
+void transform_points(const struct transform_d *a, const float *in, size_t count, float *out);
 static inline struct vec3 transform_vector(const struct transform *a, struct vec3 v)
 {
     return (struct vec3){a->m[0][0] * v.x + a->m[0][1] * v.y + a->m[0][2] * v.z,

@@ -66,7 +66,7 @@ void scene_material_reduce(struct scene_material *m, uint64_t without)
     if (without & EFFECT_DISPERSION)
         m->dispersion = 0;
     if (without & EFFECT_MEDIUM)
-        m->medium = -1;
+        m->medium = m->medium_outside = -1;
 }
 
 /* What a material can be on one mesh; a texture can lower its factor to anything. */
@@ -324,6 +324,20 @@ static uint64_t medium_effects(const struct scene_medium *m)
     return set;
 }
 
+/* pbrt's rule: what fills the space before and behind a surface that separates two media. */
+static uint64_t either_side(const struct scene *scene, const struct scene_material *m)
+{
+    uint64_t set = 0;
+
+    if (m->medium == m->medium_outside)
+        return 0;
+    if (m->medium >= 0)
+        set |= medium_effects(&scene->media[m->medium]);
+    if (m->medium_outside >= 0)
+        set |= medium_effects(&scene->media[m->medium_outside]);
+    return set;
+}
+
 /* Does the material bound a volume that the path must keep count of? */
 static int bounds_volume(const struct scene_material *m)
 {
@@ -380,6 +394,12 @@ static void find_material(struct finder *f, uint32_t instance, uint32_t index)
     }
     if (bounds_volume(&m) && m.medium >= 0)
         set |= medium_effects(&scene->media[m.medium]);
+    /* Volumes may overlap, with parts of their own too, or hold other things, or the camera: that
+     * takes more than boxes to tell, so the path always counts them. */
+    if (scene->volume_rule == VOLUMES_BOUNDARIES)
+        set |= either_side(scene, &m);
+    else if (m.kind == MATERIAL_SURFACE && bounds_volume(&m))
+        set |= EFFECT_NESTED_DIELECTRIC;
     add(f, set, "material", m.name, index);
 }
 
@@ -395,70 +415,6 @@ static void find_instancing(struct finder *f)
         if (seen[bit / 8] >> (bit % 8) & 1)
             add(f, EFFECT_INSTANCING, "mesh", scene->meshes[mesh].name, mesh);
         seen[bit / 8] |= (uint8_t)(1u << (bit % 8));
-    }
-}
-
-/* More volumes than this are not compared pair by pair: some are then taken to overlap. */
-enum { VOLUMES_COMPARED_MAX = 256 };
-
-struct box {
-    double low[3], high[3];
-    uint32_t instance;
-};
-
-static int boxes_overlap(const struct box *a, const struct box *b)
-{
-    for (int i = 0; i < 3; i++)
-        if (a->low[i] > b->high[i] || b->low[i] > a->high[i])
-            return 0;
-    return 1;
-}
-
-static int box_holds(const struct box *a, const struct box *b)
-{
-    for (int i = 0; i < 3; i++)
-        if (b->low[i] < a->low[i] || b->high[i] > a->high[i])
-            return 0;
-    return 1;
-}
-
-/* Refractive volumes that overlap or hold something, or that the camera is in: the index of
- * refraction around a surface is then not always the air's. */
-static void find_nested(struct finder *f)
-{
-    const struct scene *scene = f->scene;
-    struct box volumes[VOLUMES_COMPARED_MAX];
-    uint32_t count = 0, volume = 0;
-    int nested = 0;
-
-    for (uint32_t i = 0; i < scene->instance_count && !nested; i++) {
-        const struct scene_material *m = &scene->materials[scene->instances[i].material];
-        if (m->kind != MATERIAL_SURFACE || !bounds_volume(m))
-            continue;
-        volume = i;
-        if (count == VOLUMES_COMPARED_MAX || camera_may_be_inside(f, i) ||
-            !scene_instance_bounds(scene, i, volumes[count].low, volumes[count].high)) {
-            nested = 1;
-            break;
-        }
-        volumes[count].instance = i;
-        for (uint32_t k = 0; k < count && !nested; k++)
-            nested = boxes_overlap(&volumes[k], &volumes[count]);
-        count++;
-    }
-    for (uint32_t i = 0; i < scene->instance_count && count > 0 && !nested; i++) {
-        struct box thing;
-        if (!scene_instance_bounds(scene, i, thing.low, thing.high))
-            continue;
-        for (uint32_t k = 0; k < count && !nested; k++)
-            if (volumes[k].instance != i && box_holds(&volumes[k], &thing)) {
-                nested = 1;
-                volume = volumes[k].instance;
-            }
-    }
-    if (nested) {
-        uint32_t material = scene->instances[volume].material;
-        add(f, EFFECT_NESTED_DIELECTRIC, "material", scene->materials[material].name, material);
     }
 }
 
@@ -582,7 +538,6 @@ uint64_t scene_effects(const struct scene *scene, const struct render_settings *
             scene->media[scene->fog].name, (uint32_t)scene->fog);
     find_lights(&f);
     find_instancing(&f);
-    find_nested(&f);
     find_motion(&f, frame);
     scatters = EFFECT_DIFFUSE | EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC | EFFECT_SHEEN |
                EFFECT_DIFFUSE_TRANSMISSION | EFFECT_MEDIUM;

@@ -25,7 +25,7 @@
 /* And what is seen through. */
 #define KERNEL_SET_GLASS                                                                        \
     (KERNEL_SET_TEXTURED | KERNEL_BIT(DIELECTRIC) | KERNEL_BIT(ROUGH_DIELECTRIC) | KERNEL_BIT(THIN_TRANSMISSION) |    \
-     KERNEL_BIT(ABSORPTION))
+     KERNEL_BIT(ABSORPTION) | KERNEL_BIT(NESTED_DIELECTRIC))
 /* And every surface, every lens. */
 #define KERNEL_SET_LAYERED                                                                      \
     (KERNEL_SET_GLASS | KERNEL_BIT(ANISOTROPY) | KERNEL_BIT(CLEARCOAT) | KERNEL_BIT(SHEEN) | KERNEL_BIT(IRIDESCENCE) |       \

@@ -49,7 +49,7 @@ void scene_material_default(struct scene_material *material)
     material->iridescence_thickness_max_nm = 400;
     for (int i = 0; i < 3; i++)
         material->diffuse_transmission_color[i] = material->conductor_eta[i] = 1;
-    material->medium = -1;
+    material->medium = material->medium_outside = -1;
     material->base_color_texture = material->metallic_roughness_texture =
         material->normal_texture = material->emission_texture = material->specular_texture =
             material->specular_color_texture = material->transmission_texture = slot_default();
@@ -66,7 +66,7 @@ void scene_instance_default(struct scene_instance *instance)
     memset(instance, 0, sizeof *instance);
     instance->name = "";
     instance->to_world = transform_d_identity();
-    instance->node = instance->skin = -1;
+    instance->node = instance->skin = instance->body = -1;
 }
 
 void scene_light_default(struct scene_light *light)

@@ -167,7 +167,8 @@ struct scene_material {
     struct scene_texture_slot normal_texture;
     float emission[3];                      /* radiance: factor * strength, >= 0 */
     struct scene_texture_slot emission_texture;     /* sRGB */
-    float ior;                              /* >= 1, or 0: Fresnel exactly 1 */
+    float ior;                              /* >= 1, or 0: Fresnel exactly 1. VOLUMES_BOUNDARIES:
+                                               any above 0, that of the back over the front's */
     float specular;                         /* weight of the dielectric reflection, 0..1 */
     struct scene_texture_slot specular_texture;     /* A */
     float specular_color[3];                /* >= 0, may exceed 1 */
@@ -212,6 +213,8 @@ struct scene_material {
     int priority;                           /* of a refractive volume that overlaps another: the
                                                higher one is there (Schmidt & Budge 2002) */
     int32_t medium;                         /* what fills the volume, -1: nothing that scatters */
+    int32_t medium_outside;                 /* VOLUMES_BOUNDARIES: the medium before its front; the
+                                               same as `medium`: the ray stays in the one it is in */
     uint32_t mix_material[2];               /* MATERIAL_MIX: both lower than its own index */
     float mix_amount;                       /* 0..1: share of the second */
     struct scene_texture_slot mix_texture;  /* R: multiplies it */
@@ -230,6 +233,9 @@ struct scene_instance {
                                    a scale of 0 hides a thing); -1: it stands still */
     int32_t skin;               /* of a mesh with MESH_SKIN, -1: none. A skinned vertex is in
                                    world space after its joints: to_world is then not used */
+    int32_t body;               /* the material whose body it bounds (VOLUMES_NESTED), -1: its own.
+                                   Another where meshes of several materials close one another: all
+                                   of them then bound the volume of one of the materials */
 };
 
 /* Nodes exist only for what moves, and for its parents. Their chain is the file's own, in the
@@ -360,6 +366,13 @@ struct scene_environment {
     struct scene_portal *portals;
 };
 
+/* Which boundaries of refractive volumes and media are there.
+ * VOLUMES_NESTED: a path counts the bodies that it is inside of. A body is all that one material
+ * bounds (scene_instance.body). Of several the one of the highest priority is there, of equals the
+ * innermost; the boundaries of the others are not.
+ * VOLUMES_BOUNDARIES: each boundary is there as it is (pbrt's rule). */
+enum scene_volume_rule { VOLUMES_NESTED, VOLUMES_BOUNDARIES, VOLUME_RULE_COUNT };
+
 struct scene {
     struct arena arena;         /* owns every name and table below */
     const char *name;           /* every name: UTF-8 without control characters, at most
@@ -382,6 +395,7 @@ struct scene {
     double origin[3];           /* where the world's origin lies in the file's coordinates, metres:
                                    every place but the nodes' is relative to it, so that a scene far
                                    from the file's origin keeps its digits in float */
+    enum scene_volume_rule volume_rule;
 };
 
 void scene_init(struct scene *scene);

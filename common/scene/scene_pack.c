@@ -319,6 +319,7 @@ static void pack_material(struct buffer *out, const struct scene_material *mater
     m.thin_slab = material->thin_slab;
     m.priority = material->priority;
     m.medium = index_plus_one(material->medium);
+    m.medium_outside = index_plus_one(material->medium_outside);
     m.mix = mix_fill(&g, material);
     append_message(out, 6, &m.base);
 }
@@ -333,6 +334,7 @@ static void pack_instance(struct buffer *out, const struct scene_instance *insta
     m.node = index_plus_one(instance->node);
     m.skin = index_plus_one(instance->skin);
     DOUBLES(&m, to_world, instance->to_world.m, 12);
+    m.body = index_plus_one(instance->body);
     append_message(out, 7, &m.base);
 }
 
@@ -535,6 +537,10 @@ status scene_pack(const struct scene *scene, struct buffer *out, struct error *e
         append_varint(out, index_plus_one(scene->fog));
     }
     pack_origin(out, scene->origin);
+    if (scene->volume_rule != VOLUMES_NESTED) {
+        append_varint(out, 18 << 3 | 0);
+        append_varint(out, scene->volume_rule);
+    }
     if (!buffer_ok(out))
         return error_no_memory(err, "the packed scene");
     if (out->size - start > SCENE_WIRE_BYTES_MAX)

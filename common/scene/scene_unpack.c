@@ -10,7 +10,8 @@ enum {
     FIELD_VERSION = 1,
     FIELD_NAME = 2,
     FIELD_FOG = 16,
-    FIELD_COUNT = 18,
+    FIELD_VOLUME_RULE = 18,
+    FIELD_COUNT = 19,
     /* An element of ours writes each of its fields once: one with more pieces is not one of
      * ours, and protobuf-c would take many times its size to decode it. */
     ELEMENT_PIECES_MAX = 64,
@@ -46,7 +47,7 @@ static int read_varint(struct scene_reader *r, uint64_t *value)
 
 static int is_number(uint64_t field)
 {
-    return field == FIELD_VERSION || field == FIELD_FOG;
+    return field == FIELD_VERSION || field == FIELD_FOG || field == FIELD_VOLUME_RULE;
 }
 
 /* The next top-level field; its payload lies at *data, or in *number. */
@@ -160,7 +161,7 @@ static status count_elements(struct scene_reader *r, uint32_t counts[FIELD_COUNT
         counts[field]++;
         if (field == FIELD_NAME || is_number(field)) {
             if (counts[field] > 1)
-                return unpack_damaged(r, "its version, name or fog is there twice");
+                return unpack_damaged(r, "its version, name, fog or volume rule is there twice");
             continue;
         }
         if (size > element_bytes_max(field))
@@ -271,6 +272,10 @@ static status read_elements(struct scene_reader *r)
             TAKE(unpack_index(r, "the fog's medium",
                               number > SCENE_MEDIA_MAX ? UINT32_MAX : (uint32_t)number,
                               SCENE_MEDIA_MAX, &r->scene->fog));
+        else if (field == FIELD_VOLUME_RULE && number >= VOLUME_RULE_COUNT)
+            return unpack_damaged(r, "its rule for volumes is unknown");
+        else if (field == FIELD_VOLUME_RULE)
+            r->scene->volume_rule = (enum scene_volume_rule)number;
         else if (field != FIELD_VERSION)
             TAKE(read_element(r, field, rows[field]++, data, size));
     }

@@ -55,7 +55,8 @@ status unpack_instance(struct scene_reader *r, const ProtobufCMessage *message, 
     to->material = m->material;
     TAKE_DOUBLES(to_world, &to->to_world.m[0][0], 12);
     TAKE(unpack_index(r, "an instance's node", m->node, SCENE_NODES_MAX, &to->node));
-    return unpack_index(r, "an instance's skin", m->skin, SCENE_SKINS_MAX, &to->skin);
+    TAKE(unpack_index(r, "an instance's skin", m->skin, SCENE_SKINS_MAX, &to->skin));
+    return unpack_index(r, "an instance's body", m->body, SCENE_MATERIALS_MAX, &to->body);
 }
 
 static status unpack_projector(struct scene_reader *r, const Azulejo__Scene__Projector *m,

@@ -134,5 +134,7 @@ status unpack_material(struct scene_reader *r, const ProtobufCMessage *message, 
     to->thin_slab = m->thin_slab != 0;
     to->priority = m->priority;
     TAKE(unpack_index(r, "a material's medium", m->medium, SCENE_MEDIA_MAX, &to->medium));
+    TAKE(unpack_index(r, "a material's medium_outside", m->medium_outside, SCENE_MEDIA_MAX,
+                      &to->medium_outside));
     return unpack_mix(r, m->mix, to);
 }

@@ -284,6 +284,7 @@ static status check_kind(const struct place *at, const struct scene *scene,
     CHECK(check_range(at, "priority", (float)m->priority, -SCENE_PRIORITY_MAX,
                       SCENE_PRIORITY_MAX));
     CHECK(check_reference(at, "medium", m->medium, scene->medium_count));
+    CHECK(check_reference(at, "medium_outside", m->medium_outside, scene->medium_count));
     for (int i = 0; i < 2 && m->kind == MATERIAL_MIX; i++)
         if (m->mix_material[i] >= at->row)
             return complain(at, "mix_material", "must come before the mix itself");
@@ -311,7 +312,8 @@ static status check_material(const struct place *at, const struct scene *scene,
     CHECK(check_ranges(at, "emission", m->emission, 3, 0, unlimited));
     CHECK(check_slot(at, "emission_texture", &m->emission_texture, texture_count));
     if (m->ior != 0)
-        CHECK(check_range(at, "ior", m->ior, 1, 1e6f));
+        CHECK(check_range(at, "ior", m->ior, scene->volume_rule == VOLUMES_BOUNDARIES ? 1e-3f : 1,
+                          1e6f));
     CHECK(check_range(at, "specular", m->specular, 0, 1));
     CHECK(check_slot(at, "specular_texture", &m->specular_texture, texture_count));
     CHECK(check_ranges(at, "specular_color", m->specular_color, 3, 0, unlimited));
@@ -353,6 +355,10 @@ static status check_instance(const struct place *at, const struct scene *scene, 
     CHECK(check_name(at, instance->name));
     CHECK(check_index(at, "mesh", instance->mesh, scene->mesh_count));
     CHECK(check_index(at, "material", instance->material, scene->material_count));
+    CHECK(check_reference(at, "body", instance->body, scene->material_count));
+    if (instance->body >= 0 &&
+        scene->materials[instance->body].kind != scene->materials[instance->material].kind)
+        return complain(at, "body", "is a material of another kind");
     CHECK(check_moves(at, scene, instance));
     rounded = transform_from_d(&instance->to_world);
     if (!transform_is_finite(&rounded))
@@ -607,6 +613,7 @@ status scene_validate(const struct scene *scene, struct error *err)
     CHECK(check_count(err, "portals", scene->environment.portal_count, SCENE_PORTALS_MAX));
     if (scene->camera_count == 0)
         return error_set(err, STATUS_ERR_INPUT, "the scene has no camera");
+    CHECK(check_enum(&at, "volume_rule", (unsigned)scene->volume_rule, VOLUME_RULE_COUNT));
 #define EACH_ROW(name, count, call)                  \
     at.table = name;                                 \
     for (at.row = 0; at.row < (count); at.row++)     \

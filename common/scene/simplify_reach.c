@@ -23,8 +23,11 @@ void simplify_reach(struct simplifier *w)
     const struct scene *scene = w->scene;
 
     memset(w->material_reached, 0, scene->material_count);
-    for (uint32_t i = 0; i < scene->instance_count; i++)
+    for (uint32_t i = 0; i < scene->instance_count; i++) {
         w->material_reached[scene->instances[i].material] = 1;
+        if (scene->instances[i].body >= 0)
+            w->material_reached[scene->instances[i].body] = 1;
+    }
     /* A mix's parts come before it. */
     for (uint32_t i = scene->material_count; i-- > 0;)
         if (w->material_reached[i] && scene->materials[i].kind == MATERIAL_MIX)
@@ -58,8 +61,13 @@ static void remove_materials(struct scene *scene, const uint8_t *reached, uint32
         for (int k = 0; k < 2; k++)
             m->mix_material[k] = m->kind == MATERIAL_MIX ? number[m->mix_material[k]] : 0;
     }
-    for (uint32_t i = 0; i < scene->instance_count; i++)
-        scene->instances[i].material = number[scene->instances[i].material];
+    for (uint32_t i = 0; i < scene->instance_count; i++) {
+        struct scene_instance *instance = &scene->instances[i];
+
+        instance->material = number[instance->material];
+        if (instance->body >= 0)
+            instance->body = (int32_t)number[instance->body];
+    }
     scene->material_count = kept;
 }
 

@@ -64,6 +64,7 @@ static void *run(void *user)
     b->stats.rays += stats.rays;
     b->stats.vertices += stats.vertices;
     b->stats.dropped_samples += stats.dropped_samples;
+    b->stats.leaked_rays += stats.leaked_rays;
     b->stats.trace_ns += stats.trace_ns;
     pthread_mutex_unlock(&b->lock);
     return NULL;
@@ -166,18 +167,20 @@ int main(int argc, char **argv)
     getrusage(RUSAGE_SELF, &usage);
     printf(json ? "{\"kernel\": \"%s\", \"samples_per_cpu_s\": %.0f, \"rays_per_cpu_s\": %.0f, \"rays_per_sample\": %.3f, "
                   "\"trace_share\": %.3f, \"cpu_s\": %.3f, \"wall_s\": %.3f, \"build_s\": %.3f, "
-                  "\"peak_mib\": %.1f, \"scene_mib\": %.1f, \"relative_mse\": %.4g, \"dropped\": %llu}\n"
+                  "\"peak_mib\": %.1f, \"scene_mib\": %.1f, \"relative_mse\": %.4g, \"dropped\": %llu, "
+                  "\"leaked_rays\": %llu}\n"
                 : "kernel %s\n"
                   "samples/CPU-s %.0f  rays/CPU-s %.0f  rays/sample %.2f  Embree's share %.3f\n"
                   "CPU %.2f s  wall %.2f s  build %.3f s  peak %.1f MiB (mesh+textures+BVH %.1f MiB)\n"
-                  "relative MSE %.4g  dropped samples %llu\n",
+                  "relative MSE %.4g  dropped samples %llu  leaked rays %llu\n",
            render_kernel_variant(scene), (double)b.stats.samples / cpu,
            (double)b.stats.rays / cpu,
            (double)b.stats.rays / (double)b.stats.samples,
            trace ? (double)b.stats.trace_ns * 1e-9 / cpu : 0.0, cpu, wall,
            (double)info.build_ns * 1e-9, (double)usage.ru_maxrss / 1024,
            (double)(info.mesh_bytes + info.texture_bytes + info.bvh_bytes) / (1 << 20),
-           film_relative_mse(b.film), (unsigned long long)b.stats.dropped_samples);
+           film_relative_mse(b.film), (unsigned long long)b.stats.dropped_samples,
+           (unsigned long long)b.stats.leaked_rays);
     if (out) {
         struct image image;
         struct buffer bytes = BUFFER_INIT;

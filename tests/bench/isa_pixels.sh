@@ -46,6 +46,10 @@ echo "$size, $spp samples a pixel: ${isas[*]}"
 measure cornell-area scenes/cornell/cornell-area.gltf -
 measure cornell-mirror scenes/cornell/cornell-mirror.gltf "$work/sky.exr"
 measure textured-spheres scenes/studio/textured-spheres.gltf "$work/sky.exr"
+# Faces that coincide: a medium's box and glass on a ground, liquid that fills its glass.
+measure fire scenes/features/fire.pbrt -
+measure media scenes/features/media.pbrt -
+measure water-in-glass scenes/liquids/water-contact.gltf "$work/sky.exr"
 measure instances "$work/instances.gltf" "$work/sky.exr"
 if [ -n "${AZULEJO_DATA:-}" ]; then
     measure DamagedHelmet "$AZULEJO_DATA/gltf/DamagedHelmet/DamagedHelmet.glb" "$work/sky.exr"

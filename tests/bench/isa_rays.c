@@ -61,10 +61,8 @@ static void follow(struct render_scene *const scenes[2], struct ray ray, const s
         }
         det_sincos(2 * PI_F * u.v, &sine, &cosine);
         frame = frame_from_normal(s[0].ng);
-        ray.direction = vec3_normalize(frame_to_world(
-            &frame, vec3_make(sqrtf(u.u) * cosine, sqrtf(u.u) * sine, sqrtf(1 - u.u))));
-        ray.origin = surface_ray_origin(&s[0], ray.direction);
-        ray.t_max = INFINITY;
+        surface_leave(&s[0], vec3_normalize(frame_to_world(
+            &frame, vec3_make(sqrtf(u.u) * cosine, sqrtf(u.u) * sine, sqrtf(1 - u.u)))), &ray);
     }
 }
 

@@ -7,12 +7,13 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <cmocka.h>
 
 #include "common/scene/effects.h"
 #include "tests/support/radiance.h"
 
-enum { COMPARISONS = 120 };
+enum { COMPARISONS = 135 };
 
 static const float absorbing[3] = {0.1f, 0.5f, 1.5f}, scattering[3] = {0.9f, 0.3f, 2.0f};
 
@@ -316,13 +317,70 @@ static void test_airlight(void **state)
     builder_release(&b);
 }
 
+/* Chandrasekhar's H(1) for isotropic scattering, from 1 / H(m) = sqrt(1 - albedo) + albedo / 2 *
+ * integral over n of n H(n) / (m + n) ("Radiative Transfer", chapter 5), by iteration. */
+static double chandrasekhar_h1(double albedo)
+{
+    enum { NODES = 2000, ROUNDS = 60 };
+    static double h[NODES];
+    double h1 = 1;
+
+    for (int i = 0; i < NODES; i++)
+        h[i] = 1;
+    for (int round = 0; round < ROUNDS; round++) {
+        double next[NODES];
+        for (int i = 0; i <= NODES; i++) {
+            double m = i < NODES ? (i + 0.5) / NODES : 1, sum = 0;
+            for (int k = 0; k < NODES; k++) {
+                double n = (k + 0.5) / NODES;
+                sum += n * h[k] / (m + n);
+            }
+            sum = 1 / (sqrt(1 - albedo) + 0.5 * albedo * sum / NODES);
+            if (i < NODES)
+                next[i] = sum;
+            else
+                h1 = sum;
+        }
+        for (int i = 0; i < NODES; i++)
+            h[i] = next[i];
+    }
+    return h1;
+}
+
+/* A medium so dense that free paths are shorter than the distance between floats, under a white
+ * sky: 1 - H(1) sqrt(1 - albedo) comes back along the normal, however dense it is. */
+static void test_dense(void **state)
+{
+    static const float depths[] = {1e4f, 1e6f, 1e7f, 1e8f, 1e9f};
+    const double albedo = 0.75, expected = 1 - chandrasekhar_h1(albedo) * sqrt(1 - albedo);
+    struct render_settings settings = narrow(64, 256);
+
+    (void)state;
+    for (size_t k = 0; k < sizeof depths / sizeof *depths; k++) {
+        struct scene_medium m;
+        struct scene_builder b;
+        char what[64];
+
+        scene_medium_default(&m);
+        for (int c = 0; c < 3; c++) {
+            m.scattering[c] = (float)albedo * depths[k];
+            m.absorption[c] = (float)(1 - albedo) * depths[k];
+        }
+        slab_scene(&b, &m, HOMOGENEOUS);
+        builder_environment_constant(&b, vec3_splat(1));
+        snprintf(what, sizeof what, "optical radius %g", (double)depths[k]);
+        radiance_expect(&b, &settings, COMPARISONS, expected, what);
+        builder_release(&b);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_beer_lambert),      cmocka_unit_test(test_glass_filled),
         cmocka_unit_test(test_single_scattering), cmocka_unit_test(test_emission),
         cmocka_unit_test(test_furnace),           cmocka_unit_test(test_fog_transmittance),
-        cmocka_unit_test(test_airlight),
+        cmocka_unit_test(test_airlight),          cmocka_unit_test(test_dense),
     };
     return cmocka_run_group_tests_name("media radiance", tests, NULL, NULL);
 }

@@ -141,9 +141,11 @@ static void test_grids_against_integrals(void **state)
     const unsigned tests = KINDS * RAYS * COLOURS * 3 * 4;
     const double level = sidak_alpha(SIGNIFICANCE, tests);
     const uint32_t size[3] = {X, Y, Z};
-    struct ray rays[RAYS] = {{{-1, 0.31f, 0.62f}, {1, 0, 0}, 9, 0},
-                             {{0.1f, 1.3f, -0.2f}, {0, 0, 0}, 3, 0},
-                             {{0.9f, 0.5f, 0.4f}, {0, 0, 0}, 0.8f, 0}};
+    struct ray rays[RAYS] = {
+        {.origin = {-1, 0.31f, 0.62f}, .direction = {1, 0, 0}, .t_max = 9},
+        {.origin = {0.1f, 1.3f, -0.2f}, .t_max = 3},
+        {.origin = {0.9f, 0.5f, 0.4f}, .t_max = 0.8f},
+    };
     struct test_random random = {11};
     int number = 0;
 
@@ -202,7 +204,8 @@ static void test_flame_without_scattering(void **state)
     static const float ABSORPTION[3] = {0, 0.01f, 4};
     const uint32_t size[3] = {N, 1, 1};
     const double level = sidak_alpha(SIGNIFICANCE, 2 * 3 * 2);
-    struct ray ray = {{-0.5f, 0.5f, 0.5f}, {1, 0, 0}, INFINITY, 0}, within = ray;
+    struct ray ray = {.origin = {-0.5f, 0.5f, 0.5f}, .direction = {1, 0, 0}, .t_max = INFINITY};
+    struct ray within = ray;
     float cells[N];
 
     (void)state;
@@ -239,7 +242,8 @@ static void test_mean_free_path_and_energy(void **state)
     static const float EXTINCTION[3] = {2, 0.7f, 5};
     const double level = sidak_alpha(SIGNIFICANCE, 1 + 3);
     struct scene_medium grey = {.scattering = {2.5f, 2.5f, 2.5f}}, colour = {0};
-    struct ray endless = {{0, 0, 0}, {0, 0, 1}, INFINITY, 0}, ray = {{0, 0, 0}, {0, 0, 1}, 0.6f, 0};
+    struct ray endless = {.direction = {0, 0, 1}, .t_max = INFINITY};
+    struct ray ray = {.direction = {0, 0, 1}, .t_max = 0.6f};
     struct world_medium *medium = medium_made(&grey, NULL);
     struct averages a;
 

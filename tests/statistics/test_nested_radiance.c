@@ -9,6 +9,7 @@
 #include <cmocka.h>
 
 #include "common/scene/effects.h"
+#include "tests/support/layers.h"
 #include "tests/support/radiance.h"
 
 enum { COMPARISONS = 80 };
@@ -33,39 +34,6 @@ static void dye(struct scene_material *m, float distance)
     m->attenuation_distance = distance;
     for (int c = 0; c < 3; c++)
         m->attenuation_color[c] = color[c];
-}
-
-static double per_metre(const struct scene_material *m, int c)
-{
-    return m->attenuation_distance < INFINITY
-               ? -log((double)m->attenuation_color[c]) / (double)m->attenuation_distance
-               : 0;
-}
-
-/* A stack of layers met head on, light of both directions added without phase: reflectance and
- * transmittance as seen from above, and reflectance from below. */
-struct stack {
-    double r_above, t, r_below;
-};
-
-static struct stack stacked(struct stack a, struct stack b)
-{
-    double series = 1 / (1 - a.r_below * b.r_above);
-
-    return (struct stack){a.r_above + a.t * a.t * b.r_above * series, a.t * b.t * series,
-                          b.r_below + b.t * b.t * a.r_below * series};
-}
-
-static struct stack interface(double above, double below)
-{
-    double r = pow((above - below) / (above + below), 2);
-
-    return (struct stack){r, 1 - r, r};
-}
-
-static struct stack absorber(double sigma, double thickness)
-{
-    return (struct stack){0, exp(-sigma * thickness), 0};
 }
 
 static struct render_settings head_on(void)
@@ -104,12 +72,12 @@ static void test_priority(void **state)
         look_down(&b, 5);
         for (int c = 0; c < 3; c++) {
             double boundary = upper_first ? 0 : 1;
-            struct stack s = interface(1, (double)1.33f);
-            s = stacked(s, absorber(per_metre(upper, c), 2 - boundary));
-            s = stacked(s, interface((double)1.33f, (double)1.8f));
-            s = stacked(s, absorber(per_metre(lower, c), boundary + 1));
-            s = stacked(s, interface((double)1.8f, 1));
-            expected[c] = s.r_above + s.t;
+            struct layers s = layers_interface(1, (double)1.33f);
+            s = layers_stacked(s, layers_absorber(layers_per_metre(upper, c), 2 - boundary));
+            s = layers_stacked(s, layers_interface((double)1.33f, (double)1.8f));
+            s = layers_stacked(s, layers_absorber(layers_per_metre(lower, c), boundary + 1));
+            s = layers_stacked(s, layers_interface((double)1.8f, 1));
+            expected[c] = layers_seen(s);
         }
         radiance_expect_rgb(&b, &settings, COMPARISONS, expected,
                             upper_first ? "the upper slab has it" : "the lower slab has it");
@@ -140,13 +108,13 @@ static void test_inside(void **state)
         builder_place(&b, slab, 1, vec3_make(9, 0.5f, 9), vec3_splat(0));
         look_down(&b, 5);
         for (int c = 0; c < 3; c++) {
-            struct stack glass_layer = absorber(per_metre(outer, c), 1.5);
-            struct stack s = stacked(interface(1, 1.5), glass_layer);
-            s = stacked(s, interface(1.5, 2));
-            s = stacked(s, absorber(per_metre(inner, c), 1));
-            s = stacked(stacked(s, interface(2, 1.5)), glass_layer);
-            s = stacked(s, interface(1.5, 1));
-            expected[c] = s.r_above + s.t;
+            struct layers glass_layer = layers_absorber(layers_per_metre(outer, c), 1.5);
+            struct layers s = layers_stacked(layers_interface(1, 1.5), glass_layer);
+            s = layers_stacked(s, layers_interface(1.5, 2));
+            s = layers_stacked(s, layers_absorber(layers_per_metre(inner, c), 1));
+            s = layers_stacked(layers_stacked(s, layers_interface(2, 1.5)), glass_layer);
+            s = layers_stacked(s, layers_interface(1.5, 1));
+            expected[c] = layers_seen(s);
         }
         radiance_expect_rgb(&b, &settings, COMPARISONS, expected,
                             equal ? "equal priorities" : "the inner slab's is higher");
@@ -173,9 +141,10 @@ static void test_hidden(void **state)
     builder_place(&b, slab, 1, vec3_make(9, 0.5f, 9), vec3_splat(0));
     look_down(&b, 5);
     for (int c = 0; c < 3; c++) {
-        struct stack s = stacked(interface(1, 1.5), absorber(per_metre(outer, c), 4));
-        s = stacked(s, interface(1.5, 1));
-        expected[c] = s.r_above + s.t;
+        struct layers s = layers_stacked(layers_interface(1, 1.5),
+                                         layers_absorber(layers_per_metre(outer, c), 4));
+        s = layers_stacked(s, layers_interface(1.5, 1));
+        expected[c] = layers_seen(s);
     }
     radiance_expect_rgb(&b, &settings, COMPARISONS, expected, "hidden slab");
     builder_release(&b);
@@ -198,11 +167,11 @@ static void test_camera_inside(void **state)
     builder_place(&b, slab, 0, vec3_make(9, 1, 9), vec3_splat(0));
     look_down(&b, 0.4f);
     for (int c = 0; c < 3; c++) {
-        struct stack face = interface(1.5, 1);
-        double whole = exp(-2 * per_metre(m, c));
+        struct layers face = layers_interface(1.5, 1);
+        double whole = exp(-2 * layers_per_metre(m, c));
         /* 1.4 m down to the face, then light of all the inner reflections; within the glass
          * light is crowded into less solid angle: radiance over n^2 is what stays. */
-        expected[c] = 1.5 * 1.5 * exp(-(double)1.4f * per_metre(m, c)) * face.t *
+        expected[c] = 1.5 * 1.5 * exp(-(double)1.4f * layers_per_metre(m, c)) * face.t *
                       (1 / (1 - face.r_above * whole));
     }
     radiance_expect_rgb(&b, &settings, COMPARISONS, expected, "camera in a slab");

@@ -95,6 +95,7 @@ static void fill_materials(struct scene *s)
         .thin_slab = 1,
         .priority = -7,
         .medium = 1,
+        .medium_outside = 0,
         .mix_amount = 0.25f,
         .mix_texture = slot(1),
     };
@@ -253,6 +254,7 @@ static void fill_media(struct scene *s)
         .grid_to_world = {{{2, 0, 0, 1}, {0, 0, 3, 1}, {0, 4, 0, 1}}},
     };
     s->fog = 0;
+    s->volume_rule = VOLUMES_BOUNDARIES;
 }
 
 static void fill_environment(struct scene *s)
@@ -295,6 +297,7 @@ void scene_sample(struct scene *s)
             .material = i,
             .node = (int32_t)i - 1,
             .skin = i == 2 ? 0 : -1,
+            .body = i == 1 ? 1 : -1,
             .to_world = {{{2, 0, 0, (float)i}, {0, -3, 0, 1}, {0, 0, 4, 2}}}};
     s->origin[0] = 500000.125;
     s->origin[2] = -3;

@@ -1,40 +1,18 @@
-#include "worker/render/accel.h"
+#include "worker/render/accel_parts.h"
 
-#if AZULEJO_EMBREE >= 4
-#include <embree4/rtcore.h>
-#else
-#include <embree3/rtcore.h>
-#endif
-
-#include <stdatomic.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "common/base/memory.h"
 #include "worker/render/render.h"
 
-struct accel {
-    RTCDevice device;
-    RTCScene top;
-    RTCScene *mesh_scenes;        /* per mesh; NULL where it lies in the top BVH */
-    uint32_t mesh_count;
-    uint32_t *geometry_instance;  /* top-level geometry number -> instance */
-    accel_accept *accept;
-    const void *scene;
-    _Atomic(ptrdiff_t) bytes;
-};
-
-/* Embree hands the context back to the filter; ours carries the query along. */
-struct query_context {
-#if AZULEJO_EMBREE >= 4
-    struct RTCRayQueryContext embree;
-#else
-    struct RTCIntersectContext embree;
-#endif
-    const struct accel *accel;
-    const void *query;
-};
-
+/* Embree's error in a ray's height over a triangle's plane, in 2^-24 of the largest coordinate of
+ * its origin plus the longest edge: its own, and what a ray's way through an instance's matrix adds,
+ * at rest and where Embree mixes two matrices and inverts the mix. docs/NUMERICS.md derives them. */
+#define ERROR_TRIANGLE 8.0
+#define ERROR_INSTANCE 16.0
+#define ERROR_MOVING 32.0
 const char *render_kernel_name(void)
 {
     static const char name[] = "azulejo " AZULEJO_VERSION " embree " RTC_VERSION_STRING
@@ -55,22 +33,6 @@ static bool count_memory(void *user, ssize_t bytes, bool post)
     return true;
 }
 
-static void filter(const struct RTCFilterFunctionNArguments *args)
-{
-    const struct query_context *context = (const struct query_context *)args->context;
-    const struct accel *accel = context->accel;
-    const struct RTCRay *ray = (const struct RTCRay *)args->ray; /* N is 1: single rays only */
-    const struct RTCHit *hit = (const struct RTCHit *)args->hit;
-    uint32_t geometry = hit->instID[0] != RTC_INVALID_GEOMETRY_ID ? hit->instID[0] : hit->geomID;
-    float facing = ray->dir_x * hit->Ng_x + ray->dir_y * hit->Ng_y + ray->dir_z * hit->Ng_z;
-
-    if (args->valid[0] != -1)
-        return;
-    if (!accel->accept(accel->scene, context->query, accel->geometry_instance[geometry],
-                       hit->primID, hit->u, hit->v, facing < 0))
-        args->valid[0] = 0;
-}
-
 static status embree_failed(RTCDevice device, const char *what, struct error *err)
 {
     enum RTCError code = rtcGetDeviceError(device);
@@ -86,19 +48,17 @@ static status embree_failed(RTCDevice device, const char *what, struct error *er
 
 /* `positions` has one entry for each moment; one alone stands still. */
 static void set_triangles(RTCGeometry geometry, const float *const *positions, uint32_t steps,
-                          const struct accel_mesh *mesh, int filtered)
+                          const struct accel_mesh *mesh, const uint32_t *indices)
 {
     if (steps > 1)
         rtcSetGeometryTimeStepCount(geometry, steps);
     for (uint32_t i = 0; i < steps; i++)
         rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, i, RTC_FORMAT_FLOAT3,
                                    positions[i], 0, 3 * sizeof(float), mesh->vertex_count);
-    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh->indices,
-                               0, 3 * sizeof(uint32_t), mesh->triangle_count);
-    if (filtered) {
-        rtcSetGeometryIntersectFilterFunction(geometry, filter);
-        rtcSetGeometryOccludedFilterFunction(geometry, filter);
-    }
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, indices, 0,
+                               3 * sizeof(uint32_t), mesh->triangle_count);
+    rtcSetGeometryIntersectFilterFunction(geometry, accel_filter);
+    rtcSetGeometryOccludedFilterFunction(geometry, accel_filter);
     rtcCommitGeometry(geometry);
 }
 
@@ -117,12 +77,11 @@ static status build_shared_mesh(struct accel *accel, const struct accel_input *i
                                 struct error *err)
 {
     RTCGeometry geometry;
-    int filtered = 0;
+    status s = sizes_slender(in->meshes[mesh].positions, &in->meshes[mesh],
+                             &accel->mesh_slender[mesh], &accel->mesh_slenderest[mesh], err);
 
-    /* One instance that wants to be asked makes all of the mesh's instances be asked. */
-    for (uint32_t i = 0; i < in->instance_count; i++)
-        if (in->instances[i].mesh == mesh && !in->instances[i].world_positions)
-            filtered |= in->instances[i].filtered;
+    if (s != STATUS_OK)
+        return s;
     accel->mesh_scenes[mesh] = new_scene(accel->device);
     geometry = rtcNewGeometry(accel->device, RTC_GEOMETRY_TYPE_TRIANGLE);
     if (!accel->mesh_scenes[mesh] || !geometry) {
@@ -130,7 +89,8 @@ static status build_shared_mesh(struct accel *accel, const struct accel_input *i
             rtcReleaseGeometry(geometry);
         return embree_failed(accel->device, "a mesh's geometry", err);
     }
-    set_triangles(geometry, &in->meshes[mesh].positions, 1, &in->meshes[mesh], filtered);
+    set_triangles(geometry, &in->meshes[mesh].positions, 1, &in->meshes[mesh],
+                  in->meshes[mesh].indices);
     rtcAttachGeometryByID(accel->mesh_scenes[mesh], geometry, 0);
     rtcReleaseGeometry(geometry);
     rtcCommitScene(accel->mesh_scenes[mesh]);
@@ -151,31 +111,160 @@ static void set_transforms(RTCGeometry geometry, const struct accel_instance *in
                                 instance->motion_to_world[i].m);
 }
 
+static status own(struct accel *accel, void *block, struct error *err)
+{
+    if (!block || !MEM_GROW(accel->owned, accel->owned_capacity, accel->owned_count + 1)) {
+        mem_free(block);
+        return error_no_memory(err, "the ray accelerator");
+    }
+    accel->owned[accel->owned_count++] = block;
+    return STATUS_OK;
+}
+
+/* The mesh's triangles, of which Embree gets those of `instance` that are not huge: the others
+ * become points. */
+static status choose_indices(struct accel *accel, const struct accel_mesh *mesh, uint32_t instance,
+                             const uint32_t **indices, struct error *err)
+{
+    uint32_t *chosen = NULL;
+    status s;
+
+    *indices = mesh->indices;
+    for (; accel->huge_next < accel->sizes.huge_count; accel->huge_next++) {
+        const struct hit *huge = &accel->sizes.huge[accel->huge_next];
+
+        if (huge->instance != instance)
+            break;
+        if (!chosen) {
+            chosen = mem_memdup(mesh->indices, 3 * (size_t)mesh->triangle_count * sizeof *chosen);
+            s = own(accel, chosen, err);
+            if (s != STATUS_OK)
+                return s;
+            *indices = chosen;
+        }
+        chosen[3 * (size_t)huge->triangle + 1] = chosen[3 * (size_t)huge->triangle + 2] =
+            chosen[3 * (size_t)huge->triangle];
+    }
+    return STATUS_OK;
+}
+
+/* Where two matrices are mixed, the mix is at most half their difference from one of them. */
+static float least_stretch(const struct accel_instance *instance)
+{
+    double least, difference = 0;
+
+    if (!instance->motion_steps)
+        return (float)sizes_least_stretch(&instance->to_world);
+    least = sizes_least_stretch(&instance->motion_to_world[0]);
+    for (uint32_t i = 1; i < instance->motion_steps; i++) {
+        const struct transform *a = &instance->motion_to_world[i - 1], *b = a + 1;
+        double square = 0;
+
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++) {
+                double d = (double)b->m[r][c] - (double)a->m[r][c];
+                square += d * d;
+            }
+        difference = fmax(difference, sqrt(square));
+        least = fmin(least, sizes_least_stretch(b));
+    }
+    return (float)fmax(least - 0.5 * difference, 0);
+}
+
+static status set_world_triangles(struct accel *accel, const struct accel_input *in, uint32_t index,
+                                  RTCGeometry geometry, struct error *err)
+{
+    const struct accel_instance *instance = &in->instances[index];
+    const struct accel_mesh *mesh = &in->meshes[instance->mesh];
+    struct accel_geometry *g = &accel->geometries[index];
+    const uint32_t *indices;
+    uint8_t *slender;
+    status s = sizes_slender(instance->world_positions, mesh, &slender, &g->slenderest, err);
+
+    g->slender = slender;
+    if (s == STATUS_OK && slender)
+        s = own(accel, slender, err);
+    if (s == STATUS_OK)
+        s = choose_indices(accel, mesh, index, &indices, err);
+    if (s == STATUS_OK)
+        set_triangles(geometry,
+                      instance->motion_steps ? instance->motion_positions
+                                             : &instance->world_positions,
+                      instance->motion_steps ? instance->motion_steps : 1, mesh, indices);
+    return s;
+}
+
 static status attach_instance(struct accel *accel, const struct accel_input *in, uint32_t index,
                               struct error *err)
 {
     const struct accel_instance *instance = &in->instances[index];
+    struct accel_geometry *g = &accel->geometries[index];
     int in_world = instance->world_positions != NULL;
     RTCGeometry geometry = rtcNewGeometry(
         accel->device, in_world ? RTC_GEOMETRY_TYPE_TRIANGLE : RTC_GEOMETRY_TYPE_INSTANCE);
+    status s = STATUS_OK;
 
     if (!geometry)
         return embree_failed(accel->device, "an instance", err);
+    g->filtered = instance->filtered != 0;
+    g->least_stretch = 1;
+    g->motion_steps = instance->motion_steps;
     if (in_world) {
-        set_triangles(geometry,
-                      instance->motion_steps ? instance->motion_positions
-                                             : &instance->world_positions,
-                      instance->motion_steps ? instance->motion_steps : 1,
-                      &in->meshes[instance->mesh], instance->filtered);
+        s = set_world_triangles(accel, in, index, geometry, err);
     } else {
+        g->slender = accel->mesh_slender[instance->mesh];
+        g->slenderest = accel->mesh_slenderest[instance->mesh];
+        g->least_stretch = least_stretch(instance);
         rtcSetGeometryInstancedScene(geometry, accel->mesh_scenes[instance->mesh]);
         set_transforms(geometry, instance);
         rtcCommitGeometry(geometry);
     }
-    rtcAttachGeometryByID(accel->top, geometry, index);
+    if (s == STATUS_OK)
+        rtcAttachGeometryByID(accel->top, geometry, index);
     rtcReleaseGeometry(geometry);
-    accel->geometry_instance[index] = index;
+    return s;
+}
+
+/* The huge triangles, behind the instances. */
+static status attach_huge(struct accel *accel, struct error *err)
+{
+    RTCGeometry geometry;
+
+    if (accel->sizes.huge_count == 0)
+        return STATUS_OK;
+    geometry = rtcNewGeometry(accel->device, RTC_GEOMETRY_TYPE_USER);
+    if (!geometry)
+        return embree_failed(accel->device, "the huge triangles", err);
+    rtcSetGeometryUserPrimitiveCount(geometry, accel->sizes.huge_count);
+    rtcSetGeometryUserData(geometry, accel);
+    rtcSetGeometryBoundsFunction(geometry, accel_huge_bounds, NULL);
+    rtcSetGeometryIntersectFunction(geometry, accel_huge_intersect);
+    rtcSetGeometryOccludedFunction(geometry, accel_huge_occluded);
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometryByID(accel->top, geometry, accel->geometry_count);
+    rtcReleaseGeometry(geometry);
     return STATUS_OK;
+}
+
+/* How wrong Embree can be, at each instance and at all of them. */
+static void bound_errors(struct accel *accel, const struct accel_input *in)
+{
+    for (uint32_t i = 0; i < in->instance_count; i++) {
+        const struct accel_instance *instance = &in->instances[i];
+        struct accel_geometry *g = &accel->geometries[i];
+        double condition = 1, origin = ERROR_TRIANGLE;
+
+        if (!instance->world_positions) {
+            condition = instance->motion_steps ? 1 : sizes_condition(&instance->to_world);
+            for (uint32_t k = 0; k < instance->motion_steps; k++)
+                condition = fmax(condition, sizes_condition(&instance->motion_to_world[k]));
+            origin += condition * (instance->motion_steps ? ERROR_MOVING : ERROR_INSTANCE);
+        }
+        g->error_origin = 0x1p-24 * origin;
+        g->error_extent = g->error_origin * accel->sizes.longest[i];
+        accel->error_origin = fmax(accel->error_origin, g->error_origin);
+        accel->error_extent = fmax(accel->error_extent, g->error_extent);
+    }
 }
 
 status accel_new(struct accel **out, const struct accel_input *in, struct error *err)
@@ -193,8 +282,10 @@ status accel_new(struct accel **out, const struct accel_input *in, struct error 
     if (!accel)
         return error_no_memory(err, "the ray accelerator");
     accel->accept = in->accept;
+    accel->corners = in->corners;
     accel->scene = in->scene;
     accel->mesh_count = in->mesh_count;
+    accel->geometry_count = in->instance_count;
     snprintf(config, sizeof config, "isa=%s,threads=1,set_affinity=0",
              in->isa == ISA_AVX512 ? "avx512" : in->isa == ISA_AVX2 ? "avx2" : "sse2");
     accel->device = rtcNewDevice(config);
@@ -204,11 +295,18 @@ status accel_new(struct accel **out, const struct accel_input *in, struct error 
     }
     rtcSetDeviceMemoryMonitorFunction(accel->device, count_memory, accel);
     accel->mesh_scenes = mem_calloc(in->mesh_count, sizeof *accel->mesh_scenes);
-    accel->geometry_instance = mem_calloc(in->instance_count, sizeof *accel->geometry_instance);
-    if (!accel->mesh_scenes || !accel->geometry_instance) {
+    accel->mesh_slender = mem_calloc(in->mesh_count, sizeof *accel->mesh_slender);
+    accel->mesh_slenderest = mem_calloc(in->mesh_count, 1);
+    accel->geometries = mem_calloc(in->instance_count, sizeof *accel->geometries);
+    if (!accel->mesh_scenes || !accel->mesh_slender || !accel->mesh_slenderest ||
+        !accel->geometries) {
         result = error_no_memory(err, "the ray accelerator");
         goto failed;
     }
+    result = sizes_init(&accel->sizes, in, err);
+    if (result != STATUS_OK)
+        goto failed;
+    bound_errors(accel, in);
     accel->top = new_scene(accel->device);
     if (!accel->top) {
         result = embree_failed(accel->device, "Embree's scene", err);
@@ -225,6 +323,9 @@ status accel_new(struct accel **out, const struct accel_input *in, struct error 
         if (result != STATUS_OK)
             goto failed;
     }
+    result = attach_huge(accel, err);
+    if (result != STATUS_OK)
+        goto failed;
     rtcCommitScene(accel->top);
     if (rtcGetDeviceError(accel->device) != RTC_ERROR_NONE) {
         result = error_no_memory(err, "the BVH of the scene");
@@ -249,8 +350,17 @@ void accel_free(struct accel *accel)
                 rtcReleaseScene(accel->mesh_scenes[i]);
     if (accel->device)
         rtcReleaseDevice(accel->device);
+    if (accel->mesh_slender)
+        for (uint32_t i = 0; i < accel->mesh_count; i++)
+            mem_free(accel->mesh_slender[i]);
+    for (size_t i = 0; i < accel->owned_count; i++)
+        mem_free(accel->owned[i]);
+    sizes_release(&accel->sizes);
     mem_free(accel->mesh_scenes);
-    mem_free(accel->geometry_instance);
+    mem_free(accel->mesh_slender);
+    mem_free(accel->mesh_slenderest);
+    mem_free(accel->geometries);
+    mem_free(accel->owned);
     mem_free(accel);
 }
 
@@ -259,77 +369,4 @@ size_t accel_bytes(const struct accel *accel)
     ptrdiff_t bytes = atomic_load(&((struct accel *)accel)->bytes);
 
     return bytes > 0 ? (size_t)bytes : 0;
-}
-
-static void context_init(struct query_context *context, const struct accel *accel,
-                         const void *query)
-{
-#if AZULEJO_EMBREE >= 4
-    rtcInitRayQueryContext(&context->embree);
-#else
-    rtcInitIntersectContext(&context->embree);
-#endif
-    context->accel = accel;
-    context->query = query;
-}
-
-static void ray_init(struct RTCRay *out, const struct ray *ray)
-{
-    out->org_x = ray->origin.x;
-    out->org_y = ray->origin.y;
-    out->org_z = ray->origin.z;
-    out->tnear = 0;
-    out->dir_x = ray->direction.x;
-    out->dir_y = ray->direction.y;
-    out->dir_z = ray->direction.z;
-    out->time = ray->time;
-    out->tfar = ray->t_max;
-    out->mask = ~0u;
-    out->id = 0;
-    out->flags = 0;
-}
-
-int accel_intersect(const struct accel *accel, const struct ray *ray, const void *query,
-                    struct hit *hit)
-{
-    struct query_context context;
-    struct RTCRayHit shot;
-
-    context_init(&context, accel, query);
-    ray_init(&shot.ray, ray);
-    shot.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-    shot.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-#if AZULEJO_EMBREE >= 4
-    struct RTCIntersectArguments args;
-    rtcInitIntersectArguments(&args);
-    args.context = &context.embree;
-    rtcIntersect1(accel->top, &shot, &args);
-#else
-    rtcIntersect1(accel->top, &context.embree, &shot);
-#endif
-    if (shot.hit.geomID == RTC_INVALID_GEOMETRY_ID)
-        return 0;
-    hit->instance = accel->geometry_instance[shot.hit.instID[0] != RTC_INVALID_GEOMETRY_ID
-                                                 ? shot.hit.instID[0]
-                                                 : shot.hit.geomID];
-    hit->triangle = shot.hit.primID;
-    return 1;
-}
-
-int accel_occluded(const struct accel *accel, const struct ray *ray, const void *query)
-{
-    struct query_context context;
-    struct RTCRay shot;
-
-    context_init(&context, accel, query);
-    ray_init(&shot, ray);
-#if AZULEJO_EMBREE >= 4
-    struct RTCOccludedArguments args;
-    rtcInitOccludedArguments(&args);
-    args.context = &context.embree;
-    rtcOccluded1(accel->top, &shot, &args);
-#else
-    rtcOccluded1(accel->top, &context.embree, &shot);
-#endif
-    return shot.tfar < 0;
 }

@@ -7,6 +7,9 @@
  * What moves while the shutter is open is given for several moments, evenly from its opening to
  * its closing; in between the vertices move along straight lines. A scene in which nothing moves
  * gets a BVH without a trace of motion.
+ * Embree proposes, double decides (docs/NUMERICS.md): where float could be wrong about whether a
+ * triangle is met, that is near either end of the ray, the triangle is intersected again in
+ * double, and triangles beside which the others are tiny always are.
  * Immutable after accel_new; any number of threads may query.
  */
 #ifndef AZULEJO_RENDER_ACCEL_H
@@ -22,17 +25,41 @@
 
 struct accel;
 
-struct ray {
-    struct vec3 origin;
-    struct vec3 direction; /* unit */
-    float t_max;           /* metres; INFINITY for none */
-    float time;            /* 0..1: from the shutter's opening to its closing */
-};
-
 /* What was met. Embree's own t, u, v are not handed on: they depend on the ISA; the caller
  * computes them again from the triangle (surface_from_hit). */
 struct hit {
     uint32_t instance, triangle;
+};
+
+enum { RAY_LEFT_MAX = 8 };
+
+/* A ray starts exactly where it starts: there is no offset. It does not meet the faces that it
+ * leaves, by their names; nor what lies behind them, seen along the ray; nor, if it ends on a
+ * face, that face and what lies behind it. */
+struct ray {
+    struct vec3 origin;    /* metres, rounded to float */
+    struct vec3 direction; /* unit */
+    float t_max;           /* metres; INFINITY for none */
+    float time;            /* 0..1: from the shutter's opening to its closing */
+    double rest[3];        /* metres: what rounding took away; the ray starts at origin + rest */
+    uint32_t left_count;   /* 0: it starts in mid-air */
+    int reaches;           /* it ends on the face `end`; t_max is then near enough */
+    struct hit left[RAY_LEFT_MAX], end; /* the faces on which it starts, first the one it met */
+    int contacts;          /* what is closer to left[0] than Embree's error is to be met, too, even
+                              if it shares no corner with it; makes a ray dearer */
+    float inset;           /* metres from the start to the edges of left[0], or less */
+    struct vec3 off;       /* unit: the normal of left[0], to the side to which the ray goes */
+    float end_inset;       /* metres from the end to the edges of `end`, or less; 0: none */
+    float end_cosine;      /* between the ray and the normal of `end`, positive */
+};
+
+/* A face that coincides with one that was met. */
+struct contact {
+    struct hit hit;
+    double gap;            /* metres along the ray, from the face that was met; may be negative */
+    int facing;            /* the ray meets the side of counter-clockwise winding (accel_accept) */
+    int repeats;           /* the same sheet as the face met or an earlier contact, at an edge or
+                              vertex that both share: to be left, but not crossed a second time */
 };
 
 struct accel_mesh {
@@ -62,13 +89,18 @@ struct accel_instance {
 typedef int accel_accept(const void *scene, const void *query, uint32_t instance,
                          uint32_t triangle, float u, float v, int facing);
 
+/* The corners in world space at `time`. A corner shared by triangles is the same for all. */
+typedef void accel_corners(const void *scene, uint32_t instance, uint32_t triangle, float time,
+                           double corner[3][3]);
+
 struct accel_input {
     const struct accel_mesh *meshes;
     const struct accel_instance *instances;
     uint32_t mesh_count, instance_count;
     enum isa isa;
     accel_accept *accept;
-    const void *scene;            /* handed to accept */
+    accel_corners *corners;
+    const void *scene;            /* handed to both */
 };
 
 /* The input's arrays of positions and indices must outlive the accel; the tables need not.
@@ -83,5 +115,24 @@ int accel_intersect(const struct accel *accel, const struct ray *ray, const void
 
 /* Is anything accepted between the origin and t_max? */
 int accel_occluded(const struct accel *accel, const struct ray *ray, const void *query);
+
+/* The same for a ray that starts inside something closed and for which they found nothing: it
+ * slipped through at a vertex, around which rounding can leave a gap that no triangle covers. They
+ * look closely beside the ray; what they find is a function of the ray alone. */
+int accel_intersect_enclosed(const struct accel *accel, const struct ray *ray, const void *query,
+                             struct hit *hit);
+int accel_occluded_enclosed(const struct accel *accel, const struct ray *ray, const void *query);
+
+/* Faces closer than this are one event to a ray that crosses them: floats could not keep them
+ * apart. In units of 2^-23 of the place's largest coordinate. */
+enum { ACCEL_COINCIDENT_ULPS = 8 };
+
+/* Every accepted face that lies within so much of the face `hit` at `place` (double, on that face),
+ * measured along its normal; of `ray` the direction and the time count. Sorted by their gaps along
+ * the ray, equal ones by name; without `hit` itself. Returns how many were found, of which the first
+ * `capacity` are in `out`. */
+uint32_t accel_coincident(const struct accel *accel, const struct ray *ray, const struct hit *hit,
+                          const double place[3], const void *query, struct contact *out,
+                          uint32_t capacity);
 
 #endif

@@ -104,4 +104,7 @@ void camera_ray(const struct camera *camera, uint32_t x, uint32_t y, const struc
     ray->origin = transform_point(to_world, origin);
     ray->direction = vec3_normalize(transform_vector(to_world, direction));
     ray->t_max = INFINITY;
+    ray->rest[0] = ray->rest[1] = ray->rest[2] = 0;
+    ray->left_count = 0;
+    ray->reaches = 0;
 }

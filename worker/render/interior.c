@@ -2,37 +2,52 @@
 
 #include <string.h>
 
+#include "worker/render/crossing.h"
 #include "worker/render/path.h"
 
 /* Boundaries that the search looks at, at most. */
 enum { CROSSINGS_MAX = 1024 };
+
+static void cross(struct interior *entered, struct interior *left, uint32_t body, int front)
+{
+    if (front)
+        interior_add(entered, body);
+    else if (!interior_remove(entered, body))
+        interior_add(left, body);
+}
 
 void interior_find_camera(struct render_scene *scene)
 {
     static const struct sampler nobody;
     const struct transform *view = &scene->camera.to_world;
     /* Any direction would do; one that no wall of a modelled room is parallel to. */
-    struct ray ray = {{view->m[0][3], view->m[1][3], view->m[2][3]},
-                      {0.48f, 0.64f, 0.6f}, INFINITY, 0};
+    struct ray ray = {.origin = {view->m[0][3], view->m[1][3], view->m[2][3]},
+                      .direction = {0.48f, 0.64f, 0.6f}, .t_max = INFINITY};
     struct path_query query = {&nobody, 0};
-    struct interior entered = {0};
-    struct surface s;
+    struct interior entered = {0}, left = {0};
+    struct surface s, faces[RAY_LEFT_MAX];
     struct hit hit;
+    uint32_t count;
+    int stops;
 
     memset(&scene->camera_interior, 0, sizeof scene->camera_interior);
+    scene->camera_interior.medium = scene->fog;
+    if (scene->volume_rule != VOLUMES_NESTED)
+        return;
     for (int i = 0; i < CROSSINGS_MAX && accel_intersect(scene->accel, &ray, &query, &hit); i++) {
         surface_from_hit(scene, &ray, &hit, &s);
-        if (s.material->flags & MATERIAL_BOUNDS) {
-            uint32_t material = (uint32_t)(s.material - scene->materials), before = entered.count;
-            if (s.front) {
-                interior_add(&entered, hit.instance, material);
-            } else {
-                interior_remove(&entered, hit.instance);
-                if (entered.count == before)
-                    interior_add(&scene->camera_interior, hit.instance, material);
-            }
-        }
-        ray.origin = surface_ray_origin(&s, ray.direction);
+        /* Of a mix the part that bounds a volume counts. */
+        s.material = interior_filling(scene, s.instance->material);
+        count = crossing_gather(scene, &ray, &query, 0, &s, faces, &stops);
+        for (uint32_t k = 0; k < count; k++)
+            cross(&entered, &left, faces[k].instance->body, faces[k].front);
+        surface_leave(&s, ray.direction, &ray);
         query.ray_number++;
     }
+    /* What is open or wound inwards may have been left first and entered then. */
+    for (uint32_t i = 0; i < entered.count; i++)
+        interior_remove(&left, entered.entry[i]);
+    /* The body that was left first is the innermost: it was entered last. */
+    for (uint32_t i = left.count; i-- > 0;)
+        interior_add(&scene->camera_interior, left.entry[i]);
 }

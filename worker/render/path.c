@@ -1,10 +1,14 @@
 #include "worker/render/path.h"
 
+#include <string.h>
+
 #include "common/base/clock.h"
 #include "common/math/elementary.h"
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/bsdf/dispersion.h"
 #include "worker/render/charge.h"
+#include "worker/render/crossing.h"
+#include "worker/render/exact.h"
 #include "worker/render/has.h"
 #include "worker/render/interior.h"
 #include "worker/render/kernel.h"
@@ -50,6 +54,22 @@ struct path {
     uint8_t bearer;             /* and the stretch that is traced now: the sender, or a boundary */
 };
 
+/* Of the corners where the mesh has them, whatever their numbers and the triangle's. */
+static uint32_t path_triangle_key(const struct world_mesh *mesh, const uint32_t vertex[3])
+{
+    uint32_t key = 0;
+
+    for (int k = 0; k < 3; k++) {
+        uint32_t bits[3];
+        memcpy(bits, mesh->positions + 3 * (size_t)vertex[k], sizeof bits);
+        for (int a = 0; a < 3; a++) {
+            key = (key ^ bits[a]) * 0x9e3779b1u;
+            key ^= key >> 15;
+        }
+    }
+    return key;
+}
+
 int path_accept(const void *scene_, const void *query_, uint32_t instance_index, uint32_t triangle,
                 float u, float v, int facing)
 {
@@ -57,6 +77,8 @@ int path_accept(const void *scene_, const void *query_, uint32_t instance_index,
     const struct path_query *query = query_;
     const struct world_instance *instance = &scene->instances[instance_index];
     const struct world_material *material = &scene->materials[instance->material];
+    const struct world_mesh *mesh = &scene->meshes[instance->mesh];
+    const uint32_t *vertex;
     float alpha;
 
     CHARGE_SCOPE_OF(ACTIVE(scene, CULLING) ? CHARGE_OF(CULLING) : CHARGE_OF(ALPHA));
@@ -69,17 +91,90 @@ int path_accept(const void *scene_, const void *query_, uint32_t instance_index,
         return 1;
     STAGE(SURFACE);
     CHARGE(ALPHA);
-    alpha = world_alpha(material, &scene->meshes[instance->mesh],
-                        world_vertices(&scene->meshes[instance->mesh], triangle), u, v);
+    vertex = world_vertices(mesh, triangle);
+    alpha = world_alpha(material, mesh, vertex, u, v);
     STAGE(TRACE);
     if (material->m.alpha_mode == ALPHA_MASK)
         return alpha >= material->m.alpha_cutoff;
-    return sampler_hash(query->sampler, query->ray_number * 0x9e3779b9u + instance_index,
-                        triangle) < alpha;
+    return sampler_hash(query->sampler, query->ray_number * 0x9e3779b9u + instance->alpha_key,
+                        path_triangle_key(mesh, vertex)) < alpha;
 }
 
-static int path_trace(const struct path *path, const struct ray *ray,
-                      const struct path_query *query, struct hit *hit)
+/* Is any of the volumes that the ray is in closed? A medium without a list of bodies has no mesh to
+ * ask: it is taken to be closed where the ray starts in its midst. */
+static int path_is_inside(const struct render_scene *scene, const struct interior *in,
+                          const struct ray *ray)
+{
+    if (scene->volume_rule == VOLUMES_BOUNDARIES)
+        return in->medium >= 0 && in->medium != scene->fog && ray->left_count == 0;
+    for (uint32_t i = 0; i < in->count; i++)
+        if (!(in->entry[i] & INTERIOR_OWED) &&
+            (scene->materials[in->entry[i]].flags & MATERIAL_ENCLOSES))
+            return 1;
+    return 0;
+}
+
+/* Does the ray start inside something closed? Then it cannot escape: if it does, it has slipped
+ * through a vertex (docs/NUMERICS.md). `in`: the volumes that it is in. */
+static int path_is_enclosed(const struct render_scene *scene, const struct interior *in,
+                            const struct ray *ray)
+{
+    const struct world_instance *instance;
+    double corner[3][3], n[3], direction[3];
+
+    if (ray->t_max < INFINITY)
+        return 0; /* it reached its end */
+    if (scene->enclosed || (HAS_VOLUMES && path_is_inside(scene, in, ray)))
+        return 1;
+    if (ray->left_count == 0)
+        return 0;
+    instance = &scene->instances[ray->left[0].instance];
+    if (!instance->encloses)
+        return 0;
+    world_exact_corners(scene, ray->left[0].instance, ray->left[0].triangle, ray->time, corner);
+    exact_normal(corner, n);
+    exact_vec(ray->direction, direction);
+    return instance->flipped ? exact_dot(n, direction) > 0 : exact_dot(n, direction) < 0;
+}
+
+/* What such a ray meets; 0: it did escape. Seldom called: kept out of the way of what runs always. */
+static __attribute__((cold, noinline)) int path_leaked(const struct path *path,
+                                                       const struct interior *in,
+                                                       const struct ray *ray, struct hit *hit)
+{
+    if (!path_is_enclosed(path->scene, in, ray) ||
+        !accel_intersect_enclosed(path->scene->accel, ray, &path->query, hit))
+        return 0;
+    path->stats->leaked_rays++;
+    return 1;
+}
+
+static int path_meets(const struct path *path, const struct interior *in, const struct ray *ray,
+                      struct hit *hit)
+{
+    return accel_intersect(path->scene->accel, ray, &path->query, hit) ||
+           path_leaked(path, in, ray, hit);
+}
+
+/* The same of a shadow ray that found its way free. */
+static __attribute__((cold, noinline)) int path_leaked_shadow(const struct path *path,
+                                                              const struct ray *ray)
+{
+    if (!path_is_enclosed(path->scene, &path->interior, ray) ||
+        !accel_occluded_enclosed(path->scene->accel, ray, &path->query))
+        return 0;
+    path->stats->leaked_rays++;
+    return 1;
+}
+
+static int path_is_blocked(const struct path *path, const struct ray *ray)
+{
+    return accel_occluded(path->scene->accel, ray, &path->query) ||
+           (!(ray->t_max < INFINITY) && path_leaked_shadow(path, ray));
+}
+
+static int path_trace(const struct path *path, const struct interior *in, const struct ray *ray,
+                      struct hit *hit)
 {
     uint64_t start;
     int met;
@@ -87,15 +182,14 @@ static int path_trace(const struct path *path, const struct ray *ray,
     STAGE(TRACE);
     path->stats->rays++;
     if (!kernel_measures_trace)
-        return accel_intersect(path->scene->accel, ray, query, hit);
+        return path_meets(path, in, ray, hit);
     start = clock_monotonic_ns();
-    met = accel_intersect(path->scene->accel, ray, query, hit);
+    met = path_meets(path, in, ray, hit);
     path->stats->trace_ns += clock_monotonic_ns() - start;
     return met;
 }
 
-static int path_occluded(const struct path *path, const struct ray *ray,
-                         const struct path_query *query)
+static int path_occluded(const struct path *path, const struct ray *ray)
 {
     uint64_t start;
     int blocked;
@@ -103,9 +197,9 @@ static int path_occluded(const struct path *path, const struct ray *ray,
     STAGE(TRACE);
     path->stats->rays++;
     if (!kernel_measures_trace)
-        return accel_occluded(path->scene->accel, ray, query);
+        return path_is_blocked(path, ray);
     start = clock_monotonic_ns();
-    blocked = accel_occluded(path->scene->accel, ray, query);
+    blocked = path_is_blocked(path, ray);
     path->stats->trace_ns += clock_monotonic_ns() - start;
     return blocked;
 }
@@ -127,27 +221,19 @@ static float path_mis_weight(float a, float b)
 static const struct world_medium *interior_medium(const struct render_scene *scene,
                                                   const struct interior *in, int *is_fog)
 {
-    int top = interior_top(scene, in);
-    int32_t medium = top < 0 ? -1 : scene->materials[in->material[top]].m.medium;
+    const struct world_material *around;
+    int32_t medium = in->medium;
 
-    *is_fog = 0;
-    if (top >= 0)
-        return medium >= 0 ? scene->media[medium] : NULL;
-    if (!ACTIVE(scene, FOG) || scene->fog < 0)
+    if (scene->volume_rule == VOLUMES_NESTED) {
+        around = interior_around(scene, in);
+        medium = around ? around->m.medium : scene->fog;
+        *is_fog = !around;
+    } else {
+        *is_fog = medium == scene->fog;
+    }
+    if (medium < 0 || (*is_fog && !ACTIVE(scene, FOG)))
         return NULL;
-    *is_fog = 1;
-    return scene->media[scene->fog];
-}
-
-static float interior_ior(const struct render_scene *scene, const struct interior *in)
-{
-    int top = interior_top(scene, in);
-    const struct scene_material *m;
-
-    if (top < 0)
-        return 1;
-    m = &scene->materials[in->material[top]].m;
-    return m->kind == MATERIAL_SURFACE && m->refractive && m->ior >= 1 ? m->ior : 1;
+    return scene->media[medium];
 }
 
 /* To whom keeping count of the volumes is charged. */
@@ -169,6 +255,15 @@ static float path_fog_end(const struct render_scene *scene, const struct ray *ra
     return half > 0 ? float_max(along + sqrtf(half), 0) : 0;
 }
 
+/* What the stretch that ends at the surface lies in; NULL: nothing that is known of. */
+static const struct world_material *path_around(const struct path *path, const struct surface *s,
+                                                int volumes)
+{
+    if (volumes && path->scene->volume_rule == VOLUMES_NESTED)
+        return interior_around(path->scene, &path->interior);
+    return !s->front && s->material->m.refractive ? s->material : NULL;
+}
+
 /* Beer-Lambert over a stretch inside a refractive object. */
 static struct vec3 path_absorbed(const struct world_material *material, float distance)
 {
@@ -188,11 +283,12 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
     struct vec3 visible = {1, 1, 1};
     struct interior in;
     struct ray stretch = *ray;
+    float left = ray->t_max;
     uint8_t light;
 
     path->query.ray_number++;
     if (!(HAS_VOLUMES && (ACTIVE(scene, MEDIUM) || ACTIVE(scene, INTERFACE)))) {
-        if (path_occluded(path, ray, &path->query))
+        if (path_occluded(path, ray))
             return black;
         return visible;
     }
@@ -201,12 +297,12 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
     for (int i = 0; i < PASSAGES_MAX; i++) {
         struct medium_random random = {path->sampler, path->medium_key++, 0};
         const struct world_medium *medium;
-        struct interior next;
+        struct crossing crossing;
         struct surface s;
         struct hit hit;
-        int met, real, is_fog;
+        int met, is_fog;
 
-        met = path_trace(path, &stretch, &path->query, &hit);
+        met = path_trace(path, &in, &stretch, &hit);
         STAGE(MEDIUM);
         if (met) {
             surface_from_hit(scene, &stretch, &hit, &s);
@@ -229,40 +325,29 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
         if (!met)
             return visible;
         CHARGE(INTERFACE);
-        interior_cross(scene, &in, &s, &next, &real);
-        in = next;
-        stretch.origin = surface_ray_origin(&s, ray->direction);
-        if (stretch.t_max < INFINITY) {
-            stretch.t_max -= s.t + s.offset;
-            if (!(stretch.t_max > 0))
-                return visible;
-        }
+        crossing_find(scene, &stretch, &path->query, 0, 0, &in, &s, &crossing);
+        if (s.material->m.kind != MATERIAL_INTERFACE)
+            return black;
+        in = crossing.beyond;
+        surface_leave(&s, ray->direction, &stretch);
+        stretch.reaches = ray->reaches;
+        stretch.t_max = left -= s.t;
+        if (!(left > 0))
+            return visible;
         path->query.ray_number++;
     }
     return black;
 }
 
-/* The ray to a sampled light from `origin`, which lies off the surface at `p`. */
-static int path_shadow_ray(const struct light_sample *light, struct vec3 p, struct vec3 origin,
-                           float time, struct ray *ray)
+/* Where the ray to a sampled light ends. A lamp's face is not in its own way; a light without a
+ * face may stand on something. */
+static void path_end_at_light(const struct light_sample *light, struct ray *ray)
 {
-    struct vec3 to_light;
-    float distance;
-
-    ray->origin = origin;
-    ray->direction = light->direction;
-    ray->t_max = INFINITY;
-    ray->time = time;
-    if (light->distance == INFINITY)
-        return 1;
-    /* Aim again from the moved origin, so that the ray ends where the sample lies. */
-    to_light = vec3_sub(vec3_mad(p, light->direction, light->distance), origin);
-    distance = vec3_length(to_light);
-    if (!(distance > 0))
-        return 0;
-    ray->direction = vec3_scale(to_light, 1 / distance);
-    ray->t_max = distance * (1 - 0x1p-20f);
-    return 1;
+    ray->t_max = light->on_face ? light->distance : light->distance * (1 - 0x1p-20f);
+    ray->reaches = light->on_face;
+    ray->end = light->face;
+    ray->end_inset = light->inset;
+    ray->end_cosine = light->cosine;
 }
 
 /* Next-event estimation: light that one chosen emitter sends to the surface. `beyond`: what the
@@ -296,9 +381,10 @@ static struct vec3 path_direct_light(struct path *path, const struct surface *s,
     charge_set(scatterer);
     value = bsdf_eval_pdf(bsdf, wo, wi, &bsdf_density);
     charge_set(sender);
-    if (vec3_is_black(value) ||
-        !path_shadow_ray(&light, s->p, surface_ray_origin(s, light.direction), s->time, &ray))
+    if (vec3_is_black(value))
         return black;
+    surface_leave(s, light.direction, &ray);
+    path_end_at_light(&light, &ray);
     if (HAS_VOLUMES && wi.z < 0) {
         here = path->interior;
         path->interior = *beyond;
@@ -318,22 +404,25 @@ static struct vec3 path_direct_light(struct path *path, const struct surface *s,
     return light.delta ? value : vec3_scale(value, path_mis_weight(light.pdf, bsdf_density));
 }
 
-/* The same at a point in a medium. */
+/* The same at the point in a medium where path->ray starts, for light that arrives along
+ * `direction` there. */
 static struct vec3 path_direct_phase(struct path *path, const struct world_medium *medium,
-                                     struct vec3 p, struct vec3 direction, uint32_t dimension)
+                                     struct vec3 direction, uint32_t dimension)
 {
     const struct vec3 black = {0, 0, 0};
     struct sample2 point = sampler_get(path->sampler, dimension + VERTEX_LIGHT_POINT);
-    const struct light_query asker = {p, {0, 0, 0}, path->ray.time};
+    const struct light_query asker = {path->ray.origin, {0, 0, 0}, path->ray.time};
+    struct ray ray = path->ray;
     struct light_sample light;
     struct vec3 value;
-    struct ray ray;
     float density;
 
     STAGE(LIGHT);
     if (!emitters_sample(path->scene, &asker, point.u, point.v, &light) ||
-        vec3_is_black(light.radiance) || !path_shadow_ray(&light, p, p, path->ray.time, &ray))
+        vec3_is_black(light.radiance))
         return black;
+    ray.direction = light.direction;
+    path_end_at_light(&light, &ray);
     density = medium_phase(medium, vec3_dot(direction, light.direction));
     value = vec3_scale(path_visibility(path, &ray), density);
     value = vec3_mul(value, vec3_scale(light.radiance, 1 / light.pdf));
@@ -440,6 +529,21 @@ static void path_widen(struct path *path, float t)
     path->cone.spread = float_max(path->cone.spread, spread);
 }
 
+/* The ray goes on from a point on its way, in mid-air. In double: in a dense medium the way may be
+ * far shorter than the distance between floats. */
+static void path_go_on(struct ray *ray, float distance)
+{
+    double place[3], direction[3];
+
+    exact_origin(ray, place);
+    exact_vec(ray->direction, direction);
+    for (int k = 0; k < 3; k++)
+        place[k] += direction[k] * (double)distance;
+    ray->origin = exact_round(place, ray->rest);
+    ray->t_max = INFINITY;
+    ray->left_count = 0;
+}
+
 /* The medium between the ray's origin and the hit: absorbs, emits, scatters. 1: the path was
  * scattered and goes on from there; 0: it reached the hit; -1: it ended. */
 static int path_cross_medium(struct path *path, float t, uint32_t depth, uint32_t dimension,
@@ -451,7 +555,7 @@ static int path_cross_medium(struct path *path, float t, uint32_t depth, uint32_
     struct sample2 direction, numbers;
     struct ray stretch = path->ray;
     struct medium_event event;
-    struct vec3 before = path->ray.direction, p;
+    struct vec3 before = path->ray.direction;
     int is_fog;
     uint8_t account;
 
@@ -477,10 +581,10 @@ static int path_cross_medium(struct path *path, float t, uint32_t depth, uint32_
     path->stats->vertices++;
     if (depth >= scene->settings.max_depth)
         return -1;
-    p = vec3_mad(path->ray.origin, path->ray.direction, event.distance);
+    path_go_on(&path->ray, event.distance);
     if (scene->emitters.count > 0)
         *radiance = vec3_add(*radiance, vec3_mul(path->throughput,
-                                                 path_direct_phase(path, medium, p, before,
+                                                 path_direct_phase(path, medium, before,
                                                                    dimension)));
     STAGE(MEDIUM);
     charge_set(account);
@@ -491,9 +595,7 @@ static int path_cross_medium(struct path *path, float t, uint32_t depth, uint32_
     path->from_delta = 0;
     path->scattered = 1;
     path_widen(path, event.distance);
-    path->ray.origin = p;
-    path->ray.t_max = INFINITY;
-    path->asker.p = p;
+    path->asker.p = path->ray.origin;
     path->asker.n = vec3_make(0, 0, 0);
     if (!path_survives(path, depth,
                        sampler_get(path->sampler, dimension + VERTEX_LOBE).v))
@@ -516,8 +618,7 @@ static void path_pass(struct path *path, const struct surface *s, const struct i
 {
     path->interior = *next;
     path->cone.width += s->t * path->cone.spread;
-    path->ray.origin = surface_ray_origin(s, path->ray.direction);
-    path->ray.t_max = INFINITY;
+    surface_leave(s, path->ray.direction, &path->ray);
 }
 
 static void path_record_hit(const struct render_scene *scene, const struct surface *s,
@@ -543,6 +644,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
     struct path path;
     const int volumes = HAS_VOLUMES && (ACTIVE(scene, MEDIUM) || ACTIVE(scene, INTERFACE) ||
                                         ACTIVE(scene, NESTED_DIELECTRIC));
+    const int counted = volumes && ACTIVE(scene, NESTED_DIELECTRIC);
     struct vec3 radiance = {0, 0, 0};
     uint32_t max_depth = scene->settings.max_depth, depth = 0;
     int passages = 0;
@@ -562,6 +664,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
     path.wavelength_nm = 0;
     path.dispersed = 0;
     path.interior.count = 0;
+    path.interior.medium = -1;
     if (HAS_VOLUMES)
         path.sender = path.bearer = CHARGE_NOBODY;
     path.medium_key = path.medium_depth = 0;
@@ -570,22 +673,24 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
     for (;;) {
         uint32_t dimension = DIMENSION_VERTEX + depth * DIMENSIONS_PER_VERTEX;
         struct sample2 direction_sample, lobe_sample;
-        struct interior beyond;
+        struct crossing crossing;
         struct bsdf_sample sample;
         struct bsdf_params params;
         struct bsdf bsdf;
         struct surface s;
         struct hit hit;
         struct vec3 wo;
-        int met, real = 1;
+        int met;
         uint8_t scatterer;
 
         if (HAS_VOLUMES) {
-            beyond.count = 0;
             charge_set(path.bearer);
+            crossing.beyond.count = 0;
+            crossing.beyond.medium = -1;
         }
+        crossing.together = 0;
         path.query.ray_number++;
-        met = path_trace(&path, &path.ray, &path.query, &hit);
+        met = path_trace(&path, &path.interior, &path.ray, &hit);
         STAGE(SURFACE);
         if (met) {
             surface_from_hit(scene, &path.ray, &hit, &s);
@@ -612,32 +717,26 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             radiance = vec3_add(radiance, vec3_mul(path.throughput, path_escaped(&path)));
             break;
         }
-        if (volumes) {
-            CHARGE_SCOPE_OF(path_keeper(scene));
-            int top = interior_top(scene, &path.interior);
-            if (top >= 0 && ACTIVE(scene, ABSORPTION)) {
-                CHARGE_SCOPE(ABSORPTION);
-                path.throughput = vec3_mul(
-                    path.throughput,
-                    path_absorbed(&scene->materials[path.interior.material[top]], s.t));
-            }
-            if (s.material->flags & MATERIAL_BOUNDS) {
-                interior_cross(scene, &path.interior, &s, &beyond, &real);
-                if (!real || s.material->m.kind == MATERIAL_INTERFACE) {
-                    if (++passages > PASSAGES_MAX)
-                        break;
-                    path.bearer = s.material->m.kind == MATERIAL_INTERFACE
-                                      ? CHARGE_OF(INTERFACE) : charge_get();
-                    path_pass(&path, &s, &beyond);
-                    continue;
-                }
-            } else {
-                beyond = path.interior;
-            }
-        } else if (ACTIVE(scene, ABSORPTION) && !s.front && s.material->m.refractive &&
-                   !vec3_is_black(s.material->absorption)) {
+        if (ACTIVE(scene, ABSORPTION)) {
+            const struct world_material *around = path_around(&path, &s, volumes);
             CHARGE_SCOPE(ABSORPTION);
-            path.throughput = vec3_mul(path.throughput, path_absorbed(s.material, s.t));
+            if (around && !vec3_is_black(around->absorption))
+                path.throughput = vec3_mul(path.throughput, path_absorbed(around, s.t));
+        }
+        if (volumes || (HAS(NESTED_DIELECTRIC) && crossing_touches(&s))) {
+            CHARGE_SCOPE_OF(path_keeper(scene));
+            crossing_find(scene, &path.ray, &path.query,
+                          HAS(MATERIAL_MIX) && crossing_touches(&s)
+                              ? sampler_get(sampler, dimension + VERTEX_MEDIUM).v : 0,
+                          counted, &path.interior, &s, &crossing);
+            if (!crossing.real || s.material->m.kind == MATERIAL_INTERFACE) {
+                if (++passages > PASSAGES_MAX)
+                    break;
+                path.bearer = s.material->m.kind == MATERIAL_INTERFACE ? CHARGE_OF(INTERFACE)
+                                                                       : charge_get();
+                path_pass(&path, &s, &crossing.beyond);
+                continue;
+            }
         }
         stats->vertices++;
         if (HAS(TEXTURE) && s.material->flags & (MATERIAL_TEXTURED | MATERIAL_NORMAL_MAP))
@@ -663,12 +762,16 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             path_record_hit(scene, &s, &params, record);
         if (depth >= max_depth)
             break;
+        if (HAS(NESTED_DIELECTRIC) && crossing.together)
+            params.ior = crossing.ior;
+        else if (counted && s.material->flags & MATERIAL_BOUNDS)
+            params.ior = interior_filling(scene, s.instance->body)->m.ior;
         if (HAS(DISPERSION) && ACTIVE(scene, DISPERSION) && s.material->m.dispersion > 0 &&
             params.refractive)
             params.ior = path_dispersed_ior(&path, params.ior, s.material->m.dispersion);
-        if (volumes && ACTIVE(scene, NESTED_DIELECTRIC)) {
+        if (counted) {
             CHARGE_SCOPE(NESTED_DIELECTRIC);
-            params.ior_outside = interior_ior(scene, s.front ? &path.interior : &beyond);
+            params.ior_outside = interior_ior(scene, s.front ? &path.interior : &crossing.beyond);
         }
         wo = frame_to_local(&s.frame, vec3_neg(path.ray.direction));
         if (!(wo.z > 0))
@@ -679,8 +782,8 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
         if (bsdf.has_smooth && scene->emitters.count > 0)
             radiance = vec3_add(
                 radiance, vec3_mul(path.throughput,
-                                   path_direct_light(&path, &s, &bsdf, wo, dimension, &beyond,
-                                                     scatterer)));
+                                   path_direct_light(&path, &s, &bsdf, wo, dimension,
+                                                     &crossing.beyond, scatterer)));
 
         STAGE(SCATTER);
         charge_set(scatterer);
@@ -701,7 +804,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             path.dispersed = 1;
         }
         if (volumes && sample.wi.z < 0)
-            path.interior = beyond;
+            path.interior = crossing.beyond;
         path.eta_scale *= sample.eta_scale;
         path.from_delta = (sample.flags & BSDF_DELTA) != 0;
         path.scattered |= !path.from_delta;
@@ -714,8 +817,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             path_widen(&path, s.t);
         path.asker.p = s.p;
         path.asker.n = s.material->flags & MATERIAL_TWO_WAY ? vec3_make(0, 0, 0) : s.ng;
-        path.ray.origin = surface_ray_origin(&s, path.ray.direction);
-        path.ray.t_max = INFINITY;
+        surface_leave(&s, path.ray.direction, &path.ray);
         depth++;
     }
     return radiance;

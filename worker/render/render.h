@@ -29,6 +29,7 @@ struct render_scene;
 
 struct render_stats {
     uint64_t samples, rays, vertices;
+    uint64_t leaked_rays;       /* slipped through at a vertex of something closed: traced again */
     uint64_t dropped_samples;   /* not finite: counted, replaced by black */
     uint64_t trace_ns;          /* inside Embree; 0 unless measured (render_measure_trace) */
 };

@@ -4,13 +4,11 @@
 
 #include "common/math/elementary.h"
 #include "worker/render/charge.h"
+#include "worker/render/exact.h"
 #include "worker/render/has.h"
 #include "worker/render/world.h"
 #include "worker/render/world_motion.h"
 
-/* In units of 2^-24 of the largest coordinate in play. Chosen by the grazing-plane test of
- * tests/numerics/test_offset.c, which passes from 2 upwards. */
-#define OFFSET_ULPS 8.0f
 /* The cosine to which a shading normal that faces away is bent. */
 #define BEND_COSINE 1e-3f
 
@@ -18,23 +16,6 @@
 #define HAS_LAYERS                                                                           \
     (HAS(ANISOTROPY) || HAS(CONDUCTOR) || HAS(CLEARCOAT) || HAS(SHEEN) || HAS(IRIDESCENCE) || \
      HAS(DIFFUSE_TRANSMISSION))
-
-static float abs_max3(struct vec3 a)
-{
-    return float_max(fabsf(a.x), float_max(fabsf(a.y), fabsf(a.z)));
-}
-
-float surface_offset(struct vec3 p, const struct vec3 corner[3],
-                     const struct world_instance *instance)
-{
-    /* Embree subtracts the ray's origin from the corners: its rounding grows with the largest
-     * coordinate of the point and with the size of the triangle. */
-    float extent = float_max(abs_max3(vec3_sub(corner[1], corner[0])),
-                             abs_max3(vec3_sub(corner[2], corner[0])));
-    float magnitude = float_max(abs_max3(p), extent);
-
-    return OFFSET_ULPS * 0x1p-24f * magnitude + instance->position_error;
-}
 
 void world_triangle(const struct render_scene *scene, const struct world_instance *instance,
                     uint32_t triangle, float time, struct vec3 corner[3])
@@ -47,50 +28,52 @@ void world_triangle(const struct render_scene *scene, const struct world_instanc
         corner[k] = vec3_make((float)c[k][0], (float)c[k][1], (float)c[k][2]);
 }
 
-static void cross_d(const double a[3], const double b[3], double out[3])
+/* A lower bound of the distance to the nearest edge: the smallest weight's share of the least
+ * height. */
+static float surface_inset(double u, double v, double double_area, const double e1[3],
+                           const double e2[3])
 {
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
+    double a = exact_dot(e1, e1), b = exact_dot(e2, e2), ab = exact_dot(e1, e2);
+    double c = a + b - 2 * ab, w = 1 - u - v, least, longest;
 
-static double dot_d(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    least = u < v ? u : v;
+    least = w < least ? w : least;
+    longest = a > b ? a : b;
+    longest = c > longest ? c : longest;
+    return longest > 0 ? (float)(least * double_area / sqrt(longest)) : 0;
 }
 
 void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
                       const struct hit *hit, struct surface *s)
 {
-    double c[3][3], e1[3], e2[3], n[3], to_origin[3], pvec[3], qvec[3], p[3];
-    double d[3] = {(double)ray->direction.x, (double)ray->direction.y, (double)ray->direction.z};
-    double o[3] = {(double)ray->origin.x, (double)ray->origin.y, (double)ray->origin.z};
+    double c[3][3], e1[3], e2[3], n[3], to_origin[3], pvec[3], qvec[3], p[3], d[3], o[3];
     double determinant, u, v, length, sign;
-    struct vec3 corner[3];
 
+    exact_vec(ray->direction, d);
+    exact_origin(ray, o);
+    s->number = hit->instance;
     s->instance = &scene->instances[hit->instance];
     s->footprint = 0;
+    s->other_count = 0;
     s->time = ray->time;
     s->material = &scene->materials[s->instance->material];
     s->mesh = &scene->meshes[s->instance->mesh];
     s->triangle = hit->triangle;
     s->vertex = world_vertices(s->mesh, hit->triangle);
     world_corners(scene, s->instance, s->vertex, ray->time, c);
-    for (int a = 0; a < 3; a++) {
-        e1[a] = c[1][a] - c[0][a];
-        e2[a] = c[2][a] - c[0][a];
-        to_origin[a] = o[a] - c[0][a];
-    }
-    cross_d(e1, e2, n);
-    length = sqrt(dot_d(n, n));
+    exact_sub(c[1], c[0], e1);
+    exact_sub(c[2], c[0], e2);
+    exact_sub(o, c[0], to_origin);
+    exact_cross(e1, e2, n);
+    length = sqrt(exact_dot(n, n));
 
     /* Moeller-Trumbore in double; the clamp only ever undoes rounding at an edge. */
-    cross_d(d, e2, pvec);
-    cross_d(to_origin, e1, qvec);
-    determinant = dot_d(e1, pvec);
+    exact_cross(d, e2, pvec);
+    exact_cross(to_origin, e1, qvec);
+    determinant = exact_dot(e1, pvec);
     if (determinant != 0 && isfinite(1 / determinant)) {
-        u = dot_d(to_origin, pvec) / determinant;
-        v = dot_d(d, qvec) / determinant;
+        u = exact_dot(to_origin, pvec) / determinant;
+        v = exact_dot(d, qvec) / determinant;
         u = u < 0 ? 0 : u > 1 ? 1 : u;
         v = v < 0 ? 0 : v > 1 - u ? 1 - u : v;
     } else {
@@ -101,20 +84,19 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     s->b1 = (float)u;
     s->b2 = (float)v;
     s->t = (float)((p[0] - o[0]) * d[0] + (p[1] - o[1]) * d[1] + (p[2] - o[2]) * d[2]);
-    s->p = vec3_make((float)p[0], (float)p[1], (float)p[2]);
+    s->p = exact_round(p, s->rest);
     s->area = (float)(0.5 * length);
+    s->contacts = world_near_boundary(scene, s->p);
+    s->inset = surface_inset(u, v, length, e1, e2);
 
     sign = s->instance->flipped ? -1 : 1;
-    s->front = dot_d(n, d) * sign < 0;
+    s->front = exact_dot(n, d) * sign < 0;
     sign = s->front ? sign : -sign;
     if (length > 0)
         s->ng = vec3_make((float)(n[0] / length * sign), (float)(n[1] / length * sign),
                           (float)(n[2] / length * sign));
     else
         s->ng = vec3_neg(ray->direction);
-    for (int k = 0; k < 3; k++)
-        corner[k] = vec3_make((float)c[k][0], (float)c[k][1], (float)c[k][2]);
-    s->offset = surface_offset(s->p, corner, s->instance);
 }
 
 static struct vec3 surface_interpolate(const float *values, size_t stride,
@@ -487,9 +469,21 @@ void surface_uv(const struct surface *s, float *u, float *v)
     *v = b0 * a[1] + s->b1 * b[1] + s->b2 * c[1];
 }
 
-struct vec3 surface_ray_origin(const struct surface *s, struct vec3 direction)
+void surface_leave(const struct surface *s, struct vec3 direction, struct ray *ray)
 {
-    return vec3_mad(s->p, s->ng, vec3_dot(direction, s->ng) < 0 ? -s->offset : s->offset);
+    ray->origin = s->p;
+    ray->direction = direction;
+    ray->t_max = INFINITY;
+    ray->time = s->time;
+    memcpy(ray->rest, s->rest, sizeof ray->rest);
+    ray->left_count = 1 + s->other_count;
+    ray->left[0] = (struct hit){s->number, s->triangle};
+    for (uint32_t i = 0; i < s->other_count; i++)
+        ray->left[1 + i] = s->others[i];
+    ray->reaches = 0;
+    ray->contacts = s->contacts;
+    ray->inset = s->inset;
+    ray->off = vec3_dot(direction, s->ng) < 0 ? vec3_neg(s->ng) : s->ng;
 }
 
 /* ---- lookups that need the triangle ------------------------------------------------------- */

@@ -1,8 +1,8 @@
 /* surface: a hit made into a place that can be shaded.
  *
  * The hit's position is computed again from the triangle, in double, so that it depends on
- * neither Embree's kernels nor the ISA; the origin of the next ray is moved off the surface
- * along the geometric normal by a bound on all roundings that a ray through it can meet.
+ * neither Embree's kernels nor the ISA. The next ray starts exactly there and leaves the
+ * triangle by its name (struct ray).
  */
 #ifndef AZULEJO_RENDER_SURFACE_H
 #define AZULEJO_RENDER_SURFACE_H
@@ -22,23 +22,24 @@ struct surface {
     const struct world_material *material;
     const struct world_mesh *mesh;
     const uint32_t *vertex;   /* the triangle's three vertex numbers */
+    uint32_t number;          /* the instance's */
     uint32_t triangle;
     float b1, b2;             /* barycentric weights of vertices 1 and 2 */
     float t;                  /* metres from the ray's origin */
     float area;               /* of the triangle, m^2 */
-    float offset;             /* metres to move a ray's origin off the surface */
+    int contacts;             /* what is very close counts (struct ray) */
+    float inset;              /* metres from the place to the triangle's edges, or less */
     float footprint;          /* width of the ray's beam over sqrt(area); 0: textures at their finest */
     float time;               /* 0..1: the ray's */
     int front;                /* met from the side of counter-clockwise winding */
-    struct vec3 p;            /* world */
+    struct vec3 p;            /* world, rounded to float */
+    double rest[3];           /* metres: what rounding took away; the place is p + rest */
+    uint32_t other_count;     /* faces that coincide with it (crossing.h): rays leave them as well */
+    struct hit others[RAY_LEFT_MAX - 1];
     struct vec3 ng;           /* unit geometric normal on the ray's side */
     struct frame frame;       /* shading frame on the ray's side, after surface_shade */
     struct texture_place place; /* that the material's textures share, while it is shaded */
 };
-
-/* Distance in metres by which a ray's origin at `p` on the triangle must be moved. */
-float surface_offset(struct vec3 p, const struct vec3 corner[3],
-                     const struct world_instance *instance);
 
 /* Position and geometric normal of the hit. */
 void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
@@ -59,7 +60,7 @@ struct vec3 surface_vertex_color(const struct surface *s);
 /* First uv set at the hit; 0, 0 where the mesh has none. */
 void surface_uv(const struct surface *s, float *u, float *v);
 
-/* Origin for a ray that leaves towards `direction` (either side). */
-struct vec3 surface_ray_origin(const struct surface *s, struct vec3 direction);
+/* A ray that leaves the surface towards `direction`, to either side, without end. */
+void surface_leave(const struct surface *s, struct vec3 direction, struct ray *ray);
 
 #endif

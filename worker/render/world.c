@@ -10,12 +10,14 @@
 #include "common/scene/pose.h"
 #include "worker/render/bounds.h"
 #include "worker/render/image_share.h"
+#include "worker/render/enclosure.h"
 #include "worker/render/interior.h"
 #include "worker/render/kernel.h"
 #include "worker/render/medium.h"
 #include "worker/render/world_material.h"
 #include "worker/render/world_memory.h"
 #include "worker/render/world_place.h"
+#include "worker/render/world_touch.h"
 
 static status mesh_init(struct world_mesh *out, const struct scene_mesh *mesh, const uint8_t *data,
                         size_t size_bytes, struct error *err)
@@ -151,6 +153,38 @@ static status load_media(struct render_scene *w, const struct scene *scene,
 
 /* Ritter's sphere around the corners of every instance's box, at every moment of the shutter:
  * the boxes are known without touching the vertices. */
+/* A box around the corners, and a thousandth of its diagonal more. Where there are many boundaries
+ * the last box holds the rest. */
+static void add_boundary(struct render_scene *w, const struct vec3 *corners, size_t count)
+{
+    struct world_box *box;
+    struct vec3 low = vec3_splat(INFINITY), high = vec3_splat(-INFINITY);
+    float margin;
+
+    for (size_t i = 0; i < count; i++) {
+        low = vec3_make(float_min(corners[i].x, low.x), float_min(corners[i].y, low.y),
+                        float_min(corners[i].z, low.z));
+        high = vec3_make(float_max(corners[i].x, high.x), float_max(corners[i].y, high.y),
+                         float_max(corners[i].z, high.z));
+    }
+    margin = 1e-3f * vec3_length(vec3_sub(high, low)) +
+             0x1p-12f * float_max(float_max(fabsf(vec3_max(high)), fabsf(vec3_min(high))),
+                                  float_max(fabsf(vec3_max(low)), fabsf(vec3_min(low))));
+    if (w->boundary_count < WORLD_BOUNDARIES_MAX) {
+        box = &w->boundaries[w->boundary_count++];
+        *box = (struct world_box){{INFINITY, INFINITY, INFINITY},
+                                  {-INFINITY, -INFINITY, -INFINITY}};
+    } else {
+        box = &w->boundaries[WORLD_BOUNDARIES_MAX - 1];
+    }
+    box->low[0] = float_min(low.x - margin, box->low[0]);
+    box->low[1] = float_min(low.y - margin, box->low[1]);
+    box->low[2] = float_min(low.z - margin, box->low[2]);
+    box->high[0] = float_max(high.x + margin, box->high[0]);
+    box->high[1] = float_max(high.y + margin, box->high[1]);
+    box->high[2] = float_max(high.z + margin, box->high[2]);
+}
+
 static status find_bounds(struct render_scene *w, const struct scene *scene, struct error *err)
 {
     size_t count = 0, room = 0;
@@ -162,8 +196,14 @@ static status find_bounds(struct render_scene *w, const struct scene *scene, str
     corners = mem_alloc_array(room, sizeof *corners);
     if (!corners)
         return error_no_memory(err, "the bounding sphere");
-    for (uint32_t i = 0; i < w->instance_count; i++)
-        count += world_place_hull(w, scene, i, corners + count);
+    for (uint32_t i = 0; i < w->instance_count; i++) {
+        const struct world_material *material = &w->materials[w->instances[i].material];
+        size_t added = world_place_hull(w, scene, i, corners + count);
+
+        if (material->flags & MATERIAL_BOUNDS || material->m.kind == MATERIAL_MIX)
+            add_boundary(w, corners + count, added);
+        count += added;
+    }
     sphere = sphere_around(corners, count);
     w->bounds_centre = sphere.centre;
     w->bounds_radius = sphere.radius > 0 && isfinite(sphere.radius) ? sphere.radius : 1;
@@ -217,12 +257,31 @@ static int culling_shows(const struct render_scene *w, const struct scene *scene
     return 1;
 }
 
+/* Rays get behind the faces of a closed mesh where its material lets them through, and do not get
+ * out again except through it. (Around the camera: enclosure.h.) */
+static void find_enclosing(struct render_scene *w, const struct scene *scene)
+{
+    for (uint32_t i = 0; i < w->instance_count; i++) {
+        struct world_instance *instance = &w->instances[i];
+        unsigned flags = w->materials[instance->material].flags;
+
+        instance->encloses = scene->meshes[instance->mesh].closed &&
+                             (flags & (MATERIAL_BOUNDS | MATERIAL_TWO_WAY)) &&
+                             !(flags & (MATERIAL_ALPHA | MATERIAL_CULLED));
+        if (instance->encloses)
+            w->materials[instance->body].flags |= MATERIAL_ENCLOSES;
+    }
+    for (uint32_t i = 0; i < w->instance_count; i++)
+        if (!w->instances[i].encloses)
+            w->materials[w->instances[i].body].flags &= ~(unsigned)MATERIAL_ENCLOSES;
+}
+
 static status build_accel(struct render_scene *w, const struct scene *scene, struct error *err)
 {
     struct accel_mesh *meshes = mem_calloc(w->mesh_count, sizeof *meshes);
     struct accel_instance *instances = mem_calloc(w->instance_count, sizeof *instances);
-    struct accel_input input = {meshes,          instances,        w->mesh_count, w->instance_count,
-                                w->settings.isa, w->kernel->accept, w};
+    struct accel_input input = {meshes, instances, w->mesh_count, w->instance_count, w->settings.isa,
+                                w->kernel->accept, world_exact_corners, w};
     status s;
 
     if (!meshes || !instances) {
@@ -349,11 +408,13 @@ static status build(struct render_scene *w, const struct scene *scene,
         (s = world_poses_new(&poses, scene, &w->settings, w->frame, err)) == STATUS_OK &&
         (s = world_place(w, poses, err)) == STATUS_OK) {
         world_materials_placed(w);
+        find_enclosing(w, scene);
         load_camera(w, poses);
         w->kernel = kernel_for(w->effects);
         if ((s = load_environment(w, scene, blobs, err)) == STATUS_OK &&
             (s = find_bounds(w, scene, err)) == STATUS_OK &&
-            (s = load_lights(w, scene, poses, err)) == STATUS_OK)
+            (s = load_lights(w, scene, poses, err)) == STATUS_OK &&
+            (s = world_touch_find(w, err)) == STATUS_OK)
             s = build_accel(w, scene, err);
     }
     world_poses_free(poses);
@@ -379,6 +440,7 @@ status render_scene_new(struct render_scene **out, const struct scene *scene,
     w->settings = *settings;
     w->frame = frame;
     w->animated = scene_is_animated(scene, settings);
+    w->volume_rule = scene->volume_rule;
     w->effects = scene_effects(scene, settings, frame, NULL);
     s = world_used_init(&used, scene, settings, err);
     if (s == STATUS_OK)
@@ -389,6 +451,7 @@ status render_scene_new(struct render_scene **out, const struct scene *scene,
         return s;
     }
     find_fog(w);
+    enclosure_find(w);
     if (w->effects & (EFFECT_NESTED_DIELECTRIC | EFFECT_INTERFACE | EFFECT_MEDIUM))
         interior_find_camera(w);
     w->info.emissive_triangles = w->emitters.triangle_count;

@@ -43,7 +43,9 @@ enum world_material_flags {
     MATERIAL_LAYERED = 32,    /* something of anisotropy ... diffuse transmission acts */
     MATERIAL_NEEDS_FRAME = 64, /* anisotropy or a clearcoat normal map: tangents are read */
     MATERIAL_TWO_WAY = 128,   /* light may pass through */
-    MATERIAL_BOUNDS = 256,    /* a volume: refractive, or an interface; the path keeps count */
+    MATERIAL_BOUNDS = 256,    /* a volume: refractive, or an interface; the path keeps count.
+                                 VOLUMES_BOUNDARIES: also all else that separates two media */
+    MATERIAL_ENCLOSES = 512,  /* every mesh of the body is closed by itself, without holes */
 };
 
 struct world_material {
@@ -56,10 +58,15 @@ struct world_material {
     const struct world_slot *lead; /* the first slot that is looked up by footprint; NULL: none */
     int lead_srgb;
     struct vec3 absorption;  /* 1/metre */
+    uint32_t filling;        /* the material that fills a body of this one: itself, of a mix the
+                                first part that bounds a volume */
 };
 
 struct world_instance {
     uint32_t mesh, material;
+    uint32_t body;                /* the material whose body it bounds */
+    uint32_t alpha_key;           /* for the stochastic alpha: of material and place, so that it
+                                     stays when a mesh is cut into several */
     const float *world_positions; /* vertices in world space (at the shutter's opening), or NULL:
                                      transform the mesh's */
     struct transform to_world, to_object;
@@ -76,17 +83,24 @@ struct world_instance {
                                      World space for a skinned mesh, else the mesh's */
     const float *const *motion_normals, *const *motion_tangents; /* [motion_steps] of the same, or NULL */
     int skinned;                  /* those are in world space */
-    float position_error;         /* metres: bound on the rounding of a transformed position */
+    int encloses;                 /* what is behind its faces is closed in, and rays get there */
+    const uint8_t *touches;       /* [triangles] may another face coincide with it? NULL: nowhere
+                                     (world_touch.h) */
     int32_t light_base;           /* first of its triangles in the emitters, -1: dark */
 };
 
-/* The volumes that a ray is inside of, in the order of entry. */
+/* The bodies that a ray is inside of (interior.h). */
 enum { INTERIOR_MAX = 16 };
 struct interior {
     uint32_t count;
-    uint32_t instance[INTERIOR_MAX];
-    uint32_t material[INTERIOR_MAX];
+    int32_t medium;               /* VOLUMES_BOUNDARIES: that the ray is in, -1: none */
+    uint32_t entry[INTERIOR_MAX]; /* in the order of entry: the body's material, or INTERIOR_OWED */
 };
+
+struct world_box {
+    float low[3], high[3];
+};
+enum { WORLD_BOUNDARIES_MAX = 8 };
 
 struct kernel;
 
@@ -110,10 +124,16 @@ struct render_scene {
     int32_t fog;                  /* its medium fills the bounding sphere, -1: none */
     struct emitters emitters;
     struct accel *accel;
+    /* Around what refracts or holds a medium, with a margin: there each face is to be crossed,
+     * however close to another. */
+    struct world_box boundaries[WORLD_BOUNDARIES_MAX];
+    uint32_t boundary_count;
     struct vec3 bounds_centre;
     float bounds_radius;          /* Ritter's bounding sphere of the geometry, metres */
     float fog_radius;             /* the same grown to hold the camera */
-    struct interior camera_interior; /* the volumes that the camera is inside of */
+    int enclosed;                 /* no ray escapes from where the camera is (enclosure.h) */
+    struct interior camera_interior; /* the bodies that the camera is inside of */
+    enum scene_volume_rule volume_rule;
     const struct kernel *kernel;
     struct render_scene_info info;
 };
@@ -145,6 +165,21 @@ float world_emission_scale(const struct world_material *material, const struct w
 /* The three corners of a triangle in world space at `time` (0..1 of the shutter). */
 void world_triangle(const struct render_scene *scene, const struct world_instance *instance,
                     uint32_t triangle, float time, struct vec3 corner[3]);
+
+/* The same in double, for the accel; `scene` is a struct render_scene. */
+accel_corners world_exact_corners;
+
+/* Is something that refracts, or a medium, so near that every contact counts? */
+static inline int world_near_boundary(const struct render_scene *scene, struct vec3 p)
+{
+    for (uint32_t i = 0; i < scene->boundary_count; i++) {
+        const struct world_box *box = &scene->boundaries[i];
+        if (p.x >= box->low[0] && p.x <= box->high[0] && p.y >= box->low[1] &&
+            p.y <= box->high[1] && p.z >= box->low[2] && p.z <= box->high[2])
+            return 1;
+    }
+    return 0;
+}
 
 static inline const uint32_t *world_vertices(const struct world_mesh *mesh, uint32_t triangle)
 {

@@ -121,6 +121,8 @@ static void use_material(struct world_used *used, const struct scene *scene,
     }
     if (m.medium >= 0)
         used->media[m.medium] = 1;
+    if (m.medium_outside >= 0)
+        used->media[m.medium_outside] = 1;
     if (m.kind == MATERIAL_MIX)
         used->materials[m.mix_material[0]] = used->materials[m.mix_material[1]] = 1;
 }
@@ -230,7 +232,7 @@ static int transmits(const struct world_material *material)
            (m->metallic < 1 || material->metallic_roughness.image);
 }
 
-static unsigned flags_of(const struct world_material *material)
+static unsigned flags_of(const struct world_material *material, enum scene_volume_rule rule)
 {
     const struct scene_material *m = &material->m;
     int lit = !m->unlit && m->kind != MATERIAL_INTERFACE, coat_mapped;
@@ -249,6 +251,8 @@ static unsigned flags_of(const struct world_material *material)
         flags |= MATERIAL_BOUNDS;
     if (m->kind == MATERIAL_INTERFACE || transmits(material) || (lit && m->diffuse_transmission > 0))
         flags |= MATERIAL_TWO_WAY;
+    if (rule == VOLUMES_BOUNDARIES && (flags & MATERIAL_TWO_WAY) && m->medium != m->medium_outside)
+        flags |= MATERIAL_BOUNDS;
     /* What bounds a volume is left through its back faces, whatever doubleSided says. */
     if (!m->double_sided && !(flags & MATERIAL_BOUNDS))
         flags |= MATERIAL_CULLED;
@@ -299,12 +303,23 @@ static void material_init(struct world_material *out, const struct render_scene 
         vec3_make(absorption(out->m.attenuation_color[0], out->m.attenuation_distance),
                   absorption(out->m.attenuation_color[1], out->m.attenuation_distance),
                   absorption(out->m.attenuation_color[2], out->m.attenuation_distance));
-    out->flags = flags_of(out);
+    /* Where there is no fog, no surface lets rays out into it. */
+    if ((w->settings.without & EFFECT_FOG) && scene->fog >= 0) {
+        if (out->m.medium == scene->fog)
+            out->m.medium = -1;
+        if (out->m.medium_outside == scene->fog)
+            out->m.medium_outside = -1;
+    }
+    out->flags = flags_of(out, scene->volume_rule);
+    out->filling = (uint32_t)(out - w->materials);
     share_places(out);
     if (out->m.kind == MATERIAL_MIX) {
+        uint32_t first = out->m.mix_material[0], second = out->m.mix_material[1];
         /* Which part a ray meets is decided at the hit; a face is culled where neither shows. */
-        unsigned a = w->materials[out->m.mix_material[0]].flags;
-        unsigned b = w->materials[out->m.mix_material[1]].flags;
+        unsigned a = w->materials[first].flags, b = w->materials[second].flags;
+        uint32_t filling = w->materials[first].filling;
+        out->filling = w->materials[filling].flags & MATERIAL_BOUNDS ? filling
+                                                                     : w->materials[second].filling;
         out->flags &= MATERIAL_TEXTURED | MATERIAL_EMISSIVE;
         out->flags |= (a & b & MATERIAL_CULLED) | ((a | b) & MATERIAL_TWO_WAY);
     }

@@ -22,3 +22,13 @@ struct transform world_motion_to_object(const struct world_instance *instance, f
     transform_d_invert(&m, &inverse); /* flat at this moment: the identity, as at rest */
     return transform_from_d(&inverse);
 }
+
+void world_exact_corners(const void *scene_, uint32_t instance_index, uint32_t triangle, float time,
+                         double corner[3][3])
+{
+    const struct render_scene *scene = scene_;
+    const struct world_instance *instance = &scene->instances[instance_index];
+
+    world_corners(scene, instance, world_vertices(&scene->meshes[instance->mesh], triangle), time,
+                  corner);
+}

@@ -60,41 +60,14 @@ static float *new_vertices(const struct placer *p, uint32_t components)
     return world_own(p->w, out) ? out : NULL;
 }
 
-static void transform_vertices(float *out, const float *in, size_t count,
-                               const struct transform_d *to_world)
-{
-    for (size_t i = 0; i < count; i++) {
-        double p[3] = {(double)in[3 * i], (double)in[3 * i + 1], (double)in[3 * i + 2]};
-        for (size_t a = 0; a < 3; a++) {
-            const double *row = to_world->m[a];
-            out[3 * i + a] = (float)(row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3]);
-        }
-    }
-}
-
 /* The mesh's vertices in world space, each coordinate rounded once. */
 static float *bake(const struct placer *p, const struct transform_d *to_world)
 {
     float *out = new_vertices(p, 3);
 
     if (out)
-        transform_vertices(out, p->vertices->positions, p->vertices->vertex_count, to_world);
+        transform_points(to_world, p->vertices->positions, p->vertices->vertex_count, out);
     return out;
-}
-
-/* Bound on the rounding of positions and rays that go through an instance's transforms. */
-static float transform_error(const struct scene_mesh *mesh, const struct transform *to_world)
-{
-    float largest = 0;
-
-    for (int a = 0; a < 3; a++) {
-        float sum = fabsf(to_world->m[a][3]);
-        for (int c = 0; c < 3; c++)
-            sum += fabsf(to_world->m[a][c]) *
-                   fmaxf(fabsf(mesh->bounds_min[c]), fabsf(mesh->bounds_max[c]));
-        largest = fmaxf(largest, sum);
-    }
-    return 16 * 0x1p-24f * largest;
 }
 
 /* Embree inverts matrices in float. */
@@ -121,16 +94,19 @@ static void set_transform(struct world_instance *instance, const struct transfor
  * and the matrix takes it back. */
 static int loses_digits(const struct placer *p)
 {
-    double size = 0;
+    double size = 0, reach = 0;
 
     for (int r = 0; r < 3; r++) {
-        double extent = 0;
-        for (int c = 0; c < 3; c++)
-            extent += fabs(p->exact.m[r][c]) *
-                      ((double)p->mesh->bounds_max[c] - (double)p->mesh->bounds_min[c]);
+        double extent = 0, sum = fabs(p->exact.m[r][3]);
+        for (int c = 0; c < 3; c++) {
+            double low = (double)p->mesh->bounds_min[c], high = (double)p->mesh->bounds_max[c];
+            extent += fabs(p->exact.m[r][c]) * (high - low);
+            sum += fabs(p->exact.m[r][c]) * fmax(fabs(low), fabs(high));
+        }
         size = fmax(size, extent);
+        reach = fmax(reach, sum);
     }
-    return (double)transform_error(p->mesh, &p->at[0]) > DIGITS_SHARE_MAX * size;
+    return 16 * 0x1p-24 * reach > DIGITS_SHARE_MAX * size;
 }
 
 static status place_still(struct placer *p, uint32_t uses)
@@ -147,8 +123,6 @@ static status place_still(struct placer *p, uint32_t uses)
         if (!instance->world_positions)
             return no_memory(p);
         p->w->info.mesh_bytes += 3 * sizeof(float) * (size_t)p->mesh->vertex_count;
-    } else {
-        instance->position_error = transform_error(p->mesh, &instance->to_world);
     }
     return STATUS_OK;
 }
@@ -252,7 +226,6 @@ static status keep_positions(struct placer *p, const float *const *positions, ui
     struct world_instance *instance = p->instance;
     size_t vertices = p->vertices->vertex_count;
     const float **kept = mem_alloc_array(count, sizeof *kept);
-    float largest = 0;
 
     if (!world_own(p->w, (void *)kept))
         return no_memory(p);
@@ -268,15 +241,9 @@ static status keep_positions(struct placer *p, const float *const *positions, ui
         grow_box(instance->bounds_min, instance->bounds_max, kept[k], vertices);
         p->w->info.mesh_bytes += 3 * sizeof(float) * vertices;
     }
-    for (int a = 0; a < 3; a++)
-        largest = float_max(largest, float_max(fabsf(instance->bounds_min[a]),
-                                               fabsf(instance->bounds_max[a])));
     instance->world_positions = kept[0];
-    if (count > 1) {
+    if (count > 1)
         instance->motion_positions = kept;
-        /* Embree mixes in float. */
-        instance->position_error = 2 * 0x1p-24f * largest;
-    }
     return STATUS_OK;
 }
 
@@ -291,13 +258,8 @@ static status place_moving(struct placer *p)
     if (s != STATUS_OK)
         return s;
     set_transform(instance, &p->at[0], &flat);
-    if (stays_solid(instance->motion_to_world, count)) {
-        for (uint32_t k = 0; k < count; k++)
-            instance->position_error =
-                float_max(instance->position_error,
-                          2 * transform_error(p->mesh, &instance->motion_to_world[k]));
+    if (stays_solid(instance->motion_to_world, count))
         return STATUS_OK;
-    }
     for (uint32_t k = 0; k < count; k++) {
         struct transform_d step = transform_to_d(&instance->motion_to_world[k]);
         positions[k] = bake(p, &step);
@@ -380,7 +342,7 @@ static status deform_at(struct placer *p, uint32_t k, float **positions)
                     p->err);
     if (s == STATUS_OK && !instance->skinned) {
         struct transform_d to_world = transform_to_d(&p->at[k]);
-        transform_vertices(*positions, *positions, mesh->vertex_count, &to_world);
+        transform_points(&to_world, *positions, mesh->vertex_count, *positions);
     }
     return s;
 }
@@ -515,12 +477,36 @@ static enum placement look_at(struct placer *p, uint32_t index)
     return moves ? PLACE_MOVING : PLACE_STILL;
 }
 
+/* The material whose body the instance bounds; its own where settings leave that one without. */
+static uint32_t body_of(const struct render_scene *w, const struct scene_instance *description)
+{
+    uint32_t body = description->body < 0 ? description->material : (uint32_t)description->body;
+    const struct world_material *filling = &w->materials[w->materials[body].filling];
+
+    return filling->flags & MATERIAL_BOUNDS ? body : description->material;
+}
+
+/* Of the place at rest: the same in all frames. */
+static uint32_t alpha_key(const struct scene_instance *description)
+{
+    uint32_t bits[12], key = description->material;
+
+    memcpy(bits, description->to_world.m, sizeof bits);
+    for (int i = 0; i < 12; i++) {
+        key = (key ^ bits[i]) * 0x9e3779b1u;
+        key ^= key >> 15;
+    }
+    return key;
+}
+
 static status place_one(struct placer *p, uint32_t index, const uint32_t *uses)
 {
     enum placement placement = look_at(p, index);
 
     p->instance->mesh = p->description->mesh;
     p->instance->material = p->description->material;
+    p->instance->body = body_of(p->w, p->description);
+    p->instance->alpha_key = alpha_key(p->description);
     p->w->info.triangles += p->mesh->triangle_count;
     if (placement == PLACE_DEFORMED)
         return place_deformed(p);

@@ -153,7 +153,12 @@ static void test_dielectrics(void **state)
     assert_float_equal(m.ior, 1.5168f, 1e-5f);
     assert_float_equal(m.dispersion, 20 / 64.17f, 2e-3f);
     import_result_release(&r);
-    m = pbrt_material_of("Material \"dielectric\" \"float eta\" .8", &r);
+    /* Ice in water: below 1 is as good as above. */
+    m = pbrt_material_of("Material \"dielectric\" \"float eta\" .763", &r);
+    assert_true(m.ior == 0.763f);
+    assert_int_equal(r.warning_count, 0);
+    import_result_release(&r);
+    m = pbrt_material_of("Material \"thindielectric\" \"float eta\" .8", &r);
     assert_true(m.ior == 1);
     pbrt_warned(&r, "index of refraction of 0.8");
     import_result_release(&r);

@@ -50,7 +50,7 @@ static void assert_near(double got, double want, double tolerance)
 
 static struct ray ray_along_x(float from, float length)
 {
-    return (struct ray){{from, 0.5f, 0.5f}, {1, 0, 0}, length, 0};
+    return (struct ray){.origin = {from, 0.5f, 0.5f}, .direction = {1, 0, 0}, .t_max = length};
 }
 
 static void test_transmittance_is_beer_lamberts(void **state)
@@ -300,9 +300,9 @@ static void test_even_grid_is_homogeneous_in_its_box(void **state)
         else
             assert_true(got.distance == INFINITY);
     }
-    struct ray past = {{0, 1.5f, 0.5f}, {1, 0, 0}, INFINITY, 0};
-    struct ray away = {{0, 0.5f, 0.5f}, {-1, 0, 0}, INFINITY, 0};
-    struct ray before = {{0, 0.5f, 0.5f}, {1, 0, 0}, 1, 0};
+    struct ray past = {.origin = {0, 1.5f, 0.5f}, .direction = {1, 0, 0}, .t_max = INFINITY};
+    struct ray away = {.origin = {0, 0.5f, 0.5f}, .direction = {-1, 0, 0}, .t_max = INFINITY};
+    struct ray before = {.origin = {0, 0.5f, 0.5f}, .direction = {1, 0, 0}, .t_max = 1};
     assert_true(medium_transmittance(grid, &past, &random).y == 1.0f);
     assert_true(medium_transmittance(grid, &away, &random).y == 1.0f);
     assert_true(medium_transmittance(grid, &before, &random).y == 1.0f);
@@ -364,7 +364,7 @@ static void test_hostile_values(void **state)
     for (int i = 0; i < 1000; i++) {
         struct scene_medium source = medium_of(0, 0, i & 1 ? 0.99999f : -0.99999f);
         struct medium_random numbers = {&sampler, (uint32_t)i, 0};
-        struct ray ray = {{0.4f, 0.5f, 0.6f}, {0, 0, 1}, INFINITY, 0};
+        struct ray ray = {.origin = {0.4f, 0.5f, 0.6f}, .direction = {0, 0, 1}, .t_max = INFINITY};
         struct world_medium *medium;
         struct medium_event event;
         float scale;

@@ -38,7 +38,8 @@ static uint32_t triangle_mesh(struct scene_builder *b)
 /* A ray from z = 5 down on (x, y) at `time`: where it meets the scene; 0 if it escapes. */
 static int shoot(const struct render_scene *scene, float x, float y, float time, struct surface *s)
 {
-    const struct ray ray = {{x, y, 5}, {0, 0, -1}, INFINITY, time};
+    const struct ray ray = {.origin = {x, y, 5}, .direction = {0, 0, -1}, .t_max = INFINITY,
+                            .time = time};
     struct hit hit;
 
     if (!accel_intersect(scene->accel, &ray, NULL, &hit))
@@ -132,7 +133,8 @@ static void hits_agree(const struct render_scene *scene, uint32_t triangles)
             continue; /* edge on, or collapsed */
         n = vec3_normalize(n);
         origin = vec3_mad(at, n, 0.01f);
-        ray = (struct ray){origin, vec3_neg(n), INFINITY, time};
+        ray = (struct ray){.origin = origin, .direction = vec3_neg(n), .t_max = INFINITY,
+                           .time = time};
         if (!accel_intersect(scene->accel, &ray, NULL, &hit))
             fail_msg("triangle %u at %g is not where it is", triangle, (double)time);
         assert_int_equal(hit.triangle, triangle);

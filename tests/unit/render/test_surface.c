@@ -19,7 +19,8 @@ static struct vec3 shading_normal(double lean, struct vec3 wo, float specular)
     static const uint32_t indices[3] = {0, 1, 2};
     const float x = (float)sin(lean), z = (float)cos(lean);
     const float normals[9] = {x, 0, z, x, 0, z, x, 0, z};
-    const struct ray ray = {vec3_scale(wo, 5), vec3_neg(wo), INFINITY, 0};
+    const struct ray ray = {.origin = vec3_scale(wo, 5), .direction = vec3_neg(wo),
+                            .t_max = INFINITY};
     struct render_settings settings = builder_settings(16, 16, 16);
     struct bsdf_params params;
     struct scene_builder b;

@@ -99,6 +99,7 @@ static void assert_layers_equal(const struct scene_material *x, const struct sce
     SAME(thin_slab);
     SAME(priority);
     SAME(medium);
+    SAME(medium_outside);
     SAME(mix_material);
     SAME(mix_amount);
     SAME_SLOT(mix_texture);
@@ -158,6 +159,7 @@ static void assert_media_equal(const struct scene *a, const struct scene *b)
     }
     assert_int_equal(a->fog, b->fog);
     assert_memory_equal(a->origin, b->origin, sizeof a->origin);
+    assert_int_equal(a->volume_rule, b->volume_rule);
 }
 
 static void assert_environment_equal(const struct scene_environment *x,
@@ -239,6 +241,7 @@ static void assert_scene_equal(const struct scene *a, const struct scene *b)
                             sizeof a->instances[i].to_world);
         assert_int_equal(a->instances[i].node, b->instances[i].node);
         assert_int_equal(a->instances[i].skin, b->instances[i].skin);
+        assert_int_equal(a->instances[i].body, b->instances[i].body);
     }
     assert_int_equal(a->light_count, b->light_count);
     for (uint32_t i = 0; i < a->light_count; i++) {
@@ -467,7 +470,9 @@ static void test_refuses_materials(void **state)
     REFUSE("materials[0].roughness", s.materials[0].roughness = -1);
     REFUSE_NUMBER("materials[0].normal_scale", materials[0].normal_scale);
     REFUSE_NUMBER("materials[0].ior", materials[0].ior);
-    REFUSE("materials[0].ior", s.materials[0].ior = 0.5f);
+    /* Below 1 only where it is that of what is around. */
+    REFUSE("materials[0].ior", (s.volume_rule = VOLUMES_NESTED, s.materials[0].ior = 0.76f));
+    REFUSE("materials[0].ior", s.materials[0].ior = 1e-4f);
     REFUSE("materials[0].ior", s.materials[0].ior = -1);
     REFUSE_NUMBER("materials[0].specular", materials[0].specular);
     REFUSE("materials[0].specular", s.materials[0].specular = 2);
@@ -539,6 +544,7 @@ static void test_refuses_layers(void **state)
     REFUSE("materials[0].priority", s.materials[0].priority = INT32_MIN);
     REFUSE("materials[0].medium", s.materials[0].medium = 2);
     REFUSE("materials[0].medium", s.materials[0].medium = -2);
+    REFUSE("materials[0].medium_outside", s.materials[0].medium_outside = 2);
     REFUSE("materials[0].mix_material", s.materials[0].kind = MATERIAL_MIX);
     REFUSE("materials[2].mix_material", s.materials[2].mix_material[0] = 2);
     REFUSE("materials[2].mix_material", s.materials[2].mix_material[1] = UINT32_MAX);
@@ -638,6 +644,7 @@ static void test_refuses_media(void **state)
     REFUSE("media[1].grid_to_world", s.media[1].grid_to_world.m[0][0] = 0);
     REFUSE("fog", s.fog = 2);
     REFUSE("fog", s.fog = -2);
+    REFUSE("volume_rule", s.volume_rule = VOLUME_RULE_COUNT);
 }
 
 static void test_refuses_instances(void **state)
@@ -820,7 +827,7 @@ static void test_hostile_bytes(void **state)
     refuse_bytes("\x12\x00", 2, "version 0");
     refuse_bytes("\x08\x03", 2, "no camera");
     refuse_bytes("\x08\x03\x08\x03", 4, "twice");
-    refuse_bytes("\x08\x03\x92\x01\x00", 5, "does not know"); /* field 18 */
+    refuse_bytes("\x08\x03\x9a\x01\x00", 5, "does not know"); /* field 19 */
     refuse_bytes("\x08\x03\x10\x00", 4, "does not know");   /* field 2 as a number */
     refuse_bytes("\x08\x03\x1a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x01", 13, "ends within");
     refuse_bytes("\x08\x03\x1a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x7f", 13, "ends within");
@@ -828,6 +835,7 @@ static void test_hostile_bytes(void **state)
     refuse_bytes("\x08\x03\x12\x03" "a\0b", 7, "NUL");
     refuse_bytes("\x08\x03\x80\x01\x01\x80\x01\x01", 8, "twice");       /* fog */
     refuse_bytes("\x08\x03\x80\x01\xff\xff\xff\xff\xff\x01", 10, "fog"); /* 2^40 */
+    refuse_bytes("\x08\x03\x90\x01\x02", 5, "rule for volumes");
     refuse_bytes("\x08\x03\x5a\x00", 4, "nodes[0] is too short");
     refuse_bytes("\x08\x03\x62\x00", 4, "channels[0] is too short");
     refuse_bytes("\x08\x03\x6a\x00", 4, "skins[0] is too short");

@@ -70,7 +70,8 @@ struct bsdf_params {
     struct vec3 base_color;     /* 0..1 */
     float metallic;             /* 0..1 */
     float alpha;                /* GGX alpha = roughness^2, 0..1 */
-    float ior;                  /* >= 1, or 0: Fresnel is exactly 1; else clamped */
+    float ior;                  /* > 0, below 1 where it is relative to what is around (ice in
+                                   water), or 0: Fresnel is exactly 1; else clamped */
     float specular;             /* weight of the dielectric reflection, 0..1 */
     struct vec3 specular_color; /* scales F0 of the dielectric, >= 0 */
     float transmission;         /* 0..1 */

@@ -32,7 +32,7 @@ static inline void clamp_base(struct bsdf_base *p, const struct bsdf_params *fro
     p->base_color = clamp_color(from->base_color, 1);
     p->metallic = clamp_to(from->metallic, 0, 1);
     p->alpha = clamp_to(from->alpha, 0, 1);
-    p->ior = from->ior == 0.0f ? 0.0f : clamp_to(from->ior, 1, BSDF_IOR_MAX);
+    p->ior = from->ior == 0.0f ? 0.0f : clamp_to(from->ior, 1 / BSDF_IOR_MAX, BSDF_IOR_MAX);
     if (HAS(NESTED_DIELECTRIC) && from->ior_outside > 1.0f)
         p->ior /= from->ior_outside < BSDF_IOR_MAX ? from->ior_outside : BSDF_IOR_MAX;
     p->specular = clamp_to(from->specular, 0, 1);
@@ -121,7 +121,13 @@ static inline float series(float f, float kept)
 }
 static inline struct vec3 series_color(struct vec3 f, float kept)
 {
-    return (struct vec3){series(f.x, kept), series(f.y, kept), series(f.z, kept)};
+    /* Four lanes, all of them set: gcc divides two at a time and leaves the others what the stack
+     * held, and if those are subnormal the division takes a hundred cycles. */
+    float lane[4] = {f.x, f.y, f.z, 0};
+
+    for (int i = 0; i < 4; i++)
+        lane[i] = series(lane[i], kept);
+    return (struct vec3){lane[0], lane[1], lane[2]};
 }
 
 static inline struct vec3 schlick_average_color(struct vec3 f0, float f90)

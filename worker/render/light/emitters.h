@@ -15,6 +15,7 @@
 #include "common/base/status.h"
 #include "common/math/vec.h"
 #include "common/scene/scene.h"
+#include "worker/render/accel.h"
 #include "worker/render/light/portals.h"
 #include "worker/render/light/punctual.h"
 #include "worker/render/light/tree.h"
@@ -39,7 +40,10 @@ struct emitters {
 /* A light seen from a point. */
 struct light_sample {
     struct vec3 direction; /* unit, towards the light */
-    float distance;        /* metres to the (offset) end; INFINITY for the environment */
+    float distance;        /* metres; INFINITY for the environment */
+    int on_face;           /* the light is a point of this face */
+    struct hit face;
+    float inset, cosine;   /* of that point and direction (struct ray) */
     struct vec3 radiance;  /* radiance, or irradiance-like intensity for delta lights */
     float pdf;             /* solid angle, times the odds of choosing this light; for delta
                               lights the odds alone */

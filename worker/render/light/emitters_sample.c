@@ -109,6 +109,16 @@ float emitters_triangle_pdf(const struct render_scene *scene, const struct light
     return e->local_odds * odds * distance_squared / denominator;
 }
 
+/* A lower bound of the distance to the nearest edge: see surface_inset. */
+static float emitters_inset(float b1, float b2, float double_area, struct vec3 e1, struct vec3 e2)
+{
+    float a = vec3_dot(e1, e1), b = vec3_dot(e2, e2);
+    float c = vec3_length_squared(vec3_sub(e1, e2));
+
+    return float_min(b1, float_min(b2, 1 - b1 - b2)) * double_area /
+           sqrtf(float_max(a, float_max(b, c)));
+}
+
 static int emitters_sample_triangle(const struct render_scene *scene, uint32_t light,
                                     const struct light_query *query, float u, float v, float odds,
                                     struct light_sample *out)
@@ -119,7 +129,7 @@ static int emitters_sample_triangle(const struct render_scene *scene, uint32_t l
     const struct world_material *material = &scene->materials[instance->material];
     uint32_t triangle = e->triangle_index[light];
     struct vec3 corner[3], e1, e2, normal, point, to_light;
-    float b1, b2, double_area, cosine, distance_squared, offset;
+    float b1, b2, double_area, cosine, distance_squared;
 
     world_triangle(scene, instance, triangle, query->time, corner);
     /* Heitz 2019's low-distortion map of the square onto a triangle. */
@@ -142,10 +152,6 @@ static int emitters_sample_triangle(const struct render_scene *scene, uint32_t l
     cosine = -vec3_dot(normal, to_light);
     if (cosine < 0 && !material->m.double_sided)
         return 0;
-    /* The shadow ray ends on the near side of the lamp, off its surface. */
-    offset = surface_offset(point, corner, instance);
-    point = vec3_mad(point, normal, cosine < 0 ? -offset : offset);
-    to_light = vec3_sub(point, query->p);
     distance_squared = vec3_length_squared(to_light);
     if (!(distance_squared > 0) || !isfinite(distance_squared))
         return 0;
@@ -154,6 +160,11 @@ static int emitters_sample_triangle(const struct render_scene *scene, uint32_t l
     cosine = fabsf(vec3_dot(normal, out->direction));
     if (!(cosine > 0))
         return 0;
+    out->on_face = 1;
+    out->face = (struct hit){e->triangle_instance[light], triangle};
+    out->cosine = cosine;
+    out->inset = world_near_boundary(scene, point) ? 0
+                                                   : emitters_inset(b1, b2, double_area, e1, e2);
     out->pdf = odds * distance_squared / (cosine * (0.5f * double_area));
     out->radiance = world_emission(material, mesh, world_vertices(mesh, triangle), b1, b2);
     if (HAS(CLEARCOAT) && material->m.clearcoat > 0)
@@ -209,6 +220,7 @@ int emitters_sample(const struct render_scene *scene, const struct light_query *
     uint32_t item, punctual = e->punctual_count - e->directional_count;
     float odds;
 
+    out->on_face = 0;
     if (HAS(ENVIRONMENT) && u < e->environment_odds)
         return emitters_sample_map(scene, query, emitters_rescaled(u, 0, e->environment_odds), v,
                                    out);

@@ -1,0 +1,397 @@
+/* Rays start where they are said to start: nothing near a surface is lost, nothing is met twice.
+ *
+ *   test_contact [RAYS]     leave exact cubes by so many rays instead of the suite's few
+ */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "common/math/elementary.h"
+#include "tests/support/scene_builder.h"
+#include "tests/support/statistics.h"
+#include "worker/render/surface.h"
+#include "worker/render/world.h"
+
+static uint64_t cube_rays = 1500000;
+
+/* Three perpendicular vectors of length 3. In whole numbers, so that what is built of them is plane
+ * and square to the last bit. The identity times 3, and a base without any 0. */
+static const float bases[2][3][3] = {{{3, 0, 0}, {0, 3, 0}, {0, 0, 3}},
+                                     {{2, 1, 2}, {1, 2, -2}, {-2, 2, 1}}};
+
+static struct vec3 in_base(int base, float x, float y, float z)
+{
+    const float (*b)[3] = bases[base];
+
+    return vec3_make(x * b[0][0] + y * b[1][0] + z * b[2][0],
+                     x * b[0][1] + y * b[1][1] + z * b[2][1],
+                     x * b[0][2] + y * b[1][2] + z * b[2][2]);
+}
+
+static void set(float out[3], struct vec3 v)
+{
+    out[0] = v.x;
+    out[1] = v.y;
+    out[2] = v.z;
+}
+
+static const uint32_t cube_indices[36] = {0, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6, 0, 1, 5, 0, 5, 4,
+                                          2, 6, 7, 2, 7, 3, 0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5};
+
+/* A closed box; low and high in thirds of the base's vectors. */
+static uint32_t box(struct scene_builder *b, int base, struct vec3 low, struct vec3 high,
+                    struct vec3 shift)
+{
+    float p[24];
+
+    for (int k = 0; k < 8; k++)
+        set(p + 3 * k, vec3_add(shift, in_base(base, k & 1 ? high.x : low.x, k & 2 ? high.y : low.y,
+                                               k & 4 ? high.z : low.z)));
+    return builder_mesh(b, p, NULL, 8, cube_indices, 12, 0);
+}
+
+static uint32_t ground(struct scene_builder *b, int base, float half)
+{
+    static const uint32_t indices[6] = {0, 1, 2, 0, 2, 3};
+    float p[12];
+
+    set(p, in_base(base, -half, 0, -half));
+    set(p + 3, in_base(base, -half, 0, half));
+    set(p + 6, in_base(base, half, 0, half));
+    set(p + 9, in_base(base, half, 0, -half));
+    return builder_mesh(b, p, NULL, 4, indices, 2, 0);
+}
+
+/* ---- contact shadows ---------------------------------------------------------------------- */
+
+enum { COLUMNS = 12, ROWS = 8 };
+#define THIRD 0x1p-8f /* a third of the box's half: the box is 2.3 cm wide and high */
+
+/* A box that rests on the middle of a ground, in the sun at 45 degrees; the camera looks down on
+ * the shadow's eight columns and on four that are lit. */
+static void shadow_picture(int base, float half, double *mean)
+{
+    struct render_settings settings = builder_settings(COLUMNS, ROWS, 16);
+    struct vec3 sun = in_base(base, 1, -1, 0), up = in_base(base, 0, 1, 0);
+    struct vec3 middle = in_base(base, 2.5f * THIRD, 0, 0);
+    struct render_stats stats = {0};
+    struct render_scene *scene;
+    struct scene_light *light;
+    struct scene_builder b;
+
+    settings.max_depth = 1;
+    builder_init(&b);
+    builder_lambert(&b, 1);
+    builder_place(&b, ground(&b, base, half), 0, vec3_splat(1), vec3_splat(0));
+    builder_place(&b, box(&b, base, vec3_make(-THIRD, 0, -THIRD), vec3_make(THIRD, 2 * THIRD, THIRD),
+                          vec3_splat(0)), 0, vec3_splat(1), vec3_splat(0));
+    light = builder_light(&b, LIGHT_DIRECTIONAL);
+    set(light->direction, vec3_normalize(sun));
+    for (int c = 0; c < 3; c++)
+        light->intensity[c] = (float)M_PI;
+    builder_camera(&b, vec3_add(middle, vec3_scale(up, 1.0f / 3)), middle, 6 * THIRD);
+    scene = builder_build(&b, &settings);
+    builder_render(scene, &settings, 0, mean, NULL, &stats);
+    render_scene_free(scene);
+    builder_release(&b);
+}
+
+static void test_contact_shadow(void **state)
+{
+    static const float halves[] = {1666, 5000, 166666}; /* 10, 30 and 1,000 km of ground */
+    static double small[COLUMNS * ROWS * 3], large[COLUMNS * ROWS * 3];
+
+    (void)state;
+    for (int base = 0; base < 2; base++) {
+        double darkest = 1, lightest = 0;
+        shadow_picture(base, 0.25f, small);
+        for (size_t i = 0; i < COLUMNS * ROWS; i++) {
+            darkest = fmin(darkest, small[3 * i]);
+            lightest = fmax(lightest, small[3 * i]);
+        }
+        assert_true(darkest == 0);
+        assert_true(fabs(lightest - sqrt(0.5)) < 1e-5);
+        for (size_t k = 0; k < sizeof halves / sizeof *halves; k++) {
+            shadow_picture(base, halves[k], large);
+            for (size_t i = 0; i < COLUMNS * ROWS; i++) {
+                /* Without a turn the columns are the shadow's: 8, and the edge's pixels. */
+                int inner = base == 0 && i / COLUMNS > 1 && i / COLUMNS < ROWS - 2;
+                double expected = inner && i % COLUMNS > 1 && i % COLUMNS < 6 ? 0
+                                  : inner && i % COLUMNS > 9 ? sqrt(0.5) : small[3 * i];
+                if (fabs(large[3 * i] - expected) > 0.03)
+                    fail_msg("base %d, ground %g: column %zu, row %zu is %.4f instead of %.4f", base,
+                             (double)halves[k] * 6, i % COLUMNS, i / COLUMNS, large[3 * i],
+                             expected);
+            }
+        }
+    }
+}
+
+/* ---- rays that leave ---------------------------------------------------------------------- */
+
+/* Mostly near an edge or a corner. */
+static void weights(struct test_random *random, float *b1, float *b2)
+{
+    float u = test_random_float(random), v = test_random_float(random);
+
+    switch (test_random_u64(random) % 4) {
+    case 0:
+        u *= 1e-3f;
+        break;
+    case 1:
+        u *= 1e-6f * v;
+        v *= 1e-6f;
+        break;
+    case 2:
+        u *= 1e-7f;
+        break;
+    }
+    *b1 = 1 - sqrtf(u);
+    *b2 = v * sqrtf(u);
+}
+
+static struct vec3 hemisphere(struct test_random *random, struct vec3 n)
+{
+    struct frame frame = frame_from_normal(n);
+    float u = test_random_float(random), sine, cosine;
+
+    if (test_random_u64(random) % 4 == 0)
+        u = 1 - u * 1e-5f; /* grazing */
+    det_sincos(2 * PI_F * test_random_float(random), &sine, &cosine);
+    return vec3_normalize(frame_to_world(
+        &frame, vec3_make(sqrtf(u) * cosine, sqrtf(u) * sine, sqrtf(1 - u))));
+}
+
+/* A ray from `from` to a random point of a random triangle of instance 0, and what it meets. */
+static int aim(const struct render_scene *scene, struct test_random *random, struct vec3 from,
+               float time, struct surface *s)
+{
+    uint32_t count = scene->meshes[scene->instances[0].mesh].triangle_count;
+    struct ray ray = {.origin = from, .t_max = INFINITY, .time = time};
+    struct vec3 corner[3], to;
+    struct hit hit;
+    float b1, b2;
+
+    world_triangle(scene, &scene->instances[0], (uint32_t)(test_random_u64(random) % count), time,
+                   corner);
+    weights(random, &b1, &b2);
+    to = vec3_add(vec3_scale(corner[0], 1 - b1 - b2),
+                  vec3_add(vec3_scale(corner[1], b1), vec3_scale(corner[2], b2)));
+    ray.direction = vec3_normalize(vec3_sub(to, from));
+    if (!accel_intersect(scene->accel, &ray, NULL, &hit))
+        return 0;
+    surface_from_hit(scene, &ray, &hit, s);
+    return 1;
+}
+
+/* Rays that leave an exact cube outwards never meet it. */
+static void leave_cube(int base, int exponent, float shift, uint64_t rays)
+{
+    struct render_settings settings = builder_settings(1, 1, 1);
+    float third = ldexpf(1, exponent);
+    struct vec3 at = vec3_make(shift, -0.5f * shift, 0.25f * shift);
+    struct test_random random = {(uint64_t)exponent + 99};
+    struct render_scene *scene;
+    struct scene_builder b;
+    uint64_t left = 0;
+
+    builder_init(&b);
+    builder_lambert(&b, 1);
+    builder_place(&b, box(&b, base, vec3_splat(-third), vec3_splat(third), at), 0, vec3_splat(1),
+                  vec3_splat(0));
+    builder_camera(&b, vec3_add(at, vec3_make(0, 0, 9)), at, 1);
+    scene = builder_build(&b, &settings);
+    for (uint64_t i = 0; i < rays; i++) {
+        struct vec3 away = vec3_make(test_random_float(&random) - 0.5f,
+                                     test_random_float(&random) - 0.5f,
+                                     test_random_float(&random) - 0.5f);
+        struct surface s;
+        struct ray ray;
+        struct hit hit;
+
+        if (!aim(scene, &random, vec3_mad(at, away, 40 * third), 0, &s) || !s.front)
+            continue;
+        surface_leave(&s, hemisphere(&random, s.ng), &ray);
+        if (vec3_dot(ray.direction, s.ng) <= 0)
+            continue;
+        left++;
+        ray.contacts = i % 2;
+        if (i % 4 < 2 ? accel_intersect(scene->accel, &ray, NULL, &hit)
+                      : accel_occluded(scene->accel, &ray, NULL))
+            fail_msg("base %d, third 2^%d at %g: a ray met the cube that it left at triangle %u, "
+                     "weights %g and %g, cosine %g", base, exponent, (double)shift, s.triangle,
+                     (double)s.b1, (double)s.b2, (double)vec3_dot(ray.direction, s.ng));
+    }
+    assert_true(left > rays / 4);
+    render_scene_free(scene);
+    builder_release(&b);
+}
+
+static void test_leaving_cubes(void **state)
+{
+    static const struct { int exponent; float shift; } cases[] = {
+        {0, 0}, {-20, 0}, {20, 0}, {0, 1024}, {-10, 1}, {-6, 4096}, {10, 1048576}, {-3, 65536}};
+    enum { CASES = sizeof cases / sizeof *cases };
+
+    (void)state;
+    for (int base = 0; base < 2; base++)
+        for (size_t k = 0; k < CASES; k++)
+            leave_cube(base, cases[k].exponent, cases[k].shift, cube_rays / (2 * CASES));
+}
+
+/* ---- rays that must not escape ------------------------------------------------------------ */
+
+/* A closed room: of the rays that leave a wall inwards, mostly near an edge, the share that escapes. */
+static double escaping(const float *corners, uint32_t count, const uint32_t *indices,
+                       uint32_t triangles, float scale, float shift)
+{
+    struct render_settings settings = builder_settings(1, 1, 1);
+    struct vec3 at = vec3_make(shift, -0.3f * shift, 0.7f * shift), middle = {0, 0, 0};
+    struct test_random random = {17};
+    struct render_scene *scene;
+    struct scene_builder b;
+    int left = 0, escaped = 0;
+    float p[3 * 64];
+
+    for (uint32_t i = 0; i < 3 * count; i++)
+        p[i] = corners[i] * scale + (i % 3 == 0 ? at.x : i % 3 == 1 ? at.y : at.z);
+    for (uint32_t i = 0; i < count; i++)
+        middle = vec3_mad(middle, vec3_make(p[3 * i], p[3 * i + 1], p[3 * i + 2]),
+                          1.0f / (float)count);
+    builder_init(&b);
+    builder_lambert(&b, 1);
+    builder_place(&b, builder_mesh(&b, p, NULL, count, indices, triangles, 0), 0, vec3_splat(1),
+                  vec3_splat(0));
+    builder_camera(&b, middle, vec3_add(middle, vec3_make(0, 0, 1)), 1);
+    scene = builder_build(&b, &settings);
+    for (int i = 0; i < 40000; i++) {
+        struct surface s;
+        struct ray ray;
+        struct hit hit;
+
+        if (!aim(scene, &random, middle, 0, &s))
+            continue; /* aimed at a vertex */
+        for (int bounce = 0; bounce < 3; bounce++) {
+            surface_leave(&s, hemisphere(&random, s.ng), &ray);
+            if (vec3_dot(ray.direction, s.ng) <= 0)
+                break;
+            left++;
+            if (i % 2)
+                ray.contacts = 1;
+            if (!accel_intersect(scene->accel, &ray, NULL, &hit) ||
+                !accel_occluded(scene->accel, &ray, NULL)) {
+                escaped++;
+                break;
+            }
+            surface_from_hit(scene, &ray, &hit, &s);
+        }
+    }
+    assert_true(left > 50000);
+    render_scene_free(scene);
+    builder_release(&b);
+    return (double)escaped / left;
+}
+
+static void test_closed_rooms(void **state)
+{
+    /* Its faces meet at two degrees; a millimetre from an edge the room is 30 micrometres high. */
+    static const float needle[12] = {0, 0, 0, 1, 0.01f, 0, 0.02f, 1, 0.03f, 0.3f, 0.31f, 0.04f};
+    static const uint32_t needle_indices[12] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3};
+    static const float cube[24] = {-1, -1, -1, 1, -1, -1, -1, 1, -1, 1, 1, -1,
+                                   -1, -1, 1,  1, -1, 1,  -1, 1, 1,  1, 1, 1};
+    static const struct { float scale, shift; } cases[] = {
+        {1, 0}, {3, 0.1f}, {1e-3f, 0}, {1e3f, 0}, {2.5f, 100}, {2.5f, 1000}};
+
+    (void)state;
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        float scale = cases[k].scale, shift = cases[k].shift;
+        double share = escaping(cube, 8, cube_indices, 12, scale, shift);
+        if (share > 0)
+            fail_msg("a cube of scale %g at %g: %g of the rays escaped", (double)scale,
+                     (double)shift, share);
+        share = escaping(needle, 4, needle_indices, 4, scale, shift);
+        if (share > 1e-3)
+            fail_msg("a needle of scale %g at %g: %g of the rays escaped", (double)scale,
+                     (double)shift, share);
+    }
+}
+
+/* ---- moving instances --------------------------------------------------------------------- */
+
+/* An exact cube that moves and turns while the shutter is open, at every scale: rays leave it at
+ * its place of the moment. */
+static void test_moving_cubes(void **state)
+{
+    static const float times[2] = {0, 1};
+    static const float turn[8] = {0, 0, 0, 1, 0, 0.2f, 0, 0.9797959f};
+
+    (void)state;
+    for (int e = -6; e <= 6; e += 2) {
+        struct render_settings settings = builder_settings(1, 1, 1);
+        float scale = (float)pow(10, e), path[6] = {0, 0, 0, 2 * scale, scale, -scale};
+        struct test_random random = {(uint64_t)e + 50};
+        struct render_scene *scene;
+        struct scene_builder b;
+        int left = 0;
+
+        settings.fps = 1;
+        settings.shutter = 1;
+        builder_init(&b);
+        builder_lambert(&b, 1);
+        builder_place(&b, box(&b, 1, vec3_splat(-1), vec3_splat(1), vec3_splat(0)), 0, vec3_splat(1),
+                      vec3_splat(0))->node = 0;
+        builder_node(&b, -1, 0);
+        b.scene.nodes[0].scale[0] = b.scene.nodes[0].scale[1] = b.scene.nodes[0].scale[2] = scale;
+        builder_channel(&b, 0, PATH_TRANSLATION, 2, times, path);
+        builder_channel(&b, 0, PATH_ROTATION, 2, times, turn);
+        builder_camera(&b, vec3_make(0, 0, 9 * scale), vec3_splat(0), 1);
+        scene = builder_build(&b, &settings);
+        assert_true(scene->instances[0].motion_steps > 0);
+        for (int i = 0; i < 40000; i++) {
+            struct vec3 away = vec3_make(test_random_float(&random) - 0.5f,
+                                         test_random_float(&random) - 0.5f,
+                                         test_random_float(&random) - 0.5f);
+            float time = test_random_float(&random);
+            struct surface s;
+            struct ray ray;
+            struct hit hit;
+
+            if (!aim(scene, &random, vec3_scale(away, 40 * scale), time, &s) || !s.front)
+                continue;
+            surface_leave(&s, hemisphere(&random, s.ng), &ray);
+            if (vec3_dot(ray.direction, s.ng) <= 0)
+                continue;
+            left++;
+            if (i % 2)
+                ray.contacts = 1;
+            if (accel_intersect(scene->accel, &ray, NULL, &hit))
+                fail_msg("scale 1e%d at time %g: a ray met the cube that it left", e, (double)time);
+        }
+        assert_true(left > 10000);
+        render_scene_free(scene);
+        builder_release(&b);
+    }
+}
+
+int main(int argc, char **argv)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_contact_shadow),
+        cmocka_unit_test(test_leaving_cubes),
+        cmocka_unit_test(test_closed_rooms),
+        cmocka_unit_test(test_moving_cubes),
+    };
+    const struct CMUnitTest many[] = {cmocka_unit_test(test_leaving_cubes)};
+
+    if (argc > 1) {
+        cube_rays = strtoull(argv[1], NULL, 10);
+        return cmocka_run_group_tests_name("contact", many, NULL, NULL);
+    }
+    return cmocka_run_group_tests_name("contact", tests, NULL, NULL);
+}

@@ -1,0 +1,14 @@
+/* enclosure: can a ray that starts where the camera is escape from the scene?
+ *
+ * Where it cannot, as in a room, one that escapes all the same has slipped through a vertex
+ * (docs/NUMERICS.md) and is traced again.
+ */
+#ifndef AZULEJO_RENDER_ENCLOSURE_H
+#define AZULEJO_RENDER_ENCLOSURE_H
+
+struct render_scene;
+
+/* Follows some paths from the camera. Needs the camera and the accel; sets scene->enclosed. */
+void enclosure_find(struct render_scene *scene);
+
+#endif
