@@ -240,6 +240,8 @@ static void join_parts(struct bodies *s)
 {
     size_t end;
 
+    if (s->open_count == 0)
+        return;
     qsort(s->open, s->open_count, sizeof *s->open, compare_edges);
     for (size_t i = 0; i < s->open_count; i = end)
         for (end = i; end < s->open_count && s->open[end].key == s->open[i].key; end++)

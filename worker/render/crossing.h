@@ -115,6 +115,19 @@ static inline uint32_t crossing_gather(const struct render_scene *scene, const s
     return count;
 }
 
+/* A face that refracts before one that does not, then by priority, then by the body's row. */
+static inline int crossing_precedes(const struct render_scene *scene, const struct surface *a,
+                                    const struct surface *b)
+{
+    uint32_t body_a = a->instance->body, body_b = b->instance->body;
+    int priority_a = interior_filling(scene, body_a)->m.priority;
+    int priority_b = interior_filling(scene, body_b)->m.priority;
+
+    if (crossing_refracts(a) != crossing_refracts(b))
+        return crossing_refracts(a);
+    return priority_a != priority_b ? priority_a > priority_b : body_a < body_b;
+}
+
 /* The face that shades: of the bodies before and behind, that of the higher priority, of equals that
  * of the lower row, so that both ways are alike. -1: no boundary. */
 static inline int crossing_choose(const struct render_scene *scene, const struct interior *in,
@@ -129,17 +142,9 @@ static inline int crossing_choose(const struct render_scene *scene, const struct
         return -1;
     for (uint32_t i = 0; i < count; i++) {
         uint32_t body = faces[i].instance->body;
-        int priority = interior_filling(scene, body)->m.priority, best;
-        if (body != row[0] && body != row[1])
-            continue;
-        if (chosen >= 0) {
-            best = interior_filling(scene, faces[chosen].instance->body)->m.priority;
-            if (crossing_refracts(&faces[i]) < crossing_refracts(&faces[chosen]) ||
-                priority < best ||
-                (priority == best && body >= faces[chosen].instance->body))
-                continue;
-        }
-        chosen = (int)i;
+        if ((body == row[0] || body == row[1]) &&
+            (chosen < 0 || crossing_precedes(scene, &faces[i], &faces[chosen])))
+            chosen = (int)i;
     }
     return chosen;
 }

@@ -16,7 +16,8 @@
 
 /* A triangle near a volume. */
 struct item {
-    float low[3], high[3];
+    float low[3], high[3]; /* of its box, grown by `slack` */
+    float slack;           /* metres: faces closer than this may touch it */
     uint32_t instance, triangle;
     int crossable, bounds; /* rays may go through it; it bounds a volume */
 };
@@ -139,15 +140,17 @@ static status find_items(struct finder *f, int *too_many)
                             .bounds = (flags & MATERIAL_BOUNDS) != 0};
 
         for (uint32_t t = 0; t < triangles; t++) {
-            double corner[3][3], slack;
+            double corner[3][3];
             int inside = 1;
 
             world_exact_corners(f->w, i, t, 0, corner);
             bound(corner, &item);
-            slack = tolerance(item.low, item.high);
-            for (int a = 0; a < 3; a++)
-                inside &= (double)item.low[a] <= f->high[a] + slack &&
-                          (double)item.high[a] >= f->low[a] - slack;
+            item.slack = (float)tolerance(item.low, item.high);
+            for (int a = 0; a < 3; a++) {
+                item.low[a] = nextafterf(item.low[a] - item.slack, -INFINITY);
+                item.high[a] = nextafterf(item.high[a] + item.slack, INFINITY);
+                inside &= (double)item.low[a] <= f->high[a] && (double)item.high[a] >= f->low[a];
+            }
             if (!inside)
                 continue;
             item.triangle = t;
@@ -239,31 +242,30 @@ static status find_pairs(struct finder *f, int *too_many)
 {
     status s = STATUS_OK;
     uint32_t pairs = 0;
-    int axis = 0;
+    int axis = 0, next, last;
 
     for (int a = 1; a < 3; a++)
         if (f->high[a] - f->low[a] > f->high[axis] - f->low[axis])
             axis = a;
+    next = (axis + 1) % 3;
+    last = (axis + 2) % 3;
     qsort_r(f->items, f->count, sizeof *f->items, compare_items, &axis);
     for (size_t i = 0; i < f->count && s == STATUS_OK; i++) {
         const struct item *x = &f->items[i];
-        double slack_x = tolerance(x->low, x->high);
 
         for (size_t k = i + 1; k < f->count && s == STATUS_OK; k++) {
             const struct item *y = &f->items[k];
-            double slack = fmax(slack_x, tolerance(y->low, y->high));
-            int near = 1;
 
-            if ((double)y->low[axis] > (double)x->high[axis] + slack)
+            if (y->low[axis] > x->high[axis])
                 break;
             if (++pairs == TOUCH_PAIRS_MAX) {
                 *too_many = 1;
                 return STATUS_OK;
             }
-            for (int a = 0; a < 3; a++)
-                near &= (double)x->low[a] <= (double)y->high[a] + slack &&
-                        (double)y->low[a] <= (double)x->high[a] + slack;
-            if (!near || !(x->bounds | y->bounds) || !coincide(f, x, y, slack))
+            if (!(x->bounds | y->bounds) || y->low[next] > x->high[next] ||
+                x->low[next] > y->high[next] || y->low[last] > x->high[last] ||
+                x->low[last] > y->high[last] ||
+                !coincide(f, x, y, (double)fmaxf(x->slack, y->slack)))
                 continue;
             s = mark(f, x);
             if (s == STATUS_OK)
