@@ -157,6 +157,36 @@ static void test_leaving_several(void **state)
     stack_release(&t);
 }
 
+/* Faces with a film of 8 ulp between them are met in their order, from afar and at any angle. */
+static void test_films(void **state)
+{
+    static const float heights[] = {-8 * ULP, 0};
+    struct test_random random = {31};
+    int exchanged = 0;
+    struct stack t;
+
+    (void)state;
+    stack_init(&t, heights, 2, 0);
+    for (int i = 0; i < 4000; i++) {
+        struct vec3 to = vec3_make(1.8f * test_random_float(&random) - 0.9f, 1,
+                                   1.8f * test_random_float(&random) - 0.9f);
+        struct ray ray = {.origin = {8 * test_random_float(&random) - 4,
+                                     250 + 10 * test_random_float(&random),
+                                     8 * test_random_float(&random) - 4},
+                          .t_max = INFINITY};
+        struct surface s;
+        struct hit hit;
+
+        ray.direction = vec3_normalize(vec3_sub(to, ray.origin));
+        assert_true(accel_intersect(t.scene->accel, &ray, NULL, &hit));
+        surface_from_hit(t.scene, &ray, &hit, &s);
+        exchanged += accel_refine(t.scene->accel, &ray, NULL, (double)s.t, &hit);
+        assert_int_equal(hit.instance, 1);
+    }
+    assert_true(exchanged > 0); /* else this test shows nothing */
+    stack_release(&t);
+}
+
 /* A ray that ends on a face is not blocked by it, nor by what lies behind; but by what lies right
  * before it. */
 static void test_ending_on_a_face(void **state)
@@ -319,6 +349,7 @@ int main(void)
         cmocka_unit_test(test_coincident),
         cmocka_unit_test(test_repeats),
         cmocka_unit_test(test_leaving_several),
+        cmocka_unit_test(test_films),
         cmocka_unit_test(test_ending_on_a_face),
         cmocka_unit_test(test_against_search),
     };
