@@ -123,6 +123,48 @@ static void test_repeats(void **state)
     stack_release(&t);
 }
 
+/* A hit's place lies in its triangle to the last bits of double, not only to a float's. */
+static void test_place(void **state)
+{
+    static const float p[9] = {1000.1f, 700.3f, -300.7f, 1002.9f, 699.2f, -298.4f,
+                               999.3f, 702.8f, -297.1f};
+    static const uint32_t indices[3] = {0, 1, 2};
+    struct render_settings settings = builder_settings(1, 1, 1);
+    struct test_random random = {41};
+    struct render_scene *scene;
+    struct scene_builder b;
+    int hits = 0;
+
+    (void)state;
+    builder_init(&b);
+    builder_lambert(&b, 0.5f);
+    builder_place(&b, builder_mesh(&b, p, NULL, 3, indices, 1, 0), 0, vec3_splat(1), vec3_splat(0));
+    builder_camera(&b, vec3_make(0, 0, 0), vec3_make(0, 0, 1), 1);
+    scene = builder_build(&b, &settings);
+    for (int i = 0; i < 2000; i++) {
+        struct ray ray = {.origin = {999 + 4 * test_random_float(&random),
+                                     699 + 4 * test_random_float(&random), -280},
+                          .direction = {0, 0, -1}, .t_max = INFINITY}, next;
+        double corner[3][3], n[3], place[3], t;
+        struct surface s;
+        struct hit hit;
+
+        if (!accel_intersect(scene->accel, &ray, NULL, &hit))
+            continue;
+        hits++;
+        surface_from_hit(scene, &ray, &hit, &s);
+        surface_leave(&s, vec3_neg(ray.direction), &next);
+        world_exact_corners(scene, 0, 0, 0, corner);
+        exact_normal(corner, n);
+        exact_origin(&next, place);
+        t = exact_crossing(corner, n, place, (const double[3]){0, 0, 1});
+        assert_true(fabs(t) < 1e-11); /* a float's half unit here is 3e-5 */
+    }
+    assert_true(hits > 200);
+    render_scene_free(scene);
+    builder_release(&b);
+}
+
 /* A ray that leaves several faces meets none of them, and the next one, however close. */
 static void test_leaving_several(void **state)
 {
@@ -348,6 +390,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_coincident),
         cmocka_unit_test(test_repeats),
+        cmocka_unit_test(test_place),
         cmocka_unit_test(test_leaving_several),
         cmocka_unit_test(test_films),
         cmocka_unit_test(test_ending_on_a_face),
