@@ -113,6 +113,11 @@ size_t accel_bytes(const struct accel *accel); /* memory that Embree holds */
 int accel_intersect(const struct accel *accel, const struct ray *ray, const void *query,
                     struct hit *hit);
 
+/* Faces closer together than Embree's error it may exchange: the first in double of those around
+ * the hit that the ray met after `t` metres. 1 where that is another one. */
+int accel_refine(const struct accel *accel, const struct ray *ray, const void *query, double t,
+                 struct hit *hit);
+
 /* Is anything accepted between the origin and t_max? */
 int accel_occluded(const struct accel *accel, const struct ray *ray, const void *query);
 
