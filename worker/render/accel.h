@@ -113,12 +113,17 @@ size_t accel_bytes(const struct accel *accel); /* memory that Embree holds */
 int accel_intersect(const struct accel *accel, const struct ray *ray, const void *query,
                     struct hit *hit);
 
+/* Faces closer together than Embree's error it may exchange: the first in double of those around
+ * the hit that the ray met after `t` metres. 1 where that is another one. */
+int accel_refine(const struct accel *accel, const struct ray *ray, const void *query, double t,
+                 struct hit *hit);
+
 /* Is anything accepted between the origin and t_max? */
 int accel_occluded(const struct accel *accel, const struct ray *ray, const void *query);
 
-/* The same for a ray that starts inside something closed and for which they found nothing: it
- * slipped through at a vertex, around which rounding can leave a gap that no triangle covers. They
- * look closely beside the ray; what they find is a function of the ray alone. */
+/* accel_intersect and accel_occluded for a ray that starts inside something closed and for which
+ * those found nothing: it slipped through at a vertex, around which rounding can leave a gap that
+ * no triangle covers. These look closely beside the ray, and depend on nothing but the ray. */
 int accel_intersect_enclosed(const struct accel *accel, const struct ray *ray, const void *query,
                              struct hit *hit);
 int accel_occluded_enclosed(const struct accel *accel, const struct ray *ray, const void *query);

@@ -323,6 +323,31 @@ static int meets(struct query_context *q, struct hit *hit)
     return met;
 }
 
+int accel_refine(const struct accel *accel, const struct ray *ray, const void *query, double t,
+                 struct hit *hit)
+{
+    struct ray last = {.direction = ray->direction, .time = ray->time};
+    struct hit found = *hit;
+    double place[3], direction[3], reach;
+    struct query_context q;
+
+    exact_origin(ray, place);
+    reach = BACK_ERRORS * (accel->error_origin * (exact_largest(place) + t) + accel->error_extent);
+    if (!(t > reach))
+        return 0; /* so near to its start double has decided */
+    exact_vec(ray->direction, direction);
+    move(place, direction, t - reach);
+    last.origin = exact_round(place, last.rest);
+    last.t_max = (float)(2 * reach);
+    query_start(&q, accel, &last, query, QUERY_NEAREST);
+    q.near_start = INFINITY;
+    trace(&q, &found);
+    if (!q.met || (q.nearest.instance == hit->instance && q.nearest.triangle == hit->triangle))
+        return 0;
+    *hit = q.nearest;
+    return 1;
+}
+
 static int is_blocked(struct query_context *q)
 {
     struct RTCRay shot;

@@ -189,6 +189,16 @@ static int path_trace(const struct path *path, const struct interior *in, const 
     return met;
 }
 
+/* The hit made into a surface; near boundaries the first of faces that lie close together. */
+static void path_surface(const struct path *path, const struct ray *ray,
+                         const struct path_query *query, struct hit *hit, struct surface *s)
+{
+    surface_from_hit(path->scene, ray, hit, s);
+    if (s->contacts &&
+        accel_refine(path->scene->accel, ray, query, (double)s->t, hit))
+        surface_from_hit(path->scene, ray, hit, s);
+}
+
 static int path_occluded(const struct path *path, const struct ray *ray)
 {
     uint64_t start;
@@ -305,7 +315,7 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
         met = path_trace(path, &in, &stretch, &hit);
         STAGE(MEDIUM);
         if (met) {
-            surface_from_hit(scene, &stretch, &hit, &s);
+            path_surface(path, &stretch, &path->query, &hit, &s);
             surface_resolve_mix(scene, &s, 0);
             charge_set(light);
             if (s.material->m.kind != MATERIAL_INTERFACE)
@@ -693,7 +703,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
         met = path_trace(&path, &path.interior, &path.ray, &hit);
         STAGE(SURFACE);
         if (met) {
-            surface_from_hit(scene, &path.ray, &hit, &s);
+            path_surface(&path, &path.ray, &path.query, &hit, &s);
             if (HAS(MATERIAL_MIX) && s.material->m.kind == MATERIAL_MIX)
                 surface_resolve_mix(scene, &s,
                                     sampler_get(sampler, dimension + VERTEX_MEDIUM).v);

@@ -123,6 +123,48 @@ static void test_repeats(void **state)
     stack_release(&t);
 }
 
+/* A hit's place lies in its triangle to the last bits of double, not only to a float's. */
+static void test_place(void **state)
+{
+    static const float p[9] = {1000.1f, 700.3f, -300.7f, 1002.9f, 699.2f, -298.4f,
+                               999.3f, 702.8f, -297.1f};
+    static const uint32_t indices[3] = {0, 1, 2};
+    struct render_settings settings = builder_settings(1, 1, 1);
+    struct test_random random = {41};
+    struct render_scene *scene;
+    struct scene_builder b;
+    int hits = 0;
+
+    (void)state;
+    builder_init(&b);
+    builder_lambert(&b, 0.5f);
+    builder_place(&b, builder_mesh(&b, p, NULL, 3, indices, 1, 0), 0, vec3_splat(1), vec3_splat(0));
+    builder_camera(&b, vec3_make(0, 0, 0), vec3_make(0, 0, 1), 1);
+    scene = builder_build(&b, &settings);
+    for (int i = 0; i < 2000; i++) {
+        struct ray ray = {.origin = {999 + 4 * test_random_float(&random),
+                                     699 + 4 * test_random_float(&random), -280},
+                          .direction = {0, 0, -1}, .t_max = INFINITY}, next;
+        double corner[3][3], n[3], place[3], t;
+        struct surface s;
+        struct hit hit;
+
+        if (!accel_intersect(scene->accel, &ray, NULL, &hit))
+            continue;
+        hits++;
+        surface_from_hit(scene, &ray, &hit, &s);
+        surface_leave(&s, vec3_neg(ray.direction), &next);
+        world_exact_corners(scene, 0, 0, 0, corner);
+        exact_normal(corner, n);
+        exact_origin(&next, place);
+        t = exact_crossing(corner, n, place, (const double[3]){0, 0, 1});
+        assert_true(fabs(t) < 1e-11); /* a float's half unit here is 3e-5 */
+    }
+    assert_true(hits > 200);
+    render_scene_free(scene);
+    builder_release(&b);
+}
+
 /* A ray that leaves several faces meets none of them, and the next one, however close. */
 static void test_leaving_several(void **state)
 {
@@ -154,6 +196,36 @@ static void test_leaving_several(void **state)
         assert_false(accel_intersect(t.scene->accel, &on, NULL, &hit));
         assert_false(accel_occluded(t.scene->accel, &on, NULL));
     }
+    stack_release(&t);
+}
+
+/* Faces with a film of 8 ulp between them are met in their order, from afar and at any angle. */
+static void test_films(void **state)
+{
+    static const float heights[] = {-8 * ULP, 0};
+    struct test_random random = {31};
+    int exchanged = 0;
+    struct stack t;
+
+    (void)state;
+    stack_init(&t, heights, 2, 0);
+    for (int i = 0; i < 4000; i++) {
+        struct vec3 to = vec3_make(1.8f * test_random_float(&random) - 0.9f, 1,
+                                   1.8f * test_random_float(&random) - 0.9f);
+        struct ray ray = {.origin = {8 * test_random_float(&random) - 4,
+                                     250 + 10 * test_random_float(&random),
+                                     8 * test_random_float(&random) - 4},
+                          .t_max = INFINITY};
+        struct surface s;
+        struct hit hit;
+
+        ray.direction = vec3_normalize(vec3_sub(to, ray.origin));
+        assert_true(accel_intersect(t.scene->accel, &ray, NULL, &hit));
+        surface_from_hit(t.scene, &ray, &hit, &s);
+        exchanged += accel_refine(t.scene->accel, &ray, NULL, (double)s.t, &hit);
+        assert_int_equal(hit.instance, 1);
+    }
+    assert_true(exchanged > 0); /* else this test shows nothing */
     stack_release(&t);
 }
 
@@ -318,7 +390,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_coincident),
         cmocka_unit_test(test_repeats),
+        cmocka_unit_test(test_place),
         cmocka_unit_test(test_leaving_several),
+        cmocka_unit_test(test_films),
         cmocka_unit_test(test_ending_on_a_face),
         cmocka_unit_test(test_against_search),
     };
