@@ -243,16 +243,19 @@ static status fetch_frame(struct job_fetch *f, uint32_t frame, struct error *err
 static status verdict(const struct job_fetch *f, uint64_t frames, struct error *err)
 {
     char frames_text[80] = "", files_text[80] = "";
+    const char *which =
+        frames <= f->job->last_frame - f->job->first_frame ? " of this number" : "";
 
     if (f->fetched == 0 && f->failed > 0)
         return error_set(err, f->first.code, "%s", f->first.text);
+    if (f->fetched == 0 && job_state_is_final(f->job->state))
+        return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 " is %s and has no picture%s",
+                         f->job->job, job_state_name(f->job->state), which);
     if (f->fetched == 0)
         return error_set(err, STATUS_ERR_NOT_FOUND,
                          "job %" PRIu64 " has no finished frame%s (--preview FILE.png shows the "
                          "one in work)",
-                         f->job->job,
-                         frames <= f->job->last_frame - f->job->first_frame ? " of this number"
-                                                                            : "");
+                         f->job->job, which);
     if (f->not_rendered)
         snprintf(frames_text, sizeof frames_text, "%zu of %" PRIu64 " frames %s not rendered%s",
                  f->not_rendered, frames, f->not_rendered == 1 ? "is" : "are",

@@ -2,6 +2,7 @@
 
 #include <dirent.h>
 #include <errno.h>
+#include <stdio.h>
 #include <string.h>
 #include <sys/resource.h>
 
@@ -64,6 +65,7 @@ status descriptors_plan(struct descriptors *out, struct error *err)
 {
     struct rlimit limit;
     rlim_t soft;
+    char raised[48] = "";
     status s;
 
     memset(out, 0, sizeof *out);
@@ -78,10 +80,12 @@ status descriptors_plan(struct descriptors *out, struct error *err)
         limit.rlim_cur = soft;
     }
     s = descriptors_share(out, limit.rlim_cur, count_open() + OPEN_LATER, err);
+    if (limit.rlim_cur != soft)
+        snprintf(raised, sizeof raised, " (raised from %llu)", (unsigned long long)soft);
     if (s == STATUS_OK)
-        log_info("%llu file descriptors (raised from %llu): at most %u connections, of these %u "
-                 "sessions; %u kept for the store",
-                 (unsigned long long)limit.rlim_cur, (unsigned long long)soft,
-                 out->connections_max, out->sessions_max, out->reserve);
+        log_info("%llu file descriptors%s: at most %u connections, of these %u sessions; %u kept "
+                 "for the store",
+                 (unsigned long long)limit.rlim_cur, raised, out->connections_max,
+                 out->sessions_max, out->reserve);
     return s;
 }

@@ -21,6 +21,13 @@ static int explain_pictures(char *out, size_t size, const struct job *job)
     return 1;
 }
 
+/* Would a restart forget the state that the job is in? */
+static int is_unsaved(const struct farm *farm, const struct job *job)
+{
+    return trouble_is(&farm->trouble) &&
+           (job->unsaved || store_job_unsaved(farm->store, job->id));
+}
+
 /* What keeps an active job from getting on at the moment; empty when nothing does. */
 static void explain_wait(char *out, size_t size, const struct farm *farm, const struct job *job)
 {
@@ -29,8 +36,14 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
     size_t before = queue_position(&farm->queue, job);
 
     out[0] = 0;
+    if (job->state == JOB_STATE_PARKED) {
+        snprintf(out, size, "%s", job->state_text);
+        return;
+    }
     if (trouble_is(&farm->trouble)) {
-        snprintf(out, size, "waits: the store cannot be used: %s; trying again", farm->trouble.text);
+        snprintf(out, size, "%swaits: the store cannot be used: %s; trying again",
+                 job->state == JOB_STATE_CANCELLING && is_unsaved(farm, job) ? "not stored yet; " : "",
+                 farm->trouble.text);
         return;
     }
     for (const struct job_frame *frame = job->frames; frame; frame = frame->next) {
@@ -38,10 +51,6 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
             snprintf(out, size, "%s; trying again", frame->trouble.text);
             return;
         }
-    }
-    if (job->state == JOB_STATE_PARKED) {
-        snprintf(out, size, "%s", job->state_text);
-        return;
     }
     if (trouble_is(&job->trouble)) {
         snprintf(out, size, "%s; trying again", job->trouble.text);
@@ -81,13 +90,10 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
         snprintf(out, size, "waits behind %zu job%s", before, before == 1 ? "" : "s");
 }
 
-/* How a job ended, and whether a restart would still forget it. */
+/* How a job ended. */
 static void explain_end(char *out, size_t size, const struct farm *farm, const struct job *job)
 {
-    int unsaved = trouble_is(&farm->trouble) &&
-                  (job->unsaved || store_job_unsaved(farm->store, job->id));
-
-    if (unsaved)
+    if (is_unsaved(farm, job))
         snprintf(out, size, "%.255s%snot stored yet: %.200s", job->state_text,
                  job->state_text[0] ? "; " : "", farm->trouble.text);
     else if (!explain_pictures(out, size, job))

@@ -108,6 +108,8 @@ struct work {
     struct upload *upload;
     struct job *job;
     uint64_t existing;           /* the job that was submitted with the same token; 0: none */
+    status refused;              /* why no job can be taken now, OK: it can; its error is `refusal` */
+    struct error refusal;
     char name[64];
 };
 
@@ -388,6 +390,11 @@ static void run_submit(uv_work_t *request)
     work->result = store_job_find(store, work->job, &work->existing, &work->error);
     if (work->result != STATUS_OK || work->existing)
         return;
+    if (work->refused != STATUS_OK) {
+        work->result = work->refused;
+        work->error = work->refusal;
+        return;
+    }
     work->result = store_job_insert(store, work->job, &work->error);
     /* Another thread may have stored the same submission in between. */
     if (work->result != STATUS_OK && work->job->token[0]) {
@@ -437,15 +444,15 @@ void server_submit(struct server *server, struct session *session, uint64_t requ
 {
     struct work *work = work_new(server);
     struct error err = {0};
-    status s = work ? farm_prepare(&server->farm, job, &err) : error_no_memory(&err, "a job");
 
-    if (s != STATUS_OK) {
+    if (!work) {
+        error_no_memory(&err, "a job");
         session_fail(session, request, &err);
         job_free(job);
-        if (work)
-            work_free(work);
         return;
     }
+    /* What was submitted before is answered even when nothing new can be taken. */
+    work->refused = farm_prepare(&server->farm, job, &work->refusal);
     work->job = job;
     work->session = session->id;
     work->wire_request = request;

@@ -239,11 +239,8 @@ static status make_job(const char *folder, const Azulejo__Wire__JobSubmit *messa
         if (s != STATUS_OK)
             error_prefix(err, "the scene");
     }
-    if (s == STATUS_OK) {
+    if (s == STATUS_OK)
         s = scene_unpack(&scene, packed.data, packed.size, err);
-        if (s != STATUS_OK)
-            error_prefix(err, "the scene is damaged");
-    }
     if (s == STATUS_OK)
         s = check_blobs(folder, &scene, err);
     if (s == STATUS_OK)

@@ -181,7 +181,7 @@ static status count_elements(struct scene_reader *r, uint32_t counts[FIELD_COUNT
     if (version != SCENE_WIRE_VERSION)
         return error_set(r->err, STATUS_ERR_INPUT,
                          "the packed scene has version %llu, this program reads version %d: "
-                         "import the scene again with this version (%s)",
+                         "submit the scene again with a client of this release (%s)",
                          (unsigned long long)version, SCENE_WIRE_VERSION, AZULEJO_VERSION);
     return STATUS_OK;
 }

@@ -6,7 +6,7 @@ import socket
 import threading
 import time
 
-from farm import BUILD, PATIENCE, Failure, Program
+from farm import BUILD, PATIENCE, Failure, Program, wait_for
 
 ODD_PEER = os.path.join(BUILD, "tests", "farm", "odd_peer")
 
@@ -55,6 +55,16 @@ class OddPeer(Program):
         """Say goodbye and be gone."""
         self.say("close")
         self.wait(20)
+
+
+def die_of(farm, host):
+    """A worker on that machine is lent work and dies; the job that it died of."""
+    peer = OddPeer(farm, hello="threads=2 host=" + host)
+    peer.say("request 2")
+    job = peer.grant()["job"]
+    peer.kill()
+    wait_for(lambda: not any(w["process"] == peer.pid for w in farm.list_workers()), "its end")
+    return job
 
 
 def talk_raw(farm, data, until_closed=True, limit_s=30.0):

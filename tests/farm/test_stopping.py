@@ -221,7 +221,9 @@ def discarded_job():
         expect("cancelled" in farm.cli("cancel", number, "--discard", expect=0).out, "cancel")
         job = farm.job(number)
         expect(job["frames_done"] == 0 and job["cut_frames"] == [] and "discard" in job["state_text"], job)
-        expect(farm.cli("fetch", number).code == 5, "a picture")
+        result = farm.cli("fetch", number)
+        expect(result.code == 5 and "is cancelled and has no picture" in result.err, result)
+        expect("preview" not in result.err, "there is no frame in work: %s" % result)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ sys.dont_write_bytecode = True  # no __pycache__ in the sources
 from disk import OddDisk, SmallDisk, fill_up
 from farm import PATIENCE, Farm, Skip, Tests, wait_for
 from jobs import SLOW, LongJob, Outcome, expect, expect_same, wait_mid_frame
+from odd import die_of
 
 tests = Tests()
 SMALL = ["--size", "64x64", "--spp", "4"]
@@ -73,7 +74,7 @@ def twenty_jobs_and_a_full_disk():
     with Farm() as farm, small_disk(farm) as folder:
         need(folder)
         farm.start_coordinator()
-        jobs = [farm.submit(farm.scene(), *SMALL) for _ in range(20)]
+        jobs = [farm.submit(farm.scene(), *SMALL, "--token", "job %d" % i) for i in range(20)]
         fill_up(farm.filler)
         worker = farm.start_worker()
         wait_text(farm, jobs[0], "No space left on device")
@@ -84,6 +85,10 @@ def twenty_jobs_and_a_full_disk():
         expect("No space left" in farm.cli("show", jobs[19], expect=0).out, "show")
         result = farm.cli("submit", farm.scene(), *SMALL)
         expect(result.code == 8 and "No space left" in result.err and "try again" in result.err, result)
+        # A repeated submission needs no room: its answer may be what was lost.
+        expect(farm.submit(farm.scene(), *SMALL, "--token", "job 7") == jobs[7], "the repeated submission")
+        result = farm.cli("submit", farm.scene(), *SMALL, "--seed", 1, "--token", "job 7")
+        expect(result.code == 5 and "was used for job %d" % jobs[7] in result.err, result)
         result = farm.cli("submit", farm.scene("other.gltf", light=3.0), *SMALL)
         expect(result.code == 8 and "No space left" in result.err, result)
         expect(os.listdir(os.path.join(farm.store, "blobs", "tmp")) == [], "half a blob")
@@ -163,6 +168,33 @@ def read_only_disk():
                 fill()
                 farm.restart_coordinator()
             interrupted(farm, lambda: disk.remount("ro"), lambda: disk.remount("rw"), end)
+
+
+@tests.add
+def cancelled_on_a_disk_that_cannot_be_written():
+    """a cancel that is not on disk says so, and a parked job says why it is parked, not that it waits"""
+    with Farm() as farm:
+        disk = OddDisk(farm)
+        farm.start_coordinator(env=disk.env)
+        parked = farm.submit(farm.scene(), *SMALL)
+        for death in range(4):
+            die_of(farm, "machine-%d" % (death % 2))
+        farm.wait_for_job(parked, "parked")
+        number = farm.submit(farm.scene(), "--size", "512x512", "--spp", "1000000")
+        worker = farm.start_worker()
+        wait_for(lambda: farm.job(number)["samples_done"] > 0, "samples")
+        disk.fail(errno.EROFS, "/store/")
+        wait_text(farm, number, "the store cannot be used")
+        result = farm.cli("cancel", number, expect=0)
+        expect("not stored yet" in result.out and "Read-only" in result.out, result)
+        expect("4 workers in a row died" in farm.job(parked)["state_text"], farm.job(parked))
+        farm.coordinator.kill()
+        disk.work()
+        farm.restart_coordinator(env=disk.env)
+        wait_for(lambda: farm.job(number)["workers"] == 1, "what was not stored to run again")
+        farm.cli("cancel", number, expect=0)
+        expect("not stored" not in farm.wait_for_job(number, "cancelled")["state_text"], "the note")
+        expect(worker.alive(), "the worker ended")
 
 
 @tests.add

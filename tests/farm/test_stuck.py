@@ -6,7 +6,7 @@ import sys
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
 from farm import Farm, Tests, wait_for
 from jobs import Outcome, expect
-from odd import OddPeer
+from odd import OddPeer, die_of
 
 tests = Tests()
 SMALL = ["--size", "64x64", "--spp", "4"]  # 16 units
@@ -60,16 +60,6 @@ def one_machine_says_broken():
             peer.say("request 1")
         expect(farm.coordinator.log_text().count("cannot render job %d" % number) >= 4, "not heard")
         expect(farm.job(number)["state"] == "running", farm.job(number))
-
-
-def die_of(farm, host):
-    """A worker on that machine is lent work and dies; the job that it died of."""
-    peer = OddPeer(farm, hello="threads=2 host=" + host)
-    peer.say("request 2")
-    job = peer.grant()["job"]
-    peer.kill()
-    wait_for(lambda: not any(w["process"] == peer.pid for w in farm.list_workers()), "its end")
-    return job
 
 
 @tests.add
