@@ -323,12 +323,21 @@ static int meets(struct query_context *q, struct hit *hit)
     return met;
 }
 
+/* How far apart, along their normal, faces at `place` are that floats cannot keep apart. */
+static double coincident_gap(const double place[3])
+{
+    int exponent;
+
+    (void)frexp(exact_largest(place), &exponent);
+    return ldexp(ACCEL_COINCIDENT_ULPS, exponent - 24);
+}
+
 int accel_refine(const struct accel *accel, const struct ray *ray, const void *query, double t,
                  struct hit *hit)
 {
     struct ray last = {.direction = ray->direction, .time = ray->time};
     struct hit found = *hit;
-    double place[3], direction[3], reach;
+    double place[3], direction[3], corner[3][3], n[3], reach, gap;
     struct query_context q;
 
     exact_origin(ray, place);
@@ -343,6 +352,14 @@ int accel_refine(const struct accel *accel, const struct ray *ray, const void *q
     q.near_start = INFINITY;
     trace(&q, &found);
     if (!q.met || (q.nearest.instance == hit->instance && q.nearest.triangle == hit->triangle))
+        return 0;
+    /* Faces that coincide have no order: who crosses them takes them together (accel_coincident). */
+    accel->corners(accel->scene, hit->instance, hit->triangle, ray->time, corner);
+    exact_normal(corner, n);
+    gap = (exact_crossing(corner, n, q.origin, q.direction) - q.nearest_t) *
+          fabs(exact_dot(n, q.direction)) / sqrt(exact_dot(n, n));
+    move(place, direction, reach);
+    if (gap < coincident_gap(place) * (1 - 1e-6)) /* what is 8 ulp apart to rounding is apart */
         return 0;
     *hit = q.nearest;
     return 1;
@@ -438,7 +455,6 @@ uint32_t accel_coincident(const struct accel *accel, const struct ray *ray, cons
     double corner[3][3], n[3], along[3], length;
     struct query_context q;
     struct hit unused;
-    int exponent;
 
     accel->corners(accel->scene, hit->instance, hit->triangle, ray->time, corner);
     exact_normal(corner, n);
@@ -452,10 +468,9 @@ uint32_t accel_coincident(const struct accel *accel, const struct ray *ray, cons
         along[k] = n[k] / length;
     line.origin = exact_round(place, line.rest);
     line.direction = vec3_make((float)along[0], (float)along[1], (float)along[2]);
-    frexp(exact_largest(place), &exponent);
     query_start(&q, accel, &line, query, QUERY_COINCIDENT);
     memcpy(q.direction, along, sizeof along);
-    q.gap_max = ldexp(ACCEL_COINCIDENT_ULPS, exponent - 24);
+    q.gap_max = coincident_gap(place);
     q.about = hit;
     q.contacts = out;
     q.contact_count = 0;
