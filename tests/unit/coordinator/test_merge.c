@@ -5,7 +5,6 @@
 #include <stdint.h>
 
 #include <cmocka.h>
-#include <ftw.h>
 #include <math.h>
 #include <signal.h>
 #include <stdio.h>
@@ -15,6 +14,7 @@
 #include <unistd.h>
 
 #include "common/base/clock.h"
+#include "common/base/file.h"
 #include "coordinator/report.h"
 #include "coordinator/scheduler.h"
 #include "coordinator/store.h"
@@ -38,23 +38,10 @@ static void sim_free(struct sim *sim)
     free(sim);
 }
 
-static int remove_entry(const char *path, const struct stat *info, int type, struct FTW *at)
-{
-    (void)info;
-    (void)type;
-    (void)at;
-    return remove(path);
-}
-
 static void make_folder(char path[64])
 {
     snprintf(path, 64, "/tmp/azulejo-test-XXXXXX");
     assert_non_null(mkdtemp(path));
-}
-
-static void remove_folder(const char *path)
-{
-    nftw(path, remove_entry, 16, FTW_DEPTH | FTW_PHYS);
 }
 
 static struct store *open_store(const char *path)
@@ -378,7 +365,7 @@ static void random_crashes_lose_nothing(void **state)
         store = sim->store;
         sim_free(sim);
         store_close(store);
-        remove_folder(folder);
+        file_remove_tree(folder);
     }
     assert_true(crashes > 25);
 }
@@ -432,7 +419,7 @@ static void acknowledged_results_survive(void **state)
         assert_int_equal(film_tile_passes(job->frames->film, t), t < 5 ? 2 : 1);
     sim_free(sim);
     store_close(store);
-    remove_folder(folder);
+    file_remove_tree(folder);
 }
 
 /* Let the worker render and deliver until the job is done. */
@@ -494,7 +481,7 @@ static void a_full_disk_keeps_the_film(void **state)
     finish(sim, sim_connect(sim, 0, 36), job);
     sim_free(sim);
     store_close(store);
-    remove_folder(folder);
+    file_remove_tree(folder);
 }
 
 /* One frame that cannot be written does not keep the other's results from the disk: here one whose film
@@ -534,7 +521,7 @@ static void a_failed_film_leaves_the_others_alone(void **state)
     finish(sim, worker, large);
     sim_free(sim);
     store_close(store);
-    remove_folder(folder);
+    file_remove_tree(folder);
 }
 
 static void a_full_disk_is_waited_for(void **state)
