@@ -23,35 +23,10 @@
 
 enum { WIDTH = 40, HEIGHT = 24, SPP = 100, FRAMES = 3 }; /* 6 tiles, edges on two sides, 6 passes */
 
-static struct sim *sim_new(struct store *store, uint64_t seed)
-{
-    struct sim *sim = calloc(1, sizeof *sim);
-
-    assert_non_null(sim);
-    sim_init(sim, store, seed);
-    return sim;
-}
-
-static void sim_free(struct sim *sim)
-{
-    sim_release(sim);
-    free(sim);
-}
-
 static void make_folder(char path[64])
 {
     snprintf(path, 64, "/tmp/azulejo-test-XXXXXX");
     assert_non_null(mkdtemp(path));
-}
-
-static struct store *open_store(const char *path)
-{
-    struct store *store;
-    struct error err = {0};
-
-    if (store_open(&store, path, &err) != STATUS_OK)
-        fail_msg("%s", err.text);
-    return store;
 }
 
 static void acknowledged_when_durable(void **state)
@@ -229,7 +204,7 @@ static void unwanted_results_are_sent_away(void **state)
  * results. With a store, the coordinator itself is killed now and then. */
 static struct sim *random_farm(uint64_t seed, const char *folder, size_t *crashes)
 {
-    struct store *store = folder ? open_store(folder) : NULL;
+    struct store *store = folder ? sim_store(folder) : NULL;
     struct sim *sim = sim_new(store, seed);
     struct commit *commit = NULL;
     uint64_t id;
@@ -301,7 +276,7 @@ static struct sim *random_farm(uint64_t seed, const char *folder, size_t *crashe
             }
             sim_release(sim);
             store_close(store);
-            store = open_store(folder);
+            store = sim_store(folder);
             sim_init(sim, store, seed * 1000 + step);
             (*crashes)++;
             break;
@@ -395,7 +370,7 @@ static void acknowledged_results_survive(void **state)
 
     (void)state;
     make_folder(folder);
-    store = open_store(folder);
+    store = sim_store(folder);
     sim = sim_new(store, 1);
     sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
     worker = sim_connect(sim, 0, 36);
@@ -409,7 +384,7 @@ static void acknowledged_results_survive(void **state)
     sim_send(sim, worker, earliest(worker), 100); /* merged, not written */
     sim_release(sim);
     store_close(store);
-    store = open_store(folder);
+    store = sim_store(folder);
     sim_init(sim, store, 2);
     job = queue_find(&sim->farm.queue, 1);
     assert_int_equal(job->state, JOB_STATE_RUNNING);
@@ -452,7 +427,7 @@ static void a_full_disk_keeps_the_film(void **state)
 
     (void)state;
     make_folder(folder);
-    store = open_store(folder);
+    store = sim_store(folder);
     sim = sim_new(store, 1);
     job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
     worker = sim_connect(sim, 0, 36);
@@ -497,7 +472,7 @@ static void a_failed_film_leaves_the_others_alone(void **state)
 
     (void)state;
     make_folder(folder);
-    store = open_store(folder);
+    store = sim_store(folder);
     sim = sim_new(store, 1);
     large = sim_submit(sim, 64, 64, 4, 1, 1, 0); /* 16 tiles: 400 KB */
     small = sim_submit(sim, 16, 16, 4, 1, 1, 0);
