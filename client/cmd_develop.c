@@ -92,10 +92,7 @@ static status send_develop(struct develop *d, unsigned formats, struct error *er
     envelope.job_develop = &body;
     message_free(d->last);
     d->last = NULL;
-    result = connection_ask(d->connection, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST,
-                            &d->last, err);
-    if (result == STATUS_OK && !job_of(d))
-        result = error_set(err, STATUS_ERR_NOT_FOUND, "there is no job %" PRIu64, d->job);
+    result = job_ask(d->connection, &envelope, d->job, &d->last, err);
     if (result == STATUS_OK)
         d->revision = job_of(d)->revision;
     return result;

@@ -18,13 +18,11 @@ static status resume(struct connection *c, uint64_t job, int json, struct error 
     body.job = job;
     envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_RESUME;
     envelope.job_resume = &body;
-    result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST, &answer, err);
+    result = job_ask(c, &envelope, job, &answer, err);
     if (result != STATUS_OK)
         return result;
     info = job_list_find(answer->job_list, job);
-    if (!info)
-        result = error_set(err, STATUS_ERR_NOT_FOUND, "there is no job %" PRIu64, job);
-    else if (json)
+    if (json)
         result = json_print(job_info_json(info), err);
     else
         printf("job %" PRIu64 ": %s\n", job, job_state_name(info->state));

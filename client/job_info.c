@@ -39,17 +39,11 @@ const Azulejo__Wire__JobInfo *job_list_find(const Azulejo__Wire__JobList *list, 
     return NULL;
 }
 
-status job_query(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **out,
-                 struct error *err)
+status job_ask(struct connection *c, Azulejo__Wire__Envelope *question, uint64_t job,
+               Azulejo__Wire__Envelope **out, struct error *err)
 {
-    Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
-    Azulejo__Wire__JobQuery query = AZULEJO__WIRE__JOB_QUERY__INIT;
-    status result;
+    status result = connection_ask(c, question, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST, out, err);
 
-    query.job = job;
-    envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_QUERY;
-    envelope.job_query = &query;
-    result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST, out, err);
     if (result == STATUS_OK && job && !job_list_find((*out)->job_list, job)) {
         message_free(*out);
         *out = NULL;
@@ -58,6 +52,18 @@ status job_query(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **o
                            job);
     }
     return result;
+}
+
+status job_query(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **out,
+                 struct error *err)
+{
+    Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
+    Azulejo__Wire__JobQuery query = AZULEJO__WIRE__JOB_QUERY__INIT;
+
+    query.job = job;
+    envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_QUERY;
+    envelope.job_query = &query;
+    return job_ask(c, &envelope, job, out, err);
 }
 
 /* An array of the names in "one,other". */

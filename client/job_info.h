@@ -12,8 +12,11 @@
 const char *job_state_name(Azulejo__Wire__JobState state);
 int job_state_is_final(Azulejo__Wire__JobState state);
 
-/* Ask for one job (or all: 0). ERR_NOT_FOUND when a named job is not there. The answer's
- * body is a JobList; the caller frees it. */
+/* Send a question about one job (or all: 0) that is answered by a JobList. ERR_NOT_FOUND when a named
+ * job is not in the answer. The caller frees the answer; it is NULL after every error. */
+status job_ask(struct connection *c, Azulejo__Wire__Envelope *question, uint64_t job,
+               Azulejo__Wire__Envelope **out, struct error *err) MUST_CHECK;
+/* The same with a question that only asks. */
 status job_query(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **out,
                  struct error *err) MUST_CHECK;
 

@@ -44,8 +44,7 @@ status submission_prepare(const char *path, const struct job_options *options, i
     if (result != STATUS_OK)
         return result;
     take_hints(&scene->hints, options, quiet, &request->settings);
-    result = render_settings_validate(&request->settings, scene->scene.camera_count, err);
-    return result;
+    return render_settings_validate(&request->settings, scene->scene.camera_count, err);
 }
 
 static void report_upload(const struct upload_progress *progress, void *user)

@@ -105,6 +105,7 @@ static struct admission_place *choose(const struct admission *a, struct admissio
     const struct admission_address *largest = a->first;
     struct admission_place *oldest = NULL;
 
+    assert(largest); /* the newcomer's address, if no other */
     for (const struct admission_address *at = a->first; at; at = at->next) {
         struct admission_place *idle = at->idle.first;
         if (at->places > largest->places ||

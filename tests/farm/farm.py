@@ -176,10 +176,11 @@ class Farm:
             except Failure as failure:
                 words = words or str(failure)
             program.close()
+            log = program.log_text()
             for mark in SANITIZER_MARKS:
-                if mark in program.log_text():
+                if mark in log:
                     words = words or "%s: a sanitizer complained:\n%s" % (
-                        program.label, program.log_text()[-6000:])
+                        program.label, log[log.index(mark):][:6000])
         if kind not in (None, Skip):
             for program in self.programs:
                 print("# ---- %s" % program.label)

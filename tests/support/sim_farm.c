@@ -84,6 +84,16 @@ static status on_redevelop(void *user, struct job *job, uint32_t frame)
     return STATUS_OK;
 }
 
+struct store *sim_store(const char *folder)
+{
+    struct store *store;
+    struct error err = {0};
+
+    if (store_open(&store, folder, &err) != STATUS_OK)
+        fail_msg("%s", err.text);
+    return store;
+}
+
 void sim_init(struct sim *sim, struct store *store, uint64_t seed)
 {
     struct farm_events events = {on_revoke, on_ack, on_notice, on_job_changed, on_develop,
@@ -113,6 +123,33 @@ void sim_release(struct sim *sim)
         sim->developing[i]->in_flight--;
     sim->developing_count = 0;
     farm_release(&sim->farm, sim->now_ns);
+}
+
+struct sim *sim_new(struct store *store, uint64_t seed)
+{
+    struct sim *sim = calloc(1, sizeof *sim);
+
+    assert_non_null(sim);
+    sim_init(sim, store, seed);
+    return sim;
+}
+
+void sim_free(struct sim *sim)
+{
+    sim_release(sim);
+    free(sim);
+}
+
+int sim_set_up(void **state)
+{
+    *state = sim_new(NULL, 1);
+    return 0;
+}
+
+int sim_tear_down(void **state)
+{
+    sim_free(*state);
+    return 0;
 }
 
 uint32_t sim_random(struct sim *sim, uint32_t limit)

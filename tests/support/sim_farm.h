@@ -11,6 +11,7 @@
 
 #include "coordinator/farm.h"
 #include "coordinator/merge.h"
+#include "coordinator/store.h"
 
 enum { SIM_WORKERS_MAX = 8, SIM_UNITS_MAX = 4096 };
 
@@ -46,9 +47,18 @@ struct sim {
     char notice[256];
 };
 
+/* The store in this folder. Fails the test when it cannot be opened. */
+struct store *sim_store(const char *folder);
+
 /* `store` may be NULL. Fails the test when the farm cannot be made. */
 void sim_init(struct sim *sim, struct store *store, uint64_t seed);
 void sim_release(struct sim *sim);
+/* The same for one on the heap. */
+struct sim *sim_new(struct store *store, uint64_t seed);
+void sim_free(struct sim *sim);
+/* cmocka's set-up and tear-down of a farm without a store: *state is a struct sim. */
+int sim_set_up(void **state);
+int sim_tear_down(void **state);
 
 uint32_t sim_random(struct sim *sim, uint32_t limit); /* 0..limit-1 */
 

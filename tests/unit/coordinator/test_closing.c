@@ -25,10 +25,7 @@ struct fixture {
 
 static void begin(struct fixture *f)
 {
-    struct error err = {0};
-
-    if (store_open(&f->store, f->folder, &err) != STATUS_OK)
-        fail_msg("%s", err.text);
+    f->store = sim_store(f->folder);
     sim_init(f->sim, f->store, 1);
 }
 

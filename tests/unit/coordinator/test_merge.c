@@ -5,7 +5,6 @@
 #include <stdint.h>
 
 #include <cmocka.h>
-#include <ftw.h>
 #include <math.h>
 #include <signal.h>
 #include <stdio.h>
@@ -15,6 +14,7 @@
 #include <unistd.h>
 
 #include "common/base/clock.h"
+#include "common/base/file.h"
 #include "coordinator/report.h"
 #include "coordinator/scheduler.h"
 #include "coordinator/store.h"
@@ -23,48 +23,10 @@
 
 enum { WIDTH = 40, HEIGHT = 24, SPP = 100, FRAMES = 3 }; /* 6 tiles, edges on two sides, 6 passes */
 
-static struct sim *sim_new(struct store *store, uint64_t seed)
-{
-    struct sim *sim = calloc(1, sizeof *sim);
-
-    assert_non_null(sim);
-    sim_init(sim, store, seed);
-    return sim;
-}
-
-static void sim_free(struct sim *sim)
-{
-    sim_release(sim);
-    free(sim);
-}
-
-static int remove_entry(const char *path, const struct stat *info, int type, struct FTW *at)
-{
-    (void)info;
-    (void)type;
-    (void)at;
-    return remove(path);
-}
-
 static void make_folder(char path[64])
 {
     snprintf(path, 64, "/tmp/azulejo-test-XXXXXX");
     assert_non_null(mkdtemp(path));
-}
-
-static void remove_folder(const char *path)
-{
-    nftw(path, remove_entry, 16, FTW_DEPTH | FTW_PHYS);
-}
-
-static struct store *open_store(const char *path)
-{
-    struct store *store;
-    struct error err = {0};
-
-    if (store_open(&store, path, &err) != STATUS_OK)
-        fail_msg("%s", err.text);
-    return store;
 }
 
 static void acknowledged_when_durable(void **state)
@@ -242,7 +204,7 @@ static void unwanted_results_are_sent_away(void **state)
  * results. With a store, the coordinator itself is killed now and then. */
 static struct sim *random_farm(uint64_t seed, const char *folder, size_t *crashes)
 {
-    struct store *store = folder ? open_store(folder) : NULL;
+    struct store *store = folder ? sim_store(folder) : NULL;
     struct sim *sim = sim_new(store, seed);
     struct commit *commit = NULL;
     uint64_t id;
@@ -314,7 +276,7 @@ static struct sim *random_farm(uint64_t seed, const char *folder, size_t *crashe
             }
             sim_release(sim);
             store_close(store);
-            store = open_store(folder);
+            store = sim_store(folder);
             sim_init(sim, store, seed * 1000 + step);
             (*crashes)++;
             break;
@@ -378,7 +340,7 @@ static void random_crashes_lose_nothing(void **state)
         store = sim->store;
         sim_free(sim);
         store_close(store);
-        remove_folder(folder);
+        file_remove_tree(folder);
     }
     assert_true(crashes > 25);
 }
@@ -408,7 +370,7 @@ static void acknowledged_results_survive(void **state)
 
     (void)state;
     make_folder(folder);
-    store = open_store(folder);
+    store = sim_store(folder);
     sim = sim_new(store, 1);
     sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
     worker = sim_connect(sim, 0, 36);
@@ -422,7 +384,7 @@ static void acknowledged_results_survive(void **state)
     sim_send(sim, worker, earliest(worker), 100); /* merged, not written */
     sim_release(sim);
     store_close(store);
-    store = open_store(folder);
+    store = sim_store(folder);
     sim_init(sim, store, 2);
     job = queue_find(&sim->farm.queue, 1);
     assert_int_equal(job->state, JOB_STATE_RUNNING);
@@ -432,7 +394,7 @@ static void acknowledged_results_survive(void **state)
         assert_int_equal(film_tile_passes(job->frames->film, t), t < 5 ? 2 : 1);
     sim_free(sim);
     store_close(store);
-    remove_folder(folder);
+    file_remove_tree(folder);
 }
 
 /* Let the worker render and deliver until the job is done. */
@@ -465,7 +427,7 @@ static void a_full_disk_keeps_the_film(void **state)
 
     (void)state;
     make_folder(folder);
-    store = open_store(folder);
+    store = sim_store(folder);
     sim = sim_new(store, 1);
     job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
     worker = sim_connect(sim, 0, 36);
@@ -494,7 +456,7 @@ static void a_full_disk_keeps_the_film(void **state)
     finish(sim, sim_connect(sim, 0, 36), job);
     sim_free(sim);
     store_close(store);
-    remove_folder(folder);
+    file_remove_tree(folder);
 }
 
 /* One frame that cannot be written does not keep the other's results from the disk: here one whose film
@@ -510,7 +472,7 @@ static void a_failed_film_leaves_the_others_alone(void **state)
 
     (void)state;
     make_folder(folder);
-    store = open_store(folder);
+    store = sim_store(folder);
     sim = sim_new(store, 1);
     large = sim_submit(sim, 64, 64, 4, 1, 1, 0); /* 16 tiles: 400 KB */
     small = sim_submit(sim, 16, 16, 4, 1, 1, 0);
@@ -534,7 +496,7 @@ static void a_failed_film_leaves_the_others_alone(void **state)
     finish(sim, worker, large);
     sim_free(sim);
     store_close(store);
-    remove_folder(folder);
+    file_remove_tree(folder);
 }
 
 static void a_full_disk_is_waited_for(void **state)

@@ -13,23 +13,6 @@
 #include "coordinator/scheduler.h"
 #include "tests/support/sim_farm.h"
 
-static int set_up(void **state)
-{
-    struct sim *sim = calloc(1, sizeof *sim);
-
-    assert_non_null(sim);
-    sim_init(sim, NULL, 1);
-    *state = sim;
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    sim_release(*state);
-    free(*state);
-    return 0;
-}
-
 /* Send all that the worker holds, and forget it. */
 static void finish_all(struct sim *sim, struct sim_worker *worker, uint64_t cost_ns)
 {
@@ -399,7 +382,7 @@ static void passes_ahead_are_limited(void **state)
     assert_int_equal(worker->units[0].name.pass, FRAME_PASSES_AHEAD);
 }
 
-#define SIM_TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+#define SIM_TEST(name) cmocka_unit_test_setup_teardown(name, sim_set_up, sim_tear_down)
 
 int main(void)
 {

@@ -7,7 +7,6 @@
 
 #include <cmocka.h>
 #include <fcntl.h>
-#include <ftw.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -106,20 +105,12 @@ static int set_up(void **state)
     return 0;
 }
 
-static int remove_entry(const char *path, const struct stat *info, int type, struct FTW *at)
-{
-    (void)info;
-    (void)type;
-    (void)at;
-    return remove(path);
-}
-
 static int tear_down(void **state)
 {
     (void)state;
     if (farm.process)
         stop_coordinator(SIGKILL);
-    nftw(farm.folder, remove_entry, 16, FTW_DEPTH | FTW_PHYS);
+    file_remove_tree(farm.folder);
     return 0;
 }
 

@@ -6,7 +6,6 @@
 
 #include <cmocka.h>
 #include <fcntl.h>
-#include <ftw.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -27,14 +26,6 @@ enum { WIDTH = 20, HEIGHT = 16, SPP = 16 }; /* 2 tiles, 3 passes: 4, 8, 16 */
 
 static char folder[64];
 
-static int remove_entry(const char *path, const struct stat *info, int type, struct FTW *at)
-{
-    (void)info;
-    (void)type;
-    (void)at;
-    return remove(path);
-}
-
 static int set_up(void **state)
 {
     (void)state;
@@ -45,18 +36,8 @@ static int set_up(void **state)
 static int tear_down(void **state)
 {
     (void)state;
-    nftw(folder, remove_entry, 16, FTW_DEPTH | FTW_PHYS);
+    file_remove_tree(folder);
     return 0;
-}
-
-static struct store *open_it(void)
-{
-    struct store *store;
-    struct error err = {0};
-
-    if (store_open(&store, folder, &err) != STATUS_OK)
-        fail_msg("%s", err.text);
-    return store;
 }
 
 static char *path_of(const char *name)
@@ -85,7 +66,7 @@ static status adopt(void *user, struct job *job, struct error *err)
 
 static void jobs_survive_a_restart(void **state)
 {
-    struct store *store = open_it();
+    struct store *store = sim_store(folder);
     struct job *job = sim_job(640, 480, 99, 3, 12, -5), *other = sim_job(1, 1, 1, 0, 0, 0);
     struct loaded loaded = {{NULL}, 0};
     struct error err = {0};
@@ -126,7 +107,7 @@ static void jobs_survive_a_restart(void **state)
     assert_int_equal(store_frame_developed(store, job->id, 6, job->revision, &err), STATUS_OK);
     store_close(store);
 
-    store = open_it();
+    store = sim_store(folder);
     assert_int_equal(store_jobs_load(store, adopt, &loaded, &err), STATUS_OK);
     assert_int_equal(loaded.count, 2);
     back = loaded.jobs[0];
@@ -173,7 +154,7 @@ static void an_older_store_is_brought_up_to_date(void **state)
         "ALTER TABLE jobs DROP COLUMN revision; ALTER TABLE frames DROP COLUMN revision;"
         "PRAGMA user_version=1",
     };
-    struct store *store = open_it();
+    struct store *store = sim_store(folder);
     struct job *job = sim_job(16, 16, 1, 1, 3, 0);
     struct loaded loaded = {{NULL}, 0};
     struct error err = {0};
@@ -190,7 +171,7 @@ static void an_older_store_is_brought_up_to_date(void **state)
         assert_int_equal(sqlite3_exec(db, steps_back[i], NULL, NULL, NULL), SQLITE_OK);
         sqlite3_close(db);
         for (int times = 0; times < 2; times++) { /* the second time it is up to date */
-            store = open_it();
+            store = sim_store(folder);
             loaded.count = 0;
             assert_int_equal(store_jobs_load(store, adopt, &loaded, &err), STATUS_OK);
             assert_int_equal(loaded.count, 1);
@@ -210,7 +191,7 @@ static void an_older_store_is_brought_up_to_date(void **state)
 /* A token names one job for ever, also after its output settings have changed. */
 static void tokens_name_one_job(void **state)
 {
-    struct store *store = open_it();
+    struct store *store = sim_store(folder);
     struct job *first = sim_job(16, 16, 1, 1, 3, 0), *second = sim_job(16, 16, 1, 1, 3, 0);
     struct job *none = sim_job(16, 16, 1, 1, 3, 0), *again = sim_job(16, 16, 1, 1, 3, 0);
     struct error err = {0};
@@ -229,7 +210,7 @@ static void tokens_name_one_job(void **state)
     first->revision++;
     assert_int_equal(store_job_revise(store, first, &err), STATUS_OK);
     store_close(store);
-    store = open_it();
+    store = sim_store(folder);
     assert_int_equal(store_job_find(store, second, &id, &err), STATUS_OK);
     assert_int_equal(id, first->id);
     second->priority = 7;
@@ -255,7 +236,7 @@ static void epochs_never_repeat(void **state)
     /* Also when the clock is set back between two runs. */
     static const int64_t clocks[] = {1700000000, 1700000000, 1500000000, 0, 1700000001};
     for (size_t i = 0; i < 5; i++) {
-        struct store *store = open_it();
+        struct store *store = sim_store(folder);
         assert_int_equal(store_epoch_begin(store, clocks[i], &epoch, &err), STATUS_OK);
         assert_true(epoch > last + 1000000 || i == 0);
         assert_true(epoch < INT64_MAX);
@@ -266,7 +247,7 @@ static void epochs_never_repeat(void **state)
 
 static void a_store_in_use_is_refused(void **state)
 {
-    struct store *store = open_it(), *second;
+    struct store *store = sim_store(folder), *second;
     struct error err = {0};
 
     (void)state;
@@ -274,13 +255,13 @@ static void a_store_in_use_is_refused(void **state)
     assert_null(second);
     assert_non_null(strstr(err.text, "another coordinator"));
     store_close(store);
-    store = open_it();
+    store = sim_store(folder);
     store_close(store);
 }
 
 static void bad_stores_are_refused(void **state)
 {
-    struct store *store = open_it();
+    struct store *store = sim_store(folder);
     struct error err = {0};
     struct buffer bytes = BUFFER_INIT;
 
@@ -358,7 +339,7 @@ static void write_tile(struct film_fixture *f, uint32_t tile)
 
 static void films_come_back(void **state)
 {
-    struct store *store = open_it();
+    struct store *store = sim_store(folder);
     struct film_fixture f, back;
 
     (void)state;
@@ -397,7 +378,7 @@ static off_t file_size(const char *path)
 /* Tear the newest write at every 64th byte: the older state counts, always. */
 static void a_torn_slot_falls_back_to_the_older_one(void **state)
 {
-    struct store *store = open_it();
+    struct store *store = sim_store(folder);
     struct film_fixture f;
     size_t size;
     uint8_t *before, *after, *torn;
@@ -483,7 +464,7 @@ static void a_torn_slot_falls_back_to_the_older_one(void **state)
 
 static void memory_faults_in_opening_are_told(void **state)
 {
-    struct store *store = open_it();
+    struct store *store = sim_store(folder);
     long successes = 0, failures;
 
     (void)state;
@@ -538,7 +519,7 @@ static int count_files(const char *name)
 
 static void blobs_are_checked(void **state)
 {
-    struct store *store = open_it();
+    struct store *store = sim_store(folder);
     struct digest digest, other;
     struct buffer bytes = BUFFER_INIT, path = BUFFER_INIT;
     struct upload *upload;
@@ -585,7 +566,7 @@ static void blobs_are_checked(void **state)
 
 static void a_developed_frame_is_on_disk(void **state)
 {
-    struct store *store = open_it();
+    struct store *store = sim_store(folder);
     struct job *job = sim_job(WIDTH, HEIGHT, SPP, 1, 1, 0);
     struct job_frame *frame = job_frame_new(job, 1, WIDTH, HEIGHT, SPP, 0, NULL);
     struct development *development;
@@ -688,7 +669,7 @@ static void develop_job(struct store *store, struct job *job, uint32_t wanted, s
  * there is none, and with another operator as if it had been the first. */
 static void pictures_can_be_made_anew(void **state)
 {
-    struct store *store = open_it();
+    struct store *store = sim_store(folder);
     struct buffer first = BUFFER_INIT, again = BUFFER_INIT;
     struct error err = {0};
 
@@ -726,7 +707,7 @@ static void pictures_can_be_made_anew(void **state)
  * in which frames were done; the third frame differs from one that stands alone. */
 static void averaged_frames_wait_for_their_window(void **state)
 {
-    struct store *store = open_it();
+    struct store *store = sim_store(folder);
     struct job *job = sim_job(WIDTH, HEIGHT, SPP, 1, 4, 0), *alone;
     struct buffer first = BUFFER_INIT, again = BUFFER_INIT;
     struct error err = {0};

@@ -13,23 +13,6 @@
 #include "coordinator/scheduler.h"
 #include "tests/support/sim_farm.h"
 
-static int set_up(void **state)
-{
-    struct sim *sim = calloc(1, sizeof *sim);
-
-    assert_non_null(sim);
-    sim_init(sim, NULL, 1);
-    *state = sim;
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    sim_release(*state);
-    free(*state);
-    return 0;
-}
-
 static void a_machine_is_its_name_and_address(void **state)
 {
     (void)state;
@@ -192,7 +175,7 @@ static void a_probe_that_stands_still_gives_way(void **state)
     assert_int_equal(sim_grant(sim, probe, 1), 1); /* it lives: everyone may */
 }
 
-#define SIM_TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+#define SIM_TEST(name) cmocka_unit_test_setup_teardown(name, sim_set_up, sim_tear_down)
 
 int main(void)
 {

@@ -7,7 +7,6 @@
 #include <cmocka.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <ftw.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -24,14 +23,6 @@
 
 static char folder[64];
 
-static int remove_entry(const char *path, const struct stat *info, int type, struct FTW *at)
-{
-    (void)info;
-    (void)type;
-    (void)at;
-    return remove(path);
-}
-
 static int set_up(void **state)
 {
     (void)state;
@@ -42,7 +33,7 @@ static int set_up(void **state)
 static int tear_down(void **state)
 {
     (void)state;
-    nftw(folder, remove_entry, 16, FTW_DEPTH | FTW_PHYS);
+    file_remove_tree(folder);
     return 0;
 }
 
@@ -52,16 +43,6 @@ static const char *path_of(const char *name)
 
     snprintf(path, sizeof path, "%s/%s", folder, name);
     return path;
-}
-
-static struct store *open_it(void)
-{
-    struct store *store;
-    struct error err = {0};
-
-    if (store_open(&store, folder, &err) != STATUS_OK)
-        fail_msg("%s", err.text);
-    return store;
 }
 
 /* A folder in the place of a file that the store writes, which keeps even root from it. */
@@ -106,16 +87,15 @@ static void waits_grow_and_never_end(void **state)
  * in every job's report; and all of it over by itself, however long it took. */
 static void a_store_that_fails_pauses_the_farm(void **state)
 {
-    struct store *store = open_it();
-    struct sim *sim = calloc(1, sizeof *sim);
+    struct store *store = sim_store(folder);
+    struct sim *sim = sim_new(store, 1);
     struct job_report *report = malloc(sizeof *report);
     struct sim_worker *worker;
     struct job *job, *behind, *refused;
     struct error err = {0};
 
     (void)state;
-    assert_true(sim && report);
-    sim_init(sim, store, 1);
+    assert_non_null(report);
     worker = sim_connect(sim, 0, 4);
     job = sim_submit(sim, 16, 16, 100, 1, 2, 0);
     behind = sim_submit(sim, 16, 16, 4, 1, 1, 0);
@@ -169,8 +149,7 @@ static void a_store_that_fails_pauses_the_farm(void **state)
         sim_develop(sim);
     }
     assert_int_equal(sim->wrong_frames, 0);
-    sim_release(sim);
-    free(sim);
+    sim_free(sim);
     free(report);
     store_close(store);
 }
@@ -178,14 +157,12 @@ static void a_store_that_fails_pauses_the_farm(void **state)
 /* No more results of a film in trouble are on their way than the limit and one lease. */
 static void results_in_trouble_are_limited(void **state)
 {
-    struct sim *sim = calloc(1, sizeof *sim);
+    struct sim *sim = sim_new(NULL, 1);
     struct sim_worker *worker;
     struct job *job;
     size_t lent = 0, got;
 
     (void)state;
-    assert_non_null(sim);
-    sim_init(sim, NULL, 1);
     worker = sim_connect(sim, 0, 4096);
     job = sim_submit(sim, 2048, 1024, 100, 1, 1, 0); /* 8192 tiles */
     assert_true(sim_grant(sim, worker, 1) == 1);
@@ -200,27 +177,24 @@ static void results_in_trouble_are_limited(void **state)
     assert_true(lent <= TROUBLE_RESULTS_MAX + SIM_UNITS_MAX / 2);
     assert_true(job->frames->outstanding_count >= TROUBLE_RESULTS_MAX);
     worker->worker.held.units = job->frames->outstanding_count;
-    sim_release(sim);
-    free(sim);
+    sim_free(sim);
 }
 
 /* A result whose film cannot be opened stays with its worker; it may come again when it can. */
 static void results_without_a_film_are_deferred(void **state)
 {
-    struct store *store = open_it();
-    struct sim *sim = calloc(1, sizeof *sim);
+    struct store *store = sim_store(folder);
+    struct sim *sim = sim_new(store, 1);
     struct sim_worker *worker;
     struct job *job;
 
     (void)state;
-    assert_non_null(sim);
-    sim_init(sim, store, 1);
     worker = sim_connect(sim, 0, 4);
     job = sim_submit(sim, 16, 16, 4, 1, 1, 0);
     assert_int_equal(sim_grant(sim, worker, 1), 1);
     sim_release(sim); /* the worker keeps its unit */
     store_close(store);
-    store = open_it();
+    store = sim_store(folder);
     store_films_remove(store, 1);
     assert_int_equal(file_write_private(path_of("films/1"), "x", 1, NULL), STATUS_OK);
     sim_init(sim, store, 2);
@@ -240,22 +214,19 @@ static void results_without_a_film_are_deferred(void **state)
     sim_develop(sim);
     assert_int_equal(job->state, JOB_STATE_DONE);
     assert_int_equal(sim->wrong_frames, 0);
-    sim_release(sim);
-    free(sim);
+    sim_free(sim);
     store_close(store);
 }
 
 /* Every allocation of opening a film and of ending a job may fail: no job fails for it. */
 static void no_memory_is_waited_for(void **state)
 {
-    struct store *store = open_it();
-    struct sim *sim = calloc(1, sizeof *sim);
+    struct store *store = sim_store(folder);
+    struct sim *sim = sim_new(store, 1);
     struct sim_worker *worker;
     long successes = 0, failures;
 
     (void)state;
-    assert_non_null(sim);
-    sim_init(sim, store, 1);
     worker = sim_connect(sim, 0, 4);
     do {
         struct job *job = sim_submit(sim, 16, 16, 4, 1, 1, 0);
@@ -280,21 +251,18 @@ static void no_memory_is_waited_for(void **state)
     } while (failures > 0);
     assert_true(successes > 10);
     assert_int_equal(sim->wrong_frames, 0);
-    sim_release(sim);
-    free(sim);
+    sim_free(sim);
     store_close(store);
 }
 
 /* Films of a job that ended are removed at the start, where a kill came between; others are not. */
 static void films_that_were_left_are_removed(void **state)
 {
-    struct store *store = open_it();
-    struct sim *sim = calloc(1, sizeof *sim);
+    struct store *store = sim_store(folder);
+    struct sim *sim = sim_new(store, 1);
     struct job *ended, *waiting;
 
     (void)state;
-    assert_non_null(sim);
-    sim_init(sim, store, 1);
     ended = sim_submit(sim, 16, 16, 4, 1, 1, 0);
     waiting = sim_submit(sim, 16, 16, 4, 1, 1, 0);
     farm_cancel(&sim->farm, ended, 1, sim->now_ns);
@@ -309,19 +277,18 @@ static void films_that_were_left_are_removed(void **state)
     }
     sim_release(sim);
     store_close(store);
-    store = open_it();
+    store = sim_store(folder);
     sim_init(sim, store, 2);
     assert_false(file_exists(path_of("films/1")));
     assert_true(file_exists(path_of("films/2/frame-0001.film")));
     assert_true(file_exists(path_of("films/3/frame-0001.film"))); /* of a job that is not known */
-    sim_release(sim);
-    free(sim);
+    sim_free(sim);
     store_close(store);
 }
 
 static void a_replaced_folder_is_not_written_to(void **state)
 {
-    struct store *store = open_it();
+    struct store *store = sim_store(folder);
     struct error err = {0};
     struct stat info;
 
