@@ -81,6 +81,8 @@ void closing_begin(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     farm_job_revoke(farm, job, "the job was cancelled");
     farm_job_change(farm, job, JOB_STATE_CANCELLING, "cancelled", now_ns);
+    /* Only now: the change is on disk, or it is known not to be. */
+    log_info("job %llu (%s) is cancelled", (unsigned long long)job->id, job->name);
     closing_step(farm, job, now_ns);
 }
 

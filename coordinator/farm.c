@@ -206,13 +206,13 @@ void farm_cancel(struct farm *farm, struct job *job, int discard, uint64_t now_n
 {
     if (job_state_ended(job->state) || (job->state == JOB_STATE_CANCELLING && !discard))
         return;
-    log_info("job %llu (%s) is cancelled%s", (unsigned long long)job->id, job->name,
-             discard ? ", and what it holds discarded" : "");
-    if (discard)
-        farm_job_change(farm, job, JOB_STATE_CANCELLED, "cancelled, unfinished frames discarded",
-                        now_ns);
-    else
+    if (!discard) {
         closing_begin(farm, job, now_ns);
+        return;
+    }
+    farm_job_change(farm, job, JOB_STATE_CANCELLED, "cancelled, unfinished frames discarded", now_ns);
+    log_info("job %llu (%s) is cancelled, and what it holds discarded", (unsigned long long)job->id,
+             job->name);
 }
 
 void farm_fail(struct farm *farm, struct job *job, uint64_t now_ns, const char *format, ...)

@@ -15,6 +15,7 @@
 #include "common/math/elementary.h"
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
+#include "worker/render/exact.h"
 #include "worker/render/surface.h"
 #include "worker/render/world.h"
 
