@@ -15,10 +15,14 @@
 #include "client/signals.h"
 #include "client/submission.h"
 #include "client/watch.h"
+#include "common/base/clock.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
 #include "common/scene/manifest.h"
 #include "protocol/message.h"
+
+/* After an interruption: so long may one picture take. */
+enum { CUT_PATIENCE_MS = 60000 };
 
 struct render {
     const char *scene_path;
@@ -137,6 +141,36 @@ static status explain_cut(const struct render *r, struct error *err)
     return STATUS_ERR_JOB_FAILED;
 }
 
+static uint64_t pictures_made(const struct render *r)
+{
+    const Azulejo__Wire__JobInfo *info = job_list_find(r->last->job_list, r->job);
+
+    return (uint64_t)info->frames_done + info->frames_developed;
+}
+
+/* Wait for the pictures of what is rendered; not for a disk that stays full. */
+static status await_cut(struct render *r, struct error *err)
+{
+    uint64_t made = 0;
+
+    for (;;) {
+        status result = watch_job(r->connection, r->job, r->quiet,
+                                  clock_monotonic_ns() + CUT_PATIENCE_MS * NS_PER_MS, &r->last, err);
+        if (result != STATUS_ERR_TIMEOUT)
+            return result;
+        result = job_query(r->connection, r->job, &r->last, err);
+        if (result != STATUS_OK)
+            return result;
+        if (pictures_made(r) == made)
+            return error_set(err, STATUS_ERR_IO, "interrupted; no picture came in %d s, and what is "
+                             "rendered is given up: %s", CUT_PATIENCE_MS / 1000,
+                             job_list_find(r->last->job_list, r->job)->state_text);
+        made = pictures_made(r);
+        message_free(r->last);
+        r->last = NULL;
+    }
+}
+
 /* The first Ctrl-C: end the job with what it has. The next one ends this as well. */
 static status cut_short(struct render *r, struct error *err)
 {
@@ -149,7 +183,7 @@ static status cut_short(struct render *r, struct error *err)
     result = cancel_job(r->connection, r->job, 0, &answer, err);
     message_free(answer);
     if (result == STATUS_OK)
-        result = watch_job(r->connection, r->job, r->quiet, 0, &r->last, err);
+        result = await_cut(r, err);
     r->cut = 1;
     if (result == STATUS_OK)
         result = fetch_or_rescue(r, err);
