@@ -256,6 +256,8 @@ static void test_leaving_cubes(void **state)
     for (int base = 0; base < 2; base++)
         for (size_t k = 0; k < CASES; k++)
             leave_cube(base, cases[k].exponent, cases[k].shift, cube_rays / (2 * CASES));
+    /* Ray 410,591 of these runs along its face: Embree's t can be any number there. */
+    leave_cube(1, 20, 0, 410592);
 }
 
 /* ---- rays that must not escape ------------------------------------------------------------ */

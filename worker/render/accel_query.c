@@ -12,6 +12,8 @@
 #define INSET_ERRORS 64.0
 /* A face on which the ray ends is looked for up to this share of the length before and behind. */
 #define END_SHARE 0x1p-18
+/* Double decides about a plane that the ray makes a smaller angle with than this. */
+#define GRAZING_COSINE 0x1p-18
 /* A ray that leaked is traced again this many times at most, turned by this angle (radians) and
  * twice as much each time: rounding is wrong about edges by some 2^-22 of their distance. */
 enum { LEAK_ATTEMPTS = 8 };
@@ -26,17 +28,18 @@ static int is_near(const struct query_context *q, const struct RTCRay *ray,
 {
     double reach = t, product, area2, height2, error2;
 
-    if (!(t > q->near_start))
+    product = (double)ray->dir_x * (double)hit->Ng_x + (double)ray->dir_y * (double)hit->Ng_y +
+              (double)ray->dir_z * (double)hit->Ng_z;
+    area2 = (double)hit->Ng_x * (double)hit->Ng_x + (double)hit->Ng_y * (double)hit->Ng_y +
+            (double)hit->Ng_z * (double)hit->Ng_z;
+    /* Along a plane Embree's t is a quotient of two roundings, and may be any number. */
+    if (!(t > q->near_start) || !(product * product > GRAZING_COSINE * GRAZING_COSINE * area2))
         return 1;
     if (q->reaches) {
         reach = fmin(t, (double)q->ray->t_max - t);
         if (!(reach > q->near_end))
             return 1;
     }
-    product = (double)ray->dir_x * (double)hit->Ng_x + (double)ray->dir_y * (double)hit->Ng_y +
-              (double)ray->dir_z * (double)hit->Ng_z;
-    area2 = (double)hit->Ng_x * (double)hit->Ng_x + (double)hit->Ng_y * (double)hit->Ng_y +
-            (double)hit->Ng_z * (double)hit->Ng_z;
     height2 = reach * product * (double)g->least_stretch;
     height2 *= height2;
     error2 = q->error * q->error * area2;
