@@ -7,7 +7,7 @@
  *   JOB SUBMITTED SCENE NAME        number, seconds since 1970, digest in hexadecimal, base name
  *
  * Number, time and scene together tell the jobs of several farms apart. A claim without files in
- * the folder hinders nobody. The file can be deleted: files whose claim is lost are of unknown
+ * the folder hinders no one. The file can be deleted: files whose claim is lost are of unknown
  * origin.
  */
 #ifndef AZULEJO_CLIENT_CLAIMS_H

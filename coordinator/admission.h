@@ -16,7 +16,7 @@
  *
  * A SILENT one has not sent a whole first TLS record. A handshake costs memory and time, so it is
  * begun only with peers whose part of it is there: peers that say nothing, or a byte a second,
- * hold up nobody. An address is an IPv4 address or the first 64 bits of an IPv6 address, which is
+ * delay no one else. An address is an IPv4 address or the first 64 bits of an IPv6 address, which is
  * what one machine commonly has.
  */
 #ifndef AZULEJO_COORDINATOR_ADMISSION_H
@@ -85,7 +85,7 @@ status admission_enter(struct admission *a, struct admission_place *place,
 /* Its first record is whole: SILENT to READY; nothing in another stage. */
 void admission_ready(struct admission *a, struct admission_place *place);
 
-/* Whose handshake is to begin now: READY to SHAKING. NULL: nobody's. Call until NULL. */
+/* Whose handshake is to begin now: READY to SHAKING. NULL: there is none. Call until NULL. */
 struct admission_place *admission_next(struct admission *a);
 
 /* Its handshake failed, and it is being told why: SHAKING to LEAVING. */

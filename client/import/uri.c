@@ -116,7 +116,7 @@ static status check_name(const char *uri, const char *path, size_t size, struct 
     return STATUS_OK;
 }
 
-/* An absolute path stays as it is: whoever reads it asks where it leads. */
+/* An absolute path stays as it is: the reader checks where it leads. */
 static char *path_below(const char *folder, const char *path)
 {
     return *path == '/' ? mem_strdup(path) : file_join(folder, path);
