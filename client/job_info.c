@@ -164,12 +164,14 @@ static json_t *output_json(const Azulejo__Wire__OutputSettings *o)
     return out;
 }
 
-static json_t *stats_json(const Azulejo__Wire__RenderStats *s)
+static json_t *stats_json(const Azulejo__Wire__Work *w, const Azulejo__Wire__RenderStats *s)
 {
-    return json_pack("{s:I, s:I, s:I, s:I, s:f, s:f}", "samples", (json_int_t)s->samples, "rays",
-                     (json_int_t)s->rays, "vertices", (json_int_t)s->vertices, "dropped_samples",
-                     (json_int_t)s->dropped_samples, "cpu_seconds", (double)s->cpu_ns / 1e9,
-                     "trace_seconds", (double)s->trace_ns / 1e9);
+    return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:f, s:f}", "samples", (json_int_t)w->samples,
+                     "rays", (json_int_t)w->rays, "vertices", (json_int_t)w->vertices,
+                     "dropped_samples", (json_int_t)w->dropped_samples, "leaked_rays",
+                     (json_int_t)w->leaked_rays, "clamped_values", (json_int_t)w->clamped_values,
+                     "cpu_seconds", (double)s->cpu_ns / 1e9, "trace_seconds",
+                     (double)s->trace_ns / 1e9);
 }
 
 json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
@@ -211,8 +213,8 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
     json_object_set_new(root, "seconds_left",
                         job->seconds_left >= 0 ? json_number(job->seconds_left) : json_null());
     json_object_set_new(root, "seconds_active", json_number(job->seconds_active));
-    if (job->stats)
-        json_object_set_new(root, "stats", stats_json(job->stats));
+    if (job->stats && job->work)
+        json_object_set_new(root, "stats", stats_json(job->work, job->stats));
     json_object_set_new(root, "submitted_at", json_integer(job->submitted_at));
     json_object_set_new(root, "finished_at", job->finished_at ? json_integer(job->finished_at)
                                                               : json_null());
@@ -245,10 +247,10 @@ void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
     else
         snprintf(line, sizeof line, "%s", format_count(a, (double)job->samples_done));
     print_line(out, "samples", line);
-    if (job->stats && job->stats->rays) {
+    if (job->stats && job->work && job->work->rays) {
         snprintf(line, sizeof line, "%s, %.1f a sample, %s of processor time",
-                 format_count(a, (double)job->stats->rays),
-                 (double)job->stats->rays / (double)(job->stats->samples ? job->stats->samples : 1),
+                 format_count(a, (double)job->work->rays),
+                 (double)job->work->rays / (double)(job->work->samples ? job->work->samples : 1),
                  format_duration(b, (double)job->stats->cpu_ns * 1e-9));
         print_line(out, "rays", line);
     }
@@ -259,10 +261,10 @@ void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
                  format_error(a, job->relative_mse));
         print_line(out, "error", line);
     }
-    if (job->stats && job->stats->dropped_samples) {
+    if (job->work && job->work->dropped_samples) {
         snprintf(line, sizeof line,
                  "%" PRIu64 " samples were not finite numbers and count as black",
-                 job->stats->dropped_samples);
+                 job->work->dropped_samples);
         print_line(out, "dropped", line);
     }
     if (job->develop_error[0])

@@ -26,6 +26,7 @@ struct development {
     struct output_settings output;
     struct film_coverage coverage;
     double relative_mse;
+    struct unit_work work;
     struct work_stats stats;
     const struct film *film; /* NULL: `image` holds a copy, and there are no AOVs */
     int taken;               /* `image` holds the film's means */
@@ -56,7 +57,8 @@ static status development_new(struct development **out, const struct job *job, u
     d->output = job->output;
     if (frame) {
         d->coverage = film_coverage(frame->film);
-        d->relative_mse = film_relative_mse(frame->film);
+        d->relative_mse = film_error(frame->film);
+        d->work = *film_work(frame->film);
         d->stats = frame->stats;
         d->film = frame->film;
     }
@@ -528,8 +530,8 @@ status develop_manifest(struct development *d, const struct store *store, struct
         .scene_digest = digest, .job = d->job, .frame = d->frame, .effects = d->stats.effects,
         .without = d->settings.without, .frame_samples = d->coverage.samples, .complete = is_whole(d),
         .pixel_samples = {d->coverage.least, mean_samples(d), d->coverage.most},
-        .tiles_empty = d->coverage.tiles_empty, .samples = d->stats.samples,
-        .rays = d->stats.rays, .vertices = d->stats.vertices, .cpu_ns = d->stats.cpu_ns,
+        .tiles_empty = d->coverage.tiles_empty, .samples = d->work.samples,
+        .rays = d->work.rays, .vertices = d->work.vertices, .cpu_ns = d->stats.cpu_ns,
     };
     status s;
 

@@ -68,7 +68,7 @@ status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns,
 /* What a film holds in memory when it is full. */
 static uint64_t film_bytes(uint32_t width, uint32_t height, uint32_t aovs)
 {
-    return (uint64_t)width * height * (PIXEL_FLOATS + aov_floats(aovs)) * sizeof(double);
+    return (uint64_t)width * height * GROUPS * (PIXEL_FLOATS + aov_floats(aovs)) * sizeof(double);
 }
 
 static void frame_unlink(struct farm *farm, struct job_frame *frame)
@@ -259,9 +259,22 @@ status farm_worker_add(struct farm *farm, struct farm_worker *worker, struct err
     if (farm->worker_count == WORKERS_MAX)
         return error_set(err, STATUS_ERR_LIMIT, "%d workers are connected already", WORKERS_MAX);
     credit_init(&worker->credit, worker->threads);
+    worker->deliverer = ++farm->last_deliverer;
     farm->workers[farm->worker_count++] = worker;
     farm->pump_wanted = 1;
     return STATUS_OK;
+}
+
+void farm_deliverer_text(const struct farm *farm, uint32_t deliverer, char out[DELIVERER_TEXT_MAX])
+{
+    for (uint32_t i = 0; i < farm->worker_count; i++) {
+        const struct farm_worker *worker = farm->workers[i];
+        if (worker->deliverer != deliverer)
+            continue;
+        snprintf(out, DELIVERER_TEXT_MAX, "session %u (%s)", worker->held.session, worker->name);
+        return;
+    }
+    snprintf(out, DELIVERER_TEXT_MAX, "a worker that has gone (number %u)", deliverer);
 }
 
 void farm_worker_remove(struct farm *farm, struct farm_worker *worker, int died, uint64_t now_ns)
@@ -283,7 +296,7 @@ void farm_worker_remove(struct farm *farm, struct farm_worker *worker, int died,
 
 static int job_has_results(const struct job *job)
 {
-    if (job->frames_done_count > 0 || job->stats.samples > 0)
+    if (job->frames_done_count > 0 || job->stats.cpu_ns > 0)
         return 1;
     for (const struct job_frame *frame = job->frames; frame; frame = frame->next)
         if (frame->ack_count > 0 || film_samples(frame->film) > 0)
@@ -391,8 +404,8 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
         return NULL;
     }
     farm_trouble_over(farm, job, &job->trouble, now_ns);
-    for (uint32_t i = 0; i < film_tile_count(frame->film); i++)
-        frame->durable_tiles += frame->durable[i] == film_pass_count(frame->film);
+    for (uint32_t g = 0; g < GROUPS; g++)
+        film_freeze(frame->film, g, &(struct film_codes){film_codes_plain, NULL});
     while (*at && (*at)->number < number)
         at = &(*at)->next;
     frame->next = *at;
@@ -426,8 +439,7 @@ void farm_frame_advance(struct farm *farm, struct job_frame *frame, uint64_t now
         job_frame_set_state(frame, FRAME_COMPLETE);
     if (frame->state != FRAME_COMPLETE || frame->closing || trouble_is(&farm->trouble) ||
         trouble_waits(&frame->trouble, now_ns) ||
-        (frame->durable_tiles != film_tile_count(frame->film) &&
-         frame->job->state != JOB_STATE_CANCELLING))
+        (frame->job->state != JOB_STATE_CANCELLING && !job_frame_is_durable(frame)))
         return;
     s = farm->events.develop(farm->events.user, frame);
     if (s != STATUS_OK) {
@@ -584,8 +596,9 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
         return;
     }
     farm_trouble_over(farm, job, &frame->trouble, now_ns);
-    relative_mse = film_relative_mse(frame->film);
+    relative_mse = film_error(frame->film);
     coverage = film_coverage(frame->film);
+    unit_work_add(&job->work, film_work(frame->film));
     farm_frame_unpin(farm, frame);
     farm_frame_close(farm, frame, "the frame is done");
     job_frame_set_done(job, number);

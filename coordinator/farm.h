@@ -22,6 +22,8 @@ enum {
     FRAMES_OPEN_MAX = 16,        /* films in memory */
     FRAMES_OPEN_PER_JOB = 3,     /* of those, of one job; also counts frames being developed */
     WORKERS_MAX = 4096,
+    WORKER_NAME_MAX = 127,
+    DELIVERER_TEXT_MAX = 192,
     PROGRESS_SAVE_MS = 2000,     /* how often a running job's counters go to the store */
 };
 /* Films in memory; one frame alone may need more. */
@@ -34,6 +36,8 @@ struct farm_worker {
     uint64_t machine;            /* machine_identity */
     uint32_t isa_mask;
     char kernel[KERNEL_NAME_MAX + 1];
+    char name[WORKER_NAME_MAX + 1]; /* for people: "host, process 123" */
+    uint32_t deliverer;          /* its number in the films' logs; farm_worker_add sets it */
     uint32_t room;               /* units it asked for and did not get yet */
     uint64_t cost_job;           /* the job that `cost_ns` was measured on */
     double cost_ns;              /* CPU time of one pixel sample on one thread; 0: not known */
@@ -68,6 +72,7 @@ struct farm {
     struct farm_events events;
     struct farm_worker *workers[WORKERS_MAX];
     uint32_t worker_count;
+    uint32_t last_deliverer;
     uint32_t open_frames;
     uint64_t open_bytes;
     uint64_t conflicts;
@@ -103,6 +108,8 @@ status farm_worker_add(struct farm *farm, struct farm_worker *worker, struct err
 /* `died`: its connection was lost. Jobs that it held leases of may be parked for that
  * (suspicion.h). */
 void farm_worker_remove(struct farm *farm, struct farm_worker *worker, int died, uint64_t now_ns);
+/* Who a film's deliverer number is, in words. */
+void farm_deliverer_text(const struct farm *farm, uint32_t deliverer, char out[DELIVERER_TEXT_MAX]);
 /* A worker cannot render this job at all. Counts once a machine, and only while the worker holds a
  * lease of the job. */
 void farm_job_broken(struct farm *farm, struct job *job, struct farm_worker *worker,

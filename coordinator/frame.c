@@ -32,7 +32,8 @@ struct job_frame *job_frame_new(struct job *job, uint32_t number, uint32_t width
         job_frame_free(frame);
         return NULL;
     }
-    frame->cursor_left = (uint64_t)tiles * pass_count(spp);
+    film_want_all(frame->film);
+    job_frame_wish(frame);
     frame->file = file;
     return frame;
 }
@@ -71,15 +72,16 @@ void job_frame_set_state(struct job_frame *frame, enum frame_state state)
 
 static int name_before(struct unit_name a, struct unit_name b)
 {
-    return a.pass != b.pass ? a.pass < b.pass : a.tile < b.tile;
+    if (a.pass != b.pass)
+        return a.pass < b.pass;
+    return a.group != b.group ? a.group < b.group : a.tile < b.tile;
 }
 
-static void frame_rewind(struct job_frame *frame)
+void job_frame_wish(struct job_frame *frame)
 {
-    frame->returned_count = 0;
-    frame->cursor_pass = frame->cursor_tile = 0;
-    frame->cursor_left =
-        (uint64_t)film_tile_count(frame->film) * film_pass_count(frame->film);
+    frame->returned_count = 0; /* the cursor comes by them again */
+    frame->cursor = (struct unit_name){0, 0, 0};
+    frame->cursor_left = film_wanted(frame->film);
 }
 
 void job_frame_return(struct job_frame *frame, struct unit_name name)
@@ -87,7 +89,7 @@ void job_frame_return(struct job_frame *frame, struct unit_name name)
     size_t i = frame->returned_count;
 
     if (!MEM_GROW(frame->returned, frame->returned_capacity, i + 1)) {
-        frame_rewind(frame);
+        job_frame_wish(frame);
         return;
     }
     frame->returned_count++;
@@ -119,28 +121,46 @@ static struct unit_name returned_pop(struct job_frame *frame)
     return top;
 }
 
+/* Does nobody have the unit, nor its result? */
+static int unit_is_free(const struct job_frame *frame, struct unit_name name)
+{
+    return !film_has(frame->film, name.tile, name.group, name.pass) &&
+           !job_frame_unit_find(frame, name);
+}
+
+static void cursor_advance(struct job_frame *frame)
+{
+    struct unit_name *c = &frame->cursor;
+
+    if (++c->tile < film_tile_count(frame->film))
+        return;
+    c->tile = 0;
+    if (++c->group < GROUPS)
+        return;
+    c->group = 0;
+    c->pass++;
+}
+
 int job_frame_take(struct job_frame *frame, struct unit_name *out)
 {
-    uint32_t tiles = film_tile_count(frame->film), passes = film_pass_count(frame->film);
+    const struct film *film = frame->film;
 
     while (frame->returned_count > 0) {
         *out = returned_pop(frame);
-        if (!film_has(frame->film, out->tile, out->pass) &&
-            !job_frame_unit_find(frame, out->tile, out->pass))
+        if (unit_is_free(frame, *out))
             return 1;
     }
-    while (frame->cursor_pass < passes) {
-        out->tile = frame->cursor_tile;
-        out->pass = frame->cursor_pass;
-        if (out->pass >= film_tile_passes(frame->film, out->tile) + FRAME_PASSES_AHEAD)
-            return 0;
-        if (++frame->cursor_tile == tiles) {
-            frame->cursor_tile = 0;
-            frame->cursor_pass++;
+    while (frame->cursor_left > 0) {
+        *out = frame->cursor;
+        if (out->pass >= film_tile_wanted(film, out->tile, out->group)) {
+            cursor_advance(frame);
+            continue;
         }
+        if (out->pass >= film_tile_passes(film, out->tile, out->group) + FRAME_PASSES_AHEAD)
+            return 0;
+        cursor_advance(frame);
         frame->cursor_left--;
-        if (!film_has(frame->film, out->tile, out->pass) &&
-            !job_frame_unit_find(frame, out->tile, out->pass))
+        if (unit_is_free(frame, *out))
             return 1;
     }
     return 0;
@@ -157,24 +177,29 @@ uint64_t job_frame_unit_samples(const struct job_frame *frame, struct unit_name 
         tile_rect_of(film_width(frame->film), film_height(frame->film), name.tile);
     uint32_t begin, end;
 
-    pass_range(film_spp(frame->film), name.pass, &begin, &end);
+    pass_range(film_spp(frame->film), name.group, name.pass, &begin, &end);
     return (uint64_t)rect.width * rect.height * (end - begin);
 }
 
 /* ---- outstanding units ----------------------------------------------------------------------- */
 
-static struct unit **bucket_of(const struct job_frame *frame, uint32_t tile, uint32_t pass)
+static struct unit **bucket_of(const struct job_frame *frame, struct unit_name name)
 {
-    uint32_t hash = tile * 0x9e3779b1u ^ pass * 0x85ebca77u;
+    uint32_t hash = name.tile * 0x9e3779b1u ^ (name.pass * GROUPS + name.group) * 0x85ebca77u;
 
     return &frame->buckets[(hash ^ hash >> 16) & frame->bucket_mask];
 }
 
-struct unit *job_frame_unit_find(const struct job_frame *frame, uint32_t tile, uint32_t pass)
+static int names_equal(struct unit_name a, struct unit_name b)
 {
-    struct unit *unit = *bucket_of(frame, tile, pass);
+    return a.tile == b.tile && a.group == b.group && a.pass == b.pass;
+}
 
-    while (unit && (unit->tile != tile || unit->pass != pass))
+struct unit *job_frame_unit_find(const struct job_frame *frame, struct unit_name name)
+{
+    struct unit *unit = *bucket_of(frame, name);
+
+    while (unit && !names_equal(unit->name, name))
         unit = unit->chain;
     return unit;
 }
@@ -196,19 +221,18 @@ static void age_append(struct job_frame *frame, struct unit *unit)
 status job_frame_unit_lend(struct job_frame *frame, struct unit_name name, struct lease *lease,
                        uint64_t now_ns)
 {
-    struct unit *unit = job_frame_unit_find(frame, name.tile, name.pass);
+    struct unit *unit = job_frame_unit_find(frame, name);
 
     if (unit) {
         if (unit->holder_count == UNIT_HOLDERS_MAX)
             return STATUS_ERR_LIMIT;
         age_remove(frame, unit);
     } else {
-        struct unit **bucket = bucket_of(frame, name.tile, name.pass);
+        struct unit **bucket = bucket_of(frame, name);
         unit = mem_calloc(1, sizeof *unit);
         if (!unit)
             return STATUS_ERR_NO_MEMORY;
-        unit->tile = name.tile;
-        unit->pass = name.pass;
+        unit->name = name;
         unit->chain = *bucket;
         *bucket = unit;
         frame->outstanding_count++;
@@ -221,7 +245,7 @@ status job_frame_unit_lend(struct job_frame *frame, struct unit_name name, struc
 
 void job_frame_unit_settle(struct job_frame *frame, struct unit *unit)
 {
-    struct unit **at = bucket_of(frame, unit->tile, unit->pass);
+    struct unit **at = bucket_of(frame, unit->name);
 
     while (*at != unit)
         at = &(*at)->chain;
@@ -233,7 +257,7 @@ void job_frame_unit_settle(struct job_frame *frame, struct unit *unit)
 
 void job_frame_unit_drop(struct job_frame *frame, struct unit *unit, struct lease *lease)
 {
-    struct unit_name name = {unit->tile, unit->pass};
+    struct unit_name name = unit->name;
 
     for (uint32_t i = 0; i < unit->holder_count; i++) {
         if (unit->holders[i] == lease) {
@@ -248,6 +272,29 @@ void job_frame_unit_drop(struct job_frame *frame, struct unit *unit, struct leas
 }
 
 /* ---- what waits for the disk ----------------------------------------------------------------- */
+
+static int tile_is_durable(const struct job_frame *frame, uint32_t tile)
+{
+    for (uint32_t g = 0; g < GROUPS; g++)
+        if (frame->durable[tile][g] != film_tile_passes(frame->film, tile, g))
+            return 0;
+    return 1;
+}
+
+int job_frame_is_durable(const struct job_frame *frame)
+{
+    for (uint32_t i = 0; i < film_tile_count(frame->film); i++)
+        if (!tile_is_durable(frame, i))
+            return 0;
+    return 1;
+}
+
+void job_frame_mark_folded(struct job_frame *frame, uint64_t now_ns)
+{
+    for (uint32_t i = 0; i < film_tile_count(frame->film); i++)
+        if (!tile_is_durable(frame, i))
+            job_frame_mark_dirty(frame, i, now_ns);
+}
 
 void job_frame_mark_dirty(struct job_frame *frame, uint32_t tile, uint64_t now_ns)
 {

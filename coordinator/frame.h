@@ -7,13 +7,13 @@
  *   any --job ends or is parked--> closed, as soon as no commit or develop is in flight
  * job_frame_set_state is the only function that changes it.
  *
- * Units are granted in passes over all tiles, so that a preview covers the frame early:
- * first what came back from workers (`returned`), then from the cursor on.
+ * Units are granted in the order (pass, group, tile), so that a preview covers the frame early, as far as
+ * the film wants them: first what came back from workers (`returned`), then from the cursor on.
  *
  * Invariants:
  *  - a unit is in exactly one of: the film (folded or waiting), `outstanding` (lent to at least one
  *    lease), `returned`, or not yet reached by the cursor;
- *  - durable[t] <= film_tile_passes(t); they differ only for tiles that are dirty or in a commit.
+ *  - durable[t][g] <= film_tile_passes(t, g); they differ only for tiles that are dirty or in a commit.
  * A frame owns its film, its units and its pending acknowledgements; the film file belongs to it
  * too.
  */
@@ -44,12 +44,12 @@ struct lease;
 enum frame_state { FRAME_RENDERING, FRAME_COMPLETE, FRAME_DEVELOPING };
 
 struct unit_name {
-    uint32_t tile, pass;
+    uint32_t tile, group, pass;
 };
 
 /* A work unit that is lent to at least one lease. */
 struct unit {
-    uint32_t tile, pass;
+    struct unit_name name;
     uint32_t holder_count;
     struct lease *holders[UNIT_HOLDERS_MAX];
     uint64_t granted_ns;         /* to the newest holder */
@@ -60,7 +60,8 @@ struct unit {
 /* A result that is not acknowledged yet. */
 struct pending_ack {
     uint64_t lease;
-    uint32_t session, tile, pass;
+    uint32_t session;
+    struct unit_name unit;
 };
 
 struct job_frame {
@@ -71,7 +72,7 @@ struct job_frame {
     struct film *film;
     struct film_file *file;      /* NULL: kept in memory only (tests) */
 
-    uint32_t cursor_pass, cursor_tile;
+    struct unit_name cursor;
     uint64_t cursor_left;        /* units from the cursor on */
     struct unit_name *returned;  /* a binary heap, earliest unit first */
     size_t returned_count, returned_capacity;
@@ -80,8 +81,7 @@ struct job_frame {
     uint32_t outstanding_count;
     struct unit *oldest, *newest;
 
-    uint32_t *durable;           /* passes of each tile that are on disk */
-    uint32_t durable_tiles;      /* tiles of which every pass is */
+    uint32_t (*durable)[GROUPS]; /* passes of each tile that are on disk */
     uint8_t *slot;               /* which of the tile's two slots holds them */
     uint8_t *dirty_mark;
     uint32_t *dirty;             /* tiles to write, in order of arrival */
@@ -89,8 +89,8 @@ struct job_frame {
     uint64_t dirty_since_ns;
     struct pending_ack *acks;
     size_t ack_count, ack_capacity;
-    struct work_stats stats;     /* of the results merged in this run */
-    double error;                /* the last reported film_relative_mse */
+    struct work_stats stats;     /* measured of the results merged in this run */
+    double error;                /* the last reported film_error */
     uint64_t error_next_ns;      /* when to compute it anew; 0: not computed yet */
     struct trouble trouble;      /* its film or outputs cannot be written */
     int in_flight;               /* commits and develops that hold this frame */
@@ -104,7 +104,9 @@ void job_frame_free(struct job_frame *frame); /* no unit may be outstanding */
 
 void job_frame_set_state(struct job_frame *frame, enum frame_state state);
 
-/* The next unit that nobody holds and the film lacks; 0 when there is none at the moment. */
+/* The film wants more than before: what the cursor has passed is looked at again. */
+void job_frame_wish(struct job_frame *frame);
+/* The next unit that the film wants and lacks, and that nobody holds; 0 when there is none at the moment. */
 int job_frame_take(struct job_frame *frame, struct unit_name *out);
 /* Put a unit back that was taken and is not outstanding. Without memory for it the cursor goes
  * back to the first unit instead, and skips what is merged or lent. */
@@ -114,7 +116,7 @@ uint64_t job_frame_unleased(const struct job_frame *frame);
 /* Pixel samples of a unit. */
 uint64_t job_frame_unit_samples(const struct job_frame *frame, struct unit_name name);
 
-struct unit *job_frame_unit_find(const struct job_frame *frame, uint32_t tile, uint32_t pass);
+struct unit *job_frame_unit_find(const struct job_frame *frame, struct unit_name name);
 /* Lend the unit to one more lease. ERR_LIMIT: it has all holders that it may have. */
 status job_frame_unit_lend(struct job_frame *frame, struct unit_name name, struct lease *lease,
                        uint64_t now_ns) MUST_CHECK;
@@ -123,6 +125,10 @@ void job_frame_unit_drop(struct job_frame *frame, struct unit *unit, struct leas
 /* Forget an outstanding unit: the film has it. */
 void job_frame_unit_settle(struct job_frame *frame, struct unit *unit);
 
+/* Is all that is folded on disk? */
+int job_frame_is_durable(const struct job_frame *frame);
+/* Note which tiles' states must go to the disk, after film_want or film_freeze folded what waited. */
+void job_frame_mark_folded(struct job_frame *frame, uint64_t now_ns);
 /* Note that a tile's state must go to the disk. */
 void job_frame_mark_dirty(struct job_frame *frame, uint32_t tile, uint64_t now_ns);
 status job_frame_await_ack(struct job_frame *frame, struct pending_ack ack,

@@ -52,7 +52,7 @@ static int unit_is_held_by(const struct unit *unit, const struct lease *lease)
 
 static void lease_lend_unit(struct lease *lease, struct unit_name name, uint64_t now_ns)
 {
-    const struct unit *unit = job_frame_unit_find(lease->frame, name.tile, name.pass);
+    const struct unit *unit = job_frame_unit_find(lease->frame, name);
 
     if (unit_is_held_by(unit, lease))
         return;
@@ -78,7 +78,7 @@ struct lease *lease_grant(struct lease_table *table, struct job_frame *frame,
         lease = mem_calloc(1, sizeof *lease + count * sizeof *units);
     if (!lease) {
         for (uint32_t i = 0; i < count; i++)
-            if (!job_frame_unit_find(frame, units[i].tile, units[i].pass))
+            if (!job_frame_unit_find(frame, units[i]))
                 job_frame_return(frame, units[i]);
         return NULL;
     }
@@ -123,8 +123,7 @@ void lease_renew(const struct lease_table *table, struct lease *lease, uint64_t 
 void lease_end(struct lease_table *table, struct lease *lease)
 {
     for (uint32_t i = 0; i < lease->unit_count; i++) {
-        struct unit *unit =
-            job_frame_unit_find(lease->frame, lease->units[i].tile, lease->units[i].pass);
+        struct unit *unit = job_frame_unit_find(lease->frame, lease->units[i]);
         if (!unit_is_held_by(unit, lease))
             continue;
         lease_close_unit(lease, lease->units[i]);
@@ -144,7 +143,7 @@ void lease_end_all_of(struct lease_table *table, const struct lease_holder *hold
 
 void lease_return_unit(struct lease_table *table, struct lease *lease, struct unit_name name)
 {
-    struct unit *unit = job_frame_unit_find(lease->frame, name.tile, name.pass);
+    struct unit *unit = job_frame_unit_find(lease->frame, name);
 
     if (!unit_is_held_by(unit, lease))
         return;
@@ -158,7 +157,7 @@ void lease_settle_unit(struct lease_table *table, struct job_frame *frame, struc
                        uint32_t session,
                        void (*others)(void *user, uint32_t session, uint64_t lease), void *user)
 {
-    struct unit *unit = job_frame_unit_find(frame, name.tile, name.pass);
+    struct unit *unit = job_frame_unit_find(frame, name);
 
     if (!unit)
         return;

@@ -8,6 +8,8 @@
 #include "common/base/memory.h"
 #include "coordinator/scheduler.h"
 
+enum { SAMPLE_COUNTS_MAX = 1 << 20 }; /* rays or vertices of one sample */
+
 /* ---- taking a result ------------------------------------------------------------------------ */
 
 static void floats_from_wire(float *out, const uint8_t *in, size_t count)
@@ -26,17 +28,40 @@ static void tell_others(void *user, uint32_t session, uint64_t lease)
     farm->events.revoke(farm->events.user, session, lease, "another worker was faster");
 }
 
-static void report_conflict(struct farm *farm, struct job *job, const struct tile_result *result,
-                            const struct farm_worker *worker)
+static void report_conflict(struct farm *farm, const struct job_frame *frame,
+                            const struct tile_result *result, const struct farm_worker *worker)
 {
+    struct job *job = frame->job;
+    struct unit_name u = result->unit;
+    char first[DELIVERER_TEXT_MAX];
+
     farm->conflicts++;
     job->conflicts++;
-    log_error("job %llu, frame %u, tile %u, pass %u: session %u (%s) sent a result that differs "
-              "from the one merged before; the first is kept. One of the two machines computes "
-              "wrongly: check its memory and CPU, and render the frame again",
-              (unsigned long long)job->id, result->frame, result->tile, result->pass,
-              worker->held.session, worker->kernel);
+    farm_deliverer_text(farm, film_deliverer(frame->film, u.tile, u.group, u.pass), first);
+    log_error("job %llu, frame %u, tile %u, group %u, pass %u: session %u (%s, %s) sent a result that "
+              "differs from the one merged before, which came from %s; the first is kept. One of the "
+              "two machines computes wrongly: check its memory and CPU, and render the frame again",
+              (unsigned long long)job->id, result->frame, u.tile, u.group, u.pass,
+              worker->held.session, worker->name, worker->kernel, first);
     farm->events.job_changed(farm->events.user, job);
+}
+
+/* Counts that no worker can have come by would overflow the film's. */
+static status check_work(const struct job_frame *frame, const struct tile_result *result,
+                         struct error *err)
+{
+    const struct unit_work *w = &result->work;
+    uint64_t samples = job_frame_unit_samples(frame, result->unit);
+    uint64_t most = samples * SAMPLE_COUNTS_MAX;
+
+    if (w->samples == samples && w->dropped_samples <= samples && w->rays <= most &&
+        w->vertices <= most && w->leaked_rays <= most &&
+        w->clamped_values <= result->sums_bytes / 4)
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_PROTOCOL,
+                     "a result with %llu samples, %llu rays and %llu vertices for %llu samples",
+                     (unsigned long long)w->samples, (unsigned long long)w->rays,
+                     (unsigned long long)w->vertices, (unsigned long long)samples);
 }
 
 /* The frame that the result is for; NULL with an outcome when it needs no merging. */
@@ -66,12 +91,47 @@ static struct job_frame *frame_of(struct farm *farm, const struct farm_worker *w
     return frame;
 }
 
+/* Fold the result into the frame's film. */
+static status merge_into(struct job_frame *frame, const struct farm_worker *worker,
+                         const struct tile_result *result, enum film_merge_result *merged,
+                         struct error *err)
+{
+    static float sums[TILE_FLOATS_MAX];
+    const struct film *film = frame->film;
+    struct unit_name u = result->unit;
+    struct unit_result unit = {.tile = u.tile, .group = u.group, .pass = u.pass, .sums = sums,
+                               .count = result->sums_bytes / 4, .tail = result->tail,
+                               .work = result->work};
+    struct pending_ack ack = {result->lease, worker->held.session, u};
+    status s = STATUS_OK;
+
+    if (u.tile >= film_tile_count(film) || u.group >= GROUPS ||
+        u.pass >= film_pass_count(film, u.group))
+        s = error_set(err, STATUS_ERR_PROTOCOL, "tile %u, group %u, pass %u: there is none", u.tile,
+                      u.group, u.pass);
+    if (s == STATUS_OK)
+        s = check_work(frame, result, err);
+    /* Room for the acknowledgement first: once merged, a result must not get lost. */
+    if (s == STATUS_OK)
+        s = job_frame_await_ack(frame, ack, err);
+    if (s != STATUS_OK)
+        return s;
+    frame->ack_count--;
+    floats_from_wire(sums, result->sums, unit.count);
+    s = film_merge(frame->film, &unit, worker->deliverer, merged, err);
+    if (s == STATUS_ERR_INPUT) {
+        s = STATUS_ERR_PROTOCOL;
+        if (err)
+            err->code = s;
+    }
+    return s;
+}
+
 status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result,
                     uint64_t now_ns, enum merge_outcome *outcome, struct error *err)
 {
-    static float sums[TILE_FLOATS_MAX];
-    struct unit_name name = {result->tile, result->pass};
-    struct pending_ack ack = {result->lease, worker->held.session, result->tile, result->pass};
+    struct unit_name name = result->unit;
+    struct pending_ack ack = {result->lease, worker->held.session, name};
     enum film_merge_result merged;
     const struct unit *unit;
     struct job_frame *frame;
@@ -88,43 +148,32 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
     frame = frame_of(farm, worker, result, now_ns, outcome);
     if (!frame)
         return STATUS_OK;
-    floats_from_wire(sums, result->sums, result->sums_bytes / 4);
-
-    /* Room for the acknowledgement first: once merged, a result must not get lost. */
-    s = job_frame_await_ack(frame, ack, err);
-    if (s != STATUS_OK)
-        return s;
-    frame->ack_count--;
-    s = film_merge(frame->film, result->tile, result->pass, sums, result->sums_bytes / 4, &merged,
-                   err);
-    if (s == STATUS_ERR_INPUT) {
+    s = merge_into(frame, worker, result, &merged, err);
+    if (s == STATUS_ERR_PROTOCOL)
         error_prefix(err, "job %llu, frame %u", (unsigned long long)result->job, result->frame);
-        if (err)
-            err->code = STATUS_ERR_PROTOCOL;
-        return STATUS_ERR_PROTOCOL;
-    }
     if (s != STATUS_OK)
         return s;
 
     lease = lease_find(&farm->leases, result->lease, result->epoch);
     if (lease && lease->holder == &worker->held)
         lease_renew(&farm->leases, lease, now_ns);
-    unit = job_frame_unit_find(frame, result->tile, result->pass);
+    unit = job_frame_unit_find(frame, name);
     if (unit && unit->holder_count == 1)
         granted_ns = unit->granted_ns;
     if (merged == FILM_CONFLICT)
-        report_conflict(farm, frame->job, result, worker);
+        report_conflict(farm, frame, result, worker);
     if (merged == FILM_MERGED || merged == FILM_WAITING) {
         lease_settle_unit(&farm->leases, frame, name, worker->held.session, tell_others, farm);
         work_stats_add(&frame->job->stats, &result->stats);
         work_stats_add(&frame->stats, &result->stats);
-        rate_add(&frame->job->rate, job_frame_unit_samples(frame, name), now_ns);
-        scheduler_learn(worker, frame->job, &result->stats, granted_ns, now_ns);
+        rate_add(&frame->job->rate, result->work.samples, now_ns);
+        scheduler_learn(worker, frame->job, result->work.samples, result->stats.cpu_ns, granted_ns,
+                        now_ns);
         farm->pump_wanted = 1;
     }
     if (merged == FILM_MERGED)
-        job_frame_mark_dirty(frame, result->tile, now_ns);
-    if (result->pass < frame->durable[result->tile]) {
+        job_frame_mark_dirty(frame, name.tile, now_ns);
+    if (name.pass < frame->durable[name.tile][name.group]) {
         *outcome = MERGE_KEPT;
     } else {
         *outcome = MERGE_PENDING;
@@ -180,7 +229,8 @@ static void commit_take(struct commit *commit, struct job_frame *frame, uint32_t
         frame->dirty_mark[tile] = 0;
         item->frame = frame;
         item->tile = tile;
-        item->passes = film_tile_passes(frame->film, tile);
+        for (uint32_t g = 0; g < GROUPS; g++)
+            item->passes[g] = film_tile_passes(frame->film, tile, g);
         item->slot = !frame->slot[tile];
         item->offset = *used;
         item->size = film_tile_state_size(frame->film, tile);
@@ -213,8 +263,8 @@ struct commit *merge_commit_begin(struct farm *farm, uint64_t now_ns)
                 take = 0;
             parts += take > 0;
             count += take;
-            /* Tile 0 is the largest of a frame's tiles. */
-            bytes += take * film_tile_state_size(f->film, 0);
+            for (uint32_t k = 0; k < take; k++)
+                bytes += film_tile_state_size(f->film, f->dirty[k]);
         }
     }
     if (count == 0)
@@ -280,9 +330,8 @@ static void send_acks(struct farm *farm, struct job_frame *frame)
 
     for (size_t i = 0; i < frame->ack_count; i++) {
         struct pending_ack ack = frame->acks[i];
-        if (ack.pass < frame->durable[ack.tile])
-            farm->events.ack(farm->events.user, ack.session, frame->job, frame->number,
-                             (struct unit_name){ack.tile, ack.pass});
+        if (ack.unit.pass < frame->durable[ack.unit.tile][ack.unit.group])
+            farm->events.ack(farm->events.user, ack.session, frame->job, frame->number, ack.unit);
         else
             frame->acks[kept++] = ack;
     }
@@ -292,10 +341,8 @@ static void send_acks(struct farm *farm, struct job_frame *frame)
 static void item_is_durable(const struct commit_item *item)
 {
     struct job_frame *frame = item->frame;
-    uint32_t all = film_pass_count(frame->film);
 
-    frame->durable_tiles += item->passes == all && frame->durable[item->tile] != all;
-    frame->durable[item->tile] = item->passes;
+    memcpy(frame->durable[item->tile], item->passes, sizeof item->passes);
     frame->slot[item->tile] = item->slot;
 }
 

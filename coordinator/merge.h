@@ -22,9 +22,12 @@ enum {
 
 struct tile_result {
     uint64_t lease, epoch, job;
-    uint32_t frame, tile, pass;
+    uint32_t frame;
+    struct unit_name unit;
     const uint8_t *sums;         /* float32 little-endian */
     size_t sums_bytes;
+    struct tail tail;
+    struct unit_work work;
     struct work_stats stats;
 };
 
@@ -36,7 +39,8 @@ enum merge_outcome {
                      * when it connects again */
 };
 
-/* ERR_PROTOCOL: the worker breaks the rules (wrong size, not finite, an epoch never granted):
+/* ERR_PROTOCOL: the worker breaks the rules (wrong size, not finite, impossible counts, an epoch never
+ * granted):
  * end its session. ERR_NO_MEMORY, ERR_LIMIT: nothing was taken. A conflict is logged and counted
  * and the first result kept; it counts as KEPT or PENDING. */
 status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result,
@@ -44,7 +48,7 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
 
 struct commit_item {
     struct job_frame *frame;
-    uint32_t tile, passes;
+    uint32_t tile, passes[GROUPS];
     uint8_t slot;
     size_t offset, size;
 };

@@ -17,10 +17,6 @@ const char *job_state_word(enum job_state state)
 
 void work_stats_add(struct work_stats *sum, const struct work_stats *more)
 {
-    sum->samples += more->samples;
-    sum->rays += more->rays;
-    sum->vertices += more->vertices;
-    sum->dropped_samples += more->dropped_samples;
     sum->cpu_ns += more->cpu_ns;
     sum->trace_ns += more->trace_ns;
     sum->effects |= more->effects;

@@ -69,9 +69,9 @@ struct output_settings {
     double camera_ev;                /* what of tonemap.exposure_ev is the camera's own */
 };
 
-/* Counted work; what workers report, summed over merged results. */
+/* What workers measured, summed over merged results. */
 struct work_stats {
-    uint64_t samples, rays, vertices, dropped_samples, cpu_ns, trace_ns;
+    uint64_t cpu_ns, trace_ns;
     uint64_t effects;                /* of all results together; 0: not told */
     uint64_t stages[STAGE_COUNT], accounts[EFFECT_ACCOUNTS];
 };
@@ -118,6 +118,7 @@ struct job {
     struct cut_frame *cuts;            /* of the frames that are done */
     size_t cut_count, cut_capacity;
     double relative_mse;               /* of the last frame done; NaN: none */
+    struct unit_work work;             /* of the frames that are done */
     struct work_stats stats;
     uint64_t conflicts;
 

@@ -108,7 +108,7 @@ static double frame_error(struct job_frame *frame, uint64_t now_ns)
     if (frame->error_next_ns && now_ns < frame->error_next_ns)
         return frame->error;
     begin_ns = clock_monotonic_ns();
-    frame->error = film_relative_mse(frame->film);
+    frame->error = film_error(frame->film);
     frame->error_next_ns = now_ns + ERROR_AGE_MS * NS_PER_MS +
                            ERROR_COST_SHARE * (clock_monotonic_ns() - begin_ns);
     return frame->error;
@@ -184,6 +184,15 @@ static uint32_t workers_on(const struct farm *farm, const struct job *job)
     return count;
 }
 
+static void report_work(struct job_report *report, const struct job *job)
+{
+    struct unit_work work = job->work;
+
+    for (const struct job_frame *frame = job->frames; frame; frame = frame->next)
+        unit_work_add(&work, film_work(frame->film));
+    wire_work_set(&report->work, &work);
+}
+
 void job_report_make(struct job_report *report, const struct farm *farm, struct job *job,
                      uint64_t now_ns)
 {
@@ -194,13 +203,10 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     report->settings = settings;
     wire_settings_set(&report->settings, &job->settings);
     wire_output_set(&report->output, &job->output);
-    stats.samples = job->stats.samples;
-    stats.rays = job->stats.rays;
-    stats.vertices = job->stats.vertices;
-    stats.dropped_samples = job->stats.dropped_samples;
     stats.cpu_ns = job->stats.cpu_ns;
     stats.trace_ns = job->stats.trace_ns;
     report->stats = stats;
+    report_work(report, job);
     if (job_state_ended(job->state))
         explain_end(report->state_text, sizeof report->state_text, farm, job);
     else
@@ -218,6 +224,7 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     wire_digest_set(&info.scene, &job->scene);
     info.scene_name = job->scene_name;
     info.stats = &report->stats;
+    info.work = &report->work;
     info.submitted_at = job->submitted_at;
     info.finished_at = job->finished_at;
     info.conflicts = job->conflicts;

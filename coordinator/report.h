@@ -13,6 +13,7 @@ struct job_report {
     Azulejo__Wire__JobInfo message;
     Azulejo__Wire__RenderSettings settings;
     Azulejo__Wire__RenderStats stats;
+    Azulejo__Wire__Work work;
     struct wire_output output;
     char state_text[JOB_TEXT_MAX + 1];
     Azulejo__Wire__CutFrame cuts[REPORT_CUT_FRAMES_MAX];

@@ -127,7 +127,7 @@ static int make_place(struct farm *farm, const struct unit *unit, const struct f
     if (!loser)
         return 0;
     credit_lapsed(&loser->credit, lease->granted_ns, now_ns);
-    lease_return_unit(&farm->leases, lease, (struct unit_name){unit->tile, unit->pass});
+    lease_return_unit(&farm->leases, lease, unit->name);
     return 1;
 }
 
@@ -145,7 +145,7 @@ static uint32_t take_overdue(struct farm *farm, const struct job_frame *frame,
          count < LEASE_UNITS_MAX && now_ns - unit->granted_ns >= limit_ns;
          unit = unit->newer)
         if (make_place(farm, unit, worker, now_ns))
-            units[count++] = (struct unit_name){unit->tile, unit->pass};
+            units[count++] = unit->name;
     return count;
 }
 
@@ -269,18 +269,18 @@ struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uin
     return NULL;
 }
 
-void scheduler_learn(struct farm_worker *worker, struct job *job, const struct work_stats *stats,
-                     uint64_t granted_ns, uint64_t now_ns)
+void scheduler_learn(struct farm_worker *worker, struct job *job, uint64_t samples,
+                     uint64_t cpu_ns, uint64_t granted_ns, uint64_t now_ns)
 {
     double cost = 0;
 
-    rate_add(&worker->rate, stats->samples, now_ns);
+    rate_add(&worker->rate, samples, now_ns);
     worker->units_done++;
     worker->delivered_job = job->id;
     suspicion_clear(&job->suspicion);
-    worker->samples_done += stats->samples;
-    if (stats->samples > 0 && stats->cpu_ns > 0) {
-        cost = (double)stats->cpu_ns / (double)stats->samples;
+    worker->samples_done += samples;
+    if (samples > 0 && cpu_ns > 0) {
+        cost = (double)cpu_ns / (double)samples;
         /* A worker's word: keep it within what a CPU can do. */
         cost = cost < 1 ? 1 : cost > 1e9 ? 1e9 : cost;
         if (worker->cost_job != job->id || worker->cost_ns <= 0)
@@ -289,7 +289,7 @@ void scheduler_learn(struct farm_worker *worker, struct job *job, const struct w
             worker->cost_ns += (cost - worker->cost_ns) / 8;
         worker->cost_job = job->id;
     }
-    credit_delivered(&worker->credit, worker->held.units, (uint64_t)(cost * (double)stats->samples),
+    credit_delivered(&worker->credit, worker->held.units, (uint64_t)(cost * (double)samples),
                      now_ns);
     if (granted_ns && now_ns > granted_ns) {
         uint64_t turnaround = now_ns - granted_ns;

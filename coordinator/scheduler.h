@@ -34,9 +34,9 @@ enum {
  * units tell what to send. */
 struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uint64_t now_ns);
 
-/* A result of the worker was merged: learn its speed and the job's turnaround. granted_ns: when
+/* A result of the worker, of so many samples in so much CPU time, was merged: learn its speed and the job's turnaround. granted_ns: when
  * the unit was lent; 0: not known. */
-void scheduler_learn(struct farm_worker *worker, struct job *job, const struct work_stats *stats,
-                     uint64_t granted_ns, uint64_t now_ns);
+void scheduler_learn(struct farm_worker *worker, struct job *job, uint64_t samples,
+                     uint64_t cpu_ns, uint64_t granted_ns, uint64_t now_ns);
 
 #endif

@@ -73,6 +73,7 @@ static void send_acks(struct session *session)
     for (uint32_t i = 0; i < session->ack_count; i++) {
         Azulejo__Wire__WorkUnit unit = AZULEJO__WIRE__WORK_UNIT__INIT;
         unit.tile = session->acks[i].tile;
+        unit.group = session->acks[i].group;
         unit.pass = session->acks[i].pass;
         units[i] = unit;
         pointers[i] = &units[i];
@@ -138,6 +139,7 @@ static status make_worker(struct session *session, const Azulejo__Wire__Hello *h
     worker->machine = machine_identity(session->host, session->peer);
     worker->isa_mask = hello->isa_mask;
     message_text(worker->kernel, sizeof worker->kernel, hello->kernel);
+    snprintf(worker->name, sizeof worker->name, "%s, process %u", session->host, session->process);
     s = farm_worker_add(&server->farm, worker, err);
     if (s != STATUS_OK) {
         mem_free(worker);
@@ -209,6 +211,7 @@ static void grant_message(struct session *session, const struct lease *lease)
     for (uint32_t i = 0; i < lease->unit_count; i++) {
         Azulejo__Wire__WorkUnit unit = AZULEJO__WIRE__WORK_UNIT__INIT;
         unit.tile = lease->units[i].tile;
+        unit.group = lease->units[i].group;
         unit.pass = lease->units[i].pass;
         units[i] = unit;
         pointers[i] = &units[i];
@@ -241,18 +244,15 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
 {
     struct tile_result result = {
         .lease = message->lease, .epoch = message->epoch, .job = message->job,
-        .frame = message->frame, .tile = message->tile, .pass = message->pass,
+        .frame = message->frame, .unit = {message->tile, message->group, message->pass},
         .sums = message->sums.data, .sums_bytes = message->sums.len,
     };
     enum merge_outcome outcome = MERGE_PENDING;
     struct error err = {0};
-    status s;
+    status s = wire_tail_get(&result.tail, &message->tail, &err);
 
+    wire_work_get(&result.work, message->work);
     if (message->stats) {
-        result.stats.samples = message->stats->samples;
-        result.stats.rays = message->stats->rays;
-        result.stats.vertices = message->stats->vertices;
-        result.stats.dropped_samples = message->stats->dropped_samples;
         result.stats.cpu_ns = message->stats->cpu_ns;
         result.stats.trace_ns = message->stats->trace_ns;
         result.stats.effects = message->stats->effects & EFFECTS_ALL;
@@ -261,7 +261,8 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
         for (size_t i = 0; i < message->stats->n_accounts && i < EFFECT_ACCOUNTS; i++)
             result.stats.accounts[i] = message->stats->accounts[i];
     }
-    s = merge_result(&session->server->farm, session->worker, &result, now_ns, &outcome, &err);
+    if (s == STATUS_OK)
+        s = merge_result(&session->server->farm, session->worker, &result, now_ns, &outcome, &err);
     if (s == STATUS_ERR_NO_MEMORY) { /* a Failure would have the worker drop it */
         outcome = MERGE_DEFERRED;
     } else if (s != STATUS_OK) {
@@ -270,8 +271,7 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
         return;
     }
     if (outcome == MERGE_KEPT)
-        session_ack(session, result.job, result.frame, (struct unit_name){result.tile, result.pass},
-                    now_ns);
+        session_ack(session, result.job, result.frame, result.unit, now_ns);
     else if (outcome == MERGE_UNWANTED)
         session_revoke(session, result.lease, "nobody wants this result any more");
     else if (outcome == MERGE_DEFERRED)
@@ -295,7 +295,8 @@ static void take_return(struct session *session, const Azulejo__Wire__LeaseRetur
         return;
     }
     for (size_t i = 0; i < message->n_units; i++) {
-        const struct unit_name name = {message->units[i]->tile, message->units[i]->pass};
+        const struct unit_name name = {message->units[i]->tile, message->units[i]->group,
+                                       message->units[i]->pass};
         /* Returning its last unit frees the lease. */
         lease = lease_find(&farm->leases, message->lease, 0);
         if (!lease)

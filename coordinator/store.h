@@ -99,7 +99,7 @@ status store_job_revise(struct store *store, const struct job *job, struct error
 
 /* film_file_open on the frame's file. */
 status store_film_open(struct store *store, uint64_t job, uint32_t frame, struct film *film,
-                       uint32_t *durable, uint8_t *slot, struct film_file **out,
+                       uint32_t (*durable)[GROUPS], uint8_t *slot, struct film_file **out,
                        struct error *err) MUST_CHECK;
 int store_film_exists(const struct store *store, uint64_t job, uint32_t frame);
 /* [any thread] */

@@ -28,7 +28,7 @@ static void film_path(const struct store *store, uint64_t job, uint32_t frame, s
 }
 
 status store_film_open(struct store *store, uint64_t job, uint32_t frame, struct film *film,
-                       uint32_t *durable, uint8_t *slot, struct film_file **out, struct error *err)
+                       uint32_t (*durable)[GROUPS], uint8_t *slot, struct film_file **out, struct error *err)
 {
     struct buffer path = BUFFER_INIT;
     status s = make_job_folder(store, "films", job, err);

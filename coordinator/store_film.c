@@ -17,13 +17,14 @@ struct film_file {
     int fd;
     int read_only;
     size_t slot_bytes;
+    uint64_t *serials;           /* of each tile, the last one written */
     char *path;
 };
 
-enum { HEADER_FIELDS = 56, HEADER_SIZE = HEADER_FIELDS + DIGEST_BYTES };
-/* Version 2: the film may hold AOVs. */
-static const char header_magic[8] = "AZFILM2\n";
-enum { HEADER_VERSION_AT = 6 };
+enum { HEADER_FIELDS = 48, HEADER_SIZE = HEADER_FIELDS + DIGEST_BYTES };
+/* Version 2: the film may hold AOVs. Version 3: it has two groups of samples, and is of no cap. */
+static const char header_magic[8] = "AZFILM3\n";
+enum { HEADER_VERSION_AT = 6, SLOT_HEADER = 16 };
 
 static atomic_long fault_successes = -1;
 
@@ -97,10 +98,9 @@ static status make_header(uint8_t header[HEADER_SIZE], const struct film *film, 
     memcpy(header, header_magic, sizeof header_magic);
     put_number(header + 8, film_width(film));
     put_number(header + 16, film_height(film));
-    put_number(header + 24, film_spp(film));
+    put_number(header + 24, film_aovs(film));
     put_number(header + 32, job);
     put_number(header + 40, frame);
-    put_number(header + 48, film_aovs(film));
     s = digest_of(&check, header, HEADER_FIELDS);
     memcpy(header + HEADER_FIELDS, check.bytes, DIGEST_BYTES);
     return s;
@@ -119,49 +119,76 @@ static int all_zero(const uint8_t *data, size_t size)
     return 1;
 }
 
-/* Load the newer of a tile's two good slots. */
-static status load_tile(struct film_file *file, struct film *film, uint32_t tile, uint8_t *bytes,
-                        uint32_t *durable, uint8_t *slot, uint32_t *damaged, struct error *err)
+static uint64_t get_number(const uint8_t *in)
 {
-    size_t size = film_tile_state_size(film, tile);
-    uint8_t *best = bytes + file->slot_bytes;
-    struct error why = {0};
-    status s;
+    uint64_t value = 0;
 
-    *durable = 0;
-    *slot = 1;
-    for (uint8_t i = 0; i < FILM_SLOTS; i++) {
-        uint32_t passes;
-        size_t got;
-        s = read_at(file, bytes, size, slot_offset(file, tile, i), &got, err);
+    for (int i = 7; i >= 0; i--)
+        value = value << 8 | in[i];
+    return value;
+}
+
+/* One slot as it was read. */
+struct slot_state {
+    uint64_t serial;             /* 0: there is nothing, or it is damaged */
+    size_t size;
+    uint32_t passes[GROUPS];
+};
+
+/* Read a slot's state into `bytes`. */
+static status read_slot(struct film_file *file, const struct film *film, uint32_t tile, uint8_t slot,
+                        uint8_t *bytes, struct slot_state *out, uint32_t *damaged, struct error *err)
+{
+    uint8_t head[SLOT_HEADER + FILM_STATE_PREFIX];
+    size_t got = 0;
+    status s = read_at(file, head, sizeof head, slot_offset(file, tile, slot), &got, err);
+
+    memset(out, 0, sizeof *out);
+    memset(head + got, 0, sizeof head - got);
+    if (s != STATUS_OK || all_zero(head, sizeof head))
+        return s;
+    out->size = film_tile_length(head + SLOT_HEADER);
+    if (get_number(head + 8) == hash_bytes(head, 8) && out->size >= FILM_STATE_PREFIX &&
+        out->size <= film_tile_state_bound(film, tile)) {
+        s = read_at(file, bytes, out->size, slot_offset(file, tile, slot) + SLOT_HEADER, &got, err);
         if (s != STATUS_OK)
             return s;
-        memset(bytes + got, 0, size - got);
-        if (all_zero(bytes, size))
-            continue;
-        if (film_tile_peek(film, tile, bytes, size, &passes, &why) != STATUS_OK) {
-            *damaged += 1;
-            continue;
-        }
-        if (passes > *durable) {
-            *durable = passes;
-            *slot = i;
-            memcpy(best, bytes, size);
-        }
+        if (got == out->size &&
+            film_tile_peek(film, tile, bytes, out->size, out->passes, NULL) == STATUS_OK)
+            out->serial = get_number(head);
     }
-    if (*durable == 0)
+    *damaged += out->serial == 0;
+    return STATUS_OK;
+}
+
+/* Load the newer of a tile's two good slots. */
+static status load_tile(struct film_file *file, struct film *film, uint32_t tile, uint8_t *bytes,
+                        uint32_t durable[GROUPS], uint8_t *slot, uint32_t *damaged,
+                        struct error *err)
+{
+    uint8_t *const places[FILM_SLOTS] = {bytes, bytes + file->slot_bytes};
+    struct slot_state found[FILM_SLOTS];
+    uint8_t best;
+    status s = STATUS_OK;
+
+    memset(durable, 0, GROUPS * sizeof *durable);
+    for (uint8_t i = 0; i < FILM_SLOTS && s == STATUS_OK; i++)
+        s = read_slot(file, film, tile, i, places[i], &found[i], damaged, err);
+    if (s != STATUS_OK)
+        return s;
+    best = found[1].serial > found[0].serial;
+    file->serials[tile] = found[best].serial;
+    *slot = found[best].serial ? best : 1;
+    if (!found[best].serial)
         return STATUS_OK;
-    s = film_tile_load(film, tile, best, size, err);
-    if (s == STATUS_ERR_CORRUPT) { /* its check is right and its sums are not: not worth waiting for */
-        *durable = 0;
-        *damaged += 1;
-        s = STATUS_OK;
-    }
+    s = film_tile_load(film, tile, places[best], found[best].size, err);
+    if (s == STATUS_OK)
+        memcpy(durable, found[best].passes, sizeof found[best].passes);
     return s;
 }
 
-static status load_all(struct film_file *file, struct film *film, uint32_t *durable, uint8_t *slot,
-                       struct error *err)
+static status load_all(struct film_file *file, struct film *film, uint32_t (*durable)[GROUPS],
+                       uint8_t *slot, struct error *err)
 {
     uint8_t *bytes = mem_alloc_array(2, file->slot_bytes);
     uint32_t damaged = 0;
@@ -170,7 +197,7 @@ static status load_all(struct film_file *file, struct film *film, uint32_t *dura
     if (!bytes)
         return error_no_memory(err, "a film file");
     for (uint32_t i = 0; i < film_tile_count(film) && s == STATUS_OK; i++)
-        s = load_tile(file, film, i, bytes, &durable[i], &slot[i], &damaged, err);
+        s = load_tile(file, film, i, bytes, durable[i], &slot[i], &damaged, err);
     if (damaged)
         log_warn("%s: %u tile slots were not written to the end; their last passes will be "
                  "rendered again",
@@ -241,7 +268,7 @@ static status make_file(struct film_file *file, const uint8_t wanted[HEADER_SIZE
 }
 
 static status open_and_load(struct film_file *file, struct film *film,
-                            const uint8_t wanted[HEADER_SIZE], uint32_t *durable, uint8_t *slot,
+                            const uint8_t wanted[HEADER_SIZE], uint32_t (*durable)[GROUPS], uint8_t *slot,
                             struct error *err)
 {
     uint8_t found[HEADER_SIZE];
@@ -264,7 +291,7 @@ static status open_and_load(struct film_file *file, struct film *film,
 }
 
 status film_file_open(struct film_file **out, const char *path, uint64_t job, uint32_t frame,
-                      struct film *film, uint32_t *durable, uint8_t *slot, struct error *err)
+                      struct film *film, uint32_t (*durable)[GROUPS], uint8_t *slot, struct error *err)
 {
     struct film_file *file = mem_calloc(1, sizeof *file);
     uint8_t wanted[HEADER_SIZE];
@@ -275,16 +302,13 @@ status film_file_open(struct film_file **out, const char *path, uint64_t job, ui
         return error_no_memory(err, "a film file");
     file->fd = -1;
     file->path = mem_strdup(path);
-    if (!file->path) {
+    file->serials = mem_calloc(film_tile_count(film), sizeof *file->serials);
+    if (!file->path || !file->serials) {
         s = error_no_memory(err, "a film file");
         goto fail;
     }
-    for (uint32_t i = 0; i < film_tile_count(film); i++) {
-        size_t size = film_tile_state_size(film, i);
-        if (size > file->slot_bytes)
-            file->slot_bytes = size;
-        slot[i] = 1;
-    }
+    file->slot_bytes = SLOT_HEADER + film_tile_state_bound(film, 0); /* no tile is larger */
+    memset(slot, 1, film_tile_count(film));
     if (make_header(wanted, film, job, frame) != STATUS_OK) {
         s = error_set(err, STATUS_ERR_INTERNAL, "%s: no SHA-256", path);
         goto fail;
@@ -305,6 +329,7 @@ void film_file_close(struct film_file *file)
         return;
     if (file->fd >= 0)
         close(file->fd);
+    mem_free(file->serials);
     mem_free(file->path);
     mem_free(file);
 }
@@ -326,12 +351,20 @@ static status become_writable(struct film_file *file, struct error *err)
 status film_file_write(struct film_file *file, uint32_t tile, uint8_t slot, const uint8_t *state,
                        size_t size_bytes, struct error *err)
 {
+    uint8_t header[SLOT_HEADER];
+    status s;
+
     if (file->read_only) {
-        status s = become_writable(file, err);
+        s = become_writable(file, err);
         if (s != STATUS_OK)
             return s;
     }
-    return write_at(file, state, size_bytes, slot_offset(file, tile, slot), err);
+    put_number(header, ++file->serials[tile]);
+    put_number(header + 8, hash_bytes(header, 8));
+    s = write_at(file, header, sizeof header, slot_offset(file, tile, slot), err);
+    return s == STATUS_OK
+               ? write_at(file, state, size_bytes, slot_offset(file, tile, slot) + SLOT_HEADER, err)
+               : s;
 }
 
 status film_file_sync(struct film_file *file, struct error *err)

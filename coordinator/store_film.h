@@ -1,10 +1,10 @@
 /* store_film: a frame's film on disk, so that nothing acknowledged is lost.
  *
  * File: a header of FILM_FILE_HEADER bytes (magic, geometry, job, frame, check), then two
- * slots for each tile, each FILM slot_bytes long, holding film_tile_save's bytes. A tile's new
- * state goes to the slot that does not hold its newest durable one; a slot that was torn by
- * a crash is refused by its checksum, and the other one, which is older, counts. Slots
- * never written are holes. A file whose header is not the frame's (damaged, or of another version) is
+ * slots for each tile: a serial number, its hash, film_tile_save's bytes. A slot's place follows from
+ * film_tile_state_bound; only what there is is written, and the rest is a hole. A tile's new state goes to
+ * the slot that does not hold its newest durable one, with the next serial number; a slot that was
+ * torn by a crash is refused by its checksum, and the other one, which is older, counts. A file whose header is not the frame's (damaged, or of another version) is
  * kept beside it as FILE.unusable until the job ends.
  *
  * film_file_write and film_file_sync may be called from another thread than the others,
@@ -27,7 +27,7 @@ struct film_file;
  * only be read, that is enough; it is opened again when it is written to. ERR_IO, ERR_NO_MEMORY: what
  * there was is there still. */
 status film_file_open(struct film_file **out, const char *path, uint64_t job, uint32_t frame,
-                      struct film *film, uint32_t *durable, uint8_t *slot, struct error *err)
+                      struct film *film, uint32_t (*durable)[GROUPS], uint8_t *slot, struct error *err)
     MUST_CHECK;
 void film_file_close(struct film_file *file); /* NULL is fine */
 

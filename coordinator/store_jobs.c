@@ -172,10 +172,10 @@ static status load_job(struct store *store, sqlite3_stmt *row, struct job **out,
     job->finished_at = sqlite3_column_int64(row, 7);
     job->active_ns = column_number(row, 8);
     job->conflicts = column_number(row, 9);
-    job->stats.samples = column_number(row, 10);
-    job->stats.rays = column_number(row, 11);
-    job->stats.vertices = column_number(row, 12);
-    job->stats.dropped_samples = column_number(row, 13);
+    job->work.samples = column_number(row, 10);
+    job->work.rays = column_number(row, 11);
+    job->work.vertices = column_number(row, 12);
+    job->work.dropped_samples = column_number(row, 13);
     job->stats.cpu_ns = column_number(row, 14);
     job->stats.trace_ns = column_number(row, 16);
     job->revision = (uint32_t)column_number(row, 17);

@@ -13,6 +13,7 @@ struct saved_job {
     char state_text[JOB_TEXT_MAX + 1], kernel[KERNEL_NAME_MAX + 1];
     int64_t finished_at;
     uint64_t active_ns, conflicts;
+    struct unit_work work;
     struct work_stats stats;
 };
 
@@ -26,6 +27,7 @@ static void row_take(struct saved_job *row, const struct job *job, uint64_t now_
     row->finished_at = job->finished_at;
     row->active_ns = (uint64_t)(job_active_seconds(job, now_ns) * 1e9);
     row->conflicts = job->conflicts;
+    row->work = job->work;
     row->stats = job->stats;
 }
 
@@ -46,10 +48,10 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     sqlite3_bind_int64(statement, 4, row->finished_at);
     bind_number(statement, 5, row->active_ns);
     bind_number(statement, 6, row->conflicts);
-    bind_number(statement, 7, row->stats.samples);
-    bind_number(statement, 8, row->stats.rays);
-    bind_number(statement, 9, row->stats.vertices);
-    bind_number(statement, 10, row->stats.dropped_samples);
+    bind_number(statement, 7, row->work.samples);
+    bind_number(statement, 8, row->work.rays);
+    bind_number(statement, 9, row->work.vertices);
+    bind_number(statement, 10, row->work.dropped_samples);
     bind_number(statement, 11, row->stats.cpu_ns);
     bind_number(statement, 12, row->stats.trace_ns);
     bind_number(statement, 13, row->id);

@@ -7,7 +7,7 @@
 #include "common/base/memory.h"
 
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
-               "tile sums are copied as they are: a big-endian machine must swap them");
+               "sums and tails are copied as they are: a big-endian machine must swap them");
 
 /* ---- envelopes ------------------------------------------------------------------------- */
 
@@ -274,22 +274,27 @@ status wire_settings_get(struct render_settings *out, const Azulejo__Wire__Rende
     return s;
 }
 
-status wire_unit_check(uint32_t tile, uint32_t pass, const struct render_settings *settings,
-                       struct error *err)
+status wire_unit_check(uint32_t tile, uint32_t group, uint32_t pass,
+                       const struct render_settings *settings, struct error *err)
 {
     if (tile >= tile_count(settings->width, settings->height))
         return error_set(err, STATUS_ERR_PROTOCOL, "tile %u: a frame of %ux%u has %u", tile,
                          settings->width, settings->height,
                          tile_count(settings->width, settings->height));
-    if (pass >= pass_count(settings->spp))
-        return error_set(err, STATUS_ERR_PROTOCOL, "pass %u: %u samples a pixel have %u passes",
-                         pass, settings->spp, pass_count(settings->spp));
+    if (group >= GROUPS)
+        return error_set(err, STATUS_ERR_PROTOCOL, "group %u: there are %d", group, GROUPS);
+    if (pass >= pass_count(settings->spp, group))
+        return error_set(err, STATUS_ERR_PROTOCOL,
+                         "pass %u: %u samples a pixel have %u passes of group %u", pass,
+                         settings->spp, pass_count(settings->spp, group), group);
     return STATUS_OK;
 }
 
-size_t wire_sums_count(const struct render_settings *settings, uint32_t tile)
+size_t wire_sums_count(const struct render_settings *settings, uint32_t tile, uint32_t group,
+                       uint32_t pass)
 {
-    return tile_floats(settings->width, settings->height, tile, settings->aovs);
+    return tile_floats(settings->width, settings->height, tile,
+                       unit_aovs(settings->aovs, group, pass));
 }
 
 void wire_sums_set(uint8_t *out, const float *sums, size_t count)
@@ -297,22 +302,49 @@ void wire_sums_set(uint8_t *out, const float *sums, size_t count)
     memcpy(out, sums, count * sizeof *sums);
 }
 
-status wire_sums_get(float out[TILE_FLOATS_MAX], size_t *count, const ProtobufCBinaryData *in,
-                     const struct render_settings *settings, uint32_t tile, struct error *err)
-{
-    size_t expected;
-    status s = wire_unit_check(tile, 0, settings, err);
+_Static_assert(sizeof(struct tail_entry) == WIRE_TAIL_ENTRY_BYTES, "entries are copied as they are");
 
-    *count = 0;
-    if (s != STATUS_OK)
-        return s;
-    expected = wire_sums_count(settings, tile);
-    if (in->len != expected * sizeof *out)
-        return error_set(err, STATUS_ERR_PROTOCOL, "tile %u: sums of %zu bytes (%zu are needed)",
-                         tile, in->len, expected * sizeof *out);
-    memcpy(out, in->data, in->len);
-    *count = expected;
+size_t wire_tail_set(uint8_t out[WIRE_TAIL_BYTES_MAX], const struct tail *tail)
+{
+    memcpy(out, tail->entries, tail->count * sizeof *tail->entries);
+    return tail->count * sizeof *tail->entries;
+}
+
+status wire_tail_get(struct tail *out, const ProtobufCBinaryData *in, struct error *err)
+{
+    memset(out, 0, sizeof *out);
+    if (in->len % WIRE_TAIL_ENTRY_BYTES || in->len > WIRE_TAIL_BYTES_MAX)
+        return error_set(err, STATUS_ERR_PROTOCOL,
+                         "largest contributions of %zu bytes: at most %d entries of %d", in->len,
+                         TAIL_MAX, WIRE_TAIL_ENTRY_BYTES);
+    out->count = (uint32_t)(in->len / WIRE_TAIL_ENTRY_BYTES);
+    if (in->len)
+        memcpy(out->entries, in->data, in->len);
     return STATUS_OK;
+}
+
+void wire_work_set(Azulejo__Wire__Work *out, const struct unit_work *in)
+{
+    azulejo__wire__work__init(out);
+    out->samples = in->samples;
+    out->rays = in->rays;
+    out->vertices = in->vertices;
+    out->dropped_samples = in->dropped_samples;
+    out->leaked_rays = in->leaked_rays;
+    out->clamped_values = in->clamped_values;
+}
+
+void wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in)
+{
+    memset(out, 0, sizeof *out);
+    if (!in)
+        return;
+    out->samples = in->samples;
+    out->rays = in->rays;
+    out->vertices = in->vertices;
+    out->dropped_samples = in->dropped_samples;
+    out->leaked_rays = in->leaked_rays;
+    out->clamped_values = in->clamped_values;
 }
 
 /* ---- blobs ----------------------------------------------------------------------------- */

@@ -13,7 +13,7 @@
 #include "common/base/buffer.h"
 #include "common/base/digest.h"
 #include "common/base/status.h"
-#include "common/film/tiles.h"
+#include "common/film/unit.h"
 #include "common/scene/settings.h"
 #include "protocol/azulejo.pb-c.h"
 #include "protocol/channel.h"
@@ -70,18 +70,24 @@ void wire_settings_set(Azulejo__Wire__RenderSettings *out, const struct render_s
 status wire_settings_get(struct render_settings *out, const Azulejo__Wire__RenderSettings *in,
                          uint32_t camera_count, struct error *err) MUST_CHECK;
 
-/* ERR_PROTOCOL unless tile and pass exist in a frame of these settings. */
-status wire_unit_check(uint32_t tile, uint32_t pass, const struct render_settings *settings,
-                       struct error *err) MUST_CHECK;
+/* ERR_PROTOCOL unless the unit exists in a frame of these settings. */
+status wire_unit_check(uint32_t tile, uint32_t group, uint32_t pass,
+                       const struct render_settings *settings, struct error *err) MUST_CHECK;
 
-/* Tile sums are float32 little-endian. Get: ERR_PROTOCOL unless there are exactly as many
- * floats as the tile has; *count says how many (<= TILE_FLOATS_MAX). Finite or not is left
- * to the film. */
-size_t wire_sums_count(const struct render_settings *settings, uint32_t tile);
-void wire_sums_set(uint8_t *out, const float *sums, size_t count); /* 4 * count bytes */
-status wire_sums_get(float out[TILE_FLOATS_MAX], size_t *count, const ProtobufCBinaryData *in,
-                     const struct render_settings *settings, uint32_t tile,
-                     struct error *err) MUST_CHECK;
+/* Sums are float32 little-endian, 4 * count bytes; as many floats as the unit has. */
+size_t wire_sums_count(const struct render_settings *settings, uint32_t tile, uint32_t group,
+                       uint32_t pass);
+void wire_sums_set(uint8_t *out, const float *sums, size_t count);
+
+enum { WIRE_TAIL_ENTRY_BYTES = 8, WIRE_TAIL_BYTES_MAX = TAIL_MAX * WIRE_TAIL_ENTRY_BYTES };
+/* Returns how many bytes were written. */
+size_t wire_tail_set(uint8_t out[WIRE_TAIL_BYTES_MAX], const struct tail *tail);
+/* ERR_PROTOCOL: not a whole number of entries, or too many. Their order and range are the film's matter. */
+status wire_tail_get(struct tail *out, const ProtobufCBinaryData *in, struct error *err) MUST_CHECK;
+
+void wire_work_set(Azulejo__Wire__Work *out, const struct unit_work *in);
+/* NULL: all 0. */
+void wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in);
 
 /* ---- blobs ----------------------------------------------------------------------------- */
 

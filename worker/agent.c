@@ -238,7 +238,7 @@ static void on_ack(struct agent *a, const Azulejo__Wire__ResultAck *ack)
 {
     for (size_t i = 0; i < ack->n_units; i++)
         outbox_acknowledge(&a->outbox, ack->job, ack->frame, ack->units[i]->tile,
-                           ack->units[i]->pass);
+                           ack->units[i]->group, ack->units[i]->pass);
     ask_for_work(a);
     end_if_drained(a);
 }

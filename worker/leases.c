@@ -29,7 +29,8 @@ static void unit_render(struct pool_task *task)
 
     profile_counts(&before);
     unit->sum_count =
-        render_tile(scene, unit->frame, unit->tile, unit->pass, unit->sums, &unit->stats);
+        render_tile(scene, unit->frame, unit->tile, unit->group, unit->pass, unit->sums,
+                    &unit->tail, &unit->stats);
     profile_counts(&after);
     for (int i = 0; i < STAGE_COUNT; i++)
         unit->stages[i] = (uint32_t)(after.stages[i] - before.stages[i]);
@@ -179,11 +180,12 @@ static status units_make(struct lease *lease, const Azulejo__Wire__LeaseGrant *g
     for (size_t i = 0; i < grant->n_units; i++) {
         const Azulejo__Wire__WorkUnit *name = grant->units[i];
         struct work_unit *unit;
-        status s = wire_unit_check(name->tile, name->pass, settings, err);
+        status s = wire_unit_check(name->tile, name->group, name->pass, settings, err);
         if (s != STATUS_OK)
             return s;
         unit = mem_calloc(1, sizeof *unit +
-                                 wire_sums_count(settings, name->tile) * sizeof *unit->sums);
+                                 wire_sums_count(settings, name->tile, name->group, name->pass) *
+                                     sizeof *unit->sums);
         if (!unit)
             return error_no_memory(err, "work units");
         unit->task.run = unit_render;
@@ -192,6 +194,7 @@ static status units_make(struct lease *lease, const Azulejo__Wire__LeaseGrant *g
         unit->job = lease->job;
         unit->frame = lease->frame;
         unit->tile = name->tile;
+        unit->group = name->group;
         unit->pass = name->pass;
         unit_append(lease, unit);
     }
@@ -295,9 +298,9 @@ struct work_unit *leases_unit_done(struct leases *l, struct pool_task *task)
     l->samples_done += unit->stats.samples;
     l->unit_ns = l->unit_ns ? (l->unit_ns * 15 + unit->wall_ns) / 16 : unit->wall_ns;
     if (unit->stats.dropped_samples)
-        log_warn("job %llu, frame %u, tile %u, pass %u: %llu samples were not finite and count as "
-                 "black",
-                 (unsigned long long)unit->job, unit->frame, unit->tile, unit->pass,
+        log_warn("job %llu, frame %u, tile %u, group %u, pass %u: %llu samples were not finite and "
+                 "count as black",
+                 (unsigned long long)unit->job, unit->frame, unit->tile, unit->group, unit->pass,
                  (unsigned long long)unit->stats.dropped_samples);
     unit_unlink(unit);
     lease_end_if_empty(l, lease);
@@ -350,6 +353,7 @@ static void lease_return(struct leases *l, struct lease *lease, struct channel *
             continue;
         azulejo__wire__work_unit__init(&names[count]);
         names[count].tile = unit->tile;
+        names[count].group = unit->group;
         names[count].pass = unit->pass;
         pointers[count] = &names[count];
         count++;

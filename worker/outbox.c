@@ -35,8 +35,13 @@ static status send_result(struct channel *channel, struct work_unit *unit)
 {
     Azulejo__Wire__TileResult result = AZULEJO__WIRE__TILE_RESULT__INIT;
     Azulejo__Wire__RenderStats stats = AZULEJO__WIRE__RENDER_STATS__INIT;
+    Azulejo__Wire__Work work = AZULEJO__WIRE__WORK__INIT;
     Azulejo__Wire__Envelope e = MESSAGE(TILE_RESULT, tile_result, &result);
-    uint8_t sums[TILE_FLOATS_MAX * sizeof(float)];
+    uint8_t sums[TILE_FLOATS_MAX * sizeof(float)], tail[WIRE_TAIL_BYTES_MAX];
+    const struct unit_work done = {
+        .samples = unit->stats.samples, .rays = unit->stats.rays,
+        .vertices = unit->stats.vertices, .dropped_samples = unit->stats.dropped_samples,
+        .leaked_rays = unit->stats.leaked_rays, .clamped_values = unit->stats.clamped_values};
 
     wire_sums_set(sums, unit->sums, unit->sum_count);
     result.lease = unit->lease_id;
@@ -44,14 +49,15 @@ static status send_result(struct channel *channel, struct work_unit *unit)
     result.job = unit->job;
     result.frame = unit->frame;
     result.tile = unit->tile;
+    result.group = unit->group;
     result.pass = unit->pass;
     result.sums.data = sums;
     result.sums.len = unit->sum_count * sizeof(float);
     result.stats = &stats;
-    stats.samples = unit->stats.samples;
-    stats.rays = unit->stats.rays;
-    stats.vertices = unit->stats.vertices;
-    stats.dropped_samples = unit->stats.dropped_samples;
+    result.tail.data = tail;
+    result.tail.len = wire_tail_set(tail, &unit->tail);
+    wire_work_set(&work, &done);
+    result.work = &work;
     stats.cpu_ns = unit->cpu_ns;
     stats.trace_ns = unit->stats.trace_ns;
     stats.effects = unit->effects;
@@ -99,13 +105,13 @@ static void outbox_remove(struct outbox *o, struct work_unit *unit)
 }
 
 void outbox_acknowledge(struct outbox *o, uint64_t job, uint32_t frame, uint32_t tile,
-                        uint32_t pass)
+                        uint32_t group, uint32_t pass)
 {
     struct work_unit *unit = o->first;
 
     /* Acknowledgements come about in the order of sending, so this looks at few. */
     while (unit && !(unit->job == job && unit->frame == frame && unit->tile == tile &&
-                     unit->pass == pass))
+                     unit->group == group && unit->pass == pass))
         unit = unit->next;
     if (unit)
         outbox_remove(o, unit);

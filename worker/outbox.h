@@ -26,7 +26,7 @@ struct work_unit {
     struct work_unit *previous, *next; /* in its lease, later in the outbox */
     struct lease *lease;   /* NULL in the outbox */
     uint64_t lease_id, epoch, job;
-    uint32_t frame, tile, pass;
+    uint32_t frame, tile, group, pass;
     int dropped;           /* taken back while it ran: the result is thrown away */
     int sent;              /* on this connection */
     size_t sum_count;
@@ -35,7 +35,8 @@ struct work_unit {
     uint32_t stages[STAGE_COUNT]; /* how often the thread was found in each */
     uint32_t accounts[EFFECT_ACCOUNTS]; /* the same looks, by effect */
     struct render_stats stats;
-    float sums[];          /* as many as tile_floats() says */
+    struct tail tail;
+    float sums[];          /* as many as tile_floats() says of unit_aovs() */
 };
 
 struct outbox {
@@ -52,7 +53,7 @@ void outbox_pump(struct outbox *o, struct channel *channel);
 void outbox_reset(struct outbox *o);
 /* Forget an acknowledged result. Unknown ones are no matter: they were acknowledged before. */
 void outbox_acknowledge(struct outbox *o, uint64_t job, uint32_t frame, uint32_t tile,
-                        uint32_t pass);
+                        uint32_t group, uint32_t pass);
 
 /* Forget the results of a lease that nobody wants any more. */
 void outbox_drop_lease(struct outbox *o, uint64_t lease_id);

@@ -1,79 +1,8 @@
-#include "common/film/film.h"
-
 #include <math.h>
 #include <string.h>
 
 #include "common/base/memory.h"
-
-/* A pass that arrived before the ones it must follow. */
-struct waiting {
-    struct waiting *next; /* ascending pass */
-    uint32_t pass;
-    uint64_t hash;
-    float sums[];
-};
-
-struct film_tile {
-    double *sums;        /* as tile_floats(); NULL until the first pass is folded in */
-    uint64_t *hashes;    /* of the passes folded in */
-    size_t hash_capacity;
-    uint32_t passes;     /* folded in: a prefix of the schedule */
-    uint32_t waiting_count;
-    struct waiting *waiting;
-    double error;        /* sum over pixels and channels of se^2 / (mean^2 + 0.01) */
-    int error_known;     /* `error` belongs to the present sums */
-};
-
-struct film {
-    uint32_t width, height, spp, aovs;
-    uint32_t tiles_total, passes_total;
-    struct film_tile *tiles;
-    uint64_t samples;         /* folded in, over all pixels */
-    uint32_t tiles_started;   /* with at least one pass */
-    uint32_t tiles_complete;
-};
-
-enum {
-    STATE_MAGIC = 0x325a5441, /* "ATZ2": 1 knew no AOVs */
-    /* magic, passes, frame width, frame height, spp, tile, AOVs, 0 */
-    STATE_HEADER_BYTES = 8 * 4,
-    STATE_CHECK_BYTES = 8,
-};
-
-/* ---- hashing: not cryptographic; tells faults apart, not forgers ---------------------------- */
-
-static uint64_t hash_mix(uint64_t hash, uint64_t word)
-{
-    hash = (hash ^ word) * 0x9e3779b97f4a7c15ull;
-    return hash ^ hash >> 32;
-}
-
-static uint64_t hash_floats(const float *values, size_t count)
-{
-    uint64_t hash = 0x243f6a8885a308d3ull ^ count;
-
-    for (size_t i = 0; i < count; i++) {
-        uint32_t bits;
-        memcpy(&bits, &values[i], sizeof bits);
-        hash = hash_mix(hash, bits);
-    }
-    return hash_mix(hash, hash >> 29);
-}
-
-static uint64_t hash_bytes(const uint8_t *data, size_t size)
-{
-    uint64_t hash = 0x13198a2e03707344ull ^ size;
-
-    for (; size >= 8; data += 8, size -= 8) {
-        uint64_t word = 0;
-        for (int i = 7; i >= 0; i--)
-            word = word << 8 | data[i];
-        hash = hash_mix(hash, word);
-    }
-    while (size--)
-        hash = hash_mix(hash, *data++);
-    return hash_mix(hash, hash >> 29);
-}
+#include "common/film/film_parts.h"
 
 /* ---- life ----------------------------------------------------------------------------------- */
 
@@ -93,178 +22,317 @@ struct film *film_new_aovs(uint32_t width, uint32_t height, uint32_t spp, uint32
     film->spp = spp;
     film->aovs = aovs;
     film->tiles_total = tile_count(width, height);
-    film->passes_total = pass_count(spp);
     film->tiles = mem_calloc(film->tiles_total, sizeof *film->tiles);
     if (!film->tiles) {
         mem_free(film);
         return NULL;
     }
+    for (uint32_t g = 0; g < GROUPS; g++) {
+        film->passes_total[g] = pass_count(spp, g);
+        for (uint32_t i = 0; i < film->tiles_total; i++)
+            film_want(film, i, g, 1);
+    }
     return film;
+}
+
+void film_group_forget_waiting(struct film_group *group)
+{
+    while (group->waiting) {
+        struct waiting *next = group->waiting->next;
+        mem_free(group->waiting);
+        group->waiting = next;
+    }
+    group->waiting_count = 0;
 }
 
 void film_free(struct film *film)
 {
     if (!film)
         return;
-    for (uint32_t i = 0; i < film->tiles_total; i++) {
-        struct film_tile *tile = &film->tiles[i];
-        while (tile->waiting) {
-            struct waiting *next = tile->waiting->next;
-            mem_free(tile->waiting);
-            tile->waiting = next;
+    for (uint32_t i = 0; i < film->tiles_total; i++)
+        for (uint32_t g = 0; g < GROUPS; g++) {
+            struct film_group *group = &film->tiles[i].groups[g];
+            film_group_forget_waiting(group);
+            mem_free(group->levels);
+            mem_free(group->log);
+            mem_free(group->cut);
+            mem_free(group->whole);
         }
-        mem_free(tile->hashes);
-        mem_free(tile->sums);
-    }
     mem_free(film->tiles);
     mem_free(film);
 }
 
-static uint32_t tile_pixels(const struct film *film, uint32_t tile)
+uint32_t film_tile_pixels(const struct film *film, uint32_t tile)
 {
     struct tile_rect rect = tile_rect_of(film->width, film->height, tile);
 
     return rect.width * rect.height;
 }
 
-static size_t tile_numbers(const struct film *film, uint32_t tile)
+/* Floats of a unit's result. */
+static size_t unit_numbers(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass)
 {
-    return tile_floats(film->width, film->height, tile, film->aovs);
+    return tile_floats(film->width, film->height, tile, unit_aovs(film->aovs, group, pass));
 }
 
-/* Samples a pixel has after `passes` passes. */
-static uint32_t samples_after(const struct film *film, uint32_t passes)
+size_t film_group_numbers(const struct film *film, uint32_t tile, uint32_t group)
+{
+    return unit_numbers(film, tile, group, 0);
+}
+
+uint32_t film_samples_after(const struct film *film, uint32_t group, uint32_t passes)
 {
     uint32_t begin, end = 0;
 
     if (passes > 0)
-        pass_range(film->spp, passes - 1, &begin, &end);
+        pass_range(film->spp, group, passes - 1, &begin, &end);
     return end;
 }
 
-/* ---- merging -------------------------------------------------------------------------------- */
+/* ---- folding -------------------------------------------------------------------------------- */
 
-/* Room for one more folded pass, so that folding itself cannot fail. */
-static int tile_reserve(const struct film *film, uint32_t index, uint32_t passes)
+static int sums_reserve(struct film_sums **sums, size_t numbers)
 {
-    struct film_tile *tile = &film->tiles[index];
+    if (!*sums)
+        *sums = mem_calloc(1, sizeof **sums + numbers * sizeof *(*sums)->values);
+    return *sums != NULL;
+}
 
-    if (!tile->sums) {
-        tile->sums = mem_calloc(tile_numbers(film, index), sizeof *tile->sums);
-        if (!tile->sums)
-            return 0;
+int film_group_reserve(const struct film *film, uint32_t tile, uint32_t group, uint32_t passes)
+{
+    struct film_group *g = &film->tiles[tile].groups[group];
+    int cut = passes > 0 && pass_is_short(film->spp, group, passes - 1);
+    size_t numbers = film_group_numbers(film, tile, group);
+    uint32_t levels = level_count(passes);
+
+    return ((int)passes == cut || sums_reserve(&g->whole, numbers)) &&
+           (!cut || sums_reserve(&g->cut, numbers)) &&
+           MEM_GROW(g->log, g->log_capacity, passes) &&
+           MEM_GROW(g->levels, g->level_capacity, levels);
+}
+
+void film_group_set_passes(struct film *film, uint32_t index, uint32_t group, uint32_t passes)
+{
+    struct film_group *g = &film->tiles[index].groups[group];
+    uint64_t pixels = film_tile_pixels(film, index);
+    uint32_t begins = (uint32_t)(passes > 0) - (uint32_t)(g->passes > 0); /* -1, 0 or 1 */
+
+    if (film_tile_samples(film, index) == film_group_samples(film, index, group))
+        film->tiles_started += begins;
+    film->begun[group] += begins;
+    film->samples -= pixels * film_samples_after(film, group, g->passes);
+    film->samples += pixels * film_samples_after(film, group, passes);
+    film->behind += (uint32_t)(passes < g->wanted) - (uint32_t)(g->passes < g->wanted);
+    g->passes = passes;
+}
+
+/* Of a level that was reached with whole passes only. */
+static void group_measure(const struct film *film, uint32_t tile, uint32_t group, uint32_t level)
+{
+    struct film_group *g = &film->tiles[tile].groups[group];
+
+    g->levels[level].rays = g->whole->work.rays;
+    film_level_measure(&g->levels[level], g->whole->values, film_tile_pixels(film, tile),
+                       level_samples(level), &film->codes[group]);
+}
+
+/* A result's AOVs: those that are point-sampled are in one of a group's passes only, so they, too, may be
+ * added. */
+static void add_aovs(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass,
+                     const float *from, double *to)
+{
+    uint32_t pixels = film_tile_pixels(film, tile);
+    uint32_t sent = unit_aovs(film->aovs, group, pass), kept = unit_aovs(film->aovs, group, 0);
+
+    for (int aov = 0; aov < AOV_COUNT; aov++) {
+        size_t count = sent >> aov & 1 ? (size_t)pixels * aov_channels((enum aov)aov) : 0;
+        const float *in = from + tile_aov_offset(pixels, sent, (enum aov)aov);
+        double *out = to + tile_aov_offset(pixels, kept, (enum aov)aov);
+        for (size_t i = 0; i < count; i++)
+            out[i] += in[i];
     }
-    return MEM_GROW(tile->hashes, tile->hash_capacity, passes);
 }
 
-static void tile_count_passes(struct film *film, uint32_t index, uint32_t passes)
+static void group_fold(struct film *film, uint32_t tile, uint32_t group, const float *sums,
+                       const struct tail *tail, const struct unit_work *work,
+                       struct film_log_entry entry)
 {
-    struct film_tile *tile = &film->tiles[index];
-    uint64_t pixels = tile_pixels(film, index);
+    struct film_group *g = &film->tiles[tile].groups[group];
+    uint32_t pass = g->passes;
+    int cut = pass_is_short(film->spp, group, pass), level;
+    struct film_sums *into = cut ? g->cut : g->whole;
+    size_t count = (size_t)film_tile_pixels(film, tile) * PIXEL_FLOATS;
 
-    film->samples -= pixels * samples_after(film, tile->passes);
-    film->samples += pixels * samples_after(film, passes);
-    film->tiles_started -= tile->passes > 0;
-    film->tiles_started += passes > 0;
-    film->tiles_complete -= tile->passes == film->passes_total;
-    film->tiles_complete += passes == film->passes_total;
-    tile->passes = passes;
-    tile->error_known = 0;
-}
-
-static void tile_fold(struct film *film, uint32_t index, const float *sums, uint64_t hash)
-{
-    struct film_tile *tile = &film->tiles[index];
-    size_t count = tile_numbers(film, index);
-
-    /* AOVs that are point-sampled are 0 in all passes but the first: they, too, may be added. */
     for (size_t i = 0; i < count; i++)
-        tile->sums[i] += sums[i];
-    tile->hashes[tile->passes] = hash;
-    tile_count_passes(film, index, tile->passes + 1);
+        into->values[i] += sums[i];
+    if (film->aovs)
+        add_aovs(film, tile, group, pass, sums, into->values);
+    tail_merge(&into->tail, tail);
+    unit_work_add(&into->work, work);
+    unit_work_add(&film->work, work);
+    g->log[pass] = entry;
+    film_group_set_passes(film, tile, group, pass + 1);
+    level = cut ? -1 : level_at(g->passes);
+    if (level >= 0) {
+        g->level_count = (uint32_t)level + 1;
+        group_measure(film, tile, group, (uint32_t)level);
+    }
 }
 
-static status tile_wait(struct film_tile *tile, struct waiting **at, uint32_t pass,
-                        const float *sums, size_t count, uint64_t hash, struct error *err)
+/* How many passes may be folded at present. */
+static uint32_t group_limit(const struct film *film, const struct film_group *g, uint32_t group)
 {
-    struct waiting *entry = mem_alloc(sizeof *entry + count * sizeof *sums);
+    return film->frozen[group] || g->wanted == 0 ? g->wanted : 1;
+}
+
+/* What waits and may be folded now. Room was reserved when it came. */
+static void group_fold_waiting(struct film *film, uint32_t tile, uint32_t group)
+{
+    struct film_group *g = &film->tiles[tile].groups[group];
+
+    while (g->waiting && g->waiting->pass == g->passes &&
+           g->passes < group_limit(film, g, group)) {
+        struct waiting *w = g->waiting;
+        group_fold(film, tile, group, w->sums, &w->tail, &w->work,
+                   (struct film_log_entry){.hash = w->hash, .deliverer = w->deliverer});
+        g->waiting = w->next;
+        g->waiting_count--;
+        mem_free(w);
+    }
+}
+
+static status group_wait(struct film_group *g, struct waiting **at, const struct unit_result *unit,
+                         uint32_t deliverer, uint64_t hash, struct error *err)
+{
+    struct waiting *entry = mem_alloc(sizeof *entry + unit->count * sizeof *unit->sums);
 
     if (!entry)
         return error_no_memory(err, "an early tile result");
-    entry->pass = pass;
+    entry->pass = unit->pass;
+    entry->deliverer = deliverer;
     entry->hash = hash;
-    memcpy(entry->sums, sums, count * sizeof *sums);
+    entry->count = unit->count;
+    entry->work = unit->work;
+    entry->tail = unit->tail;
+    memcpy(entry->sums, unit->sums, unit->count * sizeof *unit->sums);
     entry->next = *at;
     *at = entry;
-    tile->waiting_count++;
+    g->waiting_count++;
     return STATUS_OK;
 }
 
-static status check_result(const struct film *film, uint32_t tile, uint32_t pass, const float *sums,
-                           size_t count, struct error *err)
+static status check_result(const struct film *film, const struct unit_result *unit,
+                           struct error *err)
 {
+    uint32_t tile = unit->tile, group = unit->group, pass = unit->pass;
+
     if (tile >= film->tiles_total)
         return error_set(err, STATUS_ERR_INPUT, "tile %u: the frame has %u", tile,
                          film->tiles_total);
-    if (pass >= film->passes_total)
-        return error_set(err, STATUS_ERR_INPUT, "tile %u, pass %u: the frame has %u passes", tile,
-                         pass, film->passes_total);
-    if (count != tile_numbers(film, tile))
-        return error_set(err, STATUS_ERR_INPUT, "tile %u, pass %u: %zu numbers instead of %zu",
-                         tile, pass, count, tile_numbers(film, tile));
-    for (size_t i = 0; i < count; i++)
-        if (!isfinite(sums[i]))
-            return error_set(err, STATUS_ERR_INPUT, "tile %u, pass %u: number %zu is not finite",
-                             tile, pass, i);
+    if (group >= GROUPS || pass >= film->passes_total[group])
+        return error_set(err, STATUS_ERR_INPUT, "tile %u, group %u, pass %u: there is none", tile,
+                         group, pass);
+    if (unit->count != unit_numbers(film, tile, group, pass))
+        return error_set(err, STATUS_ERR_INPUT,
+                         "tile %u, group %u, pass %u: %zu numbers instead of %zu", tile, group,
+                         pass, unit->count, unit_numbers(film, tile, group, pass));
+    for (size_t i = 0; i < unit->count; i++)
+        if (!isfinite(unit->sums[i]))
+            return error_set(err, STATUS_ERR_INPUT,
+                             "tile %u, group %u, pass %u: number %zu is not finite", tile, group,
+                             pass, i);
+    if (!tail_is_valid(&unit->tail, film_tile_pixels(film, tile)))
+        return error_set(err, STATUS_ERR_INPUT,
+                         "tile %u, group %u, pass %u: its largest contributions are out of order "
+                         "or range",
+                         tile, group, pass);
     return STATUS_OK;
 }
 
-status film_merge(struct film *film, uint32_t index, uint32_t pass, const float *sums, size_t count,
+status film_merge(struct film *film, const struct unit_result *unit, uint32_t deliverer,
                   enum film_merge_result *result, struct error *err)
 {
-    struct film_tile *tile;
+    struct film_group *g;
     struct waiting **at;
     uint64_t hash;
-    uint32_t ready;
-    status s = check_result(film, index, pass, sums, count, err);
+    status s = check_result(film, unit, err);
 
     *result = FILM_DUPLICATE;
     if (s != STATUS_OK)
         return s;
-    tile = &film->tiles[index];
-    hash = hash_floats(sums, count);
-    if (pass < tile->passes) {
-        *result = tile->hashes[pass] == hash ? FILM_DUPLICATE : FILM_CONFLICT;
+    g = &film->tiles[unit->tile].groups[unit->group];
+    hash = unit_hash(unit);
+    if (unit->pass < g->passes) {
+        *result = g->log[unit->pass].hash == hash ? FILM_DUPLICATE : FILM_CONFLICT;
         return STATUS_OK;
     }
-    for (at = &tile->waiting; *at && (*at)->pass < pass; at = &(*at)->next)
+    for (at = &g->waiting; *at && (*at)->pass < unit->pass; at = &(*at)->next)
         ;
-    if (*at && (*at)->pass == pass) {
-        int same = memcmp((*at)->sums, sums, count * sizeof *sums) == 0;
-        *result = same ? FILM_DUPLICATE : FILM_CONFLICT;
+    if (*at && (*at)->pass == unit->pass) {
+        *result = (*at)->hash == hash ? FILM_DUPLICATE : FILM_CONFLICT;
         return STATUS_OK;
     }
-    if (pass > tile->passes) {
-        *result = FILM_WAITING;
-        return tile_wait(tile, at, pass, sums, count, hash, err);
-    }
-
-    /* This pass, and the waiting ones that follow it without a gap. */
-    ready = pass + 1;
-    for (struct waiting *w = tile->waiting; w && w->pass == ready; w = w->next)
-        ready++;
-    if (!tile_reserve(film, index, ready))
+    if (!film_group_reserve(film, unit->tile, unit->group, unit->pass + 1))
         return error_no_memory(err, "the film");
-    tile_fold(film, index, sums, hash);
-    while (tile->waiting && tile->waiting->pass == tile->passes) {
-        struct waiting *next = tile->waiting->next;
-        tile_fold(film, index, tile->waiting->sums, tile->waiting->hash);
-        mem_free(tile->waiting);
-        tile->waiting = next;
-        tile->waiting_count--;
+    if (unit->pass > g->passes || unit->pass >= group_limit(film, g, unit->group)) {
+        *result = FILM_WAITING;
+        return group_wait(g, at, unit, deliverer, hash, err);
     }
+    group_fold(film, unit->tile, unit->group, unit->sums, &unit->tail, &unit->work,
+               (struct film_log_entry){.hash = hash, .deliverer = deliverer});
+    group_fold_waiting(film, unit->tile, unit->group);
     *result = FILM_MERGED;
     return STATUS_OK;
+}
+
+/* ---- wanted numbers and levels -------------------------------------------------------------- */
+
+void film_want(struct film *film, uint32_t tile, uint32_t group, uint32_t passes)
+{
+    struct film_group *g = &film->tiles[tile].groups[group];
+
+    if (passes > film->passes_total[group])
+        passes = film->passes_total[group];
+    if (passes <= g->wanted)
+        return;
+    film->wanted += passes - g->wanted;
+    film->behind += g->passes == g->wanted;
+    g->wanted = passes;
+    group_fold_waiting(film, tile, group);
+}
+
+void film_want_all(struct film *film)
+{
+    for (uint32_t i = 0; i < film->tiles_total; i++)
+        for (uint32_t g = 0; g < GROUPS; g++)
+            film_want(film, i, g, film->passes_total[g]);
+}
+
+void film_freeze(struct film *film, uint32_t group, const struct film_codes *codes)
+{
+    if (film->frozen[group])
+        return;
+    film->frozen[group] = 1;
+    if (codes)
+        film->codes[group] = *codes;
+    for (uint32_t i = 0; i < film->tiles_total; i++) {
+        struct film_group *g = &film->tiles[i].groups[group];
+        /* Tiles that came from disk with more passes have it. */
+        if (g->level_count == 1 && g->passes == 1 && !g->levels[0].has_codes)
+            group_measure(film, i, group, 0);
+        group_fold_waiting(film, i, group);
+    }
+}
+
+int film_is_frozen(const struct film *film, uint32_t group)
+{
+    return film->frozen[group];
+}
+
+int film_wants_freeze(const struct film *film, uint32_t group)
+{
+    return !film->frozen[group] && film->passes_total[group] > 1 &&
+           film->begun[group] == film->tiles_total;
 }
 
 /* ---- questions ------------------------------------------------------------------------------ */
@@ -294,36 +362,81 @@ uint32_t film_tile_count(const struct film *film)
     return film->tiles_total;
 }
 
-uint32_t film_pass_count(const struct film *film)
+uint32_t film_pass_count(const struct film *film, uint32_t group)
 {
-    return film->passes_total;
+    return film->passes_total[group];
 }
 
-uint32_t film_tile_passes(const struct film *film, uint32_t tile)
+uint32_t film_tile_passes(const struct film *film, uint32_t tile, uint32_t group)
 {
-    return film->tiles[tile].passes;
+    return film->tiles[tile].groups[group].passes;
+}
+
+uint32_t film_tile_wanted(const struct film *film, uint32_t tile, uint32_t group)
+{
+    return film->tiles[tile].groups[group].wanted;
 }
 
 uint32_t film_tile_waiting(const struct film *film, uint32_t tile)
 {
-    return film->tiles[tile].waiting_count;
+    uint32_t count = 0;
+
+    for (uint32_t g = 0; g < GROUPS; g++)
+        count += film->tiles[tile].groups[g].waiting_count;
+    return count;
 }
 
-int film_has(const struct film *film, uint32_t tile, uint32_t pass)
+uint64_t film_wanted(const struct film *film)
 {
-    const struct film_tile *t = &film->tiles[tile];
+    return film->wanted;
+}
 
-    if (pass < t->passes)
-        return 1;
-    for (const struct waiting *w = t->waiting; w && w->pass <= pass; w = w->next)
+uint32_t film_wanted_most(const struct film *film)
+{
+    uint32_t most = 0;
+
+    for (uint32_t i = 0; i < film->tiles_total; i++)
+        for (uint32_t g = 0; g < GROUPS; g++)
+            if (film->tiles[i].groups[g].wanted > most)
+                most = film->tiles[i].groups[g].wanted;
+    return most;
+}
+
+static const struct waiting *waiting_find(const struct film_group *g, uint32_t pass)
+{
+    for (const struct waiting *w = g->waiting; w && w->pass <= pass; w = w->next)
         if (w->pass == pass)
-            return 1;
-    return 0;
+            return w;
+    return NULL;
+}
+
+int film_has(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass)
+{
+    const struct film_group *g = &film->tiles[tile].groups[group];
+
+    return pass < g->passes || waiting_find(g, pass) != NULL;
+}
+
+uint32_t film_deliverer(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass)
+{
+    const struct film_group *g = &film->tiles[tile].groups[group];
+    const struct waiting *w = waiting_find(g, pass);
+
+    return pass < g->passes ? g->log[pass].deliverer : w ? w->deliverer : 0;
+}
+
+uint32_t film_group_samples(const struct film *film, uint32_t tile, uint32_t group)
+{
+    return film_samples_after(film, group, film->tiles[tile].groups[group].passes);
 }
 
 uint32_t film_tile_samples(const struct film *film, uint32_t tile)
 {
-    return samples_after(film, film->tiles[tile].passes);
+    uint32_t samples = 0;
+
+    for (uint32_t g = 0; g < GROUPS; g++)
+        samples += film_group_samples(film, tile, g);
+    return samples;
 }
 
 uint64_t film_samples(const struct film *film)
@@ -338,12 +451,51 @@ uint64_t film_samples_total(const struct film *film)
 
 int film_complete(const struct film *film)
 {
-    return film->tiles_complete == film->tiles_total;
+    return film->behind == 0;
 }
 
 int film_covered(const struct film *film)
 {
     return film->tiles_started == film->tiles_total;
+}
+
+const struct unit_work *film_work(const struct film *film)
+{
+    return &film->work;
+}
+
+uint64_t film_rays(const struct film *film)
+{
+    return film->work.rays;
+}
+
+uint64_t film_tile_rays(const struct film *film, uint32_t tile, uint32_t group)
+{
+    const struct film_group *g = &film->tiles[tile].groups[group];
+
+    return (g->whole ? g->whole->work.rays : 0) + (g->cut ? g->cut->work.rays : 0);
+}
+
+void film_tail(const struct film *film, uint32_t tile, uint32_t group, struct tail *out)
+{
+    const struct film_group *g = &film->tiles[tile].groups[group];
+
+    memset(out, 0, sizeof *out);
+    if (g->whole)
+        *out = g->whole->tail;
+    if (g->cut)
+        tail_merge(out, &g->cut->tail);
+}
+
+int film_level(const struct film *film, uint32_t tile, uint32_t group, uint32_t level,
+               struct film_level *out)
+{
+    const struct film_group *g = &film->tiles[tile].groups[group];
+
+    if (level >= g->level_count)
+        return 0;
+    *out = g->levels[level];
+    return 1;
 }
 
 struct film_coverage film_coverage(const struct film *film)
@@ -358,229 +510,4 @@ struct film_coverage film_coverage(const struct film *film)
         c.most = samples > c.most ? samples : c.most;
     }
     return c;
-}
-
-/* ---- developing ----------------------------------------------------------------------------- */
-
-static void develop_tile(const struct film *film, uint32_t index, float *rgb)
-{
-    struct tile_rect rect = tile_rect_of(film->width, film->height, index);
-    const double *first = film->tiles[index].sums;
-    const double *second = first + (size_t)rect.width * rect.height * 3;
-    double samples = samples_after(film, film->tiles[index].passes);
-
-    for (uint32_t y = 0; y < rect.height; y++) {
-        float *row = rgb + ((size_t)(rect.y + y) * film->width + rect.x) * 3;
-        for (uint32_t i = 0; i < rect.width * 3; i++)
-            row[i] = (float)((*first++ + *second++) / samples);
-    }
-}
-
-void film_develop(const struct film *film, float *rgb)
-{
-    memset(rgb, 0, (size_t)film->width * film->height * 3 * sizeof *rgb);
-    for (uint32_t i = 0; i < film->tiles_total; i++)
-        if (film->tiles[i].passes > 0)
-            develop_tile(film, i, rgb);
-}
-
-uint32_t film_aov_channels(enum aov aov)
-{
-    return aov == AOV_SAMPLES ? 1 : aov == AOV_ERROR ? 3 : aov_channels(aov);
-}
-
-/* Value `c` of pixel `pixel` of a tile that has passes. */
-static double aov_value(const struct film_tile *tile, const double *values, enum aov aov,
-                        size_t pixels, size_t pixel, uint32_t c, uint32_t samples)
-{
-    double difference;
-
-    if (aov == AOV_SAMPLES)
-        return samples;
-    if (aov != AOV_ERROR)
-        return values[pixel * aov_channels(aov) + c] / (aov_is_point(aov) ? 1 : samples);
-    if (samples < REPLICATES)
-        return 0;
-    difference = tile->sums[pixel * 3 + c] / replicate_samples(samples, 0) -
-                 tile->sums[(pixels + pixel) * 3 + c] / replicate_samples(samples, 1);
-    return fabs(difference) / 2;
-}
-
-void film_develop_aov(const struct film *film, enum aov aov, uint32_t y, uint32_t height,
-                      float *out)
-{
-    uint32_t across = tiles_across(film->width), channels = film_aov_channels(aov);
-    size_t plane = (size_t)height * film->width;
-
-    memset(out, 0, channels * plane * sizeof *out);
-    for (uint32_t i = y / TILE_SIZE * across; i < film->tiles_total; i++) {
-        struct tile_rect rect = tile_rect_of(film->width, film->height, i);
-        const struct film_tile *tile = &film->tiles[i];
-        size_t pixels = (size_t)rect.width * rect.height;
-        uint32_t samples = samples_after(film, tile->passes);
-        const double *values;
-        if (rect.y >= y + height)
-            break;
-        if (tile->passes == 0)
-            continue;
-        values = tile->sums + tile_aov_offset((uint32_t)pixels, film->aovs, aov);
-        for (uint32_t row = 0; row < rect.height && rect.y + row < y + height; row++)
-            for (uint32_t x = 0; x < rect.width; x++)
-                for (uint32_t c = 0; c < channels; c++)
-                    out[c * plane + (size_t)(rect.y + row - y) * film->width + rect.x + x] =
-                        (float)aov_value(tile, values, aov, pixels, (size_t)row * rect.width + x,
-                                         c, samples);
-    }
-}
-
-static double tile_error(const struct film *film, uint32_t index)
-{
-    struct film_tile *tile = &film->tiles[index];
-    size_t values = (size_t)tile_pixels(film, index) * 3;
-    uint32_t samples = samples_after(film, tile->passes);
-    double first_count = replicate_samples(samples, 0),
-           second_count = replicate_samples(samples, 1);
-
-    if (tile->error_known)
-        return tile->error;
-    tile->error = 0;
-    for (size_t i = 0; i < values; i++) {
-        double first = tile->sums[i], second = tile->sums[values + i];
-        double difference = first / first_count - second / second_count;
-        double mean = (first + second) / samples;
-        tile->error += difference * difference / 4 / (mean * mean + 0.01);
-    }
-    tile->error_known = 1;
-    return tile->error;
-}
-
-double film_relative_mse(const struct film *film)
-{
-    double sum = 0;
-
-    for (uint32_t i = 0; i < film->tiles_total; i++) {
-        if (samples_after(film, film->tiles[i].passes) < REPLICATES)
-            return NAN;
-        sum += tile_error(film, i);
-    }
-    return sum / ((double)film->width * film->height * 3);
-}
-
-/* ---- a tile's state on disk -------------------------------------------------------------------
- * header | doubles as tile_floats() | hash of every pass of the schedule (0: not in) |
- * 64-bit check of all before. The header repeats the frame's geometry and the tile's number so
- * that a state that was written to the wrong place is refused. */
-
-static uint8_t *put32(uint8_t *out, uint32_t value)
-{
-    for (int i = 0; i < 4; i++)
-        *out++ = (uint8_t)(value >> 8 * i);
-    return out;
-}
-
-static uint8_t *put64(uint8_t *out, uint64_t value)
-{
-    return put32(put32(out, (uint32_t)value), (uint32_t)(value >> 32));
-}
-
-static uint32_t get32(const uint8_t *in)
-{
-    return (uint32_t)in[0] | (uint32_t)in[1] << 8 | (uint32_t)in[2] << 16 | (uint32_t)in[3] << 24;
-}
-
-static uint64_t get64(const uint8_t *in)
-{
-    return get32(in) | (uint64_t)get32(in + 4) << 32;
-}
-
-size_t film_tile_state_size(const struct film *film, uint32_t tile)
-{
-    return STATE_HEADER_BYTES + tile_numbers(film, tile) * 8 + (size_t)film->passes_total * 8 +
-           STATE_CHECK_BYTES;
-}
-
-void film_tile_save(const struct film *film, uint32_t index, uint8_t *out)
-{
-    const struct film_tile *tile = &film->tiles[index];
-    size_t count = tile_numbers(film, index);
-    uint8_t *at = out;
-
-    at = put32(at, STATE_MAGIC);
-    at = put32(at, tile->passes);
-    at = put32(at, film->width);
-    at = put32(at, film->height);
-    at = put32(at, film->spp);
-    at = put32(at, index);
-    at = put32(at, film->aovs);
-    at = put32(at, 0);
-    for (size_t i = 0; i < count; i++) {
-        uint64_t bits = 0;
-        if (tile->sums)
-            memcpy(&bits, &tile->sums[i], sizeof bits);
-        at = put64(at, bits);
-    }
-    for (uint32_t i = 0; i < film->passes_total; i++)
-        at = put64(at, i < tile->passes ? tile->hashes[i] : 0);
-    put64(at, hash_bytes(out, (size_t)(at - out)));
-}
-
-status film_tile_peek(const struct film *film, uint32_t tile, const uint8_t *data,
-                      size_t size_bytes, uint32_t *passes, struct error *err)
-{
-    *passes = 0;
-    if (tile >= film->tiles_total || size_bytes != film_tile_state_size(film, tile))
-        return error_set(err, STATUS_ERR_CORRUPT, "tile %u: its state has %zu bytes", tile,
-                         size_bytes);
-    if (get32(data) != STATE_MAGIC ||
-        get64(data + size_bytes - STATE_CHECK_BYTES) !=
-            hash_bytes(data, size_bytes - STATE_CHECK_BYTES))
-        return error_set(err, STATUS_ERR_CORRUPT, "tile %u: its stored state is damaged", tile);
-    if (get32(data + 4) > film->passes_total || get32(data + 8) != film->width ||
-        get32(data + 12) != film->height || get32(data + 16) != film->spp ||
-        get32(data + 20) != tile || get32(data + 24) != film->aovs)
-        return error_set(err, STATUS_ERR_CORRUPT,
-                         "tile %u: the stored state belongs to another tile or frame", tile);
-    *passes = get32(data + 4);
-    return STATUS_OK;
-}
-
-status film_tile_load(struct film *film, uint32_t index, const uint8_t *data, size_t size_bytes,
-                      struct error *err)
-{
-    uint32_t passes;
-    struct film_tile *tile;
-    const uint8_t *at = data + STATE_HEADER_BYTES;
-    size_t count;
-    status s = film_tile_peek(film, index, data, size_bytes, &passes, err);
-
-    if (s != STATUS_OK)
-        return s;
-    tile = &film->tiles[index];
-    count = tile_numbers(film, index);
-    for (size_t i = 0; i < count; i++) {
-        uint64_t bits = get64(at + 8 * i);
-        double value;
-        memcpy(&value, &bits, sizeof value);
-        if (!isfinite(value))
-            return error_set(err, STATUS_ERR_CORRUPT, "tile %u: a stored sum is not finite", index);
-    }
-    if (passes > 0 && !tile_reserve(film, index, passes))
-        return error_no_memory(err, "the film");
-    for (size_t i = 0; passes > 0 && i < count; i++) {
-        uint64_t bits = get64(at + 8 * i);
-        memcpy(&tile->sums[i], &bits, sizeof bits);
-    }
-    at += 8 * count;
-    for (uint32_t i = 0; i < passes; i++)
-        tile->hashes[i] = get64(at + 8 * (size_t)i);
-    if (passes == 0 && tile->sums)
-        memset(tile->sums, 0, count * sizeof *tile->sums);
-    while (tile->waiting) {
-        struct waiting *next = tile->waiting->next;
-        mem_free(tile->waiting);
-        tile->waiting = next;
-    }
-    tile->waiting_count = 0;
-    tile_count_passes(film, index, passes);
-    return STATUS_OK;
 }

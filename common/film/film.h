@@ -1,11 +1,22 @@
 /* film: the accumulator of one frame, in double precision.
  *
+ * A tile's two groups (tiles.h) are accumulated apart. Of each, passes are *folded* in pass order up to
+ * the group's *wanted* number on that tile; a result that arrives early, or beyond what is wanted,
+ * waits in memory. Wanted numbers only grow.
+ *
+ *   nothing --pass 0 of every tile--> level 0 --film_freeze: how a display shows it--> passes after it
+ *
  * Invariants:
- *  - a tile's passes are added in pass order; a result that arrives early waits in the
- *    film, one that arrives again must equal the first byte for byte;
- *  - so the film's contents are a function of which passes are in, never of the order in
- *    which they came;
- *  - one tile's state is independent of every other's.
+ *  - a result that arrives again must equal the first byte for byte;
+ *  - the film's contents are a function of which passes are folded, never of the order in which they
+ *    came; one tile's state is independent of every other's;
+ *  - nothing beyond level 0 of a group is folded before film_freeze of that group, so that the picture
+ *    that the display's parameters are measured from is there again after a restart;
+ *  - the sums of a short pass (one that the cap cuts) are kept apart from those of whole passes: a film
+ *    with another cap drops them when it loads the tile.
+ *
+ * The mean of a pixel is the mean of its groups' means: fixed weights, since weights by counts would be
+ * a bias. Where one group has no sample, it is the other's mean.
  * The film owns its memory. Not thread-safe.
  */
 #ifndef AZULEJO_FILM_FILM_H
@@ -15,50 +26,82 @@
 #include <stdint.h>
 
 #include "common/base/status.h"
+#include "common/film/levels.h"
 #include "common/film/tiles.h"
+#include "common/film/unit.h"
 
 struct film;
 
 enum film_merge_result {
     FILM_MERGED,    /* added, perhaps with early ones that waited for it */
-    FILM_WAITING,   /* kept until the passes before it arrive */
+    FILM_WAITING,   /* kept until the passes before it arrive, or until it is wanted */
     FILM_DUPLICATE, /* was there already, and is the same */
     FILM_CONFLICT,  /* was there already, and differs: a fault to report */
 };
 
-/* NULL when out of memory. `spp` fixes the pass schedule. */
+/* NULL when out of memory. Of every group pass 0 is wanted. */
 struct film *film_new(uint32_t width, uint32_t height, uint32_t spp);
 /* The same, for results that hold these AOVs, too. */
 struct film *film_new_aovs(uint32_t width, uint32_t height, uint32_t spp, uint32_t aovs);
 void film_free(struct film *film);
 
-/* Merge one tile result. `sums` is as in tiles.h, `count` its number of floats, which must fit the tile. ERR_INPUT: tile, pass or
- * count out of range or a value that is not finite; the film is unchanged. A duplicate of a pass
- * already folded in is compared by a 64-bit hash of its bytes, kept per tile and pass. */
-status film_merge(struct film *film, uint32_t tile, uint32_t pass, const float *sums, size_t count,
+/* Merge the result of one unit, which `deliverer` sent (a number; kept in the tile's log). ERR_INPUT:
+ * tile, group, pass or count out of range, a value that is not finite, a tail that is none; the film is
+ * unchanged. A duplicate of a pass that is folded is compared by unit_hash(). */
+status film_merge(struct film *film, const struct unit_result *unit, uint32_t deliverer,
                   enum film_merge_result *result, struct error *err) MUST_CHECK;
+
+/* Want the first `passes` passes of the group on the tile (at most all); what waited for that is folded. No
+ * effect where as many are wanted already. */
+void film_want(struct film *film, uint32_t tile, uint32_t group, uint32_t passes);
+void film_want_all(struct film *film); /* every pass that the cap allows */
+/* How a display shows the group's pixels; `codes` is copied, NULL: not known. The statistics of level 0
+ * are completed, and what waited for this is folded. Only the first call has an effect. */
+void film_freeze(struct film *film, uint32_t group, const struct film_codes *codes);
+int film_is_frozen(const struct film *film, uint32_t group);
+/* Level 0 of the group is in everywhere, passes beyond it are possible, and it is not frozen. */
+int film_wants_freeze(const struct film *film, uint32_t group);
 
 uint32_t film_width(const struct film *film);
 uint32_t film_height(const struct film *film);
 uint32_t film_spp(const struct film *film);
 uint32_t film_aovs(const struct film *film);
 uint32_t film_tile_count(const struct film *film);
-uint32_t film_pass_count(const struct film *film);
+uint32_t film_pass_count(const struct film *film, uint32_t group); /* that the cap allows */
 
-/* How many passes of the tile are folded in (a prefix of the schedule). */
-uint32_t film_tile_passes(const struct film *film, uint32_t tile);
-/* How many early passes of the tile wait for one before them. */
+/* How many passes of the group are folded (a prefix of the schedule), and wanted. */
+uint32_t film_tile_passes(const struct film *film, uint32_t tile, uint32_t group);
+uint32_t film_tile_wanted(const struct film *film, uint32_t tile, uint32_t group);
+/* How many passes of the tile wait. */
 uint32_t film_tile_waiting(const struct film *film, uint32_t tile);
-/* Has this (tile, pass) arrived (folded in or waiting)? */
-int film_has(const struct film *film, uint32_t tile, uint32_t pass);
-/* Samples a pixel folded into the tile. */
+/* Units that are wanted, over all tiles and groups. */
+uint64_t film_wanted(const struct film *film);
+/* The most passes that are wanted of any tile and group. */
+uint32_t film_wanted_most(const struct film *film);
+/* Has this unit arrived (folded or waiting)? */
+int film_has(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass);
+/* Who delivered this unit; 0: it is not there. */
+uint32_t film_deliverer(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass);
+/* Samples a pixel folded into the tile: of both groups, and of one. */
 uint32_t film_tile_samples(const struct film *film, uint32_t tile);
-/* Samples folded in over all pixels of the frame, and the number when complete. */
+uint32_t film_group_samples(const struct film *film, uint32_t tile, uint32_t group);
+/* Samples folded in over all pixels of the frame, and what the cap allows. */
 uint64_t film_samples(const struct film *film);
 uint64_t film_samples_total(const struct film *film);
+/* All that is wanted is folded. */
 int film_complete(const struct film *film);
 /* Every tile has at least one pass: a preview covers the frame. */
 int film_covered(const struct film *film);
+
+/* Work, and what went wrong in it, of all that is folded. */
+const struct unit_work *film_work(const struct film *film);
+uint64_t film_rays(const struct film *film);
+uint64_t film_tile_rays(const struct film *film, uint32_t tile, uint32_t group);
+/* The largest contributions to the group on the tile. */
+void film_tail(const struct film *film, uint32_t tile, uint32_t group, struct tail *out);
+/* The group's statistics at a level; 0: it has not got there. */
+int film_level(const struct film *film, uint32_t tile, uint32_t group, uint32_t level,
+               struct film_level *out);
 
 /* How many samples the frame's pixels have. */
 struct film_coverage {
@@ -68,32 +111,45 @@ struct film_coverage {
 };
 struct film_coverage film_coverage(const struct film *film);
 
+/* ---- developing (film_develop.c) ---- */
+
 /* The mean radiance of every pixel into rgb[height][width][3]; 0 where nothing is yet. */
 void film_develop(const struct film *film, float *rgb);
+/* The same of one group. */
+void film_develop_group(const struct film *film, uint32_t group, float *rgb);
+/* The means of replicate r < REPLICATES, lines y..y+height-1, into out[height][width][3]; 0 where it has no
+ * sample. `y` is a multiple of TILE_SIZE. */
+void film_replicates(const struct film *film, uint32_t r, uint32_t y, uint32_t height, float *out);
 
 /* How many floats of a pixel film_develop_aov() gives: those that workers send, 1 for
  * AOV_SAMPLES, 3 for AOV_ERROR. */
 uint32_t film_aov_channels(enum aov aov);
 /* The AOV's values for lines y..y+height-1 into out[channels][height][film width]; 0 where nothing
- * is yet. Means over the samples; point-sampled ones as they are; AOV_SAMPLES (samples of the
- * pixel) and AOV_ERROR (standard error of the mean, from the two replicates; 0 with less than
- * two samples) are there whether the film was made for them or not, the others must be in its
- * mask. `y` is a multiple of TILE_SIZE. */
+ * is yet. Means over the samples; point-sampled ones as they are; AOV_SAMPLES (samples of the pixel) and
+ * AOV_ERROR (standard error of the mean, from the replicates that have samples; 0 where a group has one
+ * of them only) are there whether the film was made for them or not, the others must be in its mask. `y` is a multiple of TILE_SIZE. */
 void film_develop_aov(const struct film *film, enum aov aov, uint32_t y, uint32_t height,
                       float *out);
 
-/* The frame's estimated error, in pbrt's form of the relative mean squared error:
- * mean over pixels and channels of se^2 / (mean^2 + 0.01), where se^2 = (A-B)^2 / 4 from the
- * means A, B of the two replicates. NaN until every tile holds samples of both. */
-double film_relative_mse(const struct film *film);
+/* The frame's estimated error, in pbrt's form of the relative mean squared error: mean over pixels and
+ * channels of se^2 / (mean^2 + 0.01). NaN until every tile has two samples of each group that the cap
+ * gives two. */
+double film_error(const struct film *film);
 
-/* One tile's state as bytes, for the disk: fixed size for a given tile, little-endian.
- * Waiting passes are not part of it. film_tile_load refuses damaged state (ERR_CORRUPT) and
- * drops the tile's waiting passes; film_tile_peek only checks a state and tells its passes. */
+/* ---- a tile's state on disk (film_state.c) ---- */
+
+/* One tile's state as bytes, little-endian. Its length depends on what is folded, its bound does not, nor on
+ * the cap. Waiting passes are not part of it. film_tile_load refuses damaged state (ERR_CORRUPT), drops
+ * the tile's waiting passes, and the short pass of another cap; what is folded is wanted from then on.
+ * film_tile_length tells the length of the state that begins with these bytes; 0: none does.
+ * film_tile_peek only checks a state and tells its passes. */
+enum { FILM_STATE_PREFIX = 8 };
 size_t film_tile_state_size(const struct film *film, uint32_t tile);
+size_t film_tile_state_bound(const struct film *film, uint32_t tile);
+size_t film_tile_length(const uint8_t prefix[FILM_STATE_PREFIX]);
 void film_tile_save(const struct film *film, uint32_t tile, uint8_t *out);
 status film_tile_peek(const struct film *film, uint32_t tile, const uint8_t *data,
-                      size_t size_bytes, uint32_t *passes, struct error *err) MUST_CHECK;
+                      size_t size_bytes, uint32_t passes[GROUPS], struct error *err) MUST_CHECK;
 status film_tile_load(struct film *film, uint32_t tile, const uint8_t *data, size_t size_bytes,
                       struct error *err) MUST_CHECK;
 

@@ -30,35 +30,73 @@ size_t tile_aov_offset(uint32_t pixels, uint32_t aovs, enum aov aov)
     return (size_t)pixels * (PIXEL_FLOATS + aov_floats(aovs & ((1u << aov) - 1)));
 }
 
-/* The boundary at which pass `index` ends, were there no last sample. */
-static uint32_t boundary(uint32_t index)
-{
-    uint32_t end = PASS_FIRST;
+enum {
+    PASSES_DOUBLING = 4,      /* 2, 4, 8, 16: one pass a doubling, then two */
+    HALVES_FROM = 16,         /* samples at the end of those */
+    PASSES_GROWING = 22,      /* up to GROWING_SAMPLES; from there on all are of one length */
+    GROWING_SAMPLES = 8192,
+};
 
-    while (index > 0 && end < PASS_LENGTH_MAX) {
-        end *= 2;
-        index--;
-    }
-    return end + index * PASS_LENGTH_MAX;
+uint32_t unit_aovs(uint32_t aovs, uint32_t group, uint32_t pass)
+{
+    uint32_t points = 0;
+
+    for (int aov = 0; aov < AOV_COUNT; aov++)
+        points |= (uint32_t)(aov_is_point((enum aov)aov) != 0) << aov;
+    return group == 0 && pass == 0 ? aovs : aovs & ~points;
 }
 
-uint32_t pass_count(uint32_t spp)
+uint32_t pass_boundary(uint32_t index)
 {
-    uint32_t count = 1, end = PASS_FIRST;
+    uint32_t half;
 
-    while (end < spp && end < PASS_LENGTH_MAX) {
-        end *= 2;
+    if (index < PASSES_DOUBLING)
+        return 2u << index;
+    if (index >= PASSES_GROWING)
+        return GROWING_SAMPLES + (index - PASSES_GROWING + 1) * PASS_LENGTH_MAX;
+    half = index - PASSES_DOUBLING;
+    return (half % 2 ? 4u : 3u) * (HALVES_FROM / 2) << half / 2;
+}
+
+uint32_t pass_count(uint32_t spp, uint32_t group)
+{
+    uint32_t samples = group_samples(spp, group), count = 0;
+
+    if (samples > GROWING_SAMPLES)
+        return PASSES_GROWING + (samples - GROWING_SAMPLES + PASS_LENGTH_MAX - 1) / PASS_LENGTH_MAX;
+    while (samples > (count ? pass_boundary(count - 1) : 0))
         count++;
-    }
-    if (end < spp)
-        count += (spp - end + PASS_LENGTH_MAX - 1) / PASS_LENGTH_MAX;
     return count;
 }
 
-void pass_range(uint32_t spp, uint32_t index, uint32_t *begin, uint32_t *end)
+void pass_range(uint32_t spp, uint32_t group, uint32_t index, uint32_t *begin, uint32_t *end)
 {
-    *begin = index ? boundary(index - 1) : 0;
-    *end = boundary(index);
-    if (*end > spp)
-        *end = spp;
+    uint32_t samples = group_samples(spp, group);
+
+    *begin = index ? pass_boundary(index - 1) : 0;
+    *end = pass_boundary(index);
+    if (*end > samples)
+        *end = samples;
+}
+
+int pass_is_short(uint32_t spp, uint32_t group, uint32_t index)
+{
+    return pass_boundary(index) > group_samples(spp, group);
+}
+
+uint32_t level_passes(uint32_t level)
+{
+    return pass_count(GROUPS * level_samples(level), 0);
+}
+
+uint32_t level_count(uint32_t passes)
+{
+    return passes ? 31 - (uint32_t)__builtin_clz(pass_boundary(passes - 1)) : 0;
+}
+
+int level_at(uint32_t passes)
+{
+    uint32_t samples = passes ? pass_boundary(passes - 1) : 0;
+
+    return samples == 0 || samples & (samples - 1) ? -1 : (int)level_count(passes) - 1;
 }

@@ -75,12 +75,15 @@ static void run_round(struct render_scene *const scenes[KINDS],
     uint32_t tiles = tile_count(settings->width, settings->height);
 
     for (uint32_t tile = 0; tile < tiles; tile++)
-        for (uint32_t pass = 0; pass < pass_count(settings->spp); pass++) {
+        for (uint32_t unit = 0; unit < GROUPS * pass_count(settings->spp, 0); unit++) {
+            uint32_t group = unit % GROUPS, pass = unit / GROUPS;
             size_t floats[KINDS];
+            if (pass >= pass_count(settings->spp, group))
+                continue;
             for (int i = 0; i < KINDS; i++) {
                 int kind = (i + round + 1 + (int)tile) % KINDS;
                 uint64_t start = clock_thread_cpu_ns();
-                floats[kind] = render_tile(scenes[kind], frame, tile, pass, sums[kind],
+                floats[kind] = render_tile(scenes[kind], frame, tile, group, pass, sums[kind], NULL,
                                            &stats[kind]);
                 ns[kind] += clock_thread_cpu_ns() - start;
             }

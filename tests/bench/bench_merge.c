@@ -80,20 +80,23 @@ static void render_nothing(struct peer *peer, const Azulejo__Wire__LeaseGrant *g
     for (size_t i = 0; i < grant->n_units; i++) {
         Azulejo__Wire__TileResult result = AZULEJO__WIRE__TILE_RESULT__INIT;
         Azulejo__Wire__RenderStats stats = AZULEJO__WIRE__RENDER_STATS__INIT;
+        Azulejo__Wire__Work work = AZULEJO__WIRE__WORK__INIT;
         Azulejo__Wire__Envelope e = MESSAGE(TILE_RESULT, tile_result, &result);
         uint32_t begin, end;
 
-        pass_range(b->settings.spp, grant->units[i]->pass, &begin, &end);
+        pass_range(b->settings.spp, grant->units[i]->group, grant->units[i]->pass, &begin, &end);
         result.lease = grant->lease;
         result.epoch = grant->epoch;
         result.job = grant->job;
         result.frame = grant->frame;
         result.tile = grant->units[i]->tile;
+        result.group = grant->units[i]->group;
         result.pass = grant->units[i]->pass;
         result.sums.data = black;
-        result.sums.len = wire_sums_count(&b->settings, result.tile) * 4;
-        stats.samples = result.sums.len / 24 * (end - begin);
-        stats.cpu_ns = stats.samples * 50; /* as a quick renderer would: sizes the leases */
+        result.sums.len = wire_sums_count(&b->settings, result.tile, result.group, result.pass) * 4;
+        work.samples = result.sums.len / 24 * (end - begin);
+        stats.cpu_ns = work.samples * 50; /* as a quick renderer would: sizes the leases */
+        result.work = &work;
         result.stats = &stats;
         send_to(peer, &e);
         b->sent++;

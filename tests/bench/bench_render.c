@@ -46,13 +46,17 @@ static void *run(void *user)
     for (;;) {
         uint32_t unit = atomic_fetch_add(&b->next, 1);
         enum film_merge_result merged;
+        struct unit_result result = {.tile = unit % b->tiles, .group = unit / b->tiles % GROUPS,
+                                     .pass = unit / b->tiles / GROUPS, .sums = sums};
         struct error err;
-        size_t n;
-        if (unit >= b->tiles * b->passes)
+        if (unit >= b->tiles * GROUPS * b->passes)
             break;
-        n = render_tile(b->scene, b->frame, unit % b->tiles, unit / b->tiles, sums, &stats);
+        if (result.pass >= film_pass_count(b->film, result.group))
+            continue;
+        result.count = render_tile(b->scene, b->frame, result.tile, result.group, result.pass, sums,
+                                   &result.tail, &stats);
         pthread_mutex_lock(&b->lock);
-        if (film_merge(b->film, unit % b->tiles, unit / b->tiles, sums, n, &merged, &err) != STATUS_OK) {
+        if (film_merge(b->film, &result, 0, &merged, &err) != STATUS_OK) {
             fprintf(stderr, "bench_render: %s\n", err.text);
             exit(1);
         }
@@ -151,10 +155,13 @@ int main(int argc, char **argv)
     b.scene = scene;
     b.frame = (uint32_t)frame;
     b.tiles = tile_count(width, height);
-    b.passes = pass_count(b.settings.spp);
+    b.passes = pass_count(b.settings.spp, 0);
     b.film = film_new_aovs(width, height, b.settings.spp, b.settings.aovs);
     if (!b.film)
         return 1;
+    film_want_all(b.film);
+    for (uint32_t g = 0; g < GROUPS; g++)
+        film_freeze(b.film, g, NULL);
     render_measure_trace(trace);
     start = clock_monotonic_ns();
     for (int64_t i = 0; i < threads; i++)
@@ -179,7 +186,7 @@ int main(int argc, char **argv)
            trace ? (double)b.stats.trace_ns * 1e-9 / cpu : 0.0, cpu, wall,
            (double)info.build_ns * 1e-9, (double)usage.ru_maxrss / 1024,
            (double)(info.mesh_bytes + info.texture_bytes + info.bvh_bytes) / (1 << 20),
-           film_relative_mse(b.film), (unsigned long long)b.stats.dropped_samples,
+           film_error(b.film), (unsigned long long)b.stats.dropped_samples,
            (unsigned long long)b.stats.leaked_rays);
     if (out) {
         struct image image;

@@ -97,7 +97,7 @@ int main(int argc, char **argv)
             for (uint32_t i = 0; i < SAMPLES; i++) {
                 struct sampler sampler;
                 struct ray ray;
-                sampler_start(&sampler, 0, 0, x, y, i);
+                sampler_start(&sampler, 0, 0, x, y, 0, i);
                 camera_ray(&scenes[0]->camera, x, y, &sampler, &ray);
                 follow(scenes, ray, &sampler, &tally);
             }

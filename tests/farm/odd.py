@@ -46,7 +46,7 @@ class OddPeer(Program):
             pass  # it ended before; what it printed tells why
 
     def grant(self, limit_s=30.0):
-        """Wait for work; {"lease": .., "epoch": .., "job": .., "frame": .., "units": [(tile, pass)]}."""
+        """Wait for work; {"lease": .., "epoch": .., "job": .., "frame": .., "units": [(tile, group, pass)]}."""
         fields = dict(f.split("=") for f in self.wait_line("grant ", limit_s).split())
         units = [tuple(map(int, u.split(":"))) for u in fields.pop("units").split(",")]
         return dict({k: int(v) for k, v in fields.items()}, units=units)

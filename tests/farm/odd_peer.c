@@ -54,8 +54,8 @@ struct peer {
     int mute, over;
     /* the last grant */
     uint64_t lease, epoch, job;
-    uint32_t frame, width, height, unit_count;
-    struct { uint32_t tile, pass; } units[UNITS_MAX];
+    uint32_t frame, width, height, spp, unit_count;
+    struct { uint32_t tile, group, pass; } units[UNITS_MAX];
 };
 
 /* Only our own mistakes: what the coordinator does is printed, never judged here. */
@@ -167,11 +167,13 @@ static void send_result(struct peer *p, char *const words[], int count)
 {
     Azulejo__Wire__TileResult result = AZULEJO__WIRE__TILE_RESULT__INIT;
     Azulejo__Wire__RenderStats stats = AZULEJO__WIRE__RENDER_STATS__INIT;
+    Azulejo__Wire__Work work = AZULEJO__WIRE__WORK__INIT;
     Azulejo__Wire__Envelope e = MESSAGE(TILE_RESULT, tile_result, &result);
     uint32_t unit = (uint32_t)number_of(words, count, "unit", 0);
     const char *fill = value_of(words, count, "fill");
     float value = fill ? strtof(fill, NULL) : 0.25f;
     struct tile_rect rect;
+    uint32_t begin, end;
     size_t floats;
     float *sums;
     uint8_t *bytes;
@@ -179,7 +181,7 @@ static void send_result(struct peer *p, char *const words[], int count)
     if (unit >= p->unit_count)
         die("no such unit was granted");
     rect = tile_rect_of(p->width, p->height, p->units[unit].tile);
-    floats = number_of(words, count, "floats", REPLICATES * 3 * rect.width * rect.height);
+    floats = number_of(words, count, "floats", PIXEL_FLOATS * rect.width * rect.height);
     sums = malloc((floats + 1) * sizeof *sums);
     bytes = malloc((floats + 1) * 4);
     if (!sums || !bytes)
@@ -187,13 +189,18 @@ static void send_result(struct peer *p, char *const words[], int count)
     for (size_t i = 0; i < floats; i++)
         sums[i] = value;
     wire_sums_set(bytes, sums, floats);
-    stats.samples = (uint64_t)rect.width * rect.height;
+    pass_range(p->spp, p->units[unit].group, p->units[unit].pass, &begin, &end);
+    work.samples = number_of(words, count, "samples",
+                             (uint64_t)rect.width * rect.height * (end - begin));
+    work.rays = number_of(words, count, "rays", 0);
+    result.work = &work;
     stats.cpu_ns = 1000000;
     result.lease = number_of(words, count, "lease", p->lease);
     result.epoch = number_of(words, count, "epoch", p->epoch);
     result.job = number_of(words, count, "job", p->job);
     result.frame = (uint32_t)number_of(words, count, "frame", p->frame);
     result.tile = (uint32_t)number_of(words, count, "tile", p->units[unit].tile);
+    result.group = (uint32_t)number_of(words, count, "group", p->units[unit].group);
     result.pass = (uint32_t)number_of(words, count, "pass", p->units[unit].pass);
     result.sums.data = bytes;
     result.sums.len = floats * 4;
@@ -236,6 +243,7 @@ static void return_unit(struct peer *p, char *const words[], int count)
     if (index >= p->unit_count)
         die("no such unit was granted");
     unit.tile = p->units[index].tile;
+    unit.group = p->units[index].group;
     unit.pass = p->units[index].pass;
     back.lease = p->lease;
     back.n_units = 1;
@@ -358,6 +366,7 @@ static void take_grant(struct peer *p, const Azulejo__Wire__LeaseGrant *grant)
     p->epoch = grant->epoch;
     p->job = grant->job;
     p->frame = grant->frame;
+    p->spp = grant->settings ? grant->settings->spp : 0;
     p->width = grant->settings ? grant->settings->width : 0;
     p->height = grant->settings ? grant->settings->height : 0;
     p->unit_count = grant->n_units < UNITS_MAX ? (uint32_t)grant->n_units : UNITS_MAX;
@@ -365,8 +374,9 @@ static void take_grant(struct peer *p, const Azulejo__Wire__LeaseGrant *grant)
            p->epoch, p->job, p->frame);
     for (uint32_t i = 0; i < p->unit_count; i++) {
         p->units[i].tile = grant->units[i]->tile;
+        p->units[i].group = grant->units[i]->group;
         p->units[i].pass = grant->units[i]->pass;
-        printf("%s%u:%u", i ? "," : "", p->units[i].tile, p->units[i].pass);
+        printf("%s%u:%u:%u", i ? "," : "", p->units[i].tile, p->units[i].group, p->units[i].pass);
     }
     printf("\n");
 }

@@ -30,23 +30,23 @@ static void use_grant(const Azulejo__Wire__LeaseGrant *grant)
     if (wire_settings_get(&settings, grant->settings, UINT32_MAX, NULL) != STATUS_OK)
         return;
     for (size_t i = 0; i < grant->n_units; i++) {
-        uint32_t tile = grant->units[i]->tile;
-        if (wire_unit_check(tile, grant->units[i]->pass, &settings, NULL) == STATUS_OK &&
-            wire_sums_count(&settings, tile) > TILE_FLOATS_MAX)
+        uint32_t tile = grant->units[i]->tile, group = grant->units[i]->group;
+        uint32_t pass = grant->units[i]->pass;
+        if (wire_unit_check(tile, group, pass, &settings, NULL) == STATUS_OK &&
+            wire_sums_count(&settings, tile, group, pass) > TILE_FLOATS_MAX)
             abort();
     }
 }
 
 static void use_result(const Azulejo__Wire__TileResult *result)
 {
-    struct render_settings settings;
-    float sums[TILE_FLOATS_MAX];
-    size_t count;
+    struct unit_work work;
+    struct tail tail;
 
-    render_settings_default(&settings);
-    if (wire_sums_get(sums, &count, &result->sums, &settings, result->tile, NULL) == STATUS_OK &&
-        count > TILE_FLOATS_MAX)
+    wire_work_get(&work, result->work);
+    if (wire_tail_get(&tail, &result->tail, NULL) == STATUS_OK && tail.count > TAIL_MAX)
         abort();
+    (void)tail_is_valid(&tail, TILE_PIXELS_MAX);
 }
 
 static void use_message(const Azulejo__Wire__Envelope *e)

@@ -199,7 +199,7 @@ static int is_lit(struct shooter *sh, const struct ray *ray)
     struct sampler sampler;
     struct vec3 light;
 
-    sampler_start(&sampler, 1, 0, 0, 0, 0);
+    sampler_start(&sampler, 1, 0, 0, 0, 0, 0);
     light = path_radiance(sh->scene, &sampler, *ray, cone, NULL, &sh->stats);
     return !(light.x == 0);
 }

@@ -514,16 +514,8 @@ static void render_frame(const struct feature *f, const struct render_scene *sce
                          struct film *film)
 {
     struct render_stats stats = {0};
-    struct error err = {0};
 
-    for (uint32_t tile = 0; tile < film_tile_count(film); tile++)
-        for (uint32_t pass = 0; pass < film_pass_count(film); pass++) {
-            float sums[TILE_FLOATS_MAX];
-            size_t count = render_tile(scene, f->frame, tile, pass, sums, &stats);
-            enum film_merge_result merged;
-            if (film_merge(film, tile, pass, sums, count, &merged, &err) != STATUS_OK)
-                fail_now(f->path, err.text);
-        }
+    imported_render_film(scene, f->frame, film, &stats);
     if (stats.dropped_samples > 0)
         fail_now(f->path, "samples that are not finite");
 }

@@ -99,7 +99,7 @@ static void track(const struct world_medium *medium, const struct ray *ray, uint
         struct medium_event event;
         struct vec3 t;
 
-        sampler_start(&sampler, 42, 0, 7, 9, i);
+        sampler_start(&sampler, 42, 0, 7, 9, 0, i);
         a = (struct medium_random){&sampler, 1, 0};
         b = (struct medium_random){&sampler, 2, 0};
         t = medium_transmittance(medium, ray, &a);

@@ -6,6 +6,7 @@
 
 #include "client/import/import.h"
 #include "common/scene/settings.h"
+#include "common/film/film.h"
 #include "worker/render/render.h"
 
 /* The blobs of an import; `import` must outlive it. */
@@ -26,6 +27,9 @@ struct render_scene *imported_build(struct import_result *import,
 struct render_settings imported_settings(uint32_t width, uint32_t height, uint32_t spp);
 
 /* The mean picture [height][width][3] of one frame. */
+/* Merge every unit that the film's cap allows; counts are added to *stats. */
+void imported_render_film(const struct render_scene *scene, uint32_t frame, struct film *film,
+                          struct render_stats *stats);
 void imported_render_scene(const struct render_scene *scene, const struct render_settings *settings,
                            uint32_t frame, float *picture);
 void imported_render(struct import_result *import, const struct render_settings *settings,

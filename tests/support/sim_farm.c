@@ -41,7 +41,7 @@ static void on_ack(void *user, uint32_t session, const struct job *job, uint32_t
         for (size_t i = worker->unit_count; i-- > 0;) {
             const struct sim_unit *u = &worker->units[i];
             if (u->sent && u->job == job->id && u->frame == frame && u->name.tile == unit.tile &&
-                u->name.pass == unit.pass)
+                u->name.group == unit.group && u->name.pass == unit.pass)
                 sim_forget(worker, i);
         }
     }
@@ -245,11 +245,11 @@ size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_nam
                 uint8_t *out)
 {
     struct tile_rect rect = tile_rect_of(width, height, name.tile);
-    size_t count = (size_t)REPLICATES * rect.width * rect.height * 3;
+    size_t count = (size_t)GROUP_REPLICATES * rect.width * rect.height * 3;
 
     for (size_t i = 0; i < count; i++) {
         uint32_t h = (uint32_t)i * 2654435761u ^ name.tile * 40503u ^
-                     (name.pass + 1) * 2246822519u ^ frame * 97u;
+                     (name.pass * GROUPS + name.group + 1) * 2246822519u ^ frame * 97u;
         float value;
         h ^= h >> 15;
         h *= 2246822519u;
@@ -260,27 +260,33 @@ size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_nam
     return 4 * count;
 }
 
-enum merge_outcome sim_send(struct sim *sim, struct sim_worker *worker, size_t i, uint64_t cost_ns)
+struct tile_result sim_result(const struct sim *sim, const struct sim_unit *unit,
+                              uint8_t sums[TILE_FLOATS_MAX * 4])
 {
-    static uint8_t sums[TILE_FLOATS_MAX * 4];
-    struct sim_unit *unit = &worker->units[i];
     const struct job *job = queue_find(&sim->farm.queue, unit->job);
-    enum merge_outcome outcome = MERGE_PENDING;
     struct tile_result result = {.lease = unit->lease, .epoch = unit->epoch, .job = unit->job,
-                                 .frame = unit->frame, .tile = unit->name.tile,
-                                 .pass = unit->name.pass, .sums = sums};
+                                 .frame = unit->frame, .unit = unit->name, .sums = sums};
     struct tile_rect rect;
-    struct error err = {0};
     uint32_t begin, end;
 
     assert_non_null(job);
     rect = tile_rect_of(job->settings.width, job->settings.height, unit->name.tile);
-    pass_range(job->settings.spp, unit->name.pass, &begin, &end);
-    result.stats.samples = (uint64_t)rect.width * rect.height * (end - begin);
-    result.stats.cpu_ns = result.stats.samples * cost_ns;
+    pass_range(job->settings.spp, unit->name.group, unit->name.pass, &begin, &end);
+    result.work.samples = (uint64_t)rect.width * rect.height * (end - begin);
     result.sums_bytes = sim_sums(job->settings.width, job->settings.height, unit->frame, unit->name,
                                  sums);
-    unit->sent = 1;
+    return result;
+}
+
+enum merge_outcome sim_send(struct sim *sim, struct sim_worker *worker, size_t i, uint64_t cost_ns)
+{
+    static uint8_t sums[TILE_FLOATS_MAX * 4];
+    struct tile_result result = sim_result(sim, &worker->units[i], sums);
+    enum merge_outcome outcome = MERGE_PENDING;
+    struct error err = {0};
+
+    result.stats.cpu_ns = result.work.samples * cost_ns;
+    worker->units[i].sent = 1;
     if (merge_result(&sim->farm, &worker->worker, &result, sim->now_ns, &outcome, &err) !=
         STATUS_OK)
         fail_msg("%s", err.text);
@@ -344,31 +350,51 @@ int sim_make_picture(struct sim *sim)
     return 1;
 }
 
+/* Merge what the film has of a tile's group into `reference`, in order. */
+static void merge_in_order(struct film *reference, const struct film *film, uint32_t number,
+                           struct unit_name name)
+{
+    static uint8_t bytes[TILE_FLOATS_MAX * 4];
+    static float sums[TILE_FLOATS_MAX];
+
+    /* A frame that was cut short holds fewer. */
+    for (; name.pass < film_tile_passes(film, name.tile, name.group); name.pass++) {
+        struct unit_result unit = {.tile = name.tile, .group = name.group, .pass = name.pass,
+                                   .sums = sums};
+        struct tile_rect rect = tile_rect_of(film_width(film), film_height(film), name.tile);
+        enum film_merge_result result;
+        uint32_t begin, end;
+
+        unit.count = sim_sums(film_width(film), film_height(film), number, name, bytes) / 4;
+        memcpy(sums, bytes, unit.count * 4);
+        pass_range(film_spp(film), name.group, name.pass, &begin, &end);
+        unit.work.samples = (uint64_t)rect.width * rect.height * (end - begin);
+        assert_int_equal(film_merge(reference, &unit,
+                                    film_deliverer(film, name.tile, name.group, name.pass), &result,
+                                    NULL),
+                         STATUS_OK);
+    }
+}
+
 int sim_frame_is_right(const struct job *job, uint32_t number, const struct film *film)
 {
     const struct render_settings *s = &job->settings;
     struct film *reference = film_new(s->width, s->height, s->spp);
-    static uint8_t bytes[TILE_FLOATS_MAX * 4];
-    static float sums[TILE_FLOATS_MAX];
     int same = film_complete(film) || job->state == JOB_STATE_CANCELLING;
 
     assert_non_null(reference);
-    for (uint32_t t = 0; t < film_tile_count(reference); t++) {
-        for (uint32_t p = 0; p < film_pass_count(reference); p++) {
-            enum film_merge_result result;
-            size_t size;
-            if (p >= film_tile_passes(film, t))
-                break; /* a frame that was cut short holds fewer */
-            size = sim_sums(s->width, s->height, number, (struct unit_name){t, p}, bytes);
-            memcpy(sums, bytes, size);
-            assert_int_equal(film_merge(reference, t, p, sums, size / 4, &result, NULL), STATUS_OK);
-        }
+    film_want_all(reference);
+    for (uint32_t g = 0; g < GROUPS; g++) {
+        film_freeze(reference, g, &(struct film_codes){film_codes_plain, NULL});
+        for (uint32_t t = 0; t < film_tile_count(reference); t++)
+            merge_in_order(reference, film, number, (struct unit_name){t, g, 0});
     }
     for (uint32_t t = 0; t < film_tile_count(reference) && same; t++) {
         size_t size = film_tile_state_size(reference, t);
         uint8_t *a = malloc(size), *b = malloc(size);
         assert_non_null(a);
         assert_non_null(b);
+        assert_int_equal(film_tile_state_size(film, t), size);
         film_tile_save(reference, t, a);
         film_tile_save(film, t, b);
         same = memcmp(a, b, size) == 0;

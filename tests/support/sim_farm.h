@@ -78,6 +78,9 @@ void sim_die(struct sim *sim, unsigned index);
 /* Ask for leases with so much room; returns how many units came. */
 size_t sim_grant(struct sim *sim, struct sim_worker *worker, uint32_t room);
 /* Send the result of the worker's i-th unit; cost_ns: CPU time of one pixel sample. */
+/* Its result, whose sums are in `sums`. */
+struct tile_result sim_result(const struct sim *sim, const struct sim_unit *unit,
+                              uint8_t sums[TILE_FLOATS_MAX * 4]);
 enum merge_outcome sim_send(struct sim *sim, struct sim_worker *worker, size_t i, uint64_t cost_ns);
 /* Take the unit out of the worker's list. */
 void sim_forget(struct sim_worker *worker, size_t i);

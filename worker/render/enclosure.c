@@ -28,7 +28,7 @@ static int escapes(const struct render_scene *scene, uint32_t x, uint32_t y, uin
     struct hit hit;
     struct ray ray;
 
-    sampler_start(&sampler, 0, scene->frame, x, y, sample);
+    sampler_start(&sampler, 0, scene->frame, x, y, 0, sample);
     camera_ray(&scene->camera, x, y, &sampler, &ray);
     for (uint32_t depth = 0; depth < ENCLOSURE_DEPTH; depth++) {
         uint32_t dimension = DIMENSION_VERTEX + depth * DIMENSIONS_PER_VERTEX;

@@ -50,8 +50,8 @@ uint64_t render_effects(const struct render_scene *scene)
     return scene->effects;
 }
 
-size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t pass,
-                   float *sums, struct render_stats *stats)
+size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t group,
+                   uint32_t pass, float *sums, struct tail *tail, struct render_stats *stats)
 {
-    return scene->kernel->tile_render(scene, frame, tile, pass, sums, stats);
+    return scene->kernel->tile_render(scene, frame, tile, group, pass, sums, tail, stats);
 }

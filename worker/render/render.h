@@ -4,7 +4,7 @@
  * be shot at; render_tile renders one work unit of it. A render_scene is immutable: any
  * number of threads may render from it at once, each with its own scratch.
  * The result of render_tile is a pure function of the scene, the settings, the frame, the
- * tile and the pass.
+ * tile, the group and the pass.
  */
 #ifndef AZULEJO_RENDER_RENDER_H
 #define AZULEJO_RENDER_RENDER_H
@@ -13,7 +13,7 @@
 #include <stdint.h>
 
 #include "common/base/status.h"
-#include "common/film/tiles.h"
+#include "common/film/unit.h"
 #include "common/scene/scene.h"
 #include "common/scene/settings.h"
 
@@ -31,6 +31,7 @@ struct render_stats {
     uint64_t samples, rays, vertices;
     uint64_t leaked_rays;       /* slipped through at a vertex of something closed: traced again */
     uint64_t dropped_samples;   /* not finite: counted, replaced by black */
+    uint64_t clamped_values;    /* sums beyond what a float holds */
     uint64_t trace_ns;          /* inside Embree; 0 unless measured (render_measure_trace) */
 };
 
@@ -54,13 +55,13 @@ void render_memory_limit(uint64_t bytes);
 
 void render_scene_info(const struct render_scene *scene, struct render_scene_info *info);
 
-/* Render samples of pass `pass` of tile `tile` of frame `frame` into `sums`:
- * [REPLICATES][pixels of the tile, row-major][3] float32 sums of radiance (not means), then
- * for each AOV of the settings, in the enum's order, [pixels][its channels]: sums for means;
- * for point-sampled ones the value of sample 0, and 0 in all passes but the first.
- * Returns how many floats were written, tile_floats(...) <= TILE_FLOATS_MAX. Adds to *stats. */
-size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t pass,
-                   float *sums, struct render_stats *stats);
+/* Render pass `pass` of group `group` of tile `tile` of frame `frame` into `sums`:
+ * [GROUP_REPLICATES][pixels of the tile, row-major][3] float32 sums of radiance (not means), then
+ * for each AOV of the unit (unit_aovs), in the enum's order, [pixels][its channels]: sums for means, the
+ * value of sample 0 for point-sampled ones. *tail gets the largest contributions to it; NULL: they are not
+ * wanted. Returns how many floats were written, tile_floats(...) <= TILE_FLOATS_MAX. Adds to *stats. */
+size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t group,
+                   uint32_t pass, float *sums, struct tail *tail, struct render_stats *stats);
 
 /* Run the general kernel instead of the smallest that covers the scene: for the tests that
  * show that both give the same bits, and for the benchmarks. */

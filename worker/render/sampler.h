@@ -2,8 +2,8 @@
  *
  * Owen-scrambled Sobol' (0,2)-sequences, padded: every pair of dimensions is its own
  * two-dimensional sequence with its own index shuffle and scrambles (Burley 2020, JCGT
- * 9(4); the hash is Vegdahl's). Sample i belongs to replicate i mod 2 and is point i / 2
- * of that replicate's own, independently scrambled sequence (refs: Owen 2501.00150).
+ * 9(4); the hash is Vegdahl's). Sample i of group g belongs to replicate 2g + i mod 2 and is point
+ * i / 2 of that replicate's own, independently scrambled sequence (refs: Owen 2501.00150).
  * The path asks for dimensions by name, so that one decision's numbers never depend on
  * how many another took.
  *
@@ -40,7 +40,7 @@ enum dimension {
 };
 
 void sampler_start(struct sampler *s, uint64_t job_seed, uint32_t frame, uint32_t pixel_x,
-                   uint32_t pixel_y, uint32_t sample);
+                   uint32_t pixel_y, uint32_t group, uint32_t sample);
 
 /* The two numbers of dimension pair `pair`. */
 static inline struct sample2 sampler_get(const struct sampler *s, uint32_t pair);

@@ -22,10 +22,9 @@ static float tile_depth(const struct render_scene *scene, const struct ray *ray,
 }
 
 /* One sample's output variables, added to the pixel's `values` in the enum's order. */
-static void tile_aovs(const struct render_scene *scene, const struct ray *ray,
+static void tile_aovs(const struct render_scene *scene, uint32_t mask, const struct ray *ray,
                       const struct path_record *record, int first, double *values)
 {
-    uint32_t mask = scene->settings.aovs;
     float sample[AOV_FLOATS_MAX], motion[2] = {0, 0};
     uint32_t at = 0;
 
@@ -78,47 +77,54 @@ static void tile_aovs(const struct render_scene *scene, const struct ray *ray,
     }
 }
 
-static float tile_float(double sum)
+static float tile_float(double sum, struct render_stats *stats)
 {
-    return (float)(sum < (double)FLT_MAX ? sum : (double)FLT_MAX);
+    if (sum < (double)FLT_MAX)
+        return (float)sum;
+    stats->clamped_values++;
+    return FLT_MAX;
 }
+
 
 /* Several of a pixel's samples begin together: each one's arithmetic is a chain of steps that wait
  * for one another, and chains side by side wait together. */
 static void tile_start(const struct render_scene *scene, uint32_t frame, uint32_t x, uint32_t y,
-                       uint32_t first, uint32_t count, struct sampler *samplers, struct ray *rays)
+                       uint32_t group, uint32_t first, uint32_t count, struct sampler *samplers,
+                       struct ray *rays)
 {
     STAGE(CAMERA);
     for (uint32_t k = 0; k < count; k++)
-        sampler_start(&samplers[k], scene->settings.seed, frame, x, y, first + k);
+        sampler_start(&samplers[k], scene->settings.seed, frame, x, y, group, first + k);
     for (uint32_t k = 0; k < count; k++)
         camera_ray(&scene->camera, x, y, &samplers[k], &rays[k]);
 }
 
-size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t pass,
-                   float *sums, struct render_stats *stats)
+size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t group,
+                   uint32_t pass, float *sums, struct tail *tail, struct render_stats *stats)
 {
     const struct render_settings *settings = &scene->settings;
     struct tile_rect rect = tile_rect_of(settings->width, settings->height, tile);
     size_t pixels = (size_t)rect.width * rect.height, index = 0;
-    size_t aov_base = REPLICATES * pixels * 3;
-    uint32_t begin, end, extra = aov_floats(settings->aovs);
+    size_t aov_base = GROUP_REPLICATES * pixels * 3;
+    uint32_t begin, end, aovs = unit_aovs(settings->aovs, group, pass), extra = aov_floats(aovs);
     struct camera_cone cone = camera_cone(&scene->camera);
     struct sampler samplers[TILE_BATCH];
     struct ray rays[TILE_BATCH];
 
-    pass_range(settings->spp, pass, &begin, &end);
+    pass_range(settings->spp, group, pass, &begin, &end);
+    if (tail)
+        tail->count = 0;
     charge_set(CHARGE_NOBODY);
     for (uint32_t y = rect.y; y < rect.y + rect.height; y++)
         for (uint32_t x = rect.x; x < rect.x + rect.width; x++, index++) {
-            double sum[REPLICATES][3] = {{0}}, values[AOV_FLOATS_MAX] = {0};
+            double sum[GROUP_REPLICATES][3] = {{0}}, values[AOV_FLOATS_MAX] = {0};
             for (uint32_t i = begin, at = 0, ready = 0; i < end; i++, at++) {
                 struct path_record record;
                 struct vec3 radiance;
                 if (at == ready) {
                     at = 0;
                     ready = end - i < TILE_BATCH ? end - i : TILE_BATCH;
-                    tile_start(scene, frame, x, y, i, ready, samplers, rays);
+                    tile_start(scene, frame, x, y, group, i, ready, samplers, rays);
                 }
                 if (extra)
                     memset(&record, 0, sizeof record);
@@ -128,23 +134,26 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                 charge_set(CHARGE_NOBODY);
                 stats->samples++;
                 if (extra)
-                    tile_aovs(scene, &rays[at], &record, i == 0, values);
+                    tile_aovs(scene, aovs, &rays[at], &record, i == 0, values);
                 if (!vec3_is_finite(radiance)) {
                     stats->dropped_samples++;
                     continue;
                 }
-                sum[i % REPLICATES][0] += (double)radiance.x;
-                sum[i % REPLICATES][1] += (double)radiance.y;
-                sum[i % REPLICATES][2] += (double)radiance.z;
+                sum[i % GROUP_REPLICATES][0] += (double)radiance.x;
+                sum[i % GROUP_REPLICATES][1] += (double)radiance.y;
+                sum[i % GROUP_REPLICATES][2] += (double)radiance.z;
+                if (tail)
+                    tail_add(tail, vec3_luminance(radiance), (uint32_t)index);
             }
-            for (int r = 0; r < REPLICATES; r++)
+            for (int r = 0; r < GROUP_REPLICATES; r++)
                 for (int c = 0; c < 3; c++)
-                    sums[((size_t)r * pixels + index) * 3 + (size_t)c] = tile_float(sum[r][c]);
+                    sums[((size_t)r * pixels + index) * 3 + (size_t)c] =
+                        tile_float(sum[r][c], stats);
             for (uint32_t aov = 0, at = 0; aov < AOV_COUNT; aov++) {
-                uint32_t channels = settings->aovs >> aov & 1 ? aov_channels((enum aov)aov) : 0;
+                uint32_t channels = aovs >> aov & 1 ? aov_channels((enum aov)aov) : 0;
                 for (uint32_t c = 0; c < channels; c++)
                     sums[aov_base + at * pixels + index * channels + c] =
-                        tile_float(values[at + c]);
+                        tile_float(values[at + c], stats);
                 at += channels;
             }
         }

@@ -64,17 +64,18 @@ static int tear_down(void **state)
     return 0;
 }
 
-/* A job of two frames of 4 tiles and 4 passes, of which tile 0 of frame 1 has two passes merged, tile
- * 1 one, and tile 2 one that waits for the pass before it. */
+/* A job of two frames of 4 tiles and 4 passes of either group, of which tile 0 of frame 1 has one pass of
+ * both groups merged, tile 1 one, and tile 2 one that waits for the pass before it. */
 static struct job *begin_job(struct fixture *f, struct sim_worker *worker)
 {
     struct job *job = sim_submit(f->sim, 32, 32, 32, 1, 2, 0);
-    static const struct unit_name done[] = {{0, 0}, {0, 1}, {1, 0}, {2, 1}};
+    static const struct unit_name done[] = {{0, 0, 0}, {0, 1, 0}, {1, 0, 0}, {2, 0, 1}};
 
     assert_true(sim_grant(f->sim, worker, 16) == 16);
     for (size_t i = 0; i < sizeof done / sizeof done[0]; i++)
         for (size_t u = 0; u < worker->unit_count; u++)
             if (worker->units[u].name.tile == done[i].tile &&
+                worker->units[u].name.group == done[i].group &&
                 worker->units[u].name.pass == done[i].pass && worker->units[u].frame == 1)
                 assert_int_equal(sim_send(f->sim, worker, u, 100), MERGE_PENDING);
     return job;
@@ -87,12 +88,12 @@ static void check_cut(const struct job *job)
     assert_false(job_frame_is_done(job, 2));
     assert_int_equal(job->cut_count, 1);
     assert_int_equal(job->cuts[0].frame, 1);
-    assert_int_equal(job->cuts[0].coverage.samples, 256 * (8 + 4));
+    assert_int_equal(job->cuts[0].coverage.samples, 256 * (4 + 2));
     assert_int_equal(job->cuts[0].coverage.least, 0);
-    assert_int_equal(job->cuts[0].coverage.most, 8);
+    assert_int_equal(job->cuts[0].coverage.most, 4);
     assert_int_equal(job->cuts[0].coverage.tiles, 4);
     assert_int_equal(job->cuts[0].coverage.tiles_empty, 2);
-    assert_int_equal(job->samples_done, 256 * (8 + 4));
+    assert_int_equal(job->samples_done, 256 * (4 + 2));
 }
 
 static void a_cancelled_job_makes_its_picture(void **state)

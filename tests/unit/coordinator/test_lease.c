@@ -27,7 +27,7 @@ struct fixture {
 static void set_up(struct fixture *f)
 {
     memset(f, 0, sizeof *f);
-    f->job = sim_job(64, 48, 12, 1, 1, 0); /* 12 tiles, 3 passes */
+    f->job = sim_job(64, 48, 12, 1, 1, 0); /* 12 tiles, 3 passes of 2 groups */
     f->frame = job_frame_new(f->job, 1, 64, 48, 12, 0, NULL);
     assert_non_null(f->frame);
     lease_table_init(&f->table, 1000, DURATION_NS);
@@ -72,15 +72,16 @@ static void units_are_granted_in_passes_and_once(void **state)
 
     (void)state;
     set_up(&f);
-    for (uint32_t i = 0; i < 36; i++) {
-        assert_int_equal(job_frame_unleased(f.frame), 36 - i);
+    for (uint32_t i = 0; i < 72; i++) {
+        assert_int_equal(job_frame_unleased(f.frame), 72 - i);
         assert_true(job_frame_take(f.frame, &unit));
-        assert_int_equal(unit.pass, i / 12);
+        assert_int_equal(unit.pass, i / 24);
+        assert_int_equal(unit.group, i / 12 % 2);
         assert_int_equal(unit.tile, i % 12);
         assert_non_null(lease_grant(&f.table, f.frame, &f.a, &unit, 1, T0));
     }
     assert_false(job_frame_take(f.frame, &unit));
-    assert_int_equal(f.a.units, 36);
+    assert_int_equal(f.a.units, 72);
     assert_int_equal(f.a.samples, 64 * 48 * 12);
     tear_down(&f);
 }
@@ -141,7 +142,7 @@ static void the_last_unit_settled_ends_every_holder(void **state)
     slow_id = slow->id;
     fast = lease_grant(&f.table, f.frame, &f.b, &unit, 1, T0 + 5);
     assert_non_null(fast);
-    assert_int_equal(job_frame_unit_find(f.frame, unit.tile, unit.pass)->holder_count, 2);
+    assert_int_equal(job_frame_unit_find(f.frame, unit)->holder_count, 2);
     assert_int_equal(f.frame->outstanding_count, 1);
     lease_settle_unit(&f.table, f.frame, unit, 2, on_other, &f);
     assert_int_equal(f.told_session, 1);
@@ -195,7 +196,7 @@ static void a_dead_worker_leaves_nothing_behind(void **state)
         assert_non_null(lease_grant(&f.table, f.frame, &f.a, &unit, 1, T0));
         seen++;
     }
-    assert_int_equal(seen, 26);
+    assert_int_equal(seen, 62);
     tear_down(&f);
 }
 
@@ -211,7 +212,7 @@ static void memory_faults_lose_no_unit(void **state)
         uint32_t rounds = 0;
         set_up(&f);
         mem_fault_arm(successes++, 2);
-        while (f.frame->outstanding_count < 36 && rounds++ < 200) {
+        while (f.frame->outstanding_count < 72 && rounds++ < 200) {
             uint32_t count = 0;
             struct lease *lease;
             while (count < 4 && job_frame_take(f.frame, &units[count]))
@@ -224,7 +225,7 @@ static void memory_faults_lose_no_unit(void **state)
         }
         failures = mem_fault_count();
         mem_fault_arm(-1, 0);
-        assert_int_equal(f.frame->outstanding_count, 36);
+        assert_int_equal(f.frame->outstanding_count, 72);
         tear_down(&f);
     } while (failures > 0);
     assert_true(successes > 20);

@@ -21,7 +21,7 @@
 #include "coordinator/store_film.h"
 #include "tests/support/sim_farm.h"
 
-enum { WIDTH = 40, HEIGHT = 24, SPP = 100, FRAMES = 3 }; /* 6 tiles, edges on two sides, 6 passes */
+enum { WIDTH = 40, HEIGHT = 24, SPP = 100, FRAMES = 3 }; /* 6 tiles, edges on two sides, 8 passes of 2 groups */
 
 static void make_folder(char path[64])
 {
@@ -75,33 +75,23 @@ static void a_repeated_result_is_kept_or_pending(void **state)
     assert_int_equal(sim->acks, 2);
     worker->units[worker->unit_count++] = copy;
     assert_int_equal(sim_send(sim, worker, worker->unit_count - 1, 100), MERGE_KEPT);
-    assert_int_equal(job->stats.samples, 16 * 16 * 4); /* counted once */
+    assert_int_equal(film_work(job->frames->film)->samples, 16 * 16 * 2); /* counted once */
     assert_int_equal(job->conflicts, 0);
     sim_free(sim);
-}
-
-static struct tile_result make_result(const struct sim_unit *unit, uint8_t *sums)
-{
-    struct tile_result r = {.lease = unit->lease, .epoch = unit->epoch, .job = unit->job,
-                            .frame = unit->frame, .tile = unit->name.tile, .pass = unit->name.pass,
-                            .sums = sums};
-
-    r.sums_bytes = sim_sums(WIDTH, HEIGHT, unit->frame, unit->name, sums);
-    return r;
 }
 
 static void a_conflict_is_reported_and_the_first_kept(void **state)
 {
     struct sim *sim = sim_new(NULL, 1);
-    struct sim_worker *worker = sim_connect(sim, 0, 64);
+    struct sim_worker *worker = sim_connect(sim, 0, 96);
     struct job *job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
     uint8_t sums[TILE_FLOATS_MAX * 4];
     struct tile_result result;
     enum merge_outcome outcome;
 
     (void)state;
-    sim_grant(sim, worker, 64);
-    result = make_result(&worker->units[0], sums);
+    assert_int_equal(sim_grant(sim, worker, 96), 96);
+    result = sim_result(sim, &worker->units[0], sums);
     assert_int_equal(sim_send(sim, worker, 0, 100), MERGE_PENDING);
     sums[0] ^= 1;
     assert_int_equal(
@@ -130,7 +120,7 @@ static void hostile_results_are_refused(void **state)
 
     (void)state;
     sim_grant(sim, worker, 8);
-    good = make_result(&worker->units[0], sums);
+    good = sim_result(sim, &worker->units[0], sums);
 #define REFUSED(change)                                                                       \
     do {                                                                                      \
         bad = good;                                                                           \
@@ -142,10 +132,24 @@ static void hostile_results_are_refused(void **state)
     REFUSED(bad.epoch = sim->farm.leases.epoch + 1);
     REFUSED(bad.epoch = 0);
     REFUSED(bad.epoch = UINT64_MAX);
-    REFUSED(bad.tile = 6);
-    REFUSED(bad.tile = UINT32_MAX);
-    REFUSED(bad.pass = 6);
-    REFUSED(bad.pass = UINT32_MAX);
+    REFUSED(bad.unit.tile = 6);
+    REFUSED(bad.unit.tile = UINT32_MAX);
+    REFUSED(bad.unit.group = GROUPS);
+    REFUSED(bad.unit.group = UINT32_MAX);
+    REFUSED(bad.unit.pass = 8);
+    REFUSED(bad.unit.pass = UINT32_MAX);
+    REFUSED(bad.work.samples++);
+    REFUSED(bad.work.samples = 0);
+    REFUSED(bad.work.dropped_samples = bad.work.samples + 1);
+    REFUSED(bad.work.rays = UINT64_MAX);
+    REFUSED(bad.work.vertices = (uint64_t)1 << 60);
+    REFUSED(bad.work.leaked_rays = UINT64_MAX);
+    REFUSED(bad.work.clamped_values = UINT32_MAX);
+    REFUSED(bad.tail.count = TAIL_MAX + 1);
+    REFUSED(bad.tail = ((struct tail){1, {{NAN, 0, 0}}}));
+    REFUSED(bad.tail = ((struct tail){1, {{1, 256, 0}}}));
+    REFUSED(bad.tail = ((struct tail){2, {{1, 0, 0}, {2, 0, 0}}}));
+    REFUSED(bad.tail = ((struct tail){2, {{1, 1, 0}, {1, 0, 0}}}));
     REFUSED(bad.sums_bytes -= 4);
     REFUSED(bad.sums_bytes += 4);
     REFUSED(bad.sums_bytes -= 1);
@@ -154,7 +158,7 @@ static void hostile_results_are_refused(void **state)
     memcpy(sums + 40, &nan_value, 4);
     REFUSED((void)0);
 #undef REFUSED
-    assert_int_equal(job->stats.samples, 0);
+    assert_int_equal(film_work(job->frames->film)->samples, 0);
     assert_null(merge_commit_begin(&sim->farm, sim->now_ns));
     sim_free(sim);
 }
@@ -170,7 +174,7 @@ static void unwanted_results_are_sent_away(void **state)
 
     (void)state;
     sim_grant(sim, worker, 8);
-    result = make_result(&worker->units[0], sums);
+    result = sim_result(sim, &worker->units[0], sums);
 #define OUTCOME_OF(r)                                                                        \
     (assert_int_equal(                                                                       \
          merge_result(&sim->farm, &worker->worker, &(r), sim->now_ns, &outcome, NULL), STATUS_OK), \
@@ -312,7 +316,7 @@ static void random_farms_end_right(void **state)
         assert_int_equal(sim->wrong_frames, 0);
         assert_int_equal(sim->developed, FRAMES);
         /* Every unit was merged exactly once. */
-        assert_int_equal(job->stats.samples, (uint64_t)WIDTH * HEIGHT * SPP * FRAMES);
+        assert_int_equal(job->work.samples, (uint64_t)WIDTH * HEIGHT * SPP * FRAMES);
         assert_int_equal(job->conflicts, 0);
         assert_int_equal(sim->farm.leases.count, 0);
         sim_free(sim);
@@ -352,7 +356,9 @@ static size_t earliest(const struct sim_worker *worker)
 
     for (size_t i = 1; i < worker->unit_count; i++) {
         struct unit_name a = worker->units[i].name, b = worker->units[best].name;
-        if (a.pass < b.pass || (a.pass == b.pass && a.tile < b.tile))
+        if (a.pass < b.pass ||
+            (a.pass == b.pass &&
+             (a.group < b.group || (a.group == b.group && a.tile < b.tile))))
             best = i;
     }
     return best;
@@ -390,8 +396,10 @@ static void acknowledged_results_survive(void **state)
     assert_int_equal(job->state, JOB_STATE_RUNNING);
     assert_string_equal(job->kernel, "kernel 1");
     assert_non_null(job->frames);
-    for (uint32_t t = 0; t < 6; t++)
-        assert_int_equal(film_tile_passes(job->frames->film, t), t < 5 ? 2 : 1);
+    for (uint32_t t = 0; t < 6; t++) {
+        assert_int_equal(film_tile_passes(job->frames->film, t, 0), 1);
+        assert_int_equal(film_tile_passes(job->frames->film, t, 1), t < 5);
+    }
     sim_free(sim);
     store_close(store);
     file_remove_tree(folder);
@@ -474,8 +482,8 @@ static void a_failed_film_leaves_the_others_alone(void **state)
     make_folder(folder);
     store = sim_store(folder);
     sim = sim_new(store, 1);
-    large = sim_submit(sim, 64, 64, 4, 1, 1, 0); /* 16 tiles: 400 KB */
-    small = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+    large = sim_submit(sim, 64, 64, 1, 1, 1, 0); /* 16 tiles: 400 KB */
+    small = sim_submit(sim, 16, 16, 1, 1, 1, 0);
     worker = sim_connect(sim, 0, 36);
     assert_int_equal(sim_grant(sim, worker, 36), 17);
     for (size_t i = 0; i < 17; i++)
@@ -505,7 +513,7 @@ static void a_full_disk_is_waited_for(void **state)
     struct job_report *report = malloc(sizeof *report);
     struct sim *sim = sim_new(NULL, 1);
     struct sim_worker *worker = sim_connect(sim, 0, 36);
-    struct job *job = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+    struct job *job = sim_submit(sim, 16, 16, 1, 1, 1, 0);
 
     (void)state;
     assert_non_null(report);
@@ -540,7 +548,7 @@ static void a_failed_development_fails_the_job(void **state)
 {
     struct sim *sim = sim_new(NULL, 1);
     struct sim_worker *worker = sim_connect(sim, 0, 36);
-    struct job *job = sim_submit(sim, 16, 16, 4, 1, 2, 0);
+    struct job *job = sim_submit(sim, 16, 16, 1, 1, 2, 0);
     struct error why = {STATUS_ERR_LIMIT, "too large a picture"};
 
     (void)state;
@@ -561,7 +569,7 @@ static void ends_wait_for_what_is_in_flight(void **state)
 {
     struct sim *sim = sim_new(NULL, 1);
     struct sim_worker *worker = sim_connect(sim, 0, 36);
-    struct job *job = sim_submit(sim, 32, 16, 4, 1, 1, 0);
+    struct job *job = sim_submit(sim, 32, 16, 1, 1, 1, 0);
     struct commit *commit;
 
     (void)state;
@@ -575,7 +583,7 @@ static void ends_wait_for_what_is_in_flight(void **state)
     assert_int_equal(sim->farm.open_frames, 0);
     worker->unit_count = 0;
 
-    job = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+    job = sim_submit(sim, 16, 16, 1, 1, 1, 0);
     assert_int_equal(sim_grant(sim, worker, 1), 1);
     sim_send(sim, worker, 0, 100);
     sim_commit(sim);
@@ -592,7 +600,7 @@ static void pictures_follow_the_settings(void **state)
 {
     struct sim *sim = sim_new(NULL, 8);
     struct sim_worker *worker = sim_connect(sim, 0, 36);
-    struct job *job = sim_submit(sim, 16, 16, 4, 1, 2, 0);
+    struct job *job = sim_submit(sim, 16, 16, 1, 1, 2, 0);
     struct output_settings output = job->output;
     struct error err = {0};
 
@@ -634,7 +642,7 @@ static void a_picture_is_waited_for(void **state)
     struct job_report *report = malloc(sizeof *report);
     struct sim *sim = sim_new(NULL, 9);
     struct sim_worker *worker = sim_connect(sim, 0, 36);
-    struct job *job = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+    struct job *job = sim_submit(sim, 16, 16, 1, 1, 1, 0);
     struct error err = {0}, why = {STATUS_ERR_IO, "frame-0001.exr: no descriptors"};
     struct output_settings output = job->output;
 
@@ -671,7 +679,7 @@ static void a_lost_picture_is_told(void **state)
 {
     struct sim *sim = sim_new(NULL, 9);
     struct sim_worker *worker = sim_connect(sim, 0, 36);
-    struct job *job = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+    struct job *job = sim_submit(sim, 16, 16, 1, 1, 1, 0);
     struct error err = {0}, why = {STATUS_ERR_INPUT, "frame-0001.exr: gone"};
     struct output_settings output = job->output;
 

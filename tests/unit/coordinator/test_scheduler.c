@@ -25,9 +25,9 @@ static void finish_all(struct sim *sim, struct sim_worker *worker, uint64_t cost
 static void passes_cover_the_frame_first_and_frames_follow(void **state)
 {
     struct sim *sim = *state;
-    struct job *job = sim_submit(sim, 64, 64, 28, 1, 3, 0); /* 16 tiles, 3 passes... */
+    struct job *job = sim_submit(sim, 64, 64, 28, 1, 3, 0); /* 16 tiles */
     struct sim_worker *worker = sim_connect(sim, 0, 1);
-    uint32_t passes = pass_count(28), last_pass = 0, last_frame = 1;
+    uint32_t passes = pass_count(28, 0) + pass_count(28, 1), last_pass = 0, last_frame = 1;
     size_t units = 0;
 
     while (job->state != JOB_STATE_DONE) {
@@ -59,7 +59,7 @@ static void the_next_frame_begins_when_nothing_is_left_of_the_first(void **state
     struct sim *sim = *state;
     struct sim_worker *slow, *fast;
 
-    sim_submit(sim, 32, 32, 4, 1, 9, 0); /* 4 units a frame */
+    sim_submit(sim, 32, 32, 1, 1, 9, 0); /* 4 units a frame */
     slow = sim_connect(sim, 0, 2);
     fast = sim_connect(sim, 1, 64);
     assert_int_equal(sim_grant(sim, slow, 2), 2);
@@ -76,14 +76,14 @@ static void the_next_frame_begins_when_nothing_is_left_of_the_first(void **state
 static void higher_priority_goes_first(void **state)
 {
     struct sim *sim = *state;
-    struct job *low = sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    struct job *low = sim_submit(sim, 64, 64, 1, 1, 1, 0);
     struct sim_worker *worker = sim_connect(sim, 0, 4);
     struct job *high;
 
     sim_grant(sim, worker, 4);
     assert_int_equal(worker->units[0].job, low->id);
     finish_all(sim, worker, 100);
-    high = sim_submit(sim, 64, 64, 4, 1, 1, 1);
+    high = sim_submit(sim, 64, 64, 1, 1, 1, 1);
     sim_grant(sim, worker, 4);
     assert_int_equal(worker->units[0].job, high->id);
     assert_int_equal(low->state, JOB_STATE_RUNNING);
@@ -100,11 +100,11 @@ static void leases_grow_with_the_measured_speed(void **state)
     first = sim_grant(sim, worker, 1000);
     assert_int_equal(first, 8); /* nothing is measured: one for each thread, and one in reserve */
     finish_all(sim, worker,
-               10000); /* 10 us a sample: a unit of pass 0 takes 10.24 ms of a thread */
+               10000); /* 10 us a sample: a unit of pass 0 takes 5.12 ms of a thread */
     second = sim_grant(sim, worker, 100000);
     /* Until it holds HELD_WORK_MS of work, in leases of LEASE_WORK_FIRST_MS. */
-    assert_in_range(second, HELD_WORK_MS * 4 / 10.24,
-                    (HELD_WORK_MS + LEASE_WORK_FIRST_MS) * 4 / 10.24);
+    assert_in_range(second, HELD_WORK_MS * 4 / 5.12,
+                    (HELD_WORK_MS + LEASE_WORK_FIRST_MS) * 4 / 5.12);
     finish_all(sim, worker, 10000);
     sim_disconnect(sim, 0);
     worker = sim_connect(sim, 1, 4);
@@ -116,7 +116,7 @@ static void leases_grow_with_the_measured_speed(void **state)
 static void shares_shrink_towards_the_end(void **state)
 {
     struct sim *sim = *state;
-    struct job *job = sim_submit(sim, 320, 320, 4, 1, 1, 0); /* 400 units */
+    struct job *job = sim_submit(sim, 320, 320, 1, 1, 1, 0); /* 400 units */
     struct lease *lease;
     struct sim_worker *a = sim_connect(sim, 0, 2), *b = sim_connect(sim, 1, 2);
     uint32_t last = 1000, leases = 0;
@@ -141,7 +141,7 @@ static void shares_shrink_towards_the_end(void **state)
 static void overdue_units_go_to_another_worker(void **state)
 {
     struct sim *sim = *state;
-    struct job *job = sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    struct job *job = sim_submit(sim, 64, 64, 1, 1, 1, 0);
     struct sim_worker *stopped = sim_connect(sim, 0, 4), *other = sim_connect(sim, 1, 16);
     size_t got;
 
@@ -169,7 +169,7 @@ static void a_stopped_worker_loses_its_lease(void **state)
     struct sim *sim = *state;
     struct sim_worker *stopped = sim_connect(sim, 0, 4), *other;
 
-    sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    sim_submit(sim, 64, 64, 1, 1, 1, 0);
     assert_int_equal(sim_grant(sim, stopped, 4), 4);
     sim->now_ns += 9 * NS_PER_SECOND;
     farm_tick(&sim->farm, sim->now_ns);
@@ -185,7 +185,7 @@ static void a_stopped_worker_loses_its_lease(void **state)
 static void unfit_workers_are_told_and_get_nothing(void **state)
 {
     struct sim *sim = *state;
-    struct job *job = sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    struct job *job = sim_submit(sim, 64, 64, 1, 1, 1, 0);
     struct sim_worker *first = sim_connect(sim, 0, 1), *old_cpu = sim_connect(sim, 1, 1),
                       *other_kernel = sim_connect(sim, 2, 1);
     char why[256];
@@ -206,7 +206,7 @@ static void unfit_workers_are_told_and_get_nothing(void **state)
     assert_int_equal(sim->notices, 2);
     assert_false(farm_can_serve(job, &other_kernel->worker, why, sizeof why));
     /* A job that no one has begun pins the kernel of whoever begins it. */
-    sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    sim_submit(sim, 64, 64, 1, 1, 1, 0);
     assert_int_equal(sim_grant(sim, other_kernel, 1), 1);
     assert_int_equal(other_kernel->worker.note[0], 0);
 }
@@ -214,7 +214,7 @@ static void unfit_workers_are_told_and_get_nothing(void **state)
 static void a_job_that_nobody_can_render_fails(void **state)
 {
     struct sim *sim = *state;
-    struct job *job = sim_submit(sim, 64, 64, 4, 1, 1, 0), *second;
+    struct job *job = sim_submit(sim, 64, 64, 1, 1, 1, 0), *second;
     struct sim_worker *workers[5];
 
     for (unsigned i = 0; i < 5; i++)
@@ -234,7 +234,7 @@ static void a_job_that_nobody_can_render_fails(void **state)
     /* The only worker that there is cannot: no need to wait for more. */
     for (unsigned i = 1; i < 5; i++)
         sim_disconnect(sim, i);
-    second = sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    second = sim_submit(sim, 64, 64, 1, 1, 1, 0);
     assert_true(sim_grant(sim, workers[0], 2) > 0);
     farm_job_broken(&sim->farm, second, &workers[0]->worker, "out of memory", sim->now_ns);
     assert_int_equal(second->state, JOB_STATE_FAILED);
@@ -243,7 +243,7 @@ static void a_job_that_nobody_can_render_fails(void **state)
 static void a_broken_job_counts_machines_that_hold_it(void **state)
 {
     struct sim *sim = *state;
-    struct job *job = sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    struct job *job = sim_submit(sim, 64, 64, 1, 1, 1, 0);
     struct sim_worker *honest = sim_connect(sim, 0, 1), *liar = NULL;
 
     /* Without a lease of the job it is idle talk. */
@@ -287,7 +287,7 @@ static void claims_without_results_take_little(void **state)
     struct sim_worker *claimant = connect_claimant(sim, 0), *honest = sim_connect(sim, 1, 2);
     uint64_t got, before = 2 * CREDIT_THREADS_FIRST;
 
-    sim_submit(sim, 320, 320, 4, 1, 1, 0); /* 400 units */
+    sim_submit(sim, 320, 320, 1, 1, 1, 0); /* 400 units */
     assert_int_equal(sim_grant(sim, claimant, 10000), before);
     /* The honest one's shares are as if it were alone: half of what is left. */
     sim_grant(sim, honest, 4);
@@ -307,7 +307,7 @@ static void claims_without_results_take_little(void **state)
 static void claimants_cannot_keep_a_unit_from_others(void **state)
 {
     struct sim *sim = *state;
-    struct job *job = sim_submit(sim, 32, 32, 4, 1, 1, 0); /* 4 units */
+    struct job *job = sim_submit(sim, 32, 32, 1, 1, 1, 0); /* 4 units */
     struct sim_worker *claimants[4], *honest;
 
     for (unsigned i = 0; i < 4; i++)
@@ -335,7 +335,7 @@ static void claimants_cannot_keep_a_unit_from_others(void **state)
 static void the_last_place_is_for_a_proven_worker(void **state)
 {
     struct sim *sim = *state;
-    struct job *job = sim_submit(sim, 32, 32, 4, 1, 1, 0); /* 4 units */
+    struct job *job = sim_submit(sim, 32, 32, 1, 1, 1, 0); /* 4 units */
     struct sim_worker *a = sim_connect(sim, 0, 3), *b = sim_connect(sim, 1, 1),
                       *c = sim_connect(sim, 2, 3), *proven = sim_connect(sim, 3, 3);
 
@@ -355,7 +355,7 @@ static void the_last_place_is_for_a_proven_worker(void **state)
 static void cancelling_takes_the_work_back(void **state)
 {
     struct sim *sim = *state;
-    struct job *job = sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    struct job *job = sim_submit(sim, 64, 64, 1, 1, 1, 0);
     struct sim_worker *worker = sim_connect(sim, 0, 4);
 
     sim_grant(sim, worker, 4);
@@ -375,8 +375,8 @@ static void passes_ahead_are_limited(void **state)
     struct sim *sim = *state;
     struct sim_worker *worker = sim_connect(sim, 0, 1000);
 
-    sim_submit(sim, 16, 16, 100000, 1, 1, 0); /* one tile, 1566 passes */
-    assert_int_equal(sim_grant(sim, worker, 4000), FRAME_PASSES_AHEAD);
+    sim_submit(sim, 16, 16, 1000000, 1, 1, 0); /* one tile, 143 passes of either group */
+    assert_int_equal(sim_grant(sim, worker, 4000), GROUPS * FRAME_PASSES_AHEAD);
     finish_all(sim, worker, 100);
     assert_int_equal(sim_grant(sim, worker, 10), 10);
     assert_int_equal(worker->units[0].name.pass, FRAME_PASSES_AHEAD);

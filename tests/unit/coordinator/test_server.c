@@ -441,9 +441,12 @@ static void send_result(struct peer *peer, const Azulejo__Wire__LeaseGrant *gran
     static float sums[TILE_FLOATS_MAX];
     Azulejo__Wire__TileResult result = AZULEJO__WIRE__TILE_RESULT__INIT;
     Azulejo__Wire__RenderStats stats = AZULEJO__WIRE__RENDER_STATS__INIT;
+    Azulejo__Wire__Work work = AZULEJO__WIRE__WORK__INIT;
     Azulejo__Wire__Envelope e = MESSAGE(TILE_RESULT, tile_result, &result);
     struct render_settings settings;
     struct error err = {0};
+    struct tile_rect rect;
+    uint32_t begin, end;
 
     assert_int_equal(wire_settings_get(&settings, grant->settings, UINT32_MAX, &err), STATUS_OK);
     for (size_t k = 0; k < TILE_FLOATS_MAX; k++)
@@ -453,11 +456,14 @@ static void send_result(struct peer *peer, const Azulejo__Wire__LeaseGrant *gran
     result.job = grant->job;
     result.frame = grant->frame;
     result.tile = grant->units[i]->tile;
+    result.group = grant->units[i]->group;
     result.pass = grant->units[i]->pass;
     result.sums.data = (uint8_t *)sums;
-    result.sums.len = wire_sums_count(&settings, result.tile) * 4;
-    stats.samples = 1;
-    stats.rays = UINT64_MAX;
+    result.sums.len = wire_sums_count(&settings, result.tile, result.group, result.pass) * 4;
+    rect = tile_rect_of(settings.width, settings.height, result.tile);
+    pass_range(settings.spp, result.group, result.pass, &begin, &end);
+    work.samples = (uint64_t)rect.width * rect.height * (end - begin);
+    result.work = &work;
     stats.cpu_ns = UINT64_MAX;
     result.stats = &stats;
     if (change)
@@ -715,7 +721,7 @@ static void a_job_from_submit_to_picture(void **state)
 
     join(&worker, FARM_ROLE_WORKER);
     ask_for_work(&worker, 100);
-    while (acks < 18) { /* 6 tiles, 3 passes */
+    while (acks < 36) { /* 6 tiles, 3 passes of 2 groups */
         m = peer_receive(&worker);
         assert_non_null(m);
         if (m->body_case == AZULEJO__WIRE__ENVELOPE__BODY_LEASE_GRANT) {
@@ -737,7 +743,7 @@ static void a_job_from_submit_to_picture(void **state)
             message_free(m);
         }
     }
-    assert_int_equal(results, 18);
+    assert_int_equal(results, 36);
     while (!done) {
         m = expect(&watcher, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST);
         assert_int_equal(m->request, 21);

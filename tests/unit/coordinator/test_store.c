@@ -20,9 +20,12 @@
 #include "coordinator/develop.h"
 #include "tests/support/exr_channels.h"
 #include "coordinator/store.h"
+#include "tests/support/film_data.h"
 #include "tests/support/sim_farm.h"
 
-enum { WIDTH = 20, HEIGHT = 16, SPP = 16 }; /* 2 tiles, 3 passes: 4, 8, 16 */
+/* Before a tile's state in its slot: a serial number and its hash. */
+enum { SLOT_HEADER = 16 };
+enum { WIDTH = 20, HEIGHT = 16, SPP = 16 }; /* 2 tiles, 2 groups of 3 passes: 2, 4, 8 */
 
 static char folder[64];
 
@@ -87,8 +90,8 @@ static void jobs_survive_a_restart(void **state)
     assert_true(other->id > job->id);
     job->state = JOB_STATE_RUNNING;
     snprintf(job->kernel, sizeof job->kernel, "embree 9");
-    job->stats = (struct work_stats){.samples = 1, .rays = 2, .vertices = 3, .dropped_samples = 4,
-                                     .cpu_ns = 5, .trace_ns = 6};
+    job->work = (struct unit_work){.samples = 1, .rays = 2, .vertices = 3, .dropped_samples = 4};
+    job->stats = (struct work_stats){.cpu_ns = 5, .trace_ns = 6};
     job->active_ns = 1500000000;
     job->conflicts = 7;
     assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);
@@ -118,6 +121,7 @@ static void jobs_survive_a_restart(void **state)
     assert_int_equal(back->state, JOB_STATE_RUNNING);
     assert_int_equal(back->priority, -5);
     assert_memory_equal(&back->settings, &job->settings, sizeof job->settings);
+    assert_memory_equal(&back->work, &job->work, sizeof job->work);
     assert_memory_equal(&back->stats, &job->stats, sizeof job->stats);
     assert_true(back->output.exr_half && back->output.exr && !back->output.png);
     assert_true(back->output.tonemap.exposure_ev == -1.25);
@@ -289,7 +293,7 @@ static void bad_stores_are_refused(void **state)
 struct film_fixture {
     struct film *film;
     struct film_file *file;
-    uint32_t durable[2];
+    uint32_t durable[2][GROUPS];
     uint8_t slot[2];
 };
 
@@ -298,7 +302,7 @@ static void film_begin(struct film_fixture *f, struct store *store)
     struct error err = {0};
 
     memset(f, 0, sizeof *f);
-    f->film = film_new(WIDTH, HEIGHT, SPP);
+    f->film = film_data_new(WIDTH, HEIGHT, SPP, 0);
     assert_non_null(f->film);
     if (store_film_open(store, 1, 1, f->film, f->durable, f->slot, &f->file, &err) != STATUS_OK)
         fail_msg("%s", err.text);
@@ -312,14 +316,7 @@ static void film_end(struct film_fixture *f)
 
 static void merge_pass(struct film *film, uint32_t tile, uint32_t pass)
 {
-    static uint8_t bytes[TILE_FLOATS_MAX * 4];
-    static float sums[TILE_FLOATS_MAX];
-    size_t size = sim_sums(WIDTH, HEIGHT, 1, (struct unit_name){tile, pass}, bytes);
-    enum film_merge_result result;
-
-    memcpy(sums, bytes, size);
-    assert_int_equal(film_merge(film, tile, pass, sums, size / 4, &result, NULL), STATUS_OK);
-    assert_int_equal(result, FILM_MERGED);
+    assert_int_equal(film_data_merge(film, tile, 0, pass), FILM_MERGED);
 }
 
 /* Write the tile's state to the slot that is not the durable one, as a commit does. */
@@ -333,7 +330,7 @@ static void write_tile(struct film_fixture *f, uint32_t tile)
     f->slot[tile] = !f->slot[tile];
     assert_int_equal(film_file_write(f->file, tile, f->slot[tile], bytes, size, NULL), STATUS_OK);
     assert_int_equal(film_file_sync(f->file, NULL), STATUS_OK);
-    f->durable[tile] = film_tile_passes(f->film, tile);
+    f->durable[tile][0] = film_tile_passes(f->film, tile, 0);
     free(bytes);
 }
 
@@ -353,13 +350,15 @@ static void films_come_back(void **state)
     film_end(&f);
     assert_true(store_film_exists(store, 1, 1));
     film_begin(&back, store);
-    assert_int_equal(back.durable[0], 3);
-    assert_int_equal(back.durable[1], 1);
-    assert_int_equal(film_tile_passes(back.film, 0), 3);
-    assert_int_equal(film_tile_passes(back.film, 1), 1);
+    assert_int_equal(back.durable[0][0], 3);
+    assert_int_equal(back.durable[1][0], 1);
+    assert_int_equal(film_tile_passes(back.film, 0, 0), 3);
+    assert_int_equal(film_tile_passes(back.film, 1, 0), 1);
     merge_pass(back.film, 1, 1);
     write_tile(&back, 1);
     merge_pass(back.film, 1, 2);
+    for (uint32_t i = 0; i < 6; i++)
+        assert_int_equal(film_data_merge(back.film, i % 2, 1, i / 2), FILM_MERGED);
     assert_true(film_complete(back.film));
     film_end(&back);
     store_films_remove(store, 1);
@@ -388,56 +387,57 @@ static void a_torn_slot_falls_back_to_the_older_one(void **state)
 
     (void)state;
     film_begin(&f, store);
-    size = film_tile_state_size(f.film, 0);
-    before = malloc(size);
-    after = malloc(size);
-    torn = malloc(size);
+    path = path_of("films/1/frame-0001.film");
+    slot_bytes = (off_t)(SLOT_HEADER + film_tile_state_bound(f.film, 0));
     merge_pass(f.film, 0, 0);
     write_tile(&f, 0); /* slot 0: pass 0 */
     merge_pass(f.film, 0, 1);
     write_tile(&f, 0); /* slot 1: passes 0 and 1 */
+    fd = open(path, O_RDWR);
+    assert_true(fd >= 0);
     merge_pass(f.film, 0, 2);
-    film_tile_save(f.film, 0, after);
+    size = SLOT_HEADER + film_tile_state_size(f.film, 0);
+    before = malloc(size);
+    after = malloc(size);
+    torn = malloc(size);
+    at = FILM_FILE_HEADER; /* tile 0, slot 0: where the third state goes */
+    assert_int_equal(pread(fd, before, size, at), (ssize_t)size); /* and a hole */
+    write_tile(&f, 0);
+    assert_int_equal(pread(fd, after, size, at), (ssize_t)size);
     merge_pass(f.film, 1, 0);
     write_tile(&f, 1);
     film_end(&f);
 
-    path = path_of("films/1/frame-0001.film");
     /* 2 tiles, 2 slots each; the last slot is not written: the file ends within tile 1's first. */
-    slot_bytes = (off_t)size;
     assert_true(file_size(path) > FILM_FILE_HEADER + 2 * slot_bytes);
-    fd = open(path, O_RDWR);
-    assert_true(fd >= 0);
-    at = FILM_FILE_HEADER; /* tile 0, slot 0: where the third state goes */
-    assert_int_equal(pread(fd, before, size, at), (ssize_t)size);
     for (size_t cut = 0; cut < size; cut += 64) {
         struct film_fixture back;
         memcpy(torn, before, size);
         memcpy(torn, after, cut);
         assert_int_equal(pwrite(fd, torn, size, at), (ssize_t)size);
         film_begin(&back, store);
-        assert_int_equal(back.durable[0], 2);
+        assert_int_equal(back.durable[0][0], 2);
         assert_int_equal(back.slot[0], 1); /* so the next write goes to the torn one */
-        assert_int_equal(film_tile_passes(back.film, 0), 2);
-        assert_int_equal(film_tile_passes(back.film, 1), 1);
+        assert_int_equal(film_tile_passes(back.film, 0, 0), 2);
+        assert_int_equal(film_tile_passes(back.film, 1, 0), 1);
         film_end(&back);
     }
     assert_int_equal(pwrite(fd, after, size, at), (ssize_t)size);
     film_begin(&f, store);
-    assert_int_equal(f.durable[0], 3);
+    assert_int_equal(f.durable[0][0], 3);
     film_end(&f);
     /* Both slots damaged: the tile begins anew, the others stay. */
     memset(torn, 0x55, size);
     assert_int_equal(pwrite(fd, torn, size, at), (ssize_t)size);
     assert_int_equal(pwrite(fd, torn, size, at + slot_bytes), (ssize_t)size);
     film_begin(&f, store);
-    assert_int_equal(f.durable[0], 0);
-    assert_int_equal(f.durable[1], 1);
+    assert_int_equal(f.durable[0][0], 0);
+    assert_int_equal(f.durable[1][0], 1);
     film_end(&f);
     /* A damaged header: the whole frame begins again, and the file is kept. */
     assert_int_equal(pwrite(fd, "x", 1, 20), 1);
     film_begin(&f, store);
-    assert_int_equal(f.durable[1], 0);
+    assert_int_equal(f.durable[1][0], 0);
     assert_true(file_size(path_of("films/1/frame-0001.film.unusable")) >
                 FILM_FILE_HEADER + 2 * slot_bytes);
     path = path_of("films/1/frame-0001.film");
@@ -447,13 +447,13 @@ static void a_torn_slot_falls_back_to_the_older_one(void **state)
     close(fd);
     fd = open(path, O_RDWR);
     assert_true(fd >= 0);
-    /* So it does when the file is of the format before AOVs. */
+    /* So it does when the file is of the format before groups. */
     film_begin(&f, store);
-    assert_int_equal(f.durable[1], 1);
+    assert_int_equal(f.durable[1][0], 1);
     film_end(&f);
-    assert_int_equal(pwrite(fd, "1", 1, 6), 1);
+    assert_int_equal(pwrite(fd, "2", 1, 6), 1);
     film_begin(&f, store);
-    assert_int_equal(f.durable[1], 0);
+    assert_int_equal(f.durable[1][0], 0);
     film_end(&f);
     close(fd);
     free(before);
@@ -471,7 +471,7 @@ static void memory_faults_in_opening_are_told(void **state)
     do {
         struct film *film = film_new(WIDTH, HEIGHT, SPP);
         struct film_file *file = NULL;
-        uint32_t durable[2];
+        uint32_t durable[2][GROUPS];
         uint8_t slot[2];
         struct error err = {0};
         status s;
@@ -564,6 +564,25 @@ static void blobs_are_checked(void **state)
 
 /* ---- outputs -------------------------------------------------------------------------------- */
 
+/* Merge every unit: sums ((i mod 97) + offset) * factor + pass * step. */
+static void fill(struct film *film, float offset, float factor, float step)
+{
+    for (uint32_t g = 0; g < GROUPS; g++) {
+        film_freeze(film, g, NULL);
+        for (uint32_t i = 0; i < 2 * film_pass_count(film, g); i++) {
+            static float sums[TILE_FLOATS_MAX];
+            struct unit_result unit = {.tile = i % 2, .group = g, .pass = i / 2, .sums = sums};
+            enum film_merge_result result;
+            unit.count = tile_floats(WIDTH, HEIGHT, unit.tile,
+                                     unit_aovs(film_aovs(film), g, unit.pass));
+            for (size_t k = 0; k < unit.count; k++)
+                sums[k] = ((float)(k % 97) + offset) * factor + (float)unit.pass * step;
+            assert_int_equal(film_merge(film, &unit, 1, &result, NULL), STATUS_OK);
+        }
+    }
+    assert_true(film_complete(film));
+}
+
 static void a_developed_frame_is_on_disk(void **state)
 {
     struct store *store = sim_store(folder);
@@ -577,16 +596,7 @@ static void a_developed_frame_is_on_disk(void **state)
 
     (void)state;
     assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
-    for (uint32_t t = 0; t < 2; t++) {
-        for (uint32_t p = 0; p < 3; p++) {
-            float sums[TILE_FLOATS_MAX];
-            enum film_merge_result result;
-            size_t count = (t ? 4 : 16) * 16 * 3 * 2;
-            for (size_t i = 0; i < count; i++)
-                sums[i] = (float)(i % 97) + p;
-            assert_int_equal(film_merge(frame->film, t, p, sums, count, &result, &err), STATUS_OK);
-        }
-    }
+    fill(frame->film, 0, 1, 1);
     film_develop(frame->film, expected);
     assert_int_equal(development_new_frame(&development, frame, &err), STATUS_OK);
     if (develop_frame(development, store, &err) != STATUS_OK)
@@ -621,15 +631,7 @@ static struct job_frame *filled_frame(struct job *job, uint32_t number)
 {
     struct job_frame *frame = job_frame_new(job, number, WIDTH, HEIGHT, SPP, 0, NULL);
 
-    for (uint32_t t = 0; t < 2; t++)
-        for (uint32_t p = 0; p < 3; p++) {
-            float sums[TILE_FLOATS_MAX];
-            enum film_merge_result result;
-            size_t count = (t ? 4 : 16) * 16 * 3 * 2;
-            for (size_t i = 0; i < count; i++)
-                sums[i] = (float)(i % 97 + 1) * (float)(1 + number * number) + p;
-            assert_int_equal(film_merge(frame->film, t, p, sums, count, &result, NULL), STATUS_OK);
-        }
+    fill(frame->film, 1, (float)(1 + number * number), 1);
     return frame;
 }
 
@@ -773,15 +775,7 @@ static void aovs_are_layers(void **state)
     (void)state;
     job->settings.aovs = all;
     job->output.exr_half = 1;
-    for (uint32_t t = 0; t < 2; t++)
-        for (uint32_t p = 0; p < 3; p++) {
-            static float sums[TILE_FLOATS_MAX];
-            enum film_merge_result result;
-            size_t count = tile_floats(WIDTH, HEIGHT, t, all);
-            for (size_t i = 0; i < count; i++)
-                sums[i] = (float)(i % 97) + 1.0f / 3 + (float)t;
-            assert_int_equal(film_merge(frame->film, t, p, sums, count, &result, &err), STATUS_OK);
-        }
+    fill(frame->film, 1.0f / 3, 1, 0);
     assert_int_equal(development_new_frame(&development, frame, &err), STATUS_OK);
     assert_int_equal(develop_encode(development, NULL, &exr, NULL, &err), STATUS_OK);
     development_free(development);

@@ -49,8 +49,8 @@ static unsigned join_and_die(struct sim *sim, unsigned count, uint64_t job)
 static void a_poisonous_job_is_parked_and_the_next_one_runs(void **state)
 {
     struct sim *sim = *state;
-    struct job *poison = sim_submit(sim, 64, 64, 4, 1, 1, 0);
-    struct job *next = sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    struct job *poison = sim_submit(sim, 64, 64, 1, 1, 1, 0);
+    struct job *next = sim_submit(sim, 64, 64, 1, 1, 1, 0);
     struct sim_worker *worker;
     struct error err = {0};
 
@@ -87,7 +87,7 @@ static void a_poisonous_job_is_parked_and_the_next_one_runs(void **state)
 static void one_machine_alone_must_die_more_often(void **state)
 {
     struct sim *sim = *state;
-    struct job *job = sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    struct job *job = sim_submit(sim, 64, 64, 1, 1, 1, 0);
 
     for (int i = 1; i < SUSPICION_DEATHS_ALONE; i++) {
         join_and_die(sim, 1, job->id);
@@ -137,7 +137,7 @@ static void kill_storms_park_nothing(void **state)
 static void a_worker_that_rendered_the_job_or_says_goodbye_does_not_count(void **state)
 {
     struct sim *sim = *state;
-    struct job *job = sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    struct job *job = sim_submit(sim, 64, 64, 1, 1, 1, 0);
     struct sim_worker *worker;
 
     for (int i = 0; i < 2 * SUSPICION_DEATHS_ALONE; i++) {
@@ -160,7 +160,7 @@ static void a_worker_that_rendered_the_job_or_says_goodbye_does_not_count(void *
 static void a_probe_that_stands_still_gives_way(void **state)
 {
     struct sim *sim = *state;
-    struct job *job = sim_submit(sim, 64, 64, 4, 1, 1, 0);
+    struct job *job = sim_submit(sim, 64, 64, 1, 1, 1, 0);
     struct sim_worker *probe, *other;
 
     join_and_die(sim, 1, job->id);

@@ -98,7 +98,7 @@ static void a_store_that_fails_pauses_the_farm(void **state)
     assert_non_null(report);
     worker = sim_connect(sim, 0, 4);
     job = sim_submit(sim, 16, 16, 100, 1, 2, 0);
-    behind = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+    behind = sim_submit(sim, 16, 16, 1, 1, 1, 0);
     assert_int_equal(sim_grant(sim, worker, 1), 1);
     block("probe");
     film_file_fault(0);
@@ -112,7 +112,7 @@ static void a_store_that_fails_pauses_the_farm(void **state)
         assert_non_null(strstr(report->state_text, "the store cannot be used"));
         assert_non_null(strstr(report->state_text, "probe: cannot be written: Is a directory"));
     }
-    refused = sim_job(16, 16, 4, 1, 1, 0);
+    refused = sim_job(16, 16, 1, 1, 1, 0);
     assert_int_equal(farm_submit(&sim->farm, refused, &err), STATUS_ERR_IO);
     assert_non_null(strstr(err.text, "try again"));
     job_free(refused);
@@ -190,7 +190,7 @@ static void results_without_a_film_are_deferred(void **state)
 
     (void)state;
     worker = sim_connect(sim, 0, 4);
-    job = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+    job = sim_submit(sim, 16, 16, 1, 1, 1, 0);
     assert_int_equal(sim_grant(sim, worker, 1), 1);
     sim_release(sim); /* the worker keeps its unit */
     store_close(store);
@@ -229,7 +229,7 @@ static void no_memory_is_waited_for(void **state)
     (void)state;
     worker = sim_connect(sim, 0, 4);
     do {
-        struct job *job = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+        struct job *job = sim_submit(sim, 16, 16, 1, 1, 1, 0);
         mem_fault_arm(successes++, 1);
         sim_grant(sim, worker, 1);
         failures = mem_fault_count();
@@ -263,8 +263,8 @@ static void films_that_were_left_are_removed(void **state)
     struct job *ended, *waiting;
 
     (void)state;
-    ended = sim_submit(sim, 16, 16, 4, 1, 1, 0);
-    waiting = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+    ended = sim_submit(sim, 16, 16, 1, 1, 1, 0);
+    waiting = sim_submit(sim, 16, 16, 1, 1, 1, 0);
     farm_cancel(&sim->farm, ended, 1, sim->now_ns);
     assert_int_equal(ended->id, 1);
     assert_int_equal(waiting->id, 2);

@@ -36,51 +36,77 @@ static void tiles_cover_the_frame_once(void **state)
     }
 }
 
-/* Passes follow one another without a gap, none is empty, none is longer than it may be. */
+/* Passes follow one another without a gap, none is empty, none is longer than it may be; and both
+ * groups together have all samples. */
 static void passes_cut_the_samples(void **state)
 {
     (void)state;
     for (uint32_t spp = 1; spp <= 3000; spp++) {
-        uint32_t at = 0;
-        for (uint32_t p = 0; p < pass_count(spp); p++) {
-            uint32_t begin, end;
-            pass_range(spp, p, &begin, &end);
-            assert_int_equal(begin, at);
-            assert_true(end > begin && end - begin <= PASS_LENGTH_MAX);
-            at = end;
+        uint32_t all = 0;
+        for (uint32_t g = 0; g < GROUPS; g++) {
+            uint32_t at = 0;
+            for (uint32_t p = 0; p < pass_count(spp, g); p++) {
+                uint32_t begin, end;
+                pass_range(spp, g, p, &begin, &end);
+                assert_int_equal(begin, at);
+                assert_true(end > begin && end - begin <= PASS_LENGTH_MAX);
+                assert_int_equal(pass_is_short(spp, g, p), end != pass_boundary(p));
+                assert_true(!pass_is_short(spp, g, p) || p + 1 == pass_count(spp, g));
+                at = end;
+            }
+            assert_int_equal(at, group_samples(spp, g));
+            all += at;
         }
-        assert_int_equal(at, spp);
+        assert_int_equal(all, spp);
     }
 }
 
-static void passes_double_to_the_cap(void **state)
+/* The boundaries depend on nothing. */
+static void boundaries_are_what_they_are(void **state)
 {
-    static const uint32_t ends[] = {4, 8, 16, 32, 64, 128, 192, 256};
+    static const uint32_t ends[] = {2, 4, 8, 16, 24, 32, 48, 64, 96, 128, 192, 256};
 
     (void)state;
-    assert_int_equal(pass_count(256), 8);
-    for (uint32_t p = 0; p < 8; p++) {
-        uint32_t begin, end;
-        pass_range(256, p, &begin, &end);
-        assert_int_equal(end, ends[p]);
+    for (uint32_t p = 0; p < sizeof ends / sizeof *ends; p++)
+        assert_int_equal(pass_boundary(p), ends[p]);
+    assert_int_equal(pass_boundary(20), 6144);
+    assert_int_equal(pass_boundary(21), 8192);
+    assert_int_equal(pass_boundary(22), 12288);
+    for (uint32_t p = 1; p < PASSES_MAX; p++)
+        assert_in_range(pass_boundary(p) - pass_boundary(p - 1), 2, PASS_LENGTH_MAX);
+    assert_int_equal(pass_boundary(PASSES_MAX - 1), SETTINGS_SPP_MAX / GROUPS);
+    assert_int_equal(pass_count(SETTINGS_SPP_MAX, 0), PASSES_MAX);
+    assert_int_equal(pass_count(256, 0), 10);
+    assert_int_equal(pass_count(1, 0), 1);
+    assert_int_equal(pass_count(1, 1), 0);
+}
+
+/* Every level is the end of a pass. */
+static void levels_are_passes(void **state)
+{
+    uint32_t found = 0;
+
+    (void)state;
+    for (uint32_t k = 0; k < LEVELS_MAX; k++) {
+        uint32_t passes = level_passes(k);
+        assert_int_equal(pass_boundary(passes - 1), level_samples(k));
+        assert_int_equal(level_at(passes), k);
+        assert_int_equal(level_count(passes), k + 1);
+        assert_int_equal(level_count(passes - 1), k);
     }
-    /* A larger number of samples has the same passes, and then more. */
-    for (uint32_t p = 0; p < 8; p++) {
-        uint32_t begin, end, long_begin, long_end;
-        pass_range(256, p, &begin, &end);
-        pass_range(1 << 20, p, &long_begin, &long_end);
-        assert_true(begin == long_begin && end == long_end);
-    }
-    assert_int_equal(pass_count(1 << 20), 4 + (1 << 20) / PASS_LENGTH_MAX);
+    assert_int_equal(level_samples(LEVELS_MAX - 1), SETTINGS_SPP_MAX / GROUPS);
+    for (uint32_t p = 0; p <= PASSES_MAX; p++)
+        found += level_at(p) >= 0;
+    assert_int_equal(found, LEVELS_MAX);
 }
 
 static void replicates_share_the_samples(void **state)
 {
     (void)state;
     for (uint32_t end = 0; end < 100; end++) {
-        uint32_t count[REPLICATES] = {0};
+        uint32_t count[GROUP_REPLICATES] = {0};
         for (uint32_t i = 0; i < end; i++)
-            count[i % REPLICATES]++;
+            count[i % GROUP_REPLICATES]++;
         assert_int_equal(replicate_samples(end, 0), count[0]);
         assert_int_equal(replicate_samples(end, 1), count[1]);
     }
@@ -91,7 +117,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(tiles_cover_the_frame_once),
         cmocka_unit_test(passes_cut_the_samples),
-        cmocka_unit_test(passes_double_to_the_cap),
+        cmocka_unit_test(boundaries_are_what_they_are),
+        cmocka_unit_test(levels_are_passes),
         cmocka_unit_test(replicates_share_the_samples),
     };
     return cmocka_run_group_tests_name("tiles", tests, NULL, NULL);

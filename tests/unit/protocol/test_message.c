@@ -164,51 +164,66 @@ static void test_digest_lengths(void **state)
 
 static void test_units(void **state)
 {
-    struct render_settings s = example_settings(); /* 21 x 4 tiles; 100 spp are 6 passes */
+    struct render_settings s = example_settings(); /* 21 x 4 tiles; 100 spp are 8 passes of a group */
 
     (void)state;
-    assert_int_equal(wire_unit_check(83, 5, &s, NULL), STATUS_OK);
-    assert_int_equal(wire_unit_check(84, 0, &s, NULL), STATUS_ERR_PROTOCOL);
-    assert_int_equal(wire_unit_check(0, 6, &s, NULL), STATUS_ERR_PROTOCOL);
-    assert_int_equal(wire_unit_check(UINT32_MAX, UINT32_MAX, &s, NULL), STATUS_ERR_PROTOCOL);
+    assert_int_equal(wire_unit_check(83, 1, 7, &s, NULL), STATUS_OK);
+    assert_int_equal(wire_unit_check(84, 0, 0, &s, NULL), STATUS_ERR_PROTOCOL);
+    assert_int_equal(wire_unit_check(0, 0, 8, &s, NULL), STATUS_ERR_PROTOCOL);
+    assert_int_equal(wire_unit_check(0, GROUPS, 0, &s, NULL), STATUS_ERR_PROTOCOL);
+    assert_int_equal(wire_unit_check(UINT32_MAX, UINT32_MAX, UINT32_MAX, &s, NULL),
+                     STATUS_ERR_PROTOCOL);
+    s.spp = 1; /* the second group has none */
+    assert_int_equal(wire_unit_check(0, 0, 0, &s, NULL), STATUS_OK);
+    assert_int_equal(wire_unit_check(0, 1, 0, &s, NULL), STATUS_ERR_PROTOCOL);
     s.aovs = 0;
-    assert_int_equal(wire_sums_count(&s, 0), 2 * 256 * 3);
-    assert_int_equal(wire_sums_count(&s, 20), 2 * 13 * 16 * 3); /* right edge: 333 = 20 * 16 + 13 */
-    assert_int_equal(wire_sums_count(&s, 83), 2 * 13 * 2 * 3);  /* corner: 50 = 3 * 16 + 2 */
-    /* 1 and 3 floats more; samples and error are not sent. */
+    assert_int_equal(wire_sums_count(&s, 0, 0, 0), 2 * 256 * 3);
+    assert_int_equal(wire_sums_count(&s, 20, 1, 0), 2 * 13 * 16 * 3); /* right edge: 333 = 20 * 16 + 13 */
+    assert_int_equal(wire_sums_count(&s, 83, 0, 1), 2 * 13 * 2 * 3);  /* corner: 50 = 3 * 16 + 2 */
+    /* 1 and 3 floats more, the first in one unit only; samples and error are not sent. */
     s.aovs = 1u << AOV_DEPTH | 1u << AOV_NORMAL | 1u << AOV_SAMPLES | 1u << AOV_ERROR;
-    assert_int_equal(wire_sums_count(&s, 83), 13 * 2 * (2 * 3 + 4));
+    assert_int_equal(wire_sums_count(&s, 83, 0, 0), 13 * 2 * (2 * 3 + 4));
+    assert_int_equal(wire_sums_count(&s, 83, 1, 0), 13 * 2 * (2 * 3 + 3));
+    assert_int_equal(wire_sums_count(&s, 83, 0, 1), 13 * 2 * (2 * 3 + 3));
     s.aovs = (1u << AOV_COUNT) - 1;
-    assert_int_equal(wire_sums_count(&s, 0), TILE_FLOATS_MAX);
+    assert_int_equal(wire_sums_count(&s, 0, 0, 0), TILE_FLOATS_MAX);
 }
 
-static void test_sums(void **state)
+static void test_results(void **state)
 {
-    struct render_settings s = example_settings();
-    float in[TILE_FLOATS_MAX], out[TILE_FLOATS_MAX];
-    uint8_t bytes[TILE_FLOATS_MAX * 4 + 4];
-    const uint8_t one[] = {0, 0, 0x80, 0x3f};
+    const float in[2] = {1, 0.5f};
+    const uint8_t floats[] = {0, 0, 0x80, 0x3f, 0, 0, 0, 0x3f}, entry[] = {0, 0, 0x80, 0x3f, 7, 1, 0, 0};
+    const struct unit_work work = {1, 2, 3, 4, 5, 6};
+    Azulejo__Wire__Work message;
+    struct unit_work back;
+    uint8_t bytes[WIRE_TAIL_BYTES_MAX + WIRE_TAIL_ENTRY_BYTES] = {0};
     ProtobufCBinaryData wire = {.data = bytes};
-    size_t count;
+    struct tail tail = {.count = 0}, got;
 
     (void)state;
-    for (size_t i = 0; i < TILE_FLOATS_MAX; i++)
-        in[i] = i == 0 ? 1 : (float)i / 3;
-    wire_sums_set(bytes, in, TILE_FLOATS_MAX);
-    assert_memory_equal(bytes, one, 4);
-    for (uint32_t tile = 0; tile < 84; tile++) {
-        size_t expected = wire_sums_count(&s, tile);
-        wire.len = expected * 4;
-        assert_int_equal(wire_sums_get(out, &count, &wire, &s, tile, NULL), STATUS_OK);
-        assert_int_equal(count, expected);
-        assert_memory_equal(out, in, count * 4);
-        wire.len = expected * 4 - 1;
-        assert_int_equal(wire_sums_get(out, &count, &wire, &s, tile, NULL), STATUS_ERR_PROTOCOL);
-        assert_int_equal(count, 0);
-        wire.len = expected * 4 + 4;
-        assert_int_equal(wire_sums_get(out, &count, &wire, &s, tile, NULL), STATUS_ERR_PROTOCOL);
-    }
-    assert_int_equal(wire_sums_get(out, &count, &wire, &s, 84, NULL), STATUS_ERR_PROTOCOL);
+    wire_sums_set(bytes, in, 2);
+    assert_memory_equal(bytes, floats, sizeof floats);
+    assert_int_equal(wire_tail_set(bytes, &tail), 0);
+    tail_add(&tail, 1, 263);
+    assert_int_equal(wire_tail_set(bytes, &tail), WIRE_TAIL_ENTRY_BYTES);
+    assert_memory_equal(bytes, entry, sizeof entry);
+    for (uint32_t i = 0; i < 20; i++)
+        tail_add(&tail, 2 + (float)i, i);
+    wire.len = wire_tail_set(bytes, &tail);
+    assert_int_equal(wire.len, WIRE_TAIL_BYTES_MAX);
+    assert_int_equal(wire_tail_get(&got, &wire, NULL), STATUS_OK);
+    assert_int_equal(got.count, TAIL_MAX);
+    assert_memory_equal(got.entries, tail.entries, sizeof tail.entries);
+    wire.len -= 1;
+    assert_int_equal(wire_tail_get(&got, &wire, NULL), STATUS_ERR_PROTOCOL);
+    assert_int_equal(got.count, 0);
+    wire.len = WIRE_TAIL_BYTES_MAX + WIRE_TAIL_ENTRY_BYTES;
+    assert_int_equal(wire_tail_get(&got, &wire, NULL), STATUS_ERR_PROTOCOL);
+    wire_work_set(&message, &work);
+    wire_work_get(&back, &message);
+    assert_memory_equal(&back, &work, sizeof work);
+    wire_work_get(&back, NULL);
+    assert_int_equal(back.samples, 0);
 }
 
 static void check_piece(const uint8_t *raw, size_t size, int compresses)
@@ -473,7 +488,7 @@ int main(void)
         cmocka_unit_test(test_settings_out_of_range),
         cmocka_unit_test(test_digest_lengths),
         cmocka_unit_test(test_units),
-        cmocka_unit_test(test_sums),
+        cmocka_unit_test(test_results),
         cmocka_unit_test(test_blob_pieces),
         cmocka_unit_test(test_pieces_that_do_not_fit),
         cmocka_unit_test(test_text_is_cleaned),

@@ -35,17 +35,20 @@ static void look(struct import_result *import, struct variables out[PIXELS])
     settings.aovs = EVERY;
     scene = imported_build(import, &settings, 0);
     memset(out, 0, PIXELS * sizeof *out);
-    for (uint32_t pass = 0; pass < pass_count(SPP); pass++) {
-        const float *from = sums + (size_t)REPLICATES * PIXELS * 3;
+    for (uint32_t unit = 0; unit < GROUPS * pass_count(SPP, 0); unit++) {
+        uint32_t group = unit % GROUPS, pass = unit / GROUPS;
+        uint32_t sent = unit_aovs(EVERY, group, pass);
         size_t at = 0;
-        assert_int_equal(render_tile(scene, 0, 0, pass, sums, &stats),
-                         PIXELS * (REPLICATES * 3 + aov_floats(EVERY)));
+        if (pass >= pass_count(SPP, group))
+            continue;
+        assert_int_equal(render_tile(scene, 0, 0, group, pass, sums, NULL, &stats),
+                         PIXELS * (PIXEL_FLOATS + aov_floats(sent)));
         for (int aov = 0; aov < AOV_COUNT; aov++) {
             uint32_t n = EVERY >> aov & 1 ? aov_channels((enum aov)aov) : 0;
+            const float *from = sums + tile_aov_offset(PIXELS, sent, (enum aov)aov);
             for (uint32_t c = 0; c < n; c++, at++)
-                for (size_t i = 0; i < PIXELS; i++)
-                    to[i * 16 + at] += from[(at - c) * PIXELS + i * n + c] /
-                                       (aov_is_point((enum aov)aov) ? 1 : SPP);
+                for (size_t i = 0; sent >> aov & 1 && i < PIXELS; i++)
+                    to[i * 16 + at] += from[i * n + c] / (aov_is_point((enum aov)aov) ? 1 : SPP);
         }
         assert_int_equal(at, 16);
     }

@@ -42,7 +42,7 @@ static struct ray mean_ray(const struct camera *camera, uint32_t x, uint32_t y)
 
     for (uint32_t i = 0; i < N; i++) {
         struct sampler s;
-        sampler_start(&s, 1, 0, x, y, i);
+        sampler_start(&s, 1, 0, x, y, 0, i);
         camera_ray(camera, x, y, &s, &ray);
         assert_true(fabsf(vec3_length(ray.direction) - 1) < 1e-6f);
         assert_true(ray.t_max == INFINITY);
@@ -121,7 +121,7 @@ static void test_filter(void **state)
         struct sampler s;
         struct ray ray;
         /* A frame each: independent samples, as the test wants them. */
-        sampler_start(&s, 3, i, 50, 50, 0);
+        sampler_start(&s, 3, i, 50, 50, 0, 0);
         camera_ray(&camera, 50, 50, &s, &ray);
         for (int axis = 0; axis < 2; axis++) {
             double offset = axis ? -0.5 - (double)ray.origin.y : (double)ray.origin.x - 0.5;
@@ -173,7 +173,7 @@ static void test_pinhole_bits(void **state)
     for (uint32_t i = 0; i < 1000; i++) {
         struct sampler s;
         struct ray ray;
-        sampler_start(&s, 7, 0, i % 200, i / 10, i);
+        sampler_start(&s, 7, 0, i % 200, i / 10, 0, i);
         camera_ray(&camera, i % 200, i / 10, &s, &ray);
         assert_true(ray.time == 0);
         hash = hash_combine(hash, float_bits(ray.origin.x));
@@ -219,7 +219,7 @@ static void test_circle_of_confusion(void **state)
             for (uint32_t i = 0; i < N; i++) {
                 struct sampler s;
                 struct ray ray;
-                sampler_start(&s, 1, 0, 100000, 50000, i);
+                sampler_start(&s, 1, 0, 100000, 50000, 0, i);
                 camera_ray(&camera, 100000, 50000, &s, &ray);
                 assert_true(fabsf(ray.origin.z) < 1e-6f);
                 furthest = fmax(furthest, hypot((double)ray.origin.x, (double)ray.origin.y));
@@ -273,7 +273,7 @@ static void test_blades(void **state)
             struct ray ray;
             double angle, reach, ring;
             int sector;
-            sampler_start(&s, 11, i, 500000, 500000, 0);
+            sampler_start(&s, 11, i, 500000, 500000, 0, 0);
             camera_ray(&camera, 500000, 500000, &s, &ray);
             angle = atan2((double)ray.origin.y, (double)ray.origin.x) - (double)0.7f;
             angle -= 2 * M_PI * floor(angle / (2 * M_PI));
@@ -319,7 +319,7 @@ static void test_round_lens(void **state)
     for (uint32_t i = 0; i < N; i++) {
         struct sampler s;
         struct ray ray, a, b;
-        sampler_start(&s, 1, 0, 10, 10, i);
+        sampler_start(&s, 1, 0, 10, 10, 0, i);
         camera_ray(&camera, 10, 10, &s, &ray);
         camera_ray(&without, 10, 10, &s, &a);
         camera_ray(&plain, 10, 10, &s, &b);
@@ -360,7 +360,7 @@ static void test_panorama(void **state)
                 uint32_t x = axes[k].x + (uint32_t)(corner & 1) - 1, y = axes[k].y + (uint32_t)(corner >> 1) - 1;
                 x = (x + 400) % 400;
                 y = y == UINT32_MAX ? 0 : y == 200 ? 199 : y;
-                sampler_start(&s, 1, 0, x, y, i);
+                sampler_start(&s, 1, 0, x, y, 0, i);
                 camera_ray(&camera, x, y, &s, &ray);
                 assert_true(ray.origin.x == 1 && ray.origin.y == 2 && ray.origin.z == 3);
                 assert_true(fabsf(vec3_length(ray.direction) - 1) < 1e-6f);
@@ -402,7 +402,7 @@ static void test_project(void **state)
             struct sampler s;
             struct ray ray;
             float pixel[2], wrapped;
-            sampler_start(&s, 2, 0, x, y, i);
+            sampler_start(&s, 2, 0, x, y, 0, i);
             camera_ray(&camera, x, y, &s, &ray);
             earliest = fmin(earliest, (double)ray.time);
             latest = fmax(latest, (double)ray.time);

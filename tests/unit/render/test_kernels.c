@@ -170,7 +170,8 @@ static void test_same_bits(void **state)
                      render_kernel_variant(scene), rooms[i].kernel);
         for (uint32_t tile = 0; tile < tile_count(SIZE, SIZE); tile++) {
             struct render_stats stats = {0};
-            size_t count = tile_render(scene, 3, tile, 1, expected, &stats);
+            struct tail tail, other;
+            size_t count = tile_render(scene, 3, tile, 1, 1, expected, &tail, &stats);
             uint64_t rays = stats.rays;
             for (size_t k = 0; kernel_at(k); k++) {
                 const struct kernel *kernel = kernel_at(k);
@@ -178,8 +179,11 @@ static void test_same_bits(void **state)
                     continue;
                 memset(got, 0x5a, sizeof got);
                 memset(&stats, 0, sizeof stats);
-                assert_int_equal(kernel->tile_render(scene, 3, tile, 1, got, &stats), count);
-                if (memcmp(got, expected, count * sizeof *got) != 0 || stats.rays != rays)
+                assert_int_equal(kernel->tile_render(scene, 3, tile, 1, 1, got, &other, &stats),
+                                 count);
+                if (memcmp(got, expected, count * sizeof *got) != 0 || stats.rays != rays ||
+                    tail.count != other.count ||
+                    memcmp(tail.entries, other.entries, tail.count * sizeof *tail.entries) != 0)
                     fail_msg("%s: kernel %s differs from the general one in tile %u",
                              rooms[i].name, kernel->name, tile);
                 compared++;
@@ -203,11 +207,11 @@ static void test_comparison_bites(void **state)
     (void)state;
     builder_room(&b, dress_coat);
     scene = builder_build(&b, &settings);
-    tile_render(scene, 0, 0, 0, one, &stats);
+    tile_render(scene, 0, 0, 0, 0, one, NULL, &stats);
     /* A kernel that cannot do clearcoats leaves the coat out. */
-    kernel_at(1)->tile_render(scene, 0, 0, 0, two, &stats);
-    tile_render(scene, 0, 2, 0, one, &stats);
-    kernel_at(1)->tile_render(scene, 0, 2, 0, two, &stats);
+    kernel_at(1)->tile_render(scene, 0, 0, 0, 0, two, NULL, &stats);
+    tile_render(scene, 0, 2, 0, 0, one, NULL, &stats);
+    kernel_at(1)->tile_render(scene, 0, 2, 0, 0, two, NULL, &stats);
     assert_memory_not_equal(one, two, sizeof one);
     render_scene_free(scene);
     builder_release(&b);

@@ -385,7 +385,7 @@ static void frame_bits(const struct render_scene *scene, uint32_t frame, float *
 {
     struct render_stats stats = {0};
 
-    render_tile(scene, frame, 0, 0, out, &stats);
+    render_tile(scene, frame, 0, 0, 0, out, NULL, &stats);
 }
 
 /* With a closed shutter an animated frame is, bit by bit, the scene as it stands then; in

@@ -61,14 +61,18 @@ static void test_tiles_are_pure(void **state)
     two = builder_build(&b, &settings);
     /* Forwards in one scene, backwards in another: nothing may be carried along. */
     for (uint32_t t = 0; t < tiles; t++)
-        for (uint32_t p = 0; p < pass_count(settings.spp); p++) {
+        for (uint32_t p = 0; p < pass_count(settings.spp, 0); p++) {
             uint32_t other = tiles - 1 - t;
-            size_t n = render_tile(one, 3, t, p, first, &stats);
+            struct tail tail, same;
+            size_t n = render_tile(one, 3, t, p % GROUPS, p, first, &tail, &stats);
             struct tile_rect r = tile_rect_of(SIDE, SIDE, t);
-            assert_int_equal(n, (size_t)REPLICATES * r.width * r.height * 3);
-            render_tile(two, 3, other, p, again, &stats);
-            n = render_tile(two, 3, t, p, again, &stats);
+            assert_int_equal(n, (size_t)GROUP_REPLICATES * r.width * r.height * 3);
+            render_tile(two, 3, other, p % GROUPS, p, again, &same, &stats);
+            n = render_tile(two, 3, t, p % GROUPS, p, again, &same, &stats);
             assert_memory_equal(first, again, n * sizeof *first);
+            assert_int_equal(tail.count, same.count);
+            assert_memory_equal(tail.entries, same.entries, tail.count * sizeof *tail.entries);
+            assert_true(tail.count > 0 && tail_is_valid(&tail, r.width * r.height));
         }
     assert_int_equal(stats.dropped_samples, 0);
     assert_true(stats.rays > stats.samples);
@@ -77,7 +81,7 @@ static void test_tiles_are_pure(void **state)
     builder_release(&b);
 }
 
-/* A different frame, seed or pass gives different samples. */
+/* A different frame, seed, group or pass gives different samples. */
 static void test_inputs_matter(void **state)
 {
     struct render_settings settings = builder_settings(SIDE, SIDE, 12);
@@ -90,15 +94,17 @@ static void test_inputs_matter(void **state)
     (void)state;
     busy_scene(&b);
     scene = builder_build(&b, &settings);
-    n = render_tile(scene, 0, 4, 1, base, &stats) * sizeof *base;
-    render_tile(scene, 1, 4, 1, other, &stats);
+    n = render_tile(scene, 0, 4, 0, 1, base, NULL, &stats) * sizeof *base;
+    render_tile(scene, 1, 4, 0, 1, other, NULL, &stats);
     assert_memory_not_equal(base, other, n);
-    render_tile(scene, 0, 4, 2, other, &stats);
+    render_tile(scene, 0, 4, 0, 0, other, NULL, &stats);
+    assert_memory_not_equal(base, other, n);
+    render_tile(scene, 0, 4, 1, 1, other, NULL, &stats);
     assert_memory_not_equal(base, other, n);
     render_scene_free(scene);
     settings.seed = 1;
     scene = builder_build(&b, &settings);
-    render_tile(scene, 0, 4, 1, other, &stats);
+    render_tile(scene, 0, 4, 0, 1, other, NULL, &stats);
     assert_memory_not_equal(base, other, n);
     render_scene_free(scene);
     builder_release(&b);

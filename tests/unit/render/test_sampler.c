@@ -49,7 +49,7 @@ static struct sample2 sampler_point(const void *context, uint32_t index)
     const struct pixel_pair *p = context;
     struct sampler s;
 
-    sampler_start(&s, p->job_seed, p->frame, p->x, p->y, index * 2 + p->replicate);
+    sampler_start(&s, p->job_seed, p->frame, p->x, p->y, 0, index * 2 + p->replicate);
     return sampler_get(&s, p->pair);
 }
 
@@ -171,7 +171,7 @@ static double smooth_rmse(uint32_t n, int repeats, int independent)
         for (uint32_t i = 0; i < n; i++) {
             struct sampler s;
 
-            sampler_start(&s, 42, 0, (uint32_t)r, 17, 2 * i);
+            sampler_start(&s, 42, 0, (uint32_t)r, 17, 0, 2 * i);
             if (independent)
                 sum += smooth((struct sample2){sampler_hash(&s, 1, 0), sampler_hash(&s, 1, 1)});
             else
@@ -217,7 +217,7 @@ static void test_replicates_uncorrelated(void **state)
             for (uint32_t i = 0; i < N; i++) {
                 struct sampler s;
 
-                sampler_start(&s, which == 5 ? 4 : 3, which == 3, 2 * x + (which == 2), 5,
+                sampler_start(&s, which == 5 ? 4 : 3, which == 3, 2 * x + (which == 2), 5, 0,
                               2 * i + (which == 1));
                 mean += smooth(sampler_get(&s, DIMENSION_VERTEX + (which == 4)));
             }
@@ -255,7 +255,7 @@ static void test_pairs_uncorrelated(void **state)
             for (uint32_t i = 0; i < N; i++) {
                 struct sampler s;
 
-                sampler_start(&s, 1, 0, 10, 10, 2 * i);
+                sampler_start(&s, 1, 0, 10, 10, 0, 2 * i);
                 product += (sampler_get(&s, a).u - 0.5) * (sampler_get(&s, b).u - 0.5);
             }
             /* 66 two-sided z tests at 0.01 in all (Sidak): 3.79 standard errors of 1/12/sqrt N. */
@@ -272,7 +272,7 @@ static void test_consistent_out_of_order(void **state)
     for (uint32_t i = 0; i < N; i++) {
         struct sampler s;
 
-        sampler_start(&s, 99, 2, 300, 200, i);
+        sampler_start(&s, 99, 2, 300, 200, 0, i);
         for (uint32_t pair = 0; pair < PAIRS; pair++)
             first[i][pair] = sampler_get(&s, pair);
     }
@@ -282,7 +282,7 @@ static void test_consistent_out_of_order(void **state)
         struct sampler s;
         struct sample2 again;
 
-        sampler_start(&s, 99, 2, 300, 200, i);
+        sampler_start(&s, 99, 2, 300, 200, 0, i);
         (void)sampler_hash(&s, k, k);
         again = sampler_get(&s, pair);
         assert_true(again.u == first[i][pair].u && again.v == first[i][pair].v);
@@ -316,13 +316,13 @@ static void test_hash_uniform(void **state)
 
     (void)state;
     for (uint32_t i = 0; i < N; i++) {
-        sampler_start(&s, 5, 0, i % 40, i / 1600, i / 40 % 40);
+        sampler_start(&s, 5, 0, i % 40, i / 1600, 0, i / 40 % 40);
         counts[(int)(sampler_hash(&s, i % 7, i % 3) * CELLS)]++;
     }
     for (int c = 0; c < CELLS; c++)
         chi2 += pow(counts[c] - (double)N / CELLS, 2) / ((double)N / CELLS);
     assert_true(chi2 < 103.4);
-    sampler_start(&s, 5, 0, 1, 1, 0);
+    sampler_start(&s, 5, 0, 1, 1, 0, 0);
     assert_true(sampler_hash(&s, 1, 2) != sampler_hash(&s, 2, 1));
     assert_true(sampler_hash(&s, 1, 2) != sampler_hash(&s, 1, 3));
 }
@@ -341,7 +341,7 @@ static void test_golden(void **state)
         struct sampler s;
         struct sample2 p;
 
-        sampler_start(&s, 0x0123456789abcdefull, 3, 640 + i, 360, 5 + i);
+        sampler_start(&s, 0x0123456789abcdefull, 3, 640 + i, 360, 0, 5 + i);
         p = sampler_get(&s, DIMENSION_VERTEX + i);
         assert_int_equal(float_bits(p.u), want[i][0]);
         assert_int_equal(float_bits(p.v), want[i][1]);
@@ -351,7 +351,7 @@ static void test_golden(void **state)
         struct sample2 p;
         uint32_t words[3];
 
-        sampler_start(&s, i / 7, i % 5, i % 101, i % 57, i);
+        sampler_start(&s, i / 7, i % 5, i % 101, i % 57, 0, i);
         p = sampler_get(&s, i % 60);
         words[0] = float_bits(p.u);
         words[1] = float_bits(p.v);

@@ -16,7 +16,7 @@
 #include "common/image/color.h"
 #include "tests/support/imported.h"
 
-enum { WIDTH = 30, HEIGHT = 20, VALUES = WIDTH * HEIGHT * 3, SPP = 4 };
+enum { WIDTH = 30, HEIGHT = 20, VALUES = WIDTH * HEIGHT * 3, SPP = 256 };
 
 /* One pixel, of these codes. */
 enum { RED = 200, GREEN = 120, BLUE = 220, ALPHA = 160 };
@@ -301,13 +301,13 @@ static void test_normal(void **state)
     assert_true(mirrored > 0);
     settings.aovs = 1 << AOV_NORMAL | 1 << AOV_POSITION;
     scene = imported_build(&import, &settings, 0);
-    render_tile(scene, 0, 0, 0, sums, &stats);
+    render_tile(scene, 0, 0, 0, 0, sums, NULL, &stats);
     render_scene_free(scene);
     for (int c = 0; c < 3; c++)
         origin[c] = (float)import.scene.origin[c];
     import_result_release(&import);
     for (int i = 0; i < 256; i++) {
-        const float *n = sums + REPLICATES * 256 * 3 + 3 * i, *p = n + 256 * 3;
+        const float *n = sums + GROUP_REPLICATES * 256 * 3 + 3 * i, *p = n + 256 * 3;
         float x = p[0] + origin[0], y = p[1] + origin[1] - 1, z = p[2] + origin[2], r, east[2],
               north[3];
         int left = x < -1.15f; /* it or the middle one */
@@ -370,9 +370,9 @@ static void test_coat_has_its_own_normal(void **state)
     render_changed(coat_over_black, 1, base);
     render_changed(coat_over_black, 2, coat);
     render_changed(coat_over_black, 3, both);
-    assert_true(coarse_difference(plain, base) < 0.01);
-    assert_true(coarse_difference(coat, both) < 0.01);
-    assert_true(coarse_difference(plain, coat) > 0.05);
+    assert_true(coarse_difference(plain, base) < 0.005); /* noise */
+    assert_true(coarse_difference(coat, both) < 0.005);
+    assert_true(coarse_difference(plain, coat) > 0.03);
 }
 
 int main(void)

@@ -37,7 +37,7 @@ static void picture(struct scene_builder *b, uint64_t without, float out[FLOATS]
 
     settings.without = without;
     scene = builder_build(b, &settings);
-    render_tile(scene, 0, 0, 0, out, &stats);
+    render_tile(scene, 0, 0, 0, 0, out, NULL, &stats);
     render_scene_free(scene);
 }
 
@@ -319,7 +319,7 @@ static void *build_often(void *user)
         struct render_stats stats = {0};
         float out[FLOATS];
         struct render_scene *scene = builder_build(b, &settings);
-        render_tile(scene, 0, 0, 0, out, &stats);
+        render_tile(scene, 0, 0, 0, 0, out, NULL, &stats);
         render_scene_free(scene);
     }
     return NULL;

@@ -183,7 +183,8 @@ static void test_rooms(void **state)
         end = clock_monotonic_ns() + LIMIT_NS;
         for (uint32_t unit = 0; rooms[k].found & ~found && clock_monotonic_ns() < end; unit++) {
             uint32_t tiles = tile_count(SIZE, SIZE);
-            render_tile(scene, 0, unit % tiles, unit / tiles % pass_count(SPP), sums, &stats);
+            render_tile(scene, 0, unit % tiles, 0, unit / tiles % pass_count(SPP, 0), sums, NULL,
+                        &stats);
             found = found_since(&before);
         }
         profile_counts(&after);

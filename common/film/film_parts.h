@@ -1,0 +1,83 @@
+/* film_parts: the inside of a film, shared by its files; nobody else includes this.
+ *
+ * film.c          life, merging, questions
+ * film_develop.c  means, AOVs, the error estimate
+ * film_state.c    a tile's state as bytes
+ */
+#ifndef AZULEJO_FILM_FILM_PARTS_H
+#define AZULEJO_FILM_FILM_PARTS_H
+
+#include "common/film/film.h"
+
+/* A result that may not be folded yet. */
+struct waiting {
+    struct waiting *next; /* ascending pass */
+    uint32_t pass, deliverer;
+    uint64_t hash;
+    size_t count;
+    struct unit_work work;
+    struct tail tail;
+    float sums[];
+};
+
+/* Sums of a group's whole passes, or of its short one. */
+struct film_sums {
+    struct unit_work work;
+    struct tail tail;
+    double values[];      /* as tile_floats() with unit_aovs(aovs, group, 0) */
+};
+
+struct film_log_entry {
+    uint64_t hash;        /* unit_hash() */
+    uint32_t deliverer, spare;
+};
+
+struct film_group {
+    struct film_sums *whole;  /* NULL until the first pass is folded */
+    struct film_sums *cut;    /* the short pass; NULL: not folded */
+    uint32_t passes, wanted;  /* folded: a prefix of the schedule */
+    uint32_t waiting_count, level_count;
+    struct waiting *waiting;
+    struct film_log_entry *log; /* of the passes folded */
+    size_t log_capacity, level_capacity;
+    struct film_level *levels;
+};
+
+struct film_tile {
+    struct film_group groups[GROUPS];
+};
+
+struct film {
+    uint32_t width, height, spp, aovs;
+    uint32_t tiles_total;
+    uint32_t passes_total[GROUPS];
+    struct film_tile *tiles;
+    uint64_t samples;         /* folded, over all pixels */
+    uint64_t wanted;          /* units */
+    uint32_t tiles_started;   /* with at least one pass */
+    uint32_t begun[GROUPS];   /* tiles with pass 0 of the group */
+    uint32_t behind;          /* tiles' groups with fewer passes folded than wanted */
+    int frozen[GROUPS];
+    struct film_codes codes[GROUPS];
+    struct unit_work work;
+};
+
+uint32_t film_tile_pixels(const struct film *film, uint32_t tile);
+/* Values of film_sums. */
+size_t film_group_numbers(const struct film *film, uint32_t tile, uint32_t group);
+/* Samples of the group that `passes` passes hold. */
+uint32_t film_samples_after(const struct film *film, uint32_t group, uint32_t passes);
+/* Room for so many folded passes, so that folding itself cannot fail. 0: out of memory. */
+int film_group_reserve(const struct film *film, uint32_t tile, uint32_t group, uint32_t passes);
+/* Note that the group has so many passes folded now. */
+void film_group_set_passes(struct film *film, uint32_t tile, uint32_t group, uint32_t passes);
+void film_group_forget_waiting(struct film_group *group);
+
+static inline double film_sum(const struct film_group *group, size_t i)
+{
+    return group->cut ? group->whole ? group->whole->values[i] + group->cut->values[i]
+                                     : group->cut->values[i]
+                      : group->whole->values[i];
+}
+
+#endif

@@ -1,0 +1,408 @@
+/* A tile's state on disk, little-endian:
+ *   magic, length in bytes, frame width, height, AOVs, tile (32 bits each)
+ *   for each group: whole passes, samples of the short pass's end (0: none), levels, 0 (32 bits each)
+ *     sums of the whole passes, if there are any; of the short one, if there is one:
+ *       the work (64 bits each), tail count, 0, tail, values (doubles)
+ *     levels, log of the passes
+ *   64-bit check of all before
+ * Frame and tile are repeated so that a state that was written to the wrong place is refused. The cap is
+ * not part of it: a short pass says where it ended. */
+#include <math.h>
+#include <string.h>
+
+#include "common/base/memory.h"
+#include "common/film/film_parts.h"
+
+enum {
+    STATE_MAGIC = 0x335a5441, /* "ATZ3": 2 knew no groups */
+    STATE_HEADER_BYTES = 6 * 4,
+    GROUP_HEADER_BYTES = 4 * 4,
+    WORK_BYTES = 6 * 8,
+    TAIL_BYTES = 8 + TAIL_MAX * 8,
+    LEVEL_BYTES = 8 + 8 + 4 + 4 + LEVEL_BINS * 2,
+    LOG_BYTES = 16,
+    STATE_CHECK_BYTES = 8,
+};
+
+/* ---- bytes ---------------------------------------------------------------------------------- */
+
+static uint8_t *put32(uint8_t *out, uint32_t value)
+{
+    for (int i = 0; i < 4; i++)
+        *out++ = (uint8_t)(value >> 8 * i);
+    return out;
+}
+
+static uint8_t *put64(uint8_t *out, uint64_t value)
+{
+    return put32(put32(out, (uint32_t)value), (uint32_t)(value >> 32));
+}
+
+static uint8_t *put_double(uint8_t *out, double value)
+{
+    uint64_t bits;
+
+    memcpy(&bits, &value, sizeof bits);
+    return put64(out, bits);
+}
+
+static uint8_t *put_float(uint8_t *out, float value)
+{
+    uint32_t bits;
+
+    memcpy(&bits, &value, sizeof bits);
+    return put32(out, bits);
+}
+
+static uint32_t get32(const uint8_t **in)
+{
+    const uint8_t *b = *in;
+
+    *in += 4;
+    return (uint32_t)b[0] | (uint32_t)b[1] << 8 | (uint32_t)b[2] << 16 | (uint32_t)b[3] << 24;
+}
+
+static uint64_t get64(const uint8_t **in)
+{
+    uint64_t low = get32(in);
+
+    return low | (uint64_t)get32(in) << 32;
+}
+
+static double get_double(const uint8_t **in)
+{
+    uint64_t bits = get64(in);
+    double value;
+
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+static float get_float(const uint8_t **in)
+{
+    uint32_t bits = get32(in);
+    float value;
+
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+/* ---- lengths -------------------------------------------------------------------------------- */
+
+static size_t sums_size(size_t numbers)
+{
+    return WORK_BYTES + TAIL_BYTES + numbers * 8;
+}
+
+static size_t group_size(size_t numbers, int parts, uint32_t levels, uint32_t passes)
+{
+    return GROUP_HEADER_BYTES + (size_t)parts * sums_size(numbers) + (size_t)levels * LEVEL_BYTES +
+           (size_t)passes * LOG_BYTES;
+}
+
+static int has_cut(const struct film *film, uint32_t group, uint32_t passes)
+{
+    return passes > 0 && pass_is_short(film->spp, group, passes - 1);
+}
+
+static int parts_of(uint32_t whole_passes, int cut)
+{
+    return (whole_passes > 0) + cut;
+}
+
+size_t film_tile_state_size(const struct film *film, uint32_t tile)
+{
+    size_t size = STATE_HEADER_BYTES + STATE_CHECK_BYTES;
+
+    for (uint32_t i = 0; i < GROUPS; i++) {
+        const struct film_group *g = &film->tiles[tile].groups[i];
+        int cut = has_cut(film, i, g->passes);
+        size += group_size(film_group_numbers(film, tile, i),
+                           parts_of(g->passes - (uint32_t)cut, cut), g->level_count, g->passes);
+    }
+    return size;
+}
+
+size_t film_tile_state_bound(const struct film *film, uint32_t tile)
+{
+    size_t size = STATE_HEADER_BYTES + STATE_CHECK_BYTES;
+
+    for (uint32_t i = 0; i < GROUPS; i++)
+        size += group_size(film_group_numbers(film, tile, i), 2, LEVELS_MAX, PASSES_MAX);
+    return size;
+}
+
+size_t film_tile_length(const uint8_t prefix[FILM_STATE_PREFIX])
+{
+    const uint8_t *at = prefix;
+
+    return get32(&at) == STATE_MAGIC ? get32(&at) : 0;
+}
+
+/* ---- to bytes ------------------------------------------------------------------------------- */
+
+static uint8_t *put_sums(uint8_t *at, const struct film_sums *sums, size_t numbers)
+{
+    const struct unit_work *w = &sums->work;
+    const uint64_t work[] = {w->samples, w->rays, w->vertices, w->dropped_samples, w->leaked_rays,
+                             w->clamped_values};
+
+    for (size_t i = 0; i < sizeof work / sizeof *work; i++)
+        at = put64(at, work[i]);
+    at = put32(at, sums->tail.count);
+    at = put32(at, 0);
+    for (uint32_t i = 0; i < TAIL_MAX; i++) {
+        struct tail_entry e = i < sums->tail.count ? sums->tail.entries[i] : (struct tail_entry){0};
+        at = put_float(at, e.value);
+        at = put32(at, e.pixel);
+    }
+    for (size_t i = 0; i < numbers; i++)
+        at = put_double(at, sums->values[i]);
+    return at;
+}
+
+static uint8_t *put_level(uint8_t *at, const struct film_level *level)
+{
+    at = put64(at, level->rays);
+    at = put_double(at, level->linear);
+    at = put_float(at, level->display);
+    at = put32(at, (uint32_t)level->has_codes);
+    for (int i = 0; i < LEVEL_BINS; i += 2)
+        at = put32(at, level->bins[i] | (uint32_t)level->bins[i + 1] << 16);
+    return at;
+}
+
+static uint8_t *put_group(uint8_t *at, const struct film *film, uint32_t tile, uint32_t group)
+{
+    const struct film_group *g = &film->tiles[tile].groups[group];
+    int cut = has_cut(film, group, g->passes);
+    size_t numbers = film_group_numbers(film, tile, group);
+
+    at = put32(at, g->passes - (uint32_t)cut);
+    at = put32(at, cut ? film_samples_after(film, group, g->passes) : 0);
+    at = put32(at, g->level_count);
+    at = put32(at, 0);
+    if (g->passes > (uint32_t)cut)
+        at = put_sums(at, g->whole, numbers);
+    if (cut)
+        at = put_sums(at, g->cut, numbers);
+    for (uint32_t i = 0; i < g->level_count; i++)
+        at = put_level(at, &g->levels[i]);
+    for (uint32_t i = 0; i < g->passes; i++) {
+        at = put64(at, g->log[i].hash);
+        at = put32(at, g->log[i].deliverer);
+        at = put32(at, g->log[i].spare);
+    }
+    return at;
+}
+
+void film_tile_save(const struct film *film, uint32_t index, uint8_t *out)
+{
+    uint8_t *at = out;
+
+    at = put32(at, STATE_MAGIC);
+    at = put32(at, (uint32_t)film_tile_state_size(film, index));
+    at = put32(at, film->width);
+    at = put32(at, film->height);
+    at = put32(at, film->aovs);
+    at = put32(at, index);
+    for (uint32_t g = 0; g < GROUPS; g++)
+        at = put_group(at, film, index, g);
+    put64(at, hash_bytes(out, (size_t)(at - out)));
+}
+
+/* ---- from bytes ----------------------------------------------------------------------------- */
+
+/* A group's header, checked against what follows it. */
+struct group_header {
+    uint32_t whole, cut_end, levels;
+    int keeps_cut;     /* the short pass is this cap's, too */
+    uint32_t passes;   /* in the state */
+};
+
+static int get_group_header(const struct film *film, uint32_t group, const uint8_t **at,
+                            struct group_header *h)
+{
+    uint32_t samples = group_samples(film->spp, group), end;
+
+    h->whole = get32(at);
+    h->cut_end = get32(at);
+    h->levels = get32(at);
+    (void)get32(at);
+    if (h->whole > PASSES_MAX || h->levels != level_count(h->whole))
+        return 0;
+    end = h->whole ? pass_boundary(h->whole - 1) : 0;
+    if (end > samples)
+        return 0;
+    if (h->cut_end != 0 && (h->whole == PASSES_MAX || h->cut_end <= end ||
+                            h->cut_end >= pass_boundary(h->whole)))
+        return 0;
+    h->passes = h->whole + (h->cut_end != 0);
+    h->keeps_cut = h->cut_end == samples && h->cut_end != 0;
+    return 1;
+}
+
+static int sums_are_good(const uint8_t *at, size_t numbers)
+{
+    uint32_t tails;
+
+    at += WORK_BYTES;
+    tails = get32(&at);
+    if (tails > TAIL_MAX)
+        return 0;
+    at += TAIL_BYTES - 4;
+    for (size_t i = 0; i < numbers; i++)
+        if (!isfinite(get_double(&at)))
+            return 0;
+    return 1;
+}
+
+static void get_sums(const uint8_t **at, struct film_sums *sums, size_t numbers)
+{
+    uint64_t *const work[] = {&sums->work.samples,         &sums->work.rays,
+                              &sums->work.vertices,        &sums->work.dropped_samples,
+                              &sums->work.leaked_rays,     &sums->work.clamped_values};
+
+    for (size_t i = 0; i < sizeof work / sizeof *work; i++)
+        *work[i] = get64(at);
+    sums->tail.count = get32(at);
+    (void)get32(at);
+    for (uint32_t i = 0; i < TAIL_MAX; i++) {
+        sums->tail.entries[i].value = get_float(at);
+        sums->tail.entries[i].pixel = (uint16_t)get32(at);
+    }
+    for (size_t i = 0; i < numbers; i++)
+        sums->values[i] = get_double(at);
+}
+
+static void get_level(const uint8_t **at, struct film_level *level)
+{
+    level->rays = get64(at);
+    level->linear = get_double(at);
+    level->display = get_float(at);
+    level->has_codes = get32(at) != 0;
+    for (int i = 0; i < LEVEL_BINS; i += 2) {
+        uint32_t two = get32(at);
+        level->bins[i] = (uint16_t)two;
+        level->bins[i + 1] = (uint16_t)(two >> 16);
+    }
+}
+
+/* Check the state and find each group's part of it. */
+static status check_state(const struct film *film, uint32_t tile, const uint8_t *data, size_t size,
+                          struct group_header headers[GROUPS], const uint8_t *parts[GROUPS],
+                          struct error *err)
+{
+    const uint8_t *at = data, *end, *check;
+
+    if (tile >= film->tiles_total || size < STATE_HEADER_BYTES + STATE_CHECK_BYTES ||
+        film_tile_length(data) != size)
+        return error_set(err, STATUS_ERR_CORRUPT, "tile %u: its state has %zu bytes", tile, size);
+    end = check = data + size - STATE_CHECK_BYTES;
+    if (get64(&check) != hash_bytes(data, size - STATE_CHECK_BYTES))
+        return error_set(err, STATUS_ERR_CORRUPT, "tile %u: its stored state is damaged", tile);
+    at += 8;
+    if (get32(&at) != film->width || get32(&at) != film->height || get32(&at) != film->aovs ||
+        get32(&at) != tile)
+        return error_set(err, STATUS_ERR_CORRUPT,
+                         "tile %u: the stored state belongs to another tile or frame", tile);
+    for (uint32_t g = 0; g < GROUPS; g++) {
+        struct group_header *h = &headers[g];
+        size_t numbers = film_group_numbers(film, tile, g), sums = sums_size(numbers);
+        int count;
+        parts[g] = at;
+        if (end - at < GROUP_HEADER_BYTES || !get_group_header(film, g, &at, h))
+            return error_set(err, STATUS_ERR_CORRUPT,
+                             "tile %u: the stored state has passes that the frame has not", tile);
+        count = parts_of(h->whole, h->cut_end != 0);
+        if ((size_t)(end - parts[g]) < group_size(numbers, count, h->levels, h->passes))
+            return error_set(err, STATUS_ERR_CORRUPT, "tile %u: its stored state is cut off", tile);
+        for (int i = 0; i < count; i++)
+            if (!sums_are_good(at + (size_t)i * sums, numbers))
+                return error_set(err, STATUS_ERR_CORRUPT, "tile %u: a stored sum is not finite",
+                                 tile);
+        at = parts[g] + group_size(numbers, count, h->levels, h->passes);
+    }
+    if (at != end)
+        return error_set(err, STATUS_ERR_CORRUPT, "tile %u: its stored state is too long", tile);
+    return STATUS_OK;
+}
+
+status film_tile_peek(const struct film *film, uint32_t tile, const uint8_t *data,
+                      size_t size_bytes, uint32_t passes[GROUPS], struct error *err)
+{
+    struct group_header headers[GROUPS];
+    const uint8_t *parts[GROUPS];
+    status s = check_state(film, tile, data, size_bytes, headers, parts, err);
+
+    for (uint32_t g = 0; g < GROUPS; g++)
+        passes[g] = s == STATUS_OK ? headers[g].whole + (uint32_t)headers[g].keeps_cut : 0;
+    return s;
+}
+
+static void group_clear(struct film *film, uint32_t tile, uint32_t group)
+{
+    struct film_group *g = &film->tiles[tile].groups[group];
+    struct film_sums *both[2] = {g->whole, g->cut};
+
+    film_group_forget_waiting(g);
+    for (int i = 0; i < 2; i++) {
+        if (!both[i])
+            continue;
+        unit_work_subtract(&film->work, &both[i]->work);
+        memset(both[i], 0, sizeof *both[i] +
+                               film_group_numbers(film, tile, group) * sizeof(double));
+    }
+    g->level_count = 0;
+    film_group_set_passes(film, tile, group, 0);
+}
+
+static void group_load(struct film *film, uint32_t tile, uint32_t group,
+                       const struct group_header *h, const uint8_t *at)
+{
+    struct film_group *g = &film->tiles[tile].groups[group];
+    size_t numbers = film_group_numbers(film, tile, group);
+    uint32_t passes = h->whole + (uint32_t)h->keeps_cut;
+
+    group_clear(film, tile, group);
+    at += GROUP_HEADER_BYTES;
+    if (h->whole > 0) {
+        get_sums(&at, g->whole, numbers);
+        unit_work_add(&film->work, &g->whole->work);
+    }
+    if (h->keeps_cut) {
+        get_sums(&at, g->cut, numbers);
+        unit_work_add(&film->work, &g->cut->work);
+    } else if (h->cut_end != 0) {
+        at += sums_size(numbers);
+    }
+    for (uint32_t i = 0; i < h->levels; i++)
+        get_level(&at, &g->levels[i]);
+    g->level_count = h->levels;
+    for (uint32_t i = 0; i < passes; i++) {
+        g->log[i].hash = get64(&at);
+        g->log[i].deliverer = get32(&at);
+        g->log[i].spare = get32(&at);
+    }
+    film_group_set_passes(film, tile, group, passes);
+    film_want(film, tile, group, passes);
+}
+
+status film_tile_load(struct film *film, uint32_t index, const uint8_t *data, size_t size_bytes,
+                      struct error *err)
+{
+    struct group_header headers[GROUPS];
+    const uint8_t *parts[GROUPS];
+    status s = check_state(film, index, data, size_bytes, headers, parts, err);
+
+    if (s != STATUS_OK)
+        return s;
+    for (uint32_t g = 0; g < GROUPS; g++)
+        if ((headers[g].whole > 0 &&
+             !film_group_reserve(film, index, g, headers[g].whole)) ||
+            (headers[g].keeps_cut && !film_group_reserve(film, index, g, headers[g].whole + 1)))
+            return error_no_memory(err, "the film");
+    for (uint32_t g = 0; g < GROUPS; g++)
+        group_load(film, index, g, &headers[g], parts[g]);
+    return STATUS_OK;
+}

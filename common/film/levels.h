@@ -1,0 +1,40 @@
+/* levels: how much the two replicates of a group differ on a tile, at a level.
+ *
+ * Level k is the moment at which a group has 2^(k+1) samples of each pixel, 2^k of either replicate.
+ * A film computes its statistics there and then and keeps them for ever: they are a function of
+ * the group's samples up to that level and of nothing else.
+ */
+#ifndef AZULEJO_FILM_LEVELS_H
+#define AZULEJO_FILM_LEVELS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+enum { LEVEL_BINS = 24 };
+
+struct film_level {
+    uint64_t rays;       /* of the group on the tile, up to this level */
+    double linear;       /* sum over pixels and RGB of (A - B)^2 / 4, in linear radiance */
+    float display;       /* sum over pixels of e^2, e = the largest channel's |a - b| / 2 */
+    int has_codes;       /* display and bins are known */
+    /* Pixels by e: bin i holds [2^(i/2 - 5), 2^((i+1)/2 - 5)) codes of 255; the first one and the last
+     * one also what lies beyond. */
+    uint16_t bins[LEVEL_BINS];
+};
+
+/* What a display shows of linear pixels: codes[count][3] of rgb[count][3], 0..255 and not rounded. A
+ * function of each pixel alone. `codes` NULL: not known. */
+struct film_codes {
+    void (*codes)(void *user, const float *rgb, uint32_t count, float *codes);
+    void *user;
+};
+
+/* sRGB at 0 EV: of a picture without an operator. */
+void film_codes_plain(void *user, const float *rgb, uint32_t count, float *codes);
+
+/* From the sums of both replicates, [2][pixels][3], of `samples` samples together. Sets all but rays and
+ * leaves display, bins and has_codes 0 without codes. pixels <= TILE_PIXELS_MAX. */
+void film_level_measure(struct film_level *out, const double *sums, uint32_t pixels,
+                        uint32_t samples, const struct film_codes *codes);
+
+#endif

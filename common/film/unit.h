@@ -1,0 +1,61 @@
+/* unit: the result of one work unit, as a film takes it.
+ *
+ * All of it is a pure function of the unit's name, the scene and the settings: two results of one
+ * unit must be equal byte for byte, the counts included. What is measured (times) is not part of it.
+ */
+#ifndef AZULEJO_FILM_UNIT_H
+#define AZULEJO_FILM_UNIT_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/film/tiles.h"
+
+/* Work done, and what went wrong in it. */
+struct unit_work {
+    uint64_t samples, rays, vertices;
+    uint64_t dropped_samples;  /* not finite: replaced by black */
+    uint64_t leaked_rays;      /* slipped through something closed: traced again */
+    uint64_t clamped_values;   /* sums beyond what a float holds */
+};
+
+void unit_work_add(struct unit_work *sum, const struct unit_work *more);
+void unit_work_subtract(struct unit_work *sum, const struct unit_work *less);
+
+/* A sample's contribution: its luminance, and the pixel of its tile (row-major). */
+struct tail_entry {
+    float value;
+    uint16_t pixel, spare;     /* spare is 0 */
+};
+
+/* The largest contributions, descending, ties by pixel; only positive ones. */
+struct tail {
+    uint32_t count;            /* 0..TAIL_MAX */
+    struct tail_entry entries[TAIL_MAX];
+};
+
+/* Contributions of one value must come in ascending pixels. */
+void tail_insert(struct tail *tail, float value, uint32_t pixel);
+static inline void tail_add(struct tail *tail, float value, uint32_t pixel)
+{
+    if (value > 0 && (tail->count < TAIL_MAX || value > tail->entries[TAIL_MAX - 1].value))
+        tail_insert(tail, value, pixel);
+}
+/* Keep the largest of both: exact and associative. */
+void tail_merge(struct tail *tail, const struct tail *more);
+/* In order, finite, positive, and of a tile of so many pixels. */
+int tail_is_valid(const struct tail *tail, uint32_t pixels);
+
+struct unit_result {
+    uint32_t tile, group, pass;
+    const float *sums;         /* as tile_floats() with unit_aovs() */
+    size_t count;
+    struct tail tail;
+    struct unit_work work;
+};
+
+/* Not cryptographic: tells faults apart, not forgers. */
+uint64_t unit_hash(const struct unit_result *unit);
+uint64_t hash_bytes(const uint8_t *data, size_t size_bytes);
+
+#endif

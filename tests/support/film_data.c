@@ -1,0 +1,107 @@
+#include "tests/support/film_data.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static float number_of(uint32_t tile, uint32_t group, uint32_t pass, size_t i)
+{
+    uint32_t h = (uint32_t)i * 2654435761u ^ tile * 40503u ^
+                 (pass * GROUPS + group + 1) * 2246822519u;
+
+    h ^= h >> 15;
+    h *= 2246822519u;
+    h ^= h >> 13;
+    return ldexpf((float)(h | 1u << 31), (int)((h * 2654435761u) >> 26) - 60);
+}
+
+struct unit_result film_data_unit(const struct film *film, uint32_t tile, uint32_t group,
+                                  uint32_t pass, float *sums)
+{
+    struct tile_rect rect = tile_rect_of(film_width(film), film_height(film), tile);
+    struct unit_result unit = {.tile = tile, .group = group, .pass = pass, .sums = sums};
+    uint32_t pixels = rect.width * rect.height, begin, end;
+
+    unit.count = tile_floats(film_width(film), film_height(film), tile,
+                             unit_aovs(film_aovs(film), group, pass));
+    for (size_t i = 0; i < unit.count; i++)
+        sums[i] = number_of(tile, group, pass, i);
+    pass_range(film_spp(film), group, pass, &begin, &end);
+    unit.work.samples = (uint64_t)pixels * (end - begin);
+    unit.work.rays = unit.work.samples * 3 + pass;
+    unit.work.vertices = unit.work.rays / 2;
+    unit.work.leaked_rays = tile;
+    for (uint32_t i = 0; i < 10; i++)
+        tail_add(&unit.tail, 1 + (float)((tile * 7 + group * 5 + pass * 3 + i * 11) % 13),
+                 i % pixels);
+    return unit;
+}
+
+enum film_merge_result film_data_merge(struct film *film, uint32_t tile, uint32_t group,
+                                       uint32_t pass)
+{
+    float sums[TILE_FLOATS_MAX];
+    struct unit_result unit = film_data_unit(film, tile, group, pass, sums);
+    enum film_merge_result result;
+    struct error err = {0};
+
+    if (film_merge(film, &unit, 100 + pass, &result, &err) != STATUS_OK)
+        fail_msg("%s", err.text);
+    return result;
+}
+
+struct film *film_data_new(uint32_t width, uint32_t height, uint32_t spp, uint32_t aovs)
+{
+    struct film *film = film_new_aovs(width, height, spp, aovs);
+
+    assert_non_null(film);
+    film_want_all(film);
+    for (uint32_t g = 0; g < GROUPS; g++)
+        film_freeze(film, g, &(struct film_codes){film_codes_plain, NULL});
+    return film;
+}
+
+struct film *film_data_whole(uint32_t width, uint32_t height, uint32_t spp, uint32_t aovs)
+{
+    struct film *film = film_data_new(width, height, spp, aovs);
+
+    for (uint32_t t = 0; t < film_tile_count(film); t++)
+        for (uint32_t g = 0; g < GROUPS; g++)
+            for (uint32_t p = 0; p < film_pass_count(film, g); p++)
+                assert_int_equal(film_data_merge(film, t, g, p), FILM_MERGED);
+    assert_true(film_complete(film));
+    return film;
+}
+
+void film_data_assert_same(const struct film *a, const struct film *b)
+{
+    size_t count = (size_t)film_width(a) * film_height(a) * 3;
+    float *one = malloc(count * sizeof *one), *two = malloc(count * sizeof *two);
+    double error_a = film_error(a), error_b = film_error(b);
+
+    assert_non_null(one);
+    assert_non_null(two);
+    film_develop(a, one);
+    film_develop(b, two);
+    assert_memory_equal(one, two, count * sizeof *one);
+    assert_memory_equal(&error_a, &error_b, sizeof error_a);
+    assert_memory_equal(film_work(a), film_work(b), sizeof(struct unit_work));
+    assert_int_equal(film_samples(a), film_samples(b));
+    for (uint32_t t = 0; t < film_tile_count(a); t++) {
+        size_t size = film_tile_state_size(a, t);
+        uint8_t *first = malloc(size), *second = malloc(size);
+        assert_true(size <= film_tile_state_bound(a, t));
+        assert_int_equal(film_tile_state_size(b, t), size);
+        film_tile_save(a, t, first);
+        film_tile_save(b, t, second);
+        assert_memory_equal(first, second, size);
+        free(first);
+        free(second);
+    }
+    free(one);
+    free(two);
+}
