@@ -173,7 +173,7 @@ static void test_gap(void **state)
     (void)state;
     for (size_t k = 0; k < sizeof scales / sizeof *scales; k++)
         for (size_t i = 0; i < sizeof places / sizeof *places; i++) {
-            struct render_settings settings = builder_settings(8, 8, 256);
+            struct render_settings settings = builder_settings(8, 8, 128);
             double scale = scales[k], x = places[i][0], z = places[i][1];
             struct scene_builder b;
             char what[96];
