@@ -177,7 +177,12 @@ void study_plot_question(struct buffer *out, const struct study *s,
 
 /* ---- effects ------------------------------------------------------------------------------- */
 
-enum { ROW = 26, HEAD = 44, FOOT = 34, EFFECT_GAP = 46 };
+enum { ROW = 26, HEAD = 32, FOOT = 34, EFFECT_GAP = 46 };
+
+static double row_middle(size_t i)
+{
+    return HEAD + ROW * ((double)i + 0.5) - 4;
+}
 
 static double most_saved(const struct study *s)
 {
@@ -206,7 +211,6 @@ static void effect_row(struct buffer *out, const struct study *s, const struct s
     svg_text(out, bar_begin + bar_length * (isfinite(saved) ? saved : 0) + 6, y + 4, SVG_START,
              "tick", buffer_text(&text));
     svg_release(out, &text);
-    svg_line(out, bias->begin, y, bias->end, y, "grid");
     if (!isfinite(e->bias.value))
         return;
     svg_line(out, svg_axis_at(bias, fmin(low, bias->high)), y,
@@ -225,6 +229,8 @@ static void bias_axis(struct buffer *out, const struct study *s, const struct sv
 
     if (quarter > bias->begin && quarter < bias->end)
         svg_rectangle(out, bias->begin, HEAD - 8, quarter - bias->begin, bottom - HEAD + 8, "sparezone");
+    for (size_t i = 0; i < s->effects.count; i++)
+        svg_line(out, bias->begin, row_middle(i), bias->end, row_middle(i), "grid");
     for (const struct svg_tick *t = svg_ticks_codes; t->label; t++) {
         const double x = svg_axis_at(bias, t->value);
         const double half = svg_text_width(t->label, PLOT_FONT) / 2;
@@ -262,7 +268,7 @@ void study_plot_effects(struct buffer *out, const struct study *s, double width)
               "picture. The table below has the numbers.");
     bias_axis(out, s, &bias, bottom);
     for (size_t i = 0; i < s->effects.count; i++)
-        effect_row(out, s, &s->effects.items[order[i]], HEAD + ROW * ((double)i + 0.5) - 4,
+        effect_row(out, s, &s->effects.items[order[i]], row_middle(i),
                    names, panel / most_saved(s), &bias);
     svg_line(out, names, HEAD - 8, names, bottom, "axis");
     svg_text(out, names, bottom + 31, SVG_START, "title", "time saved without it");

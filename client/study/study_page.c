@@ -161,10 +161,13 @@ static status put_first_screen(struct buffer *out, const struct study *s, struct
     result = put_regions(out, s, err);
     if (s->regions.count)
         buffer_puts(out, "</div>\n");
-    buffer_puts(out, "<figure>\n");
-    study_plot_main(out, s, MAIN_WIDTH, MAIN_HEIGHT);
-    study_plot_main(out, s, PHONE_WIDTH, PHONE_HEIGHT);
-    buffer_puts(out, "</figure>\n</section>\n");
+    if (study_figure_has(s, STUDY_FIGURE_MAIN)) {
+        buffer_puts(out, "<figure>\n");
+        study_plot_main(out, s, MAIN_WIDTH, MAIN_HEIGHT);
+        study_plot_main(out, s, PHONE_WIDTH, PHONE_HEIGHT);
+        buffer_puts(out, "</figure>\n");
+    }
+    buffer_puts(out, "</section>\n");
     put_trust(out, s);
     put_provenance(out, s);
     return result;

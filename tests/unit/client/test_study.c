@@ -178,6 +178,11 @@ static void test_choices(void **state)
     EXPECT_WORDS(study_say_choice(&t_, &s, c), "Caustics off: no clear difference in time (0.97 to 1.0 "
                                                "times), the same picture to 0.1/255; half the bytes.");
     assert_true(study_choice_weight(&s, c) == 0);
+    /* A bias that may be none is not said to be one. */
+    c = make_choice(&s, (struct study_interval){1.2, 1.1, 1.3}, 3,
+                    (struct study_interval){0.9, 0, 1.8});
+    EXPECT_WORDS(study_say_choice(&t_, &s, c), "Caustics off: 1.2 times less time to 3/255 (1.1 to "
+                                               "1.3), the same picture to 1.8/255.");
     c = make_choice(&s, exactly(NAN), NAN, exactly(NAN));
     EXPECT_WORDS(study_say_choice(&t_, &s, c), "Caustics off: not measured yet.");
     assert_true(isnan(study_choice_weight(&s, c)));
