@@ -30,6 +30,10 @@ struct study_interval study_target_cost(const struct study *s);
 double study_rate(const struct study *s);
 const struct study_point *study_last_point(const struct study *s); /* NULL: none */
 
+/* Is a choice's time surely another one, by a twentieth or more? */
+int study_time_differs(const struct study_choice *choice);
+/* Has it surely a bias, and one that a quarter of the target does not hide? */
+int study_bias_counts(const struct study *s, const struct study_choice *choice);
 /* How much a choice matters at the study's target: 0 is not at all, NaN not measured. */
 double study_choice_weight(const struct study *s, const struct study_choice *choice);
 double study_question_weight(const struct study *s, const struct study_question *question);
