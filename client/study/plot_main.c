@@ -275,7 +275,7 @@ void study_plot_main(struct buffer *out, const struct study *s, double width, do
     label_target(out, s, &p, &taken);
     if (s->points.count)
         label_here(out, s, &p, &taken);
-    svg_label(out, &taken, p.x.end, svg_axis_at(&p.y, 1), 2, PLOT_FONT - 1, "label faintword",
+    svg_label(out, &taken, p.x.begin, svg_axis_at(&p.y, 1), 0, PLOT_FONT - 1, "label faintword",
               "just visible");
     label_efficiency(out, &p, narrow);
     svg_text(out, 0, MARGIN_TOP - 26, SVG_START, "title", "error, in 255ths");

@@ -36,7 +36,7 @@ const char study_plot_rules[] =
     ".plot .axis{stroke:$axis}\n"
     ".plot .grid{stroke:$grid}\n"
     ".plot .faint{stroke:$faint;stroke-dasharray:1 4;stroke-linecap:round}\n"
-    ".plot .leader{stroke:$faint}\n"
+    ".plot .leader{stroke:$axis;stroke-opacity:.5}\n"
     ".plot .visible{fill:$visible}\n"
     ".plot .band{fill:$accent;fill-opacity:.16}\n"
     ".plot .fit{stroke:$accent;stroke-width:2}\n"

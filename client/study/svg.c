@@ -344,6 +344,8 @@ int svg_label(struct buffer *out, struct svg_taken *taken, double x, double y, i
         if (!is_free(taken, &box))
             continue;
         svg_take(taken, box.x0, box.y0, box.x1, box.y1);
+        if (places[at].centred) /* far from its place: a line leads there */
+            svg_line(out, x, base + 0.4 * font_size, x, y - 0.5 * font_size, "leader");
         if (places[at].left)
             svg_text(out, near, base, SVG_END, classes, text);
         else

@@ -353,13 +353,16 @@ static void test_axis(void **state)
 
 static void test_spread(void **state)
 {
-    double heights[4] = {50, 51, 52, 99};
+    double heights[4] = {50, 51, 52, 99}, top[3] = {5, 6, 7};
 
     (void)state;
     svg_spread(heights, 4, 14, 0, 100);
     for (int i = 1; i < 4; i++)
         assert_true(heights[i] - heights[i - 1] >= 14 - 1e-9);
     assert_true(heights[0] >= 0 && heights[3] <= 100);
+    svg_spread(top, 3, 14, 4, 100);
+    for (int i = 0; i < 3; i++)
+        assert_float_equal(top[i], 5 + 14 * i, 1e-9);
 }
 
 static void test_labels_keep_apart(void **state)
