@@ -5,13 +5,13 @@
 # already, nothing; else the packages' names are printed and the exit status is 1.
 set -eu
 
-debian=(gcc make libc6-dev pkg-config python3 protobuf-c-compiler
+debian=(gcc make libc6-dev pkg-config python3 protobuf-c-compiler librsvg2-bin
         libuv1-dev libopenexr-dev libembree-dev libprotobuf-c-dev libssl-dev libsqlite3-dev
         libjansson-dev libpng-dev libjpeg-dev libwebp-dev zlib1g-dev libzstd-dev libcmocka-dev)
-fedora=(gcc make glibc-devel pkgconf-pkg-config python3 protobuf-c-compiler
+fedora=(gcc make glibc-devel pkgconf-pkg-config python3 protobuf-c-compiler librsvg2-tools
         libuv-devel openexr-devel embree-devel protobuf-c-devel openssl-devel sqlite-devel
         jansson-devel libpng-devel libjpeg-turbo-devel libwebp-devel zlib-devel libzstd-devel libcmocka-devel)
-arch=(gcc make pkgconf python protobuf-c
+arch=(gcc make pkgconf python protobuf-c librsvg
       libuv openexr embree openssl sqlite jansson libpng libjpeg-turbo libwebp zlib zstd cmocka)
 
 install_on_debian() {
@@ -39,7 +39,7 @@ install_on_debian() {
 # Headers and tools rather than packages: true on any system.
 everything_is_there() {
     local tool
-    for tool in cc make pkg-config protoc-c python3; do
+    for tool in cc make pkg-config protoc-c python3 rsvg-convert; do
         command -v "$tool" >/dev/null || return 1
     done
     pkg-config --exists libuv openssl sqlite3 jansson libpng libjpeg libwebp zlib libzstd libprotobuf-c OpenEXR \

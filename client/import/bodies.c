@@ -31,6 +31,8 @@ struct part {
     int open;               /* of a set, at its root in `joined`: open although joined */
     int met;
     uint32_t body;          /* likewise: its lowest material, once one of it was met */
+    int moves;              /* of a set, at its root in `joined`: one of it does, */
+    double volume;          /* and six times what all of it encloses */
     float gap[3];           /* on one of the open edges */
 };
 
@@ -315,6 +317,24 @@ static double volume_of(const struct bodies *s, const struct part *part, const f
     return is_mirrored(instance) ? -sum : sum;
 }
 
+/* Where several meshes close a volume together, say so: none of them is closed by itself. */
+static void seal(struct bodies *s)
+{
+    struct scene *scene = &s->b->out->scene;
+
+    for (uint32_t i = 0; i < s->part_count; i++) {
+        struct part *set = &s->parts[find_joined(s->parts, i)];
+        const struct scene_instance *instance = &scene->instances[s->parts[i].instance];
+        set->moves |= instance->node >= 0 || instance->skin >= 0;
+        set->volume += volume_of(s, &s->parts[i], s->positions + 3 * set->first_vertex);
+    }
+    for (uint32_t i = 0; i < s->part_count; i++) {
+        const struct part *set = &s->parts[find_joined(s->parts, i)];
+        scene->instances[s->parts[i].instance].sealed = !set->open && !set->moves &&
+                                                        set->volume > 0;
+    }
+}
+
 /* What the parts from `first` to `end`, all of one material, have wrong with them. */
 static void report(struct bodies *s, uint32_t first, uint32_t end)
 {
@@ -385,6 +405,7 @@ static status find_bodies(struct bodies *s)
     }
     join_parts(s);
     give_bodies(s);
+    seal(s);
     for (uint32_t i = 0; i < s->part_count; i = end) {
         end = group_end(s, i);
         report(s, i, end);

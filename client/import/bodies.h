@@ -13,7 +13,7 @@
 
 #include "client/import/builder.h"
 
-/* Sets scene_instance.body, and warns of volumes that are open or wound inwards. Does nothing
+/* Sets scene_instance.body and sealed, and warns of volumes that are open or wound inwards. Does nothing
  * under VOLUMES_BOUNDARIES. ERR_NO_MEMORY. */
 status bodies_find(struct builder *b) MUST_CHECK;
 

@@ -236,6 +236,9 @@ struct scene_instance {
     int32_t body;               /* the material whose body it bounds (VOLUMES_NESTED), -1: its own.
                                    Another where meshes of several materials close one another: all
                                    of them then bound the volume of one of the materials */
+    int sealed;                 /* its mesh and others of its body close one another: each edge of
+                                   theirs is shared, at equal places, and they are wound outwards.
+                                   They stand still */
 };
 
 /* Nodes exist only for what moves, and for its parents. Their chain is the file's own, in the

@@ -335,6 +335,7 @@ static void pack_instance(struct buffer *out, const struct scene_instance *insta
     m.skin = index_plus_one(instance->skin);
     DOUBLES(&m, to_world, instance->to_world.m, 12);
     m.body = index_plus_one(instance->body);
+    m.sealed = instance->sealed;
     append_message(out, 7, &m.base);
 }
 

@@ -56,6 +56,7 @@ status unpack_instance(struct scene_reader *r, const ProtobufCMessage *message, 
     TAKE_DOUBLES(to_world, &to->to_world.m[0][0], 12);
     TAKE(unpack_index(r, "an instance's node", m->node, SCENE_NODES_MAX, &to->node));
     TAKE(unpack_index(r, "an instance's skin", m->skin, SCENE_SKINS_MAX, &to->skin));
+    to->sealed = m->sealed;
     return unpack_index(r, "an instance's body", m->body, SCENE_MATERIALS_MAX, &to->body);
 }
 

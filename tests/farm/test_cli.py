@@ -18,8 +18,8 @@ from farm import BIN, ROOT, Farm, Failure, Tests, read_bytes, wait_for
 from odd import Proxy
 
 tests = Tests()
-COMMANDS = ["render", "import", "effects", "submit", "list", "show", "watch", "fetch", "develop",
-            "cancel", "resume", "workers", "keygen", "tonemap", "compare"]
+COMMANDS = ["render", "import", "effects", "accuracy", "submit", "list", "show", "watch", "fetch",
+            "develop", "cancel", "resume", "workers", "keygen", "tonemap", "compare"]
 SMALL = ["--size", "32x32", "--spp", "4", "--max-depth", "3"]
 
 
@@ -848,6 +848,7 @@ def manual_pages():
         for program in ("azulejo-coordinator", "azulejo-worker"):
             helps[program] = subprocess.run([os.path.join(BIN, program), "--help"], check=True,
                                             stdout=subprocess.PIPE).stdout.decode()
+        helps["azulejo-accuracy"] = farm.cli("accuracy", "--help", expect=0, connect=False).out
         for program, text in helps.items():
             with open(os.path.join(folder, program + ".1")) as source:
                 page = source.read()

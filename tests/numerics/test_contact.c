@@ -260,6 +260,170 @@ static void test_leaving_cubes(void **state)
     leave_cube(1, 20, 0, 410592);
 }
 
+/* ---- rays that start on an edge ----------------------------------------------------------- */
+
+/* Two faces of the cube that meet at an edge and do not lie in one plane; the edge's ends are
+ * corners of both. 0: they do not. */
+static int share_edge(double a[3][3], double b[3][3], double ends[2][3])
+{
+    double n[3], m[3], across[3];
+    int count = 0;
+
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++)
+            if (memcmp(a[i], b[k], sizeof a[i]) == 0 && count < 2)
+                memcpy(ends[count++], a[i], sizeof a[i]);
+    exact_normal(a, n);
+    exact_normal(b, m);
+    exact_cross(n, m, across);
+    return count == 2 && exact_dot(across, across) > 0;
+}
+
+/* Unit, and into the cube. */
+static void inwards(double corner[3][3], const double middle[3], double out[3])
+{
+    double to_middle[3], length;
+
+    exact_normal(corner, out);
+    exact_sub(middle, corner[0], to_middle);
+    length = sqrt(exact_dot(out, out));
+    if (exact_dot(out, to_middle) < 0)
+        length = -length;
+    for (int a = 0; a < 3; a++)
+        out[a] /= length;
+}
+
+/* From a place on the edge, up from one face: towards the other, along it, or away from it. */
+static void leave_edge(const struct render_scene *scene, uint32_t from, uint32_t other,
+                       double ends[2][3], const double up[3], const double aside[3], int part)
+{
+    for (int lean = -1; lean <= 1; lean++)
+        for (int slant = -1; slant <= 1; slant++) {
+            struct ray ray = {.t_max = INFINITY, .left_count = 1, .left = {{0, from}}};
+            double place[3], way[3], corner[3][3], n[3];
+            int met, on_other;
+            struct hit hit;
+
+            for (int a = 0; a < 3; a++) {
+                place[a] = ends[0][a] + part / 8.0 * (ends[1][a] - ends[0][a]);
+                way[a] = up[a] + 0.5 * lean * aside[a] +
+                         0.25 * slant * (ends[1][a] - ends[0][a]) / 16;
+            }
+            ray.origin = exact_round(place, ray.rest);
+            ray.direction = vec3_normalize(vec3_make((float)way[0], (float)way[1], (float)way[2]));
+            ray.off = vec3_make((float)up[0], (float)up[1], (float)up[2]);
+            ray.contacts = part & 1;
+            met = accel_intersect(scene->accel, &ray, NULL, &hit);
+            assert_true(met);
+            world_exact_corners(scene, hit.instance, hit.triangle, 0, corner);
+            exact_normal(corner, n);
+            exact_sub(place, corner[0], way);
+            on_other = exact_dot(n, way) == 0;
+            assert_int_equal(hit.instance, 0);
+            if (on_other != (lean < 0))
+                fail_msg("from %u on the edge to %u, lean %d, slant %d: met %u", from, other, lean,
+                         slant, hit.triangle);
+            if (lean == 0)
+                continue; /* it would end in the other face's plane */
+            ray.t_max = 1;
+            assert_int_equal(accel_occluded(scene->accel, &ray, NULL), lean < 0);
+        }
+}
+
+/* The box from -half to half around `at`. */
+static void put_cube(struct scene_builder *b, const double at[3], float half, int inverted)
+{
+    uint32_t wound[36];
+    float p[24];
+
+    for (int i = 0; i < 24; i++)
+        p[i] = (float)at[i % 3] + ((i / 3) >> (i % 3) & 1 ? half : -half);
+    for (int i = 0; i < 36; i++)
+        wound[i] = cube_indices[inverted ? 35 - i : i];
+    builder_place(b, builder_mesh(b, p, NULL, 8, wound, 12, 0), 0, vec3_splat(1), vec3_splat(0));
+}
+
+static void leave_edges(const double middle[3], int inverted)
+{
+    struct render_settings settings = builder_settings(1, 1, 1);
+    struct vec3 at = vec3_make((float)middle[0], (float)middle[1], (float)middle[2]);
+    struct render_scene *scene;
+    struct scene_builder b;
+    int edges = 0;
+
+    builder_init(&b);
+    builder_lambert(&b, 1);
+    put_cube(&b, middle, 6, inverted);
+    put_cube(&b, middle, 24, inverted);
+    builder_camera(&b, vec3_add(at, vec3_make(0, 0, 1)), at, 1);
+    scene = builder_build(&b, &settings);
+    for (uint32_t from = 0; from < 12; from++)
+        for (uint32_t other = 0; other < 12; other++) {
+            double a[3][3], d[3][3], ends[2][3], up[3], aside[3];
+            world_exact_corners(scene, 0, from, 0, a);
+            world_exact_corners(scene, 0, other, 0, d);
+            if (!share_edge(a, d, ends))
+                continue;
+            inwards(a, middle, up);
+            inwards(d, middle, aside);
+            for (int part = 1; part < 8; part++)
+                leave_edge(scene, from, other, ends, up, aside, part);
+            edges++;
+        }
+    assert_int_equal(edges, 24);
+    render_scene_free(scene);
+    builder_release(&b);
+}
+
+/* Inside of a cube of 12 m whose edges are exact, and which stands in another: a ray that starts on
+ * one meets the other face there if it goes behind it, and only then. Whichever way the faces are
+ * wound, and also where Embree's error is as large as the cube's faces. */
+static void test_leaving_edges(void **state)
+{
+    static const double places[][3] = {{0, 0, 0}, {4096, -512, 1024}, {1048576, 131072, -65536}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof places / sizeof *places; i++)
+        for (int inverted = 0; inverted < 2; inverted++)
+            leave_edges(places[i], inverted);
+}
+
+/* A box stands on a ground, the edges of its foot not the ground's own: from a place exactly below
+ * its wall a ray that goes away from the box does not meet that wall. (Into the box it passes the
+ * wall's lower edge, and may miss it.) */
+static void test_leaving_contacts(void **state)
+{
+    static const float ground_corners[12] = {-100, 0, -300, -100, 0, 300, 900, 0, 300, 900, 0, -300};
+    static const uint32_t ground_indices[6] = {0, 1, 2, 0, 2, 3};
+
+    (void)state;
+    for (int inverted = 0; inverted < 2; inverted++) {
+        struct render_settings settings = builder_settings(1, 1, 1);
+        struct render_scene *scene;
+        struct scene_builder b;
+
+        builder_init(&b);
+        builder_lambert(&b, 1);
+        builder_place(&b, builder_mesh(&b, ground_corners, NULL, 4, ground_indices, 2, 0), 0,
+                      vec3_splat(1), vec3_splat(0));
+        put_cube(&b, (double[3]){0, 6, 0}, 6, inverted);
+        builder_camera(&b, vec3_make(0, 20, 0), vec3_splat(0), 1);
+        scene = builder_build(&b, &settings);
+        for (int i = 0; i < 200; i++) {
+            float across = 0.01f * (float)(1 + i % 40);
+            float z = (float)(i / 40 - 2) + 0.375f;
+            struct ray ray = {.origin = {6, 0, z}, .t_max = 3, .left_count = 1, .left = {{0, 1}},
+                              .contacts = 1,
+                              .direction = vec3_normalize(vec3_make(across, 0.2f, 0.1f)),
+                              .off = {0, 1, 0}, .inset = 10};
+            if (accel_occluded(scene->accel, &ray, NULL))
+                fail_msg("inverted %d, z %g, across %g", inverted, (double)z, (double)across);
+        }
+        render_scene_free(scene);
+        builder_release(&b);
+    }
+}
+
 /* ---- rays that must not escape ------------------------------------------------------------ */
 
 /* A closed room: of the rays that leave a wall inwards, mostly near an edge, the share that escapes,
@@ -406,6 +570,8 @@ int main(int argc, char **argv)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_contact_shadow),
         cmocka_unit_test(test_leaving_cubes),
+        cmocka_unit_test(test_leaving_edges),
+        cmocka_unit_test(test_leaving_contacts),
         cmocka_unit_test(test_closed_rooms),
         cmocka_unit_test(test_moving_cubes),
     };

@@ -357,6 +357,66 @@ static void test_glass_from_its_faces(void **state)
     check_everywhere(1, 1);
 }
 
+/* A ball of glass that four meshes close only together, in patches of 8 by 8 quads: rays from the faces
+ * of one, aimed at its vertices and edges, many of which are others' as well. */
+static uint64_t glass_in_parts(enum isa isa, uint64_t share, uint64_t *repaired)
+{
+    enum { SEGMENTS = 64, PARTS = 4, ACROSS = SEGMENTS + 1 };
+    static float p[3 * ACROSS * ACROSS];
+    static uint32_t indices[6 * SEGMENTS * SEGMENTS];
+    const double pi = 3.14159265358979;
+    struct render_settings settings = builder_settings(16, 16, 1);
+    struct shooter sh = {.at = places[2].at, .scale = places[2].scale};
+    uint64_t escaped;
+    struct scene_builder b;
+
+    settings.max_depth = 0;
+    settings.isa = isa;
+    builder_init(&b);
+    add_glass(&b);
+    for (uint32_t i = 0; i < ACROSS * ACROSS; i++) {
+        uint32_t ring = i / ACROSS, side = i % ACROSS % SEGMENTS;
+        double polar = pi * ring / SEGMENTS, azimuth = 2 * pi * side / SEGMENTS;
+        double radius = ring == 0 || ring == SEGMENTS ? 0 : sin(polar);
+        p[3 * i] = (float)(radius * cos(azimuth));
+        p[3 * i + 1] = (float)cos(polar);
+        p[3 * i + 2] = (float)(-radius * sin(azimuth));
+    }
+    for (uint32_t part = 0; part < PARTS; part++) {
+        uint32_t n = 0;
+        for (uint32_t k = 0; k < SEGMENTS * SEGMENTS; k++) {
+            uint32_t ring = k / SEGMENTS, side = k % SEGMENTS, a = ring * ACROSS + side;
+            const uint32_t quad[6] = {a, a + ACROSS, a + 1, a + 1, a + ACROSS, a + ACROSS + 1};
+            if ((ring / 8 + side / 8) % PARTS != part)
+                continue;
+            /* At the poles one of the two has no area. */
+            for (int c = ring == 0 ? 3 : 0; c < (ring == SEGMENTS - 1 ? 3 : 6); c++)
+                indices[n++] = quad[c];
+        }
+        builder_place(&b, builder_mesh(&b, p, NULL, ACROSS * ACROSS, indices, n / 3, 0), 0,
+                      sh.scale, sh.at)->sealed = 1;
+    }
+    builder_environment_constant(&b, vec3_splat(1));
+    builder_camera(&b, vec3_add(sh.at, vec3_scale(sh.scale, 5)), sh.at, 1);
+    sh.scene = builder_build(&b, &settings);
+    escaped = shoot(&sh, share, 1);
+    *repaired += sh.stats.leaked_rays;
+    render_scene_free(sh.scene);
+    builder_release(&b);
+    return escaped;
+}
+
+static void test_glass_in_parts(void **state)
+{
+    uint64_t repaired = 0;
+
+    (void)state;
+    for (int isa = 0; isa < ISA_COUNT; isa++)
+        if (isa_supported_mask() >> isa & 1)
+            assert_int_equal(glass_in_parts((enum isa)isa, rays_wanted / 8, &repaired), 0);
+    assert_true(repaired > 0);
+}
+
 /* A white ball, inside of which no sun shines. */
 static void test_shadow_rays(void **state)
 {
@@ -416,6 +476,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_room_from_mid_air),
         cmocka_unit_test(test_room_from_its_faces),
         cmocka_unit_test(test_glass_from_its_faces),
+        cmocka_unit_test(test_glass_in_parts),
         cmocka_unit_test(test_shadow_rays),
         cmocka_unit_test(test_rays_leak),
     };

@@ -298,6 +298,7 @@ void scene_sample(struct scene *s)
             .node = (int32_t)i - 1,
             .skin = i == 2 ? 0 : -1,
             .body = i == 1 ? 1 : -1,
+            .sealed = i == 1,
             .to_world = {{{2, 0, 0, (float)i}, {0, -3, 0, 1}, {0, 0, 4, 2}}}};
     s->origin[0] = 500000.125;
     s->origin[2] = -3;

@@ -10,6 +10,7 @@ static int same_face(const struct hit *a, const struct hit *b)
     return a->instance == b->instance && a->triangle == b->triangle;
 }
 
+/* accel_decide refuses left faces and the end by their planes, too; the names spare it the look. */
 int accel_is_excepted(const struct query_context *q, const struct hit *face)
 {
     const struct ray *ray = q->ray;

@@ -62,6 +62,8 @@ struct query_context {
     double start[3];              /* of Embree's ray */
     int at_edge;                  /* the ray starts so near to its face's edges that Embree's starts */
     double inside[3];             /* farther inside the face: here; */
+    struct vec3 aim;              /* unit: Embree's direction, and */
+    double length;                /* metres: how far from there the ray's end is */
     int doubt;                    /* then a neighbour was proposed that lies behind the ray */
     double back;                  /* metres: by which that starts before the ray */
     double t_max;                 /* metres: of Embree's ray */

@@ -36,7 +36,7 @@ static int is_near(const struct query_context *q, const struct RTCRay *ray,
     if (!(t > q->near_start) || !(product * product > GRAZING_COSINE * GRAZING_COSINE * area2))
         return 1;
     if (q->reaches) {
-        reach = fmin(t, (double)q->ray->t_max - t);
+        reach = fmin(t, q->length - t);
         if (!(reach > q->near_end))
             return 1;
     }
@@ -172,22 +172,47 @@ static void move_inwards(struct query_context *q)
     q->error += part * sqrt(exact_dot(way, way));
 }
 
-/* Without contacts a start just off the face spares Embree the face itself. */
-static void start_on_face(struct query_context *q)
+/* From farther inside the face to the same end: parallel to the ray, a wall that stands before a lamp
+ * by less than the ray was moved would lie behind the end. */
+static void aim_at_end(struct query_context *q)
+{
+    double t_max = (double)q->ray->t_max, way[3], length;
+
+    for (int k = 0; k < 3; k++)
+        way[k] = q->origin[k] + t_max * q->direction[k] - q->start[k];
+    length = sqrt(exact_dot(way, way));
+    if (!(length > 0))
+        return;
+    q->aim = vec3_make((float)(way[0] / length), (float)(way[1] / length), (float)(way[2] / length));
+    q->length = length;
+    q->t_max += length - t_max;
+}
+
+static void look_at_start(struct query_context *q)
 {
     const struct accel_geometry *g = &q->accel->geometries[q->ray->left[0].instance];
-    double off[3];
 
     q->error_left = g->error_origin * exact_largest(q->origin) + g->error_extent;
     q->at_edge = (double)q->ray->inset < INSET_ERRORS * q->error_left;
-    if (q->at_edge)
+}
+
+/* Without contacts a start just off the face spares Embree the face itself. */
+static void start_on_face(struct query_context *q)
+{
+    double aim[3], off[3];
+
+    if (q->at_edge) {
         move_inwards(q);
+        if (q->ray->t_max < INFINITY)
+            aim_at_end(q);
+    }
     memcpy(q->inside, q->start, sizeof q->inside);
     /* Until the ray is clear of the plane that it leaves, an error to the side, or the direction's
      * own, may seem to take it below. */
     q->near_start = fmax(q->back, 2 * q->error / (double)vec3_dot(q->ray->off, q->ray->direction));
     if (q->at_edge || q->ray->contacts) {
-        move(q->start, q->direction, -q->back);
+        exact_vec(q->aim, aim);
+        move(q->start, aim, -q->back);
         return;
     }
     exact_vec(q->ray->off, off);
@@ -202,7 +227,8 @@ static void end_on_face(struct query_context *q)
 {
     double cosine = (double)q->ray->end_cosine, t_max = (double)q->ray->t_max;
 
-    if ((double)q->ray->end_inset > INSET_ERRORS * q->error && q->back < 0.5 * t_max * cosine) {
+    if (!q->at_edge && (double)q->ray->end_inset > INSET_ERRORS * q->error &&
+        q->back < 0.5 * t_max * cosine) {
         q->t_max -= q->error / cosine + END_SHARE * t_max;
         return;
     }
@@ -235,6 +261,10 @@ static void query_start(struct query_context *q, const struct accel *accel, cons
     q->back = BACK_ERRORS * q->error;
     q->t_max = (double)ray->t_max + q->back;
     q->near_start = q->near_end = q->back;
+    q->aim = ray->direction;
+    q->length = (double)ray->t_max;
+    if (ray->left_count)
+        look_at_start(q);
     if (ray->reaches)
         end_on_face(q);
     if (ray->left_count)
@@ -270,9 +300,9 @@ static void ray_init(struct RTCRay *out, const struct query_context *q)
     out->org_y = (float)q->start[1];
     out->org_z = (float)q->start[2];
     out->tnear = 0;
-    out->dir_x = ray->direction.x;
-    out->dir_y = ray->direction.y;
-    out->dir_z = ray->direction.z;
+    out->dir_x = q->aim.x;
+    out->dir_y = q->aim.y;
+    out->dir_z = q->aim.z;
     out->time = ray->time;
     out->tfar = (float)q->t_max;
     out->mask = ~0u;
@@ -390,6 +420,8 @@ static void start_inside(struct ray *moved, const struct query_context *q)
 {
     *moved = *q->ray;
     moved->origin = exact_round(q->inside, moved->rest);
+    moved->direction = q->aim;
+    moved->t_max = (float)q->length;
     moved->inset = INFINITY;
     moved->contacts = 1;
 }

@@ -5,6 +5,11 @@
  * exactly once, and light is neither made nor lost: what it refracts by is the ratio of the indices
  * before the first face and behind the last. An opaque face among them stops the ray, which has
  * then not left what it is in: glass on a table touches it without air.
+ *
+ * A thin wall among them lies on the outer side of the face that refracts, without air in between
+ * but as a sheet of its own. A path meets the two one after the other, at one place: what goes from
+ * one towards the other meets it next, without a ray, and no light arrives from there. A wall on faces
+ * that do not refract is crossed together with them. Of several walls in one place one counts.
  * Which faces have others at them is found when the scene is built (world_touch.h); elsewhere
  * nothing is looked for.
  */
@@ -28,6 +33,18 @@ struct crossing {
     int together;           /* several faces: then */
     float ior;              /* the index on the inner side of the one that shades, relative to */
     float ior_outside;      /* that on its outer side */
+    int next_side;          /* not 0: where the path goes on to that side of the one that shades (1:
+                               the ray's), it meets */
+    struct hit next;        /* this face at once */
+};
+
+/* What coincides where a ray met a face. */
+struct crossing_group {
+    struct surface faces[RAY_LEFT_MAX]; /* of volumes */
+    struct surface wall;
+    uint32_t count;                     /* of `faces` */
+    int walled;                         /* there is a thin wall */
+    int stops;                          /* an opaque one is among them */
 };
 
 static inline int crossing_touches(const struct surface *s)
@@ -72,47 +89,56 @@ static inline int crossing_refracts(const struct surface *s)
     return s->material->m.kind == MATERIAL_SURFACE && s->material->m.refractive;
 }
 
+/* Put the face into the group, if its kind counts. */
+static inline void crossing_add(struct crossing_group *group, const struct surface *face)
+{
+    if (face->material->flags & MATERIAL_BOUNDS) {
+        group->faces[group->count++] = *face;
+    } else if (!group->walled && (face->material->flags & MATERIAL_TWO_WAY)) {
+        group->wall = *face;
+        group->walled = 1;
+    }
+}
+
 /* The faces at `s` that are to be crossed, itself first: volumes' faces that the ray has not left
- * yet. *stops: an opaque one is among them, which *s becomes. All but *s itself are put down in
- * s->others. */
-static inline uint32_t crossing_gather(const struct render_scene *scene, const struct ray *ray,
-                                       const struct path_query *query, float mix,
-                                       struct surface *s, struct surface faces[RAY_LEFT_MAX],
-                                       int *stops)
+ * yet, and a thin wall. Where an opaque one is among them *s becomes it. All but *s itself are put
+ * down in s->others. */
+static inline void crossing_gather(const struct render_scene *scene, const struct ray *ray,
+                                   const struct path_query *query, float mix, struct surface *s,
+                                   struct crossing_group *group)
 {
     struct hit met = {s->number, s->triangle}, others[RAY_LEFT_MAX - 1];
     struct contact contacts[RAY_LEFT_MAX - 1];
-    uint32_t found, count = 0, kept = 0;
+    uint32_t found, kept = 0;
     double place[3];
 
-    *stops = 0;
+    group->count = 0;
+    group->stops = group->walled = 0;
     exact_vec(s->p, place);
     for (int a = 0; a < 3; a++)
         place[a] += s->rest[a];
     found = accel_coincident(scene->accel, ray, &met, place, query, contacts, RAY_LEFT_MAX - 1);
-    if (s->material->flags & MATERIAL_BOUNDS)
-        faces[count++] = *s;
+    crossing_add(group, s);
     for (uint32_t i = 0; i < found && i < RAY_LEFT_MAX - 1; i++) {
-        struct surface *face = &faces[count];
+        struct surface face;
         int repeats = contacts[i].repeats;
         if (crossing_excepts(ray, &contacts[i].hit))
             continue;
         others[kept++] = contacts[i].hit;
-        surface_from_hit(scene, ray, &contacts[i].hit, face);
-        surface_resolve_mix(scene, face, mix);
-        if (!*stops && !(face->material->flags & (MATERIAL_BOUNDS | MATERIAL_TWO_WAY))) {
-            *s = *face;
+        surface_from_hit(scene, ray, &contacts[i].hit, &face);
+        surface_resolve_mix(scene, &face, mix);
+        if (!group->stops && !(face.material->flags & (MATERIAL_BOUNDS | MATERIAL_TWO_WAY))) {
+            *s = face;
             others[kept - 1] = met;
-            *stops = 1;
+            group->stops = 1;
         }
-        for (uint32_t k = 0; k < count && !repeats; k++)
-            repeats = crossing_repeats(scene, &faces[k], face);
-        if (!repeats && (face->material->flags & MATERIAL_BOUNDS))
-            count++;
+        for (uint32_t k = 0; k < group->count && !repeats; k++)
+            repeats = crossing_repeats(scene, &group->faces[k], &face);
+        if (!repeats)
+            crossing_add(group, &face);
     }
     s->other_count = kept;
     memcpy(s->others, others, kept * sizeof *others);
-    return count;
 }
 
 /* A face that refracts before one that does not, then by priority, then by the body's row. */
@@ -189,48 +215,81 @@ static inline void crossing_shade(struct surface *s, struct surface *face)
     *s = *face;
 }
 
+/* Go on from *s, to the ray's side (1) or the other (-1), to another face at the same place. */
+static inline void crossing_go_on(struct crossing *out, int side, const struct surface *next)
+{
+    out->next_side = side;
+    out->next = (struct hit){next->number, next->triangle};
+}
+
+/* The wall on faces that were crossed, of which *s shades. A path from without meets what lies
+ * before; `between`: it comes from the wall. */
+static inline void crossing_wall(const struct interior *in, int between, struct surface *wall,
+                                 struct surface *s, struct crossing *out)
+{
+    if (!out->real || s->material->m.kind == MATERIAL_INTERFACE) {
+        crossing_shade(s, wall);
+        out->real = 1;
+        out->together = 0;
+    } else if (between) {
+        crossing_go_on(out, 1, wall);
+    } else if (s->front) {
+        crossing_go_on(out, -1, s);
+        crossing_shade(s, wall);
+        out->beyond = *in;
+        out->together = 0;
+    } else {
+        crossing_go_on(out, -1, wall);
+    }
+}
+
 /* Cross the face `s` that the ray met, with all that coincide; *s becomes the one that shades, and
  * knows the others as those to leave. `mix`: what decides between the parts of mixes. `counted`:
- * the indices follow the bodies that the ray is in. */
+ * the indices follow the bodies that the ray is in. `between`: the path goes on from another face
+ * at this place (next_side). */
 static inline void crossing_find(const struct render_scene *scene, const struct ray *ray,
                                  const struct path_query *query, float mix, int counted,
-                                 const struct interior *in, struct surface *s,
+                                 int between, const struct interior *in, struct surface *s,
                                  struct crossing *out)
 {
-    struct surface faces[RAY_LEFT_MAX];
-    uint32_t count = 0;
-    int chosen = 0, stops;
+    struct crossing_group group;
+    int chosen = 0;
 
-    out->together = 0;
+    out->together = out->next_side = 0;
     out->real = 1;
     out->beyond = *in;
-    if (crossing_touches(s)) {
-        count = crossing_gather(scene, ray, query, mix, s, faces, &stops);
-        if (stops || count == 0)
-            return;
-    } else {
+    if (!crossing_touches(s)) {
         if (s->material->flags & MATERIAL_BOUNDS)
             interior_cross(scene, in, s, &out->beyond, &out->real);
         return;
     }
-    if (count == 1) {
-        interior_cross(scene, in, &faces[0], &out->beyond, &out->real);
+    crossing_gather(scene, ray, query, mix, s, &group);
+    if (group.stops || group.count == 0)
+        return;
+    if (between && !(s->material->flags & MATERIAL_BOUNDS)) { /* from the faces to the wall */
+        crossing_go_on(out, 1, &group.faces[0]);
+        return;
+    }
+    if (group.count == 1) {
+        interior_cross(scene, in, &group.faces[0], &out->beyond, &out->real);
     } else {
-        for (uint32_t i = 0; i < count; i++) {
+        for (uint32_t i = 0; i < group.count; i++) {
             const struct interior before = out->beyond;
-            interior_cross(scene, &before, &faces[i], &out->beyond, &out->real);
+            interior_cross(scene, &before, &group.faces[i], &out->beyond, &out->real);
         }
         out->together = 1;
-        chosen = counted ? crossing_choose(scene, in, &out->beyond, faces, count)
-                         : crossing_multiply(faces, count, out);
+        chosen = counted ? crossing_choose(scene, in, &out->beyond, group.faces, group.count)
+                         : crossing_multiply(group.faces, group.count, out);
         if (counted)
             out->real = chosen >= 0;
     }
-    crossing_shade(s, &faces[chosen > 0 ? chosen : 0]);
+    crossing_shade(s, &group.faces[chosen > 0 ? chosen : 0]);
     if (counted && out->together) {
         out->ior = interior_ior(scene, s->front ? &out->beyond : in);
         out->ior_outside = interior_ior(scene, s->front ? in : &out->beyond);
     }
+    if (group.walled)
+        crossing_wall(in, between, &group.wall, s, out);
 }
 
 #endif

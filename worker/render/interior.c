@@ -25,10 +25,9 @@ void interior_find_camera(struct render_scene *scene)
                       .direction = {0.48f, 0.64f, 0.6f}, .t_max = INFINITY};
     struct path_query query = {&nobody, 0};
     struct interior entered = {0}, left = {0};
-    struct surface s, faces[RAY_LEFT_MAX];
+    struct crossing_group group;
+    struct surface s;
     struct hit hit;
-    uint32_t count;
-    int stops;
 
     memset(&scene->camera_interior, 0, sizeof scene->camera_interior);
     scene->camera_interior.medium = scene->fog;
@@ -38,9 +37,9 @@ void interior_find_camera(struct render_scene *scene)
         surface_from_hit(scene, &ray, &hit, &s);
         /* Of a mix the part that bounds a volume counts. */
         s.material = interior_filling(scene, s.instance->material);
-        count = crossing_gather(scene, &ray, &query, 0, &s, faces, &stops);
-        for (uint32_t k = 0; k < count; k++)
-            cross(&entered, &left, faces[k].instance->body, faces[k].front);
+        crossing_gather(scene, &ray, &query, 0, &s, &group);
+        for (uint32_t k = 0; k < group.count; k++)
+            cross(&entered, &left, group.faces[k].instance->body, group.faces[k].front);
         surface_leave(&s, ray.direction, &ray);
         query.ray_number++;
     }

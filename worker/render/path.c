@@ -335,7 +335,7 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
         if (!met)
             return visible;
         CHARGE(INTERFACE);
-        crossing_find(scene, &stretch, &path->query, 0, 0, &in, &s, &crossing);
+        crossing_find(scene, &stretch, &path->query, 0, 0, 0, &in, &s, &crossing);
         if (s.material->m.kind != MATERIAL_INTERFACE)
             return black;
         in = crossing.beyond;
@@ -360,11 +360,18 @@ static void path_end_at_light(const struct light_sample *light, struct ray *ray)
     ray->end_cosine = light->cosine;
 }
 
-/* Next-event estimation: light that one chosen emitter sends to the surface. `beyond`: what the
- * ray is in on the other side; `scatterer`: to whom the BSDF is charged. */
+/* Does the path, if it goes on towards wi, meet another face at its place? */
+static int path_meets_next(const struct crossing *crossing, struct vec3 wi)
+{
+    return HAS(NESTED_DIELECTRIC) && crossing->next_side &&
+           (wi.z > 0) == (crossing->next_side > 0);
+}
+
+/* Next-event estimation: light that one chosen emitter sends to the surface. `crossing`: what is on
+ * the other side; `scatterer`: to whom the BSDF is charged. */
 static struct vec3 path_direct_light(struct path *path, const struct surface *s,
                                      const struct bsdf *bsdf, struct vec3 wo, uint32_t dimension,
-                                     const struct interior *beyond, uint8_t scatterer)
+                                     const struct crossing *crossing, uint8_t scatterer)
 {
     const struct vec3 black = {0, 0, 0};
     struct sample2 point = sampler_get(path->sampler, dimension + VERTEX_LIGHT_POINT);
@@ -387,6 +394,8 @@ static struct vec3 path_direct_light(struct path *path, const struct surface *s,
     /* The geometric normal decides on which side the light is, or it leaks. */
     if ((vec3_dot(light.direction, s->ng) > 0) != (wi.z > 0))
         return black;
+    if (path_meets_next(crossing, wi))
+        return black;
     STAGE(SCATTER);
     charge_set(scatterer);
     value = bsdf_eval_pdf(bsdf, wo, wi, &bsdf_density);
@@ -397,7 +406,7 @@ static struct vec3 path_direct_light(struct path *path, const struct surface *s,
     path_end_at_light(&light, &ray);
     if (HAS_VOLUMES && wi.z < 0) {
         here = path->interior;
-        path->interior = *beyond;
+        path->interior = crossing->beyond;
         visible = path_visibility(path, &ray);
         path->interior = here;
     } else {
@@ -657,7 +666,8 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
     const int counted = volumes && ACTIVE(scene, NESTED_DIELECTRIC);
     struct vec3 radiance = {0, 0, 0};
     uint32_t max_depth = scene->settings.max_depth, depth = 0;
-    int passages = 0;
+    struct hit hit;   /* what the ray met; while `between`: what it is about to meet, where it is */
+    int passages = 0, between = 0;
 
     path.scene = scene;
     path.sampler = sampler;
@@ -688,7 +698,6 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
         struct bsdf_params params;
         struct bsdf bsdf;
         struct surface s;
-        struct hit hit;
         struct vec3 wo;
         int met;
         uint8_t scatterer;
@@ -698,9 +707,9 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             crossing.beyond.count = 0;
             crossing.beyond.medium = -1;
         }
-        crossing.together = 0;
+        crossing.together = crossing.next_side = 0;
         path.query.ray_number++;
-        met = path_trace(&path, &path.interior, &path.ray, &hit);
+        met = between || path_trace(&path, &path.interior, &path.ray, &hit);
         STAGE(SURFACE);
         if (met) {
             path_surface(&path, &path.ray, &path.query, &hit, &s);
@@ -712,7 +721,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             charge_set(path.sender);
             path.bearer = path.sender;
         }
-        if (HAS(MEDIUM) && ACTIVE(scene, MEDIUM)) {
+        if (HAS(MEDIUM) && ACTIVE(scene, MEDIUM) && !between) {
             int event = path_cross_medium(&path, met ? s.t : INFINITY, depth, dimension,
                                           &radiance);
             if (event < 0)
@@ -727,7 +736,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             radiance = vec3_add(radiance, vec3_mul(path.throughput, path_escaped(&path)));
             break;
         }
-        if (ACTIVE(scene, ABSORPTION)) {
+        if (ACTIVE(scene, ABSORPTION) && !between) {
             const struct world_material *around = path_around(&path, &s, volumes);
             CHARGE_SCOPE(ABSORPTION);
             if (around && !vec3_is_black(around->absorption))
@@ -738,7 +747,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             crossing_find(scene, &path.ray, &path.query,
                           HAS(MATERIAL_MIX) && crossing_touches(&s)
                               ? sampler_get(sampler, dimension + VERTEX_MEDIUM).v : 0,
-                          counted, &path.interior, &s, &crossing);
+                          counted, between, &path.interior, &s, &crossing);
             if (!crossing.real || s.material->m.kind == MATERIAL_INTERFACE) {
                 if (++passages > PASSAGES_MAX)
                     break;
@@ -793,7 +802,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             radiance = vec3_add(
                 radiance, vec3_mul(path.throughput,
                                    path_direct_light(&path, &s, &bsdf, wo, dimension,
-                                                     &crossing.beyond, scatterer)));
+                                                     &crossing, scatterer)));
 
         STAGE(SCATTER);
         charge_set(scatterer);
@@ -828,6 +837,11 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
         path.asker.p = s.p;
         path.asker.n = s.material->flags & MATERIAL_TWO_WAY ? vec3_make(0, 0, 0) : s.ng;
         surface_leave(&s, path.ray.direction, &path.ray);
+        between = path_meets_next(&crossing, sample.wi);
+        if (between) {
+            path.ray.left_count = 0; /* the faces at this place are looked for again */
+            hit = crossing.next;
+        }
         depth++;
     }
     return radiance;

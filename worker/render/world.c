@@ -257,6 +257,12 @@ static int culling_shows(const struct render_scene *w, const struct scene *scene
     return 1;
 }
 
+/* Closed together with other meshes, which stand as they did when that was found. */
+static int is_sealed(const struct world_instance *instance, const struct scene *scene, uint32_t i)
+{
+    return scene->instances[i].sealed && !instance->motion_steps && !instance->bounded;
+}
+
 /* Rays get behind the faces of a closed mesh where its material lets them through, and do not get
  * out again except through it. (Around the camera: enclosure.h.) */
 static void find_enclosing(struct render_scene *w, const struct scene *scene)
@@ -265,7 +271,8 @@ static void find_enclosing(struct render_scene *w, const struct scene *scene)
         struct world_instance *instance = &w->instances[i];
         unsigned flags = w->materials[instance->material].flags;
 
-        instance->encloses = scene->meshes[instance->mesh].closed &&
+        instance->encloses = (scene->meshes[instance->mesh].closed ||
+                              is_sealed(instance, scene, i)) &&
                              (flags & (MATERIAL_BOUNDS | MATERIAL_TWO_WAY)) &&
                              !(flags & (MATERIAL_ALPHA | MATERIAL_CULLED));
         if (instance->encloses)
@@ -274,6 +281,11 @@ static void find_enclosing(struct render_scene *w, const struct scene *scene)
     for (uint32_t i = 0; i < w->instance_count; i++)
         if (!w->instances[i].encloses)
             w->materials[w->instances[i].body].flags &= ~(unsigned)MATERIAL_ENCLOSES;
+    /* A part of a body is only as tight as the others. */
+    for (uint32_t i = 0; i < w->instance_count; i++)
+        if (!scene->meshes[w->instances[i].mesh].closed)
+            w->instances[i].encloses &=
+                (w->materials[w->instances[i].body].flags & MATERIAL_ENCLOSES) != 0;
 }
 
 static status build_accel(struct render_scene *w, const struct scene *scene, struct error *err)

@@ -45,7 +45,7 @@ enum world_material_flags {
     MATERIAL_TWO_WAY = 128,   /* light may pass through */
     MATERIAL_BOUNDS = 256,    /* a volume: refractive, or an interface; the path keeps count.
                                  VOLUMES_BOUNDARIES: also all else that separates two media */
-    MATERIAL_ENCLOSES = 512,  /* every mesh of the body is closed by itself, without holes */
+    MATERIAL_ENCLOSES = 512,  /* every mesh of the body is closed, by itself or with others, without holes */
 };
 
 struct world_material {

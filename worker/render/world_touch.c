@@ -1,10 +1,10 @@
 #include "worker/render/world_touch.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "worker/render/box_tree.h"
 #include "worker/render/exact.h"
 #include "worker/render/world.h"
 #include "worker/render/world_place.h"
@@ -16,18 +16,21 @@
 
 /* A triangle near a volume. */
 struct item {
-    float low[3], high[3]; /* of its box, grown by `slack` */
-    float slack;           /* metres: faces closer than this may touch it */
     uint32_t instance, triangle;
-    int crossable, bounds; /* rays may go through it; it bounds a volume */
+    float normal[3];   /* unit; 0 of a triangle without area */
+    uint8_t crossable; /* rays may go through it */
+    uint8_t touches;
 };
 
 struct finder {
     struct render_scene *w;
-    uint8_t **touches;     /* per instance, NULL: none yet */
+    uint8_t **touches;       /* per instance, NULL: none yet */
     struct item *items;
-    size_t count, capacity;
-    double low[3], high[3]; /* around all volumes */
+    struct world_box *boxes; /* [count] of the items, grown by touch_slack */
+    uint8_t *bounds;         /* [count] does the item bound a volume? */
+    size_t count, item_capacity, box_capacity, bounds_capacity;
+    double low[3], high[3];  /* around all volumes */
+    uint64_t pairs_left;     /* that are looked at before the search is given up */
     struct error *err;
 };
 
@@ -51,24 +54,25 @@ static int moves(const struct world_instance *instance)
     return instance->motion_steps > 0;
 }
 
-static double tolerance(const float low[3], const float high[3])
+double touch_slack(const double corner[3][3])
 {
-    double most = 0;
+    double most = fmax(exact_largest(corner[0]),
+                       fmax(exact_largest(corner[1]), exact_largest(corner[2])));
     int exponent;
 
-    for (int a = 0; a < 3; a++)
-        most = fmax(most, fmax(fabs((double)low[a]), fabs((double)high[a])));
-    frexp(most, &exponent);
+    (void)frexp(most, &exponent);
     return ldexp(2 * ACCEL_COINCIDENT_ULPS, exponent - 24);
 }
 
-static void bound(const double corner[3][3], struct item *item)
+static void bound(const double corner[3][3], struct world_box *box)
 {
+    double slack = touch_slack(corner);
+
     for (int a = 0; a < 3; a++) {
-        double low = fmin(corner[0][a], fmin(corner[1][a], corner[2][a]));
-        double high = fmax(corner[0][a], fmax(corner[1][a], corner[2][a]));
-        item->low[a] = nextafterf((float)low, -INFINITY);
-        item->high[a] = nextafterf((float)high, INFINITY);
+        double low = fmin(corner[0][a], fmin(corner[1][a], corner[2][a])) - slack;
+        double high = fmax(corner[0][a], fmax(corner[1][a], corner[2][a])) + slack;
+        box->low[a] = nextafterf((float)low, -INFINITY);
+        box->high[a] = nextafterf((float)high, INFINITY);
     }
 }
 
@@ -128,38 +132,52 @@ static int find_region(struct finder *f)
     return any;
 }
 
+static int in_region(const struct finder *f, const struct world_box *box)
+{
+    for (int a = 0; a < 3; a++)
+        if ((double)box->low[a] > f->high[a] || (double)box->high[a] < f->low[a])
+            return 0;
+    return 1;
+}
+
+static void find_normal(const double corner[3][3], float out[3])
+{
+    double n[3], length;
+
+    exact_normal(corner, n);
+    length = sqrt(exact_dot(n, n));
+    for (int a = 0; a < 3; a++)
+        out[a] = length > 0 ? (float)(n[a] / length) : 0;
+}
+
 /* All triangles in the region. *too_many: there are more than are looked at. */
 static status find_items(struct finder *f, int *too_many)
 {
-    *too_many = 0;
     for (uint32_t i = 0; i < f->w->instance_count; i++) {
-        const struct world_instance *instance = &f->w->instances[i];
-        uint32_t triangles = f->w->meshes[instance->mesh].triangle_count;
+        uint32_t triangles = f->w->meshes[f->w->instances[i].mesh].triangle_count;
         unsigned flags = flags_of(f->w, i);
-        struct item item = {.instance = i, .crossable = flags != 0,
-                            .bounds = (flags & MATERIAL_BOUNDS) != 0};
+        struct item item = {.instance = i, .crossable = flags != 0};
 
         for (uint32_t t = 0; t < triangles; t++) {
             double corner[3][3];
-            int inside = 1;
+            struct world_box box;
 
             world_exact_corners(f->w, i, t, 0, corner);
-            bound(corner, &item);
-            item.slack = (float)tolerance(item.low, item.high);
-            for (int a = 0; a < 3; a++) {
-                item.low[a] = nextafterf(item.low[a] - item.slack, -INFINITY);
-                item.high[a] = nextafterf(item.high[a] + item.slack, INFINITY);
-                inside &= (double)item.low[a] <= f->high[a] && (double)item.high[a] >= f->low[a];
-            }
-            if (!inside)
+            bound(corner, &box);
+            if (!in_region(f, &box))
                 continue;
             item.triangle = t;
+            find_normal(corner, item.normal);
             if (f->count == TOUCH_TRIANGLES_MAX) {
                 *too_many = 1;
                 return STATUS_OK;
             }
-            if (!MEM_GROW(f->items, f->capacity, f->count + 1))
+            if (!MEM_GROW(f->items, f->item_capacity, f->count + 1) ||
+                !MEM_GROW(f->boxes, f->box_capacity, f->count + 1) ||
+                !MEM_GROW(f->bounds, f->bounds_capacity, f->count + 1))
                 return no_memory(f);
+            f->bounds[f->count] = (flags & MATERIAL_BOUNDS) != 0;
+            f->boxes[f->count] = box;
             f->items[f->count++] = item;
         }
     }
@@ -188,13 +206,28 @@ static int overlap_along(const double a[3][3], const double b[3][3], const doubl
     return 1;
 }
 
-/* May a ray through the inside of both meet them closer than floats tell apart? */
-static int coincide(const struct finder *f, const struct item *x, const struct item *y, double slack)
+/* Do some of the corners of `b` lie above the plane of `a` less the slack, and some below it plus
+ * the slack? */
+static int meets_plane(const double a[3][3], const double normal[3], const double b[3][3],
+                       double slack)
 {
-    double a[3][3], b[3][3], n[3], m[3], lean[3], n2, m2, low = INFINITY, high = -INFINITY;
+    double low = INFINITY, high = -INFINITY;
 
-    world_exact_corners(f->w, x->instance, x->triangle, 0, a);
-    world_exact_corners(f->w, y->instance, y->triangle, 0, b);
+    slack *= sqrt(exact_dot(normal, normal));
+    for (int k = 0; k < 3; k++) {
+        double to[3], height;
+        exact_sub(b[k], a[0], to);
+        height = exact_dot(normal, to);
+        low = fmin(low, height);
+        high = fmax(high, height);
+    }
+    return low < slack && high > -slack;
+}
+
+int touch_coincide(const double a[3][3], const double b[3][3])
+{
+    double n[3], m[3], lean[3], n2, m2, slack;
+
     exact_normal(a, n);
     exact_normal(b, m);
     exact_cross(n, m, lean);
@@ -202,82 +235,74 @@ static int coincide(const struct finder *f, const struct item *x, const struct i
     m2 = exact_dot(m, m);
     if (!(n2 > 0 && m2 > 0) || exact_dot(lean, lean) > TOUCH_LEAN * TOUCH_LEAN * n2 * m2)
         return 0;
-    for (int k = 0; k < 3; k++) {
-        double to[3], height;
-        exact_sub(b[k], a[0], to);
-        height = exact_dot(n, to) / sqrt(n2);
-        low = fmin(low, height);
-        high = fmax(high, height);
+    slack = fmax(touch_slack(a), touch_slack(b));
+    return meets_plane(a, n, b, slack) && meets_plane(b, m, a, slack) && overlap_along(a, b, n) &&
+           overlap_along(b, a, n);
+}
+
+/* Nothing more is to be learned of a face that touches one, nor of one that no ray crosses. */
+static int is_settled(const struct item *item)
+{
+    return !item->crossable || item->touches;
+}
+
+/* Far from parallel: that most neighbours of a curved surface are is seen without their corners. */
+static int leans(const struct item *a, const struct item *b)
+{
+    const float *n = a->normal, *m = b->normal;
+    float cosine = n[0] * m[0] + n[1] * m[1] + n[2] * m[2];
+
+    return cosine * cosine < 1 - (float)(2 * TOUCH_LEAN * TOUCH_LEAN);
+}
+
+static int compare(void *user, uint32_t a, uint32_t b)
+{
+    struct finder *f = user;
+    struct item *x = &f->items[a], *y = &f->items[b];
+
+    if (--f->pairs_left == 0)
+        return 1;
+    if (!leans(x, y) && !(is_settled(x) && is_settled(y))) {
+        double p[3][3], q[3][3];
+
+        world_exact_corners(f->w, x->instance, x->triangle, 0, p);
+        world_exact_corners(f->w, y->instance, y->triangle, 0, q);
+        if (touch_coincide(p, q))
+            x->touches = y->touches = 1;
     }
-    return low < slack && high > -slack && overlap_along(a, b, n) && overlap_along(b, a, n);
+    return 0;
 }
 
-static status mark(struct finder *f, const struct item *item)
-{
-    uint8_t *flags;
-
-    if (!item->crossable)
-        return STATUS_OK;
-    flags = touches_of(f, item->instance);
-    if (!flags)
-        return no_memory(f);
-    flags[item->triangle] = 1;
-    return STATUS_OK;
-}
-
-static int compare_items(const void *a, const void *b, void *axis)
-{
-    const struct item *x = a, *y = b;
-    float p = x->low[*(const int *)axis], q = y->low[*(const int *)axis];
-
-    if (p != q)
-        return p < q ? -1 : 1;
-    if (x->instance != y->instance)
-        return x->instance < y->instance ? -1 : 1;
-    return x->triangle < y->triangle ? -1 : 1;
-}
-
-/* Sweep along the region's longest side. *too_many: the sweep was given up. */
+/* *too_many: the search was given up. */
 static status find_pairs(struct finder *f, int *too_many)
 {
-    status s = STATUS_OK;
-    uint32_t pairs = 0;
-    int axis = 0, next, last;
+    status s;
 
-    for (int a = 1; a < 3; a++)
-        if (f->high[a] - f->low[a] > f->high[axis] - f->low[axis])
-            axis = a;
-    next = (axis + 1) % 3;
-    last = (axis + 2) % 3;
-    qsort_r(f->items, f->count, sizeof *f->items, compare_items, &axis);
-    for (size_t i = 0; i < f->count && s == STATUS_OK; i++) {
-        const struct item *x = &f->items[i];
-
-        for (size_t k = i + 1; k < f->count && s == STATUS_OK; k++) {
-            const struct item *y = &f->items[k];
-
-            if (y->low[axis] > x->high[axis])
-                break;
-            if (++pairs == TOUCH_PAIRS_MAX) {
-                *too_many = 1;
-                return STATUS_OK;
-            }
-            if (!(x->bounds | y->bounds) || y->low[next] > x->high[next] ||
-                x->low[next] > y->high[next] || y->low[last] > x->high[last] ||
-                x->low[last] > y->high[last] ||
-                !coincide(f, x, y, (double)fmaxf(x->slack, y->slack)))
-                continue;
-            s = mark(f, x);
-            if (s == STATUS_OK)
-                s = mark(f, y);
-        }
-    }
+    f->pairs_left = TOUCH_PAIRS_MIN + f->count * TOUCH_PAIRS_EACH;
+    s = box_tree_pairs(f->boxes, f->bounds, (uint32_t)f->count, compare, f, f->err);
+    *too_many = f->pairs_left == 0;
     return s;
+}
+
+static status mark(struct finder *f)
+{
+    for (size_t i = 0; i < f->count; i++) {
+        const struct item *item = &f->items[i];
+        uint8_t *flags;
+
+        if (!item->crossable || !item->touches)
+            continue;
+        flags = touches_of(f, item->instance);
+        if (!flags)
+            return no_memory(f);
+        flags[item->triangle] = 1;
+    }
+    return STATUS_OK;
 }
 
 static status find(struct finder *f)
 {
-    int too_many;
+    int too_many = 0;
     status s;
 
     if (!find_region(f))
@@ -285,8 +310,8 @@ static status find(struct finder *f)
     s = find_items(f, &too_many);
     if (s == STATUS_OK && !too_many)
         s = find_pairs(f, &too_many);
-    if (s == STATUS_OK && too_many)
-        s = all_touch(f);
+    if (s == STATUS_OK)
+        s = too_many ? all_touch(f) : mark(f);
     /* What moves while the shutter is open may come to touch anything. */
     for (uint32_t i = 0; i < f->w->instance_count && s == STATUS_OK; i++)
         if (flags_of(f->w, i) && moves(&f->w->instances[i]))
@@ -306,6 +331,8 @@ status world_touch_find(struct render_scene *w, struct error *err)
     for (uint32_t i = 0; i < w->instance_count; i++)
         w->instances[i].touches = f.touches[i];
     mem_free(f.items);
+    mem_free(f.boxes);
+    mem_free(f.bounds);
     mem_free(f.touches);
     return s;
 }

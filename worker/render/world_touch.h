@@ -3,18 +3,25 @@
  * Rays ask only there for the faces that coincide with the one they met (crossing.h). A face is
  * taken to touch another where both are nearly parallel, nearer than twice ACCEL_COINCIDENT_ULPS
  * and overlap by more than an edge. In doubt (what moves, more triangles than TOUCH_TRIANGLES_MAX,
- * more pairs than TOUCH_PAIRS_MAX) all faces may touch others: that costs time and changes nothing.
+ * more pairs of overlapping boxes than TOUCH_PAIRS_EACH for each on average) all faces may touch
+ * others: that costs time and changes nothing.
  */
 #ifndef AZULEJO_RENDER_WORLD_TOUCH_H
 #define AZULEJO_RENDER_WORLD_TOUCH_H
 
 #include "common/base/status.h"
 
-enum { TOUCH_TRIANGLES_MAX = 1 << 22, TOUCH_PAIRS_MAX = 1 << 28 };
+enum { TOUCH_TRIANGLES_MAX = 1 << 22, TOUCH_PAIRS_EACH = 64, TOUCH_PAIRS_MIN = 1 << 22 };
 
 struct render_scene;
 
 /* Sets world_instance.touches. The instances must be placed. ERR_NO_MEMORY. */
 status world_touch_find(struct render_scene *w, struct error *err) MUST_CHECK;
+
+/* May a ray through the inside of both triangles meet them closer than floats tell apart? */
+int touch_coincide(const double a[3][3], const double b[3][3]);
+
+/* Metres: twice what floats cannot tell apart at these corners. */
+double touch_slack(const double corner[3][3]);
 
 #endif

@@ -43,6 +43,12 @@ static void expect_bodies(const struct import_result *r, const int32_t *bodies, 
         assert_int_equal(r->scene.instances[i].body, bodies[i]);
 }
 
+static void expect_sealed(const struct import_result *r, int sealed)
+{
+    for (uint32_t i = 0; i < r->scene.instance_count; i++)
+        assert_int_equal(r->scene.instances[i].sealed, sealed);
+}
+
 static void quiet(const struct import_result *r)
 {
     assert_false(warned(r, "not closed"));
@@ -58,6 +64,7 @@ static void test_one_material(void **state)
     (void)state;
     maker_import(&m, ONE_NODE "," TWO_VOLUMES "," BOX_AND_LID(0, 0), &r);
     expect_bodies(&r, (const int32_t[]){-1, -1}, 2);
+    expect_sealed(&r, 1);
     quiet(&r);
     import_result_release(&r);
 }
@@ -70,6 +77,7 @@ static void test_two_materials(void **state)
     (void)state;
     maker_import(&m, ONE_NODE "," TWO_VOLUMES "," BOX_AND_LID(1, 0), &r);
     expect_bodies(&r, (const int32_t[]){-1, 0}, 2); /* materials are in the order of their use */
+    expect_sealed(&r, 1);
     quiet(&r);
     import_result_release(&r);
 }
@@ -114,6 +122,7 @@ static void test_mirrored(void **state)
             quiet(&r);
         else
             assert_warned(&r, "material 'wall': its volume is not closed: 'tub' has 4 open edges");
+        expect_sealed(&r, lid);
         import_result_release(&r);
     }
 }
@@ -151,6 +160,7 @@ static void test_open_together(void **state)
     put_accessor(&m, put_view(&m, one, sizeof one, 0), "SCALAR", 5123, 6, "");
     maker_import(&m, ONE_NODE "," TWO_VOLUMES "," BOX_AND_LID(0, 1), &r);
     expect_bodies(&r, (const int32_t[]){-1, -1}, 2);
+    expect_sealed(&r, 0);
     assert_warned(&r, "material 'wall': its volume is not closed");
     assert_warned(&r, "material 'lid': its volume is not closed");
     import_result_release(&r);
@@ -168,6 +178,7 @@ static void test_inverted(void **state)
                  "{\"attributes\":{\"POSITION\":0},\"indices\":1,\"material\":0}]}]",
                  &r);
     assert_warned(&r, "material 'wall': 'inside out' is wound inwards");
+    expect_sealed(&r, 0);
     import_result_release(&r);
 }
 

@@ -242,6 +242,7 @@ static void assert_scene_equal(const struct scene *a, const struct scene *b)
         assert_int_equal(a->instances[i].node, b->instances[i].node);
         assert_int_equal(a->instances[i].skin, b->instances[i].skin);
         assert_int_equal(a->instances[i].body, b->instances[i].body);
+        assert_int_equal(a->instances[i].sealed, b->instances[i].sealed);
     }
     assert_int_equal(a->light_count, b->light_count);
     for (uint32_t i = 0; i < a->light_count; i++) {

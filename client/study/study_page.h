@@ -1,0 +1,20 @@
+/* study_page: the study as one HTML file that needs nothing else: no script, no font, no picture from
+ * elsewhere. Its first screen is for everybody, the folded end for experts. */
+#ifndef AZULEJO_CLIENT_STUDY_PAGE_H
+#define AZULEJO_CLIENT_STUDY_PAGE_H
+
+#include "client/study/study_data.h"
+
+status study_page(struct buffer *out, const struct study *s, struct error *err) MUST_CHECK;
+
+/* ---- private to client/study ---- */
+typedef void study_sayer(struct buffer *out, const struct study *s);
+/* Append escaped what `say` appends. */
+void page_say(struct buffer *out, const struct study *s, study_sayer *say);
+/* <img> with the picture inside; CSS pixels. */
+status page_picture(struct buffer *out, const struct study_picture *picture, double width,
+                    double height, const char *description, struct error *err) MUST_CHECK;
+status page_experts(struct buffer *out, const struct study *s, struct error *err) MUST_CHECK;
+void page_style(struct buffer *out);
+
+#endif

@@ -1,0 +1,353 @@
+#include "client/study/study_words.h"
+
+#include <math.h>
+#include <string.h>
+
+#define DAY_S 86400.0
+
+/* ---- numbers ------------------------------------------------------------------------------- */
+
+/* `value` with so many decimals, from whole numbers: no locale writes a comma here. */
+static void put_fixed(struct buffer *out, double value, int decimals)
+{
+    long long scale = 1, whole;
+
+    for (int i = 0; i < decimals; i++)
+        scale *= 10;
+    whole = llround(fabs(value) * (double)scale);
+    buffer_printf(out, "%s%lld", value < 0 && whole > 0 ? "-" : "", whole / scale);
+    if (decimals > 0)
+        buffer_printf(out, ".%0*lld", decimals, whole % scale);
+}
+
+/* How many decimals show `digits` significant ones. */
+static int decimals_for(double value, int digits)
+{
+    int exponent;
+
+    if (!(fabs(value) > 0))
+        return 0;
+    exponent = (int)floor(log10(fabs(value)) + 1e-9);
+    /* 9.96 becomes 10, not 10.0. */
+    if (fabs(value) * pow(10, digits - 1 - exponent) >= pow(10, digits) - 0.5)
+        exponent++;
+    return (int)fmin(fmax(0, digits - 1 - exponent), 12);
+}
+
+void words_number(struct buffer *out, double value)
+{
+    if (!isfinite(value)) {
+        buffer_puts(out, "?");
+        return;
+    }
+    if (fabs(value) >= 1e15 || (value != 0 && fabs(value) < 1e-6)) {
+        int exponent = (int)floor(log10(fabs(value)) + 1e-9);
+        put_fixed(out, value / pow(10, exponent), 1);
+        buffer_printf(out, "e%d", exponent);
+        return;
+    }
+    if (fabs(value) >= 1000) {
+        double step = pow(10, floor(log10(fabs(value)) + 1e-9) - 2);
+        value = round(value / step) * step;
+    }
+    put_fixed(out, value, decimals_for(value, 2));
+}
+
+void words_exact(struct buffer *out, double value)
+{
+    int decimals = 0;
+
+    if (!isfinite(value) || fabs(value) >= 1e6 || (value != 0 && fabs(value) < 1e-3)) {
+        words_number(out, value);
+        return;
+    }
+    while (decimals < 3 &&
+           fabs(value * pow(10, decimals) - round(value * pow(10, decimals))) > 1e-6)
+        decimals++;
+    put_fixed(out, value, decimals);
+}
+
+void words_count(struct buffer *out, double value)
+{
+    static const char *const names[] = {"", " thousand", " million", " billion", " trillion"};
+    int step = 0;
+
+    while (step < 4 && fabs(value) >= 999.5) {
+        value /= 1000;
+        step++;
+    }
+    words_number(out, value);
+    buffer_puts(out, names[step]);
+}
+
+void words_codes(struct buffer *out, double codes)
+{
+    words_number(out, codes);
+    buffer_puts(out, "/255");
+}
+
+void words_time(struct buffer *out, double seconds)
+{
+    static const struct {
+        double below, unit;
+        const char *name;
+    } units[] = {{0.1, 1e-3, " ms"}, {90, 1, " s"}, {5400, 60, " min"}, {2 * DAY_S, 3600, " h"}, {INFINITY, DAY_S, " days"}};
+    int i = 0;
+
+    if (!isfinite(seconds)) {
+        buffer_puts(out, "?");
+        return;
+    }
+    while (seconds >= units[i].below)
+        i++;
+    words_number(out, seconds / units[i].unit);
+    buffer_puts(out, units[i].name);
+}
+
+static double core_unit(double core_s, const char **name)
+{
+    if (core_s >= 1800) {
+        *name = "core-hours";
+        return 3600;
+    }
+    *name = core_s >= 100 ? "core-minutes" : "core-seconds";
+    return core_s >= 100 ? 60 : 1;
+}
+
+void words_core_time(struct buffer *out, double core_s)
+{
+    const char *name;
+    double unit = core_unit(core_s, &name);
+
+    words_number(out, core_s / unit);
+    buffer_printf(out, " %s", name);
+}
+
+void words_price(struct buffer *out, double price, const char *currency)
+{
+    if (price > 0 && price < 0.01)
+        buffer_puts(out, "less than 0.01");
+    else if (price < 100)
+        put_fixed(out, price, 2);
+    else
+        words_number(out, price);
+    if (currency)
+        buffer_printf(out, " %s", currency);
+}
+
+void words_percent(struct buffer *out, double share)
+{
+    if (fabs(share) >= 0.01)
+        words_exact(out, round(1000 * share) / 10);
+    else
+        words_number(out, 100 * share);
+    buffer_puts(out, " %");
+}
+
+void words_range(struct buffer *out, const struct study_interval *v, double unit)
+{
+    if (!isfinite(v->low) || !isfinite(v->high))
+        return;
+    buffer_puts(out, " (");
+    words_number(out, v->low / unit);
+    buffer_puts(out, " to ");
+    words_number(out, v->high / unit);
+    buffer_puts(out, ")");
+}
+
+/* ---- sentences ----------------------------------------------------------------------------- */
+
+static int is_reliable(const struct study *s)
+{
+    const struct study_point *last = study_last_point(s);
+
+    return !last || last->reliable;
+}
+
+static void say_unfitted(struct buffer *out, const struct study *s)
+{
+    const struct study_point *last = study_last_point(s);
+
+    if (!last || !isfinite(last->codes.value) || !(last->core_s > 0)) {
+        buffer_puts(out, "Nothing has been measured yet.");
+        return;
+    }
+    words_codes(out, last->codes.value);
+    buffer_puts(out, " after ");
+    words_core_time(out, last->core_s);
+    buffer_puts(out, ". What a smaller error costs needs more points.");
+}
+
+void study_say_headline(struct buffer *out, const struct study *s)
+{
+    const struct study_interval cost = study_target_cost(s);
+
+    if (!study_has_fit(s) || !(s->target_codes > 0) || !isfinite(cost.value)) {
+        say_unfitted(out, s);
+        return;
+    }
+    words_exact(out, s->target_codes);
+    buffer_printf(out, "/255 costs %s", is_reliable(s) ? "" : "at least ");
+    words_core_time(out, cost.value);
+    buffer_puts(out, "; every halving of the error costs ");
+    words_number(out, pow(2, 1 / s->fit.exponent.value));
+    buffer_puts(out, " times as much.");
+}
+
+void study_say_wall(struct buffer *out, const struct study *s)
+{
+    const struct study_interval cost = study_target_cost(s);
+
+    if (!isfinite(cost.value))
+        return;
+    buffer_puts(out, "That is ");
+    words_time(out, cost.value / study_rate(s));
+    if (isfinite(cost.low) && isfinite(cost.high)) {
+        struct buffer low = BUFFER_INIT, high = BUFFER_INIT;
+        const char *low_unit, *high_unit;
+
+        words_time(&low, cost.low / study_rate(s));
+        words_time(&high, cost.high / study_rate(s));
+        low_unit = strchr(buffer_text(&low), ' ');
+        high_unit = strchr(buffer_text(&high), ' ');
+        /* "(7 to 12 min)", but "(50 s to 2 min)" */
+        if (low_unit && high_unit && strcmp(low_unit, high_unit) == 0)
+            buffer_printf(out, " (%.*s to %s)", (int)(low_unit - buffer_text(&low)),
+                          buffer_text(&low), buffer_text(&high));
+        else
+            buffer_printf(out, " (%s to %s)", buffer_text(&low), buffer_text(&high));
+        out->failed |= low.failed | high.failed;
+        buffer_release(&high);
+        buffer_release(&low);
+    }
+    buffer_puts(out, " on ");
+    if (s->workers.count > 1)
+        buffer_printf(out, "these %zu workers", s->workers.count);
+    else
+        buffer_puts(out, "this machine");
+    if (s->cores >= 1) {
+        buffer_puts(out, " (");
+        words_exact(out, s->cores);
+        buffer_printf(out, " core%s)", s->cores >= 2 ? "s" : "");
+    }
+    if (s->price_core_hour >= 0) {
+        buffer_puts(out, " and costs ");
+        words_price(out, cost.value / 3600 * s->price_core_hour, s->currency);
+    }
+    buffer_puts(out, ".");
+}
+
+void study_say_meaning(struct buffer *out, const struct study *s)
+{
+    const double codes = s->target_codes > 0 ? s->target_codes : 3;
+
+    words_exact(out, codes);
+    buffer_puts(out, "/255 means: 95 of 100 pixels show the right colour to within ");
+    words_exact(out, codes);
+    buffer_puts(out, " of the 255 steps of a screen's brightness."
+                     " One or two steps are just visible; more shows as grain.");
+}
+
+static void say_why_not(struct buffer *out, const struct study_point *last)
+{
+    const char *before = ": ";
+
+    if (isfinite(last->top_share) && last->top_samples >= 1) {
+        buffer_puts(out, before);
+        words_percent(out, last->top_share);
+        buffer_puts(out, " of the error sits in ");
+        words_count(out, last->top_samples);
+        buffer_printf(out, " sample%s", last->top_samples >= 2 ? "s" : "");
+        before = "; ";
+    }
+    if (last->cause)
+        buffer_printf(out, "%s%s", before, last->cause);
+}
+
+int study_say_trust(struct buffer *out, const struct study *s)
+{
+    const struct study_point *last = study_last_point(s);
+
+    if (!last) {
+        buffer_puts(out, "No figures yet.");
+        return 0;
+    }
+    if (!last->reliable) {
+        buffer_puts(out, "May be understated");
+        say_why_not(out, last);
+        buffer_puts(out, ".");
+        return 0;
+    }
+    buffer_puts(out, "Reliable: no few samples dominate the error");
+    if (isfinite(last->top_share) && last->top_samples >= 1) {
+        buffer_puts(out, " (the largest ");
+        words_count(out, last->top_samples);
+        buffer_puts(out, " hold ");
+        words_percent(out, last->top_share);
+        buffer_puts(out, " of it)");
+    }
+    buffer_puts(out, ".");
+    return 1;
+}
+
+static void say_gain(struct buffer *out, const struct study_choice *c)
+{
+    struct study_interval shown = c->gain;
+
+    if (!study_time_differs(c)) {
+        buffer_puts(out, "no clear difference in time");
+        if (isfinite(c->gain.low) && isfinite(c->gain.high)) {
+            buffer_puts(out, " (");
+            words_number(out, 1 / c->gain.high);
+            buffer_puts(out, " to ");
+            words_number(out, 1 / c->gain.low);
+            buffer_puts(out, " times)");
+        }
+        return;
+    }
+    if (c->gain.value < 1)
+        shown = (struct study_interval){1 / c->gain.value, 1 / c->gain.high, 1 / c->gain.low};
+    words_number(out, shown.value);
+    buffer_puts(out, c->gain.value < 1 ? " times the time" : " times less time");
+    if (c->gain_at > 0) {
+        buffer_puts(out, " to ");
+        words_exact(out, c->gain_at);
+        buffer_puts(out, "/255");
+    }
+    words_range(out, &shown, 1);
+}
+
+static void say_floor(struct buffer *out, const struct study *s, const struct study_choice *c)
+{
+    if (!study_bias_counts(s, c)) {
+        buffer_puts(out, "the same picture to ");
+        words_exact(out, fmax(0.01, round(100 * fmax(c->floor.value, isfinite(c->floor.high) ? c->floor.high : 0)) / 100));
+        buffer_puts(out, "/255");
+        return;
+    }
+    buffer_puts(out, "never better than ");
+    words_codes(out, c->floor.value);
+    words_range(out, &c->floor, 1);
+}
+
+void study_say_choice(struct buffer *out, const struct study *s, const struct study_choice *c)
+{
+    const char *before = ": ";
+
+    buffer_puts(out, c->words ? c->words : c->name ? c->name : "(unnamed)");
+    if (isfinite(c->gain.value) && c->gain.value > 0) {
+        buffer_puts(out, before);
+        say_gain(out, c);
+        before = ", ";
+    }
+    if (isfinite(c->floor.value)) {
+        buffer_puts(out, before);
+        say_floor(out, s, c);
+        before = ", ";
+    }
+    if (*before == ':')
+        buffer_puts(out, ": not measured yet");
+    if (c->note)
+        buffer_printf(out, "; %s", c->note);
+    buffer_puts(out, ".");
+}
