@@ -296,7 +296,8 @@ def results_that_break_the_rules():
     with Farm() as farm:
         farm.start_coordinator()
         number = farm.submit(farm.scene(), *SMALL)
-        violations = ["tile=16", "tile=4294967295", "pass=1", "pass=4294967295", "floats=0",
+        violations = ["tile=16", "tile=4294967295", "group=2", "group=4294967295", "samples=0",
+                      "rays=18446744073709551615", "pass=1", "pass=4294967295", "floats=0",
                       "floats=1535", "floats=1537", "floats=500000", "fill=nan", "fill=inf",
                       "fill=-inf", "epoch=0", "epoch=18446744073709551615", "tile=16 floats=0"]
         unwanted = ["job=4242", "job=0", "frame=77", "frame=4294967295", "epoch=1", "job=4242 tile=99"]
