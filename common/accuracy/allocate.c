@@ -1,5 +1,6 @@
 #include "common/accuracy/allocate.h"
 
+#include <assert.h>
 #include <string.h>
 
 #include "common/base/memory.h"
@@ -8,18 +9,24 @@
 
 /* Fixed point of logarithms to base 2: steps of 1 % in samples. */
 #define LOG_ONE 64
+#define LN_2 0.69314718055994530942
+/* The share of pixels that a display error speaks of, and where it is looked for (log2 of codes). */
+#define QUANTILE 0.95
+#define LOG_CODES_MIN (-24.0)
+#define LOG_CODES_MAX 10.0
 /* The strength of a tile without any error: below all that can be reached. */
 #define STRENGTH_NONE (-(1 << 24))
 /* Boundaries of passes are powers of two up to 16, then two a doubling up to 8192. */
 enum { PASS_DOUBLING = 4, PASS_EVEN = 22, PASS_EVEN_SAMPLES = 8192, PASS_STEP = 4096 };
 
 const struct allocation_rules allocation_rules = {
+    .first_level = 2,
     .ratio_max = 8,
-    .share_percent = 100,
+    .share_percent = 200,
+    .limit = 2,
     .smoothing = 0.5,
     .exponent = 1,
     .margin = 0.02,
-    .power = 0.5,
 };
 
 uint32_t allocation_samples(uint32_t passes)
@@ -47,11 +54,22 @@ uint32_t allocation_floor(uint32_t level)
     return PASS_EVEN + (samples - PASS_EVEN_SAMPLES) / PASS_STEP;
 }
 
-/* ---- logarithms in fixed point -------------------------------------------------------------- */
+/* ---- errors in bins ----------------------------------------------------------------------------- */
 
-static int32_t log2_fixed(double x)
+static double log2_of(double x)
 {
-    return (int32_t)floor(det_log_d(x) * (LOG_ONE / 0.69314718055994530942) + 0.5);
+    return det_log_d(x) / LN_2;
+}
+
+static double exp2_of(double x)
+{
+    return det_exp_d(x * LN_2);
+}
+
+/* log2(x) / 2 in fixed point. */
+static int32_t log2_root(double x)
+{
+    return (int32_t)floor(log2_of(x) * (LOG_ONE / 2) + 0.5);
 }
 
 uint32_t allocation_bin(float codes)
@@ -71,6 +89,46 @@ uint32_t allocation_bin(float codes)
     return bin;
 }
 
+/* How much of bin `bin` lies below a place on the scale of bins. Within a bin errors are spread
+ * evenly on the logarithmic scale; within bin 0, which begins at 0, evenly. */
+static double part_below(uint32_t bin, double place)
+{
+    double part = bin > 0 ? place - bin : place >= 1 ? 1 : exp2_of((place - 1) / 2);
+
+    return part < 0 ? 0 : part > 1 ? 1 : part;
+}
+
+/* The place of an error in codes on the scale of bins: bin i is i .. i + 1. */
+static double place_of(double log2_codes)
+{
+    return 2 * (log2_codes + 4);
+}
+
+/* The error in codes that QUANTILE of the pixels stay below, when the errors of counts[i][] are
+ * multiplied by sqrt(factor[i]). */
+static double quantile(uint64_t (*counts)[ALLOCATION_BINS], const double *factor, uint32_t rows)
+{
+    double all = 0, low = LOG_CODES_MIN, high = LOG_CODES_MAX;
+
+    for (uint32_t i = 0; i < rows; i++)
+        for (uint32_t b = 0; b < ALLOCATION_BINS; b++)
+            all += (double)counts[i][b];
+    for (int step = 0; step < 48; step++) {
+        double middle = (low + high) / 2, below = 0;
+        for (uint32_t i = 0; i < rows; i++) {
+            double place = place_of(middle - 0.5 * log2_of(factor[i]));
+            for (uint32_t b = 0; b < ALLOCATION_BINS; b++)
+                if (counts[i][b] > 0)
+                    below += (double)counts[i][b] * part_below(b, place);
+        }
+        if (below >= QUANTILE * all)
+            high = middle;
+        else
+            low = middle;
+    }
+    return low == LOG_CODES_MIN ? 0 : exp2_of(high);
+}
+
 /* ---- a tile's strength ------------------------------------------------------------------------ */
 
 static const struct allocation_rules *rules_of(const struct allocation_input *in)
@@ -85,35 +143,59 @@ static uint32_t pixels_of(const struct allocation_input *in, uint32_t tile)
     return r.width * r.height;
 }
 
+/* What a pixel of each bin adds to its tile's squared error, at most. */
+static void limited_squares(const struct allocation_input *in, double *square)
+{
+    uint64_t counts[1][ALLOCATION_BINS] = {{0}};
+    uint32_t tiles = tile_count(in->width, in->height);
+    double unmoved = 1, most;
+
+    for (uint32_t t = 0; t < tiles; t++)
+        for (uint32_t b = 0; b < ALLOCATION_BINS; b++)
+            counts[0][b] += in->tiles[t].errors[b];
+    most = rules_of(in)->limit * quantile(counts, &unmoved, 1);
+    for (uint32_t b = 0; b < ALLOCATION_BINS; b++) {
+        double codes = exp2_of(((double)b + 0.5) / 2 - 4);
+        square[b] = codes < most ? codes * codes : most * most;
+    }
+}
+
+static double limited_error(const struct allocation_tile *tile, const double *square)
+{
+    double sum = 0;
+
+    for (uint32_t b = 0; b < ALLOCATION_BINS; b++)
+        sum += tile->errors[b] * square[b];
+    return sum < (double)tile->display_error ? sum : (double)tile->display_error;
+}
+
 /* Squared display error of a pixel of the tile: its own, or a share of its neighbourhood's if
  * that is more: a tile in which few samples found light yet has neighbours that found it. */
-static double smoothed_error(const struct allocation_input *in, uint32_t tile)
+static double smoothed_error(const struct allocation_input *in, const double *square, uint32_t tile)
 {
     uint32_t across = tiles_across(in->width), down = tiles_across(in->height);
     uint32_t x0 = tile % across, y0 = tile / across;
-    double own = (double)in->tiles[tile].display_error / pixels_of(in, tile);
+    double own = limited_error(&in->tiles[tile], square) / pixels_of(in, tile);
     double sum = 0, pixels = 0;
 
     for (uint32_t y = y0 > 0 ? y0 - 1 : 0; y <= y0 + 1 && y < down; y++)
         for (uint32_t x = x0 > 0 ? x0 - 1 : 0; x <= x0 + 1 && x < across; x++) {
-            sum += (double)in->tiles[y * across + x].display_error;
+            sum += limited_error(&in->tiles[y * across + x], square);
             pixels += pixels_of(in, y * across + x);
         }
     sum = rules_of(in)->smoothing * (sum / pixels);
     return sum > own ? sum : own;
 }
 
-/* log2 of what the tile's number of samples is proportional to (Neyman with cost). */
-static int32_t strength_of(const struct allocation_input *in, uint32_t tile)
+/* log2 of what the tile's number of samples is proportional to: sqrt(squared error / cost). */
+static int32_t strength_of(const struct allocation_input *in, const double *square, uint32_t tile)
 {
-    double error = smoothed_error(in, tile);
+    double error = smoothed_error(in, square, tile);
     double rays = (double)in->tiles[tile].rays / pixels_of(in, tile);
 
     if (!(error > 0))
         return STRENGTH_NONE;
-    if (!(rays > 1))
-        rays = 1;
-    return log2_fixed(error / rays * 0x1p100) - 100 * LOG_ONE;
+    return log2_root(error / (rays > 1 ? rays : 1));
 }
 
 /* ---- wanted passes ---------------------------------------------------------------------------- */
@@ -161,8 +243,7 @@ void allocation_wanted(const struct allocation_round *round, uint32_t lambda, ui
     }
 }
 
-/* What the samples beyond the floor cost, in rays times the floor's samples. Below 2^63 for
- * 2^24 tiles of 2^30 rays at level 0: what is too large becomes UINT64_MAX. */
+/* Do the samples beyond the floor cost at most their share? In rays times samples, exactly. */
 static int extras_fit(const struct allocation_round *round, uint32_t lambda)
 {
     const struct allocation_input *in = round->in;
@@ -193,10 +274,26 @@ static uint32_t full_lambda(const struct allocation_round *round, uint32_t range
     return fits;
 }
 
+static void find_strengths(struct allocation_round *round, int32_t *weakest, int32_t *strongest)
+{
+    double square[ALLOCATION_BINS];
+
+    *weakest = INT32_MAX;
+    *strongest = STRENGTH_NONE;
+    limited_squares(round->in, square);
+    for (uint32_t t = 0; t < round->tiles; t++) {
+        int32_t s = round->strength[t] = strength_of(round->in, square, t);
+        if (s > *strongest)
+            *strongest = s;
+        if (s != STRENGTH_NONE && s < *weakest)
+            *weakest = s;
+    }
+}
+
 status allocation_round(struct allocation_round *out, const struct allocation_input *in,
                         struct error *err)
 {
-    int32_t weakest = INT32_MAX, strongest = STRENGTH_NONE;
+    int32_t weakest, strongest;
     uint32_t first = allocation_floor(in->level), most;
 
     memset(out, 0, sizeof *out);
@@ -204,23 +301,17 @@ status allocation_round(struct allocation_round *out, const struct allocation_in
     out->tiles = tile_count(in->width, in->height);
     out->strength = mem_alloc_array(out->tiles, sizeof *out->strength);
     if (!out->strength)
-        return error_set(err, STATUS_ERR_NO_MEMORY, "out of memory for the samples of %u tiles", out->tiles);
-    most = passes_max(out);
+        return error_set(err, STATUS_ERR_NO_MEMORY, "out of memory for the sample counts of %u tiles",
+                         out->tiles);
     for (uint32_t p = 1; p < ALLOCATION_PASSES_MAX; p++) /* the geometric middle of two boundaries */
-        out->steps[p] = log2_fixed((double)allocation_samples(p) * allocation_samples(p + 1)) / 2;
-    for (uint32_t t = 0; t < out->tiles; t++) {
-        int32_t s = strength_of(in, t);
-        if (s != STRENGTH_NONE)
-            s = (int32_t)floor(rules_of(in)->power * s);
-        out->strength[t] = s;
-        if (s > strongest)
-            strongest = s;
-        if (s != STRENGTH_NONE && s < weakest)
-            weakest = s;
-    }
-    if (in->level < ALLOCATION_FIRST_LEVEL || strongest == STRENGTH_NONE || most == first)
+        out->steps[p] = log2_root((double)allocation_samples(p) * allocation_samples(p + 1));
+    find_strengths(out, &weakest, &strongest);
+    most = passes_max(out);
+    if (strongest == STRENGTH_NONE || most == first)
         return STATUS_OK;
     out->offset = out->steps[first] - strongest - 1; /* at lambda 0 no tile goes beyond the floor */
+    if (in->level < rules_of(in)->first_level)
+        return STATUS_OK;
     out->full = full_lambda(out, (uint32_t)(out->steps[most - 1] - weakest - out->offset));
     return STATUS_OK;
 }
@@ -244,36 +335,16 @@ static void shrinkage(const struct allocation_round *round, double *factor)
         factor[p] = 0.5 * det_pow_d(floor_samples / allocation_samples(p), rules_of(round->in)->exponent);
 }
 
-/* The error that 95 % of the pixels stay below, each tile's histogram moved by its factor. */
 static double predict_quantile(const struct allocation_round *round, uint32_t lambda,
                                const double *factor)
 {
-    static const double share = 0.95;
     uint64_t counts[ALLOCATION_PASSES_MAX + 1][ALLOCATION_BINS] = {{0}};
     uint32_t most = passes_max(round);
-    double all = 0, low = -24, high = 10; /* log2 of codes */
 
     for (uint32_t t = 0; t < round->tiles; t++)
-        for (uint32_t b = 0; b < ALLOCATION_BINS; b++) {
+        for (uint32_t b = 0; b < ALLOCATION_BINS; b++)
             counts[wanted_at(round, t, lambda, most)][b] += round->in->tiles[t].errors[b];
-            all += round->in->tiles[t].errors[b];
-        }
-    for (int i = 0; i < 48; i++) {
-        double middle = (low + high) / 2, below = 0;
-        for (uint32_t p = 1; p <= ALLOCATION_PASSES_MAX; p++) {
-            double moved = 2 * (middle - 0.5 * det_log_d(factor[p]) / 0.69314718055994530942 + 4);
-            for (uint32_t b = 0; b < ALLOCATION_BINS; b++) {
-                /* Within a bin, the logarithm is spread evenly; bin 0 begins at 0. */
-                double part = b == 0 ? (moved >= 1 ? 1 : det_exp_d((moved - 1) * 0.34657359027997265471)) : moved - b;
-                below += (double)counts[p][b] * (part < 0 ? 0 : part > 1 ? 1 : part);
-            }
-        }
-        if (below >= share * all)
-            high = middle;
-        else
-            low = middle;
-    }
-    return low == -24 ? 0 : det_exp_d(high * 0.69314718055994530942);
+    return quantile(counts, factor, ALLOCATION_PASSES_MAX + 1);
 }
 
 static double predict_square(const struct allocation_round *round, uint32_t lambda,

@@ -7,16 +7,20 @@
  *
  * How a frame uses it, once for each group g, with h the other group:
  *
- *   wanted[t] = passes of level 0                             for every tile t
- *   for level k = 1, 2, ...:
- *       wanted[t] = max(wanted[t], allocation_floor(k))       the floor of round k; wait for h's
- *       in.tiles  = h's statistics of level k, in.wanted = wanted
- *       if k < ALLOCATION_FIRST_LEVEL: allocation_target() can only stop or go on (full is 0)
+ *   for level k = 0, 1, 2, ...:
+ *       wanted[t] = max(wanted[t], allocation_floor(k))    for every tile t: the round's floor
+ *       wait for the floor of group h
+ *       in.tiles = h's statistics of level k, in.wanted = wanted
  *       allocation_round(&round, &in)
  *       if there is a target and allocation_target(&round, &target, &lambda) says yes:
  *           allocation_wanted(&round, lambda, wanted); group g has ended
  *       else:
  *           allocation_wanted(&round, round.full, wanted)
+ *
+ * When g has ended and h has not, h still needs g's statistics of the next levels. Then g's floor
+ * is rendered on, but *for the statistics only*: its samples beyond `wanted` must not enter the
+ * picture, because it is g's own samples that made h go on. Both groups mostly end in the same
+ * round; the samples left out are few.
  *
  * Nothing here depends on a cap of the samples; the caller cuts `wanted` at the cap's passes and
  * ends there. Wanted numbers grow with lambda and with the rounds, and rounds depend neither on
@@ -33,7 +37,6 @@
 
 enum {
     ALLOCATION_BINS = 24,        /* of a histogram of errors in display codes */
-    ALLOCATION_FIRST_LEVEL = 2,  /* the first with samples beyond the floor */
     ALLOCATION_PASSES_MAX = 148, /* passes of a group: 2^19 samples */
 };
 
@@ -59,12 +62,14 @@ struct allocation_tile {
 /* How the samples beyond the floor are given out. `allocation_rules` are those in use; others
  * are for experiments (`make accuracy-allocation`). */
 struct allocation_rules {
+    uint32_t first_level;    /* the first with samples beyond the floor */
     uint32_t ratio_max;      /* samples of a tile over the floor, at most */
     uint32_t share_percent;  /* what the samples beyond the floor cost, of the floor's cost */
+    double limit;            /* a pixel's error counts up to so many times the error that 95 % of
+                              * the pixels stay below: few pixels do not get all samples */
     double smoothing;        /* a tile counts at least so much of its 3x3 tiles' mean error */
     double exponent;         /* of n in the predicted squared error */
     double margin;           /* the prediction must lie below the target by this share */
-    double power;            /* of the squared error per ray; 0.5 minimises their sum */
 };
 extern const struct allocation_rules allocation_rules;
 
