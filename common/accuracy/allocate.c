@@ -12,6 +12,7 @@
 #define LN_2 0.69314718055994530942
 /* The share of pixels that a display error speaks of, and where it is looked for (log2 of codes). */
 #define QUANTILE 0.95
+#define LOG_CODES_BIN (-5.0) /* where bin 0 would begin, were it as wide as the others */
 #define LOG_CODES_MIN (-24.0)
 #define LOG_CODES_MAX 10.0
 /* The strength of a tile without any error: below all that can be reached. */
@@ -22,10 +23,11 @@ enum { PASS_DOUBLING = 4, PASS_EVEN = 22, PASS_EVEN_SAMPLES = 8192, PASS_STEP = 
 const struct allocation_rules allocation_rules = {
     .first_level = 2,
     .ratio_max = 8,
-    .share_percent = 200,
-    .limit = 2,
+    .share_percent = 150,
+    .limit = 1.4,
     .smoothing = 0.5,
-    .exponent = 1,
+    .exponent_min = 0.5,
+    .exponent_max = 1.5,
     .margin = 0.02,
 };
 
@@ -74,11 +76,11 @@ static int32_t log2_root(double x)
 
 uint32_t allocation_bin(float codes)
 {
-    float edge = 0x1.6a09e6p-4f; /* 2^-3.5, where bin 1 begins */
+    float edge = 0x1.6a09e6p-5f; /* 2^-4.5, where bin 1 begins */
     uint32_t bin = 0;
 
     /* Comparisons with exact constants: two half octaves are a factor of two, exactly. */
-    for (float whole = 0x1p-3f; bin + 1 < ALLOCATION_BINS; whole *= 2, edge *= 2) {
+    for (float whole = 0x1p-4f; bin + 1 < ALLOCATION_BINS; whole *= 2, edge *= 2) {
         if (!(codes >= edge))
             return bin;
         bin++;
@@ -101,7 +103,7 @@ static double part_below(uint32_t bin, double place)
 /* The place of an error in codes on the scale of bins: bin i is i .. i + 1. */
 static double place_of(double log2_codes)
 {
-    return 2 * (log2_codes + 4);
+    return 2 * (log2_codes - LOG_CODES_BIN);
 }
 
 /* The error in codes that QUANTILE of the pixels stay below, when the errors of counts[i][] are
@@ -143,19 +145,26 @@ static uint32_t pixels_of(const struct allocation_input *in, uint32_t tile)
     return r.width * r.height;
 }
 
+/* The display error of one group's picture. */
+static double quantile_of(const struct allocation_input *in, const struct allocation_tile *tiles)
+{
+    uint64_t counts[1][ALLOCATION_BINS] = {{0}};
+    uint32_t count = tile_count(in->width, in->height);
+    double unmoved = 1;
+
+    for (uint32_t t = 0; t < count; t++)
+        for (uint32_t b = 0; b < ALLOCATION_BINS; b++)
+            counts[0][b] += tiles[t].errors[b];
+    return quantile(counts, &unmoved, 1);
+}
+
 /* What a pixel of each bin adds to its tile's squared error, at most. */
 static void limited_squares(const struct allocation_input *in, double *square)
 {
-    uint64_t counts[1][ALLOCATION_BINS] = {{0}};
-    uint32_t tiles = tile_count(in->width, in->height);
-    double unmoved = 1, most;
+    double most = rules_of(in)->limit * quantile_of(in, in->tiles);
 
-    for (uint32_t t = 0; t < tiles; t++)
-        for (uint32_t b = 0; b < ALLOCATION_BINS; b++)
-            counts[0][b] += in->tiles[t].errors[b];
-    most = rules_of(in)->limit * quantile(counts, &unmoved, 1);
     for (uint32_t b = 0; b < ALLOCATION_BINS; b++) {
-        double codes = exp2_of(((double)b + 0.5) / 2 - 4);
+        double codes = exp2_of(((double)b + 0.5) / 2 + LOG_CODES_BIN);
         square[b] = codes < most ? codes * codes : most * most;
     }
 }
@@ -324,17 +333,49 @@ void allocation_round_release(struct allocation_round *round)
 
 /* ---- prediction ------------------------------------------------------------------------------- */
 
+/* The squared error of a level by a measure, up to a factor. */
+static double level_square(const struct allocation_input *in, const struct allocation_tile *tiles,
+                           enum allocation_measure measure)
+{
+    double sum = 0;
+
+    if (measure == ALLOCATION_DISPLAY) {
+        sum = quantile_of(in, tiles);
+        return sum * sum;
+    }
+    for (uint32_t t = 0; t < tile_count(in->width, in->height); t++)
+        sum += measure == ALLOCATION_RMSE ? tiles[t].linear_error : (double)tiles[t].channel_error;
+    return sum;
+}
+
+/* The squared error falls as 1 / n^exponent. Soft light falls faster than 1 / n, rare light slower;
+ * the last doubling tells. */
+static double exponent_of(const struct allocation_input *in, enum allocation_measure measure)
+{
+    const struct allocation_rules *rules = rules_of(in);
+    double now = level_square(in, in->tiles, measure), exponent = 1;
+
+    if (in->previous && now > 0) {
+        double before = level_square(in, in->previous, measure);
+        exponent = before > 0 ? log2_of(before / now) : rules->exponent_min;
+    }
+    return exponent < rules->exponent_min   ? rules->exponent_min
+           : exponent > rules->exponent_max ? rules->exponent_max
+                                            : exponent;
+}
+
 /* Squared error of the joined picture over that of one group at the level, for each number of
  * passes. Two groups of the same number of samples halve it. */
-static void shrinkage(const struct allocation_round *round, double *factor)
+static void shrinkage(const struct allocation_round *round, enum allocation_measure measure, double *factor)
 {
-    double floor_samples = (double)(2u << round->in->level);
+    double floor_samples = (double)(2u << round->in->level), exponent = exponent_of(round->in, measure);
 
     factor[0] = 1;
     for (uint32_t p = 1; p <= ALLOCATION_PASSES_MAX; p++)
-        factor[p] = 0.5 * det_pow_d(floor_samples / allocation_samples(p), rules_of(round->in)->exponent);
+        factor[p] = 0.5 * det_pow_d(floor_samples / allocation_samples(p), exponent);
 }
 
+/* The error that 95 % of the pixels stay below, each tile's histogram moved by its factor. */
 static double predict_quantile(const struct allocation_round *round, uint32_t lambda,
                                const double *factor)
 {
@@ -356,7 +397,7 @@ static double predict_square(const struct allocation_round *round, uint32_t lamb
     for (uint32_t t = 0; t < round->tiles; t++) {
         const struct allocation_tile *tile = &round->in->tiles[t];
         sum += factor[wanted_at(round, t, lambda, most)] *
-               (linear ? tile->linear_error : (double)tile->display_error);
+               (linear ? tile->linear_error : (double)tile->channel_error);
     }
     return sum;
 }
@@ -367,12 +408,12 @@ double allocation_predict(const struct allocation_round *round, enum allocation_
     double pixels = (double)round->in->width * round->in->height;
     double factor[ALLOCATION_PASSES_MAX + 1], radiance = 0, square;
 
-    shrinkage(round, factor);
+    shrinkage(round, measure, factor);
     switch (measure) {
     case ALLOCATION_DISPLAY:
         return predict_quantile(round, lambda, factor);
     case ALLOCATION_PSNR:
-        square = predict_square(round, lambda, factor, 0) / pixels;
+        square = predict_square(round, lambda, factor, 0) / (3 * pixels);
         return square > 0 ? 4.34294481903251827651 * det_log_d(255.0 * 255.0 / square) : INFINITY;
     case ALLOCATION_RMSE:
         break;

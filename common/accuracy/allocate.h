@@ -45,7 +45,7 @@ uint32_t allocation_samples(uint32_t passes);
 /* Passes of level `level`, which is 2^(level+1) samples of a group: the round's floor. */
 uint32_t allocation_floor(uint32_t level);
 
-/* The bin of a pixel's error in display codes, of 255: bin i holds 2^(i/2 - 4) up to the next
+/* The bin of a pixel's error in display codes, of 255: bin i holds 2^(i/2 - 5) up to the next
  * half octave; smaller errors are in bin 0, larger ones in the last. */
 uint32_t allocation_bin(float codes);
 
@@ -55,6 +55,7 @@ struct allocation_tile {
     double radiance;       /* sum over pixels of R + G + B of the group's mean */
     double linear_error;   /* sum over pixels of the three channels' ((A-B)/2)^2 */
     float display_error;   /* sum over pixels of the largest channel's ((A-B)/2)^2 in codes */
+    float channel_error;   /* sum over pixels and channels of ((A-B)/2)^2 in codes */
     uint16_t errors[ALLOCATION_BINS]; /* how many pixels have such an error in codes */
     uint64_t rays;         /* of those samples */
 };
@@ -68,7 +69,8 @@ struct allocation_rules {
     double limit;            /* a pixel's error counts up to so many times the error that 95 % of
                               * the pixels stay below: few pixels do not get all samples */
     double smoothing;        /* a tile counts at least so much of its 3x3 tiles' mean error */
-    double exponent;         /* of n in the predicted squared error */
+    double exponent_min, exponent_max; /* of 1/n in the predicted squared error, as learnt from the
+                              * last two levels */
     double margin;           /* the prediction must lie below the target by this share */
 };
 extern const struct allocation_rules allocation_rules;
@@ -78,6 +80,7 @@ struct allocation_input {
     uint32_t width, height;              /* pixels of the frame */
     uint32_t level;
     const struct allocation_tile *tiles; /* [tile_count(width, height)], row-major */
+    const struct allocation_tile *previous; /* [tiles], of the level before; NULL at level 0 */
     /* Group g's wanted passes before the round's extras, at least the level's floor. */
     const uint32_t *wanted;
     const struct allocation_rules *rules; /* NULL: allocation_rules */

@@ -12,7 +12,7 @@
 #include "common/accuracy/allocate.h"
 #include "common/film/tiles.h"
 
-#define GOLDEN 0x33ac9f8au
+#define GOLDEN 0x75293efbu
 
 enum { TILES_MAX = 64 };
 
@@ -25,7 +25,7 @@ struct frame {
 static void frame_init(struct frame *f, uint32_t width, uint32_t height, uint32_t level)
 {
     memset(f, 0, sizeof *f);
-    f->in = (struct allocation_input){width, height, level, f->tiles, f->wanted, NULL};
+    f->in = (struct allocation_input){width, height, level, f->tiles, NULL, f->wanted, NULL};
     assert_true(tile_count(width, height) <= TILES_MAX);
     for (uint32_t t = 0; t < tile_count(width, height); t++)
         f->wanted[t] = allocation_floor(level);
@@ -42,6 +42,7 @@ static void set_tile(struct frame *f, uint32_t tile, double codes, double light,
     t->radiance = 3.0 * pixels;
     t->linear_error = 3 * light * light * pixels;
     t->display_error = (float)(codes * codes * pixels);
+    t->channel_error = 3 * t->display_error;
     t->errors[allocation_bin((float)codes)] = (uint16_t)pixels;
     t->rays = rays_of_pixel * pixels;
 }
@@ -89,11 +90,13 @@ static void test_bins(void **state)
 {
     (void)state;
     assert_int_equal(allocation_bin(0), 0);
-    assert_int_equal(allocation_bin(0.088f), 0);
-    assert_int_equal(allocation_bin(0.0885f), 1);
-    assert_int_equal(allocation_bin(0.125f), 2);
-    assert_int_equal(allocation_bin(1), 8);
-    assert_int_equal(allocation_bin(1.4143f), 9);
+    assert_int_equal(allocation_bin(0.044f), 0);
+    assert_int_equal(allocation_bin(0.0443f), 1);
+    assert_int_equal(allocation_bin(0.0625f), 2);
+    assert_int_equal(allocation_bin(1), 10);
+    assert_int_equal(allocation_bin(1.4143f), 11);
+    assert_int_equal(allocation_bin(90), 22);
+    assert_int_equal(allocation_bin(91), 23);
     assert_int_equal(allocation_bin(255), 23);
     assert_int_equal(allocation_bin(1e30f), 23);
     assert_int_equal(allocation_bin(NAN), 0);
@@ -174,7 +177,7 @@ static void test_few_pixels_do_not_take_all(void **state)
     frame_init(&f, 64, 64, 4);
     for (uint32_t t = 0; t < 16; t++)
         set_tile(&f, t, 1, 0.1, 64);
-    f.tiles[5].errors[8] -= 4;
+    f.tiles[5].errors[10] -= 4;
     f.tiles[5].errors[23] += 4;
     f.tiles[5].display_error += 4 * 200 * 200;
     run(&round, &f);
@@ -320,6 +323,31 @@ static void test_prediction(void **state)
     allocation_round_release(&round);
 }
 
+/* The exponent is that of the last doubling: squared errors that fall by 2^1.25 do so further on. */
+static void test_exponent_is_learnt(void **state)
+{
+    struct frame f, before;
+    struct allocation_round round;
+    double at_floor, later;
+    (void)state;
+
+    frame_init(&f, 64, 64, 3);
+    frame_init(&before, 64, 64, 2);
+    for (uint32_t t = 0; t < 16; t++) {
+        set_tile(&f, t, 4, 0.1, 64);
+        set_tile(&before, t, 4 * exp2(1.25 / 2), 0.1 * exp2(1.25 / 2), 64);
+    }
+    f.in.previous = before.tiles;
+    run(&round, &f);
+    at_floor = allocation_predict(&round, ALLOCATION_RMSE, 0);
+    assert_true(fabs(at_floor - 10 / sqrt(2)) < 1e-9);
+    for (uint32_t t = 0; t < 16; t++)
+        f.wanted[t] = allocation_floor(4);
+    later = allocation_predict(&round, ALLOCATION_RMSE, 0);
+    assert_true(fabs(at_floor / later - exp2(1.25 / 2)) < 1e-9);
+    allocation_round_release(&round);
+}
+
 static void test_target_is_met_at_the_smallest_lambda(void **state)
 {
     static const struct allocation_target targets[] = {
@@ -368,7 +396,8 @@ enum { TOY_PASSES = 5, TOY_BITS = 2 * TOY_PASSES, TOY_OUTCOMES = 1 << TOY_BITS, 
 #define TOY_LIGHT 0.2 /* probability that a replicate's share of a pass finds the light */
 
 static const struct allocation_rules toy_rules = {
-    .first_level = 1, .ratio_max = 4, .share_percent = 100, .limit = 1e9, .smoothing = 0.25, .exponent = 1};
+    .first_level = 1, .ratio_max = 4, .share_percent = 100, .limit = 1e9, .smoothing = 0.25,
+    .exponent_min = 1, .exponent_max = 1};
 
 /* Bit 2p + r: did replicate r find the light in pass p? */
 static double toy_sum(uint32_t outcome, uint32_t replicate, uint32_t passes)
@@ -522,6 +551,7 @@ int main(void)
         cmocka_unit_test(test_units_do_not_matter),
         cmocka_unit_test(test_same_bits),
         cmocka_unit_test(test_prediction),
+        cmocka_unit_test(test_exponent_is_learnt),
         cmocka_unit_test(test_target_is_met_at_the_smallest_lambda),
         cmocka_unit_test(test_toy),
     };
