@@ -1,6 +1,6 @@
 /* allocation: what giving samples to tiles saves, on recorded scenes (tests/accuracy/record.c).
  *
- *   allocation [--explore] FILE...
+ *   allocation [--explore | --targets] FILE...
  *
  * For each recording, its first two seeds in turn: one seed decides, the other one judges. Printed
  * is the gain in CPU time over uniform samples to an equal error, at the end of each round: of the
@@ -8,7 +8,7 @@
  * needs; for the RMS of the errors in codes and for the display error (95 % of the pixels). The two
  * have different optima. Balance: what unequal counts of the groups leave of the samples' worth.
  * Then how the errors that pictures report relate to the targets at which they were stopped.
- * --explore tries other rules. */
+ * --explore tries other rules, --targets prints these relations only. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -391,6 +391,7 @@ static uint32_t make_variants(struct variant *v, int explore)
 int main(int argc, char **argv)
 {
     int explore = argc > 1 && strcmp(argv[1], "--explore") == 0;
+    int targets = argc > 1 && strcmp(argv[1], "--targets") == 0;
     struct variant variants[64];
     uint32_t count = make_variants(variants, explore);
     double logs[64][4] = {{0}}, worst[64][2];
@@ -399,7 +400,7 @@ int main(int argc, char **argv)
     for (uint32_t v = 0; v < count; v++)
         worst[v][0] = worst[v][1] = INFINITY;
     printf("scene level | rules | RMS: gain, optimum | display error: gain, optimum | balance\n");
-    for (int i = 1 + explore; i < argc; i++) {
+    for (int i = 1 + explore + targets; i < argc; i++) {
         struct replay seeds[2];
         struct curve curves[2];
         const char *name = strrchr(argv[i], '/') ? strrchr(argv[i], '/') + 1 : argv[i];
@@ -408,7 +409,7 @@ int main(int argc, char **argv)
             uniform_curve(&curves[s], &seeds[s]);
         }
         print_aims(name, seeds, curves);
-        for (uint32_t level = 2; allocation_floor(level + 2) <= seeds[0].passes; level++) {
+        for (uint32_t level = 2; !targets && allocation_floor(level + 2) <= seeds[0].passes; level++) {
             struct gain best = {0, 0};
             cells++;
             for (uint32_t v = 0; v < count; v++) {

@@ -323,7 +323,7 @@ static void test_prediction(void **state)
     allocation_round_release(&round);
 }
 
-/* The exponent is that of the last doubling: squared errors that fall by 2^1.25 do so further on. */
+/* The exponent is that of the last doubling: squared errors that fall by 2^0.75 do so further on. */
 static void test_exponent_is_learnt(void **state)
 {
     struct frame f, before;
@@ -335,7 +335,7 @@ static void test_exponent_is_learnt(void **state)
     frame_init(&before, 64, 64, 2);
     for (uint32_t t = 0; t < 16; t++) {
         set_tile(&f, t, 4, 0.1, 64);
-        set_tile(&before, t, 4 * exp2(1.25 / 2), 0.1 * exp2(1.25 / 2), 64);
+        set_tile(&before, t, 4 * exp2(0.75 / 2), 0.1 * exp2(0.75 / 2), 64);
     }
     f.in.previous = before.tiles;
     run(&round, &f);
@@ -344,7 +344,7 @@ static void test_exponent_is_learnt(void **state)
     for (uint32_t t = 0; t < 16; t++)
         f.wanted[t] = allocation_floor(4);
     later = allocation_predict(&round, ALLOCATION_RMSE, 0);
-    assert_true(fabs(at_floor / later - exp2(1.25 / 2)) < 1e-9);
+    assert_true(fabs(at_floor / later - exp2(0.75 / 2)) < 1e-9);
     allocation_round_release(&round);
 }
 
