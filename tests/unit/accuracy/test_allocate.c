@@ -323,6 +323,27 @@ static void test_prediction(void **state)
     allocation_round_release(&round);
 }
 
+/* A tile with more samples because it looked worse than its neighbours is not believed wholly. */
+static void test_prediction_leans_on_the_neighbourhood(void **state)
+{
+    struct frame f;
+    struct allocation_round round;
+    double error;
+    (void)state;
+
+    frame_init(&f, 128, 16, 3);
+    for (uint32_t t = 0; t < 8; t++)
+        set_tile(&f, t, 1, 0, 64);
+    set_tile(&f, 4, 1, 0.1, 64);
+    f.wanted[4] = allocation_floor(5); /* four times the floor */
+    run(&round, &f);
+    error = allocation_predict(&round, ALLOCATION_RMSE, 0);
+    /* Two thirds of its square (a half, and a sixth as its own share of the mean) at a quarter, a
+     * third beside it. */
+    assert_true(fabs(error * error - 100 * 0.5 * (2.0 / 3 * 0.25 + 1.0 / 3) / 8) < 1e-9);
+    allocation_round_release(&round);
+}
+
 /* The exponent is that of the last doubling: squared errors that fall by 2^0.75 do so further on. */
 static void test_exponent_is_learnt(void **state)
 {
@@ -345,6 +366,10 @@ static void test_exponent_is_learnt(void **state)
         f.wanted[t] = allocation_floor(4);
     later = allocation_predict(&round, ALLOCATION_RMSE, 0);
     assert_true(fabs(at_floor / later - exp2(0.75 / 2)) < 1e-9);
+    for (uint32_t t = 0; t < 16; t++) /* never faster than the rules allow */
+        set_tile(&before, t, 4 * 4, 0.1 * 4, 64);
+    later = allocation_predict(&round, ALLOCATION_RMSE, 0);
+    assert_true(fabs(at_floor / later - exp2(allocation_rules.exponent_max / 2)) < 1e-9);
     allocation_round_release(&round);
 }
 
@@ -375,6 +400,14 @@ static void test_target_is_met_at_the_smallest_lambda(void **state)
                                                          : (first + last) / 2 / (1 - room);
         assert_true(allocation_target(&round, &target, &lambda));
         assert_in_range(lambda, 1, round.full);
+        { /* one less would not do */
+            double aim = target.measure == ALLOCATION_PSNR ? target.value - 20 * log10(1 - room)
+                                                           : target.value * (1 - room);
+            double here = allocation_predict(&round, target.measure, lambda);
+            double before = allocation_predict(&round, target.measure, lambda - 1);
+            assert_true(target.measure == ALLOCATION_PSNR ? here >= aim - 1e-9 : here <= aim + 1e-9);
+            assert_true(target.measure == ALLOCATION_PSNR ? before < aim : before > aim);
+        }
         target.value = target.measure == ALLOCATION_PSNR ? last + 1 : last * 0.9;
         assert_false(allocation_target(&round, &target, &lambda));
         assert_int_equal(lambda, round.full);
@@ -551,6 +584,7 @@ int main(void)
         cmocka_unit_test(test_units_do_not_matter),
         cmocka_unit_test(test_same_bits),
         cmocka_unit_test(test_prediction),
+        cmocka_unit_test(test_prediction_leans_on_the_neighbourhood),
         cmocka_unit_test(test_exponent_is_learnt),
         cmocka_unit_test(test_target_is_met_at_the_smallest_lambda),
         cmocka_unit_test(test_toy),
