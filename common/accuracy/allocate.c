@@ -221,7 +221,7 @@ static uint32_t passes_max(const struct allocation_round *round)
     return passes;
 }
 
-/* Passes of a tile before the maximum with what was wanted already. */
+/* Passes of a tile by the round alone, without what was wanted before. */
 static uint32_t passes_at(const struct allocation_round *round, uint32_t tile, uint32_t lambda,
                           uint32_t most)
 {

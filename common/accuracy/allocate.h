@@ -10,7 +10,7 @@
  *   for level k = 0, 1, 2, ...:
  *       wanted[t] = max(wanted[t], allocation_floor(k))    for every tile t: the round's floor
  *       wait for the floor of group h
- *       in.tiles = h's statistics of level k, in.wanted = wanted
+ *       in.tiles, in.previous = h's statistics of levels k and k - 1; in.wanted = wanted
  *       allocation_round(&round, &in)
  *       if there is a target and allocation_target(&round, &target, &lambda) says yes:
  *           allocation_wanted(&round, lambda, wanted); group g has ended
