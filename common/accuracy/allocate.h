@@ -19,8 +19,8 @@
  *
  * When g has ended and h has not, h still needs g's statistics of the next levels. Then g's floor
  * is rendered on, but *for the statistics only*: its samples beyond `wanted` must not enter the
- * picture, because it is g's own samples that made h go on. Both groups mostly end in the same
- * round; the samples left out are few.
+ * picture, because it is g's own samples that made h go on. Frames of many tiles end in the same
+ * round; small ones often do not.
  *
  * Nothing here depends on a cap of the samples; the caller cuts `wanted` at the cap's passes and
  * ends there. Wanted numbers grow with lambda and with the rounds, and rounds depend neither on
