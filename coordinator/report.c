@@ -200,6 +200,9 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     stats.dropped_samples = job->stats.dropped_samples;
     stats.cpu_ns = job->stats.cpu_ns;
     stats.trace_ns = job->stats.trace_ns;
+    stats.clamped_samples = job->stats.clamped_samples;
+    stats.clamped_luminance = job->stats.clamped_luminance;
+    stats.kept_luminance = job->stats.kept_luminance;
     report->stats = stats;
     if (job_state_ended(job->state))
         explain_end(report->state_text, sizeof report->state_text, farm, job);
