@@ -84,7 +84,8 @@ struct job_options {
      "textures by the width of the ray's cone, or their finest level alone: interpolated, or its " \
      "nearest texel (default cone)", 0, 0, "cone|bilinear|nearest"},                            \
     {"bvh-quality", 0, OPTION_CHOICE, &(o).bvh_quality, "HOW",                                  \
-     "how much work Embree puts into its trees (default medium)", 0, 0, "low|medium|high"},     \
+     "how much work Embree puts into its trees; high needs --robust off (default medium)", 0, 0, \
+     "low|medium|high"},                                                                        \
     {"robust", 0, OPTION_CHOICE, &(o).robust, "HOW",                                            \
      "keep rays from slipping between triangles; off is quicker and may leak (default on)", 0, 0, \
      "on|off"},                                                                                 \

@@ -229,6 +229,10 @@ status render_settings_validate(const struct render_settings *s, uint32_t camera
                          "unknown sampler %u, light choice %u, texture filter %u or BVH quality %u",
                          (unsigned)s->sampler, (unsigned)s->light_choice,
                          (unsigned)s->texture_filter, (unsigned)s->bvh_quality);
+    if (s->bvh_quality == BVH_QUALITY_HIGH && !s->not_robust)
+        return error_set(err, STATUS_ERR_INPUT,
+                         "BVH quality high needs the robust flag off (--robust off): with it Embree "
+                         "builds the same trees as for medium");
     if (!(s->clamp == 0 || (s->clamp >= SETTINGS_CLAMP_MIN && s->clamp <= SETTINGS_CLAMP_MAX)))
         return error_set(err, STATUS_ERR_INPUT, "clamp %g: must be 0 (off) or %g..%g of linear radiance",
                          (double)s->clamp, (double)SETTINGS_CLAMP_MIN, (double)SETTINGS_CLAMP_MAX);

@@ -53,7 +53,8 @@ enum texture_filter {
     TEXTURE_FILTER_NEAREST,
     TEXTURE_FILTER_COUNT
 };
-/* Embree's build quality: "medium", "low" (built faster), "high" (spatial splits). */
+/* Embree's build quality: "medium", "low" (built faster), "high" (spatial splits; only with not_robust:
+ * Embree's robust trees know none). */
 enum bvh_quality { BVH_QUALITY_MEDIUM, BVH_QUALITY_LOW, BVH_QUALITY_HIGH, BVH_QUALITY_COUNT };
 
 #define SETTINGS_CHOICE_MAP(X)                                                             \
