@@ -192,7 +192,8 @@ static void add_choices(struct attributes *a, const struct development *d)
     if (s->clamp > 0) {
         add_number(a, "azulejo:clamp", (double)s->clamp);
         add_number(a, "azulejo:clampedSamples", (double)d->stats.clamped_samples);
-        add_number(a, "azulejo:clampedShare", work_stats_clamped_share(&d->stats));
+        /* The sums are in the order of arrival: what is beyond these digits is not the frame's own. */
+        add_number(a, "azulejo:clampedShare", round(work_stats_clamped_share(&d->stats) * 1e6) / 1e6);
     }
 }
 

@@ -1,7 +1,6 @@
 #include "coordinator/session.h"
 
 #include <inttypes.h>
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -237,11 +236,6 @@ void session_grant(struct session *session, uint64_t now_ns)
         grant_message(session, lease);
 }
 
-static int is_amount(double x)
-{
-    return isfinite(x) && x >= 0;
-}
-
 static void take_result(struct session *session, const Azulejo__Wire__TileResult *message,
                         uint64_t now_ns)
 {
@@ -270,13 +264,7 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
         for (size_t i = 0; i < message->stats->n_accounts && i < EFFECT_ACCOUNTS; i++)
             result.stats.accounts[i] = message->stats->accounts[i];
     }
-    s = is_amount(result.stats.clamped_luminance) && is_amount(result.stats.kept_luminance)
-            ? merge_result(&session->server->farm, session->worker, &result, now_ns, &outcome, &err)
-            : error_set(&err, STATUS_ERR_PROTOCOL,
-                        "job %" PRIu64 ", frame %u, tile %u, pass %u: the luminance that was clamped "
-                        "(%g) or kept (%g) is no number from 0 on",
-                        result.job, result.frame, result.tile, result.pass,
-                        result.stats.clamped_luminance, result.stats.kept_luminance);
+    s = merge_result(&session->server->farm, session->worker, &result, now_ns, &outcome, &err);
     if (s == STATUS_ERR_NO_MEMORY) { /* a Failure would have the worker drop it */
         outcome = MERGE_DEFERRED;
     } else if (s != STATUS_OK) {
