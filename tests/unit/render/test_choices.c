@@ -285,6 +285,39 @@ static void test_light_table(void **state)
     light_table_release(&table);
 }
 
+/* Two lamps of two triangles each, one three times as bright. */
+static void test_light_choice(void **state)
+{
+    static const double expected[LIGHT_CHOICE_COUNT][4] = {
+        [LIGHT_CHOICE_POWER] = {0.125, 0.125, 0.375, 0.375},
+        [LIGHT_CHOICE_UNIFORM] = {0.25, 0.25, 0.25, 0.25},
+    };
+
+    (void)state;
+    for (int choice = 0; choice < LIGHT_CHOICE_COUNT; choice++) {
+        struct render_settings settings = builder_settings(4, 4, 1);
+        struct render_scene *scene;
+        struct scene_builder b;
+        uint32_t quad;
+
+        builder_init(&b);
+        quad = builder_quad(&b);
+        for (uint32_t i = 0; i < 2; i++) {
+            builder_lambert(&b, 0)->emission[1] = i ? 3 : 1;
+            builder_place(&b, quad, i, vec3_splat(1), vec3_make(0, (float)i, 0));
+        }
+        builder_camera(&b, vec3_make(0, 5, 0), vec3_splat(0), 1);
+        settings.light_choice = (enum light_choice)choice;
+        scene = builder_build(&b, &settings);
+        assert_int_equal(scene->emitters.tree.node_count > 0, choice == LIGHT_CHOICE_TREE);
+        for (uint32_t i = 0; i < 4; i++)
+            assert_true(fabs((double)light_table_odds(&scene->emitters.table, i) -
+                             expected[choice][i]) < 1e-6);
+        render_scene_free(scene);
+        builder_release(&b);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -294,6 +327,7 @@ int main(void)
         cmocka_unit_test(test_bvh_quality),
         cmocka_unit_test(test_robust),
         cmocka_unit_test(test_light_table),
+        cmocka_unit_test(test_light_choice),
     };
 
     return cmocka_run_group_tests_name("choices", tests, NULL, NULL);
