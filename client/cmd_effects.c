@@ -1,21 +1,17 @@
 /* azulejo effects: what a scene calls for, and what each of it costs. */
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "client/command.h"
-#include "client/compare.h"
+#include "client/effects_measure.h"
 #include "client/effects_view.h"
 #include "client/job_info.h"
 #include "client/local.h"
-#include "client/pilot.h"
 #include "client/signals.h"
 #include "client/submission.h"
 #include "client/table.h"
 #include "common/scene/effects.h"
 #include "common/scene/kernel_sets.h"
-
-enum { PILOT_ROWS = 160, PILOT_SPP = 64, PILOT_RUNS = 2 };
 
 struct effects {
     struct job_options options;
@@ -23,68 +19,49 @@ struct effects {
     struct import_result scene;
     uint64_t set;
     struct effect_cause causes[EFFECT_COUNT];
-    int measured;
-    struct pilot_trial trials[EFFECT_COUNT + 1]; /* the first leaves out nothing more */
-    int bit_of_trial[EFFECT_COUNT + 1];
-    size_t trial_count;
+    unsigned rounds;                /* measured; 0: nothing was */
+    struct effects_measure measure;
+    struct effects_price prices[EFFECT_COUNT]; /* of those that have a trial */
 };
 
-/* What one effect does to time and picture. */
-struct effect_price {
-    double time_share;   /* of the whole, 0..1; negative: the picture is slower without it */
-    double mean_change;  /* of the picture's mean when it is left out */
-    double rms_change;   /* root of the relative mean squared difference */
-    int differs;
-};
-
-static struct effect_price price_of(const struct effects *e, size_t trial)
+static int has_price(const struct effects *e, int bit)
 {
-    const struct pilot_trial *whole = &e->trials[0], *less = &e->trials[trial];
-    struct effect_price price = {0};
-    struct comparison c;
-
-    image_compare(&less->picture, &whole->picture, &c);
-    price.time_share = whole->cpu_s > 0 ? 1 - less->cpu_s / whole->cpu_s : 0;
-    price.mean_change = (c.mean_relative[0] + c.mean_relative[1] + c.mean_relative[2]) / 3;
-    price.rms_change = sqrt(c.relative_mse);
-    price.differs = c.same_size && !c.identical;
-    return price;
+    return e->rounds && effects_measure_find(&e->measure, bit) > 0;
 }
 
-static int trial_of(const struct effects *e, int bit)
+static void add_codes(struct table *table, const struct study_interval *v)
 {
-    for (size_t i = 1; i < e->trial_count; i++)
-        if (e->bit_of_trial[i] == bit)
-            return (int)i;
-    return -1;
+    table_add(table, "%.2f", v->value);
+    table_add(table, "%.2f to %.2f", v->low, v->high);
 }
 
 static status print_table(const struct effects *e, struct error *err)
 {
     static const char *const plain[] = {"EFFECT", "CALLED FOR BY"};
-    static const char *const priced[] = {"EFFECT", ">TIME", ">MEAN", ">RMS", "CALLED FOR BY"};
+    static const char *const priced[] = {"EFFECT", ">TIME", ">+-", ">BIAS", ">95 %", ">RMS", ">MEAN",
+                                         "CALLED FOR BY"};
     struct table table;
     status result;
 
-    if (e->measured)
-        table_init(&table, priced, 5);
+    if (e->rounds)
+        table_init(&table, priced, 8);
     else
         table_init(&table, plain, 2);
     for (int bit = 0; bit < EFFECT_COUNT; bit++) {
-        int trial = trial_of(e, bit);
-        const struct effect_cause *who = &e->causes[bit];
+        const struct effects_price *price = &e->prices[bit];
         char cause[CAUSE_TEXT_SIZE];
         if (!(e->set >> bit & 1))
             continue;
-        cause_text(who, cause);
+        cause_text(&e->causes[bit], cause);
         table_add(&table, "%s", effect_name((enum effect_bit)bit));
-        if (e->measured && trial > 0) {
-            struct effect_price price = price_of(e, (size_t)trial);
-            table_add(&table, "%.1f %%", 100 * price.time_share);
-            table_add(&table, "%+.2f %%", 100 * price.mean_change);
-            table_add(&table, "%.2f %%", 100 * price.rms_change);
-        } else if (e->measured) {
-            for (int i = 0; i < 3; i++)
+        if (has_price(e, bit)) {
+            table_add(&table, "%.1f %%", 100 * price->saved.value);
+            table_add(&table, "%.1f", 100 * (price->saved.high - price->saved.value));
+            add_codes(&table, &price->bias.codes);
+            table_add(&table, "%.2f", price->bias.rms_codes.value);
+            table_add(&table, "%+.2f %%", 100 * price->bias.mean_change);
+        } else if (e->rounds) {
+            for (int i = 0; i < 6; i++)
                 table_add(&table, "-");
         }
         table_add(&table, "%s", cause);
@@ -156,13 +133,15 @@ static status print_text(const struct effects *e, struct error *err)
         return result;
     print_list("switched off", without);
     print_list("not called for, so not simulated", EFFECTS_ALL & ~e->set & ~without);
-    if (!e->measured)
+    if (!e->rounds)
         print_frames(e);
-    if (e->measured)
-        printf("\nTIME is the share of the render that leaving the effect out saves, MEAN and RMS how the\n"
-               "picture's mean and its pixels change (%ux%u pixels, %u samples each, %.2f CPU-s in all).\n",
-               e->request.settings.width, e->request.settings.height, e->request.settings.spp,
-               e->trials[0].cpu_s);
+    if (e->rounds)
+        printf("\nTIME is the share of the render that leaving the effect out saves, +- half its 95 %% interval.\n"
+               "BIAS is what that changes for ever, noise apart, in steps of 255 of a screen: 95 %% of the\n"
+               "pixels are within so many of the whole picture. RMS is its root mean square, MEAN the change\n"
+               "of the picture's mean (%ux%u pixels, %u rounds of %u samples each, %.2f core-seconds in all).\n",
+               e->request.settings.width, e->request.settings.height, e->rounds,
+               e->request.settings.spp, e->measure.core_s);
     return STATUS_OK;
 }
 
@@ -186,22 +165,27 @@ static json_t *cause_json(const struct effect_cause *cause)
     return row;
 }
 
+static json_t *interval_json(const struct study_interval *v)
+{
+    return json_pack("[o, o, o]", json_number(v->value), json_number(v->low), json_number(v->high));
+}
+
 static json_t *effect_json(const struct effects *e, int bit)
 {
     const struct effect_cause *cause = &e->causes[bit];
-    int trial = trial_of(e, bit);
     json_t *row = json_pack("{s:s, s:b, s:b}", "effect", effect_name((enum effect_bit)bit), "runs",
                             (int)(e->set >> bit & 1), "switched_off",
                             (int)(e->request.settings.without >> bit & 1));
 
     if (row && cause->kind)
         json_object_set_new(row, "cause", cause_json(cause));
-    if (row && trial > 0) {
-        struct effect_price price = price_of(e, (size_t)trial);
-        json_object_set_new(row, "time_share", json_number(price.time_share));
-        json_object_set_new(row, "mean_change", json_number(price.mean_change));
-        json_object_set_new(row, "rms_change", json_number(price.rms_change));
-        json_object_set_new(row, "differs", json_boolean(price.differs));
+    if (row && has_price(e, bit)) {
+        const struct effects_price *price = &e->prices[bit];
+        json_object_set_new(row, "time_share", interval_json(&price->saved));
+        json_object_set_new(row, "bias_codes", interval_json(&price->bias.codes));
+        json_object_set_new(row, "bias_rms_codes", interval_json(&price->bias.rms_codes));
+        json_object_set_new(row, "mean_change", json_number(price->bias.mean_change));
+        json_object_set_new(row, "differs", json_boolean(!price->bias.same));
     }
     return row;
 }
@@ -226,63 +210,63 @@ static json_t *frames_json(const struct effects *e)
 
 static status print_json(const struct effects *e, struct error *err)
 {
-    json_t *rows = json_array();
+    json_t *rows = json_array(), *out;
 
     for (int bit = 0; bit < EFFECT_COUNT; bit++)
         json_array_append_new(rows, effect_json(e, bit));
-    return json_print(json_pack("{s:i, s:s, s:o, s:o}", "frame", (int)e->request.first_frame,
-                                "kernel", kernel_set_name(e->set), "effects", rows, "frames",
-                                frames_json(e)),
-                      err);
+    out = json_pack("{s:i, s:s, s:o, s:o}", "frame", (int)e->request.first_frame, "kernel",
+                    kernel_set_name(e->set), "effects", rows, "frames", frames_json(e));
+    if (e->rounds)
+        json_object_set_new(out, "measured",
+                            json_pack("{s:i, s:i, s:i, s:i, s:o}", "width",
+                                      (int)e->request.settings.width, "height",
+                                      (int)e->request.settings.height, "samples",
+                                      (int)e->request.settings.spp, "rounds", (int)e->rounds,
+                                      "core_seconds", json_number(e->measure.core_s)));
+    return json_print(out, err);
 }
 
-/* A trial for each effect that runs and can be switched off. */
-static void plan_trials(struct effects *e)
+static status find_prices(struct effects *e, struct error *err)
 {
-    e->trial_count = 1;
-    for (int bit = 0; bit < EFFECT_COUNT; bit++)
-        if (e->set & EFFECTS_SWITCHABLE & (uint64_t)1 << bit) {
-            e->bit_of_trial[e->trial_count] = bit;
-            e->trials[e->trial_count++].without = (uint64_t)1 << bit;
-        }
+    status result = STATUS_OK;
+
+    for (int bit = 0; bit < EFFECT_COUNT && result == STATUS_OK; bit++)
+        if (has_price(e, bit))
+            result = effects_measure_price(&e->measure, effects_measure_find(&e->measure, bit),
+                                           &e->prices[bit], err);
+    return result;
 }
 
-static status measure(struct effects *e, struct local_options *local, struct error *err)
+/* An interruption keeps the rounds that are whole: the table is printed, then the error. */
+static status measure(struct effects *e, struct local_options *local, int quiet, struct error *err)
 {
-    struct connection *connection = NULL;
     struct local_farm *farm;
+    struct error ignored = {0};
     status result = signals_catch(err);
 
     if (result == STATUS_OK)
         result = local_farm_start(&farm, local, err);
     if (result != STATUS_OK)
         return result;
-    plan_trials(e);
-    result = connection_open(&connection, local_farm_address(farm), err);
+    e->measure.scene = &e->scene;
+    e->measure.request = &e->request;
+    e->measure.quiet = quiet;
+    result = connection_open(&e->measure.connection, local_farm_address(farm), err);
     if (result == STATUS_OK) {
-        connection_set_watch(connection, local_farm_check, farm);
-        result = pilot_run(connection, &e->scene, &e->request, e->trials, e->trial_count,
-                           PILOT_RUNS, err);
+        connection_set_watch(e->measure.connection, local_farm_check, farm);
+        result = effects_measure_run(&e->measure, e->set, err);
     }
     if (result != STATUS_OK)
         result = local_farm_explain(farm, result, err);
-    connection_close(connection);
+    connection_close(e->measure.connection);
     local_farm_stop(farm);
-    e->measured = result == STATUS_OK;
-    return result;
-}
-
-/* A pilot is small unless the user says otherwise. */
-static void shrink(struct effects *e, int size_given, int spp_given)
-{
-    struct render_settings *s = &e->request.settings;
-
-    if (!size_given) {
-        s->width = (uint32_t)fmax(1, (double)s->width * PILOT_ROWS / (double)s->height + 0.5);
-        s->height = PILOT_ROWS;
+    if (result == STATUS_OK || signals_stop())
+        e->rounds = effects_measure_rounds(&e->measure);
+    if (e->rounds) {
+        status priced = find_prices(e, result == STATUS_OK ? err : &ignored);
+        result = result == STATUS_OK ? priced : result;
     }
-    if (!spp_given)
-        s->spp = PILOT_SPP;
+    return result;
 }
 
 static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
@@ -294,11 +278,12 @@ static status run(const struct command *command, int argc, char *const *argv, in
     int wanted = 0, json = 0, quiet = 0, done;
     const struct option table[] = {
         {"measure", 'm', OPTION_FLAG, &wanted, NULL,
-         "render small pilots and tell what each effect costs and changes", 0, 0, NULL},
+         "render small pilots and tell what each effect costs, and what leaving it out changes, noise "
+         "apart; Ctrl-C keeps the rounds that are whole", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
         {"threads", 'j', OPTION_INT, &threads, "N", "threads of the pilots (default: all)", 1, 1024,
          NULL},
-        {"quiet", 'q', OPTION_FLAG, &quiet, NULL, "no warnings", 0, 0, NULL},
+        {"quiet", 'q', OPTION_FLAG, &quiet, NULL, "no warnings and no progress", 0, 0, NULL},
         JOB_OPTION_ROWS(e.options),
         {0},
     };
@@ -325,16 +310,19 @@ static status run(const struct command *command, int argc, char *const *argv, in
             e.set = scene_effects(&e.scene.scene, &e.request.settings, e.request.first_frame,
                                   e.causes);
             if (wanted) {
-                shrink(&e, e.options.size != NULL, spp_given);
+                effects_measure_shrink(&e.request.settings, e.options.size != NULL, spp_given);
                 e.request.last_frame = e.request.first_frame;
-                result = measure(&e, &local, err);
+                result = measure(&e, &local, quiet, err);
             }
         }
     }
-    if (result == STATUS_OK)
-        result = json ? print_json(&e, err) : print_text(&e, err);
-    for (size_t i = 0; i < e.trial_count; i++)
-        image_release(&e.trials[i].picture);
+    if (result == STATUS_OK || e.rounds) {
+        struct error again = {0};
+        status printed = json ? print_json(&e, &again) : print_text(&e, &again);
+        if (result == STATUS_OK && printed != STATUS_OK)
+            result = error_set(err, printed, "%s", again.text);
+    }
+    effects_measure_release(&e.measure);
     import_result_release(&e.scene);
     job_request_release(&e.request);
     return result;
@@ -347,7 +335,7 @@ const struct command command_effects = {
     .summary = "tell what a frame calls for, and what each effect costs",
     .description =
         "Tell which effects rendering a frame calls for, who calls for them, which are left out, and which\n"
-        "kernel will run. With --measure, render a small pilot of the frame, once whole and once without each\n"
-        "effect, and table the time and the difference. What you can do without, leave out: --without EFFECT,...",
+        "kernel will run. With --measure, render small pilots of the frame, whole and without each effect,\n"
+        "and table the time saved and the bias. What you can do without, leave out: --without EFFECT,...",
     .run = run,
 };

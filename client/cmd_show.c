@@ -34,7 +34,9 @@ static void print_settings(const Azulejo__Wire__RenderSettings *s)
 static void print_extras(const Azulejo__Wire__RenderSettings *s)
 {
     char names[SETTINGS_TEXT_SIZE];
-    struct render_settings defaults;
+    char choices[SETTINGS_CHOICES_TEXT_SIZE];
+    struct render_settings defaults, settings;
+    struct error err = {0};
 
     render_settings_default(&defaults);
     if (s->fps != defaults.fps || s->shutter != defaults.shutter) {
@@ -55,6 +57,9 @@ static void print_extras(const Azulejo__Wire__RenderSettings *s)
     }
     if (s->without)
         print_field("without", settings_effects_text(s->without, names));
+    if (wire_settings_get(&settings, s, UINT32_MAX, &err) == STATUS_OK &&
+        settings_choices_text(&settings, choices)[0])
+        print_field("choices", choices);
     if (s->aovs)
         print_field("aovs", settings_aovs_text(s->aovs, names));
 }

@@ -102,6 +102,17 @@ static json_t *settings_json(const Azulejo__Wire__RenderSettings *s)
                                                    ? json_number_float(s->focus_distance)
                                                    : json_null());
     json_object_set_new(out, "without", names_json(settings_effects_text(s->without, names)));
+    json_object_set_new(out, "sampler", json_string(sampler_name((enum sampler_kind)s->sampler)));
+    json_object_set_new(out, "light_choice",
+                        json_string(light_choice_name((enum light_choice)s->light_choice)));
+    json_object_set_new(out, "roulette", json_boolean(!s->no_roulette));
+    json_object_set_new(out, "texture_filter",
+                        json_string(texture_filter_name((enum texture_filter)s->texture_filter)));
+    json_object_set_new(out, "bvh_quality",
+                        json_string(bvh_quality_name((enum bvh_quality)s->bvh_quality)));
+    json_object_set_new(out, "robust", json_boolean(!s->not_robust));
+    /* null: no sample is scaled down */
+    json_object_set_new(out, "clamp", s->clamp > 0 ? json_number_float(s->clamp) : json_null());
     json_object_set_new(out, "aovs", names_json(settings_aovs_text(s->aovs, names)));
     return out;
 }
@@ -164,14 +175,23 @@ static json_t *output_json(const Azulejo__Wire__OutputSettings *o)
     return out;
 }
 
+/* The share of the light that clamping took away. */
+static double clamped_share(const Azulejo__Wire__RenderStats *s)
+{
+    double all = s->clamped_luminance + s->kept_luminance;
+
+    return all > 0 ? s->clamped_luminance / all : 0;
+}
+
 static json_t *stats_json(const Azulejo__Wire__Work *w, const Azulejo__Wire__RenderStats *s)
 {
-    return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:f, s:f}", "samples", (json_int_t)w->samples,
-                     "rays", (json_int_t)w->rays, "vertices", (json_int_t)w->vertices,
-                     "dropped_samples", (json_int_t)w->dropped_samples, "leaked_rays",
-                     (json_int_t)w->leaked_rays, "clamped_values", (json_int_t)w->clamped_values,
-                     "cpu_seconds", (double)s->cpu_ns / 1e9, "trace_seconds",
-                     (double)s->trace_ns / 1e9);
+    return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:I, s:f}", "samples",
+                     (json_int_t)w->samples, "rays", (json_int_t)w->rays, "vertices",
+                     (json_int_t)w->vertices, "dropped_samples", (json_int_t)w->dropped_samples,
+                     "leaked_rays", (json_int_t)w->leaked_rays, "clamped_values",
+                     (json_int_t)w->clamped_values, "cpu_seconds", (double)s->cpu_ns / 1e9,
+                     "trace_seconds", (double)s->trace_ns / 1e9, "clamped_samples",
+                     (json_int_t)s->clamped_samples, "clamped_share", clamped_share(s));
 }
 
 json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
@@ -266,6 +286,14 @@ void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
                  "%" PRIu64 " samples were not finite numbers and count as black",
                  job->work->dropped_samples);
         print_line(out, "dropped", line);
+    }
+    if (job->stats && job->settings && job->settings->clamp > 0) {
+        snprintf(line, sizeof line,
+                 "%" PRIu64 " samples were above %g and are scaled down to it: the picture lacks %.3g %% "
+                 "of its light",
+                 job->stats->clamped_samples, (double)job->settings->clamp,
+                 100 * clamped_share(job->stats));
+        print_line(out, "clamped", line);
     }
     if (job->develop_error[0])
         print_line(out, "pictures", job->develop_error);

@@ -22,6 +22,13 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
     s->env_strength = (float)o->env_strength;
     s->env_sampling = (enum env_sampling)env_sampling_parse(o->env_sampling);
     s->isa = (enum isa)isa_parse(o->isa);
+    s->sampler = (enum sampler_kind)sampler_parse(o->sampler);
+    s->light_choice = (enum light_choice)light_choice_parse(o->light_choice);
+    s->texture_filter = (enum texture_filter)texture_filter_parse(o->texture_filter);
+    s->bvh_quality = (enum bvh_quality)bvh_quality_parse(o->bvh_quality);
+    s->not_robust = strcmp(o->robust, "off") == 0;
+    s->no_roulette = strcmp(o->roulette, "off") == 0;
+    s->clamp = (float)o->clamp;
     s->fps = (float)o->fps;
     s->shutter = (float)o->shutter;
     s->lens_radius = (float)o->lens_radius;

@@ -12,16 +12,20 @@
 struct job_options {
     struct import_options import;
     const char *camera, *frames, *size, *env_sampling, *isa;
+    const char *sampler, *light_choice, *roulette, *texture_filter, *bvh_quality, *robust;
     struct option_list without, aovs;
     struct output_options output;
     double env_rotate_deg, env_strength;
     double fps, shutter, lens_radius, focus_distance;
+    double clamp;
     int64_t spp, max_depth, seed, priority;
     int half;
 };
 
 #define JOB_OPTIONS_INIT                                                                        \
-    {.import = IMPORT_OPTIONS_DEFAULT, .env_strength = 1, .env_sampling = "importance", .isa = "avx2",                            \
+    {.import = IMPORT_OPTIONS_DEFAULT, .env_strength = 1, .env_sampling = "importance", .isa = "avx2", \
+     .sampler = "sobol", .light_choice = "tree", .roulette = "on", .texture_filter = "cone",    \
+     .bvh_quality = "medium", .robust = "on",                                                   \
      .spp = 0, .max_depth = -1,                                                                 \
      .fps = 24, .lens_radius = -1, .output = OUTPUT_OPTIONS_INIT}
 
@@ -34,7 +38,7 @@ struct job_options {
      "multiply the environment's radiance (default 1)", 0, 1e6, NULL},                          \
     {"env-sampling", 0, OPTION_CHOICE, &(o).env_sampling, "HOW",                                \
      "how light directions are chosen from the environment (default importance)", 0, 0,         \
-     "importance|uniform|bsdf"},                                                                \
+     "importance|uniform|bsdf|importance-only|uniform-only"},                                   \
     {"camera", 0, OPTION_STRING, &(o).camera, "NAME",                                           \
      "camera by name, or by number from 0 (default: the first)", 0, 0, NULL},                   \
     {"frames", 'f', OPTION_STRING, &(o).frames, "FIRST-LAST",                                   \
@@ -64,6 +68,27 @@ struct job_options {
     {"max-depth", 0, OPTION_INT, &(o).max_depth, "N",                                           \
      "path edges after the camera's ray; 0 shows emitters only (default: the file's own, or 12)", \
      0, SETTINGS_DEPTH_MAX, NULL},                                                              \
+    {"roulette", 0, OPTION_CHOICE, &(o).roulette, "HOW",                                        \
+     "end paths that carry little by chance; off: at --max-depth only (default on)", 0, 0,      \
+     "on|off"},                                                                                 \
+    {"sampler", 0, OPTION_CHOICE, &(o).sampler, "NAME",                                         \
+     "random numbers: scrambled Sobol' points, or independent ones (default sobol)", 0, 0,      \
+     "sobol|independent"},                                                                      \
+    {"light-choice", 0, OPTION_CHOICE, &(o).light_choice, "HOW",                                \
+     "a light is chosen by what it can do at the point, by its power, or all alike (default tree)", \
+     0, 0, "tree|power|uniform"},                                                               \
+    {"clamp", 0, OPTION_REAL, &(o).clamp, "X",                                                  \
+     "scale samples of more linear radiance (before exposure) down to X, against fireflies; takes " \
+     "light away, and says how much (default 0: off)", 0, (double)SETTINGS_CLAMP_MAX, NULL},    \
+    {"texture-filter", 0, OPTION_CHOICE, &(o).texture_filter, "HOW",                            \
+     "textures by the width of the ray's cone, or their finest level alone: interpolated, or its " \
+     "nearest texel (default cone)", 0, 0, "cone|bilinear|nearest"},                            \
+    {"bvh-quality", 0, OPTION_CHOICE, &(o).bvh_quality, "HOW",                                  \
+     "how much work Embree puts into its trees; high needs --robust off (default medium)", 0, 0, \
+     "low|medium|high"},                                                                        \
+    {"robust", 0, OPTION_CHOICE, &(o).robust, "HOW",                                            \
+     "keep rays from slipping between triangles; off is quicker and may leak (default on)", 0, 0, \
+     "on|off"},                                                                                 \
     {"seed", 0, OPTION_INT, &(o).seed, "N",                                                     \
      "another seed gives other noise, the same one the same bits (default 0)",                  \
      0, 9e18, NULL},                                                                            \

@@ -14,7 +14,7 @@
 #include "coordinator/blobs.h"
 #include "coordinator/wire.h"
 
-enum { ATTRIBUTES_MAX = 33 };
+enum { ATTRIBUTES_MAX = 42 };
 
 struct development {
     uint64_t job;
@@ -174,6 +174,31 @@ static void add_extras(struct attributes *a, const struct render_settings *s,
         add_text(a, "azulejo:without", settings_effects_text(s->without, without));
 }
 
+/* Choices of algorithm that are not the default's; what clamping did with the frame. */
+static void add_choices(struct attributes *a, const struct development *d)
+{
+    const struct render_settings *s = &d->settings;
+
+    if (s->sampler != SAMPLER_SOBOL)
+        add_text(a, "azulejo:sampler", sampler_name(s->sampler));
+    if (s->light_choice != LIGHT_CHOICE_TREE)
+        add_text(a, "azulejo:lightChoice", light_choice_name(s->light_choice));
+    if (s->no_roulette)
+        add_text(a, "azulejo:roulette", "off");
+    if (s->texture_filter != TEXTURE_FILTER_CONE)
+        add_text(a, "azulejo:textureFilter", texture_filter_name(s->texture_filter));
+    if (s->bvh_quality != BVH_QUALITY_MEDIUM)
+        add_text(a, "azulejo:bvhQuality", bvh_quality_name(s->bvh_quality));
+    if (s->not_robust)
+        add_text(a, "azulejo:robust", "off");
+    if (s->clamp > 0) {
+        add_number(a, "azulejo:clamp", (double)s->clamp);
+        add_number(a, "azulejo:clampedSamples", (double)d->stats.clamped_samples);
+        /* The sums are in the order of arrival: what is beyond these digits is not the frame's own. */
+        add_number(a, "azulejo:clampedShare", round(work_stats_clamped_share(&d->stats) * 1e6) / 1e6);
+    }
+}
+
 /* ---- AOVs ----------------------------------------------------------------------------------- */
 
 /* The channels of each, as compositors name them (docs/AOV.md). */
@@ -271,6 +296,7 @@ static status encode_exr(struct development *d, struct buffer *exr, struct error
     add_text(&a, "azulejo:envSampling", env_sampling_name(d->settings.env_sampling));
     add_text(&a, "azulejo:isa", isa_name(d->settings.isa));
     add_extras(&a, &d->settings, without);
+    add_choices(&a, d);
     add_text(&a, "azulejo:kernel", d->kernel);
     if (d->described)
         add_point(&a, "azulejo:origin", d->description.origin);

@@ -1,5 +1,6 @@
 #include "coordinator/merge.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -127,6 +128,11 @@ static status merge_into(struct job_frame *frame, const struct farm_worker *work
     return s;
 }
 
+static int is_amount(double x)
+{
+    return isfinite(x) && x >= 0;
+}
+
 status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result,
                     uint64_t now_ns, enum merge_outcome *outcome, struct error *err)
 {
@@ -145,6 +151,12 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
                          (unsigned long long)result->lease, (unsigned long long)result->epoch);
     if (result->sums_bytes % 4 || result->sums_bytes / 4 > TILE_FLOATS_MAX)
         return error_set(err, STATUS_ERR_PROTOCOL, "a result of %zu bytes", result->sums_bytes);
+    if (!is_amount(result->stats.clamped_luminance) || !is_amount(result->stats.kept_luminance))
+        return error_set(err, STATUS_ERR_PROTOCOL,
+                         "job %llu, frame %u, tile %u, group %u, pass %u: a luminance of %g clamped and "
+                         "%g kept",
+                         (unsigned long long)result->job, result->frame, name.tile, name.group, name.pass,
+                         result->stats.clamped_luminance, result->stats.kept_luminance);
     frame = frame_of(farm, worker, result, now_ns, outcome);
     if (!frame)
         return STATUS_OK;

@@ -205,6 +205,9 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     wire_output_set(&report->output, &job->output);
     stats.cpu_ns = job->stats.cpu_ns;
     stats.trace_ns = job->stats.trace_ns;
+    stats.clamped_samples = job->stats.clamped_samples;
+    stats.clamped_luminance = job->stats.clamped_luminance;
+    stats.kept_luminance = job->stats.kept_luminance;
     report->stats = stats;
     report_work(report, job);
     if (job_state_ended(job->state))

@@ -179,6 +179,9 @@ static status load_job(struct store *store, sqlite3_stmt *row, struct job **out,
     job->stats.cpu_ns = column_number(row, 14);
     job->stats.trace_ns = column_number(row, 16);
     job->revision = (uint32_t)column_number(row, 17);
+    job->stats.clamped_samples = column_number(row, 18);
+    job->stats.clamped_luminance = sqlite3_column_double(row, 19);
+    job->stats.kept_luminance = sqlite3_column_double(row, 20);
     s = load_frames(store, job, err);
     if (s == STATUS_OK && job->frames_done_count > 0)
         s = load_cuts(store, job, err);
@@ -199,7 +202,8 @@ status store_jobs_load(struct store *store,
     status s = sql_prepare(store,
                            "SELECT id, state, state_text, scene_name, kernel, epoch_floor, "
                            "submitted_at, finished_at, active_ns, conflicts, samples, rays, "
-                           "vertices, dropped, cpu_ns, request, trace_ns, revision "
+                           "vertices, dropped, cpu_ns, request, trace_ns, revision, clamped, "
+                           "clamped_luminance, kept_luminance "
                            "FROM jobs ORDER BY id",
                            &statement, err);
 

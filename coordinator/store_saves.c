@@ -37,7 +37,8 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     status s = sql_prepare(store,
                            "UPDATE jobs SET state=?, state_text=?, kernel=?, finished_at=?, "
                            "active_ns=?, conflicts=?, samples=?, rays=?, vertices=?, dropped=?, "
-                           "cpu_ns=?, trace_ns=? WHERE id=?",
+                           "cpu_ns=?, trace_ns=?, clamped=?, clamped_luminance=?, "
+                           "kept_luminance=? WHERE id=?",
                            &statement, err);
 
     if (s != STATUS_OK)
@@ -54,7 +55,10 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     bind_number(statement, 10, row->work.dropped_samples);
     bind_number(statement, 11, row->stats.cpu_ns);
     bind_number(statement, 12, row->stats.trace_ns);
-    bind_number(statement, 13, row->id);
+    bind_number(statement, 13, row->stats.clamped_samples);
+    sqlite3_bind_double(statement, 14, row->stats.clamped_luminance);
+    sqlite3_bind_double(statement, 15, row->stats.kept_luminance);
+    bind_number(statement, 16, row->id);
     return sql_run_reserved(store, statement, "the job's state cannot be stored", err);
 }
 

@@ -229,6 +229,13 @@ void wire_settings_set(Azulejo__Wire__RenderSettings *out, const struct render_s
     out->focus_distance = in->focus_distance;
     out->without = in->without;
     out->aovs = in->aovs;
+    out->sampler = in->sampler;
+    out->light_choice = in->light_choice;
+    out->texture_filter = in->texture_filter;
+    out->bvh_quality = in->bvh_quality;
+    out->not_robust = in->not_robust != 0;
+    out->no_roulette = in->no_roulette != 0;
+    out->clamp = in->clamp;
 }
 
 status wire_settings_get(struct render_settings *out, const Azulejo__Wire__RenderSettings *in,
@@ -264,6 +271,13 @@ status wire_settings_get(struct render_settings *out, const Azulejo__Wire__Rende
     out->focus_distance = in->focus_distance;
     out->without = in->without;
     out->aovs = in->aovs;
+    out->sampler = (enum sampler_kind)in->sampler;
+    out->light_choice = (enum light_choice)in->light_choice;
+    out->texture_filter = (enum texture_filter)in->texture_filter;
+    out->bvh_quality = (enum bvh_quality)in->bvh_quality;
+    out->not_robust = in->not_robust;
+    out->no_roulette = in->no_roulette;
+    out->clamp = in->clamp;
     if (in->lens_radius < 0 || (in->pinhole && in->lens_radius != 0)) {
         memset(out, 0, sizeof *out);
         return error_set(err, STATUS_ERR_INPUT, "a lens radius below 0, or a pinhole with a lens");

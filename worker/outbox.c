@@ -60,6 +60,9 @@ static status send_result(struct channel *channel, struct work_unit *unit)
     result.work = &work;
     stats.cpu_ns = unit->cpu_ns;
     stats.trace_ns = unit->stats.trace_ns;
+    stats.clamped_samples = unit->stats.clamped_samples;
+    stats.clamped_luminance = unit->stats.clamped_luminance;
+    stats.kept_luminance = unit->stats.kept_luminance;
     stats.effects = unit->effects;
     stats.stages = unit->stages;
     stats.n_stages = STAGE_COUNT;

@@ -1,12 +1,18 @@
 #include "common/scene/settings.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "common/scene/effects.h"
 
 static const char *const isa_names[ISA_COUNT] = {"sse2", "avx2", "avx512"};
-static const char *const env_sampling_names[ENV_SAMPLING_COUNT] = {"importance", "uniform", "bsdf"};
+static const char *const env_sampling_names[ENV_SAMPLING_COUNT] = {
+    "importance", "uniform", "bsdf", "importance-only", "uniform-only"};
+static const char *const sampler_names[SAMPLER_COUNT] = {"sobol", "independent"};
+static const char *const light_choice_names[LIGHT_CHOICE_COUNT] = {"tree", "power", "uniform"};
+static const char *const texture_filter_names[TEXTURE_FILTER_COUNT] = {"cone", "bilinear", "nearest"};
+static const char *const bvh_quality_names[BVH_QUALITY_COUNT] = {"medium", "low", "high"};
 
 static int name_find(const char *const *names, int count, const char *name)
 {
@@ -45,15 +51,19 @@ uint32_t isa_supported_mask(void)
 #endif
 }
 
-const char *env_sampling_name(enum env_sampling sampling)
-{
-    return (unsigned)sampling < ENV_SAMPLING_COUNT ? env_sampling_names[sampling] : "unknown";
-}
-
-int env_sampling_parse(const char *name)
-{
-    return name_find(env_sampling_names, ENV_SAMPLING_COUNT, name);
-}
+#define COUNT_OF(names) ((int)(sizeof(names) / sizeof *(names)))
+#define CHOICE_DEFINE(type, noun)                                                           \
+    const char *noun##_name(enum type choice)                                               \
+    {                                                                                       \
+        return (unsigned)choice < (unsigned)COUNT_OF(noun##_names) ? noun##_names[choice]   \
+                                                                   : "unknown";             \
+    }                                                                                       \
+                                                                                            \
+    int noun##_parse(const char *name)                                                      \
+    {                                                                                       \
+        return name_find(noun##_names, COUNT_OF(noun##_names), name);                       \
+    }
+SETTINGS_CHOICE_MAP(CHOICE_DEFINE)
 
 static const char *const aov_names[AOV_COUNT] = {
 #define AOV_NAME(name, text, channels) text,
@@ -146,6 +156,32 @@ void render_settings_default(struct render_settings *s)
     s->lens_radius = -1;
 }
 
+const char *settings_choices_text(const struct render_settings *s,
+                                  char out[SETTINGS_CHOICES_TEXT_SIZE])
+{
+    char clamp[32] = "";
+    const struct {
+        const char *name, *value; /* NULL: the default */
+    } rows[] = {
+        {"sampler", s->sampler ? sampler_name(s->sampler) : NULL},
+        {"light choice", s->light_choice ? light_choice_name(s->light_choice) : NULL},
+        {"roulette", s->no_roulette ? "off" : NULL},
+        {"clamp", s->clamp > 0 ? clamp : NULL},
+        {"texture filter", s->texture_filter ? texture_filter_name(s->texture_filter) : NULL},
+        {"BVH quality", s->bvh_quality ? bvh_quality_name(s->bvh_quality) : NULL},
+        {"robust", s->not_robust ? "off" : NULL},
+    };
+    size_t used = 0;
+
+    snprintf(clamp, sizeof clamp, "%g", (double)s->clamp);
+    out[0] = 0;
+    for (int i = 0; i < COUNT_OF(rows); i++)
+        if (rows[i].value && used < SETTINGS_CHOICES_TEXT_SIZE)
+            used += (size_t)snprintf(out + used, SETTINGS_CHOICES_TEXT_SIZE - used, "%s%s %s",
+                                     used ? ", " : "", rows[i].name, rows[i].value);
+    return out;
+}
+
 int render_settings_equal(const struct render_settings *a, const struct render_settings *b)
 {
     return a->width == b->width && a->height == b->height && a->spp == b->spp &&
@@ -154,7 +190,10 @@ int render_settings_equal(const struct render_settings *a, const struct render_s
            a->env_sampling == b->env_sampling && a->isa == b->isa && a->fps == b->fps &&
            a->shutter == b->shutter && a->lens_radius == b->lens_radius &&
            a->focus_distance == b->focus_distance && a->without == b->without &&
-           a->aovs == b->aovs;
+           a->aovs == b->aovs && a->sampler == b->sampler &&
+           a->light_choice == b->light_choice && a->texture_filter == b->texture_filter &&
+           a->bvh_quality == b->bvh_quality && a->not_robust == b->not_robust &&
+           a->no_roulette == b->no_roulette && a->clamp == b->clamp;
 }
 
 status render_settings_validate(const struct render_settings *s, uint32_t camera_count,
@@ -183,6 +222,20 @@ status render_settings_validate(const struct render_settings *s, uint32_t camera
         return error_set(err, STATUS_ERR_INPUT, "environment strength must be finite and >= 0");
     if ((unsigned)s->env_sampling >= ENV_SAMPLING_COUNT || (unsigned)s->isa >= ISA_COUNT)
         return error_set(err, STATUS_ERR_INPUT, "unknown environment sampling or instruction set");
+    if ((unsigned)s->sampler >= SAMPLER_COUNT || (unsigned)s->light_choice >= LIGHT_CHOICE_COUNT ||
+        (unsigned)s->texture_filter >= TEXTURE_FILTER_COUNT ||
+        (unsigned)s->bvh_quality >= BVH_QUALITY_COUNT)
+        return error_set(err, STATUS_ERR_INPUT,
+                         "unknown sampler %u, light choice %u, texture filter %u or BVH quality %u",
+                         (unsigned)s->sampler, (unsigned)s->light_choice,
+                         (unsigned)s->texture_filter, (unsigned)s->bvh_quality);
+    if (s->bvh_quality == BVH_QUALITY_HIGH && !s->not_robust)
+        return error_set(err, STATUS_ERR_INPUT,
+                         "BVH quality high needs the robust flag off (--robust off): with it Embree "
+                         "builds the same trees as for medium");
+    if (!(s->clamp == 0 || (s->clamp >= SETTINGS_CLAMP_MIN && s->clamp <= SETTINGS_CLAMP_MAX)))
+        return error_set(err, STATUS_ERR_INPUT, "clamp %g: must be 0 (off) or %g..%g of linear radiance",
+                         (double)s->clamp, (double)SETTINGS_CLAMP_MIN, (double)SETTINGS_CLAMP_MAX);
     if (!(s->fps >= 1e-3f && s->fps <= 1e5f))
         return error_set(err, STATUS_ERR_INPUT, "%g frames a second: must be 0.001..100000",
                          (double)s->fps);

@@ -19,20 +19,55 @@ enum {
     SETTINGS_DEPTH_DEFAULT = 12,
 };
 
+#define SETTINGS_CLAMP_MIN 1e-20f /* radiance */
+#define SETTINGS_CLAMP_MAX 1e30f
+
 /* Instruction sets that Embree can be pinned to, from the least to the most. */
 enum isa { ISA_SSE2, ISA_AVX2, ISA_AVX512, ISA_COUNT };
 const char *isa_name(enum isa isa);          /* "sse2", "avx2", "avx512" */
 int isa_parse(const char *name);             /* -1: unknown */
 uint32_t isa_supported_mask(void);           /* bit per enum isa that this CPU has */
 
+/* Choices of algorithm. The first of each is the default. Each has NAME_name(), its name on the
+ * command line ("unknown" for what is none), and NAME_parse(), -1 for a name that is none. */
 enum env_sampling {
-    ENV_SAMPLING_IMPORTANCE, /* by the map's luminance, MIS with the BSDF */
-    ENV_SAMPLING_UNIFORM,    /* uniform over the sphere, MIS with the BSDF */
-    ENV_SAMPLING_BSDF,       /* no light sampling of the environment */
+    ENV_SAMPLING_IMPORTANCE, /* "importance": by the map's luminance, MIS with the BSDF */
+    ENV_SAMPLING_UNIFORM,    /* "uniform": uniform over the sphere, MIS with the BSDF */
+    ENV_SAMPLING_BSDF,       /* "bsdf": no light sampling of the environment */
+    /* "importance-only", "uniform-only": no MIS. Only light sampling finds the environment, except
+     * along rays whose direction it cannot sample (the camera's, mirrors', smooth glass's). */
+    ENV_SAMPLING_IMPORTANCE_ONLY,
+    ENV_SAMPLING_UNIFORM_ONLY,
     ENV_SAMPLING_COUNT
 };
-const char *env_sampling_name(enum env_sampling sampling); /* importance, uniform, bsdf */
-int env_sampling_parse(const char *name);
+/* "sobol": Owen-scrambled Sobol' points; "independent": every sample draws numbers of its own. */
+enum sampler_kind { SAMPLER_SOBOL, SAMPLER_INDEPENDENT, SAMPLER_COUNT };
+/* "tree": by what a light can do where it is asked for; "power": by its power alone; "uniform": all
+ * lights alike (an emissive triangle is a light, and so is the environment). */
+enum light_choice { LIGHT_CHOICE_TREE, LIGHT_CHOICE_POWER, LIGHT_CHOICE_UNIFORM, LIGHT_CHOICE_COUNT };
+/* How surfaces look up their textures. "cone": the two MIP levels that the ray's beam calls for;
+ * "bilinear": the finest level, interpolated; "nearest": the finest level's nearest texel. */
+enum texture_filter {
+    TEXTURE_FILTER_CONE,
+    TEXTURE_FILTER_BILINEAR,
+    TEXTURE_FILTER_NEAREST,
+    TEXTURE_FILTER_COUNT
+};
+/* Embree's build quality: "medium", "low" (built faster), "high" (spatial splits; only with not_robust:
+ * Embree's robust trees know none). */
+enum bvh_quality { BVH_QUALITY_MEDIUM, BVH_QUALITY_LOW, BVH_QUALITY_HIGH, BVH_QUALITY_COUNT };
+
+#define SETTINGS_CHOICE_MAP(X)                                                             \
+    X(env_sampling, env_sampling)                                                          \
+    X(sampler_kind, sampler)                                                               \
+    X(light_choice, light_choice)                                                          \
+    X(texture_filter, texture_filter)                                                      \
+    X(bvh_quality, bvh_quality)
+#define SETTINGS_CHOICE_DECLARE(type, noun)                                                \
+    const char *noun##_name(enum type choice);                                             \
+    int noun##_parse(const char *name);
+SETTINGS_CHOICE_MAP(SETTINGS_CHOICE_DECLARE)
+#undef SETTINGS_CHOICE_DECLARE
 
 /* Arbitrary output variables: what a frame holds beside its radiance, only when asked for.
  * X(name, text, channels sent by workers). Point-sampled ones are those of sample 0. */
@@ -81,9 +116,22 @@ struct render_settings {
     float focus_distance;       /* metres; 0: the camera's own */
     uint64_t without;           /* effects to leave out (common/scene/effects.h) */
     uint32_t aovs;              /* bits 1 << enum aov */
+    enum sampler_kind sampler;
+    enum light_choice light_choice;
+    enum texture_filter texture_filter;
+    enum bvh_quality bvh_quality;
+    int not_robust;             /* 1: without the checks that keep Embree's rays from slipping
+                                   between triangles */
+    int no_roulette;            /* 1: paths end at max_depth only */
+    float clamp;                /* linear radiance, before exposure: a sample whose largest channel is
+                                   above it is scaled down to it; 0: none is */
 };
 
 void render_settings_default(struct render_settings *s);
+/* Choices of algorithm that are not the default's, "sampler independent, roulette off"; "": none. */
+enum { SETTINGS_CHOICES_TEXT_SIZE = 256 };
+const char *settings_choices_text(const struct render_settings *s,
+                                  char out[SETTINGS_CHOICES_TEXT_SIZE]);
 /* Every field, by value. */
 int render_settings_equal(const struct render_settings *a, const struct render_settings *b);
 

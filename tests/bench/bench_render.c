@@ -2,6 +2,8 @@
  *
  *   bench_render SCENE [--env FILE] [--size WxH] [--spp N] [--threads N] [--max-depth N]
  *                [--env-sampling MODE] [--isa ISA] [--frame N] [--shutter S] [--without LIST]
+ *                [--sampler NAME] [--light-choice HOW] [--roulette on|off] [--clamp X]
+ *                [--texture-filter HOW] [--bvh-quality HOW] [--robust on|off]
  *                [--aovs] [--general] [--trace] [--json] [--out FILE.exr]
  *
  * --trace times every Embree call (and slows the run down a little, so take samples/s from a
@@ -69,6 +71,9 @@ static void *run(void *user)
     b->stats.vertices += stats.vertices;
     b->stats.dropped_samples += stats.dropped_samples;
     b->stats.leaked_rays += stats.leaked_rays;
+    b->stats.clamped_samples += stats.clamped_samples;
+    b->stats.clamped_luminance += stats.clamped_luminance;
+    b->stats.kept_luminance += stats.kept_luminance;
     b->stats.trace_ns += stats.trace_ns;
     pthread_mutex_unlock(&b->lock);
     return NULL;
@@ -88,14 +93,27 @@ int main(int argc, char **argv)
     int64_t frame = 0;
     int aovs = 0;
     double shutter = 0;
-    const char *without = NULL;
+    const char *without = NULL, *sampler = "sobol", *light_choice = "tree", *roulette = "on";
+    const char *texture_filter = "cone", *bvh_quality = "medium", *robust = "on";
+    double clamp = 0;
     const struct option table[] = {
         {"env", 0, OPTION_STRING, &env, "FILE", "environment map", 0, 0, NULL},
         {"size", 0, OPTION_STRING, &size, "WxH", "pixels", 0, 0, NULL},
         {"spp", 0, OPTION_INT, &spp, "N", "samples a pixel", 1, SETTINGS_SPP_MAX, NULL},
         {"threads", 0, OPTION_INT, &threads, "N", "rendering threads", 1, 256, NULL},
         {"max-depth", 0, OPTION_INT, &depth, "N", "path depth", 0, SETTINGS_DEPTH_MAX, NULL},
-        {"env-sampling", 0, OPTION_CHOICE, &sampling, "MODE", "strategy", 0, 0, "importance|uniform|bsdf"},
+        {"env-sampling", 0, OPTION_CHOICE, &sampling, "MODE", "strategy", 0, 0,
+         "importance|uniform|bsdf|importance-only|uniform-only"},
+        {"sampler", 0, OPTION_CHOICE, &sampler, "NAME", "random numbers", 0, 0, "sobol|independent"},
+        {"light-choice", 0, OPTION_CHOICE, &light_choice, "HOW", "odds of lights", 0, 0,
+         "tree|power|uniform"},
+        {"roulette", 0, OPTION_CHOICE, &roulette, "HOW", "Russian roulette", 0, 0, "on|off"},
+        {"clamp", 0, OPTION_REAL, &clamp, "X", "radiance of a sample at most", 0,
+         (double)SETTINGS_CLAMP_MAX, NULL},
+        {"texture-filter", 0, OPTION_CHOICE, &texture_filter, "HOW", "of surfaces", 0, 0,
+         "cone|bilinear|nearest"},
+        {"bvh-quality", 0, OPTION_CHOICE, &bvh_quality, "HOW", "Embree's", 0, 0, "low|medium|high"},
+        {"robust", 0, OPTION_CHOICE, &robust, "HOW", "Embree's flag", 0, 0, "on|off"},
         {"isa", 0, OPTION_CHOICE, &isa, "ISA", "Embree's instruction set", 0, 0, "sse2|avx2|avx512"},
         {"frame", 0, OPTION_INT, &frame, "N", "of an animation", 0, SETTINGS_FRAMES_MAX, NULL},
         {"shutter", 0, OPTION_REAL, &shutter, "S", "share of the frame's time", 0, 1, NULL},
@@ -137,6 +155,13 @@ int main(int argc, char **argv)
     b.settings.env_sampling = (enum env_sampling)env_sampling_parse(sampling);
     b.settings.isa = (enum isa)isa_parse(isa);
     b.settings.shutter = (float)shutter;
+    b.settings.sampler = (enum sampler_kind)sampler_parse(sampler);
+    b.settings.light_choice = (enum light_choice)light_choice_parse(light_choice);
+    b.settings.no_roulette = strcmp(roulette, "off") == 0;
+    b.settings.clamp = (float)clamp;
+    b.settings.texture_filter = (enum texture_filter)texture_filter_parse(texture_filter);
+    b.settings.bvh_quality = (enum bvh_quality)bvh_quality_parse(bvh_quality);
+    b.settings.not_robust = strcmp(robust, "off") == 0;
     if (aovs)
         b.settings.aovs = (1u << AOV_COUNT) - 1;
     if (without) {
@@ -175,11 +200,12 @@ int main(int argc, char **argv)
     printf(json ? "{\"kernel\": \"%s\", \"samples_per_cpu_s\": %.0f, \"rays_per_cpu_s\": %.0f, \"rays_per_sample\": %.3f, "
                   "\"trace_share\": %.3f, \"cpu_s\": %.3f, \"wall_s\": %.3f, \"build_s\": %.3f, "
                   "\"peak_mib\": %.1f, \"scene_mib\": %.1f, \"relative_mse\": %.4g, \"dropped\": %llu, "
-                  "\"leaked_rays\": %llu}\n"
+                  "\"leaked_rays\": %llu, \"clamped_samples\": %llu, \"clamped_share\": %.4g}\n"
                 : "kernel %s\n"
                   "samples/CPU-s %.0f  rays/CPU-s %.0f  rays/sample %.2f  Embree's share %.3f\n"
                   "CPU %.2f s  wall %.2f s  build %.3f s  peak %.1f MiB (mesh+textures+BVH %.1f MiB)\n"
-                  "relative MSE %.4g  dropped samples %llu  leaked rays %llu\n",
+                  "relative MSE %.4g  dropped samples %llu  leaked rays %llu\n"
+                  "clamped samples %llu, %.4g of the light\n",
            render_kernel_variant(scene), (double)b.stats.samples / cpu,
            (double)b.stats.rays / cpu,
            (double)b.stats.rays / (double)b.stats.samples,
@@ -187,7 +213,9 @@ int main(int argc, char **argv)
            (double)info.build_ns * 1e-9, (double)usage.ru_maxrss / 1024,
            (double)(info.mesh_bytes + info.texture_bytes + info.bvh_bytes) / (1 << 20),
            film_error(b.film), (unsigned long long)b.stats.dropped_samples,
-           (unsigned long long)b.stats.leaked_rays);
+           (unsigned long long)b.stats.leaked_rays, (unsigned long long)b.stats.clamped_samples,
+           b.stats.clamped_samples ? b.stats.clamped_luminance /
+                                         (b.stats.clamped_luminance + b.stats.kept_luminance) : 0);
     if (out) {
         struct image image;
         struct buffer bytes = BUFFER_INIT;

@@ -375,6 +375,11 @@ def settings_of_a_job():
         expect((settings["fps"], settings["shutter"]) == (24, 0), settings)
         expect(settings["lens_radius"] is None and settings["focus_distance"] is None, settings)
         expect(settings["without"] == [] and settings["aovs"] == [], settings)
+        choices = {"env_sampling": "importance", "sampler": "sobol", "light_choice": "tree",
+                   "roulette": True, "texture_filter": "cone", "bvh_quality": "medium",
+                   "robust": True, "clamp": None}
+        expect({name: settings[name] for name in choices} == choices, settings)
+        expect(" choices " not in shown, shown)
         number = farm.submit(scene, *SMALL, "--fps", "25", "--shutter", "0.5", "--lens", "0.125",
                              "--focus", "2.5", "--without", "caustics,multiple-scattering",
                              "--without", "sheen")
@@ -394,6 +399,51 @@ def settings_of_a_job():
                       ["--focus", "0"], ["--shutter", "1.5"], ["--fps", "0"]):
             result = farm.cli("submit", scene, *words)
             expect(result.code == 2 and words[0] in result.err, result)
+
+
+@tests.add
+def choices_of_a_job():
+    """choices of algorithm come back in show and in the EXR; what clamping takes away is reported"""
+    with Farm() as farm:
+        scene = farm.scene()
+        farm.cli("render", scene, *SMALL, "-o", "plain.exr", "--quiet", expect=0)
+        plain = read_exr(farm.path("plain.exr"))
+        expect(not [name for name in plain.attributes if "clamp" in name or "sampler" in name],
+               plain.attributes.keys())
+        words = ["--sampler", "independent", "--light-choice", "power", "--roulette", "off",
+                 "--texture-filter", "nearest", "--bvh-quality", "high", "--robust", "off",
+                 "--env-sampling", "uniform-only", "--clamp", "0.25"]
+        result = farm.cli("render", scene, *SMALL, *words, "-o", "pic.exr", expect=0)
+        told = re.search(r"clamped +(\d+) samples were above 0.25 .* lacks ([\d.]+) %", result.out)
+        expect(told, result.out)
+        picture = read_exr(farm.path("pic.exr"))
+        for name, value in (("sampler", "independent"), ("lightChoice", "power"),
+                            ("roulette", "off"), ("textureFilter", "nearest"),
+                            ("bvhQuality", "high"), ("robust", "off"),
+                            ("envSampling", "uniform-only")):
+            expect(picture.attributes["azulejo:" + name] == value.encode(), (name, picture.attributes))
+        expect(picture.number("azulejo:clamp") == 0.25, "clamp")
+        expect(picture.number("azulejo:clampedSamples") == int(told[1]) > 0, told[0])
+        expect(abs(100 * picture.number("azulejo:clampedShare") - float(told[2])) < 0.05, told[0])
+        expect(max(struct.unpack("<%df" % (32 * 32), picture.channels["R"])) <= 0.25, "brighter")
+        farm.start_coordinator()
+        farm.start_worker()
+        number = farm.submit(scene, *SMALL, *words)
+        farm.wait_for_job(number)
+        shown = farm.cli("show", number, expect=0).out
+        expect("sampler independent, light choice power, roulette off, clamp 0.25, texture filter "
+               "nearest, BVH quality high, robust off" in shown and told[0] in shown, shown)
+        job = farm.job(number)
+        expect((job["settings"]["clamp"], job["settings"]["roulette"], job["settings"]["robust"]) ==
+               (0.25, False, False), job)
+        expect(job["stats"]["clamped_samples"] == int(told[1]), job)
+        expect(abs(100 * job["stats"]["clamped_share"] - float(told[2])) < 0.05, job)
+        for words in (["--sampler", "x"], ["--light-choice", "x"], ["--roulette", "maybe"],
+                      ["--clamp", "-1"], ["--texture-filter", "x"], ["--robust", "x"]):
+            result = farm.cli("submit", scene, *words)
+            expect(result.code == 2 and words[0] in result.err, result)
+        result = farm.cli("submit", scene, "--bvh-quality", "high")
+        expect(result.code == 3 and "--robust off" in result.err, result)
 
 
 @tests.add

@@ -132,12 +132,13 @@ static void seen_add(struct seen *s, const float *picture, int decode)
 }
 
 /* `decode`: the picture holds codes. */
-static struct seen look(struct import_result *import, int decode)
+static struct seen look_by(struct import_result *import, enum texture_filter filter, int decode)
 {
     struct render_settings settings = imported_settings(WIDTH, HEIGHT, 1);
     float *picture = calloc((size_t)WIDTH * HEIGHT * 3, sizeof *picture);
     struct seen seen = {{0}, 0};
 
+    settings.texture_filter = filter;
     assert_non_null(picture);
     for (uint32_t frame = 0; frame < FRAMES; frame++) {
         imported_render(import, &settings, frame, picture);
@@ -145,6 +146,11 @@ static struct seen look(struct import_result *import, int decode)
     }
     free(picture);
     return seen;
+}
+
+static struct seen look(struct import_result *import, int decode)
+{
+    return look_by(import, TEXTURE_FILTER_CONE, decode);
 }
 
 /* The largest difference of a band's contrast from the closed form, with its sign. */
@@ -200,6 +206,28 @@ static void test_unfiltered(void **state)
     assert_true(seen.grey_error > 10 * GREY_TOLERANCE);
 }
 
+/* The job's other filters look at the finest level alone: its nearest texel has full contrast at any
+ * distance, interpolation loses what the ramps between checks take. */
+static void test_other_filters(void **state)
+{
+    const double ramps = (1 - 0.5 / CHECK_TEXELS) * (1 - 0.5 / CHECK_TEXELS);
+    struct import_result import;
+    struct seen nearest, bilinear;
+
+    (void)state;
+    open_scene(&import);
+    nearest = look_by(&import, TEXTURE_FILTER_NEAREST, 0);
+    bilinear = look_by(&import, TEXTURE_FILTER_BILINEAR, 0);
+    import_result_release(&import);
+    for (int band = 0; band < BANDS; band++) {
+        if (fabs(nearest.contrast[band] - 1) > 1e-6)
+            fail_msg("nearest: band %d has contrast %.4f", band, nearest.contrast[band]);
+        if (fabs(bilinear.contrast[band] - ramps) > TOLERANCE)
+            fail_msg("bilinear: band %d has contrast %.4f, expected %.4f", band,
+                     bilinear.contrast[band], ramps);
+    }
+}
+
 /* The same checks in an image of half the size are what a filter twice as wide makes of them. */
 static void test_too_wide(void **state)
 {
@@ -253,6 +281,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_closed_form),
         cmocka_unit_test(test_unfiltered),
+        cmocka_unit_test(test_other_filters),
         cmocka_unit_test(test_too_wide),
         cmocka_unit_test(test_mean_of_codes),
     };

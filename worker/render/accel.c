@@ -72,13 +72,19 @@ static void set_triangles(RTCGeometry geometry, const float *const *positions, u
     rtcCommitGeometry(geometry);
 }
 
-static RTCScene new_scene(RTCDevice device)
+static RTCScene new_scene(RTCDevice device, const struct accel_input *in)
 {
+    static const enum RTCBuildQuality qualities[BVH_QUALITY_COUNT] = {
+        [BVH_QUALITY_MEDIUM] = RTC_BUILD_QUALITY_MEDIUM,
+        [BVH_QUALITY_LOW] = RTC_BUILD_QUALITY_LOW,
+        [BVH_QUALITY_HIGH] = RTC_BUILD_QUALITY_HIGH,
+    };
     RTCScene scene = rtcNewScene(device);
 
     if (scene) {
-        rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST | SCENE_FLAG_QUERY_FILTER);
-        rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_MEDIUM);
+        rtcSetSceneFlags(scene, (in->not_robust ? RTC_SCENE_FLAG_NONE : RTC_SCENE_FLAG_ROBUST) |
+                                    SCENE_FLAG_QUERY_FILTER);
+        rtcSetSceneBuildQuality(scene, qualities[in->quality]);
     }
     return scene;
 }
@@ -92,7 +98,7 @@ static status build_shared_mesh(struct accel *accel, const struct accel_input *i
 
     if (s != STATUS_OK)
         return s;
-    accel->mesh_scenes[mesh] = new_scene(accel->device);
+    accel->mesh_scenes[mesh] = new_scene(accel->device, in);
     geometry = rtcNewGeometry(accel->device, RTC_GEOMETRY_TYPE_TRIANGLE);
     if (!accel->mesh_scenes[mesh] || !geometry) {
         if (geometry)
@@ -334,7 +340,7 @@ status accel_new(struct accel **out, const struct accel_input *in, struct error 
     if (result != STATUS_OK)
         goto failed;
     bound_errors(accel, in);
-    accel->top = new_scene(accel->device);
+    accel->top = new_scene(accel->device, in);
     if (!accel->top) {
         result = embree_failed(accel->device, "Embree's scene", err);
         goto failed;

@@ -101,6 +101,8 @@ struct accel_input {
     accel_accept *accept;
     accel_corners *corners;
     const void *scene;            /* handed to both */
+    enum bvh_quality quality;
+    int not_robust;               /* 1: a ray may slip between triangles that share an edge */
 };
 
 /* The input's arrays of positions and indices must outlive the accel; the tables need not.

@@ -113,6 +113,10 @@ static void keep_contact(struct query_context *q, const struct hit *face, double
     struct contact *list = q->contacts;
     uint32_t at = q->contact_count < q->contact_capacity ? q->contact_count : q->contact_capacity;
 
+    /* With spatial splits a triangle lies in several leaves, and is met in each. */
+    for (uint32_t i = 0; i < at; i++)
+        if (list[i].hit.instance == face->instance && list[i].hit.triangle == face->triangle)
+            return;
     q->contact_count++;
     while (at > 0 && comes_first(gap, face, list[at - 1].gap, &list[at - 1].hit)) {
         if (at < q->contact_capacity)

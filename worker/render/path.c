@@ -17,8 +17,7 @@
 #include "worker/render/surface.h"
 #include "worker/render/world.h"
 
-/* Russian roulette begins at this vertex, and never kills with more than 95 %. */
-#define ROULETTE_DEPTH 3
+/* Russian roulette never kills with more than 95 %. */
 #define ROULETTE_SURVIVAL_MIN 0.05f
 /* A ray that passes more boundaries that are none than this is lost: only faulty geometry
  * (a volume that is entered again and again and never left) has so many. */
@@ -480,6 +479,8 @@ static struct vec3 path_escaped(const struct path *path)
     CHARGE(ENVIRONMENT);
     if (path->from_delta || !scene->emitters.has_environment)
         return environment_radiance(scene->environment, path->ray.direction);
+    if (scene->emitters.environment_alone)
+        return vec3_make(0, 0, 0);
     radiance = emitters_environment(scene, &path->asker, path->ray.direction, &density);
     return vec3_scale(radiance, path_mis_weight(path->density, density));
 }
@@ -538,7 +539,7 @@ static int path_survives(struct path *path, uint32_t depth, float u)
 {
     float survival;
 
-    if (depth + 1 < ROULETTE_DEPTH)
+    if (depth + 1 < path->scene->roulette_depth)
         return 1;
     survival = vec3_max(path->throughput) * path->eta_scale;
     if (survival < 1) {

@@ -45,6 +45,12 @@ void sampler_start(struct sampler *s, uint64_t job_seed, uint32_t frame, uint32_
     s->index_reversed = bits_reverse_32(s->index);
 }
 
+void sampler_isolate(struct sampler *s)
+{
+    s->seed = hash_u64(hash_u64(s->seed ^ 0xbb67ae8584caa73bull) + s->index);
+    s->index = s->index_reversed = 0;
+}
+
 float sampler_hash(const struct sampler *s, uint32_t key_a, uint32_t key_b)
 {
     uint32_t h = hash_combine((uint32_t)(s->seed >> 32), s->index);

@@ -42,6 +42,10 @@ enum dimension {
 void sampler_start(struct sampler *s, uint64_t job_seed, uint32_t frame, uint32_t pixel_x,
                    uint32_t pixel_y, uint32_t group, uint32_t sample);
 
+/* Make the sample independent of all others: from now on its pairs are points of sequences that no
+ * other sample shares. Each such pair is one point with scrambles of its own, hence uniform. */
+void sampler_isolate(struct sampler *s);
+
 /* The two numbers of dimension pair `pair`. */
 static inline struct sample2 sampler_get(const struct sampler *s, uint32_t pair);
 

@@ -77,6 +77,31 @@ static void tile_aovs(const struct render_scene *scene, uint32_t mask, const str
     }
 }
 
+static double tile_luminance(double r, double g, double b)
+{
+    return 0.212656 * r + 0.715158 * g + 0.072186 * b;
+}
+
+/* Scale the sample down so that its largest channel is `limit`. */
+static __attribute__((cold, noinline)) struct vec3 tile_clamped(struct vec3 radiance, float limit,
+                                                                struct render_stats *stats)
+{
+    double r = (double)radiance.x, g = (double)radiance.y, b = (double)radiance.z;
+    double scale = (double)limit / (double)vec3_max(radiance);
+
+    stats->clamped_samples++;
+    stats->clamped_luminance += tile_luminance(r, g, b) * (1 - scale);
+    return vec3_make((float)(r * scale), (float)(g * scale), (float)(b * scale));
+}
+
+/* Kept out of the pixel loop, whose code it would change where nothing is clamped. */
+static __attribute__((cold, noinline)) void tile_count_kept(double sum[GROUP_REPLICATES][3],
+                                                            struct render_stats *stats)
+{
+    for (int r = 0; r < GROUP_REPLICATES; r++)
+        stats->kept_luminance += tile_luminance(sum[r][0], sum[r][1], sum[r][2]);
+}
+
 static float tile_float(double sum, struct render_stats *stats)
 {
     if (sum < (double)FLT_MAX)
@@ -95,6 +120,9 @@ static void tile_start(const struct render_scene *scene, uint32_t frame, uint32_
     STAGE(CAMERA);
     for (uint32_t k = 0; k < count; k++)
         sampler_start(&samplers[k], scene->settings.seed, frame, x, y, group, first + k);
+    if (scene->settings.sampler == SAMPLER_INDEPENDENT)
+        for (uint32_t k = 0; k < count; k++)
+            sampler_isolate(&samplers[k]);
     for (uint32_t k = 0; k < count; k++)
         camera_ray(&scene->camera, x, y, &samplers[k], &rays[k]);
 }
@@ -108,6 +136,7 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
     size_t aov_base = GROUP_REPLICATES * pixels * 3;
     uint32_t begin, end, aovs = unit_aovs(settings->aovs, group, pass), extra = aov_floats(aovs);
     struct camera_cone cone = camera_cone(&scene->camera);
+    const float limit = settings->clamp;
     struct sampler samplers[TILE_BATCH];
     struct ray rays[TILE_BATCH];
 
@@ -139,6 +168,8 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                     stats->dropped_samples++;
                     continue;
                 }
+                if (limit > 0 && vec3_max(radiance) > limit)
+                    radiance = tile_clamped(radiance, limit, stats);
                 sum[i % GROUP_REPLICATES][0] += (double)radiance.x;
                 sum[i % GROUP_REPLICATES][1] += (double)radiance.y;
                 sum[i % GROUP_REPLICATES][2] += (double)radiance.z;
@@ -149,6 +180,8 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                 for (int c = 0; c < 3; c++)
                     sums[((size_t)r * pixels + index) * 3 + (size_t)c] =
                         tile_float(sum[r][c], stats);
+            if (limit > 0)
+                tile_count_kept(sum, stats);
             for (uint32_t aov = 0, at = 0; aov < AOV_COUNT; aov++) {
                 uint32_t channels = aovs >> aov & 1 ? aov_channels((enum aov)aov) : 0;
                 for (uint32_t c = 0; c < channels; c++)

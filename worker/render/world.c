@@ -293,7 +293,8 @@ static status build_accel(struct render_scene *w, const struct scene *scene, str
     struct accel_mesh *meshes = mem_calloc(w->mesh_count, sizeof *meshes);
     struct accel_instance *instances = mem_calloc(w->instance_count, sizeof *instances);
     struct accel_input input = {meshes, instances, w->mesh_count, w->instance_count, w->settings.isa,
-                                w->kernel->accept, world_exact_corners, w};
+                                w->kernel->accept, world_exact_corners, w,
+                                w->settings.bvh_quality, w->settings.not_robust};
     status s;
 
     if (!meshes || !instances) {
@@ -450,6 +451,7 @@ status render_scene_new(struct render_scene **out, const struct scene *scene,
     if (!w)
         return error_no_memory(err, "the scene");
     w->settings = *settings;
+    w->roulette_depth = settings->no_roulette ? UINT32_MAX : ROULETTE_DEPTH;
     w->frame = frame;
     w->animated = scene_is_animated(scene, settings);
     w->volume_rule = scene->volume_rule;

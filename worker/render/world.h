@@ -101,12 +101,14 @@ struct world_box {
     float low[3], high[3];
 };
 enum { WORLD_BOUNDARIES_MAX = 8 };
+enum { ROULETTE_DEPTH = 3 };
 
 struct kernel;
 
 struct render_scene {
     struct render_settings settings;
     uint64_t effects;             /* what the frame calls for, less settings.without */
+    uint32_t roulette_depth;      /* Russian roulette begins at this vertex; UINT32_MAX: never */
     uint32_t frame;               /* that it was built for; any, unless `animated` */
     int animated;                 /* another frame needs a scene of its own */
     struct world_mesh *meshes;

@@ -114,7 +114,8 @@ static void use_material(struct world_used *used, const struct scene *scene,
         if (mask >> i & 1) {
             const struct scene_texture *texture = &scene->textures[slot->texture];
             used->images[texture->image] |= WORLD_IMAGE_USED;
-            if ((slots[i].flags & SLOT_WIDE) && !texture->nearest)
+            if ((slots[i].flags & SLOT_WIDE) && !texture->nearest &&
+                settings->texture_filter == TEXTURE_FILTER_CONE)
                 used->images[texture->image] |=
                     (uint8_t)texture_use_of(texture, slots[i].flags & SLOT_COLOR);
         }
@@ -209,6 +210,8 @@ static void slot_init(struct world_slot *out, const struct render_scene *w,
     static const float identity[2][3] = {{1, 0, 0}, {0, 1, 0}};
 
     out->texture = scene->textures[slot->texture];
+    if (w->settings.texture_filter == TEXTURE_FILTER_NEAREST)
+        out->texture.nearest = 1;
     out->image = w->images[out->texture.image];
     out->uv_set = slot->uv_set;
     memcpy(out->m, slot->uv_transform, sizeof out->m);

@@ -57,6 +57,7 @@ static status complete(struct stage *s, struct error *err)
 
 static void plain(void **state)
 {
+    char text[SETTINGS_CHOICES_TEXT_SIZE];
     struct render_settings defaults;
     struct error err = {0};
     struct stage s;
@@ -66,11 +67,13 @@ static void plain(void **state)
     render_settings_default(&defaults);
     assert_int_equal(complete(&s, &err), STATUS_OK);
     assert_true(render_settings_equal(&s.request.settings, &defaults));
+    assert_string_equal(settings_choices_text(&defaults, text), "");
     assert_true(s.request.output.tonemap.exposure_ev == 0);
 }
 
 static void every_setting(void **state)
 {
+    char text[SETTINGS_CHOICES_TEXT_SIZE];
     const struct render_settings *r;
     struct error err = {0};
     struct stage s;
@@ -87,12 +90,30 @@ static void every_setting(void **state)
     s.options.aovs.items[0] = "depth";
     s.options.aovs.items[1] = "uv,error";
     s.options.aovs.count = 2;
+    s.options.env_sampling = "importance-only";
+    s.options.sampler = "independent";
+    s.options.light_choice = "power";
+    s.options.roulette = "off";
+    s.options.clamp = 2.5;
+    s.options.texture_filter = "bilinear";
+    s.options.bvh_quality = "high";
+    s.options.robust = "off";
     assert_int_equal(complete(&s, &err), STATUS_OK);
     r = &s.request.settings;
     assert_true(r->fps == 30 && r->shutter == 0.5f && r->lens_radius == 0.25f);
     assert_true(r->focus_distance == 3);
     assert_true(r->without == (EFFECT_CAUSTICS | EFFECT_FOG | EFFECT_SHEEN));
     assert_int_equal(r->aovs, 1u << AOV_DEPTH | 1u << AOV_UV | 1u << AOV_ERROR);
+    assert_true(r->env_sampling == ENV_SAMPLING_IMPORTANCE_ONLY && r->sampler == SAMPLER_INDEPENDENT);
+    assert_true(r->light_choice == LIGHT_CHOICE_POWER && r->no_roulette && r->clamp == 2.5f);
+    assert_true(r->texture_filter == TEXTURE_FILTER_BILINEAR && r->not_robust);
+    assert_true(r->bvh_quality == BVH_QUALITY_HIGH);
+    assert_string_equal(settings_choices_text(r, text),
+                        "sampler independent, light choice power, roulette off, clamp 2.5, "
+                        "texture filter bilinear, BVH quality high, robust off");
+    s.options.robust = "on"; /* Embree would build the same trees as for medium */
+    assert_int_equal(complete(&s, &err), STATUS_ERR_INPUT);
+    assert_non_null(strstr(err.text, "--robust off"));
 }
 
 static void frames(void **state)

@@ -155,6 +155,9 @@ static void hostile_results_are_refused(void **state)
     REFUSED(bad.sums_bytes -= 1);
     REFUSED(bad.sums_bytes = 0);
     REFUSED(bad.sums_bytes = (size_t)1 << 40);
+    REFUSED(bad.stats.clamped_luminance = NAN);
+    REFUSED(bad.stats.clamped_luminance = -1);
+    REFUSED(bad.stats.kept_luminance = INFINITY);
     memcpy(sums + 40, &nan_value, 4);
     REFUSED((void)0);
 #undef REFUSED

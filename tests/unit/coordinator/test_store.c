@@ -91,7 +91,8 @@ static void jobs_survive_a_restart(void **state)
     job->state = JOB_STATE_RUNNING;
     snprintf(job->kernel, sizeof job->kernel, "embree 9");
     job->work = (struct unit_work){.samples = 1, .rays = 2, .vertices = 3, .dropped_samples = 4};
-    job->stats = (struct work_stats){.cpu_ns = 5, .trace_ns = 6};
+    job->stats = (struct work_stats){.cpu_ns = 5, .trace_ns = 6, .clamped_samples = 7,
+                                     .clamped_luminance = 8.5, .kept_luminance = 1e30};
     job->active_ns = 1500000000;
     job->conflicts = 7;
     assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);
@@ -148,12 +149,18 @@ static void jobs_survive_a_restart(void **state)
 }
 
 /* A store of version 1, which knew no revisions: its finished frames' pictures are as they should;
- * and one of version 2, which knew no tokens. */
+ * one of version 2, which knew no tokens; and one of version 3, which knew no clamping. */
 static void an_older_store_is_brought_up_to_date(void **state)
 {
+#define WITHOUT_CLAMPING                                                                        \
+    "ALTER TABLE jobs DROP COLUMN clamped; ALTER TABLE jobs DROP COLUMN clamped_luminance;"     \
+    "ALTER TABLE jobs DROP COLUMN kept_luminance;"
     static const char *const steps_back[] = {
+        WITHOUT_CLAMPING "PRAGMA user_version=3",
+        WITHOUT_CLAMPING
         "DROP TABLE cut_frames; DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token;"
         "PRAGMA user_version=2",
+        WITHOUT_CLAMPING
         "DROP TABLE cut_frames; DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token;"
         "ALTER TABLE jobs DROP COLUMN revision; ALTER TABLE frames DROP COLUMN revision;"
         "PRAGMA user_version=1",

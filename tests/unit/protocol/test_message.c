@@ -32,6 +32,13 @@ static struct render_settings example_settings(void)
     s.focus_distance = 3.5f;
     s.without = EFFECT_CAUSTICS | EFFECT_DISPERSION;
     s.aovs = 1u << AOV_DEPTH | 1u << AOV_ERROR;
+    s.sampler = SAMPLER_INDEPENDENT;
+    s.light_choice = LIGHT_CHOICE_UNIFORM;
+    s.texture_filter = TEXTURE_FILTER_NEAREST;
+    s.bvh_quality = BVH_QUALITY_HIGH;
+    s.not_robust = 1;
+    s.no_roulette = 1;
+    s.clamp = 12.5f;
     return s;
 }
 
@@ -86,6 +93,9 @@ static void test_settings_of_old(void **state)
     assert_true(out.lens_radius == defaults.lens_radius);
     assert_true(out.focus_distance == defaults.focus_distance);
     assert_true(out.without == 0 && out.aovs == 0);
+    assert_true(out.sampler == defaults.sampler && out.light_choice == defaults.light_choice);
+    assert_true(out.texture_filter == defaults.texture_filter && out.clamp == 0);
+    assert_true(out.bvh_quality == defaults.bvh_quality && !out.not_robust && !out.no_roulette);
 }
 
 static void test_settings_out_of_range(void **state)
@@ -123,6 +133,15 @@ static void test_settings_out_of_range(void **state)
     REFUSED(shutter, -0.1f, 1);
     REFUSED(shutter, 1.1f, 1);
     REFUSED(lens_radius, NAN, 1);
+    REFUSED(sampler, SAMPLER_COUNT, 1);
+    REFUSED(sampler, 0xffffffff, 1);
+    REFUSED(light_choice, LIGHT_CHOICE_COUNT, 1);
+    REFUSED(texture_filter, TEXTURE_FILTER_COUNT, 1);
+    REFUSED(bvh_quality, BVH_QUALITY_COUNT, 1);
+    REFUSED(not_robust, 0, 1); /* the quality is high */
+    REFUSED(clamp, NAN, 1);
+    REFUSED(clamp, -1, 1);
+    REFUSED(clamp, INFINITY, 1);
     REFUSED(lens_radius, -1, 1);
     REFUSED(lens_radius, INFINITY, 1);
     REFUSED(pinhole, 1, 1); /* and a lens radius */

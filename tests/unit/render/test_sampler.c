@@ -362,9 +362,57 @@ static void test_golden(void **state)
     assert_true(fingerprint == 0xa44603889752cdeeull);
 }
 
+/* Isolated samples: uniform, independent of one another and of their other pairs, and still a function of
+ * their names. */
+static void test_isolated(void **state)
+{
+    enum { CELLS = 16, PIXELS = 64, SAMPLES = 256, COUNT = PIXELS * SAMPLES };
+    static double u[COUNT], other[COUNT];
+    double cells[CELLS * CELLS] = {0}, chi_square = 0, lag = 0, across = 0, between = 0, spread = 0;
+    int at = 0;
+
+    (void)state;
+    for (uint32_t x = 0; x < PIXELS; x++) {
+        double mean = 0;
+
+        for (uint32_t i = 0; i < SAMPLES; i++, at++) {
+            struct sample2 first, second;
+            struct sampler s, again;
+
+            sampler_start(&s, 7, 3, x, 5, 0, i);
+            sampler_isolate(&s);
+            sampler_start(&again, 7, 3, x, 5, 0, i);
+            sampler_isolate(&again);
+            first = sampler_get(&s, DIMENSION_PIXEL);
+            second = sampler_get(&s, DIMENSION_VERTEX + VERTEX_BSDF);
+            assert_true(first.u == sampler_get(&again, DIMENSION_PIXEL).u);
+            cells[(int)(first.v * CELLS) * CELLS + (int)(first.u * CELLS)]++;
+            u[at] = (double)first.u - 0.5;
+            other[at] = (double)second.u - 0.5;
+            across += u[at] * ((double)first.v - 0.5) * 12 / COUNT;
+            between += u[at] * other[at] * 12 / COUNT;
+            mean += u[at] / SAMPLES;
+            if (i > 0)
+                lag += u[at] * u[at - 1] * 12 / COUNT;
+        }
+        spread += mean * mean * 12 * SAMPLES / PIXELS;
+    }
+    for (int k = 0; k < CELLS * CELLS; k++) {
+        double expected = (double)COUNT / (CELLS * CELLS);
+        chi_square += (cells[k] - expected) * (cells[k] - expected) / expected;
+    }
+    /* 255 degrees of freedom: mean 255, deviation 22.6; of a net it would be near 0. */
+    assert_true(fabs(chi_square - 255) < 4 * 22.6);
+    assert_true(fabs(lag) < 4 / sqrt(COUNT) && fabs(across) < 4 / sqrt(COUNT));
+    assert_true(fabs(between) < 4 / sqrt(COUNT));
+    /* The means of pixels spread as those of independent numbers, 1 +- sqrt(2 / PIXELS). */
+    assert_true(fabs(spread - 1) < 4 * sqrt(2.0 / PIXELS));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_isolated),
         cmocka_unit_test(test_elementary_intervals),
         cmocka_unit_test(test_elementary_intervals_test_itself),
         cmocka_unit_test(test_sobol_definition),

@@ -394,6 +394,13 @@ static void test_equal_settings(void **state)
     DIFFERS(focus_distance);
     DIFFERS(without);
     DIFFERS(aovs);
+    DIFFERS(sampler);
+    DIFFERS(light_choice);
+    DIFFERS(texture_filter);
+    DIFFERS(bvh_quality);
+    DIFFERS(not_robust);
+    DIFFERS(no_roulette);
+    DIFFERS(clamp);
 #undef DIFFERS
 }
 

@@ -10,9 +10,10 @@
 #include "worker/render/texture_dark.h"
 #include "worker/render/world.h"
 
-/* A group's share of the choices where there are others. */
+/* A group's share of the choices where there are others; where all lights are alike, it is bounded
+ * only so that the random number that was spent on the choice stays fine enough for the place. */
 #define GROUP_ODDS_MIN 0.25
-#define GROUP_ODDS_MAX 0.75
+#define GROUP_ODDS_MIN_ALIKE 0x1p-8
 /* An emissive texture is averaged over a triangle on a pattern about as fine as the texels of
  * an image of TEXELS_A_SIDE; what the pattern misses counts as at least this much of the
  * material's factor, so that no lit spot is ever without odds. Triangles that the texture leaves
@@ -170,6 +171,8 @@ struct weights {
     double *intensity;           /* [count] */
     uint32_t count;
     double local_power, directional_power;
+    uint32_t local_lit, directional_lit; /* how many have any */
+    enum light_choice choice;
 };
 
 /* Where the material's emissive texture is dark: made for the first that asks, NULL if it has
@@ -210,7 +213,7 @@ static status weigh_triangles(struct emitters *e, const struct render_scene *sce
             return s;
         for (uint32_t t = 0; t < mesh->triangle_count; t++, at++) {
             struct light_bounds *b = &w->bounds[next + at];
-            double intensity;
+            double intensity, power;
 
             e->triangle_instance[at] = i;
             e->triangle_index[at] = t;
@@ -227,7 +230,11 @@ static status weigh_triangles(struct emitters *e, const struct render_scene *sce
             intensity = (double)b->area *
                         triangle_luminance(material, mesh, world_vertices(mesh, t));
             w->intensity[next + at] = intensity > 0 && isfinite(intensity) ? intensity : 0;
-            w->local_power += w->intensity[next + at] * PI_D * (b->two_sided ? 2 : 1);
+            power = w->intensity[next + at] * PI_D * (b->two_sided ? 2 : 1);
+            w->local_power += power;
+            w->local_lit += power > 0;
+            if (w->choice == LIGHT_CHOICE_POWER)
+                w->intensity[next + at] = power;
         }
     }
     return STATUS_OK;
@@ -239,6 +246,7 @@ static void weigh_punctual(struct emitters *e, const struct render_scene *scene,
                            const struct punctual_motion *motion, struct weights *w)
 {
     double radius = (double)scene->bounds_radius, sum = 0;
+    int alike = w->choice == LIGHT_CHOICE_UNIFORM;
     uint32_t at = 0;
 
     for (int directional = 1; directional >= 0; directional--)
@@ -254,36 +262,45 @@ static void weigh_punctual(struct emitters *e, const struct render_scene *scene,
         power = power > 0 && isfinite(power) ? power : 0;
         if (i < e->directional_count) {
             w->directional_power += power;
+            w->directional_lit += power > 0;
         } else {
             struct light_bounds *b = &w->bounds[i - e->directional_count];
 
             punctual_bounds(&e->punctual[i], b);
-            w->intensity[i - e->directional_count] = power > 0 ? (double)b->intensity : 0;
+            w->intensity[i - e->directional_count] =
+                w->choice == LIGHT_CHOICE_POWER ? power : power > 0 ? (double)b->intensity : 0;
             w->local_power += power;
+            w->local_lit += power > 0;
         }
     }
     for (uint32_t i = 0; i < e->directional_count; i++) {
         double power = punctual_power(&e->punctual[i], radius);
+        double total = alike ? w->directional_lit : w->directional_power;
 
-        e->directional_start[i] = w->directional_power > 0 ? (float)(sum / w->directional_power) : 0;
-        sum += power > 0 && isfinite(power) ? power : 0;
+        power = power > 0 && isfinite(power) ? power : 0;
+        e->directional_start[i] = total > 0 ? (float)(sum / total) : 0;
+        sum += alike ? power > 0 : power;
     }
     e->directional_start[e->directional_count] = 1;
 }
 
-static double bounded_share(double part, double rest)
+static double bounded_share(double part, double rest, double least)
 {
     double share;
 
     if (!(part > 0) || !(rest > 0))
         return part > 0;
     share = part / (part + rest);
-    return share < GROUP_ODDS_MIN ? GROUP_ODDS_MIN : share > GROUP_ODDS_MAX ? GROUP_ODDS_MAX : share;
+    return share < least ? least : share > 1 - least ? 1 - least : share;
 }
 
 static void share_groups(struct emitters *e, const struct render_scene *scene,
                          const struct weights *w)
 {
+    int alike = w->choice == LIGHT_CHOICE_UNIFORM;
+    double directional_weight = alike ? w->directional_lit : w->directional_power;
+    double local_weight = alike ? w->local_lit : w->local_power;
+    double least = alike ? GROUP_ODDS_MIN_ALIKE : GROUP_ODDS_MIN;
     double radius = (double)scene->bounds_radius, environment = 0, share, directional;
 
     if (e->has_environment)
@@ -291,8 +308,10 @@ static void share_groups(struct emitters *e, const struct render_scene *scene,
                       (double)environment_mean_luminance(scene->environment);
     /* The faintest environment is sampled too. */
     environment = e->has_environment && !(environment > 0) ? DBL_MIN : environment;
-    share = bounded_share(environment, w->directional_power + w->local_power);
-    directional = bounded_share(w->directional_power, w->local_power);
+    if (alike)
+        environment = e->has_environment;
+    share = bounded_share(environment, directional_weight + local_weight, least);
+    directional = bounded_share(directional_weight, local_weight, least);
     e->environment_odds = (float)share;
     e->directional_odds =
         w->local_power > 0 ? (float)((1 - share) * directional)
@@ -302,10 +321,16 @@ static void share_groups(struct emitters *e, const struct render_scene *scene,
         e->count = e->punctual_count + e->triangle_count + (uint32_t)e->has_environment;
 }
 
+/* The lights with a place, made ready to be chosen from. */
 static status grow_tree(struct emitters *e, struct weights *w, struct error *err)
 {
     double largest = 0;
 
+    if (w->choice == LIGHT_CHOICE_UNIFORM)
+        for (uint32_t i = 0; i < w->count; i++)
+            w->intensity[i] = w->intensity[i] > 0;
+    if (w->choice != LIGHT_CHOICE_TREE)
+        return light_table_init(&e->table, w->intensity, w->count, err);
     for (uint32_t i = 0; i < w->count; i++)
         largest = w->intensity[i] > largest ? w->intensity[i] : largest;
     for (uint32_t i = 0; i < w->count; i++) {
@@ -323,7 +348,7 @@ status emitters_init(struct emitters *e, struct render_scene *scene,
 {
     uint64_t triangles = count_triangles(scene);
     struct texture_dark **maps = NULL;
-    struct weights w = {0};
+    struct weights w = {.choice = scene->settings.light_choice};
     status s;
 
     memset(e, 0, sizeof *e);
@@ -336,6 +361,9 @@ status emitters_init(struct emitters *e, struct render_scene *scene,
         e->directional_count += lights[i].kind == LIGHT_DIRECTIONAL;
     e->has_environment = scene->environment && !environment_is_black(scene->environment) &&
                          scene->settings.env_sampling != ENV_SAMPLING_BSDF;
+    e->environment_alone = e->has_environment &&
+                           (scene->settings.env_sampling == ENV_SAMPLING_IMPORTANCE_ONLY ||
+                            scene->settings.env_sampling == ENV_SAMPLING_UNIFORM_ONLY);
     w.count = light_count - e->directional_count + e->triangle_count;
     w.bounds = mem_calloc(w.count, sizeof *w.bounds);
     w.intensity = mem_calloc(w.count, sizeof *w.intensity);
@@ -374,6 +402,7 @@ void emitters_release(struct emitters *e)
 {
     portals_release(&e->portals);
     light_tree_release(&e->tree);
+    light_table_release(&e->table);
     mem_free(e->directional_start);
     mem_free(e->punctual);
     mem_free(e->triangle_instance);

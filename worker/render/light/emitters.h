@@ -5,6 +5,8 @@
  * triangles of emissive instances, among which a tree chooses by what they can do at the point
  * that asks (worker/render/light/tree.h). Groups share by power, but each within bounds,
  * because power says nothing about which light a point can see.
+ * Where the job's light choice is another, there is no tree but a table (light_table.h), in which
+ * lights are weighed by their power or all alike.
  * The environment is sampled by its map, or through the scene's portals, or both by halves.
  */
 #ifndef AZULEJO_RENDER_EMITTERS_H
@@ -16,6 +18,7 @@
 #include "common/math/vec.h"
 #include "common/scene/scene.h"
 #include "worker/render/accel.h"
+#include "worker/render/light/light_table.h"
 #include "worker/render/light/portals.h"
 #include "worker/render/light/punctual.h"
 #include "worker/render/light/tree.h"
@@ -26,11 +29,13 @@ struct emitters {
     uint32_t count;               /* lights; 0: nothing to sample */
     uint32_t punctual_count, triangle_count;
     int has_environment;
+    int environment_alone;        /* only light sampling finds it: no MIS */
     float environment_odds, directional_odds, local_odds; /* of the groups; their sum is 1 */
     struct punctual *punctual;    /* [punctual_count], the directional ones first */
     uint32_t directional_count;
     float *directional_start;     /* [directional_count + 1] where each one's share begins */
     struct light_tree tree;       /* items: punctual lights with a place, then the triangles */
+    struct light_table table;     /* of the same items, in place of the tree */
     uint32_t *triangle_instance;  /* [triangle_count] */
     uint32_t *triangle_index;     /* [triangle_count] */
     uint8_t *dark;                /* [triangle_count] bits: the emissive texture is black there */
@@ -47,7 +52,8 @@ struct light_sample {
     struct vec3 radiance;  /* radiance, or irradiance-like intensity for delta lights */
     float pdf;             /* solid angle, times the odds of choosing this light; for delta
                               lights the odds alone */
-    int delta;             /* punctual: the BSDF cannot find it, no MIS */
+    int delta;             /* nothing but light sampling finds it (punctual lights, and an environment
+                              that is sampled alone): no MIS */
 };
 
 /* Needs the scene's instances (with their motion), materials, images, environment and bounding

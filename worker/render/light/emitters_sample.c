@@ -68,7 +68,7 @@ static int emitters_sample_map(const struct render_scene *scene, const struct li
     const struct emitters *e = &scene->emitters;
     float map_pdf;
 
-    out->delta = 0;
+    out->delta = e->environment_alone;
     out->distance = INFINITY;
     CHARGE(ENVIRONMENT);
     if (!HAS(PORTAL) || e->portals.count == 0 || !emitters_sees_portal(e, query)) {
@@ -102,10 +102,11 @@ float emitters_triangle_pdf(const struct render_scene *scene, const struct light
     const struct emitters *e = &scene->emitters;
     float denominator = cosine * area, odds;
 
-    if (e->tree.node_count == 0 || !(denominator > 0))
+    if (!(denominator > 0))
         return 0;
-    odds = light_tree_odds(&e->tree, query->p, query->n,
-                           light + e->punctual_count - e->directional_count);
+    light += e->punctual_count - e->directional_count;
+    odds = e->tree.node_count == 0 ? light_table_odds(&e->table, light)
+                                   : light_tree_odds(&e->tree, query->p, query->n, light);
     return e->local_odds * odds * distance_squared / denominator;
 }
 
@@ -213,11 +214,25 @@ static int emitters_sample_directional(const struct emitters *e, const struct li
                            e->directional_odds * (start[low + 1] - start[low]), out);
 }
 
+static int emitters_sample_item(const struct render_scene *scene, const struct light_query *query,
+                                uint32_t item, float u, float v, float odds,
+                                struct light_sample *out)
+{
+    const struct emitters *e = &scene->emitters;
+    uint32_t punctual = e->punctual_count - e->directional_count;
+
+    odds *= e->local_odds;
+    if (HAS(PUNCTUAL_LIGHT) && item < punctual)
+        return emitters_sample_punctual(&e->punctual[e->directional_count + item], query, odds,
+                                        out);
+    return emitters_sample_triangle(scene, item - punctual, query, u, v, odds, out);
+}
+
 int emitters_sample(const struct render_scene *scene, const struct light_query *query, float u,
                     float v, struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
-    uint32_t item, punctual = e->punctual_count - e->directional_count;
+    uint32_t item;
     float odds;
 
     out->on_face = 0;
@@ -228,16 +243,12 @@ int emitters_sample(const struct render_scene *scene, const struct light_query *
     if (HAS(PUNCTUAL_LIGHT) && u < e->directional_odds)
         return emitters_sample_directional(e, query,
                                            emitters_rescaled(u, 0, e->directional_odds), out);
-    if (e->tree.node_count == 0)
-        return 0;
     /* Choosing among lights of both kinds counts as the triangles': they are the many. */
     charge_set(e->triangle_count ? CHARGE_OF(EMISSIVE_MESH) : CHARGE_OF(PUNCTUAL_LIGHT));
     u = emitters_rescaled(u, e->directional_odds, e->local_odds);
-    if (!light_tree_choose(&e->tree, query->p, query->n, &u, &v, &item, &odds))
+    if (e->tree.node_count == 0
+            ? !light_table_choose(&e->table, &u, &v, &item, &odds)
+            : !light_tree_choose(&e->tree, query->p, query->n, &u, &v, &item, &odds))
         return 0;
-    odds *= e->local_odds;
-    if (HAS(PUNCTUAL_LIGHT) && item < punctual)
-        return emitters_sample_punctual(&e->punctual[e->directional_count + item], query, odds,
-                                        out);
-    return emitters_sample_triangle(scene, item - punctual, query, u, v, odds, out);
+    return emitters_sample_item(scene, query, item, u, v, odds, out);
 }

@@ -29,6 +29,10 @@ enum { WINDOWS_MAX = 8, WINDOW_CELLS_MAX = 256 };
 #define WINDOW_RADIUS_DEG 1.5
 #define WINDOW_SHARE_MIN 0.02
 
+/* Where nothing else finds the light that importance sampling leaves out (cells that are too dark for
+ * the tables' resolution), this share of the samples is uniform. */
+#define UNIFORM_SHARE_ALONE 0.0625f
+
 enum mode { MODE_NONE, MODE_UNIFORM, MODE_IMPORTANCE };
 
 struct environment {
@@ -42,6 +46,7 @@ struct environment {
     struct density parts[WINDOWS_MAX + 1]; /* the grid, then the windows; MODE_IMPORTANCE only */
     float part_start[WINDOWS_MAX + 2];     /* where each one's share of the choices begins */
     uint32_t part_count;
+    float uniform_share;      /* of the choices, over the whole sphere; MODE_IMPORTANCE only */
 };
 
 static double luminance(struct vec3 c)
@@ -215,6 +220,8 @@ static float importance_pdf(const struct environment *env, const struct angles *
     for (uint32_t i = 0; i < env->part_count; i++)
         pdf += (double)(env->part_start[i + 1] - env->part_start[i]) *
                density_at(&env->parts[i], angles->u, v);
+    if (env->uniform_share > 0)
+        pdf += ((double)(0.25f * INV_PI_F) - pdf) * (double)env->uniform_share;
     return pdf < (double)FLT_MAX ? (float)pdf : FLT_MAX;
 }
 
@@ -282,24 +289,44 @@ static int sample_map(const struct environment *env, float u, float v, struct ve
     return *pdf > 0;
 }
 
+static struct vec3 sphere_direction(float u, float v)
+{
+    float y = 1.0f - 2.0f * v, radius = 2.0f * sqrtf(v * (1.0f - v)), sine, cosine;
+
+    det_sincos(u * (2.0f * PI_F), &sine, &cosine);
+    return vec3_make(radius * cosine, y, radius * sine);
+}
+
+/* Uniform for a share of the choices, else by the map. */
+static __attribute__((noinline)) int sample_mixed(const struct environment *env, float u, float v,
+                                                  struct vec3 *direction, struct vec3 *radiance,
+                                                  float *pdf)
+{
+    float share = env->uniform_share;
+
+    if (u < share)
+        *direction = sphere_direction(float_min(u / share, ONE_MINUS_EPSILON), v);
+    else if (!sample_map(env, float_min((u - share) / (1 - share), ONE_MINUS_EPSILON), v, direction,
+                         radiance, pdf))
+        return 0;
+    *radiance = environment_radiance_pdf(env, *direction, pdf);
+    return *pdf > 0;
+}
+
 int environment_sample(const struct environment *env, float u, float v, struct vec3 *direction,
                        struct vec3 *radiance, float *pdf)
 {
-    float y, radius, sine, cosine;
-
     u = float_min(float_max(u, 0.0f), ONE_MINUS_EPSILON);
     v = float_min(float_max(v, 0.0f), ONE_MINUS_EPSILON);
     if (env->mode == MODE_IMPORTANCE)
-        return sample_map(env, u, v, direction, radiance, pdf);
+        return env->uniform_share > 0 ? sample_mixed(env, u, v, direction, radiance, pdf)
+                                      : sample_map(env, u, v, direction, radiance, pdf);
     *direction = vec3_make(0, 1, 0);
     *radiance = vec3_splat(0);
     *pdf = 0;
     if (env->mode == MODE_NONE)
         return 0;
-    y = 1.0f - 2.0f * v;
-    radius = 2.0f * sqrtf(v * (1.0f - v));
-    det_sincos(u * (2.0f * PI_F), &sine, &cosine);
-    *direction = vec3_make(radius * cosine, y, radius * sine);
+    *direction = sphere_direction(u, v);
     *radiance = environment_radiance(env, *direction);
     *pdf = 0.25f * INV_PI_F;
     return 1;
@@ -623,7 +650,7 @@ static status importance_build(struct environment *env, float largest, struct er
     for (uint32_t parts = 2; m.rows < GRID_ROWS_MIN ||
                              (parts == 2 && m.rows <= PARTS_COLUMNS_MAX / 2); parts += 2)
         m.rows = env->height * parts;
-    m.offset = env->mean_luminance * m.scale;
+    m.offset = env->uniform_share > 0 ? 0 : env->mean_luminance * m.scale;
     rows3 = mem_alloc_array(env->width, 3 * sizeof *rows3);
     m.values = mem_size_mul(m.columns, m.rows, &cells) ? mem_calloc(cells, sizeof *m.values) : NULL;
     if (!rows3 || !m.values) {
@@ -739,6 +766,22 @@ static void set_rotation(struct environment *env, const float own[3][3], float r
     }
 }
 
+static enum mode mode_of(enum env_sampling sampling)
+{
+    switch (sampling) {
+    case ENV_SAMPLING_IMPORTANCE:
+    case ENV_SAMPLING_IMPORTANCE_ONLY:
+        return MODE_IMPORTANCE;
+    case ENV_SAMPLING_UNIFORM:
+    case ENV_SAMPLING_UNIFORM_ONLY:
+        return MODE_UNIFORM;
+    case ENV_SAMPLING_BSDF:
+    case ENV_SAMPLING_COUNT:
+        break;
+    }
+    return MODE_NONE;
+}
+
 status environment_new(struct environment **out, struct image *map, const float own[3][3],
                        float rotate_deg, struct vec3 factor, enum env_sampling sampling,
                        struct error *err)
@@ -780,9 +823,8 @@ status environment_new(struct environment **out, struct image *map, const float 
     env->black = largest == 0;
     if (env->black)
         goto done;
-    env->mode = sampling == ENV_SAMPLING_IMPORTANCE ? MODE_IMPORTANCE
-                : sampling == ENV_SAMPLING_UNIFORM  ? MODE_UNIFORM
-                                                    : MODE_NONE;
+    env->mode = mode_of(sampling);
+    env->uniform_share = sampling == ENV_SAMPLING_IMPORTANCE_ONLY ? UNIFORM_SHARE_ALONE : 0;
     measure_mean(env);
     if (env->mode == MODE_IMPORTANCE)
         st = importance_build(env, largest, err);

@@ -9,7 +9,9 @@
  * The importance of a direction is how much brighter it is than the mean of the map (Karlik et
  * al. 2019, "MIS compensation"): where it is darker it is not sampled at all, since every use is
  * combined with sampling by the BSDF or the phase function, which finds that light. A map that
- * is nearly constant is sampled by its plain luminance.
+ * is nearly constant is sampled by its plain luminance; so is every map for
+ * ENV_SAMPLING_IMPORTANCE_ONLY, where nothing else finds the darker light, and a share of the samples
+ * is then uniform over the sphere.
  * It is held as a grid just fine enough for the map, which is much coarser than the map as a
  * rule, and apart from that a few small windows, finer than the map, around suns and lamps:
  * compact regions that hold a good share of all importance.

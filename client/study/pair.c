@@ -1,0 +1,383 @@
+#include "client/study/pair.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/base/memory.h"
+
+enum { BOX_RADIUS = 3 /* pixels around one whose mean difference chooses the secant */ };
+
+double student_t95(unsigned degrees)
+{
+    static const double t[] = {NAN,  12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228,
+                               2.201, 2.179, 2.160, 2.145, 2.131, 2.120, 2.110, 2.101, 2.093, 2.086};
+
+    return degrees < sizeof t / sizeof *t ? t[degrees] : 1.96 + 2.5 / degrees;
+}
+
+/* ---- how pictures are shown ----------------------------------------------------------------- */
+
+static struct tonemap_context context_of(const struct buffer *file)
+{
+    struct tonemap_context context = {0};
+
+    if (file && file->size) {
+        context.file_data = file->data;
+        context.file_size = file->size;
+    }
+    return context;
+}
+
+status shown_meter(struct shown *out, const struct image *picture,
+                   const struct tonemap_settings *settings, const struct buffer *file, struct error *err)
+{
+    const struct tonemap_context context = context_of(file);
+
+    out->settings = settings;
+    out->file = file;
+    return tonemap_measure(&out->state, picture, settings, &context, err);
+}
+
+status shown_codes(const struct shown *shown, struct image *out, const struct image *in,
+                   struct error *err)
+{
+    struct tonemap_context context = context_of(shown->file);
+    status result;
+
+    context.state = &shown->state;
+    result = tonemap_apply(out, in, shown->settings, &context, err);
+    for (size_t i = 0; result == STATUS_OK && i < (size_t)out->width * out->height * 3; i++)
+        out->pixels[i] *= 255;
+    return result;
+}
+
+status pair_mean(struct image *out, const struct image *a, const struct image *b, struct error *err)
+{
+    status result = image_init(out, a->width, a->height, 3, err);
+
+    for (size_t i = 0; result == STATUS_OK && i < (size_t)a->width * a->height * 3; i++)
+        out->pixels[i] = a->pixels[i] / 2 + b->pixels[i] / 2;
+    return result;
+}
+
+/* ---- jackknife ------------------------------------------------------------------------------ */
+
+/* A pixel's group, as good as random and the same everywhere. */
+static unsigned group_of(uint32_t x, uint32_t y)
+{
+    uint32_t h = x * 0x9e3779b1u ^ (y * 0x85ebca77u + 0x165667b1u);
+
+    h = (h ^ h >> 15) * 0x2c1b3c6du;
+    h = (h ^ h >> 12) * 0x297a2d39u;
+    return (h ^ h >> 15) % PAIR_GROUPS;
+}
+
+/* A statistic of all pixels [PAIR_GROUPS], and of all but one group [0..PAIR_GROUPS). */
+struct leave_out {
+    double value[PAIR_GROUPS + 1];
+};
+
+static double leave_out_width(const struct leave_out *l)
+{
+    double mean = 0, square = 0;
+
+    for (int g = 0; g < PAIR_GROUPS; g++)
+        mean += l->value[g] / PAIR_GROUPS;
+    for (int g = 0; g < PAIR_GROUPS; g++)
+        square += (l->value[g] - mean) * (l->value[g] - mean);
+    return student_t95(PAIR_GROUPS - 1) * sqrt(square * (PAIR_GROUPS - 1) / PAIR_GROUPS);
+}
+
+/* The interval of a square's root; below 0 there is none. */
+static struct study_interval root_of(const struct leave_out *l)
+{
+    const double width = leave_out_width(l), value = l->value[PAIR_GROUPS];
+
+    return (struct study_interval){sqrt(fmax(0, value)), sqrt(fmax(0, value - width)),
+                                   sqrt(fmax(0, value + width))};
+}
+
+/* Sums over the pixels of each group. */
+struct group_sums {
+    double sum[PAIR_GROUPS], count[PAIR_GROUPS];
+};
+
+static struct leave_out means_without(const struct group_sums *s)
+{
+    struct leave_out out;
+    double sum = 0, count = 0;
+
+    for (int g = 0; g < PAIR_GROUPS; g++) {
+        sum += s->sum[g];
+        count += s->count[g];
+    }
+    for (int g = 0; g <= PAIR_GROUPS; g++) {
+        double less = g < PAIR_GROUPS ? s->sum[g] : 0, fewer = g < PAIR_GROUPS ? s->count[g] : 0;
+        out.value[g] = count > fewer ? (sum - less) / (count - fewer) : sum / count;
+    }
+    return out;
+}
+
+struct grouped {
+    float value;
+    uint32_t group;
+};
+
+static int falling(const void *a, const void *b)
+{
+    const float x = ((const struct grouped *)a)->value, y = ((const struct grouped *)b)->value;
+
+    return (x < y) - (x > y);
+}
+
+/* The value that a twentieth of the pixels exceed; sorts them. */
+static struct leave_out percentiles_without(struct grouped *pixels, size_t count)
+{
+    size_t members[PAIR_GROUPS + 1] = {0};
+    struct leave_out out;
+
+    qsort(pixels, count, sizeof *pixels, falling);
+    for (size_t i = 0; i < count; i++)
+        members[pixels[i].group]++;
+    for (unsigned g = 0; g <= PAIR_GROUPS; g++) {
+        size_t rank = (count - members[g]) / 20, at = 0;
+        for (; at + 1 < count; at++) {
+            if (pixels[at].group == g)
+                continue;
+            if (rank-- == 0)
+                break;
+        }
+        out.value[g] = (double)pixels[at].value;
+    }
+    return out;
+}
+
+/* ---- noise ---------------------------------------------------------------------------------- */
+
+static float largest_difference(const float *a, const float *b)
+{
+    float most = 0;
+
+    for (int c = 0; c < 3; c++)
+        most = fmaxf(most, fabsf(a[c] - b[c]));
+    return most;
+}
+
+static status check_sizes(const struct image *a, const struct image *b, struct error *err)
+{
+    if (a->width == b->width && a->height == b->height && a->channels == 3 && b->channels == 3)
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_INPUT, "pictures of %ux%u and %ux%u pixels cannot be compared",
+                     a->width, a->height, b->width, b->height);
+}
+
+static void linear_error(struct pair_error *out, const struct image *a, const struct image *b,
+                         struct grouped *work)
+{
+    const size_t count = (size_t)a->width * a->height, top = count / 1000 ? count / 1000 : 1;
+    struct group_sums squares = {0};
+    struct leave_out mean_square;
+    double mean = 0, in_top = 0, all = 0;
+
+    for (size_t i = 0; i < count; i++) {
+        const unsigned g = group_of((uint32_t)(i % a->width), (uint32_t)(i / a->width));
+        double square = 0;
+        for (int c = 0; c < 3; c++) {
+            const double d = (double)a->pixels[3 * i + (size_t)c] - (double)b->pixels[3 * i + (size_t)c];
+            square += d * d / 2;
+            mean += ((double)a->pixels[3 * i + (size_t)c] + (double)b->pixels[3 * i + (size_t)c]) / 2;
+        }
+        squares.sum[g] += square;
+        squares.count[g] += 3;
+        all += square;
+        work[i] = (struct grouped){(float)square, g};
+    }
+    mean /= 3 * (double)count;
+    mean_square = means_without(&squares);
+    out->rmse = root_of(&mean_square);
+    out->rmse.value /= mean;
+    out->rmse.low /= mean;
+    out->rmse.high /= mean;
+    qsort(work, count, sizeof *work, falling);
+    for (size_t i = 0; i < top; i++)
+        in_top += (double)work[i].value;
+    out->top_pixels = (double)top;
+    out->top_share = all > 0 ? in_top / all : 0;
+    out->reliable = out->top_share < 0.5;
+}
+
+status pair_error_of(struct pair_error *out, const struct shown *shown, const struct image *a,
+                     const struct image *b, float *pixels, struct error *err)
+{
+    const size_t count = (size_t)a->width * a->height;
+    struct grouped *work = mem_calloc(count, sizeof *work);
+    struct image code_a = {0}, code_b = {0};
+    status result = work ? check_sizes(a, b, err) : error_no_memory(err, "errors of pixels");
+
+    memset(out, 0, sizeof *out);
+    if (result == STATUS_OK)
+        result = shown_codes(shown, &code_a, a, err);
+    if (result == STATUS_OK)
+        result = shown_codes(shown, &code_b, b, err);
+    if (result == STATUS_OK) {
+        struct leave_out percentiles;
+        double square = 0, width;
+
+        linear_error(out, a, b, work);
+        for (size_t i = 0; i < count; i++) {
+            const float *x = code_a.pixels + 3 * i, *y = code_b.pixels + 3 * i;
+            work[i].value = largest_difference(x, y) * (float)M_SQRT1_2;
+            work[i].group = group_of((uint32_t)(i % a->width), (uint32_t)(i / a->width));
+            if (pixels)
+                pixels[i] = work[i].value;
+            for (int c = 0; c < 3; c++)
+                square += (double)(x[c] - y[c]) * (double)(x[c] - y[c]) / 2;
+        }
+        percentiles = percentiles_without(work, count);
+        width = leave_out_width(&percentiles);
+        out->codes = (struct study_interval){percentiles.value[PAIR_GROUPS],
+                                             fmax(0, percentiles.value[PAIR_GROUPS] - width),
+                                             percentiles.value[PAIR_GROUPS] + width};
+        out->rms_codes = sqrt(square / (3 * (double)count));
+    }
+    image_release(&code_b);
+    image_release(&code_a);
+    mem_free(work);
+    return result;
+}
+
+/* ---- bias ----------------------------------------------------------------------------------- */
+
+/* The mean of both differences over the pixels around one: less noise than its own. */
+static float box_difference(const struct image *const p[4], size_t x, size_t y, size_t c)
+{
+    const size_t w = p[0]->width, h = p[0]->height;
+    const size_t x0 = x > BOX_RADIUS ? x - BOX_RADIUS : 0, x1 = x + BOX_RADIUS < w ? x + BOX_RADIUS : w - 1;
+    const size_t y0 = y > BOX_RADIUS ? y - BOX_RADIUS : 0, y1 = y + BOX_RADIUS < h ? y + BOX_RADIUS : h - 1;
+    float sum = 0;
+
+    for (size_t v = y0; v <= y1; v++)
+        for (size_t u = x0; u <= x1; u++) {
+            const size_t i = (v * w + u) * 3 + c;
+            sum += (p[0]->pixels[i] - p[1]->pixels[i]) + (p[2]->pixels[i] - p[3]->pixels[i]);
+        }
+    return sum / (2 * (float)((x1 - x0 + 1) * (y1 - y0 + 1)));
+}
+
+/* `slope`: codes per radiance between the usual picture and one that is changed by about as much as
+ * leaving something out changes it: a tangent would misjudge large changes. */
+static status slopes_of(struct image *slope, const struct shown *shown, const struct image *usual,
+                        const struct image *const p[4], struct error *err)
+{
+    struct image changed = {0}, code = {0}, code_changed = {0};
+    status result = image_init(&changed, usual->width, usual->height, 3, err);
+
+    if (result == STATUS_OK)
+        result = image_init(slope, usual->width, usual->height, 3, err);
+    for (size_t i = 0; result == STATUS_OK && i < (size_t)usual->width * usual->height * 3; i++) {
+        const float at = usual->pixels[i];
+        float step = box_difference(p, i / 3 % usual->width, i / 3 / usual->width, i % 3);
+        const float least = 0.01f * at + 1e-6f;
+        if (fabsf(step) < least)
+            step = step < 0 ? -least : least;
+        changed.pixels[i] = at - step >= 0 ? at - step : at > 0 ? 0 : fabsf(step);
+        if (changed.pixels[i] == at)
+            changed.pixels[i] = at + least;
+    }
+    if (result == STATUS_OK)
+        result = shown_codes(shown, &code, usual, err);
+    if (result == STATUS_OK)
+        result = shown_codes(shown, &code_changed, &changed, err);
+    for (size_t i = 0; result == STATUS_OK && i < (size_t)usual->width * usual->height * 3; i++) {
+        const float step = changed.pixels[i] - usual->pixels[i];
+        slope->pixels[i] = step != 0 ? (code_changed.pixels[i] - code.pixels[i]) / step : 0;
+    }
+    image_release(&code_changed);
+    image_release(&code);
+    image_release(&changed);
+    return result;
+}
+
+struct bias_work {
+    struct grouped *both, *noise;
+    struct group_sums product[3];
+};
+
+static void bias_pixel(struct bias_work *w, size_t i, unsigned group, const float *slope,
+                       const struct image *const p[4])
+{
+    float both = 0, noise = 0;
+
+    for (size_t c = 0; c < 3; c++) {
+        const size_t at = 3 * i + c;
+        const float da = slope[c] * (p[0]->pixels[at] - p[1]->pixels[at]);
+        const float db = slope[c] * (p[2]->pixels[at] - p[3]->pixels[at]);
+        both = fmaxf(both, fabsf(da + db) / 2);
+        noise = fmaxf(noise, fabsf(da - db) / 2);
+        w->product[c].sum[group] += (double)da * (double)db;
+        w->product[c].count[group]++;
+    }
+    w->both[i] = (struct grouped){both, group};
+    w->noise[i] = (struct grouped){noise, group};
+}
+
+static void bias_finish(struct pair_bias *out, struct bias_work *w, size_t count)
+{
+    struct leave_out both = percentiles_without(w->both, count);
+    const struct leave_out noise = percentiles_without(w->noise, count);
+
+    for (int c = 0; c < 3; c++) {
+        const struct leave_out means = means_without(&w->product[c]);
+        const struct study_interval rms = root_of(&means);
+        if (c == 0 || rms.value > out->rms_codes.value)
+            out->rms_codes = rms;
+    }
+    for (int g = 0; g <= PAIR_GROUPS; g++)
+        both.value[g] = both.value[g] * both.value[g] - noise.value[g] * noise.value[g];
+    out->codes = root_of(&both);
+    if (!(out->rms_codes.low > 0))
+        out->codes.low = 0;
+}
+
+static double mean_of(const struct image *a, const struct image *b)
+{
+    double sum = 0;
+
+    for (size_t i = 0; i < (size_t)a->width * a->height * 3; i++)
+        sum += (double)a->pixels[i] + (double)b->pixels[i];
+    return sum;
+}
+
+status pair_bias_of(struct pair_bias *out, const struct shown *shown, const struct image *usual,
+                    const struct image *a, const struct image *a2, const struct image *b,
+                    const struct image *b2, struct error *err)
+{
+    const struct image *const p[4] = {a, a2, b, b2};
+    const size_t count = (size_t)a->width * a->height;
+    struct bias_work work = {mem_calloc(count, sizeof *work.both),
+                             mem_calloc(count, sizeof *work.noise), {{{0}, {0}}}};
+    struct image slope = {0};
+    status result = work.both && work.noise ? check_sizes(usual, a, err)
+                                            : error_no_memory(err, "differences of pixels");
+
+    memset(out, 0, sizeof *out);
+    for (int i = 1; i < 4 && result == STATUS_OK; i++)
+        result = check_sizes(a, p[i], err);
+    if (result == STATUS_OK)
+        result = slopes_of(&slope, shown, usual, p, err);
+    if (result == STATUS_OK) {
+        const double whole = mean_of(a, b);
+        for (size_t i = 0; i < count; i++)
+            bias_pixel(&work, i, group_of((uint32_t)(i % a->width), (uint32_t)(i / a->width)),
+                       slope.pixels + 3 * i, p);
+        bias_finish(out, &work, count);
+        out->mean_change = whole > 0 ? mean_of(a2, b2) / whole - 1 : NAN;
+        out->same = memcmp(a->pixels, a2->pixels, count * 12) == 0 &&
+                    memcmp(b->pixels, b2->pixels, count * 12) == 0;
+    }
+    image_release(&slope);
+    mem_free(work.noise);
+    mem_free(work.both);
+    return result;
+}

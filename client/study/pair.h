@@ -1,0 +1,74 @@
+/* pair: how wrong pictures are, from independent ones, without a reference.
+ *
+ * Pictures are compared as they are shown: through the job's exposure and tone mapping, whose measured
+ * parameters are taken once from one picture (`shown`), in steps of an 8-bit screen (codes, of 255).
+ *
+ *   noise: for independent A and B of one setting, |A - B| / sqrt(2) has the size of one picture's error.
+ *   bias:  for A, B of one setting and A', B' of another, E[(A - A')(B - B')] is the square of the
+ *          difference of their expectations, if (A, A') is independent of (B, B'). A and A' may share
+ *          their random numbers, which then cancel.
+ *
+ * Intervals are 95 % ones: a jackknife over 20 random groups of pixels (pixels have numbers of their
+ * own), Student's t with 19 degrees of freedom. Nothing here does I/O.
+ */
+#ifndef AZULEJO_CLIENT_STUDY_PAIR_H
+#define AZULEJO_CLIENT_STUDY_PAIR_H
+
+#include "client/study/study_data.h"
+#include "common/image/image.h"
+#include "common/tonemap/tonemap.h"
+
+enum { PAIR_GROUPS = 20 };
+
+/* How all pictures of a study are shown. */
+struct shown {
+    const struct tonemap_settings *settings; /* not owned, like the operator's file */
+    const struct buffer *file;
+    struct tonemap_state state;
+};
+
+/* Measure what the operator must know on this picture. */
+status shown_meter(struct shown *out, const struct image *picture,
+                   const struct tonemap_settings *settings, const struct buffer *file,
+                   struct error *err) MUST_CHECK;
+/* Codes 0..255, not rounded; `out` is initialised here. */
+status shown_codes(const struct shown *shown, struct image *out, const struct image *in,
+                   struct error *err) MUST_CHECK;
+
+/* The error of one of two pictures of equal cost. */
+struct pair_error {
+    struct study_interval codes; /* 95 % of the pixels are within so many, largest of R, G, B */
+    double rms_codes;            /* over pixels and channels */
+    struct study_interval rmse;  /* of linear radiance, over the frame's mean */
+    double top_share;            /* of the squared linear error, in the thousandth of the pixels with most */
+    double top_pixels;           /* so many are that */
+    int reliable;                /* top_share is below a half */
+};
+/* `pixels`, if not NULL, gets each pixel's error in codes [height][width]. ERR_INPUT: sizes differ. */
+status pair_error_of(struct pair_error *out, const struct shown *shown, const struct image *a,
+                     const struct image *b, float *pixels, struct error *err) MUST_CHECK;
+
+/* What a setting changes for ever. */
+struct pair_bias {
+    /* The 95th percentile of a pixel's change, largest of R, G, B: that of the mean of A - A' and
+     * B - B', less that of half their difference, which is noise alone (as squares). 0 at the
+     * interval's low end where the RMS, which noise of no shape moves, may be 0. */
+    struct study_interval codes;
+    struct study_interval rms_codes; /* sqrt(mean (A-A')(B-B')), the channel where it is largest */
+    double mean_change;              /* of the frame's mean, relative; NaN: black */
+    int same;                        /* no pixel differs by a bit */
+};
+/* a, b: as usual; a2, b2: the other setting. `usual` is the best picture of the usual setting, at which
+ * the transform's slope is taken: independent of a and b where there is one. */
+status pair_bias_of(struct pair_bias *out, const struct shown *shown, const struct image *usual,
+                    const struct image *a, const struct image *a2, const struct image *b,
+                    const struct image *b2, struct error *err) MUST_CHECK;
+
+/* (a + b) / 2; `out` is initialised here. */
+status pair_mean(struct image *out, const struct image *a, const struct image *b, struct error *err)
+    MUST_CHECK;
+
+/* Student's t for a two-sided 95 % interval. */
+double student_t95(unsigned degrees);
+
+#endif

@@ -1,0 +1,111 @@
+#include "worker/render/light/light_table.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "common/base/memory.h"
+#include "common/math/elementary.h"
+#include "common/math/vec.h"
+
+/* A weight counts as at least this share of all of them, or it would vanish in their sum. */
+#define WEIGHT_MIN 0x1p-40
+
+status light_table_init(struct light_table *table, const double *weights, uint32_t count,
+                        struct error *err)
+{
+    double total = 0;
+
+    memset(table, 0, sizeof *table);
+    table->start = mem_alloc_array((size_t)count + 1, sizeof *table->start);
+    if (!table->start)
+        return error_no_memory(err, "the table of lights");
+    for (uint32_t i = 0; i < count; i++)
+        total += weights[i];
+    table->start[0] = 0;
+    for (uint32_t i = 0; i < count; i++)
+        table->start[i + 1] = table->start[i] +
+                              (weights[i] > 0 ? fmax(weights[i], WEIGHT_MIN * total) : 0);
+    if (table->start[count] > 0)
+        table->count = count;
+    return STATUS_OK;
+}
+
+void light_table_release(struct light_table *table)
+{
+    mem_free(table->start);
+    memset(table, 0, sizeof *table);
+}
+
+/* Lights first .. end - 1, of which some have weight. */
+struct range {
+    uint32_t first, end;
+};
+
+static uint32_t middle_of(const struct range *r)
+{
+    return r->first + (r->end - r->first) / 2;
+}
+
+static float left_odds(const struct light_table *table, const struct range *r)
+{
+    const double *start = table->start;
+    double left = start[middle_of(r)] - start[r->first];
+    double right = start[r->end] - start[middle_of(r)];
+    float share = (float)(left / (left + right));
+
+    if (!(left > 0))
+        return 0;
+    if (!(right > 0))
+        return 1;
+    return float_min(float_max(share, LIGHT_TABLE_ODDS_MIN), 1 - LIGHT_TABLE_ODDS_MIN);
+}
+
+int light_table_choose(const struct light_table *table, float *u, float *v, uint32_t *light,
+                       float *odds)
+{
+    struct range r = {0, table->count};
+    float *number = u, *other = v;
+
+    *odds = 1;
+    if (table->count == 0)
+        return 0;
+    while (r.end - r.first > 1) {
+        float left = left_odds(table, &r), *spent = number;
+        int goes_left = *number < left;
+        float size = goes_left ? left : 1 - left;
+
+        *number = float_min((*number - (goes_left ? 0 : left)) / size, ONE_MINUS_EPSILON);
+        *odds *= size;
+        if (goes_left)
+            r.end = middle_of(&r);
+        else
+            r.first = middle_of(&r);
+        number = other;
+        other = spent;
+    }
+    *light = r.first;
+    return 1;
+}
+
+float light_table_odds(const struct light_table *table, uint32_t light)
+{
+    struct range r = {0, table->count};
+    float odds = 1;
+
+    if (light >= table->count)
+        return 0;
+    while (r.end - r.first > 1) {
+        float left = left_odds(table, &r);
+
+        if (light < middle_of(&r)) {
+            odds *= left;
+            r.end = middle_of(&r);
+        } else {
+            odds *= 1 - left;
+            r.first = middle_of(&r);
+        }
+        if (!(odds > 0))
+            return 0;
+    }
+    return odds;
+}

@@ -1,0 +1,37 @@
+/* light_table: lights chosen by fixed odds, wherever they are asked for: what the tree of lights
+ * (tree.h) is compared with.
+ *
+ * The lights are halved as they lie until one is left. A half is taken with odds in proportion to its
+ * weight, and the numbers are used up in turns, so that each keeps digits for the place on the
+ * light. A half that has any weight keeps at least LIGHT_TABLE_ODDS_MIN, else a light of very small
+ * weight would take all the digits.
+ * Invariant: light_table_choose and light_table_odds compute a light's odds by the same operations in
+ * the same order.
+ */
+#ifndef AZULEJO_RENDER_LIGHT_TABLE_H
+#define AZULEJO_RENDER_LIGHT_TABLE_H
+
+#include <stdint.h>
+
+#include "common/base/status.h"
+
+#define LIGHT_TABLE_ODDS_MIN 0x1p-10f
+
+struct light_table {
+    uint32_t count;   /* 0: nothing to choose */
+    double *start;    /* [count + 1] sums of the weights before each light */
+};
+
+/* weights[count]: finite, >= 0, their sum finite; 0: never chosen. Where all are 0 the table's count is
+ * 0. ERR_NO_MEMORY. */
+status light_table_init(struct light_table *table, const double *weights, uint32_t count,
+                        struct error *err) MUST_CHECK;
+void light_table_release(struct light_table *table);
+
+/* Choose a light; u and v, each in [0, 1), come back rescaled. 0: there is none. */
+int light_table_choose(const struct light_table *table, float *u, float *v, uint32_t *light,
+                       float *odds);
+/* The odds with which light_table_choose chooses that light. */
+float light_table_odds(const struct light_table *table, uint32_t light);
+
+#endif
