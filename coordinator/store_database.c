@@ -12,7 +12,7 @@
 #include "coordinator/store_parts.h"
 
 /* Version of the tables, kept in SQLite's user_version. */
-enum { STORE_VERSION = 3, BUSY_MS = 5000 };
+enum { STORE_VERSION = 4, BUSY_MS = 5000 };
 
 static const char schema[] =
     "CREATE TABLE meta (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;"
@@ -40,6 +40,16 @@ static const char schema_3[] =
     " frame INTEGER NOT NULL, samples INTEGER NOT NULL, least INTEGER NOT NULL,"
     " most INTEGER NOT NULL, tiles INTEGER NOT NULL, tiles_empty INTEGER NOT NULL,"
     " PRIMARY KEY (job, frame)) WITHOUT ROWID;";
+
+/* Version 4: how wrong each frame was after what was spent on it. relative_mse above is no longer used. */
+static const char schema_4[] =
+    "CREATE TABLE history (job INTEGER NOT NULL REFERENCES jobs(id), frame INTEGER NOT NULL,"
+    " place INTEGER NOT NULL, core_s REAL NOT NULL, wall_s REAL NOT NULL, samples INTEGER NOT NULL,"
+    " rays INTEGER NOT NULL, known INTEGER NOT NULL, reliable INTEGER NOT NULL,"
+    " reasons INTEGER NOT NULL, display REAL, display_lo REAL, display_hi REAL, psnr REAL,"
+    " psnr_lo REAL, psnr_hi REAL, rmse REAL, rmse_lo REAL, rmse_hi REAL, mean REAL,"
+    " top_share REAL, disagreement REAL, unseen REAL, tail REAL,"
+    " PRIMARY KEY (job, frame, place)) WITHOUT ROWID;";
 
 status sql_error(struct store *store, const char *what, struct error *err)
 {
@@ -184,10 +194,12 @@ static status open_to_write(struct store *store, const char *path, struct error 
         s = sql_exec(store, schema, "cannot be set up", err);
     if (s == STATUS_OK && version < 2)
         s = sql_exec(store, schema_2, "cannot be brought up to date", err);
-    if (s == STATUS_OK)
+    if (s == STATUS_OK && version < 3)
         s = sql_exec(store, schema_3, "cannot be brought up to date", err);
     if (s == STATUS_OK)
-        s = sql_exec(store, "PRAGMA user_version=3; COMMIT", "cannot be set up", err);
+        s = sql_exec(store, schema_4, "cannot be brought up to date", err);
+    if (s == STATUS_OK)
+        s = sql_exec(store, "PRAGMA user_version=4; COMMIT", "cannot be set up", err);
     return s;
 }
 
