@@ -15,11 +15,15 @@ from png import Png
 
 tests = Tests()
 ENDLESS = ["--size", "129x97", "--spp", "1000000"]
-BOUNDARIES = [4, 8, 16, 32] + list(range(64, 4097, 64))
+# Where the passes of one group of samples end; a pixel has samples of two.
+BOUNDARIES = [0, 2, 4, 8] + [k << e for e in range(9) for k in (16, 24)] + [8192]
+SUMS = {a + b for a in BOUNDARIES for b in BOUNDARIES}
+
 
 
 def check_picture(farm, path, spp):
-    """Its header tells the truth, and each pixel is what a whole render of so many samples gives."""
+    """Its header tells the truth, and where both groups of a pixel must have equally many samples it is what
+    a whole render of so many gives."""
     picture = read_exr(path)
     counts = picture.values("samples.Y")
     pixels = picture.width * picture.height
@@ -31,22 +35,26 @@ def check_picture(farm, path, spp):
     expect(abs(picture.number("azulejo:samplesMean") - sum(counts) / pixels) < 1e-9, "mean")
     expect(max(counts) > 0, "no samples")
     colors = {c: struct.unpack("<%dI" % pixels, picture.channels[c]) for c in "RGB"}
+    equal = even = 0
     for count in sorted(set(counts)):
         here = [i for i in range(pixels) if counts[i] == count]
         if count == 0:
             expect(all(colors[c][i] == 0 for c in "RGB" for i in here), "not black")
             continue
-        expect(count in BOUNDARIES, "%g samples: no pass ends there" % count)
+        expect(count in SUMS, "%g samples: no passes end there" % count)
+        if count / 2 not in BOUNDARIES:
+            continue  # one group has more than the other: no whole render has
         name = "whole-%d.exr" % count
         if not os.path.exists(farm.path(name)):
             farm.cli("render", farm.scene(), "--size", "129x97", "--spp", int(count), "-o", name, expect=0)
         whole = read_exr(farm.path(name))
         expect(whole.number("azulejo:complete") == 1, "a whole picture says that it is not")
         expect(whole.number("azulejo:samplesMin") == count, "whole: least")
-        for c in "RGB":
-            bits = struct.unpack("<%dI" % pixels, whole.channels[c])
-            expect(all(bits[i] == colors[c][i] for i in here),
-                   "pixels with %d samples differ from a render with so many" % count)
+        bits = {c: struct.unpack("<%dI" % pixels, whole.channels[c]) for c in "RGB"}
+        equal += sum(all(bits[c][i] == colors[c][i] for c in "RGB") for i in here)
+        even += len(here)
+    # Groups may differ and add up to as many samples: 16 and 48 are two times 32. It is rare.
+    expect(equal >= 0.9 * even, "%d of %d pixels are not what a whole render gives" % (even - equal, even))
     return picture
 
 
