@@ -50,7 +50,7 @@ static void render_pixel(const struct render_scene *scene, uint64_t seed, uint32
         struct sampler sampler;
         struct ray ray;
         struct vec3 radiance;
-        sampler_start(&sampler, seed, frame, x, y, j);
+        sampler_start(&sampler, seed, frame, x, y, unit->head.group, j);
         camera_ray(&scene->camera, x, y, &sampler, &ray);
         radiance = path_radiance(scene, &sampler, ray, cone, NULL, stats);
         if (!vec3_is_finite(radiance)) {
@@ -83,7 +83,7 @@ void record_render(const struct render_scene *scene, const struct render_setting
     out->head.end = end;
     out->head.pixels = rect.width * rect.height;
     for (uint32_t i = 0; i < out->head.pixels; i++)
-        render_pixel(scene, (uint64_t)seed * RECORD_GROUPS + group, frame, rect.x + i % rect.width,
+        render_pixel(scene, seed, frame, rect.x + i % rect.width,
                      rect.y + i / rect.width, i, out, &stats);
     out->head.rays = stats.rays;
     out->head.dropped = stats.dropped_samples;
