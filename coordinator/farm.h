@@ -49,6 +49,8 @@ struct farm_worker {
     char note[256];              /* why it gets no work; "" otherwise */
 };
 
+struct freezing;
+
 struct farm_events {
     void (*revoke)(void *user, uint32_t session, uint64_t lease, const char *reason);
     void (*ack)(void *user, uint32_t session, const struct job *job, uint32_t frame,
@@ -62,6 +64,9 @@ struct farm_events {
     /* Make the pictures of a frame that is done anew, from its stored one, then call
      * farm_pictures_made. If it cannot even begin it is asked again at the next tick. */
     status (*redevelop)(void *user, struct job *job, uint32_t frame);
+    /* Call freezing_run, then freezing_end (freeze.h). If it cannot even begin it is asked again later, with
+     * another. NULL: the farm runs it itself. */
+    status (*freeze)(void *user, struct freezing *freezing, struct error *err);
     void *user;
 };
 
