@@ -9,6 +9,7 @@
 #include "common/base/memory.h"
 #include "coordinator/closing.h"
 #include "coordinator/figures.h"
+#include "coordinator/freeze.h"
 
 /* A cancelled job must not come back, so the canceller waits for the disk. All else may be
  * lost in a crash: counters are estimates, and a job that was all but done is ended again at the
@@ -399,14 +400,14 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
     else if (farm->store)
         s = store_film_open(farm->store, job->id, number, frame->film, frame->durable, frame->slot,
                             &frame->file, &err);
+    if (s == STATUS_OK)
+        s = freeze_open(frame, &err);
     if (s != STATUS_OK) {
         job_frame_free(frame);
         farm_trouble(farm, job, number, &job->trouble, "cannot be opened", &err, now_ns);
         return NULL;
     }
     farm_trouble_over(farm, job, &job->trouble, now_ns);
-    for (uint32_t g = 0; g < GROUPS; g++)
-        film_freeze(frame->film, g, &(struct film_codes){film_codes_plain, NULL});
     figures_open(farm, frame, now_ns);
     while (*at && (*at)->number < number)
         at = &(*at)->next;
@@ -418,6 +419,7 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
         log_info("job %llu, frame %u: goes on at %.1f %%", (unsigned long long)job->id, number,
                  100.0 * (double)film_samples(frame->film) /
                      (double)film_samples_total(frame->film));
+    freeze_step(farm, frame, now_ns);
     farm_frame_advance(farm, frame, now_ns);
     return frame;
 }
@@ -705,11 +707,13 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
     }
     for (size_t i = 0; i < farm->queue.active_count; i++) {
         struct job *job = farm->queue.active[i];
-        for (struct job_frame *frame = job->frames; frame; frame = frame->next)
+        for (struct job_frame *frame = job->frames; frame; frame = frame->next) {
+            freeze_step(farm, frame, now_ns);
             if (frame->state == FRAME_COMPLETE)
                 farm_frame_advance(farm, frame, now_ns);
             else
                 figures_tick(farm, frame, now_ns);
+        }
         if (job->leases > 0 && now_ns - job->saved_ns >= PROGRESS_SAVE_MS * NS_PER_MS)
             farm_job_save(farm, job, now_ns);
         closing_step(farm, job, now_ns); /* the last: it may end the job */

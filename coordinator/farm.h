@@ -49,6 +49,8 @@ struct farm_worker {
     char note[256];              /* why it gets no work; "" otherwise */
 };
 
+struct freezing;
+
 struct farm_events {
     void (*revoke)(void *user, uint32_t session, uint64_t lease, const char *reason);
     void (*ack)(void *user, uint32_t session, const struct job *job, uint32_t frame,
@@ -65,6 +67,9 @@ struct farm_events {
     /* Compute the figures of the frame as it stands, keep them in the store at frame->history's next place,
      * then call figures_measured. NULL: nobody does. If it cannot begin it is asked again later. */
     status (*measure)(void *user, struct job_frame *frame);
+    /* Call freezing_run, then freezing_end (freeze.h). If it cannot even begin it is asked again later, with
+     * another. NULL: the farm runs it itself. */
+    status (*freeze)(void *user, struct freezing *freezing, struct error *err);
     void *user;
 };
 

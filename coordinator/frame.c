@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/tonemap/tonemap.h"
 
 enum { BUCKETS_MIN = 64, BUCKETS_MAX = 1 << 16 };
 
@@ -49,6 +50,8 @@ void job_frame_free(struct job_frame *frame)
     }
     film_file_close(frame->file);
     eta_release(&frame->eta);
+    for (uint32_t g = 0; g < GROUPS; g++)
+        tonemap_pixels_free(frame->display[g]);
     mem_free(frame->acks);
     mem_free(frame->dirty);
     mem_free(frame->dirty_mark);
@@ -157,7 +160,9 @@ int job_frame_take(struct job_frame *frame, struct unit_name *out)
             cursor_advance(frame);
             continue;
         }
-        if (out->pass >= film_tile_passes(film, out->tile, out->group) + FRAME_PASSES_AHEAD)
+        if (out->pass >= film_tile_passes(film, out->tile, out->group) +
+                             (uint32_t)(film_is_frozen(film, out->group) ? FRAME_PASSES_AHEAD
+                                                                         : FRAME_PASSES_UNFROZEN))
             return 0;
         cursor_advance(frame);
         frame->cursor_left--;

@@ -34,6 +34,7 @@ enum {
     UNIT_HOLDERS_MAX = 3,     /* leases that may hold one unit at once; */
     UNIT_HOLDERS_UNPROVEN_MAX = UNIT_HOLDERS_MAX - 1, /* the last place is for a proven worker */
     FRAME_PASSES_AHEAD = 64,  /* how far a tile's granted passes may be ahead of its folded ones */
+    FRAME_PASSES_UNFROZEN = 8,/* the same before freeze.h has shown how the group is displayed */
     FRAME_ACKS_MAX = 1 << 20, /* results that wait for the disk or for an earlier pass */
     /* While it cannot be written: results that are lent or wait for the disk, with their workers. No
      * lease is granted above it, so one lease more is possible. */
@@ -91,6 +92,8 @@ struct job_frame {
     uint64_t dirty_since_ns;
     struct pending_ack *acks;
     size_t ack_count, ack_capacity;
+    struct tonemap_pixels *display[GROUPS]; /* how its pixels are shown; NULL: not frozen (freeze.h) */
+    int measuring[GROUPS];       /* a measurement for that is on its way */
     struct work_stats stats;     /* measured of the results merged in this run */
     struct eta eta;
     struct history history;

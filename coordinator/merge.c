@@ -8,6 +8,7 @@
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "coordinator/figures.h"
+#include "coordinator/freeze.h"
 #include "coordinator/scheduler.h"
 
 enum { SAMPLE_COUNTS_MAX = 1 << 20 }; /* rays or vertices of one sample */
@@ -187,6 +188,8 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
     }
     if (merged == FILM_MERGED)
         job_frame_mark_dirty(frame, name.tile, now_ns);
+    if (merged == FILM_MERGED && name.pass == 0)
+        freeze_step(farm, frame, now_ns);
     if (name.pass < frame->durable[name.tile][name.group]) {
         *outcome = MERGE_KEPT;
     } else {

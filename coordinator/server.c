@@ -11,6 +11,7 @@
 #include "common/math/elementary.h"
 #include "coordinator/develop.h"
 #include "coordinator/figures.h"
+#include "coordinator/freeze.h"
 #include "coordinator/merge.h"
 #include "protocol/message.h"
 
@@ -100,6 +101,7 @@ struct work {
     struct commit *commit;
     struct job_frame *frame;
     struct development *development;
+    struct freezing *freezing;
     struct job *stored_job;      /* whose stored_frame is developed again or measured; never freed */
     uint32_t stored_frame;
     uint64_t cost_ns;            /* processor time of figures */
@@ -324,6 +326,39 @@ static status on_redevelop(void *user, struct job *job, uint32_t frame)
     work->stored_job = job;
     work->stored_frame = frame;
     work_start(work, run_redevelop, end_redevelop);
+    return STATUS_OK;
+}
+
+static void run_freeze(uv_work_t *request)
+{
+    struct work *work = request->data;
+
+    freezing_run(work->freezing);
+}
+
+static void end_freeze(uv_work_t *request, int code)
+{
+    struct work *work = request->data;
+    struct server *server = work->server;
+
+    (void)code;
+    server->works--;
+    /* What waits for it was not acknowledged: at the end its workers keep that. */
+    if (server->state == SERVER_DRAINING)
+        freezing_abandon(&server->farm, work->freezing);
+    else
+        freezing_end(&server->farm, work->freezing, clock_monotonic_ns());
+    work_free(work);
+}
+
+static status on_freeze(void *user, struct freezing *freezing, struct error *err)
+{
+    struct work *work = work_new(user);
+
+    if (!work)
+        return error_no_memory(err, "a frame's statistics");
+    work->freezing = freezing;
+    work_start(work, run_freeze, end_freeze);
     return STATUS_OK;
 }
 
@@ -716,7 +751,7 @@ status server_run(const struct server_options *options, struct error *err)
 {
     struct server *server = mem_calloc(1, sizeof *server);
     struct farm_events events = {on_revoke, on_ack, on_notice, on_job_changed, on_develop,
-                                 on_redevelop, on_measure, server};
+                                 on_redevelop, on_measure, on_freeze, server};
     status s;
 
     if (!server)

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <string.h>
@@ -14,6 +15,7 @@
 #include "common/base/memory.h"
 
 struct film_file {
+    pthread_mutex_t lock;        /* of fd, read_only and serials */
     int fd;
     int read_only;
     size_t slot_bytes;
@@ -24,7 +26,11 @@ struct film_file {
 enum { HEADER_FIELDS = 48, HEADER_SIZE = HEADER_FIELDS + DIGEST_BYTES };
 /* Version 2: the film may hold AOVs. Version 3: it has two groups of samples, and is of no cap. */
 static const char header_magic[8] = "AZFILM3\n";
-enum { HEADER_VERSION_AT = 6, SLOT_HEADER = 16 };
+enum {
+    HEADER_VERSION_AT = 6, SLOT_HEADER = 16,
+    NOTES_AT = 1024, NOTE_HEADER = 16, NOTE_SIZE = NOTE_HEADER + FILM_NOTE_MAX,
+};
+_Static_assert(NOTES_AT + GROUPS * NOTE_SIZE <= FILM_FILE_HEADER, "the notes fit into the header");
 
 static atomic_long fault_successes = -1;
 
@@ -301,6 +307,7 @@ status film_file_open(struct film_file **out, const char *path, uint64_t job, ui
     if (!file)
         return error_no_memory(err, "a film file");
     file->fd = -1;
+    pthread_mutex_init(&file->lock, NULL);
     file->path = mem_strdup(path);
     file->serials = mem_calloc(film_tile_count(film), sizeof *file->serials);
     if (!file->path || !file->serials) {
@@ -329,16 +336,20 @@ void film_file_close(struct film_file *file)
         return;
     if (file->fd >= 0)
         close(file->fd);
+    pthread_mutex_destroy(&file->lock);
     mem_free(file->serials);
     mem_free(file->path);
     mem_free(file);
 }
 
-/* The disk may take writes by now. */
+/* A file that was opened for reading: the disk may take writes by now. The lock is held. */
 static status become_writable(struct film_file *file, struct error *err)
 {
-    int fd = open(file->path, O_RDWR | O_CLOEXEC);
+    int fd;
 
+    if (!file->read_only)
+        return STATUS_OK;
+    fd = open(file->path, O_RDWR | O_CLOEXEC);
     if (fd < 0)
         return error_set(err, STATUS_ERR_IO, "%s: cannot be written: %s", file->path,
                          strerror(errno));
@@ -354,25 +365,77 @@ status film_file_write(struct film_file *file, uint32_t tile, uint8_t slot, cons
     uint8_t header[SLOT_HEADER];
     status s;
 
-    if (file->read_only) {
-        s = become_writable(file, err);
-        if (s != STATUS_OK)
-            return s;
+    pthread_mutex_lock(&file->lock);
+    s = become_writable(file, err);
+    if (s == STATUS_OK) {
+        put_number(header, ++file->serials[tile]);
+        put_number(header + 8, hash_bytes(header, 8));
+        s = write_at(file, header, sizeof header, slot_offset(file, tile, slot), err);
     }
-    put_number(header, ++file->serials[tile]);
-    put_number(header + 8, hash_bytes(header, 8));
-    s = write_at(file, header, sizeof header, slot_offset(file, tile, slot), err);
-    return s == STATUS_OK
-               ? write_at(file, state, size_bytes, slot_offset(file, tile, slot) + SLOT_HEADER, err)
-               : s;
+    if (s == STATUS_OK)
+        s = write_at(file, state, size_bytes, slot_offset(file, tile, slot) + SLOT_HEADER, err);
+    pthread_mutex_unlock(&file->lock);
+    return s;
 }
 
 status film_file_sync(struct film_file *file, struct error *err)
 {
+    status s = STATUS_OK;
+
+    pthread_mutex_lock(&file->lock);
     if (fdatasync(file->fd) != 0)
-        return error_set(err, STATUS_ERR_IO, "%s: cannot be written to disk: %s", file->path,
-                         strerror(errno));
-    return STATUS_OK;
+        s = error_set(err, STATUS_ERR_IO, "%s: cannot be written to disk: %s", file->path,
+                      strerror(errno));
+    pthread_mutex_unlock(&file->lock);
+    return s;
+}
+
+static uint64_t note_offset(uint32_t group)
+{
+    return NOTES_AT + (uint64_t)group * NOTE_SIZE;
+}
+
+status film_file_note_write(struct film_file *file, uint32_t group, const struct buffer *note,
+                            struct error *err)
+{
+    uint8_t header[NOTE_HEADER];
+    status s;
+
+    if (note->size > FILM_NOTE_MAX)
+        return error_set(err, STATUS_ERR_LIMIT, "%s: a note of %zu bytes", file->path, note->size);
+    put_number(header, note->size);
+    put_number(header + 8, hash_bytes(note->data, note->size));
+    pthread_mutex_lock(&file->lock);
+    s = become_writable(file, err);
+    if (s == STATUS_OK)
+        s = write_at(file, header, sizeof header, note_offset(group), err);
+    if (s == STATUS_OK)
+        s = write_at(file, note->data, note->size, note_offset(group) + NOTE_HEADER, err);
+    pthread_mutex_unlock(&file->lock);
+    return s;
+}
+
+status film_file_note_read(struct film_file *file, uint32_t group, struct buffer *out,
+                           struct error *err)
+{
+    uint8_t bytes[NOTE_SIZE] = {0};
+    uint64_t size;
+    size_t got;
+    status s;
+
+    pthread_mutex_lock(&file->lock);
+    s = read_at(file, bytes, sizeof bytes, note_offset(group), &got, err);
+    pthread_mutex_unlock(&file->lock);
+    if (s != STATUS_OK || all_zero(bytes, NOTE_HEADER))
+        return s;
+    size = get_number(bytes);
+    if (size > FILM_NOTE_MAX || size + NOTE_HEADER > got ||
+        get_number(bytes + 8) != hash_bytes(bytes + NOTE_HEADER, size)) {
+        log_warn("%s: a note in it was not written to the end", file->path);
+        return STATUS_OK;
+    }
+    buffer_append(out, bytes + NOTE_HEADER, size);
+    return buffer_ok(out) ? STATUS_OK : error_no_memory(err, "a note");
 }
 
 void film_file_discard(struct film_file *file)

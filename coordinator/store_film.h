@@ -1,20 +1,21 @@
 /* store_film: a frame's film on disk, so that nothing acknowledged is lost.
  *
- * File: a header of FILM_FILE_HEADER bytes (magic, geometry, job, frame, check), then two
- * slots for each tile: a serial number, its hash, film_tile_save's bytes. A slot's place follows from
+ * File: a header of FILM_FILE_HEADER bytes (magic, geometry, job, frame, check; a note for each group:
+ * length, hash, bytes), then two slots for each tile: a serial number, its hash, film_tile_save's bytes. A slot's place follows from
  * film_tile_state_bound; only what there is is written, and the rest is a hole. A tile's new state goes to
  * the slot that does not hold its newest durable one, with the next serial number; a slot that was
  * torn by a crash is refused by its checksum, and the other one, which is older, counts. A file whose header is not the frame's (damaged, or of another version) is
  * kept beside it as FILE.unusable until the job ends.
  *
- * film_file_write and film_file_sync may be called from another thread than the others,
- * one at a time.
+ * film_file_write, film_file_sync and the notes' functions may be called from any thread; each waits for
+ * the others.
  */
 #ifndef AZULEJO_COORDINATOR_STORE_FILM_H
 #define AZULEJO_COORDINATOR_STORE_FILM_H
 
 #include <stdint.h>
 
+#include "common/base/buffer.h"
 #include "common/base/status.h"
 #include "common/film/film.h"
 
@@ -34,6 +35,14 @@ void film_file_close(struct film_file *file); /* NULL is fine */
 status film_file_write(struct film_file *file, uint32_t tile, uint8_t slot, const uint8_t *state,
                        size_t size_bytes, struct error *err) MUST_CHECK;
 status film_file_sync(struct film_file *file, struct error *err) MUST_CHECK;
+
+/* A few bytes that belong to a group of the film as a whole; film_file_sync makes them durable. Reading
+ * appends nothing where there is no note, or one that was not written to the end. ERR_LIMIT: too long. */
+enum { FILM_NOTE_MAX = 1520 };
+status film_file_note_write(struct film_file *file, uint32_t group, const struct buffer *note,
+                            struct error *err) MUST_CHECK;
+status film_file_note_read(struct film_file *file, uint32_t group, struct buffer *out,
+                           struct error *err) MUST_CHECK;
 
 /* The film is not needed any more: free its room now, so that closing takes no time. */
 void film_file_discard(struct film_file *file);

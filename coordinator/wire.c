@@ -133,27 +133,59 @@ status wire_output_get(struct output_settings *out, const Azulejo__Wire__OutputS
     return s;
 }
 
+static status output_pack(const struct output_settings *in, struct buffer *out, struct error *err)
+{
+    struct wire_output output;
+    uint8_t *space;
+
+    wire_output_set(&output, in);
+    space = buffer_append_space(out,
+                                azulejo__wire__output_settings__get_packed_size(&output.message));
+    if (!space)
+        return error_no_memory(err, "output settings");
+    azulejo__wire__output_settings__pack(&output.message, space);
+    return STATUS_OK;
+}
+
+status wire_tonemap_pack(const struct tonemap_settings *in, struct buffer *out, struct error *err)
+{
+    const struct output_settings output = {.tonemap = *in};
+
+    return output_pack(&output, out, err);
+}
+
+status wire_tonemap_unpack(struct tonemap_settings *out, const void *data, size_t size_bytes,
+                           struct error *err)
+{
+    Azulejo__Wire__OutputSettings *message =
+        azulejo__wire__output_settings__unpack(NULL, size_bytes, data);
+    struct output_settings output;
+    status s = message ? wire_output_get(&output, message, err) : STATUS_ERR_CORRUPT;
+
+    if (s == STATUS_OK)
+        *out = output.tonemap;
+    else if (!message || !status_is_environment(s))
+        s = error_set(err, STATUS_ERR_CORRUPT, "the settings are damaged");
+    if (message)
+        azulejo__wire__output_settings__free_unpacked(message, NULL);
+    return s;
+}
+
 status wire_output_digest(struct digest *out, const struct output_settings *in, struct error *err)
 {
     struct output_settings looks = *in;
-    struct wire_output output;
     struct buffer packed = BUFFER_INIT;
-    uint8_t *space;
     status s;
 
     looks.exr = looks.png = looks.jpg = looks.exr_half = 0;
     memset(&looks.picture, 0, sizeof looks.picture);
     looks.tonemap.file_name[0] = 0;
     looks.camera_ev = 0;
-    wire_output_set(&output, &looks);
-    space = buffer_append_space(
-        &packed, azulejo__wire__output_settings__get_packed_size(&output.message));
-    if (!space)
-        return error_no_memory(err, "a digest");
-    azulejo__wire__output_settings__pack(&output.message, space);
-    s = digest_of(out, packed.data, packed.size);
+    s = output_pack(&looks, &packed, err);
+    if (s == STATUS_OK && digest_of(out, packed.data, packed.size) != STATUS_OK)
+        s = error_no_memory(err, "a digest");
     buffer_release(&packed);
-    return s == STATUS_OK ? s : error_no_memory(err, "a digest");
+    return s;
 }
 
 status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32_t camera_count,

@@ -22,6 +22,12 @@ status wire_output_get(struct output_settings *out, const Azulejo__Wire__OutputS
 status wire_output_digest(struct digest *out, const struct output_settings *in,
                           struct error *err) MUST_CHECK;
 
+/* Tone mapping settings as bytes, for what must outlive a run, and back. ERR_CORRUPT. */
+status wire_tonemap_pack(const struct tonemap_settings *in, struct buffer *out, struct error *err)
+    MUST_CHECK;
+status wire_tonemap_unpack(struct tonemap_settings *out, const void *data, size_t size_bytes,
+                           struct error *err) MUST_CHECK;
+
 /* A new job in state QUEUED from a JobSubmit, every range checked. ERR_INPUT, ERR_PROTOCOL,
  * ERR_LIMIT, ERR_NO_MEMORY. `camera_count`: of its scene, UINT32_MAX when not known. */
 status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32_t camera_count,

@@ -34,6 +34,7 @@ struct curve {
     double exponent;
     double level;             /* of the display, over log10(Lmax + 1) */
     struct curve_table table; /* of negative_factor over the picture's luminances */
+    float pieces[][4];
 };
 
 /* ln(1 + x) / x for x >= 0. What 1 + x rounds off is divided away again. */
@@ -95,30 +96,40 @@ static int octave_of(double luminance)
     return exponent < OCTAVE_MIN ? OCTAVE_MIN : exponent > OCTAVE_MAX ? OCTAVE_MAX : exponent;
 }
 
-static status drago_apply(const struct tonemap_frame *frame, const double *state,
-                          struct error *err)
+/* NULL for a black frame. */
+static status drago_prepare(void **out, const struct tonemap_frame *frame, const double *state,
+                            struct error *err)
 {
     double bias = frame->values[BIAS], max, growth = 1.0 + bias - PRESET_BIAS;
     int first, count;
-    struct curve curve;
-    float (*pieces)[4];
+    struct curve *curve;
 
     (void)state;
+    *out = NULL;
     if (!(frame->statistics.max > 0.0))
-        return STATUS_OK; /* black */
+        return STATUS_OK;
     first = octave_of(frame->statistics.min);
     count = octave_of(frame->statistics.max) - first + 1;
-    pieces = mem_alloc_array((size_t)count * CURVE_PIECES, sizeof *pieces);
-    if (!pieces)
+    curve = mem_alloc(sizeof *curve + (size_t)count * CURVE_PIECES * sizeof *curve->pieces);
+    if (!curve)
         return error_no_memory(err, "a logarithmic curve");
-    curve.adaptation = growth * growth * growth * growth * growth / frame->statistics.log_mean;
-    max = curve.adaptation * frame->statistics.max;
-    curve.max = frame->statistics.max;
-    curve.exponent = det_log_d(bias) / det_log_d(0.5);
-    curve.level = frame->values[DISPLAY] / 100.0 * det_log_d(10.0) / (log1p_ratio(max) * max);
-    curve_table_build(&curve.table, pieces, first, count, negative_factor, &curve);
-    tonemap_each_row(frame, drago_row, &curve);
-    mem_free(pieces);
+    curve->adaptation = growth * growth * growth * growth * growth / frame->statistics.log_mean;
+    max = curve->adaptation * frame->statistics.max;
+    curve->max = frame->statistics.max;
+    curve->exponent = det_log_d(bias) / det_log_d(0.5);
+    curve->level = frame->values[DISPLAY] / 100.0 * det_log_d(10.0) / (log1p_ratio(max) * max);
+    curve_table_build(&curve->table, curve->pieces, first, count, negative_factor, curve);
+    *out = curve;
+    return STATUS_OK;
+}
+
+static status drago_apply(const struct tonemap_frame *frame, const double *state,
+                          struct error *err)
+{
+    (void)state;
+    (void)err;
+    if (frame->prepared)
+        tonemap_each_row(frame, drago_row, frame->prepared);
     return STATUS_OK;
 }
 
@@ -129,5 +140,8 @@ const struct tonemap_operator tonemap_drago03 = {
               "Displaying High Contrast Scenes\", Computer Graphics Forum 22(3), 2003",
     .parameters = parameters,
     .parameter_count = sizeof parameters / sizeof *parameters,
+    .measured = 1,
+    .prepare = drago_prepare,
+    .prepared_free = mem_free,
     .apply = drago_apply,
 };

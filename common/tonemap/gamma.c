@@ -20,6 +20,11 @@ struct power {
     double exponent, gain;
 };
 
+struct curve {
+    struct curve_table table;
+    float pieces[OCTAVES * CURVE_PIECES][4];
+};
+
 static double power_at(double light, const void *user)
 {
     const struct power *power = user;
@@ -35,19 +40,27 @@ static void gamma_row(const void *user, float *rgb, uint32_t width)
         rgb[i] = rgb[i] >= table->low ? curve_table_at(table, rgb[i]) : 0.0f;
 }
 
+static status gamma_prepare(void **out, const struct tonemap_frame *frame, const double *state,
+                            struct error *err)
+{
+    struct power power = {1.0 / frame->values[GAMMA], frame->values[GAIN]};
+    struct curve *curve = *out = mem_alloc(sizeof *curve);
+
+    (void)state;
+    if (!curve)
+        return error_no_memory(err, "a gamma curve");
+    curve_table_build(&curve->table, curve->pieces, FIRST_OCTAVE, OCTAVES, power_at, &power);
+    return STATUS_OK;
+}
+
 static status gamma_apply(const struct tonemap_frame *frame, const double *state,
                           struct error *err)
 {
-    struct power power = {1.0 / frame->values[GAMMA], frame->values[GAIN]};
-    float (*pieces)[4] = mem_alloc_array(OCTAVES * CURVE_PIECES, sizeof *pieces);
-    struct curve_table table;
+    const struct curve *curve = frame->prepared;
 
     (void)state;
-    if (!pieces)
-        return error_no_memory(err, "a gamma curve");
-    curve_table_build(&table, pieces, FIRST_OCTAVE, OCTAVES, power_at, &power);
-    tonemap_each_row(frame, gamma_row, &table);
-    mem_free(pieces);
+    (void)err;
+    tonemap_each_row(frame, gamma_row, &curve->table);
     return STATUS_OK;
 }
 
@@ -58,5 +71,7 @@ const struct tonemap_operator tonemap_gamma = {
     .parameters = parameters,
     .parameter_count = sizeof parameters / sizeof *parameters,
     .display_encoded = 1,
+    .prepare = gamma_prepare,
+    .prepared_free = mem_free,
     .apply = gamma_apply,
 };

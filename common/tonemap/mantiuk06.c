@@ -540,6 +540,8 @@ const struct tonemap_operator tonemap_mantiuk06 = {
               "3(3), 2006",
     .parameters = parameters,
     .parameter_count = sizeof parameters / sizeof *parameters,
+    .measured = 1,
+    .is_local = tonemap_always_local,
     .state_count = STATE_COUNT,
     .measure = mantiuk_measure,
     .apply = mantiuk_apply,

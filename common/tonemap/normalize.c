@@ -51,6 +51,7 @@ const struct tonemap_operator tonemap_normalize = {
     .parameters = parameters,
     .parameter_count = sizeof parameters / sizeof *parameters,
     .state_count = 1,
+    .measured = 1,
     .measure = normalize_measure,
     .apply = normalize_apply,
 };

@@ -18,6 +18,9 @@ extern const struct tonemap_operator tonemap_pbr_neutral;
 extern const struct tonemap_operator tonemap_hable;
 extern const struct tonemap_operator tonemap_lut;
 
+/* is_local of an operator that always is. */
+int tonemap_always_local(const double *values);
+
 /* The weights of luminance in linear Rec. 709. */
 static const double tonemap_weights[3] = {0.212656, 0.715158, 0.072186};
 

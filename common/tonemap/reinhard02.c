@@ -300,6 +300,11 @@ static status reinhard_apply(const struct tonemap_frame *frame, const double *st
     return STATUS_OK;
 }
 
+static int reinhard_is_local(const double *values)
+{
+    return (int)values[SCALE] == SCALE_LOCAL;
+}
+
 const struct tonemap_operator tonemap_reinhard02 = {
     .name = "reinhard02",
     .summary = "Photographic tone reproduction, global or local, with a white point.",
@@ -307,5 +312,7 @@ const struct tonemap_operator tonemap_reinhard02 = {
               "for Digital Images\", ACM TOG 21(3), 2002",
     .parameters = parameters,
     .parameter_count = sizeof parameters / sizeof *parameters,
+    .measured = 1,
+    .is_local = reinhard_is_local,
     .apply = reinhard_apply,
 };

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "common/base/memory.h"
 #include "common/base/parallel.h"
 #include "common/image/color.h"
 #include "common/math/elementary.h"
@@ -122,28 +123,43 @@ struct work {
     const struct image *in;
     struct image *out;
     struct tonemap_frame frame;
-    void *file;
+    void *file, *prepared;
 };
+
+/* White balance and exposure in one, as the state says. */
+static void exposure_of(double matrix[3][3], const struct tonemap_settings *s,
+                        const struct tonemap_state *state)
+{
+    double all = stops_to_gain(s->exposure_ev) *
+                 (state->metered_ev == 0.0 ? 1.0 : stops_to_gain(state->metered_ev));
+
+    balance_of(s, matrix);
+    for (int i = 0; i < 9; i++)
+        matrix[i / 3][i % 3] *= all;
+}
+
+/* The frame's statistics of `pixels` pixels, as the state says. */
+static void frame_take_state(struct tonemap_frame *frame, const struct tonemap_settings *s,
+                             const struct tonemap_state *state, size_t pixels)
+{
+    frame->gain = stops_to_gain(s->exposure_ev);
+    frame->statistics = (struct tonemap_statistics){.log_mean = 1.0};
+    if (!state->counts)
+        return;
+    frame->statistics.log_mean = det_exp_d(state->ln_log_mean);
+    frame->statistics.max = det_exp_d(state->ln_max) * frame->gain;
+    frame->statistics.min = det_exp_d(state->ln_min) * frame->gain;
+    frame->statistics.counted = pixels;
+}
 
 /* The frame's exposed pixels and statistics, as the state says. */
 static void expose(struct work *w, const struct tonemap_state *state)
 {
     struct exposing e = {.in = w->in, .out = w->out};
-    double gain = stops_to_gain(w->settings->exposure_ev), all;
 
-    all = gain * (state->metered_ev == 0.0 ? 1.0 : stops_to_gain(state->metered_ev));
-    balance_of(w->settings, e.matrix);
-    for (int i = 0; i < 9; i++)
-        e.matrix[i / 3][i % 3] *= all;
+    exposure_of(e.matrix, w->settings, state);
     parallel_for(w->frame.threads, w->in->height, GRAIN, expose_lines, &e);
-    w->frame.gain = gain;
-    w->frame.statistics = (struct tonemap_statistics){.log_mean = 1.0};
-    if (state->counts) {
-        w->frame.statistics.log_mean = det_exp_d(state->ln_log_mean);
-        w->frame.statistics.max = det_exp_d(state->ln_max) * gain;
-        w->frame.statistics.min = det_exp_d(state->ln_min) * gain;
-        w->frame.statistics.counted = (size_t)w->in->width * w->in->height;
-    }
+    frame_take_state(&w->frame, w->settings, state, (size_t)w->in->width * w->in->height);
 }
 
 static status measure_raw(struct work *w, struct tonemap_state *state, struct error *err)
@@ -217,6 +233,8 @@ static status work_begin(struct work *w, struct image *out, const struct image *
 
 static void work_end(struct work *w, status st)
 {
+    if (w->prepared)
+        w->settings->op->prepared_free(w->prepared);
     if (w->file)
         w->settings->op->file_free(w->file);
     if (st != STATUS_OK)
@@ -289,6 +307,22 @@ static void finish_row(const void *user, float *rgb, uint32_t width)
     }
 }
 
+/* What of the state the operator sees. */
+static const double *values_of(const struct tonemap_operator *op, const struct tonemap_state *state)
+{
+    return state->counts && op->state_count ? state->values : NULL;
+}
+
+static status prepare(struct work *w, const struct tonemap_state *state, struct error *err)
+{
+    const struct tonemap_operator *op = w->settings->op;
+    status st = op->prepare ? op->prepare(&w->prepared, &w->frame, values_of(op, state), err)
+                            : STATUS_OK;
+
+    w->frame.prepared = w->prepared;
+    return st;
+}
+
 status tonemap_apply(struct image *out, const struct image *in, const struct tonemap_settings *s,
                      const struct tonemap_context *context, struct error *err)
 {
@@ -304,7 +338,9 @@ status tonemap_apply(struct image *out, const struct image *in, const struct ton
     else if (st == STATUS_OK)
         expose(&w, state);
     if (st == STATUS_OK)
-        st = s->op->apply(&w.frame, state->counts && s->op->state_count ? state->values : NULL, err);
+        st = prepare(&w, state, err);
+    if (st == STATUS_OK)
+        st = s->op->apply(&w.frame, values_of(s->op, state), err);
     if (st == STATUS_OK) {
         finish.encode = !s->op->display_encoded && !w.context->linear;
         finish.decode = s->op->display_encoded && w.context->linear;
@@ -312,4 +348,122 @@ status tonemap_apply(struct image *out, const struct image *in, const struct ton
     }
     work_end(&w, st);
     return st;
+}
+
+/* ---- pixels without their picture ------------------------------------------------------------ */
+
+int tonemap_always_local(const double *values)
+{
+    (void)values;
+    return 1;
+}
+
+enum tonemap_reach tonemap_reach(const struct tonemap_settings *s)
+{
+    if (s->op->is_local && s->op->is_local(s->values))
+        return TONEMAP_REACH_PICTURE;
+    return s->op->measured || s->metering != TONEMAP_METERING_OFF ? TONEMAP_REACH_STATE
+                                                                  : TONEMAP_REACH_PIXEL;
+}
+
+void tonemap_stand_in(struct tonemap_settings *out, const struct tonemap_settings *s)
+{
+    *out = *s;
+    out->temporal = 0;
+    if (tonemap_reach(s) != TONEMAP_REACH_PICTURE)
+        return;
+    /* The global form of an operator with both, else the global one that adapts alike. */
+    if (s->op != &tonemap_reinhard02) {
+        out->op = &tonemap_reinhard02;
+        for (size_t i = 0; i < out->op->parameter_count; i++)
+            out->values[i] = out->op->parameters[i].preset;
+        out->has_file = 0;
+    }
+    if (tonemap_settings_set(out, "scale", 0.0, NULL) != STATUS_OK)
+        out->op = &tonemap_linear; /* it has that parameter: see reinhard02.c */
+}
+
+struct tonemap_pixels {
+    struct tonemap_settings settings;
+    struct tonemap_state state;
+    struct work work;          /* file and tables */
+    double matrix[3][3];
+};
+
+void tonemap_pixels_free(struct tonemap_pixels *pixels)
+{
+    struct image none = {0};
+
+    if (!pixels)
+        return;
+    pixels->work.out = &none;
+    work_end(&pixels->work, STATUS_OK);
+    mem_free(pixels);
+}
+
+const struct tonemap_settings *tonemap_pixels_settings(const struct tonemap_pixels *pixels)
+{
+    return &pixels->settings;
+}
+
+/* Codes 0..1 of one line of pixels. */
+static status show_line(const struct tonemap_pixels *p, const float *rgb, uint32_t count,
+                        float *codes, struct error *err)
+{
+    struct image in = {count, 1, 3, (float *)rgb}, out = {count, 1, 3, codes};
+    struct exposing e = {.in = &in, .out = &out};
+    struct finishing finish = {.encode = !p->settings.op->display_encoded};
+    struct tonemap_frame frame = p->work.frame;
+    status st;
+
+    memcpy(e.matrix, p->matrix, sizeof e.matrix);
+    expose_lines(&e, 0, 1);
+    frame.image = &out;
+    st = p->settings.op->apply(&frame, values_of(p->settings.op, &p->state), err);
+    finish_row(&finish, codes, count);
+    return st;
+}
+
+status tonemap_pixels_new(struct tonemap_pixels **out, const struct tonemap_settings *s,
+                          const struct tonemap_state *state, const struct tonemap_context *context,
+                          struct error *err)
+{
+    static const float black[3];
+    struct tonemap_pixels *p;
+    struct image in = {1, 1, 3, (float *)black}, line;
+    float codes[3];
+    status st;
+
+    *out = NULL;
+    if (tonemap_reach(s) == TONEMAP_REACH_PICTURE)
+        return error_set(err, STATUS_ERR_INPUT, "%s needs the whole picture", s->op->name);
+    p = mem_calloc(1, sizeof *p);
+    if (!p)
+        return error_no_memory(err, "a tone mapping");
+    p->settings = *s;
+    if (tonemap_reach(s) == TONEMAP_REACH_STATE)
+        p->state = *state;
+    st = work_begin(&p->work, &line, &in, &p->settings, context, err);
+    p->work.frame.threads = 1;
+    exposure_of(p->matrix, s, &p->state);
+    frame_take_state(&p->work.frame, s, &p->state, 1);
+    if (st == STATUS_OK)
+        st = prepare(&p->work, &p->state, err);
+    if (st == STATUS_OK) /* what can fail fails now: no later pixel needs more */
+        st = show_line(p, black, 1, codes, err);
+    image_release(&line);
+    p->work.in = NULL;
+    if (st != STATUS_OK)
+        tonemap_pixels_free(p);
+    else
+        *out = p;
+    return st;
+}
+
+void tonemap_pixels_codes(const struct tonemap_pixels *pixels, const float *rgb, uint32_t count,
+                          float *codes)
+{
+    (void)show_line(pixels, rgb, count, codes, NULL);
+    for (size_t i = 0; i < (size_t)count * 3; i++)
+        codes[i] *= 255.0f;
 }

@@ -56,6 +56,7 @@ struct tonemap_frame {
     double gain;           /* 2^exposure_ev, which the image and max and min contain */
     const double *values;  /* of the operator's parameters */
     const void *file;      /* what file_load made; NULL: no file was given */
+    const void *prepared;  /* what prepare made; NULL: the operator has none */
     unsigned threads;      /* for parallel_for */
 };
 
@@ -73,8 +74,17 @@ struct tonemap_operator {
     /* Numbers that `measure` fills in, in a domain in which a mean over frames makes sense
      * (logarithms, say); up to TONEMAP_STATE_MAX. 0: the statistics are enough. */
     size_t state_count;
+    /* What a pixel becomes depends on the frame's statistics or on the state. */
+    int measured;
+    /* With these values it depends on other pixels, too. NULL: never. */
+    int (*is_local)(const double *values);
     /* Only reads the frame. Called only if a pixel counts. */
     status (*measure)(const struct tonemap_frame *frame, double *state, struct error *err);
+    /* Make what apply needs and what is the same for every picture with these values and that state:
+     * tables. Does not look at the frame's image. NULL: nothing. */
+    status (*prepare)(void **out, const struct tonemap_frame *frame, const double *state,
+                      struct error *err);
+    void (*prepared_free)(void *prepared);
     /* In place. `state`: as measured, or a mean over frames; NULL when state_count is 0 or no pixel
      * counts (the frame is black). */
     status (*apply)(const struct tonemap_frame *frame, const double *state, struct error *err);
@@ -155,5 +165,32 @@ void tonemap_state_mean(struct tonemap_state *out, const struct tonemap_state *c
  * `context` may be NULL. The same errors. */
 status tonemap_apply(struct image *out, const struct image *in, const struct tonemap_settings *s,
                      const struct tonemap_context *context, struct error *err) MUST_CHECK;
+
+/* ---- pixels without their picture ---- */
+
+/* How much must be known before a pixel can be tone mapped. */
+enum tonemap_reach {
+    TONEMAP_REACH_PIXEL,   /* nothing else */
+    TONEMAP_REACH_STATE,   /* what is measured of the whole picture */
+    TONEMAP_REACH_PICTURE, /* other pixels */
+};
+enum tonemap_reach tonemap_reach(const struct tonemap_settings *s);
+/* The nearest settings that reach no further than the state, of one frame: they stand in for `s` where
+ * pixels must be shown before their picture is there. */
+void tonemap_stand_in(struct tonemap_settings *out, const struct tonemap_settings *s);
+
+/* Settings and a state, ready for any number of pixels. */
+struct tonemap_pixels;
+/* `state`: as tonemap_measure gave it; not used where the reach is the pixel. ERR_INPUT: bad settings or file,
+ * or they reach further; ERR_NO_MEMORY. */
+status tonemap_pixels_new(struct tonemap_pixels **out, const struct tonemap_settings *s,
+                          const struct tonemap_state *state, const struct tonemap_context *context,
+                          struct error *err) MUST_CHECK;
+void tonemap_pixels_free(struct tonemap_pixels *pixels);
+const struct tonemap_settings *tonemap_pixels_settings(const struct tonemap_pixels *pixels);
+/* The codes 0..255, not rounded, of rgb[count][3]: what tonemap_apply makes of a picture in which the pixels
+ * are. [any thread] */
+void tonemap_pixels_codes(const struct tonemap_pixels *pixels, const float *rgb, uint32_t count,
+                          float *codes);
 
 #endif

@@ -4,7 +4,8 @@
  *
  * Prints one line of JSON for each operator: megapixels a second by the clock, seconds by the clock
  * and of CPU, the median of the rounds. Everything that developing a frame needs is in it: statistics,
- * exposure, the operator, sRGB codes.
+ * exposure, the operator, sRGB codes. level_us: microseconds for the statistics of one level of a tile
+ * (common/film/levels.h), with the operator or what stands in for it.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,6 +16,8 @@
 #include "common/base/clock.h"
 #include "common/base/file.h"
 #include "common/base/options.h"
+#include "common/film/levels.h"
+#include "common/film/tiles.h"
 #include "common/math/elementary.h"
 #include "common/tonemap/tonemap.h"
 
@@ -107,6 +110,52 @@ static double median(double *values, int count)
     return values[count / 2];
 }
 
+static void show(void *user, const float *rgb, uint32_t count, float *codes)
+{
+    tonemap_pixels_codes(user, rgb, count, codes);
+}
+
+/* Microseconds for a tile's level: the median of the rounds, over 200 tiles of the picture. */
+static double level_us(const struct image *picture, const struct tonemap_settings *settings,
+                       const struct buffer *cube, int rounds)
+{
+    enum { TILES = 200, PIXELS = TILE_PIXELS_MAX };
+    static double sums[GROUP_REPLICATES * PIXELS * 3];
+    struct tonemap_context context = {.threads = 1};
+    struct tonemap_settings stand_in;
+    struct tonemap_pixels *pixels;
+    struct tonemap_state state;
+    struct error err = {0};
+    double times[ROUNDS_MAX];
+
+    tonemap_stand_in(&stand_in, settings);
+    if (stand_in.has_file) {
+        context.file_data = cube->data;
+        context.file_size = cube->size;
+    }
+    if (tonemap_measure(&state, picture, &stand_in, &context, &err) != STATUS_OK ||
+        tonemap_pixels_new(&pixels, &stand_in, &state, &context, &err) != STATUS_OK)
+        die(&err);
+    for (int i = 0; i < rounds; i++) {
+        uint64_t spent_ns = 0;
+        for (size_t t = 0; t < TILES; t++) {
+            size_t from = (size_t)picture->width * picture->height / TILES * t * 3;
+            struct film_level level = {0};
+            uint64_t start_ns;
+
+            for (size_t k = 0; k < GROUP_REPLICATES * PIXELS * 3; k++)
+                sums[k] = (double)picture->pixels[(from + k) %
+                                                  ((size_t)picture->width * picture->height * 3)];
+            start_ns = clock_monotonic_ns();
+            film_level_measure(&level, sums, PIXELS, 2, &(struct film_codes){show, pixels});
+            spent_ns += clock_monotonic_ns() - start_ns;
+        }
+        times[i] = (double)spent_ns * 1e-3 / TILES;
+    }
+    tonemap_pixels_free(pixels);
+    return median(times, rounds);
+}
+
 static void run(const struct image *picture, const char *name, const struct option_list *params,
                 const struct buffer *cube, unsigned threads, int rounds)
 {
@@ -144,9 +193,9 @@ static void run(const struct image *picture, const char *name, const struct opti
         image_release(&out);
     }
     seconds = median(wall, rounds);
-    printf("{\"operator\": \"%s\", \"mpixel_per_s\": %.2f, \"wall_s\": %.4f, \"cpu_s\": %.4f}\n",
+    printf("{\"operator\": \"%s\", \"mpixel_per_s\": %.2f, \"wall_s\": %.4f, \"cpu_s\": %.4f, \"level_us\": %.1f}\n",
            name, (double)picture->width * picture->height * 1e-6 / seconds, seconds,
-           median(cpu, rounds));
+           median(cpu, rounds), level_us(picture, &settings, cube, rounds));
     fflush(stdout);
 }
 

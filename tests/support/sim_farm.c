@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include "common/base/clock.h"
+#include "coordinator/freeze.h"
 #include "coordinator/scheduler.h"
 
 static void on_revoke(void *user, uint32_t session, uint64_t lease, const char *reason)
@@ -84,6 +85,25 @@ static status on_redevelop(void *user, struct job *job, uint32_t frame)
     return STATUS_OK;
 }
 
+static status on_freeze(void *user, struct freezing *freezing, struct error *err)
+{
+    struct sim *sim = user;
+
+    (void)err;
+    assert_true(sim->freezing_count < SIM_FREEZINGS_MAX);
+    sim->freezing[sim->freezing_count++] = freezing;
+    return STATUS_OK;
+}
+
+void sim_freeze(struct sim *sim)
+{
+    while (sim->freezing_count > 0) {
+        struct freezing *freezing = sim->freezing[--sim->freezing_count];
+        freezing_run(freezing);
+        freezing_end(&sim->farm, freezing, sim->now_ns);
+    }
+}
+
 struct store *sim_store(const char *folder)
 {
     struct store *store;
@@ -97,12 +117,13 @@ struct store *sim_store(const char *folder)
 void sim_init(struct sim *sim, struct store *store, uint64_t seed)
 {
     struct farm_events events = {on_revoke, on_ack, on_notice, on_job_changed, on_develop,
-                                 on_redevelop, NULL, sim};
+                                 on_redevelop, NULL, on_freeze, sim};
     struct error err = {0};
     uint64_t now_ns = sim->now_ns;
 
     memset(sim, 0, offsetof(struct sim, workers));
-    sim->developing_count = 0;
+    sim->developing_count = sim->freezing_count = 0;
+    sim->tonemap = NULL;
     sim->picture_job = NULL;
     sim->acks = sim->revokes = sim->notices = sim->changes = sim->developed = 0;
     sim->wrong_frames = 0;
@@ -122,6 +143,13 @@ void sim_release(struct sim *sim)
     for (size_t i = 0; i < sim->developing_count; i++)
         sim->developing[i]->in_flight--;
     sim->developing_count = 0;
+    /* So does a measurement; its note may have been written. */
+    for (size_t i = 0; i < sim->freezing_count; i++) {
+        if (sim_random(sim, 2))
+            freezing_run(sim->freezing[i]);
+        freezing_abandon(&sim->farm, sim->freezing[i]);
+    }
+    sim->freezing_count = 0;
     farm_release(&sim->farm, sim->now_ns);
 }
 
@@ -184,6 +212,9 @@ struct job *sim_submit(struct sim *sim, uint32_t width, uint32_t height, uint32_
     struct job *job = sim_job(width, height, spp, first_frame, last_frame, priority);
     struct error err = {0};
 
+    assert_int_equal(tonemap_settings_init(&job->output.tonemap,
+                                           sim->tonemap ? sim->tonemap : "linear", NULL),
+                     STATUS_OK);
     if (farm_submit(&sim->farm, job, &err) != STATUS_OK)
         fail_msg("%s", err.text);
     return job;
@@ -350,6 +381,11 @@ int sim_make_picture(struct sim *sim)
     return 1;
 }
 
+static void show(void *user, const float *rgb, uint32_t count, float *codes)
+{
+    tonemap_pixels_codes(user, rgb, count, codes);
+}
+
 /* Merge what the film has of a tile's group into `reference`, in order. */
 static void merge_in_order(struct film *reference, const struct film *film, uint32_t number,
                            struct unit_name name)
@@ -376,18 +412,40 @@ static void merge_in_order(struct film *reference, const struct film *film, uint
     }
 }
 
+/* Freeze the film's group as the coordinator shall: by what its level 0 shows. */
+static struct tonemap_pixels *freeze_in_order(struct film *film, uint32_t group, const struct job *job)
+{
+    static struct tonemap_state state;
+    struct tonemap_settings settings;
+    struct tonemap_pixels *pixels;
+    struct image image;
+
+    tonemap_stand_in(&settings, &job->output.tonemap);
+    assert_int_equal(image_init(&image, film_width(film), film_height(film), 3, NULL), STATUS_OK);
+    film_develop_group(film, group, image.pixels);
+    assert_int_equal(tonemap_measure(&state, &image, &settings, NULL, NULL), STATUS_OK);
+    assert_int_equal(tonemap_pixels_new(&pixels, &settings, &state, NULL, NULL), STATUS_OK);
+    film_freeze(film, group, &(struct film_codes){show, pixels});
+    image_release(&image);
+    return pixels;
+}
+
 int sim_frame_is_right(const struct job *job, uint32_t number, const struct film *film)
 {
     const struct render_settings *s = &job->settings;
     struct film *reference = film_new(s->width, s->height, s->spp);
     int same = film_complete(film) || job->state == JOB_STATE_CANCELLING;
+    struct tonemap_pixels *pixels[GROUPS] = {NULL};
 
     assert_non_null(reference);
     film_want_all(reference);
     for (uint32_t g = 0; g < GROUPS; g++) {
-        film_freeze(reference, g, &(struct film_codes){film_codes_plain, NULL});
+        if (tonemap_reach(&job->output.tonemap) == TONEMAP_REACH_PIXEL) /* known at the start */
+            pixels[g] = freeze_in_order(reference, g, job);
         for (uint32_t t = 0; t < film_tile_count(reference); t++)
             merge_in_order(reference, film, number, (struct unit_name){t, g, 0});
+        if (film_wants_freeze(reference, g))
+            pixels[g] = freeze_in_order(reference, g, job);
     }
     for (uint32_t t = 0; t < film_tile_count(reference) && same; t++) {
         size_t size = film_tile_state_size(reference, t);
@@ -402,5 +460,7 @@ int sim_frame_is_right(const struct job *job, uint32_t number, const struct film
         free(b);
     }
     film_free(reference);
+    for (uint32_t g = 0; g < GROUPS; g++)
+        tonemap_pixels_free(pixels[g]);
     return same;
 }

@@ -13,7 +13,7 @@
 #include "coordinator/merge.h"
 #include "coordinator/store.h"
 
-enum { SIM_WORKERS_MAX = 8, SIM_UNITS_MAX = 4096 };
+enum { SIM_WORKERS_MAX = 8, SIM_UNITS_MAX = 4096, SIM_FREEZINGS_MAX = FRAMES_OPEN_MAX * GROUPS };
 
 /* A unit that a simulated worker holds, or has sent and not seen acknowledged. */
 struct sim_unit {
@@ -39,6 +39,9 @@ struct sim {
     uint32_t last_session;
     struct job_frame *developing[FRAMES_OPEN_MAX];
     size_t developing_count;
+    struct freezing *freezing[SIM_FREEZINGS_MAX];
+    size_t freezing_count;
+    const char *tonemap;         /* the operator of sim_submit's jobs; NULL: linear, which measures nothing */
     struct job *picture_job;     /* whose picture_frame shall be developed again; NULL: none */
     uint32_t picture_frame;
     /* What happened. */
@@ -91,6 +94,8 @@ size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_nam
 
 void sim_commit(struct sim *sim);   /* write and acknowledge what is dirty */
 void sim_develop(struct sim *sim);  /* end the developments that were begun, checking their films */
+/* Run and end the measurements that were begun (coordinator/freeze.h). */
+void sim_freeze(struct sim *sim);
 /* Make the one picture that was asked for anew; 0: none was. */
 int sim_make_picture(struct sim *sim);
 

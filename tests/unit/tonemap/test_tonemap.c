@@ -859,6 +859,97 @@ static void test_tiles_do_not_show(void **state)
 }
 
 /* Presets lie within their ranges, names are distinct: what a user interface relies on. */
+/* Pixels alone come out as in their picture, unless the operator needs the picture; and only those that
+ * are said to need a measurement change with it. */
+static void test_pixels_without_their_picture(void **state)
+{
+    enum { W = 37, H = 21 };
+    size_t count;
+    const struct tonemap_operator *const *ops = tonemap_operators(&count);
+    struct image in = grey_image(W, H, 0), brighter = grey_image(W, H, 0);
+
+    (void)state;
+    for (size_t i = 0; i < (size_t)W * H * 3; i++) {
+        in.pixels[i] = (float)(i % 5 == 0 ? 0.0 : 0.003 * (double)(i % 97) * (double)(i % 89));
+        brighter.pixels[i] = in.pixels[i] * 7;
+    }
+    memcpy(brighter.pixels, in.pixels, sizeof(float) * W * 3);
+    in.pixels[8] = FLT_MAX; /* nor does what overflowed hurt */
+    for (size_t o = 0; o < count * 2; o++) {
+        struct tonemap_settings s = settings_of(ops[o / 2]->name), stand_in;
+        struct tonemap_context context;
+        struct tonemap_state measured, other;
+        struct tonemap_pixels *pixels, *others;
+        struct image shown;
+        float codes[W * 3], changed[W * 3];
+
+        s.exposure_ev = 0.5;
+        s.white_kelvin = 5000;
+        s.metering = o % 2 ? TONEMAP_METERING_KEY : TONEMAP_METERING_OFF;
+        context = context_of(&s);
+        tonemap_stand_in(&stand_in, &s);
+        assert_true(tonemap_reach(&stand_in) != TONEMAP_REACH_PICTURE);
+        assert_true(stand_in.exposure_ev == 0.5 && stand_in.white_kelvin == 5000);
+        if (tonemap_reach(&s) == TONEMAP_REACH_PICTURE) {
+            struct error err = {0};
+            assert_string_equal(stand_in.op->name, "reinhard02");
+            assert_int_equal(tonemap_pixels_new(&pixels, &s, NULL, &context, &err), STATUS_ERR_INPUT);
+            context = (struct tonemap_context){0};
+        } else {
+            assert_ptr_equal(stand_in.op, s.op);
+        }
+        s = stand_in;
+        assert_int_equal(tonemap_measure(&measured, &in, &s, &context, NULL), STATUS_OK);
+        assert_int_equal(tonemap_measure(&other, &brighter, &s, &context, NULL), STATUS_OK);
+        assert_int_equal(tonemap_pixels_new(&pixels, &s, &measured, &context, NULL), STATUS_OK);
+        assert_int_equal(tonemap_pixels_new(&others, &s, &other, &context, NULL), STATUS_OK);
+        shown = apply_in(&in, &s, &context);
+        for (uint32_t y = 0; y < H; y++) {
+            tonemap_pixels_codes(pixels, in.pixels + y * W * 3, W, codes);
+            for (int i = 0; i < W * 3; i++)
+                assert_true(codes[i] == shown.pixels[y * W * 3 + (uint32_t)i] * 255.0f);
+        }
+        tonemap_pixels_codes(pixels, brighter.pixels + W * 3, W, codes);
+        tonemap_pixels_codes(others, brighter.pixels + W * 3, W, changed);
+        assert_int_equal(memcmp(codes, changed, sizeof codes) != 0,
+                         tonemap_reach(&s) == TONEMAP_REACH_STATE);
+        image_release(&shown);
+        tonemap_pixels_free(pixels);
+        tonemap_pixels_free(others);
+    }
+    image_release(&in);
+    image_release(&brighter);
+}
+
+/* A black frame and one of the largest float: measured, and shown without a NaN. */
+static void test_pixels_of_extreme_pictures(void **state)
+{
+    static const float values[] = {0, FLT_MAX, INFINITY};
+    size_t count;
+    const struct tonemap_operator *const *ops = tonemap_operators(&count);
+
+    (void)state;
+    for (size_t o = 0; o < count * 3; o++) {
+        struct tonemap_settings s = settings_of(ops[o / 3]->name);
+        struct image in = grey_image(3, 2, values[o % 3]);
+        struct tonemap_context context;
+        struct tonemap_state measured;
+        struct tonemap_pixels *pixels;
+        float codes[9], rgb[9] = {0, 0, 0, 1, 2, 3, FLT_MAX, 0, 1};
+
+        s.metering = TONEMAP_METERING_PERCENTILE;
+        tonemap_stand_in(&s, &s);
+        context = context_of(&s);
+        assert_int_equal(tonemap_measure(&measured, &in, &s, &context, NULL), STATUS_OK);
+        assert_int_equal(tonemap_pixels_new(&pixels, &s, &measured, &context, NULL), STATUS_OK);
+        tonemap_pixels_codes(pixels, rgb, 3, codes);
+        for (int i = 0; i < 9; i++)
+            assert_true(codes[i] >= 0 && codes[i] <= 255);
+        tonemap_pixels_free(pixels);
+        image_release(&in);
+    }
+}
+
 static void test_registry(void **state)
 {
     size_t count;
@@ -917,6 +1008,8 @@ int main(void)
         cmocka_unit_test(test_averaging_calms_a_sequence),
         cmocka_unit_test(test_states_and_threads),
         cmocka_unit_test(test_tiles_do_not_show),
+        cmocka_unit_test(test_pixels_without_their_picture),
+        cmocka_unit_test(test_pixels_of_extreme_pictures),
         cmocka_unit_test(test_registry),
     };
     return cmocka_run_group_tests_name("tonemap", tests, NULL, NULL);
