@@ -5,7 +5,7 @@
 #include <strings.h>
 
 #include "client/command.h"
-#include "client/job_info.h"
+#include "client/effects_auto.h"
 #include "client/local.h"
 #include "client/signals.h"
 #include "client/study/run.h"
@@ -77,17 +77,6 @@ static status save(void *user, struct error *err)
     return result;
 }
 
-/* "3/255" */
-static status parse_target(const char *text, double *codes, struct error *err)
-{
-    char rest = 0;
-
-    if (sscanf(text, "%lf/255%c", codes, &rest) == 1 && *codes > 0 && *codes <= 255)
-        return STATUS_OK;
-    return error_set(err, STATUS_ERR_USAGE,
-                     "--target-error %s: give steps of a screen, as in 3/255", text);
-}
-
 static status set_command(struct study *s, int argc, char *const *argv, struct error *err)
 {
     struct buffer text = BUFFER_INIT;
@@ -115,7 +104,7 @@ static status prepare(struct accuracy *a, const char *scene, int argc, char *con
     if (result == STATUS_OK && a->again)
         result = study_load(s, a->again, err);
     if (result == STATUS_OK && a->target)
-        result = parse_target(a->target, &s->target_codes, err);
+        result = parse_target_codes(a->target, &s->target_codes, err);
     if (!(s->target_codes > 0))
         s->target_codes = 3;
     if (a->price > 0)

@@ -24,13 +24,11 @@ double run_picture_s(const struct study_run *run, uint32_t spp)
     return run->job_overhead_s + run->wall_per_sample_s * spp;
 }
 
-/* What jobs take on the clock. The shortest so far tells the overhead, the longest the rest. */
+/* What jobs take on the clock: the mean of what is not rendering, and what a sample takes. */
 static void learn(struct study_run *run, double wall_s, const struct trial *t)
 {
-    const double overhead = fmax(0, wall_s - t->wall_s);
-
-    if (run->wall_per_sample_s <= 0 || overhead < run->job_overhead_s)
-        run->job_overhead_s = overhead;
+    run->jobs++;
+    run->job_overhead_s += (fmax(0, wall_s - t->wall_s) - run->job_overhead_s) / run->jobs;
     /* Of the usual way only: the others have times of their own. */
     if (run->steps == 0)
         run->wall_per_sample_s = t->wall_s / t->samples;

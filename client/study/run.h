@@ -39,6 +39,7 @@ struct study_run {
     /* ---- private ---- */
     struct progress progress;
     uint64_t started_ns;
+    double jobs;                       /* so far */
     double job_overhead_s;             /* on the clock, beside the rendering */
     double wall_per_sample_s;          /* of a sample of all pixels */
     size_t steps, steps_done;          /* of the choices */

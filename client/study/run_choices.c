@@ -218,6 +218,9 @@ static struct levels levels_choose(const struct study_run *run, size_t missing)
         }
     for (uint32_t count = run->levels; count > 0; count--)
         for (uint32_t spp = most; spp >= (uint32_t)RUN_SPP_FIRST << 2 * (count - 1); spp /= 2) {
+            /* More points are worth little where they are all far from the main curve's end. */
+            if (count > 1 && spp < most / 8)
+                break;
             l = levels_to(spp, count);
             if (way_wall_s(run, &l) * (double)(missing + 1) < 0.85 * run_left_s(run))
                 return l;
@@ -293,7 +296,8 @@ static void set_gain(struct study_choice *c, const struct study_run *run, const 
     const double bias = c->floor.low > 0 ? c->floor.value : 0;
     double value, width;
 
-    c->gain_at = bias < 0.7 * target ? target : 2 * bias;
+    /* Where the target cannot be met: twice the bias, in whole codes. */
+    c->gain_at = bias < 0.7 * target ? target : ceil(2 * bias);
     if (!(usual->codes.value > 0) || !(mine->codes.value > 0) || c->gain_at > 50)
         return;
     value = log(usual->core_s / mine->core_s) + log(usual->codes.value / mine->codes.value) / exponent +
