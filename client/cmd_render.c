@@ -9,6 +9,7 @@
 #include "client/command.h"
 #include "client/cut_frame.h"
 #include "client/destination.h"
+#include "client/effects_auto.h"
 #include "client/fetch.h"
 #include "client/job_info.h"
 #include "client/local.h"
@@ -27,6 +28,7 @@ enum { CUT_PATIENCE_MS = 60000 };
 struct render {
     const char *scene_path;
     struct job_options options;
+    struct effects_auto effects;
     struct local_options local;
     int json, quiet, manifest;
     struct job_request request;
@@ -199,6 +201,8 @@ static status render_on_farm(struct render *r, struct error *err)
     connection_set_watch(r->connection, local_farm_check, r->farm);
     result = local_farm_check(r->farm, err); /* what ended before the connection watched */
     if (result == STATUS_OK)
+        result = effects_auto_apply(&r->effects, r->connection, &r->scene, &r->request, r->quiet, err);
+    if (result == STATUS_OK)
         result = submission_send(r->connection, &r->scene, &r->request, r->name,
                                  r->destination.formats, r->quiet, &r->job, err);
     if (result == STATUS_OK)
@@ -234,6 +238,8 @@ static status prepare(struct render *r, const char *out, struct error *err)
     uint32_t frames;
     status result = job_options_check(&r->options, &r->request, err);
 
+    if (result == STATUS_OK)
+        result = effects_auto_check(&r->effects, err);
     if (result != STATUS_OK)
         return result;
     frames = r->request.last_frame - r->request.first_frame + 1;
@@ -267,6 +273,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "extension (default: the scene's name, here)",
          0, 0, NULL},
         JOB_OPTION_ROWS(r.options),
+        EFFECTS_AUTO_ROWS(r.effects),
         {"workers", 'w', OPTION_INT, &workers, "N", "worker processes (default 1)", 1,
          LOCAL_WORKERS_MAX, NULL},
         {"threads", 'j', OPTION_INT, &threads, "N",

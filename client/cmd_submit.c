@@ -6,9 +6,12 @@
 #include <sys/random.h>
 
 #include "client/command.h"
+#include "client/effects_auto.h"
 #include "client/follow.h"
 #include "client/job_info.h"
+#include "client/signals.h"
 #include "client/submission.h"
+#include "client/trial.h"
 #include "common/base/memory.h"
 
 /* So often is one job sent: if the coordinator dies of it, it shall not do so for ever. */
@@ -64,17 +67,33 @@ static status send_again(struct connection **c, const struct import_result *scen
     }
 }
 
+/* Measuring is the only thing that takes long: Ctrl-C then also ends the pilots on the farm. */
+static status choose_effects(const struct effects_auto *effects, struct connection *c,
+                             const struct import_result *scene, struct job_request *request, int quiet,
+                             struct error *err)
+{
+    status result;
+
+    if (!(effects->target_codes > 0))
+        return STATUS_OK;
+    result = signals_catch(err);
+    connection_set_watch(c, trial_interrupted, NULL);
+    return result == STATUS_OK ? effects_auto_apply(effects, c, scene, request, quiet, err) : result;
+}
+
 static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
                   struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct job_options options = JOB_OPTIONS_INIT;
+    struct effects_auto effects = {0};
     const char *name = NULL;
     const char *token = NULL;
     struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
     int watch = 0, done;
     const struct option table[] = {
         JOB_OPTION_ROWS(options),
+        EFFECTS_AUTO_ROWS(effects),
         {"name", 'o', OPTION_STRING, &name, "NAME",
          "the job's name, from which its output files get theirs (default: the scene file's)", 0, 0,
          NULL},
@@ -104,6 +123,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
         return result;
     result = job_options_check(&options, &request, err);
     if (result == STATUS_OK)
+        result = effects_auto_check(&effects, err);
+    if (result == STATUS_OK)
         result = choose_token(token, &request, err);
     if (result == STATUS_OK)
         result = tonemap_key_check(&request.output.tonemap, where.key_path, err);
@@ -115,6 +136,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
     if (result == STATUS_OK)
         result = connection_open(&connection, &where, err);
     how.where = where;
+    if (result == STATUS_OK)
+        result = choose_effects(&effects, connection, &scene, &request, how.quiet, err);
     if (result == STATUS_OK)
         result = send_again(&connection, &scene, &request, name ? name : default_name, &how, &job,
                             err);

@@ -1,0 +1,193 @@
+#include "client/study/run.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+#include "client/study/study_words.h"
+#include "common/base/clock.h"
+#include "protocol/message.h"
+
+static double passed_s(const struct study_run *run)
+{
+    return (double)(clock_monotonic_ns() - run->started_ns) / (double)NS_PER_SECOND;
+}
+
+double run_left_s(const struct study_run *run)
+{
+    return run->budget_s - passed_s(run);
+}
+
+double run_picture_s(const struct study_run *run, uint32_t spp)
+{
+    return run->job_overhead_s + run->wall_per_sample_s * spp;
+}
+
+/* What jobs take on the clock: the mean of what is not rendering, and what a sample takes. */
+static void learn(struct study_run *run, double wall_s, const struct trial *t)
+{
+    run->jobs++;
+    run->job_overhead_s += (fmax(0, wall_s - t->wall_s) - run->job_overhead_s) / run->jobs;
+    /* Of the usual way only: the others have times of their own. */
+    if (run->steps == 0)
+        run->wall_per_sample_s = t->wall_s / t->samples;
+}
+
+static void show_progress(struct study_run *run, const char *what, uint32_t spp)
+{
+    struct buffer text = BUFFER_INIT;
+    double fraction = fmin(1, fmax(0, passed_s(run) / run->budget_s));
+
+    if (run->steps)
+        buffer_printf(&text, "%zu of %zu, ", run->steps_done + 1, run->steps);
+    buffer_printf(&text, "%s, %u samples", what, spp);
+    if (run->study->points.count && !run->steps) {
+        buffer_puts(&text, ", now ");
+        words_codes(&text, study_last_point(run->study)->codes.value);
+    }
+    progress_draw(&run->progress, fraction, buffer_text(&text));
+    buffer_release(&text);
+}
+
+status run_pair(struct study_run *run, const struct job_request *request, uint32_t spp,
+                uint64_t first_seed, const char *what, struct trial pair[2], struct error *err)
+{
+    struct job_request mine = *request;
+    status result = STATUS_OK;
+
+    mine.settings.spp = spp;
+    for (unsigned i = 0; i < 2 && result == STATUS_OK; i++) {
+        const uint64_t begun_ns = clock_monotonic_ns();
+        show_progress(run, what, spp);
+        mine.settings.seed = first_seed + i;
+        result = trial_render(run->connection, run->scene, &mine, run->name, &pair[i], err);
+        if (result == STATUS_OK)
+            learn(run, (double)(clock_monotonic_ns() - begun_ns) / (double)NS_PER_SECOND, &pair[i]);
+    }
+    if (result == STATUS_OK && pair[0].core_s > 0.02 && pair[1].core_s > 0.02) {
+        const double ratio = log(pair[0].core_s / pair[1].core_s);
+        run->clock_squares += ratio * ratio;
+        run->clock_pairs++;
+    }
+    return result;
+}
+
+void run_point_set(struct study_point *p, const struct trial pair[2])
+{
+    *p = (struct study_point){
+        .core_s = (pair[0].core_s + pair[1].core_s) / 2, .wall_s = (pair[0].wall_s + pair[1].wall_s) / 2,
+        .samples = pair[0].samples, .rays = (pair[0].rays + pair[1].rays) / 2,
+        .psnr_db = NAN, .codes = {NAN, NAN, NAN}, .rmse = {NAN, NAN, NAN}, .top_share = NAN,
+        .top_samples = NAN};
+}
+
+void run_point_error(struct study_point *p, const struct pair_error *e)
+{
+    p->codes = e->codes;
+    p->rmse = e->rmse;
+    p->psnr_db = e->rms_codes > 0 ? 20 * log10(255 / e->rms_codes) : NAN;
+    p->reliable = e->reliable;
+    p->top_share = e->top_share;
+    p->top_samples = e->top_pixels;
+}
+
+/* ---- the study's head ----------------------------------------------------------------------- */
+
+static status set_transform(struct study *s, const struct tonemap_settings *t, struct error *err)
+{
+    char text[160];
+
+    snprintf(text, sizeof text, "%s, %+.2f EV, sRGB", t->op->name, t->exposure_ev);
+    return study_text_set(&s->transform, text, err);
+}
+
+static status set_head(struct study_run *run, struct error *err)
+{
+    struct study *s = run->study;
+    const struct render_settings *settings = &run->request->settings;
+    const time_t now = (time_t)clock_wall_s();
+    char date[32] = "";
+    struct tm when;
+    status result;
+
+    s->width = settings->width;
+    s->height = settings->height;
+    s->seed = (double)settings->seed;
+    if (gmtime_r(&now, &when))
+        strftime(date, sizeof date, "%Y-%m-%d", &when);
+    result = study_text_set(&s->date, date, err);
+    if (result == STATUS_OK)
+        result = study_text_set(&s->version, AZULEJO_VERSION, err);
+    return result == STATUS_OK ? set_transform(s, &run->request->output.tonemap, err) : result;
+}
+
+/* Who works, once someone has. */
+static status set_workers(struct study_run *run, struct error *err)
+{
+    Azulejo__Wire__Envelope question = AZULEJO__WIRE__ENVELOPE__INIT, *answer = NULL;
+    Azulejo__Wire__WorkerQuery query = AZULEJO__WIRE__WORKER_QUERY__INIT;
+    struct study *s = run->study;
+    status result;
+
+    question.body_case = AZULEJO__WIRE__ENVELOPE__BODY_WORKER_QUERY;
+    question.worker_query = &query;
+    if (s->workers.count)
+        return STATUS_OK;
+    result = connection_ask(run->connection, &question, AZULEJO__WIRE__ENVELOPE__BODY_WORKER_LIST,
+                            &answer, err);
+    if (result != STATUS_OK)
+        return result;
+    s->cores = 0;
+    for (size_t i = 0; i < answer->worker_list->n_workers && result == STATUS_OK; i++) {
+        const Azulejo__Wire__WorkerInfo *w = answer->worker_list->workers[i];
+        struct study_worker *row = study_add_worker(s);
+        if (!row)
+            break; /* a farm of thousands: the first ones are told */
+        row->cores = w->threads;
+        s->cores += w->threads;
+        result = study_text_set(&row->name, w->host, err);
+        if (result == STATUS_OK && !s->machine)
+            result = study_text_set(&s->machine, w->kernel, err);
+    }
+    message_free(answer);
+    return result;
+}
+
+status study_run_check(const struct study *s, const struct job_request *request, const char *scene,
+                       struct error *err)
+{
+    const struct render_settings *r = &request->settings;
+
+    if (s->scene && strcmp(s->scene, scene) != 0)
+        return error_set(err, STATUS_ERR_USAGE, "--continue: the study is of %s, not of %s", s->scene, scene);
+    if (s->width != (double)r->width || s->height != (double)r->height)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--continue: the study's pictures have %gx%g pixels; give --size %gx%g", s->width,
+                         s->height, s->width, s->height);
+    if (s->seed != (double)r->seed)
+        return error_set(err, STATUS_ERR_USAGE, "--continue: the study's seed is %.0f; give --seed %.0f",
+                         s->seed, s->seed);
+    return STATUS_OK;
+}
+
+status study_run(struct study_run *run, struct error *err)
+{
+    status result = set_head(run, err);
+
+    run->started_ns = clock_monotonic_ns();
+    progress_init(&run->progress, run->quiet);
+    /* A study that has choices has its main curve. */
+    if (result == STATUS_OK && run->study->questions.count == 0)
+        result = run_main(run, err);
+    if (result == STATUS_OK)
+        result = set_workers(run, err);
+    if (result == STATUS_OK)
+        result = run_choices(run, err);
+    progress_clear(&run->progress);
+    for (size_t i = 0; i < RUN_POINTS_MAX; i++)
+        for (size_t k = 0; k < 2; k++)
+            image_release(&run->pairs[i][k]);
+    image_release(&run->usual);
+    return result;
+}
