@@ -20,6 +20,10 @@ enum { CONTRASTS = 3, TILE = 16 };
 #define MODEL_SPREAD 0.05
 /* The share of the pixels whose part of the squared error is told. */
 #define TOP 0.001
+/* A pixel counts among those that make the display error from this fraction of it on; it is dark if it
+ * shows less than this fraction of its neighbourhood's. */
+#define NOISY 3
+#define DARK 5
 
 static const float signs[CONTRASTS][ACCURACY_REPLICATES] = {
     {0.25f, -0.25f, 0.25f, -0.25f},
@@ -33,7 +37,8 @@ struct view {
     const struct accuracy_transform *transform;
     uint32_t across;
     float *half;      /* [pixels][3]: the mean with a contrast added, or taken away */
-    float *codes[2];  /* of both */
+    float *mean;      /* [pixels][3]: the codes of the mean */
+    float *codes;     /* [pixels][3]: of `half`, less those of the mean */
 };
 
 static size_t pixel_count(const struct accuracy_picture *p)
@@ -98,8 +103,8 @@ static int contrast_at(const struct view *v, size_t pixel, int k)
 static void view_release(struct view *v)
 {
     mem_free(v->half);
-    mem_free(v->codes[0]);
-    mem_free(v->codes[1]);
+    mem_free(v->mean);
+    mem_free(v->codes);
 }
 
 static status view_init(struct view *v, const struct accuracy_picture *picture,
@@ -111,30 +116,39 @@ static status view_init(struct view *v, const struct accuracy_picture *picture,
                        .transform = transform,
                        .across = (picture->width + TILE - 1) / TILE,
                        .half = mem_alloc_array(values, sizeof(float)),
-                       .codes = {mem_alloc_array(values, sizeof(float)),
-                                 mem_alloc_array(values, sizeof(float))}};
-    if (v->half && v->codes[0] && v->codes[1])
-        return STATUS_OK;
-    view_release(v);
-    return error_no_memory(err, "the figures of a picture's error");
-}
-
-/* The codes of the mean with contrast k added, and taken away. */
-static status view_halves(struct view *v, int k, struct error *err)
-{
-    size_t values = pixel_count(v->picture) * 3;
+                       .mean = mem_alloc_array(values, sizeof(float)),
+                       .codes = mem_alloc_array(values, sizeof(float))};
     status s = STATUS_OK;
 
-    for (int side = 0; side < 2 && s == STATUS_OK; side++) {
-        for (size_t i = 0; i < values; i++) {
-            float r[ACCURACY_REPLICATES], c;
-            values_at(v, i, r);
-            c = contrast_of(r, contrast_at(v, i / 3, k));
-            v->half[i] = mean_of(r) + (side ? -c : c);
-        }
-        s = v->transform->apply(v->transform->user, v->half, v->picture->width, v->picture->height,
-                                v->codes[side], err);
+    if (!v->half || !v->mean || !v->codes)
+        s = error_no_memory(err, "the figures of a picture's error");
+    for (size_t i = 0; i < values && s == STATUS_OK; i++) {
+        float r[ACCURACY_REPLICATES];
+        values_at(v, i, r);
+        v->half[i] = mean_of(r);
     }
+    if (s == STATUS_OK)
+        s = transform->apply(transform->user, v->half, picture->width, picture->height, v->mean, err);
+    if (s != STATUS_OK)
+        view_release(v);
+    return s;
+}
+
+/* Codes of the mean with contrast k times `sign` added, less those of the mean. */
+static status view_shift(struct view *v, int k, float sign, struct error *err)
+{
+    size_t values = pixel_count(v->picture) * 3;
+    status s;
+
+    for (size_t i = 0; i < values; i++) {
+        float r[ACCURACY_REPLICATES];
+        values_at(v, i, r);
+        v->half[i] = mean_of(r) + sign * contrast_of(r, contrast_at(v, i / 3, k));
+    }
+    s = v->transform->apply(v->transform->user, v->half, v->picture->width, v->picture->height,
+                            v->codes, err);
+    for (size_t i = 0; i < values && s == STATUS_OK; i++)
+        v->codes[i] -= v->mean[i];
     return s;
 }
 
@@ -149,6 +163,9 @@ struct gathered {
     double groups[2];                       /* the groups' own sums of squared errors */
     float *errors[CONTRASTS];               /* [pixels]: largest channel's error in codes */
     float *squared;                         /* [pixels]: linear */
+    float *lone;                            /* [pixels]: 1 where one replicate made all of the error, 0
+                                             * where one contrast did */
+    float *spread;                          /* [pixels]: standard deviation in codes */
 };
 
 static void gathered_release(struct gathered *g)
@@ -156,14 +173,18 @@ static void gathered_release(struct gathered *g)
     for (int k = 0; k < CONTRASTS; k++)
         mem_free(g->errors[k]);
     mem_free(g->squared);
+    mem_free(g->lone);
+    mem_free(g->spread);
 }
 
 static status gathered_init(struct gathered *g, size_t pixels, struct error *err)
 {
-    *g = (struct gathered){.pixels = pixels, .squared = mem_alloc_array(pixels, sizeof(float))};
+    *g = (struct gathered){.pixels = pixels, .squared = mem_alloc_array(pixels, sizeof(float)),
+                           .lone = mem_alloc_array(pixels, sizeof(float)),
+                           .spread = mem_alloc_array(pixels, sizeof(float))};
     for (int k = 0; k < CONTRASTS; k++)
-        g->errors[k] = mem_alloc_array(pixels, sizeof(float));
-    if (g->squared && g->errors[0] && g->errors[1] && g->errors[2])
+        g->errors[k] = mem_calloc(pixels, sizeof(float));
+    if (g->squared && g->lone && g->spread && g->errors[0] && g->errors[1] && g->errors[2])
         return STATUS_OK;
     gathered_release(g);
     return error_no_memory(err, "the figures of a picture's error");
@@ -179,6 +200,16 @@ static double variance3(const double x[CONTRASTS])
     double m = mean3(x);
 
     return ((x[0] - m) * (x[0] - m) + (x[1] - m) * (x[1] - m) + (x[2] - m) * (x[2] - m)) / 2;
+}
+
+/* The products of two contrasts' squares over those of one with itself: 1 if all are equal, which is so where
+ * one replicate alone was lit, or none. */
+static float lone_share(const double squares[CONTRASTS])
+{
+    double both = squares[0] * squares[1] + squares[1] * squares[2] + squares[0] * squares[2];
+    double one = squares[0] * squares[0] + squares[1] * squares[1] + squares[2] * squares[2];
+
+    return one > 0 ? (float)(both / one) : 1;
 }
 
 /* Errors in linear radiance, of the difference a - b; b may be NULL. */
@@ -207,6 +238,7 @@ static void gather_linear(struct gathered *g, const struct view *a, const struct
             }
         }
         g->squared[p] = (float)mean3(squares);
+        g->lone[p] = lone_share(squares);
         g->linear += mean3(squares);
         g->linear_variance += UNKNOWN_SHARE * variance3(squares);
     }
@@ -215,29 +247,41 @@ static void gather_linear(struct gathered *g, const struct view *a, const struct
         g->mean_variance += means[k] * means[k] / ((double)g->pixels * 3 * (double)g->pixels * 3) / 3;
 }
 
-/* Errors in display codes, of the difference a - b. */
+/* Add what contrast k shows with one sign: to errors[k] the square of the largest channel's error, to
+ * `squares` that of all. */
+static status add_codes(struct gathered *g, struct view *a, struct view *b, int k, float sign,
+                        float *squares, struct error *err)
+{
+    status s = view_shift(a, k, sign, err);
+
+    if (s == STATUS_OK && b)
+        s = view_shift(b, k, sign, err);
+    for (size_t p = 0; p < g->pixels && s == STATUS_OK; p++) {
+        float largest = 0;
+        for (size_t i = p * 3; i < p * 3 + 3; i++) {
+            float d = b ? a->codes[i] - b->codes[i] : a->codes[i];
+            largest = d * d > largest ? d * d : largest;
+            squares[p] += d * d / 2;
+        }
+        g->errors[k][p] += largest / 2;
+    }
+    return s;
+}
+
+/* Errors in display codes, of the difference a - b: what each contrast shows, added and taken away. */
 static status gather_codes(struct gathered *g, struct view *a, struct view *b, struct error *err)
 {
     float *squares[CONTRASTS] = {NULL};
     status s = STATUS_OK;
 
     for (int k = 0; k < CONTRASTS && s == STATUS_OK; k++) {
-        squares[k] = mem_alloc_array(g->pixels, sizeof(float));
-        s = squares[k] ? view_halves(a, k, err) : error_no_memory(err, "a picture's error");
-        if (s == STATUS_OK && b)
-            s = view_halves(b, k, err);
-        for (size_t p = 0; p < g->pixels && s == STATUS_OK; p++) {
-            float largest = 0, sum = 0;
-            for (size_t i = p * 3; i < p * 3 + 3; i++) {
-                float d = (a->codes[0][i] - a->codes[1][i]) / 2;
-                if (b)
-                    d -= (b->codes[0][i] - b->codes[1][i]) / 2;
-                largest = fabsf(d) > largest ? fabsf(d) : largest;
-                sum += d * d;
-            }
-            g->errors[k][p] = largest;
-            squares[k][p] = sum;
-        }
+        squares[k] = mem_calloc(g->pixels, sizeof(float));
+        s = squares[k] ? add_codes(g, a, b, k, 1, squares[k], err)
+                       : error_no_memory(err, "a picture's error");
+        if (s == STATUS_OK)
+            s = add_codes(g, a, b, k, -1, squares[k], err);
+        for (size_t p = 0; p < g->pixels && s == STATUS_OK; p++)
+            g->errors[k][p] = sqrtf(g->errors[k][p]);
     }
     for (size_t p = 0; p < g->pixels && s == STATUS_OK; p++) {
         double x[CONTRASTS] = {(double)squares[0][p], (double)squares[1][p], (double)squares[2][p]};
@@ -263,7 +307,7 @@ static double pixel_square(const struct gathered *g, size_t p)
 
 /* Each pixel's error is normal with a standard deviation that it shares with its neighbours: a pixel
  * that the light was found in by no sample, or by chance in all of them, tells little of its own. */
-static void spread_pixels(const struct gathered *g, uint32_t width, uint32_t height,
+static void spread_pixels(struct gathered *g, uint32_t width, uint32_t height,
                           struct spreads *spreads)
 {
     for (uint32_t y = 0; y < height; y++)
@@ -273,7 +317,8 @@ static void spread_pixels(const struct gathered *g, uint32_t width, uint32_t hei
             for (uint32_t v = y > 0 ? y - 1 : 0; v <= y + 1 && v < height; v++)
                 for (uint32_t u = x > 0 ? x - 1 : 0; u <= x + 1 && u < width; u++, count++)
                     sum += pixel_square(g, (size_t)v * width + u);
-            spreads_add(spreads, (float)sqrt(sum / count));
+            g->spread[(size_t)y * width + x] = (float)sqrt(sum / count);
+            spreads_add(spreads, g->spread[(size_t)y * width + x]);
         }
 }
 
@@ -296,7 +341,7 @@ static double share_deviation(const struct gathered *g)
     return sqrt(variance) / (double)g->pixels;
 }
 
-static status figure_display(struct accuracy_figures *out, const struct gathered *g, uint32_t width,
+static status figure_display(struct accuracy_figures *out, struct gathered *g, uint32_t width,
                              uint32_t height, struct error *err)
 {
     struct spreads *spreads = mem_calloc(1, sizeof *spreads);
@@ -367,11 +412,30 @@ static double top_share(const struct gathered *g)
     return g->linear > 0 ? sum / g->linear : 0;
 }
 
+/* Of the pixels that make the display error: how far one replicate alone makes it, and how many show no
+ * error of their own beside neighbours that do. */
+static void figure_sparse(struct accuracy_figures *out, const struct gathered *g)
+{
+    double lone = 0;
+    size_t count = 0, dark = 0;
+
+    for (size_t p = 0; p < g->pixels; p++)
+        if ((double)g->spread[p] > out->display_error / NOISY) {
+            double share = (double)g->spread[p] / DARK;
+            count++;
+            lone += (double)g->lone[p];
+            dark += pixel_square(g, p) < share * share;
+        }
+    out->lone = count ? lone / (double)count : 0;
+    out->dark = count ? (double)dark / (double)count : 0;
+}
+
 static void figure_evidence(struct accuracy_figures *out, const struct gathered *g,
                             const struct accuracy_evidence *e)
 {
     double a = g->groups[0], b = g->groups[1];
 
+    figure_sparse(out, g);
     out->top_share = top_share(g);
     out->disagreement = a > 0 && b > 0 ? fabs(det_log_d(a / b)) : a > 0 || b > 0 ? INFINITY : 0;
     out->tail_index = e && e->tails ? accuracy_tails_index(e->tails) : NAN;
@@ -405,7 +469,7 @@ static void figures_unknown(struct accuracy_figures *out)
     *out = (struct accuracy_figures){
         .display_error = NAN, .display_lo = NAN, .display_hi = NAN, .psnr_db = NAN, .psnr_lo = NAN,
         .psnr_hi = NAN, .rmse_percent = NAN, .rmse_lo = NAN, .rmse_hi = NAN, .mean = NAN,
-        .top_share = NAN, .disagreement = NAN, .unseen = NAN, .tail_index = NAN};
+        .lone = NAN, .dark = NAN, .top_share = NAN, .disagreement = NAN, .unseen = NAN, .tail_index = NAN};
 }
 
 static status figures_make(struct accuracy_figures *out, struct view *a, struct view *b,
