@@ -24,10 +24,10 @@ static void print_row(const char *scene, uint32_t seed, uint32_t spp, const stru
 {
     const struct accuracy_figures *f = &j->figures;
 
-    printf("%s,%u,%u,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.6g,%.6g,%.6g,%.6g,%d,%u,%.9g\n",
+    printf("%s,%u,%u,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d,%u,%.9g\n",
            scene, seed, spp, f->display_error, f->display_lo, f->display_hi, j->true_display,
            f->rmse_percent, f->rmse_lo, f->rmse_hi, j->true_rmse, f->psnr_db, j->true_psnr,
-           f->top_share, f->disagreement, f->unseen, f->tail_index, f->reliable, f->reasons,
+           f->lone, f->dark, f->top_share, f->disagreement, f->unseen, f->tail_index, f->reliable, f->reasons,
            j->cpu_s);
 }
 
@@ -56,7 +56,7 @@ int main(int argc, char **argv)
         die(err.text);
     if (header) {
         puts("scene,seed,spp,display,display_lo,display_hi,display_true,rmse,rmse_lo,rmse_hi,rmse_true,"
-             "psnr,psnr_true,top_share,disagreement,unseen,tail_index,reliable,reasons,cpu_s");
+             "psnr,psnr_true,lone,dark,top_share,disagreement,unseen,tail_index,reliable,reasons,cpu_s");
         return 0;
     }
     if (help || rest.count != 1 || sscanf(size_text, "%ux%u", &size.width, &size.height) != 2) {
