@@ -125,9 +125,9 @@ static void print_error(FILE *file, const Azulejo__Wire__JobInfo *job)
 {
     struct buffer line = BUFFER_INIT;
 
-    figures_describe(&line, job->now->figures);
     if (job->last_frame > job->first_frame)
-        buffer_printf(&line, " (frame %u)", job->now_frame);
+        buffer_printf(&line, "frame %u: ", job->now_frame);
+    figures_describe(&line, job->now->figures);
     print_line(file, "error", &line);
     buffer_clear(&line);
     figures_describe_word(&line, job->now->figures, job->error_effects);

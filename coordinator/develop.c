@@ -30,6 +30,7 @@ struct development {
     struct history history;  /* before this development */
     struct history_point point; /* its figures, and what was spent by then */
     int measured;            /* `point` is of this development; else the newest there was, if any */
+    double map_max;          /* as in struct job */
     struct measurement measurement; /* copied, if `film` is NULL */
     struct unit_work work;
     struct work_stats stats;
@@ -60,6 +61,7 @@ static status development_new(struct development **out, const struct job *job, u
     d->revision = job->revision;
     d->settings = job->settings;
     d->output = job->output;
+    d->map_max = job->map_max;
     if (frame) {
         d->coverage = film_coverage(frame->film);
         d->history = frame->history;
@@ -410,12 +412,47 @@ static void toning_end(struct toning *t)
     buffer_release(&t->file);
 }
 
+/* What of the environment's map a path may meet by chance; asked only where caustics are. What is wrong with
+ * the map itself is the workers' to say. */
+static status find_map_max(struct development *d, const struct store *store, struct error *err)
+{
+    const struct scene_environment *e = &d->description.environment;
+    struct buffer file = BUFFER_INIT;
+    struct image_repairs repairs = {0};
+    struct image map = {0};
+    float most = 0;
+    status s;
+
+    if (!isnan(d->map_max) || !d->described || !e->present || e->constant ||
+        !(effects_of(d) & EFFECT_CAUSTICS))
+        return STATUS_OK;
+    s = blobs_read(store_folder(store), &e->image.blob.digest, IMAGE_BYTES_MAX, &file, err);
+    if (s == STATUS_OK)
+        s = image_decode_hdr(&map, file.data, file.size, "the environment", &repairs, err);
+    for (size_t i = 0; s == STATUS_OK && i < (size_t)map.width * map.height * map.channels; i++)
+        most = map.pixels[i] > most ? map.pixels[i] : most;
+    d->map_max = (double)most;
+    image_release(&map);
+    buffer_release(&file);
+    return status_is_environment(s) ? s : STATUS_OK;
+}
+
+static double brightest_of(const struct development *d)
+{
+    if (!d->described)
+        return 0;
+    return accuracy_brightest(&d->description, (double)d->settings.env_strength,
+                              isnan(d->map_max) ? 0 : d->map_max);
+}
+
 static status find_figures(struct development *d, const struct store *store, struct error *err)
 {
     struct toning t;
     status s;
 
     s = describe(d, store, err);
+    if (s == STATUS_OK)
+        s = find_map_max(d, store, err);
     if (s == STATUS_OK && d->film)
         s = measurement_take(&d->measurement, d->film, err);
     if (s == STATUS_OK)
@@ -423,7 +460,7 @@ static status find_figures(struct development *d, const struct store *store, str
     if (s == STATUS_OK) {
         t.context.threads = 1; /* rendering has the others */
         s = measurement_figures(&d->measurement, &d->output.tonemap, &t.context, effects_of(d),
-                                &d->point.figures, NULL, err);
+                                brightest_of(d), &d->point.figures, NULL, err);
         toning_end(&t);
     }
     measurement_release(&d->measurement);
@@ -439,6 +476,11 @@ status develop_figures(struct development *d, struct store *store, struct error 
                               &d->point, err);
     d->measured = s == STATUS_OK;
     return s;
+}
+
+double development_map_max(const struct development *d)
+{
+    return d->map_max;
 }
 
 const struct history_point *development_point(const struct development *d)

@@ -41,6 +41,8 @@ status develop_again(struct development *development, struct store *store, struc
 /* Compute the figures, and keep them in the frame's history. */
 status develop_figures(struct development *development, struct store *store, struct error *err)
     MUST_CHECK;
+/* The largest value of the environment's map, for the job's next frames; NaN: it was not looked for. */
+double development_map_max(const struct development *development);
 /* What develop_figures or develop_frame found; NULL: nothing yet. */
 const struct history_point *development_point(const struct development *development);
 /* The revision of the output settings that the development follows; -1 where it leaves display

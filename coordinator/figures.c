@@ -19,9 +19,11 @@ void figures_open(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
         log_warn("job %llu, frame %u: %s", (unsigned long long)frame->job->id, frame->number,
                  err.text);
     last = history_last(&frame->history);
-    if (last) {
-        frame->spent.core_s = last->core_s;
-        frame->spent.wall_s = last->wall_s;
+    if (last && last->rays > 0) {
+        /* The film may have got further than its last point: its rays tell by how much. */
+        double further = (double)film_rays(frame->film) / (double)last->rays;
+        frame->spent.core_s = last->core_s * further;
+        frame->spent.wall_s = last->wall_s * further;
     }
 }
 

@@ -94,7 +94,8 @@ static status measure_mean(const struct measurement *m, struct shown *shown, str
 
 status measurement_figures(const struct measurement *m, const struct tonemap_settings *tone,
                            const struct tonemap_context *context, uint64_t effects,
-                           struct accuracy_figures *out, struct accuracy_map *map, struct error *err)
+                           double brightest, struct accuracy_figures *out,
+                           struct accuracy_map *map, struct error *err)
 {
     struct shown *shown = mem_calloc(1, sizeof *shown);
     struct accuracy_picture picture = {.width = m->width, .height = m->height,
@@ -103,7 +104,7 @@ status measurement_figures(const struct measurement *m, const struct tonemap_set
                                    .length = TAIL_MAX, .samples = m->pixel_samples};
     struct accuracy_evidence evidence = {
         .samples = (double)m->pixel_samples / ((double)m->width * m->height),
-        .effects = effects, .tails = &tails};
+        .effects = effects, .brightest = brightest, .tails = &tails};
     status s = STATUS_OK;
 
     memset(out, 0, sizeof *out);

@@ -26,12 +26,12 @@ status measurement_take(struct measurement *out, const struct film *film,
                         struct error *err) MUST_CHECK;
 void measurement_release(struct measurement *m);
 
-/* How the job shows its pictures, `context` with the operator's file; `effects` that the frame calls for.
- * `map` may be NULL. ERR_NO_MEMORY, and what tone mapping gives. */
+/* How the job shows its pictures, `context` with the operator's file; `effects` that the frame calls for;
+ * `brightest`: accuracy_brightest of its scene, 0: not known. `map` may be NULL. ERR_NO_MEMORY, and what tone mapping gives. */
 status measurement_figures(const struct measurement *m, const struct tonemap_settings *tone,
                            const struct tonemap_context *context, uint64_t effects,
-                           struct accuracy_figures *out, struct accuracy_map *map,
-                           struct error *err) MUST_CHECK;
+                           double brightest, struct accuracy_figures *out,
+                           struct accuracy_map *map, struct error *err) MUST_CHECK;
 
 /* The transform in words: "reinhard02, exposure +1 EV, sRGB". */
 enum { MEASURE_TEXT_MAX = 96 };

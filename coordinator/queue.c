@@ -57,6 +57,7 @@ struct job *job_new(uint32_t first_frame, uint32_t last_frame)
     if (!job)
         return NULL;
     job->first_frame = first_frame;
+    job->map_max = NAN;
     job->last_frame = last_frame;
     job->frames_done = mem_calloc((size_t)job_frame_count(job) / 8 + 1, 1);
     job->frames_developed = mem_calloc((size_t)job_frame_count(job) / 8 + 1, 1);

@@ -124,6 +124,7 @@ struct job {
     struct cut_frame *cuts;            /* of the frames that are done */
     size_t cut_count, cut_capacity;
     struct job_figures figures;        /* of the frames that are done */
+    double map_max;                    /* largest value of the environment's map; NaN: not looked for yet */
     struct throughput throughput;      /* processor time that its results bring */
     struct unit_work work;             /* of the frames that are done */
     struct work_stats stats;

@@ -205,6 +205,7 @@ static void end_develop(uv_work_t *request, int code)
 
     (void)code;
     server->works--;
+    work->frame->job->map_max = development_map_max(work->development);
     if (work->result == STATUS_OK && !work->frame->closing)
         figures_finished(&server->farm, work->frame->job, work->frame->number,
                          development_point(work->development));
@@ -253,6 +254,7 @@ static void end_measure(uv_work_t *request, int code)
     if (work->result != STATUS_OK)
         log_debug("job %llu, frame %u: its figures: %s", (unsigned long long)work->stored_job->id,
                   work->stored_frame, work->error.text);
+    work->stored_job->map_max = development_map_max(work->development);
     figures_measured(&server->farm, work->stored_job, work->stored_frame,
                      development_point(work->development), work->cost_ns, clock_monotonic_ns());
     work_free(work);

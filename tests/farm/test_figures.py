@@ -1,0 +1,148 @@
+"""How wrong a picture is: the same figures wherever they are told, kept over restarts, and a word where
+they cannot be trusted."""
+import math
+import os
+import sys
+
+sys.dont_write_bytecode = True  # no __pycache__ in the sources
+from exr import read_exr
+from farm import Farm, Tests, wait_for
+from jobs import expect
+
+tests = Tests()
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+SCENES = os.path.join(ROOT, "tests", "accuracy", "scenes")
+FEATURES = os.path.join(ROOT, "scenes", "features")
+KEYS = {"azulejo:errorDisplay": "display", "azulejo:errorDisplayLow": "display_low",
+        "azulejo:errorDisplayHigh": "display_high", "azulejo:errorPsnr": "psnr_db",
+        "azulejo:errorRmsePercent": "rmse_percent", "azulejo:errorRmsePercentLow": "rmse_low",
+        "azulejo:errorRmsePercentHigh": "rmse_high", "azulejo:errorTopShare": "top_share"}
+
+
+def listed(farm, number):
+    return next(j for j in farm.cli("list", "--json", expect=0).json()["jobs"] if j["job"] == number)
+
+
+def header_text(picture, name):
+    return picture.attributes[name].decode()
+
+
+@tests.add
+def the_figures_are_the_same_everywhere():
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker(threads=2)
+        number = farm.submit(os.path.join(FEATURES, "metal.gltf"), "--size", "60x44", "--spp", "64",
+                             "--exposure", "1")
+        farm.wait_for_job(number)
+        shown = farm.job(number)
+        error = shown["error"]
+        expect(error["frame"] == shown["first_frame"] and error["word"] == "reliable", error)
+        expect(0 < error["display_low"] < error["display"] < error["display_high"] < 255, error)
+        expect(error["samples"] == 60 * 44 * 64, error)
+        expect(listed(farm, number)["error"] == error, "list --json: %s" % listed(farm, number)["error"])
+        history = farm.cli("show", number, "--json", expect=0).json()["history"]
+        last = history[-1]
+        expect(all(error[key] == value for key, value in last.items()), "%s is not %s" % (last, error))
+        picture = read_exr(next(f for f in farm.fetch(number) if f.endswith(".exr")))
+        for name, key in KEYS.items():
+            expect(picture.number(name) == error[key],
+                   "%s: %s, not %s" % (name, picture.number(name), error[key]))
+        expect(header_text(picture, "azulejo:errorWord") == "reliable", picture.attributes)
+        expect("reinhard" in header_text(picture, "azulejo:errorTransform") and
+               "+1 EV" in header_text(picture, "azulejo:errorTransform"),
+               picture.attributes["azulejo:errorTransform"])
+        expect(error["transform"] == header_text(picture, "azulejo:errorTransform"), error)
+        # 1 / (codes^2 * core-seconds) of the only frame.
+        expect(math.isclose(shown["efficiency"], 1 / (error["display"] ** 2 * error["core_seconds"]),
+                            rel_tol=1e-5), shown["efficiency"])
+        table = farm.cli("show", number, "--history", expect=0).out
+        expect(len(table.splitlines()) == len(history) + 1, table)
+        words = farm.cli("show", number, expect=0).out
+        expect("in 95 % of the pixels" in words and "reliable" in words and "efficiency" in words, words)
+
+
+@tests.add
+def a_history_survives_the_coordinator():
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker(threads=1)
+        number = farm.submit(os.path.join(FEATURES, "glass.gltf"), "--size", "160x120", "--spp", "4096")
+
+        def points():
+            return farm.cli("show", number, "--json", expect=0).json()["history"]
+
+        wait_for(lambda: len(points()) >= 3, "three points of the history", 120)
+        job = farm.job(number)
+        expect(job["seconds_left"] > 0 and job["cores"] > 0 and job["forecasts"], job)
+        expect(any(f["at_end"] for f in job["forecasts"]), job["forecasts"])
+        farm.coordinator.kill()
+        farm.restart_coordinator()
+        farm.wait_for_workers(1)
+        wait_for(lambda: len(points()) >= 3, "the history of before", 60)
+        before = points()
+        expect(before[0]["core_seconds"] > 0 and before[0]["display"] > before[-1]["display"], before)
+        wait_for(lambda: points()[-1]["samples"] > before[-1]["samples"], "a point after the restart", 120)
+        after = points()
+        expect(after[:len(before) - 1] == before[:-1], "%s, not %s" % (after, before))
+        expect(all(a["core_seconds"] < b["core_seconds"] and a["wall_seconds"] < b["wall_seconds"]
+                   for a, b in zip(after, after[1:])), after)
+        farm.cli("cancel", number, expect=0)
+        job = farm.wait_for_job(number, "cancelled")
+        expect(job["error"]["samples"] >= after[-1]["samples"], job["error"])
+
+
+@tests.add
+def what_may_be_understated_says_so():
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker(threads=2)
+        number = farm.submit(os.path.join(SCENES, "glass-sun.pbrt"), "--size", "48x48", "--spp", "16")
+        error = farm.wait_for_job(number)["error"]
+        expect(error["word"] == "may be understated" and not error["reliable"], error)
+        expect("caustics" in error["reason"], error)
+        words = farm.cli("show", number, expect=0).out
+        expect("may be understated: " in words and "caustics" in words, words)
+        table = farm.cli("list", expect=0).out
+        expect("/255?" in table, table)
+
+
+@tests.add
+def the_level_of_light_does_not_change_relative_figures():
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker(threads=2)
+        figures = []
+        for strength, exposure in ((1, 0), (10000, -math.log2(10000))):
+            number = farm.submit(os.path.join(SCENES, "soft-sky.pbrt"), "--size", "48x40", "--spp", "16",
+                                 "--env-strength", strength, "--tonemap", "linear",
+                                 "--exposure", "%.17g" % exposure)
+            figures.append(farm.wait_for_job(number)["error"])
+        for key in ("display", "psnr_db", "rmse_percent", "rmse_low", "rmse_high"):
+            expect(math.isclose(figures[0][key], figures[1][key], rel_tol=0.002),
+                   "%s: %s and %s" % (key, figures[0][key], figures[1][key]))
+
+
+@tests.add
+def animations_tell_each_frame_the_worst_and_the_change():
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker(threads=2)
+        number = farm.submit(os.path.join(FEATURES, "motion.gltf"), "--size", "48x32", "--spp", "16",
+                             "--frames", "2-4")
+        farm.wait_for_job(number)
+        farm.coordinator.kill()
+        farm.restart_coordinator()
+        job = farm.job(number)
+        each = {frame: farm.cli("show", number, "--json", "--frame", frame,
+                                expect=0).json()["history"][-1]["display"] for frame in (2, 3, 4)}
+        worst = max(each, key=each.get)
+        expect(job["worst_error"]["frame"] == worst, (job["worst_error"], each))
+        expect(math.isclose(job["worst_error"]["display"], each[worst], rel_tol=1e-6), each)
+        changes = {frame: math.hypot(each[frame], each[frame + 1]) for frame in (2, 3)}
+        expect(math.isclose(job["flicker"]["display"], max(changes.values()), rel_tol=1e-6),
+               (job["flicker"], changes))
+        expect(job["flicker"]["frame"] == max(changes, key=changes.get), (job["flicker"], changes))
+
+
+tests.run()
