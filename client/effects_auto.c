@@ -2,6 +2,7 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "client/effects_measure.h"
@@ -11,9 +12,10 @@
 
 status parse_target_codes(const char *text, double *codes, struct error *err)
 {
-    char rest = 0;
+    char *rest;
 
-    if (sscanf(text, "%lf/255%c", codes, &rest) == 1 && *codes > 0 && *codes <= 255)
+    *codes = strtod(text, &rest);
+    if (rest > text && strcmp(rest, "/255") == 0 && *codes > 0 && *codes <= 255)
         return STATUS_OK;
     return error_set(err, STATUS_ERR_USAGE,
                      "--target-error %s: give steps of a screen, as in 3/255", text);

@@ -93,7 +93,7 @@ struct job_frame {
     struct pending_ack *acks;
     size_t ack_count, ack_capacity;
     struct tonemap_pixels *display[GROUPS]; /* how its pixels are shown; NULL: not frozen (freeze.h) */
-    int measuring[GROUPS];       /* a measurement for that is on its way */
+    int freezing[GROUPS];        /* a measurement for that is on its way */
     struct work_stats stats;     /* measured of the results merged in this run */
     struct eta eta;
     struct history history;

@@ -279,7 +279,7 @@ void freezing_run(struct freezing *f)
 
 void freezing_abandon(struct farm *farm, struct freezing *f)
 {
-    f->frame->measuring[f->group] = 0;
+    f->frame->freezing[f->group] = 0;
     farm_frame_unpin(farm, f->frame);
     freezing_free(f);
 }
@@ -292,7 +292,7 @@ void freezing_end(struct farm *farm, struct freezing *f, uint64_t now_ns)
         freezing_abandon(farm, f);
         return;
     }
-    frame->measuring[f->group] = 0;
+    frame->freezing[f->group] = 0;
     farm_frame_unpin(farm, frame);
     if (f->result == STATUS_OK) {
         freeze_group(frame, f->group, f->pixels);
@@ -316,7 +316,7 @@ void freeze_step(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
         struct freezing *f;
         status s;
 
-        if (!film_wants_freeze(frame->film, g) || frame->measuring[g] || frame->closing ||
+        if (!film_wants_freeze(frame->film, g) || frame->freezing[g] || frame->closing ||
             frame->state != FRAME_RENDERING || !job_state_is_open(frame->job->state) ||
             trouble_is(&farm->trouble) || trouble_waits(&frame->trouble, now_ns))
             continue;
@@ -333,7 +333,7 @@ void freeze_step(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
                          &err, now_ns);
             continue;
         }
-        frame->measuring[g] = 1;
+        frame->freezing[g] = 1;
         frame->in_flight++;
         if (!farm->events.freeze)
             freezing_end(farm, f, now_ns);

@@ -10,6 +10,7 @@ import tempfile
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import bench_farm
+import bench_auto  # after bench_farm, which says where `farm` is
 from farm import BIN, BUILD, ROOT
 
 DATA = os.environ.get("AZULEJO_DATA")
@@ -300,8 +301,8 @@ def show_tonemapping():
 
 def main():
     against = sys.argv[2] if len(sys.argv) == 3 and sys.argv[1] == "against" else None
-    if sys.argv[1:] and sys.argv[1:] != ["kernels"] and not against:
-        sys.exit("usage: report.py [kernels | against FOLDER]")
+    if sys.argv[1:] not in ([], ["kernels"], ["auto"]) and not against:
+        sys.exit("usage: report.py [kernels | auto | against FOLDER]")
     if not os.path.exists(os.path.join(BUILD, "tests", "bench", "bench_render")):
         sys.exit("make bench: %s is not built" % BUILD)
     with tempfile.TemporaryDirectory(prefix="azulejo-bench-") as folder:
@@ -328,6 +329,9 @@ def main():
             large.append(helmet)
         spheres = scenes[2]
         show_machine()
+        if sys.argv[1:] == ["auto"]:
+            bench_auto.show_auto(title)
+            return
         if sys.argv[1:] == ["kernels"]:
             show_kernels(kernel_scenes(scenes, sky))
             return

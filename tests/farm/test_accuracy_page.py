@@ -280,7 +280,7 @@ def test_errors():
         def fails(code, words, *args, **how):
             result = farm.cli("accuracy", *args, expect=code, connect=False, **how)
             expect(words in result.err, result)
-        fails(2, "--from FILE.json is missing")
+        fails(2, "a scene, or --from FILE.json, is missing")
         fails(2, "must end in .html", "--from", SAMPLE, "-o", farm.path("a.png"))
         fails(3, "nowhere.json", "--from", farm.path("nowhere.json"))
         with open(farm.path("bad.json"), "w") as out:

@@ -1,0 +1,194 @@
+"""What effects and accuracy cost: bias apart from noise, effects left out by themselves, studies."""
+import json
+import os
+import signal
+import sys
+
+sys.dont_write_bytecode = True  # no __pycache__ in the sources
+from exr import read_exr
+from farm import ROOT, Farm, Failure, Tests, wait_for
+
+tests = Tests()
+FEATURES = os.path.join(ROOT, "scenes", "features")
+CORNELL = os.path.join(ROOT, "scenes", "cornell", "cornell-area.gltf")
+
+
+def expect(condition, words):
+    if not condition:
+        raise Failure(str(words))
+
+
+def measured(farm, scene, *options):
+    """The effects that were measured, by name."""
+    out = farm.cli("effects", scene, "--measure", "--json", "--quiet", *options, expect=0).json()
+    expect(out["measured"]["rounds"] == 4 and out["measured"]["core_seconds"] > 0, out["measured"])
+    return {row["effect"]: row for row in out["effects"] if "bias_codes" in row}
+
+
+@tests.add
+def no_bias_from_noise():
+    """a portal changes the noise alone: its bias is 0 within the interval; a sky that is off is a gross one"""
+    with Farm() as farm:
+        rows = measured(farm, os.path.join(FEATURES, "portal.pbrt"), "--size", "48x32", "--spp", "32")
+        portal, sky = rows["portal"], rows["environment light"]
+        expect(portal["differs"], portal)
+        for figure in ("bias_codes", "bias_rms_codes"):
+            value, low, high = portal[figure]
+            expect(low == 0 and high > 0 and low <= value <= high, portal)
+        # the picture is black without its sky: half of the pixels are above 60 of 255
+        value, low, high = sky["bias_codes"]
+        expect(60 < low < value < high <= 255, sky)
+        expect(sky["mean_change"] == -1, sky)
+        expect(sky["time_share"][1] > 0, sky)
+
+
+@tests.add
+def auto_leaves_out_the_hidden():
+    """--effects auto leaves out what a loose target hides, not what it shows; header and manifest say so"""
+    scene = os.path.join(FEATURES, "portal.pbrt")
+    with Farm() as farm:
+        def render(target):
+            out = farm.cli("render", scene, "--size", "48x32", "--spp", "4", "--effects", "auto",
+                           "--target-error", target, "--manifest", "-o", "auto", "--json", expect=0)
+            return out.json()["job"]["settings"]["without"], out.err
+        without, words = render("0.1/255")
+        expect(without == [], without)
+        expect("nothing is left out" in words and "core-seconds" in words, words)
+        # The portal takes a third of the time and changes noise alone; all else is seen at once.
+        without, words = render("160/255")
+        expect(without == ["portal"], (without, words))
+        expect("left out portal" in words and "the target is loose" in words, words)
+        attributes = read_exr(farm.path("auto.exr")).attributes
+        expect(attributes["azulejo:without"] == b"portal", attributes)
+        with open(farm.path("auto.effects.json")) as source:
+            manifest = json.load(source)
+        expect("portal" in json.dumps(manifest["switched_off"]), manifest)
+
+
+@tests.add
+def auto_on_a_farm():
+    """submit measures on the farm itself; what the options lack is said before anything is rendered"""
+    with Farm() as farm:
+        for options, words in (
+                (["--effects", "auto"], "--target-error 3/255"),
+                (["--target-error", "3/255"], "--effects auto"),
+                (["--effects", "auto", "--target-error", "1%"], "--target-error 1%"),
+                (["--effects", "auto", "--target-error", "0/255"], "--target-error 0/255")):
+            for command in ("render", "submit"):
+                result = farm.cli(command, CORNELL, *options, connect=False, expect=2)
+                expect(words in result.err, result)
+        farm.start_coordinator()
+        farm.start_worker()
+        result = farm.cli("submit", CORNELL, "--size", "32x32", "--spp", "4", "--effects", "auto",
+                          "--target-error", "2/255", expect=0)
+        expect("nothing is left out" in result.err, result.err)
+        expect(farm.wait_for_job(int(result.out))["settings"]["without"] == [], result)
+        names = [job["name"] for job in farm.cli("list", "--all", "--json", expect=0).json()["jobs"]]
+        expect(names.count("pilot") == 8 and "cornell-area" in names, names)
+
+
+def study(farm, *options, scene=CORNELL, name="s", expected=0):
+    result = farm.cli("accuracy", scene, "--size", "32x32", "--threads", "1", "-o", name + ".html",
+                      *options, expect=expected, limit_s=180)
+    with open(farm.path(name + ".json")) as source:
+        return json.load(source), result
+
+
+def choices_of(data):
+    return {question["title"]: {choice["name"]: choice for choice in question["choices"]}
+            for question in data["questions"]}
+
+
+@tests.add
+def quick_study():
+    """a quick study of a tiny scene, end to end: what it finds, its page, and no noise called bias"""
+    with Farm() as farm:
+        data, result = study(farm, "--quick", "--minutes", "0.4", "--spp", "32",
+                             "--target-error", "4/255")
+        expect(data["complete"], result)
+        points = data["points"]
+        expect([p["samples"] for p in points] == [4, 8, 16, 32], points)
+        for p, q in zip(points, points[1:]):
+            expect(q["core_s"] > p["core_s"] and q["codes"][0] < p["codes"][0], points)
+            expect(p["codes"][1] < p["codes"][0] < p["codes"][2] and p["rays"] > 0, p)
+        expect(0.3 < data["fit"]["exponent"][0] < 1, data["fit"])
+        expect(len(data["regions"]) == 2 and data["target_codes"] == 4, "regions")
+        choices = choices_of(data)
+        expect(choices["Sampler"]["Sobol"]["baseline"], choices["Sampler"])
+        # Independent numbers, other light choices and no roulette have the same mean: no bias.
+        for title, name in (("Sampler", "independent"), ("Choice of lights", "power"),
+                            ("Choice of lights", "uniform"), ("Russian roulette", "off")):
+            expect(choices[title][name]["floor"][1] == 0, (title, choices[title][name]))
+        # The lamp off is grossly wrong, and one edge shows direct light alone.
+        dark = choices["Effects left out"]["emissive mesh"]
+        expect(dark["floor"][1] > 50, dark)
+        expect(choices["Path depth"]["1"]["floor"][1] > 20, choices["Path depth"]["1"])
+        half = choices["Bits of the picture"]["16"]
+        expect(half["floor"][2] < 0.2, half)
+        effect = {e["name"]: e for e in data["effects"]}["emissive mesh"]
+        expect(effect["saved"][0] > 0 and effect["bias"] == dark["floor"], effect)
+        with open(farm.path("s.html")) as page:
+            text = page.read()
+        expect("<svg" in text and "Path depth" in text and "never better than" in text, text[:500])
+        expect("core-seconds" in result.out and "s.html" in result.out, result.out)
+        for extension in ("csv", "json"):
+            expect(os.path.getsize(farm.path("s." + extension)) > 100, extension)
+
+
+@tests.add
+def study_goes_on():
+    """Ctrl-C keeps what is measured; --continue measures the rest, and nothing twice; other scenes are refused"""
+    with Farm() as farm:
+        client = farm.start_cli("accuracy", CORNELL, "--size", "32x32", "--threads", "1", "--spp", "16",
+                                "--quick", "-o", "s.html")
+
+        def some_choices():
+            try:
+                with open(farm.path("s.json")) as source:
+                    return len(json.load(source)["questions"]) >= 2
+            except OSError:
+                return False
+        wait_for(some_choices, "the first choices")
+        client.send_signal(signal.SIGINT)
+        _, err = client.communicate(timeout=60)
+        expect(client.returncode != 0 and b"--continue s.json" in err, err)
+        with open(farm.path("s.json")) as source:
+            before = json.load(source)
+        expect(not before["complete"] and os.path.exists(farm.path("s.html")), before["complete"])
+        for options, words in ((["--size", "40x32"], "--size 32x32"), (["--seed", "3"], "--seed 0")):
+            result = farm.cli("accuracy", CORNELL, "--size", "32x32", *options, "--continue", "s.json",
+                              expect=2)
+            expect(words in result.err, result)
+        result = farm.cli("accuracy", os.path.join(FEATURES, "glass.gltf"), "--size", "32x32",
+                          "--continue", "s.json", expect=2)
+        expect("cornell-area.gltf" in result.err, result)
+        after, result = study(farm, "--quick", "--continue", "s.json")
+        expect(after["complete"] and after["points"] == before["points"], result)
+        for title, old in choices_of(before).items():
+            for name, choice in old.items():
+                expect(choices_of(after)[title][name] == choice, (title, name))
+
+
+@tests.add
+def study_on_a_farm():
+    """--farm measures on the farm, and ends its jobs when it is interrupted"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        where = ["--farm", "--coordinator", farm.address, "--key", farm.key]
+        result = farm.cli("accuracy", CORNELL, "--coordinator", farm.address, expect=2)
+        expect("--farm" in result.err, result)
+        client = farm.start_cli("accuracy", CORNELL, "--size", "64x64", "--minutes", "5", "-o",
+                                "s.html", *where)
+        wait_for(lambda: os.path.exists(farm.path("s.json")), "the first point")
+        client.send_signal(signal.SIGINT)
+        client.communicate(timeout=60)
+
+        def all_over():
+            jobs = farm.cli("list", "--all", "--json", expect=0).json()["jobs"]
+            return all(job["state"] in ("done", "cancelled") for job in jobs)
+        wait_for(all_over, "no job to be left")
+
+
+if __name__ == "__main__":
+    tests.run()
