@@ -171,12 +171,24 @@ static float lone_share(const double squares[CONTRASTS])
     return one > 0 ? (float)(both / one) : 1;
 }
 
+/* What a squared error of the group's counts for in the comparison of the groups: by the samples, so that
+ * equal noise of a sample compares as equal. 0 where a group is missing. */
+static double group_weight(const struct view *v, size_t pixel, int group)
+{
+    const struct accuracy_picture *p = v->picture;
+    size_t tile = pixel / p->width / ACCURACY_TILE * v->across + pixel % p->width / ACCURACY_TILE;
+
+    if (!p->samples)
+        return 1;
+    return p->samples[tile * 2] > 0 && p->samples[tile * 2 + 1] > 0 ? p->samples[tile * 2 + (size_t)group] : 0;
+}
+
 void gather_linear(struct gathered *g, const struct view *a, const struct view *b)
 {
     double means[CONTRASTS] = {0};
 
     for (size_t p = 0; p < g->pixels; p++) {
-        double squares[CONTRASTS] = {0};
+        double squares[CONTRASTS] = {0}, weights[2] = {group_weight(a, p, 0), group_weight(a, p, 1)};
         for (size_t i = p * 3; i < p * 3 + 3; i++) {
             float ra[ACCURACY_REPLICATES], rb[ACCURACY_REPLICATES] = {0};
             values_at(a, i, ra);
@@ -192,7 +204,7 @@ void gather_linear(struct gathered *g, const struct view *a, const struct view *
             for (int group = 0; group < 2; group++) {
                 double d = ((double)ra[group * 2] - (double)ra[group * 2 + 1] -
                             ((double)rb[group * 2] - (double)rb[group * 2 + 1])) / 2;
-                g->groups[group] += d * d;
+                g->groups[group] += d * d * weights[group];
             }
         }
         g->squared[p] = (float)mean3(squares);

@@ -29,7 +29,7 @@ struct gathered {
     double linear, linear_variance;         /* sum of the pixels' squared errors; of that less the real */
     double mean_variance;                   /* of the frame's mean */
     double codes, codes_variance;
-    double groups[2];                       /* the groups' own sums of squared errors */
+    double groups[2];                       /* the groups' own sums of squared errors times samples */
     float *errors[CONTRASTS];               /* [pixels]: largest channel's error in codes */
     float *squared;                         /* [pixels]: linear */
     float *lone;                            /* [pixels]: 1 where one replicate made all of the error, 0

@@ -67,7 +67,7 @@ struct accuracy_figures {
     double lone, dark;    /* of the pixels that make the display error: how far one replicate alone makes it,
                            * and the share of them that show none themselves; 0..1 */
     double top_share;     /* of the squared error, in the 0.1 % of the pixels with the largest */
-    double disagreement;  /* |ln| of the ratio of the groups' own mean squared errors */
+    double disagreement;  /* |ln| of the ratio of the groups' own squared errors, for equal samples */
     double unseen;        /* squared error of one unmet path over all of the estimated; 0: not known */
     double tail_index;    /* k of the largest contributions; NaN: not known */
     int known;            /* 0: a tile lacks a replicate; all of the above is NaN */

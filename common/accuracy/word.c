@@ -10,8 +10,8 @@
 #define UNSEEN_MAX 1.0
 #define DISAGREEMENT_MAX 0.8
 #define TOP_SHARE_MAX 0.7
-#define LONE_MAX 0.6
-#define DARK_MAX 0.2
+#define LONE_MAX 0.59
+#define DARK_MAX 0.17
 
 double word_unseen(const struct accuracy_evidence *evidence, double squared_error)
 {
