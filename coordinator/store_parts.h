@@ -4,6 +4,7 @@
  * store_database.c  the connection, the tables and their versions, running a statement
  * store_jobs.c      the rows: jobs that are new, kept, revised, loaded; frames that are done
  * store_saves.c     a job's counters and state, saved at once or soon, by a thread of its own
+ * store_deliverers.c who delivered results
  * store_files.c     where films and outputs lie
  */
 #ifndef AZULEJO_COORDINATOR_STORE_PARTS_H
@@ -64,6 +65,11 @@ void bind_text(sqlite3_stmt *statement, int at, const char *text);
 void bind_number(sqlite3_stmt *statement, int at, uint64_t value);
 void column_text(sqlite3_stmt *statement, int at, char *out, size_t size);
 uint64_t column_number(sqlite3_stmt *statement, int at);
+
+/* The table of deliverers, and a row of it. */
+extern const char deliverers_schema[];
+status deliverer_write(struct store *store, const struct deliverer *deliverer,
+                       struct error *err) MUST_CHECK;
 
 /* saves_init makes the locks, saves_start the writer thread. saves_stop, for both, ends the thread
  * once it has tried to write what waits. */
