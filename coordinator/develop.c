@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "common/accuracy/word.h"
+#include "common/base/clock.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "common/image/image.h"
@@ -14,6 +15,7 @@
 #include "common/scene/scene.h"
 #include "coordinator/blobs.h"
 #include "coordinator/measure.h"
+#include "coordinator/measured.h"
 #include "coordinator/wire.h"
 
 enum { ATTRIBUTES_MAX = 64 };
@@ -22,6 +24,7 @@ struct development {
     uint64_t job;
     char name[JOB_NAME_MAX + 1], scene_name[JOB_NAME_MAX + 1], kernel[KERNEL_NAME_MAX + 1];
     struct digest scene;
+    int64_t submitted_at;
     uint32_t frame, first_frame, window_begin;
     uint32_t revision;       /* of `output` */
     struct render_settings settings;
@@ -55,6 +58,7 @@ static status development_new(struct development **out, const struct job *job, u
     memcpy(d->scene_name, job->scene_name, sizeof d->scene_name);
     memcpy(d->kernel, job->kernel, sizeof d->kernel);
     d->scene = job->scene;
+    d->submitted_at = job->submitted_at;
     d->frame = number;
     d->first_frame = job->first_frame;
     d->window_begin = job_window_begin(job, number);
@@ -185,6 +189,25 @@ static void add_samples(struct attributes *a, const struct development *d)
     add_number(a, "azulejo:samplesMean", mean_samples(d));
     add_number(a, "azulejo:samplesMax", d->coverage.most);
     add_number(a, "azulejo:tilesWithoutSamples", d->coverage.tiles_empty);
+}
+
+/* What is in the film, and what went wrong in it: the same on every farm. */
+static void add_work(struct attributes *a, const struct unit_work *w)
+{
+    add_number(a, "azulejo:rays", (double)w->rays);
+    add_number(a, "azulejo:vertices", (double)w->vertices);
+    add_number(a, "azulejo:droppedSamples", (double)w->dropped_samples);
+    add_number(a, "azulejo:leakedRays", (double)w->leaked_rays);
+    add_number(a, "azulejo:clampedValues", (double)w->clamped_values);
+}
+
+static void write_measured(const struct development *d, struct buffer *out)
+{
+    struct measured m = {.job = d->job, .submitted_at = d->submitted_at, .written_at = clock_wall_s(),
+                         .workers = d->film ? measured_workers(d->film) : 0,
+                         .cpu_ns = d->stats.cpu_ns, .trace_ns = d->stats.trace_ns};
+
+    measured_write(out, &m);
 }
 
 /* Settings that only some jobs have. */
@@ -345,6 +368,7 @@ static status encode_exr(struct development *d, struct buffer *exr, struct error
     char without[SETTINGS_TEXT_SIZE];
     struct exr_channel channels[EXR_CHANNELS_MAX];
     struct exr_channels more = {.channels = channels, .lines = develop_lines, .user = d};
+    struct buffer measured = BUFFER_INIT;
     uint64_t clamped = 0;
     struct exr_options options = {.half = d->output.exr_half, .clamped = &clamped};
     status s;
@@ -355,7 +379,6 @@ static status encode_exr(struct development *d, struct buffer *exr, struct error
     add_text(&a, "azulejo:scene", scene);
     add_text(&a, "azulejo:sceneName", d->scene_name);
     add_text(&a, "azulejo:jobName", d->name);
-    add_number(&a, "azulejo:job", (double)d->job);
     add_number(&a, "azulejo:frame", d->frame);
     add_number(&a, "azulejo:spp", d->settings.spp);
     add_samples(&a, d);
@@ -372,11 +395,19 @@ static status encode_exr(struct development *d, struct buffer *exr, struct error
     if (d->described)
         add_point(&a, "azulejo:origin", d->description.origin);
     add_figures(&a, d, &text);
+    add_work(&a, &d->work);
+    write_measured(d, &measured);
+    if (!buffer_ok(&measured)) {
+        buffer_release(&measured);
+        return error_no_memory(err, "the picture's header");
+    }
+    add_text(&a, MEASURED_ATTRIBUTE, buffer_text(&measured));
     options.attributes = a.items;
     options.attribute_count = a.count;
     more.count = d->film ? list_channels(d->settings.aovs, channels) : 0;
     options.more = &more;
     s = exr_encode(exr, &d->image, &options, err);
+    buffer_release(&measured);
     if (s == STATUS_OK && clamped > 0)
         log_warn("job %" PRIu64 ", frame %u: %" PRIu64 " values were too large for half floats and "
                  "are 65504 in the EXR file",

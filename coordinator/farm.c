@@ -57,6 +57,8 @@ status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns,
     if (store) {
         s = store_epoch_begin(store, wall_s, &epoch, err);
         if (s == STATUS_OK)
+            s = store_deliverers_last(store, &farm->last_deliverer, err);
+        if (s == STATUS_OK)
             s = store_jobs_load(store, adopt_job, farm, err);
     }
     if (s != STATUS_OK) {
@@ -261,22 +263,42 @@ status farm_worker_add(struct farm *farm, struct farm_worker *worker, struct err
     if (farm->worker_count == WORKERS_MAX)
         return error_set(err, STATUS_ERR_LIMIT, "%d workers are connected already", WORKERS_MAX);
     credit_init(&worker->credit, worker->threads);
-    worker->deliverer = ++farm->last_deliverer;
     farm->workers[farm->worker_count++] = worker;
     farm->pump_wanted = 1;
     return STATUS_OK;
 }
 
+void farm_deliverer_begin(struct farm *farm, struct farm_worker *worker)
+{
+    struct error err = {0};
+
+    if (worker->deliverer.number)
+        return;
+    worker->deliverer.number = ++farm->last_deliverer;
+    worker->deliverer.first_seen = farm->wall_s;
+    /* A conflict is then told with the number only. */
+    if (farm->store &&
+        store_deliverer_save_later(farm->store, &worker->deliverer, &err) != STATUS_OK)
+        log_warn("%s", err.text);
+}
+
 void farm_deliverer_text(const struct farm *farm, uint32_t deliverer, char out[DELIVERER_TEXT_MAX])
 {
+    struct deliverer gone;
+
     for (uint32_t i = 0; i < farm->worker_count; i++) {
         const struct farm_worker *worker = farm->workers[i];
-        if (worker->deliverer != deliverer)
+        if (worker->deliverer.number != deliverer)
             continue;
         snprintf(out, DELIVERER_TEXT_MAX, "session %u (%s)", worker->held.session, worker->name);
         return;
     }
-    snprintf(out, DELIVERER_TEXT_MAX, "a worker that has gone (number %u)", deliverer);
+    if (farm->store && store_deliverer_find(farm->store, deliverer, &gone, NULL) == STATUS_OK &&
+        gone.number)
+        snprintf(out, DELIVERER_TEXT_MAX, "a worker that has gone (%s, process %u, %s)", gone.host,
+                 gone.process, gone.software);
+    else
+        snprintf(out, DELIVERER_TEXT_MAX, "a worker that has gone (number %u)", deliverer);
 }
 
 void farm_worker_remove(struct farm *farm, struct farm_worker *worker, int died, uint64_t now_ns)

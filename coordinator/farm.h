@@ -23,7 +23,7 @@ enum {
     FRAMES_OPEN_PER_JOB = 3,     /* of those, of one job; also counts frames being developed */
     WORKERS_MAX = 4096,
     WORKER_NAME_MAX = 127,
-    DELIVERER_TEXT_MAX = 192,
+    DELIVERER_TEXT_MAX = 256,
     PROGRESS_SAVE_MS = 2000,     /* how often a running job's counters go to the store */
 };
 /* Films in memory; one frame alone may need more. */
@@ -37,7 +37,7 @@ struct farm_worker {
     uint32_t isa_mask;
     char kernel[KERNEL_NAME_MAX + 1];
     char name[WORKER_NAME_MAX + 1]; /* for people: "host, process 123" */
-    uint32_t deliverer;          /* its number in the films' logs; farm_worker_add sets it */
+    struct deliverer deliverer;  /* its number in the films' logs is given with its first result */
     uint32_t room;               /* units it asked for and did not get yet */
     uint64_t cost_job;           /* the job that `cost_ns` was measured on */
     double cost_ns;              /* CPU time of one pixel sample on one thread; 0: not known */
@@ -116,6 +116,8 @@ status farm_worker_add(struct farm *farm, struct farm_worker *worker, struct err
 /* `died`: its connection was lost. Jobs that it held leases of may be parked for that
  * (suspicion.h). */
 void farm_worker_remove(struct farm *farm, struct farm_worker *worker, int died, uint64_t now_ns);
+/* Give the worker its number in the films' logs, if it has none. */
+void farm_deliverer_begin(struct farm *farm, struct farm_worker *worker);
 /* Who a film's deliverer number is, in words. */
 void farm_deliverer_text(const struct farm *farm, uint32_t deliverer, char out[DELIVERER_TEXT_MAX]);
 /* A worker cannot render this job at all. Counts once a machine, and only while the worker holds a

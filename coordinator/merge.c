@@ -121,7 +121,7 @@ static status merge_into(struct job_frame *frame, const struct farm_worker *work
         return s;
     frame->ack_count--;
     floats_from_wire(sums, result->sums, unit.count);
-    s = film_merge(frame->film, &unit, worker->deliverer, merged, err);
+    s = film_merge(frame->film, &unit, worker->deliverer.number, merged, err);
     if (s == STATUS_ERR_INPUT) {
         s = STATUS_ERR_PROTOCOL;
         if (err)
@@ -162,6 +162,7 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
     frame = frame_of(farm, worker, result, now_ns, outcome);
     if (!frame)
         return STATUS_OK;
+    farm_deliverer_begin(farm, worker);
     s = merge_into(frame, worker, result, &merged, err);
     if (s == STATUS_ERR_PROTOCOL)
         error_prefix(err, "job %llu, frame %u", (unsigned long long)result->job, result->frame);

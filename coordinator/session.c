@@ -140,6 +140,9 @@ static status make_worker(struct session *session, const Azulejo__Wire__Hello *h
     worker->isa_mask = hello->isa_mask;
     message_text(worker->kernel, sizeof worker->kernel, hello->kernel);
     snprintf(worker->name, sizeof worker->name, "%s, process %u", session->host, session->process);
+    snprintf(worker->deliverer.host, sizeof worker->deliverer.host, "%s", session->host);
+    snprintf(worker->deliverer.software, sizeof worker->deliverer.software, "%s", session->software);
+    worker->deliverer.process = session->process;
     s = farm_worker_add(&server->farm, worker, err);
     if (s != STATUS_OK) {
         mem_free(worker);

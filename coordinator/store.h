@@ -2,8 +2,8 @@
  *
  * STORE/lock              held (flock) while a coordinator uses the store
  * STORE/reserve           room kept back for queue.sqlite (reserve.h)
- * STORE/queue.sqlite      jobs, the frames that are done or cut short, how wrong they are and were, the
- *                         lease epoch (WAL, full sync)
+ * STORE/queue.sqlite      jobs, the frames that are done or cut short, how wrong they are and were, who
+ *                         delivered results, the lease epoch (WAL, full sync)
  * STORE/blobs/ab/HEX      blobs by SHA-256 (blobs.h)
  * STORE/blobs/tmp/        uploads on their way; emptied at the start
  * STORE/films/JOB/frame-NNNN.film   films in work (store_film.h); removed when the job ends
@@ -85,6 +85,22 @@ int store_job_unsaved(struct store *store, uint64_t id);
 status store_jobs_load(struct store *store,
                        status (*adopt)(void *user, struct job *job, struct error *err), void *user,
                        struct error *err) MUST_CHECK;
+
+/* Who delivers results. Numbers start at 1 and are never used for another. */
+struct deliverer {
+    uint32_t number, process;
+    char host[64], software[64];
+    int64_t first_seen;          /* seconds since 1970, UTC */
+};
+/* The last number that was stored; 0: none was. */
+status store_deliverers_last(struct store *store, uint32_t *last, struct error *err) MUST_CHECK;
+/* Keep it, as store_job_save_later keeps a job: it is on disk before any film that was synced after
+ * store_await_saves. */
+status store_deliverer_save_later(struct store *store, const struct deliverer *deliverer,
+                                  struct error *err) MUST_CHECK;
+/* out->number is 0 where the number is not known. [any thread] */
+status store_deliverer_find(struct store *store, uint32_t number, struct deliverer *out,
+                            struct error *err) MUST_CHECK;
 
 /* The frame's outputs are on disk; its pictures follow that revision of the job's output settings
  * (-1: there are none yet). `cut`: what it holds when it was cut short; NULL: it is whole.

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "common/base/file.h"
+#include "common/base/log.h"
 #include "common/base/memory.h"
 #include "coordinator/reserve.h"
 #include "coordinator/store_parts.h"
@@ -54,6 +55,16 @@ static const char schema_4[] =
     " psnr_lo REAL, psnr_hi REAL, rmse REAL, rmse_lo REAL, rmse_hi REAL, mean REAL,"
     " top_share REAL, disagreement REAL, unseen REAL, tail REAL,"
     " PRIMARY KEY (job, frame, place)) WITHOUT ROWID;";
+/* Version 4: who delivered results (store_deliverers.c). Samples are shared out otherwise since then, so an
+ * unfinished frame's film is of no use (film_file_open sets it aside): a job without a finished frame is
+ * as if it had not begun, and any release's workers may begin it. The numbers are those of enum job_state:
+ * not DONE, FAILED or CANCELLED. */
+static const char convert_4[] =
+    "UPDATE jobs SET kernel='', active_ns=0, conflicts=0, samples=0, rays=0, vertices=0, dropped=0,"
+    " cpu_ns=0, trace_ns=0"
+    " WHERE state NOT IN (2, 3, 4) AND NOT EXISTS (SELECT 1 FROM frames WHERE job=jobs.id);";
+_Static_assert(JOB_STATE_DONE == 2 && JOB_STATE_FAILED == 3 && JOB_STATE_CANCELLED == 4,
+               "as in convert_4");
 
 status sql_error(struct store *store, const char *what, struct error *err)
 {
@@ -203,7 +214,15 @@ static status open_to_write(struct store *store, const char *path, struct error 
     if (s == STATUS_OK)
         s = sql_exec(store, schema_4, "cannot be brought up to date", err);
     if (s == STATUS_OK)
+        s = sql_exec(store, deliverers_schema, "cannot be brought up to date", err);
+    if (s == STATUS_OK && version > 0)
+        s = sql_exec(store, convert_4, "cannot be brought up to date", err);
+    if (s == STATUS_OK)
         s = sql_exec(store, "PRAGMA user_version=4; COMMIT", "cannot be set up", err);
+    if (s == STATUS_OK && version > 0)
+        log_info("%s: brought up from store version %d to %d; finished jobs stay as they are, frames in "
+                 "work are rendered from their beginning",
+                 store->folder, version, STORE_VERSION);
     return s;
 }
 

@@ -5,6 +5,7 @@
  * store_jobs.c      the rows: jobs that are new, kept, revised, loaded; frames that are done
  * store_history.c   the rows of frames' figures
  * store_saves.c     a job's counters and state, saved at once or soon, by a thread of its own
+ * store_deliverers.c who delivered results
  * store_files.c     where films and outputs lie
  */
 #ifndef AZULEJO_COORDINATOR_STORE_PARTS_H
@@ -68,6 +69,10 @@ uint64_t column_number(sqlite3_stmt *statement, int at);
 
 /* Note the newest figures of the job's finished frames in job->figures. */
 status history_load_last(struct store *store, struct job *job, struct error *err) MUST_CHECK;
+/* The table of deliverers, and a row of it. */
+extern const char deliverers_schema[];
+status deliverer_write(struct store *store, const struct deliverer *deliverer,
+                       struct error *err) MUST_CHECK;
 
 /* saves_init makes the locks, saves_start the writer thread. saves_stop, for both, ends the thread
  * once it has tried to write what waits. */

@@ -1,14 +1,18 @@
-/* Saving jobs: what changes in a job's row while it runs, written at once or soon. */
+/* Saving what changes while jobs run, at once or soon: a job's row, a new deliverer. */
 #include <string.h>
 
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "coordinator/store_parts.h"
 
-/* A job's row as it stood when it was to be saved. */
+/* Deliverers wait in the same list, under ids that no job has. */
+#define DELIVERER_ID ((uint64_t)1 << 63)
+
+/* A job's row as it stood when it was to be saved, or a deliverer. */
 struct saved_job {
     struct saved_job *next;
     uint64_t id;
+    struct deliverer deliverer;  /* its number is 0: this is a job */
     enum job_state state;
     char state_text[JOB_TEXT_MAX + 1], kernel[KERNEL_NAME_MAX + 1];
     int64_t finished_at;
@@ -21,6 +25,7 @@ static void row_take(struct saved_job *row, const struct job *job, uint64_t now_
 {
     row->next = NULL;
     row->id = job->id;
+    row->deliverer.number = 0;
     row->state = job->state;
     memcpy(row->state_text, job->state_text, sizeof row->state_text);
     memcpy(row->kernel, job->kernel, sizeof row->kernel);
@@ -144,8 +149,9 @@ static void *write_saves(void *user)
             store->saves = row->next;
         pthread_mutex_unlock(&store->lock);
         if (row)
-            s = row_write(store, row, &err);
-        if (row && s == STATUS_OK && job_state_ended(row->state))
+            s = row->deliverer.number ? deliverer_write(store, &row->deliverer, &err)
+                                      : row_write(store, row, &err);
+        if (row && s == STATUS_OK && !row->deliverer.number && job_state_ended(row->state))
             ended = row->id;
         row_written(store, row, s, &err);
         pthread_mutex_unlock(&store->order);
@@ -206,6 +212,29 @@ status store_job_save(struct store *store, const struct job *job, uint64_t now_n
     return s;
 }
 
+/* Have the row written after all that waits. */
+static void save_later(struct store *store, struct saved_job *row)
+{
+    pthread_mutex_lock(&store->lock);
+    saves_drop(store, row->id);
+    *saves_find(store, UINT64_MAX) = row;
+    pthread_cond_signal(&store->wake);
+    pthread_mutex_unlock(&store->lock);
+}
+
+status store_deliverer_save_later(struct store *store, const struct deliverer *deliverer,
+                                  struct error *err)
+{
+    struct saved_job *row = mem_calloc(1, sizeof *row);
+
+    if (!row)
+        return error_no_memory(err, "who delivers results");
+    row->id = DELIVERER_ID | deliverer->number;
+    row->deliverer = *deliverer;
+    save_later(store, row);
+    return STATUS_OK;
+}
+
 status store_job_save_later(struct store *store, const struct job *job, uint64_t now_ns,
                             struct error *err)
 {
@@ -214,11 +243,7 @@ status store_job_save_later(struct store *store, const struct job *job, uint64_t
     if (!row)
         return error_no_memory(err, "a job's state");
     row_take(row, job, now_ns);
-    pthread_mutex_lock(&store->lock);
-    saves_drop(store, job->id);
-    *saves_find(store, UINT64_MAX) = row; /* at the end */
-    pthread_cond_signal(&store->wake);
-    pthread_mutex_unlock(&store->lock);
+    save_later(store, row);
     return STATUS_OK;
 }
 

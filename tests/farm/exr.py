@@ -1,6 +1,7 @@
 """The pixels of an OpenEXR file, read without any code of Azulejo's: scan lines, uncompressed or
 with ZIP, channels of half or float. Enough to check that two files hold the same bits."""
 import itertools
+import json
 import math
 import struct
 import zlib
@@ -16,6 +17,11 @@ class Picture:
     def __init__(self, width, height, kinds, channels, attributes):
         self.width, self.height, self.kinds, self.channels = width, height, kinds, channels
         self.attributes = attributes
+        self.reproducible = None  # all of the file but what was measured
+
+    def measured(self):
+        """What another farm would tell otherwise."""
+        return json.loads(self.attributes["azulejo:measured"].decode())
 
     def number(self, name):
         """An attribute of type double."""
@@ -74,13 +80,16 @@ def read_exr(path):
         data = source.read()
     if data[:4] != b"\x76\x2f\x31\x01" or struct.unpack_from("<I", data, 4)[0] & ~0x400 != 2:
         raise ValueError(path + ": no scan line EXR")
-    at, attributes = 8, {}
+    at, attributes, reproducible = 8, {}, [data[:8]]
     while data[at]:
+        begin = at
         name, at = text_at(data, at)
         _, at = text_at(data, at)
         size, = struct.unpack_from("<I", data, at)
         attributes[name] = data[at + 4:at + 4 + size]
         at += 4 + size
+        if name != "azulejo:measured":
+            reproducible.append(data[begin:at])
     at += 1
     kinds, where, chlist = {}, 0, attributes["channels"]
     while chlist[where]:
@@ -93,6 +102,7 @@ def read_exr(path):
     lines = LINES[compression]
     chunks = (height + lines - 1) // lines
     offsets = struct.unpack_from("<%dQ" % chunks, data, at)
+    reproducible += [repr([o - offsets[0] for o in offsets]).encode(), data[offsets[0]:]]
     channels = {name: bytearray() for name in kinds}
     row_bytes = {name: width * PIXEL_BYTES[kind] for name, kind in kinds.items()}
     for number, offset in enumerate(offsets):
@@ -110,4 +120,6 @@ def read_exr(path):
             for name in kinds:  # a line holds its channels in the order of the header
                 channels[name] += packed[used:used + row_bytes[name]]
                 used += row_bytes[name]
-    return Picture(width, height, kinds, {n: bytes(c) for n, c in channels.items()}, attributes)
+    picture = Picture(width, height, kinds, {n: bytes(c) for n, c in channels.items()}, attributes)
+    picture.reproducible = b"".join(reproducible)
+    return picture

@@ -38,6 +38,8 @@ class Outcome:
         self.pngs = [read_bytes(f) for f in sorted(self.files) if f.endswith(".png")]
         pictures = [read_exr(f) for f in self.exrs]
         self.bits = [p.bits() for p in pictures]
+        self.reproducible = [p.reproducible for p in pictures]
+        self.measured = [p.measured() for p in pictures]
         self.means = [p.check() for p in pictures]
         self.black_tiles = [p.black_tiles() for p in pictures]
         expect(self.job["conflicts"] == 0, "conflicts: %s" % self.job)
@@ -62,6 +64,8 @@ def expect_same(farm, outcome, reference, what, counts=True):
         result = farm.cli("compare", mine, other)
         expect(result.code == 0, "%s: %s" % (what, result))
     expect(outcome.bits == reference.bits, what + ": the pixels' bytes differ")
+    expect(outcome.reproducible == reference.reproducible,
+           what + ": the EXR files differ in more than azulejo:measured")
     expect(outcome.pngs == reference.pngs, what + ": the PNGs differ")
     if len(outcome.exrs) == 1:  # of several frames it is the one that was written last
         mine, other = ({key: value for key, value in job["error"].items()

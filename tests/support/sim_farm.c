@@ -228,6 +228,8 @@ struct sim_worker *sim_connect(struct sim *sim, unsigned index, uint32_t threads
     memset(&worker->worker, 0, sizeof worker->worker);
     worker->connected = 1;
     worker->worker.held.session = ++sim->last_session;
+    snprintf(worker->worker.deliverer.host, sizeof worker->worker.deliverer.host, "node-%u", index);
+    worker->worker.deliverer.process = worker->worker.held.session;
     worker->worker.threads = threads;
     worker->worker.machine = index + 1;
     worker->worker.isa_mask = 7;

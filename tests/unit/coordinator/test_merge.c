@@ -379,6 +379,8 @@ static void acknowledged_results_survive(void **state)
     struct sim *sim;
     struct sim_worker *worker;
     const struct job *job;
+    char text[DELIVERER_TEXT_MAX];
+    uint32_t number;
     size_t durable;
 
     (void)state;
@@ -407,6 +409,16 @@ static void acknowledged_results_survive(void **state)
         assert_int_equal(film_tile_passes(job->frames->film, t, 0), 1);
         assert_int_equal(film_tile_passes(job->frames->film, t, 1), t < 5);
     }
+    /* And it is known who delivered it: no other worker has that number. */
+    number = film_deliverer(job->frames->film, 0, 0, 0);
+    farm_deliverer_text(&sim->farm, number, text);
+    assert_non_null(strstr(text, "node-0"));
+    worker = sim_connect(sim, 1, 36);
+    sim_grant(sim, worker, 36);
+    sim_send(sim, worker, 0, 100);
+    assert_true(number != 0 && worker->worker.deliverer.number != number);
+    farm_deliverer_text(&sim->farm, number, text);
+    assert_non_null(strstr(text, "node-0"));
     sim_free(sim);
     store_close(store);
     file_remove_tree(folder);

@@ -148,11 +148,11 @@ static void jobs_survive_a_restart(void **state)
 }
 
 /* A store of version 1, which knew no revisions: its finished frames' pictures are as they should;
- * one of version 2, which knew no tokens; and one of version 3, which knew neither clamping nor figures. */
+ * one of version 2, which knew no tokens; and one of version 3, which knew no clamping, figures, deliverers. */
 static void an_older_store_is_brought_up_to_date(void **state)
 {
 #define WITHOUT_4                                                                               \
-    "DROP TABLE history;"                                                                       \
+    "DROP TABLE history; DROP TABLE deliverers;"                                                \
     "ALTER TABLE jobs DROP COLUMN clamped; ALTER TABLE jobs DROP COLUMN clamped_luminance;"     \
     "ALTER TABLE jobs DROP COLUMN kept_luminance;"
     static const char *const steps_back[] = {
@@ -197,6 +197,83 @@ static void an_older_store_is_brought_up_to_date(void **state)
         }
     }
     job_free(job);
+}
+
+/* A store of 0.1.0 (version 2): what is finished stays; what is not loses the kernel it was begun with, and
+ * its counters, unless a frame of it is done. */
+static void unfinished_jobs_of_an_older_store_begin_again(void **state)
+{
+    static const enum job_state states[] = {JOB_STATE_QUEUED, JOB_STATE_RUNNING, JOB_STATE_DONE,
+                                            JOB_STATE_FAILED, JOB_STATE_CANCELLED, JOB_STATE_PARKED,
+                                            JOB_STATE_CANCELLING, JOB_STATE_RUNNING};
+    enum { COUNT = sizeof states / sizeof *states };
+    struct store *store = sim_store(folder);
+    struct loaded loaded = {{NULL}, 0};
+    struct error err = {0};
+    sqlite3 *db;
+
+    (void)state;
+    for (size_t i = 0; i < COUNT; i++) {
+        struct job *job = sim_job(16, 16, 1, 1, 3, 0);
+        assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
+        job->state = states[i];
+        snprintf(job->kernel, sizeof job->kernel, "azulejo 0.1.0");
+        job->conflicts = 1;
+        job->work = (struct unit_work){.samples = 100, .rays = 200};
+        job->stats.cpu_ns = 300;
+        assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);
+        if (i == COUNT - 1)
+            assert_int_equal(store_frame_done(store, job->id, 2, 0.5, 0, NULL, &err), STATUS_OK);
+        job_free(job);
+    }
+    store_close(store);
+    assert_int_equal(sqlite3_open(path_of("queue.sqlite"), &db), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(db,
+                                  "DROP TABLE deliverers; DROP TABLE cut_frames; "
+                                  "DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token; "
+                                  "PRAGMA user_version=2",
+                                  NULL, NULL, NULL),
+                     SQLITE_OK);
+    sqlite3_close(db);
+    store = sim_store(folder);
+    assert_int_equal(store_jobs_load(store, adopt, &loaded, &err), STATUS_OK);
+    assert_int_equal(loaded.count, COUNT);
+    for (size_t i = 0; i < COUNT; i++) {
+        const struct job *job = loaded.jobs[i];
+        int keeps = job_state_ended(states[i]) || i == COUNT - 1;
+        assert_int_equal(job->state, states[i]);
+        assert_string_equal(job->kernel, keeps ? "azulejo 0.1.0" : "");
+        assert_int_equal(job->work.samples, keeps ? 100 : 0);
+        assert_int_equal(job->work.rays, keeps ? 200 : 0);
+        assert_int_equal(job->stats.cpu_ns, keeps ? 300 : 0);
+        assert_int_equal(job->conflicts, keeps);
+        job_free(loaded.jobs[i]);
+    }
+    store_close(store);
+}
+
+/* A deliverer's number is not given to another after a restart. */
+static void deliverers_keep_their_numbers(void **state)
+{
+    struct store *store = sim_store(folder);
+    struct deliverer in = {7, 1234, "node-3", "azulejo 9", 1700000000}, out;
+    struct error err = {0};
+    uint32_t last;
+
+    (void)state;
+    assert_int_equal(store_deliverers_last(store, &last, &err), STATUS_OK);
+    assert_int_equal(last, 0);
+    assert_int_equal(store_deliverer_save_later(store, &in, &err), STATUS_OK);
+    assert_int_equal(store_await_saves(store, &err), STATUS_OK);
+    store_close(store);
+    store = sim_store(folder);
+    assert_int_equal(store_deliverers_last(store, &last, &err), STATUS_OK);
+    assert_int_equal(last, 7);
+    assert_int_equal(store_deliverer_find(store, 7, &out, &err), STATUS_OK);
+    assert_memory_equal(&in, &out, sizeof in);
+    assert_int_equal(store_deliverer_find(store, 6, &out, &err), STATUS_OK);
+    assert_int_equal(out.number, 0);
+    store_close(store);
 }
 
 /* A token names one job for ever, also after its output settings have changed. */
@@ -590,6 +667,16 @@ static void fill(struct film *film, float offset, float factor, float step)
     assert_true(film_complete(film));
 }
 
+/* Overwrite the date in a file's header. */
+static void forget_date(struct buffer *exr)
+{
+    static const char name[] = "\"written\": \"";
+    uint8_t *at = memmem(exr->data, exr->size, name, sizeof name - 1);
+
+    assert_non_null(at);
+    memset(at + sizeof name - 1, '-', strlen("2000-01-01T00:00:00Z"));
+}
+
 static void a_developed_frame_is_on_disk(void **state)
 {
     struct store *store = sim_store(folder);
@@ -615,12 +702,19 @@ static void a_developed_frame_is_on_disk(void **state)
     store_output_path(store, job->id, 1, "exr", &path);
     assert_int_equal(file_read(buffer_text(&path), 1 << 24, &found, &err), STATUS_OK);
     assert_int_equal(found.size, exr.size);
+    forget_date(&found);
+    forget_date(&exr);
     assert_memory_equal(found.data, exr.data, exr.size); /* the same film gives the same file */
     assert_int_equal(exr_decode(&image, found.data, found.size, "output", &err), STATUS_OK);
     assert_int_equal(image.width, WIDTH);
     assert_memory_equal(image.pixels, expected, sizeof expected);
     assert_non_null(memmem(found.data, found.size, "azulejo:spp", 11));
     assert_non_null(memmem(found.data, found.size, "azulejo:errorDisplay", 20));
+    assert_non_null(memmem(found.data, found.size, "azulejo:relativeMse", 19));
+    assert_non_null(memmem(found.data, found.size, "azulejo:leakedRays", 18));
+    assert_non_null(memmem(found.data, found.size, "azulejo:measured", 16));
+    assert_non_null(memmem(found.data, found.size, "{\"job\": 1, \"workers\": 1, ", 25));
+    assert_null(memmem(found.data, found.size, "azulejo:job\0", 12)); /* another store's would differ */
     buffer_clear(&path);
     store_output_path(store, job->id, 1, "png", &path);
     assert_true(file_exists(buffer_text(&path)));
@@ -818,6 +912,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         STORE_TEST(jobs_survive_a_restart),
         STORE_TEST(an_older_store_is_brought_up_to_date),
+        STORE_TEST(unfinished_jobs_of_an_older_store_begin_again),
+        STORE_TEST(deliverers_keep_their_numbers),
         STORE_TEST(tokens_name_one_job),
         STORE_TEST(epochs_never_repeat),
         STORE_TEST(a_store_in_use_is_refused),

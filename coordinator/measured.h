@@ -1,0 +1,25 @@
+/* measured: what is told of a picture that another farm, or another time, would tell otherwise: times,
+ * workers, the job's number. It is one JSON text, the header attribute MEASURED_ATTRIBUTE, so that all else in the
+ * file is a function of the scene and the settings. Whoever adds such a thing adds it here. */
+#ifndef AZULEJO_COORDINATOR_MEASURED_H
+#define AZULEJO_COORDINATOR_MEASURED_H
+
+#include <stdint.h>
+
+#include "common/base/buffer.h"
+#include "common/film/film.h"
+
+#define MEASURED_ATTRIBUTE "azulejo:measured"
+
+struct measured {
+    uint64_t job;
+    uint32_t workers;            /* that delivered what is in the film; 0: not known */
+    int64_t submitted_at, written_at; /* seconds since 1970, UTC */
+    uint64_t cpu_ns, trace_ns;   /* of results since the coordinator's last start */
+};
+
+/* How many workers the film's results came from. */
+uint32_t measured_workers(const struct film *film);
+void measured_write(struct buffer *out, const struct measured *m);
+
+#endif
