@@ -11,38 +11,9 @@
 #include "common/scene/effects.h"
 #include "tests/support/layers.h"
 #include "tests/support/radiance.h"
+#include "tests/support/slabs.h"
 
 enum { COMPARISONS = 60 };
-
-static struct scene_material *glass(struct scene_builder *b, float ior, float distance)
-{
-    static const float color[3] = {0.8f, 0.5f, 0.2f};
-    struct scene_material *m = builder_lambert(b, 1);
-
-    m->double_sided = 0;
-    m->specular = m->transmission = 1;
-    m->roughness = 0;
-    m->refractive = 1;
-    m->ior = ior;
-    m->attenuation_distance = distance;
-    for (int c = 0; c < 3; c++)
-        m->attenuation_color[c] = color[c];
-    return m;
-}
-
-static void look_down(struct scene_builder *b, float from)
-{
-    builder_environment_constant(b, vec3_splat(1));
-    builder_camera(b, vec3_make(0.3f, from, 0.1f), vec3_make(0.3f, -9, 0.1f), 0.002f);
-}
-
-static struct render_settings head_on(void)
-{
-    struct render_settings s = builder_settings(8, 8, 64);
-
-    s.max_depth = 100;
-    return s;
-}
 
 /* One face of a slab at this height: its front is above (up) or below. */
 static struct scene_instance *face(struct scene_builder *b, uint32_t quad, uint32_t material,
@@ -55,7 +26,7 @@ static struct scene_instance *face(struct scene_builder *b, uint32_t quad, uint3
  * which makes the path count. */
 static void test_two_meshes(void **state)
 {
-    struct render_settings settings = head_on();
+    struct render_settings settings = slabs_settings();
     struct scene_material *outer, *inner;
     struct scene_builder b;
     double expected[3];
@@ -63,14 +34,14 @@ static void test_two_meshes(void **state)
 
     (void)state;
     builder_init(&b);
-    outer = glass(&b, 1.5f, 5);
-    inner = glass(&b, 2, 1);
+    outer = slabs_glass(&b, 1.5f, 5);
+    inner = slabs_glass(&b, 2, 1);
     quad = builder_quad(&b);
     face(&b, quad, 0, 2, 1);
     face(&b, quad, 0, -2, 0);
     face(&b, quad, 1, 0.5f, 1);
     face(&b, quad, 1, -0.5f, 0);
-    look_down(&b, 5);
+    slabs_look_down(&b, 5);
     for (int c = 0; c < 3; c++) {
         struct layers half = layers_absorber(layers_per_metre(outer, c), 1.5);
         struct layers s = layers_stacked(layers_interface(1, 1.5), half);
@@ -89,18 +60,18 @@ static void test_hollow(void **state)
     static const float positions[24] = {-9, -1, -9, 9, -1, -9, 9, -1, 9, -9, -1, 9,
                                         -9, 1,  -9, 9, 1,  -9, 9, 1,  9, -9, 1,  9};
     static const uint32_t inwards[12] = {0, 2, 1, 0, 3, 2, 4, 5, 6, 4, 6, 7};
-    struct render_settings settings = head_on();
+    struct render_settings settings = slabs_settings();
     struct scene_material *m;
     struct scene_builder b;
     double expected[3];
 
     (void)state;
     builder_init(&b);
-    m = glass(&b, 1.5f, 2);
+    m = slabs_glass(&b, 1.5f, 2);
     builder_place(&b, builder_slab(&b), 0, vec3_make(9, 2, 9), vec3_splat(0));
     builder_place(&b, builder_mesh(&b, positions, NULL, 8, inwards, 4, 0), 0, vec3_splat(1),
                   vec3_splat(0));
-    look_down(&b, 5);
+    slabs_look_down(&b, 5);
     for (int c = 0; c < 3; c++) {
         struct layers wall = layers_stacked(layers_interface(1, 1.5),
                                             layers_absorber(layers_per_metre(m, c), 1));
@@ -115,7 +86,7 @@ static void test_hollow(void **state)
  * part, and one wound in reverse and mirrored, which comes to the same. */
 static void test_union(void **state)
 {
-    struct render_settings settings = head_on();
+    struct render_settings settings = slabs_settings();
     struct scene_material *m;
     struct scene_builder b;
     double expected[3];
@@ -123,12 +94,12 @@ static void test_union(void **state)
 
     (void)state;
     builder_init(&b);
-    m = glass(&b, 1.5f, 2);
+    m = slabs_glass(&b, 1.5f, 2);
     slab = builder_slab(&b);
     builder_place(&b, slab, 0, vec3_make(9, 1, 9), vec3_splat(0));
     builder_place(&b, slab, 0, vec3_make(9, -1, 9), vec3_make(0, 1, 0));
     builder_place(&b, slab, 0, vec3_make(-9, 0.25f, 9), vec3_make(0, 0.5f, 0));
-    look_down(&b, 5);
+    slabs_look_down(&b, 5);
     for (int c = 0; c < 3; c++) {
         struct layers s = layers_stacked(layers_interface(1, 1.5),
                                          layers_absorber(layers_per_metre(m, c), 3));
@@ -141,7 +112,7 @@ static void test_union(void **state)
 /* The same material again within another one: glass, water in it, glass in the water. */
 static void test_again_within(void **state)
 {
-    struct render_settings settings = head_on();
+    struct render_settings settings = slabs_settings();
     struct scene_material *outer, *inner;
     struct scene_builder b;
     double expected[3];
@@ -149,13 +120,13 @@ static void test_again_within(void **state)
 
     (void)state;
     builder_init(&b);
-    outer = glass(&b, 1.5f, 5);
-    inner = glass(&b, 1.33f, 1);
+    outer = slabs_glass(&b, 1.5f, 5);
+    inner = slabs_glass(&b, 1.33f, 1);
     slab = builder_slab(&b);
     builder_place(&b, slab, 0, vec3_make(9, 3, 9), vec3_splat(0));
     builder_place(&b, slab, 1, vec3_make(9, 2, 9), vec3_splat(0));
     builder_place(&b, slab, 0, vec3_make(9, 1, 9), vec3_splat(0));
-    look_down(&b, 5);
+    slabs_look_down(&b, 5);
     for (int c = 0; c < 3; c++) {
         struct layers metre = layers_absorber(layers_per_metre(outer, c), 1);
         struct layers water = layers_absorber(layers_per_metre(inner, c), 1);
@@ -176,7 +147,7 @@ static void test_again_within(void **state)
  * says of a volume does not count. Another glass in it makes the path count. */
 static void test_two_materials(void **state)
 {
-    struct render_settings settings = head_on();
+    struct render_settings settings = slabs_settings();
     struct scene_material *m;
     struct scene_builder b;
     double expected[3];
@@ -184,15 +155,15 @@ static void test_two_materials(void **state)
 
     (void)state;
     builder_init(&b);
-    m = glass(&b, 1.5f, 3);
-    glass(&b, 2.5f, 0.1f);
-    glass(&b, 1.5f, INFINITY);
+    m = slabs_glass(&b, 1.5f, 3);
+    slabs_glass(&b, 2.5f, 0.1f);
+    slabs_glass(&b, 1.5f, INFINITY);
     quad = builder_quad(&b);
     face(&b, quad, 0, 2, 1);
     face(&b, quad, 1, -2, 0)->body = 0;
     face(&b, quad, 2, 1, 1);
     face(&b, quad, 2, 0.5f, 0);
-    look_down(&b, 5);
+    slabs_look_down(&b, 5);
     for (int c = 0; c < 3; c++) {
         struct layers s = layers_stacked(layers_interface(1, 1.5),
                                          layers_absorber(layers_per_metre(m, c), 3.5));
@@ -216,8 +187,8 @@ static void test_halves(void **state)
     (void)state;
     settings.max_depth = 512;
     builder_init(&b);
-    glass(&b, 1.5f, INFINITY);
-    glass(&b, 1.33f, INFINITY);
+    slabs_glass(&b, 1.5f, INFINITY);
+    slabs_glass(&b, 1.33f, INFINITY);
     whole = builder_sphere(&b, 16, 0);
     ball = &b.scene.meshes[whole];
     scene_mesh_layout(ball, &layout);
@@ -239,7 +210,7 @@ static void test_halves(void **state)
 /* The camera is in two bodies of equal priority: the inner one is there. */
 static void test_camera_inside(void **state)
 {
-    struct render_settings settings = head_on();
+    struct render_settings settings = slabs_settings();
     struct scene_material *outer, *inner;
     struct scene_builder b;
     double expected[3];
@@ -247,12 +218,12 @@ static void test_camera_inside(void **state)
 
     (void)state;
     builder_init(&b);
-    outer = glass(&b, 1.5f, 4);
-    inner = glass(&b, 1.5f, 1);
+    outer = slabs_glass(&b, 1.5f, 4);
+    inner = slabs_glass(&b, 1.5f, 1);
     slab = builder_slab(&b);
     builder_place(&b, slab, 0, vec3_make(9, 2, 9), vec3_splat(0));
     builder_place(&b, slab, 1, vec3_make(9, 1, 9), vec3_splat(0));
-    look_down(&b, 0.5f);
+    slabs_look_down(&b, 0.5f);
     for (int c = 0; c < 3; c++) {
         struct layers face_down = layers_interface(1.5, 1);
         double half = exp(-layers_per_metre(outer, c) - 2 * layers_per_metre(inner, c) -
@@ -272,21 +243,21 @@ static void light_from_below(struct scene_builder *b)
     lamp->emission[0] = lamp->emission[1] = lamp->emission[2] = 1;
     builder_place(b, builder_quad(b), builder_last_material(b), vec3_splat(40),
                   vec3_make(0, -8, 0));
-    builder_camera(b, vec3_make(0.3f, 5, 0.1f), vec3_make(0.3f, -9, 0.1f), 0.002f);
+    slabs_camera(b, 5);
 }
 
 /* What stands open counts as it is wound: of two sheets of water the upper one shows its back.
  * A body elsewhere, whose parts overlap, makes the path count. */
 static void test_open(void **state)
 {
-    struct render_settings settings = head_on();
+    struct render_settings settings = slabs_settings();
     struct scene_builder b;
     uint32_t quad, slab;
 
     (void)state;
     builder_init(&b);
-    glass(&b, 1.33f, INFINITY);
-    glass(&b, 1.5f, INFINITY);
+    slabs_glass(&b, 1.33f, INFINITY);
+    slabs_glass(&b, 1.5f, INFINITY);
     quad = builder_quad(&b);
     slab = builder_slab(&b);
     face(&b, quad, 0, 0, 0);
@@ -307,14 +278,14 @@ static void test_boundaries(void **state)
 {
     (void)state;
     for (int below_one = 0; below_one < 2; below_one++) {
-        struct render_settings settings = head_on();
+        struct render_settings settings = slabs_settings();
         double eta = below_one ? (double)0.763f : 1.5;
         struct scene_builder b;
         struct layers s;
         uint32_t slab;
         builder_init(&b);
-        glass(&b, 1.33f, INFINITY)->priority = 1;
-        glass(&b, (float)eta, INFINITY);
+        slabs_glass(&b, 1.33f, INFINITY)->priority = 1;
+        slabs_glass(&b, (float)eta, INFINITY);
         b.scene.volume_rule = VOLUMES_BOUNDARIES;
         slab = builder_slab(&b);
         builder_place(&b, slab, 0, vec3_make(9, 2, 9), vec3_splat(0));
@@ -332,7 +303,7 @@ static void test_boundaries(void **state)
 /* pbrt: the medium before a surface is what its outside says, whatever the ray came from. */
 static void test_media_by_boundary(void **state)
 {
-    struct render_settings settings = head_on();
+    struct render_settings settings = slabs_settings();
     struct scene_material *m;
     struct scene_builder b;
     uint32_t slab;
@@ -351,7 +322,7 @@ static void test_media_by_boundary(void **state)
     slab = builder_slab(&b);
     builder_place(&b, slab, 0, vec3_make(9, 2, 9), vec3_splat(0));
     builder_place(&b, slab, 1, vec3_make(9, 1, 9), vec3_splat(0));
-    look_down(&b, 5);
+    slabs_look_down(&b, 5);
     radiance_expect_rgb(&b, &settings, COMPARISONS,
                         (double[3]){exp(-0.25 * 2), exp(-0.5 * 2), 1}, "media by boundaries");
     /* A pane of glass's index 1 into the inner one: the same, and a thin wall parts media too. */

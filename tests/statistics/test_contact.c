@@ -13,38 +13,9 @@
 #include "common/scene/effects.h"
 #include "tests/support/layers.h"
 #include "tests/support/radiance.h"
+#include "tests/support/slabs.h"
 
 enum { COMPARISONS = 200 };
-
-static struct scene_material *glass(struct scene_builder *b, float ior, float distance)
-{
-    static const float color[3] = {0.8f, 0.5f, 0.2f};
-    struct scene_material *m = builder_lambert(b, 1);
-
-    m->double_sided = 0;
-    m->specular = m->transmission = 1;
-    m->roughness = 0;
-    m->refractive = 1;
-    m->ior = ior;
-    m->attenuation_distance = distance;
-    for (int c = 0; c < 3; c++)
-        m->attenuation_color[c] = color[c];
-    return m;
-}
-
-static void look_down(struct scene_builder *b)
-{
-    builder_environment_constant(b, vec3_splat(1));
-    builder_camera(b, vec3_make(0.3f, 5, 0.1f), vec3_make(0.3f, -9, 0.1f), 0.002f);
-}
-
-static struct render_settings head_on(void)
-{
-    struct render_settings s = builder_settings(8, 8, 64);
-
-    s.max_depth = 100;
-    return s;
-}
 
 /* The box from -1 to 1; inwards: as the wall of a cavity. */
 static uint32_t box(struct scene_builder *b, int inwards)
@@ -67,13 +38,13 @@ static void two_slabs(struct scene_builder *b, float upper, float lower, float t
     uint32_t slab;
 
     builder_init(b);
-    glass(b, upper, INFINITY);
-    glass(b, lower, 2);
+    slabs_glass(b, upper, INFINITY);
+    slabs_glass(b, lower, 2);
     slab = builder_slab(b);
     builder_place(b, slab, 0, vec3_make(9, 1, 9), vec3_make(0, 1, 0));
     builder_place(b, slab, 1, vec3_make(9, 0.5f * (top + 2), 9),
                   vec3_make(0, 0.5f * (top - 2), 0));
-    look_down(b);
+    slabs_look_down(b, 5);
 }
 
 /* What two_slabs shows, with an air film between or without. */
@@ -105,7 +76,7 @@ static void test_slabs(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof indices / sizeof *indices; i++)
         for (size_t k = 0; k < sizeof gaps / sizeof *gaps; k++) {
-            struct render_settings settings = head_on();
+            struct render_settings settings = slabs_settings();
             struct scene_builder b;
             double expected[3];
             two_slabs(&b, indices[i][0], indices[i][1], gaps[k].top);
@@ -121,15 +92,15 @@ static void test_spacing(void **state)
 {
     (void)state;
     for (int ulps = -4; ulps <= 12; ulps += 8) {
-        struct render_settings settings = head_on();
+        struct render_settings settings = slabs_settings();
         int film = ulps == 12;
         struct scene_builder b;
         double expected[3];
         uint32_t quad;
         float lower = 3;
         builder_init(&b);
-        glass(&b, 1.5f, INFINITY);
-        glass(&b, 2, 2);
+        slabs_glass(&b, 1.5f, INFINITY);
+        slabs_glass(&b, 2, 2);
         for (int i = 0; i < abs(ulps); i++)
             lower = nextafterf(lower, ulps < 0 ? INFINITY : -INFINITY);
         quad = builder_quad(&b);
@@ -137,7 +108,7 @@ static void test_spacing(void **state)
         builder_place(&b, quad, 0, vec3_make(9, -1, 9), vec3_make(0, 3, 0));
         builder_place(&b, quad, 1, vec3_make(9, 1, 9), vec3_make(0, lower, 0));
         builder_place(&b, quad, 1, vec3_make(9, -1, 9), vec3_make(0, 1, 0));
-        look_down(&b);
+        slabs_look_down(&b, 5);
         two_layers(&b, 1.5, 2, film, expected);
         radiance_expect_rgb(&b, &settings, COMPARISONS, expected,
                             film ? "twelve floats apart" : "four floats apart or over");
@@ -157,8 +128,8 @@ static void test_furnace(void **state)
         uint32_t block;
         settings.max_depth = 1000;
         builder_init(&b);
-        glass(&b, 1.5f, INFINITY);
-        glass(&b, 1.33f, INFINITY);
+        slabs_glass(&b, 1.5f, INFINITY);
+        slabs_glass(&b, 1.33f, INFINITY);
         block = box(&b, 0);
         for (int k = 0; k < abs(i); k++)
             top = nextafterf(top, i > 0 ? INFINITY : -INFINITY);
@@ -177,21 +148,21 @@ static void test_filled(void **state)
 {
     (void)state;
     for (int dyed = 0; dyed < 2; dyed++) {
-        struct render_settings settings = head_on();
+        struct render_settings settings = slabs_settings();
         struct scene_material *water;
         struct scene_builder b;
         double expected[3] = {1, 1, 1};
         uint32_t full;
         builder_init(&b);
-        glass(&b, 1.5f, INFINITY);
-        water = glass(&b, 1.33f, dyed ? 3 : INFINITY);
+        slabs_glass(&b, 1.5f, INFINITY);
+        water = slabs_glass(&b, 1.33f, dyed ? 3 : INFINITY);
         full = box(&b, 0);
         builder_place(&b, full, 0, vec3_splat(2), vec3_splat(0));
         builder_place(&b, box(&b, 1), 0, vec3_splat(1), vec3_splat(0));
         builder_place(&b, full, 1, vec3_splat(1), vec3_splat(0));
         if (dyed) {
             double n = (double)1.33f;
-            look_down(&b);
+            slabs_look_down(&b, 5);
             for (int c = 0; c < 3; c++) {
                 struct layers s = layers_stacked(layers_interface(1, 1.5),
                                                  layers_interface(1.5, n));
@@ -219,8 +190,8 @@ static void test_camera_inside(void **state)
     (void)state;
     settings.max_depth = 1000;
     builder_init(&b);
-    glass(&b, 1.5f, INFINITY);
-    glass(&b, 1.33f, INFINITY);
+    slabs_glass(&b, 1.5f, INFINITY);
+    slabs_glass(&b, 1.33f, INFINITY);
     full = box(&b, 0);
     builder_place(&b, full, 0, vec3_splat(2), vec3_splat(0));
     builder_place(&b, box(&b, 1), 0, vec3_splat(1), vec3_splat(0));
@@ -235,7 +206,7 @@ static void test_camera_inside(void **state)
 /* Two blocks of one material are one: no boundary, also where only parts of the faces touch. */
 static void test_one_material(void **state)
 {
-    struct render_settings settings = head_on();
+    struct render_settings settings = slabs_settings();
     struct scene_material *m;
     struct scene_builder b;
     double expected[3];
@@ -243,11 +214,11 @@ static void test_one_material(void **state)
 
     (void)state;
     builder_init(&b);
-    m = glass(&b, 1.5f, 3);
+    m = slabs_glass(&b, 1.5f, 3);
     full = box(&b, 0);
     builder_place(&b, full, 0, vec3_splat(1), vec3_make(0, 1, 0));
     builder_place(&b, full, 0, vec3_make(3, 1, 2), vec3_make(0.5f, -1, 0.25f));
-    look_down(&b);
+    slabs_look_down(&b, 5);
     for (int c = 0; c < 3; c++) {
         struct layers s = layers_stacked(layers_interface(1, 1.5),
                                          layers_absorber(layers_per_metre(m, c), 4));
@@ -263,17 +234,17 @@ static void test_on_table(void **state)
 {
     (void)state;
     for (int lamp = 0; lamp < 2; lamp++) {
-        struct render_settings settings = head_on();
+        struct render_settings settings = slabs_settings();
         struct scene_material *table;
         struct layers face = layers_interface(1, 1.5);
         struct scene_builder b;
         builder_init(&b);
-        glass(&b, 1.5f, INFINITY);
+        slabs_glass(&b, 1.5f, INFINITY);
         table = builder_lambert(&b, 0);
         table->emission[0] = table->emission[1] = table->emission[2] = (float)lamp;
         builder_place(&b, builder_quad(&b), 1, vec3_make(20, 1, 20), vec3_make(0, -1, 0));
         builder_place(&b, box(&b, 0), 0, vec3_splat(1), vec3_splat(0));
-        look_down(&b);
+        slabs_look_down(&b, 5);
         radiance_expect(&b, &settings, COMPARISONS,
                         face.r_above + lamp * face.t / (1.5 * 1.5), "glass on a table");
         builder_release(&b);
@@ -283,7 +254,7 @@ static void test_on_table(void **state)
 /* A medium's box stands on a lamp. */
 static void test_medium_on_lamp(void **state)
 {
-    struct render_settings settings = head_on();
+    struct render_settings settings = slabs_settings();
     struct scene_material *m;
     struct scene_builder b;
 
@@ -297,7 +268,7 @@ static void test_medium_on_lamp(void **state)
     m->emission[0] = 1;
     builder_place(&b, builder_quad(&b), 1, vec3_make(20, 1, 20), vec3_make(0, -1, 0));
     builder_place(&b, box(&b, 0), 0, vec3_splat(1), vec3_splat(0));
-    builder_camera(&b, vec3_make(0.3f, 5, 0.1f), vec3_make(0.3f, -9, 0.1f), 0.002f);
+    slabs_camera(&b, 5);
     radiance_expect_rgb(&b, &settings, COMPARISONS, (double[3]){exp(-1), 0, 0},
                         "a medium on a lamp");
     builder_release(&b);
@@ -331,26 +302,26 @@ static void test_thin_wall(void **state)
     (void)state;
     for (int i = 0; i < 4; i++) {
         int from_below = i & 1, counted = i >> 1;
-        struct render_settings settings = head_on();
+        struct render_settings settings = slabs_settings();
         struct layers wall = layers_thin_wall(0.5);
         struct scene_builder b;
         double expected[3];
         uint32_t slab;
         builder_init(&b);
-        glass(&b, 2, 3);
+        slabs_glass(&b, 2, 3);
         thin_wall(&b, 0.5f, 0);
         slab = builder_slab(&b);
         builder_place(&b, slab, 0, vec3_make(9, 1, 9), vec3_splat(0));
         builder_place(&b, builder_quad(&b), 1, vec3_make(9, 1, 9), vec3_make(0, 1, 0));
         if (counted) {
-            glass(&b, 1.5f, INFINITY)->priority = -1;
+            slabs_glass(&b, 1.5f, INFINITY)->priority = -1;
             builder_place(&b, slab, 2, vec3_make(9, 0.5f, 9), vec3_make(0, 0.25f, 0));
         }
         builder_environment_constant(&b, vec3_splat(1));
         if (from_below)
             builder_camera(&b, vec3_make(0.3f, -5, 0.1f), vec3_make(0.3f, 9, 0.1f), 0.002f);
         else
-            builder_camera(&b, vec3_make(0.3f, 5, 0.1f), vec3_make(0.3f, -9, 0.1f), 0.002f);
+            slabs_camera(&b, 5);
         for (int c = 0; c < 3; c++) {
             struct layers face = layers_interface(1, 2);
             struct layers middle = layers_absorber(layers_per_metre(&b.scene.materials[0], c), 2);
@@ -367,7 +338,7 @@ static void test_thin_wall(void **state)
 /* On a medium's boundary it is crossed with it: all that is dimmed is behind it. */
 static void test_thin_wall_on_medium(void **state)
 {
-    struct render_settings settings = head_on();
+    struct render_settings settings = slabs_settings();
     struct scene_material *m;
     struct scene_builder b;
     struct layers wall = layers_thin_wall(0.5);
@@ -384,7 +355,7 @@ static void test_thin_wall_on_medium(void **state)
     builder_place(&b, builder_quad(&b), 1, vec3_splat(1), vec3_make(0, 1, 0));
     builder_place(&b, builder_quad(&b), 2, vec3_make(20, 1, 20), vec3_make(0, -4, 0));
     builder_place(&b, box(&b, 0), 0, vec3_splat(1), vec3_splat(0));
-    builder_camera(&b, vec3_make(0.3f, 5, 0.1f), vec3_make(0.3f, -9, 0.1f), 0.002f);
+    slabs_camera(&b, 5);
     radiance_expect_rgb(&b, &settings, COMPARISONS, (double[3]){exp(-1) * wall.t, 0, 0},
                         "a thin wall on a medium");
     builder_release(&b);
@@ -400,14 +371,14 @@ static void test_thin_wall_furnace(void **state)
         uint32_t block;
         settings.max_depth = 1000;
         builder_init(&b);
-        glass(&b, 1.5f, INFINITY);
+        slabs_glass(&b, 1.5f, INFINITY);
         thin_wall(&b, 1, 0);
         block = box(&b, 0);
         builder_place(&b, block, 0, vec3_splat(1), vec3_splat(0));
         builder_place(&b, builder_quad(&b), 1, vec3_splat(1),
                       vec3_make(0, i & 1 ? nextafterf(1, 2) : 1, 0));
         if (i >> 1) {
-            glass(&b, 1.33f, INFINITY);
+            slabs_glass(&b, 1.33f, INFINITY);
             builder_place(&b, block, 2, vec3_splat(1), vec3_make(0, 2, 0));
         }
         builder_environment_constant(&b, vec3_splat(1));
@@ -431,7 +402,7 @@ static void test_rough_thin_wall(void **state)
         struct running_stats s[3];
         struct scene_builder b;
         builder_init(&b);
-        glass(&b, 1.5f, 2)->roughness = 0.4f;
+        slabs_glass(&b, 1.5f, 2)->roughness = 0.4f;
         thin_wall(&b, 0.8f, 0.5f);
         lamp = builder_lambert(&b, 0);
         lamp->emission[0] = lamp->emission[1] = lamp->emission[2] = 20;
@@ -460,7 +431,7 @@ static void test_boundaries(void **state)
 {
     (void)state;
     for (int slant = 0; slant < 2; slant++) {
-        struct render_settings settings = head_on();
+        struct render_settings settings = slabs_settings();
         struct scene_builder b;
         double expected[3];
         two_slabs(&b, 1.5f, 2, 0);

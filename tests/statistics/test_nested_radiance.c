@@ -11,43 +11,16 @@
 #include "common/scene/effects.h"
 #include "tests/support/layers.h"
 #include "tests/support/radiance.h"
+#include "tests/support/slabs.h"
 
 enum { COMPARISONS = 80 };
 
 static struct scene_material *glass(struct scene_builder *b, float ior, int priority)
 {
-    struct scene_material *m = builder_lambert(b, 1);
+    struct scene_material *m = slabs_glass(b, ior, INFINITY);
 
-    m->double_sided = 0;
-    m->specular = m->transmission = 1;
-    m->roughness = 0;
-    m->refractive = 1;
-    m->ior = ior;
     m->priority = priority;
     return m;
-}
-
-static void dye(struct scene_material *m, float distance)
-{
-    static const float color[3] = {0.8f, 0.5f, 0.2f};
-
-    m->attenuation_distance = distance;
-    for (int c = 0; c < 3; c++)
-        m->attenuation_color[c] = color[c];
-}
-
-static struct render_settings head_on(void)
-{
-    struct render_settings s = builder_settings(8, 8, 64);
-
-    s.max_depth = 100;
-    return s;
-}
-
-static void look_down(struct scene_builder *b, float from)
-{
-    builder_environment_constant(b, vec3_splat(1));
-    builder_camera(b, vec3_make(0.3f, from, 0.1f), vec3_make(0.3f, -9, 0.1f), 0.002f);
 }
 
 /* Two slabs that overlap, -1..1 and 0..2: the one of the higher priority has the common part, as
@@ -56,7 +29,7 @@ static void test_priority(void **state)
 {
     (void)state;
     for (int upper_first = 0; upper_first < 2; upper_first++) {
-        struct render_settings settings = head_on();
+        struct render_settings settings = slabs_settings();
         struct scene_material *lower, *upper;
         struct scene_builder b;
         double expected[3];
@@ -64,12 +37,12 @@ static void test_priority(void **state)
         builder_init(&b);
         lower = glass(&b, 1.8f, upper_first ? 1 : 2);
         upper = glass(&b, 1.33f, upper_first ? 2 : 1);
-        dye(lower, 1);
-        dye(upper, 3);
+        slabs_dye(lower, 1);
+        slabs_dye(upper, 3);
         slab = builder_slab(&b);
         builder_place(&b, slab, 0, vec3_make(9, 1, 9), vec3_splat(0));
         builder_place(&b, slab, 1, vec3_make(9, 1, 9), vec3_make(0, 1, 0));
-        look_down(&b, 5);
+        slabs_look_down(&b, 5);
         for (int c = 0; c < 3; c++) {
             double boundary = upper_first ? 0 : 1;
             struct layers s = layers_interface(1, (double)1.33f);
@@ -93,7 +66,7 @@ static void test_inside(void **state)
 {
     (void)state;
     for (int equal = 0; equal < 2; equal++) {
-        struct render_settings settings = head_on();
+        struct render_settings settings = slabs_settings();
         struct scene_material *outer, *inner;
         struct scene_builder b;
         double expected[3];
@@ -101,12 +74,12 @@ static void test_inside(void **state)
         builder_init(&b);
         outer = glass(&b, 1.5f, 0);
         inner = glass(&b, 2, equal ? 0 : 5);
-        dye(outer, 5);
-        dye(inner, 1);
+        slabs_dye(outer, 5);
+        slabs_dye(inner, 1);
         slab = builder_slab(&b);
         builder_place(&b, slab, 0, vec3_make(9, 2, 9), vec3_splat(0));
         builder_place(&b, slab, 1, vec3_make(9, 0.5f, 9), vec3_splat(0));
-        look_down(&b, 5);
+        slabs_look_down(&b, 5);
         for (int c = 0; c < 3; c++) {
             struct layers glass_layer = layers_absorber(layers_per_metre(outer, c), 1.5);
             struct layers s = layers_stacked(layers_interface(1, 1.5), glass_layer);
@@ -125,7 +98,7 @@ static void test_inside(void **state)
 /* An inner slab of lower priority is not there at all. */
 static void test_hidden(void **state)
 {
-    struct render_settings settings = head_on();
+    struct render_settings settings = slabs_settings();
     struct scene_material *outer;
     struct scene_builder b;
     double expected[3];
@@ -134,12 +107,12 @@ static void test_hidden(void **state)
     (void)state;
     builder_init(&b);
     outer = glass(&b, 1.5f, 1);
-    dye(outer, 5);
-    dye(glass(&b, 2, 0), 1);
+    slabs_dye(outer, 5);
+    slabs_dye(glass(&b, 2, 0), 1);
     slab = builder_slab(&b);
     builder_place(&b, slab, 0, vec3_make(9, 2, 9), vec3_splat(0));
     builder_place(&b, slab, 1, vec3_make(9, 0.5f, 9), vec3_splat(0));
-    look_down(&b, 5);
+    slabs_look_down(&b, 5);
     for (int c = 0; c < 3; c++) {
         struct layers s = layers_stacked(layers_interface(1, 1.5),
                                          layers_absorber(layers_per_metre(outer, c), 4));
@@ -153,7 +126,7 @@ static void test_hidden(void **state)
 /* The camera is in the outer slab, a third of the way down, and in the inner one. */
 static void test_camera_inside(void **state)
 {
-    struct render_settings settings = head_on();
+    struct render_settings settings = slabs_settings();
     struct scene_material *m;
     struct scene_builder b;
     double expected[3];
@@ -162,10 +135,10 @@ static void test_camera_inside(void **state)
     (void)state;
     builder_init(&b);
     m = glass(&b, 1.5f, 0);
-    dye(m, 2);
+    slabs_dye(m, 2);
     slab = builder_slab(&b);
     builder_place(&b, slab, 0, vec3_make(9, 1, 9), vec3_splat(0));
-    look_down(&b, 0.4f);
+    slabs_look_down(&b, 0.4f);
     for (int c = 0; c < 3; c++) {
         struct layers face = layers_interface(1.5, 1);
         double whole = exp(-2 * layers_per_metre(m, c));

@@ -116,9 +116,10 @@ int accel_intersect(const struct accel *accel, const struct ray *ray, const void
                     struct hit *hit);
 
 /* Faces closer together than Embree's error it may exchange: the first in double of those around
- * the hit that the ray met after `t` metres. 1 where that is another one. */
+ * the hit that the ray met after `t` metres. 1 where that is another one. `in_contact`: faces that
+ * coincide with the hit are crossed together with it (accel_coincident), so they stay as they are. */
 int accel_refine(const struct accel *accel, const struct ray *ray, const void *query, double t,
-                 struct hit *hit);
+                 int in_contact, struct hit *hit);
 
 /* Is anything accepted between the origin and t_max? */
 int accel_occluded(const struct accel *accel, const struct ray *ray, const void *query);

@@ -383,7 +383,7 @@ static double coincident_gap(const double place[3])
 }
 
 int accel_refine(const struct accel *accel, const struct ray *ray, const void *query, double t,
-                 struct hit *hit)
+                 int in_contact, struct hit *hit)
 {
     struct ray last = {.direction = ray->direction, .time = ray->time};
     struct hit found = *hit;
@@ -403,6 +403,10 @@ int accel_refine(const struct accel *accel, const struct ray *ray, const void *q
     trace_carefully(&q, &found);
     if (!q.met || (q.nearest.instance == hit->instance && q.nearest.triangle == hit->triangle))
         return 0;
+    if (!in_contact) {
+        *hit = q.nearest;
+        return 1;
+    }
     /* Faces that coincide have no order: who crosses them takes them together (accel_coincident). */
     accel->corners(accel->scene, hit->instance, hit->triangle, ray->time, corner);
     exact_normal(corner, n);

@@ -52,6 +52,19 @@ static inline int crossing_touches(const struct surface *s)
     return s->instance->touches && s->instance->touches[s->triangle];
 }
 
+/* The hit made into a surface; near boundaries the first of faces that lie close together. Only
+ * faces that are crossed together may be met in any order: at a sharp rim, thinner than they are
+ * far apart, the ray would else enter a body by the face that it leaves by. */
+static inline void crossing_first(const struct render_scene *scene, const struct ray *ray,
+                                  const struct path_query *query, struct hit *hit,
+                                  struct surface *s)
+{
+    surface_from_hit(scene, ray, hit, s);
+    if (s->contacts &&
+        accel_refine(scene->accel, ray, query, (double)s->t, crossing_touches(s), hit))
+        surface_from_hit(scene, ray, hit, s);
+}
+
 /* Do two faces lie in one sheet, cut into two meshes: a corner in common, met from one side? Those
  * of one mesh the accel tells apart. */
 static inline int crossing_repeats(const struct render_scene *scene, const struct surface *a,

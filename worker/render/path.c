@@ -198,14 +198,10 @@ static int path_trace(const struct path *path, const struct interior *in, const 
     return met;
 }
 
-/* The hit made into a surface; near boundaries the first of faces that lie close together. */
 static void path_surface(const struct path *path, const struct ray *ray,
                          const struct path_query *query, struct hit *hit, struct surface *s)
 {
-    surface_from_hit(path->scene, ray, hit, s);
-    if (s->contacts &&
-        accel_refine(path->scene->accel, ray, query, (double)s->t, hit))
-        surface_from_hit(path->scene, ray, hit, s);
+    crossing_first(path->scene, ray, query, hit, s);
 }
 
 static int path_occluded(const struct path *path, const struct ray *ray)

@@ -222,7 +222,7 @@ static void test_films(void **state)
         ray.direction = vec3_normalize(vec3_sub(to, ray.origin));
         assert_true(accel_intersect(t.scene->accel, &ray, NULL, &hit));
         surface_from_hit(t.scene, &ray, &hit, &s);
-        exchanged += accel_refine(t.scene->accel, &ray, NULL, (double)s.t, &hit);
+        exchanged += accel_refine(t.scene->accel, &ray, NULL, (double)s.t, 1, &hit);
         assert_int_equal(hit.instance, 1);
     }
     assert_true(exchanged > 0); /* else this test shows nothing */
