@@ -8,6 +8,7 @@
 #include "client/effects_measure.h"
 
 #define SHARE_OF_TARGET 0.25
+#define LEAST_SAVED 0.01 /* of the time */
 #define LOOSE_CODES 2.0 /* is seen by anyone */
 
 status parse_target_codes(const char *text, double *codes, struct error *err)
@@ -56,7 +57,7 @@ static double worth(const struct candidate *c)
     return c->price.saved.value / fmax(0.02, upper_end(&c->price));
 }
 
-/* Everything that surely saves time and is hidden alone, bargains first. */
+/* Everything that surely saves time, a hundredth or more, and is hidden alone, bargains first. */
 static status find_candidates(struct chosen *out, const struct effects_measure *m, double most,
                               struct error *err)
 {
@@ -68,7 +69,7 @@ static status find_candidates(struct chosen *out, const struct effects_measure *
             continue;
         if (effects_measure_price(m, trial, &c.price, err) != STATUS_OK)
             return STATUS_ERR_NO_MEMORY;
-        if (!(c.price.saved.low > 0) || !(upper_end(&c.price) < most))
+        if (!(c.price.saved.low > 0) || c.price.saved.value < LEAST_SAVED || !(upper_end(&c.price) < most))
             continue;
         for (at = out->count++; at > 0 && worth(&c) > worth(&out->all[at - 1]); at--)
             out->all[at] = out->all[at - 1];
