@@ -8,6 +8,7 @@
 #include "client/effects_measure.h"
 
 #define SHARE_OF_TARGET 0.25
+#define LEAST_SAVED 0.01 /* of the time */
 #define LOOSE_CODES 2.0 /* is seen by anyone */
 
 status parse_target_codes(const char *text, double *codes, struct error *err)
@@ -46,12 +47,17 @@ struct chosen {
     struct effects_price together;
 };
 
-static double worth(const struct candidate *c)
+static double upper_end(const struct effects_price *price)
 {
-    return c->price.saved.value / fmax(0.02, c->price.bias.codes.high);
+    return pair_bias_worse(&price->bias).high;
 }
 
-/* Everything that surely saves time and is hidden alone, bargains first. */
+static double worth(const struct candidate *c)
+{
+    return c->price.saved.value / fmax(0.02, upper_end(&c->price));
+}
+
+/* Everything that surely saves time, a hundredth or more, and is hidden alone, bargains first. */
 static status find_candidates(struct chosen *out, const struct effects_measure *m, double most,
                               struct error *err)
 {
@@ -63,7 +69,7 @@ static status find_candidates(struct chosen *out, const struct effects_measure *
             continue;
         if (effects_measure_price(m, trial, &c.price, err) != STATUS_OK)
             return STATUS_ERR_NO_MEMORY;
-        if (!(c.price.saved.low > 0) || !(c.price.bias.codes.high < most))
+        if (!(c.price.saved.low > 0) || c.price.saved.value < LEAST_SAVED || !(upper_end(&c.price) < most))
             continue;
         for (at = out->count++; at > 0 && worth(&c) > worth(&out->all[at - 1]); at--)
             out->all[at] = out->all[at - 1];
@@ -79,8 +85,8 @@ static void fill(struct chosen *out, double most)
     size_t kept = 0;
 
     for (size_t i = 0; i < out->count; i++)
-        if (sum + out->all[i].price.bias.codes.high < most) {
-            sum += out->all[i].price.bias.codes.high;
+        if (sum + upper_end(&out->all[i].price) < most) {
+            sum += upper_end(&out->all[i].price);
             out->all[kept++] = out->all[i];
         }
     out->count = kept;
@@ -104,7 +110,7 @@ static status verify(struct chosen *out, struct effects_measure *m, double most,
         result = effects_measure_add(m, out->set, &trial, err);
         if (result == STATUS_OK)
             result = effects_measure_price(m, trial, &out->together, err);
-        if (result == STATUS_OK && out->together.bias.codes.high < most && out->together.saved.value > 0)
+        if (result == STATUS_OK && upper_end(&out->together) < most && out->together.saved.value > 0)
             break;
         out->count--;
     }
@@ -116,7 +122,7 @@ static status verify(struct chosen *out, struct effects_measure *m, double most,
 static void report(const struct chosen *c, const struct effects_auto *o, double core_s)
 {
     const double most = o->target_codes * SHARE_OF_TARGET;
-    const struct study_interval *bias = &c->together.bias.codes;
+    const struct study_interval bias = pair_bias_worse(&c->together.bias);
 
     if (c->count == 0) {
         fprintf(stderr, "effects auto: nothing is left out: no effect both saves time and surely changes "
@@ -125,13 +131,13 @@ static void report(const struct chosen *c, const struct effects_auto *o, double 
     }
     fprintf(stderr, "effects auto: left out");
     for (size_t i = 0; i < c->count; i++) {
-        const struct study_interval *own = &c->all[i].price.bias.codes;
+        const struct study_interval own = pair_bias_worse(&c->all[i].price.bias);
         fprintf(stderr, "%s %s (%.2f/255, at most %.2f)", i ? "," : "",
-                effect_name((enum effect_bit)c->all[i].bit), own->value, own->high);
+                effect_name((enum effect_bit)c->all[i].bit), own.value, own.high);
     }
     fprintf(stderr, "\neffects auto: leaving them out changes %.2f/255 (at most %.2f; a quarter of the target is "
                     "%.3g) and saves %.0f %% of the time; measuring took %.3g core-seconds\n",
-            bias->value, bias->high, most, 100 * c->together.saved.value, core_s);
+            bias.value, bias.high, most, 100 * c->together.saved.value, core_s);
     if (most > LOOSE_CODES)
         fprintf(stderr, "effects auto: the target is loose: a change of %.3g/255 can be seen\n", most);
 }

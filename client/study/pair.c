@@ -6,7 +6,7 @@
 
 #include "common/base/memory.h"
 
-enum { BOX_RADIUS = 3 /* pixels around one whose mean difference chooses the secant */ };
+enum { BOX_RADIUS = 1 /* pixels around one whose mean difference chooses the secant */ };
 
 double student_t95(unsigned degrees)
 {
@@ -338,6 +338,11 @@ static void bias_finish(struct pair_bias *out, struct bias_work *w, size_t count
     out->codes = root_of(&both);
     if (!(out->rms_codes.low > 0))
         out->codes.low = 0;
+}
+
+struct study_interval pair_bias_worse(const struct pair_bias *bias)
+{
+    return bias->rms_codes.high > bias->codes.high ? bias->rms_codes : bias->codes;
 }
 
 static double mean_of(const struct image *a, const struct image *b)

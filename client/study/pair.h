@@ -64,6 +64,9 @@ status pair_bias_of(struct pair_bias *out, const struct shown *shown, const stru
                     const struct image *a, const struct image *a2, const struct image *b,
                     const struct image *b2, struct error *err) MUST_CHECK;
 
+/* The figure with the higher upper end: what a twentieth of the pixels or fewer show is in the RMS alone. */
+struct study_interval pair_bias_worse(const struct pair_bias *bias);
+
 /* (a + b) / 2; `out` is initialised here. */
 status pair_mean(struct image *out, const struct image *a, const struct image *b, struct error *err)
     MUST_CHECK;

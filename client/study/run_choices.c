@@ -348,6 +348,7 @@ static status add_choice(struct study_run *run, const struct way *way, const str
                          const struct measured *mine, const struct levels *levels, struct error *err)
 {
     const uint32_t top = levels->count - 1;
+    struct study_interval worse;
     struct study_question *q = question_of(run->study, titles[way->knob], err);
     struct study_choice *c = q ? study_add_choice(q) : NULL;
     struct pair_bias bias;
@@ -367,8 +368,8 @@ static status add_choice(struct study_run *run, const struct way *way, const str
         *p = mine->points[i];
         p->codes = with_bias(p->codes, c->floor.low > 0 ? c->floor.value : 0);
     }
-    return way->knob == KNOB_EFFECT
-               ? add_effect(run, way, usual, mine, top, &bias.codes, err) : STATUS_OK;
+    worse = pair_bias_worse(&bias);
+    return way->knob == KNOB_EFFECT ? add_effect(run, way, usual, mine, top, &worse, err) : STATUS_OK;
 }
 
 /* The usual way is in each question, without points: its curve is the main one. */

@@ -54,11 +54,12 @@ def row(name, path, target, folder):
         100 * (1 - min(less) / min(whole)), spent)
 
 
-def show_auto(title):
+def show_auto(title, only=()):
+    """`only`: names of scenes; none: all."""
     title("Effects left out: render SCENE --size %s --spp %d --effects auto --target-error N/255" % (SIZE, SPP))
     print("| scene | target | left out | that changes, of 255 | time saved | measuring, core-s |")
     print("|---|---|---|---|---:|---:|")
     with tempfile.TemporaryDirectory(prefix="azulejo-bench-") as folder:
-        for name, path in SCENES:
+        for name, path in [s for s in SCENES if not only or s[0] in only]:
             for target in TARGETS:
                 print(row(name, path, target, folder), flush=True)

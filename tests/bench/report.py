@@ -301,8 +301,9 @@ def show_tonemapping():
 
 def main():
     against = sys.argv[2] if len(sys.argv) == 3 and sys.argv[1] == "against" else None
-    if sys.argv[1:] not in ([], ["kernels"], ["auto"]) and not against:
-        sys.exit("usage: report.py [kernels | auto | against FOLDER]")
+    auto = sys.argv[1:2] == ["auto"]
+    if sys.argv[1:] not in ([], ["kernels"]) and not auto and not against:
+        sys.exit("usage: report.py [kernels | auto [SCENE]... | against FOLDER]")
     if not os.path.exists(os.path.join(BUILD, "tests", "bench", "bench_render")):
         sys.exit("make bench: %s is not built" % BUILD)
     with tempfile.TemporaryDirectory(prefix="azulejo-bench-") as folder:
@@ -329,8 +330,8 @@ def main():
             large.append(helmet)
         spheres = scenes[2]
         show_machine()
-        if sys.argv[1:] == ["auto"]:
-            bench_auto.show_auto(title)
+        if auto:
+            bench_auto.show_auto(title, sys.argv[2:])
             return
         if sys.argv[1:] == ["kernels"]:
             show_kernels(kernel_scenes(scenes, sky))

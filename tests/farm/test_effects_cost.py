@@ -43,6 +43,25 @@ def no_bias_from_noise():
 
 
 @tests.add
+def interrupted_measuring():
+    """Ctrl-C on effects --measure keeps the rounds that are whole, and says that it was interrupted"""
+    with Farm() as farm:
+        client = farm.start_cli("effects", os.path.join(FEATURES, "portal.pbrt"), "--measure", "--json",
+                                "--size", "48x32", "--spp", "512", "--threads", "1")
+        lines = []
+        for line in client.stderr:
+            lines.append(line.decode())
+            if "round 3" in lines[-1] or "round 4" in lines[-1]:
+                client.send_signal(signal.SIGINT)
+                break
+        out, err = client.communicate(timeout=120)
+        expect(client.returncode != 0 and b"interrupted" in err, (lines, err))
+        seen = json.loads(out)
+        expect(seen["measured"]["rounds"] == 2, seen["measured"])
+        expect(any("bias_codes" in row for row in seen["effects"]), seen)
+
+
+@tests.add
 def auto_leaves_out_the_hidden():
     """--effects auto leaves out what a loose target hides, not what it shows; header and manifest say so"""
     scene = os.path.join(FEATURES, "portal.pbrt")

@@ -204,6 +204,28 @@ static void gross_bias_is_a_difference_of_codes(void **state)
     lab_release(&lab);
 }
 
+/* What three of a hundred pixels show is no less wrong for it. */
+static void few_pixels_count(void **state)
+{
+    enum { FEW = 11 };
+    const double truth = code(GREY) * FEW / SIDE;
+    struct error err = {0};
+    struct pair_bias bias;
+    struct lab lab;
+
+    (void)state;
+    lab_init(&lab);
+    paint(&lab, &lab.a, GREY, 0);
+    paint(&lab, &lab.a2, GREY, 0);
+    for (size_t y = 0; y < FEW; y++)
+        memset(lab.a2.pixels + 3 * SIDE * (y + 20), 0, FEW * 12);
+    assert_int_equal(pair_bias_of(&bias, &lab.shown, &lab.usual, &lab.a, &lab.a2, &lab.a, &lab.a2, &err),
+                     STATUS_OK);
+    assert_true(bias.codes.value < 1);
+    assert_float_equal(pair_bias_worse(&bias).value, truth, 0.1 * truth);
+    lab_release(&lab);
+}
+
 static void the_same_is_the_same(void **state)
 {
     struct error err = {0};
@@ -283,6 +305,7 @@ int main(void)
         cmocka_unit_test(noise_is_no_bias),
         cmocka_unit_test(bias_is_found_under_noise),
         cmocka_unit_test(gross_bias_is_a_difference_of_codes),
+        cmocka_unit_test(few_pixels_count),
         cmocka_unit_test(the_same_is_the_same),
         cmocka_unit_test(sizes_must_agree),
         cmocka_unit_test(fit_finds_the_law),
