@@ -90,7 +90,7 @@ TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(TEST_SRC)))
 SUPPORT_SRC := $(call sources,tests/support)
 LIB_SUPPORT := $(BUILD)/lib/libsupport.a
 # Programs that the farm tests and benchmarks drive.
-TOOL_SRC := $(sort $(shell find tests/farm tests/fault tests/bench tests/fuzz -name '*.c' ! -name 'fuzz_*.c' ! -name odd_disk.c 2>/dev/null))
+TOOL_SRC := $(sort $(shell find tests/farm tests/fault tests/bench tests/accuracy tests/fuzz -name '*.c' ! -name 'fuzz_*.c' ! -name odd_disk.c 2>/dev/null))
 # Preloaded into a coordinator under test.
 ODD_DISK := $(BUILD)/tests/farm/odd_disk.so
 TOOLS := $(patsubst %.c,$(BUILD)/%,$(TOOL_SRC))
