@@ -25,6 +25,7 @@ struct development {
     struct render_settings settings;
     struct output_settings output;
     struct film_coverage coverage;
+    enum frame_end end;      /* FRAME_END_NONE: a preview */
     double relative_mse;
     struct unit_work work;
     struct work_stats stats;
@@ -57,6 +58,7 @@ static status development_new(struct development **out, const struct job *job, u
     d->output = job->output;
     if (frame) {
         d->coverage = film_coverage(frame->film);
+        d->end = frame->end;
         d->relative_mse = film_error(frame->film);
         d->work = *film_work(frame->film);
         d->stats = frame->stats;
@@ -142,9 +144,15 @@ static double mean_samples(const struct development *d)
     return (double)d->coverage.samples / ((double)d->settings.width * d->settings.height);
 }
 
-static int is_whole(const struct development *d)
+static int is_full(const struct development *d)
 {
     return d->coverage.least == d->settings.spp;
+}
+
+/* Has it all that was asked for? */
+static int is_whole(const struct development *d)
+{
+    return is_full(d) || frame_end_is_whole(d->end);
 }
 
 /* What there is: a frame of a cancelled job may have less than azulejo:spp, and not everywhere
@@ -588,7 +596,7 @@ status develop_frame(struct development *d, struct store *store, struct error *e
         s = store_output_write(store, d->job, d->frame, MANIFEST_EXTENSION, &json, err);
     if (s == STATUS_OK)
         s = store_frame_done(store, d->job, d->frame, d->relative_mse, development_revision(d),
-                             is_whole(d) ? NULL : &d->coverage, err);
+                             d->end, is_full(d) ? NULL : &d->coverage, err);
     buffer_release(&exr);
     buffer_release(&json);
     return s;

@@ -16,6 +16,7 @@ struct job_report {
     Azulejo__Wire__Work work;
     struct wire_output output;
     char state_text[JOB_TEXT_MAX + 1];
+    Azulejo__Wire__StopRules stop;
     Azulejo__Wire__CutFrame cuts[REPORT_CUT_FRAMES_MAX];
     Azulejo__Wire__CutFrame *cut_pointers[REPORT_CUT_FRAMES_MAX];
 };

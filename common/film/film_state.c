@@ -355,6 +355,10 @@ static void group_clear(struct film *film, uint32_t tile, uint32_t group)
         memset(both[i], 0, sizeof *both[i] +
                                film_group_numbers(film, tile, group) * sizeof(double));
     }
+    for (uint32_t i = 0; i < (g->watch ? g->watch->level_count : g->level_count); i++)
+        film->at_level[group][i]--;
+    mem_free(g->watch);
+    g->watch = NULL;
     g->level_count = 0;
     film_group_set_passes(film, tile, group, 0);
 }
@@ -378,8 +382,10 @@ static void group_load(struct film *film, uint32_t tile, uint32_t group,
     } else if (h->cut_end != 0) {
         at += sums_size(numbers);
     }
-    for (uint32_t i = 0; i < h->levels; i++)
+    for (uint32_t i = 0; i < h->levels; i++) {
         get_level(&at, &g->levels[i]);
+        film->at_level[group][i]++;
+    }
     g->level_count = h->levels;
     for (uint32_t i = 0; i < passes; i++) {
         g->log[i].hash = get64(&at);
