@@ -255,7 +255,8 @@ void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
         print_line(out, "rays", line);
     }
     for (size_t i = 0; i < job->n_cut_frames; i++)
-        print_line(out, "cut short", cut_frame_text(line, job, job->cut_frames[i]));
+        print_line(out, cut_frame_is_cancelled(job->cut_frames[i]) ? "cut short" : "ended",
+                   cut_frame_text(line, job, job->cut_frames[i]));
     if (job->relative_mse >= 0) {
         snprintf(line, sizeof line, "%s (estimated, root of the relative mean squared error)",
                  format_error(a, job->relative_mse));

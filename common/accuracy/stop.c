@@ -133,3 +133,14 @@ const char *frame_end_text(enum frame_end end)
 
     return (unsigned)end < FRAME_END_COUNT ? texts[end] : "cut short";
 }
+
+const char *frame_end_word(enum frame_end end)
+{
+    static const char *const words[FRAME_END_COUNT] = {
+        [FRAME_END_NONE] = "none",     [FRAME_END_CAP] = "samples",
+        [FRAME_END_TARGET] = "target", [FRAME_END_TIME] = "time-limit",
+        [FRAME_END_CORES] = "core-limit", [FRAME_END_CANCEL] = "cancel",
+        [FRAME_END_SCHEDULE] = "schedule"};
+
+    return (unsigned)end < FRAME_END_COUNT ? words[end] : "cancel";
+}

@@ -66,5 +66,7 @@ static inline int frame_end_is_whole(enum frame_end end)
 }
 /* "ended by the time limit", for people; after it: how many samples. */
 const char *frame_end_text(enum frame_end end);
+/* "time-limit", for programs. */
+const char *frame_end_word(enum frame_end end);
 
 #endif

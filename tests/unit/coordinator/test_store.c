@@ -148,13 +148,15 @@ static void jobs_survive_a_restart(void **state)
 }
 
 /* A store of version 1, which knew no revisions: its finished frames' pictures are as they should;
- * and one of version 2, which knew no tokens. */
+ * one of version 2, which knew no tokens; and one of version 3, which did not note what ended a frame. */
 static void an_older_store_is_brought_up_to_date(void **state)
 {
     static const char *const steps_back[] = {
-        "DROP TABLE cut_frames; DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token;"
+        "DROP TABLE clocks; ALTER TABLE cut_frames DROP COLUMN ended;"
+        "ALTER TABLE cut_frames DROP COLUMN group_most; PRAGMA user_version=3",
+        "DROP TABLE clocks; DROP TABLE cut_frames; DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token;"
         "PRAGMA user_version=2",
-        "DROP TABLE cut_frames; DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token;"
+        "DROP TABLE clocks; DROP TABLE cut_frames; DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token;"
         "ALTER TABLE jobs DROP COLUMN revision; ALTER TABLE frames DROP COLUMN revision;"
         "PRAGMA user_version=1",
     };
