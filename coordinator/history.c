@@ -1,6 +1,7 @@
 #include "coordinator/history.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "common/base/memory.h"
 
@@ -48,7 +49,7 @@ int job_figures_note(struct job_figures *job, uint32_t index, uint32_t count,
 void job_figures_release(struct job_figures *job)
 {
     mem_free(job->display);
-    job->display = NULL;
+    memset(job, 0, sizeof *job);
 }
 
 double job_figures_worst(const struct job_figures *job, uint32_t count, uint32_t *index)

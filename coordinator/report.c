@@ -135,6 +135,7 @@ static void report_cuts(struct job_report *report, Azulejo__Wire__JobInfo *info,
         cut.samples_max = job->cuts[i].coverage.most;
         cut.tiles = job->cuts[i].coverage.tiles;
         cut.tiles_empty = job->cuts[i].coverage.tiles_empty;
+        cut.end = (Azulejo__Wire__FrameEnd)job->cuts[i].end;
         report->cuts[i] = cut;
         report->cut_pointers[i] = &report->cuts[i];
     }
@@ -254,6 +255,7 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
 
     report->settings = settings;
     wire_settings_set(&report->settings, &job->settings);
+    wire_stop_set(&report->stop, &job->stop);
     wire_output_set(&report->output, &job->output);
     stats.cpu_ns = job->stats.cpu_ns;
     stats.trace_ns = job->stats.trace_ns;
@@ -272,6 +274,7 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     info.first_frame = job->first_frame;
     info.last_frame = job->last_frame;
     info.settings = &report->settings;
+    info.stop = &report->stop;
     info.output = &report->output.message;
     wire_digest_set(&info.scene, &job->scene);
     info.scene_name = job->scene_name;

@@ -6,18 +6,21 @@
 #include "common/film/tiles.h"
 #include "common/image/color.h"
 
-enum { BIN_OF_ONE = 10 /* the bin that begins at one code */ };
-
-/* floor(2 log2(e)), from e^2: exponents are exact. */
-static int bin_of(float squared)
+uint32_t level_bin(float codes)
 {
-    int exponent;
+    float edge = 0x1.6a09e6p-4f; /* 2^-3.5, where bin 1 begins */
+    uint32_t bin = 0;
 
-    if (!(squared > 0))
-        return 0;
-    (void)frexpf(squared, &exponent);
-    exponent += BIN_OF_ONE - 1;
-    return exponent < 0 ? 0 : exponent >= LEVEL_BINS ? LEVEL_BINS - 1 : exponent;
+    /* Comparisons with constants: two half octaves are a factor of two, exactly. */
+    for (float whole = 0x1p-3f; bin + 1 < LEVEL_BINS; whole *= 2, edge *= 2) {
+        if (!(codes >= edge))
+            return bin;
+        bin++;
+        if (bin + 1 >= LEVEL_BINS || !(codes >= whole))
+            return bin;
+        bin++;
+    }
+    return bin;
 }
 
 static void measure_codes(struct film_level *out, const float *first, const float *second,
@@ -32,7 +35,7 @@ static void measure_codes(struct film_level *out, const float *first, const floa
             squared = half * half > squared ? half * half : squared;
         }
         sum += (double)squared;
-        out->bins[bin_of(squared)]++;
+        out->bins[level_bin(sqrtf(squared))]++;
     }
     out->display = (float)sum;
     out->has_codes = 1;
@@ -51,6 +54,7 @@ void film_level_measure(struct film_level *out, const double *sums, uint32_t pix
     out->rays = rays;
     for (uint32_t i = 0; i < pixels * 3; i++) {
         double a = sums[i] / each, b = second[i] / each;
+        out->radiance += (a + b) / 2;
         out->linear += (a - b) * (a - b) / 4;
         means[0][i] = (float)a;
         means[1][i] = (float)b;

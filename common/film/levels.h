@@ -14,13 +14,16 @@ enum { LEVEL_BINS = 24 };
 
 struct film_level {
     uint64_t rays;       /* of the group on the tile, up to this level */
+    double radiance;     /* sum over pixels of R + G + B of the group's mean */
     double linear;       /* sum over pixels and RGB of (A - B)^2 / 4, in linear radiance */
     float display;       /* sum over pixels of e^2, e = the largest channel's |a - b| / 2 */
     int has_codes;       /* display and bins are known */
-    /* Pixels by e: bin i holds [2^(i/2 - 5), 2^((i+1)/2 - 5)) codes of 255; the first one and the last
-     * one also what lies beyond. */
-    uint16_t bins[LEVEL_BINS];
+    uint16_t bins[LEVEL_BINS]; /* pixels by level_bin(e) */
 };
+
+/* The bin of an error in codes, of 255: bin i holds 2^(i/2 - 4) up to the next half octave; smaller errors
+ * are in bin 0, larger ones in the last. */
+uint32_t level_bin(float codes);
 
 /* What a display shows of linear pixels: codes[count][3] of rgb[count][3], 0..255 and not rounded. A
  * function of each pixel alone. `codes` NULL: not known. */
