@@ -179,16 +179,16 @@ static void forecast_add(struct job_report *report, Azulejo__Wire__JobInfo *info
     report->forecast_pointers[info->n_forecasts++] = f;
 }
 
-/* The next round errors below the present one, and what the cap on the samples gives. */
+/* The next round errors below the present one, and what the frame's rules will give. */
 static void report_forecasts(struct job_report *report, Azulejo__Wire__JobInfo *info,
                              const struct job_frame *frame)
 {
-    double whole_s = eta_whole_ns(&frame->eta, frame->film) / 1e9, spent_s = frame->spent.core_s;
+    double whole_s = figures_whole_s(frame), spent_s = frame->spent.core_s;
     struct accuracy_estimate at, whole = {whole_s, whole_s, whole_s};
     struct accuracy_curve curve;
     size_t found = 0;
 
-    figures_curve(frame, &curve);
+    figures_curve(frame, ALLOCATION_DISPLAY, &curve);
     if (curve.points == 0)
         return;
     info->forecasts = report->forecast_pointers;
@@ -201,7 +201,7 @@ static void report_forecasts(struct job_report *report, Azulejo__Wire__JobInfo *
         forecast_add(report, info, round_errors[i], &core_s, spent_s, 0);
         found++;
     }
-    if (whole_s > spent_s)
+    if (whole_s > spent_s && frame->job->stop.time_limit_ms == 0)
         forecast_add(report, info, accuracy_curve_error(&curve, whole_s).value, &whole, spent_s, 1);
 }
 
