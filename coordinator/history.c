@@ -12,7 +12,8 @@ uint32_t history_add(struct history *h, const struct history_point *point)
     if (at > 0 && point->samples <= h->points[at - 1].samples)
         at--;
     else if (at > 1 &&
-             (double)point->samples < HISTORY_RATIO * (double)h->points[at - 2].samples)
+             (double)h->points[at - 1].samples <
+                 HISTORY_RATIO * (double)h->points[at - 2].samples)
         at--;
     if (at == HISTORY_MAX)
         at--;
