@@ -291,17 +291,17 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct positionals rest;
     status result;
 
-    e.options.spp = 0;
+    e.options.stop.spp = 0;
     result = command_parse(command, tonemap_options_table(&e.options.output.tone, table, rows),
                            argc, argv, 1, 1, &rest, &done, err);
     (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
     {
-        int spp_given = e.options.spp > 0;
+        int spp_given = e.options.stop.spp > 0;
         local.threads = (unsigned)threads;
         if (!spp_given)
-            e.options.spp = SETTINGS_SPP_DEFAULT;
+            e.options.stop.spp = SETTINGS_SPP_DEFAULT;
         result = job_options_check(&e.options, &e.request, err);
         if (result == STATUS_OK)
             result = submission_prepare(rest.items[0], &e.options, quiet, &e.request, &e.scene,

@@ -276,7 +276,8 @@ void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
         print_line(out, "rays", line);
     }
     for (size_t i = 0; i < job->n_cut_frames; i++)
-        print_line(out, "cut short", cut_frame_text(line, job, job->cut_frames[i]));
+        print_line(out, cut_frame_is_cancelled(job->cut_frames[i]) ? "cut short" : "ended",
+                   cut_frame_text(line, job, job->cut_frames[i]));
     figures_print(out, job);
     if (job->work && job->work->dropped_samples) {
         snprintf(line, sizeof line,

@@ -8,6 +8,27 @@
 #include "common/scene/pose.h"
 #include "protocol/message.h"
 
+static status rules_check(const struct job_options *o, struct job_request *out, struct error *err)
+{
+    uint32_t spp;
+    status result = stop_options_check(&o->stop, &out->stop, &spp, err);
+
+    if (result != STATUS_OK)
+        return result;
+    out->stop.spp_min = (uint32_t)o->stop.spp_min;
+    out->spp_given = spp > 0;
+    if (spp > 0)
+        out->settings.spp = spp;
+    if (out->stop.spp_min > 0 && !out->stop.has_target)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--min-spp: only --target-error can end a frame earlier: give both, or "
+                         "--spp");
+    if (spp > 0 && out->stop.spp_min > spp)
+        return error_set(err, STATUS_ERR_USAGE, "--min-spp %u is more than --spp %u",
+                         out->stop.spp_min, spp);
+    return STATUS_OK;
+}
+
 status job_options_check(const struct job_options *o, struct job_request *out, struct error *err)
 {
     struct render_settings *s = &out->settings;
@@ -15,7 +36,6 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
 
     memset(out, 0, sizeof *out);
     render_settings_default(s);
-    s->spp = o->spp > 0 ? (uint32_t)o->spp : SETTINGS_SPP_DEFAULT;
     s->max_depth = o->max_depth >= 0 ? (uint32_t)o->max_depth : SETTINGS_DEPTH_DEFAULT;
     s->seed = (uint64_t)o->seed;
     s->env_rotate_deg = (float)o->env_rotate_deg;
@@ -44,6 +64,8 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
     for (size_t i = 0; i < o->aovs.count && result == STATUS_OK; i++)
         result = parse_aovs(o->aovs.items[i], &s->aovs, err);
     if (result == STATUS_OK)
+        result = rules_check(o, out, err);
+    if (result == STATUS_OK)
         result = output_options_check(&o->output, &out->output, err);
     out->output.half = o->half;
     return result;
@@ -52,6 +74,7 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
 void job_request_release(struct job_request *request)
 {
     output_request_release(&request->output);
+    buffer_release(&request->schedule);
 }
 
 static status camera_find(const struct scene *scene, const char *name, uint32_t *camera,
@@ -124,6 +147,7 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__JobSubmit submit = AZULEJO__WIRE__JOB_SUBMIT__INIT;
     Azulejo__Wire__RenderSettings settings = AZULEJO__WIRE__RENDER_SETTINGS__INIT;
+    Azulejo__Wire__StopRules stop;
     struct output_message output;
     Azulejo__Wire__Envelope *answer = NULL;
     status result;
@@ -136,6 +160,9 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     submit.output = &output.message;
     submit.first_frame = request->first_frame;
     submit.last_frame = request->last_frame;
+    wire_stop_set(&stop, &request->stop);
+    submit.stop = &stop;
+    submit.schedule = (ProtobufCBinaryData){request->schedule.size, request->schedule.data};
     submit.priority = request->priority;
     submit.token = (char *)request->token;
     envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_SUBMIT;

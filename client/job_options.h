@@ -5,6 +5,7 @@
 #include "client/connection.h"
 #include "client/import/import.h"
 #include "client/output.h"
+#include "client/stop_options.h"
 #include "common/base/options.h"
 #include "common/scene/scene.h"
 #include "common/scene/settings.h"
@@ -17,8 +18,10 @@ struct job_options {
     struct output_options output;
     double env_rotate_deg, env_strength;
     double fps, shutter, lens_radius, focus_distance;
+    struct stop_options stop;
+    const char *schedule_path;
     double clamp;
-    int64_t spp, max_depth, seed, priority;
+    int64_t max_depth, seed, priority;
     int half;
 };
 
@@ -26,7 +29,7 @@ struct job_options {
     {.import = IMPORT_OPTIONS_DEFAULT, .env_strength = 1, .env_sampling = "importance", .isa = "avx2", \
      .sampler = "sobol", .light_choice = "tree", .roulette = "on", .texture_filter = "cone",    \
      .bvh_quality = "medium", .robust = "on",                                                   \
-     .spp = 0, .max_depth = -1,                                                                 \
+     .max_depth = -1,                                                                           \
      .fps = 24, .lens_radius = -1, .output = OUTPUT_OPTIONS_INIT}
 
 #define JOB_OPTION_ROWS(o)                                                                      \
@@ -63,8 +66,13 @@ struct job_options {
     {"size", 's', OPTION_STRING, &(o).size, "WxH",                                              \
      "pixels (default: the file's own, 720 rows at the camera's aspect, or 1280x720)", 0, 0,     \
      NULL},                                                                                     \
-    {"spp", 'n', OPTION_INT, &(o).spp, "N",                                                     \
-     "samples a pixel (default: the file's own, or 256)", 1, SETTINGS_SPP_MAX, NULL},           \
+    STOP_OPTION_ROWS((o).stop),                                                                 \
+    {"min-spp", 0, OPTION_INT, &(o).stop.spp_min, "N",                                          \
+     "samples a pixel before --target-error may end a frame, at least", 1, SETTINGS_SPP_MAX,    \
+     NULL},                                                                                     \
+    {"schedule-from", 0, OPTION_STRING, &(o).schedule_path, "FILE.exr",                         \
+     "give each tile the samples that it has in this picture, which a limit or a cancel ended",  \
+     0, 0, NULL},                                                                               \
     {"max-depth", 0, OPTION_INT, &(o).max_depth, "N",                                           \
      "path edges after the camera's ray; 0 shows emitters only (default: the file's own, or 12)", \
      0, SETTINGS_DEPTH_MAX, NULL},                                                              \
@@ -106,6 +114,9 @@ enum { JOB_TOKEN_BYTES_MAX = 64 }; /* the coordinator's limit */
 /* What the options mean for a scene. Zero-initialise. */
 struct job_request {
     struct render_settings settings;
+    struct stop_rules stop;
+    int spp_given;               /* a file's own number of samples does not count */
+    struct buffer schedule;      /* passes [tile][group]; empty: none */
     struct output_request output;
     uint32_t first_frame, last_frame;
     int32_t priority;

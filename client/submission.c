@@ -11,10 +11,11 @@
 
 /* What the file asks for counts where the user asks for nothing. */
 static void take_hints(const struct import_hints *hints, const struct job_options *o, int quiet,
-                       struct render_settings *s)
+                       struct job_request *request)
 {
+    struct render_settings *s = &request->settings;
     const int size = !o->size && hints->width && hints->height;
-    const int spp = o->spp <= 0 && hints->spp;
+    const int spp = !request->spp_given && hints->spp;
     const int depth = o->max_depth < 0 && hints->has_max_depth;
 
     if (size) {
@@ -43,7 +44,7 @@ status submission_prepare(const char *path, const struct job_options *options, i
     result = job_request_complete(request, options, &scene->scene, err);
     if (result != STATUS_OK)
         return result;
-    take_hints(&scene->hints, options, quiet, &request->settings);
+    take_hints(&scene->hints, options, quiet, request);
     return render_settings_validate(&request->settings, scene->scene.camera_count, err);
 }
 

@@ -15,6 +15,13 @@ enum { INTERVAL_TERMINAL_MS = 250, INTERVAL_PLAIN_MS = 1000 };
 
 static double fraction_of(const Azulejo__Wire__JobInfo *job)
 {
+    int ends_by_rule = job->stop && (job->stop->measure || job->stop->time_limit_ms ||
+                                     job->stop->core_limit_ms);
+
+    if (ends_by_rule) /* how many samples that takes is not known */
+        return job->seconds_left >= 0 && job->seconds_active > 0
+                   ? job->seconds_active / (job->seconds_active + job->seconds_left)
+                   : 0;
     if (job->samples_total == 0)
         return 0;
     return (double)job->samples_done / (double)job->samples_total;

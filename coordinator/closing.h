@@ -1,5 +1,8 @@
-/* closing: jobs that stop before they are done, and what becomes of their films.
+/* closing: frames that end, and jobs that stop before they are done, and what becomes of their films.
  *
+ *   A frame ends when its rounds do (rounds.h), by the time or core limit, by a cancel: from then on none of
+ *     its units is lent and no new result taken, so nothing in flight is waited for. When what was merged
+ *     is on disk it is developed, whatever ended it.
  *   CANCELLING: no unit is lent and no result taken. A frame without samples is closed. One with
  *     samples waits until its merged tiles are on disk, then is developed with what it has, as any
  *     complete frame is; it counts as done and as cut short. Films on disk are opened for that in
@@ -15,6 +18,11 @@
 
 #include "coordinator/farm.h"
 
+/* The frame has what it shall have: from RENDERING to COMPLETE; its leases are taken back. No effect on one
+ * that has ended. farm_frame_advance follows. */
+void closing_end_frame(struct farm *farm, struct job_frame *frame, enum frame_end end);
+/* End the frame if it has reached a limit of its job's rules. Every tile gets samples before. */
+void closing_note_limits(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
 /* From any state that is not final to CANCELLING; perhaps to CANCELLED at once. */
 void closing_begin(struct farm *farm, struct job *job, uint64_t now_ns);
 /* The job that a worker's death would speak against: of those that it holds leases of, the first that

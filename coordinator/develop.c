@@ -30,6 +30,7 @@ struct development {
     struct render_settings settings;
     struct output_settings output;
     struct film_coverage coverage;
+    enum frame_end end;      /* FRAME_END_NONE: a preview */
     struct history history;  /* before this development */
     struct history_point point; /* its figures, and what was spent by then */
     int measured;            /* `point` is of this development; else the newest there was, if any */
@@ -68,6 +69,7 @@ static status development_new(struct development **out, const struct job *job, u
     d->map_max = job->map_max;
     if (frame) {
         d->coverage = film_coverage(frame->film);
+        d->end = frame->end;
         d->history = frame->history;
         d->point = frame->spent;
         d->work = *film_work(frame->film);
@@ -174,9 +176,15 @@ static double mean_samples(const struct development *d)
     return (double)d->coverage.samples / ((double)d->settings.width * d->settings.height);
 }
 
-static int is_whole(const struct development *d)
+static int is_full(const struct development *d)
 {
     return d->coverage.least == d->settings.spp;
+}
+
+/* Has it all that was asked for? */
+static int is_whole(const struct development *d)
+{
+    return is_full(d) || frame_end_is_whole(d->end);
 }
 
 /* What there is: a frame of a cancelled job may have less than azulejo:spp, and not everywhere
@@ -794,8 +802,8 @@ status develop_frame(struct development *d, struct store *store, struct error *e
     if (s == STATUS_OK)
         s = store_output_write(store, d->job, d->frame, MANIFEST_EXTENSION, &json, err);
     if (s == STATUS_OK)
-        s = store_frame_done(store, d->job, d->frame, development_revision(d),
-                             is_whole(d) ? NULL : &d->coverage, err);
+        s = store_frame_done(store, d->job, d->frame, development_revision(d), d->end,
+                             is_full(d) ? NULL : &d->coverage, err);
     buffer_release(&exr);
     buffer_release(&json);
     return s;

@@ -10,6 +10,7 @@
 #include "coordinator/closing.h"
 #include "coordinator/figures.h"
 #include "coordinator/freeze.h"
+#include "coordinator/merge.h"
 
 /* A cancelled job must not come back, so the canceller waits for the disk. All else may be
  * lost in a crash: counters are estimates, and a job that was all but done is ended again at the
@@ -98,6 +99,11 @@ static void revoke_leases(struct farm *farm, const struct job *job, const struct
         farm->events.revoke(farm->events.user, lease->holder->session, lease->id, reason);
         lease_end(&farm->leases, lease);
     }
+}
+
+void farm_frame_revoke(struct farm *farm, const struct job_frame *frame, const char *reason)
+{
+    revoke_leases(farm, frame->job, frame, reason);
 }
 
 void farm_job_revoke(struct farm *farm, const struct job *job, const char *reason)
@@ -424,6 +430,10 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
                             &frame->file, &err);
     if (s == STATUS_OK)
         s = freeze_open(frame, &err);
+    if (s == STATUS_OK && farm->store)
+        s = store_clock_load(farm->store, job->id, number, &frame->active_ns, &frame->cpu_ns, &err);
+    if (s == STATUS_OK)
+        s = job_frame_begin(frame, &err);
     if (s != STATUS_OK) {
         job_frame_free(frame);
         farm_trouble(farm, job, number, &job->trouble, "cannot be opened", &err, now_ns);
@@ -442,6 +452,7 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
                  100.0 * (double)film_samples(frame->film) /
                      (double)film_samples_total(frame->film));
     freeze_step(farm, frame, now_ns);
+    farm_frame_decide(farm, frame, now_ns);
     farm_frame_advance(farm, frame, now_ns);
     return frame;
 }
@@ -456,16 +467,37 @@ struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint6
     return NULL;
 }
 
+void farm_frame_decide(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
+{
+    struct error err = {0};
+    int changed;
+
+    if (frame->end != FRAME_END_NONE)
+        return;
+    /* Without memory it is tried again at the next result, and at the next tick. */
+    if (rounds_step(&frame->rounds, frame->film, &frame->job->stop, &changed, &err) != STATUS_OK)
+        log_debug("job %llu, frame %u: %s", (unsigned long long)frame->job->id, frame->number,
+                  err.text);
+    if (!changed)
+        return;
+    job_frame_wish(frame);
+    job_frame_mark_folded(frame, now_ns);
+    merge_send_acks(farm, frame);
+    farm->pump_wanted = 1;
+}
+
 void farm_frame_advance(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
 {
     struct error err = {0};
     status s;
 
-    if (frame->state == FRAME_RENDERING && film_complete(frame->film))
-        job_frame_set_state(frame, FRAME_COMPLETE);
-    if (frame->state != FRAME_COMPLETE || frame->closing || frame->measuring || trouble_is(&farm->trouble) ||
+    if (frame->end == FRAME_END_NONE && rounds_are_over(&frame->rounds) &&
+        film_complete(frame->film))
+        closing_end_frame(farm, frame, rounds_end(&frame->rounds));
+    if (frame->state != FRAME_COMPLETE || frame->closing || frame->measuring ||
+        trouble_is(&farm->trouble) ||
         trouble_waits(&frame->trouble, now_ns) ||
-        (frame->job->state != JOB_STATE_CANCELLING && !job_frame_is_durable(frame)))
+        !job_frame_is_durable(frame))
         return;
     figures_spend(frame, now_ns);
     s = farm->events.develop(farm->events.user, frame);
@@ -606,6 +638,7 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
     struct job *job = frame->job;
     uint32_t number = frame->number;
     struct film_coverage coverage;
+    enum frame_end end = frame->end;
     struct error err = {0};
 
     if (frame->closing) {
@@ -628,7 +661,7 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
     farm_frame_close(farm, frame, "the frame is done");
     job_frame_set_done(job, number);
     if (coverage.samples < job_frame_samples(job) &&
-        job_frame_set_cut(job, number, &coverage, &err) != STATUS_OK)
+        job_frame_set_cut(job, number, end, &coverage, &err) != STATUS_OK)
         log_error("job %llu, frame %u: %s", (unsigned long long)job->id, number, err.text);
     if (revision == (int64_t)job->revision)
         job_frame_set_developed(job, number);
@@ -731,9 +764,11 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
         struct job *job = farm->queue.active[i];
         for (struct job_frame *frame = job->frames; frame; frame = frame->next) {
             freeze_step(farm, frame, now_ns);
-            if (frame->state == FRAME_COMPLETE)
+            farm_frame_decide(farm, frame, now_ns);
+            closing_note_limits(farm, frame, now_ns);
+            if (frame->state != FRAME_DEVELOPING)
                 farm_frame_advance(farm, frame, now_ns);
-            else
+            if (frame->state == FRAME_RENDERING)
                 figures_tick(farm, frame, now_ns);
         }
         if (job->leases > 0 && now_ns - job->saved_ns >= PROGRESS_SAVE_MS * NS_PER_MS)

@@ -139,13 +139,17 @@ struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint6
 /* The frame leaves its job: its leases are revoked and unacknowledged results disowned, for
  * `reason`. It is freed now, or when its last commit or develop ends. */
 void farm_frame_close(struct farm *farm, struct job_frame *frame, const char *reason);
+/* Take back every lease of the frame. */
+void farm_frame_revoke(struct farm *farm, const struct job_frame *frame, const char *reason);
 /* Take back every lease of the job. */
 void farm_job_revoke(struct farm *farm, const struct job *job, const char *reason);
 /* Change the job's state, store it and tell those who watch. Ending a job closes its frames and
  * removes its films. */
 void farm_job_change(struct farm *farm, struct job *job, enum job_state state, const char *text,
                      uint64_t now_ns);
-/* Move the frame on when its film is complete and on disk. */
+/* Decide what its complete statistics decide (rounds.h). Call after something was folded. */
+void farm_frame_decide(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
+/* Move the frame on: from its end, by rounds or by closing_end_frame, to its pictures. */
 void farm_frame_advance(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
 /* The end of events.develop. When `result` is OK the frame is in the store as done already, and its
  * pictures follow that revision of the job's output settings (-1: none was made). */

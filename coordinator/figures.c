@@ -95,45 +95,85 @@ void figures_finished(struct farm *farm, struct job *job, uint32_t frame,
 
 /* ---- questions ------------------------------------------------------------------------------ */
 
+void figures_curve(const struct job_frame *frame, enum allocation_measure measure,
+                   struct accuracy_curve *out)
+{
+    struct accuracy_point points[HISTORY_MAX];
+
+    for (uint32_t i = 0; i < frame->history.count; i++) {
+        const struct history_point *p = &frame->history.points[i];
+        points[i] = target_point(&p->figures, p->core_s, measure);
+    }
+    accuracy_curve_fit(out, points, frame->history.count);
+}
+
+/* Of two costs, one of which may not be known. */
+static double sooner(double a, double b)
+{
+    return a < 0 || (b >= 0 && b < a) ? b : a;
+}
+
+double figures_whole_s(const struct job_frame *frame)
+{
+    const struct stop_rules *rules = &frame->job->stop;
+    double whole_ns = eta_whole_ns(&frame->eta, frame->film), whole_s = whole_ns / 1e9;
+    double left_ns = eta_left_ns(&frame->eta, frame->film);
+    struct accuracy_curve curve;
+
+    if (!stop_has_rounds(rules) && left_ns >= 0) /* what is wanted is all that there will be */
+        whole_s = frame->spent.core_s + left_ns / 1e9;
+    if (rules->has_target) {
+        figures_curve(frame, rules->target.measure, &curve);
+        if (curve.points > 0)
+            whole_s = sooner(whole_s,
+                             accuracy_curve_cost(&curve, target_error(&rules->target)).value);
+        else if (film_spp(frame->film) == SETTINGS_SPP_MAX)
+            whole_s = -1;
+    }
+    if (rules->core_limit_ms > 0)
+        whole_s = sooner(whole_s, (double)rules->core_limit_ms / 1e3);
+    return whole_ns < 0 ? -1 : whole_s;
+}
+
+/* Of one frame that is open, when nothing else is rendered; negative: not known. */
+static double frame_seconds(const struct job_frame *frame, double whole_s, double cpu_s)
+{
+    double left_s = (whole_s - frame->spent.core_s) / cpu_s;
+    double limit_s = (double)frame->job->stop.time_limit_ms / 1e3;
+
+    if (whole_s < 0)
+        return limit_s > 0 ? fmax(limit_s - frame->spent.wall_s, 0) : -1;
+    if (limit_s > 0 && limit_s - frame->spent.wall_s < left_s)
+        left_s = limit_s - frame->spent.wall_s;
+    return fmax(left_s, 0);
+}
+
 double figures_seconds_left(const struct job *job)
 {
-    double cpu_s = throughput_of(&job->throughput), left_ns = 0, whole_ns = -1;
+    double cpu_s = throughput_of(&job->throughput), left_s = 0, each_s = -1;
+    double limit_s = (double)job->stop.time_limit_ms / 1e3;
     uint32_t open = 0;
 
     if (job->state != JOB_STATE_RUNNING || job->leases == 0 || cpu_s <= 0)
         return -1;
+    if (job->frames_done_count > 0 && job->figures.core_s > 0)
+        each_s = job->figures.core_s / job->frames_done_count / cpu_s;
     for (const struct job_frame *frame = job->frames; frame; frame = frame->next) {
-        double ns = eta_left_ns(&frame->eta, frame->film);
-        if (ns < 0 && whole_ns >= 0)
-            ns = whole_ns; /* it has only just begun: as long as the one before */
-        if (ns < 0)
+        double whole_s = figures_whole_s(frame), seconds = frame_seconds(frame, whole_s, cpu_s);
+        if (each_s < 0 && whole_s >= 0)
+            each_s = whole_s / cpu_s;
+        if (seconds < 0)
+            seconds = each_s; /* it has only just begun: as long as the others */
+        if (seconds < 0)
             return -1;
-        left_ns += ns;
-        if (eta_whole_ns(&frame->eta, frame->film) >= 0)
-            whole_ns = eta_whole_ns(&frame->eta, frame->film);
+        left_s += seconds;
         open++;
     }
-    if (job->frames_done_count > 0 && job->figures.core_s > 0)
-        whole_ns = job->figures.core_s * 1e9 / job->frames_done_count;
-    if (whole_ns < 0)
+    if (limit_s > 0 && (each_s < 0 || limit_s < each_s))
+        each_s = limit_s;
+    if (each_s < 0)
         return -1;
-    return (left_ns + whole_ns * (job_frame_count(job) - job->frames_done_count - open)) / 1e9 /
-           cpu_s;
-}
-
-void figures_curve(const struct job_frame *frame, struct accuracy_curve *out)
-{
-    struct accuracy_point points[HISTORY_MAX];
-    size_t count = 0;
-
-    for (uint32_t i = 0; i < frame->history.count; i++) {
-        const struct history_point *p = &frame->history.points[i];
-        const struct accuracy_figures *f = &p->figures;
-        if (f->known)
-            points[count++] =
-                (struct accuracy_point){p->core_s, f->display_error, f->display_lo, f->display_hi};
-    }
-    accuracy_curve_fit(out, points, count);
+    return left_s + each_s * (job_frame_count(job) - job->frames_done_count - open);
 }
 
 double figures_efficiency(const struct job *job)

@@ -11,7 +11,7 @@
 #ifndef AZULEJO_COORDINATOR_FIGURES_H
 #define AZULEJO_COORDINATOR_FIGURES_H
 
-#include "common/accuracy/curve.h"
+#include "common/accuracy/target.h"
 #include "coordinator/farm.h"
 #include "coordinator/frame.h"
 
@@ -39,8 +39,11 @@ void figures_finished(struct farm *farm, struct job *job, uint32_t frame,
 
 /* Seconds until the job's frames are rendered as far as they are wanted; negative: not known. */
 double figures_seconds_left(const struct job *job);
-/* The curve of a frame's display error over core-seconds. */
-void figures_curve(const struct job_frame *frame, struct accuracy_curve *out);
+/* The curve of a frame's error in that measure over core-seconds. */
+void figures_curve(const struct job_frame *frame, enum allocation_measure measure,
+                   struct accuracy_curve *out);
+/* Core-seconds of the whole frame, until the first of its rules ends it; negative: not known. */
+double figures_whole_s(const struct job_frame *frame);
 /* 1 / (error^2 * core-seconds) of a frame: error in display codes, root mean square of the finished frames,
  * core-seconds their mean. NaN: not known. */
 double figures_efficiency(const struct job *job);

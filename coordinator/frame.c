@@ -33,10 +33,17 @@ struct job_frame *job_frame_new(struct job *job, uint32_t number, uint32_t width
         job_frame_free(frame);
         return NULL;
     }
-    film_want_all(frame->film);
-    job_frame_wish(frame);
     frame->file = file;
     return frame;
+}
+
+status job_frame_begin(struct job_frame *frame, struct error *err)
+{
+    status s = rounds_init(&frame->rounds, frame->film, &frame->job->stop, &frame->job->schedule,
+                           err);
+
+    job_frame_wish(frame);
+    return s;
 }
 
 void job_frame_free(struct job_frame *frame)
@@ -52,6 +59,7 @@ void job_frame_free(struct job_frame *frame)
     eta_release(&frame->eta);
     for (uint32_t g = 0; g < GROUPS; g++)
         tonemap_pixels_free(frame->display[g]);
+    rounds_release(&frame->rounds);
     mem_free(frame->acks);
     mem_free(frame->dirty);
     mem_free(frame->dirty_mark);
@@ -68,8 +76,19 @@ void job_frame_set_state(struct job_frame *frame, enum frame_state state)
     assert((frame->state == FRAME_RENDERING && state == FRAME_COMPLETE) ||
            (frame->state == FRAME_COMPLETE && state == FRAME_DEVELOPING) ||
            (frame->state == FRAME_DEVELOPING && state == FRAME_COMPLETE));
-    assert(film_complete(frame->film) || frame->job->state == JOB_STATE_CANCELLING);
+    assert(frame->end != FRAME_END_NONE);
     frame->state = state;
+}
+
+uint64_t job_frame_active_ns(const struct job_frame *frame, uint64_t now_ns)
+{
+    return frame->active_ns +
+           (frame->begun_ns && now_ns > frame->begun_ns ? now_ns - frame->begun_ns : 0);
+}
+
+uint64_t job_frame_cpu_ns(const struct job_frame *frame)
+{
+    return frame->cpu_ns + frame->stats.cpu_ns;
 }
 
 /* ---- the pool of units that nobody holds ----------------------------------------------------- */
@@ -84,7 +103,7 @@ static int name_before(struct unit_name a, struct unit_name b)
 void job_frame_wish(struct job_frame *frame)
 {
     frame->returned_count = 0; /* the cursor comes by them again */
-    frame->cursor = (struct unit_name){0, 0, 0};
+    frame->cursor = frame->early = (struct unit_name){0, 0, 0};
     frame->cursor_left = film_wanted(frame->film);
 }
 
@@ -132,10 +151,8 @@ static int unit_is_free(const struct job_frame *frame, struct unit_name name)
            !job_frame_unit_find(frame, name);
 }
 
-static void cursor_advance(struct job_frame *frame)
+static void cursor_advance(const struct job_frame *frame, struct unit_name *c)
 {
-    struct unit_name *c = &frame->cursor;
-
     if (++c->tile < film_tile_count(frame->film))
         return;
     c->tile = 0;
@@ -145,28 +162,50 @@ static void cursor_advance(struct job_frame *frame)
     c->pass++;
 }
 
+static int is_wanted(const struct job_frame *frame, struct unit_name name)
+{
+    return name.pass < film_tile_wanted(frame->film, name.tile, name.group);
+}
+
 int job_frame_take(struct job_frame *frame, struct unit_name *out)
 {
     const struct film *film = frame->film;
 
     while (frame->returned_count > 0) {
         *out = returned_pop(frame);
-        if (unit_is_free(frame, *out))
+        if (is_wanted(frame, *out) && unit_is_free(frame, *out))
             return 1;
     }
     while (frame->cursor_left > 0) {
         *out = frame->cursor;
-        if (out->pass >= film_tile_wanted(film, out->tile, out->group)) {
-            cursor_advance(frame);
+        if (!is_wanted(frame, *out)) {
+            cursor_advance(frame, &frame->cursor);
             continue;
         }
-        if (out->pass >= film_tile_passes(film, out->tile, out->group) +
+        if (out->pass >= film_tile_seen(film, out->tile, out->group) +
                              (uint32_t)(film_is_frozen(film, out->group) ? FRAME_PASSES_AHEAD
                                                                          : FRAME_PASSES_UNFROZEN))
             return 0;
-        cursor_advance(frame);
+        cursor_advance(frame, &frame->cursor);
         frame->cursor_left--;
         if (unit_is_free(frame, *out))
+            return 1;
+    }
+    return 0;
+}
+
+int job_frame_take_early(struct job_frame *frame, struct unit_name *out)
+{
+    uint32_t ahead[GROUPS], most = 0;
+
+    for (uint32_t g = 0; g < GROUPS; g++) {
+        ahead[g] = rounds_ahead(&frame->rounds, frame->film, g);
+        most = ahead[g] > most ? ahead[g] : most;
+    }
+    while (frame->early.pass < most) {
+        *out = frame->early;
+        cursor_advance(frame, &frame->early);
+        if (out->pass < ahead[out->group] && !is_wanted(frame, *out) && unit_is_free(frame, *out))
             return 1;
     }
     return 0;
@@ -175,6 +214,18 @@ int job_frame_take(struct job_frame *frame, struct unit_name *out)
 uint64_t job_frame_unleased(const struct job_frame *frame)
 {
     return frame->returned_count + frame->cursor_left;
+}
+
+int job_frame_has_unit(const struct job_frame *frame, struct unit_name name)
+{
+    return name.tile < film_tile_count(frame->film) && name.group < GROUPS &&
+           name.pass < film_pass_count(frame->film, name.group);
+}
+
+int job_frame_is_watched(const struct job_frame *frame, struct unit_name name)
+{
+    return name.pass >= film_tile_passes(frame->film, name.tile, name.group) &&
+           name.pass < film_tile_seen(frame->film, name.tile, name.group);
 }
 
 uint64_t job_frame_unit_samples(const struct job_frame *frame, struct unit_name name)

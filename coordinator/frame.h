@@ -1,14 +1,14 @@
 /* frame: one picture in work: its film, and which of its work units are lent to whom.
  *
- *   RENDERING --every unit merged--> COMPLETE --all of it on disk--> DEVELOPING
+ *   RENDERING --its end (closing_end_frame)--> COMPLETE --all that was merged on disk--> DEVELOPING
  *        DEVELOPING --outputs on disk--> closed (freed)
  *        DEVELOPING --outputs cannot be written--> COMPLETE, and again (trouble.h)
- *   RENDERING --job is cancelled, every merged tile on disk--> COMPLETE, with what there is
  *   any --job ends or is parked--> closed, as soon as no commit or develop is in flight
  * job_frame_set_state is the only function that changes it.
  *
  * Units are granted in the order (pass, group, tile), so that a preview covers the frame early, as far as
- * the film wants them: first what came back from workers (`returned`), then from the cursor on.
+ * the film wants them: first what came back from workers (`returned`), then from the cursor on. When these
+ * are out, units of the next round can be lent early (job_frame_take_early); their results wait in the film.
  *
  * Invariants:
  *  - a unit is in exactly one of: the film (folded or waiting), `outstanding` (lent to at least one
@@ -28,6 +28,7 @@
 #include "coordinator/eta.h"
 #include "coordinator/history.h"
 #include "coordinator/queue.h"
+#include "coordinator/rounds.h"
 #include "coordinator/store_film.h"
 
 enum {
@@ -75,8 +76,14 @@ struct job_frame {
     struct film *film;
     struct film_file *file;      /* NULL: kept in memory only (tests) */
 
+    struct rounds rounds;        /* what the film wants */
+    enum frame_end end;          /* FRAME_END_NONE: it goes on */
+    uint64_t begun_ns;           /* monotonic: its first lease of this run; 0: none yet */
+    uint64_t active_ns, cpu_ns;  /* of earlier runs: time since the first lease, CPU time of results */
+
     struct unit_name cursor;
     uint64_t cursor_left;        /* units from the cursor on */
+    struct unit_name early;      /* the same of units that are lent early */
     struct unit_name *returned;  /* a binary heap, earliest unit first */
     size_t returned_count, returned_capacity;
     struct unit **buckets;
@@ -111,17 +118,30 @@ struct job_frame *job_frame_new(struct job *job, uint32_t number, uint32_t width
                         uint32_t spp, uint32_t aovs, struct film_file *file);
 void job_frame_free(struct job_frame *frame); /* no unit may be outstanding */
 
+/* Want what the job's rules ask for, after the film was loaded. ERR_NO_MEMORY. */
+status job_frame_begin(struct job_frame *frame, struct error *err) MUST_CHECK;
+
 void job_frame_set_state(struct job_frame *frame, enum frame_state state);
+
+/* What its limits count, over all runs. */
+uint64_t job_frame_active_ns(const struct job_frame *frame, uint64_t now_ns);
+uint64_t job_frame_cpu_ns(const struct job_frame *frame);
 
 /* The film wants more than before: what the cursor has passed is looked at again. */
 void job_frame_wish(struct job_frame *frame);
 /* The next unit that the film wants and lacks, and that nobody holds; 0 when there is none at the moment. */
 int job_frame_take(struct job_frame *frame, struct unit_name *out);
+/* The same of the next round, which may never be wanted. */
+int job_frame_take_early(struct job_frame *frame, struct unit_name *out);
 /* Put a unit back that was taken and is not outstanding. Without memory for it the cursor goes
  * back to the first unit instead, and skips what is merged or lent. */
 void job_frame_return(struct job_frame *frame, struct unit_name name);
 /* About how many units job_frame_take could still yield; exact unless results came unasked. */
 uint64_t job_frame_unleased(const struct job_frame *frame);
+/* Is there such a unit at all? */
+int job_frame_has_unit(const struct job_frame *frame, struct unit_name name);
+/* Is the unit's result seen, but no part of the picture, so that it need not be on disk? */
+int job_frame_is_watched(const struct job_frame *frame, struct unit_name name);
 /* Pixel samples of a unit. */
 uint64_t job_frame_unit_samples(const struct job_frame *frame, struct unit_name name);
 

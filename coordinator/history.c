@@ -1,6 +1,7 @@
 #include "coordinator/history.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "common/base/memory.h"
 
@@ -11,7 +12,8 @@ uint32_t history_add(struct history *h, const struct history_point *point)
     if (at > 0 && point->samples <= h->points[at - 1].samples)
         at--;
     else if (at > 1 &&
-             (double)point->samples < HISTORY_RATIO * (double)h->points[at - 2].samples)
+             (double)h->points[at - 1].samples <
+                 HISTORY_RATIO * (double)h->points[at - 2].samples)
         at--;
     if (at == HISTORY_MAX)
         at--;
@@ -48,7 +50,7 @@ int job_figures_note(struct job_figures *job, uint32_t index, uint32_t count,
 void job_figures_release(struct job_figures *job)
 {
     mem_free(job->display);
-    job->display = NULL;
+    memset(job, 0, sizeof *job);
 }
 
 double job_figures_worst(const struct job_figures *job, uint32_t count, uint32_t *index)

@@ -1,7 +1,7 @@
 /* history: how wrong a frame is, how that came down, and what it cost.
  *
- * A frame's points are a few, whatever its length: the newest one replaces its predecessor until the samples
- * have grown by HISTORY_RATIO since the one before that.
+ * A frame's points are a few, whatever its length: a new one takes the place of the last, unless the samples have
+ * grown by HISTORY_RATIO between the last and the one before it.
  */
 #ifndef AZULEJO_COORDINATOR_HISTORY_H
 #define AZULEJO_COORDINATOR_HISTORY_H

@@ -100,20 +100,14 @@ static status merge_into(struct job_frame *frame, const struct farm_worker *work
                          struct error *err)
 {
     static float sums[TILE_FLOATS_MAX];
-    const struct film *film = frame->film;
     struct unit_name u = result->unit;
     struct unit_result unit = {.tile = u.tile, .group = u.group, .pass = u.pass, .sums = sums,
                                .count = result->sums_bytes / 4, .tail = result->tail,
                                .work = result->work};
     struct pending_ack ack = {result->lease, worker->held.session, u};
-    status s = STATUS_OK;
+    status s;
 
-    if (u.tile >= film_tile_count(film) || u.group >= GROUPS ||
-        u.pass >= film_pass_count(film, u.group))
-        s = error_set(err, STATUS_ERR_PROTOCOL, "tile %u, group %u, pass %u: there is none", u.tile,
-                      u.group, u.pass);
-    if (s == STATUS_OK)
-        s = check_work(frame, result, err);
+    s = check_work(frame, result, err);
     /* Room for the acknowledgement first: once merged, a result must not get lost. */
     if (s == STATUS_OK)
         s = job_frame_await_ack(frame, ack, err);
@@ -133,6 +127,12 @@ static status merge_into(struct job_frame *frame, const struct farm_worker *work
 static int is_amount(double x)
 {
     return isfinite(x) && x >= 0;
+}
+
+/* May the worker forget the result? */
+static int unit_is_settled(const struct job_frame *frame, struct unit_name name)
+{
+    return name.pass < frame->durable[name.tile][name.group] || job_frame_is_watched(frame, name);
 }
 
 status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result,
@@ -162,6 +162,15 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
     frame = frame_of(farm, worker, result, now_ns, outcome);
     if (!frame)
         return STATUS_OK;
+    if (!job_frame_has_unit(frame, name))
+        return error_set(err, STATUS_ERR_PROTOCOL,
+                         "job %llu, frame %u, tile %u, group %u, pass %u: there is none",
+                         (unsigned long long)result->job, result->frame, name.tile, name.group,
+                         name.pass);
+    if (frame->end != FRAME_END_NONE && !film_has(frame->film, name.tile, name.group, name.pass)) {
+        *outcome = MERGE_UNWANTED;
+        return STATUS_OK;
+    }
     farm_deliverer_begin(farm, worker);
     s = merge_into(frame, worker, result, &merged, err);
     if (s == STATUS_ERR_PROTOCOL)
@@ -187,16 +196,18 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
                         now_ns);
         farm->pump_wanted = 1;
     }
-    if (merged == FILM_MERGED)
+    if (merged == FILM_MERGED && !job_frame_is_watched(frame, name))
         job_frame_mark_dirty(frame, name.tile, now_ns);
     if (merged == FILM_MERGED && name.pass == 0)
         freeze_step(farm, frame, now_ns);
-    if (name.pass < frame->durable[name.tile][name.group]) {
+    if (unit_is_settled(frame, name)) {
         *outcome = MERGE_KEPT;
     } else {
         *outcome = MERGE_PENDING;
         frame->acks[frame->ack_count++] = ack;
     }
+    if (merged == FILM_MERGED)
+        farm_frame_decide(farm, frame, now_ns);
     if (frame->state == FRAME_RENDERING)
         farm_frame_advance(farm, frame, now_ns);
     return STATUS_OK;
@@ -342,13 +353,13 @@ void merge_commit_run(struct commit *commit)
     }
 }
 
-static void send_acks(struct farm *farm, struct job_frame *frame)
+void merge_send_acks(struct farm *farm, struct job_frame *frame)
 {
     size_t kept = 0;
 
     for (size_t i = 0; i < frame->ack_count; i++) {
         struct pending_ack ack = frame->acks[i];
-        if (ack.unit.pass < frame->durable[ack.unit.tile][ack.unit.group])
+        if (unit_is_settled(frame, ack.unit))
             farm->events.ack(farm->events.user, ack.session, frame->job, frame->number, ack.unit);
         else
             frame->acks[kept++] = ack;
@@ -389,7 +400,7 @@ static void part_end(struct farm *farm, const struct commit *commit, const struc
     for (uint32_t i = part->first; i < part->first + part->count; i++)
         item_is_durable(&commit->items[i]);
     farm_trouble_over(farm, frame->job, &frame->trouble, now_ns);
-    send_acks(farm, frame);
+    merge_send_acks(farm, frame);
     farm_frame_advance(farm, frame, now_ns);
 }
 

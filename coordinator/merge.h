@@ -5,7 +5,7 @@
  *     --merge_commit_run (any thread)--> written and synced
  *     --merge_commit_end--> durable; acknowledged
  *
- * A result is acknowledged only when the passes up to it are on disk. One commit is in flight
+ * A result is acknowledged only when the passes up to it are on disk, or when it is no part of the picture. One commit is in flight
  * at a time; each takes every dirty tile, up to COMMIT_TILES_MAX, so results that arrive while the
  * disk works share the next one.
  */
@@ -45,6 +45,9 @@ enum merge_outcome {
  * and the first result kept; it counts as KEPT or PENDING. */
 status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result,
                     uint64_t now_ns, enum merge_outcome *outcome, struct error *err) MUST_CHECK;
+
+/* Acknowledge what need not wait any longer. */
+void merge_send_acks(struct farm *farm, struct job_frame *frame);
 
 struct commit_item {
     struct job_frame *frame;

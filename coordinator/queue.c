@@ -77,6 +77,7 @@ void job_free(struct job *job)
     mem_free(job->frames_developed);
     mem_free(job->cuts);
     job_figures_release(&job->figures);
+    buffer_release(&job->schedule);
     mem_free(job->broken_machines);
     mem_free(job);
 }
@@ -105,16 +106,35 @@ static size_t active_place(const struct queue *queue, const struct job *job)
     return low;
 }
 
+/* There is room. */
+static void active_insert(struct queue *queue, struct job *job)
+{
+    size_t place = active_place(queue, job);
+
+    memmove(queue->active + place + 1, queue->active + place,
+            (queue->active_count - place) * sizeof *queue->active);
+    queue->active[place] = job;
+    queue->active_count++;
+    queue->shut_count += (size_t)is_shut(job->state);
+}
+
+static status check_room(const struct queue *queue, struct error *err)
+{
+    if (queue->active_count < JOBS_ACTIVE_MAX)
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_LIMIT,
+                     "%d jobs are queued or running already; wait for some to end",
+                     JOBS_ACTIVE_MAX);
+}
+
 status queue_add(struct queue *queue, struct job *job, struct error *err)
 {
     size_t place = queue->count;
 
     if (queue->count >= JOBS_MAX)
         return error_set(err, STATUS_ERR_LIMIT, "the coordinator keeps at most %d jobs", JOBS_MAX);
-    if (!job_state_ended(job->state) && queue->active_count >= JOBS_ACTIVE_MAX)
-        return error_set(err, STATUS_ERR_LIMIT,
-                         "%d jobs are queued or running already; wait for some to end",
-                         JOBS_ACTIVE_MAX);
+    if (!job_state_ended(job->state) && check_room(queue, err) != STATUS_OK)
+        return STATUS_ERR_LIMIT;
     if (!MEM_GROW(queue->all, queue->capacity, queue->count + 1) ||
         !MEM_GROW(queue->active, queue->active_capacity, queue->active_count + 1))
         return error_no_memory(err, "the queue");
@@ -125,12 +145,7 @@ status queue_add(struct queue *queue, struct job *job, struct error *err)
     queue->count++;
     if (job_state_ended(job->state))
         return STATUS_OK;
-    place = active_place(queue, job);
-    memmove(queue->active + place + 1, queue->active + place,
-            (queue->active_count - place) * sizeof *queue->active);
-    queue->active[place] = job;
-    queue->active_count++;
-    queue->shut_count += (size_t)is_shut(job->state);
+    active_insert(queue, job);
     return STATUS_OK;
 }
 
@@ -228,12 +243,12 @@ void job_frame_set_done(struct job *job, uint32_t frame)
     job->samples_done += job_frame_samples(job);
 }
 
-status job_frame_set_cut(struct job *job, uint32_t frame, const struct film_coverage *coverage,
-                         struct error *err)
+status job_frame_set_cut(struct job *job, uint32_t frame, enum frame_end end,
+                         const struct film_coverage *coverage, struct error *err)
 {
     if (!MEM_GROW(job->cuts, job->cut_capacity, job->cut_count + 1))
         return error_no_memory(err, "a frame that was cut short");
-    job->cuts[job->cut_count++] = (struct cut_frame){frame, *coverage};
+    job->cuts[job->cut_count++] = (struct cut_frame){frame, end, *coverage};
     job->samples_done -= job_frame_samples(job) - coverage->samples;
     return STATUS_OK;
 }
@@ -261,6 +276,29 @@ void job_frame_set_developed(struct job *job, uint32_t frame)
         return;
     job->frames_developed[i / 8] |= (uint8_t)(1u << i % 8);
     job->frames_developed_count++;
+}
+
+status job_reopen(struct queue *queue, struct job *job, struct error *err)
+{
+    size_t bytes = job_frame_count(job) / 8 + 1;
+
+    assert(job->state == JOB_STATE_DONE);
+    if (check_room(queue, err) != STATUS_OK)
+        return STATUS_ERR_LIMIT;
+    if (!MEM_GROW(queue->active, queue->active_capacity, queue->active_count + 1))
+        return error_no_memory(err, "the queue");
+    memset(job->frames_done, 0, bytes);
+    memset(job->frames_developed, 0, bytes);
+    memset(&job->work, 0, sizeof job->work); /* their films have it */
+    job->frames_done_count = job->frames_developed_count = 0;
+    job->samples_done = 0;
+    job->cut_count = 0;
+    job_figures_release(&job->figures);
+    job->finished_at = 0;
+    job->state = JOB_STATE_QUEUED;
+    job->state_text[0] = 0;
+    active_insert(queue, job);
+    return STATUS_OK;
 }
 
 void job_revise(struct job *job)

@@ -8,7 +8,7 @@
  *     +---cancelled, discard--+--> CANCELLED
  *     +---cannot be done------+--> FAILED
  *
- * A PARKED or CANCELLING job can be cancelled and can fail as well. It holds no lease and takes no
+ * A DONE job is QUEUED again by job_reopen: it is extended. A PARKED or CANCELLING job can be cancelled and can fail as well. It holds no lease and takes no
  * result: closing.h says what becomes of its frames. job_set_state is the only function that changes
  * a job's state; DONE, FAILED and CANCELLED are final. Jobs are served by priority (higher first),
  * then in the order of submission.
@@ -25,6 +25,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "common/accuracy/stop.h"
+#include "common/base/buffer.h"
 #include "common/base/digest.h"
 #include "common/base/status.h"
 #include "common/film/film.h"
@@ -85,9 +87,10 @@ double work_stats_clamped_share(const struct work_stats *stats);
 
 struct job_frame;
 
-/* A frame that was cut short: it is done with fewer samples than were asked for. */
+/* A frame that is done with fewer samples than the cap allows. */
 struct cut_frame {
     uint32_t frame;
+    enum frame_end end;
     struct film_coverage coverage;
 };
 
@@ -99,6 +102,8 @@ struct job {
     int32_t priority;
     uint32_t first_frame, last_frame;
     struct render_settings settings;
+    struct stop_rules stop;            /* besides settings.spp, the cap */
+    struct buffer schedule;            /* passes [tile][group] of a job of one frame; empty: none */
     struct output_settings output;
     struct digest scene;
     char scene_name[JOB_NAME_MAX + 1];
@@ -174,12 +179,15 @@ void job_set_state(struct queue *queue, struct job *job, enum job_state state, c
 uint32_t job_frame_count(const struct job *job);
 int job_frame_is_done(const struct job *job, uint32_t frame);
 void job_frame_set_done(struct job *job, uint32_t frame);
-/* A frame that is done was cut short. ERR_NO_MEMORY: the job counts it as whole. */
-status job_frame_set_cut(struct job *job, uint32_t frame, const struct film_coverage *coverage,
-                         struct error *err) MUST_CHECK;
+/* A frame that is done has fewer samples than the cap allows. ERR_NO_MEMORY: the job counts it as
+ * whole. */
+status job_frame_set_cut(struct job *job, uint32_t frame, enum frame_end end,
+                         const struct film_coverage *coverage, struct error *err) MUST_CHECK;
 int job_frame_is_cut(const struct job *job, uint32_t frame);
 int job_frame_is_developed(const struct job *job, uint32_t frame);
 void job_frame_set_developed(struct job *job, uint32_t frame);
+/* A DONE job's frames go on, all of them: it is QUEUED again. ERR_LIMIT, ERR_NO_MEMORY: nothing changed. */
+status job_reopen(struct queue *queue, struct job *job, struct error *err) MUST_CHECK;
 /* Every frame's pictures are to be made anew, after job->output as it is now. */
 void job_revise(struct job *job);
 /* A done frame whose pictures must be made and can be: the frames whose statistics they are

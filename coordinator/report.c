@@ -135,6 +135,7 @@ static void report_cuts(struct job_report *report, Azulejo__Wire__JobInfo *info,
         cut.samples_max = job->cuts[i].coverage.most;
         cut.tiles = job->cuts[i].coverage.tiles;
         cut.tiles_empty = job->cuts[i].coverage.tiles_empty;
+        cut.end = (Azulejo__Wire__FrameEnd)job->cuts[i].end;
         report->cuts[i] = cut;
         report->cut_pointers[i] = &report->cuts[i];
     }
@@ -178,16 +179,16 @@ static void forecast_add(struct job_report *report, Azulejo__Wire__JobInfo *info
     report->forecast_pointers[info->n_forecasts++] = f;
 }
 
-/* The next round errors below the present one, and what the cap on the samples gives. */
+/* The next round errors below the present one, and what the frame's rules will give. */
 static void report_forecasts(struct job_report *report, Azulejo__Wire__JobInfo *info,
                              const struct job_frame *frame)
 {
-    double whole_s = eta_whole_ns(&frame->eta, frame->film) / 1e9, spent_s = frame->spent.core_s;
+    double whole_s = figures_whole_s(frame), spent_s = frame->spent.core_s;
     struct accuracy_estimate at, whole = {whole_s, whole_s, whole_s};
     struct accuracy_curve curve;
     size_t found = 0;
 
-    figures_curve(frame, &curve);
+    figures_curve(frame, ALLOCATION_DISPLAY, &curve);
     if (curve.points == 0)
         return;
     info->forecasts = report->forecast_pointers;
@@ -200,7 +201,7 @@ static void report_forecasts(struct job_report *report, Azulejo__Wire__JobInfo *
         forecast_add(report, info, round_errors[i], &core_s, spent_s, 0);
         found++;
     }
-    if (whole_s > spent_s)
+    if (whole_s > spent_s && frame->job->stop.time_limit_ms == 0)
         forecast_add(report, info, accuracy_curve_error(&curve, whole_s).value, &whole, spent_s, 1);
 }
 
@@ -254,6 +255,7 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
 
     report->settings = settings;
     wire_settings_set(&report->settings, &job->settings);
+    wire_stop_set(&report->stop, &job->stop);
     wire_output_set(&report->output, &job->output);
     stats.cpu_ns = job->stats.cpu_ns;
     stats.trace_ns = job->stats.trace_ns;
@@ -275,6 +277,7 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     info.first_frame = job->first_frame;
     info.last_frame = job->last_frame;
     info.settings = &report->settings;
+    info.stop = &report->stop;
     info.output = &report->output.message;
     wire_digest_set(&info.scene, &job->scene);
     info.scene_name = job->scene_name;

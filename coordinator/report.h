@@ -25,6 +25,7 @@ struct job_report {
     Azulejo__Wire__Forecast *forecast_pointers[REPORT_FORECASTS_MAX];
     char transform[MEASURE_TEXT_MAX];
     char state_text[JOB_TEXT_MAX + 1];
+    Azulejo__Wire__StopRules stop;
     Azulejo__Wire__CutFrame cuts[REPORT_CUT_FRAMES_MAX];
     Azulejo__Wire__CutFrame *cut_pointers[REPORT_CUT_FRAMES_MAX];
 };

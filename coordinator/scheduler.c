@@ -34,7 +34,8 @@ static uint64_t threads_at_work(const struct farm *farm, const struct farm_worke
 
 /* 0: the worker holds enough. */
 static int budget_for(const struct farm *farm, const struct farm_worker *worker,
-                      const struct job_frame *frame, uint64_t now_ns, struct budget *budget)
+                      const struct job_frame *frame, int early, uint64_t now_ns,
+                      struct budget *budget)
 {
     uint32_t threads = worker->credit.threads;
     uint64_t share;
@@ -52,7 +53,7 @@ static int budget_for(const struct farm *farm, const struct farm_worker *worker,
             return 0;
         budget->samples = samples_in(worker, film_covered(frame->film) ? LEASE_WORK_MS
                                                                        : LEASE_WORK_FIRST_MS);
-        share = job_frame_unleased(frame) * threads / (2 * threads_at_work(farm, worker, now_ns));
+        share = early ? threads : job_frame_unleased(frame) * threads / (2 * threads_at_work(farm, worker, now_ns));
     }
     if (share < 1)
         share = 1;
@@ -61,14 +62,15 @@ static int budget_for(const struct farm *farm, const struct farm_worker *worker,
     return budget->units > 0;
 }
 
-static uint32_t take_fresh(struct job_frame *frame, const struct budget *budget,
+static uint32_t take_fresh(struct job_frame *frame, const struct budget *budget, int early,
                            struct unit_name units[LEASE_UNITS_MAX])
 {
     uint32_t count = 0;
     double samples = 0;
 
     while (count < budget->units && samples < budget->samples &&
-           job_frame_take(frame, &units[count])) {
+           (early ? job_frame_take_early(frame, &units[count])
+                  : job_frame_take(frame, &units[count]))) {
         samples += (double)job_frame_unit_samples(frame, units[count]);
         count++;
     }
@@ -162,6 +164,8 @@ static struct lease *grant(struct farm *farm, struct job_frame *frame, struct fa
         frame->job->suspicion.probe = worker->held.session;
     worker->room -= lease->unit_count;
     worker->note[0] = 0;
+    if (!frame->begun_ns)
+        frame->begun_ns = now_ns ? now_ns : 1;
     farm_job_started(farm, frame->job, worker, now_ns);
     return lease;
 }
@@ -200,20 +204,21 @@ static int may_serve(struct farm *farm, const struct job *job, struct farm_worke
     return 0;
 }
 
+/* `early`: units that may never be wanted. */
 static struct lease *grant_fresh(struct farm *farm, struct job_frame *frame,
-                                 struct farm_worker *worker, uint64_t now_ns, int *full)
+                                 struct farm_worker *worker, int early, uint64_t now_ns, int *full)
 {
     static struct unit_name units[LEASE_UNITS_MAX];
     struct budget budget;
     uint32_t count;
 
-    if (frame->state != FRAME_RENDERING || !farm_may_lease(farm, frame))
+    if (frame->end != FRAME_END_NONE || !farm_may_lease(farm, frame))
         return NULL;
-    if (!budget_for(farm, worker, frame, now_ns, &budget)) {
+    if (!budget_for(farm, worker, frame, early, now_ns, &budget)) {
         *full = 1;
         return NULL;
     }
-    count = take_fresh(frame, &budget, units);
+    count = take_fresh(frame, &budget, early, units);
     return count ? grant(farm, frame, worker, units, count, now_ns) : NULL;
 }
 
@@ -223,7 +228,7 @@ static struct lease *grant_overdue(struct farm *farm, struct job_frame *frame,
     static struct unit_name units[LEASE_UNITS_MAX];
     uint32_t count;
 
-    if (frame->state != FRAME_RENDERING || !farm_may_lease(farm, frame))
+    if (frame->end != FRAME_END_NONE || !farm_may_lease(farm, frame))
         return NULL;
     count = take_overdue(farm, frame, worker, now_ns, units);
     if (count == 0)
@@ -231,6 +236,22 @@ static struct lease *grant_overdue(struct farm *farm, struct job_frame *frame,
     log_info("job %llu, frame %u: %u overdue work units go to session %u as well",
              (unsigned long long)frame->job->id, frame->number, count, worker->held.session);
     return grant(farm, frame, worker, units, count, now_ns);
+}
+
+/* Of the job's open frames. */
+static struct lease *grant_of_job(struct farm *farm, const struct job *job,
+                                  struct farm_worker *worker, int early, uint64_t now_ns, int *full)
+{
+    struct lease *lease = NULL;
+
+    for (struct job_frame *frame = job->frames; frame && !lease && !*full; frame = frame->next)
+        lease = grant_fresh(farm, frame, worker, early, now_ns, full);
+    return lease;
+}
+
+static int has_clock(const struct job *job)
+{
+    return job->stop.time_limit_ms > 0 || job->stop.core_limit_ms > 0;
 }
 
 struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uint64_t now_ns)
@@ -247,10 +268,19 @@ struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uin
 
         if (!may_serve(farm, job, worker))
             continue;
-        for (frame = job->frames; frame && !lease && !full; frame = frame->next)
-            lease = grant_fresh(farm, frame, worker, now_ns, &full);
+        lease = grant_of_job(farm, job, worker, 0, now_ns, &full);
+        /* A frame that a clock ends has the farm to itself. */
+        if (!lease && !full && has_clock(job))
+            lease = grant_of_job(farm, job, worker, 1, now_ns, &full);
         while (!lease && !full && (frame = farm_frame_open_next(farm, job, now_ns)))
-            lease = grant_fresh(farm, frame, worker, now_ns, &full);
+            lease = grant_fresh(farm, frame, worker, 0, now_ns, &full);
+        if (lease || full)
+            return lease;
+    }
+    for (size_t i = 0; i < queue->active_count; i++) {
+        struct job *job = queue->active[i];
+        struct lease *lease =
+            may_serve(farm, job, worker) ? grant_of_job(farm, job, worker, 1, now_ns, &full) : NULL;
         if (lease || full)
             return lease;
     }

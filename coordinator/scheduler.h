@@ -1,8 +1,9 @@
 /* scheduler: which work units a worker gets next.
  *
  * Jobs in the queue's order, a job's frames in order, a frame's passes in order over all its
- * tiles. The next frame is begun when the earlier ones have no unit left to lend. When there
- * is nothing fresh at all, units that are overdue with another worker are lent a second time, so
+ * tiles. The next frame is begun when the earlier ones have no unit left to lend. When no job has
+ * any, units of the next round of a frame are lent before it is decided that they are wanted (of a job
+ * with a time or core limit: before its next frame is begun). When there is nothing fresh at all, units that are overdue with another worker are lent a second time, so
  * that one stopped worker holds up nobody.
  *
  * A job that is suspected of killing its workers (suspicion.h) is lent to one worker at a time.

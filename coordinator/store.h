@@ -103,16 +103,21 @@ status store_deliverer_find(struct store *store, uint32_t number, struct deliver
                             struct error *err) MUST_CHECK;
 
 /* The frame's outputs are on disk; its pictures follow that revision of the job's output settings
- * (-1: there are none yet). `cut`: what it holds when it was cut short; NULL: it is whole.
+ * (-1: there are none yet). `cut`: what it holds when that is less than the cap allows, and what ended it;
+ * NULL: it has all.
  * [any thread] */
 status store_frame_done(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
-                        const struct film_coverage *cut, struct error *err) MUST_CHECK;
+                        enum frame_end end, const struct film_coverage *cut,
+                        struct error *err) MUST_CHECK;
 /* Keep a point of the frame's history at its place; those behind it go. [any thread] */
 status store_history_add(struct store *store, uint64_t job, uint32_t frame, uint32_t place,
                          const struct history_point *point, struct error *err) MUST_CHECK;
 /* Read the frame's history. [any thread] */
 status store_history_load(struct store *store, uint64_t job, uint32_t frame, struct history *out,
                           struct error *err) MUST_CHECK;
+/* What the frame's limits count, as it was saved with its job last; 0: nothing is. */
+status store_clock_load(struct store *store, uint64_t job, uint32_t frame, uint64_t *active_ns,
+                        uint64_t *cpu_ns, struct error *err) MUST_CHECK;
 /* The pictures of a frame that is done were made anew. [any thread] */
 status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
                              struct error *err) MUST_CHECK;

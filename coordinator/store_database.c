@@ -42,12 +42,18 @@ static const char schema_3[] =
     " most INTEGER NOT NULL, tiles INTEGER NOT NULL, tiles_empty INTEGER NOT NULL,"
     " PRIMARY KEY (job, frame)) WITHOUT ROWID;";
 
-/* Version 4: what clamping did; how wrong each frame was after what was spent on it. relative_mse above
- * is no longer used. */
+/* Version 4: what clamping did; what ended a frame (what was cut short before was cancelled:
+ * FRAME_END_CANCEL); how long frames in work have been rendered, for their limits; how wrong each frame was
+ * after what was spent on it. relative_mse above is no longer used. */
 static const char schema_4[] =
     "ALTER TABLE jobs ADD COLUMN clamped INTEGER NOT NULL DEFAULT 0;"
     "ALTER TABLE jobs ADD COLUMN clamped_luminance REAL NOT NULL DEFAULT 0;"
     "ALTER TABLE jobs ADD COLUMN kept_luminance REAL NOT NULL DEFAULT 0;"
+    "ALTER TABLE cut_frames ADD COLUMN ended INTEGER NOT NULL DEFAULT 5;"
+    "ALTER TABLE cut_frames ADD COLUMN group_most INTEGER NOT NULL DEFAULT 0;"
+    "CREATE TABLE clocks (job INTEGER NOT NULL REFERENCES jobs(id), frame INTEGER NOT NULL,"
+    " active_ns INTEGER NOT NULL, cpu_ns INTEGER NOT NULL,"
+    " PRIMARY KEY (job, frame)) WITHOUT ROWID;"
     "CREATE TABLE history (job INTEGER NOT NULL REFERENCES jobs(id), frame INTEGER NOT NULL,"
     " place INTEGER NOT NULL, core_s REAL NOT NULL, wall_s REAL NOT NULL, samples INTEGER NOT NULL,"
     " rays INTEGER NOT NULL, known INTEGER NOT NULL, reliable INTEGER NOT NULL,"
@@ -78,7 +84,7 @@ status sql_error(struct store *store, const char *what, struct error *err)
                      told ? ": " : "", told ? strerror(number) : "");
 }
 
-static status sql_exec(struct store *store, const char *sql, const char *what, struct error *err)
+status sql_exec(struct store *store, const char *sql, const char *what, struct error *err)
 {
     if (sqlite3_exec(store->db, sql, NULL, NULL, NULL) != SQLITE_OK)
         return sql_error(store, what, err);
@@ -211,7 +217,7 @@ static status open_to_write(struct store *store, const char *path, struct error 
         s = sql_exec(store, schema_2, "cannot be brought up to date", err);
     if (s == STATUS_OK && version < 3)
         s = sql_exec(store, schema_3, "cannot be brought up to date", err);
-    if (s == STATUS_OK)
+    if (s == STATUS_OK && version < 4)
         s = sql_exec(store, schema_4, "cannot be brought up to date", err);
     if (s == STATUS_OK)
         s = sql_exec(store, deliverers_schema, "cannot be brought up to date", err);

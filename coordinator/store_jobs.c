@@ -118,7 +118,8 @@ static status load_cuts(struct store *store, struct job *job, struct error *err)
     sqlite3_stmt *statement = NULL;
     int code = SQLITE_DONE;
     status s = sql_prepare(store,
-                           "SELECT frame, samples, least, most, tiles, tiles_empty "
+                           "SELECT frame, samples, least, most, tiles, tiles_empty, ended, "
+                           "group_most "
                            "FROM cut_frames WHERE job=? ORDER BY frame",
                            &statement, err);
 
@@ -131,10 +132,12 @@ static status load_cuts(struct store *store, struct job *job, struct error *err)
                                     .least = (uint32_t)column_number(statement, 2),
                                     .most = (uint32_t)column_number(statement, 3),
                                     .tiles = (uint32_t)column_number(statement, 4),
-                                    .tiles_empty = (uint32_t)column_number(statement, 5)};
+                                    .tiles_empty = (uint32_t)column_number(statement, 5),
+                                    .group_most = (uint32_t)column_number(statement, 7)};
+        enum frame_end end = (enum frame_end)column_number(statement, 6);
         if (frame >= job->first_frame && frame <= job->last_frame &&
             job_frame_is_done(job, (uint32_t)frame) && cut.samples <= job_frame_samples(job))
-            s = job_frame_set_cut(job, (uint32_t)frame, &cut, err);
+            s = job_frame_set_cut(job, (uint32_t)frame, end, &cut, err);
     }
     if (s == STATUS_OK && code != SQLITE_DONE)
         s = sql_error(store, "the frames cannot be read", err);
@@ -222,13 +225,14 @@ status store_jobs_load(struct store *store,
 }
 
 /* Only rows of frames that are done count: this one is written first. */
-static status cut_insert(struct store *store, uint64_t job, uint32_t frame,
+static status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum frame_end end,
                          const struct film_coverage *cut, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
     status s = sql_prepare(store,
                            "INSERT OR REPLACE INTO cut_frames (job, frame, samples, least, most, "
-                           "tiles, tiles_empty) VALUES (?, ?, ?, ?, ?, ?, ?)",
+                           "tiles, tiles_empty, ended, group_most) "
+                           "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
                            &statement, err);
 
     if (s != STATUS_OK)
@@ -240,18 +244,20 @@ static status cut_insert(struct store *store, uint64_t job, uint32_t frame,
     sqlite3_bind_int64(statement, 5, cut->most);
     sqlite3_bind_int64(statement, 6, cut->tiles);
     sqlite3_bind_int64(statement, 7, cut->tiles_empty);
+    sqlite3_bind_int(statement, 8, (int)end);
+    sqlite3_bind_int64(statement, 9, cut->group_most);
     return sql_run_reserved(store, statement, "the frame's samples cannot be noted", err);
 }
 
 status store_frame_done(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
-                        const struct film_coverage *cut, struct error *err)
+                        enum frame_end end, const struct film_coverage *cut, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
     status s = STATUS_OK;
 
     pthread_mutex_lock(&store->order);
     if (cut)
-        s = cut_insert(store, job, frame, cut, err);
+        s = cut_insert(store, job, frame, end, cut, err);
     if (s == STATUS_OK)
         s = sql_prepare(store,
                         "INSERT OR REPLACE INTO frames (job, frame, revision) VALUES (?, ?, ?)",
@@ -301,5 +307,29 @@ status store_job_revise(struct store *store, const struct job *job, struct error
     }
     pthread_mutex_unlock(&store->order);
     buffer_release(&request);
+    return s;
+}
+
+status store_clock_load(struct store *store, uint64_t job, uint32_t frame, uint64_t *active_ns,
+                        uint64_t *cpu_ns, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    int code;
+    status s = sql_prepare(store, "SELECT active_ns, cpu_ns FROM clocks WHERE job=? AND frame=?",
+                           &statement, err);
+
+    *active_ns = *cpu_ns = 0;
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job);
+    bind_number(statement, 2, frame);
+    code = sqlite3_step(statement);
+    if (code == SQLITE_ROW) {
+        *active_ns = column_number(statement, 0);
+        *cpu_ns = column_number(statement, 1);
+    } else if (code != SQLITE_DONE) {
+        s = sql_error(store, "a frame's time cannot be read", err);
+    }
+    sqlite3_finalize(statement);
     return s;
 }

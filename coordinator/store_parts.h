@@ -54,6 +54,8 @@ status epoch_store(struct store *store, struct error *err) MUST_CHECK;
 /* What SQLite said last, as ours: always the environment's failure, ERR_NO_MEMORY or ERR_IO, since no
  * job is to blame for its database. Makes the store suspect. */
 status sql_error(struct store *store, const char *what, struct error *err);
+status sql_exec(struct store *store, const char *sql, const char *what,
+                struct error *err) MUST_CHECK;
 status sql_prepare(struct store *store, const char *sql, sqlite3_stmt **out,
                    struct error *err) MUST_CHECK;
 /* Run a statement that yields no row, and finalize it. */

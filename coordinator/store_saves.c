@@ -3,6 +3,8 @@
 
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "coordinator/farm.h"
+#include "coordinator/frame.h"
 #include "coordinator/store_parts.h"
 
 /* Deliverers wait in the same list, under ids that no job has. */
@@ -19,6 +21,12 @@ struct saved_job {
     uint64_t active_ns, conflicts;
     struct unit_work work;
     struct work_stats stats;
+    /* What the limits of frames in work count. */
+    uint32_t clock_count;
+    struct {
+        uint32_t frame;
+        uint64_t active_ns, cpu_ns;
+    } clocks[FRAMES_OPEN_PER_JOB];
 };
 
 static void row_take(struct saved_job *row, const struct job *job, uint64_t now_ns)
@@ -34,6 +42,32 @@ static void row_take(struct saved_job *row, const struct job *job, uint64_t now_
     row->conflicts = job->conflicts;
     row->work = job->work;
     row->stats = job->stats;
+    row->clock_count = 0;
+    for (const struct job_frame *f = job->frames; f && row->clock_count < FRAMES_OPEN_PER_JOB;
+         f = f->next) {
+        row->clocks[row->clock_count].frame = f->number;
+        row->clocks[row->clock_count].active_ns = job_frame_active_ns(f, now_ns);
+        row->clocks[row->clock_count++].cpu_ns = job_frame_cpu_ns(f);
+    }
+}
+
+static status clocks_write(struct store *store, const struct saved_job *row, struct error *err)
+{
+    status s = STATUS_OK;
+
+    for (uint32_t i = 0; i < row->clock_count && s == STATUS_OK; i++) {
+        sqlite3_stmt *statement = NULL;
+        s = sql_prepare(store, "INSERT OR REPLACE INTO clocks (job, frame, active_ns, cpu_ns) "
+                        "VALUES (?, ?, ?, ?)", &statement, err);
+        if (s != STATUS_OK)
+            return s;
+        bind_number(statement, 1, row->id);
+        bind_number(statement, 2, row->clocks[i].frame);
+        bind_number(statement, 3, row->clocks[i].active_ns);
+        bind_number(statement, 4, row->clocks[i].cpu_ns);
+        s = sql_run_reserved(store, statement, "a frame's time cannot be stored", err);
+    }
+    return s;
 }
 
 static status row_write(struct store *store, const struct saved_job *row, struct error *err)
@@ -64,7 +98,8 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     sqlite3_bind_double(statement, 14, row->stats.clamped_luminance);
     sqlite3_bind_double(statement, 15, row->stats.kept_luminance);
     bind_number(statement, 16, row->id);
-    return sql_run_reserved(store, statement, "the job's state cannot be stored", err);
+    s = sql_run_reserved(store, statement, "the job's state cannot be stored", err);
+    return s == STATUS_OK ? clocks_write(store, row, err) : s;
 }
 
 static struct saved_job **saves_find(struct store *store, uint64_t id)

@@ -188,10 +188,35 @@ status wire_output_digest(struct digest *out, const struct output_settings *in, 
     return s;
 }
 
+/* Passes that there are, and at least one of each tile. */
+static status check_schedule(const Azulejo__Wire__JobSubmit *in,
+                             const struct render_settings *settings, struct error *err)
+{
+    uint32_t tiles = tile_count(settings->width, settings->height);
+
+    if (in->schedule.len == 0)
+        return STATUS_OK;
+    if (in->schedule.len != (size_t)tiles * GROUPS || in->first_frame != in->last_frame)
+        return error_set(err, STATUS_ERR_INPUT,
+                         "a schedule of %zu tiles for %u frames of %u tiles: it is of one frame, and "
+                         "of a picture of the same size",
+                         in->schedule.len / GROUPS, in->last_frame - in->first_frame + 1, tiles);
+    for (uint32_t t = 0; t < tiles; t++)
+        for (uint32_t g = 0; g < GROUPS; g++)
+            if (in->schedule.data[t * GROUPS + g] > pass_count(settings->spp, g))
+                return error_set(err, STATUS_ERR_INPUT,
+                                 "a schedule of %u passes of tile %u, group %u: %u samples a pixel "
+                                 "have %u",
+                                 in->schedule.data[t * GROUPS + g], t, g, settings->spp,
+                                 pass_count(settings->spp, g));
+    return STATUS_OK;
+}
+
 status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32_t camera_count,
                     struct error *err)
 {
     struct render_settings settings;
+    struct stop_rules stop;
     struct output_settings output;
     struct digest scene;
     char token[JOB_TOKEN_MAX + 1];
@@ -227,9 +252,20 @@ status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32
                                &total) ||
         total > INT64_MAX)
         return error_set(err, STATUS_ERR_LIMIT, "the job has more samples than can be counted");
+    s = wire_stop_get(&stop, in->stop, err);
+    if (s == STATUS_OK)
+        s = check_schedule(in, &settings, err);
+    if (s != STATUS_OK)
+        return s;
     job = job_new(in->first_frame, in->last_frame);
     if (!job)
         return error_no_memory(err, "a job");
+    buffer_append(&job->schedule, in->schedule.data, in->schedule.len);
+    if (!buffer_ok(&job->schedule)) {
+        job_free(job);
+        return error_no_memory(err, "a schedule");
+    }
+    job->stop = stop;
     message_text(job->name, sizeof job->name, in->name);
     memcpy(job->token, token, sizeof job->token);
     job->priority = in->priority;
@@ -244,12 +280,16 @@ status wire_job_pack(const struct job *job, struct buffer *out, struct error *er
 {
     Azulejo__Wire__JobSubmit message = AZULEJO__WIRE__JOB_SUBMIT__INIT;
     Azulejo__Wire__RenderSettings settings = AZULEJO__WIRE__RENDER_SETTINGS__INIT;
+    Azulejo__Wire__StopRules stop;
     struct wire_output output;
     uint8_t *space;
 
     wire_output_set(&output, &job->output);
     wire_settings_set(&settings, &job->settings);
     wire_digest_set(&message.scene, &job->scene);
+    wire_stop_set(&stop, &job->stop);
+    message.stop = &stop;
+    message.schedule = (ProtobufCBinaryData){job->schedule.size, job->schedule.data};
     message.name = (char *)job->name;
     message.settings = &settings;
     message.output = &output.message;

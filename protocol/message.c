@@ -288,6 +288,40 @@ status wire_settings_get(struct render_settings *out, const Azulejo__Wire__Rende
     return s;
 }
 
+void wire_stop_set(Azulejo__Wire__StopRules *out, const struct stop_rules *in)
+{
+    azulejo__wire__stop_rules__init(out);
+    out->spp_min = in->spp_min;
+    out->measure = in->has_target ? (uint32_t)in->target.measure + 1 : 0;
+    out->target = in->has_target ? in->target.value : 0;
+    out->time_limit_ms = in->time_limit_ms;
+    out->core_limit_ms = in->core_limit_ms;
+    out->adaptive = in->adaptive;
+}
+
+status wire_stop_get(struct stop_rules *out, const Azulejo__Wire__StopRules *in, struct error *err)
+{
+    status s;
+
+    memset(out, 0, sizeof *out);
+    if (!in)
+        return STATUS_OK;
+    if (in->measure > ALLOCATION_RMSE + 1)
+        return error_set(err, STATUS_ERR_INPUT, "a target error of an unknown measure %u",
+                         in->measure);
+    out->spp_min = in->spp_min;
+    out->has_target = in->measure > 0;
+    out->target.measure = (enum allocation_measure)(in->measure > 0 ? in->measure - 1 : 0);
+    out->target.value = in->measure > 0 ? in->target : 0;
+    out->time_limit_ms = in->time_limit_ms;
+    out->core_limit_ms = in->core_limit_ms;
+    out->adaptive = in->adaptive != 0;
+    s = stop_rules_validate(out, err);
+    if (s != STATUS_OK)
+        memset(out, 0, sizeof *out);
+    return s;
+}
+
 status wire_unit_check(uint32_t tile, uint32_t group, uint32_t pass,
                        const struct render_settings *settings, struct error *err)
 {

@@ -10,6 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "common/accuracy/stop.h"
 #include "common/base/buffer.h"
 #include "common/base/digest.h"
 #include "common/base/status.h"
@@ -69,6 +70,11 @@ void wire_settings_set(Azulejo__Wire__RenderSettings *out, const struct render_s
 /* Validates; ERR_INPUT. `camera_count`: of the scene, UINT32_MAX when not known yet. */
 status wire_settings_get(struct render_settings *out, const Azulejo__Wire__RenderSettings *in,
                          uint32_t camera_count, struct error *err) MUST_CHECK;
+
+void wire_stop_set(Azulejo__Wire__StopRules *out, const struct stop_rules *in);
+/* NULL: no rule but the cap. Validates; ERR_INPUT. */
+status wire_stop_get(struct stop_rules *out, const Azulejo__Wire__StopRules *in,
+                     struct error *err) MUST_CHECK;
 
 /* ERR_PROTOCOL unless the unit exists in a frame of these settings. */
 status wire_unit_check(uint32_t tile, uint32_t group, uint32_t pass,

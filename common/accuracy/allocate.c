@@ -18,8 +18,6 @@
 #define LOG_CODES_MAX 10.0
 /* The strength of a tile without any error: below all that can be reached. */
 #define STRENGTH_NONE (-(1 << 24))
-/* Boundaries of passes are powers of two up to 16, then two a doubling up to 8192. */
-enum { PASS_DOUBLING = 4, PASS_EVEN = 22, PASS_EVEN_SAMPLES = 8192, PASS_STEP = 4096 };
 
 const struct allocation_rules allocation_rules = {
     .first_level = 2,
@@ -31,31 +29,6 @@ const struct allocation_rules allocation_rules = {
     .exponent_max = 1,
     .margin = 0.02,
 };
-
-uint32_t allocation_samples(uint32_t passes)
-{
-    uint32_t beyond;
-
-    if (passes == 0)
-        return 0;
-    if (passes <= PASS_DOUBLING)
-        return 1u << passes;
-    if (passes >= PASS_EVEN)
-        return PASS_EVEN_SAMPLES + (passes - PASS_EVEN) * PASS_STEP;
-    beyond = passes - PASS_DOUBLING;
-    return (beyond % 2 ? 24u : 16u) << beyond / 2;
-}
-
-uint32_t allocation_floor(uint32_t level)
-{
-    uint32_t samples = 2u << level;
-
-    if (level < PASS_DOUBLING)
-        return level + 1;
-    if (samples <= PASS_EVEN_SAMPLES)
-        return PASS_DOUBLING + 2 * (level + 1 - PASS_DOUBLING);
-    return PASS_EVEN + (samples - PASS_EVEN_SAMPLES) / PASS_STEP;
-}
 
 /* ---- errors in bins ----------------------------------------------------------------------------- */
 
@@ -75,23 +48,6 @@ static int32_t log2_root(double x)
     return (int32_t)floor(log2_of(x) * (LOG_ONE / 2) + 0.5);
 }
 
-uint32_t allocation_bin(float codes)
-{
-    float edge = 0x1.6a09e6p-5f; /* 2^-4.5, where bin 1 begins */
-    uint32_t bin = 0;
-
-    /* Comparisons with exact constants: two half octaves are a factor of two, exactly. */
-    for (float whole = 0x1p-4f; bin + 1 < ALLOCATION_BINS; whole *= 2, edge *= 2) {
-        if (!(codes >= edge))
-            return bin;
-        bin++;
-        if (bin + 1 >= ALLOCATION_BINS || !(codes >= whole))
-            return bin;
-        bin++;
-    }
-    return bin;
-}
-
 /* How much of bin `bin` lies below a place on the scale of bins. Within a bin errors are spread
  * evenly on the logarithmic scale; within bin 0, which begins at 0, evenly. */
 static double part_below(uint32_t bin, double place)
@@ -109,18 +65,18 @@ static double place_of(double log2_codes)
 
 /* The error in codes that QUANTILE of the pixels stay below, when the errors of counts[i][] are
  * multiplied by sqrt(factor[i]). */
-static double quantile(uint64_t (*counts)[ALLOCATION_BINS], const double *factor, uint32_t rows)
+static double quantile(uint64_t (*counts)[LEVEL_BINS], const double *factor, uint32_t rows)
 {
     double all = 0, low = LOG_CODES_MIN, high = LOG_CODES_MAX;
 
     for (uint32_t i = 0; i < rows; i++)
-        for (uint32_t b = 0; b < ALLOCATION_BINS; b++)
+        for (uint32_t b = 0; b < LEVEL_BINS; b++)
             all += (double)counts[i][b];
     for (int step = 0; step < 48; step++) {
         double middle = (low + high) / 2, below = 0;
         for (uint32_t i = 0; i < rows; i++) {
             double place = place_of(middle - 0.5 * log2_of(factor[i]));
-            for (uint32_t b = 0; b < ALLOCATION_BINS; b++)
+            for (uint32_t b = 0; b < LEVEL_BINS; b++)
                 if (counts[i][b] > 0)
                     below += (double)counts[i][b] * part_below(b, place);
         }
@@ -147,15 +103,15 @@ static uint32_t pixels_of(const struct allocation_input *in, uint32_t tile)
 }
 
 /* The display error of one group's picture. */
-static double quantile_of(const struct allocation_input *in, const struct allocation_tile *tiles)
+static double quantile_of(const struct allocation_input *in, const struct film_level *tiles)
 {
-    uint64_t counts[1][ALLOCATION_BINS] = {{0}};
+    uint64_t counts[1][LEVEL_BINS] = {{0}};
     uint32_t count = tile_count(in->width, in->height);
     double unmoved = 1;
 
     for (uint32_t t = 0; t < count; t++)
-        for (uint32_t b = 0; b < ALLOCATION_BINS; b++)
-            counts[0][b] += tiles[t].errors[b];
+        for (uint32_t b = 0; b < LEVEL_BINS; b++)
+            counts[0][b] += tiles[t].bins[b];
     return quantile(counts, &unmoved, 1);
 }
 
@@ -164,19 +120,19 @@ static void limited_squares(const struct allocation_input *in, double *square)
 {
     double most = rules_of(in)->limit * quantile_of(in, in->tiles);
 
-    for (uint32_t b = 0; b < ALLOCATION_BINS; b++) {
+    for (uint32_t b = 0; b < LEVEL_BINS; b++) {
         double codes = exp2_of(((double)b + 0.5) / 2 + LOG_CODES_BIN);
         square[b] = codes < most ? codes * codes : most * most;
     }
 }
 
-static double limited_error(const struct allocation_tile *tile, const double *square)
+static double limited_error(const struct film_level *tile, const double *square)
 {
     double sum = 0;
 
-    for (uint32_t b = 0; b < ALLOCATION_BINS; b++)
-        sum += tile->errors[b] * square[b];
-    return sum < (double)tile->display_error ? sum : (double)tile->display_error;
+    for (uint32_t b = 0; b < LEVEL_BINS; b++)
+        sum += tile->bins[b] * square[b];
+    return sum < (double)tile->display ? sum : (double)tile->display;
 }
 
 /* Squared display error of a pixel of the tile: its own, or a share of its neighbourhood's if
@@ -213,10 +169,10 @@ static int32_t strength_of(const struct allocation_input *in, const double *squa
 static uint32_t passes_max(const struct allocation_round *round)
 {
     uint32_t level = round->in->level, ratio = rules_of(round->in)->ratio_max;
-    uint32_t passes = allocation_floor(level);
+    uint32_t passes = level_passes(level);
 
-    while (passes < ALLOCATION_PASSES_MAX &&
-           allocation_samples(passes + 1) <= (uint64_t)ratio * (2u << level))
+    while (passes < PASSES_MAX &&
+           pass_samples(passes + 1) <= (uint64_t)ratio * (2u << level))
         passes++;
     return passes;
 }
@@ -226,7 +182,7 @@ static uint32_t passes_at(const struct allocation_round *round, uint32_t tile, u
                           uint32_t most)
 {
     int32_t log_samples = round->strength[tile] + round->offset + (int32_t)lambda;
-    uint32_t passes = allocation_floor(round->in->level);
+    uint32_t passes = level_passes(round->in->level);
 
     while (passes < most && log_samples >= round->steps[passes])
         passes++;
@@ -261,7 +217,7 @@ static int extras_fit(const struct allocation_round *round, uint32_t lambda)
     unsigned __int128 extras = 0, budget = 0;
 
     for (uint32_t t = 0; t < round->tiles; t++) {
-        uint32_t samples = allocation_samples(passes_at(round, t, lambda, most));
+        uint32_t samples = pass_samples(passes_at(round, t, lambda, most));
         uint64_t rays = in->tiles[t].rays > 0 ? in->tiles[t].rays : 1;
         extras += (unsigned __int128)rays * (samples - floor_samples);
         budget += (unsigned __int128)rays * floor_samples;
@@ -286,7 +242,7 @@ static uint32_t full_lambda(const struct allocation_round *round, uint32_t range
 
 static void find_strengths(struct allocation_round *round, int32_t *weakest, int32_t *strongest)
 {
-    double square[ALLOCATION_BINS];
+    double square[LEVEL_BINS];
 
     *weakest = INT32_MAX;
     *strongest = STRENGTH_NONE;
@@ -304,7 +260,7 @@ status allocation_round(struct allocation_round *out, const struct allocation_in
                         struct error *err)
 {
     int32_t weakest, strongest;
-    uint32_t first = allocation_floor(in->level), most;
+    uint32_t first = level_passes(in->level), most;
 
     memset(out, 0, sizeof *out);
     out->in = in;
@@ -313,8 +269,8 @@ status allocation_round(struct allocation_round *out, const struct allocation_in
     if (!out->strength)
         return error_set(err, STATUS_ERR_NO_MEMORY, "out of memory for the sample counts of %u tiles",
                          out->tiles);
-    for (uint32_t p = 1; p < ALLOCATION_PASSES_MAX; p++) /* the geometric middle of two boundaries */
-        out->steps[p] = log2_root((double)allocation_samples(p) * allocation_samples(p + 1));
+    for (uint32_t p = 1; p < PASSES_MAX; p++) /* the geometric middle of two boundaries */
+        out->steps[p] = log2_root((double)pass_samples(p) * pass_samples(p + 1));
     find_strengths(out, &weakest, &strongest);
     most = passes_max(out);
     if (strongest == STRENGTH_NONE || most == first)
@@ -335,7 +291,7 @@ void allocation_round_release(struct allocation_round *round)
 /* ---- prediction ------------------------------------------------------------------------------- */
 
 /* The squared error of a level by a measure, up to a factor. */
-static double level_square(const struct allocation_input *in, const struct allocation_tile *tiles,
+static double level_square(const struct allocation_input *in, const struct film_level *tiles,
                            enum allocation_measure measure)
 {
     double sum = 0;
@@ -345,7 +301,7 @@ static double level_square(const struct allocation_input *in, const struct alloc
         return sum * sum;
     }
     for (uint32_t t = 0; t < tile_count(in->width, in->height); t++)
-        sum += measure == ALLOCATION_RMSE ? tiles[t].linear_error : (double)tiles[t].channel_error;
+        sum += measure == ALLOCATION_RMSE ? tiles[t].linear : (double)tiles[t].channels;
     return sum;
 }
 
@@ -372,21 +328,21 @@ static void shrinkage(const struct allocation_round *round, enum allocation_meas
     double floor_samples = (double)(2u << round->in->level), exponent = exponent_of(round->in, measure);
 
     factor[0] = 1;
-    for (uint32_t p = 1; p <= ALLOCATION_PASSES_MAX; p++)
-        factor[p] = 0.5 * det_pow_d(floor_samples / allocation_samples(p), exponent);
+    for (uint32_t p = 1; p <= PASSES_MAX; p++)
+        factor[p] = 0.5 * det_pow_d(floor_samples / pass_samples(p), exponent);
 }
 
 /* The error that 95 % of the pixels stay below, each tile's histogram moved by its factor. */
 static double predict_quantile(const struct allocation_round *round, uint32_t lambda,
                                const double *factor)
 {
-    uint64_t counts[ALLOCATION_PASSES_MAX + 1][ALLOCATION_BINS] = {{0}};
+    uint64_t counts[PASSES_MAX + 1][LEVEL_BINS] = {{0}};
     uint32_t most = passes_max(round);
 
     for (uint32_t t = 0; t < round->tiles; t++)
-        for (uint32_t b = 0; b < ALLOCATION_BINS; b++)
-            counts[wanted_at(round, t, lambda, most)][b] += round->in->tiles[t].errors[b];
-    return quantile(counts, factor, ALLOCATION_PASSES_MAX + 1);
+        for (uint32_t b = 0; b < LEVEL_BINS; b++)
+            counts[wanted_at(round, t, lambda, most)][b] += round->in->tiles[t].bins[b];
+    return quantile(counts, factor, PASSES_MAX + 1);
 }
 
 /* The squared errors of the tiles, in part replaced by their 3x3 tiles' mean. A tile whose error was
@@ -400,8 +356,8 @@ static double mixed_square(const struct allocation_input *in, uint32_t tile, int
 
     for (uint32_t y = y0 > 0 ? y0 - 1 : 0; y <= y0 + 1 && y < down; y++)
         for (uint32_t x = x0 > 0 ? x0 - 1 : 0; x <= x0 + 1 && x < across; x++) {
-            const struct allocation_tile *t = &in->tiles[y * across + x];
-            double square = linear ? t->linear_error : (double)t->channel_error;
+            const struct film_level *t = &in->tiles[y * across + x];
+            double square = linear ? t->linear : (double)t->channels;
             if (x == x0 && y == y0)
                 own = square;
             sum += square;
@@ -425,7 +381,7 @@ double allocation_predict(const struct allocation_round *round, enum allocation_
                           uint32_t lambda)
 {
     double pixels = (double)round->in->width * round->in->height;
-    double factor[ALLOCATION_PASSES_MAX + 1], radiance = 0, square;
+    double factor[PASSES_MAX + 1], radiance = 0, square;
 
     shrinkage(round, measure, factor);
     switch (measure) {

@@ -8,7 +8,7 @@
  * How a frame uses it, once for each group g, with h the other group:
  *
  *   for level k = 0, 1, 2, ...:
- *       wanted[t] = max(wanted[t], allocation_floor(k))    for every tile t: the round's floor
+ *       wanted[t] = max(wanted[t], level_passes(k))    for every tile t: the round's floor
  *       wait for the floor of group h
  *       in.tiles, in.previous = h's statistics of levels k and k - 1; in.wanted = wanted
  *       allocation_round(&round, &in)
@@ -34,31 +34,8 @@
 #include <stdint.h>
 
 #include "common/base/status.h"
-
-enum {
-    ALLOCATION_BINS = 24,        /* of a histogram of errors in display codes */
-    ALLOCATION_PASSES_MAX = 148, /* passes of a group: 2^19 samples */
-};
-
-/* Samples of a group after `passes` passes: 0, 2, 4, 8, 16, 24, 32, 48, 64, ... */
-uint32_t allocation_samples(uint32_t passes);
-/* Passes of level `level`, which is 2^(level+1) samples of a group: the round's floor. */
-uint32_t allocation_floor(uint32_t level);
-
-/* The bin of a pixel's error in display codes, of 255: bin i holds 2^(i/2 - 5) up to the next
- * half octave; smaller errors are in bin 0, larger ones in the last. */
-uint32_t allocation_bin(float codes);
-
-/* Level statistics of one tile and group: of the group's two replicates A, B, when its first
- * 2^(level+1) samples were in. (A-B)/2 is the error of the group's mean, in distribution. */
-struct allocation_tile {
-    double radiance;       /* sum over pixels of R + G + B of the group's mean */
-    double linear_error;   /* sum over pixels of the three channels' ((A-B)/2)^2 */
-    float display_error;   /* sum over pixels of the largest channel's ((A-B)/2)^2 in codes */
-    float channel_error;   /* sum over pixels and channels of ((A-B)/2)^2 in codes */
-    uint16_t errors[ALLOCATION_BINS]; /* how many pixels have such an error in codes */
-    uint64_t rays;         /* of those samples */
-};
+#include "common/film/levels.h"
+#include "common/film/tiles.h"
 
 /* How the samples beyond the floor are given out. `allocation_rules` are those in use; others
  * are for experiments (`make accuracy-allocation`). */
@@ -79,8 +56,8 @@ extern const struct allocation_rules allocation_rules;
 struct allocation_input {
     uint32_t width, height;              /* pixels of the frame */
     uint32_t level;
-    const struct allocation_tile *tiles; /* [tile_count(width, height)], row-major */
-    const struct allocation_tile *previous; /* [tiles], of the level before; NULL at level 0 */
+    const struct film_level *tiles;      /* [tile_count(width, height)], row-major */
+    const struct film_level *previous;   /* [tiles], of the level before; NULL at level 0 */
     /* Group g's wanted passes before the round's extras, at least the level's floor. */
     const uint32_t *wanted;
     const struct allocation_rules *rules; /* NULL: allocation_rules */
@@ -93,7 +70,7 @@ struct allocation_round {
     uint32_t full;       /* the lambda of the whole round; 0: no extras, only the floor */
     int32_t offset;      /* strength + offset + lambda is log2 of samples, in fixed point */
     int32_t *strength;   /* [tiles], owned */
-    int32_t steps[ALLOCATION_PASSES_MAX + 1]; /* where a tile goes on to the next pass */
+    int32_t steps[PASSES_MAX + 1]; /* where a tile goes on to the next pass */
 };
 
 /* ERR_NO_MEMORY. `out` is zero then; release it in any case. */

@@ -29,8 +29,10 @@ struct film *film_new_aovs(uint32_t width, uint32_t height, uint32_t spp, uint32
     }
     for (uint32_t g = 0; g < GROUPS; g++) {
         film->passes_total[g] = pass_count(spp, g);
-        for (uint32_t i = 0; i < film->tiles_total; i++)
+        for (uint32_t i = 0; i < film->tiles_total; i++) {
+            film->tiles[i].groups[g].end = UINT32_MAX;
             film_want(film, i, g, 1);
+        }
     }
     return film;
 }
@@ -53,6 +55,7 @@ void film_free(struct film *film)
         for (uint32_t g = 0; g < GROUPS; g++) {
             struct film_group *group = &film->tiles[i].groups[g];
             film_group_forget_waiting(group);
+            mem_free(group->watch);
             mem_free(group->levels);
             mem_free(group->log);
             mem_free(group->cut);
@@ -111,6 +114,12 @@ int film_group_reserve(const struct film *film, uint32_t tile, uint32_t group, u
            MEM_GROW(g->levels, g->level_capacity, levels);
 }
 
+/* How many passes are to be folded. */
+static uint32_t group_goal(const struct film_group *g)
+{
+    return g->wanted < g->end ? g->wanted : g->end;
+}
+
 void film_group_set_passes(struct film *film, uint32_t index, uint32_t group, uint32_t passes)
 {
     struct film_group *g = &film->tiles[index].groups[group];
@@ -122,7 +131,7 @@ void film_group_set_passes(struct film *film, uint32_t index, uint32_t group, ui
     film->begun[group] += begins;
     film->samples -= pixels * film_samples_after(film, group, g->passes);
     film->samples += pixels * film_samples_after(film, group, passes);
-    film->behind += (uint32_t)(passes < g->wanted) - (uint32_t)(g->passes < g->wanted);
+    film->behind += (uint32_t)(passes < group_goal(g)) - (uint32_t)(g->passes < group_goal(g));
     g->passes = passes;
 }
 
@@ -175,8 +184,50 @@ static void group_fold(struct film *film, uint32_t tile, uint32_t group, const f
     level = cut ? -1 : level_at(g->passes);
     if (level >= 0) {
         g->level_count = (uint32_t)level + 1;
+        film->at_level[group][level]++;
         group_measure(film, tile, group, (uint32_t)level);
     }
+}
+
+/* Begin to watch a group that has ended. 0: out of memory. */
+static int watch_reserve(const struct film *film, uint32_t tile, uint32_t group)
+{
+    struct film_group *g = &film->tiles[tile].groups[group];
+    size_t count = (size_t)film_tile_pixels(film, tile) * PIXEL_FLOATS;
+
+    if (g->watch)
+        return 1;
+    g->watch = mem_calloc(1, sizeof *g->watch + count * sizeof *g->watch->values);
+    if (!g->watch)
+        return 0;
+    g->watch->passes = g->passes;
+    g->watch->level_count = g->level_count;
+    if (g->whole) {
+        g->watch->rays = g->whole->work.rays;
+        memcpy(g->watch->values, g->whole->values, count * sizeof *g->watch->values);
+    }
+    return 1;
+}
+
+static void watch_fold(struct film *film, uint32_t tile, uint32_t group, const float *sums,
+                       uint64_t rays)
+{
+    struct film_watch *w = film->tiles[tile].groups[group].watch;
+    size_t count = (size_t)film_tile_pixels(film, tile) * PIXEL_FLOATS;
+    int level;
+
+    for (size_t i = 0; i < count; i++)
+        w->values[i] += sums[i];
+    w->rays += rays;
+    w->passes++;
+    level = level_at(w->passes);
+    if (level < 0)
+        return;
+    w->level_count = (uint32_t)level + 1;
+    film->at_level[group][level]++;
+    w->levels[level].rays = w->rays;
+    film_level_measure(&w->levels[level], w->values, film_tile_pixels(film, tile),
+                       level_samples((uint32_t)level), &film->codes[group]);
 }
 
 /* How many passes may be folded at present. */
@@ -185,16 +236,33 @@ static uint32_t group_limit(const struct film *film, const struct film_group *g,
     return film->frozen[group] || g->wanted == 0 ? g->wanted : 1;
 }
 
-/* What waits and may be folded now. Room was reserved when it came. */
+/* Fold a result that may be folded, or watch it where the group has ended. 0: out of memory. */
+static int group_take(struct film *film, uint32_t tile, uint32_t group, const float *sums,
+                      const struct tail *tail, const struct unit_work *work,
+                      struct film_log_entry entry)
+{
+    const struct film_group *g = &film->tiles[tile].groups[group];
+
+    if (film_group_seen(g) < g->end)
+        group_fold(film, tile, group, sums, tail, work, entry);
+    else if (watch_reserve(film, tile, group))
+        watch_fold(film, tile, group, sums, work->rays);
+    else
+        return 0;
+    return 1;
+}
+
+/* What waits and may be folded now. Room was reserved when it came; what is to be watched without room is
+ * forgotten, and rendered again. */
 static void group_fold_waiting(struct film *film, uint32_t tile, uint32_t group)
 {
     struct film_group *g = &film->tiles[tile].groups[group];
 
-    while (g->waiting && g->waiting->pass == g->passes &&
-           g->passes < group_limit(film, g, group)) {
+    while (g->waiting && g->waiting->pass == film_group_seen(g) &&
+           film_group_seen(g) < group_limit(film, g, group)) {
         struct waiting *w = g->waiting;
-        group_fold(film, tile, group, w->sums, &w->tail, &w->work,
-                   (struct film_log_entry){.hash = w->hash, .deliverer = w->deliverer});
+        (void)group_take(film, tile, group, w->sums, &w->tail, &w->work,
+                         (struct film_log_entry){.hash = w->hash, .deliverer = w->deliverer});
         g->waiting = w->next;
         g->waiting_count--;
         mem_free(w);
@@ -266,6 +334,8 @@ status film_merge(struct film *film, const struct unit_result *unit, uint32_t de
         *result = g->log[unit->pass].hash == hash ? FILM_DUPLICATE : FILM_CONFLICT;
         return STATUS_OK;
     }
+    if (unit->pass < film_group_seen(g))
+        return STATUS_OK; /* it was watched: nothing is known of it but its part of a sum */
     for (at = &g->waiting; *at && (*at)->pass < unit->pass; at = &(*at)->next)
         ;
     if (*at && (*at)->pass == unit->pass) {
@@ -274,12 +344,13 @@ status film_merge(struct film *film, const struct unit_result *unit, uint32_t de
     }
     if (!film_group_reserve(film, unit->tile, unit->group, unit->pass + 1))
         return error_no_memory(err, "the film");
-    if (unit->pass > g->passes || unit->pass >= group_limit(film, g, unit->group)) {
+    if (unit->pass > film_group_seen(g) || unit->pass >= group_limit(film, g, unit->group)) {
         *result = FILM_WAITING;
         return group_wait(g, at, unit, deliverer, hash, err);
     }
-    group_fold(film, unit->tile, unit->group, unit->sums, &unit->tail, &unit->work,
-               (struct film_log_entry){.hash = hash, .deliverer = deliverer});
+    if (!group_take(film, unit->tile, unit->group, unit->sums, &unit->tail, &unit->work,
+                    (struct film_log_entry){.hash = hash, .deliverer = deliverer}))
+        return error_no_memory(err, "the film");
     group_fold_waiting(film, unit->tile, unit->group);
     *result = FILM_MERGED;
     return STATUS_OK;
@@ -296,7 +367,7 @@ void film_want(struct film *film, uint32_t tile, uint32_t group, uint32_t passes
     if (passes <= g->wanted)
         return;
     film->wanted += passes - g->wanted;
-    film->behind += g->passes == g->wanted;
+    film->behind += g->passes == group_goal(g) && g->wanted < g->end;
     g->wanted = passes;
     group_fold_waiting(film, tile, group);
 }
@@ -306,6 +377,15 @@ void film_want_all(struct film *film)
     for (uint32_t i = 0; i < film->tiles_total; i++)
         for (uint32_t g = 0; g < GROUPS; g++)
             film_want(film, i, g, film->passes_total[g]);
+}
+
+void film_end_group(struct film *film, uint32_t group)
+{
+    for (uint32_t i = 0; i < film->tiles_total; i++) {
+        struct film_group *g = &film->tiles[i].groups[group];
+        if (g->end == UINT32_MAX)
+            g->end = g->wanted;
+    }
 }
 
 void film_freeze(struct film *film, uint32_t group, const struct film_codes *codes)
@@ -333,181 +413,4 @@ int film_wants_freeze(const struct film *film, uint32_t group)
 {
     return !film->frozen[group] && film->passes_total[group] > 1 &&
            film->begun[group] == film->tiles_total;
-}
-
-/* ---- questions ------------------------------------------------------------------------------ */
-
-uint32_t film_width(const struct film *film)
-{
-    return film->width;
-}
-
-uint32_t film_height(const struct film *film)
-{
-    return film->height;
-}
-
-uint32_t film_spp(const struct film *film)
-{
-    return film->spp;
-}
-
-uint32_t film_aovs(const struct film *film)
-{
-    return film->aovs;
-}
-
-uint32_t film_tile_count(const struct film *film)
-{
-    return film->tiles_total;
-}
-
-uint32_t film_pass_count(const struct film *film, uint32_t group)
-{
-    return film->passes_total[group];
-}
-
-uint32_t film_tile_passes(const struct film *film, uint32_t tile, uint32_t group)
-{
-    return film->tiles[tile].groups[group].passes;
-}
-
-uint32_t film_tile_wanted(const struct film *film, uint32_t tile, uint32_t group)
-{
-    return film->tiles[tile].groups[group].wanted;
-}
-
-uint32_t film_tile_waiting(const struct film *film, uint32_t tile)
-{
-    uint32_t count = 0;
-
-    for (uint32_t g = 0; g < GROUPS; g++)
-        count += film->tiles[tile].groups[g].waiting_count;
-    return count;
-}
-
-uint64_t film_wanted(const struct film *film)
-{
-    return film->wanted;
-}
-
-uint32_t film_wanted_most(const struct film *film)
-{
-    uint32_t most = 0;
-
-    for (uint32_t i = 0; i < film->tiles_total; i++)
-        for (uint32_t g = 0; g < GROUPS; g++)
-            if (film->tiles[i].groups[g].wanted > most)
-                most = film->tiles[i].groups[g].wanted;
-    return most;
-}
-
-static const struct waiting *waiting_find(const struct film_group *g, uint32_t pass)
-{
-    for (const struct waiting *w = g->waiting; w && w->pass <= pass; w = w->next)
-        if (w->pass == pass)
-            return w;
-    return NULL;
-}
-
-int film_has(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass)
-{
-    const struct film_group *g = &film->tiles[tile].groups[group];
-
-    return pass < g->passes || waiting_find(g, pass) != NULL;
-}
-
-uint32_t film_deliverer(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass)
-{
-    const struct film_group *g = &film->tiles[tile].groups[group];
-    const struct waiting *w = waiting_find(g, pass);
-
-    return pass < g->passes ? g->log[pass].deliverer : w ? w->deliverer : 0;
-}
-
-uint32_t film_group_samples(const struct film *film, uint32_t tile, uint32_t group)
-{
-    return film_samples_after(film, group, film->tiles[tile].groups[group].passes);
-}
-
-uint32_t film_tile_samples(const struct film *film, uint32_t tile)
-{
-    uint32_t samples = 0;
-
-    for (uint32_t g = 0; g < GROUPS; g++)
-        samples += film_group_samples(film, tile, g);
-    return samples;
-}
-
-uint64_t film_samples(const struct film *film)
-{
-    return film->samples;
-}
-
-uint64_t film_samples_total(const struct film *film)
-{
-    return (uint64_t)film->width * film->height * film->spp;
-}
-
-int film_complete(const struct film *film)
-{
-    return film->behind == 0;
-}
-
-int film_covered(const struct film *film)
-{
-    return film->tiles_started == film->tiles_total;
-}
-
-const struct unit_work *film_work(const struct film *film)
-{
-    return &film->work;
-}
-
-uint64_t film_rays(const struct film *film)
-{
-    return film->work.rays;
-}
-
-uint64_t film_tile_rays(const struct film *film, uint32_t tile, uint32_t group)
-{
-    const struct film_group *g = &film->tiles[tile].groups[group];
-
-    return (g->whole ? g->whole->work.rays : 0) + (g->cut ? g->cut->work.rays : 0);
-}
-
-void film_tail(const struct film *film, uint32_t tile, uint32_t group, struct tail *out)
-{
-    const struct film_group *g = &film->tiles[tile].groups[group];
-
-    memset(out, 0, sizeof *out);
-    if (g->whole)
-        *out = g->whole->tail;
-    if (g->cut)
-        tail_merge(out, &g->cut->tail);
-}
-
-int film_level(const struct film *film, uint32_t tile, uint32_t group, uint32_t level,
-               struct film_level *out)
-{
-    const struct film_group *g = &film->tiles[tile].groups[group];
-
-    if (level >= g->level_count)
-        return 0;
-    *out = g->levels[level];
-    return 1;
-}
-
-struct film_coverage film_coverage(const struct film *film)
-{
-    struct film_coverage c = {.samples = film->samples, .least = UINT32_MAX,
-                              .tiles = film->tiles_total,
-                              .tiles_empty = film->tiles_total - film->tiles_started};
-
-    for (uint32_t i = 0; i < film->tiles_total; i++) {
-        uint32_t samples = film_tile_samples(film, i);
-        c.least = samples < c.least ? samples : c.least;
-        c.most = samples > c.most ? samples : c.most;
-    }
-    return c;
 }

@@ -4,6 +4,10 @@
  * the group's *wanted* number on that tile; a result that arrives early, or beyond what is wanted,
  * waits in memory. Wanted numbers only grow.
  *
+ * A group that has *ended* keeps its picture: what is wanted of it beyond that is only *watched*, for the
+ * statistics of its levels, which decide about the other group. What was watched is not part of a tile's
+ * state on disk: it is rendered again.
+ *
  *   nothing --pass 0 of every tile--> level 0 --film_freeze: how a display shows it--> passes after it
  *
  * Invariants:
@@ -55,6 +59,8 @@ status film_merge(struct film *film, const struct unit_result *unit, uint32_t de
  * effect where as many are wanted already. */
 void film_want(struct film *film, uint32_t tile, uint32_t group, uint32_t passes);
 void film_want_all(struct film *film); /* every pass that the cap allows */
+/* The group's picture is what is wanted now; passes that are wanted later are only watched. */
+void film_end_group(struct film *film, uint32_t group);
 /* How a display shows the group's pixels; `codes` is copied, NULL: not known. The statistics of level 0
  * are completed, and what waited for this is folded. Only the first call has an effect. */
 void film_freeze(struct film *film, uint32_t group, const struct film_codes *codes);
@@ -72,6 +78,8 @@ uint32_t film_pass_count(const struct film *film, uint32_t group); /* that the c
 /* How many passes of the group are folded (a prefix of the schedule), and wanted. */
 uint32_t film_tile_passes(const struct film *film, uint32_t tile, uint32_t group);
 uint32_t film_tile_wanted(const struct film *film, uint32_t tile, uint32_t group);
+/* How many are folded or watched. */
+uint32_t film_tile_seen(const struct film *film, uint32_t tile, uint32_t group);
 /* How many passes of the tile wait. */
 uint32_t film_tile_waiting(const struct film *film, uint32_t tile);
 /* Units that are wanted, over all tiles and groups. */
@@ -88,7 +96,7 @@ uint32_t film_group_samples(const struct film *film, uint32_t tile, uint32_t gro
 /* Samples folded in over all pixels of the frame, and what the cap allows. */
 uint64_t film_samples(const struct film *film);
 uint64_t film_samples_total(const struct film *film);
-/* All that is wanted is folded. */
+/* All that is wanted is folded, but for what is only watched. */
 int film_complete(const struct film *film);
 /* Every tile has at least one pass: a preview covers the frame. */
 int film_covered(const struct film *film);
@@ -102,11 +110,14 @@ void film_tail(const struct film *film, uint32_t tile, uint32_t group, struct ta
 /* The group's statistics at a level; 0: it has not got there. */
 int film_level(const struct film *film, uint32_t tile, uint32_t group, uint32_t level,
                struct film_level *out);
+/* Every tile has the group's statistics at the level. */
+int film_level_is_complete(const struct film *film, uint32_t group, uint32_t level);
 
 /* How many samples the frame's pixels have. */
 struct film_coverage {
     uint64_t samples;            /* of all pixels together */
     uint32_t least, most;        /* of one pixel */
+    uint32_t group_most;         /* of one pixel and group */
     uint32_t tiles, tiles_empty; /* all; those without any sample, which develop to black */
 };
 struct film_coverage film_coverage(const struct film *film);

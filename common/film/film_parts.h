@@ -1,6 +1,7 @@
 /* film_parts: the inside of a film, shared by its files; nobody else includes this.
  *
- * film.c          life, merging, questions
+ * film.c          life, merging
+ * film_questions.c  what a film holds
  * film_develop.c  means, AOVs, the error estimate
  * film_state.c    a tile's state as bytes
  */
@@ -32,10 +33,21 @@ struct film_log_entry {
     uint32_t deliverer, spare;
 };
 
+/* Passes of a group that has ended, for the statistics of their levels alone. */
+struct film_watch {
+    uint32_t passes, level_count; /* as if they were folded */
+    uint64_t rays;
+    struct film_level levels[LEVELS_MAX]; /* those that the folded passes do not reach */
+    double values[];          /* sums of the folded passes and these, radiance only */
+};
+
 struct film_group {
     struct film_sums *whole;  /* NULL until the first pass is folded */
     struct film_sums *cut;    /* the short pass; NULL: not folded */
-    uint32_t passes, wanted;  /* folded: a prefix of the schedule */
+    struct film_watch *watch; /* NULL: nothing is watched */
+    uint32_t passes;          /* folded: a prefix of the schedule */
+    uint32_t wanted;          /* to be rendered; up to `end` they are folded, then watched */
+    uint32_t end;             /* UINT32_MAX until film_end_group */
     uint32_t waiting_count, level_count;
     struct waiting *waiting;
     struct film_log_entry *log; /* of the passes folded */
@@ -56,7 +68,8 @@ struct film {
     uint64_t wanted;          /* units */
     uint32_t tiles_started;   /* with at least one pass */
     uint32_t begun[GROUPS];   /* tiles with pass 0 of the group */
-    uint32_t behind;          /* tiles' groups with fewer passes folded than wanted */
+    uint32_t behind;          /* tiles' groups with fewer passes folded than are to be */
+    uint32_t at_level[GROUPS][LEVELS_MAX]; /* tiles with statistics of the level */
     int frozen[GROUPS];
     struct film_codes codes[GROUPS];
     struct unit_work work;
@@ -72,6 +85,12 @@ int film_group_reserve(const struct film *film, uint32_t tile, uint32_t group, u
 /* Note that the group has so many passes folded now. */
 void film_group_set_passes(struct film *film, uint32_t tile, uint32_t group, uint32_t passes);
 void film_group_forget_waiting(struct film_group *group);
+
+/* How many passes are folded or watched. */
+static inline uint32_t film_group_seen(const struct film_group *group)
+{
+    return group->watch ? group->watch->passes : group->passes;
+}
 
 static inline double film_sum(const struct film_group *group, size_t i)
 {

@@ -19,7 +19,7 @@ enum {
     GROUP_HEADER_BYTES = 4 * 4,
     WORK_BYTES = 6 * 8,
     TAIL_BYTES = 8 + TAIL_MAX * 8,
-    LEVEL_BYTES = 8 + 8 + 4 + 4 + LEVEL_BINS * 2,
+    LEVEL_BYTES = 8 + 8 + 8 + 4 + 4 + 4 + LEVEL_BINS * 2,
     LOG_BYTES = 16,
     STATE_CHECK_BYTES = 8,
 };
@@ -164,8 +164,10 @@ static uint8_t *put_sums(uint8_t *at, const struct film_sums *sums, size_t numbe
 static uint8_t *put_level(uint8_t *at, const struct film_level *level)
 {
     at = put64(at, level->rays);
+    at = put_double(at, level->radiance);
     at = put_double(at, level->linear);
     at = put_float(at, level->display);
+    at = put_float(at, level->channels);
     at = put32(at, (uint32_t)level->has_codes);
     for (int i = 0; i < LEVEL_BINS; i += 2)
         at = put32(at, level->bins[i] | (uint32_t)level->bins[i + 1] << 16);
@@ -278,8 +280,10 @@ static void get_sums(const uint8_t **at, struct film_sums *sums, size_t numbers)
 static void get_level(const uint8_t **at, struct film_level *level)
 {
     level->rays = get64(at);
+    level->radiance = get_double(at);
     level->linear = get_double(at);
     level->display = get_float(at);
+    level->channels = get_float(at);
     level->has_codes = get32(at) != 0;
     for (int i = 0; i < LEVEL_BINS; i += 2) {
         uint32_t two = get32(at);
@@ -353,6 +357,10 @@ static void group_clear(struct film *film, uint32_t tile, uint32_t group)
         memset(both[i], 0, sizeof *both[i] +
                                film_group_numbers(film, tile, group) * sizeof(double));
     }
+    for (uint32_t i = 0; i < (g->watch ? g->watch->level_count : g->level_count); i++)
+        film->at_level[group][i]--;
+    mem_free(g->watch);
+    g->watch = NULL;
     g->level_count = 0;
     film_group_set_passes(film, tile, group, 0);
 }
@@ -376,8 +384,10 @@ static void group_load(struct film *film, uint32_t tile, uint32_t group,
     } else if (h->cut_end != 0) {
         at += sums_size(numbers);
     }
-    for (uint32_t i = 0; i < h->levels; i++)
+    for (uint32_t i = 0; i < h->levels; i++) {
         get_level(&at, &g->levels[i]);
+        film->at_level[group][i]++;
+    }
     g->level_count = h->levels;
     for (uint32_t i = 0; i < passes; i++) {
         g->log[i].hash = get64(&at);

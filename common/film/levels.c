@@ -6,35 +6,40 @@
 #include "common/film/tiles.h"
 #include "common/image/color.h"
 
-enum { BIN_OF_ONE = 10 /* the bin that begins at one code */ };
-
-/* floor(2 log2(e)), from e^2: exponents are exact. */
-static int bin_of(float squared)
+uint32_t level_bin(float codes)
 {
-    int exponent;
+    float edge = 0x1.6a09e6p-5f; /* 2^-4.5, where bin 1 begins */
+    uint32_t bin = 0;
 
-    if (!(squared > 0))
-        return 0;
-    (void)frexpf(squared, &exponent);
-    exponent += BIN_OF_ONE - 1;
-    return exponent < 0 ? 0 : exponent >= LEVEL_BINS ? LEVEL_BINS - 1 : exponent;
+    /* Comparisons with constants: two half octaves are a factor of two, exactly. */
+    for (float whole = 0x1p-4f; bin + 1 < LEVEL_BINS; whole *= 2, edge *= 2) {
+        if (!(codes >= edge))
+            return bin;
+        bin++;
+        if (bin + 1 >= LEVEL_BINS || !(codes >= whole))
+            return bin;
+        bin++;
+    }
+    return bin;
 }
 
 static void measure_codes(struct film_level *out, const float *first, const float *second,
                           uint32_t pixels)
 {
-    double sum = 0;
+    double sum = 0, channels = 0;
 
     for (uint32_t i = 0; i < pixels; i++, first += 3, second += 3) {
         float squared = 0;
         for (int c = 0; c < 3; c++) {
             float half = (first[c] - second[c]) / 2;
+            channels += (double)(half * half);
             squared = half * half > squared ? half * half : squared;
         }
         sum += (double)squared;
-        out->bins[bin_of(squared)]++;
+        out->bins[level_bin(sqrtf(squared))]++;
     }
     out->display = (float)sum;
+    out->channels = (float)channels;
     out->has_codes = 1;
 }
 
@@ -51,6 +56,7 @@ void film_level_measure(struct film_level *out, const double *sums, uint32_t pix
     out->rays = rays;
     for (uint32_t i = 0; i < pixels * 3; i++) {
         double a = sums[i] / each, b = second[i] / each;
+        out->radiance += (a + b) / 2;
         out->linear += (a - b) * (a - b) / 4;
         means[0][i] = (float)a;
         means[1][i] = (float)b;

@@ -14,13 +14,17 @@ enum { LEVEL_BINS = 24 };
 
 struct film_level {
     uint64_t rays;       /* of the group on the tile, up to this level */
+    double radiance;     /* sum over pixels of R + G + B of the group's mean */
     double linear;       /* sum over pixels and RGB of (A - B)^2 / 4, in linear radiance */
     float display;       /* sum over pixels of e^2, e = the largest channel's |a - b| / 2 */
-    int has_codes;       /* display and bins are known */
-    /* Pixels by e: bin i holds [2^(i/2 - 5), 2^((i+1)/2 - 5)) codes of 255; the first one and the last
-     * one also what lies beyond. */
-    uint16_t bins[LEVEL_BINS];
+    float channels;      /* sum over pixels and RGB of (|a - b| / 2)^2 */
+    int has_codes;       /* display, channels and bins are known */
+    uint16_t bins[LEVEL_BINS]; /* pixels by level_bin(e) */
 };
+
+/* The bin of an error in codes, of 255: bin i holds 2^(i/2 - 5) up to the next half octave; smaller errors
+ * are in bin 0, larger ones in the last. */
+uint32_t level_bin(float codes);
 
 /* What a display shows of linear pixels: codes[count][3] of rgb[count][3], 0..255 and not rounded. A
  * function of each pixel alone. `codes` NULL: not known. */
@@ -33,7 +37,7 @@ struct film_codes {
 void film_codes_plain(void *user, const float *rgb, uint32_t count, float *codes);
 
 /* From the sums of both replicates, [2][pixels][3], of `samples` samples together. Sets all but rays and
- * leaves display, bins and has_codes 0 without codes. pixels <= TILE_PIXELS_MAX. */
+ * leaves display, channels, bins and has_codes 0 without codes. pixels <= TILE_PIXELS_MAX. */
 void film_level_measure(struct film_level *out, const double *sums, uint32_t pixels,
                         uint32_t samples, const struct film_codes *codes);
 

@@ -68,6 +68,12 @@ static inline uint32_t group_samples(uint32_t spp, uint32_t group)
  * 48, 64, 96, 128, ..., 6144, 8192, 12288, and so on by PASS_LENGTH_MAX. index < PASSES_MAX. */
 uint32_t pass_boundary(uint32_t index);
 
+/* Samples of a group after so many whole passes. */
+static inline uint32_t pass_samples(uint32_t passes)
+{
+    return passes ? pass_boundary(passes - 1) : 0;
+}
+
 /* How many passes the group's share of `spp` samples is cut into; 0: it has none. */
 uint32_t pass_count(uint32_t spp, uint32_t group);
 

@@ -119,7 +119,7 @@ static void neyman(const struct replay *decides, double cost, uint32_t least, st
             uint32_t passes = least;
             while (passes < decides->passes &&
                    strength[t] * exp(middle) * 1e3 >
-                       sqrt((double)allocation_samples(passes) * allocation_samples(passes + 1)))
+                       sqrt((double)pass_samples(passes) * pass_samples(passes + 1)))
                 passes++;
             p->passes[0][t] = p->passes[1][t] = passes;
         }
@@ -150,8 +150,8 @@ static void least_square(const struct replay *r, double cost, struct plan *p)
         for (uint32_t t = 0; t < r->tiles; t++) {
             uint32_t best = 1;
             for (uint32_t n = 2; n <= r->passes; n++)
-                if (square[t][n] + price * r->cpu_ns[t] * allocation_samples(n) <
-                    square[t][best] + price * r->cpu_ns[t] * allocation_samples(best))
+                if (square[t][n] + price * r->cpu_ns[t] * pass_samples(n) <
+                    square[t][best] + price * r->cpu_ns[t] * pass_samples(best))
                     best = n;
             p->passes[0][t] = p->passes[1][t] = best;
         }
@@ -194,8 +194,8 @@ static double most_within(const struct replay *r, double cost, float codes, stru
         for (uint32_t t = 0; t < r->tiles; t++) {
             uint32_t best = 1;
             for (uint32_t n = 2; n <= r->passes; n++)
-                if (within[t][n] - price * r->cpu_ns[t] * allocation_samples(n) >
-                    within[t][best] - price * r->cpu_ns[t] * allocation_samples(best))
+                if (within[t][n] - price * r->cpu_ns[t] * pass_samples(n) >
+                    within[t][best] - price * r->cpu_ns[t] * pass_samples(best))
                     best = n;
             p->passes[0][t] = p->passes[1][t] = best;
             sum += within[t][best];
@@ -239,7 +239,7 @@ static double balance_of(const struct plan *p, uint32_t tiles)
     double sum = 0;
 
     for (uint32_t t = 0; t < tiles; t++) {
-        double a = allocation_samples(p->passes[0][t]), b = allocation_samples(p->passes[1][t]);
+        double a = pass_samples(p->passes[0][t]), b = pass_samples(p->passes[1][t]);
         sum += 4 * a * b / ((a + b) * (a + b));
     }
     return sum / tiles;
@@ -318,7 +318,7 @@ static void aim(const struct replay *r, const struct curve *c, enum allocation_m
     struct allocation_rules rules = allocation_rules;
 
     rules.margin = margin;
-    for (uint32_t i = allocation_floor(2); i + 2 < c->count; i++) {
+    for (uint32_t i = level_passes(2); i + 2 < c->count; i++) {
         struct allocation_target target = {measure, c->at[i].display};
         struct plan p;
         struct replay_errors e;
@@ -409,7 +409,7 @@ int main(int argc, char **argv)
             uniform_curve(&curves[s], &seeds[s]);
         }
         print_aims(name, seeds, curves);
-        for (uint32_t level = 2; !targets && allocation_floor(level + 2) <= seeds[0].passes; level++) {
+        for (uint32_t level = 2; !targets && level_passes(level + 2) <= seeds[0].passes; level++) {
             struct gain best = {0, 0};
             cells++;
             for (uint32_t v = 0; v < count; v++) {

@@ -18,7 +18,7 @@ from farm import BIN, ROOT, Farm, Failure, Tests, read_bytes, wait_for
 from odd import Proxy
 
 tests = Tests()
-COMMANDS = ["render", "import", "effects", "accuracy", "submit", "list", "show", "watch", "fetch",
+COMMANDS = ["render", "estimate", "import", "effects", "accuracy", "submit", "list", "show", "watch", "fetch",
             "develop", "cancel", "resume", "workers", "keygen", "tonemap", "compare"]
 SMALL = ["--size", "32x32", "--spp", "4", "--max-depth", "3"]
 

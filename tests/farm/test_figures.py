@@ -145,4 +145,28 @@ def animations_tell_each_frame_the_worst_and_the_change():
         expect(job["flicker"]["frame"] == max(changes, key=changes.get), (job["flicker"], changes))
 
 
+@tests.add
+def an_estimate_says_what_accuracy_costs():
+    scene = os.path.join(FEATURES, "metal.gltf")
+    with Farm() as farm:
+        made = farm.cli("estimate", scene, "--size", "48x40", "--pilot-spp", "32", "--spp", "256", "--frames",
+                        "1-3", "--price", "3600/core-hour", "--by", "12:00", "--json", connect=False,
+                        expect=0).json()
+        expect(made["pilot"]["settings"]["spp"] == 32 and made["frames"] == 3, made["pilot"])
+        last = made["history"][-1]
+        expect(last["display"] == made["pilot"]["error"]["display"], last)
+        # Eight times the samples, three frames; a core-second costs 1.
+        expect(math.isclose(made["cap"]["core_seconds"], 3 * 8 * last["core_seconds"], rel_tol=1e-9), made)
+        expect(made["cap"]["price"] == made["cap"]["core_seconds"], made["cap"])
+        expect(made["cap"]["display"] < last["display"] and 0.2 < made["exponent"] < 0.8, made)
+        costs = [row["core_seconds"] for row in made["curve"]]
+        expect(costs == sorted(costs) and costs[0] > 0, costs)
+        text = farm.cli("estimate", scene, "--size", "48x40", "--target-error", "40dB", "-q", connect=False,
+                        expect=0).out
+        expect("target 40" in text, text)
+        for wrong in (["--price", "cheap"], ["--by", "25:00"], ["--by", "noon"]):
+            result = farm.cli("estimate", scene, *wrong, connect=False, expect=2)
+            expect(wrong[0] in result.err, result)
+
+
 tests.run()

@@ -39,9 +39,8 @@ static void keep_tail(struct record_unit *unit, float luminance, uint32_t pixel)
 
 /* One pixel's samples by the general kernel, which has the bits of every other. This is the one
  * place that knows how a group's samples are asked of the renderer. */
-static void render_pixel(const struct render_scene *scene, uint64_t seed, uint32_t frame,
-                         uint32_t x, uint32_t y, uint32_t index, struct record_unit *unit,
-                         struct render_stats *stats)
+static void render_pixel(const struct render_scene *scene, uint32_t frame, uint32_t x, uint32_t y,
+                         uint32_t index, struct record_unit *unit, struct render_stats *stats)
 {
     struct camera_cone cone = camera_cone(&scene->camera);
     double sum[RECORD_REPLICATES][3] = {{0}};
@@ -50,7 +49,7 @@ static void render_pixel(const struct render_scene *scene, uint64_t seed, uint32
         struct sampler sampler;
         struct ray ray;
         struct vec3 radiance;
-        sampler_start(&sampler, seed, frame, x, y, unit->head.group, j);
+        sampler_start(&sampler, unit->head.seed, frame, x, y, unit->head.group, j);
         camera_ray(&scene->camera, x, y, &sampler, &ray);
         radiance = path_radiance(scene, &sampler, &ray, cone, NULL, stats);
         if (!vec3_is_finite(radiance)) {
@@ -83,8 +82,7 @@ void record_render(const struct render_scene *scene, const struct render_setting
     out->head.end = end;
     out->head.pixels = rect.width * rect.height;
     for (uint32_t i = 0; i < out->head.pixels; i++)
-        render_pixel(scene, seed, frame, rect.x + i % rect.width,
-                     rect.y + i / rect.width, i, out, &stats);
+        render_pixel(scene, frame, rect.x + i % rect.width, rect.y + i / rect.width, i, out, &stats);
     out->head.rays = stats.rays;
     out->head.dropped = stats.dropped_samples;
     out->head.cpu_ns = clock_thread_cpu_ns() - start;

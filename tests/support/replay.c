@@ -101,7 +101,7 @@ static void encode(struct growing *g, double exposure)
     }
 }
 
-static void measure_tile(const struct growing *g, uint32_t tile, struct allocation_tile *out)
+static void measure_tile(const struct growing *g, uint32_t tile, struct film_level *out)
 {
     struct tile_rect rect = tile_rect_of(g->width, g->height, tile);
     double display = 0, channels = 0;
@@ -115,16 +115,16 @@ static void measure_tile(const struct growing *g, uint32_t tile, struct allocati
                 double d = (g->sums[0][c] - g->sums[1][c]) / g->samples;
                 float e = fabsf(g->codes[0][c] - g->codes[1][c]) * 127.5f;
                 out->radiance += (g->sums[0][c] + g->sums[1][c]) / g->samples;
-                out->linear_error += d * d;
+                out->linear += d * d;
                 channels += (double)e * (double)e;
                 if (e > most)
                     most = e;
             }
             display += (double)most * (double)most;
-            out->errors[allocation_bin(most)]++;
+            out->bins[level_bin(most)]++;
         }
-    out->display_error = (float)display;
-    out->channel_error = (float)channels;
+    out->display = (float)display;
+    out->channels = (float)channels;
     out->rays = g->rays[tile];
 }
 
@@ -132,7 +132,7 @@ static void measure_tile(const struct growing *g, uint32_t tile, struct allocati
 static void pass_done(struct replay *replay, struct growing *g, uint32_t group, uint32_t passes,
                       double exposure, unsigned keep)
 {
-    struct allocation_tile *tiles = need(mem_alloc_array(replay->tiles, sizeof *tiles));
+    struct film_level *tiles = need(mem_alloc_array(replay->tiles, sizeof *tiles));
 
     if (passes == 1)
         replay->exposure[group] = metered(g);
@@ -300,35 +300,35 @@ void replay_release(struct replay *replay)
 /* ---- rounds ------------------------------------------------------------------------------------------ */
 
 /* What all samples of a group say of a tile, as if they had been those of `level`. */
-static struct allocation_tile as_level(const struct allocation_tile *all, uint32_t samples, uint32_t level)
+static struct film_level as_level(const struct film_level *all, uint32_t samples, uint32_t level)
 {
-    struct allocation_tile out = *all;
+    struct film_level out = *all;
     double ratio = (double)samples / (2u << level);
     int shift = (int)lround(log2(ratio)); /* a half octave of error for each octave of samples */
 
-    out.linear_error *= ratio;
-    out.display_error *= (float)ratio;
-    out.channel_error *= (float)ratio;
+    out.linear *= ratio;
+    out.display *= (float)ratio;
+    out.channels *= (float)ratio;
     out.rays = (uint64_t)((double)all->rays / ratio);
-    memset(out.errors, 0, sizeof out.errors);
-    for (int b = 0; b < ALLOCATION_BINS; b++)
-        out.errors[b + shift < ALLOCATION_BINS ? b + shift : ALLOCATION_BINS - 1] =
-            (uint16_t)(out.errors[b + shift < ALLOCATION_BINS ? b + shift : ALLOCATION_BINS - 1] + all->errors[b]);
+    memset(out.bins, 0, sizeof out.bins);
+    for (int b = 0; b < LEVEL_BINS; b++)
+        out.bins[b + shift < LEVEL_BINS ? b + shift : LEVEL_BINS - 1] =
+            (uint16_t)(out.bins[b + shift < LEVEL_BINS ? b + shift : LEVEL_BINS - 1] + all->bins[b]);
     return out;
 }
 
 static void what_decides(const struct replay *r, int group, uint32_t level, enum replay_fault fault,
-                         uint32_t *const passes[RECORD_GROUPS], struct allocation_tile *out)
+                         uint32_t *const passes[RECORD_GROUPS], struct film_level *out)
 {
     int by = fault == REPLAY_OWN_SAMPLES ? group : 1 - group;
 
     for (uint32_t t = 0; t < r->tiles; t++) {
-        uint32_t n = allocation_floor(level);
+        uint32_t n = level_passes(level);
         if (fault == REPLAY_OTHERS_ALL_SAMPLES && passes[by][t] > n)
             n = passes[by][t];
         if (n > r->passes)
             n = r->passes;
-        out[t] = as_level(&r->statistics[by][n][t], allocation_samples(n), level);
+        out[t] = as_level(&r->statistics[by][n][t], pass_samples(n), level);
     }
 }
 
@@ -336,7 +336,7 @@ int replay_rounds(const struct replay *decides, const struct allocation_rules *r
                    const struct allocation_target *target, uint32_t last_level,
                    enum replay_fault fault, uint32_t *const passes[RECORD_GROUPS])
 {
-    struct allocation_tile *tiles[RECORD_GROUPS], *before[RECORD_GROUPS] = {NULL, NULL};
+    struct film_level *tiles[RECORD_GROUPS], *before[RECORD_GROUPS] = {NULL, NULL};
     int ended[RECORD_GROUPS] = {0};
 
     for (int g = 0; g < RECORD_GROUPS; g++) {
@@ -347,9 +347,9 @@ int replay_rounds(const struct replay *decides, const struct allocation_rules *r
     for (uint32_t k = 0; k <= last_level; k++) {
         for (int g = 0; g < RECORD_GROUPS; g++)
             for (uint32_t t = 0; t < decides->tiles; t++)
-                if (passes[g][t] < allocation_floor(k) &&
+                if (passes[g][t] < level_passes(k) &&
                     (!ended[g] || (!ended[1 - g] && fault == REPLAY_ENDED_GROWS)))
-                    passes[g][t] = allocation_floor(k);
+                    passes[g][t] = level_passes(k);
         for (int g = 0; g < RECORD_GROUPS; g++)
             what_decides(decides, g, k, fault, passes, tiles[g]);
         for (int g = 0; g < RECORD_GROUPS; g++) {
@@ -371,7 +371,7 @@ int replay_rounds(const struct replay *decides, const struct allocation_rules *r
             allocation_round_release(&round);
         }
         for (int g = 0; g < RECORD_GROUPS; g++) {
-            struct allocation_tile *free_now = before[g] ? before[g] : need(mem_alloc_array(decides->tiles, sizeof *tiles[g]));
+            struct film_level *free_now = before[g] ? before[g] : need(mem_alloc_array(decides->tiles, sizeof *tiles[g]));
             before[g] = tiles[g];
             tiles[g] = free_now;
         }
@@ -437,6 +437,6 @@ double replay_cost(const struct replay *replay, uint32_t *const passes[RECORD_GR
 
     for (uint32_t t = 0; t < replay->tiles; t++)
         for (int g = 0; g < RECORD_GROUPS; g++)
-            ns += replay->cpu_ns[t] * allocation_samples(passes[g][t]);
+            ns += replay->cpu_ns[t] * pass_samples(passes[g][t]);
     return ns * 1e-9;
 }

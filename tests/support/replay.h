@@ -18,7 +18,7 @@ struct replay {
     uint32_t passes;     /* of each group */
     double exposure[RECORD_GROUPS]; /* of the statistics, frozen at level 0 */
     /* All that follows is indexed by the passes that are in, 1 .. passes. */
-    struct allocation_tile *statistics[RECORD_GROUPS][RECORD_PASSES_MAX + 1]; /* [tiles] */
+    struct film_level *statistics[RECORD_GROUPS][RECORD_PASSES_MAX + 1]; /* [tiles] */
     /* Half the difference of the replicates in codes: the error of the group's mean, in
      * distribution. [height][width][3]; with REPLAY_ERRORS. */
     float *error[RECORD_GROUPS][RECORD_PASSES_MAX + 1];

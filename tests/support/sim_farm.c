@@ -362,7 +362,8 @@ void sim_develop(struct sim *sim)
             if (sim->store)
                 s = store_frame_done(sim->store, frame->job->id, frame->number,
                                      sim_revision(frame->job),
-                                     film_complete(frame->film) ? NULL : &coverage, &err);
+                                     frame->end,
+                                     coverage.samples < job_frame_samples(frame->job) ? &coverage : NULL, &err);
         }
         farm_frame_developed(&sim->farm, frame, sim_revision(frame->job), s, &err, sim->now_ns);
     }

@@ -15,7 +15,7 @@ static double joined(const struct replay *r, uint32_t *const passes[RECORD_GROUP
     double sum = 0, weights = 0;
 
     for (int g = 0; g < RECORD_GROUPS; g++) {
-        double weight = by_counts ? allocation_samples(passes[g][tile]) : 1;
+        double weight = by_counts ? pass_samples(passes[g][tile]) : 1;
         sum += weight * r->mean[g][passes[g][tile]][tile];
         weights += weight;
     }
@@ -35,7 +35,7 @@ static void add_way(struct unbiased_way *way, const struct replay *r,
         running_stats_add(&way->tiles[t], difference);
         frame += difference / r->tiles;
         for (int g = 0; g < RECORD_GROUPS; g++)
-            samples += allocation_samples(passes[g][t]) / (2.0 * r->tiles);
+            samples += pass_samples(passes[g][t]) / (2.0 * r->tiles);
     }
     running_stats_add(&way->frame, frame);
     running_stats_add(&way->samples, samples);

@@ -17,7 +17,7 @@
 enum { TILES_MAX = 64 };
 
 struct frame {
-    struct allocation_tile tiles[TILES_MAX];
+    struct film_level tiles[TILES_MAX];
     uint32_t wanted[TILES_MAX];
     struct allocation_input in;
 };
@@ -28,7 +28,7 @@ static void frame_init(struct frame *f, uint32_t width, uint32_t height, uint32_
     f->in = (struct allocation_input){width, height, level, f->tiles, NULL, f->wanted, NULL};
     assert_true(tile_count(width, height) <= TILES_MAX);
     for (uint32_t t = 0; t < tile_count(width, height); t++)
-        f->wanted[t] = allocation_floor(level);
+        f->wanted[t] = level_passes(level);
 }
 
 /* Every pixel of the tile is off by so many codes and by so much light, of radiance 1. */
@@ -36,14 +36,14 @@ static void set_tile(struct frame *f, uint32_t tile, double codes, double light,
 {
     struct tile_rect r = tile_rect_of(f->in.width, f->in.height, tile);
     uint32_t pixels = r.width * r.height;
-    struct allocation_tile *t = &f->tiles[tile];
+    struct film_level *t = &f->tiles[tile];
 
     memset(t, 0, sizeof *t);
     t->radiance = 3.0 * pixels;
-    t->linear_error = 3 * light * light * pixels;
-    t->display_error = (float)(codes * codes * pixels);
-    t->channel_error = 3 * t->display_error;
-    t->errors[allocation_bin((float)codes)] = (uint16_t)pixels;
+    t->linear = 3 * light * light * pixels;
+    t->display = (float)(codes * codes * pixels);
+    t->channels = 3 * t->display;
+    t->bins[level_bin((float)codes)] = (uint16_t)pixels;
     t->rays = rays_of_pixel * pixels;
 }
 
@@ -78,28 +78,28 @@ static void test_schedule(void **state)
     (void)state;
 
     for (uint32_t p = 0; p < sizeof first / sizeof *first; p++)
-        assert_int_equal(allocation_samples(p), first[p]);
-    assert_int_equal(allocation_samples(22), 8192);
-    assert_int_equal(allocation_samples(23), 12288);
-    assert_int_equal(allocation_samples(ALLOCATION_PASSES_MAX), 1 << 19);
+        assert_int_equal(pass_samples(p), first[p]);
+    assert_int_equal(pass_samples(22), 8192);
+    assert_int_equal(pass_samples(23), 12288);
+    assert_int_equal(pass_samples(PASSES_MAX), 1 << 19);
     for (uint32_t level = 0; level < 19; level++)
-        assert_int_equal(allocation_samples(allocation_floor(level)), 2u << level);
+        assert_int_equal(pass_samples(level_passes(level)), 2u << level);
 }
 
 static void test_bins(void **state)
 {
     (void)state;
-    assert_int_equal(allocation_bin(0), 0);
-    assert_int_equal(allocation_bin(0.044f), 0);
-    assert_int_equal(allocation_bin(0.0443f), 1);
-    assert_int_equal(allocation_bin(0.0625f), 2);
-    assert_int_equal(allocation_bin(1), 10);
-    assert_int_equal(allocation_bin(1.4143f), 11);
-    assert_int_equal(allocation_bin(90), 22);
-    assert_int_equal(allocation_bin(91), 23);
-    assert_int_equal(allocation_bin(255), 23);
-    assert_int_equal(allocation_bin(1e30f), 23);
-    assert_int_equal(allocation_bin(NAN), 0);
+    assert_int_equal(level_bin(0), 0);
+    assert_int_equal(level_bin(0.044f), 0);
+    assert_int_equal(level_bin(0.0443f), 1);
+    assert_int_equal(level_bin(0.0625f), 2);
+    assert_int_equal(level_bin(1), 10);
+    assert_int_equal(level_bin(1.4143f), 11);
+    assert_int_equal(level_bin(90), 22);
+    assert_int_equal(level_bin(91), 23);
+    assert_int_equal(level_bin(255), 23);
+    assert_int_equal(level_bin(1e30f), 23);
+    assert_int_equal(level_bin(NAN), 0);
 }
 
 /* ---- wanted numbers -------------------------------------------------------------------------------- */
@@ -109,8 +109,8 @@ static double extras_over_floor(const struct frame *f, const uint32_t *wanted, u
     double extras = 0, whole = 0;
 
     for (uint32_t t = 0; t < tiles; t++) {
-        double floor_samples = allocation_samples(allocation_floor(f->in.level));
-        extras += (double)f->tiles[t].rays * (allocation_samples(wanted[t]) - floor_samples);
+        double floor_samples = pass_samples(level_passes(f->in.level));
+        extras += (double)f->tiles[t].rays * (pass_samples(wanted[t]) - floor_samples);
         whole += (double)f->tiles[t].rays * floor_samples;
     }
     return extras / whole;
@@ -132,7 +132,7 @@ static void test_grows_with_lambda(void **state)
             allocation_wanted(&round, lambda, now);
             for (uint32_t t = 0; t < tiles; t++) {
                 assert_true(now[t] >= last[t]);
-                assert_true(allocation_samples(now[t]) <= allocation_rules.ratio_max * (2u << level));
+                assert_true(pass_samples(now[t]) <= allocation_rules.ratio_max * (2u << level));
                 changed += now[t] != last[t];
             }
             if (lambda == 0)
@@ -177,9 +177,9 @@ static void test_few_pixels_do_not_take_all(void **state)
     frame_init(&f, 64, 64, 4);
     for (uint32_t t = 0; t < 16; t++)
         set_tile(&f, t, 1, 0.1, 64);
-    f.tiles[5].errors[10] -= 4;
-    f.tiles[5].errors[23] += 4;
-    f.tiles[5].display_error += 4 * 200 * 200;
+    f.tiles[5].bins[10] -= 4;
+    f.tiles[5].bins[23] += 4;
+    f.tiles[5].display += 4 * 200 * 200;
     run(&round, &f);
     assert_in_range(round.strength[5] - round.strength[15], 0, 24);
     allocation_round_release(&round);
@@ -262,7 +262,7 @@ static void test_units_do_not_matter(void **state)
     g.in.wanted = g.wanted;
     for (uint32_t t = 0; t < TILES_MAX; t++) {
         g.tiles[t].rays *= 16;
-        g.tiles[t].linear_error *= 1e8;
+        g.tiles[t].linear *= 1e8;
         g.tiles[t].radiance *= 1e4;
     }
     run(&a, &f);
@@ -318,7 +318,7 @@ static void test_prediction(void **state)
     /* A bin is half an octave wide: 4 codes are known as 4 .. 5.66. */
     assert_true(allocation_predict(&round, ALLOCATION_DISPLAY, 0) > 4 / sqrt(2));
     assert_true(allocation_predict(&round, ALLOCATION_DISPLAY, 0) < 4.0001);
-    f.wanted[0] = allocation_floor(5); /* what was wanted before counts, too */
+    f.wanted[0] = level_passes(5); /* what was wanted before counts, too */
     assert_true(allocation_predict(&round, ALLOCATION_RMSE, 0) < 10 / sqrt(2) - 0.1);
     allocation_round_release(&round);
 }
@@ -335,7 +335,7 @@ static void test_prediction_leans_on_the_neighbourhood(void **state)
     for (uint32_t t = 0; t < 8; t++)
         set_tile(&f, t, 1, 0, 64);
     set_tile(&f, 4, 1, 0.1, 64);
-    f.wanted[4] = allocation_floor(5); /* four times the floor */
+    f.wanted[4] = level_passes(5); /* four times the floor */
     run(&round, &f);
     error = allocation_predict(&round, ALLOCATION_RMSE, 0);
     /* Two thirds of its square (a half, and a sixth as its own share of the mean) at a quarter, a
@@ -363,7 +363,7 @@ static void test_exponent_is_learnt(void **state)
     at_floor = allocation_predict(&round, ALLOCATION_RMSE, 0);
     assert_true(fabs(at_floor - 10 / sqrt(2)) < 1e-9);
     for (uint32_t t = 0; t < 16; t++)
-        f.wanted[t] = allocation_floor(4);
+        f.wanted[t] = level_passes(4);
     later = allocation_predict(&round, ALLOCATION_RMSE, 0);
     assert_true(fabs(at_floor / later - exp2(0.75 / 2)) < 1e-9);
     for (uint32_t t = 0; t < 16; t++) /* never faster than the rules allow */
@@ -439,13 +439,13 @@ static double toy_sum(uint32_t outcome, uint32_t replicate, uint32_t passes)
 
     for (uint32_t p = 0; p < passes; p++)
         if (outcome >> (2 * p + replicate) & 1)
-            sum += (allocation_samples(p + 1) - allocation_samples(p)) / 2 / TOY_LIGHT;
+            sum += (pass_samples(p + 1) - pass_samples(p)) / 2 / TOY_LIGHT;
     return sum;
 }
 
 static double toy_mean(uint32_t outcome, uint32_t passes)
 {
-    return (toy_sum(outcome, 0, passes) + toy_sum(outcome, 1, passes)) / allocation_samples(passes);
+    return (toy_sum(outcome, 0, passes) + toy_sum(outcome, 1, passes)) / pass_samples(passes);
 }
 
 static double toy_weight(uint32_t outcome)
@@ -463,14 +463,14 @@ static uint32_t toy_round(uint32_t outcome, uint32_t level, uint32_t passes, uin
     struct frame f;
     struct allocation_round round;
     struct allocation_target target = {ALLOCATION_PSNR, 20 * log10(255 / target_codes)};
-    double error = fabs(toy_sum(outcome, 0, passes) - toy_sum(outcome, 1, passes)) / allocation_samples(passes);
+    double error = fabs(toy_sum(outcome, 0, passes) - toy_sum(outcome, 1, passes)) / pass_samples(passes);
     uint32_t lambda;
 
     frame_init(&f, 48, 16, level);
     f.in.rules = &toy_rules;
     f.wanted[1] = wanted;
     set_tile(&f, 0, 16 / sqrt(2u << level), 0.1, 10);
-    set_tile(&f, 1, 20 * error * sqrt((double)allocation_samples(passes) / (2u << level)), error, 10);
+    set_tile(&f, 1, 20 * error * sqrt((double)pass_samples(passes) / (2u << level)), error, 10);
     set_tile(&f, 2, 16 / sqrt(2u << level), 0.1, 10);
     run(&round, &f);
     lambda = round.full;
@@ -512,7 +512,7 @@ static double toy_picture(struct toy *toy, enum toy_fault fault, const uint32_t 
     int ended[2] = {0, 0};
 
     for (uint32_t level = 1; level <= TOY_LAST_LEVEL && !(ended[0] && ended[1]); level++) {
-        uint32_t floor_passes = allocation_floor(level);
+        uint32_t floor_passes = level_passes(level);
         for (int g = 0; g < 2; g++)
             if (n[g] < floor_passes && (!ended[g] || fault == TOY_ENDED_GROWS))
                 n[g] = floor_passes;
@@ -528,7 +528,7 @@ static double toy_picture(struct toy *toy, enum toy_fault fault, const uint32_t 
         n[1] = next[1];
     }
     if (fault == TOY_BY_COUNTS) {
-        double a = allocation_samples(n[0]), b = allocation_samples(n[1]);
+        double a = pass_samples(n[0]), b = pass_samples(n[1]);
         return (a * toy_mean(outcome[0], n[0]) + b * toy_mean(outcome[1], n[1])) / (a + b);
     }
     return toy_mean(outcome[0], n[0]) / 2 + toy_mean(outcome[1], n[1]) / 2;

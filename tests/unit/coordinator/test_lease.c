@@ -30,6 +30,7 @@ static void set_up(struct fixture *f)
     f->job = sim_job(64, 48, 12, 1, 1, 0); /* 12 tiles, 3 passes of 2 groups */
     f->frame = job_frame_new(f->job, 1, 64, 48, 12, 0, NULL);
     assert_non_null(f->frame);
+    assert_int_equal(job_frame_begin(f->frame, NULL), STATUS_OK);
     lease_table_init(&f->table, 1000, DURATION_NS);
     f->a.session = 1;
     f->b.session = 2;

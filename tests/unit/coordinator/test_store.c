@@ -96,9 +96,9 @@ static void jobs_survive_a_restart(void **state)
     job->active_ns = 1500000000;
     job->conflicts = 7;
     assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 5, 0, NULL, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 6, 0, NULL, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 6, 0, NULL, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 5, 0, FRAME_END_CAP, NULL, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 6, 0, FRAME_END_CAP, NULL, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 6, 0, FRAME_END_CAP, NULL, &err), STATUS_OK);
     assert_int_equal(tonemap_settings_init(&job->output.tonemap, "linear", &err), STATUS_OK);
     job->output.tonemap.exposure_ev = -1.25;
     job->output.tonemap.white_kelvin = 5000;
@@ -148,11 +148,12 @@ static void jobs_survive_a_restart(void **state)
 }
 
 /* A store of version 1, which knew no revisions: its finished frames' pictures are as they should;
- * one of version 2, which knew no tokens; and one of version 3, which knew no clamping, figures, deliverers. */
+ * one of version 2, which knew no tokens; and one of version 3, which knew no clamping, limits, figures, deliverers. */
 static void an_older_store_is_brought_up_to_date(void **state)
 {
 #define WITHOUT_4                                                                               \
-    "DROP TABLE history; DROP TABLE deliverers;"                                                \
+    "DROP TABLE history; DROP TABLE deliverers; DROP TABLE clocks;"                             \
+    "ALTER TABLE cut_frames DROP COLUMN ended; ALTER TABLE cut_frames DROP COLUMN group_most;"  \
     "ALTER TABLE jobs DROP COLUMN clamped; ALTER TABLE jobs DROP COLUMN clamped_luminance;"     \
     "ALTER TABLE jobs DROP COLUMN kept_luminance;"
     static const char *const steps_back[] = {
@@ -174,7 +175,7 @@ static void an_older_store_is_brought_up_to_date(void **state)
 
     (void)state;
     assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 2, 0, NULL, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 2, 0, FRAME_END_CAP, NULL, &err), STATUS_OK);
     store_close(store);
     snprintf(job->token, sizeof job->token, "new");
     for (size_t i = 0; i < sizeof steps_back / sizeof *steps_back; i++) {
@@ -229,7 +230,9 @@ static void unfinished_jobs_of_an_older_store_begin_again(void **state)
     store_close(store);
     assert_int_equal(sqlite3_open(path_of("queue.sqlite"), &db), SQLITE_OK);
     assert_int_equal(sqlite3_exec(db,
-                                  "DROP TABLE deliverers; DROP TABLE cut_frames; "
+                                  "DROP TABLE deliverers; DROP TABLE history; DROP TABLE clocks; DROP TABLE cut_frames; "
+                                  "ALTER TABLE jobs DROP COLUMN clamped; ALTER TABLE jobs DROP COLUMN clamped_luminance; "
+                                  "ALTER TABLE jobs DROP COLUMN kept_luminance; "
                                   "DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token; "
                                   "PRAGMA user_version=2",
                                   NULL, NULL, NULL),
@@ -392,7 +395,7 @@ static void film_begin(struct film_fixture *f, struct store *store)
         fail_msg("%s", err.text);
 }
 
-static void film_end(struct film_fixture *f)
+static void end_film(struct film_fixture *f)
 {
     film_file_close(f->file);
     film_free(f->film);
@@ -431,7 +434,7 @@ static void films_come_back(void **state)
     }
     merge_pass(f.film, 1, 0);
     write_tile(&f, 1);
-    film_end(&f);
+    end_film(&f);
     assert_true(store_film_exists(store, 1, 1));
     film_begin(&back, store);
     assert_int_equal(back.durable[0][0], 3);
@@ -444,7 +447,7 @@ static void films_come_back(void **state)
     for (uint32_t i = 0; i < 6; i++)
         assert_int_equal(film_data_merge(back.film, i % 2, 1, i / 2), FILM_MERGED);
     assert_true(film_complete(back.film));
-    film_end(&back);
+    end_film(&back);
     store_films_remove(store, 1);
     assert_false(store_film_exists(store, 1, 1));
     store_close(store);
@@ -490,7 +493,7 @@ static void a_torn_slot_falls_back_to_the_older_one(void **state)
     assert_int_equal(pread(fd, after, size, at), (ssize_t)size);
     merge_pass(f.film, 1, 0);
     write_tile(&f, 1);
-    film_end(&f);
+    end_film(&f);
 
     /* 2 tiles, 2 slots each; the last slot is not written: the file ends within tile 1's first. */
     assert_true(file_size(path) > FILM_FILE_HEADER + 2 * slot_bytes);
@@ -504,12 +507,12 @@ static void a_torn_slot_falls_back_to_the_older_one(void **state)
         assert_int_equal(back.slot[0], 1); /* so the next write goes to the torn one */
         assert_int_equal(film_tile_passes(back.film, 0, 0), 2);
         assert_int_equal(film_tile_passes(back.film, 1, 0), 1);
-        film_end(&back);
+        end_film(&back);
     }
     assert_int_equal(pwrite(fd, after, size, at), (ssize_t)size);
     film_begin(&f, store);
     assert_int_equal(f.durable[0][0], 3);
-    film_end(&f);
+    end_film(&f);
     /* Both slots damaged: the tile begins anew, the others stay. */
     memset(torn, 0x55, size);
     assert_int_equal(pwrite(fd, torn, size, at), (ssize_t)size);
@@ -517,7 +520,7 @@ static void a_torn_slot_falls_back_to_the_older_one(void **state)
     film_begin(&f, store);
     assert_int_equal(f.durable[0][0], 0);
     assert_int_equal(f.durable[1][0], 1);
-    film_end(&f);
+    end_film(&f);
     /* A damaged header: the whole frame begins again, and the file is kept. */
     assert_int_equal(pwrite(fd, "x", 1, 20), 1);
     film_begin(&f, store);
@@ -527,18 +530,18 @@ static void a_torn_slot_falls_back_to_the_older_one(void **state)
     path = path_of("films/1/frame-0001.film");
     merge_pass(f.film, 1, 0);
     write_tile(&f, 1);
-    film_end(&f);
+    end_film(&f);
     close(fd);
     fd = open(path, O_RDWR);
     assert_true(fd >= 0);
     /* So it does when the file is of the format before groups. */
     film_begin(&f, store);
     assert_int_equal(f.durable[1][0], 1);
-    film_end(&f);
+    end_film(&f);
     assert_int_equal(pwrite(fd, "2", 1, 6), 1);
     film_begin(&f, store);
     assert_int_equal(f.durable[1][0], 0);
-    film_end(&f);
+    end_film(&f);
     close(fd);
     free(before);
     free(after);
@@ -732,6 +735,7 @@ static struct job_frame *filled_frame(struct job *job, uint32_t number)
 {
     struct job_frame *frame = job_frame_new(job, number, WIDTH, HEIGHT, SPP, 0, NULL);
 
+    assert_int_equal(job_frame_begin(frame, NULL), STATUS_OK);
     fill(frame->film, 1, (float)(1 + number * number), 1);
     return frame;
 }

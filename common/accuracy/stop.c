@@ -1,0 +1,146 @@
+#include "common/accuracy/stop.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/scene/settings.h"
+
+/* How each measure is written, and what is allowed of it. */
+static const struct {
+    const char *unit;
+    double least, most;
+    int falls; /* a smaller value is a better picture */
+} measures[] = {
+    [ALLOCATION_DISPLAY] = {"/255", 0.01, 128, 1},
+    [ALLOCATION_PSNR] = {"dB", 5, 120, 0},
+    [ALLOCATION_RMSE] = {"%", 0.001, 1000, 1},
+};
+enum { MEASURES = sizeof measures / sizeof measures[0] };
+
+static status check_target(const struct allocation_target *target, enum status code,
+                           struct error *err)
+{
+    unsigned measure = (unsigned)target->measure;
+
+    if (measure >= MEASURES)
+        return error_set(err, code, "a target of an unknown measure");
+    if (!(target->value >= measures[measure].least && target->value <= measures[measure].most))
+        return error_set(err, code, "a target of %g%s: must be from %g%s to %g%s", target->value,
+                         measures[measure].unit, measures[measure].least, measures[measure].unit,
+                         measures[measure].most, measures[measure].unit);
+    return STATUS_OK;
+}
+
+status stop_rules_validate(const struct stop_rules *rules, struct error *err)
+{
+    if (rules->spp_min > SETTINGS_SPP_MAX)
+        return error_set(err, STATUS_ERR_INPUT, "at least %u samples a pixel: at most %d can be had",
+                         rules->spp_min, SETTINGS_SPP_MAX);
+    if (rules->time_limit_ms > STOP_LIMIT_MS_MAX || rules->core_limit_ms > STOP_LIMIT_MS_MAX)
+        return error_set(err, STATUS_ERR_INPUT, "a limit of more than 34 years");
+    return rules->has_target ? check_target(&rules->target, STATUS_ERR_INPUT, err) : STATUS_OK;
+}
+
+int stop_rules_equal(const struct stop_rules *a, const struct stop_rules *b)
+{
+    return a->spp_min == b->spp_min && a->has_target == b->has_target &&
+           (!a->has_target ||
+            (a->target.measure == b->target.measure && a->target.value == b->target.value)) &&
+           a->time_limit_ms == b->time_limit_ms && a->core_limit_ms == b->core_limit_ms &&
+           a->adaptive == b->adaptive;
+}
+
+/* ---- targets -------------------------------------------------------------------------------- */
+
+status stop_target_parse(const char *text, struct allocation_target *out, struct error *err)
+{
+    char *end;
+    double value = strtod(text, &end);
+
+    for (unsigned i = 0; i < MEASURES && end != text; i++)
+        if (strcmp(end, measures[i].unit) == 0) {
+            *out = (struct allocation_target){(enum allocation_measure)i, value};
+            return check_target(out, STATUS_ERR_USAGE, err);
+        }
+    return error_set(err, STATUS_ERR_USAGE,
+                     "'%s' is no target: give 2/255 (display codes that 95 %% of the pixels stay "
+                     "within), 1%% (error over the frame's mean) or 45dB (PSNR)",
+                     text);
+}
+
+const char *stop_target_text(char out[STOP_TEXT_SIZE], const struct allocation_target *target)
+{
+    snprintf(out, STOP_TEXT_SIZE, "%g%s", target->value,
+             (unsigned)target->measure < MEASURES ? measures[target->measure].unit : "");
+    return out;
+}
+
+int stop_target_is_stricter(const struct allocation_target *a, const struct allocation_target *b)
+{
+    return a->measure == b->measure && (unsigned)a->measure < MEASURES &&
+           (measures[a->measure].falls ? a->value < b->value : a->value > b->value);
+}
+
+/* ---- durations ------------------------------------------------------------------------------ */
+
+static const struct {
+    const char *unit;
+    uint32_t ms;
+} durations[] = {{"h", 3600000}, {"m", 60000}, {"s", 1000}};
+enum { DURATIONS = sizeof durations / sizeof durations[0] };
+
+status stop_duration_parse(const char *option, const char *text, uint64_t *out_ms,
+                           struct error *err)
+{
+    char *end;
+    double value = strtod(text, &end);
+
+    for (unsigned i = 0; i < DURATIONS && end != text; i++)
+        if (strcmp(end, durations[i].unit) == 0 && value * durations[i].ms >= 1 &&
+            value * durations[i].ms <= (double)STOP_LIMIT_MS_MAX) {
+            *out_ms = (uint64_t)(value * durations[i].ms);
+            return STATUS_OK;
+        }
+    return error_set(err, STATUS_ERR_USAGE, "%s: '%s' is no length of time: give 90s, 10m or 1.5h",
+                     option, text);
+}
+
+const char *stop_duration_text(char out[STOP_TEXT_SIZE], uint64_t ms)
+{
+    unsigned i = 0;
+
+    while (i + 1 < DURATIONS && ms < 2 * (uint64_t)durations[i].ms && ms != durations[i].ms)
+        i++;
+    snprintf(out, STOP_TEXT_SIZE, "%g%s", (double)ms / durations[i].ms, durations[i].unit);
+    return out;
+}
+
+/* ---- ends ----------------------------------------------------------------------------------- */
+
+const char *frame_end_text(enum frame_end end)
+{
+    static const char *const texts[FRAME_END_COUNT] = {
+        [FRAME_END_NONE] = "not ended",
+        [FRAME_END_CAP] = "ended with all samples",
+        [FRAME_END_TARGET] = "ended by the target error",
+        [FRAME_END_TIME] = "ended by the time limit",
+        [FRAME_END_CORES] = "ended by the core limit",
+        [FRAME_END_CANCEL] = "cut short",
+        [FRAME_END_SCHEDULE] = "ended by the schedule",
+    };
+
+    return (unsigned)end < FRAME_END_COUNT ? texts[end] : "cut short";
+}
+
+const char *frame_end_word(enum frame_end end)
+{
+    static const char *const words[FRAME_END_COUNT] = {
+        [FRAME_END_NONE] = "none",     [FRAME_END_CAP] = "samples",
+        [FRAME_END_TARGET] = "target", [FRAME_END_TIME] = "time-limit",
+        [FRAME_END_CORES] = "core-limit", [FRAME_END_CANCEL] = "cancel",
+        [FRAME_END_SCHEDULE] = "schedule"};
+
+    return (unsigned)end < FRAME_END_COUNT ? words[end] : "cancel";
+}

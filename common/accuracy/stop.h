@@ -1,0 +1,72 @@
+/* stop: when a frame has enough samples, and which tiles get them.
+ *
+ * The first rule that is met ends the frame. The cap on a pixel's samples is not here but
+ * render_settings.spp, because workers need it: it tells which passes are short.
+ * Samples that a clock decided about (time_limit_ms, core_limit_ms) are not reproducible by the rules;
+ * the frame then keeps its schedule (schedule.h).
+ */
+#ifndef AZULEJO_ACCURACY_STOP_H
+#define AZULEJO_ACCURACY_STOP_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/accuracy/allocate.h"
+#include "common/base/status.h"
+
+enum { STOP_TEXT_SIZE = 64 };
+#define STOP_LIMIT_MS_MAX ((uint64_t)1 << 40) /* 34 years */
+
+struct stop_rules {
+    uint32_t spp_min;                /* no rule but a clock's ends the frame before; 0: none */
+    int has_target;
+    struct allocation_target target; /* error of the picture */
+    uint64_t time_limit_ms;          /* since the frame's first lease; 0: none */
+    uint64_t core_limit_ms;          /* CPU time of all its results; 0: none */
+    int adaptive;                    /* tiles get samples in rounds, where they help most */
+};
+
+/* Is the frame rendered in rounds? Otherwise every tile is to get all that the cap allows. */
+static inline int stop_has_rounds(const struct stop_rules *rules)
+{
+    return rules->adaptive || rules->has_target;
+}
+
+/* ERR_INPUT names the value and its range. */
+status stop_rules_validate(const struct stop_rules *rules, struct error *err) MUST_CHECK;
+int stop_rules_equal(const struct stop_rules *a, const struct stop_rules *b);
+
+/* "2/255", "1%", "45dB". ERR_USAGE. */
+status stop_target_parse(const char *text, struct allocation_target *out, struct error *err)
+    MUST_CHECK;
+const char *stop_target_text(char out[STOP_TEXT_SIZE], const struct allocation_target *target);
+/* Does the picture have to be better for `a` than for `b`? Only targets of one measure compare. */
+int stop_target_is_stricter(const struct allocation_target *a, const struct allocation_target *b);
+
+/* "90s", "10m", "1.5h". `option` is named in the error, ERR_USAGE. */
+status stop_duration_parse(const char *option, const char *text, uint64_t *out_ms,
+                           struct error *err) MUST_CHECK;
+const char *stop_duration_text(char out[STOP_TEXT_SIZE], uint64_t ms);
+
+/* Why a frame's samples ended. The numbers are the wire's FrameEnd and the store's. */
+enum frame_end {
+    FRAME_END_NONE,     /* it goes on */
+    FRAME_END_CAP,      /* every pixel has all samples */
+    FRAME_END_TARGET,
+    FRAME_END_TIME,
+    FRAME_END_CORES,
+    FRAME_END_CANCEL,   /* also of frames of before, where nothing else is known */
+    FRAME_END_SCHEDULE, /* it has what another picture's schedule says */
+    FRAME_END_COUNT
+};
+/* Its samples are what was asked for: nothing is missing. */
+static inline int frame_end_is_whole(enum frame_end end)
+{
+    return end == FRAME_END_CAP || end == FRAME_END_TARGET || end == FRAME_END_SCHEDULE;
+}
+/* "ended by the time limit", for people; after it: how many samples. */
+const char *frame_end_text(enum frame_end end);
+/* "time-limit", for programs. */
+const char *frame_end_word(enum frame_end end);
+
+#endif
