@@ -95,7 +95,7 @@ static status prepare(struct accuracy *a, const char *scene, int argc, char *con
                       struct error *err)
 {
     struct study *s = &a->study;
-    const int spp_given = a->options.spp > 0;
+    const int spp_given = a->options.stop.spp > 0;
     status result = job_options_check(&a->options, &a->request, err);
 
     a->name = submission_name(scene);
@@ -121,7 +121,7 @@ static status prepare(struct accuracy *a, const char *scene, int argc, char *con
         result = set_command(s, argc, argv, err);
     a->run = (struct study_run){
         .study = s, .scene = &a->scene, .request = &a->request, .name = a->name,
-        .spp_most = spp_given ? (uint32_t)a->options.spp : RUN_SPP_MAX,
+        .spp_most = spp_given ? (uint32_t)a->options.stop.spp : RUN_SPP_MAX,
         .budget_s = a->minutes > 0 ? 60 * a->minutes : a->quick ? QUICK_S : 60 * USUAL_MINUTES,
         .levels = a->quick ? LEVELS_QUICK : RUN_LEVELS_MAX, .local = !a->farm, .quiet = a->quiet,
         .save = save, .user = a};
@@ -216,8 +216,6 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "less of everything: within two minutes for a small scene", 0, 0, NULL},
         {"minutes", 0, OPTION_REAL, &a.minutes, "N",
          "measure for about so long (default 10; --quick: 1.6)", 0.01, 100000, NULL},
-        {"target-error", 0, OPTION_STRING, &a.target, "N/255",
-         "the error that the page's sentences are about (default 3/255)", 0, 0, NULL},
         {"price", 0, OPTION_REAL, &a.price, "X", "what a core-hour costs", 1e-9, 1e9, NULL},
         {"currency", 0, OPTION_STRING, &a.currency, "NAME", "of --price, as in EUR", 0, 0, NULL},
         {"page-only", 0, OPTION_FLAG, &a.page_only, NULL,

@@ -239,7 +239,7 @@ static status prepare(struct render *r, const char *out, struct error *err)
     status result = job_options_check(&r->options, &r->request, err);
 
     if (result == STATUS_OK)
-        result = effects_auto_check(&r->effects, err);
+        result = effects_auto_check(&r->effects, r->options.stop.target, err);
     if (result != STATUS_OK)
         return result;
     frames = r->request.last_frame - r->request.first_frame + 1;

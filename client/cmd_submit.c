@@ -123,7 +123,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
         return result;
     result = job_options_check(&options, &request, err);
     if (result == STATUS_OK)
-        result = effects_auto_check(&effects, err);
+        result = effects_auto_check(&effects, options.stop.target, err);
     if (result == STATUS_OK)
         result = choose_token(token, &request, err);
     if (result == STATUS_OK)

@@ -22,17 +22,15 @@ status parse_target_codes(const char *text, double *codes, struct error *err)
                      "--target-error %s: give steps of a screen, as in 3/255", text);
 }
 
-status effects_auto_check(struct effects_auto *o, struct error *err)
+status effects_auto_check(struct effects_auto *o, const char *target, struct error *err)
 {
     const int on = o->effects && strcmp(o->effects, "auto") == 0;
 
     o->target_codes = 0;
-    if (on && !o->target)
+    if (on && !target)
         return error_set(err, STATUS_ERR_USAGE,
                          "--effects auto: say how exact the picture shall be, as in --target-error 3/255");
-    if (!on && o->target)
-        return error_set(err, STATUS_ERR_USAGE, "--target-error: give --effects auto, too");
-    return on ? parse_target_codes(o->target, &o->target_codes, err) : STATUS_OK;
+    return on ? parse_target_codes(target, &o->target_codes, err) : STATUS_OK;
 }
 
 struct candidate {

@@ -13,20 +13,17 @@
 #include "client/job_options.h"
 
 struct effects_auto {
-    const char *effects, *target; /* as given; NULL: not */
-    double target_codes;          /* from effects_auto_check; 0: off */
+    const char *effects; /* as given; NULL: not */
+    double target_codes; /* from effects_auto_check; 0: off */
 };
 
 #define EFFECTS_AUTO_ROWS(o)                                                                      \
     {"effects", 0, OPTION_CHOICE, &(o).effects, "WHICH",                                          \
      "auto: measure what each effect changes, and leave out what --target-error hides (default all)", \
-     0, 0, "all|auto"},                                                                           \
-    {"target-error", 0, OPTION_STRING, &(o).target, "N/255",                                      \
-     "with --effects auto: left out is what changes less than a quarter of N steps of a screen",  \
-     0, 0, NULL}
+     0, 0, "all|auto"}
 
-/* ERR_USAGE. */
-status effects_auto_check(struct effects_auto *o, struct error *err) MUST_CHECK;
+/* `target`: as given to --target-error; NULL: not. ERR_USAGE. */
+status effects_auto_check(struct effects_auto *o, const char *target, struct error *err) MUST_CHECK;
 /* If it is on: measure, add to request->settings.without, and say so on standard error. */
 status effects_auto_apply(const struct effects_auto *o, struct connection *c,
                           const struct import_result *scene, struct job_request *request, int quiet,

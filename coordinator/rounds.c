@@ -7,8 +7,8 @@
 
 /* The same for all tiles: --allocation uniform. */
 static const struct allocation_rules uniform_rules = {
-    .first_level = LEVELS_MAX, .ratio_max = 1, .limit = 2, .smoothing = 0.5, .exponent = 1,
-    .margin = 0.02,
+    .first_level = LEVELS_MAX, .ratio_max = 1, .limit = 2, .smoothing = 0.5, .exponent_min = 0.5,
+    .exponent_max = 1, .margin = 0.02,
 };
 
 /* Does the cap allow the level to the group? */
@@ -150,18 +150,22 @@ static void apply(struct rounds *r, struct film *film, uint32_t group,
 static status decide(struct rounds *r, struct film *film, uint32_t group,
                      const struct stop_rules *rules, struct error *err)
 {
-    struct film_level *levels = mem_alloc_array(r->tiles, sizeof *levels);
+    struct film_level *levels = mem_alloc_array(2 * (size_t)r->tiles, sizeof *levels);
+    struct film_level *previous = levels ? levels + r->tiles : NULL;
     struct allocation_input in = {
         .width = film_width(film), .height = film_height(film), .level = r->level[group],
-        .tiles = levels, .wanted = r->wanted[group],
+        .tiles = levels, .previous = r->level[group] > 0 ? previous : NULL, .wanted = r->wanted[group],
         .rules = rules->adaptive ? &allocation_rules : &uniform_rules};
     struct allocation_round round;
     status s = levels ? STATUS_OK : error_no_memory(err, "a round of samples");
 
     if (s != STATUS_OK)
         return s;
-    for (uint32_t t = 0; t < r->tiles; t++)
+    for (uint32_t t = 0; t < r->tiles; t++) {
         (void)film_level(film, t, GROUPS - 1 - group, in.level, &levels[t]);
+        if (in.previous)
+            (void)film_level(film, t, GROUPS - 1 - group, in.level - 1, &previous[t]);
+    }
     s = allocation_round(&round, &in, err);
     if (s == STATUS_OK)
         apply(r, film, group, &round, rules);
