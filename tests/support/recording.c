@@ -52,7 +52,7 @@ static void render_pixel(const struct render_scene *scene, uint64_t seed, uint32
         struct vec3 radiance;
         sampler_start(&sampler, seed, frame, x, y, j);
         camera_ray(&scene->camera, x, y, &sampler, &ray);
-        radiance = path_radiance(scene, &sampler, ray, cone, NULL, stats);
+        radiance = path_radiance(scene, &sampler, &ray, cone, NULL, stats);
         if (!vec3_is_finite(radiance)) {
             stats->dropped_samples++;
             continue;
