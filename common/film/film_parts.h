@@ -1,6 +1,7 @@
 /* film_parts: the inside of a film, shared by its files; nobody else includes this.
  *
- * film.c          life, merging, questions
+ * film.c          life, merging
+ * film_query.c    questions
  * film_develop.c  means, AOVs, the error estimate
  * film_state.c    a tile's state as bytes
  */
