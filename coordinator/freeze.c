@@ -258,7 +258,8 @@ void freezing_run(struct freezing *f)
 
     if (s == STATUS_OK)
         s = measure_with(f, found, err);
-    if (s != STATUS_OK && !status_is_environment(s) && tonemap_settings_init(&linear, "linear", &why) == STATUS_OK) {
+    if (s != STATUS_OK && !status_is_environment(s) &&
+        tonemap_settings_init(&linear, "linear", &why) == STATUS_OK) {
         /* Its pictures will fail, and say why; samples can be shared out all the same. */
         log_warn("job %" PRIu64 ", frame %u: errors are measured without its operator: %s",
                  f->frame->job->id, f->frame->number, err->text);

@@ -4,8 +4,9 @@
  * length, hash, bytes), then two slots for each tile: a serial number, its hash, film_tile_save's bytes. A slot's place follows from
  * film_tile_state_bound; only what there is is written, and the rest is a hole. A tile's new state goes to
  * the slot that does not hold its newest durable one, with the next serial number; a slot that was
- * torn by a crash is refused by its checksum, and the other one, which is older, counts. A file whose header is not the frame's (damaged, or of another version) is
- * kept beside it as FILE.unusable until the job ends.
+ * torn by a crash is refused by its checksum, and the other one, which is older, counts. A file whose
+ * header is not the frame's (damaged, or of another version) is kept beside it as FILE.unusable until
+ * the job ends.
  *
  * film_file_write, film_file_sync and the notes' functions may be called from any thread; each waits for
  * the others.

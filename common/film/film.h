@@ -55,14 +55,14 @@ void film_free(struct film *film);
 status film_merge(struct film *film, const struct unit_result *unit, uint32_t deliverer,
                   enum film_merge_result *result, struct error *err) MUST_CHECK;
 
-/* Want the first `passes` passes of the group on the tile (at most all); what waited for that is folded. No
- * effect where as many are wanted already. */
+/* Want the first `passes` passes of the group on the tile (at most all); what waited for that is
+ * folded. No effect where as many are wanted already. */
 void film_want(struct film *film, uint32_t tile, uint32_t group, uint32_t passes);
 void film_want_all(struct film *film); /* every pass that the cap allows */
 /* The group's picture is what is wanted now; passes that are wanted later are only watched. */
 void film_end_group(struct film *film, uint32_t group);
-/* How a display shows the group's pixels; `codes` is copied, NULL: not known. The statistics of level 0
- * are completed, and what waited for this is folded. Only the first call has an effect. */
+/* How a display shows the group's pixels; `codes` is copied, NULL: not known. The statistics of
+ * level 0 are completed, and what waited for this is folded. Only the first call has an effect. */
 void film_freeze(struct film *film, uint32_t group, const struct film_codes *codes);
 int film_is_frozen(const struct film *film, uint32_t group);
 /* Level 0 of the group is in everywhere, passes beyond it are possible, and it is not frozen. */
@@ -128,17 +128,18 @@ struct film_coverage film_coverage(const struct film *film);
 void film_develop(const struct film *film, float *rgb);
 /* The same of one group. */
 void film_develop_group(const struct film *film, uint32_t group, float *rgb);
-/* The means of replicate r < REPLICATES, lines y..y+height-1, into out[height][width][3]; 0 where it has no
- * sample. `y` is a multiple of TILE_SIZE. */
+/* The means of replicate r < REPLICATES, lines y..y+height-1, into out[height][width][3]; 0 where
+ * it has no sample. `y` is a multiple of TILE_SIZE. */
 void film_replicates(const struct film *film, uint32_t r, uint32_t y, uint32_t height, float *out);
 
 /* How many floats of a pixel film_develop_aov() gives: those that workers send, 1 for
  * AOV_SAMPLES, 3 for AOV_ERROR. */
 uint32_t film_aov_channels(enum aov aov);
 /* The AOV's values for lines y..y+height-1 into out[channels][height][film width]; 0 where nothing
- * is yet. Means over the samples; point-sampled ones as they are; AOV_SAMPLES (samples of the pixel) and
- * AOV_ERROR (standard error of the mean, from the replicates that have samples; 0 where a group has one
- * of them only) are there whether the film was made for them or not, the others must be in its mask. `y` is a multiple of TILE_SIZE. */
+ * is yet. Means over the samples; point-sampled ones as they are; AOV_SAMPLES (samples of the pixel)
+ * and AOV_ERROR (standard error of the mean, from the replicates that have samples; 0 where a group
+ * has one of them only) are there whether the film was made for them or not, the others must be in
+ * its mask. `y` is a multiple of TILE_SIZE. */
 void film_develop_aov(const struct film *film, enum aov aov, uint32_t y, uint32_t height,
                       float *out);
 
@@ -147,8 +148,8 @@ int film_has_replicates(const struct film *film);
 
 /* ---- a tile's state on disk (film_state.c) ---- */
 
-/* One tile's state as bytes, little-endian. Its length depends on what is folded, its bound does not, nor on
- * the cap. Waiting passes are not part of it. film_tile_load refuses damaged state (ERR_CORRUPT), drops
+/* One tile's state as bytes, little-endian. Its length depends on what is folded, its bound does not,
+ * nor on the cap. Waiting passes are not part of it. film_tile_load refuses damaged state (ERR_CORRUPT), drops
  * the tile's waiting passes, and the short pass of another cap; what is folded is wanted from then on.
  * film_tile_length tells the length of the state that begins with these bytes; 0: none does.
  * film_tile_peek only checks a state and tells its passes. */
