@@ -5,14 +5,15 @@
 #include <string.h>
 
 #include "client/command.h"
+#include "client/figures_view.h"
 #include "client/format.h"
 #include "client/job_info.h"
 #include "client/table.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
 
-static const char *const titles[] = {">JOB",    "<NAME", "STATE",    ">FRAMES",   ">DONE",
-                                     ">RATE/s", ">LEFT", ">WORKERS", "SUBMITTED", "~NOTE"};
+static const char *const titles[] = {">JOB",   "<NAME", "STATE",    ">FRAMES",   ">DONE",
+                                     ">ERROR", ">LEFT", ">WORKERS", "SUBMITTED", "~NOTE"};
 enum { COLUMNS = sizeof titles / sizeof titles[0] };
 
 /* Jobs that have ended and are shown without --all. */
@@ -117,10 +118,14 @@ static status print_table(const struct job_rows *list, struct error *err)
         table_add(&table, "%.0f %%", job->samples_total ? 100.0 * (double)job->samples_done /
                                                               (double)job->samples_total
                                                         : 0.0);
-        table_add(&table, "%s", running ? format_count(text, job->samples_per_second) : "-");
+        table_add(&table, "%s%s",
+                  job->now && job->now->figures
+                      ? figures_display_text(text, job->now->figures->display)
+                      : "-",
+                  job->now && job->now->figures && !job->now->figures->reliable ? "?" : "");
         table_add(&table, "%s", running ? format_duration(text, job->seconds_left) : "-");
         table_add(&table, "%u", job->workers);
-        /* Month to minute: the whole of it, and the error, is in show. */
+        /* Month to minute: the whole of it is in show. */
         when = format_time(text, job->submitted_at);
         table_add(&table, "%.11s", strlen(when) > 5 ? when + 5 : when);
         table_add(&table, "%s", job->state_text);

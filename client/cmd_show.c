@@ -6,6 +6,7 @@
 #include "client/command.h"
 #include "client/effects_view.h"
 #include "client/fetch.h"
+#include "client/figures_view.h"
 #include "client/format.h"
 #include "client/job_info.h"
 #include "client/output.h"
@@ -169,17 +170,52 @@ static status show_effects(struct connection *connection, const Azulejo__Wire__J
     return result;
 }
 
+/* The job's keys, and how the frame's error came down. */
+static status show_json(struct connection *connection, const Azulejo__Wire__JobInfo *job,
+                        int64_t frame, struct error *err)
+{
+    Azulejo__Wire__Envelope *answer = NULL;
+    json_t *root = job_info_json(job);
+    status result = history_query(connection, job->job,
+                                  frame >= 0 ? (uint32_t)frame : job->now_frame, &answer, err);
+
+    if (result == STATUS_OK) {
+        json_object_set_new(root, "history", history_json(answer->history));
+        result = json_print(json_incref(root), err);
+    }
+    json_decref(root);
+    message_free(answer);
+    return result;
+}
+
+static status show_history(struct connection *connection, const Azulejo__Wire__JobInfo *job,
+                           int64_t frame, struct error *err)
+{
+    Azulejo__Wire__Envelope *answer = NULL;
+    status result = history_query(connection, job->job,
+                                  frame >= 0 ? (uint32_t)frame : job->now_frame, &answer, err);
+
+    if (result == STATUS_OK)
+        result = history_print(answer->history, err);
+    message_free(answer);
+    return result;
+}
+
 static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
                   struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
-    int json = 0, effects = 0, done;
+    int json = 0, effects = 0, history = 0, done;
     int64_t frame = -1;
     const struct option table[] = {
         {"effects", 0, OPTION_FLAG, &effects, NULL,
          "instead: what a finished frame called for, what was left out, and where its time went", 0,
          0, NULL},
-        {"frame", 0, OPTION_INT, &frame, "N", "the frame for --effects (default: the job's first)",
+        {"history", 0, OPTION_FLAG, &history, NULL,
+         "instead: how a frame's error came down, and what that cost", 0, 0, NULL},
+        {"frame", 0, OPTION_INT, &frame, "N",
+         "the frame for --effects (default: the job's first), and for --history and --json (the one in work, "
+         "or the last one done)",
          0, INT32_MAX, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
         CONNECTION_OPTION_ROWS(where),
@@ -194,8 +230,11 @@ static status run(const struct command *command, int argc, char *const *argv, in
     (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
-    if (frame >= 0 && !effects)
-        return error_set(err, STATUS_ERR_USAGE, "--frame says whose --effects to show: give both");
+    if (frame >= 0 && !effects && !history && !json)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--frame says whose --effects, --history or --json to show: give both");
+    if (effects && history)
+        return error_set(err, STATUS_ERR_USAGE, "give --effects or --history, not both");
     result = parse_job(rest.items[0], &job, err);
     if (result == STATUS_OK)
         result = connection_open(&connection, &where, err);
@@ -204,7 +243,9 @@ static status run(const struct command *command, int argc, char *const *argv, in
     if (result == STATUS_OK && effects)
         result = show_effects(connection, job_list_find(answer->job_list, job), frame, json, err);
     else if (result == STATUS_OK && json)
-        result = json_print(job_info_json(job_list_find(answer->job_list, job)), err);
+        result = show_json(connection, job_list_find(answer->job_list, job), frame, err);
+    else if (result == STATUS_OK && history)
+        result = show_history(connection, job_list_find(answer->job_list, job), frame, err);
     else if (result == STATUS_OK)
         print_job(job_list_find(answer->job_list, job));
     message_free(answer);

@@ -71,17 +71,6 @@ const char *format_duration(char out[FORMAT_SIZE], double seconds)
     return out;
 }
 
-const char *format_error(char out[FORMAT_SIZE], double relative_mse)
-{
-    if (!(relative_mse >= 0) || !isfinite(relative_mse)) {
-        snprintf(out, FORMAT_SIZE, "?");
-    } else {
-        double percent = 100 * sqrt(relative_mse);
-        snprintf(out, FORMAT_SIZE, "%.*f %%", percent < 0.0995 ? 4 : decimals_for(percent), percent);
-    }
-    return out;
-}
-
 const char *format_time(char out[FORMAT_SIZE], int64_t seconds)
 {
     time_t when = (time_t)seconds;

@@ -16,9 +16,6 @@ const char *format_bytes(char out[FORMAT_SIZE], uint64_t bytes);
 /* "0.4 s", "12 s", "3:07", "1:02:33", "4 d 03 h"; "?" for a negative or unknown duration. */
 const char *format_duration(char out[FORMAT_SIZE], double seconds);
 
-/* A relative mean squared error as its root in per cent: "1.93 %"; "?" when not known. */
-const char *format_error(char out[FORMAT_SIZE], double relative_mse);
-
 /* Seconds since 1970 as local time, "2024-03-01 14:05:11"; "-" for 0. */
 const char *format_time(char out[FORMAT_SIZE], int64_t seconds);
 

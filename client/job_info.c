@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "client/cut_frame.h"
+#include "client/figures_view.h"
 #include "client/format.h"
 #include "client/output.h"
 #include "common/base/digest.h"
@@ -228,7 +229,7 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
     json_object_set_new(root, "cut_frames", cut_frames_json(job));
     json_object_set_new(root, "samples_done", json_integer((json_int_t)job->samples_done));
     json_object_set_new(root, "samples_total", json_integer((json_int_t)job->samples_total));
-    json_object_set_new(root, "relative_mse", json_number(job->relative_mse));
+    figures_json(root, job);
     json_object_set_new(root, "samples_per_second", json_number(job->samples_per_second));
     json_object_set_new(root, "seconds_left",
                         job->seconds_left >= 0 ? json_number(job->seconds_left) : json_null());
@@ -276,11 +277,7 @@ void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
     }
     for (size_t i = 0; i < job->n_cut_frames; i++)
         print_line(out, "cut short", cut_frame_text(line, job, job->cut_frames[i]));
-    if (job->relative_mse >= 0) {
-        snprintf(line, sizeof line, "%s (estimated, root of the relative mean squared error)",
-                 format_error(a, job->relative_mse));
-        print_line(out, "error", line);
-    }
+    figures_print(out, job);
     if (job->work && job->work->dropped_samples) {
         snprintf(line, sizeof line,
                  "%" PRIu64 " samples were not finite numbers and count as black",

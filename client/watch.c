@@ -3,6 +3,7 @@
 #include <inttypes.h>
 #include <stdio.h>
 
+#include "client/figures_view.h"
 #include "client/format.h"
 #include "client/job_info.h"
 #include "client/progress.h"
@@ -23,6 +24,7 @@ static void describe(struct buffer *line, const Azulejo__Wire__JobInfo *job)
 {
     char number[FORMAT_SIZE];
     uint32_t frames = job->last_frame - job->first_frame + 1;
+    size_t before;
 
     if (job->state != AZULEJO__WIRE__JOB_STATE__JOB_RUNNING) {
         buffer_puts(line, job_state_name(job->state));
@@ -32,12 +34,14 @@ static void describe(struct buffer *line, const Azulejo__Wire__JobInfo *job)
     }
     if (frames > 1)
         buffer_printf(line, "%u/%u frames, ", job->frames_done, frames);
-    buffer_printf(line, "%s samples/s", format_count(number, job->samples_per_second));
     if (job->seconds_left >= 0)
-        buffer_printf(line, ", %s left", format_duration(number, job->seconds_left));
-    if (job->relative_mse >= 0)
-        buffer_printf(line, ", error %s", format_error(number, job->relative_mse));
-    buffer_printf(line, ", %u worker%s", job->workers, job->workers == 1 ? "" : "s");
+        buffer_printf(line, "%s left, ", format_duration(number, job->seconds_left));
+    before = line->size;
+    figures_describe_curve(line, job);
+    if (line->size == before)
+        buffer_printf(line, "%s samples/s, %u worker%s",
+                      format_count(number, job->samples_per_second), job->workers,
+                      job->workers == 1 ? "" : "s");
     if (job->state_text[0])
         buffer_printf(line, " (%s)", job->state_text);
 }

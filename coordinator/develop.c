@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "common/accuracy/word.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "common/image/image.h"
@@ -12,9 +13,10 @@
 #include "common/scene/manifest.h"
 #include "common/scene/scene.h"
 #include "coordinator/blobs.h"
+#include "coordinator/measure.h"
 #include "coordinator/wire.h"
 
-enum { ATTRIBUTES_MAX = 42 };
+enum { ATTRIBUTES_MAX = 64 };
 
 struct development {
     uint64_t job;
@@ -25,7 +27,10 @@ struct development {
     struct render_settings settings;
     struct output_settings output;
     struct film_coverage coverage;
-    double relative_mse;
+    struct history history;  /* before this development */
+    struct history_point point; /* its figures, and what was spent by then */
+    int measured;            /* `point` is of this development; else the newest there was, if any */
+    struct measurement measurement; /* copied, if `film` is NULL */
     struct unit_work work;
     struct work_stats stats;
     const struct film *film; /* NULL: `image` holds a copy, and there are no AOVs */
@@ -57,7 +62,8 @@ static status development_new(struct development **out, const struct job *job, u
     d->output = job->output;
     if (frame) {
         d->coverage = film_coverage(frame->film);
-        d->relative_mse = film_error(frame->film);
+        d->history = frame->history;
+        d->point = frame->spent;
         d->work = *film_work(frame->film);
         d->stats = frame->stats;
         d->film = frame->film;
@@ -92,6 +98,22 @@ status development_new_stored(struct development **out, const struct job *job, u
     return development_new(out, job, frame, NULL, err);
 }
 
+status development_new_measure(struct development **out, const struct job_frame *frame,
+                               struct error *err)
+{
+    status s = development_new(out, frame->job, frame->number, frame, err);
+
+    if (s == STATUS_OK)
+        s = measurement_take(&(*out)->measurement, frame->film, err);
+    if (s == STATUS_OK)
+        (*out)->film = NULL; /* which goes on changing */
+    if (s != STATUS_OK) {
+        development_free(*out);
+        *out = NULL;
+    }
+    return s;
+}
+
 status development_new_preview(struct development **out, const struct job_frame *frame,
                                struct error *err)
 {
@@ -99,8 +121,11 @@ status development_new_preview(struct development **out, const struct job_frame 
 
     if (s == STATUS_OK)
         s = take_pixels(*out, err);
-    if (s == STATUS_OK)
+    if (s == STATUS_OK) {
         (*out)->film = NULL; /* which goes on changing */
+        if (history_last(&frame->history))
+            (*out)->point = *history_last(&frame->history);
+    }
     if (s != STATUS_OK) {
         development_free(*out);
         *out = NULL;
@@ -112,6 +137,7 @@ void development_free(struct development *development)
 {
     if (!development)
         return;
+    measurement_release(&development->measurement);
     image_release(&development->image);
     scene_release(&development->description);
     mem_free(development);
@@ -199,6 +225,48 @@ static void add_choices(struct attributes *a, const struct development *d)
     }
 }
 
+static void add_known(struct attributes *a, const char *name, double number)
+{
+    if (isfinite(number))
+        add_number(a, name, number);
+}
+
+/* What the frame calls for, by its description: the same on every farm, and after a restart. */
+static uint64_t effects_of(const struct development *d)
+{
+    return d->described ? scene_effects(&d->description, &d->settings, d->frame, NULL) : 0;
+}
+
+struct error_text {
+    char transform[MEASURE_TEXT_MAX], reason[ACCURACY_WORDS_SIZE];
+};
+
+/* How wrong the picture is. A preview's are of the last time that they were computed. */
+static void add_figures(struct attributes *a, const struct development *d,
+                        struct error_text *text)
+{
+    const struct accuracy_figures *f = &d->point.figures;
+
+    if (!f->known)
+        return;
+    measure_transform_text(&d->output.tonemap, text->transform);
+    add_text(a, "azulejo:errorTransform", text->transform);
+    add_number(a, "azulejo:errorSamples", (double)d->point.samples);
+    add_known(a, "azulejo:errorDisplay", f->display_error);
+    add_known(a, "azulejo:errorDisplayLow", f->display_lo);
+    add_known(a, "azulejo:errorDisplayHigh", f->display_hi);
+    add_known(a, "azulejo:errorPsnr", f->psnr_db);
+    add_known(a, "azulejo:errorPsnrLow", f->psnr_lo);
+    add_known(a, "azulejo:errorPsnrHigh", f->psnr_hi);
+    add_known(a, "azulejo:errorRmsePercent", f->rmse_percent);
+    add_known(a, "azulejo:errorRmsePercentLow", f->rmse_lo);
+    add_known(a, "azulejo:errorRmsePercentHigh", f->rmse_hi);
+    add_known(a, "azulejo:errorTopShare", f->top_share);
+    add_text(a, "azulejo:errorWord", accuracy_word(f));
+    if (!f->reliable)
+        add_text(a, "azulejo:errorReason", accuracy_reason_text(f, effects_of(d), text->reason));
+}
+
 /* ---- AOVs ----------------------------------------------------------------------------------- */
 
 /* The channels of each, as compositors name them (docs/AOV.md). */
@@ -250,7 +318,7 @@ static status describe(struct development *d, const struct store *store, struct 
     struct error why = {0};
     status s;
 
-    if (d->looked)
+    if (d->looked || !store)
         return STATUS_OK;
     s = blobs_read(store_folder(store), &d->scene, SCENE_BYTES_MAX, &packed, &why);
     if (s == STATUS_OK)
@@ -271,6 +339,7 @@ static status encode_exr(struct development *d, struct buffer *exr, struct error
 {
     struct attributes a = {.count = 0};
     char scene[DIGEST_HEX_SIZE], seed[24];
+    struct error_text text;
     char without[SETTINGS_TEXT_SIZE];
     struct exr_channel channels[EXR_CHANNELS_MAX];
     struct exr_channels more = {.channels = channels, .lines = develop_lines, .user = d};
@@ -300,8 +369,7 @@ static status encode_exr(struct development *d, struct buffer *exr, struct error
     add_text(&a, "azulejo:kernel", d->kernel);
     if (d->described)
         add_point(&a, "azulejo:origin", d->description.origin);
-    if (isfinite(d->relative_mse))
-        add_number(&a, "azulejo:relativeMse", d->relative_mse);
+    add_figures(&a, d, &text);
     options.attributes = a.items;
     options.attribute_count = a.count;
     more.count = d->film ? list_channels(d->settings.aovs, channels) : 0;
@@ -342,6 +410,42 @@ static void toning_end(struct toning *t)
     buffer_release(&t->file);
 }
 
+static status find_figures(struct development *d, const struct store *store, struct error *err)
+{
+    struct toning t;
+    status s;
+
+    s = describe(d, store, err);
+    if (s == STATUS_OK && d->film)
+        s = measurement_take(&d->measurement, d->film, err);
+    if (s == STATUS_OK)
+        s = toning_begin(&t, d, store, err);
+    if (s == STATUS_OK) {
+        t.context.threads = 1; /* rendering has the others */
+        s = measurement_figures(&d->measurement, &d->output.tonemap, &t.context, effects_of(d),
+                                &d->point.figures, NULL, err);
+        toning_end(&t);
+    }
+    measurement_release(&d->measurement);
+    return s;
+}
+
+status develop_figures(struct development *d, struct store *store, struct error *err)
+{
+    status s = find_figures(d, store, err);
+
+    if (s == STATUS_OK)
+        s = store_history_add(store, d->job, d->frame, history_add(&d->history, &d->point),
+                              &d->point, err);
+    d->measured = s == STATUS_OK;
+    return s;
+}
+
+const struct history_point *development_point(const struct development *d)
+{
+    return d->measured ? &d->point : NULL;
+}
+
 /* Append the picture as PNG or JPEG, either of which may be NULL. */
 static status encode_display(const struct development *d, const struct toning *t,
                              struct buffer *png, struct buffer *jpg, struct error *err)
@@ -380,6 +484,8 @@ status develop_encode(struct development *d, const struct store *store, struct b
     struct toning t;
     status s = take_pixels(d, err);
 
+    if (s == STATUS_OK && exr)
+        s = d->film ? find_figures(d, store, err) : describe(d, store, err);
     if (s == STATUS_OK && exr)
         s = encode_exr(d, exr, err);
     if (s != STATUS_OK || !png)
@@ -600,6 +706,8 @@ status develop_frame(struct development *d, struct store *store, struct error *e
 
     if (s == STATUS_OK)
         s = describe(d, store, err);
+    if (s == STATUS_OK)
+        s = develop_figures(d, store, err);
     if (s == STATUS_OK && d->output.exr)
         s = encode_exr(d, &exr, err);
     if (s == STATUS_OK && d->output.exr)
@@ -613,7 +721,7 @@ status develop_frame(struct development *d, struct store *store, struct error *e
     if (s == STATUS_OK)
         s = store_output_write(store, d->job, d->frame, MANIFEST_EXTENSION, &json, err);
     if (s == STATUS_OK)
-        s = store_frame_done(store, d->job, d->frame, d->relative_mse, development_revision(d),
+        s = store_frame_done(store, d->job, d->frame, development_revision(d),
                              is_whole(d) ? NULL : &d->coverage, err);
     buffer_release(&exr);
     buffer_release(&json);

@@ -21,6 +21,9 @@ struct development;
 /* ERR_NO_MEMORY, ERR_LIMIT. */
 status development_new_frame(struct development **out, const struct job_frame *frame,
                              struct error *err) MUST_CHECK;
+/* Of the frame as it stands: its figures only (develop_figures). */
+status development_new_measure(struct development **out, const struct job_frame *frame,
+                               struct error *err) MUST_CHECK;
 status development_new_preview(struct development **out, const struct job_frame *frame,
                                struct error *err) MUST_CHECK;
 /* Of a frame that is done, from its stored picture. */
@@ -35,6 +38,11 @@ status develop_frame(struct development *development, struct store *store, struc
  * pictures of the frames whose statistics it is averaged with. */
 status develop_again(struct development *development, struct store *store, struct error *err)
     MUST_CHECK;
+/* Compute the figures, and keep them in the frame's history. */
+status develop_figures(struct development *development, struct store *store, struct error *err)
+    MUST_CHECK;
+/* What develop_figures or develop_frame found; NULL: nothing yet. */
+const struct history_point *development_point(const struct development *development);
 /* The revision of the output settings that the development follows; -1 where it leaves display
  * pictures to develop_again. */
 int64_t development_revision(const struct development *development);

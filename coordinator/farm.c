@@ -8,6 +8,7 @@
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "coordinator/closing.h"
+#include "coordinator/figures.h"
 
 /* A cancelled job must not come back, so the canceller waits for the disk. All else may be
  * lost in a crash: counters are estimates, and a job that was all but done is ended again at the
@@ -406,6 +407,7 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
     farm_trouble_over(farm, job, &job->trouble, now_ns);
     for (uint32_t g = 0; g < GROUPS; g++)
         film_freeze(frame->film, g, &(struct film_codes){film_codes_plain, NULL});
+    figures_open(farm, frame, now_ns);
     while (*at && (*at)->number < number)
         at = &(*at)->next;
     frame->next = *at;
@@ -437,10 +439,11 @@ void farm_frame_advance(struct farm *farm, struct job_frame *frame, uint64_t now
 
     if (frame->state == FRAME_RENDERING && film_complete(frame->film))
         job_frame_set_state(frame, FRAME_COMPLETE);
-    if (frame->state != FRAME_COMPLETE || frame->closing || trouble_is(&farm->trouble) ||
+    if (frame->state != FRAME_COMPLETE || frame->closing || frame->measuring || trouble_is(&farm->trouble) ||
         trouble_waits(&frame->trouble, now_ns) ||
         (frame->job->state != JOB_STATE_CANCELLING && !job_frame_is_durable(frame)))
         return;
+    figures_spend(frame, now_ns);
     s = farm->events.develop(farm->events.user, frame);
     if (s != STATUS_OK) {
         error_set(&err, s, "%s", status_text(s));
@@ -580,7 +583,6 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
     uint32_t number = frame->number;
     struct film_coverage coverage;
     struct error err = {0};
-    double relative_mse;
 
     if (frame->closing) {
         farm_frame_unpin(farm, frame);
@@ -596,7 +598,6 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
         return;
     }
     farm_trouble_over(farm, job, &frame->trouble, now_ns);
-    relative_mse = film_error(frame->film);
     coverage = film_coverage(frame->film);
     unit_work_add(&job->work, film_work(frame->film));
     farm_frame_unpin(farm, frame);
@@ -607,7 +608,6 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
         log_error("job %llu, frame %u: %s", (unsigned long long)job->id, number, err.text);
     if (revision == (int64_t)job->revision)
         job_frame_set_developed(job, number);
-    job->relative_mse = relative_mse;
     log_info("job %llu (%s), frame %u is done: %u of %u", (unsigned long long)job->id, job->name,
              number, job->frames_done_count, job_frame_count(job));
     farm->pump_wanted = 1;
@@ -708,6 +708,8 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
         for (struct job_frame *frame = job->frames; frame; frame = frame->next)
             if (frame->state == FRAME_COMPLETE)
                 farm_frame_advance(farm, frame, now_ns);
+            else
+                figures_tick(farm, frame, now_ns);
         if (job->leases > 0 && now_ns - job->saved_ns >= PROGRESS_SAVE_MS * NS_PER_MS)
             farm_job_save(farm, job, now_ns);
         closing_step(farm, job, now_ns); /* the last: it may end the job */

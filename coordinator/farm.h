@@ -62,6 +62,9 @@ struct farm_events {
     /* Make the pictures of a frame that is done anew, from its stored one, then call
      * farm_pictures_made. If it cannot even begin it is asked again at the next tick. */
     status (*redevelop)(void *user, struct job *job, uint32_t frame);
+    /* Compute the figures of the frame as it stands, keep them in the store at frame->history's next place,
+     * then call figures_measured. NULL: nobody does. If it cannot begin it is asked again later. */
+    status (*measure)(void *user, struct job_frame *frame);
     void *user;
 };
 

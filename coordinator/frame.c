@@ -48,6 +48,7 @@ void job_frame_free(struct job_frame *frame)
         job_frame_unit_settle(frame, frame->oldest);
     }
     film_file_close(frame->file);
+    eta_release(&frame->eta);
     mem_free(frame->acks);
     mem_free(frame->dirty);
     mem_free(frame->dirty_mark);

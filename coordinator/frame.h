@@ -25,6 +25,8 @@
 
 #include "common/base/status.h"
 #include "common/film/film.h"
+#include "coordinator/eta.h"
+#include "coordinator/history.h"
 #include "coordinator/queue.h"
 #include "coordinator/store_film.h"
 
@@ -90,8 +92,12 @@ struct job_frame {
     struct pending_ack *acks;
     size_t ack_count, ack_capacity;
     struct work_stats stats;     /* measured of the results merged in this run */
-    double error;                /* the last reported film_error */
-    uint64_t error_next_ns;      /* when to compute it anew; 0: not computed yet */
+    struct eta eta;
+    struct history history;
+    struct history_point spent;  /* core_s and wall_s of earlier runs, then of this one, too (figures.h) */
+    double opened_s;             /* job_active_seconds when it was opened */
+    uint64_t measure_next_ns;    /* when its figures may be computed again */
+    int measuring;               /* they are being computed */
     struct trouble trouble;      /* its film or outputs cannot be written */
     int in_flight;               /* commits and develops that hold this frame */
     int closing;                 /* free it when nothing is in flight */

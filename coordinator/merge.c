@@ -7,6 +7,7 @@
 #include "common/base/clock.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "coordinator/figures.h"
 #include "coordinator/scheduler.h"
 
 enum { SAMPLE_COUNTS_MAX = 1 << 20 }; /* rays or vertices of one sample */
@@ -179,6 +180,7 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
         work_stats_add(&frame->job->stats, &result->stats);
         work_stats_add(&frame->stats, &result->stats);
         rate_add(&frame->job->rate, result->work.samples, now_ns);
+        figures_learn(frame, name.tile, result->work.samples, result->stats.cpu_ns, now_ns);
         scheduler_learn(worker, frame->job, result->work.samples, result->stats.cpu_ns, granted_ns,
                         now_ns);
         farm->pump_wanted = 1;

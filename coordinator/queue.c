@@ -58,7 +58,6 @@ struct job *job_new(uint32_t first_frame, uint32_t last_frame)
         return NULL;
     job->first_frame = first_frame;
     job->last_frame = last_frame;
-    job->relative_mse = NAN;
     job->frames_done = mem_calloc((size_t)job_frame_count(job) / 8 + 1, 1);
     job->frames_developed = mem_calloc((size_t)job_frame_count(job) / 8 + 1, 1);
     if (!job->frames_done || !job->frames_developed) {
@@ -76,6 +75,7 @@ void job_free(struct job *job)
     mem_free(job->frames_done);
     mem_free(job->frames_developed);
     mem_free(job->cuts);
+    job_figures_release(&job->figures);
     mem_free(job->broken_machines);
     mem_free(job);
 }

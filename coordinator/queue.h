@@ -32,6 +32,8 @@
 #include "common/scene/settings.h"
 #include "common/scene/stages.h"
 #include "common/tonemap/tonemap.h"
+#include "coordinator/eta.h"
+#include "coordinator/history.h"
 #include "coordinator/rate.h"
 #include "coordinator/suspicion.h"
 #include "coordinator/trouble.h"
@@ -121,7 +123,8 @@ struct job {
     uint64_t samples_done;             /* pixel samples of the frames that are done */
     struct cut_frame *cuts;            /* of the frames that are done */
     size_t cut_count, cut_capacity;
-    double relative_mse;               /* of the last frame done; NaN: none */
+    struct job_figures figures;        /* of the frames that are done */
+    struct throughput throughput;      /* processor time that its results bring */
     struct unit_work work;             /* of the frames that are done */
     struct work_stats stats;
     uint64_t conflicts;

@@ -4,13 +4,9 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "common/base/clock.h"
+#include "coordinator/figures.h"
+#include "coordinator/measure.h"
 #include "protocol/message.h"
-
-enum {
-    ERROR_AGE_MS = 1000,   /* a frame's error estimate is computed anew after this long, */
-    ERROR_COST_SHARE = 20, /* or after so many times what computing it took */
-};
 
 /* Do the pictures that are made again wait for the environment? */
 static int explain_pictures(char *out, size_t size, const struct job *job)
@@ -100,20 +96,6 @@ static void explain_end(char *out, size_t size, const struct farm *farm, const s
         snprintf(out, size, "%s", job->state_text);
 }
 
-/* Computing the estimate reads the whole film: not at every question. */
-static double frame_error(struct job_frame *frame, uint64_t now_ns)
-{
-    uint64_t begin_ns;
-
-    if (frame->error_next_ns && now_ns < frame->error_next_ns)
-        return frame->error;
-    begin_ns = clock_monotonic_ns();
-    frame->error = film_error(frame->film);
-    frame->error_next_ns = now_ns + ERROR_AGE_MS * NS_PER_MS +
-                           ERROR_COST_SHARE * (clock_monotonic_ns() - begin_ns);
-    return frame->error;
-}
-
 static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint64_t now_ns)
 {
     struct job_frame *first = job->frames;
@@ -127,11 +109,7 @@ static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint6
     info->samples_total = job_frame_samples(job) * job_frame_count(job);
     for (const struct job_frame *frame = first; frame; frame = frame->next)
         info->samples_done += film_samples(frame->film);
-    info->relative_mse = job->relative_mse;
     if (first) {
-        double error = frame_error(first, now_ns);
-        if (!isnan(error) || job->frames_done_count == 0)
-            info->relative_mse = error;
         info->preview_frame = first->number;
         info->preview_ready = film_covered(first->film);
     } else {
@@ -140,12 +118,7 @@ static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint6
     }
     info->samples_per_second =
         !job_state_is_open(job->state) ? 0 : rate_per_second(&job->rate, now_ns);
-    info->seconds_left = -1;
-    if (job->state == JOB_STATE_DONE)
-        info->seconds_left = 0;
-    else if (info->samples_per_second > 0)
-        info->seconds_left =
-            (double)(info->samples_total - info->samples_done) / info->samples_per_second;
+    info->seconds_left = job->state == JOB_STATE_DONE ? 0 : figures_seconds_left(job);
     info->seconds_active = job_active_seconds(job, now_ns);
 }
 
@@ -182,6 +155,85 @@ static uint32_t workers_on(const struct farm *farm, const struct job *job)
         count++;
     }
     return count;
+}
+
+/* The display errors that people ask for, below the one there is. */
+static const double round_errors[] = {20, 10, 5, 3, 2, 1, 0.5, 0.2, 0.1};
+
+static void forecast_add(struct job_report *report, Azulejo__Wire__JobInfo *info, double display,
+                         const struct accuracy_estimate *core_s, double spent_core_s, int at_end)
+{
+    Azulejo__Wire__Forecast *f = &report->forecasts[info->n_forecasts];
+
+    azulejo__wire__forecast__init(f);
+    f->display = display;
+    f->core_seconds = core_s->value;
+    f->seconds = f->seconds_low = f->seconds_high = -1;
+    f->at_end = at_end;
+    if (info->cores > 0) {
+        f->seconds = fmax(core_s->value - spent_core_s, 0) / info->cores;
+        f->seconds_low = fmax(core_s->lo - spent_core_s, 0) / info->cores;
+        f->seconds_high = fmax(core_s->hi - spent_core_s, 0) / info->cores;
+    }
+    report->forecast_pointers[info->n_forecasts++] = f;
+}
+
+/* The next round errors below the present one, and what the cap on the samples gives. */
+static void report_forecasts(struct job_report *report, Azulejo__Wire__JobInfo *info,
+                             const struct job_frame *frame)
+{
+    double whole_s = eta_whole_ns(&frame->eta, frame->film) / 1e9, spent_s = frame->spent.core_s;
+    struct accuracy_estimate at, whole = {whole_s, whole_s, whole_s};
+    struct accuracy_curve curve;
+    size_t found = 0;
+
+    figures_curve(frame, &curve);
+    if (curve.points == 0)
+        return;
+    info->forecasts = report->forecast_pointers;
+    at = accuracy_curve_error(&curve, spent_s);
+    for (size_t i = 0; i < sizeof round_errors / sizeof *round_errors &&
+                       found < REPORT_FORECASTS_MAX - 1; i++) {
+        struct accuracy_estimate core_s = accuracy_curve_cost(&curve, round_errors[i]);
+        if (round_errors[i] > 0.9 * at.value)
+            continue;
+        forecast_add(report, info, round_errors[i], &core_s, spent_s, 0);
+        found++;
+    }
+    if (whole_s > spent_s)
+        forecast_add(report, info, accuracy_curve_error(&curve, whole_s).value, &whole, spent_s, 1);
+}
+
+/* How wrong the pictures are, and what less error costs. */
+static void report_figures(struct job_report *report, Azulejo__Wire__JobInfo *info,
+                           const struct job *job)
+{
+    const struct job_frame *first = job->frames;
+    const struct history_point *last = first ? history_last(&first->history) : NULL;
+    uint32_t count = job_frame_count(job), index = 0;
+
+    info->now_frame = first ? first->number : job->first_frame + job->figures.last_frame;
+    if (!last && job->figures.known > 0) {
+        last = &job->figures.last;
+        info->now_frame = job->first_frame + job->figures.last_frame;
+    }
+    if (last) {
+        wire_point_set(&report->now, &report->figures, last);
+        info->now = &report->now;
+    }
+    measure_transform_text(&job->output.tonemap, report->transform);
+    info->error_transform = report->transform;
+    info->worst = job_figures_worst(&job->figures, count, &index);
+    info->worst_frame = job->first_frame + index;
+    index = 0;
+    info->flicker = job_figures_flicker(&job->figures, count, &index);
+    info->flicker_frame = job->first_frame + index;
+    info->efficiency = figures_efficiency(job);
+    info->core_seconds = job->figures.core_s;
+    info->error_effects = first && first->stats.effects ? first->stats.effects : job->stats.effects;
+    info->cores = job->leases > 0 ? throughput_of(&job->throughput) : 0;
+    if (first)
+        report_forecasts(report, info, first);
 }
 
 static void report_work(struct job_report *report, const struct job *job)
@@ -234,5 +286,6 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     info.workers = job->leases ? workers_on(farm, job) : 0;
     report_cuts(report, &info, job);
     report_progress(&info, job, now_ns);
+    report_figures(report, &info, job);
     report->message = info;
 }

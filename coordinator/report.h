@@ -3,10 +3,14 @@
 #define AZULEJO_COORDINATOR_REPORT_H
 
 #include "coordinator/farm.h"
+#include "coordinator/measure.h"
 #include "coordinator/wire.h"
 #include "protocol/azulejo.pb-c.h"
 
-enum { REPORT_CUT_FRAMES_MAX = 8 }; /* more than FRAMES_OPEN_PER_JOB, which are cut at most */
+enum {
+    REPORT_CUT_FRAMES_MAX = 8,   /* more than FRAMES_OPEN_PER_JOB, which are cut at most */
+    REPORT_FORECASTS_MAX = 3,
+};
 
 /* One job's message and what it points at; must not move once made. */
 struct job_report {
@@ -15,6 +19,11 @@ struct job_report {
     Azulejo__Wire__RenderStats stats;
     Azulejo__Wire__Work work;
     struct wire_output output;
+    Azulejo__Wire__HistoryPoint now;
+    Azulejo__Wire__Figures figures;
+    Azulejo__Wire__Forecast forecasts[REPORT_FORECASTS_MAX];
+    Azulejo__Wire__Forecast *forecast_pointers[REPORT_FORECASTS_MAX];
+    char transform[MEASURE_TEXT_MAX];
     char state_text[JOB_TEXT_MAX + 1];
     Azulejo__Wire__CutFrame cuts[REPORT_CUT_FRAMES_MAX];
     Azulejo__Wire__CutFrame *cut_pointers[REPORT_CUT_FRAMES_MAX];

@@ -10,6 +10,7 @@
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "coordinator/develop.h"
+#include "coordinator/figures.h"
 #include "coordinator/merge.h"
 #include "protocol/message.h"
 
@@ -99,8 +100,9 @@ struct work {
     struct commit *commit;
     struct job_frame *frame;
     struct development *development;
-    struct job *stored_job;      /* whose stored_frame is developed again; jobs are never freed */
+    struct job *stored_job;      /* whose stored_frame is developed again or measured; never freed */
     uint32_t stored_frame;
+    uint64_t cost_ns;            /* processor time of figures */
     uint32_t session;            /* who asked, for a preview or an upload */
     uint64_t wire_request;
     struct buffer picture;       /* a preview */
@@ -201,6 +203,9 @@ static void end_develop(uv_work_t *request, int code)
 
     (void)code;
     server->works--;
+    if (work->result == STATUS_OK && !work->frame->closing)
+        figures_finished(&server->farm, work->frame->job, work->frame->number,
+                         development_point(work->development));
     farm_frame_developed(&server->farm, work->frame, development_revision(work->development),
                          work->result, &work->error, clock_monotonic_ns());
     work_free(work);
@@ -224,6 +229,57 @@ static status on_develop(void *user, struct job_frame *frame)
     }
     work->frame = frame;
     work_start(work, run_develop, end_develop);
+    return STATUS_OK;
+}
+
+static void run_measure(uv_work_t *request)
+{
+    struct work *work = request->data;
+    uint64_t begin_ns = clock_thread_cpu_ns();
+
+    work->result = develop_figures(work->development, work->server->store, &work->error);
+    work->cost_ns += clock_thread_cpu_ns() - begin_ns;
+}
+
+static void end_measure(uv_work_t *request, int code)
+{
+    struct work *work = request->data;
+    struct server *server = work->server;
+
+    (void)code;
+    server->works--;
+    if (work->result != STATUS_OK)
+        log_debug("job %llu, frame %u: its figures: %s", (unsigned long long)work->stored_job->id,
+                  work->stored_frame, work->error.text);
+    figures_measured(&server->farm, work->stored_job, work->stored_frame,
+                     development_point(work->development), work->cost_ns, clock_monotonic_ns());
+    work_free(work);
+}
+
+static status on_measure(void *user, struct job_frame *frame)
+{
+    struct server *server = user;
+    uint64_t begin_ns = clock_thread_cpu_ns();
+    struct work *work;
+    struct error err = {0};
+    status s;
+
+    if (server->state != SERVER_LISTENING)
+        return STATUS_ERR_REFUSED;
+    work = work_new(server);
+    s = work ? development_new_measure(&work->development, frame, &err)
+             : error_no_memory(&err, "a frame's figures");
+    if (s != STATUS_OK) {
+        log_debug("job %llu, frame %u: %s", (unsigned long long)frame->job->id, frame->number,
+                  err.text);
+        if (work)
+            work_free(work);
+        return s;
+    }
+    work->stored_job = frame->job;
+    work->stored_frame = frame->number;
+    work->cost_ns = clock_thread_cpu_ns() - begin_ns;
+    work_start(work, run_measure, end_measure);
     return STATUS_OK;
 }
 
@@ -660,7 +716,7 @@ status server_run(const struct server_options *options, struct error *err)
 {
     struct server *server = mem_calloc(1, sizeof *server);
     struct farm_events events = {on_revoke, on_ack, on_notice, on_job_changed, on_develop,
-                                 on_redevelop, server};
+                                 on_redevelop, on_measure, server};
     status s;
 
     if (!server)

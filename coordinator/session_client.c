@@ -481,6 +481,53 @@ static void get_output(struct session *session, const Azulejo__Wire__OutputGet *
     transfers_pump(&session->transfers, session->channel);
 }
 
+/* ---- history --------------------------------------------------------------------------------- */
+
+static void send_history(struct session *session, uint64_t request, const struct job *job,
+                         uint32_t frame, const struct history *history)
+{
+    Azulejo__Wire__HistoryPoint points[HISTORY_MAX], *pointers[HISTORY_MAX];
+    Azulejo__Wire__Figures figures[HISTORY_MAX];
+    Azulejo__Wire__History message = AZULEJO__WIRE__HISTORY__INIT;
+    Azulejo__Wire__Envelope envelope = MESSAGE(HISTORY, history, &message);
+
+    for (uint32_t i = 0; i < history->count; i++) {
+        wire_point_set(&points[i], &figures[i], &history->points[i]);
+        pointers[i] = &points[i];
+    }
+    message.job = job->id;
+    message.frame = frame;
+    message.n_points = history->count;
+    message.points = pointers;
+    reply(session, &envelope, request);
+}
+
+/* Of a frame that is done the store has it; of one that nobody began there is none. */
+static void get_history(struct session *session, const Azulejo__Wire__HistoryGet *message,
+                        uint64_t request)
+{
+    const struct job *job = find_job(session, message->job, request);
+    struct history history = {.count = 0};
+    const struct job_frame *frame;
+    struct error err = {0};
+    status s = STATUS_OK;
+
+    if (!job)
+        return;
+    frame = farm_frame_find(job, message->frame);
+    if (frame)
+        history = frame->history;
+    else if (message->frame < job->first_frame || message->frame > job->last_frame)
+        s = error_set(&err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 " has frames %u to %u", job->id,
+                      job->first_frame, job->last_frame);
+    else
+        s = store_history_load(session->server->store, job->id, message->frame, &history, &err);
+    if (s == STATUS_OK)
+        send_history(session, request, job, message->frame, &history);
+    else
+        session_fail(session, request, &err);
+}
+
 /* ---- blobs ---------------------------------------------------------------------------------- */
 
 static void query_blobs(struct session *session, const Azulejo__Wire__BlobQuery *message,
@@ -656,6 +703,9 @@ static int client_only(struct session *session, const Azulejo__Wire__Envelope *m
         return 1;
     case AZULEJO__WIRE__ENVELOPE__BODY_OUTPUT_GET:
         get_output(session, message->output_get, request);
+        return 1;
+    case AZULEJO__WIRE__ENVELOPE__BODY_HISTORY_GET:
+        get_history(session, message->history_get, request);
         return 1;
     default:
         return 0;

@@ -2,7 +2,8 @@
  *
  * STORE/lock              held (flock) while a coordinator uses the store
  * STORE/reserve           room kept back for queue.sqlite (reserve.h)
- * STORE/queue.sqlite      jobs, the frames that are done or cut short, the lease epoch (WAL, full sync)
+ * STORE/queue.sqlite      jobs, the frames that are done or cut short, how wrong they are and were, the
+ *                         lease epoch (WAL, full sync)
  * STORE/blobs/ab/HEX      blobs by SHA-256 (blobs.h)
  * STORE/blobs/tmp/        uploads on their way; emptied at the start
  * STORE/films/JOB/frame-NNNN.film   films in work (store_film.h); removed when the job ends
@@ -88,9 +89,14 @@ status store_jobs_load(struct store *store,
 /* The frame's outputs are on disk; its pictures follow that revision of the job's output settings
  * (-1: there are none yet). `cut`: what it holds when it was cut short; NULL: it is whole.
  * [any thread] */
-status store_frame_done(struct store *store, uint64_t job, uint32_t frame, double relative_mse,
-                        int64_t revision, const struct film_coverage *cut,
-                        struct error *err) MUST_CHECK;
+status store_frame_done(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
+                        const struct film_coverage *cut, struct error *err) MUST_CHECK;
+/* Keep a point of the frame's history at its place; those behind it go. [any thread] */
+status store_history_add(struct store *store, uint64_t job, uint32_t frame, uint32_t place,
+                         const struct history_point *point, struct error *err) MUST_CHECK;
+/* Read the frame's history. [any thread] */
+status store_history_load(struct store *store, uint64_t job, uint32_t frame, struct history *out,
+                          struct error *err) MUST_CHECK;
 /* The pictures of a frame that is done were made anew. [any thread] */
 status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
                              struct error *err) MUST_CHECK;

@@ -41,11 +41,19 @@ static const char schema_3[] =
     " most INTEGER NOT NULL, tiles INTEGER NOT NULL, tiles_empty INTEGER NOT NULL,"
     " PRIMARY KEY (job, frame)) WITHOUT ROWID;";
 
-/* Version 4: what clamping did. */
+/* Version 4: what clamping did; how wrong each frame was after what was spent on it. relative_mse above
+ * is no longer used. */
 static const char schema_4[] =
     "ALTER TABLE jobs ADD COLUMN clamped INTEGER NOT NULL DEFAULT 0;"
     "ALTER TABLE jobs ADD COLUMN clamped_luminance REAL NOT NULL DEFAULT 0;"
-    "ALTER TABLE jobs ADD COLUMN kept_luminance REAL NOT NULL DEFAULT 0;";
+    "ALTER TABLE jobs ADD COLUMN kept_luminance REAL NOT NULL DEFAULT 0;"
+    "CREATE TABLE history (job INTEGER NOT NULL REFERENCES jobs(id), frame INTEGER NOT NULL,"
+    " place INTEGER NOT NULL, core_s REAL NOT NULL, wall_s REAL NOT NULL, samples INTEGER NOT NULL,"
+    " rays INTEGER NOT NULL, known INTEGER NOT NULL, reliable INTEGER NOT NULL,"
+    " reasons INTEGER NOT NULL, display REAL, display_lo REAL, display_hi REAL, psnr REAL,"
+    " psnr_lo REAL, psnr_hi REAL, rmse REAL, rmse_lo REAL, rmse_hi REAL, mean REAL,"
+    " top_share REAL, disagreement REAL, unseen REAL, tail REAL,"
+    " PRIMARY KEY (job, frame, place)) WITHOUT ROWID;";
 
 status sql_error(struct store *store, const char *what, struct error *err)
 {

@@ -1,6 +1,5 @@
 /* The rows of the database: jobs, and the frames of each that are done. */
 #include <inttypes.h>
-#include <math.h>
 
 #include "common/base/log.h"
 #include "coordinator/store_parts.h"
@@ -94,8 +93,7 @@ static status load_frames(struct store *store, struct job *job, struct error *er
     sqlite3_stmt *statement = NULL;
     int code;
     status s = sql_prepare(store,
-                           "SELECT frame, relative_mse, revision FROM frames WHERE job=? "
-                           "ORDER BY frame",
+                           "SELECT frame, revision FROM frames WHERE job=? ORDER BY frame",
                            &statement, err);
 
     if (s != STATUS_OK)
@@ -106,11 +104,8 @@ static status load_frames(struct store *store, struct job *job, struct error *er
         if (frame < job->first_frame || frame > job->last_frame)
             continue;
         job_frame_set_done(job, (uint32_t)frame);
-        if (sqlite3_column_int64(statement, 2) == (sqlite3_int64)job->revision)
+        if (sqlite3_column_int64(statement, 1) == (sqlite3_int64)job->revision)
             job_frame_set_developed(job, (uint32_t)frame);
-        job->relative_mse = sqlite3_column_type(statement, 1) == SQLITE_NULL
-                                ? NAN
-                                : sqlite3_column_double(statement, 1);
     }
     if (code != SQLITE_DONE)
         s = sql_error(store, "the frames cannot be read", err);
@@ -185,6 +180,8 @@ static status load_job(struct store *store, sqlite3_stmt *row, struct job **out,
     s = load_frames(store, job, err);
     if (s == STATUS_OK && job->frames_done_count > 0)
         s = load_cuts(store, job, err);
+    if (s == STATUS_OK && job->frames_done_count > 0)
+        s = history_load_last(store, job, err);
     if (s != STATUS_OK) {
         job_free(job);
         return s;
@@ -246,8 +243,8 @@ static status cut_insert(struct store *store, uint64_t job, uint32_t frame,
     return sql_run_reserved(store, statement, "the frame's samples cannot be noted", err);
 }
 
-status store_frame_done(struct store *store, uint64_t job, uint32_t frame, double relative_mse,
-                        int64_t revision, const struct film_coverage *cut, struct error *err)
+status store_frame_done(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
+                        const struct film_coverage *cut, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
     status s = STATUS_OK;
@@ -257,14 +254,12 @@ status store_frame_done(struct store *store, uint64_t job, uint32_t frame, doubl
         s = cut_insert(store, job, frame, cut, err);
     if (s == STATUS_OK)
         s = sql_prepare(store,
-                        "INSERT OR REPLACE INTO frames (job, frame, relative_mse, revision) "
-                        "VALUES (?, ?, ?, ?)",
+                        "INSERT OR REPLACE INTO frames (job, frame, revision) VALUES (?, ?, ?)",
                         &statement, err);
     if (s == STATUS_OK) {
         bind_number(statement, 1, job);
         sqlite3_bind_int64(statement, 2, frame);
-        sqlite3_bind_double(statement, 3, relative_mse); /* NaN becomes NULL */
-        sqlite3_bind_int64(statement, 4, revision);
+        sqlite3_bind_int64(statement, 3, revision);
         s = sql_run_reserved(store, statement, "the frame cannot be noted as done", err);
     }
     pthread_mutex_unlock(&store->order);

@@ -3,6 +3,7 @@
  * store.c           the folder, its lock, the lease epoch; opens and closes the others
  * store_database.c  the connection, the tables and their versions, running a statement
  * store_jobs.c      the rows: jobs that are new, kept, revised, loaded; frames that are done
+ * store_history.c   the rows of frames' figures
  * store_saves.c     a job's counters and state, saved at once or soon, by a thread of its own
  * store_files.c     where films and outputs lie
  */
@@ -64,6 +65,9 @@ void bind_text(sqlite3_stmt *statement, int at, const char *text);
 void bind_number(sqlite3_stmt *statement, int at, uint64_t value);
 void column_text(sqlite3_stmt *statement, int at, char *out, size_t size);
 uint64_t column_number(sqlite3_stmt *statement, int at);
+
+/* Note the newest figures of the job's finished frames in job->figures. */
+status history_load_last(struct store *store, struct job *job, struct error *err) MUST_CHECK;
 
 /* saves_init makes the locks, saves_start the writer thread. saves_stop, for both, ends the thread
  * once it has tried to write what waits. */

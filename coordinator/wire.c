@@ -263,3 +263,34 @@ status wire_job_same(const struct job *a, const struct job *b, int *same, struct
     buffer_release(&left);
     return s;
 }
+
+void wire_point_set(Azulejo__Wire__HistoryPoint *out, Azulejo__Wire__Figures *figures,
+                    const struct history_point *point)
+{
+    const struct accuracy_figures *f = &point->figures;
+
+    azulejo__wire__history_point__init(out);
+    out->core_seconds = point->core_s;
+    out->wall_seconds = point->wall_s;
+    out->samples = point->samples;
+    out->rays = point->rays;
+    if (!f->known)
+        return;
+    azulejo__wire__figures__init(figures);
+    figures->display = f->display_error;
+    figures->display_low = f->display_lo;
+    figures->display_high = f->display_hi;
+    figures->psnr_db = f->psnr_db;
+    figures->psnr_low = f->psnr_lo;
+    figures->psnr_high = f->psnr_hi;
+    figures->rmse_percent = f->rmse_percent;
+    figures->rmse_low = f->rmse_lo;
+    figures->rmse_high = f->rmse_hi;
+    figures->top_share = f->top_share;
+    figures->disagreement = f->disagreement;
+    figures->unseen = f->unseen;
+    figures->tail_index = f->tail_index;
+    figures->reliable = f->reliable;
+    figures->reasons = f->reasons;
+    out->figures = figures;
+}

@@ -35,4 +35,8 @@ status wire_job_same(const struct job *a, const struct job *b, int *same, struct
 status wire_job_unpack(struct job **out, const void *data, size_t size_bytes, struct error *err)
     MUST_CHECK;
 
+/* A point of a frame's history; `figures` is what the message points at, if they are known. */
+void wire_point_set(Azulejo__Wire__HistoryPoint *out, Azulejo__Wire__Figures *figures,
+                    const struct history_point *point);
+
 #endif

@@ -131,10 +131,8 @@ uint32_t film_aov_channels(enum aov aov);
 void film_develop_aov(const struct film *film, enum aov aov, uint32_t y, uint32_t height,
                       float *out);
 
-/* The frame's estimated error, in pbrt's form of the relative mean squared error: mean over pixels and
- * channels of se^2 / (mean^2 + 0.01). NaN until every tile has two samples of each group that the cap
- * gives two. */
-double film_error(const struct film *film);
+/* Every pixel has a sample of each replicate. */
+int film_has_replicates(const struct film *film);
 
 /* ---- a tile's state on disk (film_state.c) ---- */
 

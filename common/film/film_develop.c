@@ -5,15 +5,6 @@
 
 /* ---- means ---------------------------------------------------------------------------------- */
 
-/* Mean of one group's channel `i` of the tile (pixel * 3 + channel). */
-static double group_mean(const struct film *film, uint32_t tile, uint32_t group, size_t i)
-{
-    const struct film_group *g = &film->tiles[tile].groups[group];
-    size_t second = (size_t)film_tile_pixels(film, tile) * 3 + i;
-
-    return (film_sum(g, i) + film_sum(g, second)) / film_group_samples(film, tile, group);
-}
-
 /* The groups of `mask` that have samples on the tile, as a mask. */
 static unsigned groups_there(const struct film *film, uint32_t tile, unsigned mask)
 {
@@ -109,27 +100,12 @@ static double squared_error(const struct film *film, uint32_t tile, unsigned the
     return there == (1u << GROUPS) - 1 ? sum / 4 : sum;
 }
 
-double film_error(const struct film *film)
+int film_has_replicates(const struct film *film)
 {
-    double sum = 0;
-
-    for (uint32_t t = 0; t < film->tiles_total; t++) {
-        unsigned there = groups_there(film, t, (1u << GROUPS) - 1);
-        size_t values = (size_t)film_tile_pixels(film, t) * 3;
-        for (uint32_t g = 0; g < GROUPS; g++)
-            if (!(there >> g & 1) && group_samples(film->spp, g) >= GROUP_REPLICATES)
-                return NAN;
-        for (size_t i = 0; i < values; i++) {
-            double squared = squared_error(film, t, there, i), mean = 0;
-            for (uint32_t g = 0; g < GROUPS; g++)
-                if (there >> g & 1)
-                    mean += group_mean(film, t, g, i) * (there == 1u << g ? 1 : 0.5);
-            if (squared < 0 || !there)
-                return NAN;
-            sum += squared / (mean * mean + 0.01);
-        }
-    }
-    return sum / ((double)film->width * film->height * 3);
+    for (uint32_t g = 0; g < GROUPS; g++)
+        if (film->begun[g] < film->tiles_total || group_samples(film->spp, g) < GROUP_REPLICATES)
+            return 0;
+    return 1;
 }
 
 /* ---- AOVs ----------------------------------------------------------------------------------- */

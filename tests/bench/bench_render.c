@@ -17,6 +17,7 @@
 #include <sys/resource.h>
 
 #include "client/import/import.h"
+#include "common/accuracy/figures.h"
 #include "common/base/clock.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
@@ -37,6 +38,33 @@ struct bench {
     struct render_stats stats;
     uint64_t cpu_ns;
 };
+
+static status srgb_codes(void *user, const float *rgb, uint32_t width, uint32_t height, float *codes,
+                         struct error *err)
+{
+    (void)err;
+    film_codes_plain(user, rgb, width * height, codes);
+    return STATUS_OK;
+}
+
+static void estimate(const struct film *film, struct accuracy_figures *out)
+{
+    const struct accuracy_transform transform = {srgb_codes, NULL};
+    struct accuracy_picture picture = {.width = film_width(film), .height = film_height(film)};
+    size_t values = (size_t)picture.width * picture.height * 3;
+    float *all = mem_alloc_array(values * REPLICATES, sizeof *all);
+    struct error err = {0};
+
+    if (!all)
+        exit(1);
+    for (uint32_t r = 0; r < REPLICATES; r++) {
+        film_replicates(film, r, 0, picture.height, all + r * values);
+        picture.replicates[r] = all + r * values;
+    }
+    if (accuracy_figures_of(out, &picture, &transform, NULL, NULL, &err) != STATUS_OK)
+        exit(1);
+    mem_free(all);
+}
 
 static void *run(void *user)
 {
@@ -133,6 +161,7 @@ int main(int argc, char **argv)
     struct render_scene *scene;
     struct bench b = {.lock = PTHREAD_MUTEX_INITIALIZER};
     pthread_t ids[256];
+    struct accuracy_figures figures;
     struct rusage usage;
     uint64_t start;
     double wall, cpu;
@@ -196,15 +225,16 @@ int main(int argc, char **argv)
         pthread_join(ids[i], NULL);
     wall = (double)(clock_monotonic_ns() - start) * 1e-9;
     cpu = (double)b.cpu_ns * 1e-9;
+    estimate(b.film, &figures);
     getrusage(RUSAGE_SELF, &usage);
     printf(json ? "{\"kernel\": \"%s\", \"samples_per_cpu_s\": %.0f, \"rays_per_cpu_s\": %.0f, \"rays_per_sample\": %.3f, "
                   "\"trace_share\": %.3f, \"cpu_s\": %.3f, \"wall_s\": %.3f, \"build_s\": %.3f, "
-                  "\"peak_mib\": %.1f, \"scene_mib\": %.1f, \"relative_mse\": %.4g, \"dropped\": %llu, "
+                  "\"peak_mib\": %.1f, \"scene_mib\": %.1f, \"squared_error\": %.4g, \"display_error\": %.4g, \"dropped\": %llu, "
                   "\"leaked_rays\": %llu, \"clamped_samples\": %llu, \"clamped_share\": %.4g}\n"
                 : "kernel %s\n"
                   "samples/CPU-s %.0f  rays/CPU-s %.0f  rays/sample %.2f  Embree's share %.3f\n"
                   "CPU %.2f s  wall %.2f s  build %.3f s  peak %.1f MiB (mesh+textures+BVH %.1f MiB)\n"
-                  "relative MSE %.4g  dropped samples %llu  leaked rays %llu\n"
+                  "squared error over squared mean %.4g  display error %.4g/255  dropped samples %llu  leaked rays %llu\n"
                   "clamped samples %llu, %.4g of the light\n",
            render_kernel_variant(scene), (double)b.stats.samples / cpu,
            (double)b.stats.rays / cpu,
@@ -212,7 +242,7 @@ int main(int argc, char **argv)
            trace ? (double)b.stats.trace_ns * 1e-9 / cpu : 0.0, cpu, wall,
            (double)info.build_ns * 1e-9, (double)usage.ru_maxrss / 1024,
            (double)(info.mesh_bytes + info.texture_bytes + info.bvh_bytes) / (1 << 20),
-           film_error(b.film), (unsigned long long)b.stats.dropped_samples,
+           figures.rmse_percent * figures.rmse_percent / 1e4, figures.display_error, (unsigned long long)b.stats.dropped_samples,
            (unsigned long long)b.stats.leaked_rays, (unsigned long long)b.stats.clamped_samples,
            b.stats.clamped_samples ? b.stats.clamped_luminance /
                                          (b.stats.clamped_luminance + b.stats.kept_luminance) : 0);

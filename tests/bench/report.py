@@ -98,10 +98,13 @@ def show_against(scenes, tree):
                 runs = {k: bench_render(scene, "--size", AGAINST_SIZE, "--spp", str(AGAINST_SPP),
                                         *options, program=pair[k]) for k in order}
                 ratios.append(runs[1]["samples_per_cpu_s"] / runs[0]["samples_per_cpu_s"])
-                variances.append(runs[0]["relative_mse"] / runs[1]["relative_mse"])
+                # Commits of before 0.2.0 print another figure.
+                if "squared_error" in runs[1]:
+                    variances.append(runs[0]["squared_error"] / runs[1]["squared_error"])
             ratios.sort()
-            print("| %s | %.2f | %.2f to %.2f | %.2f |" % (
-                name, median(ratios), ratios[1], ratios[-2], median(variances)), flush=True)
+            print("| %s | %.2f | %.2f to %.2f | %s |" % (
+                name, median(ratios), ratios[1], ratios[-2],
+                "%.2f" % median(variances) if variances else "-"), flush=True)
 
 
 def show_renderer(scenes):

@@ -200,7 +200,7 @@ static int is_lit(struct shooter *sh, const struct ray *ray)
     struct vec3 light;
 
     sampler_start(&sampler, 1, 0, 0, 0, 0, 0);
-    light = path_radiance(sh->scene, &sampler, *ray, cone, NULL, &sh->stats);
+    light = path_radiance(sh->scene, &sampler, ray, cone, NULL, &sh->stats);
     return !(light.x == 0);
 }
 

@@ -185,7 +185,7 @@ static void test_places(void **state)
         char text[1024];
         snprintf(text, sizeof text, STUDIO "%s", placed[i]);
         imported_text(text, "place.pbrt", folder, &import);
-        picture = look(&import, 4);
+        picture = look(&import, 16);
         import_result_release(&import);
         if (fabs(mean_of(picture) * 16 - 1) > 0.01 || at(picture, 1, 1) < 0.999f)
             fail_msg("%s: area %.3f, %.3f in its middle", placed[i], mean_of(picture) * 16,
@@ -500,7 +500,7 @@ static void test_reflectance(void **state)
     import.scene.environment.present = import.scene.environment.constant = 1;
     for (int c = 0; c < 3; c++)
         import.scene.environment.radiance[c] = 1;
-    expect_quadrants(look(&import, 64), "map_Kd", 0, 1, 0.02);
+    expect_quadrants(look(&import, 256), "map_Kd", 0, 1, 0.02);
     import_result_release(&import);
     pbrt_folder_remove(folder);
 }

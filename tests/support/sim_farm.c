@@ -97,7 +97,7 @@ struct store *sim_store(const char *folder)
 void sim_init(struct sim *sim, struct store *store, uint64_t seed)
 {
     struct farm_events events = {on_revoke, on_ack, on_notice, on_job_changed, on_develop,
-                                 on_redevelop, sim};
+                                 on_redevelop, NULL, sim};
     struct error err = {0};
     uint64_t now_ns = sim->now_ns;
 
@@ -327,7 +327,7 @@ void sim_develop(struct sim *sim)
             sim->wrong_frames += !sim_frame_is_right(frame->job, frame->number, frame->film);
             coverage = film_coverage(frame->film);
             if (sim->store)
-                s = store_frame_done(sim->store, frame->job->id, frame->number, 0,
+                s = store_frame_done(sim->store, frame->job->id, frame->number,
                                      sim_revision(frame->job),
                                      film_complete(frame->film) ? NULL : &coverage, &err);
         }

@@ -14,6 +14,14 @@
 #define ERROR_TRIANGLE 8.0
 #define ERROR_INSTANCE 16.0
 #define ERROR_MOVING 32.0
+
+/* A query may bring a filter of its own. */
+#if AZULEJO_EMBREE >= 4
+#define SCENE_FLAG_QUERY_FILTER RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS
+#else
+#define SCENE_FLAG_QUERY_FILTER RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION
+#endif
+
 const char *render_kernel_name(void)
 {
     static const char name[] = "azulejo " AZULEJO_VERSION " embree " RTC_VERSION_STRING
@@ -49,7 +57,7 @@ static status embree_failed(RTCDevice device, const char *what, struct error *er
 
 /* `positions` has one entry for each moment; one alone stands still. */
 static void set_triangles(RTCGeometry geometry, const float *const *positions, uint32_t steps,
-                          const struct accel_mesh *mesh, const uint32_t *indices)
+                          const struct accel_mesh *mesh, const uint32_t *indices, int filtered)
 {
     if (steps > 1)
         rtcSetGeometryTimeStepCount(geometry, steps);
@@ -58,7 +66,8 @@ static void set_triangles(RTCGeometry geometry, const float *const *positions, u
                                    positions[i], 0, 3 * sizeof(float), mesh->vertex_count);
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, indices, 0,
                                3 * sizeof(uint32_t), mesh->triangle_count);
-    rtcSetGeometryIntersectFilterFunction(geometry, accel_filter);
+    if (filtered)
+        rtcSetGeometryIntersectFilterFunction(geometry, accel_filter_accepted);
     rtcSetGeometryOccludedFilterFunction(geometry, accel_filter);
     rtcCommitGeometry(geometry);
 }
@@ -73,7 +82,8 @@ static RTCScene new_scene(RTCDevice device, const struct accel_input *in)
     RTCScene scene = rtcNewScene(device);
 
     if (scene) {
-        rtcSetSceneFlags(scene, in->not_robust ? RTC_SCENE_FLAG_NONE : RTC_SCENE_FLAG_ROBUST);
+        rtcSetSceneFlags(scene, (in->not_robust ? RTC_SCENE_FLAG_NONE : RTC_SCENE_FLAG_ROBUST) |
+                                    SCENE_FLAG_QUERY_FILTER);
         rtcSetSceneBuildQuality(scene, qualities[in->quality]);
     }
     return scene;
@@ -96,7 +106,7 @@ static status build_shared_mesh(struct accel *accel, const struct accel_input *i
         return embree_failed(accel->device, "a mesh's geometry", err);
     }
     set_triangles(geometry, &in->meshes[mesh].positions, 1, &in->meshes[mesh],
-                  in->meshes[mesh].indices);
+                  in->meshes[mesh].indices, accel->mesh_filtered[mesh]);
     rtcAttachGeometryByID(accel->mesh_scenes[mesh], geometry, 0);
     rtcReleaseGeometry(geometry);
     rtcCommitScene(accel->mesh_scenes[mesh]);
@@ -196,8 +206,19 @@ static status set_world_triangles(struct accel *accel, const struct accel_input 
         set_triangles(geometry,
                       instance->motion_steps ? instance->motion_positions
                                              : &instance->world_positions,
-                      instance->motion_steps ? instance->motion_steps : 1, mesh, indices);
+                      instance->motion_steps ? instance->motion_steps : 1, mesh, indices,
+                      g->filtered);
     return s;
+}
+
+/* All 0 where the matrix is flat: then double decides. */
+static void set_to_object(struct accel_geometry *g, const struct transform *to_world)
+{
+    struct transform_d forward = transform_to_d(to_world), inverse;
+
+    if (transform_d_invert(&forward, &inverse))
+        for (int r = 0; r < 3; r++)
+            memcpy(g->to_object[r], inverse.m[r], sizeof g->to_object[r]);
 }
 
 static status attach_instance(struct accel *accel, const struct accel_input *in, uint32_t index,
@@ -205,9 +226,9 @@ static status attach_instance(struct accel *accel, const struct accel_input *in,
 {
     const struct accel_instance *instance = &in->instances[index];
     struct accel_geometry *g = &accel->geometries[index];
-    int in_world = instance->world_positions != NULL;
-    RTCGeometry geometry = rtcNewGeometry(
-        accel->device, in_world ? RTC_GEOMETRY_TYPE_TRIANGLE : RTC_GEOMETRY_TYPE_INSTANCE);
+    RTCGeometry geometry = rtcNewGeometry(accel->device, instance->world_positions
+                                                             ? RTC_GEOMETRY_TYPE_TRIANGLE
+                                                             : RTC_GEOMETRY_TYPE_INSTANCE);
     status s = STATUS_OK;
 
     if (!geometry)
@@ -215,12 +236,15 @@ static status attach_instance(struct accel *accel, const struct accel_input *in,
     g->filtered = instance->filtered != 0;
     g->least_stretch = 1;
     g->motion_steps = instance->motion_steps;
-    if (in_world) {
+    g->in_world = instance->world_positions != NULL;
+    if (g->in_world) {
         s = set_world_triangles(accel, in, index, geometry, err);
     } else {
         g->slender = accel->mesh_slender[instance->mesh];
         g->slenderest = accel->mesh_slenderest[instance->mesh];
         g->least_stretch = least_stretch(instance);
+        if (!instance->motion_steps)
+            set_to_object(g, &instance->to_world);
         rtcSetGeometryInstancedScene(geometry, accel->mesh_scenes[instance->mesh]);
         set_transforms(geometry, instance);
         rtcCommitGeometry(geometry);
@@ -302,13 +326,16 @@ status accel_new(struct accel **out, const struct accel_input *in, struct error 
     rtcSetDeviceMemoryMonitorFunction(accel->device, count_memory, accel);
     accel->mesh_scenes = mem_calloc(in->mesh_count, sizeof *accel->mesh_scenes);
     accel->mesh_slender = mem_calloc(in->mesh_count, sizeof *accel->mesh_slender);
-    accel->mesh_slenderest = mem_calloc(in->mesh_count, 1);
+    accel->mesh_slenderest = mem_calloc(in->mesh_count, sizeof *accel->mesh_slenderest);
+    accel->mesh_filtered = mem_calloc(in->mesh_count, 1);
     accel->geometries = mem_calloc(in->instance_count, sizeof *accel->geometries);
     if (!accel->mesh_scenes || !accel->mesh_slender || !accel->mesh_slenderest ||
-        !accel->geometries) {
+        !accel->mesh_filtered || !accel->geometries) {
         result = error_no_memory(err, "the ray accelerator");
         goto failed;
     }
+    for (uint32_t i = 0; i < in->instance_count; i++)
+        accel->mesh_filtered[in->instances[i].mesh] |= in->instances[i].filtered != 0;
     result = sizes_init(&accel->sizes, in, err);
     if (result != STATUS_OK)
         goto failed;
@@ -365,6 +392,7 @@ void accel_free(struct accel *accel)
     mem_free(accel->mesh_scenes);
     mem_free(accel->mesh_slender);
     mem_free(accel->mesh_slenderest);
+    mem_free(accel->mesh_filtered);
     mem_free(accel->geometries);
     mem_free(accel->owned);
     mem_free(accel);

@@ -3,26 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "worker/render/exact.h"
-
-static int same_face(const struct hit *a, const struct hit *b)
-{
-    return a->instance == b->instance && a->triangle == b->triangle;
-}
-
-/* accel_decide refuses left faces and the end by their planes, too; the names spare it the look. */
-int accel_is_excepted(const struct query_context *q, const struct hit *face)
-{
-    const struct ray *ray = q->ray;
-
-    if (q->about && same_face(q->about, face))
-        return 1;
-    for (uint32_t i = 0; i < ray->left_count; i++)
-        if (same_face(&ray->left[i], face))
-            return 1;
-    return ray->reaches && same_face(&ray->end, face);
-}
-
 /* What rounding may make of a height over a plane through `from`, times the normal's length. */
 static double height_noise(const double normal[3], const double to[3], const double from[3])
 {

@@ -3,15 +3,11 @@
 #include <math.h>
 #include <string.h>
 
-#include "worker/render/exact.h"
-
 /* So many such errors before its start a ray starts for Embree, or a triangle right before it
  * could seem to lie behind. */
 #define BACK_ERRORS 64.0
 /* Farther than this from the edges of the one face that it leaves, a ray may start off it. */
 #define INSET_ERRORS 64.0
-/* A face on which the ray ends is looked for up to this share of the length before and behind. */
-#define END_SHARE 0x1p-18
 /* Double decides about a plane that the ray makes a smaller angle with than this. */
 #define GRAZING_COSINE 0x1p-18
 /* A ray that leaked is traced again this many times at most, turned by this angle (radians) and
@@ -21,133 +17,126 @@ enum { LEAK_ATTEMPTS = 8 };
 
 /* ---- Embree's proposals ------------------------------------------------------------------- */
 
-/* Is the plane so near to an end of the ray that float may be wrong about its side? `t`: metres by
- * Embree. The hit's normal and the ray are in the instance's space, where products are alike. */
-static int is_near(const struct query_context *q, const struct RTCRay *ray,
-                   const struct RTCHit *hit, const struct accel_geometry *g, double t)
+/* Is float right that the triangle is met? Not where its plane is so near to an end of the ray that
+ * it may be wrong about the side. `t`: metres by Embree. `along`: the direction times the normal,
+ * `area2`: the normal's square, in a space in which what is in the world is at least `stretch` times
+ * as long. */
+static inline int is_certain(const struct query_context *q, const struct accel_geometry *g,
+                             uint32_t triangle, double t, double along, double area2,
+                             double stretch)
 {
-    double reach = t, product, area2, height2, error2;
+    double reach = t, height2, error2;
 
-    product = (double)ray->dir_x * (double)hit->Ng_x + (double)ray->dir_y * (double)hit->Ng_y +
-              (double)ray->dir_z * (double)hit->Ng_z;
-    area2 = (double)hit->Ng_x * (double)hit->Ng_x + (double)hit->Ng_y * (double)hit->Ng_y +
-            (double)hit->Ng_z * (double)hit->Ng_z;
     /* Along a plane Embree's t is a quotient of two roundings, and may be any number. */
-    if (!(t > q->near_start) || !(product * product > GRAZING_COSINE * GRAZING_COSINE * area2))
-        return 1;
+    if (!(t > q->near_start) || !(t * q->off_cosine > q->clear) ||
+        !(along * along > GRAZING_COSINE * GRAZING_COSINE * area2))
+        return 0;
     if (q->reaches) {
         reach = fmin(t, q->length - t);
         if (!(reach > q->near_end))
-            return 1;
+            return 0;
     }
-    height2 = reach * product * (double)g->least_stretch;
+    height2 = reach * along * stretch;
     height2 *= height2;
     error2 = q->error * q->error * area2;
-    if (height2 > error2 * (double)(UINT64_C(1) << 2 * g->slenderest))
-        return 0;
-    return !g->slender || g->slender[hit->primID] == SIZES_SLENDER_MAX ||
-           !(height2 > error2 * (double)(UINT64_C(1) << 2 * g->slender[hit->primID]));
+    if (height2 > error2 * g->slenderest)
+        return 1;
+    return g->slender && g->slender[triangle] != SIZES_SLENDER_MAX &&
+           height2 > error2 * (double)(UINT64_C(1) << 2 * g->slender[triangle]);
 }
 
+static inline float product(const struct RTCRay *ray, const struct RTCHit *hit)
+{
+    return ray->dir_x * hit->Ng_x + ray->dir_y * hit->Ng_y + ray->dir_z * hit->Ng_z;
+}
+
+static inline int accepts(const struct query_context *q, const struct accel_geometry *g,
+                          const struct hit *face, const struct RTCHit *hit, int facing)
+{
+    return !g->filtered || q->accel->accept(q->accel->scene, q->query, face->instance,
+                                            face->triangle, hit->u, hit->v, facing);
+}
+
+static inline struct hit face_of(const struct RTCHit *hit)
+{
+    return (struct hit){hit->instID[0] != RTC_INVALID_GEOMETRY_ID ? hit->instID[0] : hit->geomID,
+                        hit->primID};
+}
+
+/* The ray and the normal are in the instance's space, where products are alike. */
 void accel_filter(const struct RTCFilterFunctionNArguments *args)
 {
     struct query_context *q = (struct query_context *)args->context;
     const struct RTCRay *ray = (const struct RTCRay *)args->ray; /* N is 1: single rays only */
     const struct RTCHit *hit = (const struct RTCHit *)args->hit;
-    struct hit face = {hit->instID[0] != RTC_INVALID_GEOMETRY_ID ? hit->instID[0] : hit->geomID,
-                       hit->primID};
+    const struct hit face = face_of(hit);
     const struct accel_geometry *g = &q->accel->geometries[face.instance];
     double t = (double)ray->tfar - q->back;
-    int near, facing;
+    double n[3] = {(double)hit->Ng_x, (double)hit->Ng_y, (double)hit->Ng_z};
+    double d[3] = {(double)ray->dir_x, (double)ray->dir_y, (double)ray->dir_z};
+    int certain, facing;
 
     if (args->valid[0] != -1)
         return;
+    certain = is_certain(q, g, face.triangle, t, exact_dot(d, n), exact_dot(n, n),
+                         (double)g->least_stretch);
     args->valid[0] = 0;
-    if (accel_is_excepted(q, &face))
+    if (accel_is_excepted(q, &face) || (!certain && !accel_decide(q, &face, &t)))
         return;
-    near = q->kind == QUERY_COINCIDENT || is_near(q, ray, hit, g, t);
-    if (near && !accel_decide(q, &face, &t))
-        return;
-    facing = ray->dir_x * hit->Ng_x + ray->dir_y * hit->Ng_y + ray->dir_z * hit->Ng_z < 0;
-    if (g->filtered && !q->accel->accept(q->accel->scene, q->query, face.instance, face.triangle,
-                                         hit->u, hit->v, facing))
-        return;
-    if (!near || accel_keep(q, &face, t, facing))
+    facing = product(ray, hit) < 0;
+    if (accepts(q, g, &face, hit, facing) && (certain || accel_keep(q, &face, t, facing)))
         args->valid[0] = -1;
 }
 
-/* ---- huge triangles ----------------------------------------------------------------------- */
-
-void accel_huge_bounds(const struct RTCBoundsFunctionArguments *args)
+void accel_filter_accepted(const struct RTCFilterFunctionNArguments *args)
 {
-    const struct accel *accel = args->geometryUserPtr;
-    const struct hit *face = &accel->sizes.huge[args->primID];
-    uint32_t steps = accel->geometries[face->instance].motion_steps;
-    float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+    const struct query_context *q = (const struct query_context *)args->context;
+    const struct RTCHit *hit = (const struct RTCHit *)args->hit;
+    const struct hit face = face_of(hit);
 
-    for (uint32_t i = 0; i < (steps ? steps : 1); i++) {
-        double corner[3][3];
-
-        accel->corners(accel->scene, face->instance, face->triangle,
-                       steps ? (float)i / (float)(steps - 1) : 0, corner);
-        for (int k = 0; k < 3; k++)
-            for (int a = 0; a < 3; a++) {
-                low[a] = fminf(low[a], nextafterf((float)corner[k][a], -INFINITY));
-                high[a] = fmaxf(high[a], nextafterf((float)corner[k][a], INFINITY));
-            }
-    }
-    *args->bounds_o = (struct RTCBounds){.lower_x = low[0], .lower_y = low[1], .lower_z = low[2],
-                                         .upper_x = high[0], .upper_y = high[1],
-                                         .upper_z = high[2]};
+    if (args->valid[0] == -1 && !q->careful &&
+        !accepts(q, &q->accel->geometries[face.instance], &face, hit,
+                 product((const struct RTCRay *)args->ray, hit) < 0))
+        args->valid[0] = 0;
 }
 
-/* Met? Then *t in metres. */
-static int huge_meets(struct query_context *q, const struct hit *face, double *t)
+/* Any multiple of the face's normal, from that in the instance's space. */
+static void normal_to_world(const struct query_context *q, const struct accel_geometry *g,
+                            const struct hit *face, double n[3])
 {
-    double u, v;
-    int facing;
+    double corner[3][3], local[3] = {n[0], n[1], n[2]};
 
-    if (accel_is_excepted(q, face) || !accel_covers(q, face, &u, &v, &facing) ||
-        !accel_decide(q, face, t))
-        return 0;
-    if (q->accel->geometries[face->instance].filtered &&
-        !q->accel->accept(q->accel->scene, q->query, face->instance, face->triangle, (float)u,
-                          (float)v, facing))
-        return 0;
-    if (q->kind != QUERY_OCCLUDED)
-        accel_keep(q, face, *t, facing);
-    return 1;
-}
-
-void accel_huge_intersect(const struct RTCIntersectFunctionNArguments *args)
-{
-    struct query_context *q = (struct query_context *)args->context;
-    struct RTCRay *ray = &((struct RTCRayHit *)args->rayhit)->ray;
-    double t;
-
-    if (args->valid[0] != -1 || !huge_meets(q, &q->accel->sizes.huge[args->primID], &t) ||
-        q->kind == QUERY_COINCIDENT)
+    if (g->motion_steps) {
+        q->accel->corners(q->accel->scene, face->instance, face->triangle, q->ray->time, corner);
+        exact_normal(corner, n);
         return;
-    /* What lies behind need not be looked at. */
-    ray->tfar = fminf(ray->tfar, (float)((t + q->back) * (1 + END_SHARE)));
+    }
+    for (int k = 0; k < 3; k++)
+        n[k] = g->to_object[0][k] * local[0] + g->to_object[1][k] * local[1] +
+               g->to_object[2][k] * local[2];
 }
 
-void accel_huge_occluded(const struct RTCOccludedFunctionNArguments *args)
+/* Is what Embree met without a filter what it would have met with one? Then all that the filter
+ * would have held back lies behind it. */
+static inline int is_settled(const struct query_context *q, const struct RTCRayHit *shot,
+                             const struct hit *face)
 {
-    struct query_context *q = (struct query_context *)args->context;
-    struct RTCRay *ray = (struct RTCRay *)args->ray;
-    double t;
+    const struct accel_geometry *g = &q->accel->geometries[face->instance];
+    double n[3] = {(double)shot->hit.Ng_x, (double)shot->hit.Ng_y, (double)shot->hit.Ng_z};
 
-    if (args->valid[0] == -1 && huge_meets(q, &q->accel->sizes.huge[args->primID], &t))
-        ray->tfar = -INFINITY;
+    if (!g->in_world)
+        normal_to_world(q, g, face, n);
+    return is_certain(q, g, face->triangle, (double)shot->ray.tfar - q->back,
+                      exact_dot(n, q->direction), exact_dot(n, n), 1) &&
+           !accel_is_excepted(q, face);
 }
 
 /* ---- queries ------------------------------------------------------------------------------ */
 
-static void move(double place[3], const double direction[3], double by)
+static inline void go(const double from[3], const double direction[3], double by, double to[3])
 {
     for (int k = 0; k < 3; k++)
-        place[k] += by * direction[k];
+        to[k] = from[k] + by * direction[k];
 }
 
 /* To the middle of the face as far as it takes to be clear of its edges: there an error to the side
@@ -168,7 +157,7 @@ static void move_inwards(struct query_context *q)
     inset = fmax((double)q->ray->inset, 0);
     wanted = 2 * INSET_ERRORS * q->error_left;
     part = middle > wanted ? (wanted - inset) / (middle - inset) : 1;
-    move(q->start, way, part);
+    go(q->origin, way, part, q->inside);
     q->error += part * sqrt(exact_dot(way, way));
 }
 
@@ -179,7 +168,7 @@ static void aim_at_end(struct query_context *q)
     double t_max = (double)q->ray->t_max, way[3], length;
 
     for (int k = 0; k < 3; k++)
-        way[k] = q->origin[k] + t_max * q->direction[k] - q->start[k];
+        way[k] = q->origin[k] + t_max * q->direction[k] - q->inside[k];
     length = sqrt(exact_dot(way, way));
     if (!(length > 0))
         return;
@@ -188,56 +177,68 @@ static void aim_at_end(struct query_context *q)
     q->t_max += length - t_max;
 }
 
-static void look_at_start(struct query_context *q)
+static inline void look_at_start(struct query_context *q)
 {
     const struct accel_geometry *g = &q->accel->geometries[q->ray->left[0].instance];
 
-    q->error_left = g->error_origin * exact_largest(q->origin) + g->error_extent;
+    q->error_left = g->error_origin * q->largest + g->error_extent;
     q->at_edge = (double)q->ray->inset < INSET_ERRORS * q->error_left;
 }
 
-/* Without contacts a start just off the face spares Embree the face itself. */
-static void start_on_face(struct query_context *q)
+/* Near the face's edges and other faces Embree is going to propose the face itself. */
+static __attribute__((noinline)) void start_before_face(struct query_context *q)
 {
-    double aim[3], off[3];
+    double aim[3];
 
+    q->careful = 1;
+    memcpy(q->inside, q->origin, sizeof q->inside);
     if (q->at_edge) {
         move_inwards(q);
         if (q->ray->t_max < INFINITY)
             aim_at_end(q);
     }
-    memcpy(q->inside, q->start, sizeof q->inside);
+    q->clear = 2 * q->error;
+    exact_vec(q->aim, aim);
+    go(q->inside, aim, -q->back, q->start);
+}
+
+/* Without contacts a start just off the face spares Embree the face itself. */
+static inline void start_on_face(struct query_context *q)
+{
+    const struct ray *ray = q->ray;
+    double off[3];
+
     /* Until the ray is clear of the plane that it leaves, an error to the side, or the direction's
      * own, may seem to take it below. */
-    q->near_start = fmax(q->back, 2 * q->error / (double)vec3_dot(q->ray->off, q->ray->direction));
-    if (q->at_edge || q->ray->contacts) {
-        exact_vec(q->aim, aim);
-        move(q->start, aim, -q->back);
+    q->off_cosine = (double)vec3_dot(ray->off, ray->direction);
+    if (q->at_edge || ray->contacts) {
+        start_before_face(q);
         return;
     }
-    exact_vec(q->ray->off, off);
-    move(q->start, off, q->error_left);
+    q->clear = 2 * q->error;
+    exact_vec(ray->off, off);
+    go(q->origin, off, q->error_left, q->start);
     q->t_max -= q->back;
     q->back = 0;
     q->error += q->error_left;
 }
 
 /* Where the end is clear of the face's edges nothing can be right before it but the face. */
-static void end_on_face(struct query_context *q)
+static inline void end_on_face(struct query_context *q)
 {
     double cosine = (double)q->ray->end_cosine, t_max = (double)q->ray->t_max;
 
     if (!q->at_edge && (double)q->ray->end_inset > INSET_ERRORS * q->error &&
         q->back < 0.5 * t_max * cosine) {
-        q->t_max -= q->error / cosine + END_SHARE * t_max;
+        q->t_max -= q->error / cosine + ACCEL_END_SHARE * t_max;
         return;
     }
     q->reaches = 1;
-    q->near_end = fmax(q->back + END_SHARE * t_max, 2 * q->error / cosine);
-    q->t_max += q->back + END_SHARE * t_max;
+    q->near_end = fmax(q->back + ACCEL_END_SHARE * t_max, 2 * q->error / cosine);
+    q->t_max += q->back + ACCEL_END_SHARE * t_max;
 }
 
-static void query_start(struct query_context *q, const struct accel *accel, const struct ray *ray,
+static inline void query_start(struct query_context *q, const struct accel *accel, const struct ray *ray,
                         const void *query, enum query_kind kind)
 {
 #if AZULEJO_EMBREE >= 4
@@ -251,11 +252,13 @@ static void query_start(struct query_context *q, const struct accel *accel, cons
     q->kind = kind;
     exact_origin(ray, q->origin);
     exact_vec(ray->direction, q->direction);
-    q->error = accel->error_origin * exact_largest(q->origin) + accel->error_extent;
-    memcpy(q->start, q->origin, sizeof q->start);
-    q->met = q->reaches = q->at_edge = q->doubt = 0;
+    q->largest = exact_largest(q->origin);
+    q->error = accel->error_origin * q->largest + accel->error_extent;
+    q->careful = q->met = q->reaches = q->at_edge = q->doubt = 0;
     q->attempt = 0;
     q->about = NULL;
+    q->off_cosine = 1;
+    q->clear = 0;
     if (ray->reaches)
         q->error += accel->error_origin * (double)ray->t_max;
     q->back = BACK_ERRORS * q->error;
@@ -270,7 +273,7 @@ static void query_start(struct query_context *q, const struct accel *accel, cons
     if (ray->left_count)
         start_on_face(q);
     else
-        move(q->start, q->direction, -q->back);
+        go(q->origin, q->direction, -q->back, q->start);
 }
 
 /* Embree is to look a little beside the ray: each time farther, and a quarter turn on. Its errors
@@ -281,7 +284,7 @@ static void look_beside(struct RTCRay *out, const struct query_context *q)
     struct vec3 aside = vec3_scale(q->attempt & 1 ? frame.s : frame.t,
                                    ldexpf(q->attempt & 2 ? -LEAK_ANGLE : LEAK_ANGLE,
                                           (int)q->attempt - 1));
-    float reach = (float)exact_largest(q->origin);
+    float reach = (float)q->largest;
 
     out->org_x += aside.x * reach;
     out->org_y += aside.y * reach;
@@ -291,19 +294,17 @@ static void look_beside(struct RTCRay *out, const struct query_context *q)
     out->dir_z += aside.z;
 }
 
-/* For Embree the ray starts earlier, and where it ends on a face it ends later. */
-static void ray_init(struct RTCRay *out, const struct query_context *q)
-{
-    const struct ray *ray = q->ray;
+typedef float four_floats __attribute__((vector_size(16)));
 
-    out->org_x = (float)q->start[0];
-    out->org_y = (float)q->start[1];
-    out->org_z = (float)q->start[2];
-    out->tnear = 0;
-    out->dir_x = q->aim.x;
-    out->dir_y = q->aim.y;
-    out->dir_z = q->aim.z;
-    out->time = ray->time;
+/* For Embree the ray starts earlier, and where it ends on a face it ends later. Embree reads origin
+ * and direction four floats at once: written one by one it would wait until they are in the cache. */
+static inline void ray_init(struct RTCRay *out, const struct query_context *q)
+{
+    const four_floats origin = {(float)q->start[0], (float)q->start[1], (float)q->start[2], 0};
+    const four_floats direction = {q->aim.x, q->aim.y, q->aim.z, q->ray->time};
+
+    memcpy(&out->org_x, &origin, sizeof origin); /* and tnear */
+    memcpy(&out->dir_x, &direction, sizeof direction); /* and time */
     out->tfar = (float)q->t_max;
     out->mask = ~0u;
     out->id = 0;
@@ -312,35 +313,51 @@ static void ray_init(struct RTCRay *out, const struct query_context *q)
         look_beside(out, q);
 }
 
-/* Embree's nearest of what float decides; 0: none. */
-static int trace(struct query_context *q, struct hit *hit)
+/* Embree's nearest; 0: none. If `careful`, of what float decides. */
+static int trace(struct query_context *q, struct RTCRayHit *shot, struct hit *hit)
 {
-    struct RTCRayHit shot;
-
-    ray_init(&shot.ray, q);
-    shot.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-    shot.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    ray_init(&shot->ray, q);
+    shot->hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    shot->hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
 #if AZULEJO_EMBREE >= 4
     struct RTCIntersectArguments args;
     rtcInitIntersectArguments(&args);
     args.context = &q->embree;
-    rtcIntersect1(q->accel->top, &shot, &args);
+    if (q->careful) {
+        args.filter = accel_filter;
+        args.flags = (enum RTCRayQueryFlags)(args.flags | RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER);
+    }
+    rtcIntersect1(q->accel->top, shot, &args);
 #else
-    rtcIntersect1(q->accel->top, &q->embree, &shot);
+    if (q->careful)
+        q->embree.filter = accel_filter;
+    rtcIntersect1(q->accel->top, &q->embree, shot);
 #endif
-    if (shot.hit.geomID == RTC_INVALID_GEOMETRY_ID)
+    if (shot->hit.geomID == RTC_INVALID_GEOMETRY_ID)
         return 0;
-    hit->instance = shot.hit.instID[0] != RTC_INVALID_GEOMETRY_ID ? shot.hit.instID[0]
-                                                                  : shot.hit.geomID;
-    hit->triangle = shot.hit.primID;
+    *hit = face_of(&shot->hit);
     return 1;
 }
 
-/* The nearest of what float and double decide; 0: none. */
+/* Every proposal is looked at in turn. */
+static int trace_carefully(struct query_context *q, struct hit *hit)
+{
+    struct RTCRayHit shot;
+
+    q->careful = 1;
+    q->met = 0;
+    return trace(q, &shot, hit);
+}
+
+/* The nearest of what float and double decide; 0: none. Few rays meet what float may be wrong about,
+ * so the others are spared the filter. */
 static int meets(struct query_context *q, struct hit *hit)
 {
-    int met = trace(q, hit);
+    struct RTCRayHit shot;
+    int met = trace(q, &shot, hit);
 
+    if (met && !q->careful && !is_settled(q, &shot, hit))
+        met = trace_carefully(q, hit);
     if (q->met) {
         double corner[3][3], n[3];
 
@@ -378,12 +395,12 @@ int accel_refine(const struct accel *accel, const struct ray *ray, const void *q
     if (!(t > reach))
         return 0; /* so near to its start double has decided */
     exact_vec(ray->direction, direction);
-    move(place, direction, t - reach);
+    go(place, direction, t - reach, place);
     last.origin = exact_round(place, last.rest);
     last.t_max = (float)(2 * reach);
     query_start(&q, accel, &last, query, QUERY_NEAREST);
     q.near_start = INFINITY;
-    trace(&q, &found);
+    trace_carefully(&q, &found);
     if (!q.met || (q.nearest.instance == hit->instance && q.nearest.triangle == hit->triangle))
         return 0;
     /* Faces that coincide have no order: who crosses them takes them together (accel_coincident). */
@@ -391,7 +408,7 @@ int accel_refine(const struct accel *accel, const struct ray *ray, const void *q
     exact_normal(corner, n);
     gap = (exact_crossing(corner, n, q.origin, q.direction) - q.nearest_t) *
           fabs(exact_dot(n, q.direction)) / sqrt(exact_dot(n, n));
-    move(place, direction, reach);
+    go(place, direction, reach, place);
     if (gap < coincident_gap(place) * (1 - 1e-6)) /* what is 8 ulp apart to rounding is apart */
         return 0;
     *hit = q.nearest;
@@ -416,47 +433,34 @@ static int is_blocked(struct query_context *q)
 
 /* Where three faces meet, the ray from farther inside the face may pass by the neighbour that the
  * ray itself meets. Then that ray is what counts: it starts on the same face, some 2^-14 away. */
-static void start_inside(struct ray *moved, const struct query_context *q)
+static __attribute__((noinline)) int meets_from_inside(struct query_context *q, struct hit *hit)
 {
-    *moved = *q->ray;
-    moved->origin = exact_round(q->inside, moved->rest);
-    moved->direction = q->aim;
-    moved->t_max = (float)q->length;
-    moved->inset = INFINITY;
-    moved->contacts = 1;
+    struct ray moved = *q->ray;
+
+    moved.origin = exact_round(q->inside, moved.rest);
+    moved.direction = q->aim;
+    moved.t_max = (float)q->length;
+    moved.inset = INFINITY;
+    moved.contacts = 1;
+    query_start(q, q->accel, &moved, q->query, q->kind);
+    return q->kind == QUERY_OCCLUDED ? is_blocked(q) : meets(q, hit);
 }
 
 int accel_intersect(const struct accel *accel, const struct ray *ray, const void *query,
                     struct hit *hit)
 {
     struct query_context q;
-    struct ray moved;
-    int met;
 
     query_start(&q, accel, ray, query, QUERY_NEAREST);
-    met = meets(&q, hit);
-    if (!met && q.doubt) {
-        start_inside(&moved, &q);
-        query_start(&q, accel, &moved, query, QUERY_NEAREST);
-        met = meets(&q, hit);
-    }
-    return met;
+    return meets(&q, hit) || (q.doubt && meets_from_inside(&q, hit));
 }
 
 int accel_occluded(const struct accel *accel, const struct ray *ray, const void *query)
 {
     struct query_context q;
-    struct ray moved;
-    int blocked;
 
     query_start(&q, accel, ray, query, QUERY_OCCLUDED);
-    blocked = is_blocked(&q);
-    if (!blocked && q.doubt) {
-        start_inside(&moved, &q);
-        query_start(&q, accel, &moved, query, QUERY_OCCLUDED);
-        blocked = is_blocked(&q);
-    }
-    return blocked;
+    return is_blocked(&q) || (q.doubt && meets_from_inside(&q, NULL));
 }
 
 int accel_intersect_enclosed(const struct accel *accel, const struct ray *ray, const void *query,
@@ -465,6 +469,7 @@ int accel_intersect_enclosed(const struct accel *accel, const struct ray *ray, c
     struct query_context q;
 
     query_start(&q, accel, ray, query, QUERY_NEAREST);
+    q.careful = 1;
     while (q.attempt++ < LEAK_ATTEMPTS)
         if (meets(&q, hit))
             return 1;
@@ -511,7 +516,8 @@ uint32_t accel_coincident(const struct accel *accel, const struct ray *ray, cons
     q.contact_count = 0;
     q.contact_capacity = capacity;
     q.t_max = q.gap_max + 2 * q.back;
-    trace(&q, &unused);
+    q.near_start = INFINITY;
+    trace_carefully(&q, &unused);
     accel_mark_repeats(&q);
     return q.contact_count;
 }

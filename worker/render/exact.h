@@ -37,15 +37,17 @@ static inline void exact_vec(struct vec3 v, double out[3])
 
 static inline double exact_largest(const double a[3])
 {
-    return fmax(fabs(a[0]), fmax(fabs(a[1]), fabs(a[2])));
+    double x = fabs(a[0]), y = fabs(a[1]), z = fabs(a[2]), most = x > y ? x : y;
+
+    return z > most ? z : most; /* fmax would be a call */
 }
 
 /* Where the ray starts. */
 static inline void exact_origin(const struct ray *ray, double out[3])
 {
-    exact_vec(ray->origin, out);
-    for (int k = 0; k < 3; k++)
-        out[k] += ray->rest[k];
+    out[0] = (double)ray->origin.x + ray->rest[0];
+    out[1] = (double)ray->origin.y + ray->rest[1];
+    out[2] = (double)ray->origin.z + ray->rest[2];
 }
 
 /* The nearest floats to a place, and what they leave over. The floats are volatile because gcc 12

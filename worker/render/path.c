@@ -113,6 +113,14 @@ static int path_is_inside(const struct render_scene *scene, const struct interio
     return 0;
 }
 
+/* Can path_is_enclosed be true at all? Asked for every ray that escapes. */
+static inline int path_may_leak(const struct render_scene *scene, const struct interior *in,
+                                const struct ray *ray)
+{
+    return scene->enclosed || (HAS_VOLUMES && (in->count > 0 || in->medium >= 0)) ||
+           (ray->left_count > 0 && scene->instances[ray->left[0].instance].encloses);
+}
+
 /* Does the ray start inside something closed? Then it cannot escape: if it does, it has slipped
  * through a vertex (docs/NUMERICS.md). `in`: the volumes that it is in. */
 static int path_is_enclosed(const struct render_scene *scene, const struct interior *in,
@@ -136,8 +144,9 @@ static int path_is_enclosed(const struct render_scene *scene, const struct inter
     return instance->flipped ? exact_dot(n, direction) > 0 : exact_dot(n, direction) < 0;
 }
 
-/* What such a ray meets; 0: it did escape. Seldom called: kept out of the way of what runs always. */
-static __attribute__((cold, noinline)) int path_leaked(const struct path *path,
+/* What such a ray meets; 0: it did escape. Kept out of the way of what runs always; not `cold`, or
+ * what follows every escape would be, too. */
+static __attribute__((noinline)) int path_leaked(const struct path *path,
                                                        const struct interior *in,
                                                        const struct ray *ray, struct hit *hit)
 {
@@ -152,11 +161,11 @@ static int path_meets(const struct path *path, const struct interior *in, const 
                       struct hit *hit)
 {
     return accel_intersect(path->scene->accel, ray, &path->query, hit) ||
-           path_leaked(path, in, ray, hit);
+           (path_may_leak(path->scene, in, ray) && path_leaked(path, in, ray, hit));
 }
 
 /* The same of a shadow ray that found its way free. */
-static __attribute__((cold, noinline)) int path_leaked_shadow(const struct path *path,
+static __attribute__((noinline)) int path_leaked_shadow(const struct path *path,
                                                               const struct ray *ray)
 {
     if (!path_is_enclosed(path->scene, &path->interior, ray) ||
@@ -169,7 +178,8 @@ static __attribute__((cold, noinline)) int path_leaked_shadow(const struct path 
 static int path_is_blocked(const struct path *path, const struct ray *ray)
 {
     return accel_occluded(path->scene->accel, ray, &path->query) ||
-           (!(ray->t_max < INFINITY) && path_leaked_shadow(path, ray));
+           (!(ray->t_max < INFINITY) && path_may_leak(path->scene, &path->interior, ray) &&
+            path_leaked_shadow(path, ray));
 }
 
 static int path_trace(const struct path *path, const struct interior *in, const struct ray *ray,
@@ -284,25 +294,18 @@ static struct vec3 path_absorbed(const struct world_material *material, float di
 
 /* ---- light -------------------------------------------------------------------------------- */
 
-/* What gets through from the ray's origin to its end: past medium boundaries, dimmed. */
-static struct vec3 path_visibility(struct path *path, const struct ray *ray)
+/* What gets through past medium boundaries, dimmed. */
+static __attribute__((noinline)) struct vec3 path_visibility_through(struct path *path,
+                                                                     const struct ray *ray)
 {
     const struct render_scene *scene = path->scene;
     const struct vec3 black = {0, 0, 0};
     struct vec3 visible = {1, 1, 1};
-    struct interior in;
+    struct interior in = path->interior;
     struct ray stretch = *ray;
     float left = ray->t_max;
-    uint8_t light;
+    uint8_t light = charge_get();
 
-    path->query.ray_number++;
-    if (!(HAS_VOLUMES && (ACTIVE(scene, MEDIUM) || ACTIVE(scene, INTERFACE)))) {
-        if (path_occluded(path, ray))
-            return black;
-        return visible;
-    }
-    in = path->interior;
-    light = charge_get();
     for (int i = 0; i < PASSAGES_MAX; i++) {
         struct medium_random random = {path->sampler, path->medium_key++, 0};
         const struct world_medium *medium;
@@ -346,6 +349,17 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
         path->query.ray_number++;
     }
     return black;
+}
+
+/* What gets through from the ray's origin to its end. */
+static struct vec3 path_visibility(struct path *path, const struct ray *ray)
+{
+    const struct render_scene *scene = path->scene;
+
+    path->query.ray_number++;
+    if (HAS_VOLUMES && (ACTIVE(scene, MEDIUM) || ACTIVE(scene, INTERFACE)))
+        return path_visibility_through(path, ray);
+    return vec3_splat(path_occluded(path, ray) ? 0 : 1);
 }
 
 /* Where the ray to a sampled light ends. A lamp's face is not in its own way; a light without a
@@ -658,7 +672,7 @@ static void path_record_hit(const struct render_scene *scene, const struct surfa
 }
 
 struct vec3 path_radiance(const struct render_scene *scene, const struct sampler *sampler,
-                          struct ray ray, struct camera_cone cone, struct path_record *record,
+                          const struct ray *ray, struct camera_cone cone, struct path_record *record,
                           struct render_stats *stats)
 {
     struct path path;
@@ -673,10 +687,10 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
     path.scene = scene;
     path.sampler = sampler;
     path.stats = stats;
-    path.ray = ray;
+    path.ray = *ray;
     path.throughput = vec3_splat(1);
     path.query = (struct path_query){sampler, 0};
-    path.asker = (struct light_query){{0, 0, 0}, {0, 0, 0}, ray.time};
+    path.asker = (struct light_query){{0, 0, 0}, {0, 0, 0}, ray->time};
     path.density = 0;
     path.from_delta = 1; /* the camera chooses like a mirror: nothing competes with it */
     path.scattered = 0;

@@ -26,7 +26,7 @@ struct path_record {
 /* Linear RGB radiance; may be non-finite only through a fault, which the caller counts.
  * `record` may be NULL. */
 struct vec3 path_radiance(const struct render_scene *scene, const struct sampler *sampler,
-                          struct ray ray, struct camera_cone cone, struct path_record *record,
+                          const struct ray *ray, struct camera_cone cone, struct path_record *record,
                           struct render_stats *stats);
 
 /* The accel's question: does a hit on this triangle count (culling, alpha)? */

@@ -248,12 +248,12 @@ void sizes_release(struct sizes *sizes)
 }
 
 status sizes_slender(const float *positions, const struct accel_mesh *mesh, uint8_t **out,
-                     uint8_t *worst, struct error *err)
+                     double *worst_squared, struct error *err)
 {
-    uint8_t *slender = mem_alloc_array(mesh->triangle_count, 1);
+    uint8_t *slender = mem_alloc_array(mesh->triangle_count, 1), worst = 0;
 
     *out = NULL;
-    *worst = 0;
+    *worst_squared = 1;
     if (!slender)
         return error_no_memory(err, "the shapes of the triangles");
     for (uint32_t i = 0; i < mesh->triangle_count; i++) {
@@ -264,13 +264,13 @@ status sizes_slender(const float *positions, const struct accel_mesh *mesh, uint
         if (ratio < 0x1p29)
             frexp(ratio, &e);
         slender[i] = (uint8_t)(e > 0 ? e : 0);
-        *worst = slender[i] > *worst ? slender[i] : *worst;
+        worst = slender[i] > worst ? slender[i] : worst;
     }
-    if (*worst <= SLENDER_ORDINARY) {
-        *worst = 0;
+    if (worst <= SLENDER_ORDINARY) {
         mem_free(slender);
         return STATUS_OK;
     }
+    *worst_squared = ldexp(1, 2 * worst);
     *out = slender;
     return STATUS_OK;
 }

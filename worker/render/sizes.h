@@ -30,9 +30,10 @@ double sizes_condition(const struct transform *m);
 double sizes_least_stretch(const struct transform *m);
 
 /* Binary logarithm of longest edge / height of each triangle, rounded up and at most
- * SIZES_SLENDER_MAX. *worst is the largest of them; *out is NULL where that is small. */
+ * SIZES_SLENDER_MAX; *out is NULL where all are small. *worst_squared is the largest ratio's
+ * square so rounded, 1 where all are small. */
 enum { SIZES_SLENDER_MAX = 30 };
 status sizes_slender(const float *positions, const struct accel_mesh *mesh, uint8_t **out,
-                     uint8_t *worst, struct error *err) MUST_CHECK;
+                     double *worst_squared, struct error *err) MUST_CHECK;
 
 #endif

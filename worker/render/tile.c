@@ -157,7 +157,7 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                 }
                 if (extra)
                     memset(&record, 0, sizeof record);
-                radiance = path_radiance(scene, &samplers[at], rays[at], cone,
+                radiance = path_radiance(scene, &samplers[at], &rays[at], cone,
                                          extra ? &record : NULL, stats);
                 STAGE(REST);
                 charge_set(CHARGE_NOBODY);

@@ -8,6 +8,7 @@
 
 #include <cmocka.h>
 
+#include "client/figures_view.h"
 #include "client/format.h"
 #include "client/table.h"
 
@@ -51,16 +52,24 @@ static void durations(void **state)
         assert_string_equal(format_duration(out, cases[i].seconds), cases[i].text);
 }
 
-static void errors(void **state)
+static void display_errors(void **state)
 {
     char out[FORMAT_SIZE];
 
     (void)state;
-    assert_string_equal(format_error(out, 0.0004), "2.00 %");
-    assert_string_equal(format_error(out, 1), "100 %");
-    assert_string_equal(format_error(out, 0), "0.0000 %");
-    assert_string_equal(format_error(out, NAN), "?");
-    assert_string_equal(format_error(out, -1), "?");
+    assert_string_equal(figures_display_text(out, 0.134), "0.13/255");
+    assert_string_equal(figures_display_text(out, 3.14), "3.1/255");
+    assert_string_equal(figures_display_text(out, 2), "2/255");
+    assert_string_equal(figures_display_text(out, 41.4), "41/255");
+    assert_string_equal(figures_display_text(out, 0), "0/255");
+    assert_string_equal(figures_display_text(out, NAN), "?");
+    assert_string_equal(figures_display_text(out, -1), "?");
+    assert_string_equal(figures_time_text(out, 4.25), "4.2 s");
+    assert_string_equal(figures_time_text(out, 98), "98 s");
+    assert_string_equal(figures_time_text(out, 540), "9 min");
+    assert_string_equal(figures_time_text(out, 9000), "2.5 h");
+    assert_string_equal(figures_time_text(out, 3 * 86400), "3.0 d");
+    assert_string_equal(figures_time_text(out, INFINITY), "?");
 }
 
 static void columns_are_characters(void **state)
@@ -91,7 +100,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(counts), cmocka_unit_test(byte_sizes),   cmocka_unit_test(durations),
-        cmocka_unit_test(errors), cmocka_unit_test(columns_are_characters),
+        cmocka_unit_test(display_errors), cmocka_unit_test(columns_are_characters),
         cmocka_unit_test(cells_are_printable),
     };
 

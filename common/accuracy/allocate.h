@@ -1,0 +1,128 @@
+/* allocate: how many samples each tile of a frame gets, and when there are enough.
+ *
+ * A picture is made of two groups of samples. Whatever one group gets is decided by the *other*
+ * group's samples, and only by those of its uniform floor, whose number depends on nothing. So a
+ * group's counts are independent of its own samples and the joined picture, mean(g0)/2 +
+ * mean(g1)/2, is unbiased (docs/ALLOCATION.md has the proof and the measured gains).
+ *
+ * How a frame uses it, once for each group g, with h the other group:
+ *
+ *   for level k = 0, 1, 2, ...:
+ *       wanted[t] = max(wanted[t], allocation_floor(k))    for every tile t: the round's floor
+ *       wait for the floor of group h
+ *       in.tiles, in.previous = h's statistics of levels k and k - 1; in.wanted = wanted
+ *       allocation_round(&round, &in)
+ *       if there is a target and allocation_target(&round, &target, &lambda) says yes:
+ *           allocation_wanted(&round, lambda, wanted); group g has ended
+ *       else:
+ *           allocation_wanted(&round, round.full, wanted)
+ *
+ * When g has ended and h has not, h still needs g's statistics of the next levels. Then g's floor
+ * is rendered on, but *for the statistics only*: its samples beyond `wanted` must not enter the
+ * picture, because it is g's own samples that made h go on. Frames of many tiles end in the same
+ * round; small ones often do not.
+ *
+ * Nothing here depends on a cap of the samples; the caller cuts `wanted` at the cap's passes and
+ * ends there. Wanted numbers grow with lambda and with the rounds, and rounds depend neither on
+ * cap nor on target, so a frame that was stopped can go on to the bits that it would have had.
+ *
+ * Pure functions: the same integers on every machine (common/math/elementary, fixed order).
+ */
+#ifndef AZULEJO_ACCURACY_ALLOCATE_H
+#define AZULEJO_ACCURACY_ALLOCATE_H
+
+#include <stdint.h>
+
+#include "common/base/status.h"
+
+enum {
+    ALLOCATION_BINS = 24,        /* of a histogram of errors in display codes */
+    ALLOCATION_PASSES_MAX = 148, /* passes of a group: 2^19 samples */
+};
+
+/* Samples of a group after `passes` passes: 0, 2, 4, 8, 16, 24, 32, 48, 64, ... */
+uint32_t allocation_samples(uint32_t passes);
+/* Passes of level `level`, which is 2^(level+1) samples of a group: the round's floor. */
+uint32_t allocation_floor(uint32_t level);
+
+/* The bin of a pixel's error in display codes, of 255: bin i holds 2^(i/2 - 5) up to the next
+ * half octave; smaller errors are in bin 0, larger ones in the last. */
+uint32_t allocation_bin(float codes);
+
+/* Level statistics of one tile and group: of the group's two replicates A, B, when its first
+ * 2^(level+1) samples were in. (A-B)/2 is the error of the group's mean, in distribution. */
+struct allocation_tile {
+    double radiance;       /* sum over pixels of R + G + B of the group's mean */
+    double linear_error;   /* sum over pixels of the three channels' ((A-B)/2)^2 */
+    float display_error;   /* sum over pixels of the largest channel's ((A-B)/2)^2 in codes */
+    float channel_error;   /* sum over pixels and channels of ((A-B)/2)^2 in codes */
+    uint16_t errors[ALLOCATION_BINS]; /* how many pixels have such an error in codes */
+    uint64_t rays;         /* of those samples */
+};
+
+/* How the samples beyond the floor are given out. `allocation_rules` are those in use; others
+ * are for experiments (`make accuracy-allocation`). */
+struct allocation_rules {
+    uint32_t first_level;    /* the first with samples beyond the floor */
+    uint32_t ratio_max;      /* samples of a tile over the floor, at most */
+    uint32_t share_percent;  /* what the samples beyond the floor cost, of the floor's cost */
+    double limit;            /* a pixel's error counts up to so many times the error that 95 % of
+                              * the pixels stay below: few pixels do not get all samples */
+    double smoothing;        /* a tile counts at least so much of its 3x3 tiles' mean error */
+    double exponent_min, exponent_max; /* of 1/n in the predicted squared error, as learnt from the
+                              * last two levels */
+    double margin;           /* the prediction must lie below the target by this share */
+};
+extern const struct allocation_rules allocation_rules;
+
+/* What decides a round of group g. Every number is of the other group. */
+struct allocation_input {
+    uint32_t width, height;              /* pixels of the frame */
+    uint32_t level;
+    const struct allocation_tile *tiles; /* [tile_count(width, height)], row-major */
+    const struct allocation_tile *previous; /* [tiles], of the level before; NULL at level 0 */
+    /* Group g's wanted passes before the round's extras, at least the level's floor. */
+    const uint32_t *wanted;
+    const struct allocation_rules *rules; /* NULL: allocation_rules */
+};
+
+/* The outcome: wanted passes as a function of an integer lambda, 0 .. full. */
+struct allocation_round {
+    const struct allocation_input *in; /* must stay as it is */
+    uint32_t tiles;
+    uint32_t full;       /* the lambda of the whole round; 0: no extras, only the floor */
+    int32_t offset;      /* strength + offset + lambda is log2 of samples, in fixed point */
+    int32_t *strength;   /* [tiles], owned */
+    int32_t steps[ALLOCATION_PASSES_MAX + 1]; /* where a tile goes on to the next pass */
+};
+
+/* ERR_NO_MEMORY. `out` is zero then; release it in any case. */
+status allocation_round(struct allocation_round *out, const struct allocation_input *in,
+                        struct error *err) MUST_CHECK;
+void allocation_round_release(struct allocation_round *round);
+
+/* Raise wanted[tiles] to what lambda <= round->full asks for. May be in->wanted itself only when
+ * the round is not asked again. */
+void allocation_wanted(const struct allocation_round *round, uint32_t lambda, uint32_t *wanted);
+
+enum allocation_measure {
+    ALLOCATION_DISPLAY, /* 95 % of the pixels are within so many codes of 255 */
+    ALLOCATION_PSNR,    /* dB */
+    ALLOCATION_RMSE,    /* per cent of the frame's mean */
+};
+struct allocation_target {
+    enum allocation_measure measure;
+    double value;
+};
+
+/* The error of the joined picture if the round ends at lambda, in the measure's unit. It never
+ * gets worse with lambda. A black or noiseless frame has error 0 (PSNR: infinity). */
+double allocation_predict(const struct allocation_round *round, enum allocation_measure measure,
+                          uint32_t lambda);
+
+/* Is the target met in this round? Then *lambda is the smallest at which the prediction meets it
+ * (margin included), else round->full. */
+int allocation_target(const struct allocation_round *round, const struct allocation_target *target,
+                      uint32_t *lambda);
+
+#endif

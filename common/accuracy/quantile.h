@@ -1,0 +1,26 @@
+/* quantile: quantiles of many non-negative numbers, and of a mixture of normal errors. */
+#ifndef AZULEJO_ACCURACY_QUANTILE_H
+#define AZULEJO_ACCURACY_QUANTILE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* The value with `rank` (0-based) smaller or equal ones before it; values >= 0, rank < count. Two
+ * passes, no order is changed. */
+float quantile_select(const float *values, size_t count, size_t rank);
+
+enum { SPREADS_BINS = 1 << 14 };
+/* How many errors have which standard deviation: bins of 1/64 octave. Zero-initialise. */
+struct spreads {
+    uint64_t bins[SPREADS_BINS];
+    uint64_t count;
+};
+void spreads_add(struct spreads *s, float deviation);
+/* The q >= 0 that a share `beyond` (0..1) of the |errors| exceeds, each normal about 0 with its own
+ * standard deviation. */
+double spreads_quantile(const struct spreads *s, double beyond);
+
+/* 1 - erf(x), x >= 0; relative error below 1e-12 up to x = 20. */
+double complement_erf(double x);
+
+#endif

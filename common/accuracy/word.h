@@ -1,0 +1,41 @@
+/* word: are a picture's figures reliable, or may they be understated, and why?
+ *
+ * The rules were chosen on one half of the seeds of `make accuracy` and hold on the other
+ * (docs/ACCURACY.md). */
+#ifndef AZULEJO_ACCURACY_WORD_H
+#define AZULEJO_ACCURACY_WORD_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/accuracy/figures.h"
+#include "common/scene/scene.h"
+
+enum { ACCURACY_WORDS_SIZE = 256 };
+
+/* The squared error, summed over a frame's channels, that one path adds which no sample has met
+ * yet, over `squared_error`, the estimate of all. Such a path goes off a mirror or through glass to the
+ * brightest light, which cannot be asked for directly then: 0 unless caustics are at work.
+ * Of S samples an event that happens once in S is missed by every third picture. */
+double word_unseen(const struct accuracy_evidence *evidence, double squared_error);
+
+/* The radiance (largest channel) of the brightest light that a ray can meet by chance: emitting surfaces
+ * and the environment. A map is not looked into: `map_max` is its largest value, 0 if not known. */
+double accuracy_brightest(const struct scene *scene, double env_strength, double map_max);
+
+/* Set reliable and reasons from the rest. `evidence` may be NULL. */
+void word_choose(struct accuracy_figures *figures, const struct accuracy_evidence *evidence);
+
+/* "reliable", or "may be understated". */
+const char *accuracy_word(const struct accuracy_figures *figures);
+
+/* Why they may be understated, and what in the scene probably causes it, in one sentence: "87 % of the
+ * squared error is in 0.1 % of the pixels; likely cause: caustics". "" where they are reliable.
+ * Returns `out`. */
+const char *accuracy_reason_text(const struct accuracy_figures *figures, uint64_t effects,
+                                 char out[ACCURACY_WORDS_SIZE]);
+
+/* The likely cause of noise that hides, from the effects at work. */
+const char *accuracy_cause(uint64_t effects);
+
+#endif

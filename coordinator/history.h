@@ -1,0 +1,53 @@
+/* history: how wrong a frame is, how that came down, and what it cost.
+ *
+ * A frame's points are a few, whatever its length: the newest one replaces its predecessor until the samples
+ * have grown by HISTORY_RATIO since the one before that.
+ */
+#ifndef AZULEJO_COORDINATOR_HISTORY_H
+#define AZULEJO_COORDINATOR_HISTORY_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/accuracy/figures.h"
+
+enum { HISTORY_MAX = 48 };
+#define HISTORY_RATIO 1.41421356 /* 4 to 2^20 samples a pixel are 37 points */
+
+struct history_point {
+    double core_s, wall_s;       /* spent on the frame so far */
+    uint64_t samples, rays;      /* of all its pixels */
+    struct accuracy_figures figures; /* of these samples */
+};
+
+struct history {
+    uint32_t count;
+    struct history_point points[HISTORY_MAX]; /* ascending samples */
+};
+
+/* Returns the point's place. */
+uint32_t history_add(struct history *history, const struct history_point *point);
+const struct history_point *history_last(const struct history *history); /* NULL: none */
+
+/* The frames of a job, as far as they are known. */
+struct job_figures {
+    float *display;              /* of each frame, from the job's first on; NaN: not known. NULL: none is */
+    uint32_t known;              /* how many are */
+    double core_s;               /* spent on the frames that are done */
+    struct history_point last;   /* of the newest frame whose figures are known */
+    uint32_t last_frame;         /* its index */
+};
+
+/* Note a finished frame's last point, once. 0: out of memory, and its figures are not noted. */
+int job_figures_note(struct job_figures *job, uint32_t index, uint32_t count,
+                     const struct history_point *point);
+void job_figures_release(struct job_figures *job);
+/* The largest display error, and its frame's index; NaN: none is known. */
+double job_figures_worst(const struct job_figures *job, uint32_t count, uint32_t *index);
+/* The largest error of the difference between a frame and the next (flicker), and the first one's
+ * index. Their samples are independent, so the squares of their errors add. */
+double job_figures_flicker(const struct job_figures *job, uint32_t count, uint32_t *index);
+/* Root mean square of the frames' display errors; NaN: none is known. */
+double job_figures_mean(const struct job_figures *job, uint32_t count);
+
+#endif
