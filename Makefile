@@ -99,7 +99,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm check-asan check-tsan fuzz bench layers install uninstall clean tests lint
+.PHONY: all help deps demo test test-slurm check-asan check-tsan fuzz bench accuracy layers install uninstall clean tests lint
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -197,6 +197,9 @@ fuzz: ## build the fuzz targets with clang's libFuzzer and run each for FUZZ_SEC
 
 bench: all tests ## the figures in docs/PERFORMANCE.md
 	@BUILD=$(BUILD) tests/bench/run.sh
+
+accuracy: all tests ## docs/ACCURACY.md: do the figures of error hold? ACCURACY_ARGS=--quick for a glance
+	@BUILD=$(BUILD) tests/accuracy/accuracy.py --cache $(BUILD)/accuracy $(ACCURACY_ARGS)
 
 # ---- use ----------------------------------------------------------------------------------
 demo: ## install what is missing, build, render the Cornell box on two workers into out/

@@ -56,7 +56,7 @@ static const char schema_5[] =
     " rays INTEGER NOT NULL, known INTEGER NOT NULL, reliable INTEGER NOT NULL,"
     " reasons INTEGER NOT NULL, display REAL, display_lo REAL, display_hi REAL, psnr REAL,"
     " psnr_lo REAL, psnr_hi REAL, rmse REAL, rmse_lo REAL, rmse_hi REAL, mean REAL,"
-    " top_share REAL, disagreement REAL, unseen REAL, tail REAL,"
+    " top_share REAL, disagreement REAL, unseen REAL, tail REAL, lone REAL, dark REAL,"
     " PRIMARY KEY (job, frame, place)) WITHOUT ROWID;";
 
 status sql_error(struct store *store, const char *what, struct error *err)

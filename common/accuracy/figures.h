@@ -53,6 +53,7 @@ enum accuracy_reason {
     ACCURACY_UNSEEN = 1,   /* one path that was not met yet would outweigh all of the error */
     ACCURACY_DISAGREE = 2, /* the groups' own figures differ more than chance lets them */
     ACCURACY_TOP = 4,      /* few pixels hold most of the squared error */
+    ACCURACY_SPARSE = 16,  /* many noisy pixels were lit in one replicate, or in none */
     ACCURACY_TAIL = 8,     /* the largest contributions fall off too slowly for a mean */
 };
 
@@ -63,8 +64,10 @@ struct accuracy_figures {
     double psnr_db, psnr_lo, psnr_hi;          /* of the same codes, all channels; INFINITY: no error */
     double rmse_percent, rmse_lo, rmse_hi;     /* of linear radiance, over the frame's mean */
     double mean;                               /* of the frame's channels */
+    double lone, dark;    /* of the pixels that make the display error: how far one replicate alone makes it,
+                           * and the share of them that show none themselves; 0..1 */
     double top_share;     /* of the squared error, in the 0.1 % of the pixels with the largest */
-    double disagreement;  /* |ln| of the ratio of the groups' own mean squared errors */
+    double disagreement;  /* |ln| of the ratio of the groups' own squared errors, for equal samples */
     double unseen;        /* squared error of one unmet path over all of the estimated; 0: not known */
     double tail_index;    /* k of the largest contributions; NaN: not known */
     int known;            /* 0: a tile lacks a replicate; all of the above is NaN */

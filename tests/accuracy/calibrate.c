@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/accuracy/curve.h"
 #include "common/base/options.h"
 #include "tests/support/calibration.h"
 #include "tests/support/judge.h"
@@ -20,29 +21,50 @@ static _Noreturn void die(const char *text)
     exit(2);
 }
 
-static void print_row(const char *scene, uint32_t seed, uint32_t spp, const struct judgement *j)
-{
-    const struct accuracy_figures *f = &j->figures;
+enum { AHEAD = 2 }; /* levels: four times the samples */
 
-    printf("%s,%u,%u,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.6g,%.6g,%.6g,%.6g,%d,%u,%.9g\n",
-           scene, seed, spp, f->display_error, f->display_lo, f->display_hi, j->true_display,
+/* The cost of the error that a later level shows, from the levels up to this one; 0 where there is none. */
+static struct accuracy_estimate predict(const struct judgement *j, uint32_t level, uint32_t levels)
+{
+    struct accuracy_point points[CALIBRATION_LEVELS_MAX];
+    struct accuracy_curve curve;
+
+    if (level + AHEAD >= levels || !(j[level + AHEAD].figures.display_error > 0))
+        return (struct accuracy_estimate){0, 0, 0};
+    for (uint32_t i = 0; i <= level; i++)
+        points[i] = (struct accuracy_point){j[i].cpu_s, j[i].figures.display_error,
+                                            j[i].figures.display_lo, j[i].figures.display_hi};
+    accuracy_curve_fit(&curve, points, level + 1);
+    return accuracy_curve_cost(&curve, j[level + AHEAD].figures.display_error);
+}
+
+/* One line of one seed's judgements j[levels]. `reference`: samples of a pixel that the truth was made of. */
+static void print_row(const char *scene, uint32_t seed, const struct judgement *all, uint32_t level,
+                      uint32_t levels, uint32_t reference)
+{
+    const struct judgement *j = &all[level], *later = &all[level + AHEAD < levels ? level + AHEAD : level];
+    const struct accuracy_figures *f = &j->figures;
+    struct accuracy_estimate cost = predict(all, level, levels);
+
+    printf("%s,%u,%u,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d,%u,%.9g,%u,%.6g,%.6g,%.6g,%.9g,%d\n",
+           scene, seed, calibration_spp(level), f->display_error, f->display_lo, f->display_hi, j->true_display,
            f->rmse_percent, f->rmse_lo, f->rmse_hi, j->true_rmse, f->psnr_db, j->true_psnr,
-           f->top_share, f->disagreement, f->unseen, f->tail_index, f->reliable, f->reasons,
-           j->cpu_s);
+           f->lone, f->dark, f->top_share, f->disagreement, f->unseen, f->tail_index, f->reliable, f->reasons,
+           j->cpu_s, reference, cost.value, cost.lo, cost.hi, later->cpu_s, later->figures.reliable);
 }
 
 int main(int argc, char **argv)
 {
     const char *size_text = "64x64", *cache = NULL, *name = "", *slash;
-    int64_t seeds = 20, levels = 7, reference_seeds = 2, reference_spp = 2048;
+    int64_t seeds = 20, levels = 7, reference_seeds = 3, reference_spp = 4096;
     int help = 0, header = 0;
     const struct option table[] = {
         {"size", 0, OPTION_STRING, &size_text, "WxH", "pixels; default: 64x64", 0, 0, NULL},
         {"seeds", 0, OPTION_INT, &seeds, "N", "pictures; default: 20", 2, 1000, NULL},
         {"levels", 0, OPTION_INT, &levels, "N", "4, 8, ... samples of a pixel; default: 7, to 256", 1,
          CALIBRATION_LEVELS_MAX, NULL},
-        {"reference-seeds", 0, OPTION_INT, &reference_seeds, "N", "of the reference; default: 2", 1, 64, NULL},
-        {"reference-spp", 0, OPTION_INT, &reference_spp, "N", "samples of each; default: 2048", 4, 65536, NULL},
+        {"reference-seeds", 0, OPTION_INT, &reference_seeds, "N", "of the reference; 0: as in the cache; default: 3", 0, 64, NULL},
+        {"reference-spp", 0, OPTION_INT, &reference_spp, "N", "samples of each; default: 4096", 4, 65536, NULL},
         {"cache", 0, OPTION_STRING, &cache, "FILE", "keep the pictures here", 0, 0, NULL},
         {"header", 0, OPTION_FLAG, &header, NULL, "print the columns' names and end", 0, 0, NULL},
         {0},
@@ -56,7 +78,8 @@ int main(int argc, char **argv)
         die(err.text);
     if (header) {
         puts("scene,seed,spp,display,display_lo,display_hi,display_true,rmse,rmse_lo,rmse_hi,rmse_true,"
-             "psnr,psnr_true,top_share,disagreement,unseen,tail_index,reliable,reasons,cpu_s");
+             "psnr,psnr_true,lone,dark,top_share,disagreement,unseen,tail_index,reliable,reasons,cpu_s,reference,"
+             "cost,cost_lo,cost_hi,later_cpu_s,later_reliable");
         return 0;
     }
     if (help || rest.count != 1 || sscanf(size_text, "%ux%u", &size.width, &size.height) != 2) {
@@ -67,7 +90,11 @@ int main(int argc, char **argv)
     size.levels = (uint32_t)levels;
     size.reference_seeds = (uint32_t)reference_seeds;
     size.reference_spp = (uint32_t)reference_spp;
+    if (size.reference_seeds == 0 && !cache)
+        die("--reference-seeds 0 takes the reference of --cache FILE; name one");
     if (!cache || !calibration_load(&c, cache, &size)) {
+        if (size.reference_seeds == 0)
+            die("the cache has no such pictures; give --reference-seeds N to render them");
         calibration_render(&c, rest.items[0], &size);
         if (cache)
             calibration_save(&c, cache, &size);
@@ -75,12 +102,14 @@ int main(int argc, char **argv)
     calibration_describe(&c, rest.items[0]);
     slash = strrchr(rest.items[0], '/');
     name = slash ? slash + 1 : rest.items[0];
-    for (uint32_t s = 0; s < c.seeds; s++)
-        for (uint32_t level = 0; level < c.levels; level++) {
-            struct judgement j;
-            judge(&j, &c, s, level);
-            print_row(name, s, calibration_spp(level), &j);
-        }
+    for (uint32_t s = 0; s < c.seeds; s++) {
+        struct judgement judgements[CALIBRATION_LEVELS_MAX];
+        for (uint32_t level = 0; level < c.levels; level++)
+            judge(&judgements[level], &c, s, level);
+        for (uint32_t level = 0; level < c.levels; level++)
+            print_row(name, s, judgements, level, c.levels,
+                      c.reference_seeds * c.reference_spp + (c.seeds - 1) * calibration_spp(c.levels - 1));
+    }
     calibration_release(&c);
     return 0;
 }

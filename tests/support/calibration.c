@@ -215,9 +215,13 @@ int calibration_load(struct calibration *c, const char *path, const struct calib
 
     if (!file)
         return 0;
-    ok = read_part(file, &found, sizeof found) && memcmp(&found, size, sizeof found) == 0;
+    ok = read_part(file, &found, sizeof found);
+    if (ok && size->reference_seeds > 0)
+        ok = found.reference_seeds == size->reference_seeds && found.reference_spp == size->reference_spp;
+    ok = ok && found.width == size->width && found.height == size->height && found.seeds == size->seeds &&
+         found.first_seed == size->first_seed && found.levels == size->levels;
     if (ok) {
-        allocate(c, size);
+        allocate(c, &found);
         ok = each_part(c, file, read_part);
         if (!ok)
             calibration_release(c);

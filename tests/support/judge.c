@@ -8,6 +8,9 @@
 #include "common/base/memory.h"
 #include "common/image/color.h"
 
+/* What a mean of floats is off by even where every sample is the same. */
+#define ROUNDING_PERCENT 1e-4
+
 static status srgb_codes(void *user, const float *rgb, uint32_t width, uint32_t height, float *codes,
                          struct error *err)
 {
@@ -75,6 +78,8 @@ void judge(struct judgement *out, const struct calibration *c, uint32_t seed, ui
     check(accuracy_figures_of(&out->figures, &p, &transform, &evidence, NULL, &err) == STATUS_OK, err.text);
     out->true_display = (double)quantile_select(errors, pixels, (size_t)((double)(pixels - 1) * 0.95));
     out->true_rmse = squared > unsure ? 100 * sqrt((squared - unsure) / (double)values) / mean : 0;
+    if (out->true_rmse < ROUNDING_PERCENT)
+        out->true_rmse = 0;
     out->true_psnr = codes > 0 ? 10 * log10(255.0 * 255.0 * (double)values / codes) : INFINITY;
     out->cpu_s = (double)v->cpu_ns * 1e-9;
     mem_free(truth);

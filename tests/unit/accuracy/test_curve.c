@@ -1,0 +1,153 @@
+/* The cost of accuracy from known laws, and the tail index of known tails. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <string.h>
+
+#include "common/accuracy/curve.h"
+#include "common/accuracy/tail.h"
+#include "common/accuracy/word.h"
+#include "common/scene/effects.h"
+
+static uint64_t random_state;
+
+static double uniform(void)
+{
+    random_state = random_state * 6364136223846793005ull + 1442695040888963407ull;
+    return ((double)(random_state >> 33) + 0.5) / 2147483648.0;
+}
+
+static void assert_near(double value, double expected, double share)
+{
+    if (!(fabs(value - expected) <= share * fabs(expected)))
+        fail_msg("%.9g instead of %.9g", value, expected);
+}
+
+static size_t law(struct accuracy_point *points, size_t count, double slope, double noise)
+{
+    for (size_t i = 0; i < count; i++) {
+        double cost = 10 * pow(2, (double)i), error = 8 * pow(cost / 10, -slope);
+        error *= exp(noise * (uniform() * 2 - 1) * 1.7);
+        points[i] = (struct accuracy_point){cost, error, error * exp(-2 * noise - 0.01),
+                                            error * exp(2 * noise + 0.01)};
+    }
+    return count;
+}
+
+static void test_exact_law(void **state)
+{
+    struct accuracy_point points[8];
+    struct accuracy_curve curve;
+    struct accuracy_estimate cost;
+
+    (void)state;
+    accuracy_curve_fit(&curve, points, law(points, 8, 0.55, 0));
+    assert_near(accuracy_curve_exponent(&curve).value, 0.55, 1e-6);
+    cost = accuracy_curve_cost(&curve, points[7].error * pow(4, -0.55)); /* four times the cost */
+    assert_near(cost.value, 4 * points[7].cost, 1e-5);
+    assert_true(cost.lo < cost.value && cost.value < cost.hi && cost.hi < 2 * cost.value);
+    assert_near(accuracy_curve_error(&curve, points[3].cost).value, points[3].error, 1e-5);
+    /* Eight good points outweigh what is known beforehand. */
+    accuracy_curve_fit(&curve, points, law(points, 8, 0.4, 0));
+    assert_near(accuracy_curve_exponent(&curve).value, 0.4, 0.05);
+}
+
+/* A cost 8 times the last point's lies in its interval about as often as it says: of 300 at least 276, which a
+ * share of 95 % misses with a chance below 1 %. */
+static void test_intervals_hold(void **state)
+{
+    int held = 0;
+
+    (void)state;
+    random_state = 5;
+    for (int i = 0; i < 300; i++) {
+        struct accuracy_point points[5];
+        struct accuracy_curve curve;
+        struct accuracy_estimate cost;
+        double slope = 0.44 + 0.12 * uniform(), truth = 160 * 8;
+        law(points, 5, slope, 0.04);
+        accuracy_curve_fit(&curve, points, 5);
+        cost = accuracy_curve_cost(&curve, 8 * pow(truth / 10, -slope));
+        held += cost.lo <= truth && truth <= cost.hi;
+    }
+    assert_true(held >= 276);
+}
+
+static void test_few_points(void **state)
+{
+    struct accuracy_point one = {10, 4, 0, 0}, none = {10, 0, 0, 0};
+    struct accuracy_curve curve;
+
+    (void)state;
+    accuracy_curve_fit(&curve, &one, 1); /* what is known beforehand is all */
+    assert_near(accuracy_curve_cost(&curve, 2).value, 10 * pow(2, 1 / 0.55), 1e-6);
+    assert_true(accuracy_curve_cost(&curve, 2).hi > 50);
+    accuracy_curve_fit(&curve, &none, 1);
+    assert_true(curve.points == 0 && isnan(accuracy_curve_cost(&curve, 2).value));
+    assert_true(isnan(accuracy_curve_exponent(&curve).value));
+    assert_true(isnan(accuracy_curve_error(&curve, 2).value));
+}
+
+/* Excesses ((1 - u)^-k - 1) / k have index k. */
+static void test_tail_index(void **state)
+{
+    static float values[2000];
+    static const double truths[3] = {0.1, 0.5, 0.9};
+
+    (void)state;
+    for (int t = 0; t < 3; t++) {
+        random_state = 9;
+        for (size_t i = 0; i < 2000; i++)
+            values[i] = (float)(3 + (pow(1 - uniform(), -truths[t]) - 1) / truths[t]);
+        assert_true(fabs(tail_index_of(values, 2000, 3) - truths[t]) < 0.1);
+    }
+    assert_true(isnan(tail_index_of(values, 4, 3)));
+    assert_near(tail_index_limit(100), 0.5, 1e-12);
+    assert_near(tail_index_limit(1e9), 0.7, 1e-12);
+}
+
+/* A list that is full hides what is below its last entry: only what is above counts. */
+static void test_tail_lists(void **state)
+{
+    enum { LISTS = 200, LENGTH = 16 };
+    static float values[LISTS * LENGTH];
+    struct accuracy_tails tails = {values, LISTS, LENGTH, 1000000};
+
+    (void)state;
+    random_state = 3;
+    for (size_t l = 0; l < LISTS; l++)
+        for (size_t i = 0; i < LENGTH; i++) {
+            float value = (float)pow(1 - uniform(), -0.8);
+            size_t at = i;
+            for (; at > 0 && values[l * LENGTH + at - 1] < value; at--)
+                values[l * LENGTH + at] = values[l * LENGTH + at - 1];
+            values[l * LENGTH + at] = value;
+        }
+    assert_true(fabs(accuracy_tails_index(&tails) - 0.8) < 0.2);
+    memset(values, 0, sizeof values);
+    assert_true(isnan(accuracy_tails_index(&tails)));
+}
+
+static void test_causes(void **state)
+{
+    (void)state;
+    assert_non_null(strstr(accuracy_cause(EFFECT_CAUSTICS | EFFECT_NESTED_DIELECTRIC | EFFECT_EMISSIVE_MESH), "lamps inside glass"));
+    assert_non_null(strstr(accuracy_cause(EFFECT_CAUSTICS | EFFECT_ENVIRONMENT), "small sun"));
+    assert_non_null(strstr(accuracy_cause(EFFECT_FOG | EFFECT_MEDIUM), "volume"));
+    assert_non_null(strstr(accuracy_cause(0), "few samples"));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_exact_law), cmocka_unit_test(test_intervals_hold),
+        cmocka_unit_test(test_few_points), cmocka_unit_test(test_tail_index),
+        cmocka_unit_test(test_tail_lists), cmocka_unit_test(test_causes),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
