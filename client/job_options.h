@@ -63,6 +63,7 @@ struct job_options {
      "pixels (default: the file's own, 720 rows at the camera's aspect, or 1280x720)", 0, 0,     \
      NULL},                                                                                     \
     STOP_OPTION_ROWS((o).stop),                                                                 \
+    ALLOCATION_OPTION_ROW((o).stop),                                                            \
     {"min-spp", 0, OPTION_INT, &(o).stop.spp_min, "N",                                          \
      "samples a pixel before --target-error may end a frame, at least", 1, SETTINGS_SPP_MAX,    \
      NULL},                                                                                     \
