@@ -6,6 +6,7 @@
 #include "client/import/import.h"
 #include "client/output.h"
 #include "client/stop_options.h"
+#include "common/base/buffer.h"
 #include "common/base/options.h"
 #include "common/scene/scene.h"
 #include "common/scene/settings.h"
@@ -93,6 +94,7 @@ struct job_request {
     struct stop_rules stop;
     int spp_given;               /* a file's own number of samples does not count */
     struct buffer schedule;      /* passes [tile][group]; empty: none */
+    uint32_t schedule_width, schedule_height;
     struct output_request output;
     uint32_t first_frame, last_frame;
     int32_t priority;

@@ -234,5 +234,5 @@ int rounds_made(const struct rounds *r, const struct film *film)
             if (film_tile_passes(film, t, g) != (wanted < most ? wanted : most))
                 return 0;
         }
-    return rounds_are_over(r);
+    return rounds_are_over(r) && r->end[0] != FRAME_END_SCHEDULE;
 }

@@ -167,4 +167,37 @@ def what_cannot_be_extended_is_refused():
         expect("its film was not kept" in farm.cli("extend", running, "--spp", "32", expect=5).err, "no films")
 
 
+@tests.add
+def a_schedule_gives_the_picture_again():
+    """--schedule-from: what a limit or a cancel ended, again, by another number of workers; errors name the file"""
+    with Farm() as farm:
+        farm_of(farm, 1)
+        limited = farm.submit(AREA, *SIZE, "--time-limit", "1s")
+        farm.wait_for_job(limited)
+        cut = farm.submit(AREA, *SIZE, "--spp", "100000")
+        wait_for(lambda: farm.job(cut)["samples_done"] > 97 * 61 * 20, "samples")
+        farm.cli("cancel", cut, expect=0)
+        farm.wait_for_job(cut, "cancelled")
+        farm.start_worker()
+        farm.wait_for_workers(2)
+        for number in (limited, cut):
+            first = Result(farm, number, "first-%s" % number)
+            expect("azulejo:schedule" in first.attributes, "no schedule")
+            again = render(farm, "--schedule-from", first.path)
+            expect(again.picture.values("samples.Y") == first.picture.values("samples.Y"), "other samples")
+            expect(again.bits == first.bits, "other pixels")
+            expect(again.attributes["azulejo:schedule"] == first.attributes["azulejo:schedule"], "schedule")
+            local = farm.path("local-%s.exr" % number)
+            farm.cli("render", AREA, *SIZE, "--schedule-from", first.path, "-o", local, expect=0)
+            expect(read_exr(local).bits() == first.bits, "other pixels, locally")
+        bad = farm.cli("submit", AREA, "--size", "32x32", "--schedule-from", first.path, expect=2)
+        expect(first.path in bad.err and "pixels" in bad.err, bad.err)
+        expect("leave out" in farm.cli("submit", AREA, *SIZE, "--spp", "4", "--schedule-from", first.path,
+                                       expect=2).err, "with --spp")
+        plain = render(farm, "--spp", "4")
+        expect("azulejo:schedule" not in plain.attributes, "a schedule that nobody needs")
+        bad = farm.cli("submit", AREA, *SIZE, "--schedule-from", plain.path, expect=3)
+        expect(plain.path in bad.err and "has no schedule" in bad.err, bad.err)
+
+
 tests.run()
