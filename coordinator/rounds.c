@@ -57,9 +57,15 @@ static void begin_round(struct rounds *r, struct film *film, uint32_t group)
 
 static void take_schedule(struct rounds *r, struct film *film, const struct buffer *schedule)
 {
+    film_want_nothing(film); /* it may leave tiles out */
     for (uint32_t g = 0; g < GROUPS; g++) {
-        for (uint32_t t = 0; t < r->tiles; t++)
+        int empty = 0;
+        for (uint32_t t = 0; t < r->tiles; t++) {
             r->wanted[g][t] = schedule->data[t * GROUPS + g];
+            empty |= r->wanted[g][t] == 0;
+        }
+        if (empty) /* level 0 will never be complete, and nothing is decided by its codes */
+            film_freeze(film, g, NULL);
         end_group(r, film, g, FRAME_END_SCHEDULE);
     }
 }
