@@ -410,8 +410,8 @@ static void print_message(struct peer *p, const Azulejo__Wire__Envelope *m)
     case AZULEJO__WIRE__ENVELOPE__BODY_RESULT_ACK:
         printf("ack job=%" PRIu64 " frame=%u units=", m->result_ack->job, m->result_ack->frame);
         for (size_t i = 0; i < m->result_ack->n_units; i++)
-            printf("%s%u:%u", i ? "," : "", m->result_ack->units[i]->tile,
-                   m->result_ack->units[i]->pass);
+            printf("%s%u:%u:%u", i ? "," : "", m->result_ack->units[i]->tile,
+                   m->result_ack->units[i]->group, m->result_ack->units[i]->pass);
         printf("\n");
         break;
     case AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST:

@@ -203,7 +203,7 @@ def hellos_that_do_not_fit():
     """another version, arithmetic, role or a senseless Hello is refused with words that help"""
     with Farm() as farm:
         farm.start_coordinator()
-        cases = [("worker", "version=999", "version 999.*version 2.*same release"),
+        cases = [("worker", "version=999", "version 999.*version 3.*same release"),
                  ("client", "version=0", "version 0"),
                  ("worker", "arithmetic=1", "arithmetic.*same release"),
                  ("worker", "role=2", "key|role"), ("client", "role=1", "key|role"),
@@ -356,12 +356,14 @@ def result_that_differs():
         expect(before["state"] == "running" and before["conflicts"] == 0, before)
         for count in (1, 2):
             peer.say("result unit=0 fill=0.5")
-            expect(peer.wait_line("ack ").endswith("units=%d:%d" % grant["units"][0]), "ack")
+            expect(peer.wait_line("ack ").endswith("units=%d:%d:%d" % grant["units"][0]), "ack")
             job = farm.job(number)
             expect(job["conflicts"] == count and job["samples_done"] == before["samples_done"], job)
         expect("differs from the one merged before" in farm.coordinator.log_text(), "not logged")
-        expect("odd" in farm.coordinator.log_text().split("differs from")[0].splitlines()[-1] or
-               "session" in farm.coordinator.log_text(), "it does not say who")
+        line = [l for l in farm.coordinator.log_text().splitlines() if "differs from" in l][-1]
+        names = re.search(r"\((\S+), process \d+, .*came from session \d+ \((\S+), process (\d+)\)", line)
+        expect(names and names.group(1) == "odd" and int(names.group(3)) == worker.pid,
+               "it does not name both: " + line)
         peer.end()
         worker.signal(signal.SIGCONT)
         farm.wait_for_job(number)
@@ -381,12 +383,12 @@ def result_twice():
         peer = OddPeer(farm, hello="threads=8")
         peer.say("request 2")
         number = farm.submit(farm.scene(), *SMALL)
-        unit = "units=%d:%d" % peer.grant()["units"][0]
+        unit = "units=%d:%d:%d" % peer.grant()["units"][0]
         for fill, conflicts in (("0.5", 0), ("0.5", 0), ("0.5", 0), ("0.75", 1)):
             peer.say("result fill=" + fill)
             expect(peer.wait_line("ack ").endswith(unit), "ack")
             job = farm.job(number)
-            expect(job["samples_done"] == 16 * 16 * 4 and job["conflicts"] == conflicts, job)
+            expect(job["samples_done"] == 16 * 16 * 2 and job["conflicts"] == conflicts, job)
         farm.cli("cancel", number, expect=0)
         peer.wait_line("revoke ")
         peer.say("result fill=0.5")  # of a job that is over
