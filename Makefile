@@ -99,7 +99,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm check-asan check-tsan fuzz bench accuracy layers install uninstall clean tests lint
+.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation check-asan check-tsan fuzz bench layers install uninstall clean tests lint
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -194,6 +194,11 @@ lint: ## clang-tidy and cppcheck
 
 fuzz: ## build the fuzz targets with clang's libFuzzer and run each for FUZZ_SECONDS (60)
 	@scripts/fuzz.sh $(FUZZ_SRC)
+
+accuracy-unbiased: tests ## adaptive pictures have the mean of uniform ones (10 minutes)
+	@BUILD=$(BUILD) tests/accuracy/unbiased.sh
+accuracy-allocation: tests ## what giving samples to tiles saves (docs/ALLOCATION.md; 20 minutes)
+	@BUILD=$(BUILD) tests/accuracy/allocation.sh
 
 bench: all tests ## the figures in docs/PERFORMANCE.md
 	@BUILD=$(BUILD) tests/bench/run.sh

@@ -12,6 +12,8 @@
 #define LN_2 0.69314718055994530942
 /* The share of pixels that a display error speaks of, and where it is looked for (log2 of codes). */
 #define QUANTILE 0.95
+#define MIXED 0.5 /* see mixed_square */
+#define LOG_CODES_BIN (-5.0) /* where bin 0 would begin, were it as wide as the others */
 #define LOG_CODES_MIN (-24.0)
 #define LOG_CODES_MAX 10.0
 /* The strength of a tile without any error: below all that can be reached. */
@@ -20,10 +22,11 @@
 const struct allocation_rules allocation_rules = {
     .first_level = 2,
     .ratio_max = 8,
-    .share_percent = 200,
-    .limit = 2,
+    .share_percent = 150,
+    .limit = 1.4,
     .smoothing = 0.5,
-    .exponent = 1,
+    .exponent_min = 0.5,
+    .exponent_max = 1,
     .margin = 0.02,
 };
 
@@ -57,7 +60,7 @@ static double part_below(uint32_t bin, double place)
 /* The place of an error in codes on the scale of bins: bin i is i .. i + 1. */
 static double place_of(double log2_codes)
 {
-    return 2 * (log2_codes + 4);
+    return 2 * (log2_codes - LOG_CODES_BIN);
 }
 
 /* The error in codes that QUANTILE of the pixels stay below, when the errors of counts[i][] are
@@ -99,19 +102,26 @@ static uint32_t pixels_of(const struct allocation_input *in, uint32_t tile)
     return r.width * r.height;
 }
 
+/* The display error of one group's picture. */
+static double quantile_of(const struct allocation_input *in, const struct film_level *tiles)
+{
+    uint64_t counts[1][LEVEL_BINS] = {{0}};
+    uint32_t count = tile_count(in->width, in->height);
+    double unmoved = 1;
+
+    for (uint32_t t = 0; t < count; t++)
+        for (uint32_t b = 0; b < LEVEL_BINS; b++)
+            counts[0][b] += tiles[t].bins[b];
+    return quantile(counts, &unmoved, 1);
+}
+
 /* What a pixel of each bin adds to its tile's squared error, at most. */
 static void limited_squares(const struct allocation_input *in, double *square)
 {
-    uint64_t counts[1][LEVEL_BINS] = {{0}};
-    uint32_t tiles = tile_count(in->width, in->height);
-    double unmoved = 1, most;
+    double most = rules_of(in)->limit * quantile_of(in, in->tiles);
 
-    for (uint32_t t = 0; t < tiles; t++)
-        for (uint32_t b = 0; b < LEVEL_BINS; b++)
-            counts[0][b] += in->tiles[t].bins[b];
-    most = rules_of(in)->limit * quantile(counts, &unmoved, 1);
     for (uint32_t b = 0; b < LEVEL_BINS; b++) {
-        double codes = exp2_of(((double)b + 0.5) / 2 - 4);
+        double codes = exp2_of(((double)b + 0.5) / 2 + LOG_CODES_BIN);
         square[b] = codes < most ? codes * codes : most * most;
     }
 }
@@ -167,7 +177,7 @@ static uint32_t passes_max(const struct allocation_round *round)
     return passes;
 }
 
-/* Passes of a tile before the maximum with what was wanted already. */
+/* Passes of a tile by the round alone, without what was wanted before. */
 static uint32_t passes_at(const struct allocation_round *round, uint32_t tile, uint32_t lambda,
                           uint32_t most)
 {
@@ -280,17 +290,49 @@ void allocation_round_release(struct allocation_round *round)
 
 /* ---- prediction ------------------------------------------------------------------------------- */
 
+/* The squared error of a level by a measure, up to a factor. */
+static double level_square(const struct allocation_input *in, const struct film_level *tiles,
+                           enum allocation_measure measure)
+{
+    double sum = 0;
+
+    if (measure == ALLOCATION_DISPLAY) {
+        sum = quantile_of(in, tiles);
+        return sum * sum;
+    }
+    for (uint32_t t = 0; t < tile_count(in->width, in->height); t++)
+        sum += measure == ALLOCATION_RMSE ? tiles[t].linear : (double)tiles[t].channels;
+    return sum;
+}
+
+/* The squared error falls as 1 / n^exponent. Soft light falls faster than 1 / n, rare light slower;
+ * the last doubling tells. */
+static double exponent_of(const struct allocation_input *in, enum allocation_measure measure)
+{
+    const struct allocation_rules *rules = rules_of(in);
+    double now = level_square(in, in->tiles, measure), exponent = 1;
+
+    if (in->previous && now > 0) {
+        double before = level_square(in, in->previous, measure);
+        exponent = before > 0 ? log2_of(before / now) : rules->exponent_min;
+    }
+    return exponent < rules->exponent_min   ? rules->exponent_min
+           : exponent > rules->exponent_max ? rules->exponent_max
+                                            : exponent;
+}
+
 /* Squared error of the joined picture over that of one group at the level, for each number of
  * passes. Two groups of the same number of samples halve it. */
-static void shrinkage(const struct allocation_round *round, double *factor)
+static void shrinkage(const struct allocation_round *round, enum allocation_measure measure, double *factor)
 {
-    double floor_samples = (double)(2u << round->in->level);
+    double floor_samples = (double)(2u << round->in->level), exponent = exponent_of(round->in, measure);
 
     factor[0] = 1;
     for (uint32_t p = 1; p <= PASSES_MAX; p++)
-        factor[p] = 0.5 * det_pow_d(floor_samples / pass_samples(p), rules_of(round->in)->exponent);
+        factor[p] = 0.5 * det_pow_d(floor_samples / pass_samples(p), exponent);
 }
 
+/* The error that 95 % of the pixels stay below, each tile's histogram moved by its factor. */
 static double predict_quantile(const struct allocation_round *round, uint32_t lambda,
                                const double *factor)
 {
@@ -303,17 +345,35 @@ static double predict_quantile(const struct allocation_round *round, uint32_t la
     return quantile(counts, factor, PASSES_MAX + 1);
 }
 
+/* The squared errors of the tiles, in part replaced by their 3x3 tiles' mean. A tile whose error was
+ * overstated by chance has got more samples for it, one whose error was understated fewer; without
+ * the mean, the sum would be predicted too small. */
+static double mixed_square(const struct allocation_input *in, uint32_t tile, int linear)
+{
+    uint32_t across = tiles_across(in->width), down = tiles_across(in->height);
+    uint32_t x0 = tile % across, y0 = tile / across;
+    double own = 0, sum = 0, pixels = 0;
+
+    for (uint32_t y = y0 > 0 ? y0 - 1 : 0; y <= y0 + 1 && y < down; y++)
+        for (uint32_t x = x0 > 0 ? x0 - 1 : 0; x <= x0 + 1 && x < across; x++) {
+            const struct film_level *t = &in->tiles[y * across + x];
+            double square = linear ? t->linear : (double)t->channels;
+            if (x == x0 && y == y0)
+                own = square;
+            sum += square;
+            pixels += pixels_of(in, y * across + x);
+        }
+    return (1 - MIXED) * own + MIXED * sum / pixels * pixels_of(in, tile);
+}
+
 static double predict_square(const struct allocation_round *round, uint32_t lambda,
                              const double *factor, int linear)
 {
     uint32_t most = passes_max(round);
     double sum = 0;
 
-    for (uint32_t t = 0; t < round->tiles; t++) {
-        const struct film_level *tile = &round->in->tiles[t];
-        sum += factor[wanted_at(round, t, lambda, most)] *
-               (linear ? tile->linear : (double)tile->display);
-    }
+    for (uint32_t t = 0; t < round->tiles; t++)
+        sum += factor[wanted_at(round, t, lambda, most)] * mixed_square(round->in, t, linear);
     return sum;
 }
 
@@ -323,12 +383,12 @@ double allocation_predict(const struct allocation_round *round, enum allocation_
     double pixels = (double)round->in->width * round->in->height;
     double factor[PASSES_MAX + 1], radiance = 0, square;
 
-    shrinkage(round, factor);
+    shrinkage(round, measure, factor);
     switch (measure) {
     case ALLOCATION_DISPLAY:
         return predict_quantile(round, lambda, factor);
     case ALLOCATION_PSNR:
-        square = predict_square(round, lambda, factor, 0) / pixels;
+        square = predict_square(round, lambda, factor, 0) / (3 * pixels);
         return square > 0 ? 4.34294481903251827651 * det_log_d(255.0 * 255.0 / square) : INFINITY;
     case ALLOCATION_RMSE:
         break;

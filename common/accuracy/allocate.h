@@ -10,7 +10,7 @@
  *   for level k = 0, 1, 2, ...:
  *       wanted[t] = max(wanted[t], level_passes(k))    for every tile t: the round's floor
  *       wait for the floor of group h
- *       in.tiles = h's statistics of level k, in.wanted = wanted
+ *       in.tiles, in.previous = h's statistics of levels k and k - 1; in.wanted = wanted
  *       allocation_round(&round, &in)
  *       if there is a target and allocation_target(&round, &target, &lambda) says yes:
  *           allocation_wanted(&round, lambda, wanted); group g has ended
@@ -19,8 +19,8 @@
  *
  * When g has ended and h has not, h still needs g's statistics of the next levels. Then g's floor
  * is rendered on, but *for the statistics only*: its samples beyond `wanted` must not enter the
- * picture, because it is g's own samples that made h go on. Both groups mostly end in the same
- * round; the samples left out are few.
+ * picture, because it is g's own samples that made h go on. Frames of many tiles end in the same
+ * round; small ones often do not.
  *
  * Nothing here depends on a cap of the samples; the caller cuts `wanted` at the cap's passes and
  * ends there. Wanted numbers grow with lambda and with the rounds, and rounds depend neither on
@@ -46,7 +46,8 @@ struct allocation_rules {
     double limit;            /* a pixel's error counts up to so many times the error that 95 % of
                               * the pixels stay below: few pixels do not get all samples */
     double smoothing;        /* a tile counts at least so much of its 3x3 tiles' mean error */
-    double exponent;         /* of n in the predicted squared error */
+    double exponent_min, exponent_max; /* of 1/n in the predicted squared error, as learnt from the
+                              * last two levels */
     double margin;           /* the prediction must lie below the target by this share */
 };
 extern const struct allocation_rules allocation_rules;
@@ -56,6 +57,7 @@ struct allocation_input {
     uint32_t width, height;              /* pixels of the frame */
     uint32_t level;
     const struct film_level *tiles; /* [tile_count(width, height)], row-major */
+    const struct film_level *previous; /* [tiles], of the level before; NULL at level 0 */
     /* Group g's wanted passes before the round's extras, at least the level's floor. */
     const uint32_t *wanted;
     const struct allocation_rules *rules; /* NULL: allocation_rules */

@@ -19,7 +19,7 @@ enum {
     GROUP_HEADER_BYTES = 4 * 4,
     WORK_BYTES = 6 * 8,
     TAIL_BYTES = 8 + TAIL_MAX * 8,
-    LEVEL_BYTES = 8 + 8 + 8 + 4 + 4 + LEVEL_BINS * 2,
+    LEVEL_BYTES = 8 + 8 + 8 + 4 + 4 + 4 + LEVEL_BINS * 2,
     LOG_BYTES = 16,
     STATE_CHECK_BYTES = 8,
 };
@@ -167,6 +167,7 @@ static uint8_t *put_level(uint8_t *at, const struct film_level *level)
     at = put_double(at, level->radiance);
     at = put_double(at, level->linear);
     at = put_float(at, level->display);
+    at = put_float(at, level->channels);
     at = put32(at, (uint32_t)level->has_codes);
     for (int i = 0; i < LEVEL_BINS; i += 2)
         at = put32(at, level->bins[i] | (uint32_t)level->bins[i + 1] << 16);
@@ -278,10 +279,12 @@ static void get_sums(const uint8_t **at, struct film_sums *sums, size_t numbers)
 
 static void get_level(const uint8_t **at, struct film_level *level)
 {
+    memset(level, 0, sizeof *level); /* also what lies between its members */
     level->rays = get64(at);
     level->radiance = get_double(at);
     level->linear = get_double(at);
     level->display = get_float(at);
+    level->channels = get_float(at);
     level->has_codes = get32(at) != 0;
     for (int i = 0; i < LEVEL_BINS; i += 2) {
         uint32_t two = get32(at);

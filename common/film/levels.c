@@ -8,11 +8,11 @@
 
 uint32_t level_bin(float codes)
 {
-    float edge = 0x1.6a09e6p-4f; /* 2^-3.5, where bin 1 begins */
+    float edge = 0x1.6a09e6p-5f; /* 2^-4.5, where bin 1 begins */
     uint32_t bin = 0;
 
-    /* Comparisons with constants: two half octaves are a factor of two, exactly. */
-    for (float whole = 0x1p-3f; bin + 1 < LEVEL_BINS; whole *= 2, edge *= 2) {
+    /* Comparisons with exact constants: two half octaves are a factor of two, exactly. */
+    for (float whole = 0x1p-4f; bin + 1 < LEVEL_BINS; whole *= 2, edge *= 2) {
         if (!(codes >= edge))
             return bin;
         bin++;
@@ -26,18 +26,20 @@ uint32_t level_bin(float codes)
 static void measure_codes(struct film_level *out, const float *first, const float *second,
                           uint32_t pixels)
 {
-    double sum = 0;
+    double sum = 0, channels = 0;
 
     for (uint32_t i = 0; i < pixels; i++, first += 3, second += 3) {
         float squared = 0;
         for (int c = 0; c < 3; c++) {
             float half = (first[c] - second[c]) / 2;
             squared = half * half > squared ? half * half : squared;
+            channels += (double)(half * half);
         }
         sum += (double)squared;
         out->bins[level_bin(sqrtf(squared))]++;
     }
     out->display = (float)sum;
+    out->channels = (float)channels;
     out->has_codes = 1;
 }
 

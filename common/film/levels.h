@@ -16,12 +16,13 @@ struct film_level {
     uint64_t rays;       /* of the group on the tile, up to this level */
     double radiance;     /* sum over pixels of R + G + B of the group's mean */
     double linear;       /* sum over pixels and RGB of (A - B)^2 / 4, in linear radiance */
-    float display;       /* sum over pixels of e^2, e = the largest channel's |a - b| / 2 */
-    int has_codes;       /* display and bins are known */
+    float display;       /* sum over pixels of e^2 in codes, e = the largest channel's |a - b| / 2 */
+    float channels;      /* sum over pixels and channels of (a - b)^2 / 4 */
+    int has_codes;       /* display, channels and bins are known */
     uint16_t bins[LEVEL_BINS]; /* pixels by level_bin(e) */
 };
 
-/* The bin of an error in codes, of 255: bin i holds 2^(i/2 - 4) up to the next half octave; smaller errors
+/* The bin of an error in codes, of 255: bin i holds 2^(i/2 - 5) up to the next half octave; smaller errors
  * are in bin 0, larger ones in the last. */
 uint32_t level_bin(float codes);
 

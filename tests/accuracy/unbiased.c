@@ -1,6 +1,10 @@
 /* unbiased: adaptive pictures against uniform ones, over many seeds of hard scenes.
  *
- *   unbiased SCENE [--seeds N] [--samples N] [--last-level N] [--psnr X | --rmse X] [--size WxH] [--first-seed N] */
+ *   unbiased SCENE [--seeds N] [--samples N] [--last-level N] [--psnr X | --rmse X]
+ *            [--size WxH] [--first-seed N]
+ *
+ * Prints for the right procedure and for each wrong one how much light the adaptive pictures have
+ * more than the uniform ones. Ends with status 1 if the right one is off. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -44,8 +48,9 @@ int main(int argc, char **argv)
     unbiased_measure(&study, &result);
     for (int way = 0; way < UNBIASED_WAYS; way++) {
         const struct unbiased_way *w = &result.ways[way];
-        printf("%-22s frame %+.5f +- %.5f, least p %.2g (at 1 %%, %u tests: %.2g), samples %.1f +- %.1f\n",
-               unbiased_names[way], w->frame.mean, running_stats_error(&w->frame),
+        printf("%-22s frame %+.2f +- %.2f %%, least p %.2g (at 1 %%, %u tests: %.2g), samples %.1f +- %.1f\n",
+               unbiased_names[way], 100 * w->frame.mean / result.uniform.mean,
+               100 * running_stats_error(&w->frame) / result.uniform.mean,
                unbiased_p_value(&result, way), result.tests, sidak_alpha(0.01, result.tests),
                w->samples.mean, sqrt(running_stats_variance(&w->samples)));
     }

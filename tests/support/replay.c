@@ -104,7 +104,7 @@ static void encode(struct growing *g, double exposure)
 static void measure_tile(const struct growing *g, uint32_t tile, struct film_level *out)
 {
     struct tile_rect rect = tile_rect_of(g->width, g->height, tile);
-    double display = 0;
+    double display = 0, channels = 0;
 
     memset(out, 0, sizeof *out);
     for (uint32_t y = rect.y; y < rect.y + rect.height; y++)
@@ -116,6 +116,7 @@ static void measure_tile(const struct growing *g, uint32_t tile, struct film_lev
                 float e = fabsf(g->codes[0][c] - g->codes[1][c]) * 127.5f;
                 out->radiance += (g->sums[0][c] + g->sums[1][c]) / g->samples;
                 out->linear += d * d;
+                channels += (double)e * (double)e;
                 if (e > most)
                     most = e;
             }
@@ -123,6 +124,7 @@ static void measure_tile(const struct growing *g, uint32_t tile, struct film_lev
             out->bins[level_bin(most)]++;
         }
     out->display = (float)display;
+    out->channels = (float)channels;
     out->rays = g->rays[tile];
 }
 
@@ -306,6 +308,7 @@ static struct film_level as_level(const struct film_level *all, uint32_t samples
 
     out.linear *= ratio;
     out.display *= (float)ratio;
+    out.channels *= (float)ratio;
     out.rays = (uint64_t)((double)all->rays / ratio);
     memset(out.bins, 0, sizeof out.bins);
     for (int b = 0; b < LEVEL_BINS; b++)
@@ -329,11 +332,11 @@ static void what_decides(const struct replay *r, int group, uint32_t level, enum
     }
 }
 
-void replay_rounds(const struct replay *decides, const struct allocation_rules *rules,
+int replay_rounds(const struct replay *decides, const struct allocation_rules *rules,
                    const struct allocation_target *target, uint32_t last_level,
                    enum replay_fault fault, uint32_t *const passes[RECORD_GROUPS])
 {
-    struct film_level *tiles[RECORD_GROUPS];
+    struct film_level *tiles[RECORD_GROUPS], *before[RECORD_GROUPS] = {NULL, NULL};
     int ended[RECORD_GROUPS] = {0};
 
     for (int g = 0; g < RECORD_GROUPS; g++) {
@@ -350,7 +353,7 @@ void replay_rounds(const struct replay *decides, const struct allocation_rules *
         for (int g = 0; g < RECORD_GROUPS; g++)
             what_decides(decides, g, k, fault, passes, tiles[g]);
         for (int g = 0; g < RECORD_GROUPS; g++) {
-            struct allocation_input in = {decides->width, decides->height, k, tiles[g], passes[g], rules};
+            struct allocation_input in = {decides->width, decides->height, k, tiles[g], before[g], passes[g], rules};
             struct allocation_round round;
             struct error err;
             uint32_t lambda;
@@ -367,9 +370,17 @@ void replay_rounds(const struct replay *decides, const struct allocation_rules *
                     passes[g][t] = decides->passes;
             allocation_round_release(&round);
         }
+        for (int g = 0; g < RECORD_GROUPS; g++) {
+            struct film_level *free_now = before[g] ? before[g] : need(mem_alloc_array(decides->tiles, sizeof *tiles[g]));
+            before[g] = tiles[g];
+            tiles[g] = free_now;
+        }
     }
-    for (int g = 0; g < RECORD_GROUPS; g++)
+    for (int g = 0; g < RECORD_GROUPS; g++) {
         mem_free(tiles[g]);
+        mem_free(before[g]);
+    }
+    return ended[0] && ended[1];
 }
 
 /* ---- judging ----------------------------------------------------------------------------------------- */
@@ -381,7 +392,8 @@ static int ascending(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-struct replay_errors replay_errors(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS])
+static struct replay_errors errors_of(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS],
+                                      int expected)
 {
     size_t pixels = (size_t)replay->width * replay->height;
     float *largest = need(mem_alloc_array(pixels, sizeof *largest));
@@ -394,9 +406,8 @@ struct replay_errors replay_errors(const struct replay *replay, uint32_t *const 
         largest[p] = 0;
         for (int c = 0; c < 3; c++) {
             float e = 0.5f * (e0[c] + e1[c]), against = 0.5f * (e0[c] - e1[c]);
-            /* The two groups' errors are independent: their product has mean 0, so leaving it
-             * out changes only the noise of the judgement. */
-            out.square += 0.5 * ((double)e * (double)e + (double)against * (double)against);
+            out.square += expected ? 0.5 * ((double)e * (double)e + (double)against * (double)against)
+                                   : (double)e * (double)e;
             if (fabsf(e) > largest[p])
                 largest[p] = fabsf(e);
         }
@@ -406,6 +417,18 @@ struct replay_errors replay_errors(const struct replay *replay, uint32_t *const 
     out.display = (double)largest[(size_t)(0.95 * (double)(pixels - 1))];
     mem_free(largest);
     return out;
+}
+
+/* The two groups' errors are independent: their product has mean 0, so leaving it out changes only
+ * the noise of the judgement. */
+struct replay_errors replay_errors(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS])
+{
+    return errors_of(replay, passes, 1);
+}
+
+struct replay_errors replay_reported(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS])
+{
+    return errors_of(replay, passes, 0);
 }
 
 double replay_cost(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS])

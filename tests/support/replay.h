@@ -44,8 +44,8 @@ enum replay_fault {
 };
 
 /* Run the rounds 0 .. last_level; target: NULL or where each group ends. passes[g][tile], cut at
- * the seed's own. */
-void replay_rounds(const struct replay *decides, const struct allocation_rules *rules,
+ * the seed's own. Returns whether both groups met the target. */
+int replay_rounds(const struct replay *decides, const struct allocation_rules *rules,
                    const struct allocation_target *target, uint32_t last_level,
                    enum replay_fault fault, uint32_t *const passes[RECORD_GROUPS]);
 
@@ -55,6 +55,9 @@ struct replay_errors {
 };
 /* Of the joined picture whose group g has passes[g][tile] passes. */
 struct replay_errors replay_errors(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS]);
+
+/* The same as the picture's four replicates say it. */
+struct replay_errors replay_reported(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS]);
 
 /* CPU seconds of such a picture. */
 double replay_cost(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS]);

@@ -41,6 +41,16 @@ static void add_way(struct unbiased_way *way, const struct replay *r,
     running_stats_add(&way->samples, samples);
 }
 
+static double uniform_mean(const struct replay *r)
+{
+    double sum = 0;
+
+    for (uint32_t t = 0; t < r->tiles; t++)
+        for (int g = 0; g < RECORD_GROUPS; g++)
+            sum += r->mean[g][r->passes][t];
+    return sum / (RECORD_GROUPS * r->tiles);
+}
+
 void unbiased_measure(const struct unbiased_study *study, struct unbiased_result *out)
 {
     struct render_settings settings = imported_settings(study->width, study->height, 2 * study->samples);
@@ -66,6 +76,7 @@ void unbiased_measure(const struct unbiased_study *study, struct unbiased_result
                           by_counts ? REPLAY_RIGHT : (enum replay_fault)way, passes);
             add_way(&out->ways[way], &replay, passes, by_counts);
         }
+        running_stats_add(&out->uniform, uniform_mean(&replay));
         replay_release(&replay);
     }
     render_scene_free(scene);

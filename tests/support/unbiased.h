@@ -26,12 +26,13 @@ struct unbiased_study {
 };
 
 struct unbiased_way {
-    struct running_stats frame, tiles[UNBIASED_TILES_MAX]; /* differences over the uniform mean */
+    struct running_stats frame, tiles[UNBIASED_TILES_MAX]; /* differences of means, in radiance */
     struct running_stats samples; /* of a group, mean over tiles */
 };
 
 struct unbiased_result {
     uint32_t tests;      /* the frame, and tiles if there are several */
+    struct running_stats uniform; /* the frame's mean of uniform samples */
     struct unbiased_way ways[UNBIASED_WAYS];
 };
 

@@ -12,7 +12,7 @@
 #include "common/accuracy/allocate.h"
 #include "common/film/tiles.h"
 
-#define GOLDEN 0x33ac9f8au
+#define GOLDEN 0x75293efbu
 
 enum { TILES_MAX = 64 };
 
@@ -25,7 +25,7 @@ struct frame {
 static void frame_init(struct frame *f, uint32_t width, uint32_t height, uint32_t level)
 {
     memset(f, 0, sizeof *f);
-    f->in = (struct allocation_input){width, height, level, f->tiles, f->wanted, NULL};
+    f->in = (struct allocation_input){width, height, level, f->tiles, NULL, f->wanted, NULL};
     assert_true(tile_count(width, height) <= TILES_MAX);
     for (uint32_t t = 0; t < tile_count(width, height); t++)
         f->wanted[t] = level_passes(level);
@@ -42,6 +42,7 @@ static void set_tile(struct frame *f, uint32_t tile, double codes, double light,
     t->radiance = 3.0 * pixels;
     t->linear = 3 * light * light * pixels;
     t->display = (float)(codes * codes * pixels);
+    t->channels = 3 * t->display;
     t->bins[level_bin((float)codes)] = (uint16_t)pixels;
     t->rays = rays_of_pixel * pixels;
 }
@@ -89,11 +90,13 @@ static void test_bins(void **state)
 {
     (void)state;
     assert_int_equal(level_bin(0), 0);
-    assert_int_equal(level_bin(0.088f), 0);
-    assert_int_equal(level_bin(0.0885f), 1);
-    assert_int_equal(level_bin(0.125f), 2);
-    assert_int_equal(level_bin(1), 8);
-    assert_int_equal(level_bin(1.4143f), 9);
+    assert_int_equal(level_bin(0.044f), 0);
+    assert_int_equal(level_bin(0.0443f), 1);
+    assert_int_equal(level_bin(0.0625f), 2);
+    assert_int_equal(level_bin(1), 10);
+    assert_int_equal(level_bin(1.4143f), 11);
+    assert_int_equal(level_bin(90), 22);
+    assert_int_equal(level_bin(91), 23);
     assert_int_equal(level_bin(255), 23);
     assert_int_equal(level_bin(1e30f), 23);
     assert_int_equal(level_bin(NAN), 0);
@@ -174,7 +177,7 @@ static void test_few_pixels_do_not_take_all(void **state)
     frame_init(&f, 64, 64, 4);
     for (uint32_t t = 0; t < 16; t++)
         set_tile(&f, t, 1, 0.1, 64);
-    f.tiles[5].bins[8] -= 4;
+    f.tiles[5].bins[10] -= 4;
     f.tiles[5].bins[23] += 4;
     f.tiles[5].display += 4 * 200 * 200;
     run(&round, &f);
@@ -320,6 +323,56 @@ static void test_prediction(void **state)
     allocation_round_release(&round);
 }
 
+/* A tile with more samples because it looked worse than its neighbours is not believed wholly. */
+static void test_prediction_leans_on_the_neighbourhood(void **state)
+{
+    struct frame f;
+    struct allocation_round round;
+    double error;
+    (void)state;
+
+    frame_init(&f, 128, 16, 3);
+    for (uint32_t t = 0; t < 8; t++)
+        set_tile(&f, t, 1, 0, 64);
+    set_tile(&f, 4, 1, 0.1, 64);
+    f.wanted[4] = level_passes(5); /* four times the floor */
+    run(&round, &f);
+    error = allocation_predict(&round, ALLOCATION_RMSE, 0);
+    /* Two thirds of its square (a half, and a sixth as its own share of the mean) at a quarter, a
+     * third beside it. */
+    assert_true(fabs(error * error - 100 * 0.5 * (2.0 / 3 * 0.25 + 1.0 / 3) / 8) < 1e-9);
+    allocation_round_release(&round);
+}
+
+/* The exponent is that of the last doubling: squared errors that fall by 2^0.75 do so further on. */
+static void test_exponent_is_learnt(void **state)
+{
+    struct frame f, before;
+    struct allocation_round round;
+    double at_floor, later;
+    (void)state;
+
+    frame_init(&f, 64, 64, 3);
+    frame_init(&before, 64, 64, 2);
+    for (uint32_t t = 0; t < 16; t++) {
+        set_tile(&f, t, 4, 0.1, 64);
+        set_tile(&before, t, 4 * exp2(0.75 / 2), 0.1 * exp2(0.75 / 2), 64);
+    }
+    f.in.previous = before.tiles;
+    run(&round, &f);
+    at_floor = allocation_predict(&round, ALLOCATION_RMSE, 0);
+    assert_true(fabs(at_floor - 10 / sqrt(2)) < 1e-9);
+    for (uint32_t t = 0; t < 16; t++)
+        f.wanted[t] = level_passes(4);
+    later = allocation_predict(&round, ALLOCATION_RMSE, 0);
+    assert_true(fabs(at_floor / later - exp2(0.75 / 2)) < 1e-9);
+    for (uint32_t t = 0; t < 16; t++) /* never faster than the rules allow */
+        set_tile(&before, t, 4 * 4, 0.1 * 4, 64);
+    later = allocation_predict(&round, ALLOCATION_RMSE, 0);
+    assert_true(fabs(at_floor / later - exp2(allocation_rules.exponent_max / 2)) < 1e-9);
+    allocation_round_release(&round);
+}
+
 static void test_target_is_met_at_the_smallest_lambda(void **state)
 {
     static const struct allocation_target targets[] = {
@@ -347,6 +400,14 @@ static void test_target_is_met_at_the_smallest_lambda(void **state)
                                                          : (first + last) / 2 / (1 - room);
         assert_true(allocation_target(&round, &target, &lambda));
         assert_in_range(lambda, 1, round.full);
+        { /* one less would not do */
+            double aim = target.measure == ALLOCATION_PSNR ? target.value - 20 * log10(1 - room)
+                                                           : target.value * (1 - room);
+            double here = allocation_predict(&round, target.measure, lambda);
+            double before = allocation_predict(&round, target.measure, lambda - 1);
+            assert_true(target.measure == ALLOCATION_PSNR ? here >= aim - 1e-9 : here <= aim + 1e-9);
+            assert_true(target.measure == ALLOCATION_PSNR ? before < aim : before > aim);
+        }
         target.value = target.measure == ALLOCATION_PSNR ? last + 1 : last * 0.9;
         assert_false(allocation_target(&round, &target, &lambda));
         assert_int_equal(lambda, round.full);
@@ -368,7 +429,8 @@ enum { TOY_PASSES = 5, TOY_BITS = 2 * TOY_PASSES, TOY_OUTCOMES = 1 << TOY_BITS, 
 #define TOY_LIGHT 0.2 /* probability that a replicate's share of a pass finds the light */
 
 static const struct allocation_rules toy_rules = {
-    .first_level = 1, .ratio_max = 4, .share_percent = 100, .limit = 1e9, .smoothing = 0.25, .exponent = 1};
+    .first_level = 1, .ratio_max = 4, .share_percent = 100, .limit = 1e9, .smoothing = 0.25,
+    .exponent_min = 1, .exponent_max = 1};
 
 /* Bit 2p + r: did replicate r find the light in pass p? */
 static double toy_sum(uint32_t outcome, uint32_t replicate, uint32_t passes)
@@ -522,6 +584,8 @@ int main(void)
         cmocka_unit_test(test_units_do_not_matter),
         cmocka_unit_test(test_same_bits),
         cmocka_unit_test(test_prediction),
+        cmocka_unit_test(test_prediction_leans_on_the_neighbourhood),
+        cmocka_unit_test(test_exponent_is_learnt),
         cmocka_unit_test(test_target_is_met_at_the_smallest_lambda),
         cmocka_unit_test(test_toy),
     };
