@@ -52,7 +52,8 @@ static struct accuracy_figures figures_get(const Azulejo__Wire__Figures *f)
 {
     return (struct accuracy_figures){.display_error = f->display, .top_share = f->top_share,
                                      .disagreement = f->disagreement, .unseen = f->unseen,
-                                     .tail_index = f->tail_index, .known = 1,
+                                     .tail_index = f->tail_index, .lone = f->lone,
+                                     .dark = f->dark, .known = 1,
                                      .reliable = f->reliable, .reasons = f->reasons};
 }
 

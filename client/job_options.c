@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "client/parse.h"
+#include "client/schedule_option.h"
 #include "common/base/buffer.h"
 #include "common/scene/pose.h"
 #include "protocol/message.h"
@@ -65,6 +66,8 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
         result = parse_aovs(o->aovs.items[i], &s->aovs, err);
     if (result == STATUS_OK)
         result = rules_check(o, out, err);
+    if (result == STATUS_OK)
+        result = schedule_option_read(out, o, err);
     if (result == STATUS_OK)
         result = output_options_check(&o->output, &out->output, err);
     out->output.half = o->half;

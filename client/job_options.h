@@ -6,6 +6,7 @@
 #include "client/import/import.h"
 #include "client/output.h"
 #include "client/stop_options.h"
+#include "common/base/buffer.h"
 #include "common/base/options.h"
 #include "common/scene/scene.h"
 #include "common/scene/settings.h"
@@ -67,6 +68,7 @@ struct job_options {
      "pixels (default: the file's own, 720 rows at the camera's aspect, or 1280x720)", 0, 0,     \
      NULL},                                                                                     \
     STOP_OPTION_ROWS((o).stop),                                                                 \
+    ALLOCATION_OPTION_ROW((o).stop),                                                            \
     {"min-spp", 0, OPTION_INT, &(o).stop.spp_min, "N",                                          \
      "samples a pixel before --target-error may end a frame, at least", 1, SETTINGS_SPP_MAX,    \
      NULL},                                                                                     \
@@ -117,6 +119,7 @@ struct job_request {
     struct stop_rules stop;
     int spp_given;               /* a file's own number of samples does not count */
     struct buffer schedule;      /* passes [tile][group]; empty: none */
+    uint32_t schedule_width, schedule_height;
     struct output_request output;
     uint32_t first_frame, last_frame;
     int32_t priority;

@@ -11,7 +11,6 @@ struct stop_options {
     const char *target, *time_limit, *core_limit, *allocation;
 };
 
-/* The number of rows in both macros. */
 #define STOP_OPTION_ROWS(o)                                                                     \
     {"spp", 'n', OPTION_INT, &(o).spp, "N",                                                     \
      "samples a pixel, at most (default: the file's own, or 256; with another rule: no limit)",  \
@@ -23,7 +22,9 @@ struct stop_options {
      "end each frame so long after its first lease, as in 90s, 10m, 2h", 0, 0, NULL},           \
     {"core-limit", 0, OPTION_STRING, &(o).core_limit, "TIME",                                   \
      "end each frame when all cores together have spent so much on it, as in 90s, 10m, 2h", 0,  \
-     0, NULL},                                                                                  \
+     0, NULL}
+
+#define ALLOCATION_OPTION_ROW(o)                                                                \
     {"allocation", 0, OPTION_CHOICE, &(o).allocation, "HOW",                                    \
      "which tiles get samples: those where they help most, or all alike (default: uniform with " \
      "--spp alone, else adaptive)", 0, 0, "adaptive|uniform"}

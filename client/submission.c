@@ -5,6 +5,7 @@
 
 #include "client/format.h"
 #include "client/progress.h"
+#include "client/schedule_option.h"
 #include "client/upload.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
@@ -45,6 +46,9 @@ status submission_prepare(const char *path, const struct job_options *options, i
     if (result != STATUS_OK)
         return result;
     take_hints(&scene->hints, options, quiet, request);
+    result = schedule_option_fit(request, options, err);
+    if (result != STATUS_OK)
+        return result;
     return render_settings_validate(&request->settings, scene->scene.camera_count, err);
 }
 

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "common/accuracy/schedule.h"
 #include "common/accuracy/word.h"
 #include "common/base/clock.h"
 #include "common/base/log.h"
@@ -38,6 +39,7 @@ struct development {
     struct measurement measurement; /* copied, if `film` is NULL */
     struct unit_work work;
     struct work_stats stats;
+    struct buffer schedule;  /* text (common/accuracy/schedule.h); empty: the rules give the picture again */
     const struct film *film; /* NULL: `image` holds a copy, and there are no AOVs */
     int taken;               /* `image` holds the film's means */
     struct image image;
@@ -45,10 +47,27 @@ struct development {
     struct scene description;
 };
 
+static status take_schedule(struct development *d, struct error *err)
+{
+    uint32_t tiles = film_tile_count(d->film);
+    struct buffer passes = BUFFER_INIT;
+    uint8_t *each = buffer_append_space(&passes, (size_t)tiles * GROUPS);
+    status s = each ? STATUS_OK : error_no_memory(err, "a schedule");
+
+    for (uint32_t i = 0; i < tiles * GROUPS && each; i++)
+        each[i] = (uint8_t)film_tile_passes(d->film, i / GROUPS, i % GROUPS);
+    if (s == STATUS_OK)
+        s = schedule_encode(&d->schedule, d->settings.width, d->settings.height, d->settings.spp,
+                            each, err);
+    buffer_release(&passes);
+    return s;
+}
+
 static status development_new(struct development **out, const struct job *job, uint32_t number,
                               const struct job_frame *frame, struct error *err)
 {
     struct development *d = mem_calloc(1, sizeof *d);
+    status s = STATUS_OK;
 
     *out = NULL;
     if (!d)
@@ -75,6 +94,12 @@ static status development_new(struct development **out, const struct job *job, u
         d->work = *film_work(frame->film);
         d->stats = frame->stats;
         d->film = frame->film;
+        if (frame->end != FRAME_END_NONE && !rounds_made(&frame->rounds, frame->film))
+            s = take_schedule(d, err);
+    }
+    if (s != STATUS_OK) {
+        development_free(d);
+        return s;
     }
     *out = d;
     return STATUS_OK;
@@ -146,6 +171,7 @@ void development_free(struct development *development)
     if (!development)
         return;
     measurement_release(&development->measurement);
+    buffer_release(&development->schedule);
     image_release(&development->image);
     scene_release(&development->description);
     mem_free(development);
@@ -402,6 +428,8 @@ static status encode_exr(struct development *d, struct buffer *exr, struct error
     add_text(&a, "azulejo:kernel", d->kernel);
     if (d->described)
         add_point(&a, "azulejo:origin", d->description.origin);
+    if (d->schedule.size > 0)
+        add_text(&a, SCHEDULE_ATTRIBUTE, buffer_text(&d->schedule));
     add_figures(&a, d, &text);
     add_work(&a, &d->work);
     write_measured(d, &measured);

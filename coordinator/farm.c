@@ -214,6 +214,10 @@ void farm_job_change(struct farm *farm, struct job *job, enum job_state state, c
 
 void farm_cancel(struct farm *farm, struct job *job, int discard, uint64_t now_ns)
 {
+    if (job->state == JOB_STATE_DONE && discard && farm->store) {
+        store_films_remove(farm->store, job->id);
+        log_info("job %llu (%s): its kept films are removed", (unsigned long long)job->id, job->name);
+    }
     if (job_state_ended(job->state) || (job->state == JOB_STATE_CANCELLING && !discard))
         return;
     if (!discard) {
@@ -701,7 +705,7 @@ static void remove_left_films(void *user, uint64_t id)
     const struct farm *farm = user;
     const struct job *job = queue_find(&farm->queue, id);
 
-    if (job && job_state_ended(job->state))
+    if (job && job_state_ended(job->state) && job->state != JOB_STATE_DONE)
         store_films_remove(farm->store, id);
 }
 

@@ -57,8 +57,8 @@ struct farm_events {
                 struct unit_name unit);
     void (*notice)(void *user, uint32_t session, const char *text);
     void (*job_changed)(void *user, struct job *job);
-    /* Turn the frame's complete film into files, note it as done in the store, remove the film's
-     * file, then call farm_frame_developed. If it cannot even
+    /* Turn the frame's complete film into files, note it as done in the store, keep the film or remove
+     * its file, then call farm_frame_developed. If it cannot even
      * begin (out of memory) it is asked again later. */
     status (*develop)(void *user, struct job_frame *frame);
     /* Make the pictures of a frame that is done anew, from its stored one, then call
@@ -91,6 +91,7 @@ struct farm {
     struct trouble trouble;      /* the store cannot be used */
     int resume_wanted;           /* films on disk are to be opened */
     int unsaved;                 /* some job is `unsaved` */
+    int discards_films;          /* of frames that are done: the store is thrown away soon */
 };
 
 /* Takes the jobs that the store holds. The store stays the caller's. ERR_IO, ERR_NO_MEMORY. */
@@ -107,7 +108,8 @@ status farm_submit(struct farm *farm, struct job *job, struct error *err) MUST_C
 status farm_prepare(const struct farm *farm, struct job *job, struct error *err) MUST_CHECK;
 status farm_adopt(struct farm *farm, struct job *job, struct error *err) MUST_CHECK;
 /* End the job. Unless `discard`, pictures are first made of what its open frames hold: the job is
- * CANCELLING until they are on disk. No effect on a job that has ended. */
+ * CANCELLING until they are on disk. Of a job that is DONE, `discard` removes the kept films; else no
+ * effect on one that has ended. */
 void farm_cancel(struct farm *farm, struct job *job, int discard, uint64_t now_ns);
 void farm_fail(struct farm *farm, struct job *job, uint64_t now_ns, const char *format, ...)
     __attribute__((format(printf, 4, 5)));

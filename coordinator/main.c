@@ -103,6 +103,7 @@ int main(int argc, char **argv)
         options.store = store;
         options.lease_ns = (uint64_t)(lease_seconds * 1e9);
         options.ready_file = ready_file;
+        options.discards_films = remove_store;
         s = server_run(&options, &err);
     }
     store_close(store);

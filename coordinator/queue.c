@@ -278,15 +278,20 @@ void job_frame_set_developed(struct job *job, uint32_t frame)
     job->frames_developed_count++;
 }
 
-status job_reopen(struct queue *queue, struct job *job, struct error *err)
+status job_reopen_check(struct queue *queue, struct error *err)
+{
+    if (check_room(queue, err) != STATUS_OK)
+        return STATUS_ERR_LIMIT;
+    return MEM_GROW(queue->active, queue->active_capacity, queue->active_count + 1)
+               ? STATUS_OK
+               : error_no_memory(err, "the queue");
+}
+
+void job_reopen(struct queue *queue, struct job *job)
 {
     size_t bytes = job_frame_count(job) / 8 + 1;
 
     assert(job->state == JOB_STATE_DONE);
-    if (check_room(queue, err) != STATUS_OK)
-        return STATUS_ERR_LIMIT;
-    if (!MEM_GROW(queue->active, queue->active_capacity, queue->active_count + 1))
-        return error_no_memory(err, "the queue");
     memset(job->frames_done, 0, bytes);
     memset(job->frames_developed, 0, bytes);
     memset(&job->work, 0, sizeof job->work); /* their films have it */
@@ -298,7 +303,6 @@ status job_reopen(struct queue *queue, struct job *job, struct error *err)
     job->state = JOB_STATE_QUEUED;
     job->state_text[0] = 0;
     active_insert(queue, job);
-    return STATUS_OK;
 }
 
 void job_revise(struct job *job)

@@ -186,8 +186,10 @@ status job_frame_set_cut(struct job *job, uint32_t frame, enum frame_end end,
 int job_frame_is_cut(const struct job *job, uint32_t frame);
 int job_frame_is_developed(const struct job *job, uint32_t frame);
 void job_frame_set_developed(struct job *job, uint32_t frame);
-/* A DONE job's frames go on, all of them: it is QUEUED again. ERR_LIMIT, ERR_NO_MEMORY: nothing changed. */
-status job_reopen(struct queue *queue, struct job *job, struct error *err) MUST_CHECK;
+/* Is there room for one more active job? ERR_LIMIT, ERR_NO_MEMORY. */
+status job_reopen_check(struct queue *queue, struct error *err) MUST_CHECK;
+/* A DONE job's frames go on, all of them: it is QUEUED again. After job_reopen_check. */
+void job_reopen(struct queue *queue, struct job *job);
 /* Every frame's pictures are to be made anew, after job->output as it is now. */
 void job_revise(struct job *job);
 /* A done frame whose pictures must be made and can be: the frames whose statistics they are

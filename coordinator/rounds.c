@@ -5,11 +5,15 @@
 #include "common/accuracy/allocate.h"
 #include "common/base/memory.h"
 
-/* The same for all tiles: --allocation uniform. */
-static const struct allocation_rules uniform_rules = {
-    .first_level = LEVELS_MAX, .ratio_max = 1, .limit = 2, .smoothing = 0.5, .exponent_min = 0.5,
-    .exponent_max = 1, .margin = 0.02,
-};
+/* How samples are given out. Uniform: the floor, and nothing beyond. */
+static struct allocation_rules rules_for(const struct stop_rules *stop)
+{
+    struct allocation_rules rules = allocation_rules;
+
+    if (!stop->adaptive)
+        rules.ratio_max = 1;
+    return rules;
+}
 
 /* Does the cap allow the level to the group? */
 static int level_is_reachable(const struct film *film, uint32_t group, uint32_t level)
@@ -57,9 +61,15 @@ static void begin_round(struct rounds *r, struct film *film, uint32_t group)
 
 static void take_schedule(struct rounds *r, struct film *film, const struct buffer *schedule)
 {
+    film_want_nothing(film); /* it may leave tiles out */
     for (uint32_t g = 0; g < GROUPS; g++) {
-        for (uint32_t t = 0; t < r->tiles; t++)
+        int empty = 0;
+        for (uint32_t t = 0; t < r->tiles; t++) {
             r->wanted[g][t] = schedule->data[t * GROUPS + g];
+            empty |= r->wanted[g][t] == 0;
+        }
+        if (empty) /* level 0 will never be complete, and nothing is decided by its codes */
+            film_freeze(film, g, NULL);
         end_group(r, film, g, FRAME_END_SCHEDULE);
     }
 }
@@ -147,28 +157,35 @@ static void apply(struct rounds *r, struct film *film, uint32_t group,
     begin_round(r, film, group);
 }
 
-static status decide(struct rounds *r, struct film *film, uint32_t group,
-                     const struct stop_rules *rules, struct error *err)
+static void take_levels(const struct rounds *r, const struct film *film, uint32_t group,
+                        uint32_t level, struct film_level *out)
 {
-    struct film_level *levels = mem_alloc_array(2 * (size_t)r->tiles, sizeof *levels);
-    struct film_level *previous = levels ? levels + r->tiles : NULL;
-    struct allocation_input in = {
-        .width = film_width(film), .height = film_height(film), .level = r->level[group],
-        .tiles = levels, .previous = r->level[group] > 0 ? previous : NULL, .wanted = r->wanted[group],
-        .rules = rules->adaptive ? &allocation_rules : &uniform_rules};
-    struct allocation_round round;
-    status s = levels ? STATUS_OK : error_no_memory(err, "a round of samples");
+    for (uint32_t t = 0; t < r->tiles; t++)
+        (void)film_level(film, t, group, level, &out[t]);
+}
 
-    if (s != STATUS_OK)
-        return s;
-    for (uint32_t t = 0; t < r->tiles; t++) {
-        (void)film_level(film, t, GROUPS - 1 - group, in.level, &levels[t]);
-        if (in.previous)
-            (void)film_level(film, t, GROUPS - 1 - group, in.level - 1, &previous[t]);
+static status decide(struct rounds *r, struct film *film, uint32_t group,
+                     const struct stop_rules *stop, struct error *err)
+{
+    uint32_t level = r->level[group], other = GROUPS - 1 - group;
+    struct film_level *levels = mem_alloc_array(2 * (size_t)r->tiles, sizeof *levels);
+    const struct allocation_rules rules = rules_for(stop);
+    struct allocation_input in = {.width = film_width(film), .height = film_height(film),
+                                  .level = level, .tiles = levels, .wanted = r->wanted[group],
+                                  .rules = &rules};
+    struct allocation_round round;
+    status s;
+
+    if (!levels)
+        return error_no_memory(err, "a round of samples");
+    take_levels(r, film, other, level, levels);
+    if (level > 0) {
+        take_levels(r, film, other, level - 1, levels + r->tiles);
+        in.previous = levels + r->tiles;
     }
     s = allocation_round(&round, &in, err);
     if (s == STATUS_OK)
-        apply(r, film, group, &round, rules);
+        apply(r, film, group, &round, stop);
     allocation_round_release(&round);
     mem_free(levels);
     return s;
@@ -238,5 +255,5 @@ int rounds_made(const struct rounds *r, const struct film *film)
             if (film_tile_passes(film, t, g) != (wanted < most ? wanted : most))
                 return 0;
         }
-    return rounds_are_over(r);
+    return rounds_are_over(r) && r->end[0] != FRAME_END_SCHEDULE;
 }

@@ -45,7 +45,7 @@ enum frame_end rounds_end(const struct rounds *rounds);
 /* So many passes of the group may be rendered before they are wanted: the floor of the next round, which
  * every outcome but the end asks for. */
 uint32_t rounds_ahead(const struct rounds *rounds, const struct film *film, uint32_t group);
-/* The film has exactly what was decided: with the rules alone it can be rendered again. */
+/* The film has exactly what the rules decided: with them alone it can be rendered again. */
 int rounds_made(const struct rounds *rounds, const struct film *film);
 
 #endif

@@ -100,6 +100,7 @@ struct work {
     struct error error;
     struct commit *commit;
     struct job_frame *frame;
+    int keep_film;               /* of `frame` */
     struct development *development;
     struct freezing *freezing;
     struct job *stored_job;      /* whose stored_frame is developed again or measured; never freed */
@@ -187,6 +188,22 @@ static void start_commit(struct server *server)
     work_start(work, run_commit, end_commit);
 }
 
+/* Without room for it the film in work is kept, which can be gone on from, too. */
+static void keep_film(const struct work *work)
+{
+    const struct job_frame *frame = work->frame;
+    struct error err = {0};
+
+    if (work->keep_film &&
+        store_film_keep(work->server->store, frame->job->id, frame->number, frame->film, &err) != STATUS_OK)
+        log_warn("job %llu, frame %u: its film is kept as it is: %s",
+                 (unsigned long long)frame->job->id, frame->number, err.text);
+    if (work->keep_film)
+        return;
+    film_file_discard(frame->file);
+    store_film_remove(work->server->store, frame->job->id, frame->number);
+}
+
 static void run_develop(uv_work_t *request)
 {
     struct work *work = request->data;
@@ -194,8 +211,7 @@ static void run_develop(uv_work_t *request)
     work->result = develop_frame(work->development, work->server->store, &work->error);
     if (work->result != STATUS_OK)
         return;
-    film_file_discard(work->frame->file);
-    store_film_remove(work->server->store, work->frame->job->id, work->frame->number);
+    keep_film(work);
 }
 
 static void end_develop(uv_work_t *request, int code)
@@ -231,6 +247,7 @@ static status on_develop(void *user, struct job_frame *frame)
         return s;
     }
     work->frame = frame;
+    work->keep_film = frame->end != FRAME_END_CANCEL && !server->farm.discards_films;
     work_start(work, run_develop, end_develop);
     return STATUS_OK;
 }
@@ -770,6 +787,7 @@ status server_run(const struct server_options *options, struct error *err)
     door_init(&server->door, server);
     s = farm_init(&server->farm, options->store, options->lease_ns, &events, clock_wall_s(), err);
     if (s == STATUS_OK) {
+        server->farm.discards_films = options->discards_films;
         s = listen_on(server, options, err);
         if (s == STATUS_OK) {
             uv_timer_start(&server->tick, on_tick, SERVER_TICK_MS, SERVER_TICK_MS);

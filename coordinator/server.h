@@ -34,6 +34,7 @@ struct server_options {
     uint64_t lease_ns;
     const char *ready_file;    /* NULL, or gets the port, atomically */
     struct descriptors descriptors;
+    int discards_films;        /* nobody will extend its jobs */
 };
 
 enum server_state { SERVER_LISTENING, SERVER_DRAINING, SERVER_CLOSING };

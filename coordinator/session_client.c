@@ -10,6 +10,7 @@
 #include "common/base/memory.h"
 #include "common/scene/manifest.h"
 #include "common/scene/scene.h"
+#include "coordinator/extend.h"
 #include "coordinator/closing.h"
 #include "coordinator/report.h"
 #include "coordinator/server.h"
@@ -315,6 +316,28 @@ static void resume(struct session *session, const Azulejo__Wire__JobResume *mess
     if (!job)
         return;
     if (closing_unpark(&session->server->farm, job, now_ns, &err) == STATUS_OK)
+        send_jobs(session, request, job, NULL, now_ns);
+    else
+        session_fail(session, request, &err);
+}
+
+static void extend(struct session *session, const Azulejo__Wire__JobExtend *message,
+                   uint64_t request, uint64_t now_ns)
+{
+    struct job *job = find_job(session, message->job, request);
+    struct stop_rules rules;
+    struct error err = {0};
+    status s;
+
+    if (!job)
+        return;
+    s = wire_stop_get(&rules, message->stop, &err);
+    if (s == STATUS_OK && message->spp > SETTINGS_SPP_MAX)
+        s = error_set(&err, STATUS_ERR_INPUT, "%u samples a pixel: must be 1..%d", message->spp,
+                      SETTINGS_SPP_MAX);
+    if (s == STATUS_OK)
+        s = farm_extend(&session->server->farm, job, message->spp, &rules, &err);
+    if (s == STATUS_OK)
         send_jobs(session, request, job, NULL, now_ns);
     else
         session_fail(session, request, &err);
@@ -694,6 +717,9 @@ static int client_only(struct session *session, const Azulejo__Wire__Envelope *m
         return 1;
     case AZULEJO__WIRE__ENVELOPE__BODY_JOB_RESUME:
         resume(session, message->job_resume, request, now_ns);
+        return 1;
+    case AZULEJO__WIRE__ENVELOPE__BODY_JOB_EXTEND:
+        extend(session, message->job_extend, request, now_ns);
         return 1;
     case AZULEJO__WIRE__ENVELOPE__BODY_JOB_DEVELOP:
         develop(session, message->job_develop, request, now_ns);

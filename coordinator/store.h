@@ -6,7 +6,8 @@
  *                         delivered results, the lease epoch (WAL, full sync)
  * STORE/blobs/ab/HEX      blobs by SHA-256 (blobs.h)
  * STORE/blobs/tmp/        uploads on their way; emptied at the start
- * STORE/films/JOB/frame-NNNN.film   films in work (store_film.h); removed when the job ends
+ * STORE/films/JOB/frame-NNNN.film   films in work (store_film.h); removed when the job fails or is cancelled
+ *                 frame-NNNN.kept   films of frames that are done: azulejo extend goes on from them
  * STORE/outputs/JOB/frame-NNNN.exr, .png, .jpg, .effects.json
  *     .picture.exr        the means in 32 bits, where frame-NNNN.exr is not that
  *     .state              what tone mapping measured (develop.c): only saves time
@@ -71,8 +72,8 @@ status store_job_save(struct store *store, const struct job *job, uint64_t now_n
                       struct error *err) MUST_CHECK;
 /* The same, soon, by the store's own thread: a sync can take seconds while films are written. What
  * cannot be written is kept, and written when store_check finds that it can be; store_close tries
- * what still waits once more. The films of a job that has ended are removed when its state is on
- * disk, and not before. ERR_NO_MEMORY: it was not noted. */
+ * what still waits once more. The films of a job that failed or was cancelled are removed when its
+ * state is on disk, and not before. ERR_NO_MEMORY: it was not noted. */
 status store_job_save_later(struct store *store, const struct job *job, uint64_t now_ns,
                             struct error *err) MUST_CHECK;
 /* Wait until what store_job_save_later was given before is on disk. ERR_IO, ERR_NO_MEMORY: it cannot
@@ -121,12 +122,19 @@ status store_clock_load(struct store *store, uint64_t job, uint32_t frame, uint6
 /* The pictures of a frame that is done were made anew. [any thread] */
 status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
                              struct error *err) MUST_CHECK;
+/* Keep the changed settings of a job that is no longer DONE: its frames and their clocks are forgotten. On disk
+ * when this returns. ERR_IO, ERR_NO_MEMORY: nothing changed. */
+status store_job_extend(struct store *store, const struct job *job, struct error *err) MUST_CHECK;
 /* Keep the job's changed output settings and their revision; on disk when this returns. */
 status store_job_revise(struct store *store, const struct job *job, struct error *err) MUST_CHECK;
 
 /* film_file_open on the frame's file. */
 status store_film_open(struct store *store, uint64_t job, uint32_t frame, struct film *film,
                        uint32_t (*durable)[GROUPS], uint8_t *slot, struct film_file **out,
+                       struct error *err) MUST_CHECK;
+/* Close the film of a frame that is done up, in the place of the one in work, which nothing may be written to any
+ * more. ERR_IO, ERR_NO_MEMORY: the film in work is there still. [any thread] */
+status store_film_keep(struct store *store, uint64_t job, uint32_t frame, const struct film *film,
                        struct error *err) MUST_CHECK;
 int store_film_exists(const struct store *store, uint64_t job, uint32_t frame);
 /* [any thread] */

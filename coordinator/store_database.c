@@ -59,7 +59,7 @@ static const char schema_4[] =
     " rays INTEGER NOT NULL, known INTEGER NOT NULL, reliable INTEGER NOT NULL,"
     " reasons INTEGER NOT NULL, display REAL, display_lo REAL, display_hi REAL, psnr REAL,"
     " psnr_lo REAL, psnr_hi REAL, rmse REAL, rmse_lo REAL, rmse_hi REAL, mean REAL,"
-    " top_share REAL, disagreement REAL, unseen REAL, tail REAL,"
+    " top_share REAL, disagreement REAL, unseen REAL, tail REAL, lone REAL, dark REAL,"
     " PRIMARY KEY (job, frame, place)) WITHOUT ROWID;";
 /* Version 4: who delivered results (store_deliverers.c). Samples are shared out otherwise since then, so an
  * unfinished frame's film is of no use (film_file_open sets it aside): a job without a finished frame is

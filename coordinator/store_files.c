@@ -27,34 +27,76 @@ static void film_path(const struct store *store, uint64_t job, uint32_t frame, s
     buffer_printf(path, "%s/films/%" PRIu64 "/frame-%04u.film", store->folder, job, frame);
 }
 
+static void kept_path(const struct store *store, uint64_t job, uint32_t frame, struct buffer *path)
+{
+    buffer_printf(path, "%s/films/%" PRIu64 "/frame-%04u.kept", store->folder, job, frame);
+}
+
 status store_film_open(struct store *store, uint64_t job, uint32_t frame, struct film *film,
                        uint32_t (*durable)[GROUPS], uint8_t *slot, struct film_file **out, struct error *err)
 {
-    struct buffer path = BUFFER_INIT;
+    struct buffer path = BUFFER_INIT, kept = BUFFER_INIT;
     status s = make_job_folder(store, "films", job, err);
 
     *out = NULL;
     film_path(store, job, frame, &path);
-    if (s == STATUS_OK && !buffer_ok(&path))
+    kept_path(store, job, frame, &kept);
+    if (s == STATUS_OK && !(buffer_ok(&path) && buffer_ok(&kept)))
         s = error_no_memory(err, "a path");
     if (s == STATUS_OK)
+        s = film_kept_load(buffer_text(&kept), job, frame, film, durable, err);
+    if (s == STATUS_OK)
         s = film_file_open(out, buffer_text(&path), job, frame, film, durable, slot, err);
+    buffer_release(&kept);
     buffer_release(&path);
     return s;
 }
 
+static int may_exist(const struct buffer *path)
+{
+    struct stat info;
+
+    /* What cannot be looked at may be there: opening it then tells why. */
+    return !buffer_ok(path) || stat(buffer_text(path), &info) == 0 ||
+           (errno != ENOENT && errno != ENOTDIR);
+}
+
 int store_film_exists(const struct store *store, uint64_t job, uint32_t frame)
 {
-    struct buffer path = BUFFER_INIT;
-    struct stat info;
+    struct buffer path = BUFFER_INIT, kept = BUFFER_INIT;
     int exists;
 
     film_path(store, job, frame, &path);
-    /* What cannot be looked at may be there: opening it then tells why. */
-    exists = !buffer_ok(&path) || stat(buffer_text(&path), &info) == 0 ||
-             (errno != ENOENT && errno != ENOTDIR);
+    kept_path(store, job, frame, &kept);
+    exists = may_exist(&path) || may_exist(&kept);
+    buffer_release(&kept);
     buffer_release(&path);
     return exists;
+}
+
+static void remove_path(const struct buffer *path)
+{
+    if (buffer_ok(path) && unlink(buffer_text(path)) != 0 && errno != ENOENT)
+        log_warn("%s: cannot be removed: %s", buffer_text(path), strerror(errno));
+}
+
+status store_film_keep(struct store *store, uint64_t job, uint32_t frame, const struct film *film,
+                       struct error *err)
+{
+    struct buffer path = BUFFER_INIT, kept = BUFFER_INIT;
+    status s = STATUS_OK;
+
+    film_path(store, job, frame, &path);
+    kept_path(store, job, frame, &kept);
+    if (!buffer_ok(&path) || !buffer_ok(&kept))
+        s = error_no_memory(err, "a path");
+    if (s == STATUS_OK)
+        s = film_kept_write(buffer_text(&kept), job, frame, film, err);
+    if (s == STATUS_OK)
+        remove_path(&path);
+    buffer_release(&kept);
+    buffer_release(&path);
+    return s;
 }
 
 void store_film_remove(struct store *store, uint64_t job, uint32_t frame)
@@ -62,8 +104,10 @@ void store_film_remove(struct store *store, uint64_t job, uint32_t frame)
     struct buffer path = BUFFER_INIT;
 
     film_path(store, job, frame, &path);
-    if (buffer_ok(&path) && unlink(buffer_text(&path)) != 0 && errno != ENOENT)
-        log_warn("%s: cannot be removed: %s", buffer_text(&path), strerror(errno));
+    remove_path(&path);
+    buffer_clear(&path);
+    kept_path(store, job, frame, &path);
+    remove_path(&path);
     buffer_release(&path);
 }
 

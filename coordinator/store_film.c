@@ -1,4 +1,4 @@
-#include "coordinator/store_film.h"
+#include "coordinator/store_film_parts.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -9,7 +9,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "common/base/digest.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
@@ -23,7 +22,6 @@ struct film_file {
     char *path;
 };
 
-enum { HEADER_FIELDS = 48, HEADER_SIZE = HEADER_FIELDS + DIGEST_BYTES };
 /* Version 2: the film may hold AOVs. Version 3: it has two groups of samples, and is of no cap. */
 static const char header_magic[8] = "AZFILM3\n";
 enum {
@@ -95,21 +93,21 @@ static void put_number(uint8_t *out, uint64_t value)
         out[i] = (uint8_t)(value >> 8 * i);
 }
 
-static status make_header(uint8_t header[HEADER_SIZE], const struct film *film, uint64_t job,
-                          uint32_t frame)
+status film_header_make(uint8_t header[FILM_HEADER_SIZE], const char magic[8],
+                        const struct film *film, uint64_t job, uint32_t frame, struct error *err)
 {
     struct digest check;
-    status s;
 
-    memcpy(header, header_magic, sizeof header_magic);
+    memcpy(header, magic, 8);
     put_number(header + 8, film_width(film));
     put_number(header + 16, film_height(film));
     put_number(header + 24, film_aovs(film));
     put_number(header + 32, job);
     put_number(header + 40, frame);
-    s = digest_of(&check, header, HEADER_FIELDS);
-    memcpy(header + HEADER_FIELDS, check.bytes, DIGEST_BYTES);
-    return s;
+    if (digest_of(&check, header, FILM_HEADER_FIELDS) != STATUS_OK)
+        return error_set(err, STATUS_ERR_INTERNAL, "a film's header: no SHA-256");
+    memcpy(header + FILM_HEADER_FIELDS, check.bytes, DIGEST_BYTES);
+    return STATUS_OK;
 }
 
 static uint64_t slot_offset(const struct film_file *file, uint32_t tile, uint8_t slot)
@@ -167,6 +165,15 @@ static status read_slot(struct film_file *file, const struct film *film, uint32_
     return STATUS_OK;
 }
 
+/* Has the state what the film has, and perhaps more? */
+static int is_more(const struct slot_state *state, const struct film *film, uint32_t tile)
+{
+    for (uint32_t g = 0; g < GROUPS; g++)
+        if (state->passes[g] < film_tile_passes(film, tile, g))
+            return 0;
+    return 1;
+}
+
 /* Load the newer of a tile's two good slots. */
 static status load_tile(struct film_file *file, struct film *film, uint32_t tile, uint8_t *bytes,
                         uint32_t durable[GROUPS], uint8_t *slot, uint32_t *damaged,
@@ -177,7 +184,6 @@ static status load_tile(struct film_file *file, struct film *film, uint32_t tile
     uint8_t best;
     status s = STATUS_OK;
 
-    memset(durable, 0, GROUPS * sizeof *durable);
     for (uint8_t i = 0; i < FILM_SLOTS && s == STATUS_OK; i++)
         s = read_slot(file, film, tile, i, places[i], &found[i], damaged, err);
     if (s != STATUS_OK)
@@ -185,7 +191,7 @@ static status load_tile(struct film_file *file, struct film *film, uint32_t tile
     best = found[1].serial > found[0].serial;
     file->serials[tile] = found[best].serial;
     *slot = found[best].serial ? best : 1;
-    if (!found[best].serial)
+    if (!found[best].serial || !is_more(&found[best], film, tile))
         return STATUS_OK;
     s = film_tile_load(film, tile, places[best], found[best].size, err);
     if (s == STATUS_OK)
@@ -257,14 +263,14 @@ static status open_there(struct film_file *file, struct error *err)
                      "%s: cannot be opened: %s", file->path, strerror(errno));
 }
 
-static status make_file(struct film_file *file, const uint8_t wanted[HEADER_SIZE], struct error *err)
+static status make_file(struct film_file *file, const uint8_t wanted[FILM_HEADER_SIZE], struct error *err)
 {
     status s;
 
     file->fd = open(file->path, O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
     if (file->fd < 0)
         return error_set(err, STATUS_ERR_IO, "%s: cannot be made: %s", file->path, strerror(errno));
-    s = write_at(file, wanted, HEADER_SIZE, 0, err);
+    s = write_at(file, wanted, FILM_HEADER_SIZE, 0, err);
     if (s != STATUS_OK) {
         unlink(file->path); /* nothing was in it */
         return s;
@@ -274,10 +280,10 @@ static status make_file(struct film_file *file, const uint8_t wanted[HEADER_SIZE
 }
 
 static status open_and_load(struct film_file *file, struct film *film,
-                            const uint8_t wanted[HEADER_SIZE], uint32_t (*durable)[GROUPS], uint8_t *slot,
+                            const uint8_t wanted[FILM_HEADER_SIZE], uint32_t (*durable)[GROUPS], uint8_t *slot,
                             struct error *err)
 {
-    uint8_t found[HEADER_SIZE];
+    uint8_t found[FILM_HEADER_SIZE];
     size_t got = 0;
     status s = open_there(file, err);
 
@@ -300,7 +306,7 @@ status film_file_open(struct film_file **out, const char *path, uint64_t job, ui
                       struct film *film, uint32_t (*durable)[GROUPS], uint8_t *slot, struct error *err)
 {
     struct film_file *file = mem_calloc(1, sizeof *file);
-    uint8_t wanted[HEADER_SIZE];
+    uint8_t wanted[FILM_HEADER_SIZE];
     status s;
 
     *out = NULL;
@@ -316,10 +322,9 @@ status film_file_open(struct film_file **out, const char *path, uint64_t job, ui
     }
     file->slot_bytes = SLOT_HEADER + film_tile_state_bound(film, 0); /* no tile is larger */
     memset(slot, 1, film_tile_count(film));
-    if (make_header(wanted, film, job, frame) != STATUS_OK) {
-        s = error_set(err, STATUS_ERR_INTERNAL, "%s: no SHA-256", path);
+    s = film_header_make(wanted, header_magic, film, job, frame, err);
+    if (s != STATUS_OK)
         goto fail;
-    }
     s = open_and_load(file, film, wanted, durable, slot, err);
     if (s != STATUS_OK)
         goto fail;

@@ -8,6 +8,9 @@
  * header is not the frame's (damaged, or of another version) is kept beside it as FILE.unusable until
  * the job ends.
  *
+ * The film of a frame that is done is kept in another file, closed up: one state a tile (store_film_kept.c).
+ * When the frame goes on, that is loaded first, and a film in work beside it has what is newer.
+ *
  * film_file_write, film_file_sync and the notes' functions may be called from any thread; each waits for
  * the others.
  */
@@ -24,8 +27,8 @@ enum { FILM_FILE_HEADER = 4096, FILM_SLOTS = 2 };
 
 struct film_file;
 
-/* Open or make the file and load what it holds into the new, empty film; durable[tile] and
- * slot[tile] tell what was found. Damaged slots are logged, and rendered again. Where the file may
+/* Open or make the file and load what it holds into the film, where that is more than the film has; durable[tile]
+ * (0 or what was loaded before) and slot[tile] tell what was found. Damaged slots are logged, and rendered again. Where the file may
  * only be read, that is enough; it is opened again when it is written to. ERR_IO, ERR_NO_MEMORY: what
  * there was is there still. */
 status film_file_open(struct film_file **out, const char *path, uint64_t job, uint32_t frame,
@@ -47,6 +50,14 @@ status film_file_note_read(struct film_file *file, uint32_t group, struct buffer
 
 /* The film is not needed any more: free its room now, so that closing takes no time. */
 void film_file_discard(struct film_file *file);
+
+/* Write a film that is complete, atomically. Any thread. ERR_IO, ERR_NO_MEMORY. */
+status film_kept_write(const char *path, uint64_t job, uint32_t frame, const struct film *film,
+                       struct error *err) MUST_CHECK;
+/* Load it into a new, empty film; nothing where there is none. What is damaged is logged, and rendered again.
+ * ERR_IO, ERR_NO_MEMORY. */
+status film_kept_load(const char *path, uint64_t job, uint32_t frame, struct film *film,
+                      uint32_t (*durable)[GROUPS], struct error *err) MUST_CHECK;
 
 /* Tests: let so many more writes succeed, then fail as if the disk were full; negative: never. */
 void film_file_fault(long successes);

@@ -6,16 +6,17 @@
 
 #define HISTORY_COLUMNS                                                                       \
     "core_s, wall_s, samples, rays, known, reliable, reasons, display, display_lo, display_hi, " \
-    "psnr, psnr_lo, psnr_hi, rmse, rmse_lo, rmse_hi, mean, top_share, disagreement, unseen, tail"
+    "psnr, psnr_lo, psnr_hi, rmse, rmse_lo, rmse_hi, mean, top_share, disagreement, unseen, tail, " \
+    "lone, dark"
 
 /* Where the figures that are real numbers are, in the order of the columns from `display` on. */
-enum { REALS = 14 };
+enum { REALS = 16 };
 static void reals_of(struct accuracy_figures *f, double *reals[REALS])
 {
     double *const all[REALS] = {&f->display_error, &f->display_lo, &f->display_hi, &f->psnr_db,
                                 &f->psnr_lo, &f->psnr_hi, &f->rmse_percent, &f->rmse_lo,
                                 &f->rmse_hi, &f->mean, &f->top_share, &f->disagreement,
-                                &f->unseen, &f->tail_index};
+                                &f->unseen, &f->tail_index, &f->lone, &f->dark};
 
     memcpy(reals, all, sizeof all);
 }
@@ -66,7 +67,7 @@ static status insert_point(struct store *store, uint64_t job, uint32_t frame, ui
     sqlite3_stmt *statement = NULL;
     status s = sql_prepare(store,
                            "INSERT OR REPLACE INTO history (job, frame, place, " HISTORY_COLUMNS ") "
-                           "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                           "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                            &statement, err);
 
     if (s != STATUS_OK)

@@ -6,6 +6,7 @@
 #include "coordinator/farm.h"
 #include "coordinator/frame.h"
 #include "coordinator/store_parts.h"
+#include "coordinator/wire.h"
 
 /* Deliverers wait in the same list, under ids that no job has. */
 #define DELIVERER_ID ((uint64_t)1 << 63)
@@ -102,6 +103,12 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     return s == STATUS_OK ? clocks_write(store, row, err) : s;
 }
 
+/* Nobody will go on from its films. */
+static int films_are_over(const struct saved_job *row)
+{
+    return job_state_ended(row->state) && row->state != JOB_STATE_DONE;
+}
+
 static struct saved_job **saves_find(struct store *store, uint64_t id)
 {
     struct saved_job **at = &store->saves;
@@ -186,7 +193,7 @@ static void *write_saves(void *user)
         if (row)
             s = row->deliverer.number ? deliverer_write(store, &row->deliverer, &err)
                                       : row_write(store, row, &err);
-        if (row && s == STATUS_OK && !row->deliverer.number && job_state_ended(row->state))
+        if (row && s == STATUS_OK && !row->deliverer.number && films_are_over(row))
             ended = row->id;
         row_written(store, row, s, &err);
         pthread_mutex_unlock(&store->order);
@@ -242,7 +249,7 @@ status store_job_save(struct store *store, const struct job *job, uint64_t now_n
     pthread_mutex_unlock(&store->lock);
     s = row_write(store, &row, err);
     pthread_mutex_unlock(&store->order);
-    if (s == STATUS_OK && job_state_ended(row.state))
+    if (s == STATUS_OK && films_are_over(&row))
         store_films_remove(store, row.id);
     return s;
 }
@@ -268,6 +275,58 @@ status store_deliverer_save_later(struct store *store, const struct deliverer *d
     row->deliverer = *deliverer;
     save_later(store, row);
     return STATUS_OK;
+}
+
+static status extend_rows(struct store *store, const struct job *job, const struct buffer *request,
+                          struct error *err)
+{
+    static const char *const forget[] = {"DELETE FROM frames WHERE job=?",
+                                         "DELETE FROM cut_frames WHERE job=?",
+                                         "DELETE FROM clocks WHERE job=?"};
+    sqlite3_stmt *statement = NULL;
+    status s = sql_prepare(store,
+                           "UPDATE jobs SET request=?, state=?, state_text='', finished_at=0, "
+                           "epoch_floor=? WHERE id=?",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    sqlite3_bind_blob(statement, 1, request->data, (int)request->size, SQLITE_TRANSIENT);
+    sqlite3_bind_int(statement, 2, JOB_STATE_QUEUED);
+    bind_number(statement, 3, job->epoch_floor);
+    bind_number(statement, 4, job->id);
+    s = sql_run(store, statement, "the job's settings cannot be stored", err);
+    for (size_t i = 0; i < sizeof forget / sizeof *forget && s == STATUS_OK; i++) {
+        s = sql_prepare(store, forget[i], &statement, err);
+        if (s != STATUS_OK)
+            return s;
+        bind_number(statement, 1, job->id);
+        s = sql_run(store, statement, "the job's frames cannot be stored", err);
+    }
+    return s;
+}
+
+status store_job_extend(struct store *store, const struct job *job, struct error *err)
+{
+    struct buffer request = BUFFER_INIT;
+    status s = wire_job_pack(job, &request, err);
+
+    pthread_mutex_lock(&store->order);
+    pthread_mutex_lock(&store->lock);
+    saves_drop(store, job->id); /* its end */
+    pthread_mutex_unlock(&store->lock);
+    if (s == STATUS_OK)
+        s = sql_exec(store, "BEGIN IMMEDIATE", "cannot be written", err);
+    if (s == STATUS_OK) {
+        s = extend_rows(store, job, &request, err);
+        if (s == STATUS_OK)
+            s = sql_exec(store, "COMMIT", "the job's settings cannot be stored", err);
+        if (s != STATUS_OK)
+            (void)sqlite3_exec(store->db, "ROLLBACK", NULL, NULL, NULL);
+    }
+    pthread_mutex_unlock(&store->order);
+    buffer_release(&request);
+    return s;
 }
 
 status store_job_save_later(struct store *store, const struct job *job, uint64_t now_ns,

@@ -364,5 +364,7 @@ void wire_point_set(Azulejo__Wire__HistoryPoint *out, Azulejo__Wire__Figures *fi
     figures->tail_index = f->tail_index;
     figures->reliable = f->reliable;
     figures->reasons = f->reasons;
+    figures->lone = f->lone;
+    figures->dark = f->dark;
     out->figures = figures;
 }

@@ -56,8 +56,8 @@ extern const struct allocation_rules allocation_rules;
 struct allocation_input {
     uint32_t width, height;              /* pixels of the frame */
     uint32_t level;
-    const struct film_level *tiles;      /* [tile_count(width, height)], row-major */
-    const struct film_level *previous;   /* [tiles], of the level before; NULL at level 0 */
+    const struct film_level *tiles; /* [tile_count(width, height)], row-major */
+    const struct film_level *previous; /* [tiles], of the level before; NULL at level 0 */
     /* Group g's wanted passes before the round's extras, at least the level's floor. */
     const uint32_t *wanted;
     const struct allocation_rules *rules; /* NULL: allocation_rules */

@@ -4,7 +4,7 @@
 
 #include "common/math/elementary.h"
 
-enum { BISECTIONS = 60, SELECT_BITS = 11, BIN_INFINITE = 255 << 6 };
+enum { BISECTIONS = 60, SELECT_BITS = 11 };
 
 float quantile_select(const float *values, size_t count, size_t rank)
 {

@@ -379,6 +379,17 @@ void film_want_all(struct film *film)
             film_want(film, i, g, film->passes_total[g]);
 }
 
+void film_want_nothing(struct film *film)
+{
+    for (uint32_t i = 0; i < film->tiles_total; i++)
+        for (uint32_t k = 0; k < GROUPS; k++) {
+            struct film_group *g = &film->tiles[i].groups[k];
+            film->wanted -= g->wanted - g->passes;
+            film->behind -= g->passes < group_goal(g);
+            g->wanted = g->passes;
+        }
+}
+
 void film_end_group(struct film *film, uint32_t group)
 {
     for (uint32_t i = 0; i < film->tiles_total; i++) {

@@ -58,6 +58,8 @@ status film_merge(struct film *film, const struct unit_result *unit, uint32_t de
 /* Want the first `passes` passes of the group on the tile (at most all); what waited for that is
  * folded. No effect where as many are wanted already. */
 void film_want(struct film *film, uint32_t tile, uint32_t group, uint32_t passes);
+/* Nothing is wanted but what is folded: the one way to want less, for a film that nothing waits in. */
+void film_want_nothing(struct film *film);
 void film_want_all(struct film *film); /* every pass that the cap allows */
 /* The group's picture is what is wanted now; passes that are wanted later are only watched. */
 void film_end_group(struct film *film, uint32_t group);

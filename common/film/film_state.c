@@ -279,6 +279,7 @@ static void get_sums(const uint8_t **at, struct film_sums *sums, size_t numbers)
 
 static void get_level(const uint8_t **at, struct film_level *level)
 {
+    memset(level, 0, sizeof *level); /* also what lies between its members */
     level->rays = get64(at);
     level->radiance = get_double(at);
     level->linear = get_double(at);

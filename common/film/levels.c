@@ -11,7 +11,7 @@ uint32_t level_bin(float codes)
     float edge = 0x1.6a09e6p-5f; /* 2^-4.5, where bin 1 begins */
     uint32_t bin = 0;
 
-    /* Comparisons with constants: two half octaves are a factor of two, exactly. */
+    /* Comparisons with exact constants: two half octaves are a factor of two, exactly. */
     for (float whole = 0x1p-4f; bin + 1 < LEVEL_BINS; whole *= 2, edge *= 2) {
         if (!(codes >= edge))
             return bin;
@@ -32,8 +32,8 @@ static void measure_codes(struct film_level *out, const float *first, const floa
         float squared = 0;
         for (int c = 0; c < 3; c++) {
             float half = (first[c] - second[c]) / 2;
-            channels += (double)(half * half);
             squared = half * half > squared ? half * half : squared;
+            channels += (double)(half * half);
         }
         sum += (double)squared;
         out->bins[level_bin(sqrtf(squared))]++;

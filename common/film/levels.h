@@ -16,8 +16,8 @@ struct film_level {
     uint64_t rays;       /* of the group on the tile, up to this level */
     double radiance;     /* sum over pixels of R + G + B of the group's mean */
     double linear;       /* sum over pixels and RGB of (A - B)^2 / 4, in linear radiance */
-    float display;       /* sum over pixels of e^2, e = the largest channel's |a - b| / 2 */
-    float channels;      /* sum over pixels and RGB of (|a - b| / 2)^2 */
+    float display;       /* sum over pixels of e^2 in codes, e = the largest channel's |a - b| / 2 */
+    float channels;      /* sum over pixels and channels of (a - b)^2 / 4 */
     int has_codes;       /* display, channels and bins are known */
     uint16_t bins[LEVEL_BINS]; /* pixels by level_bin(e) */
 };
@@ -37,7 +37,7 @@ struct film_codes {
 void film_codes_plain(void *user, const float *rgb, uint32_t count, float *codes);
 
 /* From the sums of both replicates, [2][pixels][3], of `samples` samples together. Sets all but rays and
- * leaves display, channels, bins and has_codes 0 without codes. pixels <= TILE_PIXELS_MAX. */
+ * leaves display, bins and has_codes 0 without codes. pixels <= TILE_PIXELS_MAX. */
 void film_level_measure(struct film_level *out, const double *sums, uint32_t pixels,
                         uint32_t samples, const struct film_codes *codes);
 

@@ -73,6 +73,10 @@ status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, con
 /* With the alpha channel, if there is one: 4 channels, as stored. */
 status exr_decode_alpha(struct image *out, const uint8_t *data, size_t size_bytes,
                         const char *name, struct error *err) MUST_CHECK;
+/* Append a text of the first part's header. ERR_NOT_FOUND: there is none of that name. */
+struct buffer;
+status exr_read_text(struct buffer *out, const uint8_t *data, size_t size_bytes, const char *name,
+                     const char *attribute, struct error *err) MUST_CHECK;
 status hdr_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
                   struct error *err) MUST_CHECK;
 status png_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, const char *name,
@@ -83,7 +87,6 @@ status webp_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, c
                    struct error *err) MUST_CHECK;
 
 /* ---- writing ---- */
-struct buffer;
 
 /* One text, point or number for an EXR header. */
 struct exr_attribute {

@@ -229,7 +229,7 @@ class Farm:
     def cli_argv(self, *args, connect=True, key=None):
         argv = [os.path.join(BIN, "azulejo")] + [str(a) for a in args]
         if connect and self.address and args[0] in (
-                "submit", "list", "show", "watch", "fetch", "develop", "cancel", "resume",
+                "submit", "list", "show", "watch", "fetch", "develop", "cancel", "resume", "extend",
                 "workers"):
             argv += ["--coordinator", self.address, "--key", key or self.key]
         return argv

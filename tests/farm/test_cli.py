@@ -19,7 +19,7 @@ from odd import Proxy
 
 tests = Tests()
 COMMANDS = ["render", "estimate", "import", "effects", "accuracy", "submit", "list", "show", "watch", "fetch",
-            "develop", "cancel", "resume", "workers", "keygen", "tonemap", "compare"]
+            "develop", "cancel", "resume", "extend", "workers", "keygen", "tonemap", "compare"]
 SMALL = ["--size", "32x32", "--spp", "4", "--max-depth", "3"]
 
 
@@ -74,7 +74,7 @@ def bad_usage():
     with Farm() as farm:
         scene = farm.scene()
         cases = [[], ["nonsense"], ["--nonsense"], ["list", "--nonsense"], ["list", "extra"],
-                 ["show"], ["show", "x"], ["show", "0"], ["cancel", "-1"], ["resume", "x"], ["watch", "1", "2"],
+                 ["show"], ["show", "x"], ["show", "0"], ["cancel", "-1"], ["resume", "extend", "x"], ["watch", "1", "2"],
                  ["render"], ["render", scene, "--spp", "0"], ["render", scene, "--spp", "many"],
                  ["render", scene, "--spp"], ["render", scene, "--size", "32"],
                  ["render", scene, "--frames", "5-1"], ["render", scene, "--tonemap", "nonsense"],

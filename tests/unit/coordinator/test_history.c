@@ -25,7 +25,7 @@ static struct history_point point_of(uint64_t samples, double display)
         .known = 1, .reliable = samples % 2, .reasons = 5, .display_error = display,
         .display_lo = display / 2, .display_hi = display * 2, .psnr_db = INFINITY, .psnr_lo = 1,
         .psnr_hi = 2, .rmse_percent = 3, .rmse_lo = 4, .rmse_hi = 5, .mean = 6, .top_share = 7,
-        .disagreement = 8, .unseen = 9, .tail_index = NAN};
+        .disagreement = 8, .lone = 0.5, .dark = 0.25, .unseen = 9, .tail_index = NAN};
     return p;
 }
 
@@ -113,7 +113,7 @@ static void the_store_keeps_points(void **state)
         assert_true(a->known == b->known && a->reliable == b->reliable && a->reasons == b->reasons);
         assert_true(i == 1 ? isnan(a->display_error) : a->display_error == b->display_error);
         assert_true(a->display_lo == b->display_lo && a->psnr_db == b->psnr_db);
-        assert_true(a->unseen == b->unseen && isnan(a->tail_index));
+        assert_true(a->unseen == b->unseen && a->lone == b->lone && a->dark == b->dark && isnan(a->tail_index));
     }
     /* A point takes the place of what stood there and behind it. */
     assert_int_equal(store_history_add(store, job->id, 2, 1, &p[2], &err), STATUS_OK);

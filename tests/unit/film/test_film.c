@@ -358,6 +358,53 @@ static void folding_waits_to_be_wanted(void **state)
     film_free(film);
 }
 
+/* A group that has ended keeps its picture, and tells the levels that it would have had. */
+static void a_group_that_has_ended_is_watched(void **state)
+{
+    struct film *film = film_new(32, 16, 200), *whole = film_data_whole(32, 16, 200, 0);
+    struct film *only = film_new(32, 16, 200);
+    struct film_level a, b;
+    uint32_t passes[2] = {3, 5};
+
+    (void)state;
+    for (uint32_t g = 0; g < GROUPS; g++) {
+        film_freeze(film, g, &(struct film_codes){film_codes_plain, NULL});
+        film_freeze(only, g, &(struct film_codes){film_codes_plain, NULL});
+    }
+    for (uint32_t t = 0; t < 2; t++) {
+        film_want(film, t, 0, passes[t]);
+        film_want(only, t, 0, passes[t]);
+        for (uint32_t p = 0; p < 6; p++) /* one came early */
+            film_data_merge(film, t, 0, p);
+        for (uint32_t p = 0; p < passes[t]; p++)
+            film_data_merge(only, t, 0, p);
+    }
+    film_end_group(film, 0);
+    for (uint32_t t = 0; t < 2; t++)
+        film_want(film, t, 0, level_passes(5));
+    for (uint32_t p = 6; p < level_passes(5); p++)
+        for (uint32_t t = 0; t < 2; t++) {
+            assert_false(film_level_is_complete(film, 0, 5));
+            assert_int_equal(film_data_merge(film, t, 0, p), FILM_MERGED);
+            assert_int_equal(film_data_merge(film, t, 0, p), FILM_DUPLICATE);
+        }
+    for (uint32_t k = 0; k <= 5; k++) {
+        assert_true(film_level_is_complete(film, 0, k));
+        for (uint32_t t = 0; t < 2; t++) {
+            assert_true(film_level(film, t, 0, k, &a) && film_level(whole, t, 0, k, &b));
+            assert_memory_equal(&a, &b, sizeof a);
+        }
+    }
+    for (uint32_t t = 0; t < 2; t++) {
+        assert_int_equal(film_tile_passes(film, t, 0), passes[t]);
+        assert_int_equal(film_tile_seen(film, t, 0), level_passes(5));
+    }
+    film_data_assert_same(film, only); /* the picture, and what is kept of it */
+    film_free(film);
+    film_free(whole);
+    film_free(only);
+}
+
 static void the_largest_contributions_are_kept(void **state)
 {
     struct film *film = film_data_whole(16, 16, 37, 0); /* with short passes */
@@ -509,6 +556,7 @@ int main(void)
         cmocka_unit_test(counts_follow_the_tiles),
         cmocka_unit_test(folding_waits_to_be_wanted),
         cmocka_unit_test(the_largest_contributions_are_kept),
+        cmocka_unit_test(a_group_that_has_ended_is_watched),
         cmocka_unit_test(memory_faults_lose_nothing),
         cmocka_unit_test(aovs_are_means_or_first_samples),
         cmocka_unit_test(aovs_change_nothing_else),
