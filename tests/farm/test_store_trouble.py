@@ -136,7 +136,7 @@ def interrupted(farm, fill, clear, end):
     clear()
     farm.wait_for_job(number)
     expect_same(farm, Outcome(farm, number, "end"), reference, "after the outage", counts=False)
-    wait_for(lambda: films(farm, number) == [], "the films to be removed")
+    wait_for(lambda: [f[-5:] for f in films(farm, number)] == [".kept"], "the film to be closed up")
 
 
 @tests.add
