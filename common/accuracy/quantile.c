@@ -53,7 +53,7 @@ static double share_beyond(const struct spreads *s, double q)
 {
     double sum = 0;
 
-    for (uint32_t i = 1; i < BIN_INFINITE; i++)
+    for (uint32_t i = 1; i < SPREADS_BINS; i++)
         if (s->bins[i] > 0) {
             double x = q / (double)float_from_bits(i << 17 | 1u << 16) * 0.70710678118654752440;
             if (x < 20)
@@ -66,7 +66,7 @@ double spreads_quantile(const struct spreads *s, double beyond)
 {
     double low = 0, high = 0;
 
-    for (uint32_t i = 1; i < BIN_INFINITE; i++)
+    for (uint32_t i = 1; i < SPREADS_BINS; i++)
         if (s->bins[i] > 0)
             high = 20 * (double)float_from_bits(i << 17 | 1u << 16);
     if (!(beyond > 0))

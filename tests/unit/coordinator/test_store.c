@@ -224,7 +224,7 @@ static void unfinished_jobs_of_an_older_store_begin_again(void **state)
         job->stats.cpu_ns = 300;
         assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);
         if (i == COUNT - 1)
-            assert_int_equal(store_frame_done(store, job->id, 2, 0, NULL, &err), STATUS_OK);
+            assert_int_equal(store_frame_done(store, job->id, 2, 0, FRAME_END_CAP, NULL, &err), STATUS_OK);
         job_free(job);
     }
     store_close(store);
