@@ -216,6 +216,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "less of everything: within two minutes for a small scene", 0, 0, NULL},
         {"minutes", 0, OPTION_REAL, &a.minutes, "N",
          "measure for about so long (default 10; --quick: 1.6)", 0.01, 100000, NULL},
+        {"target-error", 0, OPTION_STRING, &a.target, "N/255",
+         "the error that the page's sentences are about (default 3/255)", 0, 0, NULL},
         {"price", 0, OPTION_REAL, &a.price, "X", "what a core-hour costs", 1e-9, 1e9, NULL},
         {"currency", 0, OPTION_STRING, &a.currency, "NAME", "of --price, as in EUR", 0, 0, NULL},
         {"page-only", 0, OPTION_FLAG, &a.page_only, NULL,
@@ -227,7 +229,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "threads of each worker (default: the processors, shared out)", 1, 1024, NULL},
         {"farm", 0, OPTION_FLAG, &a.farm, NULL, "measure on the farm instead of this machine", 0, 0, NULL},
         CONNECTION_OPTION_ROWS(a.where),
-        JOB_OPTION_ROWS(a.options),
+        JOB_STUDY_ROWS(a.options),
         {0},
     };
     struct option rows[TONEMAP_ROWS_MAX];

@@ -284,7 +284,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {"threads", 'j', OPTION_INT, &threads, "N", "threads of the pilots (default: all)", 1, 1024,
          NULL},
         {"quiet", 'q', OPTION_FLAG, &quiet, NULL, "no warnings and no progress", 0, 0, NULL},
-        JOB_OPTION_ROWS(e.options),
+        JOB_STUDY_ROWS(e.options),
         {0},
     };
     struct option rows[TONEMAP_ROWS_MAX];

@@ -33,7 +33,8 @@ struct job_options {
      .max_depth = -1,                                                                           \
      .fps = 24, .lens_radius = -1, .output = OUTPUT_OPTIONS_INIT}
 
-#define JOB_OPTION_ROWS(o)                                                                      \
+/* A job's, but for what says when a frame has enough samples. */
+#define JOB_SCENE_ROWS(o)                                                                      \
     IMPORT_OPTION_ROWS((o).import),                                                             \
     {"env-rotate", 0, OPTION_REAL, &(o).env_rotate_deg, "DEG",                                  \
      "turn the environment about +Y, counter-clockwise seen from above (default 0)",            \
@@ -67,14 +68,6 @@ struct job_options {
     {"size", 's', OPTION_STRING, &(o).size, "WxH",                                              \
      "pixels (default: the file's own, 720 rows at the camera's aspect, or 1280x720)", 0, 0,     \
      NULL},                                                                                     \
-    STOP_OPTION_ROWS((o).stop),                                                                 \
-    ALLOCATION_OPTION_ROW((o).stop),                                                            \
-    {"min-spp", 0, OPTION_INT, &(o).stop.spp_min, "N",                                          \
-     "samples a pixel before --target-error may end a frame, at least", 1, SETTINGS_SPP_MAX,    \
-     NULL},                                                                                     \
-    {"schedule-from", 0, OPTION_STRING, &(o).schedule_path, "FILE.exr",                         \
-     "give each tile the samples that it has in this picture, which a limit or a cancel ended",  \
-     0, 0, NULL},                                                                               \
     {"max-depth", 0, OPTION_INT, &(o).max_depth, "N",                                           \
      "path edges after the camera's ray; 0 shows emitters only (default: the file's own, or 12)", \
      0, SETTINGS_DEPTH_MAX, NULL},                                                              \
@@ -110,6 +103,22 @@ struct job_options {
      "sse2|avx2|avx512"},                                                                       \
     {"priority", 0, OPTION_INT, &(o).priority, "N",                                             \
      "jobs with a higher number go first (default 0)", -1000000, 1000000, NULL}
+
+#define JOB_OPTION_ROWS(o)                                                                      \
+    JOB_SCENE_ROWS(o),                                                                          \
+    STOP_OPTION_ROWS((o).stop),                                                                 \
+    ALLOCATION_OPTION_ROW((o).stop),                                                            \
+    {"min-spp", 0, OPTION_INT, &(o).stop.spp_min, "N",                                          \
+     "samples a pixel before --target-error may end a frame, at least", 1, SETTINGS_SPP_MAX,    \
+     NULL},                                                                                     \
+    {"schedule-from", 0, OPTION_STRING, &(o).schedule_path, "FILE.exr",                         \
+     "give each tile the samples that it has in this picture, which a limit or a cancel ended",  \
+     0, 0, NULL}
+
+/* For studies, which end frames as they need to. */
+#define JOB_STUDY_ROWS(o)                                                                       \
+    JOB_SCENE_ROWS(o),                                                                          \
+    {"spp", 'n', OPTION_INT, &(o).stop.spp, "N", "samples a pixel, at most", 1, SETTINGS_SPP_MAX, NULL}
 
 enum { JOB_TOKEN_BYTES_MAX = 64 }; /* the coordinator's limit */
 

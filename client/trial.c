@@ -52,6 +52,8 @@ status trial_render(struct connection *c, const struct import_result *scene,
     mine.last_frame = mine.first_frame;
     mine.token[0] = 0;
     mine.settings.aovs = 0;
+    mine.stop = (struct stop_rules){0}; /* trials of equal samples are compared */
+    mine.schedule = (struct buffer)BUFFER_INIT;
     result = submission_send(c, scene, &mine, name, OUTPUT_FORMAT_EXR, 1, &job, err);
     if (result == STATUS_OK)
         result = watch_job(c, job, 1, 0, &last, err);

@@ -195,7 +195,8 @@ static void keep_film(const struct work *work)
     struct error err = {0};
 
     if (work->keep_film &&
-        store_film_keep(work->server->store, frame->job->id, frame->number, frame->film, &err) != STATUS_OK)
+        store_film_keep(work->server->store, frame->job->id, frame->number, frame->film, frame->file, &err) !=
+            STATUS_OK)
         log_warn("job %llu, frame %u: its film is kept as it is: %s",
                  (unsigned long long)frame->job->id, frame->number, err.text);
     if (work->keep_film)

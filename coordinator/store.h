@@ -135,7 +135,7 @@ status store_film_open(struct store *store, uint64_t job, uint32_t frame, struct
 /* Close the film of a frame that is done up, in the place of the one in work, which nothing may be written to any
  * more. ERR_IO, ERR_NO_MEMORY: the film in work is there still. [any thread] */
 status store_film_keep(struct store *store, uint64_t job, uint32_t frame, const struct film *film,
-                       struct error *err) MUST_CHECK;
+                       struct film_file *file, struct error *err) MUST_CHECK;
 int store_film_exists(const struct store *store, uint64_t job, uint32_t frame);
 /* [any thread] */
 void store_film_remove(struct store *store, uint64_t job, uint32_t frame);

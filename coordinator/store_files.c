@@ -35,7 +35,7 @@ static void kept_path(const struct store *store, uint64_t job, uint32_t frame, s
 status store_film_open(struct store *store, uint64_t job, uint32_t frame, struct film *film,
                        uint32_t (*durable)[GROUPS], uint8_t *slot, struct film_file **out, struct error *err)
 {
-    struct buffer path = BUFFER_INIT, kept = BUFFER_INIT;
+    struct buffer path = BUFFER_INIT, kept = BUFFER_INIT, notes = BUFFER_INIT;
     status s = make_job_folder(store, "films", job, err);
 
     *out = NULL;
@@ -44,9 +44,17 @@ status store_film_open(struct store *store, uint64_t job, uint32_t frame, struct
     if (s == STATUS_OK && !(buffer_ok(&path) && buffer_ok(&kept)))
         s = error_no_memory(err, "a path");
     if (s == STATUS_OK)
-        s = film_kept_load(buffer_text(&kept), job, frame, film, durable, err);
+        s = film_kept_load(buffer_text(&kept), job, frame, film, durable, &notes, err);
     if (s == STATUS_OK)
         s = film_file_open(out, buffer_text(&path), job, frame, film, durable, slot, err);
+    if (s == STATUS_OK && notes.size > 0) {
+        s = film_file_notes_restore(*out, &notes, err);
+        if (s != STATUS_OK) {
+            film_file_close(*out);
+            *out = NULL;
+        }
+    }
+    buffer_release(&notes);
     buffer_release(&kept);
     buffer_release(&path);
     return s;
@@ -81,7 +89,7 @@ static void remove_path(const struct buffer *path)
 }
 
 status store_film_keep(struct store *store, uint64_t job, uint32_t frame, const struct film *film,
-                       struct error *err)
+                       struct film_file *file, struct error *err)
 {
     struct buffer path = BUFFER_INIT, kept = BUFFER_INIT;
     status s = STATUS_OK;
@@ -91,7 +99,7 @@ status store_film_keep(struct store *store, uint64_t job, uint32_t frame, const 
     if (!buffer_ok(&path) || !buffer_ok(&kept))
         s = error_no_memory(err, "a path");
     if (s == STATUS_OK)
-        s = film_kept_write(buffer_text(&kept), job, frame, film, err);
+        s = film_kept_write(buffer_text(&kept), job, frame, film, file, err);
     if (s == STATUS_OK)
         remove_path(&path);
     buffer_release(&kept);

@@ -443,6 +443,34 @@ status film_file_note_read(struct film_file *file, uint32_t group, struct buffer
     return buffer_ok(out) ? STATUS_OK : error_no_memory(err, "a note");
 }
 
+status film_file_notes_get(struct film_file *file, uint8_t notes[FILM_NOTES_SIZE], struct error *err)
+{
+    size_t got;
+    status s;
+
+    pthread_mutex_lock(&file->lock);
+    s = read_at(file, notes, FILM_NOTES_SIZE, NOTES_AT, &got, err);
+    pthread_mutex_unlock(&file->lock);
+    if (s == STATUS_OK)
+        memset(notes + got, 0, FILM_NOTES_SIZE - got);
+    return s;
+}
+
+status film_file_notes_restore(struct film_file *file, const struct buffer *notes, struct error *err)
+{
+    uint8_t own[FILM_NOTES_SIZE];
+    status s = film_file_notes_get(file, own, err);
+
+    if (s != STATUS_OK || notes->size != FILM_NOTES_SIZE || !all_zero(own, sizeof own))
+        return s;
+    pthread_mutex_lock(&file->lock);
+    s = become_writable(file, err);
+    if (s == STATUS_OK)
+        s = write_at(file, notes->data, notes->size, NOTES_AT, err);
+    pthread_mutex_unlock(&file->lock);
+    return s == STATUS_OK ? film_file_sync(file, err) : s;
+}
+
 void film_file_discard(struct film_file *file)
 {
     if (file && ftruncate(file->fd, 0) != 0)

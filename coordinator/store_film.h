@@ -51,13 +51,17 @@ status film_file_note_read(struct film_file *file, uint32_t group, struct buffer
 /* The film is not needed any more: free its room now, so that closing takes no time. */
 void film_file_discard(struct film_file *file);
 
-/* Write a film that is complete, atomically. Any thread. ERR_IO, ERR_NO_MEMORY. */
+/* Write a film that is complete, atomically, with the notes of the one in work (`file`; NULL: none). Any
+ * thread. ERR_IO, ERR_NO_MEMORY. */
 status film_kept_write(const char *path, uint64_t job, uint32_t frame, const struct film *film,
-                       struct error *err) MUST_CHECK;
-/* Load it into a new, empty film; nothing where there is none. What is damaged is logged, and rendered again.
- * ERR_IO, ERR_NO_MEMORY. */
+                       struct film_file *file, struct error *err) MUST_CHECK;
+/* Load it into a new, empty film, and append its notes; nothing where there is none. What is damaged is logged,
+ * and rendered again. ERR_IO, ERR_NO_MEMORY. */
 status film_kept_load(const char *path, uint64_t job, uint32_t frame, struct film *film,
-                      uint32_t (*durable)[GROUPS], struct error *err) MUST_CHECK;
+                      uint32_t (*durable)[GROUPS], struct buffer *notes, struct error *err) MUST_CHECK;
+/* Put the notes of a kept film into a film in work that has none, and onto the disk. */
+status film_file_notes_restore(struct film_file *file, const struct buffer *notes,
+                               struct error *err) MUST_CHECK;
 
 /* Tests: let so many more writes succeed, then fail as if the disk were full; negative: never. */
 void film_file_fault(long successes);

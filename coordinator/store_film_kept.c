@@ -1,6 +1,6 @@
 /* The film of a frame that is done, closed up: a header as that of a film in work, with a magic of its own, then
- * the states of all tiles, one after another, each as film_tile_save gives it. Written once, and never
- * changed: a frame that goes on writes to a film in work beside it. */
+ * the notes, then the states of all tiles, one after another, each as film_tile_save gives it. Written once,
+ * and never changed: a frame that goes on writes to a film in work beside it. */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -12,7 +12,7 @@
 #include "common/base/memory.h"
 #include "coordinator/store_film_parts.h"
 
-static const char kept_magic[8] = "AZKEPT1\n";
+static const char kept_magic[8] = "AZKEPT2\n";
 
 static status io_error(const char *path, const char *what, struct error *err)
 {
@@ -35,7 +35,8 @@ static status write_states(FILE *file, const char *path, const struct film *film
 }
 
 static status write_file(const char *path, const struct film *film,
-                         const uint8_t header[FILM_HEADER_SIZE], struct error *err)
+                         const uint8_t header[FILM_HEADER_SIZE],
+                         const uint8_t notes[FILM_NOTES_SIZE], struct error *err)
 {
     int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
     FILE *file = fd >= 0 ? fdopen(fd, "wb") : NULL;
@@ -49,6 +50,8 @@ static status write_file(const char *path, const struct film *film,
     }
     if (fwrite(header, 1, FILM_HEADER_SIZE, file) != FILM_HEADER_SIZE)
         s = io_error(path, "written", err);
+    if (s == STATUS_OK && fwrite(notes, 1, FILM_NOTES_SIZE, file) != FILM_NOTES_SIZE)
+        s = io_error(path, "written", err);
     if (s == STATUS_OK)
         s = write_states(file, path, film, err);
     if (s == STATUS_OK && (fflush(file) != 0 || fsync(fd) != 0))
@@ -59,9 +62,9 @@ static status write_file(const char *path, const struct film *film,
 }
 
 status film_kept_write(const char *path, uint64_t job, uint32_t frame, const struct film *film,
-                       struct error *err)
+                       struct film_file *file, struct error *err)
 {
-    uint8_t header[FILM_HEADER_SIZE];
+    uint8_t header[FILM_HEADER_SIZE], notes[FILM_NOTES_SIZE] = {0};
     struct buffer fresh = BUFFER_INIT;
     status s;
 
@@ -69,8 +72,10 @@ status film_kept_write(const char *path, uint64_t job, uint32_t frame, const str
     if (!buffer_ok(&fresh))
         return error_no_memory(err, "a path");
     s = film_header_make(header, kept_magic, film, job, frame, err);
+    if (s == STATUS_OK && file)
+        s = film_file_notes_get(file, notes, err);
     if (s == STATUS_OK)
-        s = write_file(buffer_text(&fresh), film, header, err);
+        s = write_file(buffer_text(&fresh), film, header, notes, err);
     if (s == STATUS_OK && rename(buffer_text(&fresh), path) != 0)
         s = io_error(path, "made", err);
     if (s == STATUS_OK)
@@ -101,8 +106,9 @@ static int read_state(FILE *file, struct film *film, uint32_t tile, uint8_t *byt
 }
 
 status film_kept_load(const char *path, uint64_t job, uint32_t frame, struct film *film,
-                      uint32_t (*durable)[GROUPS], struct error *err)
+                      uint32_t (*durable)[GROUPS], struct buffer *notes, struct error *err)
 {
+    uint8_t noted[FILM_NOTES_SIZE];
     uint8_t wanted[FILM_HEADER_SIZE], found[FILM_HEADER_SIZE];
     FILE *file = fopen(path, "rbe");
     uint8_t *bytes = NULL;
@@ -113,14 +119,17 @@ status film_kept_load(const char *path, uint64_t job, uint32_t frame, struct fil
         return errno == ENOENT ? STATUS_OK : io_error(path, "opened", err);
     s = film_header_make(wanted, kept_magic, film, job, frame, err);
     if (s == STATUS_OK && (fread(found, 1, sizeof found, file) != sizeof found ||
-                           memcmp(found, wanted, sizeof found) != 0)) {
+                           memcmp(found, wanted, sizeof found) != 0 ||
+                           fread(noted, 1, sizeof noted, file) != sizeof noted)) {
         log_warn("%s: is damaged, or of another version; the frame will be rendered from its "
                  "beginning", path);
         fclose(file);
         return STATUS_OK;
     }
+    if (s == STATUS_OK)
+        buffer_append(notes, noted, sizeof noted);
     bytes = mem_alloc(film_tile_state_bound(film, 0));
-    if (s == STATUS_OK && !bytes)
+    if (s == STATUS_OK && !(bytes && buffer_ok(notes)))
         s = error_no_memory(err, "a kept film");
     for (uint32_t t = 0; t < film_tile_count(film) && s == STATUS_OK; t++) {
         if (!read_state(file, film, t, bytes, durable[t], &s, err))

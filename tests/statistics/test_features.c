@@ -442,7 +442,7 @@ static const struct feature features[] = {
      .bites = {EDIT(GLOSSY, polished), WITHOUT(MULTIPLE_SCATTERING), ALTER(rougher)}},
     {SCENE("mix.pbrt"), .bites = {EDIT(MATERIAL_MIX, first_of_mix), ALTER(other_mix)}},
     {SCENE("motion.gltf"), .frame = 3, .shutter = 1, .bites = {WITHOUT(MOTION_BLUR)}},
-    {SCENE("nested.gltf"), .bites = {WITHOUT(NESTED_DIELECTRIC)}},
+    {SCENE("nested.gltf"), .runs = 2, .bites = {WITHOUT(NESTED_DIELECTRIC)}},
     {SCENE("normal-map.gltf"), .bites = {WITHOUT(NORMAL_MAP)}},
     {SCENE("orthographic.gltf"), .bites = {EDIT(ORTHOGRAPHIC, as_perspective)}},
     {SCENE("panorama.pbrt"), .bites = {EDIT(PANORAMA, as_perspective), ALTER(turned_camera)}},

@@ -713,7 +713,6 @@ static void a_developed_frame_is_on_disk(void **state)
     assert_memory_equal(image.pixels, expected, sizeof expected);
     assert_non_null(memmem(found.data, found.size, "azulejo:spp", 11));
     assert_non_null(memmem(found.data, found.size, "azulejo:errorDisplay", 20));
-    assert_non_null(memmem(found.data, found.size, "azulejo:relativeMse", 19));
     assert_non_null(memmem(found.data, found.size, "azulejo:leakedRays", 18));
     assert_non_null(memmem(found.data, found.size, "azulejo:measured", 16));
     assert_non_null(memmem(found.data, found.size, "{\"job\": 1, \"workers\": 1, ", 25));
