@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/math/elementary.h"
 
 #define MEMORY_S 30.0        /* after so long a rate counts 1 / e */
 #define KNOWN_S 0.2          /* a rate over less says nothing */
@@ -145,7 +146,7 @@ void throughput_add(struct throughput *t, uint64_t cpu_ns, uint64_t now_ns)
         return;
     }
     dt_s = now_ns > t->last_ns ? (double)(now_ns - t->last_ns) / 1e9 : 0;
-    kept = exp(-dt_s / MEMORY_S);
+    kept = det_exp_d(-dt_s / MEMORY_S);
     t->cpu_s = t->cpu_s * kept + (double)cpu_ns / 1e9;
     t->wall_s = t->wall_s * kept + dt_s;
     t->last_ns = now_ns > t->last_ns ? now_ns : t->last_ns;

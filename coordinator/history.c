@@ -70,7 +70,8 @@ double job_figures_flicker(const struct job_figures *job, uint32_t count, uint32
     double worst = NAN;
 
     for (uint32_t i = 0; job->display && i + 1 < count; i++) {
-        double both = hypot((double)job->display[i], (double)job->display[i + 1]);
+        double both = sqrt((double)job->display[i] * (double)job->display[i] +
+                           (double)job->display[i + 1] * (double)job->display[i + 1]);
         if (!(both <= worst) && !isnan(both)) {
             worst = both;
             *index = i;

@@ -2,9 +2,11 @@
 
 #include <math.h>
 
+#include "common/math/elementary.h"
+
 static double codes_of_psnr(double psnr_db)
 {
-    return 255 * pow(10, -psnr_db / 20);
+    return 255 * det_pow_d(10, -psnr_db / 20);
 }
 
 struct accuracy_point target_point(const struct accuracy_figures *f, double cost,

@@ -91,7 +91,7 @@ def auto_on_a_farm():
         for options, words in (
                 (["--effects", "auto"], "--target-error 3/255"),
                 (["--effects", "auto", "--target-error", "1%"], "--target-error 1%"),
-                (["--effects", "auto", "--target-error", "0/255"], "--target-error 0/255")):
+                (["--effects", "auto", "--target-error", "0/255"], "a target of 0/255")):
             for command in ("render", "submit"):
                 result = farm.cli(command, CORNELL, *options, connect=False, expect=2)
                 expect(words in result.err, result)

@@ -569,7 +569,7 @@ def full_disk_of_the_coordinator():
 def disk_full_at_the_end():
     """a disk that fills up in mid-frame costs no work: the picture is written when there is room again"""
     options = ["--size", "128x128", "--spp", "300"]
-    with Farm() as farm, SmallDisk(farm, 16 << 20) as disk:
+    with Farm() as farm, SmallDisk(farm, 32 << 20) as disk:  # films of finished frames stay
         if disk is None:
             raise Skip("mounting is not permitted: no full disk here")
         farm.store = os.path.join(disk, "store")
