@@ -72,6 +72,10 @@ void words_count(struct buffer *out, double value)
     static const char *const names[] = {"", " thousand", " million", " billion", " trillion"};
     int step = 0;
 
+    if (fabs(value) < 999.5 && value == floor(value)) {
+        buffer_printf(out, "%.0f", value);
+        return;
+    }
     while (step < 4 && fabs(value) >= 999.5) {
         value /= 1000;
         step++;
