@@ -49,7 +49,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
     int watch = 0, done;
     const struct option table[] = {
-        STOP_OPTION_ROWS(options),
+        STOP_OPTION_ROWS(options, "no limit"),
         {"watch", 'w', OPTION_FLAG, &watch, NULL, "follow the job until it ends", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &how.json, NULL, "print JSON", 0, 0, NULL},
         {"quiet", 'q', OPTION_FLAG, &how.quiet, NULL, "no progress and no warnings", 0, 0, NULL},

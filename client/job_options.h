@@ -106,7 +106,7 @@ struct job_options {
 
 #define JOB_OPTION_ROWS(o)                                                                      \
     JOB_SCENE_ROWS(o),                                                                          \
-    STOP_OPTION_ROWS((o).stop),                                                                 \
+    STOP_OPTION_ROWS((o).stop, "the file's own, or 256; with another rule: no limit"),          \
     ALLOCATION_OPTION_ROW((o).stop),                                                            \
     {"min-spp", 0, OPTION_INT, &(o).stop.spp_min, "N",                                          \
      "samples a pixel before --target-error may end a frame, at least", 1, SETTINGS_SPP_MAX,    \

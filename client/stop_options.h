@@ -11,10 +11,9 @@ struct stop_options {
     const char *target, *time_limit, *core_limit, *allocation;
 };
 
-#define STOP_OPTION_ROWS(o)                                                                     \
+#define STOP_OPTION_ROWS(o, spp_default)                                                        \
     {"spp", 'n', OPTION_INT, &(o).spp, "N",                                                     \
-     "samples a pixel, at most (default: the file's own, or 256; with another rule: no limit)",  \
-     1, SETTINGS_SPP_MAX, NULL},                                                                \
+     "samples a pixel, at most (default: " spp_default ")", 1, SETTINGS_SPP_MAX, NULL},         \
     {"target-error", 0, OPTION_STRING, &(o).target, "ERROR",                                    \
      "render until the picture's error is as small: 2/255 (95 % of the pixels are within so "   \
      "many display codes), 1% (of the frame's mean) or 45dB (PSNR)", 0, 0, NULL},               \

@@ -12,7 +12,7 @@ tests = Tests()
 SIZE = ["--size", "49x33" if SLOW else "97x61", "--aov", "samples"]
 TARGET = ["--target-error", "12/255"]
 # What only this job or this run knows.
-OWN = {"azulejo:job", "azulejo:jobName", "azulejo:measured"}
+OWN = {"azulejo:jobName", "azulejo:measured"}
 
 
 def farm_of(farm, workers):
