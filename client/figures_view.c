@@ -97,7 +97,7 @@ static void describe_forecast(struct buffer *out, const Azulejo__Wire__Forecast 
 void figures_describe_curve(struct buffer *out, const Azulejo__Wire__JobInfo *job)
 {
     char display[FORMAT_SIZE], time[FORMAT_SIZE];
-    int told = 0;
+    int printed = 0;
 
     if (!job->now || !job->now->figures)
         return;
@@ -106,11 +106,11 @@ void figures_describe_curve(struct buffer *out, const Azulejo__Wire__JobInfo *jo
     for (size_t i = 0; i < job->n_forecasts; i++)
         if (job->forecasts[i]->seconds >= 0) {
             describe_forecast(out, job->forecasts[i]);
-            told = 1;
+            printed = 1;
         }
-    if (told && job->workers == 1)
+    if (printed && job->workers == 1)
         buffer_puts(out, " on this worker");
-    else if (told && job->workers > 1)
+    else if (printed && job->workers > 1)
         buffer_printf(out, " on these %u workers", job->workers);
     if (!job->now->figures->reliable)
         buffer_puts(out, " (may be understated)");

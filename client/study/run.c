@@ -143,7 +143,7 @@ static status set_workers(struct study_run *run, struct error *err)
         const Azulejo__Wire__WorkerInfo *w = answer->worker_list->workers[i];
         struct study_worker *row = study_add_worker(s);
         if (!row)
-            break; /* a farm of thousands: the first ones are told */
+            break; /* a farm of thousands: the first ones are listed */
         row->cores = w->threads;
         s->cores += w->threads;
         result = study_text_set(&row->name, w->host, err);

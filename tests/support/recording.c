@@ -8,17 +8,8 @@
 
 void record_pass_range(uint32_t index, uint32_t *begin, uint32_t *end)
 {
-    uint32_t last = 0, next = 2;
-
-    for (uint32_t i = 0; i < index; i++) {
-        uint32_t power = 2;
-        last = next;
-        while (power * 2 <= next)
-            power *= 2;
-        next = next < 16 ? next * 2 : next + (power < 8192 ? power / 2 : 4096);
-    }
-    *begin = last;
-    *end = next;
+    *begin = pass_samples(index);
+    *end = pass_samples(index + 1);
 }
 
 static void keep_tail(struct record_unit *unit, float luminance, uint32_t pixel)

@@ -38,8 +38,7 @@ struct record_unit {
     struct record_tail tail[RECORD_TAIL_MAX];
 };
 
-/* Samples [*begin, *end) of a group make pass `index`: boundaries 2, 4, 8, 16, 24, 32, 48, 64, ...
- * two a doubling from 16 on, steps of 4096 from 8192 on. */
+/* Samples [*begin, *end) of a group make pass `index`, were there no cap. */
 void record_pass_range(uint32_t index, uint32_t *begin, uint32_t *end);
 
 /* Render samples [begin, end) of a group; head.pass is left to the caller. */
