@@ -29,7 +29,7 @@ static const char rules[] =
     ".crops{display:grid;grid-template-columns:repeat(3,minmax(0,auto));gap:8px 10px}\n"
     ".crops img{display:block;max-width:100%;height:auto;image-rendering:pixelated;border-radius:2px}\n"
     ".crops figcaption{font-size:13px;line-height:1.35;padding-top:4px;font-variant-numeric:tabular-nums}\n"
-    ".region h3 span{font-weight:400}.crops b{font-weight:600}.crops span{color:$soft}\n"
+    ".region h3 span{font-weight:400;margin-left:.8em}.crops b{font-weight:600}.crops span{color:$soft}\n"
     ".trust{margin:10px 0 6px;padding:8px 14px;border-radius:6px;background:$okpaper;color:$okink;"
     "overflow-wrap:anywhere}\n"
     ".trust.doubt{background:$warnpaper;color:$warnink}\n"
