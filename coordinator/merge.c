@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "common/base/bytes.h"
 #include "common/base/clock.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
@@ -17,11 +18,8 @@ enum { SAMPLE_COUNTS_MAX = 1 << 20 }; /* rays or vertices of one sample */
 
 static void floats_from_wire(float *out, const uint8_t *in, size_t count)
 {
-    for (size_t i = 0; i < count; i++, in += 4) {
-        uint32_t bits = (uint32_t)in[0] | (uint32_t)in[1] << 8 | (uint32_t)in[2] << 16 |
-                        (uint32_t)in[3] << 24;
-        memcpy(&out[i], &bits, sizeof bits);
-    }
+    for (size_t i = 0; i < count; i++)
+        out[i] = bytes_get_float(in + 4 * i);
 }
 
 static void tell_others(void *user, uint32_t session, uint64_t lease)

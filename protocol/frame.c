@@ -1,6 +1,7 @@
 #include "protocol/frame.h"
 
 #include <string.h>
+#include "common/base/bytes.h"
 
 void frame_reader_init(struct frame_reader *r, uint32_t limit_bytes)
 {
@@ -39,7 +40,7 @@ status frame_reader_next(struct frame_reader *r, const uint8_t **payload, size_t
     if (waiting < FRAME_HEADER_BYTES)
         return STATUS_OK;
     p = r->bytes.data + r->taken;
-    length = (uint32_t)p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
+    length = bytes_get32(p);
     if (length == 0 || length > r->limit_bytes)
         return error_set(err, STATUS_ERR_PROTOCOL, "a message of %u bytes (1..%u are allowed)",
                          length, r->limit_bytes);

@@ -96,6 +96,11 @@ status builder_check_pixels(struct builder *b, const char *name, uint64_t width,
 /* The same for a file, by its header. A damaged header passes: its decoder says what is wrong. */
 status builder_check_image(struct builder *b, const char *name, const uint8_t *data,
                            size_t size_bytes) MUST_CHECK;
+/* A TGA or PFM picture becomes a PNG or EXR of the same texels, which the farm can read; the files
+ * that it reads stay as they are. *known is 0, and `bytes` as it was, for any other format.
+ * Checks the size as builder_check_image does; what is wrong with a TGA or PFM goes to `err`. */
+status builder_rewrite_image(struct builder *b, const char *name, struct buffer *bytes, int *known,
+                             struct error *err) MUST_CHECK;
 
 /* Add the row, or find the mesh that has the same blob and arrays. `mesh->blob` comes from
  * `data`, which is taken over. */

@@ -34,6 +34,67 @@ status builder_check_image(struct builder *b, const char *name, const uint8_t *d
     return builder_check_pixels(b, name, size.width, size.height);
 }
 
+/* A PFM picture's texels; grey ones become colours, as every EXR here holds R, G and B. */
+static status pfm_to_exr(const char *name, const struct buffer *bytes, struct buffer *out,
+                         struct error *err)
+{
+    const struct exr_options options = {0};
+    struct image pixels = {0}, rgb = {0};
+    status result = pfm_decode(&pixels, bytes->data, bytes->size, name, err);
+
+    if (result == STATUS_OK && pixels.channels == 1) {
+        result = image_init(&rgb, pixels.width, pixels.height, 3, err);
+        for (size_t i = 0; result == STATUS_OK && i < (size_t)rgb.width * rgb.height * 3; i++)
+            rgb.pixels[i] = pixels.pixels[i / 3];
+    }
+    if (result == STATUS_OK)
+        result = exr_encode(out, rgb.pixels ? &rgb : &pixels, &options, err);
+    image_release(&rgb);
+    image_release(&pixels);
+    return result;
+}
+
+static status tga_to_png(const char *name, const struct buffer *bytes, struct buffer *out,
+                         struct error *err)
+{
+    struct image pixels = {0};
+    status result = tga_decode(&pixels, bytes->data, bytes->size, name, err);
+
+    if (result == STATUS_OK)
+        result = png_encode_texture(out, &pixels, 8, err);
+    image_release(&pixels);
+    return result;
+}
+
+status builder_rewrite_image(struct builder *b, const char *name, struct buffer *bytes, int *known,
+                             struct error *err)
+{
+    struct buffer out = BUFFER_INIT;
+    uint32_t width, height;
+    status result = STATUS_OK;
+
+    *known = 1;
+    if (image_format_of(bytes->data, bytes->size) != IMAGE_UNKNOWN)
+        return builder_check_image(b, name, bytes->data, bytes->size);
+    if (pfm_recognise(bytes->data, bytes->size)) {
+        result = pfm_to_exr(name, bytes, &out, err);
+    } else if (tga_recognise(bytes->data, bytes->size, &width, &height)) {
+        result = builder_check_pixels(b, name, width, height);
+        if (result == STATUS_OK)
+            result = tga_to_png(name, bytes, &out, err);
+    } else {
+        *known = 0;
+        return STATUS_OK;
+    }
+    if (result != STATUS_OK) {
+        buffer_release(&out);
+        return result;
+    }
+    buffer_release(bytes);
+    *bytes = out;
+    return STATUS_OK;
+}
+
 /* An image of its own against what all may take. */
 static status count_image(struct builder *b, const char *name, const uint8_t *data,
                           size_t size_bytes)

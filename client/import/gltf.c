@@ -3,6 +3,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "common/base/bytes.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
 
@@ -255,11 +256,6 @@ static void close_tables(struct gltf *g)
     json_decref(g->root);
 }
 
-static uint32_t word(const uint8_t *at)
-{
-    return (uint32_t)at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24;
-}
-
 /* Find the JSON and the binary chunk of a GLB. */
 static status open_glb(struct gltf *g, const uint8_t *data, size_t size, const uint8_t **json,
                        size_t *json_bytes)
@@ -268,16 +264,16 @@ static status open_glb(struct gltf *g, const uint8_t *data, size_t size, const u
 
     if (size < GLB_HEADER_BYTES + GLB_CHUNK_HEADER_BYTES)
         return error_set(g->err, STATUS_ERR_INPUT, "the GLB file is cut short");
-    if (word(data + 4) != 2)
+    if (bytes_get32(data + 4) != 2)
         return error_set(g->err, STATUS_ERR_UNSUPPORTED,
-                         "is a GLB file of version %u: version 2 is read", word(data + 4));
-    total = word(data + 8);
+                         "is a GLB file of version %u: version 2 is read", bytes_get32(data + 4));
+    total = bytes_get32(data + 8);
     if (total > size)
         return error_set(g->err, STATUS_ERR_INPUT,
                          "the GLB file is cut short: it has %zu of %zu bytes", size, total);
     for (int chunk = 0; total - at >= GLB_CHUNK_HEADER_BYTES && at <= total; chunk++) {
-        size_t length = word(data + at);
-        uint32_t type = word(data + at + 4);
+        size_t length = bytes_get32(data + at);
+        uint32_t type = bytes_get32(data + at + 4);
         at += GLB_CHUNK_HEADER_BYTES;
         if (length > total - at)
             return error_set(g->err, STATUS_ERR_INPUT,
@@ -323,7 +319,7 @@ static status parse_json(struct gltf *g, const uint8_t *json, size_t size)
 
 static int is_glb(const uint8_t *data, size_t size)
 {
-    return size >= 4 && word(data) == GLB_MAGIC;
+    return size >= 4 && bytes_get32(data) == GLB_MAGIC;
 }
 
 static int gltf_recognise(const void *data, size_t size_bytes, const char *name)

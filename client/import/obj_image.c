@@ -2,7 +2,6 @@
  * MTL in files of their own: those are put together into new PNG images, and height maps become
  * normal maps, whose slope takes black to white for HEIGHT_TEXELS texels times -bm. */
 #include <math.h>
-#include <png.h>
 #include <string.h>
 
 #include "client/import/obj.h"
@@ -31,16 +30,21 @@ static status decode_map(struct obj *o, const struct obj_material *m, const stru
 {
     struct error inner = {0};
     enum image_format format;
+    int known;
     status result =
         obj_read_file(o, o->files.texts[m->file], map->file, IMPORT_FILE_BYTES_MAX, bytes, &inner);
 
-    if (result == STATUS_OK)
-        TRY(builder_check_image(o->b, map->file, bytes->data, bytes->size));
+    if (result == STATUS_OK) {
+        result = builder_rewrite_image(o->b, map->file, bytes, &known, &inner);
+        if (result == STATUS_ERR_LIMIT)
+            return inner.text[0] ? error_set(o->err, result, "%s", inner.text) : result;
+    }
     if (result == STATUS_OK) {
         format = image_format_of(bytes->data, bytes->size);
-        if (format == IMAGE_UNKNOWN) {
+        if (!known) {
             result = error_set(&inner, STATUS_ERR_UNSUPPORTED,
-                               "is no PNG, JPEG, WebP, Radiance HDR or OpenEXR file: convert it");
+                               "is not a PNG, JPEG, WebP, TGA, PFM, Radiance HDR or OpenEXR file: "
+                               "convert it");
         } else if (format == IMAGE_HDR || format == IMAGE_EXR) {
             struct image_repairs repairs = {0};
             struct image deep = {0};
@@ -170,28 +174,6 @@ static status file_image(struct obj *o, const struct obj_material *m, const stru
     return result;
 }
 
-/* RGBA as a PNG file. */
-static status encode_png(struct obj *o, const uint8_t *rgba, uint32_t width, uint32_t height,
-                         struct buffer *out)
-{
-    png_image png = {
-        .version = PNG_IMAGE_VERSION, .width = width, .height = height, .format = PNG_FORMAT_RGBA};
-    png_alloc_size_t size = 0;
-    uint8_t *space;
-
-    /* RGBA of values that are no sRGB colours: libpng must only not convert them. */
-    png.flags = PNG_IMAGE_FLAG_FAST;
-    if (png_image_write_get_memory_size(png, size, 0, rgba, 0, NULL)) {
-        space = buffer_append_space(out, size);
-        if (space && png_image_write_to_memory(&png, space, &size, 0, rgba, 0, NULL)) {
-            out->size = size;
-            return STATUS_OK;
-        }
-    }
-    png_image_free(&png);
-    return error_no_memory(o->err, "a texture");
-}
-
 /* Add an image made of pixels that fill(x, y) makes. */
 struct bake {
     const struct image8 *a, *b; /* either may be without pixels */
@@ -218,7 +200,7 @@ static status bake_image(struct obj *o, const struct bake *bake, const char *key
         for (uint32_t x = 0; x < width; x++)
             bake->fill(bake, x, y, width, height, rgba.pixels + 4 * ((size_t)y * width + x));
     if (result == STATUS_OK)
-        result = encode_png(o, rgba.pixels, width, height, &png);
+        result = png_encode_8(&png, &rgba, o->err);
     image8_release(&rgba);
     if (result == STATUS_OK)
         return keep_image(o, key, name, png.data, png.size, 0, out);

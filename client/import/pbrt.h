@@ -284,9 +284,6 @@ status pbrt_image_row(struct pbrt *p, struct pbrt_image *image, uint32_t *row) M
 void pbrt_image_forget(struct pbrt_image *image);
 /* Give decoded pictures back when they are many. */
 void pbrt_images_trim(struct pbrt *p);
-/* 8 or 16 bit PNG from values 0..1 that are encoded already: without dither, to the bit. */
-status pbrt_png(const struct image *image, int bits, struct buffer *out, struct error *err)
-    MUST_CHECK;
 /* pbrt-v4's square map of equal areas (Clarberg 2008) to lat-long, seen from map axes: column i
  * of `axes` is the map's axis i in the light's space. */
 status pbrt_octahedral_to_latlong(const struct image *square, const double axes[3][3],

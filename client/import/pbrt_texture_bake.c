@@ -107,7 +107,7 @@ static status add_canvas(struct pbrt *p, const struct canvas *c, const struct im
                                     .encoding = encoding};
     struct buffer out = BUFFER_INIT;
     status result = as_exr ? exr_encode(&out, pixels, &options, p->err)
-                           : pbrt_png(pixels, small ? 16 : 8, &out, p->err);
+                           : png_encode_texture(&out, pixels, small ? 16 : 8, p->err);
 
     if (result != STATUS_OK) {
         buffer_release(&out);

@@ -10,6 +10,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "common/base/bytes.h"
 #include "common/base/memory.h"
 #include "common/film/film_parts.h"
 
@@ -28,9 +29,8 @@ enum {
 
 static uint8_t *put32(uint8_t *out, uint32_t value)
 {
-    for (int i = 0; i < 4; i++)
-        *out++ = (uint8_t)(value >> 8 * i);
-    return out;
+    bytes_put32(out, value);
+    return out + 4;
 }
 
 static uint8_t *put64(uint8_t *out, uint64_t value)
@@ -56,10 +56,8 @@ static uint8_t *put_float(uint8_t *out, float value)
 
 static uint32_t get32(const uint8_t **in)
 {
-    const uint8_t *b = *in;
-
     *in += 4;
-    return (uint32_t)b[0] | (uint32_t)b[1] << 8 | (uint32_t)b[2] << 16 | (uint32_t)b[3] << 24;
+    return bytes_get32(*in - 4);
 }
 
 static uint64_t get64(const uint8_t **in)

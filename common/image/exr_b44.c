@@ -11,6 +11,7 @@
  */
 #include <string.h>
 
+#include "common/base/bytes.h"
 #include "common/image/exr_context.h"
 #include "common/image/half.h"
 
@@ -72,12 +73,6 @@ static uint16_t undo_exponential(uint16_t coded)
     return half_from_float((float)(8.0 * det_log_d((double)value)));
 }
 
-static void put_le16(uint8_t *to, uint16_t value)
-{
-    to[0] = (uint8_t)value;
-    to[1] = (uint8_t)(value >> 8);
-}
-
 /* One channel of the chunk: its samples of line y go to out + y * line_stride. */
 static exr_result_t decode_channel(const exr_coding_channel_info_t *channel, int32_t height,
                                    uint8_t *out, size_t line_stride, struct b44_input *in)
@@ -102,7 +97,7 @@ static exr_result_t decode_channel(const exr_coding_channel_info_t *channel, int
                 int32_t to_y = y + i / BLOCK_SIDE, to_x = x + i % BLOCK_SIDE;
 
                 if (to_y < height && to_x < channel->width)
-                    put_le16(out + (size_t)to_y * line_stride + 2 * (size_t)to_x,
+                    bytes_put16(out + (size_t)to_y * line_stride + 2 * (size_t)to_x,
                              channel->p_linear ? undo_exponential(samples[i]) : samples[i]);
             }
         }

@@ -12,6 +12,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "common/base/bytes.h"
 #include "common/base/memory.h"
 #include "common/image/color.h"
 #include "common/image/exr_context.h"
@@ -231,20 +232,15 @@ static status check_sizes(struct exr_reader *r, uint32_t *width, uint32_t *heigh
 
 /* ---- pixels ------------------------------------------------------------------------------ */
 
-static uint32_t read_le32(const uint8_t *p)
-{
-    return (uint32_t)p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
-}
-
 static float read_sample(const uint8_t *p, int type)
 {
     switch (type) {
     case EXR_PIXEL_HALF:
-        return half_to_float((uint16_t)(p[0] | p[1] << 8));
+        return half_to_float(bytes_get16(p));
     case EXR_PIXEL_FLOAT:
-        return float_from_bits(read_le32(p));
+        return bytes_get_float(p);
     default:
-        return (float)read_le32(p); /* by value, as OpenEXR converts */
+        return (float)bytes_get32(p); /* by value, as OpenEXR converts */
     }
 }
 

@@ -86,6 +86,17 @@ status jpeg_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, c
 status webp_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, const char *name,
                    struct error *err) MUST_CHECK;
 
+/* ---- formats that only importers read, to rewrite them ---- */
+/* PFM: 1 or 3 channels, linear; what is negative or not finite becomes 0. */
+int pfm_recognise(const uint8_t *data, size_t size_bytes);
+status pfm_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
+                  struct error *err) MUST_CHECK;
+/* TGA: 1, 3 or 4 channels of values 0..1, still encoded. The format has no signature: it is
+ * recognised by a header that makes sense, so ask for every other format first. */
+int tga_recognise(const uint8_t *data, size_t size_bytes, uint32_t *width, uint32_t *height);
+status tga_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
+                  struct error *err) MUST_CHECK;
+
 /* ---- writing ---- */
 
 /* One text, point or number for an EXR header. */
@@ -139,6 +150,12 @@ enum { JPEG_QUALITY_DEFAULT = 92 };
 
 status png_encode_as(struct buffer *out, const struct image *image,
                      const struct picture_options *how, struct error *err) MUST_CHECK;
+/* A texture of 1 to 4 channels of values 0..1, already encoded, rounded to 8 or 16 bits. The file
+ * makes no statement about colour. */
+status png_encode_texture(struct buffer *out, const struct image *image, int bits,
+                          struct error *err) MUST_CHECK;
+/* The same from whole numbers. */
+status png_encode_8(struct buffer *out, const struct image8 *image, struct error *err) MUST_CHECK;
 /* A baseline JPEG with colours in full resolution. ERR_LIMIT: a side above 65500. */
 status jpeg_encode(struct buffer *out, const struct image *image,
                    const struct picture_options *how, struct error *err) MUST_CHECK;

@@ -2,22 +2,9 @@
 
 #include <string.h>
 
+#include "common/base/bytes.h"
+
 enum { FLOAT_RGB_BYTES = 12, HDR_HEADER_MAX = 1 << 21, EXR_NAME_MAX = 256 };
-
-static uint32_t big16(const uint8_t *p)
-{
-    return (uint32_t)p[0] << 8 | p[1];
-}
-
-static uint32_t big32(const uint8_t *p)
-{
-    return big16(p) << 16 | big16(p + 2);
-}
-
-static uint32_t little32(const uint8_t *p)
-{
-    return (uint32_t)p[3] << 24 | (uint32_t)p[2] << 16 | (uint32_t)p[1] << 8 | p[0];
-}
 
 /* PNG (ISO 15948): IHDR is always the first chunk. */
 static int png_size(const uint8_t *data, size_t size, struct image_size *out)
@@ -26,8 +13,8 @@ static int png_size(const uint8_t *data, size_t size, struct image_size *out)
 
     if (size < 26 || data[25] > 6)
         return 0;
-    out->width = big32(data + 16);
-    out->height = big32(data + 20);
+    out->width = bytes_get32_big(data + 16);
+    out->height = bytes_get32_big(data + 20);
     out->pixel_bytes = channels[data[25]] * (data[24] == 16 ? 2u : 1u);
     return 1;
 }
@@ -52,12 +39,12 @@ static int jpeg_size(const uint8_t *data, size_t size, struct image_size *out)
             return 0;
         if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 &&
             marker != 0xcc) {
-            out->height = big16(data + at + 5);
-            out->width = big16(data + at + 7);
+            out->height = bytes_get16_big(data + at + 5);
+            out->width = bytes_get16_big(data + at + 7);
             out->pixel_bytes = data[at + 9] == 1 ? 1 : 3;
             return 1;
         }
-        at += 2 + big16(data + at + 2);
+        at += 2 + bytes_get16_big(data + at + 2);
     }
     return 0;
 }
@@ -71,15 +58,15 @@ static int webp_size(const uint8_t *data, size_t size, struct image_size *out)
         return 0;
     out->pixel_bytes = 4;
     if (memcmp(data + 12, "VP8X", 4) == 0) {
-        out->width = 1 + (little32(p + 4) & 0xffffff);
-        out->height = 1 + (little32(p + 6) >> 8);
+        out->width = 1 + (bytes_get32(p + 4) & 0xffffff);
+        out->height = 1 + (bytes_get32(p + 6) >> 8);
     } else if (memcmp(data + 12, "VP8L", 4) == 0) {
-        uint32_t bits = little32(p + 1);
+        uint32_t bits = bytes_get32(p + 1);
         out->width = 1 + (bits & 0x3fff);
         out->height = 1 + (bits >> 14 & 0x3fff);
     } else if (memcmp(data + 12, "VP8 ", 4) == 0) {
-        out->width = little32(p + 6) & 0x3fff;
-        out->height = little32(p + 6) >> 16 & 0x3fff;
+        out->width = bytes_get32(p + 6) & 0x3fff;
+        out->height = bytes_get32(p + 6) >> 16 & 0x3fff;
         out->pixel_bytes = 3;
     } else {
         return 0;
@@ -147,12 +134,12 @@ static int exr_size(const uint8_t *data, size_t size, struct image_size *out)
         value = type + length + 1 + 4;
         if (length == EXR_NAME_MAX || value > size)
             return 0;
-        bytes = little32(data + value - 4);
+        bytes = bytes_get32(data + value - 4);
         if (bytes > size - value)
             return 0;
         if (strcmp((const char *)name, "dataWindow") == 0 && bytes == 16) {
-            out->width = little32(data + value + 8) - little32(data + value) + 1;
-            out->height = little32(data + value + 12) - little32(data + value + 4) + 1;
+            out->width = bytes_get32(data + value + 8) - bytes_get32(data + value) + 1;
+            out->height = bytes_get32(data + value + 12) - bytes_get32(data + value + 4) + 1;
             out->pixel_bytes = FLOAT_RGB_BYTES;
             return 1;
         }

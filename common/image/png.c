@@ -180,11 +180,62 @@ status png_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, co
 
 /* ---- writing ----------------------------------------------------------------------------- */
 
-static status write_png(png_structp png, png_infop info, struct png_stream *stream,
-                        const struct image *image, const struct picture_options *how,
-                        uint8_t *row, struct error *err)
+/* What a file is made of: a row is filled when its turn comes, most significant byte first. */
+struct png_rows {
+    uint32_t width, height, channels;
+    int bits, is_srgb; /* is_srgb: an sRGB chunk says so */
+    const void *source;
+    int plain;
+    void (*fill)(const struct png_rows *rows, uint32_t y, uint8_t *row);
+};
+
+static void fill_picture(const struct png_rows *rows, uint32_t y, uint8_t *row)
 {
-    int bits = how->bits == 16 ? 16 : 8;
+    if (rows->bits == 16)
+        quantize_row16(rows->source, y, rows->plain, row);
+    else
+        quantize_row8(rows->source, y, rows->plain, row);
+}
+
+static void fill_texture(const struct png_rows *rows, uint32_t y, uint8_t *row)
+{
+    const struct image *image = rows->source;
+    size_t count = (size_t)image->width * image->channels;
+    const float *from = image->pixels + y * count;
+    float top = rows->bits == 16 ? 65535.0f : 255.0f;
+
+    for (size_t i = 0; i < count; i++) {
+        float v = from[i] > 0 ? from[i] < 1 ? from[i] : 1 : 0; /* NaN: 0 */
+        uint32_t code = (uint32_t)(v * top + 0.5f);
+        if (rows->bits == 16)
+            *row++ = (uint8_t)(code >> 8);
+        *row++ = (uint8_t)code;
+    }
+}
+
+static void fill_bytes(const struct png_rows *rows, uint32_t y, uint8_t *row)
+{
+    const struct image8 *image = rows->source;
+    size_t count = (size_t)image->width * image->channels;
+
+    if (image->bits == 8) {
+        memcpy(row, image->pixels + y * count, count);
+        return;
+    }
+    for (size_t i = 0; i < count; i++) {
+        uint16_t value;
+        memcpy(&value, image->pixels + 2 * (y * count + i), sizeof value);
+        row[2 * i] = (uint8_t)(value >> 8);
+        row[2 * i + 1] = (uint8_t)value;
+    }
+}
+
+/* Everything that may longjmp. */
+static status write_png(png_structp png, png_infop info, struct png_stream *stream,
+                        const struct png_rows *rows, uint8_t *row, struct error *err)
+{
+    static const int kinds[5] = {0, PNG_COLOR_TYPE_GRAY, PNG_COLOR_TYPE_GRAY_ALPHA,
+                                 PNG_COLOR_TYPE_RGB, PNG_COLOR_TYPE_RGB_ALPHA};
 
     if (setjmp(png_jmpbuf(png)))
         return buffer_ok(stream->out)
@@ -194,48 +245,34 @@ static status write_png(png_structp png, png_infop info, struct png_stream *stre
     png_set_write_fn(png, stream, png_write_bytes, png_flush_nothing);
     png_set_compression_level(png, PNG_DEFLATE_LEVEL);
     png_set_filter(png, 0, PNG_ALL_FILTERS);
-    png_set_IHDR(png, info, image->width, image->height, bits, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
-                 PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-    png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
+    png_set_IHDR(png, info, rows->width, rows->height, rows->bits, kinds[rows->channels],
+                 PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    if (rows->is_srgb)
+        png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
     png_write_info(png, info);
-    for (uint32_t y = 0; y < image->height; y++) {
-        if (bits == 16)
-            quantize_row16(image, y, how->plain, row);
-        else
-            quantize_row8(image, y, how->plain, row);
+    for (uint32_t y = 0; y < rows->height; y++) {
+        rows->fill(rows, y, row);
         png_write_row(png, row);
     }
     png_write_end(png, info);
     return STATUS_OK;
 }
 
-status png_encode(struct buffer *out, const struct image *image, struct error *err)
-{
-    static const struct picture_options usual;
-
-    return png_encode_as(out, image, &usual, err);
-}
-
-status png_encode_as(struct buffer *out, const struct image *image,
-                     const struct picture_options *how, struct error *err)
+static status encode_rows(struct buffer *out, const struct png_rows *rows, struct error *err)
 {
     struct png_stream stream = {.out = out};
     size_t start = out->size;
     png_structp png = NULL;
     png_infop info = NULL;
-    uint8_t *row;
+    uint8_t *row = mem_alloc_array(rows->width, rows->channels * (size_t)rows->bits / 8);
     status st;
 
-    if (image->channels < 3)
-        return error_set(err, STATUS_ERR_INTERNAL, "a PNG is made of 3 channels, not of %u",
-                         (unsigned)image->channels);
-    row = mem_alloc_array(image->width, how->bits == 16 ? 6 : 3);
     if (row)
         png = png_create_write_struct_2(PNG_LIBPNG_VER_STRING, &stream, png_fail,
                                         png_ignore_warning, NULL, png_take_memory, png_give_memory);
     info = png ? png_create_info_struct(png) : NULL;
     if (info)
-        st = write_png(png, info, &stream, image, how, row, err);
+        st = write_png(png, info, &stream, rows, row, err);
     else
         st = error_no_memory(err, "libpng");
     if (png)
@@ -246,4 +283,54 @@ status png_encode_as(struct buffer *out, const struct image *image,
         out->data[start] = 0;
     }
     return st;
+}
+
+status png_encode_as(struct buffer *out, const struct image *image,
+                     const struct picture_options *how, struct error *err)
+{
+    const struct png_rows rows = {.width = image->width,
+                                  .height = image->height,
+                                  .channels = 3,
+                                  .bits = how->bits == 16 ? 16 : 8,
+                                  .is_srgb = 1,
+                                  .plain = how->plain,
+                                  .source = image,
+                                  .fill = fill_picture};
+
+    if (image->channels < 3)
+        return error_set(err, STATUS_ERR_INTERNAL, "a picture is made of 3 channels, not of %u",
+                         (unsigned)image->channels);
+    return encode_rows(out, &rows, err);
+}
+
+status png_encode(struct buffer *out, const struct image *image, struct error *err)
+{
+    static const struct picture_options usual;
+
+    return png_encode_as(out, image, &usual, err);
+}
+
+status png_encode_texture(struct buffer *out, const struct image *image, int bits,
+                          struct error *err)
+{
+    const struct png_rows rows = {.width = image->width,
+                                  .height = image->height,
+                                  .channels = image->channels,
+                                  .bits = bits,
+                                  .source = image,
+                                  .fill = fill_texture};
+
+    return encode_rows(out, &rows, err);
+}
+
+status png_encode_8(struct buffer *out, const struct image8 *image, struct error *err)
+{
+    const struct png_rows rows = {.width = image->width,
+                                  .height = image->height,
+                                  .channels = image->channels,
+                                  .bits = (int)image->bits,
+                                  .source = image,
+                                  .fill = fill_bytes};
+
+    return encode_rows(out, &rows, err);
 }

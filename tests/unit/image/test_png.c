@@ -383,11 +383,51 @@ static void test_out_of_memory(void **state)
     buffer_release(&file);
 }
 
+/* Textures keep their channels, and their codes to the bit, and claim no colour space. */
+static void test_textures_survive(void **state)
+{
+    struct error err = {0};
+
+    (void)state;
+    for (uint32_t channels = 1; channels <= 4; channels++)
+        for (uint32_t bits = 8; bits <= 16; bits += 8) {
+            const uint32_t top = bits == 16 ? 65535 : 255, count = 7 * 5 * channels;
+            struct image in;
+            struct image8 first, second;
+            struct buffer file = BUFFER_INIT, again = BUFFER_INIT;
+            assert_int_equal(image_init(&in, 7, 5, channels, NULL), STATUS_OK);
+            for (uint32_t i = 0; i < count; i++)
+                in.pixels[i] = (float)(i * 5077 % (top + 1)) / (float)top;
+            in.pixels[1] = NAN;
+            in.pixels[2] = -1;
+            in.pixels[3] = 2;
+            assert_int_equal(png_encode_texture(&file, &in, (int)bits, &err), STATUS_OK);
+            assert_null(memmem(file.data, file.size, "sRGB", 4));
+            assert_int_equal(png_decode(&first, file.data, file.size, "x", &err), STATUS_OK);
+            assert_true(first.channels == channels && first.bits == bits);
+            assert_int_equal(png_encode_8(&again, &first, &err), STATUS_OK);
+            assert_int_equal(png_decode(&second, again.data, again.size, "x", &err), STATUS_OK);
+            for (uint32_t i = 0; i < count; i++) {
+                uint32_t expected = i == 1 || i == 2 ? 0 : i == 3 ? top : i * 5077 % (top + 1);
+                uint16_t deep;
+                memcpy(&deep, first.pixels + (bits == 16 ? 2 * i : 0), sizeof deep);
+                assert_int_equal(bits == 16 ? deep : first.pixels[i], expected);
+            }
+            assert_memory_equal(first.pixels, second.pixels, count * bits / 8);
+            image_release(&in);
+            image8_release(&first);
+            image8_release(&second);
+            buffer_release(&file);
+            buffer_release(&again);
+        }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_every_kind),
         cmocka_unit_test(test_codes_survive),
+        cmocka_unit_test(test_textures_survive),
         cmocka_unit_test(test_dither),
         cmocka_unit_test(test_sixteen_bits_and_rounding),
         cmocka_unit_test(test_hostile_values_and_repeatability),

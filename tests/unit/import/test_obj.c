@@ -435,6 +435,32 @@ static void maps_become_textures(void **state)
     import_result_release(&result);
 }
 
+/* A TGA becomes a PNG, which the workers read. */
+static void a_tga_map_is_rewritten(void **state)
+{
+    /* 2x2, bottom row first: blue and white, red and green. */
+    static const uint8_t tga[18 + 12] = {0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, 0, 2, 0, 24, 0,
+                                         255, 0, 0, 255, 255, 255, 0, 0, 255, 0, 255, 0};
+    static const uint8_t rgb[12] = {255, 0, 0, 0, 255, 0, 0, 0, 255, 255, 255, 255};
+    struct import_result result;
+    struct scene_material m;
+    struct image8 picture;
+
+    (void)state;
+    write_file("c.tga", tga, sizeof tga);
+    material_of("newmtl it\nmap_Kd c.tga\n", &result, &m);
+    picture = picture_of(&result, &m.base_color_texture);
+    assert_true(picture.width == 2 && picture.height == 2 && picture.channels == 3);
+    assert_memory_equal(picture.pixels, rgb, sizeof rgb);
+    image8_release(&picture);
+    import_result_release(&result);
+    write_file("c.tga", tga, sizeof tga - 1);
+    material_of("newmtl it\nmap_Kd c.tga\n", &result, &m);
+    assert_int_equal(m.base_color_texture.texture, -1);
+    assert_warned_at(&result, "m.mtl", "cut short");
+    import_result_release(&result);
+}
+
 /* A ramp that rises to the right leans its normals to the left, in glTF's sense of both axes. */
 static void height_maps_become_normal_maps(void **state)
 {
@@ -538,6 +564,7 @@ int main(void)
         cmocka_unit_test(values_become_the_model),
         cmocka_unit_test(mtl_faults_are_warned_of),
         cmocka_unit_test(maps_become_textures),
+        cmocka_unit_test(a_tga_map_is_rewritten),
         cmocka_unit_test(height_maps_become_normal_maps),
         cmocka_unit_test(ply_is_a_scene),
         cmocka_unit_test(out_of_memory_is_said),
