@@ -3,6 +3,7 @@
 #   make            the three programs, into build/release/bin
 #   make SANITIZE=address,undefined ...   a separate tree with sanitizers
 #   make DEBUG=1 ...                      a separate tree without optimisation
+#   make V=1 ...                          print whole commands
 
 PREFIX ?= /usr/local
 DESTDIR ?=
@@ -29,6 +30,16 @@ else
 endif
 ifeq ($(findstring clang,$(CC)),clang)
   VARIANT := $(VARIANT)-clang
+endif
+
+# What a recipe prints: `CC path`, or with V=1 the command itself.
+V ?=
+ifneq ($(findstring s,$(firstword -$(MAKEFLAGS))),)
+  show = @
+else ifeq ($(V),)
+  show = @printf '  %-7s %s\n' $(1) $(patsubst $(BUILD)/%,%,$@);
+else
+  show =
 endif
 
 BUILD := build/$(VARIANT)
@@ -90,7 +101,7 @@ TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(TEST_SRC)))
 SUPPORT_SRC := $(call sources,tests/support)
 LIB_SUPPORT := $(BUILD)/lib/libsupport.a
 # Programs that the farm tests and benchmarks drive.
-TOOL_SRC := $(sort $(shell find tests/farm tests/fault tests/bench tests/accuracy tests/fuzz -name '*.c' ! -name 'fuzz_*.c' ! -name odd_disk.c 2>/dev/null))
+TOOL_SRC := $(sort $(shell find tests/farm tests/bench tests/accuracy tests/fuzz -name '*.c' ! -name 'fuzz_*.c' ! -name odd_disk.c 2>/dev/null))
 # Preloaded into a coordinator under test.
 ODD_DISK := $(BUILD)/tests/farm/odd_disk.so
 TOOLS := $(patsubst %.c,$(BUILD)/%,$(TOOL_SRC))
@@ -114,11 +125,11 @@ deps: ## install what is missing (Debian 12; says what it would do elsewhere)
 # ---- compile ------------------------------------------------------------------------------
 $(GEN)/%.pb-c.c $(GEN)/%.pb-c.h: %.proto
 	@mkdir -p $(GEN)
-	$(PROTOC_C) --c_out=$(GEN) $<
+	$(call show,PROTOC)$(PROTOC_C) --c_out=$(GEN) $<
 
 $(BUILD)/obj/gen/%.o: $(GEN)/%.c
 	@mkdir -p $(@D)
-	$(CC) $(CPPFLAGS) $(filter-out $(WARNINGS),$(CFLAGS)) -MMD -MP -c -o $@ $<
+	$(call show,CC)$(CC) $(CPPFLAGS) $(filter-out $(WARNINGS),$(CFLAGS)) -MMD -MP -c -o $@ $<
 
 # A kernel variant is one piece of code that is to be compiled as one: nothing in it is replaced
 # at run time, and gcc's limits on what it inlines are meant for larger programs' sake.
@@ -130,12 +141,12 @@ endif
 
 $(BUILD)/obj/%.o: %.c | $(PROTO_HDR)
 	@mkdir -p $(@D)
-	$(CC) $(CPPFLAGS) $(CFLAGS) -MMD -MP -c -o $@ $<
+	$(call show,CC)$(CC) $(CPPFLAGS) $(CFLAGS) -MMD -MP -c -o $@ $<
 
 define archive
 	@mkdir -p $(@D)
 	@rm -f $@
-	$(AR) rcs $@ $^
+	$(call show,AR)$(AR) rcs $@ $^
 endef
 $(LIB_COMMON): $(call object,$(COMMON_SRC)) $(BUILD)/obj/gen/common/scene/scene.pb-c.o ; $(archive)
 $(LIB_PROTOCOL): $(call object,$(PROTOCOL_SRC)) $(BUILD)/obj/gen/protocol/azulejo.pb-c.o ; $(archive)
@@ -148,30 +159,30 @@ $(LIB_SUPPORT): $(call object,$(SUPPORT_SRC)) ; $(archive)
 # ---- link: each program sees only what DESIGN allows it -------------------------------------
 $(BIN)/azulejo: $(call object,client/main.c) $(LIB_CLIENT) $(LIB_PROTOCOL) $(LIB_COMMON)
 	@mkdir -p $(@D)
-	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_CLIENT) $(LIBS_PROTOCOL) $(LIBS_COMMON)
+	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_CLIENT) $(LIBS_PROTOCOL) $(LIBS_COMMON)
 $(BIN)/azulejo-coordinator: $(call object,coordinator/main.c) $(LIB_COORDINATOR) $(LIB_PROTOCOL) $(LIB_COMMON)
 	@mkdir -p $(@D)
-	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_COORDINATOR) $(LIBS_PROTOCOL) $(LIBS_COMMON)
+	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_COORDINATOR) $(LIBS_PROTOCOL) $(LIBS_COMMON)
 $(BIN)/azulejo-worker: $(call object,worker/main.c) $(LIB_WORKER) $(LIB_RENDER) $(LIB_PROTOCOL) $(LIB_COMMON)
 	@mkdir -p $(@D)
-	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_RENDER) $(LIBS_PROTOCOL) $(LIBS_COMMON)
+	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_RENDER) $(LIBS_PROTOCOL) $(LIBS_COMMON)
 $(BIN)/scenes/%: $(BUILD)/obj/scenes/%.o $(call object,$(SCENE_SHARED)) $(LIB_COMMON)
 	@mkdir -p $(@D)
-	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_COMMON) $(LIBS_CLIENT)
+	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_COMMON) $(LIBS_CLIENT)
 
 $(TESTS) $(TOOLS): $(BUILD)/%: $(BUILD)/obj/%.o $(LIB_SUPPORT) $(LIBRARIES)
 	@mkdir -p $(@D)
-	$(CC) $(LDFLAGS) -o $@ $^ -lcmocka $(LIBS_ALL)
+	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ -lcmocka $(LIBS_ALL)
 
 # Every fuzz target also replays its corpus as an ordinary test.
 $(BUILD)/tests/fuzz/%_replay: $(BUILD)/obj/tests/fuzz/%.o $(BUILD)/obj/tests/support/fuzz_replay.o $(LIB_SUPPORT) $(LIBRARIES)
 	@mkdir -p $(@D)
-	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_ALL)
+	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_ALL)
 
 # ---- test ---------------------------------------------------------------------------------
 $(BUILD)/%.so: %.c
 	@mkdir -p $(@D)
-	$(CC) -std=c17 -D_GNU_SOURCE -O1 -g $(WARNINGS) -fPIC -shared -o $@ $< -ldl
+	$(call show,LD)$(CC) -std=c17 -D_GNU_SOURCE -O1 -g $(WARNINGS) -fPIC -shared -o $@ $< -ldl
 
 tests: all $(TESTS) $(TOOLS) $(ODD_DISK) $(FUZZ_REPLAY)
 

@@ -58,7 +58,6 @@ static void finish(struct channel *c)
     if (!uv_is_closing((uv_handle_t *)&c->tcp))
         uv_close((uv_handle_t *)&c->tcp, on_handle_closed);
     uv_close((uv_handle_t *)&c->timer, on_handle_closed);
-    uv_close((uv_handle_t *)&c->kick, on_handle_closed);
     uv_cancel((uv_req_t *)&c->resolve); /* refused when it is not waiting: fine */
 }
 
@@ -296,8 +295,6 @@ static int handshake_step(struct channel *c)
     uv_timer_stop(&c->timer);
     c->role = tls_role(c->tls);
     c->state = OPEN;
-    if (c->paused)
-        uv_read_stop((uv_stream_t *)&c->tcp);
     if (c->callbacks.on_open)
         c->callbacks.on_open(c, c->user);
     return c->state == OPEN;
@@ -306,7 +303,7 @@ static int handshake_step(struct channel *c)
 /* Deliver the frames at hand. 0 when the channel left OPEN. */
 static int deliver(struct channel *c)
 {
-    while (c->state == OPEN && !c->paused) {
+    while (c->state == OPEN) {
         Azulejo__Wire__Envelope *message;
         struct error err = {0};
         const uint8_t *payload;
@@ -343,7 +340,7 @@ static void process_input(struct channel *c)
 {
     if (c->state == HANDSHAKE && !handshake_step(c))
         return;
-    while (deliver(c) && !c->paused) {
+    while (deliver(c)) {
         uint8_t plain[16384]; /* the most that one TLS record holds */
         struct error err = {0};
         size_t got;
@@ -362,36 +359,6 @@ static void process_input(struct channel *c)
             return;
         }
     }
-}
-
-static void on_kick(uv_idle_t *kick)
-{
-    struct channel *c = kick->data;
-
-    uv_idle_stop(kick);
-    if (c->state != OPEN || c->paused)
-        return;
-    process_input(c);
-    if (c->state == OPEN && !c->paused)
-        uv_read_start((uv_stream_t *)&c->tcp, on_allocate, on_read);
-}
-
-void channel_pause_reading(struct channel *c)
-{
-    if (c->state > OPEN || c->paused)
-        return;
-    c->paused = 1;
-    if (c->state == OPEN)
-        uv_read_stop((uv_stream_t *)&c->tcp);
-}
-
-void channel_resume_reading(struct channel *c)
-{
-    if (c->state > OPEN || !c->paused)
-        return;
-    c->paused = 0;
-    if (c->state == OPEN)
-        uv_idle_start(&c->kick, on_kick);
 }
 
 /* ---- beginning ------------------------------------------------------------------------- */
@@ -427,10 +394,9 @@ struct channel *channel_new(uv_loop_t *loop, const struct channel_callbacks *cal
 void channel_start_handles(struct channel *c)
 {
     uv_timer_init(c->loop, &c->timer);
-    uv_idle_init(c->loop, &c->kick);
     uv_tcp_init(c->loop, &c->tcp);
-    c->timer.data = c->kick.data = c->tcp.data = c;
-    c->holds = 3;
+    c->timer.data = c->tcp.data = c;
+    c->holds = 2;
 }
 
 void channel_read_start(struct channel *c)
@@ -479,7 +445,6 @@ static void close_gently(struct channel *c)
         return;
     was_open = c->state == OPEN;
     c->state = CLOSING;
-    uv_idle_stop(&c->kick);
     if (!was_open && c->gate)
         c->gate->on_refused(c, c->user);
     if (c->state == DEAD)

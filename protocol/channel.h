@@ -28,7 +28,7 @@
  *
  * TCP_NODELAY is set; one message is one write. The owner looks at channel_queued_bytes()
  * and stops producing above CHANNEL_QUEUE_HIGH; on_drain tells when it fell below
- * CHANNEL_QUEUE_LOW. channel_pause_reading/resume push back on the peer.
+ * CHANNEL_QUEUE_LOW.
  */
 #ifndef AZULEJO_PROTOCOL_CHANNEL_H
 #define AZULEJO_PROTOCOL_CHANNEL_H
@@ -114,8 +114,6 @@ void channel_close(struct channel *c);
 void channel_abort(struct channel *c, status code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-void channel_pause_reading(struct channel *c);
-void channel_resume_reading(struct channel *c);
 size_t channel_queued_bytes(const struct channel *c);
 enum farm_role channel_role(const struct channel *c);
 const char *channel_peer(const struct channel *c);       /* "127.0.0.1:40312" */

@@ -78,7 +78,7 @@ static void on_resolved(uv_getaddrinfo_t *request, int result, struct addrinfo *
         channel_hold_drop(c);
         return;
     }
-    c->holds--; /* the three handles remain */
+    c->holds--; /* the two handles remain */
     if (result < 0 || !addresses)
         channel_end_now(c, STATUS_ERR_UNREACHABLE, "no such host: %s",
                         uv_strerror(result < 0 ? result : UV_EAI_NONAME));

@@ -16,7 +16,6 @@ struct channel {
     uv_loop_t *loop;
     uv_tcp_t tcp;
     uv_timer_t timer;      /* first record, handshake, then flushing and lingering */
-    uv_idle_t kick;        /* delivers what waited while reading was paused */
     uv_getaddrinfo_t resolve;
     uv_connect_t connect;
     uv_shutdown_t shutdown;
@@ -34,7 +33,7 @@ struct channel {
     struct buffer outgoing; /* scratch of channel_send */
     size_t queued_bytes;
     int was_high;           /* above CHANNEL_QUEUE_HIGH since the last on_drain */
-    int paused, is_server, shutdown_done, peer_ended;
+    int is_server, shutdown_done, peer_ended;
     enum farm_role role;
     uint64_t last_heard_ns, last_sent_ns;
     struct error why;

@@ -222,13 +222,3 @@ void fetcher_reset(struct fetcher *f)
     }
 }
 
-size_t fetcher_count(const struct fetcher *f)
-{
-    size_t count = 0;
-
-    for (const struct fetch *fetch = f->first; fetch; fetch = fetch->next)
-        count++;
-    for (size_t i = 0; i < FETCHES_AT_ONCE; i++)
-        count += f->receiving[i] != NULL;
-    return count;
-}

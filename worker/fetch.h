@@ -52,7 +52,5 @@ status fetcher_data(struct fetcher *f, uint64_t request, const Azulejo__Wire__Bl
 int fetcher_failure(struct fetcher *f, uint64_t request, const Azulejo__Wire__Failure *failure);
 /* The connection is gone: begin anew on the next. */
 void fetcher_reset(struct fetcher *f);
-/* How many wait or are being received. */
-size_t fetcher_count(const struct fetcher *f);
 
 #endif

@@ -429,11 +429,6 @@ const struct error *scene_slot_error(const struct scene_slot *slot)
     return &slot->error;
 }
 
-const struct render_settings *scene_slot_settings(const struct scene_slot *slot)
-{
-    return &slot->settings;
-}
-
 static void log_built(const struct scene_slot *slot)
 {
     struct render_scene_info info = {0};

@@ -65,7 +65,6 @@ void scene_slot_release(struct scene_slot *slot);
 enum scene_state scene_slot_state(const struct scene_slot *slot);
 const struct render_scene *scene_slot_render(const struct scene_slot *slot); /* when READY */
 const struct error *scene_slot_error(const struct scene_slot *slot);         /* when BROKEN */
-const struct render_settings *scene_slot_settings(const struct scene_slot *slot);
 /* Is a READY slot good for this frame? */
 int scene_slot_shows(const struct scene_slot *slot, uint32_t frame);
 /* Change a reference to a READY slot that does not show the frame for one to the slot that does

@@ -41,8 +41,6 @@ void tonemap_each_row(const struct tonemap_frame *frame,
 enum tonemap_of { TONEMAP_LUMINANCE, TONEMAP_LARGEST_CHANNEL };
 status tonemap_percentile_of(double *out, const struct image *image, enum tonemap_of of,
                              double percent, unsigned threads, struct error *err) MUST_CHECK;
-status tonemap_percentile(double *out, const struct image *image, double percent,
-                          unsigned threads, struct error *err) MUST_CHECK; /* luminance */
 
 /* The matrix by which linear Rec. 709 is multiplied so that a light of that colour temperature
  * looks like D65 (Bradford). Below 4000 K the Planckian locus, above it the CIE daylight locus. */

@@ -227,12 +227,6 @@ status tonemap_percentile_of(double *out, const struct image *image, enum tonema
     return percentile(out, &c, percent, threads, err);
 }
 
-status tonemap_percentile(double *out, const struct image *image, double percent,
-                          unsigned threads, struct error *err)
-{
-    return tonemap_percentile_of(out, image, TONEMAP_LUMINANCE, percent, threads, err);
-}
-
 status statistics_percentile(double *out, const struct image *in, const double matrix[3][3],
                              double percent, unsigned threads, struct error *err)
 {

@@ -282,17 +282,6 @@ static void flood(struct farm *f, struct side *s)
         channel_close(s->channel);
 }
 
-/* A slow reader: after every sixteenth message it looks away for some turns of the loop. */
-static void flood_idle(uv_idle_t *idle)
-{
-    struct farm *f = idle->data;
-
-    if (++f->idle_turns % 20 != 0)
-        return;
-    uv_idle_stop(idle);
-    channel_resume_reading(f->server.channel);
-}
-
 static void flood_message(struct farm *f, struct side *s, const Azulejo__Wire__Envelope *m)
 {
     assert_ptr_equal(s, &f->server);
@@ -302,15 +291,9 @@ static void flood_message(struct farm *f, struct side *s, const Azulejo__Wire__E
     assert_int_equal(m->blob_data->data.data[0], f->received % 251);
     assert_int_equal(m->blob_data->data.data[FLOOD_PIECE - 1], f->received % 251);
     f->received++;
-    assert_false(uv_is_active((uv_handle_t *)&f->idle)); /* nothing comes while paused */
-    if (f->received % 16 == 0) {
-        channel_pause_reading(s->channel);
-        channel_pause_reading(s->channel);
-        uv_idle_start(&f->idle, flood_idle);
-    }
 }
 
-static void test_flood_with_slow_reader(void **state)
+static void test_flood(void **state)
 {
     struct farm f;
 
@@ -476,24 +459,12 @@ static void stuff(struct farm *f, struct side *s)
     static uint8_t bytes[CHANNEL_FRAME_MAX - 64];
     status result = STATUS_OK;
 
-    if (s != &f->client) {
-        channel_pause_reading(s->channel);
+    if (s != &f->client)
         return;
-    }
     for (int i = 0; i < 80 && result == STATUS_OK; i++)
         result = send_piece(s->channel, 0, bytes, sizeof bytes);
     assert_int_equal(result, STATUS_ERR_LIMIT);
     assert_int_equal(send_piece(s->channel, 0, bytes, 1), STATUS_ERR_IO);
-}
-
-static void resume_turn(uv_idle_t *idle)
-{
-    struct farm *f = idle->data;
-
-    if (f->client.closed && f->server.opened) {
-        uv_idle_stop(idle);
-        channel_resume_reading(f->server.channel);
-    }
 }
 
 static void test_peer_that_reads_nothing(void **state)
@@ -503,7 +474,6 @@ static void test_peer_that_reads_nothing(void **state)
     (void)state;
     farm_begin(&f);
     f.on_open = stuff;
-    uv_idle_start(&f.idle, resume_turn);
     /* One loop serves both ends, and encrypts 256 MiB before the server's end has its turn. */
     channel_fault_handshake_ms(300000);
     farm_connect(&f);
@@ -1121,7 +1091,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_exchange_in_every_role),
         cmocka_unit_test(test_host_with_several_addresses),
-        cmocka_unit_test(test_flood_with_slow_reader),
+        cmocka_unit_test(test_flood),
         cmocka_unit_test(test_close_flushes),
         cmocka_unit_test(test_abort),
         cmocka_unit_test(test_close_on_open),
