@@ -110,7 +110,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation check-asan check-tsan fuzz bench bench-accuracy layers install uninstall clean tests lint
+.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation check-asan check-tsan fuzz bench bench-accuracy layers install uninstall clean tests lint format new-tonemap
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -202,6 +202,12 @@ test-slurm: all ## preempt, cancel and time out deploy/slurm's workers (needs sl
 
 lint: ## clang-tidy and cppcheck
 	@scripts/lint.sh
+
+new-tonemap: ## start a tone mapper: its file, row, test and section (NAME=x)
+	@scripts/new-tonemap.sh "$(NAME)"
+
+format: ## lay out the lines that you changed (needs clang-format)
+	@git clang-format --quiet HEAD
 
 fuzz: ## build the fuzz targets with clang's libFuzzer and run each for FUZZ_SECONDS (60)
 	@scripts/fuzz.sh $(FUZZ_SRC)

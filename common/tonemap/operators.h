@@ -4,19 +4,24 @@
 
 #include "common/tonemap/tonemap.h"
 
-extern const struct tonemap_operator tonemap_linear;
-extern const struct tonemap_operator tonemap_normalize;
-extern const struct tonemap_operator tonemap_gamma;
-extern const struct tonemap_operator tonemap_reinhard02;
-extern const struct tonemap_operator tonemap_drago03;
-extern const struct tonemap_operator tonemap_aces;
-extern const struct tonemap_operator tonemap_aces_hill;
-extern const struct tonemap_operator tonemap_mantiuk08;
-extern const struct tonemap_operator tonemap_mantiuk06;
-extern const struct tonemap_operator tonemap_agx;
-extern const struct tonemap_operator tonemap_pbr_neutral;
-extern const struct tonemap_operator tonemap_hable;
-extern const struct tonemap_operator tonemap_lut;
+/* One row an operator, in the order in which they are listed; the first is the default. */
+#define TONEMAP_OPERATORS(X) \
+    X(reinhard02)            \
+    X(drago03)               \
+    X(mantiuk08)             \
+    X(mantiuk06)             \
+    X(aces)                  \
+    X(aces_hill)             \
+    X(agx)                   \
+    X(pbr_neutral)           \
+    X(hable)                 \
+    X(lut)                   \
+    X(gamma)                 \
+    X(normalize)             \
+    X(linear)
+
+#define TONEMAP_DECLARE(name) extern const struct tonemap_operator tonemap_##name;
+TONEMAP_OPERATORS(TONEMAP_DECLARE)
 
 /* is_local of an operator that always is. */
 int tonemap_always_local(const double *values);

@@ -7,21 +7,8 @@
 #include "common/tonemap/operators.h"
 #include "common/tonemap/tonemap.h"
 
-static const struct tonemap_operator *const operators[] = {
-    &tonemap_reinhard02, /* the first is the default */
-    &tonemap_drago03,
-    &tonemap_mantiuk08,
-    &tonemap_mantiuk06,
-    &tonemap_aces,
-    &tonemap_aces_hill,
-    &tonemap_agx,
-    &tonemap_pbr_neutral,
-    &tonemap_hable,
-    &tonemap_lut,
-    &tonemap_gamma,
-    &tonemap_normalize,
-    &tonemap_linear,
-};
+#define OPERATOR(name) &tonemap_##name,
+static const struct tonemap_operator *const operators[] = {TONEMAP_OPERATORS(OPERATOR)};
 
 static const char *const metering_names[TONEMAP_METERING_COUNT] = {
     [TONEMAP_METERING_OFF] = "off",

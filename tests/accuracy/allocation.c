@@ -363,7 +363,7 @@ struct variant {
 
 static uint32_t make_variants(struct variant *v, int explore)
 {
-    
+   
     static const uint32_t shares[] = {50, 100, 200, 300};
     static const double limits[] = {0.5, 1, 2, 4, 1e9}, smoothings[] = {0, 0.25, 0.75, 1};
     static char names[64][32];
