@@ -81,3 +81,10 @@ const char *format_time(char out[FORMAT_SIZE], int64_t seconds)
         snprintf(out, FORMAT_SIZE, "-");
     return out;
 }
+
+void text_disarm(char *text)
+{
+    for (; *text; text++)
+        if ((unsigned char)*text < 0x20 || *text == 0x7f)
+            *text = '?';
+}

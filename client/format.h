@@ -19,4 +19,7 @@ const char *format_duration(char out[FORMAT_SIZE], double seconds);
 /* Seconds since 1970 as local time, "2024-03-01 14:05:11"; "-" for 0. */
 const char *format_time(char out[FORMAT_SIZE], int64_t seconds);
 
+/* Replace control characters, so that hostile text cannot speak to a terminal. */
+void text_disarm(char *text);
+
 #endif

@@ -156,9 +156,6 @@ struct import_format {
                      const struct import_options *options, struct builder *b);
 };
 
-/* Replace control characters, so that hostile text cannot speak to a terminal. */
-void text_disarm(char *text);
-
 /* rebase.c: choose the scene's origin, the centre of what stands still (of everything at rest where
  * nothing does), and make all places but the nodes' relative to it. Warns of what float rounds
  * visibly. Once, before scene_place(). */

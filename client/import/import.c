@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "client/format.h"
 #include "client/import/builder.h"
 #include "client/import/gltf.h"
 #include "client/import/obj.h"

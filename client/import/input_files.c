@@ -9,6 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "client/format.h"
 #include "client/import/builder.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"

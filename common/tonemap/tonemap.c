@@ -16,31 +16,6 @@ enum { GRAIN = 8 }; /* lines in a piece of a loop */
 
 static const double KEY = 0.18;
 
-/* ---- loops over lines ----------------------------------------------------------------------- */
-
-struct row_loop {
-    const struct image *image;
-    void (*row)(const void *user, float *rgb, uint32_t width);
-    const void *user;
-};
-
-static void do_rows(void *user, size_t begin, size_t end)
-{
-    const struct row_loop *loop = user;
-
-    for (size_t y = begin; y < end; y++)
-        loop->row(loop->user, loop->image->pixels + y * loop->image->width * 3,
-                  loop->image->width);
-}
-
-void tonemap_each_row(const struct tonemap_frame *frame,
-                      void (*row)(const void *user, float *rgb, uint32_t width), const void *user)
-{
-    struct row_loop loop = {frame->image, row, user};
-
-    parallel_for(frame->threads, frame->image->height, GRAIN, do_rows, &loop);
-}
-
 /* ---- white balance and exposure ------------------------------------------------------------- */
 
 /* 2^ev, exact for whole stops. */
@@ -351,12 +326,6 @@ status tonemap_apply(struct image *out, const struct image *in, const struct ton
 }
 
 /* ---- pixels without their picture ------------------------------------------------------------ */
-
-int tonemap_always_local(const double *values)
-{
-    (void)values;
-    return 1;
-}
 
 enum tonemap_reach tonemap_reach(const struct tonemap_settings *s)
 {

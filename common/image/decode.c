@@ -1,0 +1,170 @@
+/* Pictures of any format that the farm reads: recognised, decoded, repaired. */
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "common/base/memory.h"
+#include "common/image/half.h"
+#include "common/image/image.h"
+
+static int starts_with(const uint8_t *data, size_t size_bytes, const void *magic, size_t length)
+{
+    return size_bytes >= length && memcmp(data, magic, length) == 0;
+}
+
+enum image_format image_format_of(const uint8_t *data, size_t size_bytes)
+{
+    if (starts_with(data, size_bytes, "\x89PNG\r\n\x1a\n", 8))
+        return IMAGE_PNG;
+    if (starts_with(data, size_bytes, "\xff\xd8\xff", 3))
+        return IMAGE_JPEG;
+    if (starts_with(data, size_bytes, "#?", 2))
+        return IMAGE_HDR;
+    if (starts_with(data, size_bytes, "\x76\x2f\x31\x01", 4))
+        return IMAGE_EXR;
+    if (starts_with(data, size_bytes, "RIFF", 4) && size_bytes >= 12 &&
+        memcmp(data + 8, "WEBP", 4) == 0)
+        return IMAGE_WEBP;
+    return IMAGE_UNKNOWN;
+}
+
+/* In two passes, because what stands for infinity is known only after the first. */
+static void repair_pixels(struct image *image, struct image_repairs *repairs)
+{
+    size_t count = (size_t)image->width * image->height;
+    float largest = 0.0f;
+
+    for (size_t i = 0; i < count; i++) {
+        float *p = image->pixels + i * image->channels;
+        int nan = 0, negative = 0, infinite = 0;
+
+        for (uint32_t c = 0; c < image->channels; c++) {
+            if (isnan(p[c])) {
+                nan = 1;
+                p[c] = 0.0f;
+            } else if (p[c] < 0.0f) {
+                negative = 1;
+                p[c] = 0.0f;
+            } else if (isinf(p[c])) {
+                infinite = 1;
+            } else if (p[c] > largest) {
+                largest = p[c];
+            }
+        }
+        repairs->nan_pixels += (uint64_t)nan;
+        repairs->negative_pixels += (uint64_t)negative;
+        repairs->infinite_pixels += (uint64_t)infinite;
+    }
+    if (repairs->infinite_pixels == 0)
+        return;
+    if (largest == 0.0f)
+        largest = HALF_MAX;
+    for (size_t i = 0; i < count * image->channels; i++)
+        if (isinf(image->pixels[i]))
+            image->pixels[i] = largest;
+}
+
+static status decode_floats(struct image *out, const uint8_t *data, size_t size_bytes,
+                            const char *name, int alpha, struct image_repairs *repairs,
+                            struct error *err)
+{
+    struct image_repairs here = {0, 0, 0};
+    status st;
+
+    memset(out, 0, sizeof *out);
+    switch (image_format_of(data, size_bytes)) {
+    case IMAGE_EXR:
+        st = alpha ? exr_decode_alpha(out, data, size_bytes, name, err)
+                   : exr_decode(out, data, size_bytes, name, err);
+        break;
+    case IMAGE_HDR:
+        st = hdr_decode(out, data, size_bytes, name, err);
+        break;
+    case IMAGE_PNG:
+    case IMAGE_JPEG:
+    case IMAGE_WEBP:
+        return error_set(err, STATUS_ERR_UNSUPPORTED,
+                         "%s: this is a PNG, JPEG or WebP, which cannot hold light; "
+                         "give an OpenEXR (.exr) or Radiance (.hdr) file",
+                         name);
+    default:
+        return error_set(err, STATUS_ERR_INPUT,
+                         "%s: neither an OpenEXR nor a Radiance file (its first bytes say so)",
+                         name);
+    }
+    if (st != STATUS_OK)
+        return st;
+    repair_pixels(out, &here);
+    if (repairs) {
+        repairs->nan_pixels += here.nan_pixels;
+        repairs->negative_pixels += here.negative_pixels;
+        repairs->infinite_pixels += here.infinite_pixels;
+    }
+    return STATUS_OK;
+}
+
+status image_decode_hdr(struct image *out, const uint8_t *data, size_t size_bytes,
+                        const char *name, struct image_repairs *repairs, struct error *err)
+{
+    return decode_floats(out, data, size_bytes, name, 0, repairs, err);
+}
+
+/* Colour times alpha to colour, in place. 1 when alpha is 1 everywhere. */
+static int divide_by_alpha(struct image *image)
+{
+    size_t count = (size_t)image->width * image->height;
+    int opaque = 1;
+
+    for (size_t i = 0; i < count; i++) {
+        float *p = image->pixels + 4 * i;
+
+        p[3] = p[3] < 1.0f ? p[3] : 1.0f;
+        if (p[3] == 1.0f)
+            continue;
+        opaque = 0;
+        for (int c = 0; c < 3 && p[3] > 0.0f; c++)
+            p[c] = fminf(p[c] / p[3], FLT_MAX);
+    }
+    return opaque;
+}
+
+/* Four channels to three, in place; what is too much goes back. */
+static void drop_alpha(struct image *image)
+{
+    size_t count = (size_t)image->width * image->height;
+    float *less;
+
+    for (size_t i = 0; i < count; i++)
+        memmove(image->pixels + 3 * i, image->pixels + 4 * i, 3 * sizeof(float));
+    image->channels = 3;
+    less = mem_realloc_array(image->pixels, 3 * count, sizeof(float));
+    if (less)
+        image->pixels = less;
+}
+
+status image_decode_float(struct image *out, const uint8_t *data, size_t size_bytes,
+                          const char *name, struct image_repairs *repairs, struct error *err)
+{
+    status st = decode_floats(out, data, size_bytes, name, 1, repairs, err);
+
+    if (st == STATUS_OK && out->channels == 4 && divide_by_alpha(out))
+        drop_alpha(out);
+    return st;
+}
+
+status image_decode_8(struct image8 *out, const uint8_t *data, size_t size_bytes,
+                      const char *name, struct error *err)
+{
+    memset(out, 0, sizeof *out);
+    switch (image_format_of(data, size_bytes)) {
+    case IMAGE_PNG:
+        return png_decode(out, data, size_bytes, name, err);
+    case IMAGE_JPEG:
+        return jpeg_decode(out, data, size_bytes, name, err);
+    case IMAGE_WEBP:
+        return webp_decode(out, data, size_bytes, name, err);
+    default:
+        return error_set(err, STATUS_ERR_INPUT,
+                         "%s: none of PNG, JPEG and WebP (its first bytes say so)", name);
+    }
+}
