@@ -238,7 +238,7 @@ static status write_png(png_structp png, png_infop info, struct png_stream *stre
                                  PNG_COLOR_TYPE_RGB, PNG_COLOR_TYPE_RGB_ALPHA};
 
     if (setjmp(png_jmpbuf(png)))
-        return buffer_ok(stream->out)
+        return buffer_ok(stream->out) && !stream->no_memory
                    ? error_set(err, STATUS_ERR_INTERNAL, "PNG: %s", stream->message)
                    : error_no_memory(err, "a PNG");
     png_set_user_limits(png, IMAGE_SIDE_MAX, IMAGE_SIDE_MAX);
@@ -269,7 +269,8 @@ static status encode_rows(struct buffer *out, const struct png_rows *rows, struc
 
     if (row)
         png = png_create_write_struct_2(PNG_LIBPNG_VER_STRING, &stream, png_fail,
-                                        png_ignore_warning, NULL, png_take_memory, png_give_memory);
+                                        png_ignore_warning, &stream, png_take_memory,
+                                        png_give_memory);
     info = png ? png_create_info_struct(png) : NULL;
     if (info)
         st = write_png(png, info, &stream, rows, row, err);

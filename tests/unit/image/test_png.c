@@ -375,7 +375,7 @@ static void test_out_of_memory(void **state)
         mem_fault_arm(-1, 0);
         if (failed == 0)
             break;
-        assert_int_not_equal(st, STATUS_OK);
+        assert_int_equal(st, STATUS_ERR_NO_MEMORY);
     }
     assert_int_equal(st, STATUS_OK);
     assert_true(n > 3);
