@@ -8,6 +8,7 @@ import sys
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
 from exr import read_exr
 from farm import ROOT, Farm, Failure, Tests, wait_for
+from png import Png
 
 tests = Tests()
 FEATURES = os.path.join(ROOT, "scenes", "features")
@@ -77,6 +78,18 @@ def sheen_scene(farm, share):
     return farm.path("sheen.gltf")
 
 
+def shown_change(farm, scene, *options):
+    """95 % of the pixels change by at most so many codes."""
+    pictures = []
+    for more in ((), options):
+        farm.cli("render", scene, "--size", "96x64", "--spp", "128", "-o", "shown.png", *more, expect=0)
+        with open(farm.path("shown.png"), "rb") as source:
+            pictures.append(Png(source.read()))
+    worst = sorted(max(abs(a - b) for a, b in zip(p[3 * x:3 * x + 3], q[3 * x:3 * x + 3]))
+                   for p, q in zip(pictures[0].codes, pictures[1].codes) for x in range(pictures[0].width))
+    return worst[len(worst) * 95 // 100]
+
+
 @tests.add
 def auto_leaves_out_the_hidden():
     """--effects auto leaves out a faint sheen at 3/255, says so everywhere, and changes less than the target"""
@@ -93,18 +106,17 @@ def auto_leaves_out_the_hidden():
         row = measured(farm, scene, "--size", "96x64", "--spp", "128", "--seed", "99")["sheen"]
         for figure in ("bias_codes", "bias_rms_codes"):
             expect(row[figure][1] < 0.75, row)
-        # Both pictures are shown within the target of each other, beside their noise: they share their numbers.
-        for name, without in (("full", []), ("less", ["--without", "sheen"])):
-            farm.cli("render", scene, "--size", "96x64", "--spp", "256", "-o", name + ".exr", *without, expect=0)
-        compared = farm.cli("compare", "full.exr", "less.exr", "--json", expect=0).json()
-        expect(compared["rmse"] < 0.01, compared)
+        # As shown, at equal random numbers: 95 % of the pixels are within the target of the full picture.
+        expect(shown_change(farm, scene, "--without", "sheen") <= 3, "the target")
 
 
 @tests.add
 def auto_keeps_what_is_seen():
     """--effects auto keeps a sheen that shows, and a portal without which a sample is cheap but the target far"""
     with Farm() as farm:
-        result = farm.cli("render", sheen_scene(farm, 1), "--size", "48x32", "--spp", "4", "--effects", "auto",
+        scene = sheen_scene(farm, 1)
+        expect(shown_change(farm, scene, "--without", "sheen") > 3, "a sheen that shows")
+        result = farm.cli("render", scene, "--size", "48x32", "--spp", "4", "--effects", "auto",
                           "--target-error", "3/255", "-o", "auto", "--json", expect=0)
         expect(result.json()["job"]["settings"]["without"] == [], result)
         expect("nothing is left out" in result.err and "core-seconds" in result.err, result.err)
