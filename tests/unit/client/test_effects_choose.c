@@ -180,7 +180,7 @@ static void longer_pilots_must_pay(void **state)
     assert_int_equal(choose(&lab, BIT(A)).set, BIT(A));
     lab.saved[A] = 0.05; /* 45 of 900: less than 80 */
     assert_int_equal(choose(&lab, BIT(A)).set, 0);
-    /* The dearest bargain first: there is room for one of two. */
+    /* The better bargain first: there is room for one of two. */
     lab = lab_of_hidden();
     lab.width_at_32[A] = lab.width_at_32[B] = 0.6;
     lab.saved[A] = 0.2;
