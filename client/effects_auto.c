@@ -5,10 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "client/effects_measure.h"
+#include "client/effects_choose.h"
 
 #define SHARE_OF_TARGET 0.25
-#define LEAST_SAVED 0.01 /* of the time */
 #define LOOSE_CODES 2.0 /* is seen by anyone */
 
 status parse_target_codes(const char *text, double *codes, struct error *err)
@@ -33,145 +32,126 @@ status effects_auto_check(struct effects_auto *o, const char *target, struct err
     return on ? parse_target_codes(target, &o->target_codes, err) : STATUS_OK;
 }
 
-struct candidate {
-    int bit;
-    struct effects_price price;
+/* ---- pilots that are rendered ---------------------------------------------------------------- */
+
+struct auto_pilots {
+    struct effects_measure measure;
+    struct job_request small; /* owns nothing */
+    const struct job_request *request;
+    double target_codes;
 };
 
-struct chosen {
-    struct candidate all[EFFECT_COUNT];
-    size_t count;
-    uint64_t set;
-    struct effects_price together;
-};
-
-static double upper_end(const struct effects_price *price)
+static status measure_alone(void *user, uint64_t bits, int length, struct error *err)
 {
-    return pair_bias_worse(&price->bias).high;
+    struct auto_pilots *p = user;
+
+    return length == 0 ? effects_measure_run(&p->measure, bits, err)
+                       : effects_measure_again(&p->measure, bits, choose_lengths[length], err);
 }
 
-static double worth(const struct candidate *c)
+static status price_alone(void *user, int bit, struct effects_price *out, struct error *err)
 {
-    return c->price.saved.value / fmax(0.02, upper_end(&c->price));
+    struct auto_pilots *p = user;
+
+    return effects_measure_price(&p->measure, effects_measure_find(&p->measure, bit), out, err);
 }
 
-/* Everything that surely saves time, a hundredth or more, and is hidden alone, bargains first. */
-static status find_candidates(struct chosen *out, const struct effects_measure *m, double most,
-                              struct error *err)
+static status price_together(void *user, uint64_t set, int length, struct effects_price *out,
+                             struct error *err)
 {
-    for (int bit = 0; bit < EFFECT_COUNT; bit++) {
-        const size_t trial = effects_measure_find(m, bit);
-        struct candidate c = {.bit = bit};
-        size_t at;
-        if (trial == 0)
-            continue;
-        if (effects_measure_price(m, trial, &c.price, err) != STATUS_OK)
-            return STATUS_ERR_NO_MEMORY;
-        if (!(c.price.saved.low > 0) || c.price.saved.value < LEAST_SAVED || !(upper_end(&c.price) < most))
-            continue;
-        for (at = out->count++; at > 0 && worth(&c) > worth(&out->all[at - 1]); at--)
-            out->all[at] = out->all[at - 1];
-        out->all[at] = c;
-    }
-    return STATUS_OK;
-}
-
-/* The first of them whose upper ends together stay below; a bargain that does not fit is passed over. */
-static void fill(struct chosen *out, double most)
-{
-    double sum = 0;
-    size_t kept = 0;
-
-    for (size_t i = 0; i < out->count; i++)
-        if (sum + upper_end(&out->all[i].price) < most) {
-            sum += upper_end(&out->all[i].price);
-            out->all[kept++] = out->all[i];
-        }
-    out->count = kept;
-}
-
-/* Effects may add up to more than their sum, or save nothing together: only measuring tells. */
-static status verify(struct chosen *out, struct effects_measure *m, double most, struct error *err)
-{
-    const size_t singles = m->count;
-    status result = STATUS_OK;
+    struct auto_pilots *p = user;
     size_t trial;
+    status result = effects_measure_together(&p->measure, set, choose_lengths[length], &trial, err);
 
-    while (out->count > 0 && result == STATUS_OK) {
-        out->set = 0;
-        for (size_t i = 0; i < out->count; i++)
-            out->set |= (uint64_t)1 << out->all[i].bit;
-        out->together = out->all[0].price;
-        if (out->count == 1)
-            break;
-        m->count = singles; /* the last set's trial makes room */
-        result = effects_measure_add(m, out->set, &trial, err);
-        if (result == STATUS_OK)
-            result = effects_measure_price(m, trial, &out->together, err);
-        if (result == STATUS_OK && upper_end(&out->together) < most && out->together.saved.value > 0)
-            break;
-        out->count--;
-    }
-    if (out->count == 0)
-        out->set = 0;
-    return result;
+    return result == STATUS_OK ? effects_measure_price(&p->measure, trial, out, err) : result;
 }
 
-static void report(const struct chosen *c, const struct effects_auto *o, double core_s)
+/* The whole picture is one more. */
+static double pilots_s(void *user, unsigned effects, int length)
 {
-    const double most = o->target_codes * SHARE_OF_TARGET;
+    const struct auto_pilots *p = user;
+    const struct render_settings *s = &p->small.settings;
+
+    return effects_measure_sample_s(&p->measure) * s->width * s->height * choose_lengths[length] *
+           EFFECTS_ROUNDS * (effects + 1);
+}
+
+/* All frames, to the target or to the cap. */
+static double render_s(void *user)
+{
+    const struct auto_pilots *p = user;
+    const struct render_settings *s = &p->request->settings;
+    const double samples = fmin(s->spp, effects_measure_samples_to(&p->measure, p->target_codes));
+
+    return effects_measure_sample_s(&p->measure) * s->width * s->height * samples *
+           (p->request->last_frame - p->request->first_frame + 1);
+}
+
+/* ---- what is said ------------------------------------------------------------------------------ */
+
+static void print_names(const struct effects_candidate *all, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        const struct study_interval own = pair_bias_worse(&all[i].price.bias);
+        fprintf(stderr, "%s %s (%.2f/255, at most %.2f)", i ? "," : "",
+                effect_name((enum effect_bit)all[i].bit), own.value, own.high);
+    }
+}
+
+static void report(const struct effects_choice *c, struct auto_pilots *pilots)
+{
+    const double most = pilots->target_codes * SHARE_OF_TARGET, expected_s = render_s(pilots);
     const struct study_interval bias = pair_bias_worse(&c->together.bias);
 
     if (c->count == 0) {
-        fprintf(stderr, "effects auto: nothing is left out: no effect both saves time and surely changes "
-                        "less than %.3g/255; measuring took %.3g core-seconds\n", most, core_s);
-        return;
+        fprintf(stderr, "effects auto: nothing is left out: no effect both saves time to the target and surely "
+                        "changes less than %.3g/255\n", most);
+    } else {
+        fprintf(stderr, "effects auto: left out");
+        print_names(c->all, c->count);
+        fprintf(stderr, "\neffects auto: leaving them out changes %.2f/255 (at most %.2f; a quarter of the "
+                        "target is %.3g) and saves %.0f %% of the time to the target\n",
+                bias.value, bias.high, most, 100 * effects_price_gain(&c->together).value);
+        if (most > LOOSE_CODES)
+            fprintf(stderr, "effects auto: the target is loose: a change of %.3g/255 can be seen\n", most);
     }
-    fprintf(stderr, "effects auto: left out");
-    for (size_t i = 0; i < c->count; i++) {
-        const struct study_interval own = pair_bias_worse(&c->all[i].price.bias);
-        fprintf(stderr, "%s %s (%.2f/255, at most %.2f)", i ? "," : "",
-                effect_name((enum effect_bit)c->all[i].bit), own.value, own.high);
+    if (c->open_count) {
+        fprintf(stderr, "effects auto: kept, as longer pilots would not pay:");
+        print_names(c->open, c->open_count);
+        fprintf(stderr, "\n");
     }
-    fprintf(stderr, "\neffects auto: leaving them out changes %.2f/255 (at most %.2f; a quarter of the target is "
-                    "%.3g) and saves %.0f %% of the time; measuring took %.3g core-seconds\n",
-            bias.value, bias.high, most, 100 * c->together.saved.value, core_s);
-    if (most > LOOSE_CODES)
-        fprintf(stderr, "effects auto: the target is loose: a change of %.3g/255 can be seen\n", most);
+    fprintf(stderr, "effects auto: measuring took %.3g core-seconds; rendering everything would take about %.3g\n",
+            pilots->measure.core_s, expected_s);
 }
 
 status effects_auto_apply(const struct effects_auto *o, struct connection *c,
                           const struct import_result *scene, struct job_request *request, int quiet,
                           struct error *err)
 {
-    struct job_request small = *request; /* owns nothing */
-    struct effects_measure m = {.connection = c, .scene = scene, .request = &small, .quiet = quiet};
-    const double most = o->target_codes * SHARE_OF_TARGET;
-    struct chosen chosen = {0};
+    struct auto_pilots pilots = {.small = *request, .request = request, .target_codes = o->target_codes};
+    const struct effects_pilots table = {&pilots, measure_alone, price_alone, price_together, pilots_s, render_s};
+    struct effects_choice choice = {0};
     uint64_t set;
-    status result = STATUS_OK;
+    status result;
 
     if (!(o->target_codes > 0))
         return STATUS_OK;
-    set = scene_effects(&scene->scene, &request->settings, request->first_frame, NULL);
-    if (!(set & EFFECTS_SWITCHABLE)) {
+    set = EFFECTS_SWITCHABLE & scene_effects(&scene->scene, &request->settings, request->first_frame, NULL);
+    if (!set) {
         if (!quiet)
             fprintf(stderr, "effects auto: the scene calls for nothing that can be left out\n");
         return STATUS_OK;
     }
-    effects_measure_shrink(&small.settings, request->settings.height <= EFFECTS_PILOT_ROWS, 0);
-    result = effects_measure_run(&m, set, err);
-    if (result == STATUS_OK)
-        result = find_candidates(&chosen, &m, most, err);
+    effects_measure_shrink(&pilots.small.settings, request->settings.height <= EFFECTS_PILOT_ROWS, 0);
+    pilots.small.settings.spp = choose_lengths[0];
+    pilots.measure = (struct effects_measure){
+        .connection = c, .scene = scene, .request = &pilots.small, .quiet = quiet};
+    result = effects_choose(&choice, &table, set, o->target_codes * SHARE_OF_TARGET, err);
     if (result == STATUS_OK) {
-        fill(&chosen, most);
-        result = verify(&chosen, &m, most, err);
-    }
-    if (result == STATUS_OK) {
-        request->settings.without |= chosen.set;
+        request->settings.without |= choice.set;
         if (!quiet)
-            report(&chosen, o, m.core_s);
+            report(&choice, &pilots);
     }
-    effects_measure_release(&m);
+    effects_measure_release(&pilots.measure);
     return result;
 }

@@ -1,9 +1,8 @@
 /* effects_auto: leave out the effects that nobody would miss at the accuracy asked for.
  *
  * `--effects auto --target-error N/255` measures the job's first frame (effects_measure) and leaves out
- * what surely saves time (a hundredth of it or more), as long as the biases' upper ends, together, stay below a quarter of the
- * target; the whole set is then measured together, and shrunk until that is so, too. What is left out is
- * in settings.without, and so in the manifest and the EXR header.
+ * what effects_choose says; a bias may reach a quarter of the target. What is left out is in
+ * settings.without, and so in the manifest and the EXR header.
  */
 #ifndef AZULEJO_CLIENT_EFFECTS_AUTO_H
 #define AZULEJO_CLIENT_EFFECTS_AUTO_H

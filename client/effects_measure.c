@@ -45,6 +45,7 @@ static status run_one(struct effects_measure *m, size_t trial, unsigned round, s
 
     mine.settings.without |= m->trials[trial].without;
     mine.settings.seed += round;
+    mine.settings.spp = m->trials[trial].spp;
     result = trial_render(m->connection, m->scene, &mine, "pilot", &done, err);
     m->core_s += done.core_s;
     if (result == STATUS_OK)
@@ -53,53 +54,114 @@ static status run_one(struct effects_measure *m, size_t trial, unsigned round, s
     return result;
 }
 
-static status meter(struct effects_measure *m, struct error *err)
+static void forget(struct effects_trial *t)
 {
-    image_release(&m->usual);
-    if (pair_mean(&m->usual, &m->trials[0].side[0], &m->trials[0].side[1], err) != STATUS_OK)
-        return STATUS_ERR_NO_MEMORY;
-    return shown_meter(&m->shown, &m->usual, &m->request->output.tonemap,
-                       &m->request->output.tonemap_file, err);
+    for (size_t s = 0; s < 2; s++)
+        image_release(&t->side[s]);
+    *t = (struct effects_trial){0};
 }
 
-status effects_measure_run(struct effects_measure *m, uint64_t set, struct error *err)
+/* The whole picture of that length; NULL: there is none. 0: the longest. */
+static const struct effects_trial *whole_of(const struct effects_measure *m, uint32_t spp)
+{
+    const struct effects_trial *found = NULL;
+
+    for (size_t i = 0; i < m->count; i++) {
+        const struct effects_trial *t = &m->trials[i];
+        if (t->without == 0 && (spp ? t->spp == spp : !found || t->spp > found->spp))
+            found = t;
+    }
+    return found;
+}
+
+static status meter(struct effects_measure *m, struct error *err)
+{
+    const struct effects_trial *whole = whole_of(m, 0);
+    struct image mean = {0};
+    status result = pair_mean(&mean, &whole->side[0], &whole->side[1], err);
+
+    if (result == STATUS_OK)
+        result = shown_meter(&m->shown, &mean, &m->request->output.tonemap,
+                             &m->request->output.tonemap_file, err);
+    image_release(&mean);
+    return result;
+}
+
+/* The trials that lack rounds, round by round, so that the machine's moods meet all alike. */
+static status run_rounds(struct effects_measure *m, uint32_t spp, struct error *err)
 {
     struct progress progress;
-    status result = STATUS_OK, metered = STATUS_OK;
+    status result = STATUS_OK;
 
-    m->count = 1;
-    for (int bit = 0; bit < EFFECT_COUNT; bit++)
-        if (set & EFFECTS_SWITCHABLE & (uint64_t)1 << bit)
-            m->trials[m->count++].without = (uint64_t)1 << bit;
     progress_init(&progress, m->quiet);
-    for (unsigned round = 0; round < EFFECTS_ROUNDS && m->count > 1; round++)
+    for (unsigned round = 0; round < EFFECTS_ROUNDS; round++)
         for (size_t i = 0; i < m->count && result == STATUS_OK; i++) {
+            const uint64_t without = m->trials[i].without;
             char text[128], name[64] = "the whole picture";
-            if (i)
-                snprintf(name, sizeof name, "without %s",
-                         effect_name((enum effect_bit)__builtin_ctzll(m->trials[i].without)));
-            snprintf(text, sizeof text, "round %u of %d: %s", round + 1, EFFECTS_ROUNDS, name);
+            if (m->trials[i].rounds != round)
+                continue;
+            if (without & (without - 1))
+                snprintf(name, sizeof name, "without several effects");
+            else if (without)
+                snprintf(name, sizeof name, "without %s", effect_name((enum effect_bit)__builtin_ctzll(without)));
+            snprintf(text, sizeof text, "%u samples, round %u of %d: %s", spp, round + 1, EFFECTS_ROUNDS, name);
             progress_draw(&progress,
                           (double)(round * m->count + i) / (double)(EFFECTS_ROUNDS * m->count), text);
             result = run_one(m, i, round, err);
         }
     progress_clear(&progress);
+    return result;
+}
+
+static void add_trial(struct effects_measure *m, uint64_t without, uint32_t spp)
+{
+    m->trials[m->count++] = (struct effects_trial){.without = without, .spp = spp};
+}
+
+status effects_measure_run(struct effects_measure *m, uint64_t set, struct error *err)
+{
+    const uint32_t spp = m->request->settings.spp;
+    status result, metered = STATUS_OK;
+
+    if (!(set & EFFECTS_SWITCHABLE))
+        return STATUS_OK;
+    add_trial(m, 0, spp);
+    for (int bit = 0; bit < EFFECT_COUNT; bit++)
+        if (set & EFFECTS_SWITCHABLE & (uint64_t)1 << bit)
+            add_trial(m, (uint64_t)1 << bit, spp);
+    result = run_rounds(m, spp, err);
     if (effects_measure_rounds(m))
         metered = meter(m, result == STATUS_OK ? err : NULL);
     return result == STATUS_OK ? metered : result;
 }
 
-status effects_measure_add(struct effects_measure *m, uint64_t without, size_t *trial, struct error *err)
+status effects_measure_again(struct effects_measure *m, uint64_t bits, uint32_t spp, struct error *err)
 {
-    status result = STATUS_OK;
+    status result;
 
-    *trial = m->count++;
-    for (size_t s = 0; s < 2; s++)
-        image_release(&m->trials[*trial].side[s]);
-    m->trials[*trial] = (struct effects_trial){.without = without};
-    for (unsigned round = 0; round < m->trials[0].rounds && result == STATUS_OK; round++)
-        result = run_one(m, *trial, round, err);
-    return result;
+    for (size_t i = 0; i < m->count; i++)
+        if (m->trials[i].without & bits) {
+            const uint64_t without = m->trials[i].without;
+            forget(&m->trials[i]);
+            m->trials[i].without = without;
+            m->trials[i].spp = spp;
+        }
+    if (!whole_of(m, spp))
+        add_trial(m, 0, spp);
+    result = run_rounds(m, spp, err);
+    return result == STATUS_OK ? meter(m, err) : result;
+}
+
+status effects_measure_together(struct effects_measure *m, uint64_t without, uint32_t spp,
+                                size_t *trial, struct error *err)
+{
+    const uint64_t last = m->trials[m->count - 1].without;
+
+    if (last & (last - 1))
+        forget(&m->trials[--m->count]);
+    *trial = m->count;
+    add_trial(m, without, spp);
+    return run_rounds(m, spp, err);
 }
 
 unsigned effects_measure_rounds(const struct effects_measure *m)
@@ -119,11 +181,19 @@ size_t effects_measure_find(const struct effects_measure *m, int bit)
     return 0;
 }
 
-status effects_measure_price(const struct effects_measure *m, size_t trial, struct effects_price *out,
-                             struct error *err)
+static status noise_of(double *codes, const struct effects_measure *m, const struct effects_trial *t,
+                       struct error *err)
 {
-    const struct effects_trial *whole = &m->trials[0], *less = &m->trials[trial];
-    const unsigned rounds = effects_measure_rounds(m);
+    struct pair_error error = {0};
+    status result = pair_error_of(&error, &m->shown, &t->side[0], &t->side[1], NULL, err);
+
+    *codes = error.codes.value;
+    return result;
+}
+
+static struct study_interval saved_by(const struct effects_trial *whole, const struct effects_trial *less,
+                                      unsigned rounds)
+{
     double mean = 0, square = 0, width;
 
     for (unsigned r = 0; r < rounds; r++)
@@ -133,15 +203,62 @@ status effects_measure_price(const struct effects_measure *m, size_t trial, stru
         square += d * d;
     }
     width = student_t95(rounds - 1) * sqrt(square / (rounds - 1) / rounds);
-    out->saved = (struct study_interval){mean, mean - width, mean + width};
-    return pair_bias_of(&out->bias, &m->shown, &m->usual, &whole->side[0], &less->side[0],
-                        &whole->side[1], &less->side[1], err);
+    return (struct study_interval){mean, mean - width, mean + width};
+}
+
+status effects_measure_price(const struct effects_measure *m, size_t trial, struct effects_price *out,
+                             struct error *err)
+{
+    const struct effects_trial *less = &m->trials[trial], *whole = whole_of(m, less->spp);
+    struct image usual = {0};
+    double before = 0, after = 0;
+    status result = pair_mean(&usual, &whole->side[0], &whole->side[1], err);
+
+    if (result == STATUS_OK)
+        result = noise_of(&before, m, whole, err);
+    if (result == STATUS_OK)
+        result = noise_of(&after, m, less, err);
+    if (result == STATUS_OK)
+        result = pair_bias_of(&out->bias, &m->shown, &usual, &whole->side[0], &less->side[0],
+                              &whole->side[1], &less->side[1], err);
+    out->saved = saved_by(whole, less, effects_measure_rounds(m));
+    out->noise = before > 0 ? after / before : after > 0 ? INFINITY : 1;
+    image_release(&usual);
+    return result;
+}
+
+struct study_interval effects_price_gain(const struct effects_price *price)
+{
+    const double more = price->noise * price->noise;
+
+    return (struct study_interval){1 - (1 - price->saved.value) * more, 1 - (1 - price->saved.low) * more,
+                                   1 - (1 - price->saved.high) * more};
+}
+
+double effects_measure_sample_s(const struct effects_measure *m)
+{
+    const struct effects_trial *whole = whole_of(m, 0);
+    double sum = 0;
+
+    for (unsigned r = 0; r < whole->rounds; r++)
+        sum += whole->core_s[r] / whole->rounds;
+    return sum / ((double)whole->side[0].width * whole->side[0].height * whole->spp);
+}
+
+double effects_measure_samples_to(const struct effects_measure *m, double codes)
+{
+    const struct effects_trial *whole = whole_of(m, 0);
+    struct error ignored = {0};
+    double error;
+
+    /* A side is the mean of half of the rounds. No memory: as if no end were in sight. */
+    if (noise_of(&error, m, whole, &ignored) != STATUS_OK)
+        return INFINITY;
+    return whole->spp * (effects_measure_rounds(m) / 2) * (error / codes) * (error / codes);
 }
 
 void effects_measure_release(struct effects_measure *m)
 {
     for (size_t i = 0; i < EFFECTS_TRIALS_MAX; i++)
-        for (size_t s = 0; s < 2; s++)
-            image_release(&m->trials[i].side[s]);
-    image_release(&m->usual);
+        forget(&m->trials[i]);
 }

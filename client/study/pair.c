@@ -6,7 +6,7 @@
 
 #include "common/base/memory.h"
 
-enum { BOX_RADIUS = 1 /* pixels around one whose mean difference chooses the secant */ };
+enum { BOX_RADIUS = 1 /* pixels around one that choose its secant */ };
 
 double student_t95(unsigned degrees)
 {
@@ -89,13 +89,14 @@ static double leave_out_width(const struct leave_out *l)
     return student_t95(PAIR_GROUPS - 1) * sqrt(square * (PAIR_GROUPS - 1) / PAIR_GROUPS);
 }
 
-/* The interval of a square's root; below 0 there is none. */
+/* The interval of a square's root. A square that came out below 0 by chance may be 0: the upper end is counted
+ * from there, or chance would make an end of 0. */
 static struct study_interval root_of(const struct leave_out *l)
 {
     const double width = leave_out_width(l), value = l->value[PAIR_GROUPS];
 
     return (struct study_interval){sqrt(fmax(0, value)), sqrt(fmax(0, value - width)),
-                                   sqrt(fmax(0, value + width))};
+                                   sqrt(fmax(0, value) + width)};
 }
 
 /* Sums over the pixels of each group. */
@@ -249,53 +250,85 @@ status pair_error_of(struct pair_error *out, const struct shown *shown, const st
 
 /* ---- bias ----------------------------------------------------------------------------------- */
 
-/* The mean of both differences over the pixels around one: less noise than its own. */
-static float box_difference(const struct image *const p[4], size_t x, size_t y, size_t c)
+/* What the usual picture is at a pixel, and how much less the other one is around it. */
+struct place {
+    float at, step;
+};
+
+/* With the pixel itself, or of its neighbours alone. */
+static struct place place_of(const struct image *usual, const struct image *const p[4], size_t i, int itself)
 {
-    const size_t w = p[0]->width, h = p[0]->height;
+    const size_t w = usual->width, h = usual->height, x = i / 3 % w, y = i / 3 / w;
     const size_t x0 = x > BOX_RADIUS ? x - BOX_RADIUS : 0, x1 = x + BOX_RADIUS < w ? x + BOX_RADIUS : w - 1;
     const size_t y0 = y > BOX_RADIUS ? y - BOX_RADIUS : 0, y1 = y + BOX_RADIUS < h ? y + BOX_RADIUS : h - 1;
-    float sum = 0;
+    struct place sum = {0, 0};
+    float count = 0;
 
     for (size_t v = y0; v <= y1; v++)
         for (size_t u = x0; u <= x1; u++) {
-            const size_t i = (v * w + u) * 3 + c;
-            sum += (p[0]->pixels[i] - p[1]->pixels[i]) + (p[2]->pixels[i] - p[3]->pixels[i]);
+            const size_t k = (v * w + u) * 3 + i % 3;
+            if (k == i && !itself && w * h > 1)
+                continue;
+            sum.at += usual->pixels[k];
+            sum.step += ((p[0]->pixels[k] - p[1]->pixels[k]) + (p[2]->pixels[k] - p[3]->pixels[k])) / 2;
+            count++;
         }
-    return sum / (2 * (float)((x1 - x0 + 1) * (y1 - y0 + 1)));
+    return (struct place){itself ? usual->pixels[i] : sum.at / count, sum.step / count};
 }
 
-/* `slope`: codes per radiance between the usual picture and one that is changed by about as much as
- * leaving something out changes it: a tangent would misjudge large changes. */
+/* Codes per radiance between the usual picture and one that is changed by about as much as leaving
+ * something out changes it: a tangent would misjudge large changes. */
+static status secants_of(struct image *slope, const struct shown *shown, const struct image *usual,
+                         const struct image *const p[4], int itself, struct error *err)
+{
+    const size_t count = (size_t)usual->width * usual->height * 3;
+    struct image from = {0}, to = {0}, code = {0}, code_to = {0};
+    status result = image_init(&from, usual->width, usual->height, 3, err);
+
+    if (result == STATUS_OK)
+        result = image_init(&to, usual->width, usual->height, 3, err);
+    if (result == STATUS_OK)
+        result = image_init(slope, usual->width, usual->height, 3, err);
+    for (size_t i = 0; result == STATUS_OK && i < count; i++) {
+        struct place q = place_of(usual, p, i, itself);
+        const float least = 0.01f * q.at + 1e-6f;
+        if (fabsf(q.step) < least)
+            q.step = q.step < 0 ? -least : least;
+        from.pixels[i] = q.at;
+        to.pixels[i] = q.at - q.step >= 0 ? q.at - q.step : q.at > 0 ? 0 : fabsf(q.step);
+        if (to.pixels[i] == q.at)
+            to.pixels[i] = q.at + least;
+    }
+    if (result == STATUS_OK)
+        result = shown_codes(shown, &code, &from, err);
+    if (result == STATUS_OK)
+        result = shown_codes(shown, &code_to, &to, err);
+    for (size_t i = 0; result == STATUS_OK && i < count; i++) {
+        const float step = to.pixels[i] - from.pixels[i];
+        slope->pixels[i] = step != 0 ? (code_to.pixels[i] - code.pixels[i]) / step : 0;
+    }
+    image_release(&code_to);
+    image_release(&code);
+    image_release(&to);
+    image_release(&from);
+    return result;
+}
+
+/* The flatter of the secants at a pixel and at its neighbours. Its own is steep just where noise has made both
+ * pictures dark together, which would look like a bias; its neighbours' is steep at a dark edge of what is
+ * bright, where its own is right. */
 static status slopes_of(struct image *slope, const struct shown *shown, const struct image *usual,
                         const struct image *const p[4], struct error *err)
 {
-    struct image changed = {0}, code = {0}, code_changed = {0};
-    status result = image_init(&changed, usual->width, usual->height, 3, err);
+    struct image own = {0};
+    status result = secants_of(slope, shown, usual, p, 0, err);
 
     if (result == STATUS_OK)
-        result = image_init(slope, usual->width, usual->height, 3, err);
-    for (size_t i = 0; result == STATUS_OK && i < (size_t)usual->width * usual->height * 3; i++) {
-        const float at = usual->pixels[i];
-        float step = box_difference(p, i / 3 % usual->width, i / 3 / usual->width, i % 3);
-        const float least = 0.01f * at + 1e-6f;
-        if (fabsf(step) < least)
-            step = step < 0 ? -least : least;
-        changed.pixels[i] = at - step >= 0 ? at - step : at > 0 ? 0 : fabsf(step);
-        if (changed.pixels[i] == at)
-            changed.pixels[i] = at + least;
-    }
-    if (result == STATUS_OK)
-        result = shown_codes(shown, &code, usual, err);
-    if (result == STATUS_OK)
-        result = shown_codes(shown, &code_changed, &changed, err);
-    for (size_t i = 0; result == STATUS_OK && i < (size_t)usual->width * usual->height * 3; i++) {
-        const float step = changed.pixels[i] - usual->pixels[i];
-        slope->pixels[i] = step != 0 ? (code_changed.pixels[i] - code.pixels[i]) / step : 0;
-    }
-    image_release(&code_changed);
-    image_release(&code);
-    image_release(&changed);
+        result = secants_of(&own, shown, usual, p, 1, err);
+    for (size_t i = 0; result == STATUS_OK && i < (size_t)usual->width * usual->height * 3; i++)
+        if (fabsf(own.pixels[i]) < fabsf(slope->pixels[i]))
+            slope->pixels[i] = own.pixels[i];
+    image_release(&own);
     return result;
 }
 
@@ -326,13 +359,16 @@ static void bias_finish(struct pair_bias *out, struct bias_work *w, size_t count
 {
     struct leave_out both = percentiles_without(w->both, count);
     const struct leave_out noise = percentiles_without(w->noise, count);
+    double most = 0;
 
     for (int c = 0; c < 3; c++) {
         const struct leave_out means = means_without(&w->product[c]);
         const struct study_interval rms = root_of(&means);
+        most = fmax(most, rms.high);
         if (c == 0 || rms.value > out->rms_codes.value)
             out->rms_codes = rms;
     }
+    out->rms_codes.high = most; /* chance may have lifted another channel */
     for (int g = 0; g <= PAIR_GROUPS; g++)
         both.value[g] = both.value[g] * both.value[g] - noise.value[g] * noise.value[g];
     out->codes = root_of(&both);

@@ -59,11 +59,10 @@ struct pair_bias {
     int same;                        /* no pixel differs by a bit */
 };
 /* a, b: as usual; a2, b2: the other setting. `usual` is the best picture of the usual setting, at which
- * the transform's slope is taken: independent of a and b where there is one. */
+ * the transform's slopes are taken. */
 status pair_bias_of(struct pair_bias *out, const struct shown *shown, const struct image *usual,
                     const struct image *a, const struct image *a2, const struct image *b,
                     const struct image *b2, struct error *err) MUST_CHECK;
-
 /* The figure with the higher upper end: what a twentieth of the pixels or fewer show is in the RMS alone. */
 struct study_interval pair_bias_worse(const struct pair_bias *bias);
 

@@ -124,6 +124,7 @@ static void few_pixels_are_not_reliable(void **state)
 struct bias_tally {
     double square, rms_square;
     int held, rms_held;
+    double narrowest, rms_narrowest; /* lowest upper ends */
 };
 
 /* Biases of a picture that is `changed` in place of GREY, with noises of so many codes. */
@@ -147,6 +148,8 @@ static struct bias_tally tally(double truth, float changed, double noise, double
         t.rms_square += bias.rms_codes.value * bias.rms_codes.value / REPEATS;
         t.held += holds(&bias.codes, truth);
         t.rms_held += holds(&bias.rms_codes, truth);
+        t.narrowest = i == 0 ? bias.codes.high : fmin(t.narrowest, bias.codes.high);
+        t.rms_narrowest = i == 0 ? bias.rms_codes.high : fmin(t.rms_narrowest, bias.rms_codes.high);
     }
     lab_release(&lab);
     return t;
@@ -161,7 +164,49 @@ static void noise_is_no_bias(void **state)
     assert_true(t.held >= REPEATS * 90 / 100);
     assert_true(t.rms_held >= REPEATS * 85 / 100); /* the largest of three channels */
     assert_true(t.square < 50); /* of 500 that the noise has */
+    /* However low chance puts the estimate: what the noise may hide is not 0. */
+    assert_true(t.narrowest > 2 && t.rms_narrowest > 0.5);
     assert_true(t.rms_square < 4); /* of 180 that the noise has: 2.4 by chance */
+}
+
+/* In the dark a step of radiance is many codes. Where noise makes A and B dark together it is most, but that is no
+ * bias. The noise is skewed, as light that few paths find is. */
+static void noise_in_the_dark_is_no_bias(void **state)
+{
+    enum { DARK_REPEATS = 20, PATHS = 16, FINDS = 4 };
+    const float mean = 0.02f;
+    double square = 0;
+    int held = 0;
+    struct lab lab;
+
+    (void)state;
+    lab_init(&lab);
+    for (int i = 0; i < DARK_REPEATS; i++) {
+        struct image *const noisy[] = {&lab.a, &lab.b};
+        struct error err = {0};
+        struct pair_bias bias;
+        struct image usual = {0};
+        for (int k = 0; k < 2; k++) {
+            paint(&lab, noisy[k], mean, 0);
+            for (int j = 0; j < SIDE * SIDE * 3; j++) {
+                int found = 0;
+                for (int path = 0; path < PATHS; path++)
+                    found += test_random_double(&lab.random) < 1.0 / FINDS;
+                noisy[k]->pixels[j] = mean * FINDS / PATHS * (float)found;
+            }
+        }
+        paint(&lab, &lab.a2, mean, 0);
+        paint(&lab, &lab.b2, mean, 0);
+        assert_int_equal(pair_mean(&usual, &lab.a, &lab.b, &err), STATUS_OK);
+        assert_int_equal(pair_bias_of(&bias, &lab.shown, &usual, &lab.a, &lab.a2, &lab.b, &lab.b2, &err),
+                         STATUS_OK);
+        square += bias.rms_codes.value * bias.rms_codes.value / DARK_REPEATS;
+        held += holds(&bias.rms_codes, 0) && holds(&bias.codes, 0);
+        image_release(&usual);
+    }
+    assert_true(held >= DARK_REPEATS * 85 / 100);
+    assert_true(sqrt(square) < 1); /* the noise is 15 codes and more */
+    lab_release(&lab);
 }
 
 /* Three codes of bias under twelve of noise are found. */
@@ -201,6 +246,29 @@ static void gross_bias_is_a_difference_of_codes(void **state)
         assert_float_equal(bias.rms_codes.value, truth, 0.001 * truth);
         assert_float_equal(bias.mean_change, (double)(changed[i] / GREY - 1), 1e-5);
     }
+    lab_release(&lab);
+}
+
+/* A bright column between dark ones changes by its own codes per radiance, not by theirs. */
+static void edges_keep_their_slopes(void **state)
+{
+    const double truth = code(0.8f) - code(0.99f * 0.8f);
+    struct error err = {0};
+    struct pair_bias bias;
+    struct lab lab;
+
+    (void)state;
+    lab_init(&lab);
+    paint(&lab, &lab.a, 0.01f, 0);
+    for (size_t i = 0; i < SIDE * SIDE; i++)
+        for (size_t c = 0; c < 3 && i % 4 == 0; c++)
+            lab.a.pixels[3 * i + c] = 0.8f;
+    paint(&lab, &lab.a2, 0, 0);
+    for (size_t i = 0; i < SIDE * SIDE * 3; i++)
+        lab.a2.pixels[i] = 0.99f * lab.a.pixels[i];
+    assert_int_equal(pair_bias_of(&bias, &lab.shown, &lab.a, &lab.a, &lab.a2, &lab.a, &lab.a2, &err),
+                     STATUS_OK);
+    assert_float_equal(bias.codes.value, truth, 0.05 * truth);
     lab_release(&lab);
 }
 
@@ -303,8 +371,10 @@ int main(void)
         cmocka_unit_test(noise_is_one_pictures),
         cmocka_unit_test(few_pixels_are_not_reliable),
         cmocka_unit_test(noise_is_no_bias),
+        cmocka_unit_test(noise_in_the_dark_is_no_bias),
         cmocka_unit_test(bias_is_found_under_noise),
         cmocka_unit_test(gross_bias_is_a_difference_of_codes),
+        cmocka_unit_test(edges_keep_their_slopes),
         cmocka_unit_test(few_pixels_count),
         cmocka_unit_test(the_same_is_the_same),
         cmocka_unit_test(sizes_must_agree),
