@@ -4,6 +4,7 @@
 
 #include "client/cancel.h"
 #include "client/fetch.h"
+#include "client/figures_view.h"
 #include "client/job_info.h"
 #include "client/signals.h"
 #include "client/submission.h"
@@ -16,6 +17,8 @@ static void take_figures(struct trial *out, const Azulejo__Wire__JobInfo *info, 
 
     out->wall_s = info->seconds_active;
     out->samples = (double)info->samples_done / (double)pixels;
+    out->figures = figures_get(info->now ? info->now->figures : NULL);
+    out->effects = info->error_effects;
     if (info->work)
         out->rays = (double)info->work->rays;
     if (s) {
@@ -51,8 +54,7 @@ status trial_render(struct connection *c, const struct import_result *scene,
     memset(out, 0, sizeof *out);
     mine.last_frame = mine.first_frame;
     mine.token[0] = 0;
-    mine.settings.aovs = 0;
-    mine.stop = (struct stop_rules){0}; /* trials of equal samples are compared */
+    mine.settings.aovs = mine.stop.adaptive ? 1u << AOV_SAMPLES : 0;
     mine.schedule = (struct buffer)BUFFER_INIT;
     result = submission_send(c, scene, &mine, name, OUTPUT_FORMAT_EXR, 1, &job, err);
     if (result == STATUS_OK)
@@ -69,6 +71,8 @@ status trial_render(struct connection *c, const struct import_result *scene,
         result = fetch_output(c, job, mine.first_frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR, &data, err);
     if (result == STATUS_OK)
         result = image_decode_hdr(&out->picture, data.data, data.size, name, &repairs, err);
+    if (result == STATUS_OK && mine.settings.aovs)
+        result = exr_decode_channel(&out->sampling, data.data, data.size, name, "samples.Y", err);
     message_free(last);
     buffer_release(&data);
     return result;
@@ -76,6 +80,7 @@ status trial_render(struct connection *c, const struct import_result *scene,
 
 void trial_release(struct trial *t)
 {
+    image_release(&t->sampling);
     image_release(&t->picture);
     memset(t, 0, sizeof *t);
 }

@@ -64,8 +64,8 @@ static void point_rows(struct buffer *out, const char *curve, const study_points
         cell(out, p->psnr_db);
         cell_interval(out, &p->rmse, 0.01);
         cell_exact(out, round(1000 * p->top_share) / 10);
-        cell_words(out, p->reliable ? "reliable" : "may be understated");
-        cell_words(out, p->cause ? p->cause : "");
+        cell_words(out, study_point_word(p));
+        cell_words(out, p->reason ? p->reason : "");
         buffer_puts(out, "</tr>\n");
     }
 }
@@ -75,8 +75,8 @@ static void put_points(struct buffer *out, const struct study *s)
     buffer_puts(out,
                 "<h3>All points</h3><div class=\"scroll\"><table>\n<tr><th class=\"words\">curve</th>"
                 "<th>core-s</th><th>wall s</th><th>samples</th><th>rays</th><th>error / 255</th>"
-                "<th>PSNR, dB</th><th>RMSE / mean, %</th><th>top share, %</th>"
-                "<th class=\"words\">word</th><th class=\"words\">likely cause</th></tr>\n");
+                "<th>PSNR, dB</th><th>RMSE / mean, %</th><th>top 0.1 %, %</th>"
+                "<th class=\"words\">the error</th><th class=\"words\">why</th></tr>\n");
     point_rows(out, "main", &s->points);
     for (size_t i = 0; i < s->questions.count; i++)
         for (size_t k = 0; k < s->questions.items[i].choices.count; k++) {

@@ -172,13 +172,12 @@ static status check_sizes(const struct image *a, const struct image *b, struct e
                      a->width, a->height, b->width, b->height);
 }
 
-static void linear_error(struct pair_error *out, const struct image *a, const struct image *b,
-                         struct grouped *work)
+static void linear_error(struct pair_error *out, const struct image *a, const struct image *b)
 {
-    const size_t count = (size_t)a->width * a->height, top = count / 1000 ? count / 1000 : 1;
+    const size_t count = (size_t)a->width * a->height;
     struct group_sums squares = {0};
     struct leave_out mean_square;
-    double mean = 0, in_top = 0, all = 0;
+    double mean = 0;
 
     for (size_t i = 0; i < count; i++) {
         const unsigned g = group_of((uint32_t)(i % a->width), (uint32_t)(i / a->width));
@@ -190,8 +189,6 @@ static void linear_error(struct pair_error *out, const struct image *a, const st
         }
         squares.sum[g] += square;
         squares.count[g] += 3;
-        all += square;
-        work[i] = (struct grouped){(float)square, g};
     }
     mean /= 3 * (double)count;
     mean_square = means_without(&squares);
@@ -199,12 +196,6 @@ static void linear_error(struct pair_error *out, const struct image *a, const st
     out->rmse.value /= mean;
     out->rmse.low /= mean;
     out->rmse.high /= mean;
-    qsort(work, count, sizeof *work, falling);
-    for (size_t i = 0; i < top; i++)
-        in_top += (double)work[i].value;
-    out->top_pixels = (double)top;
-    out->top_share = all > 0 ? in_top / all : 0;
-    out->reliable = out->top_share < 0.5;
 }
 
 status pair_error_of(struct pair_error *out, const struct shown *shown, const struct image *a,
@@ -224,7 +215,7 @@ status pair_error_of(struct pair_error *out, const struct shown *shown, const st
         struct leave_out percentiles;
         double square = 0, width;
 
-        linear_error(out, a, b, work);
+        linear_error(out, a, b);
         for (size_t i = 0; i < count; i++) {
             const float *x = code_a.pixels + 3 * i, *y = code_b.pixels + 3 * i;
             work[i].value = largest_difference(x, y) * (float)M_SQRT1_2;
@@ -245,6 +236,14 @@ status pair_error_of(struct pair_error *out, const struct shown *shown, const st
     image_release(&code_a);
     mem_free(work);
     return result;
+}
+
+const struct accuracy_figures *pair_judge(const struct accuracy_figures *a,
+                                          const struct accuracy_figures *b)
+{
+    if (a->reliable != b->reliable)
+        return a->reliable ? b : a;
+    return b->top_share > a->top_share ? b : a;
 }
 
 /* ---- bias ----------------------------------------------------------------------------------- */

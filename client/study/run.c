@@ -6,6 +6,7 @@
 #include <time.h>
 
 #include "client/study/study_words.h"
+#include "common/accuracy/word.h"
 #include "common/base/clock.h"
 #include "protocol/message.h"
 
@@ -73,13 +74,18 @@ status run_pair(struct study_run *run, const struct job_request *request, uint32
     return result;
 }
 
-void run_point_set(struct study_point *p, const struct trial pair[2])
+status run_point_set(struct study_point *p, const struct trial pair[2], struct error *err)
 {
+    const struct accuracy_figures *f = pair_judge(&pair[0].figures, &pair[1].figures);
+    char reason[ACCURACY_WORDS_SIZE];
+
     *p = (struct study_point){
         .core_s = (pair[0].core_s + pair[1].core_s) / 2, .wall_s = (pair[0].wall_s + pair[1].wall_s) / 2,
         .samples = pair[0].samples, .rays = (pair[0].rays + pair[1].rays) / 2,
-        .psnr_db = NAN, .codes = {NAN, NAN, NAN}, .rmse = {NAN, NAN, NAN}, .top_share = NAN,
-        .top_samples = NAN};
+        .psnr_db = NAN, .codes = {NAN, NAN, NAN}, .rmse = {NAN, NAN, NAN},
+        .reliable = f->reliable, .top_share = f->top_share};
+    return f->reliable ? STATUS_OK
+                       : study_text_set(&p->reason, accuracy_reason_text(f, pair[0].effects, reason), err);
 }
 
 void run_point_error(struct study_point *p, const struct pair_error *e)
@@ -87,9 +93,6 @@ void run_point_error(struct study_point *p, const struct pair_error *e)
     p->codes = e->codes;
     p->rmse = e->rmse;
     p->psnr_db = e->rms_codes > 0 ? 20 * log10(255 / e->rms_codes) : NAN;
-    p->reliable = e->reliable;
-    p->top_share = e->top_share;
-    p->top_samples = e->top_pixels;
 }
 
 /* ---- the study's head ----------------------------------------------------------------------- */

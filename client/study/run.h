@@ -60,8 +60,10 @@ status study_run_check(const struct study *s, const struct job_request *request,
 /* A pair of pictures with seeds from first_seed on, and its point. The caller releases both trials. */
 status run_pair(struct study_run *run, const struct job_request *request, uint32_t spp,
                 uint64_t first_seed, const char *what, struct trial pair[2], struct error *err) MUST_CHECK;
-/* Core and wall seconds of one picture, samples, rays. */
-void run_point_set(struct study_point *p, const struct trial pair[2]);
+/* Core and wall seconds of one picture, samples, rays, and the word on them. A former point must have been
+ * released. */
+status run_point_set(struct study_point *p, const struct trial pair[2], struct error *err) MUST_CHECK;
+/* The error that the pair shows. */
 void run_point_error(struct study_point *p, const struct pair_error *e);
 double run_left_s(const struct study_run *run);
 /* What a picture takes on the clock, as far as is known. */

@@ -5,6 +5,7 @@
 
 #include "client/study/run.h"
 #include "client/study/study_words.h"
+#include "common/base/memory.h"
 #include "common/scene/effects.h"
 
 enum knob {
@@ -238,6 +239,8 @@ struct measured {
 
 static void measured_release(struct measured *m)
 {
+    for (size_t i = 0; i < RUN_LEVELS_MAX; i++)
+        mem_free(m->points[i].reason);
     image_release(&m->pair[0]);
     image_release(&m->pair[1]);
 }
@@ -256,7 +259,7 @@ static status measure(struct study_run *run, const struct job_request *request, 
         if (result == STATUS_OK)
             result = pair_error_of(&e, &run->shown, &pair[0].picture, &pair[1].picture, NULL, err);
         if (result == STATUS_OK) {
-            run_point_set(&out->points[i], pair);
+            result = run_point_set(&out->points[i], pair, err);
             run_point_error(&out->points[i], &e);
             out->clamped_share = (pair[0].clamped_share + pair[1].clamped_share) / 2;
         }
@@ -345,7 +348,7 @@ static status set_texts(struct study_choice *c, const struct way *way, const str
 }
 
 static status add_choice(struct study_run *run, const struct way *way, const struct measured *usual,
-                         const struct measured *mine, const struct levels *levels, struct error *err)
+                         struct measured *mine, const struct levels *levels, struct error *err)
 {
     const uint32_t top = levels->count - 1;
     struct study_interval worse;
@@ -366,6 +369,7 @@ static status add_choice(struct study_run *run, const struct way *way, const str
         if (!p)
             return error_no_memory(err, "a point");
         *p = mine->points[i];
+        mine->points[i].reason = NULL; /* moved */
         p->codes = with_bias(p->codes, c->floor.low > 0 ? c->floor.value : 0);
     }
     worse = pair_bias_worse(&bias);

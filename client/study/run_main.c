@@ -235,7 +235,7 @@ static status add_point(struct study_run *run, uint32_t spp, struct error *err)
         if (!p)
             result = error_no_memory(err, "a point");
         else
-            run_point_set(p, pair);
+            result = run_point_set(p, pair, err);
     }
     if (result == STATUS_OK) {
         s->traversal_share = pair[0].trace_s > 0 ? pair[0].trace_s / pair[0].core_s : NAN;

@@ -22,8 +22,7 @@ static const struct study_field point_fields[] = {
     FIELD(struct study_point, STUDY_INTERVAL, rmse),
     FIELD(struct study_point, STUDY_FLAG, reliable),
     FIELD(struct study_point, STUDY_NUMBER, top_share),
-    FIELD(struct study_point, STUDY_NUMBER, top_samples),
-    FIELD(struct study_point, STUDY_TEXT, cause),
+    FIELD(struct study_point, STUDY_TEXT, reason),
     {0},
 };
 SHAPE(point, struct study_point);

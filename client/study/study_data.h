@@ -35,10 +35,9 @@ struct study_point {
     struct study_interval codes;
     double psnr_db;
     struct study_interval rmse; /* over the frame's mean: 0.01 is 1 % */
-    int reliable;               /* 0: the error may be understated */
-    double top_share;           /* of the squared error, in the top_samples largest contributions */
-    double top_samples;
-    char *cause;                /* "caustics of lamp \"bulb\"", or NULL */
+    int reliable;               /* 0: the error may be understated (common/accuracy/word.h) */
+    double top_share;           /* of the squared error, in the 0.1 % of the pixels with most of it */
+    char *reason;               /* why it may be understated, and the likely cause; or NULL */
 };
 typedef STUDY_LIST(struct study_point) study_points;
 

@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "common/accuracy/word.h"
+
 #define DAY_S 86400.0
 
 /* ---- numbers ------------------------------------------------------------------------------- */
@@ -252,20 +254,9 @@ void study_say_meaning(struct buffer *out, const struct study *s)
                      " One or two steps are just visible; more shows as grain.");
 }
 
-static void say_why_not(struct buffer *out, const struct study_point *last)
+const char *study_point_word(const struct study_point *point)
 {
-    const char *before = ": ";
-
-    if (isfinite(last->top_share) && last->top_samples >= 1) {
-        buffer_puts(out, before);
-        words_percent(out, last->top_share);
-        buffer_puts(out, " of the error sits in ");
-        words_count(out, last->top_samples);
-        buffer_printf(out, " sample%s", last->top_samples >= 2 ? "s" : "");
-        before = "; ";
-    }
-    if (last->cause)
-        buffer_printf(out, "%s%s", before, last->cause);
+    return accuracy_word(&(struct accuracy_figures){.reliable = point->reliable});
 }
 
 int study_say_trust(struct buffer *out, const struct study *s)
@@ -277,16 +268,15 @@ int study_say_trust(struct buffer *out, const struct study *s)
         return 0;
     }
     if (!last->reliable) {
-        buffer_puts(out, "May be understated");
-        say_why_not(out, last);
+        buffer_puts(out, "The error may be understated");
+        if (last->reason)
+            buffer_printf(out, ": %s", last->reason);
         buffer_puts(out, ".");
         return 0;
     }
-    buffer_puts(out, "Reliable: no few samples dominate the error");
-    if (isfinite(last->top_share) && last->top_samples >= 1) {
-        buffer_puts(out, " (the largest ");
-        words_count(out, last->top_samples);
-        buffer_puts(out, " hold ");
+    buffer_puts(out, "The error is reliable: the samples agree on it, and it is spread over many pixels");
+    if (isfinite(last->top_share)) {
+        buffer_puts(out, " (the worst 0.1 % of them hold ");
         words_percent(out, last->top_share);
         buffer_puts(out, " of it)");
     }

@@ -76,7 +76,7 @@ class Law:
                "codes": interval(codes, self.spread),
                "psnr_db": rounded(20 * math.log10(255 / codes) + 4.3),
                "rmse": interval(codes / 255 * 1.4, 1.4 * self.spread), "reliable": True,
-               "top_share": 0.04, "top_samples": 12.0, "cause": None}
+               "top_share": 0.04, "reason": None}
         out.update(more)
         return out
 

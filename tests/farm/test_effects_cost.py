@@ -1,4 +1,5 @@
 """What effects and accuracy cost: bias apart from noise, effects left out by themselves, studies."""
+import csv
 import json
 import os
 import signal
@@ -151,6 +152,37 @@ def quick_study():
         expect("core-seconds" in result.out and "s.html" in result.out, result.out)
         for extension in ("csv", "json"):
             expect(os.path.getsize(farm.path("s." + extension)) > 100, extension)
+
+
+@tests.add
+def one_word():
+    """a study calls an error reliable where `render` does so of both of its pictures, for the same reason"""
+    glass = os.path.join(FEATURES, "glass.gltf")
+    with Farm() as farm:
+        def words(samples, first_seed, *options):
+            errors = [farm.cli("render", glass, "--size", "48x36", "--spp", str(samples), "--seed", str(seed),
+                               "-o", "one", "--json", *options, expect=0).json()["job"]["error"]
+                      for seed in (first_seed, first_seed + 1)]
+            return {error["reason"] for error in errors if not error["reliable"]}
+
+        data, result = study(farm, "--size", "48x36", "--spp", "32", "--minutes", "1", scene=glass)
+        doubted = {}
+        for point in data["points"]:
+            doubted[point["samples"]] = reasons = words(int(point["samples"]), 0)
+            expect(point["reliable"] == (not reasons), (point, reasons))
+            expect(point["reason"] in (reasons or {None}), (point, reasons))
+        expect(doubted[16] and not doubted[32], "the scene no longer shows both words: %s" % doubted)
+        other = choices_of(data)["Sampler"]["independent"]["points"]
+        for point in other:
+            reasons = words(int(point["samples"]), 2, "--sampler", "independent")
+            expect(point["reliable"] == (not reasons) and point["reason"] in (reasons or {None}),
+                   (point, reasons))
+        with open(farm.path("s.csv")) as source:
+            rows = list(csv.DictReader(source))
+        expect([int(row["reliable"]) for row in rows[:4]] == [p["reliable"] for p in data["points"]], rows[:4])
+        with open(farm.path("s.html")) as page:
+            text = page.read()
+        expect("may be understated" in text and "noisy pixels have not been lit yet" in text, "the page")
 
 
 @tests.add
