@@ -48,6 +48,10 @@ struct pair_error {
 status pair_error_of(struct pair_error *out, const struct shown *shown, const struct image *a,
                      const struct image *b, float *pixels, struct error *err) MUST_CHECK;
 
+/* held[i]: what part of the squared linear error the pixels[i] (a share) of the pixels with most of it hold. */
+status pair_tail_of(double *held, const double *pixels, size_t count, const struct image *a,
+                    const struct image *b, struct error *err) MUST_CHECK;
+
 /* Of the figures of two pictures those that are trusted less: any that are not reliable, else those with
  * the larger share of the error in few pixels. */
 const struct accuracy_figures *pair_judge(const struct accuracy_figures *a,

@@ -25,14 +25,23 @@ double run_picture_s(const struct study_run *run, uint32_t spp)
     return run->job_overhead_s + run->wall_per_sample_s * spp;
 }
 
-/* What jobs take on the clock: the mean of what is not rendering, and what a sample takes. */
+/* What a job takes on the clock is so much, whatever its samples, and so much for each of them. Learnt of the
+ * usual way alone: the others have times of their own. */
 static void learn(struct study_run *run, double wall_s, const struct trial *t)
 {
-    run->jobs++;
-    run->job_overhead_s += (fmax(0, wall_s - t->wall_s) - run->job_overhead_s) / run->jobs;
-    /* Of the usual way only: the others have times of their own. */
-    if (run->steps == 0)
-        run->wall_per_sample_s = t->wall_s / t->samples;
+    if (run->steps > 0)
+        return;
+    if (run->jobs++ == 0) {
+        run->first_s = t->wall_s;
+        run->first_samples = t->samples;
+    }
+    run->jobs_s += wall_s;
+    run->jobs_samples += t->samples;
+    run->wall_per_sample_s = t->samples > run->first_samples
+                                 ? fmax(0, (t->wall_s - run->first_s) / (t->samples - run->first_samples))
+                                 : t->wall_s / t->samples;
+    run->job_overhead_s =
+        fmax(0, (run->jobs_s - run->wall_per_sample_s * run->jobs_samples) / run->jobs);
 }
 
 static void show_progress(struct study_run *run, const char *what, uint32_t spp)
@@ -51,9 +60,18 @@ static void show_progress(struct study_run *run, const char *what, uint32_t spp)
     buffer_release(&text);
 }
 
+static void say_no_worker(void *user)
+{
+    struct study_run *run = user;
+
+    progress_draw(&run->progress, fmin(1, fmax(0, passed_s(run) / run->budget_s)),
+                  "the farm has no worker: waiting for one (Ctrl-C keeps what is measured)");
+}
+
 status run_pair(struct study_run *run, const struct job_request *request, uint32_t spp,
                 uint64_t first_seed, const char *what, struct trial pair[2], struct error *err)
 {
+    const struct trial_waiting waiting = {say_no_worker, run};
     struct job_request mine = *request;
     status result = STATUS_OK;
 
@@ -62,7 +80,7 @@ status run_pair(struct study_run *run, const struct job_request *request, uint32
         const uint64_t begun_ns = clock_monotonic_ns();
         show_progress(run, what, spp);
         mine.settings.seed = first_seed + i;
-        result = trial_render(run->connection, run->scene, &mine, run->name, &pair[i], err);
+        result = trial_render(run->connection, run->scene, &mine, run->name, &waiting, &pair[i], err);
         if (result == STATUS_OK)
             learn(run, (double)(clock_monotonic_ns() - begun_ns) / (double)NS_PER_SECOND, &pair[i]);
     }

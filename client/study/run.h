@@ -39,8 +39,9 @@ struct study_run {
     /* ---- private ---- */
     struct progress progress;
     uint64_t started_ns;
-    double jobs;                       /* so far */
-    double job_overhead_s;             /* on the clock, beside the rendering */
+    double jobs, jobs_s, jobs_samples; /* of the usual way so far: how many, and their sums */
+    double first_s, first_samples;     /* of the first of them, without the way to the farm and back */
+    double job_overhead_s;             /* on the clock, whatever the samples */
     double wall_per_sample_s;          /* of a sample of all pixels */
     size_t steps, steps_done;          /* of the choices */
     struct image pairs[RUN_POINTS_MAX][2]; /* of the main curve, as far as rendered now */

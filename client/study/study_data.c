@@ -57,6 +57,8 @@ static const struct study_field choice_fields[] = {
     FIELD(struct study_choice, STUDY_TEXT, words),
     FIELD(struct study_choice, STUDY_TEXT, note),
     FIELD(struct study_choice, STUDY_FLAG, baseline),
+    FIELD(struct study_choice, STUDY_FLAG, unbiased),
+    FIELD(struct study_choice, STUDY_FLAG, missed),
     PART(struct study_choice, STUDY_ITEMS, points, point),
     FIELD(struct study_choice, STUDY_NUMBER, gain_at),
     FIELD(struct study_choice, STUDY_INTERVAL, gain),
@@ -106,9 +108,9 @@ static const struct study_field bin_fields[] = {
 SHAPE(bin, struct study_bin);
 
 static const struct study_field tail_fields[] = {
-    FIELD(struct study_tail, STUDY_NUMBERS, largest),
-    FIELD(struct study_tail, STUDY_NUMBER, pareto_index),
-    FIELD(struct study_tail, STUDY_NUMBER, samples),
+    FIELD(struct study_tail, STUDY_NUMBERS, pixels),
+    FIELD(struct study_tail, STUDY_NUMBERS, error),
+    FIELD(struct study_tail, STUDY_NUMBER, index),
     {0},
 };
 SHAPE(tail, struct study_tail);

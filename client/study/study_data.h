@@ -72,6 +72,8 @@ struct study_choice {
     char *words;   /* the start of its sentence: "Environment sampled uniformly" */
     char *note;    /* the end of it: "too dark in the corner", or NULL */
     int baseline;  /* this is what the main curve does */
+    int unbiased;  /* by construction it is the usual picture but for its noise */
+    int missed;    /* it is, and yet its samples surely have not met all of the light: its error is larger */
     study_points points;
     double gain_at;             /* codes at which gain holds */
     struct study_interval gain; /* the baseline's core seconds over its own: 2 is half the time */
@@ -103,9 +105,12 @@ struct study_bin {
     double low, high, count;
 };
 
+/* How few pixels hold how much of the squared error: the `pixels[i]` of them (a share, rising) with most of
+ * it hold `error[i]`. */
 struct study_tail {
-    STUDY_LIST(double) largest; /* contributions over the frame's mean, falling */
-    double pareto_index, samples;
+    STUDY_LIST(double) pixels;
+    STUDY_LIST(double) error;
+    double index; /* Pareto k of the largest contributions of single samples */
 };
 
 /* What a round foretold, and what came. */

@@ -196,7 +196,6 @@ def study(**changes):
     main = Law(94, 0.53, seed="main")
     points = main.points(COSTS)
     error, samples = tiles(50, 38)
-    tail = random.Random("tail")
     out = {
         "azulejo_study": 1, "scene": "glasshouse.gltf", "machine": "shared Intel Xeon, 2 cores, 24 GiB",
         "date": "2026-03-01 14:05", "command": "azulejo accuracy glasshouse.gltf --size 800x600 -o glasshouse.html",
@@ -213,8 +212,8 @@ def study(**changes):
         "workers": [{"name": "worker-%d" % (i + 1), "cores": 1.0, "core_s": 926.0 + i, "rays": 3.8e9}
                     for i in range(2)],
         "tile_error": error, "tile_samples": samples, "histogram": histogram(),
-        "tail": {"largest": sorted((rounded(0.4 * tail.paretovariate(2.6)) for _ in range(300)),
-                                   reverse=True), "pareto_index": 2.6, "samples": 3.4e8},
+        "tail": {"pixels": [rounded(10 ** (i / 8)) for i in range(-32, 1)],
+                 "error": [rounded(10 ** (i / 40)) for i in range(-32, 1)], "index": 0.38},
         "predictions": [{"round": float(k), "core_s_then": rounded(COSTS[k - 1]), "target_codes": 3.0,
                          "core_s": interval(668 * f, s), "core_s_true": 671.0}
                         for k, f, s in ((2, 1.31, 0.6), (3, 0.88, 0.3), (4, 1.06, 0.15), (5, 0.99, 0.08))],

@@ -181,7 +181,7 @@ static void test_choices(void **state)
     c = make_choice(&s, (struct study_interval){1.2, 1.1, 1.3}, 3,
                     (struct study_interval){0.9, 0, 1.8});
     EXPECT_WORDS(study_say_choice(&t_, &s, c), "Caustics off: 1.2 times less time to 3/255 (1.1 to "
-                                               "1.3), the same picture to 1.8/255.");
+                                               "1.3), so few samples do not exclude a difference of up to 1.8/255.");
     c = make_choice(&s, exactly(NAN), NAN, exactly(NAN));
     EXPECT_WORDS(study_say_choice(&t_, &s, c), "Caustics off: not measured yet.");
     assert_true(isnan(study_choice_weight(&s, c)));
