@@ -134,14 +134,12 @@ static void put_facts(struct buffer *out, const struct study *s)
     if (s->workers.count == 0)
         return;
     buffer_puts(out, "<h3>Workers</h3><div class=\"scroll\"><table>\n<tr><th class=\"words\">name</th>"
-                     "<th>cores</th><th>core-s</th><th>rays</th></tr>\n");
+                     "<th>cores</th></tr>\n");
     for (size_t i = 0; i < s->workers.count; i++) {
         const struct study_worker *w = &s->workers.items[i];
         buffer_puts(out, "<tr>");
         cell_words(out, w->name);
         cell_exact(out, w->cores);
-        cell(out, w->core_s);
-        cell_count(out, w->rays);
         buffer_puts(out, "</tr>\n");
     }
     buffer_puts(out, "</table></div>\n");

@@ -83,9 +83,18 @@ static struct svg_axis range_of(const struct study_map *map)
     return range;
 }
 
+/* Tiles of nearly no error are as light as those with a thirtieth of the most: the others are to be told apart. */
+static struct svg_axis shown_range(const struct study_map *map)
+{
+    struct svg_axis range = range_of(map);
+
+    range.low = fmax(range.low, range.high / 30);
+    return range;
+}
+
 static void say_tile_error(struct buffer *out, const struct study *s)
 {
-    const struct svg_axis range = range_of(&s->tile_error);
+    const struct svg_axis range = shown_range(&s->tile_error);
 
     if (!(range.high >= range.low)) {
         buffer_puts(out, "No square of the picture has an error.");
@@ -95,7 +104,7 @@ static void say_tile_error(struct buffer *out, const struct study *s)
     words_codes(out, range.high);
     buffer_puts(out, "), in the light ones least (");
     words_codes(out, range.low);
-    buffer_puts(out, ").");
+    buffer_puts(out, range.low > range_of(&s->tile_error).low ? " or less)." : ").");
 }
 
 static void say_tile_samples(struct buffer *out, const struct study *s)
@@ -118,7 +127,7 @@ static void say_tile_samples(struct buffer *out, const struct study *s)
 static status put_map(struct buffer *out, const struct study *s, const struct study_map *map,
                       const char *title, study_sayer *say, struct error *err)
 {
-    const struct svg_axis range = range_of(map);
+    const struct svg_axis range = shown_range(map);
     struct study_picture picture = {0};
     status result;
 

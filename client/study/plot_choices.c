@@ -202,7 +202,7 @@ static double names_margin(const struct study_question *q, int lines)
 
     for (size_t i = 0; i < q->choices.count; i++)
         most = fmax(most, name_width(q->choices.items[i].name) / lines);
-    return fmin(fmax(most * (lines > 1 ? 1.25 : 1) + 12, MARGIN_RIGHT), MARGIN_RIGHT_MOST);
+    return fmin(fmax(most * (lines > 1 ? 1.4 : 1) + 12, MARGIN_RIGHT), MARGIN_RIGHT_MOST);
 }
 
 void study_plot_question(struct buffer *out, const struct study *s,
@@ -314,7 +314,7 @@ void study_plot_effects(struct buffer *out, const struct study *s, double width)
 {
     const double bottom = HEAD + ROW * (double)s->effects.count;
     const int narrow = width < 500;
-    const double names = narrow ? 100 : 190;
+    const double names = narrow ? 118 : 190;
     const double panel = (width - names - EFFECT_GAP - 14) * (narrow ? 0.42 : 0.5);
     struct svg_axis bias = {0.01, 50, names + panel + EFFECT_GAP, width - 14};
     size_t order[STUDY_LIST_MAX];

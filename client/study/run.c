@@ -127,6 +127,7 @@ static status set_head(struct study_run *run, struct error *err)
 {
     struct study *s = run->study;
     const struct render_settings *settings = &run->request->settings;
+    static const char release[] = "azulejo " AZULEJO_VERSION;
     const time_t now = (time_t)clock_wall_s();
     char date[32] = "";
     struct tm when;
@@ -138,9 +139,24 @@ static status set_head(struct study_run *run, struct error *err)
     if (gmtime_r(&now, &when))
         strftime(date, sizeof date, "%Y-%m-%d", &when);
     result = study_text_set(&s->date, date, err);
-    if (result == STATUS_OK)
-        result = study_text_set(&s->version, AZULEJO_VERSION, err);
+    /* A study that goes on has what a worker said of itself. */
+    if (result == STATUS_OK && (!s->version || strncmp(s->version, release, sizeof release - 1) != 0))
+        result = study_text_set(&s->version, release, err);
     return result == STATUS_OK ? set_transform(s, &run->request->output.tonemap, err) : result;
+}
+
+static status set_machine(struct study *s, struct error *err)
+{
+    struct buffer text = BUFFER_INIT;
+    status result;
+
+    buffer_puts(&text, s->workers.items[0].name);
+    if (s->workers.count > 1)
+        buffer_printf(&text, " and %zu more", s->workers.count - 1);
+    result = buffer_ok(&text) ? study_text_set(&s->machine, buffer_text(&text), err)
+                              : error_no_memory(err, "the machine's name");
+    buffer_release(&text);
+    return result;
 }
 
 /* Who works, once someone has. */
@@ -168,9 +184,11 @@ static status set_workers(struct study_run *run, struct error *err)
         row->cores = w->threads;
         s->cores += w->threads;
         result = study_text_set(&row->name, w->host, err);
-        if (result == STATUS_OK && !s->machine)
-            result = study_text_set(&s->machine, w->kernel, err);
+        if (result == STATUS_OK && i == 0) /* all have the same, or get no work */
+            result = study_text_set(&s->version, w->kernel, err);
     }
+    if (result == STATUS_OK && s->workers.count)
+        result = set_machine(s, err);
     message_free(answer);
     return result;
 }

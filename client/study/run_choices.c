@@ -12,7 +12,7 @@
 
 enum {
     ADAPTIVE_CAP = 4,      /* times a level's samples, in any tile */
-    ADAPTIVE_SPP_MIN = 32, /* rounds give nothing beyond the same for all before */
+    ADAPTIVE_SPP_MIN = 32, /* before, rounds give all tiles the same */
 };
 
 static struct study_question *question_of(struct study *s, const char *title, struct error *err)
@@ -80,6 +80,9 @@ static struct levels levels_choose(const struct study_run *run, size_t missing)
     for (size_t i = 0; i < s->questions.count; i++)
         for (size_t k = 0; k < s->questions.items[i].choices.count; k++) {
             const study_points *points = &s->questions.items[i].choices.items[k].points;
+            const char *title = s->questions.items[i].title;
+            if (title && strcmp(title, way_title(KNOB_ALLOCATION)) == 0)
+                continue; /* has samples of its own */
             if (points->count > 0 && points->count <= RUN_LEVELS_MAX)
                 return levels_to((uint32_t)(points->items[points->count - 1].samples + 0.5),
                                  (uint32_t)points->count);
@@ -100,7 +103,6 @@ static struct levels levels_choose(const struct study_run *run, size_t missing)
 
 struct measured {
     struct study_point points[RUN_LEVELS_MAX];
-    double told[RUN_LEVELS_MAX]; /* display error by the pictures' own figures */
     struct image pair[2];        /* of the last level */
     struct image sampling;       /* of the last level, where it is adaptive */
     double clamped_share;
@@ -115,14 +117,24 @@ static void measured_release(struct measured *m)
     image_release(&m->pair[1]);
 }
 
-/* An adaptive picture ends where it is as good as the usual one of that level; what that costs is the question.
- * No tile gets more than a few times the samples. */
-static void aim(struct job_request *request, uint32_t *spp, double told)
+/* The usual picture that an adaptive one is compared with: of the main curve, because the levels may have fewer
+ * samples than rounds need to give any out. NULL: there is none. */
+static const struct study_point *adaptive_rival(const struct study *s, const struct levels *levels)
 {
-    if (!request->stop.adaptive)
-        return;
+    const double least = fmax(levels->spp[levels->count - 1], ADAPTIVE_SPP_MIN);
+
+    for (size_t i = 0; i < s->points.count; i++)
+        if (s->points.items[i].samples >= least && s->points.items[i].codes.value > 0)
+            return &s->points.items[i];
+    return NULL;
+}
+
+/* An adaptive picture ends where it is as good as its rival; what that costs is the question. No tile gets more
+ * than a few times the samples. */
+static void aim(struct job_request *request, uint32_t *spp, double codes)
+{
     request->stop.has_target = 1;
-    request->stop.target = (struct allocation_target){ALLOCATION_DISPLAY, fmin(fmax(told, 0.01), 128)};
+    request->stop.target = (struct allocation_target){ALLOCATION_DISPLAY, fmin(fmax(codes, 0.01), 128)};
     *spp *= ADAPTIVE_CAP;
 }
 
@@ -149,7 +161,8 @@ static status measure(struct study_run *run, const struct job_request *request, 
         struct trial pair[2] = {0};
         uint32_t spp = levels->spp[i];
         struct pair_error e;
-        aim(&mine, &spp, usual ? usual->told[i] : NAN);
+        if (mine.stop.adaptive)
+            aim(&mine, &spp, usual->points[i].codes.value);
         /* Seeds of their own: the main curve's pictures stay independent of them. */
         result = run_pair(run, &mine, spp, run->request->settings.seed + 2, what, pair, err);
         if (result == STATUS_OK)
@@ -157,7 +170,6 @@ static status measure(struct study_run *run, const struct job_request *request, 
         if (result == STATUS_OK) {
             result = run_point_set(&out->points[i], pair, err);
             run_point_error(&out->points[i], &e);
-            out->told[i] = (pair[0].figures.display_error + pair[1].figures.display_error) / 2;
             out->clamped_share = (pair[0].clamped_share + pair[1].clamped_share) / 2;
         }
         if (result == STATUS_OK && i + 1 == levels->count)
@@ -292,10 +304,10 @@ static status add_choice(struct study_run *run, const struct way *way, const str
     struct study_interval worse;
     struct study_question *q = question_of(run->study, way_title(way->knob), err);
     struct study_choice *c = q ? study_add_choice(q) : NULL;
-    struct pair_bias bias;
+    struct pair_bias bias = {0};
     status result = c ? set_texts(c, way, mine, err) : error_no_memory(err, "a choice");
 
-    if (result == STATUS_OK)
+    if (result == STATUS_OK && usual->pair[0].pixels)
         result = pair_bias_of(&bias, &run->shown, &run->usual, &usual->pair[0], &mine->pair[0],
                               &usual->pair[1], &mine->pair[1], err);
     if (result != STATUS_OK)
@@ -318,6 +330,10 @@ static status add_choice(struct study_run *run, const struct way *way, const str
     if (result != STATUS_OK)
         return result;
     worse = pair_bias_worse(&bias);
+    if (!c->unbiased && !(c->floor.low > 0) && worse.low > run->study->target_codes / 4 && !c->note)
+        result = study_text_set(&c->note, "but a few pixels change by more", err);
+    if (result != STATUS_OK)
+        return result;
     return way->knob == KNOB_EFFECT ? add_effect(run, way, usual, mine, top, &worse, err) : STATUS_OK;
 }
 
@@ -355,13 +371,22 @@ static status one_way(struct study_run *run, const struct plan *plan, size_t i,
                       const struct levels *levels, const struct measured *usual, struct error *err)
 {
     const struct way *way = &plan->ways[i];
-    struct measured mine = {0};
+    const struct study_point *rival;
+    struct measured mine = {0}, main_curve = {0};
+    struct levels one;
     char what[160];
     status result;
 
     if (plan_is_usual(run, &plan->requests[i])) {
         result = has_alternative(run, plan, way->knob) ? add_usual(run, way, err) : STATUS_OK;
     } else {
+        if (way->knob == KNOB_ALLOCATION && (rival = adaptive_rival(run->study, levels)) != NULL) {
+            one = levels_to((uint32_t)(rival->samples + 0.5), 1);
+            main_curve.points[0] = *rival;
+            main_curve.points[0].reason = NULL; /* the study's */
+            usual = &main_curve;
+            levels = &one;
+        }
         snprintf(what, sizeof what, "%s: %s", way_title(way->knob), way->name);
         result = measure(run, &plan->requests[i], what, levels, usual, &mine, err);
         if (result == STATUS_OK)
@@ -405,7 +430,7 @@ status run_choices(struct study_run *run, struct error *err)
     plan_make(&plan, run);
     missing = count_missing(run, &plan);
     levels = levels_choose(run, missing);
-    if (levels.spp[levels.count - 1] < ADAPTIVE_SPP_MIN) { /* nothing is given out beyond the first rounds' floor */
+    if (!adaptive_rival(run->study, &levels)) {
         plan_drop(&plan, KNOB_ALLOCATION);
         missing = count_missing(run, &plan);
     }

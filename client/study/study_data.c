@@ -85,8 +85,6 @@ SHAPE(effect, struct study_effect);
 static const struct study_field worker_fields[] = {
     FIELD(struct study_worker, STUDY_TEXT, name),
     FIELD(struct study_worker, STUDY_NUMBER, cores),
-    FIELD(struct study_worker, STUDY_NUMBER, core_s),
-    FIELD(struct study_worker, STUDY_NUMBER, rays),
     {0},
 };
 SHAPE(worker, struct study_worker);

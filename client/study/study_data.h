@@ -92,7 +92,7 @@ struct study_effect {
 
 struct study_worker {
     char *name;
-    double cores, core_s, rays;
+    double cores;
 };
 
 /* Numbers of tiles, row by row from the top. */

@@ -102,7 +102,7 @@ def fit(points):
 
 
 def choice(name, words, law, costs, gain, at, floor, note=None, baseline=False):
-    return {"name": name, "words": words, "note": note, "baseline": baseline,
+    return {"name": name, "words": words, "note": note, "baseline": baseline, "unbiased": False, "missed": False,
             "points": law.points(costs) if law else [], "gain_at": at,
             "gain": interval(gain, 0.07) if gain else [None] * 3, "floor": floor}
 
@@ -209,7 +209,7 @@ def study(**changes):
              "picture": crop(p["codes"][0] * (1 if kind == "typical" else 2.2), kind)}
             for p in (points[1], points[3], points[5])]} for kind in ("typical", "worst")],
         "questions": questions(), "effects": effects(),
-        "workers": [{"name": "worker-%d" % (i + 1), "cores": 1.0, "core_s": 926.0 + i, "rays": 3.8e9}
+        "workers": [{"name": "worker-%d" % (i + 1), "cores": 1.0}
                     for i in range(2)],
         "tile_error": error, "tile_samples": samples, "histogram": histogram(),
         "tail": {"pixels": [rounded(10 ** (i / 8)) for i in range(-32, 1)],

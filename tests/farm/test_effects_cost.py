@@ -198,7 +198,7 @@ def light_that_is_missed():
         subprocess.run([os.path.join(BIN, "scenes", "sky", "make_sky"), "--sun-azimuth", "325", "--size", "256x128",
                         "-o", sky], check=True,
                        stdout=subprocess.DEVNULL)
-        data, result = study(farm, "--size", "64x64", "--env", sky, "--spp", "64", "--minutes", "10", scene=MIRROR,
+        data, result = study(farm, "--size", "64x64", "--env", sky, "--spp", "64", "--minutes", "5", scene=MIRROR,
                              limit_s=600)
         choices = choices_of(data)
         # Directions by the surfaces alone meet the sun about once in 100 000 samples.
