@@ -112,7 +112,7 @@ static void say_tile_samples(struct buffer *out, const struct study *s)
     const struct svg_axis range = range_of(&s->tile_samples);
 
     if (!(range.high > range.low)) {
-        buffer_puts(out, "Adaptive sampling gave every square as many samples: the grain is alike everywhere.");
+        buffer_puts(out, "Adaptive sampling had met its target before it gave some squares more samples than others.");
         return;
     }
     buffer_puts(out, "Samples are the rays that a pixel averages. Adaptive sampling gave the dark squares ");

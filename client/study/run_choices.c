@@ -12,7 +12,7 @@
 
 enum {
     ADAPTIVE_CAP = 4,      /* times a level's samples, in any tile */
-    ADAPTIVE_SPP_MIN = 32, /* before, rounds give all tiles the same */
+    ADAPTIVE_SPP_MIN = 64, /* the first rounds give all tiles the same, and may already be enough */
 };
 
 static struct study_question *question_of(struct study *s, const char *title, struct error *err)
