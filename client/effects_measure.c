@@ -46,7 +46,8 @@ static status run_one(struct effects_measure *m, size_t trial, unsigned round, s
     mine.settings.without |= m->trials[trial].without;
     mine.settings.seed += round;
     mine.settings.spp = m->trials[trial].spp;
-    result = trial_render(m->connection, m->scene, &mine, "pilot", &done, err);
+    mine.stop = (struct stop_rules){0}; /* pictures of equal samples are compared */
+    result = trial_render(m->connection, m->scene, &mine, "pilot", NULL, &done, err);
     m->core_s += done.core_s;
     if (result == STATUS_OK)
         result = keep(&m->trials[trial], round, &done, err);

@@ -48,8 +48,10 @@ const char *figures_time_text(char out[FORMAT_SIZE], double seconds)
     return out;
 }
 
-static struct accuracy_figures figures_get(const Azulejo__Wire__Figures *f)
+struct accuracy_figures figures_get(const Azulejo__Wire__Figures *f)
 {
+    if (!f)
+        return (struct accuracy_figures){.display_error = NAN, .top_share = NAN, .tail_index = NAN};
     return (struct accuracy_figures){.display_error = f->display, .top_share = f->top_share,
                                      .disagreement = f->disagreement, .unseen = f->unseen,
                                      .tail_index = f->tail_index, .lone = f->lone,

@@ -5,12 +5,16 @@
 #include "client/connection.h"
 #include "client/format.h"
 #include "client/json.h"
+#include "common/accuracy/figures.h"
 #include "common/base/buffer.h"
 
 /* "3.1/255"; "?" when not known. */
 const char *figures_display_text(char out[FORMAT_SIZE], double display);
 /* "41 s", "9 min", "2.5 h", "3 d". */
 const char *figures_time_text(char out[FORMAT_SIZE], double seconds);
+
+/* As common/accuracy takes them; NULL: not known. */
+struct accuracy_figures figures_get(const Azulejo__Wire__Figures *figures);
 
 /* Append "3.1/255 (2.9 to 3.4) in 95 % of the pixels, 41.2 dB, RMSE 2.1 % of the mean (2 to 2.2)". */
 void figures_describe(struct buffer *out, const Azulejo__Wire__Figures *figures);

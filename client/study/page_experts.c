@@ -1,13 +1,12 @@
-/* The folded end of the page: every number, the maps, the tail, what was foretold. */
+/* The folded end of the page: every number, what was foretold, the pixels by their error. */
 #include <math.h>
 #include <stdio.h>
 
 #include "client/study/study_page.h"
 #include "client/study/study_plot.h"
 #include "client/study/study_words.h"
-#include "common/base/memory.h"
 
-enum { PLOT_WIDTH = 420, PLOT_HEIGHT = 260, MAP_WIDTH = 520 };
+enum { PLOT_WIDTH = 420, PLOT_HEIGHT = 260 };
 
 static void cell(struct buffer *out, double value)
 {
@@ -64,8 +63,8 @@ static void point_rows(struct buffer *out, const char *curve, const study_points
         cell(out, p->psnr_db);
         cell_interval(out, &p->rmse, 0.01);
         cell_exact(out, round(1000 * p->top_share) / 10);
-        cell_words(out, p->reliable ? "reliable" : "may be understated");
-        cell_words(out, p->cause ? p->cause : "");
+        cell_words(out, study_point_word(p));
+        cell_words(out, p->reason ? p->reason : "");
         buffer_puts(out, "</tr>\n");
     }
 }
@@ -75,8 +74,8 @@ static void put_points(struct buffer *out, const struct study *s)
     buffer_puts(out,
                 "<h3>All points</h3><div class=\"scroll\"><table>\n<tr><th class=\"words\">curve</th>"
                 "<th>core-s</th><th>wall s</th><th>samples</th><th>rays</th><th>error / 255</th>"
-                "<th>PSNR, dB</th><th>RMSE / mean, %</th><th>top share, %</th>"
-                "<th class=\"words\">word</th><th class=\"words\">likely cause</th></tr>\n");
+                "<th>PSNR, dB</th><th>RMSE / mean, %</th><th>top 0.1 %, %</th>"
+                "<th class=\"words\">the error</th><th class=\"words\">why</th></tr>\n");
     point_rows(out, "main", &s->points);
     for (size_t i = 0; i < s->questions.count; i++)
         for (size_t k = 0; k < s->questions.items[i].choices.count; k++) {
@@ -129,20 +128,18 @@ static void put_facts(struct buffer *out, const struct study *s)
     fact_interval(out, "seed", &number);
     number.value = s->traversal_share * 100;
     fact_interval(out, "ray traversal (Embree), % of the time", &number);
-    number.value = s->tail.pareto_index;
-    fact_interval(out, "Pareto index of the tail", &number);
+    number.value = s->tail.index;
+    fact_interval(out, "Pareto index k of the largest samples", &number);
     buffer_puts(out, "</dl>\n");
     if (s->workers.count == 0)
         return;
     buffer_puts(out, "<h3>Workers</h3><div class=\"scroll\"><table>\n<tr><th class=\"words\">name</th>"
-                     "<th>cores</th><th>core-s</th><th>rays</th></tr>\n");
+                     "<th>cores</th></tr>\n");
     for (size_t i = 0; i < s->workers.count; i++) {
         const struct study_worker *w = &s->workers.items[i];
         buffer_puts(out, "<tr>");
         cell_words(out, w->name);
         cell_exact(out, w->cores);
-        cell(out, w->core_s);
-        cell_count(out, w->rays);
         buffer_puts(out, "</tr>\n");
     }
     buffer_puts(out, "</table></div>\n");
@@ -170,93 +167,16 @@ static void put_predictions(struct buffer *out, const struct study *s)
     buffer_puts(out, "</table></div>\n");
 }
 
-/* ---- maps ---------------------------------------------------------------------------------- */
-
-/* Light to dark in one hue, evenly in what the eye sees; t from 0 to 1. */
-static void ramp(double t, uint8_t *rgb)
+void page_experts(struct buffer *out, const struct study *s)
 {
-    static const double stops[4][3] = {
-        {0.95, 0.97, 0.99}, {0.55, 0.75, 0.89}, {0.06, 0.45, 0.70}, {0.02, 0.14, 0.30}};
-    const double at = fmin(fmax(t, 0), 1) * 3;
-    const int i = at >= 3 ? 2 : (int)at;
-
-    for (int c = 0; c < 3; c++)
-        rgb[c] = (uint8_t)lround(255 * (stops[i][c] + (at - i) * (stops[i + 1][c] - stops[i][c])));
-}
-
-/* A pixel for each tile, logarithmic between the smallest and the largest; grey: not known. */
-static status map_picture(struct study_picture *out, const struct study_map *map, double low,
-                          double high, struct error *err)
-{
-    out->width = (uint32_t)map->columns;
-    out->height = (uint32_t)map->rows;
-    out->rgb = mem_alloc_array(map->values.count, 3);
-    if (!out->rgb)
-        return error_no_memory(err, "a map of tiles");
-    for (size_t i = 0; i < map->values.count; i++) {
-        const double v = map->values.items[i];
-        uint8_t *rgb = out->rgb + 3 * i;
-
-        rgb[0] = rgb[1] = rgb[2] = 0x99;
-        if (isfinite(v) && v >= 0)
-            ramp(v > low && high > low ? log(v / low) / log(high / low) : 0, rgb);
-    }
-    return STATUS_OK;
-}
-
-static status put_map(struct buffer *out, const struct study_map *map, const char *title,
-                      const char *unit, struct error *err)
-{
-    struct svg_axis range = {INFINITY, -INFINITY, 0, 1};
-    struct study_picture picture = {0};
-    struct buffer words = BUFFER_INIT;
-    status result;
-
-    if (map->values.count == 0)
-        return STATUS_OK;
-    for (size_t i = 0; i < map->values.count; i++)
-        svg_axis_hold(&range, map->values.items[i]);
-    result = map_picture(&picture, map, range.low, range.high, err);
-    if (range.high >= range.low) {
-        buffer_puts(&words, "Light: ");
-        words_number(&words, range.low);
-        buffer_printf(&words, "%s, dark: ", unit);
-        words_number(&words, range.high);
-        buffer_printf(&words, "%s; one square is a tile, the scale is logarithmic.", unit);
-    }
-    buffer_printf(out, "<div><h3>%s</h3><figure class=\"mapbox\">", title);
-    if (result == STATUS_OK)
-        result = page_picture(out, &picture, MAP_WIDTH,
-                              round(MAP_WIDTH * map->rows / map->columns), title, err);
-    buffer_printf(out, "<figcaption class=\"small\">%s</figcaption></figure></div>\n",
-                  buffer_text(&words));
-    mem_free(picture.rgb);
-    svg_release(out, &words);
-    return result;
-}
-
-status page_experts(struct buffer *out, const struct study *s, struct error *err)
-{
-    status result;
-
     buffer_puts(out, "<details class=\"experts\"><summary>For experts</summary>\n");
     put_facts(out, s);
     put_points(out, s);
     put_predictions(out, s);
-    buffer_puts(out, "<div class=\"pair\">\n");
-    result = put_map(out, &s->tile_error, "Error of the tiles", "/255", err);
-    if (result == STATUS_OK)
-        result = put_map(out, &s->tile_samples, "Samples of the tiles", " of a pixel", err);
     if (s->histogram.count) {
-        buffer_puts(out, "<div><h3>Pixels by their error</h3>\n<figure>");
+        buffer_puts(out, "<h3>Pixels by their error</h3>\n<figure style=\"max-width:520px\">");
         study_plot_histogram(out, s, PLOT_WIDTH, PLOT_HEIGHT);
-        buffer_puts(out, "</figure></div>\n");
+        buffer_puts(out, "</figure>\n");
     }
-    if (s->tail.largest.count) {
-        buffer_puts(out, "<div><h3>The largest contributions of single samples</h3>\n<figure>");
-        study_plot_tail(out, s, PLOT_WIDTH, PLOT_HEIGHT);
-        buffer_puts(out, "</figure></div>\n");
-    }
-    buffer_puts(out, "</div>\n</details>\n");
-    return result;
+    buffer_puts(out, "</details>\n");
 }

@@ -173,26 +173,30 @@ static status check_sizes(const struct image *a, const struct image *b, struct e
                      a->width, a->height, b->width, b->height);
 }
 
-static void linear_error(struct pair_error *out, const struct image *a, const struct image *b,
-                         struct grouped *work)
+static double squared_difference(const float *a, const float *b)
 {
-    const size_t count = (size_t)a->width * a->height, top = count / 1000 ? count / 1000 : 1;
+    double sum = 0;
+
+    for (int c = 0; c < 3; c++) {
+        const double d = (double)a[c] - (double)b[c];
+        sum += d * d / 2;
+    }
+    return sum;
+}
+
+static void linear_error(struct pair_error *out, const struct image *a, const struct image *b)
+{
+    const size_t count = (size_t)a->width * a->height;
     struct group_sums squares = {0};
     struct leave_out mean_square;
-    double mean = 0, in_top = 0, all = 0;
+    double mean = 0;
 
     for (size_t i = 0; i < count; i++) {
         const unsigned g = group_of((uint32_t)(i % a->width), (uint32_t)(i / a->width));
-        double square = 0;
-        for (int c = 0; c < 3; c++) {
-            const double d = (double)a->pixels[3 * i + (size_t)c] - (double)b->pixels[3 * i + (size_t)c];
-            square += d * d / 2;
-            mean += ((double)a->pixels[3 * i + (size_t)c] + (double)b->pixels[3 * i + (size_t)c]) / 2;
-        }
-        squares.sum[g] += square;
+        for (size_t c = 3 * i; c < 3 * i + 3; c++)
+            mean += ((double)a->pixels[c] + (double)b->pixels[c]) / 2;
+        squares.sum[g] += squared_difference(a->pixels + 3 * i, b->pixels + 3 * i);
         squares.count[g] += 3;
-        all += square;
-        work[i] = (struct grouped){(float)square, g};
     }
     mean /= 3 * (double)count;
     mean_square = means_without(&squares);
@@ -200,12 +204,6 @@ static void linear_error(struct pair_error *out, const struct image *a, const st
     out->rmse.value /= mean;
     out->rmse.low /= mean;
     out->rmse.high /= mean;
-    qsort(work, count, sizeof *work, falling);
-    for (size_t i = 0; i < top; i++)
-        in_top += (double)work[i].value;
-    out->top_pixels = (double)top;
-    out->top_share = all > 0 ? in_top / all : 0;
-    out->reliable = out->top_share < 0.5;
 }
 
 status pair_error_of(struct pair_error *out, const struct shown *shown, const struct image *a,
@@ -225,7 +223,7 @@ status pair_error_of(struct pair_error *out, const struct shown *shown, const st
         struct leave_out percentiles;
         double square = 0, width;
 
-        linear_error(out, a, b, work);
+        linear_error(out, a, b);
         for (size_t i = 0; i < count; i++) {
             const float *x = code_a.pixels + 3 * i, *y = code_b.pixels + 3 * i;
             work[i].value = largest_difference(x, y) * (float)M_SQRT1_2;
@@ -246,6 +244,38 @@ status pair_error_of(struct pair_error *out, const struct shown *shown, const st
     image_release(&code_a);
     mem_free(work);
     return result;
+}
+
+status pair_tail_of(double *held, const double *pixels, size_t count, const struct image *a,
+                    const struct image *b, struct error *err)
+{
+    const size_t all = (size_t)a->width * a->height;
+    struct grouped *work = mem_calloc(all, sizeof *work);
+    status result = work ? check_sizes(a, b, err) : error_no_memory(err, "errors of pixels");
+    double sum = 0, whole = 0;
+    size_t at = 0;
+
+    for (size_t i = 0; i < all && result == STATUS_OK; i++) {
+        work[i].value = (float)squared_difference(a->pixels + 3 * i, b->pixels + 3 * i);
+        whole += (double)work[i].value;
+    }
+    if (result == STATUS_OK)
+        qsort(work, all, sizeof *work, falling);
+    for (size_t i = 0; i < count && result == STATUS_OK; i++) {
+        for (; at < all && (double)at + 0.5 < pixels[i] * (double)all; at++)
+            sum += (double)work[at].value;
+        held[i] = whole > 0 ? sum / whole : NAN;
+    }
+    mem_free(work);
+    return result;
+}
+
+const struct accuracy_figures *pair_judge(const struct accuracy_figures *a,
+                                          const struct accuracy_figures *b)
+{
+    if (a->reliable != b->reliable)
+        return a->reliable ? b : a;
+    return b->top_share > a->top_share ? b : a;
 }
 
 /* ---- bias ----------------------------------------------------------------------------------- */

@@ -4,6 +4,8 @@
  * parameters are taken once from one picture (`shown`), in steps of an 8-bit screen (codes, of 255).
  *
  *   noise: for independent A and B of one setting, |A - B| / sqrt(2) has the size of one picture's error.
+ *   word:  each picture is judged by its own four replicates, as everywhere (common/accuracy/word.h); what two
+ *          pictures say holds where both are reliable.
  *   bias:  for A, B of one setting and A', B' of another, E[(A - A')(B - B')] is the square of the
  *          difference of their expectations, if (A, A') is independent of (B, B'). A and A' may share
  *          their random numbers, which then cancel.
@@ -15,6 +17,7 @@
 #define AZULEJO_CLIENT_STUDY_PAIR_H
 
 #include "client/study/study_data.h"
+#include "common/accuracy/figures.h"
 #include "common/image/image.h"
 #include "common/tonemap/tonemap.h"
 
@@ -40,13 +43,19 @@ struct pair_error {
     struct study_interval codes; /* 95 % of the pixels are within so many, largest of R, G, B */
     double rms_codes;            /* over pixels and channels */
     struct study_interval rmse;  /* of linear radiance, over the frame's mean */
-    double top_share;            /* of the squared linear error, in the thousandth of the pixels with most */
-    double top_pixels;           /* so many are that */
-    int reliable;                /* top_share is below a half */
 };
 /* `pixels`, if not NULL, gets each pixel's error in codes [height][width]. ERR_INPUT: sizes differ. */
 status pair_error_of(struct pair_error *out, const struct shown *shown, const struct image *a,
                      const struct image *b, float *pixels, struct error *err) MUST_CHECK;
+
+/* held[i]: what part of the squared linear error the pixels[i] (a share) of the pixels with most of it hold. */
+status pair_tail_of(double *held, const double *pixels, size_t count, const struct image *a,
+                    const struct image *b, struct error *err) MUST_CHECK;
+
+/* Of the figures of two pictures those that are trusted less: any that are not reliable, else those with
+ * the larger share of the error in few pixels. */
+const struct accuracy_figures *pair_judge(const struct accuracy_figures *a,
+                                          const struct accuracy_figures *b);
 
 /* What a setting changes for ever. */
 struct pair_bias {

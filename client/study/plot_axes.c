@@ -1,5 +1,6 @@
 /* What all curves of a study share: the ranges of the axes, the grid, the marks. */
 #include <math.h>
+#include <stdio.h>
 
 #include "client/study/study_plot.h"
 #include "client/study/study_words.h"
@@ -132,9 +133,11 @@ void plot_points(struct buffer *out, const struct plot *p, const study_points *p
     for (size_t i = 0; i < points->count; i++) {
         const struct study_point *at = &points->items[i];
         const double x = svg_axis_at(&p->x, at->core_s);
+        char classes[64];
 
         svg_line(out, x, svg_axis_at(&p->y, at->codes.low), x, svg_axis_at(&p->y, at->codes.high),
                  mark);
-        svg_mark(out, marker, x, svg_axis_at(&p->y, at->codes.value), line ? 3 : 4, mark);
+        snprintf(classes, sizeof classes, "%s%s", mark, at->reliable ? "" : " doubt");
+        svg_mark(out, marker, x, svg_axis_at(&p->y, at->codes.value), line ? 3 : 4, classes);
     }
 }

@@ -10,14 +10,16 @@ enum {
     CURVES_MAX = 12, /* of a plot; more would not be told apart */
     NAME_BYTES = 64,
     MARGIN_LEFT = 30,
-    MARGIN_RIGHT = 92,
+    MARGIN_RIGHT = 92, /* the least and the most room for the curves' names */
+    MARGIN_RIGHT_MOST = 150,
     LABEL_GAP = 14,
+    LINE_GAP = 12, /* between a name's lines */
 };
 
 struct curve {
     const study_points *points;
     const struct study_choice *choice; /* NULL: the main curve */
-    char name[NAME_BYTES];
+    char name[NAME_BYTES], rest[NAME_BYTES]; /* one or two lines */
     int colour;
     struct svg_spot end;
     double label_y;
@@ -42,20 +44,54 @@ static void name_cut(char out[NAME_BYTES], const char *name, double width)
     } while (svg_text_width(out, PLOT_FONT - 1) > width && length-- > 0);
 }
 
-static void curve_set(struct curve *c, const struct plot *p, const study_points *points,
-                      const char *name)
+static double name_width(const char *name)
+{
+    return svg_text_width(name ? name : "?", PLOT_FONT - 1);
+}
+
+/* The last space before which the name's beginning fits; 0: none. */
+static size_t name_break(const char *name, double width)
+{
+    size_t found = 0;
+
+    for (size_t i = 1; name && name[i] && i < NAME_BYTES; i++) {
+        char begin[NAME_BYTES];
+        if (name[i] != ' ')
+            continue;
+        snprintf(begin, sizeof begin, "%.*s", (int)i, name);
+        if (name_width(begin) > width)
+            break;
+        found = i;
+    }
+    return found;
+}
+
+/* On one line, or on two where there is room for them, cut if it must be. */
+static void name_set(struct curve *c, const char *name, double width, int lines)
+{
+    const size_t at = lines > 1 && name_width(name) > width ? name_break(name, width) : 0;
+
+    c->rest[0] = '\0';
+    if (at == 0) {
+        name_cut(c->name, name, width);
+        return;
+    }
+    snprintf(c->name, NAME_BYTES, "%.*s", (int)at, name);
+    name_cut(c->rest, name + at + 1, width);
+}
+
+static void curve_set(struct curve *c, const struct plot *p, const study_points *points)
 {
     const struct study_point *last = &points->items[points->count - 1];
 
     c->points = points;
-    name_cut(c->name, name, MARGIN_RIGHT - 12);
     c->end = (struct svg_spot){svg_axis_at(&p->x, last->core_s),
                                svg_axis_at(&p->y, last->codes.value)};
 }
 
-/* The usual way first, then the others that have points. */
+/* The usual way first, then the others that have points; names of up to `lines` lines `room` wide. */
 static size_t curves_of(struct curve *out, const struct plot *p, const struct study *s,
-                        const struct study_question *q)
+                        const struct study_question *q, double room, int lines)
 {
     const struct study_choice *usual = NULL;
     size_t count = 0, alternative = 0;
@@ -65,7 +101,8 @@ static size_t curves_of(struct curve *out, const struct plot *p, const struct st
             usual = &q->choices.items[i];
     if (s->points.count) {
         out[count] = (struct curve){.choice = NULL};
-        curve_set(&out[count++], p, &s->points, usual && usual->name ? usual->name : "as usual");
+        name_set(&out[count], usual && usual->name ? usual->name : "as usual", room, lines);
+        curve_set(&out[count++], p, &s->points);
     }
     for (size_t i = 0; i < q->choices.count && count < CURVES_MAX; i++) {
         const struct study_choice *c = &q->choices.items[i];
@@ -73,7 +110,8 @@ static size_t curves_of(struct curve *out, const struct plot *p, const struct st
         if (c->baseline || c->points.count == 0)
             continue;
         out[count] = (struct curve){.choice = c, .colour = (int)alternative};
-        curve_set(&out[count++], p, &c->points, c->name);
+        name_set(&out[count], c->name, room, lines);
+        curve_set(&out[count++], p, &c->points);
     }
     return count;
 }
@@ -116,11 +154,12 @@ static void draw_curves(struct buffer *out, const struct plot *p, const struct c
 /* Names at the right edge, each as near as possible to where its curve ends. */
 static void label_curves(struct buffer *out, const struct plot *p, struct curve *curves, size_t count)
 {
-    double heights[CURVES_MAX];
+    double heights[CURVES_MAX], gap = LABEL_GAP;
     size_t order[CURVES_MAX];
 
     for (size_t i = 0; i < count; i++) {
         size_t at = i;
+        gap = curves[i].rest[0] ? LABEL_GAP + LINE_GAP : gap;
         double y = fmin(fmax(curves[i].end.y, p->y.end), p->y.begin);
 
         y = isnan(y) ? p->y.begin : y;
@@ -132,7 +171,7 @@ static void label_curves(struct buffer *out, const struct plot *p, struct curve 
         heights[at] = y;
         order[at] = i;
     }
-    svg_spread(heights, count, LABEL_GAP, p->y.end + 4, p->y.begin - 2);
+    svg_spread(heights, count, gap, p->y.end + 4, p->y.begin - 2 - (gap - LABEL_GAP));
     for (size_t i = 0; i < count; i++) {
         const struct curve *c = &curves[order[i]];
         char classes[48];
@@ -141,6 +180,8 @@ static void label_curves(struct buffer *out, const struct plot *p, struct curve 
                  c->choice ? 1 + (c->colour - 1) % PLOT_COLOURS : 0);
         svg_line(out, c->end.x + 5, c->end.y, p->x.end + 5, heights[i], "leader");
         svg_text(out, p->x.end + 8, heights[i] + 4, SVG_START, classes, c->name);
+        if (c->rest[0])
+            svg_text(out, p->x.end + 8, heights[i] + 4 + LINE_GAP, SVG_START, classes, c->rest);
     }
 }
 
@@ -154,17 +195,29 @@ static void describe(struct buffer *out, const struct study *s, const struct stu
         }
 }
 
+/* The room that the names need, half of the longest one's width where they take two lines. */
+static double names_margin(const struct study_question *q, int lines)
+{
+    double most = 0;
+
+    for (size_t i = 0; i < q->choices.count; i++)
+        most = fmax(most, name_width(q->choices.items[i].name) / lines);
+    return fmin(fmax(most * (lines > 1 ? 1.4 : 1) + 12, MARGIN_RIGHT), MARGIN_RIGHT_MOST);
+}
+
 void study_plot_question(struct buffer *out, const struct study *s,
                          const struct study_question *q, double width, double height)
 {
     struct curve curves[CURVES_MAX];
     struct buffer words = BUFFER_INIT;
     struct plot p;
+    const int lines = (q->choices.count + 1) * (LABEL_GAP + LINE_GAP) < height - 36 ? 2 : 1;
+    const double margin = names_margin(q, lines);
     size_t count;
 
     plot_ranges(&p, s);
-    plot_place(&p, MARGIN_LEFT, 8, width - MARGIN_RIGHT, height - 24);
-    count = curves_of(curves, &p, s, q);
+    plot_place(&p, MARGIN_LEFT, 8, width - margin, height - 24);
+    count = curves_of(curves, &p, s, q, margin - 12, lines);
     describe(&words, s, q);
     svg_begin(out, width, height, "plot", buffer_text(&words));
     svg_release(out, &words);
@@ -202,10 +255,14 @@ static void effect_row(struct buffer *out, const struct study *s, const struct s
     /* What is below the axis stands at its begin; so does a bound that is not known. */
     const double value = fmax(e->bias.value, bias->low), low = fmax(e->bias.low, bias->low);
     struct buffer text = BUFFER_INIT;
-    char name[NAME_BYTES];
+    const char *classes = spare ? "name strong" : "name";
+    const double room = (bar_begin - 12) / (spare ? 1.1 : 1); /* strong letters are wider */
+    struct curve label;
 
-    name_cut(name, e->name, bar_begin - 10);
-    svg_text(out, bar_begin - 10, y + 4, SVG_END, spare ? "name strong" : "name", name);
+    name_set(&label, e->name ? e->name : "?", room, 2);
+    svg_text(out, bar_begin - 10, label.rest[0] ? y - 2 : y + 4, SVG_END, classes, label.name);
+    if (label.rest[0])
+        svg_text(out, bar_begin - 10, y - 2 + LINE_GAP, SVG_END, classes, label.rest);
     svg_rectangle(out, bar_begin, y - 7, bar_length * saved, 14, spare ? "bar spare" : "bar");
     words_percent(&text, e->saved.value);
     svg_text(out, bar_begin + bar_length * (isfinite(saved) ? saved : 0) + 6, y + 4, SVG_START,
@@ -257,7 +314,7 @@ void study_plot_effects(struct buffer *out, const struct study *s, double width)
 {
     const double bottom = HEAD + ROW * (double)s->effects.count;
     const int narrow = width < 500;
-    const double names = narrow ? 100 : 190;
+    const double names = narrow ? 118 : 190;
     const double panel = (width - names - EFFECT_GAP - 14) * (narrow ? 0.42 : 0.5);
     struct svg_axis bias = {0.01, 50, names + panel + EFFECT_GAP, width - 14};
     size_t order[STUDY_LIST_MAX];

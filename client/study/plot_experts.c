@@ -1,10 +1,10 @@
-/* Plots for experts: how the errors of the pixels are spread, and the largest contributions. */
+/* How the errors of the pixels are spread, and how few pixels hold how much of them. */
 #include <math.h>
 
 #include "client/study/study_plot.h"
 #include "client/study/study_words.h"
 
-enum { LEFT = 44, RIGHT = 12, TOP = 24, BOTTOM = 40, SPOTS_MAX = 400 };
+enum { LEFT = 44, RIGHT = 12, TOP = 24, BOTTOM = 40, TAIL_SPOTS = 64 };
 
 static double most_count(const struct study *s)
 {
@@ -46,67 +46,80 @@ void study_plot_histogram(struct buffer *out, const struct study *s, double widt
     svg_end(out);
 }
 
-/* Powers of ten along an axis, each with its label where there is room. */
-static void decade_ticks(struct buffer *out, const struct svg_axis *axis, int upright, double edge)
-{
-    double free_from = upright ? INFINITY : -INFINITY;
+/* ---- the tail ------------------------------------------------------------------------------- */
 
-    for (int power = (int)ceil(log10(axis->low) - 1e-9); power <= (int)floor(log10(axis->high) + 1e-9);
-         power++) {
-        const double at = svg_axis_at(axis, pow(10, power));
+/* A share of the error, 0..1, from the bottom to the top. */
+static double share_at(double share, double height)
+{
+    return height - BOTTOM - (height - BOTTOM - TOP) * fmin(fmax(share, 0), 1);
+}
+
+static void share_axes(struct buffer *out, const struct svg_axis *x, double width, double height)
+{
+    static const double pixels[] = {0.0001, 0.001, 0.01, 0.1, 1};
+
+    for (int i = 0; i <= 4; i++) {
+        const double y = share_at(0.25 * i, height);
         struct buffer text = BUFFER_INIT;
 
-        words_number(&text, pow(10, power));
-        if (upright && at < free_from) {
-            svg_text(out, edge - 6, at + 4, SVG_END, "tick", buffer_text(&text));
-            free_from = at - PLOT_FONT - 2;
-        } else if (!upright && at - 20 > free_from) {
-            svg_text(out, at, edge + 17, SVG_MIDDLE, "tick", buffer_text(&text));
-            free_from = at + 20;
+        words_percent(&text, 0.25 * i);
+        svg_line(out, LEFT, y, width - RIGHT, y, "grid");
+        svg_text(out, LEFT - 6, y + 4, SVG_END, "tick", buffer_text(&text));
+        svg_release(out, &text);
+    }
+    for (size_t i = 0; i < sizeof pixels / sizeof *pixels; i++) {
+        const double at = svg_axis_at(x, pixels[i]);
+        struct buffer text = BUFFER_INIT;
+
+        words_percent(&text, pixels[i]);
+        if (at >= x->begin - 1) {
+            svg_line(out, at, height - BOTTOM, at, height - BOTTOM + 4, "axis");
+            svg_text(out, at, height - BOTTOM + 17, pixels[i] < 1 ? SVG_MIDDLE : SVG_END, "tick",
+                     buffer_text(&text));
         }
         svg_release(out, &text);
     }
 }
 
-void study_plot_tail(struct buffer *out, const struct study *s, double width, double height)
+/* What the curve would be if all pixels were equally wrong. */
+static void equal_pixels(struct buffer *out, const struct svg_axis *x, double height)
 {
-    const struct study_tail *tail = &s->tail;
-    struct svg_axis x = {1, 10, LEFT, width - RIGHT};
-    struct svg_axis y = {INFINITY, -INFINITY, height - BOTTOM, TOP};
-    /* Dots that would lie on one another are drawn once. */
-    double last_x = -INFINITY, last_y = -INFINITY;
+    struct svg_spot spots[TAIL_SPOTS];
 
-    for (size_t i = 0; i < tail->largest.count; i++)
-        svg_axis_hold(&y, tail->largest.items[i]);
-    svg_axis_hold(&x, (double)tail->largest.count);
-    svg_begin(out, width, height, "plot",
-              "The largest contributions of single samples, by rank, with the Pareto fit.");
-    if (y.high >= y.low) {
-        y.low /= 1.5;
-        y.high *= 1.5;
-        decade_ticks(out, &x, 0, height - BOTTOM);
-        decade_ticks(out, &y, 1, LEFT);
+    for (int i = 0; i < TAIL_SPOTS; i++) {
+        const double share = x->low * pow(x->high / x->low, (double)i / (TAIL_SPOTS - 1));
+        spots[i] = (struct svg_spot){svg_axis_at(x, share), share_at(share, height)};
     }
-    svg_begin_clipped(out, LEFT, TOP, width - RIGHT - LEFT, height - BOTTOM - TOP);
-    if (tail->pareto_index > 0 && tail->largest.count > 1) {
-        /* Through the middle of the ranks: contribution ~ rank^(-1 / index). */
-        const double rank = sqrt((double)tail->largest.count);
-        const double at = tail->largest.items[(size_t)rank - 1];
-        svg_line(out, x.begin, svg_axis_at(&y, at * pow(rank, 1 / tail->pareto_index)), x.end,
-                 svg_axis_at(&y, at * pow(rank / x.high, 1 / tail->pareto_index)), "fit beyond");
-    }
-    for (size_t i = 0; i < tail->largest.count; i++) {
-        const double at_x = svg_axis_at(&x, (double)i + 1), at_y = svg_axis_at(&y, tail->largest.items[i]);
-        if (hypot(at_x - last_x, at_y - last_y) < 2)
+    svg_path(out, spots, TAIL_SPOTS, 0, "curve usual beyond");
+}
+
+void study_plot_tail(struct buffer *out, const struct study *s, double half, double width, double height)
+{
+    const struct study_tail *t = &s->tail;
+    struct svg_axis x = {0.1, 1, LEFT, width - RIGHT};
+    struct svg_spot spots[TAIL_SPOTS];
+    size_t count = 0;
+
+    for (size_t i = 0; i < t->pixels.count && i < t->error.count && count < TAIL_SPOTS; i++) {
+        if (!(t->pixels.items[i] > 0) || t->pixels.items[i] > 1 || !isfinite(t->error.items[i]))
             continue;
-        svg_circle(out, at_x, at_y, 2, "mark c0");
-        last_x = at_x;
-        last_y = at_y;
+        svg_axis_hold(&x, t->pixels.items[i]);
+        spots[count++] = (struct svg_spot){t->pixels.items[i], t->error.items[i]};
     }
-    svg_end(out);
+    for (size_t i = 0; i < count; i++)
+        spots[i] = (struct svg_spot){svg_axis_at(&x, spots[i].x), share_at(spots[i].y, height)};
+    svg_begin(out, width, height, "plot",
+              "The share of the error that the worst pixels hold, against their share of the picture.");
+    share_axes(out, &x, width, height);
     svg_line(out, LEFT, height - BOTTOM, width - RIGHT, height - BOTTOM, "axis");
-    svg_line(out, LEFT, height - BOTTOM, LEFT, TOP, "axis");
-    svg_text(out, 0, 12, SVG_START, "title", "contribution over the frame's mean");
-    svg_text(out, (LEFT + width - RIGHT) / 2, height - 6, SVG_MIDDLE, "title", "rank");
+    equal_pixels(out, &x, height);
+    svg_path(out, spots, count, 0, "fit");
+    if (half > 0 && half <= 1) {
+        const double at = svg_axis_at(&x, half), y = share_at(0.5, height);
+        svg_line(out, at, y, at, height - BOTTOM, "target");
+        svg_circle(out, at, y, 5, "goal");
+    }
+    svg_text(out, 0, 12, SVG_START, "title", "share of the error; dashed: if all pixels were equally wrong");
+    svg_text(out, (LEFT + width - RIGHT) / 2, height - 6, SVG_MIDDLE, "title", "the worst pixels, of all");
     svg_end(out);
 }

@@ -6,9 +6,10 @@
 #include "client/study/study_plot.h"
 #include "client/study/study_words.h"
 
+#define RADIAN 0.017453292519943295
 enum {
     MARGIN_LEFT = 34,
-    MARGIN_RIGHT = 40,
+    MARGIN_RIGHT = 46,
     MARGIN_TOP = 54,
     MARGIN_BOTTOM = 44,
     FIT_STEPS = 48, /* of the line and its band */
@@ -67,22 +68,25 @@ static double efficiency_angle(const struct plot *p)
     const double per_decade_x = (p->x.end - p->x.begin) / log10(p->x.high / p->x.low);
     const double per_decade_y = (p->y.begin - p->y.end) / log10(p->y.high / p->y.low);
 
-    return atan2(per_decade_y / 2, per_decade_x) * 180 / 3.14159265358979;
+    return atan2(per_decade_y / 2, per_decade_x) / RADIAN;
 }
 
-/* On the uppermost of them that has room, where the curve never is. */
-static void label_efficiency(struct buffer *out, const struct plot *p, int narrow)
+/* On the uppermost of them that has room, where the curve never is; nowhere if a label is there. */
+static void label_efficiency(struct buffer *out, const struct plot *p, const struct svg_taken *taken, int narrow)
 {
-    const double middle = p->x.end - (narrow ? 80 : 130), core_s = svg_axis_value(&p->x, middle);
+    const char *words = narrow ? "equal efficiency" : "on such a line: equal efficiency";
+    const double angle = efficiency_angle(p), half = svg_text_width(words, PLOT_FONT - 1) / 2;
+    const double across = half * cos(angle * RADIAN), down = half * sin(angle * RADIAN) + PLOT_FONT;
+    const double middle = p->x.end - across - 8, core_s = svg_axis_value(&p->x, middle);
     double at = NAN;
 
     for (double codes = p->y.low / 1024; codes < p->y.high * 1024; codes *= 4) {
         const double y = svg_axis_at(&p->y, codes * sqrt(p->x.low / core_s));
-        if (y > p->y.end + (narrow ? 40 : 56) && y < p->y.begin)
+        if (svg_is_free(taken, &(struct svg_box){middle - across, y - down, middle + across, y + down}))
             at = y;
     }
-    svg_text_turned(out, middle, at - 5, efficiency_angle(p), SVG_MIDDLE, "label faintword",
-                    narrow ? "equal efficiency" : "on such a line: equal efficiency");
+    if (isfinite(at))
+        svg_text_turned(out, middle, at - 5, angle, SVG_MIDDLE, "label faintword", words);
 }
 
 /* Time on the clock along the upper edge. */
@@ -140,6 +144,7 @@ static double decibel_offset(const struct study *s)
 static void decibel_axis(struct buffer *out, const struct study *s, const struct plot *p)
 {
     const double offset = decibel_offset(s);
+    const char *unit = " dB"; /* on the uppermost alone */
 
     if (!isfinite(offset))
         return;
@@ -149,12 +154,12 @@ static void decibel_axis(struct buffer *out, const struct study *s, const struct
 
         if (!(y >= p->y.end + 4 && y <= p->y.begin - 4))
             continue;
-        snprintf(text, sizeof text, "%d", db);
+        snprintf(text, sizeof text, "%d%s", db, unit);
+        unit = "";
         svg_line(out, p->x.end, y, p->x.end + 4, y, "axis");
         svg_text(out, p->x.end + 8, y + 4, SVG_START, "tick", text);
     }
     svg_line(out, p->x.end, p->y.begin, p->x.end, p->y.end, "axis");
-    svg_text(out, p->x.end + 8, p->y.begin + 17, SVG_START, "title", "dB");
 }
 
 /* The line of the target, and the one of its cost where they meet. */
@@ -277,7 +282,7 @@ void study_plot_main(struct buffer *out, const struct study *s, double width, do
         label_here(out, s, &p, &taken);
     svg_label(out, &taken, p.x.begin, svg_axis_at(&p.y, 1), 0, PLOT_FONT - 1, "label faintword",
               "just visible");
-    label_efficiency(out, &p, narrow);
+    label_efficiency(out, &p, &taken, narrow);
     svg_text(out, 0, MARGIN_TOP - 26, SVG_START, "title", "error, in 255ths");
     svg_text(out, (p.x.begin + p.x.end) / 2, height - 6, SVG_MIDDLE, "title",
              "processor time (all cores together)");

@@ -56,6 +56,7 @@ const char study_plot_rules[] =
     ".plot .t1{fill:$one}.plot .t2{fill:$two}.plot .t3{fill:$three}.plot .t4{fill:$four}\n"
     ".plot .mark.usual{fill:$usual;stroke:$usual}.plot .curve.usual{stroke:$usual}"
     ".plot .name.usual{fill:$soft}\n"
+    ".plot .mark.doubt{fill:$paper}\n"
     ".plot .interval{stroke-width:3;stroke-linecap:round;stroke-opacity:.55}\n"
     ".plot .bar{fill:$usual}.plot .bar.spare{fill:$two}.plot .sparezone{fill:$okpaper}\n";
 

@@ -6,6 +6,7 @@
 #include <time.h>
 
 #include "client/study/study_words.h"
+#include "common/accuracy/word.h"
 #include "common/base/clock.h"
 #include "protocol/message.h"
 
@@ -24,14 +25,23 @@ double run_picture_s(const struct study_run *run, uint32_t spp)
     return run->job_overhead_s + run->wall_per_sample_s * spp;
 }
 
-/* What jobs take on the clock: the mean of what is not rendering, and what a sample takes. */
+/* What a job takes on the clock is so much, whatever its samples, and so much for each of them. Learnt of the
+ * usual way alone: the others have times of their own. */
 static void learn(struct study_run *run, double wall_s, const struct trial *t)
 {
-    run->jobs++;
-    run->job_overhead_s += (fmax(0, wall_s - t->wall_s) - run->job_overhead_s) / run->jobs;
-    /* Of the usual way only: the others have times of their own. */
-    if (run->steps == 0)
-        run->wall_per_sample_s = t->wall_s / t->samples;
+    if (run->steps > 0)
+        return;
+    if (run->jobs++ == 0) {
+        run->first_s = t->wall_s;
+        run->first_samples = t->samples;
+    }
+    run->jobs_s += wall_s;
+    run->jobs_samples += t->samples;
+    run->wall_per_sample_s = t->samples > run->first_samples
+                                 ? fmax(0, (t->wall_s - run->first_s) / (t->samples - run->first_samples))
+                                 : t->wall_s / t->samples;
+    run->job_overhead_s =
+        fmax(0, (run->jobs_s - run->wall_per_sample_s * run->jobs_samples) / run->jobs);
 }
 
 static void show_progress(struct study_run *run, const char *what, uint32_t spp)
@@ -50,9 +60,18 @@ static void show_progress(struct study_run *run, const char *what, uint32_t spp)
     buffer_release(&text);
 }
 
+static void say_no_worker(void *user)
+{
+    struct study_run *run = user;
+
+    progress_draw(&run->progress, fmin(1, fmax(0, passed_s(run) / run->budget_s)),
+                  "the farm has no worker: waiting for one (Ctrl-C keeps what is measured)");
+}
+
 status run_pair(struct study_run *run, const struct job_request *request, uint32_t spp,
                 uint64_t first_seed, const char *what, struct trial pair[2], struct error *err)
 {
+    const struct trial_waiting waiting = {say_no_worker, run};
     struct job_request mine = *request;
     status result = STATUS_OK;
 
@@ -61,7 +80,7 @@ status run_pair(struct study_run *run, const struct job_request *request, uint32
         const uint64_t begun_ns = clock_monotonic_ns();
         show_progress(run, what, spp);
         mine.settings.seed = first_seed + i;
-        result = trial_render(run->connection, run->scene, &mine, run->name, &pair[i], err);
+        result = trial_render(run->connection, run->scene, &mine, run->name, &waiting, &pair[i], err);
         if (result == STATUS_OK)
             learn(run, (double)(clock_monotonic_ns() - begun_ns) / (double)NS_PER_SECOND, &pair[i]);
     }
@@ -73,13 +92,18 @@ status run_pair(struct study_run *run, const struct job_request *request, uint32
     return result;
 }
 
-void run_point_set(struct study_point *p, const struct trial pair[2])
+status run_point_set(struct study_point *p, const struct trial pair[2], struct error *err)
 {
+    const struct accuracy_figures *f = pair_judge(&pair[0].figures, &pair[1].figures);
+    char reason[ACCURACY_WORDS_SIZE];
+
     *p = (struct study_point){
         .core_s = (pair[0].core_s + pair[1].core_s) / 2, .wall_s = (pair[0].wall_s + pair[1].wall_s) / 2,
         .samples = pair[0].samples, .rays = (pair[0].rays + pair[1].rays) / 2,
-        .psnr_db = NAN, .codes = {NAN, NAN, NAN}, .rmse = {NAN, NAN, NAN}, .top_share = NAN,
-        .top_samples = NAN};
+        .psnr_db = NAN, .codes = {NAN, NAN, NAN}, .rmse = {NAN, NAN, NAN},
+        .reliable = f->reliable, .top_share = f->top_share};
+    return f->reliable ? STATUS_OK
+                       : study_text_set(&p->reason, accuracy_reason_text(f, pair[0].effects, reason), err);
 }
 
 void run_point_error(struct study_point *p, const struct pair_error *e)
@@ -87,9 +111,6 @@ void run_point_error(struct study_point *p, const struct pair_error *e)
     p->codes = e->codes;
     p->rmse = e->rmse;
     p->psnr_db = e->rms_codes > 0 ? 20 * log10(255 / e->rms_codes) : NAN;
-    p->reliable = e->reliable;
-    p->top_share = e->top_share;
-    p->top_samples = e->top_pixels;
 }
 
 /* ---- the study's head ----------------------------------------------------------------------- */
@@ -106,6 +127,7 @@ static status set_head(struct study_run *run, struct error *err)
 {
     struct study *s = run->study;
     const struct render_settings *settings = &run->request->settings;
+    static const char release[] = "azulejo " AZULEJO_VERSION;
     const time_t now = (time_t)clock_wall_s();
     char date[32] = "";
     struct tm when;
@@ -117,9 +139,24 @@ static status set_head(struct study_run *run, struct error *err)
     if (gmtime_r(&now, &when))
         strftime(date, sizeof date, "%Y-%m-%d", &when);
     result = study_text_set(&s->date, date, err);
-    if (result == STATUS_OK)
-        result = study_text_set(&s->version, AZULEJO_VERSION, err);
+    /* A study that goes on has what a worker said of itself. */
+    if (result == STATUS_OK && (!s->version || strncmp(s->version, release, sizeof release - 1) != 0))
+        result = study_text_set(&s->version, release, err);
     return result == STATUS_OK ? set_transform(s, &run->request->output.tonemap, err) : result;
+}
+
+static status set_machine(struct study *s, struct error *err)
+{
+    struct buffer text = BUFFER_INIT;
+    status result;
+
+    buffer_puts(&text, s->workers.items[0].name);
+    if (s->workers.count > 1)
+        buffer_printf(&text, " and %zu more", s->workers.count - 1);
+    result = buffer_ok(&text) ? study_text_set(&s->machine, buffer_text(&text), err)
+                              : error_no_memory(err, "the machine's name");
+    buffer_release(&text);
+    return result;
 }
 
 /* Who works, once someone has. */
@@ -147,9 +184,11 @@ static status set_workers(struct study_run *run, struct error *err)
         row->cores = w->threads;
         s->cores += w->threads;
         result = study_text_set(&row->name, w->host, err);
-        if (result == STATUS_OK && !s->machine)
-            result = study_text_set(&s->machine, w->kernel, err);
+        if (result == STATUS_OK && i == 0) /* all have the same, or get no work */
+            result = study_text_set(&s->version, w->kernel, err);
     }
+    if (result == STATUS_OK && s->workers.count)
+        result = set_machine(s, err);
     message_free(answer);
     return result;
 }

@@ -39,8 +39,9 @@ struct study_run {
     /* ---- private ---- */
     struct progress progress;
     uint64_t started_ns;
-    double jobs;                       /* so far */
-    double job_overhead_s;             /* on the clock, beside the rendering */
+    double jobs, jobs_s, jobs_samples; /* of the usual way so far: how many, and their sums */
+    double first_s, first_samples;     /* of the first of them, without the way to the farm and back */
+    double job_overhead_s;             /* on the clock, whatever the samples */
     double wall_per_sample_s;          /* of a sample of all pixels */
     size_t steps, steps_done;          /* of the choices */
     struct image pairs[RUN_POINTS_MAX][2]; /* of the main curve, as far as rendered now */
@@ -60,8 +61,10 @@ status study_run_check(const struct study *s, const struct job_request *request,
 /* A pair of pictures with seeds from first_seed on, and its point. The caller releases both trials. */
 status run_pair(struct study_run *run, const struct job_request *request, uint32_t spp,
                 uint64_t first_seed, const char *what, struct trial pair[2], struct error *err) MUST_CHECK;
-/* Core and wall seconds of one picture, samples, rays. */
-void run_point_set(struct study_point *p, const struct trial pair[2]);
+/* Core and wall seconds of one picture, samples, rays, and the word on them. A former point must have been
+ * released. */
+status run_point_set(struct study_point *p, const struct trial pair[2], struct error *err) MUST_CHECK;
+/* The error that the pair shows. */
 void run_point_error(struct study_point *p, const struct pair_error *e);
 double run_left_s(const struct study_run *run);
 /* What a picture takes on the clock, as far as is known. */

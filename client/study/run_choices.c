@@ -1,151 +1,19 @@
-/* One choice at a time: which there are, what each costs, and what it changes for ever. */
+/* One choice at a time: what each costs, and what it changes for ever. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "client/study/run.h"
+#include "client/study/run_ways.h"
+#include "client/study/study_fields.h"
 #include "client/study/study_words.h"
-#include "common/scene/effects.h"
+#include "common/base/memory.h"
+#include "common/film/tiles.h"
 
-enum knob {
-    KNOB_SAMPLER, KNOB_ENVIRONMENT, KNOB_LIGHTS, KNOB_DEPTH, KNOB_ROULETTE, KNOB_CLAMP, KNOB_HALF,
-    KNOB_ROBUST, KNOB_BVH, KNOB_FILTER, KNOB_ISA, KNOB_EFFECT, KNOB_COUNT
+enum {
+    ADAPTIVE_CAP = 4,      /* times a level's samples, in any tile */
+    ADAPTIVE_SPP_MIN = 64, /* the first rounds give all tiles the same, and may already be enough */
 };
-
-static const char *const titles[KNOB_COUNT] = {
-    "Sampler", "Environment sampling", "Choice of lights", "Path depth", "Russian roulette",
-    "Clamping of fireflies", "Bits of the picture", "Robust traversal", "Quality of the BVH",
-    "Texture filter", "Instruction set", "Effects left out"};
-
-struct way {
-    enum knob knob;
-    int value;
-    const char *name, *words;
-};
-
-/* Clamps are in multiples of the picture's mean. */
-static const struct way ways[] = {
-    {KNOB_SAMPLER, SAMPLER_SOBOL, "Sobol", "Scrambled Sobol' points"},
-    {KNOB_SAMPLER, SAMPLER_INDEPENDENT, "independent", "Independent random numbers"},
-    {KNOB_ENVIRONMENT, ENV_SAMPLING_IMPORTANCE, "importance", "Environment sampled by importance"},
-    {KNOB_ENVIRONMENT, ENV_SAMPLING_UNIFORM, "uniform", "Environment sampled uniformly"},
-    {KNOB_ENVIRONMENT, ENV_SAMPLING_BSDF, "BSDF", "Environment found by the surfaces' directions alone"},
-    {KNOB_ENVIRONMENT, ENV_SAMPLING_IMPORTANCE_ONLY, "no MIS", "Environment sampled by importance alone"},
-    {KNOB_ENVIRONMENT, ENV_SAMPLING_UNIFORM_ONLY, "uniform, no MIS", "Environment sampled uniformly, alone"},
-    {KNOB_LIGHTS, LIGHT_CHOICE_TREE, "tree", "Lights chosen by a tree"},
-    {KNOB_LIGHTS, LIGHT_CHOICE_POWER, "power", "Lights chosen by power"},
-    {KNOB_LIGHTS, LIGHT_CHOICE_UNIFORM, "uniform", "Lights chosen all alike"},
-    {KNOB_DEPTH, 1, "1", "Paths of 1 edge"},
-    {KNOB_DEPTH, 2, "2", "Paths of at most 2 edges"},
-    {KNOB_DEPTH, 4, "4", "Paths of at most 4 edges"},
-    {KNOB_DEPTH, 8, "8", "Paths of at most 8 edges"},
-    {KNOB_DEPTH, 16, "16", "Paths of at most 16 edges"},
-    {KNOB_ROULETTE, 0, "on", "Russian roulette on"},
-    {KNOB_ROULETTE, 1, "off", "Russian roulette off"},
-    {KNOB_CLAMP, 100, "100 x mean", "Samples above 100 times the picture's mean scaled down"},
-    {KNOB_CLAMP, 10, "10 x mean", "Samples above 10 times the picture's mean scaled down"},
-    {KNOB_HALF, 0, "32", "32-bit floats"},
-    {KNOB_HALF, 1, "16", "16-bit floats"},
-    {KNOB_ROBUST, 0, "on", "Robust traversal"},
-    {KNOB_ROBUST, 1, "off", "Robust traversal off"},
-    {KNOB_BVH, BVH_QUALITY_MEDIUM, "medium", "BVH of medium quality"},
-    {KNOB_BVH, BVH_QUALITY_LOW, "low", "BVH of low quality"},
-    {KNOB_BVH, BVH_QUALITY_HIGH, "high", "BVH of high quality, robust traversal off"},
-    {KNOB_FILTER, TEXTURE_FILTER_CONE, "cone", "Textures filtered by the ray's cone"},
-    {KNOB_FILTER, TEXTURE_FILTER_BILINEAR, "bilinear", "Textures interpolated at their finest level"},
-    {KNOB_FILTER, TEXTURE_FILTER_NEAREST, "nearest", "Textures by their nearest texel"},
-    {KNOB_ISA, ISA_SSE2, "sse2", "Rays traced with SSE2"},
-    {KNOB_ISA, ISA_AVX2, "avx2", "Rays traced with AVX2"},
-    {KNOB_ISA, ISA_AVX512, "avx512", "Rays traced with AVX-512"},
-};
-
-enum { WAYS = sizeof ways / sizeof *ways, PLAN_MAX = WAYS + EFFECT_COUNT };
-
-struct plan {
-    struct way ways[PLAN_MAX];
-    struct job_request requests[PLAN_MAX]; /* copies that own nothing */
-    size_t count;
-};
-
-static double mean_radiance(const struct image *picture)
-{
-    const size_t count = (size_t)picture->width * picture->height * 3;
-    double sum = 0;
-
-    for (size_t i = 0; i < count; i++)
-        sum += (double)picture->pixels[i];
-    return sum / (double)count;
-}
-
-static void apply(struct job_request *request, const struct way *way, double mean)
-{
-    struct render_settings *s = &request->settings;
-
-    switch (way->knob) {
-    case KNOB_SAMPLER: s->sampler = (enum sampler_kind)way->value; break;
-    case KNOB_ENVIRONMENT: s->env_sampling = (enum env_sampling)way->value; break;
-    case KNOB_LIGHTS: s->light_choice = (enum light_choice)way->value; break;
-    case KNOB_DEPTH: s->max_depth = (uint32_t)way->value; break;
-    case KNOB_ROULETTE: s->no_roulette = way->value; break;
-    case KNOB_CLAMP: s->clamp = (float)(mean * way->value); break;
-    case KNOB_HALF: request->output.half = way->value; break;
-    case KNOB_ROBUST: s->not_robust = way->value; break;
-    case KNOB_BVH:
-        s->bvh_quality = (enum bvh_quality)way->value;
-        s->not_robust |= way->value == BVH_QUALITY_HIGH;
-        break;
-    case KNOB_FILTER: s->texture_filter = (enum texture_filter)way->value; break;
-    case KNOB_ISA: s->isa = (enum isa)way->value; break;
-    case KNOB_EFFECT: s->without |= (uint64_t)1 << way->value; break;
-    case KNOB_COUNT: break;
-    }
-}
-
-/* Does the question arise in this scene? */
-static int arises(const struct study_run *run, const struct way *way, uint64_t set, double mean)
-{
-    const struct render_settings *s = &run->request->settings;
-
-    switch (way->knob) {
-    case KNOB_ENVIRONMENT: return (set & EFFECT_ENVIRONMENT) != 0;
-    case KNOB_LIGHTS: return (set & (EFFECT_EMISSIVE_MESH | EFFECT_PUNCTUAL_LIGHT)) != 0;
-    case KNOB_CLAMP: return mean > 0 && s->clamp <= 0;
-    case KNOB_ROBUST: return way->value == 0 || s->bvh_quality != BVH_QUALITY_HIGH;
-    case KNOB_FILTER: return (set & EFFECT_TEXTURE) != 0;
-    /* Of other machines' processors nothing is known here. */
-    case KNOB_ISA: return (int)s->isa == way->value ||
-                          (run->local && (isa_supported_mask() >> way->value & 1));
-    case KNOB_EFFECT: return (set & EFFECTS_SWITCHABLE) >> way->value & 1;
-    default: return 1;
-    }
-}
-
-static void plan_make(struct plan *plan, const struct study_run *run)
-{
-    const uint64_t set = scene_effects(&run->scene->scene, &run->request->settings,
-                                       run->request->first_frame, NULL);
-    const double mean = mean_radiance(&run->usual);
-
-    plan->count = 0;
-    for (size_t i = 0; i < PLAN_MAX; i++) {
-        struct way way = {KNOB_EFFECT, (int)(i - WAYS), NULL, NULL};
-        if (i < WAYS)
-            way = ways[i];
-        else
-            way.name = way.words = effect_name((enum effect_bit)way.value);
-        if (!arises(run, &way, set, mean))
-            continue;
-        plan->ways[plan->count] = way;
-        plan->requests[plan->count] = *run->request;
-        apply(&plan->requests[plan->count++], &way, mean);
-    }
-}
-
-static int is_usual(const struct study_run *run, const struct job_request *request)
-{
-    return render_settings_equal(&request->settings, &run->request->settings) &&
-           request->output.half == run->request->output.half;
-}
 
 static struct study_question *question_of(struct study *s, const char *title, struct error *err)
 {
@@ -171,7 +39,7 @@ static struct study_choice *choice_of(struct study_question *q, const char *name
 static int is_known(const struct study *s, const struct way *way)
 {
     for (size_t i = 0; i < s->questions.count; i++)
-        if (s->questions.items[i].title && strcmp(s->questions.items[i].title, titles[way->knob]) == 0 &&
+        if (s->questions.items[i].title && strcmp(s->questions.items[i].title, way_title(way->knob)) == 0 &&
             choice_of(&s->questions.items[i], way->name))
             return 1;
     return 0;
@@ -212,6 +80,9 @@ static struct levels levels_choose(const struct study_run *run, size_t missing)
     for (size_t i = 0; i < s->questions.count; i++)
         for (size_t k = 0; k < s->questions.items[i].choices.count; k++) {
             const study_points *points = &s->questions.items[i].choices.items[k].points;
+            const char *title = s->questions.items[i].title;
+            if (title && strcmp(title, way_title(KNOB_ALLOCATION)) == 0)
+                continue; /* has samples of its own */
             if (points->count > 0 && points->count <= RUN_LEVELS_MAX)
                 return levels_to((uint32_t)(points->items[points->count - 1].samples + 0.5),
                                  (uint32_t)points->count);
@@ -232,39 +103,77 @@ static struct levels levels_choose(const struct study_run *run, size_t missing)
 
 struct measured {
     struct study_point points[RUN_LEVELS_MAX];
-    struct image pair[2];    /* of the last level */
+    struct image pair[2];        /* of the last level */
+    struct image sampling;       /* of the last level, where it is adaptive */
     double clamped_share;
 };
 
 static void measured_release(struct measured *m)
 {
+    for (size_t i = 0; i < RUN_LEVELS_MAX; i++)
+        mem_free(m->points[i].reason);
+    image_release(&m->sampling);
     image_release(&m->pair[0]);
     image_release(&m->pair[1]);
 }
 
+/* The usual picture that an adaptive one is compared with: of the main curve, because the levels may have fewer
+ * samples than rounds need to give any out. NULL: there is none. */
+static const struct study_point *adaptive_rival(const struct study *s, const struct levels *levels)
+{
+    const double least = fmax(levels->spp[levels->count - 1], ADAPTIVE_SPP_MIN);
+
+    for (size_t i = 0; i < s->points.count; i++)
+        if (s->points.items[i].samples >= least && s->points.items[i].codes.value > 0)
+            return &s->points.items[i];
+    return NULL;
+}
+
+/* An adaptive picture ends where it is as good as its rival; what that costs is the question. No tile gets more
+ * than a few times the samples. */
+static void aim(struct job_request *request, uint32_t *spp, double codes)
+{
+    request->stop.has_target = 1;
+    request->stop.target = (struct allocation_target){ALLOCATION_DISPLAY, fmin(fmax(codes, 0.01), 128)};
+    *spp *= ADAPTIVE_CAP;
+}
+
+/* The last level's pictures. */
+static void keep_pictures(struct measured *out, struct trial pair[2])
+{
+    for (size_t k = 0; k < 2; k++) {
+        out->pair[k] = pair[k].picture;
+        memset(&pair[k].picture, 0, sizeof pair[k].picture);
+    }
+    out->sampling = pair[0].sampling;
+    memset(&pair[0].sampling, 0, sizeof pair[0].sampling);
+}
+
 static status measure(struct study_run *run, const struct job_request *request, const char *what,
-                      const struct levels *levels, struct measured *out, struct error *err)
+                      const struct levels *levels, const struct measured *usual, struct measured *out,
+                      struct error *err)
 {
     status result = STATUS_OK;
 
     memset(out, 0, sizeof *out);
     for (uint32_t i = 0; i < levels->count && result == STATUS_OK; i++) {
+        struct job_request mine = *request;
         struct trial pair[2] = {0};
+        uint32_t spp = levels->spp[i];
         struct pair_error e;
+        if (mine.stop.adaptive)
+            aim(&mine, &spp, usual->points[i].codes.value);
         /* Seeds of their own: the main curve's pictures stay independent of them. */
-        result = run_pair(run, request, levels->spp[i], run->request->settings.seed + 2, what, pair, err);
+        result = run_pair(run, &mine, spp, run->request->settings.seed + 2, what, pair, err);
         if (result == STATUS_OK)
             result = pair_error_of(&e, &run->shown, &pair[0].picture, &pair[1].picture, NULL, err);
         if (result == STATUS_OK) {
-            run_point_set(&out->points[i], pair);
+            result = run_point_set(&out->points[i], pair, err);
             run_point_error(&out->points[i], &e);
             out->clamped_share = (pair[0].clamped_share + pair[1].clamped_share) / 2;
         }
         if (result == STATUS_OK && i + 1 == levels->count)
-            for (size_t k = 0; k < 2; k++) {
-                out->pair[k] = pair[k].picture;
-                memset(&pair[k].picture, 0, sizeof pair[k].picture);
-            }
+            keep_pictures(out, pair);
         trial_release(&pair[1]);
         trial_release(&pair[0]);
     }
@@ -341,41 +250,97 @@ static status set_texts(struct study_choice *c, const struct way *way, const str
         snprintf(text, sizeof text, "takes away %.2g %% of the light", 100 * mine->clamped_share);
         result = study_text_set(&c->note, text, err);
     }
+    if (way->knob == KNOB_ALLOCATION && way->value && result == STATUS_OK)
+        result = study_text_set(&c->note, "this is how --target-error renders", err);
     return result;
 }
 
+/* A way with the usual one's expectation has no bias. Where its picture is surely another one all the same, its
+ * samples have missed light, and what the pictures differ by is a part of its error that they do not show. */
+static status unbiased_choice(struct study_choice *c, uint32_t spp, struct error *err)
+{
+    const struct study_interval differs = c->floor;
+    char text[160];
+    status result = STATUS_OK;
+
+    c->unbiased = 1;
+    c->floor = (struct study_interval){0, 0, 0};
+    if (!(differs.low > 0))
+        return STATUS_OK;
+    c->missed = 1;
+    snprintf(text, sizeof text, "%u samples of a pixel have not met all of the light", spp);
+    result = study_text_set(&c->note, text, err);
+    for (size_t i = 0; i < c->points.count && result == STATUS_OK; i++) {
+        struct study_point *p = &c->points.items[i];
+        p->codes = with_bias(p->codes, differs.value);
+        p->reliable = 0;
+        result = study_text_set(&p->reason, text, err);
+    }
+    return result;
+}
+
+/* Tiles of 16 pixels square have one number each. */
+static status set_tile_samples(struct study *s, const struct image *sampling, struct error *err)
+{
+    const uint32_t columns = tiles_across(sampling->width), rows = tiles_across(sampling->height);
+
+    if (!sampling->pixels || (size_t)columns * rows > STUDY_NUMBERS_MAX)
+        return STATUS_OK;
+    s->tile_samples.values.count = 0;
+    s->tile_samples.columns = columns;
+    s->tile_samples.rows = rows;
+    for (size_t y = 0; y < rows; y++)
+        for (size_t x = 0; x < columns; x++)
+            if (!study_numbers_add(&s->tile_samples.values,
+                                   (double)sampling->pixels[3 * (y * TILE_SIZE * sampling->width + x * TILE_SIZE)]))
+                return error_no_memory(err, "a map of tiles");
+    return STATUS_OK;
+}
+
 static status add_choice(struct study_run *run, const struct way *way, const struct measured *usual,
-                         const struct measured *mine, const struct levels *levels, struct error *err)
+                         struct measured *mine, const struct levels *levels, struct error *err)
 {
     const uint32_t top = levels->count - 1;
     struct study_interval worse;
-    struct study_question *q = question_of(run->study, titles[way->knob], err);
+    struct study_question *q = question_of(run->study, way_title(way->knob), err);
     struct study_choice *c = q ? study_add_choice(q) : NULL;
-    struct pair_bias bias;
+    struct pair_bias bias = {0};
     status result = c ? set_texts(c, way, mine, err) : error_no_memory(err, "a choice");
 
-    if (result == STATUS_OK)
+    if (result == STATUS_OK && usual->pair[0].pixels)
         result = pair_bias_of(&bias, &run->shown, &run->usual, &usual->pair[0], &mine->pair[0],
                               &usual->pair[1], &mine->pair[1], err);
     if (result != STATUS_OK)
         return result;
     c->floor = bias.codes;
-    set_gain(c, run, &usual->points[top], &mine->points[top]);
     for (uint32_t i = 0; i < levels->count; i++) {
         struct study_point *p = study_add_point(&c->points);
         if (!p)
             return error_no_memory(err, "a point");
         *p = mine->points[i];
-        p->codes = with_bias(p->codes, c->floor.low > 0 ? c->floor.value : 0);
+        mine->points[i].reason = NULL; /* moved */
     }
+    if (way_is_unbiased(way, &run->request->settings))
+        result = unbiased_choice(c, levels->spp[top], err);
+    set_gain(c, run, &usual->points[top], &c->points.items[top]);
+    for (uint32_t i = 0; i < levels->count; i++)
+        c->points.items[i].codes = with_bias(c->points.items[i].codes, c->floor.low > 0 ? c->floor.value : 0);
+    if (result == STATUS_OK && way->knob == KNOB_ALLOCATION)
+        result = set_tile_samples(run->study, &mine->sampling, err);
+    if (result != STATUS_OK)
+        return result;
     worse = pair_bias_worse(&bias);
+    if (!c->unbiased && !(c->floor.low > 0) && worse.low > run->study->target_codes / 4 && !c->note)
+        result = study_text_set(&c->note, "but a few pixels change by more", err);
+    if (result != STATUS_OK)
+        return result;
     return way->knob == KNOB_EFFECT ? add_effect(run, way, usual, mine, top, &worse, err) : STATUS_OK;
 }
 
 /* The usual way is in each question, without points: its curve is the main one. */
 static status add_usual(struct study_run *run, const struct way *way, struct error *err)
 {
-    struct study_question *q = question_of(run->study, titles[way->knob], err);
+    struct study_question *q = question_of(run->study, way_title(way->knob), err);
     struct study_choice *c = q ? study_add_choice(q) : NULL;
     struct measured none = {0};
 
@@ -397,7 +362,7 @@ static int all_known(const struct study_run *run, const struct plan *plan)
 static int has_alternative(const struct study_run *run, const struct plan *plan, enum knob knob)
 {
     for (size_t i = 0; i < plan->count; i++)
-        if (plan->ways[i].knob == knob && !is_usual(run, &plan->requests[i]))
+        if (plan->ways[i].knob == knob && !plan_is_usual(run, &plan->requests[i]))
             return 1;
     return 0;
 }
@@ -406,15 +371,24 @@ static status one_way(struct study_run *run, const struct plan *plan, size_t i,
                       const struct levels *levels, const struct measured *usual, struct error *err)
 {
     const struct way *way = &plan->ways[i];
-    struct measured mine = {0};
+    const struct study_point *rival;
+    struct measured mine = {0}, main_curve = {0};
+    struct levels one;
     char what[160];
     status result;
 
-    if (is_usual(run, &plan->requests[i])) {
+    if (plan_is_usual(run, &plan->requests[i])) {
         result = has_alternative(run, plan, way->knob) ? add_usual(run, way, err) : STATUS_OK;
     } else {
-        snprintf(what, sizeof what, "%s: %s", titles[way->knob], way->name);
-        result = measure(run, &plan->requests[i], what, levels, &mine, err);
+        if (way->knob == KNOB_ALLOCATION && (rival = adaptive_rival(run->study, levels)) != NULL) {
+            one = levels_to((uint32_t)(rival->samples + 0.5), 1);
+            main_curve.points[0] = *rival;
+            main_curve.points[0].reason = NULL; /* the study's */
+            usual = &main_curve;
+            levels = &one;
+        }
+        snprintf(what, sizeof what, "%s: %s", way_title(way->knob), way->name);
+        result = measure(run, &plan->requests[i], what, levels, usual, &mine, err);
         if (result == STATUS_OK)
             result = add_choice(run, way, usual, &mine, levels, err);
     }
@@ -422,12 +396,21 @@ static status one_way(struct study_run *run, const struct plan *plan, size_t i,
     return result == STATUS_OK ? run->save(run->user, err) : result;
 }
 
+static size_t count_missing(const struct study_run *run, const struct plan *plan)
+{
+    size_t missing = 0;
+
+    for (size_t i = 0; i < plan->count; i++)
+        missing += !is_known(run->study, &plan->ways[i]) && !plan_is_usual(run, &plan->requests[i]);
+    return missing;
+}
+
 status run_choices(struct study_run *run, struct error *err)
 {
     static struct plan plan; /* too large for the stack of a command that is small otherwise */
     struct measured usual = {0};
     struct levels levels;
-    size_t missing = 0;
+    size_t missing;
     status result = STATUS_OK;
 
     if (!run->usual.pixels) { /* the main curve is an earlier run's */
@@ -445,16 +428,19 @@ status run_choices(struct study_run *run, struct error *err)
             return result;
     }
     plan_make(&plan, run);
-    for (size_t i = 0; i < plan.count; i++)
-        missing += !is_known(run->study, &plan.ways[i]) && !is_usual(run, &plan.requests[i]);
+    missing = count_missing(run, &plan);
     levels = levels_choose(run, missing);
+    if (!adaptive_rival(run->study, &levels)) {
+        plan_drop(&plan, KNOB_ALLOCATION);
+        missing = count_missing(run, &plan);
+    }
     run->steps = missing + 1;
     if (missing)
-        result = measure(run, run->request, "the usual way", &levels, &usual, err);
+        result = measure(run, run->request, "the usual way", &levels, NULL, &usual, err);
     for (size_t i = 0; i < plan.count && result == STATUS_OK; i++) {
         if (is_known(run->study, &plan.ways[i]))
             continue;
-        if (!is_usual(run, &plan.requests[i])) {
+        if (!plan_is_usual(run, &plan.requests[i])) {
             if (way_wall_s(run, &levels) > run_left_s(run))
                 break;
             run->steps_done++;

@@ -9,7 +9,7 @@
 #include "common/base/memory.h"
 #include "common/film/tiles.h"
 
-enum { CROP_SIDE = 96, CROPS = 3, REGIONS = 2, PIXEL_BINS = 12 };
+enum { CROP_SIDE = 96, CROPS = 3, REGIONS = 2, PIXEL_BINS = 12, TAIL_DECADES = 4, TAIL_STEPS = 8 };
 #define MAIN_SHARE 0.4 /* of the budget */
 
 /* The root mean square error of each tile, in codes. */
@@ -61,6 +61,26 @@ static status set_histogram(struct study *s, const float *pixels, size_t count, 
     return STATUS_OK;
 }
 
+/* From the ten-thousandth of the pixels that is worst, or the one pixel, to all of them. */
+static status set_tail(struct study_run *run, const struct image pair[2], struct error *err)
+{
+    struct study_tail *tail = &run->study->tail;
+    double pixels[TAIL_DECADES * TAIL_STEPS + 1], held[TAIL_DECADES * TAIL_STEPS + 1];
+    const double least = 1 / ((double)pair[0].width * pair[0].height);
+    size_t count = 0;
+    status result;
+
+    for (int i = -TAIL_DECADES * TAIL_STEPS; i <= 0; i++)
+        if (pow(10, (double)i / TAIL_STEPS) >= least)
+            pixels[count++] = pow(10, (double)i / TAIL_STEPS);
+    result = pair_tail_of(held, pixels, count, &pair[0], &pair[1], err);
+    tail->pixels.count = tail->error.count = 0;
+    for (size_t i = 0; i < count && result == STATUS_OK; i++)
+        if (!study_numbers_add(&tail->pixels, pixels[i]) || !study_numbers_add(&tail->error, held[i]))
+            result = error_no_memory(err, "a tail");
+    return result;
+}
+
 static int rising(const void *a, const void *b)
 {
     const double x = *(const double *)a, y = *(const double *)b;
@@ -82,11 +102,19 @@ static double error_of_region(const struct study_map *map, int worst)
     return value;
 }
 
-static double corner_of(size_t tile, uint32_t side)
+/* Small pictures have small regions, so that the typical and the worst one differ. */
+static uint32_t crop_side(uint32_t width, uint32_t height)
 {
-    const double corner = (double)tile * TILE_SIZE - CROP_SIDE / 2 + TILE_SIZE / 2;
+    const uint32_t half = (width < height ? width : height) / 2;
 
-    return fmax(0, fmin((double)side - CROP_SIDE, corner));
+    return half > CROP_SIDE ? CROP_SIDE : half < 2 * TILE_SIZE ? 2 * TILE_SIZE : half;
+}
+
+static double corner_of(size_t tile, uint32_t side, uint32_t crop)
+{
+    const double corner = (double)tile * TILE_SIZE - crop / 2 + TILE_SIZE / 2;
+
+    return fmax(0, fmin((double)side - crop, corner));
 }
 
 /* The upper left corner of a region around the tile whose error is nearest to that. */
@@ -95,19 +123,21 @@ static void choose_region(const struct study_map *map, int worst, uint32_t width
 {
     const double wanted = error_of_region(map, worst);
     const size_t columns = (size_t)map->columns;
+    const uint32_t crop = crop_side(width, height);
     size_t best = 0;
 
     for (size_t i = 1; i < map->values.count; i++)
         if (fabs(map->values.items[i] - wanted) < fabs(map->values.items[best] - wanted))
             best = i;
-    out->x = corner_of(best % columns, width);
-    out->y = corner_of(best / columns, height);
+    out->x = corner_of(best % columns, width, crop);
+    out->y = corner_of(best / columns, height, crop);
 }
 
 static status add_crop(struct study_run *run, struct study_region *region, size_t point,
                        struct error *err)
 {
     const struct image *in = &run->pairs[point][0];
+    const uint32_t side = crop_side(in->width, in->height);
     struct study_crop *crop = study_add_crop(region);
     struct image codes = {0};
     status result = crop ? shown_codes(&run->shown, &codes, in, err) : error_no_memory(err, "a crop");
@@ -116,8 +146,8 @@ static status add_crop(struct study_run *run, struct study_region *region, size_
         struct study_picture *p = &crop->picture;
         crop->core_s = run->study->points.items[point].core_s;
         crop->codes = run->study->points.items[point].codes.value;
-        p->width = in->width < CROP_SIDE ? in->width : CROP_SIDE;
-        p->height = in->height < CROP_SIDE ? in->height : CROP_SIDE;
+        p->width = in->width < side ? in->width : side;
+        p->height = in->height < side ? in->height : side;
         p->rgb = mem_alloc_array((size_t)p->width * p->height, 3);
         if (!p->rgb)
             result = error_no_memory(err, "a crop");
@@ -213,6 +243,8 @@ static status finish(struct study_run *run, struct error *err)
         result = set_tile_errors(s, pixels, picture->width, picture->height, err);
     if (result == STATUS_OK)
         result = set_histogram(s, pixels, (size_t)picture->width * picture->height, err);
+    if (result == STATUS_OK)
+        result = set_tail(run, run->pairs[last], err);
     study_fit_points(&s->fit, s->points.items, s->points.count);
     if (result == STATUS_OK && s->regions.count == 0 && s->tile_error.values.count > 0)
         result = set_regions(run, first, err);
@@ -235,9 +267,10 @@ static status add_point(struct study_run *run, uint32_t spp, struct error *err)
         if (!p)
             result = error_no_memory(err, "a point");
         else
-            run_point_set(p, pair);
+            result = run_point_set(p, pair, err);
     }
     if (result == STATUS_OK) {
+        s->tail.index = pair_judge(&pair[0].figures, &pair[1].figures)->tail_index;
         s->traversal_share = pair[0].trace_s > 0 ? pair[0].trace_s / pair[0].core_s : NAN;
         for (size_t i = 0; i < 2; i++) {
             run->pairs[at][i] = pair[i].picture;

@@ -3,6 +3,8 @@
 
 #include "client/study/study_words.h"
 
+#define LONG_S 1.0 /* on the clock: shorter times say nothing of the cores at work */
+
 int study_has_fit(const struct study *s)
 {
     const struct study_fit *f = &s->fit;
@@ -76,11 +78,12 @@ const struct study_point *study_last_point(const struct study *s)
 
 double study_rate(const struct study *s)
 {
-    const struct study_point *last = study_last_point(s);
+    const struct study_point *first = s->points.items, *last = study_last_point(s);
 
-    if (last && last->core_s > 0 && last->wall_s > 0)
-        return last->core_s / last->wall_s;
-    return s->cores > 0 ? s->cores : 1;
+    /* A job's way to the farm and back takes as long for a short picture as for a long one. */
+    if (last && last->wall_s - first->wall_s >= LONG_S && last->core_s > first->core_s)
+        return (last->core_s - first->core_s) / (last->wall_s - first->wall_s);
+    return s->cores > 0 ? s->cores : last && last->core_s > 0 && last->wall_s > 0 ? last->core_s / last->wall_s : 1;
 }
 
 int study_time_differs(const struct study_choice *c)

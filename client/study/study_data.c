@@ -22,8 +22,7 @@ static const struct study_field point_fields[] = {
     FIELD(struct study_point, STUDY_INTERVAL, rmse),
     FIELD(struct study_point, STUDY_FLAG, reliable),
     FIELD(struct study_point, STUDY_NUMBER, top_share),
-    FIELD(struct study_point, STUDY_NUMBER, top_samples),
-    FIELD(struct study_point, STUDY_TEXT, cause),
+    FIELD(struct study_point, STUDY_TEXT, reason),
     {0},
 };
 SHAPE(point, struct study_point);
@@ -58,6 +57,8 @@ static const struct study_field choice_fields[] = {
     FIELD(struct study_choice, STUDY_TEXT, words),
     FIELD(struct study_choice, STUDY_TEXT, note),
     FIELD(struct study_choice, STUDY_FLAG, baseline),
+    FIELD(struct study_choice, STUDY_FLAG, unbiased),
+    FIELD(struct study_choice, STUDY_FLAG, missed),
     PART(struct study_choice, STUDY_ITEMS, points, point),
     FIELD(struct study_choice, STUDY_NUMBER, gain_at),
     FIELD(struct study_choice, STUDY_INTERVAL, gain),
@@ -84,8 +85,6 @@ SHAPE(effect, struct study_effect);
 static const struct study_field worker_fields[] = {
     FIELD(struct study_worker, STUDY_TEXT, name),
     FIELD(struct study_worker, STUDY_NUMBER, cores),
-    FIELD(struct study_worker, STUDY_NUMBER, core_s),
-    FIELD(struct study_worker, STUDY_NUMBER, rays),
     {0},
 };
 SHAPE(worker, struct study_worker);
@@ -107,9 +106,9 @@ static const struct study_field bin_fields[] = {
 SHAPE(bin, struct study_bin);
 
 static const struct study_field tail_fields[] = {
-    FIELD(struct study_tail, STUDY_NUMBERS, largest),
-    FIELD(struct study_tail, STUDY_NUMBER, pareto_index),
-    FIELD(struct study_tail, STUDY_NUMBER, samples),
+    FIELD(struct study_tail, STUDY_NUMBERS, pixels),
+    FIELD(struct study_tail, STUDY_NUMBERS, error),
+    FIELD(struct study_tail, STUDY_NUMBER, index),
     {0},
 };
 SHAPE(tail, struct study_tail);

@@ -35,10 +35,9 @@ struct study_point {
     struct study_interval codes;
     double psnr_db;
     struct study_interval rmse; /* over the frame's mean: 0.01 is 1 % */
-    int reliable;               /* 0: the error may be understated */
-    double top_share;           /* of the squared error, in the top_samples largest contributions */
-    double top_samples;
-    char *cause;                /* "caustics of lamp \"bulb\"", or NULL */
+    int reliable;               /* 0: the error may be understated (common/accuracy/word.h) */
+    double top_share;           /* of the squared error, in the 0.1 % of the pixels with most of it */
+    char *reason;               /* why it may be understated, and the likely cause; or NULL */
 };
 typedef STUDY_LIST(struct study_point) study_points;
 
@@ -73,6 +72,8 @@ struct study_choice {
     char *words;   /* the start of its sentence: "Environment sampled uniformly" */
     char *note;    /* the end of it: "too dark in the corner", or NULL */
     int baseline;  /* this is what the main curve does */
+    int unbiased;  /* by construction it is the usual picture but for its noise */
+    int missed;    /* it is, and yet its samples surely have not met all of the light: its error is larger */
     study_points points;
     double gain_at;             /* codes at which gain holds */
     struct study_interval gain; /* the baseline's core seconds over its own: 2 is half the time */
@@ -91,7 +92,7 @@ struct study_effect {
 
 struct study_worker {
     char *name;
-    double cores, core_s, rays;
+    double cores;
 };
 
 /* Numbers of tiles, row by row from the top. */
@@ -104,9 +105,12 @@ struct study_bin {
     double low, high, count;
 };
 
+/* How few pixels hold how much of the squared error: the `pixels[i]` of them (a share, rising) with most of
+ * it hold `error[i]`. */
 struct study_tail {
-    STUDY_LIST(double) largest; /* contributions over the frame's mean, falling */
-    double pareto_index, samples;
+    STUDY_LIST(double) pixels;
+    STUDY_LIST(double) error;
+    double index; /* Pareto k of the largest contributions of single samples */
 };
 
 /* What a round foretold, and what came. */

@@ -60,9 +60,8 @@ static void csv_points(struct buffer *out, const char *title, const char *name,
         csv_interval(out, &p->rmse);
         buffer_printf(out, ",%d", p->reliable);
         csv_number(out, p->top_share);
-        csv_number(out, p->top_samples);
         buffer_puts(out, ",");
-        csv_text(out, p->cause);
+        csv_text(out, p->reason);
         buffer_puts(out, "\r\n");
     }
 }
@@ -70,7 +69,7 @@ static void csv_points(struct buffer *out, const char *title, const char *name,
 void study_csv(struct buffer *out, const struct study *s)
 {
     buffer_puts(out, "question,choice,core_s,wall_s,samples,rays,codes,codes_low,codes_high,psnr_db,"
-                     "rmse,rmse_low,rmse_high,reliable,top_share,top_samples,cause\r\n");
+                     "rmse,rmse_low,rmse_high,reliable,top_share,reason\r\n");
     csv_points(out, "", "main", &s->points);
     for (size_t i = 0; i < s->questions.count; i++)
         for (size_t k = 0; k < s->questions.items[i].choices.count; k++)

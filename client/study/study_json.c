@@ -311,6 +311,15 @@ static status part_read(struct reader *r, void *part, const struct study_shape *
     return result;
 }
 
+static status tail_check(const struct study *s, const char *name, struct error *err)
+{
+    if (s->tail.pixels.count == s->tail.error.count)
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_INPUT,
+                     "%s: tail has %zu pixels for %zu errors; make the study again, or mend the file", name,
+                     s->tail.pixels.count, s->tail.error.count);
+}
+
 static status maps_check(const struct study *s, const char *name, struct error *err)
 {
     const struct study_map *maps[] = {&s->tile_error, &s->tile_samples};
@@ -348,6 +357,8 @@ status study_read(struct study *s, const char *json, size_t size_bytes, const ch
         result = part_read(&r, s, &study_shape_study, whole);
     if (result == STATUS_OK)
         result = maps_check(s, name, err);
+    if (result == STATUS_OK)
+        result = tail_check(s, name, err);
     json_decref(whole);
     return result;
 }

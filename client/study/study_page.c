@@ -125,6 +125,8 @@ static void put_trust(struct buffer *out, const struct study *s)
 
     buffer_printf(out, "<p class=\"trust%s\">", reliable ? "" : " doubt");
     svg_escape(out, buffer_text(&text));
+    if (!reliable && s->points.count)
+        buffer_puts(out, " Hollow dots mark such errors; the costs are the least that they can be.");
     if (!s->complete)
         buffer_puts(out, " This study is not complete.");
     buffer_puts(out, "</p>\n");
@@ -225,7 +227,9 @@ static void put_choices(struct buffer *out, const struct study *s)
         buffer_puts(out,
                     "<p class=\"hint\">The same scene rendered in other ways; what matters most comes "
                     "first. Grey is the usual way. Further down and further left is better. A thick "
-                    "tick at the right edge is where a curve stays for ever, whatever it costs.</p>\n"
+                    "tick at the right edge is where a curve stays for ever, whatever it costs. Each error is measured "
+                    "from two independent pictures; where the samples of either give cause for doubt, it may be "
+                    "understated and its mark is hollow.</p>\n"
                     "<div class=\"choices\">\n");
     for (size_t i = 0; i < first_idle; i++)
         put_question(out, s, &s->questions.items[order[i]]);
@@ -310,7 +314,8 @@ status study_page(struct buffer *out, const struct study *s, struct error *err)
     put_choices(out, s);
     put_effects(out, s);
     if (result == STATUS_OK)
-        result = page_experts(out, s, err);
+        result = page_where(out, s, err);
+    page_experts(out, s);
     buffer_puts(out, "</main>\n</div>\n</body>\n</html>\n");
     if (result == STATUS_OK && !buffer_ok(out))
         result = error_no_memory(err, "the study's page");

@@ -14,7 +14,9 @@ void page_say(struct buffer *out, const struct study *s, study_sayer *say);
 /* <img> with the picture inside; CSS pixels. */
 status page_picture(struct buffer *out, const struct study_picture *picture, double width,
                     double height, const char *description, struct error *err) MUST_CHECK;
-status page_experts(struct buffer *out, const struct study *s, struct error *err) MUST_CHECK;
+/* Which pixels and tiles hold the error, and where adaptive sampling puts its samples. */
+status page_where(struct buffer *out, const struct study *s, struct error *err) MUST_CHECK;
+void page_experts(struct buffer *out, const struct study *s);
 void page_style(struct buffer *out);
 
 #endif

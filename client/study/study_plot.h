@@ -26,7 +26,7 @@ void plot_place(struct plot *p, double left, double top, double right, double bo
 void plot_axes(struct buffer *out, const struct plot *p);
 /* The values of one to two steps of a screen, as a band. */
 void plot_visible_band(struct buffer *out, const struct plot *p);
-/* A measured curve: its line, intervals and marks. */
+/* A measured curve: its line, intervals and marks, hollow where the error may be understated. */
 void plot_points(struct buffer *out, const struct plot *p, const study_points *points,
                  enum svg_marker marker, const char *line, const char *mark);
 
@@ -35,7 +35,8 @@ void study_plot_question(struct buffer *out, const struct study *s,
                          const struct study_question *q, double width, double height);
 void study_plot_effects(struct buffer *out, const struct study *s, double width);
 void study_plot_histogram(struct buffer *out, const struct study *s, double width, double height);
-void study_plot_tail(struct buffer *out, const struct study *s, double width, double height);
+/* half: the share of the pixels that hold half of the error; NaN: not known. */
+void study_plot_tail(struct buffer *out, const struct study *s, double half, double width, double height);
 
 /* Style sheet rules: each "$name" becomes the colour itself, or (variables) var(--name). */
 void study_style_rules(struct buffer *out, const char *rules, int variables);

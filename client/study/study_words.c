@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "common/accuracy/word.h"
+
 #define DAY_S 86400.0
 
 /* ---- numbers ------------------------------------------------------------------------------- */
@@ -252,20 +254,9 @@ void study_say_meaning(struct buffer *out, const struct study *s)
                      " One or two steps are just visible; more shows as grain.");
 }
 
-static void say_why_not(struct buffer *out, const struct study_point *last)
+const char *study_point_word(const struct study_point *point)
 {
-    const char *before = ": ";
-
-    if (isfinite(last->top_share) && last->top_samples >= 1) {
-        buffer_puts(out, before);
-        words_percent(out, last->top_share);
-        buffer_puts(out, " of the error sits in ");
-        words_count(out, last->top_samples);
-        buffer_printf(out, " sample%s", last->top_samples >= 2 ? "s" : "");
-        before = "; ";
-    }
-    if (last->cause)
-        buffer_printf(out, "%s%s", before, last->cause);
+    return accuracy_word(&(struct accuracy_figures){.reliable = point->reliable});
 }
 
 int study_say_trust(struct buffer *out, const struct study *s)
@@ -277,16 +268,15 @@ int study_say_trust(struct buffer *out, const struct study *s)
         return 0;
     }
     if (!last->reliable) {
-        buffer_puts(out, "May be understated");
-        say_why_not(out, last);
+        buffer_puts(out, "The error may be understated");
+        if (last->reason)
+            buffer_printf(out, ": %s", last->reason);
         buffer_puts(out, ".");
         return 0;
     }
-    buffer_puts(out, "Reliable: no few samples dominate the error");
-    if (isfinite(last->top_share) && last->top_samples >= 1) {
-        buffer_puts(out, " (the largest ");
-        words_count(out, last->top_samples);
-        buffer_puts(out, " hold ");
+    buffer_puts(out, "The error is reliable: the samples agree on it, and it is spread over many pixels");
+    if (isfinite(last->top_share)) {
+        buffer_puts(out, " (the worst 0.1 % of them hold ");
         words_percent(out, last->top_share);
         buffer_puts(out, " of it)");
     }
@@ -294,7 +284,29 @@ int study_say_trust(struct buffer *out, const struct study *s)
     return 1;
 }
 
-static void say_gain(struct buffer *out, const struct study_choice *c)
+/* Whether the usual way's error is reliable with as many samples as the choice has. */
+static int usual_is_reliable(const struct study *s, const struct study_point *mine)
+{
+    for (size_t i = 0; i < s->points.count; i++)
+        if (s->points.items[i].samples >= mine->samples)
+            return s->points.items[i].reliable;
+    return is_reliable(s);
+}
+
+/* Where one of the two errors may be understated, the factor between their times is a bound. */
+static const char *gain_bound(const struct study *s, const struct study_choice *c)
+{
+    const struct study_point *mine = c->points.count ? &c->points.items[c->points.count - 1] : NULL;
+    const int usual = !mine || usual_is_reliable(s, mine);
+
+    if (c->missed)
+        return c->gain.value < 1 ? "at least " : "at most ";
+    if (!mine || usual == mine->reliable)
+        return "";
+    return (c->gain.value < 1) == usual ? "at least " : "at most ";
+}
+
+static void say_gain(struct buffer *out, const struct study *s, const struct study_choice *c)
 {
     struct study_interval shown = c->gain;
 
@@ -311,6 +323,7 @@ static void say_gain(struct buffer *out, const struct study_choice *c)
     }
     if (c->gain.value < 1)
         shown = (struct study_interval){1 / c->gain.value, 1 / c->gain.high, 1 / c->gain.low};
+    buffer_puts(out, gain_bound(s, c));
     words_number(out, shown.value);
     buffer_puts(out, c->gain.value < 1 ? " times the time" : " times less time");
     if (c->gain_at > 0) {
@@ -323,6 +336,15 @@ static void say_gain(struct buffer *out, const struct study_choice *c)
 
 static void say_floor(struct buffer *out, const struct study *s, const struct study_choice *c)
 {
+    if (c->unbiased) {
+        buffer_puts(out, "the same picture but for its noise");
+        return;
+    }
+    if (!study_bias_counts(s, c) && c->floor.high > fmax(s->target_codes / 4, c->floor.value)) {
+        buffer_puts(out, "so few samples do not exclude a difference of up to ");
+        words_codes(out, c->floor.high);
+        return;
+    }
     if (!study_bias_counts(s, c)) {
         buffer_puts(out, "the same picture to ");
         words_exact(out, fmax(0.01, round(100 * fmax(c->floor.value, isfinite(c->floor.high) ? c->floor.high : 0)) / 100));
@@ -341,7 +363,7 @@ void study_say_choice(struct buffer *out, const struct study *s, const struct st
     buffer_puts(out, c->words ? c->words : c->name ? c->name : "(unnamed)");
     if (isfinite(c->gain.value) && c->gain.value > 0) {
         buffer_puts(out, before);
-        say_gain(out, c);
+        say_gain(out, s, c);
         before = ", ";
     }
     if (isfinite(c->floor.value)) {

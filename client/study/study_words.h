@@ -28,6 +28,8 @@ struct study_interval study_cost_of(const struct study *s, double codes);
 struct study_interval study_target_cost(const struct study *s);
 /* Core seconds in a second on the clock, on the workers at hand; 1 when not known. */
 double study_rate(const struct study *s);
+/* "reliable", or "may be understated". */
+const char *study_point_word(const struct study_point *point);
 const struct study_point *study_last_point(const struct study *s); /* NULL: none */
 
 /* Is a choice's time surely another one, by a twentieth or more? */

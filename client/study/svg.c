@@ -304,7 +304,7 @@ void svg_take(struct svg_taken *taken, double x0, double y0, double x1, double y
                                                         fmax(y0, y1)};
 }
 
-static int is_free(const struct svg_taken *taken, const struct svg_box *box)
+int svg_is_free(const struct svg_taken *taken, const struct svg_box *box)
 {
     if (box->x0 < taken->bounds.x0 || box->x1 > taken->bounds.x1 || box->y0 < taken->bounds.y0 ||
         box->y1 > taken->bounds.y1)
@@ -341,7 +341,7 @@ int svg_label(struct buffer *out, struct svg_taken *taken, double x, double y, i
         const double left = places[at].centred ? middle : places[at].left ? near - width : near;
         const struct svg_box box = {left, base - 0.85 * font_size, left + width,
                                     base + 0.25 * font_size};
-        if (!is_free(taken, &box))
+        if (!svg_is_free(taken, &box))
             continue;
         svg_take(taken, box.x0, box.y0, box.x1, box.y1);
         if (places[at].centred) /* far from its place: a line leads there */

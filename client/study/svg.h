@@ -89,6 +89,9 @@ struct svg_taken {
 };
 void svg_take(struct svg_taken *taken, double x0, double y0, double x1, double y1);
 
+/* Is the box within the bounds, and nothing in it? */
+int svg_is_free(const struct svg_taken *taken, const struct svg_box *box);
+
 /* Write the text beside x, y at the first place of several around it that is free, and take it.
  * `first` (0..10) says where to look first: right above, right below, left above, left below, then
  * further away. 0 when there is no room: nothing was written. */

@@ -34,6 +34,7 @@ struct exr_reader {
     exr_context_t context;
     struct exr_stream stream;
     const char *name;
+    const char *wanted; /* the one channel that is asked for; NULL: the picture */
     int part;
     exr_storage_t storage;
     exr_compression_t compression;
@@ -109,11 +110,16 @@ static int select_layer(const exr_attr_chlist_t *list, struct selection *s)
     return found;
 }
 
-static int select_channels(const exr_attr_chlist_t *list, struct selection *s)
+static int select_channels(const exr_attr_chlist_t *list, const char *wanted, struct selection *s)
 {
     int y;
 
     *s = (struct selection){{-1, -1, -1}, -1, 0, 0, 0};
+    if (wanted) {
+        s->rgb[0] = s->rgb[1] = s->rgb[2] = find_channel(list, "", 0, wanted);
+        s->luminance = s->in_layer = 1;
+        return s->rgb[0] >= 0;
+    }
     if (select_rgb(list, "", 0, s))
         return 1;
     y = find_channel(list, "", 0, "Y");
@@ -153,12 +159,14 @@ static status find_part(struct exr_reader *r, struct error *err)
         if (result != EXR_ERR_SUCCESS)
             return fail(r, result, err);
         r->part = part;
-        if (select_channels(r->channels, &r->selection))
+        if (select_channels(r->channels, r->wanted, &r->selection))
             return STATUS_OK;
     }
     if (deep)
         return error_set(err, STATUS_ERR_UNSUPPORTED,
                          "%s: deep OpenEXR pictures are not supported; flatten it first", r->name);
+    if (r->wanted)
+        return error_set(err, STATUS_ERR_NOT_FOUND, "%s: no part has a channel %s", r->name, r->wanted);
     return error_set(err, STATUS_ERR_UNSUPPORTED,
                      "%s: no part has channels R, G, B or Y, nor a layer with R, G, B", r->name);
 }
@@ -478,10 +486,10 @@ static status check_environment(struct exr_reader *r, struct error *err)
 }
 
 static status decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
-                     int alpha, struct error *err)
+                     const char *wanted, int alpha, struct error *err)
 {
     struct exr_reader r = {.stream = {.data = data, .size_bytes = size_bytes}, .name = name,
-                           .out = out};
+                           .wanted = wanted, .out = out};
     exr_context_initializer_t init = exr_stream_initializer(&r.stream);
     uint32_t width, height, channels;
     exr_result_t result;
@@ -524,11 +532,17 @@ static status decode(struct image *out, const uint8_t *data, size_t size_bytes, 
 status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
                   struct error *err)
 {
-    return decode(out, data, size_bytes, name, 0, err);
+    return decode(out, data, size_bytes, name, NULL, 0, err);
 }
 
 status exr_decode_alpha(struct image *out, const uint8_t *data, size_t size_bytes,
                         const char *name, struct error *err)
 {
-    return decode(out, data, size_bytes, name, 1, err);
+    return decode(out, data, size_bytes, name, NULL, 1, err);
+}
+
+status exr_decode_channel(struct image *out, const uint8_t *data, size_t size_bytes,
+                          const char *name, const char *channel, struct error *err)
+{
+    return decode(out, data, size_bytes, name, channel, 0, err);
 }

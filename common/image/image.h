@@ -73,6 +73,9 @@ status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, con
 /* With the alpha channel, if there is one: 4 channels, as stored. */
 status exr_decode_alpha(struct image *out, const uint8_t *data, size_t size_bytes,
                         const char *name, struct error *err) MUST_CHECK;
+/* One channel by its whole name, "samples.Y" say, in all three of `out`; ERR_NOT_FOUND. */
+status exr_decode_channel(struct image *out, const uint8_t *data, size_t size_bytes,
+                          const char *name, const char *channel, struct error *err) MUST_CHECK;
 /* Append a text of the first part's header. ERR_NOT_FOUND: there is none of that name. */
 struct buffer;
 status exr_read_text(struct buffer *out, const uint8_t *data, size_t size_bytes, const char *name,

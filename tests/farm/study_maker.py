@@ -76,7 +76,7 @@ class Law:
                "codes": interval(codes, self.spread),
                "psnr_db": rounded(20 * math.log10(255 / codes) + 4.3),
                "rmse": interval(codes / 255 * 1.4, 1.4 * self.spread), "reliable": True,
-               "top_share": 0.04, "top_samples": 12.0, "cause": None}
+               "top_share": 0.04, "reason": None}
         out.update(more)
         return out
 
@@ -102,7 +102,7 @@ def fit(points):
 
 
 def choice(name, words, law, costs, gain, at, floor, note=None, baseline=False):
-    return {"name": name, "words": words, "note": note, "baseline": baseline,
+    return {"name": name, "words": words, "note": note, "baseline": baseline, "unbiased": False, "missed": False,
             "points": law.points(costs) if law else [], "gain_at": at,
             "gain": interval(gain, 0.07) if gain else [None] * 3, "floor": floor}
 
@@ -196,7 +196,6 @@ def study(**changes):
     main = Law(94, 0.53, seed="main")
     points = main.points(COSTS)
     error, samples = tiles(50, 38)
-    tail = random.Random("tail")
     out = {
         "azulejo_study": 1, "scene": "glasshouse.gltf", "machine": "shared Intel Xeon, 2 cores, 24 GiB",
         "date": "2026-03-01 14:05", "command": "azulejo accuracy glasshouse.gltf --size 800x600 -o glasshouse.html",
@@ -210,11 +209,11 @@ def study(**changes):
              "picture": crop(p["codes"][0] * (1 if kind == "typical" else 2.2), kind)}
             for p in (points[1], points[3], points[5])]} for kind in ("typical", "worst")],
         "questions": questions(), "effects": effects(),
-        "workers": [{"name": "worker-%d" % (i + 1), "cores": 1.0, "core_s": 926.0 + i, "rays": 3.8e9}
+        "workers": [{"name": "worker-%d" % (i + 1), "cores": 1.0}
                     for i in range(2)],
         "tile_error": error, "tile_samples": samples, "histogram": histogram(),
-        "tail": {"largest": sorted((rounded(0.4 * tail.paretovariate(2.6)) for _ in range(300)),
-                                   reverse=True), "pareto_index": 2.6, "samples": 3.4e8},
+        "tail": {"pixels": [rounded(10 ** (i / 8)) for i in range(-32, 1)],
+                 "error": [rounded(10 ** (i / 40)) for i in range(-32, 1)], "index": 0.38},
         "predictions": [{"round": float(k), "core_s_then": rounded(COSTS[k - 1]), "target_codes": 3.0,
                          "core_s": interval(668 * f, s), "core_s_true": 671.0}
                         for k, f, s in ((2, 1.31, 0.6), (3, 0.88, 0.3), (4, 1.06, 0.15), (5, 0.99, 0.08))],

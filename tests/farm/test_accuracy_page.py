@@ -162,7 +162,7 @@ def test_page():
                 "2.4/255 (2.3 to 2.5); too dark in the corner.",
                 "2.1 times less time to 10/255 (2.0 to 2.2), never better than 5.0/255 (4.8 to 5.3)",
                 "16-bit EXR: no clear difference in time", "half the bytes.",
-                "the same picture to 0.1/255", "Reliable: no few samples dominate",
+                "the same picture to 0.1/255", "The error is reliable: the samples agree on it",
                 "could be left out at this accuracy"):
             expect(words in page.text, words)
         titles = re.findall("<article><h3>(.*?)</h3>", page.body)
@@ -205,7 +205,7 @@ def test_escaping():
     with Farm() as farm:
         study = study_maker.study(scene=NASTY, machine=NASTY, command=NASTY, date=NASTY, version=NASTY,
                                   transform=NASTY, currency=NASTY, deadline=NASTY)
-        study["points"][-1].update(reliable=False, cause=NASTY)
+        study["points"][-1].update(reliable=False, reason=NASTY)
         study["questions"][3]["title"] = NASTY
         for c in study["questions"][3]["choices"]:
             c.update(name=NASTY, words=NASTY, note=NASTY)
@@ -251,9 +251,11 @@ def test_little():
                        "codes_at_pivot": [1e200, 1e-200, 1e300]}
         check_self_contained(draw(farm, huge))
         doubtful = study_maker.study()
-        doubtful["points"][-1].update(reliable=False, top_share=0.83, cause='caustics of lamp "bulb"')
+        doubtful["points"][-1].update(reliable=False, reason='83 % of the squared error is in 0.1 % of '
+                                      'the pixels; likely cause: caustics')
         page = draw(farm, doubtful)
-        expect("May be understated: 83 % of the error sits in 12 samples; caustics of lamp \"bulb\"."
+        expect("The error may be understated: 83 % of the squared error is in 0.1 % of the pixels; "
+               "likely cause: caustics."
                in page.text, page.text)
         expect("3/255 costs at least" in page.first("h1"), page.first("h1"))
 

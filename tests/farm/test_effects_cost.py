@@ -1,17 +1,21 @@
 """What effects and accuracy cost: bias apart from noise, effects left out by themselves, studies."""
+import csv
 import json
+import math
 import os
 import shutil
 import signal
+import subprocess
 import sys
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
 from exr import read_exr
-from farm import ROOT, Farm, Failure, Tests, wait_for
+from farm import BIN, ROOT, Farm, Failure, Tests, readable, wait_for
 from png import Png
 
 tests = Tests()
 FEATURES = os.path.join(ROOT, "scenes", "features")
+MIRROR = os.path.join(ROOT, "scenes", "cornell", "cornell-mirror.gltf")
 CORNELL = os.path.join(ROOT, "scenes", "cornell", "cornell-area.gltf")
 
 
@@ -146,9 +150,9 @@ def auto_on_a_farm():
         expect(names.count("pilot") == 8 and "cornell-area" in names, names)
 
 
-def study(farm, *options, scene=CORNELL, name="s", expected=0):
+def study(farm, *options, scene=CORNELL, name="s", expected=0, limit_s=180):
     result = farm.cli("accuracy", scene, "--size", "32x32", "--threads", "1", "-o", name + ".html",
-                      *options, expect=expected, limit_s=180)
+                      *options, expect=expected, limit_s=limit_s)
     with open(farm.path(name + ".json")) as source:
         return json.load(source), result
 
@@ -174,10 +178,12 @@ def quick_study():
         expect(len(data["regions"]) == 2 and data["target_codes"] == 4, "regions")
         choices = choices_of(data)
         expect(choices["Sampler"]["Sobol"]["baseline"], choices["Sampler"])
-        # Independent numbers, other light choices and no roulette have the same mean: no bias.
+        # Independent numbers, other light choices and no roulette have the same mean, and the pictures agree.
         for title, name in (("Sampler", "independent"), ("Choice of lights", "power"),
                             ("Choice of lights", "uniform"), ("Russian roulette", "off")):
-            expect(choices[title][name]["floor"][1] == 0, (title, choices[title][name]))
+            choice = choices[title][name]
+            expect(choice["unbiased"] and not choice["missed"] and choice["floor"] == [0, 0, 0], (title, choice))
+        expect(not choices["Path depth"]["1"]["unbiased"], choices["Path depth"]["1"])
         # The lamp off is grossly wrong, and one edge shows direct light alone.
         dark = choices["Effects left out"]["emissive mesh"]
         expect(dark["floor"][1] > 50, dark)
@@ -192,6 +198,78 @@ def quick_study():
         expect("core-seconds" in result.out and "s.html" in result.out, result.out)
         for extension in ("csv", "json"):
             expect(os.path.getsize(farm.path("s." + extension)) > 100, extension)
+
+
+@tests.add
+def one_word():
+    """a study calls an error reliable where `render` does so of both of its pictures, for the same reason"""
+    glass = os.path.join(FEATURES, "glass.gltf")
+    with Farm() as farm:
+        def words(samples, first_seed, *options):
+            errors = [farm.cli("render", glass, "--size", "48x36", "--spp", str(samples), "--seed", str(seed),
+                               "-o", "one", "--json", *options, expect=0).json()["job"]["error"]
+                      for seed in (first_seed, first_seed + 1)]
+            return {error["reason"] for error in errors if not error["reliable"]}
+
+        data, result = study(farm, "--size", "48x36", "--spp", "32", "--minutes", "1", scene=glass)
+        doubted = {}
+        for point in data["points"]:
+            doubted[point["samples"]] = reasons = words(int(point["samples"]), 0)
+            expect(point["reliable"] == (not reasons), (point, reasons))
+            expect(point["reason"] in (reasons or {None}), (point, reasons))
+        expect(doubted[16] and not doubted[32], "the scene no longer shows both words: %s" % doubted)
+        other = choices_of(data)["Sampler"]["independent"]["points"]
+        for point in other:
+            reasons = words(int(point["samples"]), 2, "--sampler", "independent")
+            expect(point["reliable"] == (not reasons) and point["reason"] in (reasons or {None}),
+                   (point, reasons))
+        with open(farm.path("s.csv")) as source:
+            rows = list(csv.DictReader(source))
+        expect([int(row["reliable"]) for row in rows[:4]] == [p["reliable"] for p in data["points"]], rows[:4])
+        with open(farm.path("s.html")) as page:
+            text = page.read()
+        expect("may be understated" in text and "noisy pixels have not been lit yet" in text, "the page")
+
+
+@tests.add
+def light_that_is_missed():
+    """a sun that a way hardly ever finds is noise that its pictures do not show, not a bias; adaptive has its plot"""
+    with Farm() as farm:
+        sky = farm.path("sky.exr")
+        subprocess.run([os.path.join(BIN, "scenes", "sky", "make_sky"), "--sun-azimuth", "325", "--size", "256x128",
+                        "-o", sky], check=True,
+                       stdout=subprocess.DEVNULL)
+        data, result = study(farm, "--size", "64x64", "--env", sky, "--spp", "64", "--minutes", "5", scene=MIRROR,
+                             limit_s=600)
+        choices = choices_of(data)
+        # Directions by the surfaces alone meet the sun about once in 100 000 samples.
+        blind = choices["Environment sampling"]["BSDF"]
+        expect(blind["unbiased"] and blind["missed"] and blind["floor"] == [0, 0, 0], blind)
+        expect("have not met all of the light" in blind["note"], blind)
+        expect(all(not p["reliable"] and p["reason"] == blind["note"] for p in blind["points"]), blind)
+        expect(blind["gain"][2] < 1, blind["gain"])
+        independent = choices["Sampler"]["independent"]
+        expect(independent["unbiased"] and not independent["missed"], independent)
+        expect(choices["Path depth"]["1"]["floor"][1] > 20, choices["Path depth"]["1"])
+        # As good as the usual picture, by whatever samples that takes, and not the same for all tiles.
+        adaptive, usual = choices["Adaptive sampling"]["adaptive"], data["points"]
+        expect(choices["Adaptive sampling"]["uniform"]["baseline"] and adaptive["unbiased"], adaptive)
+        last = adaptive["points"][-1]
+        aimed = min(usual, key=lambda p: abs(math.log(p["codes"][0] / last["codes"][0])))
+        expect(0.7 < last["codes"][0] / aimed["codes"][0] < 1.4, (last, usual))
+        samples = data["tile_samples"]
+        expect(samples["columns"] == samples["rows"] == 4, samples)
+        expect(len(set(samples["values"])) > 1, samples)
+        mean = sum(samples["values"]) / len(samples["values"])
+        expect(abs(mean - last["samples"]) <= 0.02 * mean, (mean, last["samples"]))
+        with open(farm.path("s.html")) as page:
+            text = page.read()
+        for words in ("Where adaptive sampling goes", "Few pixels or many?", "Half of the error sits in",
+                      "at least", "have not met all of the light"):
+            expect(words in text, words)
+        tail = data["tail"]
+        expect(tail["error"] == sorted(tail["error"]), tail)
+        expect(abs(tail["error"][-1] - 1) < 1e-9 and tail["pixels"][-1] == 1, tail)
 
 
 @tests.add
@@ -247,6 +325,44 @@ def study_on_a_farm():
             jobs = farm.cli("list", "--all", "--json", expect=0).json()["jobs"]
             return all(job["state"] in ("done", "cancelled") for job in jobs)
         wait_for(all_over, "no job to be left")
+
+
+@tests.add
+def study_survives_its_workers():
+    """a study on a farm goes on with the workers that are left; without any it says so, and waits for the next"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        workers = [farm.start_worker("--threads", "1") for _ in range(2)]
+
+        def points():
+            try:
+                with open(farm.path("s.json")) as source:
+                    return len(json.load(source)["points"])
+            except OSError:
+                return 0
+        client = farm.start_cli("accuracy", CORNELL, "--size", "64x64", "--minutes", "1", "--spp", "64", "-o",
+                                "s.html", "--farm", "--coordinator", farm.address, "--key", farm.key)
+        wait_for(lambda: points() >= 1, "the first point")
+        workers[0].kill()
+        before = points()
+        wait_for(lambda: points() > before, "a point by the worker that is left")
+        workers[1].kill()
+        said = b""
+        while b"has no worker" not in said:
+            expect(readable(client.stderr.fileno(), 60), "nothing is said: %s" % said)
+            more = os.read(client.stderr.fileno(), 4096)
+            expect(more, "the study ended without workers: %s" % said)
+            said += more
+        farm.start_worker("--threads", "1")
+        before = points()
+        wait_for(lambda: points() > before or client.poll() is not None, "a point by the new worker", 90)
+        expect(client.poll() is None, "the study has ended: %s" % said)
+        client.send_signal(signal.SIGINT)
+        client.communicate(timeout=60)
+        with open(farm.path("s.json")) as source:
+            data = json.load(source)
+        expect(data["points"] and not data["complete"], data["points"])
+        expect(os.path.exists(farm.path("s.html")), "the page of what was measured")
 
 
 if __name__ == "__main__":

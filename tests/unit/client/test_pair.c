@@ -94,7 +94,6 @@ static void noise_is_one_pictures(void **state)
         mean += e.codes.value / REPEATS;
         rms += e.rms_codes / REPEATS;
         held += holds(&e.codes, truth);
-        assert_true(e.reliable);
         assert_true(holds(&e.rmse, sigma * radiance_of_code() / (double)GREY) || e.rmse.high > 0);
     }
     assert_float_equal(mean, truth, 0.02 * truth);
@@ -103,22 +102,20 @@ static void noise_is_one_pictures(void **state)
     lab_release(&lab);
 }
 
-/* A few pixels hold the error: that is said. */
-static void few_pixels_are_not_reliable(void **state)
+/* Two pictures are trusted as far as the one that is trusted less, whichever of them that is. */
+static void the_word_is_the_worse_pictures(void **state)
 {
-    struct error err = {0};
-    struct pair_error e;
-    struct lab lab;
+    const struct accuracy_figures good = {.known = 1, .reliable = 1, .top_share = 0.3};
+    const struct accuracy_figures better = {.known = 1, .reliable = 1, .top_share = 0.1};
+    const struct accuracy_figures sparse = {.known = 1, .reasons = ACCURACY_SPARSE, .top_share = 0.05};
+    const struct accuracy_figures top = {.known = 1, .reasons = ACCURACY_TOP, .top_share = 0.9};
 
     (void)state;
-    lab_init(&lab);
-    paint(&lab, &lab.a, GREY, 0.001);
-    paint(&lab, &lab.b, GREY, 0.001);
-    lab.b.pixels[300] += 50;
-    assert_int_equal(pair_error_of(&e, &lab.shown, &lab.a, &lab.b, NULL, &err), STATUS_OK);
-    assert_false(e.reliable);
-    assert_true(e.top_share > 0.9);
-    lab_release(&lab);
+    assert_ptr_equal(pair_judge(&good, &better), &good);
+    assert_ptr_equal(pair_judge(&better, &good), &good);
+    assert_ptr_equal(pair_judge(&good, &sparse), &sparse);
+    assert_ptr_equal(pair_judge(&sparse, &good), &sparse);
+    assert_ptr_equal(pair_judge(&sparse, &top), &top);
 }
 
 struct bias_tally {
@@ -369,7 +366,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(noise_is_one_pictures),
-        cmocka_unit_test(few_pixels_are_not_reliable),
+        cmocka_unit_test(the_word_is_the_worse_pictures),
         cmocka_unit_test(noise_is_no_bias),
         cmocka_unit_test(noise_in_the_dark_is_no_bias),
         cmocka_unit_test(bias_is_found_under_noise),
