@@ -16,13 +16,14 @@ static void take_figures(struct trial *out, const Azulejo__Wire__JobInfo *info, 
 
     out->wall_s = info->seconds_active;
     out->samples = (double)info->samples_done / (double)pixels;
-    if (info->work)
+    if (info->work) {
+        const double light = info->work->clamped_luminance + info->work->kept_luminance;
         out->rays = (double)info->work->rays;
+        out->clamped_share = light > 0 ? info->work->clamped_luminance / light : 0;
+    }
     if (s) {
-        const double light = s->clamped_luminance + s->kept_luminance;
         out->core_s = (double)s->cpu_ns * 1e-9;
         out->trace_s = (double)s->trace_ns * 1e-9;
-        out->clamped_share = light > 0 ? s->clamped_luminance / light : 0;
     }
 }
 

@@ -642,6 +642,7 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
     struct job *job = frame->job;
     uint32_t number = frame->number;
     struct film_coverage coverage;
+    struct unit_work work;
     enum frame_end end = frame->end;
     struct error err = {0};
 
@@ -660,7 +661,8 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
     }
     farm_trouble_over(farm, job, &frame->trouble, now_ns);
     coverage = film_coverage(frame->film);
-    unit_work_add(&job->work, film_work(frame->film));
+    work = film_work(frame->film);
+    unit_work_add(&job->work, &work);
     farm_frame_unpin(farm, frame);
     farm_frame_close(farm, frame, "the frame is done");
     job_frame_set_done(job, number);

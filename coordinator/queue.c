@@ -19,21 +19,11 @@ void work_stats_add(struct work_stats *sum, const struct work_stats *more)
 {
     sum->cpu_ns += more->cpu_ns;
     sum->trace_ns += more->trace_ns;
-    sum->clamped_samples += more->clamped_samples;
-    sum->clamped_luminance += more->clamped_luminance;
-    sum->kept_luminance += more->kept_luminance;
     sum->effects |= more->effects;
     for (int i = 0; i < STAGE_COUNT; i++)
         sum->stages[i] += more->stages[i];
     for (int i = 0; i < EFFECT_ACCOUNTS; i++)
         sum->accounts[i] += more->accounts[i];
-}
-
-double work_stats_clamped_share(const struct work_stats *stats)
-{
-    double all = stats->clamped_luminance + stats->kept_luminance;
-
-    return all > 0 ? stats->clamped_luminance / all : 0;
 }
 
 void queue_init(struct queue *queue)

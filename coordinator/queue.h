@@ -76,14 +76,10 @@ struct output_settings {
 /* What workers measured, summed over merged results. */
 struct work_stats {
     uint64_t cpu_ns, trace_ns;
-    uint64_t clamped_samples;        /* settings.clamp scaled them down */
-    double clamped_luminance, kept_luminance; /* sums over the samples: what they lost, what is left */
     uint64_t effects;                /* of all results together; 0: not told */
     uint64_t stages[STAGE_COUNT], accounts[EFFECT_ACCOUNTS];
 };
 void work_stats_add(struct work_stats *sum, const struct work_stats *more);
-/* The share of the light that clamping took away, 0..1. */
-double work_stats_clamped_share(const struct work_stats *stats);
 
 struct job_frame;
 

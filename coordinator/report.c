@@ -241,8 +241,10 @@ static void report_work(struct job_report *report, const struct job *job)
 {
     struct unit_work work = job->work;
 
-    for (const struct job_frame *frame = job->frames; frame; frame = frame->next)
-        unit_work_add(&work, film_work(frame->film));
+    for (const struct job_frame *frame = job->frames; frame; frame = frame->next) {
+        struct unit_work more = film_work(frame->film);
+        unit_work_add(&work, &more);
+    }
     wire_work_set(&report->work, &work);
 }
 
@@ -259,9 +261,6 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     wire_output_set(&report->output, &job->output);
     stats.cpu_ns = job->stats.cpu_ns;
     stats.trace_ns = job->stats.trace_ns;
-    stats.clamped_samples = job->stats.clamped_samples;
-    stats.clamped_luminance = job->stats.clamped_luminance;
-    stats.kept_luminance = job->stats.kept_luminance;
     report->stats = stats;
     report_work(report, job);
     if (job_state_ended(job->state))

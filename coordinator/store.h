@@ -105,11 +105,11 @@ status store_deliverer_find(struct store *store, uint32_t number, struct deliver
 
 /* The frame's outputs are on disk; its pictures follow that revision of the job's output settings
  * (-1: there are none yet). `cut`: what it holds when that is less than the cap allows, and what ended it;
- * NULL: it has all.
+ * NULL: it has all. `work`: of its film.
  * [any thread] */
 status store_frame_done(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
                         enum frame_end end, const struct film_coverage *cut,
-                        struct error *err) MUST_CHECK;
+                        const struct unit_work *work, struct error *err) MUST_CHECK;
 /* Keep a point of the frame's history at its place; those behind it go. [any thread] */
 status store_history_add(struct store *store, uint64_t job, uint32_t frame, uint32_t place,
                          const struct history_point *point, struct error *err) MUST_CHECK;

@@ -20,7 +20,6 @@ struct saved_job {
     char state_text[JOB_TEXT_MAX + 1], kernel[KERNEL_NAME_MAX + 1];
     int64_t finished_at;
     uint64_t active_ns, conflicts;
-    struct unit_work work;
     struct work_stats stats;
     /* What the limits of frames in work count. */
     uint32_t clock_count;
@@ -41,7 +40,6 @@ static void row_take(struct saved_job *row, const struct job *job, uint64_t now_
     row->finished_at = job->finished_at;
     row->active_ns = (uint64_t)(job_active_seconds(job, now_ns) * 1e9);
     row->conflicts = job->conflicts;
-    row->work = job->work;
     row->stats = job->stats;
     row->clock_count = 0;
     for (const struct job_frame *f = job->frames; f && row->clock_count < FRAMES_OPEN_PER_JOB;
@@ -76,9 +74,7 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     sqlite3_stmt *statement = NULL;
     status s = sql_prepare(store,
                            "UPDATE jobs SET state=?, state_text=?, kernel=?, finished_at=?, "
-                           "active_ns=?, conflicts=?, samples=?, rays=?, vertices=?, dropped=?, "
-                           "cpu_ns=?, trace_ns=?, clamped=?, clamped_luminance=?, "
-                           "kept_luminance=? WHERE id=?",
+                           "active_ns=?, conflicts=?, cpu_ns=?, trace_ns=? WHERE id=?",
                            &statement, err);
 
     if (s != STATUS_OK)
@@ -89,16 +85,9 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     sqlite3_bind_int64(statement, 4, row->finished_at);
     bind_number(statement, 5, row->active_ns);
     bind_number(statement, 6, row->conflicts);
-    bind_number(statement, 7, row->work.samples);
-    bind_number(statement, 8, row->work.rays);
-    bind_number(statement, 9, row->work.vertices);
-    bind_number(statement, 10, row->work.dropped_samples);
-    bind_number(statement, 11, row->stats.cpu_ns);
-    bind_number(statement, 12, row->stats.trace_ns);
-    bind_number(statement, 13, row->stats.clamped_samples);
-    sqlite3_bind_double(statement, 14, row->stats.clamped_luminance);
-    sqlite3_bind_double(statement, 15, row->stats.kept_luminance);
-    bind_number(statement, 16, row->id);
+    bind_number(statement, 7, row->stats.cpu_ns);
+    bind_number(statement, 8, row->stats.trace_ns);
+    bind_number(statement, 9, row->id);
     s = sql_run_reserved(store, statement, "the job's state cannot be stored", err);
     return s == STATUS_OK ? clocks_write(store, row, err) : s;
 }
