@@ -30,14 +30,13 @@ static status check_state(const struct job *job, struct error *err)
 /* Samples of another release are other samples. */
 static status check_release(const struct job *job, struct error *err)
 {
-    static const char release[] = "azulejo " AZULEJO_VERSION " ";
-
-    if (strncmp(job->kernel, release, sizeof release - 1) == 0)
+    if (strcmp(job->release, AZULEJO_VERSION) == 0)
         return STATUS_OK;
     return error_set(err, STATUS_ERR_REFUSED,
-                     "job %llu was rendered by '%s', and this is azulejo %s: their samples do not "
+                     "job %llu was rendered by %s%s, and this is azulejo %s: their samples do not "
                      "mix; submit the scene again, or extend it with that release",
-                     id_of(job), job->kernel, AZULEJO_VERSION);
+                     id_of(job), job->release[0] ? "azulejo " : "an older release", job->release,
+                     AZULEJO_VERSION);
 }
 
 static status check_films(const struct farm *farm, const struct job *job, struct error *err)

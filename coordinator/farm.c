@@ -253,6 +253,7 @@ void farm_job_started(struct farm *farm, struct job *job, const struct farm_work
     /* Another one than before: whoever had units then has gone without a result. */
     if (strcmp(job->kernel, worker->kernel) != 0) {
         snprintf(job->kernel, sizeof job->kernel, "%s", worker->kernel);
+        snprintf(job->release, sizeof job->release, "%s", AZULEJO_VERSION);
         changed = 1;
     }
     if (job->state == JOB_STATE_QUEUED) {

@@ -47,6 +47,7 @@ enum {
     JOB_TEXT_MAX = 511,
     JOB_TOKEN_MAX = 64,
     KERNEL_NAME_MAX = 127,
+    RELEASE_NAME_MAX = 31,
     SCENE_BYTES_MAX = 1 << 30, /* of a packed scene */
     JOB_BROKEN_MAX = 3, /* so many machines that cannot render a job that has no result end it */
     JOB_BROKEN_MACHINES_MAX = 256, /* so many end it with results, too */
@@ -106,6 +107,7 @@ struct job {
     char token[JOB_TOKEN_MAX + 1];     /* of the submission; "": none. No two jobs have the same */
 
     char kernel[KERNEL_NAME_MAX + 1];  /* of the workers that got units; "": none yet */
+    char release[RELEASE_NAME_MAX + 1]; /* of the coordinator that lent the first of them; "": none yet */
     uint64_t epoch_floor;              /* results of older epochs are not this job's */
     int64_t submitted_at, finished_at; /* seconds since 1970, UTC; 0: not yet */
     uint64_t active_ns;                /* since the first lease, without the present run */

@@ -42,11 +42,13 @@ static const char schema_3[] =
     " most INTEGER NOT NULL, tiles INTEGER NOT NULL, tiles_empty INTEGER NOT NULL,"
     " PRIMARY KEY (job, frame)) WITHOUT ROWID;";
 
-/* Version 4: each frame's work, which jobs had the sums of (they go to the first frame that is done; the columns of
+/* Version 4: the release that a job was begun with; its JobSubmit as it came, where an extension changed it; each frame's work, which jobs had the sums of (they go to the first frame that is done; the columns of
  * jobs are no longer used); what ended a frame (what was cut short before was cancelled:
  * FRAME_END_CANCEL); how long frames in work have been rendered, for their limits; how wrong each frame was
  * after what was spent on it. relative_mse above is no longer used. */
 static const char schema_4[] =
+    "ALTER TABLE jobs ADD COLUMN release TEXT NOT NULL DEFAULT '';"
+    "ALTER TABLE jobs ADD COLUMN submitted BLOB;"
     "ALTER TABLE frames ADD COLUMN samples INTEGER NOT NULL DEFAULT 0;"
     "ALTER TABLE frames ADD COLUMN rays INTEGER NOT NULL DEFAULT 0;"
     "ALTER TABLE frames ADD COLUMN vertices INTEGER NOT NULL DEFAULT 0;"

@@ -47,7 +47,9 @@ status store_job_find(struct store *store, const struct job *job, uint64_t *id, 
     *id = 0;
     if (!job->token[0])
         return STATUS_OK;
-    s = sql_prepare(store, "SELECT id, request FROM jobs WHERE token=?", &statement, err);
+    /* As it came: an extension changes what is asked for. */
+    s = sql_prepare(store, "SELECT id, coalesce(submitted, request) FROM jobs WHERE token=?",
+                    &statement, err);
     if (s != STATUS_OK)
         return s;
     bind_text(statement, 1, job->token);
@@ -204,6 +206,7 @@ static status load_job(struct store *store, sqlite3_stmt *row, struct job **out,
     job->stats.cpu_ns = column_number(row, 10);
     job->stats.trace_ns = column_number(row, 12);
     job->revision = (uint32_t)column_number(row, 13);
+    column_text(row, 14, job->release, sizeof job->release);
     s = load_frames(store, job, err);
     if (s == STATUS_OK && job->frames_done_count > 0)
         s = load_cuts(store, job, err);
@@ -226,7 +229,7 @@ status store_jobs_load(struct store *store,
     status s = sql_prepare(store,
                            "SELECT id, state, state_text, scene_name, kernel, epoch_floor, "
                            "submitted_at, finished_at, active_ns, conflicts, cpu_ns, request, "
-                           "trace_ns, revision "
+                           "trace_ns, revision, release "
                            "FROM jobs ORDER BY id",
                            &statement, err);
 

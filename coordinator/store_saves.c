@@ -17,7 +17,7 @@ struct saved_job {
     uint64_t id;
     struct deliverer deliverer;  /* its number is 0: this is a job */
     enum job_state state;
-    char state_text[JOB_TEXT_MAX + 1], kernel[KERNEL_NAME_MAX + 1];
+    char state_text[JOB_TEXT_MAX + 1], kernel[KERNEL_NAME_MAX + 1], release[RELEASE_NAME_MAX + 1];
     int64_t finished_at;
     uint64_t active_ns, conflicts;
     struct work_stats stats;
@@ -37,6 +37,7 @@ static void row_take(struct saved_job *row, const struct job *job, uint64_t now_
     row->state = job->state;
     memcpy(row->state_text, job->state_text, sizeof row->state_text);
     memcpy(row->kernel, job->kernel, sizeof row->kernel);
+    memcpy(row->release, job->release, sizeof row->release);
     row->finished_at = job->finished_at;
     row->active_ns = (uint64_t)(job_active_seconds(job, now_ns) * 1e9);
     row->conflicts = job->conflicts;
@@ -74,7 +75,7 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     sqlite3_stmt *statement = NULL;
     status s = sql_prepare(store,
                            "UPDATE jobs SET state=?, state_text=?, kernel=?, finished_at=?, "
-                           "active_ns=?, conflicts=?, cpu_ns=?, trace_ns=? WHERE id=?",
+                           "active_ns=?, conflicts=?, cpu_ns=?, trace_ns=?, release=? WHERE id=?",
                            &statement, err);
 
     if (s != STATUS_OK)
@@ -87,7 +88,8 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     bind_number(statement, 6, row->conflicts);
     bind_number(statement, 7, row->stats.cpu_ns);
     bind_number(statement, 8, row->stats.trace_ns);
-    bind_number(statement, 9, row->id);
+    bind_text(statement, 9, row->release);
+    bind_number(statement, 10, row->id);
     s = sql_run_reserved(store, statement, "the job's state cannot be stored", err);
     return s == STATUS_OK ? clocks_write(store, row, err) : s;
 }
@@ -274,8 +276,8 @@ static status extend_rows(struct store *store, const struct job *job, const stru
                                          "DELETE FROM clocks WHERE job=?"};
     sqlite3_stmt *statement = NULL;
     status s = sql_prepare(store,
-                           "UPDATE jobs SET request=?, state=?, state_text='', finished_at=0, "
-                           "epoch_floor=? WHERE id=?",
+                           "UPDATE jobs SET submitted=coalesce(submitted, request), request=?, "
+                           "state=?, state_text='', finished_at=0, epoch_floor=? WHERE id=?",
                            &statement, err);
 
     if (s != STATUS_OK)

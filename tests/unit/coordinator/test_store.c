@@ -93,6 +93,7 @@ static void jobs_survive_a_restart(void **state)
     assert_true(other->id > job->id);
     job->state = JOB_STATE_RUNNING;
     snprintf(job->kernel, sizeof job->kernel, "embree 9");
+    snprintf(job->release, sizeof job->release, "9.9");
     work = (struct unit_work){.samples = 1, .rays = 2, .vertices = 3, .dropped_samples = 4,
                               .leaked_rays = 9, .clamped_values = 10, .clamped_samples = 7,
                               .clamped_luminance = 8.5, .kept_luminance = 1e30};
@@ -125,6 +126,7 @@ static void jobs_survive_a_restart(void **state)
     assert_string_equal(back->name, job->name);
     assert_string_equal(back->scene_name, "scene");
     assert_string_equal(back->kernel, "embree 9");
+    assert_string_equal(back->release, "9.9");
     assert_int_equal(back->state, JOB_STATE_RUNNING);
     assert_int_equal(back->priority, -5);
     assert_memory_equal(&back->settings, &job->settings, sizeof job->settings);
@@ -155,19 +157,20 @@ static void jobs_survive_a_restart(void **state)
 
 /* A store of version 1, which knew no revisions: its finished frames' pictures are as they should;
  * one of version 2, which knew no tokens; and one of version 3, which knew no clamping, limits, figures, deliverers. */
-#define FRAMES_WITHOUT_WORK                                                                     \
+#define WITHOUT_WORK_AND_RELEASE                                                                     \
     "ALTER TABLE frames DROP COLUMN samples; ALTER TABLE frames DROP COLUMN rays;"              \
     "ALTER TABLE frames DROP COLUMN vertices; ALTER TABLE frames DROP COLUMN dropped;"          \
     "ALTER TABLE frames DROP COLUMN leaked; ALTER TABLE frames DROP COLUMN clamped_values;"     \
     "ALTER TABLE frames DROP COLUMN clamped; ALTER TABLE frames DROP COLUMN clamped_luminance;" \
-    "ALTER TABLE frames DROP COLUMN kept_luminance;"
+    "ALTER TABLE frames DROP COLUMN kept_luminance; ALTER TABLE jobs DROP COLUMN release;"       \
+    "ALTER TABLE jobs DROP COLUMN submitted;"
 
 static void an_older_store_is_brought_up_to_date(void **state)
 {
 #define WITHOUT_4                                                                               \
     "DROP TABLE history; DROP TABLE deliverers; DROP TABLE clocks;"                             \
     "ALTER TABLE cut_frames DROP COLUMN ended; ALTER TABLE cut_frames DROP COLUMN group_most;"  \
-    FRAMES_WITHOUT_WORK
+    WITHOUT_WORK_AND_RELEASE
     static const char *const steps_back[] = {
         WITHOUT_4 "PRAGMA user_version=3",
         WITHOUT_4
@@ -242,7 +245,7 @@ static void unfinished_jobs_of_an_older_store_begin_again(void **state)
     assert_int_equal(sqlite3_open(path_of("queue.sqlite"), &db), SQLITE_OK);
     assert_int_equal(sqlite3_exec(db,
                                   "DROP TABLE deliverers; DROP TABLE history; DROP TABLE clocks; DROP TABLE cut_frames; "
-                                  FRAMES_WITHOUT_WORK
+                                  WITHOUT_WORK_AND_RELEASE
                                   "UPDATE jobs SET samples=100, rays=200;"
                                   "DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token; "
                                   "PRAGMA user_version=2",
