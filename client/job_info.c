@@ -207,6 +207,8 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
         memcpy(digest.bytes, job->scene.data, DIGEST_BYTES);
         digest_to_hex(&digest, hex);
     }
+    json_object_set_new(root, "estimate", json_boolean(job->estimate));
+    json_object_set_new(root, "frames_resting", json_integer(job->frames_resting));
     json_object_set_new(root, "job", json_integer((json_int_t)job->job));
     json_object_set_new(root, "name", json_text(job->name));
     json_object_set_new(root, "state", json_string(job_state_name(job->state)));

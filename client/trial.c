@@ -46,6 +46,7 @@ status trial_render(struct connection *c, const struct import_result *scene,
     struct buffer data = BUFFER_INIT;
     Azulejo__Wire__Envelope *last = NULL;
     struct image_repairs repairs = {0};
+    struct job_accepted accepted = {0};
     uint64_t job = 0;
     status result;
 
@@ -55,7 +56,8 @@ status trial_render(struct connection *c, const struct import_result *scene,
     mine.settings.aovs = 0;
     mine.stop = (struct stop_rules){0}; /* trials of equal samples are compared */
     mine.schedule = (struct buffer)BUFFER_INIT;
-    result = submission_send(c, scene, &mine, name, OUTPUT_FORMAT_EXR, 1, &job, err);
+    result = submission_send(c, scene, &mine, name, OUTPUT_FORMAT_EXR, 1, &accepted, err);
+    job = accepted.job;
     if (result == STATUS_OK)
         result = watch_job(c, job, 1, 0, &last, err);
     if (result != STATUS_OK && job && signals_stop())

@@ -173,7 +173,7 @@ double figures_seconds_left(const struct job *job)
         each_s = limit_s;
     if (each_s < 0)
         return -1;
-    return left_s + each_s * (job_frame_count(job) - job->frames_done_count - open);
+    return left_s + each_s * (job_frames_wanted(job) - job->frames_done_count - open);
 }
 
 double figures_efficiency(const struct job *job)

@@ -94,7 +94,7 @@ static struct job_frame *frame_of(struct farm *farm, const struct farm_worker *w
             *outcome = MERGE_KEPT;
         return NULL;
     }
-    if (!job_state_is_open(job->state) || strcmp(job->kernel, worker->kernel) != 0)
+    if (!job_state_is_open(job->state) || job_frame_is_resting(job, result->frame) || strcmp(job->kernel, worker->kernel) != 0)
         return NULL;
     frame = farm_frame_find(job, result->frame);
     if (!frame)

@@ -122,9 +122,14 @@ status store_clock_load(struct store *store, uint64_t job, uint32_t frame, uint6
 /* The pictures of a frame that is done were made anew. [any thread] */
 status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
                              struct error *err) MUST_CHECK;
-/* Keep the changed settings of a job that is no longer DONE: its frames and their clocks are forgotten. On disk
- * when this returns. ERR_IO, ERR_NO_MEMORY: nothing changed. */
-status store_job_extend(struct store *store, const struct job *job, struct error *err) MUST_CHECK;
+/* Keep the changed settings of a job that is no longer DONE: the chosen frames and their clocks are forgotten.
+ * `submitted`: what it was submitted as just now, NULL: the same as before. On disk when this returns. ERR_IO,
+ * ERR_NO_MEMORY: nothing changed. */
+status store_job_extend(struct store *store, const struct job *job,
+                        const struct job_reopening *chosen, const struct job *submitted,
+                        struct error *err) MUST_CHECK;
+/* Count what the job's finished frames took, and their figures, again. */
+status store_job_sum(struct store *store, struct job *job, struct error *err) MUST_CHECK;
 /* Keep the job's changed output settings and their revision; on disk when this returns. */
 status store_job_revise(struct store *store, const struct job *job, struct error *err) MUST_CHECK;
 

@@ -1,5 +1,6 @@
 /* The rows of the database: jobs, and the frames of each that are done. */
 #include <inttypes.h>
+#include <string.h>
 
 #include "common/base/log.h"
 #include "coordinator/store_parts.h"
@@ -178,6 +179,20 @@ static status load_cuts(struct store *store, struct job *job, struct error *err)
     return s;
 }
 
+status store_job_sum(struct store *store, struct job *job, struct error *err)
+{
+    status s;
+
+    memset(&job->work, 0, sizeof job->work);
+    job_figures_release(&job->figures);
+    pthread_mutex_lock(&store->order); /* the connection may be exchanged */
+    s = load_frames(store, job, err);
+    if (s == STATUS_OK)
+        s = history_load_last(store, job, err);
+    pthread_mutex_unlock(&store->order);
+    return s;
+}
+
 static status load_job(struct store *store, sqlite3_stmt *row, struct job **out, struct error *err)
 {
     struct job *job = NULL;
@@ -251,7 +266,7 @@ status store_jobs_load(struct store *store,
 }
 
 /* Only rows of frames that are done count: this one is written first. */
-static status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum frame_end end,
+status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum frame_end end,
                          const struct film_coverage *cut, struct error *err)
 {
     sqlite3_stmt *statement = NULL;

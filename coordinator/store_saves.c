@@ -1,4 +1,5 @@
 /* Saving what changes while jobs run, at once or soon: a job's row, a new deliverer. */
+#include <stdio.h>
 #include <string.h>
 
 #include "common/base/log.h"
@@ -268,16 +269,54 @@ status store_deliverer_save_later(struct store *store, const struct deliverer *d
     return STATUS_OK;
 }
 
-static status extend_rows(struct store *store, const struct job *job, const struct buffer *request,
+/* Forget the frame, or all of them, in one of the tables. */
+static status forget_rows(struct store *store, const char *table, uint64_t job, int64_t frame,
                           struct error *err)
 {
-    static const char *const forget[] = {"DELETE FROM frames WHERE job=?",
-                                         "DELETE FROM cut_frames WHERE job=?",
-                                         "DELETE FROM clocks WHERE job=?"};
+    sqlite3_stmt *statement = NULL;
+    char text[80];
+    status s;
+
+    snprintf(text, sizeof text, "DELETE FROM %s WHERE job=?%s", table,
+             frame < 0 ? "" : " AND frame=?");
+    s = sql_prepare(store, text, &statement, err);
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job);
+    if (frame >= 0)
+        sqlite3_bind_int64(statement, 2, frame);
+    return sql_run(store, statement, "the job's frames cannot be stored", err);
+}
+
+static status forget_frames(struct store *store, const struct job *job,
+                            const struct job_reopening *chosen, struct error *err)
+{
+    static const char *const tables[] = {"frames", "cut_frames", "clocks"};
+    status s = STATUS_OK;
+
+    for (size_t i = 0; i < sizeof tables / sizeof *tables && s == STATUS_OK; i++) {
+        if (!chosen->chosen)
+            s = forget_rows(store, tables[i], job->id, -1, err);
+        for (uint64_t frame = job->first_frame;
+             chosen->chosen && frame <= job->last_frame && s == STATUS_OK; frame++)
+            if (job_reopening_has(chosen, job, (uint32_t)frame))
+                s = forget_rows(store, tables[i], job->id, (int64_t)frame, err);
+    }
+    for (uint64_t frame = job->first_frame; frame <= job->last_frame && s == STATUS_OK; frame++)
+        if (job_reopening_is_whole(chosen, job, (uint32_t)frame))
+            s = cut_insert(store, job->id, (uint32_t)frame, FRAME_END_CAP, &chosen->coverage, err);
+    return s;
+}
+
+static status extend_rows(struct store *store, const struct job *job,
+                          const struct job_reopening *chosen, const struct buffer *request,
+                          const struct buffer *submitted, struct error *err)
+{
     sqlite3_stmt *statement = NULL;
     status s = sql_prepare(store,
-                           "UPDATE jobs SET submitted=coalesce(submitted, request), request=?, "
-                           "state=?, state_text='', finished_at=0, epoch_floor=? WHERE id=?",
+                           "UPDATE jobs SET submitted=coalesce(?6, submitted, request), request=?1, "
+                           "state=?2, state_text='', finished_at=0, epoch_floor=?3, name=?4, "
+                           "token=?5, submitted_at=?8 WHERE id=?7",
                            &statement, err);
 
     if (s != STATUS_OK)
@@ -285,23 +324,26 @@ static status extend_rows(struct store *store, const struct job *job, const stru
     sqlite3_bind_blob(statement, 1, request->data, (int)request->size, SQLITE_TRANSIENT);
     sqlite3_bind_int(statement, 2, JOB_STATE_QUEUED);
     bind_number(statement, 3, job->epoch_floor);
-    bind_number(statement, 4, job->id);
+    bind_text(statement, 4, job->name);
+    if (job->token[0])
+        bind_text(statement, 5, job->token);
+    if (submitted->size > 0)
+        sqlite3_bind_blob(statement, 6, submitted->data, (int)submitted->size, SQLITE_TRANSIENT);
+    bind_number(statement, 7, job->id);
+    sqlite3_bind_int64(statement, 8, job->submitted_at);
     s = sql_run(store, statement, "the job's settings cannot be stored", err);
-    for (size_t i = 0; i < sizeof forget / sizeof *forget && s == STATUS_OK; i++) {
-        s = sql_prepare(store, forget[i], &statement, err);
-        if (s != STATUS_OK)
-            return s;
-        bind_number(statement, 1, job->id);
-        s = sql_run(store, statement, "the job's frames cannot be stored", err);
-    }
-    return s;
+    return s == STATUS_OK ? forget_frames(store, job, chosen, err) : s;
 }
 
-status store_job_extend(struct store *store, const struct job *job, struct error *err)
+status store_job_extend(struct store *store, const struct job *job,
+                        const struct job_reopening *chosen, const struct job *submitted,
+                        struct error *err)
 {
-    struct buffer request = BUFFER_INIT;
+    struct buffer request = BUFFER_INIT, as_sent = BUFFER_INIT;
     status s = wire_job_pack(job, &request, err);
 
+    if (s == STATUS_OK && submitted)
+        s = wire_job_pack(submitted, &as_sent, err);
     pthread_mutex_lock(&store->order);
     pthread_mutex_lock(&store->lock);
     saves_drop(store, job->id); /* its end */
@@ -309,13 +351,14 @@ status store_job_extend(struct store *store, const struct job *job, struct error
     if (s == STATUS_OK)
         s = sql_exec(store, "BEGIN IMMEDIATE", "cannot be written", err);
     if (s == STATUS_OK) {
-        s = extend_rows(store, job, &request, err);
+        s = extend_rows(store, job, chosen, &request, &as_sent, err);
         if (s == STATUS_OK)
             s = sql_exec(store, "COMMIT", "the job's settings cannot be stored", err);
         if (s != STATUS_OK)
             (void)sqlite3_exec(store->db, "ROLLBACK", NULL, NULL, NULL);
     }
     pthread_mutex_unlock(&store->order);
+    buffer_release(&as_sent);
     buffer_release(&request);
     return s;
 }

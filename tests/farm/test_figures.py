@@ -150,13 +150,16 @@ def an_estimate_says_what_accuracy_costs():
     scene = os.path.join(FEATURES, "metal.gltf")
     with Farm() as farm:
         made = farm.cli("estimate", scene, "--size", "48x40", "--pilot-spp", "32", "--spp", "256", "--frames",
-                        "1-3", "--price", "3600/core-hour", "--by", "12:00", "--json", connect=False,
+                        "1-6", "--price", "3600/core-hour", "--by", "12:00", "--json", connect=False,
                         expect=0).json()
-        expect(made["pilot"]["settings"]["spp"] == 32 and made["frames"] == 3, made["pilot"])
-        last = made["history"][-1]
-        expect(last["display"] == made["pilot"]["error"]["display"], last)
-        # Eight times the samples, three frames; a core-second costs 1.
-        expect(math.isclose(made["cap"]["core_seconds"], 3 * 8 * last["core_seconds"], rel_tol=1e-9), made)
+        expect(made["pilot"]["settings"]["spp"] == 32 and made["frames"] == 6, made["pilot"])
+        lasts = [pilot["history"][-1] for pilot in made["pilots"]]
+        expect([pilot["frame"] for pilot in made["pilots"]] == [1, 3, 6], made["pilots"])
+        last = max(lasts, key=lambda point: point["display"])
+        # Eight times the samples, six frames of which three were rendered; a core-second costs 1.
+        expect(math.isclose(made["cap"]["core_seconds"], 6 / 3 * 8 * sum(p["core_seconds"] for p in lasts),
+                            rel_tol=1e-9), made)
+        expect(made["job"] is None and made["command"] is None, "a job of a farm that is gone")
         expect(made["cap"]["price"] == made["cap"]["core_seconds"], made["cap"])
         expect(made["cap"]["display"] < last["display"] and 0.2 < made["exponent"] < 0.8, made)
         costs = [row["core_seconds"] for row in made["curve"]]

@@ -79,4 +79,107 @@ def only_the_same_release_extends():
         expect("azulejo 0.0.9" in refused.err and "do not mix" in refused.err, refused.err)
 
 
+@tests.add
+def some_frames_go_on():
+    """extend --frames: only those get more samples, with the bits of --spp at once; the counts stay right"""
+    with Farm() as farm:
+        farm_of(farm)
+        options = [MOTION, "--name", "walk", "--size", "33x20", "--frames", "2-5"]
+        few = farm.submit(*options, "--spp", "8")
+        many = farm.submit(*options, "--spp", "24")
+        for number in (few, many):
+            farm.wait_for_job(number)
+        before, at_once = pictures(farm, few, "few"), pictures(farm, many, "many")
+        farm.cli("extend", few, "--spp", "24", "--frames", "3,5", expect=0)
+        farm.wait_for_job(few)
+        after = pictures(farm, few, "after")
+        expect(len(after) == 4, after.keys())
+        for frame in after:
+            wanted = at_once if frame[-1] in "35" else before
+            expect(after[frame] == wanted[frame], "frame %s: other bits or attributes" % frame)
+
+        def counts():
+            job = farm.job(few)
+            expect(job["samples_done"] == 33 * 20 * 2 * (8 + 24), job["samples_done"])
+            expect(job["stats"]["samples"] == job["samples_done"], job["stats"])
+            expect([c["frame"] for c in job["cut_frames"]] == [2, 4], job["cut_frames"])
+            expect(job["frames_done"] == 4, job)
+        counts()
+        farm.coordinator.kill()
+        farm.restart_coordinator()
+        counts()
+        # Then the rest, and all of them.
+        farm.cli("extend", few, "--spp", "24", "--frames", "2-4", expect=0)
+        farm.wait_for_job(few)
+        expect(pictures(farm, few, "rest") == at_once, "the rest")
+        for frames, words in (("1", "has frames 2 to 5"), ("3-x", "--frames"), ("5-3", "--frames")):
+            wrong = farm.cli("extend", few, "--spp", "32", "--frames", frames)
+            expect(wrong.code and words in wrong.err, wrong)
+        expect("larger --spp" in farm.cli("extend", few, "--spp", "24", "--frames", "3", expect=5).err, "no more")
+
+
+@tests.add
+def an_estimate_is_gone_on_from():
+    """estimate on a farm, then submit: bits and attributes of a job that was never estimated, for uniform and
+    adaptive jobs, for one that needs fewer samples than the estimate took, and over a restart"""
+    with Farm() as farm:
+        farm_of(farm)
+        cases = [([AREA, *SIZE, "--spp", "40"], "1", 1), ([AREA, *SIZE, "--target-error", "16/255"], "1", 1),
+                 ([AREA, *SIZE, "--target-error", "120/255"], "1", 1), ([AREA, *SIZE, "--spp", "16"], "1", 1),
+                 ([MOTION, "--size", "33x20", "--frames", "2-6", "--spp", "24", "--temporal", "2"], "2, 4 and 6", 3)]
+        for options, frames, rendered in cases:
+            fresh = farm.submit(*options)
+            farm.wait_for_job(fresh)
+            told = farm.cli("estimate", *options, "-q", expect=0)
+            line = told.out.strip().splitlines()[-1]
+            expect("azulejo submit " in line and "--quiet" not in line and " -q" not in line, told.out)
+            number = max(j["job"] for j in farm.cli("list", "--json", expect=0).json()["jobs"])
+            expect(number != fresh, "no job")
+            job = farm.job(number)
+            expect(job["state"] == "done" and job["estimate"] and job["frames_done"] == rendered, job)
+            expect(rendered == 1 or "frames " + frames in told.out, told.out)
+            spent = job["stats"]["samples"]
+            if rendered == 3:
+                farm.coordinator.kill()
+                farm.restart_coordinator()
+                farm.wait_for_workers(1)
+            sent = farm.cli("submit", *options, "--json", expect=0)
+            expect(sent.json()["job"] == number and sent.json()["estimate_spp"] == 16, sent)
+            done = farm.wait_for_job(number)
+            expect(not done["estimate"] and done["stats"]["samples"] != spent or "16" in options, done)
+            a, b = pictures(farm, fresh, "fresh"), pictures(farm, number, "went-on")
+            expect(a == b, "%s: not as if it were never estimated: %s" % (
+                options, [(n, k) for n in a for k in a[n][1] if a[n][1][k] != b[n][1].get(k)]))
+            again = farm.cli("submit", *options, "--json", expect=0).json()
+            expect(again["job"] != number and again["estimate_spp"] == 0, "an estimate serves once")
+            farm.cli("cancel", "--discard", again["job"], expect=0)
+
+
+@tests.add
+def another_job_does_not_go_on_from_an_estimate():
+    """submit with another seed, size, range, --token or fewer samples than an estimate has: a new job"""
+    with Farm() as farm:
+        farm_of(farm)
+        options = [AREA, *SIZE, "--spp", "64"]
+        made = farm.cli("estimate", *options, "--json", "-q", expect=0).json()
+        number = made["job"]
+        expect(made["cores"] == sum(w["threads"] for w in farm.list_workers()), made["cores"])
+        expect(farm.job(number)["name"] == "cornell-area", "name")
+        for other in (["--seed", "2"], ["--size", "49x34"], ["--spp", "8"], ["--frames", "1-2"], ["--max-depth", "3"],
+                      ["--aov", "depth"]):
+            expect(farm.submit(*options, *other) != number, other)
+        edit_store(farm, "UPDATE jobs SET release='0.0.9' WHERE id=%d" % number)
+        expect(farm.submit(*options) != number, "another release")
+        edit_store(farm, "UPDATE jobs SET release=(SELECT release FROM jobs WHERE id>%d AND release<>'' LIMIT 1) "
+                   "WHERE id=%d" % (number, number))
+        kept = os.path.join(farm.store, "films", str(number), "frame-0001.kept")
+        os.rename(kept, kept + ".away")
+        expect(farm.submit(*options) != number, "without its film")
+        os.rename(kept + ".away", kept)
+        first = farm.submit(*options, "--token", "mine", "--priority", "3", "--name", "mine")
+        expect(first == number and farm.submit(*options, "--token", "mine", "--name", "mine") == first, "token")
+        job = farm.job(number)
+        expect((job["name"], job["priority"]) == ("mine", 3), job)
+
+
 tests.run()
