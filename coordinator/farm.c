@@ -432,7 +432,7 @@ static status frame_load(struct farm *farm, struct job *job, uint32_t number,
     if (s == STATUS_OK)
         s = freeze_open(frame, err);
     if (s == STATUS_OK && farm->store)
-        s = store_clock_load(farm->store, job->id, number, &frame->active_ns, &frame->cpu_ns, err);
+        s = store_clock_load(farm->store, job->id, number, &frame->clock, err);
     if (s == STATUS_OK)
         s = job_frame_begin(frame, err);
     if (s != STATUS_OK) {

@@ -20,6 +20,13 @@ struct history_point {
     struct accuracy_figures figures; /* of these samples */
 };
 
+/* How long a frame has been rendered, over all runs: the one clock that its limits and its history go by. */
+struct frame_clock {
+    uint64_t active_ns;          /* since the first lease */
+    uint64_t cpu_ns;             /* of results */
+    uint64_t from_active_ns, from_cpu_ns; /* when it was extended last: limits count from there */
+};
+
 struct history {
     uint32_t count;
     struct history_point points[HISTORY_MAX]; /* ascending samples */

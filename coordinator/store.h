@@ -117,12 +117,13 @@ status store_history_add(struct store *store, uint64_t job, uint32_t frame, uint
 status store_history_load(struct store *store, uint64_t job, uint32_t frame, struct history *out,
                           struct error *err) MUST_CHECK;
 /* What the frame's limits count, as it was saved with its job last; 0: nothing is. */
-status store_clock_load(struct store *store, uint64_t job, uint32_t frame, uint64_t *active_ns,
-                        uint64_t *cpu_ns, struct error *err) MUST_CHECK;
+status store_clock_load(struct store *store, uint64_t job, uint32_t frame,
+                        struct frame_clock *out, struct error *err) MUST_CHECK;
 /* The pictures of a frame that is done were made anew. [any thread] */
 status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
                              struct error *err) MUST_CHECK;
-/* Keep the changed settings of a job that is no longer DONE: the chosen frames and their clocks are forgotten.
+/* Keep the changed settings of a job that is no longer DONE: the chosen frames are forgotten, and their
+ * limits count from now on.
  * `submitted`: what it was submitted as just now, NULL: the same as before. On disk when this returns. ERR_IO,
  * ERR_NO_MEMORY: nothing changed. */
 status store_job_extend(struct store *store, const struct job *job,

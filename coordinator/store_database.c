@@ -44,7 +44,7 @@ static const char schema_3[] =
 
 /* Version 4: the release that a job was begun with; its JobSubmit as it came, where an extension changed it; each frame's work, which jobs had the sums of (they go to the first frame that is done; the columns of
  * jobs are no longer used); what ended a frame (what was cut short before was cancelled:
- * FRAME_END_CANCEL); how long frames in work have been rendered, for their limits; how wrong each frame was
+ * FRAME_END_CANCEL); how long frames have been rendered, and from when on their limits count; how wrong each frame was
  * after what was spent on it. relative_mse above is no longer used. */
 static const char schema_4[] =
     "ALTER TABLE jobs ADD COLUMN release TEXT NOT NULL DEFAULT '';"
@@ -65,6 +65,7 @@ static const char schema_4[] =
     "ALTER TABLE cut_frames ADD COLUMN group_most INTEGER NOT NULL DEFAULT 0;"
     "CREATE TABLE clocks (job INTEGER NOT NULL REFERENCES jobs(id), frame INTEGER NOT NULL,"
     " active_ns INTEGER NOT NULL, cpu_ns INTEGER NOT NULL,"
+    " from_active_ns INTEGER NOT NULL DEFAULT 0, from_cpu_ns INTEGER NOT NULL DEFAULT 0,"
     " PRIMARY KEY (job, frame)) WITHOUT ROWID;"
     "CREATE TABLE history (job INTEGER NOT NULL REFERENCES jobs(id), frame INTEGER NOT NULL,"
     " place INTEGER NOT NULL, core_s REAL NOT NULL, wall_s REAL NOT NULL, samples INTEGER NOT NULL,"

@@ -355,26 +355,50 @@ status store_job_revise(struct store *store, const struct job *job, struct error
     return s;
 }
 
-status store_clock_load(struct store *store, uint64_t job, uint32_t frame, uint64_t *active_ns,
-                        uint64_t *cpu_ns, struct error *err)
+status store_clock_load(struct store *store, uint64_t job, uint32_t frame,
+                        struct frame_clock *out, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
     int code;
-    status s = sql_prepare(store, "SELECT active_ns, cpu_ns FROM clocks WHERE job=? AND frame=?",
+    status s = sql_prepare(store,
+                           "SELECT active_ns, cpu_ns, from_active_ns, from_cpu_ns FROM clocks "
+                           "WHERE job=? AND frame=?",
                            &statement, err);
 
-    *active_ns = *cpu_ns = 0;
+    memset(out, 0, sizeof *out);
     if (s != STATUS_OK)
         return s;
     bind_number(statement, 1, job);
     bind_number(statement, 2, frame);
     code = sqlite3_step(statement);
     if (code == SQLITE_ROW) {
-        *active_ns = column_number(statement, 0);
-        *cpu_ns = column_number(statement, 1);
+        out->active_ns = column_number(statement, 0);
+        out->cpu_ns = column_number(statement, 1);
+        out->from_active_ns = column_number(statement, 2);
+        out->from_cpu_ns = column_number(statement, 3);
     } else if (code != SQLITE_DONE) {
         s = sql_error(store, "a frame's time cannot be read", err);
     }
     sqlite3_finalize(statement);
     return s;
+}
+
+status clock_write(struct store *store, uint64_t job, uint32_t frame, uint64_t active_ns,
+                   uint64_t cpu_ns, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    status s = sql_prepare(store,
+                           "INSERT INTO clocks (job, frame, active_ns, cpu_ns) VALUES (?, ?, ?, ?) "
+                           "ON CONFLICT (job, frame) DO UPDATE SET "
+                           "active_ns=max(active_ns, excluded.active_ns), "
+                           "cpu_ns=max(cpu_ns, excluded.cpu_ns)",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job);
+    sqlite3_bind_int64(statement, 2, frame);
+    bind_number(statement, 3, active_ns);
+    bind_number(statement, 4, cpu_ns);
+    return sql_run_reserved(store, statement, "a frame's time cannot be stored", err);
 }

@@ -56,18 +56,9 @@ static status clocks_write(struct store *store, const struct saved_job *row, str
 {
     status s = STATUS_OK;
 
-    for (uint32_t i = 0; i < row->clock_count && s == STATUS_OK; i++) {
-        sqlite3_stmt *statement = NULL;
-        s = sql_prepare(store, "INSERT OR REPLACE INTO clocks (job, frame, active_ns, cpu_ns) "
-                        "VALUES (?, ?, ?, ?)", &statement, err);
-        if (s != STATUS_OK)
-            return s;
-        bind_number(statement, 1, row->id);
-        bind_number(statement, 2, row->clocks[i].frame);
-        bind_number(statement, 3, row->clocks[i].active_ns);
-        bind_number(statement, 4, row->clocks[i].cpu_ns);
-        s = sql_run_reserved(store, statement, "a frame's time cannot be stored", err);
-    }
+    for (uint32_t i = 0; i < row->clock_count && s == STATUS_OK; i++)
+        s = clock_write(store, row->id, row->clocks[i].frame, row->clocks[i].active_ns,
+                        row->clocks[i].cpu_ns, err);
     return s;
 }
 
@@ -269,15 +260,15 @@ status store_deliverer_save_later(struct store *store, const struct deliverer *d
     return STATUS_OK;
 }
 
-/* Forget the frame, or all of them, in one of the tables. */
-static status forget_rows(struct store *store, const char *table, uint64_t job, int64_t frame,
+/* Of the frame's row, or with -1 of all of the job's. */
+static status change_rows(struct store *store, const char *change, uint64_t job, int64_t frame,
                           struct error *err)
 {
     sqlite3_stmt *statement = NULL;
-    char text[80];
+    char text[128];
     status s;
 
-    snprintf(text, sizeof text, "DELETE FROM %s WHERE job=?%s", table,
+    snprintf(text, sizeof text, "%s WHERE job=?%s", change,
              frame < 0 ? "" : " AND frame=?");
     s = sql_prepare(store, text, &statement, err);
     if (s != STATUS_OK)
@@ -291,16 +282,18 @@ static status forget_rows(struct store *store, const char *table, uint64_t job, 
 static status forget_frames(struct store *store, const struct job *job,
                             const struct job_reopening *chosen, struct error *err)
 {
-    static const char *const tables[] = {"frames", "cut_frames", "clocks"};
+    static const char *const changes[] = {
+        "DELETE FROM frames", "DELETE FROM cut_frames",
+        "UPDATE clocks SET from_active_ns=active_ns, from_cpu_ns=cpu_ns"};
     status s = STATUS_OK;
 
-    for (size_t i = 0; i < sizeof tables / sizeof *tables && s == STATUS_OK; i++) {
+    for (size_t i = 0; i < sizeof changes / sizeof *changes && s == STATUS_OK; i++) {
         if (!chosen->chosen)
-            s = forget_rows(store, tables[i], job->id, -1, err);
+            s = change_rows(store, changes[i], job->id, -1, err);
         for (uint64_t frame = job->first_frame;
              chosen->chosen && frame <= job->last_frame && s == STATUS_OK; frame++)
             if (job_reopening_has(chosen, job, (uint32_t)frame))
-                s = forget_rows(store, tables[i], job->id, (int64_t)frame, err);
+                s = change_rows(store, changes[i], job->id, (int64_t)frame, err);
     }
     for (uint64_t frame = job->first_frame; frame <= job->last_frame && s == STATUS_OK; frame++)
         if (job_reopening_is_whole(chosen, job, (uint32_t)frame))

@@ -5,7 +5,7 @@ import sys
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
 from exr import read_exr
-from farm import Farm, Tests
+from farm import Farm, Tests, wait_for
 from jobs import AREA, expect
 
 tests = Tests()
@@ -180,6 +180,42 @@ def another_job_does_not_go_on_from_an_estimate():
         expect(first == number and farm.submit(*options, "--token", "mine", "--name", "mine") == first, "token")
         job = farm.job(number)
         expect((job["name"], job["priority"]) == ("mine", 3), job)
+
+
+@tests.add
+def limits_and_history_count_by_one_clock():
+    """extend --core-limit counts anew, and what is left says so; the history goes on; both over a restart"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker(threads=1)
+        farm.wait_for_workers(1)
+        number = farm.submit(AREA, "--size", "160x120", "--core-limit", "2s")
+        farm.wait_for_job(number)
+        first = farm.job(number)["error"]["core_seconds"]
+        expect(2 <= first < 4, first)
+        farm.cli("extend", number, "--core-limit", "4s", expect=0)
+
+        def going():
+            job = farm.job(number)
+            expect(job["state"] != "done", "it ended at once")
+            known = job["state"] == "running" and job["error"] and job["seconds_left"] is not None
+            return job if known and job["error"]["core_seconds"] > first else None
+        job = wait_for(going, "figures of the extension")
+        expect(job["seconds_left"] > 0.3, (job["seconds_left"], job["error"]["core_seconds"]))
+        spent = job["error"]["core_seconds"]
+        farm.coordinator.kill()
+        farm.restart_coordinator()
+        farm.wait_for_job(number)
+        after = farm.cli("show", number, "--json", expect=0).json()
+        expect(first + 4 - 2.5 <= after["error"]["core_seconds"] < first + 4 + 2, after["error"])
+        points = [p["core_seconds"] for p in after["history"]]
+        expect(points == sorted(points) and any(spent <= p for p in points), points)
+        # The clock that limits count by is the history's.
+        farm.coordinator.stop()
+        store = sqlite3.connect(os.path.join(farm.store, "queue.sqlite"))
+        clock = store.execute("SELECT cpu_ns FROM clocks WHERE job=%d" % number).fetchone()[0]
+        store.close()
+        expect(abs(clock / 1e9 - points[-1]) < 1e-6, (clock, points[-1]))
 
 
 tests.run()
