@@ -52,7 +52,7 @@ void job_figures_release(struct job_figures *job);
 /* The largest display error, and its frame's index; NaN: none is known. */
 double job_figures_worst(const struct job_figures *job, uint32_t count, uint32_t *index);
 /* The largest error of the difference between a frame and the next (flicker), and the first one's
- * index. Their samples are independent, so the squares of their errors add. */
+ * index. Their samples are independent, so the squares of their errors add (docs/ACCURACY.md, Flicker). */
 double job_figures_flicker(const struct job_figures *job, uint32_t count, uint32_t *index);
 /* Root mean square of the frames' display errors; NaN: none is known. */
 double job_figures_mean(const struct job_figures *job, uint32_t count);

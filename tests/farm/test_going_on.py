@@ -189,11 +189,11 @@ def limits_and_history_count_by_one_clock():
         farm.start_coordinator()
         farm.start_worker(threads=1)
         farm.wait_for_workers(1)
-        number = farm.submit(AREA, "--size", "160x120", "--core-limit", "2s")
+        number = farm.submit(AREA, "--size", "160x120", "--core-limit", "3s")
         farm.wait_for_job(number)
         first = farm.job(number)["error"]["core_seconds"]
-        expect(2 <= first < 4, first)
-        farm.cli("extend", number, "--core-limit", "4s", expect=0)
+        expect(3 <= first < 5, first)
+        farm.cli("extend", number, "--core-limit", "3s", expect=0)
 
         def going():
             job = farm.job(number)
@@ -207,7 +207,7 @@ def limits_and_history_count_by_one_clock():
         farm.restart_coordinator()
         farm.wait_for_job(number)
         after = farm.cli("show", number, "--json", expect=0).json()
-        expect(first + 4 - 2.5 <= after["error"]["core_seconds"] < first + 4 + 2, after["error"])
+        expect(first + 3 - 2.5 <= after["error"]["core_seconds"] < first + 3 + 2, after["error"])
         points = [p["core_seconds"] for p in after["history"]]
         expect(points == sorted(points) and any(spent <= p for p in points), points)
         # The clock that limits count by is the history's.
