@@ -1,4 +1,4 @@
-/* azulejo estimate: what a picture's accuracy will cost, from its own first passes. */
+/* azulejo estimate: what a job's accuracy will cost, from its own first passes. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -6,42 +6,38 @@
 #include <string.h>
 #include <time.h>
 
+#include "client/cancel.h"
 #include "client/command.h"
+#include "client/estimate.h"
 #include "client/figures_view.h"
 #include "client/job_info.h"
 #include "client/local.h"
 #include "client/signals.h"
 #include "client/submission.h"
-#include "client/table.h"
+#include "client/trial.h"
 #include "client/watch.h"
-#include "common/accuracy/target.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
 
-enum { PILOT_SPP = 16, POINTS_MAX = 64 };
+enum { PILOT_SPP = 16 };
 
-/* Errors of the table, in display codes. */
-static const double table_errors[] = {20, 10, 5, 3, 2, 1, 0.5};
-
-struct estimate {
-    const char *scene_path, *by, *price_text;
+struct pilot {
+    const char *scene_path, *by, *price_text, *name;
     struct job_options options;
     struct local_options local;
+    struct connection_options where;
+    int on_farm;
     int64_t pilot_spp;
     int json, quiet;
-    double price;                        /* of a core-hour; negative: none was given */
-    double seconds_to_deadline;          /* negative: none was given */
-    int has_target;
-    struct allocation_target target;
-    uint32_t spp, frames;                /* of the job that is estimated */
     struct job_request request;
     struct import_result scene;
-    char *name;
+    char *default_name;
     struct local_farm *farm;
     struct connection *connection;
     uint64_t job;
-    Azulejo__Wire__Envelope *last, *history;
-    struct accuracy_curve curve, target_curve;
+    Azulejo__Wire__Envelope *last;
+    struct buffer command;               /* that goes on from it */
+    struct estimate told;
 };
 
 /* ---- options --------------------------------------------------------------------------------- */
@@ -88,254 +84,234 @@ static status parse_deadline(const char *text, double *out, struct error *err)
     return STATUS_OK;
 }
 
-/* The pilot is the job's own first passes, of its first frame, at its full size. */
-static status prepare(struct estimate *e, struct error *err)
+/* The first, the middle and the last. */
+static size_t choose_frames(uint32_t first, uint32_t last, uint32_t out[ESTIMATE_FRAMES_MAX])
 {
-    status result = parse_price(e->price_text, &e->price, err);
+    uint32_t middle = first + (last - first) / 2;
+    size_t count = 0;
+
+    out[count++] = first;
+    if (middle != first)
+        out[count++] = middle;
+    if (last != middle)
+        out[count++] = last;
+    return count;
+}
+
+/* The pilot is the job's own first passes, of a few of its frames, at its full size. */
+static status prepare(struct pilot *p, struct error *err)
+{
+    struct job_request *request = &p->request;
+    struct estimate *told = &p->told;
+    status result = parse_price(p->price_text, &told->price, err);
 
     if (result == STATUS_OK)
-        result = parse_deadline(e->by, &e->seconds_to_deadline, err);
+        result = parse_deadline(p->by, &told->seconds_to_deadline, err);
     if (result == STATUS_OK)
-        result = job_options_check(&e->options, &e->request, err);
+        result = job_options_check(&p->options, request, err);
     if (result != STATUS_OK)
         return result;
-    e->name = submission_name(e->scene_path);
-    if (!e->name)
+    p->default_name = submission_name(p->scene_path);
+    if (!p->default_name)
         return error_no_memory(err, "a name");
-    result = submission_prepare(e->scene_path, &e->options, e->quiet, &e->request, &e->scene, err);
+    result = submission_prepare(p->scene_path, &p->options, p->quiet, request, &p->scene, err);
     if (result != STATUS_OK)
         return result;
-    e->has_target = e->request.stop.has_target;
-    e->target = e->request.stop.target;
-    e->spp = e->request.settings.spp;
-    e->frames = e->request.last_frame - e->request.first_frame + 1;
-    memset(&e->request.stop, 0, sizeof e->request.stop);
-    e->request.last_frame = e->request.first_frame;
-    if (e->request.settings.spp > e->pilot_spp)
-        e->request.settings.spp = (uint32_t)e->pilot_spp;
+    told->has_target = request->stop.has_target;
+    told->target = request->stop.target;
+    told->spp = request->settings.spp;
+    told->frame_count = request->last_frame - request->first_frame + 1;
+    memset(&request->stop, 0, sizeof request->stop);
+    if (request->settings.spp > p->pilot_spp)
+        request->settings.spp = (uint32_t)p->pilot_spp;
+    told->pilot_spp = request->settings.spp;
+    request->output.tonemap.temporal = 1; /* most of the frames that it averages are not rendered */
+    request->estimate = 1;
     return signals_catch(err);
 }
 
 /* ---- the pilot ------------------------------------------------------------------------------- */
 
-static void fit(const struct estimate *e, enum allocation_measure measure, struct accuracy_curve *out)
+/* Nobody waits for it any more. What this cannot do is of no use to the user. */
+static void give_up(struct pilot *p)
 {
-    const Azulejo__Wire__History *h = e->history->history;
-    struct accuracy_point points[POINTS_MAX];
-    size_t count = 0;
+    Azulejo__Wire__Envelope *answer = NULL;
+    struct error ignored = {0};
 
-    for (size_t i = 0; i < h->n_points && count < POINTS_MAX; i++) {
-        const Azulejo__Wire__HistoryPoint *p = h->points[i];
-        struct accuracy_figures f = {.known = p->figures != NULL};
-        if (p->figures)
-            f = (struct accuracy_figures){
-                .known = 1, .display_error = p->figures->display,
-                .display_lo = p->figures->display_low, .display_hi = p->figures->display_high,
-                .psnr_db = p->figures->psnr_db, .psnr_lo = p->figures->psnr_low,
-                .psnr_hi = p->figures->psnr_high, .rmse_percent = p->figures->rmse_percent,
-                .rmse_lo = p->figures->rmse_low, .rmse_hi = p->figures->rmse_high};
-        points[count++] = target_point(&f, p->core_seconds, measure);
-    }
-    accuracy_curve_fit(out, points, count);
+    connection_set_watch(p->connection, NULL, NULL);
+    if (cancel_job(p->connection, p->job, 1, &answer, &ignored) == STATUS_OK)
+        message_free(answer);
 }
 
-static status run_pilot(struct estimate *e, struct error *err)
+static status render_pilot(struct pilot *p, struct error *err)
 {
-    const Azulejo__Wire__JobInfo *info;
-    status result = connection_open(&e->connection, local_farm_address(e->farm), err);
-
-    if (result != STATUS_OK)
-        return result;
-    connection_set_watch(e->connection, local_farm_check, e->farm);
-    result = submission_send(e->connection, &e->scene, &e->request, e->name, OUTPUT_FORMAT_EXR,
-                             e->quiet, &e->job, err);
-    if (result == STATUS_OK)
-        result = watch_job(e->connection, e->job, e->quiet, 0, &e->last, err);
-    if (result != STATUS_OK)
-        return result;
-    info = job_list_find(e->last->job_list, e->job);
-    result = job_info_verdict(info, err);
-    if (result == STATUS_OK)
-        result = history_query(e->connection, e->job, e->request.first_frame, &e->history, err);
-    if (result == STATUS_OK && (!info->now || !info->now->figures))
-        result = error_set(err, STATUS_ERR_INPUT,
-                           "--pilot-spp %u: too few samples tell nothing of the error: at least 4",
-                           e->request.settings.spp);
-    return result;
-}
-
-/* ---- what it says ---------------------------------------------------------------------------- */
-
-struct row {
-    double error;                        /* display codes; NaN: of another measure */
-    struct accuracy_estimate core_s;     /* of all frames */
-};
-
-static double cores_here(const struct estimate *e)
-{
-    const Azulejo__Wire__HistoryPoint *now = job_list_find(e->last->job_list, e->job)->now;
-
-    return now->wall_seconds > 0 ? now->core_seconds / now->wall_seconds : 0;
-}
-
-static struct accuracy_estimate of_all_frames(const struct estimate *e, struct accuracy_estimate one)
-{
-    return (struct accuracy_estimate){one.value * e->frames, one.lo * e->frames, one.hi * e->frames};
-}
-
-/* Core-seconds of the cap: proportional to the samples. */
-static struct accuracy_estimate cap_cost(const struct estimate *e)
-{
-    const Azulejo__Wire__HistoryPoint *now = job_list_find(e->last->job_list, e->job)->now;
-    double one = now->core_seconds * e->spp / e->request.settings.spp;
-
-    return (struct accuracy_estimate){one, one, one};
-}
-
-static json_t *row_json(const struct estimate *e, const struct row *row)
-{
-    json_t *out = json_object();
-
-    json_object_set_new(out, "display", json_number(row->error));
-    json_object_set_new(out, "core_seconds", json_number(row->core_s.value));
-    json_object_set_new(out, "core_seconds_low", json_number(row->core_s.lo));
-    json_object_set_new(out, "core_seconds_high", json_number(row->core_s.hi));
-    json_object_set_new(out, "price", e->price >= 0
-                                          ? json_number(row->core_s.value / 3600 * e->price)
-                                          : json_null());
-    json_object_set_new(out, "cores_needed", e->seconds_to_deadline > 0
-                                                 ? json_number(row->core_s.value / e->seconds_to_deadline)
-                                                 : json_null());
-    return out;
-}
-
-static void print_row(const struct estimate *e, struct table *table, const char *label,
-                      const struct row *row)
-{
-    char text[FORMAT_SIZE];
-    double cores = cores_here(e);
-
-    table_add(table, "%s", label);
-    table_add(table, "%s", figures_time_text(text, row->core_s.value));
-    table_add(table, "%s", figures_time_text(text, row->core_s.lo));
-    table_add(table, "%s", figures_time_text(text, row->core_s.hi));
-    table_add(table, "%s", figures_time_text(text, cores > 0 ? row->core_s.value / cores : NAN));
-    if (e->price >= 0)
-        table_add(table, "%.*f", row->core_s.value / 3600 * e->price < 1 ? 4 : 2,
-                  row->core_s.value / 3600 * e->price);
-    else
-        table_add(table, "-");
-    if (e->seconds_to_deadline > 0)
-        table_add(table, "%.0f", ceil(row->core_s.value / e->seconds_to_deadline));
-    else
-        table_add(table, "-");
-}
-
-static size_t make_rows(const struct estimate *e, struct row *rows)
-{
-    size_t count = 0;
-
-    for (size_t i = 0; i < sizeof table_errors / sizeof *table_errors; i++)
-        rows[count++] = (struct row){
-            table_errors[i], of_all_frames(e, accuracy_curve_cost(&e->curve, table_errors[i]))};
-    return count;
-}
-
-static struct row target_row(const struct estimate *e)
-{
-    return (struct row){e->target.measure == ALLOCATION_DISPLAY ? e->target.value : NAN,
-                        of_all_frames(e, accuracy_curve_cost(&e->target_curve,
-                                                             target_error(&e->target)))};
-}
-
-static struct row cap_row(const struct estimate *e)
-{
-    struct accuracy_estimate one = cap_cost(e);
-
-    return (struct row){accuracy_curve_error(&e->curve, one.value).value, of_all_frames(e, one)};
-}
-
-static status print_json(const struct estimate *e, struct error *err)
-{
-    const Azulejo__Wire__JobInfo *info = job_list_find(e->last->job_list, e->job);
-    struct row rows[8], target = target_row(e), cap = cap_row(e);
-    size_t count = make_rows(e, rows);
-    json_t *out = json_object(), *curve = json_array();
-
-    for (size_t i = 0; i < count; i++)
-        json_array_append_new(curve, row_json(e, &rows[i]));
-    json_object_set_new(out, "pilot", job_info_json(info));
-    json_object_set_new(out, "history", history_json(e->history->history));
-    json_object_set_new(out, "frames", json_integer(e->frames));
-    json_object_set_new(out, "exponent", json_number(accuracy_curve_exponent(&e->curve).value));
-    json_object_set_new(out, "cores", json_number(cores_here(e)));
-    json_object_set_new(out, "curve", curve);
-    json_object_set_new(out, "target", e->has_target ? row_json(e, &target) : json_null());
-    json_object_set_new(out, "cap", e->has_target ? json_null() : row_json(e, &cap));
-    return json_print(out, err);
-}
-
-static status print_text(const struct estimate *e, struct error *err)
-{
-    static const char *const titles[] = {">ERROR",     ">CORE TIME", ">LEAST", ">MOST",
-                                         ">TIME HERE", ">PRICE",     ">CORES BY THEN"};
-    const Azulejo__Wire__JobInfo *info = job_list_find(e->last->job_list, e->job);
-    struct accuracy_estimate b = accuracy_curve_exponent(&e->curve);
-    struct buffer line = BUFFER_INIT;
-    struct row rows[8], last = e->has_target ? target_row(e) : cap_row(e);
-    size_t count = make_rows(e, rows);
-    char text[FORMAT_SIZE], label[STOP_TEXT_SIZE + 32], target[STOP_TEXT_SIZE];
-    struct table table;
+    uint32_t frames[ESTIMATE_FRAMES_MAX];
+    struct estimate *told = &p->told;
+    struct job_accepted accepted = {0};
     status result;
 
-    buffer_printf(&line, "%u samples a pixel, %s of core time: ", e->request.settings.spp,
-                  figures_time_text(text, info->now->core_seconds));
-    figures_describe(&line, info->now->figures);
-    printf("  %-10s  %s\n", "pilot", buffer_text(&line));
-    buffer_clear(&line);
-    figures_describe_word(&line, info->now->figures, info->error_effects);
-    printf("  %-10s  %s\n", "", buffer_text(&line));
-    buffer_release(&line);
-    printf("  %-10s  error falls as core time to the power -%.2f (%.2f to %.2f); %u frame%s\n", "curve",
-           b.value, b.lo, b.hi, e->frames, e->frames == 1 ? "" : "s");
-    table_init(&table, titles, sizeof titles / sizeof titles[0]);
-    for (size_t i = 0; i < count; i++)
-        print_row(e, &table, figures_display_text(text, rows[i].error), &rows[i]);
-    if (e->has_target)
-        snprintf(label, sizeof label, "target %s", stop_target_text(target, &e->target));
-    else
-        snprintf(label, sizeof label, "%u spp: %s", e->spp, figures_display_text(text, last.error));
-    print_row(e, &table, label, &last);
-    result = table_print(&table, err);
-    table_release(&table);
+    told->count = choose_frames(p->request.first_frame, p->request.last_frame, frames);
+    if (told->count < told->frame_count) {
+        p->request.frames = frames;
+        p->request.frame_count = told->count;
+    }
+    result = submission_send(p->connection, &p->scene, &p->request,
+                             p->name ? p->name : p->default_name, OUTPUT_FORMAT_EXR, p->quiet,
+                             &accepted, err);
+    p->job = accepted.job;
+    if (result == STATUS_OK)
+        result = watch_job(p->connection, p->job, p->quiet, 0, &p->last, err);
+    if (result != STATUS_OK && p->job && p->on_farm && signals_stop())
+        give_up(p);
+    if (result != STATUS_OK)
+        return result;
+    told->info = job_list_find(p->last->job_list, p->job);
+    result = job_info_verdict(told->info, err);
+    for (size_t i = 0; i < told->count && result == STATUS_OK; i++) {
+        told->frames[i].number = frames[i];
+        result = history_query(p->connection, p->job, frames[i], &told->frames[i].history, err);
+    }
+    return result == STATUS_OK ? estimate_check(told, err) : result;
+}
+
+/* The workers that work for this farm now. */
+static status count_workers(struct pilot *p, struct error *err)
+{
+    Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
+    Azulejo__Wire__WorkerQuery query = AZULEJO__WIRE__WORKER_QUERY__INIT;
+    Azulejo__Wire__Envelope *answer = NULL;
+    status result;
+
+    envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_WORKER_QUERY;
+    envelope.worker_query = &query;
+    result = connection_ask(p->connection, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_WORKER_LIST,
+                            &answer, err);
+    if (result != STATUS_OK)
+        return result;
+    for (size_t i = 0; i < answer->worker_list->n_workers; i++) {
+        const Azulejo__Wire__WorkerInfo *worker = answer->worker_list->workers[i];
+        p->told.workers += !worker->note[0];
+        p->told.cores += worker->note[0] ? 0 : worker->threads;
+    }
+    message_free(answer);
+    return STATUS_OK;
+}
+
+static status run_local(struct pilot *p, struct error *err)
+{
+    status result = local_farm_start(&p->farm, &p->local, err);
+
+    if (result != STATUS_OK)
+        return result;
+    result = connection_open(&p->connection, local_farm_address(p->farm), err);
+    if (result == STATUS_OK) {
+        connection_set_watch(p->connection, local_farm_check, p->farm);
+        result = render_pilot(p, err);
+    }
+    if (result != STATUS_OK)
+        result = local_farm_explain(p->farm, result, err);
+    if (result == STATUS_OK) {
+        const Azulejo__Wire__HistoryPoint *now = p->told.info->now;
+        p->told.cores = now && now->wall_seconds > 0 ? now->core_seconds / now->wall_seconds : 0;
+    }
     return result;
 }
 
-static status estimate(struct estimate *e, struct error *err)
+static status run_on_farm(struct pilot *p, struct error *err)
 {
-    status result = prepare(e, err);
+    status result = connection_open(&p->connection, &p->where, err);
 
-    if (result == STATUS_OK)
-        result = local_farm_start(&e->farm, &e->local, err);
-    if (result == STATUS_OK) {
-        result = run_pilot(e, err);
-        if (result != STATUS_OK)
-            result = local_farm_explain(e->farm, result, err);
-    }
-    connection_close(e->connection);
-    local_farm_stop(e->farm);
     if (result != STATUS_OK)
         return result;
-    fit(e, ALLOCATION_DISPLAY, &e->curve);
-    fit(e, e->target.measure, &e->target_curve);
-    return e->json ? print_json(e, err) : print_text(e, err);
+    connection_set_watch(p->connection, trial_interrupted, NULL);
+    result = render_pilot(p, err);
+    if (result == STATUS_OK)
+        result = count_workers(p, err);
+    p->told.command = buffer_text(&p->command);
+    return result;
+}
+
+/* ---- the command that goes on ---------------------------------------------------------------- */
+
+static void put_word(struct buffer *out, const char *word)
+{
+    static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./,:=@%+";
+
+    buffer_puts(out, " ");
+    if (*word && word[strspn(word, plain)] == 0) {
+        buffer_puts(out, word);
+        return;
+    }
+    buffer_puts(out, "'");
+    for (; *word; word++)
+        buffer_printf(out, *word == '\'' ? "'\\''" : "%c", *word);
+    buffer_puts(out, "'");
+}
+
+/* Is it an option that only this command has? 2: with its value in the next word. */
+static int is_own_option(const char *word)
+{
+    static const char *const with_value[] = {"--by", "--price", "--pilot-spp"};
+
+    for (size_t i = 0; i < sizeof with_value / sizeof *with_value; i++) {
+        size_t length = strlen(with_value[i]);
+        if (strncmp(word, with_value[i], length) == 0 && (!word[length] || word[length] == '='))
+            return word[length] ? 1 : 2;
+    }
+    return strcmp(word, "--json") == 0 || strcmp(word, "--quiet") == 0 || strcmp(word, "-q") == 0;
+}
+
+static status make_command(struct pilot *p, int argc, char *const *argv, struct error *err)
+{
+    buffer_puts(&p->command, "azulejo submit");
+    for (int i = 1; i < argc; i++) {
+        int own = is_own_option(argv[i]);
+        if (!own)
+            put_word(&p->command, argv[i]);
+        i += own == 2;
+    }
+    return buffer_ok(&p->command) ? STATUS_OK : error_no_memory(err, "a command");
+}
+
+static status estimate(struct pilot *p, struct error *err)
+{
+    status result = prepare(p, err);
+
+    if (result == STATUS_OK)
+        result = p->on_farm ? run_on_farm(p, err) : run_local(p, err);
+    connection_close(p->connection);
+    local_farm_stop(p->farm);
+    if (result != STATUS_OK)
+        return result;
+    estimate_fit(&p->told);
+    return p->json ? estimate_print_json(&p->told, err) : estimate_print_text(&p->told, err);
+}
+
+static void pilot_release(struct pilot *p)
+{
+    for (size_t i = 0; i < ESTIMATE_FRAMES_MAX; i++)
+        message_free(p->told.frames[i].history);
+    message_free(p->last);
+    buffer_release(&p->command);
+    import_result_release(&p->scene);
+    job_request_release(&p->request);
+    mem_free(p->default_name);
+}
+
+/* A coordinator that is named, unless this machine's workers are. */
+static int farm_is_named(const struct pilot *p, int64_t workers, int64_t threads)
+{
+    const char *named = getenv("AZULEJO_COORDINATOR");
+
+    return p->where.coordinator || (named && *named && workers == 0 && threads == 0);
 }
 
 static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
                   struct error *err)
 {
-    struct estimate e = {.options = JOB_OPTIONS_INIT, .pilot_spp = PILOT_SPP};
-    int64_t workers = 1, threads = 0;
+    struct pilot e = {.options = JOB_OPTIONS_INIT, .where = CONNECTION_OPTIONS_INIT,
+                      .pilot_spp = PILOT_SPP, .command = BUFFER_INIT};
+    int64_t workers = 0, threads = 0;
     int done;
     const struct option table[] = {
         {"by", 0, OPTION_STRING, &e.by, "HH:MM",
@@ -347,12 +323,15 @@ static status run(const struct command *command, int argc, char *const *argv, in
         JOB_STUDY_ROWS(e.options),
         {"target-error", 0, OPTION_STRING, &e.options.stop.target, "ERROR",
          "say what this error costs, as in 2/255, 1% or 45dB (default: what --spp costs)", 0, 0, NULL},
-        {"workers", 'w', OPTION_INT, &workers, "N", "worker processes (default 1)", 1,
+        {"name", 'o', OPTION_STRING, &e.name, "NAME",
+         "the job's name on a farm (default: the scene file's)", 0, 0, NULL},
+        {"workers", 'w', OPTION_INT, &workers, "N", "worker processes on this machine (default 1)", 1,
          LOCAL_WORKERS_MAX, NULL},
         {"threads", 'j', OPTION_INT, &threads, "N",
          "threads of each worker (default: the processors, shared out)", 1, 1024, NULL},
         {"json", 0, OPTION_FLAG, &e.json, NULL, "print JSON", 0, 0, NULL},
         {"quiet", 'q', OPTION_FLAG, &e.quiet, NULL, "no progress and no warnings", 0, 0, NULL},
+        CONNECTION_OPTION_ROWS(e.where),
         {0},
     };
     struct option rows[TONEMAP_ROWS_MAX];
@@ -365,14 +344,17 @@ static status run(const struct command *command, int argc, char *const *argv, in
     if (result != STATUS_OK || done)
         return result;
     e.scene_path = rest.items[0];
-    e.local.workers = (unsigned)workers;
+    e.on_farm = farm_is_named(&e, workers, threads);
+    if (e.on_farm && (workers > 0 || threads > 0))
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--workers and --threads are for this machine: leave them out, or "
+                         "--coordinator");
+    e.local.workers = workers ? (unsigned)workers : 1;
     e.local.threads = (unsigned)threads;
-    result = estimate(&e, err);
-    message_free(e.history);
-    message_free(e.last);
-    import_result_release(&e.scene);
-    job_request_release(&e.request);
-    mem_free(e.name);
+    result = make_command(&e, argc, argv, err);
+    if (result == STATUS_OK)
+        result = estimate(&e, err);
+    pilot_release(&e);
     return result;
 }
 
@@ -382,7 +364,9 @@ const struct command command_estimate = {
     .usage = "azulejo estimate SCENE [OPTION]...",
     .summary = "say what a picture's accuracy will cost",
     .description =
-        "Render the first passes of a job's first frame at its full size on this machine, and say what the\n"
-        "core time to each error is, what it costs, and how many cores would meet a time of day.",
+        "Render the first passes of a few of a job's frames at their full size, and say what the core time to\n"
+        "each error is, what it costs, and how many cores would meet a time of day. With --coordinator, or\n"
+        "AZULEJO_COORDINATOR, a farm renders them, and the same job goes on from them when it is submitted there;\n"
+        "else this machine does.",
     .run = run,
 };

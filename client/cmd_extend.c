@@ -7,10 +7,12 @@
 #include "client/job_info.h"
 #include "client/parse.h"
 #include "client/stop_options.h"
+#include "common/base/memory.h"
 #include "protocol/message.h"
 
 static status extend(struct connection *c, uint64_t job, uint32_t spp,
-                     const struct stop_rules *rules, struct error *err)
+                     const struct stop_rules *rules, const struct frame_list *frames,
+                     struct error *err)
 {
     Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__JobExtend body = AZULEJO__WIRE__JOB_EXTEND__INIT;
@@ -22,6 +24,8 @@ static status extend(struct connection *c, uint64_t job, uint32_t spp,
     body.job = job;
     body.spp = spp;
     body.stop = &stop;
+    body.frames = frames->items;
+    body.n_frames = frames->count;
     envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_EXTEND;
     envelope.job_extend = &body;
     result = job_ask(c, &envelope, job, &answer, err);
@@ -46,10 +50,14 @@ static status run(const struct command *command, int argc, char *const *argv, in
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct stop_options options = {0};
+    struct frame_list frames = {NULL};
+    const char *frames_text = NULL;
     struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
     int watch = 0, done;
     const struct option table[] = {
         STOP_OPTION_ROWS(options, "no limit"),
+        {"frames", 'f', OPTION_STRING, &frames_text, "LIST",
+         "only these frames go on, as in 3,7-9 (default: all)", 0, 0, NULL},
         {"watch", 'w', OPTION_FLAG, &watch, NULL, "follow the job until it ends", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &how.json, NULL, "print JSON", 0, 0, NULL},
         {"quiet", 'q', OPTION_FLAG, &how.quiet, NULL, "no progress and no warnings", 0, 0, NULL},
@@ -70,10 +78,12 @@ static status run(const struct command *command, int argc, char *const *argv, in
     result = parse_job(rest.items[0], &job, err);
     if (result == STATUS_OK)
         result = check(&options, &rules, &spp, err);
+    if (result == STATUS_OK && frames_text)
+        result = parse_frame_list(frames_text, &frames, err);
     if (result == STATUS_OK)
         result = connection_open(&connection, &where, err);
     if (result == STATUS_OK)
-        result = extend(connection, job, spp, &rules, err);
+        result = extend(connection, job, spp, &rules, &frames, err);
     how.where = where;
     if (result == STATUS_OK && watch)
         result = follow_job(&connection, job, &how, err);
@@ -82,6 +92,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     else if (result == STATUS_OK)
         printf("job %" PRIu64 ": goes on\n", job);
     connection_close(connection);
+    mem_free(frames.items);
     return result;
 }
 
@@ -91,7 +102,7 @@ const struct command command_extend = {
     .usage = "azulejo extend JOB [OPTION]...",
     .summary = "render more samples of a finished job",
     .description =
-        "Go on with all frames of a finished job, from the films that the coordinator kept, until they have\n"
+        "Go on with all frames of a finished job, or some, from the films that the coordinator kept, until they have\n"
         "more samples or a smaller error. The pictures are those that the options would have given at once;\n"
         "they replace the job's own.",
     .run = run,

@@ -194,6 +194,7 @@ static status cut_short(struct render *r, struct error *err)
 
 static status render_on_farm(struct render *r, struct error *err)
 {
+    struct job_accepted accepted = {0};
     status result = connection_open(&r->connection, local_farm_address(r->farm), err);
 
     if (result != STATUS_OK)
@@ -204,7 +205,8 @@ static status render_on_farm(struct render *r, struct error *err)
         result = effects_auto_apply(&r->effects, r->connection, &r->scene, &r->request, r->quiet, err);
     if (result == STATUS_OK)
         result = submission_send(r->connection, &r->scene, &r->request, r->name,
-                                 r->destination.formats, r->quiet, &r->job, err);
+                                 r->destination.formats, r->quiet, &accepted, err);
+    r->job = accepted.job;
     if (result == STATUS_OK)
         result = watch_job(r->connection, r->job, r->quiet, 0, &r->last, err);
     if (result != STATUS_OK && r->job && signals_stop_count() == 1)

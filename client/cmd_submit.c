@@ -17,14 +17,15 @@
 /* So often is one job sent: if the coordinator dies of it, it shall not do so for ever. */
 enum { ATTEMPTS_MAX = 5 };
 
-static status print_submitted(uint64_t job, const struct import_result *scene, int json,
-                              struct error *err)
+static status print_submitted(const struct job_accepted *accepted,
+                              const struct import_result *scene, int json, struct error *err)
 {
     if (json)
-        return json_print(json_pack("{s:I, s:o}", "job", (json_int_t)job, "inputs",
+        return json_print(json_pack("{s:I, s:I, s:o}", "job", (json_int_t)accepted->job,
+                                    "estimate_spp", (json_int_t)accepted->estimate_spp, "inputs",
                                     import_inputs_json(scene)),
                           err);
-    printf("%" PRIu64 "\n", job);
+    printf("%" PRIu64 "\n", accepted->job);
     return STATUS_OK;
 }
 
@@ -50,7 +51,7 @@ static status choose_token(const char *token, struct job_request *request, struc
  * it the same job. */
 static status send_again(struct connection **c, const struct import_result *scene,
                          const struct job_request *request, const char *name,
-                         const struct follow *how, uint64_t *job, struct error *err)
+                         const struct follow *how, struct job_accepted *accepted, struct error *err)
 {
     const struct reconnect again = {.where = how->where, .patience_s = how->reconnect_s,
                                     .quiet = how->quiet};
@@ -58,7 +59,10 @@ static status send_again(struct connection **c, const struct import_result *scen
     status result;
 
     for (int attempt = 1;; attempt++) {
-        result = submission_send(*c, scene, request, name, formats, how->quiet, job, err);
+        result = submission_send(*c, scene, request, name, formats, how->quiet, accepted, err);
+        if (result == STATUS_OK && accepted->estimate_spp > 0 && !how->quiet)
+            fprintf(stderr, "goes on from its estimate, job %" PRIu64 ": %u samples a pixel are there\n",
+                    accepted->job, accepted->estimate_spp);
         if (!reconnect_is_loss(result) || attempt == ATTEMPTS_MAX)
             return result;
         result = reconnect(c, &again, err);
@@ -114,7 +118,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct import_result scene = {0};
     struct connection *connection = NULL;
     char *default_name = NULL;
-    uint64_t job;
+    struct job_accepted accepted = {0};
     status result = command_parse(command, tonemap_options_table(&options.output.tone, table, rows),
                                   argc, argv, 1, 1, &rest, &done, err);
 
@@ -139,14 +143,14 @@ static status run(const struct command *command, int argc, char *const *argv, in
     if (result == STATUS_OK)
         result = choose_effects(&effects, connection, &scene, &request, how.quiet, err);
     if (result == STATUS_OK)
-        result = send_again(&connection, &scene, &request, name ? name : default_name, &how, &job,
+        result = send_again(&connection, &scene, &request, name ? name : default_name, &how, &accepted,
                             err);
     if (result == STATUS_OK && watch) {
         if (!how.quiet)
-            fprintf(stderr, "job %" PRIu64 "\n", job);
-        result = follow_job(&connection, job, &how, err);
+            fprintf(stderr, "job %" PRIu64 "\n", accepted.job);
+        result = follow_job(&connection, accepted.job, &how, err);
     } else if (result == STATUS_OK) {
-        result = print_submitted(job, &scene, how.json, err);
+        result = print_submitted(&accepted, &scene, how.json, err);
     }
     connection_close(connection);
     import_result_release(&scene);
@@ -161,6 +165,6 @@ const struct command command_submit = {
     .usage = "azulejo submit SCENE [OPTION]...",
     .summary = "send a scene to the farm as a job",
     .description = "Read a scene (glTF 2.0, pbrt, OBJ or PLY), send the coordinator what it lacks of it, queue a job, and print the\n"
-                   "job's number.",
+                   "job's number. An estimate of the same job on that farm becomes the job, and its samples count.",
     .run = run,
 };

@@ -177,11 +177,11 @@ static json_t *output_json(const Azulejo__Wire__OutputSettings *o)
 }
 
 /* The share of the light that clamping took away. */
-static double clamped_share(const Azulejo__Wire__RenderStats *s)
+static double clamped_share(const Azulejo__Wire__Work *w)
 {
-    double all = s->clamped_luminance + s->kept_luminance;
+    double all = w->clamped_luminance + w->kept_luminance;
 
-    return all > 0 ? s->clamped_luminance / all : 0;
+    return all > 0 ? w->clamped_luminance / all : 0;
 }
 
 static json_t *stats_json(const Azulejo__Wire__Work *w, const Azulejo__Wire__RenderStats *s)
@@ -192,7 +192,7 @@ static json_t *stats_json(const Azulejo__Wire__Work *w, const Azulejo__Wire__Ren
                      "leaked_rays", (json_int_t)w->leaked_rays, "clamped_values",
                      (json_int_t)w->clamped_values, "cpu_seconds", (double)s->cpu_ns / 1e9,
                      "trace_seconds", (double)s->trace_ns / 1e9, "clamped_samples",
-                     (json_int_t)s->clamped_samples, "clamped_share", clamped_share(s));
+                     (json_int_t)w->clamped_samples, "clamped_share", clamped_share(w));
 }
 
 json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
@@ -207,6 +207,8 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
         memcpy(digest.bytes, job->scene.data, DIGEST_BYTES);
         digest_to_hex(&digest, hex);
     }
+    json_object_set_new(root, "estimate", json_boolean(job->estimate));
+    json_object_set_new(root, "frames_resting", json_integer(job->frames_resting));
     json_object_set_new(root, "job", json_integer((json_int_t)job->job));
     json_object_set_new(root, "name", json_text(job->name));
     json_object_set_new(root, "state", json_string(job_state_name(job->state)));
@@ -285,12 +287,12 @@ void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
                  job->work->dropped_samples);
         print_line(out, "dropped", line);
     }
-    if (job->stats && job->settings && job->settings->clamp > 0) {
+    if (job->work && job->settings && job->settings->clamp > 0) {
         snprintf(line, sizeof line,
                  "%" PRIu64 " samples were above %g and are scaled down to it: the picture lacks %.3g %% "
                  "of its light",
-                 job->stats->clamped_samples, (double)job->settings->clamp,
-                 100 * clamped_share(job->stats));
+                 job->work->clamped_samples, (double)job->settings->clamp,
+                 100 * clamped_share(job->work));
         print_line(out, "clamped", line);
     }
     if (job->develop_error[0])

@@ -145,7 +145,7 @@ status job_request_complete(struct job_request *request, const struct job_option
 
 status job_request_submit(struct connection *c, const struct job_request *request,
                           const char *name, const struct digest *scene, unsigned formats,
-                          uint64_t *job, struct error *err)
+                          struct job_accepted *out, struct error *err)
 {
     Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__JobSubmit submit = AZULEJO__WIRE__JOB_SUBMIT__INIT;
@@ -166,6 +166,9 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     wire_stop_set(&stop, &request->stop);
     submit.stop = &stop;
     submit.schedule = (ProtobufCBinaryData){request->schedule.size, request->schedule.data};
+    submit.frames = (uint32_t *)request->frames;
+    submit.n_frames = request->frame_count;
+    submit.estimate = (uint32_t)request->estimate;
     submit.priority = request->priority;
     submit.token = (char *)request->token;
     envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_SUBMIT;
@@ -173,7 +176,7 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_ACCEPTED, &answer, err);
     if (result != STATUS_OK)
         return result;
-    *job = answer->job_accepted->job;
+    *out = (struct job_accepted){answer->job_accepted->job, answer->job_accepted->estimate_spp};
     message_free(answer);
     return STATUS_OK;
 }

@@ -131,6 +131,9 @@ struct job_request {
     uint32_t schedule_width, schedule_height;
     struct output_request output;
     uint32_t first_frame, last_frame;
+    const uint32_t *frames;      /* ascending: of these, the only ones rendered until the job goes on; the caller's */
+    size_t frame_count;          /* 0: all */
+    int estimate;                /* to tell what the job will cost; it goes on from it when it is submitted */
     int32_t priority;
     /* The submission's own name, so that it can be sent twice and is one job; "": none. */
     char token[JOB_TOKEN_BYTES_MAX + 1];
@@ -150,8 +153,12 @@ status job_request_complete(struct job_request *request, const struct job_option
 
 /* Submit; the scene's blobs, the packed scene and the operator's file must be
  * stored already. */
+struct job_accepted {
+    uint64_t job;
+    uint32_t estimate_spp;       /* not 0: it was an estimate, and goes on from so many samples a pixel */
+};
 status job_request_submit(struct connection *c, const struct job_request *request,
                           const char *name, const struct digest *scene, unsigned formats,
-                          uint64_t *job, struct error *err) MUST_CHECK;
+                          struct job_accepted *out, struct error *err) MUST_CHECK;
 
 #endif

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/base/memory.h"
 #include "common/scene/effects.h"
 #include "common/scene/settings.h"
 
@@ -44,14 +45,20 @@ status parse_size(const char *text, uint32_t *width, uint32_t *height, struct er
     return STATUS_OK;
 }
 
+/* "7" or "7-9"; where it ends. NULL: it is neither. */
+static const char *parse_range(const char *text, uint64_t *first, uint64_t *last)
+{
+    const char *at = parse_digits(text, INT32_MAX, first);
+
+    *last = *first;
+    return at && *at == '-' ? parse_digits(at + 1, INT32_MAX, last) : at;
+}
+
 status parse_frames(const char *text, uint32_t *first, uint32_t *last, struct error *err)
 {
     uint64_t a, b;
-    const char *at = parse_digits(text, INT32_MAX, &a);
+    const char *at = parse_range(text, &a, &b);
 
-    b = a;
-    if (at && *at == '-')
-        at = parse_digits(at + 1, INT32_MAX, &b);
     if (!at || *at)
         return error_set(err, STATUS_ERR_USAGE,
                          "--frames: '%s' is no range, write FIRST-LAST as in 1-48, or one number",
@@ -64,6 +71,32 @@ status parse_frames(const char *text, uint32_t *first, uint32_t *last, struct er
     *first = (uint32_t)a;
     *last = (uint32_t)b;
     return STATUS_OK;
+}
+
+status parse_frame_list(const char *text, struct frame_list *out, struct error *err)
+{
+    uint64_t first = 0, last = 0, next = 0;
+    size_t capacity = 0;
+
+    *out = (struct frame_list){NULL};
+    for (const char *at = text;; at++) {
+        at = parse_range(at, &first, &last);
+        if (!at || (*at && *at != ',') || last < first || first < next)
+            return error_set(err, STATUS_ERR_USAGE,
+                             "--frames: '%s' is no list of frames: write numbers and ranges that "
+                             "ascend, as in 3,7-9",
+                             text);
+        next = last + 1;
+        if (last - first + out->count >= SETTINGS_FRAMES_MAX)
+            return error_set(err, STATUS_ERR_USAGE, "--frames: %s: more than %d frames", text,
+                             SETTINGS_FRAMES_MAX);
+        if (!MEM_GROW(out->items, capacity, out->count + (last - first) + 1))
+            return error_no_memory(err, "a list of frames");
+        while (first <= last)
+            out->items[out->count++] = (uint32_t)first++;
+        if (*at == 0)
+            return STATUS_OK;
+    }
 }
 
 status parse_parameter(const char *text, char *name, size_t name_size, const char **value,

@@ -37,4 +37,12 @@ status parse_job(const char *text, uint64_t *job, struct error *err) MUST_CHECK;
  * both even; 1280x720 for an aspect of 0 (the camera asks for none) or nonsense. */
 void picture_size_default(float aspect, uint32_t *width, uint32_t *height);
 
+/* Frames of --frames LIST, as in 3,7-9: numbers and ranges that ascend. The caller frees `items`
+ * with mem_free, after a failure, too. ERR_USAGE, ERR_NO_MEMORY. */
+struct frame_list {
+    uint32_t *items;
+    size_t count;
+};
+status parse_frame_list(const char *text, struct frame_list *out, struct error *err) MUST_CHECK;
+
 #endif

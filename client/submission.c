@@ -66,7 +66,7 @@ static void report_upload(const struct upload_progress *progress, void *user)
 
 status submission_send(struct connection *c, const struct import_result *scene,
                        const struct job_request *request, const char *name, unsigned formats,
-                       int quiet, uint64_t *job, struct error *err)
+                       int quiet, struct job_accepted *out, struct error *err)
 {
     const struct output_request *output = &request->output;
     size_t count = scene->blob_count;
@@ -95,7 +95,7 @@ status submission_send(struct connection *c, const struct import_result *scene,
     mem_free(items);
     if (result != STATUS_OK)
         return result;
-    return job_request_submit(c, request, name, &scene->scene_digest, formats, job, err);
+    return job_request_submit(c, request, name, &scene->scene_digest, formats, out, err);
 }
 
 char *submission_name(const char *path)

@@ -16,7 +16,7 @@ status submission_prepare(const char *path, const struct job_options *options, i
  * far the upload is, unless `quiet`. */
 status submission_send(struct connection *c, const struct import_result *scene,
                        const struct job_request *request, const char *name, unsigned formats,
-                       int quiet, uint64_t *job, struct error *err) MUST_CHECK;
+                       int quiet, struct job_accepted *out, struct error *err) MUST_CHECK;
 
 /* A job's name from a scene's path: the file's name without folder and extension.
  * The caller frees with mem_free; NULL: out of memory. */

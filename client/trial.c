@@ -22,13 +22,14 @@ static void take_figures(struct trial *out, const Azulejo__Wire__JobInfo *info, 
     out->samples = (double)info->samples_done / (double)pixels;
     out->figures = figures_get(info->now ? info->now->figures : NULL);
     out->effects = info->error_effects;
-    if (info->work)
+    if (info->work) {
+        const double light = info->work->clamped_luminance + info->work->kept_luminance;
         out->rays = (double)info->work->rays;
+        out->clamped_share = light > 0 ? info->work->clamped_luminance / light : 0;
+    }
     if (s) {
-        const double light = s->clamped_luminance + s->kept_luminance;
         out->core_s = (double)s->cpu_ns * 1e-9;
         out->trace_s = (double)s->trace_ns * 1e-9;
-        out->clamped_share = light > 0 ? s->clamped_luminance / light : 0;
     }
 }
 
@@ -86,6 +87,7 @@ status trial_render(struct connection *c, const struct import_result *scene,
     struct buffer data = BUFFER_INIT;
     Azulejo__Wire__Envelope *last = NULL;
     struct image_repairs repairs = {0};
+    struct job_accepted accepted = {0};
     uint64_t job = 0;
     status result;
 
@@ -94,7 +96,8 @@ status trial_render(struct connection *c, const struct import_result *scene,
     mine.token[0] = 0;
     mine.settings.aovs = mine.stop.adaptive ? 1u << AOV_SAMPLES : 0;
     mine.schedule = (struct buffer)BUFFER_INIT;
-    result = submission_send(c, scene, &mine, name, OUTPUT_FORMAT_EXR, 1, &job, err);
+    result = submission_send(c, scene, &mine, name, OUTPUT_FORMAT_EXR, 1, &accepted, err);
+    job = accepted.job;
     if (result == STATUS_OK)
         result = wait_for(c, job, waiting, &last, err);
     if (result != STATUS_OK && job && signals_stop())

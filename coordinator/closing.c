@@ -33,10 +33,11 @@ void closing_note_limits(struct farm *farm, struct job_frame *frame, uint64_t no
     if (frame->end != FRAME_END_NONE || !film_covered(frame->film))
         return;
     if (rules->time_limit_ms > 0 &&
-        job_frame_active_ns(frame, now_ns) >= rules->time_limit_ms * NS_PER_MS)
+        job_frame_active_ns(frame, now_ns) - frame->clock.from_active_ns >=
+            rules->time_limit_ms * NS_PER_MS)
         closing_end_frame(farm, frame, FRAME_END_TIME);
     else if (rules->core_limit_ms > 0 &&
-             job_frame_cpu_ns(frame) >= rules->core_limit_ms * NS_PER_MS)
+             job_frame_cpu_ns(frame) - frame->clock.from_cpu_ns >= rules->core_limit_ms * NS_PER_MS)
         closing_end_frame(farm, frame, FRAME_END_CORES);
 }
 

@@ -91,7 +91,7 @@ static status development_new(struct development **out, const struct job *job, u
         d->end = frame->end;
         d->history = frame->history;
         d->point = frame->spent;
-        d->work = *film_work(frame->film);
+        d->work = film_work(frame->film);
         d->stats = frame->stats;
         d->film = frame->film;
         if (frame->end != FRAME_END_NONE && !rounds_made(&frame->rounds, frame->film))
@@ -278,9 +278,8 @@ static void add_choices(struct attributes *a, const struct development *d)
         add_text(a, "azulejo:robust", "off");
     if (s->clamp > 0) {
         add_number(a, "azulejo:clamp", (double)s->clamp);
-        add_number(a, "azulejo:clampedSamples", (double)d->stats.clamped_samples);
-        /* The sums are in the order of arrival: what is beyond these digits is not the frame's own. */
-        add_number(a, "azulejo:clampedShare", round(work_stats_clamped_share(&d->stats) * 1e6) / 1e6);
+        add_number(a, "azulejo:clampedSamples", (double)d->work.clamped_samples);
+        add_number(a, "azulejo:clampedShare", unit_work_clamped_share(&d->work));
     }
 }
 
@@ -831,7 +830,7 @@ status develop_frame(struct development *d, struct store *store, struct error *e
         s = store_output_write(store, d->job, d->frame, MANIFEST_EXTENSION, &json, err);
     if (s == STATUS_OK)
         s = store_frame_done(store, d->job, d->frame, development_revision(d), d->end,
-                             is_full(d) ? NULL : &d->coverage, err);
+                             is_full(d) ? NULL : &d->coverage, &d->work, err);
     buffer_release(&exr);
     buffer_release(&json);
     return s;

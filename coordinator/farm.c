@@ -253,6 +253,7 @@ void farm_job_started(struct farm *farm, struct job *job, const struct farm_work
     /* Another one than before: whoever had units then has gone without a result. */
     if (strcmp(job->kernel, worker->kernel) != 0) {
         snprintf(job->kernel, sizeof job->kernel, "%s", worker->kernel);
+        snprintf(job->release, sizeof job->release, "%s", AZULEJO_VERSION);
         changed = 1;
     }
     if (job->state == JOB_STATE_QUEUED) {
@@ -414,30 +415,72 @@ static int frame_may_open(const struct farm *farm, const struct job *job)
            (farm->open_frames == 0 || farm->open_bytes + bytes <= FRAMES_OPEN_BYTES);
 }
 
+/* A frame with what the store has of it. On failure *out is NULL. */
+static status frame_load(struct farm *farm, struct job *job, uint32_t number,
+                         struct job_frame **out, struct error *err)
+{
+    const struct render_settings *settings = &job->settings;
+    struct job_frame *frame = job_frame_new(job, number, settings->width, settings->height,
+                                            settings->spp, settings->aovs, NULL);
+    status s = STATUS_OK;
+
+    if (!frame)
+        s = error_no_memory(err, "the film");
+    else if (farm->store)
+        s = store_film_open(farm->store, job->id, number, frame->film, frame->durable, frame->slot,
+                            &frame->file, err);
+    if (s == STATUS_OK)
+        s = freeze_open(frame, err);
+    if (s == STATUS_OK && farm->store)
+        s = store_clock_load(farm->store, job->id, number, &frame->clock, err);
+    if (s == STATUS_OK)
+        s = job_frame_begin(frame, err);
+    if (s != STATUS_OK) {
+        job_frame_free(frame);
+        frame = NULL;
+    }
+    *out = frame;
+    return s;
+}
+
+/* An estimate may have rendered more than the job's rules want. The job's bits shall not depend on whether it was
+ * estimated, so such a frame begins again: it needs less than the estimate took. */
+static status frame_drop_excess(struct farm *farm, struct job_frame **frame, struct error *err)
+{
+    struct job *job = (*frame)->job;
+    uint32_t number = (*frame)->number;
+    int changed;
+    status s;
+
+    if (job->estimate != ESTIMATE_CONTINUED || film_samples((*frame)->film) == 0)
+        return STATUS_OK;
+    s = rounds_step(&(*frame)->rounds, (*frame)->film, &job->stop, &changed, err);
+    if (s != STATUS_OK || !rounds_exceeded(&(*frame)->rounds, (*frame)->film)) {
+        job_frame_wish(*frame);
+        return s;
+    }
+    log_info("job %llu, frame %u: needs less than its estimate, and begins again",
+             (unsigned long long)job->id, number);
+    job_frame_free(*frame);
+    *frame = NULL;
+    store_film_remove(farm->store, job->id, number);
+    return frame_load(farm, job, number, frame, err);
+}
+
 struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t number,
                                   uint64_t now_ns)
 {
     const struct render_settings *settings = &job->settings;
     struct job_frame *frame, **at = &job->frames;
     struct error err = {0};
-    status s = STATUS_OK;
+    status s;
 
     if (!frame_may_open(farm, job) || trouble_waits(&job->trouble, now_ns) ||
         (trouble_is(&farm->trouble) && !store_film_exists(farm->store, job->id, number)))
         return NULL;
-    frame = job_frame_new(job, number, settings->width, settings->height, settings->spp,
-                          settings->aovs, NULL);
-    if (!frame)
-        s = error_no_memory(&err, "the film");
-    else if (farm->store)
-        s = store_film_open(farm->store, job->id, number, frame->film, frame->durable, frame->slot,
-                            &frame->file, &err);
-    if (s == STATUS_OK)
-        s = freeze_open(frame, &err);
+    s = frame_load(farm, job, number, &frame, &err);
     if (s == STATUS_OK && farm->store)
-        s = store_clock_load(farm->store, job->id, number, &frame->active_ns, &frame->cpu_ns, &err);
-    if (s == STATUS_OK)
-        s = job_frame_begin(frame, &err);
+        s = frame_drop_excess(farm, &frame, &err);
     if (s != STATUS_OK) {
         job_frame_free(frame);
         farm_trouble(farm, job, number, &job->trouble, "cannot be opened", &err, now_ns);
@@ -466,7 +509,8 @@ struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint6
     if (!frame_may_open(farm, job))
         return NULL;
     for (uint64_t number = job->first_frame; number <= job->last_frame; number++)
-        if (!job_frame_is_done(job, (uint32_t)number) && !farm_frame_find(job, (uint32_t)number))
+        if (!job_frame_is_done(job, (uint32_t)number) &&
+            !job_frame_is_resting(job, (uint32_t)number) && !farm_frame_find(job, (uint32_t)number))
             return farm_frame_open(farm, job, (uint32_t)number, now_ns);
     return NULL;
 }
@@ -521,7 +565,7 @@ void farm_frame_advance(struct farm *farm, struct job_frame *frame, uint64_t now
 static void job_end_when_done(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     if (job_state_ended(job->state) || job->state == JOB_STATE_CANCELLING ||
-        job->frames_done_count < job_frame_count(job) ||
+        job->frames_done_count < job_frames_wanted(job) ||
         job->frames_developed_count < job->frames_done_count)
         return;
     if (job->state == JOB_STATE_PARKED)
@@ -642,6 +686,7 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
     struct job *job = frame->job;
     uint32_t number = frame->number;
     struct film_coverage coverage;
+    struct unit_work work;
     enum frame_end end = frame->end;
     struct error err = {0};
 
@@ -660,7 +705,8 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
     }
     farm_trouble_over(farm, job, &frame->trouble, now_ns);
     coverage = film_coverage(frame->film);
-    unit_work_add(&job->work, film_work(frame->film));
+    work = film_work(frame->film);
+    unit_work_add(&job->work, &work);
     farm_frame_unpin(farm, frame);
     farm_frame_close(farm, frame, "the frame is done");
     job_frame_set_done(job, number);
@@ -719,7 +765,7 @@ void farm_resume(struct farm *farm, uint64_t now_ns)
             develop_list_add(farm, farm->queue.all[i]);
     for (size_t i = 0; i < farm->queue.active_count;) {
         struct job *job = farm->queue.active[i];
-        if (job->state != JOB_STATE_CANCELLING && job->frames_done_count == job_frame_count(job) &&
+        if (job->state != JOB_STATE_CANCELLING && job->frames_done_count == job_frames_wanted(job) &&
             job->frames_developed_count == job->frames_done_count) {
             job_end_when_done(farm, job, now_ns);
             continue;

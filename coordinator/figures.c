@@ -7,24 +7,16 @@
 
 void figures_open(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
 {
-    const struct history_point *last;
     struct error err = {0};
 
     eta_init(&frame->eta, frame->film);
-    frame->opened_s = job_active_seconds(frame->job, now_ns);
-    /* Without it only the times and the curve begin again. */
+    /* Without it only the curve begins again. */
     if (farm->store && film_samples(frame->film) > 0 &&
         store_history_load(farm->store, frame->job->id, frame->number, &frame->history, &err) !=
             STATUS_OK)
         log_warn("job %llu, frame %u: %s", (unsigned long long)frame->job->id, frame->number,
                  err.text);
-    last = history_last(&frame->history);
-    if (last && last->rays > 0) {
-        /* The film may have got further than its last point: its rays tell by how much. */
-        double further = (double)film_rays(frame->film) / (double)last->rays;
-        frame->spent.core_s = last->core_s * further;
-        frame->spent.wall_s = last->wall_s * further;
-    }
+    figures_spend(frame, now_ns);
 }
 
 void figures_learn(struct job_frame *frame, uint32_t tile, uint64_t samples, uint64_t cpu_ns,
@@ -32,16 +24,12 @@ void figures_learn(struct job_frame *frame, uint32_t tile, uint64_t samples, uin
 {
     eta_learn(&frame->eta, tile, samples, cpu_ns);
     throughput_add(&frame->job->throughput, cpu_ns, now_ns);
-    frame->spent.core_s += (double)cpu_ns / 1e9;
 }
 
 void figures_spend(struct job_frame *frame, uint64_t now_ns)
 {
-    double active_s = job_active_seconds(frame->job, now_ns);
-
-    if (active_s > frame->opened_s)
-        frame->spent.wall_s += active_s - frame->opened_s;
-    frame->opened_s = active_s;
+    frame->spent.core_s = (double)job_frame_cpu_ns(frame) / 1e9;
+    frame->spent.wall_s = (double)job_frame_active_ns(frame, now_ns) / 1e9;
     frame->spent.samples = film_samples(frame->film);
     frame->spent.rays = film_rays(frame->film);
 }
@@ -51,6 +39,7 @@ void figures_tick(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
     const struct history_point *last = history_last(&frame->history);
     double samples = (double)film_samples(frame->film);
 
+    figures_spend(frame, now_ns);
     if (frame->job->leases == 0)
         throughput_idle(&frame->job->throughput, now_ns);
     if (!farm->events.measure || frame->measuring || frame->closing ||
@@ -58,7 +47,6 @@ void figures_tick(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
         !film_has_replicates(frame->film) ||
         (last && samples < FIGURES_GROWTH * (double)last->samples))
         return;
-    figures_spend(frame, now_ns);
     if (farm->events.measure(farm->events.user, frame) == STATUS_OK)
         frame->measuring = 1;
     else
@@ -131,7 +119,8 @@ double figures_whole_s(const struct job_frame *frame)
             whole_s = -1;
     }
     if (rules->core_limit_ms > 0)
-        whole_s = sooner(whole_s, (double)rules->core_limit_ms / 1e3);
+        whole_s = sooner(whole_s, (double)rules->core_limit_ms / 1e3 +
+                                      (double)frame->clock.from_cpu_ns / 1e9);
     return whole_ns < 0 ? -1 : whole_s;
 }
 
@@ -140,11 +129,12 @@ static double frame_seconds(const struct job_frame *frame, double whole_s, doubl
 {
     double left_s = (whole_s - frame->spent.core_s) / cpu_s;
     double limit_s = (double)frame->job->stop.time_limit_ms / 1e3;
+    double passed_s = frame->spent.wall_s - (double)frame->clock.from_active_ns / 1e9;
 
     if (whole_s < 0)
-        return limit_s > 0 ? fmax(limit_s - frame->spent.wall_s, 0) : -1;
-    if (limit_s > 0 && limit_s - frame->spent.wall_s < left_s)
-        left_s = limit_s - frame->spent.wall_s;
+        return limit_s > 0 ? fmax(limit_s - passed_s, 0) : -1;
+    if (limit_s > 0 && limit_s - passed_s < left_s)
+        left_s = limit_s - passed_s;
     return fmax(left_s, 0);
 }
 
@@ -173,7 +163,7 @@ double figures_seconds_left(const struct job *job)
         each_s = limit_s;
     if (each_s < 0)
         return -1;
-    return left_s + each_s * (job_frame_count(job) - job->frames_done_count - open);
+    return left_s + each_s * (job_frames_wanted(job) - job->frames_done_count - open);
 }
 
 double figures_efficiency(const struct job *job)

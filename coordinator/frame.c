@@ -82,13 +82,13 @@ void job_frame_set_state(struct job_frame *frame, enum frame_state state)
 
 uint64_t job_frame_active_ns(const struct job_frame *frame, uint64_t now_ns)
 {
-    return frame->active_ns +
+    return frame->clock.active_ns +
            (frame->begun_ns && now_ns > frame->begun_ns ? now_ns - frame->begun_ns : 0);
 }
 
 uint64_t job_frame_cpu_ns(const struct job_frame *frame)
 {
-    return frame->cpu_ns + frame->stats.cpu_ns;
+    return frame->clock.cpu_ns + frame->stats.cpu_ns;
 }
 
 /* ---- the pool of units that nobody holds ----------------------------------------------------- */

@@ -79,7 +79,7 @@ struct job_frame {
     struct rounds rounds;        /* what the film wants */
     enum frame_end end;          /* FRAME_END_NONE: it goes on */
     uint64_t begun_ns;           /* monotonic: its first lease of this run; 0: none yet */
-    uint64_t active_ns, cpu_ns;  /* of earlier runs: time since the first lease, CPU time of results */
+    struct frame_clock clock;    /* of earlier runs */
 
     struct unit_name cursor;
     uint64_t cursor_left;        /* units from the cursor on */
@@ -104,8 +104,7 @@ struct job_frame {
     struct work_stats stats;     /* measured of the results merged in this run */
     struct eta eta;
     struct history history;
-    struct history_point spent;  /* core_s and wall_s of earlier runs, then of this one, too (figures.h) */
-    double opened_s;             /* job_active_seconds when it was opened */
+    struct history_point spent;  /* its clock, samples and rays when figures_spend was called last */
     uint64_t measure_next_ns;    /* when its figures may be computed again */
     int measuring;               /* they are being computed */
     struct trouble trouble;      /* its film or outputs cannot be written */
@@ -123,7 +122,7 @@ status job_frame_begin(struct job_frame *frame, struct error *err) MUST_CHECK;
 
 void job_frame_set_state(struct job_frame *frame, enum frame_state state);
 
-/* What its limits count, over all runs. */
+/* Its clock, over all runs. */
 uint64_t job_frame_active_ns(const struct job_frame *frame, uint64_t now_ns);
 uint64_t job_frame_cpu_ns(const struct job_frame *frame);
 

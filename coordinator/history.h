@@ -20,6 +20,13 @@ struct history_point {
     struct accuracy_figures figures; /* of these samples */
 };
 
+/* How long a frame has been rendered, over all runs: the one clock that its limits and its history go by. */
+struct frame_clock {
+    uint64_t active_ns;          /* since the first lease */
+    uint64_t cpu_ns;             /* of results */
+    uint64_t from_active_ns, from_cpu_ns; /* when it was extended last: limits count from there */
+};
+
 struct history {
     uint32_t count;
     struct history_point points[HISTORY_MAX]; /* ascending samples */
@@ -45,7 +52,7 @@ void job_figures_release(struct job_figures *job);
 /* The largest display error, and its frame's index; NaN: none is known. */
 double job_figures_worst(const struct job_figures *job, uint32_t count, uint32_t *index);
 /* The largest error of the difference between a frame and the next (flicker), and the first one's
- * index. Their samples are independent, so the squares of their errors add. */
+ * index. Their samples are independent, so the squares of their errors add (docs/ACCURACY.md, Flicker). */
 double job_figures_flicker(const struct job_figures *job, uint32_t count, uint32_t *index);
 /* Root mean square of the frames' display errors; NaN: none is known. */
 double job_figures_mean(const struct job_figures *job, uint32_t count);

@@ -47,6 +47,11 @@ static void report_conflict(struct farm *farm, const struct job_frame *frame,
     farm->events.job_changed(farm->events.user, job);
 }
 
+static int is_amount(double x)
+{
+    return isfinite(x) && x >= 0;
+}
+
 /* Counts that no worker can have come by would overflow the film's. */
 static status check_work(const struct job_frame *frame, const struct tile_result *result,
                          struct error *err)
@@ -55,8 +60,13 @@ static status check_work(const struct job_frame *frame, const struct tile_result
     uint64_t samples = job_frame_unit_samples(frame, result->unit);
     uint64_t most = samples * SAMPLE_COUNTS_MAX;
 
+    if (!is_amount(w->clamped_luminance) || !is_amount(w->kept_luminance))
+        return error_set(err, STATUS_ERR_PROTOCOL,
+                         "tile %u, group %u, pass %u: a luminance of %g clamped and %g kept",
+                         result->unit.tile, result->unit.group, result->unit.pass,
+                         w->clamped_luminance, w->kept_luminance);
     if (w->samples == samples && w->dropped_samples <= samples && w->rays <= most &&
-        w->vertices <= most && w->leaked_rays <= most &&
+        w->vertices <= most && w->leaked_rays <= most && w->clamped_samples <= samples &&
         w->clamped_values <= result->sums_bytes / 4)
         return STATUS_OK;
     return error_set(err, STATUS_ERR_PROTOCOL,
@@ -82,7 +92,7 @@ static struct job_frame *frame_of(struct farm *farm, const struct farm_worker *w
             *outcome = MERGE_KEPT;
         return NULL;
     }
-    if (!job_state_is_open(job->state) || strcmp(job->kernel, worker->kernel) != 0)
+    if (!job_state_is_open(job->state) || job_frame_is_resting(job, result->frame) || strcmp(job->kernel, worker->kernel) != 0)
         return NULL;
     frame = farm_frame_find(job, result->frame);
     if (!frame)
@@ -122,11 +132,6 @@ static status merge_into(struct job_frame *frame, const struct farm_worker *work
     return s;
 }
 
-static int is_amount(double x)
-{
-    return isfinite(x) && x >= 0;
-}
-
 /* May the worker forget the result? */
 static int unit_is_settled(const struct job_frame *frame, struct unit_name name)
 {
@@ -151,12 +156,6 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
                          (unsigned long long)result->lease, (unsigned long long)result->epoch);
     if (result->sums_bytes % 4 || result->sums_bytes / 4 > TILE_FLOATS_MAX)
         return error_set(err, STATUS_ERR_PROTOCOL, "a result of %zu bytes", result->sums_bytes);
-    if (!is_amount(result->stats.clamped_luminance) || !is_amount(result->stats.kept_luminance))
-        return error_set(err, STATUS_ERR_PROTOCOL,
-                         "job %llu, frame %u, tile %u, group %u, pass %u: a luminance of %g clamped and "
-                         "%g kept",
-                         (unsigned long long)result->job, result->frame, name.tile, name.group, name.pass,
-                         result->stats.clamped_luminance, result->stats.kept_luminance);
     frame = frame_of(farm, worker, result, now_ns, outcome);
     if (!frame)
         return STATUS_OK;

@@ -19,21 +19,11 @@ void work_stats_add(struct work_stats *sum, const struct work_stats *more)
 {
     sum->cpu_ns += more->cpu_ns;
     sum->trace_ns += more->trace_ns;
-    sum->clamped_samples += more->clamped_samples;
-    sum->clamped_luminance += more->clamped_luminance;
-    sum->kept_luminance += more->kept_luminance;
     sum->effects |= more->effects;
     for (int i = 0; i < STAGE_COUNT; i++)
         sum->stages[i] += more->stages[i];
     for (int i = 0; i < EFFECT_ACCOUNTS; i++)
         sum->accounts[i] += more->accounts[i];
-}
-
-double work_stats_clamped_share(const struct work_stats *stats)
-{
-    double all = stats->clamped_luminance + stats->kept_luminance;
-
-    return all > 0 ? stats->clamped_luminance / all : 0;
 }
 
 void queue_init(struct queue *queue)
@@ -61,7 +51,8 @@ struct job *job_new(uint32_t first_frame, uint32_t last_frame)
     job->last_frame = last_frame;
     job->frames_done = mem_calloc((size_t)job_frame_count(job) / 8 + 1, 1);
     job->frames_developed = mem_calloc((size_t)job_frame_count(job) / 8 + 1, 1);
-    if (!job->frames_done || !job->frames_developed) {
+    job->frames_resting = mem_calloc((size_t)job_frame_count(job) / 8 + 1, 1);
+    if (!job->frames_done || !job->frames_developed || !job->frames_resting) {
         job_free(job);
         return NULL;
     }
@@ -75,6 +66,7 @@ void job_free(struct job *job)
     assert(!job->frames);
     mem_free(job->frames_done);
     mem_free(job->frames_developed);
+    mem_free(job->frames_resting);
     mem_free(job->cuts);
     job_figures_release(&job->figures);
     buffer_release(&job->schedule);
@@ -220,6 +212,25 @@ void job_set_state(struct queue *queue, struct job *job, enum job_state state, c
     snprintf(job->state_text, sizeof job->state_text, "%s", text ? text : "");
 }
 
+static int bit_is_set(const uint8_t *bits, uint32_t i)
+{
+    return bits[i / 8] >> i % 8 & 1;
+}
+
+static void bit_set(uint8_t *bits, uint32_t i)
+{
+    bits[i / 8] |= (uint8_t)(1u << i % 8);
+}
+
+/* Was it set? */
+static int bit_clear(uint8_t *bits, uint32_t i)
+{
+    int was = bit_is_set(bits, i);
+
+    bits[i / 8] &= (uint8_t)~(1u << i % 8);
+    return was;
+}
+
 uint32_t job_frame_count(const struct job *job)
 {
     return job->last_frame - job->first_frame + 1;
@@ -227,18 +238,14 @@ uint32_t job_frame_count(const struct job *job)
 
 int job_frame_is_done(const struct job *job, uint32_t frame)
 {
-    uint32_t i = frame - job->first_frame;
-
-    return job->frames_done[i / 8] >> i % 8 & 1;
+    return bit_is_set(job->frames_done, frame - job->first_frame);
 }
 
 void job_frame_set_done(struct job *job, uint32_t frame)
 {
-    uint32_t i = frame - job->first_frame;
-
     if (job_frame_is_done(job, frame))
         return;
-    job->frames_done[i / 8] |= (uint8_t)(1u << i % 8);
+    bit_set(job->frames_done, frame - job->first_frame);
     job->frames_done_count++;
     job->samples_done += job_frame_samples(job);
 }
@@ -263,41 +270,134 @@ int job_frame_is_cut(const struct job *job, uint32_t frame)
 
 int job_frame_is_developed(const struct job *job, uint32_t frame)
 {
-    uint32_t i = frame - job->first_frame;
-
-    return job->frames_developed[i / 8] >> i % 8 & 1;
+    return bit_is_set(job->frames_developed, frame - job->first_frame);
 }
 
 void job_frame_set_developed(struct job *job, uint32_t frame)
 {
-    uint32_t i = frame - job->first_frame;
-
     if (job_frame_is_developed(job, frame))
         return;
-    job->frames_developed[i / 8] |= (uint8_t)(1u << i % 8);
+    bit_set(job->frames_developed, frame - job->first_frame);
     job->frames_developed_count++;
 }
 
-status job_reopen_check(struct queue *queue, struct error *err)
+void job_frame_rest(struct job *job, uint32_t frame)
+{
+    if (!job_frame_is_resting(job, frame))
+        job->frames_resting_count++;
+    bit_set(job->frames_resting, frame - job->first_frame);
+}
+
+int job_frame_is_resting(const struct job *job, uint32_t frame)
+{
+    return bit_is_set(job->frames_resting, frame - job->first_frame);
+}
+
+uint32_t job_frames_wanted(const struct job *job)
+{
+    return job_frame_count(job) - job->frames_resting_count;
+}
+
+/* ---- a finished job goes on ------------------------------------------------------------------ */
+
+static void choose_whole(struct job_reopening *r, const struct job *job, uint32_t new_spp)
+{
+    const struct render_settings *s = &job->settings;
+    uint32_t tiles = tile_count(s->width, s->height);
+
+    r->coverage = (struct film_coverage){.samples = job_frame_samples(job), .least = s->spp,
+                                         .most = s->spp, .group_most = group_samples(s->spp, 0),
+                                         .tiles = tiles};
+    if (new_spp == s->spp)
+        return;
+    for (uint32_t i = 0; i < job_frame_count(job); i++)
+        if (bit_is_set(job->frames_done, i) && !bit_is_set(r->chosen, i))
+            bit_set(r->whole, i);
+    for (size_t i = 0; i < job->cut_count; i++)
+        bit_clear(r->whole, job->cuts[i].frame - job->first_frame);
+}
+
+status job_reopening_init(struct job_reopening *r, const struct job *job, const uint32_t *frames,
+                          size_t count, uint32_t new_spp, struct error *err)
+{
+    size_t bytes = job_frame_count(job) / 8 + 1;
+
+    *r = (struct job_reopening){NULL};
+    if (count == 0)
+        return STATUS_OK;
+    for (size_t i = 0; i < count; i++)
+        if (frames[i] < job->first_frame || frames[i] > job->last_frame)
+            return error_set(err, STATUS_ERR_INPUT, "job %llu has frames %u to %u, not %u",
+                             (unsigned long long)job->id, job->first_frame, job->last_frame,
+                             frames[i]);
+    r->chosen = mem_calloc(bytes, 1);
+    r->whole = mem_calloc(bytes, 1);
+    if (!r->chosen || !r->whole) {
+        job_reopening_release(r);
+        return error_no_memory(err, "frames that go on");
+    }
+    for (size_t i = 0; i < count; i++)
+        bit_set(r->chosen, frames[i] - job->first_frame);
+    choose_whole(r, job, new_spp);
+    return STATUS_OK;
+}
+
+void job_reopening_release(struct job_reopening *r)
+{
+    mem_free(r->chosen);
+    mem_free(r->whole);
+    *r = (struct job_reopening){NULL};
+}
+
+int job_reopening_has(const struct job_reopening *r, const struct job *job, uint32_t frame)
+{
+    return !r->chosen || bit_is_set(r->chosen, frame - job->first_frame);
+}
+
+int job_reopening_is_whole(const struct job_reopening *r, const struct job *job, uint32_t frame)
+{
+    return r->whole && bit_is_set(r->whole, frame - job->first_frame);
+}
+
+status job_reopen_check(struct queue *queue, struct job *job, struct error *err)
 {
     if (check_room(queue, err) != STATUS_OK)
         return STATUS_ERR_LIMIT;
-    return MEM_GROW(queue->active, queue->active_capacity, queue->active_count + 1)
+    return MEM_GROW(queue->active, queue->active_capacity, queue->active_count + 1) &&
+                   MEM_GROW(job->cuts, job->cut_capacity, job_frame_count(job))
                ? STATUS_OK
                : error_no_memory(err, "the queue");
 }
 
-void job_reopen(struct queue *queue, struct job *job)
+static void reopen_cuts(struct job *job, const struct job_reopening *r)
 {
-    size_t bytes = job_frame_count(job) / 8 + 1;
+    size_t kept = 0;
 
+    for (size_t i = 0; i < job->cut_count; i++)
+        if (!job_reopening_has(r, job, job->cuts[i].frame))
+            job->cuts[kept++] = job->cuts[i];
+    job->cut_count = kept;
+    for (uint32_t i = 0; r->whole && i < job_frame_count(job); i++)
+        if (bit_is_set(r->whole, i))
+            job->cuts[job->cut_count++] =
+                (struct cut_frame){job->first_frame + i, FRAME_END_CAP, r->coverage};
+}
+
+void job_reopen(struct queue *queue, struct job *job, const struct job_reopening *r)
+{
     assert(job->state == JOB_STATE_DONE);
-    memset(job->frames_done, 0, bytes);
-    memset(job->frames_developed, 0, bytes);
-    memset(&job->work, 0, sizeof job->work); /* their films have it */
-    job->frames_done_count = job->frames_developed_count = 0;
-    job->samples_done = 0;
-    job->cut_count = 0;
+    for (uint32_t i = 0; i < job_frame_count(job); i++) {
+        if (!job_reopening_has(r, job, job->first_frame + i))
+            continue;
+        job->frames_done_count -= (uint32_t)bit_clear(job->frames_done, i);
+        job->frames_developed_count -= (uint32_t)bit_clear(job->frames_developed, i);
+        job->frames_resting_count -= (uint32_t)bit_clear(job->frames_resting, i);
+    }
+    reopen_cuts(job, r);
+    job->samples_done = job->frames_done_count * job_frame_samples(job);
+    for (size_t i = 0; i < job->cut_count; i++)
+        job->samples_done -= job_frame_samples(job) - job->cuts[i].coverage.samples;
+    memset(&job->work, 0, sizeof job->work); /* the films have it, or the store */
     job_figures_release(&job->figures);
     job->finished_at = 0;
     job->state = JOB_STATE_QUEUED;

@@ -47,6 +47,7 @@ enum {
     JOB_TEXT_MAX = 511,
     JOB_TOKEN_MAX = 64,
     KERNEL_NAME_MAX = 127,
+    RELEASE_NAME_MAX = 31,
     SCENE_BYTES_MAX = 1 << 30, /* of a packed scene */
     JOB_BROKEN_MAX = 3, /* so many machines that cannot render a job that has no result end it */
     JOB_BROKEN_MACHINES_MAX = 256, /* so many end it with results, too */
@@ -76,16 +77,19 @@ struct output_settings {
 /* What workers measured, summed over merged results. */
 struct work_stats {
     uint64_t cpu_ns, trace_ns;
-    uint64_t clamped_samples;        /* settings.clamp scaled them down */
-    double clamped_luminance, kept_luminance; /* sums over the samples: what they lost, what is left */
     uint64_t effects;                /* of all results together; 0: not told */
     uint64_t stages[STAGE_COUNT], accounts[EFFECT_ACCOUNTS];
 };
 void work_stats_add(struct work_stats *sum, const struct work_stats *more);
-/* The share of the light that clamping took away, 0..1. */
-double work_stats_clamped_share(const struct work_stats *stats);
 
 struct job_frame;
+
+/* The numbers are the store's. */
+enum job_estimate {
+    ESTIMATE_NONE,
+    ESTIMATE_OPEN,      /* a few samples of a few frames, to tell what the job will cost */
+    ESTIMATE_CONTINUED, /* it was one; the same job was submitted and goes on from it */
+};
 
 /* A frame that is done with fewer samples than the cap allows. */
 struct cut_frame {
@@ -110,11 +114,15 @@ struct job {
     char token[JOB_TOKEN_MAX + 1];     /* of the submission; "": none. No two jobs have the same */
 
     char kernel[KERNEL_NAME_MAX + 1];  /* of the workers that got units; "": none yet */
+    char release[RELEASE_NAME_MAX + 1]; /* of the coordinator that lent the first of them; "": none yet */
     uint64_t epoch_floor;              /* results of older epochs are not this job's */
     int64_t submitted_at, finished_at; /* seconds since 1970, UTC; 0: not yet */
     uint64_t active_ns;                /* since the first lease, without the present run */
     uint64_t active_since_ns;          /* monotonic; 0: not active in this run */
 
+    enum job_estimate estimate;
+    uint8_t *frames_resting;           /* a bit a frame: not rendered until the job is extended */
+    uint32_t frames_resting_count;
     uint8_t *frames_done;              /* a bit a frame from first_frame on */
     uint32_t frames_done_count;
     uint32_t revision;                 /* of `output`: how often it was changed */
@@ -186,10 +194,28 @@ status job_frame_set_cut(struct job *job, uint32_t frame, enum frame_end end,
 int job_frame_is_cut(const struct job *job, uint32_t frame);
 int job_frame_is_developed(const struct job *job, uint32_t frame);
 void job_frame_set_developed(struct job *job, uint32_t frame);
-/* Is there room for one more active job? ERR_LIMIT, ERR_NO_MEMORY. */
-status job_reopen_check(struct queue *queue, struct error *err) MUST_CHECK;
-/* A DONE job's frames go on, all of them: it is QUEUED again. After job_reopen_check. */
-void job_reopen(struct queue *queue, struct job *job);
+/* The frame is not rendered until the job is extended. */
+void job_frame_rest(struct job *job, uint32_t frame);
+int job_frame_is_resting(const struct job *job, uint32_t frame);
+uint32_t job_frames_wanted(const struct job *job); /* that do not rest */
+
+/* Which frames of a DONE job go on. Zero-initialise: all of them. */
+struct job_reopening {
+    uint8_t *chosen;               /* a bit a frame; NULL: all */
+    uint8_t *whole;                /* of the others, those that have all that the cap allowed, and less than the new one */
+    struct film_coverage coverage; /* what these have */
+};
+/* Choose frames of the job, all for count 0. ERR_INPUT: it has no such frame; ERR_NO_MEMORY. */
+status job_reopening_init(struct job_reopening *r, const struct job *job, const uint32_t *frames,
+                          size_t count, uint32_t new_spp, struct error *err) MUST_CHECK;
+void job_reopening_release(struct job_reopening *r);
+int job_reopening_has(const struct job_reopening *r, const struct job *job, uint32_t frame);
+int job_reopening_is_whole(const struct job_reopening *r, const struct job *job, uint32_t frame);
+/* Is there room for one more active job, and for what it notes? ERR_LIMIT, ERR_NO_MEMORY. */
+status job_reopen_check(struct queue *queue, struct job *job, struct error *err) MUST_CHECK;
+/* The chosen frames of a DONE job go on, with its settings as they are now: it is QUEUED again. After
+ * job_reopen_check. */
+void job_reopen(struct queue *queue, struct job *job, const struct job_reopening *r);
 /* Every frame's pictures are to be made anew, after job->output as it is now. */
 void job_revise(struct job *job);
 /* A done frame whose pictures must be made and can be: the frames whose statistics they are

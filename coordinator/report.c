@@ -67,7 +67,7 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
     }
     if (job->leases > 0)
         return;
-    if (job->frames_done_count == job_frame_count(job)) {
+    if (job->frames_done_count == job_frames_wanted(job)) {
         snprintf(out, size, "its last pictures are being tone mapped");
         return;
     }
@@ -106,7 +106,7 @@ static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint6
     if (job->pictures.next_ns == UINT64_MAX)
         info->develop_error = job->pictures.text;
     info->samples_done = job->samples_done;
-    info->samples_total = job_frame_samples(job) * job_frame_count(job);
+    info->samples_total = job_frame_samples(job) * job_frames_wanted(job);
     for (const struct job_frame *frame = first; frame; frame = frame->next)
         info->samples_done += film_samples(frame->film);
     if (first) {
@@ -241,8 +241,10 @@ static void report_work(struct job_report *report, const struct job *job)
 {
     struct unit_work work = job->work;
 
-    for (const struct job_frame *frame = job->frames; frame; frame = frame->next)
-        unit_work_add(&work, film_work(frame->film));
+    for (const struct job_frame *frame = job->frames; frame; frame = frame->next) {
+        struct unit_work more = film_work(frame->film);
+        unit_work_add(&work, &more);
+    }
     wire_work_set(&report->work, &work);
 }
 
@@ -259,9 +261,6 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     wire_output_set(&report->output, &job->output);
     stats.cpu_ns = job->stats.cpu_ns;
     stats.trace_ns = job->stats.trace_ns;
-    stats.clamped_samples = job->stats.clamped_samples;
-    stats.clamped_luminance = job->stats.clamped_luminance;
-    stats.kept_luminance = job->stats.kept_luminance;
     report->stats = stats;
     report_work(report, job);
     if (job_state_ended(job->state))
@@ -285,6 +284,8 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     info.work = &report->work;
     info.submitted_at = job->submitted_at;
     info.finished_at = job->finished_at;
+    info.estimate = job->estimate == ESTIMATE_OPEN;
+    info.frames_resting = job->frames_resting_count;
     info.conflicts = job->conflicts;
     info.workers = job->leases ? workers_on(farm, job) : 0;
     report_cuts(report, &info, job);

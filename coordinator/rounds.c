@@ -257,3 +257,12 @@ int rounds_made(const struct rounds *r, const struct film *film)
         }
     return rounds_are_over(r) && r->end[0] != FRAME_END_SCHEDULE;
 }
+
+int rounds_exceeded(const struct rounds *r, const struct film *film)
+{
+    for (uint32_t g = 0; g < GROUPS; g++)
+        for (uint32_t t = 0; r->end[g] != FRAME_END_NONE && t < r->tiles; t++)
+            if (film_tile_passes(film, t, g) > r->wanted[g][t])
+                return 1;
+    return 0;
+}

@@ -48,4 +48,7 @@ uint32_t rounds_ahead(const struct rounds *rounds, const struct film *film, uint
 /* The film has exactly what the rules decided: with them alone it can be rendered again. */
 int rounds_made(const struct rounds *rounds, const struct film *film);
 
+/* Has the film more than the rounds want of a group that has ended? After rounds_step. */
+int rounds_exceeded(const struct rounds *r, const struct film *film);
+
 #endif

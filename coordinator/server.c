@@ -10,6 +10,7 @@
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "coordinator/develop.h"
+#include "coordinator/extend.h"
 #include "coordinator/figures.h"
 #include "coordinator/freeze.h"
 #include "coordinator/merge.h"
@@ -113,6 +114,7 @@ struct work {
     struct upload *upload;
     struct job *job;
     uint64_t existing;           /* the job that was submitted with the same token; 0: none */
+    uint64_t estimate;           /* of this job, which goes on from it; 0: none */
     status refused;              /* why no job can be taken now, OK: it can; its error is `refusal` */
     struct error refusal;
     char name[64];
@@ -506,6 +508,8 @@ static void run_submit(uv_work_t *request)
         work->error = work->refusal;
         return;
     }
+    if (work->estimate)
+        return; /* the queue's to do */
     work->result = store_job_insert(store, work->job, &work->error);
     /* Another thread may have stored the same submission in between. */
     if (work->result != STATUS_OK && work->job->token[0]) {
@@ -516,6 +520,23 @@ static void run_submit(uv_work_t *request)
             work->error = again;
         }
     }
+}
+
+/* The estimate becomes the job, in the loop's thread, which has the queue. */
+static void continue_estimate(struct work *work, struct session *session)
+{
+    struct farm *farm = &work->server->farm;
+    struct job *estimate = queue_find(&farm->queue, work->estimate);
+    uint32_t spp = estimate ? estimate->settings.spp : 0;
+
+    work->result = estimate ? farm_continue_estimate(farm, estimate, work->job, &work->error)
+                            : error_set(&work->error, STATUS_ERR_NOT_FOUND, "the estimate is gone");
+    if (!session)
+        return;
+    if (work->result == STATUS_OK)
+        session_accepted(session, work->wire_request, estimate->id, spp);
+    else
+        session_fail(session, work->wire_request, &work->error);
 }
 
 static void end_submit(uv_work_t *request, int code)
@@ -530,7 +551,12 @@ static void end_submit(uv_work_t *request, int code)
         log_info("job %llu (%s) was submitted again with its token",
                  (unsigned long long)work->existing, work->job->name);
         if (session)
-            session_accepted(session, work->wire_request, work->existing);
+            session_accepted(session, work->wire_request, work->existing, 0);
+        work_free(work);
+        return;
+    }
+    if (work->result == STATUS_OK && work->estimate) {
+        continue_estimate(work, session);
         work_free(work);
         return;
     }
@@ -543,7 +569,7 @@ static void end_submit(uv_work_t *request, int code)
                  (unsigned long long)job->id, job->name, job->settings.width, job->settings.height,
                  job->settings.spp, job->first_frame, job->last_frame, job->priority);
         if (session)
-            session_accepted(session, work->wire_request, job->id);
+            session_accepted(session, work->wire_request, job->id, 0);
     } else if (session) {
         session_fail(session, work->wire_request, &work->error);
     }
@@ -554,6 +580,7 @@ void server_submit(struct server *server, struct session *session, uint64_t requ
                    struct job *job)
 {
     struct work *work = work_new(server);
+    const struct job *estimate;
     struct error err = {0};
 
     if (!work) {
@@ -564,6 +591,8 @@ void server_submit(struct server *server, struct session *session, uint64_t requ
     }
     /* What was submitted before is answered even when nothing new can be taken. */
     work->refused = farm_prepare(&server->farm, job, &work->refusal);
+    estimate = farm_find_estimate(&server->farm, job);
+    work->estimate = estimate ? estimate->id : 0;
     work->job = job;
     work->session = session->id;
     work->wire_request = request;

@@ -258,9 +258,6 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
     if (message->stats) {
         result.stats.cpu_ns = message->stats->cpu_ns;
         result.stats.trace_ns = message->stats->trace_ns;
-        result.stats.clamped_samples = message->stats->clamped_samples;
-        result.stats.clamped_luminance = message->stats->clamped_luminance;
-        result.stats.kept_luminance = message->stats->kept_luminance;
         result.stats.effects = message->stats->effects & EFFECTS_ALL;
         for (size_t i = 0; i < message->stats->n_stages && i < STAGE_COUNT; i++)
             result.stats.stages[i] = message->stats->stages[i];

@@ -91,7 +91,8 @@ void session_fail(struct session *session, uint64_t request, const struct error 
 /* session_client.c: the messages of clients, and of workers about blobs; 0: not one of them. */
 int session_client_message(struct session *session, const Azulejo__Wire__Envelope *message,
                            uint64_t now_ns);
-void session_accepted(struct session *session, uint64_t request, uint64_t job);
+void session_accepted(struct session *session, uint64_t request, uint64_t job,
+                      uint32_t estimate_spp);
 void session_watches_send(struct session *session, uint64_t now_ns, int only_due);
 
 #endif

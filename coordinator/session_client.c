@@ -277,12 +277,14 @@ static void submit(struct session *session, const Azulejo__Wire__JobSubmit *mess
     server_submit(session->server, session, request, job);
 }
 
-void session_accepted(struct session *session, uint64_t request, uint64_t job)
+void session_accepted(struct session *session, uint64_t request, uint64_t job,
+                      uint32_t estimate_spp)
 {
     Azulejo__Wire__JobAccepted accepted = AZULEJO__WIRE__JOB_ACCEPTED__INIT;
     Azulejo__Wire__Envelope envelope = MESSAGE(JOB_ACCEPTED, job_accepted, &accepted);
 
     accepted.job = job;
+    accepted.estimate_spp = estimate_spp;
     reply(session, &envelope, request);
 }
 
@@ -325,18 +327,19 @@ static void extend(struct session *session, const Azulejo__Wire__JobExtend *mess
                    uint64_t request, uint64_t now_ns)
 {
     struct job *job = find_job(session, message->job, request);
-    struct stop_rules rules;
+    struct job_extension extension = {.spp = message->spp, .frames = message->frames,
+                                      .frame_count = message->n_frames};
     struct error err = {0};
     status s;
 
     if (!job)
         return;
-    s = wire_stop_get(&rules, message->stop, &err);
+    s = wire_stop_get(&extension.rules, message->stop, &err);
     if (s == STATUS_OK && message->spp > SETTINGS_SPP_MAX)
         s = error_set(&err, STATUS_ERR_INPUT, "%u samples a pixel: must be 1..%d", message->spp,
                       SETTINGS_SPP_MAX);
     if (s == STATUS_OK)
-        s = farm_extend(&session->server->farm, job, message->spp, &rules, &err);
+        s = farm_extend(&session->server->farm, job, &extension, &err);
     if (s == STATUS_OK)
         send_jobs(session, request, job, NULL, now_ns);
     else

@@ -105,11 +105,11 @@ status store_deliverer_find(struct store *store, uint32_t number, struct deliver
 
 /* The frame's outputs are on disk; its pictures follow that revision of the job's output settings
  * (-1: there are none yet). `cut`: what it holds when that is less than the cap allows, and what ended it;
- * NULL: it has all.
+ * NULL: it has all. `work`: of its film.
  * [any thread] */
 status store_frame_done(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
                         enum frame_end end, const struct film_coverage *cut,
-                        struct error *err) MUST_CHECK;
+                        const struct unit_work *work, struct error *err) MUST_CHECK;
 /* Keep a point of the frame's history at its place; those behind it go. [any thread] */
 status store_history_add(struct store *store, uint64_t job, uint32_t frame, uint32_t place,
                          const struct history_point *point, struct error *err) MUST_CHECK;
@@ -117,14 +117,20 @@ status store_history_add(struct store *store, uint64_t job, uint32_t frame, uint
 status store_history_load(struct store *store, uint64_t job, uint32_t frame, struct history *out,
                           struct error *err) MUST_CHECK;
 /* What the frame's limits count, as it was saved with its job last; 0: nothing is. */
-status store_clock_load(struct store *store, uint64_t job, uint32_t frame, uint64_t *active_ns,
-                        uint64_t *cpu_ns, struct error *err) MUST_CHECK;
+status store_clock_load(struct store *store, uint64_t job, uint32_t frame,
+                        struct frame_clock *out, struct error *err) MUST_CHECK;
 /* The pictures of a frame that is done were made anew. [any thread] */
 status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
                              struct error *err) MUST_CHECK;
-/* Keep the changed settings of a job that is no longer DONE: its frames and their clocks are forgotten. On disk
- * when this returns. ERR_IO, ERR_NO_MEMORY: nothing changed. */
-status store_job_extend(struct store *store, const struct job *job, struct error *err) MUST_CHECK;
+/* Keep the changed settings of a job that is no longer DONE: the chosen frames are forgotten, and their
+ * limits count from now on.
+ * `submitted`: what it was submitted as just now, NULL: the same as before. On disk when this returns. ERR_IO,
+ * ERR_NO_MEMORY: nothing changed. */
+status store_job_extend(struct store *store, const struct job *job,
+                        const struct job_reopening *chosen, const struct job *submitted,
+                        struct error *err) MUST_CHECK;
+/* Count what the job's finished frames took, and their figures, again. */
+status store_job_sum(struct store *store, struct job *job, struct error *err) MUST_CHECK;
 /* Keep the job's changed output settings and their revision; on disk when this returns. */
 status store_job_revise(struct store *store, const struct job *job, struct error *err) MUST_CHECK;
 

@@ -42,17 +42,30 @@ static const char schema_3[] =
     " most INTEGER NOT NULL, tiles INTEGER NOT NULL, tiles_empty INTEGER NOT NULL,"
     " PRIMARY KEY (job, frame)) WITHOUT ROWID;";
 
-/* Version 4: what clamping did; what ended a frame (what was cut short before was cancelled:
- * FRAME_END_CANCEL); how long frames in work have been rendered, for their limits; how wrong each frame was
+/* Version 4: the release that a job was begun with; its JobSubmit as it came, where an extension changed it; each frame's work, which jobs had the sums of (they go to the first frame that is done; the columns of
+ * jobs are no longer used); what ended a frame (what was cut short before was cancelled:
+ * FRAME_END_CANCEL); how long frames have been rendered, and from when on their limits count; how wrong each frame was
  * after what was spent on it. relative_mse above is no longer used. */
 static const char schema_4[] =
-    "ALTER TABLE jobs ADD COLUMN clamped INTEGER NOT NULL DEFAULT 0;"
-    "ALTER TABLE jobs ADD COLUMN clamped_luminance REAL NOT NULL DEFAULT 0;"
-    "ALTER TABLE jobs ADD COLUMN kept_luminance REAL NOT NULL DEFAULT 0;"
+    "ALTER TABLE jobs ADD COLUMN release TEXT NOT NULL DEFAULT '';"
+    "ALTER TABLE jobs ADD COLUMN submitted BLOB;"
+    "ALTER TABLE frames ADD COLUMN samples INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN rays INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN vertices INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN dropped INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN leaked INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN clamped_values INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN clamped INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN clamped_luminance REAL NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN kept_luminance REAL NOT NULL DEFAULT 0;"
+    "UPDATE frames SET (samples, rays, vertices, dropped) ="
+    " (SELECT samples, rays, vertices, dropped FROM jobs WHERE id=job)"
+    " WHERE frame=(SELECT min(frame) FROM frames AS f WHERE f.job=frames.job);"
     "ALTER TABLE cut_frames ADD COLUMN ended INTEGER NOT NULL DEFAULT 5;"
     "ALTER TABLE cut_frames ADD COLUMN group_most INTEGER NOT NULL DEFAULT 0;"
     "CREATE TABLE clocks (job INTEGER NOT NULL REFERENCES jobs(id), frame INTEGER NOT NULL,"
     " active_ns INTEGER NOT NULL, cpu_ns INTEGER NOT NULL,"
+    " from_active_ns INTEGER NOT NULL DEFAULT 0, from_cpu_ns INTEGER NOT NULL DEFAULT 0,"
     " PRIMARY KEY (job, frame)) WITHOUT ROWID;"
     "CREATE TABLE history (job INTEGER NOT NULL REFERENCES jobs(id), frame INTEGER NOT NULL,"
     " place INTEGER NOT NULL, core_s REAL NOT NULL, wall_s REAL NOT NULL, samples INTEGER NOT NULL,"

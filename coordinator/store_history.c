@@ -97,6 +97,9 @@ status store_history_add(struct store *store, uint64_t job, uint32_t frame, uint
     s = delete_behind(store, job, frame, place, err);
     if (s == STATUS_OK)
         s = insert_point(store, job, frame, place, point, err);
+    if (s == STATUS_OK)
+        s = clock_write(store, job, frame, (uint64_t)llround(point->wall_s * 1e9),
+                        (uint64_t)llround(point->core_s * 1e9), err);
     pthread_mutex_unlock(&store->order);
     return s;
 }

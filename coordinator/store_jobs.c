@@ -1,5 +1,6 @@
 /* The rows of the database: jobs, and the frames of each that are done. */
 #include <inttypes.h>
+#include <string.h>
 
 #include "common/base/log.h"
 #include "coordinator/store_parts.h"
@@ -47,7 +48,9 @@ status store_job_find(struct store *store, const struct job *job, uint64_t *id, 
     *id = 0;
     if (!job->token[0])
         return STATUS_OK;
-    s = sql_prepare(store, "SELECT id, request FROM jobs WHERE token=?", &statement, err);
+    /* As it came: an extension changes what is asked for. */
+    s = sql_prepare(store, "SELECT id, coalesce(submitted, request) FROM jobs WHERE token=?",
+                    &statement, err);
     if (s != STATUS_OK)
         return s;
     bind_text(statement, 1, job->token);
@@ -88,12 +91,41 @@ void store_job_forget(struct store *store, uint64_t id)
         log_error("%s", err.text);
 }
 
+static struct unit_work read_work(sqlite3_stmt *row, int at)
+{
+    return (struct unit_work){.samples = column_number(row, at),
+                              .rays = column_number(row, at + 1),
+                              .vertices = column_number(row, at + 2),
+                              .dropped_samples = column_number(row, at + 3),
+                              .leaked_rays = column_number(row, at + 4),
+                              .clamped_values = column_number(row, at + 5),
+                              .clamped_samples = column_number(row, at + 6),
+                              .clamped_luminance = sqlite3_column_double(row, at + 7),
+                              .kept_luminance = sqlite3_column_double(row, at + 8)};
+}
+
+static void bind_work(sqlite3_stmt *statement, int at, const struct unit_work *work)
+{
+    bind_number(statement, at, work->samples);
+    bind_number(statement, at + 1, work->rays);
+    bind_number(statement, at + 2, work->vertices);
+    bind_number(statement, at + 3, work->dropped_samples);
+    bind_number(statement, at + 4, work->leaked_rays);
+    bind_number(statement, at + 5, work->clamped_values);
+    bind_number(statement, at + 6, work->clamped_samples);
+    sqlite3_bind_double(statement, at + 7, work->clamped_luminance);
+    sqlite3_bind_double(statement, at + 8, work->kept_luminance);
+}
+
 static status load_frames(struct store *store, struct job *job, struct error *err)
 {
+    struct unit_work work;
     sqlite3_stmt *statement = NULL;
     int code;
     status s = sql_prepare(store,
-                           "SELECT frame, revision FROM frames WHERE job=? ORDER BY frame",
+                           "SELECT frame, revision, samples, rays, vertices, dropped, leaked, "
+                           "clamped_values, clamped, clamped_luminance, kept_luminance "
+                           "FROM frames WHERE job=? ORDER BY frame",
                            &statement, err);
 
     if (s != STATUS_OK)
@@ -104,6 +136,8 @@ static status load_frames(struct store *store, struct job *job, struct error *er
         if (frame < job->first_frame || frame > job->last_frame)
             continue;
         job_frame_set_done(job, (uint32_t)frame);
+        work = read_work(statement, 2);
+        unit_work_add(&job->work, &work);
         if (sqlite3_column_int64(statement, 1) == (sqlite3_int64)job->revision)
             job_frame_set_developed(job, (uint32_t)frame);
     }
@@ -145,13 +179,27 @@ static status load_cuts(struct store *store, struct job *job, struct error *err)
     return s;
 }
 
+status store_job_sum(struct store *store, struct job *job, struct error *err)
+{
+    status s;
+
+    memset(&job->work, 0, sizeof job->work);
+    job_figures_release(&job->figures);
+    pthread_mutex_lock(&store->order); /* the connection may be exchanged */
+    s = load_frames(store, job, err);
+    if (s == STATUS_OK)
+        s = history_load_last(store, job, err);
+    pthread_mutex_unlock(&store->order);
+    return s;
+}
+
 static status load_job(struct store *store, sqlite3_stmt *row, struct job **out, struct error *err)
 {
     struct job *job = NULL;
     uint64_t id = column_number(row, 0);
     int state = sqlite3_column_int(row, 1);
-    status s = wire_job_unpack(&job, sqlite3_column_blob(row, 15),
-                               (size_t)sqlite3_column_bytes(row, 15), err);
+    status s = wire_job_unpack(&job, sqlite3_column_blob(row, 11),
+                               (size_t)sqlite3_column_bytes(row, 11), err);
 
     if (s == STATUS_OK && (state < 0 || state >= JOB_STATE_COUNT))
         s = error_set(err, STATUS_ERR_CORRUPT, "unknown state %d", state);
@@ -170,16 +218,10 @@ static status load_job(struct store *store, sqlite3_stmt *row, struct job **out,
     job->finished_at = sqlite3_column_int64(row, 7);
     job->active_ns = column_number(row, 8);
     job->conflicts = column_number(row, 9);
-    job->work.samples = column_number(row, 10);
-    job->work.rays = column_number(row, 11);
-    job->work.vertices = column_number(row, 12);
-    job->work.dropped_samples = column_number(row, 13);
-    job->stats.cpu_ns = column_number(row, 14);
-    job->stats.trace_ns = column_number(row, 16);
-    job->revision = (uint32_t)column_number(row, 17);
-    job->stats.clamped_samples = column_number(row, 18);
-    job->stats.clamped_luminance = sqlite3_column_double(row, 19);
-    job->stats.kept_luminance = sqlite3_column_double(row, 20);
+    job->stats.cpu_ns = column_number(row, 10);
+    job->stats.trace_ns = column_number(row, 12);
+    job->revision = (uint32_t)column_number(row, 13);
+    column_text(row, 14, job->release, sizeof job->release);
     s = load_frames(store, job, err);
     if (s == STATUS_OK && job->frames_done_count > 0)
         s = load_cuts(store, job, err);
@@ -201,9 +243,8 @@ status store_jobs_load(struct store *store,
     int code = SQLITE_DONE;
     status s = sql_prepare(store,
                            "SELECT id, state, state_text, scene_name, kernel, epoch_floor, "
-                           "submitted_at, finished_at, active_ns, conflicts, samples, rays, "
-                           "vertices, dropped, cpu_ns, request, trace_ns, revision, clamped, "
-                           "clamped_luminance, kept_luminance "
+                           "submitted_at, finished_at, active_ns, conflicts, cpu_ns, request, "
+                           "trace_ns, revision, release "
                            "FROM jobs ORDER BY id",
                            &statement, err);
 
@@ -225,7 +266,7 @@ status store_jobs_load(struct store *store,
 }
 
 /* Only rows of frames that are done count: this one is written first. */
-static status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum frame_end end,
+status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum frame_end end,
                          const struct film_coverage *cut, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
@@ -250,7 +291,8 @@ static status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum
 }
 
 status store_frame_done(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
-                        enum frame_end end, const struct film_coverage *cut, struct error *err)
+                        enum frame_end end, const struct film_coverage *cut,
+                        const struct unit_work *work, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
     status s = STATUS_OK;
@@ -260,12 +302,15 @@ status store_frame_done(struct store *store, uint64_t job, uint32_t frame, int64
         s = cut_insert(store, job, frame, end, cut, err);
     if (s == STATUS_OK)
         s = sql_prepare(store,
-                        "INSERT OR REPLACE INTO frames (job, frame, revision) VALUES (?, ?, ?)",
+                        "INSERT OR REPLACE INTO frames (job, frame, revision, samples, rays, "
+                        "vertices, dropped, leaked, clamped_values, clamped, clamped_luminance, "
+                        "kept_luminance) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                         &statement, err);
     if (s == STATUS_OK) {
         bind_number(statement, 1, job);
         sqlite3_bind_int64(statement, 2, frame);
         sqlite3_bind_int64(statement, 3, revision);
+        bind_work(statement, 4, work);
         s = sql_run_reserved(store, statement, "the frame cannot be noted as done", err);
     }
     pthread_mutex_unlock(&store->order);
@@ -310,26 +355,50 @@ status store_job_revise(struct store *store, const struct job *job, struct error
     return s;
 }
 
-status store_clock_load(struct store *store, uint64_t job, uint32_t frame, uint64_t *active_ns,
-                        uint64_t *cpu_ns, struct error *err)
+status store_clock_load(struct store *store, uint64_t job, uint32_t frame,
+                        struct frame_clock *out, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
     int code;
-    status s = sql_prepare(store, "SELECT active_ns, cpu_ns FROM clocks WHERE job=? AND frame=?",
+    status s = sql_prepare(store,
+                           "SELECT active_ns, cpu_ns, from_active_ns, from_cpu_ns FROM clocks "
+                           "WHERE job=? AND frame=?",
                            &statement, err);
 
-    *active_ns = *cpu_ns = 0;
+    memset(out, 0, sizeof *out);
     if (s != STATUS_OK)
         return s;
     bind_number(statement, 1, job);
     bind_number(statement, 2, frame);
     code = sqlite3_step(statement);
     if (code == SQLITE_ROW) {
-        *active_ns = column_number(statement, 0);
-        *cpu_ns = column_number(statement, 1);
+        out->active_ns = column_number(statement, 0);
+        out->cpu_ns = column_number(statement, 1);
+        out->from_active_ns = column_number(statement, 2);
+        out->from_cpu_ns = column_number(statement, 3);
     } else if (code != SQLITE_DONE) {
         s = sql_error(store, "a frame's time cannot be read", err);
     }
     sqlite3_finalize(statement);
     return s;
+}
+
+status clock_write(struct store *store, uint64_t job, uint32_t frame, uint64_t active_ns,
+                   uint64_t cpu_ns, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    status s = sql_prepare(store,
+                           "INSERT INTO clocks (job, frame, active_ns, cpu_ns) VALUES (?, ?, ?, ?) "
+                           "ON CONFLICT (job, frame) DO UPDATE SET "
+                           "active_ns=max(active_ns, excluded.active_ns), "
+                           "cpu_ns=max(cpu_ns, excluded.cpu_ns)",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job);
+    sqlite3_bind_int64(statement, 2, frame);
+    bind_number(statement, 3, active_ns);
+    bind_number(statement, 4, cpu_ns);
+    return sql_run_reserved(store, statement, "a frame's time cannot be stored", err);
 }

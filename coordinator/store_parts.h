@@ -69,6 +69,12 @@ void bind_number(sqlite3_stmt *statement, int at, uint64_t value);
 void column_text(sqlite3_stmt *statement, int at, char *out, size_t size);
 uint64_t column_number(sqlite3_stmt *statement, int at);
 
+/* Bring the frame's clock forward; it never goes back. */
+status clock_write(struct store *store, uint64_t job, uint32_t frame, uint64_t active_ns,
+                   uint64_t cpu_ns, struct error *err) MUST_CHECK;
+/* Note what a frame holds that is done with less than the cap allows. */
+status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum frame_end end,
+                  const struct film_coverage *cut, struct error *err) MUST_CHECK;
 /* Note the newest figures of the job's finished frames in job->figures. */
 status history_load_last(struct store *store, struct job *job, struct error *err) MUST_CHECK;
 /* The table of deliverers, and a row of it. */

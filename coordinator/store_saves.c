@@ -1,4 +1,5 @@
 /* Saving what changes while jobs run, at once or soon: a job's row, a new deliverer. */
+#include <stdio.h>
 #include <string.h>
 
 #include "common/base/log.h"
@@ -17,10 +18,9 @@ struct saved_job {
     uint64_t id;
     struct deliverer deliverer;  /* its number is 0: this is a job */
     enum job_state state;
-    char state_text[JOB_TEXT_MAX + 1], kernel[KERNEL_NAME_MAX + 1];
+    char state_text[JOB_TEXT_MAX + 1], kernel[KERNEL_NAME_MAX + 1], release[RELEASE_NAME_MAX + 1];
     int64_t finished_at;
     uint64_t active_ns, conflicts;
-    struct unit_work work;
     struct work_stats stats;
     /* What the limits of frames in work count. */
     uint32_t clock_count;
@@ -38,10 +38,10 @@ static void row_take(struct saved_job *row, const struct job *job, uint64_t now_
     row->state = job->state;
     memcpy(row->state_text, job->state_text, sizeof row->state_text);
     memcpy(row->kernel, job->kernel, sizeof row->kernel);
+    memcpy(row->release, job->release, sizeof row->release);
     row->finished_at = job->finished_at;
     row->active_ns = (uint64_t)(job_active_seconds(job, now_ns) * 1e9);
     row->conflicts = job->conflicts;
-    row->work = job->work;
     row->stats = job->stats;
     row->clock_count = 0;
     for (const struct job_frame *f = job->frames; f && row->clock_count < FRAMES_OPEN_PER_JOB;
@@ -56,18 +56,9 @@ static status clocks_write(struct store *store, const struct saved_job *row, str
 {
     status s = STATUS_OK;
 
-    for (uint32_t i = 0; i < row->clock_count && s == STATUS_OK; i++) {
-        sqlite3_stmt *statement = NULL;
-        s = sql_prepare(store, "INSERT OR REPLACE INTO clocks (job, frame, active_ns, cpu_ns) "
-                        "VALUES (?, ?, ?, ?)", &statement, err);
-        if (s != STATUS_OK)
-            return s;
-        bind_number(statement, 1, row->id);
-        bind_number(statement, 2, row->clocks[i].frame);
-        bind_number(statement, 3, row->clocks[i].active_ns);
-        bind_number(statement, 4, row->clocks[i].cpu_ns);
-        s = sql_run_reserved(store, statement, "a frame's time cannot be stored", err);
-    }
+    for (uint32_t i = 0; i < row->clock_count && s == STATUS_OK; i++)
+        s = clock_write(store, row->id, row->clocks[i].frame, row->clocks[i].active_ns,
+                        row->clocks[i].cpu_ns, err);
     return s;
 }
 
@@ -76,9 +67,7 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     sqlite3_stmt *statement = NULL;
     status s = sql_prepare(store,
                            "UPDATE jobs SET state=?, state_text=?, kernel=?, finished_at=?, "
-                           "active_ns=?, conflicts=?, samples=?, rays=?, vertices=?, dropped=?, "
-                           "cpu_ns=?, trace_ns=?, clamped=?, clamped_luminance=?, "
-                           "kept_luminance=? WHERE id=?",
+                           "active_ns=?, conflicts=?, cpu_ns=?, trace_ns=?, release=? WHERE id=?",
                            &statement, err);
 
     if (s != STATUS_OK)
@@ -89,16 +78,10 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     sqlite3_bind_int64(statement, 4, row->finished_at);
     bind_number(statement, 5, row->active_ns);
     bind_number(statement, 6, row->conflicts);
-    bind_number(statement, 7, row->work.samples);
-    bind_number(statement, 8, row->work.rays);
-    bind_number(statement, 9, row->work.vertices);
-    bind_number(statement, 10, row->work.dropped_samples);
-    bind_number(statement, 11, row->stats.cpu_ns);
-    bind_number(statement, 12, row->stats.trace_ns);
-    bind_number(statement, 13, row->stats.clamped_samples);
-    sqlite3_bind_double(statement, 14, row->stats.clamped_luminance);
-    sqlite3_bind_double(statement, 15, row->stats.kept_luminance);
-    bind_number(statement, 16, row->id);
+    bind_number(statement, 7, row->stats.cpu_ns);
+    bind_number(statement, 8, row->stats.trace_ns);
+    bind_text(statement, 9, row->release);
+    bind_number(statement, 10, row->id);
     s = sql_run_reserved(store, statement, "the job's state cannot be stored", err);
     return s == STATUS_OK ? clocks_write(store, row, err) : s;
 }
@@ -277,16 +260,56 @@ status store_deliverer_save_later(struct store *store, const struct deliverer *d
     return STATUS_OK;
 }
 
-static status extend_rows(struct store *store, const struct job *job, const struct buffer *request,
+/* Of the frame's row, or with -1 of all of the job's. */
+static status change_rows(struct store *store, const char *change, uint64_t job, int64_t frame,
                           struct error *err)
 {
-    static const char *const forget[] = {"DELETE FROM frames WHERE job=?",
-                                         "DELETE FROM cut_frames WHERE job=?",
-                                         "DELETE FROM clocks WHERE job=?"};
+    sqlite3_stmt *statement = NULL;
+    char text[128];
+    status s;
+
+    snprintf(text, sizeof text, "%s WHERE job=?%s", change,
+             frame < 0 ? "" : " AND frame=?");
+    s = sql_prepare(store, text, &statement, err);
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job);
+    if (frame >= 0)
+        sqlite3_bind_int64(statement, 2, frame);
+    return sql_run(store, statement, "the job's frames cannot be stored", err);
+}
+
+static status forget_frames(struct store *store, const struct job *job,
+                            const struct job_reopening *chosen, struct error *err)
+{
+    static const char *const changes[] = {
+        "DELETE FROM frames", "DELETE FROM cut_frames",
+        "UPDATE clocks SET from_active_ns=active_ns, from_cpu_ns=cpu_ns"};
+    status s = STATUS_OK;
+
+    for (size_t i = 0; i < sizeof changes / sizeof *changes && s == STATUS_OK; i++) {
+        if (!chosen->chosen)
+            s = change_rows(store, changes[i], job->id, -1, err);
+        for (uint64_t frame = job->first_frame;
+             chosen->chosen && frame <= job->last_frame && s == STATUS_OK; frame++)
+            if (job_reopening_has(chosen, job, (uint32_t)frame))
+                s = change_rows(store, changes[i], job->id, (int64_t)frame, err);
+    }
+    for (uint64_t frame = job->first_frame; frame <= job->last_frame && s == STATUS_OK; frame++)
+        if (job_reopening_is_whole(chosen, job, (uint32_t)frame))
+            s = cut_insert(store, job->id, (uint32_t)frame, FRAME_END_CAP, &chosen->coverage, err);
+    return s;
+}
+
+static status extend_rows(struct store *store, const struct job *job,
+                          const struct job_reopening *chosen, const struct buffer *request,
+                          const struct buffer *submitted, struct error *err)
+{
     sqlite3_stmt *statement = NULL;
     status s = sql_prepare(store,
-                           "UPDATE jobs SET request=?, state=?, state_text='', finished_at=0, "
-                           "epoch_floor=? WHERE id=?",
+                           "UPDATE jobs SET submitted=coalesce(?6, submitted, request), request=?1, "
+                           "state=?2, state_text='', finished_at=0, epoch_floor=?3, name=?4, "
+                           "token=?5, submitted_at=?8 WHERE id=?7",
                            &statement, err);
 
     if (s != STATUS_OK)
@@ -294,23 +317,26 @@ static status extend_rows(struct store *store, const struct job *job, const stru
     sqlite3_bind_blob(statement, 1, request->data, (int)request->size, SQLITE_TRANSIENT);
     sqlite3_bind_int(statement, 2, JOB_STATE_QUEUED);
     bind_number(statement, 3, job->epoch_floor);
-    bind_number(statement, 4, job->id);
+    bind_text(statement, 4, job->name);
+    if (job->token[0])
+        bind_text(statement, 5, job->token);
+    if (submitted->size > 0)
+        sqlite3_bind_blob(statement, 6, submitted->data, (int)submitted->size, SQLITE_TRANSIENT);
+    bind_number(statement, 7, job->id);
+    sqlite3_bind_int64(statement, 8, job->submitted_at);
     s = sql_run(store, statement, "the job's settings cannot be stored", err);
-    for (size_t i = 0; i < sizeof forget / sizeof *forget && s == STATUS_OK; i++) {
-        s = sql_prepare(store, forget[i], &statement, err);
-        if (s != STATUS_OK)
-            return s;
-        bind_number(statement, 1, job->id);
-        s = sql_run(store, statement, "the job's frames cannot be stored", err);
-    }
-    return s;
+    return s == STATUS_OK ? forget_frames(store, job, chosen, err) : s;
 }
 
-status store_job_extend(struct store *store, const struct job *job, struct error *err)
+status store_job_extend(struct store *store, const struct job *job,
+                        const struct job_reopening *chosen, const struct job *submitted,
+                        struct error *err)
 {
-    struct buffer request = BUFFER_INIT;
+    struct buffer request = BUFFER_INIT, as_sent = BUFFER_INIT;
     status s = wire_job_pack(job, &request, err);
 
+    if (s == STATUS_OK && submitted)
+        s = wire_job_pack(submitted, &as_sent, err);
     pthread_mutex_lock(&store->order);
     pthread_mutex_lock(&store->lock);
     saves_drop(store, job->id); /* its end */
@@ -318,13 +344,14 @@ status store_job_extend(struct store *store, const struct job *job, struct error
     if (s == STATUS_OK)
         s = sql_exec(store, "BEGIN IMMEDIATE", "cannot be written", err);
     if (s == STATUS_OK) {
-        s = extend_rows(store, job, &request, err);
+        s = extend_rows(store, job, chosen, &request, &as_sent, err);
         if (s == STATUS_OK)
             s = sql_exec(store, "COMMIT", "the job's settings cannot be stored", err);
         if (s != STATUS_OK)
             (void)sqlite3_exec(store->db, "ROLLBACK", NULL, NULL, NULL);
     }
     pthread_mutex_unlock(&store->order);
+    buffer_release(&as_sent);
     buffer_release(&request);
     return s;
 }

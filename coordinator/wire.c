@@ -212,6 +212,28 @@ static status check_schedule(const Azulejo__Wire__JobSubmit *in,
     return STATUS_OK;
 }
 
+/* Which frames are rendered, and why. */
+static status get_frames(struct job *job, const Azulejo__Wire__JobSubmit *in, struct error *err)
+{
+    uint64_t at = job->first_frame;
+
+    if (in->estimate > ESTIMATE_CONTINUED)
+        return error_set(err, STATUS_ERR_INPUT, "an unknown kind of estimate, %u", in->estimate);
+    job->estimate = (enum job_estimate)in->estimate;
+    for (size_t i = 0; i < in->n_frames; i++) {
+        if (in->frames[i] < at || in->frames[i] > job->last_frame)
+            return error_set(err, STATUS_ERR_INPUT,
+                             "frame %u: the frames to render must ascend from %u to %u at most",
+                             in->frames[i], job->first_frame, job->last_frame);
+        while (at < in->frames[i])
+            job_frame_rest(job, (uint32_t)at++);
+        at++;
+    }
+    while (in->n_frames > 0 && at <= job->last_frame)
+        job_frame_rest(job, (uint32_t)at++);
+    return STATUS_OK;
+}
+
 status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32_t camera_count,
                     struct error *err)
 {
@@ -272,6 +294,11 @@ status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32
     job->settings = settings;
     job->output = output;
     job->scene = scene;
+    s = get_frames(job, in, err);
+    if (s != STATUS_OK) {
+        job_free(job);
+        return s;
+    }
     *out = job;
     return STATUS_OK;
 }
@@ -282,8 +309,19 @@ status wire_job_pack(const struct job *job, struct buffer *out, struct error *er
     Azulejo__Wire__RenderSettings settings = AZULEJO__WIRE__RENDER_SETTINGS__INIT;
     Azulejo__Wire__StopRules stop;
     struct wire_output output;
+    uint32_t *frames = NULL;
     uint8_t *space;
 
+    if (job->frames_resting_count > 0) {
+        frames = mem_alloc_array(job_frames_wanted(job), sizeof *frames);
+        if (!frames)
+            return error_no_memory(err, "a job");
+        for (uint64_t at = job->first_frame; at <= job->last_frame; at++)
+            if (!job_frame_is_resting(job, (uint32_t)at))
+                frames[message.n_frames++] = (uint32_t)at;
+    }
+    message.frames = frames;
+    message.estimate = (uint32_t)job->estimate;
     wire_output_set(&output, &job->output);
     wire_settings_set(&settings, &job->settings);
     wire_digest_set(&message.scene, &job->scene);
@@ -298,10 +336,10 @@ status wire_job_pack(const struct job *job, struct buffer *out, struct error *er
     message.priority = job->priority;
     message.token = (char *)job->token;
     space = buffer_append_space(out, azulejo__wire__job_submit__get_packed_size(&message));
-    if (!space)
-        return error_no_memory(err, "a job");
-    azulejo__wire__job_submit__pack(&message, space);
-    return STATUS_OK;
+    if (space)
+        azulejo__wire__job_submit__pack(&message, space);
+    mem_free(frames);
+    return space ? STATUS_OK : error_no_memory(err, "a job");
 }
 
 status wire_job_unpack(struct job **out, const void *data, size_t size_bytes, struct error *err)
@@ -318,22 +356,48 @@ status wire_job_unpack(struct job **out, const void *data, size_t size_bytes, st
     return s;
 }
 
-status wire_job_same(const struct job *a, const struct job *b, int *same, struct error *err)
+static status same_packed(const struct job *a, const struct job *b, int *same, struct error *err)
 {
-    struct job other = *b; /* packed, never kept */
     struct buffer left = BUFFER_INIT, right = BUFFER_INIT;
-    status s;
+    status s = wire_job_pack(a, &left, err);
 
-    other.output = a->output;
-    other.priority = a->priority;
-    s = wire_job_pack(a, &left, err);
     if (s == STATUS_OK)
-        s = wire_job_pack(&other, &right, err);
+        s = wire_job_pack(b, &right, err);
     *same = s == STATUS_OK && left.size == right.size &&
             memcmp(left.data, right.data, left.size) == 0;
     buffer_release(&right);
     buffer_release(&left);
     return s;
+}
+
+status wire_job_estimated(const struct job *estimate, const struct job *job, int *same,
+                          struct error *err)
+{
+    struct job other = *job; /* packed, never kept */
+
+    other.settings.spp = estimate->settings.spp;
+    other.stop = estimate->stop;
+    other.output = estimate->output;
+    other.priority = estimate->priority;
+    other.estimate = estimate->estimate;
+    other.frames_resting = estimate->frames_resting;
+    other.frames_resting_count = estimate->frames_resting_count;
+    memcpy(other.name, estimate->name, sizeof other.name);
+    memcpy(other.token, estimate->token, sizeof other.token);
+    *same = 0;
+    if (job->first_frame != estimate->first_frame || job->last_frame != estimate->last_frame ||
+        job->settings.spp < estimate->settings.spp)
+        return STATUS_OK;
+    return same_packed(estimate, &other, same, err);
+}
+
+status wire_job_same(const struct job *a, const struct job *b, int *same, struct error *err)
+{
+    struct job other = *b; /* packed, never kept */
+
+    other.output = a->output;
+    other.priority = a->priority;
+    return same_packed(a, &other, same, err);
 }
 
 void wire_point_set(Azulejo__Wire__HistoryPoint *out, Azulejo__Wire__Figures *figures,

@@ -38,6 +38,10 @@ status wire_job_pack(const struct job *job, struct buffer *out, struct error *er
 /* Do both ask for the same, but for what can be changed later: output settings and priority? */
 status wire_job_same(const struct job *a, const struct job *b, int *same, struct error *err)
     MUST_CHECK;
+/* Is `estimate` one of this job: the same scene, settings but the cap, and frames, and no more samples than it
+ * allows? */
+status wire_job_estimated(const struct job *estimate, const struct job *job, int *same,
+                          struct error *err) MUST_CHECK;
 status wire_job_unpack(struct job **out, const void *data, size_t size_bytes, struct error *err)
     MUST_CHECK;
 

@@ -380,6 +380,9 @@ void wire_work_set(Azulejo__Wire__Work *out, const struct unit_work *in)
     out->dropped_samples = in->dropped_samples;
     out->leaked_rays = in->leaked_rays;
     out->clamped_values = in->clamped_values;
+    out->clamped_samples = in->clamped_samples;
+    out->clamped_luminance = in->clamped_luminance;
+    out->kept_luminance = in->kept_luminance;
 }
 
 void wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in)
@@ -393,6 +396,9 @@ void wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in)
     out->dropped_samples = in->dropped_samples;
     out->leaked_rays = in->leaked_rays;
     out->clamped_values = in->clamped_values;
+    out->clamped_samples = in->clamped_samples;
+    out->clamped_luminance = in->clamped_luminance;
+    out->kept_luminance = in->kept_luminance;
 }
 
 /* ---- blobs ----------------------------------------------------------------------------- */

@@ -41,7 +41,10 @@ static status send_result(struct channel *channel, struct work_unit *unit)
     const struct unit_work done = {
         .samples = unit->stats.samples, .rays = unit->stats.rays,
         .vertices = unit->stats.vertices, .dropped_samples = unit->stats.dropped_samples,
-        .leaked_rays = unit->stats.leaked_rays, .clamped_values = unit->stats.clamped_values};
+        .leaked_rays = unit->stats.leaked_rays, .clamped_values = unit->stats.clamped_values,
+        .clamped_samples = unit->stats.clamped_samples,
+        .clamped_luminance = unit->stats.clamped_luminance,
+        .kept_luminance = unit->stats.kept_luminance};
 
     wire_sums_set(sums, unit->sums, unit->sum_count);
     result.lease = unit->lease_id;
@@ -60,9 +63,6 @@ static status send_result(struct channel *channel, struct work_unit *unit)
     result.work = &work;
     stats.cpu_ns = unit->cpu_ns;
     stats.trace_ns = unit->stats.trace_ns;
-    stats.clamped_samples = unit->stats.clamped_samples;
-    stats.clamped_luminance = unit->stats.clamped_luminance;
-    stats.kept_luminance = unit->stats.kept_luminance;
     stats.effects = unit->effects;
     stats.stages = unit->stages;
     stats.n_stages = STAGE_COUNT;

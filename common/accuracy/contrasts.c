@@ -183,27 +183,23 @@ static double group_weight(const struct view *v, size_t pixel, int group)
     return p->samples[tile * 2] > 0 && p->samples[tile * 2 + 1] > 0 ? p->samples[tile * 2 + (size_t)group] : 0;
 }
 
-void gather_linear(struct gathered *g, const struct view *a, const struct view *b)
+void gather_linear(struct gathered *g, const struct view *a)
 {
     double means[CONTRASTS] = {0};
 
     for (size_t p = 0; p < g->pixels; p++) {
         double squares[CONTRASTS] = {0}, weights[2] = {group_weight(a, p, 0), group_weight(a, p, 1)};
         for (size_t i = p * 3; i < p * 3 + 3; i++) {
-            float ra[ACCURACY_REPLICATES], rb[ACCURACY_REPLICATES] = {0};
+            float ra[ACCURACY_REPLICATES];
             values_at(a, i, ra);
-            if (b)
-                values_at(b, i, rb);
-            g->mean += b ? ((double)mean_of(ra) + (double)mean_of(rb)) / 2 : (double)mean_of(ra);
+            g->mean += (double)mean_of(ra);
             for (int k = 0; k < CONTRASTS; k++) {
-                double c = (double)contrast_of(ra, contrast_at(a, p, k)) -
-                           (b ? (double)contrast_of(rb, contrast_at(b, p, k)) : 0);
+                double c = (double)contrast_of(ra, contrast_at(a, p, k));
                 squares[k] += c * c;
                 means[k] += c;
             }
             for (int group = 0; group < 2; group++) {
-                double d = ((double)ra[group * 2] - (double)ra[group * 2 + 1] -
-                            ((double)rb[group * 2] - (double)rb[group * 2 + 1])) / 2;
+                double d = ((double)ra[group * 2] - (double)ra[group * 2 + 1]) / 2;
                 g->groups[group] += d * d * weights[group];
             }
         }
@@ -219,17 +215,15 @@ void gather_linear(struct gathered *g, const struct view *a, const struct view *
 
 /* Add what contrast k shows with one sign: to errors[k] the square of the largest channel's error, to
  * `squares` that of all. */
-static status add_codes(struct gathered *g, struct view *a, struct view *b, int k, float sign,
+static status add_codes(struct gathered *g, struct view *a, int k, float sign,
                         float *squares, struct error *err)
 {
     status s = view_shift(a, k, sign, err);
 
-    if (s == STATUS_OK && b)
-        s = view_shift(b, k, sign, err);
     for (size_t p = 0; p < g->pixels && s == STATUS_OK; p++) {
         float largest = 0;
         for (size_t i = p * 3; i < p * 3 + 3; i++) {
-            float d = b ? a->codes[i] - b->codes[i] : a->codes[i];
+            float d = a->codes[i];
             largest = d * d > largest ? d * d : largest;
             squares[p] += d * d / 2;
         }
@@ -238,18 +232,18 @@ static status add_codes(struct gathered *g, struct view *a, struct view *b, int 
     return s;
 }
 
-/* Errors in display codes, of the difference a - b: what each contrast shows, added and taken away. */
-status gather_codes(struct gathered *g, struct view *a, struct view *b, struct error *err)
+/* Errors in display codes: what each contrast shows, added and taken away. */
+status gather_codes(struct gathered *g, struct view *a, struct error *err)
 {
     float *squares[CONTRASTS] = {NULL};
     status s = STATUS_OK;
 
     for (int k = 0; k < CONTRASTS && s == STATUS_OK; k++) {
         squares[k] = mem_calloc(g->pixels, sizeof(float));
-        s = squares[k] ? add_codes(g, a, b, k, 1, squares[k], err)
+        s = squares[k] ? add_codes(g, a, k, 1, squares[k], err)
                        : error_no_memory(err, "a picture's error");
         if (s == STATUS_OK)
-            s = add_codes(g, a, b, k, -1, squares[k], err);
+            s = add_codes(g, a, k, -1, squares[k], err);
         for (size_t p = 0; p < g->pixels && s == STATUS_OK; p++)
             g->errors[k][p] = sqrtf(g->errors[k][p]);
     }

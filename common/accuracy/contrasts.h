@@ -40,9 +40,9 @@ struct gathered {
 status gathered_init(struct gathered *g, size_t pixels, struct error *err) MUST_CHECK;
 void gathered_release(struct gathered *g);
 
-/* Errors in linear radiance, and in display codes, of the difference a - b; b may be NULL. */
-void gather_linear(struct gathered *g, const struct view *a, const struct view *b);
-status gather_codes(struct gathered *g, struct view *a, struct view *b, struct error *err) MUST_CHECK;
+/* Errors in linear radiance, and in display codes. */
+void gather_linear(struct gathered *g, const struct view *a);
+status gather_codes(struct gathered *g, struct view *a, struct error *err) MUST_CHECK;
 
 /* The mean over the contrasts of a pixel's squared error in codes. */
 double gathered_square(const struct gathered *g, size_t pixel);

@@ -190,7 +190,7 @@ static void figures_unknown(struct accuracy_figures *out)
         .lone = NAN, .dark = NAN, .top_share = NAN, .disagreement = NAN, .unseen = NAN, .tail_index = NAN};
 }
 
-static status figures_make(struct accuracy_figures *out, struct view *a, struct view *b,
+static status figures_make(struct accuracy_figures *out, struct view *a,
                            const struct accuracy_evidence *evidence, struct accuracy_map *map,
                            struct error *err)
 {
@@ -201,8 +201,8 @@ static status figures_make(struct accuracy_figures *out, struct view *a, struct 
     if (s != STATUS_OK)
         return s;
     out->known = 1;
-    gather_linear(&g, a, b);
-    s = gather_codes(&g, a, b, err);
+    gather_linear(&g, a);
+    s = gather_codes(&g, a, err);
     if (s == STATUS_OK)
         s = figure_display(out, &g, width, height, err);
     if (s == STATUS_OK) {
@@ -230,33 +230,7 @@ status accuracy_figures_of(struct accuracy_figures *out, const struct accuracy_p
     s = view_init(&view, picture, transform, err);
     if (s != STATUS_OK)
         return s;
-    s = figures_make(out, &view, NULL, evidence, map, err);
+    s = figures_make(out, &view, evidence, map, err);
     view_release(&view);
-    return s;
-}
-
-status accuracy_figures_between(struct accuracy_figures *out, const struct accuracy_picture *a,
-                                const struct accuracy_transform *transform_a,
-                                const struct accuracy_picture *b,
-                                const struct accuracy_transform *transform_b, struct error *err)
-{
-    struct view views[2];
-    status s;
-
-    figures_unknown(out);
-    if (a->width != b->width || a->height != b->height)
-        return error_set(err, STATUS_ERR_INPUT, "frames of %ux%u and %ux%u cannot be compared",
-                         a->width, a->height, b->width, b->height);
-    if (!view_is_known(a) || !view_is_known(b))
-        return STATUS_OK;
-    s = view_init(&views[0], a, transform_a, err);
-    if (s != STATUS_OK)
-        return s;
-    s = view_init(&views[1], b, transform_b, err);
-    if (s == STATUS_OK) {
-        s = figures_make(out, &views[0], &views[1], NULL, NULL, err);
-        view_release(&views[1]);
-    }
-    view_release(&views[0]);
     return s;
 }

@@ -87,13 +87,4 @@ status accuracy_figures_of(struct accuracy_figures *out, const struct accuracy_p
                            const struct accuracy_evidence *evidence, struct accuracy_map *map,
                            struct error *err) MUST_CHECK;
 
-/* The same of the difference of two pictures of one size, neighbouring frames: how far what changes
- * from one to the next may be wrong (flicker). rmse_percent is over the mean of both; tails and the
- * unseen do not count. */
-status accuracy_figures_between(struct accuracy_figures *out, const struct accuracy_picture *a,
-                                const struct accuracy_transform *transform_a,
-                                const struct accuracy_picture *b,
-                                const struct accuracy_transform *transform_b,
-                                struct error *err) MUST_CHECK;
-
 #endif

@@ -103,8 +103,8 @@ int film_complete(const struct film *film);
 /* Every tile has at least one pass: a preview covers the frame. */
 int film_covered(const struct film *film);
 
-/* Work, and what went wrong in it, of all that is folded. */
-const struct unit_work *film_work(const struct film *film);
+/* Work, and what went wrong in it, of all that is folded; whatever the order of arrival. */
+struct unit_work film_work(const struct film *film);
 uint64_t film_rays(const struct film *film);
 uint64_t film_tile_rays(const struct film *film, uint32_t tile, uint32_t group);
 /* The largest contributions to the group on the tile. */

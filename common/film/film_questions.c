@@ -129,9 +129,24 @@ int film_covered(const struct film *film)
     return film->tiles_started == film->tiles_total;
 }
 
-const struct unit_work *film_work(const struct film *film)
+struct unit_work film_work(const struct film *film)
 {
-    return &film->work;
+    struct unit_work work = film->work;
+
+    if (work.clamped_samples == 0 && !(work.kept_luminance > 0))
+        return work;
+    /* film->work is in the order of arrival, and sums of doubles depend on theirs. */
+    work.clamped_luminance = work.kept_luminance = 0;
+    for (uint32_t t = 0; t < film->tiles_total; t++)
+        for (uint32_t i = 0; i < GROUPS; i++) {
+            const struct film_group *g = &film->tiles[t].groups[i];
+            const struct film_sums *both[2] = {g->whole, g->cut};
+            for (int k = 0; k < 2; k++) {
+                work.clamped_luminance += both[k] ? both[k]->work.clamped_luminance : 0;
+                work.kept_luminance += both[k] ? both[k]->work.kept_luminance : 0;
+            }
+        }
+    return work;
 }
 
 uint64_t film_rays(const struct film *film)

@@ -2,7 +2,7 @@
  *   magic, length in bytes, frame width, height, AOVs, tile (32 bits each)
  *   for each group: whole passes, samples of the short pass's end (0: none), levels, 0 (32 bits each)
  *     sums of the whole passes, if there are any; of the short one, if there is one:
- *       the work (64 bits each), tail count, 0, tail, values (doubles)
+ *       the work (64 bits each: counts, then two doubles), tail count, 0, tail, values (doubles)
  *     levels, log of the passes
  *   64-bit check of all before
  * Frame and tile are repeated so that a state that was written to the wrong place is refused. The cap is
@@ -18,7 +18,7 @@ enum {
     STATE_MAGIC = 0x335a5441, /* "ATZ3": 2 knew no groups */
     STATE_HEADER_BYTES = 6 * 4,
     GROUP_HEADER_BYTES = 4 * 4,
-    WORK_BYTES = 6 * 8,
+    WORK_BYTES = 9 * 8,
     TAIL_BYTES = 8 + TAIL_MAX * 8,
     LEVEL_BYTES = 8 + 8 + 8 + 4 + 4 + 4 + LEVEL_BINS * 2,
     LOG_BYTES = 16,
@@ -143,10 +143,12 @@ static uint8_t *put_sums(uint8_t *at, const struct film_sums *sums, size_t numbe
 {
     const struct unit_work *w = &sums->work;
     const uint64_t work[] = {w->samples, w->rays, w->vertices, w->dropped_samples, w->leaked_rays,
-                             w->clamped_values};
+                             w->clamped_values, w->clamped_samples};
 
     for (size_t i = 0; i < sizeof work / sizeof *work; i++)
         at = put64(at, work[i]);
+    at = put_double(at, w->clamped_luminance);
+    at = put_double(at, w->kept_luminance);
     at = put32(at, sums->tail.count);
     at = put32(at, 0);
     for (uint32_t i = 0; i < TAIL_MAX; i++) {
@@ -261,10 +263,13 @@ static void get_sums(const uint8_t **at, struct film_sums *sums, size_t numbers)
 {
     uint64_t *const work[] = {&sums->work.samples,         &sums->work.rays,
                               &sums->work.vertices,        &sums->work.dropped_samples,
-                              &sums->work.leaked_rays,     &sums->work.clamped_values};
+                              &sums->work.leaked_rays,     &sums->work.clamped_values,
+                              &sums->work.clamped_samples};
 
     for (size_t i = 0; i < sizeof work / sizeof *work; i++)
         *work[i] = get64(at);
+    sums->work.clamped_luminance = get_double(at);
+    sums->work.kept_luminance = get_double(at);
     sums->tail.count = get32(at);
     (void)get32(at);
     for (uint32_t i = 0; i < TAIL_MAX; i++) {

@@ -12,6 +12,9 @@ void unit_work_add(struct unit_work *sum, const struct unit_work *more)
     sum->dropped_samples += more->dropped_samples;
     sum->leaked_rays += more->leaked_rays;
     sum->clamped_values += more->clamped_values;
+    sum->clamped_samples += more->clamped_samples;
+    sum->clamped_luminance += more->clamped_luminance;
+    sum->kept_luminance += more->kept_luminance;
 }
 
 void unit_work_subtract(struct unit_work *sum, const struct unit_work *less)
@@ -22,6 +25,16 @@ void unit_work_subtract(struct unit_work *sum, const struct unit_work *less)
     sum->dropped_samples -= less->dropped_samples;
     sum->leaked_rays -= less->leaked_rays;
     sum->clamped_values -= less->clamped_values;
+    sum->clamped_samples -= less->clamped_samples;
+    sum->clamped_luminance -= less->clamped_luminance;
+    sum->kept_luminance -= less->kept_luminance;
+}
+
+double unit_work_clamped_share(const struct unit_work *work)
+{
+    double all = work->clamped_luminance + work->kept_luminance;
+
+    return all > 0 ? work->clamped_luminance / all : 0;
 }
 
 /* ---- the largest contributions -------------------------------------------------------------- */
@@ -86,11 +99,21 @@ static uint64_t hash_words(uint64_t hash, const uint64_t *words, size_t count)
     return hash_mix(hash, hash >> 29);
 }
 
+static uint64_t double_bits(double value)
+{
+    uint64_t bits;
+
+    memcpy(&bits, &value, sizeof bits);
+    return bits;
+}
+
 uint64_t unit_hash(const struct unit_result *unit)
 {
     const struct unit_work *w = &unit->work;
     const uint64_t counts[] = {w->samples, w->rays, w->vertices, w->dropped_samples,
-                               w->leaked_rays, w->clamped_values, unit->tail.count};
+                               w->leaked_rays, w->clamped_values, w->clamped_samples,
+                               double_bits(w->clamped_luminance), double_bits(w->kept_luminance),
+                               unit->tail.count};
     uint64_t hash = 0x243f6a8885a308d3ull ^ unit->count;
 
     for (size_t i = 0; i < unit->count; i++) {

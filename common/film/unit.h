@@ -17,10 +17,16 @@ struct unit_work {
     uint64_t dropped_samples;  /* not finite: replaced by black */
     uint64_t leaked_rays;      /* slipped through something closed: traced again */
     uint64_t clamped_values;   /* sums beyond what a float holds */
+    /* settings.clamp: samples that were scaled down, and sums over the samples of the luminance that they
+     * lost and of what was kept. 0 where nothing is clamped. */
+    uint64_t clamped_samples;
+    double clamped_luminance, kept_luminance;
 };
 
 void unit_work_add(struct unit_work *sum, const struct unit_work *more);
 void unit_work_subtract(struct unit_work *sum, const struct unit_work *less);
+/* The share of the light that clamping took away, 0..1. */
+double unit_work_clamped_share(const struct unit_work *work);
 
 /* A sample's contribution: its luminance, and the pixel of its tile (row-major). */
 struct tail_entry {

@@ -96,6 +96,30 @@ def a_killed_coordinator_decides_the_same():
 
 
 @tests.add
+def what_clamping_took_survives_a_kill():
+    """--clamp, kill -9 of the coordinator: the same clampedSamples and clampedShare in the header and in show"""
+    with Farm() as farm:
+        farm_of(farm, 2)
+        options = ["--spp", "400", "--clamp", "0.2"]
+        whole = reference(farm, *options)
+        expect(whole.picture.number("azulejo:clampedSamples") > 0, "nothing is clamped")
+        number = farm.submit(AREA, *SIZE, *options)
+        wait_for(lambda: farm.job(number)["samples_done"] > 0.3 * whole.info["samples_done"], "samples")
+        farm.coordinator.kill()
+        farm.restart_coordinator()
+        farm.wait_for_job(number)
+        killed = Result(farm, number, "killed")
+        expect_equal(killed, whole, "killed")
+        counts = ("clamped_samples", "clamped_share", "rays", "leaked_rays", "clamped_values")
+        told = [{name: info["stats"][name] for name in counts} for info in (killed.info, whole.info)]
+        expect(told[0] == told[1], told)
+        farm.coordinator.kill()
+        farm.restart_coordinator()
+        again = farm.job(number)["stats"]
+        expect({name: again[name] for name in counts} == told[0], (again, told[0]))
+
+
+@tests.add
 def limits_end_frames():
     """time and core limits: every tile has samples, the job is done, the words say what ended it"""
     with Farm() as farm:

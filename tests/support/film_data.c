@@ -35,6 +35,9 @@ struct unit_result film_data_unit(const struct film *film, uint32_t tile, uint32
     unit.work.rays = unit.work.samples * 3 + pass;
     unit.work.vertices = unit.work.rays / 2;
     unit.work.leaked_rays = tile;
+    unit.work.clamped_samples = tile;
+    unit.work.clamped_luminance = 1e-3 * (tile + 0.1 * pass); /* sums that depend on their order */
+    unit.work.kept_luminance = 1e3 / (1 + tile + pass);
     for (uint32_t i = 0; i < 10; i++)
         tail_add(&unit.tail, 1 + (float)((tile * 7 + group * 5 + pass * 3 + i * 11) % 13),
                  i % pixels);
@@ -81,13 +84,16 @@ void film_data_assert_same(const struct film *a, const struct film *b)
 {
     size_t count = (size_t)film_width(a) * film_height(a) * 3;
     float *one = malloc(count * sizeof *one), *two = malloc(count * sizeof *two);
+    struct unit_work works[2];
 
     assert_non_null(one);
     assert_non_null(two);
     film_develop(a, one);
     film_develop(b, two);
     assert_memory_equal(one, two, count * sizeof *one);
-    assert_memory_equal(film_work(a), film_work(b), sizeof(struct unit_work));
+    works[0] = film_work(a);
+    works[1] = film_work(b);
+    assert_memory_equal(&works[0], &works[1], sizeof works[0]);
     assert_int_equal(film_samples(a), film_samples(b));
     for (uint32_t t = 0; t < film_tile_count(a); t++) {
         size_t size = film_tile_state_size(a, t);

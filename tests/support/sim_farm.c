@@ -352,6 +352,7 @@ void sim_develop(struct sim *sim)
     while (sim->developing_count > 0) {
         struct job_frame *frame = sim->developing[--sim->developing_count];
         struct film_coverage coverage;
+        struct unit_work work;
         struct error err = {0};
         status s = STATUS_OK;
 
@@ -359,11 +360,12 @@ void sim_develop(struct sim *sim)
             sim->developed++;
             sim->wrong_frames += !sim_frame_is_right(frame->job, frame->number, frame->film);
             coverage = film_coverage(frame->film);
+            work = film_work(frame->film);
             if (sim->store)
                 s = store_frame_done(sim->store, frame->job->id, frame->number,
                                      sim_revision(frame->job),
                                      frame->end,
-                                     coverage.samples < job_frame_samples(frame->job) ? &coverage : NULL, &err);
+                                     coverage.samples < job_frame_samples(frame->job) ? &coverage : NULL, &work, &err);
         }
         farm_frame_developed(&sim->farm, frame, sim_revision(frame->job), s, &err, sim->now_ns);
     }

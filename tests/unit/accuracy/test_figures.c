@@ -281,31 +281,6 @@ static void test_missing_group(void **state)
     noisy_release(&n);
 }
 
-/* Two frames' errors add up, unless they are one and the same. */
-static void test_between_frames(void **state)
-{
-    static const double deviations[4] = {2, 2, 2, 2};
-    struct accuracy_figures one, between;
-    struct error err = {0};
-    struct noisy a, b;
-
-    (void)state;
-    noisy_init(&a);
-    noisy_init(&b);
-    noisy_fill(&a, 21, deviations);
-    noisy_fill(&b, 22, deviations);
-    one = figures_of(&a, NULL);
-    assert_int_equal(accuracy_figures_between(&between, &a.picture, &a.transform, &b.picture, &b.transform, &err), STATUS_OK);
-    assert_near(between.rmse_percent, one.rmse_percent * sqrt(2), 0.05);
-    assert_near(between.display_error, one.display_error * sqrt(2), 0.06);
-    assert_int_equal(accuracy_figures_between(&between, &a.picture, &a.transform, &a.picture, &a.transform, &err), STATUS_OK);
-    assert_true(between.rmse_percent == 0 && between.display_error == 0);
-    b.picture.width /= 2;
-    assert_int_equal(accuracy_figures_between(&between, &a.picture, &a.transform, &b.picture, &b.transform, &err), STATUS_ERR_INPUT);
-    noisy_release(&a);
-    noisy_release(&b);
-}
-
 static void test_map(void **state)
 {
     static const double deviations[4] = {2, 2, 2, 2};
@@ -385,7 +360,7 @@ int main(void)
         cmocka_unit_test(test_known_noise),     cmocka_unit_test(test_intervals_hold),
         cmocka_unit_test(test_light_level_does_not_count), cmocka_unit_test(test_firefly_counts),
         cmocka_unit_test(test_unmet_light_warns), cmocka_unit_test(test_nothing_and_too_little),
-        cmocka_unit_test(test_missing_group),   cmocka_unit_test(test_between_frames),
+        cmocka_unit_test(test_missing_group),
         cmocka_unit_test(test_map),             cmocka_unit_test(test_errors_come_back),
         cmocka_unit_test(test_quantiles),
     };

@@ -75,7 +75,7 @@ static void a_repeated_result_is_kept_or_pending(void **state)
     assert_int_equal(sim->acks, 2);
     worker->units[worker->unit_count++] = copy;
     assert_int_equal(sim_send(sim, worker, worker->unit_count - 1, 100), MERGE_KEPT);
-    assert_int_equal(film_work(job->frames->film)->samples, 16 * 16 * 2); /* counted once */
+    assert_int_equal(film_work(job->frames->film).samples, 16 * 16 * 2); /* counted once */
     assert_int_equal(job->conflicts, 0);
     sim_free(sim);
 }
@@ -155,13 +155,14 @@ static void hostile_results_are_refused(void **state)
     REFUSED(bad.sums_bytes -= 1);
     REFUSED(bad.sums_bytes = 0);
     REFUSED(bad.sums_bytes = (size_t)1 << 40);
-    REFUSED(bad.stats.clamped_luminance = NAN);
-    REFUSED(bad.stats.clamped_luminance = -1);
-    REFUSED(bad.stats.kept_luminance = INFINITY);
+    REFUSED(bad.work.clamped_samples = bad.work.samples + 1);
+    REFUSED(bad.work.clamped_luminance = NAN);
+    REFUSED(bad.work.clamped_luminance = -1);
+    REFUSED(bad.work.kept_luminance = INFINITY);
     memcpy(sums + 40, &nan_value, 4);
     REFUSED((void)0);
 #undef REFUSED
-    assert_int_equal(film_work(job->frames->film)->samples, 0);
+    assert_int_equal(film_work(job->frames->film).samples, 0);
     assert_null(merge_commit_begin(&sim->farm, sim->now_ns));
     sim_free(sim);
 }

@@ -67,12 +67,15 @@ static status adopt(void *user, struct job *job, struct error *err)
     return STATUS_OK;
 }
 
+static const struct unit_work no_work;
+
 static void jobs_survive_a_restart(void **state)
 {
     struct store *store = sim_store(folder);
     struct job *job = sim_job(640, 480, 99, 3, 12, -5), *other = sim_job(1, 1, 1, 0, 0, 0);
     struct loaded loaded = {{NULL}, 0};
     struct error err = {0};
+    struct unit_work work;
     const struct job *back;
 
     (void)state;
@@ -90,15 +93,19 @@ static void jobs_survive_a_restart(void **state)
     assert_true(other->id > job->id);
     job->state = JOB_STATE_RUNNING;
     snprintf(job->kernel, sizeof job->kernel, "embree 9");
-    job->work = (struct unit_work){.samples = 1, .rays = 2, .vertices = 3, .dropped_samples = 4};
-    job->stats = (struct work_stats){.cpu_ns = 5, .trace_ns = 6, .clamped_samples = 7,
-                                     .clamped_luminance = 8.5, .kept_luminance = 1e30};
+    snprintf(job->release, sizeof job->release, "9.9");
+    work = (struct unit_work){.samples = 1, .rays = 2, .vertices = 3, .dropped_samples = 4,
+                              .leaked_rays = 9, .clamped_values = 10, .clamped_samples = 7,
+                              .clamped_luminance = 8.5, .kept_luminance = 1e30};
+    unit_work_add(&job->work, &work);
+    unit_work_add(&job->work, &work);
+    job->stats = (struct work_stats){.cpu_ns = 5, .trace_ns = 6};
     job->active_ns = 1500000000;
     job->conflicts = 7;
     assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 5, 0, FRAME_END_CAP, NULL, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 6, 0, FRAME_END_CAP, NULL, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 6, 0, FRAME_END_CAP, NULL, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 5, 0, FRAME_END_CAP, NULL, &work, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 6, 0, FRAME_END_CAP, NULL, &work, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 6, 0, FRAME_END_CAP, NULL, &work, &err), STATUS_OK);
     assert_int_equal(tonemap_settings_init(&job->output.tonemap, "linear", &err), STATUS_OK);
     job->output.tonemap.exposure_ev = -1.25;
     job->output.tonemap.white_kelvin = 5000;
@@ -119,6 +126,7 @@ static void jobs_survive_a_restart(void **state)
     assert_string_equal(back->name, job->name);
     assert_string_equal(back->scene_name, "scene");
     assert_string_equal(back->kernel, "embree 9");
+    assert_string_equal(back->release, "9.9");
     assert_int_equal(back->state, JOB_STATE_RUNNING);
     assert_int_equal(back->priority, -5);
     assert_memory_equal(&back->settings, &job->settings, sizeof job->settings);
@@ -149,13 +157,20 @@ static void jobs_survive_a_restart(void **state)
 
 /* A store of version 1, which knew no revisions: its finished frames' pictures are as they should;
  * one of version 2, which knew no tokens; and one of version 3, which knew no clamping, limits, figures, deliverers. */
+#define WITHOUT_WORK_AND_RELEASE                                                                     \
+    "ALTER TABLE frames DROP COLUMN samples; ALTER TABLE frames DROP COLUMN rays;"              \
+    "ALTER TABLE frames DROP COLUMN vertices; ALTER TABLE frames DROP COLUMN dropped;"          \
+    "ALTER TABLE frames DROP COLUMN leaked; ALTER TABLE frames DROP COLUMN clamped_values;"     \
+    "ALTER TABLE frames DROP COLUMN clamped; ALTER TABLE frames DROP COLUMN clamped_luminance;" \
+    "ALTER TABLE frames DROP COLUMN kept_luminance; ALTER TABLE jobs DROP COLUMN release;"       \
+    "ALTER TABLE jobs DROP COLUMN submitted;"
+
 static void an_older_store_is_brought_up_to_date(void **state)
 {
 #define WITHOUT_4                                                                               \
     "DROP TABLE history; DROP TABLE deliverers; DROP TABLE clocks;"                             \
     "ALTER TABLE cut_frames DROP COLUMN ended; ALTER TABLE cut_frames DROP COLUMN group_most;"  \
-    "ALTER TABLE jobs DROP COLUMN clamped; ALTER TABLE jobs DROP COLUMN clamped_luminance;"     \
-    "ALTER TABLE jobs DROP COLUMN kept_luminance;"
+    WITHOUT_WORK_AND_RELEASE
     static const char *const steps_back[] = {
         WITHOUT_4 "PRAGMA user_version=3",
         WITHOUT_4
@@ -175,7 +190,7 @@ static void an_older_store_is_brought_up_to_date(void **state)
 
     (void)state;
     assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 2, 0, FRAME_END_CAP, NULL, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, 2, 0, FRAME_END_CAP, NULL, &no_work, &err), STATUS_OK);
     store_close(store);
     snprintf(job->token, sizeof job->token, "new");
     for (size_t i = 0; i < sizeof steps_back / sizeof *steps_back; i++) {
@@ -220,19 +235,18 @@ static void unfinished_jobs_of_an_older_store_begin_again(void **state)
         job->state = states[i];
         snprintf(job->kernel, sizeof job->kernel, "azulejo 0.1.0");
         job->conflicts = 1;
-        job->work = (struct unit_work){.samples = 100, .rays = 200};
         job->stats.cpu_ns = 300;
         assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);
         if (i == COUNT - 1)
-            assert_int_equal(store_frame_done(store, job->id, 2, 0, FRAME_END_CAP, NULL, &err), STATUS_OK);
+            assert_int_equal(store_frame_done(store, job->id, 2, 0, FRAME_END_CAP, NULL, &no_work, &err), STATUS_OK);
         job_free(job);
     }
     store_close(store);
     assert_int_equal(sqlite3_open(path_of("queue.sqlite"), &db), SQLITE_OK);
     assert_int_equal(sqlite3_exec(db,
                                   "DROP TABLE deliverers; DROP TABLE history; DROP TABLE clocks; DROP TABLE cut_frames; "
-                                  "ALTER TABLE jobs DROP COLUMN clamped; ALTER TABLE jobs DROP COLUMN clamped_luminance; "
-                                  "ALTER TABLE jobs DROP COLUMN kept_luminance; "
+                                  WITHOUT_WORK_AND_RELEASE
+                                  "UPDATE jobs SET samples=100, rays=200;"
                                   "DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token; "
                                   "PRAGMA user_version=2",
                                   NULL, NULL, NULL),
@@ -246,8 +260,8 @@ static void unfinished_jobs_of_an_older_store_begin_again(void **state)
         int keeps = job_state_ended(states[i]) || i == COUNT - 1;
         assert_int_equal(job->state, states[i]);
         assert_string_equal(job->kernel, keeps ? "azulejo 0.1.0" : "");
-        assert_int_equal(job->work.samples, keeps ? 100 : 0);
-        assert_int_equal(job->work.rays, keeps ? 200 : 0);
+        assert_int_equal(job->work.samples, i == COUNT - 1 ? 100 : 0); /* of its finished frame */
+        assert_int_equal(job->work.rays, i == COUNT - 1 ? 200 : 0);
         assert_int_equal(job->stats.cpu_ns, keeps ? 300 : 0);
         assert_int_equal(job->conflicts, keeps);
         job_free(loaded.jobs[i]);

@@ -212,7 +212,7 @@ static void test_results(void **state)
 {
     const float in[2] = {1, 0.5f};
     const uint8_t floats[] = {0, 0, 0x80, 0x3f, 0, 0, 0, 0x3f}, entry[] = {0, 0, 0x80, 0x3f, 7, 1, 0, 0};
-    const struct unit_work work = {1, 2, 3, 4, 5, 6};
+    const struct unit_work work = {1, 2, 3, 4, 5, 6, 7, 8.5, 9.25};
     Azulejo__Wire__Work message;
     struct unit_work back;
     uint8_t bytes[WIRE_TAIL_BYTES_MAX + WIRE_TAIL_ENTRY_BYTES] = {0};
