@@ -5,6 +5,7 @@
 
 #include "common/film/tiles.h"
 #include "common/image/color.h"
+#include "common/math/elementary.h"
 
 uint32_t level_bin(float codes)
 {
@@ -82,11 +83,13 @@ static float mean_around(const float *squares, uint32_t width, uint32_t height, 
 /* Divide a pixel between its two places: a whole count at the nearest would be off by up to 9 %. */
 static void spread_add(uint16_t *spreads, float deviation)
 {
-    uint32_t i = 0, above;
+    uint32_t i, above;
     float low, high;
 
     if (!(deviation >= level_spread(0)))
         return;
+    i = ((float_bits(deviation) >> 23) - (float_bits(level_spread(0)) >> 23)) * 4; /* its octave */
+    i = i + 2 < LEVEL_SPREADS ? i : LEVEL_SPREADS - 2;
     while (i + 2 < LEVEL_SPREADS && deviation >= level_spread(i + 1))
         i++;
     low = level_spread(i);
