@@ -110,7 +110,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation check-asan check-tsan fuzz bench bench-accuracy layers install uninstall clean tests lint format new-tonemap
+.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy layers install uninstall clean tests lint format new-tonemap
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -216,6 +216,8 @@ accuracy-unbiased: tests ## adaptive pictures have the mean of uniform ones (10 
 	@BUILD=$(BUILD) tests/accuracy/unbiased.sh
 accuracy-allocation: tests ## what giving samples to tiles saves (docs/ALLOCATION.md; 20 minutes)
 	@BUILD=$(BUILD) tests/accuracy/allocation.sh
+accuracy-time: tests ## is the time left right on real scenes (docs/ACCURACY.md; 2 minutes)
+	@BUILD=$(BUILD) tests/accuracy/time_left.sh
 
 bench: all tests ## the figures in docs/PERFORMANCE.md
 	@BUILD=$(BUILD) tests/bench/run.sh

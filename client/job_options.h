@@ -109,7 +109,7 @@ struct job_options {
     STOP_OPTION_ROWS((o).stop, "the file's own, or 256; with another rule: no limit"),          \
     ALLOCATION_OPTION_ROW((o).stop),                                                            \
     {"min-spp", 0, OPTION_INT, &(o).stop.spp_min, "N",                                          \
-     "samples a pixel before --target-error may end a frame, at least", 1, SETTINGS_SPP_MAX,    \
+     "samples a pixel before --target-error may end a frame, at least (default 16)", 1, SETTINGS_SPP_MAX,    \
      NULL},                                                                                     \
     {"schedule-from", 0, OPTION_STRING, &(o).schedule_path, "FILE.exr",                         \
      "give each tile the samples that it has in this picture, which a limit or a cancel ended",  \

@@ -3,6 +3,7 @@
 #include <assert.h>
 #include <string.h>
 
+#include "common/accuracy/quantile.h"
 #include "common/base/memory.h"
 #include "common/film/tiles.h"
 #include "common/math/elementary.h"
@@ -27,6 +28,7 @@ const struct allocation_rules allocation_rules = {
     .smoothing = 0.5,
     .exponent_min = 0.5,
     .exponent_max = 1,
+    .caution = 0.3,
     .margin = 0.02,
 };
 
@@ -290,14 +292,40 @@ void allocation_round_release(struct allocation_round *round)
 
 /* ---- prediction ------------------------------------------------------------------------------- */
 
+/* Pixels by the standard deviation of their error, out of a group's levels: those of counts[i][] are
+ * multiplied by sqrt(factor[i]). */
+static void add_spreads(struct spreads *out, uint64_t (*counts)[LEVEL_SPREADS], const double *factor,
+                        uint32_t rows)
+{
+    for (uint32_t i = 0; i < rows; i++)
+        for (uint32_t b = 0; b < LEVEL_SPREADS; b++)
+            if (counts[i][b] > 0)
+                spreads_add(out, level_spread(b) * (float)sqrt(factor[i]), counts[i][b]);
+}
+
+/* The display error as a picture's figures have it. The tiles tell only of pixels that have one. */
+static double display_error(struct spreads *spreads, const struct allocation_input *in)
+{
+    uint64_t pixels = (uint64_t)in->width * in->height * LEVEL_SPREAD_ONE;
+
+    spreads->count = spreads->count > pixels ? spreads->count : pixels;
+    return spreads_quantile(spreads, DISPLAY_BEYOND);
+}
+
 /* The squared error of a level by a measure, up to a factor. */
 static double level_square(const struct allocation_input *in, const struct film_level *tiles,
-                           enum allocation_measure measure)
+                           enum allocation_measure measure, struct spreads *spreads)
 {
-    double sum = 0;
+    double sum = 0, unmoved = 1;
 
     if (measure == ALLOCATION_DISPLAY) {
-        sum = quantile_of(in, tiles);
+        uint64_t counts[1][LEVEL_SPREADS] = {{0}};
+        for (uint32_t t = 0; t < tile_count(in->width, in->height); t++)
+            for (uint32_t b = 0; b < LEVEL_SPREADS; b++)
+                counts[0][b] += tiles[t].spreads[b];
+        memset(spreads, 0, sizeof *spreads);
+        add_spreads(spreads, counts, &unmoved, 1);
+        sum = display_error(spreads, in);
         return sum * sum;
     }
     for (uint32_t t = 0; t < tile_count(in->width, in->height); t++)
@@ -307,13 +335,14 @@ static double level_square(const struct allocation_input *in, const struct film_
 
 /* The squared error falls as 1 / n^exponent. Soft light falls faster than 1 / n, rare light slower;
  * the last doubling tells. */
-static double exponent_of(const struct allocation_input *in, enum allocation_measure measure)
+static double exponent_of(const struct allocation_input *in, enum allocation_measure measure,
+                          struct spreads *spreads)
 {
     const struct allocation_rules *rules = rules_of(in);
-    double now = level_square(in, in->tiles, measure), exponent = 1;
+    double now = level_square(in, in->tiles, measure, spreads), exponent = 1;
 
     if (in->previous && now > 0) {
-        double before = level_square(in, in->previous, measure);
+        double before = level_square(in, in->previous, measure, spreads);
         exponent = before > 0 ? log2_of(before / now) : rules->exponent_min;
     }
     return exponent < rules->exponent_min   ? rules->exponent_min
@@ -321,28 +350,44 @@ static double exponent_of(const struct allocation_input *in, enum allocation_mea
                                             : exponent;
 }
 
-/* Squared error of the joined picture over that of one group at the level, for each number of
- * passes. Two groups of the same number of samples halve it. */
-static void shrinkage(const struct allocation_round *round, enum allocation_measure measure, double *factor)
+static double cautious_exponent(const struct allocation_input *in, double exponent)
 {
-    double floor_samples = (double)(2u << round->in->level), exponent = exponent_of(round->in, measure);
+    const struct allocation_rules *rules = rules_of(in);
+
+    exponent -= rules->caution;
+    return exponent < rules->exponent_min ? rules->exponent_min : exponent;
+}
+
+/* Squared error of the joined picture over that of one group at the level, for each number of
+ * passes of both. In linear radiance two groups halve it. In codes that would be too little: where a
+ * sample is rare and bright, the light that it adds hides some of its own error; two groups are then
+ * what they are, twice the samples. */
+static void shrinkage(const struct allocation_round *round, enum allocation_measure measure,
+                      double *factor, struct spreads *spreads)
+{
+    double floor_samples = (double)(2u << round->in->level);
+    double exponent = exponent_of(round->in, measure, spreads);
+    double joined = measure == ALLOCATION_RMSE ? 0.5 : det_pow_d(0.5, exponent);
+    double further = cautious_exponent(round->in, exponent);
 
     factor[0] = 1;
     for (uint32_t p = 1; p <= PASSES_MAX; p++)
-        factor[p] = 0.5 * det_pow_d(floor_samples / pass_samples(p), exponent);
+        factor[p] = joined * det_pow_d(floor_samples / pass_samples(p), further);
 }
 
-/* The error that 95 % of the pixels stay below, each tile's histogram moved by its factor. */
-static double predict_quantile(const struct allocation_round *round, uint32_t lambda,
-                               const double *factor)
+/* Each tile's spreads moved by its factor. */
+static double predict_display(const struct allocation_round *round, uint32_t lambda,
+                              const double *factor, struct spreads *spreads)
 {
-    uint64_t counts[PASSES_MAX + 1][LEVEL_BINS] = {{0}};
+    uint64_t counts[PASSES_MAX + 1][LEVEL_SPREADS] = {{0}};
     uint32_t most = passes_max(round);
 
     for (uint32_t t = 0; t < round->tiles; t++)
-        for (uint32_t b = 0; b < LEVEL_BINS; b++)
-            counts[wanted_at(round, t, lambda, most)][b] += round->in->tiles[t].bins[b];
-    return quantile(counts, factor, PASSES_MAX + 1);
+        for (uint32_t b = 0; b < LEVEL_SPREADS; b++)
+            counts[wanted_at(round, t, lambda, most)][b] += round->in->tiles[t].spreads[b];
+    memset(spreads, 0, sizeof *spreads);
+    add_spreads(spreads, counts, factor, PASSES_MAX + 1);
+    return display_error(spreads, round->in);
 }
 
 /* The squared errors of the tiles, in part replaced by their 3x3 tiles' mean. A tile whose error was
@@ -382,11 +427,12 @@ double allocation_predict(const struct allocation_round *round, enum allocation_
 {
     double pixels = (double)round->in->width * round->in->height;
     double factor[PASSES_MAX + 1], radiance = 0, square;
+    struct spreads spreads;
 
-    shrinkage(round, measure, factor);
+    shrinkage(round, measure, factor, &spreads);
     switch (measure) {
     case ALLOCATION_DISPLAY:
-        return predict_quantile(round, lambda, factor);
+        return predict_display(round, lambda, factor, &spreads);
     case ALLOCATION_PSNR:
         square = predict_square(round, lambda, factor, 0) / (3 * pixels);
         return square > 0 ? 4.34294481903251827651 * det_log_d(255.0 * 255.0 / square) : INFINITY;

@@ -48,6 +48,7 @@ struct allocation_rules {
     double smoothing;        /* a tile counts at least so much of its 3x3 tiles' mean error */
     double exponent_min, exponent_max; /* of 1/n in the predicted squared error, as learnt from the
                               * last two levels */
+    double caution;          /* what is taken off that exponent beyond the floor: it falls on many scenes */
     double margin;           /* the prediction must lie below the target by this share */
 };
 extern const struct allocation_rules allocation_rules;

@@ -5,13 +5,15 @@
 #include "common/math/elementary.h"
 
 #define NORMAL_95 1.959963984540054
-/* Of b before any point is known; these four were chosen on `make accuracy`, where the first two points are of
- * pictures whose codes saturate. */
-#define SLOPE 0.55
-#define SLOPE_SPREAD 0.1
-/* The least that a point is off the law, and what is added to that a factor e of cost away from the
- * last one, both of ln error. */
+/* Of b before any point is known: 1/2 is that of independent samples. */
+#define SLOPE 0.5
+#define SLOPE_SPREAD 0.25
+/* The least that a point is off the law, what is added to that a factor e of cost before the last point,
+ * growing with the square of the distance there, and how far the law may lead astray a factor e of cost
+ * further on; all of ln error. Chosen on `make accuracy`: the slope changes from scene to scene and along
+ * each scene's way, and the last doublings tell more of the next ones than the first do. */
 #define POINT_SPREAD 0.01
+#define MEMORY 0.2
 #define DRIFT 0.1
 /* Of a point's own without an interval. */
 #define UNKNOWN_SPREAD 0.05
@@ -21,7 +23,7 @@ static double spread_of(const struct accuracy_point *p, double distance)
     double own = p->lo > 0 && p->hi > p->lo && isfinite(p->hi)
                      ? det_log_d(p->hi / p->lo) / (2 * NORMAL_95)
                      : UNKNOWN_SPREAD;
-    double drift = DRIFT * distance;
+    double drift = MEMORY * distance * distance;
 
     return sqrt(own * own + POINT_SPREAD * POINT_SPREAD + drift * drift);
 }

@@ -2,7 +2,7 @@
  *
  *     ln error = a - b ln cost
  *
- * fitted by least squares with two kinds of knowledge beside the points: b is about 0.55 (1/2 for independent samples; a
+ * fitted by least squares with two kinds of knowledge beside the points: b is about 1/2 (that of independent samples; a
  * Sobol' sequence may do better, a scene of rare paths does worse), and the law is only locally one,
  * so that a point counts less the further it lies from the last.
  * Costs are of any unit that is proportional to the work, core-seconds say; errors of any unit too. */

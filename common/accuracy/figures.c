@@ -8,8 +8,7 @@
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 
-/* The share of pixels that the display error leaves out, two-sided 95 % of a normal distribution. */
-#define BEYOND 0.05
+/* Two-sided 95 % of a normal distribution. */
 #define NORMAL_95 1.959963984540054
 /* What the display error's model may be wrong by beside chance, as a standard deviation of its
  * logarithm: measured (docs/ACCURACY.md). */
@@ -36,7 +35,7 @@ static void spread_pixels(struct gathered *g, uint32_t width, uint32_t height,
                 for (uint32_t u = x > 0 ? x - 1 : 0; u <= x + 1 && u < width; u++, count++)
                     sum += gathered_square(g, (size_t)v * width + u);
             g->spread[(size_t)y * width + x] = (float)sqrt(sum / count);
-            spreads_add(spreads, g->spread[(size_t)y * width + x]);
+            spreads_add(spreads, g->spread[(size_t)y * width + x], 1);
         }
 }
 
@@ -49,7 +48,7 @@ static double share_deviation(const struct gathered *g)
 
     for (int k = 0; k < CONTRASTS; k++)
         limit[k] = quantile_select(g->errors[k], g->pixels,
-                                   (size_t)((double)(g->pixels - 1) * (1 - BEYOND)));
+                                   (size_t)((double)(g->pixels - 1) * (1 - DISPLAY_BEYOND)));
     for (size_t p = 0; p < g->pixels; p++) {
         double x[CONTRASTS];
         for (int k = 0; k < CONTRASTS; k++)
@@ -69,9 +68,9 @@ static status figure_display(struct accuracy_figures *out, struct gathered *g, u
         return error_no_memory(err, "a picture's error");
     spread_pixels(g, width, height, spreads);
     off = NORMAL_95 * share_deviation(g);
-    out->display_error = spreads_quantile(spreads, BEYOND);
-    out->display_lo = spreads_quantile(spreads, BEYOND + off);
-    out->display_hi = spreads_quantile(spreads, BEYOND > off ? BEYOND - off : BEYOND / 2);
+    out->display_error = spreads_quantile(spreads, DISPLAY_BEYOND);
+    out->display_lo = spreads_quantile(spreads, DISPLAY_BEYOND + off);
+    out->display_hi = spreads_quantile(spreads, DISPLAY_BEYOND > off ? DISPLAY_BEYOND - off : DISPLAY_BEYOND / 2);
     mem_free(spreads);
     if (!(out->display_error > 0))
         return STATUS_OK;

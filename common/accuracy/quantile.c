@@ -5,6 +5,8 @@
 #include "common/math/elementary.h"
 
 enum { BISECTIONS = 60, SELECT_BITS = 11 };
+#define PRECISE 1e-7   /* of a quantile */
+#define FAR 6          /* beyond so many deviations times sqrt(2) nothing counts: 1e-17 */
 
 float quantile_select(const float *values, size_t count, size_t rank)
 {
@@ -27,10 +29,10 @@ float quantile_select(const float *values, size_t count, size_t rank)
     return float_from_bits(prefix);
 }
 
-void spreads_add(struct spreads *s, float deviation)
+void spreads_add(struct spreads *s, float deviation, uint64_t times)
 {
-    s->bins[float_bits(deviation) >> 17]++;
-    s->count++;
+    s->bins[float_bits(deviation) >> 17] += times;
+    s->count += times;
 }
 
 double complement_erf(double x)
@@ -56,7 +58,7 @@ static double share_beyond(const struct spreads *s, double q)
     for (uint32_t i = 1; i < SPREADS_BINS; i++)
         if (s->bins[i] > 0) {
             double x = q / (double)float_from_bits(i << 17 | 1u << 16) * 0.70710678118654752440;
-            if (x < 20)
+            if (x < FAR)
                 sum += (double)s->bins[i] * complement_erf(x);
         }
     return sum / (double)s->count;
@@ -71,7 +73,7 @@ double spreads_quantile(const struct spreads *s, double beyond)
             high = 20 * (double)float_from_bits(i << 17 | 1u << 16);
     if (!(beyond > 0))
         return high;
-    for (int i = 0; i < BISECTIONS; i++) {
+    for (int i = 0; i < BISECTIONS && high - low > PRECISE * high; i++) {
         double middle = (low + high) / 2;
         if (share_beyond(s, middle) > beyond)
             low = middle;

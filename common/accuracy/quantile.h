@@ -9,13 +9,16 @@
  * passes, no order is changed. */
 float quantile_select(const float *values, size_t count, size_t rank);
 
+/* The share of pixels that the display error leaves out. */
+#define DISPLAY_BEYOND 0.05
+
 enum { SPREADS_BINS = 1 << 14 };
 /* How many errors have which standard deviation: bins of 1/64 octave. Zero-initialise. */
 struct spreads {
     uint64_t bins[SPREADS_BINS];
     uint64_t count;
 };
-void spreads_add(struct spreads *s, float deviation);
+void spreads_add(struct spreads *s, float deviation, uint64_t times);
 /* The q >= 0 that a share `beyond` (0..1) of the |errors| exceeds, each normal about 0 with its own
  * standard deviation. */
 double spreads_quantile(const struct spreads *s, double beyond);

@@ -135,14 +135,21 @@ void film_group_set_passes(struct film *film, uint32_t index, uint32_t group, ui
     g->passes = passes;
 }
 
+static void measure_level(const struct film *film, uint32_t tile, uint32_t group, uint32_t level,
+                          uint64_t rays, const double *sums, struct film_level *out)
+{
+    struct tile_rect rect = tile_rect_of(film->width, film->height, tile);
+
+    out->rays = rays;
+    film_level_measure(out, sums, rect.width, rect.height, level_samples(level), &film->codes[group]);
+}
+
 /* Of a level that was reached with whole passes only. */
 static void group_measure(const struct film *film, uint32_t tile, uint32_t group, uint32_t level)
 {
     struct film_group *g = &film->tiles[tile].groups[group];
 
-    g->levels[level].rays = g->whole->work.rays;
-    film_level_measure(&g->levels[level], g->whole->values, film_tile_pixels(film, tile),
-                       level_samples(level), &film->codes[group]);
+    measure_level(film, tile, group, level, g->whole->work.rays, g->whole->values, &g->levels[level]);
 }
 
 /* A result's AOVs: those that are point-sampled are in one of a group's passes only, so they, too, may be
@@ -225,9 +232,7 @@ static void watch_fold(struct film *film, uint32_t tile, uint32_t group, const f
         return;
     w->level_count = (uint32_t)level + 1;
     film->at_level[group][level]++;
-    w->levels[level].rays = w->rays;
-    film_level_measure(&w->levels[level], w->values, film_tile_pixels(film, tile),
-                       level_samples((uint32_t)level), &film->codes[group]);
+    measure_level(film, tile, group, (uint32_t)level, w->rays, w->values, &w->levels[level]);
 }
 
 /* How many passes may be folded at present. */

@@ -20,7 +20,7 @@ enum {
     GROUP_HEADER_BYTES = 4 * 4,
     WORK_BYTES = 9 * 8,
     TAIL_BYTES = 8 + TAIL_MAX * 8,
-    LEVEL_BYTES = 8 + 8 + 8 + 4 + 4 + 4 + LEVEL_BINS * 2,
+    LEVEL_BYTES = 8 + 8 + 8 + 4 + 4 + 4 + LEVEL_BINS * 2 + LEVEL_SPREADS * 2,
     LOG_BYTES = 16,
     STATE_CHECK_BYTES = 8,
 };
@@ -161,6 +161,14 @@ static uint8_t *put_sums(uint8_t *at, const struct film_sums *sums, size_t numbe
     return at;
 }
 
+/* An even number of counts, two in 32 bits. */
+static uint8_t *put_counts(uint8_t *at, const uint16_t *counts, int count)
+{
+    for (int i = 0; i < count; i += 2)
+        at = put32(at, counts[i] | (uint32_t)counts[i + 1] << 16);
+    return at;
+}
+
 static uint8_t *put_level(uint8_t *at, const struct film_level *level)
 {
     at = put64(at, level->rays);
@@ -169,9 +177,8 @@ static uint8_t *put_level(uint8_t *at, const struct film_level *level)
     at = put_float(at, level->display);
     at = put_float(at, level->channels);
     at = put32(at, (uint32_t)level->has_codes);
-    for (int i = 0; i < LEVEL_BINS; i += 2)
-        at = put32(at, level->bins[i] | (uint32_t)level->bins[i + 1] << 16);
-    return at;
+    at = put_counts(at, level->bins, LEVEL_BINS);
+    return put_counts(at, level->spreads, LEVEL_SPREADS);
 }
 
 static uint8_t *put_group(uint8_t *at, const struct film *film, uint32_t tile, uint32_t group)
@@ -280,6 +287,15 @@ static void get_sums(const uint8_t **at, struct film_sums *sums, size_t numbers)
         sums->values[i] = get_double(at);
 }
 
+static void get_counts(const uint8_t **at, uint16_t *counts, int count)
+{
+    for (int i = 0; i < count; i += 2) {
+        uint32_t two = get32(at);
+        counts[i] = (uint16_t)two;
+        counts[i + 1] = (uint16_t)(two >> 16);
+    }
+}
+
 static void get_level(const uint8_t **at, struct film_level *level)
 {
     memset(level, 0, sizeof *level); /* also what lies between its members */
@@ -289,11 +305,8 @@ static void get_level(const uint8_t **at, struct film_level *level)
     level->display = get_float(at);
     level->channels = get_float(at);
     level->has_codes = get32(at) != 0;
-    for (int i = 0; i < LEVEL_BINS; i += 2) {
-        uint32_t two = get32(at);
-        level->bins[i] = (uint16_t)two;
-        level->bins[i + 1] = (uint16_t)(two >> 16);
-    }
+    get_counts(at, level->bins, LEVEL_BINS);
+    get_counts(at, level->spreads, LEVEL_SPREADS);
 }
 
 /* Check the state and find each group's part of it. */

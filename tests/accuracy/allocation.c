@@ -321,15 +321,15 @@ static void aim(const struct replay *r, const struct curve *c, enum allocation_m
     for (uint32_t i = level_passes(2); i + 2 < c->count; i++) {
         struct allocation_target target = {measure, c->at[i].display};
         struct plan p;
-        struct replay_errors e;
+        struct accuracy_figures f;
         double ratio;
         if (measure == ALLOCATION_PSNR)
             target.value = 10 * log10(255 * 255 / c->at[i].square);
         plan_init(&p, r->tiles, 1);
         if (replay_rounds(r, &rules, &target, 7, REPLAY_RIGHT, p.passes)) {
-            e = replay_reported(r, p.passes);
-            ratio = measure == ALLOCATION_PSNR ? log(e.square / c->at[i].square) / 2
-                                               : log(e.display / c->at[i].display);
+            replay_reported(r, p.passes, &f);
+            ratio = measure == ALLOCATION_PSNR ? (target.value - f.psnr_db) * log(10) / 20
+                                               : log(f.display_error / target.value);
             out->count++;
             out->met += ratio <= 0;
             out->sum += ratio;

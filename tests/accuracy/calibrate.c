@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "common/accuracy/curve.h"
+#include "common/base/memory.h"
 #include "common/base/options.h"
 #include "tests/support/calibration.h"
 #include "tests/support/judge.h"
@@ -23,8 +24,16 @@ static _Noreturn void die(const char *text)
 
 enum { AHEAD = 2 }; /* levels: four times the samples */
 
+/* What a unit of cost is: processor time, which is noisy on a machine with other work, or samples. */
+enum unit { CPU_SECONDS, SAMPLES };
+
+static double cost_of(const struct judgement *j, uint32_t level, enum unit unit)
+{
+    return unit == CPU_SECONDS ? j[level].cpu_s : calibration_spp(level);
+}
+
 /* The cost of the error that a later level shows, from the levels up to this one; 0 where there is none. */
-static struct accuracy_estimate predict(const struct judgement *j, uint32_t level, uint32_t levels)
+static struct accuracy_estimate predict(const struct judgement *j, uint32_t level, uint32_t levels, enum unit unit)
 {
     struct accuracy_point points[CALIBRATION_LEVELS_MAX];
     struct accuracy_curve curve;
@@ -32,25 +41,40 @@ static struct accuracy_estimate predict(const struct judgement *j, uint32_t leve
     if (level + AHEAD >= levels || !(j[level + AHEAD].figures.display_error > 0))
         return (struct accuracy_estimate){0, 0, 0};
     for (uint32_t i = 0; i <= level; i++)
-        points[i] = (struct accuracy_point){j[i].cpu_s, j[i].figures.display_error,
+        points[i] = (struct accuracy_point){cost_of(j, i, unit), j[i].figures.display_error,
                                             j[i].figures.display_lo, j[i].figures.display_hi};
     accuracy_curve_fit(&curve, points, level + 1);
     return accuracy_curve_cost(&curve, j[level + AHEAD].figures.display_error);
 }
 
-/* One line of one seed's judgements j[levels]. `reference`: samples of a pixel that the truth was made of. */
-static void print_row(const char *scene, uint32_t seed, const struct judgement *all, uint32_t level,
-                      uint32_t levels, uint32_t reference)
+/* The geometric means of all seeds' display errors: figures almost without noise. */
+static void mean_of_seeds(const struct judgement *all, uint32_t seeds, uint32_t levels, struct judgement *out)
+{
+    for (uint32_t level = 0; level < levels; level++) {
+        double sum = 0;
+        for (uint32_t s = 0; s < seeds; s++)
+            sum += log(all[(size_t)s * levels + level].figures.display_error) / seeds;
+        out[level] = all[level];
+        out[level].figures.display_error = exp(sum);
+    }
+}
+
+/* One line of one seed's judgements all[levels]. `even`: their mean over the seeds. `reference`: samples
+ * of a pixel that the truth was made of. */
+static void print_row(const char *scene, uint32_t seed, const struct judgement *all, const struct judgement *even,
+                      uint32_t level, uint32_t levels, uint32_t reference)
 {
     const struct judgement *j = &all[level], *later = &all[level + AHEAD < levels ? level + AHEAD : level];
     const struct accuracy_figures *f = &j->figures;
-    struct accuracy_estimate cost = predict(all, level, levels);
+    struct accuracy_estimate cost = predict(all, level, levels, CPU_SECONDS);
+    struct accuracy_estimate samples = predict(all, level, levels, SAMPLES);
 
-    printf("%s,%u,%u,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d,%u,%.9g,%u,%.6g,%.6g,%.6g,%.9g,%d\n",
+    printf("%s,%u,%u,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d,%u,%.9g,%u,%.6g,%.6g,%.6g,%.9g,%d,%.6g,%.6g,%.6g,%.6g\n",
            scene, seed, calibration_spp(level), f->display_error, f->display_lo, f->display_hi, j->true_display,
            f->rmse_percent, f->rmse_lo, f->rmse_hi, j->true_rmse, f->psnr_db, j->true_psnr,
            f->lone, f->dark, f->top_share, f->disagreement, f->unseen, f->tail_index, f->reliable, f->reasons,
-           j->cpu_s, reference, cost.value, cost.lo, cost.hi, later->cpu_s, later->figures.reliable);
+           j->cpu_s, reference, cost.value, cost.lo, cost.hi, later->cpu_s, later->figures.reliable,
+           samples.value, samples.lo, samples.hi, predict(even, level, levels, SAMPLES).value);
 }
 
 int main(int argc, char **argv)
@@ -69,6 +93,7 @@ int main(int argc, char **argv)
         {"header", 0, OPTION_FLAG, &header, NULL, "print the columns' names and end", 0, 0, NULL},
         {0},
     };
+    struct judgement *judgements, even[CALIBRATION_LEVELS_MAX];
     struct calibration c;
     struct calibration_size size = {.first_seed = 1};
     struct positionals rest;
@@ -79,7 +104,7 @@ int main(int argc, char **argv)
     if (header) {
         puts("scene,seed,spp,display,display_lo,display_hi,display_true,rmse,rmse_lo,rmse_hi,rmse_true,"
              "psnr,psnr_true,lone,dark,top_share,disagreement,unseen,tail_index,reliable,reasons,cpu_s,reference,"
-             "cost,cost_lo,cost_hi,later_cpu_s,later_reliable");
+             "cost,cost_lo,cost_hi,later_cpu_s,later_reliable,samples,samples_lo,samples_hi,samples_even");
         return 0;
     }
     if (help || rest.count != 1 || sscanf(size_text, "%ux%u", &size.width, &size.height) != 2) {
@@ -102,14 +127,18 @@ int main(int argc, char **argv)
     calibration_describe(&c, rest.items[0]);
     slash = strrchr(rest.items[0], '/');
     name = slash ? slash + 1 : rest.items[0];
-    for (uint32_t s = 0; s < c.seeds; s++) {
-        struct judgement judgements[CALIBRATION_LEVELS_MAX];
+    judgements = mem_alloc_array((size_t)c.seeds * c.levels, sizeof *judgements);
+    if (!judgements)
+        die("out of memory");
+    for (uint32_t s = 0; s < c.seeds; s++)
         for (uint32_t level = 0; level < c.levels; level++)
-            judge(&judgements[level], &c, s, level);
+            judge(&judgements[(size_t)s * c.levels + level], &c, s, level);
+    mean_of_seeds(judgements, c.seeds, c.levels, even);
+    for (uint32_t s = 0; s < c.seeds; s++)
         for (uint32_t level = 0; level < c.levels; level++)
-            print_row(name, s, judgements, level, c.levels,
+            print_row(name, s, judgements + (size_t)s * c.levels, even, level, c.levels,
                       c.reference_seeds * c.reference_spp + (c.seeds - 1) * calibration_spp(c.levels - 1));
-    }
+    mem_free(judgements);
     calibration_release(&c);
     return 0;
 }

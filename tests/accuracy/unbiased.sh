@@ -13,6 +13,7 @@ try() {
 }
 try tests/accuracy/scenes/lamp-in-bulb.pbrt --size 16x16 --samples 32 --rmse 600 --seeds "$((10 * seeds))"
 try tests/accuracy/scenes/lamp-in-bulb.pbrt --samples 64 --rmse 500 --seeds "$seeds"
+try tests/accuracy/scenes/lamps-in-glass.pbrt --samples 32 --last-level 2 --rmse 120 --seeds "$seeds"
 try tests/accuracy/scenes/small-caustic.pbrt --samples 32 --last-level 2 --rmse 25 --seeds "$seeds"
 try scenes/cornell/cornell-area.gltf --samples 32 --last-level 2 --psnr 30 --seeds "$seeds"
 [ "$bad" -eq 0 ] && echo "unbiased: ok" || echo "unbiased: a mean is off"

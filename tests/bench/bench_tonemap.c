@@ -147,7 +147,7 @@ static double level_us(const struct image *picture, const struct tonemap_setting
                 sums[k] = (double)picture->pixels[(from + k) %
                                                   ((size_t)picture->width * picture->height * 3)];
             start_ns = clock_monotonic_ns();
-            film_level_measure(&level, sums, PIXELS, 2, &(struct film_codes){show, pixels});
+            film_level_measure(&level, sums, TILE_SIZE, TILE_SIZE, 2, &(struct film_codes){show, pixels});
             spent_ns += clock_monotonic_ns() - start_ns;
         }
         times[i] = (double)spent_ns * 1e-3 / TILES;

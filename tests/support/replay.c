@@ -101,44 +101,56 @@ static void encode(struct growing *g, double exposure)
     }
 }
 
-static void measure_tile(const struct growing *g, uint32_t tile, struct film_level *out)
+static void exposed_codes(void *user, const float *rgb, uint32_t count, float *codes)
 {
-    struct tile_rect rect = tile_rect_of(g->width, g->height, tile);
-    double display = 0, channels = 0;
+    float gain = (float)*(const double *)user;
 
-    memset(out, 0, sizeof *out);
-    for (uint32_t y = rect.y; y < rect.y + rect.height; y++)
-        for (uint32_t x = rect.x; x < rect.x + rect.width; x++) {
-            size_t i = ((size_t)y * g->width + x) * 3;
-            float most = 0;
-            for (size_t c = i; c < i + 3; c++) {
-                double d = (g->sums[0][c] - g->sums[1][c]) / g->samples;
-                float e = fabsf(g->codes[0][c] - g->codes[1][c]) * 127.5f;
-                out->radiance += (g->sums[0][c] + g->sums[1][c]) / g->samples;
-                out->linear += d * d;
-                channels += (double)e * (double)e;
-                if (e > most)
-                    most = e;
-            }
-            display += (double)most * (double)most;
-            out->bins[level_bin(most)]++;
-        }
-    out->display = (float)display;
-    out->channels = (float)channels;
-    out->rays = g->rays[tile];
+    for (uint32_t i = 0; i < count * 3; i++)
+        codes[i] = rgb[i] * gain;
+    film_codes_plain(NULL, codes, count, codes);
 }
 
-/* The group's passes are in up to `passes`. `exposure` is for the errors. */
+static void measure_tile(const struct growing *g, uint32_t tile, double exposure, struct film_level *out)
+{
+    struct tile_rect rect = tile_rect_of(g->width, g->height, tile);
+    double sums[RECORD_REPLICATES * TILE_PIXELS_MAX * 3];
+    size_t at = 0;
+
+    for (int r = 0; r < RECORD_REPLICATES; r++)
+        for (uint32_t y = rect.y; y < rect.y + rect.height; y++, at += rect.width * 3)
+            memcpy(sums + at, g->sums[r] + ((size_t)y * g->width + rect.x) * 3,
+                   rect.width * 3 * sizeof *sums);
+    out->rays = g->rays[tile];
+    film_level_measure(out, sums, rect.width, rect.height, g->samples,
+                       &(struct film_codes){exposed_codes, &exposure});
+}
+
+static void keep_errors(struct replay *replay, struct growing *g, uint32_t group, uint32_t passes)
+{
+    float *error = need(mem_alloc_array(g->floats, sizeof *error));
+
+    encode(g, replay->shown);
+    for (size_t i = 0; i < g->floats; i++)
+        error[i] = (g->codes[0][i] - g->codes[1][i]) * 127.5f;
+    replay->error[group][passes] = error;
+    for (int r = 0; r < RECORD_REPLICATES; r++) {
+        float *mean = need(mem_alloc_array(g->floats, sizeof *mean));
+        for (size_t i = 0; i < g->floats; i++)
+            mean[i] = (float)(g->sums[r][i] * RECORD_REPLICATES / g->samples);
+        replay->replicates[group][passes][r] = mean;
+    }
+}
+
+/* The group's passes are in up to `passes`. */
 static void pass_done(struct replay *replay, struct growing *g, uint32_t group, uint32_t passes,
-                      double exposure, unsigned keep)
+                      unsigned keep)
 {
     struct film_level *tiles = need(mem_alloc_array(replay->tiles, sizeof *tiles));
 
     if (passes == 1)
-        replay->exposure[group] = metered(g);
-    encode(g, replay->exposure[group]);
+        replay->exposure[group] = replay->shown > 0 ? replay->shown : metered(g);
     for (uint32_t t = 0; t < replay->tiles; t++)
-        measure_tile(g, t, &tiles[t]);
+        measure_tile(g, t, replay->exposure[group], &tiles[t]);
     replay->statistics[group][passes] = tiles;
     if (keep & REPLAY_MEANS) {
         double *mean = need(mem_alloc_array(replay->tiles, sizeof *mean));
@@ -148,13 +160,8 @@ static void pass_done(struct replay *replay, struct growing *g, uint32_t group, 
         }
         replay->mean[group][passes] = mean;
     }
-    if (keep & REPLAY_ERRORS) {
-        float *error = need(mem_alloc_array(g->floats, sizeof *error));
-        encode(g, exposure);
-        for (size_t i = 0; i < g->floats; i++)
-            error[i] = (g->codes[0][i] - g->codes[1][i]) * 127.5f;
-        replay->error[group][passes] = error;
-    }
+    if (keep & REPLAY_ERRORS)
+        keep_errors(replay, g, group, passes);
 }
 
 /* ---- rendering --------------------------------------------------------------------------------- */
@@ -183,7 +190,7 @@ void replay_render(struct replay *out, const struct render_scene *scene,
                 record_render(scene, settings, seed, 0, t, group, begin, end, unit);
                 growing_add(&g, &unit->head, unit->sums);
             }
-            pass_done(out, &g, group, pass + 1, 0, REPLAY_MEANS);
+            pass_done(out, &g, group, pass + 1, REPLAY_MEANS);
             out->passes = pass + 1;
         }
         growing_release(&g);
@@ -252,7 +259,6 @@ void replay_read(struct replay *out, const char *path, uint32_t seed, unsigned k
     struct reader *r = need(mem_calloc(1, sizeof *r));
     struct growing groups[RECORD_GROUPS];
     uint32_t units[RECORD_GROUPS] = {0};
-    double exposure;
 
     memset(out, 0, sizeof *out);
     open_recording(r, path);
@@ -261,7 +267,7 @@ void replay_read(struct replay *out, const char *path, uint32_t seed, unsigned k
     out->tiles = r->header.tiles;
     out->passes = r->header.passes;
     out->cpu_ns = need(mem_calloc(out->tiles, sizeof *out->cpu_ns));
-    exposure = survey(out, r, seed);
+    out->shown = survey(out, r, seed);
     rewind(r->file);
     if (fread(&r->header, sizeof r->header, 1, r->file) != 1)
         give_up(path, "cannot be read again");
@@ -273,7 +279,7 @@ void replay_read(struct replay *out, const char *path, uint32_t seed, unsigned k
             continue;
         growing_add(&groups[g], &r->unit.head, r->unit.sums);
         if (++units[g] % out->tiles == 0)
-            pass_done(out, &groups[g], g, units[g] / out->tiles, exposure, keep);
+            pass_done(out, &groups[g], g, units[g] / out->tiles, keep);
     }
     for (int g = 0; g < RECORD_GROUPS; g++) {
         if (units[g] != out->passes * out->tiles)
@@ -290,6 +296,8 @@ void replay_release(struct replay *replay)
         for (int pass = 0; pass <= RECORD_PASSES_MAX; pass++) {
             mem_free(replay->statistics[g][pass]);
             mem_free(replay->error[g][pass]);
+            for (int r = 0; r < RECORD_REPLICATES; r++)
+                mem_free(replay->replicates[g][pass][r]);
             mem_free(replay->mean[g][pass]);
         }
     }
@@ -311,6 +319,9 @@ static struct film_level as_level(const struct film_level *all, uint32_t samples
     out.channels *= (float)ratio;
     out.rays = (uint64_t)((double)all->rays / ratio);
     memset(out.bins, 0, sizeof out.bins);
+    memset(out.spreads, 0, sizeof out.spreads);
+    for (int b = 0; b + 2 * shift < LEVEL_SPREADS; b++)
+        out.spreads[b + 2 * shift] = all->spreads[b];
     for (int b = 0; b < LEVEL_BINS; b++)
         out.bins[b + shift < LEVEL_BINS ? b + shift : LEVEL_BINS - 1] =
             (uint16_t)(out.bins[b + shift < LEVEL_BINS ? b + shift : LEVEL_BINS - 1] + all->bins[b]);
@@ -337,7 +348,7 @@ int replay_rounds(const struct replay *decides, const struct allocation_rules *r
                    enum replay_fault fault, uint32_t *const passes[RECORD_GROUPS])
 {
     struct film_level *tiles[RECORD_GROUPS], *before[RECORD_GROUPS] = {NULL, NULL};
-    int ended[RECORD_GROUPS] = {0};
+    int ended[RECORD_GROUPS] = {0}, cut = 0;
 
     for (int g = 0; g < RECORD_GROUPS; g++) {
         tiles[g] = need(mem_alloc_array(decides->tiles, sizeof *tiles[g]));
@@ -366,8 +377,10 @@ int replay_rounds(const struct replay *decides, const struct allocation_rules *r
                 ended[g] = allocation_target(&round, target, &lambda);
             allocation_wanted(&round, lambda, passes[g]);
             for (uint32_t t = 0; t < decides->tiles; t++)
-                if (passes[g][t] > decides->passes)
+                if (passes[g][t] > decides->passes) {
                     passes[g][t] = decides->passes;
+                    cut = 1;
+                }
             allocation_round_release(&round);
         }
         for (int g = 0; g < RECORD_GROUPS; g++) {
@@ -380,7 +393,7 @@ int replay_rounds(const struct replay *decides, const struct allocation_rules *r
         mem_free(tiles[g]);
         mem_free(before[g]);
     }
-    return ended[0] && ended[1];
+    return ended[0] && ended[1] && !cut;
 }
 
 /* ---- judging ----------------------------------------------------------------------------------------- */
@@ -392,8 +405,9 @@ static int ascending(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static struct replay_errors errors_of(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS],
-                                      int expected)
+/* The two groups' errors are independent: their product has mean 0, so leaving it out changes only
+ * the noise of the judgement. */
+struct replay_errors replay_errors(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS])
 {
     size_t pixels = (size_t)replay->width * replay->height;
     float *largest = need(mem_alloc_array(pixels, sizeof *largest));
@@ -406,8 +420,7 @@ static struct replay_errors errors_of(const struct replay *replay, uint32_t *con
         largest[p] = 0;
         for (int c = 0; c < 3; c++) {
             float e = 0.5f * (e0[c] + e1[c]), against = 0.5f * (e0[c] - e1[c]);
-            out.square += expected ? 0.5 * ((double)e * (double)e + (double)against * (double)against)
-                                   : (double)e * (double)e;
+            out.square += 0.5 * ((double)e * (double)e + (double)against * (double)against);
             if (fabsf(e) > largest[p])
                 largest[p] = fabsf(e);
         }
@@ -419,16 +432,37 @@ static struct replay_errors errors_of(const struct replay *replay, uint32_t *con
     return out;
 }
 
-/* The two groups' errors are independent: their product has mean 0, so leaving it out changes only
- * the noise of the judgement. */
-struct replay_errors replay_errors(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS])
+static status codes_of_picture(void *user, const float *rgb, uint32_t width, uint32_t height,
+                               float *codes, struct error *err)
 {
-    return errors_of(replay, passes, 1);
+    (void)err;
+    exposed_codes(user, rgb, width * height, codes);
+    return STATUS_OK;
 }
 
-struct replay_errors replay_reported(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS])
+void replay_reported(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS],
+                     struct accuracy_figures *out)
 {
-    return errors_of(replay, passes, 0);
+    size_t floats = (size_t)replay->width * replay->height * 3;
+    float *parts[ACCURACY_REPLICATES];
+    struct accuracy_picture picture = {.width = replay->width, .height = replay->height};
+    double exposure = replay->shown;
+    struct accuracy_transform transform = {codes_of_picture, &exposure};
+    uint32_t across = tiles_across(replay->width);
+    struct error err = {0};
+
+    for (int r = 0; r < ACCURACY_REPLICATES; r++) {
+        int group = r / RECORD_REPLICATES;
+        picture.replicates[r] = parts[r] = need(mem_alloc_array(floats, sizeof *parts[r]));
+        for (size_t i = 0; i < floats; i++) {
+            size_t p = i / 3, tile = p / replay->width / TILE_SIZE * across + p % replay->width / TILE_SIZE;
+            parts[r][i] = replay->replicates[group][passes[group][tile]][r % RECORD_REPLICATES][i];
+        }
+    }
+    if (accuracy_figures_of(out, &picture, &transform, NULL, NULL, &err) != STATUS_OK)
+        need(NULL);
+    for (int r = 0; r < ACCURACY_REPLICATES; r++)
+        mem_free(parts[r]);
 }
 
 double replay_cost(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS])

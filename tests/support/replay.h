@@ -9,6 +9,7 @@
 #define AZULEJO_TESTS_REPLAY_H
 
 #include "common/accuracy/allocate.h"
+#include "common/accuracy/figures.h"
 #include "tests/support/recording.h"
 
 enum replay_keep { REPLAY_ERRORS = 1, REPLAY_MEANS = 2 };
@@ -16,21 +17,24 @@ enum replay_keep { REPLAY_ERRORS = 1, REPLAY_MEANS = 2 };
 struct replay {
     uint32_t width, height, tiles;
     uint32_t passes;     /* of each group */
-    double exposure[RECORD_GROUPS]; /* of the statistics, frozen at level 0 */
+    double exposure[RECORD_GROUPS]; /* of the statistics */
+    double shown;        /* exposure at which errors are judged and reported */
     /* All that follows is indexed by the passes that are in, 1 .. passes. */
     struct film_level *statistics[RECORD_GROUPS][RECORD_PASSES_MAX + 1]; /* [tiles] */
     /* Half the difference of the replicates in codes: the error of the group's mean, in
      * distribution. [height][width][3]; with REPLAY_ERRORS. */
     float *error[RECORD_GROUPS][RECORD_PASSES_MAX + 1];
+    float *replicates[RECORD_GROUPS][RECORD_PASSES_MAX + 1][RECORD_REPLICATES]; /* means, as `error` */
     double *mean[RECORD_GROUPS][RECORD_PASSES_MAX + 1]; /* [tiles]: of R, G, B and the pixels; REPLAY_MEANS */
     double *cpu_ns;      /* [tiles], of one sample of every pixel of the tile */
 };
 
-/* A seed of a recording. Errors are judged at the exposure at which the logarithmic mean of the
- * seed's whole picture is 0.18. */
+/* A seed of a recording, at the exposure at which the logarithmic mean of the seed's whole picture
+ * is 0.18: as a job at an exposure of its own. */
 void replay_read(struct replay *out, const char *path, uint32_t seed, unsigned keep);
 
-/* The same of a seed that is rendered here, with `samples` samples a group; no errors. */
+/* The same of a seed that is rendered here, with `samples` samples a group, each group at the exposure
+ * of its level 0; no errors. */
 void replay_render(struct replay *out, const struct render_scene *scene,
                    const struct render_settings *settings, uint32_t seed, uint32_t samples);
 void replay_release(struct replay *replay);
@@ -44,7 +48,7 @@ enum replay_fault {
 };
 
 /* Run the rounds 0 .. last_level; target: NULL or where each group ends. passes[g][tile], cut at
- * the seed's own. Returns whether both groups met the target. */
+ * the seed's own. Returns whether both groups met the target, and nothing was cut. */
 int replay_rounds(const struct replay *decides, const struct allocation_rules *rules,
                    const struct allocation_target *target, uint32_t last_level,
                    enum replay_fault fault, uint32_t *const passes[RECORD_GROUPS]);
@@ -56,8 +60,9 @@ struct replay_errors {
 /* Of the joined picture whose group g has passes[g][tile] passes. */
 struct replay_errors replay_errors(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS]);
 
-/* The same as the picture's four replicates say it. */
-struct replay_errors replay_reported(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS]);
+/* What such a picture reports of itself. */
+void replay_reported(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS],
+                     struct accuracy_figures *out);
 
 /* CPU seconds of such a picture. */
 double replay_cost(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS]);

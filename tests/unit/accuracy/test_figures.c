@@ -347,10 +347,10 @@ static void test_quantiles(void **state)
     for (double x = 0; x < 20; x += 0.01)
         assert_near(complement_erf(x), erfc(x), 1e-10);
     for (int i = 0; i < 100; i++) /* deviations below and beyond 2, and 0 */
-        spreads_add(&spreads, 300);
+        spreads_add(&spreads, 300, 1);
     assert_near(spreads_quantile(&spreads, 0.05), 1.959964 * 300, 0.012);
     for (int i = 0; i < 100; i++)
-        spreads_add(&spreads, 0);
+        spreads_add(&spreads, 0, 1);
     assert_near(spreads_quantile(&spreads, 0.05), 1.644854 * 300, 0.012);
 }
 

@@ -10,6 +10,7 @@
 
 #include "common/base/clock.h"
 #include "coordinator/eta.h"
+#include "tests/support/eta_replay.h"
 
 enum { WIDTH = 320, HEIGHT = 192, THREADS_MAX = 8 };
 
@@ -39,131 +40,28 @@ static double lamp(double x, double y)
     return hypot(x - 3, y - 9) < 2 ? 6400 : y < 7 ? 100 : 700;
 }
 
-struct worker {
-    double free_s;
-    uint32_t tile, group, pass;
-    uint64_t cpu_ns, samples;
-    int busy;
-};
-
-struct replay {
-    struct film *film;
-    struct eta eta;
-    struct throughput throughput;
-    struct worker workers[THREADS_MAX];
-    uint32_t threads, next, units;
-    double now_s, speed;
+/* A unit of such a frame, off by up to a tenth. */
+struct map {
+    double (*cost)(double x, double y);
     uint64_t random;
-    float sums[TILE_FLOATS_MAX];
 };
 
-static double random_number(struct replay *r)
+static uint64_t unit_cost(void *user, const struct eta_unit *unit)
 {
-    r->random = r->random * 6364136223846793005ull + 1442695040888963407ull;
-    return (double)(r->random >> 11) / 9007199254740992.0;
-}
+    struct map *m = user;
+    struct tile_rect rect = tile_rect_of(WIDTH, HEIGHT, unit->tile);
 
-/* The next unit in the order in which a frame grants them; 0: none is left. */
-static int take_unit(struct replay *r, struct worker *w, double (*cost)(double, double))
-{
-    uint32_t tiles = film_tile_count(r->film), begin, end;
-    struct tile_rect rect;
-
-    do {
-        if (r->next >= r->units)
-            return 0;
-        w->tile = r->next % tiles;
-        w->group = r->next / tiles % GROUPS;
-        w->pass = r->next / tiles / GROUPS;
-        r->next++;
-    } while (w->pass >= film_pass_count(r->film, w->group));
-    rect = tile_rect_of(WIDTH, HEIGHT, w->tile);
-    pass_range(film_spp(r->film), w->group, w->pass, &begin, &end);
-    w->samples = (uint64_t)rect.width * rect.height * (end - begin);
-    w->cpu_ns = (uint64_t)(100 * (double)w->samples * cost(rect.x / TILE_SIZE, rect.y / TILE_SIZE) *
-                           (0.9 + 0.2 * random_number(r)));
-    w->free_s = r->now_s + (double)w->cpu_ns / 1e9 / r->speed;
-    w->busy = 1;
-    return 1;
-}
-
-/* The earliest worker hands in its result; 0: none is busy. */
-static int deliver(struct replay *r)
-{
-    struct worker *first = NULL;
-    enum film_merge_result merged;
-    struct unit_result unit;
-
-    for (uint32_t i = 0; i < r->threads; i++)
-        if (r->workers[i].busy && (!first || r->workers[i].free_s < first->free_s))
-            first = &r->workers[i];
-    if (!first)
-        return 0;
-    r->now_s = first->free_s;
-    first->busy = 0;
-    unit = (struct unit_result){.tile = first->tile, .group = first->group, .pass = first->pass,
-                                .sums = r->sums,
-                                .count = tile_floats(WIDTH, HEIGHT, first->tile, 0),
-                                .work = {.samples = first->samples, .rays = first->samples}};
-    assert_int_equal(film_merge(r->film, &unit, 1, &merged, NULL), STATUS_OK);
-    eta_learn(&r->eta, first->tile, first->samples, first->cpu_ns);
-    throughput_add(&r->throughput, first->cpu_ns, (uint64_t)(r->now_s * 1e9));
-    return 1;
-}
-
-enum { GUESSES_MAX = 1 << 18 };
-static double guesses[GUESSES_MAX][2]; /* time, seconds left */
-
-/* The share of the time after the first tenth in which the guess was within 20 % of the truth. */
-static double share_right(size_t count, double end_s)
-{
-    double right = 0, all = 0;
-
-    for (size_t i = 0; i + 1 < count; i++) {
-        double dt = guesses[i + 1][0] - guesses[i][0], truth = end_s - guesses[i][0];
-        if (guesses[i][0] < 0.1 * end_s)
-            continue;
-        all += dt;
-        if (fabs(guesses[i][1] - truth) <= 0.2 * truth)
-            right += dt;
-    }
-    return right / all;
+    m->random = m->random * 6364136223846793005ull + 1442695040888963407ull;
+    return (uint64_t)(100 * (double)unit->samples * m->cost(rect.x / TILE_SIZE, rect.y / TILE_SIZE) *
+                      (0.9 + 0.2 * ((double)(m->random >> 11) / 9007199254740992.0)));
 }
 
 static double replay(double (*cost)(double, double), uint32_t spp, uint32_t threads, double speed)
 {
-    static struct replay r;
-    size_t count = 0;
-    double share;
+    struct map map = {cost, 0};
+    struct eta_frame frame = {WIDTH, HEIGHT, spp, unit_cost, &map};
 
-    memset(&r, 0, sizeof r);
-    r.film = film_new(WIDTH, HEIGHT, spp);
-    assert_non_null(r.film);
-    film_want_all(r.film);
-    for (uint32_t g = 0; g < GROUPS; g++)
-        film_freeze(r.film, g, NULL);
-    eta_init(&r.eta, r.film);
-    r.threads = threads;
-    r.speed = speed;
-    r.units = film_tile_count(r.film) * GROUPS * film_pass_count(r.film, 0);
-    r.now_s = 1000;
-    assert_true(eta_left_ns(&r.eta, r.film) < 0);
-    do {
-        for (uint32_t i = 0; i < threads; i++)
-            if (!r.workers[i].busy)
-                (void)take_unit(&r, &r.workers[i], cost);
-        guesses[count][0] = r.now_s - 1000;
-        guesses[count][1] = throughput_of(&r.throughput) > 0
-                                ? eta_left_ns(&r.eta, r.film) / 1e9 / throughput_of(&r.throughput)
-                                : -1;
-        count += count + 1 < GUESSES_MAX;
-    } while (deliver(&r));
-    assert_true(film_complete(r.film));
-    assert_true(eta_left_ns(&r.eta, r.film) == 0);
-    share = share_right(count, r.now_s - 1000);
-    eta_release(&r.eta);
-    film_free(r.film);
-    return share;
+    return eta_replay(&frame, threads, speed);
 }
 
 static void time_left_is_right_on_uneven_frames(void **state)

@@ -28,7 +28,7 @@ static void statistics_follow_the_formula(void **state)
     struct film_level level = {.rays = 9};
 
     (void)state;
-    film_level_measure(&level, sums, 2, 4, &plain);
+    film_level_measure(&level, sums, 2, 1, 4, &plain);
     assert_int_equal(level.rays, 9);
     assert_true(level.linear == (4 + 1 + 0 + 1.0 / 64 / 64) / 4);
     assert_true(level.has_codes);
@@ -36,7 +36,7 @@ static void statistics_follow_the_formula(void **state)
     assert_true(level.display == 1 + 1.0f / 128 / 128);
     assert_int_equal(level.bins[10], 1);
     assert_int_equal(level.bins[0], 1);
-    film_level_measure(&level, sums, 2, 4, &(struct film_codes){NULL, NULL});
+    film_level_measure(&level, sums, 2, 1, 4, &(struct film_codes){NULL, NULL});
     assert_false(level.has_codes);
     assert_true(level.linear > 1 && level.display == 0 && level.bins[10] == 0);
 }
@@ -49,18 +49,62 @@ static void bins_are_half_octaves(void **state)
         double edge = exp2(bin / 2.0 - 5);
         double sums[6] = {0, 0, 0, 2 * edge * 1.0001, 0, 0};
         struct film_level level = {0};
-        film_level_measure(&level, sums, 1, 2, &plain);
+        film_level_measure(&level, sums, 1, 1, 2, &plain);
         assert_int_equal(level.bins[bin], 1);
         sums[3] = 2 * edge * 0.9999;
-        film_level_measure(&level, sums, 1, 2, &plain);
+        film_level_measure(&level, sums, 1, 1, 2, &plain);
         assert_int_equal(level.bins[bin ? bin - 1 : 0], 1);
     }
     for (int i = 0; i < 2; i++) {
         const double sums[6] = {0, 0, 0, i ? 1e9 : 0, 0, 0};
         struct film_level level = {0};
-        film_level_measure(&level, sums, 1, 2, &plain);
+        film_level_measure(&level, sums, 1, 1, 2, &plain);
         assert_int_equal(level.bins[i ? LEVEL_BINS - 1 : 0], 1);
     }
+}
+
+static void square_roots(void *user, const float *rgb, uint32_t count, float *codes)
+{
+    (void)user;
+    for (uint32_t i = 0; i < count * 3; i++)
+        codes[i] = sqrtf(rgb[i]);
+}
+
+/* Where codes bend, both sides of the mean count: sqrt(16) - sqrt(8), and sqrt(8). */
+static void bent_codes_count_on_both_sides(void **state)
+{
+    const double sums[6] = {16, 16, 16, 0, 0, 0}, root = sqrt(8);
+    struct film_level level = {0};
+
+    (void)state;
+    film_level_measure(&level, sums, 1, 1, 2, &(struct film_codes){square_roots, NULL});
+    assert_true(fabs((double)level.channels - 3 * ((4 - root) * (4 - root) + 8) / 2) < 1e-4);
+}
+
+/* Codes of the mean with half of the difference added and taken away; a pixel shares its error with its neighbours. */
+static void spreads_are_shared(void **state)
+{
+    double sums[2][9 * 3] = {{0}};
+    struct film_level level = {0};
+    uint32_t all = 0;
+
+    (void)state;
+    for (int i = 0; i < 27; i++)
+        sums[0][i] = 12; /* 12 - 6 and 6 - 0 codes: 6 of each */
+    film_level_measure(&level, sums[0], 3, 3, 2, &plain);
+    assert_true(level.channels == 27 * 36);
+    /* 6 lies between 2^2.5 = 5.66 and 2^2.75 = 6.73 codes. */
+    assert_true(level_spread(30) < 6 && level_spread(31) > 6);
+    assert_int_equal(level.spreads[30], 9 * 11);
+    assert_int_equal(level.spreads[31], 9 * 5);
+    memset(sums, 0, sizeof sums);
+    sums[0][4 * 3] = 12; /* the middle pixel alone: seen among 4 pixels, 6 and 9 */
+    film_level_measure(&level, sums[0], 3, 3, 2, &plain);
+    for (int i = 0; i < LEVEL_SPREADS; i++)
+        all += level.spreads[i];
+    assert_int_equal(all, 9 * LEVEL_SPREAD_ONE);
+    assert_int_equal(level.spreads[24], LEVEL_SPREAD_ONE); /* 36 / 9: 2 codes, exactly */
+    assert_int_equal(level.spreads[25] + level.spreads[26] + level.spreads[27], 8 * LEVEL_SPREAD_ONE);
 }
 
 static struct film_level level_of(const struct film *film, uint32_t tile, uint32_t group,
@@ -111,7 +155,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(statistics_follow_the_formula),
-        cmocka_unit_test(bins_are_half_octaves),
+        cmocka_unit_test(bins_are_half_octaves), cmocka_unit_test(bent_codes_count_on_both_sides), cmocka_unit_test(spreads_are_shared),
         cmocka_unit_test(a_film_keeps_every_level),
     };
     return cmocka_run_group_tests_name("levels", tests, NULL, NULL);
