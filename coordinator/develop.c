@@ -37,6 +37,7 @@ struct development {
     int measured;            /* `point` is of this development; else the newest there was, if any */
     double map_max;          /* as in struct job */
     struct measurement measurement; /* copied, if `film` is NULL */
+    float *tile_errors;      /* [tiles] display codes, for AOV_ERROR; NULL: not wanted, or not known */
     struct unit_work work;
     struct work_stats stats;
     struct buffer schedule;  /* text (common/accuracy/schedule.h); empty: the rules give the picture again */
@@ -174,6 +175,7 @@ void development_free(struct development *development)
     buffer_release(&development->schedule);
     image_release(&development->image);
     scene_release(&development->description);
+    mem_free(development->tile_errors);
     mem_free(development);
 }
 
@@ -344,6 +346,9 @@ static const struct {
     [AOV_ERROR] = {{"error.R", "error.G", "error.B"}, 0},
 };
 
+/* Beside AOV_ERROR's own: each tile's error in display codes, in all its pixels. */
+static const struct exr_channel tile_error_channel = {"tileError.Y", 0};
+
 static size_t list_channels(uint32_t aovs, struct exr_channel *out)
 {
     size_t count = 0;
@@ -352,7 +357,18 @@ static size_t list_channels(uint32_t aovs, struct exr_channel *out)
         for (uint32_t c = 0; aovs >> aov & 1 && c < film_aov_channels((enum aov)aov); c++)
             out[count++] =
                 (struct exr_channel){aov_layers[aov].names[c], aov_layers[aov].precise};
+    if (aovs >> AOV_ERROR & 1)
+        out[count++] = tile_error_channel;
     return count;
+}
+
+static void develop_tile_errors(const struct development *d, uint32_t y, uint32_t height, float *plane)
+{
+    uint32_t width = film_width(d->film), columns = (width + TILE_SIZE - 1) / TILE_SIZE;
+
+    for (uint32_t row = y; row < y + height; row++)
+        for (uint32_t x = 0; x < width; x++)
+            *plane++ = d->tile_errors ? d->tile_errors[row / TILE_SIZE * columns + x / TILE_SIZE] : 0;
 }
 
 static void develop_lines(void *user, uint32_t y, uint32_t height, float *planes)
@@ -364,6 +380,8 @@ static void develop_lines(void *user, uint32_t y, uint32_t height, float *planes
             film_develop_aov(d->film, (enum aov)aov, y, height, planes);
             planes += (size_t)film_aov_channels((enum aov)aov) * film_width(d->film) * height;
         }
+    if (d->settings.aovs >> AOV_ERROR & 1)
+        develop_tile_errors(d, y, height, planes);
 }
 
 /* ---- files ---------------------------------------------------------------------------------- */
@@ -513,9 +531,17 @@ static double brightest_of(const struct development *d)
 
 static status find_figures(struct development *d, const struct store *store, struct error *err)
 {
+    struct accuracy_map map = {0};
     struct toning t;
     status s;
 
+    if (d->film && d->settings.aovs >> AOV_ERROR & 1 && !d->tile_errors) {
+        d->tile_errors = mem_calloc(tile_count(film_width(d->film), film_height(d->film)),
+                                    sizeof *d->tile_errors);
+        if (!d->tile_errors)
+            return error_no_memory(err, "the tiles' errors");
+    }
+    map.display = d->tile_errors;
     s = describe(d, store, err);
     if (s == STATUS_OK)
         s = find_map_max(d, store, err);
@@ -526,7 +552,7 @@ static status find_figures(struct development *d, const struct store *store, str
     if (s == STATUS_OK) {
         t.context.threads = 1; /* rendering has the others */
         s = measurement_figures(&d->measurement, &d->output.tonemap, &t.context, effects_of(d),
-                                brightest_of(d), &d->point.figures, NULL, err);
+                                brightest_of(d), &d->point.figures, &map, err);
         toning_end(&t);
     }
     measurement_release(&d->measurement);

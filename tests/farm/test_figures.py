@@ -29,6 +29,28 @@ def header_text(picture, name):
 
 
 @tests.add
+def tile_errors_are_a_layer():
+    """--aov error: one number a tile, which together are the picture's error"""
+    width, height = 60, 44
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker(threads=2)
+        number = farm.submit(AREA, "--size", "%dx%d" % (width, height), "--spp", "16", "--aov", "error")
+        farm.wait_for_job(number)
+        psnr = farm.job(number)["error"]["psnr_db"]
+        picture = read_exr(next(f for f in farm.fetch(number) if f.endswith(".exr")))
+        errors = picture.values("tileError.Y")
+        tiles = {}
+        for i, error in enumerate(errors):
+            tiles.setdefault((i // width // 16, i % width // 16), set()).add(error)
+        expect(len(tiles) == 12 and all(len(values) == 1 for values in tiles.values()), tiles)
+        expect(len({value for values in tiles.values() for value in values}) > 6, tiles)
+        # PSNR is of all channels, a tile's error of the largest of three.
+        ratio = math.sqrt(sum(e * e for e in errors) / len(errors)) / (255 / 10 ** (psnr / 20))
+        expect(1 <= ratio <= math.sqrt(3), ratio)
+
+
+@tests.add
 def the_figures_are_the_same_everywhere():
     with Farm() as farm:
         farm.start_coordinator()
