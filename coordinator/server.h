@@ -58,27 +58,12 @@ struct server {
     uint32_t session_count, last_session;
     uint64_t fingerprint;      /* our own arithmetic */
     int commit_running;
-    uint32_t works;            /* in the thread pool, of any kind */
+    uint32_t tasks;            /* in the thread pool (task.h) */
     uint32_t previews;
     int acks_due, watches_due; /* some session has something to send */
 };
 
 /* Run until a signal ends it. Prints "listening on HOST:PORT" to standard output. */
 status server_run(const struct server_options *options, struct error *err) MUST_CHECK;
-
-struct session *server_session(struct server *server, uint32_t id); /* NULL: gone */
-/* Gives the session its id. The server does not own it. */
-void server_session_add(struct server *server, struct session *session);
-void server_session_remove(struct server *server, struct session *session);
-
-/* Develop a preview of the frame, an EXR if `linear`, else a PNG, and send it to the session. */
-void server_preview(struct server *server, struct session *session, uint64_t request,
-                    const struct job_frame *frame, int linear);
-/* Store a job and put it in the queue; the session hears of it. Takes the job. */
-void server_submit(struct server *server, struct session *session, uint64_t request,
-                   struct job *job);
-/* Store a complete upload; the session hears of it by BlobStored or a Failure. Takes it. */
-void server_store_upload(struct server *server, struct session *session, uint64_t request,
-                         struct upload *upload);
 
 #endif

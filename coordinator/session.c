@@ -11,6 +11,7 @@
 #include "coordinator/merge.h"
 #include "coordinator/scheduler.h"
 #include "coordinator/server.h"
+#include "coordinator/session_table.h"
 #include "protocol/message.h"
 
 enum { WORKER_THREADS_MAX = 4096, ROOM_MAX = 1 << 20 };
@@ -420,7 +421,7 @@ static void on_close(struct channel *channel, const struct error *why, void *use
     for (uint32_t i = 0; i < SESSION_UPLOADS_MAX; i++)
         upload_free(session->uploads[i]);
     transfers_release(&session->transfers);
-    server_session_remove(server, session);
+    session_table_remove(server, session);
     mem_free(session);
 }
 
@@ -435,7 +436,7 @@ status session_begin(struct server *server, struct channel *channel, struct erro
     session->role = channel_role(channel);
     session->begun_ns = clock_monotonic_ns();
     snprintf(session->peer, sizeof session->peer, "%s", channel_peer(channel));
-    server_session_add(server, session);
+    session_table_add(server, session);
     channel_adopt(channel, &callbacks, session);
     return STATUS_OK;
 }

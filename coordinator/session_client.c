@@ -14,6 +14,7 @@
 #include "coordinator/closing.h"
 #include "coordinator/report.h"
 #include "coordinator/server.h"
+#include "coordinator/session_tasks.h"
 #include "coordinator/session.h"
 #include "coordinator/wire.h"
 #include "protocol/message.h"
@@ -274,7 +275,7 @@ static void submit(struct session *session, const Azulejo__Wire__JobSubmit *mess
         session_fail(session, request, &err);
         return;
     }
-    server_submit(session->server, session, request, job);
+    session_task_submit(session, request, job);
 }
 
 void session_accepted(struct session *session, uint64_t request, uint64_t job,
@@ -462,7 +463,7 @@ static status send_preview(struct session *session, const struct job *job,
     if (!frame || film_samples(frame->film) == 0)
         return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ", frame %u has no samples yet",
                          job->id, number);
-    server_preview(session->server, session, request, frame, linear);
+    session_task_preview(session, request, frame, linear);
     return STATUS_OK;
 }
 
@@ -618,7 +619,7 @@ static status add_piece(struct session *session, struct upload **slot,
     if (s != STATUS_OK || upload_size(upload) < upload_total(upload))
         return s;
     *slot = NULL;
-    server_store_upload(session->server, session, request, upload);
+    session_task_upload(session, request, upload);
     return STATUS_OK;
 }
 

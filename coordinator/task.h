@@ -1,0 +1,40 @@
+/* task: work that waits for a disk or needs a processor, off the loop's thread.
+ *
+ * A kind of task is a struct that begins with `struct task`, and one const struct task_kind. `run`
+ * works in libuv's thread pool, on what the task owns alone; `end` comes on the loop's thread, and
+ * then `release`. A shutdown waits until no task is left (struct server, `tasks`).
+ */
+#ifndef AZULEJO_COORDINATOR_TASK_H
+#define AZULEJO_COORDINATOR_TASK_H
+
+#include <uv.h>
+
+#include "common/base/status.h"
+
+struct server;
+struct task;
+
+struct task_kind {
+    const char *what;      /* what there is no memory for: "a picture" */
+    size_t size_bytes;     /* of the struct that begins with struct task */
+    void (*run)(struct task *task);
+    void (*end)(struct task *task);
+    void (*release)(struct task *task); /* what the task owns; NULL: nothing */
+};
+
+struct task {
+    uv_work_t request;
+    struct server *server;
+    const struct task_kind *kind;
+    status result;         /* of run */
+    struct error error;
+};
+
+/* A zeroed task of that kind; NULL: ERR_NO_MEMORY in `err` (may be NULL). */
+void *task_new(struct server *server, const struct task_kind *kind, struct error *err);
+/* Hand it to the thread pool, which then owns it. It cannot fail. */
+void task_start(struct task *task);
+/* Release a task that was not started; NULL is fine. */
+void task_drop(struct task *task);
+
+#endif
