@@ -11,21 +11,6 @@ static int frame_is_settled(const struct job_frame *frame)
     return frame->dirty_count == 0 && frame->in_flight == 0;
 }
 
-void closing_end_frame(struct farm *farm, struct job_frame *frame, enum frame_end end)
-{
-    if (frame->end != FRAME_END_NONE)
-        return;
-    frame->end = end;
-    job_frame_set_state(frame, FRAME_COMPLETE);
-    if (frame->outstanding_count > 0)
-        farm_frame_revoke(farm, frame, "the frame has ended");
-    if (!frame_end_is_whole(end))
-        log_info("job %llu, frame %u: %s, its picture is made of %.1f %% of the samples",
-                 (unsigned long long)frame->job->id, frame->number, frame_end_text(end),
-                 100.0 * (double)film_samples(frame->film) /
-                     (double)film_samples_total(frame->film));
-}
-
 void closing_note_limits(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
 {
     const struct stop_rules *rules = &frame->job->stop;
@@ -35,10 +20,10 @@ void closing_note_limits(struct farm *farm, struct job_frame *frame, uint64_t no
     if (rules->time_limit_ms > 0 &&
         job_frame_active_ns(frame, now_ns) - frame->clock.from_active_ns >=
             rules->time_limit_ms * NS_PER_MS)
-        closing_end_frame(farm, frame, FRAME_END_TIME);
+        farm_frame_end(farm, frame, FRAME_END_TIME);
     else if (rules->core_limit_ms > 0 &&
              job_frame_cpu_ns(frame) - frame->clock.from_cpu_ns >= rules->core_limit_ms * NS_PER_MS)
-        closing_end_frame(farm, frame, FRAME_END_CORES);
+        farm_frame_end(farm, frame, FRAME_END_CORES);
 }
 
 /* A cancelled job's frame: closed, or on its way to its pictures. */
@@ -55,7 +40,7 @@ static void frame_cut(struct farm *farm, struct job_frame *frame, uint64_t now_n
             store_film_remove(farm->store, job->id, number);
         return;
     }
-    closing_end_frame(farm, frame, FRAME_END_CANCEL);
+    farm_frame_end(farm, frame, FRAME_END_CANCEL);
     farm_frame_advance(farm, frame, now_ns);
 }
 

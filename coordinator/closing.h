@@ -18,9 +18,6 @@
 
 #include "coordinator/farm.h"
 
-/* The frame has what it shall have: from RENDERING to COMPLETE; its leases are taken back. No effect on one
- * that has ended. farm_frame_advance follows. */
-void closing_end_frame(struct farm *farm, struct job_frame *frame, enum frame_end end);
 /* End the frame if it has reached a limit of its job's rules. Every tile gets samples before. */
 void closing_note_limits(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
 /* From any state that is not final to CANCELLING; perhaps to CANCELLED at once. */

@@ -141,6 +141,13 @@ struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint6
 /* The frame leaves its job: its leases are revoked and unacknowledged results disowned, for
  * `reason`. It is freed now, or when its last commit or develop ends. */
 void farm_frame_close(struct farm *farm, struct job_frame *frame, const char *reason);
+/* Acknowledge what need not wait any longer. */
+void farm_frame_send_acks(struct farm *farm, struct job_frame *frame);
+/* The frame has what it shall have: from RENDERING to COMPLETE; its leases are taken back. No effect on one
+ * that has ended. farm_frame_advance follows. */
+void farm_frame_end(struct farm *farm, struct job_frame *frame, enum frame_end end);
+/* What a film holds in memory when it is full. */
+uint64_t farm_film_bytes(uint32_t width, uint32_t height, uint32_t aovs);
 /* Take back every lease of the frame. */
 void farm_frame_revoke(struct farm *farm, const struct job_frame *frame, const char *reason);
 /* Take back every lease of the job. */
@@ -151,7 +158,7 @@ void farm_job_change(struct farm *farm, struct job *job, enum job_state state, c
                      uint64_t now_ns);
 /* Decide what its complete statistics decide (rounds.h). Call after something was folded. */
 void farm_frame_decide(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
-/* Move the frame on: from its end, by rounds or by closing_end_frame, to its pictures. */
+/* Move the frame on: from its end, by rounds or by farm_frame_end, to its pictures. */
 void farm_frame_advance(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
 /* The end of events.develop. When `result` is OK the frame is in the store as done already, and its
  * pictures follow that revision of the job's output settings (-1: none was made). */
@@ -161,6 +168,12 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
  * Whether there is an EXR, and of which kind, stays. ERR_IO: nothing changed. */
 status farm_develop(struct farm *farm, struct job *job, const struct output_settings *output,
                     struct error *err) MUST_CHECK;
+/* Put the job among those whose pictures are to be made, if any are. */
+void farm_pictures_wanted(struct farm *farm, struct job *job);
+/* Begin the next picture that can be made, one at a time: rendering has the other threads. */
+void farm_pictures_next(struct farm *farm, uint64_t now_ns);
+/* End the job if all its frames are done and have their pictures. */
+void farm_job_end_when_done(struct farm *farm, struct job *job, uint64_t now_ns);
 /* The end of events.redevelop. */
 void farm_pictures_made(struct farm *farm, struct job *job, uint32_t frame, int64_t revision,
                         status result, const struct error *why, uint64_t now_ns);
@@ -178,10 +191,8 @@ status farm_store_usable(const struct farm *farm, struct error *err) MUST_CHECK;
 int farm_may_lease(const struct farm *farm, const struct job_frame *frame);
 /* May results of that job be delivered that were deferred? */
 int farm_takes_again(const struct farm *farm, uint64_t job);
-/* farm_tick's part in all this. */
-void farm_trouble_tick(struct farm *farm, uint64_t now_ns);
-/* Open the films of running jobs that are on disk. */
-void farm_resume_films(struct farm *farm, uint64_t now_ns);
+/* Look at the store where something failed, and while it is in trouble. */
+void farm_store_check(struct farm *farm, uint64_t now_ns);
 /* Hand the job's state to the store; where that fails it is done again by farm_tick. */
 void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns);
 /* A commit or develop let go of the frame; frees it when its job has ended. */

@@ -3,7 +3,6 @@
 #include <inttypes.h>
 #include <stdio.h>
 
-#include "common/base/clock.h"
 #include "common/base/log.h"
 #include "coordinator/farm.h"
 
@@ -78,8 +77,7 @@ int farm_takes_again(const struct farm *farm, uint64_t id)
            (!job || job_state_ended(job->state) || !trouble_is(&job->trouble));
 }
 
-/* Look at the store where something failed, and while it is in trouble. */
-static void check_store(struct farm *farm, uint64_t now_ns)
+void farm_store_check(struct farm *farm, uint64_t now_ns)
 {
     struct error why = {0};
     uint64_t lasted_ns;
@@ -97,32 +95,4 @@ static void check_store(struct farm *farm, uint64_t now_ns)
     farm->pump_wanted = 1;
     farm->resume_wanted = 1;
     tell_jobs(farm);
-}
-
-static void save_again(struct farm *farm, uint64_t now_ns)
-{
-    if (!farm->unsaved)
-        return;
-    farm->unsaved = 0;
-    for (size_t i = 0; i < farm->queue.count; i++)
-        if (farm->queue.all[i]->unsaved)
-            farm_job_save(farm, farm->queue.all[i], now_ns);
-}
-
-void farm_trouble_tick(struct farm *farm, uint64_t now_ns)
-{
-    check_store(farm, now_ns);
-    if (trouble_is(&farm->trouble))
-        return;
-    if (farm->resume_wanted) {
-        farm->resume_wanted = 0;
-        farm_resume_films(farm, now_ns);
-    }
-    save_again(farm, now_ns);
-    for (size_t i = 0; i < farm->queue.active_count; i++) {
-        struct job *job = farm->queue.active[i];
-        if (job_state_is_open(job->state) && trouble_is(&job->trouble) &&
-            !trouble_waits(&job->trouble, now_ns))
-            (void)farm_frame_open_next(farm, job, now_ns);
-    }
 }

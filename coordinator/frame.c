@@ -228,6 +228,11 @@ int job_frame_is_watched(const struct job_frame *frame, struct unit_name name)
            name.pass < film_tile_seen(frame->film, name.tile, name.group);
 }
 
+int job_frame_is_settled(const struct job_frame *frame, struct unit_name name)
+{
+    return name.pass < frame->durable[name.tile][name.group] || job_frame_is_watched(frame, name);
+}
+
 uint64_t job_frame_unit_samples(const struct job_frame *frame, struct unit_name name)
 {
     struct tile_rect rect =

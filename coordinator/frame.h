@@ -1,6 +1,6 @@
 /* frame: one picture in work: its film, and which of its work units are lent to whom.
  *
- *   RENDERING --its end (closing_end_frame)--> COMPLETE --all that was merged on disk--> DEVELOPING
+ *   RENDERING --its end (farm_frame_end)--> COMPLETE --all that was merged on disk--> DEVELOPING
  *        DEVELOPING --outputs on disk--> closed (freed)
  *        DEVELOPING --outputs cannot be written--> COMPLETE, and again (trouble.h)
  *   any --job ends or is parked--> closed, as soon as no commit or develop is in flight
@@ -141,6 +141,8 @@ uint64_t job_frame_unleased(const struct job_frame *frame);
 int job_frame_has_unit(const struct job_frame *frame, struct unit_name name);
 /* Is the unit's result seen, but no part of the picture, so that it need not be on disk? */
 int job_frame_is_watched(const struct job_frame *frame, struct unit_name name);
+/* May the worker forget the unit's result? */
+int job_frame_is_settled(const struct job_frame *frame, struct unit_name name);
 /* Pixel samples of a unit. */
 uint64_t job_frame_unit_samples(const struct job_frame *frame, struct unit_name name);
 

@@ -1,7 +1,6 @@
 #include "coordinator/merge.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "common/base/bytes.h"
@@ -132,12 +131,6 @@ static status merge_into(struct job_frame *frame, const struct farm_worker *work
     return s;
 }
 
-/* May the worker forget the result? */
-static int unit_is_settled(const struct job_frame *frame, struct unit_name name)
-{
-    return name.pass < frame->durable[name.tile][name.group] || job_frame_is_watched(frame, name);
-}
-
 status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result,
                     uint64_t now_ns, enum merge_outcome *outcome, struct error *err)
 {
@@ -197,7 +190,7 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
         job_frame_mark_dirty(frame, name.tile, now_ns);
     if (merged == FILM_MERGED && name.pass == 0)
         freeze_step(farm, frame, now_ns);
-    if (unit_is_settled(frame, name)) {
+    if (job_frame_is_settled(frame, name)) {
         *outcome = MERGE_KEPT;
     } else {
         *outcome = MERGE_PENDING;
@@ -350,20 +343,6 @@ void merge_commit_run(struct commit *commit)
     }
 }
 
-void merge_send_acks(struct farm *farm, struct job_frame *frame)
-{
-    size_t kept = 0;
-
-    for (size_t i = 0; i < frame->ack_count; i++) {
-        struct pending_ack ack = frame->acks[i];
-        if (unit_is_settled(frame, ack.unit))
-            farm->events.ack(farm->events.user, ack.session, frame->job, frame->number, ack.unit);
-        else
-            frame->acks[kept++] = ack;
-    }
-    frame->ack_count = kept;
-}
-
 static void item_is_durable(const struct commit_item *item)
 {
     struct job_frame *frame = item->frame;
@@ -397,7 +376,7 @@ static void part_end(struct farm *farm, const struct commit *commit, const struc
     for (uint32_t i = part->first; i < part->first + part->count; i++)
         item_is_durable(&commit->items[i]);
     farm_trouble_over(farm, frame->job, &frame->trouble, now_ns);
-    merge_send_acks(farm, frame);
+    farm_frame_send_acks(farm, frame);
     farm_frame_advance(farm, frame, now_ns);
 }
 

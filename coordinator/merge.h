@@ -46,8 +46,6 @@ enum merge_outcome {
 status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result,
                     uint64_t now_ns, enum merge_outcome *outcome, struct error *err) MUST_CHECK;
 
-/* Acknowledge what need not wait any longer. */
-void merge_send_acks(struct farm *farm, struct job_frame *frame);
 
 struct commit_item {
     struct job_frame *frame;

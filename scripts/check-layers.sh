@@ -31,8 +31,9 @@ hits=$(grep -rln 'sqlite3\.h' --include='*.[ch]' coordinator 2>/dev/null | grep 
 hits=$(grep -rlnE 'embree[34]/' --include='*.[ch]' worker 2>/dev/null | grep -vE '^worker/render/accel(_[a-z]+)?\.[ch]$')
 [ -z "$hits" ] || { echo "only worker/render/accel*.c may include Embree: $hits"; bad=1; }
 # Logic files take time and output as arguments: no uv.h.
-for file in coordinator/queue coordinator/scheduler coordinator/lease coordinator/merge coordinator/freeze coordinator/develop coordinator/store coordinator/admission coordinator/descriptors; do
+for file in coordinator/farm coordinator/closing coordinator/queue coordinator/scheduler coordinator/lease coordinator/merge coordinator/freeze coordinator/develop coordinator/store coordinator/admission coordinator/descriptors; do
     for source in "$file".[ch] "${file}"_*.[ch]; do
+        [ "${source#coordinator/farm_tasks}" != "$source" ] && continue # the layer with libuv
         [ -f "$source" ] && forbid "$source" 'uv\.h'
     done
 done
