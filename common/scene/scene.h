@@ -378,6 +378,12 @@ void scene_environment_default(struct scene_environment *environment);
 void scene_node_default(struct scene_node *node);
 void scene_medium_default(struct scene_medium *medium);
 
+/* Are all three channels of the colour this value? */
+static inline int scene_color_is(const float color[3], float value)
+{
+    return color[0] == value && color[1] == value && color[2] == value;
+}
+
 /* Check every index, count, enum and number. ERR_INPUT names the table, the row and the
  * field. */
 status scene_validate(const struct scene *scene, struct error *err) MUST_CHECK;
