@@ -5,128 +5,6 @@
 
 #include "common/scene/scene_validate_parts.h"
 
-status check_complain(const struct check_place *at, const char *field, const char *what)
-{
-    return error_set(at->err, STATUS_ERR_INPUT, "the scene's %s[%u].%s %s", at->table, at->row,
-                     field, what);
-}
-
-/* UTF-8 without control characters: names are printed on terminals and web pages. */
-static int name_is_clean(const char *name)
-{
-    const uint8_t *p = (const uint8_t *)name;
-
-    for (; *p; p++) {
-        uint32_t code = *p;
-        int more = 0;
-
-        if (code < 0x20 || code == 0x7f)
-            return 0;
-        if (code >= 0xf8 || (code >= 0x80 && code < 0xc0))
-            return 0;
-        if (code >= 0xf0)
-            more = 3, code &= 0x07;
-        else if (code >= 0xe0)
-            more = 2, code &= 0x0f;
-        else if (code >= 0xc0)
-            more = 1, code &= 0x1f;
-        for (int i = 0; i < more; i++) {
-            if ((p[1] & 0xc0) != 0x80)
-                return 0;
-            code = code << 6 | (*++p & 0x3f);
-        }
-        /* Overlong forms, surrogates, C1 controls and what lies beyond Unicode. */
-        if ((more == 1 && code < 0xa0) || (more == 2 && code < 0x800) ||
-            (more == 3 && code < 0x10000) || code > 0x10ffff || (code >= 0xd800 && code < 0xe000))
-            return 0;
-    }
-    return 1;
-}
-
-status check_name(const struct check_place *at, const char *name)
-{
-    if (!name)
-        return check_complain(at, "name", "is missing");
-    if (strlen(name) > SCENE_NAME_MAX)
-        return check_complain(at, "name", "is longer than 255 bytes");
-    if (!name_is_clean(name))
-        return check_complain(at, "name", "is not UTF-8 text without control characters");
-    return STATUS_OK;
-}
-
-status check_range(const struct check_place *at, const char *field, float value, float low,
-                          float high)
-{
-    if (!(value >= low && value <= high))
-        return error_set(at->err, STATUS_ERR_INPUT,
-                         "the scene's %s[%u].%s is %g: must be %g to %g", at->table, at->row,
-                         field, (double)value, (double)low, (double)high);
-    return STATUS_OK;
-}
-
-status check_ranges(const struct check_place *at, const char *field, const float *values,
-                           int count, float low, float high)
-{
-    status result = STATUS_OK;
-
-    for (int i = 0; i < count && result == STATUS_OK; i++)
-        result = check_range(at, field, values[i], low, high);
-    return result;
-}
-
-static status check_flag(const struct check_place *at, const char *field, int value)
-{
-    return value == 0 || value == 1 ? STATUS_OK : check_complain(at, field, "must be 0 or 1");
-}
-
-static status check_enum(const struct check_place *at, const char *field, unsigned value, unsigned count)
-{
-    return value < count ? STATUS_OK : check_complain(at, field, "is not a known kind");
-}
-
-status check_index(const struct check_place *at, const char *field, uint32_t index,
-                          uint32_t count)
-{
-    if (index < count)
-        return STATUS_OK;
-    return error_set(at->err, STATUS_ERR_INPUT, "the scene's %s[%u].%s is %u: there are %u",
-                     at->table, at->row, field, index, count);
-}
-
-/* -1: none. */
-status check_reference(const struct check_place *at, const char *field, int32_t index,
-                              uint32_t count)
-{
-    if (index < 0)
-        return index == -1 ? STATUS_OK : check_complain(at, field, "is below -1");
-    return check_index(at, field, (uint32_t)index, count);
-}
-
-static status check_transform(const struct check_place *at, const char *field,
-                              const struct transform *t)
-{
-    return check_ranges(at, field, &t->m[0][0], 12, -SCENE_COORDINATE_MAX, SCENE_COORDINATE_MAX);
-}
-
-static status check_coordinates(const struct check_place *at, const char *field, const double *values,
-                                int count)
-{
-    const double most = (double)SCENE_COORDINATE_MAX;
-
-    for (int i = 0; i < count; i++)
-        if (!(values[i] >= -most && values[i] <= most))
-            return error_set(at->err, STATUS_ERR_INPUT,
-                             "the scene's %s[%u].%s is %g: must be %g to %g", at->table, at->row,
-                             field, values[i], -most, most);
-    return STATUS_OK;
-}
-
-static status check_transform_d(const struct check_place *at, const char *field,
-                                const struct transform_d *t)
-{
-    return check_coordinates(at, field, &t->m[0][0], 12);
-}
-
 /* Are the columns of the 3x3 with this row stride orthonormal? */
 static int is_orthonormal(const double *m, int stride)
 {
@@ -149,13 +27,6 @@ static int can_be_normalized(const double q[4])
     for (int i = 0; i < 4; i++)
         squared += q[i] * q[i];
     return squared > 1e-12 && squared < 1e12;
-}
-
-static status check_blob(const struct check_place *at, const struct scene_blob *blob)
-{
-    if (blob->size_bytes == 0 || blob->size_bytes > SCENE_BLOB_BYTES_MAX)
-        return check_complain(at, "blob", "is empty or too large");
-    return STATUS_OK;
 }
 
 static status check_mesh(const struct check_place *at, const struct scene_mesh *mesh)
@@ -201,7 +72,8 @@ static status check_texture(const struct check_place *at, const struct scene_tex
     return check_flag(at, "nearest", texture->nearest);
 }
 
-static const float unlimited = SCENE_RADIANCE_MAX; /* any radiance or weight that squares may be taken of */
+/* Any radiance or weight: squares may be taken of it. */
+static const float unlimited = SCENE_RADIANCE_MAX;
 
 static status check_moves(const struct check_place *at, const struct scene *scene,
                           const struct scene_instance *instance)
@@ -215,7 +87,8 @@ static status check_moves(const struct check_place *at, const struct scene *scen
     if (instance->node >= 0 && mesh->morph_count) {
         uint32_t weights = scene->nodes[instance->node].weight_count;
         if (weights && weights != mesh->morph_count)
-            return check_complain(at, "node", "has not one weight for each morph target of the mesh");
+            return check_complain(at, "node",
+                                  "has not one weight for each morph target of the mesh");
     }
     return STATUS_OK;
 }
@@ -471,7 +344,7 @@ static status check_count(struct error *err, const char *table, uint32_t count, 
 
 status scene_validate(const struct scene *scene, struct error *err)
 {
-    struct check_place at = {"scene", 0, err};
+    struct check_place at = {"scene", 0, NULL, err};
 
     CHECK(check_name(&at, scene->name));
     CHECK(check_count(err, "meshes", scene->mesh_count, SCENE_MESHES_MAX));
@@ -511,9 +384,9 @@ status scene_validate(const struct scene *scene, struct error *err)
     EACH_ROW("cameras", scene->camera_count,
              check_camera(&at, scene, &scene->cameras[at.row]))
 #undef EACH_ROW
-    at = (struct check_place){"environment", 0, err};
+    at = (struct check_place){"environment", 0, NULL, err};
     CHECK(check_environment(&at, &scene->environment));
-    at = (struct check_place){"scene", 0, err};
+    at = (struct check_place){"scene", 0, NULL, err};
     CHECK(check_coordinates(&at, "origin", scene->origin, 3));
     return check_reference(&at, "fog", scene->fog, scene->medium_count);
 }

@@ -6,29 +6,19 @@
 #include "common/scene/material.h"
 #include "common/scene/scene_validate_parts.h"
 
-/* A complaint that also names the material; its name has been checked. */
-static status refuse(const struct check_place *at, const struct scene_material *m,
-                     const char *field, const char *what)
+static status refuse_number(const struct check_place *at, const char *field, float value,
+                            float least, float most)
 {
-    if (!*m->name)
-        return check_complain(at, field, what);
-    return error_set(at->err, STATUS_ERR_INPUT, "the scene's %s[%u].%s %s (material \"%s\")",
-                     at->table, at->row, field, what, m->name);
-}
-
-static status refuse_number(const struct check_place *at, const struct scene_material *m,
-                            const char *field, float value, float least, float most)
-{
-    char low[32] = "above 0", high[40] = "", text[128];
+    char low[32] = "above 0", high[40] = "";
 
     if (least != ABOVE_0)
         snprintf(low, sizeof low, "%g", (double)least);
     if (most == BELOW_1)
         snprintf(high, sizeof high, " or more and below 1");
     else if (most != INFINITY)
-        snprintf(high, sizeof high, "%s %g", least == ABOVE_0 ? " and at most" : " to", (double)most);
-    snprintf(text, sizeof text, "is %g: must be %s%s", (double)value, low, high);
-    return refuse(at, m, field, text);
+        snprintf(high, sizeof high, "%s %g", least == ABOVE_0 ? " and at most" : " to",
+                 (double)most);
+    return check_complain(at, field, "is %g: must be %s%s", (double)value, low, high);
 }
 
 static status check_numbers(const struct check_place *at, const struct scene_material *m,
@@ -38,7 +28,7 @@ static status check_numbers(const struct check_place *at, const struct scene_mat
 
     for (int i = 0; i < row->count; i++)
         if (!(values[i] >= least && values[i] <= row->most))
-            return refuse_number(at, m, row->name, values[i], least, row->most);
+            return refuse_number(at, row->name, values[i], least, row->most);
     return STATUS_OK;
 }
 
@@ -56,7 +46,7 @@ static status check_parts(const struct check_place *at, const struct scene_mater
 {
     for (int i = 0; i < 2 && m->kind == MATERIAL_MIX; i++)
         if (m->mix_material[i] >= at->row)
-            return refuse(at, m, "mix_material", "must come before the mix itself");
+            return check_complain(at, "mix_material", "must come before the mix itself");
     return STATUS_OK;
 }
 
@@ -74,16 +64,14 @@ static status check_value(const struct check_place *at, const struct scene *scen
                    ? check_ior(at, scene, m, row)
                    : check_numbers(at, m, row, row->least);
     case TYPE_FLAG:
-        return value == 0 || value == 1 ? STATUS_OK : refuse(at, m, row->name, "must be 0 or 1");
+        return check_flag(at, row->name, value);
     case TYPE_KIND:
     case TYPE_ALPHA_MODE:
-        return value >= 0 && value <= (int32_t)row->most
-                   ? STATUS_OK
-                   : refuse(at, m, row->name, "is not a known kind");
+        return check_enum(at, row->name, (unsigned)value, (unsigned)row->most + 1);
     case TYPE_INTEGER:
         return value >= (int32_t)row->least && value <= (int32_t)row->most
                    ? STATUS_OK
-                   : refuse_number(at, m, row->name, (float)value, row->least, row->most);
+                   : refuse_number(at, row->name, (float)value, row->least, row->most);
     case TYPE_MEDIUM:
         return check_reference(at, row->name, value, scene->medium_count);
     case TYPE_MATERIALS:
@@ -102,18 +90,21 @@ static status check_slot(const struct check_place *at, const struct scene *scene
     if (slot->texture < 0)
         return STATUS_OK;
     if (slot->uv_set > 1)
-        return refuse(at, m, field, "names a texture coordinate set other than 0 and 1");
+        return check_complain(at, field, "names a texture coordinate set other than 0 and 1");
     /* Times a texture coordinate this stays far below what a float can hold. */
     return check_ranges(at, field, &slot->uv_transform[0][0], 6, -1e6f, 1e6f);
 }
 
-status check_material(const struct check_place *at, const struct scene *scene,
+status check_material(const struct check_place *row, const struct scene *scene,
                       const struct scene_material *m)
 {
-    CHECK(check_name(at, m->name));
+    struct check_place at = *row;
+
+    CHECK(check_name(&at, m->name));
+    at.material = m->name;
     for (int i = 0; i < MATERIAL_VALUES; i++)
-        CHECK(check_value(at, scene, m, &material_values[i]));
+        CHECK(check_value(&at, scene, m, &material_values[i]));
     for (int i = 0; i < MATERIAL_TEXTURES; i++)
-        CHECK(check_slot(at, scene, m, i));
+        CHECK(check_slot(&at, scene, m, i));
     return STATUS_OK;
 }

@@ -10,6 +10,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "common/base/buffer.h"
 #include "common/scene/effects.h"
 #include "common/scene/material.h"
 #include "common/scene/scene.pb-c.h"
@@ -137,6 +138,64 @@ static void test_later_fields_default_to_nothing(void **state)
             fail_msg("%s: a field of Material itself must default to 0: put it in a group",
                      row->name);
     }
+}
+
+/* Something in range that is not the default, another for each element. */
+static void set_other(struct scene_material *m, const struct material_value *row)
+{
+    for (int i = 0; i < row->count; i++) {
+        float most = row->most < row->least + 1 ? row->most : row->least + 1;
+        float number = row->least + (most - row->least) * (0.4f + 0.125f * (float)i);
+        int32_t integer = row->type == TYPE_INTEGER ? -5 : 1 + i;
+
+        if (material_is_float(row->type))
+            memcpy((char *)m + row->offset + 4 * i, &number, 4);
+        else
+            memcpy((char *)m + row->offset + 4 * i, &integer, 4);
+    }
+    assert_false(material_value_is_default(m, row));
+}
+
+/* Alone and together with all others; what is not set keeps its default. */
+static void check_row_round_trips(int value, int texture)
+{
+    struct buffer packed = BUFFER_INIT;
+    struct scene scene, copy;
+    struct scene_material *m;
+    struct error err = {0};
+
+    scene_sample(&scene);
+    m = &scene.materials[1];
+    scene_material_default(m);
+    for (int i = 0; i < MATERIAL_VALUES; i++)
+        if (value < 0 || i == value)
+            set_other(m, &material_values[i]);
+    for (int i = 0; i < MATERIAL_TEXTURES; i++)
+        if (texture < 0 || i == texture)
+            m->textures[i] = (struct scene_texture_slot){1, 1, {{(float)i, 2, 3}, {4, 5, 6}}};
+    if (scene_pack(&scene, &packed, &err) != STATUS_OK ||
+        scene_unpack(&copy, packed.data, packed.size, &err) != STATUS_OK)
+        fail_msg("value %d, texture %d: %s", value, texture, err.text);
+    for (int i = 0; i < MATERIAL_VALUES; i++)
+        if (memcmp((char *)m + material_values[i].offset,
+                   (char *)&copy.materials[1] + material_values[i].offset,
+                   4 * (size_t)material_values[i].count) != 0)
+            fail_msg("value %d, texture %d: %s is another", value, texture,
+                     material_values[i].name);
+    assert_memory_equal(m->textures, copy.materials[1].textures, sizeof m->textures);
+    buffer_release(&packed);
+    scene_release(&copy);
+    scene_release(&scene);
+}
+
+static void test_every_row_round_trips(void **state)
+{
+    (void)state;
+    check_row_round_trips(-1, -1);
+    for (int i = 0; i < MATERIAL_VALUES; i++)
+        check_row_round_trips(i, MATERIAL_TEXTURES);
+    for (int i = 0; i < MATERIAL_TEXTURES; i++)
+        check_row_round_trips(MATERIAL_VALUES, i);
 }
 
 /* ---- values --------------------------------------------------------------------------------- */
@@ -352,6 +411,7 @@ int main(void)
         cmocka_unit_test(test_rows_are_in_the_proto),
         cmocka_unit_test(test_the_proto_is_in_the_rows),
         cmocka_unit_test(test_later_fields_default_to_nothing),
+        cmocka_unit_test(test_every_row_round_trips),
         cmocka_unit_test(test_defaults),
         cmocka_unit_test(test_complaints),
         cmocka_unit_test(test_who_reads_what),
