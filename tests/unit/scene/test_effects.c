@@ -253,6 +253,12 @@ static void test_layers(void **state)
            p.material.anisotropy = 1);
     EXPECT(EFFECT_GLOSSY, p.material.metallic = 1; p.material.roughness = 1;
            p.material.anisotropy = 1); /* nothing to stretch */
+    /* Nor does a texture of what is not called for count. */
+    EXPECT(EFFECT_GLOSSY, p.material.metallic = 1; p.material.roughness = 1;
+           p.material.anisotropy = 1; p.material.anisotropy_texture.texture = 0);
+    EXPECT(plain_set, p.material.diffuse_transmission = 1;
+           memset(p.material.diffuse_transmission_color, 0, 3 * sizeof(float));
+           p.material.diffuse_transmission_texture.texture = 0);
     EXPECT(EFFECT_MIRROR | EFFECT_GLOSSY | EFFECT_ANISOTROPY, p.material.metallic = 1;
            p.material.roughness = 0; p.material.anisotropy = 0.5f); /* rough along one axis */
     EXPECT(plain_set | EFFECT_DIFFUSE_TRANSMISSION | EFFECT_CULLING,

@@ -214,8 +214,17 @@ static void test_defaults(void **state)
     }
     for (int i = 0; i < MATERIAL_TEXTURES; i++)
         assert_int_equal(m.textures[i].texture, -1);
-    assert_true(m.metallic == 1 && m.ior == 1.5f && m.base_color[3] == 1 && m.medium == -1);
-    assert_true(isinf(m.attenuation_distance));
+    /* glTF's. */
+    assert_true(m.alpha_cutoff == 0.5f && m.metallic == 1 && m.roughness == 1 && m.ior == 1.5f);
+    assert_true(m.specular == 1 && m.normal_scale == 1 && m.clearcoat_normal_scale == 1);
+    assert_true(m.clearcoat_ior == 1.5f && m.iridescence_ior == 1.3f);
+    assert_true(m.iridescence_thickness_min_nm == 100 && m.iridescence_thickness_max_nm == 400);
+    assert_true(m.medium == -1 && m.medium_outside == -1 && isinf(m.attenuation_distance));
+    for (int i = 0; i < 3; i++)
+        assert_true(m.base_color[i] == 1 && m.specular_color[i] == 1 &&
+                    m.attenuation_color[i] == 1 && m.diffuse_transmission_color[i] == 1 &&
+                    m.conductor_eta[i] == 1);
+    assert_true(m.base_color[3] == 1);
     m.emission[1] = -0.0f;
     assert_true(material_value_is_default(&m, &material_values[MATERIAL_VALUE_emission]));
     m.emission[2] = 1;

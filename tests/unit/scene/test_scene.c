@@ -870,6 +870,13 @@ static void test_hostile_bytes(void **state)
     refuse_bytes("\x08\x03\x5a\x00", 4, "nodes[0] is too short");
     refuse_bytes("\x08\x03\x62\x00", 4, "channels[0] is too short");
     refuse_bytes("\x08\x03\x6a\x00", 4, "skins[0] is too short");
+    /* A material whose clearcoat has a field 15. */
+    buffer_append(&many, "\x08\x03\x32\x43\x0a\x3c", 6);
+    for (int i = 0; i < 60; i++)
+        buffer_append(&many, "a", 1); /* its name */
+    buffer_append(&many, "\xda\x01\x02\x78\x01", 5);
+    refuse_bytes(many.data, many.size, "a material's clearcoat has an unknown field");
+    buffer_clear(&many);
     /* A channel in a hundred pieces: protobuf-c would need many times its size. */
     buffer_append(&many, "\x08\x03\x62\xc8\x01", 5);
     for (int i = 0; i < 100; i++)
