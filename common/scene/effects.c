@@ -45,6 +45,9 @@ struct finder {
     /* What is told already of each material and mesh, which many instances may use; NULL: not
      * kept (no causes are asked for, or no memory: then some are counted twice). */
     uint64_t *told_material, *told_mesh;
+    int last_known;                 /* effects_on_mesh */
+    uint32_t last_material, last_mesh;
+    struct material_effects last;
 };
 
 /* Mixes of mixes of mixes: behind so many parts everything is taken to be there. */
@@ -167,6 +170,18 @@ static int culls(const struct finder *f, uint32_t instance, const struct scene_m
     return !m->double_sided && !what->bounds_volume && (open || camera_may_be_inside(f, instance));
 }
 
+/* Many instances in a row often are of one material and mesh: what was found is kept for the next. */
+static struct material_effects effects_on_mesh(struct finder *f, const struct scene_material *m,
+                                               uint32_t material, uint32_t mesh)
+{
+    if (!f->last_known || f->last_material != material || f->last_mesh != mesh)
+        effects_of_material(m, &f->scene->meshes[mesh], &f->last);
+    f->last_known = 1;
+    f->last_material = material;
+    f->last_mesh = mesh;
+    return f->last;
+}
+
 static void find_material(struct finder *f, uint32_t instance, uint32_t index)
 {
     const struct scene *scene = f->scene;
@@ -178,7 +193,7 @@ static void find_material(struct finder *f, uint32_t instance, uint32_t index)
         find_mix(f, instance, index, &m);
         return;
     }
-    effects_of_material(&m, &scene->meshes[scene->instances[instance].mesh], &what);
+    what = effects_on_mesh(f, &m, index, scene->instances[instance].mesh);
     if (!what.invisible) {
         if (culls(f, instance, &m, &what))
             what.set |= EFFECT_CULLING;

@@ -4,6 +4,8 @@
 
 void scene_material_reduce(struct scene_material *m, uint64_t without)
 {
+    if (!without)
+        return;
     for (int i = 0; i < MATERIAL_VALUES; i++)
         if (material_values[i].effect & without)
             material_value_reset(m, &material_values[i]);
@@ -127,10 +129,10 @@ static uint64_t lobes(const struct scene_material *m)
 /* The effects of all values that the texture acts on or needs: without one of them it is idle. */
 static uint64_t texture_serves(const struct material_texture_row *row)
 {
-    uint64_t set = row->needs == MATERIAL_ALONE ? 0 : material_value_at(row->needs)->effect;
+    uint64_t set = row->needs == MATERIAL_ALONE ? 0 : material_values[row->needs].effect;
 
     for (int i = 0; i < row->parts; i++)
-        set |= material_value_at(row->part[i].offset)->effect;
+        set |= material_values[row->part[i].value].effect;
     return set;
 }
 

@@ -36,9 +36,11 @@ enum {
     READ_BY_ALL = READ_BY_LIT | ROLE_UNLIT | ROLE_MIX,
 };
 #define ALONE MATERIAL_ALONE
-#define WITH(value) AT(value)
-#define PART(value, channel) {AT(value), CHANNEL_##channel}
-#define RGB_OF(value) PART(value[0], RED), PART(value[1], GREEN), PART(value[2], BLUE)
+#define WITH(value) MATERIAL_VALUE_##value
+#define PART(value, channel) {MATERIAL_VALUE_##value, AT(value), CHANNEL_##channel}
+#define ELEMENT(value, i, channel) {MATERIAL_VALUE_##value, AT(value[i]), CHANNEL_##channel}
+#define RGB_OF(value) ELEMENT(value, 0, RED), ELEMENT(value, 1, GREEN), ELEMENT(value, 2, BLUE)
+#define ALPHA_OF(value) ELEMENT(value, 3, ALPHA)
 
 const struct material_texture_row material_textures[MATERIAL_TEXTURES] = {
 #define TEXTURE_ROW(name, encoding, lookup, readers, needs, message, number, meaning, ...)       \
@@ -49,32 +51,26 @@ const struct material_texture_row material_textures[MATERIAL_TEXTURES] = {
 #undef TEXTURE_ROW
 };
 
-const struct material_value *material_value_at(size_t offset)
-{
-    const struct material_value *row = material_values;
-
-    while (offset < row->offset || offset >= row->offset + (size_t)row->count * sizeof(float))
-        row++;
-    return row;
-}
-
 int material_is_float(enum material_type type)
 {
     return type == TYPE_NUMBER || type == TYPE_RGB || type == TYPE_RGBA;
 }
 
-/* Every element in turn is `value`? */
+/* Are all elements this value? */
 static int all_are(const struct scene_material *m, const struct material_value *row, float value)
 {
     const char *at = (const char *)m + row->offset;
+    const float *numbers = (const float *)(const void *)at;
+    int32_t integer;
 
     for (int i = 0; i < row->count; i++) {
-        int32_t integer;
-        float number;
-
+        if (material_is_float(row->type)) {
+            if (numbers[i] != value)
+                return 0;
+            continue;
+        }
         memcpy(&integer, at + 4 * i, sizeof integer);
-        memcpy(&number, at + 4 * i, sizeof number);
-        if (material_is_float(row->type) ? number != value : integer != (int32_t)value)
+        if (integer != (int32_t)value)
             return 0;
     }
     return 1;
@@ -146,7 +142,7 @@ int material_texture_acts(const struct scene_material *m, enum material_texture 
 
     if (!(row->readers & material_role_of(m)))
         return 0;
-    if (row->needs != MATERIAL_ALONE && !material_value_is_set(m, material_value_at(row->needs)))
+    if (row->needs != MATERIAL_ALONE && !material_value_is_set(m, &material_values[row->needs]))
         return 0;
     if (row->meaning == MEANS_BETWEEN)
         return *material_floats_const(m, row->part[0].offset) !=

@@ -48,6 +48,13 @@ struct material_value {
     uint32_t number;
 };
 
+enum material_value_number {
+#define VALUE_NUMBER(type, name, ...) MATERIAL_VALUE_##name,
+    MATERIAL_FIELDS(VALUE_NUMBER, MATERIAL_SKIP)
+#undef VALUE_NUMBER
+        MATERIAL_VALUES /* rows VALUE */
+};
+
 /* How a material is shaded decides which textures it reads. */
 enum material_role {
     ROLE_UNLIT = 1,
@@ -64,8 +71,9 @@ enum material_channel { CHANNEL_RED, CHANNEL_GREEN, CHANNEL_BLUE, CHANNEL_ALPHA,
 
 /* One float of a material, and the channel of the texture that acts on it. */
 struct material_part {
+    enum material_value_number value;
     size_t offset;
-    int channel;
+    enum material_channel channel;
 };
 
 /* A row TEXTURE. */
@@ -74,26 +82,17 @@ struct material_texture_row {
     int color;                      /* holds colours: sRGB unless the texture says otherwise */
     int filtered;                   /* looked up by footprint */
     unsigned readers;               /* enum material_role's set */
-    size_t needs;                   /* offset of the value that it needs; MATERIAL_ALONE: none */
+    int needs;                      /* number of the value that it needs; MATERIAL_ALONE: none */
     enum material_message message;
     uint32_t number;
     enum material_meaning meaning;
     int parts;
     struct material_part part[CHANNELS];
 };
-#define MATERIAL_ALONE SIZE_MAX
+enum { MATERIAL_ALONE = -1 };
 
-enum material_value_number {
-#define VALUE_NUMBER(type, name, ...) MATERIAL_VALUE_##name,
-    MATERIAL_FIELDS(VALUE_NUMBER, MATERIAL_SKIP)
-#undef VALUE_NUMBER
-        MATERIAL_VALUES /* rows VALUE */
-};
 extern const struct material_value material_values[MATERIAL_VALUES];
 extern const struct material_texture_row material_textures[MATERIAL_TEXTURES];
-
-/* The row whose field holds the byte at `offset` of a material. */
-const struct material_value *material_value_at(size_t offset);
 
 /* The first element of a value of numbers. */
 static inline float *material_floats(struct scene_material *m, size_t offset)

@@ -20,7 +20,7 @@
  *   needs    the value without which it acts on nothing: WITH(value), or ALONE
  *   meaning  FACTOR: the texture's channel multiplies each part; NORMAL: a normal map, scaled by its
  *            part; DIRECTION: the anisotropy's; BETWEEN: from the first part to the second
- *   parts    PART(value, channel), RGB_OF(value)
+ *   parts    PART(value, channel), RGB_OF(value), ALPHA_OF(value)
  *
  * Ranges include their ends; ABOVE_0 and BELOW_1 are the floats next to what they exclude. */
 #ifndef AZULEJO_SCENE_MATERIAL_FIELDS_H
@@ -50,7 +50,7 @@
     /* linear RGB, alpha; multiplies a conductor */                                                \
     VALUE(RGBA, base_color, 1, 0, 1, NONE, MATERIAL, 6)                                            \
     TEXTURE(base_color, COLOR, FILTERED, READ_BY_ALL, ALONE, MATERIAL, 7, FACTOR,                  \
-            RGB_OF(base_color), PART(base_color[3], ALPHA))                                        \
+            RGB_OF(base_color), ALPHA_OF(base_color))                                              \
     VALUE(NUMBER, metallic, 1, 0, 1, NONE, MATERIAL, 8)                                            \
     VALUE(NUMBER, roughness, 1, 0, 1, NONE, MATERIAL, 9)                                           \
     TEXTURE(metallic_roughness, DATA, FILTERED, READ_BY_LIT, ALONE, MATERIAL, 10, FACTOR,          \

@@ -68,7 +68,7 @@ static status fold_factor(struct simplifier *w, struct scene_material *m,
         if (!survey_is_constant(s, part->channel))
             return STATUS_OK;
         product[i] = factor * survey_constant(s, part->channel, is_srgb(texture, row->color));
-        if (!(product[i] <= material_value_at(part->offset)->most))
+        if (!(product[i] <= material_values[part->value].most))
             return STATUS_OK;
     }
     for (int i = 0; i < row->parts; i++)
@@ -123,7 +123,7 @@ static status fold_between(struct simplifier *w, struct scene_material *m,
 {
     float *from = material_floats(m, row->part[0].offset),
           *to = material_floats(m, row->part[1].offset), value;
-    const struct material_value *range = material_value_at(row->part[0].offset);
+    const struct material_value *range = &material_values[row->part[0].value];
     const struct scene_texture *texture;
     const struct survey *s;
     status st = survey_foldable(w, slot, &texture, &s);

@@ -210,7 +210,6 @@ static void test_defaults(void **state)
         const struct material_value *row = &material_values[i];
         assert_true(material_value_is_default(&m, row));
         assert_true(row->initial >= row->least && row->initial <= row->most);
-        assert_ptr_equal(material_value_at(row->offset + 4 * (size_t)(row->count - 1)), row);
     }
     for (int i = 0; i < MATERIAL_TEXTURES; i++)
         assert_int_equal(m.textures[i].texture, -1);
