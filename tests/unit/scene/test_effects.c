@@ -231,6 +231,21 @@ static void test_reachable(void **state)
     EXPECT(plain_set | EFFECT_INSTANCING, p.scene.instance_count = 2);
     EXPECT(plain_set, p.scene.instance_count = 2; p.instance[1].mesh = 1);
     EXPECT(plain_set | EFFECT_INSTANCING, p.scene.instance_count = 2; p.scene.mesh_count = 1);
+    /* The next instance may have the same material on another mesh, or another on the same. */
+    EXPECT(plain_set | EFFECT_VERTEX_COLOR, p.scene.instance_count = 2; p.instance[1].mesh = 1;
+           p.mesh[1].arrays = MESH_COLORS);
+    {
+        struct scene_material two[2];
+        struct plain p;
+        plain_init(&p);
+        two[0] = two[1] = p.material;
+        two[1].metallic = 1;
+        two[1].roughness = 0;
+        p.scene.materials = two;
+        p.scene.material_count = p.scene.instance_count = 2;
+        p.instance[1].material = 1;
+        assert_set(&p, plain_set | EFFECT_MIRROR | EFFECT_INSTANCING);
+    }
     {
         struct plain p;
         plain_init(&p);
