@@ -42,9 +42,9 @@ struct finder {
     int eye_moves;
     uint64_t found;
     uint32_t mix_parts;             /* of the instance's material looked at so far */
-    /* What is told already of each material and mesh, which many instances may use; NULL: not
-     * kept (no causes are asked for, or no memory: then some are counted twice). */
-    uint64_t *told_material, *told_mesh;
+    /* Effects of which a material or mesh is a cause already: many instances may use it. NULL: not
+     * kept (the caller wants no causes, or no memory: then some are counted twice). */
+    uint64_t *named_material, *named_mesh;
     int last_known;                 /* effects_on_mesh */
     uint32_t last_material, last_mesh;
     struct material_effects last;
@@ -68,16 +68,16 @@ static void cause_add(struct effect_cause *cause, const char *kind, const char *
 
 static void add(struct finder *f, uint64_t set, const char *kind, const char *name, uint32_t index)
 {
-    uint64_t *told = strcmp(kind, "material") == 0 ? f->told_material
-                     : strcmp(kind, "mesh") == 0   ? f->told_mesh : NULL;
+    uint64_t *named = strcmp(kind, "material") == 0 ? f->named_material
+                     : strcmp(kind, "mesh") == 0   ? f->named_mesh : NULL;
 
     set &= ~f->settings->without;
     f->found |= set;
     if (!f->causes)
         return;
-    if (told) {
-        set &= ~told[index];
-        told[index] |= set;
+    if (named) {
+        set &= ~named[index];
+        named[index] |= set;
     }
     for (int i = 0; i < EFFECT_COUNT; i++)
         if (set >> i & 1)
@@ -170,7 +170,7 @@ static int culls(const struct finder *f, uint32_t instance, const struct scene_m
     return !m->double_sided && !what->bounds_volume && (open || camera_may_be_inside(f, instance));
 }
 
-/* Many instances in a row often are of one material and mesh: what was found is kept for the next. */
+/* Instances in a row are often of one material and mesh: what was found is kept for the next. */
 static struct material_effects effects_on_mesh(struct finder *f, const struct scene_material *m,
                                                uint32_t material, uint32_t mesh)
 {
@@ -230,7 +230,8 @@ static int node_differs(int32_t node, const struct scene_pose *a, const struct s
 }
 
 /* Whatever stands elsewhere at this moment than at the shutter's opening. */
-static void find_moved(struct finder *f, const struct scene_pose *open, const struct scene_pose *now)
+static void find_moved(struct finder *f, const struct scene_pose *open,
+                       const struct scene_pose *now)
 {
     const struct scene *scene = f->scene;
 
@@ -330,8 +331,8 @@ uint64_t scene_effects(const struct scene *scene, const struct render_settings *
 
     if (causes) {
         memset(causes, 0, EFFECT_COUNT * sizeof *causes);
-        f.told_material = mem_calloc(scene->material_count, sizeof *f.told_material);
-        f.told_mesh = mem_calloc(scene->mesh_count, sizeof *f.told_mesh);
+        f.named_material = mem_calloc(scene->material_count, sizeof *f.named_material);
+        f.named_mesh = mem_calloc(scene->mesh_count, sizeof *f.named_mesh);
     }
     find_camera(&f, frame);
     for (uint32_t i = 0; i < scene->instance_count; i++) {
@@ -351,8 +352,8 @@ uint64_t scene_effects(const struct scene *scene, const struct render_settings *
     shines = EFFECT_EMISSIVE_MESH | EFFECT_ENVIRONMENT;
     if ((f.found & scatters) && (f.found & mirrors) && (f.found & shines))
         add(&f, EFFECT_CAUSTICS, "scene", scene->name, 0);
-    mem_free(f.told_material);
-    mem_free(f.told_mesh);
+    mem_free(f.named_material);
+    mem_free(f.named_mesh);
     return f.found;
 }
 

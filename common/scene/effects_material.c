@@ -86,7 +86,8 @@ static uint64_t transmission_lobes(const struct scene_material *m)
     /* From inside there is total reflection whatever `specular` says. */
     set = by_roughness(m, EFFECT_MIRROR | EFFECT_DIELECTRIC,
                        EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC);
-    return m->ior == 1 ? set | EFFECT_DIELECTRIC : set; /* nothing blurs without a change of index */
+    /* Nothing blurs without a change of index. */
+    return m->ior == 1 ? set | EFFECT_DIELECTRIC : set;
 }
 
 /* Metal, plastic and glass. */

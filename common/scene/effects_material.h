@@ -12,7 +12,7 @@ struct material_effects {
 };
 
 /* `m` as scene_material_reduce left it, and no MATERIAL_MIX, on one mesh. A texture can lower its
- * factor to anything. Culling and media, which depend on the rest of the scene, are not in the set. */
+ * factor to anything. Culling and media depend on the rest of the scene: not in the set. */
 void effects_of_material(const struct scene_material *m, const struct scene_mesh *mesh,
                          struct material_effects *out);
 

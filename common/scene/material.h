@@ -1,7 +1,7 @@
 /* material: the rows of material_fields.h as tables, and what follows from them.
  *
- * material_values[] and material_textures[] describe each member of struct scene_material; code that
- * treats all fields alike iterates over them instead of naming them.
+ * material_values[] and material_textures[] describe each member of struct scene_material; code
+ * that treats all fields alike iterates over them instead of naming them.
  */
 #ifndef AZULEJO_SCENE_MATERIAL_H
 #define AZULEJO_SCENE_MATERIAL_H

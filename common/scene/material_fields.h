@@ -17,7 +17,7 @@
  *   encoding COLOR: sRGB unless the texture says otherwise; DATA: linear
  *   lookup   FILTERED: by the footprint of the ray's beam; FINEST: always the finest level
  *   readers  which materials read it: enum material_role
- *   needs    the value without which it acts on nothing: WITH(value), or ALONE
+ *   needs    the value without which it does nothing: WITH(value), or ALONE
  *   meaning  FACTOR: the texture's channel multiplies each part; NORMAL: a normal map, scaled by its
  *            part; DIRECTION: the anisotropy's; BETWEEN: from the first part to the second
  *   parts    PART(value, channel), RGB_OF(value), ALPHA_OF(value)

@@ -209,7 +209,7 @@ struct scene_instance {
  * file's coordinates: scene_pose_init() subtracts the scene's origin at its end. */
 struct scene_node {
     int32_t parent;             /* lower than its own index, -1: the world */
-    int has_matrix;             /* `matrix` stands for translation, rotation and scale */
+    int has_matrix;             /* `matrix` replaces translation, rotation and scale */
     struct transform_d matrix;
     double translation[3], rotation[4] /* unit quaternion x y z w */, scale[3];
     float *weights;             /* [weight_count] of the mesh's morph targets */

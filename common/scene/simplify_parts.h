@@ -2,7 +2,7 @@
  *
  * simplify.c         the order in which things are done; the environment
  * simplify_survey.c  decodes images and vertex colours, and says what is the same everywhere
- * simplify_fold.c    constants into factors; idle textures, flat normal maps and idle alpha into nothing
+ * simplify_fold.c    constants into factors; removes idle textures, flat normal maps, idle alpha
  * simplify_reach.c   removes what nothing reaches
  */
 #ifndef AZULEJO_SCENE_SIMPLIFY_PARTS_H

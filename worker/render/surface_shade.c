@@ -343,7 +343,7 @@ static void surface_diffuse_transmission(const struct surface_view *view, struct
 }
 
 /* X(effect, function, does the material `m` have it?), in the order in which they are read: the
- * anisotropy turns the frame that the coat's normal is told in. */
+ * anisotropy turns the frame in which the coat's normal is given. */
 #define SURFACE_LAYERS(X)                                                                         \
     X(ANISOTROPY, surface_anisotropy, m->anisotropy > 0)                                          \
     X(CONDUCTOR, surface_conductor, m->kind == MATERIAL_CONDUCTOR)                                \

@@ -1,5 +1,5 @@
-/* The table of material fields: it agrees with scene.proto, its ranges are enforced by messages that
- * say where and what, and every texture is read by the materials that it should be. */
+/* The table of material fields: it agrees with scene.proto, its ranges are enforced by messages
+ * that say where and what, and every texture is read by the materials that it should be. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

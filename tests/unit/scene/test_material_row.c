@@ -1,6 +1,6 @@
-/* A new material field is two lines: a row of material_fields.h and one of scene.proto. This program
- * is compiled with a value and a texture more than the others have (MATERIAL_ROW_* in the Makefile),
- * and finds that everything which treats all fields alike knows them. */
+/* A new material field is two lines: a row of material_fields.h and one of scene.proto. This
+ * program is compiled with a value and a texture more than the others have (MATERIAL_ROW_VALUE in
+ * the Makefile), and finds that everything which treats all fields alike knows them. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
