@@ -89,28 +89,8 @@ static status read_colors(struct gltf *g, json_t *attributes, const struct gltf_
 
 static int uses_uv(const struct scene_material *m, uint32_t set)
 {
-    const struct scene_texture_slot *slots[] = {
-        &m->base_color_texture,
-        &m->metallic_roughness_texture,
-        &m->normal_texture,
-        &m->emission_texture,
-        &m->specular_texture,
-        &m->specular_color_texture,
-        &m->transmission_texture,
-        &m->anisotropy_texture,
-        &m->clearcoat_texture,
-        &m->clearcoat_roughness_texture,
-        &m->clearcoat_normal_texture,
-        &m->sheen_color_texture,
-        &m->sheen_roughness_texture,
-        &m->iridescence_texture,
-        &m->iridescence_thickness_texture,
-        &m->diffuse_transmission_texture,
-        &m->diffuse_transmission_color_texture,
-    };
-
-    for (size_t i = 0; i < sizeof slots / sizeof *slots; i++)
-        if (slots[i]->texture >= 0 && slots[i]->uv_set == set)
+    for (int i = 0; i < MATERIAL_TEXTURES; i++)
+        if (m->textures[i].texture >= 0 && m->textures[i].uv_set == set)
             return 1;
     return 0;
 }

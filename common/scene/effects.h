@@ -76,11 +76,11 @@ EFFECT_MAP(EFFECT_VALUE)
      EFFECT_DEPTH_OF_FIELD | EFFECT_MOTION_BLUR | EFFECT_LIGHT_IMAGE | EFFECT_PORTAL |          \
      EFFECT_CAUSTICS)
 
-/* The time of a frame is kept by accounts: 0 is nobody's (what any picture needs), bit + 1 the
+/* The time of a frame is kept by accounts: 0 is no effect's (what any picture needs), bit + 1 the
  * effect's (worker/render/charge.h). */
 enum { EFFECT_ACCOUNTS = EFFECT_COUNT + 1 };
 /* These change how things are done and do nothing of their own while a frame is rendered: they
- * have no time that could be told apart. */
+ * have no time that could be measured apart. */
 #define EFFECTS_WITHOUT_TIME \
     (EFFECT_ORTHOGRAPHIC | EFFECT_INSTANCING | EFFECT_DEFORMATION | EFFECT_CAUSTICS)
 
@@ -90,7 +90,7 @@ enum { EFFECT_ACCOUNTS = EFFECT_COUNT + 1 };
 
 struct render_settings;
 
-/* Others who called for an effect are told by name, but no more than these. */
+/* The causes of an effect after the first are named, but no more than these. */
 enum { EFFECT_CAUSES_ALSO = 7 };
 
 struct effect_caller {
@@ -101,7 +101,7 @@ struct effect_caller {
 
 /* Who called for an effect. */
 struct effect_cause {
-    const char *kind;   /* of the first; NULL: nobody called */
+    const char *kind;   /* of the first; NULL: nothing called for it */
     const char *name;
     uint32_t index;
     uint32_t count;     /* how many did */

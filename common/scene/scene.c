@@ -21,46 +21,6 @@ void scene_release(struct scene *scene)
     scene_init(scene);
 }
 
-static struct scene_texture_slot slot_default(void)
-{
-    return (struct scene_texture_slot){.texture = -1, .uv_transform = {{1, 0, 0}, {0, 1, 0}}};
-}
-
-void scene_material_default(struct scene_material *material)
-{
-    memset(material, 0, sizeof *material);
-    material->name = "";
-    material->alpha_mode = ALPHA_OPAQUE;
-    material->alpha_cutoff = 0.5f;
-    for (int i = 0; i < 4; i++)
-        material->base_color[i] = 1;
-    material->metallic = 1;
-    material->roughness = 1;
-    material->normal_scale = 1;
-    material->ior = 1.5f;
-    material->specular = 1;
-    for (int i = 0; i < 3; i++)
-        material->specular_color[i] = material->attenuation_color[i] = 1;
-    material->attenuation_distance = INFINITY;
-    material->clearcoat_ior = 1.5f;
-    material->clearcoat_normal_scale = 1;
-    material->iridescence_ior = 1.3f;
-    material->iridescence_thickness_min_nm = 100;
-    material->iridescence_thickness_max_nm = 400;
-    for (int i = 0; i < 3; i++)
-        material->diffuse_transmission_color[i] = material->conductor_eta[i] = 1;
-    material->medium = material->medium_outside = -1;
-    material->base_color_texture = material->metallic_roughness_texture =
-        material->normal_texture = material->emission_texture = material->specular_texture =
-            material->specular_color_texture = material->transmission_texture = slot_default();
-    material->anisotropy_texture = material->clearcoat_texture =
-        material->clearcoat_roughness_texture = material->clearcoat_normal_texture =
-            material->sheen_color_texture = material->sheen_roughness_texture = slot_default();
-    material->iridescence_texture = material->iridescence_thickness_texture =
-        material->diffuse_transmission_texture = material->diffuse_transmission_color_texture =
-            material->mix_texture = slot_default();
-}
-
 void scene_instance_default(struct scene_instance *instance)
 {
     memset(instance, 0, sizeof *instance);

@@ -19,6 +19,7 @@
 #include "common/base/status.h"
 #include "common/math/transform.h"
 #include "common/math/vec.h"
+#include "common/scene/material_fields.h"
 
 enum {
     SCENE_INSTANCES_MAX = 1 << 24,
@@ -146,78 +147,41 @@ enum scene_material_kind {
     MATERIAL_KIND_COUNT
 };
 
-/* What a surface is made of. Every texture multiplies its factor, so a factor of 0 is 0
- * whatever the texture. Normal textures and anisotropy act only on meshes with MESH_TANGENTS.
+/* What a surface is made of: a member for each row of material_fields.h. Every texture multiplies its
+ * factor, so a factor of 0 is 0 whatever the texture. Normal textures and anisotropy act only on
+ * meshes with MESH_TANGENTS.
  * The model: glTF 2.0's metallic-roughness model with the extensions anisotropy, clearcoat,
  * diffuse_transmission, dispersion, emissive_strength, ior, iridescence, sheen, specular,
  * transmission, unlit and volume. roughness is perceptual: GGX alpha = roughness^2.
  * scene_material_default() switches every extension off. */
+#define MATERIAL_MEMBER_FLAG(name) int name;
+#define MATERIAL_MEMBER_NUMBER(name) float name;
+#define MATERIAL_MEMBER_RGB(name) float name[3];
+#define MATERIAL_MEMBER_RGBA(name) float name[4];
+#define MATERIAL_MEMBER_INTEGER(name) int name;
+#define MATERIAL_MEMBER_KIND(name) enum scene_material_kind name;
+#define MATERIAL_MEMBER_ALPHA_MODE(name) enum scene_alpha_mode name;
+#define MATERIAL_MEMBER_MEDIUM(name) int32_t name;
+#define MATERIAL_MEMBER_MATERIALS(name) uint32_t name[2];
+#define MATERIAL_VALUE_MEMBER(type, name, ...) MATERIAL_MEMBER_##type(name)
+#define MATERIAL_TEXTURE_MEMBER(name, ...) struct scene_texture_slot name##_texture;
+#define MATERIAL_TEXTURE_NUMBER(name, ...) MATERIAL_TEXTURE_##name,
+#define MATERIAL_SKIP(...)
+
+enum material_texture {
+    MATERIAL_FIELDS(MATERIAL_SKIP, MATERIAL_TEXTURE_NUMBER)
+    MATERIAL_TEXTURES /* how many a material has */
+};
+
 struct scene_material {
     const char *name;
-    enum scene_material_kind kind;
-    int unlit;                              /* emits base_color, reflects nothing */
-    int double_sided;                       /* 0: back faces are invisible to every ray */
-    enum scene_alpha_mode alpha_mode;
-    float alpha_cutoff;
-    float base_color[4];                    /* linear RGB 0..1, alpha; multiplies a conductor */
-    struct scene_texture_slot base_color_texture;   /* sRGB, alpha linear */
-    float metallic, roughness;              /* 0..1 */
-    struct scene_texture_slot metallic_roughness_texture; /* G roughness, B metallic */
-    float normal_scale;
-    struct scene_texture_slot normal_texture;
-    float emission[3];                      /* radiance: factor * strength, >= 0 */
-    struct scene_texture_slot emission_texture;     /* sRGB */
-    float ior;                              /* >= 1, or 0: Fresnel exactly 1. VOLUMES_BOUNDARIES:
-                                               any above 0, that of the back over the front's */
-    float specular;                         /* weight of the dielectric reflection, 0..1 */
-    struct scene_texture_slot specular_texture;     /* A */
-    float specular_color[3];                /* >= 0, may exceed 1 */
-    struct scene_texture_slot specular_color_texture; /* sRGB */
-    float transmission;                     /* 0..1 */
-    struct scene_texture_slot transmission_texture; /* R */
-    int refractive;                         /* 1: bounds a volume and refracts; 0: thin wall */
-    float attenuation_color[3];             /* transmittance after attenuation_distance */
-    float attenuation_distance;             /* metres; INFINITY: clear */
-
-    float anisotropy;                       /* strength 0..1: alpha along the direction becomes
-                                               mix(alpha, 1, strength^2) */
-    float anisotropy_rotation_rad;          /* of the direction, counter-clockwise from the tangent */
-    struct scene_texture_slot anisotropy_texture;   /* RG direction * 2 - 1, B strength */
-    float clearcoat;                        /* weight 0..1 */
-    struct scene_texture_slot clearcoat_texture;    /* R */
-    float clearcoat_roughness;
-    struct scene_texture_slot clearcoat_roughness_texture; /* G */
-    float clearcoat_ior;                    /* >= 1; glTF: 1.5 */
-    float clearcoat_normal_scale;
-    struct scene_texture_slot clearcoat_normal_texture;
-    float sheen_color[3];                   /* 0..1; black: none */
-    struct scene_texture_slot sheen_color_texture;  /* sRGB */
-    float sheen_roughness;                  /* 0..1 */
-    struct scene_texture_slot sheen_roughness_texture; /* A */
-    float iridescence;                      /* weight of the thin film 0..1 */
-    struct scene_texture_slot iridescence_texture;  /* R */
-    float iridescence_ior;                  /* >= 1 */
-    float iridescence_thickness_min_nm, iridescence_thickness_max_nm; /* min may exceed max */
-    struct scene_texture_slot iridescence_thickness_texture; /* G: from min to max */
-    float diffuse_transmission;             /* share of the Lambert base that goes through, 0..1 */
-    struct scene_texture_slot diffuse_transmission_texture; /* A */
-    float diffuse_transmission_color[3];    /* 0..1 */
-    struct scene_texture_slot diffuse_transmission_color_texture; /* sRGB */
-    float dispersion;                       /* 20 / Abbe number; 0: none */
-
-    float conductor_eta[3], conductor_k[3]; /* complex index of refraction at R, G, B; eta > 0 */
-    float base_interreflection;             /* 0..<1: light that the coat throws back at its base:
-                                               base c becomes c (1 - K) / (1 - K c) (pbrt's coats) */
-    int thin_slab;                          /* thin wall: count all reflections between its two
-                                               sides, R' = 2 R / (1 + R) (pbrt's thin glass) */
-    int priority;                           /* of a refractive volume that overlaps another: the
-                                               higher one is there (Schmidt & Budge 2002) */
-    int32_t medium;                         /* what fills the volume, -1: nothing that scatters */
-    int32_t medium_outside;                 /* VOLUMES_BOUNDARIES: the medium before its front; the
-                                               same as `medium`: the ray stays in the one it is in */
-    uint32_t mix_material[2];               /* MATERIAL_MIX: both lower than its own index */
-    float mix_amount;                       /* 0..1: share of the second */
-    struct scene_texture_slot mix_texture;  /* R: multiplies it */
+    MATERIAL_FIELDS(MATERIAL_VALUE_MEMBER, MATERIAL_SKIP)
+    union {
+        struct {
+            MATERIAL_FIELDS(MATERIAL_SKIP, MATERIAL_TEXTURE_MEMBER)
+        };
+        struct scene_texture_slot textures[MATERIAL_TEXTURES]; /* the same, in the rows' order */
+    };
 };
 
 /* One mesh with one material somewhere in the world. */
@@ -245,7 +209,7 @@ struct scene_instance {
  * file's coordinates: scene_pose_init() subtracts the scene's origin at its end. */
 struct scene_node {
     int32_t parent;             /* lower than its own index, -1: the world */
-    int has_matrix;             /* `matrix` stands for translation, rotation and scale */
+    int has_matrix;             /* `matrix` replaces translation, rotation and scale */
     struct transform_d matrix;
     double translation[3], rotation[4] /* unit quaternion x y z w */, scale[3];
     float *weights;             /* [weight_count] of the mesh's morph targets */
@@ -413,6 +377,12 @@ void scene_camera_default(struct scene_camera *camera);
 void scene_environment_default(struct scene_environment *environment);
 void scene_node_default(struct scene_node *node);
 void scene_medium_default(struct scene_medium *medium);
+
+/* Are all three channels of the colour this value? */
+static inline int scene_color_is(const float color[3], float value)
+{
+    return color[0] == value && color[1] == value && color[2] == value;
+}
 
 /* Check every index, count, enum and number. ERR_INPUT names the table, the row and the
  * field. */

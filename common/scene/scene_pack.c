@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "common/base/buffer.h"
+#include "common/scene/material_wire.h"
 #include "common/scene/scene.h"
 #include "common/scene/scene.pb-c.h"
 
@@ -134,194 +135,12 @@ static void pack_texture(struct buffer *out, const struct scene_texture *texture
     append_message(out, 5, &m.base);
 }
 
-/* NULL for a slot without texture, so that what it would say is not in the bytes. */
-static Azulejo__Scene__TextureSlot *slot_fill(Azulejo__Scene__TextureSlot *out,
-                                              const struct scene_texture_slot *slot)
-{
-    if (slot->texture < 0)
-        return NULL;
-    azulejo__scene__texture_slot__init(out);
-    out->texture = (uint32_t)slot->texture;
-    out->uv_set = slot->uv_set;
-    FLOATS(out, uv_transform, slot->uv_transform, 6);
-    return out;
-}
-
-/* The groups of a material: NULL where every field has its default. */
-struct material_groups {
-    Azulejo__Scene__Anisotropy anisotropy;
-    Azulejo__Scene__Clearcoat clearcoat;
-    Azulejo__Scene__Sheen sheen;
-    Azulejo__Scene__Iridescence iridescence;
-    Azulejo__Scene__DiffuseTransmission diffuse_transmission;
-    Azulejo__Scene__Conductor conductor;
-    Azulejo__Scene__Mix mix;
-    Azulejo__Scene__TextureSlot slots[20];
-    int slot_count;
-};
-
-static Azulejo__Scene__TextureSlot *slot_next(struct material_groups *g,
-                                              const struct scene_texture_slot *slot)
-{
-    return slot_fill(&g->slots[g->slot_count++], slot);
-}
-
-static Azulejo__Scene__Anisotropy *anisotropy_fill(struct material_groups *g,
-                                                   const struct scene_material *m)
-{
-    Azulejo__Scene__Anisotropy *out = &g->anisotropy;
-
-    azulejo__scene__anisotropy__init(out);
-    out->strength = m->anisotropy;
-    out->rotation_rad = m->anisotropy_rotation_rad;
-    out->texture = slot_next(g, &m->anisotropy_texture);
-    return m->anisotropy != 0 || m->anisotropy_rotation_rad != 0 || out->texture ? out : NULL;
-}
-
-static Azulejo__Scene__Clearcoat *clearcoat_fill(struct material_groups *g,
-                                                 const struct scene_material *m,
-                                                 const struct scene_material *plain)
-{
-    Azulejo__Scene__Clearcoat *out = &g->clearcoat;
-
-    azulejo__scene__clearcoat__init(out);
-    out->weight = m->clearcoat;
-    out->texture = slot_next(g, &m->clearcoat_texture);
-    out->roughness = m->clearcoat_roughness;
-    out->roughness_texture = slot_next(g, &m->clearcoat_roughness_texture);
-    out->ior = m->clearcoat_ior;
-    out->normal_scale = m->clearcoat_normal_scale;
-    out->normal_texture = slot_next(g, &m->clearcoat_normal_texture);
-    return m->clearcoat != 0 || m->clearcoat_roughness != 0 ||
-                   m->clearcoat_ior != plain->clearcoat_ior ||
-                   m->clearcoat_normal_scale != plain->clearcoat_normal_scale || out->texture ||
-                   out->roughness_texture || out->normal_texture
-               ? out
-               : NULL;
-}
-
-static Azulejo__Scene__Sheen *sheen_fill(struct material_groups *g, const struct scene_material *m)
-{
-    Azulejo__Scene__Sheen *out = &g->sheen;
-
-    azulejo__scene__sheen__init(out);
-    FLOATS(out, color, m->sheen_color, 3);
-    out->color_texture = slot_next(g, &m->sheen_color_texture);
-    out->roughness = m->sheen_roughness;
-    out->roughness_texture = slot_next(g, &m->sheen_roughness_texture);
-    return !all_equal(m->sheen_color, 0, 3) || m->sheen_roughness != 0 || out->color_texture ||
-                   out->roughness_texture
-               ? out
-               : NULL;
-}
-
-static Azulejo__Scene__Iridescence *iridescence_fill(struct material_groups *g,
-                                                     const struct scene_material *m,
-                                                     const struct scene_material *plain)
-{
-    Azulejo__Scene__Iridescence *out = &g->iridescence;
-
-    azulejo__scene__iridescence__init(out);
-    out->weight = m->iridescence;
-    out->texture = slot_next(g, &m->iridescence_texture);
-    out->ior = m->iridescence_ior;
-    out->thickness_min_nm = m->iridescence_thickness_min_nm;
-    out->thickness_max_nm = m->iridescence_thickness_max_nm;
-    out->thickness_texture = slot_next(g, &m->iridescence_thickness_texture);
-    return m->iridescence != 0 || m->iridescence_ior != plain->iridescence_ior ||
-                   m->iridescence_thickness_min_nm != plain->iridescence_thickness_min_nm ||
-                   m->iridescence_thickness_max_nm != plain->iridescence_thickness_max_nm ||
-                   out->texture || out->thickness_texture
-               ? out
-               : NULL;
-}
-
-static Azulejo__Scene__DiffuseTransmission *diffuse_fill(struct material_groups *g,
-                                                         const struct scene_material *m)
-{
-    Azulejo__Scene__DiffuseTransmission *out = &g->diffuse_transmission;
-
-    azulejo__scene__diffuse_transmission__init(out);
-    out->weight = m->diffuse_transmission;
-    out->texture = slot_next(g, &m->diffuse_transmission_texture);
-    FLOATS(out, color, m->diffuse_transmission_color, 3);
-    out->color_texture = slot_next(g, &m->diffuse_transmission_color_texture);
-    return m->diffuse_transmission != 0 || !all_equal(m->diffuse_transmission_color, 1, 3) ||
-                   out->texture || out->color_texture
-               ? out
-               : NULL;
-}
-
-static Azulejo__Scene__Conductor *conductor_fill(struct material_groups *g,
-                                                 const struct scene_material *m)
-{
-    Azulejo__Scene__Conductor *out = &g->conductor;
-
-    azulejo__scene__conductor__init(out);
-    FLOATS(out, eta, m->conductor_eta, 3);
-    FLOATS(out, k, m->conductor_k, 3);
-    return !all_equal(m->conductor_eta, 1, 3) || !all_equal(m->conductor_k, 0, 3) ? out : NULL;
-}
-
-static Azulejo__Scene__Mix *mix_fill(struct material_groups *g, const struct scene_material *m)
-{
-    Azulejo__Scene__Mix *out = &g->mix;
-
-    azulejo__scene__mix__init(out);
-    out->first = m->mix_material[0];
-    out->second = m->mix_material[1];
-    out->amount = m->mix_amount;
-    out->texture = slot_next(g, &m->mix_texture);
-    return m->mix_material[0] || m->mix_material[1] || m->mix_amount != 0 || out->texture ? out
-                                                                                          : NULL;
-}
-
 static void pack_material(struct buffer *out, const struct scene_material *material)
 {
-    Azulejo__Scene__Material m = AZULEJO__SCENE__MATERIAL__INIT;
-    struct material_groups g = {.slot_count = 0};
-    struct scene_material plain;
+    struct material_wire wire;
 
-    scene_material_default(&plain);
-    m.name = TEXT(material->name);
-    m.unlit = material->unlit;
-    m.double_sided = material->double_sided;
-    m.alpha_mode = (uint32_t)material->alpha_mode;
-    m.alpha_cutoff = material->alpha_cutoff;
-    FLOATS(&m, base_color, material->base_color, 4);
-    m.base_color_texture = slot_next(&g, &material->base_color_texture);
-    m.metallic = material->metallic;
-    m.roughness = material->roughness;
-    m.metallic_roughness_texture = slot_next(&g, &material->metallic_roughness_texture);
-    m.normal_scale = material->normal_scale;
-    m.normal_texture = slot_next(&g, &material->normal_texture);
-    FLOATS(&m, emission, material->emission, 3);
-    m.emission_texture = slot_next(&g, &material->emission_texture);
-    m.ior = material->ior;
-    m.specular = material->specular;
-    m.specular_texture = slot_next(&g, &material->specular_texture);
-    FLOATS(&m, specular_color, material->specular_color, 3);
-    m.specular_color_texture = slot_next(&g, &material->specular_color_texture);
-    m.transmission = material->transmission;
-    m.transmission_texture = slot_next(&g, &material->transmission_texture);
-    m.refractive = material->refractive;
-    FLOATS(&m, attenuation_color, material->attenuation_color, 3);
-    m.attenuation_distance = material->attenuation_distance;
-    m.kind = (uint32_t)material->kind;
-    m.anisotropy = anisotropy_fill(&g, material);
-    m.clearcoat = clearcoat_fill(&g, material, &plain);
-    m.sheen = sheen_fill(&g, material);
-    m.iridescence = iridescence_fill(&g, material, &plain);
-    m.diffuse_transmission = diffuse_fill(&g, material);
-    m.dispersion = material->dispersion;
-    m.conductor = conductor_fill(&g, material);
-    m.base_interreflection = material->base_interreflection;
-    m.thin_slab = material->thin_slab;
-    m.priority = material->priority;
-    m.medium = index_plus_one(material->medium);
-    m.medium_outside = index_plus_one(material->medium_outside);
-    m.mix = mix_fill(&g, material);
-    append_message(out, 6, &m.base);
+    material_wire_fill(&wire, material);
+    append_message(out, 6, &wire.material.base);
 }
 
 static void pack_instance(struct buffer *out, const struct scene_instance *instance)

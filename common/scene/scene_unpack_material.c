@@ -1,140 +1,83 @@
-/* Materials of a packed scene. */
+/* Materials of a packed scene, by the rows of material_fields.h. */
+#include <assert.h>
+#include <string.h>
+
+#include "common/scene/material.h"
 #include "common/scene/scene_unpack_parts.h"
 
-static status unpack_anisotropy(struct scene_reader *r, const Azulejo__Scene__Anisotropy *m,
-                                struct scene_material *to)
+/* What a row's message holds under a number, and its descriptor. */
+static const void *member_of(const ProtobufCMessage *message, uint32_t number,
+                             const ProtobufCFieldDescriptor **field)
 {
-    if (!m)
-        return STATUS_OK; /* here and below: as scene_material_default left it */
-    KNOWN_FIELDS("an anisotropy")
-    to->anisotropy = m->strength;
-    to->anisotropy_rotation_rad = m->rotation_rad;
-    return unpack_slot(r, m->texture, &to->anisotropy_texture);
+    *field = protobuf_c_message_descriptor_get_field(message->descriptor, number);
+    assert(*field);
+    return (const char *)message + (*field)->offset;
 }
 
-static status unpack_clearcoat(struct scene_reader *r, const Azulejo__Scene__Clearcoat *m,
-                               struct scene_material *to)
+static status unpack_value(struct scene_reader *r, const ProtobufCMessage *message,
+                           const struct material_value *row, struct scene_material *to)
 {
-    if (!m)
+    const ProtobufCFieldDescriptor *field;
+    const void *from = member_of(message, row->number, &field);
+    char *at = (char *)to + row->offset;
+    const float *floats;
+    uint32_t index;
+
+    switch (row->type) {
+    case TYPE_RGB:
+    case TYPE_RGBA:
+        memcpy(&floats, from, sizeof floats);
+        return unpack_floats(
+            r, row->name, floats,
+            *(const size_t *)(const void *)((const char *)message + field->quantifier_offset),
+            (float *)(void *)at, (size_t)row->count);
+    case TYPE_MEDIUM:
+        memcpy(&index, from, sizeof index);
+        return unpack_index(r, row->name, index, (uint32_t)row->most + 1, (int32_t *)(void *)at);
+    default:
+        for (int i = 0; i < row->count; i++)
+            memcpy(at + 4 * i, member_of(message, row->number + (uint32_t)i, &field), 4);
         return STATUS_OK;
-    KNOWN_FIELDS("a clearcoat")
-    to->clearcoat = m->weight;
-    TAKE(unpack_slot(r, m->texture, &to->clearcoat_texture));
-    to->clearcoat_roughness = m->roughness;
-    TAKE(unpack_slot(r, m->roughness_texture, &to->clearcoat_roughness_texture));
-    to->clearcoat_ior = m->ior;
-    to->clearcoat_normal_scale = m->normal_scale;
-    return unpack_slot(r, m->normal_texture, &to->clearcoat_normal_texture);
+    }
 }
 
-static status unpack_sheen(struct scene_reader *r, const Azulejo__Scene__Sheen *m,
-                           struct scene_material *to)
+/* The material's messages; NULL for a group that is absent: all its fields have their defaults. */
+static status find_messages(struct scene_reader *r, const ProtobufCMessage *material,
+                            const ProtobufCMessage *found[MATERIAL_MESSAGE_COUNT])
 {
-    if (!m)
-        return STATUS_OK;
-    KNOWN_FIELDS("a sheen")
-    TAKE_FLOATS(color, to->sheen_color, 3);
-    TAKE(unpack_slot(r, m->color_texture, &to->sheen_color_texture));
-    to->sheen_roughness = m->roughness;
-    return unpack_slot(r, m->roughness_texture, &to->sheen_roughness_texture);
-}
+    found[MESSAGE_MATERIAL] = material;
+    for (int i = 1; i < MATERIAL_MESSAGE_COUNT; i++) {
+        const ProtobufCFieldDescriptor *field;
 
-static status unpack_iridescence(struct scene_reader *r, const Azulejo__Scene__Iridescence *m,
-                                 struct scene_material *to)
-{
-    if (!m)
-        return STATUS_OK;
-    KNOWN_FIELDS("an iridescence")
-    to->iridescence = m->weight;
-    TAKE(unpack_slot(r, m->texture, &to->iridescence_texture));
-    to->iridescence_ior = m->ior;
-    to->iridescence_thickness_min_nm = m->thickness_min_nm;
-    to->iridescence_thickness_max_nm = m->thickness_max_nm;
-    return unpack_slot(r, m->thickness_texture, &to->iridescence_thickness_texture);
-}
-
-static status unpack_diffuse(struct scene_reader *r, const Azulejo__Scene__DiffuseTransmission *m,
-                             struct scene_material *to)
-{
-    if (!m)
-        return STATUS_OK;
-    KNOWN_FIELDS("a diffuse transmission")
-    to->diffuse_transmission = m->weight;
-    TAKE(unpack_slot(r, m->texture, &to->diffuse_transmission_texture));
-    TAKE_FLOATS(color, to->diffuse_transmission_color, 3);
-    return unpack_slot(r, m->color_texture, &to->diffuse_transmission_color_texture);
-}
-
-static status unpack_conductor(struct scene_reader *r, const Azulejo__Scene__Conductor *m,
-                               struct scene_material *to)
-{
-    if (!m)
-        return STATUS_OK;
-    KNOWN_FIELDS("a conductor")
-    TAKE_FLOATS(eta, to->conductor_eta, 3);
-    TAKE_FLOATS(k, to->conductor_k, 3);
+        memcpy(&found[i], member_of(material, material_message_numbers[i], &field), sizeof found[i]);
+        if (found[i] && found[i]->n_unknown_fields)
+            return error_set(r->err, STATUS_ERR_INPUT,
+                             "the packed scene is damaged: a material's %s has an unknown field",
+                             field->name);
+    }
     return STATUS_OK;
 }
 
-static status unpack_mix(struct scene_reader *r, const Azulejo__Scene__Mix *m,
-                         struct scene_material *to)
+status unpack_material(struct scene_reader *r, const ProtobufCMessage *message, uint32_t number)
 {
-    if (!m)
-        return STATUS_OK;
-    KNOWN_FIELDS("a mix")
-    to->mix_material[0] = m->first;
-    to->mix_material[1] = m->second;
-    to->mix_amount = m->amount;
-    return unpack_slot(r, m->texture, &to->mix_texture);
-}
-
-status unpack_material(struct scene_reader *r, const ProtobufCMessage *message, uint32_t row)
-{
-    const Azulejo__Scene__Material *m = (const Azulejo__Scene__Material *)message;
-    struct scene_material *to = &r->scene->materials[row];
+    struct scene_material *to = &r->scene->materials[number];
+    const ProtobufCMessage *found[MATERIAL_MESSAGE_COUNT];
+    const ProtobufCFieldDescriptor *field;
 
     scene_material_default(to);
-    TAKE(unpack_name(r, m->name, &to->name));
-    to->unlit = m->unlit != 0;
-    to->double_sided = m->double_sided != 0;
-    if (m->alpha_mode >= ALPHA_COUNT)
-        return unpack_damaged(r, "a material's alpha mode is unknown");
-    to->alpha_mode = (enum scene_alpha_mode)m->alpha_mode;
-    to->alpha_cutoff = m->alpha_cutoff;
-    TAKE_FLOATS(base_color, to->base_color, 4);
-    TAKE(unpack_slot(r, m->base_color_texture, &to->base_color_texture));
-    to->metallic = m->metallic;
-    to->roughness = m->roughness;
-    TAKE(unpack_slot(r, m->metallic_roughness_texture, &to->metallic_roughness_texture));
-    to->normal_scale = m->normal_scale;
-    TAKE(unpack_slot(r, m->normal_texture, &to->normal_texture));
-    TAKE_FLOATS(emission, to->emission, 3);
-    TAKE(unpack_slot(r, m->emission_texture, &to->emission_texture));
-    to->ior = m->ior;
-    to->specular = m->specular;
-    TAKE(unpack_slot(r, m->specular_texture, &to->specular_texture));
-    TAKE_FLOATS(specular_color, to->specular_color, 3);
-    TAKE(unpack_slot(r, m->specular_color_texture, &to->specular_color_texture));
-    to->transmission = m->transmission;
-    TAKE(unpack_slot(r, m->transmission_texture, &to->transmission_texture));
-    to->refractive = m->refractive != 0;
-    TAKE_FLOATS(attenuation_color, to->attenuation_color, 3);
-    to->attenuation_distance = m->attenuation_distance;
-    if (m->kind >= MATERIAL_KIND_COUNT)
-        return unpack_damaged(r, "a material's kind is unknown");
-    to->kind = (enum scene_material_kind)m->kind;
-    TAKE(unpack_anisotropy(r, m->anisotropy, to));
-    TAKE(unpack_clearcoat(r, m->clearcoat, to));
-    TAKE(unpack_sheen(r, m->sheen, to));
-    TAKE(unpack_iridescence(r, m->iridescence, to));
-    TAKE(unpack_diffuse(r, m->diffuse_transmission, to));
-    to->dispersion = m->dispersion;
-    TAKE(unpack_conductor(r, m->conductor, to));
-    to->base_interreflection = m->base_interreflection;
-    to->thin_slab = m->thin_slab != 0;
-    to->priority = m->priority;
-    TAKE(unpack_index(r, "a material's medium", m->medium, SCENE_MEDIA_MAX, &to->medium));
-    TAKE(unpack_index(r, "a material's medium_outside", m->medium_outside, SCENE_MEDIA_MAX,
-                      &to->medium_outside));
-    return unpack_mix(r, m->mix, to);
+    TAKE(unpack_name(r, ((const Azulejo__Scene__Material *)message)->name, &to->name));
+    TAKE(find_messages(r, message, found));
+    for (int i = 0; i < MATERIAL_VALUES; i++)
+        if (found[material_values[i].message])
+            TAKE(unpack_value(r, found[material_values[i].message], &material_values[i], to));
+    for (int i = 0; i < MATERIAL_TEXTURES; i++) {
+        const struct material_texture_row *row = &material_textures[i];
+        const Azulejo__Scene__TextureSlot *slot;
+
+        if (!found[row->message])
+            continue;
+        memcpy(&slot, member_of(found[row->message], row->number, &field), sizeof slot);
+        TAKE(unpack_slot(r, slot, &to->textures[i]));
+    }
+    return STATUS_OK;
 }

@@ -1,4 +1,4 @@
-/* scene_unpack_parts: the inside of scene_unpack, shared by its files; nobody else includes this.
+/* scene_unpack_parts: the inside of scene_unpack, shared by its files; only they include this.
  *
  * scene_unpack.c           the walk along the top-level fields, and every limit on them
  * scene_unpack_values.c    what elements are made of: names, numbers, indices, blobs

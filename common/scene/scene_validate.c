@@ -3,136 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "common/scene/scene.h"
-
-/* Where a complaint belongs: the table and the row. */
-struct place {
-    const char *table;
-    uint32_t row;
-    struct error *err;
-};
-
-static status complain(const struct place *at, const char *field, const char *what)
-{
-    return error_set(at->err, STATUS_ERR_INPUT, "the scene's %s[%u].%s %s", at->table, at->row,
-                     field, what);
-}
-
-/* UTF-8 without control characters: names are printed on terminals and web pages. */
-static int name_is_clean(const char *name)
-{
-    const uint8_t *p = (const uint8_t *)name;
-
-    for (; *p; p++) {
-        uint32_t code = *p;
-        int more = 0;
-
-        if (code < 0x20 || code == 0x7f)
-            return 0;
-        if (code >= 0xf8 || (code >= 0x80 && code < 0xc0))
-            return 0;
-        if (code >= 0xf0)
-            more = 3, code &= 0x07;
-        else if (code >= 0xe0)
-            more = 2, code &= 0x0f;
-        else if (code >= 0xc0)
-            more = 1, code &= 0x1f;
-        for (int i = 0; i < more; i++) {
-            if ((p[1] & 0xc0) != 0x80)
-                return 0;
-            code = code << 6 | (*++p & 0x3f);
-        }
-        /* Overlong forms, surrogates, C1 controls and what lies beyond Unicode. */
-        if ((more == 1 && code < 0xa0) || (more == 2 && code < 0x800) ||
-            (more == 3 && code < 0x10000) || code > 0x10ffff || (code >= 0xd800 && code < 0xe000))
-            return 0;
-    }
-    return 1;
-}
-
-static status check_name(const struct place *at, const char *name)
-{
-    if (!name)
-        return complain(at, "name", "is missing");
-    if (strlen(name) > SCENE_NAME_MAX)
-        return complain(at, "name", "is longer than 255 bytes");
-    if (!name_is_clean(name))
-        return complain(at, "name", "is not UTF-8 text without control characters");
-    return STATUS_OK;
-}
-
-static status check_range(const struct place *at, const char *field, float value, float low,
-                          float high)
-{
-    if (!(value >= low && value <= high))
-        return error_set(at->err, STATUS_ERR_INPUT,
-                         "the scene's %s[%u].%s is %g: must be %g to %g", at->table, at->row,
-                         field, (double)value, (double)low, (double)high);
-    return STATUS_OK;
-}
-
-static status check_ranges(const struct place *at, const char *field, const float *values,
-                           int count, float low, float high)
-{
-    status result = STATUS_OK;
-
-    for (int i = 0; i < count && result == STATUS_OK; i++)
-        result = check_range(at, field, values[i], low, high);
-    return result;
-}
-
-static status check_flag(const struct place *at, const char *field, int value)
-{
-    return value == 0 || value == 1 ? STATUS_OK : complain(at, field, "must be 0 or 1");
-}
-
-static status check_enum(const struct place *at, const char *field, unsigned value, unsigned count)
-{
-    return value < count ? STATUS_OK : complain(at, field, "is not a known kind");
-}
-
-static status check_index(const struct place *at, const char *field, uint32_t index,
-                          uint32_t count)
-{
-    if (index < count)
-        return STATUS_OK;
-    return error_set(at->err, STATUS_ERR_INPUT, "the scene's %s[%u].%s is %u: there are %u",
-                     at->table, at->row, field, index, count);
-}
-
-/* -1: none. */
-static status check_reference(const struct place *at, const char *field, int32_t index,
-                              uint32_t count)
-{
-    if (index < 0)
-        return index == -1 ? STATUS_OK : complain(at, field, "is below -1");
-    return check_index(at, field, (uint32_t)index, count);
-}
-
-static status check_transform(const struct place *at, const char *field,
-                              const struct transform *t)
-{
-    return check_ranges(at, field, &t->m[0][0], 12, -SCENE_COORDINATE_MAX, SCENE_COORDINATE_MAX);
-}
-
-static status check_coordinates(const struct place *at, const char *field, const double *values,
-                                int count)
-{
-    const double most = (double)SCENE_COORDINATE_MAX;
-
-    for (int i = 0; i < count; i++)
-        if (!(values[i] >= -most && values[i] <= most))
-            return error_set(at->err, STATUS_ERR_INPUT,
-                             "the scene's %s[%u].%s is %g: must be %g to %g", at->table, at->row,
-                             field, values[i], -most, most);
-    return STATUS_OK;
-}
-
-static status check_transform_d(const struct place *at, const char *field,
-                                const struct transform_d *t)
-{
-    return check_coordinates(at, field, &t->m[0][0], 12);
-}
+#include "common/scene/scene_validate_parts.h"
 
 /* Are the columns of the 3x3 with this row stride orthonormal? */
 static int is_orthonormal(const double *m, int stride)
@@ -158,54 +29,40 @@ static int can_be_normalized(const double q[4])
     return squared > 1e-12 && squared < 1e12;
 }
 
-static status check_blob(const struct place *at, const struct scene_blob *blob)
-{
-    if (blob->size_bytes == 0 || blob->size_bytes > SCENE_BLOB_BYTES_MAX)
-        return complain(at, "blob", "is empty or too large");
-    return STATUS_OK;
-}
-
-#define CHECK(call)                    \
-    do {                               \
-        status result_ = (call);       \
-        if (result_ != STATUS_OK)      \
-            return result_;            \
-    } while (0)
-
-static status check_mesh(const struct place *at, const struct scene_mesh *mesh)
+static status check_mesh(const struct check_place *at, const struct scene_mesh *mesh)
 {
     struct scene_mesh_layout layout;
 
     CHECK(check_name(at, mesh->name));
     CHECK(check_blob(at, &mesh->blob));
     if (mesh->triangle_count < 1 || mesh->triangle_count > SCENE_TRIANGLES_MAX)
-        return complain(at, "triangle_count", "is out of range");
+        return check_complain(at, "triangle_count", "is out of range");
     if (mesh->vertex_count < 3 || mesh->vertex_count > 3u * SCENE_TRIANGLES_MAX)
-        return complain(at, "vertex_count", "is out of range");
+        return check_complain(at, "vertex_count", "is out of range");
     if (mesh->arrays & ~(uint32_t)MESH_ARRAYS_ALL)
-        return complain(at, "arrays", "names an unknown vertex array");
+        return check_complain(at, "arrays", "names an unknown vertex array");
     if (mesh->morph_count > SCENE_MORPHS_MAX)
-        return complain(at, "morph_count", "is out of range");
+        return check_complain(at, "morph_count", "is out of range");
     scene_mesh_layout(mesh, &layout);
     if (mesh->blob.size_bytes != layout.total_bytes)
-        return complain(at, "blob", "has not the size that the counts call for");
+        return check_complain(at, "blob", "has not the size that the counts call for");
     CHECK(check_ranges(at, "bounds_min", mesh->bounds_min, 3, -SCENE_COORDINATE_MAX,
                        SCENE_COORDINATE_MAX));
     CHECK(check_ranges(at, "bounds_max", mesh->bounds_max, 3, -SCENE_COORDINATE_MAX,
                        SCENE_COORDINATE_MAX));
     for (int i = 0; i < 3; i++)
         if (mesh->bounds_min[i] > mesh->bounds_max[i])
-            return complain(at, "bounds_min", "lies beyond bounds_max");
+            return check_complain(at, "bounds_min", "lies beyond bounds_max");
     return check_flag(at, "closed", mesh->closed);
 }
 
-static status check_image(const struct place *at, const struct scene_image *image)
+static status check_image(const struct check_place *at, const struct scene_image *image)
 {
     CHECK(check_name(at, image->name));
     return check_blob(at, &image->blob);
 }
 
-static status check_texture(const struct place *at, const struct scene_texture *texture,
+static status check_texture(const struct check_place *at, const struct scene_texture *texture,
                             uint32_t image_count)
 {
     CHECK(check_index(at, "image", texture->image, image_count));
@@ -215,120 +72,10 @@ static status check_texture(const struct place *at, const struct scene_texture *
     return check_flag(at, "nearest", texture->nearest);
 }
 
-static status check_slot(const struct place *at, const char *field,
-                         const struct scene_texture_slot *slot, uint32_t texture_count)
-{
-    if (slot->texture < 0)
-        return slot->texture == -1 ? STATUS_OK : complain(at, field, "is below -1");
-    CHECK(check_index(at, field, (uint32_t)slot->texture, texture_count));
-    if (slot->uv_set > 1)
-        return complain(at, field, "names a texture coordinate set other than 0 and 1");
-    /* Times a texture coordinate this stays far below what a float can hold. */
-    return check_ranges(at, field, &slot->uv_transform[0][0], 6, -1e6f, 1e6f);
-}
+/* Any radiance or weight: squares may be taken of it. */
+static const float unlimited = SCENE_RADIANCE_MAX;
 
-static const float unlimited = SCENE_RADIANCE_MAX; /* any radiance or weight that squares may be taken of */
-
-/* glTF's extensions. */
-static status check_layers(const struct place *at, const struct scene_material *m,
-                           uint32_t texture_count)
-{
-#define RANGE(field, low, high) CHECK(check_range(at, #field, m->field, low, high))
-#define SLOT(field) CHECK(check_slot(at, #field, &m->field, texture_count))
-    RANGE(anisotropy, 0, 1);
-    RANGE(anisotropy_rotation_rad, -1e5f, 1e5f);
-    SLOT(anisotropy_texture);
-    RANGE(clearcoat, 0, 1);
-    SLOT(clearcoat_texture);
-    RANGE(clearcoat_roughness, 0, 1);
-    SLOT(clearcoat_roughness_texture);
-    RANGE(clearcoat_ior, 1, 1e6f);
-    RANGE(clearcoat_normal_scale, -1e6f, 1e6f);
-    SLOT(clearcoat_normal_texture);
-    CHECK(check_ranges(at, "sheen_color", m->sheen_color, 3, 0, 1));
-    SLOT(sheen_color_texture);
-    RANGE(sheen_roughness, 0, 1);
-    SLOT(sheen_roughness_texture);
-    RANGE(iridescence, 0, 1);
-    SLOT(iridescence_texture);
-    RANGE(iridescence_ior, 1, 1e6f);
-    RANGE(iridescence_thickness_min_nm, 0, 1e9f);
-    RANGE(iridescence_thickness_max_nm, 0, 1e9f);
-    SLOT(iridescence_thickness_texture);
-    RANGE(diffuse_transmission, 0, 1);
-    SLOT(diffuse_transmission_texture);
-    CHECK(check_ranges(at, "diffuse_transmission_color", m->diffuse_transmission_color, 3, 0, 1));
-    SLOT(diffuse_transmission_color_texture);
-    RANGE(dispersion, 0, 1e6f);
-    SLOT(mix_texture);
-    RANGE(mix_amount, 0, 1);
-#undef SLOT
-#undef RANGE
-    return STATUS_OK;
-}
-
-/* What glTF has not. */
-static status check_kind(const struct place *at, const struct scene *scene,
-                         const struct scene_material *m)
-{
-    CHECK(check_enum(at, "kind", (unsigned)m->kind, MATERIAL_KIND_COUNT));
-    for (int i = 0; i < 3; i++)
-        if (!(m->conductor_eta[i] > 0))
-            return complain(at, "conductor_eta", "must be above 0");
-    CHECK(check_ranges(at, "conductor_eta", m->conductor_eta, 3, 0, 1e6f));
-    CHECK(check_ranges(at, "conductor_k", m->conductor_k, 3, 0, 1e6f));
-    CHECK(check_range(at, "base_interreflection", m->base_interreflection, 0, 1));
-    if (m->base_interreflection == 1)
-        return complain(at, "base_interreflection", "must be below 1");
-    CHECK(check_flag(at, "thin_slab", m->thin_slab));
-    CHECK(check_range(at, "priority", (float)m->priority, -SCENE_PRIORITY_MAX,
-                      SCENE_PRIORITY_MAX));
-    CHECK(check_reference(at, "medium", m->medium, scene->medium_count));
-    CHECK(check_reference(at, "medium_outside", m->medium_outside, scene->medium_count));
-    for (int i = 0; i < 2 && m->kind == MATERIAL_MIX; i++)
-        if (m->mix_material[i] >= at->row)
-            return complain(at, "mix_material", "must come before the mix itself");
-    return STATUS_OK;
-}
-
-static status check_material(const struct place *at, const struct scene *scene,
-                             const struct scene_material *m)
-{
-    const uint32_t texture_count = scene->texture_count;
-
-    CHECK(check_name(at, m->name));
-    CHECK(check_flag(at, "unlit", m->unlit));
-    CHECK(check_flag(at, "double_sided", m->double_sided));
-    CHECK(check_enum(at, "alpha_mode", (unsigned)m->alpha_mode, ALPHA_COUNT));
-    CHECK(check_range(at, "alpha_cutoff", m->alpha_cutoff, 0, unlimited));
-    CHECK(check_ranges(at, "base_color", m->base_color, 4, 0, 1));
-    CHECK(check_slot(at, "base_color_texture", &m->base_color_texture, texture_count));
-    CHECK(check_range(at, "metallic", m->metallic, 0, 1));
-    CHECK(check_range(at, "roughness", m->roughness, 0, 1));
-    CHECK(check_slot(at, "metallic_roughness_texture", &m->metallic_roughness_texture,
-                     texture_count));
-    CHECK(check_range(at, "normal_scale", m->normal_scale, -1e6f, 1e6f));
-    CHECK(check_slot(at, "normal_texture", &m->normal_texture, texture_count));
-    CHECK(check_ranges(at, "emission", m->emission, 3, 0, unlimited));
-    CHECK(check_slot(at, "emission_texture", &m->emission_texture, texture_count));
-    if (m->ior != 0)
-        CHECK(check_range(at, "ior", m->ior, scene->volume_rule == VOLUMES_BOUNDARIES ? 1e-3f : 1,
-                          1e6f));
-    CHECK(check_range(at, "specular", m->specular, 0, 1));
-    CHECK(check_slot(at, "specular_texture", &m->specular_texture, texture_count));
-    CHECK(check_ranges(at, "specular_color", m->specular_color, 3, 0, unlimited));
-    CHECK(check_slot(at, "specular_color_texture", &m->specular_color_texture, texture_count));
-    CHECK(check_range(at, "transmission", m->transmission, 0, 1));
-    CHECK(check_slot(at, "transmission_texture", &m->transmission_texture, texture_count));
-    CHECK(check_flag(at, "refractive", m->refractive));
-    CHECK(check_ranges(at, "attenuation_color", m->attenuation_color, 3, 0, 1));
-    if (!(m->attenuation_distance > 0))
-        return complain(at, "attenuation_distance", "must be above 0");
-    CHECK(check_layers(at, m, texture_count));
-    return check_kind(at, scene, m);
-}
-
-static status check_moves(const struct place *at, const struct scene *scene,
+static status check_moves(const struct check_place *at, const struct scene *scene,
                           const struct scene_instance *instance)
 {
     const struct scene_mesh *mesh = &scene->meshes[instance->mesh];
@@ -336,16 +83,17 @@ static status check_moves(const struct place *at, const struct scene *scene,
     CHECK(check_reference(at, "node", instance->node, scene->node_count));
     CHECK(check_reference(at, "skin", instance->skin, scene->skin_count));
     if (instance->skin >= 0 && !(mesh->arrays & MESH_SKIN))
-        return complain(at, "skin", "moves a mesh that names no joints");
+        return check_complain(at, "skin", "moves a mesh that names no joints");
     if (instance->node >= 0 && mesh->morph_count) {
         uint32_t weights = scene->nodes[instance->node].weight_count;
         if (weights && weights != mesh->morph_count)
-            return complain(at, "node", "has not one weight for each morph target of the mesh");
+            return check_complain(at, "node",
+                                  "has not one weight for each morph target of the mesh");
     }
     return STATUS_OK;
 }
 
-static status check_instance(const struct place *at, const struct scene *scene, uint32_t row)
+static status check_instance(const struct check_place *at, const struct scene *scene, uint32_t row)
 {
     const struct scene_instance *instance = &scene->instances[row];
     struct transform_d inverse;
@@ -358,22 +106,22 @@ static status check_instance(const struct place *at, const struct scene *scene, 
     CHECK(check_reference(at, "body", instance->body, scene->material_count));
     if (instance->body >= 0 &&
         scene->materials[instance->body].kind != scene->materials[instance->material].kind)
-        return complain(at, "body", "is a material of another kind");
+        return check_complain(at, "body", "is a material of another kind");
     CHECK(check_moves(at, scene, instance));
     rounded = transform_from_d(&instance->to_world);
     if (!transform_is_finite(&rounded))
-        return complain(at, "to_world", "is not finite");
+        return check_complain(at, "to_world", "is not finite");
     if (instance->node < 0 && !transform_d_invert(&instance->to_world, &inverse))
-        return complain(at, "to_world", "cannot be inverted");
+        return check_complain(at, "to_world", "cannot be inverted");
     if (!scene_instance_bounds(scene, row, low, high))
-        return complain(at, "to_world", "moves the mesh out of the range of numbers");
+        return check_complain(at, "to_world", "moves the mesh out of the range of numbers");
     for (int i = 0; i < 3; i++)
         if (!(low[i] >= -(double)SCENE_COORDINATE_MAX && high[i] <= (double)SCENE_COORDINATE_MAX))
-            return complain(at, "to_world", "moves the mesh beyond 1e15 metres");
+            return check_complain(at, "to_world", "moves the mesh beyond 1e15 metres");
     return STATUS_OK;
 }
 
-static status check_light(const struct place *at, const struct scene *scene,
+static status check_light(const struct check_place *at, const struct scene *scene,
                           const struct scene_light *light)
 {
     const struct vec3 d = {light->direction[0], light->direction[1], light->direction[2]};
@@ -383,7 +131,7 @@ static status check_light(const struct place *at, const struct scene *scene,
     CHECK(check_enum(at, "kind", (unsigned)light->kind, LIGHT_KIND_COUNT));
     CHECK(check_coordinates(at, "position", light->position, 3));
     if (!(fabsf(vec3_length(d) - 1) < 1e-3f))
-        return complain(at, "direction", "is not a unit vector");
+        return check_complain(at, "direction", "is not a unit vector");
     CHECK(check_ranges(at, "intensity", light->intensity, 3, 0, unlimited));
     CHECK(check_range(at, "range", light->range, 0, SCENE_COORDINATE_MAX));
     CHECK(check_enum(at, "falloff", (unsigned)light->falloff, FALLOFF_COUNT));
@@ -391,7 +139,7 @@ static status check_light(const struct place *at, const struct scene *scene,
     CHECK(check_reference(at, "node", light->node, scene->node_count));
     CHECK(check_transform_d(at, "to_world", &light->to_world));
     if (!is_orthonormal(&light->to_world.m[0][0], 4))
-        return complain(at, "to_world", "is not a rotation or mirroring and a translation");
+        return check_complain(at, "to_world", "is not a rotation or mirroring and a translation");
     CHECK(check_range(at, "projection_yfov_rad", light->projection_yfov_rad, SCENE_FOV_MIN_RAD,
                       SCENE_FOV_MAX_RAD));
     CHECK(check_range(at, "projection_aspect", light->projection_aspect, 1e-6f, 1e6f));
@@ -399,37 +147,37 @@ static status check_light(const struct place *at, const struct scene *scene,
         CHECK(check_range(at, "outer_cone_rad", light->outer_cone_rad, 0, half_pi));
         CHECK(check_range(at, "inner_cone_rad", light->inner_cone_rad, 0, half_pi));
         if (!(light->inner_cone_rad < light->outer_cone_rad))
-            return complain(at, "inner_cone_rad", "must be below outer_cone_rad");
+            return check_complain(at, "inner_cone_rad", "must be below outer_cone_rad");
     }
     return STATUS_OK;
 }
 
-static status check_lens(const struct place *at, const struct scene_camera *camera)
+static status check_lens(const struct check_place *at, const struct scene_camera *camera)
 {
     CHECK(check_range(at, "lens_radius", camera->lens_radius, 0, 1e6f));
     CHECK(check_range(at, "focus_distance", camera->focus_distance, 0, 1e12f));
     if (camera->lens_radius > 0 && camera->focus_distance == 0)
-        return complain(at, "focus_distance", "must be above 0 for a camera with a lens");
+        return check_complain(at, "focus_distance", "must be above 0 for a camera with a lens");
     if (camera->blades > SCENE_BLADES_MAX)
-        return complain(at, "blades", "is out of range");
+        return check_complain(at, "blades", "is out of range");
     CHECK(check_range(at, "blade_rotation_rad", camera->blade_rotation_rad, -1e5f, 1e5f));
     CHECK(check_range(at, "shutter_open_s", camera->shutter_open_s, -1e6f, 1e6f));
     CHECK(check_range(at, "shutter_close_s", camera->shutter_close_s, -1e6f, 1e6f));
     if (camera->shutter_close_s < camera->shutter_open_s)
-        return complain(at, "shutter_close_s", "comes before shutter_open_s");
+        return check_complain(at, "shutter_close_s", "comes before shutter_open_s");
     return check_range(at, "exposure_ev", camera->exposure_ev, -100, 100);
 }
 
-static status check_camera(const struct place *at, const struct scene *scene,
+static status check_camera(const struct check_place *at, const struct scene *scene,
                            const struct scene_camera *camera)
 {
     CHECK(check_name(at, camera->name));
     CHECK(check_enum(at, "kind", (unsigned)camera->kind, CAMERA_KIND_COUNT));
     CHECK(check_transform_d(at, "to_world", &camera->to_world));
     if (!is_orthonormal(&camera->to_world.m[0][0], 4))
-        return complain(at, "to_world", "is not a rotation and a translation");
+        return check_complain(at, "to_world", "is not a rotation and a translation");
     if (!(transform_d_determinant(&camera->to_world) > 0))
-        return complain(at, "to_world", "mirrors");
+        return check_complain(at, "to_world", "mirrors");
     CHECK(check_reference(at, "node", camera->node, scene->node_count));
     CHECK(check_lens(at, camera));
     if (camera->kind == CAMERA_PERSPECTIVE) {
@@ -441,24 +189,24 @@ static status check_camera(const struct place *at, const struct scene *scene,
     return check_range(at, "aspect", camera->aspect, 0, 1e6f);
 }
 
-static status check_node(const struct place *at, const struct scene_node *node)
+static status check_node(const struct check_place *at, const struct scene_node *node)
 {
     if (node->parent < -1 || node->parent >= (int64_t)at->row)
-        return complain(at, "parent", "must come before the node itself");
+        return check_complain(at, "parent", "must come before the node itself");
     CHECK(check_flag(at, "has_matrix", node->has_matrix));
     CHECK(check_transform_d(at, "matrix", &node->matrix));
     CHECK(check_coordinates(at, "translation", node->translation, 3));
     if (!can_be_normalized(node->rotation))
-        return complain(at, "rotation", "cannot be made a unit quaternion");
+        return check_complain(at, "rotation", "cannot be made a unit quaternion");
     CHECK(check_coordinates(at, "scale", node->scale, 3));
     if (node->weight_count > SCENE_MORPHS_MAX)
-        return complain(at, "weight_count", "is out of range");
+        return check_complain(at, "weight_count", "is out of range");
     for (uint32_t i = 0; i < node->weight_count; i++)
         CHECK(check_range(at, "weights", node->weights[i], -1e6f, 1e6f));
     return STATUS_OK;
 }
 
-static status check_keys(const struct place *at, const struct scene_channel *channel)
+static status check_keys(const struct check_place *at, const struct scene_channel *channel)
 {
     const size_t numbers = scene_channel_floats(channel);
     const size_t stride = numbers / channel->key_count;
@@ -467,7 +215,7 @@ static status check_keys(const struct place *at, const struct scene_channel *cha
     for (uint32_t i = 0; i < channel->key_count; i++) {
         CHECK(check_range(at, "times", channel->times[i], -1e9f, 1e9f));
         if (i && channel->times[i] <= channel->times[i - 1])
-            return complain(at, "times", "do not ascend");
+            return check_complain(at, "times", "do not ascend");
     }
     for (size_t i = 0; i < numbers; i++)
         CHECK(check_range(at, "values", channel->values[i], -limit, limit));
@@ -477,12 +225,12 @@ static status check_keys(const struct place *at, const struct scene_channel *cha
                                (channel->interpolation == INTERPOLATE_CUBIC ? 4 : 0);
             const double q[4] = {(double)key[0], (double)key[1], (double)key[2], (double)key[3]};
             if (!can_be_normalized(q))
-                return complain(at, "values", "cannot be made unit quaternions");
+                return check_complain(at, "values", "cannot be made unit quaternions");
         }
     return STATUS_OK;
 }
 
-static status check_channel(const struct place *at, const struct scene *scene)
+static status check_channel(const struct check_place *at, const struct scene *scene)
 {
     const struct scene_channel *channel = &scene->channels[at->row];
     uint32_t components[PATH_COUNT] = {3, 4, 3, 0};
@@ -494,23 +242,23 @@ static status check_channel(const struct place *at, const struct scene *scene)
         const struct scene_channel *before = channel - 1;
         if (channel->node < before->node ||
             (channel->node == before->node && channel->path <= before->path))
-            return complain(at, "node", "and path are not in order, or there twice");
+            return check_complain(at, "node", "and path are not in order, or there twice");
     }
     if (channel->path != PATH_WEIGHTS && scene->nodes[channel->node].has_matrix)
-        return complain(at, "path", "moves a node that has a matrix");
+        return check_complain(at, "path", "moves a node that has a matrix");
     components[PATH_WEIGHTS] = scene->nodes[channel->node].weight_count;
     if (channel->components < 1 || channel->components != components[channel->path])
-        return complain(at, "components", "does not fit what it moves");
+        return check_complain(at, "components", "does not fit what it moves");
     if (channel->key_count < 1 || channel->key_count > SCENE_KEYS_MAX)
-        return complain(at, "key_count", "is out of range");
+        return check_complain(at, "key_count", "is out of range");
     return check_keys(at, channel);
 }
 
-static status check_skin(const struct place *at, const struct scene_skin *skin,
+static status check_skin(const struct check_place *at, const struct scene_skin *skin,
                          uint32_t node_count)
 {
     if (skin->joint_count < 1 || skin->joint_count > SCENE_JOINTS_MAX)
-        return complain(at, "joint_count", "is out of range");
+        return check_complain(at, "joint_count", "is out of range");
     for (uint32_t i = 0; i < skin->joint_count; i++) {
         CHECK(check_index(at, "joints", skin->joints[i], node_count));
         CHECK(check_transform(at, "inverse_bind", &skin->inverse_bind[i]));
@@ -518,7 +266,7 @@ static status check_skin(const struct place *at, const struct scene_skin *skin,
     return STATUS_OK;
 }
 
-static status check_grid(const struct place *at, const struct scene_medium *medium)
+static status check_grid(const struct check_place *at, const struct scene_medium *medium)
 {
     struct transform_d inverse;
     uint64_t cells = 1;
@@ -526,30 +274,30 @@ static status check_grid(const struct place *at, const struct scene_medium *medi
     CHECK(check_blob(at, &medium->grid));
     for (int i = 0; i < 3; i++) {
         if (medium->grid_size[i] < 1 || medium->grid_size[i] > SCENE_GRID_SIDE_MAX)
-            return complain(at, "grid_size", "is out of range");
+            return check_complain(at, "grid_size", "is out of range");
         cells *= medium->grid_size[i]; /* at most 2^36 */
     }
     if (medium->grid.size_bytes != cells * sizeof(float))
-        return complain(at, "grid", "has not the size that its cells call for");
+        return check_complain(at, "grid", "has not the size that its cells call for");
     CHECK(check_transform_d(at, "grid_to_world", &medium->grid_to_world));
     if (!transform_d_invert(&medium->grid_to_world, &inverse))
-        return complain(at, "grid_to_world", "cannot be inverted");
+        return check_complain(at, "grid_to_world", "cannot be inverted");
     return STATUS_OK;
 }
 
-static status check_medium(const struct place *at, const struct scene_medium *medium)
+static status check_medium(const struct check_place *at, const struct scene_medium *medium)
 {
     CHECK(check_name(at, medium->name));
     CHECK(check_ranges(at, "absorption", medium->absorption, 3, 0, 1e12f));
     CHECK(check_ranges(at, "scattering", medium->scattering, 3, 0, 1e12f));
     CHECK(check_ranges(at, "emission", medium->emission, 3, 0, unlimited));
     if (!(medium->g > -1 && medium->g < 1))
-        return complain(at, "g", "must lie between -1 and 1");
+        return check_complain(at, "g", "must lie between -1 and 1");
     CHECK(check_flag(at, "has_grid", medium->has_grid));
     return medium->has_grid ? check_grid(at, medium) : STATUS_OK;
 }
 
-static status check_portal(const struct place *at, const struct scene_portal *portal)
+static status check_portal(const struct check_place *at, const struct scene_portal *portal)
 {
     const float *a = portal->edge1, *b = portal->edge2;
     double aa = 0, bb = 0, ab = 0;
@@ -564,11 +312,11 @@ static status check_portal(const struct place *at, const struct scene_portal *po
     }
     /* |a x b|^2 = aa bb - ab^2: a sliver's normal is not to be trusted. */
     if (!(aa > 1e-30 && bb > 1e-30 && aa * bb - ab * ab > 1e-9 * aa * bb))
-        return complain(at, "edge1", "and edge2 span no window");
+        return check_complain(at, "edge1", "and edge2 span no window");
     return STATUS_OK;
 }
 
-static status check_environment(const struct place *at, const struct scene_environment *env)
+static status check_environment(const struct check_place *at, const struct scene_environment *env)
 {
     struct transform_d to_map = transform_d_identity();
 
@@ -582,7 +330,7 @@ static status check_environment(const struct place *at, const struct scene_envir
         for (int c = 0; c < 3; c++)
             to_map.m[r][c] = (double)env->to_map[r][c];
     if (!is_orthonormal(&to_map.m[0][0], 4) || !(transform_d_determinant(&to_map) > 0))
-        return complain(at, "to_map", "is not a rotation");
+        return check_complain(at, "to_map", "is not a rotation");
     return env->constant ? STATUS_OK : check_image(at, &env->image);
 }
 
@@ -596,7 +344,7 @@ static status check_count(struct error *err, const char *table, uint32_t count, 
 
 status scene_validate(const struct scene *scene, struct error *err)
 {
-    struct place at = {"scene", 0, err};
+    struct check_place at = {"scene", 0, NULL, err};
 
     CHECK(check_name(&at, scene->name));
     CHECK(check_count(err, "meshes", scene->mesh_count, SCENE_MESHES_MAX));
@@ -636,9 +384,9 @@ status scene_validate(const struct scene *scene, struct error *err)
     EACH_ROW("cameras", scene->camera_count,
              check_camera(&at, scene, &scene->cameras[at.row]))
 #undef EACH_ROW
-    at = (struct place){"environment", 0, err};
+    at = (struct check_place){"environment", 0, NULL, err};
     CHECK(check_environment(&at, &scene->environment));
-    at = (struct place){"scene", 0, err};
+    at = (struct check_place){"scene", 0, NULL, err};
     CHECK(check_coordinates(&at, "origin", scene->origin, 3));
     return check_reference(&at, "fog", scene->fog, scene->medium_count);
 }

@@ -64,7 +64,8 @@ static status simplify_materials(struct simplifier *w)
             st = simplify_make_opaque(w, i);
             /* Without alpha there may be less to keep. */
             if (st == STATUS_OK)
-                st = simplify_fold_rule(w, &w->scene->materials[i], &simplify_rules[0]);
+                st = simplify_fold_slot(w, &w->scene->materials[i],
+                                        MATERIAL_TEXTURE_base_color);
             if (st == STATUS_OK)
                 simplify_drop_unseen(w, &w->scene->materials[i]);
         }

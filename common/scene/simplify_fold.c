@@ -1,9 +1,14 @@
-/* Constant textures into factors, and alpha that is 1 everywhere into none. */
+/* Textures that cannot act are dropped, constant ones become factors, alpha that is 1 everywhere
+ * becomes none. */
 #include "common/scene/simplify_parts.h"
 
-static float *factor_at(struct scene_material *m, size_t offset)
+void simplify_drop_unseen(struct simplifier *w, struct scene_material *m)
 {
-    return (float *)(void *)((char *)m + offset);
+    for (int i = 0; i < MATERIAL_TEXTURES; i++)
+        if (m->textures[i].texture >= 0 && !material_texture_acts(m, i)) {
+            m->textures[i].texture = -1;
+            w->report->unseen++;
+        }
 }
 
 static int is_srgb(const struct scene_texture *texture, int srgb)
@@ -15,16 +20,6 @@ static int is_srgb(const struct scene_texture *texture, int srgb)
 static int has_border(const struct scene_texture *texture)
 {
     return texture->wrap_u == WRAP_BLACK || texture->wrap_v == WRAP_BLACK;
-}
-
-/* Does the renderer read this factor at all? */
-static int part_acts(const struct scene_material *m, size_t factor)
-{
-    if (factor == AT(base_color[3]))
-        return m->alpha_mode != ALPHA_OPAQUE;
-    if (factor == AT(metallic))
-        return m->kind != MATERIAL_CONDUCTOR;
-    return 1;
 }
 
 /* What is known of the slot's texture; *s is NULL where there is none that could be folded. */
@@ -52,10 +47,10 @@ static status fold(struct simplifier *w, struct scene_texture_slot *slot)
     return STATUS_OK;
 }
 
-status simplify_fold_rule(struct simplifier *w, struct scene_material *m,
-                          const struct simplify_rule *rule)
+/* The textures' constants multiply the factors, if all of them stay in range. */
+static status fold_factor(struct simplifier *w, struct scene_material *m,
+                          const struct material_texture_row *row, struct scene_texture_slot *slot)
 {
-    struct scene_texture_slot *slot = simplify_slot_at(m, rule->slot);
     const struct scene_texture *texture;
     float product[CHANNELS];
     const struct survey *s;
@@ -63,21 +58,21 @@ status simplify_fold_rule(struct simplifier *w, struct scene_material *m,
 
     if (!s)
         return st;
-    for (int i = 0; i < rule->parts; i++) {
-        float factor = *factor_at(m, rule->part[i].factor);
-        int channel = rule->part[i].channel;
+    for (int i = 0; i < row->parts; i++) {
+        const struct material_part *part = &row->part[i];
+        float factor = *material_floats(m, part->offset);
 
         product[i] = factor;
-        if (factor == 0 || !part_acts(m, rule->part[i].factor))
+        if (factor == 0 || !material_reads_part(m, part))
             continue;
-        if (!survey_is_constant(s, channel))
+        if (!survey_is_constant(s, part->channel))
             return STATUS_OK;
-        product[i] = factor * survey_constant(s, channel, is_srgb(texture, rule->srgb));
-        if (!(product[i] <= rule->most))
+        product[i] = factor * survey_constant(s, part->channel, is_srgb(texture, row->color));
+        if (!(product[i] <= material_values[part->value].most))
             return STATUS_OK;
     }
-    for (int i = 0; i < rule->parts; i++)
-        *factor_at(m, rule->part[i].factor) = product[i];
+    for (int i = 0; i < row->parts; i++)
+        *material_floats(m, row->part[i].offset) = product[i];
     return fold(w, slot);
 }
 
@@ -95,64 +90,79 @@ static status fold_normal(struct simplifier *w, struct scene_texture_slot *slot)
 }
 
 /* The strength alone, where the direction is exactly the tangent's, or does not matter. */
-static status fold_anisotropy(struct simplifier *w, struct scene_material *m)
+static status fold_direction(struct simplifier *w, struct scene_material *m,
+                             const struct material_texture_row *row,
+                             struct scene_texture_slot *slot)
 {
-    struct scene_texture_slot *slot = &m->anisotropy_texture;
+    float *strength = material_floats(m, row->part[0].offset);
     const struct scene_texture *texture;
-    float x, y, strength;
+    float x, y, product;
     const struct survey *s;
     status st = survey_foldable(w, slot, &texture, &s);
     int srgb;
 
-    if (!s || !survey_is_constant(s, BLUE))
+    if (!s || !survey_is_constant(s, row->part[0].channel))
         return st;
     srgb = is_srgb(texture, 0);
-    strength = m->anisotropy * survey_constant(s, BLUE, srgb);
-    if (strength != 0) {
-        if (!survey_is_constant(s, RED) || !survey_is_constant(s, GREEN) || !(strength <= 1))
+    product = *strength * survey_constant(s, row->part[0].channel, srgb);
+    if (product != 0) {
+        if (!survey_is_constant(s, CHANNEL_RED) || !survey_is_constant(s, CHANNEL_GREEN) ||
+            !(product <= 1))
             return STATUS_OK;
-        x = survey_constant(s, RED, srgb) * 2 - 1;
-        y = survey_constant(s, GREEN, srgb) * 2 - 1;
+        x = survey_constant(s, CHANNEL_RED, srgb) * 2 - 1;
+        y = survey_constant(s, CHANNEL_GREEN, srgb) * 2 - 1;
         if (x != 1 || y != 0)
             return STATUS_OK;
     }
-    m->anisotropy = strength;
+    *strength = product;
     return fold(w, slot);
 }
 
-static status fold_thickness(struct simplifier *w, struct scene_material *m)
+static status fold_between(struct simplifier *w, struct scene_material *m,
+                           const struct material_texture_row *row, struct scene_texture_slot *slot)
 {
-    struct scene_texture_slot *slot = &m->iridescence_thickness_texture;
+    float *from = material_floats(m, row->part[0].offset),
+          *to = material_floats(m, row->part[1].offset), value;
+    const struct material_value *range = &material_values[row->part[0].value];
     const struct scene_texture *texture;
     const struct survey *s;
-    float thickness;
     status st = survey_foldable(w, slot, &texture, &s);
 
-    if (!s || !survey_is_constant(s, GREEN))
+    if (!s || !survey_is_constant(s, row->part[0].channel))
         return st;
-    thickness = m->iridescence_thickness_min_nm +
-                (m->iridescence_thickness_max_nm - m->iridescence_thickness_min_nm) *
-                    survey_constant(s, GREEN, is_srgb(texture, 0));
-    if (!(thickness >= 0 && thickness <= 1e9f))
+    value = *from + (*to - *from) *
+                        survey_constant(s, row->part[0].channel, is_srgb(texture, row->color));
+    if (!(value >= range->least && value <= range->most))
         return STATUS_OK;
-    m->iridescence_thickness_min_nm = m->iridescence_thickness_max_nm = thickness;
+    *from = *to = value;
     return fold(w, slot);
+}
+
+status simplify_fold_slot(struct simplifier *w, struct scene_material *m,
+                          enum material_texture number)
+{
+    const struct material_texture_row *row = &material_textures[number];
+    struct scene_texture_slot *slot = &m->textures[number];
+
+    switch (row->meaning) {
+    case MEANS_NORMAL:
+        return fold_normal(w, slot);
+    case MEANS_DIRECTION:
+        return fold_direction(w, m, row, slot);
+    case MEANS_BETWEEN:
+        return fold_between(w, m, row, slot);
+    case MEANS_FACTOR:
+        break;
+    }
+    return fold_factor(w, m, row, slot);
 }
 
 status simplify_fold(struct simplifier *w, struct scene_material *m)
 {
     status st = STATUS_OK;
 
-    for (int i = 0; i < SIMPLIFY_RULES && st == STATUS_OK; i++)
-        st = simplify_fold_rule(w, m, &simplify_rules[i]);
-    if (st == STATUS_OK)
-        st = fold_normal(w, &m->normal_texture);
-    if (st == STATUS_OK)
-        st = fold_normal(w, &m->clearcoat_normal_texture);
-    if (st == STATUS_OK)
-        st = fold_anisotropy(w, m);
-    if (st == STATUS_OK)
-        st = fold_thickness(w, m);
+    for (int i = 0; i < MATERIAL_TEXTURES && st == STATUS_OK; i++)
+        st = simplify_fold_slot(w, m, i);
     return st;
 }
 
@@ -172,7 +182,7 @@ status simplify_make_opaque(struct simplifier *w, uint32_t index)
         if (st != STATUS_OK)
             return st;
         one = one && !has_border(&w->scene->textures[slot->texture]) &&
-              survey_is_constant(s, ALPHA) && survey_constant(s, ALPHA, 0) == 1;
+              survey_is_constant(s, CHANNEL_ALPHA) && survey_constant(s, CHANNEL_ALPHA, 0) == 1;
     } else if (m->alpha_mode == ALPHA_MASK && !w->alpha_colors[index]) {
         always = always || m->base_color[3] >= m->alpha_cutoff;
     }

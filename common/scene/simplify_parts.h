@@ -1,19 +1,15 @@
-/* simplify_parts: the inside of simplify, shared by its files; nobody else includes this.
+/* simplify_parts: the inside of simplify, shared by its files; only they include this.
  *
  * simplify.c         the order in which things are done; the environment
  * simplify_survey.c  decodes images and vertex colours, and says what is the same everywhere
- * simplify_slots.c   which slots a material has, and which of them cannot act
- * simplify_fold.c    constants into factors, flat normal maps and idle alpha into nothing
+ * simplify_fold.c    constants into factors; removes idle textures, flat normal maps, idle alpha
  * simplify_reach.c   removes what nothing reaches
  */
 #ifndef AZULEJO_SCENE_SIMPLIFY_PARTS_H
 #define AZULEJO_SCENE_SIMPLIFY_PARTS_H
 
-#include <stddef.h>
-
+#include "common/scene/material.h"
 #include "common/scene/simplify.h"
-
-enum { RED, GREEN, BLUE, ALPHA, CHANNELS };
 
 /* What is known of an image. Grey is replicated and a missing alpha is 1, as in the renderer. */
 struct survey {
@@ -36,30 +32,6 @@ struct simplifier {
 
 /* ---- slots ---------------------------------------------------------------------------------- */
 
-#define AT(field) offsetof(struct scene_material, field)
-
-/* A slot that multiplies factors: which channel which factor. */
-struct simplify_rule {
-    size_t slot;
-    int srgb;
-    float most;                  /* that the factor may be */
-    int parts;
-    struct {
-        size_t factor;
-        int channel;
-    } part[CHANNELS];
-};
-
-enum {
-    SIMPLIFY_RULES = 14, /* the first is the base colour's */
-    SIMPLIFY_SLOTS = SIMPLIFY_RULES + 4, /* and those that multiply nothing */
-};
-extern const struct simplify_rule simplify_rules[SIMPLIFY_RULES];
-
-/* By offset, and by number: the rules' first. */
-struct scene_texture_slot *simplify_slot_at(struct scene_material *m, size_t offset);
-struct scene_texture_slot *simplify_slot(struct scene_material *m, int i);
-
 /* Empty the slots whose texture changes nothing, as the factors now stand. */
 void simplify_drop_unseen(struct simplifier *w, struct scene_material *m);
 
@@ -78,9 +50,11 @@ status simplify_survey_colors(struct simplifier *w) MUST_CHECK;
 
 /* ---- what is done --------------------------------------------------------------------------- */
 
+/* Every slot's. */
 status simplify_fold(struct simplifier *w, struct scene_material *m) MUST_CHECK;
-status simplify_fold_rule(struct simplifier *w, struct scene_material *m,
-                          const struct simplify_rule *rule) MUST_CHECK;
+/* The texture of one slot, if it is the same everywhere, into what it acts on. */
+status simplify_fold_slot(struct simplifier *w, struct scene_material *m,
+                          enum material_texture slot) MUST_CHECK;
 status simplify_make_opaque(struct simplifier *w, uint32_t index) MUST_CHECK;
 
 /* A mix of which one part is never there, or always, needs the other no more. */

@@ -77,8 +77,8 @@ static void remove_textures(struct scene *scene, uint8_t *reached, uint32_t *num
 
     memset(reached, 0, scene->texture_count);
     for (uint32_t i = 0; i < scene->material_count; i++)
-        for (int k = 0; k < SIMPLIFY_SLOTS; k++) {
-            int32_t texture = simplify_slot(&scene->materials[i], k)->texture;
+        for (int k = 0; k < MATERIAL_TEXTURES; k++) {
+            int32_t texture = scene->materials[i].textures[k].texture;
 
             if (texture >= 0)
                 reached[texture] = 1;
@@ -88,8 +88,8 @@ static void remove_textures(struct scene *scene, uint8_t *reached, uint32_t *num
         if (reached[i])
             scene->textures[number[i]] = scene->textures[i];
     for (uint32_t i = 0; i < scene->material_count; i++)
-        for (int k = 0; k < SIMPLIFY_SLOTS; k++) {
-            struct scene_texture_slot *slot = simplify_slot(&scene->materials[i], k);
+        for (int k = 0; k < MATERIAL_TEXTURES; k++) {
+            struct scene_texture_slot *slot = &scene->materials[i].textures[k];
 
             if (slot->texture >= 0)
                 slot->texture = (int32_t)number[slot->texture];

@@ -23,12 +23,12 @@ static void survey_copy(struct survey *s, int from, int to)
 static void survey_spread(struct survey *s, uint32_t channels)
 {
     if (channels == 2)
-        survey_copy(s, GREEN, ALPHA);
+        survey_copy(s, CHANNEL_GREEN, CHANNEL_ALPHA);
     if (channels % 2 == 1)
-        s->low[ALPHA] = s->high[ALPHA] = s->floats ? 1 : s->code_max;
+        s->low[CHANNEL_ALPHA] = s->high[CHANNEL_ALPHA] = s->floats ? 1 : s->code_max;
     if (channels < 3) {
-        survey_copy(s, RED, GREEN);
-        survey_copy(s, RED, BLUE);
+        survey_copy(s, CHANNEL_RED, CHANNEL_GREEN);
+        survey_copy(s, CHANNEL_RED, CHANNEL_BLUE);
     }
 }
 
@@ -119,7 +119,7 @@ float survey_constant(const struct survey *s, int channel, int srgb)
 
     if (s->floats)
         return code;
-    if (!srgb || channel == ALPHA)
+    if (!srgb || channel == CHANNEL_ALPHA)
         return code / s->code_max;
     return srgb_decode(code / s->code_max);
 }
@@ -128,10 +128,10 @@ int survey_is_flat(const struct survey *s)
 {
     const float max = s->floats ? 1 : s->code_max;
 
-    for (int c = RED; c <= GREEN; c++)
+    for (int c = CHANNEL_RED; c <= CHANNEL_GREEN; c++)
         if (s->low[c] / max < 127.0f / 255.0f || s->high[c] / max > 128.0f / 255.0f)
             return 0;
-    return s->low[BLUE] / max >= 254.0f / 255.0f && s->high[BLUE] / max <= 1.0f;
+    return s->low[CHANNEL_BLUE] / max >= 254.0f / 255.0f && s->high[CHANNEL_BLUE] / max <= 1.0f;
 }
 
 /* ---- alpha of vertices --------------------------------------------------------------------- */

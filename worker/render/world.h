@@ -29,13 +29,14 @@ struct world_slot {
     const struct texture_image *image;
     struct scene_texture texture;
     uint32_t uv_set;
+    int color;                    /* holds colours: sRGB unless the texture says otherwise */
     int transformed;
     int shares_place;             /* its lookups by footprint are at the place of world_material.lead's */
     float m[2][3];
 };
 
 enum world_material_flags {
-    MATERIAL_TEXTURED = 1,    /* any slot has an image */
+    MATERIAL_TEXTURED = 1,    /* any slot that is looked up by footprint has an image */
     MATERIAL_EMISSIVE = 2,
     MATERIAL_ALPHA = 4,       /* some point may be less than opaque */
     MATERIAL_NORMAL_MAP = 8,
@@ -50,13 +51,16 @@ enum world_material_flags {
 
 struct world_material {
     struct scene_material m; /* name points into the scene and is not used here */
-    struct world_slot base_color, metallic_roughness, normal, emission, specular, specular_color,
-        transmission, anisotropy, clearcoat, clearcoat_roughness, clearcoat_normal, sheen_color,
-        sheen_roughness, iridescence, iridescence_thickness, diffuse_transmission,
-        diffuse_transmission_color, mix;
+    union { /* one for each row TEXTURE of material_fields.h, by its name and by its number */
+        struct {
+#define WORLD_SLOT(name, ...) struct world_slot name;
+            MATERIAL_FIELDS(MATERIAL_SKIP, WORLD_SLOT)
+#undef WORLD_SLOT
+        };
+        struct world_slot slots[MATERIAL_TEXTURES];
+    };
     unsigned flags;
     const struct world_slot *lead; /* the first slot that is looked up by footprint; NULL: none */
-    int lead_srgb;
     struct vec3 absorption;  /* 1/metre */
     uint32_t filling;        /* the material that fills a body of this one: itself, of a mix the
                                 first part that bounds a volume */
@@ -148,7 +152,7 @@ struct texel world_slot_lookup(const struct world_slot *slot, const struct world
 
 /* Where that lookup is. */
 void world_slot_place(const struct world_slot *slot, const struct world_mesh *mesh,
-                      const uint32_t vertex[3], float b1, float b2, float footprint, int srgb,
+                      const uint32_t vertex[3], float b1, float b2, float footprint,
                       struct texture_place *place);
 
 /* Alpha of the material at a point of a triangle, 0..1, before the alpha mode is applied. */

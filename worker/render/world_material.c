@@ -1,95 +1,12 @@
 #include "worker/render/world_material.h"
 
 #include <math.h>
-#include <stddef.h>
 #include <string.h>
 
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
+#include "common/scene/material.h"
 #include "worker/render/image_share.h"
-
-/* ---- texture slots ------------------------------------------------------------------------ */
-
-static int is_black(const float color[3])
-{
-    return color[0] == 0 && color[1] == 0 && color[2] == 0;
-}
-
-enum slot_flags {
-    SLOT_UNLIT = 1, /* read by unlit materials too */
-    SLOT_SHADED = 2, /* read by surface_shade: makes the material MATERIAL_TEXTURED */
-    SLOT_COLOR = 4, /* holds colours: sRGB unless the texture says otherwise */
-    SLOT_WIDE = 8 /* looked up by footprint */
-};
-#define SLOT_DATA_READ (SLOT_SHADED | SLOT_WIDE)
-#define SLOT_COLOR_READ (SLOT_DATA_READ | SLOT_COLOR)
-
-/* X(world_material's field, scene_material's field, flags, when its factor is not 0). */
-#define SLOT_MAP(X)                                                                              \
-    X(base_color, base_color_texture, SLOT_UNLIT | SLOT_COLOR_READ,                              \
-      !is_black(m->base_color) || m->alpha_mode != ALPHA_OPAQUE)                                 \
-    X(metallic_roughness, metallic_roughness_texture, SLOT_DATA_READ,                            \
-      m->metallic > 0 || m->roughness > 0)                                                       \
-    X(normal, normal_texture, SLOT_WIDE, m->normal_scale != 0)                                   \
-    X(emission, emission_texture, SLOT_COLOR, !is_black(m->emission))                            \
-    X(specular, specular_texture, SLOT_DATA_READ, m->specular > 0)                               \
-    X(specular_color, specular_color_texture, SLOT_COLOR_READ,                                   \
-      m->specular > 0 && !is_black(m->specular_color))                                           \
-    X(transmission, transmission_texture, SLOT_DATA_READ, m->transmission > 0)                   \
-    X(anisotropy, anisotropy_texture, SLOT_DATA_READ, m->anisotropy > 0)                         \
-    X(clearcoat, clearcoat_texture, SLOT_DATA_READ, m->clearcoat > 0)                            \
-    X(clearcoat_roughness, clearcoat_roughness_texture, SLOT_DATA_READ,                          \
-      m->clearcoat > 0 && m->clearcoat_roughness > 0)                                            \
-    X(clearcoat_normal, clearcoat_normal_texture, SLOT_DATA_READ,                                \
-      m->clearcoat > 0 && m->clearcoat_normal_scale != 0)                                        \
-    X(sheen_color, sheen_color_texture, SLOT_COLOR_READ, !is_black(m->sheen_color))              \
-    X(sheen_roughness, sheen_roughness_texture, SLOT_DATA_READ,                                  \
-      !is_black(m->sheen_color) && m->sheen_roughness > 0)                                       \
-    X(iridescence, iridescence_texture, SLOT_DATA_READ, m->iridescence > 0)                      \
-    X(iridescence_thickness, iridescence_thickness_texture, SLOT_DATA_READ,                      \
-      m->iridescence > 0 &&                                                                      \
-          m->iridescence_thickness_min_nm != m->iridescence_thickness_max_nm)                    \
-    X(diffuse_transmission, diffuse_transmission_texture, SLOT_DATA_READ,                        \
-      m->diffuse_transmission > 0)                                                               \
-    X(diffuse_transmission_color, diffuse_transmission_color_texture, SLOT_COLOR_READ,           \
-      m->diffuse_transmission > 0 && !is_black(m->diffuse_transmission_color))                   \
-    X(mix, mix_texture, 0, m->mix_amount > 0)
-
-struct slot {
-    size_t ready, described; /* offsets in struct world_material, struct scene_material */
-    int flags;
-};
-static const struct slot slots[] = {
-#define SLOT_ROW(field, texture, flags, condition) \
-    {offsetof(struct world_material, field), offsetof(struct scene_material, texture), flags},
-    SLOT_MAP(SLOT_ROW)
-#undef SLOT_ROW
-};
-enum { SLOTS = sizeof slots / sizeof *slots, SLOT_MIX = SLOTS - 1 };
-
-/* Bit i: slot i has a texture that counts. `m` is already reduced. */
-static uint32_t slots_read(const struct scene_material *m)
-{
-    const int counts[SLOTS] = {
-#define SLOT_CONDITION(field, texture, flags, condition) (condition),
-        SLOT_MAP(SLOT_CONDITION)
-#undef SLOT_CONDITION
-    };
-    uint32_t mask = 0;
-
-    for (int i = 0; i < SLOTS; i++) {
-        const struct scene_texture_slot *slot =
-            (const void *)((const char *)m + slots[i].described);
-        int role = m->kind == MATERIAL_MIX         ? i == SLOT_MIX || slots[i].flags & SLOT_UNLIT
-                   : i == SLOT_MIX                 ? 0
-                   : m->kind == MATERIAL_INTERFACE ? 0
-                   : m->unlit                      ? slots[i].flags & SLOT_UNLIT
-                                                   : 1;
-        if (role && counts[i] && slot->texture >= 0)
-            mask |= 1u << i;
-    }
-    return mask;
-}
 
 static struct scene_material reduced(const struct scene_material *material,
                                      const struct render_settings *settings)
@@ -106,19 +23,18 @@ static void use_material(struct world_used *used, const struct scene *scene,
                          const struct render_settings *settings, uint32_t index)
 {
     struct scene_material m = reduced(&scene->materials[index], settings);
-    uint32_t mask = slots_read(&m);
 
-    for (int i = 0; i < SLOTS; i++) {
-        const struct scene_texture_slot *slot =
-            (const void *)((const char *)&m + slots[i].described);
-        if (mask >> i & 1) {
-            const struct scene_texture *texture = &scene->textures[slot->texture];
-            used->images[texture->image] |= WORLD_IMAGE_USED;
-            if ((slots[i].flags & SLOT_WIDE) && !texture->nearest &&
-                settings->texture_filter == TEXTURE_FILTER_CONE)
-                used->images[texture->image] |=
-                    (uint8_t)texture_use_of(texture, slots[i].flags & SLOT_COLOR);
-        }
+    for (int i = 0; i < MATERIAL_TEXTURES; i++) {
+        const struct scene_texture *texture;
+
+        if (!material_has_texture(&m, i))
+            continue;
+        texture = &scene->textures[m.textures[i].texture];
+        used->images[texture->image] |= WORLD_IMAGE_USED;
+        if (material_textures[i].filtered && !texture->nearest &&
+            settings->texture_filter == TEXTURE_FILTER_CONE)
+            used->images[texture->image] |=
+                (uint8_t)texture_use_of(texture, material_textures[i].color);
     }
     if (m.medium >= 0)
         used->media[m.medium] = 1;
@@ -136,7 +52,7 @@ static void use_lights(struct world_used *used, const struct scene *scene,
     for (uint32_t i = 0; i < scene->light_count; i++) {
         const struct scene_light *light = &scene->lights[i];
         int has_image = light->kind == LIGHT_GONIOMETRIC || light->kind == LIGHT_PROJECTION;
-        if (has_image && light->image >= 0 && !is_black(light->intensity))
+        if (has_image && light->image >= 0 && !scene_color_is(light->intensity, 0))
             used->images[light->image] |= WORLD_IMAGE_USED;
     }
 }
@@ -205,7 +121,7 @@ status world_images_load(struct render_scene *w, const struct scene *scene,
 /* ---- materials ---------------------------------------------------------------------------- */
 
 static void slot_init(struct world_slot *out, const struct render_scene *w,
-                      const struct scene *scene, const struct scene_texture_slot *slot)
+                      const struct scene *scene, const struct scene_texture_slot *slot, int color)
 {
     static const float identity[2][3] = {{1, 0, 0}, {0, 1, 0}};
 
@@ -214,6 +130,7 @@ static void slot_init(struct world_slot *out, const struct render_scene *w,
         out->texture.nearest = 1;
     out->image = w->images[out->texture.image];
     out->uv_set = slot->uv_set;
+    out->color = color;
     memcpy(out->m, slot->uv_transform, sizeof out->m);
     out->transformed = memcmp(out->m, identity, sizeof identity) != 0;
 }
@@ -226,45 +143,43 @@ static float absorption(float color, float distance)
     return -det_log(fmaxf(color, 1e-30f)) / fmaxf(distance, 1e-30f);
 }
 
-/* Is the material ever seen through? A metal that no texture makes less than one is not. */
-static int transmits(const struct world_material *material)
+/* Has it anything of the layers that surface_shade.c and the BSDF keep apart from the base? */
+static int is_layered(const struct scene_material *m)
 {
-    const struct scene_material *m = &material->m;
+    const uint64_t layers = EFFECT_ANISOTROPY | EFFECT_CLEARCOAT | EFFECT_SHEEN |
+                            EFFECT_IRIDESCENCE | EFFECT_DIFFUSE_TRANSMISSION;
 
-    return m->kind == MATERIAL_SURFACE && !m->unlit && m->transmission > 0 &&
-           (m->metallic < 1 || material->metallic_roughness.image);
+    for (int i = 0; i < MATERIAL_VALUES; i++)
+        if ((material_values[i].effect & layers) && material_value_is_set(m, &material_values[i]))
+            return 1;
+    return m->base_interreflection > 0 || m->thin_slab || m->kind == MATERIAL_CONDUCTOR;
 }
 
 static unsigned flags_of(const struct world_material *material, enum scene_volume_rule rule)
 {
     const struct scene_material *m = &material->m;
-    int lit = !m->unlit && m->kind != MATERIAL_INTERFACE, coat_mapped;
+    int lit = !m->unlit && m->kind != MATERIAL_INTERFACE, through = material_transmits(m);
     unsigned flags = 0;
 
-    for (int i = 0; i < SLOTS; i++) {
-        const struct world_slot *slot = (const void *)((const char *)material + slots[i].ready);
-        if (slot->image && (slots[i].flags & SLOT_SHADED))
+    for (int i = 0; i < MATERIAL_TEXTURES; i++)
+        if (material->slots[i].image && material_textures[i].filtered)
             flags |= MATERIAL_TEXTURED;
-    }
-    if (lit && (m->emission[0] > 0 || m->emission[1] > 0 || m->emission[2] > 0))
+    if (lit && !scene_color_is(m->emission, 0))
         flags |= MATERIAL_EMISSIVE;
     if (material->normal.image)
         flags |= MATERIAL_NORMAL_MAP;
-    if (m->kind == MATERIAL_INTERFACE || (m->refractive && transmits(material)))
+    if (m->kind == MATERIAL_INTERFACE || (m->refractive && through))
         flags |= MATERIAL_BOUNDS;
-    if (m->kind == MATERIAL_INTERFACE || transmits(material) || (lit && m->diffuse_transmission > 0))
+    if (m->kind == MATERIAL_INTERFACE || through || (lit && m->diffuse_transmission > 0))
         flags |= MATERIAL_TWO_WAY;
     if (rule == VOLUMES_BOUNDARIES && (flags & MATERIAL_TWO_WAY) && m->medium != m->medium_outside)
         flags |= MATERIAL_BOUNDS;
     /* What bounds a volume is left through its back faces, whatever doubleSided says. */
     if (!m->double_sided && !(flags & MATERIAL_BOUNDS))
         flags |= MATERIAL_CULLED;
-    coat_mapped = m->clearcoat > 0 && material->clearcoat_normal.image;
-    if (lit && (m->anisotropy > 0 || m->clearcoat > 0 || !is_black(m->sheen_color) ||
-                m->iridescence > 0 || m->diffuse_transmission > 0 || m->base_interreflection > 0 ||
-                m->thin_slab || m->kind == MATERIAL_CONDUCTOR))
+    if (lit && is_layered(m))
         flags |= MATERIAL_LAYERED;
-    if (lit && (m->anisotropy > 0 || coat_mapped))
+    if (lit && (m->anisotropy > 0 || material->clearcoat_normal.image))
         flags |= MATERIAL_NEEDS_FRAME;
     return flags;
 }
@@ -272,36 +187,30 @@ static unsigned flags_of(const struct world_material *material, enum scene_volum
 /* Textures of one layout, as most materials' are, are looked up at one place. */
 static void share_places(struct world_material *material)
 {
-    for (int i = 0; i < SLOTS; i++) {
-        struct world_slot *slot = (void *)((char *)material + slots[i].ready);
-        int srgb = (slots[i].flags & SLOT_COLOR) != 0;
+    for (int i = 0; i < MATERIAL_TEXTURES; i++) {
+        struct world_slot *slot = &material->slots[i];
+        const struct world_slot *lead;
 
-        if (!slot->image || !(slots[i].flags & SLOT_WIDE))
+        if (!slot->image || !material_textures[i].filtered)
             continue;
-        if (!material->lead) {
+        if (!material->lead)
             material->lead = slot;
-            material->lead_srgb = srgb;
-        }
+        lead = material->lead;
         slot->shares_place =
-            slot->uv_set == material->lead->uv_set &&
-            memcmp(slot->m, material->lead->m, sizeof slot->m) == 0 &&
-            texture_shares_place(slot->image, &slot->texture, srgb, material->lead->image,
-                                 &material->lead->texture, material->lead_srgb);
+            slot->uv_set == lead->uv_set && memcmp(slot->m, lead->m, sizeof slot->m) == 0 &&
+            texture_shares_place(slot->image, &slot->texture, slot->color, lead->image,
+                                 &lead->texture, lead->color);
     }
 }
 
 static void material_init(struct world_material *out, const struct render_scene *w,
                           const struct scene *scene, const struct scene_material *material)
 {
-    uint32_t mask;
-
     out->m = reduced(material, &w->settings);
     out->m.name = NULL;
-    mask = slots_read(&out->m);
-    for (int i = 0; i < SLOTS; i++)
-        if (mask >> i & 1)
-            slot_init((void *)((char *)out + slots[i].ready), w, scene,
-                      (const void *)((const char *)&out->m + slots[i].described));
+    for (int i = 0; i < MATERIAL_TEXTURES; i++)
+        if (material_has_texture(&out->m, i))
+            slot_init(&out->slots[i], w, scene, &out->m.textures[i], material_textures[i].color);
     out->absorption =
         vec3_make(absorption(out->m.attenuation_color[0], out->m.attenuation_distance),
                   absorption(out->m.attenuation_color[1], out->m.attenuation_distance),

@@ -231,6 +231,21 @@ static void test_reachable(void **state)
     EXPECT(plain_set | EFFECT_INSTANCING, p.scene.instance_count = 2);
     EXPECT(plain_set, p.scene.instance_count = 2; p.instance[1].mesh = 1);
     EXPECT(plain_set | EFFECT_INSTANCING, p.scene.instance_count = 2; p.scene.mesh_count = 1);
+    /* The next instance may have the same material on another mesh, or another on the same. */
+    EXPECT(plain_set | EFFECT_VERTEX_COLOR, p.scene.instance_count = 2; p.instance[1].mesh = 1;
+           p.mesh[1].arrays = MESH_COLORS);
+    {
+        struct scene_material two[2];
+        struct plain p;
+        plain_init(&p);
+        two[0] = two[1] = p.material;
+        two[1].metallic = 1;
+        two[1].roughness = 0;
+        p.scene.materials = two;
+        p.scene.material_count = p.scene.instance_count = 2;
+        p.instance[1].material = 1;
+        assert_set(&p, plain_set | EFFECT_MIRROR | EFFECT_INSTANCING);
+    }
     {
         struct plain p;
         plain_init(&p);
@@ -253,6 +268,12 @@ static void test_layers(void **state)
            p.material.anisotropy = 1);
     EXPECT(EFFECT_GLOSSY, p.material.metallic = 1; p.material.roughness = 1;
            p.material.anisotropy = 1); /* nothing to stretch */
+    /* Nor does a texture of what is not called for count. */
+    EXPECT(EFFECT_GLOSSY, p.material.metallic = 1; p.material.roughness = 1;
+           p.material.anisotropy = 1; p.material.anisotropy_texture.texture = 0);
+    EXPECT(plain_set, p.material.diffuse_transmission = 1;
+           memset(p.material.diffuse_transmission_color, 0, 3 * sizeof(float));
+           p.material.diffuse_transmission_texture.texture = 0);
     EXPECT(EFFECT_MIRROR | EFFECT_GLOSSY | EFFECT_ANISOTROPY, p.material.metallic = 1;
            p.material.roughness = 0; p.material.anisotropy = 0.5f); /* rough along one axis */
     EXPECT(plain_set | EFFECT_DIFFUSE_TRANSMISSION | EFFECT_CULLING,
