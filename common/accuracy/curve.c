@@ -8,6 +8,10 @@
 /* Of b before any point is known: 1/2 is that of independent samples. */
 #define SLOPE 0.5
 #define SLOPE_SPREAD 0.25
+/* Whole renders of real scenes fall with 0.3 to 0.9 (docs/ACCURACY.md). Points taken while a frame is
+ * half done, when its tiles differ in samples, can look far steeper; that would promise too much. */
+#define SLOPE_MIN 0.25
+#define SLOPE_MAX 1.0
 /* The least that a point is off the law, what is added to that a factor e of cost before the last point,
  * growing with the square of the distance there, and how far the law may lead astray a factor e of cost
  * further on; all of ln error. Chosen on `make accuracy`: the slope changes from scene to scene and along
@@ -62,8 +66,9 @@ void accuracy_curve_fit(struct accuracy_curve *out, const struct accuracy_point 
     if (out->points == 0)
         return;
     determinant = ww * wxx - wx * wx;
-    out->level = (wxx * wy - wx * wxy) / determinant;
     out->slope = (ww * wxy - wx * wy) / determinant;
+    out->slope = out->slope < SLOPE_MIN ? SLOPE_MIN : out->slope > SLOPE_MAX ? SLOPE_MAX : out->slope;
+    out->level = (wy - out->slope * wx) / ww; /* the best of that slope */
     out->variance[0] = wxx / determinant;
     out->variance[1] = ww / determinant;
     out->variance[2] = -wx / determinant;

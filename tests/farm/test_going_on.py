@@ -124,11 +124,13 @@ def an_estimate_is_gone_on_from():
     adaptive jobs, for one that needs fewer samples than the estimate took, and over a restart"""
     with Farm() as farm:
         farm_of(farm)
-        cases = [([AREA, *SIZE, "--spp", "40"], "1", 1), ([AREA, *SIZE, "--target-error", "16/255"], "1", 1),
-                 ([AREA, *SIZE, "--target-error", "120/255"], "1", 1), ([AREA, *SIZE, "--spp", "16"], "1", 1),
-                 ([MOTION, "--size", "33x20", "--frames", "2-6", "--spp", "24", "--temporal", "2"], "2, 4 and 6", 3)]
-        for options, frames, rendered in cases:
-            fresh = farm.submit(*options)
+        # Options of both commands, those of submit alone, the frames that are estimated.
+        cases = [([AREA, *SIZE, "--spp", "40"], [], "1", 1), ([AREA, *SIZE, "--target-error", "16/255"], [], "1", 1),
+                 ([AREA, *SIZE, "--target-error", "120/255"], ["--min-spp", "4"], "1", 1),
+                 ([AREA, *SIZE, "--spp", "16"], [], "1", 1),
+                 ([MOTION, "--size", "33x20", "--frames", "2-6", "--spp", "24", "--temporal", "2"], [], "2, 4 and 6", 3)]
+        for options, own, frames, rendered in cases:
+            fresh = farm.submit(*options, *own)
             farm.wait_for_job(fresh)
             told = farm.cli("estimate", *options, "-q", expect=0)
             line = told.out.strip().splitlines()[-1]
@@ -143,14 +145,14 @@ def an_estimate_is_gone_on_from():
                 farm.coordinator.kill()
                 farm.restart_coordinator()
                 farm.wait_for_workers(1)
-            sent = farm.cli("submit", *options, "--json", expect=0)
+            sent = farm.cli("submit", *options, *own, "--json", expect=0)
             expect(sent.json()["job"] == number and sent.json()["estimate_spp"] == 16, sent)
             done = farm.wait_for_job(number)
             expect(not done["estimate"] and done["stats"]["samples"] != spent or "16" in options, done)
             a, b = pictures(farm, fresh, "fresh"), pictures(farm, number, "went-on")
             expect(a == b, "%s: not as if it were never estimated: %s" % (
                 options, [(n, k) for n in a for k in a[n][1] if a[n][1][k] != b[n][1].get(k)]))
-            again = farm.cli("submit", *options, "--json", expect=0).json()
+            again = farm.cli("submit", *options, *own, "--json", expect=0).json()
             expect(again["job"] != number and again["estimate_spp"] == 0, "an estimate serves once")
             farm.cli("cancel", "--discard", again["job"], expect=0)
 

@@ -56,6 +56,21 @@ static void test_exact_law(void **state)
     assert_near(accuracy_curve_exponent(&curve).value, 0.4, 0.05);
 }
 
+/* Points of a half-done frame can look steeper, or flatter, than any picture's error falls. */
+static void test_slope_stays_plausible(void **state)
+{
+    static const double slopes[2][2] = {{1.6, 1}, {0.02, 0.25}};
+    struct accuracy_point points[4];
+    struct accuracy_curve curve;
+
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        accuracy_curve_fit(&curve, points, law(points, 4, slopes[i][0], 0));
+        assert_near(accuracy_curve_exponent(&curve).value, slopes[i][1], 1e-12);
+        assert_near(accuracy_curve_error(&curve, points[3].cost).value, points[3].error, 0.1);
+    }
+}
+
 /* Codes that saturate at first: the last doublings, not the first, tell how the error falls on. */
 static void test_last_points_count_most(void **state)
 {
