@@ -175,6 +175,7 @@ static void test_causes(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_slope_stays_plausible),
         cmocka_unit_test(test_exact_law), cmocka_unit_test(test_last_points_count_most), cmocka_unit_test(test_intervals_hold),
         cmocka_unit_test(test_few_points), cmocka_unit_test(test_tail_index),
         cmocka_unit_test(test_tail_lists), cmocka_unit_test(test_causes),
