@@ -21,7 +21,7 @@ enum { PLACES = 3, SCENES = 3, TESTS = SCENES * PLACES, TRIANGLES_MAX = 64 };
 
 struct view {
     const struct render_scene *scene;
-    struct light_query query;
+    struct light_context query;
     double corner[TRIANGLES_MAX][3][3]; /* of the lamps' triangles */
 };
 
@@ -62,7 +62,7 @@ static double density(void *user, struct vec3 direction)
     const struct view *view = user;
     const struct render_scene *scene = view->scene;
     const struct emitters *e = &scene->emitters;
-    const struct light_query *query = &view->query;
+    const struct light_context *query = &view->query;
     double sum = 0;
 
     if (e->has_environment)
@@ -168,7 +168,7 @@ static void test_mixture(void **state)
                                              .seed = 11 + (uint64_t)i, .axis = {0, 1, 0}};
 
             view.scene = scene;
-            view.query = (struct light_query){places[i], normals[i], 0};
+            view.query = (struct light_context){places[i], normals[i], 0};
             find_triangles(&view);
             assert_true(chi_square_accept(&setup, 0.01, TESTS, names[which]));
         }

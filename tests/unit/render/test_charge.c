@@ -141,7 +141,7 @@ static void test_layers(void **state)
 static void test_lights(void **state)
 {
     struct render_settings settings = builder_settings(8, 8, 4);
-    const struct light_query query = {{0, 0, 0}, {0, 1, 0}, 0};
+    const struct light_context query = {{0, 0, 0}, {0, 1, 0}, 0};
     struct render_scene *scene;
     struct scene_material *m;
     struct scene_light *point;

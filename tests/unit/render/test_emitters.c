@@ -216,7 +216,7 @@ static void test_spherical_triangles(void **state)
 static void test_one_lamp_is_one_leaf(void **state)
 {
     struct render_settings settings = builder_settings(4, 4, 1);
-    struct light_query query = {{0.3f, 0, 0.2f}, {0, 1, 0}, 0};
+    struct light_context query = {{0.3f, 0, 0.2f}, {0, 1, 0}, 0};
     struct render_scene *scene;
     struct scene_builder b;
     struct scene_material *m;
@@ -246,7 +246,7 @@ static void test_dark_triangles(void **state)
 {
     enum { SIDE = 8 };
     struct render_settings settings = builder_settings(4, 4, 1);
-    struct light_query query = {{0, 0, 0}, {0, 0, 0}, 0};
+    struct light_context query = {{0, 0, 0}, {0, 0, 0}, 0};
     float rgb[SIDE * SIDE * 3] = {0};
     struct render_scene *scene;
     struct scene_builder b;

@@ -71,31 +71,31 @@ static inline int emitters_is_dark(const struct emitters *e, uint32_t light)
     return e->dark[light / 8] >> light % 8 & 1;
 }
 
-/* Who asks for light: which emitters are worth choosing depends on it. */
-struct light_query {
+/* The light sampling context: what the choice of a light may depend on at a path's vertex. */
+struct light_context {
     struct vec3 p;      /* world */
     struct vec3 n;      /* unit geometric normal; black: light from any side counts (media, and
                            surfaces that transmit) */
     float time;         /* 0..1 of the shutter */
 };
 
-/* Sample a light for the query. The same numbers choose the light and, rescaled, the place on
+/* Sample a light for the context. The same numbers choose the light and, rescaled, the place on
  * it: each in [0, 1). Returns 0 for "no sample". Charges the kind of light (charge.h). */
-int emitters_sample(const struct render_scene *scene, const struct light_query *query, float u,
+int emitters_sample(const struct render_scene *scene, const struct light_context *context, float u,
                     float v, struct light_sample *out);
 
 /* Solid-angle density (odds included) with which emitters_sample would have picked
  * `direction` on the environment. */
-float emitters_environment_pdf(const struct render_scene *scene, const struct light_query *query,
+float emitters_environment_pdf(const struct render_scene *scene, const struct light_context *context,
                                struct vec3 direction);
 /* The environment's radiance along with it: they share the work. */
-struct vec3 emitters_environment(const struct render_scene *scene, const struct light_query *query,
+struct vec3 emitters_environment(const struct render_scene *scene, const struct light_context *context,
                                  struct vec3 direction, float *pdf);
 
 /* Solid-angle density (odds included) with which emitters_sample would have picked the point
  * at that distance on a triangle of an emissive instance. `light`: the instance's light_base +
  * the triangle; `cosine`: absolute cosine at the light; `area`: the triangle's, m^2. */
-float emitters_triangle_pdf(const struct render_scene *scene, const struct light_query *query,
+float emitters_triangle_pdf(const struct render_scene *scene, const struct light_context *context,
                             uint32_t light, float distance_squared, float cosine, float area);
 
 #endif

@@ -12,7 +12,7 @@
 /* ---- the environment --------------------------------------------------------------------- */
 
 /* Density of a direction, given the map's. */
-static float emitters_map_or_portals(const struct emitters *e, const struct light_query *query,
+static float emitters_map_or_portals(const struct emitters *e, const struct light_context *context,
                                      struct vec3 direction, float map_pdf)
 {
     float portal_pdf;
@@ -20,11 +20,11 @@ static float emitters_map_or_portals(const struct emitters *e, const struct ligh
     if (!HAS(PORTAL) || e->portals.count == 0)
         return map_pdf;
     CHARGE_SCOPE(PORTAL);
-    portal_pdf = portals_pdf(&e->portals, query->p, query->n, direction);
+    portal_pdf = portals_pdf(&e->portals, context->p, context->n, direction);
     return portal_pdf < 0 ? map_pdf : (1 - PORTAL_SHARE) * map_pdf + PORTAL_SHARE * portal_pdf;
 }
 
-struct vec3 emitters_environment(const struct render_scene *scene, const struct light_query *query,
+struct vec3 emitters_environment(const struct render_scene *scene, const struct light_context *context,
                                  struct vec3 direction, float *pdf)
 {
     const struct emitters *e = &scene->emitters;
@@ -36,16 +36,16 @@ struct vec3 emitters_environment(const struct render_scene *scene, const struct 
     if (!e->has_environment)
         return environment_radiance(scene->environment, direction);
     radiance = environment_radiance_pdf(scene->environment, direction, pdf);
-    *pdf = emitters_map_or_portals(e, query, direction, *pdf) * e->environment_odds;
+    *pdf = emitters_map_or_portals(e, context, direction, *pdf) * e->environment_odds;
     return radiance;
 }
 
-float emitters_environment_pdf(const struct render_scene *scene, const struct light_query *query,
+float emitters_environment_pdf(const struct render_scene *scene, const struct light_context *context,
                                struct vec3 direction)
 {
     float pdf;
 
-    (void)emitters_environment(scene, query, direction, &pdf);
+    (void)emitters_environment(scene, context, direction, &pdf);
     return pdf;
 }
 
@@ -56,13 +56,13 @@ static float emitters_rescaled(float number, float start, float size)
     return float_min(float_max((number - start) / size, 0), ONE_MINUS_EPSILON);
 }
 
-static int emitters_sees_portal(const struct emitters *e, const struct light_query *query)
+static int emitters_sees_portal(const struct emitters *e, const struct light_context *context)
 {
     CHARGE_SCOPE(PORTAL);
-    return portals_visible(&e->portals, query->p, query->n);
+    return portals_visible(&e->portals, context->p, context->n);
 }
 
-static int emitters_sample_map(const struct render_scene *scene, const struct light_query *query,
+static int emitters_sample_map(const struct render_scene *scene, const struct light_context *context,
                                float u, float v, struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
@@ -71,7 +71,7 @@ static int emitters_sample_map(const struct render_scene *scene, const struct li
     out->delta = e->environment_alone;
     out->distance = INFINITY;
     CHARGE(ENVIRONMENT);
-    if (!HAS(PORTAL) || e->portals.count == 0 || !emitters_sees_portal(e, query)) {
+    if (!HAS(PORTAL) || e->portals.count == 0 || !emitters_sees_portal(e, context)) {
         if (!environment_sample(scene->environment, u, v, &out->direction, &out->radiance,
                                 &out->pdf))
             return 0;
@@ -80,23 +80,23 @@ static int emitters_sample_map(const struct render_scene *scene, const struct li
     }
     if (u < PORTAL_SHARE) {
         CHARGE(PORTAL);
-        if (!portals_sample(&e->portals, query->p, query->n,
+        if (!portals_sample(&e->portals, context->p, context->n,
                             emitters_rescaled(u, 0, PORTAL_SHARE), v, &out->direction))
             return 0;
-        out->radiance = emitters_environment(scene, query, out->direction, &out->pdf);
+        out->radiance = emitters_environment(scene, context, out->direction, &out->pdf);
         return out->pdf > 0;
     }
     if (!environment_sample(scene->environment,
                             emitters_rescaled(u, PORTAL_SHARE, 1 - PORTAL_SHARE), v, &out->direction,
                             &out->radiance, &map_pdf))
         return 0;
-    out->pdf = emitters_map_or_portals(e, query, out->direction, map_pdf) * e->environment_odds;
+    out->pdf = emitters_map_or_portals(e, context, out->direction, map_pdf) * e->environment_odds;
     return out->pdf > 0;
 }
 
 /* ---- lights with a place ----------------------------------------------------------------- */
 
-float emitters_triangle_pdf(const struct render_scene *scene, const struct light_query *query,
+float emitters_triangle_pdf(const struct render_scene *scene, const struct light_context *context,
                             uint32_t light, float distance_squared, float cosine, float area)
 {
     const struct emitters *e = &scene->emitters;
@@ -106,7 +106,7 @@ float emitters_triangle_pdf(const struct render_scene *scene, const struct light
         return 0;
     light += e->punctual_count - e->directional_count;
     odds = e->tree.node_count == 0 ? light_table_odds(&e->table, light)
-                                   : light_tree_odds(&e->tree, query->p, query->n, light);
+                                   : light_tree_odds(&e->tree, context->p, context->n, light);
     return e->local_odds * odds * distance_squared / denominator;
 }
 
@@ -121,7 +121,7 @@ static float emitters_inset(float b1, float b2, float double_area, struct vec3 e
 }
 
 static int emitters_sample_triangle(const struct render_scene *scene, uint32_t light,
-                                    const struct light_query *query, float u, float v, float odds,
+                                    const struct light_context *context, float u, float v, float odds,
                                     struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
@@ -132,7 +132,7 @@ static int emitters_sample_triangle(const struct render_scene *scene, uint32_t l
     struct vec3 corner[3], e1, e2, normal, point, to_light;
     float b1, b2, double_area, cosine, distance_squared;
 
-    world_triangle(scene, instance, triangle, query->time, corner);
+    world_triangle(scene, instance, triangle, context->time, corner);
     /* Heitz 2019's low-distortion map of the square onto a triangle. */
     if (v > u) {
         b1 = 0.5f * u;
@@ -149,7 +149,7 @@ static int emitters_sample_triangle(const struct render_scene *scene, uint32_t l
         return 0;
     normal = vec3_scale(normal, (instance->flipped ? -1 : 1) / double_area);
     point = vec3_add(corner[0], vec3_add(vec3_scale(e1, b1), vec3_scale(e2, b2)));
-    to_light = vec3_sub(point, query->p);
+    to_light = vec3_sub(point, context->p);
     cosine = -vec3_dot(normal, to_light);
     if (cosine < 0 && !material->m.double_sided)
         return 0;
@@ -185,17 +185,17 @@ static int emitters_sample_triangle(const struct render_scene *scene, uint32_t l
     return out->pdf > 0 && isfinite(out->pdf);
 }
 
-static int emitters_sample_punctual(const struct punctual *light, const struct light_query *query,
+static int emitters_sample_punctual(const struct punctual *light, const struct light_context *context,
                                     float odds, struct light_sample *out)
 {
     charge_set(light->image ? CHARGE_OF(LIGHT_IMAGE) : CHARGE_OF(PUNCTUAL_LIGHT));
     out->delta = 1;
     out->pdf = odds;
-    return odds > 0 && punctual_sample(light, query->p, query->time, &out->direction,
+    return odds > 0 && punctual_sample(light, context->p, context->time, &out->direction,
                                        &out->distance, &out->radiance);
 }
 
-static int emitters_sample_directional(const struct emitters *e, const struct light_query *query,
+static int emitters_sample_directional(const struct emitters *e, const struct light_context *context,
                                        float u, struct light_sample *out)
 {
     const float *start = e->directional_start;
@@ -210,11 +210,11 @@ static int emitters_sample_directional(const struct emitters *e, const struct li
         else
             high = middle;
     }
-    return emitters_sample_punctual(&e->punctual[low], query,
+    return emitters_sample_punctual(&e->punctual[low], context,
                            e->directional_odds * (start[low + 1] - start[low]), out);
 }
 
-static int emitters_sample_item(const struct render_scene *scene, const struct light_query *query,
+static int emitters_sample_item(const struct render_scene *scene, const struct light_context *context,
                                 uint32_t item, float u, float v, float odds,
                                 struct light_sample *out)
 {
@@ -223,12 +223,12 @@ static int emitters_sample_item(const struct render_scene *scene, const struct l
 
     odds *= e->local_odds;
     if (HAS(PUNCTUAL_LIGHT) && item < punctual)
-        return emitters_sample_punctual(&e->punctual[e->directional_count + item], query, odds,
+        return emitters_sample_punctual(&e->punctual[e->directional_count + item], context, odds,
                                         out);
-    return emitters_sample_triangle(scene, item - punctual, query, u, v, odds, out);
+    return emitters_sample_triangle(scene, item - punctual, context, u, v, odds, out);
 }
 
-int emitters_sample(const struct render_scene *scene, const struct light_query *query, float u,
+int emitters_sample(const struct render_scene *scene, const struct light_context *context, float u,
                     float v, struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
@@ -237,18 +237,18 @@ int emitters_sample(const struct render_scene *scene, const struct light_query *
 
     out->on_face = 0;
     if (HAS(ENVIRONMENT) && u < e->environment_odds)
-        return emitters_sample_map(scene, query, emitters_rescaled(u, 0, e->environment_odds), v,
+        return emitters_sample_map(scene, context, emitters_rescaled(u, 0, e->environment_odds), v,
                                    out);
     u -= e->environment_odds;
     if (HAS(PUNCTUAL_LIGHT) && u < e->directional_odds)
-        return emitters_sample_directional(e, query,
+        return emitters_sample_directional(e, context,
                                            emitters_rescaled(u, 0, e->directional_odds), out);
     /* Choosing among lights of both kinds counts as the triangles': they are the many. */
     charge_set(e->triangle_count ? CHARGE_OF(EMISSIVE_MESH) : CHARGE_OF(PUNCTUAL_LIGHT));
     u = emitters_rescaled(u, e->directional_odds, e->local_odds);
     if (e->tree.node_count == 0
             ? !light_table_choose(&e->table, &u, &v, &item, &odds)
-            : !light_tree_choose(&e->tree, query->p, query->n, &u, &v, &item, &odds))
+            : !light_tree_choose(&e->tree, context->p, context->n, &u, &v, &item, &odds))
         return 0;
-    return emitters_sample_item(scene, query, item, u, v, odds, out);
+    return emitters_sample_item(scene, context, item, u, v, odds, out);
 }

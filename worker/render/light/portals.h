@@ -2,7 +2,7 @@
  *
  * A direction is uniform in solid angle within all portals together, whichever way they face;
  * one that crosses two of them counts twice, in the choice and in the density alike.
- * A portal that lies wholly below the asker's horizon is left out.
+ * A portal that lies wholly below the horizon of the light sampling context is left out.
  */
 #ifndef AZULEJO_RENDER_PORTALS_H
 #define AZULEJO_RENDER_PORTALS_H
