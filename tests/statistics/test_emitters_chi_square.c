@@ -68,7 +68,7 @@ static double density(void *user, struct vec3 direction)
     if (e->has_environment)
         sum = (double)emitters_environment_pdf(scene, query, direction);
     for (uint32_t i = 0; i < e->triangle_count; i++) {
-        const struct world_instance *instance = &scene->instances[e->triangle_instance[i]];
+        const struct world_instance *instance = &scene->instances[e->triangles[i].instance];
         double e1[3], e2[3], n[3], o[3], q[3], d[3], det, u, v, t, length, slack;
         const double(*c)[3] = view->corner[i];
 
@@ -120,8 +120,8 @@ static void find_triangles(struct view *view)
     for (uint32_t i = 0; i < e->triangle_count; i++) {
         struct vec3 corner[3];
 
-        world_triangle(view->scene, &view->scene->instances[e->triangle_instance[i]],
-                       e->triangle_index[i], 0, corner);
+        world_triangle(view->scene, &view->scene->instances[e->triangles[i].instance],
+                       e->triangles[i].triangle, 0, corner);
         for (int k = 0; k < 3; k++)
             to_doubles(corner[k], view->corner[i][k]);
     }

@@ -475,7 +475,7 @@ static struct vec3 path_escaped(const struct path *path)
     CHARGE(ENVIRONMENT);
     if (path->from_delta || !scene->emitters.has_environment)
         return environment_radiance(scene->environment, path->ray.direction);
-    if (scene->emitters.environment_alone)
+    if (scene->emitters.environment.alone)
         return vec3_make(0, 0, 0);
     radiance = emitters_environment(scene, &path->context, path->ray.direction, &density);
     return vec3_scale(radiance, path_mis_weight(path->density, density));

@@ -464,12 +464,6 @@ static float left_odds(const struct light_node *pair, struct vec3 p, struct vec3
     return float_min(float_max(left / sum, PAIR_ODDS_MIN), 1 - PAIR_ODDS_MIN);
 }
 
-/* Is the number in the part of [0, 1) that begins at `start` and is `size` long, and where. */
-static inline float rescaled(float number, float start, float size)
-{
-    return float_min(float_max((number - start) / size, 0), ONE_MINUS_EPSILON);
-}
-
 int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 n, float *u,
                       float *v, uint32_t *item, float *odds)
 {
@@ -485,11 +479,11 @@ int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 
         if (left < 0)
             return 0;
         if (*number < left) {
-            *number = rescaled(*number, 0, left);
+            *number = light_rescaled(*number, 0, left);
             *odds *= left;
             node = &pair[0];
         } else {
-            *number = rescaled(*number, left, 1 - left);
+            *number = light_rescaled(*number, left, 1 - left);
             *odds *= 1 - left;
             node = &pair[1];
         }
@@ -504,7 +498,7 @@ int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 
     if (node->leaf_count > 1) {
         if (!(tree->share[*item] > 0))
             return 0;
-        *number = rescaled(*number, tree->share_start[*item], tree->share[*item]);
+        *number = light_rescaled(*number, tree->share_start[*item], tree->share[*item]);
         *odds *= tree->share[*item];
     }
     return 1;
