@@ -300,13 +300,20 @@ struct scene_portal {
     float edge1[3], edge2[3];
 };
 
+/* X(KIND, text): by their numbers on the wire. Goniometric: a point light times a lat-long image over its
+ * sphere of directions. Projection: a slide projector, a point light times an image in its frustum. */
+#define SCENE_LIGHT_KINDS(X)          \
+    X(POINT, "point")                 \
+    X(SPOT, "spot")                   \
+    X(DIRECTIONAL, "directional")     \
+    X(GONIOMETRIC, "goniometric")     \
+    X(PROJECTION, "projection")
+
 enum scene_light_kind {
-    LIGHT_POINT,
-    LIGHT_SPOT,
-    LIGHT_DIRECTIONAL,
-    LIGHT_GONIOMETRIC, /* a point light times a lat-long image over its sphere of directions */
-    LIGHT_PROJECTION,  /* a slide projector: a point light times an image in its frustum */
-    LIGHT_KIND_COUNT
+#define SCENE_LIGHT_ENUM(KIND, text) LIGHT_##KIND,
+    SCENE_LIGHT_KINDS(SCENE_LIGHT_ENUM)
+#undef SCENE_LIGHT_ENUM
+        LIGHT_KIND_COUNT
 };
 
 /* How a spot light falls off between its cones. */

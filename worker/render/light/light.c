@@ -1,5 +1,10 @@
 #include "worker/render/light/light.h"
 
+#define PLUS_ONE(...) +1
+_Static_assert(0 LIGHT_KINDS_LISTED(PLUS_ONE) == LIGHT_KIND_COUNT,
+               "each kind of SCENE_LIGHT_KINDS needs a row of LIGHT_KINDS_LISTED");
+#undef PLUS_ONE
+
 const struct light_row *light_row(int kind)
 {
     static const struct light_row rows[] = {
