@@ -10,7 +10,7 @@
 #include "common/scene/effects.h"
 #include "common/scene/pose.h"
 
-#define LIGHT_TEXT(KIND, text) text,
+#define LIGHT_TEXT(KIND, text, parts) text,
 static const char *const light_kinds[LIGHT_KIND_COUNT] = {SCENE_LIGHT_KINDS(LIGHT_TEXT)};
 #undef LIGHT_TEXT
 static const char *const camera_kinds[CAMERA_KIND_COUNT] = {"perspective", "orthographic",

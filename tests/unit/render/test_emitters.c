@@ -74,7 +74,7 @@ static void make(struct punctual **p, const struct scene_light *light,
 static struct vec3 shine(const struct punctual *p, struct vec3 towards)
 {
     static light_sample_function *const samples[] = {
-#define SAMPLE_OF(KIND, prefix, EFFECT, ACCOUNT, pose) [LIGHT_##KIND] = prefix##_sample,
+#define SAMPLE_OF(KIND, prefix, EFFECT, ACCOUNT) [LIGHT_##KIND] = prefix##_sample,
         LIGHT_KINDS_LISTED(SAMPLE_OF)
 #undef SAMPLE_OF
     };

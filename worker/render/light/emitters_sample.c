@@ -11,7 +11,7 @@ static inline int emitters_sample_light(const struct render_scene *scene, int ki
                                         float u, float v, struct light_sample *out)
 {
     switch (kind) {
-#define LIGHT_CASE(KIND, prefix, EFFECT, ACCOUNT, pose)                                   \
+#define LIGHT_CASE(KIND, prefix, EFFECT, ACCOUNT)                                         \
     case LIGHT_##KIND:                                                                    \
         if (!HAS(EFFECT))                                                                 \
             return 0;                                                                     \

@@ -24,28 +24,21 @@
 struct punctual;
 struct render_scene;
 
-/* What of a light's pose its kind asks for: lights may move while the shutter is open. */
-enum light_pose_parts {
-    POSE_PLACE = 1,
-    POSE_DIRECTION = 2, /* in which it shines */
-    POSE_AXES = 4,      /* its own frame; it shines along -Z */
-};
-
-/* X(KIND, prefix, EFFECT, ACCOUNT, pose): without EFFECT in the scene there is no such light; its time
+/* X(KIND, prefix, EFFECT, ACCOUNT): without EFFECT in the scene there is no such light; its time
  * is charged to ACCOUNT, or to EFFECT where the scene has no ACCOUNT. */
-#define LIGHT_KINDS_LISTED(X) /* of the scene's list of lights: enum scene_light_kind */        \
-    X(POINT, point_light, PUNCTUAL_LIGHT, PUNCTUAL_LIGHT, POSE_PLACE)                           \
-    X(SPOT, spot_light, PUNCTUAL_LIGHT, PUNCTUAL_LIGHT, POSE_PLACE | POSE_DIRECTION)            \
-    X(DIRECTIONAL, directional_light, PUNCTUAL_LIGHT, PUNCTUAL_LIGHT, POSE_DIRECTION)           \
-    X(GONIOMETRIC, goniometric_light, PUNCTUAL_LIGHT, LIGHT_IMAGE, POSE_PLACE | POSE_AXES)      \
-    X(PROJECTION, projection_light, PUNCTUAL_LIGHT, LIGHT_IMAGE, POSE_PLACE | POSE_AXES)
-#define LIGHT_KINDS_FOUND(X) /* in other parts of the scene: enum light_kind */                 \
-    X(TRIANGLE, triangle_light, EMISSIVE_MESH, EMISSIVE_MESH, 0)                                \
-    X(ENVIRONMENT, environment_light, ENVIRONMENT, ENVIRONMENT, 0)
+#define LIGHT_KINDS_LISTED(X) /* of the scene's list of lights: SCENE_LIGHT_KINDS */  \
+    X(POINT, point_light, PUNCTUAL_LIGHT, PUNCTUAL_LIGHT)                             \
+    X(SPOT, spot_light, PUNCTUAL_LIGHT, PUNCTUAL_LIGHT)                               \
+    X(DIRECTIONAL, directional_light, PUNCTUAL_LIGHT, PUNCTUAL_LIGHT)                 \
+    X(GONIOMETRIC, goniometric_light, PUNCTUAL_LIGHT, LIGHT_IMAGE)                    \
+    X(PROJECTION, projection_light, PUNCTUAL_LIGHT, LIGHT_IMAGE)
+#define LIGHT_KINDS_FOUND(X) /* in other parts of the scene: enum light_kind */       \
+    X(TRIANGLE, triangle_light, EMISSIVE_MESH, EMISSIVE_MESH)                         \
+    X(ENVIRONMENT, environment_light, ENVIRONMENT, ENVIRONMENT)
 #define LIGHT_KINDS(X) LIGHT_KINDS_LISTED(X) LIGHT_KINDS_FOUND(X)
 
 enum light_kind { LIGHT_FOUND_FIRST = LIGHT_KIND_COUNT - 1,
-#define LIGHT_ENUM(KIND, prefix, EFFECT, ACCOUNT, pose) LIGHT_##KIND,
+#define LIGHT_ENUM(KIND, prefix, EFFECT, ACCOUNT) LIGHT_##KIND,
                   LIGHT_KINDS_FOUND(LIGHT_ENUM)
 #undef LIGHT_ENUM
 };
@@ -91,10 +84,10 @@ typedef void light_weigh_function(const struct render_scene *scene, const void *
 typedef struct punctual *light_new_function(const struct scene_light *light,
                                             const struct texture_image *image);
 
-#define LIGHT_DECLARE(KIND, prefix, EFFECT, ACCOUNT, pose) \
+#define LIGHT_DECLARE(KIND, prefix, EFFECT, ACCOUNT) \
     light_sample_function prefix##_sample;                 \
     light_weigh_function prefix##_weigh;
-#define LIGHT_DECLARE_NEW(KIND, prefix, EFFECT, ACCOUNT, pose) light_new_function prefix##_new;
+#define LIGHT_DECLARE_NEW(KIND, prefix, EFFECT, ACCOUNT) light_new_function prefix##_new;
 LIGHT_KINDS(LIGHT_DECLARE)
 LIGHT_KINDS_LISTED(LIGHT_DECLARE_NEW)
 #undef LIGHT_DECLARE
@@ -102,7 +95,6 @@ LIGHT_KINDS_LISTED(LIGHT_DECLARE_NEW)
 
 /* A row, but for its sampling; `kind` is one of enum scene_light_kind or light_kind. */
 struct light_row {
-    unsigned pose;               /* enum light_pose_parts */
     light_new_function *create;  /* NULL: not of the scene's list */
     light_weigh_function *weigh;
 };

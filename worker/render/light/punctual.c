@@ -22,15 +22,15 @@ static struct vec3 column(const struct transform_d *t, int c)
 
 void punctual_pose_of(struct punctual_pose *out, const struct scene_light *light)
 {
-    unsigned parts = light_row((int)light->kind)->pose;
+    unsigned parts = scene_light_parts(light->kind);
 
     *out = (struct punctual_pose){0};
-    if (parts & POSE_PLACE)
+    if (parts & LIGHT_HAS_PLACE)
         out->position = vec3_make((float)light->position[0], (float)light->position[1],
                                   (float)light->position[2]);
-    if (parts & POSE_DIRECTION)
+    if (parts & LIGHT_HAS_DIRECTION)
         out->direction = vec3_of(light->direction);
-    if (!(parts & POSE_AXES))
+    if (!(parts & LIGHT_HAS_FRAME))
         return;
     for (int c = 0; c < 3; c++)
         out->axis[c] = column(&light->to_world, c);
@@ -91,7 +91,7 @@ const struct punctual_pose *punctual_pose_at(const struct punctual *p, float tim
     b = a + 1;
     moved->position = mixed(a->position, b->position, share);
     moved->direction = mixed_direction(a->direction, b->direction, share);
-    if (light_row((int)p->kind)->pose & POSE_AXES)
+    if (scene_light_parts(p->kind) & LIGHT_HAS_FRAME)
         mix_axes(moved->axis, a->axis, b->axis, share);
     return moved;
 }
