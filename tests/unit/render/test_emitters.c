@@ -217,6 +217,64 @@ static void test_rows(void **state)
     mem_free(p);
 }
 
+/* A light whose cone, slide and range are drawn at random, and its bounds. */
+static void make_random(struct punctual **p, enum scene_light_kind kind,
+                        struct test_random *random, struct light_bounds *bounds)
+{
+    struct scene_light light = light_of(kind);
+    struct light_weight weight = {0};
+
+    light.outer_cone_rad = 0.05f + 1.5f * test_random_float(random);
+    light.inner_cone_rad = light.outer_cone_rad * test_random_float(random);
+    light.projection_yfov_rad = 0.05f + 2.5f * test_random_float(random);
+    light.range = test_random_float(random) < 0.5f ? 0 : 1 + 3 * test_random_float(random);
+    make(p, &light, NULL);
+    light_row((int)(*p)->kind)->weigh(NULL, *p, &weight);
+    *bounds = weight.bounds;
+    bounds->intensity = 1;
+}
+
+/* No light shines where its bounds say that it cannot: there the tree would never choose it. */
+static void test_bounds_hold(void **state)
+{
+    enum { LIGHTS = 60, PLACES = 200 };
+    struct test_random random = {23};
+    struct punctual *p = NULL;
+    struct error err = {0};
+
+    (void)state;
+    for (int kind = 0; kind < LIGHT_KIND_COUNT; kind++) {
+        int lit = 0, excluded = 0;
+
+        if (kind == LIGHT_DIRECTIONAL)
+            continue; /* the tree holds what has a place */
+        for (int k = 0; k < LIGHTS; k++) {
+            struct light_bounds bounds[2];
+            struct light_tree tree;
+
+            make_random(&p, LIGHT_POINT, &random, &bounds[1]);
+            make_random(&p, (enum scene_light_kind)kind, &random, &bounds[0]);
+            bounds[1].reach = INFINITY; /* the other one can always be chosen */
+            assert_int_equal(light_tree_init(&tree, bounds, 2, &err), STATUS_OK);
+            for (int i = 0; i < PLACES; i++) {
+                struct vec3 d = vec3_normalize(vec3_make(2 * test_random_float(&random) - 1,
+                                                         2 * test_random_float(&random) - 1,
+                                                         2 * test_random_float(&random) - 1));
+                float odds = light_tree_odds(&tree, vec3_mad(vec3_make(1, 2, 3), d, 2),
+                                             vec3_splat(0), 0);
+                int shines = !vec3_is_black(shine(p, d));
+
+                assert_true(odds > 0 || !shines);
+                lit += shines;
+                excluded += !(odds > 0);
+            }
+            light_tree_release(&tree);
+        }
+        assert_true(lit > LIGHTS * PLACES / 100 && excluded > LIGHTS * PLACES / 100);
+    }
+    mem_free(p);
+}
+
 /* Solid angles: an octant, a known tiny one, and areas of parts add up; samples are uniform:
  * the share that falls into one half is that half's share of the solid angle. */
 static void test_spherical_triangles(void **state)
@@ -355,6 +413,7 @@ int main(void)
         cmocka_unit_test(test_projection),
         cmocka_unit_test(test_goniometric),
         cmocka_unit_test(test_rows),
+        cmocka_unit_test(test_bounds_hold),
         cmocka_unit_test(test_spherical_triangles),
         cmocka_unit_test(test_one_lamp_is_one_leaf),
         cmocka_unit_test(test_dark_triangles),
