@@ -57,9 +57,10 @@ static void move_all(struct scene *scene)
             move(&scene->media[i].grid_to_world, origin);
     for (uint32_t i = 0; i < scene->light_count; i++) {
         struct scene_light *light = &scene->lights[i];
-        if (light->kind == LIGHT_GONIOMETRIC || light->kind == LIGHT_PROJECTION)
+        unsigned parts = scene_light_parts(light->kind);
+        if (parts & LIGHT_HAS_FRAME)
             move(&light->to_world, origin);
-        for (int c = 0; c < 3 && light->kind != LIGHT_DIRECTIONAL; c++)
+        for (int c = 0; c < 3 && parts & LIGHT_HAS_PLACE; c++)
             light->position[c] -= origin[c];
     }
     for (uint32_t i = 0; i < scene->environment.portal_count; i++)

@@ -10,8 +10,9 @@
 #include "common/scene/effects.h"
 #include "common/scene/pose.h"
 
-static const char *const light_kinds[LIGHT_KIND_COUNT] = {"point", "spot", "directional",
-                                                         "goniometric", "projection"};
+#define LIGHT_TEXT(KIND, text, parts) text,
+static const char *const light_kinds[LIGHT_KIND_COUNT] = {SCENE_LIGHT_KINDS(LIGHT_TEXT)};
+#undef LIGHT_TEXT
 static const char *const camera_kinds[CAMERA_KIND_COUNT] = {"perspective", "orthographic",
                                                            "panorama"};
 static const char *const format_names[] = {"unknown", "PNG", "JPEG", "HDR", "EXR", "WebP"};

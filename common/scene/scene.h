@@ -264,14 +264,34 @@ struct scene_portal {
     float edge1[3], edge2[3];
 };
 
+/* What of its pose a light's kind uses: position, direction, to_world. */
+enum scene_light_parts { LIGHT_HAS_PLACE = 1, LIGHT_HAS_DIRECTION = 2, LIGHT_HAS_FRAME = 4 };
+
+/* X(KIND, text, parts), by their numbers on the wire. Goniometric: a point light times a lat-long image
+ * over its sphere of directions. Projection: a slide projector, a point light times an image in its
+ * frustum. */
+#define SCENE_LIGHT_KINDS(X)                                          \
+    X(POINT, "point", LIGHT_HAS_PLACE)                                \
+    X(SPOT, "spot", LIGHT_HAS_PLACE | LIGHT_HAS_DIRECTION)            \
+    X(DIRECTIONAL, "directional", LIGHT_HAS_DIRECTION)                \
+    X(GONIOMETRIC, "goniometric", LIGHT_HAS_PLACE | LIGHT_HAS_FRAME)  \
+    X(PROJECTION, "projection", LIGHT_HAS_PLACE | LIGHT_HAS_FRAME)
+
 enum scene_light_kind {
-    LIGHT_POINT,
-    LIGHT_SPOT,
-    LIGHT_DIRECTIONAL,
-    LIGHT_GONIOMETRIC, /* a point light times a lat-long image over its sphere of directions */
-    LIGHT_PROJECTION,  /* a slide projector: a point light times an image in its frustum */
-    LIGHT_KIND_COUNT
+#define SCENE_LIGHT_ENUM(KIND, text, parts) LIGHT_##KIND,
+    SCENE_LIGHT_KINDS(SCENE_LIGHT_ENUM)
+#undef SCENE_LIGHT_ENUM
+        LIGHT_KIND_COUNT
 };
+
+static inline unsigned scene_light_parts(enum scene_light_kind kind)
+{
+#define SCENE_LIGHT_PARTS(KIND, text, parts) parts,
+    static const unsigned kinds[LIGHT_KIND_COUNT] = {SCENE_LIGHT_KINDS(SCENE_LIGHT_PARTS)};
+#undef SCENE_LIGHT_PARTS
+
+    return kinds[kind];
+}
 
 /* How a spot light falls off between its cones. */
 enum scene_falloff { FALLOFF_GLTF /* square of the linear ramp of the cosine */,

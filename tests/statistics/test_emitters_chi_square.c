@@ -21,7 +21,7 @@ enum { PLACES = 3, SCENES = 3, TESTS = SCENES * PLACES, TRIANGLES_MAX = 64 };
 
 struct view {
     const struct render_scene *scene;
-    struct light_query query;
+    struct light_context query;
     double corner[TRIANGLES_MAX][3][3]; /* of the lamps' triangles */
 };
 
@@ -62,13 +62,13 @@ static double density(void *user, struct vec3 direction)
     const struct view *view = user;
     const struct render_scene *scene = view->scene;
     const struct emitters *e = &scene->emitters;
-    const struct light_query *query = &view->query;
+    const struct light_context *query = &view->query;
     double sum = 0;
 
     if (e->has_environment)
         sum = (double)emitters_environment_pdf(scene, query, direction);
     for (uint32_t i = 0; i < e->triangle_count; i++) {
-        const struct world_instance *instance = &scene->instances[e->triangle_instance[i]];
+        const struct world_instance *instance = &scene->instances[e->triangles[i].instance];
         double e1[3], e2[3], n[3], o[3], q[3], d[3], det, u, v, t, length, slack;
         const double(*c)[3] = view->corner[i];
 
@@ -120,8 +120,8 @@ static void find_triangles(struct view *view)
     for (uint32_t i = 0; i < e->triangle_count; i++) {
         struct vec3 corner[3];
 
-        world_triangle(view->scene, &view->scene->instances[e->triangle_instance[i]],
-                       e->triangle_index[i], 0, corner);
+        world_triangle(view->scene, &view->scene->instances[e->triangles[i].instance],
+                       e->triangles[i].triangle, 0, corner);
         for (int k = 0; k < 3; k++)
             to_doubles(corner[k], view->corner[i][k]);
     }
@@ -168,7 +168,7 @@ static void test_mixture(void **state)
                                              .seed = 11 + (uint64_t)i, .axis = {0, 1, 0}};
 
             view.scene = scene;
-            view.query = (struct light_query){places[i], normals[i], 0};
+            view.query = (struct light_context){places[i], normals[i], 0};
             find_triangles(&view);
             assert_true(chi_square_accept(&setup, 0.01, TESTS, names[which]));
         }

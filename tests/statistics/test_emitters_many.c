@@ -120,8 +120,8 @@ static void test_choices_follow_odds(void **state)
     }
 }
 
-/* Odds are 0 only where a light can send nothing: no point of it is above the asker's
- * horizon, or none of its normals is within its emission angle of the asker. */
+/* Odds are 0 only where a light can send nothing: no point of it is above the context's
+ * horizon, or none of its normals is within its emission angle of the context. */
 static void test_zero_odds_are_earned(void **state)
 {
     enum { COUNT = 60, PLACES = 400 };
@@ -268,7 +268,7 @@ static void test_ten_thousand_lamps(void **state)
     (void)state;
     for (int k = 0; k < 6; k++) {
         struct vec3 up = {0, 1, 0}, none = {0, 0, 0};
-        struct light_query query = {places[k / 2], k % 2 ? up : none, 0};
+        struct light_context query = {places[k / 2], k % 2 ? up : none, 0};
         struct running_stats stats = {0};
         double want = 0, power_moment = 0, power = 0;
 

@@ -137,7 +137,7 @@ static void test_mixture_integrates(void **state)
     b.scene.environment.portals = portals;
     scene = builder_build(&b, &settings);
     for (int place = 0; place < CASES; place++) {
-        static const struct light_query queries[CASES] = {
+        static const struct light_context queries[CASES] = {
             {{0, 0, 0}, {0, 0, 0}, 0}, {{0, 0, 0}, {0, 0, 1}, 0}, {{-3, 4, 1}, {0.6f, 0, 0.8f}, 0}};
         struct test_random random = {(uint64_t)place};
         struct running_stats stats = {0};

@@ -36,7 +36,7 @@ struct path {
     struct ray ray;
     struct vec3 throughput;
     struct path_query query;
-    struct light_query asker;   /* the vertex that the ray left: who could have asked for light */
+    struct light_context context;   /* the vertex that the ray left: as the light sampling context */
     float density;              /* with which the vertex chose the ray's direction */
     int from_delta;             /* nothing competes with that choice (the camera is alike) */
     int scattered;              /* a vertex before the last one was not a mirror */
@@ -384,7 +384,7 @@ static struct vec3 path_direct_light(struct path *path, const struct surface *s,
 {
     const struct vec3 black = {0, 0, 0};
     struct sample2 point = sampler_get(path->sampler, dimension + VERTEX_LIGHT_POINT);
-    struct light_query asker = {s->p, s->ng, s->time};
+    struct light_context context = {s->p, s->ng, s->time};
     struct light_sample light;
     struct interior here;
     struct vec3 wi, value, visible;
@@ -394,8 +394,8 @@ static struct vec3 path_direct_light(struct path *path, const struct surface *s,
 
     STAGE(LIGHT);
     if (s->material->flags & MATERIAL_TWO_WAY)
-        asker.n = black;
-    if (!emitters_sample(path->scene, &asker, point.u, point.v, &light) ||
+        context.n = black;
+    if (!emitters_sample(path->scene, &context, point.u, point.v, &light) ||
         vec3_is_black(light.radiance))
         return black;
     sender = charge_get();
@@ -439,14 +439,14 @@ static struct vec3 path_direct_phase(struct path *path, const struct world_mediu
 {
     const struct vec3 black = {0, 0, 0};
     struct sample2 point = sampler_get(path->sampler, dimension + VERTEX_LIGHT_POINT);
-    const struct light_query asker = {path->ray.origin, {0, 0, 0}, path->ray.time};
+    const struct light_context context = {path->ray.origin, {0, 0, 0}, path->ray.time};
     struct ray ray = path->ray;
     struct light_sample light;
     struct vec3 value;
     float density;
 
     STAGE(LIGHT);
-    if (!emitters_sample(path->scene, &asker, point.u, point.v, &light) ||
+    if (!emitters_sample(path->scene, &context, point.u, point.v, &light) ||
         vec3_is_black(light.radiance))
         return black;
     ray.direction = light.direction;
@@ -475,9 +475,9 @@ static struct vec3 path_escaped(const struct path *path)
     CHARGE(ENVIRONMENT);
     if (path->from_delta || !scene->emitters.has_environment)
         return environment_radiance(scene->environment, path->ray.direction);
-    if (scene->emitters.environment_alone)
+    if (scene->emitters.environment.alone)
         return vec3_make(0, 0, 0);
-    radiance = emitters_environment(scene, &path->asker, path->ray.direction, &density);
+    radiance = emitters_environment(scene, &path->context, path->ray.direction, &density);
     return vec3_scale(radiance, path_mis_weight(path->density, density));
 }
 
@@ -505,8 +505,8 @@ static struct vec3 path_emitted(const struct path *path, const struct surface *s
                                                              s->b1, s->b2, cosine));
     if (path->from_delta || !sampled)
         return radiance;
-    way = vec3_sub(s->p, path->asker.p);
-    light_density = emitters_triangle_pdf(path->scene, &path->asker,
+    way = vec3_sub(s->p, path->context.p);
+    light_density = emitters_triangle_pdf(path->scene, &path->context,
                                           (uint32_t)s->instance->light_base + s->triangle,
                                           vec3_length_squared(way), cosine, s->area);
     return vec3_scale(radiance, path_mis_weight(path->density, light_density));
@@ -625,8 +625,8 @@ static int path_cross_medium(struct path *path, float t, uint32_t depth, uint32_
     path->from_delta = 0;
     path->scattered = 1;
     path_widen(path, event.distance);
-    path->asker.p = path->ray.origin;
-    path->asker.n = vec3_make(0, 0, 0);
+    path->context.p = path->ray.origin;
+    path->context.n = vec3_make(0, 0, 0);
     if (!path_survives(path, depth,
                        sampler_get(path->sampler, dimension + VERTEX_LOBE).v))
         return -1;
@@ -686,7 +686,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
     path.ray = *ray;
     path.throughput = vec3_splat(1);
     path.query = (struct path_query){sampler, 0};
-    path.asker = (struct light_query){{0, 0, 0}, {0, 0, 0}, ray->time};
+    path.context = (struct light_context){{0, 0, 0}, {0, 0, 0}, ray->time};
     path.density = 0;
     path.from_delta = 1; /* the camera chooses like a mirror: nothing competes with it */
     path.scattered = 0;
@@ -845,8 +845,8 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             break;
         if (ACTIVE(scene, TEXTURE))
             path_widen(&path, s.t);
-        path.asker.p = s.p;
-        path.asker.n = s.material->flags & MATERIAL_TWO_WAY ? vec3_make(0, 0, 0) : s.ng;
+        path.context.p = s.p;
+        path.context.n = s.material->flags & MATERIAL_TWO_WAY ? vec3_make(0, 0, 0) : s.ng;
         surface_leave(&s, path.ray.direction, &path.ray);
         between = path_meets_next(&crossing, sample.wi);
         if (between) {

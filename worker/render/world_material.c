@@ -51,7 +51,7 @@ static void use_lights(struct world_used *used, const struct scene *scene,
         return;
     for (uint32_t i = 0; i < scene->light_count; i++) {
         const struct scene_light *light = &scene->lights[i];
-        int has_image = light->kind == LIGHT_GONIOMETRIC || light->kind == LIGHT_PROJECTION;
+        int has_image = (scene_light_parts(light->kind) & LIGHT_HAS_FRAME) != 0;
         if (has_image && light->image >= 0 && !scene_color_is(light->intensity, 0))
             used->images[light->image] |= WORLD_IMAGE_USED;
     }

@@ -137,16 +137,42 @@ static void test_layers(void **state)
     assert_charged("copper", &p, CHARGE_OF(GLOSSY), EFFECT_GLOSSY);
 }
 
-/* A floor under a lamp, a point and a sky: each light sample is charged to its own kind. */
+/* The accounts to which samples of the scene's lights are charged, as a set of effects. */
+static uint64_t charged_lights(struct scene_builder *b, const struct render_settings *settings)
+{
+    const struct light_context context = {{0, 0, 0}, {0, 1, 0}, 0};
+    struct render_scene *scene = builder_build(b, settings);
+    uint64_t met = 0;
+
+    for (int i = 0; i < 256; i++) {
+        struct light_sample light;
+        uint8_t point = CHARGE_OF(PUNCTUAL_LIGHT);
+
+        charge_set(CHARGE_NOBODY);
+        if (!emitters_sample(scene, &context, ((float)i + 0.5f) / 256,
+                             ((float)(i * 37 % 256) + 0.5f) / 256, &light))
+            continue;
+        if (light.delta && light.direction.x < 0 && !(settings->without & EFFECT_LIGHT_IMAGE))
+            point = CHARGE_OF(LIGHT_IMAGE);
+        assert_int_equal(charge_get(), light.delta ? point
+                                       : light.distance < INFINITY ? CHARGE_OF(EMISSIVE_MESH)
+                                                                   : CHARGE_OF(ENVIRONMENT));
+        met |= (uint64_t)1 << (charge_get() - 1);
+    }
+    charge_set(CHARGE_NOBODY);
+    render_scene_free(scene);
+    return met;
+}
+
+/* A floor under a lamp, a point, a point with an image on the left, and a sky: each light sample is
+ * charged to its own kind. */
 static void test_lights(void **state)
 {
+    const uint64_t plain = EFFECT_PUNCTUAL_LIGHT | EFFECT_EMISSIVE_MESH | EFFECT_ENVIRONMENT;
+    static const float white[3] = {1, 1, 1};
     struct render_settings settings = builder_settings(8, 8, 4);
-    const struct light_query query = {{0, 0, 0}, {0, 1, 0}, 0};
-    struct render_scene *scene;
     struct scene_material *m;
-    struct scene_light *point;
     struct scene_builder b;
-    uint64_t met = 0;
     uint32_t quad;
 
     (void)state;
@@ -157,26 +183,20 @@ static void test_lights(void **state)
     m = builder_lambert(&b, 0);
     m->emission[0] = m->emission[1] = m->emission[2] = 5;
     builder_place(&b, quad, builder_last_material(&b), vec3_make(1, -1, 1), vec3_make(1, 3, 0));
-    point = builder_light(&b, LIGHT_POINT);
-    point->intensity[0] = point->intensity[1] = point->intensity[2] = 10;
-    point->position[1] = 2;
+    for (int left = 0; left < 2; left++) {
+        struct scene_light *light = builder_light(&b, left ? LIGHT_GONIOMETRIC : LIGHT_POINT);
+
+        light->intensity[0] = light->intensity[1] = light->intensity[2] = 10;
+        light->position[0] = -left;
+        light->position[1] = 2;
+        if (left)
+            light->image = (int32_t)b.scene.textures[builder_texture(&b, white, 1, 1)].image;
+    }
     builder_camera(&b, vec3_make(0, 1, 5), vec3_splat(0), 0.7f);
     builder_environment_constant(&b, vec3_make(0.2f, 0.3f, 0.4f));
-    scene = builder_build(&b, &settings);
-    for (int i = 0; i < 256; i++) {
-        struct light_sample light;
-        charge_set(CHARGE_NOBODY);
-        if (!emitters_sample(scene, &query, ((float)i + 0.5f) / 256,
-                             ((float)(i * 37 % 256) + 0.5f) / 256, &light))
-            continue;
-        assert_int_equal(charge_get(), light.delta ? CHARGE_OF(PUNCTUAL_LIGHT)
-                                       : light.distance < INFINITY ? CHARGE_OF(EMISSIVE_MESH)
-                                                                   : CHARGE_OF(ENVIRONMENT));
-        met |= (uint64_t)1 << (charge_get() - 1);
-    }
-    assert_int_equal(met, EFFECT_PUNCTUAL_LIGHT | EFFECT_EMISSIVE_MESH | EFFECT_ENVIRONMENT);
-    charge_set(CHARGE_NOBODY);
-    render_scene_free(scene);
+    assert_int_equal(charged_lights(&b, &settings), plain | EFFECT_LIGHT_IMAGE);
+    settings.without = EFFECT_LIGHT_IMAGE;
+    assert_int_equal(charged_lights(&b, &settings), plain);
     builder_release(&b);
 }
 

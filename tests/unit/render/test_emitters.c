@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include "common/base/buffer.h"
+#include "common/base/memory.h"
 #include "common/image/image.h"
 #include "common/math/elementary.h"
 #include "tests/support/scene_builder.h"
@@ -60,44 +61,60 @@ static struct scene_light light_of(enum scene_light_kind kind)
     return light;
 }
 
+/* The light of a description, in place of the one before. */
+static void make(struct punctual **p, const struct scene_light *light,
+                 const struct texture_image *image)
+{
+    mem_free(*p);
+    *p = light_row((int)light->kind)->create(light, image);
+    assert_non_null(*p);
+}
+
 /* Irradiance at a point two metres from the light in that direction. */
 static struct vec3 shine(const struct punctual *p, struct vec3 towards)
 {
-    struct vec3 direction, irradiance = {0, 0, 0}, d = vec3_normalize(towards);
-    struct vec3 at = vec3_mad(vec3_make(1, 2, 3), d, 2);
-    float distance;
+    static light_sample_function *const samples[] = {
+#define SAMPLE_OF(KIND, prefix, EFFECT, ACCOUNT) [LIGHT_##KIND] = prefix##_sample,
+        LIGHT_KINDS_LISTED(SAMPLE_OF)
+#undef SAMPLE_OF
+    };
+    struct vec3 d = vec3_normalize(towards);
+    struct light_context context = {vec3_mad(vec3_make(1, 2, 3), d, 2), {0, 0, 0}, 0};
+    struct light_sample out = {.pdf = 0.25f};
 
-    if (!punctual_sample(p, at, 0, &direction, &distance, &irradiance))
+    if (!samples[p->kind](NULL, p, &context, 0, 0, &out))
         return vec3_splat(0);
-    assert_near((double)distance, 2, 1e-6);
-    assert_near((double)vec3_dot(direction, d), -1, 1e-6);
-    return irradiance;
+    assert_near((double)out.distance, 2, 1e-6);
+    assert_near((double)vec3_dot(out.direction, d), -1, 1e-6);
+    assert_true(out.delta && out.pdf == 0.25f && !out.on_face);
+    return out.radiance;
 }
 
 static void test_falloffs(void **state)
 {
     struct scene_light light = light_of(LIGHT_SPOT);
-    struct punctual p;
+    struct punctual *p = NULL;
 
     (void)state;
     light.inner_cone_rad = 0.3f;
     light.outer_cone_rad = 0.7f;
     for (int falloff = 0; falloff < FALLOFF_COUNT; falloff++) {
         light.falloff = (enum scene_falloff)falloff;
-        punctual_init(&p, &light, NULL);
+        make(&p, &light, NULL);
         for (int i = 0; i <= 40; i++) {
             double angle = i * 0.02, t;
             struct vec3 d = {(float)sin(angle), 0, -(float)cos(angle)};
 
             t = fmin(1, fmax(0, (cos(angle) - cos(0.7)) / (cos(0.3) - cos(0.7))));
-            assert_near((double)shine(&p, d).x,
+            assert_near((double)shine(p, d).x,
                         2.5 * (falloff == FALLOFF_GLTF ? t * t : t * t * (3 - 2 * t)), 1e-5);
         }
     }
     light.inner_cone_rad = light.outer_cone_rad; /* a hard edge */
-    punctual_init(&p, &light, NULL);
-    assert_near((double)shine(&p, vec3_make(0.6f, 0, -1)).x, 2.5, 1e-6);
-    assert_near((double)shine(&p, vec3_make(1, 0, -1)).x, 0, 0);
+    make(&p, &light, NULL);
+    assert_near((double)shine(p, vec3_make(0.6f, 0, -1)).x, 2.5, 1e-6);
+    assert_near((double)shine(p, vec3_make(1, 0, -1)).x, 0, 0);
+    mem_free(p);
 }
 
 static void test_projection(void **state)
@@ -105,30 +122,33 @@ static void test_projection(void **state)
     static const float slide[2 * 2 * 3] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 1, 1};
     struct texture_image *image = image_of(slide, 2, 2);
     struct scene_light light = light_of(LIGHT_PROJECTION);
-    struct punctual p;
+    struct light_weight weight = {0};
+    struct punctual *p = NULL;
     struct vec3 e;
 
     (void)state;
-    punctual_init(&p, &light, image);
+    make(&p, &light, image);
     /* Half a slide is 2 wide and 1 high one metre ahead; texel centres at its quarters. */
-    e = shine(&p, vec3_make(-1, 0.5f, -1));
+    e = shine(p, vec3_make(-1, 0.5f, -1));
     assert_near((double)e.x, 2.5, 1e-5);
     assert_near((double)e.y, 0, 1e-5);
-    e = shine(&p, vec3_make(1, 0.5f, -1));
+    e = shine(p, vec3_make(1, 0.5f, -1));
     assert_near((double)e.y, 2.5, 1e-5);
-    e = shine(&p, vec3_make(-1, -0.5f, -1));
+    e = shine(p, vec3_make(-1, -0.5f, -1));
     assert_near((double)e.z, 2.5, 1e-5);
     assert_near((double)e.x, 0, 1e-5);
-    e = shine(&p, vec3_make(0, 0, -1));
+    e = shine(p, vec3_make(0, 0, -1));
     assert_near((double)e.x, 1.25, 1e-5);
-    assert_true(vec3_is_black(shine(&p, vec3_make(2.05f, 0, -1))));
-    assert_true(vec3_is_black(shine(&p, vec3_make(0, 1.02f, -1))));
-    assert_true(vec3_is_black(shine(&p, vec3_make(0, 0, 1))));
-    assert_false(vec3_is_black(shine(&p, vec3_make(1.95f, 0.98f, -1))));
-    punctual_init(&p, &light, NULL); /* white */
-    assert_near((double)shine(&p, vec3_make(1.9f, 0, -1)).y, 2.5, 1e-5);
+    assert_true(vec3_is_black(shine(p, vec3_make(2.05f, 0, -1))));
+    assert_true(vec3_is_black(shine(p, vec3_make(0, 1.02f, -1))));
+    assert_true(vec3_is_black(shine(p, vec3_make(0, 0, 1))));
+    assert_false(vec3_is_black(shine(p, vec3_make(1.95f, 0.98f, -1))));
+    make(&p, &light, NULL); /* white */
+    assert_near((double)shine(p, vec3_make(1.9f, 0, -1)).y, 2.5, 1e-5);
     /* Solid angle of a 4 x 2 rectangle at 1: 4 asin(2 / sqrt(5 * 2)). */
-    assert_near(punctual_power(&p, 1), 10 * 4 * asin(2 / sqrt(10.0)), 1e-4);
+    projection_light_weigh(NULL, p, &weight);
+    assert_near(weight.power, 10 * 4 * asin(2 / sqrt(10.0)), 1e-4);
+    mem_free(p);
     texture_image_free(image);
 }
 
@@ -138,7 +158,7 @@ static void test_goniometric(void **state)
     static float profile[8 * 4 * 3];
     struct scene_light light = light_of(LIGHT_GONIOMETRIC);
     struct texture_image *image;
-    struct punctual p;
+    struct punctual *p = NULL;
 
     (void)state;
     for (int i = 0; i < 32; i++) {
@@ -148,18 +168,111 @@ static void test_goniometric(void **state)
     }
     image = image_of(profile, 8, 4);
     light.to_world = (struct transform_d){{{0, 0, 1, 1}, {0, 1, 0, 2}, {-1, 0, 0, 3}}};
-    punctual_init(&p, &light, image);
+    make(&p, &light, image);
     for (int row = 0; row < 4; row++)
         for (int column = 0; column < 8; column++) {
             double theta = PI_D * (row + 0.5) / 4, phi = 2 * PI_D * ((column + 0.5) / 8 - 0.5);
             struct vec3 local = {(float)(sin(theta) * cos(phi)), (float)cos(theta),
                                  (float)(sin(theta) * sin(phi))};
-            struct vec3 e = shine(&p, vec3_make(local.z, local.y, -local.x));
+            struct vec3 e = shine(p, vec3_make(local.z, local.y, -local.x));
 
             assert_near((double)e.x, 2.5 * column, 1e-4);
             assert_near((double)e.y, 2.5 * row, 1e-4);
         }
+    mem_free(p);
     texture_image_free(image);
+}
+
+/* Every kind of the scene's list is made by its row, without an image too, and can be weighed. Without
+ * one a goniometric light is a point. */
+static void test_rows(void **state)
+{
+    static const double power[LIGHT_KIND_COUNT] = {
+        [LIGHT_POINT] = 10 * 4 * PI_D,
+        [LIGHT_SPOT] = 10 * 2 * PI_D * (1 - 0.70710678),
+        [LIGHT_DIRECTIONAL] = 10 * PI_D * 9,
+        [LIGHT_GONIOMETRIC] = 10 * 4 * PI_D,
+        [LIGHT_PROJECTION] = 10 * 4 * 0.68471920, /* asin(2 / sqrt(10)) */
+    };
+    const struct render_scene scene = {.bounds_radius = 3};
+    struct punctual *p = NULL;
+
+    (void)state;
+    for (int kind = 0; kind < LIGHT_KIND_COUNT; kind++) {
+        struct scene_light light = light_of((enum scene_light_kind)kind);
+        struct light_weight weight = {0};
+        struct vec3 e;
+
+        light.inner_cone_rad = 0;
+        light.outer_cone_rad = PI_F / 4;
+        make(&p, &light, NULL);
+        assert_int_equal(p->kind, kind == LIGHT_GONIOMETRIC ? LIGHT_POINT : kind);
+        light_row((int)p->kind)->weigh(&scene, p, &weight);
+        assert_near(weight.power, power[kind], 1e-4 * power[kind]);
+        if (kind == LIGHT_DIRECTIONAL)
+            continue; /* shine knows places alone */
+        e = shine(p, vec3_make(0, 0, -1));
+        assert_near((double)e.y, 2.5, 1e-5);
+    }
+    mem_free(p);
+}
+
+/* A light whose cone, slide and range are drawn at random, and its bounds. */
+static void make_random(struct punctual **p, enum scene_light_kind kind,
+                        struct test_random *random, struct light_bounds *bounds)
+{
+    struct scene_light light = light_of(kind);
+    struct light_weight weight = {0};
+
+    light.outer_cone_rad = 0.05f + 1.5f * test_random_float(random);
+    light.inner_cone_rad = light.outer_cone_rad * test_random_float(random);
+    light.projection_yfov_rad = 0.05f + 2.5f * test_random_float(random);
+    light.range = test_random_float(random) < 0.5f ? 0 : 1 + 3 * test_random_float(random);
+    make(p, &light, NULL);
+    light_row((int)(*p)->kind)->weigh(NULL, *p, &weight);
+    *bounds = weight.bounds;
+    bounds->intensity = 1;
+}
+
+/* No light shines where its bounds say that it cannot: there the tree would never choose it. */
+static void test_bounds_hold(void **state)
+{
+    enum { LIGHTS = 60, PLACES = 200 };
+    struct test_random random = {23};
+    struct punctual *p = NULL;
+    struct error err = {0};
+
+    (void)state;
+    for (int kind = 0; kind < LIGHT_KIND_COUNT; kind++) {
+        int lit = 0, excluded = 0;
+
+        if (kind == LIGHT_DIRECTIONAL)
+            continue; /* the tree holds what has a place */
+        for (int k = 0; k < LIGHTS; k++) {
+            struct light_bounds bounds[2];
+            struct light_tree tree;
+
+            make_random(&p, LIGHT_POINT, &random, &bounds[1]);
+            make_random(&p, (enum scene_light_kind)kind, &random, &bounds[0]);
+            bounds[1].reach = INFINITY; /* the other one can always be chosen */
+            assert_int_equal(light_tree_init(&tree, bounds, 2, &err), STATUS_OK);
+            for (int i = 0; i < PLACES; i++) {
+                struct vec3 d = vec3_normalize(vec3_make(2 * test_random_float(&random) - 1,
+                                                         2 * test_random_float(&random) - 1,
+                                                         2 * test_random_float(&random) - 1));
+                float odds = light_tree_odds(&tree, vec3_mad(vec3_make(1, 2, 3), d, 2),
+                                             vec3_splat(0), 0);
+                int shines = !vec3_is_black(shine(p, d));
+
+                assert_true(odds > 0 || !shines);
+                lit += shines;
+                excluded += !(odds > 0);
+            }
+            light_tree_release(&tree);
+        }
+        assert_true(lit > LIGHTS * PLACES / 100 && excluded > LIGHTS * PLACES / 100);
+    }
+    mem_free(p);
 }
 
 /* Solid angles: an octant, a known tiny one, and areas of parts add up; samples are uniform:
@@ -216,7 +329,7 @@ static void test_spherical_triangles(void **state)
 static void test_one_lamp_is_one_leaf(void **state)
 {
     struct render_settings settings = builder_settings(4, 4, 1);
-    struct light_query query = {{0.3f, 0, 0.2f}, {0, 1, 0}, 0};
+    struct light_context query = {{0.3f, 0, 0.2f}, {0, 1, 0}, 0};
     struct render_scene *scene;
     struct scene_builder b;
     struct scene_material *m;
@@ -246,7 +359,7 @@ static void test_dark_triangles(void **state)
 {
     enum { SIDE = 8 };
     struct render_settings settings = builder_settings(4, 4, 1);
-    struct light_query query = {{0, 0, 0}, {0, 0, 0}, 0};
+    struct light_context query = {{0, 0, 0}, {0, 0, 0}, 0};
     float rgb[SIDE * SIDE * 3] = {0};
     struct render_scene *scene;
     struct scene_builder b;
@@ -299,6 +412,8 @@ int main(void)
         cmocka_unit_test(test_falloffs),
         cmocka_unit_test(test_projection),
         cmocka_unit_test(test_goniometric),
+        cmocka_unit_test(test_rows),
+        cmocka_unit_test(test_bounds_hold),
         cmocka_unit_test(test_spherical_triangles),
         cmocka_unit_test(test_one_lamp_is_one_leaf),
         cmocka_unit_test(test_dark_triangles),

@@ -488,9 +488,9 @@ static void test_camera_and_light(void **state)
     assert_int_equal(scene->camera.motion_steps, 2);
     assert_true(scene->camera.to_world.m[1][3] == 0);
     assert_true(camera_to_world_at(&scene->camera, 0.5f).m[1][3] == 1.5f);
-    assert_int_equal(scene->emitters.punctual[0].motion.steps, 2);
-    assert_true(scene->emitters.punctual[0].pose.position.y == 1);
-    assert_true(scene->emitters.punctual[0].motion.at[1].position.y == 5);
+    assert_int_equal(scene->emitters.punctual[0]->motion.steps, 2);
+    assert_true(scene->emitters.punctual[0]->pose.position.y == 1);
+    assert_true(scene->emitters.punctual[0]->motion.at[1].position.y == 5);
     render_scene_free(scene);
     /* Half a frame a second: frame 1 is at half a second. */
     settings.fps = 2;
@@ -556,7 +556,7 @@ static void test_light_alone(void **state)
         assert_int_equal(scene->camera.shutter_open, cases[k].moves);
         assert_int_equal(scene->effects >> EFFECT_BIT_MOTION_BLUR & 1, cases[k].moves);
         if (scene->emitters.punctual_count)
-            assert_int_equal(scene->emitters.punctual[0].motion.steps > 0, cases[k].moves);
+            assert_int_equal(scene->emitters.punctual[0]->motion.steps > 0, cases[k].moves);
         render_scene_free(scene);
         if (cases[k].moves) {
             scene_effects(&b.scene, &settings, 0, causes);

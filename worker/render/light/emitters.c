@@ -5,165 +5,14 @@
 
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
-#include "worker/render/light/spherical.h"
-#include "worker/render/surface.h"
-#include "worker/render/texture_dark.h"
 #include "worker/render/world.h"
 
 /* A group's share of the choices where there are others; where all lights are alike, it is bounded
  * only so that the random number that was spent on the choice stays fine enough for the place. */
 #define GROUP_ODDS_MIN 0.25
 #define GROUP_ODDS_MIN_ALIKE 0x1p-8
-/* An emissive texture is averaged over a triangle on a pattern about as fine as the texels of
- * an image of TEXELS_A_SIDE; what the pattern misses counts as at least this much of the
- * material's factor, so that no lit spot is ever without odds. Triangles that the texture leaves
- * dark throughout are none of the lights. */
-enum { TEXELS_A_SIDE = 1024, PATTERN_MIN = 4, PATTERN_MAX = 48 };
-#define UNSEEN_EMISSION 1e-4
 
 /* ---- weighing ---------------------------------------------------------------------------- */
-
-static uint32_t pattern_side(const struct world_slot *slot, const struct world_mesh *mesh,
-                             const uint32_t vertex[3])
-{
-    const float *uv = mesh->uv[slot->uv_set];
-    float longest = 0, side;
-
-    for (int k = 0; uv && k < 3; k++)
-        for (int axis = 0; axis < 2; axis++) {
-            const float *a = uv + 2 * (size_t)vertex[k], *b = uv + 2 * (size_t)vertex[(k + 1) % 3];
-            float du = b[0] - a[0], dv = b[1] - a[1];
-
-            longest = float_max(longest,
-                                fabsf(slot->m[axis][0] * du + slot->m[axis][1] * dv));
-        }
-    side = longest * TEXELS_A_SIDE;
-    return side >= PATTERN_MAX ? PATTERN_MAX : side > PATTERN_MIN ? (uint32_t)side : PATTERN_MIN;
-}
-
-/* Is the slot's image black all over the triangle? */
-static int slot_is_dark(const struct texture_dark *dark, const struct world_slot *slot,
-                        const struct world_mesh *mesh, const uint32_t vertex[3])
-{
-    const float *uv = mesh->uv[slot->uv_set];
-    double range[2][2];
-
-    for (int axis = 0; axis < 2; axis++) {
-        const float *m = slot->m[axis];
-        double largest = 0, low = INFINITY, high = -INFINITY;
-
-        for (int k = 0; k < 3; k++) {
-            double u = uv ? (double)uv[2 * (size_t)vertex[k]] : 0;
-            double v = uv ? (double)uv[2 * (size_t)vertex[k] + 1] : 0;
-            double at = (double)m[0] * u + (double)m[1] * v + (double)m[2];
-
-            low = fmin(low, at);
-            high = fmax(high, at);
-            largest = fmax(largest, fabs((double)m[0] * u) + fabs((double)m[1] * v) +
-                                        fabs((double)m[2]));
-        }
-        /* Points in between are interpolated and transformed in float. */
-        range[axis][0] = low - 0x1p-20 * largest;
-        range[axis][1] = high + 0x1p-20 * largest;
-    }
-    return texture_dark_in(dark, &slot->texture, range[0], range[1]);
-}
-
-/* Mean emitted luminance of a triangle that is not dark. */
-static double triangle_luminance(const struct world_material *material,
-                                 const struct world_mesh *mesh, const uint32_t vertex[3])
-{
-    double whole = (double)vec3_luminance(vec3_make(
-               material->m.emission[0], material->m.emission[1], material->m.emission[2])),
-           sum = 0;
-    uint32_t side, n = 0;
-
-    if (!material->emission.image)
-        return whole;
-    side = pattern_side(&material->emission, mesh, vertex);
-    for (uint32_t i = 0; i < side; i++)
-        for (uint32_t j = 0; j < side - i; j++, n++) {
-            float b1 = ((float)i + 1.0f / 3) / (float)side;
-            float b2 = ((float)j + 1.0f / 3) / (float)side;
-
-            sum += (double)vec3_luminance(world_emission(material, mesh, vertex, b1, b2));
-        }
-    sum /= n;
-    return sum > UNSEEN_EMISSION * whole ? sum : UNSEEN_EMISSION * whole;
-}
-
-/* Twice the area as a vector, of the triangle with its first edge from one moment and its
- * second from another. */
-static struct vec3 crossed(const struct vec3 a[3], const struct vec3 b[3])
-{
-    return vec3_cross(vec3_sub(a[1], a[0]), vec3_sub(b[2], b[0]));
-}
-
-/* Normals of a triangle whose corners move along straight lines are combinations, with positive
- * weights, of those at both ends and of the mean of the mixed ones (Bernstein's form): a
- * cone of less than a right angle around all those holds every normal in between. */
-static void cone_add_normal(struct light_bounds *b, struct vec3 doubled)
-{
-    struct vec3 normal = vec3_normalize(doubled);
-    float cosine;
-
-    if (vec3_is_black(normal))
-        return;
-    if (vec3_is_black(b->axis)) {
-        b->axis = normal;
-        return;
-    }
-    cosine = vec3_dot(b->axis, normal);
-    b->spread_rad = float_max(b->spread_rad, cosine >= 1 - 1e-6f ? 0 : det_acos(cosine) + 1e-3f);
-}
-
-/* Where a triangle is and which way it faces while the shutter is open; its largest area. */
-static float triangle_bounds(const struct render_scene *scene,
-                             const struct world_instance *instance, uint32_t triangle,
-                             struct light_bounds *b)
-{
-    uint32_t steps = instance->motion_steps > 1 ? instance->motion_steps : 1;
-    float sign = instance->flipped ? -1.0f : 1.0f, doubled_area = 0;
-    struct vec3 before[3] = {{0, 0, 0}};
-
-    b->min = vec3_splat(INFINITY);
-    b->max = vec3_splat(-INFINITY);
-    for (uint32_t k = 0; k < steps; k++) {
-        float time = steps > 1 ? (float)k / (float)(steps - 1) : 0;
-        struct vec3 corner[3], doubled;
-
-        world_triangle(scene, instance, triangle, time, corner);
-        for (int c = 0; c < 3; c++)
-            light_bounds_add(b, corner[c]);
-        doubled = crossed(corner, corner);
-        cone_add_normal(b, vec3_scale(doubled, sign));
-        if (k > 0)
-            cone_add_normal(b, vec3_scale(vec3_add(crossed(before, corner),
-                                                   crossed(corner, before)), sign));
-        doubled_area = float_max(doubled_area, vec3_length(doubled));
-        memcpy(before, corner, sizeof before);
-    }
-    if (b->spread_rad >= PI_F / 2)
-        b->spread_rad = PI_F;
-    return 0.5f * doubled_area;
-}
-
-/* First pass: number the emissive instances' triangles. */
-static uint64_t count_triangles(struct render_scene *scene)
-{
-    uint64_t total = 0;
-
-    for (uint32_t i = 0; i < scene->instance_count; i++) {
-        struct world_instance *instance = &scene->instances[i];
-        instance->light_base = -1;
-        if (!(scene->materials[instance->material].flags & MATERIAL_EMISSIVE) ||
-            scene->materials[instance->material].m.unlit)
-            continue;
-        instance->light_base = (int32_t)(total < INT32_MAX ? total : INT32_MAX);
-        total += scene->meshes[instance->mesh].triangle_count;
-    }
-    return total;
-}
 
 /* Intensities in double, so that sums of the largest floats hold. */
 struct weights {
@@ -175,109 +24,58 @@ struct weights {
     enum light_choice choice;
 };
 
-/* Where the material's emissive texture is dark: made for the first that asks, NULL if it has
- * none. `maps`: [image_count]. */
-static status dark_map(const struct world_material *material, struct texture_dark **maps,
-                       const struct texture_dark **out, struct error *err)
+static struct light_weight weight_of(const struct render_scene *scene, int kind, const void *light)
 {
-    const struct world_slot *slot = &material->emission;
-    status s = STATUS_OK;
+    struct light_weight out = {0};
 
-    *out = NULL;
-    if (!slot->image)
-        return STATUS_OK;
-    if (!maps[slot->texture.image])
-        s = texture_dark_new(&maps[slot->texture.image], slot->image, err);
-    *out = maps[slot->texture.image];
-    return s;
+    light_row(kind)->weigh(scene, light, &out);
+    out.power = out.power > 0 && isfinite(out.power) ? out.power : 0;
+    return out;
 }
 
-/* Bounds of all triangles, from `next` on. */
-static status weigh_triangles(struct emitters *e, const struct render_scene *scene,
-                              struct texture_dark **maps, struct weights *w, uint32_t next,
-                              struct error *err)
+static void weigh_item(struct weights *w, uint32_t item, const struct light_weight *weight)
 {
-    uint32_t at = 0;
-
-    for (uint32_t i = 0; i < scene->instance_count; i++) {
-        const struct world_instance *instance = &scene->instances[i];
-        const struct world_mesh *mesh = &scene->meshes[instance->mesh];
-        const struct world_material *material = &scene->materials[instance->material];
-        const struct texture_dark *map;
-        status s;
-
-        if (instance->light_base < 0)
-            continue;
-        s = dark_map(material, maps, &map, err);
-        if (s != STATUS_OK)
-            return s;
-        for (uint32_t t = 0; t < mesh->triangle_count; t++, at++) {
-            struct light_bounds *b = &w->bounds[next + at];
-            double intensity, power;
-
-            e->triangle_instance[at] = i;
-            e->triangle_index[at] = t;
-            if (map && slot_is_dark(map, &material->emission, mesh, world_vertices(mesh, t))) {
-                e->dark[at / 8] |= (uint8_t)(1 << at % 8);
-                continue;
-            }
-
-            b->area = triangle_bounds(scene, instance, t, b);
-            b->emission_rad = PI_F / 2;
-            b->reach = INFINITY;
-            b->lamp = i;
-            b->two_sided = material->m.double_sided;
-            intensity = (double)b->area *
-                        triangle_luminance(material, mesh, world_vertices(mesh, t));
-            w->intensity[next + at] = intensity > 0 && isfinite(intensity) ? intensity : 0;
-            power = w->intensity[next + at] * PI_D * (b->two_sided ? 2 : 1);
-            w->local_power += power;
-            w->local_lit += power > 0;
-            if (w->choice == LIGHT_CHOICE_POWER)
-                w->intensity[next + at] = power;
-        }
-    }
-    return STATUS_OK;
+    w->bounds[item] = weight->bounds;
+    w->intensity[item] = w->choice == LIGHT_CHOICE_POWER ? weight->power
+                         : weight->power > 0             ? weight->intensity : 0;
+    w->local_power += weight->power;
+    w->local_lit += weight->power > 0;
 }
 
-/* The directional lights to the front, each with its share; bounds of the others. */
-static void weigh_punctual(struct emitters *e, const struct render_scene *scene,
-                           const struct scene_light *lights,
-                           const struct punctual_motion *motion, struct weights *w)
+static void weigh_lights(const struct emitters *e, const struct render_scene *scene,
+                         struct weights *w)
 {
-    double radius = (double)scene->bounds_radius, sum = 0;
-    int alike = w->choice == LIGHT_CHOICE_UNIFORM;
-    uint32_t at = 0;
+    uint32_t item = 0;
 
-    for (int directional = 1; directional >= 0; directional--)
-        for (uint32_t i = 0; i < e->punctual_count; i++)
-            if ((lights[i].kind == LIGHT_DIRECTIONAL) == directional) {
-                punctual_init(&e->punctual[at], &lights[i],
-                              lights[i].image >= 0 ? scene->images[lights[i].image] : NULL);
-                e->punctual[at++].motion = motion[i];
-            }
     for (uint32_t i = 0; i < e->punctual_count; i++) {
-        double power = punctual_power(&e->punctual[i], radius);
+        const struct punctual *light = e->punctual[i];
+        struct light_weight weight = weight_of(scene, (int)light->kind, light);
 
-        power = power > 0 && isfinite(power) ? power : 0;
         if (i < e->directional_count) {
-            w->directional_power += power;
-            w->directional_lit += power > 0;
+            w->directional_power += weight.power;
+            w->directional_lit += weight.power > 0;
         } else {
-            struct light_bounds *b = &w->bounds[i - e->directional_count];
-
-            punctual_bounds(&e->punctual[i], b);
-            w->intensity[i - e->directional_count] =
-                w->choice == LIGHT_CHOICE_POWER ? power : power > 0 ? (double)b->intensity : 0;
-            w->local_power += power;
-            w->local_lit += power > 0;
+            weigh_item(w, item++, &weight);
         }
     }
-    for (uint32_t i = 0; i < e->directional_count; i++) {
-        double power = punctual_power(&e->punctual[i], radius);
-        double total = alike ? w->directional_lit : w->directional_power;
+    for (uint32_t i = 0; i < e->triangle_count; i++, item++)
+        if (!emitters_is_dark(e, i)) {
+            struct light_weight weight = weight_of(scene, LIGHT_TRIANGLE, &e->triangles[i]);
 
-        power = power > 0 && isfinite(power) ? power : 0;
+            weigh_item(w, item, &weight);
+        }
+}
+
+/* Where each directional light's share of the choices begins. */
+static void share_directional(struct emitters *e, const struct render_scene *scene,
+                              const struct weights *w)
+{
+    int alike = w->choice == LIGHT_CHOICE_UNIFORM;
+    double total = alike ? w->directional_lit : w->directional_power, sum = 0;
+
+    for (uint32_t i = 0; i < e->directional_count; i++) {
+        double power = weight_of(scene, LIGHT_DIRECTIONAL, e->punctual[i]).power;
+
         e->directional_start[i] = total > 0 ? (float)(sum / total) : 0;
         sum += alike ? power > 0 : power;
     }
@@ -294,6 +92,17 @@ static double bounded_share(double part, double rest, double least)
     return share < least ? least : share > 1 - least ? 1 - least : share;
 }
 
+static double environment_weight(const struct emitters *e, const struct render_scene *scene,
+                                 int alike)
+{
+    double power;
+
+    if (!e->has_environment || alike)
+        return e->has_environment;
+    power = weight_of(scene, LIGHT_ENVIRONMENT, &e->environment).power;
+    return power > 0 ? power : DBL_MIN; /* the faintest environment is sampled too */
+}
+
 static void share_groups(struct emitters *e, const struct render_scene *scene,
                          const struct weights *w)
 {
@@ -301,17 +110,10 @@ static void share_groups(struct emitters *e, const struct render_scene *scene,
     double directional_weight = alike ? w->directional_lit : w->directional_power;
     double local_weight = alike ? w->local_lit : w->local_power;
     double least = alike ? GROUP_ODDS_MIN_ALIKE : GROUP_ODDS_MIN;
-    double radius = (double)scene->bounds_radius, environment = 0, share, directional;
+    double share = bounded_share(environment_weight(e, scene, alike),
+                                 directional_weight + local_weight, least);
+    double directional = bounded_share(directional_weight, local_weight, least);
 
-    if (e->has_environment)
-        environment = 4 * PI_D * PI_D * radius * radius *
-                      (double)environment_mean_luminance(scene->environment);
-    /* The faintest environment is sampled too. */
-    environment = e->has_environment && !(environment > 0) ? DBL_MIN : environment;
-    if (alike)
-        environment = e->has_environment;
-    share = bounded_share(environment, directional_weight + local_weight, least);
-    directional = bounded_share(directional_weight, local_weight, least);
     e->environment_odds = (float)share;
     e->directional_odds =
         w->local_power > 0 ? (float)((1 - share) * directional)
@@ -341,14 +143,74 @@ static status grow_tree(struct emitters *e, struct weights *w, struct error *err
     return light_tree_init(&e->tree, w->bounds, w->count, err);
 }
 
+static status choose_odds(struct emitters *e, const struct render_scene *scene, struct error *err)
+{
+    struct weights w = {.choice = scene->settings.light_choice};
+    status s;
+
+    w.count = emitters_local_punctual(e) + e->triangle_count;
+    w.bounds = mem_calloc(w.count, sizeof *w.bounds);
+    w.intensity = mem_calloc(w.count, sizeof *w.intensity);
+    if (w.bounds && w.intensity) {
+        weigh_lights(e, scene, &w);
+        share_directional(e, scene, &w);
+        share_groups(e, scene, &w);
+        s = grow_tree(e, &w, err);
+    } else {
+        s = error_no_memory(err, "the table of lights");
+    }
+    mem_free(w.bounds);
+    mem_free(w.intensity);
+    return s;
+}
+
+/* ---- making ------------------------------------------------------------------------------- */
+
+/* The directional lights to the front. */
+static status make_punctual(struct emitters *e, const struct render_scene *scene,
+                            const struct scene_light *lights,
+                            const struct punctual_motion *motion, struct error *err)
+{
+    uint32_t at = 0;
+
+    for (int directional = 1; directional >= 0; directional--)
+        for (uint32_t i = 0; i < e->punctual_count; i++) {
+            const struct scene_light *light = &lights[i];
+
+            if ((light->kind == LIGHT_DIRECTIONAL) != directional)
+                continue;
+            e->punctual[at] = light_row((int)light->kind)
+                                  ->create(light, light->image >= 0 ? scene->images[light->image]
+                                                                    : NULL);
+            if (!e->punctual[at])
+                return error_no_memory(err, "the table of lights");
+            e->punctual[at++]->motion = motion[i];
+        }
+    return STATUS_OK;
+}
+
+static status make_environment(struct emitters *e, const struct render_scene *scene,
+                               const struct scene_portal *portals, uint32_t portal_count,
+                               struct error *err)
+{
+    enum env_sampling sampling = scene->settings.env_sampling;
+
+    e->has_environment = scene->environment && !environment_is_black(scene->environment) &&
+                         sampling != ENV_SAMPLING_BSDF;
+    if (!e->has_environment)
+        return STATUS_OK;
+    e->environment.map = scene->environment;
+    e->environment.alone =
+        sampling == ENV_SAMPLING_IMPORTANCE_ONLY || sampling == ENV_SAMPLING_UNIFORM_ONLY;
+    return portals_init(&e->environment.portals, portals, portal_count, err);
+}
+
 status emitters_init(struct emitters *e, struct render_scene *scene,
                      const struct scene_light *lights, const struct punctual_motion *motion,
                      uint32_t light_count, const struct scene_portal *portals,
                      uint32_t portal_count, struct error *err)
 {
-    uint64_t triangles = count_triangles(scene);
-    struct texture_dark **maps = NULL;
-    struct weights w = {.choice = scene->settings.light_choice};
+    uint64_t triangles = triangle_lights_count(scene);
     status s;
 
     memset(e, 0, sizeof *e);
@@ -359,40 +221,17 @@ status emitters_init(struct emitters *e, struct render_scene *scene,
     e->punctual_count = light_count;
     for (uint32_t i = 0; i < light_count; i++)
         e->directional_count += lights[i].kind == LIGHT_DIRECTIONAL;
-    e->has_environment = scene->environment && !environment_is_black(scene->environment) &&
-                         scene->settings.env_sampling != ENV_SAMPLING_BSDF;
-    e->environment_alone = e->has_environment &&
-                           (scene->settings.env_sampling == ENV_SAMPLING_IMPORTANCE_ONLY ||
-                            scene->settings.env_sampling == ENV_SAMPLING_UNIFORM_ONLY);
-    w.count = light_count - e->directional_count + e->triangle_count;
-    w.bounds = mem_calloc(w.count, sizeof *w.bounds);
-    w.intensity = mem_calloc(w.count, sizeof *w.intensity);
     e->punctual = mem_calloc(light_count, sizeof *e->punctual);
     e->directional_start = mem_calloc((size_t)e->directional_count + 1,
                                       sizeof *e->directional_start);
-    e->triangle_instance = mem_alloc_array(e->triangle_count, sizeof *e->triangle_instance);
-    e->triangle_index = mem_alloc_array(e->triangle_count, sizeof *e->triangle_index);
+    e->triangles = mem_alloc_array(e->triangle_count, sizeof *e->triangles);
     e->dark = mem_calloc((size_t)e->triangle_count / 8 + 1, 1);
-    maps = mem_calloc((size_t)scene->image_count + 1, sizeof *maps);
-    if (!w.bounds || !w.intensity || !e->punctual || !e->directional_start ||
-        !e->triangle_instance || !e->triangle_index || !e->dark || !maps) {
+    if (!e->punctual || !e->directional_start || !e->triangles || !e->dark)
         s = error_no_memory(err, "the table of lights");
-        goto done;
-    }
-    weigh_punctual(e, scene, lights, motion, &w);
-    s = weigh_triangles(e, scene, maps, &w, light_count - e->directional_count, err);
-    if (s != STATUS_OK)
-        goto done;
-    share_groups(e, scene, &w);
-    s = grow_tree(e, &w, err);
-    if (s == STATUS_OK && e->has_environment)
-        s = portals_init(&e->portals, portals, portal_count, err);
-done:
-    for (uint32_t i = 0; maps && i < scene->image_count; i++)
-        texture_dark_free(maps[i]);
-    mem_free(maps);
-    mem_free(w.bounds);
-    mem_free(w.intensity);
+    else if ((s = make_punctual(e, scene, lights, motion, err)) == STATUS_OK &&
+             (s = triangle_lights_find(scene, e->triangles, e->dark, err)) == STATUS_OK &&
+             (s = make_environment(e, scene, portals, portal_count, err)) == STATUS_OK)
+        s = choose_odds(e, scene, err);
     if (s != STATUS_OK)
         emitters_release(e);
     return s;
@@ -400,13 +239,14 @@ done:
 
 void emitters_release(struct emitters *e)
 {
-    portals_release(&e->portals);
+    portals_release(&e->environment.portals);
     light_tree_release(&e->tree);
     light_table_release(&e->table);
-    mem_free(e->directional_start);
+    for (uint32_t i = 0; e->punctual && i < e->punctual_count; i++)
+        mem_free(e->punctual[i]);
     mem_free(e->punctual);
-    mem_free(e->triangle_instance);
-    mem_free(e->triangle_index);
+    mem_free(e->directional_start);
+    mem_free(e->triangles);
     mem_free(e->dark);
     memset(e, 0, sizeof *e);
 }

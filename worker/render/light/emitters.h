@@ -1,13 +1,12 @@
-/* emitters: every light that next-event estimation may choose, and the odds of each.
+/* emitters: all lights of a scene, and next-event estimation's choice among them.
  *
  * Three groups share the choices with fixed odds: the environment (if it is sampled), the
- * directional lights, and everything that has a place: the other punctual lights and the
- * triangles of emissive instances, among which a tree chooses by what they can do at the point
- * that asks (worker/render/light/tree.h). Groups share by power, but each within bounds,
- * because power says nothing about which light a point can see.
+ * directional lights, and everything that has a place: the other lights of the scene's list and the
+ * triangles of emissive instances, among which a tree chooses by what they can do at the light
+ * sampling context (tree.h). Groups share by power, but each within bounds, because power says
+ * nothing about which light a point can see.
  * Where the job's light choice is another, there is no tree but a table (light_table.h), in which
  * lights are weighed by their power or all alike.
- * The environment is sampled by its map, or through the scene's portals, or both by halves.
  */
 #ifndef AZULEJO_RENDER_EMITTERS_H
 #define AZULEJO_RENDER_EMITTERS_H
@@ -17,11 +16,12 @@
 #include "common/base/status.h"
 #include "common/math/vec.h"
 #include "common/scene/scene.h"
-#include "worker/render/accel.h"
+#include "worker/render/light/environment_light.h"
+#include "worker/render/light/light.h"
 #include "worker/render/light/light_table.h"
-#include "worker/render/light/portals.h"
 #include "worker/render/light/punctual.h"
 #include "worker/render/light/tree.h"
+#include "worker/render/light/triangle_light.h"
 
 struct render_scene;
 
@@ -29,31 +29,15 @@ struct emitters {
     uint32_t count;               /* lights; 0: nothing to sample */
     uint32_t punctual_count, triangle_count;
     int has_environment;
-    int environment_alone;        /* only light sampling finds it: no MIS */
     float environment_odds, directional_odds, local_odds; /* of the groups; their sum is 1 */
-    struct punctual *punctual;    /* [punctual_count], the directional ones first */
+    struct environment_light environment;
+    struct punctual **punctual;   /* [punctual_count], the directional ones first */
     uint32_t directional_count;
     float *directional_start;     /* [directional_count + 1] where each one's share begins */
     struct light_tree tree;       /* items: punctual lights with a place, then the triangles */
     struct light_table table;     /* of the same items, in place of the tree */
-    uint32_t *triangle_instance;  /* [triangle_count] */
-    uint32_t *triangle_index;     /* [triangle_count] */
+    struct triangle_light *triangles; /* [triangle_count] */
     uint8_t *dark;                /* [triangle_count] bits: the emissive texture is black there */
-    struct portals portals;
-};
-
-/* A light seen from a point. */
-struct light_sample {
-    struct vec3 direction; /* unit, towards the light */
-    float distance;        /* metres; INFINITY for the environment */
-    int on_face;           /* the light is a point of this face */
-    struct hit face;
-    float inset, cosine;   /* of that point and direction (struct ray) */
-    struct vec3 radiance;  /* radiance, or irradiance-like intensity for delta lights */
-    float pdf;             /* solid angle, times the odds of choosing this light; for delta
-                              lights the odds alone */
-    int delta;             /* nothing but light sampling finds it (punctual lights, and an environment
-                              that is sampled alone): no MIS */
 };
 
 /* Needs the scene's instances (with their motion), materials, images, environment and bounding
@@ -71,31 +55,30 @@ static inline int emitters_is_dark(const struct emitters *e, uint32_t light)
     return e->dark[light / 8] >> light % 8 & 1;
 }
 
-/* Who asks for light: which emitters are worth choosing depends on it. */
-struct light_query {
-    struct vec3 p;      /* world */
-    struct vec3 n;      /* unit geometric normal; black: light from any side counts (media, and
-                           surfaces that transmit) */
-    float time;         /* 0..1 of the shutter */
-};
+/* How many items of the tree are not triangles. */
+static inline uint32_t emitters_local_punctual(const struct emitters *e)
+{
+    return e->punctual_count - e->directional_count;
+}
 
-/* Sample a light for the query. The same numbers choose the light and, rescaled, the place on
+/* Sample a light for the context. The same numbers choose the light and, rescaled, the place on
  * it: each in [0, 1). Returns 0 for "no sample". Charges the kind of light (charge.h). */
-int emitters_sample(const struct render_scene *scene, const struct light_query *query, float u,
+int emitters_sample(const struct render_scene *scene, const struct light_context *context, float u,
                     float v, struct light_sample *out);
 
 /* Solid-angle density (odds included) with which emitters_sample would have picked
  * `direction` on the environment. */
-float emitters_environment_pdf(const struct render_scene *scene, const struct light_query *query,
-                               struct vec3 direction);
+float emitters_environment_pdf(const struct render_scene *scene,
+                               const struct light_context *context, struct vec3 direction);
 /* The environment's radiance along with it: they share the work. */
-struct vec3 emitters_environment(const struct render_scene *scene, const struct light_query *query,
-                                 struct vec3 direction, float *pdf);
+struct vec3 emitters_environment(const struct render_scene *scene,
+                                 const struct light_context *context, struct vec3 direction,
+                                 float *pdf);
 
 /* Solid-angle density (odds included) with which emitters_sample would have picked the point
  * at that distance on a triangle of an emissive instance. `light`: the instance's light_base +
  * the triangle; `cosine`: absolute cosine at the light; `area`: the triangle's, m^2. */
-float emitters_triangle_pdf(const struct render_scene *scene, const struct light_query *query,
+float emitters_triangle_pdf(const struct render_scene *scene, const struct light_context *context,
                             uint32_t light, float distance_squared, float cosine, float area);
 
 #endif

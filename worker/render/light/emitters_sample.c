@@ -1,203 +1,41 @@
 /* emitters_sample: choosing a light at a path's vertex, and the odds of having chosen one. */
-#include "common/math/elementary.h"
 #include "worker/render/charge.h"
 #include "worker/render/has.h"
 #include "worker/render/light/emitters.h"
-#include "worker/render/surface.h"
 #include "worker/render/world.h"
 
-/* The share of the environment's samples that go through portals, where some can be seen. */
-#define PORTAL_SHARE 0.5f
-
-/* ---- the environment --------------------------------------------------------------------- */
-
-/* Density of a direction, given the map's. */
-static float emitters_map_or_portals(const struct emitters *e, const struct light_query *query,
-                                     struct vec3 direction, float map_pdf)
+/* The one place where kinds of light are told apart: each row of the table has its function, which is
+ * left out of kernels without its effect, and its account. */
+static inline int emitters_sample_light(const struct render_scene *scene, int kind,
+                                        const void *light, const struct light_context *context,
+                                        float u, float v, struct light_sample *out)
 {
-    float portal_pdf;
-
-    if (!HAS(PORTAL) || e->portals.count == 0)
-        return map_pdf;
-    CHARGE_SCOPE(PORTAL);
-    portal_pdf = portals_pdf(&e->portals, query->p, query->n, direction);
-    return portal_pdf < 0 ? map_pdf : (1 - PORTAL_SHARE) * map_pdf + PORTAL_SHARE * portal_pdf;
+    switch (kind) {
+#define LIGHT_CASE(KIND, prefix, EFFECT, ACCOUNT)                                         \
+    case LIGHT_##KIND:                                                                    \
+        if (!HAS(EFFECT))                                                                 \
+            return 0;                                                                     \
+        charge_set(ACTIVE(scene, ACCOUNT) ? CHARGE_OF(ACCOUNT) : CHARGE_OF(EFFECT));      \
+        return prefix##_sample(scene, light, context, u, v, out);
+        LIGHT_KINDS(LIGHT_CASE)
+#undef LIGHT_CASE
+    }
+    return 0;
 }
 
-struct vec3 emitters_environment(const struct render_scene *scene, const struct light_query *query,
-                                 struct vec3 direction, float *pdf)
+static int emitters_sample_punctual(const struct render_scene *scene,
+                                    const struct punctual *light,
+                                    const struct light_context *context, struct light_sample *out)
+{
+    return out->pdf > 0 &&
+           emitters_sample_light(scene, (int)light->kind, light, context, 0, 0, out);
+}
+
+static int emitters_sample_directional(const struct render_scene *scene,
+                                       const struct light_context *context, float u,
+                                       struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
-    struct vec3 radiance;
-
-    *pdf = 0;
-    if (!scene->environment)
-        return vec3_splat(0);
-    if (!e->has_environment)
-        return environment_radiance(scene->environment, direction);
-    radiance = environment_radiance_pdf(scene->environment, direction, pdf);
-    *pdf = emitters_map_or_portals(e, query, direction, *pdf) * e->environment_odds;
-    return radiance;
-}
-
-float emitters_environment_pdf(const struct render_scene *scene, const struct light_query *query,
-                               struct vec3 direction)
-{
-    float pdf;
-
-    (void)emitters_environment(scene, query, direction, &pdf);
-    return pdf;
-}
-
-/* Where the part of [0, 1) that begins at `start` and is `size` long contains the number. What
- * is left of a number is as good as a new one. */
-static float emitters_rescaled(float number, float start, float size)
-{
-    return float_min(float_max((number - start) / size, 0), ONE_MINUS_EPSILON);
-}
-
-static int emitters_sees_portal(const struct emitters *e, const struct light_query *query)
-{
-    CHARGE_SCOPE(PORTAL);
-    return portals_visible(&e->portals, query->p, query->n);
-}
-
-static int emitters_sample_map(const struct render_scene *scene, const struct light_query *query,
-                               float u, float v, struct light_sample *out)
-{
-    const struct emitters *e = &scene->emitters;
-    float map_pdf;
-
-    out->delta = e->environment_alone;
-    out->distance = INFINITY;
-    CHARGE(ENVIRONMENT);
-    if (!HAS(PORTAL) || e->portals.count == 0 || !emitters_sees_portal(e, query)) {
-        if (!environment_sample(scene->environment, u, v, &out->direction, &out->radiance,
-                                &out->pdf))
-            return 0;
-        out->pdf *= e->environment_odds;
-        return out->pdf > 0;
-    }
-    if (u < PORTAL_SHARE) {
-        CHARGE(PORTAL);
-        if (!portals_sample(&e->portals, query->p, query->n,
-                            emitters_rescaled(u, 0, PORTAL_SHARE), v, &out->direction))
-            return 0;
-        out->radiance = emitters_environment(scene, query, out->direction, &out->pdf);
-        return out->pdf > 0;
-    }
-    if (!environment_sample(scene->environment,
-                            emitters_rescaled(u, PORTAL_SHARE, 1 - PORTAL_SHARE), v, &out->direction,
-                            &out->radiance, &map_pdf))
-        return 0;
-    out->pdf = emitters_map_or_portals(e, query, out->direction, map_pdf) * e->environment_odds;
-    return out->pdf > 0;
-}
-
-/* ---- lights with a place ----------------------------------------------------------------- */
-
-float emitters_triangle_pdf(const struct render_scene *scene, const struct light_query *query,
-                            uint32_t light, float distance_squared, float cosine, float area)
-{
-    const struct emitters *e = &scene->emitters;
-    float denominator = cosine * area, odds;
-
-    if (!(denominator > 0))
-        return 0;
-    light += e->punctual_count - e->directional_count;
-    odds = e->tree.node_count == 0 ? light_table_odds(&e->table, light)
-                                   : light_tree_odds(&e->tree, query->p, query->n, light);
-    return e->local_odds * odds * distance_squared / denominator;
-}
-
-/* A lower bound of the distance to the nearest edge: see surface_inset. */
-static float emitters_inset(float b1, float b2, float double_area, struct vec3 e1, struct vec3 e2)
-{
-    float a = vec3_dot(e1, e1), b = vec3_dot(e2, e2);
-    float c = vec3_length_squared(vec3_sub(e1, e2));
-
-    return float_min(b1, float_min(b2, 1 - b1 - b2)) * double_area /
-           sqrtf(float_max(a, float_max(b, c)));
-}
-
-static int emitters_sample_triangle(const struct render_scene *scene, uint32_t light,
-                                    const struct light_query *query, float u, float v, float odds,
-                                    struct light_sample *out)
-{
-    const struct emitters *e = &scene->emitters;
-    const struct world_instance *instance = &scene->instances[e->triangle_instance[light]];
-    const struct world_mesh *mesh = &scene->meshes[instance->mesh];
-    const struct world_material *material = &scene->materials[instance->material];
-    uint32_t triangle = e->triangle_index[light];
-    struct vec3 corner[3], e1, e2, normal, point, to_light;
-    float b1, b2, double_area, cosine, distance_squared;
-
-    world_triangle(scene, instance, triangle, query->time, corner);
-    /* Heitz 2019's low-distortion map of the square onto a triangle. */
-    if (v > u) {
-        b1 = 0.5f * u;
-        b2 = v - b1;
-    } else {
-        b2 = 0.5f * v;
-        b1 = u - b2;
-    }
-    e1 = vec3_sub(corner[1], corner[0]);
-    e2 = vec3_sub(corner[2], corner[0]);
-    normal = vec3_cross(e1, e2);
-    double_area = vec3_length(normal);
-    if (!(double_area > 0))
-        return 0;
-    normal = vec3_scale(normal, (instance->flipped ? -1 : 1) / double_area);
-    point = vec3_add(corner[0], vec3_add(vec3_scale(e1, b1), vec3_scale(e2, b2)));
-    to_light = vec3_sub(point, query->p);
-    cosine = -vec3_dot(normal, to_light);
-    if (cosine < 0 && !material->m.double_sided)
-        return 0;
-    distance_squared = vec3_length_squared(to_light);
-    if (!(distance_squared > 0) || !isfinite(distance_squared))
-        return 0;
-    out->distance = sqrtf(distance_squared);
-    out->direction = vec3_scale(to_light, 1 / out->distance);
-    cosine = fabsf(vec3_dot(normal, out->direction));
-    if (!(cosine > 0))
-        return 0;
-    out->on_face = 1;
-    out->face = (struct hit){e->triangle_instance[light], triangle};
-    out->cosine = cosine;
-    out->inset = world_near_boundary(scene, point) ? 0
-                                                   : emitters_inset(b1, b2, double_area, e1, e2);
-    out->pdf = odds * distance_squared / (cosine * (0.5f * double_area));
-    out->radiance = world_emission(material, mesh, world_vertices(mesh, triangle), b1, b2);
-    if (HAS(CLEARCOAT) && material->m.clearcoat > 0)
-        out->radiance = vec3_scale(out->radiance,
-                                   world_emission_scale(material, mesh,
-                                                        world_vertices(mesh, triangle), b1, b2,
-                                                        cosine));
-    out->delta = 0;
-    if (HAS(ALPHA) && material->flags & MATERIAL_ALPHA) {
-        CHARGE_SCOPE(ALPHA);
-        /* What a BSDF ray meets only some of the time sends only that share. */
-        float alpha = world_alpha(material, mesh, world_vertices(mesh, triangle), b1, b2);
-        if (material->m.alpha_mode == ALPHA_MASK)
-            alpha = alpha >= material->m.alpha_cutoff ? 1 : 0;
-        out->radiance = vec3_scale(out->radiance, float_min(1, float_max(0, alpha)));
-    }
-    return out->pdf > 0 && isfinite(out->pdf);
-}
-
-static int emitters_sample_punctual(const struct punctual *light, const struct light_query *query,
-                                    float odds, struct light_sample *out)
-{
-    charge_set(light->image ? CHARGE_OF(LIGHT_IMAGE) : CHARGE_OF(PUNCTUAL_LIGHT));
-    out->delta = 1;
-    out->pdf = odds;
-    return odds > 0 && punctual_sample(light, query->p, query->time, &out->direction,
-                                       &out->distance, &out->radiance);
-}
-
-static int emitters_sample_directional(const struct emitters *e, const struct light_query *query,
-                                       float u, struct light_sample *out)
-{
     const float *start = e->directional_start;
     uint32_t low = 0, high = e->directional_count;
 
@@ -210,45 +48,88 @@ static int emitters_sample_directional(const struct emitters *e, const struct li
         else
             high = middle;
     }
-    return emitters_sample_punctual(&e->punctual[low], query,
-                           e->directional_odds * (start[low + 1] - start[low]), out);
+    out->pdf = e->directional_odds * (start[low + 1] - start[low]);
+    return emitters_sample_punctual(scene, e->punctual[low], context, out);
 }
 
-static int emitters_sample_item(const struct render_scene *scene, const struct light_query *query,
-                                uint32_t item, float u, float v, float odds,
-                                struct light_sample *out)
+static int emitters_sample_local(const struct render_scene *scene,
+                                 const struct light_context *context, float u, float v,
+                                 struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
-    uint32_t punctual = e->punctual_count - e->directional_count;
-
-    odds *= e->local_odds;
-    if (HAS(PUNCTUAL_LIGHT) && item < punctual)
-        return emitters_sample_punctual(&e->punctual[e->directional_count + item], query, odds,
-                                        out);
-    return emitters_sample_triangle(scene, item - punctual, query, u, v, odds, out);
-}
-
-int emitters_sample(const struct render_scene *scene, const struct light_query *query, float u,
-                    float v, struct light_sample *out)
-{
-    const struct emitters *e = &scene->emitters;
+    const uint32_t punctual = emitters_local_punctual(e);
     uint32_t item;
     float odds;
 
-    out->on_face = 0;
-    if (HAS(ENVIRONMENT) && u < e->environment_odds)
-        return emitters_sample_map(scene, query, emitters_rescaled(u, 0, e->environment_odds), v,
-                                   out);
-    u -= e->environment_odds;
-    if (HAS(PUNCTUAL_LIGHT) && u < e->directional_odds)
-        return emitters_sample_directional(e, query,
-                                           emitters_rescaled(u, 0, e->directional_odds), out);
     /* Choosing among lights of both kinds counts as the triangles': they are the many. */
     charge_set(e->triangle_count ? CHARGE_OF(EMISSIVE_MESH) : CHARGE_OF(PUNCTUAL_LIGHT));
-    u = emitters_rescaled(u, e->directional_odds, e->local_odds);
     if (e->tree.node_count == 0
             ? !light_table_choose(&e->table, &u, &v, &item, &odds)
-            : !light_tree_choose(&e->tree, query->p, query->n, &u, &v, &item, &odds))
+            : !light_tree_choose(&e->tree, context->p, context->n, &u, &v, &item, &odds))
         return 0;
-    return emitters_sample_item(scene, query, item, u, v, odds, out);
+    out->pdf = odds * e->local_odds;
+    if (item < punctual)
+        return emitters_sample_punctual(scene, e->punctual[e->directional_count + item], context,
+                                        out);
+    return emitters_sample_light(scene, LIGHT_TRIANGLE, &e->triangles[item - punctual], context, u,
+                                 v, out);
+}
+
+int emitters_sample(const struct render_scene *scene, const struct light_context *context, float u,
+                    float v, struct light_sample *out)
+{
+    const struct emitters *e = &scene->emitters;
+
+    out->on_face = 0;
+    if (u < e->environment_odds) {
+        out->pdf = e->environment_odds;
+        return emitters_sample_light(scene, LIGHT_ENVIRONMENT, &e->environment, context,
+                                     light_rescaled(u, 0, e->environment_odds), v, out);
+    }
+    u -= e->environment_odds;
+    if (u < e->directional_odds)
+        return emitters_sample_directional(scene, context,
+                                           light_rescaled(u, 0, e->directional_odds), out);
+    return emitters_sample_local(scene, context,
+                                 light_rescaled(u, e->directional_odds, e->local_odds), v, out);
+}
+
+/* ---- densities of what scattered rays meet ------------------------------------------------- */
+
+struct vec3 emitters_environment(const struct render_scene *scene,
+                                 const struct light_context *context, struct vec3 direction,
+                                 float *pdf)
+{
+    const struct emitters *e = &scene->emitters;
+    struct vec3 radiance;
+
+    *pdf = 0;
+    if (!scene->environment)
+        return vec3_splat(0);
+    if (!e->has_environment)
+        return environment_radiance(scene->environment, direction);
+    radiance = environment_light_radiance(&e->environment, context, direction, pdf);
+    *pdf *= e->environment_odds;
+    return radiance;
+}
+
+float emitters_environment_pdf(const struct render_scene *scene,
+                               const struct light_context *context, struct vec3 direction)
+{
+    float pdf;
+
+    (void)emitters_environment(scene, context, direction, &pdf);
+    return pdf;
+}
+
+float emitters_triangle_pdf(const struct render_scene *scene, const struct light_context *context,
+                            uint32_t light, float distance_squared, float cosine, float area)
+{
+    const struct emitters *e = &scene->emitters;
+    uint32_t item = emitters_local_punctual(e) + light;
+    float odds = e->tree.node_count == 0
+                     ? light_table_odds(&e->table, item)
+                     : light_tree_odds(&e->tree, context->p, context->n, item);
+
+    return triangle_light_pdf(e->local_odds * odds, distance_squared, cosine, area);
 }

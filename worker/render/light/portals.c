@@ -35,58 +35,58 @@ void portals_release(struct portals *p)
     memset(p, 0, sizeof *p);
 }
 
-static int is_above(const struct vec3 corner[4], struct vec3 p, struct vec3 n)
+static int is_above(const struct vec3 corner[4], const struct light_context *context)
 {
-    if (vec3_is_black(n))
+    if (vec3_is_black(context->n))
         return 1;
     for (int k = 0; k < 4; k++)
-        if (vec3_dot(vec3_sub(corner[k], p), n) > 0)
+        if (vec3_dot(vec3_sub(corner[k], context->p), context->n) > 0)
             return 1;
     return 0;
 }
 
 /* Both halves of a portal; its solid angle, 0 where it is below the horizon. */
-static float halves(const struct vec3 corner[4], struct vec3 p, struct vec3 n,
+static float halves(const struct vec3 corner[4], const struct light_context *context,
                     struct spherical_triangle half[2])
 {
     half[0].solid_angle = half[1].solid_angle = 0;
-    if (!is_above(corner, p, n))
+    if (!is_above(corner, context))
         return 0;
     /* The corners that both share lie at the ends of the sampled arcs' first side. */
-    spherical_triangle_init(&half[0], p, corner[0], corner[1], corner[2]);
-    spherical_triangle_init(&half[1], p, corner[0], corner[2], corner[3]);
+    spherical_triangle_init(&half[0], context->p, corner[0], corner[1], corner[2]);
+    spherical_triangle_init(&half[1], context->p, corner[0], corner[2], corner[3]);
     return half[0].solid_angle + half[1].solid_angle;
 }
 
-static float solid_angle(const struct portals *portals, struct vec3 p, struct vec3 n)
+static float solid_angle(const struct portals *portals, const struct light_context *context)
 {
     struct spherical_triangle half[2];
     float sum = 0;
 
     for (uint32_t i = 0; i < portals->count; i++)
-        sum += halves(portals->corners[i], p, n, half);
+        sum += halves(portals->corners[i], context, half);
     return sum;
 }
 
-int portals_visible(const struct portals *portals, struct vec3 p, struct vec3 n)
+int portals_visible(const struct portals *portals, const struct light_context *context)
 {
     struct spherical_triangle half[2];
 
     for (uint32_t i = 0; i < portals->count; i++)
-        if (halves(portals->corners[i], p, n, half) > 0)
+        if (halves(portals->corners[i], context, half) > 0)
             return 1;
     return 0;
 }
 
-int portals_sample(const struct portals *portals, struct vec3 p, struct vec3 n, float u, float v,
-                   struct vec3 *direction)
+int portals_sample(const struct portals *portals, const struct light_context *context, float u,
+                   float v, struct vec3 *direction)
 {
-    float target = u * solid_angle(portals, p, n), before = 0;
+    float target = u * solid_angle(portals, context), before = 0;
     struct spherical_triangle half[2], chosen = {0};
     int found = 0;
 
     for (uint32_t i = 0; i < portals->count; i++) {
-        if (!(halves(portals->corners[i], p, n, half) > 0))
+        if (!(halves(portals->corners[i], context, half) > 0))
             continue;
         for (int k = 0; k < 2; k++) {
             if (!(half[k].solid_angle > 0))
@@ -122,17 +122,17 @@ static int crosses(const struct vec3 corner[4], struct vec3 p, struct vec3 direc
     return u >= 0 && u <= 1 && v >= 0 && v <= 1 && dvec3_dot(e2, q) / det > 0;
 }
 
-float portals_pdf(const struct portals *portals, struct vec3 p, struct vec3 n,
+float portals_pdf(const struct portals *portals, const struct light_context *context,
                   struct vec3 direction)
 {
     struct spherical_triangle half[2];
     float sum = 0, crossed = 0;
 
     for (uint32_t i = 0; i < portals->count; i++) {
-        float seen = halves(portals->corners[i], p, n, half);
+        float seen = halves(portals->corners[i], context, half);
 
         sum += seen;
-        if (seen > 0 && crosses(portals->corners[i], p, direction))
+        if (seen > 0 && crosses(portals->corners[i], context->p, direction))
             crossed++;
     }
     return sum > 0 ? crossed / sum : -1;

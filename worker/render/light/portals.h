@@ -2,7 +2,7 @@
  *
  * A direction is uniform in solid angle within all portals together, whichever way they face;
  * one that crosses two of them counts twice, in the choice and in the density alike.
- * A portal that lies wholly below the asker's horizon is left out.
+ * A portal that lies wholly below the horizon of the light sampling context is left out.
  */
 #ifndef AZULEJO_RENDER_PORTALS_H
 #define AZULEJO_RENDER_PORTALS_H
@@ -12,6 +12,7 @@
 #include "common/base/status.h"
 #include "common/math/vec.h"
 #include "common/scene/scene.h"
+#include "worker/render/light/light.h"
 
 struct portals {
     uint32_t count;
@@ -22,13 +23,13 @@ status portals_init(struct portals *p, const struct scene_portal *portals, uint3
                     struct error *err) MUST_CHECK;
 void portals_release(struct portals *p);
 
-/* Can any be seen from a point? n: unit normal, or black. */
-int portals_visible(const struct portals *portals, struct vec3 p, struct vec3 n);
+/* Can any be seen? */
+int portals_visible(const struct portals *portals, const struct light_context *context);
 /* A direction through one of them. 0: none can be seen. */
-int portals_sample(const struct portals *portals, struct vec3 p, struct vec3 n, float u, float v,
-                   struct vec3 *direction);
+int portals_sample(const struct portals *portals, const struct light_context *context, float u,
+                   float v, struct vec3 *direction);
 /* Solid-angle density of portals_sample; negative: none can be seen. */
-float portals_pdf(const struct portals *portals, struct vec3 p, struct vec3 n,
+float portals_pdf(const struct portals *portals, const struct light_context *context,
                   struct vec3 direction);
 
 #endif

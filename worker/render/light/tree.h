@@ -17,6 +17,7 @@
 #include <stdint.h>
 
 #include "common/base/status.h"
+#include "common/math/elementary.h"
 #include "common/math/vec.h"
 
 /* What a light can do. */
@@ -38,6 +39,13 @@ static inline void light_bounds_add(struct light_bounds *b, struct vec3 p)
                        float_min(b->min.z, p.z));
     b->max = vec3_make(float_max(b->max.x, p.x), float_max(b->max.y, p.y),
                        float_max(b->max.z, p.z));
+}
+
+/* What is left of a number in [0, 1) that fell into the part which begins at `start` and is `size` long:
+ * as good as a new one. */
+static inline float light_rescaled(float number, float start, float size)
+{
+    return float_min(float_max((number - start) / size, 0), ONE_MINUS_EPSILON);
 }
 
 struct light_node {

@@ -1,0 +1,103 @@
+/* light: what every kind of light is to the renderer, and the table of the kinds.
+ *
+ * A kind is one file (spot_light.c) and one row of LIGHT_KINDS. With `light` the kind's own struct:
+ *
+ *   prefix_new      of a light of the scene's list: makes that struct of the description
+ *   prefix_weigh    power and bounds, from which the odds of choosing the light follow
+ *   prefix_sample   next-event estimation: a point on the light, by two numbers
+ *
+ * What scattered rays can meet (triangles, the environment) has a density as well, with which
+ * multiple importance sampling weighs the meeting: prefix_pdf. Lights at a point have none.
+ * Kinds are told apart in two places: emitters_sample.c calls a row's prefix_sample, and light.c
+ * has the rest as a table. The tree (tree.h) and the table of odds (light_table.h), which choose a
+ * light, know its bounds and its number alone. docs/EXTENDING.md lists the files of a new light.
+ */
+#ifndef AZULEJO_RENDER_LIGHT_H
+#define AZULEJO_RENDER_LIGHT_H
+
+#include "common/math/vec.h"
+#include "common/scene/scene.h"
+#include "worker/render/accel.h"
+#include "worker/render/light/tree.h"
+#include "worker/render/texture.h"
+
+struct punctual;
+struct render_scene;
+
+/* X(KIND, prefix, EFFECT, ACCOUNT): without EFFECT in the scene there is no such light; its time
+ * is charged to ACCOUNT, or to EFFECT where the scene has no ACCOUNT. */
+#define LIGHT_KINDS_LISTED(X) /* of the scene's list of lights: SCENE_LIGHT_KINDS */  \
+    X(POINT, point_light, PUNCTUAL_LIGHT, PUNCTUAL_LIGHT)                             \
+    X(SPOT, spot_light, PUNCTUAL_LIGHT, PUNCTUAL_LIGHT)                               \
+    X(DIRECTIONAL, directional_light, PUNCTUAL_LIGHT, PUNCTUAL_LIGHT)                 \
+    X(GONIOMETRIC, goniometric_light, PUNCTUAL_LIGHT, LIGHT_IMAGE)                    \
+    X(PROJECTION, projection_light, PUNCTUAL_LIGHT, LIGHT_IMAGE)
+#define LIGHT_KINDS_FOUND(X) /* in other parts of the scene: enum light_kind */       \
+    X(TRIANGLE, triangle_light, EMISSIVE_MESH, EMISSIVE_MESH)                         \
+    X(ENVIRONMENT, environment_light, ENVIRONMENT, ENVIRONMENT)
+#define LIGHT_KINDS(X) LIGHT_KINDS_LISTED(X) LIGHT_KINDS_FOUND(X)
+
+enum light_kind { LIGHT_FOUND_FIRST = LIGHT_KIND_COUNT - 1,
+#define LIGHT_ENUM(KIND, prefix, EFFECT, ACCOUNT) LIGHT_##KIND,
+                  LIGHT_KINDS_FOUND(LIGHT_ENUM)
+#undef LIGHT_ENUM
+};
+
+/* The light sampling context: what a light's choice and sample may depend on at a path's vertex. */
+struct light_context {
+    struct vec3 p;      /* world */
+    struct vec3 n;      /* unit geometric normal; black: light from any side counts (media, and
+                           surfaces that transmit) */
+    float time;         /* 0..1 of the shutter */
+};
+
+/* A light seen from there. */
+struct light_sample {
+    struct vec3 direction; /* unit, towards the light */
+    float distance;        /* metres; INFINITY for directional lights and the environment */
+    int on_face;           /* the light is a point of this face */
+    struct hit face;
+    float inset, cosine;   /* of that point and direction (struct ray) */
+    struct vec3 radiance;  /* radiance, or irradiance-like intensity for delta lights */
+    float pdf;             /* solid angle, times the odds of choosing this light; for delta
+                              lights the odds alone */
+    int delta;             /* nothing but light sampling finds it (lights at a point, and an environment
+                              that is sampled alone): no MIS */
+};
+
+/* What decides how often a light is chosen. */
+struct light_weight {
+    struct light_bounds bounds; /* but its intensity; unused of what is infinitely far away */
+    double intensity;           /* W/sr in its main direction */
+    double power;               /* luminous, W; what is infinitely far away: into the scene's sphere */
+};
+
+/* u, v in [0, 1). On entry out->pdf holds the odds of having chosen this light and on_face is 0;
+ * the kind multiplies its own density in and sets the rest. 0: no light arrives. */
+typedef int light_sample_function(const struct render_scene *scene, const void *light,
+                                  const struct light_context *context, float u, float v,
+                                  struct light_sample *out);
+/* *out is zeroed. The scene's instances, materials and bounding sphere are known. */
+typedef void light_weigh_function(const struct render_scene *scene, const void *light,
+                                  struct light_weight *out);
+/* `image`: decoded, or NULL; must outlive the light. NULL: out of memory. Freed by mem_free. */
+typedef struct punctual *light_new_function(const struct scene_light *light,
+                                            const struct texture_image *image);
+
+#define LIGHT_DECLARE(KIND, prefix, EFFECT, ACCOUNT) \
+    light_sample_function prefix##_sample;                 \
+    light_weigh_function prefix##_weigh;
+#define LIGHT_DECLARE_NEW(KIND, prefix, EFFECT, ACCOUNT) light_new_function prefix##_new;
+LIGHT_KINDS(LIGHT_DECLARE)
+LIGHT_KINDS_LISTED(LIGHT_DECLARE_NEW)
+#undef LIGHT_DECLARE
+#undef LIGHT_DECLARE_NEW
+
+/* A row, but for its sampling; `kind` is one of enum scene_light_kind or light_kind. */
+struct light_row {
+    light_new_function *create;  /* NULL: not of the scene's list */
+    light_weigh_function *weigh;
+};
+const struct light_row *light_row(int kind);
+
+#endif

@@ -1,0 +1,105 @@
+#include "worker/render/light/triangle_light.h"
+
+#include "worker/render/charge.h"
+#include "worker/render/has.h"
+#include "worker/render/surface.h"
+#include "worker/render/world.h"
+
+/* A lower bound of the distance to the nearest edge: see surface_inset. */
+static float triangle_inset(float b1, float b2, float double_area, struct vec3 e1, struct vec3 e2)
+{
+    float a = vec3_dot(e1, e1), b = vec3_dot(e2, e2);
+    float c = vec3_length_squared(vec3_sub(e1, e2));
+
+    return float_min(b1, float_min(b2, 1 - b1 - b2)) * double_area /
+           sqrtf(float_max(a, float_max(b, c)));
+}
+
+/* Heitz 2019's low-distortion map of the square onto a triangle. */
+static void triangle_point(float u, float v, float *b1, float *b2)
+{
+    if (v > u) {
+        *b1 = 0.5f * u;
+        *b2 = v - *b1;
+    } else {
+        *b2 = 0.5f * v;
+        *b1 = u - *b2;
+    }
+}
+
+/* A point of a triangle that emits. */
+struct lamp_point {
+    const struct world_mesh *mesh;
+    const struct world_material *material;
+    const uint32_t *vertex;
+    float b1, b2;
+};
+
+/* Radiance towards a direction with this absolute cosine to the geometric normal. */
+static struct vec3 lamp_radiance(const struct lamp_point *at, float cosine)
+{
+    struct vec3 radiance = world_emission(at->material, at->mesh, at->vertex, at->b1, at->b2);
+
+    if (HAS(CLEARCOAT) && at->material->m.clearcoat > 0)
+        radiance = vec3_scale(radiance, world_emission_scale(at->material, at->mesh, at->vertex,
+                                                             at->b1, at->b2, cosine));
+    return radiance;
+}
+
+/* What a BSDF ray meets only some of the time sends only that share. */
+static struct vec3 lamp_covered(const struct lamp_point *at, struct vec3 radiance)
+{
+    float alpha;
+
+    if (!HAS(ALPHA) || !(at->material->flags & MATERIAL_ALPHA))
+        return radiance;
+    CHARGE_SCOPE(ALPHA);
+    alpha = world_alpha(at->material, at->mesh, at->vertex, at->b1, at->b2);
+    if (at->material->m.alpha_mode == ALPHA_MASK)
+        alpha = alpha >= at->material->m.alpha_cutoff ? 1 : 0;
+    return vec3_scale(radiance, float_min(1, float_max(0, alpha)));
+}
+
+int triangle_light_sample(const struct render_scene *scene, const void *light_,
+                          const struct light_context *context, float u, float v,
+                          struct light_sample *out)
+{
+    const struct triangle_light *light = light_;
+    const struct world_instance *instance = &scene->instances[light->instance];
+    struct lamp_point at = {.mesh = &scene->meshes[instance->mesh],
+                            .material = &scene->materials[instance->material]};
+    struct vec3 corner[3], e1, e2, normal, point, to_light;
+    float double_area, cosine, distance_squared;
+
+    world_triangle(scene, instance, light->triangle, context->time, corner);
+    triangle_point(u, v, &at.b1, &at.b2);
+    e1 = vec3_sub(corner[1], corner[0]);
+    e2 = vec3_sub(corner[2], corner[0]);
+    normal = vec3_cross(e1, e2);
+    double_area = vec3_length(normal);
+    if (!(double_area > 0))
+        return 0;
+    normal = vec3_scale(normal, (instance->flipped ? -1 : 1) / double_area);
+    point = vec3_add(corner[0], vec3_add(vec3_scale(e1, at.b1), vec3_scale(e2, at.b2)));
+    to_light = vec3_sub(point, context->p);
+    if (vec3_dot(normal, to_light) > 0 && !at.material->m.double_sided)
+        return 0;
+    distance_squared = vec3_length_squared(to_light);
+    if (!(distance_squared > 0) || !isfinite(distance_squared))
+        return 0;
+    out->distance = sqrtf(distance_squared);
+    out->direction = vec3_scale(to_light, 1 / out->distance);
+    cosine = fabsf(vec3_dot(normal, out->direction));
+    out->on_face = 1;
+    out->face = (struct hit){light->instance, light->triangle};
+    out->cosine = cosine;
+    out->inset = world_near_boundary(scene, point)
+                     ? 0 : triangle_inset(at.b1, at.b2, double_area, e1, e2);
+    out->pdf = triangle_light_pdf(out->pdf, distance_squared, cosine, 0.5f * double_area);
+    if (!(out->pdf > 0) || !isfinite(out->pdf))
+        return 0;
+    at.vertex = world_vertices(at.mesh, light->triangle);
+    out->radiance = lamp_covered(&at, lamp_radiance(&at, cosine));
+    out->delta = 0;
+    return 1;
+}
