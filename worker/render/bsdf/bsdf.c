@@ -8,6 +8,7 @@
 #define ACCOUNT(condition, then, otherwise) \
     ((condition) ? CHARGE_OF(then) : CHARGE_OF(otherwise))
 #define LOBE_BIT(name) (1u << BSDF_LOBE_##name)
+#define LOBE_IS_BASE(name) (BSDF_LOBE_##name <= BSDF_LOBE_THIN_WALL)
 #define LOBE_BIT_ON(name, prefix, side, effects, account) \
     | (LOBE_ENABLED(effects) && LOBE_SIDE_##side == wanted ? LOBE_BIT(name) : 0)
 
@@ -23,12 +24,11 @@ static inline int is_finite_sum(struct vec3 f, float pdf)
 
 /* ---- preparing ----------------------------------------------------------------------------------- */
 
-/* Next-event estimation is charged to the base: to the last of its lobes. */
+/* What evaluates the base is charged to the last of its lobes. */
 static inline void charge_base(const struct bsdf *b)
 {
 #define LOBE_CHARGE(name, prefix, side, effects, account)                             \
-    if (LOBE_ENABLED(effects) && BSDF_LOBE_##name <= BSDF_LOBE_THIN_WALL &&           \
-        lobe_is_present(b, BSDF_LOBE_##name))                                         \
+    if (LOBE_ENABLED(effects) && LOBE_IS_BASE(name) && b->lobes & LOBE_BIT(name))     \
         charge_set(account);
     BSDF_LOBE_MAP(LOBE_CHARGE)
 #undef LOBE_CHARGE
@@ -100,6 +100,7 @@ static inline struct vec3 lobes_evaluate(const struct bsdf *b, struct vec3 wo, s
     struct vec3 f = LOBE_BLACK;
     struct cover cover;
     float density;
+    CHARGE_SCOPE_OF(charge_get()); /* the base's */
 
     *pdf = 0;
     if (!(wi.z > 0.0f || wi.z < 0.0f))
@@ -108,7 +109,8 @@ static inline struct vec3 lobes_evaluate(const struct bsdf *b, struct vec3 wo, s
     cover = cover_between(b, wi);
 #define LOBE_EVALUATE(name, prefix, side, effects, account)              \
     if (LOBE_ENABLED(effects) && lobes & LOBE_BIT(name)) {               \
-        CHARGE_SCOPE_OF(account);                                        \
+        if (!LOBE_IS_BASE(name))                                         \
+            charge_set(account);                                         \
         f = vec3_add(f, prefix##_evaluate(b, wo, wi, &cover, &density)); \
         *pdf += density;                                                 \
     }

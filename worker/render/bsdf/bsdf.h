@@ -155,6 +155,7 @@ struct bsdf_dielectric {
 struct bsdf_reflection {
     struct vec3 f0;              /* Schlick's ends, with all weights */
     float f90;
+    int schlick;                 /* and nothing but Schlick's formula between them */
     int slab;                    /* plastic is a slab that reflects at both faces */
     struct vec3 eta, k;          /* of a conductor, relative to what surrounds it */
     float interreflection;       /* of a conductor */

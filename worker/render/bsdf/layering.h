@@ -27,17 +27,12 @@
 
 /* ---- what lies over the base ------------------------------------------------------------------- */
 
-static inline int is_covered(const struct bsdf *b)
-{
-    return CALLS_FOR(b, CLEARCOAT) || CALLS_FOR(b, SHEEN);
-}
-
-static inline struct cover cover_between(const struct bsdf *b, struct vec3 wi)
+LOBE_RARE struct cover cover_find(const struct bsdf *b, struct vec3 wi)
 {
     struct cover s = {1, 1, 1};
     int near = is_covered_near(b), far = wi.z > 0.0f ? near : is_covered_far(b);
 
-    if (!is_covered(b) || (!near && !far))
+    if (!near && !far)
         return s;
     if (CALLS_FOR(b, CLEARCOAT)) {
         float rest_o = near ? b->coat.rest_o : 1.0f;
@@ -56,46 +51,55 @@ static inline struct cover cover_between(const struct bsdf *b, struct vec3 wi)
     return s;
 }
 
+static inline struct cover cover_between(const struct bsdf *b, struct vec3 wi)
+{
+    if (CALLS_FOR_ANY(b, EFFECT_CLEARCOAT | EFFECT_SHEEN))
+        return cover_find(b, wi);
+    return (struct cover){1, 1, 1};
+}
+
 /* ---- how often each lobe is sampled -------------------------------------------------------------- */
 
-/* Shares are about what a lobe reflects along wo; any scale. */
+/* About what each lobe reflects along wo, at any scale; below 0: there is no such lobe. */
 struct lobe_shares {
-    uint32_t lobes; /* bit BSDF_LOBE_x: share[x] is set */
     float share[BSDF_LOBES];
 };
+#define LOBE_ABSENT(...) -1.0f,
+#define LOBES_ABSENT BSDF_LOBE_MAP(LOBE_ABSENT)
 
-/* A share below 0 adds no lobe. */
-static inline void shares_add(struct lobe_shares *s, enum bsdf_lobe lobe, float share)
+/* Add to a lobe, which may be absent so far; a share below 0 adds nothing. */
+LOBE_OFTEN void shares_add(struct lobe_shares *s, enum bsdf_lobe lobe, float share)
 {
-    if (share < 0.0f)
-        return;
-    s->share[lobe] = s->lobes >> lobe & 1 ? s->share[lobe] + share : share;
-    s->lobes |= 1u << lobe;
+    if (share >= 0.0f)
+        s->share[lobe] = float_max(s->share[lobe], 0) + share;
 }
 
 /* Selection probabilities from the shares, none of them too small. */
-static inline void choose_by_share(struct bsdf *b, const struct lobe_shares *s)
+LOBE_OFTEN void choose_by_share(struct bsdf *b, const struct lobe_shares *s)
 {
-    float total = 0, sum = 0;
+    float total = 0, sum = 0, least;
 
-    b->lobes = s->lobes;
-    for (int i = 0; i < BSDF_LOBES; i++)
-        b->lobe_pdf[i] = 0;
-    for (uint32_t left = s->lobes; left; left &= left - 1) {
-        float share = s->share[__builtin_ctz(left)];
-        total += share > 0.0f ? share : 0.0f;
+    b->lobes = 0;
+#define LOBE_TOTAL(name, prefix, side, effects, account)            \
+    if (LOBE_ENABLED(effects) && s->share[BSDF_LOBE_##name] >= 0) { \
+        b->lobes |= 1u << BSDF_LOBE_##name;                         \
+        total += s->share[BSDF_LOBE_##name];                        \
     }
-    if (!(total > 1e-10f))
-        total = 1e-10f;
-    for (uint32_t left = s->lobes; left; left &= left - 1) {
-        int i = __builtin_ctz(left);
-        float least = LOBE_SHARE_MIN * total;
-        b->lobe_pdf[i] = s->share[i] > least ? s->share[i] : least;
-        sum += b->lobe_pdf[i];
-    }
+    BSDF_LOBE_MAP(LOBE_TOTAL)
+#undef LOBE_TOTAL
+    least = LOBE_SHARE_MIN * (total > 1e-10f ? total : 1e-10f);
+#define LOBE_SUM(name, prefix, side, effects, account)                                    \
+    b->lobe_pdf[BSDF_LOBE_##name] = 0;                                                    \
+    if (LOBE_ENABLED(effects) && s->share[BSDF_LOBE_##name] >= 0)                         \
+        sum += b->lobe_pdf[BSDF_LOBE_##name] = float_max(s->share[BSDF_LOBE_##name], least);
+    BSDF_LOBE_MAP(LOBE_SUM)
+#undef LOBE_SUM
     sum = 1.0f / sum;
-    for (uint32_t left = s->lobes; left; left &= left - 1)
-        b->lobe_pdf[__builtin_ctz(left)] *= sum;
+#define LOBE_PDF(name, prefix, side, effects, account)            \
+    if (LOBE_ENABLED(effects) && s->share[BSDF_LOBE_##name] >= 0) \
+        b->lobe_pdf[BSDF_LOBE_##name] *= sum;
+    BSDF_LOBE_MAP(LOBE_PDF)
+#undef LOBE_PDF
 }
 
 /* Which lobes have a density, and whether any is a delta lobe. */
@@ -143,33 +147,30 @@ static inline void material_init(struct bsdf_material *m, const struct bsdf_para
 /* The effects of the lower part of struct bsdf_params that act here. */
 static inline uint64_t effects_called_for(const struct bsdf_params *p)
 {
+    const struct vec3 sheen = p->sheen_color;
     uint64_t set = 0;
 
-    set |= p->alpha_stretched > 0.0f ? EFFECT_ANISOTROPY : 0;
-    set |= p->conductor ? EFFECT_CONDUCTOR : 0;
-    set |= p->clearcoat > 0.0f ? EFFECT_CLEARCOAT : 0;
-    set |= p->sheen_color.x > 0.0f || p->sheen_color.y > 0.0f || p->sheen_color.z > 0.0f
-               ? EFFECT_SHEEN : 0;
-    set |= p->iridescence > 0.0f ? EFFECT_IRIDESCENCE : 0;
-    set |= p->diffuse_transmission > 0.0f ? EFFECT_DIFFUSE_TRANSMISSION : 0;
-    return set & (KERNEL_EFFECTS);
+#define CALL(name, condition) set |= HAS(name) && (condition) ? EFFECT_##name : 0
+    CALL(ANISOTROPY, p->alpha_stretched > 0.0f);
+    CALL(CONDUCTOR, p->conductor);
+    CALL(CLEARCOAT, p->clearcoat > 0.0f);
+    CALL(SHEEN, sheen.x > 0.0f || sheen.y > 0.0f || sheen.z > 0.0f);
+    CALL(IRIDESCENCE, p->iridescence > 0.0f);
+    CALL(DIFFUSE_TRANSMISSION, p->diffuse_transmission > 0.0f);
+#undef CALL
+    return set;
 }
 
-/* GGX's widths along both axes; a stretched one is never smooth. */
-static inline void base_init(struct bsdf *b, const struct bsdf_params *p)
+/* A stretched GGX is never smooth. */
+LOBE_RARE void stretched_init(struct bsdf *b, const struct bsdf_params *p)
 {
-    float alpha = b->material.alpha, stretched = 0;
+    float stretched = clamp_to(p->alpha_stretched, 0, 1), alpha = b->material.alpha;
 
-    if (CALLS_FOR(b, ANISOTROPY))
-        stretched = clamp_to(p->alpha_stretched, 0, 1);
-    if (stretched > alpha && stretched >= BSDF_ALPHA_MIN) {
-        alpha = b->material.alpha = float_max(alpha, BSDF_ALPHA_MIN);
-        b->compensation.stretched_loss = albedo_stretched_find(stretched, alpha);
-    } else {
-        stretched = 0;
-    }
-    b->base.shape = ggx_make(alpha, stretched > alpha ? stretched : alpha, stretched > alpha);
-    b->base.smooth = alpha < BSDF_ALPHA_MIN;
+    if (!(stretched > alpha && stretched >= BSDF_ALPHA_MIN))
+        return;
+    alpha = b->material.alpha = float_max(alpha, BSDF_ALPHA_MIN);
+    b->base.shape = ggx_make(alpha, stretched, stretched > alpha);
+    b->compensation.stretched_loss = albedo_stretched_find(stretched, alpha);
 }
 
 static inline void weights_init(struct bsdf *b)
@@ -211,7 +212,8 @@ static inline void fresnel_init(struct bsdf *b)
 
     d->exact = m->ior != 0.0f;
     d->normal_f0 = root * root;
-    d->inverse_rest_f0 = 1.0f / (1.0f - (d->exact ? d->normal_f0 : 0.0f));
+    if (b->weights.glass > 0.0f || b->layer.exact || is_slab(b))
+        d->inverse_rest_f0 = 1.0f / (1.0f - (d->exact ? d->normal_f0 : 0.0f));
     b->film.f0 = clamp_color(vec3_scale(m->specular_color, d->normal_f0), 1);
     d->f0 = vec3_scale(b->film.f0, m->specular);
     b->layer.f0 = vec3_max(d->f0);
@@ -254,7 +256,7 @@ static inline void init_reflection(struct bsdf *b, const struct bsdf_params *par
 }
 
 /* The Lambert base, to both sides. */
-static inline void init_lambert(struct bsdf *b, const struct bsdf_params *params,
+LOBE_OFTEN void init_lambert(struct bsdf *b, const struct bsdf_params *params,
                                 struct lobe_shares *shares)
 {
     float rest = layer_rest_average(b), through = 0;
@@ -270,7 +272,7 @@ static inline void init_lambert(struct bsdf *b, const struct bsdf_params *params
 }
 
 /* Plastic, glass, thin walls and everything between. */
-static inline void init_base(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo,
+LOBE_OFTEN void init_base(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo,
                              struct lobe_shares *shares)
 {
     float base = vec3_average(b->material.base_color), reflection, compensation, above, below;
@@ -305,10 +307,13 @@ static inline void init_base(struct bsdf *b, const struct bsdf_params *params, s
  * prepared first. */
 static inline void layering_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
 {
-    struct lobe_shares shares = {0, {0}};
+    struct lobe_shares shares = {{LOBES_ABSENT}};
 
     b->reflection.slab = params->thin_slab && !params->refractive;
-    base_init(b, params);
+    b->base.shape = ggx_make(b->material.alpha, b->material.alpha, 0);
+    if (CALLS_FOR(b, ANISOTROPY))
+        stretched_init(b, params);
+    b->base.smooth = b->material.alpha < BSDF_ALPHA_MIN;
     b->layer.exact = params->base_interreflection > 0.0f && !CALLS_FOR(b, CONDUCTOR) &&
                      b->material.ior >= ALBEDO_EXACT_IOR_FIRST &&
                      b->material.ior <= ALBEDO_EXACT_IOR_LAST;
@@ -335,12 +340,10 @@ static inline void layering_init(struct bsdf *b, const struct bsdf_params *param
         shares_add(&shares, BSDF_LOBE_SHEEN,
                    sheen_share(&b->sheen, b->cos_o,
                                CALLS_FOR(b, CLEARCOAT) ? b->coat.rest_o : 1.0f));
-    if (!shares.lobes) {
-        b->kind = BSDF_KIND_BLACK;
-        return;
-    }
     choose_by_share(b, &shares);
     find_delta_lobes(b);
+    if (!b->lobes)
+        b->kind = BSDF_KIND_BLACK;
 }
 
 /* A shortcut for rough metal with Schlick's term. */
@@ -353,7 +356,9 @@ static inline void metal_init(struct bsdf *b, const struct bsdf_params *params, 
     b->base.root_o = ggx_root(b->base.shape.y2, b->cos_o);
     b->reflection.f0 = b->material.base_color;
     b->reflection.f90 = 1.0f;
+    b->reflection.schlick = 1;
     b->reflection.slab = b->layer.exact = 0;
+    b->weights = (struct bsdf_weights){.metal = 1};
     b->interface_compensation.on = 0;
     b->diffuse.color = LOBE_BLACK;
     b->compensation.graze = 0;
@@ -363,8 +368,6 @@ static inline void metal_init(struct bsdf *b, const struct bsdf_params *params, 
     if (!is_compensated(params))
         return;
     b->effects |= EFFECT_MULTIPLE_SCATTERING;
-    b->weights.plastic = 0;
-    b->weights.metal = 1;
     b->compensation.loss = albedo_loss_row_find(b->material.alpha);
     loss_o = compensation_loss(b, wo);
     compensation = reflection_compensation(b, loss_o);

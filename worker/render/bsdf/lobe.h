@@ -11,6 +11,13 @@
 #define CALLS_FOR(b, name) \
     ((int)(((b)->effects & (KERNEL_EFFECTS)) >> EFFECT_BIT_##name & 1))
 
+#define CALLS_FOR_ANY(b, mask) (((b)->effects & (mask) & (KERNEL_EFFECTS)) != 0)
+
+/* Code that few surfaces need: apart, or every surface would save registers for it. And code that
+ * is worth having in each of the few places that call it. */
+#define LOBE_RARE static __attribute__((noinline, unused))
+#define LOBE_OFTEN static inline __attribute__((always_inline))
+
 /* Is the lobe compiled into this kernel variant? By its row's effects. */
 #define LOBE_ENABLED(effects) (((effects) & (KERNEL_EFFECTS)) != 0)
 enum lobe_side { LOBE_SIDE_ABOVE, LOBE_SIDE_BELOW };

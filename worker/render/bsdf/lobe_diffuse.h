@@ -98,7 +98,7 @@ static inline struct vec3 diffuse_evaluate(const struct bsdf *b, struct vec3 wo,
     struct vec3 f = LOBE_BLACK;
 
     (void)wo;
-    if (!vec3_is_black(b->diffuse.color))
+    if (b->weights.diffuse > 0.0f)
         f = vec3_scale(b->diffuse.color, layer_rest(b, wi.z, loss) * wi.z * cover->diffuse);
     if (CALLS_FOR(b, MULTIPLE_SCATTERING))
         f = vec3_mad(f, b->compensation.color, loss * wi.z * cover->lobe);

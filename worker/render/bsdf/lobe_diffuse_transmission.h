@@ -31,7 +31,7 @@ static inline struct vec3 diffuse_transmission_evaluate(const struct bsdf *b, st
 
     (void)wo;
     *pdf = b->lobe_pdf[BSDF_LOBE_DIFFUSE_TRANSMISSION] * (mu * INV_PI_F);
-    if (vec3_is_black(b->diffuse_transmission.color))
+    if (!(b->weights.diffuse > 0.0f)) /* there is the interface's compensation only */
         return LOBE_BLACK;
     return vec3_scale(b->diffuse_transmission.color,
                       layer_rest(b, mu, compensation_loss(b, wi)) * mu * cover->diffuse);

@@ -45,7 +45,7 @@ static inline struct vec3 conductor_fresnel(const struct bsdf *b, float cos_h)
     return f;
 }
 
-static inline struct vec3 metal_fresnel(const struct bsdf *b, float cos_h)
+LOBE_RARE struct vec3 metal_fresnel(const struct bsdf *b, float cos_h)
 {
     const struct vec3 f0 = b->material.base_color;
     struct vec3 f;
@@ -58,7 +58,7 @@ static inline struct vec3 metal_fresnel(const struct bsdf *b, float cos_h)
     return f;
 }
 
-static inline struct vec3 plastic_fresnel(const struct bsdf *b, float cos_h)
+LOBE_RARE struct vec3 plastic_fresnel(const struct bsdf *b, float cos_h)
 {
     const struct bsdf_dielectric *d = &b->dielectric;
     int exact = b->layer.exact || (is_slab(b) && b->base.smooth && d->exact);
@@ -77,25 +77,24 @@ static inline struct vec3 plastic_fresnel(const struct bsdf *b, float cos_h)
     return f;
 }
 
-/* Is the sum of both Schlick's formula, too? */
-static inline int is_schlick(const struct bsdf *b)
-{
-    return !CALLS_FOR(b, CONDUCTOR) && !CALLS_FOR(b, IRIDESCENCE) && !is_slab(b) &&
-           !b->layer.exact;
-}
-
-/* The lobe's term, all weights included. */
-static inline struct vec3 reflection_fresnel(const struct bsdf *b, float cos_h)
+/* The sum of both where it is not Schlick's formula again. */
+LOBE_RARE struct vec3 mixed_fresnel(const struct bsdf *b, float cos_h)
 {
     struct vec3 f = LOBE_BLACK;
 
-    if (is_schlick(b))
-        return schlick_mix(b->reflection.f0, b->reflection.f90, schlick_weight(cos_h));
     if (b->weights.metal > 0.0f)
         f = vec3_scale(metal_fresnel(b, cos_h), b->weights.metal);
     if (b->weights.plastic > 0.0f)
         f = vec3_mad(f, plastic_fresnel(b, cos_h), b->weights.plastic);
     return f;
+}
+
+/* The lobe's term, all weights included. */
+static inline struct vec3 reflection_fresnel(const struct bsdf *b, float cos_h)
+{
+    if (b->reflection.schlick)
+        return schlick_mix(b->reflection.f0, b->reflection.f90, schlick_weight(cos_h));
+    return mixed_fresnel(b, cos_h);
 }
 
 /* Hemispherical mean of the metal's term. */
@@ -126,7 +125,7 @@ static inline struct vec3 plastic_average(const struct bsdf *b, float weight)
 /* ---- the lobe ------------------------------------------------------------------------------------ */
 
 /* Multiple-scattering compensation of metal and plastic; returns how often to sample it. */
-static inline float reflection_compensation(struct bsdf *b, float loss_o)
+LOBE_OFTEN float reflection_compensation(struct bsdf *b, float loss_o)
 {
     float kept = 1.0f - compensation_mean(b);
     struct vec3 color = LOBE_BLACK;
@@ -164,9 +163,11 @@ static inline void conductor_init(struct bsdf *b, const struct bsdf_params *p)
 /* Returns how often to sample it. `blend` is the mean of Schlick's weight along wo. */
 static inline float reflection_init(struct bsdf *b, float blend)
 {
-    const struct bsdf_reflection *r = &b->reflection;
+    struct bsdf_reflection *r = &b->reflection;
     int film = CALLS_FOR(b, IRIDESCENCE);
 
+    r->schlick = !CALLS_FOR_ANY(b, EFFECT_CONDUCTOR | EFFECT_IRIDESCENCE) && !is_slab(b) &&
+                 !b->layer.exact;
     if (r->f90 == 0.0f && vec3_is_black(r->f0) &&
         !(film && b->weights.plastic > 0.0f && b->material.specular > 0.0f))
         return -1.0f;
@@ -188,7 +189,7 @@ static inline struct vec3 reflection_color(const struct bsdf *b, float cos_h, fl
     return f;
 }
 
-static inline struct vec3 reflection_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
+LOBE_OFTEN struct vec3 reflection_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
                                               const struct cover *cover, float *pdf)
 {
     float cos_h, shadowing, chosen;
