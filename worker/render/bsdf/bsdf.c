@@ -13,7 +13,8 @@
     | (LOBE_ENABLED(effects) && LOBE_SIDE_##side == wanted ? LOBE_BIT(name) : 0)
 
 /* Can this kernel variant do more than Lambert surfaces? */
-#define REFLECTS LOBE_ENABLED(EFFECT_GLOSSY | EFFECT_MIRROR)
+#define EFFECT_OR(name, condition) | EFFECT_##name
+#define HAS_LOBES LOBE_ENABLED(EFFECT_MIRROR BSDF_CALL_MAP(EFFECT_OR))
 
 float fresnel_dielectric(float cos_i, float eta) { return fresnel_exact(cos_i, eta); }
 
@@ -42,15 +43,6 @@ static __attribute__((noinline)) void init_lobes(struct bsdf *b, const struct bs
     charge_base(b);
 }
 
-/* Is it described by the upper part of struct bsdf_params alone? */
-static inline int is_plain(const struct bsdf *b, const struct bsdf_params *p)
-{
-    if (!REFLECTS)
-        return 1;
-    return !b->effects && !(p->base_interreflection > 0.0f) &&
-           !(LOBE_ENABLED(EFFECT_THIN_TRANSMISSION) && p->thin_slab && !p->refractive);
-}
-
 void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
 {
     const struct bsdf_material *m = &b->material;
@@ -64,7 +56,7 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
     b->cos_o = clamp_to(wo.z, 0, 1);
     if (!(wo.z > 0.0f && length2 > 0.9f && length2 < 1.1f))
         return;
-    if (!is_plain(b, params)) {
+    if (b->effects) {
         b->kind = BSDF_KIND_LOBES;
         init_lobes(b, params, wo);
     } else if (m->metallic == 0.0f && m->transmission == 0.0f &&
@@ -75,11 +67,11 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
         b->kind = BSDF_KIND_LAMBERT;
         b->diffuse.color = vec3_scale(m->base_color, INV_PI_F);
         b->has_smooth = 1;
-    } else if (REFLECTS && m->metallic == 1.0f && m->alpha >= BSDF_ALPHA_MIN) {
+    } else if (HAS_LOBES && m->metallic == 1.0f && m->alpha >= BSDF_ALPHA_MIN) {
         CHARGE(GLOSSY);
         b->kind = BSDF_KIND_METAL;
         metal_init(b, params, wo);
-    } else if (REFLECTS) {
+    } else if (HAS_LOBES) {
         b->kind = BSDF_KIND_LOBES;
         init_lobes(b, params, wo);
     }
@@ -132,7 +124,7 @@ struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, 
         *pdf = wi.z * INV_PI_F;
         return vec3_scale(b->diffuse.color, wi.z);
     }
-    if (REFLECTS)
+    if (HAS_LOBES)
         return lobes_evaluate(b, wo, wi, pdf);
     return LOBE_BLACK;
 }
@@ -214,7 +206,7 @@ int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, flo
         out->weight = b->material.base_color;
         return 1;
     }
-    if (!REFLECTS || b->kind == BSDF_KIND_BLACK)
+    if (!HAS_LOBES || b->kind == BSDF_KIND_BLACK)
         return 0;
     if (b->kind == BSDF_KIND_METAL && !CALLS_FOR(b, MULTIPLE_SCATTERING))
         return metal_sample(b, wo, u, v, out);

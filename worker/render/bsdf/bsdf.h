@@ -75,6 +75,19 @@ struct bsdf_params {
                                    (--without multiple-scattering) */
 };
 
+/* What of the lower part acts on a surface, and the effect that it calls for: X(effect, condition
+ * on params p). A surface without any of it is glTF's core material, for which there are
+ * shortcuts. CALLS_FOR(b, effect) (lobe.h) asks for it. */
+#define BSDF_CALL_MAP(X)                                                                          \
+    X(ANISOTROPY, p->alpha_stretched > 0.0f)                                                      \
+    X(CONDUCTOR, p->conductor)                                                                    \
+    X(CLEARCOAT, p->clearcoat > 0.0f)                                                             \
+    X(SHEEN, p->sheen_color.x > 0.0f || p->sheen_color.y > 0.0f || p->sheen_color.z > 0.0f)       \
+    X(IRIDESCENCE, p->iridescence > 0.0f)                                                         \
+    X(DIFFUSE_TRANSMISSION, p->diffuse_transmission > 0.0f)                                       \
+    X(GLOSSY, p->base_interreflection > 0.0f)                                                     \
+    X(THIN_TRANSMISSION, p->thin_slab && !p->refractive)
+
 /* The lobes, in the order in which their values are added up and in which the selection number
  * runs through them; those of the base come first.
  *
@@ -156,7 +169,6 @@ struct bsdf_reflection {
     struct vec3 f0;              /* Schlick's ends, with all weights */
     float f90;
     int schlick;                 /* and nothing but Schlick's formula between them */
-    int slab;                    /* plastic is a slab that reflects at both faces */
     struct vec3 eta, k;          /* of a conductor, relative to what surrounds it */
     float interreflection;       /* of a conductor */
 };
@@ -235,7 +247,7 @@ struct bsdf {
     struct bsdf_lambert diffuse;
     struct bsdf_material material;
 
-    uint64_t effects;            /* that this surface calls for, of those that change other lobes */
+    uint64_t effects;            /* that act here: BSDF_CALL_MAP's, and compensation's */
     uint32_t lobes;              /* bit BSDF_LOBE_x: it is sampled */
     uint32_t smooth_lobes;       /* ... it is evaluated: it has a density */
     float lobe_pdf[BSDF_LOBES];  /* selection probabilities, 0 for absent lobes */

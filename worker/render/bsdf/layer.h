@@ -16,10 +16,7 @@
 
 static inline float slab_reflectance(float r) { return 2.0f * r / (1.0f + r); }
 
-static inline int is_slab(const struct bsdf *b)
-{
-    return LOBE_ENABLED(EFFECT_THIN_TRANSMISSION) && b->reflection.slab;
-}
+static inline int is_slab(const struct bsdf *b) { return CALLS_FOR(b, THIN_TRANSMISSION); }
 
 /* In Schlick's place where the Fresnel term of plastic is the exact one. */
 static inline float exact_weight(const struct bsdf *b, float cosine)

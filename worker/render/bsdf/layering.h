@@ -144,19 +144,12 @@ static inline void material_init(struct bsdf_material *m, const struct bsdf_para
     }
 }
 
-/* The effects of the lower part of struct bsdf_params that act here. */
 static inline uint64_t effects_called_for(const struct bsdf_params *p)
 {
-    const struct vec3 sheen = p->sheen_color;
     uint64_t set = 0;
 
-#define CALL(name, condition) set |= HAS(name) && (condition) ? EFFECT_##name : 0
-    CALL(ANISOTROPY, p->alpha_stretched > 0.0f);
-    CALL(CONDUCTOR, p->conductor);
-    CALL(CLEARCOAT, p->clearcoat > 0.0f);
-    CALL(SHEEN, sheen.x > 0.0f || sheen.y > 0.0f || sheen.z > 0.0f);
-    CALL(IRIDESCENCE, p->iridescence > 0.0f);
-    CALL(DIFFUSE_TRANSMISSION, p->diffuse_transmission > 0.0f);
+#define CALL(name, condition) set |= HAS(name) && (condition) ? EFFECT_##name : 0;
+    BSDF_CALL_MAP(CALL)
 #undef CALL
     return set;
 }
@@ -259,16 +252,14 @@ static inline void init_reflection(struct bsdf *b, const struct bsdf_params *par
 LOBE_OFTEN void init_lambert(struct bsdf *b, const struct bsdf_params *params,
                                 struct lobe_shares *shares)
 {
-    float rest = layer_rest_average(b), through = 0;
+    float rest = layer_rest_average(b);
 
     if (!(rest > 1e-4f && b->layer.rest_o > 0.0f))
         return;
-    if (CALLS_FOR(b, DIFFUSE_TRANSMISSION)) {
-        through = clamp_to(params->diffuse_transmission, 0, 1);
+    shares_add(shares, BSDF_LOBE_DIFFUSE, diffuse_init(b, params, rest));
+    if (CALLS_FOR(b, DIFFUSE_TRANSMISSION))
         shares_add(shares, BSDF_LOBE_DIFFUSE_TRANSMISSION,
-                   diffuse_transmission_init(b, params, rest, through));
-    }
-    shares_add(shares, BSDF_LOBE_DIFFUSE, diffuse_init(b, rest, through));
+                   diffuse_transmission_init(b, params, rest));
 }
 
 /* Plastic, glass, thin walls and everything between. */
@@ -309,12 +300,11 @@ static inline void layering_init(struct bsdf *b, const struct bsdf_params *param
 {
     struct lobe_shares shares = {{LOBES_ABSENT}};
 
-    b->reflection.slab = params->thin_slab && !params->refractive;
     b->base.shape = ggx_make(b->material.alpha, b->material.alpha, 0);
     if (CALLS_FOR(b, ANISOTROPY))
         stretched_init(b, params);
     b->base.smooth = b->material.alpha < BSDF_ALPHA_MIN;
-    b->layer.exact = params->base_interreflection > 0.0f && !CALLS_FOR(b, CONDUCTOR) &&
+    b->layer.exact = CALLS_FOR(b, GLOSSY) && !CALLS_FOR(b, CONDUCTOR) &&
                      b->material.ior >= ALBEDO_EXACT_IOR_FIRST &&
                      b->material.ior <= ALBEDO_EXACT_IOR_LAST;
     if (b->layer.exact)
@@ -357,7 +347,7 @@ static inline void metal_init(struct bsdf *b, const struct bsdf_params *params, 
     b->reflection.f0 = b->material.base_color;
     b->reflection.f90 = 1.0f;
     b->reflection.schlick = 1;
-    b->reflection.slab = b->layer.exact = 0;
+    b->layer.exact = 0;
     b->weights = (struct bsdf_weights){.metal = 1};
     b->interface_compensation.on = 0;
     b->diffuse.color = LOBE_BLACK;

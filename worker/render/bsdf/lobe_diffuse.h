@@ -80,12 +80,19 @@ static inline float lambert_scale(const struct bsdf *b, float rest, int coated)
     return b->weights.diffuse * b->layer.rest_o / rest;
 }
 
-/* Returns how often to sample it. `rest` as above, `through`: share that diffuse transmission has. */
-static inline float diffuse_init(struct bsdf *b, float rest, float through)
+/* Share of the base that diffuse transmission has. */
+static inline float transmitted_share(const struct bsdf *b, const struct bsdf_params *params)
 {
-    float scale = lambert_scale(b, rest, is_covered_near(b));
+    return CALLS_FOR(b, DIFFUSE_TRANSMISSION) ? clamp_to(params->diffuse_transmission, 0, 1) : 0;
+}
 
-    b->diffuse.color = vec3_scale(b->material.base_color, scale * (1.0f - through) * INV_PI_F);
+/* Returns how often to sample it. `rest` as above. */
+static inline float diffuse_init(struct bsdf *b, const struct bsdf_params *params, float rest)
+{
+    float scale = lambert_scale(b, rest, is_covered_near(b)) *
+                  (1.0f - transmitted_share(b, params));
+
+    b->diffuse.color = vec3_scale(b->material.base_color, scale * INV_PI_F);
     if (vec3_is_black(b->diffuse.color))
         return -1.0f;
     return vec3_average(b->diffuse.color) * PI_F * rest;

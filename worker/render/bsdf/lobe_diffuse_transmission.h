@@ -12,12 +12,13 @@
 
 /* Returns how often to sample it; arguments as diffuse_init's. */
 static inline float diffuse_transmission_init(struct bsdf *b, const struct bsdf_params *params,
-                                              float rest, float through)
+                                              float rest)
 {
     struct vec3 color = clamp_color(params->diffuse_transmission_color, 1);
-    float scale = lambert_scale(b, rest, is_covered_near(b) && is_covered_far(b));
+    float scale = lambert_scale(b, rest, is_covered_near(b) && is_covered_far(b)) *
+                  transmitted_share(b, params);
 
-    b->diffuse_transmission.color = vec3_scale(color, scale * through * INV_PI_F);
+    b->diffuse_transmission.color = vec3_scale(color, scale * INV_PI_F);
     if (vec3_is_black(b->diffuse_transmission.color))
         return -1.0f;
     return vec3_average(b->diffuse_transmission.color) * PI_F * rest;

@@ -166,8 +166,9 @@ static inline float reflection_init(struct bsdf *b, float blend)
     struct bsdf_reflection *r = &b->reflection;
     int film = CALLS_FOR(b, IRIDESCENCE);
 
-    r->schlick = !CALLS_FOR_ANY(b, EFFECT_CONDUCTOR | EFFECT_IRIDESCENCE) && !is_slab(b) &&
-                 !b->layer.exact;
+    r->schlick =
+        !CALLS_FOR_ANY(b, EFFECT_CONDUCTOR | EFFECT_IRIDESCENCE | EFFECT_THIN_TRANSMISSION) &&
+        !b->layer.exact;
     if (r->f90 == 0.0f && vec3_is_black(r->f0) &&
         !(film && b->weights.plastic > 0.0f && b->material.specular > 0.0f))
         return -1.0f;
