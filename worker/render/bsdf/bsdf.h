@@ -103,8 +103,9 @@ struct bsdf_params {
  * effects: kernel variants without any of these are compiled without the lobe.
  * account: the effect that its time is charged to (charge.h).
  *
- * tests: chi-square of samples against densities, and energy: statistics/test_bsdf_chi_square and
- * test_bsdf_energy (the base), test_bsdf_layers_chi_square and test_bsdf_layers_energy (the rest).
+ * tests (tests/statistics): test_bsdf_lobes takes each row by itself, chi-square of samples against
+ * densities and furnace; test_bsdf_chi_square and test_bsdf_energy whole surfaces of the base's lobes,
+ * test_bsdf_layers_chi_square and test_bsdf_layers_energy all others.
  *
  * REFLECTION: whatever reflects with the base's microfacets (metal, plastic, thin wall; also what
  * the interface reflects, which INTERFACE samples). DIFFUSE and DIFFUSE_TRANSMISSION sample by the

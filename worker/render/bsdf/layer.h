@@ -18,6 +18,13 @@ static inline float slab_reflectance(float r) { return 2.0f * r / (1.0f + r); }
 
 static inline int is_slab(const struct bsdf *b) { return CALLS_FOR(b, THIN_TRANSMISSION); }
 
+/* The alpha whose tables tell the base's mean reflectance. */
+static inline float layer_alpha(const struct bsdf *b)
+{
+    const struct ggx *g = &b->base.shape;
+    return ggx_is_stretched(g) ? albedo_stretched_layer(g->x, g->y) : g->y;
+}
+
 /* In Schlick's place where the Fresnel term of plastic is the exact one. */
 static inline float exact_weight(const struct bsdf *b, float cosine)
 {

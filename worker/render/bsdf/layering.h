@@ -232,13 +232,11 @@ static inline void init_reflection(struct bsdf *b, const struct bsdf_params *par
     if (b->base.smooth) {
         blend = schlick_weight(b->cos_o);
     } else if (!b->interface.only) {
-        const struct ggx *g = &b->base.shape;
-        b->layer.row =
-            albedo_row_find(ggx_is_stretched(g) ? albedo_stretched_layer(g->x, g->y) : g->y);
+        b->layer.row = albedo_row_find(layer_alpha(b));
         blend = albedo_blend_at(&b->layer.row, b->cos_o);
         if (is_compensated(params)) {
             b->effects |= EFFECT_MULTIPLE_SCATTERING;
-            b->compensation.loss = albedo_loss_row_find(g->y);
+            b->compensation.loss = albedo_loss_row_find(b->base.shape.y);
             loss_o = compensation_loss(b, wo);
             *compensation = reflection_compensation(b, loss_o);
         }
@@ -250,7 +248,7 @@ static inline void init_reflection(struct bsdf *b, const struct bsdf_params *par
 
 /* The Lambert base, to both sides. */
 LOBE_OFTEN void init_lambert(struct bsdf *b, const struct bsdf_params *params,
-                                struct lobe_shares *shares)
+                             struct lobe_shares *shares)
 {
     float rest = layer_rest_average(b);
 
@@ -262,9 +260,9 @@ LOBE_OFTEN void init_lambert(struct bsdf *b, const struct bsdf_params *params,
                    diffuse_transmission_init(b, params, rest));
 }
 
-/* Plastic, glass, thin walls and everything between. */
+/* Metal, plastic, glass, thin walls and everything between. */
 LOBE_OFTEN void init_base(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo,
-                             struct lobe_shares *shares)
+                          struct lobe_shares *shares)
 {
     float base = vec3_average(b->material.base_color), reflection, compensation, above, below;
 
@@ -294,24 +292,19 @@ LOBE_OFTEN void init_base(struct bsdf *b, const struct bsdf_params *params, stru
         shares_add(shares, BSDF_LOBE_THIN_WALL, thin_wall_init(b, wo, base));
 }
 
-/* Any surface: a sum of lobes. Lobes and layers call for each other's values: what lies above is
- * prepared first. */
-static inline void layering_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
+/* What changes the base's lobes and lies over them. */
+static inline void init_layers(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
 {
-    struct lobe_shares shares = {{LOBES_ABSENT}};
+    const float n = b->material.ior;
 
     b->base.shape = ggx_make(b->material.alpha, b->material.alpha, 0);
     if (CALLS_FOR(b, ANISOTROPY))
         stretched_init(b, params);
     b->base.smooth = b->material.alpha < BSDF_ALPHA_MIN;
     b->layer.exact = CALLS_FOR(b, GLOSSY) && !CALLS_FOR(b, CONDUCTOR) &&
-                     b->material.ior >= ALBEDO_EXACT_IOR_FIRST &&
-                     b->material.ior <= ALBEDO_EXACT_IOR_LAST;
+                     n >= ALBEDO_EXACT_IOR_FIRST && n <= ALBEDO_EXACT_IOR_LAST;
     if (b->layer.exact)
-        b->layer.exact_row = albedo_exact_find(
-            ggx_is_stretched(&b->base.shape)
-                ? albedo_stretched_layer(b->base.shape.x, b->base.shape.y) : b->base.shape.y,
-            b->material.ior);
+        b->layer.exact_row = albedo_exact_find(layer_alpha(b), n);
     if (CALLS_FOR(b, CONDUCTOR))
         conductor_init(b, params);
     if (CALLS_FOR(b, IRIDESCENCE))
@@ -321,15 +314,24 @@ static inline void layering_init(struct bsdf *b, const struct bsdf_params *param
                   CALLS_FOR(b, CONDUCTOR) && b->reflection.interreflection > 0.0f);
     if (CALLS_FOR(b, SHEEN))
         sheen_init(&b->sheen, params, b->cos_o);
+}
+
+/* Any surface. What the base's lobes ask for is prepared first. */
+static inline void layering_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
+{
+    struct lobe_shares shares = {{LOBES_ABSENT}};
+
+    init_layers(b, params, wo);
     weights_init(b);
     fresnel_init(b);
     init_base(b, params, wo, &shares);
-    if (CALLS_FOR(b, CLEARCOAT) && is_covered_near(b))
-        shares_add(&shares, BSDF_LOBE_COAT, coat_share(&b->coat));
-    if (CALLS_FOR(b, SHEEN) && is_covered_near(b))
-        shares_add(&shares, BSDF_LOBE_SHEEN,
-                   sheen_share(&b->sheen, b->cos_o,
-                               CALLS_FOR(b, CLEARCOAT) ? b->coat.rest_o : 1.0f));
+    if (is_covered_near(b)) {
+        float rest = CALLS_FOR(b, CLEARCOAT) ? b->coat.rest_o : 1.0f;
+        if (CALLS_FOR(b, CLEARCOAT))
+            shares_add(&shares, BSDF_LOBE_COAT, coat_share(&b->coat));
+        if (CALLS_FOR(b, SHEEN))
+            shares_add(&shares, BSDF_LOBE_SHEEN, sheen_share(&b->sheen, b->cos_o, rest));
+    }
     choose_by_share(b, &shares);
     find_delta_lobes(b);
     if (!b->lobes)
