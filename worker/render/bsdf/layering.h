@@ -148,7 +148,9 @@ static inline uint64_t effects_called_for(const struct bsdf_params *p)
 {
     uint64_t set = 0;
 
-#define CALL(name, condition) set |= HAS(name) && (condition) ? EFFECT_##name : 0;
+#define CALL(name, condition)                           \
+    if (__builtin_expect(HAS(name) && (condition), 0)) \
+        set |= EFFECT_##name;
     BSDF_CALL_MAP(CALL)
 #undef CALL
     return set;
