@@ -17,7 +17,7 @@
 #include "tests/support/chi_square.h"
 #include "tests/support/statistics.h"
 #include "worker/render/bsdf/bsdf.h"
-#include "worker/render/bsdf/lobes.h"
+#include "worker/render/bsdf/lobe_diffuse.h"
 
 #define SIGNIFICANCE 0.01
 /* A lobe narrower than this (radians, roughly) gets cells of its own size. */
@@ -80,7 +80,7 @@ static void check(const struct bsdf_params *params, float cos_o, float side)
     bsdf_init(&s.bsdf, &single, s.wo);
     setup.axis = (struct vec3){-s.wo.x, -s.wo.y, cos_o * side};
     if (side < 0 && !params->refractive)
-        width = s.bsdf.thin_shape.y;
+        width = s.bsdf.thin_wall.spread.shape.y;
     if (side < 0 && params->refractive) {
         sin_t = sin_o / s.bsdf.eta;
         width *= fabsf(s.bsdf.eta - 1);
@@ -165,7 +165,7 @@ static void what_is_given_back(void **state)
         struct bsdf b;
 
         bsdf_init(&b, &p, wo);
-        assert_true(b.graze > 0);
+        assert_true(b.compensation.graze > 0);
         for (int i = 0; i < HITS; i++) {
             float u = test_random_float(&r), v = test_random_float(&r);
             double cell = (log((double)wide_sample(&b, u, v).z) / range + 1) * CELLS; /* 1e-4..1 */

@@ -70,8 +70,8 @@ static void no_material_gains_energy(void **state)
     static const float IORS[] = {0, 1, 1.0001f, 1.02f, 1.1f, 1.5f, 2.5f, 20};
     static const float SHARES[] = {0, 0.5f, 1};
     static const struct vec3 TINTS[] = {{1, 1, 1}, {3, 0.5f, 0.1f}};
-    enum { ALPHA_COUNT = 9, IOR_COUNT = 8, SHARE_COUNT = 3, TINT_COUNT = 2, SIDE_COUNT = 3 };
-    const unsigned tests = COUNT_COSINES * ALPHA_COUNT * IOR_COUNT * SHARE_COUNT * SHARE_COUNT *
+    enum { COUNT_ALPHAS = 9, IOR_COUNT = 8, SHARE_COUNT = 3, TINT_COUNT = 2, SIDE_COUNT = 3 };
+    const unsigned tests = COUNT_COSINES * COUNT_ALPHAS * IOR_COUNT * SHARE_COUNT * SHARE_COUNT *
                            SIDE_COUNT * TINT_COUNT * 2 /* single, all scattering */ *
                            3 /* components */;
     double z = normal_quantile(1 - sidak_alpha(SIGNIFICANCE, tests));
@@ -79,12 +79,12 @@ static void no_material_gains_energy(void **state)
 
     (void)state;
     for (int c = 0; c < COUNT_COSINES; c++)
-        for (int n = 0; n < ALPHA_COUNT * IOR_COUNT; n++)
+        for (int n = 0; n < COUNT_ALPHAS * IOR_COUNT; n++)
             for (int m = 0; m < SHARE_COUNT * SHARE_COUNT; m++)
                 for (int side = 0; side < SIDE_COUNT * TINT_COUNT * 2; side++) {
                     /* side 0: thin, 1: refractive from outside, 2: from inside */
-                    struct bsdf_params p = white(SHARES[m % SHARE_COUNT], ALPHAS[n % ALPHA_COUNT],
-                                                 IORS[n / ALPHA_COUNT], SHARES[m / SHARE_COUNT],
+                    struct bsdf_params p = white(SHARES[m % SHARE_COUNT], ALPHAS[n % COUNT_ALPHAS],
+                                                 IORS[n / COUNT_ALPHAS], SHARES[m / SHARE_COUNT],
                                                  side % SIDE_COUNT > 0, side % SIDE_COUNT > 1);
                     struct running_stats s;
                     p.specular_color = TINTS[side / SIDE_COUNT % TINT_COUNT];
@@ -107,21 +107,21 @@ static void no_material_gains_energy(void **state)
 static void white_plastic_keeps_nearly_all(void **state)
 {
     static const float ALPHAS[] = {0, 1.01e-3f, 4e-3f, 0.02f, 0.1f, 0.3f, 0.6f, 1};
-    enum { ALPHA_COUNT = 8 };
-    double z = normal_quantile(1 - sidak_alpha(SIGNIFICANCE, ALPHA_COUNT * COUNT_COSINES * 4));
+    enum { COUNT_ALPHAS = 8 };
+    double z = normal_quantile(1 - sidak_alpha(SIGNIFICANCE, COUNT_ALPHAS * COUNT_COSINES * 4));
 
     (void)state;
-    for (int a = 0; a < ALPHA_COUNT * 2; a++)
+    for (int a = 0; a < COUNT_ALPHAS * 2; a++)
         for (int c = 0; c < COUNT_COSINES; c++) {
-            struct bsdf_params p = white(0, ALPHAS[a % ALPHA_COUNT], 1.5f, 0, 0, 0);
-            int single = a < ALPHA_COUNT;
+            struct bsdf_params p = white(0, ALPHAS[a % COUNT_ALPHAS], 1.5f, 0, 0, 0);
+            int single = a < COUNT_ALPHAS;
             struct running_stats s;
             double error, least;
             p.single_scattering = single;
             s = albedo(&p, direction(COSINES[c]), 100000,
                        1000 + (uint64_t)(a * COUNT_COSINES + c));
             error = z * running_stats_error(&s) + (single ? ROUNDING : TABLE);
-            least = a % ALPHA_COUNT == 0 || !single ? 1 : COSINES[c] >= 0.3f ? 0.96 : 0.85;
+            least = a % COUNT_ALPHAS == 0 || !single ? 1 : COSINES[c] >= 0.3f ? 0.96 : 0.85;
             if (s.mean > 1 + error || s.mean < least - error)
                 fail_msg("alpha %g cos %g: %.5f +- %.5f", (double)p.alpha, (double)COSINES[c],
                          s.mean, error);

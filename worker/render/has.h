@@ -3,7 +3,7 @@
  * What runs at every path vertex (path.c, tile.c, surface*.c, camera.c, medium.c, bsdf/) is
  * compiled once for each kernel variant (worker/render/kernels/), with KERNEL_EFFECTS a
  * constant set, so that `if (HAS(SHEEN) && ...)` and all that hangs on it vanish where no
- * sheen can occur. Alone, as in the unit tests, the same files can do everything.
+ * sheen can occur. In bsdf/ a lobe's row names its effects (bsdf.h). Alone, as in the unit tests, the same files can do everything.
  *
  * Rule: HAS() may only leave out work whose result is known when the effect is absent (a
  * weight of 0, an empty stack); so every variant that covers a scene gives the same bits.

@@ -508,7 +508,7 @@ static void hostile_parameters_do_no_harm(void **state)
         struct bsdf_sample s;
         struct bsdf b;
         float pdf;
-        int lobes;
+        float chosen = 0;
         if (test_random_u64(&r) & 1)
             wi.z = -wi.z;
         if (test_random_u64(&r) % 8 == 0)
@@ -517,12 +517,14 @@ static void hostile_parameters_do_no_harm(void **state)
         f = bsdf_eval_pdf(&b, wo, wi, &pdf);
         if (!vec3_is_finite(f) || vec3_min(f) < 0 || !(pdf >= 0 && pdf < INFINITY))
             describe_and_fail(&p, wo, wi, "eval_pdf is not a finite, positive number");
-        lobes = b.kind == BSDF_KIND_MIX ? BSDF_LOBE_BELOW + 1 : 0;
-        for (int k = 0; k < lobes; k++)
-            if (!(b.lobe_cdf[k] >= 0 && b.lobe_cdf[k] <= 1))
+        for (int k = 0; b.kind == BSDF_KIND_LOBES && k < BSDF_LOBES; k++) {
+            if (!(b.lobe_pdf[k] >= 0 && b.lobe_pdf[k] <= 1) ||
+                (b.lobe_pdf[k] > 0) != (b.lobes >> k & 1))
                 describe_and_fail(&p, wo, wi, "selection probabilities");
-        if (lobes > 0 && b.lobe_cdf[lobes - 1] != 1)
-            describe_and_fail(&p, wo, wi, "the last selection probability is not 1");
+            chosen += b.lobe_pdf[k];
+        }
+        if (b.kind == BSDF_KIND_LOBES && fabsf(chosen - 1) > 1e-5f)
+            describe_and_fail(&p, wo, wi, "selection probabilities do not add up to 1");
         if (!bsdf_sample(&b, wo, hostile_unit(&r), hostile_unit(&r), hostile_unit(&r), &s))
             continue;
         sampled++;

@@ -16,7 +16,7 @@
 #include "tests/support/statistics.h"
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/bsdf/dispersion.h"
-#include "worker/render/bsdf/film.h"
+#include "worker/render/bsdf/thin_film.h"
 #include "worker/render/bsdf/fresnel.h"
 
 static struct vec3 direction(float cosine, float azimuth)

@@ -79,6 +79,13 @@ static void dress_plastic(struct scene_builder *b, struct scene_material *ball)
     ball->roughness = 0.3f;
 }
 
+static void dress_metal(struct scene_builder *b, struct scene_material *ball)
+{
+    (void)b;
+    ball->metallic = 1;
+    ball->roughness = 0.6f;
+}
+
 static void dress_glass(struct scene_builder *b, struct scene_material *ball)
 {
     (void)b;
@@ -137,7 +144,8 @@ static const struct {
     uint64_t found; /* of the effects, these are sure to be met in a while */
 } rooms[] = {
     {"lambert", NULL, EFFECT_DIFFUSE | EFFECT_EMISSIVE_MESH | EFFECT_ENVIRONMENT},
-    {"plastic", dress_plastic, EFFECT_GLOSSY | EFFECT_MULTIPLE_SCATTERING},
+    {"plastic", dress_plastic, EFFECT_GLOSSY}, /* its compensation goes with its base */
+    {"metal", dress_metal, EFFECT_GLOSSY | EFFECT_MULTIPLE_SCATTERING},
     {"glass", dress_glass, EFFECT_DIELECTRIC | EFFECT_DISPERSION | EFFECT_ABSORPTION},
     {"coat", dress_coat, EFFECT_CLEARCOAT | EFFECT_SHEEN},
     {"sheen", dress_sheen, EFFECT_DIFFUSE | EFFECT_SHEEN},

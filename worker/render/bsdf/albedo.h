@@ -120,7 +120,7 @@ static inline float albedo_exact_at(const struct albedo_exact *t, float mu)
  * mu / alpha alone, greatest near mu = alpha: linear interpolation is then good to 0.002 for
  * every mu and alpha (32 columns in sqrt(mu) are not good to 0.01). The entries are the loss
  * over (1 - c^2)^2 + alpha^2, which falls off as it does. Rows as above. Hemispherical means
- * are of the function as it is interpolated, so that what is given back with their help adds
+ * are of the function as it is interpolated, so that the compensation made with their help adds
  * up; their rows are ALBEDO_MEAN_STEPS times denser, because the columns' places move with
  * alpha. Means of losses are tabulated divided by alpha^2 (the wider alpha's), which they
  * grow with. */

@@ -6,43 +6,12 @@
  * includes 1/eta^2 for refraction. All functions are pure and use only deterministic
  * arithmetic; no result is ever NaN, infinite or negative.
  *
- * The material is glTF 2.0's, metallic m and transmission t:
- *   m * metal + (1 - m) * ((1 - t) * plastic + t * glass)
- * metal    GGX reflection, Schlick from the base colour to 1.
- * plastic  GGX reflection, Schlick from F0 = min(((ior-1)/(ior+1))^2 specular_color, 1) *
- *          specular to F90 = specular, over a Lambert base. glTF's plain mix of the two by
- *          F(v.h) sends out almost twice what comes in at grazing angles, so the base is
- *          scaled by what the reflection leaves on the way in and on the way out
- *          (albedo.h): reciprocal, a white smooth plastic sends out exactly 1.
- *          F90 fades to 0 below ior 1.2, so that ior 1 is no interface at all: Schlick's
- *          formula, made for 1.2 to 2.2, would keep a bright rim.
-          thin_slab counts all the reflections between the wall's sides.
-          diffuse_transmission sends that share of the base through, into the other half.
- * glass    refractive: one rough interface (Walter et al. 2007, but with masking and
- *          shadowing fully correlated in transmission: bsdf.c) with the exact Fresnel
- *          term, remapped so that it begins at F0 and ends at F90 (total internal
- *          reflection is always 1); reflection or refraction is chosen for the sampled
- *          microfacet. Transmitted light is base_color * (1 - max component of F).
- *          thin wall: plastic's reflection; light passes with GGX spread and mirrored half
- *          vector (KHR_materials_transmission), tinted, scaled by 1 minus the larger of
- *          the mean reflectances along wo and wi: reciprocal, never gains energy. Its
- *          spread fades to none as ior goes from 1.5 to 1, as glTF viewers have it.
- * A conductor is the metal with the exact Fresnel term of its complex index.
- *
- * Over and in them, each absent at 0:
- *   multiple scattering between microfacets: what GGX loses (albedo.h) is given back as a wide
- *          lobe f = color (1 - E(wo)) (1 - E(wi)) / (pi (1 - E_average)) after Kulla and Conty
- *          2017, coloured by the mean Fresnel term as if it were a geometric series; plastic's
- *          share that does not leave at once goes to its base; a rough interface gives back on
- *          both sides, split so that it stays reciprocal. Reciprocal, and white stays white.
- *   stretched  GGX with alpha_stretched along x.
- *   film   iridescence (film.h) replaces the Fresnel term by its weight.
- *   sheen  Charlie's distribution (sheen.h) over all of that, which is scaled by what the
- *          sheen leaves along the brighter of the two directions (glTF's rule).
- *   coat   GGX with Schlick's term and a normal of its own over everything. What lies below is
- *          scaled by the lesser share that the coat leaves along wo and wi, the Lambert base by
- *          the product of both over its mean: reciprocal, never gains energy.
- * Sheen and coat lie on the outside of a refractive object and on both sides of a thin wall.
+ * A surface is a sum of lobes. Each is a row of BSDF_LOBE_MAP below and one file, lobe_*.h, with
+ * its model, its paper and three functions: init, evaluate (with the density), sample.
+ * layering.h combines them: how much each of them weighs and how often it is sampled. What
+ * changes a lobe without being one has a file of its own: the microfacets (microfacet.h), their
+ * Fresnel term (fresnel.h, thin_film.h), multiple scattering between them (compensation.h), and
+ * what a layer leaves for what lies below it (layer.h).
  *
  * Special cases: alpha < BSDF_ALPHA_MIN is smooth (delta lobes); ior 0 is Fresnel 1 at F0
  * (no bending); a refraction that would spread by less than BSDF_SPREAD_MIN is a delta
@@ -51,16 +20,20 @@
 #ifndef AZULEJO_RENDER_BSDF_H
 #define AZULEJO_RENDER_BSDF_H
 
+#include <stdint.h>
+
 #include "common/math/vec.h"
 #include "worker/render/bsdf/albedo.h"
 #include "worker/render/bsdf/fresnel.h"
+#include "worker/render/bsdf/microfacet.h"
+#include "worker/render/bsdf/thin_film.h"
 
 /* GGX alpha below this is a perfect mirror (a delta lobe). */
 #define BSDF_ALPHA_MIN 1e-3f
 /* F90 of plastic and of coats reaches its full value at this F0 (ior 1.2). */
 #define BSDF_FADE_F0 (1.0f / 121.0f)
 /* Rough refraction with alpha * |eta - 1| below this is a delta lobe: floats could not
- * resolve its half vector, and nobody its blur (radians). */
+ * resolve its half vector, and no picture its blur (radians). */
 #define BSDF_SPREAD_MIN 1e-4f
 /* Larger indices are clamped to this (F0 = 0.996). */
 #define BSDF_IOR_MAX 1000.0f
@@ -98,21 +71,65 @@ struct bsdf_params {
     float base_interreflection; /* 0..<1 (scene.h): plastic is pbrt's coat, with Fresnel's exact term
                                    for an ior of 1.2 to 3; a conductor's clearcoat likewise */
     int thin_slab;              /* thin wall: R' = 2 R / (1 + R) */
-    int single_scattering;      /* do not give back what microfacets lose among themselves
+    int single_scattering;      /* no multiple-scattering compensation
                                    (--without multiple-scattering) */
 };
 
-/* The lobes that are chosen between. All reflection with Schlick's or a conductor's Fresnel
- * term (metal, plastic, thin wall) is one lobe; a refractive interface, both ways, is one. */
+/* What of the lower part acts on a surface, and the effect that it calls for: X(effect, condition
+ * on params p). A surface without any of it is glTF's core material, for which there are
+ * shortcuts. CALLS_FOR(b, effect) (lobe.h) asks for it. */
+#define BSDF_CALL_MAP(X)                                                                          \
+    X(ANISOTROPY, p->alpha_stretched > 0.0f)                                                      \
+    X(CONDUCTOR, p->conductor)                                                                    \
+    X(CLEARCOAT, p->clearcoat > 0.0f)                                                             \
+    X(SHEEN, p->sheen_color.x > 0.0f || p->sheen_color.y > 0.0f || p->sheen_color.z > 0.0f)       \
+    X(IRIDESCENCE, p->iridescence > 0.0f)                                                         \
+    X(DIFFUSE_TRANSMISSION, p->diffuse_transmission > 0.0f)                                       \
+    X(GLOSSY, p->base_interreflection > 0.0f)                                                     \
+    X(THIN_TRANSMISSION, p->thin_slab && !p->refractive)
+
+/* The lobes, in the order in which their values are added up and in which the selection number
+ * runs through them; those of the base come first.
+ *
+ *   X(NAME, prefix, side, effects, account)
+ *
+ * prefix:  of the lobe's functions in its file:
+ *            init: prepares the lobe for one wo and says how often to sample it (layering.h);
+ *            struct vec3 prefix_evaluate(b, wo, wi, cover, &pdf): f |wi.z| with all weights, and
+ *              the density of the lobe's samples times its selection probability; called only
+ *              where the lobe has a density;
+ *            enum lobe_result prefix_sample(b, wo, w, u, v, &sample).
+ * side:    the side of wi on which it is evaluated.
+ * effects: kernel variants without any of these are compiled without the lobe.
+ * account: the effect that its time is charged to (charge.h).
+ *
+ * tests (tests/statistics): test_bsdf_lobes takes each row by itself, chi-square of samples against
+ * densities and furnace; test_bsdf_chi_square and test_bsdf_energy whole surfaces of the base's lobes,
+ * test_bsdf_layers_chi_square and test_bsdf_layers_energy all others.
+ *
+ * REFLECTION: whatever reflects with the base's microfacets (metal, plastic, thin wall; also what
+ * the interface reflects, which INTERFACE samples). DIFFUSE and DIFFUSE_TRANSMISSION sample by the
+ * cosine what multiple-scattering compensation sends out on their sides, too. */
+#define BSDF_LOBE_MAP(X)                                                                         \
+    X(DIFFUSE, diffuse, ABOVE, EFFECTS_ALL,                                                      \
+      ACCOUNT(vec3_is_black(b->diffuse.color), MULTIPLE_SCATTERING, DIFFUSE))                    \
+    X(REFLECTION, reflection, ABOVE, EFFECT_GLOSSY | EFFECT_MIRROR,                              \
+      ACCOUNT(b->base.smooth, MIRROR, GLOSSY))                                                   \
+    X(INTERFACE, interface, BELOW, EFFECT_DIELECTRIC | EFFECT_ROUGH_DIELECTRIC,                  \
+      ACCOUNT(b->base.smooth, DIELECTRIC, ROUGH_DIELECTRIC))                                     \
+    X(THIN_WALL, thin_wall, BELOW, EFFECT_THIN_TRANSMISSION, CHARGE_OF(THIN_TRANSMISSION))       \
+    X(DIFFUSE_TRANSMISSION, diffuse_transmission, BELOW,                                         \
+      EFFECT_DIFFUSE_TRANSMISSION | EFFECT_ROUGH_DIELECTRIC,                                     \
+      ACCOUNT(vec3_is_black(b->diffuse_transmission.color), MULTIPLE_SCATTERING,                 \
+              DIFFUSE_TRANSMISSION))                                                             \
+    X(COAT, coat, ABOVE, EFFECT_CLEARCOAT, CHARGE_OF(CLEARCOAT))                                 \
+    X(SHEEN, sheen, ABOVE, EFFECT_SHEEN, CHARGE_OF(SHEEN))
+
 enum bsdf_lobe {
-    BSDF_LOBE_DIFFUSE,   /* cosine: Lambert, and what is given back above */
-    BSDF_LOBE_REFLECT,
-    BSDF_LOBE_INTERFACE,
-    BSDF_LOBE_THIN,
-    BSDF_LOBE_BELOW,     /* cosine, on the other side */
-    BSDF_LOBE_COAT,
-    BSDF_LOBE_SHEEN,
-    BSDF_LOBES_MAX
+#define BSDF_LOBE_ENUM(name, ...) BSDF_LOBE_##name,
+    BSDF_LOBE_MAP(BSDF_LOBE_ENUM)
+#undef BSDF_LOBE_ENUM
+    BSDF_LOBES
 };
 
 /* Shortcuts for the surfaces that most scenes are made of. */
@@ -120,12 +137,13 @@ enum bsdf_kind {
     BSDF_KIND_BLACK,   /* scatters nothing */
     BSDF_KIND_LAMBERT, /* no reflection: exactly base_color / pi */
     BSDF_KIND_METAL,   /* rough metal only */
-    BSDF_KIND_MIX,     /* metal, plastic, glass, thin walls */
-    BSDF_KIND_LAYERED, /* and everything that struct bsdf_params may leave 0 */
+    BSDF_KIND_LOBES,   /* any sum of lobes */
 };
 
+/* ---- what bsdf_init prepares for the lobes ----------------------------------------------------- */
+
 /* The first part of struct bsdf_params, clamped. */
-struct bsdf_base {
+struct bsdf_material {
     struct vec3 base_color;
     float metallic, alpha, ior /* relative to what surrounds it */, specular;
     struct vec3 specular_color;
@@ -133,93 +151,121 @@ struct bsdf_base {
     int refractive, inside;
 };
 
-/* GGX: alpha along y (and x, if not stretched), alpha along x. */
-struct bsdf_shape {
-    float y, y2, x, x2;
+/* How much of the base is of which kind; they add up to 1. */
+struct bsdf_weights {
+    float metal, plastic, glass;
+    float wall, diffuse; /* of plastic: what passes through a thin wall; what has a Lambert base */
 };
 
-/* What only BSDF_KIND_LAYERED has. */
-struct bsdf_layers {
-    int stretched;
+/* Fresnel term of plastic and glass, `specular` included. */
+struct bsdf_dielectric {
+    int exact;                         /* ior is not 0: Fresnel's equations are known */
+    struct vec3 f0;
+    float f90;
+    float normal_f0, inverse_rest_f0;  /* the plain term at normal incidence, 1 / (1 - it) */
+};
+
+/* lobe_reflection.h */
+struct bsdf_reflection {
+    struct vec3 f0;              /* Schlick's ends, with all weights */
+    float f90;
+    int schlick;                 /* and nothing but Schlick's formula between them */
+    struct vec3 eta, k;          /* of a conductor, relative to what surrounds it */
+    float interreflection;       /* of a conductor */
+};
+
+/* lobe_interface.h */
+struct bsdf_interface {
+    struct vec3 tint;            /* base colour of transmitted light, with all weights */
+    int only;                    /* its weight is 1: there is no other reflection and no base */
+    int transmit_delta;          /* refraction is a delta lobe */
+};
+
+/* lobe_thin_wall.h */
+struct bsdf_thin_wall {
+    struct vec3 tint;            /* as the interface's */
+    struct microfacets spread;
+};
+
+/* lobe_diffuse.h, lobe_diffuse_transmission.h */
+struct bsdf_lambert {
+    struct vec3 color;           /* over pi, with all weights and wo's share */
+};
+
+/* layer.h: what plastic's reflection leaves for what lies below it */
+struct bsdf_layer {
+    float f0, f90;               /* ends of the mean reflectance */
+    float returned;              /* share of what microfacets lose that comes back */
+    float reflected_o, rest_o;   /* what it reflects, and leaves, along wo */
+    int exact;                   /* the Fresnel term is the exact one, not Schlick's */
+    struct albedo_row row;
+    struct albedo_exact exact_row;
+};
+
+/* compensation.h: of metal's and plastic's reflection; of a rough interface */
+struct bsdf_compensation {
+    struct albedo_loss_row loss;
     struct albedo_stretched stretched_loss;
-    int conductor;
-    struct vec3 eta, k;          /* relative to what surrounds it */
-    float interreflection;
-    int slab;
-    int exact_coat;              /* plastic's Fresnel term is the exact one */
-    struct albedo_exact exact;   /* ... or the coat's over a metal */
-    float weight_metal, weight_plastic;
-
-    float film;                  /* weight of iridescence */
-    float film_ior, film_path;   /* relative index; 2 n d in nm */
-    struct vec3 film_f0;         /* plastic's or glass's F0 without `specular` */
-
-    int covered;                 /* sheen and coat lie on wo's side */
-    int through;                 /* they lie on the far side, or on both: what passes is scaled */
-    float coat;                  /* weight; 0: none */
-    struct vec3 coat_normal;
-    int coat_smooth;
-    int coat_exact;              /* Fresnel's term for coat_ior, and the metal below knows of it */
-    float coat_ior;              /* relative */
-    struct bsdf_shape coat_shape;
-    float coat_f0, coat_f90, coat_cos_o, coat_root_o, coat_rest_o;
-    struct albedo_row coat_row;
-    struct albedo_loss_row coat_loss;
-
-    struct vec3 sheen;           /* colour; black: none */
-    float sheen_most, sheen_alpha;
-    float sheen_fit[5], sheen_fit_half;
-    float sheen_lambda_o, sheen_limit_o, sheen_rest_o;
-
-    struct vec3 diffuse_below;   /* Lambert / pi to the other side, as `diffuse` */
+    struct vec3 color;           /* colour (1 - E(wo)) / (pi mean loss), with all weights */
+    float graze, graze_log;      /* share of the diffuse lobe that is sampled towards the horizon,
+                                    log((1 + alpha) / alpha) */
+};
+struct bsdf_interface_compensation {
+    int on;
+    struct albedo_interface loss_near, loss_far;
+    float near;                  /* as `color` above: to wo's side */
+    struct vec3 far;             /* and to the other, with 1 / eta^2 */
 };
 
-/* Fields below `eta` are set only as far as the kind needs them. */
+/* lobe_coat.h */
+struct bsdf_coat {
+    float weight;                /* 0: none */
+    struct vec3 normal;
+    int exact;                   /* Fresnel's term for `ior`, and the metal below knows of it */
+    float ior;                   /* relative */
+    float f0, f90;
+    struct microfacets micro;
+    float cos_o, rest_o;
+    struct albedo_row row;
+    struct albedo_loss_row loss;
+    struct albedo_exact exact_row;
+};
+
+/* lobe_sheen.h */
+struct bsdf_sheen {
+    struct vec3 color;           /* black: none */
+    float most, alpha;           /* its largest component; Charlie's alpha */
+    float fit[5], fit_half;
+    float lambda_o, limit_o, rest_o;
+};
+
+/* Fields below `material` are set only as far as the kind and the effects need them. */
 struct bsdf {
     enum bsdf_kind kind;
-    int has_delta, has_smooth;  /* any delta lobe; any lobe with a density */
+    int has_delta, has_smooth;   /* any delta lobe; any lobe with a density */
     float cos_o;
-    struct vec3 diffuse;        /* Lambert / pi with all weights and wo's share */
-    struct bsdf_base p;
-    float eta;                  /* n on the far side / n on wo's side */
+    float eta;                   /* n on the far side / n on wo's side */
+    struct bsdf_lambert diffuse;
+    struct bsdf_material material;
 
-    float lobe_cdf[BSDF_LOBES_MAX]; /* selection probabilities, accumulated; as many as the
-                                       kind has, the last of them is 1 */
-    float lobe_pdf[BSDF_LOBES_MAX];
-    struct bsdf_shape shape;
-    float root_o;               /* microfacet.h */
-    struct vec3 f0;             /* reflect lobe: Schlick's ends, with all weights */
-    float f90;
+    uint64_t effects;            /* that act here: BSDF_CALL_MAP's, and compensation's */
+    uint32_t lobes;              /* bit BSDF_LOBE_x: it is sampled */
+    uint32_t smooth_lobes;       /* ... it is evaluated: it has a density */
+    float lobe_pdf[BSDF_LOBES];  /* selection probabilities, 0 for absent lobes */
 
-    int compensated;            /* multiple scattering is given back */
-    struct albedo_loss_row loss;
-    struct vec3 given_back;     /* colour (1 - E(wo)) / (pi mean loss), with all weights */
-    float graze, graze_log;     /* share of the diffuse lobe that is sampled towards the horizon,
-                                   log((1 + alpha) / alpha): lobes.h */
-
-    int smooth;                 /* reflection (and refraction) is a delta lobe */
-    int transmit_delta;         /* refraction is a delta lobe */
-    int thin_delta;
-    int exact;                  /* interface: exact Fresnel; else Schlick (ior 0) */
-    struct vec3 f0_dielectric;
-    float f90_dielectric;
-    float normal_f0, inverse_rest_f0; /* interface: F at normal incidence, 1 / (1 - it) */
-    float weight_interface;
-    int interface_only;         /* its weight is 1: there is no other reflection and no base */
-    struct vec3 tint;           /* base colour of transmitted light, with all weights */
-    float layer_f0, layer_f90;  /* what scales the base: ends of the mean reflectance */
-    float layer_given_back;     /* and the share of what microfacets lose that comes back */
-    float layer_o;              /* mean reflectance along wo */
-    struct albedo_row row;
-    struct bsdf_shape thin_shape;
-    float thin_root_o;
-
-    int interface_compensated;
-    struct albedo_interface loss_near, loss_far;
-    float given_back_near;      /* as given_back, by the interface: to wo's side */
-    struct vec3 given_back_far; /* and to the other, with 1 / eta^2 */
-
-    struct bsdf_layers layers;
+    struct bsdf_weights weights;
+    struct microfacets base;     /* what metal, plastic and glass share */
+    struct bsdf_dielectric dielectric;
+    struct bsdf_reflection reflection;
+    struct bsdf_layer layer;
+    struct bsdf_compensation compensation;
+    struct bsdf_interface interface;
+    struct bsdf_interface_compensation interface_compensation;
+    struct bsdf_thin_wall thin_wall;
+    struct bsdf_lambert diffuse_transmission;
+    struct thin_film film;
+    struct bsdf_coat coat;
+    struct bsdf_sheen sheen;
 };
 
 enum bsdf_flags {
@@ -236,7 +282,7 @@ struct bsdf_sample {
     float eta_scale;       /* squared relative ior for Russian roulette: product of eta^2 */
 };
 
-/* Prepare for one wo (unit, wo.z > 0). Clamps params into their ranges. Charges what scatters
+/* Prepare for one wo (unit, wo.z > 0). Clamps params into their ranges. Charges the base's lobe
  * (charge.h), or leaves the charge as it is. */
 void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo);
 

@@ -1,4 +1,5 @@
-/* fresnel: reflectance of an interface. */
+/* fresnel: reflectance of an interface: Schlick 1994 (Computer Graphics Forum 13(3)), Cook and
+ * Torrance 1982 (ACM TOG 1(1)) for dielectrics, Born and Wolf 1999 for conductors. */
 #ifndef AZULEJO_RENDER_FRESNEL_H
 #define AZULEJO_RENDER_FRESNEL_H
 
@@ -9,6 +10,16 @@ static inline float schlick_weight(float cosine)
 {
     float m = 1.0f - (cosine < 1.0f ? (cosine > 0.0f ? cosine : 0.0f) : 1.0f), m2 = m * m;
     return m2 * m2 * m;
+}
+
+/* Its mean over the hemisphere (weighted by the cosine), and its variance. */
+#define SCHLICK_MEAN (1.0f / 21.0f)
+#define SCHLICK_VARIANCE 0.0129f
+
+static inline struct vec3 schlick_mix(struct vec3 f0, float f90, float weight)
+{
+    return (struct vec3){f0.x + (f90 - f0.x) * weight, f0.y + (f90 - f0.y) * weight,
+                         f0.z + (f90 - f0.z) * weight};
 }
 
 /* fresnel_dielectric() of bsdf.h, inline: Cook and Torrance's form with the squared

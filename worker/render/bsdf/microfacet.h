@@ -14,6 +14,20 @@
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
 #include "worker/render/bsdf/warp.h"
+#include "worker/render/has.h"
+
+/* The distribution's widths: alpha along y (and x, if not stretched), alpha along x. */
+struct ggx {
+    float y, y2, x, x2;
+    int stretched;
+};
+
+/* Microfacets seen along wo. */
+struct microfacets {
+    struct ggx shape;
+    float root_o; /* root(wo) */
+    int smooth;   /* a mirror: reflection (and refraction) is a delta lobe */
+};
 
 static inline float ggx_root(float alpha2, float mu)
 {
@@ -69,6 +83,64 @@ static inline struct vec3 ggx_sample_visible(struct vec3 wo, float alpha_x, floa
     /* Both vectors lie above the plane they span, up to rounding. */
     h.z = h.z > 1e-7f ? h.z : 1e-7f;
     return vec3_scale(h, 1.0f / sqrtf(vec3_length_squared(h)));
+}
+
+/* ---- of either shape --------------------------------------------------------------------------- */
+
+static inline struct ggx ggx_make(float alpha_y, float alpha_x, int stretched)
+{
+    return (struct ggx){alpha_y, alpha_y * alpha_y, alpha_x, alpha_x * alpha_x, stretched};
+}
+
+static inline int ggx_is_stretched(const struct ggx *g)
+{
+    return HAS(ANISOTROPY) && g->stretched;
+}
+
+static inline float ggx_root_of(const struct ggx *g, struct vec3 w)
+{
+    return ggx_is_stretched(g) ? ggx_stretched_root(g->x2, g->y2, w) : ggx_root(g->y2, w.z);
+}
+
+static inline float ggx_density_of(const struct ggx *g, struct vec3 h, float length2)
+{
+    return ggx_is_stretched(g) ? ggx_stretched_density(g->x, g->y, h, length2)
+                               : ggx_density(g->y2, h, length2);
+}
+
+static inline struct vec3 ggx_sample_of(const struct ggx *g, struct vec3 wo, float u, float v)
+{
+    return ggx_sample_visible(wo, ggx_is_stretched(g) ? g->x : g->y, g->y, u, v);
+}
+
+/* ---- reflection and transmission --------------------------------------------------------------- */
+
+/* Squared length of a half vector below which it has no direction left. */
+#define HALF_LENGTH2_MIN 1e-20f
+
+/* Density of reflecting a visible normal, D G1(wo) / (4 wo.z), of the half vector between wo and
+ * wi, both above; 0 where there is none. *cos_h is wo.h; *shadowing is G2 / G1. */
+static inline float reflection_density(const struct microfacets *m, struct vec3 wo, float mu_o,
+                                       struct vec3 wi, float *cos_h, float *shadowing)
+{
+    struct vec3 h = vec3_add(wo, wi);
+    float length2 = vec3_length_squared(h), root_i = ggx_root_of(&m->shape, wi);
+
+    if (!(length2 > HALF_LENGTH2_MIN))
+        return 0;
+    *cos_h = 0.5f * sqrtf(length2);
+    *shadowing = wi.z * (mu_o + m->root_o) / (wi.z * m->root_o + mu_o * root_i);
+    return ggx_density_of(&m->shape, h, length2) * 0.5f / (mu_o + m->root_o);
+}
+
+/* G(wo, wi) / G1(wo) for transmission, fully correlated: G = min(G1(wo), G1(wi)). Walter's
+ * product of the two loses half the light at grazing angles even where the index is 1 and
+ * nothing bends at all; this has the right limit, is reciprocal too, and what is sampled by
+ * G1(wo) never gains. */
+static inline float transmission_shadowing(float mu_o, float root_o, float mu_i, float root_i)
+{
+    float ratio = mu_i * (mu_o + root_o) / (mu_o * (mu_i + root_i));
+    return ratio < 1.0f ? ratio : 1.0f;
 }
 
 static inline struct vec3 reflect_about(struct vec3 wo, struct vec3 h)

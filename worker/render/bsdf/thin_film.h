@@ -1,4 +1,5 @@
-/* film: reflectance of a thin film on a base, for iridescence.
+/* thin_film: reflectance of a thin film on a base, for iridescence. Not a lobe: it replaces the
+ * Fresnel term of reflection and interface, by its weight.
  *
  * Belcour and Barla 2017 (ACM TOG 36(4), 65) in the simplified form of
  * KHR_materials_iridescence: unpolarised, the Airy series cut after the second order, the
@@ -7,8 +8,8 @@
  * surroundings' below FILM_FADE_NM (as in the authors' own code): both are needed for a film
  * without thickness to be none.
  */
-#ifndef AZULEJO_RENDER_FILM_H
-#define AZULEJO_RENDER_FILM_H
+#ifndef AZULEJO_RENDER_THIN_FILM_H
+#define AZULEJO_RENDER_THIN_FILM_H
 
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
@@ -18,6 +19,13 @@
 #define FILM_FADE_NM 30.0f
 /* No colour component of the response is larger (tests/unit/render/test_bsdf_layers.c). */
 #define FILM_RESPONSE_MAX 1.8f
+
+struct thin_film {
+    float weight;
+    float ior;      /* relative to what surrounds it */
+    float path_nm;  /* 2 n d */
+    struct vec3 f0; /* of the plastic or glass below it, without `specular` */
+};
 
 /* e^-x for x >= 0, to 2e-6. */
 static inline float film_exp(float x)
@@ -125,6 +133,14 @@ static inline float film_bound(float ior, struct vec3 f0)
         most = sum > most ? sum : most;
     }
     return most < 1.0f ? most : 1.0f;
+}
+
+/* What the film adds to a Fresnel term that Schlick's formula approximates from f0 to 1. The
+ * difference of the two, so that it is nothing without thickness whatever the term's form. */
+static inline struct vec3 film_difference(const struct thin_film *film, float cos_1, struct vec3 f0)
+{
+    struct vec3 f = film_reflectance(film->ior, film->path_nm, cos_1, f0);
+    return vec3_sub(f, schlick_mix(f0, 1.0f, schlick_weight(cos_1)));
 }
 
 #endif

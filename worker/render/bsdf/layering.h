@@ -1,0 +1,375 @@
+/* layering: the lobes of a surface put together: what each of them weighs, what coat and sheen
+ * leave of what lies below, how often each lobe is sampled.
+ *
+ * The base is glTF 2.0's, metallic m and transmission t:
+ *   m * metal + (1 - m) * ((1 - t) * plastic + t * glass)
+ * plastic is a reflection over a Lambert base (layer.h), glass a refractive interface or a thin
+ * wall. Over it lie the sheen, then the coat, on the outside of a refractive object and on both
+ * sides of a thin wall. What lies below the coat is scaled by the lesser share that it leaves along
+ * wo and wi, the Lambert base by the product of both over its mean: reciprocal, never gains energy.
+ */
+#ifndef AZULEJO_RENDER_LAYERING_H
+#define AZULEJO_RENDER_LAYERING_H
+
+#include "worker/render/bsdf/compensation.h"
+#include "worker/render/bsdf/layer.h"
+#include "worker/render/bsdf/lobe.h"
+#include "worker/render/bsdf/lobe_coat.h"
+#include "worker/render/bsdf/lobe_diffuse.h"
+#include "worker/render/bsdf/lobe_diffuse_transmission.h"
+#include "worker/render/bsdf/lobe_interface.h"
+#include "worker/render/bsdf/lobe_reflection.h"
+#include "worker/render/bsdf/lobe_sheen.h"
+#include "worker/render/bsdf/lobe_thin_wall.h"
+
+/* A lobe that can contribute is chosen at least this often. */
+#define LOBE_SHARE_MIN 0.02f
+
+/* ---- what lies over the base ------------------------------------------------------------------- */
+
+LOBE_RARE struct cover cover_find(const struct bsdf *b, struct vec3 wi)
+{
+    struct cover s = {1, 1, 1};
+    int near = is_covered_near(b), far = wi.z > 0.0f ? near : is_covered_far(b);
+
+    if (!near && !far)
+        return s;
+    if (CALLS_FOR(b, CLEARCOAT)) {
+        float rest_o = near ? b->coat.rest_o : 1.0f;
+        float rest_i = far ? coat_rest(&b->coat, vec3_dot(b->coat.normal, wi)) : 1.0f;
+        s.lobe = s.sheen = float_min(rest_o, rest_i);
+        s.diffuse = near && far ? rest_o * rest_i : s.lobe;
+    }
+    if (CALLS_FOR(b, SHEEN)) {
+        float rest_i = 1.0f, limit;
+        if (far)
+            rest_i -= b->sheen.most * sheen_albedo(&b->sheen, wi.z, &limit);
+        rest_i = float_min(near ? b->sheen.rest_o : 1.0f, rest_i);
+        s.lobe *= rest_i;
+        s.diffuse *= rest_i;
+    }
+    return s;
+}
+
+static inline struct cover cover_between(const struct bsdf *b, struct vec3 wi)
+{
+    if (CALLS_FOR_ANY(b, EFFECT_CLEARCOAT | EFFECT_SHEEN))
+        return cover_find(b, wi);
+    return (struct cover){1, 1, 1};
+}
+
+/* ---- how often each lobe is sampled -------------------------------------------------------------- */
+
+/* About what each lobe reflects along wo, at any scale; below 0: there is no such lobe. */
+struct lobe_shares {
+    float share[BSDF_LOBES];
+};
+#define LOBE_ABSENT(...) -1.0f,
+#define LOBES_ABSENT BSDF_LOBE_MAP(LOBE_ABSENT)
+
+/* Add to a lobe, which may be absent so far; a share below 0 adds nothing. */
+LOBE_OFTEN void shares_add(struct lobe_shares *s, enum bsdf_lobe lobe, float share)
+{
+    if (share >= 0.0f)
+        s->share[lobe] = float_max(s->share[lobe], 0) + share;
+}
+
+/* Selection probabilities from the shares, none of them too small. */
+LOBE_OFTEN void choose_by_share(struct bsdf *b, const struct lobe_shares *s)
+{
+    float total = 0, sum = 0, least;
+
+    b->lobes = 0;
+#define LOBE_TOTAL(name, prefix, side, effects, account)            \
+    if (LOBE_ENABLED(effects) && s->share[BSDF_LOBE_##name] >= 0) { \
+        b->lobes |= 1u << BSDF_LOBE_##name;                         \
+        total += s->share[BSDF_LOBE_##name];                        \
+    }
+    BSDF_LOBE_MAP(LOBE_TOTAL)
+#undef LOBE_TOTAL
+    least = LOBE_SHARE_MIN * (total > 1e-10f ? total : 1e-10f);
+#define LOBE_SUM(name, prefix, side, effects, account)                                    \
+    b->lobe_pdf[BSDF_LOBE_##name] = 0;                                                    \
+    if (LOBE_ENABLED(effects) && s->share[BSDF_LOBE_##name] >= 0)                         \
+        sum += b->lobe_pdf[BSDF_LOBE_##name] = float_max(s->share[BSDF_LOBE_##name], least);
+    BSDF_LOBE_MAP(LOBE_SUM)
+#undef LOBE_SUM
+    sum = 1.0f / sum;
+#define LOBE_PDF(name, prefix, side, effects, account)            \
+    if (LOBE_ENABLED(effects) && s->share[BSDF_LOBE_##name] >= 0) \
+        b->lobe_pdf[BSDF_LOBE_##name] *= sum;
+    BSDF_LOBE_MAP(LOBE_PDF)
+#undef LOBE_PDF
+}
+
+/* Which lobes have a density, and whether any is a delta lobe. */
+static inline void find_delta_lobes(struct bsdf *b)
+{
+    uint32_t delta = 0, interface = 1u << BSDF_LOBE_INTERFACE;
+    uint32_t smooth = b->lobes;
+
+    if (smooth & interface) /* REFLECTION evaluates what the interface reflects */
+        smooth |= 1u << BSDF_LOBE_REFLECTION;
+    if (b->base.smooth)
+        delta |= 1u << BSDF_LOBE_REFLECTION | interface;
+    if (lobe_is_present(b, BSDF_LOBE_THIN_WALL) && b->thin_wall.spread.smooth)
+        delta |= 1u << BSDF_LOBE_THIN_WALL;
+    if (lobe_is_present(b, BSDF_LOBE_COAT) && b->coat.micro.smooth)
+        delta |= 1u << BSDF_LOBE_COAT;
+    b->smooth_lobes = smooth & ~delta;
+    b->has_smooth = b->smooth_lobes != 0;
+    b->has_delta = (b->lobes & delta) != 0 ||
+                   ((b->lobes & interface) && b->interface.transmit_delta);
+}
+
+/* ---- preparing for wo ---------------------------------------------------------------------------- */
+
+static inline void material_init(struct bsdf_material *m, const struct bsdf_params *from)
+{
+    m->base_color = clamp_color(from->base_color, 1);
+    m->metallic = clamp_to(from->metallic, 0, 1);
+    m->alpha = clamp_to(from->alpha, 0, 1);
+    m->ior = from->ior == 0.0f ? 0.0f : clamp_to(from->ior, 1 / BSDF_IOR_MAX, BSDF_IOR_MAX);
+    m->ior = relative_index(m->ior, from);
+    m->specular = clamp_to(from->specular, 0, 1);
+    m->specular_color = clamp_color(from->specular_color, 1e6f);
+    m->transmission = clamp_to(from->transmission, 0, 1);
+    m->refractive = from->refractive != 0;
+    m->inside = from->inside != 0;
+    if (from->base_interreflection > 0.0f) {
+        float k = float_min(from->base_interreflection, 0.999f);
+        m->base_color.x = interreflected(m->base_color.x, k);
+        m->base_color.y = interreflected(m->base_color.y, k);
+        m->base_color.z = interreflected(m->base_color.z, k);
+    }
+}
+
+static inline uint64_t effects_called_for(const struct bsdf_params *p)
+{
+    uint64_t set = 0;
+
+#define CALL(name, condition)                           \
+    if (__builtin_expect(HAS(name) && (condition), 0)) \
+        set |= EFFECT_##name;
+    BSDF_CALL_MAP(CALL)
+#undef CALL
+    return set;
+}
+
+/* A stretched GGX is never smooth. */
+LOBE_RARE void stretched_init(struct bsdf *b, const struct bsdf_params *p)
+{
+    float stretched = clamp_to(p->alpha_stretched, 0, 1), alpha = b->material.alpha;
+
+    if (!(stretched > alpha && stretched >= BSDF_ALPHA_MIN))
+        return;
+    alpha = b->material.alpha = float_max(alpha, BSDF_ALPHA_MIN);
+    b->base.shape = ggx_make(alpha, stretched, stretched > alpha);
+    b->compensation.stretched_loss = albedo_stretched_find(stretched, alpha);
+}
+
+static inline void weights_init(struct bsdf *b)
+{
+    const struct bsdf_material *m = &b->material;
+    float dielectric = 1.0f - m->metallic, glass = m->refractive ? m->transmission : 0.0f;
+
+    b->weights.metal = m->metallic;
+    b->weights.plastic = dielectric * (1.0f - glass);
+    b->weights.glass = dielectric * glass;
+    b->weights.wall = m->refractive ? 0.0f : dielectric * m->transmission;
+    b->weights.diffuse = dielectric * (1.0f - m->transmission);
+    b->interface.only = b->weights.glass == 1.0f;
+}
+
+static inline void film_init(struct bsdf *b, const struct bsdf_params *p)
+{
+    struct thin_film *film = &b->film;
+    float thickness = clamp_to(p->iridescence_thickness_nm, 0, 1e5f);
+    float n = clamp_to(p->iridescence_ior, 1, BSDF_IOR_MAX);
+    float t = float_min(thickness * (1.0f / FILM_FADE_NM), 1.0f);
+
+    film->weight = clamp_to(p->iridescence, 0, 1);
+    /* Optically thinner than its surroundings it counts as none: total reflection in a film
+     * thinner than a wavelength is not what the formulas describe. */
+    film->ior = float_max(relative_index(n, p), 1.0f);
+    t = t * t * (3.0f - 2.0f * t);
+    film->ior = 1.0f + (film->ior - 1.0f) * t;
+    film->path_nm = 2.0f * film->ior * index_outside(p) * thickness;
+}
+
+/* Fresnel's ends of plastic, glass and metal, and of what plastic leaves for its base. */
+static inline void fresnel_init(struct bsdf *b)
+{
+    const struct bsdf_material *m = &b->material;
+    struct bsdf_dielectric *d = &b->dielectric;
+    struct bsdf_reflection *r = &b->reflection;
+    float root = m->ior == 0.0f ? 1.0f : (m->ior - 1.0f) / (m->ior + 1.0f);
+
+    d->exact = m->ior != 0.0f;
+    d->normal_f0 = root * root;
+    if (b->weights.glass > 0.0f || b->layer.exact || is_slab(b))
+        d->inverse_rest_f0 = 1.0f / (1.0f - (d->exact ? d->normal_f0 : 0.0f));
+    b->film.f0 = clamp_color(vec3_scale(m->specular_color, d->normal_f0), 1);
+    d->f0 = vec3_scale(b->film.f0, m->specular);
+    b->layer.f0 = vec3_max(d->f0);
+    d->f90 = b->layer.f90 = float_max(m->specular * bsdf_f90_of(d->normal_f0), b->layer.f0);
+    if (CALLS_FOR(b, IRIDESCENCE))
+        layer_raise_ends(b);
+    r->f0 = vec3_mad(vec3_scale(d->f0, b->weights.plastic), m->base_color, m->metallic);
+    r->f90 = d->f90 * b->weights.plastic + m->metallic;
+    if (CALLS_FOR(b, CONDUCTOR))
+        r->f0 = vec3_mul(m->base_color, (struct vec3){fresnel_conductor(1, r->eta.x, r->k.x),
+                                                      fresnel_conductor(1, r->eta.y, r->k.y),
+                                                      fresnel_conductor(1, r->eta.z, r->k.z)});
+}
+
+/* What plastic and metal reflect along wo, and what plastic leaves for the base; the shares of the
+ * reflection and of its compensation. */
+static inline void init_reflection(struct bsdf *b, const struct bsdf_params *params,
+                                   struct vec3 wo, float *reflection, float *compensation)
+{
+    float blend = 0, loss_o = 0;
+
+    *compensation = -1;
+    if (b->base.smooth) {
+        blend = schlick_weight(b->cos_o);
+    } else if (!b->interface.only) {
+        b->layer.row = albedo_row_find(layer_alpha(b));
+        blend = albedo_blend_at(&b->layer.row, b->cos_o);
+        if (is_compensated(params)) {
+            b->effects |= EFFECT_MULTIPLE_SCATTERING;
+            b->compensation.loss = albedo_loss_row_find(b->base.shape.y);
+            loss_o = compensation_loss(b, wo);
+            *compensation = reflection_compensation(b, loss_o);
+        }
+    }
+    b->layer.rest_o = b->interface.only ? 1.0f : layer_rest(b, b->cos_o, loss_o);
+    b->layer.reflected_o = 1.0f - b->layer.rest_o;
+    *reflection = reflection_init(b, blend);
+}
+
+/* The Lambert base, to both sides. */
+LOBE_OFTEN void init_lambert(struct bsdf *b, const struct bsdf_params *params,
+                             struct lobe_shares *shares)
+{
+    float rest = layer_rest_average(b);
+
+    if (!(rest > 1e-4f && b->layer.rest_o > 0.0f))
+        return;
+    shares_add(shares, BSDF_LOBE_DIFFUSE, diffuse_init(b, params, rest));
+    if (CALLS_FOR(b, DIFFUSE_TRANSMISSION))
+        shares_add(shares, BSDF_LOBE_DIFFUSE_TRANSMISSION,
+                   diffuse_transmission_init(b, params, rest));
+}
+
+/* Metal, plastic, glass, thin walls and everything between. */
+LOBE_OFTEN void init_base(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo,
+                          struct lobe_shares *shares)
+{
+    float base = vec3_average(b->material.base_color), reflection, compensation, above, below;
+
+    b->diffuse.color = b->diffuse_transmission.color = LOBE_BLACK;
+    b->compensation.graze = 0;
+    b->interface.transmit_delta = b->interface_compensation.on = 0;
+    if (!b->base.smooth)
+        b->base.root_o = ggx_root_of(&b->base.shape, wo);
+    init_reflection(b, params, wo, &reflection, &compensation);
+    if (b->weights.diffuse > 0.0f)
+        init_lambert(b, params, shares);
+    if (compensation > 0.0f) {
+        shares_add(shares, BSDF_LOBE_DIFFUSE, 0);
+        graze_init(b, compensation, shares->share[BSDF_LOBE_DIFFUSE]);
+        shares_add(shares, BSDF_LOBE_DIFFUSE, compensation);
+    }
+    shares_add(shares, BSDF_LOBE_REFLECTION, reflection);
+    if (LOBE_ENABLED(EFFECT_DIELECTRIC | EFFECT_ROUGH_DIELECTRIC) && b->weights.glass > 0.0f) {
+        shares_add(shares, BSDF_LOBE_INTERFACE, interface_init(b, base));
+        if (!b->base.smooth && is_compensated(params)) {
+            interface_compensation_init(b, base, &above, &below);
+            shares_add(shares, BSDF_LOBE_DIFFUSE, above);
+            shares_add(shares, BSDF_LOBE_DIFFUSE_TRANSMISSION, below);
+        }
+    }
+    if (LOBE_ENABLED(EFFECT_THIN_TRANSMISSION) && b->weights.wall > 0.0f && base > 0.0f)
+        shares_add(shares, BSDF_LOBE_THIN_WALL, thin_wall_init(b, wo, base));
+}
+
+/* What changes the base's lobes and lies over them. */
+static inline void init_layers(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
+{
+    const float n = b->material.ior;
+
+    b->base.shape = ggx_make(b->material.alpha, b->material.alpha, 0);
+    if (CALLS_FOR(b, ANISOTROPY))
+        stretched_init(b, params);
+    b->base.smooth = b->material.alpha < BSDF_ALPHA_MIN;
+    b->layer.exact = CALLS_FOR(b, GLOSSY) && !CALLS_FOR(b, CONDUCTOR) &&
+                     n >= ALBEDO_EXACT_IOR_FIRST && n <= ALBEDO_EXACT_IOR_LAST;
+    if (b->layer.exact)
+        b->layer.exact_row = albedo_exact_find(layer_alpha(b), n);
+    if (CALLS_FOR(b, CONDUCTOR))
+        conductor_init(b, params);
+    if (CALLS_FOR(b, IRIDESCENCE))
+        film_init(b, params);
+    if (CALLS_FOR(b, CLEARCOAT))
+        coat_init(&b->coat, params, wo,
+                  CALLS_FOR(b, CONDUCTOR) && b->reflection.interreflection > 0.0f);
+    if (CALLS_FOR(b, SHEEN))
+        sheen_init(&b->sheen, params, b->cos_o);
+}
+
+/* Any surface. What the base's lobes ask for is prepared first. */
+static inline void layering_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
+{
+    struct lobe_shares shares = {{LOBES_ABSENT}};
+
+    init_layers(b, params, wo);
+    weights_init(b);
+    fresnel_init(b);
+    init_base(b, params, wo, &shares);
+    if (is_covered_near(b)) {
+        float rest = CALLS_FOR(b, CLEARCOAT) ? b->coat.rest_o : 1.0f;
+        if (CALLS_FOR(b, CLEARCOAT))
+            shares_add(&shares, BSDF_LOBE_COAT, coat_share(&b->coat));
+        if (CALLS_FOR(b, SHEEN))
+            shares_add(&shares, BSDF_LOBE_SHEEN, sheen_share(&b->sheen, b->cos_o, rest));
+    }
+    choose_by_share(b, &shares);
+    find_delta_lobes(b);
+    if (!b->lobes)
+        b->kind = BSDF_KIND_BLACK;
+}
+
+/* A shortcut for rough metal with Schlick's term. */
+static inline void metal_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
+{
+    float loss_o, compensation, reflected;
+
+    b->base.shape = ggx_make(b->material.alpha, b->material.alpha, 0);
+    b->base.smooth = 0;
+    b->base.root_o = ggx_root(b->base.shape.y2, b->cos_o);
+    b->reflection.f0 = b->material.base_color;
+    b->reflection.f90 = 1.0f;
+    b->reflection.schlick = 1;
+    b->layer.exact = 0;
+    b->weights = (struct bsdf_weights){.metal = 1};
+    b->interface_compensation.on = 0;
+    b->diffuse.color = LOBE_BLACK;
+    b->compensation.graze = 0;
+    b->lobes = b->smooth_lobes = 1u << BSDF_LOBE_REFLECTION;
+    b->lobe_pdf[BSDF_LOBE_REFLECTION] = 1.0f;
+    b->has_smooth = 1;
+    if (!is_compensated(params))
+        return;
+    b->effects |= EFFECT_MULTIPLE_SCATTERING;
+    b->compensation.loss = albedo_loss_row_find(b->material.alpha);
+    loss_o = compensation_loss(b, wo);
+    compensation = reflection_compensation(b, loss_o);
+    graze_init(b, compensation, 0);
+    reflected = (1.0f - loss_o) * vec3_average(b->reflection.f0) + loss_o * 1e-3f + 1e-6f;
+    b->lobe_pdf[BSDF_LOBE_DIFFUSE] = compensation / (compensation + reflected);
+    b->lobe_pdf[BSDF_LOBE_REFLECTION] = 1.0f - b->lobe_pdf[BSDF_LOBE_DIFFUSE];
+    b->lobes = b->smooth_lobes |= 1u << BSDF_LOBE_DIFFUSE;
+}
+
+#endif

@@ -1,0 +1,135 @@
+/* lobe_coat: a clear coat over everything: GGX (microfacet.h) with Schlick's Fresnel term and a
+ * normal of its own (KHR_materials_clearcoat).
+ *
+ *   f = weight F(wo.h) D G2 / (4 (n.wo) (n.wi))
+ *
+ * Exact: pbrt's coat over a conductor (coatedconductor) has Fresnel's equations in Schlick's place.
+ * What it leaves for what lies below along a direction: 1 - weight E, with E its mean reflectance
+ * (albedo.h). */
+#ifndef AZULEJO_RENDER_LOBE_COAT_H
+#define AZULEJO_RENDER_LOBE_COAT_H
+
+#include "worker/render/bsdf/lobe.h"
+
+/* Reflectance of the coat's microfacets. */
+static inline float coat_fresnel(const struct bsdf_coat *c, float cos_h)
+{
+    if (c->exact)
+        return fresnel_exact(cos_h, c->ior);
+    return c->f0 + (c->f90 - c->f0) * schlick_weight(cos_h);
+}
+
+/* Share that the coat leaves along a direction whose cosine to its normal is `mu`. */
+static inline float coat_rest(const struct bsdf_coat *c, float mu)
+{
+    float r;
+
+    mu = float_min(fabsf(mu), 1.0f);
+    if (c->micro.smooth) {
+        r = coat_fresnel(c, mu);
+    } else {
+        r = albedo_blend_at(&c->row, mu);
+        if (c->exact)
+            r += albedo_exact_at(&c->exact_row, mu);
+        r = c->f0 + (c->f90 - c->f0) * r;
+        r *= 1.0f - albedo_loss_at(&c->loss, mu);
+    }
+    return 1.0f - c->weight * r;
+}
+
+/* Mean of what the coat leaves, over the hemisphere. */
+static inline float coat_rest_average(const struct bsdf_coat *c)
+{
+    float range = c->f90 - c->f0;
+
+    if (c->micro.smooth)
+        return 1.0f - c->weight * (c->f0 + range * SCHLICK_MEAN);
+    return 1.0f - c->weight * (c->f0 * (1.0f - c->loss.mean) + range * c->loss.schlick_mean);
+}
+
+/* `exact`: the exact Fresnel term where the tables have it. */
+static inline void coat_init(struct bsdf_coat *c, const struct bsdf_params *p, struct vec3 wo,
+                             int exact)
+{
+    float n = relative_index(clamp_to(p->clearcoat_ior, 1, BSDF_IOR_MAX), p);
+    float r = (n - 1.0f) / (n + 1.0f), alpha = clamp_to(p->clearcoat_alpha, 0, 1);
+
+    c->weight = clamp_to(p->clearcoat, 0, 1);
+    c->ior = n;
+    c->f0 = r * r;
+    c->f90 = bsdf_f90_of(r * r);
+    c->exact = exact && n >= ALBEDO_EXACT_IOR_FIRST && n <= ALBEDO_EXACT_IOR_LAST;
+    c->micro.shape = ggx_make(alpha, alpha, 0);
+    c->micro.smooth = alpha < BSDF_ALPHA_MIN;
+    if (!c->micro.smooth) {
+        c->row = albedo_row_find(alpha);
+        c->loss = albedo_loss_row_find(alpha);
+        if (c->exact)
+            c->exact_row = albedo_exact_find(alpha, n);
+    }
+    c->normal = vec3_normalize(p->clearcoat_normal);
+    if (!(c->normal.z > 0.0f))
+        c->normal = (struct vec3){0, 0, 1};
+    c->cos_o = float_min(vec3_dot(c->normal, wo), 1.0f);
+    c->micro.root_o = ggx_root(c->micro.shape.y2, c->cos_o);
+    c->rest_o = coat_rest(c, c->cos_o);
+}
+
+/* How often to sample it; below 0: not at all. */
+static inline float coat_share(const struct bsdf_coat *c)
+{
+    if (!(c->cos_o > 0.0f) || (c->f90 == 0.0f && c->f0 == 0.0f))
+        return -1.0f;
+    return 1.0f - c->rest_o;
+}
+
+static inline struct vec3 coat_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
+                                        const struct cover *cover, float *pdf)
+{
+    const struct bsdf_coat *c = &b->coat;
+    const float alpha2 = c->micro.shape.y2, mu_o = c->cos_o, root_o = c->micro.root_o;
+    struct vec3 h = vec3_add(wo, wi);
+    float length2 = vec3_length_squared(h), mu_i = vec3_dot(c->normal, wi), cos_n, f, root_i;
+    float density;
+
+    (void)cover;
+    *pdf = 0;
+    if (!(length2 > HALF_LENGTH2_MIN && mu_i > 0.0f && mu_o > 0.0f))
+        return LOBE_BLACK;
+    mu_i = float_min(mu_i, 1.0f);
+    root_i = ggx_root(alpha2, mu_i);
+    cos_n = vec3_dot(c->normal, h);
+    /* D with |h x n|^2 from the cross product, which does not cancel. */
+    f = length2 / (vec3_length_squared(vec3_cross(c->normal, h)) + alpha2 * (cos_n * cos_n));
+    density = alpha2 * INV_PI_F * (f * f) * 0.5f / (mu_o + root_o);
+    *pdf = b->lobe_pdf[BSDF_LOBE_COAT] * density;
+    f = coat_fresnel(c, 0.5f * sqrtf(length2));
+    return vec3_splat(c->weight * f * density * mu_i * (mu_o + root_o) /
+                      (mu_i * root_o + mu_o * root_i));
+}
+
+static inline enum lobe_result coat_sample(const struct bsdf *b, struct vec3 wo, float w, float u,
+                                           float v, struct bsdf_sample *out)
+{
+    const struct bsdf_coat *c = &b->coat;
+    struct frame frame = frame_from_normal(c->normal);
+
+    (void)w;
+    if (c->micro.smooth) {
+        out->wi = reflect_about(wo, c->normal);
+        out->weight =
+            vec3_splat(c->weight * coat_fresnel(c, c->cos_o) / b->lobe_pdf[BSDF_LOBE_COAT]);
+        return out->wi.z > 0.0f ? LOBE_DELTA : LOBE_NOTHING;
+    }
+    wo = frame_to_local(&frame, wo);
+    if (!(wo.z > 0.0f))
+        return LOBE_NOTHING;
+    out->wi = reflect_about(
+        wo, ggx_sample_visible(wo, c->micro.shape.y, c->micro.shape.y, u, v));
+    if (!(out->wi.z > 0.0f))
+        return LOBE_NOTHING;
+    out->wi = frame_to_world(&frame, out->wi);
+    return out->wi.z > 0.0f ? LOBE_SMOOTH : LOBE_NOTHING;
+}
+
+#endif

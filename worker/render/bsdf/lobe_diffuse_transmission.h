@@ -1,0 +1,54 @@
+/* lobe_diffuse_transmission: light that a Lambert base sends out on its other side
+ * (KHR_materials_diffuse_transmission): that share of it, with a colour of its own.
+ *
+ *   f = color rest(mu_o) rest(mu_i) / (pi mean(rest))
+ *
+ * Sampled by the cosine, as is what a rough interface's compensation (compensation.h) sends there.
+ */
+#ifndef AZULEJO_RENDER_LOBE_DIFFUSE_TRANSMISSION_H
+#define AZULEJO_RENDER_LOBE_DIFFUSE_TRANSMISSION_H
+
+#include "worker/render/bsdf/lobe_diffuse.h"
+
+/* Returns how often to sample it; arguments as diffuse_init's. */
+static inline float diffuse_transmission_init(struct bsdf *b, const struct bsdf_params *params,
+                                              float rest)
+{
+    struct vec3 color = clamp_color(params->diffuse_transmission_color, 1);
+    float scale = lambert_scale(b, rest, is_covered_near(b) && is_covered_far(b)) *
+                  transmitted_share(b, params);
+
+    b->diffuse_transmission.color = vec3_scale(color, scale * INV_PI_F);
+    if (vec3_is_black(b->diffuse_transmission.color))
+        return -1.0f;
+    return vec3_average(b->diffuse_transmission.color) * PI_F * rest;
+}
+
+static inline struct vec3 diffuse_transmission_evaluate(const struct bsdf *b, struct vec3 wo,
+                                                        struct vec3 wi, const struct cover *cover,
+                                                        float *pdf)
+{
+    float mu = -wi.z;
+
+    (void)wo;
+    *pdf = b->lobe_pdf[BSDF_LOBE_DIFFUSE_TRANSMISSION] * (mu * INV_PI_F);
+    if (!(b->weights.diffuse > 0.0f)) /* there is the interface's compensation only */
+        return LOBE_BLACK;
+    return vec3_scale(b->diffuse_transmission.color,
+                      layer_rest(b, mu, compensation_loss(b, wi)) * mu * cover->diffuse);
+}
+
+static inline enum lobe_result diffuse_transmission_sample(const struct bsdf *b, struct vec3 wo,
+                                                           float w, float u, float v,
+                                                           struct bsdf_sample *out)
+{
+    (void)wo, (void)w;
+    out->wi = cosine_hemisphere(u, v);
+    out->wi.z = -out->wi.z;
+    out->flags = BSDF_TRANSMISSION | (b->material.refractive ? BSDF_REFRACTION : 0);
+    if (b->interface_compensation.on && vec3_is_black(b->diffuse_transmission.color))
+        out->eta_scale = b->eta * b->eta;
+    return LOBE_SMOOTH;
+}
+
+#endif

@@ -1,0 +1,170 @@
+/* lobe_interface: a dielectric interface, smooth or rough, that reflects and refracts: Walter et
+ * al. 2007 ("Microfacet Models for Refraction through Rough Surfaces"), equations 16 (half vector),
+ * 17 (half vector's density) and 21 (f), but with masking and shadowing fully correlated in
+ * transmission (microfacet.h). The Fresnel term is the exact one, remapped so that it begins at F0
+ * and ends at F90; total internal reflection is always 1. Transmitted light is base_color * (1 -
+ * max component of F). Reflection or refraction is chosen for the sampled microfacet.
+ *
+ * Its reflection is evaluated together with the rest of the base's: lobe_reflection.h.
+ */
+#ifndef AZULEJO_RENDER_LOBE_INTERFACE_H
+#define AZULEJO_RENDER_LOBE_INTERFACE_H
+
+#include "worker/render/bsdf/compensation.h"
+#include "worker/render/bsdf/lobe.h"
+
+/* Reflectance of the interface (without its weight). */
+static inline struct vec3 interface_fresnel(const struct bsdf *b, float cos_i)
+{
+    const struct bsdf_dielectric *d = &b->dielectric;
+    float weight;
+    struct vec3 f;
+
+    if (d->exact) {
+        float r = fresnel_exact(cos_i, b->eta);
+        if (r >= 1.0f)
+            return (struct vec3){1, 1, 1};
+        weight = (r - d->normal_f0) * d->inverse_rest_f0;
+    } else {
+        weight = schlick_weight(cos_i);
+    }
+    f = schlick_mix(d->f0, b->material.specular, weight);
+    if (CALLS_FOR(b, IRIDESCENCE)) {
+        float cos_1 = cos_i;
+        if (b->material.inside && d->exact) /* the film sees the angle outside */
+            cos_1 = sqrtf(float_max(0.0f, 1.0f - (1.0f - cos_i * cos_i) / (b->eta * b->eta)));
+        f = vec3_mad(f, film_difference(&b->film, cos_1, b->film.f0),
+                     b->film.weight * b->material.specular);
+    }
+    /* The exact term dips below its value at normal incidence for an ior above 3.7. */
+    return clamp_color(f, 1);
+}
+
+/* How likely the lobe reflects or transmits at a microfacet that reflects `f`. 0
+ * only where that way carries nothing. Apart, for 1 - F has few digits at grazing angles. */
+struct interface_choice {
+    float reflect, transmit;
+};
+
+static inline struct interface_choice interface_choose(const struct bsdf *b, struct vec3 f)
+{
+    float reflected = vec3_average(f);
+    float transmitted = (1.0f - vec3_max(f)) * vec3_average(b->material.base_color);
+    float scale = reflected + transmitted;
+
+    if (!(scale > 0.0f))
+        return (struct interface_choice){1, 0};
+    scale = 1.0f / scale;
+    return (struct interface_choice){reflected * scale, transmitted * scale};
+}
+
+/* Returns how often to sample it. `base` is the mean of the base colour. */
+static inline float interface_init(struct bsdf *b, float base)
+{
+    const struct ggx *shape = &b->base.shape;
+    struct vec3 seen;
+
+    if (b->dielectric.exact)
+        b->eta = b->material.inside ? 1.0f / b->material.ior : b->material.ior;
+    b->interface.transmit_delta =
+        b->base.smooth || shape->x * fabsf(b->eta - 1.0f) < BSDF_SPREAD_MIN;
+    if (ggx_is_stretched(shape)) /* the narrow way must be resolved too */
+        b->interface.transmit_delta |= shape->y * fabsf(b->eta - 1.0f) < 0.1f * BSDF_SPREAD_MIN;
+    b->interface.tint = vec3_scale(b->material.base_color, b->weights.glass);
+    seen = interface_fresnel(b, b->cos_o);
+    return b->weights.glass * (vec3_average(seen) + (1.0f - vec3_max(seen)) * base);
+}
+
+/* Equations 17 and 21, with h = -(wo + eta wi) normalised towards wo, whose squared length before
+ * that is their squared denominator. */
+static inline struct vec3 interface_refraction(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
+                                               float *pdf)
+{
+    struct vec3 h = vec3_mad(wo, wi, b->eta), f;
+    float length2 = vec3_length_squared(h), scale, cos_o, cos_i, density, shadowing, keep;
+
+    *pdf = 0;
+    if (!(length2 > HALF_LENGTH2_MIN))
+        return LOBE_BLACK;
+    scale = 1.0f / sqrtf(length2);
+    scale = h.z < 0.0f ? -scale : scale;
+    cos_o = vec3_dot(wo, h) * scale;
+    cos_i = -vec3_dot(wi, h) * scale;
+    if (!(cos_o > 0.0f && cos_i > 0.0f))
+        return LOBE_BLACK;
+    f = interface_fresnel(b, cos_o);
+    keep = 1.0f - vec3_max(f);
+    if (!(keep > 0.0f))
+        return LOBE_BLACK;
+    density = ggx_density_of(&b->base.shape, h, length2) * 2.0f / (b->cos_o + b->base.root_o) *
+              (cos_o * cos_i / length2);
+    shadowing = transmission_shadowing(b->cos_o, b->base.root_o, -wi.z,
+                                       ggx_root_of(&b->base.shape, wi));
+    *pdf = b->lobe_pdf[BSDF_LOBE_INTERFACE] * interface_choose(b, f).transmit * density *
+           (b->eta * b->eta);
+    return vec3_scale(b->interface.tint, keep * shadowing * density);
+}
+
+static inline struct vec3 interface_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
+                                             const struct cover *cover, float *pdf)
+{
+    struct vec3 f = LOBE_BLACK;
+
+    *pdf = 0;
+    if (!b->interface.transmit_delta)
+        f = interface_refraction(b, wo, wi, pdf);
+    if (b->interface_compensation.on)
+        f = vec3_add(f, interface_compensation_far(b, -wi.z));
+    return vec3_scale(f, cover->lobe);
+}
+
+/* Bends at the surface's own normal. Where reflection is rough, its share is averaged over the
+ * microfacets, so both ways still add up to at most 1. f: reflectance, chosen with `transmit`. */
+static inline enum lobe_result interface_sample_delta(const struct bsdf *b, struct vec3 wo,
+                                                      struct vec3 f, float transmit,
+                                                      struct bsdf_sample *out)
+{
+    if (b->eta == 1.0f)
+        out->wi = vec3_neg(wo);
+    else if (!refract_about(wo, (struct vec3){0, 0, 1}, b->cos_o, b->eta, &out->wi))
+        return LOBE_NOTHING;
+    out->weight = vec3_scale(b->interface.tint,
+                             (1.0f - vec3_max(f)) / (b->lobe_pdf[BSDF_LOBE_INTERFACE] * transmit *
+                                                     out->eta_scale));
+    return out->wi.z < 0.0f ? LOBE_DELTA : LOBE_NOTHING;
+}
+
+static inline enum lobe_result reflection_sample_mirror(const struct bsdf *b, struct vec3 wo,
+                                                        struct bsdf_sample *out);
+
+/* Reflect or refract, by w, at one microfacet. */
+static inline enum lobe_result interface_sample(const struct bsdf *b, struct vec3 wo, float w,
+                                                float u, float v, struct bsdf_sample *out)
+{
+    struct vec3 h = {0, 0, 1}, f;
+    struct interface_choice choice;
+    float cos_h = b->cos_o;
+
+    if (!b->base.smooth) {
+        h = ggx_sample_of(&b->base.shape, wo, u, v);
+        cos_h = vec3_dot(wo, h);
+    }
+    if (!(cos_h > 0.0f))
+        return LOBE_NOTHING;
+    f = interface_fresnel(b, cos_h);
+    choice = interface_choose(b, f);
+    if (w < choice.reflect || choice.transmit == 0.0f) {
+        if (b->base.smooth)
+            return reflection_sample_mirror(b, wo, out);
+        out->wi = reflect_about(wo, h);
+        return out->wi.z > 0.0f ? LOBE_SMOOTH : LOBE_NOTHING;
+    }
+    out->flags = BSDF_TRANSMISSION | BSDF_REFRACTION;
+    out->eta_scale = b->eta * b->eta;
+    if (b->interface.transmit_delta)
+        return interface_sample_delta(b, wo, f, choice.transmit, out);
+    return refract_about(wo, h, cos_h, b->eta, &out->wi) && out->wi.z < 0.0f ? LOBE_SMOOTH
+                                                                             : LOBE_NOTHING;
+}
+
+#endif

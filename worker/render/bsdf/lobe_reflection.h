@@ -1,0 +1,232 @@
+/* lobe_reflection: GGX reflection at the base's microfacets (microfacet.h).
+ *
+ *   f = F(wo.h) D G2 / (4 mu_o mu_i)
+ *
+ * One lobe for metal and plastic, whose Fresnel terms add up, each with its weight:
+ *   metal    Schlick from the base colour to 1; a conductor: the exact term of its complex index.
+ *   plastic  Schlick from F0 = min(((ior-1)/(ior+1))^2 specular_color, 1) * specular to F90 =
+ *            specular. F90 fades to 0 below ior 1.2, so that ior 1 is no interface at all:
+ *            Schlick's formula, made for 1.2 to 2.2, would keep a bright rim. pbrt's coated diffuse
+ *            has the exact term; a slab counts all the reflections between its faces.
+ *   film     replaces the Fresnel term by its weight (thin_film.h).
+ * A refractive interface reflects at the same microfacets: its reflection is added here.
+ */
+#ifndef AZULEJO_RENDER_LOBE_REFLECTION_H
+#define AZULEJO_RENDER_LOBE_REFLECTION_H
+
+#include "worker/render/bsdf/compensation.h"
+#include "worker/render/bsdf/layer.h"
+#include "worker/render/bsdf/lobe.h"
+#include "worker/render/bsdf/lobe_coat.h"
+#include "worker/render/bsdf/lobe_interface.h"
+
+/* ---- the Fresnel term -------------------------------------------------------------------------- */
+
+static inline struct vec3 conductor_fresnel(const struct bsdf *b, float cos_h)
+{
+    const struct bsdf_reflection *r = &b->reflection;
+    float back = r->interreflection;
+    struct vec3 f;
+
+    if (CALLS_FOR(b, CLEARCOAT) && b->coat.exact) {
+        /* Light comes steeper to a metal under a coat, and is thrown back and forth. */
+        back = b->coat.weight * coat_fresnel(&b->coat, cos_h);
+        cos_h = sqrtf(1.0f - (1.0f - cos_h * cos_h) / (b->coat.ior * b->coat.ior));
+    }
+    f = (struct vec3){fresnel_conductor(cos_h, r->eta.x, r->k.x),
+                      fresnel_conductor(cos_h, r->eta.y, r->k.y),
+                      fresnel_conductor(cos_h, r->eta.z, r->k.z)};
+    f = vec3_mul(f, b->material.base_color);
+    if (CALLS_FOR(b, IRIDESCENCE))
+        f = clamp_color(vec3_mad(f, film_difference(&b->film, cos_h, r->f0), b->film.weight), 1);
+    f.x = interreflected(f.x, back);
+    f.y = interreflected(f.y, back);
+    f.z = interreflected(f.z, back);
+    return f;
+}
+
+LOBE_RARE struct vec3 metal_fresnel(const struct bsdf *b, float cos_h)
+{
+    const struct vec3 f0 = b->material.base_color;
+    struct vec3 f;
+
+    if (CALLS_FOR(b, CONDUCTOR))
+        return conductor_fresnel(b, cos_h);
+    f = schlick_mix(f0, 1.0f, schlick_weight(cos_h));
+    if (CALLS_FOR(b, IRIDESCENCE))
+        f = clamp_color(vec3_mad(f, film_difference(&b->film, cos_h, f0), b->film.weight), 1);
+    return f;
+}
+
+LOBE_RARE struct vec3 plastic_fresnel(const struct bsdf *b, float cos_h)
+{
+    const struct bsdf_dielectric *d = &b->dielectric;
+    int exact = b->layer.exact || (is_slab(b) && b->base.smooth && d->exact);
+    struct vec3 f;
+
+    f = schlick_mix(d->f0, d->f90, exact ? exact_weight(b, cos_h) : schlick_weight(cos_h));
+    if (CALLS_FOR(b, IRIDESCENCE))
+        f = vec3_mad(f, film_difference(&b->film, cos_h, b->film.f0),
+                     b->film.weight * b->material.specular);
+    f = clamp_color(f, 1);
+    if (is_slab(b)) {
+        f.x = slab_reflectance(f.x);
+        f.y = slab_reflectance(f.y);
+        f.z = slab_reflectance(f.z);
+    }
+    return f;
+}
+
+/* The sum of both where it is not Schlick's formula again. */
+LOBE_RARE struct vec3 mixed_fresnel(const struct bsdf *b, float cos_h)
+{
+    struct vec3 f = LOBE_BLACK;
+
+    if (b->weights.metal > 0.0f)
+        f = vec3_scale(metal_fresnel(b, cos_h), b->weights.metal);
+    if (b->weights.plastic > 0.0f)
+        f = vec3_mad(f, plastic_fresnel(b, cos_h), b->weights.plastic);
+    return f;
+}
+
+/* The lobe's term, all weights included. */
+static inline struct vec3 reflection_fresnel(const struct bsdf *b, float cos_h)
+{
+    if (b->reflection.schlick)
+        return schlick_mix(b->reflection.f0, b->reflection.f90, schlick_weight(cos_h));
+    return mixed_fresnel(b, cos_h);
+}
+
+/* Hemispherical mean of the metal's term. */
+static inline struct vec3 metal_average(const struct bsdf *b)
+{
+    const struct vec3 f0 = b->material.base_color;
+
+    if (CALLS_FOR(b, CONDUCTOR)) /* Gauss's rule for the weight 2 mu */
+        return vec3_add(vec3_scale(metal_fresnel(b, 0.35505103f), 0.36391724f),
+                        vec3_scale(metal_fresnel(b, 0.84494897f), 0.63608276f));
+    if (CALLS_FOR(b, IRIDESCENCE)) /* the film's part by the one-point rule */
+        return clamp_color(vec3_mad(schlick_mix(f0, 1.0f, SCHLICK_MEAN),
+                                    film_difference(&b->film, 2.0f / 3.0f, f0), b->film.weight), 1);
+    return schlick_mix(f0, 1.0f, SCHLICK_MEAN);
+}
+
+/* The same of plastic's, of which Schlick's weight has the mean `weight`. */
+static inline struct vec3 plastic_average(const struct bsdf *b, float weight)
+{
+    struct vec3 f = schlick_mix(b->dielectric.f0, b->dielectric.f90, weight);
+
+    if (CALLS_FOR(b, IRIDESCENCE))
+        f = clamp_color(vec3_mad(f, film_difference(&b->film, 2.0f / 3.0f, b->film.f0),
+                                 b->film.weight * b->material.specular), 1);
+    return f;
+}
+
+/* ---- the lobe ------------------------------------------------------------------------------------ */
+
+/* Multiple-scattering compensation of metal and plastic; returns how often to sample it. */
+LOBE_OFTEN float reflection_compensation(struct bsdf *b, float loss_o)
+{
+    float kept = 1.0f - compensation_mean(b);
+    struct vec3 color = LOBE_BLACK;
+
+    b->layer.returned = 0;
+    if (b->weights.plastic > 0.0f) {
+        float weight = SCHLICK_MEAN;
+        if (b->layer.exact)
+            weight += b->layer.exact_row.smooth_mean;
+        color = vec3_scale(series_color(plastic_average(b, weight), kept), b->weights.plastic);
+        b->layer.returned = series(b->layer.f0 + (b->layer.f90 - b->layer.f0) * weight, kept);
+    }
+    if (b->weights.metal > 0.0f)
+        color = vec3_mad(color, series_color(metal_average(b), kept), b->weights.metal);
+    return compensation_init(b, color, loss_o);
+}
+
+static inline void conductor_init(struct bsdf *b, const struct bsdf_params *p)
+{
+    struct bsdf_reflection *r = &b->reflection;
+
+    r->eta.x = relative_index(clamp_to(p->eta.x, 1e-4f, 1e4f), p);
+    r->eta.y = relative_index(clamp_to(p->eta.y, 1e-4f, 1e4f), p);
+    r->eta.z = relative_index(clamp_to(p->eta.z, 1e-4f, 1e4f), p);
+    r->k.x = relative_index(clamp_to(p->k.x, 0, 1e4f), p);
+    r->k.y = relative_index(clamp_to(p->k.y, 0, 1e4f), p);
+    r->k.z = relative_index(clamp_to(p->k.z, 0, 1e4f), p);
+    r->interreflection = clamp_to(p->base_interreflection, 0, 0.999f);
+    /* Interreflection acts on what the conductor reflects, not on its factor alone. */
+    b->material.base_color = clamp_color(p->base_color, 1);
+    b->material.metallic = 1;
+    b->material.transmission = 0;
+}
+
+/* Returns how often to sample it. `blend` is the mean of Schlick's weight along wo. */
+static inline float reflection_init(struct bsdf *b, float blend)
+{
+    struct bsdf_reflection *r = &b->reflection;
+    int film = CALLS_FOR(b, IRIDESCENCE);
+
+    r->schlick =
+        !CALLS_FOR_ANY(b, EFFECT_CONDUCTOR | EFFECT_IRIDESCENCE | EFFECT_THIN_TRANSMISSION) &&
+        !b->layer.exact;
+    if (r->f90 == 0.0f && vec3_is_black(r->f0) &&
+        !(film && b->weights.plastic > 0.0f && b->material.specular > 0.0f))
+        return -1.0f;
+    return vec3_average(film ? reflection_fresnel(b, b->cos_o)
+                             : schlick_mix(r->f0, r->f90, blend));
+}
+
+/* What reflects at a microfacet, the interface included, and how likely it is sampled. */
+static inline struct vec3 reflection_color(const struct bsdf *b, float cos_h, float *chosen)
+{
+    struct vec3 f = reflection_fresnel(b, cos_h);
+
+    *chosen = b->lobe_pdf[BSDF_LOBE_REFLECTION];
+    if (lobe_is_present(b, BSDF_LOBE_INTERFACE)) {
+        struct vec3 interface = interface_fresnel(b, cos_h);
+        f = vec3_mad(f, interface, b->weights.glass);
+        *chosen += b->lobe_pdf[BSDF_LOBE_INTERFACE] * interface_choose(b, interface).reflect;
+    }
+    return f;
+}
+
+LOBE_OFTEN struct vec3 reflection_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
+                                              const struct cover *cover, float *pdf)
+{
+    float cos_h, shadowing, chosen;
+    float density = reflection_density(&b->base, wo, b->cos_o, wi, &cos_h, &shadowing);
+    struct vec3 f;
+
+    *pdf = 0;
+    if (!(density > 0.0f))
+        return LOBE_BLACK;
+    f = reflection_color(b, cos_h, &chosen);
+    *pdf = chosen * density;
+    return vec3_scale(f, shadowing * density * cover->lobe);
+}
+
+/* The mirror direction, with what all lobes reflect there over how often it is chosen. */
+static inline enum lobe_result reflection_sample_mirror(const struct bsdf *b, struct vec3 wo,
+                                                        struct bsdf_sample *out)
+{
+    float chosen;
+    struct vec3 f = reflection_color(b, b->cos_o, &chosen);
+
+    if (!(chosen > 0.0f))
+        return LOBE_NOTHING;
+    out->wi = (struct vec3){-wo.x, -wo.y, wo.z};
+    out->weight = vec3_scale(f, 1.0f / chosen);
+    return LOBE_DELTA;
+}
+
+static inline enum lobe_result reflection_sample(const struct bsdf *b, struct vec3 wo, float w,
+                                                 float u, float v, struct bsdf_sample *out)
+{
+    (void)w;
+    if (b->base.smooth)
+        return reflection_sample_mirror(b, wo, out);
+    out->wi = reflect_about(wo, ggx_sample_of(&b->base.shape, wo, u, v));
+    return out->wi.z > 0.0f ? LOBE_SMOOTH : LOBE_NOTHING;
+}
+
+#endif
