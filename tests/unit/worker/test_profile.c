@@ -10,8 +10,7 @@
 #include "common/base/clock.h"
 #include "tests/support/scene_builder.h"
 #include "worker/profile.h"
-#include "worker/render/charge.h"
-#include "worker/render/stage.h"
+#include "worker/render/profile_scope.h"
 
 enum { SIZE = 32, SPP = 64 };
 static const uint64_t LIMIT_NS = 60 * NS_PER_SECOND; /* for what takes a tenth of a second */
@@ -52,17 +51,18 @@ static void test_one_place(void **state)
 
     (void)state;
     profile_counts(&before);
-    CHARGE(SHEEN);
-    STAGE(SCATTER);
-    do
-        profile_counts(&now);
-    while (now.accounts[CHARGE_OF(SHEEN)] - before.accounts[CHARGE_OF(SHEEN)] < 20 &&
-           clock_monotonic_ns() < end);
-    STAGE_NONE();
-    charge_set(CHARGE_NOBODY);
+    PROFILE_STAGE(SCATTER);
+    {
+        PROFILE_EFFECT(SHEEN);
+        do
+            profile_counts(&now);
+        while (now.accounts[PROFILE_ACCOUNT(SHEEN)] - before.accounts[PROFILE_ACCOUNT(SHEEN)] < 20 &&
+               clock_monotonic_ns() < end);
+    }
+    PROFILE_IDLE();
     profile_counts(&now);
     for (int i = 0; i < EFFECT_ACCOUNTS; i++) {
-        if (i == CHARGE_OF(SHEEN))
+        if (i == PROFILE_ACCOUNT(SHEEN))
             assert_true(now.accounts[i] - before.accounts[i] >= 20);
         else
             assert_int_equal(now.accounts[i], before.accounts[i]);
@@ -193,7 +193,7 @@ static void test_rooms(void **state)
                      rooms[k].name, (unsigned long long)found, (unsigned long long)allowed,
                      (unsigned long long)rooms[k].found);
         assert_true(sum(after.stages, STAGE_COUNT) > sum(before.stages, STAGE_COUNT));
-        assert_int_equal(stage_now, 0);
+        assert_int_equal(profile_place.stage, 0);
         render_scene_free(scene);
         builder_release(&b);
     }
