@@ -21,16 +21,29 @@ static uint32_t triangle_key(const struct world_mesh *mesh, const uint32_t verte
     return key;
 }
 
-int path_accept(const void *scene_, const void *query_, uint32_t instance_index, uint32_t triangle,
+/* Is the material there at this point of the triangle? By chance where it is partly transparent. */
+static int alpha_accepts(const struct world_material *material, const struct world_mesh *mesh,
+                         const uint32_t vertex[3], float u, float v,
+                         const struct path_query *query, uint32_t alpha_key)
+{
+    float alpha;
+
+    PROFILE_EFFECT(ALPHA);
+    alpha = world_alpha(material, mesh, vertex, u, v);
+    if (material->m.alpha_mode == ALPHA_MASK)
+        return alpha >= material->m.alpha_cutoff;
+    return sampler_hash(query->sampler, query->ray_number * 0x9e3779b9u + alpha_key,
+                        triangle_key(mesh, vertex)) < alpha;
+}
+
+int path_accept(const void *scene_, const void *query, uint32_t instance_index, uint32_t triangle,
                 float u, float v, int facing)
 {
     const struct render_scene *scene = scene_;
-    const struct path_query *query = query_;
     const struct world_instance *instance = &scene->instances[instance_index];
     const struct world_material *material = &scene->materials[instance->material];
     const struct world_mesh *mesh = &scene->meshes[instance->mesh];
-    const uint32_t *vertex;
-    float alpha;
+    int accepted;
 
     /* Baked triangles are seen in world space, where a mirror turns the winding round. */
     if (instance->world_positions && instance->flipped)
@@ -40,11 +53,8 @@ int path_accept(const void *scene_, const void *query_, uint32_t instance_index,
     if (!(material->flags & MATERIAL_ALPHA))
         return 1;
     PROFILE_STAGE(SURFACE);
-    vertex = world_vertices(mesh, triangle);
-    alpha = world_alpha(material, mesh, vertex, u, v);
+    accepted = alpha_accepts(material, mesh, world_vertices(mesh, triangle), u, v, query,
+                             instance->alpha_key);
     PROFILE_STAGE(TRACE);
-    if (material->m.alpha_mode == ALPHA_MASK)
-        return alpha >= material->m.alpha_cutoff;
-    return sampler_hash(query->sampler, query->ray_number * 0x9e3779b9u + instance->alpha_key,
-                        triangle_key(mesh, vertex)) < alpha;
+    return accepted;
 }

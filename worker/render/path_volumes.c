@@ -69,6 +69,8 @@ static void sample_medium(struct path *path, const struct world_medium *medium, 
     struct ray stretch = path->ray;
     float first = sampler_get(path->sampler, dimension + VERTEX_MEDIUM).u;
 
+    PROFILE_STAGE(MEDIUM);
+    PROFILE_EFFECT_ACCOUNT(medium_account(is_fog));
     stretch.t_max = is_fog ? float_min(t, fog_end(path->scene, &path->ray)) : t;
     if (path->medium_depth > path->depth) /* a second stretch without a vertex between */
         first = sampler_hash(path->sampler, key, 0xffffffffu);
@@ -90,6 +92,7 @@ static int scatter_in_medium(struct path *path, const struct world_medium *mediu
     ray_advance(&path->ray, distance);
     if (path->scene->emitters.count > 0)
         path_add(path, path_direct_medium(path, medium, before, dimension), radiance);
+    PROFILE_STAGE(MEDIUM);
     path->ray.direction = medium_phase_sample(medium, before, u.u, u.v);
     path->pdf = medium_phase(medium, vec3_dot(before, path->ray.direction));
     path->specular = 0;
@@ -114,8 +117,6 @@ PATH_FUNCTION enum medium_outcome path_medium(struct path *path, float t, uint32
     medium = interior_medium(path->scene, &path->interior, &is_fog);
     if (!medium)
         return MEDIUM_PASSED;
-    PROFILE_STAGE(MEDIUM);
-    PROFILE_EFFECT_ACCOUNT(medium_account(is_fog));
     sample_medium(path, medium, is_fog, t, dimension, key, &event);
     path_add(path, event.emitted, radiance);
     path->throughput = vec3_mul(path->throughput, event.weight);
