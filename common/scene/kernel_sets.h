@@ -25,12 +25,7 @@
      KERNEL_BIT(ALPHA) | KERNEL_BIT(UNLIT) | KERNEL_BIT(DIELECTRIC) |                       \
      KERNEL_BIT(ROUGH_DIELECTRIC) | KERNEL_BIT(THIN_TRANSMISSION) | KERNEL_BIT(ABSORPTION) | \
      KERNEL_BIT(NESTED_DIELECTRIC))
-/* And every surface, every lens. */
-#define KERNEL_SET_LAYERED                                                                  \
-    (KERNEL_SET_GLASS | KERNEL_BIT(ANISOTROPY) | KERNEL_BIT(CLEARCOAT) | KERNEL_BIT(SHEEN) | \
-     KERNEL_BIT(IRIDESCENCE) | KERNEL_BIT(DIFFUSE_TRANSMISSION) | KERNEL_BIT(DISPERSION) |  \
-     KERNEL_BIT(MATERIAL_MIX) | KERNEL_BIT(DEPTH_OF_FIELD) | KERNEL_BIT(PANORAMA))
-/* And media, and motion. */
+/* And layers, lenses, media, motion. */
 #define KERNEL_SET_GENERAL EFFECTS_ALL
 
 /* X(name, set), from the smallest. docs/EFFECTS.md has what each wins on the next: a variant that
@@ -38,7 +33,6 @@
 #define KERNEL_MAP(X)                  \
     X(matte, KERNEL_SET_MATTE)         \
     X(glass, KERNEL_SET_GLASS)         \
-    X(layered, KERNEL_SET_LAYERED)     \
     X(general, KERNEL_SET_GENERAL)
 
 /* The name of the variant that renders a frame with these effects. */

@@ -750,7 +750,7 @@ def shares_of_the_effects():
         number = farm.submit(fog, *options)
         farm.wait_for_job(number)
         shares = check(farm.cli("show", number, "--effects", "--json", expect=0).json(), "fog")
-        # More than half of the time; a tenth would be ten standard errors off.
+        # About a quarter of the time; a tenth would be many standard errors off.
         expect(shares["fog"] > 0.1 and "texture" not in shares, shares)
         words = farm.cli("show", number, "--effects", expect=0).out
         expect(re.search(r"^EFFECT +SHARE +CALLED FOR BY$", words, re.M), words)

@@ -143,13 +143,13 @@ static const struct {
     {"alpha", "glass", dress_alpha},
     {"glass", "glass", dress_glass},
     {"frosted", "glass", dress_frosted},
-    {"coat", "layered", dress_coat},
-    {"sheen", "layered", dress_sheen},
-    {"film", "layered", dress_film},
-    {"leaf", "layered", dress_leaf},
-    {"prism", "layered", dress_prism},
-    {"mix", "layered", dress_mix},
-    {"lens", "layered", dress_lens},
+    {"coat", "general", dress_coat},
+    {"sheen", "general", dress_sheen},
+    {"film", "general", dress_film},
+    {"leaf", "general", dress_leaf},
+    {"prism", "general", dress_prism},
+    {"mix", "general", dress_mix},
+    {"lens", "general", dress_lens},
 };
 
 static void test_same_bits(void **state)
@@ -189,7 +189,7 @@ static void test_same_bits(void **state)
                 compared++;
             }
         }
-        assert_true(compared > (int)tile_count(SIZE, SIZE));
+        assert_true(compared >= (int)tile_count(SIZE, SIZE));
         render_scene_free(scene);
         builder_release(&b);
     }
