@@ -152,8 +152,7 @@ PATH_FUNCTION struct vec3 path_escaped(const struct path *path)
 
     if (!path_features_of(scene).environment || !scene->environment || is_unwanted_caustic(path))
         return vec3_splat(0);
-    PROFILE_STAGE(LIGHT);
-    PROFILE_EFFECT(ENVIRONMENT);
+    PROFILE_STAGE_EFFECT(LIGHT, PROFILE_ACCOUNT(ENVIRONMENT));
     if (path->specular || !scene->emitters.has_environment)
         return environment_radiance(scene->environment, path->ray.direction);
     if (scene->emitters.environment_alone)
@@ -180,7 +179,6 @@ static struct vec3 unlit_color(const struct path *path, const struct surface *s)
     const struct scene_material *m = &s->material->m;
     struct vec3 color = vec3_make(m->base_color[0], m->base_color[1], m->base_color[2]);
 
-    PROFILE_STAGE(SURFACE);
     if (s->material->base_color.image) {
         struct texel texel = world_slot_lookup(&s->material->base_color, s->mesh, s->vertex, s->b1,
                                                s->b2, s->footprint, 1);
@@ -205,8 +203,7 @@ PATH_FUNCTION struct vec3 path_emitted(const struct path *path, const struct sur
     if (!(material->flags & MATERIAL_EMISSIVE) || (!s->front && !material->m.double_sided) ||
         is_unwanted_caustic(path))
         return vec3_splat(0); /* a lamp shines from its front */
-    PROFILE_STAGE(LIGHT);
-    PROFILE_EFFECT(EMISSIVE_MESH);
+    PROFILE_STAGE_EFFECT(LIGHT, PROFILE_ACCOUNT(EMISSIVE_MESH));
     /* The parts of a mix are not sampled as lights. */
     sampled = s->instance->light_base >= 0 &&
               material == &path->scene->materials[s->instance->material];

@@ -69,8 +69,7 @@ static void sample_medium(struct path *path, const struct world_medium *medium, 
     struct ray stretch = path->ray;
     float first = sampler_get(path->sampler, dimension + VERTEX_MEDIUM).u;
 
-    PROFILE_STAGE(MEDIUM);
-    PROFILE_EFFECT_ACCOUNT(medium_account(is_fog));
+    PROFILE_STAGE_EFFECT(MEDIUM, medium_account(is_fog));
     stretch.t_max = is_fog ? float_min(t, fog_end(path->scene, &path->ray)) : t;
     if (path->medium_depth > path->depth) /* a second stretch without a vertex between */
         first = sampler_hash(path->sampler, key, 0xffffffffu);
@@ -140,8 +139,7 @@ static struct vec3 stretch_transmittance(const struct render_scene *scene,
     medium = interior_medium(scene, in, &is_fog);
     if (!medium)
         return vec3_splat(1);
-    PROFILE_STAGE(MEDIUM);
-    PROFILE_EFFECT_ACCOUNT(medium_account(is_fog));
+    PROFILE_STAGE_EFFECT(MEDIUM, medium_account(is_fog));
     through.t_max = is_fog ? float_min(t, fog_end(scene, stretch)) : t;
     return medium_transmittance(medium, &through, random);
 }
@@ -210,8 +208,7 @@ PATH_FUNCTION void path_absorb(struct path *path, const struct surface *s)
 
     if (!filling || vec3_is_black(filling->absorption))
         return;
-    PROFILE_STAGE(MEDIUM);
-    PROFILE_EFFECT(ABSORPTION);
+    PROFILE_STAGE_EFFECT(MEDIUM, PROFILE_ACCOUNT(ABSORPTION));
     path->throughput = vec3_mul(path->throughput, beer_lambert(filling->absorption, s->t));
 }
 

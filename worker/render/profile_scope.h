@@ -71,7 +71,11 @@ static inline void profile_exit(const uint8_t *before)
 #define PROFILE_STAGE(name) profile_stage((uint8_t)(STAGE_##name + 1))
 #define PROFILE_IDLE() profile_stage(0)
 #define PROFILE_EFFECT(name) PROFILE_EFFECT_ACCOUNT(PROFILE_ACCOUNT(name))
-/* The same for an account that is known at run time only. */
+/* A stage and, to the end of the block, an effect of it: an account. */
+#define PROFILE_STAGE_EFFECT(stage, account) \
+    PROFILE_STAGE(stage);                    \
+    PROFILE_EFFECT_ACCOUNT(account)
+/* The same as PROFILE_EFFECT for an account that is known at run time only. */
 #define PROFILE_EFFECT_ACCOUNT(account) PROFILE_EFFECT_AT(account, __LINE__)
 #define PROFILE_EFFECT_AT(account, line) PROFILE_EFFECT_NAMED(account, line)
 #define PROFILE_EFFECT_NAMED(account, line) \
