@@ -153,7 +153,7 @@ static status print_ran(const json_t *rows, const json_t *time, struct error *er
     if (json_is_number(none)) {
         table_add(&table, "(none of them)");
         add_share(&table, none);
-        table_add(&table, "any picture: the camera's rays, what they meet, sums");
+        table_add(&table, "any picture: rays, what they meet, sums");
     }
     printf("\n");
     result = table_print(&table, err);

@@ -7,8 +7,7 @@
 #include <time.h>
 
 #include "common/base/memory.h"
-#include "worker/render/charge.h"
-#include "worker/render/stage.h"
+#include "worker/render/profile_scope.h"
 
 /* A little off a millisecond, so as not to beat with what the system does every millisecond. */
 enum { PERIOD_NS = 1013000, IDLE_PERIOD_NS = 20000000 };
@@ -16,7 +15,7 @@ enum { PERIOD_NS = 1013000, IDLE_PERIOD_NS = 20000000 };
 /* A thread that is looked at. */
 struct watched {
     struct watched *next;
-    const watched_byte *stage, *account;
+    const struct profile_place *place;
     _Atomic uint64_t stages[STAGE_COUNT], accounts[EFFECT_ACCOUNTS];
 };
 
@@ -37,8 +36,8 @@ static int look(void)
 
     pthread_mutex_lock(&profile.lock);
     for (struct watched *w = profile.first; w; w = w->next) {
-        unsigned stage = WATCHED_GET(*w->stage);
-        unsigned account = WATCHED_GET(*w->account);
+        unsigned stage = WATCHED_GET(w->place->stage);
+        unsigned account = WATCHED_GET(w->place->account);
         if (stage == 0 || stage > STAGE_COUNT || account >= EFFECT_ACCOUNTS)
             continue;
         atomic_fetch_add_explicit(&w->stages[stage - 1], 1, memory_order_relaxed);
@@ -91,8 +90,7 @@ void profile_join(void)
 
     if (!w)
         return;
-    w->stage = &stage_now;
-    w->account = &charge_now;
+    w->place = &profile_place;
     pthread_mutex_lock(&profile.lock);
     w->next = profile.first;
     profile.first = w;

@@ -1,9 +1,8 @@
 /* profile: in which stages of rendering the time goes, and for which effects.
  *
- * One thread looks about a thousand times a second at the stage of every rendering thread
- * (worker/render/stage.h) and at the effect that it works for (worker/render/charge.h), and counts.
- * The rendering threads pay one store at each border; looking costs the process some microseconds
- * a millisecond, and almost nothing while nobody renders.
+ * One thread looks about a thousand times a second at what every rendering thread does
+ * (worker/render/profile_scope.h), and counts. The rendering threads pay two stores a scope; looking
+ * costs the process some microseconds a millisecond, and almost nothing while no thread renders.
  *
  * A thread must join before its counts are read and leave before it ends. One profile in a
  * process. Without one (it could not be started), or in a thread that did not join, all counts

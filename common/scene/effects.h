@@ -76,13 +76,17 @@ EFFECT_MAP(EFFECT_VALUE)
      EFFECT_DEPTH_OF_FIELD | EFFECT_MOTION_BLUR | EFFECT_LIGHT_IMAGE | EFFECT_PORTAL |          \
      EFFECT_CAUSTICS)
 
-/* The time of a frame is kept by accounts: 0 is no effect's (what any picture needs), bit + 1 the
- * effect's (worker/render/charge.h). */
+/* The time of a frame is kept by accounts: 0 is no effect's (tracing rays, the geometry they meet,
+ * sums), bit + 1 the effect's (worker/render/profile_scope.h). */
 enum { EFFECT_ACCOUNTS = EFFECT_COUNT + 1 };
-/* These change how things are done and do nothing of their own while a frame is rendered: they
- * have no time that could be measured apart. */
-#define EFFECTS_WITHOUT_TIME \
-    (EFFECT_ORTHOGRAPHIC | EFFECT_INSTANCING | EFFECT_DEFORMATION | EFFECT_CAUSTICS)
+/* These have no account of their own: they change how other things are done, or do too little to
+ * be told apart. `azulejo effects --measure` prices those that can be switched off. */
+#define EFFECTS_WITHOUT_TIME                                                                   \
+    (EFFECT_CULLING | EFFECT_UNLIT | EFFECT_ANISOTROPY | EFFECT_CONDUCTOR | EFFECT_IRIDESCENCE | \
+     EFFECT_ORTHOGRAPHIC | EFFECT_INSTANCING |                                                  \
+     EFFECT_DISPERSION | EFFECT_MATERIAL_MIX | EFFECT_INTERFACE | EFFECT_NESTED_DIELECTRIC |   \
+     EFFECT_MEDIUM_EMISSION | EFFECT_DEPTH_OF_FIELD | EFFECT_PANORAMA | EFFECT_MOTION_BLUR |   \
+     EFFECT_DEFORMATION | EFFECT_CAUSTICS)
 
 /* Roughness below this is a mirror: the least float whose square (GGX alpha) is not below
  * 1e-3f, so that the answer is the renderer's to the last bit. */

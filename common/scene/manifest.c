@@ -85,16 +85,16 @@ static void write_cause(struct buffer *out, const struct effect_cause *cause)
     buffer_puts(out, cause->also[0].kind ? "]}" : "}");
 }
 
-/* All looks; *nobodys are those that go to no effect's account. */
-static uint64_t accounted_looks(const struct manifest *m, uint64_t *nobodys)
+/* All looks; *unattributed: those that go to no effect's account. */
+static uint64_t accounted_looks(const struct manifest *m, uint64_t *unattributed)
 {
     uint64_t known = m->effects & ~EFFECTS_WITHOUT_TIME, all = 0;
 
-    *nobodys = 0;
+    *unattributed = 0;
     for (int i = 0; i < EFFECT_ACCOUNTS; i++) {
         all += m->accounts[i];
         if (i == 0 || !(known >> (i - 1) & 1))
-            *nobodys += m->accounts[i];
+            *unattributed += m->accounts[i];
     }
     return all;
 }
@@ -119,7 +119,7 @@ static void write_share(struct buffer *out, uint64_t looks, uint64_t all)
 static void write_causes(struct buffer *out, const char *key, const struct manifest *m,
                          uint64_t set)
 {
-    uint64_t nobodys, looks = accounted_looks(m, &nobodys);
+    uint64_t unattributed, looks = accounted_looks(m, &unattributed);
     int first = 1;
 
     buffer_printf(out, "  \"%s\": [", key);
@@ -161,7 +161,7 @@ static void write_names(struct buffer *out, const char *key, uint64_t set)
 
 static void write_time(struct buffer *out, const struct manifest *m)
 {
-    uint64_t looks = 0, nobodys, accounted = accounted_looks(m, &nobodys);
+    uint64_t looks = 0, unattributed, accounted = accounted_looks(m, &unattributed);
 
     for (int i = 0; i < STAGE_COUNT; i++)
         looks += m->stages[i];
@@ -171,7 +171,7 @@ static void write_time(struct buffer *out, const struct manifest *m)
         write_share(out, m->stages[i], looks);
     }
     buffer_puts(out, "}, \"no_effect\": ");
-    write_share(out, nobodys, accounted);
+    write_share(out, unattributed, accounted);
     buffer_puts(out, "}\n");
 }
 

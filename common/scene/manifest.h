@@ -2,7 +2,7 @@
  *
  * The coordinator keeps one with each finished frame, as JSON (docs/EFFECTS.md):
  *
- *   ran              effects that were simulated, who called for each, and its share of the time
+ *   ran              effects that were simulated, what called for each, and its share of the time
  *   switched_off     effects that the scene calls for, but the user does not want (--without)
  *   not_called_for   the rest: nothing in the frame needs them, so no code for them ran
  *   kernel           the variant of the renderer that ran (kernel_sets.h), and the renderer
@@ -10,7 +10,7 @@
  *   work             counted samples, rays, path vertices, CPU time
  *   time             share of each stage (stages.h), by so many looks at the threads
  *
- * Each effect that ran has its share of the time, too; what is nobody's is in `time`.
+ * Most effects that ran have a share of the time, too; the share of no effect is in `time`.
  */
 #ifndef AZULEJO_SCENE_MANIFEST_H
 #define AZULEJO_SCENE_MANIFEST_H
@@ -40,7 +40,7 @@ struct manifest {
     uint64_t samples, rays, vertices, cpu_ns; /* counted; less than the frame has after a restart */
     uint64_t stages[STAGE_COUNT];
     uint64_t accounts[EFFECT_ACCOUNTS]; /* what is charged to an effect that did not run, or that
-                                           has no time of its own, counts as nobody's */
+                                           has no time of its own, counts as no effect's */
 };
 
 /* Append the JSON, with a newline at its end. buffer_ok tells whether memory sufficed. */

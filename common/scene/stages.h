@@ -1,7 +1,7 @@
-/* stages: the parts of a render whose share of the time is told (manifest.h).
+/* stages: the parts of a render whose share of the time is reported (manifest.h).
  *
  * A worker counts in which of them its threads are found, about a thousand times a second
- * (worker/render/stage.h); the counts travel with the results and are added up for each frame.
+ * (worker/render/profile_scope.h); the counts travel with the results and are added up for each frame.
  */
 #ifndef AZULEJO_SCENE_STAGES_H
 #define AZULEJO_SCENE_STAGES_H
@@ -10,7 +10,7 @@
 #define STAGE_MAP(X)                                                            \
     X(REST, "rest")         /* sampling numbers, sums, the way from tile to tile */ \
     X(CAMERA, "camera")     /* rays through lens and shutter */                 \
-    X(TRACE, "trace")       /* Embree: the nearest hit, and who stands in the light */ \
+    X(TRACE, "trace")       /* Embree: nearest hits and shadow rays */          \
     X(SURFACE, "surface")   /* geometry of hits, textures, alpha, material mixes */ \
     X(SCATTER, "scatter")   /* BSDFs: set up, evaluated, sampled */             \
     X(LIGHT, "light")       /* choosing lights, what they send, environment */  \

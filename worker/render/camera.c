@@ -1,8 +1,6 @@
 #include "worker/render/camera.h"
 
 #include "common/math/elementary.h"
-#include "worker/render/charge.h"
-#include "worker/render/has.h"
 
 static float camera_filter_sample(const struct camera *camera, float u)
 {
@@ -63,6 +61,51 @@ static struct vec3 camera_panorama_direction(float film_x, float film_y, float w
     return vec3_make(sin_a * cos_b, sin_b, -cos_a * cos_b);
 }
 
+/* From camera space into the world. */
+static inline void camera_place(const struct transform *to_world, struct vec3 origin,
+                                struct vec3 direction, float time, struct ray *ray)
+{
+    ray->origin = transform_point(to_world, origin);
+    ray->direction = vec3_normalize(transform_vector(to_world, direction));
+    ray->t_max = INFINITY;
+    ray->time = time;
+    ray->rest[0] = ray->rest[1] = ray->rest[2] = 0;
+    ray->left_count = 0;
+    ray->reaches = 0;
+}
+
+/* Any camera but a pinhole that stands still. (px, py): the place on the image plane. */
+static __attribute__((noinline)) void camera_ray_any(const struct camera *camera, float film_x,
+                                                     float film_y, float px, float py,
+                                                     const struct sampler *sampler,
+                                                     struct ray *ray)
+{
+    struct transform to_world = camera->to_world;
+    struct vec3 origin = {0, 0, 0}, direction = {px, py, -1};
+    float time = 0;
+
+    if (camera->kind == CAMERA_ORTHOGRAPHIC) {
+        origin = vec3_make(px, py, 0);
+        direction = vec3_make(0, 0, -1);
+    } else if (camera->kind == CAMERA_PANORAMA) {
+        direction = camera_panorama_direction(film_x, film_y, camera->width, camera->height);
+    }
+    if (camera->lens_radius > 0) {
+        /* All rays of one place on the film meet in the plane that is sharp. */
+        struct vec3 sharp = vec3_mad(origin, direction, camera->focus_distance);
+        float lens[2];
+        camera_lens_sample(camera, sampler_get(sampler, DIMENSION_LENS), lens);
+        origin.x += lens[0];
+        origin.y += lens[1];
+        direction = vec3_sub(sharp, origin);
+    }
+    if (camera->shutter_open) {
+        time = sampler_get(sampler, DIMENSION_TIME).u;
+        to_world = camera_to_world_at(camera, time);
+    }
+    camera_place(&to_world, origin, direction, time, ray);
+}
+
 void camera_ray(const struct camera *camera, uint32_t x, uint32_t y, const struct sampler *sampler,
                 struct ray *ray)
 {
@@ -71,40 +114,9 @@ void camera_ray(const struct camera *camera, uint32_t x, uint32_t y, const struc
     float film_y = (float)y + 0.5f + camera_filter_sample(camera, pixel.v);
     float px = (2 * film_x / camera->width - 1) * camera->half_width;
     float py = (1 - 2 * film_y / camera->height) * camera->half_height;
-    struct vec3 origin = {0, 0, 0}, direction = {px, py, -1};
-    const struct transform *to_world = &camera->to_world;
-    struct transform moved;
 
-    if (HAS(ORTHOGRAPHIC) && camera->kind == CAMERA_ORTHOGRAPHIC) {
-        origin = vec3_make(px, py, 0);
-        direction = vec3_make(0, 0, -1);
-    } else if (HAS(PANORAMA) && camera->kind == CAMERA_PANORAMA) {
-        CHARGE_SCOPE(PANORAMA);
-        direction = camera_panorama_direction(film_x, film_y, camera->width, camera->height);
-    }
-    if (HAS(DEPTH_OF_FIELD) && camera->lens_radius > 0) {
-        /* All rays of one place on the film meet in the plane that is sharp. */
-        struct vec3 sharp = vec3_mad(origin, direction, camera->focus_distance);
-        float lens[2];
-        CHARGE_SCOPE(DEPTH_OF_FIELD);
-        camera_lens_sample(camera, sampler_get(sampler, DIMENSION_LENS), lens);
-        origin.x += lens[0];
-        origin.y += lens[1];
-        direction = vec3_sub(sharp, origin);
-    }
-    ray->time = 0;
-    if (HAS(MOTION_BLUR) && camera->shutter_open) {
-        CHARGE_SCOPE(MOTION_BLUR);
-        ray->time = sampler_get(sampler, DIMENSION_TIME).u;
-        if (camera->motion_steps) {
-            moved = camera_to_world_at(camera, ray->time);
-            to_world = &moved;
-        }
-    }
-    ray->origin = transform_point(to_world, origin);
-    ray->direction = vec3_normalize(transform_vector(to_world, direction));
-    ray->t_max = INFINITY;
-    ray->rest[0] = ray->rest[1] = ray->rest[2] = 0;
-    ray->left_count = 0;
-    ray->reaches = 0;
+    if (camera->pinhole)
+        camera_place(&camera->to_world, vec3_make(0, 0, 0), vec3_make(px, py, -1), 0, ray);
+    else
+        camera_ray_any(camera, film_x, film_y, px, py, sampler, ray);
 }

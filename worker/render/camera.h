@@ -30,6 +30,7 @@ struct camera {
     struct transform to_world;     /* at the shutter's opening */
     float half_width, half_height; /* of the image plane: at distance 1, or in metres */
     float width, height;           /* pixels */
+    int pinhole;                   /* perspective, without a lens, while the shutter is not open */
     int shutter_open;
     uint32_t motion_steps;         /* 0: it stands still */
     struct transform motion[CAMERA_STEPS_MAX];

@@ -89,6 +89,8 @@ void camera_init(struct camera *camera, const struct scene_camera *description,
             camera->to_world = camera->motion[0];
         }
     }
+    camera->pinhole = camera->kind == CAMERA_PERSPECTIVE && !(camera->lens_radius > 0) &&
+                      !camera->shutter_open;
     filter_table_fill(camera->filter_offset);
 }
 

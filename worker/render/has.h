@@ -1,6 +1,6 @@
 /* has: which effects the code being compiled must be able to simulate.
  *
- * What runs at every path vertex (path.c, tile.c, surface*.c, camera.c, medium.c, bsdf/) is
+ * What runs at every path vertex (path*.c, tile.c, surface*.c, camera.c, bsdf/) is
  * compiled once for each kernel variant (worker/render/kernels/), with KERNEL_EFFECTS a
  * constant set, so that `if (HAS(SHEEN) && ...)` and all that hangs on it vanish where no
  * sheen can occur. In bsdf/ a lobe's row names its effects (bsdf.h). Alone, as in the unit tests, the same files can do everything.

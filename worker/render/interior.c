@@ -18,12 +18,12 @@ static void cross(struct interior *entered, struct interior *left, uint32_t body
 
 void interior_find_camera(struct render_scene *scene)
 {
-    static const struct sampler nobody;
+    static const struct sampler any;
     const struct transform *view = &scene->camera.to_world;
     /* Any direction would do; one that no wall of a modelled room is parallel to. */
     struct ray ray = {.origin = {view->m[0][3], view->m[1][3], view->m[2][3]},
                       .direction = {0.48f, 0.64f, 0.6f}, .t_max = INFINITY};
-    struct path_query query = {&nobody, 0};
+    struct path_query query = {&any, 0};
     struct interior entered = {0}, left = {0};
     struct crossing_group group;
     struct surface s;

@@ -1,16 +1,11 @@
 #include "worker/render/kernel.h"
 
 #include "common/scene/kernel_sets.h"
-#include "worker/render/path.h"
 #include "worker/render/world.h"
 
-static const struct kernel kernel_general = {"general", KERNEL_SET_GENERAL, tile_render,
-                                             path_accept};
-
+#define KERNEL_EXTERN(name, set) extern const struct kernel kernel_##name;
+KERNEL_MAP(KERNEL_EXTERN)
 #define KERNEL_ROW(name, set) &kernel_##name,
-/* The general one is this library's ordinary compilation of the same files. */
-extern const struct kernel kernel_matte, kernel_opaque, kernel_textured, kernel_glass,
-    kernel_layered;
 static const struct kernel *const kernels[] = {KERNEL_MAP(KERNEL_ROW)};
 enum { KERNELS = sizeof kernels / sizeof *kernels };
 
@@ -32,7 +27,7 @@ const struct kernel *kernel_for(uint64_t effects)
     for (int i = 0; i < KERNELS && !force_general; i++)
         if (!(effects & ~kernels[i]->effects))
             return kernels[i];
-    return &kernel_general;
+    return kernels[KERNELS - 1];
 }
 
 const struct kernel *kernel_at(size_t index)

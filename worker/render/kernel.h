@@ -1,6 +1,6 @@
 /* kernel: the variants of the path tracer, and which one renders a scene.
  *
- * One source (camera.c, surface*.c, bsdf/, path.c, tile.c) is compiled several times with
+ * One source (camera.c, surface*.c, bsdf/, path*.c, tile.c) is compiled several times with
  * different sets of effects (kernels/); the first of the table whose set holds everything
  * that the scene calls for renders it. The last one holds everything. Which one runs never
  * changes a bit of the result (tests/unit/render/test_kernels.c).
@@ -30,7 +30,7 @@ const struct kernel *kernel_at(size_t index);
 /* Set by render_measure_trace. */
 extern int kernel_measures_trace;
 
-/* tile.c: the general kernel's. */
+/* tile.c compiled alone, with what it includes: it can do everything, as the general kernel. */
 tile_render_function tile_render;
 
 #endif

@@ -3,9 +3,8 @@
 #include <string.h>
 
 #include "common/math/elementary.h"
-#include "worker/render/charge.h"
-#include "worker/render/has.h"
 #include "worker/render/medium_data.h"
+#include "worker/render/profile_scope.h"
 
 /* Below it ratio tracking goes on by the toss of a coin. */
 #define MEDIUM_ROULETTE_BELOW 0.0625f
@@ -61,7 +60,6 @@ static struct vec3 medium_homogeneous_emission(const struct world_medium *medium
 {
     float sum[3];
 
-    CHARGE_SCOPE(MEDIUM_EMISSION);
     for (int c = 0; c < 3; c++)
         sum[c] = medium->emission[c] > 0.0f
                      ? float_min(medium->emission[c] *
@@ -291,7 +289,7 @@ static void medium_sample_grid(const struct world_medium *medium, const struct r
                 break;
             }
             mean = (through[0] + through[1] + through[2]) * (1.0f / 3.0f);
-            if (HAS(MEDIUM_EMISSION) && medium->emits)
+            if (medium->emits)
                 for (int c = 0; c < 3; c++)
                     emitted[c] = float_min(emitted[c] + through[c] / mean * density *
                                                             medium->glow[c],
@@ -368,24 +366,23 @@ void medium_sample(const struct world_medium *medium, const struct ray *ray, flo
                    struct medium_random *random, struct medium_event *out)
 {
     float t_max = ray->t_max > 0.0f ? ray->t_max : 0.0f;
-    int emits = HAS(MEDIUM_EMISSION) && medium->emits;
 
     out->emitted = (struct vec3){0, 0, 0};
-    if (HAS(MEDIUM_GRID) && medium->size[0]) {
+    if (medium->size[0]) {
         float emitted[3] = {0, 0, 0};
 
-        CHARGE_SCOPE(MEDIUM_GRID);
+        PROFILE_EFFECT(MEDIUM_GRID);
         if (medium->scatters) {
             medium_sample_grid(medium, ray, first, random, out);
             return;
         }
         out->scattered = 0;
         out->distance = t_max;
-        out->weight = medium_ratio_track(medium, ray, first, random, emits ? emitted : NULL);
+        out->weight = medium_ratio_track(medium, ray, first, random, medium->emits ? emitted : NULL);
         out->emitted = medium_vec(emitted);
         return;
     }
-    if (emits)
+    if (medium->emits)
         out->emitted = medium_homogeneous_emission(medium, t_max);
     if (medium->scatters) {
         medium_sample_homogeneous(medium, t_max, first, out);
@@ -403,8 +400,8 @@ struct vec3 medium_transmittance(const struct world_medium *medium, const struct
 {
     float t_max = ray->t_max > 0.0f ? ray->t_max : 0.0f;
 
-    if (HAS(MEDIUM_GRID) && medium->size[0]) {
-        CHARGE_SCOPE(MEDIUM_GRID);
+    if (medium->size[0]) {
+        PROFILE_EFFECT(MEDIUM_GRID);
         return medium_ratio_track(medium, ray, medium_next(random), random, NULL);
     }
     return (struct vec3){medium_beer(medium->extinction[0], t_max),

@@ -3,7 +3,7 @@
 
 #include "common/math/elementary.h"
 #include "common/scene/material.h"
-#include "worker/render/charge.h"
+#include "worker/render/profile_scope.h"
 #include "worker/render/surface_parts.h"
 #include "worker/render/world_motion.h"
 
@@ -33,7 +33,6 @@ static struct vec3 surface_deformed(const struct surface *s, const float *openin
 
     if (!HAS(DEFORMATION) || !motion)
         return surface_interpolate(opening, stride, s->vertex, s->b1, s->b2);
-    CHARGE_SCOPE(MOTION_BLUR);
     segment = motion_segment(s->time, s->instance->motion_steps, &f);
     from = surface_interpolate(motion[segment], stride, s->vertex, s->b1, s->b2);
     to = surface_interpolate(motion[segment + 1], stride, s->vertex, s->b1, s->b2);
@@ -44,7 +43,7 @@ static struct vec3 surface_deformed(const struct surface *s, const float *openin
 static struct texel surface_texel(const struct surface *s, const struct world_slot *slot)
 {
     if (slot->shares_place) {
-        CHARGE_SCOPE(TEXTURE);
+        PROFILE_EFFECT(TEXTURE);
         return texture_read(slot->image, &slot->texture, &s->place, slot->color);
     }
     return world_slot_lookup(slot, s->mesh, s->vertex, s->b1, s->b2, s->footprint, slot->color);
@@ -88,7 +87,7 @@ static struct vec3 surface_mapped_normal(const struct surface *s, const struct w
     struct texel texel;
     float cosine;
 
-    CHARGE_SCOPE(NORMAL_MAP);
+    PROFILE_EFFECT(NORMAL_MAP);
     if (vec3_is_black(t))
         return n;
     texel = surface_texel(s, slot);
@@ -363,7 +362,7 @@ static void surface_layers(const struct render_scene *scene, struct surface *s, 
 
 #define SURFACE_LAYER_READ(effect, function, has) \
     if (ACTIVE(scene, effect) && (has)) {         \
-        CHARGE_SCOPE(effect);                     \
+        PROFILE_EFFECT(effect);                     \
         function(&view, s, params);               \
     }
     SURFACE_LAYERS(SURFACE_LAYER_READ)
@@ -378,7 +377,6 @@ void surface_resolve_mix(const struct render_scene *scene, struct surface *s, fl
 {
     /* A mix refers to lower materials only, so this ends. */
     while (s->material->m.kind == MATERIAL_MIX) {
-        CHARGE_SCOPE(MATERIAL_MIX);
         const struct world_material *mix = s->material;
         float amount = surface_scalar(s, mix->m.mix_amount, &mix->mix, CHANNEL_RED);
         int second;
@@ -429,6 +427,6 @@ void surface_shade(const struct render_scene *scene, struct surface *s, struct v
 
 struct vec3 surface_vertex_color(const struct surface *s)
 {
-    CHARGE_SCOPE(VERTEX_COLOR);
+    PROFILE_EFFECT(VERTEX_COLOR);
     return surface_interpolate(s->mesh->colors, 4, s->vertex, s->b1, s->b2);
 }

@@ -3,7 +3,7 @@
 #include <math.h>
 
 #include "worker/render/bsdf/bsdf.h"
-#include "worker/render/charge.h"
+#include "worker/render/profile_scope.h"
 #include "worker/render/surface_parts.h"
 
 /* The image's coordinates there; the footprint from the triangle's scale to the image's. */
@@ -40,7 +40,7 @@ struct texel world_slot_lookup(const struct world_slot *slot, const struct world
 {
     float u, v;
 
-    CHARGE_SCOPE(TEXTURE);
+    PROFILE_EFFECT(TEXTURE);
     surface_slot_coordinates(slot, mesh, vertex, b1, b2, &u, &v, &footprint);
     return texture_lookup(slot->image, &slot->texture, u, v, footprint, srgb);
 }
@@ -51,7 +51,7 @@ void world_slot_place(const struct world_slot *slot, const struct world_mesh *me
 {
     float u, v;
 
-    CHARGE_SCOPE(TEXTURE);
+    PROFILE_EFFECT(TEXTURE);
     surface_slot_coordinates(slot, mesh, vertex, b1, b2, &u, &v, &footprint);
     texture_place(place, slot->image, &slot->texture, u, v, footprint, slot->color);
 }
@@ -77,7 +77,7 @@ float world_emission_scale(const struct world_material *material, const struct w
     float n = float_max(material->m.clearcoat_ior, 1), f0 = (n - 1) / (n + 1), m = 1 - cosine;
     float coat = material->m.clearcoat;
 
-    CHARGE_SCOPE(CLEARCOAT);
+    PROFILE_EFFECT(CLEARCOAT);
     if (world_slot_is_read(&material->clearcoat))
         coat *= world_slot_lookup(&material->clearcoat, mesh, vertex, b1, b2, 0, 0).r;
     f0 *= f0;

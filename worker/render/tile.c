@@ -2,10 +2,9 @@
 #include <float.h>
 #include <string.h>
 
-#include "worker/render/charge.h"
 #include "worker/render/kernel.h"
 #include "worker/render/path.h"
-#include "worker/render/stage.h"
+#include "worker/render/profile_scope.h"
 #include "worker/render/view.h"
 #include "worker/render/world.h"
 
@@ -117,7 +116,7 @@ static void tile_start(const struct render_scene *scene, uint32_t frame, uint32_
                        uint32_t group, uint32_t first, uint32_t count, struct sampler *samplers,
                        struct ray *rays)
 {
-    STAGE(CAMERA);
+    PROFILE_STAGE(CAMERA);
     for (uint32_t k = 0; k < count; k++)
         sampler_start(&samplers[k], scene->settings.seed, frame, x, y, group, first + k);
     if (scene->settings.sampler == SAMPLER_INDEPENDENT)
@@ -143,7 +142,6 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
     pass_range(settings->spp, group, pass, &begin, &end);
     if (tail)
         tail->count = 0;
-    charge_set(CHARGE_NOBODY);
     for (uint32_t y = rect.y; y < rect.y + rect.height; y++)
         for (uint32_t x = rect.x; x < rect.x + rect.width; x++, index++) {
             double sum[GROUP_REPLICATES][3] = {{0}}, values[AOV_FLOATS_MAX] = {0};
@@ -159,9 +157,8 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                     memset(&record, 0, sizeof record);
                 radiance = path_radiance(scene, &samplers[at], &rays[at], cone,
                                          extra ? &record : NULL, stats);
-                STAGE(REST);
-                charge_set(CHARGE_NOBODY);
                 stats->samples++;
+                PROFILE_STAGE(REST);
                 if (extra)
                     tile_aovs(scene, aovs, &rays[at], &record, i == 0, values);
                 if (!vec3_is_finite(radiance)) {
@@ -190,6 +187,6 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                 at += channels;
             }
         }
-    STAGE_NONE();
+    PROFILE_IDLE();
     return aov_base + extra * pixels;
 }

@@ -7,9 +7,14 @@
 #ifndef AZULEJO_RENDER_WORLD_MOTION_H
 #define AZULEJO_RENDER_WORLD_MOTION_H
 
-#include "worker/render/charge.h"
 #include "worker/render/has.h"
 #include "worker/render/world.h"
+
+/* Does the instance move while the shutter is open? */
+static inline int world_moves(const struct world_instance *instance)
+{
+    return HAS(MOTION_BLUR) && instance->motion_steps > 0;
+}
 
 /* The instance's matrix at `time`, mixed between steps, in double. */
 static inline struct transform_d world_motion_matrix(const struct world_instance *instance,
@@ -63,8 +68,7 @@ static inline void world_corners(const struct render_scene *scene,
 {
     const struct world_mesh *mesh = &scene->meshes[instance->mesh];
 
-    if (HAS(MOTION_BLUR) && instance->motion_steps) {
-        CHARGE_SCOPE(MOTION_BLUR);
+    if (world_moves(instance)) {
         world_motion_corners(mesh, instance, vertex, time, corner);
         return;
     }
@@ -92,19 +96,15 @@ struct transform world_motion_to_world(const struct world_instance *instance, fl
  * are the world's already, the identity. */
 static inline struct transform world_to_object_at(const struct world_instance *instance, float time)
 {
-    if (HAS(MOTION_BLUR) && instance->motion_steps) {
-        CHARGE_SCOPE(MOTION_BLUR);
+    if (world_moves(instance))
         return world_motion_to_object(instance, time);
-    }
     return instance->to_object;
 }
 
 static inline struct transform world_to_world_at(const struct world_instance *instance, float time)
 {
-    if (HAS(MOTION_BLUR) && instance->motion_steps) {
-        CHARGE_SCOPE(MOTION_BLUR);
+    if (world_moves(instance))
         return world_motion_to_world(instance, time);
-    }
     return instance->to_world;
 }
 
@@ -113,7 +113,7 @@ static inline struct transform world_to_world_at(const struct world_instance *in
 static inline const float *world_normals(const struct world_instance *instance,
                                          const struct world_mesh *mesh)
 {
-    if (HAS(DEFORMATION) && instance->deformed_normals)
+    if (instance->deformed_normals)
         return instance->deformed_normals;
     return mesh->normals;
 }
@@ -121,7 +121,7 @@ static inline const float *world_normals(const struct world_instance *instance,
 static inline const float *world_tangents(const struct world_instance *instance,
                                           const struct world_mesh *mesh)
 {
-    if (HAS(DEFORMATION) && instance->deformed_tangents)
+    if (instance->deformed_tangents)
         return instance->deformed_tangents;
     return mesh->tangents;
 }

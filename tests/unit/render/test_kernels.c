@@ -136,20 +136,20 @@ static const struct {
 } rooms[] = {
     {"lambert", "matte", NULL},
     {"culled", "matte", dress_culled},
-    {"mirror", "opaque", dress_mirror},
-    {"plastic", "opaque", dress_plastic},
-    {"conductor", "opaque", dress_conductor},
-    {"orthographic", "opaque", dress_orthographic},
-    {"alpha", "textured", dress_alpha},
+    {"mirror", "glass", dress_mirror},
+    {"plastic", "glass", dress_plastic},
+    {"conductor", "glass", dress_conductor},
+    {"orthographic", "glass", dress_orthographic},
+    {"alpha", "glass", dress_alpha},
     {"glass", "glass", dress_glass},
     {"frosted", "glass", dress_frosted},
-    {"coat", "layered", dress_coat},
-    {"sheen", "layered", dress_sheen},
-    {"film", "layered", dress_film},
-    {"leaf", "layered", dress_leaf},
-    {"prism", "layered", dress_prism},
-    {"mix", "layered", dress_mix},
-    {"lens", "layered", dress_lens},
+    {"coat", "general", dress_coat},
+    {"sheen", "general", dress_sheen},
+    {"film", "general", dress_film},
+    {"leaf", "general", dress_leaf},
+    {"prism", "general", dress_prism},
+    {"mix", "general", dress_mix},
+    {"lens", "general", dress_lens},
 };
 
 static void test_same_bits(void **state)
@@ -189,7 +189,7 @@ static void test_same_bits(void **state)
                 compared++;
             }
         }
-        assert_true(compared > (int)tile_count(SIZE, SIZE));
+        assert_true(compared >= (int)tile_count(SIZE, SIZE));
         render_scene_free(scene);
         builder_release(&b);
     }

@@ -10,8 +10,7 @@
 #include "common/base/clock.h"
 #include "tests/support/scene_builder.h"
 #include "worker/profile.h"
-#include "worker/render/charge.h"
-#include "worker/render/stage.h"
+#include "worker/render/profile_scope.h"
 
 enum { SIZE = 32, SPP = 64 };
 static const uint64_t LIMIT_NS = 60 * NS_PER_SECOND; /* for what takes a tenth of a second */
@@ -52,17 +51,18 @@ static void test_one_place(void **state)
 
     (void)state;
     profile_counts(&before);
-    CHARGE(SHEEN);
-    STAGE(SCATTER);
-    do
-        profile_counts(&now);
-    while (now.accounts[CHARGE_OF(SHEEN)] - before.accounts[CHARGE_OF(SHEEN)] < 20 &&
-           clock_monotonic_ns() < end);
-    STAGE_NONE();
-    charge_set(CHARGE_NOBODY);
+    PROFILE_STAGE(SCATTER);
+    {
+        PROFILE_EFFECT(SHEEN);
+        do
+            profile_counts(&now);
+        while (now.accounts[PROFILE_ACCOUNT(SHEEN)] - before.accounts[PROFILE_ACCOUNT(SHEEN)] < 20 &&
+               clock_monotonic_ns() < end);
+    }
+    PROFILE_IDLE();
     profile_counts(&now);
     for (int i = 0; i < EFFECT_ACCOUNTS; i++) {
-        if (i == CHARGE_OF(SHEEN))
+        if (i == PROFILE_ACCOUNT(SHEEN))
             assert_true(now.accounts[i] - before.accounts[i] >= 20);
         else
             assert_int_equal(now.accounts[i], before.accounts[i]);
@@ -138,20 +138,23 @@ static void dress_fog(struct scene_builder *b, struct scene_material *ball)
     b->scene.fog = 0;
 }
 
+#define STAGE_BIT(name) (1u << STAGE_##name)
+
 static const struct {
     const char *name;
     void (*dress)(struct scene_builder *b, struct scene_material *ball);
-    uint64_t found; /* of the effects, these are sure to be met in a while */
+    uint64_t found;  /* of the effects, these are sure to be met in a while */
+    unsigned stages; /* and of the stages, beside those of every room */
 } rooms[] = {
-    {"lambert", NULL, EFFECT_DIFFUSE | EFFECT_EMISSIVE_MESH | EFFECT_ENVIRONMENT},
-    {"plastic", dress_plastic, EFFECT_GLOSSY}, /* its compensation goes with its base */
-    {"metal", dress_metal, EFFECT_GLOSSY | EFFECT_MULTIPLE_SCATTERING},
-    {"glass", dress_glass, EFFECT_DIELECTRIC | EFFECT_DISPERSION | EFFECT_ABSORPTION},
-    {"coat", dress_coat, EFFECT_CLEARCOAT | EFFECT_SHEEN},
-    {"sheen", dress_sheen, EFFECT_DIFFUSE | EFFECT_SHEEN},
-    {"texture", dress_texture, EFFECT_TEXTURE},
-    {"alpha", dress_alpha, EFFECT_ALPHA},
-    {"fog", dress_fog, EFFECT_FOG},
+    {"lambert", NULL, EFFECT_DIFFUSE | EFFECT_EMISSIVE_MESH | EFFECT_ENVIRONMENT, 0},
+    {"plastic", dress_plastic, EFFECT_GLOSSY, 0}, /* its compensation goes with its base */
+    {"metal", dress_metal, EFFECT_GLOSSY | EFFECT_MULTIPLE_SCATTERING, 0},
+    {"glass", dress_glass, EFFECT_DIELECTRIC | EFFECT_ABSORPTION, STAGE_BIT(MEDIUM)},
+    {"coat", dress_coat, EFFECT_CLEARCOAT | EFFECT_SHEEN, 0},
+    {"sheen", dress_sheen, EFFECT_DIFFUSE | EFFECT_SHEEN, 0},
+    {"texture", dress_texture, EFFECT_TEXTURE, 0},
+    {"alpha", dress_alpha, EFFECT_ALPHA, 0},
+    {"fog", dress_fog, EFFECT_FOG, STAGE_BIT(MEDIUM)},
 };
 
 static uint64_t found_since(const struct profile_counts *before)
@@ -166,7 +169,20 @@ static uint64_t found_since(const struct profile_counts *before)
     return set;
 }
 
-/* Rendering is charged to effects of the scene, and to nothing else, whichever kernel runs. */
+static unsigned stages_since(const struct profile_counts *before)
+{
+    struct profile_counts now;
+    unsigned set = 0;
+
+    profile_counts(&now);
+    for (int i = 0; i < STAGE_COUNT; i++)
+        if (now.stages[i] > before->stages[i])
+            set |= 1u << i;
+    return set;
+}
+
+/* Every stage is found, and rendering is charged to effects of the scene that have an account, and to nothing else, whichever
+ * kernel runs. */
 static void test_rooms(void **state)
 {
     static float sums[2 * 3 * 256];
@@ -180,6 +196,8 @@ static void test_rooms(void **state)
         struct render_scene *scene;
         struct scene_builder b;
         uint64_t found = 0, end, allowed;
+        unsigned stages = STAGE_BIT(CAMERA) | STAGE_BIT(TRACE) | STAGE_BIT(SURFACE) |
+                          STAGE_BIT(SCATTER) | STAGE_BIT(LIGHT) | rooms[k].stages;
 
         builder_room(&b, rooms[k].dress);
         render_force_general(i % 2);
@@ -189,7 +207,8 @@ static void test_rooms(void **state)
         assert_int_equal(rooms[k].found & ~allowed, 0);
         profile_counts(&before);
         end = clock_monotonic_ns() + LIMIT_NS;
-        for (uint32_t unit = 0; rooms[k].found & ~found && clock_monotonic_ns() < end; unit++) {
+        for (uint32_t unit = 0; (rooms[k].found & ~found || stages & ~stages_since(&before)) &&
+                                clock_monotonic_ns() < end; unit++) {
             uint32_t tiles = tile_count(SIZE, SIZE);
             render_tile(scene, 0, unit % tiles, 0, unit / tiles % pass_count(SPP, 0), sums, NULL,
                         &stats);
@@ -200,14 +219,17 @@ static void test_rooms(void **state)
             fail_msg("%s: %llx were charged of %llx that ran, and %llx should have been",
                      rooms[k].name, (unsigned long long)found, (unsigned long long)allowed,
                      (unsigned long long)rooms[k].found);
-        assert_true(sum(after.stages, STAGE_COUNT) > sum(before.stages, STAGE_COUNT));
-        assert_int_equal(stage_now, 0);
+        assert_int_equal(stages & ~stages_since(&before), 0);
+        assert_int_equal(sum(after.stages, STAGE_COUNT) - sum(before.stages, STAGE_COUNT),
+                         sum(after.accounts, EFFECT_ACCOUNTS) -
+                             sum(before.accounts, EFFECT_ACCOUNTS));
+        assert_int_equal(profile_place.stage, 0);
         render_scene_free(scene);
         builder_release(&b);
     }
 }
 
-/* Whoever did not join is not counted. */
+/* A thread that did not join is not counted. */
 static void test_not_joined(void **state)
 {
     struct profile_counts counts;

@@ -2,11 +2,11 @@
 #include "worker/render/bsdf/bsdf.h"
 
 #include "worker/render/bsdf/layering.h"
-#include "worker/render/charge.h"
+#include "worker/render/profile_scope.h"
 
 /* What a row of the table becomes. */
 #define ACCOUNT(condition, then, otherwise) \
-    ((condition) ? CHARGE_OF(then) : CHARGE_OF(otherwise))
+    ((condition) ? PROFILE_ACCOUNT(then) : PROFILE_ACCOUNT(otherwise))
 #define LOBE_BIT(name) (1u << BSDF_LOBE_##name)
 #define LOBE_IS_BASE(name) (BSDF_LOBE_##name <= BSDF_LOBE_THIN_WALL)
 #define LOBE_BIT_ON(name, prefix, side, effects, account) \
@@ -25,14 +25,17 @@ static inline int is_finite_sum(struct vec3 f, float pdf)
 
 /* ---- preparing ----------------------------------------------------------------------------------- */
 
-/* What evaluates the base is charged to the last of its lobes. */
-static inline void charge_base(const struct bsdf *b)
+/* The account of what evaluates the base: that of the last of its lobes. */
+static inline uint8_t base_account(const struct bsdf *b)
 {
-#define LOBE_CHARGE(name, prefix, side, effects, account)                             \
+    uint8_t base = PROFILE_NO_EFFECT;
+
+#define LOBE_ACCOUNT(name, prefix, side, effects, account)                            \
     if (LOBE_ENABLED(effects) && LOBE_IS_BASE(name) && b->lobes & LOBE_BIT(name))     \
-        charge_set(account);
-    BSDF_LOBE_MAP(LOBE_CHARGE)
-#undef LOBE_CHARGE
+        base = account;
+    BSDF_LOBE_MAP(LOBE_ACCOUNT)
+#undef LOBE_ACCOUNT
+    return base;
 }
 
 /* Apart, or what they keep in registers would be saved for every Lambert surface. */
@@ -40,7 +43,7 @@ static __attribute__((noinline)) void init_lobes(struct bsdf *b, const struct bs
                                                  struct vec3 wo)
 {
     layering_init(b, params, wo);
-    charge_base(b);
+    b->account = base_account(b);
 }
 
 void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
@@ -53,6 +56,7 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
     b->kind = BSDF_KIND_BLACK;
     b->eta = 1.0f;
     b->has_delta = b->has_smooth = 0;
+    b->account = PROFILE_NO_EFFECT;
     b->cos_o = clamp_to(wo.z, 0, 1);
     if (!(wo.z > 0.0f && length2 > 0.9f && length2 < 1.1f))
         return;
@@ -63,12 +67,12 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
                (m->specular == 0.0f || m->ior == 1.0f)) {
         if (vec3_is_black(m->base_color))
             return;
-        CHARGE(DIFFUSE);
+        b->account = PROFILE_ACCOUNT(DIFFUSE);
         b->kind = BSDF_KIND_LAMBERT;
         b->diffuse.color = vec3_scale(m->base_color, INV_PI_F);
         b->has_smooth = 1;
     } else if (HAS_LOBES && m->metallic == 1.0f && m->alpha >= BSDF_ALPHA_MIN) {
-        CHARGE(GLOSSY);
+        b->account = PROFILE_ACCOUNT(GLOSSY);
         b->kind = BSDF_KIND_METAL;
         metal_init(b, params, wo);
     } else if (HAS_LOBES) {
@@ -92,7 +96,7 @@ static inline struct vec3 lobes_evaluate(const struct bsdf *b, struct vec3 wo, s
     struct vec3 f = LOBE_BLACK;
     struct cover cover;
     float density;
-    CHARGE_SCOPE_OF(charge_get()); /* the base's */
+    PROFILE_EFFECT_ACCOUNT(b->account);
 
     *pdf = 0;
     if (!(wi.z > 0.0f || wi.z < 0.0f))
@@ -102,7 +106,7 @@ static inline struct vec3 lobes_evaluate(const struct bsdf *b, struct vec3 wo, s
 #define LOBE_EVALUATE(name, prefix, side, effects, account)              \
     if (LOBE_ENABLED(effects) && lobes & LOBE_BIT(name)) {               \
         if (!LOBE_IS_BASE(name))                                         \
-            charge_set(account);                                         \
+            profile_account(account);                                         \
         f = vec3_add(f, prefix##_evaluate(b, wo, wi, &cover, &density)); \
         *pdf += density;                                                 \
     }
@@ -162,7 +166,7 @@ static inline enum lobe_result lobes_sample(const struct bsdf *b, struct vec3 wo
         if (u_lobe < after || b->lobes < 2 * LOBE_BIT(name)) { /* or it is the last */       \
             float w = (u_lobe - before) / b->lobe_pdf[BSDF_LOBE_##name];                     \
             enum lobe_result result;                                                         \
-            charge_set(account);                                                             \
+            profile_account(account);                                                             \
             result = prefix##_sample(b, wo, clamp_to(w, 0, ONE_MINUS_EPSILON), u, v, out);   \
             /* A coat's own mirror has nothing above it. */                                  \
             if (result == LOBE_DELTA && BSDF_LOBE_##name != BSDF_LOBE_COAT)                  \
@@ -200,6 +204,7 @@ int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, flo
     out->pdf = 0;
     out->flags = 0;
     out->eta_scale = 1.0f;
+    profile_account(b->account);
     if (b->kind == BSDF_KIND_LAMBERT) {
         out->wi = cosine_hemisphere(u, v);
         out->pdf = out->wi.z * INV_PI_F;

@@ -101,7 +101,7 @@ struct bsdf_params {
  *            enum lobe_result prefix_sample(b, wo, w, u, v, &sample).
  * side:    the side of wi on which it is evaluated.
  * effects: kernel variants without any of these are compiled without the lobe.
- * account: the effect that its time is charged to (charge.h).
+ * account: the effect that its time is charged to (profile_scope.h).
  *
  * tests (tests/statistics): test_bsdf_lobes takes each row by itself, chi-square of samples against
  * densities and furnace; test_bsdf_chi_square and test_bsdf_energy whole surfaces of the base's lobes,
@@ -117,13 +117,13 @@ struct bsdf_params {
       ACCOUNT(b->base.smooth, MIRROR, GLOSSY))                                                   \
     X(INTERFACE, interface, BELOW, EFFECT_DIELECTRIC | EFFECT_ROUGH_DIELECTRIC,                  \
       ACCOUNT(b->base.smooth, DIELECTRIC, ROUGH_DIELECTRIC))                                     \
-    X(THIN_WALL, thin_wall, BELOW, EFFECT_THIN_TRANSMISSION, CHARGE_OF(THIN_TRANSMISSION))       \
+    X(THIN_WALL, thin_wall, BELOW, EFFECT_THIN_TRANSMISSION, PROFILE_ACCOUNT(THIN_TRANSMISSION))       \
     X(DIFFUSE_TRANSMISSION, diffuse_transmission, BELOW,                                         \
       EFFECT_DIFFUSE_TRANSMISSION | EFFECT_ROUGH_DIELECTRIC,                                     \
       ACCOUNT(vec3_is_black(b->diffuse_transmission.color), MULTIPLE_SCATTERING,                 \
               DIFFUSE_TRANSMISSION))                                                             \
-    X(COAT, coat, ABOVE, EFFECT_CLEARCOAT, CHARGE_OF(CLEARCOAT))                                 \
-    X(SHEEN, sheen, ABOVE, EFFECT_SHEEN, CHARGE_OF(SHEEN))
+    X(COAT, coat, ABOVE, EFFECT_CLEARCOAT, PROFILE_ACCOUNT(CLEARCOAT))                                 \
+    X(SHEEN, sheen, ABOVE, EFFECT_SHEEN, PROFILE_ACCOUNT(SHEEN))
 
 enum bsdf_lobe {
 #define BSDF_LOBE_ENUM(name, ...) BSDF_LOBE_##name,
@@ -243,6 +243,7 @@ struct bsdf_sheen {
 struct bsdf {
     enum bsdf_kind kind;
     int has_delta, has_smooth;   /* any delta lobe; any lobe with a density */
+    uint8_t account;             /* to which the time of its base is charged (profile_scope.h) */
     float cos_o;
     float eta;                   /* n on the far side / n on wo's side */
     struct bsdf_lambert diffuse;
@@ -283,7 +284,7 @@ struct bsdf_sample {
 };
 
 /* Prepare for one wo (unit, wo.z > 0). Clamps params into their ranges. Charges the base's lobe
- * (charge.h), or leaves the charge as it is. */
+ * (profile_scope.h), or leaves the charge as it is. */
 void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo);
 
 /* f(wo, wi) * |wi.z| of all lobes that have a density; black for a delta-only surface. */
@@ -296,7 +297,7 @@ float bsdf_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi);
 struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, float *pdf);
 
 /* Sample wi. u_lobe, u, v in [0,1). Returns 0 for "no sample" (absorbed). For smooth lobes
- * weight is the sum over all lobes' f over the mixture pdf. Charges the lobe (charge.h). */
+ * weight is the sum over all lobes' f over the mixture pdf. Charges the lobe (profile_scope.h). */
 int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, float v,
                 struct bsdf_sample *out);
 

@@ -62,7 +62,7 @@ static inline uint32_t emitters_local_punctual(const struct emitters *e)
 }
 
 /* Sample a light for the context. The same numbers choose the light and, rescaled, the place on
- * it: each in [0, 1). Returns 0 for "no sample". Charges the kind of light (charge.h). */
+ * it: each in [0, 1). Returns 0 for "no sample". Charges the kind of light (profile_scope.h). */
 int emitters_sample(const struct render_scene *scene, const struct light_context *context, float u,
                     float v, struct light_sample *out);
 

@@ -1,5 +1,5 @@
 /* emitters_sample: choosing a light at a path's vertex, and the odds of having chosen one. */
-#include "worker/render/charge.h"
+#include "worker/render/profile_scope.h"
 #include "worker/render/has.h"
 #include "worker/render/light/emitters.h"
 #include "worker/render/world.h"
@@ -15,7 +15,7 @@ static inline int emitters_sample_light(const struct render_scene *scene, int ki
     case LIGHT_##KIND:                                                                    \
         if (!HAS(EFFECT))                                                                 \
             return 0;                                                                     \
-        charge_set(ACTIVE(scene, ACCOUNT) ? CHARGE_OF(ACCOUNT) : CHARGE_OF(EFFECT));      \
+        profile_account(ACTIVE(scene, ACCOUNT) ? PROFILE_ACCOUNT(ACCOUNT) : PROFILE_ACCOUNT(EFFECT));      \
         return prefix##_sample(scene, light, context, u, v, out);
         LIGHT_KINDS(LIGHT_CASE)
 #undef LIGHT_CASE
@@ -62,7 +62,7 @@ static int emitters_sample_local(const struct render_scene *scene,
     float odds;
 
     /* Choosing among lights of both kinds counts as the triangles': they are the many. */
-    charge_set(e->triangle_count ? CHARGE_OF(EMISSIVE_MESH) : CHARGE_OF(PUNCTUAL_LIGHT));
+    profile_account(e->triangle_count ? PROFILE_ACCOUNT(EMISSIVE_MESH) : PROFILE_ACCOUNT(PUNCTUAL_LIGHT));
     if (e->tree.node_count == 0
             ? !light_table_choose(&e->table, &u, &v, &item, &odds)
             : !light_tree_choose(&e->tree, context->p, context->n, &u, &v, &item, &odds))

@@ -1,7 +1,7 @@
 #include "worker/render/light/environment_light.h"
 
 #include "common/math/elementary.h"
-#include "worker/render/charge.h"
+#include "worker/render/profile_scope.h"
 #include "worker/render/light/light.h"
 #include "worker/render/world.h"
 
@@ -26,7 +26,7 @@ static float mixture_pdf(const struct environment_light *light,
 
     if (light->portals.count == 0)
         return map_pdf;
-    CHARGE_SCOPE(PORTAL);
+    PROFILE_EFFECT(PORTAL);
     portal_pdf = portals_pdf(&light->portals, context, direction);
     return portal_pdf < 0 ? map_pdf : (1 - PORTAL_SHARE) * map_pdf + PORTAL_SHARE * portal_pdf;
 }
@@ -53,7 +53,7 @@ static int sample_mixture(const struct environment_light *light,
                           struct light_sample *out, float *pdf)
 {
     if (u < PORTAL_SHARE) {
-        CHARGE_SCOPE(PORTAL);
+        PROFILE_EFFECT(PORTAL);
         if (!portals_sample(&light->portals, context, light_rescaled(u, 0, PORTAL_SHARE), v,
                             &out->direction))
             return 0;
@@ -68,7 +68,7 @@ static int sample_mixture(const struct environment_light *light,
 
 static int sees_portal(const struct environment_light *light, const struct light_context *context)
 {
-    CHARGE_SCOPE(PORTAL);
+    PROFILE_EFFECT(PORTAL);
     return portals_visible(&light->portals, context);
 }
 

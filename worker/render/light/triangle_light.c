@@ -1,6 +1,6 @@
 #include "worker/render/light/triangle_light.h"
 
-#include "worker/render/charge.h"
+#include "worker/render/profile_scope.h"
 #include "worker/render/has.h"
 #include "worker/render/surface.h"
 #include "worker/render/world.h"
@@ -53,7 +53,7 @@ static struct vec3 lamp_covered(const struct lamp_point *at, struct vec3 radianc
 
     if (!HAS(ALPHA) || !(at->material->flags & MATERIAL_ALPHA))
         return radiance;
-    CHARGE_SCOPE(ALPHA);
+    PROFILE_EFFECT(ALPHA);
     alpha = world_alpha(at->material, at->mesh, at->vertex, at->b1, at->b2);
     if (at->material->m.alpha_mode == ALPHA_MASK)
         alpha = alpha >= at->material->m.alpha_cutoff ? 1 : 0;

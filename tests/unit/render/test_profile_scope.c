@@ -9,44 +9,44 @@
 
 #include "tests/support/scene_builder.h"
 #include "worker/render/bsdf/bsdf.h"
-#include "worker/render/charge.h"
+#include "worker/render/profile_scope.h"
 #include "worker/render/light/emitters.h"
 #include "worker/render/world.h"
 
 static int nested(int leave_early)
 {
-    CHARGE_SCOPE(CLEARCOAT);
+    PROFILE_EFFECT(CLEARCOAT);
     {
-        CHARGE_SCOPE(TEXTURE);
+        PROFILE_EFFECT(TEXTURE);
         if (leave_early)
-            return charge_get();
+            return profile_account_now();
     }
-    return charge_get();
+    return profile_account_now();
 }
 
 static void test_scopes(void **state)
 {
     (void)state;
-    charge_set(CHARGE_NOBODY);
-    assert_int_equal(nested(1), CHARGE_OF(TEXTURE));
-    assert_int_equal(charge_get(), CHARGE_NOBODY);
-    CHARGE(DIFFUSE);
-    assert_int_equal(nested(0), CHARGE_OF(CLEARCOAT));
-    assert_int_equal(charge_get(), CHARGE_OF(DIFFUSE));
+    profile_account(PROFILE_NO_EFFECT);
+    assert_int_equal(nested(1), PROFILE_ACCOUNT(TEXTURE));
+    assert_int_equal(profile_account_now(), PROFILE_NO_EFFECT);
+    profile_account(PROFILE_ACCOUNT(DIFFUSE));
+    assert_int_equal(nested(0), PROFILE_ACCOUNT(CLEARCOAT));
+    assert_int_equal(profile_account_now(), PROFILE_ACCOUNT(DIFFUSE));
     for (int i = 0; i < 3; i++) {
-        CHARGE_SCOPE_OF(i == 1 ? CHARGE_OF(FOG) : CHARGE_OF(MEDIUM));
-        assert_int_equal(charge_get(), i == 1 ? CHARGE_OF(FOG) : CHARGE_OF(MEDIUM));
+        PROFILE_EFFECT_ACCOUNT(i == 1 ? PROFILE_ACCOUNT(FOG) : PROFILE_ACCOUNT(MEDIUM));
+        assert_int_equal(profile_account_now(), i == 1 ? PROFILE_ACCOUNT(FOG) : PROFILE_ACCOUNT(MEDIUM));
         if (i == 0)
             continue;
         if (i == 1)
             break;
     }
-    assert_int_equal(charge_get(), CHARGE_OF(DIFFUSE));
-    charge_set(CHARGE_NOBODY);
+    assert_int_equal(profile_account_now(), PROFILE_ACCOUNT(DIFFUSE));
+    profile_account(PROFILE_NO_EFFECT);
 }
 
-/* Whoever is charged for preparing, and for each of the lobes by which it may scatter. */
-static void assert_charged(const char *what, const struct bsdf_params *params, uint8_t prepares,
+/* The account of a surface's base, and those of the lobes by which it may scatter. */
+static void assert_charged(const char *what, const struct bsdf_params *params, uint8_t base,
                            uint64_t lobes)
 {
     const struct vec3 wo = {0.6f, 0, 0.8f};
@@ -55,18 +55,17 @@ static void assert_charged(const char *what, const struct bsdf_params *params, u
     struct bsdf b;
     float pdf;
 
-    CHARGE(FOG); /* whoever sent the ray */
     bsdf_init(&b, params, wo);
-    if (charge_get() != prepares)
-        fail_msg("%s: preparing is charged to %u, not to %u", what, charge_get(), prepares);
-    CHARGE(FOG);
+    if (b.account != base)
+        fail_msg("%s: its base is charged to %u, not to %u", what, b.account, base);
+    profile_account(PROFILE_ACCOUNT(FOG));
     bsdf_eval_pdf(&b, wo, (struct vec3){0.48f, 0.36f, 0.8f}, &pdf);
     bsdf_eval_pdf(&b, wo, (struct vec3){0.48f, 0.36f, -0.8f}, &pdf);
-    assert_int_equal(charge_get(), CHARGE_OF(FOG)); /* as it was */
+    assert_int_equal(profile_account_now(), PROFILE_ACCOUNT(FOG)); /* as it was */
     for (int i = 0; i < 64; i++) {
-        charge_set(prepares);
+        profile_account(PROFILE_ACCOUNT(FOG));
         if (bsdf_sample(&b, wo, ((float)i + 0.5f) / 64, 0.37f, 0.61f, &sample))
-            met |= (uint64_t)1 << (charge_get() - 1);
+            met |= (uint64_t)1 << (profile_account_now() - 1);
     }
     if (met != lobes)
         fail_msg("%s: %llx are charged for scattering, not %llx", what, (unsigned long long)met,
@@ -84,29 +83,29 @@ static void test_scattering(void **state)
     struct bsdf_params p = grey();
 
     (void)state;
-    assert_charged("lambert", &p, CHARGE_OF(DIFFUSE), EFFECT_DIFFUSE);
+    assert_charged("lambert", &p, PROFILE_ACCOUNT(DIFFUSE), EFFECT_DIFFUSE);
     p.base_color = (struct vec3){0, 0, 0};
-    assert_charged("black", &p, CHARGE_OF(FOG), 0);
+    assert_charged("black", &p, PROFILE_NO_EFFECT, 0);
     p = grey();
     p.specular = 1;
-    assert_charged("plastic", &p, CHARGE_OF(GLOSSY), EFFECT_GLOSSY | EFFECT_DIFFUSE);
+    assert_charged("plastic", &p, PROFILE_ACCOUNT(GLOSSY), EFFECT_GLOSSY | EFFECT_DIFFUSE);
     p.alpha = 0;
-    assert_charged("polished", &p, CHARGE_OF(MIRROR), EFFECT_MIRROR | EFFECT_DIFFUSE);
+    assert_charged("polished", &p, PROFILE_ACCOUNT(MIRROR), EFFECT_MIRROR | EFFECT_DIFFUSE);
     p.metallic = 1;
-    assert_charged("mirror", &p, CHARGE_OF(MIRROR), EFFECT_MIRROR);
+    assert_charged("mirror", &p, PROFILE_ACCOUNT(MIRROR), EFFECT_MIRROR);
     p.alpha = 0.3f;
-    assert_charged("metal", &p, CHARGE_OF(GLOSSY), EFFECT_GLOSSY | EFFECT_MULTIPLE_SCATTERING);
+    assert_charged("metal", &p, PROFILE_ACCOUNT(GLOSSY), EFFECT_GLOSSY | EFFECT_MULTIPLE_SCATTERING);
     p.single_scattering = 1;
-    assert_charged("simple metal", &p, CHARGE_OF(GLOSSY), EFFECT_GLOSSY);
+    assert_charged("simple metal", &p, PROFILE_ACCOUNT(GLOSSY), EFFECT_GLOSSY);
     p = grey();
     p.transmission = p.specular = 1;
-    assert_charged("thin", &p, CHARGE_OF(THIN_TRANSMISSION),
+    assert_charged("thin", &p, PROFILE_ACCOUNT(THIN_TRANSMISSION),
                    EFFECT_THIN_TRANSMISSION | EFFECT_GLOSSY | EFFECT_MULTIPLE_SCATTERING);
     p.refractive = 1;
     p.single_scattering = 1;
-    assert_charged("frosted", &p, CHARGE_OF(ROUGH_DIELECTRIC), EFFECT_ROUGH_DIELECTRIC);
+    assert_charged("frosted", &p, PROFILE_ACCOUNT(ROUGH_DIELECTRIC), EFFECT_ROUGH_DIELECTRIC);
     p.alpha = 0;
-    assert_charged("glass", &p, CHARGE_OF(DIELECTRIC), EFFECT_DIELECTRIC);
+    assert_charged("glass", &p, PROFILE_ACCOUNT(DIELECTRIC), EFFECT_DIELECTRIC);
 }
 
 static void test_layers(void **state)
@@ -117,24 +116,24 @@ static void test_layers(void **state)
     p.sheen_color = (struct vec3){0.5f, 0.5f, 0.5f};
     p.sheen_alpha = 0.3f;
     p.single_scattering = 1;
-    assert_charged("cloth", &p, CHARGE_OF(DIFFUSE), EFFECT_DIFFUSE | EFFECT_SHEEN);
+    assert_charged("cloth", &p, PROFILE_ACCOUNT(DIFFUSE), EFFECT_DIFFUSE | EFFECT_SHEEN);
     p = grey();
     p.clearcoat = 1;
     p.clearcoat_ior = 1.5f;
     p.clearcoat_normal = (struct vec3){0, 0, 1};
     p.single_scattering = 1;
-    assert_charged("varnish", &p, CHARGE_OF(DIFFUSE), EFFECT_DIFFUSE | EFFECT_CLEARCOAT);
+    assert_charged("varnish", &p, PROFILE_ACCOUNT(DIFFUSE), EFFECT_DIFFUSE | EFFECT_CLEARCOAT);
     p = grey();
     p.diffuse_transmission = 0.5f;
     p.diffuse_transmission_color = (struct vec3){0.5f, 0.5f, 0.5f};
     p.single_scattering = 1;
-    assert_charged("leaf", &p, CHARGE_OF(DIFFUSE), EFFECT_DIFFUSE | EFFECT_DIFFUSE_TRANSMISSION);
+    assert_charged("leaf", &p, PROFILE_ACCOUNT(DIFFUSE), EFFECT_DIFFUSE | EFFECT_DIFFUSE_TRANSMISSION);
     p = grey();
     p.conductor = 1;
     p.eta = (struct vec3){0.2f, 0.9f, 1.1f};
     p.k = (struct vec3){3.9f, 2.4f, 2.2f};
     p.single_scattering = 1;
-    assert_charged("copper", &p, CHARGE_OF(GLOSSY), EFFECT_GLOSSY);
+    assert_charged("copper", &p, PROFILE_ACCOUNT(GLOSSY), EFFECT_GLOSSY);
 }
 
 /* The accounts to which samples of the scene's lights are charged, as a set of effects. */
@@ -146,20 +145,20 @@ static uint64_t charged_lights(struct scene_builder *b, const struct render_sett
 
     for (int i = 0; i < 256; i++) {
         struct light_sample light;
-        uint8_t point = CHARGE_OF(PUNCTUAL_LIGHT);
+        uint8_t point = PROFILE_ACCOUNT(PUNCTUAL_LIGHT);
 
-        charge_set(CHARGE_NOBODY);
+        profile_account(PROFILE_NO_EFFECT);
         if (!emitters_sample(scene, &context, ((float)i + 0.5f) / 256,
                              ((float)(i * 37 % 256) + 0.5f) / 256, &light))
             continue;
         if (light.delta && light.direction.x < 0 && !(settings->without & EFFECT_LIGHT_IMAGE))
-            point = CHARGE_OF(LIGHT_IMAGE);
-        assert_int_equal(charge_get(), light.delta ? point
-                                       : light.distance < INFINITY ? CHARGE_OF(EMISSIVE_MESH)
-                                                                   : CHARGE_OF(ENVIRONMENT));
-        met |= (uint64_t)1 << (charge_get() - 1);
+            point = PROFILE_ACCOUNT(LIGHT_IMAGE);
+        assert_int_equal(profile_account_now(), light.delta ? point
+                                       : light.distance < INFINITY ? PROFILE_ACCOUNT(EMISSIVE_MESH)
+                                                                   : PROFILE_ACCOUNT(ENVIRONMENT));
+        met |= (uint64_t)1 << (profile_account_now() - 1);
     }
-    charge_set(CHARGE_NOBODY);
+    profile_account(PROFILE_NO_EFFECT);
     render_scene_free(scene);
     return met;
 }
