@@ -112,7 +112,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy layers install uninstall clean tests lint format new-tonemap
+.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy layers circles install uninstall clean tests lint format new-tonemap
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -137,7 +137,7 @@ $(BUILD)/obj/gen/%.o: $(GEN)/%.c
 # at run time, and gcc's limits on what it inlines are meant for larger programs' sake.
 $(BUILD)/obj/worker/render/%.o: CFLAGS += -fno-semantic-interposition
 ifeq ($(findstring clang,$(CC)),)
-$(BUILD)/obj/worker/render/kernels/%.o: CFLAGS += --param inline-unit-growth=300 \
+$(BUILD)/obj/worker/render/path/kernels/%.o: CFLAGS += --param inline-unit-growth=300 \
   --param large-unit-insns=100000 --param large-function-growth=1000
 endif
 
@@ -180,8 +180,8 @@ $(TESTS) $(TOOLS): $(BUILD)/%: $(BUILD)/obj/%.o $(LIB_SUPPORT) $(LIBRARIES)
 # treats the fields alike compiled with them: a new row needs no other edit.
 ROW := $(BUILD)/row
 ROW_TEST := $(ROW_TEST_SRC:%.c=$(BUILD)/%)
-ROW_SRC := $(ROW_TEST_SRC) tests/support/scene_sample.c $(call sources,common/scene) client/import/gltf_meshes.c \
-  worker/render/world_material.c worker/render/surface.c worker/render/surface_shade.c worker/render/surface_texture.c
+ROW_SRC := $(ROW_TEST_SRC) tests/support/scene_sample.c $(call sources,common/scene) client/import/gltf/gltf_meshes.c \
+  worker/render/scene/world_material.c worker/render/surface/surface.c worker/render/surface/surface_shade.c worker/render/surface/surface_texture.c
 ROW_OBJ := $(patsubst %.c,$(ROW)/obj/%.o,$(ROW_SRC)) $(ROW)/common/scene/scene.pb-c.o
 MATERIAL_ROW_VALUE := VALUE(NUMBER, clearcoat_varnish, 0.25f, 0, 2, NONE, CLEARCOAT, 8)
 MATERIAL_ROW_TEXTURE := TEXTURE(clearcoat_varnish, DATA, FILTERED, READ_BY_LIT, WITH(clearcoat), CLEARCOAT, 9, FACTOR, PART(clearcoat_varnish, RED))
@@ -214,13 +214,16 @@ $(BUILD)/%.so: %.c
 
 tests: all $(TESTS) $(ROW_TEST) $(TOOLS) $(ODD_DISK) $(FUZZ_REPLAY)
 
-test: tests layers ## every test; the end says "N passed, N failed"
+test: tests layers circles ## every test; the end says "N passed, N failed"
 	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) tests/run.sh
 
 check-asan: ## the tests under AddressSanitizer and UndefinedBehaviorSanitizer
 	$(MAKE) SANITIZE=address,undefined test
 check-tsan: ## the tests under ThreadSanitizer
 	$(MAKE) SANITIZE=thread test
+
+circles: all ## prove that no folders, and no more than three files, call each other in a loop
+	@scripts/check-circles.py $(BUILD)
 
 layers: ## prove the dependency rule of docs/ARCHITECTURE.md
 	@scripts/check-layers.sh

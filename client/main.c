@@ -5,8 +5,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "client/command.h"
-#include "client/signals.h"
+#include "client/commands/command.h"
+#include "client/farm/signals.h"
 #include "common/base/log.h"
 
 static const struct command *const commands[] = {

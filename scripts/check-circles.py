@@ -13,7 +13,7 @@ import sys
 
 CIRCLE_MAX = 3
 ROOMS = ("common", "protocol", "coordinator", "worker", "client")
-GENERATED = "worker/render/kernels/"  # the same sources once more, one file a variant
+GENERATED = "worker/render/path/kernels/"  # the same sources once more, one file a variant
 
 
 def objects(build):

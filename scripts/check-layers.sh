@@ -26,14 +26,16 @@ forbid client '(coordinator|worker|tests)/|sqlite3\.h|embree'
 forbid scenes '(protocol|coordinator|worker|client|tests)/'
 
 # Only the store speaks SQL; only accel*.c speak Embree.
-hits=$(grep -rln 'sqlite3\.h' --include='*.[ch]' coordinator 2>/dev/null | grep -vE '^coordinator/store' )
-[ -z "$hits" ] || { echo "only coordinator/store*.c may include sqlite3.h: $hits"; bad=1; }
-hits=$(grep -rlnE 'embree[34]/' --include='*.[ch]' worker 2>/dev/null | grep -vE '^worker/render/accel(_[a-z]+)?\.[ch]$')
-[ -z "$hits" ] || { echo "only worker/render/accel*.c may include Embree: $hits"; bad=1; }
-# Logic files take time and output as arguments: no uv.h.
-for file in coordinator/farm coordinator/closing coordinator/queue coordinator/scheduler coordinator/lease coordinator/merge coordinator/freeze coordinator/develop coordinator/store coordinator/admission coordinator/descriptors; do
+hits=$(grep -rln 'sqlite3\.h' --include='*.[ch]' coordinator 2>/dev/null | grep -vE '^coordinator/store/store' )
+[ -z "$hits" ] || { echo "only coordinator/store/store*.c may include sqlite3.h: $hits"; bad=1; }
+hits=$(grep -rlnE 'embree[34]/' --include='*.[ch]' worker 2>/dev/null | grep -vE '^worker/render/accel/accel(_[a-z]+)?\.[ch]$')
+[ -z "$hits" ] || { echo "only worker/render/accel/accel*.c may include Embree: $hits"; bad=1; }
+# Logic takes time and output as arguments: no uv.h.
+for folder in coordinator/farm coordinator/job coordinator/film coordinator/store; do
+    forbid "$folder" 'uv\.h'
+done
+for file in coordinator/net/admission coordinator/net/descriptors; do
     for source in "$file".[ch] "${file}"_*.[ch]; do
-        [ "${source#coordinator/farm_tasks}" != "$source" ] && continue # the layer with libuv
         [ -f "$source" ] && forbid "$source" 'uv\.h'
     done
 done

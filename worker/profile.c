@@ -7,7 +7,7 @@
 #include <time.h>
 
 #include "common/base/memory.h"
-#include "worker/render/profile_scope.h"
+#include "worker/render/base/profile_scope.h"
 
 /* A little off a millisecond, so as not to beat with what the system does every millisecond. */
 enum { PERIOD_NS = 1013000, IDLE_PERIOD_NS = 20000000 };

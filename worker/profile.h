@@ -1,7 +1,7 @@
 /* profile: in which stages of rendering the time goes, and for which effects.
  *
  * One thread looks about a thousand times a second at what every rendering thread does
- * (worker/render/profile_scope.h), and counts. The rendering threads pay two stores a scope; looking
+ * (worker/render/base/profile_scope.h), and counts. The rendering threads pay two stores a scope; looking
  * costs the process some microseconds a millisecond, and almost nothing while no thread renders.
  *
  * A thread must join before its counts are read and leave before it ends. One profile in a

@@ -2,12 +2,12 @@
 
 #include <string.h>
 
-#include "client/format.h"
-#include "client/import/builder.h"
-#include "client/import/gltf.h"
-#include "client/import/obj.h"
-#include "client/import/pbrt.h"
-#include "client/import/ply_scene.h"
+#include "client/terminal/format.h"
+#include "client/import/builder/builder.h"
+#include "client/import/gltf/gltf.h"
+#include "client/import/obj/obj.h"
+#include "client/import/pbrt/pbrt.h"
+#include "client/import/ply/ply_scene.h"
 #include "common/base/buffer.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"

@@ -15,7 +15,7 @@
 
 #include <jansson.h>
 
-#include "client/import/input_files.h"
+#include "client/import/builder/input_files.h"
 #include "common/base/digest.h"
 #include "common/base/status.h"
 #include "common/scene/scene.h"

@@ -1,9 +1,9 @@
 #include <math.h>
 #include <string.h>
 
-#include "client/format.h"
+#include "client/terminal/format.h"
 #include "client/import/import.h"
-#include "client/job_info.h"
+#include "client/farm/job_info.h"
 #include "common/image/image.h"
 #include "common/image/image_size.h"
 #include "common/math/elementary.h"

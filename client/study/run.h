@@ -11,9 +11,9 @@
 #ifndef AZULEJO_CLIENT_STUDY_RUN_H
 #define AZULEJO_CLIENT_STUDY_RUN_H
 
-#include "client/progress.h"
+#include "client/terminal/progress.h"
 #include "client/study/pair.h"
-#include "client/trial.h"
+#include "client/farm/trial.h"
 
 enum {
     RUN_POINTS_MAX = 20,   /* of the main curve */

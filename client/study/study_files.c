@@ -8,7 +8,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "client/child.h"
+#include "client/farm/child.h"
 #include "client/study/study_page.h"
 #include "client/study/study_plot.h"
 #include "common/base/file.h"

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "client/json.h"
+#include "client/terminal/json.h"
 #include "client/study/study_fields.h"
 #include "common/base/memory.h"
 #include "common/image/image.h"

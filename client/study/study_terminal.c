@@ -4,7 +4,7 @@
 
 #include "client/study/study_files.h"
 #include "client/study/study_words.h"
-#include "client/table.h"
+#include "client/terminal/table.h"
 
 enum { CHOICE_LINES = 3, COLUMNS_MAX = 5 };
 static const double errors[] = {50, 20, 5, 2, 1};

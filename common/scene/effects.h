@@ -77,7 +77,7 @@ EFFECT_MAP(EFFECT_VALUE)
      EFFECT_CAUSTICS)
 
 /* The time of a frame is kept by accounts: 0 is no effect's (tracing rays, the geometry they meet,
- * sums), bit + 1 the effect's (worker/render/profile_scope.h). */
+ * sums), bit + 1 the effect's (worker/render/base/profile_scope.h). */
 enum { EFFECT_ACCOUNTS = EFFECT_COUNT + 1 };
 /* These have no account of their own: they change how other things are done, or do too little to
  * be told apart. `azulejo effects --measure` prices those that can be switched off. */

@@ -41,7 +41,7 @@ void simplify_drop_unseen(struct simplifier *w, struct scene_material *m);
 status simplify_survey(struct simplifier *w, const struct scene_texture_slot *slot,
                        const struct survey **out) MUST_CHECK;
 int survey_is_constant(const struct survey *s, int channel);
-/* What a lookup in a constant channel gives, to the bit (worker/render/texture.c). */
+/* What a lookup in a constant channel gives, to the bit (worker/render/texture/texture.c). */
 float survey_constant(const struct survey *s, int channel, int srgb);
 /* +z to the precision of 8 bits, whose codes have no 0: 127 and 128 are either side of it. */
 int survey_is_flat(const struct survey *s);

@@ -6,7 +6,7 @@
  * 10^4 edges from the origin: in the world, in instances with random matrices (condition up to 100),
  * and in moving instances. A ray starts where the renderer lets it start: 64 error bounds before a place near the triangle. The largest
  * error is printed in 2^-24 of the largest coordinate plus the longest edge, and as a share of the
- * bound that worker/render/accel.c takes. */
+ * bound that worker/render/accel/accel.c takes. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -19,8 +19,8 @@
 #endif
 
 #include "tests/support/statistics.h"
-#include "worker/render/exact.h"
-#include "worker/render/sizes.h"
+#include "worker/render/base/exact.h"
+#include "worker/render/accel/sizes.h"
 
 enum kind { WORLD, INSTANCE, MOVING, KINDS };
 static const char *const names[KINDS] = {"world", "instance", "moving"};

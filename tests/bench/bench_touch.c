@@ -1,4 +1,4 @@
-/* bench_touch: how long the search for faces that coincide takes (worker/render/world_touch.h):
+/* bench_touch: how long the search for faces that coincide takes (worker/render/scene/world_touch.h):
  * worst cases, each at one size and at four times as much. CPU time, the fastest of three. */
 #include <stdio.h>
 #include <stdlib.h>
@@ -7,7 +7,7 @@
 #include "common/base/memory.h"
 #include "tests/support/scene_builder.h"
 #include "worker/render/world.h"
-#include "worker/render/world_touch.h"
+#include "worker/render/scene/world_touch.h"
 
 static double seconds(struct render_scene *scene)
 {

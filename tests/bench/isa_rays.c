@@ -10,7 +10,7 @@
 #include "client/import/import.h"
 #include "common/math/elementary.h"
 #include "tests/support/imported.h"
-#include "worker/render/surface.h"
+#include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
 
 enum { SIDE = 400, SAMPLES = 64, BOUNCES = 3 };

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "client/import/ply.h"
+#include "client/import/ply/ply.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

@@ -15,8 +15,8 @@
 #include "common/math/elementary.h"
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
-#include "worker/render/exact.h"
-#include "worker/render/surface.h"
+#include "worker/render/base/exact.h"
+#include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
 
 static uint64_t cube_rays = 1500000;

@@ -13,9 +13,9 @@
 #include <cmocka.h>
 
 #include "tests/support/scene_builder.h"
-#include "worker/render/exact.h"
-#include "worker/render/path.h"
-#include "worker/render/surface.h"
+#include "worker/render/base/exact.h"
+#include "worker/render/path/path.h"
+#include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
 
 static uint64_t rays_wanted = 1000000;

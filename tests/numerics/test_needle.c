@@ -14,9 +14,9 @@
 
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
-#include "worker/render/crossing.h"
-#include "worker/render/exact.h"
-#include "worker/render/surface.h"
+#include "worker/render/path/crossing.h"
+#include "worker/render/base/exact.h"
+#include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
 
 static uint64_t rays_wanted = 8000;

@@ -11,7 +11,7 @@
 
 #include "tests/support/chi_square.h"
 #include "tests/support/statistics.h"
-#include "worker/render/medium.h"
+#include "worker/render/medium/medium.h"
 
 #define SIGNIFICANCE 0.01
 

@@ -14,7 +14,7 @@
 
 enum { SIZE = 8, SPP = 16, REPEATS = 60, COMPARISONS = 40 };
 
-/* A turn is mixed from directions that may miss it by a thousandth (worker/render/world_pose.h). */
+/* A turn is mixed from directions that may miss it by a thousandth (worker/render/scene/world_pose.h). */
 #define CHORD 1e-3
 #define HEIGHT 2.0
 #define INTENSITY 5.0

@@ -6,7 +6,7 @@
 
 #include "common/base/memory.h"
 #include "common/film/film.h"
-#include "coordinator/eta.h"
+#include "coordinator/job/eta.h"
 
 struct worker {
     struct eta_unit unit;

@@ -5,7 +5,7 @@
 
 #include <stddef.h>
 
-#include "client/import/input_files.h"
+#include "client/import/builder/input_files.h"
 
 /* Its path. The folder is made when it is first asked for; these abort when they fail. */
 const char *fuzz_folder(void);

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "common/base/clock.h"
-#include "worker/render/path.h"
+#include "worker/render/path/path.h"
 #include "worker/render/world.h"
 
 void record_pass_range(uint32_t index, uint32_t *begin, uint32_t *end)

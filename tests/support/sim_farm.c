@@ -10,8 +10,8 @@
 #include <cmocka.h>
 
 #include "common/base/clock.h"
-#include "coordinator/freeze.h"
-#include "coordinator/scheduler.h"
+#include "coordinator/farm/freeze.h"
+#include "coordinator/farm/scheduler.h"
 
 static void on_revoke(void *user, uint32_t session, uint64_t lease, const char *reason)
 {

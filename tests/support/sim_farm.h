@@ -9,9 +9,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "coordinator/farm.h"
-#include "coordinator/merge.h"
-#include "coordinator/store.h"
+#include "coordinator/farm/farm.h"
+#include "coordinator/farm/merge.h"
+#include "coordinator/store/store.h"
 
 enum { SIM_WORKERS_MAX = 8, SIM_UNITS_MAX = 4096, SIM_FREEZINGS_MAX = FRAMES_OPEN_MAX * GROUPS };
 
@@ -94,7 +94,7 @@ size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_nam
 
 void sim_commit(struct sim *sim);   /* write and acknowledge what is dirty */
 void sim_develop(struct sim *sim);  /* end the developments that were begun, checking their films */
-/* Run and end the measurements that were begun (coordinator/freeze.h). */
+/* Run and end the measurements that were begun (coordinator/farm/freeze.h). */
 void sim_freeze(struct sim *sim);
 /* Make the one picture that was asked for anew; 0: none was. */
 int sim_make_picture(struct sim *sim);

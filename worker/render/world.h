@@ -10,12 +10,12 @@
 
 #include "common/scene/effects.h"
 #include "common/scene/scene.h"
-#include "worker/render/accel.h"
-#include "worker/render/camera.h"
+#include "worker/render/accel/accel.h"
+#include "worker/render/camera/camera.h"
 #include "worker/render/light/emitters.h"
 #include "worker/render/light/environment.h"
 #include "worker/render/render.h"
-#include "worker/render/texture.h"
+#include "worker/render/texture/texture.h"
 
 struct world_mesh {
     const float *positions, *normals, *tangents, *uv[2], *colors;

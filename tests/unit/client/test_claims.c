@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "client/claims.h"
+#include "client/farm/claims.h"
 #include "common/base/file.h"
 
 static char folder[] = "/tmp/azulejo-claims-XXXXXX";

@@ -10,9 +10,9 @@
 
 #include <cmocka.h>
 
-#include "client/destination.h"
-#include "client/fetch.h"
-#include "client/job_options.h"
+#include "client/farm/destination.h"
+#include "client/farm/fetch.h"
+#include "client/farm/job_options.h"
 
 static void expect(const char *out, uint32_t frames, unsigned formats, uint32_t frame,
                    const char *extension, const char *path)

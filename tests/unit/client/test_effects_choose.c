@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "client/effects_choose.h"
+#include "client/study/effects_choose.h"
 
 enum { A = EFFECT_BIT_SHEEN, B = EFFECT_BIT_CLEARCOAT, C = EFFECT_BIT_FOG };
 #define BIT(b) ((uint64_t)1 << (b))

@@ -8,9 +8,9 @@
 
 #include <cmocka.h>
 
-#include "client/figures_view.h"
-#include "client/format.h"
-#include "client/table.h"
+#include "client/farm/figures_view.h"
+#include "client/terminal/format.h"
+#include "client/terminal/table.h"
 
 static void counts(void **state)
 {

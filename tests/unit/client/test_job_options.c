@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "client/job_options.h"
+#include "client/farm/job_options.h"
 #include "common/scene/effects.h"
 
 /* A camera that may follow a node, which may move. */

@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "client/json.h"
+#include "client/terminal/json.h"
 
 static void expect_text(json_t *value, const char *text)
 {

@@ -8,8 +8,8 @@
 
 #include <cmocka.h>
 
-#include "client/output.h"
-#include "client/parse.h"
+#include "client/farm/output.h"
+#include "client/terminal/parse.h"
 #include "common/scene/effects.h"
 #include "common/scene/settings.h"
 

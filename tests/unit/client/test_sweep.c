@@ -7,8 +7,8 @@
 
 #include <cmocka.h>
 
-#include "client/sweep.h"
-#include "client/text_draw.h"
+#include "client/commands/sweep.h"
+#include "client/terminal/text_draw.h"
 
 static void sweep_of(struct sweep *s, const char *text)
 {

@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "client/picture_file.h"
+#include "client/farm/picture_file.h"
 #include "common/base/file.h"
 
 struct line {

@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "common/base/memory.h"
-#include "coordinator/admission.h"
+#include "coordinator/net/admission.h"
 
 enum { PLACES = 100, CROWD = 5000 };
 

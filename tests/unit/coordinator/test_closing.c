@@ -12,9 +12,9 @@
 
 #include "common/base/clock.h"
 #include "common/base/file.h"
-#include "coordinator/scheduler.h"
-#include "coordinator/store.h"
-#include "coordinator/store_film.h"
+#include "coordinator/farm/scheduler.h"
+#include "coordinator/store/store.h"
+#include "coordinator/film/store_film.h"
 #include "tests/support/sim_farm.h"
 
 struct fixture {

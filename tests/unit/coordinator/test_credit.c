@@ -7,7 +7,7 @@
 #include <cmocka.h>
 
 #include "common/base/clock.h"
-#include "coordinator/credit.h"
+#include "coordinator/job/credit.h"
 
 #define BEGIN_NS (100 * NS_PER_SECOND)
 

@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "coordinator/descriptors.h"
+#include "coordinator/net/descriptors.h"
 
 /* Whatever the limit: what is open, the reserve and the connections fit into it. */
 static void test_shares_fit(void **state)

@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "common/base/clock.h"
-#include "coordinator/eta.h"
+#include "coordinator/job/eta.h"
 #include "tests/support/eta_replay.h"
 
 enum { WIDTH = 320, HEIGHT = 192, THREADS_MAX = 8 };

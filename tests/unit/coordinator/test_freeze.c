@@ -15,9 +15,9 @@
 #include "common/base/clock.h"
 #include "common/base/file.h"
 #include "common/tonemap/tonemap.h"
-#include "coordinator/freeze.h"
-#include "coordinator/scheduler.h"
-#include "coordinator/store.h"
+#include "coordinator/farm/freeze.h"
+#include "coordinator/farm/scheduler.h"
+#include "coordinator/store/store.h"
 #include "tests/support/sim_farm.h"
 
 enum { WIDTH = 40, HEIGHT = 24, SPP = 64, TILES = 6, LEVEL_0 = TILES * GROUPS };

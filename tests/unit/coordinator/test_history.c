@@ -11,9 +11,9 @@
 
 #include <cmocka.h>
 
-#include "coordinator/figures.h"
-#include "coordinator/history.h"
-#include "coordinator/store.h"
+#include "coordinator/farm/figures.h"
+#include "coordinator/job/history.h"
+#include "coordinator/store/store.h"
 #include "tests/support/sim_farm.h"
 
 static struct history_point point_of(uint64_t samples, double display)

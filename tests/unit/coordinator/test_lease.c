@@ -9,7 +9,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/memory.h"
-#include "coordinator/lease.h"
+#include "coordinator/job/lease.h"
 #include "tests/support/sim_farm.h"
 
 #define DURATION_NS (10 * NS_PER_SECOND)

@@ -15,10 +15,10 @@
 
 #include "common/base/clock.h"
 #include "common/base/file.h"
-#include "coordinator/report.h"
-#include "coordinator/scheduler.h"
-#include "coordinator/store.h"
-#include "coordinator/store_film.h"
+#include "coordinator/farm/report.h"
+#include "coordinator/farm/scheduler.h"
+#include "coordinator/store/store.h"
+#include "coordinator/film/store_film.h"
 #include "tests/support/sim_farm.h"
 
 enum { WIDTH = 40, HEIGHT = 24, SPP = 100, FRAMES = 3 }; /* 6 tiles, edges on two sides, 8 passes of 2 groups */

@@ -9,8 +9,8 @@
 
 #include "common/base/clock.h"
 #include "common/base/memory.h"
-#include "coordinator/queue.h"
-#include "coordinator/rate.h"
+#include "coordinator/job/queue.h"
+#include "coordinator/farm/rate.h"
 #include "tests/support/sim_farm.h"
 
 static struct job *add(struct queue *queue, uint64_t id, int32_t priority)

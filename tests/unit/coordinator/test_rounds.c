@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "coordinator/rounds.h"
+#include "coordinator/job/rounds.h"
 
 enum { WIDTH = 48, HEIGHT = 32, TILES = 6 };
 

@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "common/base/clock.h"
-#include "coordinator/scheduler.h"
+#include "coordinator/farm/scheduler.h"
 #include "tests/support/sim_farm.h"
 
 /* Send all that the worker holds, and forget it. */

@@ -16,10 +16,10 @@
 
 #include "common/base/file.h"
 #include "common/base/memory.h"
-#include "coordinator/blobs.h"
-#include "coordinator/develop.h"
+#include "coordinator/store/blobs.h"
+#include "coordinator/farm/develop.h"
 #include "tests/support/exr_channels.h"
-#include "coordinator/store.h"
+#include "coordinator/store/store.h"
 #include "tests/support/film_data.h"
 #include "tests/support/sim_farm.h"
 

@@ -9,8 +9,8 @@
 #include <string.h>
 
 #include "common/base/clock.h"
-#include "coordinator/closing.h"
-#include "coordinator/scheduler.h"
+#include "coordinator/farm/closing.h"
+#include "coordinator/farm/scheduler.h"
 #include "tests/support/sim_farm.h"
 
 static void a_machine_is_its_name_and_address(void **state)

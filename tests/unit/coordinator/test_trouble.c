@@ -17,8 +17,8 @@
 #include "common/base/clock.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
-#include "coordinator/report.h"
-#include "coordinator/reserve.h"
+#include "coordinator/farm/report.h"
+#include "coordinator/store/reserve.h"
 #include "tests/support/sim_farm.h"
 
 static char folder[64];

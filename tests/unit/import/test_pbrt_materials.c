@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "client/import/pbrt_spectrum.h"
+#include "client/import/pbrt/pbrt_spectrum.h"
 #include "common/image/image.h"
 #include "tests/support/gltf_maker.h"
 #include "tests/support/pbrt_text.h"

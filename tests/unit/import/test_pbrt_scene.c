@@ -10,7 +10,7 @@
 #include <string.h>
 #include <zlib.h>
 
-#include "client/import/pbrt_token.h"
+#include "client/import/pbrt/pbrt_token.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "tests/support/gltf_maker.h"

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "client/import/ply.h"
+#include "client/import/ply/ply.h"
 #include "common/base/buffer.h"
 #include "common/base/memory.h"
 

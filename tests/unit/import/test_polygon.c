@@ -10,8 +10,8 @@
 
 #include <cmocka.h>
 
-#include "client/import/polygon.h"
-#include "client/import/scan.h"
+#include "client/import/builder/polygon.h"
+#include "client/import/builder/scan.h"
 #include "common/math/vec.h"
 
 enum { CORNERS_MAX = 600 };

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "client/import/shapes.h"
+#include "client/import/builder/shapes.h"
 #include "common/base/memory.h"
 #include "common/math/vec.h"
 

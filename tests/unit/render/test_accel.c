@@ -10,8 +10,8 @@
 
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
-#include "worker/render/exact.h"
-#include "worker/render/surface.h"
+#include "worker/render/base/exact.h"
+#include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
 
 /* A stack of squares over one another at these heights over y = 1; none is turned round unless

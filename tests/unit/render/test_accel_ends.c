@@ -8,8 +8,8 @@
 #include <cmocka.h>
 
 #include "tests/support/scene_builder.h"
-#include "worker/render/exact.h"
-#include "worker/render/surface.h"
+#include "worker/render/base/exact.h"
+#include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
 
 #define ULP 0x1p-23f /* of floats from 1 to 2 */

@@ -11,8 +11,8 @@
 #include "common/math/elementary.h"
 #include "common/scene/effects.h"
 #include "tests/support/statistics.h"
-#include "worker/render/bounds.h"
-#include "worker/render/camera.h"
+#include "worker/render/base/bounds.h"
+#include "worker/render/camera/camera.h"
 
 static struct scene_camera looking_down_z(enum scene_camera_kind kind)
 {

@@ -12,7 +12,7 @@
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "worker/render/light/distribution.h"
-#include "worker/render/sampler.h"
+#include "worker/render/base/sampler.h"
 
 static void make(struct distribution *d, uint32_t rows, uint32_t columns, const double *weights)
 {

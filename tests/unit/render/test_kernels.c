@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "tests/support/scene_builder.h"
-#include "worker/render/kernel.h"
+#include "worker/render/path/kernel.h"
 #include "worker/render/world.h"
 
 enum { SIZE = 24, FLOATS = 2 * 3 * 256 };

@@ -12,7 +12,7 @@
 
 #include "common/base/memory.h"
 #include "tests/support/statistics.h"
-#include "worker/render/medium.h"
+#include "worker/render/medium/medium.h"
 
 static struct scene_medium medium_of(float absorption, float scattering, float g)
 {

@@ -11,9 +11,9 @@
 #include "common/base/memory.h"
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
-#include "worker/render/surface.h"
+#include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
-#include "worker/render/world_motion.h"
+#include "worker/render/surface/world_motion.h"
 
 static const float no_yes[2] = {0, 1};
 

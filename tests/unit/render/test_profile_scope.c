@@ -9,7 +9,7 @@
 
 #include "tests/support/scene_builder.h"
 #include "worker/render/bsdf/bsdf.h"
-#include "worker/render/profile_scope.h"
+#include "worker/render/base/profile_scope.h"
 #include "worker/render/light/emitters.h"
 #include "worker/render/world.h"
 

@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "common/math/elementary.h"
-#include "worker/render/sampler.h"
+#include "worker/render/base/sampler.h"
 
 enum { NET_LOG2_MAX = 10, NET_MAX = 1 << NET_LOG2_MAX };
 

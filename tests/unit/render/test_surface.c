@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "tests/support/scene_builder.h"
-#include "worker/render/surface.h"
+#include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
 
 /* The shading normal of a triangle in the xy plane seen along `wo`, whose vertices' normal leans

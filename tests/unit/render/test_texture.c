@@ -15,9 +15,9 @@
 #include "common/base/memory.h"
 #include "common/image/color.h"
 #include "common/image/image.h"
-#include "worker/render/sampler.h"
-#include "worker/render/texture.h"
-#include "worker/render/texture_dark.h"
+#include "worker/render/base/sampler.h"
+#include "worker/render/texture/texture.h"
+#include "worker/render/texture/texture_dark.h"
 
 static void png_append(png_structp png, png_bytep data, size_t size_bytes)
 {

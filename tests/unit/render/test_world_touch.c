@@ -8,9 +8,9 @@
 #include <cmocka.h>
 
 #include "tests/support/scene_builder.h"
-#include "worker/render/sampler.h"
+#include "worker/render/base/sampler.h"
 #include "worker/render/world.h"
-#include "worker/render/world_touch.h"
+#include "worker/render/scene/world_touch.h"
 
 enum { MESHES = 4, EACH = 150, TRIANGLES = MESHES * EACH };
 

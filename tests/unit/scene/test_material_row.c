@@ -16,7 +16,7 @@
 #include "common/scene/settings.h"
 #include "common/scene/simplify.h"
 #include "tests/support/scene_sample.h"
-#include "worker/render/world_material.h"
+#include "worker/render/scene/world_material.h"
 
 static void test_default(void **state)
 {

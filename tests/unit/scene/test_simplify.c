@@ -17,7 +17,7 @@
 #include "common/scene/simplify.h"
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
-#include "worker/render/texture.h"
+#include "worker/render/texture/texture.h"
 
 /* ---- images and textures ------------------------------------------------------------------- */
 

@@ -10,7 +10,7 @@
 #include "common/base/clock.h"
 #include "tests/support/scene_builder.h"
 #include "worker/profile.h"
-#include "worker/render/profile_scope.h"
+#include "worker/render/base/profile_scope.h"
 
 enum { SIZE = 32, SPP = 64 };
 static const uint64_t LIMIT_NS = 60 * NS_PER_SECOND; /* for what takes a tenth of a second */

@@ -2,7 +2,7 @@
 #include "worker/render/bsdf/bsdf.h"
 
 #include "worker/render/bsdf/layering.h"
-#include "worker/render/profile_scope.h"
+#include "worker/render/base/profile_scope.h"
 
 /* What a row of the table becomes. */
 #define ACCOUNT(condition, then, otherwise) \

@@ -4,7 +4,7 @@
 
 #include "common/math/vec.h"
 #include "worker/render/bsdf/bsdf.h"
-#include "worker/render/has.h"
+#include "worker/render/base/has.h"
 
 /* Does this surface call for the effect, and can the kernel variant simulate it? Constant 0 in a
  * variant that cannot. */

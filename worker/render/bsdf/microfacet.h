@@ -14,7 +14,7 @@
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
 #include "worker/render/bsdf/warp.h"
-#include "worker/render/has.h"
+#include "worker/render/base/has.h"
 
 /* The distribution's widths: alpha along y (and x, if not stretched), alpha along x. */
 struct ggx {

@@ -1,6 +1,6 @@
 /* emitters_sample: choosing a light at a path's vertex, and the odds of having chosen one. */
-#include "worker/render/profile_scope.h"
-#include "worker/render/has.h"
+#include "worker/render/base/profile_scope.h"
+#include "worker/render/base/has.h"
 #include "worker/render/light/emitters.h"
 #include "worker/render/world.h"
 

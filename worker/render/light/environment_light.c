@@ -1,7 +1,7 @@
 #include "worker/render/light/environment_light.h"
 
 #include "common/math/elementary.h"
-#include "worker/render/profile_scope.h"
+#include "worker/render/base/profile_scope.h"
 #include "worker/render/light/light.h"
 #include "worker/render/world.h"
 

@@ -17,9 +17,9 @@
 
 #include "common/math/vec.h"
 #include "common/scene/scene.h"
-#include "worker/render/accel.h"
+#include "worker/render/accel/accel.h"
 #include "worker/render/light/tree.h"
-#include "worker/render/texture.h"
+#include "worker/render/texture/texture.h"
 
 struct punctual;
 struct render_scene;

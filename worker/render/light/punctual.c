@@ -2,7 +2,7 @@
 
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
-#include "worker/render/camera.h"
+#include "worker/render/camera/camera.h"
 
 /* An image's mean luminance is taken on a grid of this many points a side. What falls between
  * them is not lost: no image counts as darker than IMAGE_MEAN_MIN. */

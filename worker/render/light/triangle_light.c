@@ -1,8 +1,8 @@
 #include "worker/render/light/triangle_light.h"
 
-#include "worker/render/profile_scope.h"
-#include "worker/render/has.h"
-#include "worker/render/surface.h"
+#include "worker/render/base/profile_scope.h"
+#include "worker/render/base/has.h"
+#include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
 
 /* A lower bound of the distance to the nearest edge: see surface_inset. */

@@ -3,8 +3,8 @@
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "worker/render/light/triangle_light.h"
-#include "worker/render/surface.h"
-#include "worker/render/texture_dark.h"
+#include "worker/render/surface/surface.h"
+#include "worker/render/texture/texture_dark.h"
 #include "worker/render/world.h"
 
 /* An emissive texture is averaged over a triangle on a pattern about as fine as the texels of

@@ -1,0 +1,276 @@
+/* azulejo accuracy: what accuracy costs, on one page. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <strings.h>
+
+#include "client/commands/command.h"
+#include "client/commands/effects_auto.h"
+#include "client/farm/local.h"
+#include "client/farm/signals.h"
+#include "client/study/run.h"
+#include "client/study/study_files.h"
+#include "client/farm/submission.h"
+#include "common/base/file.h"
+#include "common/base/memory.h"
+
+enum { QUICK_S = 95, USUAL_MINUTES = 10, LEVELS_QUICK = 2 };
+
+struct accuracy {
+    struct job_options options;
+    struct connection_options where;
+    struct local_options local;
+    const char *from, *again, *out, *target, *currency;
+    double minutes, price; /* 0: not given */
+    int64_t workers, threads;
+    int farm, quick, page_only, quiet;
+    struct buffer page, data; /* paths: PAGE.html and PAGE.json */
+    struct job_request request;
+    struct import_result scene;
+    char *name;
+    struct study study;
+    struct study_run run;
+};
+
+static status study_load(struct study *s, const char *path, struct error *err)
+{
+    struct buffer text = BUFFER_INIT;
+    status result = file_read(path, STUDY_FILE_BYTES_MAX, &text, err);
+
+    if (result == STATUS_OK)
+        result = study_read(s, buffer_text(&text), text.size, path, err);
+    buffer_release(&text);
+    return result;
+}
+
+/* The page's path: as given, or the study's (or scene's) with another extension, here; the data's is
+ * beside it. */
+static status choose_paths(struct accuracy *a, const char *from, struct error *err)
+{
+    const char *extension;
+
+    if (a->out && strcasecmp(file_extension(a->out), "html") != 0)
+        return error_set(err, STATUS_ERR_USAGE, "-o %s: the page's name must end in .html", a->out);
+    if (a->out) {
+        buffer_puts(&a->page, a->out);
+    } else {
+        const char *base = file_basename(from);
+        size_t length;
+        extension = file_extension(from);
+        length = strlen(base) - (*extension ? strlen(extension) + 1 : 0);
+        /* Beside the scene's pictures, whose names are the scene's. */
+        buffer_printf(&a->page, "%.*s%s.html", (int)length, base, a->from || a->again ? "" : "-accuracy");
+    }
+    buffer_printf(&a->data, "%.*sjson", (int)(a->page.size - strlen("html")), buffer_text(&a->page));
+    return buffer_ok(&a->page) && buffer_ok(&a->data) ? STATUS_OK : error_no_memory(err, "a path");
+}
+
+static status save(void *user, struct error *err)
+{
+    struct accuracy *a = user;
+    struct buffer text = BUFFER_INIT;
+    status result = study_write(&text, &a->study, err);
+
+    if (result == STATUS_OK)
+        result = file_write_atomic(buffer_text(&a->data), text.data, text.size, err);
+    buffer_release(&text);
+    return result;
+}
+
+static status set_command(struct study *s, int argc, char *const *argv, struct error *err)
+{
+    struct buffer text = BUFFER_INIT;
+    status result;
+
+    buffer_puts(&text, "azulejo");
+    for (int i = 0; i < argc; i++)
+        buffer_printf(&text, " %s", argv[i]);
+    result = buffer_ok(&text) ? study_text_set(&s->command, buffer_text(&text), err)
+                              : error_no_memory(err, "the command");
+    buffer_release(&text);
+    return result;
+}
+
+static status prepare(struct accuracy *a, const char *scene, int argc, char *const *argv,
+                      struct error *err)
+{
+    struct study *s = &a->study;
+    const int spp_given = a->options.stop.spp > 0;
+    status result = job_options_check(&a->options, &a->request, err);
+
+    a->name = submission_name(scene);
+    if (result == STATUS_OK && !a->name)
+        result = error_no_memory(err, "a name");
+    if (result == STATUS_OK && a->again)
+        result = study_load(s, a->again, err);
+    if (result == STATUS_OK && a->target)
+        result = parse_target_codes(a->target, &s->target_codes, err);
+    if (!(s->target_codes > 0))
+        s->target_codes = 3;
+    if (a->price > 0)
+        s->price_core_hour = a->price;
+    if (result == STATUS_OK && a->currency)
+        result = study_text_set(&s->currency, a->currency, err);
+    if (result == STATUS_OK)
+        result = submission_prepare(scene, &a->options, a->quiet, &a->request, &a->scene, err);
+    if (result == STATUS_OK && a->again)
+        result = study_run_check(s, &a->request, file_basename(scene), err);
+    if (result == STATUS_OK)
+        result = study_text_set(&s->scene, file_basename(scene), err);
+    if (result == STATUS_OK)
+        result = set_command(s, argc, argv, err);
+    a->run = (struct study_run){
+        .study = s, .scene = &a->scene, .request = &a->request, .name = a->name,
+        .spp_most = spp_given ? (uint32_t)a->options.stop.spp : RUN_SPP_MAX,
+        .budget_s = a->minutes > 0 ? 60 * a->minutes : a->quick ? QUICK_S : 60 * USUAL_MINUTES,
+        .levels = a->quick ? LEVELS_QUICK : RUN_LEVELS_MAX, .local = !a->farm, .quiet = a->quiet,
+        .save = save, .user = a};
+    return result;
+}
+
+static status measure(struct accuracy *a, struct error *err)
+{
+    struct local_farm *farm = NULL;
+    status result = signals_catch(err);
+
+    a->local.workers = (unsigned)a->workers;
+    a->local.threads = (unsigned)a->threads;
+    if (result == STATUS_OK && !a->farm)
+        result = local_farm_start(&farm, &a->local, err);
+    if (result != STATUS_OK)
+        return result;
+    result = connection_open(&a->run.connection, farm ? local_farm_address(farm) : &a->where, err);
+    if (result == STATUS_OK) {
+        connection_set_watch(a->run.connection, farm ? local_farm_check : trial_interrupted, farm);
+        result = study_run(&a->run, err);
+    }
+    if (farm && result != STATUS_OK)
+        result = local_farm_explain(farm, result, err);
+    connection_close(a->run.connection);
+    local_farm_stop(farm);
+    return result;
+}
+
+/* The page and what belongs to it, and the ten lines. */
+static status show(struct accuracy *a, struct error *err)
+{
+    status result = study_files_write(&a->study, buffer_text(&a->page), a->page_only, err);
+
+    if ((result == STATUS_OK || result == STATUS_ERR_INCOMPLETE) && !a->quiet) {
+        status printed = study_print(&a->study, result == STATUS_OK ? err : NULL);
+        printf("%s\n", buffer_text(&a->page));
+        result = result == STATUS_OK ? printed : result;
+    }
+    return result;
+}
+
+/* What was measured is shown, however it ended. */
+static status measure_and_show(struct accuracy *a, struct error *err)
+{
+    struct error later = {0};
+    status result = measure(a, err), shown;
+
+    if (a->study.points.count == 0)
+        return result;
+    shown = save(a, result == STATUS_OK ? err : &later);
+    if (shown == STATUS_OK)
+        shown = show(a, result == STATUS_OK ? err : &later);
+    if (!a->quiet && !a->study.complete && (result == STATUS_OK || signals_stop()))
+        fprintf(stderr, "not all is measured yet; go on with --continue %s\n", buffer_text(&a->data));
+    return result == STATUS_OK ? shown : result;
+}
+
+static status check_arguments(const struct accuracy *a, const struct positionals *rest,
+                              const struct command *command, struct error *err)
+{
+    if (a->from && rest->count)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--from draws a study that is there; to go on measuring, give --continue %s",
+                         a->from);
+    if (!a->from && !rest->count)
+        return error_set(err, STATUS_ERR_USAGE, "a scene, or --from FILE.json, is missing; usage: %s",
+                         command->usage);
+    if (!a->farm && (a->where.coordinator || a->where.key_path))
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--coordinator and --key are of a farm: give --farm, too");
+    if (a->currency && !(a->price > 0))
+        return error_set(err, STATUS_ERR_USAGE, "--currency: give --price, too");
+    if (a->page_only && !a->from)
+        return error_set(err, STATUS_ERR_USAGE, "--page-only: only with --from; a study keeps its data");
+    return STATUS_OK;
+}
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                  struct error *err)
+{
+    struct accuracy a = {.options = JOB_OPTIONS_INIT, .where = CONNECTION_OPTIONS_INIT, .workers = 1};
+    int done;
+    const struct option table[] = {
+        {"from", 0, OPTION_STRING, &a.from, "FILE.json", "draw the study that this file holds", 0, 0,
+         NULL},
+        {"continue", 0, OPTION_STRING, &a.again, "FILE.json",
+         "go on with the study that this file holds", 0, 0, NULL},
+        {"out", 'o', OPTION_STRING, &a.out, "PAGE.html",
+         "the page's path (default: named after FILE or SCENE, in this folder)", 0, 0, NULL},
+        {"quick", 0, OPTION_FLAG, &a.quick, NULL,
+         "less of everything: within two minutes for a small scene", 0, 0, NULL},
+        {"minutes", 0, OPTION_REAL, &a.minutes, "N",
+         "measure for about so long (default 10; --quick: 1.6)", 0.01, 100000, NULL},
+        {"target-error", 0, OPTION_STRING, &a.target, "N/255",
+         "the error that the page's sentences are about (default 3/255)", 0, 0, NULL},
+        {"price", 0, OPTION_REAL, &a.price, "X", "what a core-hour costs", 1e-9, 1e9, NULL},
+        {"currency", 0, OPTION_STRING, &a.currency, "NAME", "of --price, as in EUR", 0, 0, NULL},
+        {"page-only", 0, OPTION_FLAG, &a.page_only, NULL,
+         "write the page alone: no CSV, no JSON, no plots", 0, 0, NULL},
+        {"quiet", 'q', OPTION_FLAG, &a.quiet, NULL, "no progress, no warnings, no summary", 0, 0, NULL},
+        {"workers", 'w', OPTION_INT, &a.workers, "N", "worker processes (default 1)", 1,
+         LOCAL_WORKERS_MAX, NULL},
+        {"threads", 'j', OPTION_INT, &a.threads, "N",
+         "threads of each worker (default: the processors, shared out)", 1, 1024, NULL},
+        {"farm", 0, OPTION_FLAG, &a.farm, NULL, "measure on the farm instead of this machine", 0, 0, NULL},
+        CONNECTION_OPTION_ROWS(a.where),
+        JOB_STUDY_ROWS(a.options),
+        {0},
+    };
+    struct option rows[TONEMAP_ROWS_MAX];
+    struct positionals rest;
+    status result = command_parse(command, tonemap_options_table(&a.options.output.tone, table, rows),
+                                  argc, argv, 0, 1, &rest, &done, err);
+
+    (void)exit_code;
+    if (result != STATUS_OK || done)
+        return result;
+    study_init(&a.study);
+    result = check_arguments(&a, &rest, command, err);
+    if (result == STATUS_OK)
+        result = choose_paths(&a, a.from ? a.from : a.again ? a.again : rest.items[0], err);
+    if (result == STATUS_OK && a.from) {
+        result = study_load(&a.study, a.from, err);
+        if (result == STATUS_OK)
+            result = show(&a, err);
+    } else if (result == STATUS_OK) {
+        result = prepare(&a, rest.items[0], argc, argv, err);
+        if (result == STATUS_OK)
+            result = measure_and_show(&a, err);
+    }
+    study_release(&a.study);
+    import_result_release(&a.scene);
+    job_request_release(&a.request);
+    mem_free(a.name);
+    buffer_release(&a.data);
+    buffer_release(&a.page);
+    return result;
+}
+
+const struct command command_accuracy = {
+    .name = "accuracy",
+    .group = COMMAND_RENDER,
+    .usage = "azulejo accuracy SCENE [OPTION]... | azulejo accuracy --from FILE.json [OPTION]...",
+    .summary = "show what accuracy costs, on one page",
+    .description =
+        "Render a scene in many ways and show what each error of the picture costs in processor time, what\n"
+        "other ways of rendering would cost and never get right, and what each effect is worth. Writes one HTML\n"
+        "page that needs nothing else, the points as CSV, the study as JSON, and the plots as SVG and PNG\n"
+        "beside it. Ctrl-C keeps what is measured; --continue goes on with it.",
+    .run = run,
+};

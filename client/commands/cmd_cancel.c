@@ -1,0 +1,110 @@
+/* azulejo cancel: end a job. */
+#include <inttypes.h>
+#include <stdio.h>
+
+#include "client/farm/cancel.h"
+#include "client/commands/command.h"
+#include "client/farm/cut_frame.h"
+#include "client/farm/job_info.h"
+#include "client/terminal/parse.h"
+#include "client/farm/signals.h"
+#include "client/farm/watch.h"
+#include "common/base/clock.h"
+#include "protocol/message.h"
+
+/* How long the pictures of what is rendered are waited for. They are made all the same. */
+enum { WAIT_LIMIT_MS = 30000 };
+
+static status stop_wanted(void *user, struct error *err)
+{
+    (void)user;
+    if (!signals_stop())
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_JOB_FAILED, "detached; the job is cancelled all the same");
+}
+
+/* Replace *answer by a later one, in which the job has ended. */
+static status await_end(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **answer,
+                        struct error *err)
+{
+    status result = signals_catch(err);
+
+    if (result != STATUS_OK || job_state_is_final(job_list_find((*answer)->job_list, job)->state))
+        return result;
+    message_free(*answer);
+    *answer = NULL;
+    connection_set_watch(c, stop_wanted, NULL);
+    result = watch_job(c, job, 1, clock_monotonic_ns() + WAIT_LIMIT_MS * NS_PER_MS, answer, err);
+    if (result == STATUS_ERR_TIMEOUT)
+        result = job_query(c, job, answer, err);
+    return result;
+}
+
+static void print(const Azulejo__Wire__JobInfo *info)
+{
+    char text[512];
+
+    printf("job %" PRIu64 ": %s", info->job, job_state_name(info->state));
+    if (!job_state_is_final(info->state) && info->state_text[0])
+        printf(": %s", message_text(text, sizeof text, info->state_text));
+    printf("\n");
+    for (size_t i = 0; i < info->n_cut_frames; i++)
+        printf("  %s\n", cut_frame_text(text, info, info->cut_frames[i]));
+    if (info->frames_done > 0)
+        printf("  'azulejo fetch %" PRIu64 "' brings the pictures\n", info->job);
+}
+
+static status cancel(struct connection *c, uint64_t job, int discard, int json, struct error *err)
+{
+    Azulejo__Wire__Envelope *answer = NULL;
+    status result = cancel_job(c, job, discard, &answer, err);
+
+    if (result == STATUS_OK)
+        result = await_end(c, job, &answer, err);
+    if (result == STATUS_OK && json)
+        result = json_print(job_info_json(job_list_find(answer->job_list, job)), err);
+    else if (result == STATUS_OK)
+        print(job_list_find(answer->job_list, job));
+    message_free(answer);
+    return result;
+}
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                  struct error *err)
+{
+    struct connection_options where = CONNECTION_OPTIONS_INIT;
+    int discard = 0, json = 0, done;
+    const struct option table[] = {
+        {"discard", 0, OPTION_FLAG, &discard, NULL,
+         "throw away what unfinished frames hold, instead of making pictures of it", 0, 0, NULL},
+        {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
+        CONNECTION_OPTION_ROWS(where),
+        {0},
+    };
+    struct positionals rest;
+    struct connection *connection = NULL;
+    uint64_t job;
+    status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+
+    (void)exit_code;
+    if (result != STATUS_OK || done)
+        return result;
+    result = parse_job(rest.items[0], &job, err);
+    if (result == STATUS_OK)
+        result = connection_open(&connection, &where, err);
+    if (result == STATUS_OK)
+        result = cancel(connection, job, discard, json, err);
+    connection_close(connection);
+    return result;
+}
+
+const struct command command_cancel = {
+    .name = "cancel",
+    .group = COMMAND_JOBS,
+    .usage = "azulejo cancel JOB [OPTION]...",
+    .summary = "end a job",
+    .description =
+        "End a job. Pictures are made of the frames in work with the samples that they hold; these and the\n"
+        "frames that are done can be fetched.",
+    .run = run,
+};

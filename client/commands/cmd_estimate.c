@@ -1,0 +1,372 @@
+/* azulejo estimate: what a job's accuracy will cost, from its own first passes. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "client/farm/cancel.h"
+#include "client/commands/command.h"
+#include "client/commands/estimate.h"
+#include "client/farm/figures_view.h"
+#include "client/farm/job_info.h"
+#include "client/farm/local.h"
+#include "client/farm/signals.h"
+#include "client/farm/submission.h"
+#include "client/farm/trial.h"
+#include "client/farm/watch.h"
+#include "common/base/memory.h"
+#include "protocol/message.h"
+
+enum { PILOT_SPP = 16 };
+
+struct pilot {
+    const char *scene_path, *by, *price_text, *name;
+    struct job_options options;
+    struct local_options local;
+    struct connection_options where;
+    int on_farm;
+    int64_t pilot_spp;
+    int json, quiet;
+    struct job_request request;
+    struct import_result scene;
+    char *default_name;
+    struct local_farm *farm;
+    struct connection *connection;
+    uint64_t job;
+    Azulejo__Wire__Envelope *last;
+    struct buffer command;               /* that goes on from it */
+    struct estimate told;
+};
+
+/* ---- options --------------------------------------------------------------------------------- */
+
+/* "0.04/core-hour", or the number alone. */
+static status parse_price(const char *text, double *out, struct error *err)
+{
+    char *end;
+
+    *out = -1;
+    if (!text)
+        return STATUS_OK;
+    *out = strtod(text, &end);
+    if (end == text || !(*out >= 0) || !isfinite(*out) || (*end && strcmp(end, "/core-hour") != 0))
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--price %s: must be what an hour of one core costs, as in 0.04/core-hour",
+                         text);
+    return STATUS_OK;
+}
+
+/* "18:00": the next time that it is, in local time. */
+static status parse_deadline(const char *text, double *out, struct error *err)
+{
+    time_t now = time(NULL), then;
+    unsigned hour, minute;
+    struct tm local;
+    int used = 0;
+
+    *out = -1;
+    if (!text)
+        return STATUS_OK;
+    if (sscanf(text, "%2u:%2u%n", &hour, &minute, &used) != 2 || text[used] || hour > 23 ||
+        minute > 59 || !localtime_r(&now, &local))
+        return error_set(err, STATUS_ERR_USAGE, "--by %s: must be a time of day, as in 18:00", text);
+    local.tm_hour = (int)hour;
+    local.tm_min = (int)minute;
+    local.tm_sec = 0;
+    then = mktime(&local);
+    if (then <= now) {
+        local.tm_mday++;
+        then = mktime(&local);
+    }
+    *out = difftime(then, now);
+    return STATUS_OK;
+}
+
+/* The first, the middle and the last. */
+static size_t choose_frames(uint32_t first, uint32_t last, uint32_t out[ESTIMATE_FRAMES_MAX])
+{
+    uint32_t middle = first + (last - first) / 2;
+    size_t count = 0;
+
+    out[count++] = first;
+    if (middle != first)
+        out[count++] = middle;
+    if (last != middle)
+        out[count++] = last;
+    return count;
+}
+
+/* The pilot is the job's own first passes, of a few of its frames, at its full size. */
+static status prepare(struct pilot *p, struct error *err)
+{
+    struct job_request *request = &p->request;
+    struct estimate *told = &p->told;
+    status result = parse_price(p->price_text, &told->price, err);
+
+    if (result == STATUS_OK)
+        result = parse_deadline(p->by, &told->seconds_to_deadline, err);
+    if (result == STATUS_OK)
+        result = job_options_check(&p->options, request, err);
+    if (result != STATUS_OK)
+        return result;
+    p->default_name = submission_name(p->scene_path);
+    if (!p->default_name)
+        return error_no_memory(err, "a name");
+    result = submission_prepare(p->scene_path, &p->options, p->quiet, request, &p->scene, err);
+    if (result != STATUS_OK)
+        return result;
+    told->has_target = request->stop.has_target;
+    told->target = request->stop.target;
+    told->spp = request->settings.spp;
+    told->frame_count = request->last_frame - request->first_frame + 1;
+    memset(&request->stop, 0, sizeof request->stop);
+    if (request->settings.spp > p->pilot_spp)
+        request->settings.spp = (uint32_t)p->pilot_spp;
+    told->pilot_spp = request->settings.spp;
+    request->output.tonemap.temporal = 1; /* most of the frames that it averages are not rendered */
+    request->estimate = 1;
+    return signals_catch(err);
+}
+
+/* ---- the pilot ------------------------------------------------------------------------------- */
+
+/* Nobody waits for it any more. What this cannot do is of no use to the user. */
+static void give_up(struct pilot *p)
+{
+    Azulejo__Wire__Envelope *answer = NULL;
+    struct error ignored = {0};
+
+    connection_set_watch(p->connection, NULL, NULL);
+    if (cancel_job(p->connection, p->job, 1, &answer, &ignored) == STATUS_OK)
+        message_free(answer);
+}
+
+static status render_pilot(struct pilot *p, struct error *err)
+{
+    uint32_t frames[ESTIMATE_FRAMES_MAX];
+    struct estimate *told = &p->told;
+    struct job_accepted accepted = {0};
+    status result;
+
+    told->count = choose_frames(p->request.first_frame, p->request.last_frame, frames);
+    if (told->count < told->frame_count) {
+        p->request.frames = frames;
+        p->request.frame_count = told->count;
+    }
+    result = submission_send(p->connection, &p->scene, &p->request,
+                             p->name ? p->name : p->default_name, OUTPUT_FORMAT_EXR, p->quiet,
+                             &accepted, err);
+    p->job = accepted.job;
+    if (result == STATUS_OK)
+        result = watch_job(p->connection, p->job, p->quiet, 0, &p->last, err);
+    if (result != STATUS_OK && p->job && p->on_farm && signals_stop())
+        give_up(p);
+    if (result != STATUS_OK)
+        return result;
+    told->info = job_list_find(p->last->job_list, p->job);
+    result = job_info_verdict(told->info, err);
+    for (size_t i = 0; i < told->count && result == STATUS_OK; i++) {
+        told->frames[i].number = frames[i];
+        result = history_query(p->connection, p->job, frames[i], &told->frames[i].history, err);
+    }
+    return result == STATUS_OK ? estimate_check(told, err) : result;
+}
+
+/* The workers that work for this farm now. */
+static status count_workers(struct pilot *p, struct error *err)
+{
+    Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
+    Azulejo__Wire__WorkerQuery query = AZULEJO__WIRE__WORKER_QUERY__INIT;
+    Azulejo__Wire__Envelope *answer = NULL;
+    status result;
+
+    envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_WORKER_QUERY;
+    envelope.worker_query = &query;
+    result = connection_ask(p->connection, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_WORKER_LIST,
+                            &answer, err);
+    if (result != STATUS_OK)
+        return result;
+    for (size_t i = 0; i < answer->worker_list->n_workers; i++) {
+        const Azulejo__Wire__WorkerInfo *worker = answer->worker_list->workers[i];
+        p->told.workers += !worker->note[0];
+        p->told.cores += worker->note[0] ? 0 : worker->threads;
+    }
+    message_free(answer);
+    return STATUS_OK;
+}
+
+static status run_local(struct pilot *p, struct error *err)
+{
+    status result = local_farm_start(&p->farm, &p->local, err);
+
+    if (result != STATUS_OK)
+        return result;
+    result = connection_open(&p->connection, local_farm_address(p->farm), err);
+    if (result == STATUS_OK) {
+        connection_set_watch(p->connection, local_farm_check, p->farm);
+        result = render_pilot(p, err);
+    }
+    if (result != STATUS_OK)
+        result = local_farm_explain(p->farm, result, err);
+    if (result == STATUS_OK) {
+        const Azulejo__Wire__HistoryPoint *now = p->told.info->now;
+        p->told.cores = now && now->wall_seconds > 0 ? now->core_seconds / now->wall_seconds : 0;
+    }
+    return result;
+}
+
+static status run_on_farm(struct pilot *p, struct error *err)
+{
+    status result = connection_open(&p->connection, &p->where, err);
+
+    if (result != STATUS_OK)
+        return result;
+    connection_set_watch(p->connection, trial_interrupted, NULL);
+    result = render_pilot(p, err);
+    if (result == STATUS_OK)
+        result = count_workers(p, err);
+    p->told.command = buffer_text(&p->command);
+    return result;
+}
+
+/* ---- the command that goes on ---------------------------------------------------------------- */
+
+static void put_word(struct buffer *out, const char *word)
+{
+    static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./,:=@%+";
+
+    buffer_puts(out, " ");
+    if (*word && word[strspn(word, plain)] == 0) {
+        buffer_puts(out, word);
+        return;
+    }
+    buffer_puts(out, "'");
+    for (; *word; word++)
+        buffer_printf(out, *word == '\'' ? "'\\''" : "%c", *word);
+    buffer_puts(out, "'");
+}
+
+/* Is it an option that only this command has? 2: with its value in the next word. */
+static int is_own_option(const char *word)
+{
+    static const char *const with_value[] = {"--by", "--price", "--pilot-spp"};
+
+    for (size_t i = 0; i < sizeof with_value / sizeof *with_value; i++) {
+        size_t length = strlen(with_value[i]);
+        if (strncmp(word, with_value[i], length) == 0 && (!word[length] || word[length] == '='))
+            return word[length] ? 1 : 2;
+    }
+    return strcmp(word, "--json") == 0 || strcmp(word, "--quiet") == 0 || strcmp(word, "-q") == 0;
+}
+
+static status make_command(struct pilot *p, int argc, char *const *argv, struct error *err)
+{
+    buffer_puts(&p->command, "azulejo submit");
+    for (int i = 1; i < argc; i++) {
+        int own = is_own_option(argv[i]);
+        if (!own)
+            put_word(&p->command, argv[i]);
+        i += own == 2;
+    }
+    return buffer_ok(&p->command) ? STATUS_OK : error_no_memory(err, "a command");
+}
+
+static status estimate(struct pilot *p, struct error *err)
+{
+    status result = prepare(p, err);
+
+    if (result == STATUS_OK)
+        result = p->on_farm ? run_on_farm(p, err) : run_local(p, err);
+    connection_close(p->connection);
+    local_farm_stop(p->farm);
+    if (result != STATUS_OK)
+        return result;
+    estimate_fit(&p->told);
+    return p->json ? estimate_print_json(&p->told, err) : estimate_print_text(&p->told, err);
+}
+
+static void pilot_release(struct pilot *p)
+{
+    for (size_t i = 0; i < ESTIMATE_FRAMES_MAX; i++)
+        message_free(p->told.frames[i].history);
+    message_free(p->last);
+    buffer_release(&p->command);
+    import_result_release(&p->scene);
+    job_request_release(&p->request);
+    mem_free(p->default_name);
+}
+
+/* A coordinator that is named, unless this machine's workers are. */
+static int farm_is_named(const struct pilot *p, int64_t workers, int64_t threads)
+{
+    const char *named = getenv("AZULEJO_COORDINATOR");
+
+    return p->where.coordinator || (named && *named && workers == 0 && threads == 0);
+}
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                  struct error *err)
+{
+    struct pilot e = {.options = JOB_OPTIONS_INIT, .where = CONNECTION_OPTIONS_INIT,
+                      .pilot_spp = PILOT_SPP, .command = BUFFER_INIT};
+    int64_t workers = 0, threads = 0;
+    int done;
+    const struct option table[] = {
+        {"by", 0, OPTION_STRING, &e.by, "HH:MM",
+         "also say how many cores would have the frames ready by this time of day", 0, 0, NULL},
+        {"price", 0, OPTION_STRING, &e.price_text, "PRICE/core-hour",
+         "also say what it costs at this price, as in 0.04/core-hour", 0, 0, NULL},
+        {"pilot-spp", 0, OPTION_INT, &e.pilot_spp, "N",
+         "samples a pixel that are rendered for the estimate (default 16)", 4, 65536, NULL},
+        JOB_STUDY_ROWS(e.options),
+        {"target-error", 0, OPTION_STRING, &e.options.stop.target, "ERROR",
+         "say what this error costs, as in 2/255, 1% or 45dB (default: what --spp costs)", 0, 0, NULL},
+        {"name", 'o', OPTION_STRING, &e.name, "NAME",
+         "the job's name on a farm (default: the scene file's)", 0, 0, NULL},
+        {"workers", 'w', OPTION_INT, &workers, "N", "worker processes on this machine (default 1)", 1,
+         LOCAL_WORKERS_MAX, NULL},
+        {"threads", 'j', OPTION_INT, &threads, "N",
+         "threads of each worker (default: the processors, shared out)", 1, 1024, NULL},
+        {"json", 0, OPTION_FLAG, &e.json, NULL, "print JSON", 0, 0, NULL},
+        {"quiet", 'q', OPTION_FLAG, &e.quiet, NULL, "no progress and no warnings", 0, 0, NULL},
+        CONNECTION_OPTION_ROWS(e.where),
+        {0},
+    };
+    struct option rows[TONEMAP_ROWS_MAX];
+    struct positionals rest;
+    status result = command_parse(command,
+                                  tonemap_options_table(&e.options.output.tone, table, rows), argc,
+                                  argv, 1, 1, &rest, &done, err);
+
+    (void)exit_code;
+    if (result != STATUS_OK || done)
+        return result;
+    e.scene_path = rest.items[0];
+    e.on_farm = farm_is_named(&e, workers, threads);
+    if (e.on_farm && (workers > 0 || threads > 0))
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--workers and --threads are for this machine: leave them out, or "
+                         "--coordinator");
+    e.local.workers = workers ? (unsigned)workers : 1;
+    e.local.threads = (unsigned)threads;
+    result = make_command(&e, argc, argv, err);
+    if (result == STATUS_OK)
+        result = estimate(&e, err);
+    pilot_release(&e);
+    return result;
+}
+
+const struct command command_estimate = {
+    .name = "estimate",
+    .group = COMMAND_RENDER,
+    .usage = "azulejo estimate SCENE [OPTION]...",
+    .summary = "say what a picture's accuracy will cost",
+    .description =
+        "Render the first passes of a few of a job's frames at their full size, and say what the core time to\n"
+        "each error is, what it costs, and how many cores would meet a time of day. With --coordinator, or\n"
+        "AZULEJO_COORDINATOR, a farm renders them, and the same job goes on from them when it is submitted there;\n"
+        "else this machine does.",
+    .run = run,
+};

@@ -1,0 +1,109 @@
+/* azulejo extend: more samples for a finished job. */
+#include <inttypes.h>
+#include <stdio.h>
+
+#include "client/commands/command.h"
+#include "client/farm/follow.h"
+#include "client/farm/job_info.h"
+#include "client/terminal/parse.h"
+#include "client/farm/stop_options.h"
+#include "common/base/memory.h"
+#include "protocol/message.h"
+
+static status extend(struct connection *c, uint64_t job, uint32_t spp,
+                     const struct stop_rules *rules, const struct frame_list *frames,
+                     struct error *err)
+{
+    Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
+    Azulejo__Wire__JobExtend body = AZULEJO__WIRE__JOB_EXTEND__INIT;
+    Azulejo__Wire__StopRules stop;
+    Azulejo__Wire__Envelope *answer = NULL;
+    status result;
+
+    wire_stop_set(&stop, rules);
+    body.job = job;
+    body.spp = spp;
+    body.stop = &stop;
+    body.frames = frames->items;
+    body.n_frames = frames->count;
+    envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_EXTEND;
+    envelope.job_extend = &body;
+    result = job_ask(c, &envelope, job, &answer, err);
+    message_free(answer);
+    return result;
+}
+
+static status check(const struct stop_options *options, struct stop_rules *rules, uint32_t *spp,
+                    struct error *err)
+{
+    status result = stop_options_check(options, rules, spp, err);
+
+    if (result == STATUS_OK && *spp == 0)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "say how much better the pictures shall be: --spp N, --target-error E, "
+                         "--time-limit T or --core-limit T");
+    return result;
+}
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                  struct error *err)
+{
+    struct connection_options where = CONNECTION_OPTIONS_INIT;
+    struct stop_options options = {0};
+    struct frame_list frames = {NULL};
+    const char *frames_text = NULL;
+    struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
+    int watch = 0, done;
+    const struct option table[] = {
+        STOP_OPTION_ROWS(options, "no limit"),
+        {"frames", 'f', OPTION_STRING, &frames_text, "LIST",
+         "only these frames go on, as in 3,7-9 (default: all)", 0, 0, NULL},
+        {"watch", 'w', OPTION_FLAG, &watch, NULL, "follow the job until it ends", 0, 0, NULL},
+        {"json", 0, OPTION_FLAG, &how.json, NULL, "print JSON", 0, 0, NULL},
+        {"quiet", 'q', OPTION_FLAG, &how.quiet, NULL, "no progress and no warnings", 0, 0, NULL},
+        RECONNECT_OPTION_ROW(how.reconnect_s),
+        CONNECTION_OPTION_ROWS(where),
+        {0},
+    };
+    struct positionals rest;
+    struct connection *connection = NULL;
+    struct stop_rules rules;
+    uint64_t job;
+    uint32_t spp;
+    status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+
+    (void)exit_code;
+    if (result != STATUS_OK || done)
+        return result;
+    result = parse_job(rest.items[0], &job, err);
+    if (result == STATUS_OK)
+        result = check(&options, &rules, &spp, err);
+    if (result == STATUS_OK && frames_text)
+        result = parse_frame_list(frames_text, &frames, err);
+    if (result == STATUS_OK)
+        result = connection_open(&connection, &where, err);
+    if (result == STATUS_OK)
+        result = extend(connection, job, spp, &rules, &frames, err);
+    how.where = where;
+    if (result == STATUS_OK && watch)
+        result = follow_job(&connection, job, &how, err);
+    else if (result == STATUS_OK && how.json)
+        result = json_print(json_pack("{s:I}", "job", (json_int_t)job), err);
+    else if (result == STATUS_OK)
+        printf("job %" PRIu64 ": goes on\n", job);
+    connection_close(connection);
+    mem_free(frames.items);
+    return result;
+}
+
+const struct command command_extend = {
+    .name = "extend",
+    .group = COMMAND_JOBS,
+    .usage = "azulejo extend JOB [OPTION]...",
+    .summary = "render more samples of a finished job",
+    .description =
+        "Go on with all frames of a finished job, or some, from the films that the coordinator kept, until they have\n"
+        "more samples or a smaller error. The pictures are those that the options would have given at once;\n"
+        "they replace the job's own.",
+    .run = run,
+};

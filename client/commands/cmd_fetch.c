@@ -1,0 +1,103 @@
+/* azulejo fetch: bring a job's pictures here. */
+#include <stdio.h>
+
+#include "client/commands/command.h"
+#include "client/farm/cut_frame.h"
+#include "client/farm/fetch.h"
+#include "client/farm/job_info.h"
+#include "client/farm/output.h"
+#include "client/terminal/parse.h"
+#include "common/scene/manifest.h"
+#include "protocol/message.h"
+
+static status preview_kind(const char *path, Azulejo__Wire__OutputKind *kind, struct error *err)
+{
+    switch (output_format_of(path)) {
+    case OUTPUT_FORMAT_EXR:
+        *kind = AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_EXR;
+        return STATUS_OK;
+    case OUTPUT_FORMAT_PNG:
+        *kind = AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG;
+        return STATUS_OK;
+    default:
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--preview: %s must end in .png, for a tone mapped picture, or in .exr, for "
+                         "linear light",
+                         path);
+    }
+}
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                  struct error *err)
+{
+    struct connection_options where = CONNECTION_OPTIONS_INIT;
+    struct job_fetch f = {.folder = ".", .formats = OUTPUT_FORMAT_ALL};
+    const char *preview = NULL;
+    char cut[CUT_FRAME_TEXT_SIZE];
+    int64_t frame = -1;
+    int done;
+    const struct option table[] = {
+        {"output", 'o', OPTION_STRING, &f.folder, "FOLDER",
+         "where the files go; made if it is missing (default: here)", 0, 0, NULL},
+        {"frame", 0, OPTION_INT, &frame, "N", "only this frame (default: all)", 0, INT32_MAX, NULL},
+        {"manifest", 0, OPTION_FLAG, &f.manifest, NULL,
+         "also each frame's manifest, ." MANIFEST_EXTENSION ": which effects ran, who called for "
+         "them, and where the time went",
+         0, 0, NULL},
+        JOB_FETCH_FORCE_ROW(f.force),
+        {"preview", 0, OPTION_STRING, &preview, "FILE",
+         "instead: the frame in work as it stands, tone mapped (.png) or its linear light (.exr)", 0,
+         0, NULL},
+        {"json", 0, OPTION_FLAG, &f.json, NULL, "print JSON", 0, 0, NULL},
+        CONNECTION_OPTION_ROWS(where),
+        {0},
+    };
+    struct positionals rest;
+    Azulejo__Wire__Envelope *answer = NULL;
+    Azulejo__Wire__OutputKind kind = AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG;
+    uint64_t job;
+    status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+
+    (void)exit_code;
+    if (result != STATUS_OK || done)
+        return result;
+    result = parse_job(rest.items[0], &job, err);
+    if (result == STATUS_OK && preview)
+        result = preview_kind(preview, &kind, err);
+    else if (result == STATUS_OK)
+        result = fetch_check_folder(f.folder, err);
+    if (result == STATUS_OK)
+        result = connection_open(&f.connection, &where, err);
+    if (result == STATUS_OK)
+        result = job_query(f.connection, job, &answer, err);
+    if (result == STATUS_OK) {
+        f.job = job_list_find(answer->job_list, job);
+        if (preview)
+            result = job_fetch_file(&f, frame >= 0 ? (uint32_t)frame : f.job->preview_frame, kind,
+                                    preview, err);
+        else
+            result = job_fetch_pictures(&f, frame, err);
+        for (size_t i = 0; result == STATUS_OK && !preview && i < f.job->n_cut_frames; i++)
+            fprintf(stderr, "%s\n", cut_frame_text(cut, f.job, f.job->cut_frames[i]));
+    }
+    if (f.json && (result == STATUS_OK || result == STATUS_ERR_INCOMPLETE)) {
+        status printed = json_print(job_fetch_json(&f), err);
+        result = printed == STATUS_OK ? result : printed;
+    }
+    job_fetch_release(&f);
+    message_free(answer);
+    connection_close(f.connection);
+    return result;
+}
+
+const struct command command_fetch = {
+    .name = "fetch",
+    .group = COMMAND_JOBS,
+    .usage = "azulejo fetch JOB [OPTION]...",
+    .summary = "bring a job's pictures here",
+    .description =
+        "Fetch the finished frames of a job: the EXR files and the tone mapped PNG and JPEG files, named after\n"
+        "the job. Where the folder holds files of that name from another job, the name gets -jobN; nothing of\n"
+        "another job is overwritten. Exit status 9 when some frames or files are missing.",
+    .run = run,
+};

@@ -1,0 +1,189 @@
+/* azulejo list: the farm's jobs. */
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "client/commands/command.h"
+#include "client/farm/figures_view.h"
+#include "client/terminal/format.h"
+#include "client/farm/job_info.h"
+#include "client/terminal/table.h"
+#include "common/base/memory.h"
+#include "protocol/message.h"
+
+static const char *const titles[] = {">JOB",   "<NAME", "STATE",    ">FRAMES",   ">DONE",
+                                     ">ERROR", ">LEFT", ">WORKERS", "SUBMITTED", "~NOTE"};
+enum { COLUMNS = sizeof titles / sizeof titles[0] };
+
+/* Jobs that have ended and are shown without --all. */
+enum { ENDED_SHOWN = 2000 };
+
+struct job_rows {
+    Azulejo__Wire__Envelope **answers; /* own what `jobs` points at */
+    size_t answer_count, answer_capacity;
+    const Azulejo__Wire__JobInfo **jobs; /* ascending numbers */
+    size_t count, capacity;
+    uint64_t not_shown;
+};
+
+static void rows_release(struct job_rows *r)
+{
+    for (size_t i = 0; i < r->answer_count; i++)
+        message_free(r->answers[i]);
+    mem_free(r->answers);
+    mem_free(r->jobs);
+}
+
+/* Ask for the jobs that the filter lets through, page by page from the newest one, until there are
+ * `most`. */
+static status collect(struct connection *c, Azulejo__Wire__JobFilter filter, size_t most,
+                      struct job_rows *r, struct error *err)
+{
+    Azulejo__Wire__JobQuery query = AZULEJO__WIRE__JOB_QUERY__INIT;
+    size_t begin = r->count;
+
+    query.filter = filter;
+    do {
+        Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
+        Azulejo__Wire__Envelope *answer = NULL;
+        const Azulejo__Wire__JobList *list;
+        status result;
+
+        envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_QUERY;
+        envelope.job_query = &query;
+        result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST, &answer, err);
+        if (result != STATUS_OK)
+            return result;
+        list = answer->job_list;
+        if (!MEM_GROW(r->answers, r->answer_capacity, r->answer_count + 1) ||
+            !MEM_GROW(r->jobs, r->capacity, r->count + list->n_jobs)) {
+            message_free(answer);
+            return error_no_memory(err, "a list of jobs");
+        }
+        r->answers[r->answer_count++] = answer;
+        for (size_t i = 0; i < list->n_jobs; i++)
+            r->jobs[r->count++] = list->jobs[i];
+        r->not_shown = list->older;
+        if (list->n_jobs == 0)
+            break;
+        if (query.before && list->jobs[0]->job >= query.before)
+            return error_set(err, STATUS_ERR_PROTOCOL, "the coordinator sent a page of jobs twice");
+        query.before = list->jobs[0]->job;
+    } while (r->not_shown > 0 && r->count - begin < most);
+    return STATUS_OK;
+}
+
+static int by_number(const void *a, const void *b)
+{
+    const Azulejo__Wire__JobInfo *const *one = a, *const *other = b;
+
+    return ((*one)->job > (*other)->job) - ((*one)->job < (*other)->job);
+}
+
+/* All jobs that are active, and the newest of those that have ended. */
+static status rows_get(struct connection *c, int all, struct job_rows *r, struct error *err)
+{
+    size_t kept = 0;
+    status result = collect(c, AZULEJO__WIRE__JOB_FILTER__JOBS_ACTIVE, SIZE_MAX, r, err);
+
+    if (result == STATUS_OK)
+        result = collect(c, AZULEJO__WIRE__JOB_FILTER__JOBS_ENDED, all ? SIZE_MAX : ENDED_SHOWN, r,
+                         err);
+    if (r->count > 0)
+        qsort(r->jobs, r->count, sizeof *r->jobs, by_number);
+    /* One that ended between the two questions is in both answers. */
+    for (size_t i = 0; i < r->count; i++)
+        if (kept == 0 || r->jobs[i]->job != r->jobs[kept - 1]->job)
+            r->jobs[kept++] = r->jobs[i];
+    r->count = kept;
+    return result;
+}
+
+static status print_table(const struct job_rows *list, struct error *err)
+{
+    struct table table;
+    char text[FORMAT_SIZE];
+    const char *when;
+    status result;
+
+    table_init(&table, titles, COLUMNS);
+    for (size_t i = 0; i < list->count; i++) {
+        const Azulejo__Wire__JobInfo *job = list->jobs[i];
+        int running = job->state == AZULEJO__WIRE__JOB_STATE__JOB_RUNNING;
+        table_add(&table, "%" PRIu64, job->job);
+        table_add(&table, "%s", job->name);
+        table_add(&table, "%s", job_state_name(job->state));
+        table_add(&table, "%u/%u", job->frames_done, job->last_frame - job->first_frame + 1);
+        table_add(&table, "%.0f %%", job->samples_total ? 100.0 * (double)job->samples_done /
+                                                              (double)job->samples_total
+                                                        : 0.0);
+        table_add(&table, "%s%s",
+                  job->now && job->now->figures
+                      ? figures_display_text(text, job->now->figures->display)
+                      : "-",
+                  job->now && job->now->figures && !job->now->figures->reliable ? "?" : "");
+        table_add(&table, "%s", running ? format_duration(text, job->seconds_left) : "-");
+        table_add(&table, "%u", job->workers);
+        /* Month to minute: the whole of it is in show. */
+        when = format_time(text, job->submitted_at);
+        table_add(&table, "%.11s", strlen(when) > 5 ? when + 5 : when);
+        table_add(&table, "%s", job->state_text);
+    }
+    result = table_print(&table, err);
+    table_release(&table);
+    return result;
+}
+
+static status print_json(const struct job_rows *list, struct error *err)
+{
+    json_t *jobs = json_array();
+
+    for (size_t i = 0; i < list->count; i++)
+        json_array_append_new(jobs, job_info_json(list->jobs[i]));
+    return json_print(json_pack("{s:o, s:I}", "jobs", jobs, "not_shown",
+                                (json_int_t)list->not_shown),
+                      err);
+}
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                  struct error *err)
+{
+    struct connection_options where = CONNECTION_OPTIONS_INIT;
+    struct job_rows rows = {0};
+    int all = 0, json = 0, done;
+    const struct option table[] = {
+        {"all", 'a', OPTION_FLAG, &all, NULL,
+         "also the oldest jobs that have ended (without it: the newest 2000 of these)", 0, 0, NULL},
+        {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
+        CONNECTION_OPTION_ROWS(where),
+        {0},
+    };
+    struct positionals rest;
+    struct connection *connection = NULL;
+    status result = command_parse(command, table, argc, argv, 0, 0, &rest, &done, err);
+
+    (void)exit_code;
+    if (result != STATUS_OK || done)
+        return result;
+    result = connection_open(&connection, &where, err);
+    if (result == STATUS_OK)
+        result = rows_get(connection, all, &rows, err);
+    if (result == STATUS_OK)
+        result = json ? print_json(&rows, err) : print_table(&rows, err);
+    if (result == STATUS_OK && rows.not_shown > 0 && !json)
+        fprintf(stderr, "%" PRIu64 " older jobs that have ended are not shown (--all shows them)\n",
+                rows.not_shown);
+    rows_release(&rows);
+    connection_close(connection);
+    return result;
+}
+
+const struct command command_list = {
+    .name = "list",
+    .group = COMMAND_JOBS,
+    .usage = "azulejo list [OPTION]...",
+    .summary = "list the jobs",
+    .description = "List the farm's jobs: the running and queued ones, and those that have ended.",
+    .run = run,
+};

@@ -1,0 +1,339 @@
+/* azulejo render: render on this machine, with a farm that lives as long as the command. */
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "client/farm/cancel.h"
+#include "client/commands/command.h"
+#include "client/farm/cut_frame.h"
+#include "client/farm/destination.h"
+#include "client/commands/effects_auto.h"
+#include "client/farm/fetch.h"
+#include "client/farm/job_info.h"
+#include "client/farm/local.h"
+#include "client/farm/signals.h"
+#include "client/farm/submission.h"
+#include "client/farm/watch.h"
+#include "common/base/clock.h"
+#include "common/base/file.h"
+#include "common/base/memory.h"
+#include "common/scene/manifest.h"
+#include "protocol/message.h"
+
+/* After an interruption: so long may one picture take. */
+enum { CUT_PATIENCE_MS = 60000 };
+
+struct render {
+    const char *scene_path;
+    struct job_options options;
+    struct effects_auto effects;
+    struct local_options local;
+    int json, quiet, manifest;
+    struct job_request request;
+    struct import_result scene;
+    struct destination destination;
+    char *name;
+    struct local_farm *farm;
+    struct connection *connection;
+    uint64_t job;
+    Azulejo__Wire__Envelope *last;       /* the job's last JobList */
+    int cut;                             /* interrupted: only what there is is fetched */
+    json_t *files;
+};
+
+static status fetch_file(struct render *r, uint32_t frame, Azulejo__Wire__OutputKind kind,
+                         const char *extension, struct error *err)
+{
+    struct buffer data = BUFFER_INIT, path = BUFFER_INIT;
+    status result = fetch_output(r->connection, r->job, frame, kind, &data, err);
+
+    destination_path(&r->destination, frame, extension, &path);
+    if (result == STATUS_OK && !buffer_ok(&path))
+        result = error_no_memory(err, "a path");
+    if (result == STATUS_OK)
+        result = file_write_atomic(buffer_text(&path), data.data, data.size, err);
+    if (result == STATUS_OK)
+        json_array_append_new(r->files, json_text(buffer_text(&path)));
+    buffer_release(&path);
+    buffer_release(&data);
+    return result;
+}
+
+static status fetch_frame(struct render *r, uint32_t frame, struct error *err)
+{
+    status result = STATUS_OK;
+
+    if (r->destination.formats & OUTPUT_FORMAT_EXR)
+        result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR, "exr", err);
+    if (result == STATUS_OK && (r->destination.formats & OUTPUT_FORMAT_PNG))
+        result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG, "png", err);
+    if (result == STATUS_OK && (r->destination.formats & OUTPUT_FORMAT_JPEG))
+        result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_JPEG, "jpg", err);
+    if (result == STATUS_OK && r->manifest)
+        result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON,
+                            MANIFEST_EXTENSION, err);
+    return result;
+}
+
+static status fetch_pictures(struct render *r, struct error *err)
+{
+    status result = STATUS_OK;
+
+    for (uint32_t frame = r->request.first_frame;
+         frame <= r->request.last_frame && result == STATUS_OK; frame++) {
+        result = fetch_frame(r, frame, err);
+        if (r->cut && result == STATUS_ERR_NOT_FOUND)
+            result = STATUS_OK; /* it had no sample yet */
+    }
+    return result;
+}
+
+/* The pictures cannot be written where they were wanted, and the local farm is about to take
+ * them with it: put them into a temporary folder, and say so behind the error. */
+static void rescue_pictures(struct render *r, struct error *err)
+{
+    const char *parent = getenv("TMPDIR");
+    struct buffer folder = BUFFER_INIT;
+    struct error again = {0};
+    size_t used = strlen(err->text);
+    char *wanted = r->destination.folder;
+
+    buffer_printf(&folder, "%s/azulejo-kept-XXXXXX", parent && *parent ? parent : "/tmp");
+    if (buffer_ok(&folder) && mkdtemp((char *)folder.data)) {
+        const char *how_many = "the";
+        r->destination.folder = (char *)folder.data;
+        if (fetch_pictures(r, &again) != STATUS_OK)
+            how_many = rmdir(r->destination.folder) == 0 ? NULL : "some of the";
+        if (how_many)
+            snprintf(err->text + used, sizeof err->text - used, "; %s pictures are kept in %s",
+                     how_many, r->destination.folder);
+        r->destination.folder = wanted;
+    }
+    buffer_release(&folder);
+}
+
+static status fetch_or_rescue(struct render *r, struct error *err)
+{
+    status result = fetch_pictures(r, err);
+
+    if (result == STATUS_ERR_IO)
+        rescue_pictures(r, err);
+    return result;
+}
+
+/* What was cut short, and what of it was written, as the error of an interruption. */
+static status explain_cut(const struct render *r, struct error *err)
+{
+    const Azulejo__Wire__JobInfo *info = job_list_find(r->last->job_list, r->job);
+    struct buffer text = BUFFER_INIT;
+    char cut[CUT_FRAME_TEXT_SIZE];
+
+    for (size_t i = 0; i < info->n_cut_frames; i++)
+        buffer_printf(&text, "; %s", cut_frame_text(cut, info, info->cut_frames[i]));
+    if (json_array_size(r->files) == 0)
+        buffer_puts(&text, "; no frame has a sample yet, and nothing is written");
+    for (size_t i = 0; i < json_array_size(r->files); i++)
+        buffer_printf(&text, "%s%s", i ? ", " : "; written: ",
+                      json_string_value(json_array_get(r->files, i)));
+    error_set(err, STATUS_ERR_JOB_FAILED, "interrupted%s",
+              buffer_ok(&text) ? buffer_text(&text) : "");
+    buffer_release(&text);
+    return STATUS_ERR_JOB_FAILED;
+}
+
+static uint64_t pictures_made(const struct render *r)
+{
+    const Azulejo__Wire__JobInfo *info = job_list_find(r->last->job_list, r->job);
+
+    return (uint64_t)info->frames_done + info->frames_developed;
+}
+
+/* Wait for the pictures of what is rendered; not for a disk that stays full. */
+static status await_cut(struct render *r, struct error *err)
+{
+    uint64_t made = 0;
+
+    for (;;) {
+        status result = watch_job(r->connection, r->job, r->quiet,
+                                  clock_monotonic_ns() + CUT_PATIENCE_MS * NS_PER_MS, &r->last, err);
+        if (result != STATUS_ERR_TIMEOUT)
+            return result;
+        result = job_query(r->connection, r->job, &r->last, err);
+        if (result != STATUS_OK)
+            return result;
+        if (pictures_made(r) == made)
+            return error_set(err, STATUS_ERR_IO, "interrupted; no picture came in %d s, and what is "
+                             "rendered is given up: %s", CUT_PATIENCE_MS / 1000,
+                             job_list_find(r->last->job_list, r->job)->state_text);
+        made = pictures_made(r);
+        message_free(r->last);
+        r->last = NULL;
+    }
+}
+
+/* The first Ctrl-C: end the job with what it has. The next one ends this as well. */
+static status cut_short(struct render *r, struct error *err)
+{
+    Azulejo__Wire__Envelope *answer = NULL;
+    status result;
+
+    local_farm_tolerate(r->farm);
+    if (!r->quiet)
+        fprintf(stderr, "interrupted: what is rendered is written; once more to stop at once\n");
+    result = cancel_job(r->connection, r->job, 0, &answer, err);
+    message_free(answer);
+    if (result == STATUS_OK)
+        result = await_cut(r, err);
+    r->cut = 1;
+    if (result == STATUS_OK)
+        result = fetch_or_rescue(r, err);
+    return result == STATUS_OK ? explain_cut(r, err) : result;
+}
+
+static status render_on_farm(struct render *r, struct error *err)
+{
+    struct job_accepted accepted = {0};
+    status result = connection_open(&r->connection, local_farm_address(r->farm), err);
+
+    if (result != STATUS_OK)
+        return result;
+    connection_set_watch(r->connection, local_farm_check, r->farm);
+    result = local_farm_check(r->farm, err); /* what ended before the connection watched */
+    if (result == STATUS_OK)
+        result = effects_auto_apply(&r->effects, r->connection, &r->scene, &r->request, r->quiet, err);
+    if (result == STATUS_OK)
+        result = submission_send(r->connection, &r->scene, &r->request, r->name,
+                                 r->destination.formats, r->quiet, &accepted, err);
+    r->job = accepted.job;
+    if (result == STATUS_OK)
+        result = watch_job(r->connection, r->job, r->quiet, 0, &r->last, err);
+    if (result != STATUS_OK && r->job && signals_stop_count() == 1)
+        return cut_short(r, err);
+    if (result == STATUS_OK)
+        result = job_info_verdict(job_list_find(r->last->job_list, r->job), err);
+    if (result == STATUS_OK)
+        result = fetch_or_rescue(r, err);
+    return result;
+}
+
+static status report(struct render *r, struct error *err)
+{
+    const Azulejo__Wire__JobInfo *info = job_list_find(r->last->job_list, r->job);
+
+    if (r->json)
+        return json_print(json_pack("{s:o, s:O, s:o}", "job", job_info_json(info), "files",
+                                    r->files, "inputs", import_inputs_json(&r->scene)),
+                          err);
+    if (r->quiet)
+        return STATUS_OK;
+    job_info_print_summary(stdout, info);
+    for (size_t i = 0; i < json_array_size(r->files); i++)
+        printf("  %-10s  %s\n", "wrote", json_string_value(json_array_get(r->files, i)));
+    return STATUS_OK;
+}
+
+/* Everything that can be wrong on our side is found out before a program is started. */
+static status prepare(struct render *r, const char *out, struct error *err)
+{
+    uint32_t frames;
+    status result = job_options_check(&r->options, &r->request, err);
+
+    if (result == STATUS_OK)
+        result = effects_auto_check(&r->effects, r->options.stop.target, err);
+    if (result != STATUS_OK)
+        return result;
+    frames = r->request.last_frame - r->request.first_frame + 1;
+    r->name = submission_name(r->scene_path);
+    r->files = json_array();
+    if (!r->name || !r->files)
+        return error_no_memory(err, "a name");
+    result = destination_init(&r->destination, out, r->request.output.formats, r->name, frames,
+                              err);
+    if (result == STATUS_OK)
+        result = submission_prepare(r->scene_path, &r->options, r->quiet, &r->request, &r->scene,
+                                    err);
+    if (result == STATUS_OK)
+        result = fetch_check_folder(r->destination.folder, err);
+    if (result == STATUS_OK)
+        result = signals_catch(err);
+    return result;
+}
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                  struct error *err)
+{
+    struct render r = {.options = JOB_OPTIONS_INIT};
+    const char *out = NULL;
+    int64_t workers = 1, threads = 0;
+    struct error again = {0};
+    int done;
+    const struct option table[] = {
+        {"output", 'o', OPTION_STRING, &out, "OUT",
+         "where the pictures go: a folder, a file (.exr, .png or .jpg), or the files' path without "
+         "extension (default: the scene's name, here)",
+         0, 0, NULL},
+        JOB_OPTION_ROWS(r.options),
+        EFFECTS_AUTO_ROWS(r.effects),
+        {"workers", 'w', OPTION_INT, &workers, "N", "worker processes (default 1)", 1,
+         LOCAL_WORKERS_MAX, NULL},
+        {"threads", 'j', OPTION_INT, &threads, "N",
+         "threads of each worker (default: the processors, shared out)", 1, 1024, NULL},
+        {"manifest", 0, OPTION_FLAG, &r.manifest, NULL,
+         "also write each frame's manifest, ." MANIFEST_EXTENSION ": which effects ran, who called "
+         "for them, and where the time went",
+         0, 0, NULL},
+        {"json", 0, OPTION_FLAG, &r.json, NULL, "print JSON at the end", 0, 0, NULL},
+        {"quiet", 'q', OPTION_FLAG, &r.quiet, NULL, "no progress, no warnings, no summary", 0, 0,
+         NULL},
+        {"verbose", 'v', OPTION_FLAG, &r.local.verbose, NULL,
+         "show what the coordinator and the workers log", 0, 0, NULL},
+        {0},
+    };
+    struct option rows[TONEMAP_ROWS_MAX];
+    struct positionals rest;
+    status result = command_parse(command,
+                                  tonemap_options_table(&r.options.output.tone, table, rows), argc,
+                                  argv, 1, 1, &rest, &done, err);
+
+    (void)exit_code;
+    if (result != STATUS_OK || done)
+        return result;
+    r.scene_path = rest.items[0];
+    r.local.workers = (unsigned)workers;
+    r.local.threads = (unsigned)threads;
+    result = prepare(&r, out, err);
+    if (result == STATUS_OK)
+        result = local_farm_start(&r.farm, &r.local, err);
+    if (result == STATUS_OK) {
+        result = render_on_farm(&r, err);
+        if (result != STATUS_OK)
+            result = local_farm_explain(r.farm, result, err);
+    }
+    connection_close(r.connection);
+    local_farm_stop(r.farm);
+    if (result == STATUS_OK)
+        result = report(&r, err);
+    else if (r.cut && r.last && report(&r, &again) != STATUS_OK)
+        fprintf(stderr, "azulejo: %s\n", again.text);
+    message_free(r.last);
+    json_decref(r.files);
+    destination_release(&r.destination);
+    import_result_release(&r.scene);
+    job_request_release(&r.request);
+    mem_free(r.name);
+    return result;
+}
+
+const struct command command_render = {
+    .name = "render",
+    .group = COMMAND_RENDER,
+    .usage = "azulejo render SCENE [OPTION]...",
+    .summary = "render a scene on this machine",
+    .description =
+        "Render a scene (glTF 2.0, pbrt, OBJ or PLY) with a coordinator and workers of its own, which live\n"
+        "as long as the command. Writes an EXR file with the linear radiance and a tone mapped PNG. Ctrl-C\n"
+        "writes them with the samples that there are, and says how many; a second Ctrl-C stops at once.",
+    .run = run,
+};

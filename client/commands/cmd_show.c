@@ -1,0 +1,265 @@
+/* azulejo show: everything about one job. */
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "client/commands/command.h"
+#include "client/commands/effects_view.h"
+#include "client/farm/fetch.h"
+#include "client/farm/figures_view.h"
+#include "client/terminal/format.h"
+#include "client/farm/job_info.h"
+#include "client/farm/output.h"
+#include "client/terminal/parse.h"
+#include "common/scene/settings.h"
+#include "protocol/message.h"
+
+static void print_field(const char *label, const char *text)
+{
+    char copy[512];
+
+    printf("  %-10s  %s\n", label, message_text(copy, sizeof copy, text));
+}
+
+static void print_settings(const Azulejo__Wire__RenderSettings *s)
+{
+    printf("  %-10s  %u x %u pixels, %u samples each, depth %u, seed %" PRIu64 ", camera %u\n",
+           "picture", s->width, s->height, s->spp, s->max_depth, s->seed, s->camera);
+    printf("  %-10s  sampled by %s, turned %g degrees, strength %g\n", "light map",
+           env_sampling_name((enum env_sampling)s->env_sampling), (double)s->env_rotate_deg,
+           (double)s->env_strength);
+    printf("  %-10s  %s\n", "isa", isa_name((enum isa)s->isa));
+}
+
+/* Only what is not as it is when nobody asks for anything. */
+static void print_extras(const Azulejo__Wire__RenderSettings *s)
+{
+    char names[SETTINGS_TEXT_SIZE];
+    char choices[SETTINGS_CHOICES_TEXT_SIZE];
+    struct render_settings defaults, settings;
+    struct error err = {0};
+
+    render_settings_default(&defaults);
+    if (s->fps != defaults.fps || s->shutter != defaults.shutter) {
+        printf("  %-10s  %g frames a second", "motion", (double)s->fps);
+        if (s->shutter > 0)
+            printf(", shutter open for %g of each", (double)s->shutter);
+        printf("\n");
+    }
+    if (s->pinhole || s->lens_radius > 0 || s->focus_distance > 0) {
+        printf("  %-10s ", "lens");
+        if (s->pinhole)
+            printf(" pinhole");
+        else if (s->lens_radius > 0)
+            printf(" radius %g m", (double)s->lens_radius);
+        if (s->focus_distance > 0)
+            printf(" focused at %g m", (double)s->focus_distance);
+        printf("\n");
+    }
+    if (s->without)
+        print_field("without", settings_effects_text(s->without, names));
+    if (wire_settings_get(&settings, s, UINT32_MAX, &err) == STATUS_OK &&
+        settings_choices_text(&settings, choices)[0])
+        print_field("choices", choices);
+    if (s->aovs)
+        print_field("aovs", settings_aovs_text(s->aovs, names));
+}
+
+static void print_parameter(const Azulejo__Wire__OutputSettings *o, size_t i)
+{
+    json_t *value = job_parameter_json(o->tonemap, o->parameters[i]->key, o->parameters[i]->value);
+    char key[64];
+
+    message_text(key, sizeof key, o->parameters[i]->key);
+    if (json_is_string(value))
+        printf(", %s=%s", key, json_string_value(value));
+    else
+        printf(", %s=%g", key, o->parameters[i]->value);
+    json_decref(value);
+}
+
+static void print_files(const Azulejo__Wire__OutputSettings *o)
+{
+    unsigned formats = output_message_formats(o);
+    const char *between = "";
+
+    printf("  %-10s  ", "output");
+    if (formats & OUTPUT_FORMAT_EXR) {
+        printf("%s EXR", o->exr_half ? "16-bit" : "32-bit");
+        between = ", ";
+    }
+    if (formats & OUTPUT_FORMAT_PNG) {
+        printf("%s%u-bit PNG", between, o->png_bits ? o->png_bits : 8);
+        between = ", ";
+    }
+    if (formats & OUTPUT_FORMAT_JPEG)
+        printf("%sJPEG of quality %u", between,
+               o->jpeg_quality ? o->jpeg_quality : JPEG_QUALITY_DEFAULT);
+    printf("%s\n", o->no_dither ? ", not dithered" : "");
+}
+
+static void print_output(const Azulejo__Wire__OutputSettings *o)
+{
+    char text[128];
+
+    print_files(o);
+    printf("  %-10s  %s", "tone map", message_text(text, sizeof text, o->tonemap));
+    for (size_t i = 0; i < o->n_parameters; i++)
+        print_parameter(o, i);
+    printf(", exposure %+g EV", o->exposure_ev);
+    if (o->camera_ev != 0)
+        printf(" of which %+g the camera's", o->camera_ev);
+    if (strcmp(o->metering, "percentile") == 0)
+        printf(", percentile %g becomes white", output_percentile(o));
+    else if (strcmp(o->metering, "key") == 0)
+        printf(", log-mean becomes 0.18");
+    if (o->white_kelvin > 0)
+        printf(", %g K becomes white", o->white_kelvin);
+    if (o->temporal > 1)
+        printf(", averaged over %u frames", o->temporal);
+    if (o->tonemap_file.len)
+        printf(", with %s", message_text(text, sizeof text, o->tonemap_file_name));
+    printf("\n");
+}
+
+static void print_job(const Azulejo__Wire__JobInfo *job)
+{
+    char text[FORMAT_SIZE];
+
+    printf("job %" PRIu64 ": %s\n", job->job, job_state_name(job->state));
+    print_field("name", job->name);
+    print_field("scene", job->scene_name);
+    if (job->state_text[0])
+        print_field("note", job->state_text);
+    printf("  %-10s  %u-%u, priority %d\n", "range", job->first_frame, job->last_frame,
+           job->priority);
+    if (job->settings) {
+        print_settings(job->settings);
+        print_extras(job->settings);
+    }
+    if (job->output)
+        print_output(job->output);
+    print_field("submitted", format_time(text, job->submitted_at));
+    if (job->finished_at)
+        print_field("ended", format_time(text, job->finished_at));
+    job_info_print_summary(stdout, job);
+    if (job->state == AZULEJO__WIRE__JOB_STATE__JOB_RUNNING) {
+        printf("  %-10s  %u\n", "workers", job->workers);
+        print_field("time left", format_duration(text, job->seconds_left));
+    }
+}
+
+/* The manifest of one frame: the named one, else the job's first. */
+static status show_effects(struct connection *connection, const Azulejo__Wire__JobInfo *job,
+                           int64_t frame, int json, struct error *err)
+{
+    uint32_t number = frame >= 0 ? (uint32_t)frame : job->first_frame;
+    struct buffer data = BUFFER_INIT;
+    json_t *manifest = NULL;
+    status result = fetch_output(connection, job->job, number,
+                                 AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON, &data, err);
+
+    if (result == STATUS_OK)
+        result = manifest_parse(&manifest, data.data, data.size, err);
+    if (result == STATUS_OK && json)
+        result = json_print(json_incref(manifest), err);
+    else if (result == STATUS_OK)
+        result = manifest_print(manifest, err);
+    json_decref(manifest);
+    buffer_release(&data);
+    return result;
+}
+
+/* The job's keys, and how the frame's error came down. */
+static status show_json(struct connection *connection, const Azulejo__Wire__JobInfo *job,
+                        int64_t frame, struct error *err)
+{
+    Azulejo__Wire__Envelope *answer = NULL;
+    json_t *root = job_info_json(job);
+    status result = history_query(connection, job->job,
+                                  frame >= 0 ? (uint32_t)frame : job->now_frame, &answer, err);
+
+    if (result == STATUS_OK) {
+        json_object_set_new(root, "history", history_json(answer->history));
+        result = json_print(json_incref(root), err);
+    }
+    json_decref(root);
+    message_free(answer);
+    return result;
+}
+
+static status show_history(struct connection *connection, const Azulejo__Wire__JobInfo *job,
+                           int64_t frame, struct error *err)
+{
+    Azulejo__Wire__Envelope *answer = NULL;
+    status result = history_query(connection, job->job,
+                                  frame >= 0 ? (uint32_t)frame : job->now_frame, &answer, err);
+
+    if (result == STATUS_OK)
+        result = history_print(answer->history, err);
+    message_free(answer);
+    return result;
+}
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                  struct error *err)
+{
+    struct connection_options where = CONNECTION_OPTIONS_INIT;
+    int json = 0, effects = 0, history = 0, done;
+    int64_t frame = -1;
+    const struct option table[] = {
+        {"effects", 0, OPTION_FLAG, &effects, NULL,
+         "instead: what a finished frame called for, what was left out, and where its time went", 0,
+         0, NULL},
+        {"history", 0, OPTION_FLAG, &history, NULL,
+         "instead: how a frame's error came down, and what that cost", 0, 0, NULL},
+        {"frame", 0, OPTION_INT, &frame, "N",
+         "the frame for --effects (default: the job's first), and for --history and --json (the one in work, "
+         "or the last one done)",
+         0, INT32_MAX, NULL},
+        {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
+        CONNECTION_OPTION_ROWS(where),
+        {0},
+    };
+    struct positionals rest;
+    struct connection *connection = NULL;
+    Azulejo__Wire__Envelope *answer = NULL;
+    uint64_t job;
+    status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+
+    (void)exit_code;
+    if (result != STATUS_OK || done)
+        return result;
+    if (frame >= 0 && !effects && !history && !json)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--frame says whose --effects, --history or --json to show: give both");
+    if (effects && history)
+        return error_set(err, STATUS_ERR_USAGE, "give --effects or --history, not both");
+    result = parse_job(rest.items[0], &job, err);
+    if (result == STATUS_OK)
+        result = connection_open(&connection, &where, err);
+    if (result == STATUS_OK)
+        result = job_query(connection, job, &answer, err);
+    if (result == STATUS_OK && effects)
+        result = show_effects(connection, job_list_find(answer->job_list, job), frame, json, err);
+    else if (result == STATUS_OK && json)
+        result = show_json(connection, job_list_find(answer->job_list, job), frame, err);
+    else if (result == STATUS_OK && history)
+        result = show_history(connection, job_list_find(answer->job_list, job), frame, err);
+    else if (result == STATUS_OK)
+        print_job(job_list_find(answer->job_list, job));
+    message_free(answer);
+    connection_close(connection);
+    return result;
+}
+
+const struct command command_show = {
+    .name = "show",
+    .group = COMMAND_JOBS,
+    .usage = "azulejo show JOB [OPTION]...",
+    .summary = "tell everything about a job",
+    .description =
+        "Tell a job's settings, how far it is, what it has cost so far, and its estimated error. With\n"
+        "--effects, tell of a finished frame which effects ran, who called for them, and where the time went.",
+    .run = run,
+};

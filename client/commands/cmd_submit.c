@@ -1,0 +1,170 @@
+/* azulejo submit: send a scene to a farm as a job. */
+#include <errno.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/random.h>
+
+#include "client/commands/command.h"
+#include "client/commands/effects_auto.h"
+#include "client/farm/follow.h"
+#include "client/farm/job_info.h"
+#include "client/farm/signals.h"
+#include "client/farm/submission.h"
+#include "client/farm/trial.h"
+#include "common/base/memory.h"
+
+/* So often is one job sent: if the coordinator dies of it, it shall not do so for ever. */
+enum { ATTEMPTS_MAX = 5 };
+
+static status print_submitted(const struct job_accepted *accepted,
+                              const struct import_result *scene, int json, struct error *err)
+{
+    if (json)
+        return json_print(json_pack("{s:I, s:I, s:o}", "job", (json_int_t)accepted->job,
+                                    "estimate_spp", (json_int_t)accepted->estimate_spp, "inputs",
+                                    import_inputs_json(scene)),
+                          err);
+    printf("%" PRIu64 "\n", accepted->job);
+    return STATUS_OK;
+}
+
+static status choose_token(const char *token, struct job_request *request, struct error *err)
+{
+    uint8_t random[16];
+
+    if (token && (!*token || strlen(token) > JOB_TOKEN_BYTES_MAX))
+        return error_set(err, STATUS_ERR_USAGE, "--token: must have 1 to %d bytes",
+                         JOB_TOKEN_BYTES_MAX);
+    if (token) {
+        memcpy(request->token, token, strlen(token) + 1);
+        return STATUS_OK;
+    }
+    if (getrandom(random, sizeof random, 0) != sizeof random)
+        return error_set(err, STATUS_ERR_IO, "no random numbers: %s", strerror(errno));
+    for (size_t i = 0; i < sizeof random; i++)
+        snprintf(request->token + 2 * i, 3, "%02x", random[i]);
+    return STATUS_OK;
+}
+
+/* Send the scene and the job, again when the connection is lost before the answer: the token makes
+ * it the same job. */
+static status send_again(struct connection **c, const struct import_result *scene,
+                         const struct job_request *request, const char *name,
+                         const struct follow *how, struct job_accepted *accepted, struct error *err)
+{
+    const struct reconnect again = {.where = how->where, .patience_s = how->reconnect_s,
+                                    .quiet = how->quiet};
+    unsigned formats = request->output.formats ? request->output.formats : OUTPUT_FORMAT_BOTH;
+    status result;
+
+    for (int attempt = 1;; attempt++) {
+        result = submission_send(*c, scene, request, name, formats, how->quiet, accepted, err);
+        if (result == STATUS_OK && accepted->estimate_spp > 0 && !how->quiet)
+            fprintf(stderr, "goes on from its estimate, job %" PRIu64 ": %u samples a pixel are there\n",
+                    accepted->job, accepted->estimate_spp);
+        if (!reconnect_is_loss(result) || attempt == ATTEMPTS_MAX)
+            return result;
+        result = reconnect(c, &again, err);
+        if (result != STATUS_OK)
+            return result;
+    }
+}
+
+/* Measuring is the only thing that takes long: Ctrl-C then also ends the pilots on the farm. */
+static status choose_effects(const struct effects_auto *effects, struct connection *c,
+                             const struct import_result *scene, struct job_request *request, int quiet,
+                             struct error *err)
+{
+    status result;
+
+    if (!(effects->target_codes > 0))
+        return STATUS_OK;
+    result = signals_catch(err);
+    connection_set_watch(c, trial_interrupted, NULL);
+    return result == STATUS_OK ? effects_auto_apply(effects, c, scene, request, quiet, err) : result;
+}
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                  struct error *err)
+{
+    struct connection_options where = CONNECTION_OPTIONS_INIT;
+    struct job_options options = JOB_OPTIONS_INIT;
+    struct effects_auto effects = {0};
+    const char *name = NULL;
+    const char *token = NULL;
+    struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
+    int watch = 0, done;
+    const struct option table[] = {
+        JOB_OPTION_ROWS(options),
+        EFFECTS_AUTO_ROWS(effects),
+        {"name", 'o', OPTION_STRING, &name, "NAME",
+         "the job's name, from which its output files get theirs (default: the scene file's)", 0, 0,
+         NULL},
+        {"token", 0, OPTION_STRING, &token, "TEXT",
+         "the submission's own name, up to 64 bytes: what is submitted again with it is the same "
+         "job, whose number is printed (default: a random one)",
+         0, 0, NULL},
+        {"watch", 'w', OPTION_FLAG, &watch, NULL, "follow the job until it ends", 0, 0, NULL},
+        {"json", 0, OPTION_FLAG, &how.json, NULL, "print JSON", 0, 0, NULL},
+        {"quiet", 'q', OPTION_FLAG, &how.quiet, NULL, "no progress and no warnings", 0, 0, NULL},
+        RECONNECT_OPTION_ROW(how.reconnect_s),
+        CONNECTION_OPTION_ROWS(where),
+        {0},
+    };
+    struct option rows[TONEMAP_ROWS_MAX];
+    struct positionals rest;
+    struct job_request request = {0};
+    struct import_result scene = {0};
+    struct connection *connection = NULL;
+    char *default_name = NULL;
+    struct job_accepted accepted = {0};
+    status result = command_parse(command, tonemap_options_table(&options.output.tone, table, rows),
+                                  argc, argv, 1, 1, &rest, &done, err);
+
+    (void)exit_code;
+    if (result != STATUS_OK || done)
+        return result;
+    result = job_options_check(&options, &request, err);
+    if (result == STATUS_OK)
+        result = effects_auto_check(&effects, options.stop.target, err);
+    if (result == STATUS_OK)
+        result = choose_token(token, &request, err);
+    if (result == STATUS_OK)
+        result = tonemap_key_check(&request.output.tonemap, where.key_path, err);
+    default_name = submission_name(rest.items[0]);
+    if (result == STATUS_OK && !default_name)
+        result = error_no_memory(err, "a name");
+    if (result == STATUS_OK)
+        result = submission_prepare(rest.items[0], &options, how.quiet, &request, &scene, err);
+    if (result == STATUS_OK)
+        result = connection_open(&connection, &where, err);
+    how.where = where;
+    if (result == STATUS_OK)
+        result = choose_effects(&effects, connection, &scene, &request, how.quiet, err);
+    if (result == STATUS_OK)
+        result = send_again(&connection, &scene, &request, name ? name : default_name, &how, &accepted,
+                            err);
+    if (result == STATUS_OK && watch) {
+        if (!how.quiet)
+            fprintf(stderr, "job %" PRIu64 "\n", accepted.job);
+        result = follow_job(&connection, accepted.job, &how, err);
+    } else if (result == STATUS_OK) {
+        result = print_submitted(&accepted, &scene, how.json, err);
+    }
+    connection_close(connection);
+    import_result_release(&scene);
+    job_request_release(&request);
+    mem_free(default_name);
+    return result;
+}
+
+const struct command command_submit = {
+    .name = "submit",
+    .group = COMMAND_JOBS,
+    .usage = "azulejo submit SCENE [OPTION]...",
+    .summary = "send a scene to the farm as a job",
+    .description = "Read a scene (glTF 2.0, pbrt, OBJ or PLY), send the coordinator what it lacks of it, queue a job, and print the\n"
+                   "job's number. An estimate of the same job on that farm becomes the job, and its samples count.",
+    .run = run,
+};

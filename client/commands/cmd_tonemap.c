@@ -1,0 +1,190 @@
+/* azulejo tonemap: an EXR or HDR picture to one for the screen, or to a sheet of many. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "client/commands/command.h"
+#include "client/farm/operator_list.h"
+#include "client/farm/picture_file.h"
+#include "client/commands/sweep.h"
+#include "common/base/file.h"
+
+struct tonemapping {
+    struct tonemap_options tone;
+    const char *from, *to;
+    enum output_format format;
+    const char *bits;
+    int64_t quality, threads, tile_width; /* 0: not given */
+    int no_dither;
+    struct picture_options picture;
+    struct sweep sweeps[SWEEPS_MAX];
+    size_t sweep_count;
+};
+
+static status map_one(const struct tonemapping *t, struct error *err)
+{
+    struct tonemap_context context = {.threads = (unsigned)t->threads,
+                                      .linear = t->format == OUTPUT_FORMAT_EXR};
+    struct tonemap_settings settings;
+    struct buffer file = BUFFER_INIT;
+    struct image picture = {0}, display = {0};
+    status result = tonemap_options_check(&t->tone, &settings, &file, err);
+
+    context.file_data = file.data;
+    context.file_size = file.size;
+    if (result == STATUS_OK)
+        result = picture_read(&picture, t->from, err);
+    if (result == STATUS_OK)
+        result = tonemap_apply(&display, &picture, &settings, &context, err);
+    if (result == STATUS_OK)
+        result = picture_write(t->to, &display, t->format, &t->picture, err);
+    image_release(&display);
+    image_release(&picture);
+    buffer_release(&file);
+    return result;
+}
+
+static status map_sweep(const struct tonemapping *t, struct error *err)
+{
+    const struct sweep_options how = {
+        .tone = &t->tone,
+        .sweeps = t->sweeps,
+        .sweep_count = t->sweep_count,
+        .tile_width = t->tile_width ? (uint32_t)t->tile_width : SWEEP_TILE_WIDTH_DEFAULT,
+        .threads = (unsigned)t->threads,
+        .linear = t->format == OUTPUT_FORMAT_EXR,
+    };
+    struct image picture = {0}, sheet = {0};
+    status result = sweep_check(&how, err);
+
+    if (result == STATUS_OK)
+        result = picture_read(&picture, t->from, err);
+    if (result == STATUS_OK)
+        result = sweep_draw(&sheet, &picture, file_basename(t->from), &how, err);
+    if (result == STATUS_OK)
+        result = picture_write(t->to, &sheet, t->format, &t->picture, err);
+    image_release(&sheet);
+    image_release(&picture);
+    return result;
+}
+
+static status choose_files(struct tonemapping *t, const struct command *command,
+                           const struct positionals *rest, struct error *err)
+{
+    if (rest->count == 0 || (rest->count == 1 && !t->to))
+        return error_set(err, STATUS_ERR_USAGE, "%s is missing; usage: %s",
+                         rest->count == 0 ? "a picture" : "the output, -o FILE,", command->usage);
+    if (rest->count == 2 && t->to)
+        return error_set(err, STATUS_ERR_USAGE, "'%s' is one argument too many beside -o; usage: %s",
+                         rest->items[1], command->usage);
+    t->from = rest->items[0];
+    if (rest->count == 2)
+        t->to = rest->items[1];
+    t->format = (enum output_format)output_format_of(t->to);
+    if (!t->format)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "%s: the output's name tells its format: end it in .png, .jpg or .exr",
+                         t->to);
+    return STATUS_OK;
+}
+
+/* Options that would do nothing are mistakes. */
+static status choose_picture(struct tonemapping *t, struct error *err)
+{
+    if (t->bits && t->format != OUTPUT_FORMAT_PNG)
+        return error_set(err, STATUS_ERR_USAGE, "--bits is for PNG: end the output's name in .png");
+    if (t->quality && t->format != OUTPUT_FORMAT_JPEG)
+        return error_set(err, STATUS_ERR_USAGE, "--quality is for JPEG: end the output's name in "
+                                                ".jpg");
+    if (t->no_dither && t->format == OUTPUT_FORMAT_EXR)
+        return error_set(err, STATUS_ERR_USAGE, "--no-dither: an EXR is never dithered: leave it "
+                                                "out");
+    if (t->tile_width && t->sweep_count == 0)
+        return error_set(err, STATUS_ERR_USAGE, "--tile-width is for a --sweep's sheet");
+    t->picture.bits = t->bits ? (int)strtol(t->bits, NULL, 10) : 0;
+    t->picture.quality = (int)t->quality;
+    t->picture.plain = t->no_dither;
+    return STATUS_OK;
+}
+
+static status parse_sweeps(struct tonemapping *t, const struct option_list *sweeps,
+                           struct error *err)
+{
+    status result = STATUS_OK;
+
+    if (sweeps->count > SWEEPS_MAX)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--sweep: %zu sweeps; a sheet shows one, or two as columns and rows",
+                         sweeps->count);
+    for (size_t i = 0; i < sweeps->count && result == STATUS_OK; i++)
+        result = sweep_parse(&t->sweeps[t->sweep_count++], sweeps->items[i], t->tone.file != NULL,
+                             err);
+    return result;
+}
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                  struct error *err)
+{
+    struct tonemapping t = {.tone = TONEMAP_OPTIONS_INIT};
+    struct option_list sweeps = {0};
+    int list = 0, json = 0, done;
+    const struct option table[] = {
+        {"output", 'o', OPTION_STRING, &t.to, "FILE",
+         "where the picture goes: .png, .jpg, or .exr for linear display light", 0, 0, NULL},
+        {"operator", 0, OPTION_STRING, &t.tone.tonemap, "OPERATOR", "the same as --tonemap", 0, 0,
+         NULL},
+        TONEMAP_OPTION_ROWS(t.tone),
+        {"bits", 0, OPTION_CHOICE, &t.bits, "N", "bits of a PNG's channel (default 8)", 0, 0, "8|16"},
+        {"quality", 0, OPTION_INT, &t.quality, "N", "quality of a JPEG, 1 to 100 (default 92)", 1,
+         100, NULL},
+        {"no-dither", 0, OPTION_FLAG, &t.no_dither, NULL, "round instead of dithering", 0, 0, NULL},
+        {"threads", 'j', OPTION_INT, &t.threads, "N", "threads to work with (default: all)", 1, 256,
+         NULL},
+        {"sweep", 0, OPTION_LIST, &sweeps, "NAME=VALUE,...",
+         "draw a labelled sheet with a picture for each value of a parameter, operator (or "
+         "operator=all), exposure, auto-exposure, percentile or white-balance; given twice, a table "
+         "of both",
+         0, 0, NULL},
+        {"tile-width", 0, OPTION_INT, &t.tile_width, "PIXELS",
+         "width of a sheet's pictures, if they are not smaller (default 480)", SWEEP_TILE_WIDTH_MIN,
+         SWEEP_TILE_WIDTH_MAX, NULL},
+        {"list", 'l', OPTION_FLAG, &list, NULL,
+         "list the operators: what they are, where they come from, their parameters", 0, 0, NULL},
+        {"json", 0, OPTION_FLAG, &json, NULL, "with --list: print JSON", 0, 0, NULL},
+        {0},
+    };
+    struct option rows[TONEMAP_ROWS_MAX];
+    struct positionals rest;
+    status result = command_parse(command, tonemap_options_table(&t.tone, table, rows), argc, argv,
+                                  0, 2, &rest, &done, err);
+
+    (void)exit_code;
+    if (result != STATUS_OK || done)
+        return result;
+    if (list)
+        return rest.count == 0 ? operator_list_print(table, json, err)
+                               : error_set(err, STATUS_ERR_USAGE, "--list takes no picture");
+    if (json)
+        return error_set(err, STATUS_ERR_USAGE, "--json goes with --list");
+    result = choose_files(&t, command, &rest, err);
+    if (result == STATUS_OK)
+        result = parse_sweeps(&t, &sweeps, err);
+    if (result == STATUS_OK)
+        result = choose_picture(&t, err);
+    if (result == STATUS_OK)
+        result = t.sweep_count ? map_sweep(&t, err) : map_one(&t, err);
+    for (size_t i = 0; i < t.sweep_count; i++)
+        sweep_release(&t.sweeps[i]);
+    return result;
+}
+
+const struct command command_tonemap = {
+    .name = "tonemap",
+    .group = COMMAND_PICTURES,
+    .usage = "azulejo tonemap PICTURE -o OUT [--tonemap OPERATOR] [--PARAMETER VALUE]... [OPTION]...",
+    .summary = "turn an EXR or HDR picture into one for the screen",
+    .description =
+        "Tone map an EXR or Radiance HDR picture just as the farm does, into a PNG, a JPEG, or an EXR of linear\n"
+        "display light; or, with --sweep, draw a labelled sheet that compares operators or their parameters.",
+    .run = run,
+};

@@ -1,0 +1,20 @@
+#include "client/commands/command.h"
+
+status command_parse(const struct command *command, const struct option *table, int argc,
+                     char *const *argv, size_t least, size_t most, struct positionals *rest,
+                     int *done, struct error *err)
+{
+    status result = options_parse(table, argc, argv, rest, done, err);
+
+    if (result == STATUS_OK && *done) {
+        options_print_help(command->usage, command->description, table);
+        return STATUS_OK;
+    }
+    if (result == STATUS_OK && rest->count < least)
+        result = error_set(err, STATUS_ERR_USAGE, "an argument is missing; usage: %s",
+                           command->usage);
+    if (result == STATUS_OK && rest->count > most)
+        result = error_set(err, STATUS_ERR_USAGE, "'%s' is one argument too many; usage: %s",
+                           rest->items[most], command->usage);
+    return result;
+}

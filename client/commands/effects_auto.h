@@ -1,0 +1,34 @@
+/* effects_auto: leave out the effects that nobody would miss at the accuracy asked for.
+ *
+ * `--effects auto --target-error N/255` measures the job's first frame (effects_measure) and leaves out
+ * what effects_choose says; a bias may reach a quarter of the target. What is left out is in
+ * settings.without, and so in the manifest and the EXR header.
+ */
+#ifndef AZULEJO_CLIENT_EFFECTS_AUTO_H
+#define AZULEJO_CLIENT_EFFECTS_AUTO_H
+
+#include "client/farm/connection.h"
+#include "client/import/import.h"
+#include "client/farm/job_options.h"
+
+struct effects_auto {
+    const char *effects; /* as given; NULL: not */
+    double target_codes; /* from effects_auto_check; 0: off */
+};
+
+#define EFFECTS_AUTO_ROWS(o)                                                                      \
+    {"effects", 0, OPTION_CHOICE, &(o).effects, "WHICH",                                          \
+     "auto: measure what each effect changes, and leave out what --target-error hides (default all)", \
+     0, 0, "all|auto"}
+
+/* `target`: as given to --target-error; NULL: not. ERR_USAGE. */
+status effects_auto_check(struct effects_auto *o, const char *target, struct error *err) MUST_CHECK;
+/* If it is on: measure, add to request->settings.without, and say so on standard error. */
+status effects_auto_apply(const struct effects_auto *o, struct connection *c,
+                          const struct import_result *scene, struct job_request *request, int quiet,
+                          struct error *err) MUST_CHECK;
+
+/* "N/255": ERR_USAGE names the option. */
+status parse_target_codes(const char *text, double *codes, struct error *err) MUST_CHECK;
+
+#endif

@@ -1,0 +1,60 @@
+#include "client/farm/cut_frame.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+
+#include "common/accuracy/stop.h"
+
+/* Of one pixel; 0 when the coordinator names no size. */
+static double mean_samples(const Azulejo__Wire__JobInfo *job, const Azulejo__Wire__CutFrame *cut)
+{
+    double pixels = job->settings ? (double)job->settings->width * job->settings->height : 0;
+
+    return pixels > 0 ? (double)cut->samples / pixels : 0;
+}
+
+int cut_frame_is_cancelled(const Azulejo__Wire__CutFrame *cut)
+{
+    /* An older coordinator does not tell what ended it. */
+    return cut->end == AZULEJO__WIRE__FRAME_END__FRAME_END_NONE ||
+           cut->end == AZULEJO__WIRE__FRAME_END__FRAME_END_CANCEL;
+}
+
+const char *cut_frame_text(char out[CUT_FRAME_TEXT_SIZE], const Azulejo__Wire__JobInfo *job,
+                           const Azulejo__Wire__CutFrame *cut)
+{
+    uint32_t spp = job->settings ? job->settings->spp : 0;
+    int used;
+
+    if (cut_frame_is_cancelled(cut))
+        used = snprintf(out, CUT_FRAME_TEXT_SIZE,
+                        "frame %u holds %.4g of %u samples a pixel (%u to %u)", cut->frame,
+                        mean_samples(job, cut), spp, cut->samples_min, cut->samples_max);
+    else
+        used = snprintf(out, CUT_FRAME_TEXT_SIZE, "frame %u %s after %u to %u samples a pixel (%.4g)",
+                        cut->frame, frame_end_text((enum frame_end)cut->end), cut->samples_min, cut->samples_max,
+                        mean_samples(job, cut));
+
+    if (cut->tiles_empty > 0 && used > 0 && used < CUT_FRAME_TEXT_SIZE)
+        snprintf(out + used, CUT_FRAME_TEXT_SIZE - (size_t)used,
+                 "; %u of %u tiles have none and are black", cut->tiles_empty, cut->tiles);
+    return out;
+}
+
+json_t *cut_frames_json(const Azulejo__Wire__JobInfo *job)
+{
+    json_t *all = json_array();
+
+    for (size_t i = 0; all && i < job->n_cut_frames; i++) {
+        const Azulejo__Wire__CutFrame *cut = job->cut_frames[i];
+        json_array_append_new(
+            all, json_pack("{s:I, s:s, s:I, s:I, s:f, s:I, s:I, s:I}", "frame", (json_int_t)cut->frame,
+                           "end", frame_end_word((enum frame_end)cut->end),
+                           "samples", (json_int_t)cut->samples, "samples_min",
+                           (json_int_t)cut->samples_min, "samples_mean", mean_samples(job, cut),
+                           "samples_max", (json_int_t)cut->samples_max, "tiles",
+                           (json_int_t)cut->tiles, "tiles_without_samples",
+                           (json_int_t)cut->tiles_empty));
+    }
+    return all;
+}

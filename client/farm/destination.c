@@ -1,0 +1,76 @@
+#include "client/farm/destination.h"
+
+#include <string.h>
+#include <sys/stat.h>
+
+#include "client/farm/output.h"
+#include "common/base/file.h"
+#include "common/base/memory.h"
+
+static int is_folder(const char *path)
+{
+    struct stat info;
+    size_t length = strlen(path);
+
+    if (length && path[length - 1] == '/')
+        return 1;
+    return stat(path, &info) == 0 && S_ISDIR(info.st_mode);
+}
+
+status destination_init(struct destination *d, const char *out, unsigned formats,
+                        const char *scene_name, uint32_t frames, struct error *err)
+{
+    memset(d, 0, sizeof *d);
+    d->formats = formats ? formats : OUTPUT_FORMAT_BOTH;
+    d->jpeg_extension = "jpg";
+    d->numbered = frames > 1;
+    if (!out || !*out)
+        out = "./";
+    if (is_folder(out)) {
+        d->folder = mem_strdup(out);
+        d->base = mem_strdup(scene_name);
+    } else {
+        unsigned named = output_format_of(out);
+
+        if (named && formats && named != formats)
+            return error_set(err, STATUS_ERR_USAGE,
+                             "--format: %s is one file of its own format; write it without "
+                             "extension", out);
+        d->folder = file_dirname(out);
+        d->base = mem_strdup(file_basename(out));
+        if (named) {
+            const char *extension = file_extension(out);
+
+            d->formats = named;
+            if (strlen(extension) == strlen("jpeg"))
+                d->jpeg_extension = "jpeg";
+            if (d->base)
+                d->base[strlen(d->base) - strlen(extension) - 1] = 0;
+        }
+    }
+    if (!d->folder || !d->base) {
+        destination_release(d);
+        return error_no_memory(err, "a path");
+    }
+    return STATUS_OK;
+}
+
+void destination_release(struct destination *d)
+{
+    mem_free(d->base);
+    mem_free(d->folder);
+    memset(d, 0, sizeof *d);
+}
+
+void destination_path(const struct destination *d, uint32_t frame, const char *extension,
+                      struct buffer *path)
+{
+    size_t length = strlen(d->folder);
+
+    if (strcmp(d->folder, "./") != 0 && strcmp(d->folder, ".") != 0)
+        buffer_printf(path, "%s%s", d->folder, length && d->folder[length - 1] == '/' ? "" : "/");
+    buffer_puts(path, d->base);
+    if (d->numbered)
+        buffer_printf(path, "-%04u", frame);
+    buffer_printf(path, ".%s", strcmp(extension, "jpg") == 0 ? d->jpeg_extension : extension);
+}

@@ -1,0 +1,22 @@
+/* follow: watch a job for a person at a terminal, and tell how it ended.
+ *
+ * Ctrl-C leaves the job alone and says so.
+ */
+#ifndef AZULEJO_CLIENT_FOLLOW_H
+#define AZULEJO_CLIENT_FOLLOW_H
+
+#include "client/farm/reconnect.h"
+
+struct follow {
+    struct connection_options where; /* for another connection when this one is lost */
+    double reconnect_s;              /* how long to wait for a coordinator that goes away */
+    double limit_s;                  /* how long to follow the job; 0: until it ends */
+    int quiet, json;
+};
+
+/* *c is another connection where the first was lost, and NULL where none came in its place.
+ * ERR_JOB_FAILED when the job failed or was cancelled; ERR_TIMEOUT after the limit. */
+status follow_job(struct connection **c, uint64_t job, const struct follow *how,
+                  struct error *err) MUST_CHECK;
+
+#endif

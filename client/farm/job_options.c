@@ -1,0 +1,187 @@
+#include "client/farm/job_options.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "client/terminal/parse.h"
+#include "client/farm/schedule_option.h"
+#include "common/base/buffer.h"
+#include "common/scene/pose.h"
+#include "protocol/message.h"
+
+/* With a target: at 4 or 8 samples a pixel how the error falls on is not known yet (docs/ACCURACY.md). */
+enum { SPP_MIN_DEFAULT = 16 };
+
+static status rules_check(const struct job_options *o, struct job_request *out, struct error *err)
+{
+    uint32_t spp;
+    status result = stop_options_check(&o->stop, &out->stop, &spp, err);
+
+    if (result != STATUS_OK)
+        return result;
+    out->stop.spp_min = (uint32_t)o->stop.spp_min;
+    out->spp_given = spp > 0;
+    if (spp > 0)
+        out->settings.spp = spp;
+    if (out->stop.spp_min > 0 && !out->stop.has_target)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--min-spp: only --target-error can end a frame earlier: give both, or "
+                         "--spp");
+    if (spp > 0 && out->stop.spp_min > spp)
+        return error_set(err, STATUS_ERR_USAGE, "--min-spp %u is more than --spp %u",
+                         out->stop.spp_min, spp);
+    if (out->stop.has_target && out->stop.spp_min == 0)
+        out->stop.spp_min = spp > 0 && spp < SPP_MIN_DEFAULT ? spp : SPP_MIN_DEFAULT;
+    return STATUS_OK;
+}
+
+status job_options_check(const struct job_options *o, struct job_request *out, struct error *err)
+{
+    struct render_settings *s = &out->settings;
+    status result = STATUS_OK;
+
+    memset(out, 0, sizeof *out);
+    render_settings_default(s);
+    s->max_depth = o->max_depth >= 0 ? (uint32_t)o->max_depth : SETTINGS_DEPTH_DEFAULT;
+    s->seed = (uint64_t)o->seed;
+    s->env_rotate_deg = (float)o->env_rotate_deg;
+    s->env_strength = (float)o->env_strength;
+    s->env_sampling = (enum env_sampling)env_sampling_parse(o->env_sampling);
+    s->isa = (enum isa)isa_parse(o->isa);
+    s->sampler = (enum sampler_kind)sampler_parse(o->sampler);
+    s->light_choice = (enum light_choice)light_choice_parse(o->light_choice);
+    s->texture_filter = (enum texture_filter)texture_filter_parse(o->texture_filter);
+    s->bvh_quality = (enum bvh_quality)bvh_quality_parse(o->bvh_quality);
+    s->not_robust = strcmp(o->robust, "off") == 0;
+    s->no_roulette = strcmp(o->roulette, "off") == 0;
+    s->clamp = (float)o->clamp;
+    s->fps = (float)o->fps;
+    s->shutter = (float)o->shutter;
+    s->lens_radius = (float)o->lens_radius;
+    s->focus_distance = (float)o->focus_distance;
+    out->first_frame = out->last_frame = 1;
+    out->priority = (int32_t)o->priority;
+    if (o->size)
+        result = parse_size(o->size, &s->width, &s->height, err);
+    if (result == STATUS_OK && o->frames)
+        result = parse_frames(o->frames, &out->first_frame, &out->last_frame, err);
+    for (size_t i = 0; i < o->without.count && result == STATUS_OK; i++)
+        result = parse_effects(o->without.items[i], &s->without, err);
+    for (size_t i = 0; i < o->aovs.count && result == STATUS_OK; i++)
+        result = parse_aovs(o->aovs.items[i], &s->aovs, err);
+    if (result == STATUS_OK)
+        result = rules_check(o, out, err);
+    if (result == STATUS_OK)
+        result = schedule_option_read(out, o, err);
+    if (result == STATUS_OK)
+        result = output_options_check(&o->output, &out->output, err);
+    out->output.half = o->half;
+    return result;
+}
+
+void job_request_release(struct job_request *request)
+{
+    output_request_release(&request->output);
+    buffer_release(&request->schedule);
+}
+
+static status camera_find(const struct scene *scene, const char *name, uint32_t *camera,
+                          struct error *err)
+{
+    struct buffer names = BUFFER_INIT;
+    unsigned long number;
+    char *end;
+
+    *camera = 0;
+    if (!name)
+        return STATUS_OK;
+    for (uint32_t i = 0; i < scene->camera_count; i++) {
+        if (scene->cameras[i].name && strcmp(scene->cameras[i].name, name) == 0) {
+            *camera = i;
+            return STATUS_OK;
+        }
+    }
+    number = strtoul(name, &end, 10);
+    if (name[0] >= '0' && name[0] <= '9' && *end == 0 && number < scene->camera_count) {
+        *camera = (uint32_t)number;
+        return STATUS_OK;
+    }
+    for (uint32_t i = 0; i < scene->camera_count && names.size < 600; i++)
+        buffer_printf(&names, "%s%u '%s'", i ? ", " : "", i,
+                      scene->cameras[i].name ? scene->cameras[i].name : "");
+    error_set(err, STATUS_ERR_USAGE, "--camera: the scene has no camera '%s'; it has %s", name,
+              buffer_text(&names));
+    buffer_release(&names);
+    return STATUS_ERR_USAGE;
+}
+
+/* Options that mean nothing without something that this camera has not. */
+static status lens_check(const struct render_settings *s, const struct scene_camera *camera,
+                         struct error *err)
+{
+    if (s->lens_radius > 0 && camera->kind == CAMERA_PANORAMA)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--lens: a panorama camera has no lens: choose another --camera");
+    if (s->lens_radius > 0 && s->focus_distance == 0 && camera->focus_distance == 0)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--lens: the camera does not say what is sharp: give --focus METRES too");
+    return STATUS_OK;
+}
+
+status job_request_complete(struct job_request *request, const struct job_options *o,
+                            const struct scene *scene, struct error *err)
+{
+    struct render_settings *s = &request->settings;
+    const struct scene_camera *camera;
+    status result = camera_find(scene, o->camera, &s->camera, err);
+
+    if (result != STATUS_OK)
+        return result;
+    camera = &scene->cameras[s->camera];
+    if (!o->size)
+        picture_size_default(camera->aspect, &s->width, &s->height);
+    if (!o->frames && scene_is_animated(scene, s))
+        request->first_frame = request->last_frame = 0;
+    request->output.camera_ev = (double)camera->exposure_ev;
+    request->output.tonemap.exposure_ev += request->output.camera_ev;
+    result = lens_check(s, camera, err);
+    return result == STATUS_OK ? render_settings_validate(s, scene->camera_count, err) : result;
+}
+
+status job_request_submit(struct connection *c, const struct job_request *request,
+                          const char *name, const struct digest *scene, unsigned formats,
+                          struct job_accepted *out, struct error *err)
+{
+    Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
+    Azulejo__Wire__JobSubmit submit = AZULEJO__WIRE__JOB_SUBMIT__INIT;
+    Azulejo__Wire__RenderSettings settings = AZULEJO__WIRE__RENDER_SETTINGS__INIT;
+    Azulejo__Wire__StopRules stop;
+    struct output_message output;
+    Azulejo__Wire__Envelope *answer = NULL;
+    status result;
+
+    wire_settings_set(&settings, &request->settings);
+    output_message_set(&output, &request->output, formats);
+    submit.name = (char *)name;
+    wire_digest_set(&submit.scene, scene);
+    submit.settings = &settings;
+    submit.output = &output.message;
+    submit.first_frame = request->first_frame;
+    submit.last_frame = request->last_frame;
+    wire_stop_set(&stop, &request->stop);
+    submit.stop = &stop;
+    submit.schedule = (ProtobufCBinaryData){request->schedule.size, request->schedule.data};
+    submit.frames = (uint32_t *)request->frames;
+    submit.n_frames = request->frame_count;
+    submit.estimate = (uint32_t)request->estimate;
+    submit.priority = request->priority;
+    submit.token = (char *)request->token;
+    envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_SUBMIT;
+    envelope.job_submit = &submit;
+    result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_ACCEPTED, &answer, err);
+    if (result != STATUS_OK)
+        return result;
+    *out = (struct job_accepted){answer->job_accepted->job, answer->job_accepted->estimate_spp};
+    message_free(answer);
+    return STATUS_OK;
+}

@@ -1,0 +1,48 @@
+#include "client/farm/picture_file.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+
+#include "common/base/file.h"
+
+static void tell_repairs(const char *path, const struct image_repairs *r)
+{
+    if (r->nan_pixels || r->negative_pixels || r->infinite_pixels)
+        fprintf(stderr,
+                "warning: %s: values that are no light were mended: %" PRIu64 " not numbers, %" PRIu64
+                " negative, %" PRIu64 " infinite\n",
+                path, r->nan_pixels, r->negative_pixels, r->infinite_pixels);
+}
+
+status picture_read(struct image *out, const char *path, struct error *err)
+{
+    struct buffer file = BUFFER_INIT;
+    struct image_repairs repairs = {0};
+    status result = file_read(path, IMAGE_BYTES_MAX, &file, err);
+
+    if (result == STATUS_OK)
+        result = image_decode_hdr(out, file.data, file.size, path, &repairs, err);
+    if (result == STATUS_OK)
+        tell_repairs(path, &repairs);
+    buffer_release(&file);
+    return result;
+}
+
+status picture_write(const char *path, const struct image *image, enum output_format format,
+                     const struct picture_options *how, struct error *err)
+{
+    static const struct exr_options plain_exr = {0};
+    struct buffer file = BUFFER_INIT;
+    status result;
+
+    if (format == OUTPUT_FORMAT_EXR)
+        result = exr_encode(&file, image, &plain_exr, err);
+    else if (format == OUTPUT_FORMAT_JPEG)
+        result = jpeg_encode(&file, image, how, err);
+    else
+        result = png_encode_as(&file, image, how, err);
+    if (result == STATUS_OK)
+        result = file_write_atomic(path, file.data, file.size, err);
+    buffer_release(&file);
+    return result;
+}

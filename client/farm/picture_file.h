@@ -1,0 +1,15 @@
+/* picture_file: pictures in from EXR and HDR files, and out to PNG, JPEG and EXR files. */
+#ifndef AZULEJO_CLIENT_PICTURE_FILE_H
+#define AZULEJO_CLIENT_PICTURE_FILE_H
+
+#include "client/farm/output.h"
+#include "common/image/image.h"
+
+/* Says on standard error what had to be mended. ERR_INPUT, ERR_LIMIT, ERR_UNSUPPORTED. */
+status picture_read(struct image *out, const char *path, struct error *err) MUST_CHECK;
+
+/* EXR files take display light, the others display codes. ERR_IO, ERR_LIMIT. */
+status picture_write(const char *path, const struct image *image, enum output_format format,
+                     const struct picture_options *how, struct error *err) MUST_CHECK;
+
+#endif

@@ -1,0 +1,93 @@
+#include "client/farm/schedule_option.h"
+
+#include <string.h>
+
+#include "common/accuracy/schedule.h"
+#include "common/base/file.h"
+#include "common/image/image.h"
+
+static status check_options(const struct job_options *o, struct error *err)
+{
+    const struct stop_options *s = &o->stop;
+
+    if (s->spp == 0 && s->spp_min == 0 && !s->target && !s->time_limit && !s->core_limit &&
+        !s->allocation)
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_USAGE,
+                     "--schedule-from says all about the samples: leave out --spp, --min-spp, "
+                     "--target-error, --time-limit, --core-limit and --allocation");
+}
+
+/* The samples of another release are other samples. */
+static status check_release(const struct buffer *exr, const char *path, struct error *err)
+{
+    static const char release[] = "azulejo " AZULEJO_VERSION " ";
+    struct buffer kernel = BUFFER_INIT;
+    status s = exr_read_text(&kernel, exr->data, exr->size, path, "azulejo:kernel", err);
+
+    if (s == STATUS_OK && strncmp(buffer_text(&kernel), release, sizeof release - 1) != 0)
+        s = error_set(err, STATUS_ERR_INPUT,
+                      "%s: was rendered by '%s', and this is azulejo %s, whose samples are others: "
+                      "use that release",
+                      path, buffer_text(&kernel), AZULEJO_VERSION);
+    buffer_release(&kernel);
+    return s;
+}
+
+status schedule_option_read(struct job_request *request, const struct job_options *o,
+                            struct error *err)
+{
+    const char *path = o->schedule_path;
+    struct buffer exr = BUFFER_INIT, text = BUFFER_INIT;
+    status s;
+
+    if (!path)
+        return STATUS_OK;
+    s = check_options(o, err);
+    if (s == STATUS_OK)
+        s = file_read(path, IMAGE_BYTES_MAX, &exr, err);
+    if (s == STATUS_OK) {
+        s = exr_read_text(&text, exr.data, exr.size, path, SCHEDULE_ATTRIBUTE, err);
+        if (s == STATUS_ERR_NOT_FOUND)
+            s = error_set(err, STATUS_ERR_INPUT,
+                          "%s: has no schedule; a picture that its rules ended has none: give them "
+                          "again (--spp, --target-error)",
+                          path);
+    }
+    if (s == STATUS_OK)
+        s = check_release(&exr, path, err);
+    if (s == STATUS_OK) {
+        s = schedule_decode(buffer_text(&text), &request->schedule_width,
+                            &request->schedule_height, &request->settings.spp, &request->schedule,
+                            err);
+        if (s != STATUS_OK)
+            error_prefix(err, "%s", path);
+    }
+    request->spp_given = 1;
+    buffer_release(&text);
+    buffer_release(&exr);
+    return s;
+}
+
+status schedule_option_fit(struct job_request *request, const struct job_options *o,
+                           struct error *err)
+{
+    struct render_settings *s = &request->settings;
+
+    if (!o->schedule_path)
+        return STATUS_OK;
+    if (!o->size) {
+        s->width = request->schedule_width;
+        s->height = request->schedule_height;
+    }
+    if (s->width != request->schedule_width || s->height != request->schedule_height)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "%s: its schedule is of %ux%u pixels, and --size is %ux%u: leave --size out",
+                         o->schedule_path, request->schedule_width, request->schedule_height,
+                         s->width, s->height);
+    if (request->first_frame != request->last_frame)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "%s: its schedule is of one frame: give that one with --frames",
+                         o->schedule_path);
+    return STATUS_OK;
+}

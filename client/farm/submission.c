@@ -1,0 +1,110 @@
+#include "client/farm/submission.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "client/terminal/format.h"
+#include "client/terminal/progress.h"
+#include "client/farm/schedule_option.h"
+#include "client/farm/upload.h"
+#include "common/base/file.h"
+#include "common/base/memory.h"
+
+/* What the file asks for counts where the user asks for nothing. */
+static void take_hints(const struct import_hints *hints, const struct job_options *o, int quiet,
+                       struct job_request *request)
+{
+    struct render_settings *s = &request->settings;
+    const int size = !o->size && hints->width && hints->height;
+    const int spp = !request->spp_given && hints->spp;
+    const int depth = o->max_depth < 0 && hints->has_max_depth;
+
+    if (size) {
+        s->width = hints->width;
+        s->height = hints->height;
+    }
+    if (spp)
+        s->spp = hints->spp;
+    if (depth)
+        s->max_depth = hints->max_depth;
+    if ((size || spp || depth) && !quiet)
+        fprintf(stderr, "as the file asks: %ux%u pixels, %u samples, depth %u\n", s->width,
+                s->height, s->spp, s->max_depth);
+}
+
+status submission_prepare(const char *path, const struct job_options *options, int quiet,
+                          struct job_request *request, struct import_result *scene,
+                          struct error *err)
+{
+    status result = import_scene(path, &options->import, scene, err);
+
+    if (result != STATUS_OK)
+        return result;
+    for (size_t i = 0; i < scene->warning_count && !quiet; i++)
+        fprintf(stderr, "warning: %s\n", scene->warnings[i]);
+    result = job_request_complete(request, options, &scene->scene, err);
+    if (result != STATUS_OK)
+        return result;
+    take_hints(&scene->hints, options, quiet, request);
+    result = schedule_option_fit(request, options, err);
+    if (result != STATUS_OK)
+        return result;
+    return render_settings_validate(&request->settings, scene->scene.camera_count, err);
+}
+
+static void report_upload(const struct upload_progress *progress, void *user)
+{
+    char sent[FORMAT_SIZE], all[FORMAT_SIZE], text[128];
+    double fraction = progress->missing_bytes
+                          ? (double)progress->sent_bytes / (double)progress->missing_bytes
+                          : 1;
+
+    snprintf(text, sizeof text, "sending the scene, %s of %s",
+             format_bytes(sent, progress->sent_bytes), format_bytes(all, progress->missing_bytes));
+    progress_draw(user, fraction, text);
+}
+
+status submission_send(struct connection *c, const struct import_result *scene,
+                       const struct job_request *request, const char *name, unsigned formats,
+                       int quiet, struct job_accepted *out, struct error *err)
+{
+    const struct output_request *output = &request->output;
+    size_t count = scene->blob_count;
+    struct upload_item *items = mem_calloc(count + 2, sizeof *items);
+    struct upload_progress uploaded;
+    struct progress progress;
+    char size[FORMAT_SIZE];
+    status result;
+
+    if (!items)
+        return error_no_memory(err, "an upload");
+    if (!quiet)
+        fprintf(stderr, "takes %zu file%s, %s\n", scene->files.count,
+                scene->files.count == 1 ? "" : "s", format_bytes(size, scene->file_bytes));
+    for (size_t i = 0; i < scene->blob_count; i++)
+        items[i] = (struct upload_item){scene->blobs[i].digest, scene->blobs[i].data,
+                                        scene->blobs[i].size_bytes};
+    if (output->tonemap.has_file)
+        items[count++] = (struct upload_item){output->tonemap.file, output->tonemap_file.data,
+                                              output->tonemap_file.size};
+    /* The scene last: when it is there, so is everything that it names. */
+    items[count++] = (struct upload_item){scene->scene_digest, scene->packed, scene->packed_bytes};
+    progress_init(&progress, quiet);
+    result = upload_blobs(c, items, count, report_upload, &progress, &uploaded, err);
+    progress_clear(&progress);
+    mem_free(items);
+    if (result != STATUS_OK)
+        return result;
+    return job_request_submit(c, request, name, &scene->scene_digest, formats, out, err);
+}
+
+char *submission_name(const char *path)
+{
+    const char *base = file_basename(path);
+    const char *dot = strrchr(base, '.');
+    char *name = mem_strdup(*base ? base : "scene");
+
+    if (name && dot && dot > base)
+        name[dot - base] = 0;
+    return name;
+}

@@ -1,0 +1,25 @@
+/* submission: a scene file on its way to becoming a job. */
+#ifndef AZULEJO_CLIENT_SUBMISSION_H
+#define AZULEJO_CLIENT_SUBMISSION_H
+
+#include "client/farm/connection.h"
+#include "client/import/import.h"
+#include "client/farm/job_options.h"
+
+/* Read the scene and complete the request; warnings go to standard error unless `quiet`.
+ * `scene` is released by the caller in every case. */
+status submission_prepare(const char *path, const struct job_options *options, int quiet,
+                          struct job_request *request, struct import_result *scene,
+                          struct error *err) MUST_CHECK;
+
+/* Send what the coordinator lacks, then the job. The number of files goes to standard error, and how
+ * far the upload is, unless `quiet`. */
+status submission_send(struct connection *c, const struct import_result *scene,
+                       const struct job_request *request, const char *name, unsigned formats,
+                       int quiet, struct job_accepted *out, struct error *err) MUST_CHECK;
+
+/* A job's name from a scene's path: the file's name without folder and extension.
+ * The caller frees with mem_free; NULL: out of memory. */
+char *submission_name(const char *path);
+
+#endif

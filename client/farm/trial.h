@@ -1,0 +1,44 @@
+/* trial: one picture rendered to be measured, an ordinary job on whatever farm the connection leads to.
+ *
+ * Whether a signal ends the waiting is the connection's watch's business; a trial that is ended so
+ * cancels its job, so that a farm does not go on with what nobody waits for.
+ */
+#ifndef AZULEJO_CLIENT_TRIAL_H
+#define AZULEJO_CLIENT_TRIAL_H
+
+#include "client/farm/connection.h"
+#include "client/import/import.h"
+#include "client/farm/job_options.h"
+#include "common/accuracy/figures.h"
+#include "common/image/image.h"
+
+struct trial {
+    double core_s;        /* of the workers' threads */
+    double wall_s;        /* from the first lease to the end */
+    double samples;       /* of a pixel */
+    double rays;
+    double trace_s;       /* inside Embree; 0: not measured */
+    double clamped_share; /* of the light, that settings.clamp took away */
+    struct accuracy_figures figures; /* of the picture, as `azulejo render` tells them; known 0: too few samples */
+    uint64_t effects;     /* that the frame calls for, for the figures' words */
+    struct image picture; /* linear radiance */
+    struct image sampling; /* of an adaptive picture: samples of each pixel, in all three channels */
+};
+
+/* Who is told, from time to time, that the farm has no worker while a trial waits. */
+struct trial_waiting {
+    void (*no_worker)(void *user);
+    void *user;
+};
+
+/* Render the request's first frame, ended by its cap and its stop rules, and wait for it. A former picture in `out` must have been
+ * released; release it after a failure, too. `waiting` may be NULL. */
+status trial_render(struct connection *c, const struct import_result *scene,
+                    const struct job_request *request, const char *name,
+                    const struct trial_waiting *waiting, struct trial *out, struct error *err) MUST_CHECK;
+void trial_release(struct trial *t);
+
+/* A connection's watch function (user: NULL) for farms of others: ERR_JOB_FAILED after Ctrl-C. */
+status trial_interrupted(void *user, struct error *err) MUST_CHECK;
+
+#endif

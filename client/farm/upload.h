@@ -1,0 +1,32 @@
+/* upload: blobs that the coordinator lacks, sent in pieces.
+ *
+ * Asks first (BlobQuery), then streams the missing ones: 256 KiB a piece, compressed where
+ * that pays, several blobs under way before the first must have been acknowledged.
+ */
+#ifndef AZULEJO_CLIENT_UPLOAD_H
+#define AZULEJO_CLIENT_UPLOAD_H
+
+#include "client/farm/connection.h"
+#include "common/base/digest.h"
+
+struct upload_item {
+    struct digest digest;
+    const uint8_t *data;
+    size_t size_bytes;
+};
+
+struct upload_progress {
+    uint64_t missing_bytes; /* what the coordinator lacks */
+    uint64_t sent_bytes;    /* of that, handed to the connection; uncompressed */
+    uint64_t wire_bytes;    /* what it took on the wire */
+};
+
+/* Called after every piece; may be NULL. */
+typedef void (*upload_progress_fn)(const struct upload_progress *progress, void *user);
+
+/* Returns when every blob is stored. `progress` is filled in either way. */
+status upload_blobs(struct connection *c, const struct upload_item *items, size_t count,
+                    upload_progress_fn report, void *user, struct upload_progress *progress,
+                    struct error *err) MUST_CHECK;
+
+#endif

@@ -1,0 +1,444 @@
+#include "client/import/builder/builder.h"
+
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "client/terminal/format.h"
+#include "common/base/file.h"
+#include "common/base/memory.h"
+#include "common/scene/effects.h"
+
+void builder_init(struct builder *b, struct import_result *out,
+                  const struct import_options *options, struct error *err)
+{
+    memset(b, 0, sizeof *b);
+    scene_environment_default(&b->environment);
+    b->fog = BUILDER_NO_ROW;
+    b->no_camera_hint = b->no_light_hint = "";
+    b->out = out;
+    b->files = &out->files;
+    b->options = options;
+    b->err = err;
+}
+
+void builder_release(struct builder *b)
+{
+    mem_free(b->meshes);
+    mem_free(b->images);
+    mem_free(b->textures);
+    mem_free(b->materials);
+    mem_free(b->instances);
+    mem_free(b->lights);
+    mem_free(b->cameras);
+    mem_free(b->nodes);
+    mem_free(b->channels);
+    mem_free(b->skins);
+    mem_free(b->media);
+    mem_free(b->portals);
+    mem_free(b->blob_index);
+    mem_free(b->blob_mesh);
+    for (size_t i = 0; i < b->warning_count; i++) {
+        mem_free(b->warnings[i].text);
+        mem_free(b->warnings[i].owned_kind);
+    }
+    memset(b, 0, sizeof *b);
+}
+
+/* ---- words -------------------------------------------------------------------------------- */
+
+/* A free slot for a kind that was not seen before; NULL: counted, nothing to add. */
+static struct builder_warning *warning_slot(struct builder *b, const char *kind)
+{
+    for (size_t i = 0; i < b->warning_count; i++)
+        if (strcmp(b->warnings[i].kind, kind) == 0) {
+            b->warnings[i].count++;
+            return NULL;
+        }
+    if (b->warning_count == IMPORT_WARNINGS_MAX) {
+        b->warnings_dropped++;
+        return NULL;
+    }
+    return &b->warnings[b->warning_count];
+}
+
+static void warning_fill(struct builder *b, struct builder_warning *slot, const char *kind,
+                         char *owned_kind, char *text)
+{
+    text_disarm(text);
+    slot->text = mem_strdup(text);
+    if (!slot->text) {
+        mem_free(owned_kind);
+        b->no_memory = 1;
+        return;
+    }
+    slot->kind = kind;
+    slot->owned_kind = owned_kind;
+    slot->count = 1;
+    b->warning_count++;
+}
+
+void builder_warn(struct builder *b, const char *kind, const char *format, ...)
+{
+    struct builder_warning *slot = warning_slot(b, kind);
+    char text[512];
+    va_list args;
+
+    if (!slot)
+        return;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    warning_fill(b, slot, kind, NULL, text);
+}
+
+void builder_warn_at(struct builder *b, const char *file, uint64_t line, const char *kind,
+                     const char *format, ...)
+{
+    struct builder_warning *slot = warning_slot(b, kind);
+    char text[768], *owned;
+    size_t at;
+    va_list args;
+
+    if (!slot)
+        return;
+    owned = mem_strdup(kind);
+    if (!owned) {
+        b->no_memory = 1;
+        return;
+    }
+    if (line)
+        snprintf(text, sizeof text, "%.255s:%llu: ", file, (unsigned long long)line);
+    else
+        snprintf(text, sizeof text, "%.255s: ", file);
+    at = strlen(text);
+    va_start(args, format);
+    vsnprintf(text + at, sizeof text - at, format, args);
+    va_end(args);
+    warning_fill(b, slot, owned, owned, text);
+}
+
+/* How many bytes the valid, printable UTF-8 character at `p` has; 0: it is none. */
+static int character_length(const uint8_t *p)
+{
+    uint32_t code = *p;
+    int length = 0;
+
+    if (code < 0x80)
+        length = 1;
+    else if (code >= 0xc2 && code < 0xf5)
+        length = code < 0xe0 ? 2 : code < 0xf0 ? 3 : 4;
+    if (length == 1)
+        return code >= 0x20 && code != 0x7f;
+    if (length == 0)
+        return 0;
+    code &= 0xffu >> (length + 1);
+    for (int i = 1; i < length; i++) {
+        if ((p[i] & 0xc0) != 0x80)
+            return 0;
+        code = code << 6 | (p[i] & 0x3f);
+    }
+    if ((length == 2 && code < 0xa0) || (length == 3 && code < 0x800) ||
+        (length == 4 && (code < 0x10000 || code > 0x10ffff)) || (code >= 0xd800 && code < 0xe000))
+        return 0;
+    return length;
+}
+
+const char *builder_name(struct builder *b, const char *name)
+{
+    char clean[SCENE_NAME_MAX + 1];
+    size_t size = 0;
+    char *copy;
+
+    for (const uint8_t *p = (const uint8_t *)(name ? name : ""); *p;) {
+        int length = character_length(p);
+        int taken = length ? length : 1;
+        if (size + (size_t)taken > SCENE_NAME_MAX)
+            break;
+        if (length)
+            memcpy(clean + size, p, (size_t)length);
+        else
+            clean[size] = '?';
+        size += (size_t)taken;
+        p += taken;
+    }
+    clean[size] = 0;
+    copy = arena_strdup(&b->out->scene.arena, clean);
+    if (!copy)
+        b->no_memory = 1;
+    return copy ? copy : "";
+}
+
+/* ---- blobs -------------------------------------------------------------------------------- */
+
+static size_t digest_slot(const struct digest *digest, size_t size)
+{
+    uint64_t start;
+
+    memcpy(&start, digest->bytes, sizeof start);
+    return (size_t)start & (size - 1);
+}
+
+static int blob_index_grow(struct builder *b)
+{
+    size_t size = b->blob_index_size ? b->blob_index_size * 2 : 64;
+    uint32_t *index = mem_calloc(size, sizeof *index);
+
+    if (!index)
+        return 0;
+    for (size_t row = 0; row < b->out->blob_count; row++) {
+        size_t at = digest_slot(&b->out->blobs[row].digest, size);
+        while (index[at])
+            at = (at + 1) & (size - 1);
+        index[at] = (uint32_t)row + 1;
+    }
+    mem_free(b->blob_index);
+    b->blob_index = index;
+    b->blob_index_size = size;
+    return 1;
+}
+
+static status blob_add(struct builder *b, uint8_t *data, size_t size_bytes, uint32_t *row)
+{
+    struct import_result *out = b->out;
+    struct digest digest;
+    status result = STATUS_OK;
+    size_t at;
+
+    if (digest_of(&digest, data, size_bytes) != STATUS_OK) {
+        result = error_no_memory(b->err, "a digest");
+        goto refused;
+    }
+    if (out->blob_count >= UINT32_MAX - 1) {
+        result = error_set(b->err, STATUS_ERR_LIMIT, "too many blobs");
+        goto refused;
+    }
+    if ((out->blob_count + 1) * 2 > b->blob_index_size && !blob_index_grow(b))
+        goto no_memory;
+    for (at = digest_slot(&digest, b->blob_index_size); b->blob_index[at];
+         at = (at + 1) & (b->blob_index_size - 1))
+        if (digest_equal(&out->blobs[b->blob_index[at] - 1].digest, &digest)) {
+            *row = b->blob_index[at] - 1;
+            mem_free(data);
+            return STATUS_OK;
+        }
+    if (!MEM_GROW(out->blobs, b->blob_capacity, out->blob_count + 1) ||
+        !MEM_GROW(b->blob_mesh, b->blob_mesh_capacity, out->blob_count + 1))
+        goto no_memory;
+    *row = (uint32_t)out->blob_count++;
+    out->blobs[*row] = (struct import_blob){digest, data, size_bytes};
+    out->blob_bytes += size_bytes;
+    b->blob_mesh[*row] = 0;
+    b->blob_index[at] = *row + 1;
+    return STATUS_OK;
+no_memory:
+    result = error_no_memory(b->err, "the list of blobs");
+refused:
+    mem_free(data);
+    return result;
+}
+
+const struct import_blob *builder_blob(const struct builder *b, const struct scene_blob *blob)
+{
+    size_t at;
+
+    if (b->blob_index_size == 0)
+        return NULL;
+    for (at = digest_slot(&blob->digest, b->blob_index_size); b->blob_index[at];
+         at = (at + 1) & (b->blob_index_size - 1))
+        if (digest_equal(&b->out->blobs[b->blob_index[at] - 1].digest, &blob->digest))
+            return &b->out->blobs[b->blob_index[at] - 1];
+    return NULL;
+}
+
+status builder_add_blob(struct builder *b, uint8_t *data, size_t size_bytes,
+                        struct scene_blob *out)
+{
+    uint32_t row;
+    status result = blob_add(b, data, size_bytes, &row);
+
+    if (result == STATUS_OK) {
+        out->digest = b->out->blobs[row].digest;
+        out->size_bytes = size_bytes;
+    }
+    return result;
+}
+
+/* ---- rows --------------------------------------------------------------------------------- */
+
+static status no_room(struct builder *b, const char *table)
+{
+    return error_set(b->err, STATUS_ERR_LIMIT, "the scene has too many %s", table);
+}
+
+#define ADD_ROW(table, count, capacity, maximum, value)                           \
+    do {                                                                          \
+        if (b->count >= (maximum))                                                \
+            return no_room(b, #table);                                            \
+        if (!MEM_GROW(b->table, b->capacity, b->count + 1))                       \
+            return error_no_memory(b->err, "the table of " #table);               \
+        b->table[b->count++] = (value);                                           \
+    } while (0)
+
+status builder_add_mesh(struct builder *b, const struct scene_mesh *mesh, uint8_t *data,
+                        size_t size_bytes, uint32_t *row)
+{
+    struct scene_mesh added = *mesh;
+    uint32_t blob;
+    status result = blob_add(b, data, size_bytes, &blob);
+
+    if (result != STATUS_OK)
+        return result;
+    if (b->blob_mesh[blob]) {
+        const struct scene_mesh *same = &b->meshes[b->blob_mesh[blob] - 1];
+        if (same->vertex_count == mesh->vertex_count && same->arrays == mesh->arrays &&
+            same->morph_count == mesh->morph_count) {
+            *row = b->blob_mesh[blob] - 1;
+            return STATUS_OK;
+        }
+    }
+    added.blob.digest = b->out->blobs[blob].digest;
+    added.blob.size_bytes = size_bytes;
+    ADD_ROW(meshes, mesh_count, mesh_capacity, SCENE_MESHES_MAX, added);
+    *row = (uint32_t)b->mesh_count - 1;
+    if (!b->blob_mesh[blob])
+        b->blob_mesh[blob] = *row + 1;
+    b->out->triangles += mesh->triangle_count;
+    b->out->vertices += mesh->vertex_count;
+    return STATUS_OK;
+}
+
+status builder_add_image_row(struct builder *b, const struct scene_image *image, uint32_t *row)
+{
+    ADD_ROW(images, image_count, image_capacity, SCENE_IMAGES_MAX, *image);
+    *row = (uint32_t)b->image_count - 1;
+    return STATUS_OK;
+}
+
+status builder_add_texture(struct builder *b, const struct scene_texture *texture, uint32_t *row)
+{
+    ADD_ROW(textures, texture_count, texture_capacity, SCENE_TEXTURES_MAX, *texture);
+    *row = (uint32_t)b->texture_count - 1;
+    return STATUS_OK;
+}
+
+status builder_add_material(struct builder *b, const struct scene_material *material,
+                            uint32_t *row)
+{
+    ADD_ROW(materials, material_count, material_capacity, SCENE_MATERIALS_MAX, *material);
+    *row = (uint32_t)b->material_count - 1;
+    return STATUS_OK;
+}
+
+status builder_add_instance(struct builder *b, const struct scene_instance *instance)
+{
+    ADD_ROW(instances, instance_count, instance_capacity, SCENE_INSTANCES_MAX, *instance);
+    b->out->triangles_placed += b->meshes[instance->mesh].triangle_count;
+    return STATUS_OK;
+}
+
+status builder_add_light(struct builder *b, const struct scene_light *light)
+{
+    ADD_ROW(lights, light_count, light_capacity, SCENE_LIGHTS_MAX, *light);
+    b->has_light = 1;
+    return STATUS_OK;
+}
+
+status builder_add_camera(struct builder *b, const struct scene_camera *camera)
+{
+    ADD_ROW(cameras, camera_count, camera_capacity, SCENE_CAMERAS_MAX, *camera);
+    return STATUS_OK;
+}
+
+/* ---- what moves --------------------------------------------------------------------------- */
+
+/* A copy in the scene's arena; 0 when out of memory. */
+static int keep(struct builder *b, void **array, size_t count, size_t size_bytes)
+{
+    void *copy;
+
+    if (count == 0) {
+        *array = NULL;
+        return 1;
+    }
+    copy = arena_alloc(&b->out->scene.arena, count, size_bytes);
+    if (copy)
+        memcpy(copy, *array, count * size_bytes);
+    *array = copy;
+    return copy != NULL;
+}
+#define KEEP(b, array, count) keep((b), (void **)&(array), (count), sizeof *(array))
+
+status builder_add_node(struct builder *b, const struct scene_node *node, uint32_t *row)
+{
+    struct scene_node added = *node;
+
+    if (!KEEP(b, added.weights, added.weight_count))
+        return error_no_memory(b->err, "a node");
+    ADD_ROW(nodes, node_count, node_capacity, SCENE_NODES_MAX, added);
+    *row = (uint32_t)b->node_count - 1;
+    return STATUS_OK;
+}
+
+status builder_add_channel(struct builder *b, const struct scene_channel *channel)
+{
+    struct scene_channel added = *channel;
+    size_t values;
+
+    if (channel->key_count > SCENE_KEYS_MAX)
+        return error_set(b->err, STATUS_ERR_LIMIT,
+                         "an animation has %u keys: at most %d are taken", channel->key_count,
+                         SCENE_KEYS_MAX);
+    if (!mem_size_mul((size_t)channel->key_count *
+                          (channel->interpolation == INTERPOLATE_CUBIC ? 3 : 1),
+                      channel->components, &values) ||
+        !KEEP(b, added.times, channel->key_count) || !KEEP(b, added.values, values))
+        return error_no_memory(b->err, "an animation");
+    ADD_ROW(channels, channel_count, channel_capacity, SCENE_CHANNELS_MAX, added);
+    return STATUS_OK;
+}
+
+status builder_add_skin(struct builder *b, const struct scene_skin *skin, uint32_t *row)
+{
+    struct scene_skin added = *skin;
+
+    if (!KEEP(b, added.joints, skin->joint_count) || !KEEP(b, added.inverse_bind, skin->joint_count))
+        return error_no_memory(b->err, "a skin");
+    ADD_ROW(skins, skin_count, skin_capacity, SCENE_SKINS_MAX, added);
+    *row = (uint32_t)b->skin_count - 1;
+    return STATUS_OK;
+}
+
+/* ---- media, portals ----------------------------------------------------------------------- */
+
+status builder_add_medium(struct builder *b, const struct scene_medium *medium, float *grid,
+                          uint32_t *row)
+{
+    struct scene_medium added = *medium;
+    size_t cells;
+
+    added.has_grid = grid != NULL;
+    if (grid) {
+        status result;
+        for (int axis = 0; axis < 3; axis++)
+            if (medium->grid_size[axis] < 1 || medium->grid_size[axis] > SCENE_GRID_SIDE_MAX) {
+                mem_free(grid);
+                return error_set(b->err, STATUS_ERR_LIMIT,
+                                 "a medium's grid has %u cells along one side: 1 to %d are taken",
+                                 medium->grid_size[axis], SCENE_GRID_SIDE_MAX);
+            }
+        cells = (size_t)medium->grid_size[0] * medium->grid_size[1] * medium->grid_size[2];
+        result = builder_add_blob(b, (uint8_t *)grid, cells * sizeof *grid, &added.grid);
+        if (result != STATUS_OK)
+            return result;
+    }
+    ADD_ROW(media, medium_count, medium_capacity, SCENE_MEDIA_MAX, added);
+    *row = (uint32_t)b->medium_count - 1;
+    return STATUS_OK;
+}
+
+status builder_add_portal(struct builder *b, const struct scene_portal *portal)
+{
+    ADD_ROW(portals, portal_count, portal_capacity, SCENE_PORTALS_MAX, *portal);
+    return STATUS_OK;
+}

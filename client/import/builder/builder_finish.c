@@ -1,0 +1,299 @@
+/* builder: the end of an import, when the tables are handed over as a scene. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "client/import/builder/bodies.h"
+#include "client/import/builder/builder.h"
+#include "common/base/memory.h"
+#include "common/scene/effects.h"
+
+struct ordered_channel {
+    struct scene_channel channel;
+    size_t order;
+};
+
+static int channel_compare(const struct scene_channel *a, const struct scene_channel *b)
+{
+    if (a->node != b->node)
+        return a->node < b->node ? -1 : 1;
+    return (a->path > b->path) - (a->path < b->path);
+}
+
+static int ordered_compare(const void *a, const void *b)
+{
+    const struct ordered_channel *x = a, *y = b;
+    int order = channel_compare(&x->channel, &y->channel);
+
+    return order ? order : (x->order > y->order) - (x->order < y->order);
+}
+
+/* Sorted as the scene wants them; of two for one property the one that was added first stays. */
+static status sort_channels(struct builder *b)
+{
+    struct ordered_channel *list = mem_alloc_array(b->channel_count, sizeof *list);
+    size_t kept = 0;
+
+    if (!list)
+        return error_no_memory(b->err, "the animation");
+    for (size_t i = 0; i < b->channel_count; i++)
+        list[i] = (struct ordered_channel){b->channels[i], i};
+    qsort(list, b->channel_count, sizeof *list, ordered_compare);
+    for (size_t i = 0; i < b->channel_count; i++) {
+        if (kept && channel_compare(&b->channels[kept - 1], &list[i].channel) == 0) {
+            builder_warn(b, "animated twice",
+                         "several animations move the same thing: the first one is taken");
+            continue;
+        }
+        b->channels[kept++] = list[i].channel;
+    }
+    b->channel_count = kept;
+    mem_free(list);
+    return STATUS_OK;
+}
+
+#define HAND_OVER(type, table, count)                                            \
+    do {                                                                         \
+        scene->table = ARENA_ARRAY(&scene->arena, type, b->count);               \
+        if (!scene->table)                                                       \
+            return error_no_memory(b->err, "the scene's " #table);               \
+        if (b->count)                                                            \
+            memcpy(scene->table, b->table, b->count * sizeof(type));             \
+        scene->count = (uint32_t)b->count;                                       \
+    } while (0)
+
+static status hand_over_tables(struct builder *b)
+{
+    struct scene *scene = &b->out->scene;
+    status result = sort_channels(b);
+
+    if (result != STATUS_OK)
+        return result;
+    HAND_OVER(struct scene_mesh, meshes, mesh_count);
+    HAND_OVER(struct scene_image, images, image_count);
+    HAND_OVER(struct scene_texture, textures, texture_count);
+    HAND_OVER(struct scene_material, materials, material_count);
+    HAND_OVER(struct scene_instance, instances, instance_count);
+    HAND_OVER(struct scene_light, lights, light_count);
+    HAND_OVER(struct scene_node, nodes, node_count);
+    HAND_OVER(struct scene_channel, channels, channel_count);
+    HAND_OVER(struct scene_skin, skins, skin_count);
+    HAND_OVER(struct scene_medium, media, medium_count);
+    scene->environment = b->environment;
+    scene->environment.portal_count = (uint32_t)b->portal_count;
+    scene->environment.portals = NULL;
+    if (b->portal_count) {
+        struct scene_portal *portals =
+            ARENA_ARRAY(&scene->arena, struct scene_portal, b->portal_count);
+        if (!portals)
+            return error_no_memory(b->err, "the portals");
+        memcpy(portals, b->portals, b->portal_count * sizeof *portals);
+        scene->environment.portals = portals;
+    }
+    scene->fog = b->fog;
+    scene->volume_rule = b->volume_rule;
+    return STATUS_OK;
+}
+
+/* *framed: the camera that is still to be aimed, or NULL. */
+static status hand_over_cameras(struct builder *b, struct scene_camera **framed)
+{
+    struct scene *scene = &b->out->scene;
+    int none = b->camera_count == 0;
+
+    if (none) {
+        struct scene_camera camera;
+        status result;
+        scene_camera_default(&camera);
+        camera.name = builder_name(b, "framed");
+        result = builder_add_camera(b, &camera);
+        if (result != STATUS_OK)
+            return result;
+        builder_warn(b, "no camera",
+                     "the file has no camera: one was added that looks at the whole scene%s",
+                     b->no_camera_hint);
+    }
+    HAND_OVER(struct scene_camera, cameras, camera_count);
+    *framed = none ? &scene->cameras[0] : NULL;
+    return STATUS_OK;
+}
+
+/* A scene that nothing lights would be black: say so, and light it evenly unless it has lights,
+ * which then are meant to be off. What is unlit shines by itself and needs no help. */
+static void light_the_dark(struct builder *b)
+{
+    struct scene *scene = &b->out->scene;
+    const uint64_t lights = EFFECT_PUNCTUAL_LIGHT | EFFECT_ENVIRONMENT | EFFECT_EMISSIVE_MESH;
+    int lit = scene->instance_count == 0;
+
+    for (uint32_t i = 0; i < scene->instance_count && !lit; i++)
+        lit = !scene->materials[scene->instances[i].material].unlit;
+    if (!lit || (scene_effects_default(scene, 0) & lights))
+        return;
+    if (b->has_light || b->environment.present) {
+        builder_warn(b, "no power", "none of the lights has any power: the picture will be black");
+        return;
+    }
+    scene_environment_default(&scene->environment);
+    scene->environment.present = scene->environment.constant = 1;
+    builder_warn(b, "no light",
+                 "the file has no light: an even white environment of radiance 1 was added (give "
+                 "an environment map, or add lights to the file)%s",
+                 b->no_light_hint);
+}
+
+static status hand_over_warnings(struct builder *b)
+{
+    struct import_result *out = b->out;
+    size_t count = b->warning_count + (b->warnings_dropped ? 1 : 0);
+    struct buffer text = BUFFER_INIT;
+
+    if (count == 0)
+        return STATUS_OK;
+    out->warnings = mem_calloc(count, sizeof *out->warnings);
+    if (!out->warnings)
+        return error_no_memory(b->err, "the warnings");
+    for (size_t i = 0; i < b->warning_count; i++) {
+        struct builder_warning *w = &b->warnings[i];
+        if (w->count > 1) {
+            buffer_printf(&text, "%s (and %llu more of this kind)", w->text,
+                          (unsigned long long)(w->count - 1));
+            if (!buffer_ok(&text)) {
+                buffer_release(&text);
+                return error_no_memory(b->err, "the warnings");
+            }
+            out->warnings[out->warning_count++] = (char *)text.data;
+            buffer_init(&text);
+        } else {
+            out->warnings[out->warning_count++] = w->text;
+            w->text = NULL;
+        }
+    }
+    if (b->warnings_dropped) {
+        buffer_printf(&text, "%llu further warnings are not shown",
+                      (unsigned long long)b->warnings_dropped);
+        if (!buffer_ok(&text)) {
+            buffer_release(&text);
+            return error_no_memory(b->err, "the warnings");
+        }
+        out->warnings[out->warning_count++] = (char *)text.data;
+    }
+    return STATUS_OK;
+}
+
+static int blob_compare(const void *a, const void *b)
+{
+    const struct scene_blob *x = a, *y = b;
+
+    return memcmp(x->digest.bytes, y->digest.bytes, DIGEST_BYTES);
+}
+
+/* Drop the blobs that the scene does not name (any more). */
+static status prune_blobs(struct builder *b)
+{
+    struct import_result *out = b->out;
+    struct scene_blob *named = NULL;
+    size_t named_count = 0, kept = 0;
+    status result = scene_blobs(&out->scene, &named, &named_count, b->err);
+
+    if (result != STATUS_OK)
+        return result;
+    qsort(named, named_count, sizeof *named, blob_compare);
+    out->blob_bytes = 0;
+    for (size_t i = 0; i < out->blob_count; i++) {
+        const struct scene_blob key = {.digest = out->blobs[i].digest};
+        if (!bsearch(&key, named, named_count, sizeof *named, blob_compare)) {
+            mem_free(out->blobs[i].data);
+            continue;
+        }
+        out->blob_bytes += out->blobs[i].size_bytes;
+        out->blobs[kept++] = out->blobs[i];
+    }
+    out->blob_count = kept;
+    mem_free(named);
+    return STATUS_OK;
+}
+
+static status blob_get(void *user, const struct digest *digest, const uint8_t **data,
+                       size_t *size_bytes, struct error *err)
+{
+    const struct scene_blob wanted = {.digest = *digest};
+    const struct import_blob *blob = builder_blob(user, &wanted);
+
+    if (!blob)
+        return error_set(err, STATUS_ERR_INTERNAL, "a blob of the scene is missing");
+    *data = blob->data;
+    *size_bytes = blob->size_bytes;
+    return STATUS_OK;
+}
+
+/* Take out what no picture can show; damaged images are found on the way. */
+static status simplify(struct builder *b)
+{
+    const struct scene_blob_reader reader = {blob_get, b};
+
+    return scene_simplify(&b->out->scene, reader, &b->out->simplified, b->err);
+}
+
+status builder_finish(struct builder *b, const char *title, const struct import_options *options)
+{
+    struct import_result *out = b->out;
+    struct buffer packed = BUFFER_INIT;
+    struct scene_camera *framed = NULL;
+    status result;
+
+    if (b->instance_count == 0) {
+        if (b->camera_count == 0)
+            return error_set(b->err, STATUS_ERR_INPUT,
+                             "there is nothing to render: the scene has no triangles and no "
+                             "camera");
+        builder_warn(b, "empty", "the scene has no triangles: only the environment will be seen");
+    }
+    if (options->env_path) {
+        result = builder_read_environment(b, options->env_path);
+        if (result != STATUS_OK)
+            return result;
+    }
+    out->scene.name = builder_name(b, title);
+    result = hand_over_tables(b);
+    if (result == STATUS_OK)
+        result = hand_over_cameras(b, &framed);
+    if (result != STATUS_OK)
+        return result;
+    if (b->no_memory)
+        return error_no_memory(b->err, "names and warnings");
+    result = scene_validate(&out->scene, b->err);
+    if (result == STATUS_OK) {
+        scene_rebase(b);
+        result = scene_place(b, framed);
+    }
+    if (result == STATUS_OK)
+        result = scene_validate(&out->scene, b->err); /* as it was placed */
+    if (result != STATUS_OK)
+        return result;
+    result = simplify(b);
+    if (result == STATUS_OK)
+        result = bodies_find(b);
+    if (result != STATUS_OK)
+        return result;
+    light_the_dark(b);
+    result = prune_blobs(b);
+    if (result != STATUS_OK)
+        return result;
+    if (out->degenerate_triangles)
+        builder_warn(b, "degenerate", "%llu triangles without area were left out",
+                     (unsigned long long)out->degenerate_triangles);
+    if (b->no_memory)
+        return error_no_memory(b->err, "the warnings");
+    result = hand_over_warnings(b);
+    if (result == STATUS_OK)
+        result = scene_pack(&out->scene, &packed, b->err);
+    if (result == STATUS_OK && digest_of(&out->scene_digest, packed.data, packed.size) != STATUS_OK)
+        result = error_no_memory(b->err, "the scene's digest");
+    if (result == STATUS_OK) {
+        out->packed = packed.data;
+        out->packed_bytes = packed.size;
+        return STATUS_OK;
+    }
+    buffer_release(&packed);
+    return result;
+}

@@ -1,0 +1,211 @@
+#include "client/import/builder/input_files.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "client/terminal/format.h"
+#include "client/import/builder/builder.h"
+#include "common/base/file.h"
+#include "common/base/memory.h"
+
+/* ---- folders ------------------------------------------------------------------------------ */
+
+static status folder_add(struct input_files *f, const char *path, status otherwise,
+                         const char *what, struct error *err)
+{
+    char *whole = realpath(path, NULL);
+    struct stat info;
+    char *copy;
+
+    if (!whole || stat(whole, &info) != 0 || !S_ISDIR(info.st_mode)) {
+        int why = whole ? ENOTDIR : errno;
+        free(whole); /* libc's own memory */
+        return error_set(err, otherwise, "%s%s: %s: name a folder that exists", what, path,
+                         strerror(why));
+    }
+    copy = mem_strdup(whole);
+    free(whole);
+    if (!copy || !MEM_GROW(f->folders, f->folder_capacity, f->folder_count + 1)) {
+        mem_free(copy);
+        return error_no_memory(err, "the folders of a scene");
+    }
+    f->folders[f->folder_count++] = copy;
+    return STATUS_OK;
+}
+
+status input_files_init(struct input_files *f, const char *folder,
+                        const struct option_list *outside, struct error *err)
+{
+    status result = STATUS_OK;
+
+    memset(f, 0, sizeof *f);
+    if (folder)
+        result = folder_add(f, folder, STATUS_ERR_INPUT, "", err);
+    for (size_t i = 0; i < outside->count && result == STATUS_OK; i++)
+        result = folder_add(f, outside->items[i], STATUS_ERR_USAGE, "--allow-outside ", err);
+    return result;
+}
+
+void input_files_release(struct input_files *f)
+{
+    for (size_t i = 0; i < f->folder_count; i++)
+        mem_free(f->folders[i]);
+    mem_free(f->folders);
+    for (size_t i = 0; i < f->count; i++)
+        mem_free(f->files[i].name);
+    mem_free(f->files);
+    memset(f, 0, sizeof *f);
+}
+
+/* `path` is canonical. */
+static int is_below(const char *folder, const char *path)
+{
+    size_t length = strlen(folder);
+
+    while (length && folder[length - 1] == '/') /* the root itself */
+        length--;
+    return strncmp(path, folder, length) == 0 && path[length] == '/';
+}
+
+static int is_allowed(const struct input_files *f, const char *path)
+{
+    for (size_t i = 0; i < f->folder_count; i++)
+        if (is_below(f->folders[i], path))
+            return 1;
+    return 0;
+}
+
+int input_files_contain(const struct input_files *f, const char *path)
+{
+    char *whole = realpath(path, NULL);
+    int result = whole && is_allowed(f, whole);
+
+    free(whole);
+    return result;
+}
+
+/* ---- reading ------------------------------------------------------------------------------ */
+
+/* A word of a shell's command line. */
+static void put_quoted(struct buffer *out, const char *word)
+{
+    static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+                                "/._-+=:@,";
+
+    if (*word && word[strspn(word, plain)] == 0) {
+        buffer_puts(out, word);
+        return;
+    }
+    buffer_puts(out, "'");
+    for (; *word; word++)
+        if (*word == '\'')
+            buffer_puts(out, "'\\''");
+        else
+            buffer_append(out, word, 1);
+    buffer_puts(out, "'");
+}
+
+static status refuse(const char *path, const char *whole, struct error *err)
+{
+    char *folder = file_dirname(whole);
+    struct buffer option = BUFFER_INIT;
+    status result;
+
+    if (folder)
+        put_quoted(&option, folder);
+    if (!folder || !buffer_ok(&option))
+        result = error_no_memory(err, "a path");
+    else
+        result = error_set(err, STATUS_ERR_FORBIDDEN,
+                           "%.240s: lies outside the scene's folder, at %.240s, and is not read: if "
+                           "the scene should have it, add --allow-outside %.300s",
+                           path, whole, buffer_text(&option));
+    buffer_release(&option);
+    mem_free(folder);
+    return result;
+}
+
+/* Ask the descriptor itself what was opened, and where it lies. O_PATH opens without waiting for
+ * the other end of a pipe and without touching a device. */
+static status check_place(const struct input_files *f, const char *path, int place, char link[32],
+                          struct error *err)
+{
+    char whole[PATH_MAX];
+    struct stat info;
+    ssize_t length;
+
+    if (fstat(place, &info) != 0)
+        return error_set(err, STATUS_ERR_INPUT, "%s: %s", path, strerror(errno));
+    if (!S_ISREG(info.st_mode))
+        return error_set(err, STATUS_ERR_INPUT, "%s: is not a regular file", path);
+    snprintf(link, 32, "/proc/self/fd/%d", place);
+    length = readlink(link, whole, sizeof whole);
+    if (length < 0 || (size_t)length >= sizeof whole)
+        return error_set(err, STATUS_ERR_INPUT,
+                         "%s: its place cannot be found out from %s (%s): is /proc mounted?", path,
+                         link, length < 0 ? strerror(errno) : "the path is too long");
+    whole[length] = 0;
+    return is_allowed(f, whole) ? STATUS_OK : refuse(path, whole, err);
+}
+
+status input_files_read(struct input_files *f, const char *path, size_t limit_bytes,
+                        struct buffer *out, struct error *err)
+{
+    size_t before = out->size;
+    char link[32];
+    int place = open(path, O_PATH | O_CLOEXEC);
+    status result;
+
+    if (place < 0)
+        return error_set(err, STATUS_ERR_INPUT, "%s: cannot be opened: %s", path, strerror(errno));
+    result = check_place(f, path, place, link, err);
+    if (result == STATUS_OK)
+        result = file_read_as(link, path, limit_bytes, out, err);
+    close(place);
+    return result == STATUS_OK ? input_files_add(f, path, out->size - before, err) : result;
+}
+
+/* ---- the list ----------------------------------------------------------------------------- */
+
+status input_files_add(struct input_files *f, const char *name, uint64_t size_bytes,
+                       struct error *err)
+{
+    char *copy;
+
+    if (f->count >= INPUT_FILES_MAX)
+        return error_set(err, STATUS_ERR_LIMIT, "the scene reads more than %d files",
+                         INPUT_FILES_MAX);
+    copy = mem_strdup(name);
+    if (!copy || !MEM_GROW(f->files, f->capacity, f->count + 1)) {
+        mem_free(copy);
+        return error_no_memory(err, "the list of files");
+    }
+    text_disarm(copy);
+    f->files[f->count++] = (struct input_file){copy, size_bytes};
+    return STATUS_OK;
+}
+
+static int name_compare(const void *a, const void *b)
+{
+    return strcmp(((const struct input_file *)a)->name, ((const struct input_file *)b)->name);
+}
+
+void input_files_sort(struct input_files *f)
+{
+    size_t kept = 0;
+
+    if (f->count)
+        qsort(f->files, f->count, sizeof *f->files, name_compare);
+    for (size_t i = 0; i < f->count; i++)
+        if (kept && strcmp(f->files[kept - 1].name, f->files[i].name) == 0)
+            mem_free(f->files[i].name);
+        else
+            f->files[kept++] = f->files[i];
+    f->count = kept;
+}

@@ -1,0 +1,339 @@
+#include "client/import/builder/mesh.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "common/base/memory.h"
+#include "common/math/vec.h"
+
+_Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
+               "mesh blobs are little-endian and are written as they lie in memory");
+
+/* From here on an ordinary scene's details, in metres, begin to need more digits than float has. */
+#define ORIGIN_FAR 1024.0
+
+void mesh_origin_choose(const double first[3], double origin[3])
+{
+    int far = 0;
+
+    for (int c = 0; c < 3; c++)
+        far |= fabs(first[c]) >= ORIGIN_FAR;
+    for (int c = 0; c < 3; c++)
+        origin[c] = far ? first[c] : 0;
+}
+
+void mesh_source_release(struct mesh_source *mesh)
+{
+    mem_free(mesh->positions);
+    mem_free(mesh->normals);
+    mem_free(mesh->tangents);
+    mem_free(mesh->uv[0]);
+    mem_free(mesh->uv[1]);
+    mem_free(mesh->colors);
+    mem_free(mesh->indices);
+    mem_free(mesh->influences);
+    for (size_t i = 0; mesh->morphs && i < mesh->morph_count; i++) {
+        mem_free(mesh->morphs[i].positions);
+        mem_free(mesh->morphs[i].normals);
+    }
+    mem_free(mesh->morphs);
+    memset(mesh, 0, sizeof *mesh);
+}
+
+static int deforms(const struct mesh_source *mesh)
+{
+    return mesh->influences || mesh->morph_count;
+}
+
+static int gather_bytes(void **array, size_t row_bytes, const uint32_t *from, size_t count)
+{
+    uint8_t *gathered;
+
+    if (!*array)
+        return 1;
+    gathered = mem_alloc_array(count, row_bytes);
+    if (!gathered)
+        return 0;
+    for (size_t i = 0; i < count; i++)
+        memcpy(gathered + i * row_bytes, (const uint8_t *)*array + (size_t)from[i] * row_bytes,
+               row_bytes);
+    mem_free(*array);
+    *array = gathered;
+    return 1;
+}
+
+static int gather_array(float **array, size_t width, const uint32_t *from, size_t count)
+{
+    return gather_bytes((void **)array, width * sizeof **array, from, count);
+}
+
+status mesh_source_gather(struct mesh_source *mesh, const uint32_t *from, size_t count,
+                          struct error *err)
+{
+    int good = gather_array(&mesh->positions, 3, from, count) &&
+               gather_array(&mesh->normals, 3, from, count) &&
+               gather_array(&mesh->tangents, 4, from, count) &&
+               gather_array(&mesh->uv[0], 2, from, count) &&
+               gather_array(&mesh->uv[1], 2, from, count) &&
+               gather_array(&mesh->colors, 4, from, count) &&
+               gather_bytes((void **)&mesh->influences, sizeof *mesh->influences, from, count);
+
+    for (size_t i = 0; good && i < mesh->morph_count; i++)
+        good = gather_array(&mesh->morphs[i].positions, 3, from, count) &&
+               gather_array(&mesh->morphs[i].normals, 3, from, count);
+    if (!good)
+        return error_no_memory(err, "vertices");
+    mesh->vertex_count = count;
+    return STATUS_OK;
+}
+
+static struct vec3 position(const struct mesh_source *mesh, uint32_t v)
+{
+    const float *p = mesh->positions + 3 * (size_t)v;
+
+    return (struct vec3){p[0], p[1], p[2]};
+}
+
+/* Twice the area times the normal, in the arithmetic that the renderer uses: what has no
+ * normal there has none here. */
+static struct vec3 area_vector(const struct mesh_source *mesh, size_t t)
+{
+    const uint32_t *i = mesh->indices + 3 * t;
+    struct vec3 a = position(mesh, i[0]);
+
+    return vec3_cross(vec3_sub(position(mesh, i[1]), a), vec3_sub(position(mesh, i[2]), a));
+}
+
+static size_t drop_degenerate(struct mesh_source *mesh)
+{
+    size_t kept = 0;
+
+    for (size_t t = 0; t < mesh->triangle_count; t++) {
+        const uint32_t *i = mesh->indices + 3 * t;
+        struct vec3 n = vec3_normalize(area_vector(mesh, t));
+        if (i[0] == i[1] || i[1] == i[2] || i[2] == i[0] || (vec3_is_black(n) && !deforms(mesh)))
+            continue;
+        memmove(mesh->indices + 3 * kept++, mesh->indices + 3 * t, 3 * sizeof *mesh->indices);
+    }
+    return mesh->triangle_count - kept;
+}
+
+/* Primitives of one mesh often share one long vertex buffer: keep what is used. */
+static status drop_unused_vertices(struct mesh_source *mesh, struct error *err)
+{
+    uint32_t *to = mem_calloc(mesh->vertex_count, sizeof *to);
+    uint32_t *from = mem_alloc_array(mesh->vertex_count, sizeof *from);
+    status result = STATUS_OK;
+    size_t kept = 0;
+
+    if (!to || !from) {
+        result = error_no_memory(err, "vertices");
+        goto done;
+    }
+    for (size_t i = 0; i < mesh->triangle_count * 3; i++)
+        to[mesh->indices[i]] = 1;
+    for (size_t v = 0; v < mesh->vertex_count; v++)
+        if (to[v]) {
+            from[kept] = (uint32_t)v;
+            to[v] = (uint32_t)kept++;
+        }
+    if (kept == mesh->vertex_count)
+        goto done;
+    for (size_t i = 0; i < mesh->triangle_count * 3; i++)
+        mesh->indices[i] = to[mesh->indices[i]];
+    result = mesh_source_gather(mesh, from, kept, err);
+done:
+    mem_free(from);
+    mem_free(to);
+    return result;
+}
+
+/* Unit normals; those without a direction get the normal of a triangle that uses them. */
+static size_t mend_normals(struct mesh_source *mesh)
+{
+    size_t bad = 0;
+
+    if (!mesh->normals)
+        return 0;
+    for (size_t v = 0; v < mesh->vertex_count; v++) {
+        float *n = mesh->normals + 3 * v;
+        struct vec3 unit = vec3_normalize((struct vec3){n[0], n[1], n[2]});
+        int good = vec3_is_finite(unit) && !vec3_is_black(unit);
+        bad += !good;
+        /* NaN marks what the loop below has to mend. + 0.0f: negative zeros would make equal
+         * normals differ in their bits. */
+        n[0] = good ? unit.x + 0.0f : NAN;
+        n[1] = unit.y + 0.0f;
+        n[2] = unit.z + 0.0f;
+    }
+    for (size_t t = 0; bad && t < mesh->triangle_count; t++)
+        for (size_t i = 0; i < 3; i++) {
+            float *n = mesh->normals + 3 * (size_t)mesh->indices[3 * t + i];
+            if (isnan(n[0])) {
+                struct vec3 unit = vec3_normalize(area_vector(mesh, t));
+                if (vec3_is_black(unit)) /* of a mesh that deforms: any will do */
+                    unit.y = 1;
+                n[0] = unit.x, n[1] = unit.y, n[2] = unit.z;
+            }
+        }
+    return bad;
+}
+
+/* Unit tangents with a hand of exactly +1 or -1; 0 when one has no direction. */
+static int mend_tangents(struct mesh_source *mesh)
+{
+    for (size_t v = 0; v < mesh->vertex_count; v++) {
+        float *t = mesh->tangents + 4 * v;
+        struct vec3 unit = vec3_normalize((struct vec3){t[0], t[1], t[2]});
+        if (!vec3_is_finite(unit) || vec3_is_black(unit) || !isfinite(t[3]) || t[3] == 0)
+            return 0;
+        t[0] = unit.x, t[1] = unit.y, t[2] = unit.z;
+        t[3] = t[3] < 0 ? -1.0f : 1.0f;
+    }
+    return 1;
+}
+
+static status prepare_tangents(struct builder *b, struct mesh_source *mesh, const char *name,
+                               const struct mesh_tangents *wanted)
+{
+    if (!wanted->wanted || !mesh->normals) {
+        /* Flat shading ignores supplied tangents (glTF 2.0, 3.7.2.1). */
+        mem_free(mesh->tangents);
+        mesh->tangents = NULL;
+    }
+    if (!wanted->wanted)
+        return STATUS_OK;
+    if (mesh->tangents && mend_tangents(mesh))
+        return STATUS_OK;
+    if (mesh->tangents)
+        builder_warn(b, "tangents", "%s: a tangent has no direction: new ones were made", name);
+    if (!mesh->uv[wanted->uv_set]) {
+        builder_warn(b, "no texture coordinates for a normal map",
+                     "%s: has a normal map or anisotropy but no texture coordinates for it: "
+                     "rendered without",
+                     name);
+        mem_free(mesh->tangents);
+        mesh->tangents = NULL;
+        return STATUS_OK;
+    }
+    return tangents_generate(mesh, wanted, b->err);
+}
+
+static void find_bounds(const struct mesh_source *mesh, struct scene_mesh *out)
+{
+    for (int c = 0; c < 3; c++) {
+        out->bounds_min[c] = INFINITY;
+        out->bounds_max[c] = -INFINITY;
+    }
+    for (size_t v = 0; v < mesh->vertex_count; v++)
+        for (int c = 0; c < 3; c++) {
+            float at = mesh->positions[3 * v + (size_t)c];
+            out->bounds_min[c] = fminf(out->bounds_min[c], at);
+            out->bounds_max[c] = fmaxf(out->bounds_max[c], at);
+        }
+}
+
+static void copy_array(uint8_t *blob, size_t offset, const float *array, size_t floats)
+{
+    if (array)
+        memcpy(blob + offset, array, floats * sizeof *array);
+}
+
+static void write_morphs(uint8_t *blob, const struct scene_mesh_layout *layout,
+                         const struct mesh_source *mesh)
+{
+    size_t bytes = mesh->vertex_count * 3 * sizeof(float);
+
+    for (size_t i = 0; i < mesh->morph_count; i++) {
+        uint8_t *at = blob + layout->morphs + i * layout->morph_stride;
+        memcpy(at, mesh->morphs[i].positions, bytes);
+        if (mesh->normals && mesh->morphs[i].normals)
+            memcpy(at + bytes, mesh->morphs[i].normals, bytes);
+        else if (mesh->normals)
+            memset(at + bytes, 0, bytes);
+    }
+}
+
+static status write_blob(struct builder *b, const struct mesh_source *mesh,
+                         struct scene_mesh *row, uint8_t **data, size_t *size_bytes)
+{
+    struct scene_mesh_layout layout;
+    size_t vertices = mesh->vertex_count;
+
+    scene_mesh_layout(row, &layout);
+    if (layout.total_bytes > SCENE_BLOB_BYTES_MAX)
+        return error_set(b->err, STATUS_ERR_LIMIT, "%s: the mesh is too large", row->name);
+    *data = mem_alloc(layout.total_bytes);
+    if (!*data)
+        return error_no_memory(b->err, "a mesh");
+    *size_bytes = layout.total_bytes;
+    copy_array(*data, layout.positions, mesh->positions, vertices * 3);
+    copy_array(*data, layout.normals, mesh->normals, vertices * 3);
+    copy_array(*data, layout.tangents, mesh->tangents, vertices * 4);
+    copy_array(*data, layout.uv0, mesh->uv[0], vertices * 2);
+    copy_array(*data, layout.uv1, mesh->uv[1], vertices * 2);
+    copy_array(*data, layout.colors, mesh->colors, vertices * 4);
+    if (mesh->influences)
+        memcpy(*data + layout.skin, mesh->influences, vertices * sizeof *mesh->influences);
+    write_morphs(*data, &layout, mesh);
+    memcpy(*data + layout.indices, mesh->indices, mesh->triangle_count * 3 * sizeof(uint32_t));
+    memset(*data + layout.total_bytes - SCENE_MESH_PADDING_BYTES, 0, SCENE_MESH_PADDING_BYTES);
+    return STATUS_OK;
+}
+
+status mesh_finish(struct builder *b, struct mesh_source *mesh, const char *name,
+                   const struct mesh_tangents *tangents, int64_t *row)
+{
+    struct scene_mesh out = {.name = name};
+    uint8_t *data = NULL;
+    size_t size_bytes = 0, dropped, mended;
+    uint32_t added = 0;
+    status result = STATUS_OK;
+
+    *row = BUILDER_NO_ROW;
+    dropped = drop_degenerate(mesh);
+    mesh->triangle_count -= dropped;
+    b->out->degenerate_triangles += dropped;
+    if (mesh->triangle_count == 0)
+        goto done;
+    if (mesh->triangle_count > SCENE_TRIANGLES_MAX) {
+        result = error_set(b->err, STATUS_ERR_LIMIT, "%s: has %zu triangles: at most %d are taken",
+                           name, mesh->triangle_count, SCENE_TRIANGLES_MAX);
+        goto done;
+    }
+    if (mesh->morph_count > SCENE_MORPHS_MAX) {
+        result = error_set(b->err, STATUS_ERR_LIMIT,
+                           "%s: has %zu morph targets: at most %d are taken", name,
+                           mesh->morph_count, SCENE_MORPHS_MAX);
+        goto done;
+    }
+    result = drop_unused_vertices(mesh, b->err);
+    if (result != STATUS_OK)
+        goto done;
+    mended = mend_normals(mesh);
+    if (mended)
+        builder_warn(b, "normals", "%s: %zu normals have no direction: made from the triangles",
+                     name, mended);
+    result = prepare_tangents(b, mesh, name, tangents);
+    if (result != STATUS_OK)
+        goto done;
+    if (!deforms(mesh))
+        result = mesh_is_closed(mesh, &out.closed, b->err);
+    if (result != STATUS_OK)
+        goto done;
+    out.vertex_count = (uint32_t)mesh->vertex_count;
+    out.triangle_count = (uint32_t)mesh->triangle_count;
+    out.arrays = (mesh->normals ? MESH_NORMALS : 0u) | (mesh->tangents ? MESH_TANGENTS : 0u) |
+                 (mesh->uv[0] ? MESH_UV0 : 0u) | (mesh->uv[1] ? MESH_UV1 : 0u) |
+                 (mesh->colors ? MESH_COLORS : 0u) | (mesh->influences ? MESH_SKIN : 0u);
+    out.morph_count = (uint32_t)mesh->morph_count;
+    find_bounds(mesh, &out);
+    result = write_blob(b, mesh, &out, &data, &size_bytes);
+    if (result == STATUS_OK)
+        result = builder_add_mesh(b, &out, data, size_bytes, &added);
+    if (result == STATUS_OK)
+        *row = added;
+done:
+    mesh_source_release(mesh);
+    return result;
+}

@@ -1,0 +1,176 @@
+#include "client/import/builder/uri.h"
+
+#include <ctype.h>
+#include <stdint.h>
+#include <string.h>
+#include <strings.h>
+
+#include "common/base/file.h"
+#include "common/base/memory.h"
+
+enum { MESSAGE_URI_CHARS = 80 }; /* how much of a URI a message repeats */
+
+int uri_is_data(const char *uri)
+{
+    return strncasecmp(uri, "data:", 5) == 0;
+}
+
+static int hex_digit(char c)
+{
+    if (c >= '0' && c <= '9')
+        return c - '0';
+    if (c >= 'a' && c <= 'f')
+        return c - 'a' + 10;
+    if (c >= 'A' && c <= 'F')
+        return c - 'A' + 10;
+    return -1;
+}
+
+/* Decode %XX; a '%' that no two digits follow stands for itself. */
+static void percent_decode(const char *text, size_t size, struct buffer *out)
+{
+    for (size_t i = 0; i < size; i++) {
+        uint8_t byte = (uint8_t)text[i];
+        if (text[i] == '%' && i + 2 < size && hex_digit(text[i + 1]) >= 0 &&
+            hex_digit(text[i + 2]) >= 0) {
+            byte = (uint8_t)(hex_digit(text[i + 1]) << 4 | hex_digit(text[i + 2]));
+            i += 2;
+        }
+        buffer_append(out, &byte, 1);
+    }
+}
+
+static int base64_digit(char c)
+{
+    if (c >= 'A' && c <= 'Z')
+        return c - 'A';
+    if (c >= 'a' && c <= 'z')
+        return c - 'a' + 26;
+    if (c >= '0' && c <= '9')
+        return c - '0' + 52;
+    return c == '+' ? 62 : c == '/' ? 63 : -1;
+}
+
+static status base64_decode(const char *text, size_t size, struct buffer *out, struct error *err)
+{
+    uint32_t bits = 0;
+    int held = 0;
+    uint8_t *to;
+
+    while (size && text[size - 1] == '=')
+        size--;
+    if (size % 4 == 1)
+        return error_set(err, STATUS_ERR_INPUT, "the base64 data is cut short");
+    to = buffer_append_space(out, size / 4 * 3 + (size % 4 ? size % 4 - 1 : 0));
+    if (!to)
+        return error_no_memory(err, "a data URI");
+    for (size_t i = 0; i < size; i++) {
+        int digit = base64_digit(text[i]);
+        if (digit < 0)
+            return error_set(err, STATUS_ERR_INPUT,
+                             "the base64 data has an invalid character at position %zu", i);
+        bits = bits << 6 | (uint32_t)digit;
+        held += 6;
+        if (held >= 8) {
+            held -= 8;
+            *to++ = (uint8_t)(bits >> held);
+        }
+    }
+    return STATUS_OK;
+}
+
+status uri_decode_data(const char *uri, size_t limit_bytes, struct buffer *out, struct error *err)
+{
+    const char *comma = strchr(uri, ',');
+    size_t size;
+
+    if (!uri_is_data(uri) || !comma)
+        return error_set(err, STATUS_ERR_INPUT, "the data URI has no comma before its data");
+    size = strlen(comma + 1);
+    if (size > limit_bytes)
+        return error_set(err, STATUS_ERR_LIMIT, "the data URI has %zu bytes: at most %zu are taken",
+                         size, limit_bytes);
+    if (comma - uri >= 7 + 5 && strncasecmp(comma - 7, ";base64", 7) == 0)
+        return base64_decode(comma + 1, size, out, err);
+    percent_decode(comma + 1, size, out);
+    return buffer_ok(out) ? STATUS_OK : error_no_memory(err, "a data URI");
+}
+
+/* Has it a scheme ("http:", "C:")? */
+static int has_scheme(const char *uri)
+{
+    const char *p = uri;
+
+    if (!isalpha((unsigned char)*p))
+        return 0;
+    while (isalnum((unsigned char)*p) || *p == '+' || *p == '-' || *p == '.')
+        p++;
+    return *p == ':';
+}
+
+static status check_name(const char *uri, const char *path, size_t size, struct error *err)
+{
+    if (size == 0 || strlen(path) != size)
+        return error_set(err, STATUS_ERR_INPUT, "the URI \"%.*s\" does not name a file",
+                         MESSAGE_URI_CHARS, uri);
+    return STATUS_OK;
+}
+
+/* An absolute path stays as it is: the reader checks where it leads. */
+static char *path_below(const char *folder, const char *path)
+{
+    return *path == '/' ? mem_strdup(path) : file_join(folder, path);
+}
+
+status uri_to_path(const char *uri, const char *folder, char **path, struct error *err)
+{
+    struct buffer decoded = BUFFER_INIT;
+    char *other;
+    status result;
+
+    *path = NULL;
+    if (has_scheme(uri))
+        return error_set(err, STATUS_ERR_INPUT,
+                         "the URI \"%.*s\" has a scheme: only data URIs and relative file names "
+                         "are read",
+                         MESSAGE_URI_CHARS, uri);
+    percent_decode(uri, strlen(uri), &decoded);
+    if (!buffer_ok(&decoded)) {
+        result = error_no_memory(err, "a URI");
+        goto done;
+    }
+    result = check_name(uri, buffer_text(&decoded), decoded.size, err);
+    if (result != STATUS_OK)
+        goto done;
+    *path = path_below(folder, buffer_text(&decoded));
+    if (!*path) {
+        result = error_no_memory(err, "a path");
+        goto done;
+    }
+    if (file_exists(*path))
+        goto done;
+    /* Names that were never encoded, and names written with the other slash. */
+    for (int attempt = 0; attempt < 2; attempt++) {
+        if (attempt == 0) {
+            buffer_clear(&decoded);
+            buffer_puts(&decoded, uri);
+        } else {
+            for (size_t i = 0; i < decoded.size; i++)
+                if (decoded.data[i] == '\\')
+                    decoded.data[i] = '/';
+        }
+        if (!buffer_ok(&decoded) ||
+            check_name(uri, buffer_text(&decoded), decoded.size, NULL) != STATUS_OK)
+            break;
+        other = path_below(folder, buffer_text(&decoded));
+        if (other && file_exists(other)) {
+            mem_free(*path);
+            *path = other;
+            break;
+        }
+        mem_free(other);
+    }
+done:
+    buffer_release(&decoded);
+    return result;
+}

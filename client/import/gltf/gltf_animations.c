@@ -1,0 +1,410 @@
+/* glTF: animations. Channels are read and checked before the scene is walked, which has to
+ * know what moves; those of nodes that the scene turns out to have are handed over after. */
+#include <math.h>
+#include <string.h>
+
+#include "client/import/gltf/gltf.h"
+#include "common/base/memory.h"
+
+enum { TIME_MAX_S = 1000000000 };
+
+static const char *const path_names[PATH_COUNT] = {"translation", "rotation", "scale", "weights"};
+
+static int path_of(const char *name)
+{
+    for (int i = 0; i < PATH_COUNT; i++)
+        if (strcmp(name, path_names[i]) == 0)
+            return i;
+    return -1;
+}
+
+/* ---- samplers ------------------------------------------------------------------------------- */
+
+static status read_times(struct gltf *g, json_t *sampler, const struct gltf_place *at,
+                         struct scene_channel *out)
+{
+    struct gltf_accessor accessor;
+    int64_t index = -1;
+
+    TRY(gltf_index(g, sampler, at, "input", g->accessors, &index));
+    if (index < 0)
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "has no input");
+    TRY(gltf_accessor_open(g, (size_t)index, &accessor));
+    if (accessor.components != 1)
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "input must be SCALAR");
+    if (accessor.count > SCENE_KEYS_MAX)
+        return gltf_fail(g, STATUS_ERR_LIMIT, at, "has %zu keys: at most %d are taken",
+                         accessor.count, SCENE_KEYS_MAX);
+    TRY(gltf_accessor_floats(g, (size_t)index, &accessor, 0, &out->times));
+    out->key_count = (uint32_t)accessor.count;
+    for (uint32_t i = 0; i < out->key_count; i++)
+        if (fabsf(out->times[i]) > (float)TIME_MAX_S || (i && out->times[i] < out->times[i - 1]))
+            return gltf_fail(g, STATUS_ERR_INPUT, at,
+                             "the times of its keys must rise and stay below %d s: key %u is at %g",
+                             TIME_MAX_S, i, (double)out->times[i]);
+    return STATUS_OK;
+}
+
+static status read_values(struct gltf *g, json_t *sampler, const struct gltf_place *at,
+                          struct scene_channel *out)
+{
+    size_t wanted = (size_t)out->key_count * (out->interpolation == INTERPOLATE_CUBIC ? 3 : 1);
+    struct gltf_accessor accessor;
+    int64_t index = -1;
+
+    TRY(gltf_index(g, sampler, at, "output", g->accessors, &index));
+    if (index < 0)
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "has no output");
+    TRY(gltf_accessor_open(g, (size_t)index, &accessor));
+    if (out->path == PATH_WEIGHTS)
+        wanted *= out->components;
+    if (accessor.components != (out->path == PATH_WEIGHTS ? 1 : (int)out->components) ||
+        accessor.count != wanted)
+        return gltf_fail(g, STATUS_ERR_INPUT, at,
+                         "output must have %zu elements of %d components for %u keys of a %s",
+                         wanted, out->path == PATH_WEIGHTS ? 1 : (int)out->components,
+                         out->key_count, path_names[out->path]);
+    /* Many channels may name one accessor. */
+    g->key_floats += accessor.count * (size_t)accessor.components;
+    if (g->key_floats > GLTF_KEY_FLOATS_MAX)
+        return gltf_fail(g, STATUS_ERR_LIMIT, at,
+                         "the file's animations have more than %d values: choose one with "
+                         "--animation",
+                         GLTF_KEY_FLOATS_MAX);
+    return gltf_accessor_floats(g, (size_t)index, &accessor, 0, &out->values);
+}
+
+static status read_interpolation(struct gltf *g, json_t *sampler, const struct gltf_place *at,
+                                 enum scene_interpolation *out)
+{
+    const char *name = "LINEAR";
+
+    TRY(gltf_text(g, sampler, at, "interpolation", &name));
+    if (strcmp(name, "LINEAR") == 0)
+        *out = INTERPOLATE_LINEAR;
+    else if (strcmp(name, "STEP") == 0)
+        *out = INTERPOLATE_STEP;
+    else if (strcmp(name, "CUBICSPLINE") == 0)
+        *out = INTERPOLATE_CUBIC;
+    else
+        return gltf_fail(g, STATUS_ERR_INPUT, at,
+                         "interpolation \"%.32s\" is unknown: LINEAR, STEP and CUBICSPLINE are "
+                         "known",
+                         name);
+    return STATUS_OK;
+}
+
+/* ---- mending -------------------------------------------------------------------------------- */
+
+static size_t key_floats(const struct scene_channel *c)
+{
+    return (size_t)c->components * (c->interpolation == INTERPOLATE_CUBIC ? 3 : 1);
+}
+
+/* Of keys at one time the last stays, as if the others were just before it. */
+static void drop_equal_times(struct gltf *g, const struct gltf_place *at, struct scene_channel *c)
+{
+    size_t width = key_floats(c);
+    uint32_t kept = 0;
+
+    for (uint32_t i = 0; i < c->key_count; i++) {
+        if (kept && c->times[kept - 1] == c->times[i])
+            kept--;
+        c->times[kept] = c->times[i];
+        memmove(c->values + kept * width, c->values + i * width, width * sizeof *c->values);
+        kept++;
+    }
+    if (kept < c->key_count)
+        builder_warn(g->b, "keys at one time",
+                     "%s[%zu]%s: has several keys at one time: the last of them is taken",
+                     at->table, at->row, at->part);
+    c->key_count = kept;
+}
+
+/* Rotations to unit length (of a spline only the values: it is made unit after). */
+static void normalize_rotations(struct gltf *g, const struct gltf_place *at,
+                                struct scene_channel *c)
+{
+    size_t width = key_floats(c), first = c->interpolation == INTERPOLATE_CUBIC ? 4 : 0;
+
+    for (uint32_t i = 0; i < c->key_count; i++) {
+        float *q = c->values + i * width + first;
+        double length = sqrt((double)q[0] * (double)q[0] + (double)q[1] * (double)q[1] +
+                             (double)q[2] * (double)q[2] + (double)q[3] * (double)q[3]);
+        if (!(length > 0) || !isfinite(length)) {
+            builder_warn(g->b, "rotation", "%s[%zu]%s: key %u is no rotation: none is taken",
+                         at->table, at->row, at->part, i);
+            q[0] = q[1] = q[2] = 0, q[3] = 1;
+            continue;
+        }
+        for (int k = 0; k < 4; k++)
+            q[k] = (float)((double)q[k] / length);
+    }
+}
+
+static int is_still(const struct scene_channel *c)
+{
+    size_t width = key_floats(c);
+    const float *first = c->values + (c->interpolation == INTERPOLATE_CUBIC ? c->components : 0);
+
+    for (uint32_t i = 0; i < c->key_count; i++)
+        for (size_t k = 0; k < width; k++) {
+            int tangent = c->interpolation == INTERPOLATE_CUBIC && k / c->components != 1;
+            /* What the spline does before the first and after the last key does not count, but
+             * exporters write zeros there too. */
+            float wanted = tangent ? 0.0f : first[k % c->components];
+            if (c->values[i * width + k] != wanted)
+                return 0;
+        }
+    return 1;
+}
+
+/* ---- channels ------------------------------------------------------------------------------- */
+
+/* "/nodes/3/translation" */
+static int parse_pointer(const char *pointer, size_t node_count, uint32_t *node, int *path)
+{
+    uint64_t number = 0;
+    const char *at = pointer;
+
+    if (strncmp(at, "/nodes/", 7) != 0)
+        return 0;
+    at += 7;
+    if (*at < '0' || *at > '9')
+        return 0;
+    for (; *at >= '0' && *at <= '9' && number <= node_count; at++)
+        number = number * 10 + (uint64_t)(*at - '0');
+    if (*at++ != '/' || number >= node_count)
+        return 0;
+    *node = (uint32_t)number;
+    *path = path_of(at);
+    return *path >= 0;
+}
+
+/* What a channel moves. *path is -1 when that cannot be done, with a warning. */
+static status read_target(struct gltf *g, json_t *channel, const struct gltf_place *at,
+                          uint32_t *node, int *path)
+{
+    const struct gltf_place inner = gltf_within(at, ".target");
+    const char *name = "", *pointer = "";
+    json_t *target = NULL, *extension;
+    int64_t index = -1;
+
+    *path = -1;
+    TRY(gltf_object(g, channel, at, "target", &target));
+    TRY(gltf_text(g, target, &inner, "path", &name));
+    TRY(gltf_index(g, target, &inner, "node", g->nodes, &index));
+    extension = gltf_extension(target, "KHR_animation_pointer");
+    if (extension)
+        TRY(gltf_text(g, extension, &inner, "pointer", &pointer));
+    if (extension && !parse_pointer(pointer, json_array_size(g->nodes), node, path)) {
+        builder_warn(g->b, "animation pointer",
+                     "%s[%zu]%s: animates \"%.80s\": only the transforms and weights of nodes "
+                     "are animated, this stands still",
+                     at->table, at->row, at->part, pointer);
+        return STATUS_OK;
+    }
+    if (extension || index < 0) /* without a node there is nothing to move (glTF 2.0, 3.11) */
+        return STATUS_OK;
+    *node = (uint32_t)index;
+    *path = path_of(name);
+    if (*path < 0)
+        builder_warn(g->b, "animation path",
+                     "%s[%zu]%s: animates the %.32s of a node, which is not known: left out",
+                     at->table, at->row, at->part, name);
+    return STATUS_OK;
+}
+
+/* How many floats a key of the path has; 0: the node has no such thing, with a warning. */
+static status count_components(struct gltf *g, const struct gltf_place *at, uint32_t node, int path,
+                               uint32_t *out)
+{
+    const struct gltf_place at_node = gltf_at("nodes", node, "");
+    json_t *row;
+    int64_t mesh = -1;
+
+    TRY(gltf_row(g, g->nodes, &at_node, &row));
+    *out = path == PATH_ROTATION ? 4 : 3;
+    if (path != PATH_WEIGHTS && json_object_get(row, "matrix")) {
+        builder_warn(g->b, "animated matrix",
+                     "%s[%zu]%s: animates nodes[%u], which has a matrix: it stands still (export "
+                     "it with translation, rotation and scale)",
+                     at->table, at->row, at->part, node);
+        *out = 0;
+    }
+    if (path != PATH_WEIGHTS)
+        return STATUS_OK;
+    TRY(gltf_index(g, row, &at_node, "mesh", g->meshes, &mesh));
+    *out = mesh < 0 ? 0 : (uint32_t)gltf_target_count(g, (size_t)mesh);
+    if (*out == 0)
+        builder_warn(g->b, "weights without targets",
+                     "%s[%zu]%s: animates the weights of nodes[%u], which has no morph targets",
+                     at->table, at->row, at->part, node);
+    return STATUS_OK;
+}
+
+static status read_sampler(struct gltf *g, json_t *sampler, const struct gltf_place *at,
+                           struct scene_channel *out)
+{
+    TRY(read_interpolation(g, sampler, at, &out->interpolation));
+    TRY(read_times(g, sampler, at, out));
+    TRY(read_values(g, sampler, at, out));
+    drop_equal_times(g, at, out);
+    if (out->path == PATH_ROTATION)
+        normalize_rotations(g, at, out);
+    return STATUS_OK;
+}
+
+static void channel_release(struct scene_channel *channel)
+{
+    mem_free(channel->times);
+    mem_free(channel->values);
+}
+
+static status read_channel(struct gltf *g, json_t *channel, json_t *samplers,
+                           const struct gltf_place *animation, const struct gltf_place *at,
+                           double *duration_s)
+{
+    struct gltf_channel out = {0};
+    struct gltf_place at_sampler;
+    int64_t sampler = -1;
+    int path;
+    status result;
+
+    if (!json_is_object(channel))
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "must be an object");
+    TRY(read_target(g, channel, at, &out.channel.node, &path));
+    TRY(gltf_index(g, channel, at, "sampler", samplers, &sampler));
+    if (path < 0)
+        return STATUS_OK;
+    if (sampler < 0)
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "names no sampler");
+    if (g->node_data[out.channel.node].channels[path] >= 0) {
+        builder_warn(g->b, "animated twice",
+                     "%s[%zu]%s: animates the %s of nodes[%u], which an earlier channel does "
+                     "already: the first is taken (choose an animation with --animation)",
+                     at->table, at->row, at->part, path_names[path], out.channel.node);
+        return STATUS_OK;
+    }
+    out.channel.path = (enum scene_channel_path)path;
+    TRY(count_components(g, at, out.channel.node, path, &out.channel.components));
+    if (out.channel.components == 0)
+        return STATUS_OK;
+    if (g->channel_count >= SCENE_CHANNELS_MAX)
+        return gltf_fail(g, STATUS_ERR_LIMIT, at, "the file has more than %d animation channels",
+                         SCENE_CHANNELS_MAX);
+    at_sampler = gltf_within(animation, ".samplers[%lld]", (long long)sampler);
+    result = read_sampler(g, json_array_get(samplers, (size_t)sampler), &at_sampler, &out.channel);
+    if (result == STATUS_OK && !MEM_GROW(g->channels, g->channel_capacity, g->channel_count + 1))
+        result = error_no_memory(g->err, "animation channels");
+    if (result != STATUS_OK) {
+        channel_release(&out.channel);
+        return result;
+    }
+    *duration_s = fmax(*duration_s, (double)out.channel.times[out.channel.key_count - 1]);
+    out.still = is_still(&out.channel);
+    if (!out.still)
+        g->node_data[out.channel.node].animated |= 1u << path;
+    g->node_data[out.channel.node].channels[path] = (int32_t)g->channel_count;
+    g->channels[g->channel_count++] = out;
+    return STATUS_OK;
+}
+
+/* *duration_s holds what the accessors claim. That stays where a channel is not read, because an
+ * earlier animation moves the same thing: such a channel counts, too. */
+static status read_animation(struct gltf *g, size_t index, double *duration_s)
+{
+    const struct gltf_place at = gltf_at("animations", index, "");
+    json_t *animation, *channels = NULL, *samplers = NULL;
+    size_t before = g->channel_count;
+    double read_s = 0;
+
+    TRY(gltf_row(g, g->animations, &at, &animation));
+    TRY(gltf_array(g, animation, &at, "channels", &channels));
+    TRY(gltf_array(g, animation, &at, "samplers", &samplers));
+    for (size_t i = 0; i < json_array_size(channels); i++) {
+        const struct gltf_place inner = gltf_within(&at, ".channels[%zu]", i);
+        TRY(read_channel(g, json_array_get(channels, i), samplers, &at, &inner, &read_s));
+    }
+    if (g->channel_count - before == json_array_size(channels) || read_s > *duration_s)
+        *duration_s = read_s;
+    return STATUS_OK;
+}
+
+/* ---- the list ------------------------------------------------------------------------------- */
+
+/* From what the accessors say of themselves: good enough for a list. */
+static double claimed_duration(const struct gltf *g, size_t index)
+{
+    json_t *samplers = json_object_get(json_array_get(g->animations, index), "samplers");
+    double duration = 0;
+
+    for (size_t i = 0; i < json_array_size(samplers); i++) {
+        json_t *input = json_object_get(json_array_get(samplers, i), "input");
+        json_t *accessor = json_array_get(g->accessors, (size_t)json_integer_value(input));
+        double last = json_number_value(json_array_get(json_object_get(accessor, "max"), 0));
+        if (last > duration && last <= TIME_MAX_S)
+            duration = last;
+    }
+    return duration;
+}
+
+static status list_animations(struct gltf *g, const char ***names)
+{
+    struct import_result *out = g->b->out;
+    size_t count = json_array_size(g->animations);
+
+    out->animations = ARENA_ARRAY(&out->scene.arena, struct import_animation, count);
+    *names = mem_calloc(count, sizeof **names);
+    if (!out->animations || !*names)
+        return error_no_memory(g->err, "the list of animations");
+    out->animation_count = count;
+    for (size_t i = 0; i < count; i++) {
+        const char *name =
+            json_string_value(json_object_get(json_array_get(g->animations, i), "name"));
+        (*names)[i] = out->animations[i].name = builder_name(g->b, name);
+        out->animations[i].duration_s = claimed_duration(g, i);
+    }
+    return STATUS_OK;
+}
+
+status gltf_animations(struct gltf *g, const char *wanted)
+{
+    struct import_result *out = g->b->out;
+    const char **names = NULL;
+    status result = list_animations(g, &names);
+    int none = wanted && strcmp(wanted, "none") == 0, chosen = -1;
+
+    if (result == STATUS_OK && wanted && !none) {
+        chosen = gltf_choice(wanted, names, out->animation_count);
+        if (chosen < 0)
+            result = error_set(g->err, STATUS_ERR_INPUT,
+                               "there is no animation \"%.80s\": the file has %zu (azulejo import "
+                               "lists them)",
+                               wanted, out->animation_count);
+    }
+    mem_free(names);
+    for (size_t i = 0; result == STATUS_OK && !none && i < out->animation_count; i++) {
+        if (chosen >= 0 && (size_t)chosen != i)
+            continue;
+        out->animations[i].taken = 1;
+        result = read_animation(g, i, &out->animations[i].duration_s);
+    }
+    return result;
+}
+
+status gltf_add_channels(struct gltf *g)
+{
+    for (size_t i = 0; i < g->channel_count; i++) {
+        struct scene_channel channel = g->channels[i].channel;
+        const struct gltf_node *node = &g->node_data[channel.node];
+        if (g->channels[i].still || node->row == GLTF_ROW_UNREAD)
+            continue;
+        channel.node = (uint32_t)node->row;
+        if (channel.path == PATH_WEIGHTS &&
+            g->b->nodes[channel.node].weight_count != channel.components)
+            continue;
+        TRY(builder_add_channel(g->b, &channel));
+    }
+    return STATUS_OK;
+}

@@ -1,0 +1,385 @@
+/* OBJ: parts become meshes. A mesh's vertices are the distinct (position, texture coordinate,
+ * normal) of its corners. Where the file gives no normals, smoothing groups say what is round;
+ * a file that has neither is smoothed where faces meet at less than OBJ_CREASE. */
+#include <math.h>
+#include <string.h>
+
+#include "client/import/obj/obj.h"
+#include "client/import/builder/polygon.h"
+#include "client/import/builder/try.h"
+#include "common/base/memory.h"
+#include "common/math/elementary.h"
+#include "common/math/vec.h"
+
+/* Cosine of 40 degrees: flatter edges of a file without normals are taken for round. */
+#define OBJ_CREASE 0.76604444f
+
+/* ---- what can be drawn ---------------------------------------------------------------------- */
+
+static struct vec3 position(const struct obj *o, size_t corner)
+{
+    const float *p = o->v + 3 * (size_t)o->corners[corner].v;
+
+    return vec3_make(p[0], p[1], p[2]);
+}
+
+static int face_is_good(struct obj *o, const struct obj_face *face)
+{
+    for (uint32_t i = 0; i < face->count; i++) {
+        struct obj_corner *corner = &o->corners[face->first + i];
+        if (corner->v >= o->v_count) {
+            builder_warn_at(o->b, o->name, face->line, "face index",
+                            "a face names a vertex that there is not (the file has %zu): left out",
+                            o->v_count);
+            return 0;
+        }
+        if (isnan(o->v[3 * (size_t)corner->v]))
+            return 0; /* the vertex was warned of */
+        if ((corner->t != OBJ_NONE && corner->t >= o->vt_count) ||
+            (corner->n != OBJ_NONE && corner->n >= o->vn_count))
+            builder_warn_at(o->b, o->name, face->line, "attribute index",
+                            "a face names a vt or vn that there is not: drawn without it");
+        if (corner->t >= o->vt_count)
+            corner->t = OBJ_NONE;
+        if (corner->n >= o->vn_count)
+            corner->n = OBJ_NONE;
+    }
+    return 1;
+}
+
+static void drop_bad_faces(struct obj *o)
+{
+    size_t kept = 0;
+
+    for (size_t f = 0; f < o->face_count; f++)
+        if (face_is_good(o, &o->faces[f]))
+            o->faces[kept++] = o->faces[f];
+    o->face_count = kept;
+}
+
+/* ---- normals -------------------------------------------------------------------------------- */
+
+/* Newell's, relative to the first corner and scaled down, so that nothing overflows. */
+static struct vec3 newell(const struct obj *o, const struct obj_face *face)
+{
+    double normal[3] = {0, 0, 0}, most;
+
+    for (uint32_t i = 1; i + 1 < face->count; i++) {
+        const float *a = o->v + 3 * (size_t)o->corners[face->first].v;
+        const float *b = o->v + 3 * (size_t)o->corners[face->first + i].v;
+        const float *c = o->v + 3 * (size_t)o->corners[face->first + i + 1].v;
+        double p[3], q[3];
+        for (int k = 0; k < 3; k++) {
+            p[k] = (double)b[k] - (double)a[k];
+            q[k] = (double)c[k] - (double)a[k];
+        }
+        for (int k = 0; k < 3; k++)
+            normal[k] += p[(k + 1) % 3] * q[(k + 2) % 3] - p[(k + 2) % 3] * q[(k + 1) % 3];
+    }
+    most = fmax(fabs(normal[0]), fmax(fabs(normal[1]), fabs(normal[2])));
+    if (!(most > 0))
+        return vec3_splat(0);
+    return vec3_normalize(
+        vec3_make((float)(normal[0] / most), (float)(normal[1] / most), (float)(normal[2] / most)));
+}
+
+/* Face normals, and which corners lie around each vertex. */
+static status prepare_normals(struct obj *o)
+{
+    size_t wanted = 0;
+
+    o->face_normals = mem_alloc_array(o->face_count, 3 * sizeof *o->face_normals);
+    o->corner_face = mem_alloc_array(o->corner_count, sizeof *o->corner_face);
+    o->around = mem_calloc(o->v_count + 2, sizeof *o->around);
+    if (!o->face_normals || !o->corner_face || !o->around)
+        return error_no_memory(o->err, "OBJ normals");
+    for (size_t f = 0; f < o->face_count; f++) {
+        struct vec3 n = newell(o, &o->faces[f]);
+        memcpy(o->face_normals + 3 * f, &n, sizeof n);
+        for (uint32_t i = 0; i < o->faces[f].count; i++) {
+            size_t corner = o->faces[f].first + i;
+            o->corner_face[corner] = (uint32_t)f;
+            o->around[(size_t)o->corners[corner].v + 2]++;
+            wanted++;
+        }
+    }
+    o->around_corners = mem_alloc_array(wanted, sizeof *o->around_corners);
+    if (!o->around_corners)
+        return error_no_memory(o->err, "OBJ normals");
+    for (size_t v = 2; v < o->v_count + 2; v++)
+        o->around[v] += o->around[v - 1];
+    /* around[v + 1] is where v begins and moves to where it ends, which is where v + 1 begins. */
+    for (size_t f = 0; f < o->face_count; f++)
+        for (uint32_t i = 0; i < o->faces[f].count; i++) {
+            size_t corner = o->faces[f].first + i;
+            o->around_corners[o->around[(size_t)o->corners[corner].v + 1]++] = corner;
+        }
+    return STATUS_OK;
+}
+
+static struct vec3 face_normal(const struct obj *o, uint32_t face)
+{
+    const float *n = o->face_normals + 3 * (size_t)face;
+
+    return vec3_make(n[0], n[1], n[2]);
+}
+
+/* The angle of a face at one of its corners: what its normal weighs there. */
+static float corner_angle(const struct obj *o, size_t corner)
+{
+    const struct obj_face *face = &o->faces[o->corner_face[corner]];
+    size_t i = corner - face->first;
+    struct vec3 at = position(o, corner);
+    struct vec3 next = position(o, face->first + (i + 1) % face->count);
+    struct vec3 last = position(o, face->first + (i + face->count - 1) % face->count);
+
+    return det_acos(
+        vec3_dot(vec3_normalize(vec3_sub(next, at)), vec3_normalize(vec3_sub(last, at))));
+}
+
+/* The mean of the faces around the corner's vertex that are smooth with its face. */
+static struct vec3 smooth_normal(const struct obj *o, size_t corner)
+{
+    uint32_t face = o->corner_face[corner];
+    size_t v = o->corners[corner].v, begin = o->around[v], end = o->around[v + 1];
+    struct vec3 own = face_normal(o, face), sum = vec3_splat(0);
+
+    if (end - begin > OBJ_SMOOTH_VALENCE_MAX)
+        return own;
+    for (size_t i = begin; i < end; i++) {
+        uint32_t other = o->corner_face[o->around_corners[i]];
+        struct vec3 n = face_normal(o, other);
+        int joined = o->says_smooth ? o->faces[other].smooth == o->faces[face].smooth
+                                    : vec3_dot(own, n) > OBJ_CREASE;
+        if (joined)
+            sum = vec3_add(sum, vec3_scale(n, corner_angle(o, o->around_corners[i])));
+    }
+    sum = vec3_normalize(sum);
+    return vec3_is_black(sum) ? own : sum;
+}
+
+static int is_smooth(const struct obj *o, const struct obj_face *face)
+{
+    return !o->says_smooth || face->smooth;
+}
+
+static struct vec3 corner_normal(const struct obj *o, size_t corner)
+{
+    uint32_t n = o->corners[corner].n;
+
+    if (n != OBJ_NONE)
+        return vec3_make(o->vn[3 * (size_t)n], o->vn[3 * (size_t)n + 1], o->vn[3 * (size_t)n + 2]);
+    if (is_smooth(o, &o->faces[o->corner_face[corner]]))
+        return smooth_normal(o, corner);
+    return face_normal(o, o->corner_face[corner]);
+}
+
+/* ---- a mesh --------------------------------------------------------------------------------- */
+
+/* What makes a vertex; compared byte by byte. */
+struct vertex_key {
+    uint32_t v, t;
+    float normal[3];
+};
+
+/* The faces of one part: faces[order[first..end)]. */
+struct part_faces {
+    const uint32_t *order;
+    size_t first, end;
+    size_t corners, triangles;
+    int has_normals, has_uv, has_colors;
+};
+
+static void survey(const struct obj *o, struct part_faces *part)
+{
+    for (size_t k = part->first; k < part->end; k++) {
+        const struct obj_face *face = &o->faces[part->order[k]];
+        part->corners += face->count;
+        part->triangles += face->count - 2;
+        part->has_normals |= is_smooth(o, face);
+        for (uint32_t i = 0; i < face->count; i++) {
+            const struct obj_corner *corner = &o->corners[face->first + i];
+            part->has_normals |= corner->n != OBJ_NONE;
+            part->has_uv |= corner->t != OBJ_NONE;
+            for (size_t c = 0; o->colors && c < 3; c++)
+                part->has_colors |= o->colors[4 * (size_t)corner->v + c] != 1;
+        }
+    }
+}
+
+/* Cut the faces; the indices are those of the part's corners, one after the other. */
+static status cut_faces(struct obj *o, const struct part_faces *part, struct mesh_source *mesh,
+                        struct vertex_key *keys)
+{
+    struct polygon_scratch scratch = {0};
+    uint32_t *polygon = NULL;
+    size_t polygon_capacity = 0, base = 0;
+    status result = STATUS_OK;
+
+    for (size_t k = part->first; k < part->end && result == STATUS_OK; k++) {
+        const struct obj_face *face = &o->faces[part->order[k]];
+        uint32_t *indices = mesh->indices + 3 * mesh->triangle_count;
+        if (!MEM_GROW(polygon, polygon_capacity, face->count)) {
+            result = error_no_memory(o->err, "OBJ faces");
+            break;
+        }
+        for (uint32_t i = 0; i < face->count; i++) {
+            const struct obj_corner *corner = &o->corners[face->first + i];
+            struct vec3 n = part->has_normals ? vec3_normalize(corner_normal(o, face->first + i))
+                                              : vec3_splat(0);
+            polygon[i] = corner->v;
+            keys[base + i] =
+                (struct vertex_key){corner->v, corner->t, {n.x + 0.0f, n.y + 0.0f, n.z + 0.0f}};
+        }
+        result = polygon_triangulate(&scratch, o->v, polygon, face->count, indices, o->err);
+        for (size_t i = 0; i < 3 * (size_t)(face->count - 2) && result == STATUS_OK; i++)
+            indices[i] += (uint32_t)base;
+        mesh->triangle_count += face->count - 2;
+        base += face->count;
+        if (scratch.fans && result == STATUS_OK) {
+            scratch.fans = 0;
+            builder_warn_at(o->b, o->name, face->line, "fan",
+                            "a face crosses itself or is too large to be cut cleanly");
+        }
+    }
+    mem_free(polygon);
+    polygon_scratch_release(&scratch);
+    return result;
+}
+
+static void fill_vertex(const struct obj *o, const struct vertex_key *key, struct mesh_source *mesh)
+{
+    size_t at = mesh->vertex_count++;
+
+    memcpy(mesh->positions + 3 * at, o->v + 3 * (size_t)key->v, 3 * sizeof(float));
+    if (mesh->normals)
+        memcpy(mesh->normals + 3 * at, key->normal, 3 * sizeof(float));
+    if (mesh->colors)
+        memcpy(mesh->colors + 4 * at, o->colors + 4 * (size_t)key->v, 4 * sizeof(float));
+    if (mesh->uv[0]) {
+        const float none[2] = {0, 0};
+        const float *uv = key->t == OBJ_NONE ? none : o->vt + 2 * (size_t)key->t;
+        mesh->uv[0][2 * at] = uv[0];
+        mesh->uv[0][2 * at + 1] = 1 - uv[1]; /* OBJ counts v from the image's bottom */
+    }
+}
+
+static status weld_corners(struct obj *o, const struct part_faces *part,
+                           const struct vertex_key *keys, struct mesh_source *mesh)
+{
+    uint32_t *weld = mem_alloc_array(part->corners, sizeof *weld);
+    size_t distinct = 0;
+    status result = STATUS_OK;
+
+    if (!weld)
+        return error_no_memory(o->err, "OBJ vertices");
+    result = vertices_weld(keys, sizeof *keys, part->corners, weld, o->err);
+    for (size_t i = 0; i < part->corners && result == STATUS_OK; i++)
+        distinct += weld[i] == i;
+    mesh->positions = mem_alloc_array(distinct, 3 * sizeof(float));
+    mesh->normals = part->has_normals ? mem_alloc_array(distinct, 3 * sizeof(float)) : NULL;
+    mesh->uv[0] = part->has_uv ? mem_alloc_array(distinct, 2 * sizeof(float)) : NULL;
+    mesh->colors = part->has_colors ? mem_alloc_array(distinct, 4 * sizeof(float)) : NULL;
+    if (!mesh->positions || (part->has_normals && !mesh->normals) ||
+        (part->has_uv && !mesh->uv[0]) || (part->has_colors && !mesh->colors))
+        result = error_no_memory(o->err, "OBJ vertices");
+    for (size_t i = 0; i < part->corners && result == STATUS_OK; i++)
+        if (weld[i] == i) {
+            weld[i] = (uint32_t)mesh->vertex_count;
+            fill_vertex(o, &keys[i], mesh);
+        } else {
+            weld[i] = weld[weld[i]]; /* the first of them has its number already */
+        }
+    for (size_t i = 0; i < 3 * mesh->triangle_count && result == STATUS_OK; i++)
+        mesh->indices[i] = weld[mesh->indices[i]];
+    mem_free(weld);
+    return result;
+}
+
+static status make_source(struct obj *o, const struct part_faces *part, struct mesh_source *mesh)
+{
+    struct vertex_key *keys;
+    status result = STATUS_OK;
+
+    if (part->triangles > SCENE_TRIANGLES_MAX || part->corners >= OBJ_BAD)
+        return error_set(o->err, STATUS_ERR_LIMIT, "has %zu triangles in one group: at most %d",
+                         part->triangles, SCENE_TRIANGLES_MAX);
+    keys = mem_alloc_array(part->corners, sizeof *keys);
+    mesh->indices = mem_alloc_array(part->triangles, 3 * sizeof *mesh->indices);
+    if (!keys || !mesh->indices)
+        result = error_no_memory(o->err, "OBJ faces");
+    if (result == STATUS_OK)
+        result = cut_faces(o, part, mesh, keys);
+    if (result == STATUS_OK)
+        result = weld_corners(o, part, keys, mesh);
+    mem_free(keys);
+    return result;
+}
+
+static struct mesh_tangents tangents_of(const struct scene_material *m)
+{
+    struct mesh_tangents wanted = {.uv_transform = {{1, 0, 0}, {0, 1, 0}}};
+
+    wanted.wanted = m->normal_texture.texture >= 0 || m->anisotropy > 0;
+    if (m->normal_texture.texture >= 0)
+        memcpy(wanted.uv_transform, m->normal_texture.uv_transform, sizeof wanted.uv_transform);
+    return wanted;
+}
+
+static status make_part(struct obj *o, const struct obj_part *part, struct part_faces *faces)
+{
+    struct mesh_source mesh = {0};
+    struct scene_instance instance;
+    struct mesh_tangents tangents;
+    const char *name = builder_name(o->b, o->words.texts[part->name]);
+    uint32_t material;
+    int64_t row = BUILDER_NO_ROW;
+    status result;
+
+    survey(o, faces);
+    TRY(obj_material_row(o, part->material, part->line, faces->has_colors, &material));
+    tangents = tangents_of(&o->b->materials[material]);
+    result = make_source(o, faces, &mesh);
+    if (result == STATUS_OK)
+        result = mesh_finish(o->b, &mesh, name, &tangents, &row);
+    mesh_source_release(&mesh);
+    if (result != STATUS_OK || row == BUILDER_NO_ROW)
+        return result;
+    scene_instance_default(&instance);
+    instance.name = name;
+    instance.mesh = (uint32_t)row;
+    instance.material = material;
+    for (int c = 0; c < 3; c++)
+        instance.to_world.m[c][3] = o->origin[c];
+    return builder_add_instance(o->b, &instance);
+}
+
+status obj_make_meshes(struct obj *o)
+{
+    size_t *starts = mem_calloc(o->part_count + 2, sizeof *starts);
+    uint32_t *order = NULL;
+    status result = STATUS_OK;
+
+    drop_bad_faces(o);
+    order = mem_alloc_array(o->face_count, sizeof *order);
+    if (!starts || !order)
+        result = error_no_memory(o->err, "OBJ groups");
+    if (result == STATUS_OK)
+        result = prepare_normals(o);
+    if (result == STATUS_OK) {
+        for (size_t f = 0; f < o->face_count; f++)
+            starts[o->faces[f].part + 2]++;
+        for (size_t p = 2; p < o->part_count + 2; p++)
+            starts[p] += starts[p - 1];
+        for (size_t f = 0; f < o->face_count; f++)
+            order[starts[o->faces[f].part + 1]++] = (uint32_t)f;
+    }
+    for (size_t p = 0; p < o->part_count && result == STATUS_OK; p++) {
+        struct part_faces faces = {.order = order, .first = starts[p], .end = starts[p + 1]};
+        if (faces.first < faces.end)
+            result = make_part(o, &o->parts[p], &faces);
+    }
+    mem_free(order);
+    mem_free(starts);
+    return result;
+}

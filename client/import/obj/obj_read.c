@@ -1,0 +1,254 @@
+/* OBJ and MTL: names, lines, words and the files that they name. */
+#include <assert.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/stat.h>
+
+#include "client/import/obj/obj.h"
+#include "client/import/builder/scan.h"
+#include "client/import/builder/try.h"
+#include "client/import/builder/uri.h"
+#include "common/base/file.h"
+#include "common/base/memory.h"
+
+/* ---- names --------------------------------------------------------------------------------- */
+
+static size_t hash_text(const char *text, size_t length)
+{
+    uint64_t h = 0xcbf29ce484222325u; /* FNV-1a */
+
+    for (size_t i = 0; i < length; i++)
+        h = (h ^ (uint8_t)text[i]) * 0x100000001b3u;
+    return (size_t)(h ^ h >> 32);
+}
+
+static int names_grow(struct obj_names *names)
+{
+    size_t size = names->index_size ? 2 * names->index_size : 64;
+    uint32_t *index = mem_calloc(size, sizeof *index);
+
+    if (!index)
+        return 0;
+    for (size_t i = 0; i < names->count; i++) {
+        size_t at = hash_text(names->texts[i], strlen(names->texts[i])) & (size - 1);
+        while (index[at])
+            at = (at + 1) & (size - 1);
+        index[at] = (uint32_t)i + 1;
+    }
+    mem_free(names->index);
+    names->index = index;
+    names->index_size = size;
+    return 1;
+}
+
+uint32_t obj_intern(struct obj_names *names, const char *text, size_t length)
+{
+    const char *nul = memchr(text, 0, length);
+    size_t at;
+    char *copy;
+
+    length = nul ? (size_t)(nul - text) : length;
+    length = length < OBJ_NAME_BYTES_MAX ? length : OBJ_NAME_BYTES_MAX;
+    if (2 * (names->count + 1) > names->index_size && !names_grow(names))
+        return OBJ_NONE;
+    at = hash_text(text, length) & (names->index_size - 1);
+    for (; names->index[at]; at = (at + 1) & (names->index_size - 1)) {
+        assert(names->index[at] <= names->count);
+        const char *other = names->texts[names->index[at] - 1];
+        if (strlen(other) == length && memcmp(other, text, length) == 0)
+            return names->index[at] - 1;
+    }
+    if (!MEM_GROW(names->texts, names->capacity, names->count + 1))
+        return OBJ_NONE;
+    copy = mem_alloc(length + 1);
+    if (!copy)
+        return OBJ_NONE;
+    memcpy(copy, text, length);
+    copy[length] = 0;
+    names->texts[names->count++] = copy;
+    names->index[at] = (uint32_t)names->count;
+    return (uint32_t)names->count - 1;
+}
+
+void obj_names_release(struct obj_names *names)
+{
+    for (size_t i = 0; i < names->count; i++)
+        mem_free(names->texts[i]);
+    mem_free(names->texts);
+    mem_free(names->index);
+    memset(names, 0, sizeof *names);
+}
+
+/* ---- lines and words ------------------------------------------------------------------------ */
+
+static int is_line_end(char c)
+{
+    return c == '\n' || c == '\r';
+}
+
+/* The length of a backslash and the line end after it at `at`; 0: there is none. */
+static size_t continuation(const char *at, const char *end)
+{
+    if (end - at < 2 || at[0] != '\\' || !is_line_end(at[1]))
+        return 0;
+    return end - at > 2 && at[1] == '\r' && at[2] == '\n' ? 3 : 2;
+}
+
+int obj_next_line(struct obj_text *text, struct obj_line *line)
+{
+    while (text->at < text->end) {
+        const char *at = text->at;
+        line->at = at;
+        line->number = text->line;
+        while (at < text->end && !is_line_end(*at)) {
+            size_t skip = continuation(at, text->end);
+            text->line += skip > 0;
+            at += skip ? skip : 1;
+        }
+        line->end = at;
+        text->line++;
+        if (at < text->end)
+            at += text->end - at > 1 && at[0] == '\r' && at[1] == '\n' ? 2 : 1;
+        text->at = at;
+        if (line->at < line->end)
+            return 1;
+    }
+    return 0;
+}
+
+static void skip_space(struct obj_line *line)
+{
+    while (line->at < line->end) {
+        size_t skip = continuation(line->at, line->end);
+        if (!skip && *line->at != ' ' && *line->at != '\t' && *line->at != '\v' &&
+            *line->at != '\f')
+            return;
+        line->at += skip ? skip : 1;
+    }
+}
+
+struct obj_word obj_next_word(struct obj_line *line)
+{
+    struct obj_word word;
+
+    skip_space(line);
+    word.text = line->at;
+    if (line->at < line->end && *line->at == '#')
+        line->at = line->end;
+    else
+        while (line->at < line->end && *line->at != ' ' && *line->at != '\t' &&
+               !continuation(line->at, line->end))
+            line->at++;
+    word.length = word.text < line->end && *word.text == '#' ? 0 : (size_t)(line->at - word.text);
+    return word;
+}
+
+struct obj_word obj_rest(struct obj_line *line)
+{
+    struct obj_word word;
+
+    skip_space(line);
+    word.text = line->at;
+    word.length = (size_t)(line->end - line->at);
+    while (word.length && (word.text[word.length - 1] == ' ' || word.text[word.length - 1] == '\t'))
+        word.length--;
+    line->at = line->end;
+    return word;
+}
+
+int obj_word_is(struct obj_word word, const char *text)
+{
+    return word.length == strlen(text) && strncasecmp(word.text, text, word.length) == 0;
+}
+
+size_t obj_numbers(struct obj_line *line, size_t most, double *out)
+{
+    size_t count = 0;
+
+    while (count < most) {
+        struct obj_line before = *line;
+        struct obj_word word = obj_next_word(line);
+        /* What begins with a number is one: some files end values with commas or "f". */
+        if (word.length == 0 || !scan_double(word.text, word.text + word.length, &out[count])) {
+            *line = before;
+            break;
+        }
+        count++;
+    }
+    return count;
+}
+
+/* ---- other files ---------------------------------------------------------------------------- */
+
+/* Whether `file` is there as a path below (or a little above) the folder. */
+static status find_file(struct obj *o, const char *file, char **path, struct error *err)
+{
+    struct buffer name = BUFFER_INIT;
+    status result;
+
+    for (const char *p = file; *p; p++)
+        if (*p == '%') /* uri_to_path() decodes it again */
+            buffer_puts(&name, "%25");
+        else
+            buffer_append(&name, *p == '\\' ? "/" : p, 1);
+    result = buffer_ok(&name) ? uri_to_path(buffer_text(&name), o->folder, path, err)
+                              : error_no_memory(err, "a file name");
+    buffer_release(&name);
+    return result;
+}
+
+/* Take the path of `prefix`/`file` for *path if there is such a file that may be read, and no
+ * better one yet. */
+static void try_file(struct obj *o, const char *prefix, size_t prefix_length, const char *file,
+                     char **path, int *found)
+{
+    struct buffer name = BUFFER_INIT;
+    char *other = NULL;
+
+    if (*found)
+        return;
+    buffer_append(&name, prefix, prefix_length);
+    buffer_puts(&name, file);
+    if (buffer_ok(&name) && find_file(o, buffer_text(&name), &other, NULL) == STATUS_OK &&
+        input_files_contain(o->b->files, other)) {
+        mem_free(*path);
+        *path = other;
+        other = NULL;
+        *found = 1;
+    }
+    mem_free(other);
+    buffer_release(&name);
+}
+
+/* Where the name after the last separator begins. */
+static const char *last_name(const char *path)
+{
+    const char *last = path;
+
+    for (const char *p = path; *p; p++)
+        if (*p == '/' || *p == '\\' || *p == ':')
+            last = p + 1;
+    return last;
+}
+
+status obj_read_file(struct obj *o, const char *within, const char *file, size_t limit,
+                     struct buffer *out, struct error *err)
+{
+    size_t beside = within ? (size_t)(last_name(within) - within) : 0;
+    char *path = NULL;
+    int found = 0;
+    status result;
+
+    if (!o->folder)
+        return error_set(err, STATUS_ERR_INPUT, "other files cannot be read here");
+    try_file(o, within, beside, file, &path, &found);
+    try_file(o, NULL, 0, file, &path, &found);
+    /* Paths of the computer on which the file was made: the other may lie beside this one. */
+    try_file(o, within, beside, last_name(file), &path, &found);
+    try_file(o, NULL, 0, last_name(file), &path, &found);
+    result = found ? STATUS_OK : find_file(o, file, &path, err);
+    if (result == STATUS_OK)
+        result = input_files_read(o->b->files, path, limit, out, err);
+    mem_free(path);
+    return result;
+}

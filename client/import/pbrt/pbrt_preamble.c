@@ -1,0 +1,110 @@
+/* What stands before WorldBegin, and the word itself. */
+#include <string.h>
+
+#include "client/import/pbrt/pbrt_directive.h"
+
+/* Camera and film wait for one another until the world begins. */
+static status keep_directive(struct pbrt *p, const char *word, const struct pbrt_place *at,
+                             struct pbrt_directive *out)
+{
+    if (p->in_world)
+        return pbrt_fail(p, STATUS_ERR_INPUT, at, "%s must stand before WorldBegin", word);
+    TRY(pbrt_read_directive(p, word, NULL, at, out));
+    out->params = pbrt_params_copy(&p->params, &p->arena);
+    return out->params ? STATUS_OK : error_no_memory(p->err, "parameters");
+}
+
+static status do_camera(struct pbrt *p, const struct pbrt_place *at)
+{
+    struct pbrt_matrices world_from_camera;
+
+    TRY(keep_directive(p, "Camera", at, &p->camera));
+    for (int i = 0; i < 2; i++)
+        if (!transform_d_invert(&p->camera.ctm.at[i], &world_from_camera.at[i]))
+            return pbrt_fail(p, STATUS_ERR_INPUT, at, "the camera's matrix cannot be inverted");
+    p->camera_medium = p->now.outside;
+    return pbrt_keep_system(p, "camera", &world_from_camera);
+}
+
+static status do_film(struct pbrt *p, const struct pbrt_place *at)
+{
+    TRY(keep_directive(p, "Film", at, &p->film));
+    if (strcmp(p->film.kind, "image") == 0)
+        p->version3 = 1; /* pbrt-v4 has no such film */
+    return STATUS_OK;
+}
+
+static status do_sampler(struct pbrt *p, const struct pbrt_place *at)
+{
+    struct pbrt_directive d;
+
+    TRY(pbrt_read_directive(p, "Sampler", NULL, at, &d));
+    return pbrt_sampler(p, &d);
+}
+
+static status do_integrator(struct pbrt *p, const struct pbrt_place *at)
+{
+    struct pbrt_directive d;
+
+    TRY(pbrt_read_directive(p, "Integrator", NULL, at, &d));
+    return pbrt_integrator(p, &d);
+}
+
+static status do_filter(struct pbrt *p, const struct pbrt_place *at)
+{
+    struct pbrt_directive d;
+
+    TRY(pbrt_read_directive(p, "PixelFilter", NULL, at, &d));
+    pbrt_warn(p, at, "PixelFilter",
+              "the pixel filter \"%.40s\" is not taken over: the filter is always a Blackman-Harris "
+              "window of 3 pixels", d.kind);
+    return STATUS_OK;
+}
+
+/* How rays are found does not change the picture. */
+static status do_accelerator(struct pbrt *p, const struct pbrt_place *at)
+{
+    struct pbrt_directive d;
+
+    return pbrt_read_directive(p, "Accelerator", NULL, at, &d);
+}
+
+static status do_option(struct pbrt *p, const struct pbrt_place *at)
+{
+    struct pbrt_directive d = {.kind = "", .at = *at, .params = &p->params};
+
+    TRY(pbrt_next_params(p, NULL));
+    return pbrt_option(p, &d);
+}
+
+static status do_world(struct pbrt *p, const struct pbrt_place *at)
+{
+    if (p->in_world)
+        return pbrt_fail(p, STATUS_ERR_INPUT, at, "WorldBegin stands twice");
+    TRY(pbrt_camera(p));
+    p->in_world = 1;
+    p->now.active = 3;
+    pbrt_identity(p);
+    return pbrt_keep_system(p, "world", &p->now.ctm);
+}
+
+static status do_world_end(struct pbrt *p, const struct pbrt_place *at)
+{
+    (void)p;
+    (void)at;
+    return STATUS_OK;
+}
+
+const struct pbrt_word pbrt_preamble_words[] = {
+    {"Camera", do_camera},
+    {"Film", do_film},
+    {"Sampler", do_sampler},
+    {"Integrator", do_integrator},
+    {"SurfaceIntegrator", do_integrator},
+    {"PixelFilter", do_filter},
+    {"Accelerator", do_accelerator},
+    {"Option", do_option},
+    {"WorldBegin", do_world},
+    {"WorldEnd", do_world_end},
+    {NULL, NULL},
+};

@@ -1,0 +1,195 @@
+/* Textures that are no plain picture, computed once into a new one. */
+#include <math.h>
+#include <string.h>
+
+#include "client/import/pbrt/pbrt_texture_parts.h"
+#include "common/image/color.h"
+
+/* What the leaves below a texture have in common. */
+struct domain {
+    const struct pbrt_texture *first;   /* the leaf that gives the mapping */
+    int same_mapping;
+    int images, checkers, bilerps;
+    int all_wrap, all_nearest;          /* of the images; -1: none, -2: different */
+    uint32_t width, height;             /* the largest image */
+};
+
+static status collect(struct pbrt *p, const struct pbrt_texture *t, struct domain *d)
+{
+    for (int i = 0; i < 3; i++)
+        if (t->child[i])
+            TRY(collect(p, t->child[i], d));
+    if (t->op != TEXTURE_IMAGE && t->op != TEXTURE_CHECKER && t->op != TEXTURE_BILERP)
+        return STATUS_OK;
+    if (!d->first)
+        d->first = t;
+    else if (memcmp(d->first->mapping, t->mapping, sizeof t->mapping) != 0)
+        d->same_mapping = 0;
+    d->checkers += t->op == TEXTURE_CHECKER;
+    d->bilerps += t->op == TEXTURE_BILERP;
+    if (t->op != TEXTURE_IMAGE)
+        return STATUS_OK;
+    TRY(pbrt_image_decode(p, t->image));
+    d->images++;
+    d->all_wrap = d->all_wrap == -1 || d->all_wrap == (int)t->wrap ? (int)t->wrap : -2;
+    d->all_nearest = d->all_nearest == -1 || d->all_nearest == t->nearest ? t->nearest : -2;
+    if (t->image->width > d->width)
+        d->width = t->image->width;
+    if (t->image->height > d->height)
+        d->height = t->image->height;
+    return STATUS_OK;
+}
+
+/* The picture's size, how often (s, t) goes through it, and how it is put on the surface. */
+struct canvas {
+    uint32_t width, height;
+    double period;
+    double mapping[2][3];   /* mesh uv to (s, t) */
+    enum scene_wrap wrap;
+    int nearest;
+};
+
+static void plan_canvas(const struct domain *d, struct canvas *c)
+{
+    double scale[2] = {1, 1};
+
+    *c = (struct canvas){.period = 1, .wrap = WRAP_REPEAT};
+    c->mapping[0][0] = c->mapping[1][1] = 1;
+    if (d->same_mapping && d->first) {
+        memcpy(c->mapping, d->first->mapping, sizeof c->mapping);
+        c->period = d->checkers ? 2 : 1;
+    } else if (d->first) { /* the mesh's own 0..1, fine enough for what is repeated within */
+        for (int i = 0; i < 2; i++)
+            scale[i] = fmax(1, ceil(fabs(d->first->mapping[i][i])));
+    }
+    if (d->images) {
+        double w = d->width * c->period * scale[0], h = d->height * c->period * scale[1];
+        c->width = (uint32_t)fmin(w, PBRT_BAKE_SIDE_MAX);
+        c->height = (uint32_t)fmin(h, PBRT_BAKE_SIDE_MAX);
+        while ((size_t)c->width * c->height > PBRT_BAKE_TEXELS_MAX)
+            c->width = (c->width + 1) / 2, c->height = (c->height + 1) / 2;
+        c->nearest = d->all_nearest == 1;
+    } else if (d->bilerps) {
+        c->width = c->height = d->checkers ? 256 : 64;
+    } else if (d->same_mapping) {
+        c->width = c->height = 2; /* a checkerboard is two by two fields */
+        c->nearest = 1;
+    } else {
+        c->width = c->height = 1024;
+        c->nearest = 1;
+    }
+    if (d->images && !d->checkers && d->same_mapping && d->all_wrap >= 0)
+        c->wrap = (enum scene_wrap)d->all_wrap;
+    if (!d->images && !d->checkers && d->bilerps)
+        c->wrap = WRAP_CLAMP;
+}
+
+/* Where texel (x, y) lies in mesh uv: the inverse of what the slot does. 0: nowhere. */
+static int canvas_uv(const struct canvas *c, uint32_t x, uint32_t y, double uv[2])
+{
+    double s = (x + 0.5) / c->width * c->period, t = (1 - (y + 0.5) / c->height) * c->period;
+
+    if (c->mapping[0][0] == 0 || c->mapping[1][1] == 0)
+        return 0;
+    uv[0] = (s - c->mapping[0][2]) / c->mapping[0][0];
+    uv[1] = (t - c->mapping[1][2]) / c->mapping[1][1];
+    return 1;
+}
+
+static status add_canvas(struct pbrt *p, const struct canvas *c, const struct image *pixels,
+                         int as_exr, enum scene_encoding encoding, struct scene_texture_slot *slot)
+{
+    const int small = (size_t)c->width * c->height <= 4096;
+    const struct exr_options options = {0};
+    struct scene_texture texture = {.wrap_u = c->wrap,
+                                    .wrap_v = c->wrap,
+                                    .nearest = c->nearest,
+                                    .encoding = encoding};
+    struct buffer out = BUFFER_INIT;
+    status result = as_exr ? exr_encode(&out, pixels, &options, p->err)
+                           : png_encode_texture(&out, pixels, small ? 16 : 8, p->err);
+
+    if (result != STATUS_OK) {
+        buffer_release(&out);
+        return result;
+    }
+    TRY(builder_add_image(p->b, "computed", out.data, out.size, &texture.image));
+    return pbrt_slot_put(p, &texture, c->mapping, c->period, slot);
+}
+
+static status plan(struct pbrt *p, const struct pbrt_texture *a, const struct pbrt_texture *b,
+                   struct canvas *c)
+{
+    struct domain d = {.same_mapping = 1, .all_wrap = -1, .all_nearest = -1};
+
+    TRY(collect(p, a, &d));
+    if (b)
+        TRY(collect(p, b, &d));
+    plan_canvas(&d, c);
+    return STATUS_OK;
+}
+
+status pbrt_bake_color(struct pbrt *p, const struct pbrt_texture *color,
+                       const struct pbrt_texture *alpha, float limit,
+                       float factor[3], struct scene_texture_slot *slot)
+{
+    struct image pixels = {0};
+    struct canvas c;
+    double brightest = 0;
+    int as_exr;
+    status result;
+
+    TRY(plan(p, color, alpha, &c));
+    TRY(image_init(&pixels, c.width, c.height, alpha ? 4 : 3, p->err));
+    for (size_t i = 0; i < (size_t)c.width * c.height; i++) {
+        double uv[2], v[4] = {0}, a[4];
+        float *to = pixels.pixels + i * pixels.channels;
+        if (canvas_uv(&c, (uint32_t)(i % c.width), (uint32_t)(i / c.width), uv)) {
+            pbrt_evaluate(color, uv, v);
+            if (alpha) {
+                pbrt_evaluate(alpha, uv, a);
+                to[3] = (float)fmin(fmax(a[3], 0), 1);
+            }
+        }
+        for (int k = 0; k < 3; k++) {
+            to[k] = (float)fmin(fmax(v[k], 0), (double)limit);
+            brightest = fmax(brightest, (double)to[k]);
+        }
+    }
+    /* Light above 1 does not fit into a PNG, nor does it need alpha. */
+    as_exr = brightest > 1;
+    for (size_t i = 0; !as_exr && i < (size_t)c.width * c.height; i++)
+        for (int k = 0; k < 3; k++) {
+            float *to = pixels.pixels + i * pixels.channels + k;
+            *to = srgb_encode(*to);
+        }
+    result = add_canvas(p, &c, &pixels, as_exr, as_exr ? ENCODING_BY_SLOT : ENCODING_SRGB, slot);
+    image_release(&pixels);
+    pbrt_images_trim(p);
+    factor[0] = factor[1] = factor[2] = 1;
+    return result;
+}
+
+status pbrt_bake_scalar(struct pbrt *p, const struct pbrt_texture *value, pbrt_change *change,
+                        double parameter, float *factor, struct scene_texture_slot *slot)
+{
+    struct image pixels = {0};
+    struct canvas c;
+    status result;
+
+    TRY(plan(p, value, NULL, &c));
+    TRY(image_init(&pixels, c.width, c.height, 4, p->err));
+    for (size_t i = 0; i < (size_t)c.width * c.height; i++) {
+        double uv[2], v[4] = {0};
+        if (canvas_uv(&c, (uint32_t)(i % c.width), (uint32_t)(i / c.width), uv))
+            pbrt_evaluate(value, uv, v);
+        for (int k = 0; k < 4; k++)
+            pixels.pixels[4 * i + (size_t)k] =
+                (float)fmin(fmax(change(v[3], parameter), 0), 1);
+    }
+    result = add_canvas(p, &c, &pixels, 0, ENCODING_LINEAR, slot);
+    image_release(&pixels);
+    pbrt_images_trim(p);
+    *factor = 1;
+    return result;
+}

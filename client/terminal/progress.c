@@ -1,0 +1,94 @@
+#include "client/terminal/progress.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "client/terminal/table.h"
+#include "common/base/clock.h"
+#include "protocol/message.h"
+
+#define PLAIN_INTERVAL_NS (5 * NS_PER_SECOND)
+
+enum { BAR_MAX = 40, BAR_MIN = 8, LINE_MAX_BYTES = 1024 };
+
+void progress_init(struct progress *p, int quiet)
+{
+    const char *term = getenv("TERM");
+    const char *no_color = getenv("NO_COLOR");
+
+    memset(p, 0, sizeof *p);
+    p->quiet = quiet;
+    p->terminal = isatty(STDERR_FILENO) && term && *term && strcmp(term, "dumb") != 0;
+    p->color = p->terminal && !(no_color && *no_color);
+}
+
+static void draw_in_place(struct progress *p, double fraction, const char *text)
+{
+    size_t width = terminal_columns(STDERR_FILENO) - 1; /* the last column would wrap on some terminals */
+    char line[LINE_MAX_BYTES];
+    size_t bar = 0, filled, used;
+
+    message_text(line, sizeof line, text);
+    if (fraction >= 0) {
+        used = text_columns(line) + strlen("100% [] ");
+        bar = used + BAR_MIN <= width ? width - used : 0;
+        bar = bar > BAR_MAX ? BAR_MAX : bar;
+        fprintf(stderr, "\r\033[K%3d%% ", (int)(fraction * 100));
+        text_cut(line, width > 5 ? width - 5 - (bar ? bar + 3 : 0) : 0);
+    } else {
+        fputs("\r\033[K", stderr);
+        text_cut(line, width);
+    }
+    if (bar) {
+        filled = (size_t)(fraction * (double)bar);
+        fprintf(stderr, "[%s", p->color ? "\033[32m" : "");
+        for (size_t i = 0; i < bar; i++) {
+            if (i == filled && p->color)
+                fputs("\033[2m", stderr);
+            fputc(i < filled ? '#' : '-', stderr);
+        }
+        fprintf(stderr, "%s] ", p->color ? "\033[0m" : "");
+    }
+    fputs(line, stderr);
+    fflush(stderr);
+    p->drawn = 1;
+}
+
+void progress_draw(struct progress *p, double fraction, const char *text)
+{
+    uint64_t now = clock_monotonic_ns();
+    char line[LINE_MAX_BYTES];
+
+    if (p->quiet)
+        return;
+    if (!(fraction <= 1))
+        fraction = 1;
+    if (p->terminal) {
+        draw_in_place(p, fraction, text);
+        return;
+    }
+    if (p->last_ns == 0) {
+        p->last_ns = now; /* what is over within the interval prints no line at all */
+        return;
+    }
+    if (now - p->last_ns < PLAIN_INTERVAL_NS)
+        return;
+    p->last_ns = now;
+    message_text(line, sizeof line, text);
+    if (fraction >= 0)
+        fprintf(stderr, "%3d%%  %s\n", (int)(fraction * 100), line);
+    else
+        fprintf(stderr, "%s\n", line);
+}
+
+void progress_clear(struct progress *p)
+{
+    if (p->drawn) {
+        fputs("\r\033[K", stderr);
+        fflush(stderr);
+    }
+    p->drawn = 0;
+}

@@ -1,0 +1,170 @@
+#include "client/terminal/table.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include "common/base/memory.h"
+#include "protocol/message.h"
+
+#define CUT_MARK ".."
+enum { CUT_MIN = 8, COLUMNS_DEFAULT = 80 };
+
+void table_init(struct table *t, const char *const *titles, size_t column_count)
+{
+    memset(t, 0, sizeof *t);
+    t->titles = titles;
+    t->column_count = column_count;
+}
+
+void table_release(struct table *t)
+{
+    for (size_t i = 0; i < t->cell_count; i++)
+        mem_free(t->cells[i]);
+    mem_free(t->cells);
+    memset(t, 0, sizeof *t);
+}
+
+size_t text_columns(const char *text)
+{
+    size_t columns = 0;
+
+    for (; *text; text++)
+        columns += ((unsigned char)*text & 0xc0) != 0x80;
+    return columns;
+}
+
+void text_cut(char *text, size_t columns)
+{
+    size_t seen = 0;
+
+    for (char *at = text; *at; at++) {
+        if (((unsigned char)*at & 0xc0) == 0x80)
+            continue;
+        if (seen == columns) {
+            *at = 0;
+            return;
+        }
+        seen++;
+    }
+}
+
+size_t terminal_columns(int fd)
+{
+    struct winsize size;
+    const char *columns = getenv("COLUMNS");
+    long named = columns ? strtol(columns, NULL, 10) : 0;
+
+    if (ioctl(fd, TIOCGWINSZ, &size) == 0 && size.ws_col > 0)
+        return size.ws_col;
+    return named > 0 && named < 10000 ? (size_t)named : COLUMNS_DEFAULT;
+}
+
+void table_add(struct table *t, const char *format, ...)
+{
+    char text[512], printable[512];
+    char *copy;
+    va_list args;
+
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    copy = mem_strdup(message_text(printable, sizeof printable, text));
+    if (!copy || !MEM_GROW(t->cells, t->cell_capacity, t->cell_count + 1)) {
+        mem_free(copy);
+        t->failed = 1;
+        return;
+    }
+    t->cells[t->cell_count++] = copy;
+}
+
+/* `mark`: the first letter of the column's title. */
+static void print_cell(const char *text, size_t width, char mark, int last)
+{
+    size_t columns = text_columns(text);
+    int pad = columns < width ? (int)(width - columns) : 0;
+    char shown[512];
+
+    if (columns > width && mark == '<') {
+        snprintf(shown, sizeof shown, "%s", text);
+        text_cut(shown, width - strlen(CUT_MARK));
+        printf("%s" CUT_MARK, shown);
+    } else if (mark == '>') {
+        printf("%*s%s", pad, "", text);
+    } else if (last) {
+        fputs(text, stdout);
+    } else {
+        printf("%s%*s", text, pad, "");
+    }
+    fputs(last ? "\n" : "  ", stdout);
+}
+
+/* Make the column narrower whose texts may be cut, so that the rows fit `columns`. */
+static void fit(const struct table *t, size_t *widths, size_t columns)
+{
+    size_t all = 2 * (t->column_count - 1);
+
+    for (size_t c = 0; c < t->column_count; c++)
+        all += widths[c];
+    for (size_t c = 0; c < t->column_count && all > columns; c++)
+        if (t->titles[c][0] == '<') {
+            size_t too_much = all - columns;
+            widths[c] = widths[c] > CUT_MIN + too_much ? widths[c] - too_much
+                        : widths[c] > CUT_MIN          ? CUT_MIN
+                                                       : widths[c];
+            return;
+        }
+}
+
+/* Rows without the last column, whose texts follow on lines of their own where there are any. */
+static void print_with_notes(const struct table *t, const size_t *widths, const int *marked)
+{
+    size_t shown = t->column_count - 1;
+
+    for (size_t c = 0; c < shown; c++)
+        print_cell(t->titles[c] + marked[c], widths[c], t->titles[c][0], c + 1 == shown);
+    for (size_t i = 0; i < t->cell_count; i++) {
+        size_t c = i % t->column_count;
+        if (c < shown)
+            print_cell(t->cells[i], widths[c], t->titles[c][0], c + 1 == shown);
+        else if (t->cells[i][0])
+            printf("     %s\n", t->cells[i]);
+    }
+}
+
+status table_print(const struct table *t, struct error *err)
+{
+    size_t widths[TABLE_COLUMNS_MAX] = {0};
+    int marked[TABLE_COLUMNS_MAX] = {0};
+    int notes = t->titles[t->column_count - 1][0] == '~' && isatty(STDOUT_FILENO);
+
+    if (t->failed)
+        return error_no_memory(err, "a table");
+    for (size_t c = 0; c < t->column_count; c++) {
+        marked[c] = strchr("><~", t->titles[c][0]) != NULL;
+        widths[c] = text_columns(t->titles[c] + marked[c]);
+    }
+    for (size_t i = 0; i < t->cell_count; i++) {
+        size_t columns = text_columns(t->cells[i]);
+        if (columns > widths[i % t->column_count])
+            widths[i % t->column_count] = columns;
+    }
+    if (notes)
+        widths[t->column_count - 1] = 0;
+    if (isatty(STDOUT_FILENO))
+        fit(t, widths, terminal_columns(STDOUT_FILENO));
+    if (notes) {
+        print_with_notes(t, widths, marked);
+        return STATUS_OK;
+    }
+    for (size_t c = 0; c < t->column_count; c++)
+        print_cell(t->titles[c] + marked[c], widths[c], t->titles[c][0], c + 1 == t->column_count);
+    for (size_t i = 0; i < t->cell_count; i++) {
+        size_t c = i % t->column_count;
+        print_cell(t->cells[i], widths[c], t->titles[c][0], c + 1 == t->column_count);
+    }
+    return STATUS_OK;
+}

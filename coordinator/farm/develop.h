@@ -1,0 +1,61 @@
+/* develop: the one place that turns a film into files.
+ *
+ *   film --develop_frame--> EXR, manifest, and unless other frames' statistics count: PNG, JPEG
+ *   stored pictures --develop_again--> PNG, JPEG, after the job's output settings as they are now
+ *
+ * A development is made on the farm's thread (it copies what it needs of the job), run on any
+ * thread, and freed. A frame's development reads the complete film itself, which no longer changes;
+ * a preview's copies the film's present state.
+ */
+#ifndef AZULEJO_COORDINATOR_DEVELOP_H
+#define AZULEJO_COORDINATOR_DEVELOP_H
+
+#include "common/base/buffer.h"
+#include "common/base/status.h"
+#include "coordinator/job/frame.h"
+#include "coordinator/job/queue.h"
+#include "coordinator/store/store.h"
+
+struct development;
+
+/* ERR_NO_MEMORY, ERR_LIMIT. */
+status development_new_frame(struct development **out, const struct job_frame *frame,
+                             struct error *err) MUST_CHECK;
+/* Of the frame as it stands: its figures only (develop_figures). */
+status development_new_measure(struct development **out, const struct job_frame *frame,
+                               struct error *err) MUST_CHECK;
+status development_new_preview(struct development **out, const struct job_frame *frame,
+                               struct error *err) MUST_CHECK;
+/* Of a frame that is done, from its stored picture. */
+status development_new_stored(struct development **out, const struct job *job, uint32_t frame,
+                              struct error *err) MUST_CHECK;
+void development_free(struct development *development);
+
+/* Encode the frame's files, write them and its manifest, and note the frame as done. */
+status develop_frame(struct development *development, struct store *store, struct error *err)
+    MUST_CHECK;
+/* Make the display pictures of a stored frame anew, write them, and note it. Reads the stored
+ * pictures of the frames whose statistics it is averaged with. */
+status develop_again(struct development *development, struct store *store, struct error *err)
+    MUST_CHECK;
+/* Compute the figures, and keep them in the frame's history. */
+status develop_figures(struct development *development, struct store *store, struct error *err)
+    MUST_CHECK;
+/* The largest value of the environment's map, for the job's next frames; NaN: it was not looked for. */
+double development_map_max(const struct development *development);
+/* What develop_figures or develop_frame found; NULL: nothing yet. */
+const struct history_point *development_point(const struct development *development);
+/* The revision of the output settings that the development follows; -1 where it leaves display
+ * pictures to develop_again. */
+int64_t development_revision(const struct development *development);
+/* Append the frame's manifest (common/scene/manifest.h) to `json`. */
+status develop_manifest(struct development *development, const struct store *store,
+                        struct buffer *json, struct error *err) MUST_CHECK;
+
+/* The files' bytes, for previews and for tests; either buffer may be NULL. `store` may be NULL when
+ * the tone mapping needs no file. A preview has no AOVs, and averages no statistics: the frames before
+ * may not be done. */
+status develop_encode(struct development *development, const struct store *store,
+                      struct buffer *exr, struct buffer *png, struct error *err) MUST_CHECK;
+
+#endif

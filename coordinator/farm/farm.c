@@ -1,0 +1,252 @@
+#include "coordinator/farm/farm.h"
+
+#include <string.h>
+
+#include "common/base/clock.h"
+#include "common/base/log.h"
+#include "coordinator/farm/closing.h"
+#include "coordinator/farm/figures.h"
+#include "coordinator/farm/freeze.h"
+
+/* ---- life ----------------------------------------------------------------------------------- */
+
+static status adopt_job(void *user, struct job *job, struct error *err)
+{
+    struct farm *farm = user;
+
+    return queue_add(&farm->queue, job, err);
+}
+
+status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns,
+                 const struct farm_events *events, int64_t wall_s, struct error *err)
+{
+    uint64_t epoch = 1;
+    status s = STATUS_OK;
+
+    memset(farm, 0, sizeof *farm);
+    queue_init(&farm->queue);
+    farm->store = store;
+    farm->events = *events;
+    farm->wall_s = wall_s;
+    farm->pump_wanted = 1;
+    if (store) {
+        s = store_epoch_begin(store, wall_s, &epoch, err);
+        if (s == STATUS_OK)
+            s = store_deliverers_last(store, &farm->last_deliverer, err);
+        if (s == STATUS_OK)
+            s = store_jobs_load(store, adopt_job, farm, err);
+    }
+    if (s != STATUS_OK) {
+        queue_release(&farm->queue);
+        return s;
+    }
+    lease_table_init(&farm->leases, epoch, lease_ns);
+    return STATUS_OK;
+}
+
+void farm_release(struct farm *farm, uint64_t now_ns)
+{
+    for (size_t i = 0; i < farm->queue.active_count; i++) {
+        struct job *job = farm->queue.active[i];
+        farm_job_save(farm, job, now_ns);
+    }
+    lease_table_release(&farm->leases);
+    for (size_t i = 0; i < farm->queue.count; i++)
+        while (farm->queue.all[i]->frames) {
+            farm->queue.all[i]->frames->ack_count = 0; /* the workers keep them for the next run */
+            farm_frame_close(farm, farm->queue.all[i]->frames, "the coordinator ends");
+        }
+    queue_release(&farm->queue);
+}
+
+/* ---- jobs ----------------------------------------------------------------------------------- */
+
+status farm_prepare(const struct farm *farm, struct job *job, struct error *err)
+{
+    job->epoch_floor = farm->leases.epoch + 1;
+    job->submitted_at = farm->wall_s;
+    if (farm_store_usable(farm, err) != STATUS_OK)
+        return STATUS_ERR_IO;
+    if (farm->queue.active_count >= JOBS_ACTIVE_MAX)
+        return error_set(err, STATUS_ERR_LIMIT,
+                         "%d jobs are queued or running already; wait for some to end",
+                         JOBS_ACTIVE_MAX);
+    return STATUS_OK;
+}
+
+status farm_adopt(struct farm *farm, struct job *job, struct error *err)
+{
+    status s = queue_add(&farm->queue, job, err);
+
+    if (s != STATUS_OK) {
+        if (farm->store)
+            store_job_forget(farm->store, job->id);
+        return s;
+    }
+    farm->pump_wanted = 1;
+    farm->events.job_changed(farm->events.user, job);
+    return STATUS_OK;
+}
+
+status farm_submit(struct farm *farm, struct job *job, struct error *err)
+{
+    status s = farm_prepare(farm, job, err);
+
+    if (s != STATUS_OK)
+        return s;
+    if (farm->store) {
+        s = store_job_insert(farm->store, job, err);
+        if (s != STATUS_OK)
+            return s;
+    } else {
+        job->id = farm->queue.count ? farm->queue.all[farm->queue.count - 1]->id + 1 : 1;
+    }
+    return farm_adopt(farm, job, err);
+}
+
+void farm_cancel(struct farm *farm, struct job *job, int discard, uint64_t now_ns)
+{
+    if (job->state == JOB_STATE_DONE && discard && farm->store) {
+        store_films_remove(farm->store, job->id);
+        log_info("job %llu (%s): its kept films are removed", (unsigned long long)job->id, job->name);
+    }
+    if (job_state_ended(job->state) || (job->state == JOB_STATE_CANCELLING && !discard))
+        return;
+    if (!discard) {
+        closing_begin(farm, job, now_ns);
+        return;
+    }
+    farm_job_change(farm, job, JOB_STATE_CANCELLED, "cancelled, unfinished frames discarded", now_ns);
+    log_info("job %llu (%s) is cancelled, and what it holds discarded", (unsigned long long)job->id,
+             job->name);
+}
+
+/* ---- after a restart ------------------------------------------------------------------------- */
+
+/* Open the frames of which there is something on disk. */
+static void resume_films(struct farm *farm, struct job *job, uint64_t now_ns)
+{
+    for (uint64_t number = job->first_frame; number <= job->last_frame; number++)
+        if (!job_frame_is_done(job, (uint32_t)number) && !farm_frame_find(job, (uint32_t)number) &&
+            store_film_exists(farm->store, job->id, (uint32_t)number) &&
+            !farm_frame_open(farm, job, (uint32_t)number, now_ns))
+            return;
+}
+
+static void resume_all_films(struct farm *farm, uint64_t now_ns)
+{
+    for (size_t i = 0; farm->store && i < farm->queue.active_count; i++)
+        if (farm->queue.active[i]->state == JOB_STATE_RUNNING)
+            resume_films(farm, farm->queue.active[i], now_ns);
+}
+
+static void save_again(struct farm *farm, uint64_t now_ns)
+{
+    if (!farm->unsaved)
+        return;
+    farm->unsaved = 0;
+    for (size_t i = 0; i < farm->queue.count; i++)
+        if (farm->queue.all[i]->unsaved)
+            farm_job_save(farm, farm->queue.all[i], now_ns);
+}
+
+static void trouble_tick(struct farm *farm, uint64_t now_ns)
+{
+    farm_store_check(farm, now_ns);
+    if (trouble_is(&farm->trouble))
+        return;
+    if (farm->resume_wanted) {
+        farm->resume_wanted = 0;
+        resume_all_films(farm, now_ns);
+    }
+    save_again(farm, now_ns);
+    for (size_t i = 0; i < farm->queue.active_count; i++) {
+        struct job *job = farm->queue.active[i];
+        if (job_state_is_open(job->state) && trouble_is(&job->trouble) &&
+            !trouble_waits(&job->trouble, now_ns))
+            (void)farm_frame_open_next(farm, job, now_ns);
+    }
+}
+
+/* The coordinator was killed after the job's end was stored, and before its films were removed. */
+static void remove_left_films(void *user, uint64_t id)
+{
+    const struct farm *farm = user;
+    const struct job *job = queue_find(&farm->queue, id);
+
+    if (job && job_state_ended(job->state) && job->state != JOB_STATE_DONE)
+        store_films_remove(farm->store, id);
+}
+
+void farm_resume(struct farm *farm, uint64_t now_ns)
+{
+    if (farm->store)
+        store_films_list(farm->store, remove_left_films, farm);
+    trouble_tick(farm, now_ns);
+    for (size_t i = 0; i < farm->queue.count; i++)
+        if (farm->queue.all[i]->state != JOB_STATE_FAILED)
+            farm_pictures_wanted(farm, farm->queue.all[i]);
+    for (size_t i = 0; i < farm->queue.active_count;) {
+        struct job *job = farm->queue.active[i];
+        if (job->state != JOB_STATE_CANCELLING && job->frames_done_count == job_frames_wanted(job) &&
+            job->frames_developed_count == job->frames_done_count) {
+            farm_job_end_when_done(farm, job, now_ns);
+            continue;
+        }
+        if (job->state == JOB_STATE_RUNNING)
+            log_info("job %llu (%s) goes on: %u of %u frames are done", (unsigned long long)job->id,
+                     job->name, job->frames_done_count, job_frame_count(job));
+        closing_step(farm, job, now_ns);
+        /* A job that ended just now has left its place to the next. */
+        if (i < farm->queue.active_count && farm->queue.active[i] == job)
+            i++;
+    }
+    resume_all_films(farm, now_ns);
+}
+
+/* ---- time ----------------------------------------------------------------------------------- */
+
+void farm_pause(struct farm *farm, uint64_t paused_ns)
+{
+    for (struct lease *lease = farm->leases.oldest; lease; lease = lease->newer)
+        lease->deadline_ns += paused_ns;
+}
+
+static void worker_lapsed(struct farm *farm, const struct lease *lease, uint64_t now_ns)
+{
+    for (uint32_t i = 0; i < farm->worker_count; i++)
+        if (&farm->workers[i]->held == lease->holder)
+            credit_lapsed(&farm->workers[i]->credit, lease->granted_ns, now_ns);
+}
+
+void farm_tick(struct farm *farm, uint64_t now_ns)
+{
+    struct lease *lease;
+
+    trouble_tick(farm, now_ns);
+    while ((lease = lease_lapsed(&farm->leases, now_ns))) {
+        log_warn("lease %llu of session %u lapsed: %u work units go to other workers",
+                 (unsigned long long)lease->id, lease->holder->session, lease->open_count);
+        farm->events.revoke(farm->events.user, lease->holder->session, lease->id,
+                            "the lease lapsed");
+        worker_lapsed(farm, lease, now_ns);
+        lease_end(&farm->leases, lease);
+        farm->pump_wanted = 1;
+    }
+    for (size_t i = 0; i < farm->queue.active_count; i++) {
+        struct job *job = farm->queue.active[i];
+        for (struct job_frame *frame = job->frames; frame; frame = frame->next) {
+            freeze_step(farm, frame, now_ns);
+            farm_frame_decide(farm, frame, now_ns);
+            closing_note_limits(farm, frame, now_ns);
+            if (frame->state != FRAME_DEVELOPING)
+                farm_frame_advance(farm, frame, now_ns);
+            if (frame->state == FRAME_RENDERING)
+                figures_tick(farm, frame, now_ns);
+        }
+        if (job->leases > 0 && now_ns - job->saved_ns >= PROGRESS_SAVE_MS * NS_PER_MS)
+            farm_job_save(farm, job, now_ns);
+        closing_step(farm, job, now_ns); /* the last: it may end the job */
+    }
+    farm_pictures_next(farm, now_ns);
+}

@@ -1,0 +1,210 @@
+/* farm: the coordinator's logic without sockets: the queue, the open frames, the leases and
+ * the workers, driven by events and by a clock that is passed in.
+ *
+ * What it wants done outside it asks of `struct farm_events`. Those callbacks must not call back
+ * into the farm, except farm_frame_developed from a later turn.
+ *
+ * The farm owns the queue, the frames and the leases; a worker belongs to its session, which
+ * must remove it (farm_worker_remove) before it frees it. One thread.
+ */
+#ifndef AZULEJO_COORDINATOR_FARM_H
+#define AZULEJO_COORDINATOR_FARM_H
+
+#include <stdint.h>
+
+#include "common/base/status.h"
+#include "coordinator/job/credit.h"
+#include "coordinator/job/lease.h"
+#include "coordinator/job/queue.h"
+#include "coordinator/store/store.h"
+
+enum {
+    FRAMES_OPEN_MAX = 16,        /* films in memory */
+    FRAMES_OPEN_PER_JOB = 3,     /* of those, of one job; also counts frames being developed */
+    WORKERS_MAX = 4096,
+    WORKER_NAME_MAX = 127,
+    DELIVERER_TEXT_MAX = 256,
+    PROGRESS_SAVE_MS = 2000,     /* how often a running job's counters go to the store */
+};
+/* Films in memory; one frame alone may need more. */
+#define FRAMES_OPEN_BYTES ((uint64_t)16 << 30)
+
+struct farm_worker {
+    struct lease_holder held;
+    uint32_t threads;            /* that it claims; >= 1 */
+    struct credit credit;        /* how many of them it is trusted with */
+    uint64_t machine;            /* machine_identity */
+    uint32_t isa_mask;
+    char kernel[KERNEL_NAME_MAX + 1];
+    char name[WORKER_NAME_MAX + 1]; /* for people: "host, process 123" */
+    struct deliverer deliverer;  /* its number in the films' logs is given with its first result */
+    uint32_t room;               /* units it asked for and did not get yet */
+    uint64_t cost_job;           /* the job that `cost_ns` was measured on */
+    double cost_ns;              /* CPU time of one pixel sample on one thread; 0: not known */
+    uint64_t delivered_job;      /* whose result it delivered last; 0: none yet */
+    uint64_t units_done, samples_done;
+    struct rate rate;
+    uint64_t noticed_job;        /* the newest job it was told it cannot serve */
+    uint64_t deferred_job;       /* it keeps a result of this job that could not be taken; 0: none */
+    char note[256];              /* why it gets no work; "" otherwise */
+};
+
+struct freezing;
+
+struct farm_events {
+    void (*revoke)(void *user, uint32_t session, uint64_t lease, const char *reason);
+    void (*ack)(void *user, uint32_t session, const struct job *job, uint32_t frame,
+                struct unit_name unit);
+    void (*notice)(void *user, uint32_t session, const char *text);
+    void (*job_changed)(void *user, struct job *job);
+    /* Turn the frame's complete film into files, note it as done in the store, keep the film or remove
+     * its file, then call farm_frame_developed. If it cannot even
+     * begin (out of memory) it is asked again later. */
+    status (*develop)(void *user, struct job_frame *frame);
+    /* Make the pictures of a frame that is done anew, from its stored one, then call
+     * farm_pictures_made. If it cannot even begin it is asked again at the next tick. */
+    status (*redevelop)(void *user, struct job *job, uint32_t frame);
+    /* Compute the figures of the frame as it stands, keep them in the store at frame->history's next place,
+     * then call figures_measured. NULL: nobody does. If it cannot begin it is asked again later. */
+    status (*measure)(void *user, struct job_frame *frame);
+    /* Call freezing_run, then freezing_end (freeze.h). If it cannot even begin it is asked again later, with
+     * another. NULL: the farm runs it itself. */
+    status (*freeze)(void *user, struct freezing *freezing, struct error *err);
+    void *user;
+};
+
+struct farm {
+    struct queue queue;
+    struct lease_table leases;
+    struct store *store;         /* NULL: nothing is kept (tests) */
+    struct farm_events events;
+    struct farm_worker *workers[WORKERS_MAX];
+    uint32_t worker_count;
+    uint32_t last_deliverer;
+    uint32_t open_frames;
+    uint64_t open_bytes;
+    uint64_t conflicts;
+    int64_t wall_s;              /* set by the owner as time passes */
+    int pump_wanted;             /* there may be something to grant */
+    struct job *to_develop;      /* jobs with pictures to be made anew, a list */
+    int developing;              /* one is being made */
+    struct trouble trouble;      /* the store cannot be used */
+    int resume_wanted;           /* films on disk are to be opened */
+    int unsaved;                 /* some job is `unsaved` */
+    int discards_films;          /* of frames that are done: the store is thrown away soon */
+};
+
+/* Takes the jobs that the store holds. The store stays the caller's. ERR_IO, ERR_NO_MEMORY. */
+status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns,
+                 const struct farm_events *events, int64_t wall_s, struct error *err) MUST_CHECK;
+void farm_release(struct farm *farm, uint64_t now_ns);
+/* Once, after farm_init: end the jobs that were all but done, open the films that are on disk. */
+void farm_resume(struct farm *farm, uint64_t now_ns);
+
+/* Take a new job: gives it an id, stores and queues it. On failure the caller still owns it. */
+status farm_submit(struct farm *farm, struct job *job, struct error *err) MUST_CHECK;
+/* The same in three steps, so that the one in the middle, store_job_insert, can be run in another
+ * thread. */
+status farm_prepare(const struct farm *farm, struct job *job, struct error *err) MUST_CHECK;
+status farm_adopt(struct farm *farm, struct job *job, struct error *err) MUST_CHECK;
+/* End the job. Unless `discard`, pictures are first made of what its open frames hold: the job is
+ * CANCELLING until they are on disk. Of a job that is DONE, `discard` removes the kept films; else no
+ * effect on one that has ended. */
+void farm_cancel(struct farm *farm, struct job *job, int discard, uint64_t now_ns);
+void farm_fail(struct farm *farm, struct job *job, uint64_t now_ns, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
+
+status farm_worker_add(struct farm *farm, struct farm_worker *worker, struct error *err) MUST_CHECK;
+/* `died`: its connection was lost. Jobs that it held leases of may be parked for that
+ * (suspicion.h). */
+void farm_worker_remove(struct farm *farm, struct farm_worker *worker, int died, uint64_t now_ns);
+/* Give the worker its number in the films' logs, if it has none. */
+void farm_deliverer_begin(struct farm *farm, struct farm_worker *worker);
+/* Who a film's deliverer number is, in words. */
+void farm_deliverer_text(const struct farm *farm, uint32_t deliverer, char out[DELIVERER_TEXT_MAX]);
+/* A worker cannot render this job at all. Counts once a machine, and only while the worker holds a
+ * lease of the job. */
+void farm_job_broken(struct farm *farm, struct job *job, struct farm_worker *worker,
+                     const char *text, uint64_t now_ns);
+/* Can this worker serve the job? If not, `why` says so, for people. */
+int farm_can_serve(const struct job *job, const struct farm_worker *worker, char *why,
+                   size_t why_size);
+
+/* The job's open frame of this number; NULL: none. */
+struct job_frame *farm_frame_find(const struct job *job, uint32_t number);
+/* Open the frame if the limits allow (else NULL without an error). While the store is in trouble only
+ * films that it has are opened. A failure is noted as the job's trouble, and leaves the job waiting. */
+struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t number,
+                                  uint64_t now_ns);
+/* The next frame of the job that is neither done nor open, opened; NULL: none, or limits. */
+struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint64_t now_ns);
+/* The frame leaves its job: its leases are revoked and unacknowledged results disowned, for
+ * `reason`. It is freed now, or when its last commit or develop ends. */
+void farm_frame_close(struct farm *farm, struct job_frame *frame, const char *reason);
+/* Acknowledge what need not wait any longer. */
+void farm_frame_send_acks(struct farm *farm, struct job_frame *frame);
+/* The frame has what it shall have: from RENDERING to COMPLETE; its leases are taken back. No effect on one
+ * that has ended. farm_frame_advance follows. */
+void farm_frame_end(struct farm *farm, struct job_frame *frame, enum frame_end end);
+/* What a film holds in memory when it is full. */
+uint64_t farm_film_bytes(uint32_t width, uint32_t height, uint32_t aovs);
+/* Take back every lease of the frame. */
+void farm_frame_revoke(struct farm *farm, const struct job_frame *frame, const char *reason);
+/* Take back every lease of the job. */
+void farm_job_revoke(struct farm *farm, const struct job *job, const char *reason);
+/* Change the job's state, store it and tell those who watch. Ending a job closes its frames and
+ * removes its films. */
+void farm_job_change(struct farm *farm, struct job *job, enum job_state state, const char *text,
+                     uint64_t now_ns);
+/* Decide what its complete statistics decide (rounds.h). Call after something was folded. */
+void farm_frame_decide(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
+/* Move the frame on: from its end, by rounds or by farm_frame_end, to its pictures. */
+void farm_frame_advance(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
+/* The end of events.develop. When `result` is OK the frame is in the store as done already, and its
+ * pictures follow that revision of the job's output settings (-1: none was made). */
+void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t revision,
+                          status result, const struct error *why, uint64_t now_ns);
+/* Have the job's pictures made after other output settings, those there are and those to come.
+ * Whether there is an EXR, and of which kind, stays. ERR_IO: nothing changed. */
+status farm_develop(struct farm *farm, struct job *job, const struct output_settings *output,
+                    struct error *err) MUST_CHECK;
+/* Put the job among those whose pictures are to be made, if any are. */
+void farm_pictures_wanted(struct farm *farm, struct job *job);
+/* Begin the next picture that can be made, one at a time: rendering has the other threads. */
+void farm_pictures_next(struct farm *farm, uint64_t now_ns);
+/* End the job if all its frames are done and have their pictures. */
+void farm_job_end_when_done(struct farm *farm, struct job *job, uint64_t now_ns);
+/* The end of events.redevelop. */
+void farm_pictures_made(struct farm *farm, struct job *job, uint32_t frame, int64_t revision,
+                        status result, const struct error *why, uint64_t now_ns);
+/* The environment kept something of a job's frame from being done. Asks the store whether it is the
+ * cause itself; notes it in `trouble`, which says when to try again; logs that it began. `what` follows
+ * "frame N"; it may be empty. */
+void farm_trouble(struct farm *farm, const struct job *job, uint32_t frame, struct trouble *trouble,
+                  const char *what, const struct error *why, uint64_t now_ns);
+/* It works; no effect where there was no trouble. */
+void farm_trouble_over(struct farm *farm, struct job *job, struct trouble *trouble,
+                       uint64_t now_ns);
+/* May new jobs and blobs be taken? ERR_IO: the text says why not. */
+status farm_store_usable(const struct farm *farm, struct error *err) MUST_CHECK;
+/* May units of the frame be lent? While it cannot be written: up to TROUBLE_RESULTS_MAX. */
+int farm_may_lease(const struct farm *farm, const struct job_frame *frame);
+/* May results of that job be delivered that were deferred? */
+int farm_takes_again(const struct farm *farm, uint64_t job);
+/* Look at the store where something failed, and while it is in trouble. */
+void farm_store_check(struct farm *farm, uint64_t now_ns);
+/* Hand the job's state to the store; where that fails it is done again by farm_tick. */
+void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns);
+/* A commit or develop let go of the frame; frees it when its job has ended. */
+void farm_frame_unpin(struct farm *farm, struct job_frame *frame);
+
+/* The first units are on their way: the job runs. */
+void farm_job_started(struct farm *farm, struct job *job, const struct farm_worker *worker,
+                      uint64_t now_ns);
+
+/* The coordinator itself was held up for so long: leases get that much more time. */
+void farm_pause(struct farm *farm, uint64_t paused_ns);
+/* Leases that lapsed, counters to store. Call a few times a second. */
+void farm_tick(struct farm *farm, uint64_t now_ns);
+
+#endif

@@ -1,0 +1,116 @@
+/* farm_open: frames are opened, with what the disk has of them. */
+#include "common/base/log.h"
+#include "coordinator/farm/farm.h"
+#include "coordinator/farm/figures.h"
+#include "coordinator/farm/freeze.h"
+
+static int frame_may_open(const struct farm *farm, const struct job *job)
+{
+    uint64_t bytes = farm_film_bytes(job->settings.width, job->settings.height, job->settings.aovs);
+    int of_job = 0;
+
+    for (const struct job_frame *frame = job->frames; frame; frame = frame->next)
+        of_job++;
+    return of_job < FRAMES_OPEN_PER_JOB && farm->open_frames < FRAMES_OPEN_MAX &&
+           (farm->open_frames == 0 || farm->open_bytes + bytes <= FRAMES_OPEN_BYTES);
+}
+
+/* A frame with what the store has of it. On failure *out is NULL. */
+static status frame_load(struct farm *farm, struct job *job, uint32_t number,
+                         struct job_frame **out, struct error *err)
+{
+    const struct render_settings *settings = &job->settings;
+    struct job_frame *frame = job_frame_new(job, number, settings->width, settings->height,
+                                            settings->spp, settings->aovs, NULL);
+    status s = STATUS_OK;
+
+    if (!frame)
+        s = error_no_memory(err, "the film");
+    else if (farm->store)
+        s = store_film_open(farm->store, job->id, number, frame->film, frame->durable, frame->slot,
+                            &frame->file, err);
+    if (s == STATUS_OK)
+        s = freeze_open(frame, err);
+    if (s == STATUS_OK && farm->store)
+        s = store_clock_load(farm->store, job->id, number, &frame->clock, err);
+    if (s == STATUS_OK)
+        s = job_frame_begin(frame, err);
+    if (s != STATUS_OK) {
+        job_frame_free(frame);
+        frame = NULL;
+    }
+    *out = frame;
+    return s;
+}
+
+/* An estimate may have rendered more than the job's rules want. The job's bits shall not depend on whether it was
+ * estimated, so such a frame begins again: it needs less than the estimate took. */
+static status frame_drop_excess(struct farm *farm, struct job_frame **frame, struct error *err)
+{
+    struct job *job = (*frame)->job;
+    uint32_t number = (*frame)->number;
+    int changed;
+    status s;
+
+    if (job->estimate != ESTIMATE_CONTINUED || film_samples((*frame)->film) == 0)
+        return STATUS_OK;
+    s = rounds_step(&(*frame)->rounds, (*frame)->film, &job->stop, &changed, err);
+    if (s != STATUS_OK || !rounds_exceeded(&(*frame)->rounds, (*frame)->film)) {
+        job_frame_wish(*frame);
+        return s;
+    }
+    log_info("job %llu, frame %u: needs less than its estimate, and begins again",
+             (unsigned long long)job->id, number);
+    job_frame_free(*frame);
+    *frame = NULL;
+    store_film_remove(farm->store, job->id, number);
+    return frame_load(farm, job, number, frame, err);
+}
+
+struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t number,
+                                  uint64_t now_ns)
+{
+    const struct render_settings *settings = &job->settings;
+    struct job_frame *frame, **at = &job->frames;
+    struct error err = {0};
+    status s;
+
+    if (!frame_may_open(farm, job) || trouble_waits(&job->trouble, now_ns) ||
+        (trouble_is(&farm->trouble) && !store_film_exists(farm->store, job->id, number)))
+        return NULL;
+    s = frame_load(farm, job, number, &frame, &err);
+    if (s == STATUS_OK && farm->store)
+        s = frame_drop_excess(farm, &frame, &err);
+    if (s != STATUS_OK) {
+        job_frame_free(frame);
+        farm_trouble(farm, job, number, &job->trouble, "cannot be opened", &err, now_ns);
+        return NULL;
+    }
+    farm_trouble_over(farm, job, &job->trouble, now_ns);
+    figures_open(farm, frame, now_ns);
+    while (*at && (*at)->number < number)
+        at = &(*at)->next;
+    frame->next = *at;
+    *at = frame;
+    farm->open_frames++;
+    farm->open_bytes += farm_film_bytes(settings->width, settings->height, settings->aovs);
+    if (film_samples(frame->film) > 0)
+        log_info("job %llu, frame %u: goes on at %.1f %%", (unsigned long long)job->id, number,
+                 100.0 * (double)film_samples(frame->film) /
+                     (double)film_samples_total(frame->film));
+    freeze_step(farm, frame, now_ns);
+    farm_frame_decide(farm, frame, now_ns);
+    farm_frame_advance(farm, frame, now_ns);
+    return frame;
+}
+
+struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint64_t now_ns)
+{
+    if (!frame_may_open(farm, job))
+        return NULL;
+    for (uint64_t number = job->first_frame; number <= job->last_frame; number++)
+        if (!job_frame_is_done(job, (uint32_t)number) &&
+            !job_frame_is_resting(job, (uint32_t)number) && !farm_frame_find(job, (uint32_t)number))
+            return farm_frame_open(farm, job, (uint32_t)number, now_ns);
+    return NULL;
+}

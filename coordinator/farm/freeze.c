@@ -1,0 +1,342 @@
+#include "coordinator/farm/freeze.h"
+
+#include <inttypes.h>
+#include <string.h>
+
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "common/tonemap/tonemap.h"
+#include "coordinator/store/blobs.h"
+#include "coordinator/job/wire.h"
+
+/* ---- the note ------------------------------------------------------------------------------- */
+
+/* Settings and what was measured with them. In a film's file: the settings' length (32 bits), the
+ * settings as the wire has them, then the state's numbers as doubles, all little-endian. */
+struct note {
+    struct tonemap_settings settings;
+    struct tonemap_state state;
+};
+
+enum { STATE_FIXED = 5 };
+
+static void append_double(struct buffer *out, double value)
+{
+    uint8_t bytes[8];
+    uint64_t bits;
+
+    memcpy(&bits, &value, sizeof bits);
+    for (int i = 0; i < 8; i++)
+        bytes[i] = (uint8_t)(bits >> 8 * i);
+    buffer_append(out, bytes, sizeof bytes);
+}
+
+static double get_double(const uint8_t *in)
+{
+    uint64_t bits = 0;
+    double value;
+
+    for (int i = 7; i >= 0; i--)
+        bits = bits << 8 | in[i];
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+static status note_pack(const struct note *note, struct buffer *out, struct error *err)
+{
+    const struct tonemap_state *s = &note->state;
+    uint8_t *length = buffer_append_space(out, 4);
+    status st = length ? wire_tonemap_pack(&note->settings, out, err)
+                       : error_no_memory(err, "a frame's statistics");
+    size_t size = out->size - 4;
+
+    if (st != STATUS_OK)
+        return st;
+    for (int i = 0; i < 4; i++)
+        out->data[i] = (uint8_t)(size >> 8 * i);
+    append_double(out, s->counts);
+    append_double(out, s->metered_ev);
+    append_double(out, s->ln_log_mean);
+    append_double(out, s->ln_max);
+    append_double(out, s->ln_min);
+    for (size_t i = 0; i < note->settings.op->state_count; i++)
+        append_double(out, s->values[i]);
+    return buffer_ok(out) ? STATUS_OK : error_no_memory(err, "a frame's statistics");
+}
+
+/* ERR_CORRUPT where the bytes are no note, or not of this release. */
+static status note_unpack(struct note *note, const struct buffer *in, struct error *err)
+{
+    const uint8_t *at = in->data;
+    size_t settings = 0, numbers;
+    status st;
+
+    for (int i = 3; i >= 0 && in->size >= 4; i--)
+        settings = settings << 8 | at[i];
+    if (in->size < 4 || settings > in->size - 4)
+        return error_set(err, STATUS_ERR_CORRUPT, "it is too short");
+    st = wire_tonemap_unpack(&note->settings, at + 4, settings, err);
+    if (st != STATUS_OK)
+        return st;
+    numbers = STATE_FIXED + note->settings.op->state_count;
+    if (in->size - 4 - settings != numbers * 8 ||
+        tonemap_reach(&note->settings) == TONEMAP_REACH_PICTURE)
+        return error_set(err, STATUS_ERR_CORRUPT, "it has %zu bytes", in->size);
+    at += 4 + settings;
+    note->state = (struct tonemap_state){
+        .counts = get_double(at) != 0, .metered_ev = get_double(at + 8),
+        .ln_log_mean = get_double(at + 16), .ln_max = get_double(at + 24),
+        .ln_min = get_double(at + 32)};
+    for (size_t i = 0; i < note->settings.op->state_count; i++)
+        note->state.values[i] = get_double(at + (STATE_FIXED + i) * 8);
+    return STATUS_OK;
+}
+
+/* The group's note as it is on disk. *found 0: there is none that can be used. */
+static status note_read(struct note *note, const struct job_frame *frame, uint32_t group, int *found,
+                        struct error *err)
+{
+    struct buffer bytes = BUFFER_INIT;
+    struct error why = {0};
+    status s = STATUS_OK;
+
+    *found = 0;
+    if (frame->file)
+        s = film_file_note_read(frame->file, group, &bytes, err);
+    if (s == STATUS_OK && bytes.size > 0) {
+        *found = note_unpack(note, &bytes, &why) == STATUS_OK;
+        if (!*found)
+            log_warn("job %" PRIu64 ", frame %u: how its display was measured cannot be read (%s); it "
+                     "is measured again", frame->job->id, frame->number, why.text);
+    }
+    buffer_release(&bytes);
+    return s;
+}
+
+static status note_write(const struct note *note, struct job_frame *frame, uint32_t group,
+                         struct error *err)
+{
+    struct buffer bytes = BUFFER_INIT;
+    status s = STATUS_OK;
+
+    if (!frame->file)
+        return STATUS_OK;
+    s = note_pack(note, &bytes, err);
+    if (s == STATUS_OK)
+        s = film_file_note_write(frame->file, group, &bytes, err);
+    buffer_release(&bytes);
+    return s;
+}
+
+/* What the job asks for; where a group is frozen already, the same as for that one. */
+static void frame_settings(struct tonemap_settings *out, const struct job_frame *frame)
+{
+    for (uint32_t g = 0; g < GROUPS; g++) {
+        if (!frame->display[g])
+            continue;
+        *out = *tonemap_pixels_settings(frame->display[g]);
+        return;
+    }
+    tonemap_stand_in(out, &frame->job->output.tonemap);
+}
+
+static void show(void *user, const float *rgb, uint32_t count, float *codes)
+{
+    tonemap_pixels_codes(user, rgb, count, codes);
+}
+
+/* The frame takes the pixels. */
+static void freeze_group(struct job_frame *frame, uint32_t group, struct tonemap_pixels *pixels)
+{
+    frame->display[group] = pixels;
+    film_freeze(frame->film, group, &(struct film_codes){show, pixels});
+}
+
+/* ---- when the film is opened ---------------------------------------------------------------- */
+
+status freeze_open(struct job_frame *frame, struct error *err)
+{
+    struct note *note = mem_alloc(sizeof *note);
+    status s = note ? STATUS_OK : error_no_memory(err, "a frame's statistics");
+
+    for (uint32_t g = 0; g < GROUPS && s == STATUS_OK; g++) {
+        struct tonemap_pixels *pixels;
+        int found;
+
+        s = note_read(note, frame, g, &found, err);
+        if (s == STATUS_OK && !found) {
+            frame_settings(&note->settings, frame);
+            memset(&note->state, 0, sizeof note->state);
+        }
+        if (s != STATUS_OK || note->settings.has_file ||
+            (!found && tonemap_reach(&note->settings) != TONEMAP_REACH_PIXEL))
+            continue; /* in another thread, when level 0 is there */
+        /* Not synced: until something beyond it is, it can be made again. */
+        if (!found)
+            s = note_write(note, frame, g, err);
+        if (s == STATUS_OK)
+            s = tonemap_pixels_new(&pixels, &note->settings, &note->state, NULL, err);
+        if (s == STATUS_OK)
+            freeze_group(frame, g, pixels);
+    }
+    mem_free(note);
+    return s;
+}
+
+/* ---- measuring ------------------------------------------------------------------------------ */
+
+struct freezing {
+    struct job_frame *frame;
+    uint32_t group;
+    const struct store *store;   /* NULL: none */
+    struct note note;            /* the settings to measure with, until it is run */
+    struct image image;          /* of the group's level 0 */
+    struct tonemap_pixels *pixels;
+    status result;
+    struct error error;
+};
+
+static void freezing_free(struct freezing *f)
+{
+    image_release(&f->image);
+    tonemap_pixels_free(f->pixels);
+    mem_free(f);
+}
+
+static status freezing_new(struct freezing **out, const struct farm *farm, struct job_frame *frame,
+                           uint32_t group, struct error *err)
+{
+    struct freezing *f = mem_calloc(1, sizeof *f);
+    status s;
+
+    if (!f)
+        return error_no_memory(err, "a frame's statistics");
+    s = image_init(&f->image, film_width(frame->film), film_height(frame->film), 3, err);
+    if (s != STATUS_OK) {
+        freezing_free(f);
+        return s;
+    }
+    f->frame = frame;
+    f->group = group;
+    f->store = farm->store;
+    frame_settings(&f->note.settings, frame);
+    film_develop_group(frame->film, group, f->image.pixels);
+    *out = f;
+    return STATUS_OK;
+}
+
+/* Measure, unless the note has it already, and make the transform of it. */
+static status measure_with(struct freezing *f, int has_state, struct error *err)
+{
+    struct tonemap_context context = {0};
+    struct buffer file = BUFFER_INIT;
+    struct note *note = &f->note;
+    status s = STATUS_OK;
+
+    if (note->settings.has_file) {
+        s = f->store ? blobs_read(store_folder(f->store), &note->settings.file,
+                                  TONEMAP_FILE_BYTES_MAX, &file, err)
+                     : error_set(err, STATUS_ERR_NOT_FOUND, "no store has the operator's file");
+        context.file_data = file.data;
+        context.file_size = file.size;
+    }
+    if (s == STATUS_OK && !has_state)
+        s = tonemap_measure(&note->state, &f->image, &note->settings, &context, err);
+    if (s == STATUS_OK)
+        s = tonemap_pixels_new(&f->pixels, &note->settings, &note->state, &context, err);
+    buffer_release(&file);
+    return s;
+}
+
+void freezing_run(struct freezing *f)
+{
+    struct tonemap_settings linear;
+    struct error *err = &f->error;
+    struct error why = {0};
+    int found;
+    status s = note_read(&f->note, f->frame, f->group, &found, err);
+
+    if (s == STATUS_OK)
+        s = measure_with(f, found, err);
+    if (s != STATUS_OK && !status_is_environment(s) &&
+        tonemap_settings_init(&linear, "linear", &why) == STATUS_OK) {
+        /* Its pictures will fail, and say why; samples can be shared out all the same. */
+        log_warn("job %" PRIu64 ", frame %u: errors are measured without its operator: %s",
+                 f->frame->job->id, f->frame->number, err->text);
+        linear.exposure_ev = f->note.settings.exposure_ev;
+        linear.metering = f->note.settings.metering;
+        linear.metering_percentile = f->note.settings.metering_percentile;
+        f->note.settings = linear;
+        found = 0;
+        s = measure_with(f, found, err);
+    }
+    if (s == STATUS_OK && !found) {
+        s = note_write(&f->note, f->frame, f->group, err);
+        if (s == STATUS_OK && f->frame->file)
+            s = film_file_sync(f->frame->file, err);
+    }
+    f->result = s;
+}
+
+void freezing_abandon(struct farm *farm, struct freezing *f)
+{
+    f->frame->freezing[f->group] = 0;
+    farm_frame_unpin(farm, f->frame);
+    freezing_free(f);
+}
+
+void freezing_end(struct farm *farm, struct freezing *f, uint64_t now_ns)
+{
+    struct job_frame *frame = f->frame;
+
+    if (frame->closing) {
+        freezing_abandon(farm, f);
+        return;
+    }
+    frame->freezing[f->group] = 0;
+    farm_frame_unpin(farm, frame);
+    if (f->result == STATUS_OK) {
+        freeze_group(frame, f->group, f->pixels);
+        f->pixels = NULL;
+        farm_trouble_over(farm, frame->job, &frame->trouble, now_ns);
+        job_frame_mark_folded(frame, now_ns);
+        farm->pump_wanted = 1;
+        if (frame->state == FRAME_RENDERING)
+            farm_frame_advance(farm, frame, now_ns);
+    } else {
+        farm_trouble(farm, frame->job, frame->number, &frame->trouble, "cannot be measured", &f->error,
+                     now_ns);
+    }
+    freezing_free(f);
+}
+
+void freeze_step(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
+{
+    for (uint32_t g = 0; g < GROUPS; g++) {
+        struct error err = {0};
+        struct freezing *f;
+        status s;
+
+        if (!film_wants_freeze(frame->film, g) || frame->freezing[g] || frame->closing ||
+            frame->state != FRAME_RENDERING || !job_state_is_open(frame->job->state) ||
+            trouble_is(&farm->trouble) || trouble_waits(&frame->trouble, now_ns))
+            continue;
+        s = freezing_new(&f, farm, frame, g, &err);
+        if (s == STATUS_OK && farm->events.freeze) {
+            s = farm->events.freeze(farm->events.user, f, &err);
+            if (s != STATUS_OK)
+                freezing_free(f);
+        } else if (s == STATUS_OK) {
+            freezing_run(f);
+        }
+        if (s != STATUS_OK) {
+            farm_trouble(farm, frame->job, frame->number, &frame->trouble, "cannot be measured",
+                         &err, now_ns);
+            continue;
+        }
+        frame->freezing[g] = 1;
+        frame->in_flight++;
+        if (!farm->events.freeze)
+            freezing_end(farm, f, now_ns);
+    }
+}

@@ -1,0 +1,397 @@
+#include "coordinator/farm/merge.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "common/base/bytes.h"
+#include "common/base/clock.h"
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "coordinator/farm/figures.h"
+#include "coordinator/farm/freeze.h"
+#include "coordinator/farm/scheduler.h"
+
+enum { SAMPLE_COUNTS_MAX = 1 << 20 }; /* rays or vertices of one sample */
+
+/* ---- taking a result ------------------------------------------------------------------------ */
+
+static void floats_from_wire(float *out, const uint8_t *in, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        out[i] = bytes_get_float(in + 4 * i);
+}
+
+static void tell_others(void *user, uint32_t session, uint64_t lease)
+{
+    const struct farm *farm = user;
+
+    farm->events.revoke(farm->events.user, session, lease, "another worker was faster");
+}
+
+static void report_conflict(struct farm *farm, const struct job_frame *frame,
+                            const struct tile_result *result, const struct farm_worker *worker)
+{
+    struct job *job = frame->job;
+    struct unit_name u = result->unit;
+    char first[DELIVERER_TEXT_MAX];
+
+    farm->conflicts++;
+    job->conflicts++;
+    farm_deliverer_text(farm, film_deliverer(frame->film, u.tile, u.group, u.pass), first);
+    log_error("job %llu, frame %u, tile %u, group %u, pass %u: session %u (%s, %s) sent a result that "
+              "differs from the one merged before, which came from %s; the first is kept. One of the "
+              "two machines computes wrongly: check its memory and CPU, and render the frame again",
+              (unsigned long long)job->id, result->frame, u.tile, u.group, u.pass,
+              worker->held.session, worker->name, worker->kernel, first);
+    farm->events.job_changed(farm->events.user, job);
+}
+
+static int is_amount(double x)
+{
+    return isfinite(x) && x >= 0;
+}
+
+/* Counts that no worker can have come by would overflow the film's. */
+static status check_work(const struct job_frame *frame, const struct tile_result *result,
+                         struct error *err)
+{
+    const struct unit_work *w = &result->work;
+    uint64_t samples = job_frame_unit_samples(frame, result->unit);
+    uint64_t most = samples * SAMPLE_COUNTS_MAX;
+
+    if (!is_amount(w->clamped_luminance) || !is_amount(w->kept_luminance))
+        return error_set(err, STATUS_ERR_PROTOCOL,
+                         "tile %u, group %u, pass %u: a luminance of %g clamped and %g kept",
+                         result->unit.tile, result->unit.group, result->unit.pass,
+                         w->clamped_luminance, w->kept_luminance);
+    if (w->samples == samples && w->dropped_samples <= samples && w->rays <= most &&
+        w->vertices <= most && w->leaked_rays <= most && w->clamped_samples <= samples &&
+        w->clamped_values <= result->sums_bytes / 4)
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_PROTOCOL,
+                     "a result with %llu samples, %llu rays and %llu vertices for %llu samples",
+                     (unsigned long long)w->samples, (unsigned long long)w->rays,
+                     (unsigned long long)w->vertices, (unsigned long long)samples);
+}
+
+/* The frame that the result is for; NULL with an outcome when it needs no merging. */
+static struct job_frame *frame_of(struct farm *farm, const struct farm_worker *worker,
+                              const struct tile_result *result, uint64_t now_ns,
+                              enum merge_outcome *outcome)
+{
+    struct job *job = queue_find(&farm->queue, result->job);
+    struct job_frame *frame;
+
+    *outcome = MERGE_UNWANTED;
+    if (!job || result->epoch < job->epoch_floor || result->frame < job->first_frame ||
+        result->frame > job->last_frame)
+        return NULL;
+    if (job_frame_is_done(job, result->frame)) {
+        if (!job_frame_is_cut(job, result->frame))
+            *outcome = MERGE_KEPT;
+        return NULL;
+    }
+    if (!job_state_is_open(job->state) || job_frame_is_resting(job, result->frame) || strcmp(job->kernel, worker->kernel) != 0)
+        return NULL;
+    frame = farm_frame_find(job, result->frame);
+    if (!frame)
+        frame = farm_frame_open(farm, job, result->frame, now_ns);
+    if (!frame && (trouble_is(&farm->trouble) || trouble_is(&job->trouble)))
+        *outcome = MERGE_DEFERRED;
+    return frame;
+}
+
+/* Fold the result into the frame's film. */
+static status merge_into(struct job_frame *frame, const struct farm_worker *worker,
+                         const struct tile_result *result, enum film_merge_result *merged,
+                         struct error *err)
+{
+    static float sums[TILE_FLOATS_MAX];
+    struct unit_name u = result->unit;
+    struct unit_result unit = {.tile = u.tile, .group = u.group, .pass = u.pass, .sums = sums,
+                               .count = result->sums_bytes / 4, .tail = result->tail,
+                               .work = result->work};
+    struct pending_ack ack = {result->lease, worker->held.session, u};
+    status s;
+
+    s = check_work(frame, result, err);
+    /* Room for the acknowledgement first: once merged, a result must not get lost. */
+    if (s == STATUS_OK)
+        s = job_frame_await_ack(frame, ack, err);
+    if (s != STATUS_OK)
+        return s;
+    frame->ack_count--;
+    floats_from_wire(sums, result->sums, unit.count);
+    s = film_merge(frame->film, &unit, worker->deliverer.number, merged, err);
+    if (s == STATUS_ERR_INPUT) {
+        s = STATUS_ERR_PROTOCOL;
+        if (err)
+            err->code = s;
+    }
+    return s;
+}
+
+status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result,
+                    uint64_t now_ns, enum merge_outcome *outcome, struct error *err)
+{
+    struct unit_name name = result->unit;
+    struct pending_ack ack = {result->lease, worker->held.session, name};
+    enum film_merge_result merged;
+    const struct unit *unit;
+    struct job_frame *frame;
+    struct lease *lease;
+    uint64_t granted_ns = 0;
+    status s;
+
+    if (result->epoch > farm->leases.epoch || result->epoch == 0)
+        return error_set(err, STATUS_ERR_PROTOCOL,
+                         "a result of lease %llu, epoch %llu, which was never granted",
+                         (unsigned long long)result->lease, (unsigned long long)result->epoch);
+    if (result->sums_bytes % 4 || result->sums_bytes / 4 > TILE_FLOATS_MAX)
+        return error_set(err, STATUS_ERR_PROTOCOL, "a result of %zu bytes", result->sums_bytes);
+    frame = frame_of(farm, worker, result, now_ns, outcome);
+    if (!frame)
+        return STATUS_OK;
+    if (!job_frame_has_unit(frame, name))
+        return error_set(err, STATUS_ERR_PROTOCOL,
+                         "job %llu, frame %u, tile %u, group %u, pass %u: there is none",
+                         (unsigned long long)result->job, result->frame, name.tile, name.group,
+                         name.pass);
+    if (frame->end != FRAME_END_NONE && !film_has(frame->film, name.tile, name.group, name.pass)) {
+        *outcome = MERGE_UNWANTED;
+        return STATUS_OK;
+    }
+    farm_deliverer_begin(farm, worker);
+    s = merge_into(frame, worker, result, &merged, err);
+    if (s == STATUS_ERR_PROTOCOL)
+        error_prefix(err, "job %llu, frame %u", (unsigned long long)result->job, result->frame);
+    if (s != STATUS_OK)
+        return s;
+
+    lease = lease_find(&farm->leases, result->lease, result->epoch);
+    if (lease && lease->holder == &worker->held)
+        lease_renew(&farm->leases, lease, now_ns);
+    unit = job_frame_unit_find(frame, name);
+    if (unit && unit->holder_count == 1)
+        granted_ns = unit->granted_ns;
+    if (merged == FILM_CONFLICT)
+        report_conflict(farm, frame, result, worker);
+    if (merged == FILM_MERGED || merged == FILM_WAITING) {
+        lease_settle_unit(&farm->leases, frame, name, worker->held.session, tell_others, farm);
+        work_stats_add(&frame->job->stats, &result->stats);
+        work_stats_add(&frame->stats, &result->stats);
+        rate_add(&frame->job->rate, result->work.samples, now_ns);
+        figures_learn(frame, name.tile, result->work.samples, result->stats.cpu_ns, now_ns);
+        scheduler_learn(worker, frame->job, result->work.samples, result->stats.cpu_ns, granted_ns,
+                        now_ns);
+        farm->pump_wanted = 1;
+    }
+    if (merged == FILM_MERGED && !job_frame_is_watched(frame, name))
+        job_frame_mark_dirty(frame, name.tile, now_ns);
+    if (merged == FILM_MERGED && name.pass == 0)
+        freeze_step(farm, frame, now_ns);
+    if (job_frame_is_settled(frame, name)) {
+        *outcome = MERGE_KEPT;
+    } else {
+        *outcome = MERGE_PENDING;
+        frame->acks[frame->ack_count++] = ack;
+    }
+    if (merged == FILM_MERGED)
+        farm_frame_decide(farm, frame, now_ns);
+    if (frame->state == FRAME_RENDERING)
+        farm_frame_advance(farm, frame, now_ns);
+    return STATUS_OK;
+}
+
+/* ---- onto the disk -------------------------------------------------------------------------- */
+
+int merge_is_dirty(const struct farm *farm, uint64_t *due_ns, uint32_t *tiles)
+{
+    *due_ns = UINT64_MAX;
+    *tiles = 0;
+    if (trouble_is(&farm->trouble))
+        return 0;
+    for (size_t i = 0; i < farm->queue.active_count; i++) {
+        for (const struct job_frame *f = farm->queue.active[i]->frames; f; f = f->next) {
+            uint64_t frame_ns = trouble_is(&f->trouble)
+                                    ? f->trouble.next_ns
+                                    : f->dirty_since_ns + COMMIT_DELAY_MS * NS_PER_MS;
+            if (f->dirty_count == 0)
+                continue;
+            if (!trouble_is(&f->trouble))
+                *tiles += f->dirty_count;
+            if (frame_ns < *due_ns)
+                *due_ns = frame_ns;
+        }
+    }
+    return *due_ns != UINT64_MAX;
+}
+
+static void commit_free(struct commit *commit)
+{
+    if (!commit)
+        return;
+    mem_free(commit->items);
+    mem_free(commit->parts);
+    mem_free(commit->data);
+    mem_free(commit);
+}
+
+/* Copy the states of up to the commit's room of the frame's dirty tiles. */
+static void commit_take(struct commit *commit, struct job_frame *frame, uint32_t room, size_t *used)
+{
+    uint32_t taken = 0;
+
+    while (taken < frame->dirty_count && commit->count < room) {
+        uint32_t tile = frame->dirty[taken++];
+        struct commit_item *item = &commit->items[commit->count++];
+        frame->dirty_mark[tile] = 0;
+        item->frame = frame;
+        item->tile = tile;
+        for (uint32_t g = 0; g < GROUPS; g++)
+            item->passes[g] = film_tile_passes(frame->film, tile, g);
+        item->slot = !frame->slot[tile];
+        item->offset = *used;
+        item->size = film_tile_state_size(frame->film, tile);
+        film_tile_save(frame->film, tile, commit->data + *used);
+        *used += item->size;
+    }
+    frame->dirty_count -= taken;
+    memmove(frame->dirty, frame->dirty + taken, frame->dirty_count * sizeof *frame->dirty);
+    if (taken == 0)
+        return;
+    commit->parts[commit->part_count++] =
+        (struct commit_part){.frame = frame, .first = commit->count - taken, .count = taken};
+    frame->in_flight++;
+}
+
+struct commit *merge_commit_begin(struct farm *farm, uint64_t now_ns)
+{
+    struct commit *commit;
+    size_t bytes = 0, used = 0;
+    uint32_t count = 0, parts = 0;
+
+    if (trouble_is(&farm->trouble) && now_ns != UINT64_MAX)
+        return NULL;
+    for (size_t i = 0; i < farm->queue.active_count; i++) {
+        for (struct job_frame *f = farm->queue.active[i]->frames; f; f = f->next) {
+            uint32_t take = COMMIT_TILES_MAX - count;
+            if (take > f->dirty_count)
+                take = f->dirty_count;
+            if (trouble_waits(&f->trouble, now_ns))
+                take = 0;
+            parts += take > 0;
+            count += take;
+            for (uint32_t k = 0; k < take; k++)
+                bytes += film_tile_state_size(f->film, f->dirty[k]);
+        }
+    }
+    if (count == 0)
+        return NULL;
+    commit = mem_calloc(1, sizeof *commit);
+    if (!commit)
+        return NULL;
+    commit->store = farm->store;
+    commit->items = mem_alloc_array(count, sizeof *commit->items);
+    commit->parts = mem_calloc(parts, sizeof *commit->parts);
+    commit->data = mem_alloc(bytes);
+    if (!commit->items || !commit->parts || !commit->data) {
+        commit_free(commit);
+        return NULL;
+    }
+    for (size_t i = 0; i < farm->queue.active_count; i++)
+        for (struct job_frame *f = farm->queue.active[i]->frames; f; f = f->next)
+            if (!trouble_waits(&f->trouble, now_ns))
+                commit_take(commit, f, count, &used);
+    return commit;
+}
+
+static void part_run(const struct commit *commit, struct commit_part *part)
+{
+    struct film_file *file = part->frame->file;
+
+    if (!file)
+        return;
+    for (uint32_t i = part->first; i < part->first + part->count && part->result == STATUS_OK; i++) {
+        const struct commit_item *item = &commit->items[i];
+        part->result = film_file_write(file, item->tile, item->slot, commit->data + item->offset,
+                                       item->size, &part->error);
+    }
+    if (part->result == STATUS_OK)
+        part->result = film_file_sync(file, &part->error);
+}
+
+void merge_commit_run(struct commit *commit)
+{
+    /* The kernel that a job is pinned to is known on disk before any of its results is. */
+    if (commit->store)
+        commit->result = store_await_saves(commit->store, &commit->error);
+    for (uint32_t i = 0; i < commit->part_count; i++) {
+        struct commit_part *part = &commit->parts[i];
+        part->result = commit->result;
+        part->error = commit->error;
+    }
+    if (commit->result != STATUS_OK)
+        return;
+    for (uint32_t i = 0; i < commit->part_count; i++) {
+        struct commit_part *part = &commit->parts[i];
+        part_run(commit, part);
+        if (part->result == STATUS_OK || commit->result != STATUS_OK)
+            continue;
+        commit->result = part->result;
+        commit->error = part->error;
+    }
+}
+
+static void item_is_durable(const struct commit_item *item)
+{
+    struct job_frame *frame = item->frame;
+
+    memcpy(frame->durable[item->tile], item->passes, sizeof item->passes);
+    frame->slot[item->tile] = item->slot;
+}
+
+/* The frame's tiles did not reach the disk: they are dirty again, and everything that is not
+ * acknowledged stays with its worker meanwhile. */
+static void part_failed(struct farm *farm, const struct commit *commit,
+                        const struct commit_part *part, uint64_t now_ns)
+{
+    for (uint32_t i = part->first; i < part->first + part->count; i++)
+        job_frame_mark_dirty(part->frame, commit->items[i].tile, now_ns);
+    farm_trouble(farm, part->frame->job, part->frame->number, &part->frame->trouble,
+                 "cannot be written", &part->error, now_ns);
+}
+
+static void part_end(struct farm *farm, const struct commit *commit, const struct commit_part *part,
+                     uint64_t now_ns)
+{
+    struct job_frame *frame = part->frame;
+
+    if (frame->closing)
+        return;
+    if (part->result != STATUS_OK) {
+        part_failed(farm, commit, part, now_ns);
+        return;
+    }
+    for (uint32_t i = part->first; i < part->first + part->count; i++)
+        item_is_durable(&commit->items[i]);
+    farm_trouble_over(farm, frame->job, &frame->trouble, now_ns);
+    farm_frame_send_acks(farm, frame);
+    farm_frame_advance(farm, frame, now_ns);
+}
+
+void merge_commit_end(struct farm *farm, struct commit *commit, uint64_t now_ns)
+{
+    for (uint32_t i = 0; i < commit->part_count; i++) {
+        part_end(farm, commit, &commit->parts[i], now_ns);
+        farm_frame_unpin(farm, commit->parts[i].frame);
+    }
+    commit_free(commit);
+}
+
+void merge_commit_abandon(struct farm *farm, struct commit *commit)
+{
+    for (uint32_t i = 0; i < commit->part_count; i++)
+        farm_frame_unpin(farm, commit->parts[i].frame);
+    commit_free(commit);
+}

@@ -1,0 +1,295 @@
+#include "coordinator/farm/report.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+
+#include "coordinator/farm/figures.h"
+#include "coordinator/farm/measure.h"
+#include "protocol/message.h"
+
+/* Do the pictures that are made again wait for the environment? */
+static int explain_pictures(char *out, size_t size, const struct job *job)
+{
+    if (!trouble_is(&job->pictures) || job->pictures.next_ns == UINT64_MAX)
+        return 0;
+    snprintf(out, size, "the picture of %s; trying again", job->pictures.text);
+    return 1;
+}
+
+/* Would a restart forget the state that the job is in? */
+static int is_unsaved(const struct farm *farm, const struct job *job)
+{
+    return trouble_is(&farm->trouble) &&
+           (job->unsaved || store_job_unsaved(farm->store, job->id));
+}
+
+/* What keeps an active job from getting on at the moment; empty when nothing does. */
+static void explain_wait(char *out, size_t size, const struct farm *farm, const struct job *job)
+{
+    char why[256] = "";
+    uint32_t able = 0;
+    size_t before = queue_position(&farm->queue, job);
+
+    out[0] = 0;
+    if (job->state == JOB_STATE_PARKED) {
+        snprintf(out, size, "%s", job->state_text);
+        return;
+    }
+    if (trouble_is(&farm->trouble)) {
+        snprintf(out, size, "%swaits: the store cannot be used: %s; trying again",
+                 job->state == JOB_STATE_CANCELLING && is_unsaved(farm, job) ? "not stored yet; " : "",
+                 farm->trouble.text);
+        return;
+    }
+    for (const struct job_frame *frame = job->frames; frame; frame = frame->next) {
+        if (trouble_is(&frame->trouble)) {
+            snprintf(out, size, "%s; trying again", frame->trouble.text);
+            return;
+        }
+    }
+    if (trouble_is(&job->trouble)) {
+        snprintf(out, size, "%s; trying again", job->trouble.text);
+        return;
+    }
+    if (job->state == JOB_STATE_CANCELLING) {
+        snprintf(out, size, "pictures are made of what is rendered");
+        return;
+    }
+    if (explain_pictures(out, size, job))
+        return;
+    if (job->suspicion.deaths > 0) {
+        snprintf(out, size,
+                 "%u worker%s died with work of it in hand; it is lent to one at a time until a "
+                 "result comes",
+                 job->suspicion.deaths, job->suspicion.deaths == 1 ? "" : "s");
+        return;
+    }
+    if (job->leases > 0)
+        return;
+    if (job->frames_done_count == job_frames_wanted(job)) {
+        snprintf(out, size, "its last pictures are being tone mapped");
+        return;
+    }
+    for (uint32_t i = 0; i < farm->worker_count; i++) {
+        if (farm_can_serve(job, farm->workers[i], why, sizeof why)) {
+            able++;
+            break;
+        }
+    }
+    if (farm->worker_count == 0)
+        snprintf(out, size, "waits: no worker is connected");
+    else if (able == 0)
+        snprintf(out, size, "waits: none of the %u workers can render it; of one: %s",
+                 farm->worker_count, why);
+    else if (before > 0)
+        snprintf(out, size, "waits behind %zu job%s", before, before == 1 ? "" : "s");
+}
+
+/* How a job ended. */
+static void explain_end(char *out, size_t size, const struct farm *farm, const struct job *job)
+{
+    if (is_unsaved(farm, job))
+        snprintf(out, size, "%.255s%snot stored yet: %.200s", job->state_text,
+                 job->state_text[0] ? "; " : "", farm->trouble.text);
+    else if (!explain_pictures(out, size, job))
+        snprintf(out, size, "%s", job->state_text);
+}
+
+static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint64_t now_ns)
+{
+    struct job_frame *first = job->frames;
+
+    info->frames_done = job->frames_done_count;
+    info->frames_developed = job->frames_developed_count;
+    info->revision = job->revision;
+    if (job->pictures.next_ns == UINT64_MAX)
+        info->develop_error = job->pictures.text;
+    info->samples_done = job->samples_done;
+    info->samples_total = job_frame_samples(job) * job_frames_wanted(job);
+    for (const struct job_frame *frame = first; frame; frame = frame->next)
+        info->samples_done += film_samples(frame->film);
+    if (first) {
+        info->preview_frame = first->number;
+        info->preview_ready = film_covered(first->film);
+    } else {
+        info->preview_frame = job->state == JOB_STATE_DONE ? job->last_frame : job->first_frame;
+        info->preview_ready = job->state == JOB_STATE_DONE && job->output.png;
+    }
+    info->samples_per_second =
+        !job_state_is_open(job->state) ? 0 : rate_per_second(&job->rate, now_ns);
+    info->seconds_left = job->state == JOB_STATE_DONE ? 0 : figures_seconds_left(job);
+    info->seconds_active = job_active_seconds(job, now_ns);
+}
+
+static void report_cuts(struct job_report *report, Azulejo__Wire__JobInfo *info,
+                        const struct job *job)
+{
+    size_t count = job->cut_count < REPORT_CUT_FRAMES_MAX ? job->cut_count : REPORT_CUT_FRAMES_MAX;
+
+    for (size_t i = 0; i < count; i++) {
+        Azulejo__Wire__CutFrame cut = AZULEJO__WIRE__CUT_FRAME__INIT;
+        cut.frame = job->cuts[i].frame;
+        cut.samples = job->cuts[i].coverage.samples;
+        cut.samples_min = job->cuts[i].coverage.least;
+        cut.samples_max = job->cuts[i].coverage.most;
+        cut.tiles = job->cuts[i].coverage.tiles;
+        cut.tiles_empty = job->cuts[i].coverage.tiles_empty;
+        cut.end = (Azulejo__Wire__FrameEnd)job->cuts[i].end;
+        report->cuts[i] = cut;
+        report->cut_pointers[i] = &report->cuts[i];
+    }
+    info->n_cut_frames = count;
+    info->cut_frames = report->cut_pointers;
+}
+
+static uint32_t workers_on(const struct farm *farm, const struct job *job)
+{
+    static uint64_t round;
+    uint32_t count = 0;
+
+    round++;
+    for (const struct lease *lease = farm->leases.oldest; lease; lease = lease->newer) {
+        if (lease->frame->job != job || lease->holder->counted == round)
+            continue;
+        lease->holder->counted = round;
+        count++;
+    }
+    return count;
+}
+
+/* The display errors that people ask for, below the one there is. */
+static const double round_errors[] = {20, 10, 5, 3, 2, 1, 0.5, 0.2, 0.1};
+
+static void forecast_add(struct job_report *report, Azulejo__Wire__JobInfo *info, double display,
+                         const struct accuracy_estimate *core_s, double spent_core_s, int at_end)
+{
+    Azulejo__Wire__Forecast *f = &report->forecasts[info->n_forecasts];
+
+    azulejo__wire__forecast__init(f);
+    f->display = display;
+    f->core_seconds = core_s->value;
+    f->seconds = f->seconds_low = f->seconds_high = -1;
+    f->at_end = at_end;
+    if (info->cores > 0) {
+        f->seconds = fmax(core_s->value - spent_core_s, 0) / info->cores;
+        f->seconds_low = fmax(core_s->lo - spent_core_s, 0) / info->cores;
+        f->seconds_high = fmax(core_s->hi - spent_core_s, 0) / info->cores;
+    }
+    report->forecast_pointers[info->n_forecasts++] = f;
+}
+
+/* The next round errors below the present one, and what the frame's rules will give. */
+static void report_forecasts(struct job_report *report, Azulejo__Wire__JobInfo *info,
+                             const struct job_frame *frame)
+{
+    double whole_s = figures_whole_s(frame), spent_s = frame->spent.core_s;
+    struct accuracy_estimate at, whole = {whole_s, whole_s, whole_s};
+    struct accuracy_curve curve;
+    size_t found = 0;
+
+    figures_curve(frame, ALLOCATION_DISPLAY, &curve);
+    if (curve.points == 0)
+        return;
+    info->forecasts = report->forecast_pointers;
+    at = accuracy_curve_error(&curve, spent_s);
+    for (size_t i = 0; i < sizeof round_errors / sizeof *round_errors &&
+                       found < REPORT_FORECASTS_MAX - 1; i++) {
+        struct accuracy_estimate core_s = accuracy_curve_cost(&curve, round_errors[i]);
+        if (round_errors[i] > 0.9 * at.value)
+            continue;
+        forecast_add(report, info, round_errors[i], &core_s, spent_s, 0);
+        found++;
+    }
+    if (whole_s > spent_s && frame->job->stop.time_limit_ms == 0)
+        forecast_add(report, info, accuracy_curve_error(&curve, whole_s).value, &whole, spent_s, 1);
+}
+
+/* How wrong the pictures are, and what less error costs. */
+static void report_figures(struct job_report *report, Azulejo__Wire__JobInfo *info,
+                           const struct job *job)
+{
+    const struct job_frame *first = job->frames;
+    const struct history_point *last = first ? history_last(&first->history) : NULL;
+    uint32_t count = job_frame_count(job), index = 0;
+
+    info->now_frame = first ? first->number : job->first_frame + job->figures.last_frame;
+    if (!last && job->figures.known > 0) {
+        last = &job->figures.last;
+        info->now_frame = job->first_frame + job->figures.last_frame;
+    }
+    if (last) {
+        wire_point_set(&report->now, &report->figures, last);
+        info->now = &report->now;
+    }
+    measure_transform_text(&job->output.tonemap, report->transform);
+    info->error_transform = report->transform;
+    info->worst = job_figures_worst(&job->figures, count, &index);
+    info->worst_frame = job->first_frame + index;
+    index = 0;
+    info->flicker = job_figures_flicker(&job->figures, count, &index);
+    info->flicker_frame = job->first_frame + index;
+    info->efficiency = figures_efficiency(job);
+    info->core_seconds = job->figures.core_s;
+    info->error_effects = first && first->stats.effects ? first->stats.effects : job->stats.effects;
+    info->cores = job->leases > 0 ? throughput_of(&job->throughput) : 0;
+    if (first)
+        report_forecasts(report, info, first);
+}
+
+static void report_work(struct job_report *report, const struct job *job)
+{
+    struct unit_work work = job->work;
+
+    for (const struct job_frame *frame = job->frames; frame; frame = frame->next) {
+        struct unit_work more = film_work(frame->film);
+        unit_work_add(&work, &more);
+    }
+    wire_work_set(&report->work, &work);
+}
+
+void job_report_make(struct job_report *report, const struct farm *farm, struct job *job,
+                     uint64_t now_ns)
+{
+    Azulejo__Wire__JobInfo info = AZULEJO__WIRE__JOB_INFO__INIT;
+    Azulejo__Wire__RenderSettings settings = AZULEJO__WIRE__RENDER_SETTINGS__INIT;
+    Azulejo__Wire__RenderStats stats = AZULEJO__WIRE__RENDER_STATS__INIT;
+
+    report->settings = settings;
+    wire_settings_set(&report->settings, &job->settings);
+    wire_stop_set(&report->stop, &job->stop);
+    wire_output_set(&report->output, &job->output);
+    stats.cpu_ns = job->stats.cpu_ns;
+    stats.trace_ns = job->stats.trace_ns;
+    report->stats = stats;
+    report_work(report, job);
+    if (job_state_ended(job->state))
+        explain_end(report->state_text, sizeof report->state_text, farm, job);
+    else
+        explain_wait(report->state_text, sizeof report->state_text, farm, job);
+
+    info.job = job->id;
+    info.name = job->name;
+    info.state = (Azulejo__Wire__JobState)job->state;
+    info.state_text = report->state_text;
+    info.priority = job->priority;
+    info.first_frame = job->first_frame;
+    info.last_frame = job->last_frame;
+    info.settings = &report->settings;
+    info.stop = &report->stop;
+    info.output = &report->output.message;
+    wire_digest_set(&info.scene, &job->scene);
+    info.scene_name = job->scene_name;
+    info.stats = &report->stats;
+    info.work = &report->work;
+    info.submitted_at = job->submitted_at;
+    info.finished_at = job->finished_at;
+    info.estimate = job->estimate == ESTIMATE_OPEN;
+    info.frames_resting = job->frames_resting_count;
+    info.conflicts = job->conflicts;
+    info.workers = job->leases ? workers_on(farm, job) : 0;
+    report_cuts(report, &info, job);
+    report_progress(&info, job, now_ns);
+    report_figures(report, &info, job);
+    report->message = info;
+}

@@ -1,0 +1,35 @@
+/* report: what the farm tells about its jobs and workers. */
+#ifndef AZULEJO_COORDINATOR_REPORT_H
+#define AZULEJO_COORDINATOR_REPORT_H
+
+#include "coordinator/farm/farm.h"
+#include "coordinator/farm/measure.h"
+#include "coordinator/job/wire.h"
+#include "protocol/azulejo.pb-c.h"
+
+enum {
+    REPORT_CUT_FRAMES_MAX = 8,   /* more than FRAMES_OPEN_PER_JOB, which are cut at most */
+    REPORT_FORECASTS_MAX = 3,
+};
+
+/* One job's message and what it points at; must not move once made. */
+struct job_report {
+    Azulejo__Wire__JobInfo message;
+    Azulejo__Wire__RenderSettings settings;
+    Azulejo__Wire__RenderStats stats;
+    Azulejo__Wire__Work work;
+    struct wire_output output;
+    Azulejo__Wire__HistoryPoint now;
+    Azulejo__Wire__Figures figures;
+    Azulejo__Wire__Forecast forecasts[REPORT_FORECASTS_MAX];
+    Azulejo__Wire__Forecast *forecast_pointers[REPORT_FORECASTS_MAX];
+    char transform[MEASURE_TEXT_MAX];
+    char state_text[JOB_TEXT_MAX + 1];
+    Azulejo__Wire__StopRules stop;
+    Azulejo__Wire__CutFrame cuts[REPORT_CUT_FRAMES_MAX];
+    Azulejo__Wire__CutFrame *cut_pointers[REPORT_CUT_FRAMES_MAX];
+};
+void job_report_make(struct job_report *report, const struct farm *farm, struct job *job,
+                     uint64_t now_ns);
+
+#endif

@@ -1,0 +1,330 @@
+#include "coordinator/farm/scheduler.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/clock.h"
+#include "common/base/log.h"
+
+/* How much the worker may be lent now. */
+struct budget {
+    uint32_t units;
+    double samples;              /* the lease ends with the unit that reaches this */
+};
+
+static double samples_in(const struct farm_worker *worker, uint32_t milliseconds)
+{
+    return milliseconds * 1e6 * worker->credit.threads / worker->cost_ns;
+}
+
+/* The threads among which a frame's last units are shared: of the worker, and of those that
+ * deliver. */
+static uint64_t threads_at_work(const struct farm *farm, const struct farm_worker *worker,
+                                uint64_t now_ns)
+{
+    uint64_t threads = 0;
+
+    for (uint32_t i = 0; i < farm->worker_count; i++) {
+        const struct farm_worker *other = farm->workers[i];
+        if (other == worker || credit_is_proven(&other->credit, now_ns))
+            threads += other->credit.threads;
+    }
+    return threads;
+}
+
+/* 0: the worker holds enough. */
+static int budget_for(const struct farm *farm, const struct farm_worker *worker,
+                      const struct job_frame *frame, int early, uint64_t now_ns,
+                      struct budget *budget)
+{
+    uint32_t threads = worker->credit.threads;
+    uint64_t share;
+    double held = (double)worker->held.samples;
+
+    budget->units = worker->room < LEASE_UNITS_MAX ? worker->room : LEASE_UNITS_MAX;
+    if (worker->cost_ns <= 0 || worker->cost_job != frame->job->id) {
+        /* Nothing measured yet: a unit for each thread, and as many again in reserve. */
+        if (worker->held.units >= 2 * threads)
+            return 0;
+        budget->samples = 0x1p63;
+        share = threads;
+    } else {
+        if (held >= samples_in(worker, HELD_WORK_MS) && worker->held.units >= threads)
+            return 0;
+        budget->samples = samples_in(worker, film_covered(frame->film) ? LEASE_WORK_MS
+                                                                       : LEASE_WORK_FIRST_MS);
+        share = early ? threads : job_frame_unleased(frame) * threads / (2 * threads_at_work(farm, worker, now_ns));
+    }
+    if (share < 1)
+        share = 1;
+    if (share < budget->units)
+        budget->units = (uint32_t)share;
+    return budget->units > 0;
+}
+
+static uint32_t take_fresh(struct job_frame *frame, const struct budget *budget, int early,
+                           struct unit_name units[LEASE_UNITS_MAX])
+{
+    uint32_t count = 0;
+    double samples = 0;
+
+    while (count < budget->units && samples < budget->samples &&
+           (early ? job_frame_take_early(frame, &units[count])
+                  : job_frame_take(frame, &units[count]))) {
+        samples += (double)job_frame_unit_samples(frame, units[count]);
+        count++;
+    }
+    return count;
+}
+
+static uint64_t overdue_limit_ns(const struct job *job)
+{
+    uint64_t limit_ns = OVERDUE_FACTOR * job->turnaround_ns;
+
+    if (job->turnaround_ns == 0)
+        return OVERDUE_UNKNOWN_MS * NS_PER_MS;
+    return limit_ns < OVERDUE_LEAST_MS * NS_PER_MS ? OVERDUE_LEAST_MS * NS_PER_MS : limit_ns;
+}
+
+static struct farm_worker *worker_of(const struct farm *farm, const struct lease *lease)
+{
+    for (uint32_t i = 0; i < farm->worker_count; i++)
+        if (&farm->workers[i]->held == lease->holder)
+            return farm->workers[i];
+    return NULL;
+}
+
+/* The unproven worker's lease that holds the unit longest; NULL: none. */
+static struct lease *unproven_holder(const struct farm *farm, const struct unit *unit,
+                                     uint64_t now_ns)
+{
+    struct lease *found = NULL;
+
+    for (uint32_t i = 0; i < unit->holder_count; i++) {
+        struct lease *lease = unit->holders[i];
+        const struct farm_worker *worker = worker_of(farm, lease);
+        if (worker && !credit_is_proven(&worker->credit, now_ns) &&
+            (!found || lease->id < found->id))
+            found = lease;
+    }
+    return found;
+}
+
+/* Is there a place for the worker among the unit's holders, perhaps after one has lost its? */
+static int make_place(struct farm *farm, const struct unit *unit, const struct farm_worker *worker,
+                      uint64_t now_ns)
+{
+    uint32_t places = credit_is_proven(&worker->credit, now_ns) ? UNIT_HOLDERS_MAX
+                                                                : UNIT_HOLDERS_UNPROVEN_MAX;
+    struct lease *lease;
+    struct farm_worker *loser;
+
+    for (uint32_t i = 0; i < unit->holder_count; i++)
+        if (unit->holders[i]->holder == &worker->held)
+            return 0;
+    if (unit->holder_count < places)
+        return 1;
+    lease = unproven_holder(farm, unit, now_ns);
+    loser = lease ? worker_of(farm, lease) : NULL;
+    if (!loser)
+        return 0;
+    credit_lapsed(&loser->credit, lease->granted_ns, now_ns);
+    lease_return_unit(&farm->leases, lease, unit->name);
+    return 1;
+}
+
+static uint32_t take_overdue(struct farm *farm, const struct job_frame *frame,
+                             const struct farm_worker *worker, uint64_t now_ns,
+                             struct unit_name units[LEASE_UNITS_MAX])
+{
+    uint64_t limit_ns = overdue_limit_ns(frame->job);
+    uint32_t count = 0;
+
+    if (credit_is_stuck(&worker->credit, worker->held.units, limit_ns, now_ns))
+        return 0;
+    for (const struct unit *unit = frame->oldest;
+         unit && count < worker->credit.threads && count < worker->room &&
+         count < LEASE_UNITS_MAX && now_ns - unit->granted_ns >= limit_ns;
+         unit = unit->newer)
+        if (make_place(farm, unit, worker, now_ns))
+            units[count++] = unit->name;
+    return count;
+}
+
+static struct lease *grant(struct farm *farm, struct job_frame *frame, struct farm_worker *worker,
+                           const struct unit_name *units, uint32_t count, uint64_t now_ns)
+{
+    uint32_t held = worker->held.units;
+    struct lease *lease = lease_grant(&farm->leases, frame, &worker->held, units, count, now_ns);
+
+    if (!lease)
+        return NULL;
+    credit_lent(&worker->credit, held, now_ns);
+    if (frame->job->suspicion.deaths > 0)
+        frame->job->suspicion.probe = worker->held.session;
+    worker->room -= lease->unit_count;
+    worker->note[0] = 0;
+    if (!frame->begun_ns)
+        frame->begun_ns = now_ns ? now_ns : 1;
+    farm_job_started(farm, frame->job, worker, now_ns);
+    return lease;
+}
+
+/* Is another worker trying whether the suspected job lets it live? */
+static int is_probed_by_another(const struct farm *farm, const struct job *job,
+                                const struct farm_worker *worker)
+{
+    uint32_t probe = job->suspicion.probe;
+
+    if (job->suspicion.deaths == 0 || probe == 0 || probe == worker->held.session)
+        return 0;
+    for (const struct lease *lease = farm->leases.oldest; lease; lease = lease->newer)
+        if (lease->frame->job == job && lease->holder->session == probe)
+            return 1;
+    return 0;
+}
+
+/* Tell a worker, once a job, why it gets nothing of it. */
+static int may_serve(struct farm *farm, const struct job *job, struct farm_worker *worker)
+{
+    char why[sizeof worker->note];
+
+    if (!job_state_is_open(job->state) || is_probed_by_another(farm, job, worker))
+        return 0;
+    if (farm_can_serve(job, worker, why, sizeof why))
+        return 1;
+    snprintf(worker->note, sizeof worker->note, "%s", why);
+    if (job->id > worker->noticed_job) {
+        char text[sizeof why + 64];
+        worker->noticed_job = job->id;
+        snprintf(text, sizeof text, "this worker gets no work of job %llu: %s",
+                 (unsigned long long)job->id, why);
+        farm->events.notice(farm->events.user, worker->held.session, text);
+    }
+    return 0;
+}
+
+/* `early`: units that may never be wanted. */
+static struct lease *grant_fresh(struct farm *farm, struct job_frame *frame,
+                                 struct farm_worker *worker, int early, uint64_t now_ns, int *full)
+{
+    static struct unit_name units[LEASE_UNITS_MAX];
+    struct budget budget;
+    uint32_t count;
+
+    if (frame->end != FRAME_END_NONE || !farm_may_lease(farm, frame))
+        return NULL;
+    if (!budget_for(farm, worker, frame, early, now_ns, &budget)) {
+        *full = 1;
+        return NULL;
+    }
+    count = take_fresh(frame, &budget, early, units);
+    return count ? grant(farm, frame, worker, units, count, now_ns) : NULL;
+}
+
+static struct lease *grant_overdue(struct farm *farm, struct job_frame *frame,
+                                   struct farm_worker *worker, uint64_t now_ns)
+{
+    static struct unit_name units[LEASE_UNITS_MAX];
+    uint32_t count;
+
+    if (frame->end != FRAME_END_NONE || !farm_may_lease(farm, frame))
+        return NULL;
+    count = take_overdue(farm, frame, worker, now_ns, units);
+    if (count == 0)
+        return NULL;
+    log_info("job %llu, frame %u: %u overdue work units go to session %u as well",
+             (unsigned long long)frame->job->id, frame->number, count, worker->held.session);
+    return grant(farm, frame, worker, units, count, now_ns);
+}
+
+/* Of the job's open frames. */
+static struct lease *grant_of_job(struct farm *farm, const struct job *job,
+                                  struct farm_worker *worker, int early, uint64_t now_ns, int *full)
+{
+    struct lease *lease = NULL;
+
+    for (struct job_frame *frame = job->frames; frame && !lease && !*full; frame = frame->next)
+        lease = grant_fresh(farm, frame, worker, early, now_ns, full);
+    return lease;
+}
+
+static int has_clock(const struct job *job)
+{
+    return job->stop.time_limit_ms > 0 || job->stop.core_limit_ms > 0;
+}
+
+struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uint64_t now_ns)
+{
+    const struct queue *queue = &farm->queue;
+    int full = 0;
+
+    if (worker->room == 0)
+        return NULL;
+    for (size_t i = 0; i < queue->active_count; i++) {
+        struct job *job = queue->active[i];
+        struct lease *lease = NULL;
+        struct job_frame *frame;
+
+        if (!may_serve(farm, job, worker))
+            continue;
+        lease = grant_of_job(farm, job, worker, 0, now_ns, &full);
+        /* A frame that a clock ends has the farm to itself. */
+        if (!lease && !full && has_clock(job))
+            lease = grant_of_job(farm, job, worker, 1, now_ns, &full);
+        while (!lease && !full && (frame = farm_frame_open_next(farm, job, now_ns)))
+            lease = grant_fresh(farm, frame, worker, 0, now_ns, &full);
+        if (lease || full)
+            return lease;
+    }
+    for (size_t i = 0; i < queue->active_count; i++) {
+        struct job *job = queue->active[i];
+        struct lease *lease =
+            may_serve(farm, job, worker) ? grant_of_job(farm, job, worker, 1, now_ns, &full) : NULL;
+        if (lease || full)
+            return lease;
+    }
+    if (worker->held.units >= worker->credit.threads)
+        return NULL;
+    for (size_t i = 0; i < queue->active_count; i++) {
+        struct job *job = queue->active[i];
+        if (!may_serve(farm, job, worker))
+            continue;
+        for (struct job_frame *frame = job->frames; frame; frame = frame->next) {
+            struct lease *lease = grant_overdue(farm, frame, worker, now_ns);
+            if (lease)
+                return lease;
+        }
+    }
+    return NULL;
+}
+
+void scheduler_learn(struct farm_worker *worker, struct job *job, uint64_t samples,
+                     uint64_t cpu_ns, uint64_t granted_ns, uint64_t now_ns)
+{
+    double cost = 0;
+
+    rate_add(&worker->rate, samples, now_ns);
+    worker->units_done++;
+    worker->delivered_job = job->id;
+    suspicion_clear(&job->suspicion);
+    worker->samples_done += samples;
+    if (samples > 0 && cpu_ns > 0) {
+        cost = (double)cpu_ns / (double)samples;
+        /* A worker's word: keep it within what a CPU can do. */
+        cost = cost < 1 ? 1 : cost > 1e9 ? 1e9 : cost;
+        if (worker->cost_job != job->id || worker->cost_ns <= 0)
+            worker->cost_ns = cost;
+        else
+            worker->cost_ns += (cost - worker->cost_ns) / 8;
+        worker->cost_job = job->id;
+    }
+    credit_delivered(&worker->credit, worker->held.units, (uint64_t)(cost * (double)samples),
+                     now_ns);
+    if (granted_ns && now_ns > granted_ns) {
+        uint64_t turnaround = now_ns - granted_ns;
+        job->turnaround_ns = job->turnaround_ns ? job->turnaround_ns - job->turnaround_ns / 16 +
+                                                      turnaround / 16
+                                                : turnaround;
+    }
+}

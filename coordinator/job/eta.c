@@ -1,0 +1,164 @@
+#include "coordinator/job/eta.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "common/base/memory.h"
+#include "common/math/elementary.h"
+
+#define MEMORY_S 30.0        /* after so long a rate counts 1 / e */
+#define KNOWN_S 0.2          /* a rate over less says nothing */
+
+/* ---- what is left ---------------------------------------------------------------------------- */
+
+static uint64_t tile_pixels(const struct film *film, uint32_t tile)
+{
+    struct tile_rect rect = tile_rect_of(film_width(film), film_height(film), tile);
+
+    return (uint64_t)rect.width * rect.height;
+}
+
+void eta_init(struct eta *eta, const struct film *film)
+{
+    eta->of = mem_calloc(film_tile_count(film), sizeof *eta->of);
+    eta->tiles = eta->of ? film_tile_count(film) : 0;
+    for (uint32_t i = 0; i < eta->tiles; i++) {
+        eta->of[i].arrived = eta->of[i].rayed = tile_pixels(film, i) * film_tile_samples(film, i);
+        for (uint32_t g = 0; g < GROUPS; g++)
+            eta->of[i].rays += film_tile_rays(film, i, g);
+    }
+}
+
+void eta_release(struct eta *eta)
+{
+    mem_free(eta->of);
+    memset(eta, 0, sizeof *eta);
+}
+
+void eta_learn(struct eta *eta, uint32_t tile, uint64_t samples, uint64_t cpu_ns)
+{
+    if (tile >= eta->tiles)
+        return;
+    eta->of[tile].cpu_ns += (double)cpu_ns;
+    eta->of[tile].samples += (double)samples;
+    eta->of[tile].arrived += samples;
+}
+
+/* What the frame costs a sample, and a ray where it is known; 0: not known. */
+struct means {
+    double sample_ns, ray_ns;
+};
+
+static struct means means_of(const struct eta *eta, const struct film *film)
+{
+    double cpu_ns = 0, samples = 0;
+
+    for (uint32_t i = 0; i < eta->tiles; i++) {
+        cpu_ns += eta->of[i].cpu_ns;
+        samples += eta->of[i].samples;
+    }
+    if (samples <= 0)
+        return (struct means){0, 0};
+    return (struct means){cpu_ns / samples,
+                          film_rays(film) > 0 ? cpu_ns / samples * (double)film_samples(film) /
+                                                    (double)film_rays(film)
+                                              : 0};
+}
+
+/* Of one sample; 0: no result of the tile has come. */
+static double own_ns(const struct eta_tile *tile, const struct means *means)
+{
+    if (tile->samples > 0)
+        return tile->cpu_ns / tile->samples;
+    return tile->rayed > 0 ? means->ray_ns * (double)tile->rays / (double)tile->rayed : 0;
+}
+
+static double sample_ns(const struct eta *eta, const struct film *film, uint32_t tile,
+                        const struct means *means)
+{
+    uint32_t across = tiles_across(film_width(film)), x = tile % across, count = 0;
+    double own = own_ns(&eta->of[tile], means), sum = 0;
+
+    if (own > 0)
+        return own;
+    for (int dy = -1; dy <= 1; dy++)
+        for (int dx = -1; dx <= 1; dx++) {
+            int64_t at = (int64_t)tile + dy * (int64_t)across + dx;
+            double ns;
+            if (at < 0 || at >= eta->tiles || (x == 0 && dx < 0) || (x + 1 == across && dx > 0))
+                continue;
+            ns = own_ns(&eta->of[at], means);
+            sum += ns;
+            count += ns > 0;
+        }
+    return count > 0 ? sum / count : means->sample_ns;
+}
+
+/* Samples a pixel that the film wants of the tile. */
+static uint64_t wanted_samples(const struct film *film, uint32_t tile)
+{
+    uint64_t samples = 0;
+
+    for (uint32_t g = 0; g < GROUPS; g++) {
+        uint32_t wanted = film_tile_wanted(film, tile, g), begin, end = 0;
+        if (wanted > 0)
+            pass_range(film_spp(film), g, wanted - 1, &begin, &end);
+        samples += end;
+    }
+    return samples;
+}
+
+double eta_left_ns(const struct eta *eta, const struct film *film)
+{
+    struct means means = means_of(eta, film);
+    double left_ns = 0;
+
+    if (means.sample_ns <= 0)
+        return -1;
+    for (uint32_t i = 0; i < eta->tiles; i++) {
+        uint64_t wanted = wanted_samples(film, i) * tile_pixels(film, i);
+        if (wanted > eta->of[i].arrived)
+            left_ns += (double)(wanted - eta->of[i].arrived) * sample_ns(eta, film, i, &means);
+    }
+    return left_ns;
+}
+
+double eta_whole_ns(const struct eta *eta, const struct film *film)
+{
+    struct means means = means_of(eta, film);
+    double ns = 0;
+
+    if (means.sample_ns <= 0)
+        return -1;
+    for (uint32_t i = 0; i < eta->tiles; i++)
+        ns += (double)tile_pixels(film, i) * film_spp(film) * sample_ns(eta, film, i, &means);
+    return ns;
+}
+
+/* ---- how fast -------------------------------------------------------------------------------- */
+
+void throughput_add(struct throughput *t, uint64_t cpu_ns, uint64_t now_ns)
+{
+    double dt_s, kept;
+
+    if (t->last_ns == 0) { /* what came first was worked on before the clock ran */
+        t->last_ns = now_ns ? now_ns : 1;
+        return;
+    }
+    dt_s = now_ns > t->last_ns ? (double)(now_ns - t->last_ns) / 1e9 : 0;
+    kept = det_exp_d(-dt_s / MEMORY_S);
+    t->cpu_s = t->cpu_s * kept + (double)cpu_ns / 1e9;
+    t->wall_s = t->wall_s * kept + dt_s;
+    t->last_ns = now_ns > t->last_ns ? now_ns : t->last_ns;
+}
+
+void throughput_idle(struct throughput *t, uint64_t now_ns)
+{
+    if (t->last_ns)
+        t->last_ns = now_ns;
+}
+
+double throughput_of(const struct throughput *t)
+{
+    return t->wall_s >= KNOWN_S ? t->cpu_s / t->wall_s : 0;
+}

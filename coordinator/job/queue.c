@@ -1,0 +1,466 @@
+#include "coordinator/job/queue.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/memory.h"
+
+static const char *const state_names[JOB_STATE_COUNT] = {
+    "queued", "running", "done", "failed", "cancelled", "parked", "cancelling"};
+
+const char *job_state_word(enum job_state state)
+{
+    return (unsigned)state < JOB_STATE_COUNT ? state_names[state] : "unknown";
+}
+
+void work_stats_add(struct work_stats *sum, const struct work_stats *more)
+{
+    sum->cpu_ns += more->cpu_ns;
+    sum->trace_ns += more->trace_ns;
+    sum->effects |= more->effects;
+    for (int i = 0; i < STAGE_COUNT; i++)
+        sum->stages[i] += more->stages[i];
+    for (int i = 0; i < EFFECT_ACCOUNTS; i++)
+        sum->accounts[i] += more->accounts[i];
+}
+
+void queue_init(struct queue *queue)
+{
+    memset(queue, 0, sizeof *queue);
+}
+
+void queue_release(struct queue *queue)
+{
+    for (size_t i = 0; i < queue->count; i++)
+        job_free(queue->all[i]);
+    mem_free(queue->all);
+    mem_free(queue->active);
+    queue_init(queue);
+}
+
+struct job *job_new(uint32_t first_frame, uint32_t last_frame)
+{
+    struct job *job = mem_calloc(1, sizeof *job);
+
+    if (!job)
+        return NULL;
+    job->first_frame = first_frame;
+    job->map_max = NAN;
+    job->last_frame = last_frame;
+    job->frames_done = mem_calloc((size_t)job_frame_count(job) / 8 + 1, 1);
+    job->frames_developed = mem_calloc((size_t)job_frame_count(job) / 8 + 1, 1);
+    job->frames_resting = mem_calloc((size_t)job_frame_count(job) / 8 + 1, 1);
+    if (!job->frames_done || !job->frames_developed || !job->frames_resting) {
+        job_free(job);
+        return NULL;
+    }
+    return job;
+}
+
+void job_free(struct job *job)
+{
+    if (!job)
+        return;
+    assert(!job->frames);
+    mem_free(job->frames_done);
+    mem_free(job->frames_developed);
+    mem_free(job->frames_resting);
+    mem_free(job->cuts);
+    job_figures_release(&job->figures);
+    buffer_release(&job->schedule);
+    mem_free(job->broken_machines);
+    mem_free(job);
+}
+
+/* Active, but neither lent nor merged. */
+static int is_shut(enum job_state state)
+{
+    return !job_state_ended(state) && !job_state_is_open(state);
+}
+
+/* Where `job` stands, or would stand, among the active ones. */
+static size_t active_place(const struct queue *queue, const struct job *job)
+{
+    size_t low = 0, high = queue->active_count;
+
+    while (low < high) {
+        size_t middle = low + (high - low) / 2;
+        const struct job *other = queue->active[middle];
+        int before = other->priority != job->priority ? other->priority > job->priority
+                                                      : other->id < job->id;
+        if (before)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+/* There is room. */
+static void active_insert(struct queue *queue, struct job *job)
+{
+    size_t place = active_place(queue, job);
+
+    memmove(queue->active + place + 1, queue->active + place,
+            (queue->active_count - place) * sizeof *queue->active);
+    queue->active[place] = job;
+    queue->active_count++;
+    queue->shut_count += (size_t)is_shut(job->state);
+}
+
+static status check_room(const struct queue *queue, struct error *err)
+{
+    if (queue->active_count < JOBS_ACTIVE_MAX)
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_LIMIT,
+                     "%d jobs are queued or running already; wait for some to end",
+                     JOBS_ACTIVE_MAX);
+}
+
+status queue_add(struct queue *queue, struct job *job, struct error *err)
+{
+    size_t place = queue->count;
+
+    if (queue->count >= JOBS_MAX)
+        return error_set(err, STATUS_ERR_LIMIT, "the coordinator keeps at most %d jobs", JOBS_MAX);
+    if (!job_state_ended(job->state) && check_room(queue, err) != STATUS_OK)
+        return STATUS_ERR_LIMIT;
+    if (!MEM_GROW(queue->all, queue->capacity, queue->count + 1) ||
+        !MEM_GROW(queue->active, queue->active_capacity, queue->active_count + 1))
+        return error_no_memory(err, "the queue");
+    /* Ids are given in the store, perhaps by two threads: they arrive nearly in order. */
+    for (; place > 0 && queue->all[place - 1]->id > job->id; place--)
+        queue->all[place] = queue->all[place - 1];
+    queue->all[place] = job;
+    queue->count++;
+    if (job_state_ended(job->state))
+        return STATUS_OK;
+    active_insert(queue, job);
+    return STATUS_OK;
+}
+
+struct job *queue_find(const struct queue *queue, uint64_t id)
+{
+    size_t low = 0, high = queue->count;
+
+    while (low < high) {
+        size_t middle = low + (high - low) / 2;
+        if (queue->all[middle]->id < id)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low < queue->count && queue->all[low]->id == id ? queue->all[low] : NULL;
+}
+
+size_t queue_position(const struct queue *queue, const struct job *job)
+{
+    size_t place = active_place(queue, job), before = 0;
+
+    if (queue->shut_count == 0)
+        return place;
+    for (size_t i = 0; i < place; i++)
+        before += (size_t)job_state_is_open(queue->active[i]->state);
+    return before;
+}
+
+int job_state_ended(enum job_state state)
+{
+    return state == JOB_STATE_DONE || state == JOB_STATE_FAILED || state == JOB_STATE_CANCELLED;
+}
+
+int job_state_is_open(enum job_state state)
+{
+    return state == JOB_STATE_QUEUED || state == JOB_STATE_RUNNING;
+}
+
+/* The diagram in queue.h. */
+static int change_is_allowed(enum job_state from, enum job_state to)
+{
+    switch (to) {
+    case JOB_STATE_QUEUED: return from == JOB_STATE_PARKED;
+    case JOB_STATE_RUNNING: return from == JOB_STATE_QUEUED;
+    case JOB_STATE_DONE: return from == JOB_STATE_RUNNING;
+    case JOB_STATE_PARKED: return job_state_is_open(from);
+    case JOB_STATE_CANCELLING: return job_state_is_open(from) || from == JOB_STATE_PARKED;
+    default: return !job_state_ended(from);
+    }
+}
+
+void job_set_state(struct queue *queue, struct job *job, enum job_state state, const char *text,
+                   uint64_t now_ns, int64_t wall_s)
+{
+    assert(change_is_allowed(job->state, state));
+    queue->shut_count -= (size_t)is_shut(job->state);
+    queue->shut_count += (size_t)is_shut(state);
+    if (!job_state_is_open(state)) {
+        if (job->active_since_ns)
+            job->active_ns += now_ns - job->active_since_ns;
+        job->active_since_ns = 0;
+    }
+    if (job_state_ended(state)) {
+        size_t place = active_place(queue, job);
+        assert(place < queue->active_count && queue->active[place] == job);
+        queue->active_count--;
+        memmove(queue->active + place, queue->active + place + 1,
+                (queue->active_count - place) * sizeof *queue->active);
+        job->finished_at = wall_s;
+    }
+    job->state = state;
+    snprintf(job->state_text, sizeof job->state_text, "%s", text ? text : "");
+}
+
+static int bit_is_set(const uint8_t *bits, uint32_t i)
+{
+    return bits[i / 8] >> i % 8 & 1;
+}
+
+static void bit_set(uint8_t *bits, uint32_t i)
+{
+    bits[i / 8] |= (uint8_t)(1u << i % 8);
+}
+
+/* Was it set? */
+static int bit_clear(uint8_t *bits, uint32_t i)
+{
+    int was = bit_is_set(bits, i);
+
+    bits[i / 8] &= (uint8_t)~(1u << i % 8);
+    return was;
+}
+
+uint32_t job_frame_count(const struct job *job)
+{
+    return job->last_frame - job->first_frame + 1;
+}
+
+int job_frame_is_done(const struct job *job, uint32_t frame)
+{
+    return bit_is_set(job->frames_done, frame - job->first_frame);
+}
+
+void job_frame_set_done(struct job *job, uint32_t frame)
+{
+    if (job_frame_is_done(job, frame))
+        return;
+    bit_set(job->frames_done, frame - job->first_frame);
+    job->frames_done_count++;
+    job->samples_done += job_frame_samples(job);
+}
+
+status job_frame_set_cut(struct job *job, uint32_t frame, enum frame_end end,
+                         const struct film_coverage *coverage, struct error *err)
+{
+    if (!MEM_GROW(job->cuts, job->cut_capacity, job->cut_count + 1))
+        return error_no_memory(err, "a frame that was cut short");
+    job->cuts[job->cut_count++] = (struct cut_frame){frame, end, *coverage};
+    job->samples_done -= job_frame_samples(job) - coverage->samples;
+    return STATUS_OK;
+}
+
+int job_frame_is_cut(const struct job *job, uint32_t frame)
+{
+    for (size_t i = 0; i < job->cut_count; i++)
+        if (job->cuts[i].frame == frame)
+            return 1;
+    return 0;
+}
+
+int job_frame_is_developed(const struct job *job, uint32_t frame)
+{
+    return bit_is_set(job->frames_developed, frame - job->first_frame);
+}
+
+void job_frame_set_developed(struct job *job, uint32_t frame)
+{
+    if (job_frame_is_developed(job, frame))
+        return;
+    bit_set(job->frames_developed, frame - job->first_frame);
+    job->frames_developed_count++;
+}
+
+void job_frame_rest(struct job *job, uint32_t frame)
+{
+    if (!job_frame_is_resting(job, frame))
+        job->frames_resting_count++;
+    bit_set(job->frames_resting, frame - job->first_frame);
+}
+
+int job_frame_is_resting(const struct job *job, uint32_t frame)
+{
+    return bit_is_set(job->frames_resting, frame - job->first_frame);
+}
+
+uint32_t job_frames_wanted(const struct job *job)
+{
+    return job_frame_count(job) - job->frames_resting_count;
+}
+
+/* ---- a finished job goes on ------------------------------------------------------------------ */
+
+static void choose_whole(struct job_reopening *r, const struct job *job, uint32_t new_spp)
+{
+    const struct render_settings *s = &job->settings;
+    uint32_t tiles = tile_count(s->width, s->height);
+
+    r->coverage = (struct film_coverage){.samples = job_frame_samples(job), .least = s->spp,
+                                         .most = s->spp, .group_most = group_samples(s->spp, 0),
+                                         .tiles = tiles};
+    if (new_spp == s->spp)
+        return;
+    for (uint32_t i = 0; i < job_frame_count(job); i++)
+        if (bit_is_set(job->frames_done, i) && !bit_is_set(r->chosen, i))
+            bit_set(r->whole, i);
+    for (size_t i = 0; i < job->cut_count; i++)
+        bit_clear(r->whole, job->cuts[i].frame - job->first_frame);
+}
+
+status job_reopening_init(struct job_reopening *r, const struct job *job, const uint32_t *frames,
+                          size_t count, uint32_t new_spp, struct error *err)
+{
+    size_t bytes = job_frame_count(job) / 8 + 1;
+
+    *r = (struct job_reopening){NULL};
+    if (count == 0)
+        return STATUS_OK;
+    for (size_t i = 0; i < count; i++)
+        if (frames[i] < job->first_frame || frames[i] > job->last_frame)
+            return error_set(err, STATUS_ERR_INPUT, "job %llu has frames %u to %u, not %u",
+                             (unsigned long long)job->id, job->first_frame, job->last_frame,
+                             frames[i]);
+    r->chosen = mem_calloc(bytes, 1);
+    r->whole = mem_calloc(bytes, 1);
+    if (!r->chosen || !r->whole) {
+        job_reopening_release(r);
+        return error_no_memory(err, "frames that go on");
+    }
+    for (size_t i = 0; i < count; i++)
+        bit_set(r->chosen, frames[i] - job->first_frame);
+    choose_whole(r, job, new_spp);
+    return STATUS_OK;
+}
+
+void job_reopening_release(struct job_reopening *r)
+{
+    mem_free(r->chosen);
+    mem_free(r->whole);
+    *r = (struct job_reopening){NULL};
+}
+
+int job_reopening_has(const struct job_reopening *r, const struct job *job, uint32_t frame)
+{
+    return !r->chosen || bit_is_set(r->chosen, frame - job->first_frame);
+}
+
+int job_reopening_is_whole(const struct job_reopening *r, const struct job *job, uint32_t frame)
+{
+    return r->whole && bit_is_set(r->whole, frame - job->first_frame);
+}
+
+status job_reopen_check(struct queue *queue, struct job *job, struct error *err)
+{
+    if (check_room(queue, err) != STATUS_OK)
+        return STATUS_ERR_LIMIT;
+    return MEM_GROW(queue->active, queue->active_capacity, queue->active_count + 1) &&
+                   MEM_GROW(job->cuts, job->cut_capacity, job_frame_count(job))
+               ? STATUS_OK
+               : error_no_memory(err, "the queue");
+}
+
+static void reopen_cuts(struct job *job, const struct job_reopening *r)
+{
+    size_t kept = 0;
+
+    for (size_t i = 0; i < job->cut_count; i++)
+        if (!job_reopening_has(r, job, job->cuts[i].frame))
+            job->cuts[kept++] = job->cuts[i];
+    job->cut_count = kept;
+    for (uint32_t i = 0; r->whole && i < job_frame_count(job); i++)
+        if (bit_is_set(r->whole, i))
+            job->cuts[job->cut_count++] =
+                (struct cut_frame){job->first_frame + i, FRAME_END_CAP, r->coverage};
+}
+
+void job_reopen(struct queue *queue, struct job *job, const struct job_reopening *r)
+{
+    assert(job->state == JOB_STATE_DONE);
+    for (uint32_t i = 0; i < job_frame_count(job); i++) {
+        if (!job_reopening_has(r, job, job->first_frame + i))
+            continue;
+        job->frames_done_count -= (uint32_t)bit_clear(job->frames_done, i);
+        job->frames_developed_count -= (uint32_t)bit_clear(job->frames_developed, i);
+        job->frames_resting_count -= (uint32_t)bit_clear(job->frames_resting, i);
+    }
+    reopen_cuts(job, r);
+    job->samples_done = job->frames_done_count * job_frame_samples(job);
+    for (size_t i = 0; i < job->cut_count; i++)
+        job->samples_done -= job_frame_samples(job) - job->cuts[i].coverage.samples;
+    memset(&job->work, 0, sizeof job->work); /* the films have it, or the store */
+    job_figures_release(&job->figures);
+    job->finished_at = 0;
+    job->state = JOB_STATE_QUEUED;
+    job->state_text[0] = 0;
+    active_insert(queue, job);
+}
+
+void job_revise(struct job *job)
+{
+    job->revision++;
+    job->frames_developed_count = 0;
+    memset(job->frames_developed, 0, job_frame_count(job) / 8 + 1);
+    memset(&job->pictures, 0, sizeof job->pictures);
+}
+
+uint32_t job_window_begin(const struct job *job, uint32_t frame)
+{
+    uint32_t before = job->output.tonemap.temporal > 1 ? job->output.tonemap.temporal - 1 : 0;
+
+    return frame - job->first_frame < before ? job->first_frame : frame - before;
+}
+
+int job_frame_to_develop(const struct job *job, uint32_t *frame)
+{
+    uint32_t run = 0; /* frames before this one that are done, one after another */
+
+    if (job->frames_developed_count == job->frames_done_count)
+        return 0;
+    for (uint64_t at = job->first_frame; at <= job->last_frame; at++) {
+        *frame = (uint32_t)at;
+        run = job_frame_is_done(job, *frame) ? run + 1 : 0;
+        if (run > *frame - job_window_begin(job, *frame) && !job_frame_is_developed(job, *frame))
+            return 1;
+    }
+    return 0;
+}
+
+uint64_t job_frame_samples(const struct job *job)
+{
+    return (uint64_t)job->settings.width * job->settings.height * job->settings.spp;
+}
+
+double job_active_seconds(const struct job *job, uint64_t now_ns)
+{
+    uint64_t ns = job->active_ns;
+
+    if (job->active_since_ns && now_ns > job->active_since_ns)
+        ns += now_ns - job->active_since_ns;
+    return (double)ns / 1e9;
+}
+
+int job_is_broken_for(const struct job *job, uint64_t machine)
+{
+    for (size_t i = 0; i < job->broken_count; i++)
+        if (job->broken_machines[i] == machine)
+            return 1;
+    return 0;
+}
+
+status job_set_broken_for(struct job *job, uint64_t machine)
+{
+    if (!MEM_GROW(job->broken_machines, job->broken_capacity, job->broken_count + 1))
+        return STATUS_ERR_NO_MEMORY;
+    job->broken_machines[job->broken_count++] = machine;
+    return STATUS_OK;
+}

@@ -1,0 +1,232 @@
+/* queue: the jobs, and the order in which they are served.
+ *
+ *   QUEUED --first lease--> RUNNING --last frame's files on disk--> DONE
+ *     |  ^                    |
+ *     |  +--resumed-- PARKED <--its workers die (suspicion.h), also from QUEUED
+ *     |                       |
+ *     +---cancelled-----------+--> CANCELLING --pictures of what there is on disk--> CANCELLED
+ *     +---cancelled, discard--+--> CANCELLED
+ *     +---cannot be done------+--> FAILED
+ *
+ * A DONE job is QUEUED again by job_reopen: it is extended. A PARKED or CANCELLING job can be cancelled and can fail as well. It holds no lease and takes no
+ * result: closing.h says what becomes of its frames. job_set_state is the only function that changes
+ * a job's state; DONE, FAILED and CANCELLED are final. Jobs are served by priority (higher first),
+ * then in the order of submission.
+ *
+ * Invariants:
+ *  - `all` is sorted by id; `active` holds exactly the jobs that are not final, in order of
+ *    service;
+ *  - a final job has no open frames.
+ * The queue owns its jobs. It survives a restart by way of the store, not by itself.
+ */
+#ifndef AZULEJO_COORDINATOR_QUEUE_H
+#define AZULEJO_COORDINATOR_QUEUE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/accuracy/stop.h"
+#include "common/base/buffer.h"
+#include "common/base/digest.h"
+#include "common/base/status.h"
+#include "common/film/film.h"
+#include "common/scene/effects.h"
+#include "common/scene/settings.h"
+#include "common/scene/stages.h"
+#include "common/tonemap/tonemap.h"
+#include "coordinator/job/eta.h"
+#include "coordinator/job/history.h"
+#include "coordinator/farm/rate.h"
+#include "coordinator/job/suspicion.h"
+#include "coordinator/job/trouble.h"
+
+enum {
+    JOBS_ACTIVE_MAX = 10000,
+    JOBS_MAX = 200000,
+    JOB_NAME_MAX = 255,
+    JOB_TEXT_MAX = 511,
+    JOB_TOKEN_MAX = 64,
+    KERNEL_NAME_MAX = 127,
+    RELEASE_NAME_MAX = 31,
+    SCENE_BYTES_MAX = 1 << 30, /* of a packed scene */
+    JOB_BROKEN_MAX = 3, /* so many machines that cannot render a job that has no result end it */
+    JOB_BROKEN_MACHINES_MAX = 256, /* so many end it with results, too */
+};
+
+/* The numbers are the wire's JobState and the store's. */
+enum job_state {
+    JOB_STATE_QUEUED,
+    JOB_STATE_RUNNING,
+    JOB_STATE_DONE,
+    JOB_STATE_FAILED,
+    JOB_STATE_CANCELLED,
+    JOB_STATE_PARKED,
+    JOB_STATE_CANCELLING,
+    JOB_STATE_COUNT
+};
+const char *job_state_word(enum job_state state);
+
+struct output_settings {
+    int exr_half;
+    int exr, png, jpg;               /* which files are made; at least one */
+    struct picture_options picture;  /* of the PNG and the JPEG */
+    struct tonemap_settings tonemap; /* op is never NULL */
+    double camera_ev;                /* what of tonemap.exposure_ev is the camera's own */
+};
+
+/* What workers measured, summed over merged results. */
+struct work_stats {
+    uint64_t cpu_ns, trace_ns;
+    uint64_t effects;                /* of all results together; 0: not told */
+    uint64_t stages[STAGE_COUNT], accounts[EFFECT_ACCOUNTS];
+};
+void work_stats_add(struct work_stats *sum, const struct work_stats *more);
+
+struct job_frame;
+
+/* The numbers are the store's. */
+enum job_estimate {
+    ESTIMATE_NONE,
+    ESTIMATE_OPEN,      /* a few samples of a few frames, to tell what the job will cost */
+    ESTIMATE_CONTINUED, /* it was one; the same job was submitted and goes on from it */
+};
+
+/* A frame that is done with fewer samples than the cap allows. */
+struct cut_frame {
+    uint32_t frame;
+    enum frame_end end;
+    struct film_coverage coverage;
+};
+
+struct job {
+    uint64_t id;
+    char name[JOB_NAME_MAX + 1];
+    enum job_state state;
+    char state_text[JOB_TEXT_MAX + 1]; /* why it failed, was cancelled or parked; else empty */
+    int32_t priority;
+    uint32_t first_frame, last_frame;
+    struct render_settings settings;
+    struct stop_rules stop;            /* besides settings.spp, the cap */
+    struct buffer schedule;            /* passes [tile][group] of a job of one frame; empty: none */
+    struct output_settings output;
+    struct digest scene;
+    char scene_name[JOB_NAME_MAX + 1];
+    char token[JOB_TOKEN_MAX + 1];     /* of the submission; "": none. No two jobs have the same */
+
+    char kernel[KERNEL_NAME_MAX + 1];  /* of the workers that got units; "": none yet */
+    char release[RELEASE_NAME_MAX + 1]; /* of the coordinator that lent the first of them; "": none yet */
+    uint64_t epoch_floor;              /* results of older epochs are not this job's */
+    int64_t submitted_at, finished_at; /* seconds since 1970, UTC; 0: not yet */
+    uint64_t active_ns;                /* since the first lease, without the present run */
+    uint64_t active_since_ns;          /* monotonic; 0: not active in this run */
+
+    enum job_estimate estimate;
+    uint8_t *frames_resting;           /* a bit a frame: not rendered until the job is extended */
+    uint32_t frames_resting_count;
+    uint8_t *frames_done;              /* a bit a frame from first_frame on */
+    uint32_t frames_done_count;
+    uint32_t revision;                 /* of `output`: how often it was changed */
+    uint8_t *frames_developed;         /* of those that are done: the pictures follow `output` */
+    uint32_t frames_developed_count;
+    struct job *next_to_develop;       /* in the farm's list */
+    int to_develop;                    /* it is in that list */
+    struct trouble pictures;           /* they cannot be made again */
+    struct trouble trouble;            /* its next film cannot be opened */
+    int unsaved;                       /* its state is to be handed to the store again */
+    uint64_t samples_done;             /* pixel samples of the frames that are done */
+    struct cut_frame *cuts;            /* of the frames that are done */
+    size_t cut_count, cut_capacity;
+    struct job_figures figures;        /* of the frames that are done */
+    double map_max;                    /* largest value of the environment's map; NaN: not looked for yet */
+    struct throughput throughput;      /* processor time that its results bring */
+    struct unit_work work;             /* of the frames that are done */
+    struct work_stats stats;
+    uint64_t conflicts;
+
+    struct job_frame *frames;              /* open ones, ascending number */
+    struct rate rate;                  /* pixel samples */
+    uint64_t *broken_machines;         /* that said JobBroken (machine_identity) */
+    size_t broken_count, broken_capacity;
+    struct suspicion suspicion;        /* that it kills its workers */
+    uint32_t leases;                   /* live ones */
+    uint64_t turnaround_ns;            /* from a unit's grant to its result, smoothed; 0: unknown */
+    uint64_t saved_ns;                 /* monotonic: when the progress was last stored */
+};
+
+struct queue {
+    struct job **all;
+    size_t count, capacity;
+    struct job **active;
+    size_t active_count, active_capacity;
+    size_t shut_count;           /* of the active ones, those that are not open */
+};
+
+void queue_init(struct queue *queue);
+void queue_release(struct queue *queue);
+
+/* A zeroed job that is in no queue; NULL when out of memory. frames_done has room for
+ * last - first + 1 frames. */
+struct job *job_new(uint32_t first_frame, uint32_t last_frame);
+void job_free(struct job *job); /* its frames must be closed */
+
+/* Take ownership of a job with an id of its own. ERR_LIMIT: too many; ERR_NO_MEMORY. On failure the
+ * caller still owns it. */
+status queue_add(struct queue *queue, struct job *job, struct error *err) MUST_CHECK;
+struct job *queue_find(const struct queue *queue, uint64_t id); /* NULL: none */
+
+/* How many active jobs stand before this one. */
+size_t queue_position(const struct queue *queue, const struct job *job);
+
+int job_state_ended(enum job_state state);
+/* Units of the job are lent and results taken: it is QUEUED or RUNNING. */
+int job_state_is_open(enum job_state state);
+/* `text` may be NULL. Asserts that the diagram allows the change. */
+void job_set_state(struct queue *queue, struct job *job, enum job_state state, const char *text,
+                   uint64_t now_ns, int64_t wall_s);
+
+uint32_t job_frame_count(const struct job *job);
+int job_frame_is_done(const struct job *job, uint32_t frame);
+void job_frame_set_done(struct job *job, uint32_t frame);
+/* A frame that is done has fewer samples than the cap allows. ERR_NO_MEMORY: the job counts it as
+ * whole. */
+status job_frame_set_cut(struct job *job, uint32_t frame, enum frame_end end,
+                         const struct film_coverage *coverage, struct error *err) MUST_CHECK;
+int job_frame_is_cut(const struct job *job, uint32_t frame);
+int job_frame_is_developed(const struct job *job, uint32_t frame);
+void job_frame_set_developed(struct job *job, uint32_t frame);
+/* The frame is not rendered until the job is extended. */
+void job_frame_rest(struct job *job, uint32_t frame);
+int job_frame_is_resting(const struct job *job, uint32_t frame);
+uint32_t job_frames_wanted(const struct job *job); /* that do not rest */
+
+/* Which frames of a DONE job go on. Zero-initialise: all of them. */
+struct job_reopening {
+    uint8_t *chosen;               /* a bit a frame; NULL: all */
+    uint8_t *whole;                /* of the others, those that have all that the cap allowed, and less than the new one */
+    struct film_coverage coverage; /* what these have */
+};
+/* Choose frames of the job, all for count 0. ERR_INPUT: it has no such frame; ERR_NO_MEMORY. */
+status job_reopening_init(struct job_reopening *r, const struct job *job, const uint32_t *frames,
+                          size_t count, uint32_t new_spp, struct error *err) MUST_CHECK;
+void job_reopening_release(struct job_reopening *r);
+int job_reopening_has(const struct job_reopening *r, const struct job *job, uint32_t frame);
+int job_reopening_is_whole(const struct job_reopening *r, const struct job *job, uint32_t frame);
+/* Is there room for one more active job, and for what it notes? ERR_LIMIT, ERR_NO_MEMORY. */
+status job_reopen_check(struct queue *queue, struct job *job, struct error *err) MUST_CHECK;
+/* The chosen frames of a DONE job go on, with its settings as they are now: it is QUEUED again. After
+ * job_reopen_check. */
+void job_reopen(struct queue *queue, struct job *job, const struct job_reopening *r);
+/* Every frame's pictures are to be made anew, after job->output as it is now. */
+void job_revise(struct job *job);
+/* A done frame whose pictures must be made and can be: the frames whose statistics they are
+ * averaged with are done, too. 0: none. */
+int job_frame_to_develop(const struct job *job, uint32_t *frame);
+/* The first of the frames whose statistics the frame's are averaged with. */
+uint32_t job_window_begin(const struct job *job, uint32_t frame);
+uint64_t job_frame_samples(const struct job *job); /* of one whole frame */
+double job_active_seconds(const struct job *job, uint64_t now_ns);
+int job_is_broken_for(const struct job *job, uint64_t machine);
+/* Note a machine that cannot render the job. ERR_NO_MEMORY. */
+status job_set_broken_for(struct job *job, uint64_t machine) MUST_CHECK;
+
+#endif

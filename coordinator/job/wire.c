@@ -1,0 +1,434 @@
+#include "coordinator/job/wire.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/memory.h"
+#include "protocol/message.h"
+
+void wire_output_set(struct wire_output *out, const struct output_settings *in)
+{
+    static char exr[] = "exr", png[] = "png", jpg[] = "jpg";
+    Azulejo__Wire__OutputSettings message = AZULEJO__WIRE__OUTPUT_SETTINGS__INIT;
+    const struct tonemap_operator *op = in->tonemap.op;
+
+    out->message = message;
+    out->message.exr_half = in->exr_half;
+    out->message.tonemap = (char *)op->name;
+    out->message.exposure_ev = in->tonemap.exposure_ev;
+    out->message.camera_ev = in->camera_ev;
+    for (size_t i = 0; i < op->parameter_count; i++) {
+        Azulejo__Wire__OutputSettings__ParametersEntry entry =
+            AZULEJO__WIRE__OUTPUT_SETTINGS__PARAMETERS_ENTRY__INIT;
+        entry.key = (char *)op->parameters[i].name;
+        entry.value = in->tonemap.values[i];
+        out->entries[i] = entry;
+        out->entry_pointers[i] = &out->entries[i];
+    }
+    out->message.n_parameters = op->parameter_count;
+    out->message.parameters = out->entry_pointers;
+    snprintf(out->metering, sizeof out->metering, "%s",
+             tonemap_metering_name(in->tonemap.metering));
+    out->message.metering = out->metering;
+    out->message.metering_percentile = in->tonemap.metering_percentile;
+    out->message.white_kelvin = in->tonemap.white_kelvin;
+    out->message.temporal = in->tonemap.temporal;
+    if (in->tonemap.has_file) {
+        wire_digest_set(&out->message.tonemap_file, &in->tonemap.file);
+        out->message.tonemap_file_name = (char *)in->tonemap.file_name;
+    }
+    out->message.png_bits = (uint32_t)in->picture.bits;
+    out->message.jpeg_quality = (uint32_t)in->picture.quality;
+    out->message.no_dither = in->picture.plain;
+    if (in->exr)
+        out->formats[out->message.n_formats++] = exr;
+    if (in->png)
+        out->formats[out->message.n_formats++] = png;
+    if (in->jpg)
+        out->formats[out->message.n_formats++] = jpg;
+    out->message.formats = out->formats;
+}
+
+/* What is asked of the display files. */
+static status picture_get(struct output_settings *out, const Azulejo__Wire__OutputSettings *in,
+                          struct error *err)
+{
+    char text[64];
+
+    if (in->png_bits != 0 && in->png_bits != 8 && in->png_bits != 16)
+        return error_set(err, STATUS_ERR_INPUT, "a PNG has 8 or 16 bits, not %u", in->png_bits);
+    if (in->jpeg_quality > 100)
+        return error_set(err, STATUS_ERR_INPUT, "a JPEG's quality is 1 to 100, not %u",
+                         in->jpeg_quality);
+    out->picture = (struct picture_options){
+        .bits = (int)in->png_bits, .plain = in->no_dither, .quality = (int)in->jpeg_quality};
+    for (size_t i = 0; i < in->n_formats; i++) {
+        if (strcmp(in->formats[i], "exr") == 0)
+            out->exr = 1;
+        else if (strcmp(in->formats[i], "png") == 0)
+            out->png = 1;
+        else if (strcmp(in->formats[i], "jpg") == 0)
+            out->jpg = 1;
+        else
+            return error_set(err, STATUS_ERR_INPUT,
+                             "output format '%s': must be exr, png or jpg",
+                             message_text(text, sizeof text, in->formats[i]));
+    }
+    if (in->n_formats == 0)
+        out->exr = out->png = 1;
+    return STATUS_OK;
+}
+
+static status tonemap_get(struct tonemap_settings *out, const Azulejo__Wire__OutputSettings *in,
+                          struct error *err)
+{
+    size_t count;
+    const struct tonemap_operator *const *first = tonemap_operators(&count);
+    int metering = in->metering[0] ? tonemap_metering_parse(in->metering) : TONEMAP_METERING_OFF;
+    char text[64];
+    status s = tonemap_settings_init(out, in->tonemap[0] ? in->tonemap : first[0]->name, err);
+
+    for (size_t i = 0; s == STATUS_OK && i < in->n_parameters; i++)
+        s = tonemap_settings_set(out, in->parameters[i]->key, in->parameters[i]->value, err);
+    if (s != STATUS_OK)
+        return s;
+    if (metering < 0)
+        return error_set(err, STATUS_ERR_INPUT, "exposure metering '%s': must be off, key or "
+                         "percentile",
+                         message_text(text, sizeof text, in->metering));
+    out->metering = (enum tonemap_metering)metering;
+    if (in->metering_percentile != 0)
+        out->metering_percentile = in->metering_percentile;
+    out->exposure_ev = in->exposure_ev;
+    out->white_kelvin = in->white_kelvin;
+    out->temporal = in->temporal;
+    if (in->tonemap_file.len > 0) {
+        s = wire_digest_get(&out->file, &in->tonemap_file, "the operator's file", err);
+        if (s != STATUS_OK)
+            return s;
+        out->has_file = 1;
+        message_text(out->file_name, sizeof out->file_name, in->tonemap_file_name);
+    }
+    return tonemap_settings_validate(out, err);
+}
+
+status wire_output_get(struct output_settings *out, const Azulejo__Wire__OutputSettings *in,
+                       struct error *err)
+{
+    static const Azulejo__Wire__OutputSettings none = AZULEJO__WIRE__OUTPUT_SETTINGS__INIT;
+    status s;
+
+    memset(out, 0, sizeof *out);
+    if (!in)
+        in = &none;
+    s = tonemap_get(&out->tonemap, in, err);
+    if (s == STATUS_OK)
+        s = picture_get(out, in, err);
+    out->exr_half = in->exr_half;
+    if (s == STATUS_OK && !(fabs(in->camera_ev) <= TONEMAP_EXPOSURE_MAX))
+        return error_set(err, STATUS_ERR_INPUT, "the camera's exposure must be from -%d to %d stops",
+                         TONEMAP_EXPOSURE_MAX, TONEMAP_EXPOSURE_MAX);
+    out->camera_ev = in->camera_ev;
+    return s;
+}
+
+static status output_pack(const struct output_settings *in, struct buffer *out, struct error *err)
+{
+    struct wire_output output;
+    uint8_t *space;
+
+    wire_output_set(&output, in);
+    space = buffer_append_space(out,
+                                azulejo__wire__output_settings__get_packed_size(&output.message));
+    if (!space)
+        return error_no_memory(err, "output settings");
+    azulejo__wire__output_settings__pack(&output.message, space);
+    return STATUS_OK;
+}
+
+status wire_tonemap_pack(const struct tonemap_settings *in, struct buffer *out, struct error *err)
+{
+    const struct output_settings output = {.tonemap = *in};
+
+    return output_pack(&output, out, err);
+}
+
+status wire_tonemap_unpack(struct tonemap_settings *out, const void *data, size_t size_bytes,
+                           struct error *err)
+{
+    Azulejo__Wire__OutputSettings *message =
+        azulejo__wire__output_settings__unpack(NULL, size_bytes, data);
+    struct output_settings output;
+    status s = message ? wire_output_get(&output, message, err) : STATUS_ERR_CORRUPT;
+
+    if (s == STATUS_OK)
+        *out = output.tonemap;
+    else if (!message || !status_is_environment(s))
+        s = error_set(err, STATUS_ERR_CORRUPT, "the settings are damaged");
+    if (message)
+        azulejo__wire__output_settings__free_unpacked(message, NULL);
+    return s;
+}
+
+status wire_output_digest(struct digest *out, const struct output_settings *in, struct error *err)
+{
+    struct output_settings looks = *in;
+    struct buffer packed = BUFFER_INIT;
+    status s;
+
+    looks.exr = looks.png = looks.jpg = looks.exr_half = 0;
+    memset(&looks.picture, 0, sizeof looks.picture);
+    looks.tonemap.file_name[0] = 0;
+    looks.camera_ev = 0;
+    s = output_pack(&looks, &packed, err);
+    if (s == STATUS_OK && digest_of(out, packed.data, packed.size) != STATUS_OK)
+        s = error_no_memory(err, "a digest");
+    buffer_release(&packed);
+    return s;
+}
+
+/* Passes that there are, and at least one of each tile. */
+static status check_schedule(const Azulejo__Wire__JobSubmit *in,
+                             const struct render_settings *settings, struct error *err)
+{
+    uint32_t tiles = tile_count(settings->width, settings->height);
+
+    if (in->schedule.len == 0)
+        return STATUS_OK;
+    if (in->schedule.len != (size_t)tiles * GROUPS || in->first_frame != in->last_frame)
+        return error_set(err, STATUS_ERR_INPUT,
+                         "a schedule of %zu tiles for %u frames of %u tiles: it is of one frame, and "
+                         "of a picture of the same size",
+                         in->schedule.len / GROUPS, in->last_frame - in->first_frame + 1, tiles);
+    for (uint32_t t = 0; t < tiles; t++)
+        for (uint32_t g = 0; g < GROUPS; g++)
+            if (in->schedule.data[t * GROUPS + g] > pass_count(settings->spp, g))
+                return error_set(err, STATUS_ERR_INPUT,
+                                 "a schedule of %u passes of tile %u, group %u: %u samples a pixel "
+                                 "have %u",
+                                 in->schedule.data[t * GROUPS + g], t, g, settings->spp,
+                                 pass_count(settings->spp, g));
+    return STATUS_OK;
+}
+
+/* Which frames are rendered, and why. */
+static status get_frames(struct job *job, const Azulejo__Wire__JobSubmit *in, struct error *err)
+{
+    uint64_t at = job->first_frame;
+
+    if (in->estimate > ESTIMATE_CONTINUED)
+        return error_set(err, STATUS_ERR_INPUT, "an unknown kind of estimate, %u", in->estimate);
+    job->estimate = (enum job_estimate)in->estimate;
+    for (size_t i = 0; i < in->n_frames; i++) {
+        if (in->frames[i] < at || in->frames[i] > job->last_frame)
+            return error_set(err, STATUS_ERR_INPUT,
+                             "frame %u: the frames to render must ascend from %u to %u at most",
+                             in->frames[i], job->first_frame, job->last_frame);
+        while (at < in->frames[i])
+            job_frame_rest(job, (uint32_t)at++);
+        at++;
+    }
+    while (in->n_frames > 0 && at <= job->last_frame)
+        job_frame_rest(job, (uint32_t)at++);
+    return STATUS_OK;
+}
+
+status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32_t camera_count,
+                    struct error *err)
+{
+    struct render_settings settings;
+    struct stop_rules stop;
+    struct output_settings output;
+    struct digest scene;
+    char token[JOB_TOKEN_MAX + 1];
+    struct job *job;
+    uint64_t total, frames;
+    status s;
+
+    *out = NULL;
+    s = wire_digest_get(&scene, &in->scene, "the scene", err);
+    if (s != STATUS_OK)
+        return s;
+    if (!in->settings)
+        return error_set(err, STATUS_ERR_PROTOCOL, "a job without render settings");
+    s = wire_settings_get(&settings, in->settings, camera_count, err);
+    if (s == STATUS_OK)
+        s = wire_output_get(&output, in->output, err);
+    if (s != STATUS_OK)
+        return s;
+    if (strlen(in->name) > JOB_NAME_MAX)
+        return error_set(err, STATUS_ERR_LIMIT, "a job's name has at most %d bytes", JOB_NAME_MAX);
+    if (strlen(in->token) > JOB_TOKEN_MAX ||
+        strcmp(message_text(token, sizeof token, in->token), in->token) != 0)
+        return error_set(err, STATUS_ERR_INPUT,
+                         "a submission's token has at most %d bytes, all printable", JOB_TOKEN_MAX);
+    if (in->last_frame < in->first_frame ||
+        in->last_frame - in->first_frame >= SETTINGS_FRAMES_MAX)
+        return error_set(err, STATUS_ERR_INPUT,
+                         "frames %u to %u: the last must not come before the first, and at most %d "
+                         "are rendered by one job",
+                         in->first_frame, in->last_frame, SETTINGS_FRAMES_MAX);
+    frames = (uint64_t)in->last_frame - in->first_frame + 1;
+    if (__builtin_mul_overflow((uint64_t)settings.width * settings.height * settings.spp, frames,
+                               &total) ||
+        total > INT64_MAX)
+        return error_set(err, STATUS_ERR_LIMIT, "the job has more samples than can be counted");
+    s = wire_stop_get(&stop, in->stop, err);
+    if (s == STATUS_OK)
+        s = check_schedule(in, &settings, err);
+    if (s != STATUS_OK)
+        return s;
+    job = job_new(in->first_frame, in->last_frame);
+    if (!job)
+        return error_no_memory(err, "a job");
+    buffer_append(&job->schedule, in->schedule.data, in->schedule.len);
+    if (!buffer_ok(&job->schedule)) {
+        job_free(job);
+        return error_no_memory(err, "a schedule");
+    }
+    job->stop = stop;
+    message_text(job->name, sizeof job->name, in->name);
+    memcpy(job->token, token, sizeof job->token);
+    job->priority = in->priority;
+    job->settings = settings;
+    job->output = output;
+    job->scene = scene;
+    s = get_frames(job, in, err);
+    if (s != STATUS_OK) {
+        job_free(job);
+        return s;
+    }
+    *out = job;
+    return STATUS_OK;
+}
+
+status wire_job_pack(const struct job *job, struct buffer *out, struct error *err)
+{
+    Azulejo__Wire__JobSubmit message = AZULEJO__WIRE__JOB_SUBMIT__INIT;
+    Azulejo__Wire__RenderSettings settings = AZULEJO__WIRE__RENDER_SETTINGS__INIT;
+    Azulejo__Wire__StopRules stop;
+    struct wire_output output;
+    uint32_t *frames = NULL;
+    uint8_t *space;
+
+    if (job->frames_resting_count > 0) {
+        frames = mem_alloc_array(job_frames_wanted(job), sizeof *frames);
+        if (!frames)
+            return error_no_memory(err, "a job");
+        for (uint64_t at = job->first_frame; at <= job->last_frame; at++)
+            if (!job_frame_is_resting(job, (uint32_t)at))
+                frames[message.n_frames++] = (uint32_t)at;
+    }
+    message.frames = frames;
+    message.estimate = (uint32_t)job->estimate;
+    wire_output_set(&output, &job->output);
+    wire_settings_set(&settings, &job->settings);
+    wire_digest_set(&message.scene, &job->scene);
+    wire_stop_set(&stop, &job->stop);
+    message.stop = &stop;
+    message.schedule = (ProtobufCBinaryData){job->schedule.size, job->schedule.data};
+    message.name = (char *)job->name;
+    message.settings = &settings;
+    message.output = &output.message;
+    message.first_frame = job->first_frame;
+    message.last_frame = job->last_frame;
+    message.priority = job->priority;
+    message.token = (char *)job->token;
+    space = buffer_append_space(out, azulejo__wire__job_submit__get_packed_size(&message));
+    if (space)
+        azulejo__wire__job_submit__pack(&message, space);
+    mem_free(frames);
+    return space ? STATUS_OK : error_no_memory(err, "a job");
+}
+
+status wire_job_unpack(struct job **out, const void *data, size_t size_bytes, struct error *err)
+{
+    Azulejo__Wire__JobSubmit *message;
+    status s;
+
+    *out = NULL;
+    message = data ? azulejo__wire__job_submit__unpack(NULL, size_bytes, data) : NULL;
+    if (!message)
+        return error_set(err, STATUS_ERR_CORRUPT, "the job's description is damaged");
+    s = wire_job_get(out, message, UINT32_MAX, err);
+    azulejo__wire__job_submit__free_unpacked(message, NULL);
+    return s;
+}
+
+static status same_packed(const struct job *a, const struct job *b, int *same, struct error *err)
+{
+    struct buffer left = BUFFER_INIT, right = BUFFER_INIT;
+    status s = wire_job_pack(a, &left, err);
+
+    if (s == STATUS_OK)
+        s = wire_job_pack(b, &right, err);
+    *same = s == STATUS_OK && left.size == right.size &&
+            memcmp(left.data, right.data, left.size) == 0;
+    buffer_release(&right);
+    buffer_release(&left);
+    return s;
+}
+
+status wire_job_estimated(const struct job *estimate, const struct job *job, int *same,
+                          struct error *err)
+{
+    struct job other = *job; /* packed, never kept */
+
+    other.settings.spp = estimate->settings.spp;
+    other.stop = estimate->stop;
+    other.output = estimate->output;
+    other.priority = estimate->priority;
+    other.estimate = estimate->estimate;
+    other.frames_resting = estimate->frames_resting;
+    other.frames_resting_count = estimate->frames_resting_count;
+    memcpy(other.name, estimate->name, sizeof other.name);
+    memcpy(other.token, estimate->token, sizeof other.token);
+    *same = 0;
+    if (job->first_frame != estimate->first_frame || job->last_frame != estimate->last_frame ||
+        job->settings.spp < estimate->settings.spp)
+        return STATUS_OK;
+    return same_packed(estimate, &other, same, err);
+}
+
+status wire_job_same(const struct job *a, const struct job *b, int *same, struct error *err)
+{
+    struct job other = *b; /* packed, never kept */
+
+    other.output = a->output;
+    other.priority = a->priority;
+    return same_packed(a, &other, same, err);
+}
+
+void wire_point_set(Azulejo__Wire__HistoryPoint *out, Azulejo__Wire__Figures *figures,
+                    const struct history_point *point)
+{
+    const struct accuracy_figures *f = &point->figures;
+
+    azulejo__wire__history_point__init(out);
+    out->core_seconds = point->core_s;
+    out->wall_seconds = point->wall_s;
+    out->samples = point->samples;
+    out->rays = point->rays;
+    if (!f->known)
+        return;
+    azulejo__wire__figures__init(figures);
+    figures->display = f->display_error;
+    figures->display_low = f->display_lo;
+    figures->display_high = f->display_hi;
+    figures->psnr_db = f->psnr_db;
+    figures->psnr_low = f->psnr_lo;
+    figures->psnr_high = f->psnr_hi;
+    figures->rmse_percent = f->rmse_percent;
+    figures->rmse_low = f->rmse_lo;
+    figures->rmse_high = f->rmse_hi;
+    figures->top_share = f->top_share;
+    figures->disagreement = f->disagreement;
+    figures->unseen = f->unseen;
+    figures->tail_index = f->tail_index;
+    figures->reliable = f->reliable;
+    figures->reasons = f->reasons;
+    figures->lone = f->lone;
+    figures->dark = f->dark;
+    out->figures = figures;
+}

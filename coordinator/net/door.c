@@ -1,0 +1,224 @@
+#include "coordinator/net/door.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/clock.h"
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "coordinator/store/reserve.h"
+#include "coordinator/net/server.h"
+#include "protocol/message.h"
+
+struct visitor {
+    struct admission_place place; /* first: a place is its visitor */
+    struct visitor *next, *previous;
+    struct door *door;
+    struct channel *channel;
+};
+
+static void visitor_remove(struct visitor *visitor)
+{
+    struct door *door = visitor->door;
+
+    admission_leave(&door->admission, &visitor->place);
+    *(visitor->previous ? &visitor->previous->next : &door->visitors) = visitor->next;
+    if (visitor->next)
+        visitor->next->previous = visitor->previous;
+    mem_free(visitor);
+}
+
+/* One line a minute for each address and kind of complaint. */
+static void complain(struct door *door, const char *peer, status code, const char *text)
+{
+    char subject[LOG_LIMIT_SUBJECT_SIZE], more[80] = "";
+    const char *port = strrchr(peer, ':');
+    uint64_t left_out;
+
+    snprintf(subject, sizeof subject, "%d %.*s", (int)code,
+             port ? (int)(port - peer) : (int)strlen(peer), peer);
+    if (!log_limit_pass(&door->complaints, subject, clock_monotonic_ns(), &left_out)) {
+        log_debug("a connection ended before its greeting: %s", text);
+        return;
+    }
+    if (left_out > 0)
+        snprintf(more, sizeof more, " (and %llu like it since the last such line)",
+                 (unsigned long long)left_out);
+    log_warn("a connection ended before its greeting: %s%s", text, more);
+}
+
+/* ---- handshakes ----------------------------------------------------------------------------- */
+
+/* Once a turn of the loop. Failed handshakes free their slot at once, and dropped connections their
+ * place, so without bounds a flood would keep the loop in one turn. */
+static void on_turn(uv_idle_t *turn)
+{
+    struct door *door = turn->data;
+    uv_stream_t *listener = door->waiting;
+
+    door->accepted = 0;
+    door->waiting = NULL;
+    if (listener && !uv_is_closing((uv_handle_t *)listener))
+        door_connection(door, listener, 0);
+    for (int i = 0; i < DOOR_HANDSHAKES_PER_TURN; i++) {
+        struct admission_place *place = admission_next(&door->admission);
+        if (!place) {
+            if (door->accepted == 0)
+                uv_idle_stop(turn);
+            return;
+        }
+        channel_handshake(((struct visitor *)place)->channel);
+    }
+}
+
+static void wake(struct door *door)
+{
+    if ((door->admission.ready > 0 || door->accepted > 0) && !uv_is_closing((uv_handle_t *)&door->turn))
+        uv_idle_start(&door->turn, on_turn);
+}
+
+static void on_ready(struct channel *channel, void *user)
+{
+    struct visitor *visitor = user;
+
+    (void)channel;
+    admission_ready(&visitor->door->admission, &visitor->place);
+    wake(visitor->door);
+}
+
+static void on_refused(struct channel *channel, void *user)
+{
+    struct visitor *visitor = user;
+
+    (void)channel;
+    admission_refused(&visitor->door->admission, &visitor->place);
+    wake(visitor->door);
+}
+
+/* ---- through, or gone ----------------------------------------------------------------------- */
+
+/* The peer holds a key, so it learns why. */
+static void turn_away(struct visitor *visitor)
+{
+    struct server *server = visitor->door->server;
+    struct error err = {0};
+
+    error_set(&err, STATUS_ERR_LIMIT,
+              "the coordinator has %u sessions, and its file descriptors allow no more: raise its "
+              "hard limit (ulimit -Hn, LimitNOFILE=), or try again later",
+              server->session_count);
+    complain(visitor->door, channel_peer(visitor->channel), err.code, err.text);
+    admission_refused(&visitor->door->admission, &visitor->place);
+    if (message_send_failure(visitor->channel, 0, &err) != STATUS_OK)
+        log_debug("%s was not told why", channel_peer(visitor->channel));
+    channel_close(visitor->channel);
+}
+
+static void on_open(struct channel *channel, void *user)
+{
+    struct visitor *visitor = user;
+    struct door *door = visitor->door;
+    struct error err = {0};
+
+    if (door->server->session_count >= door->server->descriptors.sessions_max) {
+        turn_away(visitor);
+    } else if (session_begin(door->server, channel, &err) != STATUS_OK) {
+        channel_abort(channel, err.code, "%s", err.text);
+    } else {
+        visitor_remove(visitor);
+    }
+    wake(door);
+}
+
+static void on_close(struct channel *channel, const struct error *why, void *user)
+{
+    struct visitor *visitor = user;
+    struct door *door = visitor->door;
+
+    /* Probes and port scanners connect and close; that is nobody's fault. */
+    if (why->code == STATUS_ERR_UNREACHABLE)
+        log_debug("a connection ended before its greeting: %s", why->text);
+    else if (why->code != STATUS_OK)
+        complain(door, channel_peer(channel), why->code, why->text);
+    visitor_remove(visitor);
+    wake(door);
+}
+
+/* ---- arriving ------------------------------------------------------------------------------- */
+
+static void enter(struct door *door, struct visitor *visitor)
+{
+    uint8_t address[CHANNEL_ADDRESS_BYTES];
+    struct admission_place *out;
+    struct error err = {0};
+
+    /* The plan counts connections. Where other files took its descriptors, or the limit was lowered,
+     * a newcomer takes another's place. */
+    door->admission.places_max =
+        reserve_is_short()
+            ? (door->admission.places > 1 ? door->admission.places : 1)
+            : descriptors_strangers(&door->server->descriptors, door->server->session_count);
+    channel_address(visitor->channel, address);
+    if (admission_enter(&door->admission, &visitor->place, address, &out, &err) != STATUS_OK)
+        channel_abort(visitor->channel, err.code, "%s", err.text);
+    else if (out)
+        channel_abort(((struct visitor *)out)->channel, STATUS_ERR_LIMIT,
+                      "it makes room: %u connections wait to prove a key",
+                      door->admission.places);
+}
+
+void door_connection(struct door *door, uv_stream_t *listener, int uv_error)
+{
+    static const struct channel_callbacks callbacks = {on_open, NULL, NULL, on_close};
+    static const struct channel_gate gate = {on_ready, on_refused};
+    struct visitor *visitor;
+    struct error err = {0};
+    status s;
+
+    if (uv_error < 0) {
+        complain(door, "", STATUS_ERR_IO, uv_strerror(uv_error));
+        return;
+    }
+    if (door->accepted == DOOR_ACCEPTS_PER_TURN) {
+        door->waiting = listener; /* libuv accepts no other before this one is taken */
+        return;
+    }
+    door->accepted++;
+    wake(door);
+    visitor = mem_calloc(1, sizeof *visitor);
+    if (!visitor) {
+        channel_reject(listener);
+        s = error_no_memory(&err, "a connection");
+    } else {
+        visitor->door = door;
+        s = channel_accept(&visitor->channel, listener, door->server->key, &callbacks, &gate,
+                           visitor, &err);
+    }
+    if (s != STATUS_OK) {
+        mem_free(visitor);
+        complain(door, "", s, err.text);
+        return;
+    }
+    visitor->next = door->visitors;
+    if (door->visitors)
+        door->visitors->previous = visitor;
+    door->visitors = visitor;
+    enter(door, visitor);
+}
+
+/* ---- life ----------------------------------------------------------------------------------- */
+
+void door_init(struct door *door, struct server *server)
+{
+    door->server = server;
+    admission_init(&door->admission, STRANGERS_MIN);
+    uv_idle_init(&server->loop, &door->turn);
+    door->turn.data = door;
+}
+
+void door_close(struct door *door)
+{
+    for (struct visitor *v = door->visitors; v; v = v->next)
+        channel_abort(v->channel, STATUS_OK, "the coordinator ends");
+    uv_close((uv_handle_t *)&door->turn, NULL);
+}

@@ -1,0 +1,258 @@
+/* farm_tasks: what the farm asks to be done off the loop's thread: results made durable, displays
+ * measured, figures estimated, pictures developed. */
+#include "coordinator/net/farm_tasks.h"
+
+#include "common/base/clock.h"
+#include "common/base/log.h"
+#include "coordinator/farm/develop.h"
+#include "coordinator/farm/figures.h"
+#include "coordinator/farm/freeze.h"
+#include "coordinator/farm/merge.h"
+#include "coordinator/net/server.h"
+#include "coordinator/net/task.h"
+
+/* ---- results go to disk --------------------------------------------------------------------- */
+
+struct commit_task {
+    struct task task;
+    struct commit *commit;
+};
+
+static void commit_run(struct task *task)
+{
+    merge_commit_run(((struct commit_task *)task)->commit);
+}
+
+static void commit_end(struct task *task)
+{
+    struct server *server = task->server;
+    struct commit *commit = ((struct commit_task *)task)->commit;
+
+    server->commit_running = 0;
+    if (server->state == SERVER_DRAINING && commit->result != STATUS_OK) {
+        /* No time to wait for the disk: what is not on it was not acknowledged either. */
+        log_error("%s; its workers keep what is not on disk", commit->error.text);
+        merge_commit_abandon(&server->farm, commit);
+    } else {
+        merge_commit_end(&server->farm, commit, clock_monotonic_ns());
+    }
+}
+
+static const struct task_kind commit_kind = {"a commit", sizeof(struct commit_task), commit_run,
+                                             commit_end, NULL};
+
+void farm_task_commit(struct server *server)
+{
+    struct commit_task *t = task_new(server, &commit_kind, NULL);
+
+    if (!t)
+        return; /* the tick tries again */
+    t->commit = merge_commit_begin(
+        &server->farm, server->state == SERVER_LISTENING ? clock_monotonic_ns() : UINT64_MAX);
+    if (!t->commit) {
+        task_drop(&t->task);
+        return;
+    }
+    server->commit_running = 1;
+    task_start(&t->task);
+}
+
+/* ---- how a display shows a frame ------------------------------------------------------------ */
+
+struct freeze_task {
+    struct task task;
+    struct freezing *freezing;
+};
+
+static void freeze_run(struct task *task)
+{
+    freezing_run(((struct freeze_task *)task)->freezing);
+}
+
+static void freeze_end(struct task *task)
+{
+    struct server *server = task->server;
+    struct freezing *freezing = ((struct freeze_task *)task)->freezing;
+
+    /* What waits for it was not acknowledged: at the end its workers keep that. */
+    if (server->state == SERVER_DRAINING)
+        freezing_abandon(&server->farm, freezing);
+    else
+        freezing_end(&server->farm, freezing, clock_monotonic_ns());
+}
+
+static const struct task_kind freeze_kind = {"a frame's statistics", sizeof(struct freeze_task),
+                                             freeze_run, freeze_end, NULL};
+
+status farm_task_freeze(void *server, struct freezing *freezing, struct error *err)
+{
+    struct freeze_task *t = task_new(server, &freeze_kind, err);
+
+    if (!t)
+        return STATUS_ERR_NO_MEMORY;
+    t->freezing = freezing;
+    task_start(&t->task);
+    return STATUS_OK;
+}
+
+/* ---- developments --------------------------------------------------------------------------- */
+
+/* Of a frame in work, or of a stored one. */
+struct develop_task {
+    struct task task;
+    struct development *development;
+    struct job_frame *frame;  /* in work, for a frame's own pictures */
+    int keep_film;
+    struct job *job;          /* never freed while the coordinator runs */
+    uint32_t number;
+    uint64_t cost_ns;         /* processor time of figures */
+};
+
+static void develop_release(struct task *task)
+{
+    development_free(((struct develop_task *)task)->development);
+}
+
+/* Start `t` when its development could be made, or drop it and log why not. */
+static status develop_start(struct develop_task *t, struct job *job, uint32_t number, status made,
+                            const struct error *err)
+{
+    if (made != STATUS_OK) {
+        log_debug("job %llu, frame %u: %s; trying again", (unsigned long long)job->id, number,
+                  err->text);
+        task_drop(t ? &t->task : NULL);
+        return made;
+    }
+    t->job = job;
+    t->number = number;
+    task_start(&t->task);
+    return STATUS_OK;
+}
+
+/* Without room for it the film in work is kept, which can be continued, too. */
+static void keep_film(const struct develop_task *t)
+{
+    const struct job_frame *frame = t->frame;
+    struct store *store = t->task.server->store;
+    struct error err = {0};
+
+    if (!t->keep_film) {
+        film_file_discard(frame->file);
+        store_film_remove(store, frame->job->id, frame->number);
+        return;
+    }
+    if (store_film_keep(store, frame->job->id, frame->number, frame->film, frame->file, &err) !=
+        STATUS_OK)
+        log_warn("job %llu, frame %u: its film is kept as it is: %s",
+                 (unsigned long long)frame->job->id, frame->number, err.text);
+}
+
+static void develop_run(struct task *task)
+{
+    struct develop_task *t = (struct develop_task *)task;
+
+    task->result = develop_frame(t->development, task->server->store, &task->error);
+    if (task->result == STATUS_OK)
+        keep_film(t);
+}
+
+static void develop_end(struct task *task)
+{
+    struct develop_task *t = (struct develop_task *)task;
+    struct farm *farm = &task->server->farm;
+
+    t->job->map_max = development_map_max(t->development);
+    if (task->result == STATUS_OK && !t->frame->closing)
+        figures_finished(farm, t->job, t->number, development_point(t->development));
+    farm_frame_developed(farm, t->frame, development_revision(t->development), task->result,
+                         &task->error, clock_monotonic_ns());
+}
+
+static const struct task_kind develop_kind = {"a picture", sizeof(struct develop_task), develop_run,
+                                              develop_end, develop_release};
+
+status farm_task_develop(void *user, struct job_frame *frame)
+{
+    struct server *server = user;
+    struct error err = {0};
+    struct develop_task *t = task_new(server, &develop_kind, &err);
+    status s = t ? development_new_frame(&t->development, frame, &err) : STATUS_ERR_NO_MEMORY;
+
+    if (t) {
+        t->frame = frame;
+        t->keep_film = frame->end != FRAME_END_CANCEL && !server->farm.discards_films;
+    }
+    return develop_start(t, frame->job, frame->number, s, &err);
+}
+
+static void figures_run(struct task *task)
+{
+    struct develop_task *t = (struct develop_task *)task;
+    uint64_t begin_ns = clock_thread_cpu_ns();
+
+    task->result = develop_figures(t->development, task->server->store, &task->error);
+    t->cost_ns += clock_thread_cpu_ns() - begin_ns;
+}
+
+static void figures_end(struct task *task)
+{
+    struct develop_task *t = (struct develop_task *)task;
+
+    if (task->result != STATUS_OK)
+        log_debug("job %llu, frame %u: its figures: %s", (unsigned long long)t->job->id, t->number,
+                  task->error.text);
+    t->job->map_max = development_map_max(t->development);
+    figures_measured(&task->server->farm, t->job, t->number, development_point(t->development),
+                     t->cost_ns, clock_monotonic_ns());
+}
+
+static const struct task_kind figures_kind = {"a frame's figures", sizeof(struct develop_task),
+                                              figures_run, figures_end, develop_release};
+
+status farm_task_measure(void *user, struct job_frame *frame)
+{
+    struct server *server = user;
+    uint64_t begin_ns = clock_thread_cpu_ns();
+    struct error err = {0};
+    struct develop_task *t;
+    status s;
+
+    if (server->state != SERVER_LISTENING)
+        return STATUS_ERR_REFUSED;
+    t = task_new(server, &figures_kind, &err);
+    s = t ? development_new_measure(&t->development, frame, &err) : STATUS_ERR_NO_MEMORY;
+    if (t)
+        t->cost_ns = clock_thread_cpu_ns() - begin_ns;
+    return develop_start(t, frame->job, frame->number, s, &err);
+}
+
+static void redevelop_run(struct task *task)
+{
+    task->result = develop_again(((struct develop_task *)task)->development, task->server->store,
+                                 &task->error);
+}
+
+static void redevelop_end(struct task *task)
+{
+    struct develop_task *t = (struct develop_task *)task;
+
+    farm_pictures_made(&task->server->farm, t->job, t->number, development_revision(t->development),
+                       task->result, &task->error, clock_monotonic_ns());
+}
+
+static const struct task_kind redevelop_kind = {"a picture", sizeof(struct develop_task),
+                                                redevelop_run, redevelop_end, develop_release};
+
+status farm_task_redevelop(void *user, struct job *job, uint32_t frame)
+{
+    struct server *server = user;
+    struct error err = {0};
+    struct develop_task *t;
+    status s;
+
+    if (server->state != SERVER_LISTENING)
+        return STATUS_ERR_REFUSED;
+    t = task_new(server, &redevelop_kind, &err);
+    s = t ? development_new_stored(&t->development, job, frame, &err) : STATUS_ERR_NO_MEMORY;
+    return develop_start(t, job, frame, s, &err);
+}

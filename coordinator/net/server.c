@@ -1,0 +1,293 @@
+#include "coordinator/net/server.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/clock.h"
+#include "common/base/file.h"
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "common/math/elementary.h"
+#include "coordinator/net/farm_tasks.h"
+#include "coordinator/farm/merge.h"
+#include "coordinator/net/session_table.h"
+
+/* ---- what the farm asks for ----------------------------------------------------------------- */
+
+static void on_revoke(void *user, uint32_t session, uint64_t lease, const char *reason)
+{
+    struct session *s = session_find(user, session);
+
+    if (s)
+        session_revoke(s, lease, reason);
+}
+
+static void on_ack(void *user, uint32_t session, const struct job *job, uint32_t frame,
+                   struct unit_name unit)
+{
+    struct session *s = session_find(user, session);
+
+    if (s && s->state == SESSION_OPEN)
+        session_ack(s, job->id, frame, unit, 0);
+}
+
+static void on_notice(void *user, uint32_t session, const char *text)
+{
+    struct session *s = session_find(user, session);
+
+    log_warn("session %u: %s", session, text);
+    if (s)
+        session_notice(s, LOG_LEVEL_WARN, text);
+}
+
+static void on_job_changed(void *user, struct job *job)
+{
+    struct server *server = user;
+
+    for (struct session *s = server->sessions; s; s = s->next)
+        for (uint32_t i = 0; i < s->watch_count; i++)
+            if (s->watches[i].job == 0 || s->watches[i].job == job->id)
+                s->watches[i].due = server->watches_due = 1;
+}
+
+/* ---- ending --------------------------------------------------------------------------------- */
+
+static void close_handles(struct server *server)
+{
+    if (server->state == SERVER_CLOSING)
+        return;
+    server->state = SERVER_CLOSING;
+    for (struct session *s = server->sessions, *next; s; s = next) {
+        next = s->next;
+        session_end(s, NULL);
+    }
+    door_close(&server->door);
+    uv_close((uv_handle_t *)&server->tick, NULL);
+    uv_close((uv_handle_t *)&server->commit_timer, NULL);
+    uv_close((uv_handle_t *)&server->prepare, NULL);
+    uv_close((uv_handle_t *)&server->terminate, NULL);
+    uv_close((uv_handle_t *)&server->interrupt, NULL);
+}
+
+static void on_signal(uv_signal_t *handle, int number)
+{
+    struct server *server = handle->data;
+
+    if (server->state != SERVER_LISTENING)
+        return;
+    log_info("ending on %s: what was received goes to disk first",
+             number == SIGTERM ? "SIGTERM" : "SIGINT");
+    server->state = SERVER_DRAINING;
+    server->drain_since_ns = clock_monotonic_ns();
+    uv_close((uv_handle_t *)&server->listener, NULL);
+    for (struct session *s = server->sessions; s; s = s->next)
+        if (s->state == SESSION_OPEN)
+            session_notice(s, LOG_LEVEL_INFO, "the coordinator is ending");
+}
+
+/* ---- the loop ------------------------------------------------------------------------------- */
+
+static void on_commit_timer(uv_timer_t *timer)
+{
+    (void)timer; /* the turn that follows looks at what is dirty */
+}
+
+static void commit_when_due(struct server *server, uint64_t now_ns)
+{
+    uint64_t due_ns;
+    uint32_t tiles;
+
+    if (server->commit_running || !merge_is_dirty(&server->farm, &due_ns, &tiles))
+        return;
+    if (tiles >= COMMIT_TILES_ENOUGH)
+        due_ns = now_ns;
+    if (now_ns >= due_ns || server->state != SERVER_LISTENING)
+        farm_task_commit(server);
+    else if (!uv_is_active((uv_handle_t *)&server->commit_timer))
+        uv_timer_start(&server->commit_timer, on_commit_timer,
+                       (due_ns - now_ns) / NS_PER_MS + 1, 0);
+}
+
+static void grant_all(struct server *server, uint64_t now_ns)
+{
+    server->farm.pump_wanted = 0;
+    for (struct session *s = server->sessions; s; s = s->next)
+        if (s->worker && s->worker->room > 0)
+            session_grant(s, now_ns);
+}
+
+/* Once a turn of the loop, before it waits: everything that the turn's events made due. */
+static void on_prepare(uv_prepare_t *handle)
+{
+    struct server *server = handle->data;
+    uint64_t now_ns = clock_monotonic_ns();
+
+    if (server->farm.pump_wanted && server->state == SERVER_LISTENING)
+        grant_all(server, now_ns);
+    commit_when_due(server, now_ns);
+    if (server->acks_due || server->watches_due) {
+        server->acks_due = server->watches_due = 0;
+        for (struct session *s = server->sessions; s; s = s->next)
+            session_flush(s, now_ns);
+    }
+    if (server->state == SERVER_DRAINING) {
+        uint64_t due_ns;
+        uint32_t tiles;
+        int idle = server->tasks == 0 && !merge_is_dirty(&server->farm, &due_ns, &tiles);
+        if (idle || now_ns - server->drain_since_ns > SERVER_DRAIN_MS * NS_PER_MS)
+            close_handles(server);
+    }
+}
+
+static void on_tick(uv_timer_t *timer)
+{
+    struct server *server = timer->data;
+    uint64_t now_ns = clock_monotonic_ns();
+
+    /* Timers run before sockets are read: after a pause everybody would look silent. */
+    if (server->ticked_ns && now_ns - server->ticked_ns > SERVER_PAUSE_MS * NS_PER_MS) {
+        log_warn("the coordinator was held up for %.1f s",
+                 (double)(now_ns - server->ticked_ns) / 1e9);
+        server->awake_ns = now_ns;
+        farm_pause(&server->farm, now_ns - server->ticked_ns);
+    }
+    server->ticked_ns = now_ns;
+    server->farm.wall_s = clock_wall_s();
+    farm_tick(&server->farm, now_ns);
+    for (struct session *s = server->sessions, *next; s; s = next) {
+        next = s->next;
+        session_tick(s, now_ns);
+    }
+    server->farm.pump_wanted = 1; /* work may have become overdue */
+}
+
+static void on_connection(uv_stream_t *listener, int code)
+{
+    struct server *server = listener->data;
+
+    door_connection(&server->door, listener, code);
+}
+
+static status resolve(struct server *server, const char *host, uint16_t port,
+                      struct sockaddr_storage *out, struct error *err)
+{
+    struct addrinfo hints = {.ai_family = AF_UNSPEC, .ai_socktype = SOCK_STREAM,
+                             .ai_flags = AI_PASSIVE};
+    uv_getaddrinfo_t request;
+    char service[8];
+    int code;
+
+    snprintf(service, sizeof service, "%u", port);
+    code = uv_getaddrinfo(&server->loop, &request, NULL, host[0] ? host : NULL, service, &hints);
+    if (code != 0)
+        return error_set(err, STATUS_ERR_IO, "--listen %s: %s", host, uv_strerror(code));
+    memcpy(out, request.addrinfo->ai_addr, request.addrinfo->ai_addrlen);
+    uv_freeaddrinfo(request.addrinfo);
+    return STATUS_OK;
+}
+
+static status announce(struct server *server, const char *ready_file, struct error *err)
+{
+    struct sockaddr_storage address;
+    int length = sizeof address;
+    char host[64] = "", line[16];
+    int port, six;
+
+    if (uv_tcp_getsockname(&server->listener, (struct sockaddr *)&address, &length) != 0)
+        return error_set(err, STATUS_ERR_INTERNAL, "the listening address is not known");
+    six = address.ss_family == AF_INET6;
+    if (six)
+        uv_ip6_name((struct sockaddr_in6 *)&address, host, sizeof host);
+    else
+        uv_ip4_name((struct sockaddr_in *)&address, host, sizeof host);
+    port = ntohs(six ? ((struct sockaddr_in6 *)&address)->sin6_port
+                     : ((struct sockaddr_in *)&address)->sin_port);
+    log_info("listening on %s%s%s:%d, store %s", six ? "[" : "", host, six ? "]" : "", port,
+             store_folder(server->store));
+    printf("listening on %s%s%s:%d\n", six ? "[" : "", host, six ? "]" : "", port);
+    fflush(stdout);
+    if (!ready_file)
+        return STATUS_OK;
+    snprintf(line, sizeof line, "%d\n", port);
+    return file_write_atomic(ready_file, line, strlen(line), err);
+}
+
+static status listen_on(struct server *server, const struct server_options *options,
+                        struct error *err)
+{
+    struct sockaddr_storage address = {0};
+    int code;
+    status s = resolve(server, options->host, options->port, &address, err);
+
+    if (s != STATUS_OK)
+        return s;
+    code = uv_tcp_bind(&server->listener, (const struct sockaddr *)&address, 0);
+    if (code == 0)
+        code = uv_listen((uv_stream_t *)&server->listener, SERVER_BACKLOG, on_connection);
+    if (code == UV_EADDRINUSE)
+        return error_set(err, STATUS_ERR_IO,
+                         "%s:%u is in use: another coordinator may run there; choose another port "
+                         "with --listen",
+                         options->host, options->port);
+    if (code != 0)
+        return error_set(err, STATUS_ERR_IO, "cannot listen on %s:%u: %s", options->host,
+                         options->port, uv_strerror(code));
+    return announce(server, options->ready_file, err);
+}
+
+static void init_handles(struct server *server)
+{
+    uv_tcp_init(&server->loop, &server->listener);
+    uv_timer_init(&server->loop, &server->tick);
+    uv_timer_init(&server->loop, &server->commit_timer);
+    uv_prepare_init(&server->loop, &server->prepare);
+    uv_signal_init(&server->loop, &server->terminate);
+    uv_signal_init(&server->loop, &server->interrupt);
+    server->listener.data = server->tick.data = server->commit_timer.data = server;
+    server->prepare.data = server->terminate.data = server->interrupt.data = server;
+}
+
+status server_run(const struct server_options *options, struct error *err)
+{
+    struct server *server = mem_calloc(1, sizeof *server);
+    struct farm_events events = {on_revoke, on_ack, on_notice, on_job_changed, farm_task_develop,
+                                 farm_task_redevelop, farm_task_measure, farm_task_freeze, server};
+    status s;
+
+    if (!server)
+        return error_no_memory(err, "the server");
+    server->key = options->key;
+    server->store = options->store;
+    server->fingerprint = elementary_fingerprint();
+    if (uv_loop_init(&server->loop) != 0) {
+        mem_free(server);
+        return error_set(err, STATUS_ERR_INTERNAL, "no event loop");
+    }
+    init_handles(server);
+    server->descriptors = options->descriptors;
+    door_init(&server->door, server);
+    s = farm_init(&server->farm, options->store, options->lease_ns, &events, clock_wall_s(), err);
+    if (s == STATUS_OK) {
+        server->farm.discards_films = options->discards_films;
+        s = listen_on(server, options, err);
+        if (s == STATUS_OK) {
+            uv_timer_start(&server->tick, on_tick, SERVER_TICK_MS, SERVER_TICK_MS);
+            uv_prepare_start(&server->prepare, on_prepare);
+            uv_signal_start(&server->terminate, on_signal, SIGTERM);
+            uv_signal_start(&server->interrupt, on_signal, SIGINT);
+            farm_resume(&server->farm, clock_monotonic_ns());
+        } else {
+            uv_close((uv_handle_t *)&server->listener, NULL);
+            close_handles(server);
+        }
+        uv_run(&server->loop, UV_RUN_DEFAULT);
+        farm_release(&server->farm, clock_monotonic_ns());
+    } else {
+        uv_close((uv_handle_t *)&server->listener, NULL);
+        close_handles(server);
+        uv_run(&server->loop, UV_RUN_DEFAULT);
+    }
+    uv_loop_close(&server->loop);
+    mem_free(server);
+    return s;
+}

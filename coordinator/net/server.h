@@ -1,0 +1,69 @@
+/* server: the event loop around the farm: listener, sessions, timers, disk work.
+ *
+ * Ownership: the server owns the loop's handles, the farm and the sessions. Disk work runs
+ * in libuv's thread pool, on copies; its ends come back on the loop's thread.
+ *
+ *   LISTENING --SIGTERM, SIGINT--> DRAINING --disk idle--> CLOSING --all handles closed--> ended
+ */
+#ifndef AZULEJO_COORDINATOR_SERVER_H
+#define AZULEJO_COORDINATOR_SERVER_H
+
+#include <uv.h>
+
+#include "common/base/status.h"
+#include "coordinator/net/descriptors.h"
+#include "coordinator/net/door.h"
+#include "coordinator/farm/farm.h"
+#include "coordinator/net/session.h"
+#include "protocol/key.h"
+
+enum {
+    SESSION_BUCKETS = 1024,
+    SERVER_TICK_MS = 100,
+    SERVER_PAUSE_MS = 2000,    /* a tick this late: the machine or the disk held us up */
+    SERVER_BACKLOG = 4096,
+    PREVIEWS_MAX = 4,          /* being developed at once */
+    SERVER_DRAIN_MS = 20000,   /* a shutdown waits so long for the disk */
+};
+
+struct server_options {
+    const char *host;
+    uint16_t port;             /* 0: any */
+    const struct farm_key *key;
+    struct store *store;
+    uint64_t lease_ns;
+    const char *ready_file;    /* NULL, or gets the port, atomically */
+    struct descriptors descriptors;
+    int discards_films;        /* nobody will extend its jobs */
+};
+
+enum server_state { SERVER_LISTENING, SERVER_DRAINING, SERVER_CLOSING };
+
+struct server {
+    uv_loop_t loop;
+    uv_tcp_t listener;
+    uv_timer_t tick, commit_timer;
+    uv_prepare_t prepare;
+    uv_signal_t terminate, interrupt;
+    enum server_state state;
+    uint64_t drain_since_ns;
+    uint64_t ticked_ns;        /* the last tick */
+    uint64_t awake_ns;         /* the loop came back from a long pause: silence counts from here */
+    const struct farm_key *key;
+    struct store *store;
+    struct farm farm;
+    struct door door;
+    struct session *sessions, *by_id[SESSION_BUCKETS];
+    struct descriptors descriptors;
+    uint32_t session_count, last_session;
+    uint64_t fingerprint;      /* our own arithmetic */
+    int commit_running;
+    uint32_t tasks;            /* in the thread pool (task.h) */
+    uint32_t previews;
+    int acks_due, watches_due; /* some session has something to send */
+};
+
+/* Run until a signal ends it. Prints "listening on HOST:PORT" to standard output. */
+status server_run(const struct server_options *options, struct error *err) MUST_CHECK;
+
+#endif

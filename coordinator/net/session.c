@@ -1,0 +1,483 @@
+#include "coordinator/net/session.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/clock.h"
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "common/scene/effects.h"
+#include "coordinator/farm/merge.h"
+#include "coordinator/farm/scheduler.h"
+#include "coordinator/net/server.h"
+#include "coordinator/net/session_table.h"
+#include "protocol/message.h"
+
+enum { WORKER_THREADS_MAX = 4096, ROOM_MAX = 1 << 20 };
+
+/* A message that could not be queued closes its channel by itself; on_close tells. */
+static void send_message(struct session *session, const Azulejo__Wire__Envelope *envelope)
+{
+    if (session->state != SESSION_ENDING && channel_send(session->channel, envelope) != STATUS_OK)
+        log_debug("session %u: %s was not sent", session->id, message_name(envelope));
+}
+
+void session_fail(struct session *session, uint64_t request, const struct error *why)
+{
+    if (session->state != SESSION_ENDING &&
+        message_send_failure(session->channel, request, why) != STATUS_OK)
+        log_debug("session %u: a failure was not sent", session->id);
+}
+
+void session_notice(struct session *session, int level, const char *text)
+{
+    Azulejo__Wire__Notice notice = AZULEJO__WIRE__NOTICE__INIT;
+    Azulejo__Wire__Envelope envelope = MESSAGE(NOTICE, notice, &notice);
+
+    notice.level = (uint32_t)level;
+    notice.text = (char *)text;
+    send_message(session, &envelope);
+}
+
+void session_revoke(struct session *session, uint64_t lease, const char *reason)
+{
+    Azulejo__Wire__LeaseRevoke revoke = AZULEJO__WIRE__LEASE_REVOKE__INIT;
+    Azulejo__Wire__Envelope envelope = MESSAGE(LEASE_REVOKE, lease_revoke, &revoke);
+
+    revoke.lease = lease;
+    revoke.reason = (char *)reason;
+    send_message(session, &envelope);
+}
+
+void session_end(struct session *session, const struct error *why)
+{
+    if (session->state == SESSION_ENDING)
+        return;
+    if (why)
+        session_fail(session, 0, why);
+    session->state = SESSION_ENDING;
+    channel_close(session->channel);
+}
+
+/* ---- acknowledgements ----------------------------------------------------------------------- */
+
+static void send_acks(struct session *session)
+{
+    static Azulejo__Wire__WorkUnit units[SESSION_ACKS_MAX];
+    static Azulejo__Wire__WorkUnit *pointers[SESSION_ACKS_MAX];
+    Azulejo__Wire__ResultAck ack = AZULEJO__WIRE__RESULT_ACK__INIT;
+    Azulejo__Wire__Envelope envelope = MESSAGE(RESULT_ACK, result_ack, &ack);
+
+    if (session->ack_count == 0)
+        return;
+    for (uint32_t i = 0; i < session->ack_count; i++) {
+        Azulejo__Wire__WorkUnit unit = AZULEJO__WIRE__WORK_UNIT__INIT;
+        unit.tile = session->acks[i].tile;
+        unit.group = session->acks[i].group;
+        unit.pass = session->acks[i].pass;
+        units[i] = unit;
+        pointers[i] = &units[i];
+    }
+    ack.job = session->ack_job;
+    ack.frame = session->ack_frame;
+    ack.n_units = session->ack_count;
+    ack.units = pointers;
+    session->ack_count = 0;
+    send_message(session, &envelope);
+}
+
+void session_ack(struct session *session, uint64_t job, uint32_t frame, struct unit_name unit,
+                 uint64_t now_ns)
+{
+    (void)now_ns;
+    if (session->ack_count > 0 && (session->ack_job != job || session->ack_frame != frame))
+        send_acks(session);
+    session->ack_job = job;
+    session->ack_frame = frame;
+    session->acks[session->ack_count++] = unit;
+    if (session->ack_count == SESSION_ACKS_MAX)
+        send_acks(session);
+    session->server->acks_due = 1;
+}
+
+void session_flush(struct session *session, uint64_t now_ns)
+{
+    if (session->state != SESSION_OPEN)
+        return;
+    send_acks(session);
+    if (session->watch_count)
+        session_watches_send(session, now_ns, 1);
+}
+
+/* ---- greeting ------------------------------------------------------------------------------- */
+
+static status make_worker(struct session *session, const Azulejo__Wire__Hello *hello,
+                          struct error *err)
+{
+    struct server *server = session->server;
+    struct farm_worker *worker;
+    status s;
+
+    if (hello->arithmetic != server->fingerprint)
+        return error_set(
+            err, STATUS_ERR_REFUSED,
+            "this worker's arithmetic (fingerprint %016" PRIx64 ") differs from the "
+            "coordinator's (%016" PRIx64 "): its tiles would not match the others'. Use "
+            "the same release of azulejo, built by the same compiler with the same flags",
+            (uint64_t)hello->arithmetic, server->fingerprint);
+    if (hello->threads < 1 || hello->threads > WORKER_THREADS_MAX)
+        return error_set(err, STATUS_ERR_PROTOCOL, "a worker with %u threads: must be 1..%d",
+                         hello->threads, WORKER_THREADS_MAX);
+    if (!hello->kernel[0] || strlen(hello->kernel) > KERNEL_NAME_MAX)
+        return error_set(err, STATUS_ERR_PROTOCOL,
+                         "a worker must name what traces its rays in 1..%d bytes", KERNEL_NAME_MAX);
+    worker = mem_calloc(1, sizeof *worker);
+    if (!worker)
+        return error_no_memory(err, "a worker");
+    worker->held.session = session->id;
+    worker->threads = hello->threads;
+    worker->machine = machine_identity(session->host, session->peer);
+    worker->isa_mask = hello->isa_mask;
+    message_text(worker->kernel, sizeof worker->kernel, hello->kernel);
+    snprintf(worker->name, sizeof worker->name, "%s, process %u", session->host, session->process);
+    snprintf(worker->deliverer.host, sizeof worker->deliverer.host, "%s", session->host);
+    snprintf(worker->deliverer.software, sizeof worker->deliverer.software, "%s", session->software);
+    worker->deliverer.process = session->process;
+    s = farm_worker_add(&server->farm, worker, err);
+    if (s != STATUS_OK) {
+        mem_free(worker);
+        return s;
+    }
+    session->worker = worker;
+    return STATUS_OK;
+}
+
+static void send_welcome(struct session *session, uint64_t request)
+{
+    Azulejo__Wire__Welcome welcome = AZULEJO__WIRE__WELCOME__INIT;
+    Azulejo__Wire__Envelope envelope = MESSAGE(WELCOME, welcome, &welcome);
+
+    welcome.protocol_version = PROTOCOL_VERSION;
+    welcome.software = (char *)"azulejo " AZULEJO_VERSION;
+    welcome.session = session->id;
+    welcome.heartbeat_ms = SESSION_HEARTBEAT_MS;
+    welcome.silence_limit_ms = SESSION_SILENCE_MS;
+    envelope.request = request;
+    send_message(session, &envelope);
+}
+
+static void take_hello(struct session *session, const Azulejo__Wire__Envelope *message)
+{
+    struct error err = {0};
+    status s;
+
+    if (message->body_case != AZULEJO__WIRE__ENVELOPE__BODY_HELLO) {
+        error_set(&err, STATUS_ERR_PROTOCOL, "the first message must be a Hello");
+        s = STATUS_ERR_PROTOCOL;
+    } else {
+        const Azulejo__Wire__Hello *hello = message->hello;
+        message_text(session->host, sizeof session->host, hello->host);
+        message_text(session->software, sizeof session->software, hello->software);
+        session->process = hello->process;
+        s = hello_check(hello, session->role, &err);
+        if (s == STATUS_OK && session->role == FARM_ROLE_WORKER)
+            s = make_worker(session, hello, &err);
+    }
+    if (s != STATUS_OK) {
+        log_warn("session %u (%s %s) was refused: %s", session->id, session->host, session->peer,
+                 err.text);
+        session_end(session, &err);
+        return;
+    }
+    session->state = SESSION_OPEN;
+    if (session->worker)
+        log_info("worker %s:%u joins from %s as session %u: %u threads, %s", session->host,
+                 session->process, session->peer, session->id, session->worker->threads,
+                 session->worker->kernel);
+    else
+        log_debug("%s %s:%u connects from %s as session %u", farm_role_name(session->role),
+                  session->host, session->process, session->peer, session->id);
+    send_welcome(session, message->request);
+}
+
+/* ---- a worker's messages -------------------------------------------------------------------- */
+
+static void grant_message(struct session *session, const struct lease *lease)
+{
+    static Azulejo__Wire__WorkUnit units[LEASE_UNITS_MAX];
+    static Azulejo__Wire__WorkUnit *pointers[LEASE_UNITS_MAX];
+    Azulejo__Wire__LeaseGrant grant = AZULEJO__WIRE__LEASE_GRANT__INIT;
+    Azulejo__Wire__RenderSettings settings = AZULEJO__WIRE__RENDER_SETTINGS__INIT;
+    Azulejo__Wire__Envelope envelope = MESSAGE(LEASE_GRANT, lease_grant, &grant);
+    const struct job *job = lease->frame->job;
+
+    for (uint32_t i = 0; i < lease->unit_count; i++) {
+        Azulejo__Wire__WorkUnit unit = AZULEJO__WIRE__WORK_UNIT__INIT;
+        unit.tile = lease->units[i].tile;
+        unit.group = lease->units[i].group;
+        unit.pass = lease->units[i].pass;
+        units[i] = unit;
+        pointers[i] = &units[i];
+    }
+    wire_settings_set(&settings, &job->settings);
+    grant.lease = lease->id;
+    grant.epoch = lease->epoch;
+    grant.job = job->id;
+    grant.frame = lease->frame->number;
+    grant.duration_ms = (uint32_t)(session->server->farm.leases.duration_ns / NS_PER_MS);
+    wire_digest_set(&grant.scene, &job->scene);
+    grant.settings = &settings;
+    grant.n_units = lease->unit_count;
+    grant.units = pointers;
+    send_message(session, &envelope);
+}
+
+void session_grant(struct session *session, uint64_t now_ns)
+{
+    struct lease *lease;
+
+    if (!session->worker || session->state != SESSION_OPEN)
+        return;
+    while ((lease = scheduler_grant(&session->server->farm, session->worker, now_ns)))
+        grant_message(session, lease);
+}
+
+static void take_result(struct session *session, const Azulejo__Wire__TileResult *message,
+                        uint64_t now_ns)
+{
+    struct tile_result result = {
+        .lease = message->lease, .epoch = message->epoch, .job = message->job,
+        .frame = message->frame, .unit = {message->tile, message->group, message->pass},
+        .sums = message->sums.data, .sums_bytes = message->sums.len,
+    };
+    enum merge_outcome outcome = MERGE_PENDING;
+    struct error err = {0};
+    status s = wire_tail_get(&result.tail, &message->tail, &err);
+
+    wire_work_get(&result.work, message->work);
+    if (message->stats) {
+        result.stats.cpu_ns = message->stats->cpu_ns;
+        result.stats.trace_ns = message->stats->trace_ns;
+        result.stats.effects = message->stats->effects & EFFECTS_ALL;
+        for (size_t i = 0; i < message->stats->n_stages && i < STAGE_COUNT; i++)
+            result.stats.stages[i] = message->stats->stages[i];
+        for (size_t i = 0; i < message->stats->n_accounts && i < EFFECT_ACCOUNTS; i++)
+            result.stats.accounts[i] = message->stats->accounts[i];
+    }
+    if (s == STATUS_OK)
+        s = merge_result(&session->server->farm, session->worker, &result, now_ns, &outcome, &err);
+    if (s == STATUS_ERR_NO_MEMORY) { /* a Failure would have the worker drop it */
+        outcome = MERGE_DEFERRED;
+    } else if (s != STATUS_OK) {
+        log_error("session %u (%s): %s", session->id, session->host, err.text);
+        session_end(session, &err);
+        return;
+    }
+    if (outcome == MERGE_KEPT)
+        session_ack(session, result.job, result.frame, result.unit, now_ns);
+    else if (outcome == MERGE_UNWANTED)
+        session_revoke(session, result.lease, "nobody wants this result any more");
+    else if (outcome == MERGE_DEFERRED)
+        session->worker->deferred_job = result.job;
+}
+
+static void take_return(struct session *session, const Azulejo__Wire__LeaseReturn *message)
+{
+    struct farm *farm = &session->server->farm;
+    struct lease *lease = lease_find(&farm->leases, message->lease, 0);
+    char reason[128];
+
+    session->worker->room = 0; /* it asks again when it can take more */
+    if (!lease || lease->holder != &session->worker->held)
+        return;
+    log_info("session %u (%s) gives back %zu work units: %s", session->id, session->host,
+             message->n_units, message_text(reason, sizeof reason, message->reason));
+    farm->pump_wanted = 1;
+    if (message->n_units == 0) {
+        lease_end(&farm->leases, lease);
+        return;
+    }
+    for (size_t i = 0; i < message->n_units; i++) {
+        const struct unit_name name = {message->units[i]->tile, message->units[i]->group,
+                                       message->units[i]->pass};
+        /* Returning its last unit frees the lease. */
+        lease = lease_find(&farm->leases, message->lease, 0);
+        if (!lease)
+            return;
+        lease_return_unit(&farm->leases, lease, name);
+    }
+}
+
+static void take_broken(struct session *session, const Azulejo__Wire__JobBroken *message,
+                        uint64_t now_ns)
+{
+    struct farm *farm = &session->server->farm;
+    struct job *job = queue_find(&farm->queue, message->job);
+    char text[256];
+
+    message_text(text, sizeof text, message->text);
+    log_warn("session %u (%s) cannot render job %" PRIu64 ": %s", session->id, session->host,
+             message->job, text);
+    if (job)
+        farm_job_broken(farm, job, session->worker, text, now_ns);
+}
+
+/* 0: not a worker's message. */
+static int worker_message(struct session *session, const Azulejo__Wire__Envelope *message,
+                          uint64_t now_ns)
+{
+    switch (message->body_case) {
+    case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_REQUEST:
+        session->worker->room =
+            message->lease_request->units < ROOM_MAX ? message->lease_request->units : ROOM_MAX;
+        session->server->farm.pump_wanted = 1;
+        return 1;
+    case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_RETURN:
+        take_return(session, message->lease_return);
+        return 1;
+    case AZULEJO__WIRE__ENVELOPE__BODY_TILE_RESULT:
+        take_result(session, message->tile_result, now_ns);
+        return 1;
+    case AZULEJO__WIRE__ENVELOPE__BODY_JOB_BROKEN:
+        take_broken(session, message->job_broken, now_ns);
+        return 1;
+    default:
+        return 0;
+    }
+}
+
+/* ---- the channel's callbacks ---------------------------------------------------------------- */
+
+static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *message, void *user)
+{
+    struct session *session = user;
+    uint64_t now_ns = clock_monotonic_ns();
+    struct error err = {0};
+    char text[256];
+
+    (void)channel;
+    if (session->state == SESSION_ENDING)
+        return;
+    if (session->state == SESSION_GREETING) {
+        take_hello(session, message);
+        return;
+    }
+    switch (message->body_case) {
+    case AZULEJO__WIRE__ENVELOPE__BODY_HEARTBEAT:
+        return;
+    case AZULEJO__WIRE__ENVELOPE__BODY_NOTICE:
+        log_info("session %u (%s) says: %s", session->id, session->host,
+                 message_text(text, sizeof text, message->notice->text));
+        return;
+    case AZULEJO__WIRE__ENVELOPE__BODY_FAILURE:
+        log_warn("session %u (%s) reports: %s", session->id, session->host,
+                 message_text(text, sizeof text, message->failure->text));
+        return;
+    default:
+        break;
+    }
+    if (session->worker && worker_message(session, message, now_ns))
+        return;
+    if (session_client_message(session, message, now_ns))
+        return;
+    error_set(&err, STATUS_ERR_REFUSED, "a %s may not send %s", farm_role_name(session->role),
+              message_name(message));
+    log_warn("session %u (%s): %s", session->id, session->host, err.text);
+    if (message->request)
+        session_fail(session, message->request, &err);
+    session_end(session, message->request ? NULL : &err);
+}
+
+static void on_drain(struct channel *channel, void *user)
+{
+    struct session *session = user;
+
+    if (session->state == SESSION_OPEN)
+        transfers_pump(&session->transfers, channel);
+}
+
+static void on_close(struct channel *channel, const struct error *why, void *user)
+{
+    struct session *session = user;
+    struct server *server = session->server;
+
+    (void)channel;
+    if (session->worker) {
+        log_info("worker %s:%u (session %u) leaves%s%s", session->host, session->process,
+                 session->id, why->code == STATUS_OK ? "" : ": ",
+                 why->code == STATUS_OK ? "" : why->text);
+        /* An end that we chose (a broken rule, our own shutdown) is no death; silence is. */
+        farm_worker_remove(&server->farm, session->worker,
+                           session->silent ||
+                               (why->code == STATUS_ERR_UNREACHABLE && session->state == SESSION_OPEN),
+                           clock_monotonic_ns());
+        mem_free(session->worker);
+    } else if (why->code == STATUS_ERR_PROTOCOL) {
+        log_warn("session %u (%s): %s", session->id, session->host, why->text);
+    } else if (why->code != STATUS_OK && session->state == SESSION_GREETING) {
+        log_warn("a connection ended before its greeting: %s", why->text);
+    }
+    for (uint32_t i = 0; i < SESSION_UPLOADS_MAX; i++)
+        upload_free(session->uploads[i]);
+    transfers_release(&session->transfers);
+    session_table_remove(server, session);
+    mem_free(session);
+}
+
+status session_begin(struct server *server, struct channel *channel, struct error *err)
+{
+    static const struct channel_callbacks callbacks = {NULL, on_message, on_drain, on_close};
+    struct session *session = mem_calloc(1, sizeof *session);
+
+    if (!session)
+        return error_no_memory(err, "a session");
+    session->channel = channel;
+    session->role = channel_role(channel);
+    session->begun_ns = clock_monotonic_ns();
+    snprintf(session->peer, sizeof session->peer, "%s", channel_peer(channel));
+    session_table_add(server, session);
+    channel_adopt(channel, &callbacks, session);
+    return STATUS_OK;
+}
+
+void session_tick(struct session *session, uint64_t now_ns)
+{
+    const uint64_t awake_ns = session->server->awake_ns;
+    uint64_t heard_ns;
+
+    if (session->state == SESSION_ENDING)
+        return;
+    if (session->state == SESSION_GREETING) {
+        uint64_t begun_ns = session->begun_ns > awake_ns ? session->begun_ns : awake_ns;
+        if (now_ns - begun_ns > SESSION_HELLO_MS * NS_PER_MS) {
+            session->state = SESSION_ENDING;
+            channel_abort(session->channel, STATUS_ERR_TIMEOUT, "no Hello within %d s",
+                          SESSION_HELLO_MS / 1000);
+        }
+        return;
+    }
+    heard_ns = channel_last_heard_ns(session->channel);
+    if (heard_ns < awake_ns)
+        heard_ns = awake_ns;
+    if (now_ns > heard_ns + SESSION_SILENCE_MS * NS_PER_MS) {
+        log_warn("session %u (%s) was silent for %d s and is taken for dead", session->id,
+                 session->host, SESSION_SILENCE_MS / 1000);
+        session->state = SESSION_ENDING;
+        session->silent = 1;
+        channel_abort(session->channel, STATUS_ERR_TIMEOUT, "silent for %d s",
+                      SESSION_SILENCE_MS / 1000);
+        return;
+    }
+    if (now_ns > channel_last_sent_ns(session->channel) + SESSION_HEARTBEAT_MS * NS_PER_MS &&
+        message_send_heartbeat(session->channel) != STATUS_OK)
+        log_debug("session %u: no heartbeat was sent", session->id);
+    session_watches_send(session, now_ns, 0);
+    transfers_pump(&session->transfers, session->channel); /* some may have waited for the store */
+    if (session->worker && session->worker->deferred_job &&
+        farm_takes_again(&session->server->farm, session->worker->deferred_job)) {
+        session_notice(session, LOG_LEVEL_INFO,
+                       "the store can be used again: connect and send what was not acknowledged");
+        session_end(session, NULL);
+    }
+}

@@ -1,0 +1,98 @@
+/* session: one peer, from its Hello to its end.
+ *
+ *   GREETING --Hello taken--> OPEN --peer, error, silence or server--> ENDING --on_close--> freed
+ *       \--Hello refused, or none in time--> ENDING
+ *
+ * A worker's session owns its farm_worker; a client's owns its watches, uploads and transfers. The
+ * session frees itself when its channel has closed.
+ */
+#ifndef AZULEJO_COORDINATOR_SESSION_H
+#define AZULEJO_COORDINATOR_SESSION_H
+
+#include <uv.h>
+
+#include "common/base/status.h"
+#include "coordinator/store/blobs.h"
+#include "coordinator/farm/farm.h"
+#include "coordinator/net/transfer.h"
+#include "protocol/channel.h"
+
+enum {
+    SESSION_HELLO_MS = 10000,     /* from the open channel to the Hello */
+    SESSION_HEARTBEAT_MS = 2000,  /* both sides send something at least this often */
+    SESSION_SILENCE_MS = 15000,   /* without a byte for this long a peer is taken for dead */
+    SESSION_WATCHES_MAX = 16,
+    SESSION_UPLOADS_MAX = 4,      /* begun and not yet complete */
+    SESSION_STORING_MAX = 64,     /* complete and on their way to the disk */
+    SESSION_ACKS_MAX = 1024,      /* acknowledged in one message */
+    WATCH_INTERVAL_MIN_MS = 50,
+    WATCH_INTERVAL_MAX_MS = 60000,
+};
+
+struct server;
+
+enum session_state { SESSION_GREETING, SESSION_OPEN, SESSION_ENDING };
+
+struct watch {
+    uint64_t request, job;        /* job 0: all */
+    uint32_t interval_ms;
+    uint64_t sent_ns;
+    int due;                      /* something changed: tell at once */
+};
+
+struct session {
+    struct session *next, *previous;
+    struct session *same_bucket;  /* of server->by_id */
+    struct server *server;
+    struct channel *channel;
+    enum session_state state;
+    uint32_t id;
+    enum farm_role role;
+    uint64_t begun_ns;
+    char host[64], software[64], peer[64];
+    uint32_t process;
+    int silent;                   /* it was taken for dead */
+
+    struct farm_worker *worker;   /* NULL: not a worker */
+
+    struct watch watches[SESSION_WATCHES_MAX];
+    uint32_t watch_count;
+    struct upload *uploads[SESSION_UPLOADS_MAX];
+    uint32_t storing;
+    uint64_t failed_request;      /* of an upload: what is left of it is ignored */
+    struct transfers transfers;
+
+    /* Acknowledgements that are about to be sent, all of one frame. */
+    uint64_t ack_job;
+    uint32_t ack_frame, ack_count;
+    struct unit_name acks[SESSION_ACKS_MAX];
+};
+
+/* For an open channel, which the session then owns. ERR_NO_MEMORY: it does not. */
+status session_begin(struct server *server, struct channel *channel, struct error *err) MUST_CHECK;
+
+/* Say goodbye. `why` may be NULL: an orderly end. */
+void session_end(struct session *session, const struct error *why);
+
+/* Heartbeat, silence, watches: a few times a second. */
+void session_tick(struct session *session, uint64_t now_ns);
+/* Send what became due: changed watches, acknowledgements. */
+void session_flush(struct session *session, uint64_t now_ns);
+
+/* Work for a worker's session, until it or the farm has enough. */
+void session_grant(struct session *session, uint64_t now_ns);
+
+void session_ack(struct session *session, uint64_t job, uint32_t frame, struct unit_name unit,
+                 uint64_t now_ns);
+void session_revoke(struct session *session, uint64_t lease, const char *reason);
+void session_notice(struct session *session, int level, const char *text);
+void session_fail(struct session *session, uint64_t request, const struct error *why);
+
+/* session_client.c: the messages of clients, and of workers about blobs; 0: not one of them. */
+int session_client_message(struct session *session, const Azulejo__Wire__Envelope *message,
+                           uint64_t now_ns);
+void session_accepted(struct session *session, uint64_t request, uint64_t job,
+                      uint32_t estimate_spp);
+void session_watches_send(struct session *session, uint64_t now_ns, int only_due);
+
+#endif

@@ -1,0 +1,288 @@
+/* session_tasks: what sessions ask to be done off the loop's thread: previews, uploads, jobs. */
+#include "coordinator/net/session_tasks.h"
+
+#include <stdio.h>
+
+#include "common/base/log.h"
+#include "coordinator/farm/develop.h"
+#include "coordinator/farm/extend.h"
+#include "coordinator/net/server.h"
+#include "coordinator/net/session.h"
+#include "coordinator/net/session_table.h"
+#include "coordinator/net/task.h"
+#include "protocol/message.h"
+
+/* A task that answers a request; its session may be gone by then. */
+struct request_task {
+    struct task task;
+    uint32_t session;
+    uint64_t request;
+};
+
+static void *request_new(struct session *session, uint64_t request, const struct task_kind *kind,
+                         struct error *err)
+{
+    struct request_task *r = task_new(session->server, kind, err);
+
+    if (r) {
+        r->session = session->id;
+        r->request = request;
+    }
+    return r;
+}
+
+/* NULL: it is gone, or on its way out. */
+static struct session *request_session(const struct request_task *r)
+{
+    struct session *session = session_find(r->task.server, r->session);
+
+    return session && session->state == SESSION_OPEN ? session : NULL;
+}
+
+/* ---- previews ------------------------------------------------------------------------------- */
+
+struct preview_task {
+    struct request_task r;
+    struct development *development;
+    struct buffer picture;
+    int linear; /* an EXR, not a PNG */
+    char name[64];
+};
+
+static void preview_run(struct task *task)
+{
+    struct preview_task *p = (struct preview_task *)task;
+
+    task->result = develop_encode(p->development, task->server->store,
+                                  p->linear ? &p->picture : NULL, p->linear ? NULL : &p->picture,
+                                  &task->error);
+}
+
+static void preview_end(struct task *task)
+{
+    struct preview_task *p = (struct preview_task *)task;
+    struct session *session = request_session(&p->r);
+
+    task->server->previews--;
+    if (!session)
+        return;
+    if (task->result == STATUS_OK)
+        task->result = transfer_bytes(&session->transfers, p->r.request, &p->picture, p->name,
+                                      &task->error);
+    if (task->result != STATUS_OK)
+        session_fail(session, p->r.request, &task->error);
+    transfers_pump(&session->transfers, session->channel);
+}
+
+static void preview_release(struct task *task)
+{
+    struct preview_task *p = (struct preview_task *)task;
+
+    development_free(p->development);
+    buffer_release(&p->picture);
+}
+
+static const struct task_kind preview_kind = {"a preview", sizeof(struct preview_task), preview_run,
+                                              preview_end, preview_release};
+
+void session_task_preview(struct session *session, uint64_t request, const struct job_frame *frame,
+                          int linear)
+{
+    struct server *server = session->server;
+    struct preview_task *p = NULL;
+    struct error err = {0};
+    status s = STATUS_OK;
+
+    if (server->previews >= PREVIEWS_MAX)
+        s = error_set(&err, STATUS_ERR_LIMIT, "%d previews are being made; try again in a second",
+                      PREVIEWS_MAX);
+    else if (!(p = request_new(session, request, &preview_kind, &err)))
+        s = STATUS_ERR_NO_MEMORY;
+    else
+        s = development_new_preview(&p->development, frame, &err);
+    if (s != STATUS_OK) {
+        session_fail(session, request, &err);
+        task_drop(p ? &p->r.task : NULL);
+        return;
+    }
+    p->linear = linear;
+    snprintf(p->name, sizeof p->name, "frame-%04u-preview.%s", frame->number,
+             linear ? "exr" : "png");
+    server->previews++;
+    task_start(&p->r.task);
+}
+
+/* ---- uploads -------------------------------------------------------------------------------- */
+
+struct upload_task {
+    struct request_task r;
+    struct upload *upload;
+};
+
+static void upload_run(struct task *task)
+{
+    task->result = upload_finish(((struct upload_task *)task)->upload, &task->error);
+}
+
+static void upload_end(struct task *task)
+{
+    struct upload_task *u = (struct upload_task *)task;
+    struct session *session = request_session(&u->r);
+
+    if (task->result != STATUS_OK)
+        log_warn("a blob was not stored: %s", task->error.text);
+    if (!session)
+        return;
+    session->storing--;
+    if (task->result == STATUS_OK) {
+        Azulejo__Wire__BlobStored stored = AZULEJO__WIRE__BLOB_STORED__INIT;
+        Azulejo__Wire__Envelope envelope = MESSAGE(BLOB_STORED, blob_stored, &stored);
+        wire_digest_set(&stored.digest, upload_digest(u->upload));
+        envelope.request = u->r.request;
+        if (channel_send(session->channel, &envelope) != STATUS_OK)
+            log_debug("session %u: blob_stored was not sent", session->id);
+    } else {
+        session_fail(session, u->r.request, &task->error);
+    }
+}
+
+static void upload_release(struct task *task)
+{
+    upload_free(((struct upload_task *)task)->upload);
+}
+
+static const struct task_kind upload_kind = {"an upload", sizeof(struct upload_task), upload_run,
+                                             upload_end, upload_release};
+
+void session_task_upload(struct session *session, uint64_t request, struct upload *upload)
+{
+    struct error err = {0};
+    struct upload_task *u = request_new(session, request, &upload_kind, &err);
+
+    if (!u) {
+        upload_free(upload);
+        session_fail(session, request, &err);
+        return;
+    }
+    u->upload = upload;
+    session->storing++;
+    task_start(&u->r.task);
+}
+
+/* ---- jobs ----------------------------------------------------------------------------------- */
+
+struct submit_task {
+    struct request_task r;
+    struct job *job;
+    uint64_t existing;    /* the job that was submitted with the same token; 0: none */
+    uint64_t estimate;    /* of this job, which continues it; 0: none */
+    status refused;       /* why no job can be taken now, OK: it can; its error is `refusal` */
+    struct error refusal;
+};
+
+static void submit_run(struct task *task)
+{
+    struct submit_task *t = (struct submit_task *)task;
+    struct store *store = task->server->store;
+
+    task->result = store_job_find(store, t->job, &t->existing, &task->error);
+    if (task->result != STATUS_OK || t->existing)
+        return;
+    if (t->refused != STATUS_OK) {
+        task->result = t->refused;
+        task->error = t->refusal;
+        return;
+    }
+    if (t->estimate)
+        return; /* the queue's to do */
+    task->result = store_job_insert(store, t->job, &task->error);
+    /* Another thread may have stored the same submission in between. */
+    if (task->result != STATUS_OK && t->job->token[0]) {
+        struct error again = {0};
+        status found = store_job_find(store, t->job, &t->existing, &again);
+        if (found != STATUS_OK || t->existing) {
+            task->result = found;
+            task->error = again;
+        }
+    }
+}
+
+/* Put the job in the queue, or let it continue its estimate: `*number` is the job's, `*spp` what the
+ * estimate had. */
+static status submit_take(struct submit_task *t, uint64_t *number, uint32_t *spp)
+{
+    struct task *task = &t->r.task;
+    struct farm *farm = &task->server->farm;
+    const struct job *job = t->job;
+    status s;
+
+    *number = t->existing;
+    *spp = 0;
+    if (t->existing) {
+        log_info("job %llu (%s) was submitted again with its token",
+                 (unsigned long long)t->existing, job->name);
+        return STATUS_OK;
+    }
+    if (t->estimate) {
+        struct job *estimate = queue_find(&farm->queue, t->estimate);
+        if (!estimate)
+            return error_set(&task->error, STATUS_ERR_NOT_FOUND, "the estimate is gone");
+        *number = estimate->id;
+        *spp = estimate->settings.spp;
+        return farm_continue_estimate(farm, estimate, t->job, &task->error);
+    }
+    s = farm_adopt(farm, t->job, &task->error);
+    if (s != STATUS_OK)
+        return s;
+    t->job = NULL; /* the queue has it */
+    *number = job->id;
+    log_info("job %llu (%s): %ux%u, %u spp, frames %u to %u, priority %d",
+             (unsigned long long)job->id, job->name, job->settings.width, job->settings.height,
+             job->settings.spp, job->first_frame, job->last_frame, job->priority);
+    return STATUS_OK;
+}
+
+static void submit_end(struct task *task)
+{
+    struct submit_task *t = (struct submit_task *)task;
+    struct session *session;
+    uint64_t number = 0;
+    uint32_t spp = 0;
+
+    if (task->result == STATUS_OK)
+        task->result = submit_take(t, &number, &spp);
+    session = session_find(task->server, t->r.session);
+    if (!session)
+        return;
+    if (task->result == STATUS_OK)
+        session_accepted(session, t->r.request, number, spp);
+    else
+        session_fail(session, t->r.request, &task->error);
+}
+
+static void submit_release(struct task *task)
+{
+    job_free(((struct submit_task *)task)->job);
+}
+
+static const struct task_kind submit_kind = {"a job", sizeof(struct submit_task), submit_run,
+                                             submit_end, submit_release};
+
+void session_task_submit(struct session *session, uint64_t request, struct job *job)
+{
+    struct error err = {0};
+    struct submit_task *t = request_new(session, request, &submit_kind, &err);
+    const struct job *estimate;
+
+    if (!t) {
+        session_fail(session, request, &err);
+        job_free(job);
+        return;
+    }
+    /* What was submitted before is answered even when nothing new can be taken. */
+    t->refused = farm_prepare(&session->server->farm, job, &t->refusal);
+    estimate = farm_find_estimate(&session->server->farm, job);
+    t->estimate = estimate ? estimate->id : 0;
+    t->job = job;
+    task_start(&t->r.task);
+}

@@ -1,0 +1,223 @@
+#include "coordinator/store/blobs.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "common/base/file.h"
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "coordinator/store/reserve.h"
+
+struct upload {
+    struct buffer temporary, final; /* paths; `temporary` is empty once renamed */
+    struct digest digest;
+    struct digest_stream *stream;
+    uint64_t total, size;
+    int fd;
+};
+
+void blobs_path(const char *folder, const struct digest *digest, struct buffer *path)
+{
+    char hex[DIGEST_HEX_SIZE];
+
+    digest_to_hex(digest, hex);
+    buffer_printf(path, "%s/blobs/%.2s/%s", folder, hex, hex);
+}
+
+void blobs_clean(const char *folder)
+{
+    char *path = file_join(folder, "blobs/tmp");
+    DIR *stream = path ? opendir(path) : NULL;
+    const struct dirent *entry;
+
+    if (stream) {
+        while ((entry = readdir(stream)))
+            if (entry->d_name[0] != '.')
+                unlinkat(dirfd(stream), entry->d_name, 0);
+        closedir(stream);
+    }
+    mem_free(path);
+}
+
+/* Are there blobs at all? Without, what is missing says nothing about one. */
+static int folder_is_there(const char *folder)
+{
+    char *path = file_join(folder, "blobs");
+    int there = path && file_exists(path);
+
+    mem_free(path);
+    return there;
+}
+
+int blobs_find(const char *folder, const struct digest *digest, uint64_t *size_bytes)
+{
+    struct buffer path = BUFFER_INIT;
+    struct stat info;
+    int found = -1;
+
+    *size_bytes = 0;
+    blobs_path(folder, digest, &path);
+    if (!buffer_ok(&path))
+        errno = ENOMEM;
+    else if (stat(buffer_text(&path), &info) == 0)
+        found = S_ISREG(info.st_mode) != 0;
+    else if (errno == ENOENT && folder_is_there(folder))
+        found = 0;
+    if (found == 1)
+        *size_bytes = (uint64_t)info.st_size;
+    buffer_release(&path);
+    return found;
+}
+
+status blobs_read(const char *folder, const struct digest *digest, size_t limit_bytes,
+                  struct buffer *out, struct error *err)
+{
+    struct buffer path = BUFFER_INIT;
+    struct digest found;
+    size_t start = out->size;
+    uint64_t size;
+    status s;
+
+    if (blobs_find(folder, digest, &size) == 0)
+        return error_set(err, STATUS_ERR_NOT_FOUND, "the coordinator does not have this blob");
+    blobs_path(folder, digest, &path);
+    if (!buffer_ok(&path))
+        return error_no_memory(err, "a path");
+    s = file_read_kept(buffer_text(&path), limit_bytes, out, err);
+    if (s == STATUS_OK && digest_of(&found, out->data + start, out->size - start) != STATUS_OK)
+        s = error_set(err, STATUS_ERR_INTERNAL, "no SHA-256");
+    if (s == STATUS_OK && !digest_equal(&found, digest)) {
+        s = error_set(err, STATUS_ERR_CORRUPT,
+                      "%s: was damaged on disk and is removed; send it again", buffer_text(&path));
+        unlink(buffer_text(&path));
+    }
+    buffer_release(&path);
+    return s;
+}
+
+/* ---- uploads -------------------------------------------------------------------------------- */
+
+status upload_begin(struct upload **out, const char *folder, const struct digest *digest,
+                    uint64_t total_bytes, struct error *err)
+{
+    struct upload *upload = mem_calloc(1, sizeof *upload);
+    char hex[DIGEST_HEX_SIZE];
+    status s = STATUS_OK;
+
+    *out = NULL;
+    if (!upload)
+        return error_no_memory(err, "an upload");
+    upload->fd = -1;
+    upload->digest = *digest;
+    upload->total = total_bytes;
+    upload->stream = digest_stream_new();
+    digest_to_hex(digest, hex);
+    blobs_path(folder, digest, &upload->final);
+    buffer_printf(&upload->temporary, "%s/blobs/tmp/%.16s.XXXXXX", folder, hex);
+    if (!upload->stream || !buffer_ok(&upload->final) || !buffer_ok(&upload->temporary)) {
+        buffer_clear(&upload->temporary);
+        s = error_no_memory(err, "an upload");
+    } else {
+        upload->fd = mkostemp((char *)upload->temporary.data, O_CLOEXEC);
+        if (upload->fd < 0) {
+            s = error_set(err, STATUS_ERR_IO, "%s/blobs/tmp: cannot be written: %s", folder,
+                          strerror(errno));
+            buffer_clear(&upload->temporary);
+        } else if (!reserve_allows(upload->fd)) {
+            s = error_set(err, STATUS_ERR_IO, "%s/blobs/tmp: cannot be written: %s", folder,
+                          strerror(EMFILE));
+        }
+    }
+    if (s != STATUS_OK) {
+        upload_free(upload);
+        return s;
+    }
+    *out = upload;
+    return STATUS_OK;
+}
+
+const struct digest *upload_digest(const struct upload *upload)
+{
+    return &upload->digest;
+}
+
+uint64_t upload_total(const struct upload *upload)
+{
+    return upload->total;
+}
+
+uint64_t upload_size(const struct upload *upload)
+{
+    return upload->size;
+}
+
+status upload_add(struct upload *upload, const void *data, size_t size_bytes, struct error *err)
+{
+    const uint8_t *at = data;
+    size_t left = size_bytes;
+
+    if (size_bytes > upload->total - upload->size)
+        return error_set(err, STATUS_ERR_PROTOCOL, "a blob is longer than was announced");
+    if (digest_stream_add(upload->stream, data, size_bytes) != STATUS_OK)
+        return error_set(err, STATUS_ERR_INTERNAL, "no SHA-256");
+    while (left > 0) {
+        ssize_t put = write(upload->fd, at, left);
+        if (put < 0 && errno == EINTR)
+            continue;
+        if (put < 0)
+            return error_set(err, STATUS_ERR_IO, "%s: cannot be written: %s",
+                             buffer_text(&upload->temporary), strerror(errno));
+        at += put;
+        left -= (size_t)put;
+    }
+    upload->size += size_bytes;
+    return STATUS_OK;
+}
+
+status upload_finish(struct upload *upload, struct error *err)
+{
+    struct digest found;
+    char *folder;
+    status s = digest_stream_final(upload->stream, &found);
+
+    upload->stream = NULL;
+    if (s != STATUS_OK)
+        return error_set(err, STATUS_ERR_INTERNAL, "no SHA-256");
+    if (upload->size != upload->total || !digest_equal(&found, &upload->digest))
+        return error_set(err, STATUS_ERR_INPUT,
+                         "a blob's bytes do not have the SHA-256 that it was announced with");
+    folder = file_dirname(buffer_text(&upload->final));
+    if (!folder)
+        return error_no_memory(err, "a path");
+    s = file_make_private_folder(folder, err);
+    if (s == STATUS_OK && (fsync(upload->fd) != 0 || rename(buffer_text(&upload->temporary),
+                                                            buffer_text(&upload->final)) != 0))
+        s = error_set(err, STATUS_ERR_IO, "%s: cannot be written: %s", buffer_text(&upload->final),
+                      strerror(errno));
+    if (s == STATUS_OK) {
+        buffer_clear(&upload->temporary);
+        s = file_sync_folder_of(buffer_text(&upload->final), err);
+    }
+    mem_free(folder);
+    return s;
+}
+
+void upload_free(struct upload *upload)
+{
+    if (!upload)
+        return;
+    if (upload->fd >= 0)
+        close(upload->fd);
+    if (upload->temporary.size > 0)
+        unlink(buffer_text(&upload->temporary));
+    digest_stream_free(upload->stream);
+    buffer_release(&upload->temporary);
+    buffer_release(&upload->final);
+    mem_free(upload);
+}

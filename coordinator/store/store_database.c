@@ -1,0 +1,354 @@
+/* The database file: its tables and their versions, and the few ways to run a statement. */
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "common/base/file.h"
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "coordinator/store/reserve.h"
+#include "coordinator/store/store_parts.h"
+
+/* Version of the tables, kept in SQLite's user_version. */
+enum { STORE_VERSION = 4, BUSY_MS = 5000 };
+
+static const char schema[] =
+    "CREATE TABLE meta (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;"
+    "CREATE TABLE jobs ("
+    " id INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT NOT NULL, state INTEGER NOT NULL,"
+    " state_text TEXT NOT NULL, scene_name TEXT NOT NULL, kernel TEXT NOT NULL,"
+    " epoch_floor INTEGER NOT NULL, submitted_at INTEGER NOT NULL, finished_at INTEGER NOT NULL,"
+    " active_ns INTEGER NOT NULL, conflicts INTEGER NOT NULL, samples INTEGER NOT NULL,"
+    " rays INTEGER NOT NULL, vertices INTEGER NOT NULL, dropped INTEGER NOT NULL,"
+    " cpu_ns INTEGER NOT NULL, trace_ns INTEGER NOT NULL,"
+    " request BLOB NOT NULL);" /* the wire's JobSubmit */
+    "CREATE TABLE frames (job INTEGER NOT NULL REFERENCES jobs(id), frame INTEGER NOT NULL,"
+    " relative_mse REAL, PRIMARY KEY (job, frame)) WITHOUT ROWID;";
+
+/* Version 2: which frames' pictures follow the job's present output settings. */
+static const char schema_2[] =
+    "ALTER TABLE jobs ADD COLUMN revision INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN revision INTEGER NOT NULL DEFAULT 0;";
+
+/* Version 3: the tokens of submissions, NULL for jobs without one; the frames that were cut short. */
+static const char schema_3[] =
+    "ALTER TABLE jobs ADD COLUMN token TEXT;"
+    "CREATE UNIQUE INDEX jobs_token ON jobs (token) WHERE token IS NOT NULL;"
+    "CREATE TABLE cut_frames (job INTEGER NOT NULL REFERENCES jobs(id),"
+    " frame INTEGER NOT NULL, samples INTEGER NOT NULL, least INTEGER NOT NULL,"
+    " most INTEGER NOT NULL, tiles INTEGER NOT NULL, tiles_empty INTEGER NOT NULL,"
+    " PRIMARY KEY (job, frame)) WITHOUT ROWID;";
+
+/* Version 4: the release that a job was begun with; its JobSubmit as it came, where an extension changed it; each frame's work, which jobs had the sums of (they go to the first frame that is done; the columns of
+ * jobs are no longer used); what ended a frame (what was cut short before was cancelled:
+ * FRAME_END_CANCEL); how long frames have been rendered, and from when on their limits count; how wrong each frame was
+ * after what was spent on it. relative_mse above is no longer used. */
+static const char schema_4[] =
+    "ALTER TABLE jobs ADD COLUMN release TEXT NOT NULL DEFAULT '';"
+    "ALTER TABLE jobs ADD COLUMN submitted BLOB;"
+    "ALTER TABLE frames ADD COLUMN samples INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN rays INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN vertices INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN dropped INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN leaked INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN clamped_values INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN clamped INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN clamped_luminance REAL NOT NULL DEFAULT 0;"
+    "ALTER TABLE frames ADD COLUMN kept_luminance REAL NOT NULL DEFAULT 0;"
+    "UPDATE frames SET (samples, rays, vertices, dropped) ="
+    " (SELECT samples, rays, vertices, dropped FROM jobs WHERE id=job)"
+    " WHERE frame=(SELECT min(frame) FROM frames AS f WHERE f.job=frames.job);"
+    "ALTER TABLE cut_frames ADD COLUMN ended INTEGER NOT NULL DEFAULT 5;"
+    "ALTER TABLE cut_frames ADD COLUMN group_most INTEGER NOT NULL DEFAULT 0;"
+    "CREATE TABLE clocks (job INTEGER NOT NULL REFERENCES jobs(id), frame INTEGER NOT NULL,"
+    " active_ns INTEGER NOT NULL, cpu_ns INTEGER NOT NULL,"
+    " from_active_ns INTEGER NOT NULL DEFAULT 0, from_cpu_ns INTEGER NOT NULL DEFAULT 0,"
+    " PRIMARY KEY (job, frame)) WITHOUT ROWID;"
+    "CREATE TABLE history (job INTEGER NOT NULL REFERENCES jobs(id), frame INTEGER NOT NULL,"
+    " place INTEGER NOT NULL, core_s REAL NOT NULL, wall_s REAL NOT NULL, samples INTEGER NOT NULL,"
+    " rays INTEGER NOT NULL, known INTEGER NOT NULL, reliable INTEGER NOT NULL,"
+    " reasons INTEGER NOT NULL, display REAL, display_lo REAL, display_hi REAL, psnr REAL,"
+    " psnr_lo REAL, psnr_hi REAL, rmse REAL, rmse_lo REAL, rmse_hi REAL, mean REAL,"
+    " top_share REAL, disagreement REAL, unseen REAL, tail REAL, lone REAL, dark REAL,"
+    " PRIMARY KEY (job, frame, place)) WITHOUT ROWID;";
+/* Version 4: who delivered results (store_deliverers.c). Samples are shared out otherwise since then, so an
+ * unfinished frame's film is of no use (film_file_open sets it aside): a job without a finished frame is
+ * as if it had not begun, and any release's workers may begin it. The numbers are those of enum job_state:
+ * not DONE, FAILED or CANCELLED. */
+static const char convert_4[] =
+    "UPDATE jobs SET kernel='', active_ns=0, conflicts=0, samples=0, rays=0, vertices=0, dropped=0,"
+    " cpu_ns=0, trace_ns=0"
+    " WHERE state NOT IN (2, 3, 4) AND NOT EXISTS (SELECT 1 FROM frames WHERE job=jobs.id);";
+_Static_assert(JOB_STATE_DONE == 2 && JOB_STATE_FAILED == 3 && JOB_STATE_CANCELLED == 4,
+               "as in convert_4");
+
+status sql_error(struct store *store, const char *what, struct error *err)
+{
+    int code = sqlite3_errcode(store->db);
+    int number = sqlite3_system_errno(store->db); /* of its last I/O error */
+    int told = number && (code == SQLITE_IOERR || code == SQLITE_CANTOPEN);
+
+    atomic_store(&store->suspect, 1);
+    return error_set(err, code == SQLITE_NOMEM ? STATUS_ERR_NO_MEMORY : STATUS_ERR_IO,
+                     "%s/queue.sqlite: %s: %s%s%s", store->folder, what, sqlite3_errmsg(store->db),
+                     told ? ": " : "", told ? strerror(number) : "");
+}
+
+status sql_exec(struct store *store, const char *sql, const char *what, struct error *err)
+{
+    if (sqlite3_exec(store->db, sql, NULL, NULL, NULL) != SQLITE_OK)
+        return sql_error(store, what, err);
+    return STATUS_OK;
+}
+
+status sql_prepare(struct store *store, const char *sql, sqlite3_stmt **out, struct error *err)
+{
+    if (sqlite3_prepare_v2(store->db, sql, -1, out, NULL) != SQLITE_OK)
+        return sql_error(store, "prepare", err);
+    return STATUS_OK;
+}
+
+status sql_run(struct store *store, sqlite3_stmt *statement, const char *what, struct error *err)
+{
+    status s = STATUS_OK;
+
+    if (sqlite3_step(statement) != SQLITE_DONE)
+        s = sql_error(store, what, err);
+    sqlite3_finalize(statement);
+    return s;
+}
+
+/* Did what was done last find no room? Some of SQLite's files report it as an I/O error, and the index
+ * of its log without a number. */
+static int found_no_room(const struct store *store)
+{
+    int number = sqlite3_system_errno(store->db);
+
+    return sqlite3_errcode(store->db) == SQLITE_FULL ||
+           (sqlite3_errcode(store->db) == SQLITE_IOERR && (number == 0 || number == ENOSPC || number == EDQUOT));
+}
+
+static int give_reserve(struct store *store)
+{
+    if (!found_no_room(store) || !reserve_release(store->folder))
+        return 0;
+    atomic_store(&store->suspect, 1);
+    return 1;
+}
+
+status sql_run_reserved(struct store *store, sqlite3_stmt *statement, const char *what,
+                        struct error *err)
+{
+    if (sqlite3_step(statement) != SQLITE_DONE) {
+        if (!give_reserve(store)) {
+            status s = sql_error(store, what, err);
+            sqlite3_finalize(statement);
+            return s;
+        }
+        sqlite3_reset(statement);
+        return sql_run(store, statement, what, err);
+    }
+    sqlite3_finalize(statement);
+    return STATUS_OK;
+}
+
+void bind_text(sqlite3_stmt *statement, int at, const char *text)
+{
+    sqlite3_bind_text(statement, at, text, -1, SQLITE_TRANSIENT);
+}
+
+void bind_number(sqlite3_stmt *statement, int at, uint64_t value)
+{
+    sqlite3_bind_int64(statement, at, (sqlite3_int64)value);
+}
+
+void column_text(sqlite3_stmt *statement, int at, char *out, size_t size)
+{
+    const unsigned char *text = sqlite3_column_text(statement, at);
+
+    snprintf(out, size, "%s", text ? (const char *)text : "");
+}
+
+uint64_t column_number(sqlite3_stmt *statement, int at)
+{
+    return (uint64_t)sqlite3_column_int64(statement, at);
+}
+
+static status schema_version(struct store *store, int *version, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    status s = sql_prepare(store, "PRAGMA user_version", &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    if (sqlite3_step(statement) == SQLITE_ROW)
+        *version = sqlite3_column_int(statement, 0);
+    else
+        s = sql_error(store, "cannot be read", err);
+    sqlite3_finalize(statement);
+    if (s == STATUS_OK && *version > STORE_VERSION)
+        return error_set(err, STATUS_ERR_CORRUPT,
+                         "%s: was written by a newer azulejo (store version %d; this one reads %d)",
+                         store->folder, *version, STORE_VERSION);
+    return s;
+}
+
+static status connect(struct store *store, const char *name, int flags, struct error *err)
+{
+    if (sqlite3_open_v2(name, &store->db, flags | SQLITE_OPEN_FULLMUTEX, NULL) != SQLITE_OK)
+        return store->db ? sql_error(store, "cannot be opened", err) : error_no_memory(err, name);
+    sqlite3_extended_result_codes(store->db, 0);
+    sqlite3_busy_timeout(store->db, BUSY_MS);
+    return STATUS_OK;
+}
+
+static status open_to_write(struct store *store, const char *path, struct error *err)
+{
+    int version = 0;
+    /* SQLite makes its other files with the rights of this one. */
+    int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+    status s;
+
+    if (fd < 0)
+        return error_set(err, STATUS_ERR_IO, "%s: cannot be opened: %s", path, strerror(errno));
+    close(fd);
+    s = connect(store, path, SQLITE_OPEN_READWRITE, err);
+    if (s == STATUS_OK)
+        s = sql_exec(store, "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; "
+                            "PRAGMA foreign_keys=ON", "cannot be opened", err);
+    if (s == STATUS_OK)
+        s = schema_version(store, &version, err);
+    if (s != STATUS_OK || version == STORE_VERSION)
+        return s;
+    s = sql_exec(store, "BEGIN IMMEDIATE", "cannot be written", err);
+    if (s == STATUS_OK && version < 1)
+        s = sql_exec(store, schema, "cannot be set up", err);
+    if (s == STATUS_OK && version < 2)
+        s = sql_exec(store, schema_2, "cannot be brought up to date", err);
+    if (s == STATUS_OK && version < 3)
+        s = sql_exec(store, schema_3, "cannot be brought up to date", err);
+    if (s == STATUS_OK && version < 4)
+        s = sql_exec(store, schema_4, "cannot be brought up to date", err);
+    if (s == STATUS_OK)
+        s = sql_exec(store, deliverers_schema, "cannot be brought up to date", err);
+    if (s == STATUS_OK && version > 0)
+        s = sql_exec(store, convert_4, "cannot be brought up to date", err);
+    if (s == STATUS_OK)
+        s = sql_exec(store, "PRAGMA user_version=4; COMMIT", "cannot be set up", err);
+    if (s == STATUS_OK && version > 0)
+        log_info("%s: brought up from store version %d to %d; finished jobs stay as they are, frames in "
+                 "work are rendered from their beginning",
+                 store->folder, version, STORE_VERSION);
+    return s;
+}
+
+/* The path as a URI that says that nobody will change the file: SQLite then needs neither its index
+ * of the log nor a lock. */
+static void immutable_name(const char *path, struct buffer *name)
+{
+    buffer_printf(name, "file:");
+    for (const char *at = path; *at; at++)
+        buffer_printf(name, strchr("?#%", *at) ? "%%%02X" : "%c", (unsigned char)*at);
+    buffer_printf(name, "?immutable=1");
+}
+
+/* Without the right or the room to write, the log can only be read where its index lies beside it;
+ * where the log is empty, as after an orderly end, it needs not be. */
+static status open_to_read(struct store *store, const char *path, struct error *err)
+{
+    struct buffer name = BUFFER_INIT, log = BUFFER_INIT;
+    struct stat info;
+    int version = 0;
+    status s;
+
+    buffer_printf(&log, "%s-wal", path);
+    if (stat(buffer_text(&log), &info) == 0 && info.st_size > 0)
+        buffer_printf(&name, "%s", path);
+    else
+        immutable_name(path, &name);
+    s = buffer_ok(&name) && buffer_ok(&log)
+            ? connect(store, buffer_text(&name), SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, err)
+            : error_no_memory(err, "the store");
+    if (s == STATUS_OK)
+        s = schema_version(store, &version, err);
+    if (s == STATUS_OK && version != STORE_VERSION)
+        s = error_set(err, STATUS_ERR_IO, "%s: its tables are of an older version", path);
+    buffer_release(&name);
+    buffer_release(&log);
+    return s;
+}
+
+/* Close a connection that did not open. Damage is told from the environment's failures here: it ends
+ * the coordinator before anything was written. */
+static status disconnect(struct store *store, status s, struct error *err)
+{
+    int code = store->db ? sqlite3_errcode(store->db) : SQLITE_OK;
+
+    if (code == SQLITE_CORRUPT || code == SQLITE_NOTADB || code == SQLITE_ERROR) {
+        s = STATUS_ERR_CORRUPT;
+        if (err)
+            err->code = s;
+    }
+    sqlite3_close(store->db);
+    store->db = NULL;
+    return s;
+}
+
+/* For writing, with the reserve's room where there is no other, or at least for reading. What keeps it
+ * from being written is in `err` also when it can be read. */
+static status open_as_possible(struct store *store, const char *path, struct error *err)
+{
+    struct error why = {0};
+    status s = open_to_write(store, path, err);
+
+    if (status_is_environment(s) && store->db && give_reserve(store)) {
+        sqlite3_close(store->db);
+        store->db = NULL;
+        s = open_to_write(store, path, err);
+    }
+    store->read_only = s != STATUS_OK;
+    if (s == STATUS_OK)
+        return s;
+    s = disconnect(store, s, err);
+    if (!status_is_environment(s) || open_to_read(store, path, &why) == STATUS_OK)
+        return s;
+    sqlite3_close(store->db);
+    store->db = NULL;
+    return s;
+}
+
+status database_open(struct store *store, struct error *err)
+{
+    char *path = file_join(store->folder, "queue.sqlite");
+    status s = path ? open_as_possible(store, path, err) : error_no_memory(err, "the store");
+
+    mem_free(path);
+    return store->db ? STATUS_OK : s;
+}
+
+/* SQLite shares what it knows of the log's index between a process's connections, and it was opened
+ * for reading: the old connection must be closed first. */
+status database_reopen(struct store *store, struct error *err)
+{
+    char *path = file_join(store->folder, "queue.sqlite");
+    int fd = path ? open(path, O_RDWR | O_CLOEXEC) : -1;
+    status s;
+
+    if (!path)
+        return error_no_memory(err, "the store");
+    if (fd < 0) {
+        s = error_set(err, STATUS_ERR_IO, "%s: cannot be opened: %s", path, strerror(errno));
+    } else {
+        close(fd);
+        pthread_mutex_lock(&store->order);
+        sqlite3_close(store->db);
+        store->db = NULL;
+        s = open_as_possible(store, path, err);
+        pthread_mutex_unlock(&store->order);
+    }
+    mem_free(path);
+    return s;
+}

@@ -1,0 +1,161 @@
+/* The rows of the history: how wrong a frame was after what was spent on it. */
+#include <math.h>
+#include <string.h>
+
+#include "coordinator/store/store_parts.h"
+
+#define HISTORY_COLUMNS                                                                       \
+    "core_s, wall_s, samples, rays, known, reliable, reasons, display, display_lo, display_hi, " \
+    "psnr, psnr_lo, psnr_hi, rmse, rmse_lo, rmse_hi, mean, top_share, disagreement, unseen, tail, " \
+    "lone, dark"
+
+/* Where the figures that are real numbers are, in the order of the columns from `display` on. */
+enum { REALS = 16 };
+static void reals_of(struct accuracy_figures *f, double *reals[REALS])
+{
+    double *const all[REALS] = {&f->display_error, &f->display_lo, &f->display_hi, &f->psnr_db,
+                                &f->psnr_lo, &f->psnr_hi, &f->rmse_percent, &f->rmse_lo,
+                                &f->rmse_hi, &f->mean, &f->top_share, &f->disagreement,
+                                &f->unseen, &f->tail_index, &f->lone, &f->dark};
+
+    memcpy(reals, all, sizeof all);
+}
+
+/* NULL is "not known"; so is a number that SQLite would not keep. */
+static double column_real(sqlite3_stmt *row, int at)
+{
+    return sqlite3_column_type(row, at) == SQLITE_NULL ? NAN : sqlite3_column_double(row, at);
+}
+
+/* The columns of HISTORY_COLUMNS from `at` on. */
+static void read_point(sqlite3_stmt *row, int at, struct history_point *out)
+{
+    double *reals[REALS];
+
+    out->core_s = sqlite3_column_double(row, at);
+    out->wall_s = sqlite3_column_double(row, at + 1);
+    out->samples = column_number(row, at + 2);
+    out->rays = column_number(row, at + 3);
+    out->figures.known = sqlite3_column_int(row, at + 4);
+    out->figures.reliable = sqlite3_column_int(row, at + 5);
+    out->figures.reasons = (unsigned)sqlite3_column_int(row, at + 6);
+    reals_of(&out->figures, reals);
+    for (int i = 0; i < REALS; i++)
+        *reals[i] = column_real(row, at + 7 + i);
+}
+
+static status delete_behind(struct store *store, uint64_t job, uint32_t frame, uint32_t place,
+                            struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    status s = sql_prepare(store, "DELETE FROM history WHERE job=? AND frame=? AND place>?",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job);
+    sqlite3_bind_int64(statement, 2, frame);
+    sqlite3_bind_int64(statement, 3, place);
+    return sql_run_reserved(store, statement, "the frame's figures cannot be kept", err);
+}
+
+static status insert_point(struct store *store, uint64_t job, uint32_t frame, uint32_t place,
+                           const struct history_point *point, struct error *err)
+{
+    struct history_point copy = *point;
+    double *reals[REALS];
+    sqlite3_stmt *statement = NULL;
+    status s = sql_prepare(store,
+                           "INSERT OR REPLACE INTO history (job, frame, place, " HISTORY_COLUMNS ") "
+                           "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job);
+    sqlite3_bind_int64(statement, 2, frame);
+    sqlite3_bind_int64(statement, 3, place);
+    sqlite3_bind_double(statement, 4, point->core_s);
+    sqlite3_bind_double(statement, 5, point->wall_s);
+    bind_number(statement, 6, point->samples);
+    bind_number(statement, 7, point->rays);
+    sqlite3_bind_int(statement, 8, point->figures.known);
+    sqlite3_bind_int(statement, 9, point->figures.reliable);
+    sqlite3_bind_int64(statement, 10, point->figures.reasons);
+    reals_of(&copy.figures, reals);
+    for (int i = 0; i < REALS; i++)
+        sqlite3_bind_double(statement, 11 + i, *reals[i]); /* NaN becomes NULL */
+    return sql_run_reserved(store, statement, "the frame's figures cannot be kept", err);
+}
+
+status store_history_add(struct store *store, uint64_t job, uint32_t frame, uint32_t place,
+                         const struct history_point *point, struct error *err)
+{
+    status s;
+
+    pthread_mutex_lock(&store->order);
+    s = delete_behind(store, job, frame, place, err);
+    if (s == STATUS_OK)
+        s = insert_point(store, job, frame, place, point, err);
+    if (s == STATUS_OK)
+        s = clock_write(store, job, frame, (uint64_t)llround(point->wall_s * 1e9),
+                        (uint64_t)llround(point->core_s * 1e9), err);
+    pthread_mutex_unlock(&store->order);
+    return s;
+}
+
+status store_history_load(struct store *store, uint64_t job, uint32_t frame, struct history *out,
+                          struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    int code = SQLITE_DONE;
+    status s;
+
+    out->count = 0;
+    pthread_mutex_lock(&store->order); /* the connection may be exchanged */
+    s = sql_prepare(store,
+                    "SELECT " HISTORY_COLUMNS " FROM history WHERE job=? AND frame=? "
+                    "ORDER BY place",
+                    &statement, err);
+    if (s == STATUS_OK) {
+        bind_number(statement, 1, job);
+        sqlite3_bind_int64(statement, 2, frame);
+        while (out->count < HISTORY_MAX && (code = sqlite3_step(statement)) == SQLITE_ROW)
+            read_point(statement, 0, &out->points[out->count++]);
+        if (code != SQLITE_DONE && code != SQLITE_ROW)
+            s = sql_error(store, "the frame's figures cannot be read", err);
+        sqlite3_finalize(statement);
+    }
+    pthread_mutex_unlock(&store->order);
+    return s;
+}
+
+status history_load_last(struct store *store, struct job *job, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    int code = SQLITE_DONE;
+    /* SQLite takes the other columns from the row that has the maximum. */
+    status s = sql_prepare(store,
+                           "SELECT frame, max(place), " HISTORY_COLUMNS " FROM history "
+                           "WHERE job=? GROUP BY frame ORDER BY frame",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job->id);
+    while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW) {
+        uint64_t frame = column_number(statement, 0);
+        struct history_point point;
+        if (frame < job->first_frame || frame > job->last_frame ||
+            !job_frame_is_done(job, (uint32_t)frame))
+            continue;
+        read_point(statement, 2, &point);
+        if (!job_figures_note(&job->figures, (uint32_t)frame - job->first_frame,
+                              job_frame_count(job), &point))
+            s = error_no_memory(err, "frames' figures");
+    }
+    if (s == STATUS_OK && code != SQLITE_DONE)
+        s = sql_error(store, "the frames' figures cannot be read", err);
+    sqlite3_finalize(statement);
+    return s;
+}

@@ -1,0 +1,404 @@
+/* The rows of the database: jobs, and the frames of each that are done. */
+#include <inttypes.h>
+#include <string.h>
+
+#include "common/base/log.h"
+#include "coordinator/store/store_parts.h"
+#include "coordinator/job/wire.h"
+
+status store_job_insert(struct store *store, struct job *job, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    struct buffer request = BUFFER_INIT;
+    status s = wire_job_pack(job, &request, err);
+
+    pthread_mutex_lock(&store->order);
+    if (s == STATUS_OK)
+        s = sql_prepare(store,
+                        "INSERT INTO jobs (name, state, state_text, scene_name, kernel, "
+                        "epoch_floor, submitted_at, finished_at, active_ns, conflicts, samples, "
+                        "rays, vertices, dropped, cpu_ns, trace_ns, request, token) "
+                        "VALUES (?, ?, '', ?, '', ?, ?, 0, 0, 0, 0, 0, 0, 0, 0, 0, ?, ?)",
+                        &statement, err);
+    if (s == STATUS_OK) {
+        bind_text(statement, 1, job->name);
+        sqlite3_bind_int(statement, 2, (int)job->state);
+        bind_text(statement, 3, job->scene_name);
+        bind_number(statement, 4, job->epoch_floor);
+        sqlite3_bind_int64(statement, 5, job->submitted_at);
+        sqlite3_bind_blob(statement, 6, request.data, (int)request.size, SQLITE_TRANSIENT);
+        if (job->token[0])
+            bind_text(statement, 7, job->token);
+        s = sql_run(store, statement, "the job cannot be stored", err);
+    }
+    if (s == STATUS_OK)
+        job->id = (uint64_t)sqlite3_last_insert_rowid(store->db);
+    pthread_mutex_unlock(&store->order); /* between the insert and its id nobody else inserts */
+    buffer_release(&request);
+    return s;
+}
+
+status store_job_find(struct store *store, const struct job *job, uint64_t *id, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    struct job *there = NULL;
+    int code, same = 0;
+    status s;
+
+    *id = 0;
+    if (!job->token[0])
+        return STATUS_OK;
+    /* As it came: an extension changes what is asked for. */
+    s = sql_prepare(store, "SELECT id, coalesce(submitted, request) FROM jobs WHERE token=?",
+                    &statement, err);
+    if (s != STATUS_OK)
+        return s;
+    bind_text(statement, 1, job->token);
+    code = sqlite3_step(statement);
+    if (code == SQLITE_ROW) {
+        *id = column_number(statement, 0);
+        s = wire_job_unpack(&there, sqlite3_column_blob(statement, 1),
+                            (size_t)sqlite3_column_bytes(statement, 1), err);
+        if (s == STATUS_OK)
+            s = wire_job_same(job, there, &same, err);
+        if (s == STATUS_OK && !same)
+            s = error_set(err, STATUS_ERR_REFUSED,
+                          "the token '%s' was used for job %" PRIu64 ", which has another scene, "
+                          "name, frames or settings; choose another token",
+                          job->token, *id);
+    } else if (code != SQLITE_DONE) {
+        s = sql_error(store, "the jobs cannot be read", err);
+    }
+    sqlite3_finalize(statement);
+    job_free(there);
+    return s;
+}
+
+void store_job_forget(struct store *store, uint64_t id)
+{
+    sqlite3_stmt *statement = NULL;
+    struct error err = {0};
+    status s;
+
+    pthread_mutex_lock(&store->order);
+    s = sql_prepare(store, "DELETE FROM jobs WHERE id=?", &statement, &err);
+    if (s == STATUS_OK) {
+        bind_number(statement, 1, id);
+        s = sql_run(store, statement, "a job cannot be removed", &err);
+    }
+    pthread_mutex_unlock(&store->order);
+    if (s != STATUS_OK)
+        log_error("%s", err.text);
+}
+
+static struct unit_work read_work(sqlite3_stmt *row, int at)
+{
+    return (struct unit_work){.samples = column_number(row, at),
+                              .rays = column_number(row, at + 1),
+                              .vertices = column_number(row, at + 2),
+                              .dropped_samples = column_number(row, at + 3),
+                              .leaked_rays = column_number(row, at + 4),
+                              .clamped_values = column_number(row, at + 5),
+                              .clamped_samples = column_number(row, at + 6),
+                              .clamped_luminance = sqlite3_column_double(row, at + 7),
+                              .kept_luminance = sqlite3_column_double(row, at + 8)};
+}
+
+static void bind_work(sqlite3_stmt *statement, int at, const struct unit_work *work)
+{
+    bind_number(statement, at, work->samples);
+    bind_number(statement, at + 1, work->rays);
+    bind_number(statement, at + 2, work->vertices);
+    bind_number(statement, at + 3, work->dropped_samples);
+    bind_number(statement, at + 4, work->leaked_rays);
+    bind_number(statement, at + 5, work->clamped_values);
+    bind_number(statement, at + 6, work->clamped_samples);
+    sqlite3_bind_double(statement, at + 7, work->clamped_luminance);
+    sqlite3_bind_double(statement, at + 8, work->kept_luminance);
+}
+
+static status load_frames(struct store *store, struct job *job, struct error *err)
+{
+    struct unit_work work;
+    sqlite3_stmt *statement = NULL;
+    int code;
+    status s = sql_prepare(store,
+                           "SELECT frame, revision, samples, rays, vertices, dropped, leaked, "
+                           "clamped_values, clamped, clamped_luminance, kept_luminance "
+                           "FROM frames WHERE job=? ORDER BY frame",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job->id);
+    while ((code = sqlite3_step(statement)) == SQLITE_ROW) {
+        sqlite3_int64 frame = sqlite3_column_int64(statement, 0);
+        if (frame < job->first_frame || frame > job->last_frame)
+            continue;
+        job_frame_set_done(job, (uint32_t)frame);
+        work = read_work(statement, 2);
+        unit_work_add(&job->work, &work);
+        if (sqlite3_column_int64(statement, 1) == (sqlite3_int64)job->revision)
+            job_frame_set_developed(job, (uint32_t)frame);
+    }
+    if (code != SQLITE_DONE)
+        s = sql_error(store, "the frames cannot be read", err);
+    sqlite3_finalize(statement);
+    return s;
+}
+
+static status load_cuts(struct store *store, struct job *job, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    int code = SQLITE_DONE;
+    status s = sql_prepare(store,
+                           "SELECT frame, samples, least, most, tiles, tiles_empty, ended, "
+                           "group_most "
+                           "FROM cut_frames WHERE job=? ORDER BY frame",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job->id);
+    while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW) {
+        uint64_t frame = column_number(statement, 0);
+        struct film_coverage cut = {.samples = column_number(statement, 1),
+                                    .least = (uint32_t)column_number(statement, 2),
+                                    .most = (uint32_t)column_number(statement, 3),
+                                    .tiles = (uint32_t)column_number(statement, 4),
+                                    .tiles_empty = (uint32_t)column_number(statement, 5),
+                                    .group_most = (uint32_t)column_number(statement, 7)};
+        enum frame_end end = (enum frame_end)column_number(statement, 6);
+        if (frame >= job->first_frame && frame <= job->last_frame &&
+            job_frame_is_done(job, (uint32_t)frame) && cut.samples <= job_frame_samples(job))
+            s = job_frame_set_cut(job, (uint32_t)frame, end, &cut, err);
+    }
+    if (s == STATUS_OK && code != SQLITE_DONE)
+        s = sql_error(store, "the frames cannot be read", err);
+    sqlite3_finalize(statement);
+    return s;
+}
+
+status store_job_sum(struct store *store, struct job *job, struct error *err)
+{
+    status s;
+
+    memset(&job->work, 0, sizeof job->work);
+    job_figures_release(&job->figures);
+    pthread_mutex_lock(&store->order); /* the connection may be exchanged */
+    s = load_frames(store, job, err);
+    if (s == STATUS_OK)
+        s = history_load_last(store, job, err);
+    pthread_mutex_unlock(&store->order);
+    return s;
+}
+
+static status load_job(struct store *store, sqlite3_stmt *row, struct job **out, struct error *err)
+{
+    struct job *job = NULL;
+    uint64_t id = column_number(row, 0);
+    int state = sqlite3_column_int(row, 1);
+    status s = wire_job_unpack(&job, sqlite3_column_blob(row, 11),
+                               (size_t)sqlite3_column_bytes(row, 11), err);
+
+    if (s == STATUS_OK && (state < 0 || state >= JOB_STATE_COUNT))
+        s = error_set(err, STATUS_ERR_CORRUPT, "unknown state %d", state);
+    if (s != STATUS_OK) {
+        error_prefix(err, "%s/queue.sqlite: job %" PRIu64, store->folder, id);
+        job_free(job);
+        return s;
+    }
+    job->id = id;
+    job->state = (enum job_state)state;
+    column_text(row, 2, job->state_text, sizeof job->state_text);
+    column_text(row, 3, job->scene_name, sizeof job->scene_name);
+    column_text(row, 4, job->kernel, sizeof job->kernel);
+    job->epoch_floor = column_number(row, 5);
+    job->submitted_at = sqlite3_column_int64(row, 6);
+    job->finished_at = sqlite3_column_int64(row, 7);
+    job->active_ns = column_number(row, 8);
+    job->conflicts = column_number(row, 9);
+    job->stats.cpu_ns = column_number(row, 10);
+    job->stats.trace_ns = column_number(row, 12);
+    job->revision = (uint32_t)column_number(row, 13);
+    column_text(row, 14, job->release, sizeof job->release);
+    s = load_frames(store, job, err);
+    if (s == STATUS_OK && job->frames_done_count > 0)
+        s = load_cuts(store, job, err);
+    if (s == STATUS_OK && job->frames_done_count > 0)
+        s = history_load_last(store, job, err);
+    if (s != STATUS_OK) {
+        job_free(job);
+        return s;
+    }
+    *out = job;
+    return STATUS_OK;
+}
+
+status store_jobs_load(struct store *store,
+                       status (*adopt)(void *user, struct job *job, struct error *err), void *user,
+                       struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    int code = SQLITE_DONE;
+    status s = sql_prepare(store,
+                           "SELECT id, state, state_text, scene_name, kernel, epoch_floor, "
+                           "submitted_at, finished_at, active_ns, conflicts, cpu_ns, request, "
+                           "trace_ns, revision, release "
+                           "FROM jobs ORDER BY id",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW) {
+        struct job *job = NULL;
+        s = load_job(store, statement, &job, err);
+        if (s != STATUS_OK)
+            break;
+        s = adopt(user, job, err);
+        if (s != STATUS_OK)
+            job_free(job);
+    }
+    if (s == STATUS_OK && code != SQLITE_DONE)
+        s = sql_error(store, "the jobs cannot be read", err);
+    sqlite3_finalize(statement);
+    return s;
+}
+
+/* Only rows of frames that are done count: this one is written first. */
+status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum frame_end end,
+                         const struct film_coverage *cut, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    status s = sql_prepare(store,
+                           "INSERT OR REPLACE INTO cut_frames (job, frame, samples, least, most, "
+                           "tiles, tiles_empty, ended, group_most) "
+                           "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job);
+    sqlite3_bind_int64(statement, 2, frame);
+    bind_number(statement, 3, cut->samples);
+    sqlite3_bind_int64(statement, 4, cut->least);
+    sqlite3_bind_int64(statement, 5, cut->most);
+    sqlite3_bind_int64(statement, 6, cut->tiles);
+    sqlite3_bind_int64(statement, 7, cut->tiles_empty);
+    sqlite3_bind_int(statement, 8, (int)end);
+    sqlite3_bind_int64(statement, 9, cut->group_most);
+    return sql_run_reserved(store, statement, "the frame's samples cannot be noted", err);
+}
+
+status store_frame_done(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
+                        enum frame_end end, const struct film_coverage *cut,
+                        const struct unit_work *work, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    status s = STATUS_OK;
+
+    pthread_mutex_lock(&store->order);
+    if (cut)
+        s = cut_insert(store, job, frame, end, cut, err);
+    if (s == STATUS_OK)
+        s = sql_prepare(store,
+                        "INSERT OR REPLACE INTO frames (job, frame, revision, samples, rays, "
+                        "vertices, dropped, leaked, clamped_values, clamped, clamped_luminance, "
+                        "kept_luminance) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                        &statement, err);
+    if (s == STATUS_OK) {
+        bind_number(statement, 1, job);
+        sqlite3_bind_int64(statement, 2, frame);
+        sqlite3_bind_int64(statement, 3, revision);
+        bind_work(statement, 4, work);
+        s = sql_run_reserved(store, statement, "the frame cannot be noted as done", err);
+    }
+    pthread_mutex_unlock(&store->order);
+    return s;
+}
+
+status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
+                             struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    status s;
+
+    pthread_mutex_lock(&store->order);
+    s = sql_prepare(store, "UPDATE frames SET revision=? WHERE job=? AND frame=?", &statement, err);
+    if (s == STATUS_OK) {
+        sqlite3_bind_int64(statement, 1, revision);
+        bind_number(statement, 2, job);
+        sqlite3_bind_int64(statement, 3, frame);
+        s = sql_run_reserved(store, statement, "the frame's pictures cannot be noted", err);
+    }
+    pthread_mutex_unlock(&store->order);
+    return s;
+}
+
+status store_job_revise(struct store *store, const struct job *job, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    struct buffer request = BUFFER_INIT;
+    status s = wire_job_pack(job, &request, err);
+
+    pthread_mutex_lock(&store->order);
+    if (s == STATUS_OK)
+        s = sql_prepare(store, "UPDATE jobs SET request=?, revision=? WHERE id=?", &statement, err);
+    if (s == STATUS_OK) {
+        sqlite3_bind_blob(statement, 1, request.data, (int)request.size, SQLITE_TRANSIENT);
+        sqlite3_bind_int64(statement, 2, job->revision);
+        bind_number(statement, 3, job->id);
+        s = sql_run(store, statement, "the job's output settings cannot be stored", err);
+    }
+    pthread_mutex_unlock(&store->order);
+    buffer_release(&request);
+    return s;
+}
+
+status store_clock_load(struct store *store, uint64_t job, uint32_t frame,
+                        struct frame_clock *out, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    int code;
+    status s = sql_prepare(store,
+                           "SELECT active_ns, cpu_ns, from_active_ns, from_cpu_ns FROM clocks "
+                           "WHERE job=? AND frame=?",
+                           &statement, err);
+
+    memset(out, 0, sizeof *out);
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job);
+    bind_number(statement, 2, frame);
+    code = sqlite3_step(statement);
+    if (code == SQLITE_ROW) {
+        out->active_ns = column_number(statement, 0);
+        out->cpu_ns = column_number(statement, 1);
+        out->from_active_ns = column_number(statement, 2);
+        out->from_cpu_ns = column_number(statement, 3);
+    } else if (code != SQLITE_DONE) {
+        s = sql_error(store, "a frame's time cannot be read", err);
+    }
+    sqlite3_finalize(statement);
+    return s;
+}
+
+status clock_write(struct store *store, uint64_t job, uint32_t frame, uint64_t active_ns,
+                   uint64_t cpu_ns, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    status s = sql_prepare(store,
+                           "INSERT INTO clocks (job, frame, active_ns, cpu_ns) VALUES (?, ?, ?, ?) "
+                           "ON CONFLICT (job, frame) DO UPDATE SET "
+                           "active_ns=max(active_ns, excluded.active_ns), "
+                           "cpu_ns=max(cpu_ns, excluded.cpu_ns)",
+                           &statement, err);
+
+    if (s != STATUS_OK)
+        return s;
+    bind_number(statement, 1, job);
+    sqlite3_bind_int64(statement, 2, frame);
+    bind_number(statement, 3, active_ns);
+    bind_number(statement, 4, cpu_ns);
+    return sql_run_reserved(store, statement, "a frame's time cannot be stored", err);
+}

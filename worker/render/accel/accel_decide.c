@@ -1,0 +1,203 @@
+#include "worker/render/accel/accel_parts.h"
+
+#include <math.h>
+#include <string.h>
+
+/* What rounding may make of a height over a plane through `from`, times the normal's length. */
+static double height_noise(const double normal[3], const double to[3], const double from[3])
+{
+    return 0x1p-49 * (fabs(normal[0]) + fabs(normal[1]) + fabs(normal[2])) *
+           (exact_largest(to) + exact_largest(from));
+}
+
+/* The corner's height over the plane that is farthest from it, times the normal's length. */
+static double farthest(const double corner[3][3], const double plane[3][3], const double normal[3],
+                       double sign)
+{
+    double most = -INFINITY, to_corner[3];
+
+    for (int k = 0; k < 3; k++) {
+        double height;
+
+        exact_sub(corner[k], plane[0], to_corner);
+        height = sign * exact_dot(normal, to_corner);
+        if (height > height_noise(normal, to_corner, plane[0]))
+            most = fmax(most, height);
+    }
+    return most;
+}
+
+/* Is all of the triangle behind the plane of a face that the ray leaves (`sign` 1), or beyond the
+ * plane of the one that it ends on (-1)? Then the ray cannot meet it, whatever the rounding. */
+static int is_beyond(const struct query_context *q, const struct hit *face, double sign,
+                     const double corner[3][3])
+{
+    double plane[3][3], n[3], towards[3];
+
+    /* A direction along the plane may be off by its rounding: the ray says to which side it goes. */
+    exact_vec(sign > 0 ? q->ray->off : q->ray->direction, towards);
+
+    q->accel->corners(q->accel->scene, face->instance, face->triangle, q->ray->time, plane);
+    exact_normal(plane, n);
+    if (exact_dot(n, n) == 0)
+        return 0;
+    if (exact_dot(n, towards) < 0)
+        sign = -sign;
+    return !(farthest(corner, plane, n, sign) > 0);
+}
+
+/* A ray that starts on a triangle's plane, as on an edge that it shares with the face it leaves,
+ * starts on the side on which that face lies: does it go to the other? */
+static int goes_through(const struct query_context *q, const double corner[3][3],
+                        const double normal[3])
+{
+    double face[3][3], before, behind;
+
+    q->accel->corners(q->accel->scene, q->ray->left[0].instance, q->ray->left[0].triangle,
+                      q->ray->time, face);
+    before = farthest(face, corner, normal, 1);
+    behind = farthest(face, corner, normal, -1);
+    return before > behind ? exact_dot(normal, q->direction) < 0
+                           : exact_dot(normal, q->direction) > 0;
+}
+
+/* Where the ray ends, in metres. */
+static double ray_end(const struct query_context *q)
+{
+    double corner[3][3], n[3], end;
+
+    if (!q->ray->reaches)
+        return (double)q->ray->t_max;
+    q->accel->corners(q->accel->scene, q->ray->end.instance, q->ray->end.triangle, q->ray->time,
+                      corner);
+    exact_normal(corner, n);
+    end = exact_crossing(corner, n, q->origin, q->direction);
+    return end > 0 && end < INFINITY ? end : (double)q->ray->t_max;
+}
+
+int accel_decide(struct query_context *q, const struct hit *face, double *t)
+{
+    double corner[3][3], n[3], to_corner[3], height;
+
+    q->accel->corners(q->accel->scene, face->instance, face->triangle, q->ray->time, corner);
+    exact_normal(corner, n);
+    exact_sub(corner[0], q->origin, to_corner);
+    height = exact_dot(n, to_corner);
+    *t = height / exact_dot(n, q->direction);
+    if (q->kind == QUERY_COINCIDENT)
+        return fabs(*t) < q->gap_max;
+    if (q->ray->left_count && fabs(height) <= height_noise(n, to_corner, q->origin)) {
+        *t = goes_through(q, corner, n) ? 0 : -1;
+    } else if (!(*t < ray_end(q))) {
+        return 0;
+    }
+    for (uint32_t i = 0; i < q->ray->left_count; i++)
+        if (is_beyond(q, &q->ray->left[i], 1, corner))
+            return 0;
+    if (!(*t >= 0)) {
+        q->doubt = q->at_edge;
+        return 0;
+    }
+    return !q->ray->reaches || !is_beyond(q, &q->ray->end, -1, corner);
+}
+
+static int comes_first(double t, const struct hit *a, double u, const struct hit *b)
+{
+    if (t != u)
+        return t < u;
+    return a->instance != b->instance ? a->instance < b->instance : a->triangle < b->triangle;
+}
+
+static void keep_contact(struct query_context *q, const struct hit *face, double gap, int facing)
+{
+    struct contact *list = q->contacts;
+    uint32_t at = q->contact_count < q->contact_capacity ? q->contact_count : q->contact_capacity;
+
+    /* With spatial splits a triangle lies in several leaves, and is met in each. */
+    for (uint32_t i = 0; i < at; i++)
+        if (list[i].hit.instance == face->instance && list[i].hit.triangle == face->triangle)
+            return;
+    q->contact_count++;
+    while (at > 0 && comes_first(gap, face, list[at - 1].gap, &list[at - 1].hit)) {
+        if (at < q->contact_capacity)
+            list[at] = list[at - 1];
+        at--;
+    }
+    if (at < q->contact_capacity)
+        list[at] = (struct contact){*face, gap, facing, 0};
+}
+
+int accel_keep(struct query_context *q, const struct hit *face, double t, int facing)
+{
+    if (q->kind == QUERY_OCCLUDED)
+        return 1;
+    if (q->kind == QUERY_COINCIDENT) {
+        keep_contact(q, face, t, facing);
+    } else if (!q->met || comes_first(t, face, q->nearest_t, &q->nearest)) {
+        q->met = 1;
+        q->nearest = *face;
+        q->nearest_t = t;
+    }
+    return 0;
+}
+
+int accel_covers(const struct query_context *q, const struct hit *face, double *u, double *v,
+                 int *facing)
+{
+    double corner[3][3], e1[3], e2[3], e3[3], n[3], p[3], s[3], m[3], determinant, size, slack;
+
+    q->accel->corners(q->accel->scene, face->instance, face->triangle, q->ray->time, corner);
+    exact_sub(corner[1], corner[0], e1);
+    exact_sub(corner[2], corner[0], e2);
+    exact_sub(corner[2], corner[1], e3);
+    exact_sub(q->origin, corner[0], s);
+    exact_cross(e1, e2, n);
+    exact_cross(q->direction, e2, p);
+    exact_cross(s, e1, m);
+    determinant = exact_dot(e1, p);
+    size = sqrt(exact_dot(n, n));
+    if (determinant == 0 || !(size > 0))
+        return 0;
+    *u = exact_dot(s, p) / determinant;
+    *v = exact_dot(q->direction, m) / determinant;
+    *facing = determinant > 0;
+    slack = q->error + 0x1p-22 * fabs(exact_dot(e2, m) / determinant);
+    return *u >= -slack * sqrt(exact_dot(e2, e2)) / size &&
+           *v >= -slack * sqrt(exact_dot(e1, e1)) / size &&
+           1 - *u - *v >= -slack * sqrt(exact_dot(e3, e3)) / size;
+}
+
+/* Do two faces of one instance lie side by side: a corner in common, and wound alike as `axis`
+ * sees them? */
+static int one_sheet(const struct query_context *q, const struct hit *a, const struct hit *b)
+{
+    double x[3][3], y[3][3], n[3], m[3];
+
+    if (a->instance != b->instance)
+        return 0;
+    q->accel->corners(q->accel->scene, a->instance, a->triangle, q->ray->time, x);
+    q->accel->corners(q->accel->scene, b->instance, b->triangle, q->ray->time, y);
+    exact_normal(x, n);
+    exact_normal(y, m);
+    if ((exact_dot(n, q->direction) < 0) != (exact_dot(m, q->direction) < 0))
+        return 0;
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++)
+            if (memcmp(x[i], y[k], sizeof x[i]) == 0)
+                return 1;
+    return 0;
+}
+
+void accel_mark_repeats(const struct query_context *q)
+{
+    uint32_t count = q->contact_count < q->contact_capacity ? q->contact_count
+                                                            : q->contact_capacity;
+
+    for (uint32_t i = 0; i < count; i++) {
+        struct contact *contact = &q->contacts[i];
+
+        contact->repeats = one_sheet(q, &contact->hit, q->about);
+        for (uint32_t k = 0; k < i && !contact->repeats; k++)
+            contact->repeats = one_sheet(q, &contact->hit, &q->contacts[k].hit);
+    }
+}

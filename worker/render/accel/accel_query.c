@@ -1,0 +1,527 @@
+#include "worker/render/accel/accel_parts.h"
+
+#include <math.h>
+#include <string.h>
+
+/* So many such errors before its start a ray starts for Embree, or a triangle right before it
+ * could seem to lie behind. */
+#define BACK_ERRORS 64.0
+/* Farther than this from the edges of the one face that it leaves, a ray may start off it. */
+#define INSET_ERRORS 64.0
+/* Double decides about a plane that the ray makes a smaller angle with than this. */
+#define GRAZING_COSINE 0x1p-18
+/* A ray that leaked is traced again this many times at most, turned by this angle (radians) and
+ * twice as much each time: rounding is wrong about edges by some 2^-22 of their distance. */
+enum { LEAK_ATTEMPTS = 8 };
+#define LEAK_ANGLE 0x1p-20f
+
+/* ---- Embree's proposals ------------------------------------------------------------------- */
+
+/* Is float right that the triangle is met? Not where its plane is so near to an end of the ray that
+ * it may be wrong about the side. `t`: metres by Embree. `along`: the direction times the normal,
+ * `area2`: the normal's square, in a space in which what is in the world is at least `stretch` times
+ * as long. */
+static inline int is_certain(const struct query_context *q, const struct accel_geometry *g,
+                             uint32_t triangle, double t, double along, double area2,
+                             double stretch)
+{
+    double reach = t, height2, error2;
+
+    /* Along a plane Embree's t is a quotient of two roundings, and may be any number. */
+    if (!(t > q->near_start) || !(t * q->off_cosine > q->clear) ||
+        !(along * along > GRAZING_COSINE * GRAZING_COSINE * area2))
+        return 0;
+    if (q->reaches) {
+        reach = fmin(t, q->length - t);
+        if (!(reach > q->near_end))
+            return 0;
+    }
+    height2 = reach * along * stretch;
+    height2 *= height2;
+    error2 = q->error * q->error * area2;
+    if (height2 > error2 * g->slenderest)
+        return 1;
+    return g->slender && g->slender[triangle] != SIZES_SLENDER_MAX &&
+           height2 > error2 * (double)(UINT64_C(1) << 2 * g->slender[triangle]);
+}
+
+static inline float product(const struct RTCRay *ray, const struct RTCHit *hit)
+{
+    return ray->dir_x * hit->Ng_x + ray->dir_y * hit->Ng_y + ray->dir_z * hit->Ng_z;
+}
+
+static inline int accepts(const struct query_context *q, const struct accel_geometry *g,
+                          const struct hit *face, const struct RTCHit *hit, int facing)
+{
+    return !g->filtered || q->accel->accept(q->accel->scene, q->query, face->instance,
+                                            face->triangle, hit->u, hit->v, facing);
+}
+
+static inline struct hit face_of(const struct RTCHit *hit)
+{
+    return (struct hit){hit->instID[0] != RTC_INVALID_GEOMETRY_ID ? hit->instID[0] : hit->geomID,
+                        hit->primID};
+}
+
+/* The ray and the normal are in the instance's space, where products are alike. */
+void accel_filter(const struct RTCFilterFunctionNArguments *args)
+{
+    struct query_context *q = (struct query_context *)args->context;
+    const struct RTCRay *ray = (const struct RTCRay *)args->ray; /* N is 1: single rays only */
+    const struct RTCHit *hit = (const struct RTCHit *)args->hit;
+    const struct hit face = face_of(hit);
+    const struct accel_geometry *g = &q->accel->geometries[face.instance];
+    double t = (double)ray->tfar - q->back;
+    double n[3] = {(double)hit->Ng_x, (double)hit->Ng_y, (double)hit->Ng_z};
+    double d[3] = {(double)ray->dir_x, (double)ray->dir_y, (double)ray->dir_z};
+    int certain, facing;
+
+    if (args->valid[0] != -1)
+        return;
+    certain = is_certain(q, g, face.triangle, t, exact_dot(d, n), exact_dot(n, n),
+                         (double)g->least_stretch);
+    args->valid[0] = 0;
+    if (accel_is_excepted(q, &face) || (!certain && !accel_decide(q, &face, &t)))
+        return;
+    facing = product(ray, hit) < 0;
+    if (accepts(q, g, &face, hit, facing) && (certain || accel_keep(q, &face, t, facing)))
+        args->valid[0] = -1;
+}
+
+void accel_filter_accepted(const struct RTCFilterFunctionNArguments *args)
+{
+    const struct query_context *q = (const struct query_context *)args->context;
+    const struct RTCHit *hit = (const struct RTCHit *)args->hit;
+    const struct hit face = face_of(hit);
+
+    if (args->valid[0] == -1 && !q->careful &&
+        !accepts(q, &q->accel->geometries[face.instance], &face, hit,
+                 product((const struct RTCRay *)args->ray, hit) < 0))
+        args->valid[0] = 0;
+}
+
+/* Any multiple of the face's normal, from that in the instance's space. */
+static void normal_to_world(const struct query_context *q, const struct accel_geometry *g,
+                            const struct hit *face, double n[3])
+{
+    double corner[3][3], local[3] = {n[0], n[1], n[2]};
+
+    if (g->motion_steps) {
+        q->accel->corners(q->accel->scene, face->instance, face->triangle, q->ray->time, corner);
+        exact_normal(corner, n);
+        return;
+    }
+    for (int k = 0; k < 3; k++)
+        n[k] = g->to_object[0][k] * local[0] + g->to_object[1][k] * local[1] +
+               g->to_object[2][k] * local[2];
+}
+
+/* Is what Embree met without a filter what it would have met with one? Then all that the filter
+ * would have held back lies behind it. */
+static inline int is_settled(const struct query_context *q, const struct RTCRayHit *shot,
+                             const struct hit *face)
+{
+    const struct accel_geometry *g = &q->accel->geometries[face->instance];
+    double n[3] = {(double)shot->hit.Ng_x, (double)shot->hit.Ng_y, (double)shot->hit.Ng_z};
+
+    if (!g->in_world)
+        normal_to_world(q, g, face, n);
+    return is_certain(q, g, face->triangle, (double)shot->ray.tfar - q->back,
+                      exact_dot(n, q->direction), exact_dot(n, n), 1) &&
+           !accel_is_excepted(q, face);
+}
+
+/* ---- queries ------------------------------------------------------------------------------ */
+
+static inline void go(const double from[3], const double direction[3], double by, double to[3])
+{
+    for (int k = 0; k < 3; k++)
+        to[k] = from[k] + by * direction[k];
+}
+
+/* To the middle of the face as far as it takes to be clear of its edges: there an error to the side
+ * could take the ray past a neighbour that stands up. */
+static void move_inwards(struct query_context *q)
+{
+    double corner[3][3], e[3], way[3], n[3], longest = 0, middle, wanted, inset, part;
+
+    q->accel->corners(q->accel->scene, q->ray->left[0].instance, q->ray->left[0].triangle,
+                      q->ray->time, corner);
+    exact_normal(corner, n);
+    for (int k = 0; k < 3; k++) {
+        way[k] = (corner[0][k] + corner[1][k] + corner[2][k]) / 3 - q->origin[k];
+        exact_sub(corner[(k + 1) % 3], corner[k], e);
+        longest = fmax(longest, exact_dot(e, e));
+    }
+    middle = longest > 0 ? sqrt(exact_dot(n, n) / longest) / 3 : 0;
+    inset = fmax((double)q->ray->inset, 0);
+    wanted = 2 * INSET_ERRORS * q->error_left;
+    part = middle > wanted ? (wanted - inset) / (middle - inset) : 1;
+    go(q->origin, way, part, q->inside);
+    q->error += part * sqrt(exact_dot(way, way));
+}
+
+/* From farther inside the face to the same end: parallel to the ray, a wall that stands before a lamp
+ * by less than the ray was moved would lie behind the end. */
+static void aim_at_end(struct query_context *q)
+{
+    double t_max = (double)q->ray->t_max, way[3], length;
+
+    for (int k = 0; k < 3; k++)
+        way[k] = q->origin[k] + t_max * q->direction[k] - q->inside[k];
+    length = sqrt(exact_dot(way, way));
+    if (!(length > 0))
+        return;
+    q->aim = vec3_make((float)(way[0] / length), (float)(way[1] / length), (float)(way[2] / length));
+    q->length = length;
+    q->t_max += length - t_max;
+}
+
+static inline void look_at_start(struct query_context *q)
+{
+    const struct accel_geometry *g = &q->accel->geometries[q->ray->left[0].instance];
+
+    q->error_left = g->error_origin * q->largest + g->error_extent;
+    q->at_edge = (double)q->ray->inset < INSET_ERRORS * q->error_left;
+}
+
+/* Near the face's edges and other faces Embree is going to propose the face itself. */
+static __attribute__((noinline)) void start_before_face(struct query_context *q)
+{
+    double aim[3];
+
+    q->careful = 1;
+    memcpy(q->inside, q->origin, sizeof q->inside);
+    if (q->at_edge) {
+        move_inwards(q);
+        if (q->ray->t_max < INFINITY)
+            aim_at_end(q);
+    }
+    q->clear = 2 * q->error;
+    exact_vec(q->aim, aim);
+    go(q->inside, aim, -q->back, q->start);
+}
+
+/* Without contacts a start just off the face spares Embree the face itself. */
+static inline void start_on_face(struct query_context *q)
+{
+    const struct ray *ray = q->ray;
+    double off[3];
+
+    /* Until the ray is clear of the plane that it leaves, an error to the side, or the direction's
+     * own, may seem to take it below. */
+    q->off_cosine = (double)vec3_dot(ray->off, ray->direction);
+    if (q->at_edge || ray->contacts) {
+        start_before_face(q);
+        return;
+    }
+    q->clear = 2 * q->error;
+    exact_vec(ray->off, off);
+    go(q->origin, off, q->error_left, q->start);
+    q->t_max -= q->back;
+    q->back = 0;
+    q->error += q->error_left;
+}
+
+/* Where the end is clear of the face's edges nothing can be right before it but the face. */
+static inline void end_on_face(struct query_context *q)
+{
+    double cosine = (double)q->ray->end_cosine, t_max = (double)q->ray->t_max;
+
+    if (!q->at_edge && (double)q->ray->end_inset > INSET_ERRORS * q->error &&
+        q->back < 0.5 * t_max * cosine) {
+        q->t_max -= q->error / cosine + ACCEL_END_SHARE * t_max;
+        return;
+    }
+    q->reaches = 1;
+    q->near_end = fmax(q->back + ACCEL_END_SHARE * t_max, 2 * q->error / cosine);
+    q->t_max += q->back + ACCEL_END_SHARE * t_max;
+}
+
+static inline void query_start(struct query_context *q, const struct accel *accel, const struct ray *ray,
+                        const void *query, enum query_kind kind)
+{
+#if AZULEJO_EMBREE >= 4
+    rtcInitRayQueryContext(&q->embree);
+#else
+    rtcInitIntersectContext(&q->embree);
+#endif
+    q->accel = accel;
+    q->query = query;
+    q->ray = ray;
+    q->kind = kind;
+    exact_origin(ray, q->origin);
+    exact_vec(ray->direction, q->direction);
+    q->largest = exact_largest(q->origin);
+    q->error = accel->error_origin * q->largest + accel->error_extent;
+    q->careful = q->met = q->reaches = q->at_edge = q->doubt = 0;
+    q->attempt = 0;
+    q->about = NULL;
+    q->off_cosine = 1;
+    q->clear = 0;
+    if (ray->reaches)
+        q->error += accel->error_origin * (double)ray->t_max;
+    q->back = BACK_ERRORS * q->error;
+    q->t_max = (double)ray->t_max + q->back;
+    q->near_start = q->near_end = q->back;
+    q->aim = ray->direction;
+    q->length = (double)ray->t_max;
+    if (ray->left_count)
+        look_at_start(q);
+    if (ray->reaches)
+        end_on_face(q);
+    if (ray->left_count)
+        start_on_face(q);
+    else
+        go(q->origin, q->direction, -q->back, q->start);
+}
+
+/* Embree is to look a little beside the ray: each time farther, and a quarter turn on. Its errors
+ * grow with the distance from the ray's origin and with the origin's own. */
+static void look_beside(struct RTCRay *out, const struct query_context *q)
+{
+    struct frame frame = frame_from_normal(q->ray->direction);
+    struct vec3 aside = vec3_scale(q->attempt & 1 ? frame.s : frame.t,
+                                   ldexpf(q->attempt & 2 ? -LEAK_ANGLE : LEAK_ANGLE,
+                                          (int)q->attempt - 1));
+    float reach = (float)q->largest;
+
+    out->org_x += aside.x * reach;
+    out->org_y += aside.y * reach;
+    out->org_z += aside.z * reach;
+    out->dir_x += aside.x;
+    out->dir_y += aside.y;
+    out->dir_z += aside.z;
+}
+
+typedef float four_floats __attribute__((vector_size(16)));
+
+/* For Embree the ray starts earlier, and where it ends on a face it ends later. Embree reads origin
+ * and direction four floats at once: written one by one it would wait until they are in the cache. */
+static inline void ray_init(struct RTCRay *out, const struct query_context *q)
+{
+    const four_floats origin = {(float)q->start[0], (float)q->start[1], (float)q->start[2], 0};
+    const four_floats direction = {q->aim.x, q->aim.y, q->aim.z, q->ray->time};
+
+    memcpy(&out->org_x, &origin, sizeof origin); /* and tnear */
+    memcpy(&out->dir_x, &direction, sizeof direction); /* and time */
+    out->tfar = (float)q->t_max;
+    out->mask = ~0u;
+    out->id = 0;
+    out->flags = 0;
+    if (q->attempt > 0)
+        look_beside(out, q);
+}
+
+/* Embree's nearest; 0: none. If `careful`, of what float decides. */
+static int trace(struct query_context *q, struct RTCRayHit *shot, struct hit *hit)
+{
+    ray_init(&shot->ray, q);
+    shot->hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    shot->hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+#if AZULEJO_EMBREE >= 4
+    struct RTCIntersectArguments args;
+    rtcInitIntersectArguments(&args);
+    args.context = &q->embree;
+    if (q->careful) {
+        args.filter = accel_filter;
+        args.flags = (enum RTCRayQueryFlags)(args.flags | RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER);
+    }
+    rtcIntersect1(q->accel->top, shot, &args);
+#else
+    if (q->careful)
+        q->embree.filter = accel_filter;
+    rtcIntersect1(q->accel->top, &q->embree, shot);
+#endif
+    if (shot->hit.geomID == RTC_INVALID_GEOMETRY_ID)
+        return 0;
+    *hit = face_of(&shot->hit);
+    return 1;
+}
+
+/* Every proposal is looked at in turn. */
+static int trace_carefully(struct query_context *q, struct hit *hit)
+{
+    struct RTCRayHit shot;
+
+    q->careful = 1;
+    q->met = 0;
+    return trace(q, &shot, hit);
+}
+
+/* The nearest of what float and double decide; 0: none. Few rays meet what float may be wrong about,
+ * so the others are spared the filter. */
+static int meets(struct query_context *q, struct hit *hit)
+{
+    struct RTCRayHit shot;
+    int met = trace(q, &shot, hit);
+
+    if (met && !q->careful && !is_settled(q, &shot, hit))
+        met = trace_carefully(q, hit);
+    if (q->met) {
+        double corner[3][3], n[3];
+
+        if (met) {
+            q->accel->corners(q->accel->scene, hit->instance, hit->triangle, q->ray->time, corner);
+            exact_normal(corner, n);
+            met = exact_crossing(corner, n, q->origin, q->direction) < q->nearest_t;
+        }
+        if (!met)
+            *hit = q->nearest;
+        met = 1;
+    }
+    return met;
+}
+
+/* How far apart, along their normal, faces at `place` are that floats cannot keep apart. */
+static double coincident_gap(const double place[3])
+{
+    int exponent;
+
+    (void)frexp(exact_largest(place), &exponent);
+    return ldexp(ACCEL_COINCIDENT_ULPS, exponent - 24);
+}
+
+int accel_refine(const struct accel *accel, const struct ray *ray, const void *query, double t,
+                 int in_contact, struct hit *hit)
+{
+    struct ray last = {.direction = ray->direction, .time = ray->time};
+    struct hit found = *hit;
+    double place[3], direction[3], corner[3][3], n[3], reach, gap;
+    struct query_context q;
+
+    exact_origin(ray, place);
+    reach = BACK_ERRORS * (accel->error_origin * (exact_largest(place) + t) + accel->error_extent);
+    if (!(t > reach))
+        return 0; /* so near to its start double has decided */
+    exact_vec(ray->direction, direction);
+    go(place, direction, t - reach, place);
+    last.origin = exact_round(place, last.rest);
+    last.t_max = (float)(2 * reach);
+    query_start(&q, accel, &last, query, QUERY_NEAREST);
+    q.near_start = INFINITY;
+    trace_carefully(&q, &found);
+    if (!q.met || (q.nearest.instance == hit->instance && q.nearest.triangle == hit->triangle))
+        return 0;
+    if (!in_contact) {
+        *hit = q.nearest;
+        return 1;
+    }
+    /* Faces that coincide have no order: who crosses them takes them together (accel_coincident). */
+    accel->corners(accel->scene, hit->instance, hit->triangle, ray->time, corner);
+    exact_normal(corner, n);
+    gap = (exact_crossing(corner, n, q.origin, q.direction) - q.nearest_t) *
+          fabs(exact_dot(n, q.direction)) / sqrt(exact_dot(n, n));
+    go(place, direction, reach, place);
+    if (gap < coincident_gap(place) * (1 - 1e-6)) /* what is 8 ulp apart to rounding is apart */
+        return 0;
+    *hit = q.nearest;
+    return 1;
+}
+
+static int is_blocked(struct query_context *q)
+{
+    struct RTCRay shot;
+
+    ray_init(&shot, q);
+#if AZULEJO_EMBREE >= 4
+    struct RTCOccludedArguments args;
+    rtcInitOccludedArguments(&args);
+    args.context = &q->embree;
+    rtcOccluded1(q->accel->top, &shot, &args);
+#else
+    rtcOccluded1(q->accel->top, &q->embree, &shot);
+#endif
+    return shot.tfar < 0;
+}
+
+/* Where three faces meet, the ray from farther inside the face may pass by the neighbour that the
+ * ray itself meets. Then that ray is what counts: it starts on the same face, some 2^-14 away. */
+static __attribute__((noinline)) int meets_from_inside(struct query_context *q, struct hit *hit)
+{
+    struct ray moved = *q->ray;
+
+    moved.origin = exact_round(q->inside, moved.rest);
+    moved.direction = q->aim;
+    moved.t_max = (float)q->length;
+    moved.inset = INFINITY;
+    moved.contacts = 1;
+    query_start(q, q->accel, &moved, q->query, q->kind);
+    return q->kind == QUERY_OCCLUDED ? is_blocked(q) : meets(q, hit);
+}
+
+int accel_intersect(const struct accel *accel, const struct ray *ray, const void *query,
+                    struct hit *hit)
+{
+    struct query_context q;
+
+    query_start(&q, accel, ray, query, QUERY_NEAREST);
+    return meets(&q, hit) || (q.doubt && meets_from_inside(&q, hit));
+}
+
+int accel_occluded(const struct accel *accel, const struct ray *ray, const void *query)
+{
+    struct query_context q;
+
+    query_start(&q, accel, ray, query, QUERY_OCCLUDED);
+    return is_blocked(&q) || (q.doubt && meets_from_inside(&q, NULL));
+}
+
+int accel_intersect_enclosed(const struct accel *accel, const struct ray *ray, const void *query,
+                             struct hit *hit)
+{
+    struct query_context q;
+
+    query_start(&q, accel, ray, query, QUERY_NEAREST);
+    q.careful = 1;
+    while (q.attempt++ < LEAK_ATTEMPTS)
+        if (meets(&q, hit))
+            return 1;
+    return 0;
+}
+
+int accel_occluded_enclosed(const struct accel *accel, const struct ray *ray, const void *query)
+{
+    struct query_context q;
+
+    query_start(&q, accel, ray, query, QUERY_OCCLUDED);
+    while (q.attempt++ < LEAK_ATTEMPTS)
+        if (is_blocked(&q))
+            return 1;
+    return 0;
+}
+
+uint32_t accel_coincident(const struct accel *accel, const struct ray *ray, const struct hit *hit,
+                          const double place[3], const void *query, struct contact *out,
+                          uint32_t capacity)
+{
+    struct ray line = {.t_max = INFINITY, .time = ray->time};
+    double corner[3][3], n[3], along[3], length;
+    struct query_context q;
+    struct hit unused;
+
+    accel->corners(accel->scene, hit->instance, hit->triangle, ray->time, corner);
+    exact_normal(corner, n);
+    exact_vec(ray->direction, along);
+    length = sqrt(exact_dot(n, n));
+    if (exact_dot(n, along) < 0)
+        length = -length;
+    if (!(length != 0))
+        return 0;
+    for (int k = 0; k < 3; k++)
+        along[k] = n[k] / length;
+    line.origin = exact_round(place, line.rest);
+    line.direction = vec3_make((float)along[0], (float)along[1], (float)along[2]);
+    query_start(&q, accel, &line, query, QUERY_COINCIDENT);
+    memcpy(q.direction, along, sizeof along);
+    q.gap_max = coincident_gap(place);
+    q.about = hit;
+    q.contacts = out;
+    q.contact_count = 0;
+    q.contact_capacity = capacity;
+    q.t_max = q.gap_max + 2 * q.back;
+    q.near_start = INFINITY;
+    trace_carefully(&q, &unused);
+    accel_mark_repeats(&q);
+    return q.contact_count;
+}

@@ -1,0 +1,87 @@
+/* exact: a ray and a triangle in double precision. Private to worker/render.
+ *
+ * Positions are float[3] made double, so the difference of two of them is exact or nearly so;
+ * what these functions return is good to some 2^-50 of the largest length that goes in.
+ */
+#ifndef AZULEJO_RENDER_EXACT_H
+#define AZULEJO_RENDER_EXACT_H
+
+#include <math.h>
+
+#include "worker/render/accel/accel.h"
+
+static inline void exact_cross(const double a[3], const double b[3], double out[3])
+{
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static inline double exact_dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static inline void exact_sub(const double a[3], const double b[3], double out[3])
+{
+    for (int k = 0; k < 3; k++)
+        out[k] = a[k] - b[k];
+}
+
+static inline void exact_vec(struct vec3 v, double out[3])
+{
+    out[0] = (double)v.x;
+    out[1] = (double)v.y;
+    out[2] = (double)v.z;
+}
+
+static inline double exact_largest(const double a[3])
+{
+    double x = fabs(a[0]), y = fabs(a[1]), z = fabs(a[2]), most = x > y ? x : y;
+
+    return z > most ? z : most; /* fmax would be a call */
+}
+
+/* Where the ray starts. */
+static inline void exact_origin(const struct ray *ray, double out[3])
+{
+    out[0] = (double)ray->origin.x + ray->rest[0];
+    out[1] = (double)ray->origin.y + ray->rest[1];
+    out[2] = (double)ray->origin.z + ray->rest[2];
+}
+
+/* The nearest floats to a place, and what they leave over. The floats are volatile because gcc 12
+ * takes the way from double to float and back for the identity where it vectorises. */
+static inline struct vec3 exact_round(const double place[3], double rest[3])
+{
+    volatile float rounded[3];
+
+    for (int k = 0; k < 3; k++) {
+        rounded[k] = (float)place[k];
+        rest[k] = place[k] - (double)rounded[k];
+    }
+    return vec3_make(rounded[0], rounded[1], rounded[2]);
+}
+
+/* Not normalised: its length is twice the area. */
+static inline void exact_normal(const double corner[3][3], double out[3])
+{
+    double e1[3], e2[3];
+
+    exact_sub(corner[1], corner[0], e1);
+    exact_sub(corner[2], corner[0], e2);
+    exact_cross(e1, e2, out);
+}
+
+/* Where the line meets the triangle's plane, in lengths of `direction`; NaN or infinite where it
+ * runs along it. */
+static inline double exact_crossing(const double corner[3][3], const double normal[3],
+                                    const double origin[3], const double direction[3])
+{
+    double to_corner[3];
+
+    exact_sub(corner[0], origin, to_corner);
+    return exact_dot(normal, to_corner) / exact_dot(normal, direction);
+}
+
+#endif

@@ -1,0 +1,3 @@
+#include "worker/render/base/profile_scope.h"
+
+_Thread_local struct profile_place profile_place;

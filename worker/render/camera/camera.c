@@ -1,0 +1,122 @@
+#include "worker/render/camera/camera.h"
+
+#include "common/math/elementary.h"
+
+static float camera_filter_sample(const struct camera *camera, float u)
+{
+    float half = float_min(2 * u, 2 * (1 - u)); /* 0..1, exact */
+    float scaled = sqrtf(sqrtf(half)) * FILTER_TABLE_SIZE;
+    int i = scaled < FILTER_TABLE_SIZE ? (int)scaled : FILTER_TABLE_SIZE - 1;
+    float offset = camera->filter_offset[i] +
+                   (camera->filter_offset[i + 1] - camera->filter_offset[i]) * (scaled - (float)i);
+
+    /* -offset from 1/2 on; a branch would be mispredicted every other time. */
+    return float_from_bits(float_bits(offset) ^ (uint32_t)(u >= 0.5f) << 31);
+}
+
+/* Uniform on the aperture. Shirley and Chiu's concentric map (1997) yields a radius and an
+ * angle of the disc; in each blade's sector the fraction of the angle then becomes the place
+ * along the blade's edge: (r, s) -> r ((1 - s) corner_k + s corner_k+1) has the constant
+ * Jacobian r dr ds times twice the triangle's area, and neighbours meet along their shared
+ * radius, so the polygon is covered uniformly and without tears. */
+static void camera_lens_sample(const struct camera *camera, struct sample2 at, float lens[2])
+{
+    float a = 2 * at.u - 1, b = 2 * at.v - 1, radius, turn, x = 1, y = 0, sine, cosine, angle;
+
+    if (a * a > b * b) {
+        radius = fabsf(a);
+        turn = 0.125f * (b / a) + (a < 0 ? 0.5f : 0.0f);
+    } else {
+        radius = fabsf(b);
+        turn = b == 0 ? 0.0f : (b < 0 ? 0.75f : 0.25f) - 0.125f * (a / b);
+    }
+    if (turn < 0)
+        turn += 1; /* -1/8..0 */
+    angle = turn * (2 * PI_F);
+    if (camera->blades) {
+        float blades = (float)camera->blades, scaled = turn * blades, blade = floorf(scaled), s;
+        if (blade > blades - 1)
+            blade = blades - 1;
+        s = scaled - blade;
+        x = 1 - s + s * camera->blade_cosine;
+        y = s * camera->blade_sine;
+        angle = blade * (2 * PI_F / blades) + camera->blade_rotation_rad;
+    }
+    det_sincos(angle, &sine, &cosine);
+    radius *= camera->lens_radius;
+    lens[0] = radius * (x * cosine - y * sine);
+    lens[1] = radius * (x * sine + y * cosine);
+}
+
+/* Lat-long: -Z in the middle, +X to its right, +Y at the top. The filter may reach past a
+ * pole or the seam: sine and cosine carry on on the other side. */
+static struct vec3 camera_panorama_direction(float film_x, float film_y, float width, float height)
+{
+    float longitude = (film_x / width - 0.5f) * (2 * PI_F);
+    float latitude = (0.5f - film_y / height) * PI_F;
+    float sin_a, cos_a, sin_b, cos_b;
+
+    det_sincos(longitude, &sin_a, &cos_a);
+    det_sincos(latitude, &sin_b, &cos_b);
+    return vec3_make(sin_a * cos_b, sin_b, -cos_a * cos_b);
+}
+
+/* From camera space into the world. */
+static inline void camera_place(const struct transform *to_world, struct vec3 origin,
+                                struct vec3 direction, float time, struct ray *ray)
+{
+    ray->origin = transform_point(to_world, origin);
+    ray->direction = vec3_normalize(transform_vector(to_world, direction));
+    ray->t_max = INFINITY;
+    ray->time = time;
+    ray->rest[0] = ray->rest[1] = ray->rest[2] = 0;
+    ray->left_count = 0;
+    ray->reaches = 0;
+}
+
+/* Any camera but a pinhole that stands still. (px, py): the place on the image plane. */
+static __attribute__((noinline)) void camera_ray_any(const struct camera *camera, float film_x,
+                                                     float film_y, float px, float py,
+                                                     const struct sampler *sampler,
+                                                     struct ray *ray)
+{
+    struct transform to_world = camera->to_world;
+    struct vec3 origin = {0, 0, 0}, direction = {px, py, -1};
+    float time = 0;
+
+    if (camera->kind == CAMERA_ORTHOGRAPHIC) {
+        origin = vec3_make(px, py, 0);
+        direction = vec3_make(0, 0, -1);
+    } else if (camera->kind == CAMERA_PANORAMA) {
+        direction = camera_panorama_direction(film_x, film_y, camera->width, camera->height);
+    }
+    if (camera->lens_radius > 0) {
+        /* All rays of one place on the film meet in the plane that is sharp. */
+        struct vec3 sharp = vec3_mad(origin, direction, camera->focus_distance);
+        float lens[2];
+        camera_lens_sample(camera, sampler_get(sampler, DIMENSION_LENS), lens);
+        origin.x += lens[0];
+        origin.y += lens[1];
+        direction = vec3_sub(sharp, origin);
+    }
+    if (camera->shutter_open) {
+        time = sampler_get(sampler, DIMENSION_TIME).u;
+        to_world = camera_to_world_at(camera, time);
+    }
+    camera_place(&to_world, origin, direction, time, ray);
+}
+
+void camera_ray(const struct camera *camera, uint32_t x, uint32_t y, const struct sampler *sampler,
+                struct ray *ray)
+{
+    struct sample2 pixel = sampler_get(sampler, DIMENSION_PIXEL);
+    float film_x = (float)x + 0.5f + camera_filter_sample(camera, pixel.u);
+    float film_y = (float)y + 0.5f + camera_filter_sample(camera, pixel.v);
+    float px = (2 * film_x / camera->width - 1) * camera->half_width;
+    float py = (1 - 2 * film_y / camera->height) * camera->half_height;
+
+    if (camera->pinhole)
+        camera_place(&camera->to_world, vec3_make(0, 0, 0), vec3_make(px, py, -1), 0, ray);
+    else
+        camera_ray_any(camera, film_x, film_y, px, py, sampler, ray);
+}

@@ -1,0 +1,134 @@
+/* interior: which volumes a ray is inside of.
+ *
+ * VOLUMES_NESTED. Refractive objects and media are bodies with a priority. Where several overlap
+ * the one of the highest priority is there, of equals the one entered last, which is the innermost
+ * of those that hold one another; boundaries of the others are not there (Schmidt & Budge 2002,
+ * "Simple Nested Dielectrics in Ray Traced Images").
+ *
+ * A body is all that one material bounds, wherever it is and in however many meshes: a hollow ball
+ * whose walls are two primitives, a ball in two halves, water in two files. It has one winding
+ * count, the number of its entries in the list: a front face adds one, a back face takes the last
+ * one off, and only where the body on top of the list changes there is a boundary. So parts of one
+ * body that overlap are one (their union), a wall that is wound inwards ends the body, and copies
+ * of one mesh far apart, each of which is closed, do not disturb one another. (A body for each
+ * connected part would show the faces of a part within another.) A mirrored transform turns the
+ * winding of the mesh with it (surface.front), so it changes nothing here. Meshes of several
+ * materials that close one another only together bound one body (scene_instance.body); all that
+ * happens inside of it follows the one material that fills it.
+ *
+ * A back face of a body that the ray is not in (an open mesh, a wall wound inwards that sticks out)
+ * leaves an entry that is owed: the next front face of the body takes it off. Both are boundaries
+ * unless the ray is in another body, so that what is open looks the same as without the count.
+ *
+ * VOLUMES_BOUNDARIES. There is no list: each boundary is there, and says which medium follows.
+ */
+#ifndef AZULEJO_RENDER_INTERIOR_H
+#define AZULEJO_RENDER_INTERIOR_H
+
+#include "worker/render/surface/surface.h"
+#include "worker/render/world.h"
+
+/* Marks an entry of a body that was left more often than entered. */
+#define INTERIOR_OWED 0x80000000u
+_Static_assert(SCENE_MATERIALS_MAX <= INTERIOR_OWED, "a material's row leaves the mark free");
+
+/* What fills the body of an entry. */
+static inline const struct world_material *interior_filling(const struct render_scene *scene,
+                                                            uint32_t entry)
+{
+    return &scene->materials[scene->materials[entry].filling];
+}
+
+/* The entry that is really there: the highest priority, of equals the last entered; -1: none. */
+static inline int interior_top(const struct render_scene *scene, const struct interior *in)
+{
+    int top = -1, highest = 0;
+
+    for (uint32_t i = 0; i < in->count; i++) {
+        int priority;
+        if (in->entry[i] & INTERIOR_OWED)
+            continue;
+        priority = interior_filling(scene, in->entry[i])->m.priority;
+        if (top < 0 || priority >= highest) {
+            top = (int)i;
+            highest = priority;
+        }
+    }
+    return top;
+}
+
+/* What is there: the material that fills the body on top; NULL: none. */
+static inline const struct world_material *interior_around(const struct render_scene *scene,
+                                                           const struct interior *in)
+{
+    int top = interior_top(scene, in);
+
+    return top < 0 ? NULL : interior_filling(scene, in->entry[top]);
+}
+
+/* Its index of refraction. */
+static inline float interior_ior(const struct render_scene *scene, const struct interior *in)
+{
+    const struct world_material *around = interior_around(scene, in);
+
+    return around && around->m.kind == MATERIAL_SURFACE && around->m.refractive &&
+                   around->m.ior >= 1
+               ? around->m.ior
+               : 1;
+}
+
+/* Take off the last such entry; 0: there is none. */
+static inline int interior_remove(struct interior *in, uint32_t entry)
+{
+    for (uint32_t i = in->count; i-- > 0;)
+        if (in->entry[i] == entry) {
+            for (uint32_t k = i + 1; k < in->count; k++)
+                in->entry[k - 1] = in->entry[k];
+            in->count--;
+            return 1;
+        }
+    return 0;
+}
+
+/* Entering a body more than the list holds forgets it: the leaving then finds none. */
+static inline void interior_add(struct interior *in, uint32_t entry)
+{
+    if (in->count < INTERIOR_MAX)
+        in->entry[in->count++] = entry;
+}
+
+/* Cross one face of a body. */
+static inline void interior_turn(struct interior *in, uint32_t body, int enters)
+{
+    uint32_t paid = enters ? body | INTERIOR_OWED : body;
+
+    if (!interior_remove(in, paid))
+        interior_add(in, enters ? body : body | INTERIOR_OWED);
+}
+
+/* What the ray is in beyond the surface; *real is 0 where the same body goes on. */
+static inline void interior_cross(const struct render_scene *scene, const struct interior *in,
+                                  const struct surface *s, struct interior *out, int *real)
+{
+    const struct scene_material *m = &s->material->m;
+    int before, after;
+
+    *out = *in;
+    *real = 1;
+    if (scene->volume_rule == VOLUMES_BOUNDARIES) {
+        if (m->medium != m->medium_outside)
+            out->medium = s->front ? m->medium : m->medium_outside;
+        return;
+    }
+    interior_turn(out, s->instance->body, s->front);
+    before = interior_top(scene, in);
+    after = interior_top(scene, out);
+    if (before >= 0 || after >= 0)
+        *real = before < 0 || after < 0 || in->entry[before] != out->entry[after];
+}
+
+/* Find the bodies around the camera: those that a ray from it leaves more often than it enters.
+ * Needs the accel; sets scene->camera_interior. */
+void interior_find_camera(struct render_scene *scene);
+
+#endif

@@ -1,0 +1,36 @@
+/* kernel: the variants of the path tracer, and which one renders a scene.
+ *
+ * One source (camera.c, surface*.c, bsdf/, path*.c, tile.c) is compiled several times with
+ * different sets of effects (kernels/); the first of the table whose set holds everything
+ * that the scene calls for renders it. The last one holds everything. Which one runs never
+ * changes a bit of the result (tests/unit/render/test_kernels.c).
+ */
+#ifndef AZULEJO_RENDER_KERNEL_H
+#define AZULEJO_RENDER_KERNEL_H
+
+#include "worker/render/accel/accel.h"
+#include "worker/render/render.h"
+
+typedef size_t tile_render_function(const struct render_scene *scene, uint32_t frame,
+                                    uint32_t tile, uint32_t group, uint32_t pass, float *sums,
+                                    struct tail *tail, struct render_stats *stats);
+
+struct kernel {
+    const char *name;
+    uint64_t effects;
+    tile_render_function *tile_render;
+    accel_accept *accept;
+};
+
+/* The smallest kernel whose effects hold these. */
+const struct kernel *kernel_for(uint64_t effects);
+/* Row `index` of the table, from the smallest; NULL behind the last. */
+const struct kernel *kernel_at(size_t index);
+
+/* Set by render_measure_trace. */
+extern int kernel_measures_trace;
+
+/* tile.c compiled alone, with what it includes: it can do everything, as the general kernel. */
+tile_render_function tile_render;
+
+#endif

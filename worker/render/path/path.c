@@ -1,0 +1,240 @@
+#include "worker/render/path/path.h"
+
+#include "worker/render/path/path_parts.h"
+
+/* Russian roulette never kills with more than 95 %. */
+#define ROULETTE_SURVIVAL_MIN 0.05f
+/* A scattered ray's beam widens with the spacing of such samples, this share of it; at most so
+ * much a metre. */
+#define CONE_SHARE 0.25f
+#define CONE_SPREAD_MAX 0.25f
+
+static void path_start(struct path *path, const struct render_scene *scene,
+                       const struct sampler *sampler, const struct ray *ray,
+                       struct camera_cone cone, struct render_stats *stats)
+{
+    path->scene = scene;
+    path->sampler = sampler;
+    path->stats = stats;
+    path->query = (struct path_query){sampler, 0};
+    path->throughput = vec3_splat(1);
+    path->depth = 0;
+    path->ray = *ray;
+    path->context = (struct light_context){{0, 0, 0}, {0, 0, 0}, ray->time};
+    path->pdf = 0;
+    path->specular = 1;
+    path->any_diffuse = 0;
+    path->eta_scale = 1;
+    path->cone = cone;
+    path->wavelength_nm = 0;
+    path->dispersed = 0;
+    path->interior.count = 0;
+    path->interior.medium = -1;
+    if (path_features_of(scene).volumes)
+        path->interior = scene->camera_interior;
+    path->boundaries_passed = 0;
+    path->medium_key = path->medium_depth = 0;
+    path->at_next = 0;
+}
+
+/* ---- the steps of a path --------------------------------------------------------------------- */
+
+/* Trace the path's ray; 0: it escapes. */
+static int path_intersect(struct path *path, struct path_vertex *v)
+{
+    v->dimension = DIMENSION_VERTEX + path->depth * DIMENSIONS_PER_VERTEX;
+    path->query.ray_number++;
+    if (!path->at_next && !path_trace(path, &path->interior, &path->ray, &path->hit))
+        return 0;
+    PROFILE_STAGE(SURFACE);
+    crossing_first(path->scene, &path->ray, &path->query, &path->hit, &v->s);
+    if (path_features_of(path->scene).mixes && v->s.material->m.kind == MATERIAL_MIX)
+        surface_resolve_mix(path->scene, &v->s,
+                            sampler_get(path->sampler, v->dimension + VERTEX_MEDIUM).v);
+    return 1;
+}
+
+/* The crossing of a vertex at which nothing is crossed. */
+static void crossing_none(struct crossing *crossing)
+{
+    crossing->beyond.count = 0;
+    crossing->beyond.medium = -1;
+    crossing->together = crossing->next_side = 0;
+}
+
+/* The material's values at the vertex; put down in `record`, if it is there for the path's first. */
+static void path_shade(const struct path *path, struct path_vertex *v, struct path_record *record)
+{
+    const struct render_scene *scene = path->scene;
+    const struct surface *s = &v->s;
+
+    PROFILE_STAGE(SURFACE);
+    surface_shade(scene, &v->s, vec3_neg(path->ray.direction), &v->params);
+    if (!record || path->depth > 0)
+        return;
+    record->hit = 1;
+    record->distance = s->t;
+    record->position = s->p;
+    record->normal = s->frame.n;
+    record->albedo = v->params.base_color;
+    record->instance = (uint32_t)(s->instance - scene->instances);
+    record->material = (uint32_t)(s->material - scene->materials);
+    record->triangle = s->triangle;
+    record->b1 = s->b1;
+    record->b2 = s->b2;
+    surface_uv(s, &record->u, &record->v);
+}
+
+/* The BSDF of the shaded vertex. 0: seen from behind its shading normal, it scatters nothing. */
+static int path_bsdf(struct path *path, struct path_vertex *v)
+{
+    path_indices(path, v);
+    v->wo = frame_to_local(&v->s.frame, vec3_neg(path->ray.direction));
+    if (!(v->wo.z > 0))
+        return 0;
+    PROFILE_STAGE(SCATTER);
+    bsdf_init(&v->bsdf, &v->params, v->wo);
+    return 1;
+}
+
+static int sample_bsdf(const struct path *path, const struct path_vertex *v, float u_lobe,
+                       struct bsdf_sample *sample)
+{
+    struct sample2 u = sampler_get(path->sampler, v->dimension + VERTEX_BSDF);
+
+    PROFILE_STAGE(SCATTER);
+    return bsdf_sample(&v->bsdf, v->wo, u_lobe, u.u, u.v, sample);
+}
+
+/* Sample the path's next direction by the BSDF. 0: it is absorbed. */
+static int path_scatter(struct path *path, const struct path_vertex *v, float u_lobe,
+                        struct bsdf_sample *sample)
+{
+    const struct path_features f = path_features_of(path->scene);
+
+    if (!sample_bsdf(path, v, u_lobe, sample))
+        return 0;
+    path->ray.direction = vec3_normalize(frame_to_world(&v->s.frame, sample->wi));
+    if ((vec3_dot(path->ray.direction, v->s.ng) > 0) != (sample->wi.z > 0))
+        return 0;
+    path->throughput = vec3_mul(path->throughput, sample->weight);
+    /* What is reflected has the wavelength's colour, too: its share depends on the index. */
+    if (f.dispersion && path_disperses_at(path, &v->s)) {
+        path->throughput = vec3_mul(path->throughput, path->wavelength_rgb);
+        path->dispersed = 1;
+    }
+    if (f.volumes && sample->wi.z < 0)
+        path->interior = v->crossing.beyond;
+    path->eta_scale *= sample->eta_scale;
+    path->specular = (sample->flags & BSDF_DELTA) != 0;
+    path->any_diffuse |= !path->specular;
+    path->pdf = sample->pdf;
+    return 1;
+}
+
+PATH_FUNCTION int russian_roulette(struct path *path, float u)
+{
+    float survival;
+
+    if (path->depth + 1 < path->scene->roulette_depth)
+        return 1;
+    survival = vec3_max(path->throughput) * path->eta_scale;
+    if (survival < 1) {
+        survival = float_max(survival, ROULETTE_SURVIVAL_MIN);
+        if (!(u < survival))
+            return 0;
+        path->throughput = vec3_scale(path->throughput, 1 / survival);
+    }
+    return 1;
+}
+
+PATH_FUNCTION void path_widen(struct path *path, float t)
+{
+    float spread;
+
+    path->cone.width += t * path->cone.spread;
+    if (path->specular || !(path->pdf > 0))
+        return;
+    spread = float_min(CONE_SHARE / sqrtf(path->pdf), CONE_SPREAD_MAX);
+    path->cone.spread = float_max(path->cone.spread, spread);
+}
+
+/* Leave the vertex towards wi, for the next one. */
+static void path_next_ray(struct path *path, const struct path_vertex *v, struct vec3 wi)
+{
+    const struct surface *s = &v->s;
+
+    if (path_features_of(path->scene).textures)
+        path_widen(path, s->t);
+    path->context.p = s->p;
+    path->context.n = s->material->flags & MATERIAL_TWO_WAY ? vec3_splat(0) : s->ng;
+    surface_leave(s, path->ray.direction, &path->ray);
+    path->at_next = path_meets_coincident(path, &v->crossing, wi);
+    if (path->at_next) {
+        path->ray.left_count = 0; /* the faces at this place are looked for again */
+        path->hit = v->crossing.next;
+    }
+    path->depth++;
+}
+
+/* ---- the path -------------------------------------------------------------------------------- */
+
+struct vec3 path_radiance(const struct render_scene *scene, const struct sampler *sampler,
+                          const struct ray *ray, struct camera_cone cone,
+                          struct path_record *record, struct render_stats *stats)
+{
+    const struct path_features f = path_features_of(scene);
+    struct vec3 radiance = {0, 0, 0};
+    struct path path;
+
+    path_start(&path, scene, sampler, ray, cone, stats);
+    while (path.boundaries_passed <= INDEX_MATCHED_MAX) {
+        struct bsdf_sample sample;
+        struct path_vertex v;
+        struct sample2 u;
+        int met = path_intersect(&path, &v), ends;
+
+        /* What lies between the vertices. */
+        if (f.media && !path.at_next) {
+            enum medium_outcome outcome = path_medium(&path, met ? v.s.t : INFINITY, v.dimension,
+                                                      &radiance);
+            if (outcome == MEDIUM_ENDED)
+                break;
+            if (outcome == MEDIUM_SCATTERED)
+                continue;
+        }
+        if (!met) {
+            path_add(&path, path_escaped(&path), &radiance);
+            break;
+        }
+        if (f.absorption && !path.at_next)
+            path_absorb(&path, &v.s);
+        if (f.coincident)
+            crossing_none(&v.crossing);
+        if ((f.volumes || (f.coincident && crossing_touches(&v.s))) && !path_boundary(&path, &v))
+            continue;
+
+        /* Emission. */
+        stats->vertices++;
+        if (v.s.material->flags & (MATERIAL_TEXTURED | MATERIAL_NORMAL_MAP))
+            v.s.footprint = (path.cone.width + v.s.t * path.cone.spread) / sqrtf(v.s.area);
+        path_add(&path, path_emitted(&path, &v.s), &radiance);
+        ends = path.depth >= scene->settings.max_depth || path_is_unlit(&path, &v.s);
+        if (ends && !record)
+            break;
+
+        /* Scattering: next-event estimation, and a direction for the next ray. */
+        path_shade(&path, &v, record);
+        if (ends || !path_bsdf(&path, &v))
+            break;
+        if (v.bsdf.has_smooth && scene->emitters.count > 0)
+            path_add(&path, path_direct_surface(&path, &v), &radiance);
+        u = sampler_get(sampler, v.dimension + VERTEX_LOBE);
+        if (!path_scatter(&path, &v, u.u, &sample))
+            break;
+        if (!russian_roulette(&path, u.v) || vec3_is_black(path.throughput))
+            break;
+        path_next_ray(&path, &v, sample.wi);
+    }
+    return radiance;
+}

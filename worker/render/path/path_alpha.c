@@ -1,0 +1,60 @@
+/* path_alpha: does a hit count? Asked by the traversal about triangles that may be culled or
+ * partly transparent. */
+#include <string.h>
+
+#include "worker/render/path/path_parts.h"
+
+/* A number of the triangle's corners, wherever the mesh has them: it stays the same when the mesh
+ * is cut or its triangles are reordered. */
+static uint32_t triangle_key(const struct world_mesh *mesh, const uint32_t vertex[3])
+{
+    uint32_t key = 0;
+
+    for (int k = 0; k < 3; k++) {
+        uint32_t bits[3];
+        memcpy(bits, mesh->positions + 3 * (size_t)vertex[k], sizeof bits);
+        for (int a = 0; a < 3; a++) {
+            key = (key ^ bits[a]) * 0x9e3779b1u;
+            key ^= key >> 15;
+        }
+    }
+    return key;
+}
+
+/* Is the material there at this point of the triangle? By chance where it is partly transparent. */
+static int alpha_accepts(const struct world_material *material, const struct world_mesh *mesh,
+                         const uint32_t vertex[3], float u, float v,
+                         const struct path_query *query, uint32_t alpha_key)
+{
+    float alpha;
+
+    PROFILE_EFFECT(ALPHA);
+    alpha = world_alpha(material, mesh, vertex, u, v);
+    if (material->m.alpha_mode == ALPHA_MASK)
+        return alpha >= material->m.alpha_cutoff;
+    return sampler_hash(query->sampler, query->ray_number * 0x9e3779b9u + alpha_key,
+                        triangle_key(mesh, vertex)) < alpha;
+}
+
+int path_accept(const void *scene_, const void *query, uint32_t instance_index, uint32_t triangle,
+                float u, float v, int facing)
+{
+    const struct render_scene *scene = scene_;
+    const struct world_instance *instance = &scene->instances[instance_index];
+    const struct world_material *material = &scene->materials[instance->material];
+    const struct world_mesh *mesh = &scene->meshes[instance->mesh];
+    int accepted;
+
+    /* Baked triangles are seen in world space, where a mirror turns the winding round. */
+    if (instance->world_positions && instance->flipped)
+        facing = !facing;
+    if (!facing && (material->flags & MATERIAL_CULLED))
+        return 0;
+    if (!(material->flags & MATERIAL_ALPHA))
+        return 1;
+    PROFILE_STAGE(SURFACE);
+    accepted = alpha_accepts(material, mesh, world_vertices(mesh, triangle), u, v, query,
+                             instance->alpha_key);
+    PROFILE_STAGE(TRACE);
+    return accepted;
+}

@@ -1,0 +1,220 @@
+/* path_light: light that reaches a path: by next-event estimation, from surfaces that shine, and
+ * from the environment.
+ *
+ * Light that both light sampling and BSDF or phase-function sampling can find is weighted by the
+ * power heuristic with exponent 2 (Veach 1997, section 9.2.4), one sample of each.
+ */
+#include "worker/render/path/path_parts.h"
+
+/* ---- next-event estimation ------------------------------------------------------------------- */
+
+/* Veach's power heuristic for strategy a against b, written so that it neither over- nor
+ * underflows. */
+static float power_heuristic(float a, float b)
+{
+    float r;
+
+    if (!(a > 0))
+        return 0;
+    r = b / a;
+    return 1 / (1 + r * r);
+}
+
+/* What gets through from the ray's origin to its end. */
+static struct vec3 path_visibility(struct path *path, const struct ray *ray)
+{
+    path->query.ray_number++;
+    if (path_features_of(path->scene).index_matched)
+        return path_transmittance(path, ray);
+    return vec3_splat(path_occluded(path, ray) ? 0 : 1);
+}
+
+/* Where the ray to a sampled light ends. A lamp's face is not in its own way; a light without a
+ * face may stand on something. */
+static void end_at_light(const struct light_sample *light, struct ray *ray)
+{
+    ray->t_max = light->on_face ? light->distance : light->distance * (1 - 0x1p-20f);
+    ray->reaches = light->on_face;
+    ray->end = light->face;
+    ray->end_inset = light->inset;
+    ray->end_cosine = light->cosine;
+}
+
+/* One light, sampled by the numbers of a vertex; 0: none, or it sends nothing. */
+static int sample_light(const struct path *path, const struct light_context *context,
+                        uint32_t dimension, struct light_sample *light)
+{
+    struct sample2 point = sampler_get(path->sampler, dimension + VERTEX_LIGHT_POINT);
+
+    PROFILE_STAGE(LIGHT);
+    return emitters_sample(path->scene, context, point.u, point.v, light) &&
+           !vec3_is_black(light->radiance);
+}
+
+/* The sampled light's contribution, where the vertex scatters `value` of it, with the density
+ * `pdf` for sampling its direction. */
+static struct vec3 weigh_light(const struct light_sample *light, struct vec3 value, float pdf)
+{
+    value = vec3_mul(value, vec3_scale(light->radiance, 1 / light->pdf));
+    return light->delta ? value : vec3_scale(value, power_heuristic(light->pdf, pdf));
+}
+
+static struct vec3 eval_bsdf(const struct path_vertex *v, struct vec3 wi, float *pdf)
+{
+    PROFILE_STAGE(SCATTER);
+    return bsdf_eval_pdf(&v->bsdf, v->wo, wi, pdf);
+}
+
+/* The same from a vertex towards wi: beyond its boundary, if that is on the other side. */
+static struct vec3 visibility_from(struct path *path, const struct path_vertex *v, struct vec3 wi,
+                                   const struct ray *ray)
+{
+    const int beyond = path_features_of(path->scene).coincident && wi.z < 0;
+    struct interior here;
+    struct vec3 visible;
+
+    if (beyond) {
+        here = path->interior;
+        path->interior = v->crossing.beyond;
+    }
+    visible = path_visibility(path, ray);
+    if (beyond)
+        path->interior = here;
+    return visible;
+}
+
+PATH_FUNCTION struct vec3 path_direct_surface(struct path *path, const struct path_vertex *v)
+{
+    const struct path_features f = path_features_of(path->scene);
+    const struct vec3 black = {0, 0, 0};
+    const struct surface *s = &v->s;
+    struct light_context context = {s->p, s->ng, s->time};
+    struct light_sample light;
+    struct vec3 wi, value, visible;
+    struct ray ray;
+    float pdf;
+
+    if (s->material->flags & MATERIAL_TWO_WAY)
+        context.n = black;
+    if (!sample_light(path, &context, v->dimension, &light))
+        return black;
+    wi = frame_to_local(&s->frame, light.direction);
+    /* The geometric normal decides on which side the light is, or it leaks. */
+    if ((vec3_dot(light.direction, s->ng) > 0) != (wi.z > 0))
+        return black;
+    if (path_meets_coincident(path, &v->crossing, wi))
+        return black;
+    value = eval_bsdf(v, wi, &pdf);
+    if (vec3_is_black(value))
+        return black;
+    surface_leave(s, light.direction, &ray);
+    end_at_light(&light, &ray);
+    visible = visibility_from(path, v, wi, &ray);
+    if (vec3_is_black(visible))
+        return black;
+    if (f.dispersion && path_disperses_at(path, s))
+        value = vec3_mul(value, path->wavelength_rgb);
+    if (f.index_matched)
+        value = vec3_mul(value, visible);
+    return weigh_light(&light, value, pdf);
+}
+
+PATH_FUNCTION struct vec3 path_direct_medium(struct path *path, const struct world_medium *medium,
+                                             struct vec3 direction, uint32_t dimension)
+{
+    const struct light_context context = {path->ray.origin, {0, 0, 0}, path->ray.time};
+    struct ray ray = path->ray;
+    struct light_sample light;
+    float pdf;
+
+    if (!sample_light(path, &context, dimension, &light))
+        return vec3_splat(0);
+    ray.direction = light.direction;
+    end_at_light(&light, &ray);
+    pdf = medium_phase(medium, vec3_dot(direction, light.direction));
+    return weigh_light(&light, vec3_scale(path_visibility(path, &ray), pdf), pdf);
+}
+
+/* ---- light that the path's own ray meets ----------------------------------------------------- */
+
+/* Light that only reaches a surface by way of a mirror or a lens, when it is switched off. */
+static int is_unwanted_caustic(const struct path *path)
+{
+    return path->specular && path->any_diffuse &&
+           (path->scene->settings.without & EFFECT_CAUSTICS);
+}
+
+PATH_FUNCTION struct vec3 path_escaped(const struct path *path)
+{
+    const struct render_scene *scene = path->scene;
+    struct vec3 radiance;
+    float light_pdf;
+
+    if (!path_features_of(scene).environment || !scene->environment || is_unwanted_caustic(path))
+        return vec3_splat(0);
+    PROFILE_STAGE_EFFECT(LIGHT, PROFILE_ACCOUNT(ENVIRONMENT));
+    if (path->specular || !scene->emitters.has_environment)
+        return environment_radiance(scene->environment, path->ray.direction);
+    if (scene->emitters.environment.alone)
+        return vec3_splat(0);
+    radiance = emitters_environment(scene, &path->context, path->ray.direction, &light_pdf);
+    return vec3_scale(radiance, power_heuristic(path->pdf, light_pdf));
+}
+
+/* Radiance that the lamp sends along the path's ray. */
+static struct vec3 met_lamp_radiance(const struct path *path, const struct surface *s, float cosine)
+{
+    const struct world_material *material = s->material;
+    struct vec3 radiance = world_emission(material, s->mesh, s->vertex, s->b1, s->b2);
+
+    if (path_features_of(path->scene).coats && material->m.clearcoat > 0)
+        radiance = vec3_scale(radiance, world_emission_scale(material, s->mesh, s->vertex,
+                                                             s->b1, s->b2, cosine));
+    return radiance;
+}
+
+/* An unlit material shows its base colour, whatever the light. */
+static struct vec3 unlit_color(const struct path *path, const struct surface *s)
+{
+    const struct scene_material *m = &s->material->m;
+    struct vec3 color = vec3_make(m->base_color[0], m->base_color[1], m->base_color[2]);
+
+    if (s->material->base_color.image) {
+        struct texel texel = world_slot_lookup(&s->material->base_color, s->mesh, s->vertex, s->b1,
+                                               s->b2, s->footprint, 1);
+        color = vec3_mul(color, vec3_make(texel.r, texel.g, texel.b));
+    }
+    if (path_features_of(path->scene).vertex_colors && s->mesh->colors)
+        color = vec3_mul(color, surface_vertex_color(s));
+    return color;
+}
+
+PATH_FUNCTION struct vec3 path_emitted(const struct path *path, const struct surface *s)
+{
+    const struct emitters *emitters = &path->scene->emitters;
+    const struct world_material *material = s->material;
+    uint32_t light = (uint32_t)s->instance->light_base + s->triangle;
+    struct vec3 radiance;
+    float cosine, light_pdf;
+    int sampled;
+
+    if (path_is_unlit(path, s))
+        return unlit_color(path, s);
+    if (!(material->flags & MATERIAL_EMISSIVE) || (!s->front && !material->m.double_sided) ||
+        is_unwanted_caustic(path))
+        return vec3_splat(0); /* a lamp shines from its front */
+    PROFILE_STAGE_EFFECT(LIGHT, PROFILE_ACCOUNT(EMISSIVE_MESH));
+    /* The parts of a mix are not sampled as lights. */
+    sampled = s->instance->light_base >= 0 &&
+              material == &path->scene->materials[s->instance->material];
+    if (sampled && emitters_is_dark(emitters, light))
+        return vec3_splat(0);
+    cosine = fabsf(vec3_dot(s->ng, path->ray.direction));
+    radiance = met_lamp_radiance(path, s, cosine);
+    if (path->specular || !sampled)
+        return radiance;
+    light_pdf = emitters_triangle_pdf(path->scene, &path->context, light,
+                                      vec3_length_squared(vec3_sub(s->p, path->context.p)), cosine,
+                                      s->area);
+    return vec3_scale(radiance, power_heuristic(path->pdf, light_pdf));
+}

@@ -1,0 +1,122 @@
+/* path_trace: rays of a path, and the safeguard for those that slip out of something closed. */
+#include "common/base/clock.h"
+#include "worker/render/base/exact.h"
+#include "worker/render/path/kernel.h"
+#include "worker/render/path/path_parts.h"
+
+/* ---- the safeguard: a ray that starts in something closed cannot escape ---------------------- */
+
+/* Is any of the volumes that the ray is in closed? A medium without a list of bodies has no mesh:
+ * it is taken to be closed where the ray starts in its midst. */
+static int starts_inside(const struct render_scene *scene, const struct interior *in,
+                         const struct ray *ray)
+{
+    if (scene->volume_rule == VOLUMES_BOUNDARIES)
+        return in->medium >= 0 && in->medium != scene->fog && ray->left_count == 0;
+    for (uint32_t i = 0; i < in->count; i++)
+        if (!(in->entry[i] & INTERIOR_OWED) &&
+            (scene->materials[in->entry[i]].flags & MATERIAL_ENCLOSES))
+            return 1;
+    return 0;
+}
+
+/* Can is_enclosed be true at all? Evaluated for every ray that escapes. */
+static inline int may_leak(const struct render_scene *scene, const struct interior *in,
+                           const struct ray *ray)
+{
+    return scene->enclosed ||
+           (path_features_of(scene).coincident && (in->count > 0 || in->medium >= 0)) ||
+           (ray->left_count > 0 && scene->instances[ray->left[0].instance].encloses);
+}
+
+/* Does the ray start inside something closed? Then it cannot escape: if it does, it has slipped
+ * through a vertex (docs/NUMERICS.md). `in`: the volumes that it is in. */
+static int is_enclosed(const struct render_scene *scene, const struct interior *in,
+                       const struct ray *ray)
+{
+    const struct world_instance *instance;
+    double corner[3][3], n[3], direction[3];
+
+    if (ray->t_max < INFINITY)
+        return 0; /* it reached its end */
+    if (scene->enclosed || (path_features_of(scene).coincident && starts_inside(scene, in, ray)))
+        return 1;
+    if (ray->left_count == 0)
+        return 0;
+    instance = &scene->instances[ray->left[0].instance];
+    if (!instance->encloses)
+        return 0;
+    world_exact_corners(scene, ray->left[0].instance, ray->left[0].triangle, ray->time, corner);
+    exact_normal(corner, n);
+    exact_vec(ray->direction, direction);
+    return instance->flipped ? exact_dot(n, direction) > 0 : exact_dot(n, direction) < 0;
+}
+
+/* What an escaped ray meets when it is traced again; 0: it did escape. Kept out of the way of what
+ * runs always; not `cold`, or what follows every escape would be, too. */
+static __attribute__((noinline)) int leaked(const struct path *path, const struct interior *in,
+                                            const struct ray *ray, struct hit *hit)
+{
+    if (!is_enclosed(path->scene, in, ray) ||
+        !accel_intersect_enclosed(path->scene->accel, ray, &path->query, hit))
+        return 0;
+    path->stats->leaked_rays++;
+    return 1;
+}
+
+/* The same of a shadow ray that nothing blocked. */
+static __attribute__((noinline)) int leaked_shadow(const struct path *path, const struct ray *ray)
+{
+    if (!is_enclosed(path->scene, &path->interior, ray) ||
+        !accel_occluded_enclosed(path->scene->accel, ray, &path->query))
+        return 0;
+    path->stats->leaked_rays++;
+    return 1;
+}
+
+/* ---- rays ------------------------------------------------------------------------------------ */
+
+static int intersects(const struct path *path, const struct interior *in, const struct ray *ray,
+                      struct hit *hit)
+{
+    return accel_intersect(path->scene->accel, ray, &path->query, hit) ||
+           (may_leak(path->scene, in, ray) && leaked(path, in, ray, hit));
+}
+
+static int is_blocked(const struct path *path, const struct ray *ray)
+{
+    return accel_occluded(path->scene->accel, ray, &path->query) ||
+           (!(ray->t_max < INFINITY) && may_leak(path->scene, &path->interior, ray) &&
+            leaked_shadow(path, ray));
+}
+
+/* Of the clock, if Embree's share is to be measured (render_measure_trace). */
+static inline uint64_t trace_clock(void)
+{
+    return kernel_measures_trace ? clock_monotonic_ns() : 0;
+}
+
+PATH_FUNCTION int path_trace(const struct path *path, const struct interior *in,
+                             const struct ray *ray, struct hit *hit)
+{
+    uint64_t start = trace_clock();
+    int met;
+
+    PROFILE_STAGE(TRACE);
+    met = intersects(path, in, ray, hit);
+    path->stats->rays++;
+    path->stats->trace_ns += trace_clock() - start;
+    return met;
+}
+
+PATH_FUNCTION int path_occluded(const struct path *path, const struct ray *ray)
+{
+    uint64_t start = trace_clock();
+    int blocked;
+
+    PROFILE_STAGE(TRACE);
+    blocked = is_blocked(path, ray);
+    path->stats->rays++;
+    path->stats->trace_ns += trace_clock() - start;
+    return blocked;
+}

@@ -1,0 +1,256 @@
+/* path_volumes: what a path meets between surfaces, and which volumes it is in.
+ *
+ * Media are sampled by free paths (medium.h); refractive objects absorb by Beer and Lambert's law.
+ * Overlapping bodies are told apart by priority (interior.h), faces that coincide are crossed as
+ * one (crossing.h).
+ */
+#include "common/math/elementary.h"
+#include "worker/render/bsdf/dispersion.h"
+#include "worker/render/base/exact.h"
+#include "worker/render/path/path_parts.h"
+
+/* ---- media ----------------------------------------------------------------------------------- */
+
+/* The medium around a ray, NULL: none. */
+static const struct world_medium *interior_medium(const struct render_scene *scene,
+                                                  const struct interior *in, int *is_fog)
+{
+    const struct world_material *around;
+    int32_t medium = in->medium;
+
+    if (scene->volume_rule == VOLUMES_NESTED) {
+        around = interior_around(scene, in);
+        medium = around ? around->m.medium : scene->fog;
+        *is_fog = !around;
+    } else {
+        *is_fog = medium == scene->fog;
+    }
+    if (medium < 0 || (*is_fog && !path_features_of(scene).fog))
+        return NULL;
+    return scene->media[medium];
+}
+
+/* Fog ends at the scene's sphere: where along the ray. */
+static float fog_end(const struct render_scene *scene, const struct ray *ray)
+{
+    struct vec3 to = vec3_sub(scene->bounds_centre, ray->origin);
+    float along = vec3_dot(to, ray->direction);
+    float beside = vec3_length_squared(vec3_mad(to, ray->direction, -along));
+    float half = scene->fog_radius * scene->fog_radius - beside;
+
+    return half > 0 ? float_max(along + sqrtf(half), 0) : 0;
+}
+
+static uint8_t medium_account(int is_fog)
+{
+    return is_fog ? PROFILE_ACCOUNT(FOG) : PROFILE_ACCOUNT(MEDIUM);
+}
+
+/* Move the ray's origin along it to a point in mid-air. In double: in a dense medium the way may be
+ * far shorter than the distance between floats. */
+static void ray_advance(struct ray *ray, float distance)
+{
+    double place[3], direction[3];
+
+    exact_origin(ray, place);
+    exact_vec(ray->direction, direction);
+    for (int k = 0; k < 3; k++)
+        place[k] += direction[k] * (double)distance;
+    ray->origin = exact_round(place, ray->rest);
+    ray->t_max = INFINITY;
+    ray->left_count = 0;
+}
+
+/* How far light gets along the path's ray, at most `t` metres, and what the stretch emits. */
+static void sample_medium(struct path *path, const struct world_medium *medium, int is_fog, float t,
+                          uint32_t dimension, uint32_t key, struct medium_event *event)
+{
+    struct medium_random random = {path->sampler, key, 0};
+    struct ray stretch = path->ray;
+    float first = sampler_get(path->sampler, dimension + VERTEX_MEDIUM).u;
+
+    PROFILE_STAGE_EFFECT(MEDIUM, medium_account(is_fog));
+    stretch.t_max = is_fog ? float_min(t, fog_end(path->scene, &path->ray)) : t;
+    if (path->medium_depth > path->depth) /* a second stretch without a vertex between */
+        first = sampler_hash(path->sampler, key, 0xffffffffu);
+    path->medium_depth = path->depth + 1;
+    medium_sample(medium, &stretch, first, &random, event);
+}
+
+/* The vertex in the medium, `distance` metres along the ray: next-event estimation, a direction by
+ * the phase function, Russian roulette. 0: the path ends. */
+static int scatter_in_medium(struct path *path, const struct world_medium *medium, float distance,
+                             uint32_t dimension, struct vec3 *radiance)
+{
+    struct sample2 u = sampler_get(path->sampler, dimension + VERTEX_BSDF);
+    struct vec3 before = path->ray.direction;
+
+    path->stats->vertices++;
+    if (path->depth >= path->scene->settings.max_depth)
+        return 0;
+    ray_advance(&path->ray, distance);
+    if (path->scene->emitters.count > 0)
+        path_add(path, path_direct_medium(path, medium, before, dimension), radiance);
+    PROFILE_STAGE(MEDIUM);
+    path->ray.direction = medium_phase_sample(medium, before, u.u, u.v);
+    path->pdf = medium_phase(medium, vec3_dot(before, path->ray.direction));
+    path->specular = 0;
+    path->any_diffuse = 1;
+    path_widen(path, distance);
+    path->context.p = path->ray.origin;
+    path->context.n = vec3_make(0, 0, 0);
+    if (!russian_roulette(path, sampler_get(path->sampler, dimension + VERTEX_LOBE).v))
+        return 0;
+    path->depth++;
+    return 1;
+}
+
+PATH_FUNCTION enum medium_outcome path_medium(struct path *path, float t, uint32_t dimension,
+                                              struct vec3 *radiance)
+{
+    const uint32_t key = path->medium_key++;
+    const struct world_medium *medium;
+    struct medium_event event;
+    int is_fog;
+
+    medium = interior_medium(path->scene, &path->interior, &is_fog);
+    if (!medium)
+        return MEDIUM_PASSED;
+    sample_medium(path, medium, is_fog, t, dimension, key, &event);
+    path_add(path, event.emitted, radiance);
+    path->throughput = vec3_mul(path->throughput, event.weight);
+    if (vec3_is_black(path->throughput))
+        return MEDIUM_ENDED;
+    if (!event.scattered)
+        return MEDIUM_PASSED;
+    return scatter_in_medium(path, medium, event.distance, dimension, radiance) ? MEDIUM_SCATTERED
+                                                                                : MEDIUM_ENDED;
+}
+
+/* Transmittance of what a shadow ray's stretch lies in, up to `t` metres. */
+static struct vec3 stretch_transmittance(const struct render_scene *scene,
+                                         const struct interior *in, const struct ray *stretch,
+                                         float t, struct medium_random *random)
+{
+    struct ray through = *stretch;
+    const struct world_medium *medium;
+    int is_fog;
+
+    medium = interior_medium(scene, in, &is_fog);
+    if (!medium)
+        return vec3_splat(1);
+    PROFILE_STAGE_EFFECT(MEDIUM, medium_account(is_fog));
+    through.t_max = is_fog ? float_min(t, fog_end(scene, stretch)) : t;
+    return medium_transmittance(medium, &through, random);
+}
+
+PATH_FUNCTION __attribute__((noinline)) struct vec3 path_transmittance(struct path *path,
+                                                                       const struct ray *ray)
+{
+    const struct render_scene *scene = path->scene;
+    struct vec3 visible = {1, 1, 1};
+    struct interior in = path->interior;
+    struct ray stretch = *ray;
+    float left = ray->t_max;
+
+    for (int i = 0; i < INDEX_MATCHED_MAX; i++) {
+        struct medium_random random = {path->sampler, path->medium_key++, 0};
+        struct crossing crossing;
+        struct surface s;
+        struct hit hit;
+        int met = path_trace(path, &in, &stretch, &hit);
+
+        PROFILE_STAGE(SURFACE);
+        if (met) {
+            crossing_first(scene, &stretch, &path->query, &hit, &s);
+            surface_resolve_mix(scene, &s, 0);
+            if (s.material->m.kind != MATERIAL_INTERFACE)
+                break;
+        }
+        visible = vec3_mul(visible, stretch_transmittance(scene, &in, &stretch,
+                                                          met ? s.t : stretch.t_max, &random));
+        if (!met || vec3_is_black(visible))
+            return visible;
+        crossing_find(scene, &stretch, &path->query, 0, 0, 0, &in, &s, &crossing);
+        if (s.material->m.kind != MATERIAL_INTERFACE)
+            break;
+        in = crossing.beyond;
+        surface_leave(&s, ray->direction, &stretch);
+        stretch.reaches = ray->reaches;
+        stretch.t_max = left -= s.t;
+        if (!(left > 0))
+            return visible;
+        path->query.ray_number++;
+    }
+    return vec3_splat(0);
+}
+
+/* ---- refractive objects ---------------------------------------------------------------------- */
+
+/* What the stretch that ends at the surface lies in; NULL: unknown. */
+static const struct world_material *stretch_filling(const struct path *path,
+                                                    const struct surface *s)
+{
+    if (path_features_of(path->scene).volumes && path->scene->volume_rule == VOLUMES_NESTED)
+        return interior_around(path->scene, &path->interior);
+    return !s->front && s->material->m.refractive ? s->material : NULL;
+}
+
+static struct vec3 beer_lambert(struct vec3 a, float distance)
+{
+    return vec3_make(a.x > 0 ? det_exp(-a.x * distance) : 1, a.y > 0 ? det_exp(-a.y * distance) : 1,
+                     a.z > 0 ? det_exp(-a.z * distance) : 1);
+}
+
+PATH_FUNCTION void path_absorb(struct path *path, const struct surface *s)
+{
+    const struct world_material *filling = stretch_filling(path, s);
+
+    if (!filling || vec3_is_black(filling->absorption))
+        return;
+    PROFILE_STAGE_EFFECT(MEDIUM, PROFILE_ACCOUNT(ABSORPTION));
+    path->throughput = vec3_mul(path->throughput, beer_lambert(filling->absorption, s->t));
+}
+
+PATH_FUNCTION int path_boundary(struct path *path, struct path_vertex *v)
+{
+    const struct path_features f = path_features_of(path->scene);
+    float mix = f.mixes && crossing_touches(&v->s)
+                    ? sampler_get(path->sampler, v->dimension + VERTEX_MEDIUM).v : 0;
+
+    PROFILE_STAGE(SURFACE);
+    crossing_find(path->scene, &path->ray, &path->query, mix, f.nested, path->at_next,
+                  &path->interior, &v->s, &v->crossing);
+    if (v->crossing.real && v->s.material->m.kind != MATERIAL_INTERFACE)
+        return 1;
+    path->boundaries_passed++;
+    path->interior = v->crossing.beyond;
+    path->cone.width += v->s.t * path->cone.spread;
+    surface_leave(&v->s, path->ray.direction, &path->ray);
+    return 0;
+}
+
+/* The index for the path's wavelength, which is sampled when first needed. */
+static float dispersed_ior(struct path *path, float ior, float dispersion)
+{
+    if (!(path->wavelength_nm > 0))
+        path->wavelength_nm = wavelength_sample(sampler_get(path->sampler, DIMENSION_TIME).v,
+                                                &path->wavelength_rgb);
+    return dispersion_ior(ior, dispersion, path->wavelength_nm);
+}
+
+PATH_FUNCTION void path_indices(struct path *path, struct path_vertex *v)
+{
+    const struct path_features f = path_features_of(path->scene);
+    const struct world_material *material = v->s.material;
+
+    if (f.coincident && v->crossing.together)
+        v->params.ior = v->crossing.ior;
+    else if (f.nested && material->flags & MATERIAL_BOUNDS)
+        v->params.ior = interior_filling(path->scene, v->s.instance->body)->m.ior;
+    if (f.dispersion && material->m.dispersion > 0 && v->params.refractive)
+        v->params.ior = dispersed_ior(path, v->params.ior, material->m.dispersion);
+    if (f.nested)
+        v->params.ior_outside =
+            interior_ior(path->scene, v->s.front ? &path->interior : &v->crossing.beyond);
+}

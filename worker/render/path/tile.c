@@ -1,0 +1,192 @@
+/* tile: the one pixel loop. */
+#include <float.h>
+#include <string.h>
+
+#include "worker/render/path/kernel.h"
+#include "worker/render/path/path.h"
+#include "worker/render/base/profile_scope.h"
+#include "worker/render/camera/view.h"
+#include "worker/render/world.h"
+
+enum { TILE_BATCH = 8 };
+
+/* Distance along the camera's axis, which is what compositors call depth. */
+static float tile_depth(const struct render_scene *scene, const struct ray *ray, float distance)
+{
+    const struct transform *view = &scene->camera.to_world;
+    struct vec3 axis = {-view->m[0][2], -view->m[1][2], -view->m[2][2]};
+
+    return scene->camera.kind == CAMERA_PANORAMA ? distance
+                                                 : distance * vec3_dot(ray->direction, axis);
+}
+
+/* One sample's output variables, added to the pixel's `values` in the enum's order. */
+static void tile_aovs(const struct render_scene *scene, uint32_t mask, const struct ray *ray,
+                      const struct path_record *record, int first, double *values)
+{
+    float sample[AOV_FLOATS_MAX], motion[2] = {0, 0};
+    uint32_t at = 0;
+
+    for (int aov = 0; aov < AOV_COUNT; aov++) {
+        uint32_t channels = aov_channels((enum aov)aov);
+        if (!(mask >> aov & 1) || channels == 0)
+            continue;
+        memset(sample, 0, sizeof sample);
+        if (record->hit)
+            switch ((enum aov)aov) {
+            case AOV_DEPTH:
+                sample[0] = tile_depth(scene, ray, record->distance);
+                break;
+            case AOV_NORMAL:
+                memcpy(sample, &record->normal, sizeof record->normal);
+                break;
+            case AOV_ALBEDO:
+                memcpy(sample, &record->albedo, sizeof record->albedo);
+                break;
+            case AOV_POSITION:
+                memcpy(sample, &record->position, sizeof record->position);
+                break;
+            case AOV_UV:
+                sample[0] = record->u;
+                sample[1] = record->v;
+                break;
+            case AOV_OBJECT_ID:
+                sample[0] = (float)record->instance + 1;
+                break;
+            case AOV_MATERIAL_ID:
+                sample[0] = (float)record->material + 1;
+                break;
+            case AOV_MOTION:
+                view_motion(scene, record->instance, record->triangle, record->b1,
+                                    record->b2, motion);
+                memcpy(sample, motion, sizeof motion);
+                break;
+            case AOV_SAMPLES:
+            case AOV_ERROR:
+            case AOV_COUNT:
+                break;
+            }
+        for (uint32_t c = 0; c < channels; c++, at++) {
+            float value = isfinite(sample[c]) ? sample[c] : 0;
+            if (!aov_is_point((enum aov)aov))
+                values[at] += (double)value;
+            else if (first)
+                values[at] = (double)value;
+        }
+    }
+}
+
+static double tile_luminance(double r, double g, double b)
+{
+    return 0.212656 * r + 0.715158 * g + 0.072186 * b;
+}
+
+/* Scale the sample down so that its largest channel is `limit`. */
+static __attribute__((cold, noinline)) struct vec3 tile_clamped(struct vec3 radiance, float limit,
+                                                                struct render_stats *stats)
+{
+    double r = (double)radiance.x, g = (double)radiance.y, b = (double)radiance.z;
+    double scale = (double)limit / (double)vec3_max(radiance);
+
+    stats->clamped_samples++;
+    stats->clamped_luminance += tile_luminance(r, g, b) * (1 - scale);
+    return vec3_make((float)(r * scale), (float)(g * scale), (float)(b * scale));
+}
+
+/* Kept out of the pixel loop, whose code it would change where nothing is clamped. */
+static __attribute__((cold, noinline)) void tile_count_kept(double sum[GROUP_REPLICATES][3],
+                                                            struct render_stats *stats)
+{
+    for (int r = 0; r < GROUP_REPLICATES; r++)
+        stats->kept_luminance += tile_luminance(sum[r][0], sum[r][1], sum[r][2]);
+}
+
+static float tile_float(double sum, struct render_stats *stats)
+{
+    if (sum < (double)FLT_MAX)
+        return (float)sum;
+    stats->clamped_values++;
+    return FLT_MAX;
+}
+
+
+/* Several of a pixel's samples begin together: each one's arithmetic is a chain of steps that wait
+ * for one another, and chains side by side wait together. */
+static void tile_start(const struct render_scene *scene, uint32_t frame, uint32_t x, uint32_t y,
+                       uint32_t group, uint32_t first, uint32_t count, struct sampler *samplers,
+                       struct ray *rays)
+{
+    PROFILE_STAGE(CAMERA);
+    for (uint32_t k = 0; k < count; k++)
+        sampler_start(&samplers[k], scene->settings.seed, frame, x, y, group, first + k);
+    if (scene->settings.sampler == SAMPLER_INDEPENDENT)
+        for (uint32_t k = 0; k < count; k++)
+            sampler_isolate(&samplers[k]);
+    for (uint32_t k = 0; k < count; k++)
+        camera_ray(&scene->camera, x, y, &samplers[k], &rays[k]);
+}
+
+size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t group,
+                   uint32_t pass, float *sums, struct tail *tail, struct render_stats *stats)
+{
+    const struct render_settings *settings = &scene->settings;
+    struct tile_rect rect = tile_rect_of(settings->width, settings->height, tile);
+    size_t pixels = (size_t)rect.width * rect.height, index = 0;
+    size_t aov_base = GROUP_REPLICATES * pixels * 3;
+    uint32_t begin, end, aovs = unit_aovs(settings->aovs, group, pass), extra = aov_floats(aovs);
+    struct camera_cone cone = camera_cone(&scene->camera);
+    const float limit = settings->clamp;
+    struct sampler samplers[TILE_BATCH];
+    struct ray rays[TILE_BATCH];
+
+    pass_range(settings->spp, group, pass, &begin, &end);
+    if (tail)
+        tail->count = 0;
+    for (uint32_t y = rect.y; y < rect.y + rect.height; y++)
+        for (uint32_t x = rect.x; x < rect.x + rect.width; x++, index++) {
+            double sum[GROUP_REPLICATES][3] = {{0}}, values[AOV_FLOATS_MAX] = {0};
+            for (uint32_t i = begin, at = 0, ready = 0; i < end; i++, at++) {
+                struct path_record record;
+                struct vec3 radiance;
+                if (at == ready) {
+                    at = 0;
+                    ready = end - i < TILE_BATCH ? end - i : TILE_BATCH;
+                    tile_start(scene, frame, x, y, group, i, ready, samplers, rays);
+                }
+                if (extra)
+                    memset(&record, 0, sizeof record);
+                radiance = path_radiance(scene, &samplers[at], &rays[at], cone,
+                                         extra ? &record : NULL, stats);
+                stats->samples++;
+                PROFILE_STAGE(REST);
+                if (extra)
+                    tile_aovs(scene, aovs, &rays[at], &record, i == 0, values);
+                if (!vec3_is_finite(radiance)) {
+                    stats->dropped_samples++;
+                    continue;
+                }
+                if (limit > 0 && vec3_max(radiance) > limit)
+                    radiance = tile_clamped(radiance, limit, stats);
+                sum[i % GROUP_REPLICATES][0] += (double)radiance.x;
+                sum[i % GROUP_REPLICATES][1] += (double)radiance.y;
+                sum[i % GROUP_REPLICATES][2] += (double)radiance.z;
+                if (tail)
+                    tail_add(tail, vec3_luminance(radiance), (uint32_t)index);
+            }
+            for (int r = 0; r < GROUP_REPLICATES; r++)
+                for (int c = 0; c < 3; c++)
+                    sums[((size_t)r * pixels + index) * 3 + (size_t)c] =
+                        tile_float(sum[r][c], stats);
+            if (limit > 0)
+                tile_count_kept(sum, stats);
+            for (uint32_t aov = 0, at = 0; aov < AOV_COUNT; aov++) {
+                uint32_t channels = aovs >> aov & 1 ? aov_channels((enum aov)aov) : 0;
+                for (uint32_t c = 0; c < channels; c++)
+                    sums[aov_base + at * pixels + index * channels + c] =
+                        tile_float(values[at + c], stats);
+                at += channels;
+            }
+        }
+    PROFILE_IDLE();
+    return aov_base + extra * pixels;
+}

@@ -1,3 +1,0 @@
-#include "worker/render/profile_scope.h"
-
-_Thread_local struct profile_place profile_place;

@@ -1,0 +1,121 @@
+#include "worker/render/surface/surface.h"
+
+#include <string.h>
+
+#include "worker/render/base/exact.h"
+#include "worker/render/world.h"
+#include "worker/render/surface/world_motion.h"
+
+void world_triangle(const struct render_scene *scene, const struct world_instance *instance,
+                    uint32_t triangle, float time, struct vec3 corner[3])
+{
+    const struct world_mesh *mesh = &scene->meshes[instance->mesh];
+    double c[3][3];
+
+    world_corners(scene, instance, world_vertices(mesh, triangle), time, c);
+    for (int k = 0; k < 3; k++)
+        corner[k] = vec3_make((float)c[k][0], (float)c[k][1], (float)c[k][2]);
+}
+
+/* A lower bound of the distance to the nearest edge: the smallest weight's share of the least
+ * height. */
+static float surface_inset(double u, double v, double double_area, const double e1[3],
+                           const double e2[3])
+{
+    double a = exact_dot(e1, e1), b = exact_dot(e2, e2), ab = exact_dot(e1, e2);
+    double c = a + b - 2 * ab, w = 1 - u - v, least, longest;
+
+    least = u < v ? u : v;
+    least = w < least ? w : least;
+    longest = a > b ? a : b;
+    longest = c > longest ? c : longest;
+    return longest > 0 ? (float)(least * double_area / sqrt(longest)) : 0;
+}
+
+void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
+                      const struct hit *hit, struct surface *s)
+{
+    double c[3][3], e1[3], e2[3], n[3], to_origin[3], pvec[3], qvec[3], p[3], d[3], o[3];
+    double determinant, u, v, length, sign;
+
+    exact_vec(ray->direction, d);
+    exact_origin(ray, o);
+    s->number = hit->instance;
+    s->instance = &scene->instances[hit->instance];
+    s->footprint = 0;
+    s->other_count = 0;
+    s->time = ray->time;
+    s->material = &scene->materials[s->instance->material];
+    s->mesh = &scene->meshes[s->instance->mesh];
+    s->triangle = hit->triangle;
+    s->vertex = world_vertices(s->mesh, hit->triangle);
+    world_corners(scene, s->instance, s->vertex, ray->time, c);
+    exact_sub(c[1], c[0], e1);
+    exact_sub(c[2], c[0], e2);
+    exact_sub(o, c[0], to_origin);
+    exact_cross(e1, e2, n);
+    length = sqrt(exact_dot(n, n));
+
+    /* Moeller-Trumbore in double; the clamp only ever undoes rounding at an edge. */
+    exact_cross(d, e2, pvec);
+    exact_cross(to_origin, e1, qvec);
+    determinant = exact_dot(e1, pvec);
+    if (determinant != 0 && isfinite(1 / determinant)) {
+        u = exact_dot(to_origin, pvec) / determinant;
+        v = exact_dot(d, qvec) / determinant;
+        u = u < 0 ? 0 : u > 1 ? 1 : u;
+        v = v < 0 ? 0 : v > 1 - u ? 1 - u : v;
+    } else {
+        u = v = 1.0 / 3;
+    }
+    for (int a = 0; a < 3; a++)
+        p[a] = c[0][a] + u * e1[a] + v * e2[a];
+    s->b1 = (float)u;
+    s->b2 = (float)v;
+    s->t = (float)((p[0] - o[0]) * d[0] + (p[1] - o[1]) * d[1] + (p[2] - o[2]) * d[2]);
+    s->p = exact_round(p, s->rest);
+    s->area = (float)(0.5 * length);
+    s->contacts = world_near_boundary(scene, s->p);
+    s->inset = surface_inset(u, v, length, e1, e2);
+
+    sign = s->instance->flipped ? -1 : 1;
+    s->front = exact_dot(n, d) * sign < 0;
+    sign = s->front ? sign : -sign;
+    if (length > 0)
+        s->ng = vec3_make((float)(n[0] / length * sign), (float)(n[1] / length * sign),
+                          (float)(n[2] / length * sign));
+    else
+        s->ng = vec3_neg(ray->direction);
+}
+
+void surface_uv(const struct surface *s, float *u, float *v)
+{
+    const float *uv = s->mesh->uv[0], *a, *b, *c;
+    float b0 = 1 - s->b1 - s->b2;
+
+    *u = *v = 0;
+    if (!uv)
+        return;
+    a = uv + 2 * (size_t)s->vertex[0];
+    b = uv + 2 * (size_t)s->vertex[1];
+    c = uv + 2 * (size_t)s->vertex[2];
+    *u = b0 * a[0] + s->b1 * b[0] + s->b2 * c[0];
+    *v = b0 * a[1] + s->b1 * b[1] + s->b2 * c[1];
+}
+
+void surface_leave(const struct surface *s, struct vec3 direction, struct ray *ray)
+{
+    ray->origin = s->p;
+    ray->direction = direction;
+    ray->t_max = INFINITY;
+    ray->time = s->time;
+    memcpy(ray->rest, s->rest, sizeof ray->rest);
+    ray->left_count = 1 + s->other_count;
+    ray->left[0] = (struct hit){s->number, s->triangle};
+    for (uint32_t i = 0; i < s->other_count; i++)
+        ray->left[1 + i] = s->others[i];
+    ray->reaches = 0;
+    ray->contacts = s->contacts;
+    ray->inset = s->inset;
+    ray->off = vec3_dot(direction, s->ng) < 0 ? vec3_neg(s->ng) : s->ng;
+}

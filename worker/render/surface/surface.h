@@ -1,0 +1,66 @@
+/* surface: a hit made into a place that can be shaded.
+ *
+ * The hit's position is computed again from the triangle, in double, so that it depends on
+ * neither Embree's kernels nor the ISA. The next ray starts exactly there and leaves the
+ * triangle by its name (struct ray).
+ */
+#ifndef AZULEJO_RENDER_SURFACE_H
+#define AZULEJO_RENDER_SURFACE_H
+
+#include "common/math/vec.h"
+#include "worker/render/accel/accel.h"
+#include "worker/render/bsdf/bsdf.h"
+#include "worker/render/texture/texture.h"
+
+struct render_scene;
+struct world_instance;
+struct world_material;
+struct world_mesh;
+
+struct surface {
+    const struct world_instance *instance;
+    const struct world_material *material;
+    const struct world_mesh *mesh;
+    const uint32_t *vertex;   /* the triangle's three vertex numbers */
+    uint32_t number;          /* the instance's */
+    uint32_t triangle;
+    float b1, b2;             /* barycentric weights of vertices 1 and 2 */
+    float t;                  /* metres from the ray's origin */
+    float area;               /* of the triangle, m^2 */
+    int contacts;             /* what is very close counts (struct ray) */
+    float inset;              /* metres from the place to the triangle's edges, or less */
+    float footprint;          /* width of the ray's beam over sqrt(area); 0: textures at their finest */
+    float time;               /* 0..1: the ray's */
+    int front;                /* met from the side of counter-clockwise winding */
+    struct vec3 p;            /* world, rounded to float */
+    double rest[3];           /* metres: what rounding took away; the place is p + rest */
+    uint32_t other_count;     /* faces that coincide with it (crossing.h): rays leave them as well */
+    struct hit others[RAY_LEFT_MAX - 1];
+    struct vec3 ng;           /* unit geometric normal on the ray's side */
+    struct frame frame;       /* shading frame on the ray's side, after surface_shade */
+    struct texture_place place; /* that the material's textures share, while it is shaded */
+};
+
+/* Position and geometric normal of the hit. */
+void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
+                      const struct hit *hit, struct surface *s);
+
+/* Shading frame and the material's values; `wo` is unit, world, towards the ray's origin.
+ * The frame is bent so that wo is above it and, where anything reflects, so that the mirror
+ * direction is above it and above the geometric surface. */
+void surface_shade(const struct render_scene *scene, struct surface *s, struct vec3 wo,
+                   struct bsdf_params *params);
+
+/* Where the material is a mix, one of its parts by the number `u` in [0,1). */
+void surface_resolve_mix(const struct render_scene *scene, struct surface *s, float u);
+
+/* Colour that the vertices give; the mesh has MESH_COLORS. */
+struct vec3 surface_vertex_color(const struct surface *s);
+
+/* First uv set at the hit; 0, 0 where the mesh has none. */
+void surface_uv(const struct surface *s, float *u, float *v);
+
+/* A ray that leaves the surface towards `direction`, to either side, without end. */
+void surface_leave(const struct surface *s, struct vec3 direction, struct ray *ray);
+
+#endif

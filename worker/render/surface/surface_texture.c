@@ -1,0 +1,98 @@
+/* Textures at a point of a triangle, and what is asked of a material without shading it: alpha and
+ * emission. */
+#include <math.h>
+
+#include "worker/render/bsdf/bsdf.h"
+#include "worker/render/base/profile_scope.h"
+#include "worker/render/surface/surface_parts.h"
+
+/* The image's coordinates there; the footprint from the triangle's scale to the image's. */
+static void surface_slot_coordinates(const struct world_slot *slot, const struct world_mesh *mesh,
+                                     const uint32_t vertex[3], float b1, float b2, float *u_out,
+                                     float *v_out, float *footprint)
+{
+    const float *uv = mesh->uv[slot->uv_set];
+    float u = 0, v = 0, area = 0;
+
+    if (uv) {
+        const float *a = uv + 2 * (size_t)vertex[0], *b = uv + 2 * (size_t)vertex[1],
+                    *c = uv + 2 * (size_t)vertex[2];
+        float b0 = 1 - b1 - b2;
+        u = b0 * a[0] + b1 * b[0] + b2 * c[0];
+        v = b0 * a[1] + b1 * b[1] + b2 * c[1];
+        if (*footprint > 0)
+            area = 0.5f * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
+    }
+    if (slot->transformed) {
+        float u0 = u;
+        u = slot->m[0][0] * u0 + slot->m[0][1] * v + slot->m[0][2];
+        v = slot->m[1][0] * u0 + slot->m[1][1] * v + slot->m[1][2];
+        area *= slot->m[0][0] * slot->m[1][1] - slot->m[0][1] * slot->m[1][0];
+    }
+    *u_out = u;
+    *v_out = v;
+    *footprint *= sqrtf(fabsf(area));
+}
+
+struct texel world_slot_lookup(const struct world_slot *slot, const struct world_mesh *mesh,
+                               const uint32_t vertex[3], float b1, float b2, float footprint,
+                               int srgb)
+{
+    float u, v;
+
+    PROFILE_EFFECT(TEXTURE);
+    surface_slot_coordinates(slot, mesh, vertex, b1, b2, &u, &v, &footprint);
+    return texture_lookup(slot->image, &slot->texture, u, v, footprint, srgb);
+}
+
+void world_slot_place(const struct world_slot *slot, const struct world_mesh *mesh,
+                      const uint32_t vertex[3], float b1, float b2, float footprint,
+                      struct texture_place *place)
+{
+    float u, v;
+
+    PROFILE_EFFECT(TEXTURE);
+    surface_slot_coordinates(slot, mesh, vertex, b1, b2, &u, &v, &footprint);
+    texture_place(place, slot->image, &slot->texture, u, v, footprint, slot->color);
+}
+
+float world_alpha(const struct world_material *material, const struct world_mesh *mesh,
+                  const uint32_t vertex[3], float b1, float b2)
+{
+    float alpha = material->m.base_color[3];
+
+    if (world_slot_is_read(&material->base_color))
+        alpha *= world_slot_lookup(&material->base_color, mesh, vertex, b1, b2, 0, 1).a;
+    if (mesh->colors) {
+        const float *c = mesh->colors;
+        alpha *= (1 - b1 - b2) * c[4 * (size_t)vertex[0] + 3] + b1 * c[4 * (size_t)vertex[1] + 3] +
+                 b2 * c[4 * (size_t)vertex[2] + 3];
+    }
+    return alpha;
+}
+
+float world_emission_scale(const struct world_material *material, const struct world_mesh *mesh,
+                           const uint32_t vertex[3], float b1, float b2, float cosine)
+{
+    float n = float_max(material->m.clearcoat_ior, 1), f0 = (n - 1) / (n + 1), m = 1 - cosine;
+    float coat = material->m.clearcoat;
+
+    PROFILE_EFFECT(CLEARCOAT);
+    if (world_slot_is_read(&material->clearcoat))
+        coat *= world_slot_lookup(&material->clearcoat, mesh, vertex, b1, b2, 0, 0).r;
+    f0 *= f0;
+    return 1 - coat * (f0 + (bsdf_f90_of(f0) - f0) * (m * m * m * m * m));
+}
+
+struct vec3 world_emission(const struct world_material *material, const struct world_mesh *mesh,
+                           const uint32_t vertex[3], float b1, float b2)
+{
+    struct vec3 emission =
+        vec3_make(material->m.emission[0], material->m.emission[1], material->m.emission[2]);
+
+    if (world_slot_is_read(&material->emission)) {
+        struct texel texel = world_slot_lookup(&material->emission, mesh, vertex, b1, b2, 0, 1);
+        emission = vec3_mul(emission, vec3_make(texel.r, texel.g, texel.b));
+    }
+    return emission;
+}

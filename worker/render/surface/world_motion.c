@@ -1,0 +1,34 @@
+#include "worker/render/surface/world_motion.h"
+
+static const struct transform identity = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+
+struct transform world_motion_to_world(const struct world_instance *instance, float time)
+{
+    struct transform_d m;
+
+    if (!instance->motion_to_world)
+        return instance->skinned ? identity : instance->to_world;
+    m = world_motion_matrix(instance, time);
+    return transform_from_d(&m);
+}
+
+struct transform world_motion_to_object(const struct world_instance *instance, float time)
+{
+    struct transform_d m, inverse;
+
+    if (!instance->motion_to_world)
+        return instance->skinned ? identity : instance->to_object;
+    m = world_motion_matrix(instance, time);
+    transform_d_invert(&m, &inverse); /* flat at this moment: the identity, as at rest */
+    return transform_from_d(&inverse);
+}
+
+void world_exact_corners(const void *scene_, uint32_t instance_index, uint32_t triangle, float time,
+                         double corner[3][3])
+{
+    const struct render_scene *scene = scene_;
+    const struct world_instance *instance = &scene->instances[instance_index];
+
+    world_corners(scene, instance, world_vertices(&scene->meshes[instance->mesh], triangle), time,
+                  corner);
+}

@@ -1,0 +1,129 @@
+/* world_motion: where a moving instance is at a moment of the shutter. Private to worker/render.
+ *
+ * What is computed here from the steps is what Embree computes from the same steps, but for the
+ * rounding: matrices are mixed linearly between steps, and so are vertices. Whoever evaluates a
+ * hit again calls these; they cost nothing where nothing moves.
+ */
+#ifndef AZULEJO_RENDER_WORLD_MOTION_H
+#define AZULEJO_RENDER_WORLD_MOTION_H
+
+#include "worker/render/base/has.h"
+#include "worker/render/world.h"
+
+/* Does the instance move while the shutter is open? */
+static inline int world_moves(const struct world_instance *instance)
+{
+    return HAS(MOTION_BLUR) && instance->motion_steps > 0;
+}
+
+/* The instance's matrix at `time`, mixed between steps, in double. */
+static inline struct transform_d world_motion_matrix(const struct world_instance *instance,
+                                                     float time)
+{
+    struct transform_d out;
+    float f;
+    uint32_t segment = motion_segment(time, instance->motion_steps, &f);
+    const struct transform *a = &instance->motion_to_world[segment], *b = a + 1;
+
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 4; c++)
+            out.m[r][c] = (1 - (double)f) * (double)a->m[r][c] + (double)f * (double)b->m[r][c];
+    return out;
+}
+
+static inline void world_motion_transformed(const struct transform_d *m, const float *p,
+                                            double out[3])
+{
+    for (int a = 0; a < 3; a++)
+        out[a] = m->m[a][0] * (double)p[0] + m->m[a][1] * (double)p[1] +
+                 m->m[a][2] * (double)p[2] + m->m[a][3];
+}
+
+static inline void world_motion_corners(const struct world_mesh *mesh,
+                                        const struct world_instance *instance,
+                                        const uint32_t vertex[3], float time, double corner[3][3])
+{
+    if (instance->motion_positions) {
+        float f;
+        uint32_t segment = motion_segment(time, instance->motion_steps, &f);
+        const float *from = instance->motion_positions[segment];
+        const float *to = instance->motion_positions[segment + 1];
+        for (int k = 0; k < 3; k++)
+            for (int a = 0; a < 3; a++) {
+                size_t i = 3 * (size_t)vertex[k] + (size_t)a;
+                corner[k][a] = (1 - (double)f) * (double)from[i] + (double)f * (double)to[i];
+            }
+    } else {
+        struct transform_d m = world_motion_matrix(instance, time);
+        for (int k = 0; k < 3; k++)
+            world_motion_transformed(&m, mesh->positions + 3 * (size_t)vertex[k], corner[k]);
+    }
+}
+
+/* The corners of the triangle with these vertices in world space at `time`; exact for what is
+ * baked and stands still. */
+static inline void world_corners(const struct render_scene *scene,
+                                 const struct world_instance *instance, const uint32_t vertex[3],
+                                 float time, double corner[3][3])
+{
+    const struct world_mesh *mesh = &scene->meshes[instance->mesh];
+
+    if (world_moves(instance)) {
+        world_motion_corners(mesh, instance, vertex, time, corner);
+        return;
+    }
+    for (int k = 0; k < 3; k++) {
+        if (instance->world_positions) {
+            const float *p = instance->world_positions + 3 * (size_t)vertex[k];
+            for (int a = 0; a < 3; a++)
+                corner[k][a] = (double)p[a];
+        } else {
+            const float *p = mesh->positions + 3 * (size_t)vertex[k];
+            for (int a = 0; a < 3; a++) {
+                const float *row = instance->to_world.m[a];
+                corner[k][a] = (double)row[0] * (double)p[0] + (double)row[1] * (double)p[1] +
+                               (double)row[2] * (double)p[2] + (double)row[3];
+            }
+        }
+    }
+}
+
+/* For the moving: see below. */
+struct transform world_motion_to_object(const struct world_instance *instance, float time);
+struct transform world_motion_to_world(const struct world_instance *instance, float time);
+
+/* The instance's transforms at `time`, for normals and tangents. Of a skinned one, whose vectors
+ * are the world's already, the identity. */
+static inline struct transform world_to_object_at(const struct world_instance *instance, float time)
+{
+    if (world_moves(instance))
+        return world_motion_to_object(instance, time);
+    return instance->to_object;
+}
+
+static inline struct transform world_to_world_at(const struct world_instance *instance, float time)
+{
+    if (world_moves(instance))
+        return world_motion_to_world(instance, time);
+    return instance->to_world;
+}
+
+/* The mesh's vertex normals and tangents as the frame has them at the shutter's opening: deformed
+ * or not; NULL: none. */
+static inline const float *world_normals(const struct world_instance *instance,
+                                         const struct world_mesh *mesh)
+{
+    if (instance->deformed_normals)
+        return instance->deformed_normals;
+    return mesh->normals;
+}
+
+static inline const float *world_tangents(const struct world_instance *instance,
+                                          const struct world_mesh *mesh)
+{
+    if (instance->deformed_tangents)
+        return instance->deformed_tangents;
+    return mesh->tangents;
+}
+
+#endif
