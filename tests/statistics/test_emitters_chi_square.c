@@ -63,10 +63,12 @@ static double density(void *user, struct vec3 direction)
     const struct render_scene *scene = view->scene;
     const struct emitters *e = &scene->emitters;
     const struct light_context *query = &view->query;
-    double sum = 0;
+    float environment_pdf = 0;
+    double sum;
 
     if (e->has_environment)
-        sum = (double)emitters_environment_pdf(scene, query, direction);
+        (void)emitters_environment(scene, query, direction, &environment_pdf);
+    sum = (double)environment_pdf;
     for (uint32_t i = 0; i < e->triangle_count; i++) {
         const struct world_instance *instance = &scene->instances[e->triangles[i].instance];
         double e1[3], e2[3], n[3], o[3], q[3], d[3], det, u, v, t, length, slack;

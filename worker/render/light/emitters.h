@@ -66,11 +66,8 @@ static inline uint32_t emitters_local_punctual(const struct emitters *e)
 int emitters_sample(const struct render_scene *scene, const struct light_context *context, float u,
                     float v, struct light_sample *out);
 
-/* Solid-angle density (odds included) with which emitters_sample would have picked
- * `direction` on the environment. */
-float emitters_environment_pdf(const struct render_scene *scene,
-                               const struct light_context *context, struct vec3 direction);
-/* The environment's radiance along with it: they share the work. */
+/* The environment's radiance, and the solid-angle density (odds included) with which
+ * emitters_sample would have picked `direction` on it: they share the work. */
 struct vec3 emitters_environment(const struct render_scene *scene,
                                  const struct light_context *context, struct vec3 direction,
                                  float *pdf);

@@ -4,8 +4,8 @@
 #include "worker/render/light/emitters.h"
 #include "worker/render/world.h"
 
-/* The one place where kinds of light are told apart: each row of the table has its function, which is
- * left out of kernels without its effect, and its account. */
+/* The one place that samples lights by their kind: a row of the table is a case, which kernels without
+ * its effect leave out. */
 static inline int emitters_sample_light(const struct render_scene *scene, int kind,
                                         const void *light, const struct light_context *context,
                                         float u, float v, struct light_sample *out)
@@ -111,15 +111,6 @@ struct vec3 emitters_environment(const struct render_scene *scene,
     radiance = environment_light_radiance(&e->environment, context, direction, pdf);
     *pdf *= e->environment_odds;
     return radiance;
-}
-
-float emitters_environment_pdf(const struct render_scene *scene,
-                               const struct light_context *context, struct vec3 direction)
-{
-    float pdf;
-
-    (void)emitters_environment(scene, context, direction, &pdf);
-    return pdf;
 }
 
 float emitters_triangle_pdf(const struct render_scene *scene, const struct light_context *context,

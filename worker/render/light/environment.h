@@ -35,7 +35,7 @@ struct environment;
  * A direction in the world is first turned back by `rotate_deg` about +Y (the map turns
  * counter-clockwise seen from above), then by `to_map` (orthonormal rows; NULL: not at all).
  * `factor` >= 0 multiplies. Values that are negative or NaN count as 0, and products beyond
- * float as its largest value (image_decode_hdr has counted what it mended).
+ * float as its largest value (image_decode_hdr has counted what it corrected).
  * An all-black map yields an environment whose environment_is_black is true. ERR_INPUT for
  * other channels, a rotation or factor that is none; ERR_NO_MEMORY. */
 status environment_new(struct environment **out, struct image *map, const float to_map[3][3],

@@ -312,7 +312,7 @@ static status parts_build(struct environment *env, struct importance *m, struct 
         env->mode = MODE_UNIFORM;
         return STATUS_OK;
     }
-    /* Parts without importance are let go. */
+    /* Drop parts without importance. */
     for (uint32_t i = 0; i < count; i++) {
         if (!(total[i] > 0)) {
             density_release(&env->parts[i]);

@@ -7,10 +7,10 @@
  *   prefix_sample   next-event estimation: a point on the light, by two numbers
  *
  * What scattered rays can meet (triangles, the environment) has a density as well, with which
- * multiple importance sampling weighs the meeting: prefix_pdf. Lights at a point have none.
- * Kinds are told apart in two places: emitters_sample.c calls a row's prefix_sample, and light.c
- * has the rest as a table. The tree (tree.h) and the table of odds (light_table.h), which choose a
- * light, know its bounds and its number alone. docs/EXTENDING.md lists the files of a new light.
+ * multiple importance sampling weighs the meeting: triangle_light_pdf, environment_light_radiance.
+ * Two places use the rows: emitters_sample.c calls prefix_sample, light.c has the rest as a table.
+ * The tree (tree.h) and the table of odds (light_table.h), which choose a light, know its bounds and
+ * its number alone. docs/EXTENDING.md lists the files of a new light.
  */
 #ifndef AZULEJO_RENDER_LIGHT_H
 #define AZULEJO_RENDER_LIGHT_H

@@ -1,5 +1,5 @@
-/* light_table: lights chosen by fixed odds, wherever they are asked for: what the tree of lights
- * (tree.h) is compared with.
+/* light_table: lights chosen by fixed odds, the same at every vertex: what the tree of lights (tree.h)
+ * is compared with.
  *
  * The lights are halved as they lie until one is left. A half is taken with odds in proportion to its
  * weight, and the numbers are used up in turns, so that each keeps digits for the place on the

@@ -28,7 +28,7 @@ static void triangle_point(float u, float v, float *b1, float *b2)
 }
 
 /* A point of a triangle that emits. */
-struct lamp_point {
+struct triangle_place {
     const struct world_mesh *mesh;
     const struct world_material *material;
     const uint32_t *vertex;
@@ -36,7 +36,7 @@ struct lamp_point {
 };
 
 /* Radiance towards a direction with this absolute cosine to the geometric normal. */
-static struct vec3 lamp_radiance(const struct lamp_point *at, float cosine)
+static struct vec3 triangle_radiance(const struct triangle_place *at, float cosine)
 {
     struct vec3 radiance = world_emission(at->material, at->mesh, at->vertex, at->b1, at->b2);
 
@@ -47,7 +47,7 @@ static struct vec3 lamp_radiance(const struct lamp_point *at, float cosine)
 }
 
 /* What a BSDF ray meets only some of the time sends only that share. */
-static struct vec3 lamp_covered(const struct lamp_point *at, struct vec3 radiance)
+static struct vec3 triangle_covered(const struct triangle_place *at, struct vec3 radiance)
 {
     float alpha;
 
@@ -66,7 +66,7 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_,
 {
     const struct triangle_light *light = light_;
     const struct world_instance *instance = &scene->instances[light->instance];
-    struct lamp_point at = {.mesh = &scene->meshes[instance->mesh],
+    struct triangle_place at = {.mesh = &scene->meshes[instance->mesh],
                             .material = &scene->materials[instance->material]};
     struct vec3 corner[3], e1, e2, normal, point, to_light;
     float double_area, cosine, distance_squared;
@@ -99,7 +99,7 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_,
     if (!(out->pdf > 0) || !isfinite(out->pdf))
         return 0;
     at.vertex = world_vertices(at.mesh, light->triangle);
-    out->radiance = lamp_covered(&at, lamp_radiance(&at, cosine));
+    out->radiance = triangle_covered(&at, triangle_radiance(&at, cosine));
     out->delta = 0;
     return 1;
 }
