@@ -112,7 +112,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy layers circles install uninstall clean tests lint format new-tonemap
+.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy layers circles words install uninstall clean tests lint format new-tonemap
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -214,7 +214,7 @@ $(BUILD)/%.so: %.c
 
 tests: all $(TESTS) $(ROW_TEST) $(TOOLS) $(ODD_DISK) $(FUZZ_REPLAY)
 
-test: tests layers circles ## every test; the end says "N passed, N failed"
+test: tests layers circles words ## every test; the end says "N passed, N failed"
 	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) tests/run.sh
 
 check-asan: ## the tests under AddressSanitizer and UndefinedBehaviorSanitizer
@@ -224,6 +224,9 @@ check-tsan: ## the tests under ThreadSanitizer
 
 circles: all ## prove that no folders, and no more than three files, call each other in a loop
 	@scripts/check-circles.py $(BUILD)
+
+words: ## prove that the glossary of docs/ARCHITECTURE.md is true
+	@scripts/check-words.py
 
 layers: ## prove the dependency rule of docs/ARCHITECTURE.md
 	@scripts/check-layers.sh

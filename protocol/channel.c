@@ -31,7 +31,7 @@ void channel_free(struct channel *c)
         uv_freeaddrinfo(c->addresses);
     tls_free(c->tls);
     buffer_release(&c->first);
-    frame_reader_release(&c->frames);
+    framing_reader_release(&c->frames);
     buffer_release(&c->outgoing);
     mem_free(c);
 }
@@ -108,10 +108,10 @@ static void lost(struct channel *c, int uv_error)
     else if (uv_error == UV_EOF)
         channel_end_now(c, STATUS_ERR_UNREACHABLE,
                         "the connection was lost%s (it ended without a goodbye)",
-                        frame_reader_waiting(&c->frames) ? " in the middle of a message" : "");
+                        framing_reader_waiting(&c->frames) ? " in the middle of a message" : "");
     else
         channel_end_now(c, STATUS_ERR_UNREACHABLE, "the connection was lost%s: %s",
-                        frame_reader_waiting(&c->frames) ? " in the middle of a message" : "",
+                        framing_reader_waiting(&c->frames) ? " in the middle of a message" : "",
                         uv_strerror(uv_error));
 }
 
@@ -221,7 +221,7 @@ status channel_send(struct channel *c, const Azulejo__Wire__Envelope *message)
     space = buffer_append_space(&c->outgoing, FRAME_HEADER_BYTES + size);
     if (!space)
         return STATUS_ERR_NO_MEMORY;
-    frame_header_write(space, (uint32_t)size);
+    framing_header_write(space, (uint32_t)size);
     azulejo__wire__envelope__pack(message, space + FRAME_HEADER_BYTES);
     s = tls_write(c->tls, c->outgoing.data, c->outgoing.size, &err);
     if (s != STATUS_OK) {
@@ -308,7 +308,7 @@ static int deliver(struct channel *c)
         struct error err = {0};
         const uint8_t *payload;
         size_t size;
-        status s = frame_reader_next(&c->frames, &payload, &size, &err);
+        status s = framing_reader_next(&c->frames, &payload, &size, &err);
         if (s == STATUS_OK && !payload)
             return 1;
         if (s == STATUS_OK)
@@ -326,7 +326,7 @@ static int deliver(struct channel *c)
 /* The peer said its TLS goodbye; nobody reads any more what we would still send. */
 static void peer_said_goodbye(struct channel *c)
 {
-    if (frame_reader_waiting(&c->frames)) {
+    if (framing_reader_waiting(&c->frames)) {
         channel_end_now(c, STATUS_ERR_PROTOCOL,
                         "ended the conversation in the middle of a message");
         return;
@@ -346,7 +346,7 @@ static void process_input(struct channel *c)
         size_t got;
         status s = tls_read(c->tls, plain, sizeof plain, &got, &err);
         if (s == STATUS_OK && got > 0)
-            s = frame_reader_push(&c->frames, plain, got, &err);
+            s = framing_reader_push(&c->frames, plain, got, &err);
         if (s != STATUS_OK) {
             end_telling(c, s, "%s", err.text);
             return;
@@ -387,7 +387,7 @@ struct channel *channel_new(uv_loop_t *loop, const struct channel_callbacks *cal
     c->callbacks = *callbacks;
     c->user = user;
     c->last_heard_ns = c->last_sent_ns = clock_monotonic_ns();
-    frame_reader_init(&c->frames, CHANNEL_FRAME_MAX);
+    framing_reader_init(&c->frames, CHANNEL_FRAME_MAX);
     return c;
 }
 

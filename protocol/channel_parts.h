@@ -4,7 +4,7 @@
 
 #include "common/base/buffer.h"
 #include "protocol/channel.h"
-#include "protocol/frame.h"
+#include "protocol/framing.h"
 #include "protocol/tls.h"
 
 enum { PEER_NAME_MAX = 320 };
@@ -29,7 +29,7 @@ struct channel {
     const struct channel_gate *gate;  /* server; NULL: none */
     struct buffer first;    /* server, until HANDSHAKE: the first record, as far as it came */
     struct tls *tls;
-    struct frame_reader frames;
+    struct framing_reader frames;
     struct buffer outgoing; /* scratch of channel_send */
     size_t queued_bytes;
     int was_high;           /* above CHANNEL_QUEUE_HIGH since the last on_drain */

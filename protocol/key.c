@@ -190,7 +190,7 @@ void farm_key_print(const struct farm_key *key, struct buffer *out)
     memcpy(secret.bytes, key->secret, FARM_KEY_BYTES);
     digest_to_hex(&secret, hex);
     buffer_printf(out,
-                  "# Azulejo %s key: whoever holds it can join the farm%s%s. Keep it secret.\n",
+                  "# Azulejo %s key: anyone who holds it can join the farm%s%s. Keep it secret.\n",
                   key_name(key), key->is_farm ? "" : " as ", key->is_farm ? "" : key_name(key));
     buffer_printf(out, KEY_MAGIC " %s %s\n", key_name(key), hex);
     OPENSSL_cleanse(hex, sizeof hex);

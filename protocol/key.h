@@ -1,7 +1,7 @@
 /* key: the farm's secret, and what each role derives from it.
  *
  * A key file is text: a line "azulejo-key-1 ROLE HEX64" (# comments allowed). The farm
- * key (role "farm") is the master; role keys are HKDF-SHA256 of it, so whoever holds the
+ * key (role "farm") is the master; role keys are HKDF-SHA256 of it, so anyone who holds the
  * farm key can act in every role, and a worker's key file opens no client's doors. The TLS
  * PSK identity is "azulejo-1 ROLE".
  */

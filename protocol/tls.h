@@ -3,7 +3,7 @@
  * Both ends prove that they hold the secret of one role (an external PSK with an ephemeral
  * Diffie-Hellman exchange, so that a key that leaks later opens no recorded traffic).
  * There are no certificates, no tickets, no early data. No I/O happens here: bytes from the
- * wire go in by tls_feed, bytes for the wire are taken out with tls_output_*, so whoever
+ * wire go in by tls_feed, bytes for the wire are taken out with tls_output_*, so the code that
  * owns the socket stays in charge. What OpenSSL keeps for all connections of one side is made
  * once a process, by whichever thread comes first; a struct tls belongs to one thread at a time.
  *

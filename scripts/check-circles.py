@@ -4,7 +4,7 @@
     scripts/check-circles.py BUILD [--list]
 
 Reads the symbols of the object files below BUILD/obj, so an edge is a name that one file uses and
-another defines. A header's inline functions count as part of whoever includes them. Fails on a
+another defines. A header's inline functions count as part of the file that includes them. Fails on a
 circle between folders, and on one of more than CIRCLE_MAX files within a folder."""
 import collections
 import os

@@ -166,7 +166,7 @@ static void say_hello(struct agent *a)
     hello.threads = a->options.threads;
     hello.isa_mask = a->options.isa_mask;
     hello.arithmetic = elementary_fingerprint();
-    hello.kernel = (char *)render_kernel_name();
+    hello.kernel = (char *)render_ray_tracer_name();
     if (channel_send(a->channel, &e) != STATUS_OK)
         channel_abort(a->channel, STATUS_ERR_NO_MEMORY, "cannot say hello");
 }

@@ -192,7 +192,7 @@ status cache_map_file(struct blob_cache *cache, int fd, const char *path,
     if (fstat(fd, &info) != 0)
         return error_set(err, STATUS_ERR_IO, "%s: %s", path, strerror(errno));
     if (!S_ISREG(info.st_mode)) {
-        log_warn("%s: is no file; the blob is fetched anew", path);
+        log_warn("%s: is no file; the blob is fetched again", path);
         return error_set(err, STATUS_ERR_NOT_FOUND, "%s: is no file", path);
     }
     size = (size_t)info.st_size;
@@ -209,7 +209,7 @@ status cache_map_file(struct blob_cache *cache, int fd, const char *path,
                 munmap(data, size);
             if (s != STATUS_OK)
                 return error_set(err, s, "%s: cannot be hashed", path);
-            log_warn("%s: damaged; removed, and fetched anew", path);
+            log_warn("%s: damaged; removed, and fetched again", path);
             if (unlink(path) != 0 && errno != ENOENT)
                 return error_set(err, STATUS_ERR_IO, "%s: damaged, and cannot be removed: %s",
                                  path, strerror(errno));
@@ -247,7 +247,7 @@ status blob_cache_get(struct blob_cache *cache, const struct digest *digest,
     if (fd < 0) {
         /* Whatever keeps the file from us: a fresh copy can be fetched. */
         if (errno != ENOENT)
-            log_warn("%s: cannot be read: %s; fetched anew", path, strerror(errno));
+            log_warn("%s: cannot be read: %s; fetched again", path, strerror(errno));
         s = error_set(err, STATUS_ERR_NOT_FOUND, "%s: %s", path, strerror(errno));
         mem_free(path);
         return s;

@@ -10,7 +10,7 @@
  * use renews) are removed. When the disk is full or fails, a blob is kept in anonymous memory
  * for as long as somebody uses it.
  *
- * All functions are safe from any thread. A blob belongs to whoever holds references to it
+ * All functions are safe from any thread. A blob belongs to the holders of references to it
  * and must be released before the cache is closed.
  */
 #ifndef AZULEJO_WORKER_BLOB_CACHE_H

@@ -1,4 +1,4 @@
-/* blob_cache_parts: the inside of the cache, shared by its files; nobody else includes this.
+/* blob_cache_parts: the inside of the cache, shared by its files; private to its files.
  *
  * blob_cache.c        blobs in use: found, mapped, checked against their names, counted
  * blob_cache_sweep.c  the size limit, and what crashed receivers left

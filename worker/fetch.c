@@ -169,7 +169,7 @@ status fetcher_data(struct fetcher *f, uint64_t request, const Azulejo__Wire__Bl
     if (!place) /* the rest of a blob that was given up after a damaged piece */
         return request > 0 && request <= f->last_request
                    ? STATUS_OK
-                   : error_set(err, STATUS_ERR_PROTOCOL, "a blob piece that nobody asked for");
+                   : error_set(err, STATUS_ERR_PROTOCOL, "a blob piece that was not requested");
     fetch = *place;
     if (!digest_equal(&piece.digest, &fetch->digest) ||
         piece.offset != (fetch->writer ? cache_writer_bytes(fetch->writer) : 0))

@@ -3,7 +3,7 @@
  *   QUEUED --BlobGet--> RECEIVING --last piece, digest right--> arrived (freed)
  *      ^  <--connection lost, damaged, temporary failure--/ \--not found, too often--> failed
  *
- * At most FETCHES_AT_ONCE are RECEIVING. A fetch begins anew after a lost connection.
+ * At most FETCHES_AT_ONCE are RECEIVING. A fetch begins again after a lost connection.
  */
 #ifndef AZULEJO_WORKER_FETCH_H
 #define AZULEJO_WORKER_FETCH_H
@@ -50,7 +50,7 @@ status fetcher_data(struct fetcher *f, uint64_t request, const Azulejo__Wire__Bl
                     struct error *err) MUST_CHECK;
 /* A Failure came; 0 when it does not answer a fetch. */
 int fetcher_failure(struct fetcher *f, uint64_t request, const Azulejo__Wire__Failure *failure);
-/* The connection is gone: begin anew on the next. */
+/* The connection is gone: begin again on the next. */
 void fetcher_reset(struct fetcher *f);
 
 #endif

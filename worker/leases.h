@@ -43,7 +43,7 @@ void leases_init(struct leases *l, struct pool *pool, struct scene_cache *scenes
 void leases_release(struct leases *l); /* after the pool has ended */
 
 /* Take a grant. ERR_PROTOCOL: it breaks the rules (ends the connection). A job that cannot be
- * rendered is told to the coordinator by a JobBroken on `channel`, and STATUS_OK returned. */
+ * rendered is reported to the coordinator by a JobBroken on `channel`, and STATUS_OK returned. */
 status leases_grant(struct leases *l, const Azulejo__Wire__LeaseGrant *grant,
                     struct channel *channel, struct error *err) MUST_CHECK;
 void leases_revoke(struct leases *l, const Azulejo__Wire__LeaseRevoke *revoke);
@@ -52,7 +52,7 @@ void leases_scene_settled(struct leases *l, struct scene_slot *slot, struct chan
 /* A pool task of a unit is done: the unit if its result is to be sent (the caller's now). */
 struct work_unit *leases_unit_done(struct leases *l, struct pool_task *task);
 
-/* Forget all that is not being rendered (the connection is gone: it will be lent anew). */
+/* Forget all that is not being rendered (the connection is gone: it will be lent again). */
 void leases_forget_unstarted(struct leases *l);
 /* The same, telling the coordinator. */
 void leases_return_unstarted(struct leases *l, struct channel *channel, const char *reason);

@@ -63,7 +63,7 @@ static status isa_list_parse(const char *text, uint32_t *mask, struct error *err
                  text);
         isa = isa_parse(name);
         if (isa < 0 || length >= sizeof name)
-            return error_set(err, STATUS_ERR_USAGE, "--isa: '%.*s' is none of sse2, avx2, avx512",
+            return error_set(err, STATUS_ERR_USAGE, "--isa: '%.*s' is not one of sse2, avx2, avx512",
                              (int)length, text);
         if (!(has >> isa & 1))
             return error_set(err, STATUS_ERR_USAGE, "--isa: this processor has no %s", name);

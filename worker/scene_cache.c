@@ -508,7 +508,7 @@ void scene_cache_blob_arrived(struct scene_cache *cache, struct cached_blob *blo
         slot->arrived[slot->arrived_count++] = cached_blob_retain(blob);
         if (slot->arrived_count < slot->missing_count)
             continue;
-        /* All here. The build collects its blobs anew; they are still held until it is done. */
+        /* All here. The build collects its blobs again; they are still held until it is done. */
         mem_free(slot->missing);
         slot->missing = NULL;
         slot->missing_count = 0;

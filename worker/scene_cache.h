@@ -11,7 +11,7 @@
  * every frame. Whether something moves is known when the scene has been unpacked: until then
  * other frames of it wait for the same slot, and ask scene_slot_shows() when it is READY.
  * Reading, hashing, unpacking and building happen in a pool thread (scene_build, which begins
- * anew after a fetch; nothing is hashed twice); everything else is called from the loop's
+ * again after a fetch; nothing is hashed twice); everything else is called from the loop's
  * thread. A slot is kept while somebody holds a reference; of those that nobody holds, the
  * SCENES_KEPT most recently used that are READY stay, but only one frame of each scene that
  * moves: it goes on to the next, and hardly ever comes back. When a build finds no memory, all

@@ -21,7 +21,7 @@ static status picture_load(const char *path, struct image *out, struct error *er
     if (result == STATUS_OK && repairs.nan_pixels + repairs.infinite_pixels + repairs.negative_pixels)
         fprintf(stderr,
                 "warning: %s: %" PRIu64 " NaN, %" PRIu64 " infinite, %" PRIu64
-                " negative pixels were mended before comparing\n",
+                " negative pixels were repaired before comparing\n",
                 path, repairs.nan_pixels, repairs.infinite_pixels, repairs.negative_pixels);
     return result;
 }

@@ -1,4 +1,4 @@
-/* azulejo develop: tone map a job's pictures anew, without rendering. */
+/* azulejo develop: tone map a job's pictures again, without rendering. */
 #include <inttypes.h>
 #include <poll.h>
 #include <stdio.h>
@@ -260,9 +260,9 @@ const struct command command_develop = {
     .name = "develop",
     .group = COMMAND_JOBS,
     .usage = "azulejo develop JOB --tonemap OPERATOR [--PARAMETER VALUE]... [OPTION]...",
-    .summary = "tone map a job's pictures anew, without rendering",
+    .summary = "tone map a job's pictures again, without rendering",
     .description =
-        "Make the PNG and JPEG pictures of a job's finished frames anew, and those of its frames to come, with\n"
+        "Make the PNG and JPEG pictures of a job's finished frames again, and those of its frames to come, with\n"
         "this tone mapping: as for a new job, what is not said is the default. Only --format, --png-bits and\n"
         "--jpeg-quality stay the job's unless they are given; the EXR files, or that there are none, always do.",
     .run = run,

@@ -1,4 +1,4 @@
-/* effects_auto: leave out the effects that nobody would miss at the accuracy asked for.
+/* effects_auto: leave out the effects that make no visible difference at the accuracy asked for.
  *
  * `--effects auto --target-error N/255` measures the job's first frame (effects_measure) and leaves out
  * what effects_choose says; a bias may reach a quarter of the target. What is left out is in

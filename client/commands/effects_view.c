@@ -135,7 +135,7 @@ static void add_share(struct table *table, const json_t *share)
         table_add(table, "-");
 }
 
-/* The effects that ran, with their shares of the time, and what is none's. */
+/* The effects that ran, with their shares of the time, and what belongs to none. */
 static status print_ran(const json_t *rows, const json_t *time, struct error *err)
 {
     static const char *const titles[] = {"EFFECT", ">SHARE", "CALLED FOR BY"};

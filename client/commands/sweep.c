@@ -333,7 +333,7 @@ static status sweep_apply(struct tonemap_options *o, const struct sweep *s, size
         return tonemap_metering_parse(o->auto_exposure) >= 0
                    ? STATUS_OK
                    : error_set(err, STATUS_ERR_USAGE,
-                               "--sweep auto-exposure: '%s' is none of off, key and percentile",
+                               "--sweep auto-exposure: '%s' is not one of off, key and percentile",
                                o->auto_exposure);
     }
     if (o->parameters.count == OPTIONS_LIST_MAX)
@@ -356,7 +356,7 @@ static void fit_to_operator(struct tonemap_options *o)
     const struct tonemap_operator *op = tonemap_find(o->tonemap);
 
     if (!op)
-        return; /* an error that is told later */
+        return; /* reported later */
     tonemap_options_keep(o, op);
     if (!tonemap_has_parameter(op, "percentile", strlen("percentile")) &&
         !(o->auto_exposure && strcmp(o->auto_exposure, "percentile") == 0))

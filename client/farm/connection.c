@@ -73,7 +73,7 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
     }
     if (c->inbox_count >= INBOX_MAX) {
         channel_abort(channel, STATUS_ERR_PROTOCOL,
-                      "the coordinator sent more than %d messages that nobody asked for",
+                      "the coordinator sent more than %d messages that was not requested",
                       INBOX_MAX);
         return;
     }
@@ -216,7 +216,7 @@ status connection_receive(struct connection *c, uint64_t request, Azulejo__Wire_
     *out = NULL;
     timer_arm(c);
     while (!(at = inbox_find(c, request))) {
-        /* A refusal that answers no request in particular concerns whoever waits. */
+        /* A refusal that answers no request in particular concerns the caller that waits. */
         if (request && (at = inbox_find(c, 0)) && (*at)->envelope->request == 0 &&
             (*at)->envelope->body_case == AZULEJO__WIRE__ENVELOPE__BODY_FAILURE)
             break;

@@ -139,7 +139,7 @@ struct job_request {
     char token[JOB_TOKEN_BYTES_MAX + 1];
 };
 
-/* Check what can be checked before the scene is read, so that a slip in an option is told
+/* Check what can be checked before the scene is read, so that a slip in an option is reported
  * at once, whatever else is wrong. The operator's file is read. ERR_USAGE or ERR_INPUT; release
  * after a failure, too. */
 status job_options_check(const struct job_options *o, struct job_request *out, struct error *err)

@@ -50,7 +50,7 @@ struct output_request {
     double camera_ev;           /* what of tonemap.exposure_ev is the camera's own */
 };
 
-/* `out` is filled anew. The same errors as tonemap_options_check; release after a failure, too. */
+/* `out` is filled again. The same errors as tonemap_options_check; release after a failure, too. */
 status output_options_check(const struct output_options *o, struct output_request *out,
                             struct error *err) MUST_CHECK;
 void output_request_release(struct output_request *request);

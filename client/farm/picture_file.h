@@ -5,7 +5,7 @@
 #include "client/farm/output.h"
 #include "common/image/image.h"
 
-/* Says on standard error what had to be mended. ERR_INPUT, ERR_LIMIT, ERR_UNSUPPORTED. */
+/* Reports repairs on standard error. ERR_INPUT, ERR_LIMIT, ERR_UNSUPPORTED. */
 status picture_read(struct image *out, const char *path, struct error *err) MUST_CHECK;
 
 /* EXR files take display light, the others display codes. ERR_IO, ERR_LIMIT. */

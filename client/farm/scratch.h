@@ -2,7 +2,7 @@
  *
  * The folder is TMPDIR/azulejo-render-XXXXXX. Its owner holds a lock (flock) on the file `owner` in it for
  * as long as it lives, and a coordinator whose store it is one on `lock`. A folder of ours that
- * neither holds is stale: whoever makes the next scratch folder removes it first.
+ * neither holds is stale: the next scratch folder that is made removes it first.
  */
 #ifndef AZULEJO_CLIENT_SCRATCH_H
 #define AZULEJO_CLIENT_SCRATCH_H

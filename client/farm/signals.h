@@ -1,6 +1,6 @@
-/* signals: Ctrl-C and ends of child processes, as events for whoever waits.
+/* signals: Ctrl-C and ends of child processes, as events for the code that waits.
  *
- * The handlers only set a flag and write a byte into a pipe. Whoever waits adds
+ * The handlers only set a flag and write a byte into a pipe. Code that waits adds
  * signals_fd() to what it polls, drains it with signals_drain() and then looks at what
  * happened. SIGINT, SIGTERM and SIGHUP all ask for the same thing: stop in good order.
  */

@@ -25,7 +25,7 @@ struct trial {
     struct image sampling; /* of an adaptive picture: samples of each pixel, in all three channels */
 };
 
-/* Who is told, from time to time, that the farm has no worker while a trial waits. */
+/* Called from time to time while the farm has no worker while a trial waits. */
 struct trial_waiting {
     void (*no_worker)(void *user);
     void *user;

@@ -2,7 +2,7 @@
  *
  * First the main curve: pairs of pictures with 4, 8, 16 ... samples a pixel, of two seeds. Then one
  * choice at a time: pairs of two other seeds at the same few numbers of samples for every choice, the
- * usual way's as well. Where the noise of two ways is compared, and where bias is told from it, is pair.h.
+ * usual way's as well. Where the noise of two ways is compared, and where bias is separated from it, is pair.h.
  *
  * Each step ends with `save`, so that an interruption loses one step at most; a study that was read
  * again goes on with what is missing. What is there is never measured twice, but the usual way's pictures

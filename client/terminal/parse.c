@@ -197,7 +197,7 @@ status parse_formats(const char *text, unsigned *formats, struct error *err)
 
     if (!parse_names(text, format_find, &bits, unknown))
         return error_set(err, STATUS_ERR_USAGE,
-                         "--format: '%s' is none of exr, png and jpg; write a list as in exr,png",
+                         "--format: '%s' is not one of exr, png and jpg; write a list as in exr,png",
                          unknown);
     *formats = (unsigned)bits;
     return STATUS_OK;

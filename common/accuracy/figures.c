@@ -13,7 +13,7 @@
 /* What the display error's model may be wrong by beside chance, as a standard deviation of its
  * logarithm: measured (docs/ACCURACY.md). */
 #define MODEL_SPREAD 0.05
-/* The share of the pixels whose part of the squared error is told. */
+/* The share of the pixels whose part of the squared error is reported. */
 #define TOP 0.001
 /* A pixel counts among those that make the display error from this fraction of it on; it is dark if it
  * shows less than this fraction of its neighbourhood's. */

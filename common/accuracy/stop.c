@@ -103,7 +103,7 @@ status stop_duration_parse(const char *option, const char *text, uint64_t *out_m
             *out_ms = (uint64_t)(value * durations[i].ms);
             return STATUS_OK;
         }
-    return error_set(err, STATUS_ERR_USAGE, "%s: '%s' is no length of time: give 90s, 10m or 1.5h",
+    return error_set(err, STATUS_ERR_USAGE, "%s: '%s' is not a length of time: give 90s, 10m or 1.5h",
                      option, text);
 }
 

@@ -5,7 +5,7 @@
 
 #include "common/scene/effects.h"
 
-/* Chosen on even seeds of `make accuracy`'s scenes, checked on the odd ones. The fitted tail index is told and
+/* Chosen on even seeds of `make accuracy`'s scenes, checked on the odd ones. The fitted tail index is reported and
  * not used: lamps that the camera sees fill the lists, and then it says nothing. */
 #define UNSEEN_MAX 1.0
 #define DISAGREEMENT_MAX 0.8

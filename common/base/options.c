@@ -84,7 +84,7 @@ static status option_store(const struct option *o, const char *value, struct err
         return STATUS_OK;
     case OPTION_CHOICE:
         if (!choice_is_valid(o->choices, value))
-            return error_set(err, STATUS_ERR_USAGE, "--%s: '%s' is none of %s", o->name, value,
+            return error_set(err, STATUS_ERR_USAGE, "--%s: '%s' is not one of %s", o->name, value,
                              o->choices);
         *(const char **)o->target = value;
         return STATUS_OK;

@@ -3,7 +3,7 @@
  * A function that can fail returns a `status` and takes an optional `struct error *`
  * as its last parameter. On failure it fills the error with one sentence that names the
  * file, the place and the remedy, and returns the same code. The error is reported
- * (logged or printed) exactly once, by whoever handles it.
+ * (logged or printed) exactly once, by the code that handles it.
  */
 #ifndef AZULEJO_BASE_STATUS_H
 #define AZULEJO_BASE_STATUS_H

@@ -1,4 +1,4 @@
-/* film_parts: the inside of a film, shared by its files; nobody else includes this.
+/* film_parts: the inside of a film, shared by its files; private to its files.
  *
  * film.c          life, merging
  * film_questions.c  what a film holds

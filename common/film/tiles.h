@@ -27,7 +27,7 @@ enum {
     PASS_LENGTH_MAX = 4096, /* samples a pixel in one pass */
     PASSES_MAX = 148,    /* of a group, at SETTINGS_SPP_MAX */
     LEVELS_MAX = 19,     /* at SETTINGS_SPP_MAX */
-    TAIL_MAX = 16,       /* largest contributions that are told of a unit */
+    TAIL_MAX = 16,       /* largest contributions that are kept of a unit */
     /* floats of a pixel that is a sum of radiance: [replicate of the group][RGB] */
     PIXEL_FLOATS = GROUP_REPLICATES * 3,
     TILE_FLOATS_MAX = TILE_PIXELS_MAX * (PIXEL_FLOATS + AOV_FLOATS_MAX),

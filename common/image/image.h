@@ -42,7 +42,7 @@ enum image_format { IMAGE_UNKNOWN, IMAGE_PNG, IMAGE_JPEG, IMAGE_HDR, IMAGE_EXR, 
 /* By the first bytes, not by the name. */
 enum image_format image_format_of(const uint8_t *data, size_t size_bytes);
 
-/* What was mended while reading HDR pixels; zero-initialise. */
+/* What was repaired while reading HDR pixels; zero-initialise. */
 struct image_repairs {
     uint64_t nan_pixels, negative_pixels, infinite_pixels;
 };

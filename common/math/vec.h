@@ -83,30 +83,30 @@ static inline float vec3_luminance(struct vec3 c)
     return 0.212656f * c.x + 0.715158f * c.y + 0.072186f * c.z;
 }
 
-/* An orthonormal frame around a normal. */
-struct frame {
+/* An orthonormal basis around a normal. */
+struct basis {
     struct vec3 s, t, n;
 };
 
 /* Duff et al. 2017 (JCGT 6(1)), "Building an Orthonormal Basis, Revisited": exact for all
  * unit n, n.z = -1 included. */
-static inline struct frame frame_from_normal(struct vec3 n)
+static inline struct basis basis_from_normal(struct vec3 n)
 {
     float sign = copysignf(1.0f, n.z);
     float a = -1.0f / (sign + n.z);
     float b = n.x * n.y * a;
-    struct frame f;
+    struct basis f;
 
     f.s = (struct vec3){1.0f + sign * n.x * n.x * a, sign * b, -sign * n.x};
     f.t = (struct vec3){b, sign + n.y * n.y * a, -n.y};
     f.n = n;
     return f;
 }
-static inline struct vec3 frame_to_local(const struct frame *f, struct vec3 v)
+static inline struct vec3 basis_to_local(const struct basis *f, struct vec3 v)
 {
     return (struct vec3){vec3_dot(v, f->s), vec3_dot(v, f->t), vec3_dot(v, f->n)};
 }
-static inline struct vec3 frame_to_world(const struct frame *f, struct vec3 v)
+static inline struct vec3 basis_to_world(const struct basis *f, struct vec3 v)
 {
     return vec3_add(vec3_add(vec3_scale(f->s, v.x), vec3_scale(f->t, v.y)), vec3_scale(f->n, v.z));
 }

@@ -10,7 +10,7 @@
 #include "common/base/parallel.h"
 #include "common/tonemap/mantiuk08.h"
 
-/* The pieces of a picture are always the same, whatever the number of threads: sums start anew
+/* The pieces of a picture are always the same, whatever the number of threads: sums start again
  * with each. */
 enum { STRIPES = 16, RADIUS_MAX = 64 };
 

@@ -677,7 +677,7 @@ static status read_picture(const struct development *d, const struct store *stor
 }
 
 /* A state in a file: the digest of the settings that it was measured with, then its bytes, which
- * only this machine reads again; anything else there is measured anew. */
+ * only this machine reads again; anything else there is measured again. */
 struct stored_state {
     struct digest looks;
     struct tonemap_state state;

@@ -34,7 +34,7 @@ void development_free(struct development *development);
 /* Encode the frame's files, write them and its manifest, and note the frame as done. */
 status develop_frame(struct development *development, struct store *store, struct error *err)
     MUST_CHECK;
-/* Make the display pictures of a stored frame anew, write them, and note it. Reads the stored
+/* Make the display pictures of a stored frame again, write them, and note it. Reads the stored
  * pictures of the frames whose statistics it is averaged with. */
 status develop_again(struct development *development, struct store *store, struct error *err)
     MUST_CHECK;

@@ -61,7 +61,7 @@ struct farm_events {
      * its file, then call farm_frame_developed. If it cannot even
      * begin (out of memory) it is asked again later. */
     status (*develop)(void *user, struct job_frame *frame);
-    /* Make the pictures of a frame that is done anew, from its stored one, then call
+    /* Make the pictures of a frame that is done again, from its stored one, then call
      * farm_pictures_made. If it cannot even begin it is asked again at the next tick. */
     status (*redevelop)(void *user, struct job *job, uint32_t frame);
     /* Compute the figures of the frame as it stands, keep them in the store at frame->history's next place,
@@ -86,7 +86,7 @@ struct farm {
     uint64_t conflicts;
     int64_t wall_s;              /* set by the owner as time passes */
     int pump_wanted;             /* there may be something to grant */
-    struct job *to_develop;      /* jobs with pictures to be made anew, a list */
+    struct job *to_develop;      /* jobs with pictures to be made again, a list */
     int developing;              /* one is being made */
     struct trouble trouble;      /* the store cannot be used */
     int resume_wanted;           /* films on disk are to be opened */

@@ -61,7 +61,7 @@ void farm_job_started(struct farm *farm, struct job *job, const struct farm_work
 
     if (!job->active_since_ns)
         job->active_since_ns = now_ns ? now_ns : 1;
-    /* Another one than before: whoever had units then has gone without a result. */
+    /* Another one than before: the workers that held its units disconnected without a result. */
     if (strcmp(job->kernel, worker->kernel) != 0) {
         snprintf(job->kernel, sizeof job->kernel, "%s", worker->kernel);
         snprintf(job->release, sizeof job->release, "%s", AZULEJO_VERSION);

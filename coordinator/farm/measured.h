@@ -1,6 +1,6 @@
-/* measured: what is told of a picture that another farm, or another time, would tell otherwise: times,
+/* measured: what a picture's file says that another farm, or another time, would say differently: times,
  * workers, the job's number. It is one JSON text, the header attribute MEASURED_ATTRIBUTE, so that all else in the
- * file is a function of the scene and the settings. Whoever adds such a thing adds it here. */
+ * file is a function of the scene and the settings. Such things belong here. */
 #ifndef AZULEJO_COORDINATOR_MEASURED_H
 #define AZULEJO_COORDINATOR_MEASURED_H
 

@@ -1,4 +1,4 @@
-/* store_film_parts: what both kinds of film files share; nobody else includes this. */
+/* store_film_parts: what both kinds of film files share; private to its files. */
 #ifndef AZULEJO_COORDINATOR_STORE_FILM_PARTS_H
 #define AZULEJO_COORDINATOR_STORE_FILM_PARTS_H
 

@@ -216,7 +216,7 @@ status job_reopen_check(struct queue *queue, struct job *job, struct error *err)
 /* The chosen frames of a DONE job go on, with its settings as they are now: it is QUEUED again. After
  * job_reopen_check. */
 void job_reopen(struct queue *queue, struct job *job, const struct job_reopening *r);
-/* Every frame's pictures are to be made anew, after job->output as it is now. */
+/* Every frame's pictures are to be made again, after job->output as it is now. */
 void job_revise(struct job *job);
 /* A done frame whose pictures must be made and can be: the frames whose statistics they are
  * averaged with are done, too. 0: none. */

@@ -135,7 +135,7 @@ static void on_close(struct channel *channel, const struct error *why, void *use
     struct visitor *visitor = user;
     struct door *door = visitor->door;
 
-    /* Probes and port scanners connect and close; that is nobody's fault. */
+    /* Probes and port scanners connect and close; no fault. */
     if (why->code == STATUS_ERR_UNREACHABLE)
         log_debug("a connection ended before its greeting: %s", why->text);
     else if (why->code != STATUS_OK)

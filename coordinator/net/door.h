@@ -1,6 +1,6 @@
 /* door: connections from the listener to the proof of a key. What comes through is a session.
  *
- * Whoever can reach the port can knock, so what a stranger may cost is bounded here: places,
+ * Anyone who can reach the port can knock, so what a stranger may cost is bounded here: places,
  * handshakes and log lines (admission.h, log_limit.h). Ownership: the door owns its channels until
  * it hands one to session_begin or the channel's on_close ran.
  */

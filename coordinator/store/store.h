@@ -119,7 +119,7 @@ status store_history_load(struct store *store, uint64_t job, uint32_t frame, str
 /* What the frame's limits count, as it was saved with its job last; 0: nothing is. */
 status store_clock_load(struct store *store, uint64_t job, uint32_t frame,
                         struct frame_clock *out, struct error *err) MUST_CHECK;
-/* The pictures of a frame that is done were made anew. [any thread] */
+/* The pictures of a frame that is done were made again. [any thread] */
 status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
                              struct error *err) MUST_CHECK;
 /* Keep the changed settings of a job that is no longer DONE: the chosen frames are forgotten, and their

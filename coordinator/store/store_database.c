@@ -281,7 +281,7 @@ static status open_to_read(struct store *store, const char *path, struct error *
     return s;
 }
 
-/* Close a connection that did not open. Damage is told from the environment's failures here: it ends
+/* Close a connection that did not open. Damage is distinguished from failures of the environment here: it ends
  * the coordinator before anything was written. */
 static status disconnect(struct store *store, status s, struct error *err)
 {

@@ -1,4 +1,4 @@
-/* store_parts: the inside of the store, shared by its files; nobody else includes this.
+/* store_parts: the inside of the store, shared by its files; private to its files.
  *
  * store.c           the folder, its lock, the lease epoch; opens and closes the others
  * store_database.c  the connection, the tables and their versions, running a statement

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Make the pictures of docs/TONEMAPPING.md anew: render two scenes, tone map them in every way.
+# Make the pictures of docs/TONEMAPPING.md again: render two scenes, tone map them in every way.
 #
 #   docs/images/make_tonemapping.sh [FOLDER]
 #

@@ -1,4 +1,4 @@
-/* time_left: how often the time left that is told of a frame is right, on the recorded units of real
+/* time_left: how often the reported time left of a frame is right, on the recorded units of real
  * scenes (tests/accuracy/record.c), worked on by 2, 8 and 32 threads under a simulated clock, slowed down so that
  * the frame takes two minutes.
  *

@@ -33,7 +33,7 @@ static void follow(struct render_scene *const scenes[2], struct ray ray, const s
         struct { const struct sampler *sampler; uint32_t ray_number; } query = {sampler, 0};
         struct sample2 u = sampler_get(sampler, DIMENSION_VERTEX + (uint32_t)bounce);
         struct surface s[2];
-        struct frame frame;
+        struct basis frame;
         struct hit hit[2];
         int met[2];
         float sine, cosine;
@@ -60,8 +60,8 @@ static void follow(struct render_scene *const scenes[2], struct ray ray, const s
             return;
         }
         det_sincos(2 * PI_F * u.v, &sine, &cosine);
-        frame = frame_from_normal(s[0].ng);
-        surface_leave(&s[0], vec3_normalize(frame_to_world(
+        frame = basis_from_normal(s[0].ng);
+        surface_leave(&s[0], vec3_normalize(basis_to_world(
             &frame, vec3_make(sqrtf(u.u) * cosine, sqrtf(u.u) * sine, sqrtf(1 - u.u)))), &ray);
     }
 }

@@ -77,7 +77,7 @@ static void on_open(struct channel *channel, void *user)
     hello.threads = 1;
     hello.isa_mask = isa_supported_mask();
     hello.arithmetic = elementary_fingerprint();
-    hello.kernel = (char *)render_kernel_name();
+    hello.kernel = (char *)render_ray_tracer_name();
     if (channel_send(channel, &e) != STATUS_OK)
         fail(user, "the Hello was not sent");
 }

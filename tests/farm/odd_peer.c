@@ -40,7 +40,7 @@
 #include "common/base/memory.h"
 #include "common/film/tiles.h"
 #include "common/math/elementary.h"
-#include "protocol/frame.h"
+#include "protocol/framing.h"
 #include "protocol/message.h"
 #include "protocol/tls.h"
 #include "worker/render/render.h"
@@ -50,7 +50,7 @@ enum { LINE_SIZE = 1 << 16, WORDS_MAX = 24, UNITS_MAX = 4096, HEARTBEAT_MS = 500
 struct peer {
     int socket;
     struct tls *tls;
-    struct frame_reader frames;
+    struct framing_reader frames;
     int mute, over;
     /* the last grant */
     uint64_t lease, epoch, job;
@@ -106,7 +106,7 @@ static void send_message(struct peer *p, const Azulejo__Wire__Envelope *message)
 
     if (!bytes)
         die("out of memory");
-    frame_header_write(bytes, (uint32_t)size);
+    framing_header_write(bytes, (uint32_t)size);
     azulejo__wire__envelope__pack(message, bytes + FRAME_HEADER_BYTES);
     send_plain(p, bytes, FRAME_HEADER_BYTES + size);
     free(bytes);
@@ -159,7 +159,7 @@ static void say_hello(struct peer *p, char *const words[], int count)
     hello.threads = (uint32_t)number_of(words, count, "threads", 1);
     hello.isa_mask = (uint32_t)number_of(words, count, "isa", isa_supported_mask());
     hello.arithmetic = number_of(words, count, "arithmetic", elementary_fingerprint());
-    hello.kernel = kernel ? (char *)kernel : (char *)render_kernel_name();
+    hello.kernel = kernel ? (char *)kernel : (char *)render_ray_tracer_name();
     send_message(p, &e);
 }
 
@@ -454,10 +454,10 @@ static void hear(struct peer *p)
             p->over = 1;
         } else if (plain == 0) {
             break;
-        } else if (frame_reader_push(&p->frames, bytes, plain, &err) != STATUS_OK) {
+        } else if (framing_reader_push(&p->frames, bytes, plain, &err) != STATUS_OK) {
             die(err.text);
         }
-        while (!p->over && frame_reader_next(&p->frames, &payload, &size, &err) == STATUS_OK &&
+        while (!p->over && framing_reader_next(&p->frames, &payload, &size, &err) == STATUS_OK &&
                payload) {
             Azulejo__Wire__Envelope *message;
             if (message_unpack(&message, payload, size, &err) != STATUS_OK)
@@ -567,7 +567,7 @@ int main(int argc, char **argv)
     role = strcmp(argv[4], "worker") == 0 ? FARM_ROLE_WORKER : FARM_ROLE_CLIENT;
     if (farm_key_load(&key, argv[3], &err) != STATUS_OK)
         die(err.text);
-    frame_reader_init(&p.frames, CHANNEL_FRAME_MAX);
+    framing_reader_init(&p.frames, CHANNEL_FRAME_MAX);
     if ((is_coordinator ? tls_new_server(&p.tls, &key, &err)
                         : tls_new_client(&p.tls, &key, role, &err)) != STATUS_OK)
         die(err.text);
@@ -575,6 +575,6 @@ int main(int argc, char **argv)
     converse(&p);
     close(p.socket);
     tls_free(p.tls);
-    frame_reader_release(&p.frames);
+    framing_reader_release(&p.frames);
     return 0;
 }

@@ -1,4 +1,4 @@
-"""The same job gives the same bits: whatever the workers and threads, whoever comes late, stops,
+"""The same job gives the same bits: whatever the workers and threads, whichever worker comes late, stops,
 dies or drains on the way, and also when the coordinator itself is killed and started again."""
 import atexit
 import re

@@ -1,4 +1,4 @@
-"""How wrong a picture is: the same figures wherever they are told, kept over restarts, and a word where
+"""How wrong a picture is: the same figures wherever they are reported, kept over restarts, and a word where
 they cannot be trusted."""
 import math
 import os
@@ -171,7 +171,7 @@ def animations_tell_each_frame_the_worst_and_the_change():
 @tests.add
 def flicker_is_what_neighbouring_frames_differ_by():
     """Where nothing moves all that changes from a frame to the next is noise: its 95 % quantile in display codes,
-    measured in the pictures, is the flicker that is told"""
+    measured in the pictures, is the flicker that is reported"""
     with Farm() as farm:
         farm.start_coordinator()
         farm.start_worker()

@@ -186,7 +186,7 @@ def another_job_does_not_go_on_from_an_estimate():
 
 @tests.add
 def limits_and_history_count_by_one_clock():
-    """extend --core-limit counts anew, and what is left says so; the history goes on; both over a restart"""
+    """extend --core-limit counts again, and what is left says so; the history goes on; both over a restart"""
     with Farm() as farm:
         farm.start_coordinator()
         farm.start_worker(threads=1)

@@ -1,4 +1,4 @@
-"""Rounds, stop rules, extend and schedules: the same bits whoever renders, dies or starts again, and the bits
+"""Rounds, stop rules, extend and schedules: the same bits whatever renders, dies or starts again, and the bits
 that the rules would have given at once."""
 import os
 import sys

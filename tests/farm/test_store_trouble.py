@@ -1,5 +1,5 @@
 """A store that is full, read-only or cannot be opened pauses what it touches: no job fails, no film is
-lost, everybody is told why, and all goes on by itself when the cause is gone."""
+lost, everybody learns why, and all goes on by itself when the cause is gone."""
 import errno
 import os
 import re
@@ -382,7 +382,7 @@ def films_outlive_what_is_not_stored():
 
 @tests.add
 def private_store():
-    """the store and the cache are only their user's, and an older store with wider rights is told of"""
+    """the store and the cache are only their user's, and an older store with wider rights is reported"""
     with Farm() as farm:
         farm.start_coordinator()
         farm.start_worker()

@@ -1,4 +1,4 @@
-"""Tone mapping from the outside: pictures on disk, sheets, and jobs developed anew."""
+"""Tone mapping from the outside: pictures on disk, sheets, and jobs developed again."""
 import os
 import re
 import struct
@@ -327,7 +327,7 @@ def fetched(farm, number, folder, *options):
 
 @tests.add
 def develop():
-    """a job's pictures are made anew: the same bytes as tonemap makes of its EXR, again and again"""
+    """a job's pictures are made again: the same bytes as tonemap makes of its EXR, again and again"""
     with Farm() as farm:
         farm.start_coordinator()
         farm.start_worker()
@@ -445,7 +445,7 @@ Shape "sphere" "float radius" 1
 
 @tests.add
 def the_cameras_exposure():
-    """what a camera adds to the exposure stays when a job is developed anew"""
+    """what a camera adds to the exposure stays when a job is developed again"""
     with Farm() as farm:
         farm.start_coordinator()
         farm.start_worker()

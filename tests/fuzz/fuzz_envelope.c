@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "common/base/memory.h"
-#include "protocol/frame.h"
+#include "protocol/framing.h"
 #include "protocol/message.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -102,23 +102,23 @@ static void repack(const Azulejo__Wire__Envelope *e)
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-    struct frame_reader reader;
+    struct framing_reader reader;
     size_t piece, at = 1;
 
     if (size < 1)
         return 0;
     piece = (size_t)data[0] + 1;
-    frame_reader_init(&reader, CHANNEL_FRAME_MAX);
+    framing_reader_init(&reader, CHANNEL_FRAME_MAX);
     while (at < size) {
         size_t length = size - at < piece ? size - at : piece;
-        if (frame_reader_push(&reader, data + at, length, NULL) != STATUS_OK)
+        if (framing_reader_push(&reader, data + at, length, NULL) != STATUS_OK)
             break;
         at += length;
         for (;;) {
             Azulejo__Wire__Envelope *e;
             const uint8_t *payload;
             size_t payload_size;
-            if (frame_reader_next(&reader, &payload, &payload_size, NULL) != STATUS_OK)
+            if (framing_reader_next(&reader, &payload, &payload_size, NULL) != STATUS_OK)
                 goto done;
             if (!payload)
                 break;
@@ -130,6 +130,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         }
     }
 done:
-    frame_reader_release(&reader);
+    framing_reader_release(&reader);
     return 0;
 }

@@ -159,13 +159,13 @@ static void weights(struct test_random *random, float *b1, float *b2)
 
 static struct vec3 hemisphere(struct test_random *random, struct vec3 n)
 {
-    struct frame frame = frame_from_normal(n);
+    struct basis frame = basis_from_normal(n);
     float u = test_random_float(random), sine, cosine;
 
     if (test_random_u64(random) % 4 == 0)
         u = 1 - u * 1e-5f; /* grazing */
     det_sincos(2 * PI_F * test_random_float(random), &sine, &cosine);
-    return vec3_normalize(frame_to_world(
+    return vec3_normalize(basis_to_world(
         &frame, vec3_make(sqrtf(u) * cosine, sqrtf(u) * sine, sqrtf(1 - u))));
 }
 

@@ -28,7 +28,7 @@ def row(name, scene, edits=(), options=(), ggx=GGX, match=False, frame=1, shutte
 
 # Scenes of scenes/features. "Lambert": all dielectrics without reflection. "single", "multi": both
 # with or both without what microfacets throw back among themselves. "nodes": the material is built
-# anew from Cycles' own nodes, from the numbers in the file.
+# again from Cycles' own nodes, from the numbers in the file.
 FEATURES = [
     row("metal", "metal"),
     row("metal,single", "metal", options=SINGLE),

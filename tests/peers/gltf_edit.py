@@ -1,4 +1,4 @@
-"""Write a glTF file (.gltf or .glb) anew, with edits that make it comparable.
+"""Write a glTF file (.gltf or .glb) again, with edits that make it comparable.
 
     gltf_edit.py SCENE OUT.gltf [EDIT]...
 

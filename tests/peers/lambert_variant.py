@@ -1,4 +1,4 @@
-"""Write a glTF scene anew, with only what every renderer understands in the same way.
+"""Write a glTF scene again, with only what every renderer understands in the same way.
 
     lambert_variant.py SCENE.gltf OUT.gltf [--filtered]
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Make the references of tests/statistics/test_features.c anew: all, or those of the scenes named.
+# Make the references of tests/statistics/test_features.c again: all, or those of the scenes named.
 # Needed when a scene is new or changed, or when the renderer was found to be wrong; never just
 # because the test fails. About ten minutes of CPU for all; each scene is a
 # process of its own.

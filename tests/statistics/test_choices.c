@@ -279,7 +279,7 @@ static void test_unbiased(void **state)
     expect_effect(noise, rays);
 }
 
-/* A picture that lost light is told from one that did not. */
+/* A picture that lost light is recognised. */
 static void test_clamping_shows(void **state)
 {
     struct render_settings settings = settings_of(1);

@@ -56,7 +56,7 @@ static struct running_stats irradiance(const struct environment *env, struct vec
 {
     struct running_stats stats = {0};
     struct test_random random = {seed};
-    struct frame frame = frame_from_normal(normal);
+    struct basis frame = basis_from_normal(normal);
 
     for (int i = 0; i < SAMPLES; i++) {
         float u = test_random_float(&random), v = test_random_float(&random), pdf;
@@ -71,7 +71,7 @@ static struct running_stats irradiance(const struct environment *env, struct vec
         radius = sqrt(test_random_double(&random));
         angle = 2 * PI_D * test_random_double(&random);
         cosine = sqrt(1 - radius * radius);
-        d = frame_to_world(&frame, vec3_make((float)(radius * cos(angle)),
+        d = basis_to_world(&frame, vec3_make((float)(radius * cos(angle)),
                                              (float)(radius * sin(angle)), (float)cosine));
         radiance = environment_radiance_pdf(env, d, &pdf);
         ratio = cosine > 0 ? (double)pdf * PI_D / cosine : INFINITY;

@@ -2,7 +2,7 @@
  * reference picture that comes with its standard error.
  *
  *   test_features                      the tests
- *   test_features --write [NAME...]    make the references anew (all, or these): make_references.sh
+ *   test_features --write [NAME...]    make the references again (all, or these): make_references.sh
  *   test_features --seeds N [NAME...]  the largest z of N other seeds, to judge the tests by
  *
  * What a reference is: tests/statistics/references/NAME.exr holds the mean of REFERENCE_RUNS

@@ -46,7 +46,7 @@ static uint32_t boundary(struct scene_builder *b)
     return builder_last_material(b);
 }
 
-/* How a density of 1 is told to the renderer. */
+/* How a density of 1 is passed to the renderer. */
 enum form { HOMOGENEOUS, GRID, THIN_GRID, FORMS };
 
 static void fill(struct scene_builder *b, struct scene_medium *m, enum form form)

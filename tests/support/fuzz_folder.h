@@ -9,7 +9,7 @@
 
 /* Its path. The folder is made when it is first asked for; these abort when they fail. */
 const char *fuzz_folder(void);
-/* Write a file in it, anew if need be. */
+/* Write a file in it, again if need be. */
 void fuzz_folder_put(const char *name, const void *data, size_t size_bytes);
 /* Abort unless every file that a scene read lies in the folder, but for the one called `given`,
  * which is the input itself. */

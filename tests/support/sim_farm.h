@@ -96,7 +96,7 @@ void sim_commit(struct sim *sim);   /* write and acknowledge what is dirty */
 void sim_develop(struct sim *sim);  /* end the developments that were begun, checking their films */
 /* Run and end the measurements that were begun (coordinator/farm/freeze.h). */
 void sim_freeze(struct sim *sim);
-/* Make the one picture that was asked for anew; 0: none was. */
+/* Make the one picture that was asked for again; 0: none was. */
 int sim_make_picture(struct sim *sim);
 
 /* Does the film hold exactly what merging its passes in order gives? A film of a job that is not

@@ -83,6 +83,6 @@ void render_measure_trace(int on);
 
 /* What decides a result's bits beside the scene and the settings: this renderer's release and
  * Embree's, "azulejo 0.2.0 embree 3.13.5 x86_64". Part of the handshake; pinned per job. */
-const char *render_kernel_name(void);
+const char *render_ray_tracer_name(void);
 
 #endif

@@ -14,7 +14,7 @@
 enum { BUILDER_NO_ROW = -1 };
 
 struct builder_warning {
-    const char *kind;       /* warnings of one kind are told once, with a count */
+    const char *kind;       /* warnings of one kind are reported once, with a count */
     char *owned_kind;       /* where the kind is not a literal */
     char *text;             /* of the first; starts with its place where one is known */
     uint64_t count;

@@ -149,7 +149,7 @@ done:
 }
 
 /* Unit normals; those without a direction get the normal of a triangle that uses them. */
-static size_t mend_normals(struct mesh_source *mesh)
+static size_t repair_normals(struct mesh_source *mesh)
 {
     size_t bad = 0;
 
@@ -286,7 +286,7 @@ status mesh_finish(struct builder *b, struct mesh_source *mesh, const char *name
 {
     struct scene_mesh out = {.name = name};
     uint8_t *data = NULL;
-    size_t size_bytes = 0, dropped, mended;
+    size_t size_bytes = 0, dropped, repaired;
     uint32_t added = 0;
     status result = STATUS_OK;
 
@@ -310,10 +310,10 @@ status mesh_finish(struct builder *b, struct mesh_source *mesh, const char *name
     result = drop_unused_vertices(mesh, b->err);
     if (result != STATUS_OK)
         goto done;
-    mended = mend_normals(mesh);
-    if (mended)
+    repaired = repair_normals(mesh);
+    if (repaired)
         builder_warn(b, "normals", "%s: %zu normals have no direction: made from the triangles",
-                     name, mended);
+                     name, repaired);
     result = prepare_tangents(b, mesh, name, tangents);
     if (result != STATUS_OK)
         goto done;

@@ -328,7 +328,7 @@ static struct corner_key corner_key(const struct work *w, size_t corner)
         hand = w->groups[group].hand;
     }
     if (vec3_is_black(t)) /* no direction is better than another */
-        t = frame_from_normal(at(w->keys[v].normal, 0)).s;
+        t = basis_from_normal(at(w->keys[v].normal, 0)).s;
     key.tangent[0] = t.x + 0.0f;
     key.tangent[1] = t.y + 0.0f;
     key.tangent[2] = t.z + 0.0f;

@@ -43,7 +43,7 @@ static status read_image(struct gltf *g, size_t index, int64_t *row)
     TRY(gltf_text(g, image, &at, "name", &name));
     TRY(gltf_index(g, image, &at, "bufferView", g->views, &view));
     file = uri && !uri_is_data(uri) ? uri : NULL;
-    snprintf(numbered, sizeof numbered, "images[%zu]", index); /* damage is told by the name */
+    snprintf(numbered, sizeof numbered, "images[%zu]", index); /* reports of damage use the name */
     if (uri) {
         result = gltf_read_uri(g, uri, &at, &bytes);
     } else if (view >= 0) {

@@ -200,7 +200,7 @@ struct pbrt {
 
 #define pbrt_warn(p, where, kind, ...) \
     builder_warn_at((p)->b, (where)->file, (where)->line, (kind), __VA_ARGS__)
-/* An error at a place; the builder is told that it names its file. */
+/* An error at a place; the builder learns that it names its file. */
 #define pbrt_fail(p, code, where, ...) \
     ((p)->b->error_is_placed = 1, pbrt_error((p)->err, (code), (where), __VA_ARGS__))
 

@@ -1,4 +1,4 @@
-/* pbrt_material_parts: the inside of pbrt_material, shared by its files; nobody else includes this.
+/* pbrt_material_parts: the inside of pbrt_material, shared by its files; private to its files.
  *
  * pbrt_material.c         finds out what a material means, and makes its rows
  * pbrt_material_v4.c      the kinds of pbrt-v4, and mixes

@@ -1,7 +1,7 @@
 /* pbrt_params: the typed parameter list of one directive, "type name" value(s) ...
  *
  * A list that is read owns its memory and can be read into again; a copy lives in an arena.
- * A parameter that nobody asked for is reported by pbrt_params_report().
+ * A parameter that was not requested is reported by pbrt_params_report().
  */
 #ifndef AZULEJO_IMPORT_PBRT_PARAMS_H
 #define AZULEJO_IMPORT_PBRT_PARAMS_H
@@ -81,7 +81,7 @@ const char *pbrt_string(struct pbrt_params *p, const char *name, const char *oth
 /* A point, vector or normal; 0: not given (`out` untouched). */
 int pbrt_triple(struct pbrt_params *p, const char *name, double out[3]);
 
-/* Warn about each parameter that nobody asked for. `what`: shape "sphere". */
+/* Warn about each parameter that was not requested. `what`: shape "sphere". */
 void pbrt_params_report(struct pbrt_params *p, struct builder *b, const char *what);
 
 #endif

@@ -1,4 +1,4 @@
-/* Texture directives and parameters: a small expression each. What becomes of it is told in
+/* Texture directives and parameters: a small expression each. What becomes of it is decided in
  * pbrt_texture_slot.c. */
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* pbrt_texture_parts: the inside of pbrt_texture, shared by its files; nobody else includes this.
+/* pbrt_texture_parts: the inside of pbrt_texture, shared by its files; private to its files.
  *
  * pbrt_texture.c       reads directives and parameters into expressions
  * pbrt_texture_look.c  what an expression gives at a place

@@ -187,7 +187,7 @@ static void test_light_level_does_not_count(void **state)
     noisy_release(&n);
 }
 
-/* One sample that is as bright as all the rest counts in full, and is told. */
+/* One sample that is as bright as all the rest counts in full, and is reported. */
 static void test_firefly_counts(void **state)
 {
     static const double deviations[4] = {0.01, 0.01, 0.01, 0.01};

@@ -615,7 +615,7 @@ static void ends_wait_for_what_is_in_flight(void **state)
 }
 
 /* Pictures that wait for the frames before them keep the job from ending; those of a job that is
- * done are made anew one at a time. */
+ * done are made again one at a time. */
 static void pictures_follow_the_settings(void **state)
 {
     struct sim *sim = sim_new(NULL, 8);
@@ -694,7 +694,7 @@ static void a_picture_is_waited_for(void **state)
     free(report);
 }
 
-/* A stored picture that cannot be read is told, and the job stays done. */
+/* A stored picture that cannot be read is reported, and the job stays done. */
 static void a_lost_picture_is_told(void **state)
 {
     struct sim *sim = sim_new(NULL, 9);

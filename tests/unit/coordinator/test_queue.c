@@ -129,7 +129,7 @@ static void rates_cover_the_last_seconds(void **state)
     /* Silence lowers it, and ends it after the window. */
     assert_true(rate_per_second(&rate, now_ns + 5 * NS_PER_SECOND) < 700);
     assert_true(rate_per_second(&rate, now_ns + 11 * NS_PER_SECOND) == 0);
-    /* After a silence it begins anew: the old pace does not count. */
+    /* After a silence it begins again: the old pace does not count. */
     now_ns += 60 * NS_PER_SECOND;
     for (int i = 0; i < 20; i++, now_ns += NS_PER_SECOND / 20)
         rate_add(&rate, 5, now_ns);

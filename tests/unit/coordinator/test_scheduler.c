@@ -205,7 +205,7 @@ static void unfit_workers_are_told_and_get_nothing(void **state)
     sim_grant(sim, other_kernel, 1); /* told once */
     assert_int_equal(sim->notices, 2);
     assert_false(farm_can_serve(job, &other_kernel->worker, why, sizeof why));
-    /* A job that no one has begun pins the kernel of whoever begins it. */
+    /* A job that no one has begun pins the kernel of the worker that begins it. */
     sim_submit(sim, 64, 64, 1, 1, 1, 0);
     assert_int_equal(sim_grant(sim, other_kernel, 1), 1);
     assert_int_equal(other_kernel->worker.note[0], 0);

@@ -527,7 +527,7 @@ static void a_torn_slot_falls_back_to_the_older_one(void **state)
     film_begin(&f, store);
     assert_int_equal(f.durable[0][0], 3);
     end_film(&f);
-    /* Both slots damaged: the tile begins anew, the others stay. */
+    /* Both slots damaged: the tile begins again, the others stay. */
     memset(torn, 0x55, size);
     assert_int_equal(pwrite(fd, torn, size, at), (ssize_t)size);
     assert_int_equal(pwrite(fd, torn, size, at + slot_bytes), (ssize_t)size);

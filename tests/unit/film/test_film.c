@@ -424,7 +424,7 @@ static void the_largest_contributions_are_kept(void **state)
     film_free(film);
 }
 
-/* Fail every allocation in turn: each failure is told, and what succeeds later is right. */
+/* Fail every allocation in turn: each failure is reported, and what succeeds later is right. */
 static void memory_faults_lose_nothing(void **state)
 {
     enum { WIDTH = 20, HEIGHT = 16, SPP = 40 };

@@ -357,7 +357,7 @@ static void test_texture_faults(void **state)
         {"\"textures\":[{\"source\":0}],\"images\":[{\"name\":\"w\",\"uri\":"
          "\"data:;base64,Qk0AAAAAAAAAAAAA\"}]",
          "images[0]|w is a BMP file|PNG, JPEG and WebP"},
-        /* cut short in the header, and in the pixels; one without a name is told by its row */
+        /* cut short in the header, and in the pixels; one without a name is named by its row */
         {"\"textures\":[{\"source\":0}],\"images\":[{\"name\":\"w\",\"uri\":"
          "\"data:,%89PNG%0D%0A%1A%0Ax\"}]",
          "w: the PNG"},

@@ -100,7 +100,7 @@ static void test_tangents_supplied(void **state)
     maker_import(&m, rest, &r);
     assert_floats(view_mesh(&r, 0).tangents, unit, 12, 0);
     import_result_release(&r);
-    /* Without a direction they are made anew. */
+    /* Without a direction they are made again. */
     m = triangle_maker();
     put_floats(&m, "VEC3", normals, 9, 3);
     put_floats(&m, "VEC2", uv, 6, 3);

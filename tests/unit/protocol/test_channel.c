@@ -16,7 +16,7 @@
 
 #include "common/base/memory.h"
 #include "protocol/channel.h"
-#include "protocol/frame.h"
+#include "protocol/framing.h"
 #include "protocol/message.h"
 #include "protocol/tls.h"
 
@@ -671,7 +671,7 @@ static void put_message(struct buffer *out, const Azulejo__Wire__Envelope *e)
     size_t size = azulejo__wire__envelope__get_packed_size(e);
     uint8_t header[FRAME_HEADER_BYTES], *space;
 
-    frame_header_write(header, (uint32_t)size);
+    framing_header_write(header, (uint32_t)size);
     buffer_append(out, header, sizeof header);
     space = buffer_append_space(out, size);
     assert_non_null(space);
@@ -771,7 +771,7 @@ static void check_bad_frame(const void *bytes, size_t size, status expected)
 {
     struct farm f;
     struct raw_peer p = {.with_tls = 1, .hold_until_closed = 1};
-    struct frame_reader r;
+    struct framing_reader r;
     const uint8_t *payload;
     Azulejo__Wire__Envelope *e;
     size_t length;
@@ -784,15 +784,15 @@ static void check_bad_frame(const void *bytes, size_t size, status expected)
     raw_finish(&f, &p);
     assert_int_equal(f.received, 1);
     assert_int_equal(f.server.why.code, expected);
-    frame_reader_init(&r, CHANNEL_FRAME_MAX);
-    assert_int_equal(frame_reader_push(&r, p.heard.data, p.heard.size, NULL), STATUS_OK);
-    assert_int_equal(frame_reader_next(&r, &payload, &length, NULL), STATUS_OK);
+    framing_reader_init(&r, CHANNEL_FRAME_MAX);
+    assert_int_equal(framing_reader_push(&r, p.heard.data, p.heard.size, NULL), STATUS_OK);
+    assert_int_equal(framing_reader_next(&r, &payload, &length, NULL), STATUS_OK);
     assert_non_null(payload);
     assert_int_equal(message_unpack(&e, payload, length, NULL), STATUS_OK);
     assert_int_equal(e->body_case, AZULEJO__WIRE__ENVELOPE__BODY_FAILURE);
     assert_int_equal(e->failure->code, expected);
     message_free(e);
-    frame_reader_release(&r);
+    framing_reader_release(&r);
     buffer_release(&p.heard);
 }
 

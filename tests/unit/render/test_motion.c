@@ -325,7 +325,7 @@ static struct vec3 normal_at(const struct render_scene *scene, float time)
 
     assert_true(shoot(scene, 0, 0, time, &s));
     surface_shade(scene, &s, vec3_make(0, 0, 1), &params);
-    return s.frame.n;
+    return s.basis.n;
 }
 
 /* Vertex normals go along: with a joint that turns by 40 degrees, and with

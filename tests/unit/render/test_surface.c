@@ -39,7 +39,7 @@ static struct vec3 shading_normal(double lean, struct vec3 wo, float specular)
     surface_shade(scene, &s, wo, &params);
     render_scene_free(scene);
     builder_release(&b);
-    return s.frame.n;
+    return s.basis.n;
 }
 
 static struct vec3 towards(double angle)

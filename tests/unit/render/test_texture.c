@@ -382,7 +382,7 @@ static void test_levels_are_means(void **state)
                     for (uint32_t i = 0; i < nw * nh; i++) {
                         float u = ((float)(i % nw) + 0.5f) / (float)nw;
                         float v = ((float)(i / nw) + 0.5f) / (float)nh;
-                        /* A hair wider than 2^level texels, lest it round to less. */
+                        /* A hair wider than 2^level texels, or it could round to less. */
                         float footprint = (float)(1u << level) / (float)longest * 1.000001f;
                         struct texel t = texture_lookup(image, &texture, u, v, footprint, srgb);
                         float want = (float)mean[srgb][i];

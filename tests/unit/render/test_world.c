@@ -284,7 +284,7 @@ static void test_memory_estimate(void **state)
     builder_release(&b);
 }
 
-/* Scenes that live at the same time share what they decode; of another use it is decoded anew. */
+/* Scenes that live at the same time share what they decode; of another use it is decoded again. */
 static void test_shared_images(void **state)
 {
     struct render_settings settings = builder_settings(16, 16, 16);

@@ -104,13 +104,13 @@ struct narrow {
 static int sample_narrow(void *user, const float u[3], struct vec3 *wi)
 {
     const struct narrow *lobe = user;
-    struct frame f = frame_from_normal(lobe->axis);
+    struct basis f = basis_from_normal(lobe->axis);
     double drop = -lobe->width * log1p(-(double)u[0] * (1 - exp(-2 / lobe->width)));
     double sine = sqrt(drop * (2 - drop)), phi = 2 * M_PI * u[1];
 
     if (u[2] < 0.25f)
         return 0; /* a quarter is "none" */
-    *wi = frame_to_world(&f, (struct vec3){(float)(sine * cos(phi)), (float)(sine * sin(phi)),
+    *wi = basis_to_world(&f, (struct vec3){(float)(sine * cos(phi)), (float)(sine * sin(phi)),
                                            (float)(1 - drop)});
     return 1;
 }

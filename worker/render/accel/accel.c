@@ -22,7 +22,7 @@
 #define SCENE_FLAG_QUERY_FILTER RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION
 #endif
 
-const char *render_kernel_name(void)
+const char *render_ray_tracer_name(void)
 {
     static const char name[] = "azulejo " AZULEJO_VERSION " embree " RTC_VERSION_STRING
 #if defined(__x86_64__)

@@ -122,7 +122,7 @@ static inline int accel_is_excepted(const struct query_context *q, const struct 
 }
 
 /* Does the ray meet the triangle's plane between its ends, and the triangle not lie beyond them?
- * *t in metres. The plane alone counts: whoever proposed the triangle has seen to its edges. */
+ * *t in metres. The plane alone counts: the caller has checked the triangle's edges. */
 int accel_decide(struct query_context *q, const struct hit *face, double *t);
 
 /* A triangle that double found to be met: 1 where the traversal may count it as Embree's hit. */

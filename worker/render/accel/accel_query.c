@@ -280,7 +280,7 @@ static inline void query_start(struct query_context *q, const struct accel *acce
  * grow with the distance from the ray's origin and with the origin's own. */
 static void look_beside(struct RTCRay *out, const struct query_context *q)
 {
-    struct frame frame = frame_from_normal(q->ray->direction);
+    struct basis frame = basis_from_normal(q->ray->direction);
     struct vec3 aside = vec3_scale(q->attempt & 1 ? frame.s : frame.t,
                                    ldexpf(q->attempt & 2 ? -LEAK_ANGLE : LEAK_ANGLE,
                                           (int)q->attempt - 1));

@@ -264,7 +264,7 @@ struct bsdf {
     struct bsdf_interface_compensation interface_compensation;
     struct bsdf_thin_wall thin_wall;
     struct bsdf_lambert diffuse_transmission;
-    struct thin_film film;
+    struct thin_film thin_film;
     struct bsdf_coat coat;
     struct bsdf_sheen sheen;
 };

@@ -108,7 +108,7 @@ static inline float interface_kept(const struct bsdf *b, float fade)
     if (ggx_is_stretched(&b->base.shape))
         kept *= alpha / b->base.shape.x;
     if (CALLS_FOR(b, IRIDESCENCE))
-        kept *= 1.0f - b->film.weight;
+        kept *= 1.0f - b->thin_film.weight;
     return kept;
 }
 

@@ -94,10 +94,10 @@ static inline float layer_rest_average(const struct bsdf *b)
 static inline void layer_raise_ends(struct bsdf *b)
 {
     struct bsdf_layer *l = &b->layer;
-    float specular = b->material.specular, bound = film_bound(b->film.ior, b->film.f0) * specular;
+    float specular = b->material.specular, bound = thin_film_bound(b->thin_film.ior, b->thin_film.f0) * specular;
 
-    l->f0 = l->f0 + (bound - l->f0) * b->film.weight;
-    l->f90 = l->f90 + (specular - l->f90) * b->film.weight;
+    l->f0 = l->f0 + (bound - l->f0) * b->thin_film.weight;
+    l->f90 = l->f90 + (specular - l->f90) * b->thin_film.weight;
     l->f90 = float_max(l->f90, l->f0);
 }
 

@@ -181,9 +181,9 @@ static inline void weights_init(struct bsdf *b)
     b->interface.only = b->weights.glass == 1.0f;
 }
 
-static inline void film_init(struct bsdf *b, const struct bsdf_params *p)
+static inline void thin_film_init(struct bsdf *b, const struct bsdf_params *p)
 {
-    struct thin_film *film = &b->film;
+    struct thin_film *film = &b->thin_film;
     float thickness = clamp_to(p->iridescence_thickness_nm, 0, 1e5f);
     float n = clamp_to(p->iridescence_ior, 1, BSDF_IOR_MAX);
     float t = float_min(thickness * (1.0f / FILM_FADE_NM), 1.0f);
@@ -209,8 +209,8 @@ static inline void fresnel_init(struct bsdf *b)
     d->normal_f0 = root * root;
     if (b->weights.glass > 0.0f || b->layer.exact || is_slab(b))
         d->inverse_rest_f0 = 1.0f / (1.0f - (d->exact ? d->normal_f0 : 0.0f));
-    b->film.f0 = clamp_color(vec3_scale(m->specular_color, d->normal_f0), 1);
-    d->f0 = vec3_scale(b->film.f0, m->specular);
+    b->thin_film.f0 = clamp_color(vec3_scale(m->specular_color, d->normal_f0), 1);
+    d->f0 = vec3_scale(b->thin_film.f0, m->specular);
     b->layer.f0 = vec3_max(d->f0);
     d->f90 = b->layer.f90 = float_max(m->specular * bsdf_f90_of(d->normal_f0), b->layer.f0);
     if (CALLS_FOR(b, IRIDESCENCE))
@@ -310,7 +310,7 @@ static inline void init_layers(struct bsdf *b, const struct bsdf_params *params,
     if (CALLS_FOR(b, CONDUCTOR))
         conductor_init(b, params);
     if (CALLS_FOR(b, IRIDESCENCE))
-        film_init(b, params);
+        thin_film_init(b, params);
     if (CALLS_FOR(b, CLEARCOAT))
         coat_init(&b->coat, params, wo,
                   CALLS_FOR(b, CONDUCTOR) && b->reflection.interreflection > 0.0f);

@@ -112,7 +112,7 @@ static inline enum lobe_result coat_sample(const struct bsdf *b, struct vec3 wo,
                                            float v, struct bsdf_sample *out)
 {
     const struct bsdf_coat *c = &b->coat;
-    struct frame frame = frame_from_normal(c->normal);
+    struct basis frame = basis_from_normal(c->normal);
 
     (void)w;
     if (c->micro.smooth) {
@@ -121,14 +121,14 @@ static inline enum lobe_result coat_sample(const struct bsdf *b, struct vec3 wo,
             vec3_splat(c->weight * coat_fresnel(c, c->cos_o) / b->lobe_pdf[BSDF_LOBE_COAT]);
         return out->wi.z > 0.0f ? LOBE_DELTA : LOBE_NOTHING;
     }
-    wo = frame_to_local(&frame, wo);
+    wo = basis_to_local(&frame, wo);
     if (!(wo.z > 0.0f))
         return LOBE_NOTHING;
     out->wi = reflect_about(
         wo, ggx_sample_visible(wo, c->micro.shape.y, c->micro.shape.y, u, v));
     if (!(out->wi.z > 0.0f))
         return LOBE_NOTHING;
-    out->wi = frame_to_world(&frame, out->wi);
+    out->wi = basis_to_world(&frame, out->wi);
     return out->wi.z > 0.0f ? LOBE_SMOOTH : LOBE_NOTHING;
 }
 

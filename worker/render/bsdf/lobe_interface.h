@@ -33,8 +33,8 @@ static inline struct vec3 interface_fresnel(const struct bsdf *b, float cos_i)
         float cos_1 = cos_i;
         if (b->material.inside && d->exact) /* the film sees the angle outside */
             cos_1 = sqrtf(float_max(0.0f, 1.0f - (1.0f - cos_i * cos_i) / (b->eta * b->eta)));
-        f = vec3_mad(f, film_difference(&b->film, cos_1, b->film.f0),
-                     b->film.weight * b->material.specular);
+        f = vec3_mad(f, thin_film_difference(&b->thin_film, cos_1, b->thin_film.f0),
+                     b->thin_film.weight * b->material.specular);
     }
     /* The exact term dips below its value at normal incidence for an ior above 3.7. */
     return clamp_color(f, 1);

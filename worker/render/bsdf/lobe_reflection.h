@@ -38,7 +38,7 @@ static inline struct vec3 conductor_fresnel(const struct bsdf *b, float cos_h)
                       fresnel_conductor(cos_h, r->eta.z, r->k.z)};
     f = vec3_mul(f, b->material.base_color);
     if (CALLS_FOR(b, IRIDESCENCE))
-        f = clamp_color(vec3_mad(f, film_difference(&b->film, cos_h, r->f0), b->film.weight), 1);
+        f = clamp_color(vec3_mad(f, thin_film_difference(&b->thin_film, cos_h, r->f0), b->thin_film.weight), 1);
     f.x = interreflected(f.x, back);
     f.y = interreflected(f.y, back);
     f.z = interreflected(f.z, back);
@@ -54,7 +54,7 @@ LOBE_RARE struct vec3 metal_fresnel(const struct bsdf *b, float cos_h)
         return conductor_fresnel(b, cos_h);
     f = schlick_mix(f0, 1.0f, schlick_weight(cos_h));
     if (CALLS_FOR(b, IRIDESCENCE))
-        f = clamp_color(vec3_mad(f, film_difference(&b->film, cos_h, f0), b->film.weight), 1);
+        f = clamp_color(vec3_mad(f, thin_film_difference(&b->thin_film, cos_h, f0), b->thin_film.weight), 1);
     return f;
 }
 
@@ -66,8 +66,8 @@ LOBE_RARE struct vec3 plastic_fresnel(const struct bsdf *b, float cos_h)
 
     f = schlick_mix(d->f0, d->f90, exact ? exact_weight(b, cos_h) : schlick_weight(cos_h));
     if (CALLS_FOR(b, IRIDESCENCE))
-        f = vec3_mad(f, film_difference(&b->film, cos_h, b->film.f0),
-                     b->film.weight * b->material.specular);
+        f = vec3_mad(f, thin_film_difference(&b->thin_film, cos_h, b->thin_film.f0),
+                     b->thin_film.weight * b->material.specular);
     f = clamp_color(f, 1);
     if (is_slab(b)) {
         f.x = slab_reflectance(f.x);
@@ -107,7 +107,7 @@ static inline struct vec3 metal_average(const struct bsdf *b)
                         vec3_scale(metal_fresnel(b, 0.84494897f), 0.63608276f));
     if (CALLS_FOR(b, IRIDESCENCE)) /* the film's part by the one-point rule */
         return clamp_color(vec3_mad(schlick_mix(f0, 1.0f, SCHLICK_MEAN),
-                                    film_difference(&b->film, 2.0f / 3.0f, f0), b->film.weight), 1);
+                                    thin_film_difference(&b->thin_film, 2.0f / 3.0f, f0), b->thin_film.weight), 1);
     return schlick_mix(f0, 1.0f, SCHLICK_MEAN);
 }
 
@@ -117,8 +117,8 @@ static inline struct vec3 plastic_average(const struct bsdf *b, float weight)
     struct vec3 f = schlick_mix(b->dielectric.f0, b->dielectric.f90, weight);
 
     if (CALLS_FOR(b, IRIDESCENCE))
-        f = clamp_color(vec3_mad(f, film_difference(&b->film, 2.0f / 3.0f, b->film.f0),
-                                 b->film.weight * b->material.specular), 1);
+        f = clamp_color(vec3_mad(f, thin_film_difference(&b->thin_film, 2.0f / 3.0f, b->thin_film.f0),
+                                 b->thin_film.weight * b->material.specular), 1);
     return f;
 }
 

@@ -28,7 +28,7 @@ struct thin_film {
 };
 
 /* e^-x for x >= 0, to 2e-6. */
-static inline float film_exp(float x)
+static inline float thin_film_exp(float x)
 {
     float t = x * 1.4426950f, f;
     int whole;
@@ -43,9 +43,9 @@ static inline float film_exp(float x)
 }
 
 /* amplitude cos(2 pi turns) e^-x */
-static inline float film_wave(float turns, float x, float amplitude)
+static inline float thin_film_wave(float turns, float x, float amplitude)
 {
-    float s, c, e = film_exp(x);
+    float s, c, e = thin_film_exp(x);
 
     if (e == 0.0f)
         return 0.0f;
@@ -57,13 +57,13 @@ static inline float film_wave(float turns, float x, float amplitude)
 /* Linear Rec. 709 response to cos(2 pi path / wavelength + shift), path in nm; `half` has 1
  * for each of X, Y, Z where the shift is half a turn. The fits' constants are those of
  * KHR_materials_iridescence, per nm. */
-static inline struct vec3 film_response(float path, struct vec3 half)
+static inline struct vec3 thin_film_response(float path, struct vec3 half)
 {
     float p2 = path * path;
-    float x = film_wave(1.6810e-3f * path + 0.5f * half.x, 1.7085470e-7f * p2, 0.846590f) +
-              film_wave(2.2399e-3f * path + 0.5f * half.x, 1.7876617e-7f * p2, 0.153868f);
-    float y = film_wave(1.7953e-3f * path + 0.5f * half.y, 3.6733088e-7f * p2, 1.000222f);
-    float z = film_wave(2.2084e-3f * path + 0.5f * half.z, 2.6103525e-7f * p2, 1.001122f);
+    float x = thin_film_wave(1.6810e-3f * path + 0.5f * half.x, 1.7085470e-7f * p2, 0.846590f) +
+              thin_film_wave(2.2399e-3f * path + 0.5f * half.x, 1.7876617e-7f * p2, 0.153868f);
+    float y = thin_film_wave(1.7953e-3f * path + 0.5f * half.y, 3.6733088e-7f * p2, 1.000222f);
+    float z = thin_film_wave(2.2084e-3f * path + 0.5f * half.z, 2.6103525e-7f * p2, 1.001122f);
 
     return (struct vec3){3.2404542f * x - 1.5371385f * y - 0.4985314f * z,
                          -0.9692660f * x + 1.8760108f * y + 0.0415560f * z,
@@ -111,9 +111,9 @@ static inline struct vec3 film_reflectance(float ior, float path, float cos_1, s
     sum.z = film_terms(f0.z, ior, r12, cos_2, &shift.z, &c1.z, &c2.z);
     if (ior > 1.0f) /* half a turn at the upper interface seen from inside */
         shift = (struct vec3){1.0f - shift.x, 1.0f - shift.y, 1.0f - shift.z};
-    response = film_response(path, shift);
+    response = thin_film_response(path, shift);
     sum = vec3_add(sum, vec3_scale(vec3_mul(c1, response), 2.0f));
-    response = film_response(2.0f * path, (struct vec3){0, 0, 0});
+    response = thin_film_response(2.0f * path, (struct vec3){0, 0, 0});
     sum = vec3_add(sum, vec3_scale(vec3_mul(c2, response), 2.0f));
     sum.x = sum.x > 0.0f ? (sum.x < 1.0f ? sum.x : 1.0f) : 0.0f;
     sum.y = sum.y > 0.0f ? (sum.y < 1.0f ? sum.y : 1.0f) : 0.0f;
@@ -122,7 +122,7 @@ static inline struct vec3 film_reflectance(float ior, float path, float cos_1, s
 }
 
 /* No component is larger at normal incidence, whatever the thickness. */
-static inline float film_bound(float ior, struct vec3 f0)
+static inline float thin_film_bound(float ior, struct vec3 f0)
 {
     float most = 0, n = (ior - 1.0f) / (ior + 1.0f), r12 = n * n;
     const float components[3] = {f0.x, f0.y, f0.z};
@@ -137,7 +137,7 @@ static inline float film_bound(float ior, struct vec3 f0)
 
 /* What the film adds to a Fresnel term that Schlick's formula approximates from f0 to 1. The
  * difference of the two, so that it is nothing without thickness whatever the term's form. */
-static inline struct vec3 film_difference(const struct thin_film *film, float cos_1, struct vec3 f0)
+static inline struct vec3 thin_film_difference(const struct thin_film *film, float cos_1, struct vec3 f0)
 {
     struct vec3 f = film_reflectance(film->ior, film->path_nm, cos_1, f0);
     return vec3_sub(f, schlick_mix(f0, 1.0f, schlick_weight(cos_1)));

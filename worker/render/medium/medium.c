@@ -437,8 +437,8 @@ struct vec3 medium_phase_sample(const struct world_medium *medium, struct vec3 d
 {
     double cosine = medium_phase_cosine((double)medium->g, (double)u);
     float sine = (float)sqrt((1.0 - cosine) * (1.0 + cosine)), s, c;
-    struct frame frame = frame_from_normal(direction);
+    struct basis frame = basis_from_normal(direction);
 
     det_sincos(2.0f * PI_F * v, &s, &c);
-    return vec3_normalize(frame_to_world(&frame, (struct vec3){sine * c, sine * s, (float)cosine}));
+    return vec3_normalize(basis_to_world(&frame, (struct vec3){sine * c, sine * s, (float)cosine}));
 }

@@ -11,13 +11,13 @@ enum { ENCLOSURE_PATHS = 1024, ENCLOSURE_DEPTH = 4, ENCLOSURE_ESCAPES = 3 };
 /* Any direction from the surface, on the ray's side; if light may pass, on either. */
 static struct vec3 direction_from(const struct surface *s, struct sample2 u, float side)
 {
-    struct frame frame = frame_from_normal(s->ng);
+    struct basis frame = basis_from_normal(s->ng);
     float sine, cosine, height = 1 - u.u, width = sqrtf(u.u * (2 - u.u));
 
     if ((s->material->flags & (MATERIAL_TWO_WAY | MATERIAL_BOUNDS)) && side < 0.5f)
         height = -height;
     det_sincos(2 * PI_F * u.v, &sine, &cosine);
-    return vec3_normalize(frame_to_world(&frame, vec3_make(width * cosine, width * sine, height)));
+    return vec3_normalize(basis_to_world(&frame, vec3_make(width * cosine, width * sine, height)));
 }
 
 static int escapes(const struct render_scene *scene, uint32_t x, uint32_t y, uint32_t sample)

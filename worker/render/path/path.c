@@ -75,7 +75,7 @@ static void path_shade(const struct path *path, struct path_vertex *v, struct pa
     record->hit = 1;
     record->distance = s->t;
     record->position = s->p;
-    record->normal = s->frame.n;
+    record->normal = s->basis.n;
     record->albedo = v->params.base_color;
     record->instance = (uint32_t)(s->instance - scene->instances);
     record->material = (uint32_t)(s->material - scene->materials);
@@ -89,7 +89,7 @@ static void path_shade(const struct path *path, struct path_vertex *v, struct pa
 static int path_bsdf(struct path *path, struct path_vertex *v)
 {
     path_indices(path, v);
-    v->wo = frame_to_local(&v->s.frame, vec3_neg(path->ray.direction));
+    v->wo = basis_to_local(&v->s.basis, vec3_neg(path->ray.direction));
     if (!(v->wo.z > 0))
         return 0;
     PROFILE_STAGE(SCATTER);
@@ -114,7 +114,7 @@ static int path_scatter(struct path *path, const struct path_vertex *v, float u_
 
     if (!sample_bsdf(path, v, u_lobe, sample))
         return 0;
-    path->ray.direction = vec3_normalize(frame_to_world(&v->s.frame, sample->wi));
+    path->ray.direction = vec3_normalize(basis_to_world(&v->s.basis, sample->wi));
     if ((vec3_dot(path->ray.direction, v->s.ng) > 0) != (sample->wi.z > 0))
         return 0;
     path->throughput = vec3_mul(path->throughput, sample->weight);

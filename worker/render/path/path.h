@@ -2,7 +2,7 @@
  *
  * Unidirectional path tracing with next-event estimation and multiple importance sampling
  * (power heuristic, written so that it neither over- nor underflows) and Russian roulette,
- * on surfaces and in media. Overlapping volumes are told apart by priority (Schmidt & Budge
+ * on surfaces and in media. Overlapping volumes are separated by priority (Schmidt & Budge
  * 2002). Compiled once for each kernel variant (has.h).
  */
 #ifndef AZULEJO_RENDER_PATH_H

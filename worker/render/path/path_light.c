@@ -98,7 +98,7 @@ PATH_FUNCTION struct vec3 path_direct_surface(struct path *path, const struct pa
         context.n = black;
     if (!sample_light(path, &context, v->dimension, &light))
         return black;
-    wi = frame_to_local(&s->frame, light.direction);
+    wi = basis_to_local(&s->basis, light.direction);
     /* The geometric normal decides on which side the light is, or it leaks. */
     if ((vec3_dot(light.direction, s->ng) > 0) != (wi.z > 0))
         return black;

@@ -1,7 +1,7 @@
 /* path_volumes: what a path meets between surfaces, and which volumes it is in.
  *
  * Media are sampled by free paths (medium.h); refractive objects absorb by Beer and Lambert's law.
- * Overlapping bodies are told apart by priority (interior.h), faces that coincide are crossed as
+ * Overlapping bodies are separated by priority (interior.h), faces that coincide are crossed as
  * one (crossing.h).
  */
 #include "common/math/elementary.h"

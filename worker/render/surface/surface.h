@@ -37,7 +37,7 @@ struct surface {
     uint32_t other_count;     /* faces that coincide with it (crossing.h): rays leave them as well */
     struct hit others[RAY_LEFT_MAX - 1];
     struct vec3 ng;           /* unit geometric normal on the ray's side */
-    struct frame frame;       /* shading frame on the ray's side, after surface_shade */
+    struct basis basis;       /* shading frame on the ray's side, after surface_shade */
     struct texture_place place; /* that the material's textures share, while it is shaded */
 };
 

@@ -239,7 +239,7 @@ static void surface_anisotropy(const struct surface_view *view, struct surface *
     (void)view;
     if (!surface_tangents(s))
         return;
-    t = surface_tangent(s, s->frame.n);
+    t = surface_tangent(s, s->basis.n);
     if (vec3_is_black(t))
         return;
     if (world_slot_is_read(&s->material->anisotropy)) {
@@ -254,13 +254,13 @@ static void surface_anisotropy(const struct surface_view *view, struct surface *
         x = c * x0 - sine * y;
         y = sine * x0 + c * y;
     }
-    b = vec3_scale(vec3_cross(s->frame.n, t),
+    b = vec3_scale(vec3_cross(s->basis.n, t),
                    s->front ? surface_handedness(s) : -surface_handedness(s));
     t = vec3_normalize(vec3_add(vec3_scale(t, x), vec3_scale(b, y)));
     if (vec3_is_black(t) || !(strength > 0))
         return;
-    s->frame.s = t;
-    s->frame.t = vec3_cross(s->frame.n, t);
+    s->basis.s = t;
+    s->basis.t = vec3_cross(s->basis.n, t);
     params->alpha_stretched = params->alpha + (1 - params->alpha) * strength * strength;
 }
 
@@ -287,7 +287,7 @@ static struct vec3 surface_coat_normal(const struct surface_view *view, const st
                                   material->m.clearcoat_normal_scale, n);
     else if (!(material->flags & MATERIAL_NORMAL_MAP))
         return vec3_make(0, 0, 1);
-    return vec3_normalize(frame_to_local(&s->frame, surface_bent_normal(s, n, view->wo, 1)));
+    return vec3_normalize(basis_to_local(&s->basis, surface_bent_normal(s, n, view->wo, 1)));
 }
 
 static void surface_clearcoat(const struct surface_view *view, struct surface *s,
@@ -420,7 +420,7 @@ void surface_shade(const struct render_scene *scene, struct surface *s, struct v
         surface_base_textures(s, params);
     if (ACTIVE(scene, VERTEX_COLOR) && s->mesh->colors)
         params->base_color = vec3_mul(params->base_color, surface_vertex_color(s));
-    s->frame = frame_from_normal(surface_normal(scene, s, wo, params));
+    s->basis = basis_from_normal(surface_normal(scene, s, wo, params));
     if ((KERNEL_EFFECTS & SURFACE_LAYER_EFFECTS) && s->material->flags & MATERIAL_LAYERED)
         surface_layers(scene, s, wo, params);
 }

@@ -1,7 +1,7 @@
 /* world_motion: where a moving instance is at a moment of the shutter. Private to worker/render.
  *
  * What is computed here from the steps is what Embree computes from the same steps, but for the
- * rounding: matrices are mixed linearly between steps, and so are vertices. Whoever evaluates a
+ * rounding: matrices are mixed linearly between steps, and so are vertices. Code that evaluates a
  * hit again calls these; they cost nothing where nothing moves.
  */
 #ifndef AZULEJO_RENDER_WORLD_MOTION_H

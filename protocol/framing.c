@@ -1,21 +1,21 @@
-#include "protocol/frame.h"
+#include "protocol/framing.h"
 
 #include <string.h>
 #include "common/base/bytes.h"
 
-void frame_reader_init(struct frame_reader *r, uint32_t limit_bytes)
+void framing_reader_init(struct framing_reader *r, uint32_t limit_bytes)
 {
     memset(r, 0, sizeof *r);
     r->limit_bytes = limit_bytes;
 }
 
-void frame_reader_release(struct frame_reader *r)
+void framing_reader_release(struct framing_reader *r)
 {
     buffer_release(&r->bytes);
     r->taken = 0;
 }
 
-status frame_reader_push(struct frame_reader *r, const void *data, size_t size_bytes,
+status framing_reader_push(struct framing_reader *r, const void *data, size_t size_bytes,
                          struct error *err)
 {
     if (r->taken) {
@@ -28,10 +28,10 @@ status frame_reader_push(struct frame_reader *r, const void *data, size_t size_b
     return STATUS_OK;
 }
 
-status frame_reader_next(struct frame_reader *r, const uint8_t **payload, size_t *size_bytes,
+status framing_reader_next(struct framing_reader *r, const uint8_t **payload, size_t *size_bytes,
                          struct error *err)
 {
-    size_t waiting = frame_reader_waiting(r);
+    size_t waiting = framing_reader_waiting(r);
     const uint8_t *p;
     uint32_t length;
 
@@ -52,12 +52,12 @@ status frame_reader_next(struct frame_reader *r, const uint8_t **payload, size_t
     return STATUS_OK;
 }
 
-size_t frame_reader_waiting(const struct frame_reader *r)
+size_t framing_reader_waiting(const struct framing_reader *r)
 {
     return r->bytes.size - r->taken;
 }
 
-void frame_header_write(uint8_t header[FRAME_HEADER_BYTES], uint32_t size_bytes)
+void framing_header_write(uint8_t header[FRAME_HEADER_BYTES], uint32_t size_bytes)
 {
     for (int i = 0; i < FRAME_HEADER_BYTES; i++)
         header[i] = (uint8_t)(size_bytes >> (8 * i));

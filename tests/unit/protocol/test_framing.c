@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "common/base/memory.h"
-#include "protocol/frame.h"
+#include "protocol/framing.h"
 
 enum { LIMIT = 1000 };
 
@@ -16,7 +16,7 @@ static void put_frame(struct buffer *out, const void *data, uint32_t size)
 {
     uint8_t header[FRAME_HEADER_BYTES];
 
-    frame_header_write(header, size);
+    framing_header_write(header, size);
     buffer_append(out, header, sizeof header);
     buffer_append(out, data, size);
 }
@@ -27,7 +27,7 @@ static void test_header_is_little_endian(void **state)
     const uint8_t expected[] = {0x04, 0x03, 0x02, 0x01};
 
     (void)state;
-    frame_header_write(header, 0x01020304);
+    framing_header_write(header, 0x01020304);
     assert_memory_equal(header, expected, sizeof header);
 }
 
@@ -41,19 +41,19 @@ static void test_split_at_every_byte(void **state)
     for (int i = 0; i < 3; i++)
         put_frame(&wire, texts[i], (uint32_t)strlen(texts[i]));
     for (size_t cut = 0; cut <= wire.size + 1; cut++) {
-        struct frame_reader r;
+        struct framing_reader r;
         size_t at = 0;
         int seen = 0;
-        frame_reader_init(&r, LIMIT);
+        framing_reader_init(&r, LIMIT);
         while (at < wire.size) {
             /* cut == size + 1: one byte at a time */
             size_t end = cut > wire.size ? at + 1 : at < cut ? cut : wire.size;
             const uint8_t *payload;
             size_t size;
-            assert_int_equal(frame_reader_push(&r, wire.data + at, end - at, NULL), STATUS_OK);
+            assert_int_equal(framing_reader_push(&r, wire.data + at, end - at, NULL), STATUS_OK);
             at = end;
             for (;;) {
-                assert_int_equal(frame_reader_next(&r, &payload, &size, NULL), STATUS_OK);
+                assert_int_equal(framing_reader_next(&r, &payload, &size, NULL), STATUS_OK);
                 if (!payload)
                     break;
                 assert_true(seen < 3);
@@ -63,21 +63,21 @@ static void test_split_at_every_byte(void **state)
             }
         }
         assert_int_equal(seen, 3);
-        assert_int_equal(frame_reader_waiting(&r), 0);
-        frame_reader_release(&r);
+        assert_int_equal(framing_reader_waiting(&r), 0);
+        framing_reader_release(&r);
     }
     buffer_release(&wire);
 }
 
-static status feed_length(struct frame_reader *r, uint32_t length, struct error *err)
+static status feed_length(struct framing_reader *r, uint32_t length, struct error *err)
 {
     uint8_t header[FRAME_HEADER_BYTES];
     const uint8_t *payload;
     size_t size;
 
-    frame_header_write(header, length);
-    assert_int_equal(frame_reader_push(r, header, sizeof header, NULL), STATUS_OK);
-    return frame_reader_next(r, &payload, &size, err);
+    framing_header_write(header, length);
+    assert_int_equal(framing_reader_push(r, header, sizeof header, NULL), STATUS_OK);
+    return framing_reader_next(r, &payload, &size, err);
 }
 
 static void test_lengths_out_of_range(void **state)
@@ -86,51 +86,51 @@ static void test_lengths_out_of_range(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
-        struct frame_reader r;
+        struct framing_reader r;
         struct error err = {0};
         const uint8_t *payload = (const uint8_t *)"";
         size_t size;
-        frame_reader_init(&r, LIMIT);
+        framing_reader_init(&r, LIMIT);
         assert_int_equal(feed_length(&r, bad[i], &err), STATUS_ERR_PROTOCOL);
         assert_non_null(strstr(err.text, "1..1000"));
         assert_true(r.bytes.capacity < 4096);
         /* It stays refused. */
-        assert_int_equal(frame_reader_next(&r, &payload, &size, NULL), STATUS_ERR_PROTOCOL);
+        assert_int_equal(framing_reader_next(&r, &payload, &size, NULL), STATUS_ERR_PROTOCOL);
         assert_null(payload);
-        frame_reader_release(&r);
+        framing_reader_release(&r);
     }
 }
 
 static void test_largest_frame(void **state)
 {
-    struct frame_reader r;
+    struct framing_reader r;
     uint8_t data[LIMIT];
     const uint8_t *payload;
     size_t size;
 
     (void)state;
     memset(data, 0xab, sizeof data);
-    frame_reader_init(&r, LIMIT);
+    framing_reader_init(&r, LIMIT);
     assert_int_equal(feed_length(&r, LIMIT, NULL), STATUS_OK);
-    assert_int_equal(frame_reader_waiting(&r), FRAME_HEADER_BYTES);
-    assert_int_equal(frame_reader_push(&r, data, sizeof data, NULL), STATUS_OK);
-    assert_int_equal(frame_reader_next(&r, &payload, &size, NULL), STATUS_OK);
+    assert_int_equal(framing_reader_waiting(&r), FRAME_HEADER_BYTES);
+    assert_int_equal(framing_reader_push(&r, data, sizeof data, NULL), STATUS_OK);
+    assert_int_equal(framing_reader_next(&r, &payload, &size, NULL), STATUS_OK);
     assert_int_equal(size, LIMIT);
     assert_memory_equal(payload, data, LIMIT);
-    frame_reader_release(&r);
+    framing_reader_release(&r);
 }
 
 static void test_out_of_memory(void **state)
 {
-    struct frame_reader r;
+    struct framing_reader r;
     uint8_t data[100] = {0};
 
     (void)state;
-    frame_reader_init(&r, LIMIT);
+    framing_reader_init(&r, LIMIT);
     mem_fault_arm(0, 1);
-    assert_int_equal(frame_reader_push(&r, data, sizeof data, NULL), STATUS_ERR_NO_MEMORY);
+    assert_int_equal(framing_reader_push(&r, data, sizeof data, NULL), STATUS_ERR_NO_MEMORY);
     mem_fault_arm(-1, 0);
-    frame_reader_release(&r);
+    framing_reader_release(&r);
 }
 
 int main(void)
