@@ -158,7 +158,7 @@ static void film_matches_its_definition(void **state)
                         double want[3], outside = wet ? 1.33 : 1, t = fmin(1, (double)nm / 30);
                         float ior = (float)(1 + ((double)n / outside - 1) * t * t * (3 - 2 * t));
                         struct vec3 f0 = {(float)F0[k][0], (float)F0[k][1], (float)F0[k][2]}, got;
-                        got = film_reflectance(ior, 2 * ior * (float)outside * nm, c, f0);
+                        got = thin_film_reflectance(ior, 2 * ior * (float)outside * nm, c, f0);
                         film_by_definition(outside, (double)n, (double)nm, (double)c, F0[k], want);
                         if (fabs((double)got.x - want[0]) > 2e-4 ||
                             fabs((double)got.y - want[1]) > 2e-4 ||
@@ -176,7 +176,7 @@ static void film_response_is_bounded(void **state)
     (void)state;
     for (float path = 0; path < 20000; path += 0.5f)
         for (int half = 0; half < 2; half++) {
-            struct vec3 s = film_response(path, vec3_splat((float)half));
+            struct vec3 s = thin_film_response(path, vec3_splat((float)half));
             most = fmaxf(most, fmaxf(fabsf(s.x), fmaxf(fabsf(s.y), fabsf(s.z))));
         }
     if (!(most < FILM_RESPONSE_MAX && most > 1.1f))

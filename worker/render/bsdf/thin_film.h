@@ -78,7 +78,7 @@ static inline float film_base_ior(float f0)
 }
 
 /* One component's terms of the series. r12: the upper interface; ior: the film's. */
-static inline float film_terms(float f0, float ior, float r12, float cos_2, float *shift,
+static inline float thin_film_terms(float f0, float ior, float r12, float cos_2, float *shift,
                                float *c1, float *c2)
 {
     float base = film_base_ior(f0), n = (base - ior) / (base + ior), r1 = n * n;
@@ -97,7 +97,7 @@ static inline float film_terms(float f0, float ior, float r12, float cos_2, floa
 /* Reflectance of the film on a base with F0 = f0 (per component, in the film's surroundings).
  * ior: of the film, relative to them; path = 2 n d in nm; cos_1 outside the film. Each
  * component in 0..1. */
-static inline struct vec3 film_reflectance(float ior, float path, float cos_1, struct vec3 f0)
+static inline struct vec3 thin_film_reflectance(float ior, float path, float cos_1, struct vec3 f0)
 {
     float sin2 = (1.0f - cos_1 * cos_1) / (ior * ior), r12 = fresnel_exact(cos_1, ior), cos_2;
     struct vec3 sum, shift, c1, c2, response;
@@ -106,9 +106,9 @@ static inline struct vec3 film_reflectance(float ior, float path, float cos_1, s
         return (struct vec3){1, 1, 1};
     cos_2 = sqrtf(1.0f - sin2);
     path *= cos_2;
-    sum.x = film_terms(f0.x, ior, r12, cos_2, &shift.x, &c1.x, &c2.x);
-    sum.y = film_terms(f0.y, ior, r12, cos_2, &shift.y, &c1.y, &c2.y);
-    sum.z = film_terms(f0.z, ior, r12, cos_2, &shift.z, &c1.z, &c2.z);
+    sum.x = thin_film_terms(f0.x, ior, r12, cos_2, &shift.x, &c1.x, &c2.x);
+    sum.y = thin_film_terms(f0.y, ior, r12, cos_2, &shift.y, &c1.y, &c2.y);
+    sum.z = thin_film_terms(f0.z, ior, r12, cos_2, &shift.z, &c1.z, &c2.z);
     if (ior > 1.0f) /* half a turn at the upper interface seen from inside */
         shift = (struct vec3){1.0f - shift.x, 1.0f - shift.y, 1.0f - shift.z};
     response = thin_film_response(path, shift);
@@ -128,7 +128,7 @@ static inline float thin_film_bound(float ior, struct vec3 f0)
     const float components[3] = {f0.x, f0.y, f0.z};
 
     for (int i = 0; i < 3; i++) {
-        float shift, c1, c2, sum = film_terms(components[i], ior, r12, 1.0f, &shift, &c1, &c2);
+        float shift, c1, c2, sum = thin_film_terms(components[i], ior, r12, 1.0f, &shift, &c1, &c2);
         sum += 2.0f * FILM_RESPONSE_MAX * (fabsf(c1) + fabsf(c2));
         most = sum > most ? sum : most;
     }
@@ -139,7 +139,7 @@ static inline float thin_film_bound(float ior, struct vec3 f0)
  * difference of the two, so that it is nothing without thickness whatever the term's form. */
 static inline struct vec3 thin_film_difference(const struct thin_film *film, float cos_1, struct vec3 f0)
 {
-    struct vec3 f = film_reflectance(film->ior, film->path_nm, cos_1, f0);
+    struct vec3 f = thin_film_reflectance(film->ior, film->path_nm, cos_1, f0);
     return vec3_sub(f, schlick_mix(f0, 1.0f, schlick_weight(cos_1)));
 }
 
