@@ -1,0 +1,202 @@
+/* What a display shows of a frame, and of stored frames again. */
+#include "coordinator/farm/develop_parts.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "common/image/image.h"
+#include "coordinator/job/wire.h"
+#include "coordinator/store/blobs.h"
+
+status toning_begin(struct toning *t, const struct development *d,
+                           const struct store *store, struct error *err)
+{
+    status s;
+
+    *t = (struct toning){.settings = &d->output.tonemap, .file = BUFFER_INIT};
+    if (!t->settings->has_file || !store)
+        return STATUS_OK;
+    s = blobs_read(store_folder(store), &t->settings->file, TONEMAP_FILE_BYTES_MAX, &t->file, err);
+    t->context.file_data = t->file.data;
+    t->context.file_size = t->file.size;
+    return s;
+}
+
+void toning_end(struct toning *t)
+{
+    buffer_release(&t->file);
+}
+
+/* Append the picture as PNG or JPEG, either of which may be NULL. */
+status develop_encode_display(const struct development *d, const struct toning *t,
+                             struct buffer *png, struct buffer *jpg, struct error *err)
+{
+    struct image display = {0};
+    status s = tonemap_apply(&display, &d->image, t->settings, &t->context, err);
+
+    if (s == STATUS_OK && png)
+        s = png_encode_as(png, &display, &d->output.picture, err);
+    if (s == STATUS_OK && jpg)
+        s = jpeg_encode(jpg, &display, &d->output.picture, err);
+    image_release(&display);
+    return s;
+}
+
+status develop_write_display(const struct development *d, const struct toning *t,
+                            struct store *store, struct error *err)
+{
+    struct buffer png = BUFFER_INIT, jpg = BUFFER_INIT;
+    status s = STATUS_OK;
+
+    if (d->output.png || d->output.jpg)
+        s = develop_encode_display(d, t, d->output.png ? &png : NULL, d->output.jpg ? &jpg : NULL, err);
+    if (s == STATUS_OK && d->output.png)
+        s = store_output_write(store, d->job, d->frame, "png", &png, err);
+    if (s == STATUS_OK && d->output.jpg)
+        s = store_output_write(store, d->job, d->frame, "jpg", &jpg, err);
+    buffer_release(&png);
+    buffer_release(&jpg);
+    return s;
+}
+
+/* ---- stored pictures ------------------------------------------------------------------------- */
+
+#define PICTURE_EXTENSION "picture.exr"
+#define STATE_EXTENSION "state"
+
+/* The means in 32 bits are kept, so that the frame can be developed again. */
+int development_picture_is_apart(const struct development *d)
+{
+    return !d->output.exr || d->output.exr_half;
+}
+
+status development_write_picture(const struct development *d, struct store *store, struct error *err)
+{
+    struct buffer exr = BUFFER_INIT;
+    struct exr_options options = {0};
+    status s = exr_encode(&exr, &d->image, &options, err);
+
+    if (s == STATUS_OK)
+        s = store_output_write(store, d->job, d->frame, PICTURE_EXTENSION, &exr, err);
+    buffer_release(&exr);
+    return s;
+}
+
+/* Read a frame's stored picture. */
+static status read_picture(const struct development *d, const struct store *store, uint32_t frame,
+                           struct image *out, struct error *err)
+{
+    struct buffer exr = BUFFER_INIT;
+    struct image_repairs repairs = {0};
+    char name[64];
+    status s = STATUS_ERR_NOT_FOUND;
+
+    snprintf(name, sizeof name, "job %" PRIu64 ", frame %u", d->job, frame);
+    if (development_picture_is_apart(d))
+        s = store_output_read(store, d->job, frame, PICTURE_EXTENSION, IMAGE_BYTES_MAX, &exr, err);
+    if (s == STATUS_ERR_NOT_FOUND) { /* stores of before have no such file */
+        buffer_clear(&exr);
+        s = store_output_read(store, d->job, frame, "exr", IMAGE_BYTES_MAX, &exr, err);
+    }
+    if (s == STATUS_OK)
+        s = image_decode_hdr(out, exr.data, exr.size, name, &repairs, err);
+    buffer_release(&exr);
+    return s;
+}
+
+/* A state in a file: the digest of the settings that it was measured with, then its bytes, which
+ * only this machine reads again; anything else there is measured again. */
+struct stored_state {
+    struct digest looks;
+    struct tonemap_state state;
+};
+
+/* The state of another frame, or of this one: as stored, else measured and stored. */
+static status state_of(const struct development *d, const struct toning *t, struct store *store,
+                       uint32_t frame, const struct digest *looks, struct tonemap_state *out,
+                       struct error *err)
+{
+    struct buffer file = BUFFER_INIT;
+    struct image other = {0};
+    struct stored_state stored;
+    status s;
+
+    if (store_output_read(store, d->job, frame, STATE_EXTENSION, sizeof stored, &file, NULL) ==
+            STATUS_OK &&
+        file.size == sizeof stored) {
+        memcpy(&stored, file.data, sizeof stored);
+        if (digest_equal(&stored.looks, looks)) {
+            *out = stored.state;
+            buffer_release(&file);
+            return STATUS_OK;
+        }
+    }
+    buffer_clear(&file);
+    s = frame == d->frame ? STATUS_OK : read_picture(d, store, frame, &other, err);
+    memset(&stored, 0, sizeof stored);
+    if (s == STATUS_OK)
+        s = tonemap_measure(&stored.state, frame == d->frame ? &d->image : &other, t->settings,
+                            &t->context, err);
+    if (s == STATUS_OK) {
+        stored.looks = *looks;
+        *out = stored.state;
+        buffer_append(&file, &stored, sizeof stored);
+        /* Without it the next frame measures again. */
+        if (!buffer_ok(&file) ||
+            store_output_write(store, d->job, frame, STATE_EXTENSION, &file, NULL) != STATUS_OK)
+            log_debug("job %" PRIu64 ", frame %u: its statistics were not kept", d->job, frame);
+    }
+    image_release(&other);
+    buffer_release(&file);
+    return s;
+}
+
+/* The mean state of the frames from window_begin to the development's own. */
+static status window_state(const struct development *d, const struct toning *t,
+                           struct store *store, struct tonemap_state *out, struct error *err)
+{
+    uint32_t count = d->frame - d->window_begin + 1;
+    struct tonemap_state *states = mem_alloc_array(count, sizeof *states);
+    const struct tonemap_state **pointers = mem_alloc_array(count, sizeof *pointers);
+    struct digest looks;
+    status s = states && pointers ? wire_output_digest(&looks, &d->output, err)
+                                  : error_no_memory(err, "frames' statistics");
+
+    for (uint32_t i = 0; i < count && s == STATUS_OK; i++) {
+        pointers[i] = &states[i];
+        s = state_of(d, t, store, d->window_begin + i, &looks, &states[i], err);
+    }
+    if (s == STATUS_OK)
+        tonemap_state_mean(out, pointers, count, &d->output.tonemap);
+    mem_free(pointers);
+    mem_free(states);
+    return s;
+}
+
+status develop_again(struct development *d, struct store *store, struct error *err)
+{
+    struct tonemap_state *state = mem_alloc(sizeof *state);
+    struct toning t;
+    status s = state ? STATUS_OK : error_no_memory(err, "a frame's statistics");
+
+    if (s == STATUS_OK)
+        s = read_picture(d, store, d->frame, &d->image, err);
+    if (s == STATUS_OK)
+        s = toning_begin(&t, d, store, err);
+    if (s == STATUS_OK) {
+        if (d->output.tonemap.temporal > 1) {
+            s = window_state(d, &t, store, state, err);
+            t.context.state = state;
+        }
+        if (s == STATUS_OK)
+            s = develop_write_display(d, &t, store, err);
+        toning_end(&t);
+    }
+    if (s == STATUS_OK)
+        s = store_frame_developed(store, d->job, d->frame, d->revision, err);
+    mem_free(state);
+    return s;
+}

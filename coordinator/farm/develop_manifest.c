@@ -1,0 +1,48 @@
+/* What a frame called for, and where its time went. */
+#include "coordinator/farm/develop_parts.h"
+
+#include <string.h>
+
+#include "common/scene/effects.h"
+#include "common/scene/manifest.h"
+
+/* What the frame calls for. The causes' names belong to the description. */
+static void find_effects(const struct development *d, struct manifest *m,
+                         struct effect_cause causes[EFFECT_COUNT])
+{
+    struct render_settings whole = d->settings;
+
+    whole.without = 0;
+    m->called_for = scene_effects(&d->description, &whole, d->frame, causes);
+    m->causes = causes;
+    /* The worker knows best: it has seen the textures and the motion. */
+    if (!m->effects)
+        m->effects = scene_effects(&d->description, &d->settings, d->frame, NULL);
+}
+
+status develop_manifest(struct development *d, const struct store *store, struct buffer *json,
+                        struct error *err)
+{
+    struct effect_cause causes[EFFECT_COUNT];
+    char digest[DIGEST_HEX_SIZE];
+    struct manifest m = {
+        .job_name = d->name, .scene_name = d->scene_name, .renderer = d->kernel,
+        .scene_digest = digest, .job = d->job, .frame = d->frame, .effects = d->stats.effects,
+        .without = d->settings.without, .frame_samples = d->coverage.samples, .complete = development_is_whole(d),
+        .pixel_samples = {d->coverage.least, development_mean_samples(d), d->coverage.most},
+        .tiles_empty = d->coverage.tiles_empty, .samples = d->work.samples,
+        .rays = d->work.rays, .vertices = d->work.vertices, .cpu_ns = d->stats.cpu_ns,
+    };
+    status s;
+
+    digest_to_hex(&d->scene, digest);
+    memcpy(m.stages, d->stats.stages, sizeof m.stages);
+    memcpy(m.accounts, d->stats.accounts, sizeof m.accounts);
+    s = development_describe(d, store, err);
+    if (s != STATUS_OK)
+        return s;
+    if (d->described)
+        find_effects(d, &m, causes);
+    manifest_write(json, &m);
+    return buffer_ok(json) ? STATUS_OK : error_no_memory(err, "a manifest");
+}

@@ -1,0 +1,51 @@
+#include "coordinator/farm/develop_parts.h"
+
+#include <inttypes.h>
+
+#include "common/base/log.h"
+#include "common/scene/effects.h"
+#include "coordinator/store/blobs.h"
+
+double development_mean_samples(const struct development *d)
+{
+    return (double)d->coverage.samples / ((double)d->settings.width * d->settings.height);
+}
+
+int development_is_full(const struct development *d)
+{
+    return d->coverage.least == d->settings.spp;
+}
+
+/* Has it all that was asked for? */
+int development_is_whole(const struct development *d)
+{
+    return development_is_full(d) || frame_end_is_whole(d->end);
+}
+
+uint64_t development_effects(const struct development *d)
+{
+    return d->described ? scene_effects(&d->description, &d->settings, d->frame, NULL) : 0;
+}
+
+status development_describe(struct development *d, const struct store *store, struct error *err)
+{
+    struct buffer packed = BUFFER_INIT;
+    struct error why = {0};
+    status s;
+
+    if (d->looked || !store)
+        return STATUS_OK;
+    s = blobs_read(store_folder(store), &d->scene, SCENE_BYTES_MAX, &packed, &why);
+    if (s == STATUS_OK)
+        s = scene_unpack(&d->description, packed.data, packed.size, &why);
+    buffer_release(&packed);
+    d->described = s == STATUS_OK;
+    if (status_is_environment(s))
+        return error_set(err, s, "%s", why.text);
+    d->looked = 1;
+    if (s != STATUS_OK)
+        log_warn("job %" PRIu64 ", frame %u: its header lacks the scene's origin and its manifest "
+                 "the causes of its effects: %s",
+                 d->job, d->frame, why.text);
+    return STATUS_OK;
+}

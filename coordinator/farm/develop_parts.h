@@ -1,0 +1,74 @@
+/* develop_parts: the inside of a development, shared by the files develop*.c; private to them.
+ *
+ * develop.c makes and ends one, develop_exr.c the EXR file, develop_display.c what a display shows,
+ * develop_figures.c how wrong it is, develop_manifest.c what a frame called for. */
+#ifndef AZULEJO_COORDINATOR_DEVELOP_PARTS_H
+#define AZULEJO_COORDINATOR_DEVELOP_PARTS_H
+
+#include "common/scene/scene.h"
+#include "coordinator/farm/develop.h"
+#include "coordinator/farm/measure.h"
+
+struct development {
+    uint64_t job;
+    char name[JOB_NAME_MAX + 1], scene_name[JOB_NAME_MAX + 1], kernel[KERNEL_NAME_MAX + 1];
+    struct digest scene;
+    int64_t submitted_at;
+    uint32_t frame, first_frame, window_begin;
+    uint32_t revision;       /* of `output` */
+    struct render_settings settings;
+    struct output_settings output;
+    struct film_coverage coverage;
+    enum frame_end end;      /* FRAME_END_NONE: a preview */
+    struct history history;  /* before this development */
+    struct history_point point; /* its figures, and what was spent by then */
+    int measured;            /* `point` is of this development; else the newest there was, if any */
+    double map_max;          /* as in struct job */
+    struct measurement measurement; /* copied, if `film` is NULL */
+    float *tile_errors;      /* [tiles] display codes, for AOV_ERROR; NULL: not wanted, or not known */
+    struct unit_work work;
+    struct work_stats stats;
+    struct buffer schedule;  /* text (common/accuracy/schedule.h); empty: the rules give the picture again */
+    const struct film *film; /* NULL: `image` holds a copy, and there are no AOVs */
+    int taken;               /* `image` holds the film's means */
+    struct image image;
+    int looked, described;   /* `description` was read; it is the job's scene */
+    struct scene description;
+};
+
+/* Tone mapping of one development: its settings, and the operator's file. */
+struct toning {
+    const struct tonemap_settings *settings;
+    struct tonemap_context context;
+    struct buffer file;
+};
+
+/* Read the job's scene, once. A damaged one does not hold the picture back: only its header and its
+ * manifest say less then. What the environment did is an error. */
+status development_describe(struct development *d, const struct store *store, struct error *err);
+/* What the frame calls for, by its description: the same on every farm, and after a restart. */
+uint64_t development_effects(const struct development *d);
+double development_mean_samples(const struct development *d); /* of a pixel */
+int development_is_full(const struct development *d);  /* every pixel has all samples */
+int development_is_whole(const struct development *d); /* its rules, not a limit or a cancel, ended it */
+
+status develop_exr(struct development *d, struct buffer *exr, struct error *err);
+
+status toning_begin(struct toning *t, const struct development *d, const struct store *store,
+                    struct error *err);
+void toning_end(struct toning *t);
+/* Append the picture as PNG or JPEG, either of which may be NULL. */
+status develop_encode_display(const struct development *d, const struct toning *t,
+                              struct buffer *png, struct buffer *jpg, struct error *err);
+status develop_write_display(const struct development *d, const struct toning *t,
+                             struct store *store, struct error *err);
+/* The means in 32 bits are kept, so that the frame can be developed again. */
+int development_picture_is_apart(const struct development *d);
+status development_write_picture(const struct development *d, struct store *store,
+                                 struct error *err);
+
+/* The figures of error, into d->point, and the tiles' errors if the AOV wants them. */
+status development_find_figures(struct development *d, const struct store *store,
+                                struct error *err);
+
+#endif
