@@ -111,13 +111,22 @@ struct accuracy_estimate accuracy_curve_error(const struct accuracy_curve *curve
 
 struct accuracy_estimate accuracy_curve_cost(const struct accuracy_curve *curve, double error)
 {
-    double distance, spread;
+    double distance, spread, least, most, fall, off;
 
     if (curve->points == 0 || !(error > 0) || !(curve->slope > 0))
         return nothing();
-    distance = (curve->level - det_log_d(error)) / curve->slope;
+    fall = curve->level - det_log_d(error); /* of ln error, from the last point on */
+    off = NORMAL_95 * sqrt(curve->variance[0]);
+    distance = fall / curve->slope;
     spread = NORMAL_95 * deviation_at(curve, distance) / curve->slope;
+    least = distance - spread;
+    most = distance + spread;
+    /* No picture falls faster, or slower, than the slopes allow. */
+    if (fall > off) {
+        least = fmax(least, (fall - off) / SLOPE_MAX);
+        most = fmin(most, (fall + off) / SLOPE_MIN);
+    }
     return (struct accuracy_estimate){det_exp_d(curve->pivot + distance),
-                                      det_exp_d(curve->pivot + distance - spread),
-                                      det_exp_d(curve->pivot + distance + spread)};
+                                      det_exp_d(curve->pivot + least),
+                                      det_exp_d(curve->pivot + most)};
 }

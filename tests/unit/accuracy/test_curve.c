@@ -71,6 +71,22 @@ static void test_slope_stays_plausible(void **state)
     }
 }
 
+/* One point says nothing of the slope: the cost of a tenth of its error lies between what the steepest
+ * and the flattest pictures need, 10 and 10000 times its own. */
+static void test_one_point_promises_little(void **state)
+{
+    struct accuracy_point point = {1, 40, 39.9, 40.1};
+    struct accuracy_curve curve;
+    struct accuracy_estimate cost;
+
+    (void)state;
+    accuracy_curve_fit(&curve, &point, 1);
+    cost = accuracy_curve_cost(&curve, 4);
+    assert_near(cost.value, 100, 0.01);
+    assert_near(cost.lo, 10, 0.03);
+    assert_near(cost.hi, 10000, 0.1);
+}
+
 /* Codes that saturate at first: the last doublings, not the first, tell how the error falls on. */
 static void test_last_points_count_most(void **state)
 {
@@ -175,7 +191,7 @@ static void test_causes(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_slope_stays_plausible),
+        cmocka_unit_test(test_slope_stays_plausible), cmocka_unit_test(test_one_point_promises_little),
         cmocka_unit_test(test_exact_law), cmocka_unit_test(test_last_points_count_most), cmocka_unit_test(test_intervals_hold),
         cmocka_unit_test(test_few_points), cmocka_unit_test(test_tail_index),
         cmocka_unit_test(test_tail_lists), cmocka_unit_test(test_causes),
