@@ -3,11 +3,12 @@
 
 Each row of the table under "## Words of the code" names a term, its meaning, where it is defined (`file: identifier`), and the
 words that it replaced. The identifier must stand in that file, and no source file may use a replaced word."""
+import os
 import re
-import subprocess
 import sys
 
 DOCUMENT = "docs/ARCHITECTURE.md"
+ROOMS = ("client", "common", "coordinator", "protocol", "scenes", "tests", "worker")
 
 
 def rows():
@@ -19,13 +20,26 @@ def rows():
             yield cells
 
 
-def uses_of(word):
-    found = subprocess.run(["git", "grep", "-nwF", "--", word, "*.c", "*.h", "*.inc"], capture_output=True, text=True)
-    return found.stdout.splitlines()
+def sources():
+    """(path, lines) of every source file."""
+    for room in ROOMS:
+        for folder, _, names in os.walk(room):
+            for name in sorted(names):
+                if name.endswith((".c", ".h", ".inc")):
+                    path = os.path.join(folder, name)
+                    with open(path, encoding="utf-8") as file:
+                        yield path, file.read().splitlines()
+
+
+def uses_of(word, files):
+    pattern = re.compile(r"(?<!\w)%s(?!\w)" % re.escape(word))
+    return ["%s:%d: %s" % (path, number, line.strip())
+            for path, lines in files for number, line in enumerate(lines, 1) if word in line and pattern.search(line)]
 
 
 def main():
     bad = count = 0
+    files = list(sources())
     for term, _, where, replaced in rows():
         count += 1
         match = re.fullmatch(r"`([^`:]+): ([^`]+)`", where)
@@ -43,7 +57,7 @@ def main():
             print("%s: %s does not define %s" % (term, path, identifier))
             bad += 1
         for word in re.findall(r"`([^`]+)`", replaced):
-            for use in uses_of(word):
+            for use in uses_of(word, files):
                 print("%s: use it in place of '%s': %s" % (term, word, use))
                 bad += 1
     if count < 10:
