@@ -152,7 +152,7 @@ static void a_crash_changes_no_measurement(void **state)
         send_passes(sim, worker, 0, 0);
         if (moment / 4 == 1)
             sim_commit(sim);
-        if (moment / 4 >= 2 && sim->freezing_count) /* noted, not frozen */
+        if (moment / 4 == 2 && sim->freezing_count) /* noted, not frozen */
             freezing_run(sim->freezing[0]);
         if (moment / 4 >= 3)
             sim_freeze(sim);
