@@ -212,6 +212,15 @@ static status read_diffuse_transmission(struct gltf *g, json_t *in, const struct
                      &m->diffuse_transmission_color_texture, NULL);
 }
 
+static status read_diffuse_roughness(struct gltf *g, json_t *in, const struct gltf_place *at,
+                                     struct scene_material *m)
+{
+    TRY(gltf_factor(g, in, at, "diffuseRoughnessFactor", 1, &m->diffuse_roughness));
+    if (m->diffuse_roughness == 0)
+        return STATUS_OK;
+    return gltf_slot(g, in, at, "diffuseRoughnessTexture", &m->diffuse_roughness_texture, NULL);
+}
+
 /* Extensions that stand for themselves: this list is all that says that they are supported. */
 static const struct {
     const char *name;
@@ -224,6 +233,7 @@ static const struct {
     {"KHR_materials_anisotropy", read_anisotropy},
     {"KHR_materials_dispersion", read_dispersion},
     {"KHR_materials_diffuse_transmission", read_diffuse_transmission},
+    {"KHR_materials_diffuse_roughness", read_diffuse_roughness},
 };
 enum { READERS = sizeof readers / sizeof *readers };
 

@@ -85,6 +85,9 @@ static void test_scattering(void **state)
 
     (void)state;
     assert_charged("lambert", &p, CHARGE_OF(DIFFUSE), EFFECT_DIFFUSE);
+    p.diffuse_roughness = 1;
+    assert_charged("rough", &p, CHARGE_OF(DIFFUSE), EFFECT_DIFFUSE);
+    p.diffuse_roughness = 0;
     p.base_color = (struct vec3){0, 0, 0};
     assert_charged("black", &p, CHARGE_OF(FOG), 0);
     p = grey();

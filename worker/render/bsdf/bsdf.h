@@ -44,7 +44,8 @@
 #define BSDF_FACTOR_MAP(X, FORM)                                                                  \
     X(CLEARCOAT, FORM(clearcoat))       /* weight of the coat, 0..1 */                            \
     X(IRIDESCENCE, FORM(iridescence))   /* weight of the film, 0..1 */                            \
-    X(DIFFUSE_TRANSMISSION, FORM(diffuse_transmission)) /* share of the base that goes through */
+    X(DIFFUSE_TRANSMISSION, FORM(diffuse_transmission)) /* share of the base that goes through */ \
+    X(DIFFUSE, FORM(diffuse_roughness)) /* of the base, 0..1 */
 #define BSDF_FACTOR_IS_SET(name) p->name > 0.0f
 
 /* The material's values at the hit point, textures applied. */
@@ -201,6 +202,13 @@ struct bsdf_lambert {
     struct vec3 color;           /* over pi, with all weights and wo's share */
 };
 
+/* lobe_diffuse.h: of a rough base; set where `diffuse` is not black */
+struct bsdf_rough_diffuse {
+    float a, b;                  /* coefficients of single scattering */
+    struct vec3 multiple;        /* colour of multiple scattering over pi, with wo's share */
+    float wide;                  /* share of the lobe's samples that are uniform over directions */
+};
+
 /* layer.h: what plastic's reflection leaves for what lies below it */
 struct bsdf_layer {
     float f0, f90;               /* ends of the mean reflectance */
@@ -265,6 +273,7 @@ struct bsdf {
     struct bsdf_weights weights;
     struct microfacets base;     /* what metal, plastic and glass share */
     struct bsdf_dielectric dielectric;
+    struct bsdf_rough_diffuse rough_diffuse;
     struct bsdf_reflection reflection;
     struct bsdf_layer layer;
     struct bsdf_compensation compensation;
