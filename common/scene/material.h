@@ -69,6 +69,20 @@ enum material_meaning { MEANS_FACTOR, MEANS_NORMAL, MEANS_DIRECTION, MEANS_BETWE
 
 enum material_channel { CHANNEL_RED, CHANNEL_GREEN, CHANNEL_BLUE, CHANNEL_ALPHA, CHANNELS };
 
+/* CHANNEL_OF_roughness: the channel of the texture that acts on this number. */
+enum material_channel_of {
+#define PART(value, channel) CHANNEL_OF_##value = CHANNEL_##channel
+#define RGB_OF(value) CHANNEL_OF_##value = CHANNEL_RED
+#define ALPHA_OF(value) CHANNEL_OF_##value##_alpha = CHANNEL_ALPHA
+#define TEXTURE_CHANNELS(name, encoding, lookup, readers, needs, message, number, meaning, ...) \
+    __VA_ARGS__,
+    MATERIAL_FIELDS(MATERIAL_SKIP, TEXTURE_CHANNELS)
+#undef TEXTURE_CHANNELS
+#undef ALPHA_OF
+#undef RGB_OF
+#undef PART
+};
+
 /* One float of a material, and the channel of the texture that acts on it. */
 struct material_part {
     enum material_value_number value;

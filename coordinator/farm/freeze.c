@@ -242,6 +242,8 @@ static status measure_with(struct freezing *f, int has_state, struct error *err)
     }
     if (s == STATUS_OK && !has_state)
         s = tonemap_measure(&note->state, &f->image, &note->settings, &context, err);
+    tonemap_pixels_free(f->pixels); /* of an earlier try */
+    f->pixels = NULL;
     if (s == STATUS_OK)
         s = tonemap_pixels_new(&f->pixels, &note->settings, &note->state, &context, err);
     buffer_release(&file);

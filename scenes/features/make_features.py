@@ -284,6 +284,10 @@ MATERIALS = {
         extensions=ext(diffuse_transmission={
             "diffuseTransmissionFactor": v,
             "diffuseTransmissionColorFactor": [0.8, 0.8, 0.2]})))),
+    "diffuse-roughness": ("sphere", variants_of("diffuse rough", (0, 0.5, 1), lambda v: dict(
+        base=(0.8, 0.35, 0.2), roughness=1, extensions=ext(
+            specular={"specularFactor": 0},
+            diffuse_roughness={"diffuseRoughnessFactor": v})))),
     "dispersion": ("prism", variants_of("dispersion", (0, 0.5, 4), lambda v: dict(
         GLASS, extensions=ext(transmission={"transmissionFactor": 1}, ior={"ior": 1.6},
                               volume={"thicknessFactor": 1}, dispersion={"dispersion": v})))),

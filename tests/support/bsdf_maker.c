@@ -31,6 +31,7 @@ struct bsdf_params bsdf_maker_random(struct test_random *r, float alpha_min)
 {
     static const float SHARES[] = {0, 0, 1, 1, 0.5f};
     static const float IORS[] = {1, 1.05f, 1.33f, 1.5f, 2.5f};
+    struct test_random own = {r->state + 1}; /* the other parameters stay as they are without it */
     struct bsdf_params p = bsdf_maker_plain(SHARES[test_random_u64(r) % 5],
                                             any_alpha(r, alpha_min));
 
@@ -77,6 +78,8 @@ struct bsdf_params bsdf_maker_random(struct test_random *r, float alpha_min)
     if (chance(r, 10))
         p.base_interreflection = 0.9f * test_random_float(r);
     p.thin_slab = chance(r, 20);
+    if (chance(&own, 30))
+        p.diffuse_roughness = chance(&own, 50) ? 1 : test_random_float(&own);
     return p;
 }
 
@@ -99,6 +102,7 @@ struct bsdf_params bsdf_maker_white(struct test_random *r, float alpha_min)
 enum {
     METAL = 1, GLASS = 2, INSIDE = 4, WALL = 8, COAT = 16, SHEEN = 32, FILM = 64, STRETCHED = 128,
     THROUGH = 256, CONDUCTOR = 512, SLAB = 1024, MATT = 2048, DENSE = 4096, INTERREFLECTING = 8192,
+    ROUGH = 16384,
 };
 static const struct { const char *name; unsigned parts; } KINDS[BSDF_MAKER_KINDS] = {
     {"Lambert", MATT},
@@ -126,6 +130,9 @@ static const struct { const char *name; unsigned parts; } KINDS[BSDF_MAKER_KINDS
     {"stretched metal", METAL | STRETCHED},
     {"stretched conductor", CONDUCTOR | STRETCHED},
     {"stretched glass", GLASS | STRETCHED},
+    {"rough diffuse", MATT | ROUGH},
+    {"plastic over rough diffuse", ROUGH},
+    {"coated rough diffuse", MATT | ROUGH | COAT},
     {"everything over plastic", COAT | SHEEN | FILM | STRETCHED | THROUGH},
 };
 
@@ -143,6 +150,7 @@ struct bsdf_params bsdf_maker_kind(int kind, float alpha)
     p.thin_slab = (parts & SLAB) != 0;
     p.ior_outside = parts & DENSE ? 2 : 0;
     p.base_interreflection = parts & INTERREFLECTING ? 0.5f : 0;
+    p.diffuse_roughness = parts & ROUGH ? 0.8f : 0;
     if (parts & STRETCHED)
         p.alpha_stretched = alpha + (1 - alpha) * 0.6f;
     if (parts & CONDUCTOR) {
@@ -191,7 +199,7 @@ const char *bsdf_maker_describe(const struct bsdf_params *p)
              "base (%g %g %g) metallic %g alpha %g ior %g in %g specular %g (%g %g %g) transmission "
              "%g%s%s, stretched %g, conductor %d (%g %g %g) (%g %g %g), coat %g alpha %g ior %g n "
              "(%g %g %g), sheen (%g %g %g) alpha %g, film %g ior %g %g nm, through %g (%g %g %g), "
-             "K %g, slab %d, single %d",
+             "K %g, slab %d, single %d, rough %g",
              (double)p->base_color.x, (double)p->base_color.y, (double)p->base_color.z,
              (double)p->metallic, (double)p->alpha, (double)p->ior, (double)p->ior_outside,
              (double)p->specular, (double)p->specular_color.x, (double)p->specular_color.y,
@@ -206,6 +214,7 @@ const char *bsdf_maker_describe(const struct bsdf_params *p)
              (double)p->iridescence_ior, (double)p->iridescence_thickness_nm,
              (double)p->diffuse_transmission, (double)p->diffuse_transmission_color.x,
              (double)p->diffuse_transmission_color.y, (double)p->diffuse_transmission_color.z,
-             (double)p->base_interreflection, p->thin_slab, p->single_scattering);
+             (double)p->base_interreflection, p->thin_slab, p->single_scattering,
+             (double)p->diffuse_roughness);
     return text;
 }

@@ -14,7 +14,7 @@ struct bsdf_params bsdf_maker_white(struct test_random *r, float alpha_min);
 /* Every kind of material that importers make, by name, with the given alpha for each of its
  * distributions. (A mix is one of two of them at every hit, and a dispersive glass one with
  * another index for every path.) */
-enum { BSDF_MAKER_KINDS = 26 };
+enum { BSDF_MAKER_KINDS = 29 };
 struct bsdf_params bsdf_maker_kind(int kind, float alpha);
 const char *bsdf_maker_kind_name(int kind);
 

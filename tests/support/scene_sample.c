@@ -84,6 +84,7 @@ static void fill_materials(struct scene *s)
         .iridescence_thickness_min_nm = 300,
         .iridescence_thickness_max_nm = 200,
         .iridescence_thickness_texture = slot(1),
+        .diffuse_roughness_texture = {.texture = -1, .uv_transform = {{1, 0, 0}, {0, 1, 0}}},
         .diffuse_transmission = 0.875f,
         .diffuse_transmission_texture = slot(0),
         .diffuse_transmission_color = {0.125f, 0.25f, 0.5f},

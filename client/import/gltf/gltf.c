@@ -29,7 +29,7 @@ enum support {
 static const struct {
     const char *name;
     enum support support;
-} extensions[] = {
+} extensions[] = { /* and those of gltf_reads_material_extension */
     {"KHR_materials_ior", SUPPORT_FULL},
     {"KHR_materials_specular", SUPPORT_FULL},
     {"KHR_materials_transmission", SUPPORT_FULL},
@@ -41,12 +41,6 @@ static const struct {
     {"KHR_mesh_quantization", SUPPORT_FULL},
     {"KHR_node_visibility", SUPPORT_FULL},
     {"EXT_mesh_gpu_instancing", SUPPORT_FULL},
-    {"KHR_materials_clearcoat", SUPPORT_FULL},
-    {"KHR_materials_sheen", SUPPORT_FULL},
-    {"KHR_materials_iridescence", SUPPORT_FULL},
-    {"KHR_materials_anisotropy", SUPPORT_FULL},
-    {"KHR_materials_dispersion", SUPPORT_FULL},
-    {"KHR_materials_diffuse_transmission", SUPPORT_FULL},
     {"KHR_materials_subsurface", SUPPORT_WITHOUT},
     {"KHR_materials_variants", SUPPORT_FULL},
     {"KHR_animation_pointer", SUPPORT_WITHOUT},
@@ -108,13 +102,15 @@ static status check_extensions(struct gltf *g)
         if (!name)
             return error_set(g->err, STATUS_ERR_INPUT, "extensionsRequired[%zu] must be a string",
                              i);
+        if (gltf_reads_material_extension(name))
+            continue;
         if (known < 0 || extensions[known].support == SUPPORT_FALLBACK ||
             extensions[known].support == SUPPORT_COMPRESSED)
             return refuse_extension(g, name, known);
     }
     for (size_t i = 0; i < json_array_size(used); i++) {
         const char *name = json_string_value(json_array_get(used, i));
-        if (name && extension_find(name) < 0)
+        if (name && extension_find(name) < 0 && !gltf_reads_material_extension(name))
             builder_warn(g->b, "extension", "the extension \"%.80s\" is not known: ignored", name);
     }
     if (gltf_extension(g->root, "EXT_lights_image_based"))

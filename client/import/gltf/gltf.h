@@ -201,6 +201,8 @@ status gltf_color(struct gltf *g, json_t *in, const struct gltf_place *at, const
 /* normalTexture and its like: the texture and its scale. */
 status gltf_normal_slot(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
                         struct scene_texture_slot *slot, float *scale) MUST_CHECK;
+/* Is it one of the extensions that gltf_material_extensions reads from a list? */
+int gltf_reads_material_extension(const char *name);
 /* All extensions that change how a lit surface looks. */
 status gltf_material_extensions(struct gltf *g, json_t *material, const struct gltf_place *at,
                                 struct scene_material *m) MUST_CHECK;

@@ -212,26 +212,46 @@ static status read_diffuse_transmission(struct gltf *g, json_t *in, const struct
                      &m->diffuse_transmission_color_texture, NULL);
 }
 
+static status read_diffuse_roughness(struct gltf *g, json_t *in, const struct gltf_place *at,
+                                     struct scene_material *m)
+{
+    TRY(gltf_factor(g, in, at, "diffuseRoughnessFactor", 1, &m->diffuse_roughness));
+    if (m->diffuse_roughness == 0)
+        return STATUS_OK;
+    return gltf_slot(g, in, at, "diffuseRoughnessTexture", &m->diffuse_roughness_texture, NULL);
+}
+
+/* Extensions that stand for themselves: this list is all that says that they are supported. */
+static const struct {
+    const char *name;
+    status (*read)(struct gltf *g, json_t *in, const struct gltf_place *at,
+                   struct scene_material *m);
+} readers[] = {
+    {"KHR_materials_clearcoat", read_clearcoat},
+    {"KHR_materials_sheen", read_sheen},
+    {"KHR_materials_iridescence", read_iridescence},
+    {"KHR_materials_anisotropy", read_anisotropy},
+    {"KHR_materials_dispersion", read_dispersion},
+    {"KHR_materials_diffuse_transmission", read_diffuse_transmission},
+    {"KHR_materials_diffuse_roughness", read_diffuse_roughness},
+};
+enum { READERS = sizeof readers / sizeof *readers };
+
+int gltf_reads_material_extension(const char *name)
+{
+    for (size_t i = 0; i < READERS; i++)
+        if (strcmp(readers[i].name, name) == 0)
+            return 1;
+    return 0;
+}
+
 status gltf_material_extensions(struct gltf *g, json_t *material, const struct gltf_place *at,
                                 struct scene_material *m)
 {
-    static const struct {
-        const char *name;
-        status (*read)(struct gltf *g, json_t *in, const struct gltf_place *at,
-                       struct scene_material *m);
-    } readers[] = {
-        {"KHR_materials_clearcoat", read_clearcoat},
-        {"KHR_materials_sheen", read_sheen},
-        {"KHR_materials_iridescence", read_iridescence},
-        {"KHR_materials_anisotropy", read_anisotropy},
-        {"KHR_materials_dispersion", read_dispersion},
-        {"KHR_materials_diffuse_transmission", read_diffuse_transmission},
-    };
-
     if (!gltf_extension(material, "KHR_materials_pbrSpecularGlossiness"))
         TRY(read_specular(g, material, at, m));
     TRY(read_transmission(g, material, at, m));
-    for (size_t i = 0; i < sizeof readers / sizeof *readers; i++) {
+    for (size_t i = 0; i < READERS; i++) {
         const struct gltf_place inner = gltf_within(at, ".%s", readers[i].name);
         json_t *in = gltf_extension(material, readers[i].name);
         if (in)

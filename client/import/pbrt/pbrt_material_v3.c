@@ -2,6 +2,19 @@
 #include <math.h>
 
 #include "client/import/pbrt/pbrt_material_parts.h"
+#include "common/math/elementary.h"
+
+/* Oren and Nayar's sigma (degrees) as the roughness r of the energy-preserving model. Theirs is
+ * A + B s/t (1994, qualitative model), with A and B of sigma; ours is proportional to 1 + r s/t: the same
+ * shape where r = B / A, and light that pbrt's loses comes back. */
+static double oren_nayar_roughness(double sigma_deg, double unused)
+{
+    double sigma = fmin(fmax(sigma_deg, 0), 90) * (double)PI_F / 180, sigma2 = sigma * sigma;
+    double a = 1 - sigma2 / (2 * (sigma2 + 0.33)), b = 0.45 * sigma2 / (sigma2 + 0.09);
+
+    (void)unused;
+    return b / a;
+}
 
 static status read_matte(struct pbrt *p, struct pbrt_material *m)
 {
@@ -9,11 +22,9 @@ static status read_matte(struct pbrt *p, struct pbrt_material *m)
 
     pbrt_be_matte(m);
     TRY(pbrt_float_texture(p, m->params, "sigma", &sigma));
-    if (sigma && (sigma->op != TEXTURE_CONSTANT || sigma->value[0] != 0))
-        pbrt_warn(p, &m->at, "matte sigma",
-                  "material \"%.60s\": Oren and Nayar's \"sigma\" is not supported: perfectly "
-                  "matte",
-                  m->name);
+    if (sigma)
+        TRY(pbrt_scalar_slot(p, sigma, oren_nayar_roughness, 0, &m->base.diffuse_roughness,
+                             &m->base.diffuse_roughness_texture));
     return pbrt_color_or(p, m, "Kd", 0.5, &m->color);
 }
 

@@ -38,6 +38,7 @@ static void test_extension_errors(void **state)
                  "\"KHR_materials_clearcoat\",\"KHR_materials_anisotropy\","
                  "\"KHR_materials_sheen\",\"KHR_materials_iridescence\","
                  "\"KHR_materials_dispersion\",\"KHR_materials_diffuse_transmission\","
+                 "\"KHR_materials_diffuse_roughness\","
                  "\"KHR_materials_variants\",\"KHR_materials_pbrSpecularGlossiness\","
                  "\"KHR_lights_punctual\",\"EXT_mesh_gpu_instancing\",\"EXT_texture_webp\","
                  "\"KHR_animation_pointer\",\"KHR_node_visibility\"]," ONE_NODE "," ONE_TRIANGLE,

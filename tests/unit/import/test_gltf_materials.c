@@ -145,7 +145,9 @@ static void test_extensions(void **state)
         "\"KHR_materials_dispersion\":{\"dispersion\":0.8},"
         "\"KHR_materials_diffuse_transmission\":{\"diffuseTransmissionFactor\":0.9,"
         "\"diffuseTransmissionColorFactor\":[0.4,0.5,0.6]," TEXTURE(
-            "diffuseTransmissionTexture", 1) "," TEXTURE("diffuseTransmissionColorTexture", 0) "}}",
+            "diffuseTransmissionTexture", 1) "," TEXTURE("diffuseTransmissionColorTexture", 0) "},"
+        "\"KHR_materials_diffuse_roughness\":{\"diffuseRoughnessFactor\":0.3,"
+        TEXTURE("diffuseRoughnessTexture", 1) "}}",
         &r);
     m = &r.scene.materials[0];
     assert_true(m->clearcoat == 0.5f && m->clearcoat_roughness == 0.25f &&
@@ -168,6 +170,7 @@ static void test_extensions(void **state)
     assert_true(m->diffuse_transmission == 0.9f && m->diffuse_transmission_texture.uv_set == 1);
     assert_floats(m->diffuse_transmission_color, (const float[]){0.4f, 0.5f, 0.6f}, 3, 0);
     assert_true(m->diffuse_transmission_color_texture.texture == 0);
+    assert_true(m->diffuse_roughness == 0.3f && m->diffuse_roughness_texture.uv_set == 1);
     /* The coat's normal map and the anisotropy need tangents. */
     assert_int_equal(r.scene.meshes[0].arrays, MESH_TANGENTS | MESH_UV0 | MESH_UV1);
     import_result_release(&r);
@@ -184,6 +187,7 @@ static void test_extensions_off(void **state)
         "\"KHR_materials_anisotropy\":{\"anisotropyTexture\":{\"index\":7}}",
         "\"KHR_materials_dispersion\":{}",
         "\"KHR_materials_diffuse_transmission\":{\"diffuseTransmissionTexture\":{\"index\":7}}",
+        "\"KHR_materials_diffuse_roughness\":{\"diffuseRoughnessTexture\":{\"index\":7}}",
         "\"KHR_materials_transmission\":{\"transmissionTexture\":{\"index\":7}}",
         "\"KHR_materials_specular\":{}",
         "\"KHR_materials_ior\":{}",

@@ -48,6 +48,38 @@ static void test_matte_kinds(void **state)
     }
 }
 
+/* Oren and Nayar's A and B at 20 and 90 degrees: B / A is 0.29916 and 0.77670. */
+static void test_matte_sigma(void **state)
+{
+    static const struct {
+        const char *directive;
+        float roughness;
+    } cases[] = {
+        {"Material \"matte\" \"float sigma\" 0", 0},
+        {"Material \"matte\" \"float sigma\" 20", 0.29916f},
+        {"Material \"matte\" \"float sigma\" 90", 0.77670f},
+        {"Material \"matte\" \"float sigma\" 1000", 0.77670f},
+        {"Material \"matte\" \"float sigma\" -5", 0},
+        {"Texture \"s\" \"float\" \"constant\" \"float value\" 20 "
+         "Material \"matte\" \"texture sigma\" \"s\"", 0.29916f},
+    };
+    struct import_result r;
+    struct scene_material m;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        m = pbrt_material_of(cases[i].directive, &r);
+        assert_float_equal(m.diffuse_roughness, cases[i].roughness, 2e-5f);
+        assert_true(m.metallic == 0 && m.specular == 0 && m.diffuse_roughness_texture.texture < 0);
+        assert_int_equal(r.warning_count, 0);
+        import_result_release(&r);
+    }
+    m = pbrt_material_of("Texture \"s\" \"float\" \"checkerboard\" \"float tex1\" 20 "
+                         "\"float tex2\" 0 Material \"matte\" \"texture sigma\" \"s\"", &r);
+    assert_true(m.diffuse_roughness == 1 && m.diffuse_roughness_texture.texture >= 0);
+    import_result_release(&r);
+}
+
 static void test_coated_diffuse(void **state)
 {
     struct import_result r;
@@ -595,6 +627,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_matte_kinds),
+        cmocka_unit_test(test_matte_sigma),
         cmocka_unit_test(test_coated_diffuse),
         cmocka_unit_test(test_named_metals),
         cmocka_unit_test(test_conductors),

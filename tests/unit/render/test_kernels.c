@@ -110,6 +110,12 @@ static void dress_lens(struct scene_builder *b, struct scene_material *ball)
     b->scene.cameras[0].focus_distance = 5;
 }
 
+static void dress_rough(struct scene_builder *b, struct scene_material *ball)
+{
+    (void)b;
+    ball->diffuse_roughness = 0.7f;
+}
+
 static void dress_orthographic(struct scene_builder *b, struct scene_material *ball)
 {
     dress_plastic(b, ball);
@@ -136,6 +142,7 @@ static const struct {
 } rooms[] = {
     {"lambert", "matte", NULL},
     {"culled", "matte", dress_culled},
+    {"rough diffuse", "matte", dress_rough},
     {"mirror", "glass", dress_mirror},
     {"plastic", "glass", dress_plastic},
     {"conductor", "glass", dress_conductor},

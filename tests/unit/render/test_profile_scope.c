@@ -84,6 +84,9 @@ static void test_scattering(void **state)
 
     (void)state;
     assert_charged("lambert", &p, PROFILE_ACCOUNT(DIFFUSE), EFFECT_DIFFUSE);
+    p.diffuse_roughness = 1;
+    assert_charged("rough", &p, PROFILE_ACCOUNT(DIFFUSE), EFFECT_DIFFUSE);
+    p.diffuse_roughness = 0;
     p.base_color = (struct vec3){0, 0, 0};
     assert_charged("black", &p, PROFILE_NO_EFFECT, 0);
     p = grey();

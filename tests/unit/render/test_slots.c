@@ -200,6 +200,12 @@ static void diffuse_transmission(struct scene_material *m, int channel)
     SCALAR_SLOT(diffuse_transmission, diffuse_transmission);
 }
 
+static void diffuse_roughness(struct scene_material *m, int channel)
+{
+    m->specular = 0;
+    SCALAR_SLOT(diffuse_roughness, diffuse_roughness);
+}
+
 static void diffuse_transmission_color(struct scene_material *m, int channel)
 {
     m->diffuse_transmission = 1;
@@ -248,6 +254,7 @@ static const struct {
     {"iridescence", iridescence, R, 0},
     {"iridescence thickness", thickness, G, 0},
     {"diffuse transmission", diffuse_transmission, A, 0},
+    {"diffuse roughness", diffuse_roughness, R, 0},
     {"diffuse transmission color", diffuse_transmission_color, R, 1},
     {"anisotropy strength", anisotropy_strength, B, 0},
     {"anisotropy direction", anisotropy_direction, G, 0},

@@ -86,6 +86,8 @@ static void test_lobes(void **state)
     (void)state;
     EXPECT(plain_set, (void)0);
     EXPECT(EFFECT_DIFFUSE, p.material.specular = 0);
+    EXPECT(EFFECT_DIFFUSE, p.material.specular = 0; p.material.diffuse_roughness = 0.5f);
+    EXPECT(EFFECT_GLOSSY, p.material.metallic = 1; p.material.diffuse_roughness = 0.5f);
     EXPECT(EFFECT_GLOSSY, p.material.metallic = 1);
     EXPECT(plain_set, p.material.metallic = 0.5f);
     EXPECT(EFFECT_MIRROR, p.material.metallic = 1; p.material.roughness = 0);
@@ -154,6 +156,12 @@ static void test_textures(void **state)
     EXPECT(textured, p.material.specular_texture.texture = 0);
     EXPECT(EFFECT_DIFFUSE, p.material.specular_texture.texture = 0; p.material.specular = 0);
     EXPECT(textured, p.material.specular_color_texture.texture = 0);
+    EXPECT(plain_set, p.material.diffuse_roughness_texture.texture = 0);
+    EXPECT(textured, p.material.diffuse_roughness_texture.texture = 0;
+           p.material.diffuse_roughness = 0.5f);
+    EXPECT(plain_set, p.material.diffuse_roughness_texture.texture = 0;
+           p.material.diffuse_roughness = 0.5f;
+           scene_material_reduce(&p.material, EFFECT_TEXTURE));
     EXPECT(plain_set, p.material.transmission_texture.texture = 0);
     EXPECT(plain_set, p.material.emission_texture.texture = 0);
     EXPECT(textured | EFFECT_EMISSIVE_MESH, p.material.emission_texture.texture = 0;

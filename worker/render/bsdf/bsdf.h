@@ -38,6 +38,16 @@
 /* Larger indices are clamped to this (F0 = 0.996). */
 #define BSDF_IOR_MAX 1000.0f
 
+/* Parameters that are the material's field of the same name, times one channel of its texture, and
+ * act where they are above 0: X(effect without which they are 0, FORM(name)). Such a row is all that
+ * brings the field here (surface_shade.c). */
+#define BSDF_FACTOR_MAP(X, FORM)                                                                  \
+    X(CLEARCOAT, FORM(clearcoat))       /* weight of the coat, 0..1 */                            \
+    X(IRIDESCENCE, FORM(iridescence))   /* weight of the film, 0..1 */                            \
+    X(DIFFUSE_TRANSMISSION, FORM(diffuse_transmission)) /* share of the base that goes through */ \
+    X(DIFFUSE, FORM(diffuse_roughness)) /* of the base, 0..1 */
+#define BSDF_FACTOR_IS_SET(name) p->name > 0.0f
+
 /* The material's values at the hit point, textures applied. */
 struct bsdf_params {
     struct vec3 base_color;     /* 0..1 */
@@ -54,19 +64,21 @@ struct bsdf_params {
                                    index here is absolute: a larger one outside is fine */
 
     /* Everything below is absent when 0 (memset), whatever the rest says. */
+#define BSDF_FACTOR_FLOAT(name) float name
+#define BSDF_FACTOR_MEMBER(effect, member) member;
+    BSDF_FACTOR_MAP(BSDF_FACTOR_MEMBER, BSDF_FACTOR_FLOAT)
+#undef BSDF_FACTOR_MEMBER
+#undef BSDF_FACTOR_FLOAT
     float alpha_stretched;      /* anisotropy: GGX alpha along the frame's x, >= alpha, which then
                                    is the one along y; 0: isotropic */
     int conductor;              /* Fresnel of a metal with eta, k at R, G, B (relative to vacuum),
                                    times base_color; metallic, specular, transmission, ... unused */
     struct vec3 eta, k;
-    float clearcoat;            /* weight 0..1 */
     float clearcoat_alpha, clearcoat_ior;
     struct vec3 clearcoat_normal; /* unit, in the shading frame (z = 1: the same normal) */
     struct vec3 sheen_color;    /* 0..1 */
     float sheen_alpha;          /* Charlie's alpha: roughness^2 */
-    float iridescence;          /* weight 0..1 */
     float iridescence_ior, iridescence_thickness_nm;
-    float diffuse_transmission; /* share of the Lambert base that goes through, 0..1 */
     struct vec3 diffuse_transmission_color;
     float base_interreflection; /* 0..<1 (scene.h): plastic is pbrt's coat, with Fresnel's exact term
                                    for an ior of 1.2 to 3; a conductor's clearcoat likewise */
@@ -79,12 +91,10 @@ struct bsdf_params {
  * on params p). A surface without any of it is glTF's core material, for which there are
  * shortcuts. CALLS_FOR(b, effect) (lobe.h) asks for it. */
 #define BSDF_CALL_MAP(X)                                                                          \
+    BSDF_FACTOR_MAP(X, BSDF_FACTOR_IS_SET)                                                        \
     X(ANISOTROPY, p->alpha_stretched > 0.0f)                                                      \
     X(CONDUCTOR, p->conductor)                                                                    \
-    X(CLEARCOAT, p->clearcoat > 0.0f)                                                             \
     X(SHEEN, p->sheen_color.x > 0.0f || p->sheen_color.y > 0.0f || p->sheen_color.z > 0.0f)       \
-    X(IRIDESCENCE, p->iridescence > 0.0f)                                                         \
-    X(DIFFUSE_TRANSMISSION, p->diffuse_transmission > 0.0f)                                       \
     X(GLOSSY, p->base_interreflection > 0.0f)                                                     \
     X(THIN_TRANSMISSION, p->thin_slab && !p->refractive)
 
@@ -192,6 +202,13 @@ struct bsdf_lambert {
     struct vec3 color;           /* over pi, with all weights and wo's share */
 };
 
+/* lobe_diffuse.h: of a rough base; set where `diffuse` is not black */
+struct bsdf_rough_diffuse {
+    float a, b;                  /* coefficients of single scattering */
+    struct vec3 multiple;        /* colour of multiple scattering over pi, with wo's share */
+    float wide;                  /* share of the lobe's samples that are uniform over directions */
+};
+
 /* layer.h: what plastic's reflection leaves for what lies below it */
 struct bsdf_layer {
     float f0, f90;               /* ends of the mean reflectance */
@@ -257,6 +274,7 @@ struct bsdf {
     struct bsdf_weights weights;
     struct microfacets base;     /* what metal, plastic and glass share */
     struct bsdf_dielectric dielectric;
+    struct bsdf_rough_diffuse rough_diffuse;
     struct bsdf_reflection reflection;
     struct bsdf_layer layer;
     struct bsdf_compensation compensation;

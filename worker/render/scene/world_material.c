@@ -6,6 +6,7 @@
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "common/scene/material.h"
+#include "worker/render/bsdf/bsdf.h"
 #include "worker/render/scene/image_share.h"
 
 static struct scene_material reduced(const struct scene_material *material,
@@ -146,13 +147,13 @@ static float absorption(float color, float distance)
 /* Has it anything of the layers that surface_shade.c and the BSDF keep apart from the base? */
 static int is_layered(const struct scene_material *m)
 {
-    const uint64_t layers = EFFECT_ANISOTROPY | EFFECT_CLEARCOAT | EFFECT_SHEEN |
-                            EFFECT_IRIDESCENCE | EFFECT_DIFFUSE_TRANSMISSION;
-
-    for (int i = 0; i < MATERIAL_VALUES; i++)
-        if ((material_values[i].effect & layers) && material_value_is_set(m, &material_values[i]))
-            return 1;
-    return m->base_interreflection > 0 || m->thin_slab || m->kind == MATERIAL_CONDUCTOR;
+#define FACTOR_OF_MATERIAL(name) m->name
+#define FACTOR_IS_SET(effect, value) || value > 0
+    return m->anisotropy > 0 || !scene_color_is(m->sheen_color, 0) ||
+           m->base_interreflection > 0 || m->thin_slab || m->kind == MATERIAL_CONDUCTOR
+           BSDF_FACTOR_MAP(FACTOR_IS_SET, FACTOR_OF_MATERIAL);
+#undef FACTOR_IS_SET
+#undef FACTOR_OF_MATERIAL
 }
 
 static unsigned flags_of(const struct world_material *material, enum scene_volume_rule rule)

@@ -162,7 +162,7 @@ static float square(float x)
 
 /* Factor times one channel of the texture; 0 where the factor is. */
 static float surface_scalar(const struct surface *s, float factor, const struct world_slot *slot,
-                            enum material_channel channel)
+                            int channel /* enum material_channel */)
 {
     struct texel texel;
 
@@ -174,6 +174,10 @@ static float surface_scalar(const struct surface *s, float factor, const struct 
                      : channel == CHANNEL_BLUE  ? texel.b
                                                 : texel.a);
 }
+
+/* A value whose texture has its name. */
+#define SURFACE_FACTOR(s, name) \
+    surface_scalar(s, (s)->material->m.name, &(s)->material->name, CHANNEL_OF_##name)
 
 static struct vec3 surface_color(const struct surface *s, const float factor[3],
                                  const struct world_slot *slot)
@@ -213,10 +217,9 @@ static void surface_base_textures(struct surface *s, struct bsdf_params *params)
         params->alpha = square(m->roughness * texel.g);
         params->metallic *= texel.b;
     }
-    params->specular = surface_scalar(s, m->specular, &material->specular, CHANNEL_ALPHA);
+    params->specular = SURFACE_FACTOR(s, specular);
     params->specular_color = surface_color(s, m->specular_color, &material->specular_color);
-    params->transmission =
-        surface_scalar(s, m->transmission, &material->transmission, CHANNEL_RED);
+    params->transmission = SURFACE_FACTOR(s, transmission);
 }
 
 /* ---- layers: what few materials have -------------------------------------------------------- */
@@ -293,13 +296,8 @@ static struct vec3 surface_coat_normal(const struct surface_view *view, const st
 static void surface_clearcoat(const struct surface_view *view, struct surface *s,
                               struct bsdf_params *params)
 {
-    const struct world_material *material = s->material;
-    const struct scene_material *m = &material->m;
-
-    params->clearcoat = surface_scalar(s, m->clearcoat, &material->clearcoat, CHANNEL_RED);
-    params->clearcoat_alpha = square(surface_scalar(
-        s, m->clearcoat_roughness, &material->clearcoat_roughness, CHANNEL_GREEN));
-    params->clearcoat_ior = m->clearcoat_ior;
+    params->clearcoat_alpha = square(SURFACE_FACTOR(s, clearcoat_roughness));
+    params->clearcoat_ior = s->material->m.clearcoat_ior;
     params->clearcoat_normal = surface_coat_normal(view, s);
 }
 
@@ -310,8 +308,7 @@ static void surface_sheen(const struct surface_view *view, struct surface *s,
 
     (void)view;
     params->sheen_color = surface_color(s, material->m.sheen_color, &material->sheen_color);
-    params->sheen_alpha = square(surface_scalar(s, material->m.sheen_roughness,
-                                                &material->sheen_roughness, CHANNEL_ALPHA));
+    params->sheen_alpha = square(SURFACE_FACTOR(s, sheen_roughness));
 }
 
 static void surface_iridescence(const struct surface_view *view, struct surface *s,
@@ -321,12 +318,12 @@ static void surface_iridescence(const struct surface_view *view, struct surface 
     const struct scene_material *m = &material->m;
 
     (void)view;
-    params->iridescence = surface_scalar(s, m->iridescence, &material->iridescence, CHANNEL_RED);
     params->iridescence_ior = m->iridescence_ior;
     params->iridescence_thickness_nm =
         m->iridescence_thickness_min_nm +
         (m->iridescence_thickness_max_nm - m->iridescence_thickness_min_nm) *
-            surface_scalar(s, 1, &material->iridescence_thickness, CHANNEL_GREEN);
+            surface_scalar(s, 1, &material->iridescence_thickness,
+                           CHANNEL_OF_iridescence_thickness_min_nm);
 }
 
 static void surface_diffuse_transmission(const struct surface_view *view, struct surface *s,
@@ -335,8 +332,6 @@ static void surface_diffuse_transmission(const struct surface_view *view, struct
     const struct world_material *material = s->material;
 
     (void)view;
-    params->diffuse_transmission = surface_scalar(
-        s, material->m.diffuse_transmission, &material->diffuse_transmission, CHANNEL_ALPHA);
     params->diffuse_transmission_color = surface_color(
         s, material->m.diffuse_transmission_color, &material->diffuse_transmission_color);
 }
@@ -352,7 +347,10 @@ static void surface_diffuse_transmission(const struct surface_view *view, struct
     X(DIFFUSE_TRANSMISSION, surface_diffuse_transmission, m->diffuse_transmission > 0)
 
 #define SURFACE_LAYER_BIT(effect, function, has) | (uint64_t)1 << EFFECT_BIT_##effect
-#define SURFACE_LAYER_EFFECTS (0 SURFACE_LAYERS(SURFACE_LAYER_BIT))
+#define SURFACE_FACTOR_NAME(name) name
+#define SURFACE_FACTOR_BIT(effect, name) | (uint64_t)1 << EFFECT_BIT_##effect
+#define SURFACE_LAYER_EFFECTS \
+    (0 SURFACE_LAYERS(SURFACE_LAYER_BIT) BSDF_FACTOR_MAP(SURFACE_FACTOR_BIT, SURFACE_FACTOR_NAME))
 
 static void surface_layers(const struct render_scene *scene, struct surface *s, struct vec3 wo,
                            struct bsdf_params *params)
@@ -360,6 +358,13 @@ static void surface_layers(const struct render_scene *scene, struct surface *s, 
     const struct scene_material *m = &s->material->m;
     const struct surface_view view = {scene, wo, surface_vertex_normal(s)};
 
+#define SURFACE_FACTOR_READ(effect, name)       \
+    if (ACTIVE(scene, effect) && m->name > 0) { \
+        PROFILE_EFFECT(effect);                   \
+        params->name = SURFACE_FACTOR(s, name); \
+    }
+    BSDF_FACTOR_MAP(SURFACE_FACTOR_READ, SURFACE_FACTOR_NAME)
+#undef SURFACE_FACTOR_READ
 #define SURFACE_LAYER_READ(effect, function, has) \
     if (ACTIVE(scene, effect) && (has)) {         \
         PROFILE_EFFECT(effect);                     \
@@ -378,7 +383,7 @@ void surface_resolve_mix(const struct render_scene *scene, struct surface *s, fl
     /* A mix refers to lower materials only, so this ends. */
     while (s->material->m.kind == MATERIAL_MIX) {
         const struct world_material *mix = s->material;
-        float amount = surface_scalar(s, mix->m.mix_amount, &mix->mix, CHANNEL_RED);
+        float amount = surface_scalar(s, mix->m.mix_amount, &mix->mix, CHANNEL_OF_mix_amount);
         int second;
 
         amount = amount > 0 ? (amount < 1 ? amount : 1) : 0;
