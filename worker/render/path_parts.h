@@ -18,6 +18,7 @@
 #include "worker/render/profile_scope.h"
 #include "worker/render/surface.h"
 #include "worker/render/world.h"
+#include "worker/render/world_sphere.h"
 
 /* A kernel variant makes these functions static. */
 #ifndef PATH_FUNCTION
