@@ -72,7 +72,9 @@ enum scene_mesh_arrays {
     MESH_UV1 = 1 << 3,      /* float[2] */
     MESH_COLORS = 1 << 4,   /* float[4] linear RGBA */
     MESH_SKIN = 1 << 5,     /* struct mesh_influence: joints of the instance's skin */
-    MESH_ARRAYS_ALL = 63,
+    MESH_SPHERE = 1 << 6,   /* no array: the triangles stand in for the sphere around the origin on
+                               which the vertices lie (worker/render/surface/world_sphere.h) */
+    MESH_ARRAYS_ALL = 127,
 };
 
 /* What moves one vertex of a skinned mesh; weights >= 0 that add up to 1 (to rounding). */

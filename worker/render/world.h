@@ -87,6 +87,7 @@ struct world_instance {
                                      World space for a skinned mesh, else the mesh's */
     const float *const *motion_normals, *const *motion_tangents; /* [motion_steps] of the same, or NULL */
     int skinned;                  /* those are in world space */
+    const struct world_sphere *sphere; /* NULL: the mesh's triangles are what they are */
     int encloses;                 /* what is behind its faces is closed in, and rays get there */
     const uint8_t *touches;       /* [triangles] may another face coincide with it? NULL: nowhere
                                      (world_touch.h) */

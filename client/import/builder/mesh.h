@@ -33,6 +33,7 @@ struct mesh_source {
     struct mesh_influence *influences; /* a vertex, or NULL: no skin */
     struct mesh_morph *morphs;         /* [morph_count] */
     size_t morph_count;
+    int sphere;         /* all of a sphere around the origin, as shape_sphere makes it */
 };
 
 void mesh_source_release(struct mesh_source *mesh);

@@ -215,6 +215,7 @@ static status sphere(double radius, double z_min, double z_max, double phi_max_r
                   (double)j / rows, shift);
     }
     add_grid(out, 0, sweep.columns, rows, poles);
+    out->sphere = sweep.full && poles == (POLE_FIRST | POLE_LAST);
     return STATUS_OK;
 }
 

@@ -226,18 +226,23 @@ static status attach_instance(struct accel *accel, const struct accel_input *in,
 {
     const struct accel_instance *instance = &in->instances[index];
     struct accel_geometry *g = &accel->geometries[index];
-    RTCGeometry geometry = rtcNewGeometry(accel->device, instance->world_positions
-                                                             ? RTC_GEOMETRY_TYPE_TRIANGLE
-                                                             : RTC_GEOMETRY_TYPE_INSTANCE);
+    RTCGeometry geometry;
     status s = STATUS_OK;
 
+    g->filtered = instance->filtered != 0;
+    g->sphere = instance->sphere;
+    geometry = g->sphere ? accel_sphere_geometry(accel->device, g)
+                         : rtcNewGeometry(accel->device, instance->world_positions
+                                                             ? RTC_GEOMETRY_TYPE_TRIANGLE
+                                                             : RTC_GEOMETRY_TYPE_INSTANCE);
     if (!geometry)
         return embree_failed(accel->device, "an instance", err);
-    g->filtered = instance->filtered != 0;
     g->least_stretch = 1;
     g->motion_steps = instance->motion_steps;
     g->in_world = instance->world_positions != NULL;
-    if (g->in_world) {
+    if (g->sphere) {
+        g->in_world = 1;
+    } else if (g->in_world) {
         s = set_world_triangles(accel, in, index, geometry, err);
     } else {
         g->slender = accel->mesh_slender[instance->mesh];
@@ -284,7 +289,7 @@ static void bound_errors(struct accel *accel, const struct accel_input *in)
         struct accel_geometry *g = &accel->geometries[i];
         double condition = 1, origin = ERROR_TRIANGLE;
 
-        if (!instance->world_positions) {
+        if (!instance->world_positions && !instance->sphere) {
             condition = instance->motion_steps ? 1 : sizes_condition(&instance->to_world);
             for (uint32_t k = 0; k < instance->motion_steps; k++)
                 condition = fmax(condition, sizes_condition(&instance->motion_to_world[k]));
@@ -347,7 +352,8 @@ status accel_new(struct accel **out, const struct accel_input *in, struct error 
     }
     for (uint32_t i = 0; i < in->instance_count; i++) {
         uint32_t mesh = in->instances[i].mesh;
-        if (!in->instances[i].world_positions && !accel->mesh_scenes[mesh]) {
+        if (!in->instances[i].sphere && !in->instances[i].world_positions &&
+            !accel->mesh_scenes[mesh]) {
             result = build_shared_mesh(accel, in, mesh, err);
             if (result != STATUS_OK)
                 goto failed;

@@ -68,6 +68,15 @@ struct accel_mesh {
     uint32_t vertex_count, triangle_count;
 };
 
+/* A whole sphere, intersected in double. Its hits have 0 for the triangle where the ray meets it
+ * from outside, 1 from inside; a ray leaves it by {instance, 0}, to either side. It coincides with
+ * no other face. */
+struct accel_sphere {
+    double centre[3], radius; /* metres, world */
+    double margin;            /* metres: what Embree may be wrong about a ray's place near it */
+    int inward;               /* `accept` takes the inside for the counter-clockwise side */
+};
+
 enum { ACCEL_STEPS_MAX = 129 /* Embree's own limit */ };
 
 struct accel_instance {
@@ -81,6 +90,8 @@ struct accel_instance {
     const float *const *motion_positions;    /* with world_positions: [motion_steps] of them, each
                                                 with 16 readable bytes after the last */
     const struct transform *motion_to_world; /* without: [motion_steps] */
+    const struct accel_sphere *sphere; /* not NULL: in place of the mesh, which has no triangles;
+                                          outlives the accel */
 };
 
 /* Does the hit count? Called inside a traversal, possibly several times for one triangle:

@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "worker/render/base/sphere.h"
+
 /* What rounding may make of a height over a plane through `from`, times the normal's length. */
 static double height_noise(const double normal[3], const double to[3], const double from[3])
 {
@@ -11,7 +13,7 @@ static double height_noise(const double normal[3], const double to[3], const dou
 }
 
 /* The corner's height over the plane that is farthest from it, times the normal's length. */
-static double farthest(const double corner[3][3], const double plane[3][3], const double normal[3],
+static double farthest(const double corner[3][3], const double plane[3], const double normal[3],
                        double sign)
 {
     double most = -INFINITY, to_corner[3];
@@ -19,12 +21,47 @@ static double farthest(const double corner[3][3], const double plane[3][3], cons
     for (int k = 0; k < 3; k++) {
         double height;
 
-        exact_sub(corner[k], plane[0], to_corner);
+        exact_sub(corner[k], plane, to_corner);
         height = sign * exact_dot(normal, to_corner);
-        if (height > height_noise(normal, to_corner, plane[0]))
+        if (height > height_noise(normal, to_corner, plane))
             most = fmax(most, height);
     }
     return most;
+}
+
+double accel_ray_end(const struct query_context *q)
+{
+    const struct accel_sphere *sphere;
+    double corner[3][3], n[3], end;
+
+    if (!q->ray->reaches)
+        return (double)q->ray->t_max;
+    sphere = q->accel->geometries[q->ray->end.instance].sphere;
+    if (sphere)
+        return sphere_nearest(sphere, q->origin, q->direction, (double)q->ray->t_max);
+    q->accel->corners(q->accel->scene, q->ray->end.instance, q->ray->end.triangle, q->ray->time,
+                      corner);
+    exact_normal(corner, n);
+    end = exact_crossing(corner, n, q->origin, q->direction);
+    return end > 0 && end < INFINITY ? end : (double)q->ray->t_max;
+}
+
+/* A point and a normal of the plane of a face on which the ray starts (`sign` 1) or ends (-1). */
+static void plane_of(const struct query_context *q, const struct hit *face, double sign,
+                     double point[3], double normal[3])
+{
+    const struct accel_sphere *sphere = q->accel->geometries[face->instance].sphere;
+    double corner[3][3], t = sphere && sign < 0 ? accel_ray_end(q) : 0;
+
+    if (sphere) {
+        for (int k = 0; k < 3; k++)
+            point[k] = q->origin[k] + t * q->direction[k];
+        exact_sub(point, sphere->centre, normal);
+        return;
+    }
+    q->accel->corners(q->accel->scene, face->instance, face->triangle, q->ray->time, corner);
+    exact_normal(corner, normal);
+    memcpy(point, corner[0], sizeof corner[0]);
 }
 
 /* Is all of the triangle behind the plane of a face that the ray leaves (`sign` 1), or beyond the
@@ -32,13 +69,12 @@ static double farthest(const double corner[3][3], const double plane[3][3], cons
 static int is_beyond(const struct query_context *q, const struct hit *face, double sign,
                      const double corner[3][3])
 {
-    double plane[3][3], n[3], towards[3];
+    double plane[3], n[3], towards[3];
 
     /* A direction along the plane may be off by its rounding: the ray says to which side it goes. */
     exact_vec(sign > 0 ? q->ray->off : q->ray->direction, towards);
 
-    q->accel->corners(q->accel->scene, face->instance, face->triangle, q->ray->time, plane);
-    exact_normal(plane, n);
+    plane_of(q, face, sign, plane, n);
     if (exact_dot(n, n) == 0)
         return 0;
     if (exact_dot(n, towards) < 0)
@@ -51,28 +87,19 @@ static int is_beyond(const struct query_context *q, const struct hit *face, doub
 static int goes_through(const struct query_context *q, const double corner[3][3],
                         const double normal[3])
 {
+    const struct accel_sphere *sphere = q->accel->geometries[q->ray->left[0].instance].sphere;
     double face[3][3], before, behind;
 
-    q->accel->corners(q->accel->scene, q->ray->left[0].instance, q->ray->left[0].triangle,
-                      q->ray->time, face);
-    before = farthest(face, corner, normal, 1);
-    behind = farthest(face, corner, normal, -1);
+    if (sphere)
+        for (int k = 0; k < 3; k++)
+            memcpy(face[k], sphere->centre, sizeof face[k]);
+    else
+        q->accel->corners(q->accel->scene, q->ray->left[0].instance, q->ray->left[0].triangle,
+                          q->ray->time, face);
+    before = farthest(face, corner[0], normal, 1);
+    behind = farthest(face, corner[0], normal, -1);
     return before > behind ? exact_dot(normal, q->direction) < 0
                            : exact_dot(normal, q->direction) > 0;
-}
-
-/* Where the ray ends, in metres. */
-static double ray_end(const struct query_context *q)
-{
-    double corner[3][3], n[3], end;
-
-    if (!q->ray->reaches)
-        return (double)q->ray->t_max;
-    q->accel->corners(q->accel->scene, q->ray->end.instance, q->ray->end.triangle, q->ray->time,
-                      corner);
-    exact_normal(corner, n);
-    end = exact_crossing(corner, n, q->origin, q->direction);
-    return end > 0 && end < INFINITY ? end : (double)q->ray->t_max;
 }
 
 int accel_decide(struct query_context *q, const struct hit *face, double *t)
@@ -88,7 +115,7 @@ int accel_decide(struct query_context *q, const struct hit *face, double *t)
         return fabs(*t) < q->gap_max;
     if (q->ray->left_count && fabs(height) <= height_noise(n, to_corner, q->origin)) {
         *t = goes_through(q, corner, n) ? 0 : -1;
-    } else if (!(*t < ray_end(q))) {
+    } else if (!(*t < accel_ray_end(q))) {
         return 0;
     }
     for (uint32_t i = 0; i < q->ray->left_count; i++)

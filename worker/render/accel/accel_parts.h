@@ -27,6 +27,7 @@ struct accel_geometry {
     double to_object[3][3];  /* of what stands still: the inverse matrix's part for directions */
     float least_stretch;     /* of its matrix; 1 in world space */
     uint32_t motion_steps;
+    const struct accel_sphere *sphere; /* NULL: triangles */
     double error_origin, error_extent; /* as the accel's, for rays that meet its triangles */
 };
 
@@ -102,6 +103,9 @@ void accel_huge_bounds(const struct RTCBoundsFunctionArguments *args);
 void accel_huge_intersect(const struct RTCIntersectFunctionNArguments *args);
 void accel_huge_occluded(const struct RTCOccludedFunctionNArguments *args);
 
+/* accel_sphere.c: give Embree the sphere of an instance. */
+RTCGeometry accel_sphere_geometry(RTCDevice device, struct accel_geometry *g);
+
 /* ---- accel_decide.c ----------------------------------------------------------------------- */
 
 static inline int accel_same_face(const struct hit *a, const struct hit *b)
@@ -124,6 +128,9 @@ static inline int accel_is_excepted(const struct query_context *q, const struct 
 /* Does the ray meet the triangle's plane between its ends, and the triangle not lie beyond them?
  * *t in metres. The plane alone counts: the caller has checked the triangle's edges. */
 int accel_decide(struct query_context *q, const struct hit *face, double *t);
+
+/* Where the ray ends, in metres. */
+double accel_ray_end(const struct query_context *q);
 
 /* A triangle that double found to be met: 1 where the traversal may count it as Embree's hit. */
 int accel_keep(struct query_context *q, const struct hit *face, double t, int facing);

@@ -12,6 +12,13 @@
 #define GROUP_ODDS_MIN 0.25
 #define GROUP_ODDS_MIN_ALIKE 0x1p-8
 
+int emitters_lamp_kind(const struct render_scene *scene, uint32_t light)
+{
+    const struct triangle_light *lamp = &scene->emitters.triangles[light];
+
+    return scene->instances[lamp->instance].sphere ? LIGHT_SPHERE : LIGHT_TRIANGLE;
+}
+
 /* ---- weighing ---------------------------------------------------------------------------- */
 
 /* Intensities in double, so that sums of the largest floats hold. */
@@ -60,7 +67,8 @@ static void weigh_lights(const struct emitters *e, const struct render_scene *sc
     }
     for (uint32_t i = 0; i < e->triangle_count; i++, item++)
         if (!emitters_is_dark(e, i)) {
-            struct light_weight weight = weight_of(scene, LIGHT_TRIANGLE, &e->triangles[i]);
+            struct light_weight weight = weight_of(scene, emitters_lamp_kind(scene, i),
+                                                   &e->triangles[i]);
 
             weigh_item(w, item, &weight);
         }

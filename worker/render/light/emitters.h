@@ -20,6 +20,7 @@
 #include "worker/render/light/light.h"
 #include "worker/render/light/light_table.h"
 #include "worker/render/light/punctual.h"
+#include "worker/render/light/sphere_light.h"
 #include "worker/render/light/tree.h"
 #include "worker/render/light/triangle_light.h"
 
@@ -55,6 +56,9 @@ static inline int emitters_is_dark(const struct emitters *e, uint32_t light)
     return e->dark[light / 8] >> light % 8 & 1;
 }
 
+/* LIGHT_TRIANGLE or LIGHT_SPHERE: one of `triangles`, by its number. */
+int emitters_lamp_kind(const struct render_scene *scene, uint32_t light);
+
 /* How many items of the tree are not triangles. */
 static inline uint32_t emitters_local_punctual(const struct emitters *e)
 {
@@ -77,5 +81,10 @@ struct vec3 emitters_environment(const struct render_scene *scene,
  * the triangle; `cosine`: absolute cosine at the light; `area`: the triangle's, m^2. */
 float emitters_triangle_pdf(const struct render_scene *scene, const struct light_context *context,
                             uint32_t light, float distance_squared, float cosine, float area);
+
+/* The same of an emissive sphere, its light the instance's light_base. The cosine and the distance
+ * count only inside it. */
+float emitters_sphere_pdf(const struct render_scene *scene, const struct light_context *context,
+                          uint32_t light, float distance_squared, float cosine);
 
 #endif

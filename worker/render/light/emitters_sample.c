@@ -71,8 +71,10 @@ static int emitters_sample_local(const struct render_scene *scene,
     if (item < punctual)
         return emitters_sample_punctual(scene, e->punctual[e->directional_count + item], context,
                                         out);
-    return emitters_sample_light(scene, LIGHT_TRIANGLE, &e->triangles[item - punctual], context, u,
-                                 v, out);
+    item -= punctual;
+    if (scene->instances[e->triangles[item].instance].sphere)
+        return emitters_sample_light(scene, LIGHT_SPHERE, &e->triangles[item], context, u, v, out);
+    return emitters_sample_light(scene, LIGHT_TRIANGLE, &e->triangles[item], context, u, v, out);
 }
 
 int emitters_sample(const struct render_scene *scene, const struct light_context *context, float u,
@@ -113,14 +115,28 @@ struct vec3 emitters_environment(const struct render_scene *scene,
     return radiance;
 }
 
+/* The odds of having chosen one of the emissive instances' lights. */
+static float lamp_odds(const struct emitters *e, const struct light_context *context,
+                       uint32_t light)
+{
+    uint32_t item = emitters_local_punctual(e) + light;
+
+    return e->local_odds * (e->tree.node_count == 0
+                                ? light_table_odds(&e->table, item)
+                                : light_tree_odds(&e->tree, context->p, context->n, item));
+}
+
 float emitters_triangle_pdf(const struct render_scene *scene, const struct light_context *context,
                             uint32_t light, float distance_squared, float cosine, float area)
 {
-    const struct emitters *e = &scene->emitters;
-    uint32_t item = emitters_local_punctual(e) + light;
-    float odds = e->tree.node_count == 0
-                     ? light_table_odds(&e->table, item)
-                     : light_tree_odds(&e->tree, context->p, context->n, item);
+    return triangle_light_pdf(lamp_odds(&scene->emitters, context, light), distance_squared, cosine,
+                              area);
+}
 
-    return triangle_light_pdf(e->local_odds * odds, distance_squared, cosine, area);
+float emitters_sphere_pdf(const struct render_scene *scene, const struct light_context *context,
+                          uint32_t light, float distance_squared, float cosine)
+{
+    return lamp_odds(&scene->emitters, context, light) *
+           sphere_light_pdf(scene, &scene->emitters.triangles[light], context, distance_squared,
+                            cosine);
 }

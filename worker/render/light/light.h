@@ -34,6 +34,7 @@ struct render_scene;
     X(PROJECTION, projection_light, PUNCTUAL_LIGHT, LIGHT_IMAGE)
 #define LIGHT_KINDS_FOUND(X) /* in other parts of the scene: enum light_kind */       \
     X(TRIANGLE, triangle_light, EMISSIVE_MESH, EMISSIVE_MESH)                         \
+    X(SPHERE, sphere_light, EMISSIVE_MESH, EMISSIVE_MESH)                             \
     X(ENVIRONMENT, environment_light, ENVIRONMENT, ENVIRONMENT)
 #define LIGHT_KINDS(X) LIGHT_KINDS_LISTED(X) LIGHT_KINDS_FOUND(X)
 

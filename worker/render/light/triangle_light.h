@@ -8,6 +8,7 @@
 
 #include "worker/render/light/light.h"
 
+/* Of a sphere (sphere_light.c) all of it is one light, and the triangle 0. */
 struct triangle_light {
     uint32_t instance, triangle;
 };

@@ -140,6 +140,11 @@ static float triangle_bounds(const struct render_scene *scene,
 }
 
 
+static uint32_t lights_of(const struct render_scene *scene, const struct world_instance *instance)
+{
+    return instance->sphere ? 1 : scene->meshes[instance->mesh].triangle_count;
+}
+
 uint64_t triangle_lights_count(struct render_scene *scene)
 {
     uint64_t total = 0;
@@ -151,7 +156,7 @@ uint64_t triangle_lights_count(struct render_scene *scene)
             scene->materials[instance->material].m.unlit)
             continue;
         instance->light_base = (int32_t)(total < INT32_MAX ? total : INT32_MAX);
-        total += scene->meshes[instance->mesh].triangle_count;
+        total += lights_of(scene, instance);
     }
     return total;
 }
@@ -184,7 +189,7 @@ static status find_in(const struct render_scene *scene, uint32_t number,
     const struct texture_dark *map;
     status s = dark_map(material, maps, &map, err);
 
-    for (uint32_t t = 0; s == STATUS_OK && t < mesh->triangle_count; t++) {
+    for (uint32_t t = 0; s == STATUS_OK && t < lights_of(scene, instance); t++) {
         uint32_t at = (uint32_t)instance->light_base + t;
 
         lights[at] = (struct triangle_light){number, t};

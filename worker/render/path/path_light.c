@@ -195,7 +195,7 @@ PATH_FUNCTION struct vec3 path_emitted(const struct path *path, const struct sur
     const struct world_material *material = s->material;
     uint32_t light = (uint32_t)s->instance->light_base + s->triangle;
     struct vec3 radiance;
-    float cosine, light_pdf;
+    float cosine, light_pdf, distance_squared;
     int sampled;
 
     if (path_is_unlit(path, s))
@@ -213,8 +213,10 @@ PATH_FUNCTION struct vec3 path_emitted(const struct path *path, const struct sur
     radiance = met_lamp_radiance(path, s, cosine);
     if (path->specular || !sampled)
         return radiance;
-    light_pdf = emitters_triangle_pdf(path->scene, &path->context, light,
-                                      vec3_length_squared(vec3_sub(s->p, path->context.p)), cosine,
-                                      s->area);
+    distance_squared = vec3_length_squared(vec3_sub(s->p, path->context.p));
+    light_pdf = s->instance->sphere
+                    ? emitters_sphere_pdf(path->scene, &path->context, light, distance_squared, cosine)
+                    : emitters_triangle_pdf(path->scene, &path->context, light, distance_squared,
+                                            cosine, s->area);
     return vec3_scale(radiance, power_heuristic(path->pdf, light_pdf));
 }

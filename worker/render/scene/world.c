@@ -17,6 +17,7 @@
 #include "worker/render/scene/world_material.h"
 #include "worker/render/scene/world_memory.h"
 #include "worker/render/scene/world_place.h"
+#include "worker/render/surface/world_sphere.h"
 #include "worker/render/scene/world_touch.h"
 
 static status mesh_init(struct world_mesh *out, const struct scene_mesh *mesh, const uint8_t *data,
@@ -290,9 +291,10 @@ static void find_enclosing(struct render_scene *w, const struct scene *scene)
 
 static status build_accel(struct render_scene *w, const struct scene *scene, struct error *err)
 {
-    struct accel_mesh *meshes = mem_calloc(w->mesh_count, sizeof *meshes);
+    /* One more: without triangles, for spheres. */
+    struct accel_mesh *meshes = mem_calloc((size_t)w->mesh_count + 1, sizeof *meshes);
     struct accel_instance *instances = mem_calloc(w->instance_count, sizeof *instances);
-    struct accel_input input = {meshes, instances, w->mesh_count, w->instance_count, w->settings.isa,
+    struct accel_input input = {meshes, instances, w->mesh_count + 1, w->instance_count, w->settings.isa,
                                 w->kernel->accept, world_exact_corners, w,
                                 w->settings.bvh_quality, w->settings.not_robust};
     status s;
@@ -320,6 +322,7 @@ static status build_accel(struct render_scene *w, const struct scene *scene, str
             .motion_positions = instance->motion_positions,
             .motion_to_world = instance->motion_to_world,
         };
+        world_sphere_give(w, instance, &instances[i]);
     }
     s = accel_new(&w->accel, &input, err);
     if (s == STATUS_OK)
@@ -424,11 +427,14 @@ static status build(struct render_scene *w, const struct scene *scene,
         find_enclosing(w, scene);
         load_camera(w, poses);
         w->kernel = kernel_for(w->effects);
-        if ((s = load_environment(w, scene, blobs, err)) == STATUS_OK &&
+        if ((s = world_spheres_find(w, scene, err)) == STATUS_OK &&
+            (s = load_environment(w, scene, blobs, err)) == STATUS_OK &&
             (s = find_bounds(w, scene, err)) == STATUS_OK &&
             (s = load_lights(w, scene, poses, err)) == STATUS_OK &&
-            (s = world_touch_find(w, err)) == STATUS_OK)
+            (s = world_touch_find(w, err)) == STATUS_OK) {
+            find_fog(w);
             s = build_accel(w, scene, err);
+        }
     }
     world_poses_free(poses);
     return s;
@@ -464,7 +470,6 @@ status render_scene_new(struct render_scene **out, const struct scene *scene,
         render_scene_free(w);
         return s;
     }
-    find_fog(w);
     enclosure_find(w);
     if (w->effects & (EFFECT_NESTED_DIELECTRIC | EFFECT_INTERFACE | EFFECT_MEDIUM))
         interior_find_camera(w);

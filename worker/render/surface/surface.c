@@ -5,6 +5,7 @@
 #include "worker/render/base/exact.h"
 #include "worker/render/world.h"
 #include "worker/render/surface/world_motion.h"
+#include "worker/render/surface/world_sphere.h"
 
 void world_triangle(const struct render_scene *scene, const struct world_instance *instance,
                     uint32_t triangle, float time, struct vec3 corner[3])
@@ -47,6 +48,10 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     s->time = ray->time;
     s->material = &scene->materials[s->instance->material];
     s->mesh = &scene->meshes[s->instance->mesh];
+    if (s->instance->sphere) {
+        surface_on_sphere(scene, ray, hit, s);
+        return;
+    }
     s->triangle = hit->triangle;
     s->vertex = world_vertices(s->mesh, hit->triangle);
     world_corners(scene, s->instance, s->vertex, ray->time, c);

@@ -107,7 +107,7 @@ static struct vec3 surface_vertex_normal(const struct surface *s)
     struct vec3 front_ng = s->front ? s->ng : vec3_neg(s->ng), n;
     const float *normals = world_normals(s->instance, s->mesh);
 
-    if (!normals)
+    if (!normals || s->instance->sphere)
         return front_ng;
     n = surface_deformed(s, normals, s->instance->motion_normals, 3);
     if (!s->instance->skinned) {

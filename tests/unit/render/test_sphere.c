@@ -1,0 +1,501 @@
+/* True spheres: hits against a walk in double, rays that leave them, what an import makes of them,
+ * and the light of sphere lamps against closed forms. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "common/base/buffer.h"
+#include "tests/support/imported.h"
+#include "tests/support/pbrt_text.h"
+#include "tests/support/statistics.h"
+#include "worker/render/base/sphere.h"
+#include "worker/render/surface/world_sphere.h"
+
+/* A scene of this pbrt text, made ready. */
+struct fixture {
+    struct import_result import;
+    struct render_scene *scene;
+};
+
+static void fixture_whole(struct fixture *f, const char *text)
+{
+    struct render_settings settings = imported_settings(16, 16, 4);
+
+    pbrt_whole(text, NULL, &f->import);
+    f->scene = imported_build(&f->import, &settings, 0);
+}
+
+static void fixture_init(struct fixture *f, const char *world)
+{
+    struct buffer text = BUFFER_INIT;
+
+    buffer_printf(&text, RIGHT_HANDED "WorldBegin\n%s", world);
+    fixture_whole(f, buffer_text(&text));
+    buffer_release(&text);
+}
+
+static void fixture_release(struct fixture *f)
+{
+    render_scene_free(f->scene);
+    import_result_release(&f->import);
+}
+
+static uint32_t spheres_of(const struct render_scene *scene)
+{
+    uint32_t count = 0;
+
+    for (uint32_t i = 0; i < scene->instance_count; i++)
+        count += scene->instances[i].sphere != NULL;
+    return count;
+}
+
+/* ---- what becomes a sphere -------------------------------------------------------------------- */
+
+static void test_which(void **state)
+{
+    static const struct {
+        const char *world;
+        uint32_t spheres;
+    } cases[] = {
+        {LAMP "Shape \"sphere\" \"float radius\" 2", 1},
+        {LAMP "Rotate 33 1 2 3 Scale 3 3 3 Shape \"sphere\"", 1},
+        {LAMP "Scale -1 1 1 Shape \"sphere\"", 1},
+        {LAMP "ReverseOrientation Shape \"sphere\"", 1},
+        {LAMP "AreaLightSource \"diffuse\" Shape \"sphere\"", 1},
+        {LAMP "Material \"dielectric\" Shape \"sphere\"", 1},
+        /* These stay meshes. */
+        {LAMP "Scale 1 1 1.01 Shape \"sphere\"", 0},
+        {LAMP "Shape \"sphere\" \"float zmin\" -0.5", 0},
+        {LAMP "Shape \"sphere\" \"float phimax\" 180", 0},
+        {LAMP "Shape \"sphere\" \"float alpha\" 0.5", 0},
+        {LAMP "ActiveTransform EndTime Translate 0 0 1 ActiveTransform All Shape \"sphere\"", 0},
+        {LAMP "Material \"dielectric\" Shape \"sphere\" Shape \"sphere\"", 0},
+        {LAMP "Shape \"disk\"", 0},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct fixture f;
+
+        fixture_init(&f, cases[i].world);
+        if (spheres_of(f.scene) != cases[i].spheres)
+            fail_msg("%s: %u spheres", cases[i].world, spheres_of(f.scene));
+        fixture_release(&f);
+    }
+}
+
+/* A mesh that only says that it is a sphere is shown as the mesh that it is. */
+static void test_false_claims(void **state)
+{
+    struct render_settings settings = imported_settings(16, 16, 4);
+
+    (void)state;
+    for (int which = 0; which < 2; which++) {
+        struct import_result import;
+        struct render_scene *scene;
+
+        pbrt_world(which ? LAMP "Shape \"cylinder\"" : LAMP "Shape \"sphere\" \"float phimax\" 350",
+                   &import);
+        import.scene.meshes[0].arrays |= MESH_SPHERE;
+        scene = imported_build(&import, &settings, 0);
+        assert_int_equal(spheres_of(scene), 0);
+        render_scene_free(scene);
+        import_result_release(&import);
+    }
+}
+
+/* ---- hits ------------------------------------------------------------------------------------- */
+
+static struct vec3 random_direction(struct test_random *r)
+{
+    for (;;) {
+        struct vec3 d = vec3_make(2 * test_random_float(r) - 1, 2 * test_random_float(r) - 1,
+                                  2 * test_random_float(r) - 1);
+        float length2 = vec3_length_squared(d);
+
+        if (length2 > 0.01f && length2 < 1)
+            return vec3_normalize(d);
+    }
+}
+
+/* The line's distance from the centre over the radius, in long double; infinite where the sphere lies
+ * behind the ray. */
+static long double passes_at(const struct accel_sphere *sphere, const struct ray *ray)
+{
+    double o[3], d[3];
+    long double m[3], along = 0, d2 = 0, foot2 = 0;
+
+    exact_origin(ray, o);
+    exact_vec(ray->direction, d);
+    for (int k = 0; k < 3; k++) {
+        m[k] = (long double)o[k] - (long double)sphere->centre[k];
+        along += m[k] * (long double)d[k];
+        d2 += (long double)d[k] * (long double)d[k];
+    }
+    for (int k = 0; k < 3; k++) {
+        long double foot = m[k] - along / d2 * (long double)d[k];
+        foot2 += foot * foot;
+    }
+    return along < 0 ? sqrtl(foot2) / (long double)sphere->radius : INFINITY;
+}
+
+/* How far the surface's place is from the sphere, over the radius. */
+static double off_sphere(const struct accel_sphere *sphere, const struct surface *s)
+{
+    double p[3], n[3];
+
+    exact_vec(s->p, p);
+    for (int k = 0; k < 3; k++)
+        n[k] = p[k] + s->rest[k] - sphere->centre[k];
+    return fabs(sqrt(exact_dot(n, n)) / sphere->radius - 1);
+}
+
+/* After the hit: outwards nothing, inwards the far side, from which outwards nothing again. */
+static void leave_all_ways(const struct fixture *f, const struct surface *s,
+                           struct test_random *random)
+{
+    const struct accel_sphere *shape = &s->instance->sphere->shape;
+
+    for (int i = 0; i < 16; i++) {
+        struct vec3 d = random_direction(random), n = s->front ? s->ng : vec3_neg(s->ng);
+        float lean = i < 8 ? 1 : ldexpf(1, -2 * i + 10); /* ever more grazing */
+        float along = vec3_dot(d, n);
+        struct surface next;
+        struct ray ray;
+        struct hit hit;
+        int met;
+
+        d = vec3_normalize(vec3_mad(d, n, along * (lean - 1)));
+        if (vec3_dot(d, n) == 0)
+            continue;
+        surface_leave(s, d, &ray);
+        met = accel_intersect(f->scene->accel, &ray, NULL, &hit);
+        if (met && hit.instance != 0)
+            continue;
+        assert_int_equal(met, vec3_dot(d, n) < 0);
+        assert_int_equal(accel_occluded(f->scene->accel, &ray, NULL), met);
+        if (!met)
+            continue;
+        surface_from_hit(f->scene, &ray, &hit, &next);
+        assert_false(next.front);
+        assert_true(off_sphere(shape, &next) < 1e-14 * (1 + exact_largest(shape->centre) / shape->radius));
+    }
+}
+
+/* Rays at a sphere of radius `radius` around (x, 2x, -x) from up to `far` radii or metres away. */
+static void shoot(double radius, double x, double far, uint64_t seed)
+{
+    struct buffer text = BUFFER_INIT;
+    struct test_random random = {seed};
+    struct fixture f;
+    const struct accel_sphere *shape;
+    int hits = 0, misses = 0;
+
+    /* The camera is the farthest of all places from which rays start. */
+    buffer_printf(&text, "LookAt 0 0 %g 0 0 0 0 1 0 Camera \"perspective\" WorldBegin " LAMP
+                         "Translate %.17g %.17g %.17g Shape \"sphere\" \"float radius\" %.17g",
+                  2 * far, x, 2 * x, -x, radius);
+    /* Others beside it, so that its own box is looked at. */
+    for (int k = 0; k < 6; k++)
+        buffer_printf(&text, " Translate %.17g %.17g %.17g Shape \"sphere\" \"float radius\" %.17g",
+                      k == 0 ? 4 * radius : 0, k == 1 ? 4 * radius : k == 2 ? -8 * radius : 0,
+                      k == 3 ? -4 * radius : k > 3 ? 2 * radius : 0, 0.01 * radius);
+    fixture_whole(&f, buffer_text(&text));
+    assert_int_equal(spheres_of(f.scene), 7);
+    shape = &f.scene->instances[0].sphere->shape;
+    for (int i = 0; i < 4000; i++) {
+        struct vec3 away = random_direction(&random), aside = random_direction(&random);
+        double reach = radius * 1.01 * pow(far / radius, test_random_double(&random));
+        double aim = radius * 1.5 * test_random_double(&random), origin[3], way[3];
+        struct ray ray = {.t_max = INFINITY};
+        struct surface s;
+        struct hit hit;
+        long double passes;
+        int met;
+
+        origin[0] = shape->centre[0] + reach * (double)away.x;
+        origin[1] = shape->centre[1] + reach * (double)away.y;
+        origin[2] = shape->centre[2] + reach * (double)away.z;
+        way[0] = shape->centre[0] + aim * (double)aside.x - origin[0];
+        way[1] = shape->centre[1] + aim * (double)aside.y - origin[1];
+        way[2] = shape->centre[2] + aim * (double)aside.z - origin[2];
+        ray.origin = exact_round(origin, ray.rest);
+        ray.direction = vec3_normalize(
+            vec3_make((float)(way[0] / reach), (float)(way[1] / reach), (float)(way[2] / reach)));
+        exact_origin(&ray, origin);
+        passes = passes_at(shape, &ray);
+        /* Doubles of the distance and the coordinates cannot tell. */
+        if (fabsl(passes - 1) < 1e-14L * (1 + (long double)(reach / radius)))
+            continue;
+        met = accel_intersect(f.scene->accel, &ray, NULL, &hit);
+        if (met && hit.instance != 0)
+            continue;
+        if (met != (passes < 1))
+            fail_msg("radius %g at %g, from %g away: met %d, passes at %Lg radii", radius, x, reach,
+                     met, passes);
+        assert_int_equal(accel_occluded(f.scene->accel, &ray, NULL), met);
+        hits += met;
+        misses += !met;
+        if (!met)
+            continue;
+        surface_from_hit(f.scene, &ray, &hit, &s);
+        assert_true(s.front && vec3_dot(s.ng, ray.direction) <= 0);
+        assert_true(off_sphere(shape, &s) < 1e-14 * (1 + exact_largest(shape->centre) / radius));
+        leave_all_ways(&f, &s, &random);
+    }
+    assert_true(hits > 20 && misses > 20);
+    fixture_release(&f);
+    buffer_release(&text);
+}
+
+static void test_hits(void **state)
+{
+    (void)state;
+    shoot(1, 0, 1e3, 1);
+    shoot(1, 0, 1e9, 2);
+    shoot(1e-6, 0, 1, 3);
+    shoot(1e6, 0, 1e9, 4);
+    shoot(1e-3, 700, 1e3, 5);
+    shoot(0.5, 31.4, 1e6, 6);
+}
+
+#define SQUARE "Shape \"trianglemesh\" \"point3 P\" [-9 -9 0 9 -9 0 9 9 0 -9 9 0] " \
+               "\"integer indices\" [0 1 2 0 2 3]"
+#define LAMP_BALL "AttributeBegin AreaLightSource \"diffuse\" Shape \"sphere\" AttributeEnd "
+
+/* Of shadow rays to sampled points of the lamp, the first instance, from 8 radii along z. */
+static uint32_t blocked_share(const char *world, int *tried)
+{
+    struct test_random random = {7};
+    uint32_t blocked = 0;
+    struct fixture f;
+    const struct accel_sphere *lamp;
+
+    fixture_init(&f, world);
+    lamp = &f.scene->instances[0].sphere->shape;
+    *tried = 20000;
+    for (int i = 0; i < *tried; i++) {
+        struct light_context context = {{(float)lamp->centre[0] + 0.05f * test_random_float(&random),
+                                         (float)lamp->centre[1], (float)lamp->centre[2] + 8},
+                                        {0, 0, 0}, 0};
+        float u = test_random_float(&random), v = test_random_float(&random);
+        struct light_sample light;
+        struct ray ray = {.origin = context.p};
+
+        assert_true(emitters_sample(f.scene, &context, u, v, &light));
+        ray.reaches = 1;
+        ray.direction = light.direction;
+        ray.t_max = light.distance;
+        ray.end = light.face;
+        ray.end_inset = light.inset;
+        ray.end_cosine = light.cosine;
+        blocked += accel_occluded(f.scene->accel, &ray, NULL) != 0;
+    }
+    fixture_release(&f);
+    return blocked;
+}
+
+/* The lamp does not stand in its own way, nor does what is inside it or behind; what stands before
+ * it does, however close. */
+static void test_shadow_rays(void **state)
+{
+    static const struct {
+        const char *world;
+        int blocks;
+    } cases[] = {
+        {LAMP_BALL, 0},
+        {LAMP_BALL "Shape \"sphere\" \"float radius\" 0.9999", 0},
+        {LAMP_BALL "Shape \"sphere\" \"float radius\" 1.0001", 1},
+        {LAMP_BALL SQUARE, 0},
+        {LAMP_BALL "Translate 0 0 0.12 " SQUARE, 0},
+        {LAMP_BALL "Translate 0 0 1.0001 " SQUARE, 1},
+        {LAMP_BALL "Translate 0 0 3 Shape \"sphere\" \"float radius\" 1.9", 1},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        int tried;
+        uint32_t blocked = blocked_share(cases[i].world, &tried);
+
+        if (blocked != (cases[i].blocks ? (uint32_t)tried : 0))
+            fail_msg("%s: %u of %d blocked", cases[i].world, blocked, tried);
+    }
+}
+
+/* From a ball that all but stands on a table, right above the table: down to it, and up to nothing. */
+static void test_on_table(void **state)
+{
+    static const char *const materials[] = {"", "Material \"dielectric\" "};
+    struct test_random random = {9};
+
+    (void)state;
+    for (int which = 0; which < 2; which++) {
+        struct buffer text = BUFFER_INIT;
+        struct fixture f;
+
+        buffer_printf(&text, LAMP "AttributeBegin %s Rotate 90 1 0 0 Shape \"sphere\" AttributeEnd "
+                                  "Translate 0 0 -1.00001 " SQUARE, materials[which]);
+        fixture_init(&f, buffer_text(&text));
+        for (int i = 0; i < 20000; i++) {
+            const struct accel_sphere *shape = &f.scene->instances[0].sphere->shape;
+            float aside = ldexpf(test_random_float(&random), -i % 16), angle = (float)i, height;
+            struct vec3 d = random_direction(&random), from;
+            struct ray ray = {.t_max = INFINITY};
+            struct surface s;
+            struct hit hit;
+            int met;
+
+            from = vec3_make(aside * cosf(angle), aside * sinf(angle), -1);
+            from = vec3_scale(vec3_normalize(from), 0.5f * (float)shape->radius);
+            ray.origin = vec3_add(from, vec3_make((float)shape->centre[0], (float)shape->centre[1],
+                                                  (float)shape->centre[2]));
+            ray.direction = vec3_normalize(from);
+            assert_true(accel_intersect(f.scene->accel, &ray, NULL, &hit));
+            surface_from_hit(f.scene, &ray, &hit, &s);
+            assert_true(hit.instance == 0 && !s.front);
+            if (vec3_dot(d, s.ng) > 0)
+                d = vec3_neg(d); /* outwards: the normal is on the inner side */
+            surface_leave(&s, d, &ray);
+            met = accel_intersect(f.scene->accel, &ray, NULL, &hit);
+            height = s.p.z - (float)shape->centre[2] + 1.00001f;
+            if (d.z > 0 || height < -7 * d.z) /* it reaches the table within the square */
+                assert_int_equal(met, d.z < 0);
+            assert_true(!met || hit.instance == 1);
+        }
+        fixture_release(&f);
+        buffer_release(&text);
+    }
+}
+
+/* ---- texture coordinates ---------------------------------------------------------------------- */
+
+/* pbrt's: u runs with the azimuth around z, v from the pole at -z. */
+static void test_uv(void **state)
+{
+    struct test_random random = {8};
+    struct fixture f;
+
+    (void)state;
+    fixture_init(&f, LAMP "Texture \"t\" \"spectrum\" \"checkerboard\" "
+                          "Material \"diffuse\" \"texture reflectance\" \"t\" "
+                          "Rotate 20 1 1 0 Scale 2 2 2 Shape \"sphere\"");
+    assert_int_equal(spheres_of(f.scene), 1);
+    for (int i = 0; i < 2000; i++) {
+        const struct world_instance *instance = &f.scene->instances[0];
+        const struct accel_sphere *shape = &instance->sphere->shape;
+        struct vec3 d = random_direction(&random), centre, local;
+        struct ray ray = {.t_max = INFINITY};
+        struct surface s;
+        struct hit hit;
+        float u, v;
+        double want_u, want_v;
+
+        centre = vec3_make((float)shape->centre[0], (float)shape->centre[1], (float)shape->centre[2]);
+        ray.origin = vec3_mad(centre, d, 5);
+        ray.direction = vec3_neg(d);
+        assert_true(accel_intersect(f.scene->accel, &ray, NULL, &hit));
+        surface_from_hit(f.scene, &ray, &hit, &s);
+        surface_uv(&s, &u, &v);
+        local = transform_vector(&instance->to_object, d);
+        want_u = atan2((double)local.y, (double)local.x) / (2 * PI_D);
+        want_u += want_u < 0;
+        want_v = acos(-(double)local.z / (double)vec3_length(local)) / PI_D;
+        if (want_v < 0.05 || want_v > 0.95)
+            continue; /* around the poles a mesh can only come near */
+        assert_true(fabs((double)v - want_v) < 1e-3);
+        assert_true(fabs((double)u - want_u) < 1e-3);
+    }
+    fixture_release(&f);
+}
+
+/* ---- light ------------------------------------------------------------------------------------ */
+
+/* Irradiance at a place with normal `n`, by sampling the lamp, blocked by nothing. */
+static double irradiance(const struct render_scene *scene, struct vec3 p, struct vec3 n,
+                         double *error)
+{
+    const struct light_context context = {p, n, 0};
+    struct running_stats s = {0};
+    enum { SIDE = 100 };
+
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        struct light_sample light;
+        double value = 0;
+
+        if (emitters_sample(scene, &context, ((float)(i % SIDE) + 0.5f) / SIDE,
+                            ((float)(i / SIDE) + 0.5f) / SIDE, &light))
+            value = (double)(light.radiance.x / light.pdf *
+                             float_max(vec3_dot(light.direction, n), 0));
+        running_stats_add(&s, value);
+    }
+    *error = running_stats_error(&s);
+    return s.mean;
+}
+
+static void expect_irradiance(const char *world, double offset, double expected)
+{
+    struct fixture f;
+    const struct accel_sphere *shape;
+    double error, got;
+    struct vec3 p;
+
+    fixture_init(&f, world);
+    assert_true(f.scene->instances[0].sphere && f.scene->emitters.triangle_count == 1);
+    shape = &f.scene->instances[0].sphere->shape;
+    p = vec3_make((float)shape->centre[0], (float)(shape->centre[1] - offset), (float)shape->centre[2]);
+    got = irradiance(f.scene, p, vec3_make(0, 1, 0), &error);
+    if (!(fabs(got / expected - 1) < 2e-3 + 4 * error / expected))
+        fail_msg("%s, %g away: %.6g +- %.2g, not %.6g", world, offset, got, error, expected);
+    fixture_release(&f);
+}
+
+#define GLOW "AreaLightSource \"diffuse\" \"rgb L\" [3 3 3] "
+
+static void test_irradiance(void **state)
+{
+    static const double away[] = {1.0001, 1.1, 2, 30, 1e4, 1e9};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof away / sizeof *away; i++)
+        expect_irradiance(GLOW "Shape \"sphere\"", away[i], 3 * PI_D / (away[i] * away[i]));
+    expect_irradiance(GLOW "Shape \"sphere\" \"float radius\" 1e-4", 0.7,
+                      3 * PI_D * 1e-8 / 0.49);
+    /* From inside it fills the hemisphere, wherever the place is. */
+    expect_irradiance("ReverseOrientation " GLOW "Shape \"sphere\" \"float radius\" 5", 0, 3 * PI_D);
+    expect_irradiance("ReverseOrientation " GLOW "Shape \"sphere\" \"float radius\" 5", 4, 3 * PI_D);
+    expect_irradiance("ReverseOrientation " GLOW "Shape \"sphere\" \"float radius\" 5", -3, 3 * PI_D);
+}
+
+/* A lamp of so many watts: the area is the sphere's, not the mesh's. */
+static void test_power(void **state)
+{
+    struct fixture f;
+    double radiance;
+
+    (void)state;
+    fixture_init(&f, "AreaLightSource \"diffuse\" \"rgb L\" [1 1 1] \"float power\" 100 "
+                     "Rotate 40 1 2 0 Scale 2 2 2 Shape \"sphere\" \"float radius\" 1.5");
+    assert_int_equal(spheres_of(f.scene), 1);
+    radiance = (double)f.scene->materials[f.scene->instances[0].material].m.emission[1];
+    if (!(fabs(radiance * 4 * PI_D * 9 * PI_D / 100 - 1) < 1e-5))
+        fail_msg("%.9g W", radiance * 4 * PI_D * 9 * PI_D);
+    fixture_release(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_which),       cmocka_unit_test(test_false_claims),
+        cmocka_unit_test(test_hits),        cmocka_unit_test(test_shadow_rays),
+        cmocka_unit_test(test_uv),          cmocka_unit_test(test_irradiance),
+        cmocka_unit_test(test_power),       cmocka_unit_test(test_on_table),
+    };
+
+    return cmocka_run_group_tests_name("sphere", tests, NULL, NULL);
+}
