@@ -15,7 +15,7 @@
 #include "tests/support/pbrt_text.h"
 #include "tests/support/statistics.h"
 #include "worker/render/base/sphere.h"
-#include "worker/render/surface/world_sphere.h"
+#include "worker/render/scene/world_sphere.h"
 
 /* A scene of this pbrt text, made ready. */
 struct fixture {

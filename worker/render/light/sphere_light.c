@@ -3,7 +3,7 @@
 #include "common/math/elementary.h"
 #include "worker/render/bsdf/warp.h"
 #include "worker/render/base/exact.h"
-#include "worker/render/surface/world_sphere.h"
+#include "worker/render/surface/surface_sphere.h"
 
 /* What a place sees of the sphere. */
 struct sphere_view {

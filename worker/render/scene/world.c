@@ -17,7 +17,7 @@
 #include "worker/render/scene/world_material.h"
 #include "worker/render/scene/world_memory.h"
 #include "worker/render/scene/world_place.h"
-#include "worker/render/surface/world_sphere.h"
+#include "worker/render/scene/world_sphere.h"
 #include "worker/render/scene/world_touch.h"
 
 static status mesh_init(struct world_mesh *out, const struct scene_mesh *mesh, const uint8_t *data,

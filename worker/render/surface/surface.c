@@ -5,7 +5,7 @@
 #include "worker/render/base/exact.h"
 #include "worker/render/world.h"
 #include "worker/render/surface/world_motion.h"
-#include "worker/render/surface/world_sphere.h"
+#include "worker/render/surface/surface_sphere.h"
 
 void world_triangle(const struct render_scene *scene, const struct world_instance *instance,
                     uint32_t triangle, float time, struct vec3 corner[3])
