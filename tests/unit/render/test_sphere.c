@@ -16,6 +16,7 @@
 #include "tests/support/statistics.h"
 #include "worker/render/base/sphere.h"
 #include "worker/render/scene/world_sphere.h"
+#include "worker/render/surface/surface_sphere.h"
 
 /* A scene of this pbrt text, made ready. */
 struct fixture {
