@@ -16,7 +16,7 @@
 #include "tests/support/pbrt_text.h"
 #include "tests/support/statistics.h"
 #include "worker/render/base/sphere.h"
-#include "worker/render/scene/world_sphere.h"
+#include "worker/render/surface/surface_sphere.h"
 
 #define GLOW "AreaLightSource \"diffuse\" \"rgb L\" [3 3 3] "
 
