@@ -291,7 +291,8 @@ void freezing_end(struct farm *farm, struct freezing *f, uint64_t now_ns)
 {
     struct job_frame *frame = f->frame;
 
-    if (frame->closing) {
+    /* An ended frame keeps the samples that it had: its pictures may be in the making. */
+    if (frame->closing || frame->state != FRAME_RENDERING) {
         freezing_abandon(farm, f);
         return;
     }
@@ -303,8 +304,7 @@ void freezing_end(struct farm *farm, struct freezing *f, uint64_t now_ns)
         farm_trouble_over(farm, frame->job, &frame->trouble, now_ns);
         job_frame_mark_folded(frame, now_ns);
         farm->pump_wanted = 1;
-        if (frame->state == FRAME_RENDERING)
-            farm_frame_advance(farm, frame, now_ns);
+        farm_frame_advance(farm, frame, now_ns);
     } else {
         farm_trouble(farm, frame->job, frame->number, &frame->trouble, "cannot be measured", &f->error,
                      now_ns);

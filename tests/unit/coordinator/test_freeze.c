@@ -106,6 +106,31 @@ static void what_comes_early_waits_for_the_measurement(void **state)
     sim_free(sim);
 }
 
+/* A frame that ended meanwhile keeps the samples that its header tells: what waited stays out. */
+static void the_measurement_of_an_ended_frame_comes_too_late(void **state)
+{
+    struct sim_worker *worker;
+    struct job *job;
+    struct sim *sim = begin(NULL, "reinhard02", &worker, &job);
+    struct job_frame *frame = job->frames;
+    uint64_t samples;
+
+    (void)state;
+    send_passes(sim, worker, 0, 1);
+    sim_commit(sim);
+    assert_int_equal(sim->freezing_count, GROUPS);
+    assert_int_equal(film_tile_waiting(frame->film, 0), GROUPS);
+    samples = film_samples(frame->film);
+    assert_true(samples > 0);
+    farm_cancel(&sim->farm, job, 0, sim->now_ns);
+    assert_true(frame->end == FRAME_END_CANCEL);
+    sim_freeze(sim);
+    assert_int_equal(film_samples(frame->film), samples);
+    sim_develop(sim);
+    assert_int_equal(job->state, JOB_STATE_CANCELLED);
+    sim_free(sim);
+}
+
 /* Nothing is to be measured: nothing waits. */
 static void a_fixed_display_is_known_at_the_start(void **state)
 {
@@ -291,6 +316,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         FREEZE_TEST(what_comes_early_waits_for_the_measurement),
+        FREEZE_TEST(the_measurement_of_an_ended_frame_comes_too_late),
         FREEZE_TEST(a_fixed_display_is_known_at_the_start),
         FREEZE_TEST(fewer_passes_are_lent_before_the_measurement),
         FREEZE_TEST(a_crash_changes_no_measurement),
