@@ -50,7 +50,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct stop_options options = {0};
-    struct frame_list frames = {NULL};
+    struct frame_list frames = {0};
     const char *frames_text = NULL;
     struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
     int watch = 0, done;

@@ -78,7 +78,7 @@ status parse_frame_list(const char *text, struct frame_list *out, struct error *
     uint64_t first = 0, last = 0, next = 0;
     size_t capacity = 0;
 
-    *out = (struct frame_list){NULL};
+    *out = (struct frame_list){0};
     for (const char *at = text;; at++) {
         at = parse_range(at, &first, &last);
         if (!at || (*at && *at != ',') || last < first || first < next)

@@ -184,7 +184,7 @@ status farm_extend(struct farm *farm, struct job *job, const struct job_extensio
                    struct error *err)
 {
     const struct job before = *job;
-    struct job_reopening chosen = {NULL};
+    struct job_reopening chosen = {0};
     uint32_t spp = extension->spp ? extension->spp : SETTINGS_SPP_MAX;
     status s = check_state(job, err);
 
@@ -219,7 +219,7 @@ status farm_extend(struct farm *farm, struct job *job, const struct job_extensio
 static int is_estimate_of(const struct farm *farm, const struct job *estimate,
                           const struct job *job)
 {
-    const struct job_reopening all = {NULL};
+    const struct job_reopening all = {0};
     struct error ignored = {0};
     int same = 0;
 
@@ -242,7 +242,7 @@ status farm_continue_estimate(struct farm *farm, struct job *estimate, const str
                               struct error *err)
 {
     const struct job before = *estimate;
-    const struct job_reopening all = {NULL};
+    const struct job_reopening all = {0};
     status s;
 
     if (!is_estimate_of(farm, estimate, job))

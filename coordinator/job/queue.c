@@ -322,7 +322,7 @@ status job_reopening_init(struct job_reopening *r, const struct job *job, const 
 {
     size_t bytes = job_frame_count(job) / 8 + 1;
 
-    *r = (struct job_reopening){NULL};
+    *r = (struct job_reopening){0};
     if (count == 0)
         return STATUS_OK;
     for (size_t i = 0; i < count; i++)
@@ -346,7 +346,7 @@ void job_reopening_release(struct job_reopening *r)
 {
     mem_free(r->chosen);
     mem_free(r->whole);
-    *r = (struct job_reopening){NULL};
+    *r = (struct job_reopening){0};
 }
 
 int job_reopening_has(const struct job_reopening *r, const struct job *job, uint32_t frame)
