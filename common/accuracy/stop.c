@@ -43,15 +43,6 @@ status stop_rules_validate(const struct stop_rules *rules, struct error *err)
     return rules->has_target ? check_target(&rules->target, STATUS_ERR_INPUT, err) : STATUS_OK;
 }
 
-int stop_rules_equal(const struct stop_rules *a, const struct stop_rules *b)
-{
-    return a->spp_min == b->spp_min && a->has_target == b->has_target &&
-           (!a->has_target ||
-            (a->target.measure == b->target.measure && a->target.value == b->target.value)) &&
-           a->time_limit_ms == b->time_limit_ms && a->core_limit_ms == b->core_limit_ms &&
-           a->adaptive == b->adaptive;
-}
-
 /* ---- targets -------------------------------------------------------------------------------- */
 
 status stop_target_parse(const char *text, struct allocation_target *out, struct error *err)
@@ -105,16 +96,6 @@ status stop_duration_parse(const char *option, const char *text, uint64_t *out_m
         }
     return error_set(err, STATUS_ERR_USAGE, "%s: '%s' is not a length of time: give 90s, 10m or 1.5h",
                      option, text);
-}
-
-const char *stop_duration_text(char out[STOP_TEXT_SIZE], uint64_t ms)
-{
-    unsigned i = 0;
-
-    while (i + 1 < DURATIONS && ms < 2 * (uint64_t)durations[i].ms && ms != durations[i].ms)
-        i++;
-    snprintf(out, STOP_TEXT_SIZE, "%g%s", (double)ms / durations[i].ms, durations[i].unit);
-    return out;
 }
 
 /* ---- ends ----------------------------------------------------------------------------------- */

@@ -34,7 +34,6 @@ static inline int stop_has_rounds(const struct stop_rules *rules)
 
 /* ERR_INPUT names the value and its range. */
 status stop_rules_validate(const struct stop_rules *rules, struct error *err) MUST_CHECK;
-int stop_rules_equal(const struct stop_rules *a, const struct stop_rules *b);
 
 /* "2/255", "1%", "45dB". ERR_USAGE. */
 status stop_target_parse(const char *text, struct allocation_target *out, struct error *err)
@@ -46,7 +45,6 @@ int stop_target_is_stricter(const struct allocation_target *a, const struct allo
 /* "90s", "10m", "1.5h". `option` is named in the error, ERR_USAGE. */
 status stop_duration_parse(const char *option, const char *text, uint64_t *out_ms,
                            struct error *err) MUST_CHECK;
-const char *stop_duration_text(char out[STOP_TEXT_SIZE], uint64_t ms);
 
 /* Why a frame's samples ended. The numbers are the wire's FrameEnd and the store's. */
 enum frame_end {
