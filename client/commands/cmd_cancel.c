@@ -6,7 +6,6 @@
 #include "client/commands/command.h"
 #include "client/farm/cut_frame.h"
 #include "client/farm/job_info.h"
-#include "client/terminal/parse.h"
 #include "client/farm/signals.h"
 #include "client/farm/watch.h"
 #include "common/base/clock.h"
@@ -73,7 +72,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
                   struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
-    int discard = 0, json = 0, done;
+    int discard = 0, json = 0;
     const struct option table[] = {
         {"discard", 0, OPTION_FLAG, &discard, NULL,
          "throw away what unfinished frames hold, instead of making pictures of it", 0, 0, NULL},
@@ -81,18 +80,12 @@ static status run(const struct command *command, int argc, char *const *argv, in
         CONNECTION_OPTION_ROWS(where),
         {0},
     };
-    struct positionals rest;
     struct connection *connection = NULL;
     uint64_t job;
-    status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+    status result = command_open_job(command, table, argc, argv, &where, &job, &connection, err);
 
     (void)exit_code;
-    if (result != STATUS_OK || done)
-        return result;
-    result = parse_job(rest.items[0], &job, err);
-    if (result == STATUS_OK)
-        result = connection_open(&connection, &where, err);
-    if (result == STATUS_OK)
+    if (result == STATUS_OK && connection)
         result = cancel(connection, job, discard, json, err);
     connection_close(connection);
     return result;

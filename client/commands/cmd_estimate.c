@@ -37,7 +37,7 @@ struct pilot {
     uint64_t job;
     Azulejo__Wire__Envelope *last;
     struct buffer command;               /* that goes on from it */
-    struct estimate told;
+    struct estimate estimate;
 };
 
 /* ---- options --------------------------------------------------------------------------------- */
@@ -102,11 +102,11 @@ static size_t choose_frames(uint32_t first, uint32_t last, uint32_t out[ESTIMATE
 static status prepare(struct pilot *p, struct error *err)
 {
     struct job_request *request = &p->request;
-    struct estimate *told = &p->told;
-    status result = parse_price(p->price_text, &told->price, err);
+    struct estimate *estimate = &p->estimate;
+    status result = parse_price(p->price_text, &estimate->price, err);
 
     if (result == STATUS_OK)
-        result = parse_deadline(p->by, &told->seconds_to_deadline, err);
+        result = parse_deadline(p->by, &estimate->seconds_to_deadline, err);
     if (result == STATUS_OK)
         result = job_options_check(&p->options, request, err);
     if (result != STATUS_OK)
@@ -117,14 +117,14 @@ static status prepare(struct pilot *p, struct error *err)
     result = submission_prepare(p->scene_path, &p->options, p->quiet, request, &p->scene, err);
     if (result != STATUS_OK)
         return result;
-    told->has_target = request->stop.has_target;
-    told->target = request->stop.target;
-    told->spp = request->settings.spp;
-    told->frame_count = request->last_frame - request->first_frame + 1;
+    estimate->has_target = request->stop.has_target;
+    estimate->target = request->stop.target;
+    estimate->spp = request->settings.spp;
+    estimate->frame_count = request->last_frame - request->first_frame + 1;
     memset(&request->stop, 0, sizeof request->stop);
     if (request->settings.spp > p->pilot_spp)
         request->settings.spp = (uint32_t)p->pilot_spp;
-    told->pilot_spp = request->settings.spp;
+    estimate->pilot_spp = request->settings.spp;
     request->output.tonemap.temporal = 1; /* most of the frames that it averages are not rendered */
     request->estimate = 1;
     return signals_catch(err);
@@ -146,14 +146,14 @@ static void give_up(struct pilot *p)
 static status render_pilot(struct pilot *p, struct error *err)
 {
     uint32_t frames[ESTIMATE_FRAMES_MAX];
-    struct estimate *told = &p->told;
+    struct estimate *estimate = &p->estimate;
     struct job_accepted accepted = {0};
     status result;
 
-    told->count = choose_frames(p->request.first_frame, p->request.last_frame, frames);
-    if (told->count < told->frame_count) {
+    estimate->count = choose_frames(p->request.first_frame, p->request.last_frame, frames);
+    if (estimate->count < estimate->frame_count) {
         p->request.frames = frames;
-        p->request.frame_count = told->count;
+        p->request.frame_count = estimate->count;
     }
     result = submission_send(p->connection, &p->scene, &p->request,
                              p->name ? p->name : p->default_name, OUTPUT_FORMAT_EXR, p->quiet,
@@ -165,13 +165,13 @@ static status render_pilot(struct pilot *p, struct error *err)
         give_up(p);
     if (result != STATUS_OK)
         return result;
-    told->info = job_list_find(p->last->job_list, p->job);
-    result = job_info_verdict(told->info, err);
-    for (size_t i = 0; i < told->count && result == STATUS_OK; i++) {
-        told->frames[i].number = frames[i];
-        result = history_query(p->connection, p->job, frames[i], &told->frames[i].history, err);
+    estimate->info = job_list_find(p->last->job_list, p->job);
+    result = job_info_verdict(estimate->info, err);
+    for (size_t i = 0; i < estimate->count && result == STATUS_OK; i++) {
+        estimate->frames[i].number = frames[i];
+        result = history_query(p->connection, p->job, frames[i], &estimate->frames[i].history, err);
     }
-    return result == STATUS_OK ? estimate_check(told, err) : result;
+    return result == STATUS_OK ? estimate_check(estimate, err) : result;
 }
 
 /* The workers that work for this farm now. */
@@ -190,8 +190,8 @@ static status count_workers(struct pilot *p, struct error *err)
         return result;
     for (size_t i = 0; i < answer->worker_list->n_workers; i++) {
         const Azulejo__Wire__WorkerInfo *worker = answer->worker_list->workers[i];
-        p->told.workers += !worker->note[0];
-        p->told.cores += worker->note[0] ? 0 : worker->threads;
+        p->estimate.workers += !worker->note[0];
+        p->estimate.cores += worker->note[0] ? 0 : worker->threads;
     }
     message_free(answer);
     return STATUS_OK;
@@ -211,8 +211,8 @@ static status run_local(struct pilot *p, struct error *err)
     if (result != STATUS_OK)
         result = local_farm_explain(p->farm, result, err);
     if (result == STATUS_OK) {
-        const Azulejo__Wire__HistoryPoint *now = p->told.info->now;
-        p->told.cores = now && now->wall_seconds > 0 ? now->core_seconds / now->wall_seconds : 0;
+        const Azulejo__Wire__HistoryPoint *now = p->estimate.info->now;
+        p->estimate.cores = now && now->wall_seconds > 0 ? now->core_seconds / now->wall_seconds : 0;
     }
     return result;
 }
@@ -227,7 +227,7 @@ static status run_on_farm(struct pilot *p, struct error *err)
     result = render_pilot(p, err);
     if (result == STATUS_OK)
         result = count_workers(p, err);
-    p->told.command = buffer_text(&p->command);
+    p->estimate.command = buffer_text(&p->command);
     return result;
 }
 
@@ -283,14 +283,14 @@ static status estimate(struct pilot *p, struct error *err)
     local_farm_stop(p->farm);
     if (result != STATUS_OK)
         return result;
-    estimate_fit(&p->told);
-    return p->json ? estimate_print_json(&p->told, err) : estimate_print_text(&p->told, err);
+    estimate_fit(&p->estimate);
+    return p->json ? estimate_print_json(&p->estimate, err) : estimate_print_text(&p->estimate, err);
 }
 
 static void pilot_release(struct pilot *p)
 {
     for (size_t i = 0; i < ESTIMATE_FRAMES_MAX; i++)
-        message_free(p->told.frames[i].history);
+        message_free(p->estimate.frames[i].history);
     message_free(p->last);
     buffer_release(&p->command);
     import_result_release(&p->scene);

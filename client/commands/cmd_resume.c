@@ -4,7 +4,6 @@
 
 #include "client/commands/command.h"
 #include "client/farm/job_info.h"
-#include "client/terminal/parse.h"
 #include "protocol/message.h"
 
 static status resume(struct connection *c, uint64_t job, int json, struct error *err)
@@ -34,24 +33,18 @@ static status run(const struct command *command, int argc, char *const *argv, in
                   struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
-    int json = 0, done;
+    int json = 0;
     const struct option table[] = {
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
         CONNECTION_OPTION_ROWS(where),
         {0},
     };
-    struct positionals rest;
     struct connection *connection = NULL;
     uint64_t job;
-    status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+    status result = command_open_job(command, table, argc, argv, &where, &job, &connection, err);
 
     (void)exit_code;
-    if (result != STATUS_OK || done)
-        return result;
-    result = parse_job(rest.items[0], &job, err);
-    if (result == STATUS_OK)
-        result = connection_open(&connection, &where, err);
-    if (result == STATUS_OK)
+    if (result == STATUS_OK && connection)
         result = resume(connection, job, json, err);
     connection_close(connection);
     return result;

@@ -1,14 +1,12 @@
 /* azulejo watch: follow a job until it ends. */
 #include "client/commands/command.h"
 #include "client/farm/follow.h"
-#include "client/terminal/parse.h"
 
 static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
                   struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
-    int done;
     const struct option table[] = {
         {"limit", 0, OPTION_REAL, &how.limit_s, "SECONDS",
          "stop watching after so long, with exit status 7; the job goes on (default: never)", 0.01,
@@ -20,19 +18,13 @@ static status run(const struct command *command, int argc, char *const *argv, in
         CONNECTION_OPTION_ROWS(where),
         {0},
     };
-    struct positionals rest;
     struct connection *connection = NULL;
     uint64_t job;
-    status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+    status result = command_open_job(command, table, argc, argv, &where, &job, &connection, err);
 
     (void)exit_code;
-    if (result != STATUS_OK || done)
-        return result;
-    result = parse_job(rest.items[0], &job, err);
     how.where = where;
-    if (result == STATUS_OK)
-        result = connection_open(&connection, &where, err);
-    if (result == STATUS_OK)
+    if (result == STATUS_OK && connection)
         result = follow_job(&connection, job, &how, err);
     connection_close(connection);
     return result;

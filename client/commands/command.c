@@ -1,5 +1,7 @@
 #include "client/commands/command.h"
 
+#include "client/terminal/parse.h"
+
 status command_parse(const struct command *command, const struct option *table, int argc,
                      char *const *argv, size_t least, size_t most, struct positionals *rest,
                      int *done, struct error *err)
@@ -17,4 +19,19 @@ status command_parse(const struct command *command, const struct option *table, 
         result = error_set(err, STATUS_ERR_USAGE, "'%s' is one argument too many; usage: %s",
                            rest->items[most], command->usage);
     return result;
+}
+
+status command_open_job(const struct command *command, const struct option *table, int argc,
+                        char *const *argv, const struct connection_options *where, uint64_t *job,
+                        struct connection **connection, struct error *err)
+{
+    struct positionals rest;
+    int done;
+    status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+
+    *connection = NULL;
+    if (result != STATUS_OK || done)
+        return result;
+    result = parse_job(rest.items[0], job, err);
+    return result == STATUS_OK ? connection_open(connection, where, err) : result;
 }

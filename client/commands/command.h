@@ -7,6 +7,7 @@
 #ifndef AZULEJO_CLIENT_COMMAND_H
 #define AZULEJO_CLIENT_COMMAND_H
 
+#include "client/farm/connection.h"
 #include "common/base/options.h"
 #include "common/base/status.h"
 
@@ -32,5 +33,11 @@ extern const struct command command_accuracy, command_cancel, command_compare, c
 status command_parse(const struct command *command, const struct option *table, int argc,
                      char *const *argv, size_t least, size_t most, struct positionals *rest,
                      int *done, struct error *err) MUST_CHECK;
+
+/* The same for a command whose one argument is a job, and open the connection that `table` set up
+ * in `where`. *connection is NULL after --help, and on failure. ERR_USAGE, or connection_open's. */
+status command_open_job(const struct command *command, const struct option *table, int argc,
+                        char *const *argv, const struct connection_options *where, uint64_t *job,
+                        struct connection **connection, struct error *err) MUST_CHECK;
 
 #endif
