@@ -47,5 +47,5 @@ status address_parse(const char *text, const char *host_preset, unsigned port_mi
     return STATUS_OK;
 malformed:
     return error_set(err, STATUS_ERR_USAGE,
-                     "'%s' is no address: write HOST, HOST:PORT or [IPV6]:PORT", text);
+                     "'%s' is not an address: write HOST, HOST:PORT or [IPV6]:PORT", text);
 }

@@ -68,7 +68,7 @@ status sweep_parse(struct sweep *out, const char *text, int has_file, struct err
     memset(out, 0, sizeof *out);
     if (length == 0)
         return error_set(err, STATUS_ERR_USAGE,
-                         "--sweep: '%s' is no sweep, write NAME=VALUE,VALUE,... as in "
+                         "--sweep: '%s' is not a sweep, write NAME=VALUE,VALUE,... as in "
                          "contrast=0.4,0.8,1.6", text);
     if (length >= sizeof out->name)
         return error_set(err, STATUS_ERR_USAGE, "--sweep: '%s': the name is too long", text);

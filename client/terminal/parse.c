@@ -34,7 +34,7 @@ status parse_size(const char *text, uint32_t *width, uint32_t *height, struct er
 
     if (!at || (*at != 'x' && *at != 'X') || !(at = parse_digits(at + 1, UINT32_MAX, &h)) || *at)
         return error_set(err, STATUS_ERR_USAGE,
-                         "--size: '%s' is no size, write WIDTHxHEIGHT as in 1280x720", text);
+                         "--size: '%s' is not a size, write WIDTHxHEIGHT as in 1280x720", text);
     if (w < 1 || h < 1 || w > SETTINGS_SIZE_MAX || h > SETTINGS_SIZE_MAX ||
         w * h > SETTINGS_PIXELS_MAX)
         return error_set(err, STATUS_ERR_USAGE,
@@ -61,7 +61,7 @@ status parse_frames(const char *text, uint32_t *first, uint32_t *last, struct er
 
     if (!at || *at)
         return error_set(err, STATUS_ERR_USAGE,
-                         "--frames: '%s' is no range, write FIRST-LAST as in 1-48, or one number",
+                         "--frames: '%s' is not a range, write FIRST-LAST as in 1-48, or one number",
                          text);
     if (b < a)
         return error_set(err, STATUS_ERR_USAGE, "--frames: %s: the first is after the last", text);
@@ -83,7 +83,7 @@ status parse_frame_list(const char *text, struct frame_list *out, struct error *
         at = parse_range(at, &first, &last);
         if (!at || (*at && *at != ',') || last < first || first < next)
             return error_set(err, STATUS_ERR_USAGE,
-                             "--frames: '%s' is no list of frames: write numbers and ranges that "
+                             "--frames: '%s' is not a list of frames: write numbers and ranges that "
                              "ascend, as in 3,7-9",
                              text);
         next = last + 1;
@@ -107,7 +107,7 @@ status parse_parameter(const char *text, char *name, size_t name_size, const cha
 
     if (length == 0 || !equals[1])
         return error_set(err, STATUS_ERR_USAGE,
-                         "--tonemap-param: '%s' is no parameter, write NAME=VALUE", text);
+                         "--tonemap-param: '%s' is not a parameter, write NAME=VALUE", text);
     if (length >= name_size)
         return error_set(err, STATUS_ERR_USAGE, "--tonemap-param: '%s': the name is too long",
                          text);
@@ -163,7 +163,7 @@ status parse_effects(const char *text, uint64_t *set, struct error *err)
 
     if (!parse_names(text, effect_find, set, unknown))
         return error_set(err, STATUS_ERR_USAGE,
-                         "--without: '%s' is no effect that can be left out; these can: %s",
+                         "--without: '%s' is not an effect that can be left out; these can: %s",
                          unknown, settings_effects_text(EFFECTS_SWITCHABLE, known));
     return STATUS_OK;
 }
@@ -209,7 +209,7 @@ status parse_job(const char *text, uint64_t *job, struct error *err)
 
     if (!at || *at || *job == 0)
         return error_set(err, STATUS_ERR_USAGE,
-                         "'%s' is no job's number ('azulejo list' prints them)", text);
+                         "'%s' is not a job number ('azulejo list' prints them)", text);
     return STATUS_OK;
 }
 

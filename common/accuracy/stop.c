@@ -56,7 +56,7 @@ status stop_target_parse(const char *text, struct allocation_target *out, struct
             return check_target(out, STATUS_ERR_USAGE, err);
         }
     return error_set(err, STATUS_ERR_USAGE,
-                     "'%s' is no target: give 2/255 (display codes that 95 %% of the pixels stay "
+                     "'%s' is not a target: give 2/255 (display codes that 95 %% of the pixels stay "
                      "within), 1%% (error over the frame's mean) or 45dB (PSNR)",
                      text);
 }
