@@ -69,8 +69,8 @@ static double density(void *user, struct vec3 direction)
     if (e->has_environment)
         (void)emitters_environment(scene, query, direction, &environment_pdf);
     sum = (double)environment_pdf;
-    for (uint32_t i = 0; i < e->triangle_count; i++) {
-        const struct world_instance *instance = &scene->instances[e->triangles[i].instance];
+    for (uint32_t i = 0; i < e->face_count; i++) {
+        const struct world_instance *instance = &scene->instances[e->faces[i].instance];
         double e1[3], e2[3], n[3], o[3], q[3], d[3], det, u, v, t, length, slack;
         const double(*c)[3] = view->corner[i];
 
@@ -98,8 +98,8 @@ static double density(void *user, struct vec3 direction)
         if ((det > 0) == instance->flipped &&
             !scene->materials[instance->material].m.double_sided)
             continue; /* its back, which shines nowhere */
-        sum += (double)emitters_triangle_pdf(scene, query, i, (float)(t * t),
-                                             (float)(fabs(det) / length), (float)(0.5 * length));
+        sum += (double)emitters_face_pdf(scene, query, i, (float)(t * t),
+                                         (float)(fabs(det) / length), (float)(0.5 * length));
     }
     return sum;
 }
@@ -118,12 +118,12 @@ static void find_triangles(struct view *view)
 {
     const struct emitters *e = &view->scene->emitters;
 
-    assert_true(e->triangle_count <= TRIANGLES_MAX);
-    for (uint32_t i = 0; i < e->triangle_count; i++) {
+    assert_true(e->face_count <= TRIANGLES_MAX);
+    for (uint32_t i = 0; i < e->face_count; i++) {
         struct vec3 corner[3];
 
-        world_triangle(view->scene, &view->scene->instances[e->triangles[i].instance],
-                       e->triangles[i].triangle, 0, corner);
+        world_triangle(view->scene, &view->scene->instances[e->faces[i].instance],
+                       e->faces[i].triangle, 0, corner);
         for (int k = 0; k < 3; k++)
             to_doubles(corner[k], view->corner[i][k]);
     }

@@ -48,8 +48,8 @@ static double density(void *user, struct vec3 direction)
 
     exact_vec(view->context.p, o);
     exact_vec(direction, d);
-    for (uint32_t i = 0; i < e->triangle_count; i++) {
-        const struct world_instance *lamp = &view->scene->instances[e->triangles[i].instance];
+    for (uint32_t i = 0; i < e->face_count; i++) {
+        const struct world_instance *lamp = &view->scene->instances[e->faces[i].instance];
         struct sphere_chord chord;
         double t, n[3];
 
@@ -59,8 +59,8 @@ static double density(void *user, struct vec3 direction)
             continue;
         for (int k = 0; k < 3; k++)
             n[k] = (chord.foot[k] + (t - chord.middle) * d[k]) / lamp->sphere->shape.radius;
-        sum += (double)emitters_sphere_pdf(view->scene, &view->context, i, (float)(t * t),
-                                           (float)fabs(exact_dot(n, d)));
+        sum += (double)emitters_face_pdf(view->scene, &view->context, i, (float)(t * t),
+                                         (float)fabs(exact_dot(n, d)), 0);
     }
     return sum;
 }

@@ -40,7 +40,7 @@ struct render_stats {
 };
 
 struct render_scene_info {
-    uint64_t triangles, instances, emissive_triangles;
+    uint64_t triangles, instances;
     uint64_t texture_bytes, mesh_bytes, bvh_bytes;
     uint64_t build_ns;
 };

@@ -91,7 +91,7 @@ struct world_instance {
     int encloses;                 /* what is behind its faces is closed in, and rays get there */
     const uint8_t *touches;       /* [triangles] may another face coincide with it? NULL: nowhere
                                      (world_touch.h) */
-    int32_t light_base;           /* first of its triangles in the emitters, -1: dark */
+    int32_t light_base;           /* first of its faces in the emitters, -1: dark */
 };
 
 /* The bodies that a ray is inside of (interior.h). */
@@ -160,14 +160,14 @@ void world_slot_place(const struct world_slot *slot, const struct world_mesh *me
 float world_alpha(const struct world_material *material, const struct world_mesh *mesh,
                   const uint32_t vertex[3], float b1, float b2);
 
-/* Emitted radiance at a point of a triangle. */
+/* Emitted radiance at a point of a triangle, below a clearcoat. */
 struct vec3 world_emission(const struct world_material *material, const struct world_mesh *mesh,
                            const uint32_t vertex[3], float b1, float b2);
 
-/* What a clearcoat lets out of the emission below it, towards a direction with this absolute cosine
- * to the geometric normal (next-event estimation knows no other). */
-float world_emission_scale(const struct world_material *material, const struct world_mesh *mesh,
-                           const uint32_t vertex[3], float b1, float b2, float cosine);
+/* The same as it arrives from a direction with this absolute cosine to the geometric normal
+ * (next-event estimation knows no other). */
+struct vec3 world_emitted(const struct world_material *material, const struct world_mesh *mesh,
+                          const uint32_t vertex[3], float b1, float b2, float cosine);
 
 /* The three corners of a triangle in world space at `time` (0..1 of the shutter). */
 void world_triangle(const struct render_scene *scene, const struct world_instance *instance,

@@ -16,6 +16,7 @@
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
 #include "worker/render/light/spherical.h"
+#include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
 
 static void assert_near(double got, double want, double tolerance)
@@ -74,7 +75,7 @@ static void make(struct punctual **p, const struct scene_light *light,
 static struct vec3 shine(const struct punctual *p, struct vec3 towards)
 {
     static light_sample_function *const samples[] = {
-#define SAMPLE_OF(KIND, prefix, EFFECT, ACCOUNT) [LIGHT_##KIND] = prefix##_sample,
+#define SAMPLE_OF(KIND, prefix, ...) [LIGHT_##KIND] = prefix##_sample,
         LIGHT_KINDS_LISTED(SAMPLE_OF)
 #undef SAMPLE_OF
     };
@@ -342,7 +343,7 @@ static void test_one_lamp_is_one_leaf(void **state)
     builder_camera(&b, vec3_make(0, 0, 3), vec3_splat(0), 1);
     scene = builder_build(&b, &settings);
     assert_int_equal(scene->emitters.tree.node_count, 1);
-    assert_near((double)emitters_triangle_pdf(scene, &query, 0, 4, 0.5f, 2), 0.5 * 4 / 1, 1e-6);
+    assert_near((double)emitters_face_pdf(scene, &query, 0, 4, 0.5f, 2), 0.5 * 4 / 1, 1e-6);
     render_scene_free(scene);
 
     /* A black point light beside it changes nothing. */
@@ -350,6 +351,57 @@ static void test_one_lamp_is_one_leaf(void **state)
     b.scene.lights[0].intensity[1] = b.scene.lights[0].intensity[2] = 0;
     scene = builder_build(&b, &settings);
     assert_int_equal(scene->emitters.tree.node_count, 1);
+    render_scene_free(scene);
+    builder_release(&b);
+}
+
+/* A ray that meets a lamp's face knows which of the lights that is; of what is no lamp it knows none. */
+static void test_which_face(void **state)
+{
+    struct render_settings settings = builder_settings(4, 4, 1);
+    struct render_scene *scene;
+    struct scene_builder b;
+    uint32_t quad;
+
+    (void)state;
+    builder_init(&b);
+    quad = builder_quad(&b);
+    for (int i = 0; i < 4; i++) { /* the second is dark */
+        struct scene_material *m = builder_lambert(&b, 0);
+
+        m->emission[0] = i == 1 ? 0 : 1;
+        m->double_sided = 1;
+        builder_place(&b, quad, builder_last_material(&b), vec3_splat(1),
+                      vec3_make(4 * (float)i, 0, 0));
+    }
+    builder_camera(&b, vec3_make(0, 5, 3), vec3_splat(0), 1);
+    scene = builder_build(&b, &settings);
+    assert_int_equal(scene->emitters.face_count, 6);
+    for (uint32_t i = 0; i < 8; i++) {
+        struct ray ray = {.t_max = INFINITY};
+        struct vec3 corner[3], middle;
+        struct surface s;
+        struct hit hit;
+        uint32_t face;
+
+        world_triangle(scene, &scene->instances[i / 2], i % 2, 0, corner);
+        middle = vec3_scale(vec3_add(corner[0], vec3_add(corner[1], corner[2])), 1.0f / 3);
+        ray.direction = vec3_normalize(vec3_cross(vec3_sub(corner[1], corner[0]),
+                                                  vec3_sub(corner[2], corner[0])));
+        ray.origin = vec3_mad(middle, ray.direction, -1);
+        assert_true(accel_intersect(scene->accel, &ray, NULL, &hit));
+        surface_from_hit(scene, &ray, &hit, &s);
+        face = emitters_face_at(scene, &s);
+        if (i / 2 == 1) {
+            assert_true(face == EMITTERS_NO_FACE);
+            continue;
+        }
+        assert_true(face < 6);
+        assert_int_equal(scene->emitters.faces[face].instance, hit.instance);
+        assert_int_equal(scene->emitters.faces[face].triangle, hit.triangle);
+        s.material = &scene->materials[1]; /* a part of a mix */
+        assert_true(emitters_face_at(scene, &s) == EMITTERS_NO_FACE);
+    }
     render_scene_free(scene);
     builder_release(&b);
 }
@@ -388,9 +440,9 @@ static void test_dark_triangles(void **state)
     }
     builder_camera(&b, vec3_make(0, 0, 3), vec3_splat(0), 1);
     scene = builder_build(&b, &settings);
-    assert_int_equal(scene->emitters.triangle_count, 4);
+    assert_int_equal(scene->emitters.face_count, 4);
     for (uint32_t i = 0; i < 4; i++) {
-        float pdf = emitters_triangle_pdf(scene, &query, i, 4, 0.5f, 2);
+        float pdf = emitters_face_pdf(scene, &query, i, 4, 0.5f, 2);
 
         assert_int_equal(emitters_is_dark(&scene->emitters, i), i >= 2);
         assert_true(i < 2 ? pdf > 0 : pdf == 0);
@@ -417,6 +469,7 @@ int main(void)
         cmocka_unit_test(test_spherical_triangles),
         cmocka_unit_test(test_one_lamp_is_one_leaf),
         cmocka_unit_test(test_dark_triangles),
+        cmocka_unit_test(test_which_face),
     };
 
     return cmocka_run_group_tests_name("emitters", tests, NULL, NULL);

@@ -447,7 +447,7 @@ static void expect_irradiance(const char *world, double offset, double expected)
     struct vec3 p;
 
     fixture_init(&f, world);
-    assert_true(f.scene->instances[0].sphere && f.scene->emitters.triangle_count == 1);
+    assert_true(f.scene->instances[0].sphere && f.scene->emitters.face_count == 1);
     shape = &f.scene->instances[0].sphere->shape;
     p = vec3_make((float)shape->centre[0], (float)(shape->centre[1] - offset), (float)shape->centre[2]);
     got = irradiance(f.scene, p, vec3_make(0, 1, 0), &error);

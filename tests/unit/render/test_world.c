@@ -346,19 +346,20 @@ static void test_shared_by_threads(void **state)
 static void a_coat_dims_the_emission_below_it(void **state)
 {
     static const uint32_t vertex[3] = {0, 1, 2};
-    struct world_material material = {.m = {.clearcoat = 0.5f, .clearcoat_ior = 1.5f}};
+    struct world_material material = {
+        .m = {.emission = {1, 1, 1}, .clearcoat = 0.5f, .clearcoat_ior = 1.5f}};
 
     (void)state;
     for (float c = 0; c <= 1; c += 0.125f) {
         float f = 0.04f + 0.96f * powf(1 - c, 5);
-        float scale = world_emission_scale(&material, NULL, vertex, 0.3f, 0.3f, c);
+        float scale = world_emitted(&material, NULL, vertex, 0.3f, 0.3f, c).x;
         assert_true(fabsf(scale - (1 - 0.5f * f)) < 1e-6f);
     }
     material.m.clearcoat_ior = 1; /* reflects nothing, at no angle */
-    assert_true(world_emission_scale(&material, NULL, vertex, 0.3f, 0.3f, 0) == 1);
+    assert_true(world_emitted(&material, NULL, vertex, 0.3f, 0.3f, 0).x == 1);
     material.m.clearcoat_ior = 1.5f;
     material.m.clearcoat = 0;
-    assert_true(world_emission_scale(&material, NULL, vertex, 0.3f, 0.3f, 0) == 1);
+    assert_true(world_emitted(&material, NULL, vertex, 0.3f, 0.3f, 0).x == 1);
 }
 
 int main(void)

@@ -12,11 +12,11 @@
 #define GROUP_ODDS_MIN 0.25
 #define GROUP_ODDS_MIN_ALIKE 0x1p-8
 
-int emitters_lamp_kind(const struct render_scene *scene, uint32_t light)
+int emitters_face_kind(const struct render_scene *scene, uint32_t face)
 {
-    const struct triangle_light *lamp = &scene->emitters.triangles[light];
+    const struct hit *light = &scene->emitters.faces[face];
 
-    return scene->instances[lamp->instance].sphere ? LIGHT_SPHERE : LIGHT_TRIANGLE;
+    return scene->instances[light->instance].sphere ? LIGHT_SPHERE : LIGHT_TRIANGLE;
 }
 
 /* ---- weighing ---------------------------------------------------------------------------- */
@@ -65,10 +65,10 @@ static void weigh_lights(const struct emitters *e, const struct render_scene *sc
             weigh_item(w, item++, &weight);
         }
     }
-    for (uint32_t i = 0; i < e->triangle_count; i++, item++)
+    for (uint32_t i = 0; i < e->face_count; i++, item++)
         if (!emitters_is_dark(e, i)) {
-            struct light_weight weight = weight_of(scene, emitters_lamp_kind(scene, i),
-                                                   &e->triangles[i]);
+            struct light_weight weight = weight_of(scene, emitters_face_kind(scene, i),
+                                                   &e->faces[i]);
 
             weigh_item(w, item, &weight);
         }
@@ -128,7 +128,7 @@ static void share_groups(struct emitters *e, const struct render_scene *scene,
         : w->directional_power > 0 ? 1 - e->environment_odds : 0;
     e->local_odds = w->local_power > 0 ? 1 - e->environment_odds - e->directional_odds : 0;
     if (share > 0 || w->directional_power > 0 || w->local_power > 0)
-        e->count = e->punctual_count + e->triangle_count + (uint32_t)e->has_environment;
+        e->count = e->punctual_count + e->face_count + (uint32_t)e->has_environment;
 }
 
 /* The lights with a place, made ready to be chosen from. */
@@ -156,7 +156,7 @@ static status choose_odds(struct emitters *e, const struct render_scene *scene, 
     struct weights w = {.choice = scene->settings.light_choice};
     status s;
 
-    w.count = emitters_local_punctual(e) + e->triangle_count;
+    w.count = emitters_local_punctual(e) + e->face_count;
     w.bounds = mem_calloc(w.count, sizeof *w.bounds);
     w.intensity = mem_calloc(w.count, sizeof *w.intensity);
     if (w.bounds && w.intensity) {
@@ -218,26 +218,26 @@ status emitters_init(struct emitters *e, struct render_scene *scene,
                      uint32_t light_count, const struct scene_portal *portals,
                      uint32_t portal_count, struct error *err)
 {
-    uint64_t triangles = triangle_lights_count(scene);
+    uint64_t faces = face_lights_count(scene);
     status s;
 
     memset(e, 0, sizeof *e);
-    if (triangles > INT32_MAX)
-        return error_set(err, STATUS_ERR_LIMIT, "%llu emissive triangles: more than 2^31",
-                         (unsigned long long)triangles);
-    e->triangle_count = (uint32_t)triangles;
+    if (faces > INT32_MAX)
+        return error_set(err, STATUS_ERR_LIMIT, "%llu emissive triangles and spheres: more than 2^31",
+                         (unsigned long long)faces);
+    e->face_count = (uint32_t)faces;
     e->punctual_count = light_count;
     for (uint32_t i = 0; i < light_count; i++)
         e->directional_count += lights[i].kind == LIGHT_DIRECTIONAL;
     e->punctual = mem_calloc(light_count, sizeof *e->punctual);
     e->directional_start = mem_calloc((size_t)e->directional_count + 1,
                                       sizeof *e->directional_start);
-    e->triangles = mem_alloc_array(e->triangle_count, sizeof *e->triangles);
-    e->dark = mem_calloc((size_t)e->triangle_count / 8 + 1, 1);
-    if (!e->punctual || !e->directional_start || !e->triangles || !e->dark)
+    e->faces = mem_alloc_array(e->face_count, sizeof *e->faces);
+    e->dark = mem_calloc((size_t)e->face_count / 8 + 1, 1);
+    if (!e->punctual || !e->directional_start || !e->faces || !e->dark)
         s = error_no_memory(err, "the table of lights");
     else if ((s = make_punctual(e, scene, lights, motion, err)) == STATUS_OK &&
-             (s = triangle_lights_find(scene, e->triangles, e->dark, err)) == STATUS_OK &&
+             (s = face_lights_find(scene, e->faces, e->dark, err)) == STATUS_OK &&
              (s = make_environment(e, scene, portals, portal_count, err)) == STATUS_OK)
         s = choose_odds(e, scene, err);
     if (s != STATUS_OK)
@@ -254,7 +254,7 @@ void emitters_release(struct emitters *e)
         mem_free(e->punctual[i]);
     mem_free(e->punctual);
     mem_free(e->directional_start);
-    mem_free(e->triangles);
+    mem_free(e->faces);
     mem_free(e->dark);
     memset(e, 0, sizeof *e);
 }

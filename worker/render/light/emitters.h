@@ -2,7 +2,7 @@
  *
  * Three groups share the choices with fixed odds: the environment (if it is sampled), the
  * directional lights, and everything that has a place: the other lights of the scene's list and the
- * triangles of emissive instances, among which a tree chooses by what they can do at the light
+ * faces of emissive instances (face_light.h), among which a tree chooses by what they can do at the light
  * sampling context (tree.h). Groups share by power, but each within bounds, because power says
  * nothing about which light a point can see.
  * Where the job's light choice is another, there is no tree but a table (light_table.h), in which
@@ -17,28 +17,28 @@
 #include "common/math/vec.h"
 #include "common/scene/scene.h"
 #include "worker/render/light/environment_light.h"
+#include "worker/render/light/face_light.h"
 #include "worker/render/light/light.h"
 #include "worker/render/light/light_table.h"
 #include "worker/render/light/punctual.h"
-#include "worker/render/light/sphere_light.h"
 #include "worker/render/light/tree.h"
-#include "worker/render/light/triangle_light.h"
 
 struct render_scene;
+struct surface;
 
 struct emitters {
     uint32_t count;               /* lights; 0: nothing to sample */
-    uint32_t punctual_count, triangle_count;
+    uint32_t punctual_count, face_count;
     int has_environment;
     float environment_odds, directional_odds, local_odds; /* of the groups; their sum is 1 */
     struct environment_light environment;
     struct punctual **punctual;   /* [punctual_count], the directional ones first */
     uint32_t directional_count;
     float *directional_start;     /* [directional_count + 1] where each one's share begins */
-    struct light_tree tree;       /* items: punctual lights with a place, then the triangles */
+    struct light_tree tree;       /* items: punctual lights with a place, then the faces */
     struct light_table table;     /* of the same items, in place of the tree */
-    struct triangle_light *triangles; /* [triangle_count] */
-    uint8_t *dark;                /* [triangle_count] bits: the emissive texture is black there */
+    struct hit *faces;            /* [face_count] of emissive instances */
+    uint8_t *dark;                /* [face_count] bits: the emissive texture is black there */
 };
 
 /* Needs the scene's instances (with their motion), materials, images, environment and bounding
@@ -50,16 +50,16 @@ status emitters_init(struct emitters *e, struct render_scene *scene,
                      uint32_t portal_count, struct error *err) MUST_CHECK;
 void emitters_release(struct emitters *e);
 
-/* Does the triangle, by its instance's light_base + its number, send out nothing at all? */
-static inline int emitters_is_dark(const struct emitters *e, uint32_t light)
+/* Does the face, by its number, send out nothing at all? */
+static inline int emitters_is_dark(const struct emitters *e, uint32_t face)
 {
-    return e->dark[light / 8] >> light % 8 & 1;
+    return e->dark[face / 8] >> face % 8 & 1;
 }
 
-/* LIGHT_TRIANGLE or LIGHT_SPHERE: one of `triangles`, by its number. */
-int emitters_lamp_kind(const struct render_scene *scene, uint32_t light);
+/* Which kind of light a face is: LIGHT_TRIANGLE, LIGHT_SPHERE. */
+int emitters_face_kind(const struct render_scene *scene, uint32_t face);
 
-/* How many items of the tree are not triangles. */
+/* How many items of the tree are not faces. */
 static inline uint32_t emitters_local_punctual(const struct emitters *e)
 {
     return e->punctual_count - e->directional_count;
@@ -76,15 +76,13 @@ struct vec3 emitters_environment(const struct render_scene *scene,
                                  const struct light_context *context, struct vec3 direction,
                                  float *pdf);
 
-/* Solid-angle density (odds included) with which emitters_sample would have picked the point
- * at that distance on a triangle of an emissive instance. `light`: the instance's light_base +
- * the triangle; `cosine`: absolute cosine at the light; `area`: the triangle's, m^2. */
-float emitters_triangle_pdf(const struct render_scene *scene, const struct light_context *context,
-                            uint32_t light, float distance_squared, float cosine, float area);
+/* The number of the face that was met; EMITTERS_NO_FACE: light sampling does not know it. */
+#define EMITTERS_NO_FACE UINT32_MAX
+uint32_t emitters_face_at(const struct render_scene *scene, const struct surface *s);
 
-/* The same of an emissive sphere, its light the instance's light_base. The cosine and the distance
- * count only inside it. */
-float emitters_sphere_pdf(const struct render_scene *scene, const struct light_context *context,
-                          uint32_t light, float distance_squared, float cosine);
+/* Solid-angle density (odds included) with which emitters_sample would have picked the point that was
+ * met on that face. `cosine`: absolute, at the light; `area`: the triangle's, m^2. */
+float emitters_face_pdf(const struct render_scene *scene, const struct light_context *context,
+                        uint32_t face, float distance_squared, float cosine, float area);
 
 #endif

@@ -2,6 +2,7 @@
 #include "worker/render/base/profile_scope.h"
 #include "worker/render/base/has.h"
 #include "worker/render/light/emitters.h"
+#include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
 
 /* The one place that samples lights by their kind: a row of the table is a case, which kernels without
@@ -11,7 +12,7 @@ static inline int emitters_sample_light(const struct render_scene *scene, int ki
                                         float u, float v, struct light_sample *out)
 {
     switch (kind) {
-#define LIGHT_CASE(KIND, prefix, EFFECT, ACCOUNT)                                         \
+#define LIGHT_CASE(KIND, prefix, EFFECT, ACCOUNT, MET)                                    \
     case LIGHT_##KIND:                                                                    \
         if (!HAS(EFFECT))                                                                 \
             return 0;                                                                     \
@@ -61,8 +62,8 @@ static int emitters_sample_local(const struct render_scene *scene,
     uint32_t item;
     float odds;
 
-    /* Choosing among lights of both kinds counts as the triangles': they are the many. */
-    profile_account(e->triangle_count ? PROFILE_ACCOUNT(EMISSIVE_MESH) : PROFILE_ACCOUNT(PUNCTUAL_LIGHT));
+    /* Choosing among lights of both kinds counts as the faces': they are the many. */
+    profile_account(e->face_count ? PROFILE_ACCOUNT(EMISSIVE_MESH) : PROFILE_ACCOUNT(PUNCTUAL_LIGHT));
     if (e->tree.node_count == 0
             ? !light_table_choose(&e->table, &u, &v, &item, &odds)
             : !light_tree_choose(&e->tree, context->p, context->n, &u, &v, &item, &odds))
@@ -72,9 +73,8 @@ static int emitters_sample_local(const struct render_scene *scene,
         return emitters_sample_punctual(scene, e->punctual[e->directional_count + item], context,
                                         out);
     item -= punctual;
-    if (scene->instances[e->triangles[item].instance].sphere)
-        return emitters_sample_light(scene, LIGHT_SPHERE, &e->triangles[item], context, u, v, out);
-    return emitters_sample_light(scene, LIGHT_TRIANGLE, &e->triangles[item], context, u, v, out);
+    return emitters_sample_light(scene, emitters_face_kind(scene, item), &e->faces[item], context, u,
+                                 v, out);
 }
 
 int emitters_sample(const struct render_scene *scene, const struct light_context *context, float u,
@@ -115,28 +115,46 @@ struct vec3 emitters_environment(const struct render_scene *scene,
     return radiance;
 }
 
-/* The odds of having chosen one of the emissive instances' lights. */
-static float lamp_odds(const struct emitters *e, const struct light_context *context,
-                       uint32_t light)
+uint32_t emitters_face_at(const struct render_scene *scene, const struct surface *s)
 {
-    uint32_t item = emitters_local_punctual(e) + light;
+    const struct world_instance *instance = s->instance;
+
+    /* The parts of a mix are not sampled as lights. */
+    if (instance->light_base < 0 || s->material != &scene->materials[instance->material])
+        return EMITTERS_NO_FACE;
+    return (uint32_t)instance->light_base + s->triangle;
+}
+
+/* The odds of having chosen the face. */
+static float emitters_face_odds(const struct emitters *e, const struct light_context *context,
+                                uint32_t face)
+{
+    uint32_t item = emitters_local_punctual(e) + face;
 
     return e->local_odds * (e->tree.node_count == 0
                                 ? light_table_odds(&e->table, item)
                                 : light_tree_odds(&e->tree, context->p, context->n, item));
 }
 
-float emitters_triangle_pdf(const struct render_scene *scene, const struct light_context *context,
-                            uint32_t light, float distance_squared, float cosine, float area)
+float emitters_face_pdf(const struct render_scene *scene, const struct light_context *context,
+                        uint32_t face, float distance_squared, float cosine, float area)
 {
-    return triangle_light_pdf(lamp_odds(&scene->emitters, context, light), distance_squared, cosine,
-                              area);
-}
+    const struct emitters *e = &scene->emitters;
+    const struct light_meeting met = {emitters_face_odds(e, context, face), distance_squared, cosine,
+                                      area};
 
-float emitters_sphere_pdf(const struct render_scene *scene, const struct light_context *context,
-                          uint32_t light, float distance_squared, float cosine)
-{
-    return lamp_odds(&scene->emitters, context, light) *
-           sphere_light_pdf(scene, &scene->emitters.triangles[light], context, distance_squared,
-                            cosine);
+    switch (emitters_face_kind(scene, face)) {
+#define LIGHT_PDF_FACE(KIND, prefix) \
+    case LIGHT_##KIND:               \
+        return prefix##_pdf(scene, &e->faces[face], context, &met);
+#define LIGHT_PDF_ESCAPE(KIND, prefix)
+#define LIGHT_PDF_NEVER(KIND, prefix)
+#define LIGHT_PDF(KIND, prefix, EFFECT, ACCOUNT, MET) LIGHT_PDF_##MET(KIND, prefix)
+        LIGHT_KINDS(LIGHT_PDF)
+#undef LIGHT_PDF
+#undef LIGHT_PDF_FACE
+#undef LIGHT_PDF_ESCAPE
+#undef LIGHT_PDF_NEVER
+    }
+    return 0;
 }

@@ -6,9 +6,15 @@
  *   prefix_weigh    power and bounds, from which the odds of choosing the light follow
  *   prefix_sample   next-event estimation: a point on the light, by two numbers
  *
- * What scattered rays can meet (triangles, the environment) has a density as well, with which
- * multiple importance sampling weighs the meeting: triangle_light_pdf, environment_light_radiance.
- * Two places use the rows: emitters_sample.c calls prefix_sample, light.c has the rest as a table.
+ * What scattered rays can meet has a density as well, with which multiple importance sampling weighs
+ * the meeting; column MET says how they meet it:
+ *
+ *   FACE     at a face (face_light.h): prefix_pdf
+ *   ESCAPE   by leaving the scene: prefix_radiance, which gives the density with the radiance
+ *   NEVER    light sampling alone finds it
+ *
+ * Two places use the rows: emitters_sample.c calls prefix_sample and prefix_pdf, light.c has the rest
+ * as a table.
  * The tree (tree.h) and the table of odds (light_table.h), which choose a light, know its bounds and
  * its number alone. docs/EXTENDING.md lists the files of a new light.
  */
@@ -24,22 +30,22 @@
 struct punctual;
 struct render_scene;
 
-/* X(KIND, prefix, EFFECT, ACCOUNT): without EFFECT in the scene there is no such light; its time
+/* X(KIND, prefix, EFFECT, ACCOUNT, MET): without EFFECT in the scene there is no such light; its time
  * is charged to ACCOUNT, or to EFFECT where the scene has no ACCOUNT. */
 #define LIGHT_KINDS_LISTED(X) /* of the scene's list of lights: SCENE_LIGHT_KINDS */  \
-    X(POINT, point_light, PUNCTUAL_LIGHT, PUNCTUAL_LIGHT)                             \
-    X(SPOT, spot_light, PUNCTUAL_LIGHT, PUNCTUAL_LIGHT)                               \
-    X(DIRECTIONAL, directional_light, PUNCTUAL_LIGHT, PUNCTUAL_LIGHT)                 \
-    X(GONIOMETRIC, goniometric_light, PUNCTUAL_LIGHT, LIGHT_IMAGE)                    \
-    X(PROJECTION, projection_light, PUNCTUAL_LIGHT, LIGHT_IMAGE)
+    X(POINT, point_light, PUNCTUAL_LIGHT, PUNCTUAL_LIGHT, NEVER)                      \
+    X(SPOT, spot_light, PUNCTUAL_LIGHT, PUNCTUAL_LIGHT, NEVER)                        \
+    X(DIRECTIONAL, directional_light, PUNCTUAL_LIGHT, PUNCTUAL_LIGHT, NEVER)          \
+    X(GONIOMETRIC, goniometric_light, PUNCTUAL_LIGHT, LIGHT_IMAGE, NEVER)             \
+    X(PROJECTION, projection_light, PUNCTUAL_LIGHT, LIGHT_IMAGE, NEVER)
 #define LIGHT_KINDS_FOUND(X) /* in other parts of the scene: enum light_kind */       \
-    X(TRIANGLE, triangle_light, EMISSIVE_MESH, EMISSIVE_MESH)                         \
-    X(SPHERE, sphere_light, EMISSIVE_MESH, EMISSIVE_MESH)                             \
-    X(ENVIRONMENT, environment_light, ENVIRONMENT, ENVIRONMENT)
+    X(TRIANGLE, triangle_light, EMISSIVE_MESH, EMISSIVE_MESH, FACE)                   \
+    X(SPHERE, sphere_light, EMISSIVE_MESH, EMISSIVE_MESH, FACE)                       \
+    X(ENVIRONMENT, environment_light, ENVIRONMENT, ENVIRONMENT, ESCAPE)
 #define LIGHT_KINDS(X) LIGHT_KINDS_LISTED(X) LIGHT_KINDS_FOUND(X)
 
 enum light_kind { LIGHT_FOUND_FIRST = LIGHT_KIND_COUNT - 1,
-#define LIGHT_ENUM(KIND, prefix, EFFECT, ACCOUNT) LIGHT_##KIND,
+#define LIGHT_ENUM(KIND, ...) LIGHT_##KIND,
                   LIGHT_KINDS_FOUND(LIGHT_ENUM)
 #undef LIGHT_ENUM
 };
@@ -66,6 +72,14 @@ struct light_sample {
                               that is sampled alone): no MIS */
 };
 
+/* A scattered ray's meeting with a light's face: what its density depends on. */
+struct light_meeting {
+    float odds;             /* of having chosen this light */
+    float distance_squared; /* from the light sampling context, m^2 */
+    float cosine;           /* absolute, to the face's normal */
+    float area;             /* m^2, of a triangle */
+};
+
 /* What decides how often a light is chosen. */
 struct light_weight {
     struct light_bounds bounds; /* but its intensity; unused of what is infinitely far away */
@@ -78,6 +92,10 @@ struct light_weight {
 typedef int light_sample_function(const struct render_scene *scene, const void *light,
                                   const struct light_context *context, float u, float v,
                                   struct light_sample *out);
+/* The odds times the density of prefix_sample, per solid angle, for the point that was met. */
+typedef float light_pdf_function(const struct render_scene *scene, const void *light,
+                                 const struct light_context *context,
+                                 const struct light_meeting *met);
 /* *out is zeroed. The scene's instances, materials and bounding sphere are known. */
 typedef void light_weigh_function(const struct render_scene *scene, const void *light,
                                   struct light_weight *out);
@@ -85,13 +103,20 @@ typedef void light_weigh_function(const struct render_scene *scene, const void *
 typedef struct punctual *light_new_function(const struct scene_light *light,
                                             const struct texture_image *image);
 
-#define LIGHT_DECLARE(KIND, prefix, EFFECT, ACCOUNT) \
-    light_sample_function prefix##_sample;                 \
-    light_weigh_function prefix##_weigh;
-#define LIGHT_DECLARE_NEW(KIND, prefix, EFFECT, ACCOUNT) light_new_function prefix##_new;
+#define LIGHT_DECLARE_FACE(prefix) light_pdf_function prefix##_pdf;
+#define LIGHT_DECLARE_ESCAPE(prefix)
+#define LIGHT_DECLARE_NEVER(prefix)
+#define LIGHT_DECLARE(KIND, prefix, EFFECT, ACCOUNT, MET) \
+    light_sample_function prefix##_sample;                \
+    light_weigh_function prefix##_weigh;                  \
+    LIGHT_DECLARE_##MET(prefix)
+#define LIGHT_DECLARE_NEW(KIND, prefix, ...) light_new_function prefix##_new;
 LIGHT_KINDS(LIGHT_DECLARE)
 LIGHT_KINDS_LISTED(LIGHT_DECLARE_NEW)
 #undef LIGHT_DECLARE
+#undef LIGHT_DECLARE_FACE
+#undef LIGHT_DECLARE_ESCAPE
+#undef LIGHT_DECLARE_NEVER
 #undef LIGHT_DECLARE_NEW
 
 /* A row, but for its sampling; `kind` is one of enum scene_light_kind or light_kind. */

@@ -1,4 +1,7 @@
-#include "worker/render/light/sphere_light.h"
+/* sphere_light: an emissive sphere (world_sphere.h), sampled by the directions in which it is seen:
+ * uniformly in the cone around it (Shirley, Wang and Zimmerman 1996, "Monte Carlo Techniques for
+ * Direct Lighting Calculations", section 3.2.2), from inside uniformly over its surface. */
+#include "worker/render/light/face_light.h"
 
 #include "common/math/elementary.h"
 #include "worker/render/bsdf/warp.h"
@@ -15,7 +18,7 @@ struct sphere_view {
 };
 
 static void sphere_view_init(struct sphere_view *view, const struct render_scene *scene,
-                             const struct triangle_light *light, struct vec3 from)
+                             const struct hit *light, struct vec3 from)
 {
     const struct world_instance *instance = &scene->instances[light->instance];
     const struct accel_sphere *shape = &instance->sphere->shape;
@@ -33,27 +36,31 @@ static void sphere_view_init(struct sphere_view *view, const struct render_scene
     view->height = view->inside ? 0 : sine2 / (1 + sqrt(1 - sine2)); /* does not cancel far away */
 }
 
-/* Per solid angle, of a point of the surface that is chosen uniformly. */
-static float surface_pdf(double radius, float distance_squared, float cosine)
-{
-    return triangle_light_pdf(1, distance_squared, cosine, (float)(4 * PI_D * radius * radius));
-}
-
 static float cone_pdf(const struct sphere_view *view)
 {
     return (float)(1 / (2 * PI_D * view->height));
 }
 
-float sphere_light_pdf(const struct render_scene *scene, const struct triangle_light *light,
-                       const struct light_context *context, float distance_squared, float cosine)
+/* Per solid angle, of a point of the surface that is chosen uniformly. */
+static float surface_pdf(const struct sphere_view *view, float distance_squared, float cosine)
+{
+    double radius = view->sphere->shape.radius;
+    struct light_meeting met = {.odds = 1, .distance_squared = distance_squared, .cosine = cosine};
+
+    return face_light_area_pdf(&met, (float)(4 * PI_D * radius * radius));
+}
+
+/* The distance and the cosine count only inside. */
+float sphere_light_pdf(const struct render_scene *scene, const void *light,
+                       const struct light_context *context, const struct light_meeting *met)
 {
     struct sphere_view view;
 
     sphere_view_init(&view, scene, light, context->p);
     if (!view.lit)
         return 0;
-    return view.inside ? surface_pdf(view.sphere->shape.radius, distance_squared, cosine)
-                       : cone_pdf(&view);
+    return met->odds * (view.inside ? surface_pdf(&view, met->distance_squared, met->cosine)
+                                    : cone_pdf(&view));
 }
 
 /* A unit vector around the axis +z of a cap, uniform in solid angle: 1 - cos is `rise`. */
@@ -94,29 +101,25 @@ static void sample_surface(const struct sphere_view *view, float u, float v,
     out->distance = vec3_length(to_light);
     out->direction = vec3_normalize(to_light);
     out->cosine = fabsf(vec3_dot(normal, out->direction));
-    out->pdf *= surface_pdf(radius, out->distance * out->distance, out->cosine);
+    out->pdf *= surface_pdf(view, out->distance * out->distance, out->cosine);
 }
 
 /* An even lamp: its vertex does not matter. */
 static struct vec3 radiance_towards(const struct render_scene *scene,
-                                    const struct triangle_light *light, float cosine)
+                                    const struct hit *light, float cosine)
 {
     const struct world_instance *instance = &scene->instances[light->instance];
     const struct world_material *material = &scene->materials[instance->material];
     const struct world_mesh *mesh = &scene->meshes[instance->mesh];
-    struct vec3 radiance = world_emission(material, mesh, mesh->indices, 0, 0);
 
-    if (material->m.clearcoat > 0)
-        radiance = vec3_scale(radiance, world_emission_scale(material, mesh, mesh->indices, 0, 0,
-                                                             cosine));
-    return radiance;
+    return world_emitted(material, mesh, mesh->indices, 0, 0, cosine);
 }
 
 int sphere_light_sample(const struct render_scene *scene, const void *light_,
                         const struct light_context *context, float u, float v,
                         struct light_sample *out)
 {
-    const struct triangle_light *light = light_;
+    const struct hit *light = light_;
     struct sphere_view view;
 
     sphere_view_init(&view, scene, light, context->p);
@@ -129,7 +132,7 @@ int sphere_light_sample(const struct render_scene *scene, const void *light_,
     if (!(out->distance > 0) || !(out->pdf > 0) || !isfinite(out->pdf))
         return 0;
     out->on_face = 1;
-    out->face = (struct hit){light->instance, 0};
+    out->face = *light;
     /* There are no edges; near boundaries what is right before the end counts. */
     out->inset = world_near_boundary(scene, vec3_mad(context->p, out->direction, out->distance))
                      ? 0 : INFINITY;
@@ -141,7 +144,7 @@ int sphere_light_sample(const struct render_scene *scene, const void *light_,
 void sphere_light_weigh(const struct render_scene *scene, const void *light_,
                         struct light_weight *out)
 {
-    const struct triangle_light *light = light_;
+    const struct hit *light = light_;
     const struct world_instance *instance = &scene->instances[light->instance];
     const struct world_material *material = &scene->materials[instance->material];
     const struct accel_sphere *shape = &instance->sphere->shape;

@@ -1,4 +1,5 @@
-#include "worker/render/light/triangle_light.h"
+/* triangle_light: a triangle of an emissive mesh, sampled uniformly by area. */
+#include "worker/render/light/face_light.h"
 
 #include "worker/render/base/profile_scope.h"
 #include "worker/render/base/has.h"
@@ -35,17 +36,6 @@ struct triangle_place {
     float b1, b2;
 };
 
-/* Radiance towards a direction with this absolute cosine to the geometric normal. */
-static struct vec3 triangle_radiance(const struct triangle_place *at, float cosine)
-{
-    struct vec3 radiance = world_emission(at->material, at->mesh, at->vertex, at->b1, at->b2);
-
-    if (HAS(CLEARCOAT) && at->material->m.clearcoat > 0)
-        radiance = vec3_scale(radiance, world_emission_scale(at->material, at->mesh, at->vertex,
-                                                             at->b1, at->b2, cosine));
-    return radiance;
-}
-
 /* What a BSDF ray meets only some of the time sends only that share. */
 static struct vec3 triangle_covered(const struct triangle_place *at, struct vec3 radiance)
 {
@@ -64,12 +54,13 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_,
                           const struct light_context *context, float u, float v,
                           struct light_sample *out)
 {
-    const struct triangle_light *light = light_;
+    const struct hit *light = light_;
     const struct world_instance *instance = &scene->instances[light->instance];
     struct triangle_place at = {.mesh = &scene->meshes[instance->mesh],
                             .material = &scene->materials[instance->material]};
     struct vec3 corner[3], e1, e2, normal, point, to_light;
     float double_area, cosine, distance_squared;
+    struct light_meeting met;
 
     world_triangle(scene, instance, light->triangle, context->time, corner);
     triangle_point(u, v, &at.b1, &at.b2);
@@ -91,15 +82,26 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_,
     out->direction = vec3_scale(to_light, 1 / out->distance);
     cosine = fabsf(vec3_dot(normal, out->direction));
     out->on_face = 1;
-    out->face = (struct hit){light->instance, light->triangle};
+    out->face = *light;
     out->cosine = cosine;
     out->inset = world_near_boundary(scene, point)
                      ? 0 : triangle_inset(at.b1, at.b2, double_area, e1, e2);
-    out->pdf = triangle_light_pdf(out->pdf, distance_squared, cosine, 0.5f * double_area);
+    met = (struct light_meeting){out->pdf, distance_squared, cosine, 0.5f * double_area};
+    out->pdf = face_light_area_pdf(&met, met.area);
     if (!(out->pdf > 0) || !isfinite(out->pdf))
         return 0;
     at.vertex = world_vertices(at.mesh, light->triangle);
-    out->radiance = triangle_covered(&at, triangle_radiance(&at, cosine));
+    out->radiance = triangle_covered(&at, world_emitted(at.material, at.mesh, at.vertex, at.b1,
+                                                        at.b2, cosine));
     out->delta = 0;
     return 1;
+}
+
+float triangle_light_pdf(const struct render_scene *scene, const void *light,
+                         const struct light_context *context, const struct light_meeting *met)
+{
+    (void)scene;
+    (void)light;
+    (void)context;
+    return face_light_area_pdf(met, met->area);
 }

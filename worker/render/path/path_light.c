@@ -161,18 +161,6 @@ PATH_FUNCTION struct vec3 path_escaped(const struct path *path)
     return vec3_scale(radiance, power_heuristic(path->pdf, light_pdf));
 }
 
-/* Radiance that the lamp sends along the path's ray. */
-static struct vec3 met_lamp_radiance(const struct path *path, const struct surface *s, float cosine)
-{
-    const struct world_material *material = s->material;
-    struct vec3 radiance = world_emission(material, s->mesh, s->vertex, s->b1, s->b2);
-
-    if (path_features_of(path->scene).coats && material->m.clearcoat > 0)
-        radiance = vec3_scale(radiance, world_emission_scale(material, s->mesh, s->vertex,
-                                                             s->b1, s->b2, cosine));
-    return radiance;
-}
-
 /* An unlit material shows its base colour, whatever the light. */
 static struct vec3 unlit_color(const struct path *path, const struct surface *s)
 {
@@ -191,12 +179,11 @@ static struct vec3 unlit_color(const struct path *path, const struct surface *s)
 
 PATH_FUNCTION struct vec3 path_emitted(const struct path *path, const struct surface *s)
 {
-    const struct emitters *emitters = &path->scene->emitters;
+    const struct render_scene *scene = path->scene;
     const struct world_material *material = s->material;
-    uint32_t light = (uint32_t)s->instance->light_base + s->triangle;
     struct vec3 radiance;
-    float cosine, light_pdf, distance_squared;
-    int sampled;
+    float cosine, light_pdf;
+    uint32_t face;
 
     if (path_is_unlit(path, s))
         return unlit_color(path, s);
@@ -204,19 +191,15 @@ PATH_FUNCTION struct vec3 path_emitted(const struct path *path, const struct sur
         is_unwanted_caustic(path))
         return vec3_splat(0); /* a lamp shines from its front */
     PROFILE_STAGE_EFFECT(LIGHT, PROFILE_ACCOUNT(EMISSIVE_MESH));
-    /* The parts of a mix are not sampled as lights. */
-    sampled = s->instance->light_base >= 0 &&
-              material == &path->scene->materials[s->instance->material];
-    if (sampled && emitters_is_dark(emitters, light))
+    face = emitters_face_at(scene, s);
+    if (face != EMITTERS_NO_FACE && emitters_is_dark(&scene->emitters, face))
         return vec3_splat(0);
     cosine = fabsf(vec3_dot(s->ng, path->ray.direction));
-    radiance = met_lamp_radiance(path, s, cosine);
-    if (path->specular || !sampled)
+    radiance = world_emitted(material, s->mesh, s->vertex, s->b1, s->b2, cosine);
+    if (path->specular || face == EMITTERS_NO_FACE)
         return radiance;
-    distance_squared = vec3_length_squared(vec3_sub(s->p, path->context.p));
-    light_pdf = s->instance->sphere
-                    ? emitters_sphere_pdf(path->scene, &path->context, light, distance_squared, cosine)
-                    : emitters_triangle_pdf(path->scene, &path->context, light, distance_squared,
-                                            cosine, s->area);
+    light_pdf = emitters_face_pdf(scene, &path->context, face,
+                                  vec3_length_squared(vec3_sub(s->p, path->context.p)), cosine,
+                                  s->area);
     return vec3_scale(radiance, power_heuristic(path->pdf, light_pdf));
 }

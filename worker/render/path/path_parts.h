@@ -28,7 +28,7 @@
 /* What the integrator has to do in this scene. A kernel variant knows the absent ones at compile
  * time, and all that hangs on them vanishes. */
 struct path_features {
-    int absorption, coats, dispersion, environment, fog, media, mixes, nested,
+    int absorption, dispersion, environment, fog, media, mixes, nested,
         textures, unlit, vertex_colors;
     int index_matched;  /* shadow rays pass boundaries, and media dim them */
     int volumes;        /* the path keeps track of the volumes that it is in */
@@ -39,7 +39,6 @@ static inline struct path_features path_features_of(const struct render_scene *s
 {
     return (struct path_features){
         .absorption = ACTIVE(scene, ABSORPTION),
-        .coats = ACTIVE(scene, CLEARCOAT),
         .dispersion = ACTIVE(scene, DISPERSION),
         .environment = ACTIVE(scene, ENVIRONMENT),
         .fog = ACTIVE(scene, FOG),

@@ -473,7 +473,6 @@ status render_scene_new(struct render_scene **out, const struct scene *scene,
     enclosure_find(w);
     if (w->effects & (EFFECT_NESTED_DIELECTRIC | EFFECT_INTERFACE | EFFECT_MEDIUM))
         interior_find_camera(w);
-    w->info.emissive_triangles = w->emitters.triangle_count;
     w->info.build_ns = clock_monotonic_ns() - start_ns;
     *out = w;
     return STATUS_OK;

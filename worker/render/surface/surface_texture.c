@@ -71,8 +71,9 @@ float world_alpha(const struct world_material *material, const struct world_mesh
     return alpha;
 }
 
-float world_emission_scale(const struct world_material *material, const struct world_mesh *mesh,
-                           const uint32_t vertex[3], float b1, float b2, float cosine)
+/* What a clearcoat lets out of the emission below it. */
+static float emission_scale(const struct world_material *material, const struct world_mesh *mesh,
+                            const uint32_t vertex[3], float b1, float b2, float cosine)
 {
     float n = float_max(material->m.clearcoat_ior, 1), f0 = (n - 1) / (n + 1), m = 1 - cosine;
     float coat = material->m.clearcoat;
@@ -95,4 +96,14 @@ struct vec3 world_emission(const struct world_material *material, const struct w
         emission = vec3_mul(emission, vec3_make(texel.r, texel.g, texel.b));
     }
     return emission;
+}
+
+struct vec3 world_emitted(const struct world_material *material, const struct world_mesh *mesh,
+                          const uint32_t vertex[3], float b1, float b2, float cosine)
+{
+    struct vec3 radiance = world_emission(material, mesh, vertex, b1, b2);
+
+    if (HAS(CLEARCOAT) && material->m.clearcoat > 0)
+        radiance = vec3_scale(radiance, emission_scale(material, mesh, vertex, b1, b2, cosine));
+    return radiance;
 }

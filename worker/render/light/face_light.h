@@ -1,0 +1,27 @@
+/* face_light: the faces of emissive instances, each of them a light: a mesh's triangle, or all of
+ * another shape, whose only face is 0.
+ *
+ * What a face of each shape does as a light is in triangle_light.c, sphere_light.c; `light` is there
+ * the face's name, a struct hit.
+ */
+#ifndef AZULEJO_RENDER_FACE_LIGHT_H
+#define AZULEJO_RENDER_FACE_LIGHT_H
+
+#include "worker/render/light/light.h"
+
+/* Density per solid angle of a point that is chosen uniformly on `area`, times the odds. */
+static inline float face_light_area_pdf(const struct light_meeting *met, float area)
+{
+    float denominator = met->cosine * area;
+
+    return denominator > 0 ? met->odds * met->distance_squared / denominator : 0;
+}
+
+/* Numbers the emissive instances' faces by light_base; how many there are. */
+uint64_t face_lights_count(struct render_scene *scene);
+/* faces[count]; the bits of `dark`, zeroed, of those whose emissive texture is black all over.
+ * ERR_NO_MEMORY. */
+status face_lights_find(const struct render_scene *scene, struct hit *faces, uint8_t *dark,
+                        struct error *err) MUST_CHECK;
+
+#endif
