@@ -73,7 +73,7 @@ enum scene_mesh_arrays {
     MESH_COLORS = 1 << 4,   /* float[4] linear RGBA */
     MESH_SKIN = 1 << 5,     /* struct mesh_influence: joints of the instance's skin */
     MESH_SPHERE = 1 << 6,   /* no array: the triangles stand in for the sphere around the origin on
-                               which the vertices lie (worker/render/surface/surface_sphere.h) */
+                               which the vertices lie (worker/render/shape/sphere.c) */
     MESH_ARRAYS_ALL = 127,
 };
 

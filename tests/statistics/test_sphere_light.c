@@ -15,8 +15,9 @@
 #include "tests/support/imported.h"
 #include "tests/support/pbrt_text.h"
 #include "tests/support/statistics.h"
-#include "worker/render/base/sphere.h"
-#include "worker/render/surface/surface_sphere.h"
+#include "worker/render/shape/sphere.h"
+#include "worker/render/surface/surface.h"
+#include "worker/render/world.h"
 
 #define GLOW "AreaLightSource \"diffuse\" \"rgb L\" [3 3 3] "
 
@@ -53,12 +54,12 @@ static double density(void *user, struct vec3 direction)
         struct sphere_chord chord;
         double t, n[3];
 
-        sphere_chord_find(&lamp->sphere->shape, o, d, &chord);
+        sphere_chord_find(sphere_of(lamp->shape), o, d, &chord);
         t = chord.middle > chord.half ? chord.middle - chord.half : chord.middle + chord.half;
         if (!chord.meets || !(t > 0))
             continue;
         for (int k = 0; k < 3; k++)
-            n[k] = (chord.foot[k] + (t - chord.middle) * d[k]) / lamp->sphere->shape.radius;
+            n[k] = (chord.foot[k] + (t - chord.middle) * d[k]) / sphere_of(lamp->shape)->radius;
         sum += (double)emitters_face_pdf(view->scene, &view->context, i, (float)(t * t),
                                          (float)fabs(exact_dot(n, d)), 0);
     }
@@ -90,14 +91,14 @@ static void test_directions(void **state)
         struct chi_square_setup setup = {.sample = sample, .pdf = density, .user = &view,
                                          .samples = 40000, .seed = 31 + i,
                                          .focus = cases[i].focus};
-        const struct accel_sphere *shape;
+        const struct sphere_shape *shape;
         struct render_scene *scene;
         struct vec3 centre;
 
         pbrt_world(cases[i].world, &import);
         scene = imported_build(&import, &settings, 0);
-        assert_non_null(scene->instances[0].sphere);
-        shape = &scene->instances[0].sphere->shape;
+        assert_non_null(scene->instances[0].shape);
+        shape = sphere_of(scene->instances[0].shape);
         centre = vec3_make((float)shape->centre[0], (float)shape->centre[1], (float)shape->centre[2]);
         view.scene = scene;
         view.context.p = vec3_mad(centre, cases[i].from, (float)shape->radius);

@@ -15,6 +15,7 @@
 #include "worker/render/light/emitters.h"
 #include "worker/render/light/environment.h"
 #include "worker/render/render.h"
+#include "worker/render/shape/shape.h"
 #include "worker/render/texture/texture.h"
 
 struct world_mesh {
@@ -87,8 +88,9 @@ struct world_instance {
                                      World space for a skinned mesh, else the mesh's */
     const float *const *motion_normals, *const *motion_tangents; /* [motion_steps] of the same, or NULL */
     int skinned;                  /* those are in world space */
-    const struct world_sphere *sphere; /* NULL: the mesh's triangles are what they are */
-    int encloses;                 /* what is behind its faces is closed in, and rays get there */
+    const struct shape *shape;    /* in place of the mesh's triangles (shape/shape.h); NULL: none */
+    int encloses;                 /* what is behind its faces is closed in, and rays get there, but may
+                                     slip out between them */
     const uint8_t *touches;       /* [triangles] may another face coincide with it? NULL: nowhere
                                      (world_touch.h) */
     int32_t light_base;           /* first of its faces in the emitters, -1: dark */

@@ -14,9 +14,9 @@
 #include "tests/support/imported.h"
 #include "tests/support/pbrt_text.h"
 #include "tests/support/statistics.h"
-#include "worker/render/base/sphere.h"
-#include "worker/render/scene/world_sphere.h"
-#include "worker/render/surface/surface_sphere.h"
+#include "worker/render/shape/sphere.h"
+#include "worker/render/surface/surface.h"
+#include "worker/render/world.h"
 
 /* A scene of this pbrt text, made ready. */
 struct fixture {
@@ -52,7 +52,7 @@ static uint32_t spheres_of(const struct render_scene *scene)
     uint32_t count = 0;
 
     for (uint32_t i = 0; i < scene->instance_count; i++)
-        count += scene->instances[i].sphere != NULL;
+        count += scene->instances[i].shape != NULL;
     return count;
 }
 
@@ -127,7 +127,7 @@ static struct vec3 random_direction(struct test_random *r)
 
 /* The line's distance from the centre over the radius, in long double; infinite where the sphere lies
  * behind the ray. */
-static long double passes_at(const struct accel_sphere *sphere, const struct ray *ray)
+static long double passes_at(const struct sphere_shape *sphere, const struct ray *ray)
 {
     double o[3], d[3];
     long double m[3], along = 0, d2 = 0, foot2 = 0;
@@ -147,7 +147,7 @@ static long double passes_at(const struct accel_sphere *sphere, const struct ray
 }
 
 /* How far the surface's place is from the sphere, over the radius. */
-static double off_sphere(const struct accel_sphere *sphere, const struct surface *s)
+static double off_sphere(const struct sphere_shape *sphere, const struct surface *s)
 {
     double p[3], n[3];
 
@@ -161,7 +161,7 @@ static double off_sphere(const struct accel_sphere *sphere, const struct surface
 static void leave_all_ways(const struct fixture *f, const struct surface *s,
                            struct test_random *random)
 {
-    const struct accel_sphere *shape = &s->instance->sphere->shape;
+    const struct sphere_shape *shape = sphere_of(s->instance->shape);
 
     for (int i = 0; i < 16; i++) {
         struct vec3 d = random_direction(random), n = s->front ? s->ng : vec3_neg(s->ng);
@@ -195,7 +195,7 @@ static void shoot(double radius, double x, double far, uint64_t seed)
     struct buffer text = BUFFER_INIT;
     struct test_random random = {seed};
     struct fixture f;
-    const struct accel_sphere *shape;
+    const struct sphere_shape *shape;
     int hits = 0, misses = 0;
 
     /* The camera is the farthest of all places from which rays start. */
@@ -209,7 +209,7 @@ static void shoot(double radius, double x, double far, uint64_t seed)
                       k == 3 ? -4 * radius : k > 3 ? 2 * radius : 0, 0.01 * radius);
     fixture_whole(&f, buffer_text(&text));
     assert_int_equal(spheres_of(f.scene), 7);
-    shape = &f.scene->instances[0].sphere->shape;
+    shape = sphere_of(f.scene->instances[0].shape);
     for (int i = 0; i < 4000; i++) {
         struct vec3 away = random_direction(&random), aside = random_direction(&random);
         double reach = radius * 1.01 * pow(far / radius, test_random_double(&random));
@@ -276,10 +276,10 @@ static uint32_t blocked_share(const char *world, int *tried)
     struct test_random random = {7};
     uint32_t blocked = 0;
     struct fixture f;
-    const struct accel_sphere *lamp;
+    const struct sphere_shape *lamp;
 
     fixture_init(&f, world);
-    lamp = &f.scene->instances[0].sphere->shape;
+    lamp = sphere_of(f.scene->instances[0].shape);
     *tried = 20000;
     for (int i = 0; i < *tried; i++) {
         struct light_context context = {{(float)lamp->centre[0] + 0.05f * test_random_float(&random),
@@ -344,7 +344,7 @@ static void test_on_table(void **state)
                                   "Translate 0 0 -1.00001 " SQUARE, materials[which]);
         fixture_init(&f, buffer_text(&text));
         for (int i = 0; i < 20000; i++) {
-            const struct accel_sphere *shape = &f.scene->instances[0].sphere->shape;
+            const struct sphere_shape *shape = sphere_of(f.scene->instances[0].shape);
             float aside = ldexpf(test_random_float(&random), -i % 16), angle = (float)i, height;
             struct vec3 d = random_direction(&random), from;
             struct ray ray = {.t_max = INFINITY};
@@ -389,7 +389,7 @@ static void test_uv(void **state)
     assert_int_equal(spheres_of(f.scene), 1);
     for (int i = 0; i < 2000; i++) {
         const struct world_instance *instance = &f.scene->instances[0];
-        const struct accel_sphere *shape = &instance->sphere->shape;
+        const struct sphere_shape *shape = sphere_of(instance->shape);
         struct vec3 d = random_direction(&random), centre, local;
         struct ray ray = {.t_max = INFINITY};
         struct surface s;
@@ -442,13 +442,13 @@ static double irradiance(const struct render_scene *scene, struct vec3 p, struct
 static void expect_irradiance(const char *world, double offset, double expected)
 {
     struct fixture f;
-    const struct accel_sphere *shape;
+    const struct sphere_shape *shape;
     double error, got;
     struct vec3 p;
 
     fixture_init(&f, world);
-    assert_true(f.scene->instances[0].sphere && f.scene->emitters.face_count == 1);
-    shape = &f.scene->instances[0].sphere->shape;
+    assert_true(f.scene->instances[0].shape && f.scene->emitters.face_count == 1);
+    shape = sphere_of(f.scene->instances[0].shape);
     p = vec3_make((float)shape->centre[0], (float)(shape->centre[1] - offset), (float)shape->centre[2]);
     got = irradiance(f.scene, p, vec3_make(0, 1, 0), &error);
     if (!(fabs(got / expected - 1) < 2e-3 + 4 * error / expected))

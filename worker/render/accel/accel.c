@@ -230,17 +230,18 @@ static status attach_instance(struct accel *accel, const struct accel_input *in,
     status s = STATUS_OK;
 
     g->filtered = instance->filtered != 0;
-    g->sphere = instance->sphere;
-    geometry = g->sphere ? accel_sphere_geometry(accel->device, g)
-                         : rtcNewGeometry(accel->device, instance->world_positions
-                                                             ? RTC_GEOMETRY_TYPE_TRIANGLE
-                                                             : RTC_GEOMETRY_TYPE_INSTANCE);
+    g->shape = instance->shape;
+    g->shape_margin = instance->shape_margin;
+    geometry = g->shape ? accel_shape_geometry(accel->device, g)
+                        : rtcNewGeometry(accel->device, instance->world_positions
+                                                            ? RTC_GEOMETRY_TYPE_TRIANGLE
+                                                            : RTC_GEOMETRY_TYPE_INSTANCE);
     if (!geometry)
         return embree_failed(accel->device, "an instance", err);
     g->least_stretch = 1;
     g->motion_steps = instance->motion_steps;
     g->in_world = instance->world_positions != NULL;
-    if (g->sphere) {
+    if (g->shape) {
         g->in_world = 1;
     } else if (g->in_world) {
         s = set_world_triangles(accel, in, index, geometry, err);
@@ -289,7 +290,7 @@ static void bound_errors(struct accel *accel, const struct accel_input *in)
         struct accel_geometry *g = &accel->geometries[i];
         double condition = 1, origin = ERROR_TRIANGLE;
 
-        if (!instance->world_positions && !instance->sphere) {
+        if (!instance->world_positions && !instance->shape) {
             condition = instance->motion_steps ? 1 : sizes_condition(&instance->to_world);
             for (uint32_t k = 0; k < instance->motion_steps; k++)
                 condition = fmax(condition, sizes_condition(&instance->motion_to_world[k]));
@@ -352,7 +353,7 @@ status accel_new(struct accel **out, const struct accel_input *in, struct error 
     }
     for (uint32_t i = 0; i < in->instance_count; i++) {
         uint32_t mesh = in->instances[i].mesh;
-        if (!in->instances[i].sphere && !in->instances[i].world_positions &&
+        if (!in->instances[i].shape && !in->instances[i].world_positions &&
             !accel->mesh_scenes[mesh]) {
             result = build_shared_mesh(accel, in, mesh, err);
             if (result != STATUS_OK)

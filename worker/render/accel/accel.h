@@ -24,8 +24,9 @@
 #include "common/scene/settings.h"
 
 struct accel;
+struct shape;
 
-/* What was met. Embree's own t, u, v are not handed on: they depend on the ISA; the caller
+/* What was met: a mesh's triangle, or of a shape (shape/shape.h) the side. Embree's own t, u, v are not handed on: they depend on the ISA; the caller
  * computes them again from the triangle (surface_from_hit). */
 struct hit {
     uint32_t instance, triangle;
@@ -68,15 +69,6 @@ struct accel_mesh {
     uint32_t vertex_count, triangle_count;
 };
 
-/* A whole sphere, intersected in double. Its hits have 0 for the triangle where the ray meets it
- * from outside, 1 from inside; a ray leaves it by {instance, 0}, to either side. It coincides with
- * no other face. */
-struct accel_sphere {
-    double centre[3], radius; /* metres, world */
-    double margin;            /* metres: what Embree may be wrong about a ray's place near it */
-    int inward;               /* `accept` takes the inside for the counter-clockwise side */
-};
-
 enum { ACCEL_STEPS_MAX = 129 /* Embree's own limit */ };
 
 struct accel_instance {
@@ -90,8 +82,9 @@ struct accel_instance {
     const float *const *motion_positions;    /* with world_positions: [motion_steps] of them, each
                                                 with 16 readable bytes after the last */
     const struct transform *motion_to_world; /* without: [motion_steps] */
-    const struct accel_sphere *sphere; /* not NULL: in place of the mesh, which has no triangles;
-                                          outlives the accel */
+    const struct shape *shape;    /* not NULL: in place of the mesh, which has no triangles; coincides
+                                     with no other face; outlives the accel */
+    float shape_margin;           /* metres: what Embree may be wrong about a ray's place near it */
 };
 
 /* Does the hit count? Called inside a traversal, possibly several times for one triangle:

@@ -3,8 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "worker/render/base/sphere.h"
-
 /* What rounding may make of a height over a plane through `from`, times the normal's length. */
 static double height_noise(const double normal[3], const double to[3], const double from[3])
 {
@@ -29,39 +27,33 @@ static double farthest(const double corner[3][3], const double plane[3], const d
     return most;
 }
 
+/* A face in double, as the row of its kind takes it. */
+struct face {
+    const struct shape_row *row;
+    const void *face;    /* the shape, or: */
+    double corner[3][3];
+};
+
+static inline void find_face(const struct query_context *q, const struct hit *name, struct face *out)
+{
+    const struct shape *shape = q->accel->geometries[name->instance].shape;
+
+    out->row = &shape_rows[shape_kind_of(shape)];
+    out->face = shape;
+    if (shape)
+        return;
+    q->accel->corners(q->accel->scene, name->instance, name->triangle, q->ray->time, out->corner);
+    out->face = out->corner;
+}
+
 double accel_ray_end(const struct query_context *q)
 {
-    const struct accel_sphere *sphere;
-    double corner[3][3], n[3], end;
+    struct face end;
 
     if (!q->ray->reaches)
         return (double)q->ray->t_max;
-    sphere = q->accel->geometries[q->ray->end.instance].sphere;
-    if (sphere)
-        return sphere_nearest(sphere, q->origin, q->direction, (double)q->ray->t_max);
-    q->accel->corners(q->accel->scene, q->ray->end.instance, q->ray->end.triangle, q->ray->time,
-                      corner);
-    exact_normal(corner, n);
-    end = exact_crossing(corner, n, q->origin, q->direction);
-    return end > 0 && end < INFINITY ? end : (double)q->ray->t_max;
-}
-
-/* A point and a normal of the plane of a face on which the ray starts (`sign` 1) or ends (-1). */
-static void plane_of(const struct query_context *q, const struct hit *face, double sign,
-                     double point[3], double normal[3])
-{
-    const struct accel_sphere *sphere = q->accel->geometries[face->instance].sphere;
-    double corner[3][3], t = sphere && sign < 0 ? accel_ray_end(q) : 0;
-
-    if (sphere) {
-        for (int k = 0; k < 3; k++)
-            point[k] = q->origin[k] + t * q->direction[k];
-        exact_sub(point, sphere->centre, normal);
-        return;
-    }
-    q->accel->corners(q->accel->scene, face->instance, face->triangle, q->ray->time, corner);
-    exact_normal(corner, normal);
-    memcpy(point, corner[0], sizeof corner[0]);
+    find_face(q, &q->ray->end, &end);
+    return end.row->end(end.face, q->origin, q->direction, (double)q->ray->t_max);
 }
 
 /* Is all of the triangle behind the plane of a face that the ray leaves (`sign` 1), or beyond the
@@ -70,11 +62,13 @@ static int is_beyond(const struct query_context *q, const struct hit *face, doub
                      const double corner[3][3])
 {
     double plane[3], n[3], towards[3];
+    struct face touched;
 
     /* A direction along the plane may be off by its rounding: the ray says to which side it goes. */
     exact_vec(sign > 0 ? q->ray->off : q->ray->direction, towards);
-
-    plane_of(q, face, sign, plane, n);
+    find_face(q, face, &touched);
+    touched.row->plane(touched.face, q->origin, q->direction,
+                       sign > 0 ? 0 : (double)q->ray->t_max, plane, n);
     if (exact_dot(n, n) == 0)
         return 0;
     if (exact_dot(n, towards) < 0)
@@ -87,15 +81,11 @@ static int is_beyond(const struct query_context *q, const struct hit *face, doub
 static int goes_through(const struct query_context *q, const double corner[3][3],
                         const double normal[3])
 {
-    const struct accel_sphere *sphere = q->accel->geometries[q->ray->left[0].instance].sphere;
+    struct face left;
     double face[3][3], before, behind;
 
-    if (sphere)
-        for (int k = 0; k < 3; k++)
-            memcpy(face[k], sphere->centre, sizeof face[k]);
-    else
-        q->accel->corners(q->accel->scene, q->ray->left[0].instance, q->ray->left[0].triangle,
-                          q->ray->time, face);
+    find_face(q, &q->ray->left[0], &left);
+    left.row->corners(left.face, face);
     before = farthest(face, corner[0], normal, 1);
     behind = farthest(face, corner[0], normal, -1);
     return before > behind ? exact_dot(normal, q->direction) < 0

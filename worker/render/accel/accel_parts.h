@@ -14,20 +14,22 @@
 
 #include "worker/render/base/exact.h"
 #include "worker/render/accel/sizes.h"
+#include "worker/render/shape/shape.h"
 
 /* A face on which the ray ends is looked for up to this share of the length before and behind. */
 #define ACCEL_END_SHARE 0x1p-18
 
-/* One of the top BVH's geometries: an instance. */
+/* One of the top BVH's geometries: an instance. (128 bytes: found by a shift.) */
 struct accel_geometry {
     const uint8_t *slender;  /* of its triangles (sizes.h), NULL: all are ordinary */
     double slenderest;       /* at most: the square of longest edge / height */
     uint8_t filtered;        /* accept is to be asked */
-    uint8_t in_world;        /* its triangles lie in the top BVH; else: */
-    double to_object[3][3];  /* of what stands still: the inverse matrix's part for directions */
+    uint8_t in_world;        /* its triangles lie in the top BVH */
+    float shape_margin;      /* metres (struct accel_instance) */
+    double to_object[3][3];  /* else, of what stands still: the inverse matrix's part for directions */
     float least_stretch;     /* of its matrix; 1 in world space */
     uint32_t motion_steps;
-    const struct accel_sphere *sphere; /* NULL: triangles */
+    const struct shape *shape; /* NULL: triangles */
     double error_origin, error_extent; /* as the accel's, for rays that meet its triangles */
 };
 
@@ -103,8 +105,8 @@ void accel_huge_bounds(const struct RTCBoundsFunctionArguments *args);
 void accel_huge_intersect(const struct RTCIntersectFunctionNArguments *args);
 void accel_huge_occluded(const struct RTCOccludedFunctionNArguments *args);
 
-/* accel_sphere.c: give Embree the sphere of an instance. */
-RTCGeometry accel_sphere_geometry(RTCDevice device, struct accel_geometry *g);
+/* accel_shape.c: give Embree the shape of an instance. */
+RTCGeometry accel_shape_geometry(RTCDevice device, struct accel_geometry *g);
 
 /* ---- accel_decide.c ----------------------------------------------------------------------- */
 

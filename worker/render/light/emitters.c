@@ -12,13 +12,6 @@
 #define GROUP_ODDS_MIN 0.25
 #define GROUP_ODDS_MIN_ALIKE 0x1p-8
 
-int emitters_face_kind(const struct render_scene *scene, uint32_t face)
-{
-    const struct hit *light = &scene->emitters.faces[face];
-
-    return scene->instances[light->instance].sphere ? LIGHT_SPHERE : LIGHT_TRIANGLE;
-}
-
 /* ---- weighing ---------------------------------------------------------------------------- */
 
 /* Intensities in double, so that sums of the largest floats hold. */
@@ -67,8 +60,8 @@ static void weigh_lights(const struct emitters *e, const struct render_scene *sc
     }
     for (uint32_t i = 0; i < e->face_count; i++, item++)
         if (!emitters_is_dark(e, i)) {
-            struct light_weight weight = weight_of(scene, emitters_face_kind(scene, i),
-                                                   &e->faces[i]);
+            const struct shape *shape = scene->instances[e->faces[i].instance].shape;
+            struct light_weight weight = weight_of(scene, face_light_kind(shape), &e->faces[i]);
 
             weigh_item(w, item, &weight);
         }

@@ -56,9 +56,6 @@ static inline int emitters_is_dark(const struct emitters *e, uint32_t face)
     return e->dark[face / 8] >> face % 8 & 1;
 }
 
-/* Which kind of light a face is: LIGHT_TRIANGLE, LIGHT_SPHERE. */
-int emitters_face_kind(const struct render_scene *scene, uint32_t face);
-
 /* How many items of the tree are not faces. */
 static inline uint32_t emitters_local_punctual(const struct emitters *e)
 {

@@ -24,6 +24,23 @@ static inline int emitters_sample_light(const struct render_scene *scene, int ki
     return 0;
 }
 
+/* The same of a face: by its shape, so that the kind is a constant wherever it is sampled. */
+static inline int emitters_sample_face(const struct render_scene *scene, const struct hit *face,
+                                       const struct light_context *context, float u, float v,
+                                       struct light_sample *out)
+{
+    switch (shape_kind_of(scene->instances[face->instance].shape)) {
+#define SHAPE_CASE(KIND, ...) \
+    case SHAPE_##KIND:        \
+        return emitters_sample_light(scene, LIGHT_##KIND, face, context, u, v, out);
+        SHAPE_KINDS(SHAPE_CASE)
+#undef SHAPE_CASE
+    case SHAPE_KIND_COUNT:
+        break;
+    }
+    return 0;
+}
+
 static int emitters_sample_punctual(const struct render_scene *scene,
                                     const struct punctual *light,
                                     const struct light_context *context, struct light_sample *out)
@@ -73,8 +90,7 @@ static int emitters_sample_local(const struct render_scene *scene,
         return emitters_sample_punctual(scene, e->punctual[e->directional_count + item], context,
                                         out);
     item -= punctual;
-    return emitters_sample_light(scene, emitters_face_kind(scene, item), &e->faces[item], context, u,
-                                 v, out);
+    return emitters_sample_face(scene, &e->faces[item], context, u, v, out);
 }
 
 int emitters_sample(const struct render_scene *scene, const struct light_context *context, float u,
@@ -143,7 +159,7 @@ float emitters_face_pdf(const struct render_scene *scene, const struct light_con
     const struct light_meeting met = {emitters_face_odds(e, context, face), distance_squared, cosine,
                                       area};
 
-    switch (emitters_face_kind(scene, face)) {
+    switch (face_light_kind(scene->instances[e->faces[face].instance].shape)) {
 #define LIGHT_PDF_FACE(KIND, prefix) \
     case LIGHT_##KIND:               \
         return prefix##_pdf(scene, &e->faces[face], context, &met);

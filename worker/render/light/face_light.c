@@ -36,7 +36,7 @@ static int slot_is_dark(const struct texture_dark *dark, const struct world_slot
 
 static uint32_t faces_of(const struct render_scene *scene, const struct world_instance *instance)
 {
-    return instance->sphere ? 1 : scene->meshes[instance->mesh].triangle_count;
+    return instance->shape ? 1 : scene->meshes[instance->mesh].triangle_count;
 }
 
 uint64_t face_lights_count(struct render_scene *scene)

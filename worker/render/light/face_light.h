@@ -8,6 +8,22 @@
 #define AZULEJO_RENDER_FACE_LIGHT_H
 
 #include "worker/render/light/light.h"
+#include "worker/render/shape/shape.h"
+
+/* The row of LIGHT_KINDS for the faces of an instance with this shape: that of the same name. */
+static inline int face_light_kind(const struct shape *shape)
+{
+    switch (shape_kind_of(shape)) {
+#define SHAPE_LIGHT(KIND, ...) \
+    case SHAPE_##KIND:         \
+        return LIGHT_##KIND;
+        SHAPE_KINDS(SHAPE_LIGHT)
+#undef SHAPE_LIGHT
+    case SHAPE_KIND_COUNT:
+        break;
+    }
+    return LIGHT_TRIANGLE;
+}
 
 /* Density per solid angle of a point that is chosen uniformly on `area`, times the odds. */
 static inline float face_light_area_pdf(const struct light_meeting *met, float area)

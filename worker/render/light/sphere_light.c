@@ -1,4 +1,4 @@
-/* sphere_light: an emissive sphere (world_sphere.h), sampled by the directions in which it is seen:
+/* sphere_light: an emissive sphere (shape/sphere.h), sampled by the directions in which it is seen:
  * uniformly in the cone around it (Shirley, Wang and Zimmerman 1996, "Monte Carlo Techniques for
  * Direct Lighting Calculations", section 3.2.2), from inside uniformly over its surface. */
 #include "worker/render/light/face_light.h"
@@ -6,11 +6,12 @@
 #include "common/math/elementary.h"
 #include "worker/render/bsdf/warp.h"
 #include "worker/render/base/exact.h"
-#include "worker/render/surface/surface_sphere.h"
+#include "worker/render/shape/sphere.h"
+#include "worker/render/world.h"
 
 /* What a place sees of the sphere. */
 struct sphere_view {
-    const struct world_sphere *sphere;
+    const struct sphere_shape *sphere;
     double to_centre[3], distance; /* metres, from the place */
     int inside;
     int lit;                       /* it shines towards the place */
@@ -21,17 +22,17 @@ static void sphere_view_init(struct sphere_view *view, const struct render_scene
                              const struct hit *light, struct vec3 from)
 {
     const struct world_instance *instance = &scene->instances[light->instance];
-    const struct accel_sphere *shape = &instance->sphere->shape;
+    const struct sphere_shape *sphere = sphere_of(instance->shape);
     double p[3], sine2;
 
     exact_vec(from, p);
-    view->sphere = instance->sphere;
-    exact_sub(shape->centre, p, view->to_centre);
+    view->sphere = sphere;
+    exact_sub(sphere->centre, p, view->to_centre);
     view->distance = sqrt(exact_dot(view->to_centre, view->to_centre));
-    view->inside = !(view->distance > shape->radius);
-    view->lit = view->inside == view->sphere->inward ||
+    view->inside = !(view->distance > sphere->radius);
+    view->lit = view->inside == (int)sphere->shape.front ||
                 scene->materials[instance->material].m.double_sided;
-    sine2 = shape->radius / view->distance;
+    sine2 = sphere->radius / view->distance;
     sine2 *= sine2;
     view->height = view->inside ? 0 : sine2 / (1 + sqrt(1 - sine2)); /* does not cancel far away */
 }
@@ -44,7 +45,7 @@ static float cone_pdf(const struct sphere_view *view)
 /* Per solid angle, of a point of the surface that is chosen uniformly. */
 static float surface_pdf(const struct sphere_view *view, float distance_squared, float cosine)
 {
-    double radius = view->sphere->shape.radius;
+    double radius = view->sphere->radius;
     struct light_meeting met = {.odds = 1, .distance_squared = distance_squared, .cosine = cosine};
 
     return face_light_area_pdf(&met, (float)(4 * PI_D * radius * radius));
@@ -75,7 +76,7 @@ static struct vec3 cap_direction(double rise, float v)
 /* The direction, the distance and the cosine at the light. */
 static void sample_cone(const struct sphere_view *view, float u, float v, struct light_sample *out)
 {
-    double radius = view->sphere->shape.radius, rise = (double)u * view->height;
+    double radius = view->sphere->radius, rise = (double)u * view->height;
     double aside2 = rise * (2 - rise) * view->distance * view->distance;
     double depth = sqrt(fmax(radius * radius - aside2, 0));
     struct basis frame = basis_from_normal(
@@ -92,7 +93,7 @@ static void sample_cone(const struct sphere_view *view, float u, float v, struct
 static void sample_surface(const struct sphere_view *view, float u, float v,
                            struct light_sample *out)
 {
-    double radius = view->sphere->shape.radius;
+    double radius = view->sphere->radius;
     struct vec3 normal = cap_direction(2 * (double)u, v);
     struct vec3 to_light = vec3_make((float)(view->to_centre[0] + radius * (double)normal.x),
                                      (float)(view->to_centre[1] + radius * (double)normal.y),
@@ -147,11 +148,11 @@ void sphere_light_weigh(const struct render_scene *scene, const void *light_,
     const struct hit *light = light_;
     const struct world_instance *instance = &scene->instances[light->instance];
     const struct world_material *material = &scene->materials[instance->material];
-    const struct accel_sphere *shape = &instance->sphere->shape;
-    struct vec3 centre = vec3_make((float)shape->centre[0], (float)shape->centre[1],
-                                   (float)shape->centre[2]);
+    const struct sphere_shape *sphere = sphere_of(instance->shape);
+    struct vec3 centre = vec3_make((float)sphere->centre[0], (float)sphere->centre[1],
+                                   (float)sphere->centre[2]);
     /* A little larger: the centre was rounded. */
-    float reach = (float)(shape->radius + 0x1p-22 * exact_largest(shape->centre));
+    float reach = (float)(sphere->radius + 0x1p-22 * exact_largest(sphere->centre));
 
     out->bounds.min = vec3_sub(centre, vec3_splat(reach));
     out->bounds.max = vec3_add(centre, vec3_splat(reach));
@@ -162,7 +163,7 @@ void sphere_light_weigh(const struct render_scene *scene, const void *light_,
     out->bounds.lamp = light->instance;
     out->bounds.two_sided = material->m.double_sided;
     /* It sends to every side what its disk does. */
-    out->intensity = PI_D * shape->radius * shape->radius *
+    out->intensity = PI_D * sphere->radius * sphere->radius *
                      (double)vec3_luminance(radiance_towards(scene, light, 1));
     if (!(out->intensity > 0 && isfinite(out->intensity)))
         out->intensity = 0;

@@ -79,9 +79,7 @@ static void path_shade(const struct path *path, struct path_vertex *v, struct pa
     record->albedo = v->params.base_color;
     record->instance = (uint32_t)(s->instance - scene->instances);
     record->material = (uint32_t)(s->material - scene->materials);
-    record->triangle = s->triangle;
-    if (s->instance->sphere)
-        record->triangle = surface_locate(scene, &v->s);
+    record->triangle = surface_locate(scene, &v->s);
     record->b1 = s->b1;
     record->b2 = s->b2;
     surface_uv(s, &record->u, &record->v);

@@ -18,7 +18,7 @@
 #include "worker/render/base/profile_scope.h"
 #include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
-#include "worker/render/surface/surface_sphere.h"
+#include "worker/render/surface/surface_shape.h"
 
 /* A kernel variant makes these functions static. */
 #ifndef PATH_FUNCTION

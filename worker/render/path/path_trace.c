@@ -44,8 +44,8 @@ static int is_enclosed(const struct render_scene *scene, const struct interior *
     if (ray->left_count == 0)
         return 0;
     instance = &scene->instances[ray->left[0].instance];
-    if (!instance->encloses || instance->sphere)
-        return 0; /* no ray slips out of a sphere */
+    if (!instance->encloses)
+        return 0;
     world_exact_corners(scene, ray->left[0].instance, ray->left[0].triangle, ray->time, corner);
     exact_normal(corner, n);
     exact_vec(ray->direction, direction);

@@ -17,7 +17,7 @@
 #include "worker/render/scene/world_material.h"
 #include "worker/render/scene/world_memory.h"
 #include "worker/render/scene/world_place.h"
-#include "worker/render/scene/world_sphere.h"
+#include "worker/render/scene/world_shape.h"
 #include "worker/render/scene/world_touch.h"
 
 static status mesh_init(struct world_mesh *out, const struct scene_mesh *mesh, const uint8_t *data,
@@ -291,7 +291,7 @@ static void find_enclosing(struct render_scene *w, const struct scene *scene)
 
 static status build_accel(struct render_scene *w, const struct scene *scene, struct error *err)
 {
-    /* One more: without triangles, for spheres. */
+    /* One more: without triangles, for shapes. */
     struct accel_mesh *meshes = mem_calloc((size_t)w->mesh_count + 1, sizeof *meshes);
     struct accel_instance *instances = mem_calloc(w->instance_count, sizeof *instances);
     struct accel_input input = {meshes, instances, w->mesh_count + 1, w->instance_count, w->settings.isa,
@@ -322,7 +322,7 @@ static status build_accel(struct render_scene *w, const struct scene *scene, str
             .motion_positions = instance->motion_positions,
             .motion_to_world = instance->motion_to_world,
         };
-        world_sphere_give(w, instance, &instances[i]);
+        world_shape_give(w, instance, &instances[i]);
     }
     s = accel_new(&w->accel, &input, err);
     if (s == STATUS_OK)
@@ -427,7 +427,7 @@ static status build(struct render_scene *w, const struct scene *scene,
         find_enclosing(w, scene);
         load_camera(w, poses);
         w->kernel = kernel_for(w->effects);
-        if ((s = world_spheres_find(w, scene, err)) == STATUS_OK &&
+        if ((s = world_shapes_find(w, scene, err)) == STATUS_OK &&
             (s = load_environment(w, scene, blobs, err)) == STATUS_OK &&
             (s = find_bounds(w, scene, err)) == STATUS_OK &&
             (s = load_lights(w, scene, poses, err)) == STATUS_OK &&

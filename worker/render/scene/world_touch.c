@@ -44,7 +44,7 @@ static unsigned flags_of(const struct render_scene *w, uint32_t instance)
     const struct world_material *m = &w->materials[w->instances[instance].material];
     unsigned flags = m->flags & (MATERIAL_BOUNDS | MATERIAL_TWO_WAY);
 
-    if (w->instances[instance].sphere)
+    if (w->instances[instance].shape)
         return 0; /* it coincides with nothing */
     /* Of a mix any part may be met. */
     return m->m.kind == MATERIAL_MIX ? flags | (w->materials[m->filling].flags & MATERIAL_BOUNDS)

@@ -5,7 +5,7 @@
 #include "worker/render/base/exact.h"
 #include "worker/render/world.h"
 #include "worker/render/surface/world_motion.h"
-#include "worker/render/surface/surface_sphere.h"
+#include "worker/render/surface/surface_shape.h"
 
 void world_triangle(const struct render_scene *scene, const struct world_instance *instance,
                     uint32_t triangle, float time, struct vec3 corner[3])
@@ -48,8 +48,8 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     s->time = ray->time;
     s->material = &scene->materials[s->instance->material];
     s->mesh = &scene->meshes[s->instance->mesh];
-    if (s->instance->sphere) {
-        surface_on_sphere(scene, ray, hit, s);
+    if (s->instance->shape) {
+        surface_on_shape(scene, ray, hit, s);
         return;
     }
     s->triangle = hit->triangle;

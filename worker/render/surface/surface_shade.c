@@ -101,13 +101,13 @@ static struct vec3 surface_mapped_normal(const struct surface *s, const struct w
     return cosine < 0 ? vec3_mad(b, front_ng, BEND_COSINE - cosine) : b;
 }
 
-/* The vertices' normal on the front side; the triangle's where they have none. */
+/* The vertices' normal on the front side; the face's own where they have none, and of a shape. */
 static struct vec3 surface_vertex_normal(const struct surface *s)
 {
     struct vec3 front_ng = s->front ? s->ng : vec3_neg(s->ng), n;
     const float *normals = world_normals(s->instance, s->mesh);
 
-    if (!normals || s->instance->sphere)
+    if (!normals || s->instance->shape)
         return front_ng;
     n = surface_deformed(s, normals, s->instance->motion_normals, 3);
     if (!s->instance->skinned) {

@@ -1,4 +1,5 @@
-/* sphere: a line and a whole sphere in double precision. Private to worker/render.
+/* sphere: a whole sphere, and a line that meets it, in double precision. Private to worker/render.
+ * Side 0 is outside.
  *
  * The point of the line that is nearest to the centre decides whether the sphere is met and where
  * (Haines, Gunther and Akenine-Moeller 2019, "Precision Improvements for Ray/Sphere Intersection",
@@ -9,6 +10,17 @@
 #define AZULEJO_RENDER_SPHERE_H
 
 #include "worker/render/base/exact.h"
+#include "worker/render/shape/shape.h"
+
+struct sphere_shape {
+    struct shape shape;
+    double centre[3], radius; /* metres, world */
+};
+
+static inline const struct sphere_shape *sphere_of(const struct shape *shape)
+{
+    return (const struct sphere_shape *)shape;
+}
 
 struct sphere_chord {
     double foot[3];      /* from the centre to the line's nearest point, metres */
@@ -17,7 +29,7 @@ struct sphere_chord {
     int meets;           /* 0: the line passes by; half is then 0 */
 };
 
-static inline void sphere_chord_find(const struct accel_sphere *sphere, const double origin[3],
+static inline void sphere_chord_find(const struct sphere_shape *sphere, const double origin[3],
                                      const double direction[3], struct sphere_chord *out)
 {
     double to_origin[3], length2 = exact_dot(direction, direction), inside;
@@ -31,21 +43,8 @@ static inline void sphere_chord_find(const struct accel_sphere *sphere, const do
     out->half = out->meets ? sqrt(inside / length2) : 0;
 }
 
-/* Of the places where the line meets the sphere, that nearest to `t`; where it passes by, the point
- * nearest to the centre. */
-static inline double sphere_nearest(const struct accel_sphere *sphere, const double origin[3],
-                                    const double direction[3], double t)
-{
-    struct sphere_chord chord;
-
-    sphere_chord_find(sphere, origin, direction, &chord);
-    return t < chord.middle ? chord.middle - chord.half : chord.middle + chord.half;
-}
-
-static inline int sphere_same(const struct accel_sphere *a, const struct accel_sphere *b)
-{
-    return a == b || (a->radius == b->radius && a->centre[0] == b->centre[0] &&
-                      a->centre[1] == b->centre[1] && a->centre[2] == b->centre[2]);
-}
+/* Rows of the grid that shape_sphere makes: twice as many columns, from the pole at -z on, two
+ * triangles a cell but one at the poles. 0: that is not the count of one. */
+uint32_t sphere_mesh_rows(uint32_t triangles);
 
 #endif
