@@ -74,6 +74,7 @@ enum scene_mesh_arrays {
     MESH_SKIN = 1 << 5,     /* struct mesh_influence: joints of the instance's skin */
     MESH_SPHERE = 1 << 6,   /* no array: the triangles stand in for the sphere around the origin on
                                which the vertices lie (worker/render/shape/sphere.c) */
+    MESH_STAND_INS = MESH_SPHERE, /* what is no array but says what the triangles stand in for */
     MESH_ARRAYS_ALL = 127,
 };
 

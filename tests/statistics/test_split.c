@@ -49,7 +49,7 @@ static int add_part(struct import_result *import, const struct scene_mesh *mesh,
     uint32_t *indices;
 
     *out = *mesh;
-    out->arrays &= ~(uint32_t)MESH_SPHERE; /* its triangles, not the sphere that they stand in for */
+    out->arrays &= ~(uint32_t)MESH_STAND_INS; /* its triangles, not the shape that they stand in for */
     out->triangle_count = 0;
     out->closed = 0;
     for (uint32_t t = 0; t < mesh->triangle_count; t++)

@@ -115,7 +115,7 @@ static void fill_meshes(struct scene *s)
     s->meshes[0] = (struct scene_mesh){.name = "box",
                                        .vertex_count = 24,
                                        .triangle_count = 12,
-                                       .arrays = MESH_ARRAYS_ALL & ~(uint32_t)MESH_SPHERE,
+                                       .arrays = MESH_ARRAYS_ALL & ~(uint32_t)MESH_STAND_INS,
                                        .morph_count = 2,
                                        .bounds_min = {-1, -2, -3},
                                        .bounds_max = {1, 2, 3},

@@ -326,7 +326,7 @@ status mesh_finish(struct builder *b, struct mesh_source *mesh, const char *name
     out.arrays = (mesh->normals ? MESH_NORMALS : 0u) | (mesh->tangents ? MESH_TANGENTS : 0u) |
                  (mesh->uv[0] ? MESH_UV0 : 0u) | (mesh->uv[1] ? MESH_UV1 : 0u) |
                  (mesh->colors ? MESH_COLORS : 0u) | (mesh->influences ? MESH_SKIN : 0u) |
-                 (mesh->sphere ? MESH_SPHERE : 0u);
+                 mesh->stands_in;
     out.morph_count = (uint32_t)mesh->morph_count;
     find_bounds(mesh, &out);
     result = write_blob(b, mesh, &out, &data, &size_bytes);

@@ -33,7 +33,8 @@ struct mesh_source {
     struct mesh_influence *influences; /* a vertex, or NULL: no skin */
     struct mesh_morph *morphs;         /* [morph_count] */
     size_t morph_count;
-    int sphere;         /* all of a sphere around the origin, as shape_sphere makes it */
+    unsigned stands_in; /* for a shape: MESH_SPHERE as shape_sphere makes it, or 0 */
+    double true_area;   /* m^2, of that shape; 0 where it stands in for none */
 };
 
 void mesh_source_release(struct mesh_source *mesh);

@@ -215,7 +215,11 @@ static status sphere(double radius, double z_min, double z_max, double phi_max_r
                   (double)j / rows, shift);
     }
     add_grid(out, 0, sweep.columns, rows, poles);
-    out->sphere = sweep.full && poles == (POLE_FIRST | POLE_LAST);
+    if (sweep.full && poles == (POLE_FIRST | POLE_LAST)) {
+        const double r = (double)(float)radius; /* as the vertices have it */
+        out->stands_in = MESH_SPHERE;
+        out->true_area = 4 * PI_D * r * r;
+    }
     return STATUS_OK;
 }
 

@@ -423,24 +423,22 @@ static double world_area(const struct transform_d *m, const struct mesh_source *
     return sum;
 }
 
-/* The same, of what a sphere's mesh stands in for. */
+/* The same, of what the mesh stands in for. */
 static double true_area(const struct transform_d *m, const struct mesh_source *mesh)
 {
     const struct transform_d own = transform_d_identity();
-    double square = 0;
 
-    if (!mesh->sphere)
+    if (!mesh->stands_in)
         return world_area(m, mesh);
-    for (int c = 0; c < 3; c++)
-        square += (double)mesh->positions[c] * (double)mesh->positions[c];
-    return world_area(m, mesh) * 4 * PI_D * square / world_area(&own, mesh);
+    return world_area(m, mesh) * mesh->true_area / world_area(&own, mesh);
 }
 
 static status copy_mesh(struct pbrt *p, const struct mesh_source *from, struct mesh_source *to)
 {
     *to = (struct mesh_source){.vertex_count = from->vertex_count,
                                .triangle_count = from->triangle_count,
-                               .sphere = from->sphere};
+                               .stands_in = from->stands_in,
+                               .true_area = from->true_area};
     memcpy(to->origin, from->origin, sizeof to->origin);
     to->positions = mem_memdup(from->positions, from->vertex_count * 3 * sizeof(float));
     to->indices = mem_memdup(from->indices, from->triangle_count * 3 * sizeof(uint32_t));

@@ -33,7 +33,7 @@ static void test_layout(void **state)
     assert_true(layout.normals == SIZE_MAX && layout.colors == SIZE_MAX);
     assert_int_equal(layout.indices, 60);
     assert_int_equal(layout.total_bytes, 60 + 24 + 16);
-    mesh.arrays = MESH_ARRAYS_ALL & ~(uint32_t)MESH_SPHERE;
+    mesh.arrays = MESH_ARRAYS_ALL & ~(uint32_t)MESH_STAND_INS;
     scene_mesh_layout(&mesh, &layout);
     assert_int_equal(layout.normals, 60);
     assert_int_equal(layout.tangents, 120);
