@@ -3,6 +3,7 @@
 #   make            the three programs, into build/release/bin
 #   make SANITIZE=address,undefined ...   a separate tree with sanitizers
 #   make DEBUG=1 ...                      a separate tree without optimisation
+#   make SAFEGUARDS=1 ...                 a separate tree whose safeguards can be switched off
 #   make V=1 ...                          print whole commands
 
 PREFIX ?= /usr/local
@@ -14,6 +15,7 @@ VERSION := 0.2.0-dev
 
 SANITIZE ?=
 DEBUG ?=
+SAFEGUARDS ?=
 comma := ,
 ifneq ($(SANITIZE),)
   VARIANT := $(subst $(comma),-,$(SANITIZE))
@@ -27,6 +29,10 @@ else ifneq ($(DEBUG),)
 else
   VARIANT := release
   OPTIMISE := -O3 -g
+endif
+ifneq ($(SAFEGUARDS),)
+  VARIANT := $(VARIANT:release=)safeguards
+  CPPFLAGS += -DAZULEJO_SAFEGUARDS
 endif
 ifeq ($(findstring clang,$(CC)),clang)
   VARIANT := $(VARIANT)-clang
@@ -112,7 +118,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy layers circles words install uninstall clean tests lint format new-tonemap
+.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy layers circles words numerics install uninstall clean tests lint format new-tonemap
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -172,6 +178,7 @@ $(BIN)/scenes/%: $(BUILD)/obj/scenes/%.o $(call object,$(SCENE_SHARED)) $(LIB_CO
 	@mkdir -p $(@D)
 	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_COMMON) $(LIBS_CLIENT)
 
+$(TESTS): $(call object,tests/support/filter.c)
 $(TESTS) $(TOOLS): $(BUILD)/%: $(BUILD)/obj/%.o $(LIB_SUPPORT) $(LIBRARIES)
 	@mkdir -p $(@D)
 	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ -lcmocka $(LIBS_ALL)
@@ -230,6 +237,10 @@ words: ## prove that the glossary of docs/ARCHITECTURE.md is true
 
 layers: ## prove the dependency rule of docs/ARCHITECTURE.md
 	@scripts/check-layers.sh
+
+numerics: ## prove that a test notices the loss of each safeguard (docs/NUMERICS.md)
+	$(MAKE) SAFEGUARDS=1 tests
+	@python3 -B tests/numerics/safeguards.py build/safeguards $(NUMERICS_ARGS)
 
 test-slurm: all ## preempt, cancel and time out deploy/slurm's workers (needs slurm-wlm and munge)
 	@BUILD=$(BUILD) deploy/slurm/try.sh

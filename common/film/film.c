@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 #include "common/film/film_parts.h"
 
 /* ---- life ----------------------------------------------------------------------------------- */
@@ -310,7 +311,7 @@ static status check_result(const struct film *film, const struct unit_result *un
                          "tile %u, group %u, pass %u: %zu numbers instead of %zu", tile, group,
                          pass, unit->count, unit_numbers(film, tile, group, pass));
     for (size_t i = 0; i < unit->count; i++)
-        if (!isfinite(unit->sums[i]))
+        if (!isfinite(unit->sums[i]) && SAFEGUARD(FINITE_UNIT))
             return error_set(err, STATUS_ERR_INPUT,
                              "tile %u, group %u, pass %u: number %zu is not finite", tile, group,
                              pass, i);

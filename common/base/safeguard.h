@@ -1,0 +1,59 @@
+/* safeguard: what keeps a hard case stable, each with a switch for the tests.
+ *
+ *     static float mis_weight(float a, float b)
+ *     {
+ *         if (SAFEGUARD(MIS_OVERFLOW)) ...
+ *
+ * In an ordinary build SAFEGUARD(...) is the constant 1 and nothing of this file is left. In the
+ * build of `make numerics` (SAFEGUARDS=1) one safeguard at a time is off: the one that the environment
+ * variable AZULEJO_SAFEGUARD_OFF names, or numbers. tests/numerics/safeguards.py runs the tests
+ * so, and fails where none of them notices. A switch stands inside the one function that is the
+ * safeguard, not at its callers.
+ */
+#ifndef AZULEJO_BASE_SAFEGUARD_H
+#define AZULEJO_BASE_SAFEGUARD_H
+
+/* X(NAME, what it prevents): the sentence says what goes wrong without it. */
+#define SAFEGUARD_MAP(X)        \
+    SAFEGUARDS_OF_HITS(X)       \
+    SAFEGUARDS_OF_SCATTERING(X) \
+    SAFEGUARDS_OF_LIGHT(X)      \
+    SAFEGUARDS_OF_CAMERA(X)     \
+    SAFEGUARDS_OF_SUMS(X)       \
+    SAFEGUARDS_OF_OUTPUT(X)
+
+/* Rays, faces, contacts, bodies: worker/render/{accel,surface,scene,path}. */
+#define SAFEGUARDS_OF_HITS(X)
+
+/* Lobes, random numbers, weights of paths: worker/render/{bsdf,base,path}. */
+#define SAFEGUARDS_OF_SCATTERING(X)
+
+/* Lamps, environment maps, media, textures: worker/render/{light,medium,texture}. */
+#define SAFEGUARDS_OF_LIGHT(X)
+
+/* Cameras, poses, the scene's numbers: worker/render/camera, common/{math,scene}, client/import. */
+#define SAFEGUARDS_OF_CAMERA(X)
+
+/* Samples, units, the film, statistics: worker/render/path/tile.c, common/{film,accuracy}, coordinator/film. */
+#define SAFEGUARDS_OF_SUMS(X) \
+    X(FINITE_UNIT, "a worker's sums that are not finite make their pixels NaN for good")
+
+/* Tone mappers and the formats of pictures: common/{tonemap,image}. */
+#define SAFEGUARDS_OF_OUTPUT(X)
+
+#ifndef AZULEJO_SAFEGUARDS
+#define SAFEGUARD(name) 1
+#else
+enum safeguard {
+#define SAFEGUARD_ENUM(name, prevents) SAFEGUARD_##name,
+    SAFEGUARD_MAP(SAFEGUARD_ENUM)
+#undef SAFEGUARD_ENUM
+    SAFEGUARD_COUNT
+};
+extern const char *const safeguard_names[SAFEGUARD_COUNT];
+/* Set before main, and constant from then on. -1: all safeguards are on. */
+extern int safeguard_off;
+#define SAFEGUARD(name) (safeguard_off != SAFEGUARD_##name)
+#endif
+
+#endif
