@@ -45,7 +45,7 @@
     X(CLEARCOAT, FORM(clearcoat))       /* weight of the coat, 0..1 */                            \
     X(IRIDESCENCE, FORM(iridescence))   /* weight of the film, 0..1 */                            \
     X(DIFFUSE_TRANSMISSION, FORM(diffuse_transmission)) /* share of the base that goes through */ \
-    X(DIFFUSE, FORM(diffuse_roughness)) /* of the base, 0..1 */
+    X(ROUGH_DIFFUSE, FORM(diffuse_roughness)) /* of the base, 0..1 */
 #define BSDF_FACTOR_IS_SET(name) p->name > 0.0f
 
 /* The material's values at the hit point, textures applied. */
