@@ -328,9 +328,10 @@ static void assert_acting(const struct scene_material *m, const char *slots)
     }
 }
 
-#define LIT " base_color metallic_roughness normal emission anisotropy clearcoat "                 \
-    "clearcoat_roughness clearcoat_normal "
-#define SURFACE LIT "sheen_color sheen_roughness iridescence iridescence_thickness "
+#define METAL " base_color normal emission anisotropy clearcoat clearcoat_roughness clearcoat_normal "
+#define LIT METAL "metallic_roughness "
+#define SURFACE_LAYERS "sheen_color sheen_roughness iridescence iridescence_thickness "
+#define SURFACE LIT SURFACE_LAYERS
 #define DIELECTRIC SURFACE                                                                         \
     "specular specular_color transmission diffuse_roughness diffuse_transmission "                 \
     "diffuse_transmission_color "
@@ -344,9 +345,7 @@ static void test_who_reads_what(void **state)
     m.metallic = 1; /* the texture makes it less */
     assert_acting(&m, DIELECTRIC);
     m.metallic_roughness_texture.texture = -1;
-    assert_acting(&m, " base_color normal emission anisotropy clearcoat clearcoat_roughness "
-                      "clearcoat_normal sheen_color sheen_roughness iridescence "
-                      "iridescence_thickness ");
+    assert_acting(&m, METAL SURFACE_LAYERS);
     m = full_material();
     m.unlit = 1;
     assert_acting(&m, " base_color ");
