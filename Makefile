@@ -118,7 +118,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy layers circles words numerics install uninstall clean tests lint format new-tonemap
+.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy layers circles words numerics install uninstall clean tests lint format new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -247,6 +247,12 @@ test-slurm: all ## preempt, cancel and time out deploy/slurm's workers (needs sl
 
 lint: ## clang-tidy and cppcheck
 	@scripts/lint.sh
+
+new-lobe: ## start a lobe: its file, rows, tests and a row of the manual (NAME=x)
+	@scripts/new-lobe.py "$(NAME)"
+
+test-new: ## what new-lobe and new-tonemap make builds and passes (builds a copy of the tree: 10 minutes)
+	@python3 -B tests/farm/test_new.py --build
 
 new-tonemap: ## start a tone mapper: its file, row, test and section (NAME=x)
 	@scripts/new-tonemap.sh "$(NAME)"

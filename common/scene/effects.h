@@ -10,7 +10,8 @@
 
 #include "common/scene/scene.h"
 
-/* X(name, text). What the kernel can leave out is asked by HAS(name) in worker/render. */
+/* X(name, text). What the kernel can leave out is asked by HAS(name) in worker/render. A row's number
+ * is its bit on the wire and in what is stored: a new row is the last. */
 #define EFFECT_MAP(X)                                 \
     X(DIFFUSE, "diffuse")                             \
     X(GLOSSY, "glossy")                               \
@@ -51,7 +52,8 @@
     X(DEFORMATION, "skinning and morphing")           \
     X(LIGHT_IMAGE, "light with an image")             \
     X(PORTAL, "portal")                               \
-    X(CAUSTICS, "caustics")
+    X(CAUSTICS, "caustics")                           \
+    X(ROUGH_DIFFUSE, "rough diffuse")
 
 enum effect_bit {
 #define EFFECT_ENUM(name, text) EFFECT_BIT_##name,
@@ -74,7 +76,7 @@ EFFECT_MAP(EFFECT_VALUE)
      EFFECT_DIFFUSE_TRANSMISSION | EFFECT_DISPERSION | EFFECT_NESTED_DIELECTRIC |               \
      EFFECT_MULTIPLE_SCATTERING | EFFECT_MEDIUM | EFFECT_MEDIUM_EMISSION | EFFECT_FOG |         \
      EFFECT_DEPTH_OF_FIELD | EFFECT_MOTION_BLUR | EFFECT_LIGHT_IMAGE | EFFECT_PORTAL |          \
-     EFFECT_CAUSTICS)
+     EFFECT_CAUSTICS | EFFECT_ROUGH_DIFFUSE)
 
 /* The time of a frame is kept by accounts: 0 is no effect's (tracing rays, the geometry they meet,
  * sums), bit + 1 the effect's (worker/render/base/profile_scope.h). */
@@ -86,7 +88,7 @@ enum { EFFECT_ACCOUNTS = EFFECT_COUNT + 1 };
      EFFECT_ORTHOGRAPHIC | EFFECT_INSTANCING |                                                  \
      EFFECT_DISPERSION | EFFECT_MATERIAL_MIX | EFFECT_INTERFACE | EFFECT_NESTED_DIELECTRIC |   \
      EFFECT_MEDIUM_EMISSION | EFFECT_DEPTH_OF_FIELD | EFFECT_PANORAMA | EFFECT_MOTION_BLUR |   \
-     EFFECT_DEFORMATION | EFFECT_CAUSTICS)
+     EFFECT_DEFORMATION | EFFECT_CAUSTICS | EFFECT_ROUGH_DIFFUSE)
 
 /* Roughness below this is a mirror: the least float whose square (GGX alpha) is not below
  * 1e-3f, so that the answer is the renderer's to the last bit. */

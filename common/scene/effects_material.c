@@ -124,6 +124,8 @@ static uint64_t lobes(const struct scene_material *m)
         set = base_lobes(m);
     }
     set |= called_by_values(m);
+    if (!(set & EFFECT_DIFFUSE))
+        set &= ~EFFECT_ROUGH_DIFFUSE; /* no base that could be rough */
     return set & EFFECT_CLEARCOAT ? set | coat_lobes(m) : set;
 }
 

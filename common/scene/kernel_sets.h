@@ -17,14 +17,14 @@
      KERNEL_BIT(PUNCTUAL_LIGHT) | KERNEL_BIT(ENVIRONMENT) | KERNEL_BIT(ORTHOGRAPHIC) |      \
      KERNEL_BIT(INSTANCING) | KERNEL_BIT(LIGHT_IMAGE) | KERNEL_BIT(PORTAL) |                \
      KERNEL_BIT(DEFORMATION))
-/* And what reflects, what is painted (textures, normal maps, alpha), what is seen through. */
+/* And rough diffuse bases, what reflects, what is painted (textures, normal maps, alpha), what is seen through. */
 #define KERNEL_SET_GLASS                                                                    \
     (KERNEL_SET_MATTE | KERNEL_BIT(GLOSSY) | KERNEL_BIT(MIRROR) |                           \
      KERNEL_BIT(MULTIPLE_SCATTERING) | KERNEL_BIT(CONDUCTOR) | KERNEL_BIT(VERTEX_COLOR) |   \
      KERNEL_BIT(CAUSTICS) | KERNEL_BIT(TEXTURE) | KERNEL_BIT(NORMAL_MAP) |                  \
      KERNEL_BIT(ALPHA) | KERNEL_BIT(UNLIT) | KERNEL_BIT(DIELECTRIC) |                       \
      KERNEL_BIT(ROUGH_DIELECTRIC) | KERNEL_BIT(THIN_TRANSMISSION) | KERNEL_BIT(ABSORPTION) | \
-     KERNEL_BIT(NESTED_DIELECTRIC))
+     KERNEL_BIT(NESTED_DIELECTRIC) | KERNEL_BIT(ROUGH_DIFFUSE))
 /* And layers, lenses, media, motion. */
 #define KERNEL_SET_GENERAL EFFECTS_ALL
 

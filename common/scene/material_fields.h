@@ -56,7 +56,7 @@
     TEXTURE(metallic_roughness, DATA, FILTERED, READ_BY_LIT, ALONE, MATERIAL, 10, FACTOR,          \
             PART(roughness, GREEN), PART(metallic, BLUE))                                          \
     /* of the diffuse base: 0 is Lambert's */                                                      \
-    VALUE(NUMBER, diffuse_roughness, 0, 0, 1, NONE, MATERIAL, 39)                                  \
+    VALUE(NUMBER, diffuse_roughness, 0, 0, 1, ROUGH_DIFFUSE, MATERIAL, 39)                         \
     TEXTURE(diffuse_roughness, DATA, FILTERED, READ_BY_DIELECTRIC, ALONE, MATERIAL, 40, FACTOR,    \
             PART(diffuse_roughness, RED))                                                          \
     VALUE(NUMBER, normal_scale, 1, -1e6f, 1e6f, NONE, MATERIAL, 11)                                \

@@ -193,28 +193,35 @@ struct bsdf_params bsdf_maker_other_side(const struct bsdf_params *p)
 
 const char *bsdf_maker_describe(const struct bsdf_params *p)
 {
-    static char text[1000];
+    static char text[2000];
+    int used;
 
-    snprintf(text, sizeof text,
-             "base (%g %g %g) metallic %g alpha %g ior %g in %g specular %g (%g %g %g) transmission "
-             "%g%s%s, stretched %g, conductor %d (%g %g %g) (%g %g %g), coat %g alpha %g ior %g n "
-             "(%g %g %g), sheen (%g %g %g) alpha %g, film %g ior %g %g nm, through %g (%g %g %g), "
-             "K %g, slab %d, single %d, rough %g",
-             (double)p->base_color.x, (double)p->base_color.y, (double)p->base_color.z,
-             (double)p->metallic, (double)p->alpha, (double)p->ior, (double)p->ior_outside,
-             (double)p->specular, (double)p->specular_color.x, (double)p->specular_color.y,
-             (double)p->specular_color.z, (double)p->transmission,
-             p->refractive ? " refractive" : "", p->inside ? " inside" : "",
-             (double)p->alpha_stretched, p->conductor, (double)p->eta.x, (double)p->eta.y,
-             (double)p->eta.z, (double)p->k.x, (double)p->k.y, (double)p->k.z,
-             (double)p->clearcoat, (double)p->clearcoat_alpha, (double)p->clearcoat_ior,
-             (double)p->clearcoat_normal.x, (double)p->clearcoat_normal.y,
-             (double)p->clearcoat_normal.z, (double)p->sheen_color.x, (double)p->sheen_color.y,
-             (double)p->sheen_color.z, (double)p->sheen_alpha, (double)p->iridescence,
-             (double)p->iridescence_ior, (double)p->iridescence_thickness_nm,
-             (double)p->diffuse_transmission, (double)p->diffuse_transmission_color.x,
-             (double)p->diffuse_transmission_color.y, (double)p->diffuse_transmission_color.z,
-             (double)p->base_interreflection, p->thin_slab, p->single_scattering,
-             (double)p->diffuse_roughness);
+    used = snprintf(
+        text, sizeof text,
+        "base (%g %g %g) metallic %g alpha %g ior %g in %g specular %g (%g %g %g) transmission "
+        "%g%s%s, stretched %g, conductor %d (%g %g %g) (%g %g %g), coat %g alpha %g ior %g n "
+        "(%g %g %g), sheen (%g %g %g) alpha %g, film %g ior %g %g nm, through %g (%g %g %g), "
+        "K %g, slab %d, single %d",
+        (double)p->base_color.x, (double)p->base_color.y, (double)p->base_color.z,
+        (double)p->metallic, (double)p->alpha, (double)p->ior, (double)p->ior_outside,
+        (double)p->specular, (double)p->specular_color.x, (double)p->specular_color.y,
+        (double)p->specular_color.z, (double)p->transmission,
+        p->refractive ? " refractive" : "", p->inside ? " inside" : "",
+        (double)p->alpha_stretched, p->conductor, (double)p->eta.x, (double)p->eta.y,
+        (double)p->eta.z, (double)p->k.x, (double)p->k.y, (double)p->k.z,
+        (double)p->clearcoat, (double)p->clearcoat_alpha, (double)p->clearcoat_ior,
+        (double)p->clearcoat_normal.x, (double)p->clearcoat_normal.y,
+        (double)p->clearcoat_normal.z, (double)p->sheen_color.x, (double)p->sheen_color.y,
+        (double)p->sheen_color.z, (double)p->sheen_alpha, (double)p->iridescence,
+        (double)p->iridescence_ior, (double)p->iridescence_thickness_nm,
+        (double)p->diffuse_transmission, (double)p->diffuse_transmission_color.x,
+        (double)p->diffuse_transmission_color.y, (double)p->diffuse_transmission_color.z,
+        (double)p->base_interreflection, p->thin_slab, p->single_scattering);
+#define FACTOR_TEXT(effect, member)                                      \
+    used += snprintf(text + used, sizeof text - (size_t)used, ", " member);
+#define NAME_AND_VALUE(name) #name " %g", (double)p->name
+    BSDF_FACTOR_MAP(FACTOR_TEXT, NAME_AND_VALUE)
+#undef NAME_AND_VALUE
+#undef FACTOR_TEXT
     return text;
 }

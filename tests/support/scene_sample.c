@@ -84,7 +84,6 @@ static void fill_materials(struct scene *s)
         .iridescence_thickness_min_nm = 300,
         .iridescence_thickness_max_nm = 200,
         .iridescence_thickness_texture = slot(1),
-        .diffuse_roughness_texture = {.texture = -1, .uv_transform = {{1, 0, 0}, {0, 1, 0}}},
         .diffuse_transmission = 0.875f,
         .diffuse_transmission_texture = slot(0),
         .diffuse_transmission_color = {0.125f, 0.25f, 0.5f},
@@ -100,6 +99,10 @@ static void fill_materials(struct scene *s)
         .mix_amount = 0.25f,
         .mix_texture = slot(1),
     };
+    /* What is not listed has no texture. */
+    for (int i = 0; i < MATERIAL_TEXTURES; i++)
+        if (s->materials[0].textures[i].uv_transform[0][0] == 0)
+            s->materials[0].textures[i] = s->materials[1].textures[i];
     s->materials[1].unlit = 1;
     s->materials[1].kind = MATERIAL_CONDUCTOR;
     s->materials[2].ior = 0;

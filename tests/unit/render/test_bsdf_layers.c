@@ -796,6 +796,13 @@ static struct bsdf_params hostile_params(struct test_random *r)
     }
     if ((what >> 14 & 3) == 0)
         p.base_interreflection = hostile_float(r);
+#define HOSTILE(effect, member)          \
+    if (test_random_u64(r) % 8 == 0) \
+        member = hostile_float(r);
+#define OF_PARAMS(name) p.name
+    BSDF_FACTOR_MAP(HOSTILE, OF_PARAMS)
+#undef OF_PARAMS
+#undef HOSTILE
     return p;
 }
 

@@ -86,7 +86,10 @@ static void test_lobes(void **state)
     (void)state;
     EXPECT(plain_set, (void)0);
     EXPECT(EFFECT_DIFFUSE, p.material.specular = 0);
-    EXPECT(EFFECT_DIFFUSE, p.material.specular = 0; p.material.diffuse_roughness = 0.5f);
+    EXPECT(EFFECT_DIFFUSE | EFFECT_ROUGH_DIFFUSE, p.material.specular = 0;
+           p.material.diffuse_roughness = 0.5f);
+    EXPECT(EFFECT_GLOSSY, memset(p.material.base_color, 0, 3 * sizeof(float));
+           p.material.diffuse_roughness = 0.5f);
     EXPECT(EFFECT_GLOSSY, p.material.metallic = 1; p.material.diffuse_roughness = 0.5f);
     EXPECT(EFFECT_GLOSSY, p.material.metallic = 1);
     EXPECT(plain_set, p.material.metallic = 0.5f);
@@ -157,9 +160,9 @@ static void test_textures(void **state)
     EXPECT(EFFECT_DIFFUSE, p.material.specular_texture.texture = 0; p.material.specular = 0);
     EXPECT(textured, p.material.specular_color_texture.texture = 0);
     EXPECT(plain_set, p.material.diffuse_roughness_texture.texture = 0);
-    EXPECT(textured, p.material.diffuse_roughness_texture.texture = 0;
+    EXPECT(textured | EFFECT_ROUGH_DIFFUSE, p.material.diffuse_roughness_texture.texture = 0;
            p.material.diffuse_roughness = 0.5f);
-    EXPECT(plain_set, p.material.diffuse_roughness_texture.texture = 0;
+    EXPECT(plain_set | EFFECT_ROUGH_DIFFUSE, p.material.diffuse_roughness_texture.texture = 0;
            p.material.diffuse_roughness = 0.5f;
            scene_material_reduce(&p.material, EFFECT_TEXTURE));
     EXPECT(plain_set, p.material.transmission_texture.texture = 0);

@@ -301,8 +301,13 @@ static struct scene_material full_material(void)
 
     scene_material_default(&m);
     m.metallic = 0.5f;
-    m.emission[0] = m.transmission = m.anisotropy = m.clearcoat = m.clearcoat_roughness = 1;
-    m.sheen_color[1] = m.sheen_roughness = m.iridescence = m.diffuse_transmission = 1;
+    for (int i = 0; i < MATERIAL_VALUES; i++) { /* weights of layers and lobes */
+        const struct material_value *row = &material_values[i];
+        if (row->effect && row->type == TYPE_NUMBER && row->initial == 0)
+            *(float *)((char *)&m + row->offset) = 1;
+    }
+    m.emission[0] = m.transmission = m.clearcoat_roughness = 1;
+    m.sheen_color[1] = m.sheen_roughness = 1;
     m.mix_amount = 0.5f;
     for (int i = 0; i < MATERIAL_TEXTURES; i++)
         m.textures[i].texture = 0;
@@ -323,11 +328,13 @@ static void assert_acting(const struct scene_material *m, const char *slots)
     }
 }
 
-#define LIT " base_color metallic_roughness normal emission anisotropy clearcoat "                 \
-    "clearcoat_roughness clearcoat_normal "
-#define SURFACE LIT "sheen_color sheen_roughness iridescence iridescence_thickness "
+#define METAL " base_color normal emission anisotropy clearcoat clearcoat_roughness clearcoat_normal "
+#define LIT METAL "metallic_roughness "
+#define SURFACE_LAYERS "sheen_color sheen_roughness iridescence iridescence_thickness "
+#define SURFACE LIT SURFACE_LAYERS
 #define DIELECTRIC SURFACE                                                                         \
-    "specular specular_color transmission diffuse_transmission diffuse_transmission_color "
+    "specular specular_color transmission diffuse_roughness diffuse_transmission "                 \
+    "diffuse_transmission_color "
 
 static void test_who_reads_what(void **state)
 {
@@ -338,9 +345,7 @@ static void test_who_reads_what(void **state)
     m.metallic = 1; /* the texture makes it less */
     assert_acting(&m, DIELECTRIC);
     m.metallic_roughness_texture.texture = -1;
-    assert_acting(&m, " base_color normal emission anisotropy clearcoat clearcoat_roughness "
-                      "clearcoat_normal sheen_color sheen_roughness iridescence "
-                      "iridescence_thickness ");
+    assert_acting(&m, METAL SURFACE_LAYERS);
     m = full_material();
     m.unlit = 1;
     assert_acting(&m, " base_color ");
@@ -360,12 +365,13 @@ static void test_weights(void **state)
 
     (void)state;
     m.clearcoat = m.specular = m.iridescence = m.diffuse_transmission = 0;
-    m.sheen_color[1] = 0;
+    m.sheen_color[1] = m.diffuse_roughness = 0;
     assert_acting(&m, " base_color metallic_roughness normal emission anisotropy transmission ");
     m = full_material();
     memset(m.base_color, 0, 3 * sizeof(float));
     m.metallic = m.roughness = m.normal_scale = m.emission[0] = m.transmission = 0;
     m.clearcoat_roughness = m.clearcoat_normal_scale = m.sheen_roughness = m.anisotropy = 0;
+    m.diffuse_roughness = 0;
     m.iridescence_thickness_min_nm = m.iridescence_thickness_max_nm;
     memset(m.specular_color, 0, sizeof m.specular_color);
     memset(m.diffuse_transmission_color, 0, sizeof m.diffuse_transmission_color);
@@ -388,7 +394,6 @@ static void test_reduce(void **state)
         struct scene_material full = full_material(), m;
 
         full.attenuation_distance = 1;
-        full.dispersion = 0.5f;
         full.alpha_mode = ALPHA_BLEND;
         full.medium = full.medium_outside = 0;
         m = full;

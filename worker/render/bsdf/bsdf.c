@@ -15,9 +15,6 @@
 /* Can this kernel variant do more than Lambert surfaces? */
 #define EFFECT_OR(name, condition) | EFFECT_##name
 #define HAS_LOBES LOBE_ENABLED(EFFECT_MIRROR BSDF_CALL_MAP(EFFECT_OR))
-/* And can most of its surfaces? If not, the lobes are out of line, or Lambert's would save registers
- * for them. */
-#define HAS_MANY_LOBES LOBE_ENABLED(EFFECT_MIRROR | EFFECT_GLOSSY)
 
 float fresnel_dielectric(float cos_i, float eta) { return fresnel_exact(cos_i, eta); }
 
@@ -74,11 +71,11 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
         b->kind = BSDF_KIND_LAMBERT;
         b->diffuse.color = vec3_scale(m->base_color, INV_PI_F);
         b->has_smooth = 1;
-    } else if (HAS_MANY_LOBES && m->metallic == 1.0f && m->alpha >= BSDF_ALPHA_MIN) {
+    } else if (HAS_LOBES && m->metallic == 1.0f && m->alpha >= BSDF_ALPHA_MIN) {
         b->account = PROFILE_ACCOUNT(GLOSSY);
         b->kind = BSDF_KIND_METAL;
         metal_init(b, params, wo);
-    } else if (HAS_MANY_LOBES) {
+    } else if (HAS_LOBES) {
         b->kind = BSDF_KIND_LOBES;
         init_lobes(b, params, wo);
     }
@@ -120,12 +117,6 @@ static inline struct vec3 lobes_evaluate(const struct bsdf *b, struct vec3 wo, s
     return f;
 }
 
-LOBE_RARE struct vec3 lobes_evaluate_apart(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                           float *pdf)
-{
-    return lobes_evaluate(b, wo, wi, pdf);
-}
-
 struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, float *pdf)
 {
     *pdf = 0;
@@ -139,7 +130,7 @@ struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, 
     }
     if (!HAS_LOBES)
         return LOBE_BLACK;
-    return HAS_MANY_LOBES ? lobes_evaluate(b, wo, wi, pdf) : lobes_evaluate_apart(b, wo, wi, pdf);
+    return lobes_evaluate(b, wo, wi, pdf);
 }
 
 struct vec3 bsdf_eval(const struct bsdf *b, struct vec3 wo, struct vec3 wi)
@@ -229,12 +220,6 @@ static inline int sample_mixture(const struct bsdf *b, struct vec3 wo, float u_l
     return is_usable(out->weight);
 }
 
-LOBE_RARE int sample_mixture_apart(const struct bsdf *b, struct vec3 wo, float u_lobe, float u,
-                                   float v, struct bsdf_sample *out)
-{
-    return sample_mixture(b, wo, u_lobe, u, v, out);
-}
-
 int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, float v,
                 struct bsdf_sample *out)
 {
@@ -251,6 +236,5 @@ int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, flo
     }
     if (!HAS_LOBES || b->kind == BSDF_KIND_BLACK)
         return 0;
-    return HAS_MANY_LOBES ? sample_mixture(b, wo, u_lobe, u, v, out)
-                          : sample_mixture_apart(b, wo, u_lobe, u, v, out);
+    return sample_mixture(b, wo, u_lobe, u, v, out);
 }

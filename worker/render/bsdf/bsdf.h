@@ -45,7 +45,7 @@
     X(CLEARCOAT, FORM(clearcoat))       /* weight of the coat, 0..1 */                            \
     X(IRIDESCENCE, FORM(iridescence))   /* weight of the film, 0..1 */                            \
     X(DIFFUSE_TRANSMISSION, FORM(diffuse_transmission)) /* share of the base that goes through */ \
-    X(DIFFUSE, FORM(diffuse_roughness)) /* of the base, 0..1 */
+    X(ROUGH_DIFFUSE, FORM(diffuse_roughness)) /* of the base, 0..1 */
 #define BSDF_FACTOR_IS_SET(name) p->name > 0.0f
 
 /* The material's values at the hit point, textures applied. */
@@ -99,18 +99,25 @@ struct bsdf_params {
     X(THIN_TRANSMISSION, p->thin_slab && !p->refractive)
 
 /* The lobes, in the order in which their values are added up and in which the selection number
- * runs through them; those of the base come first.
+ * runs through them: those of the base, then the layers over it, the uppermost first.
  *
  *   X(NAME, prefix, side, effects, account)
  *
  * prefix:  of the lobe's functions in its file:
- *            init: prepares the lobe for one wo and says how often to sample it (layering.h);
+ *            init: prepares the lobe for one wo; for one of the base it also says how often to
+ *              sample it, and layering.h calls it;
  *            struct vec3 prefix_evaluate(b, wo, wi, cover, &pdf): f |wi.z| with all weights, and
  *              the density of the lobe's samples times its selection probability; called only
  *              where the lobe has a density;
- *            enum lobe_result prefix_sample(b, wo, w, u, v, &sample).
+ *            enum lobe_result prefix_sample(b, wo, w, u, v, &sample);
+ *          and of a layer, called where its effect acts:
+ *            void prefix_init(b, params, wo);
+ *            float prefix_share(b, &rest): how often to sample it, about the share of light that it
+ *              reflects; rest: what the layers above leave along wo, times what this one leaves;
+ *            void prefix_cover(b, wi, near, far, &cover): what it leaves of what lies below (lobe.h).
  * side:    the side of wi on which it is evaluated.
- * effects: kernel variants without any of these are compiled without the lobe.
+ * effects: kernel variants without any of these are compiled without the lobe; of a layer: that
+ *          which brings it.
  * account: the effect that its time is charged to (profile_scope.h).
  *
  * tests (tests/statistics): test_bsdf_lobes takes each row by itself, chi-square of samples against
@@ -132,7 +139,9 @@ struct bsdf_params {
       EFFECT_DIFFUSE_TRANSMISSION | EFFECT_ROUGH_DIELECTRIC,                                     \
       ACCOUNT(vec3_is_black(b->diffuse_transmission.color), MULTIPLE_SCATTERING,                 \
               DIFFUSE_TRANSMISSION))                                                             \
-    X(COAT, coat, ABOVE, EFFECT_CLEARCOAT, PROFILE_ACCOUNT(CLEARCOAT))                                 \
+    BSDF_LAYER_MAP(X)
+#define BSDF_LAYER_MAP(X)                                                                        \
+    X(COAT, coat, ABOVE, EFFECT_CLEARCOAT, PROFILE_ACCOUNT(CLEARCOAT))                           \
     X(SHEEN, sheen, ABOVE, EFFECT_SHEEN, PROFILE_ACCOUNT(SHEEN))
 
 enum bsdf_lobe {

@@ -27,35 +27,30 @@
 
 /* ---- what lies over the base ------------------------------------------------------------------- */
 
+#define LAYER_EFFECT(name, prefix, side, effects, account) | (effects)
+#define LAYER_EFFECTS (0 BSDF_LAYER_MAP(LAYER_EFFECT))
+
 LOBE_RARE struct cover cover_find(const struct bsdf *b, struct vec3 wi)
 {
-    struct cover s = {1, 1, 1};
+    struct cover cover = COVER_NONE;
     int near = is_covered_near(b), far = wi.z > 0.0f ? near : is_covered_far(b);
 
     if (!near && !far)
-        return s;
-    if (CALLS_FOR(b, CLEARCOAT)) {
-        float rest_o = near ? b->coat.rest_o : 1.0f;
-        float rest_i = far ? coat_rest(&b->coat, vec3_dot(b->coat.normal, wi)) : 1.0f;
-        s.lobe = s.sheen = float_min(rest_o, rest_i);
-        s.diffuse = near && far ? rest_o * rest_i : s.lobe;
-    }
-    if (CALLS_FOR(b, SHEEN)) {
-        float rest_i = 1.0f, limit;
-        if (far)
-            rest_i -= b->sheen.most * sheen_albedo(&b->sheen, wi.z, &limit);
-        rest_i = float_min(near ? b->sheen.rest_o : 1.0f, rest_i);
-        s.lobe *= rest_i;
-        s.diffuse *= rest_i;
-    }
-    return s;
+        return cover;
+#define LAYER_COVERS(name, prefix, side, effects, account) \
+    cover.prefix = cover.lobe;                             \
+    if (CALLS_FOR_ANY(b, effects))                         \
+        prefix##_cover(b, wi, near, far, &cover);
+    BSDF_LAYER_MAP(LAYER_COVERS)
+#undef LAYER_COVERS
+    return cover;
 }
 
 static inline struct cover cover_between(const struct bsdf *b, struct vec3 wi)
 {
-    if (CALLS_FOR_ANY(b, EFFECT_CLEARCOAT | EFFECT_SHEEN))
+    if (CALLS_FOR_ANY(b, LAYER_EFFECTS))
         return cover_find(b, wi);
-    return (struct cover){1, 1, 1};
+    return COVER_NONE;
 }
 
 /* ---- how often each lobe is sampled -------------------------------------------------------------- */
@@ -311,11 +306,11 @@ static inline void init_layers(struct bsdf *b, const struct bsdf_params *params,
         conductor_init(b, params);
     if (CALLS_FOR(b, IRIDESCENCE))
         thin_film_init(b, params);
-    if (CALLS_FOR(b, CLEARCOAT))
-        coat_init(&b->coat, params, wo,
-                  CALLS_FOR(b, CONDUCTOR) && b->reflection.interreflection > 0.0f);
-    if (CALLS_FOR(b, SHEEN))
-        sheen_init(&b->sheen, params, b->cos_o);
+#define LAYER_INIT(name, prefix, side, effects, account) \
+    if (CALLS_FOR_ANY(b, effects))                       \
+        prefix##_init(b, params, wo);
+    BSDF_LAYER_MAP(LAYER_INIT)
+#undef LAYER_INIT
 }
 
 /* Any surface. What the base's lobes ask for is prepared first. */
@@ -328,11 +323,12 @@ static inline void layering_init(struct bsdf *b, const struct bsdf_params *param
     fresnel_init(b);
     init_base(b, params, wo, &shares);
     if (is_covered_near(b)) {
-        float rest = CALLS_FOR(b, CLEARCOAT) ? b->coat.rest_o : 1.0f;
-        if (CALLS_FOR(b, CLEARCOAT))
-            shares_add(&shares, BSDF_LOBE_COAT, coat_share(&b->coat));
-        if (CALLS_FOR(b, SHEEN))
-            shares_add(&shares, BSDF_LOBE_SHEEN, sheen_share(&b->sheen, b->cos_o, rest));
+        float rest = 1.0f;
+#define LAYER_SHARE(name, prefix, side, effects, account) \
+    if (CALLS_FOR_ANY(b, effects))                        \
+        shares_add(&shares, BSDF_LOBE_##name, prefix##_share(b, &rest));
+        BSDF_LAYER_MAP(LAYER_SHARE)
+#undef LAYER_SHARE
     }
     choose_by_share(b, &shares);
     find_delta_lobes(b);

@@ -22,12 +22,16 @@
 #define LOBE_ENABLED(effects) (((effects) & (KERNEL_EFFECTS)) != 0)
 enum lobe_side { LOBE_SIDE_ABOVE, LOBE_SIDE_BELOW };
 
-/* What sheen and coat leave of what lies below them, between wo and wi (layering.h). */
+/* What the layers leave of what lies below them, between wo and wi (layering.h). */
 struct cover {
     float lobe;    /* of lobes in general */
     float diffuse; /* of Lambert's, whose mean over wi lambert_scale() takes care of */
-    float sheen;   /* of the sheen: what the coat leaves */
+#define LAYER_COVER(name, prefix, ...) float prefix; /* of this layer: what those above leave */
+    BSDF_LAYER_MAP(LAYER_COVER)
+#undef LAYER_COVER
 };
+#define LAYER_UNCOVERED(name, prefix, ...) .prefix = 1,
+#define COVER_NONE ((struct cover){.lobe = 1, .diffuse = 1, BSDF_LAYER_MAP(LAYER_UNCOVERED)})
 
 /* What a lobe's sampling came to. */
 enum lobe_result {
@@ -43,8 +47,8 @@ static inline int lobe_is_present(const struct bsdf *b, enum bsdf_lobe lobe)
     return (int)(b->lobes >> lobe & 1);
 }
 
-/* Do sheen and coat lie on wo's side, and on the other? They are on the outside of a refractive
- * object and on both sides of a thin wall. */
+/* Do layers lie on wo's side, and on the other? They are on the outside of a refractive object and
+ * on both sides of a thin wall. */
 static inline int is_covered_near(const struct bsdf *b)
 {
     return !(b->material.refractive && b->material.inside);

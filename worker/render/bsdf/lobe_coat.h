@@ -47,10 +47,11 @@ static inline float coat_rest_average(const struct bsdf_coat *c)
     return 1.0f - c->weight * (c->f0 * (1.0f - c->loss.mean) + range * c->loss.schlick_mean);
 }
 
-/* `exact`: the exact Fresnel term where the tables have it. */
-static inline void coat_init(struct bsdf_coat *c, const struct bsdf_params *p, struct vec3 wo,
-                             int exact)
+/* Over a conductor that knows of it (pbrt's) it has the exact Fresnel term, where the tables do. */
+static inline void coat_init(struct bsdf *b, const struct bsdf_params *p, struct vec3 wo)
 {
+    struct bsdf_coat *c = &b->coat;
+    int exact = CALLS_FOR(b, CONDUCTOR) && b->reflection.interreflection > 0.0f;
     float n = relative_index(clamp_to(p->clearcoat_ior, 1, BSDF_IOR_MAX), p);
     float r = (n - 1.0f) / (n + 1.0f), alpha = clamp_to(p->clearcoat_alpha, 0, 1);
 
@@ -75,12 +76,24 @@ static inline void coat_init(struct bsdf_coat *c, const struct bsdf_params *p, s
     c->rest_o = coat_rest(c, c->cos_o);
 }
 
-/* How often to sample it; below 0: not at all. */
-static inline float coat_share(const struct bsdf_coat *c)
+static inline float coat_share(const struct bsdf *b, float *rest)
 {
+    const struct bsdf_coat *c = &b->coat;
+
+    *rest *= c->rest_o;
     if (!(c->cos_o > 0.0f) || (c->f90 == 0.0f && c->f0 == 0.0f))
         return -1.0f;
     return 1.0f - c->rest_o;
+}
+
+static inline void coat_cover(const struct bsdf *b, struct vec3 wi, int near, int far,
+                              struct cover *cover)
+{
+    float rest_o = near ? b->coat.rest_o : 1.0f;
+    float rest_i = far ? coat_rest(&b->coat, vec3_dot(b->coat.normal, wi)) : 1.0f;
+
+    cover->lobe = float_min(rest_o, rest_i);
+    cover->diffuse = near && far ? rest_o * rest_i : cover->lobe;
 }
 
 static inline struct vec3 coat_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,

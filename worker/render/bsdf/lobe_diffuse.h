@@ -42,10 +42,9 @@
 /* Largest mean of Schlick's weight over a hemisphere less that over what a base of B = 1 sends out. */
 #define EON_SPREAD 0.0083f
 
-/* Is the base rough? Of the core material DIFFUSE is asked for by a diffuse roughness alone. */
 static inline int is_rough_diffuse(const struct bsdf *b)
 {
-    return CALLS_FOR(b, DIFFUSE) && !vec3_is_black(b->diffuse.color);
+    return CALLS_FOR(b, ROUGH_DIFFUSE) && !vec3_is_black(b->diffuse.color);
 }
 
 /* (1 - E(mu)) / B. */
@@ -195,13 +194,13 @@ static inline float diffuse_init(struct bsdf *b, const struct bsdf_params *param
 {
     float scale, rough = params->diffuse_roughness;
 
-    if (CALLS_FOR(b, DIFFUSE))
+    if (CALLS_FOR(b, ROUGH_DIFFUSE))
         rest += eon_rest_spread(b, rough);
     scale = lambert_scale(b, rest, is_covered_near(b)) * (1.0f - transmitted_share(b, params));
     b->diffuse.color = vec3_scale(b->material.base_color, scale * INV_PI_F);
     if (vec3_is_black(b->diffuse.color))
         return -1.0f;
-    if (CALLS_FOR(b, DIFFUSE))
+    if (CALLS_FOR(b, ROUGH_DIFFUSE))
         eon_init(b, rough);
     return vec3_average(b->diffuse.color) * PI_F * rest;
 }

@@ -59,22 +59,38 @@ static inline float sheen_albedo(const struct bsdf_sheen *s, float mu, float *li
     return e > 1.0f ? 1.0f : e;
 }
 
-static inline void sheen_init(struct bsdf_sheen *s, const struct bsdf_params *p, float cos_o)
+static inline void sheen_init(struct bsdf *b, const struct bsdf_params *p, struct vec3 wo)
 {
+    struct bsdf_sheen *s = &b->sheen;
+
+    (void)wo;
     s->color = clamp_color(p->sheen_color, 1);
     s->most = vec3_max(s->color);
     s->alpha = clamp_to(p->sheen_alpha, BSDF_SHEEN_ALPHA_MIN, 1);
     sheen_fit(s->alpha, s->fit);
     s->fit_half = sheen_curve(s->fit, 0.5f);
-    s->lambda_o = sheen_lambda(s->fit, s->fit_half, cos_o);
-    s->rest_o = 1.0f - s->most * sheen_albedo(s, cos_o, &s->limit_o);
+    s->lambda_o = sheen_lambda(s->fit, s->fit_half, b->cos_o);
+    s->rest_o = 1.0f - s->most * sheen_albedo(s, b->cos_o, &s->limit_o);
 }
 
-/* How often to sample it below a coat that leaves `rest`. */
-static inline float sheen_share(const struct bsdf_sheen *s, float cos_o, float rest)
+static inline float sheen_share(const struct bsdf *b, float *rest)
 {
-    float limit;
-    return vec3_average(s->color) * sheen_albedo(s, cos_o, &limit) * rest;
+    float limit, above = *rest;
+
+    *rest *= b->sheen.rest_o;
+    return vec3_average(b->sheen.color) * sheen_albedo(&b->sheen, b->cos_o, &limit) * above;
+}
+
+static inline void sheen_cover(const struct bsdf *b, struct vec3 wi, int near, int far,
+                               struct cover *cover)
+{
+    float rest_i = 1.0f, limit;
+
+    if (far)
+        rest_i -= b->sheen.most * sheen_albedo(&b->sheen, wi.z, &limit);
+    rest_i = float_min(near ? b->sheen.rest_o : 1.0f, rest_i);
+    cover->lobe *= rest_i;
+    cover->diffuse *= rest_i;
 }
 
 /* f mu_i before its colour. */
