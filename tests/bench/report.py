@@ -126,15 +126,17 @@ def show_renderer(scenes):
 
 
 def show_effect_groups(groups):
+    """A table of docs/PERFORMANCE.md; `report.py groups` prints it alone."""
     title("One scene for each group of effects: bench_render SCENE --size %s --spp %d, one thread, "
           "median of %d" % (GROUP_SIZE, SPP, ROUNDS))
-    print("%-32s %-9s %10s %10s %7s" % ("", "", "samples/", "rays/", "rays/"))
-    print("%-32s %-9s %10s %10s %7s" % ("group", "kernel", "CPU-s", "CPU-s", "sample"))
+    print("| group | kernel | samples / CPU-s | rays / CPU-s | rays a sample |")
+    print("|---|---|---:|---:|---:|")
     for name, scene, options in groups:
         runs = [bench_render(scene, "--size", GROUP_SIZE, *options) for _ in range(ROUNDS)]
-        print("%-32s %-9s %10.0f %10.0f %7.2f" % (
-            name, runs[0]["kernel"], median([r["samples_per_cpu_s"] for r in runs]),
-            median([r["rays_per_cpu_s"] for r in runs]), runs[0]["rays_per_sample"]), flush=True)
+        print("| %s | %s | %.2f M | %.2f M | %.2f |" % (
+            name, runs[0]["kernel"], median([r["samples_per_cpu_s"] for r in runs]) * 1e-6,
+            median([r["rays_per_cpu_s"] for r in runs]) * 1e-6, runs[0]["rays_per_sample"]),
+            flush=True)
 
 
 def kernel_ratio(program, scene, options):
@@ -298,8 +300,8 @@ def show_tonemapping():
 def main():
     against = sys.argv[2] if len(sys.argv) == 3 and sys.argv[1] == "against" else None
     auto = sys.argv[1:2] == ["auto"]
-    if sys.argv[1:] not in ([], ["kernels"]) and not auto and not against:
-        sys.exit("usage: report.py [kernels | auto [SCENE]... | against FOLDER]")
+    if sys.argv[1:] not in ([], ["groups"], ["kernels"]) and not auto and not against:
+        sys.exit("usage: report.py [groups | kernels | auto [SCENE]... | against FOLDER]")
     if not os.path.exists(os.path.join(BUILD, "tests", "bench", "bench_render")):
         sys.exit("make bench: %s is not built" % BUILD)
     with tempfile.TemporaryDirectory(prefix="azulejo-bench-") as folder:
@@ -328,6 +330,9 @@ def main():
         show_machine()
         if auto:
             bench_auto.show_auto(title, sys.argv[2:])
+            return
+        if sys.argv[1:] == ["groups"]:
+            show_effect_groups(effect_groups(sky))
             return
         if sys.argv[1:] == ["kernels"]:
             show_kernels(kernel_scenes(scenes, sky))

@@ -28,20 +28,31 @@ static inline int is_finite_sum(struct vec3 f, float pdf)
 /* The account of what evaluates the base: that of the last of its lobes. */
 static inline uint8_t base_account(const struct bsdf *b)
 {
-    uint8_t base = PROFILE_NO_EFFECT;
+    const uint32_t base = b->lobes & (2 * LOBE_BIT(THIN_WALL) - 1);
 
 #define LOBE_ACCOUNT(name, prefix, side, effects, account)                            \
-    if (LOBE_ENABLED(effects) && LOBE_IS_BASE(name) && b->lobes & LOBE_BIT(name))     \
-        base = account;
+    if (LOBE_ENABLED(effects) && LOBE_IS_BASE(name) && base >> BSDF_LOBE_##name == 1) \
+        return account;
     BSDF_LOBE_MAP(LOBE_ACCOUNT)
 #undef LOBE_ACCOUNT
-    return base;
+    return PROFILE_NO_EFFECT;
 }
 
 /* Apart, or what they keep in registers would be saved for every Lambert surface. */
 static __attribute__((noinline)) void init_lobes(struct bsdf *b, const struct bsdf_params *params,
                                                  struct vec3 wo)
 {
+    layering_init(b, params, wo);
+    b->account = base_account(b);
+}
+
+/* The same of glTF's core material. The compiler knows here that no effect acts on it, and leaves
+ * out what any would change. */
+static __attribute__((noinline)) void init_core_lobes(struct bsdf *b,
+                                                      const struct bsdf_params *params,
+                                                      struct vec3 wo)
+{
+    b->effects = 0;
     layering_init(b, params, wo);
     b->account = base_account(b);
 }
@@ -77,7 +88,7 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
         metal_init(b, params, wo);
     } else if (HAS_LOBES) {
         b->kind = BSDF_KIND_LOBES;
-        init_lobes(b, params, wo);
+        init_core_lobes(b, params, wo);
     }
 }
 

@@ -11,6 +11,8 @@
 #ifndef AZULEJO_RENDER_LAYERING_H
 #define AZULEJO_RENDER_LAYERING_H
 
+#include <string.h>
+
 #include "worker/render/bsdf/compensation.h"
 #include "worker/render/bsdf/layer.h"
 #include "worker/render/bsdf/lobe.h"
@@ -30,7 +32,7 @@
 #define LAYER_EFFECT(name, prefix, side, effects, account) | (effects)
 #define LAYER_EFFECTS (0 BSDF_LAYER_MAP(LAYER_EFFECT))
 
-LOBE_RARE struct cover cover_find(const struct bsdf *b, struct vec3 wi)
+static inline struct cover cover_find(const struct bsdf *b, struct vec3 wi)
 {
     struct cover cover = COVER_NONE;
     int near = is_covered_near(b), far = wi.z > 0.0f ? near : is_covered_far(b);
@@ -55,46 +57,44 @@ static inline struct cover cover_between(const struct bsdf *b, struct vec3 wi)
 
 /* ---- how often each lobe is sampled -------------------------------------------------------------- */
 
-/* About what each lobe reflects along wo, at any scale; below 0: there is no such lobe. */
+/* About what each lobe reflects along wo, at any scale. */
 struct lobe_shares {
-    float share[BSDF_LOBES];
+    float share[BSDF_LOBES];    /* 0 for absent lobes */
+    uint32_t lobes;             /* bit BSDF_LOBE_x: it is there */
 };
-#define LOBE_ABSENT(...) -1.0f,
-#define LOBES_ABSENT BSDF_LOBE_MAP(LOBE_ABSENT)
 
 /* Add to a lobe, which may be absent so far; a share below 0 adds nothing. */
 LOBE_OFTEN void shares_add(struct lobe_shares *s, enum bsdf_lobe lobe, float share)
 {
-    if (share >= 0.0f)
-        s->share[lobe] = float_max(s->share[lobe], 0) + share;
+    if (share >= 0.0f) {
+        s->share[lobe] += share;
+        s->lobes |= 1u << lobe;
+    }
 }
+
+/* `lobe` runs through the bits of `lobes`, from the lowest. */
+#define EACH_LOBE(lobe, lobes)                                                             \
+    for (uint32_t left = (lobes), lobe; left && (lobe = (uint32_t)__builtin_ctz(left), 1); \
+         left &= left - 1)
 
 /* Selection probabilities from the shares, none of them too small. */
 LOBE_OFTEN void choose_by_share(struct bsdf *b, const struct lobe_shares *s)
 {
     float total = 0, sum = 0, least;
 
-    b->lobes = 0;
-#define LOBE_TOTAL(name, prefix, side, effects, account)            \
-    if (LOBE_ENABLED(effects) && s->share[BSDF_LOBE_##name] >= 0) { \
-        b->lobes |= 1u << BSDF_LOBE_##name;                         \
-        total += s->share[BSDF_LOBE_##name];                        \
-    }
-    BSDF_LOBE_MAP(LOBE_TOTAL)
-#undef LOBE_TOTAL
+#define LOBE_ENABLED_BIT(name, prefix, side, effects, account) \
+    | (LOBE_ENABLED(effects) ? 1u << BSDF_LOBE_##name : 0)
+    b->lobes = s->lobes & (0 BSDF_LOBE_MAP(LOBE_ENABLED_BIT));
+#undef LOBE_ENABLED_BIT
+    memset(b->lobe_pdf, 0, sizeof b->lobe_pdf);
+    EACH_LOBE(i, b->lobes)
+        total += s->share[i];
     least = LOBE_SHARE_MIN * (total > 1e-10f ? total : 1e-10f);
-#define LOBE_SUM(name, prefix, side, effects, account)                                    \
-    b->lobe_pdf[BSDF_LOBE_##name] = 0;                                                    \
-    if (LOBE_ENABLED(effects) && s->share[BSDF_LOBE_##name] >= 0)                         \
-        sum += b->lobe_pdf[BSDF_LOBE_##name] = float_max(s->share[BSDF_LOBE_##name], least);
-    BSDF_LOBE_MAP(LOBE_SUM)
-#undef LOBE_SUM
+    EACH_LOBE(i, b->lobes)
+        sum += b->lobe_pdf[i] = float_max(s->share[i], least);
     sum = 1.0f / sum;
-#define LOBE_PDF(name, prefix, side, effects, account)            \
-    if (LOBE_ENABLED(effects) && s->share[BSDF_LOBE_##name] >= 0) \
-        b->lobe_pdf[BSDF_LOBE_##name] *= sum;
-    BSDF_LOBE_MAP(LOBE_PDF)
-#undef LOBE_PDF
+    EACH_LOBE(i, b->lobes)
+        b->lobe_pdf[i] *= sum;
 }
 
 /* Which lobes have a density, and whether any is a delta lobe. */
@@ -163,7 +163,7 @@ LOBE_RARE void stretched_init(struct bsdf *b, const struct bsdf_params *p)
     b->compensation.stretched_loss = albedo_stretched_find(stretched, alpha);
 }
 
-static inline void weights_init(struct bsdf *b)
+LOBE_OFTEN void weights_init(struct bsdf *b)
 {
     const struct bsdf_material *m = &b->material;
     float dielectric = 1.0f - m->metallic, glass = m->refractive ? m->transmission : 0.0f;
@@ -193,7 +193,7 @@ static inline void thin_film_init(struct bsdf *b, const struct bsdf_params *p)
 }
 
 /* Fresnel's ends of plastic, glass and metal, and of what plastic leaves for its base. */
-static inline void fresnel_init(struct bsdf *b)
+LOBE_OFTEN void fresnel_init(struct bsdf *b)
 {
     const struct bsdf_material *m = &b->material;
     struct bsdf_dielectric *d = &b->dielectric;
@@ -220,8 +220,8 @@ static inline void fresnel_init(struct bsdf *b)
 
 /* What plastic and metal reflect along wo, and what plastic leaves for the base; the shares of the
  * reflection and of its compensation. */
-static inline void init_reflection(struct bsdf *b, const struct bsdf_params *params,
-                                   struct vec3 wo, float *reflection, float *compensation)
+LOBE_OFTEN void init_reflection(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo,
+                                float *reflection, float *compensation)
 {
     float blend = 0, loss_o = 0;
 
@@ -290,7 +290,7 @@ LOBE_OFTEN void init_base(struct bsdf *b, const struct bsdf_params *params, stru
 }
 
 /* What changes the base's lobes and lies over them. */
-static inline void init_layers(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
+LOBE_OFTEN void init_layers(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
 {
     const float n = b->material.ior;
 
@@ -313,10 +313,11 @@ static inline void init_layers(struct bsdf *b, const struct bsdf_params *params,
 #undef LAYER_INIT
 }
 
-/* Any surface. What the base's lobes ask for is prepared first. */
-static inline void layering_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
+/* Any surface. What the base's lobes ask for is prepared first. Compiled twice, with what it calls:
+ * see init_core_lobes (bsdf.c). */
+LOBE_OFTEN void layering_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
 {
-    struct lobe_shares shares = {{LOBES_ABSENT}};
+    struct lobe_shares shares = {{0}, 0};
 
     init_layers(b, params, wo);
     weights_init(b);

@@ -161,7 +161,7 @@ static inline void conductor_init(struct bsdf *b, const struct bsdf_params *p)
 }
 
 /* Returns how often to sample it. `blend` is the mean of Schlick's weight along wo. */
-static inline float reflection_init(struct bsdf *b, float blend)
+LOBE_OFTEN float reflection_init(struct bsdf *b, float blend)
 {
     struct bsdf_reflection *r = &b->reflection;
     int film = CALLS_FOR(b, IRIDESCENCE);

@@ -35,7 +35,8 @@ struct path_features {
     int coincident;     /* faces of volumes may coincide (crossing.h) */
 };
 
-static inline struct path_features path_features_of(const struct render_scene *scene)
+static inline __attribute__((always_inline)) struct path_features
+path_features_of(const struct render_scene *scene)
 {
     return (struct path_features){
         .absorption = ACTIVE(scene, ABSORPTION),

@@ -90,33 +90,38 @@ static int is_blocked(const struct path *path, const struct ray *ray)
             leaked_shadow(path, ray));
 }
 
-/* Of the clock, if Embree's share is to be measured (render_measure_trace). */
-static inline uint64_t trace_clock(void)
+/* Embree's time, if it is to be measured (render_measure_trace): less the start, plus the end. */
+static inline void trace_starts(const struct path *path)
 {
-    return kernel_measures_trace ? clock_monotonic_ns() : 0;
+    PROFILE_STAGE(TRACE);
+    path->stats->rays++;
+    if (kernel_measures_trace)
+        path->stats->trace_ns -= clock_monotonic_ns();
+}
+
+static inline void trace_ends(const struct path *path)
+{
+    if (kernel_measures_trace)
+        path->stats->trace_ns += clock_monotonic_ns();
 }
 
 PATH_FUNCTION int path_trace(const struct path *path, const struct interior *in,
                              const struct ray *ray, struct hit *hit)
 {
-    uint64_t start = trace_clock();
     int met;
 
-    PROFILE_STAGE(TRACE);
+    trace_starts(path);
     met = intersects(path, in, ray, hit);
-    path->stats->rays++;
-    path->stats->trace_ns += trace_clock() - start;
+    trace_ends(path);
     return met;
 }
 
 PATH_FUNCTION int path_occluded(const struct path *path, const struct ray *ray)
 {
-    uint64_t start = trace_clock();
     int blocked;
 
-    PROFILE_STAGE(TRACE);
+    trace_starts(path);
     blocked = is_blocked(path, ray);
-    path->stats->rays++;
-    path->stats->trace_ns += trace_clock() - start;
+    trace_ends(path);
     return blocked;
 }

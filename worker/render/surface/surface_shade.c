@@ -23,20 +23,27 @@ static struct vec3 surface_interpolate(const float *values, size_t stride,
                      b0 * a[2] + b1 * b[2] + b2 * c[2]);
 }
 
-/* The same of vectors that deform with the mesh: mixed between the steps where it moves. */
-static struct vec3 surface_deformed(const struct surface *s, const float *opening,
-                                    const float *const *motion, size_t stride)
+/* Mixed between the steps of a mesh that moves. Apart, for most do not. */
+static __attribute__((noinline)) struct vec3 surface_moving(const struct surface *s,
+                                                            const float *const *motion,
+                                                            size_t stride)
 {
     struct vec3 from, to;
     float f;
-    uint32_t segment;
+    uint32_t segment = motion_segment(s->time, s->instance->motion_steps, &f);
 
-    if (!HAS(DEFORMATION) || !motion)
-        return surface_interpolate(opening, stride, s->vertex, s->b1, s->b2);
-    segment = motion_segment(s->time, s->instance->motion_steps, &f);
     from = surface_interpolate(motion[segment], stride, s->vertex, s->b1, s->b2);
     to = surface_interpolate(motion[segment + 1], stride, s->vertex, s->b1, s->b2);
     return vec3_mad(vec3_scale(from, 1 - f), to, f);
+}
+
+/* The same of vectors that deform with the mesh. */
+static inline struct vec3 surface_deformed(const struct surface *s, const float *opening,
+                                           const float *const *motion, size_t stride)
+{
+    if (HAS(DEFORMATION) && motion)
+        return surface_moving(s, motion, stride);
+    return surface_interpolate(opening, stride, s->vertex, s->b1, s->b2);
 }
 
 /* A texture's texel at the hit; most of a material's textures are read at one place. */
@@ -352,8 +359,10 @@ static void surface_diffuse_transmission(const struct surface_view *view, struct
 #define SURFACE_LAYER_EFFECTS \
     (0 SURFACE_LAYERS(SURFACE_LAYER_BIT) BSDF_FACTOR_MAP(SURFACE_FACTOR_BIT, SURFACE_FACTOR_NAME))
 
-static void surface_layers(const struct render_scene *scene, struct surface *s, struct vec3 wo,
-                           struct bsdf_params *params)
+/* Apart, or what they keep in registers would be saved for every surface. */
+static __attribute__((noinline)) void surface_layers(const struct render_scene *scene,
+                                                     struct surface *s, struct vec3 wo,
+                                                     struct bsdf_params *params)
 {
     const struct scene_material *m = &s->material->m;
     const struct surface_view view = {scene, wo, surface_vertex_normal(s)};
@@ -401,13 +410,14 @@ static struct vec3 surface_normal(const struct render_scene *scene, const struct
 {
     const struct world_material *material = s->material;
     int mapped = material->flags & MATERIAL_NORMAL_MAP && surface_takes_normal_maps(scene, s);
-    /* A Lambert reflector has no mirror direction: its normal is what the file says. */
-    int reflects = params->metallic > 0 || params->specular > 0 || params->transmission > 0 ||
-                   material->flags & MATERIAL_LAYERED;
     struct vec3 n;
+    int reflects;
 
     if (!s->mesh->normals && !mapped)
         return s->ng;
+    /* A Lambert reflector has no mirror direction: its normal is what the file says. */
+    reflects = params->metallic > 0 || params->specular > 0 || params->transmission > 0 ||
+               material->flags & MATERIAL_LAYERED;
     n = surface_vertex_normal(s);
     if (mapped)
         n = surface_mapped_normal(s, &material->normal, material->m.normal_scale, n);
