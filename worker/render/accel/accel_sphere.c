@@ -1,4 +1,4 @@
-/* Spheres: Embree finds their boxes, double decides whether they are met. */
+/* Spheres: Embree finds their boxes; double decides whether they are met. */
 #include <math.h>
 
 #include "worker/render/accel/accel_parts.h"
@@ -29,8 +29,8 @@ static int is_left(const struct query_context *q, const struct accel_sphere *sph
     return 0;
 }
 
-/* Does the crossing at `t` metres count? `inside`: the ray comes from there. A sphere on which the
- * ray ends does not: its end was computed alike. */
+/* Does the intersection at `t` metres count? `inside`: the ray comes from inside. The sphere on
+ * which the ray ends does not count: its end was computed in the same way. */
 static int counts(struct query_context *q, const struct accel_geometry *g, double t, int inside)
 {
     const struct hit face = {(uint32_t)(g - q->accel->geometries), (uint32_t)inside};
@@ -44,8 +44,8 @@ static int counts(struct query_context *q, const struct accel_geometry *g, doubl
     return 1;
 }
 
-/* A ray that leaves the sphere outwards never meets it again, and inwards meets its far side: both
- * whatever rounding says. */
+/* A ray that leaves the sphere outwards never meets it again; one that goes inwards meets its far
+ * side. Both hold whatever the rounding. */
 static int meets_left(struct query_context *q, const struct accel_geometry *g,
                       const struct sphere_chord *chord, double *t)
 {
@@ -57,7 +57,7 @@ static int meets_left(struct query_context *q, const struct accel_geometry *g,
     return exact_dot(off, normal) < 0 && counts(q, g, *t, 1);
 }
 
-/* Met? Then *t in metres. */
+/* Is it met? If so, at *t metres. */
 static int meets(struct query_context *q, const struct accel_geometry *g, double *t)
 {
     struct sphere_chord chord;
@@ -82,7 +82,7 @@ static void sphere_intersect(const struct RTCIntersectFunctionNArguments *args)
     struct RTCRay *ray = &((struct RTCRayHit *)args->rayhit)->ray;
     double t;
 
-    /* What lies behind need not be looked at. */
+    /* Embree need not search behind it. */
     if (args->valid[0] == -1 && meets(q, args->geometryUserPtr, &t))
         ray->tfar = fminf(ray->tfar, (float)((t + q->back) * (1 + ACCEL_END_SHARE) + 2 * q->error));
 }

@@ -1,9 +1,9 @@
 /* sphere: a line and a whole sphere in double precision. Private to worker/render.
  *
- * The point of the line that is nearest to the centre decides whether the sphere is met and where
+ * The point of the line nearest to the centre decides whether and where the line meets the sphere
  * (Haines, Gunther and Akenine-Moeller 2019, "Precision Improvements for Ray/Sphere Intersection",
  * Ray Tracing Gems, chapter 7): the discriminant of the textbook's quadratic would cancel for a
- * small sphere far away. Off by some 2^-50 of the distance and the radius.
+ * small sphere far away. The error is about 2^-50 of the distance and the radius.
  */
 #ifndef AZULEJO_RENDER_SPHERE_H
 #define AZULEJO_RENDER_SPHERE_H
@@ -12,9 +12,9 @@
 
 struct sphere_chord {
     double foot[3];      /* from the centre to the line's nearest point, metres */
-    double middle, half; /* that point's place on the line, and half the chord: both in lengths of
-                            the direction */
-    int meets;           /* 0: the line passes by; half is then 0 */
+    double middle, half; /* that point's position on the line, and half the chord: both in
+                            lengths of the direction */
+    int meets;           /* 0: the line misses the sphere; half is then 0 */
 };
 
 static inline void sphere_chord_find(const struct accel_sphere *sphere, const double origin[3],
@@ -31,8 +31,8 @@ static inline void sphere_chord_find(const struct accel_sphere *sphere, const do
     out->half = out->meets ? sqrt(inside / length2) : 0;
 }
 
-/* Of the places where the line meets the sphere, that nearest to `t`; where it passes by, the point
- * nearest to the centre. */
+/* The intersection of line and sphere nearest to `t`; if the line misses, its point nearest to the
+ * centre. */
 static inline double sphere_nearest(const struct accel_sphere *sphere, const double origin[3],
                                     const double direction[3], double t)
 {

@@ -10,13 +10,13 @@
 #include "worker/render/scene/world_place.h"
 #include "worker/render/surface/surface_sphere.h"
 
-/* The vertices lie on the sphere, and the matrix scales all axes alike, to this share. */
+/* Vertices must lie on the sphere, and the matrix scale all axes alike, to within this share. */
 #define SHAPE_SHARE 1e-5
-/* Of the largest coordinate of a ray's start: what Embree's rounding of it and of its boxes may
- * amount to. */
+/* Bound of Embree's rounding of a ray's origin and of its boxes, as a share of the origin's largest
+ * coordinate. */
 #define MARGIN_SHARE 0x1p-20
 
-/* Is the mesh what it says, so that triangle_towards finds each of its triangles? */
+/* Is the mesh a sphere as it claims, so that triangle_towards finds each of its triangles? */
 static int is_sphere(const struct world_mesh *mesh, double radius)
 {
     if (!surface_sphere_rows(mesh->triangle_count) || !(radius > 0))
@@ -72,7 +72,7 @@ static double uniform_scale(const struct transform_d *m)
     return sqrt(square);
 }
 
-/* Only an even lamp has one radiance that all directions share. */
+/* Only a uniform emitter has the same radiance in all directions. */
 static int shines_evenly(const struct world_material *material)
 {
     return !(material->flags & MATERIAL_EMISSIVE) ||
@@ -86,7 +86,7 @@ static int shades_by_place(const struct world_material *material, const struct w
                                MATERIAL_NEEDS_FRAME));
 }
 
-/* Fills *out; 0: the instance is no sphere. */
+/* Fills *out. 0: the instance is not a sphere. */
 static int describe(const struct render_scene *w, const struct scene *scene, uint32_t index,
                     struct world_sphere *out)
 {
@@ -105,13 +105,13 @@ static int describe(const struct render_scene *w, const struct scene *scene, uin
         out->shape.centre[a] = to_world.m[a][3];
     out->shape.radius = scale * (double)scene->meshes[instance->mesh].bounds_max[2];
     out->inward = winds_inwards(mesh);
-    /* `accept` takes baked triangles for those of the world (path_accept). */
+    /* path_accept expects the winding of baked triangles in world space. */
     out->shape.inward = out->inward ^ (instance->world_positions && instance->flipped);
     out->located = shades_by_place(material, mesh);
     return 1;
 }
 
-/* Two in one place of which one lets light in are crossed together, as meshes are. */
+/* Two spheres at one place, one of which lets light in, are crossed together as meshes are. */
 static void drop_coincident(struct render_scene *w)
 {
     for (uint32_t i = 0; i < w->instance_count; i++) {
@@ -164,7 +164,7 @@ void world_sphere_give(const struct render_scene *w, const struct world_instance
 
     if (!instance->sphere)
         return;
-    /* Made by world_spheres_find for this scene alone. */
+    /* world_spheres_find made it for this scene alone. */
     ((struct world_sphere *)instance->sphere)->shape.margin =
         MARGIN_SHARE * (double)(fabsf(c.x) + fabsf(c.y) + fabsf(c.z) + w->fog_radius);
     out->sphere = &instance->sphere->shape;

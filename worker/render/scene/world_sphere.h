@@ -1,8 +1,8 @@
-/* world_sphere: instances whose meshes stand in for spheres (MESH_SPHERE), as true spheres.
+/* world_sphere: instances whose meshes represent spheres (MESH_SPHERE), as true spheres.
  *
- * What stands still, is scaled alike along all axes, has no alpha and shines evenly is intersected
- * and sampled as a sphere. The mesh remains for texture coordinates and tangents: they are those of
- * its triangle in the direction of the place. All else is the mesh that it is.
+ * A sphere that does not move, is scaled alike along all axes, has no alpha and emits uniformly is
+ * intersected and sampled as a sphere. The mesh remains for texture coordinates and tangents, which
+ * are those of its triangle in the hit's direction. All other instances stay meshes.
  */
 #ifndef AZULEJO_RENDER_WORLD_SPHERE_H
 #define AZULEJO_RENDER_WORLD_SPHERE_H
@@ -10,11 +10,11 @@
 #include "worker/render/accel/accel.h"
 #include "worker/render/world.h"
 
-/* Which instances are spheres; the materials and instances are known. ERR_NO_MEMORY. */
+/* Find which instances are spheres; materials and instances must be known. ERR_NO_MEMORY. */
 status world_spheres_find(struct render_scene *w, const struct scene *scene, struct error *err)
     MUST_CHECK;
 
-/* Give the accel the instance's sphere, if it is one; the bounds with the camera are known. */
+/* Give the accel the instance's sphere, if it is one; the bounds including the camera are known. */
 void world_sphere_give(const struct render_scene *w, const struct world_instance *instance,
                        struct accel_instance *out);
 

@@ -16,7 +16,7 @@ uint32_t surface_sphere_rows(uint32_t triangles)
     return rows > 1 && (uint64_t)rows * (rows - 1) * 4 == triangles ? rows : 0;
 }
 
-/* The first of the cell's triangles; *count: 1 or 2. */
+/* Number of the cell's first triangle; *count: 1 or 2. */
 static uint32_t cell_triangle(uint32_t rows, uint32_t row, uint32_t column, uint32_t *count)
 {
     uint32_t columns = 2 * rows;
@@ -47,7 +47,7 @@ static double determinant(const double a[3], const double b[3], const double c[3
     return exact_dot(a, n);
 }
 
-/* Weights of the corners where the line from the centre meets the triangle; the least of them. */
+/* Barycentric weights where the line from the centre meets the triangle; the smallest of them. */
 static double weights_towards(const struct world_mesh *mesh, uint32_t triangle, const double p[3],
                               double weight[3])
 {
