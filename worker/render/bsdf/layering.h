@@ -1,12 +1,13 @@
-/* layering: the lobes of a surface put together: what each of them weighs, what coat and sheen
- * leave of what lies below, how often each lobe is sampled.
+/* layering: combines the lobes of a surface: what each of them weighs, what coat and sheen leave of
+ * what lies below, how often each lobe is sampled.
  *
  * The base is glTF 2.0's, metallic m and transmission t:
  *   m * metal + (1 - m) * ((1 - t) * plastic + t * glass)
- * plastic is a reflection over a Lambert base (layer.h), glass a refractive interface or a thin
- * wall. Over it lie the sheen, then the coat, on the outside of a refractive object and on both
- * sides of a thin wall. What lies below the coat is scaled by the lesser share that it leaves along
- * wo and wi, the Lambert base by the product of both over its mean: reciprocal, never gains energy.
+ * plastic is a reflection over a Lambertian base (layer.h), glass a refractive interface or a thin
+ * wall. Above the base lies the sheen, then the coat, on the outside of a refractive object and on
+ * both sides of a thin wall. Below the coat, lobes are scaled by the smaller of the shares that the
+ * coat leaves along wo and wi, and the Lambertian base by the product of both over its mean. This
+ * is reciprocal and never gains energy.
  */
 #ifndef AZULEJO_RENDER_LAYERING_H
 #define AZULEJO_RENDER_LAYERING_H
@@ -60,21 +61,21 @@ static inline struct cover cover_between(const struct bsdf *b, struct vec3 wi)
 
 /* ---- how often each lobe is sampled -------------------------------------------------------------- */
 
-/* About what each lobe reflects along wo, at any scale; below 0: there is no such lobe. */
+/* Approximately what each lobe reflects along wo, at any common scale; below 0: no such lobe. */
 struct lobe_shares {
     float share[BSDF_LOBES];
 };
 #define LOBE_ABSENT(...) -1.0f,
 #define LOBES_ABSENT BSDF_LOBE_MAP(LOBE_ABSENT)
 
-/* Add to a lobe, which may be absent so far; a share below 0 adds nothing. */
+/* Add to a lobe, which may still be absent; a share below 0 adds nothing. */
 LOBE_OFTEN void shares_add(struct lobe_shares *s, enum bsdf_lobe lobe, float share)
 {
     if (share >= 0.0f)
         s->share[lobe] = float_max(s->share[lobe], 0) + share;
 }
 
-/* Selection probabilities from the shares, none of them too small. */
+/* Selection probabilities from the shares, with a lower bound. */
 LOBE_OFTEN void choose_by_share(struct bsdf *b, const struct lobe_shares *s)
 {
     float total = 0, sum = 0, least;
@@ -189,15 +190,15 @@ static inline void thin_film_init(struct bsdf *b, const struct bsdf_params *p)
     float t = float_min(thickness * (1.0f / FILM_FADE_NM), 1.0f);
 
     film->weight = clamp_to(p->iridescence, 0, 1);
-    /* Optically thinner than its surroundings it counts as none: total reflection in a film
-     * thinner than a wavelength is not what the formulas describe. */
+    /* A film optically thinner than its surroundings counts as absent: the formulas do not describe
+     * total reflection in a film thinner than a wavelength. */
     film->ior = float_max(relative_index(n, p), 1.0f);
     t = t * t * (3.0f - 2.0f * t);
     film->ior = 1.0f + (film->ior - 1.0f) * t;
     film->path_nm = 2.0f * film->ior * index_outside(p) * thickness;
 }
 
-/* Fresnel's ends of plastic, glass and metal, and of what plastic leaves for its base. */
+/* Fresnel terms of plastic, glass and metal, and of what plastic leaves for its base. */
 static inline void fresnel_init(struct bsdf *b)
 {
     const struct bsdf_material *m = &b->material;
@@ -223,7 +224,7 @@ static inline void fresnel_init(struct bsdf *b)
                                                       fresnel_conductor(1, r->eta.z, r->k.z)});
 }
 
-/* What plastic and metal reflect along wo, and what plastic leaves for the base; the shares of the
+/* What plastic and metal reflect along wo, what plastic leaves for the base, and the shares of the
  * reflection and of its compensation. */
 static inline void init_reflection(struct bsdf *b, const struct bsdf_params *params,
                                    struct vec3 wo, float *reflection, float *compensation)
@@ -248,7 +249,7 @@ static inline void init_reflection(struct bsdf *b, const struct bsdf_params *par
     *reflection = reflection_init(b, blend);
 }
 
-/* The Lambert base, to both sides. */
+/* The Lambertian base, on both sides. */
 LOBE_OFTEN void init_lambert(struct bsdf *b, const struct bsdf_params *params,
                              struct lobe_shares *shares)
 {
@@ -294,7 +295,7 @@ LOBE_OFTEN void init_base(struct bsdf *b, const struct bsdf_params *params, stru
         shares_add(shares, BSDF_LOBE_THIN_WALL, thin_wall_init(b, wo, base));
 }
 
-/* What changes the base's lobes and lies over them. */
+/* What modifies the base's lobes and what lies over them. */
 static inline void init_layers(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
 {
     const float n = b->material.ior;
@@ -318,7 +319,7 @@ static inline void init_layers(struct bsdf *b, const struct bsdf_params *params,
         sheen_init(&b->sheen, params, b->cos_o);
 }
 
-/* Any surface. What the base's lobes ask for is prepared first. */
+/* Any surface. First prepare what the base's lobes depend on. */
 static inline void layering_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
 {
     struct lobe_shares shares = {{LOBES_ABSENT}};

@@ -6,15 +6,15 @@
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/base/has.h"
 
-/* Does this surface call for the effect, and can the kernel variant simulate it? Constant 0 in a
+/* Does this surface need the effect, and can the kernel variant simulate it? Constant 0 in a
  * variant that cannot. */
 #define CALLS_FOR(b, name) \
     ((int)(((b)->effects & (KERNEL_EFFECTS)) >> EFFECT_BIT_##name & 1))
 
 #define CALLS_FOR_ANY(b, mask) (((b)->effects & (mask) & (KERNEL_EFFECTS)) != 0)
 
-/* Code that few surfaces need: apart, or every surface would save registers for it. And code that
- * is worth having in each of the few places that call it. */
+/* Code that few surfaces need is not inlined: otherwise every surface would save registers for it.
+ * Code that is worth inlining in each of its few call sites is. */
 #define LOBE_RARE static __attribute__((noinline, unused))
 #define LOBE_OFTEN static inline __attribute__((always_inline))
 
@@ -22,14 +22,14 @@
 #define LOBE_ENABLED(effects) (((effects) & (KERNEL_EFFECTS)) != 0)
 enum lobe_side { LOBE_SIDE_ABOVE, LOBE_SIDE_BELOW };
 
-/* What sheen and coat leave of what lies below them, between wo and wi (layering.h). */
+/* The share that sheen and coat leave of what lies below them, between wo and wi (layering.h). */
 struct cover {
     float lobe;    /* of lobes in general */
-    float diffuse; /* of Lambert's, whose mean over wi lambert_scale() takes care of */
+    float diffuse; /* of the Lambertian lobe, whose mean over wi lambert_scale() handles */
     float sheen;   /* of the sheen: what the coat leaves */
 };
 
-/* What a lobe's sampling came to. */
+/* The result of sampling a lobe. */
 enum lobe_result {
     LOBE_NOTHING, /* no sample */
     LOBE_SMOOTH,  /* out->wi, flags and eta_scale are set; value and density are to be evaluated */
@@ -43,8 +43,8 @@ static inline int lobe_is_present(const struct bsdf *b, enum bsdf_lobe lobe)
     return (int)(b->lobes >> lobe & 1);
 }
 
-/* Do sheen and coat lie on wo's side, and on the other? They are on the outside of a refractive
- * object and on both sides of a thin wall. */
+/* Do sheen and coat lie on wo's side, and on the other side? They are on the outside of a
+ * refractive object and on both sides of a thin wall. */
 static inline int is_covered_near(const struct bsdf *b)
 {
     return !(b->material.refractive && b->material.inside);
@@ -64,7 +64,7 @@ static inline struct vec3 clamp_color(struct vec3 c, float high)
     return (struct vec3){clamp_to(c.x, 0, high), clamp_to(c.y, 0, high), clamp_to(c.z, 0, high)};
 }
 
-/* Index of what surrounds the object; and an index relative to it. */
+/* Index of the object's surroundings; and an index relative to it. */
 static inline float index_outside(const struct bsdf_params *params)
 {
     return HAS(NESTED_DIELECTRIC) && params->ior_outside > 1.0f
@@ -76,7 +76,8 @@ static inline float relative_index(float n, const struct bsdf_params *params)
     return outside > 1.0f ? n / outside : n;
 }
 
-/* A layer of reflectance r whose light is thrown back with probability k: the geometric series. */
+/* A layer of reflectance r whose light is reflected back with probability k: the geometric
+ * series. */
 static inline float interreflected(float r, float k) { return r * (1.0f - k) / (1.0f - k * r); }
 
 #endif
