@@ -1,12 +1,12 @@
-/* emitters: all lights of a scene, and next-event estimation's choice among them.
+/* emitters: all lights of a scene, and how next-event estimation chooses among them.
  *
  * Three groups share the choices with fixed odds: the environment (if it is sampled), the
- * directional lights, and everything that has a place: the other lights of the scene's list and the
- * triangles of emissive instances, among which a tree chooses by what they can do at the light
+ * directional lights, and the local lights: the other lights of the scene's list and the triangles
+ * of emissive instances. Among local lights a tree chooses by what they can contribute at the light
  * sampling context (tree.h). Groups share by power, but each within bounds, because power says
  * nothing about which light a point can see.
- * Where the job's light choice is another, there is no tree but a table (light_table.h), in which
- * lights are weighed by their power or all alike.
+ * If the job sets another light choice, a table (light_table.h) replaces the tree. It weighs lights
+ * by their power, or all equally.
  */
 #ifndef AZULEJO_RENDER_EMITTERS_H
 #define AZULEJO_RENDER_EMITTERS_H
@@ -34,23 +34,23 @@ struct emitters {
     struct environment_light environment;
     struct punctual **punctual;   /* [punctual_count], the directional ones first */
     uint32_t directional_count;
-    float *directional_start;     /* [directional_count + 1] where each one's share begins */
+    float *directional_start;     /* [directional_count + 1] where each light's share begins */
     struct light_tree tree;       /* items: punctual lights with a place, then the triangles */
-    struct light_table table;     /* of the same items, in place of the tree */
+    struct light_table table;     /* of the same items, if it replaces the tree */
     struct triangle_light *triangles; /* [triangle_count] */
     uint8_t *dark;                /* [triangle_count] bits: the emissive texture is black there */
 };
 
 /* Needs the scene's instances (with their motion), materials, images, environment and bounding
- * sphere. `lights`: as they stand at the shutter's opening; motion[i] of each must outlive *e.
- * Portals are of use only with an environment. */
+ * sphere. `lights`: at the shutter's opening; motion[i] of each must outlive *e. Portals have an
+ * effect only with an environment. */
 status emitters_init(struct emitters *e, struct render_scene *scene,
                      const struct scene_light *lights, const struct punctual_motion *motion,
                      uint32_t light_count, const struct scene_portal *portals,
                      uint32_t portal_count, struct error *err) MUST_CHECK;
 void emitters_release(struct emitters *e);
 
-/* Does the triangle, by its instance's light_base + its number, send out nothing at all? */
+/* Does the triangle emit nothing at all? Its number is its instance's light_base + its own. */
 static inline int emitters_is_dark(const struct emitters *e, uint32_t light)
 {
     return e->dark[light / 8] >> light % 8 & 1;
@@ -65,24 +65,24 @@ static inline uint32_t emitters_local_punctual(const struct emitters *e)
     return e->punctual_count - e->directional_count;
 }
 
-/* Sample a light for the context. The same numbers choose the light and, rescaled, the place on
- * it: each in [0, 1). Returns 0 for "no sample". Charges the kind of light (profile_scope.h). */
+/* Sample a light for the context. The same numbers choose the light and, rescaled, the point on it;
+ * each in [0, 1). Returns 0 for "no sample". Charges the kind of light (profile_scope.h). */
 int emitters_sample(const struct render_scene *scene, const struct light_context *context, float u,
                     float v, struct light_sample *out);
 
 /* The environment's radiance, and the solid-angle density (odds included) with which
- * emitters_sample would have picked `direction` on it: they share the work. */
+ * emitters_sample picks `direction` on it: the two share work. */
 struct vec3 emitters_environment(const struct render_scene *scene,
                                  const struct light_context *context, struct vec3 direction,
                                  float *pdf);
 
-/* Solid-angle density (odds included) with which emitters_sample would have picked the point
- * at that distance on a triangle of an emissive instance. `light`: the instance's light_base +
- * the triangle; `cosine`: absolute cosine at the light; `area`: the triangle's, m^2. */
+/* Solid-angle density (odds included) with which emitters_sample picks the point at that distance
+ * on a triangle of an emissive instance. `light`: the instance's light_base + the triangle;
+ * `cosine`: absolute cosine at the light; `area`: the triangle's, m^2. */
 float emitters_triangle_pdf(const struct render_scene *scene, const struct light_context *context,
                             uint32_t light, float distance_squared, float cosine, float area);
 
-/* The same of an emissive sphere, its light the instance's light_base. The cosine and the distance
+/* The same for an emissive sphere, whose light is the instance's light_base. Cosine and distance
  * count only inside it. */
 float emitters_sphere_pdf(const struct render_scene *scene, const struct light_context *context,
                           uint32_t light, float distance_squared, float cosine);

@@ -1,11 +1,11 @@
-/* emitters_sample: choosing a light at a path's vertex, and the odds of having chosen one. */
+/* emitters_sample: choosing a light at a path's vertex, and the odds of that choice. */
 #include "worker/render/base/profile_scope.h"
 #include "worker/render/base/has.h"
 #include "worker/render/light/emitters.h"
 #include "worker/render/world.h"
 
-/* The one place that samples lights by their kind: a row of the table is a case, which kernels without
- * its effect leave out. */
+/* The one place that samples lights by kind. A row of the table is a case; kernels without its
+ * effect leave it out. */
 static inline int emitters_sample_light(const struct render_scene *scene, int kind,
                                         const void *light, const struct light_context *context,
                                         float u, float v, struct light_sample *out)
@@ -61,7 +61,8 @@ static int emitters_sample_local(const struct render_scene *scene,
     uint32_t item;
     float odds;
 
-    /* Choosing among lights of both kinds counts as the triangles': they are the many. */
+    /* A choice among lights of both kinds is charged to the triangles, which are usually the
+     * majority. */
     profile_account(e->triangle_count ? PROFILE_ACCOUNT(EMISSIVE_MESH) : PROFILE_ACCOUNT(PUNCTUAL_LIGHT));
     if (e->tree.node_count == 0
             ? !light_table_choose(&e->table, &u, &v, &item, &odds)

@@ -5,13 +5,13 @@
 #include "worker/render/base/exact.h"
 #include "worker/render/surface/surface_sphere.h"
 
-/* What a place sees of the sphere. */
+/* The sphere as seen from a point. */
 struct sphere_view {
     const struct world_sphere *sphere;
     double to_centre[3], distance; /* metres, from the place */
     int inside;
-    int lit;                       /* it shines towards the place */
-    double height;                 /* of the cone's cap: 1 - cos of its half angle; outside */
+    int lit;                       /* it emits towards the point */
+    double height;                 /* of the cone's cap: 1 - cos of its half angle; if outside */
 };
 
 static void sphere_view_init(struct sphere_view *view, const struct render_scene *scene,
@@ -33,7 +33,7 @@ static void sphere_view_init(struct sphere_view *view, const struct render_scene
     view->height = view->inside ? 0 : sine2 / (1 + sqrt(1 - sine2)); /* does not cancel far away */
 }
 
-/* Per solid angle, of a point of the surface that is chosen uniformly. */
+/* Per solid angle, for a uniformly chosen point of the surface. */
 static float surface_pdf(double radius, float distance_squared, float cosine)
 {
     return triangle_light_pdf(1, distance_squared, cosine, (float)(4 * PI_D * radius * radius));
@@ -65,7 +65,7 @@ static struct vec3 cap_direction(double rise, float v)
     return vec3_make(width * cosine, width * sine, (float)(1 - rise));
 }
 
-/* The direction, the distance and the cosine at the light. */
+/* Direction, distance and cosine at the light. */
 static void sample_cone(const struct sphere_view *view, float u, float v, struct light_sample *out)
 {
     double radius = view->sphere->shape.radius, rise = (double)u * view->height;
@@ -97,7 +97,7 @@ static void sample_surface(const struct sphere_view *view, float u, float v,
     out->pdf *= surface_pdf(radius, out->distance * out->distance, out->cosine);
 }
 
-/* An even lamp: its vertex does not matter. */
+/* Uniform emission: any vertex of the mesh will do. */
 static struct vec3 radiance_towards(const struct render_scene *scene,
                                     const struct triangle_light *light, float cosine)
 {
@@ -130,7 +130,7 @@ int sphere_light_sample(const struct render_scene *scene, const void *light_,
         return 0;
     out->on_face = 1;
     out->face = (struct hit){light->instance, 0};
-    /* There are no edges; near boundaries what is right before the end counts. */
+    /* There are no edges; near boundaries, faces right before the end count. */
     out->inset = world_near_boundary(scene, vec3_mad(context->p, out->direction, out->distance))
                      ? 0 : INFINITY;
     out->radiance = radiance_towards(scene, light, out->cosine);
@@ -158,7 +158,7 @@ void sphere_light_weigh(const struct render_scene *scene, const void *light_,
     out->bounds.reach = INFINITY;
     out->bounds.lamp = light->instance;
     out->bounds.two_sided = material->m.double_sided;
-    /* It sends to every side what its disk does. */
+    /* It emits in every direction what its disk does. */
     out->intensity = PI_D * shape->radius * shape->radius *
                      (double)vec3_luminance(radiance_towards(scene, light, 1));
     if (!(out->intensity > 0 && isfinite(out->intensity)))

@@ -27,7 +27,7 @@ static void triangle_point(float u, float v, float *b1, float *b2)
     }
 }
 
-/* A point of a triangle that emits. */
+/* A point of an emissive triangle. */
 struct triangle_place {
     const struct world_mesh *mesh;
     const struct world_material *material;
@@ -46,7 +46,7 @@ static struct vec3 triangle_radiance(const struct triangle_place *at, float cosi
     return radiance;
 }
 
-/* What a BSDF ray meets only some of the time sends only that share. */
+/* What a BSDF ray meets only part of the time emits only that share. */
 static struct vec3 triangle_covered(const struct triangle_place *at, struct vec3 radiance)
 {
     float alpha;

@@ -7,10 +7,10 @@
 #include "worker/render/texture/texture_dark.h"
 #include "worker/render/world.h"
 
-/* An emissive texture is averaged over a triangle on a pattern about as fine as the texels of
- * an image of TEXELS_A_SIDE; what the pattern misses counts as at least this much of the
- * material's factor, so that no lit spot is ever without odds. Triangles that the texture leaves
- * dark throughout are none of the lights. */
+/* An emissive texture is averaged over a triangle on a pattern about as fine as the texels of an
+ * image of TEXELS_A_SIDE. What the pattern misses counts as at least this share of the material's
+ * factor, so no lit spot has odds 0. Triangles on which the texture is black everywhere are not
+ * lights. */
 enum { TEXELS_A_SIDE = 1024, PATTERN_MIN = 4, PATTERN_MAX = 48 };
 #define UNSEEN_EMISSION 1e-4
 
@@ -32,7 +32,7 @@ static uint32_t pattern_side(const struct world_slot *slot, const struct world_m
     return side >= PATTERN_MAX ? PATTERN_MAX : side > PATTERN_MIN ? (uint32_t)side : PATTERN_MIN;
 }
 
-/* Is the slot's image black all over the triangle? */
+/* Is the slot's image black on the whole triangle? */
 static int slot_is_dark(const struct texture_dark *dark, const struct world_slot *slot,
                         const struct world_mesh *mesh, const uint32_t vertex[3])
 {
@@ -83,16 +83,16 @@ static double triangle_luminance(const struct world_material *material,
     return sum > UNSEEN_EMISSION * whole ? sum : UNSEEN_EMISSION * whole;
 }
 
-/* Twice the area as a vector, of the triangle with its first edge from one moment and its
- * second from another. */
+/* Twice the area as a vector, of the triangle with its first edge from one moment and its second
+ * from another. */
 static struct vec3 crossed(const struct vec3 a[3], const struct vec3 b[3])
 {
     return vec3_cross(vec3_sub(a[1], a[0]), vec3_sub(b[2], b[0]));
 }
 
-/* Normals of a triangle whose corners move along straight lines are combinations, with positive
- * weights, of those at both ends and of the mean of the mixed ones (Bernstein's form): a
- * cone of less than a right angle around all those holds every normal in between. */
+/* The normals of a triangle whose corners move along straight lines are combinations, with positive
+ * weights, of those at both ends and of the mean of the mixed ones (Bernstein's form). So a cone of
+ * less than a right angle around all of those holds every normal in between. */
 static void cone_add_normal(struct light_bounds *b, struct vec3 doubled)
 {
     struct vec3 normal = vec3_normalize(doubled);
@@ -161,8 +161,8 @@ uint64_t triangle_lights_count(struct render_scene *scene)
     return total;
 }
 
-/* Where the material's emissive texture is dark: made for the first instance that needs it, NULL if it
- * has none. `maps`: [image_count]. */
+/* Where the material's emissive texture is dark: made for the first instance that needs it, NULL if
+ * there is no texture. `maps`: [image_count]. */
 static status dark_map(const struct world_material *material, struct texture_dark **maps,
                        const struct texture_dark **out, struct error *err)
 {
@@ -178,7 +178,7 @@ static status dark_map(const struct world_material *material, struct texture_dar
     return s;
 }
 
-/* Those of one instance. */
+/* The triangles of one instance. */
 static status find_in(const struct render_scene *scene, uint32_t number,
                       struct texture_dark **maps, struct triangle_light *lights, uint8_t *dark,
                       struct error *err)
