@@ -48,7 +48,7 @@ struct allocation_rules {
     double smoothing;        /* a tile counts at least this share of its 3x3 tiles' mean error */
     double exponent_min, exponent_max; /* of 1/n in the predicted squared error, as estimated from
                                         * the last two levels */
-    double caution;          /* subtracted from that exponent beyond the floor, where it often falls */
+    double caution;          /* subtracted from that exponent beyond the floor, where it may fall */
     double margin;           /* the prediction must be below the target by this share */
 };
 extern const struct allocation_rules allocation_rules;

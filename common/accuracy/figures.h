@@ -65,11 +65,11 @@ struct accuracy_figures {
     double psnr_db, psnr_lo, psnr_hi;          /* of the same codes, all channels; INFINITY: no error */
     double rmse_percent, rmse_lo, rmse_hi;     /* of linear radiance, over the frame's mean */
     double mean;                               /* of the frame's channels */
-    double lone, dark;    /* of the pixels that make the display error: how far one replicate makes it,
-                           * and the share of them that show no error themselves; 0..1 */
+    double lone, dark;    /* of the pixels that make the display error: how far one replicate makes
+                           * it, and the share of them that show no error themselves; 0..1 */
     double top_share;     /* of the squared error, in the 0.1 % of the pixels with the largest */
     double disagreement;  /* |ln| of the ratio of the groups' own squared errors, for equal samples */
-    double unseen;        /* squared error of one unmet path, over the estimate of all; 0: not known */
+    double unseen;        /* squared error of one unmet path over the estimate; 0: not known */
     double tail_index;    /* k of the largest contributions; NaN: not known */
     int known;            /* 0: a tile lacks a replicate; all of the above is NaN */
     int reliable;         /* 0: may be understated */

@@ -303,7 +303,7 @@ static status check_result(const struct film *film, const struct unit_result *un
         return error_set(err, STATUS_ERR_INPUT, "tile %u: the frame has %u", tile,
                          film->tiles_total);
     if (group >= GROUPS || pass >= film->passes_total[group])
-        return error_set(err, STATUS_ERR_INPUT, "tile %u, group %u, pass %u: there is none", tile,
+        return error_set(err, STATUS_ERR_INPUT, "tile %u, group %u: the frame has no pass %u", tile,
                          group, pass);
     if (unit->count != unit_numbers(film, tile, group, pass))
         return error_set(err, STATUS_ERR_INPUT,

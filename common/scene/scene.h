@@ -374,7 +374,7 @@ struct scene {
     struct scene_material *materials;
     struct scene_instance *instances;
     struct scene_light *lights;
-    struct scene_camera *cameras;  /* at least one: importers add one that frames the scene if needed */
+    struct scene_camera *cameras;  /* at least one: importers add one that frames the scene */
     struct scene_environment environment;
     struct scene_node *nodes;
     struct scene_channel *channels; /* sorted by node, then path; none twice */

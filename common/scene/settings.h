@@ -110,8 +110,8 @@ struct render_settings {
     enum env_sampling env_sampling;
     enum isa isa;
     float fps;                  /* frames a second: frame f is at f / fps seconds */
-    float shutter;              /* share of a frame's time that the shutter is open, 0..1, starting at
-                                   the frame's time; 0: the camera's own, or no motion blur */
+    float shutter;              /* share of a frame's time that the shutter is open, 0..1, starting
+                                   at the frame's time; 0: the camera's own, or no motion blur */
     float lens_radius;          /* metres; negative: the camera's own, 0: pinhole */
     float focus_distance;       /* metres; 0: the camera's own */
     uint64_t without;           /* effects to leave out (common/scene/effects.h) */
@@ -123,8 +123,8 @@ struct render_settings {
     int not_robust;             /* 1: without the checks that keep Embree's rays from slipping
                                    between triangles */
     int no_roulette;            /* 1: paths end at max_depth only */
-    float clamp;                /* linear radiance, before exposure: a sample whose largest channel is
-                                   larger is scaled down to it; 0: off */
+    float clamp;                /* linear radiance, before exposure: a sample whose largest channel
+                                   is larger is scaled down to it; 0: off */
 };
 
 void render_settings_default(struct render_settings *s);

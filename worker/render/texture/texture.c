@@ -126,8 +126,8 @@ status texture_image_new(struct texture_image **out, const uint8_t *data, size_t
     default:
         st = error_set(
             err, STATUS_ERR_INPUT,
-            "%s: not an image that can be read: its first bytes are none of PNG's, JPEG's, WebP's, "
-            "Radiance HDR's or OpenEXR's; convert it to PNG or EXR",
+            "%s: not a readable image: it does not begin like PNG, JPEG, WebP, Radiance HDR or "
+            "OpenEXR; convert it to PNG or EXR",
             name);
     }
     if (st != STATUS_OK) {
