@@ -18,7 +18,7 @@ struct write_request {
     char bytes[];
 };
 
-static uint32_t fault_limit_ms; /* 0: the limits as they are */
+static uint32_t fault_limit_ms; /* 0: the limits are unchanged */
 
 static void close_gently(struct channel *c);
 static void process_input(struct channel *c);
@@ -49,7 +49,7 @@ static void on_handle_closed(uv_handle_t *handle)
     channel_hold_drop(handle->data);
 }
 
-/* Let go of everything at once; on_close comes when libuv has let go too. */
+/* Release everything at once; on_close follows when libuv has released it, too. */
 static void finish(struct channel *c)
 {
     if (c->state == DEAD)
@@ -58,10 +58,10 @@ static void finish(struct channel *c)
     if (!uv_is_closing((uv_handle_t *)&c->tcp))
         uv_close((uv_handle_t *)&c->tcp, on_handle_closed);
     uv_close((uv_handle_t *)&c->timer, on_handle_closed);
-    uv_cancel((uv_req_t *)&c->resolve); /* refused when it is not waiting: fine */
+    uv_cancel((uv_req_t *)&c->resolve); /* refused if it is not waiting, which is fine */
 }
 
-/* Remember why, with the peer's name; the first reason stands. */
+/* Remember the reason, with the peer's name; the first reason is kept. */
 __attribute__((format(printf, 3, 0)))
 static void set_why(struct channel *c, status code, const char *format, va_list args)
 {
@@ -83,8 +83,8 @@ void channel_end_now(struct channel *c, status code, const char *format, ...)
     finish(c);
 }
 
-/* End, but let the peer have what is queued and learn why: by the TLS alert of a failed
- * handshake, or by a Failure. */
+/* End, but first send the peer what is queued and the reason: the TLS alert of a failed handshake,
+ * or a Failure. */
 __attribute__((format(printf, 3, 4)))
 static void end_telling(struct channel *c, status code, const char *format, ...)
 {
@@ -175,7 +175,7 @@ static void on_written(uv_write_t *request, int result)
     }
 }
 
-/* Hand what TLS has for the wire to libuv, in one write. */
+/* Give libuv all the output of TLS, in one write. */
 static status flush_output(struct channel *c)
 {
     size_t size = tls_output_bytes(c->tls);
@@ -241,8 +241,8 @@ status channel_send(struct channel *c, const Azulejo__Wire__Envelope *message)
 
 /* ---- reading --------------------------------------------------------------------------- */
 
-/* One buffer for all channels of a thread: libuv fills it and calls on_read in one go, and on_read
- * hands the bytes on before it calls anything that could read again. */
+/* One buffer for all channels of a thread: libuv fills it and calls on_read at once, and on_read
+ * passes the bytes on before it calls anything that could read again. */
 static void on_allocate(uv_handle_t *handle, size_t suggested, uv_buf_t *out)
 {
     static _Thread_local char bytes[READ_BYTES];
@@ -262,7 +262,7 @@ static void on_read(uv_stream_t *stream, ssize_t got, const uv_buf_t *buffer)
     if (got < 0) {
         c->peer_ended = 1;
         if (c->state == CLOSING && got == UV_EOF && !c->shutdown_done)
-            uv_read_stop(stream); /* it listens no more, but our last bytes are on their way */
+            uv_read_stop(stream); /* it no longer listens, but our last bytes may be under way */
         else
             lost(c, (int)got);
         return;
@@ -300,7 +300,7 @@ static int handshake_step(struct channel *c)
     return c->state == OPEN;
 }
 
-/* Deliver the frames at hand. 0 when the channel left OPEN. */
+/* Deliver the complete frames. 0: the channel left OPEN. */
 static int deliver(struct channel *c)
 {
     while (c->state == OPEN) {
@@ -323,7 +323,7 @@ static int deliver(struct channel *c)
     return c->state == OPEN;
 }
 
-/* The peer said its TLS goodbye; nobody reads any more what we would still send. */
+/* The peer sent its close_notify; it no longer reads what we would send. */
 static void peer_said_goodbye(struct channel *c)
 {
     if (framing_reader_waiting(&c->frames)) {
@@ -341,7 +341,7 @@ static void process_input(struct channel *c)
     if (c->state == HANDSHAKE && !handshake_step(c))
         return;
     while (deliver(c)) {
-        uint8_t plain[16384]; /* the most that one TLS record holds */
+        uint8_t plain[16384]; /* the maximum in one TLS record */
         struct error err = {0};
         size_t got;
         status s = tls_read(c->tls, plain, sizeof plain, &got, &err);
@@ -367,7 +367,7 @@ static void ignore_sigpipe(void)
 {
     struct sigaction now;
 
-    /* A write to a peer that is gone must be an error, not the end of the process. */
+    /* A write to a peer that is gone must be an error, not end the process. */
     if (sigaction(SIGPIPE, NULL, &now) == 0 && !(now.sa_flags & SA_SIGINFO) &&
         now.sa_handler == SIG_DFL) {
         now.sa_handler = SIG_IGN;
@@ -474,7 +474,7 @@ void channel_abort(struct channel *c, status code, const char *format, ...)
     finish(c);
 }
 
-/* ---- what an owner may ask ------------------------------------------------------------- */
+/* ---- queries by the owner --------------------------------------------------------------- */
 
 size_t channel_queued_bytes(const struct channel *c)
 {

@@ -1,10 +1,10 @@
 /* channel: one encrypted, framed conversation over one libuv TCP stream.
  *
- * TLS 1.3 with an external PSK over OpenSSL memory BIOs; frames of a little-endian uint32
- * length and one Envelope. Ownership: the owner holds the channel from channel_connect or
- * channel_accept until its on_close ran, which happens exactly once and last; the channel
- * is freed right after on_close returns. on_message's envelope lives until it returns.
- * A channel_send never calls back into the owner before it returns.
+ * TLS 1.3 with an external PSK over OpenSSL memory BIOs; frames of a little-endian uint32 length
+ * and one Envelope. Ownership: the owner holds the channel from channel_connect or channel_accept
+ * until on_close has run, which happens exactly once and last; the channel is freed right after
+ * on_close returns. on_message's envelope lives until it returns. A channel_send never calls back
+ * into the owner before it returns.
  *
  *   client: CONNECTING --tcp--> HANDSHAKE
  *           connect_next        on_connected
@@ -16,19 +16,18 @@
  *   message goes through CLOSING, so that the peer learns why.
  *
  * A server's channel has CHANNEL_SILENT_MS for its first byte, CHANNEL_HANDSHAKE_MS from there to
- * the whole first record, no limit while it is READY, and CHANNEL_HANDSHAKE_MS again in HANDSHAKE.
- * Until HANDSHAKE it takes about 3 KB, and OpenSSL knows nothing of it. What does not begin like
- * TLS is closed without an answer.
+ * the complete first record, no limit while it is READY, and CHANNEL_HANDSHAKE_MS again in
+ * HANDSHAKE. Until HANDSHAKE it takes about 3 KB and no OpenSSL object. A connection that does not
+ * begin like TLS is closed without an answer.
  *
- * CLOSING flushes, says goodbye in TLS and TCP, and reads on (without delivering) until the
- * peer has ended too or CHANNEL_LINGER_MS passed: closing a socket that holds unread bytes
- * would reset the connection and destroy what was just flushed.
+ * CLOSING flushes, ends TLS and TCP, and keeps reading (without delivering) until the peer has
+ * ended too or CHANNEL_LINGER_MS has passed: closing a socket that holds unread bytes would reset
+ * the connection and destroy what was just flushed.
  *
  * The first channel of a process sets SIGPIPE to be ignored, unless it is handled.
  *
- * TCP_NODELAY is set; one message is one write. The owner looks at channel_queued_bytes()
- * and stops producing above CHANNEL_QUEUE_HIGH; on_drain tells when it fell below
- * CHANNEL_QUEUE_LOW.
+ * TCP_NODELAY is set; one message is one write. The owner checks channel_queued_bytes() and stops
+ * producing above CHANNEL_QUEUE_HIGH; on_drain reports that it fell below CHANNEL_QUEUE_LOW.
  */
 #ifndef AZULEJO_PROTOCOL_CHANNEL_H
 #define AZULEJO_PROTOCOL_CHANNEL_H
@@ -47,14 +46,14 @@ enum {
     CHANNEL_FRAME_MAX = 4 << 20,      /* bytes of one Envelope; more ends the connection */
     CHANNEL_QUEUE_HIGH = 8 << 20,
     CHANNEL_QUEUE_LOW = 1 << 20,
-    CHANNEL_QUEUE_MAX = 256 << 20,    /* a peer that reads nothing: more ends the connection */
-    CHANNEL_FIRST_MAX = 4 << 10,      /* bytes that are read of a peer before its handshake */
+    CHANNEL_QUEUE_MAX = 256 << 20,    /* a peer that does not read: more ends the connection */
+    CHANNEL_FIRST_MAX = 4 << 10,      /* bytes read from a peer before its handshake */
     CHANNEL_SILENT_MS = 10000,        /* server: from TCP to the first byte */
     CHANNEL_HANDSHAKE_MS = 5000,      /* server: first byte to first record; then the handshake */
     CHANNEL_CONNECT_MS = 10000,       /* client: TCP, over all of a host's addresses */
     CHANNEL_PATIENCE_MS = 30000,      /* client: TLS, with the wait for the server's attention */
     CHANNEL_ADDRESS_MS = 3000,        /* one of several addresses of a host */
-    CHANNEL_FLUSH_MS = 10000,         /* closing: the peer reads nothing for so long */
+    CHANNEL_FLUSH_MS = 10000,         /* closing: the peer reads nothing for this long */
     CHANNEL_LINGER_MS = 2000,         /* closing: the peer's own end after ours */
     CHANNEL_ADDRESS_BYTES = 16,       /* IPv6; IPv4 as ::ffff:a.b.c.d */
     BLOB_PIECE_BYTES = 256 << 10,
@@ -66,40 +65,40 @@ struct channel_callbacks {
     void (*on_open)(struct channel *c, void *user);
     void (*on_message)(struct channel *c, const Azulejo__Wire__Envelope *message, void *user);
     void (*on_drain)(struct channel *c, void *user);
-    /* Exactly once. `why->code` is STATUS_OK after an orderly end by either side,
-     * ERR_UNREACHABLE when an open connection was lost, ERR_PROTOCOL when the peer broke
-     * the rules, ERR_REFUSED or ERR_TIMEOUT after a failed handshake. The text names the
-     * peer. */
+    /* Exactly once. `why->code` is STATUS_OK after an orderly end by either side, ERR_UNREACHABLE
+     * if an open connection was lost, ERR_PROTOCOL if the peer broke the rules, ERR_REFUSED or
+     * ERR_TIMEOUT after a failed handshake. The text names the peer. */
     void (*on_close)(struct channel *c, const struct error *why, void *user);
 };
 
-/* How the owner of accepted channels says whose handshake comes when. */
+/* How the owner of accepted channels decides the order of handshakes. */
 struct channel_gate {
     /* READY: the owner calls channel_handshake, now or later. */
     void (*on_ready)(struct channel *c, void *user);
-    /* The handshake failed; the channel is CLOSING. Not called when it is DEAD at once. */
+    /* The handshake failed; the channel is CLOSING. Not called if it is DEAD at once. */
     void (*on_refused)(struct channel *c, void *user);
 };
 
-/* Connect to host:port with the key of a role. Failures after this call come by on_close:
- * ERR_UNREACHABLE (no such host, refused, timeout), ERR_REFUSED (the key was not taken). */
+/* Connect to host:port with the key of a role. Later failures are reported by on_close:
+ * ERR_UNREACHABLE (no such host, refused, timeout), ERR_REFUSED (the key was not accepted). */
 status channel_connect(struct channel **out, uv_loop_t *loop, const char *host, uint16_t port,
                        const struct farm_key *key, enum farm_role role,
                        const struct channel_callbacks *callbacks, void *user,
                        struct error *err) MUST_CHECK;
 
 /* Accept from a listening stream (in its connection callback). The key is not copied and must
- * outlive the handshake. Without a gate the handshake begins as soon as it can. The peer's role is
- * known when on_open runs (channel_role). ERR_NO_MEMORY: the connection was dropped. */
+ * outlive the handshake. Without a gate the handshake begins as soon as possible. The peer's role
+ * is known when on_open runs (channel_role). ERR_NO_MEMORY: the connection was dropped. */
 status channel_accept(struct channel **out, uv_stream_t *listener, const struct farm_key *key,
                       const struct channel_callbacks *callbacks, const struct channel_gate *gate,
                       void *user, struct error *err) MUST_CHECK;
 
-/* Take a connection off the listener and drop it, when there is no memory for more: libuv accepts
- * no other before. */
+/* Take a connection off the listener and drop it, if there is no memory for more: libuv accepts no
+ * other one before. */
 void channel_reject(uv_stream_t *listener);
 
-/* Begin the handshake of a READY channel; otherwise nothing. May call back before it returns. */
+/* Begin the handshake of a READY channel; otherwise does nothing. May call back before it
+ * returns. */
 void channel_handshake(struct channel *c);
 
 /* Pack and queue. ERR_LIMIT: the message is larger than a frame may be, or the queue is

@@ -8,8 +8,8 @@ enum { TLS_RECORD_HEADER_BYTES = 5, TLS_RECORD_HANDSHAKE = 22, TLS_MAJOR = 3 };
 
 /* ---- the first record ------------------------------------------------------------------ */
 
-/* Nothing of OpenSSL is made for a peer before its ClientHello is whole (RFC 8446, section 5.1):
- * a stranger that says nothing, little or something else costs this struct and a few bytes. */
+/* No OpenSSL object is made for a peer before its ClientHello is complete (RFC 8446, section 5.1).
+ * A stranger that sends nothing, little or something else costs this struct and a few bytes. */
 void channel_take_first(struct channel *c, const void *data, size_t size_bytes)
 {
     const uint8_t *p;

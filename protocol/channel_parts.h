@@ -1,4 +1,4 @@
-/* The channel's inside, for channel*.c only. */
+/* The internals of a channel, for channel*.c only. */
 #ifndef AZULEJO_PROTOCOL_CHANNEL_PARTS_H
 #define AZULEJO_PROTOCOL_CHANNEL_PARTS_H
 
@@ -19,15 +19,15 @@ struct channel {
     uv_getaddrinfo_t resolve;
     uv_connect_t connect;
     uv_shutdown_t shutdown;
-    int holds;             /* handles and requests whose callbacks still come */
+    int holds;             /* handles and requests whose callbacks are still to come */
     struct addrinfo *addresses, *next_address;
     uint64_t connect_deadline_ns;
 
     enum channel_state state;
     uint32_t limit_ms;      /* what the running timer was set to, before OPEN */
-    const struct farm_key *key;       /* server, until HANDSHAKE: the owner's */
+    const struct farm_key *key;       /* server, until HANDSHAKE: owned by the owner */
     const struct channel_gate *gate;  /* server; NULL: none */
-    struct buffer first;    /* server, until HANDSHAKE: the first record, as far as it came */
+    struct buffer first;    /* server, until HANDSHAKE: the first record as received so far */
     struct tls *tls;
     struct framing_reader frames;
     struct buffer outgoing; /* scratch of channel_send */
@@ -42,25 +42,25 @@ struct channel {
     char peer[PEER_NAME_MAX];
 };
 
-/* NULL: out of memory. Nothing is registered with the loop before channel_start_handles, so
- * until then channel_free is the way back. */
+/* NULL: out of memory. Nothing is registered with the loop before channel_start_handles, so until
+ * then channel_free releases it. */
 struct channel *channel_new(uv_loop_t *loop, const struct channel_callbacks *callbacks,
                             void *user);
 void channel_free(struct channel *c);
 void channel_start_handles(struct channel *c);
 void channel_hold_drop(struct channel *c);
 
-/* The time that a peer has until the next step; the test's limit, if one is set, counts. */
+/* The time that a peer has until the next step; a test's limit, if set, overrides it. */
 void channel_limit(struct channel *c, uint32_t limit_ms);
 uint32_t channel_limit_ms(uint32_t limit_ms);
 
 void channel_read_start(struct channel *c);
-/* A connected socket, and a TLS object: shake hands. */
+/* For a connected socket and a TLS object: start the handshake. */
 void channel_begin_handshake(struct channel *c);
 void channel_end_now(struct channel *c, status code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* channel_accept.c: bytes that came before the handshake. */
+/* channel_accept.c: bytes that arrived before the handshake. */
 void channel_take_first(struct channel *c, const void *data, size_t size_bytes);
 
 #endif

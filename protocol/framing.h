@@ -1,9 +1,9 @@
-/* framing: cutting a stream of bytes into messages.
+/* framing: cuts a stream of bytes into messages.
  *
- * A frame of the stream (a length and a message) is a little-endian uint32 length, 1..CHANNEL_FRAME_MAX, and that many bytes. The
- * reader takes bytes as they come, in pieces of any size, and yields whole frames.
- * Invariants: a frame's bytes stay valid until the next call with the same reader; a
- * length out of range is found before any memory is taken for it, and poisons the reader.
+ * A frame is a little-endian uint32 length, 1..CHANNEL_FRAME_MAX, and that many bytes: one message.
+ * The reader takes bytes as they come, in pieces of any size, and yields whole frames.
+ * Invariants: a frame's bytes stay valid until the next call with the same reader. A length out of
+ * range is detected before any memory is allocated for it; the reader then fails for good.
  */
 #ifndef AZULEJO_PROTOCOL_FRAMING_H
 #define AZULEJO_PROTOCOL_FRAMING_H
@@ -34,7 +34,7 @@ status framing_reader_push(struct framing_reader *r, const void *data, size_t si
 status framing_reader_next(struct framing_reader *r, const uint8_t **payload, size_t *size_bytes,
                          struct error *err) MUST_CHECK;
 
-/* Bytes that wait for the rest of their frame (or for framing_reader_next). */
+/* Number of bytes that wait for the rest of their frame (or for framing_reader_next). */
 size_t framing_reader_waiting(const struct framing_reader *r);
 
 void framing_header_write(uint8_t header[FRAME_HEADER_BYTES], uint32_t size_bytes);

@@ -40,7 +40,7 @@ status farm_key_generate(struct farm_key *key, struct error *err)
     memset(key, 0, sizeof *key);
     key->is_farm = 1;
     if (RAND_priv_bytes(key->secret, sizeof key->secret) != 1)
-        return error_set(err, STATUS_ERR_INTERNAL, "the system gives no random bytes for a key");
+        return error_set(err, STATUS_ERR_INTERNAL, "no random bytes for a key from the system");
     return STATUS_OK;
 }
 
@@ -70,7 +70,7 @@ static status role_secret(const uint8_t farm[FARM_KEY_BYTES], enum farm_role rol
     EVP_KDF_CTX_free(ctx);
     EVP_KDF_free(kdf);
     if (!ok)
-        return error_set(err, STATUS_ERR_INTERNAL, "OpenSSL derives no %s key (HKDF-SHA256)",
+        return error_set(err, STATUS_ERR_INTERNAL, "OpenSSL cannot derive the %s key (HKDF-SHA256)",
                          farm_role_name(role));
     return STATUS_OK;
 }
@@ -147,14 +147,14 @@ static status key_parse(struct farm_key *key, const char *text, size_t size, con
             continue;
         if (found++)
             return error_set(err, STATUS_ERR_INPUT,
-                             "%s, line %u: a second key; keep one key a file", path, line);
+                             "%s, line %u: a second key; keep one key per file", path, line);
         if (key_parse_line(key, text + first, last - first, err) != STATUS_OK) {
             error_prefix(err, "%s, line %u", path, line);
             return STATUS_ERR_INPUT;
         }
     }
     if (!found)
-        return error_set(err, STATUS_ERR_INPUT, "%s: holds no '" KEY_MAGIC "' line", path);
+        return error_set(err, STATUS_ERR_INPUT, "%s: has no '" KEY_MAGIC " ...' line", path);
     return STATUS_OK;
 }
 

@@ -1,8 +1,8 @@
-/* key: the farm's secret, and what each role derives from it.
+/* key: the farm's secret, and the keys that each role derives from it.
  *
  * A key file is text: a line "azulejo-key-1 ROLE HEX64" (# comments allowed). The farm
  * key (role "farm") is the master; role keys are HKDF-SHA256 of it, so anyone who holds the
- * farm key can act in every role, and a worker's key file opens no client's doors. The TLS
+ * farm key can act in every role, and a worker's key file gives no client access. The TLS
  * PSK identity is "azulejo-1 ROLE".
  */
 #ifndef AZULEJO_PROTOCOL_KEY_H
@@ -41,7 +41,7 @@ status farm_key_for_role(const struct farm_key *key, enum farm_role role,
 status farm_key_derive(const struct farm_key *farm, enum farm_role role, struct farm_key *out,
                        struct error *err) MUST_CHECK;
 
-/* Read a key file; warns (log) when others than the owner may read it. ERR_INPUT. */
+/* Read a key file; log a warning if others than the owner may read it. ERR_INPUT. */
 status farm_key_load(struct farm_key *key, const char *path, struct error *err) MUST_CHECK;
 /* Append the file's text. */
 void farm_key_print(const struct farm_key *key, struct buffer *out);

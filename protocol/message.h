@@ -1,8 +1,8 @@
-/* message: envelopes in and out of C's types, with every range checked.
+/* message: converts envelopes to and from C types, with every range checked.
  *
- * What comes off the wire is hostile: nothing from it is used before one of the *_get
- * functions took it. Outputs are zeroed when a function fails. Envelopes that are built
- * point into the caller's memory; channel_send copies, so they may live on the stack.
+ * Wire data is untrusted: no part of it is used before one of the *_get functions has accepted it.
+ * Outputs are zeroed when a function fails. Envelopes under construction point into the caller's
+ * memory; channel_send copies, so they may live on the stack.
  */
 #ifndef AZULEJO_PROTOCOL_MESSAGE_H
 #define AZULEJO_PROTOCOL_MESSAGE_H
@@ -21,7 +21,7 @@
 
 enum {
     MESSAGE_UNPACKED_MAX = 64 << 20, /* memory that one unpacked envelope may take */
-    MESSAGE_TEXT_MAX = 1024,         /* bytes of a text from the wire that are looked at */
+    MESSAGE_TEXT_MAX = 1024,         /* bytes of a text from the wire that are read */
     MESSAGE_UNITS_MAX = 4096,        /* work units in one grant, return or ack */
     MESSAGE_DIGESTS_MAX = 65536,     /* digests in one query */
 };
@@ -35,17 +35,17 @@ enum {
      .body_case = AZULEJO__WIRE__ENVELOPE__BODY_##CASE,                                \
      .field = (value)}
 
-/* Unpack an envelope. ERR_PROTOCOL: not one; ERR_LIMIT: it would take more than
+/* Unpack an envelope. ERR_PROTOCOL: it is not one; ERR_LIMIT: it would take more than
  * MESSAGE_UNPACKED_MAX; ERR_NO_MEMORY. Free with message_free. */
 status message_unpack(Azulejo__Wire__Envelope **out, const void *data, size_t size_bytes,
                       struct error *err) MUST_CHECK;
 void message_free(Azulejo__Wire__Envelope *message);
 
-/* "lease_grant"; "none" for an envelope without a body that this version knows. */
+/* "lease_grant"; "none" for an envelope whose body this version does not know. */
 const char *message_name(const Azulejo__Wire__Envelope *message);
 
-/* Copy text of the wire for logs and terminals: control characters and damaged UTF-8
- * become '?', at most `size` - 1 bytes. Returns `out`. */
+/* Copy text from the wire for logs and terminals: control characters and invalid UTF-8 become '?',
+ * at most `size` - 1 bytes. Returns `out`. */
 const char *message_text(char *out, size_t size, const char *text);
 
 /* Send a Failure that answers `request` (0: none), or a Heartbeat. */
@@ -55,10 +55,10 @@ status message_send_heartbeat(struct channel *c) MUST_CHECK;
 /* A Failure as an error: an unknown or OK code becomes ERR_PROTOCOL. Returns err->code. */
 status message_failure_get(const Azulejo__Wire__Failure *failure, struct error *err) MUST_CHECK;
 
-/* The coordinator's view of a Hello: version, and the role against the key's. */
+/* The coordinator checks a Hello: version, and the role against the key's. */
 status hello_check(const Azulejo__Wire__Hello *hello, enum farm_role key_role,
                    struct error *err) MUST_CHECK;
-/* The peer's view of a Welcome: version, and sane times (100 ms .. 1 h). */
+/* The peer checks a Welcome: version, and sane times (100 ms .. 1 h). */
 status welcome_check(const Azulejo__Wire__Welcome *welcome, struct error *err) MUST_CHECK;
 
 void wire_digest_set(ProtobufCBinaryData *out, const struct digest *digest); /* points at it */
@@ -72,7 +72,7 @@ status wire_settings_get(struct render_settings *out, const Azulejo__Wire__Rende
                          uint32_t camera_count, struct error *err) MUST_CHECK;
 
 void wire_stop_set(Azulejo__Wire__StopRules *out, const struct stop_rules *in);
-/* NULL: no rule but the cap. Validates; ERR_INPUT. */
+/* NULL: no rule except the cap. Validates; ERR_INPUT. */
 status wire_stop_get(struct stop_rules *out, const Azulejo__Wire__StopRules *in,
                      struct error *err) MUST_CHECK;
 
@@ -88,7 +88,7 @@ void wire_sums_set(uint8_t *out, const float *sums, size_t count);
 enum { WIRE_TAIL_ENTRY_BYTES = 8, WIRE_TAIL_BYTES_MAX = TAIL_MAX * WIRE_TAIL_ENTRY_BYTES };
 /* Returns how many bytes were written. */
 size_t wire_tail_set(uint8_t out[WIRE_TAIL_BYTES_MAX], const struct tail *tail);
-/* ERR_PROTOCOL: not a whole number of entries, or too many. Their order and range are the film's matter. */
+/* ERR_PROTOCOL: not a whole number of entries, or too many. The film checks order and range. */
 status wire_tail_get(struct tail *out, const ProtobufCBinaryData *in, struct error *err) MUST_CHECK;
 
 void wire_work_set(Azulejo__Wire__Work *out, const struct unit_work *in);
@@ -110,17 +110,17 @@ status blob_piece_of_put(struct blob_piece *out, const Azulejo__Wire__BlobPut *p
                          struct error *err) MUST_CHECK;
 status blob_piece_of_data(struct blob_piece *out, const Azulejo__Wire__BlobData *data,
                           struct error *err) MUST_CHECK;
-/* The piece's bytes into out[raw_bytes]. ERR_PROTOCOL: damaged or not of that length. */
+/* Write the piece's bytes to out[raw_bytes]. ERR_PROTOCOL: damaged or not of that length. */
 status blob_piece_unpack(const struct blob_piece *piece, uint8_t *out, struct error *err)
     MUST_CHECK;
 
-/* Compress a piece of a blob with zstd into `scratch` where that saves a sixteenth or
- * more. *packed then points into scratch, else at `raw` itself, and *zstd says which. */
+/* Compress a piece of a blob with zstd into `scratch` if that saves a sixteenth or more. *packed
+ * then points into scratch, otherwise to `raw` itself; *zstd says which. */
 status blob_piece_pack(const void *raw, size_t raw_bytes, struct buffer *scratch,
                        ProtobufCBinaryData *packed, protobuf_c_boolean *zstd,
                        struct error *err) MUST_CHECK;
 
-/* How many bytes the piece at `offset` has: the rest, at most BLOB_PIECE_BYTES. */
+/* The length of the piece at `offset`: the rest, at most BLOB_PIECE_BYTES. */
 static inline uint32_t blob_piece_size(uint64_t total_bytes, uint64_t offset)
 {
     uint64_t rest = total_bytes - offset;

@@ -56,7 +56,7 @@ static int client_psk(SSL *ssl, const EVP_MD *md, const unsigned char **id, size
     *id = NULL;
     *id_size = 0;
     if (md && EVP_MD_get_type(md) != NID_sha256)
-        return 1; /* a server that chose another hash cannot take our key */
+        return 1; /* a server that chose another hash cannot use our key */
     if (farm_key_for_role(&t->key, t->role, secret, NULL) != STATUS_OK)
         return 0;
     *session = session_new(ssl, secret);
@@ -87,7 +87,7 @@ static int server_psk(SSL *ssl, const unsigned char *id, size_t id_size, SSL_SES
         return *session != NULL;
     }
     t->key_unknown = 1;
-    return 1; /* no session: the handshake then fails for want of a certificate */
+    return 1; /* no session: the handshake then fails for lack of a certificate */
 }
 
 /* ---- life ------------------------------------------------------------------------------ */
@@ -109,17 +109,17 @@ static SSL_CTX *context_new(int is_server)
     if (is_server) {
         SSL_CTX_set_psk_find_session_callback(ctx, server_psk);
     } else {
-        /* No trusted certificate exists, so a server that shows one instead of proving the
-         * key is refused. */
+        /* No certificate is trusted, so a server that presents one instead of proving the key is
+         * refused. */
         SSL_CTX_set_verify(ctx, SSL_VERIFY_PEER, NULL);
         SSL_CTX_set_psk_use_session_callback(ctx, client_psk);
     }
     return ctx;
 }
 
-/* What all connections of a process share; it holds no key. A context takes 100 KB and a
- * millisecond, so each side makes one, when its first connection needs it, and keeps it. NULL
- * when OpenSSL gives none; the next connection tries again. */
+/* Shared by all connections of a process; it holds no key. A context takes 100 KB and a
+ * millisecond, so each side makes one when its first connection needs it, and keeps it. NULL if
+ * OpenSSL cannot make one; the next connection tries again. */
 static SSL_CTX *context_of(int is_server)
 {
     static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
@@ -200,8 +200,8 @@ void tls_free(struct tls *t)
 
 /* ---- the conversation ------------------------------------------------------------------ */
 
-/* What the failed handshake means, from OpenSSL's error queue: a wrong key shows as a
- * binder that does not verify (server) or as the alert about it (client). */
+/* The meaning of a failed handshake, from OpenSSL's error queue: a wrong key shows as a binder that
+ * does not verify (server) or as the alert about it (client). */
 static status handshake_failed(struct tls *t, struct error *err)
 {
     unsigned long code = ERR_peek_error();
@@ -273,7 +273,7 @@ status tls_step(struct tls *t, struct error *err)
     ERR_clear_error();
     result = SSL_do_handshake(t->ssl);
     if (result == 1) {
-        /* Belt and braces: only a handshake that used the pre-shared key counts. */
+        /* As a second safeguard, only a handshake that used the pre-shared key counts. */
         if (!SSL_session_reused(t->ssl) || t->role == FARM_ROLE_NONE) {
             t->state = TLS_FAILED;
             return error_set(err, STATUS_ERR_REFUSED, "it did not prove a farm key");
@@ -335,7 +335,7 @@ void tls_end(struct tls *t)
         return;
     ERR_clear_error();
     if (SSL_shutdown(t->ssl) < 0)
-        ERR_clear_error(); /* the peer then sees the stream end without the goodbye */
+        ERR_clear_error(); /* the peer then sees the stream end without a close_notify */
 }
 
 size_t tls_output_bytes(const struct tls *t)

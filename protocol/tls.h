@@ -1,17 +1,17 @@
-/* tls: one end of a TLS 1.3 conversation on memory.
+/* tls: one end of a TLS 1.3 connection, in memory.
  *
  * Both ends prove that they hold the secret of one role (an external PSK with an ephemeral
- * Diffie-Hellman exchange, so that a key that leaks later opens no recorded traffic).
- * There are no certificates, no tickets, no early data. No I/O happens here: bytes from the
- * wire go in by tls_feed, bytes for the wire are taken out with tls_output_*, so the code that
- * owns the socket stays in charge. What OpenSSL keeps for all connections of one side is made
- * once a process, by whichever thread comes first; a struct tls belongs to one thread at a time.
+ * Diffie-Hellman exchange, so that a key that leaks later does not decrypt recorded traffic). There
+ * are no certificates, no tickets, no early data. No I/O happens here: bytes from the wire go in
+ * through tls_feed, bytes for the wire come out through tls_output_*; the owner of the socket does
+ * the I/O. The OpenSSL contexts for all connections of one side are made once per process, by the
+ * first thread that needs them. A struct tls belongs to one thread at a time.
  *
  *   HANDSHAKE --tls_step--> OPEN --peer's close_notify--> ENDED
  *       \----------------------\--any error--> FAILED
  *
- * After every call that returns, take the output: a failed handshake leaves an alert
- * there which tells the peer why.
+ * Take the output after every call: a failed handshake leaves an alert there that tells the peer
+ * why.
  */
 #ifndef AZULEJO_PROTOCOL_TLS_H
 #define AZULEJO_PROTOCOL_TLS_H
@@ -26,22 +26,22 @@ enum tls_state { TLS_HANDSHAKE, TLS_OPEN, TLS_ENDED, TLS_FAILED };
 
 struct tls;
 
-/* The key is copied. The client acts in `role`; ERR_REFUSED when its key is not of it. */
+/* The key is copied. The client acts in `role`; ERR_REFUSED if the key is another role's. */
 status tls_new_client(struct tls **out, const struct farm_key *key, enum farm_role role,
                       struct error *err) MUST_CHECK;
-/* The server takes every role that its key can derive. */
+/* The server accepts every role that its key can derive. */
 status tls_new_server(struct tls **out, const struct farm_key *key, struct error *err) MUST_CHECK;
 void tls_free(struct tls *t);
 
-/* Bytes that came from the wire. ERR_NO_MEMORY. */
+/* Input bytes from the wire. ERR_NO_MEMORY. */
 status tls_feed(struct tls *t, const void *data, size_t size_bytes, struct error *err) MUST_CHECK;
 
-/* Push the handshake on. ERR_REFUSED: the keys differ, or the peer has no farm key;
- * ERR_PROTOCOL: the peer does not speak TLS 1.3. The texts do not name the peer. */
+/* Advance the handshake. ERR_REFUSED: the keys differ, or the peer has no farm key; ERR_PROTOCOL:
+ * the peer does not speak TLS 1.3. The texts do not name the peer. */
 status tls_step(struct tls *t, struct error *err) MUST_CHECK;
 
-/* Decrypt up to `capacity` bytes into `out`; *got is 0 when more input is needed or the
- * peer ended the conversation (tls_state_of tells). ERR_PROTOCOL: damaged records. */
+/* Decrypt up to `capacity` bytes into `out`; *got is 0 if more input is needed or the peer ended
+ * the connection (see tls_state_of). ERR_PROTOCOL: damaged records. */
 status tls_read(struct tls *t, void *out, size_t capacity, size_t *got,
                 struct error *err) MUST_CHECK;
 
@@ -52,7 +52,7 @@ status tls_write(struct tls *t, const void *data, size_t size_bytes, struct erro
 void tls_end(struct tls *t);
 
 size_t tls_output_bytes(const struct tls *t);
-/* Move up to `capacity` bytes of output; how many were moved. */
+/* Move up to `capacity` bytes of output; returns how many were moved. */
 size_t tls_output_take(struct tls *t, void *out, size_t capacity);
 
 enum tls_state tls_state_of(const struct tls *t);

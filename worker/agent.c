@@ -33,14 +33,14 @@ struct agent {
 
     struct channel *channel; /* NULL: none; set until its on_close */
     uint32_t heartbeat_ms, silence_limit_ms;
-    uint64_t since_ns;       /* the present state's beginning */
+    uint64_t since_ns;       /* when the present state began */
     uint64_t started_ns, asked_ns;
     uint64_t backoff_ms;
-    int was_welcome;         /* ever */
-    int last_asked;          /* units of the last LeaseRequest, not granted since */
+    int was_welcome;         /* at any time so far */
+    int last_asked;          /* units of the last LeaseRequest that were not granted yet */
     int failed_at_work;      /* the last connection ended by a Failure: keep backing off */
-    uint32_t failures;       /* connections lost or not made since the last Welcome */
-    char trouble[sizeof((struct error *)0)->text]; /* why, as last logged */
+    uint32_t failures;       /* connections lost or failed since the last Welcome */
+    char trouble[sizeof((struct error *)0)->text]; /* the reason, as last logged */
 
     struct blob_cache *blobs;
     struct pool *pool;
@@ -53,7 +53,7 @@ struct agent {
 static void agent_set_state(struct agent *a, enum agent_state state);
 static void end_if_drained(struct agent *a);
 
-/* The channel while messages of work may be sent on it. */
+/* The channel if work messages may be sent on it; otherwise NULL. */
 static struct channel *working_channel(const struct agent *a)
 {
     return a->state == WORKING || a->state == DRAINING ? a->channel : NULL;
@@ -61,7 +61,7 @@ static struct channel *working_channel(const struct agent *a)
 
 /* ---- work ------------------------------------------------------------------------------ */
 
-/* Keep the threads busy: ask before they run dry, but not while results pile up. */
+/* Keep the threads busy: ask before they run out of work, but not while results accumulate. */
 static void ask_for_work(struct agent *a)
 {
     Azulejo__Wire__LeaseRequest request = AZULEJO__WIRE__LEASE_REQUEST__INIT;
@@ -73,7 +73,7 @@ static void ask_for_work(struct agent *a)
     request.units = leases_room(&a->leases);
     if (request.units == 0)
         return;
-    /* The last request stands; say it again only when it grew much or may be forgotten. */
+    /* The last request still stands; repeat it only if it grew much or may have been forgotten. */
     if (a->last_asked > 0 && request.units < 2 * (uint32_t)a->last_asked &&
         now - a->asked_ns < ASK_AGAIN_MS * NS_PER_MS)
         return;
@@ -83,7 +83,7 @@ static void ask_for_work(struct agent *a)
     }
 }
 
-/* Pool tasks are done: scenes go on, results go out. */
+/* Pool tasks are done: continue with scenes, send results. */
 static void on_finished(uv_async_t *handle)
 {
     struct agent *a = handle->data;
@@ -180,8 +180,8 @@ static void on_open(struct channel *channel, void *user)
         agent_set_state(a, GREETING);
 }
 
-/* What a refusal in the greeting means: the coordinator holds the farm's key, so it speaks for
- * the farm, and this release will not fit it at the next attempt either. Anything else (its
+/* The meaning of a refusal in the greeting. The coordinator has proved the farm's key, so it speaks
+ * for the farm, and this release will not fit it at the next attempt either. Any other failure (its
  * limits, its memory) may pass. */
 static status greeting_refusal(status code)
 {
@@ -225,9 +225,9 @@ static void on_failure(struct agent *a, const Azulejo__Wire__Envelope *message)
     if (a->state == GREETING) {
         code = greeting_refusal(code);
     } else {
-        /* It may have refused a result (of a store that was since replaced, say). Sending the
-         * same again would end the same way; rendering it again is cheap. */
-        log_warn("%zu results that the coordinator has not taken are dropped", a->outbox.count);
+        /* It may have refused a result (for example because its store was replaced). Sending the
+         * same result again would fail the same way; rendering it again is cheap. */
+        log_warn("%zu results were not accepted and are dropped", a->outbox.count);
         outbox_release(&a->outbox);
         a->failed_at_work = 1;
     }
@@ -316,7 +316,7 @@ static void on_drain(struct channel *channel, void *user)
         outbox_pump(&a->outbox, channel);
 }
 
-/* End with this; the loop runs dry once the handles have closed. */
+/* End with this status; the loop stops once the handles have closed. */
 static void end_with(struct agent *a, const struct error *why)
 {
     if (a->state == ENDED)
@@ -325,8 +325,8 @@ static void end_with(struct agent *a, const struct error *why)
     agent_set_state(a, ENDED);
 }
 
-/* With exit_on_disconnect: not to be reached, or not by this key, is the end. Before the first
- * Welcome the coordinator may still be starting. */
+/* With exit_on_disconnect a coordinator that cannot be reached, or refuses this key, is the end.
+ * Before the first Welcome the coordinator may still be starting. */
 static int disconnect_is_final(const struct agent *a, const struct error *why)
 {
     return a->options.exit_on_disconnect &&
@@ -389,7 +389,7 @@ static void begin_connect(struct agent *a)
     struct error err = {0};
 
     if (a->failures > 0 && key_file_refresh(a->options.key_file))
-        a->backoff_ms = BACKOFF_FIRST_MS; /* the coordinator may get its new key a little later */
+        a->backoff_ms = BACKOFF_FIRST_MS; /* the coordinator may get its new key slightly later */
     if (channel_connect(&a->channel, a->loop, a->options.host, a->options.port,
                         &a->options.key_file->key, FARM_ROLE_WORKER, &callbacks, a,
                         &err) == STATUS_OK)
@@ -398,8 +398,8 @@ static void begin_connect(struct agent *a)
     agent_set_state(a, WAITING);
 }
 
-/* Twice as long each time, times a random 0.5..1, so that a farm's workers do not all come
- * back at the same moment. */
+/* Twice as long each time, times a random 0.5..1, so that a farm's workers do not all reconnect at
+ * the same moment. */
 static void begin_wait(struct agent *a)
 {
     uint8_t random[2] = {0};
@@ -424,7 +424,7 @@ static void begin_end(struct agent *a)
 {
     uv_close((uv_handle_t *)&a->tick, NULL);
     uv_close((uv_handle_t *)&a->retry, NULL);
-    /* The threads may still notify: the pool ends before the async handle does. */
+    /* The threads may still notify, so the pool must end before the async handle. */
     pool_free(a->pool);
     a->pool = NULL;
     uv_close((uv_handle_t *)&a->finished, NULL);
@@ -478,7 +478,7 @@ static void on_tick(uv_timer_t *timer)
         channel_abort(a->channel, STATUS_ERR_UNREACHABLE, "no Welcome within %d s",
                       GREETING_MS / 1000);
     if (a->state == DRAINING && in_state_ms > DRAIN_MS) {
-        log_warn("%zu units and %zu results are given up after %d s", a->leases.held,
+        log_warn("%zu units and %zu results are dropped after %d s", a->leases.held,
                  a->outbox.count, DRAIN_MS / 1000);
         end_with(a, &none);
         return;
@@ -489,7 +489,7 @@ static void on_tick(uv_timer_t *timer)
         a->failed_at_work = 0;
     if (now - channel_last_heard_ns(a->channel) > a->silence_limit_ms * NS_PER_MS) {
         channel_abort(a->channel, STATUS_ERR_UNREACHABLE,
-                      "nothing was heard for %.1f s: it is taken for dead",
+                      "it sent nothing for %.1f s; connecting again",
                       a->silence_limit_ms / 1000.0);
         return;
     }
@@ -519,9 +519,9 @@ status agent_new(struct agent **out, uv_loop_t *loop, const struct agent_options
     s = blob_cache_open(&a->blobs, options->cache_folder, options->cache_limit_bytes, err);
     if (s != STATUS_OK)
         goto failed;
-    /* Before the threads: they notify through it. */
+    /* Before the threads, because they notify through it. */
     if (uv_async_init(loop, &a->finished, on_finished) != 0) {
-        s = error_set(err, STATUS_ERR_INTERNAL, "the event loop gives no handle");
+        s = error_set(err, STATUS_ERR_INTERNAL, "the event loop has no handle left");
         goto failed;
     }
     a->finished.data = a;
@@ -564,7 +564,7 @@ void agent_drain(struct agent *a, const char *reason)
         end_with(a, &none);
         return;
     }
-    log_info("%s: finishing what is in work, giving the rest back", reason);
+    log_info("%s: finishing units in progress, returning the rest", reason);
     agent_set_state(a, DRAINING);
     end_if_drained(a);
 }

@@ -24,7 +24,7 @@ struct cached_blob {
     unsigned references;       /* under the cache's lock */
 };
 
-/* What this process has hashed once need not be hashed again while the file is the same. */
+/* A file that this process has hashed is not hashed again while it is unchanged. */
 struct verified {
     struct verified *chain;
     struct digest digest;
@@ -192,8 +192,8 @@ status cache_map_file(struct blob_cache *cache, int fd, const char *path,
     if (fstat(fd, &info) != 0)
         return error_set(err, STATUS_ERR_IO, "%s: %s", path, strerror(errno));
     if (!S_ISREG(info.st_mode)) {
-        log_warn("%s: is no file; the blob is fetched again", path);
-        return error_set(err, STATUS_ERR_NOT_FOUND, "%s: is no file", path);
+        log_warn("%s: not a regular file; fetching the blob again", path);
+        return error_set(err, STATUS_ERR_NOT_FOUND, "%s: not a regular file", path);
     }
     size = (size_t)info.st_size;
     if (size > 0) {
@@ -209,7 +209,7 @@ status cache_map_file(struct blob_cache *cache, int fd, const char *path,
                 munmap(data, size);
             if (s != STATUS_OK)
                 return error_set(err, s, "%s: cannot be hashed", path);
-            log_warn("%s: damaged; removed, and fetched again", path);
+            log_warn("%s: damaged; removed, fetching it again", path);
             if (unlink(path) != 0 && errno != ENOENT)
                 return error_set(err, STATUS_ERR_IO, "%s: damaged, and cannot be removed: %s",
                                  path, strerror(errno));
@@ -245,9 +245,9 @@ status blob_cache_get(struct blob_cache *cache, const struct digest *digest,
         return error_no_memory(err, "a path");
     fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
     if (fd < 0) {
-        /* Whatever keeps the file from us: a fresh copy can be fetched. */
+        /* For any reason that makes the file unusable, a new copy can be fetched. */
         if (errno != ENOENT)
-            log_warn("%s: cannot be read: %s; fetched again", path, strerror(errno));
+            log_warn("%s: cannot be read: %s; fetching it again", path, strerror(errno));
         s = error_set(err, STATUS_ERR_NOT_FOUND, "%s: %s", path, strerror(errno));
         mem_free(path);
         return s;
@@ -263,7 +263,7 @@ status blob_cache_get(struct blob_cache *cache, const struct digest *digest,
 
 /* ---- life ------------------------------------------------------------------------------ */
 
-/* Can files be made, listed and read there? */
+/* Can files be created, listed and read there? */
 static status folder_check(const char *folder, const char *temporaries, struct error *err)
 {
     char *probe = file_join(temporaries, "probe-XXXXXX");

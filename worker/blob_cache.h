@@ -1,14 +1,14 @@
-/* blob_cache: the blobs that this machine has, on disk, named by their SHA-256.
+/* blob_cache: this machine's blobs on disk, named by their SHA-256.
  *
- * FOLDER/ab/cdef...: one file a blob, named by the 64 digits of its digest, the first two as
- * a folder. FOLDER/tmp: files being received. A file appears in its place by a rename, so it
- * is whole; it is checked against its name the first time that a process uses it, so neither a
- * crash nor a bad disk can put a wrong byte into a picture. Several processes may share the folder:
- * nobody ever changes a file in place, and one that is unlinked stays mapped where it is used.
+ * FOLDER/ab/cdef...: one file per blob, named by the 64 digits of its digest, the first two as a
+ * folder. FOLDER/tmp: files being received. A file appears in its place by a rename, so it is
+ * complete. It is checked against its name the first time a process uses it, so neither a crash nor
+ * a bad disk can put a wrong byte into a picture. Several processes may share the folder: no
+ * process changes a file in place, and an unlinked file stays mapped where it is used.
  *
- * Above the limit the files unused for the longest time (by modification time, which every
- * use renews) are removed. When the disk is full or fails, a blob is kept in anonymous memory
- * for as long as somebody uses it.
+ * Above the limit the least recently used files are removed (by modification time, which every use
+ * updates). If the disk is full or fails, a blob is kept in anonymous memory while it is
+ * referenced.
  *
  * All functions are safe from any thread. A blob belongs to the holders of references to it
  * and must be released before the cache is closed.
@@ -25,14 +25,14 @@
 struct blob_cache;
 struct cached_blob;
 
-/* Make the folder if need be, see that it can be written, sweep what crashed receivers left.
+/* Create the folder if needed, check that it is writable, remove what crashed receivers left.
  * ERR_IO with the folder's name and the remedy. */
 status blob_cache_open(struct blob_cache **out, const char *folder, uint64_t limit_bytes,
                        struct error *err) MUST_CHECK;
 void blob_cache_close(struct blob_cache *cache);
 
-/* Find a blob and take a reference. Reads and hashes the whole file the first time, so not
- * for the loop's thread. ERR_NOT_FOUND: it is not there (or was damaged and is now removed);
+/* Find a blob and take a reference. Reads and hashes the whole file the first time, so do not call
+ * it in the loop's thread. ERR_NOT_FOUND: it is not there (or was damaged and has been removed);
  * ERR_NO_MEMORY, ERR_IO. */
 status blob_cache_get(struct blob_cache *cache, const struct digest *digest,
                       struct cached_blob **out, struct error *err) MUST_CHECK;

@@ -14,7 +14,7 @@
 
 enum {
     CACHE_BUCKETS = 4096,
-    CACHE_PATH_ROOM = 96, /* what follows the folder's name in a path */
+    CACHE_PATH_ROOM = 96, /* room for what follows the folder's name in a path */
 };
 
 struct verified;
@@ -23,7 +23,7 @@ struct blob_cache {
     pthread_mutex_t lock;
     char *folder;
     uint64_t limit_bytes;
-    uint64_t stored_bytes; /* files, as of the last sweep and with what was stored since */
+    uint64_t stored_bytes; /* files, as of the last sweep plus what was stored since */
     uint64_t temporary_count;
     struct cached_blob *live[CACHE_BUCKETS];
     struct verified *verified[CACHE_BUCKETS];
@@ -33,25 +33,24 @@ struct blob_cache {
 char *cache_blob_path(const struct blob_cache *cache, const struct digest *digest,
                       int folder_only);
 
-/* A blob with one reference that nobody can find yet; owns the mapping `data`. NULL: out of
+/* A blob with one reference that cannot be found yet; owns the mapping `data`. NULL: out of
  * memory. */
 struct cached_blob *cached_blob_new(struct blob_cache *cache, const struct digest *digest,
                                     const uint8_t *data, size_t size_bytes);
-/* Make it findable. If another thread was faster, its blob is taken and ours dropped. */
+/* Make it findable. If another thread was faster, take its blob and free ours. */
 struct cached_blob *cache_add(struct blob_cache *cache, struct cached_blob *blob);
 
-/* This file need not be hashed again by this process. Failing to remember only costs another
- * hashing. */
+/* Remember that this process need not hash the file again. If that fails, it is hashed again. */
 void cache_remember_verified(struct blob_cache *cache, const struct digest *digest,
                              const struct stat *info);
-/* Map the open file and see that it is what its name says. */
+/* Map the open file and check it against its name. */
 status cache_map_file(struct blob_cache *cache, int fd, const char *path,
                       const struct digest *digest, struct cached_blob **out,
                       struct error *err) MUST_CHECK;
 
-/* Count what is there; above the limit, remove the least recently used files until a tenth of
- * it is free again, so that not every new blob sweeps. Other processes may do the same at the
- * same time: a file that is already gone is no matter. */
+/* Count the files. Above the limit, remove the least recently used ones until a tenth of it is
+ * free, so that not every new blob causes a sweep. Other processes may do the same at the same
+ * time; a file that is already gone is no error. */
 void cache_sweep(struct blob_cache *cache);
 void cache_sweep_temporaries(const char *folder);
 

@@ -1,4 +1,4 @@
-/* The cache's size limit: what has been unused for the longest time goes. */
+/* The cache's size limit: the least recently used files are removed. */
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>

@@ -49,7 +49,7 @@ static void writer_drop_file(struct cache_writer *w)
     w->path = NULL;
 }
 
-/* The disk takes no more: go on in memory, with what the file has so far. */
+/* The disk accepts no more: continue in memory, with what the file has so far. */
 static status writer_to_memory(struct cache_writer *w, const char *why, struct error *err)
 {
     uint64_t at = 0;
@@ -62,7 +62,7 @@ static status writer_to_memory(struct cache_writer *w, const char *why, struct e
         if (w->data == MAP_FAILED) {
             w->data = NULL;
             return error_set(err, STATUS_ERR_NO_MEMORY,
-                             "no disk and no memory for a blob of %llu bytes",
+                             "neither disk nor memory for a blob of %llu bytes",
                              (unsigned long long)w->total_bytes);
         }
     }
@@ -110,7 +110,7 @@ status cache_writer_new(struct cache_writer **out, struct blob_cache *cache,
     (void)gethostname(host, sizeof host - 1);
     snprintf(w->path, size, "%s/tmp/%.31s-%ld-%llu", cache->folder, host, (long)getpid(),
              (unsigned long long)number);
-    /* O_EXCL: two containers on one folder may have the same host name and process number. */
+    /* O_EXCL: two containers that share a folder may have the same host name and process number. */
     w->fd = open(w->path, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (w->fd < 0) {
         int code = errno;
@@ -164,8 +164,8 @@ uint64_t cache_writer_bytes(const struct cache_writer *w)
     return w->got_bytes;
 }
 
-/* Put the finished file in its place. The blob that is mapped from it is good even if the
- * rename fails. */
+/* Move the finished file to its place. The blob that is mapped from it is usable even if the rename
+ * fails. */
 static void writer_publish(struct cache_writer *w)
 {
     char *folder = cache_blob_path(w->cache, &w->digest, 1);
@@ -174,7 +174,7 @@ static void writer_publish(struct cache_writer *w)
 
     if (!folder || !path)
         goto done;
-    /* No fsync: after a power cut a file may be short, and its digest will say so. */
+    /* No fsync: after a power failure a file may be short, and its digest will reveal it. */
     if ((mkdir(folder, 0700) != 0 && errno != EEXIST) || rename(w->path, path) != 0) {
         log_warn("%s: cannot be put into the cache: %s", path, strerror(errno));
         goto done;

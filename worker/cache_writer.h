@@ -1,8 +1,8 @@
 /* cache_writer: a blob on its way into the cache.
  *
- * The bytes go to a file in FOLDER/tmp, hashed as they come; at the end the file is renamed into
- * its place (blob_cache.h). When the disk takes no more, the writer goes on in anonymous memory,
- * which the finished blob then owns. A writer is used by one thread.
+ * The bytes go to a file in FOLDER/tmp and are hashed as they arrive; at the end the file is
+ * renamed to its place (blob_cache.h). If the disk accepts no more, the writer continues in
+ * anonymous memory, which the finished blob then owns. A writer is used by one thread.
  */
 #ifndef AZULEJO_WORKER_CACHE_WRITER_H
 #define AZULEJO_WORKER_CACHE_WRITER_H
@@ -22,8 +22,8 @@ status cache_writer_new(struct cache_writer **out, struct blob_cache *cache,
 status cache_writer_add(struct cache_writer *w, const void *data, size_t size_bytes,
                         struct error *err) MUST_CHECK;
 uint64_t cache_writer_bytes(const struct cache_writer *w); /* so far */
-/* Check the digest, put the blob into the cache and take a reference to it. Frees the writer
- * in any case. ERR_CORRUPT: the bytes are not the blob's. */
+/* Check the digest, put the blob into the cache and take a reference to it. Always frees the
+ * writer. ERR_CORRUPT: the bytes do not match the blob's name. */
 status cache_writer_finish(struct cache_writer *w, struct cached_blob **out,
                            struct error *err) MUST_CHECK;
 void cache_writer_abandon(struct cache_writer *w); /* NULL is fine */

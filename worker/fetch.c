@@ -113,7 +113,7 @@ static struct fetch **receiving_find(struct fetcher *f, uint64_t request)
     return NULL;
 }
 
-/* Not this time. Try again, unless it is hopeless or was tried often enough. */
+/* This attempt failed. Try again, unless that is pointless or it was tried often enough. */
 static void attempt_failed(struct fetcher *f, struct fetch **place, const struct error *why,
                            int hopeless)
 {
@@ -136,7 +136,7 @@ static void attempt_failed(struct fetcher *f, struct fetch **place, const struct
     f->failed(f->user, &digest, &told);
 }
 
-/* One piece into the writer; the blob when it was the last one. */
+/* Write one piece; returns the blob if it was the last. */
 static status take_piece(struct fetcher *f, struct fetch *fetch, const struct blob_piece *piece,
                          struct cached_blob **done, struct error *err)
 {
@@ -166,7 +166,7 @@ status fetcher_data(struct fetcher *f, uint64_t request, const Azulejo__Wire__Bl
 
     if (s != STATUS_OK)
         return s;
-    if (!place) /* the rest of a blob that was given up after a damaged piece */
+    if (!place) /* the rest of a blob that was dropped after a damaged piece */
         return request > 0 && request <= f->last_request
                    ? STATUS_OK
                    : error_set(err, STATUS_ERR_PROTOCOL, "a blob piece that was not requested");

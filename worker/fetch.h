@@ -33,24 +33,24 @@ struct fetcher {
     struct fetch *buckets[FETCH_BUCKETS]; /* all, by digest */
     struct fetch *first, *last;           /* QUEUED, in order */
     struct fetch *receiving[FETCHES_AT_ONCE];
-    uint64_t bytes;                       /* received on the wire's raw side, for the log */
+    uint64_t bytes;                       /* received, counted uncompressed, for the log */
 };
 
 void fetcher_init(struct fetcher *f, struct blob_cache *cache);
 void fetcher_release(struct fetcher *f);
 
-/* Ask for a blob unless that is under way. `limit_bytes`: what its size may be at most;
+/* Ask for a blob unless a fetch of it is in progress. `limit_bytes`: upper limit of its size;
  * `size_bytes` 0: not known. ERR_NO_MEMORY. */
 status fetcher_want(struct fetcher *f, const struct scene_blob *blob, uint64_t limit_bytes,
                     struct error *err) MUST_CHECK;
-/* Send as many BlobGets as may be under way. */
+/* Send as many BlobGets as are allowed at once. */
 void fetcher_pump(struct fetcher *f, struct channel *channel);
-/* A piece came. ERR_PROTOCOL: it was not asked for or does not follow the one before. */
+/* A piece arrived. ERR_PROTOCOL: it was not requested or does not follow the one before. */
 status fetcher_data(struct fetcher *f, uint64_t request, const Azulejo__Wire__BlobData *data,
                     struct error *err) MUST_CHECK;
-/* A Failure came; 0 when it does not answer a fetch. */
+/* A Failure arrived. 0: it does not answer a fetch. */
 int fetcher_failure(struct fetcher *f, uint64_t request, const Azulejo__Wire__Failure *failure);
-/* The connection is gone: begin again on the next. */
+/* The connection is lost: start again on the next one. */
 void fetcher_reset(struct fetcher *f);
 
 #endif

@@ -42,7 +42,7 @@ static status load_worker_key(struct farm_key *key, const char *path, struct err
 status key_file_load(struct key_file *file, const char *path, struct error *err)
 {
     file->path = path;
-    /* Before it is read: what changes in between is seen as a change later. */
+    /* Before reading: a change in between is then seen as a change later. */
     file->seen = look_at(path);
     return load_worker_key(&file->key, path, err);
 }

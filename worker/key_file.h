@@ -1,9 +1,9 @@
-/* key_file: the key by which the worker proves its role, and the file that it was read from.
+/* key_file: the key with which the worker proves its role, and the file it was read from.
  *
- * A farm's key may be replaced while workers run. Each of them reads its file again before an
- * attempt to connect that follows a failed one, so that a new key takes effect without a
- * restart. A file that cannot be used then (missing, half written, another role's) is logged
- * once and the key that was read before stays in use.
+ * A farm's key may be replaced while workers run. A worker reads the file again before each attempt
+ * to connect that follows a failed one, so a new key takes effect without a restart. If the file
+ * cannot be used then (missing, half written, another role's), this is logged once and the previous
+ * key stays in use.
  */
 #ifndef AZULEJO_WORKER_KEY_FILE_H
 #define AZULEJO_WORKER_KEY_FILE_H
@@ -16,14 +16,14 @@
 struct key_file {
     const char *path;
     struct farm_key key;
-    struct stat seen; /* the file when it was last read; all zero when it could not be found */
+    struct stat seen; /* the file when it was last read; all 0 if it was not found */
 };
 
-/* Read it. ERR_INPUT or ERR_IO: no key file; ERR_REFUSED: a key that cannot act as worker.
+/* Read it. ERR_INPUT or ERR_IO: not a key file; ERR_REFUSED: a key that cannot act as worker.
  * `path` must outlive the key_file. */
 status key_file_load(struct key_file *file, const char *path, struct error *err) MUST_CHECK;
 
-/* Read it again if it changed since. 1: `key` is another one now. */
+/* Read it again if it has changed. 1: `key` is now another one. */
 int key_file_refresh(struct key_file *file);
 
 #endif

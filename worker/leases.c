@@ -85,13 +85,13 @@ static void lease_end_if_empty(struct leases *l, struct lease *lease)
     mem_free(lease);
 }
 
-/* Is a thread at it (or just finished, and the loop has not heard)? */
+/* Is a thread rendering it (or just finished, before the loop knows)? */
 static int unit_try_take(struct leases *l, struct work_unit *unit)
 {
     return !unit->lease->started || pool_cancel(l->pool, &unit->task);
 }
 
-/* Free the lease's units that no thread has begun; mark the others `dropped` if asked. */
+/* Free the lease's units that no thread has started; mark the others `dropped` if asked. */
 static void lease_drop_unstarted(struct leases *l, struct lease *lease, int drop_running)
 {
     struct work_unit *next;
@@ -256,8 +256,8 @@ status leases_grant(struct leases *l, const Azulejo__Wire__LeaseGrant *grant,
     return STATUS_OK;
 }
 
-/* Its slot is READY or BROKEN: go on to another one if it turned out to show another moment of
- * a scene that moves. 0 when there will be none for the lease. */
+/* Its slot is READY or BROKEN. If it turned out to show another moment of a moving scene, switch to
+ * another slot. 0: there will be none for the lease. */
 static int lease_settle(struct lease *lease, const struct scene_slot *slot, struct error *why)
 {
     if (scene_slot_state(slot) != SCENE_READY) {
@@ -310,7 +310,7 @@ struct work_unit *leases_unit_done(struct leases *l, struct pool_task *task)
     return NULL;
 }
 
-/* ---- given back ------------------------------------------------------------------------ */
+/* ---- returned -------------------------------------------------------------------------- */
 
 void leases_revoke(struct leases *l, const Azulejo__Wire__LeaseRevoke *revoke)
 {
@@ -319,13 +319,13 @@ void leases_revoke(struct leases *l, const Azulejo__Wire__LeaseRevoke *revoke)
     for (struct lease *lease = l->first; lease; lease = lease->next) {
         if (lease->id != revoke->lease)
             continue;
-        log_info("job %llu, frame %u: lease %llu is taken back: %s",
+        log_info("job %llu, frame %u: lease %llu is revoked: %s",
                  (unsigned long long)lease->job, lease->frame, (unsigned long long)lease->id,
                  message_text(reason, sizeof reason, revoke->reason));
         lease_drop_unstarted(l, lease, 1);
         return;
     }
-    /* Its last unit was rendered meanwhile: no matter. */
+    /* Its last unit was rendered in the meantime: nothing to do. */
 }
 
 void leases_forget_unstarted(struct leases *l)

@@ -3,10 +3,10 @@
  *   a unit: granted --scene READY--> in the pool --> rendered --> outbox --ResultAck--> freed
  *              \--revoked, returned, connection lost, job broken--> freed
  *
- * A lease lives until its last unit has left it, and holds its scene for so long. A unit that
- * is being rendered when its lease is revoked runs on and is then thrown away; one that is
- * being rendered when the connection is lost keeps its result, which is as good later.
- * Everything here happens in the loop's thread; only the units' tasks run in the pool.
+ * A lease lives until its last unit has left it, and holds its scene until then. A unit that is
+ * being rendered when its lease is revoked is finished and then discarded. A unit that is being
+ * rendered when the connection is lost keeps its result, which stays valid.
+ * Everything here runs in the loop's thread; only the units' tasks run in the pool.
  */
 #ifndef AZULEJO_WORKER_LEASES_H
 #define AZULEJO_WORKER_LEASES_H
@@ -23,7 +23,7 @@ enum {
     LEASES_HELD_MAX = 4096,
     UNITS_PER_THREAD_MIN = 4,  /* held, so that no thread waits for the network */
     UNITS_PER_THREAD_MAX = 64,
-    UNITS_HOLD_MS = 300,       /* work to hold for each thread, by what units took so far */
+    UNITS_HOLD_MS = 300,       /* work to hold for each thread, estimated from past units */
 };
 
 struct leases {
@@ -31,10 +31,10 @@ struct leases {
     struct scene_cache *scenes;
     struct lease *first;
     unsigned threads;
-    uint32_t isa_mask;         /* what was offered */
+    uint32_t isa_mask;         /* offered to the coordinator */
     size_t lease_count;
-    size_t held;               /* units not rendered yet, running ones included */
-    uint64_t unit_ns;          /* what a unit took lately, smoothed; 0: unknown */
+    size_t held;               /* units not rendered yet, including those being rendered */
+    uint64_t unit_ns;          /* recent duration of a unit, smoothed; 0: unknown */
     uint64_t units_done, samples_done;
 };
 
@@ -42,19 +42,21 @@ void leases_init(struct leases *l, struct pool *pool, struct scene_cache *scenes
                  uint32_t isa_mask);
 void leases_release(struct leases *l); /* after the pool has ended */
 
-/* Take a grant. ERR_PROTOCOL: it breaks the rules (ends the connection). A job that cannot be
- * rendered is reported to the coordinator by a JobBroken on `channel`, and STATUS_OK returned. */
+/* Take a grant. ERR_PROTOCOL: it breaks the rules (ends the connection). If a job cannot be
+ * rendered, send JobBroken on `channel` and return STATUS_OK. */
 status leases_grant(struct leases *l, const Azulejo__Wire__LeaseGrant *grant,
                     struct channel *channel, struct error *err) MUST_CHECK;
 void leases_revoke(struct leases *l, const Azulejo__Wire__LeaseRevoke *revoke);
 /* The scene became READY or BROKEN. `channel` NULL: not connected. */
 void leases_scene_settled(struct leases *l, struct scene_slot *slot, struct channel *channel);
-/* A pool task of a unit is done: the unit if its result is to be sent (the caller's now). */
+/* A pool task of a unit is done. Returns the unit if its result is to be sent (now the
+ * caller's). */
 struct work_unit *leases_unit_done(struct leases *l, struct pool_task *task);
 
-/* Forget all that is not being rendered (the connection is gone: it will be lent again). */
+/* Forget all units that are not being rendered (the connection is lost: they will be leased
+ * again). */
 void leases_forget_unstarted(struct leases *l);
-/* The same, telling the coordinator. */
+/* The same, and tell the coordinator. */
 void leases_return_unstarted(struct leases *l, struct channel *channel, const char *reason);
 
 /* How many more units to ask for now; 0 while enough are held. */

@@ -32,13 +32,13 @@ static void on_signal(uv_signal_t *handle, int signal_number)
     const char *name = signal_number == SIGINT ? "SIGINT" : "SIGTERM";
 
     if (p->signals++) {
-        log_warn("%s again: ending at once; what was in work will be rendered elsewhere", name);
+        log_warn("%s again: ending at once; other workers will render its units", name);
         _exit(128 + signal_number);
     }
     agent_drain(p->agent, name);
 }
 
-/* The handles must not keep the loop alive once the agent is through. */
+/* The handles must not keep the loop alive once the agent is done. */
 static void watch_signals(struct program *p)
 {
     uv_signal_init(&p->loop, &p->interrupt);
@@ -105,9 +105,9 @@ static status run(const struct agent_options *options, struct error *err)
 
     memset(&p, 0, sizeof p);
     if (uv_loop_init(&p.loop) != 0)
-        return error_set(err, STATUS_ERR_INTERNAL, "no event loop can be made");
+        return error_set(err, STATUS_ERR_INTERNAL, "the event loop cannot be created");
     if (profile_start(&no_profile) != STATUS_OK)
-        log_warn("%s; frames will not tell where their time went", no_profile.text);
+        log_warn("%s; frames will not say where their time went", no_profile.text);
     s = agent_new(&p.agent, &p.loop, options, err);
     if (s == STATUS_OK) {
         watch_signals(&p);
@@ -148,7 +148,7 @@ int main(int argc, char **argv)
          NULL},
         {"exit-on-disconnect", 0, OPTION_FLAG, &exit_on_disconnect, NULL,
          "end when the coordinator goes away instead of connecting again", 0, 0, NULL},
-        {"log-level", 0, OPTION_CHOICE, &log_level, "LEVEL", "how much to say (default info)", 0, 0,
+        {"log-level", 0, OPTION_CHOICE, &log_level, "LEVEL", "what to log (default info)", 0, 0,
          "error|warn|info|debug"},
         {"version", 0, OPTION_FLAG, &version, NULL, "print the version", 0, 0, NULL},
         {NULL, 0, OPTION_FLAG, NULL, NULL, NULL, 0, 0, NULL},
@@ -166,9 +166,9 @@ int main(int argc, char **argv)
     s = options_parse(table, argc, argv, &rest, &help, &err);
     if (s == STATUS_OK && help) {
         options_print_help("azulejo-worker [OPTIONS]",
-                           "Renders tiles for an Azulejo coordinator until it is told to end. "
-                           "SIGTERM and SIGINT\nfinish what is in work and give the rest back; a "
-                           "second one ends at once.",
+                           "Renders tiles for an Azulejo coordinator until it is stopped. "
+                           "On SIGTERM or SIGINT\nit finishes units in progress and returns the rest; "
+                           "a second signal ends it at once.",
                            table);
         return 0;
     }

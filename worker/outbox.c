@@ -78,7 +78,7 @@ void outbox_pump(struct outbox *o, struct channel *channel)
     while (o->unsent && channel_queued_bytes(channel) < CHANNEL_QUEUE_HIGH) {
         struct work_unit *unit = o->unsent;
         if (send_result(channel, unit) != STATUS_OK)
-            return; /* the channel closes by itself, or memory is short: later again */
+            return; /* the channel closes itself, or memory is short: try later */
         unit->sent = 1;
         o->unsent = unit->next;
     }
@@ -112,7 +112,7 @@ void outbox_acknowledge(struct outbox *o, uint64_t job, uint32_t frame, uint32_t
 {
     struct work_unit *unit = o->first;
 
-    /* Acknowledgements come about in the order of sending, so this looks at few. */
+    /* Acknowledgements come roughly in the order of sending, so this searches few results. */
     while (unit && !(unit->job == job && unit->frame == frame && unit->tile == tile &&
                      unit->group == group && unit->pass == pass))
         unit = unit->next;

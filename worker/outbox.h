@@ -1,7 +1,7 @@
 /* outbox: results that the coordinator has not acknowledged yet.
  *
- * A result stays until its ResultAck came, and is sent again after a lost connection. The
- * outbox owns the results in it. Above OUTBOX_HIGH the worker asks for no more work.
+ * A result stays until its ResultAck arrives, and is sent again after a lost connection. The outbox
+ * owns its results. Above OUTBOX_HIGH the worker asks for no more work.
  */
 #ifndef AZULEJO_WORKER_OUTBOX_H
 #define AZULEJO_WORKER_OUTBOX_H
@@ -20,20 +20,20 @@ enum { OUTBOX_HIGH = 8192 }; /* results; 6 KiB each, up to 22 KiB with AOVs */
 
 struct lease;
 
-/* One work unit: first lent, then a result. */
+/* One work unit: first leased, then a result. */
 struct work_unit {
     struct pool_task task; /* first: a task is its unit */
     struct work_unit *previous, *next; /* in its lease, later in the outbox */
     struct lease *lease;   /* NULL in the outbox */
     uint64_t lease_id, epoch, job;
     uint32_t frame, tile, group, pass;
-    int dropped;           /* taken back while it ran: the result is thrown away */
+    int dropped;           /* revoked while it ran: its result is discarded */
     int sent;              /* on this connection */
     size_t sum_count;
     uint64_t cpu_ns, wall_ns;
-    uint64_t effects;      /* what the scene called for */
+    uint64_t effects;      /* what the scene needed */
     uint32_t stages[STAGE_COUNT]; /* how often the thread was found in each */
-    uint32_t accounts[EFFECT_ACCOUNTS]; /* the same looks, by effect */
+    uint32_t accounts[EFFECT_ACCOUNTS]; /* the same samples, by effect */
     struct render_stats stats;
     struct tail tail;
     float sums[];          /* as many as tile_floats() says of unit_aovs() */
@@ -47,15 +47,15 @@ struct outbox {
 
 void outbox_release(struct outbox *o);
 void outbox_add(struct outbox *o, struct work_unit *unit);
-/* Send what is unsent, until the channel's queue is high; call again on its drain. */
+/* Send unsent results until the channel's queue is high; call again on its drain. */
 void outbox_pump(struct outbox *o, struct channel *channel);
-/* The connection is gone: all of it must be sent again. */
+/* The connection is lost: all results must be sent again. */
 void outbox_reset(struct outbox *o);
-/* Forget an acknowledged result. Unknown ones are no matter: they were acknowledged before. */
+/* Forget an acknowledged result. An unknown one was acknowledged before and is ignored. */
 void outbox_acknowledge(struct outbox *o, uint64_t job, uint32_t frame, uint32_t tile,
                         uint32_t group, uint32_t pass);
 
-/* Forget the results of a lease that nobody wants any more. */
+/* Forget the results of a lease that is no longer wanted. */
 void outbox_drop_lease(struct outbox *o, uint64_t lease_id);
 
 #endif

@@ -120,7 +120,7 @@ status pool_new(struct pool **out, unsigned threads, void (*notify)(void *user),
     pthread_cond_init(&pool->work, NULL);
     pool->notify = notify;
     pool->user = user;
-    /* Signals are the loop's. */
+    /* Signals go to the event loop's thread. */
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
     while (pool->thread_count < threads &&

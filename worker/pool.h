@@ -3,11 +3,10 @@
  *   IDLE --pool_push--> QUEUED --a thread--> RUNNING --> DONE --pool_take_done--> IDLE
  *                         \--pool_cancel--> IDLE
  *
- * A task is embedded in whatever it works on and belongs to the pool between push and
- * take_done (or a successful cancel). Finished tasks pile up until they are taken;
- * `notify` is called from a pool thread when the first one does. Every thread runs with the
- * processor's default floating-point state (round to nearest, denormals kept): results must
- * not depend on what some library set.
+ * A task is embedded in the object it works on and belongs to the pool between push and take_done
+ * (or a successful cancel). Finished tasks accumulate until they are taken; a pool thread calls
+ * `notify` at the first one. Every thread runs with the processor's default floating-point state
+ * (round to nearest, denormals kept): results must not depend on what a library has set.
  */
 #ifndef AZULEJO_WORKER_POOL_H
 #define AZULEJO_WORKER_POOL_H
@@ -28,12 +27,12 @@ struct pool;
 
 status pool_new(struct pool **out, unsigned threads, void (*notify)(void *user), void *user,
                 struct error *err) MUST_CHECK;
-/* Forget what is queued, wait for what runs, end the threads. Tasks are not freed. */
+/* Forget what is queued, wait for running tasks, end the threads. Tasks are not freed. */
 void pool_free(struct pool *pool);
 
-/* Urgent tasks run before the others, the newest first; the others first come, first served. */
+/* Urgent tasks run before the others, the newest first; the others run in order of arrival. */
 void pool_push(struct pool *pool, struct pool_task *task, int urgent);
-/* Take a task back that no thread has begun; 0 if one has. */
+/* Take back a task that no thread has started; 0 if one has. */
 int pool_cancel(struct pool *pool, struct pool_task *task);
 /* The finished tasks in the order in which they finished, linked by `next`; NULL: none. */
 struct pool_task *pool_take_done(struct pool *pool);

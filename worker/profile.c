@@ -9,10 +9,10 @@
 #include "common/base/memory.h"
 #include "worker/render/base/profile_scope.h"
 
-/* A little off a millisecond, so as not to beat with what the system does every millisecond. */
+/* Slightly off a millisecond, so that it does not beat with periodic work of the system. */
 enum { PERIOD_NS = 1013000, IDLE_PERIOD_NS = 20000000 };
 
-/* A thread that is looked at. */
+/* A thread that is sampled. */
 struct watched {
     struct watched *next;
     const struct profile_place *place;
@@ -20,7 +20,7 @@ struct watched {
 };
 
 static struct {
-    pthread_mutex_t lock;    /* of `first` and the list */
+    pthread_mutex_t lock;    /* guards `first` and the list */
     struct watched *first;
     atomic_int stop;
     int running;
@@ -29,7 +29,7 @@ static struct {
 
 static _Thread_local struct watched *mine;
 
-/* Count every thread once; how many were rendering. */
+/* Sample every thread once; returns how many were rendering. */
 static int look(void)
 {
     int busy = 0;
@@ -64,7 +64,7 @@ status profile_start(struct error *err)
     int code;
 
     atomic_store(&profile.stop, 0);
-    sigfillset(&all); /* signals are the loop's */
+    sigfillset(&all); /* signals go to the event loop's thread */
     pthread_sigmask(SIG_SETMASK, &all, &before);
     code = pthread_create(&profile.thread, NULL, watch_main, NULL);
     pthread_sigmask(SIG_SETMASK, &before, NULL);

@@ -1,12 +1,11 @@
-/* profile: in which stages of rendering the time goes, and for which effects.
+/* profile: how much of the rendering time goes to which stages and effects.
  *
- * One thread looks about a thousand times a second at what every rendering thread does
- * (worker/render/base/profile_scope.h), and counts. The rendering threads pay two stores a scope; looking
- * costs the process some microseconds a millisecond, and almost nothing while no thread renders.
+ * One thread samples, about a thousand times a second, what every rendering thread is doing
+ * (worker/render/base/profile_scope.h). A rendering thread pays two stores per scope; sampling
+ * costs the process some microseconds per millisecond, and almost nothing while no thread renders.
  *
- * A thread must join before its counts are read and leave before it ends. One profile in a
- * process. Without one (it could not be started), or in a thread that did not join, all counts
- * are 0.
+ * A thread must join before its counts are read and leave before it ends. There is one profile per
+ * process. If it could not be started, and for a thread that did not join, all counts are 0.
  */
 #ifndef AZULEJO_WORKER_PROFILE_H
 #define AZULEJO_WORKER_PROFILE_H
@@ -17,7 +16,7 @@
 #include "common/scene/effects.h"
 #include "common/scene/stages.h"
 
-/* Each look counts once in either. */
+/* Each sample adds one to each of the two. */
 struct profile_counts {
     uint64_t stages[STAGE_COUNT], accounts[EFFECT_ACCOUNTS];
 };
@@ -25,7 +24,7 @@ struct profile_counts {
 status profile_start(struct error *err) MUST_CHECK;
 void profile_stop(void); /* after every thread has left */
 
-/* The calling thread may be looked at. Out of memory it is not. */
+/* Allow the calling thread to be sampled. Out of memory: it is not. */
 void profile_join(void);
 void profile_leave(void);
 

@@ -11,7 +11,7 @@
 #include "common/scene/pose.h"
 #include "common/scene/scene.h"
 
-/* What the loop's thread knows of a slot's scene. */
+/* What the loop's thread knows about a slot's scene. */
 enum motion { MOTION_UNKNOWN, MOTION_NONE, MOTION_SOME };
 
 struct scene_slot {
@@ -25,9 +25,9 @@ struct scene_slot {
     enum scene_state state;
     unsigned references;
     uint64_t used;         /* the cache's tick of the last acquire */
-    uint64_t evicted;      /* the cache's count when the build was pushed */
+    uint64_t evicted;      /* the cache's count when the build was queued */
 
-    /* The build's, in a pool thread while WORKING. */
+    /* Owned by the build, in a pool thread while WORKING. */
     struct scene scene;
     int unpacked;
     int moves;
@@ -50,7 +50,7 @@ struct scene_cache {
     struct scene_cache_callbacks callbacks;
     struct scene_slot *slots;
     uint64_t tick;
-    uint64_t evicted; /* scenes that made room for others, ever */
+    uint64_t evicted; /* scenes evicted so far to make room for others */
 };
 
 /* ---- in a pool thread ------------------------------------------------------------------ */
@@ -140,8 +140,8 @@ static status unpack_scene(struct scene_slot *slot, struct error *err)
 /* Collect the scene's blobs, or note which ones are missing. */
 static status collect_blobs(struct scene_slot *slot, struct error *err)
 {
-    /* Those of the round before the fetch are held until this one holds them too: they may
-     * have left the disk since. */
+    /* Keep the blobs of the round before the fetch until this round holds them too: they may have
+     * been removed from the disk since. */
     struct cached_blob **before = slot->blobs;
     size_t before_count = slot->blob_count;
     struct scene_blob *list = NULL;
@@ -194,7 +194,7 @@ static void scene_build(struct pool_task *task)
         slot->missing = NULL;
         slot->missing_count = 0;
     } else {
-        /* A blob that is not here yet left its words behind; it is fetched, not a failure. */
+        /* A missing blob set an error text; it is fetched, so this is no failure. */
         memset(&slot->error, 0, sizeof slot->error);
     }
     if (slot->render || s != STATUS_OK) {
@@ -239,7 +239,7 @@ static int same_scene(const struct scene_slot *slot, const struct digest *scene,
     return digest_equal(&slot->digest, scene) && render_settings_equal(&slot->settings, settings);
 }
 
-/* A frame of a scene that moves, of which a later used one lies idle too? */
+/* Is this a frame of a moving scene of which a later used frame is idle too? */
 static int is_passed(const struct scene_cache *cache, const struct scene_slot *slot)
 {
     if (slot->motion != MOTION_SOME)
@@ -251,7 +251,7 @@ static int is_passed(const struct scene_cache *cache, const struct scene_slot *s
     return 0;
 }
 
-/* Drop what nobody holds and is not worth keeping. A slot in work waits for its task. */
+/* Free slots without references that are not worth keeping. A slot in work waits for its task. */
 static void cache_trim(struct scene_cache *cache)
 {
     for (;;) {
@@ -278,7 +278,7 @@ static void cache_trim(struct scene_cache *cache)
     }
 }
 
-/* Free the scenes that are ready but that nobody holds. */
+/* Free all READY scenes without references. */
 static void evict_idle(struct scene_cache *cache)
 {
     struct scene_slot **at = &cache->slots;
@@ -296,8 +296,8 @@ static void evict_idle(struct scene_cache *cache)
     mem_trim();
 }
 
-/* The build found no memory: has room been made since it began, or can it be made now? Each
- * eviction is good for one more build of each slot, so this comes to an end. */
+/* The build found no memory: has any been freed since it began, or can some be freed now? Each
+ * eviction allows one more build of each slot, so this terminates. */
 static int make_room(struct scene_slot *slot)
 {
     struct scene_cache *cache = slot->cache;
@@ -309,7 +309,7 @@ static int make_room(struct scene_slot *slot)
     if (cache->evicted == slot->evicted)
         return 0;
     digest_to_hex(&slot->digest, hex);
-    log_info("scene %.12s: %s; %llu scenes that lay idle were dropped, trying again", hex,
+    log_info("scene %.12s: %s; %llu idle scenes were freed, trying again", hex,
              slot->error.text, (unsigned long long)(cache->evicted - slot->evicted));
     return 1;
 }
@@ -338,7 +338,7 @@ void scene_cache_free(struct scene_cache *cache)
     mem_free(cache);
 }
 
-/* The slot for a frame; NULL: a new one is to be made. *motion: what is known of the scene. */
+/* The slot for a frame; NULL: create a new one. *motion: what is known of the scene. */
 static struct scene_slot *slot_find(struct scene_cache *cache, const struct digest *scene,
                                     const struct render_settings *settings, uint32_t frame,
                                     enum motion *motion)
@@ -396,7 +396,7 @@ int scene_slot_shows(const struct scene_slot *slot, uint32_t frame)
 status scene_slot_change(struct scene_slot **slot, uint32_t frame, struct error *err)
 {
     struct scene_slot *before = *slot, *after;
-    /* `before` is still there and says that its scene moves: it cannot come back. */
+    /* `before` still exists and knows that its scene moves: it cannot be returned again. */
     status s = scene_cache_acquire(before->cache, &before->digest, &before->settings, frame,
                                    &after, err);
 
@@ -444,7 +444,7 @@ static void log_built(const struct scene_slot *slot)
              (double)info.build_ns / (double)NS_PER_SECOND);
 }
 
-/* Ask for what is missing; keep a place for each blob, so that it stays once it is here. */
+/* Ask for the missing blobs, with a place for each, so that it stays once it has arrived. */
 static void begin_fetch(struct scene_slot *slot)
 {
     size_t count = slot->missing_count;
@@ -459,7 +459,7 @@ static void begin_fetch(struct scene_slot *slot)
         return;
     }
     slot_set_state(slot, SCENE_FETCHING);
-    /* A fetch that fails at once breaks the slot and frees slot->missing: hence the copy. */
+    /* A fetch that fails at once breaks the slot and frees slot->missing, hence the copy. */
     slot->cache->callbacks.missing(slot->cache->callbacks.user, wanted, count);
     mem_free(wanted);
 }
@@ -477,7 +477,7 @@ int scene_cache_task_done(struct scene_cache *cache, struct pool_task *task)
         blobs_release(&slot->blobs, &slot->blob_count);
         slot_set_state(slot, SCENE_BROKEN);
     } else if (slot->missing_count > 0) {
-        /* What is here already stays referenced in `blobs` while the rest is fetched. */
+        /* Blobs that are here stay referenced in `blobs` while the rest is fetched. */
         slot->references++;
         begin_fetch(slot);
         slot->references--;
@@ -508,7 +508,7 @@ void scene_cache_blob_arrived(struct scene_cache *cache, struct cached_blob *blo
         slot->arrived[slot->arrived_count++] = cached_blob_retain(blob);
         if (slot->arrived_count < slot->missing_count)
             continue;
-        /* All here. The build collects its blobs again; they are still held until it is done. */
+        /* All have arrived. The build collects its blobs again; they are held until it is done. */
         mem_free(slot->missing);
         slot->missing = NULL;
         slot->missing_count = 0;
@@ -520,7 +520,7 @@ void scene_cache_blob_failed(struct scene_cache *cache, const struct digest *dig
                              const struct error *why)
 {
     for (;;) {
-        /* From the front each time: telling the owner may have freed other slots. */
+        /* Start from the front each time: the callback may have freed other slots. */
         struct scene_slot *slot = cache->slots;
         while (slot && !missing_find(slot, digest))
             slot = slot->next;

@@ -1,4 +1,4 @@
-/* scene_cache: scenes made ready to render, a few kept for the next lease.
+/* scene_cache: scenes ready to render, a few of which are kept for the next lease.
  *
  *   new --> WORKING --all blobs here, scene built--> READY
  *              |  ^--the last missing blob arrived-- FETCHING
@@ -7,16 +7,15 @@
  *              \--damaged, does not fit, no memory--> BROKEN
  * slot_set_state is the only function that changes a slot's state.
  *
- * A slot is one (scene digest, render settings, frame); where nothing moves it is good for
- * every frame. Whether something moves is known when the scene has been unpacked: until then
- * other frames of it wait for the same slot, and ask scene_slot_shows() when it is READY.
- * Reading, hashing, unpacking and building happen in a pool thread (scene_build, which begins
- * again after a fetch; nothing is hashed twice); everything else is called from the loop's
- * thread. A slot is kept while somebody holds a reference; of those that nobody holds, the
- * SCENES_KEPT most recently used that are READY stay, but only one frame of each scene that
- * moves: it goes on to the next, and hardly ever comes back. When a build finds no memory, all
- * that nobody holds go, and it is done again. A BROKEN slot goes with its last reference, so the
- * next lease tries again.
+ * A slot is one (scene digest, render settings, frame); if nothing moves it serves every frame.
+ * Whether something moves is known once the scene has been unpacked. Until then other frames of it
+ * wait for the same slot, and ask scene_slot_shows() when it is READY.
+ * Reading, hashing, unpacking and building run in a pool thread (scene_build, which starts again
+ * after a fetch; nothing is hashed twice); everything else is called from the loop's thread. A slot
+ * with references is kept. Of the READY slots without references, the SCENES_KEPT most recently
+ * used stay, but only one frame of each scene that moves: rendering has gone on to the next frame
+ * and rarely returns. If a build finds no memory, all slots without references are freed and the
+ * build is repeated. A BROKEN slot is freed with its last reference, so the next lease tries again.
  */
 #ifndef AZULEJO_WORKER_SCENE_CACHE_H
 #define AZULEJO_WORKER_SCENE_CACHE_H
@@ -42,7 +41,7 @@ struct scene_cache;
 struct scene_slot;
 
 struct scene_cache_callbacks {
-    /* Blobs to be fetched; answer each by scene_cache_blob_arrived or _failed. */
+    /* Blobs to fetch; answer each with scene_cache_blob_arrived or _failed. */
     void (*missing)(void *user, const struct scene_blob *blobs, size_t count);
     /* The slot became READY or BROKEN. */
     void (*settled)(void *user, struct scene_slot *slot);
@@ -51,12 +50,11 @@ struct scene_cache_callbacks {
 
 status scene_cache_new(struct scene_cache **out, struct blob_cache *blobs, struct pool *pool,
                        struct scene_cache_callbacks callbacks, struct error *err) MUST_CHECK;
-/* After the pool has ended; references that are still held lapse. */
+/* After the pool has ended; remaining references become invalid. */
 void scene_cache_free(struct scene_cache *cache);
 
-/* Take a reference to the slot, making it if need be. One that is READY shows the frame; one
- * that becomes READY later may turn out not to. `settled` is not called before this returns.
- * ERR_NO_MEMORY. */
+/* Take a reference to the slot; create it if needed. A READY slot shows the frame; one that becomes
+ * READY later may turn out not to. `settled` is not called before this returns. ERR_NO_MEMORY. */
 status scene_cache_acquire(struct scene_cache *cache, const struct digest *scene,
                            const struct render_settings *settings, uint32_t frame,
                            struct scene_slot **out, struct error *err) MUST_CHECK;
@@ -65,13 +63,13 @@ void scene_slot_release(struct scene_slot *slot);
 enum scene_state scene_slot_state(const struct scene_slot *slot);
 const struct render_scene *scene_slot_render(const struct scene_slot *slot); /* when READY */
 const struct error *scene_slot_error(const struct scene_slot *slot);         /* when BROKEN */
-/* Is a READY slot good for this frame? */
+/* Does a READY slot show this frame? */
 int scene_slot_shows(const struct scene_slot *slot, uint32_t frame);
-/* Change a reference to a READY slot that does not show the frame for one to the slot that does
+/* Exchange a reference to a READY slot that does not show the frame for one to the slot that does
  * or will. ERR_NO_MEMORY: *slot is unchanged. */
 status scene_slot_change(struct scene_slot **slot, uint32_t frame, struct error *err) MUST_CHECK;
 
-/* A fetched blob goes to every slot that waits for it. */
+/* Give a fetched blob to every slot that waits for it. */
 void scene_cache_blob_arrived(struct scene_cache *cache, struct cached_blob *blob);
 void scene_cache_blob_failed(struct scene_cache *cache, const struct digest *digest,
                              const struct error *why);

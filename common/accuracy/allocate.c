@@ -11,13 +11,13 @@
 /* Fixed point of logarithms to base 2: steps of 1 % in samples. */
 #define LOG_ONE 64
 #define LN_2 0.69314718055994530942
-/* The share of pixels that a display error speaks of, and where it is looked for (log2 of codes). */
+/* The share of pixels that a display error refers to, and where it is searched (log2 of codes). */
 #define QUANTILE 0.95
 #define MIXED 0.5 /* see mixed_square */
-#define LOG_CODES_BIN (-5.0) /* where bin 0 would begin, were it as wide as the others */
+#define LOG_CODES_BIN (-5.0) /* where bin 0 would begin if it were as wide as the others */
 #define LOG_CODES_MIN (-24.0)
 #define LOG_CODES_MAX 10.0
-/* The strength of a tile without any error: below all that can be reached. */
+/* The strength of a tile without any error: below everything reachable. */
 #define STRENGTH_NONE (-(1 << 24))
 
 const struct allocation_rules allocation_rules = {
@@ -51,7 +51,7 @@ static int32_t log2_root(double x)
 }
 
 /* How much of bin `bin` lies below a place on the scale of bins. Within a bin errors are spread
- * evenly on the logarithmic scale; within bin 0, which begins at 0, evenly. */
+ * evenly on the logarithmic scale; within bin 0, which begins at 0, linearly. */
 static double part_below(uint32_t bin, double place)
 {
     double part = bin > 0 ? place - bin : place >= 1 ? 1 : exp2_of((place - 1) / 2);
@@ -117,7 +117,7 @@ static double quantile_of(const struct allocation_input *in, const struct film_l
     return quantile(counts, &unmoved, 1);
 }
 
-/* What a pixel of each bin adds to its tile's squared error, at most. */
+/* The largest squared error that a pixel of each bin adds to its tile's. */
 static void limited_squares(const struct allocation_input *in, double *square)
 {
     double most = rules_of(in)->limit * quantile_of(in, in->tiles);
@@ -137,8 +137,8 @@ static double limited_error(const struct film_level *tile, const double *square)
     return sum < (double)tile->display ? sum : (double)tile->display;
 }
 
-/* Squared display error of a pixel of the tile: its own, or a share of its neighbourhood's if
- * that is more: a tile in which few samples found light yet has neighbours that found it. */
+/* Squared display error of a pixel of the tile: its own, or a share of its neighbourhood's if that
+ * is larger. Where few samples have found light yet, the neighbours may have found it. */
 static double smoothed_error(const struct allocation_input *in, const double *square, uint32_t tile)
 {
     uint32_t across = tiles_across(in->width), down = tiles_across(in->height);
@@ -155,7 +155,7 @@ static double smoothed_error(const struct allocation_input *in, const double *sq
     return sum > own ? sum : own;
 }
 
-/* log2 of what the tile's number of samples is proportional to: sqrt(squared error / cost). */
+/* log2 of sqrt(squared error / cost), to which the tile's number of samples is proportional. */
 static int32_t strength_of(const struct allocation_input *in, const double *square, uint32_t tile)
 {
     double error = smoothed_error(in, square, tile);
@@ -179,7 +179,7 @@ static uint32_t passes_max(const struct allocation_round *round)
     return passes;
 }
 
-/* Passes of a tile by the round alone, without what was wanted before. */
+/* Passes of a tile from this round alone, ignoring what was wanted before. */
 static uint32_t passes_at(const struct allocation_round *round, uint32_t tile, uint32_t lambda,
                           uint32_t most)
 {
@@ -271,7 +271,7 @@ status allocation_round(struct allocation_round *out, const struct allocation_in
     if (!out->strength)
         return error_set(err, STATUS_ERR_NO_MEMORY, "out of memory for the sample counts of %u tiles",
                          out->tiles);
-    for (uint32_t p = 1; p < PASSES_MAX; p++) /* the geometric middle of two boundaries */
+    for (uint32_t p = 1; p < PASSES_MAX; p++) /* the geometric mean of two boundaries */
         out->steps[p] = log2_root((double)pass_samples(p) * pass_samples(p + 1));
     find_strengths(out, &weakest, &strongest);
     most = passes_max(out);
@@ -292,7 +292,7 @@ void allocation_round_release(struct allocation_round *round)
 
 /* ---- prediction ------------------------------------------------------------------------------- */
 
-/* Pixels by the standard deviation of their error, out of a group's levels: those of counts[i][] are
+/* Pixels by the standard deviation of their error, from a group's levels: those of counts[i][] are
  * multiplied by sqrt(factor[i]). */
 static void add_spreads(struct spreads *out, uint64_t (*counts)[LEVEL_SPREADS], const double *factor,
                         uint32_t rows)
@@ -303,7 +303,7 @@ static void add_spreads(struct spreads *out, uint64_t (*counts)[LEVEL_SPREADS], 
                 spreads_add(out, level_spread(b) * (float)sqrt(factor[i]), counts[i][b]);
 }
 
-/* The display error as a picture's figures have it. The tiles tell only of pixels that have one. */
+/* The display error as in a picture's figures. The tiles list only pixels that have one. */
 static double display_error(struct spreads *spreads, const struct allocation_input *in)
 {
     uint64_t pixels = (uint64_t)in->width * in->height * LEVEL_SPREAD_ONE;
@@ -333,8 +333,8 @@ static double level_square(const struct allocation_input *in, const struct film_
     return sum;
 }
 
-/* The squared error falls as 1 / n^exponent. Soft light falls faster than 1 / n, rare light slower;
- * the last doubling tells. */
+/* The squared error falls as 1 / n^exponent: faster than 1 / n for soft light, slower for rare
+ * light. The last doubling gives the exponent. */
 static double exponent_of(const struct allocation_input *in, enum allocation_measure measure,
                           struct spreads *spreads)
 {
@@ -358,10 +358,10 @@ static double cautious_exponent(const struct allocation_input *in, double expone
     return exponent < rules->exponent_min ? rules->exponent_min : exponent;
 }
 
-/* Squared error of the joined picture over that of one group at the level, for each number of
- * passes of both. In linear radiance two groups halve it. In codes that would be too little: where a
- * sample is rare and bright, the light that it adds hides some of its own error; two groups are then
- * what they are, twice the samples. */
+/* Squared error of the combined picture over that of one group at the level, for each number of
+ * passes of both. In linear radiance two groups halve it. In codes that would be too little: where
+ * a sample is rare and bright, the light that it adds hides some of its own error. There two groups
+ * count as what they are, twice the samples. */
 static void shrinkage(const struct allocation_round *round, enum allocation_measure measure,
                       double *factor, struct spreads *spreads)
 {
@@ -390,9 +390,9 @@ static double predict_display(const struct allocation_round *round, uint32_t lam
     return display_error(spreads, round->in);
 }
 
-/* The squared errors of the tiles, in part replaced by their 3x3 tiles' mean. A tile whose error was
- * overstated by chance has got more samples for it, one whose error was understated fewer; without
- * the mean, the sum would be predicted too small. */
+/* The squared errors of the tiles, in part replaced by the mean of their 3x3 tiles. A tile whose
+ * error was overestimated by chance has got more samples for it, one whose error was underestimated
+ * fewer; without the mean, the predicted sum would be too small. */
 static double mixed_square(const struct allocation_input *in, uint32_t tile, int linear)
 {
     uint32_t across = tiles_across(in->width), down = tiles_across(in->height);

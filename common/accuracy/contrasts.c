@@ -5,7 +5,7 @@
 
 #include "common/base/memory.h"
 
-/* What the three contrasts' variance is of the variance of their mean less the real error. */
+/* The variance of (mean of the three contrasts - real error), relative to that of the contrasts. */
 #define UNKNOWN_SHARE (4.0 / 3)
 
 static const float signs[CONTRASTS][ACCURACY_REPLICATES] = {
@@ -19,8 +19,8 @@ static size_t pixel_count(const struct accuracy_picture *p)
     return (size_t)p->width * p->height;
 }
 
-/* The replicates' values at pixel value `at`: those of a group that the tile lacks are the other's,
- * so that the mean is that group's mean and the first contrast its error. */
+/* The replicates' values at pixel value `at`. If the tile lacks a group, the other's values stand
+ * in, so that the mean is that group's mean and the first contrast its error. */
 static void values_at(const struct view *v, size_t at, float out[ACCURACY_REPLICATES])
 {
     const struct accuracy_picture *p = v->picture;
@@ -63,7 +63,7 @@ static float contrast_of(const float values[ACCURACY_REPLICATES], int k)
     return sum;
 }
 
-/* Where a group is missing the other contrasts tell nothing; the first stands for all. */
+/* If a group is missing, the other contrasts are meaningless; the first replaces all. */
 static int contrast_at(const struct view *v, size_t pixel, int k)
 {
     const struct accuracy_picture *p = v->picture;
@@ -106,7 +106,7 @@ status view_init(struct view *v, const struct accuracy_picture *picture,
     return s;
 }
 
-/* Codes of the mean with contrast k times `sign` added, less those of the mean. */
+/* Codes of the mean with contrast k times `sign` added, minus those of the mean. */
 static status view_shift(struct view *v, int k, float sign, struct error *err)
 {
     size_t values = pixel_count(v->picture) * 3;
@@ -161,7 +161,7 @@ double contrasts_variance(const double x[CONTRASTS])
            ((x[0] - m) * (x[0] - m) + (x[1] - m) * (x[1] - m) + (x[2] - m) * (x[2] - m)) / 2;
 }
 
-/* The products of two contrasts' squares over those of one with itself: 1 if all are equal, which is so where
+/* The products of two contrasts' squares over those of one with itself. 1 if all are equal, as when
  * one replicate alone was lit, or none. */
 static float lone_share(const double squares[CONTRASTS])
 {
@@ -171,8 +171,8 @@ static float lone_share(const double squares[CONTRASTS])
     return one > 0 ? (float)(both / one) : 1;
 }
 
-/* What a squared error of the group's counts for in the comparison of the groups: by the samples, so that
- * equal noise of a sample compares as equal. 0 where a group is missing. */
+/* The weight of a squared error of the group in the comparison of the groups: its number of
+ * samples, so that equal noise per sample compares as equal. 0 if a group is missing. */
 static double group_weight(const struct view *v, size_t pixel, int group)
 {
     const struct accuracy_picture *p = v->picture;
@@ -213,8 +213,8 @@ void gather_linear(struct gathered *g, const struct view *a)
         g->mean_variance += means[k] * means[k] / ((double)g->pixels * 3 * (double)g->pixels * 3) / 3;
 }
 
-/* Add what contrast k shows with one sign: to errors[k] the square of the largest channel's error, to
- * `squares` that of all. */
+/* Add what contrast k shows with one sign: the square of the largest channel's error to errors[k],
+ * that of all channels to `squares`. */
 static status add_codes(struct gathered *g, struct view *a, int k, float sign,
                         float *squares, struct error *err)
 {
@@ -232,7 +232,7 @@ static status add_codes(struct gathered *g, struct view *a, int k, float sign,
     return s;
 }
 
-/* Errors in display codes: what each contrast shows, added and taken away. */
+/* Errors in display codes: what each contrast shows, added and subtracted. */
 status gather_codes(struct gathered *g, struct view *a, struct error *err)
 {
     float *squares[CONTRASTS] = {NULL};

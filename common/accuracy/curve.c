@@ -5,17 +5,19 @@
 #include "common/math/elementary.h"
 
 #define NORMAL_95 1.959963984540054
-/* Of b before any point is known: 1/2 is that of independent samples. */
+/* Prior of b, before any point is known: 1/2 is that of independent samples. */
 #define SLOPE 0.5
 #define SLOPE_SPREAD 0.25
-/* Whole renders of real scenes fall with 0.3 to 0.9 (docs/ACCURACY.md). Points taken while a frame is
- * half done, when its tiles differ in samples, can look far steeper; that would promise too much. */
+/* Whole renders of real scenes fall with 0.3 to 0.9 (docs/ACCURACY.md). Points taken half way
+ * through a frame, when its tiles differ in samples, can look far steeper and would promise too
+ * much. */
 #define SLOPE_MIN 0.25
 #define SLOPE_MAX 1.0
-/* The least that a point is off the law, what is added to that a factor e of cost before the last point,
- * growing with the square of the distance there, and how far the law may lead astray a factor e of cost
- * further on; all of ln error. Chosen on `make accuracy`: the slope changes from scene to scene and along
- * each scene's way, and the last doublings tell more of the next ones than the first do. */
+/* All in ln error: the smallest deviation of a point from the law; what is added to it for a point
+ * a factor e of cost before the last one, growing with the square of that distance; and how far the
+ * law may be off a factor e of cost further on. Chosen on `make accuracy`: the slope changes from
+ * scene to scene and within a scene, and the last doublings predict the next ones better than the
+ * first do. */
 #define POINT_SPREAD 0.01
 #define MEMORY 0.2
 #define DRIFT 0.1
@@ -68,7 +70,7 @@ void accuracy_curve_fit(struct accuracy_curve *out, const struct accuracy_point 
     determinant = ww * wxx - wx * wx;
     out->slope = (ww * wxy - wx * wy) / determinant;
     out->slope = out->slope < SLOPE_MIN ? SLOPE_MIN : out->slope > SLOPE_MAX ? SLOPE_MAX : out->slope;
-    out->level = (wy - out->slope * wx) / ww; /* the best of that slope */
+    out->level = (wy - out->slope * wx) / ww; /* the best level for that slope */
     out->variance[0] = wxx / determinant;
     out->variance[1] = ww / determinant;
     out->variance[2] = -wx / determinant;
@@ -88,7 +90,7 @@ struct accuracy_estimate accuracy_curve_exponent(const struct accuracy_curve *cu
     return (struct accuracy_estimate){curve->slope, curve->slope - spread, curve->slope + spread};
 }
 
-/* The standard deviation of ln error at `distance` = ln cost - pivot; the law drifts there, too. */
+/* The standard deviation of ln error at `distance` = ln cost - pivot, including the law's drift. */
 static double deviation_at(const struct accuracy_curve *curve, double distance)
 {
     double drift = DRIFT * distance;
@@ -121,7 +123,7 @@ struct accuracy_estimate accuracy_curve_cost(const struct accuracy_curve *curve,
     spread = NORMAL_95 * deviation_at(curve, distance) / curve->slope;
     least = distance - spread;
     most = distance + spread;
-    /* No picture falls faster, or slower, than the slopes allow. */
+    /* Limit the slope to what pictures show. */
     if (fall > off) {
         least = fmax(least, (fall - off) / SLOPE_MAX);
         most = fmin(most, (fall + off) / SLOPE_MIN);

@@ -10,20 +10,20 @@
 
 /* Two-sided 95 % of a normal distribution. */
 #define NORMAL_95 1.959963984540054
-/* What the display error's model may be wrong by beside chance, as a standard deviation of its
- * logarithm: measured (docs/ACCURACY.md). */
+/* The error of the display error's model, besides chance, as a standard deviation of its logarithm:
+ * measured (docs/ACCURACY.md). */
 #define MODEL_SPREAD 0.05
 /* The share of the pixels whose part of the squared error is reported. */
 #define TOP 0.001
-/* A pixel counts among those that make the display error from this fraction of it on; it is dark if it
- * shows less than this fraction of its neighbourhood's. */
+/* A pixel counts among those that make the display error from this fraction of it on. It is dark if
+ * it shows less than this fraction of its neighbourhood's error. */
 #define NOISY 3
 #define DARK 5
 
 /* ---- figures --------------------------------------------------------------------------------- */
 
-/* Each pixel's error is normal with a standard deviation that it shares with its neighbours: a pixel
- * that the light was found in by no sample, or by chance in all of them, tells little of its own. */
+/* Each pixel's error is normal with a standard deviation that it shares with its neighbours: a
+ * pixel in which no sample found the light, or all did by chance, says little by itself. */
 static void spread_pixels(struct gathered *g, uint32_t width, uint32_t height,
                           struct spreads *spreads)
 {
@@ -39,8 +39,8 @@ static void spread_pixels(struct gathered *g, uint32_t width, uint32_t height,
         }
 }
 
-/* How far the share of pixels beyond the display error may be off: the standard deviation of the
- * contrasts' mean share less the real one. */
+/* The uncertainty of the share of pixels beyond the display error: the standard deviation of (the
+ * contrasts' mean share - the real one). */
 static double share_deviation(const struct gathered *g)
 {
     double variance = 0;
@@ -74,7 +74,7 @@ static status figure_display(struct accuracy_figures *out, struct gathered *g, u
     mem_free(spreads);
     if (!(out->display_error > 0))
         return STATUS_OK;
-    /* Chance and the model are independent: their logarithms' deviations add up as squares. */
+    /* Chance and the model are independent: the squares of their logarithms' deviations add up. */
     factor = det_log_d(out->display_hi / out->display_error);
     out->display_hi = out->display_error * det_exp_d(sqrt(factor * factor + model * model));
     factor = out->display_lo > 0 ? det_log_d(out->display_error / out->display_lo) : 10;
@@ -129,8 +129,8 @@ static double top_share(const struct gathered *g)
     return g->linear > 0 ? sum / g->linear : 0;
 }
 
-/* Of the pixels that make the display error: how far one replicate alone makes it, and how many show no
- * error of their own beside neighbours that do. */
+/* Of the pixels that make the display error: how far a single replicate makes it, and how many show
+ * no error themselves beside neighbours that do. */
 static void figure_sparse(struct accuracy_figures *out, const struct gathered *g)
 {
     double lone = 0;

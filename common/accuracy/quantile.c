@@ -6,7 +6,7 @@
 
 enum { BISECTIONS = 60, SELECT_BITS = 11 };
 #define PRECISE 1e-7   /* of a quantile */
-#define FAR 6          /* beyond so many deviations times sqrt(2) nothing counts: 1e-17 */
+#define FAR 6          /* beyond this many deviations times sqrt(2) the tail is below 1e-17 */
 
 float quantile_select(const float *values, size_t count, size_t rank)
 {

@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 /* The value with `rank` (0-based) smaller or equal ones before it; values >= 0, rank < count. Two
- * passes, no order is changed. */
+ * passes; the order is not changed. */
 float quantile_select(const float *values, size_t count, size_t rank);
 
 /* The share of pixels that the display error leaves out. */
@@ -19,7 +19,7 @@ struct spreads {
     uint64_t count;
 };
 void spreads_add(struct spreads *s, float deviation, uint64_t times);
-/* The q >= 0 that a share `beyond` (0..1) of the |errors| exceeds, each normal about 0 with its own
+/* The q >= 0 exceeded by a share `beyond` (0..1) of the |errors|, each normal about 0 with its own
  * standard deviation. */
 double spreads_quantile(const struct spreads *s, double beyond);
 

@@ -25,7 +25,7 @@ status schedule_encode(struct buffer *text, uint32_t width, uint32_t height, uin
     }
     length = (packed_bytes + 2) / 3 * 4;
     buffer_printf(text, "%d %ux%u %u ", SCHEDULE_VERSION, width, height, spp);
-    letters = buffer_append_space(text, length + 1); /* and the NUL that is written behind */
+    letters = buffer_append_space(text, length + 1); /* and the NUL that is written after them */
     if (letters) {
         EVP_EncodeBlock(letters, space, (int)packed_bytes);
         text->size--;
@@ -36,7 +36,7 @@ status schedule_encode(struct buffer *text, uint32_t width, uint32_t height, uin
     return s;
 }
 
-/* The base64 letters' bytes; -1: they are none. */
+/* The base64 letters' bytes; -1: not base64. */
 static int decode_letters(const char *letters, size_t length, uint8_t *out)
 {
     int bytes = length % 4 == 0 && length > 0 && length < 1 << 30

@@ -7,7 +7,7 @@
 
 #include "common/scene/settings.h"
 
-/* How each measure is written, and what is allowed of it. */
+/* How each measure is written, and its valid range. */
 static const struct {
     const char *unit;
     double least, most;

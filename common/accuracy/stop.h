@@ -1,9 +1,9 @@
 /* stop: when a frame has enough samples, and which tiles get them.
  *
- * The first rule that is met ends the frame. The cap on a pixel's samples is not here but
- * render_settings.spp, because workers need it: it tells which passes are short.
- * Samples that a clock decided about (time_limit_ms, core_limit_ms) are not reproducible by the rules;
- * the frame then keeps its schedule (schedule.h).
+ * The first rule that is met ends the frame. The cap on a pixel's samples is not here but in
+ * render_settings.spp, because workers need it: it determines which passes are short.
+ * Samples that depend on a clock (time_limit_ms, core_limit_ms) cannot be reproduced from the
+ * rules; the frame then keeps its schedule (schedule.h).
  */
 #ifndef AZULEJO_ACCURACY_STOP_H
 #define AZULEJO_ACCURACY_STOP_H
@@ -18,7 +18,7 @@ enum { STOP_TEXT_SIZE = 64 };
 #define STOP_LIMIT_MS_MAX ((uint64_t)1 << 40) /* 34 years */
 
 struct stop_rules {
-    uint32_t spp_min;                /* no rule but a clock's ends the frame before; 0: none */
+    uint32_t spp_min;                /* no rule except a clock's ends the frame earlier; 0: none */
     int has_target;
     struct allocation_target target; /* error of the picture */
     uint64_t time_limit_ms;          /* since the frame's first lease; 0: none */
@@ -26,7 +26,7 @@ struct stop_rules {
     int adaptive;                    /* tiles get samples in rounds, where they help most */
 };
 
-/* Is the frame rendered in rounds? Otherwise every tile is to get all that the cap allows. */
+/* Is the frame rendered in rounds? If not, every tile gets all that the cap allows. */
 static inline int stop_has_rounds(const struct stop_rules *rules)
 {
     return rules->adaptive || rules->has_target;
@@ -39,7 +39,7 @@ status stop_rules_validate(const struct stop_rules *rules, struct error *err) MU
 status stop_target_parse(const char *text, struct allocation_target *out, struct error *err)
     MUST_CHECK;
 const char *stop_target_text(char out[STOP_TEXT_SIZE], const struct allocation_target *target);
-/* Does the picture have to be better for `a` than for `b`? Only targets of one measure compare. */
+/* Does `a` demand a better picture than `b`? Only targets of one measure compare. */
 int stop_target_is_stricter(const struct allocation_target *a, const struct allocation_target *b);
 
 /* "90s", "10m", "1.5h". `option` is named in the error, ERR_USAGE. */
@@ -48,16 +48,16 @@ status stop_duration_parse(const char *option, const char *text, uint64_t *out_m
 
 /* Why a frame's samples ended. The numbers are the wire's FrameEnd and the store's. */
 enum frame_end {
-    FRAME_END_NONE,     /* it goes on */
+    FRAME_END_NONE,     /* it continues */
     FRAME_END_CAP,      /* every pixel has all samples */
     FRAME_END_TARGET,
     FRAME_END_TIME,
     FRAME_END_CORES,
-    FRAME_END_CANCEL,   /* also of frames of before, where nothing else is known */
+    FRAME_END_CANCEL,   /* also for older frames about which nothing else is known */
     FRAME_END_SCHEDULE, /* it has what another picture's schedule says */
     FRAME_END_COUNT
 };
-/* Its samples are what was asked for: nothing is missing. */
+/* It has the samples that were requested. */
 static inline int frame_end_is_whole(enum frame_end end)
 {
     return end == FRAME_END_CAP || end == FRAME_END_TARGET || end == FRAME_END_SCHEDULE;

@@ -15,7 +15,7 @@ static int ascending(const void *a, const void *b)
     return x < y ? -1 : x > y;
 }
 
-/* k that belongs to theta: the mean of ln(1 - theta x), eq. 6 (there with the other sign). */
+/* The k for theta: the mean of ln(1 - theta x), eq. 6 (there with the other sign). */
 static double shape_of(const float *values, size_t count, double threshold, double theta)
 {
     double sum = 0;
@@ -62,7 +62,7 @@ double tail_index_limit(double samples)
     return limit < 0.7 ? limit : 0.7;
 }
 
-/* As few as the fit wants: min(S / 5, 3 sqrt(S)). */
+/* The smallest number that the fit needs: min(S / 5, 3 sqrt(S)). */
 static size_t wanted_count(uint64_t samples)
 {
     double s = (double)samples, wanted = 3 * sqrt(s);

@@ -5,8 +5,9 @@
 
 #include "common/scene/effects.h"
 
-/* Chosen on even seeds of `make accuracy`'s scenes, checked on the odd ones. The fitted tail index is reported and
- * not used: lamps that the camera sees fill the lists, and then it says nothing. */
+/* Chosen on even seeds of the scenes of `make accuracy`, checked on the odd ones. The fitted tail
+ * index is reported but not used: lights that the camera sees fill the lists, and then it says
+ * nothing. */
 #define UNSEEN_MAX 1.0
 #define DISAGREEMENT_MAX 0.8
 #define TOP_SHARE_MAX 0.7

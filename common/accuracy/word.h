@@ -1,6 +1,6 @@
 /* word: are a picture's figures reliable, or may they be understated, and why?
  *
- * The rules were chosen on one half of the seeds of `make accuracy` and hold on the other
+ * The rules were chosen on one half of the seeds of `make accuracy` and hold on the other half
  * (docs/ACCURACY.md). */
 #ifndef AZULEJO_ACCURACY_WORD_H
 #define AZULEJO_ACCURACY_WORD_H
@@ -13,14 +13,15 @@
 
 enum { ACCURACY_WORDS_SIZE = 256 };
 
-/* The squared error, summed over a frame's channels, that one path adds which no sample has met
- * yet, over `squared_error`, the estimate of all. Such a path goes off a mirror or through glass to the
- * brightest light, which cannot be asked for directly then: 0 unless caustics are at work.
- * Of S samples an event that happens once in S is missed by every third picture. */
+/* The squared error, summed over a frame's channels, that one path would add which no sample has
+ * met yet, over `squared_error`, the estimate of all. Such a path reaches the brightest light by a
+ * mirror or through glass, where light sampling cannot reach: 0 unless caustics are active. With S
+ * samples, a path of probability 1 / S is missed by every third picture. */
 double word_unseen(const struct accuracy_evidence *evidence, double squared_error);
 
-/* The radiance (largest channel) of the brightest light that a ray can meet by chance: emitting surfaces
- * and the environment. A map is not looked into: `map_max` is its largest value, 0 if not known. */
+/* The radiance (largest channel) of the brightest light that a ray can meet by chance: emitting
+ * surfaces and the environment. A map is not read: `map_max` is its largest value, 0 if not
+ * known. */
 double accuracy_brightest(const struct scene *scene, double env_strength, double map_max);
 
 /* Set reliable and reasons from the rest. `evidence` may be NULL. */
@@ -29,13 +30,13 @@ void word_choose(struct accuracy_figures *figures, const struct accuracy_evidenc
 /* "reliable", or "may be understated". */
 const char *accuracy_word(const struct accuracy_figures *figures);
 
-/* Why they may be understated, and what in the scene probably causes it, in one sentence: "87 % of the
- * squared error is in 0.1 % of the pixels; likely cause: caustics". "" where they are reliable.
+/* Why they may be understated, and the likely cause in the scene, in one sentence: "87 % of the
+ * squared error is in 0.1 % of the pixels; likely cause: caustics". "" if they are reliable.
  * Returns `out`. */
 const char *accuracy_reason_text(const struct accuracy_figures *figures, uint64_t effects,
                                  char out[ACCURACY_WORDS_SIZE]);
 
-/* The likely cause of noise that hides, from the effects at work. */
+/* The likely cause of hidden noise, from the active effects. */
 const char *accuracy_cause(uint64_t effects);
 
 #endif

@@ -1,7 +1,7 @@
 /* arena: memory that is freed all at once.
  *
- * The owner of an arena owns everything in it; nothing in it is freed alone. Memory from
- * an arena is zeroed. Not thread-safe: one arena, one thread at a time.
+ * The owner of an arena owns everything in it; nothing in it is freed separately. Memory from an
+ * arena is zeroed. Not thread-safe: one thread at a time may use an arena.
  */
 #ifndef AZULEJO_BASE_ARENA_H
 #define AZULEJO_BASE_ARENA_H

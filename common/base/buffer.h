@@ -1,9 +1,8 @@
 /* buffer: a growable run of bytes, with text helpers (after git's strbuf).
  *
- * Invariant: `data` is NULL or holds `size` bytes and a terminating NUL after them, so a
- * buffer of text can be passed on as a C string once something was added to it.
- * Appending to a buffer that ran out of memory does nothing and sets `failed`; check it
- * once at the end (buffer_ok).
+ * Invariant: `data` is NULL or holds `size` bytes and a terminating NUL after them, so a buffer of
+ * text can be passed as a C string once something has been added to it. Appending to a buffer that
+ * ran out of memory does nothing and sets `failed`; check it once at the end (buffer_ok).
  */
 #ifndef AZULEJO_BASE_BUFFER_H
 #define AZULEJO_BASE_BUFFER_H

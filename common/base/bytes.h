@@ -1,5 +1,5 @@
-/* bytes: whole numbers and floats as bytes, least significant byte first unless the name says
- * big. Any alignment. */
+/* bytes: integers and floats as bytes, least significant byte first unless the name says big. Any
+ * alignment. */
 #ifndef AZULEJO_BASE_BYTES_H
 #define AZULEJO_BASE_BYTES_H
 

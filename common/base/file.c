@@ -13,7 +13,7 @@
 
 enum { TREE_DESCRIPTORS = 16 };
 
-/* The machine's failure, not the path's. */
+/* Is the failure the machine's, not the path's? */
 static int errno_is_machine(int number)
 {
     return number == EIO || number == EMFILE || number == ENFILE || number == ENOMEM ||
@@ -84,7 +84,7 @@ status file_read(const char *path, size_t limit_bytes, struct buffer *out, struc
     return file_read_as(path, path, limit_bytes, out, err);
 }
 
-/* Is the folder there that holds the file's folder? */
+/* Does the folder exist that holds the file's folder? */
 static int keeper_is_there(const char *path)
 {
     char *folder = file_dirname(path);
@@ -197,7 +197,7 @@ static int is_folder(const char *path)
     return stat(path, &info) == 0 && S_ISDIR(info.st_mode);
 }
 
-/* One folder, whose parent is there. */
+/* One folder, whose parent exists. */
 static status make_one(const char *path, mode_t mode, struct error *err)
 {
     int code = mkdir(path, mode) == 0 ? 0 : errno;
@@ -248,7 +248,7 @@ static int remove_entry(const char *path, const struct stat *info, int type, str
     (void)type;
     (void)where;
     (void)remove(path);
-    return 0; /* go on: what can be removed shall be */
+    return 0; /* continue: remove as much as possible */
 }
 
 void file_remove_tree(const char *path)

@@ -1,7 +1,7 @@
-/* file: whole files in, whole files out.
+/* file: read and write whole files.
  *
- * Reading has a size limit; writing goes to a temporary file in the same folder, is
- * synced, and renamed, so that a reader sees the old file or the new one, never a half.
+ * Reading has a size limit. Writing goes to a temporary file in the same folder, which is synced
+ * and renamed, so a reader sees either the old file or the new one, never a part.
  */
 #ifndef AZULEJO_BASE_FILE_H
 #define AZULEJO_BASE_FILE_H
@@ -9,9 +9,9 @@
 #include "common/base/buffer.h"
 #include "common/base/status.h"
 
-/* Append the file's bytes to `out`. ERR_INPUT when the path cannot be read (missing, a folder, no
- * right), ERR_IO when the machine failed to read it (disk, descriptors), ERR_NO_MEMORY, ERR_LIMIT
- * when it is larger than `limit_bytes`. */
+/* Append the file's bytes to `out`. ERR_INPUT if the path cannot be read (missing, a folder, no
+ * permission), ERR_IO if the machine failed to read it (disk, descriptors), ERR_NO_MEMORY,
+ * ERR_LIMIT if it is larger than `limit_bytes`. */
 status file_read(const char *path, size_t limit_bytes, struct buffer *out, struct error *err)
     MUST_CHECK;
 
@@ -19,8 +19,8 @@ status file_read(const char *path, size_t limit_bytes, struct buffer *out, struc
 status file_read_as(const char *path, const char *name, size_t limit_bytes, struct buffer *out,
                     struct error *err) MUST_CHECK;
 
-/* The same for a file that this program keeps below a folder of its own, two levels up
- * (outputs/JOB/FILE): ERR_NOT_FOUND only where that folder is there and the file is not; every other
+/* The same for a file that this program keeps below its own folder, two levels up
+ * (outputs/JOB/FILE): ERR_NOT_FOUND only if that folder exists and the file does not; every other
  * failure to read is ERR_IO. */
 status file_read_kept(const char *path, size_t limit_bytes, struct buffer *out, struct error *err)
     MUST_CHECK;
@@ -34,18 +34,18 @@ status file_write_atomic(const char *path, const void *data, size_t size_bytes,
 status file_write_private(const char *path, const void *data, size_t size_bytes,
                           struct error *err) MUST_CHECK;
 
-/* Make the folder and its parents (mode 0777 less umask), and sync each parent that got a new entry;
- * fine if it is there. ERR_IO. */
+/* Make the folder and its parents (mode 0777 less umask), and sync each parent that got a new
+ * entry. An existing folder is no error. ERR_IO. */
 status file_make_folder(const char *path, struct error *err) MUST_CHECK;
 /* The same, mode 0700. */
 status file_make_private_folder(const char *path, struct error *err) MUST_CHECK;
 
-/* Sync the folder that holds `path`, so that its entries are durable; fine where the file system
- * cannot sync folders. ERR_IO. */
+/* Sync the folder that holds `path`, so that its entries are durable. No error where the file
+ * system cannot sync folders. ERR_IO. */
 status file_sync_folder_of(const char *path, struct error *err) MUST_CHECK;
 
-/* Remove the folder and what is in it, as far as that can be removed. Follows no links, and stays
- * on one file system. */
+/* Remove the folder and its contents, as far as possible. Follows no links, and stays on one file
+ * system. */
 void file_remove_tree(const char *path);
 
 int file_exists(const char *path);

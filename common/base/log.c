@@ -53,5 +53,5 @@ void log_line(enum log_level level, const char *format, ...)
         used = sizeof line - 2;
     line[used++] = '\n';
     if (write(STDERR_FILENO, line, used) < 0)
-        return; /* nowhere left to complain to */
+        return; /* there is nowhere to report this */
 }

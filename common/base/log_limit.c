@@ -10,7 +10,7 @@ static int is_over(const struct log_limit_subject *s, uint64_t now_ns)
     return s->written_ns == 0 || now_ns - s->written_ns >= LOG_LIMIT_PERIOD_MS * NS_PER_MS;
 }
 
-/* The subject's own entry, or one whose period is over (the longest ago), or the shared one. */
+/* The subject's own entry, or the oldest one whose period is over, or the shared one. */
 static struct log_limit_subject *find(struct log_limit *limit, const char *name, uint64_t now_ns)
 {
     struct log_limit_subject *oldest = &limit->subjects[0];

@@ -1,9 +1,9 @@
-/* log_limit: at most one line a period about one subject, for what strangers can cause at will.
+/* log_limit: at most one line per period and subject, for events that strangers can cause at will.
  *
- * A subject is a short text, such as a peer's address. The first line about it is written; those
- * that follow within LOG_LIMIT_PERIOD_MS are counted, and the first line after the period names
- * their number. LOG_LIMIT_SUBJECTS are kept apart; when all of them are within their period, the
- * rest share one. Time is passed in.
+ * A subject is a short text, such as a peer's address. The first line about it is written. Those
+ * that follow within LOG_LIMIT_PERIOD_MS are counted, and the first line after the period gives
+ * their number. LOG_LIMIT_SUBJECTS are tracked separately; when all of them are within their
+ * period, the rest share one entry. Time is passed in.
  */
 #ifndef AZULEJO_BASE_LOG_LIMIT_H
 #define AZULEJO_BASE_LOG_LIMIT_H
@@ -20,9 +20,9 @@ struct log_limit {
     } subjects[LOG_LIMIT_SUBJECTS], rest;
 };
 
-/* 1: write a line about the subject now, and name *left_out, the number of lines that were left
- * out since the last one; 0: do not, it is counted. now_ns is monotonic and above 0. A zeroed
- * struct log_limit is ready for use. */
+/* 1: write a line about the subject now, with *left_out, the number of lines suppressed since the
+ * last one; 0: do not write, it is counted. now_ns is monotonic and above 0. A zeroed struct
+ * log_limit is ready for use. */
 int log_limit_pass(struct log_limit *limit, const char *subject, uint64_t now_ns,
                    uint64_t *left_out);
 

@@ -24,7 +24,7 @@ static int read_text(const char *path, char *out, size_t size)
     return 1;
 }
 
-/* A number alone in a file ("max" counts as none). */
+/* The only number in a file ("max" is not a number). */
 static uint64_t read_number(const char *path)
 {
     char text[64], *end;
@@ -47,7 +47,7 @@ static uint64_t kernel_available(void)
     return line ? strtoull(line + strlen("MemAvailable:"), NULL, 10) * 1024 : UINT64_MAX;
 }
 
-/* The number after `key` in a table of "key number" lines; 0 where there is none. */
+/* The number after `key` in a table of "key number" lines; 0 if the key is missing. */
 static uint64_t table_number(const char *path, const char *key)
 {
     char text[4096];
@@ -63,7 +63,7 @@ static uint64_t table_number(const char *path, const char *key)
     return 0;
 }
 
-/* What a control group's folder leaves: its page cache would make room. */
+/* What a control group's limit leaves: its page cache can be evicted. */
 static uint64_t group_available(const char *folder, const char *limit_name, const char *usage_name,
                                 const char *cache_key)
 {
@@ -87,8 +87,8 @@ static uint64_t least(uint64_t a, uint64_t b)
     return a < b ? a : b;
 }
 
-/* Version 2: this process's group and all above it, up to the root (which is the process's own in
- * a container); version 1: the root that a container sees. */
+/* Version 2: this process's group and all above it, up to the root (in a container, the process's
+ * own); version 1: the root as a container sees it. */
 static uint64_t groups_available(void)
 {
     static const char root[] = "/sys/fs/cgroup";

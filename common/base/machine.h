@@ -1,4 +1,4 @@
-/* machine: what this machine has. */
+/* machine: the resources of this machine. */
 #ifndef AZULEJO_BASE_MACHINE_H
 #define AZULEJO_BASE_MACHINE_H
 
@@ -6,7 +6,7 @@
 
 /* Bytes of memory that this process could still take without pushing others out: the kernel's
  * own estimate (page cache included), and no more than its control group and its address space
- * limit leave. UINT64_MAX when nobody knows. */
+ * limit leave. UINT64_MAX if unknown. */
 uint64_t machine_memory_available(void);
 
 #endif

@@ -1,8 +1,8 @@
 /* memory: every heap allocation of the project goes through here.
  *
- * Sizes are checked for overflow; a countdown can be armed so that the Nth allocation
- * fails, which is how the fault tests walk through every out-of-memory path. Memory is
- * plain malloc memory: mem_free() accepts NULL and anything from these functions.
+ * Sizes are checked for overflow. A countdown can be armed so that the Nth allocation fails; the
+ * fault tests use it to reach every out-of-memory path. Memory is plain malloc memory: mem_free()
+ * accepts NULL and anything from these functions.
  */
 #ifndef AZULEJO_BASE_MEMORY_H
 #define AZULEJO_BASE_MEMORY_H
@@ -18,7 +18,7 @@ void *mem_calloc(size_t count, size_t size_bytes) __attribute__((malloc, warn_un
 /* Uninitialised memory for an array; NULL on overflow or exhaustion. */
 void *mem_alloc_array(size_t count, size_t size_bytes) __attribute__((malloc, warn_unused_result));
 
-/* Resize; on failure NULL is returned and the old block is untouched. */
+/* Resize; on failure returns NULL and leaves the old block untouched. */
 void *mem_realloc_array(void *old, size_t count, size_t size_bytes)
     __attribute__((warn_unused_result));
 
@@ -26,15 +26,15 @@ void *mem_realloc_array(void *old, size_t count, size_t size_bytes)
 void *mem_alloc_aligned(size_t alignment, size_t size_bytes)
     __attribute__((malloc, warn_unused_result));
 
-/* Ask for large pages under a block that will be read all over, before it is written: a texture's
- * every other texel would cost a search of the page tables. Only ever an advice. */
+/* Ask for large pages under a block that will be read at random, before it is written: otherwise
+ * every other texel of a texture would cost a page table walk. Only a hint. */
 void mem_advise_large_pages(void *block, size_t size_bytes);
 
 char *mem_strdup(const char *text) __attribute__((warn_unused_result));
 void *mem_memdup(const void *data, size_t size_bytes) __attribute__((warn_unused_result));
 void mem_free(void *block);
 
-/* Give what was freed back to the machine, as far as the C library can. */
+/* Return freed memory to the machine, as far as the C library can. */
 void mem_trim(void);
 
 /* Fault hook: let `successes` more allocations succeed, then fail `failures` ones in a row

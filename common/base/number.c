@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* DBL_DIG digits survive the way from text to a double and back, DBL_DECIMAL_DIG the other way. */
+/* DBL_DIG digits survive conversion from text to double and back, DBL_DECIMAL_DIG the other way. */
 const char *number_text(char out[NUMBER_TEXT_SIZE], double value)
 {
     for (int digits = DBL_DIG; digits <= DBL_DECIMAL_DIG; digits++) {

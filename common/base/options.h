@@ -1,9 +1,8 @@
 /* options: command lines, from a table.
  *
- * Each program or command has one const table; --help is printed from the same table, so
- * an option that exists is documented and one that is documented exists. `--name value`
- * and `--name=value` are both taken; `--` ends the options; a repeated option overwrites
- * (OPTION_LIST appends).
+ * Each program or command has one const table; --help is printed from the same table, so options
+ * and documentation agree. `--name value` and `--name=value` are both accepted; `--` ends the
+ * options; a repeated option overwrites (OPTION_LIST appends).
  */
 #ifndef AZULEJO_BASE_OPTIONS_H
 #define AZULEJO_BASE_OPTIONS_H

@@ -1,5 +1,5 @@
-/* parallel: a loop by several threads. Which thread does which part is left to chance, so what the
- * body computes for an index must depend on that index alone; then the result is the same with
+/* parallel: a loop run by several threads. Which thread runs which part is left to chance, so what
+ * the body computes for an index must depend on that index alone; the result is then the same for
  * any number of threads. */
 #ifndef AZULEJO_BASE_PARALLEL_H
 #define AZULEJO_BASE_PARALLEL_H
@@ -12,9 +12,8 @@ enum { PARALLEL_THREADS_MAX = 256 };
 unsigned parallel_processors(void);
 
 /* Call body(user, begin, end) for pieces of 0..count-1, each index once, and return when all are
- * done. `threads` counts the caller's own; 0 means parallel_processors(). A piece has `grain`
- * indices (at least 1), the last one may have fewer. Threads that cannot be started are done
- * without. */
+ * done. `threads` includes the caller; 0 means parallel_processors(). A piece has `grain` indices
+ * (at least 1); the last one may have fewer. Fewer threads run if some cannot be started. */
 void parallel_for(unsigned threads, size_t count, size_t grain,
                   void (*body)(void *user, size_t begin, size_t end), void *user);
 

@@ -1,20 +1,20 @@
-/* status: what a function that can fail returns, and the words that go with it.
+/* status: the result of a function that can fail, and its texts.
  *
- * A function that can fail returns a `status` and takes an optional `struct error *`
- * as its last parameter. On failure it fills the error with one sentence that names the
- * file, the place and the remedy, and returns the same code. The error is reported
- * (logged or printed) exactly once, by the code that handles it.
+ * A function that can fail returns a `status` and takes an optional `struct error *` as its last
+ * parameter. On failure it fills the error with one sentence that names the file, the place and the
+ * remedy, and returns the same code. The error is reported (logged or printed) exactly once, by the
+ * code that handles it.
  */
 #ifndef AZULEJO_BASE_STATUS_H
 #define AZULEJO_BASE_STATUS_H
 
 #include <stdarg.h>
 
-/* One line a status: name, exit code of a program that ends with it, text.
- * Exit codes: 0 success, 1 internal, 2 usage, 3 bad input, 4 unreachable, 5 refused,
- * 6 job failed or cancelled, 7 timed out, 8 local I/O, 9 only a part was there, 10 a worker of
- * another release. The numbers of the statuses themselves go over the wire: new ones are added at
- * the end. */
+/* One line per status: name, exit code of a program that ends with it, text.
+ * Exit codes: 0 success, 1 internal, 2 usage, 3 bad input, 4 unreachable, 5 refused, 6 job failed
+ * or cancelled, 7 timed out, 8 local I/O, 9 only a part was available, 10 a worker of another
+ * release. The numbers of the statuses themselves are part of the wire protocol: new ones are added
+ * at the end. */
 #define STATUS_MAP(X)                                                    \
     X(OK, 0, "success")                                                  \
     X(ERR_INTERNAL, 1, "internal error")                                 \
@@ -44,7 +44,7 @@ typedef enum status {
 
 #define MUST_CHECK __attribute__((warn_unused_result))
 
-/* One error, in words. Zero-initialise; the text is always terminated. */
+/* One error, as text. Zero-initialise; the text is always terminated. */
 struct error {
     status code;
     char text[1024];
@@ -53,8 +53,8 @@ struct error {
 /* The status's short text ("bad input"); never NULL. */
 const char *status_text(status code);
 
-/* Did the environment keep it from being done (disk, rights, descriptors, memory), so that the same
- * may work later? 0: what was asked for, or what is stored, is at fault, and waiting changes nothing. */
+/* Is the environment the cause (disk, permissions, descriptors, memory), so that the same call may
+ * succeed later? 0: the request or the stored data is at fault, and waiting changes nothing. */
 static inline int status_is_environment(status code)
 {
     return code == STATUS_ERR_IO || code == STATUS_ERR_NO_MEMORY;
@@ -63,8 +63,8 @@ static inline int status_is_environment(status code)
 /* The exit code of a program that ends because of `code`. */
 int status_exit_code(status code);
 
-/* Fill `err` (may be NULL) and return `code`, so that `return error_set(...)` reads well. The
- * macro shows the compiler and the analyser which value comes back. */
+/* Fill `err` (may be NULL) and return `code`, so that `return error_set(...)` reads well. The macro
+ * shows the compiler and the analyser which value is returned. */
 #define error_set(err, code, ...) error_set_result_(error_set_((err), (code), __VA_ARGS__), (code))
 status error_set_(struct error *err, status code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
@@ -78,7 +78,7 @@ static inline status error_set_result_(status set, status code)
 void error_prefix(struct error *err, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
-/* Out of memory, in one place so that all say the same. */
+/* Out of memory, in one place so that all messages agree. */
 static inline status error_no_memory(struct error *err, const char *what)
 {
     return error_set(err, STATUS_ERR_NO_MEMORY, "out of memory for %s", what);

@@ -153,8 +153,8 @@ static void group_measure(const struct film *film, uint32_t tile, uint32_t group
     measure_level(film, tile, group, level, g->whole->work.rays, g->whole->values, &g->levels[level]);
 }
 
-/* A result's AOVs: those that are point-sampled are in one of a group's passes only, so they, too, may be
- * added. */
+/* A result's AOVs: point-sampled ones are in only one of a group's passes, so they may be added,
+ * too. */
 static void add_aovs(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass,
                      const float *from, double *to)
 {
@@ -242,7 +242,7 @@ static uint32_t group_limit(const struct film *film, const struct film_group *g,
     return film->frozen[group] || g->wanted == 0 ? g->wanted : 1;
 }
 
-/* Fold a result that may be folded, or watch it where the group has ended. 0: out of memory. */
+/* Fold a result that may be folded; watch it if the group has ended. 0: out of memory. */
 static int group_take(struct film *film, uint32_t tile, uint32_t group, const float *sums,
                       const struct tail *tail, const struct unit_work *work,
                       struct film_log_entry entry)
@@ -258,8 +258,8 @@ static int group_take(struct film *film, uint32_t tile, uint32_t group, const fl
     return 1;
 }
 
-/* What waits and may be folded now. Room was reserved when it came; what is to be watched without room is
- * forgotten, and rendered again. */
+/* Waiting results that may be folded now. Memory was reserved when they arrived. Without memory for
+ * watching, a result is forgotten and rendered again. */
 static void group_fold_waiting(struct film *film, uint32_t tile, uint32_t group)
 {
     struct film_group *g = &film->tiles[tile].groups[group];
@@ -304,7 +304,7 @@ static status check_result(const struct film *film, const struct unit_result *un
         return error_set(err, STATUS_ERR_INPUT, "tile %u: the frame has %u", tile,
                          film->tiles_total);
     if (group >= GROUPS || pass >= film->passes_total[group])
-        return error_set(err, STATUS_ERR_INPUT, "tile %u, group %u, pass %u: there is none", tile,
+        return error_set(err, STATUS_ERR_INPUT, "tile %u, group %u: the frame has no pass %u", tile,
                          group, pass);
     if (unit->count != unit_numbers(film, tile, group, pass))
         return error_set(err, STATUS_ERR_INPUT,
@@ -341,7 +341,7 @@ status film_merge(struct film *film, const struct unit_result *unit, uint32_t de
         return STATUS_OK;
     }
     if (unit->pass < film_group_seen(g))
-        return STATUS_OK; /* it was watched: nothing is known of it but its part of a sum */
+        return STATUS_OK; /* it was watched: only its part of a sum is known */
     for (at = &g->waiting; *at && (*at)->pass < unit->pass; at = &(*at)->next)
         ;
     if (*at && (*at)->pass == unit->pass) {

@@ -1,26 +1,26 @@
 /* film: the accumulator of one frame, in double precision.
  *
- * A tile's two groups (tiles.h) are accumulated apart. Of each, passes are *folded* in pass order up to
- * the group's *wanted* number on that tile; a result that arrives early, or beyond what is wanted,
- * waits in memory. Wanted numbers only grow.
+ * A tile's two groups (tiles.h) are accumulated separately. In each group, passes are *folded* in
+ * pass order up to the group's *wanted* number on that tile. A result that arrives early, or beyond
+ * what is wanted, waits in memory. Wanted numbers only grow.
  *
- * A group that has *ended* keeps its picture: what is wanted of it beyond that is only *watched*, for the
- * statistics of its levels, which decide about the other group. What was watched is not part of a tile's
- * state on disk: it is rendered again.
+ * A group that has *ended* keeps its picture. Passes wanted beyond that are only *watched*, for the
+ * statistics of its levels, which decide about the other group. Watched passes are not part of a
+ * tile's state on disk; they are rendered again.
  *
  *   nothing --pass 0 of every tile--> level 0 --film_freeze: how a display shows it--> passes after it
  *
  * Invariants:
  *  - a result that arrives again must equal the first byte for byte;
- *  - the film's contents are a function of which passes are folded, never of the order in which they
- *    came; one tile's state is independent of every other's;
- *  - nothing beyond level 0 of a group is folded before film_freeze of that group, so that the picture
- *    that the display's parameters are measured from is there again after a restart;
- *  - the sums of a short pass (one that the cap cuts) are kept apart from those of whole passes: a film
- *    with another cap drops them when it loads the tile.
+ *  - the film's contents are a function of which passes are folded, never of the order in which
+ * they    arrived; a tile's state is independent of every other's;
+ *  - nothing beyond level 0 of a group is folded before film_freeze of that group, so that the
+ * picture    from which the display's parameters are measured is available again after a restart;
+ *  - the sums of a short pass (one that the cap cuts) are kept separate from those of whole passes:
+ * a    film with another cap drops them when it loads the tile.
  *
- * The mean of a pixel is the mean of its groups' means: fixed weights, since weights by counts would be
- * a bias. Where one group has no sample, it is the other's mean.
+ * The mean of a pixel is the mean of its groups' means. The weights are fixed, since weights by
+ * counts would be a bias. If one group has no sample, it is the other's mean.
  * The film owns its memory. Not thread-safe.
  */
 #ifndef AZULEJO_FILM_FILM_H
@@ -37,37 +37,38 @@
 struct film;
 
 enum film_merge_result {
-    FILM_MERGED,    /* added, perhaps with early ones that waited for it */
+    FILM_MERGED,    /* added, perhaps with early results that waited for it */
     FILM_WAITING,   /* kept until the passes before it arrive, or until it is wanted */
-    FILM_DUPLICATE, /* was there already, and is the same */
-    FILM_CONFLICT,  /* was there already, and differs: a fault to report */
+    FILM_DUPLICATE, /* was present already, with the same bytes */
+    FILM_CONFLICT,  /* was present already, with other bytes: a fault to report */
 };
 
-/* NULL when out of memory. Of every group pass 0 is wanted. */
+/* NULL when out of memory. Pass 0 of every group is wanted. */
 struct film *film_new(uint32_t width, uint32_t height, uint32_t spp);
 /* The same, for results that hold these AOVs, too. */
 struct film *film_new_aovs(uint32_t width, uint32_t height, uint32_t spp, uint32_t aovs);
 void film_free(struct film *film);
 
-/* Merge the result of one unit, which `deliverer` sent (a number; kept in the tile's log). ERR_INPUT:
- * tile, group, pass or count out of range, a value that is not finite, a tail that is none; the film is
- * unchanged. A duplicate of a pass that is folded is compared by unit_hash(). */
+/* Merge the result of one unit, sent by `deliverer` (a number, kept in the tile's log). ERR_INPUT:
+ * tile, group, pass or count out of range, a value that is not finite, an invalid tail; the film is
+ * unchanged. A duplicate of a folded pass is compared by unit_hash(). */
 status film_merge(struct film *film, const struct unit_result *unit, uint32_t deliverer,
                   enum film_merge_result *result, struct error *err) MUST_CHECK;
 
-/* Want the first `passes` passes of the group on the tile (at most all); what waited for that is
- * folded. No effect where as many are wanted already. */
+/* Want the first `passes` passes of the group on the tile (at most all); results that waited for
+ * this are folded. No effect if as many are wanted already. */
 void film_want(struct film *film, uint32_t tile, uint32_t group, uint32_t passes);
-/* Nothing is wanted but what is folded: the one way to want less, for a film that nothing waits in. */
+/* Want only what is folded: the one way to want less, for a film in which nothing waits. */
 void film_want_nothing(struct film *film);
 void film_want_all(struct film *film); /* every pass that the cap allows */
-/* The group's picture is what is wanted now; passes that are wanted later are only watched. */
+/* What is wanted now is the group's final picture; passes wanted later are only watched. */
 void film_end_group(struct film *film, uint32_t group);
-/* How a display shows the group's pixels; `codes` is copied, NULL: not known. The statistics of
- * level 0 are completed, and what waited for this is folded. Only the first call has an effect. */
+/* How a display shows the group's pixels; `codes` is copied, NULL: not known. Completes the
+ * statistics of level 0 and folds the results that waited for this. Only the first call has an
+ * effect. */
 void film_freeze(struct film *film, uint32_t group, const struct film_codes *codes);
 int film_is_frozen(const struct film *film, uint32_t group);
-/* Level 0 of the group is in everywhere, passes beyond it are possible, and it is not frozen. */
+/* Level 0 of the group is complete on all tiles, more passes are possible, and it is not frozen. */
 int film_wants_freeze(const struct film *film, uint32_t group);
 
 uint32_t film_width(const struct film *film);
@@ -92,24 +93,24 @@ uint32_t film_wanted_most(const struct film *film);
 int film_has(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass);
 /* Who delivered this unit; 0: it is not there. */
 uint32_t film_deliverer(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass);
-/* Samples a pixel folded into the tile: of both groups, and of one. */
+/* Samples per pixel folded into the tile: of both groups, and of one. */
 uint32_t film_tile_samples(const struct film *film, uint32_t tile);
 uint32_t film_group_samples(const struct film *film, uint32_t tile, uint32_t group);
 /* Samples folded in over all pixels of the frame, and what the cap allows. */
 uint64_t film_samples(const struct film *film);
 uint64_t film_samples_total(const struct film *film);
-/* All that is wanted is folded, but for what is only watched. */
+/* Everything wanted is folded, apart from what is only watched. */
 int film_complete(const struct film *film);
 /* Every tile has at least one pass: a preview covers the frame. */
 int film_covered(const struct film *film);
 
-/* Work, and what went wrong in it, of all that is folded; whatever the order of arrival. */
+/* Work and faults of all that is folded, independent of the order of arrival. */
 struct unit_work film_work(const struct film *film);
 uint64_t film_rays(const struct film *film);
 uint64_t film_tile_rays(const struct film *film, uint32_t tile, uint32_t group);
 /* The largest contributions to the group on the tile. */
 void film_tail(const struct film *film, uint32_t tile, uint32_t group, struct tail *out);
-/* The group's statistics at a level; 0: it has not got there. */
+/* The group's statistics at a level; 0: it has not reached it. */
 int film_level(const struct film *film, uint32_t tile, uint32_t group, uint32_t level,
                struct film_level *out);
 /* Every tile has the group's statistics at the level. */
@@ -126,22 +127,22 @@ struct film_coverage film_coverage(const struct film *film);
 
 /* ---- developing (film_develop.c) ---- */
 
-/* The mean radiance of every pixel into rgb[height][width][3]; 0 where nothing is yet. */
+/* The mean radiance of every pixel into rgb[height][width][3]; 0 if a pixel has no sample yet. */
 void film_develop(const struct film *film, float *rgb);
 /* The same of one group. */
 void film_develop_group(const struct film *film, uint32_t group, float *rgb);
-/* The means of replicate r < REPLICATES, lines y..y+height-1, into out[height][width][3]; 0 where
- * it has no sample. `y` is a multiple of TILE_SIZE. */
+/* The means of replicate r < REPLICATES, lines y..y+height-1, into out[height][width][3]; 0 if it
+ * has no sample. `y` is a multiple of TILE_SIZE. */
 void film_replicates(const struct film *film, uint32_t r, uint32_t y, uint32_t height, float *out);
 
 /* How many floats of a pixel film_develop_aov() gives: those that workers send, 1 for
  * AOV_SAMPLES, 3 for AOV_ERROR. */
 uint32_t film_aov_channels(enum aov aov);
-/* The AOV's values for lines y..y+height-1 into out[channels][height][film width]; 0 where nothing
- * is yet. Means over the samples; point-sampled ones as they are; AOV_SAMPLES (samples of the pixel)
- * and AOV_ERROR (standard error of the mean, from the replicates that have samples; 0 where a group
- * has one of them only) are there whether the film was made for them or not, the others must be in
- * its mask. `y` is a multiple of TILE_SIZE. */
+/* The AOV's values for lines y..y+height-1 into out[channels][height][film width]; 0 if a pixel has
+ * no sample yet. Means over the samples, or point samples. AOV_SAMPLES (samples of the pixel) and
+ * AOV_ERROR (standard error of the mean, from the replicates that have samples; 0 if a group has
+ * only one of them) are available for every film; the others must be in its mask. `y` is a multiple
+ * of TILE_SIZE. */
 void film_develop_aov(const struct film *film, enum aov aov, uint32_t y, uint32_t height,
                       float *out);
 
@@ -150,11 +151,11 @@ int film_has_replicates(const struct film *film);
 
 /* ---- a tile's state on disk (film_state.c) ---- */
 
-/* One tile's state as bytes, little-endian. Its length depends on what is folded, its bound does not,
- * nor on the cap. Waiting passes are not part of it. film_tile_load refuses damaged state (ERR_CORRUPT), drops
- * the tile's waiting passes, and the short pass of another cap; what is folded is wanted from then on.
- * film_tile_length tells the length of the state that begins with these bytes; 0: none does.
- * film_tile_peek only checks a state and tells its passes. */
+/* One tile's state as bytes, little-endian. Its length depends on what is folded; its bound depends
+ * neither on that nor on the cap. Waiting passes are not part of it. film_tile_load refuses damaged
+ * state (ERR_CORRUPT), drops the tile's waiting passes, and the short pass of another cap; what is
+ * folded is wanted from then on. film_tile_length gives the length of the state that begins with
+ * these bytes; 0: no state does. film_tile_peek only checks a state and gives its passes. */
 enum { FILM_STATE_PREFIX = 8 };
 size_t film_tile_state_size(const struct film *film, uint32_t tile);
 size_t film_tile_state_bound(const struct film *film, uint32_t tile);

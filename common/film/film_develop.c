@@ -79,7 +79,7 @@ void film_replicates(const struct film *film, uint32_t r, uint32_t y, uint32_t h
 
 /* ---- errors --------------------------------------------------------------------------------- */
 
-/* Squared standard error of channel `i`'s mean; negative: a group that is there has one replicate only. */
+/* Squared standard error of channel `i`'s mean; negative: a group has only one replicate. */
 static double squared_error(const struct film *film, uint32_t tile, unsigned there, size_t i)
 {
     size_t second = (size_t)film_tile_pixels(film, tile) * 3 + i;

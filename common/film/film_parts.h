@@ -1,9 +1,9 @@
-/* film_parts: the inside of a film, shared by its files; private to its files.
+/* film_parts: the internals of a film, shared by its files and private to them.
  *
- * film.c          life, merging
+ * film.c            life, merging
  * film_questions.c  what a film holds
- * film_develop.c  means, AOVs, the error estimate
- * film_state.c    a tile's state as bytes
+ * film_develop.c    means, AOVs, the error estimate
+ * film_state.c      a tile's state as bytes
  */
 #ifndef AZULEJO_FILM_FILM_PARTS_H
 #define AZULEJO_FILM_FILM_PARTS_H
@@ -80,9 +80,10 @@ uint32_t film_tile_pixels(const struct film *film, uint32_t tile);
 size_t film_group_numbers(const struct film *film, uint32_t tile, uint32_t group);
 /* Samples of the group that `passes` passes hold. */
 uint32_t film_samples_after(const struct film *film, uint32_t group, uint32_t passes);
-/* Room for so many folded passes, so that folding itself cannot fail. 0: out of memory. */
+/* Reserve memory for so many folded passes, so that folding itself cannot fail. 0: out of
+ * memory. */
 int film_group_reserve(const struct film *film, uint32_t tile, uint32_t group, uint32_t passes);
-/* Note that the group has so many passes folded now. */
+/* Record that the group has this many folded passes now. */
 void film_group_set_passes(struct film *film, uint32_t tile, uint32_t group, uint32_t passes);
 void film_group_forget_waiting(struct film_group *group);
 

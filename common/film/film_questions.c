@@ -135,7 +135,7 @@ struct unit_work film_work(const struct film *film)
 
     if (work.clamped_samples == 0 && !(work.kept_luminance > 0))
         return work;
-    /* film->work is in the order of arrival, and sums of doubles depend on theirs. */
+    /* film->work is in order of arrival, and sums of doubles depend on their order. */
     work.clamped_luminance = work.kept_luminance = 0;
     for (uint32_t t = 0; t < film->tiles_total; t++)
         for (uint32_t i = 0; i < GROUPS; i++) {

@@ -5,8 +5,8 @@
  *       the work (64 bits each: counts, then two doubles), tail count, 0, tail, values (doubles)
  *     levels, log of the passes
  *   64-bit check of all before
- * Frame and tile are repeated so that a state that was written to the wrong place is refused. The cap is
- * not part of it: a short pass says where it ended. */
+ * Frame and tile are repeated so that a state that was written to the wrong place is detected. The
+ * cap is not part of it: a short pass says where it ended. */
 #include <math.h>
 #include <string.h>
 
@@ -15,7 +15,7 @@
 #include "common/film/film_parts.h"
 
 enum {
-    STATE_MAGIC = 0x335a5441, /* "ATZ3": 2 knew no groups */
+    STATE_MAGIC = 0x335a5441, /* "ATZ3"; version 2 had no groups */
     STATE_HEADER_BYTES = 6 * 4,
     GROUP_HEADER_BYTES = 4 * 4,
     WORK_BYTES = 9 * 8,
@@ -225,7 +225,7 @@ void film_tile_save(const struct film *film, uint32_t index, uint8_t *out)
 /* A group's header, checked against what follows it. */
 struct group_header {
     uint32_t whole, cut_end, levels;
-    int keeps_cut;     /* the short pass is this cap's, too */
+    int keeps_cut;     /* the short pass also belongs to this cap */
     uint32_t passes;   /* in the state */
 };
 
@@ -298,7 +298,7 @@ static void get_counts(const uint8_t **at, uint16_t *counts, int count)
 
 static void get_level(const uint8_t **at, struct film_level *level)
 {
-    memset(level, 0, sizeof *level); /* also what lies between its members */
+    memset(level, 0, sizeof *level); /* including padding */
     level->rays = get64(at);
     level->radiance = get_double(at);
     level->linear = get_double(at);

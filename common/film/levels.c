@@ -52,7 +52,8 @@ static void measure_codes(struct film_level *out, const float *first, const floa
 
 /* ---- what would be reported ----------------------------------------------------------------- */
 
-/* Add half of one side's squared errors: of the largest channel to squares[], of all to the return value. */
+/* Add half of one side's squared errors: the largest channel's to squares[], all to the return
+ * value. */
 static double add_side(const float *shown, const float *mean, uint32_t pixels, float *squares)
 {
     double channels = 0;
@@ -100,8 +101,8 @@ static void spread_add(uint16_t *spreads, float deviation)
     spreads[i + 1] = (uint16_t)(spreads[i + 1] + above);
 }
 
-/* `first` and `second`: the codes of the replicates, which are the mean and half of their difference, and
- * the mean less it. */
+/* `first` and `second`: the codes of the replicates, that is of the mean plus and minus half of
+ * their difference. */
 static void measure_spreads(struct film_level *out, const float *first, const float *second,
                             const float *mean, uint32_t width, uint32_t height)
 {

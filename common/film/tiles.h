@@ -1,14 +1,15 @@
-/* tiles: the geometry of a frame, and how its samples are cut into groups, replicates and passes.
+/* tiles: the geometry of a frame, and how its samples are divided into groups, replicates and
+ * passes.
  *
- * A pixel's samples belong to two groups, which are rendered, merged and counted apart: what is
- * decided about one group's samples is a function of the other's alone, so no decision biases the
- * mean. Sample j of group g belongs to replicate 2g + j mod 2 of the picture and is point j / 2 of
- * that replicate's own, independently scrambled sequence. A work unit is (tile, group, pass) of a
- * frame; a pass is a range of sample numbers of its group.
+ * A pixel's samples belong to two groups, which are rendered, merged and counted separately. What
+ * is decided about one group's samples is a function of the other's alone, so no decision biases
+ * the mean. Sample j of group g belongs to replicate 2g + j mod 2 of the picture and is point j / 2
+ * of that replicate's own, independently scrambled sequence. A work unit is (tile, group, pass) of
+ * a frame; a pass is a range of sample numbers of its group.
  *
  * All of it is a pure function of the job's settings; every program computes the same. The
- * boundaries of passes depend on nothing at all: `spp`, the cap on a pixel's samples, only cuts the
- * last pass of a group *short*.
+ * boundaries of passes depend on nothing: `spp`, the cap on a pixel's samples, only cuts the last
+ * pass of a group *short*.
  */
 #ifndef AZULEJO_FILM_TILES_H
 #define AZULEJO_FILM_TILES_H
@@ -27,7 +28,7 @@ enum {
     PASS_LENGTH_MAX = 4096, /* samples a pixel in one pass */
     PASSES_MAX = 148,    /* of a group, at SETTINGS_SPP_MAX */
     LEVELS_MAX = 19,     /* at SETTINGS_SPP_MAX */
-    TAIL_MAX = 16,       /* largest contributions that are kept of a unit */
+    TAIL_MAX = 16,       /* largest contributions that are kept per unit */
     /* floats of a pixel that is a sum of radiance: [replicate of the group][RGB] */
     PIXEL_FLOATS = GROUP_REPLICATES * 3,
     TILE_FLOATS_MAX = TILE_PIXELS_MAX * (PIXEL_FLOATS + AOV_FLOATS_MAX),
@@ -46,8 +47,8 @@ uint32_t tile_count(uint32_t width, uint32_t height);
 /* Tile `index` (row-major, < tile_count) of a frame. */
 struct tile_rect tile_rect_of(uint32_t width, uint32_t height, uint32_t index);
 
-/* The AOVs of the job's mask that are in a unit's result: point-sampled ones are sample 0's of
- * group 0, and in pass 0 of that group only. */
+/* The AOVs of the job's mask that are in a unit's result: point-sampled ones are those of sample 0
+ * of group 0, in pass 0 of that group only. */
 uint32_t unit_aovs(uint32_t aovs, uint32_t group, uint32_t pass);
 
 /* Floats in a result of tile `index`: [replicate of the group][pixel, row-major][RGB], then for each
@@ -64,17 +65,17 @@ static inline uint32_t group_samples(uint32_t spp, uint32_t group)
     return (spp + 1 - group) / GROUPS;
 }
 
-/* Where pass `index` of a group ends, in samples of the group, were there no cap: 2, 4, 8, 16, 24, 32,
- * 48, 64, 96, 128, ..., 6144, 8192, 12288, and so on by PASS_LENGTH_MAX. index < PASSES_MAX. */
+/* Where pass `index` of a group would end without a cap, in samples of the group: 2, 4, 8, 16, 24,
+ * 32, 48, 64, 96, 128, ..., 6144, 8192, 12288, and so on by PASS_LENGTH_MAX. index < PASSES_MAX. */
 uint32_t pass_boundary(uint32_t index);
 
-/* Samples of a group after so many whole passes. */
+/* Samples of a group after this many whole passes. */
 static inline uint32_t pass_samples(uint32_t passes)
 {
     return passes ? pass_boundary(passes - 1) : 0;
 }
 
-/* How many passes the group's share of `spp` samples is cut into; 0: it has none. */
+/* The number of passes for the group's share of `spp` samples; 0: it has none. */
 uint32_t pass_count(uint32_t spp, uint32_t group);
 
 /* Pass `index` renders samples [*begin, *end) of the group in each pixel; index < pass_count(). */

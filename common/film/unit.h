@@ -1,7 +1,7 @@
 /* unit: the result of one work unit, as a film takes it.
  *
  * All of it is a pure function of the unit's name, the scene and the settings: two results of one
- * unit must be equal byte for byte, the counts included. What is measured (times) is not part of it.
+ * unit must be equal byte for byte, including the counts. Measurements (times) are not part of it.
  */
 #ifndef AZULEJO_FILM_UNIT_H
 #define AZULEJO_FILM_UNIT_H
@@ -11,21 +11,21 @@
 
 #include "common/film/tiles.h"
 
-/* Work done, and what went wrong in it. */
+/* Work done, and its faults. */
 struct unit_work {
     uint64_t samples, rays, vertices;
     uint64_t dropped_samples;  /* not finite: replaced by black */
-    uint64_t leaked_rays;      /* slipped through something closed: traced again */
+    uint64_t leaked_rays;      /* slipped through a closed mesh: traced again */
     uint64_t clamped_values;   /* sums beyond what a float holds */
-    /* settings.clamp: samples that were scaled down, and sums over the samples of the luminance that they
-     * lost and of what was kept. 0 where nothing is clamped. */
+    /* settings.clamp: samples that were scaled down, and the sums over the samples of the luminance
+     * removed and of the luminance kept. 0 if nothing is clamped. */
     uint64_t clamped_samples;
     double clamped_luminance, kept_luminance;
 };
 
 void unit_work_add(struct unit_work *sum, const struct unit_work *more);
 void unit_work_subtract(struct unit_work *sum, const struct unit_work *less);
-/* The share of the light that clamping took away, 0..1. */
+/* The share of the light that clamping removed, 0..1. */
 double unit_work_clamped_share(const struct unit_work *work);
 
 /* A sample's contribution: its luminance, and the pixel of its tile (row-major). */
@@ -49,7 +49,7 @@ static inline void tail_add(struct tail *tail, float value, uint32_t pixel)
 }
 /* Keep the largest of both: exact and associative. */
 void tail_merge(struct tail *tail, const struct tail *more);
-/* In order, finite, positive, and of a tile of so many pixels. */
+/* Are they in order, finite, positive, and of a tile with this many pixels? */
 int tail_is_valid(const struct tail *tail, uint32_t pixels);
 
 struct unit_result {
@@ -60,7 +60,7 @@ struct unit_result {
     struct unit_work work;
 };
 
-/* Not cryptographic: tells faults apart, not forgers. */
+/* Not cryptographic: it detects faults, not forgery. */
 uint64_t unit_hash(const struct unit_result *unit);
 uint64_t hash_bytes(const uint8_t *data, size_t size_bytes);
 

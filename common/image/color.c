@@ -5,8 +5,8 @@
 #include "common/math/curve_table.h"
 #include "common/math/elementary.h"
 
-/* Where the curve's line ends. The standard's rounded constants make the power begin 2.6e-8 below
- * the line's end; it is held there, so that the curve never decreases. */
+/* Where the curve's linear part ends. With the standard's rounded constants the power part begins
+ * 2.6e-8 below the line's end; it is held there, so that the curve never decreases. */
 static const float LINE_END = 0.0031308f, LINE_SLOPE = 12.92f;
 
 float srgb_encode(float linear)
@@ -208,8 +208,8 @@ int color_to_rec709(const struct color_primaries *from, double out[3][3])
     if (!rgb_to_xyz(from, source) || !rgb_to_xyz(&color_rec709, target) ||
         !color_matrix_invert(target, target))
         return 0;
-    /* XYZ itself is a coordinate system, not a device: its white says nothing about the
-     * light that the scene was meant to be seen in. */
+    /* XYZ itself is a coordinate system, not a device: its white says nothing about the intended
+     * viewing light of the scene. */
     if (!color_primaries_equal(from, &color_xyz)) {
         if (!adapt_white(from->white, color_rec709.white, adaptation))
             return 0;

@@ -1,4 +1,4 @@
-/* Pictures of any format that the farm reads: recognised, decoded, repaired. */
+/* Recognises, decodes and repairs pictures of every format that the farm reads. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -28,7 +28,7 @@ enum image_format image_format_of(const uint8_t *data, size_t size_bytes)
     return IMAGE_UNKNOWN;
 }
 
-/* In two passes, because what stands for infinity is known only after the first. */
+/* Two passes, because the replacement for infinity is known only after the first. */
 static void repair_pixels(struct image *image, struct image_repairs *repairs)
 {
     size_t count = (size_t)image->width * image->height;
@@ -128,7 +128,7 @@ static int divide_by_alpha(struct image *image)
     return opaque;
 }
 
-/* Four channels to three, in place; what is too much goes back. */
+/* Four channels to three, in place; the rest of the memory is released. */
 static void drop_alpha(struct image *image)
 {
     size_t count = (size_t)image->width * image->height;

@@ -1,13 +1,13 @@
-/* B44 and B44A, decoded here because OpenEXRCore 3.1.5 does it wrongly for pictures whose
+/* B44 and B44A, decoded here because OpenEXRCore 3.1.5 decodes them wrongly for pictures whose
  * sides are not multiples of four and for channels that are not halves.
  *
- * A chunk holds channel after channel. Channels that are not HALF are stored as they are. A
- * HALF channel is cut into blocks of 4 x 4 samples, in rows, those past the edges padded; a
- * block takes 14 bytes: the first sample (16 bits, most significant first), a shift (6 bits),
- * and 15 differences of 6 bits in the order below; or 3 bytes, when the shift is 13 or more:
- * all samples are the first one (B44A's flat block). Samples are in an order-preserving code:
- * positive halves with the top bit set, negative ones complemented. (OpenEXR's technical
- * introduction, "Data Compression".)
+ * A chunk holds channel after channel. Channels that are not HALF are stored unchanged. A HALF
+ * channel is divided into blocks of 4 x 4 samples, in rows, those past the edges padded. A block
+ * takes 14 bytes: the first sample (16 bits, most significant first), a shift (6 bits), and 15
+ * differences of 6 bits in the order below; or 3 bytes, if the shift is 13 or more: all samples are
+ * the first one (B44A's flat block). Samples are in an order-preserving code: positive halves with
+ * the top bit set, negative ones complemented. (OpenEXR's technical introduction, "Data
+ * Compression".)
  */
 #include <string.h>
 
@@ -112,7 +112,7 @@ exr_result_t exr_b44_decompress(exr_decode_pipeline_t *pipeline)
     size_t line_stride = 0, start = 0;
 
     if (pipeline->unpacked_buffer == pipeline->packed_buffer)
-        return EXR_ERR_SUCCESS; /* stored as it is, because coding did not make it smaller */
+        return EXR_ERR_SUCCESS; /* stored unchanged, because coding did not make it smaller */
     if (pipeline->chunk.packed_size == pipeline->chunk.unpacked_size) {
         memcpy(pipeline->unpacked_buffer, pipeline->packed_buffer, pipeline->chunk.packed_size);
         return EXR_ERR_SUCCESS;

@@ -9,12 +9,12 @@
 /* No single block of the library's is larger: a chunk holds at most 32 scan lines. */
 #define EXR_BLOCK_BYTES_MAX ((size_t)1 << 30)
 
-/* The stream that this thread works on. The library may hold the context's lock while it
- * complains, so that asking the context for its user data would wait for ever. */
+/* The stream that this thread works on. The library may hold the context's lock while it reports an
+ * error, so asking the context for its user data would deadlock. */
 static _Thread_local struct exr_stream *current_stream;
 
-/* Zeroed, so that a damaged chunk that decodes to too little shows black, not memory. The
- * library goes on without some of its blocks: remember that one is missing, and why. */
+/* Zeroed, so that a damaged chunk that decodes to too little shows black, not old memory. The
+ * library continues without some of its blocks: remember that one is missing, and why. */
 static void *stream_alloc(size_t size_bytes)
 {
     int too_large = size_bytes > EXR_BLOCK_BYTES_MAX;
@@ -71,7 +71,7 @@ static int64_t stream_size(exr_const_context_t context, void *user)
     return (int64_t)stream->size_bytes;
 }
 
-/* The library comes back to the offset table, so writes are not all at the end. */
+/* The library returns to the offset table, so not all writes are at the end. */
 static int64_t stream_write(exr_const_context_t context, void *user, const void *data,
                             uint64_t size_bytes, uint64_t offset,
                             exr_stream_error_func_ptr_t complain)
@@ -114,7 +114,7 @@ exr_context_initializer_t exr_stream_initializer(struct exr_stream *stream)
     init.max_tile_width = IMAGE_SIDE_MAX;
     init.max_tile_height = IMAGE_SIDE_MAX;
     init.zip_level = 4; /* the library's own choice since 3.1.3; fixed, so that bytes repeat */
-    /* A file whose offset table is damaged is refused, not guessed at. */
+    /* Refuse a file whose offset table is damaged instead of guessing. */
     init.flags = EXR_CONTEXT_FLAG_DISABLE_CHUNK_RECONSTRUCTION;
     return init;
 }

@@ -1,10 +1,9 @@
 /* OpenEXR pictures, through OpenEXRCore from memory.
  *
- * What counts is the data window: its pixels are the picture, wherever it lies in the display
- * window, because an environment map has no use for a frame around it. Of a tiled file with
- * several levels the finest is read. Channels in the order of preference: R, G and B outside
- * layers (one that is missing is 0); Y alone; R, G and B of a layer. Alpha is that beside them,
- * and only read on demand.
+ * The data window counts: its pixels are the picture, wherever it lies in the display window,
+ * because an environment map does not need a frame around it. In a tiled file with several levels
+ * the finest is read. Channels in order of preference: R, G and B outside layers (a missing one is
+ * 0); Y alone; R, G and B of a layer. Alpha is the one beside them, and is read only on request.
  * A chromaticities attribute other than Rec. 709's is honoured.
  */
 #include <limits.h>
@@ -34,7 +33,7 @@ struct exr_reader {
     exr_context_t context;
     struct exr_stream stream;
     const char *name;
-    const char *wanted; /* the one channel that is asked for; NULL: the picture */
+    const char *wanted; /* the one channel that is requested; NULL: the picture */
     int part;
     exr_storage_t storage;
     exr_compression_t compression;
@@ -79,7 +78,7 @@ static int select_rgb(const exr_attr_chlist_t *list, const char *prefix, size_t 
     return prefix_length == 0 ? found > 0 : found == 3;
 }
 
-/* The layer that a renderer means as its picture, if one is named so; else the first. */
+/* The layer whose name says that it is the picture; otherwise the first. */
 static int select_layer(const exr_attr_chlist_t *list, struct selection *s)
 {
     static const char *const main_layers[] = {"Combined.", "beauty.", "Beauty.", "rgba.", "RGBA."};
@@ -124,7 +123,7 @@ static int select_channels(const exr_attr_chlist_t *list, const char *wanted, st
         return 1;
     y = find_channel(list, "", 0, "Y");
     if (y >= 0) {
-        s->rgb[0] = s->rgb[1] = s->rgb[2] = y; /* alpha was looked for above */
+        s->rgb[0] = s->rgb[1] = s->rgb[2] = y; /* alpha was searched above */
         s->luminance = 1;
         s->chroma = find_channel(list, "", 0, "RY") >= 0 && find_channel(list, "", 0, "BY") >= 0;
         return 1;
@@ -173,9 +172,9 @@ static status find_part(struct exr_reader *r, struct error *err)
 
 /* ---- sizes, before memory is taken -------------------------------------------------------- */
 
-/* How many bytes one byte of a file can at most become. From the codes' own limits: deflate
- * 1032, PXR24 adds a dropped byte in four, PIZ's Huffman runs 264 shorts in about ten bits,
- * B44A a flat block of 32 bytes in 3; DWA deflates what is already run-length coded. */
+/* The maximum expansion of one byte of a file, from the codes' own limits: deflate 1032, PXR24 adds
+ * a dropped byte in four, PIZ's Huffman runs 264 shorts in about ten bits, B44A a flat block of 32
+ * bytes in 3; DWA deflates data that is already run-length coded. */
 static double expansion_max(exr_compression_t compression)
 {
     switch (compression) {
@@ -304,7 +303,7 @@ static exr_result_t unpack_chunk(exr_decode_pipeline_t *pipeline)
                 continue;
             if (bytes > left)
                 return EXR_ERR_CORRUPT_CHUNK;
-            /* Those that are asked for are not subsampled (check_channels). */
+            /* The requested channels are not subsampled (check_channels). */
             if (channel->x_samples == 1 && channel->y_samples == 1)
                 store_line(r, c, channel->data_type, p, x0, y0 + line, pipeline->chunk.width);
             p += bytes;
@@ -401,7 +400,7 @@ static status convert_color(struct exr_reader *r, struct error *err)
     size_t count = (size_t)r->out->width * r->out->height;
 
     if (exr_attr_get_chromaticities(r->context, r->part, "chromaticities", &c) != EXR_ERR_SUCCESS)
-        return STATUS_OK; /* Rec. 709 is what the format presumes */
+        return STATUS_OK; /* Rec. 709 is the format's default */
     from = (struct color_primaries){{(double)c.red_x, (double)c.red_y},
                                     {(double)c.green_x, (double)c.green_y},
                                     {(double)c.blue_x, (double)c.blue_y},
@@ -426,7 +425,7 @@ static status convert_color(struct exr_reader *r, struct error *err)
 
 /* ---- the whole --------------------------------------------------------------------------- */
 
-/* Is this one for OpenEXR's older API? ERR_UNSUPPORTED when that could not read it either. */
+/* Is this one for OpenEXR's older API? ERR_UNSUPPORTED if that could not read it either. */
 static status check_channels(const struct exr_reader *r, int *older, struct error *err)
 {
     int dwa = r->compression == EXR_COMPRESSION_DWAA || r->compression == EXR_COMPRESSION_DWAB;
@@ -452,8 +451,9 @@ static status check_channels(const struct exr_reader *r, int *older, struct erro
     return STATUS_OK;
 }
 
-/* The older API shows what was in memory where a damaged chunk decodes to too little. So first
- * let OpenEXRCore, which notices, decode everything for nothing. It cannot for DWA. */
+/* The older API shows old memory where a damaged chunk decodes to too little. So first let
+ * OpenEXRCore, which detects that, decode everything and discard the result. It cannot do so for
+ * DWA. */
 static status check_chunks(struct exr_reader *r, uint32_t width, uint32_t height,
                            struct error *err)
 {

@@ -1,5 +1,5 @@
-/* Through ImfCRgbaFile.h: it opens paths only, so the bytes are lent to it as an anonymous
- * file. Its values are halves: no loss for DWA, which itself codes colour as halves.
+/* Through ImfCRgbaFile.h. It opens only paths, so the bytes are passed to it as an anonymous file.
+ * Its values are halves: no loss for DWA, which itself codes colour as halves.
  */
 #include <errno.h>
 #include <inttypes.h>
@@ -39,7 +39,7 @@ static int lend_bytes(const uint8_t *data, size_t size_bytes)
     return file;
 }
 
-/* Row by row, so that no second picture is held: every line goes to the same memory. */
+/* Row by row, so that no second picture is held: every line is decoded to the same memory. */
 static int read_rows(ImfInputFile *in, struct image *out, ImfRgba *row, int x_min, int y_min)
 {
     /* The library adds x * x_stride + y * y_stride to the base, with x from x_min on. */

@@ -30,7 +30,7 @@ struct exr_writer {
     exr_result_t (*compress)(exr_encode_pipeline_t *pipeline);
 };
 
-/* A finite half: what is beyond its range becomes its largest value, and is counted. */
+/* A finite half: a value beyond its range becomes its largest value, and is counted. */
 static uint16_t to_finite_half(float value, uint64_t *clamped)
 {
     if (value > HALF_MAX || value < -HALF_MAX) {
@@ -81,8 +81,8 @@ static void list_planes(struct exr_writer *w, const struct exr_options *options)
                                         options->half && !w->more->channels[c].precise, 1, c});
 }
 
-/* Are the values of a channel colours, which the eye sees as logarithms? Says how lossy
- * compression may treat them, should the file ever be saved so. */
+/* Are the values of a channel colours, which the eye sees logarithmically? This says how lossy
+ * compression may treat them if the file is ever saved that way. */
 static exr_perceptual_treatment_t treatment(const struct exr_plane *plane)
 {
     char last = plane->name[strlen(plane->name) - 1];
@@ -130,8 +130,9 @@ static void gather_plane(struct exr_writer *w, const struct exr_plane *plane, in
     }
 }
 
-/* A chunk whose length is that of its pixels is read as not compressed. OpenEXRCore 3.1 stores
- * what compresses to exactly that length compressed all the same, and no reader can tell. */
+/* Readers take a chunk whose length is that of its pixels as not compressed. OpenEXRCore 3.1
+ * nevertheless stores data that compresses to exactly that length compressed, and no reader can
+ * tell. */
 static exr_result_t compress_or_store(exr_encode_pipeline_t *pipeline)
 {
     const struct exr_writer *w = pipeline->encoding_user_data;
@@ -199,7 +200,7 @@ static exr_result_t write_pixels(struct exr_writer *w)
     if (result != EXR_ERR_SUCCESS)
         return result;
     if (lines != EXR_LINES)
-        return EXR_ERR_INVALID_ATTR; /* ZIP has always had these */
+        return EXR_ERR_INVALID_ATTR; /* a ZIP file always has these */
     w->lines = mem_alloc_array((size_t)w->image->width * EXR_LINES,
                                (size_t)w->plane_count * sizeof(float));
     if (w->more)

@@ -49,7 +49,7 @@ static inline uint16_t half_from_float(float value)
     tie = 1u << (shift - 1);
     kept >>= shift;
     if (dropped > tie || (dropped == tie && (kept & 1)))
-        kept++; /* a carry into the exponent is right */
+        kept++; /* a carry into the exponent is correct */
     return (uint16_t)(sign | kept);
 }
 

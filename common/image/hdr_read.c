@@ -1,10 +1,10 @@
-/* Radiance pictures, after Ward's description in the Radiance reference manual ("Picture
- * file format"): a text header, a resolution line that also gives the orientation, then
- * scan lines flat, in the old run-length code or in the new one.
+/* Radiance pictures, after Ward's description in the Radiance reference manual ("Picture file
+ * format"): a text header, a resolution line that also gives the orientation, then scan lines:
+ * flat, in the old run-length code, or in the new one.
  *
- * The mantissas are taken as m / 256 * 2^(e - 128) without the half step that Radiance itself
- * adds: that is what the tools that write environment maps today expect, and it keeps black
- * black. A PRIMARIES= line is ignored, because hardly any map that carries one means it.
+ * Mantissas are read as m / 256 * 2^(e - 128), without the half step that Radiance itself adds. The
+ * tools that write environment maps today expect this, and it keeps black black. A PRIMARIES= line
+ * is ignored, because hardly any map that has one means it.
  */
 #include <errno.h>
 #include <math.h>
@@ -59,7 +59,7 @@ static const char *next_line(struct hdr_reader *r, char line[HEADER_LINE_MAX])
     return line;
 }
 
-/* Up to `count` positive finite numbers; 0 when one is missing or senseless. */
+/* Up to `count` positive finite numbers; 0 if one is missing or invalid. */
 static int read_factors(const char *text, double *factors, int count)
 {
     for (int i = 0; i < count; i++) {
@@ -159,8 +159,8 @@ static int uses_new_code(const struct hdr_reader *r, uint32_t length)
            p[0] == 2 && p[1] == 2 && p[2] < 128;
 }
 
-/* Can the bytes that are left hold so many scan lines at all? Refuses size bombs before
- * memory is taken. */
+/* Can the remaining bytes hold this many scan lines at all? Refuses size bombs before memory is
+ * allocated. */
 static int plausible(const struct hdr_reader *r, uint32_t lines, uint32_t length)
 {
     size_t least = 4; /* one pixel */

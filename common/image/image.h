@@ -1,7 +1,7 @@
 /* image: pixels in memory. Row 0 is the top. `image_release` frees the pixels.
  *
- * struct image holds float channels, interleaved; linear Rec. 709 when RGB. 8-bit textures
- * stay 8-bit in struct image8 so that they cost no more memory than they must.
+ * struct image holds float channels, interleaved; linear Rec. 709 when RGB. 8-bit textures stay
+ * 8-bit in struct image8, to save memory.
  */
 #ifndef AZULEJO_IMAGE_IMAGE_H
 #define AZULEJO_IMAGE_IMAGE_H
@@ -27,8 +27,8 @@ struct image8 {
     uint8_t *pixels;
 };
 
-/* ERR_LIMIT when a side, or the whole, is too large; ERR_NO_MEMORY; both say how much it needs.
- * Pixels are zeroed. */
+/* ERR_LIMIT if a side, or the whole, is too large; ERR_NO_MEMORY; both messages say how much it
+ * needs. Pixels are zeroed. */
 status image_init(struct image *image, uint32_t width, uint32_t height, uint32_t channels,
                   struct error *err) MUST_CHECK;
 void image_release(struct image *image);
@@ -47,23 +47,22 @@ struct image_repairs {
     uint64_t nan_pixels, negative_pixels, infinite_pixels;
 };
 
-/* Decode an HDR (Radiance) or EXR file to 3 float channels (RGB; luminance files are
- * replicated). Header sizes are checked before memory is taken. NaN becomes 0, negative 0,
- * +Inf the largest finite value in the image (or 65504 if there is none). `name` is for
- * messages. ERR_INPUT, ERR_LIMIT, ERR_UNSUPPORTED (deep EXR, ...), ERR_NO_MEMORY. */
+/* Decode an HDR (Radiance) or EXR file to 3 float channels (RGB; luminance files are replicated).
+ * Header sizes are checked before memory is allocated. NaN becomes 0, negative 0, +Inf the largest
+ * finite value in the image (or 65504 if there is none). `name` is for messages. ERR_INPUT,
+ * ERR_LIMIT, ERR_UNSUPPORTED (deep EXR, ...), ERR_NO_MEMORY. */
 status image_decode_hdr(struct image *out, const uint8_t *data, size_t size_bytes,
                         const char *name, struct image_repairs *repairs, struct error *err)
     MUST_CHECK;
 
-/* The same for a texture: an EXR's channel A comes out as a fourth channel (straight, 0..1: EXR
- * files hold colour times alpha, which is divided out where alpha is above 0), unless it is 1
- * everywhere. */
+/* The same for a texture. An EXR's channel A becomes a fourth channel (straight, 0..1: EXR files
+ * hold colour times alpha, which is divided out if alpha is above 0), unless it is 1 everywhere. */
 status image_decode_float(struct image *out, const uint8_t *data, size_t size_bytes,
                           const char *name, struct image_repairs *repairs, struct error *err)
     MUST_CHECK;
 
-/* Decode a PNG (8 or 16 bits kept; palette and low depths expanded; gamma and ICC ignored
- * as glTF demands), JPEG or WebP (one picture, not an animation). */
+/* Decode a PNG (8 or 16 bits kept; palette and low depths expanded; gamma and ICC ignored as glTF
+ * requires), JPEG or WebP (one picture, not an animation). */
 status image_decode_8(struct image8 *out, const uint8_t *data, size_t size_bytes,
                       const char *name, struct error *err) MUST_CHECK;
 
@@ -73,10 +72,10 @@ status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, con
 /* With the alpha channel, if there is one: 4 channels, as stored. */
 status exr_decode_alpha(struct image *out, const uint8_t *data, size_t size_bytes,
                         const char *name, struct error *err) MUST_CHECK;
-/* One channel by its whole name, "samples.Y" say, in all three of `out`; ERR_NOT_FOUND. */
+/* One channel by its whole name, for example "samples.Y", in all three of `out`; ERR_NOT_FOUND. */
 status exr_decode_channel(struct image *out, const uint8_t *data, size_t size_bytes,
                           const char *name, const char *channel, struct error *err) MUST_CHECK;
-/* Append a text of the first part's header. ERR_NOT_FOUND: there is none of that name. */
+/* Append a text of the first part's header. ERR_NOT_FOUND: none has that name. */
 struct buffer;
 status exr_read_text(struct buffer *out, const uint8_t *data, size_t size_bytes, const char *name,
                      const char *attribute, struct error *err) MUST_CHECK;
@@ -90,12 +89,12 @@ status webp_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, c
                    struct error *err) MUST_CHECK;
 
 /* ---- formats that only importers read, to rewrite them ---- */
-/* PFM: 1 or 3 channels, linear; what is negative or not finite becomes 0. */
+/* PFM: 1 or 3 channels, linear; values that are negative or not finite become 0. */
 int pfm_recognise(const uint8_t *data, size_t size_bytes);
 status pfm_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
                   struct error *err) MUST_CHECK;
 /* TGA: 1, 3 or 4 channels of values 0..1, still encoded. The format has no signature: it is
- * recognised by a header that makes sense, so ask for every other format first. */
+ * recognised by a plausible header, so try every other format first. */
 int tga_recognise(const uint8_t *data, size_t size_bytes, uint32_t *width, uint32_t *height);
 status tga_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
                   struct error *err) MUST_CHECK;
@@ -118,8 +117,8 @@ struct exr_channel {
 struct exr_channels {
     const struct exr_channel *channels;
     size_t count;             /* up to EXR_CHANNELS_MAX */
-    /* Fill planes[count][height][image width] with the lines from y on. Asked for from top to
-     * bottom in runs of EXR_LINES (the last may be shorter). */
+    /* Fill planes[count][height][image width] with the lines from y on. Called from top to bottom
+     * in runs of EXR_LINES (the last may be shorter). */
     void (*lines)(void *user, uint32_t y, uint32_t height, float *planes);
     void *user;
 };
@@ -143,7 +142,7 @@ status exr_encode(struct buffer *out, const struct image *image, const struct ex
  * values are meant. Deterministic. */
 status png_encode(struct buffer *out, const struct image *image, struct error *err) MUST_CHECK;
 
-/* How display values become a file. All zero: the usual. */
+/* How display values become a file. All zero: the defaults. */
 struct picture_options {
     int bits;    /* of a PNG's channel: 8 (0 too) or 16 */
     int plain;   /* round instead of dithering */

@@ -26,7 +26,7 @@ static int jpeg_size(const uint8_t *data, size_t size, struct image_size *out)
 
     while (at + 10 <= size) {
         uint8_t marker = data[at + 1];
-        /* Fill, and what libjpeg passes over between segments. */
+        /* Fill bytes, and other bytes that libjpeg skips between segments. */
         if (data[at] != 0xff || marker == 0xff) {
             at++;
             continue;

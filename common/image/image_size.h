@@ -10,8 +10,8 @@ struct image_size {
     uint32_t pixel_bytes;   /* of the decoded pixels: 1..8, or 12 for three floats */
 };
 
-/* PNG, JPEG, WebP, Radiance HDR and OpenEXR. 0 where the header is damaged or the format another:
- * the decoder will say what is wrong. */
+/* PNG, JPEG, WebP, Radiance HDR and OpenEXR. 0 if the header is damaged or the format is another
+ * one: the decoder will report the error. */
 int image_size_of(const uint8_t *data, size_t size_bytes, struct image_size *out);
 
 #endif

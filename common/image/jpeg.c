@@ -1,6 +1,6 @@
-/* JPEG through libjpeg-turbo, from memory. Grey, RGB (any YCbCr) and the four-ink CMYK and
- * YCCK of print are decoded, inks to RGB without a profile. The accurate integer transform and
- * the smooth chroma upsampling are asked for: their SIMD and C versions give the same bits. */
+/* JPEG through libjpeg-turbo, from memory. Decodes grey, RGB (any YCbCr) and the four-ink CMYK and
+ * YCCK of print, inks to RGB without a profile. Uses the accurate integer transform and the smooth
+ * chroma upsampling, whose SIMD and C versions give the same bits. */
 #include <setjmp.h>
 #include <stdio.h>
 #include <string.h>
@@ -55,7 +55,7 @@ static void jpeg_print_nothing(j_common_ptr jpeg)
     (void)jpeg;
 }
 
-/* Called again and again: the place to stop a picture of thousands of empty scans. */
+/* Called repeatedly: the place to stop a picture of thousands of empty scans. */
 static void jpeg_check_scans(j_common_ptr jpeg)
 {
     j_decompress_ptr d = (j_decompress_ptr)jpeg;

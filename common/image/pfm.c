@@ -13,7 +13,7 @@ static int is_space(uint8_t c)
     return c == ' ' || c == '\t' || c == '\r' || c == '\n';
 }
 
-/* The next number of the header; *at moves past the one white space that ends it. 0: not a plain
+/* The next number of the header; *at moves past the single white space that ends it. 0: not a plain
  * decimal number. */
 static int pfm_number(const uint8_t *data, size_t size_bytes, size_t *at, double *out)
 {
@@ -26,7 +26,7 @@ static int pfm_number(const uint8_t *data, size_t size_bytes, size_t *at, double
         word[length++] = (char)data[(*at)++];
     word[length] = 0;
     ++*at;
-    /* strtod would also take "inf", "nan" and hexadecimal. */
+    /* strtod would also accept "inf", "nan" and hexadecimal. */
     if (!length || word[strspn(word, "+-.0123456789eE")])
         return 0;
     *out = strtod(word, &end);

@@ -1,5 +1,5 @@
-/* PNG through libpng, from and to memory. libpng's messages land in struct error, its memory
- * comes from common/base/memory. Gamma and colour profiles are ignored, as glTF demands. */
+/* PNG through libpng, from and to memory. libpng's messages go to struct error, its memory comes
+ * from common/base/memory. Gamma and colour profiles are ignored, as glTF requires. */
 #include <png.h>
 #include <setjmp.h>
 #include <stdio.h>
@@ -121,7 +121,7 @@ static status read_png(png_structp png, png_infop info, struct png_stream *strea
     png_set_user_limits(png, IMAGE_SIDE_MAX, IMAGE_SIDE_MAX);
     png_set_chunk_cache_max(png, PNG_TEXT_CHUNKS_MAX);
     png_set_chunk_malloc_max(png, PNG_CHUNK_BYTES_MAX);
-    /* Texts, profiles and the like are of no use to us: skip them unread. */
+    /* Skip texts, profiles and the like unread. */
     png_set_keep_unknown_chunks(png, PNG_HANDLE_CHUNK_NEVER, NULL, 0);
     png_set_read_fn(png, stream, png_read_bytes);
     png_read_info(png, info);
@@ -180,7 +180,7 @@ status png_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, co
 
 /* ---- writing ----------------------------------------------------------------------------- */
 
-/* What a file is made of: a row is filled when its turn comes, most significant byte first. */
+/* The source of a file: a row is filled when its turn comes, most significant byte first. */
 struct png_rows {
     uint32_t width, height, channels;
     int bits, is_srgb; /* is_srgb: an sRGB chunk says so */
@@ -280,7 +280,7 @@ static status encode_rows(struct buffer *out, const struct png_rows *rows, struc
         png_destroy_write_struct(&png, &info);
     mem_free(row);
     if (st != STATUS_OK && out->data && !out->failed) {
-        out->size = start; /* what was there before stays */
+        out->size = start; /* keep what was there before */
         out->data[start] = 0;
     }
     return st;

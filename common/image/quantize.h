@@ -1,4 +1,4 @@
-/* quantize: display values to the whole numbers of files. Private to common/image. */
+/* quantize: display values to the integers of files. Private to common/image. */
 #ifndef AZULEJO_IMAGE_QUANTIZE_H
 #define AZULEJO_IMAGE_QUANTIZE_H
 

@@ -13,7 +13,7 @@ struct tga {
     int from_top, from_right;
 };
 
-/* The TGA form has no mark at its start: the header must make sense. */
+/* TGA has no signature: the header must be plausible. */
 static int tga_open(const uint8_t *data, size_t size_bytes, struct tga *t)
 {
     const uint8_t *h = data;

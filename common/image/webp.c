@@ -35,8 +35,8 @@ status webp_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, c
     st = webp_check(&config.input, WebPGetFeatures(data, size_bytes, &config.input), name, err);
     if (st != STATUS_OK)
         return st;
-    /* The format ends at 16383 pixels a side: a lossless file of a few bytes may truly have so
-     * many, so the file's size says nothing about them. */
+    /* The format ends at 16383 pixels a side. A lossless file of a few bytes may really have that
+     * many, so the file's size gives no bound. */
     st = image8_init(out, (uint32_t)config.input.width, (uint32_t)config.input.height,
                      config.input.has_alpha ? 4 : 3, 8, err);
     if (st != STATUS_OK) {

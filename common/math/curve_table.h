@@ -1,8 +1,8 @@
-/* curve_table: an increasing function of a positive float as a table, for curves that are wanted
- * for every channel of every pixel. Each octave is cut into 128 pieces; a piece is the parabola
- * through the curve's values at its ends and its middle, which for powers and logarithms is
- * within 3e-8 of the value. The float's own bits say which piece. What comes out never decreases
- * from one piece to the next, and has the same bits on every machine.
+/* curve_table: a table of an increasing function of a positive float, for curves that are evaluated
+ * for every channel of every pixel. Each octave is divided into 128 pieces. A piece is the parabola
+ * through the curve's values at its ends and its middle, which for powers and logarithms is within
+ * 3e-8 of the value. The float's own bits select the piece. The result never decreases from one
+ * piece to the next, and has the same bits on every machine.
  */
 #ifndef AZULEJO_MATH_CURVE_TABLE_H
 #define AZULEJO_MATH_CURVE_TABLE_H
@@ -13,7 +13,7 @@ enum { CURVE_PIECES = 128 }; /* an octave */
 
 struct curve_table {
     float (*pieces)[4]; /* value, slope, bend; the value where the next piece begins */
-    uint32_t start;     /* the upper half of the bits of the first piece's beginning */
+    uint32_t start;     /* the upper half of the bits of the first piece's start */
     float low, high;    /* the argument's range */
 };
 
@@ -22,8 +22,8 @@ struct curve_table {
 void curve_table_build(struct curve_table *table, float (*pieces)[4], int first, int octaves,
                        double (*curve)(double x, const void *user), const void *user);
 
-/* The curve at x; x below the table's range is taken for its lower end, above it for its upper
- * end, NaN for the lower one. */
+/* The curve at x. x below the table's range gives the value of its lower end, x above it that of
+ * its upper end, NaN that of the lower end. */
 static inline float curve_table_at(const struct curve_table *table, float x)
 {
     const float *piece;

@@ -60,7 +60,7 @@ static void sincos_d(double x, double *sine, double *cosine)
     uint64_t quarter = (uint64_t)(int64_t)n;
     uint64_t swapped = (s ^ c) & (0 - (quarter & 1));
 
-    /* s, c; c, -s; -s, -c; -c, s: without a branch that every other angle would mispredict. */
+    /* s, c; c, -s; -s, -c; -c, s: without a branch, which every other angle would mispredict. */
     *sine = bits_to_double(s ^ swapped ^ (quarter & 2) << 62);
     *cosine = bits_to_double(c ^ swapped ^ ((quarter + 1) & 2) << 62);
 }
@@ -127,8 +127,8 @@ static double atan_unit(double q)
 
 double det_atan2_d(double y, double x)
 {
-    /* Of the nearer axis, and how the angle is counted from there; without branches, since
-     * directions come from anywhere. */
+    /* Relative to the nearer axis, and how the angle is counted from there; without branches, since
+     * directions are unpredictable. */
     static const double start[2] = {0, PI_D / 2}, half[2] = {0, PI_D}, way[2] = {1, -1};
     double ax = fabs(x), ay = fabs(y);
     int steep = ay > ax, left = x < 0;

@@ -1,9 +1,9 @@
-/* quick: logarithm and power to base 2 by small tables, for what is wanted of every pixel.
+/* quick: logarithm and power to base 2 by small tables, for values needed at every pixel.
  *
- * Errors, absolute of the logarithm and relative of the power, are below 1e-12
- * (tests/unit/math/test_quick.c): nothing that is stored as a float shows it, at a
- * fifth of the time of det_log_d and det_exp_d. Additions and multiplications in double only, so the
- * bits are the same on every machine.
+ * The errors, absolute for the logarithm and relative for the power, are below 1e-12
+ * (tests/unit/math/test_quick.c). They do not show in anything stored as a float, and the functions
+ * take a fifth of the time of det_log_d and det_exp_d. They use only additions and multiplications
+ * in double, so the bits are the same on every machine.
  */
 #ifndef AZULEJO_MATH_QUICK_H
 #define AZULEJO_MATH_QUICK_H
@@ -38,7 +38,7 @@ static inline double quick_log2(const struct quick *q, double x)
            z * (k1 + z * (-k1 / 2.0 + z * (k1 / 3.0 + z * (-k1 / 4.0))));
 }
 
-/* 2^y; y is taken for -1000 below that and when it is NaN, for 1000 above it. */
+/* 2^y; y counts as -1000 below that and if it is NaN, as 1000 above that. */
 static inline double quick_exp2(const struct quick *q, double y)
 {
     const double c1 = 0.69314718055994530942, c2 = c1 * c1 / 2.0; /* ln 2, and so on */

@@ -38,9 +38,9 @@ double transform_d_determinant(const struct transform_d *a);
 /* Inverse; 0 when the determinant is zero or not finite (out is then the identity). */
 int transform_d_invert(const struct transform_d *a, struct transform_d *out);
 
-/* The rotation and translation of a thing that looks along its -Z with its +Y up: the viewing
- * direction and the place stay exact, up is made square to it, and a mirrored transform gives
- * a proper rotation all the same. 0 when its axes vanish (out is then the identity). */
+/* The rotation and translation of an object that looks along its -Z with its +Y up. The viewing
+ * direction and the position stay exact, up is made orthogonal to it, and a mirrored transform
+ * still gives a proper rotation. 0 when its axes vanish (out is then the identity). */
 int transform_d_rigid(const struct transform_d *a, struct transform_d *out);
 
 struct transform transform_from_d(const struct transform_d *a);

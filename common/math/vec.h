@@ -4,8 +4,8 @@
 
 #include <math.h>
 
-/* One instruction each where fmaxf and fminf are calls (they must look for NaN first): here
- * `b` comes out when either is NaN. */
+/* One instruction each, where fmaxf and fminf are calls (they must check for NaN first): here `b`
+ * is the result if either is NaN. */
 static inline float float_max(float a, float b) { return a > b ? a : b; }
 static inline float float_min(float a, float b) { return a < b ? a : b; }
 

@@ -33,7 +33,7 @@ int effect_parse(const char *name)
 
 /* ---- the frame ---------------------------------------------------------------------------- */
 
-/* One search: the scene as the settings leave it. */
+/* One search: the scene after the settings have been applied. */
 struct finder {
     const struct scene *scene;
     const struct render_settings *settings;
@@ -41,16 +41,16 @@ struct finder {
     struct scene_camera eye;        /* at the shutter's opening */
     int eye_moves;
     uint64_t found;
-    uint32_t mix_parts;             /* of the instance's material looked at so far */
-    /* Effects of which a material or mesh is a cause already: many instances may use it. NULL: not
-     * kept (the caller wants no causes, or no memory: then some are counted twice). */
+    uint32_t mix_parts;             /* of the instance's material, checked so far */
+    /* Effects of which a material or mesh is already a cause: many instances may use it. NULL: not
+     * kept (the caller wants no causes, or memory is short: some are then counted twice). */
     uint64_t *named_material, *named_mesh;
     int last_known;                 /* effects_on_mesh */
     uint32_t last_material, last_mesh;
     struct material_effects last;
 };
 
-/* Mixes of mixes of mixes: behind so many parts everything is taken to be there. */
+/* Nested mixes: beyond this many parts everything is assumed to be present. */
 enum { MIX_PARTS_MAX = 1024 };
 
 static void cause_add(struct effect_cause *cause, const char *kind, const char *name,
@@ -84,22 +84,22 @@ static void add(struct finder *f, uint64_t set, const char *kind, const char *na
             cause_add(&f->causes[i], kind, name, index);
 }
 
-/* Can a ray of this camera start inside the instance's box? Then it may meet the back of
- * a closed mesh first. */
+/* Can a ray of this camera start inside the instance's box? If so, it may meet the back of a closed
+ * mesh first. */
 static int camera_may_be_inside(const struct finder *f, uint32_t instance)
 {
     const struct scene_instance *thing = &f->scene->instances[instance];
     double low[3], high[3];
 
     if (f->eye.kind == CAMERA_ORTHOGRAPHIC)
-        return 1; /* rays start on a plane whose extent the job's aspect decides */
+        return 1; /* rays start on a plane whose extent depends on the job's aspect ratio */
     if (f->eye_moves || thing->node >= 0 || thing->skin >= 0 ||
         !scene_instance_bounds(f->scene, instance, low, high))
         return 1;
     for (int i = 0; i < 3; i++) {
         double at = (double)f->eye.to_world.m[i][3];
-        /* A box computed in double may be short by the rounding of the hit in float; and a
-         * lens is as wide as it is. */
+        /* A box computed in double may be too small by the rounding of the hit in float; and the
+         * lens has its own width. */
         double slack = 1e-4 * (high[i] - low[i]) + 1e-5 * fabs(at) + (double)f->eye.lens_radius;
         if (at < low[i] - slack || at > high[i] + slack)
             return 0;
@@ -126,7 +126,7 @@ static uint64_t medium_effects(const struct scene_medium *m)
     return set;
 }
 
-/* pbrt's rule: what fills the space before and behind a surface that separates two media. */
+/* pbrt's rule for what fills the space before and behind a surface that separates two media. */
 static uint64_t either_side(const struct scene *scene, const struct scene_material *m)
 {
     uint64_t set = 0;
@@ -170,7 +170,7 @@ static int culls(const struct finder *f, uint32_t instance, const struct scene_m
     return !m->double_sided && !what->bounds_volume && (open || camera_may_be_inside(f, instance));
 }
 
-/* Instances in a row are often of one material and mesh: what was found is kept for the next. */
+/* Successive instances often share material and mesh: the result is kept for the next. */
 static struct material_effects effects_on_mesh(struct finder *f, const struct scene_material *m,
                                                uint32_t material, uint32_t mesh)
 {
@@ -199,8 +199,8 @@ static void find_material(struct finder *f, uint32_t instance, uint32_t index)
             what.set |= EFFECT_CULLING;
         if (what.bounds_volume && m.medium >= 0)
             what.set |= medium_effects(&scene->media[m.medium]);
-        /* Volumes may overlap, with parts of their own too, or hold other things, or the camera:
-         * that takes more than boxes to tell, so the path always counts them. */
+        /* Volumes may overlap, also with parts of their own, or contain other objects, or the
+         * camera. Boxes cannot decide that, so the path always counts them. */
         if (scene->volume_rule == VOLUMES_BOUNDARIES)
             what.set |= either_side(scene, &m);
         else if (m.kind == MATERIAL_SURFACE && what.bounds_volume)
@@ -209,7 +209,7 @@ static void find_material(struct finder *f, uint32_t instance, uint32_t index)
     add(f, what.set, "material", m.name, index);
 }
 
-/* Is a mesh placed more than once? Meshes far apart in the table share a bit: in doubt, yes. */
+/* Is a mesh placed more than once? Meshes far apart in the table share a bit: if in doubt, yes. */
 static void find_instancing(struct finder *f)
 {
     enum { SEEN_BITS = 1 << 16 };
@@ -229,7 +229,7 @@ static int node_differs(int32_t node, const struct scene_pose *a, const struct s
     return node >= 0 && memcmp(&a->to_world[node], &b->to_world[node], sizeof *a->to_world) != 0;
 }
 
-/* Whatever stands elsewhere at this moment than at the shutter's opening. */
+/* Everything whose position now differs from that at the shutter's opening. */
 static void find_moved(struct finder *f, const struct scene_pose *open,
                        const struct scene_pose *now)
 {
@@ -247,8 +247,8 @@ static void find_moved(struct finder *f, const struct scene_pose *open,
             add(f, EFFECT_MOTION_BLUR, "light", scene->lights[i].name, i);
 }
 
-/* Does anything that is seen move while the shutter is open? The moments are not evenly spaced,
- * so that what turns round and round is not always met at the same place. */
+/* Does anything visible move while the shutter is open? The moments are not evenly spaced, so that
+ * a rotating object is not always caught in the same position. */
 static void find_motion(struct finder *f, uint32_t frame)
 {
     static const double moments[] = {1, 0.5, 0.3125, 0.1875};

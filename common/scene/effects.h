@@ -1,7 +1,7 @@
-/* effects: what a scene calls for.
+/* effects: which effects a scene needs.
  *
- * Walks what is reachable from the scene's instances, lights, cameras and environment and
- * yields a set. What is not in the set need not be simulated.
+ * Walks what is reachable from the scene's instances, lights, cameras and environment and returns a
+ * set. What is not in the set need not be simulated.
  */
 #ifndef AZULEJO_SCENE_EFFECTS_H
 #define AZULEJO_SCENE_EFFECTS_H
@@ -68,7 +68,7 @@ EFFECT_MAP(EFFECT_VALUE)
 #undef EFFECT_VALUE
 #define EFFECTS_ALL (((uint64_t)1 << EFFECT_COUNT) - 1)
 
-/* What the user may switch off (settings.without); the others are what the scene is made of. */
+/* What the user may switch off (settings.without); the others are parts of the scene itself. */
 #define EFFECTS_SWITCHABLE                                                                     \
     (EFFECT_ABSORPTION | EFFECT_TEXTURE | EFFECT_NORMAL_MAP | EFFECT_VERTEX_COLOR |             \
      EFFECT_ALPHA | EFFECT_EMISSIVE_MESH | EFFECT_PUNCTUAL_LIGHT | EFFECT_ENVIRONMENT |         \
@@ -78,11 +78,11 @@ EFFECT_MAP(EFFECT_VALUE)
      EFFECT_DEPTH_OF_FIELD | EFFECT_MOTION_BLUR | EFFECT_LIGHT_IMAGE | EFFECT_PORTAL |          \
      EFFECT_CAUSTICS | EFFECT_ROUGH_DIFFUSE)
 
-/* The time of a frame is kept by accounts: 0 is no effect's (tracing rays, the geometry they meet,
- * sums), bit + 1 the effect's (worker/render/base/profile_scope.h). */
+/* A frame's time is divided among accounts: 0 belongs to no effect (tracing rays, the geometry they
+ * meet, sums), bit + 1 to the effect (worker/render/base/profile_scope.h). */
 enum { EFFECT_ACCOUNTS = EFFECT_COUNT + 1 };
-/* These have no account of their own: they change how other things are done, or do too little to
- * be told apart. `azulejo effects --measure` prices those that can be switched off. */
+/* These have no account of their own: they change how other work is done, or take too little time
+ * to be distinguished. `azulejo effects --measure` prices those that can be switched off. */
 #define EFFECTS_WITHOUT_TIME                                                                   \
     (EFFECT_CULLING | EFFECT_UNLIT | EFFECT_ANISOTROPY | EFFECT_CONDUCTOR | EFFECT_IRIDESCENCE | \
      EFFECT_ORTHOGRAPHIC | EFFECT_INSTANCING |                                                  \
@@ -90,13 +90,13 @@ enum { EFFECT_ACCOUNTS = EFFECT_COUNT + 1 };
      EFFECT_MEDIUM_EMISSION | EFFECT_DEPTH_OF_FIELD | EFFECT_PANORAMA | EFFECT_MOTION_BLUR |   \
      EFFECT_DEFORMATION | EFFECT_CAUSTICS | EFFECT_ROUGH_DIFFUSE)
 
-/* Roughness below this is a mirror: the least float whose square (GGX alpha) is not below
- * 1e-3f, so that the answer is the renderer's to the last bit. */
+/* Roughness below this is a mirror: the smallest float whose square (GGX alpha) is not below 1e-3f,
+ * so that the decision equals the renderer's exactly. */
 #define EFFECT_MIRROR_ROUGHNESS 0.031622778f
 
 struct render_settings;
 
-/* The causes of an effect after the first are named, but no more than these. */
+/* How many causes of an effect are named after the first. */
 enum { EFFECT_CAUSES_ALSO = 7 };
 
 struct effect_caller {
@@ -105,20 +105,20 @@ struct effect_caller {
     uint32_t index;     /* its row */
 };
 
-/* Who called for an effect. */
+/* What needs an effect. */
 struct effect_cause {
-    const char *kind;   /* of the first; NULL: nothing called for it */
+    const char *kind;   /* of the first cause; NULL: nothing needs it */
     const char *name;
     uint32_t index;
-    uint32_t count;     /* how many did */
-    struct effect_caller also[EFFECT_CAUSES_ALSO]; /* the next ones; kind is NULL behind the last */
+    uint32_t count;     /* number of causes */
+    struct effect_caller also[EFFECT_CAUSES_ALSO]; /* the next ones; kind is NULL after the last */
 };
 
-/* What one frame of a validated scene calls for, less what settings->without switches off. It
- * depends on instances only through what they use: a material or light that nothing uses does
- * not count, a factor of 0 is absent whatever its texture, alpha that is 1 everywhere is none,
- * closed opaque meshes seen from outside need no culling, motion that happens while the shutter
- * is closed blurs nothing. When in doubt the effect is in the set.
+/* What one frame of a validated scene needs, without what settings->without switches off. Instances
+ * count only through what they use: an unused material or light does not count, a factor of 0 is
+ * absent whatever its texture, alpha that is 1 everywhere is absent, closed opaque meshes seen from
+ * outside need no culling, motion while the shutter is closed blurs nothing. If in doubt the effect
+ * is in the set.
  * causes[EFFECT_COUNT], filled if not NULL. */
 uint64_t scene_effects(const struct scene *scene, const struct render_settings *settings,
                        uint32_t frame, struct effect_cause *causes);
@@ -126,7 +126,7 @@ uint64_t scene_effects(const struct scene *scene, const struct render_settings *
 /* The same for frame 0 with default settings and this camera. */
 uint64_t scene_effects_default(const struct scene *scene, uint32_t camera);
 
-/* Take the effects of `without` out of a material: what is left acts as if they were 0. */
+/* Remove the effects of `without` from a material: what is left acts as if they were 0. */
 void scene_material_reduce(struct scene_material *material, uint64_t without);
 
 const char *effect_name(enum effect_bit bit);       /* "normal map" */

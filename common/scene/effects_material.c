@@ -15,7 +15,7 @@ void scene_material_reduce(struct scene_material *m, uint64_t without)
             m->textures[i].texture = -1;
 }
 
-/* Can the surface let a ray through by its alpha? And is it never there at all? */
+/* Can the surface let a ray through by its alpha? And is it invisible everywhere? */
 static int alpha_acts(const struct scene_material *m, const struct scene_mesh *mesh, int *invisible)
 {
     int varies = material_has_texture(m, MATERIAL_TEXTURE_base_color) ||
@@ -36,7 +36,7 @@ static int alpha_acts(const struct scene_material *m, const struct scene_mesh *m
     return varies || alpha < 1;
 }
 
-/* A value that is off its default calls for its row's effect, but for these exceptions. */
+/* A value that differs from its default needs its row's effect, with these exceptions. */
 static uint64_t called_by_values(const struct scene_material *m)
 {
     uint64_t set = 0;
@@ -56,8 +56,8 @@ static uint64_t called_by_values(const struct scene_material *m)
     return set;
 }
 
-/* Lobes of a reflecting surface, by how rough it can be: a stretched mirror is rough along one
- * axis, where the mesh has tangents and the texture stretches it. */
+/* Lobes of a reflecting surface, by how rough it can be. A stretched mirror is rough along one
+ * axis, if the mesh has tangents and the texture stretches it. */
 static uint64_t by_roughness(const struct scene_material *m, uint64_t smooth, uint64_t rough)
 {
     if (m->roughness < EFFECT_MIRROR_ROUGHNESS)
@@ -83,10 +83,10 @@ static uint64_t transmission_lobes(const struct scene_material *m)
 
     if (!m->refractive)
         return EFFECT_THIN_TRANSMISSION;
-    /* From inside there is total reflection whatever `specular` says. */
+    /* From inside there is total reflection for any `specular`. */
     set = by_roughness(m, EFFECT_MIRROR | EFFECT_DIELECTRIC,
                        EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC);
-    /* Nothing blurs without a change of index. */
+    /* Without a change of index there is no blur. */
     return m->ior == 1 ? set | EFFECT_DIELECTRIC : set;
 }
 
@@ -129,7 +129,8 @@ static uint64_t lobes(const struct scene_material *m)
     return set & EFFECT_CLEARCOAT ? set | coat_lobes(m) : set;
 }
 
-/* The effects of all values that the texture acts on or needs: without one of them it is idle. */
+/* The effects of all values that the texture acts on or needs: without one of them it has no
+ * effect. */
 static uint64_t texture_serves(const struct material_texture_row *row)
 {
     uint64_t set = row->needs == MATERIAL_ALONE ? 0 : material_values[row->needs].effect;
@@ -170,7 +171,7 @@ void effects_of_material(const struct scene_material *m, const struct scene_mesh
         set |= EFFECT_ALPHA;
     if (set & (EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC))
         set |= EFFECT_MULTIPLE_SCATTERING;
-    /* No ray ever sees more of what is nowhere there than that. */
+    /* This is all that a ray can see of an invisible material. */
     out->set = out->invisible ? EFFECT_ALPHA : set;
     out->transmits = material_transmits(m);
     out->bounds_volume = m->kind == MATERIAL_INTERFACE || (out->transmits && m->refractive);

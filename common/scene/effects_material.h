@@ -1,4 +1,4 @@
-/* effects_material: what one material calls for. The inside of effects.c; only it includes this. */
+/* effects_material: what one material needs. Internal to effects.c; only it includes this. */
 #ifndef AZULEJO_SCENE_EFFECTS_MATERIAL_H
 #define AZULEJO_SCENE_EFFECTS_MATERIAL_H
 
@@ -6,13 +6,14 @@
 
 struct material_effects {
     uint64_t set;
-    int invisible;      /* by its alpha it is nowhere there */
-    int transmits;      /* somewhere light passes through it, thin or refracting */
-    int bounds_volume;  /* the path must keep count of being inside */
+    int invisible;      /* its alpha makes it invisible everywhere */
+    int transmits;      /* light passes through it somewhere, thin or refracting */
+    int bounds_volume;  /* the path must track whether it is inside */
 };
 
-/* `m` as scene_material_reduce left it, and no MATERIAL_MIX, on one mesh. A texture can lower its
- * factor to anything. Culling and media depend on the rest of the scene: not in the set. */
+/* `m` after scene_material_reduce, and not a MATERIAL_MIX, on one mesh. A texture can lower its
+ * factor to anything. Culling and media depend on the rest of the scene: they are not in the
+ * set. */
 void effects_of_material(const struct scene_material *m, const struct scene_mesh *mesh,
                          struct material_effects *out);
 

@@ -1,8 +1,8 @@
 /* kernel_sets: the variants of the renderer's kernel and what each can simulate.
  *
- * Each set holds the one before; the first that holds all that a frame calls for renders it.
- * The renderer compiles one variant a row (worker/render/kernels/); the client and the
- * coordinator only name them.
+ * Each set contains the one before. The first that contains all that a frame needs renders it. The
+ * renderer compiles one variant per row (worker/render/path/kernels/); client and coordinator only
+ * name them.
  */
 #ifndef AZULEJO_SCENE_KERNEL_SETS_H
 #define AZULEJO_SCENE_KERNEL_SETS_H
@@ -11,7 +11,7 @@
 
 #define KERNEL_BIT(name) ((uint64_t)1 << EFFECT_BIT_##name)
 
-/* Lambert surfaces, any light, any camera that is a pinhole. */
+/* Lambertian surfaces, any light, a pinhole camera of any kind. */
 #define KERNEL_SET_MATTE                                                                    \
     (KERNEL_BIT(DIFFUSE) | KERNEL_BIT(CULLING) | KERNEL_BIT(EMISSIVE_MESH) |                \
      KERNEL_BIT(PUNCTUAL_LIGHT) | KERNEL_BIT(ENVIRONMENT) | KERNEL_BIT(ORTHOGRAPHIC) |      \
@@ -28,8 +28,8 @@
 /* And layers, lenses, media, motion. */
 #define KERNEL_SET_GENERAL EFFECTS_ALL
 
-/* X(name, set), from the smallest. docs/EFFECTS.md has what each wins on the next: a variant that
- * wins less than 2 % in every scene is not worth its compilation. */
+/* X(name, set), smallest first. docs/EFFECTS.md says how much faster each is than the next: a
+ * variant that gains less than 2 % in every scene is not worth its compilation. */
 #define KERNEL_MAP(X)                  \
     X(matte, KERNEL_SET_MATTE)         \
     X(glass, KERNEL_SET_GLASS)         \

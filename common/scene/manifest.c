@@ -85,7 +85,7 @@ static void write_cause(struct buffer *out, const struct effect_cause *cause)
     buffer_puts(out, cause->also[0].kind ? "]}" : "}");
 }
 
-/* All looks; *unattributed: those that go to no effect's account. */
+/* All samples; *unattributed: those on no effect's account. */
 static uint64_t accounted_looks(const struct manifest *m, uint64_t *unattributed)
 {
     uint64_t known = m->effects & ~EFFECTS_WITHOUT_TIME, all = 0;
@@ -99,7 +99,7 @@ static uint64_t accounted_looks(const struct manifest *m, uint64_t *unattributed
     return all;
 }
 
-/* Rounded to so many units of 1: 1000 keeps three decimals. */
+/* Rounded to multiples of 1 / units: 1000 keeps three decimals. */
 static void write_rounded(struct buffer *out, double value, double units)
 {
     char text[NUMBER_TEXT_SIZE];
@@ -115,7 +115,7 @@ static void write_share(struct buffer *out, uint64_t looks, uint64_t all)
         buffer_puts(out, "null");
 }
 
-/* The effects of `set`, each with who called for it and, if it ran, its share of the time. */
+/* The effects of `set`, each with what needs it and, if it ran, its share of the time. */
 static void write_causes(struct buffer *out, const char *key, const struct manifest *m,
                          uint64_t set)
 {

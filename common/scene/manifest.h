@@ -1,14 +1,14 @@
-/* manifest: what was simulated in one frame, for whom, and where the time went.
+/* manifest: what was simulated in one frame, why, and where the time went.
  *
  * The coordinator keeps one with each finished frame, as JSON (docs/EFFECTS.md):
  *
- *   ran              effects that were simulated, what called for each, and its share of the time
- *   switched_off     effects that the scene calls for, but the user does not want (--without)
+ *   ran              effects that were simulated, what needs each, and its share of the time
+ *   switched_off     effects that the scene needs, but the user does not want (--without)
  *   not_called_for   the rest: nothing in the frame needs them, so no code for them ran
  *   kernel           the variant of the renderer that ran (kernel_sets.h), and the renderer
- *   picture          the samples that it holds: all that were asked for, unless its job was cancelled
- *   work             counted samples, rays, path vertices, CPU time
- *   time             share of each stage (stages.h), by so many looks at the threads
+ *   picture          its samples: all that were requested, unless its job was cancelled
+ *   work             counts of samples, rays, path vertices; CPU time
+ *   time             share of each stage (stages.h), and the number of samples of the threads' work
  *
  * Most effects that ran have a share of the time, too; the share of no effect is in `time`.
  */
@@ -24,26 +24,26 @@
 enum { MANIFEST_VERSION = 1 };
 #define MANIFEST_EXTENSION "effects.json"
 
-/* Whatever it points to stays the caller's. Texts may hold any bytes. */
+/* The caller keeps ownership of everything that it points to. Texts may hold any bytes. */
 struct manifest {
     const char *job_name, *scene_name, *scene_digest, *renderer;
     uint64_t job;
     uint32_t frame;
     uint64_t effects;      /* what ran */
-    uint64_t called_for;   /* what would have run, had nothing been switched off */
-    uint64_t without;      /* what was switched off, called for or not */
+    uint64_t called_for;   /* what would have run if nothing had been switched off */
+    uint64_t without;      /* what was switched off, needed or not */
     const struct effect_cause *causes; /* [EFFECT_COUNT] of `called_for`; NULL: not known */
-    uint64_t frame_samples; /* what the frame has, over all pixels */
-    int complete;           /* that is all that was asked for */
+    uint64_t frame_samples; /* over all pixels */
+    int complete;           /* all that were requested */
     struct { uint32_t least; double mean; uint32_t most; } pixel_samples; /* of one pixel */
     uint32_t tiles_empty;   /* tiles without any sample */
     uint64_t samples, rays, vertices, cpu_ns; /* counted; less than the frame has after a restart */
     uint64_t stages[STAGE_COUNT];
     uint64_t accounts[EFFECT_ACCOUNTS]; /* what is charged to an effect that did not run, or that
-                                           has no time of its own, counts as no effect's */
+                                           has no account of its own, counts as no effect's */
 };
 
-/* Append the JSON, with a newline at its end. buffer_ok tells whether memory sufficed. */
+/* Append the JSON, with a newline at its end. buffer_ok tells whether memory was sufficient. */
 void manifest_write(struct buffer *out, const struct manifest *manifest);
 
 /* Append `text` as a JSON string with its quotes; what is not UTF-8 becomes U+FFFD. */

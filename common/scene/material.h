@@ -1,4 +1,4 @@
-/* material: the rows of material_fields.h as tables, and what follows from them.
+/* material: the rows of material_fields.h as tables, and functions derived from them.
  *
  * material_values[] and material_textures[] describe each member of struct scene_material; code
  * that treats all fields alike iterates over them instead of naming them.
@@ -43,7 +43,7 @@ struct material_value {
     int count;                      /* elements */
     float initial;                  /* of each */
     float least, most;
-    uint64_t effect;                /* enum effect_bit's set */
+    uint64_t effect;                /* set of enum effect_bit */
     enum material_message message;
     uint32_t number;
 };
@@ -95,7 +95,7 @@ struct material_texture_row {
     const char *name;
     int color;                      /* holds colours: sRGB unless the texture says otherwise */
     int filtered;                   /* looked up by footprint */
-    unsigned readers;               /* enum material_role's set */
+    unsigned readers;               /* set of enum material_role */
     int needs;                      /* number of the value that it needs; MATERIAL_ALONE: none */
     enum material_message message;
     uint32_t number;
@@ -128,16 +128,16 @@ int material_value_is_set(const struct scene_material *m, const struct material_
 
 enum material_role material_role_of(const struct scene_material *m);
 
-/* Is it ever seen through, thin or refracting? */
+/* Is any surface behind it visible, as through a thin wall or a refracting body? */
 int material_transmits(const struct scene_material *m);
 
 /* Does the material read this factor at all? */
 int material_reads_part(const struct scene_material *m, const struct material_part *part);
 
-/* Would a texture in this slot change anything, as the factors now stand? */
+/* Would a texture in this slot have an effect with the present factors? */
 int material_texture_acts(const struct scene_material *m, enum material_texture slot);
 
-/* Is there a texture in this slot, and does it act? */
+/* Is there a texture in this slot, and does it have an effect? */
 static inline int material_has_texture(const struct scene_material *m, enum material_texture slot)
 {
     return m->textures[slot].texture >= 0 && material_texture_acts(m, slot);

@@ -1,15 +1,15 @@
 /* material_fields: every field of a material, once.
  *
- * struct scene_material, its defaults, the range checks, the wire form, what simplifying does with
- * textures, which images a frame loads and which effects a material calls for all follow from these
+ * struct scene_material, its defaults, the range checks, the wire form, the simplification of
+ * textures, which images a frame loads and which effects a material needs all follow from these
  * rows (material.h). A new row needs one line in scene.proto and the code that reads the field:
  * docs/EXTENDING.md.
  *
  * VALUE(type, name, default, least, most, effect, message, number)
  *   type     FLAG, NUMBER, RGB, RGBA, INTEGER, KIND, ALPHA_MODE, MEDIUM (an index, -1: none) or
  *            MATERIALS (two indices, the second at the next number)
- *   effect   what a value other than the default calls for; leaving that effect out restores the
- *            default. NONE: the field alone calls for nothing
+ *   effect   the effect that a value other than the default needs; leaving that effect out restores
+ *            the default. NONE: the field alone needs no effect
  *   message, number  where it is on the wire: MATERIAL, or a group of MATERIAL_MESSAGES
  *
  * TEXTURE(name, encoding, lookup, readers, needs, message, number, meaning, parts...)
@@ -22,13 +22,13 @@
  *            part; DIRECTION: the anisotropy's; BETWEEN: from the first part to the second
  *   parts    PART(value, channel), RGB_OF(value), ALPHA_OF(value)
  *
- * Ranges include their ends; ABOVE_0 and BELOW_1 are the floats next to what they exclude. */
+ * Ranges include their ends; ABOVE_0 and BELOW_1 are the floats next to the excluded ends. */
 #ifndef AZULEJO_SCENE_MATERIAL_FIELDS_H
 #define AZULEJO_SCENE_MATERIAL_FIELDS_H
 
 /* X(message, number of its field in message Material of scene.proto; 0: that message itself). A
- * group is on the wire when any of its fields is off its default, so that a scene without it is
- * read as before. */
+ * group is on the wire if any of its fields differs from its default, so a scene without it is read
+ * as before. */
 #define MATERIAL_MESSAGES(X)    \
     X(MATERIAL, 0)              \
     X(ANISOTROPY, 26)           \

@@ -51,7 +51,7 @@ static void value_fill(ProtobufCMessage *message, const struct scene_material *m
                             field_of(message, row->number)->quantifier_offset) = (size_t)row->count;
         memcpy(member_of(message, row->number), &from, sizeof from);
         break;
-    case TYPE_MEDIUM: /* plus one, so that none takes no bytes */
+    case TYPE_MEDIUM: /* plus one, so that -1 takes no bytes */
         memcpy(&index, from, sizeof index);
         index++;
         memcpy(member_of(message, row->number), &index, sizeof index);
@@ -62,7 +62,7 @@ static void value_fill(ProtobufCMessage *message, const struct scene_material *m
     }
 }
 
-/* NULL for a slot without texture, so that what it would say is not in the bytes. */
+/* NULL for a slot without a texture, so that its other fields take no bytes. */
 static Azulejo__Scene__TextureSlot *slot_fill(Azulejo__Scene__TextureSlot *out,
                                               const struct scene_texture_slot *slot)
 {

@@ -1,6 +1,6 @@
-/* material_wire: a material as message Material of scene.proto, and back, by the rows of
- * material_fields.h. protobuf-c's descriptors say where a field with a row's number lies in its
- * struct; that each row finds its field is proved by tests/unit/scene/test_material.c. */
+/* material_wire: converts a material to and from message Material of scene.proto, by the rows of
+ * material_fields.h. protobuf-c's descriptors give the position of a row's field in its struct;
+ * tests/unit/scene/test_material.c checks that each row finds its field. */
 #ifndef AZULEJO_SCENE_MATERIAL_WIRE_H
 #define AZULEJO_SCENE_MATERIAL_WIRE_H
 
@@ -9,7 +9,7 @@
 #include "common/scene/material.h"
 #include "common/scene/scene.pb-c.h"
 
-/* Room for the structs of any group: more than twice that of the largest, Clearcoat. */
+/* Large enough for the structs of any group: more than twice that of the largest, Clearcoat. */
 enum { MATERIAL_GROUP_BYTES = 256 };
 
 struct material_wire {

@@ -10,8 +10,8 @@
 
 /* ---- channels --------------------------------------------------------------------------- */
 
-/* Between which keys a time lies: the value is that of `key` for u = 0 and of key + 1 for
- * u = 1. Clamped: the last key has u = 0. */
+/* The keys around a time: the value is that of `key` for u = 0 and of key + 1 for u = 1. Clamped:
+ * the last key has u = 0. */
 struct moment {
     uint32_t key;
     double u;
@@ -87,7 +87,7 @@ static void key_rotation(const struct scene_channel *c, uint32_t key, double q[4
 {
     for (uint32_t i = 0; i < 4; i++)
         q[i] = key_number(c, key, VALUE, i);
-    quaternion_normalize(q); /* scene_validate saw to it that it can be */
+    quaternion_normalize(q); /* scene_validate has checked that it can be */
 }
 
 /* Along the shorter great circle from a to b, both unit (glTF 2.0, C.4). */
@@ -102,7 +102,7 @@ static void slerp(const double a[4], const double b[4], double u, double out[4])
         apart += (near_b[i] - a[i]) * (near_b[i] - a[i]);
         together += (near_b[i] + a[i]) * (near_b[i] + a[i]);
     }
-    /* Kahan's angle between unit vectors: unlike the arc cosine it is exact for small ones. */
+    /* Kahan's angle between unit vectors: unlike the arc cosine it is accurate for small ones. */
     angle = 2 * det_atan2_d(sqrt(apart), sqrt(together));
     sine = det_sin_d(angle);
     if (sine > 1e-9) { /* below, the chord and the arc agree to the last bit */
@@ -129,7 +129,7 @@ static void channel_rotation(const struct scene_channel *c, struct moment m, dou
     }
     for (uint32_t i = 0; i < 4; i++)
         to[i] = channel_number(c, m, i);
-    if (quaternion_normalize(to)) /* else the spline goes through 0: the key before stands */
+    if (quaternion_normalize(to)) /* else the spline goes through 0: keep the key before */
         memcpy(q, to, sizeof to);
 }
 
@@ -257,7 +257,7 @@ struct transform_d pose_instance(const struct scene_pose *pose, const struct sce
     return it->node >= 0 ? pose->to_world[it->node] : it->to_world;
 }
 
-/* The rigid part of a node's transform; its place alone where its axes vanish. */
+/* The rigid part of a node's transform; only its position if its axes vanish. */
 static void follow_rigidly(const struct transform_d *node, struct transform_d *to_world)
 {
     struct transform_d rigid;
@@ -310,7 +310,7 @@ struct deformation {
     const uint8_t *blob;
     struct scene_mesh_layout layout;
     uint32_t vertex_count;
-    uint32_t morph_count;           /* 0 also where no weight is given */
+    uint32_t morph_count;           /* 0 also if no weight is given */
     const double *weights;          /* [morph_count] */
     uint32_t joint_count;           /* 0: no skin */
     struct transform_d *joints;     /* [joint_count] mesh to world */
@@ -354,7 +354,7 @@ static void vertex_morph(const struct deformation *d, uint32_t v, struct vertex 
     }
 }
 
-/* The joints' transforms, weighted. 0 for a joint that is not there. */
+/* The joints' transforms, weighted. 0: a joint does not exist. */
 static int joints_blend(const struct deformation *d, const struct mesh_influence *influence,
                         struct transform_d *out)
 {
@@ -380,8 +380,8 @@ static void map_vector(const struct transform_d *t, double v[3])
         v[r] = t->m[r][0] * x + t->m[r][1] * y + t->m[r][2] * z;
 }
 
-/* By the inverse transpose up to a positive factor: the cofactors times the determinant's
- * sign, which exist for a singular matrix too. */
+/* By the inverse transpose up to a positive factor: the cofactors times the determinant's sign,
+ * which exist for a singular matrix too. */
 static void map_normal(const struct transform_d *t, double sign, double n[3])
 {
     const double (*m)[4] = t->m;
@@ -415,7 +415,7 @@ static int vertex_skin(const struct deformation *d, uint32_t v, struct vertex *o
     return 1;
 }
 
-/* v made unit and stored, or `otherwise` as it lies in the blob. */
+/* Store v normalised; if that is impossible, store `otherwise` as it is in the blob. */
 static void store_unit(const double v[3], const uint8_t *otherwise, float *out)
 {
     double largest = 0, length;
@@ -434,7 +434,7 @@ static void store_unit(const double v[3], const uint8_t *otherwise, float *out)
         out[i] = (float)(u[i] / length);
 }
 
-/* The row of a vertex; NULL where the mesh has no such array. */
+/* The row of a vertex; NULL if the mesh has no such array. */
 static const uint8_t *array_at(const struct deformation *d, size_t array, size_t v, size_t floats)
 {
     return array == SIZE_MAX ? NULL : d->blob + array + v * floats * sizeof(float);
@@ -475,7 +475,7 @@ static status vertex_deform(const struct deformation *d, uint32_t v, float *posi
     return STATUS_OK;
 }
 
-/* Does the instance's node give as many weights as the mesh has morph targets? */
+/* Does the instance's node have as many weights as the mesh has morph targets? */
 static int is_morphed(const struct scene *scene, const struct scene_instance *it)
 {
     const struct scene_mesh *mesh = &scene->meshes[it->mesh];
@@ -571,9 +571,9 @@ int scene_instance_deforms(const struct scene *scene, uint32_t instance)
     return weights_move(scene, it->node);
 }
 
-enum { MOVES = 1, MORPHS = 2 }; /* a node does at some time */
+enum { MOVES = 1, MORPHS = 2 }; /* what a node does at some time */
 
-/* What each node does; its parents' moves are its own. */
+/* What each node does; it inherits its parents' moves. */
 static void nodes_mark(const struct scene *scene, uint8_t *marks)
 {
     for (uint32_t i = 0; i < scene->channel_count; i++) {

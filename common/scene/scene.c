@@ -81,9 +81,9 @@ void scene_mesh_layout(const struct scene_mesh *mesh, struct scene_mesh_layout *
     size_t at = 0;
     size_t vertices = mesh->vertex_count;
 
-    /* At most 2^32 vertices of 88 bytes and of 2^32 morph targets of 24 (2^32 * 2^32 * 24
-     * wraps, so the size of a mesh with too many of them means nothing: check_mesh bounds
-     * their count first), and 2^32 triangles of 12: no overflow in 64 bits. */
+    /* At most 2^32 vertices of 88 bytes and of 2^32 morph targets of 24 (2^32 * 2^32 * 24 wraps, so
+     * the size of a mesh with too many of them is meaningless: check_mesh limits their count
+     * first), and 2^32 triangles of 12: no overflow in 64 bits. */
     _Static_assert(sizeof(size_t) == 8, "mesh blobs need a 64-bit size_t");
 #define LAYOUT_ARRAY(field, present, floats)                                \
     out->field = (present) ? at : SIZE_MAX;                                 \

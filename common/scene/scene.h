@@ -4,10 +4,10 @@
  * by SHA-256 (mesh buffers in the layout below; textures and environment maps in their
  * original files' bytes). It owns nothing outside its arena.
  *
- * Conventions: right-handed, +Y up, metres; cameras look along -Z of their node; colours
- * are linear Rec. 709; radiance units are those of glTF taken one to one (1 nit = 1,
- * 1 cd = 1 W/sr). Invariant: a scene that scene_validate() accepted can be rendered
- * without any further range check of an index or a count.
+ * Conventions: right-handed, +Y up, metres; cameras look along -Z of their node; colours are linear
+ * Rec. 709; radiance units are glTF's, one to one (1 nit = 1, 1 cd = 1 W/sr). Invariant: a scene
+ * that scene_validate() accepted can be rendered without further range checks of an index or a
+ * count.
  */
 #ifndef AZULEJO_SCENE_SCENE_H
 #define AZULEJO_SCENE_SCENE_H
@@ -51,11 +51,11 @@ enum {
     SCENE_BLADES_MAX = 1024,
 };
 #define SCENE_BLOB_BYTES_MAX ((uint64_t)1 << 36)
-/* No coordinate of a mesh or of the world may be larger: squares of lengths and cross
- * products must stay finite in float. */
+/* No coordinate of a mesh or of the world may be larger, so that squares of lengths and cross
+ * products stay finite in float. */
 #define SCENE_COORDINATE_MAX 1e15f
 #define SCENE_RADIANCE_MAX 1e30f    /* and any intensity: squares and sums of it stay finite */
-/* Of a picture from top to bottom: the tangent of half of it must be a useful number. */
+/* Of a picture from top to bottom: the tangent of half of it must be usable. */
 #define SCENE_FOV_MIN_RAD 1e-5f
 #define SCENE_FOV_MAX_RAD 3.1415f
 
@@ -78,7 +78,7 @@ enum scene_mesh_arrays {
     MESH_ARRAYS_ALL = 127,
 };
 
-/* What moves one vertex of a skinned mesh; weights >= 0 that add up to 1 (to rounding). */
+/* What moves one vertex of a skinned mesh; weights >= 0 that add up to 1 (up to rounding). */
 struct mesh_influence {
     float weight[4];
     uint16_t joint[4];      /* index into the skin's joints */
@@ -135,7 +135,7 @@ struct scene_texture {
 /* A material's reference to a texture. uv' = (m00 u + m01 v + m02, m10 u + m11 v + m12);
  * v runs downwards as in glTF (0 at the image's top row). */
 struct scene_texture_slot {
-    int32_t texture;        /* -1: none, the factor alone counts */
+    int32_t texture;        /* -1: none, only the factor counts */
     uint32_t uv_set;        /* 0 or 1 */
     float uv_transform[2][3];
 };
@@ -145,14 +145,14 @@ enum scene_alpha_mode { ALPHA_OPAQUE, ALPHA_MASK, ALPHA_BLEND, ALPHA_COUNT };
 enum scene_material_kind {
     MATERIAL_SURFACE,   /* glTF 2.0's metallic-roughness model and its extensions */
     MATERIAL_CONDUCTOR, /* a metal by its complex index; roughness, anisotropy and clearcoat act */
-    MATERIAL_INTERFACE, /* no surface at all: rays pass, it only bounds `medium` */
-    MATERIAL_MIX,       /* at every point one of two others, by chance */
+    MATERIAL_INTERFACE, /* no surface: rays pass; it only bounds `medium` */
+    MATERIAL_MIX,       /* at every point one of two others, at random */
     MATERIAL_KIND_COUNT
 };
 
-/* What a surface is made of: a member for each row of material_fields.h. Every texture multiplies its
- * factor, so a factor of 0 is 0 whatever the texture. Normal textures and anisotropy act only on
- * meshes with MESH_TANGENTS.
+/* What a surface is made of: a member for each row of material_fields.h. Every texture multiplies
+ * its factor, so a factor of 0 is 0 whatever the texture. Normal textures and anisotropy act only
+ * on meshes with MESH_TANGENTS.
  * The model: glTF 2.0's metallic-roughness model with the extensions anisotropy, clearcoat,
  * diffuse_transmission, dispersion, emissive_strength, ior, iridescence, sheen, specular,
  * transmission, unlit and volume. roughness is perceptual: GGX alpha = roughness^2.
@@ -187,25 +187,25 @@ struct scene_material {
     };
 };
 
-/* One mesh with one material somewhere in the world. */
+/* One placement of a mesh with one material. */
 struct scene_instance {
     const char *name;
     uint32_t mesh;
     uint32_t material;
     struct transform_d to_world; /* invertible; a negative determinant mirrors the mesh: the
-                                   renderer flips the winding, and thus the side that counts as
-                                   front, by its sign (the glTF rule) */
+                                    renderer then reverses the winding, and so which side is the
+                                    front (the glTF rule) */
     int32_t node;               /* >= 0: to_world follows this node (to_world is its value at
-                                   time 0; it and the value at any other time may be singular:
-                                   a scale of 0 hides a thing); -1: it stands still */
+                                   time 0; at any time it may be singular: a scale of 0 hides an
+                                   object); -1: it does not move */
     int32_t skin;               /* of a mesh with MESH_SKIN, -1: none. A skinned vertex is in
                                    world space after its joints: to_world is then not used */
     int32_t body;               /* the material whose body it bounds (VOLUMES_NESTED), -1: its own.
-                                   Another where meshes of several materials close one another: all
-                                   of them then bound the volume of one of the materials */
-    int sealed;                 /* its mesh and others of its body close one another: each edge of
-                                   theirs is shared, at equal places, and they are wound outwards.
-                                   They stand still */
+                                   Another one if meshes of several materials enclose one volume:
+                                   all of them then bound the body of one of the materials */
+    int sealed;                 /* its mesh and others of its body form a closed surface: each of
+                                   their edges is shared, at equal positions, and they are wound
+                                   outwards. They do not move */
 };
 
 /* Nodes exist only for what moves, and for its parents. Their chain is the file's own, in the
@@ -222,8 +222,8 @@ struct scene_node {
 enum scene_channel_path { PATH_TRANSLATION, PATH_ROTATION, PATH_SCALE, PATH_WEIGHTS, PATH_COUNT };
 enum scene_interpolation { INTERPOLATE_STEP, INTERPOLATE_LINEAR, INTERPOLATE_CUBIC, INTERPOLATE_COUNT };
 
-/* One animated property of one node: glTF's channel and sampler in one. Before the first key
- * and after the last the value stands. Rotations are interpolated along the great circle. */
+/* One animated property of one node: glTF's channel and sampler in one. Before the first key and
+ * after the last the value is constant. Rotations are interpolated along the great circle. */
 struct scene_channel {
     uint32_t node;
     enum scene_channel_path path;
@@ -235,7 +235,7 @@ struct scene_channel {
                                    [key_count][3][components] in-tangent, value, out-tangent */
 };
 
-/* Numbers in `values`. */
+/* The number of floats in `values`. */
 static inline size_t scene_channel_floats(const struct scene_channel *channel)
 {
     size_t values = channel->interpolation == INTERPOLATE_CUBIC ? 3 : 1;
@@ -267,7 +267,7 @@ struct scene_portal {
     float edge1[3], edge2[3];
 };
 
-/* What of its pose a light's kind uses: position, direction, to_world. */
+/* Which parts of its pose a kind of light uses: position, direction, to_world. */
 enum scene_light_parts { LIGHT_HAS_PLACE = 1, LIGHT_HAS_DIRECTION = 2, LIGHT_HAS_FRAME = 4 };
 
 /* X(KIND, text, parts), by their numbers on the wire. Goniometric: a point light times a lat-long image
@@ -332,20 +332,20 @@ struct scene_camera {
     float xmag, ymag;           /* orthographic: half width and half height, metres */
     float aspect;               /* width / height that the file asks for; 0: none */
     float lens_radius;          /* metres; 0: pinhole */
-    float focus_distance;       /* metres along the axis to the plane that is sharp; > 0 if there is
+    float focus_distance;       /* metres along the axis to the plane of focus; > 0 if there is
                                    a lens */
     uint32_t blades;            /* of the aperture; below 3: round */
     float blade_rotation_rad;
     float shutter_open_s, shutter_close_s; /* relative to the frame's time; equal: the job's
                                    settings decide */
-    float exposure_ev;          /* stops that bring the file's physical units to a middle exposure:
-                                   the client adds them to the job's when it is submitted */
+    float exposure_ev;          /* stops that bring the file's physical units to a middle exposure;
+                                   the client adds them to the job's when it submits it */
     int32_t node;               /* >= 0: to_world follows this node */
 };
 
-/* Lat-long map: row 0 is the zenith (+Y); with the map's own u = 0.5 + atan2(z, x)/(2 pi)
- * (so -Z is at u = 0.25, +X at 0.5), as in glTF viewers and Cycles. Rotation and strength
- * come from the job's settings. */
+/* Lat-long map: row 0 is the zenith (+Y); with the map's own u = 0.5 + atan2(z, x)/(2 pi) (so -Z is
+ * at u = 0.25, +X at 0.5), as in glTF viewers and Cycles. Rotation and strength come from the job's
+ * settings. */
 struct scene_environment {
     int present;
     struct scene_image image;   /* unused when `constant` */
@@ -356,11 +356,11 @@ struct scene_environment {
     struct scene_portal *portals;
 };
 
-/* Which boundaries of refractive volumes and media are there.
- * VOLUMES_NESTED: a path counts the bodies that it is inside of. A body is all that one material
- * bounds (scene_instance.body). Of several the one of the highest priority is there, of equals the
- * innermost; the boundaries of the others are not.
- * VOLUMES_BOUNDARIES: each boundary is there as it is (pbrt's rule). */
+/* Which boundaries of refractive volumes and media count.
+ * VOLUMES_NESTED: a path counts the bodies that it is inside. A body is everything that one
+ * material bounds (scene_instance.body). Where several overlap, the one of the highest priority
+ * fills the space; ties go to the innermost. The boundaries of the others do not count.
+ * VOLUMES_BOUNDARIES: every face is a boundary (pbrt's rule). */
 enum scene_volume_rule { VOLUMES_NESTED, VOLUMES_BOUNDARIES, VOLUME_RULE_COUNT };
 
 struct scene {
@@ -375,16 +375,16 @@ struct scene {
     struct scene_material *materials;
     struct scene_instance *instances;
     struct scene_light *lights;
-    struct scene_camera *cameras;  /* at least one: importers frame the scene if need be */
+    struct scene_camera *cameras;  /* at least one: importers add one that frames the scene */
     struct scene_environment environment;
     struct scene_node *nodes;
     struct scene_channel *channels; /* sorted by node, then path; none twice */
     struct scene_skin *skins;
     struct scene_medium *media;
     int32_t fog;                /* the medium that fills the scene's bounding sphere, -1: none */
-    double origin[3];           /* where the world's origin lies in the file's coordinates, metres:
-                                   every place but the nodes' is relative to it, so that a scene far
-                                   from the file's origin keeps its digits in float */
+    double origin[3];           /* the world's origin in the file's coordinates, metres. Every
+                                   position except the nodes' is relative to it, so that a scene far
+                                   from the file's origin keeps its precision in float */
     enum scene_volume_rule volume_rule;
 };
 
@@ -401,7 +401,7 @@ void scene_environment_default(struct scene_environment *environment);
 void scene_node_default(struct scene_node *node);
 void scene_medium_default(struct scene_medium *medium);
 
-/* Are all three channels of the colour this value? */
+/* Do all three channels of the colour have this value? */
 static inline int scene_color_is(const float color[3], float value)
 {
     return color[0] == value && color[1] == value && color[2] == value;
@@ -411,12 +411,12 @@ static inline int scene_color_is(const float color[3], float value)
  * field. */
 status scene_validate(const struct scene *scene, struct error *err) MUST_CHECK;
 
-/* The wire form (common/scene/scene.proto). Pack appends to `out`. Unpack treats its input
- * as hostile, initialises `scene` first, and validates. */
+/* The wire form (common/scene/scene.proto). Pack appends to `out`. Unpack does not trust its input,
+ * initialises `scene` first, and validates. */
 struct buffer;
 status scene_pack(const struct scene *scene, struct buffer *out, struct error *err) MUST_CHECK;
-/* On failure the scene is left initialised and empty. Unpacking needs memory in proportion
- * to the elements' true counts, not to what a length field claims. */
+/* On failure the scene is left initialised and empty. Unpacking needs memory in proportion to the
+ * elements' true counts, not to what a length field claims. */
 status scene_unpack(struct scene *scene, const void *data, size_t size_bytes,
                     struct error *err) MUST_CHECK;
 
@@ -426,11 +426,11 @@ status scene_unpack(struct scene *scene, const void *data, size_t size_bytes,
 status scene_blobs(const struct scene *scene, struct scene_blob **out, size_t *count,
                    struct error *err) MUST_CHECK;
 
-/* World bounds of one instance (of its mesh's box), in double; 0 when not finite. */
+/* World bounds of one instance (of its mesh's box), in double; 0 if they are not finite. */
 int scene_instance_bounds(const struct scene *scene, uint32_t instance, double bounds_min[3],
                           double bounds_max[3]);
 
-/* World bounds of all instances; 0 when there is no finite geometry. */
+/* World bounds of all instances; 0 if there is no finite geometry. */
 int scene_bounds(const struct scene *scene, float bounds_min[3], float bounds_max[3]);
 
 #endif

@@ -1,6 +1,6 @@
-/* The scene to bytes: every element becomes one protobuf message, packed at once, so that
- * packing needs no second copy of the scene as a tree of messages. protobuf-c writes fields
- * in the order of their numbers: the same scene gives the same bytes. */
+/* Scene to bytes. Every element becomes one protobuf message, packed at once, so that packing needs
+ * no second copy of the scene as a tree of messages. protobuf-c writes fields in the order of their
+ * numbers, so the same scene gives the same bytes. */
 #include <string.h>
 
 #include "common/base/buffer.h"
@@ -54,7 +54,7 @@ static void blob_fill(Azulejo__Scene__Blob *out, const struct scene_blob *blob)
     out->size_bytes = blob->size_bytes;
 }
 
-/* Indices of which -1 is none are written plus one, so that none takes no bytes. */
+/* Indices that may be -1 are written plus one, so that -1 takes no bytes. */
 static uint32_t index_plus_one(int32_t index)
 {
     return (uint32_t)(index + 1);

@@ -1,6 +1,6 @@
-/* Bytes to a scene. The top-level fields are walked here, one element after the other, and
- * each element alone goes through protobuf-c: a hostile count cannot make us take more
- * memory than the bytes that are really there are worth. */
+/* Bytes to a scene. The top-level fields are read here, one element after another, and each element
+ * separately goes through protobuf-c: a hostile count cannot make us take more memory than the
+ * bytes that are present justify. */
 #include <string.h>
 
 #include "common/base/memory.h"
@@ -12,8 +12,8 @@ enum {
     FIELD_FOG = 16,
     FIELD_VOLUME_RULE = 18,
     FIELD_COUNT = 19,
-    /* An element of ours writes each of its fields once: one with more pieces is not one of
-     * ours, and protobuf-c would take many times its size to decode it. */
+    /* Our own writer writes each field of an element once. An element with more pieces is not ours,
+     * and protobuf-c would take many times its size to decode it. */
     ELEMENT_PIECES_MAX = 64,
 };
 
@@ -74,7 +74,7 @@ static status read_field(struct scene_reader *r, uint32_t *field, const uint8_t 
     return STATUS_OK;
 }
 
-/* Has the message few enough pieces? What else is wrong with it protobuf-c finds out. */
+/* Does the message have few enough pieces? protobuf-c finds all other errors. */
 static int pieces_are_few(const uint8_t *data, size_t size)
 {
     struct scene_reader r = {.at = data, .end = data + size};
@@ -105,8 +105,8 @@ static int pieces_are_few(const uint8_t *data, size_t size)
     return 1;
 }
 
-/* What each top-level field holds. `least_bytes` is what a valid element takes at least:
- * it bounds the memory that a count of tiny elements can claim. `most_bytes` of 0 is
+/* The contents of each top-level field. `least_bytes` is the minimum size of a valid element: it
+ * limits the memory that a count of tiny elements can claim. `most_bytes` of 0 is
  * SCENE_ELEMENT_BYTES_MAX. */
 static const struct element {
     const char *name;

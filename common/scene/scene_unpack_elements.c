@@ -1,4 +1,4 @@
-/* Elements of a packed scene, but for materials. */
+/* Elements of a packed scene, except materials. */
 #include <string.h>
 
 #include "common/scene/scene_unpack_parts.h"

@@ -5,7 +5,7 @@
 #include "common/scene/material.h"
 #include "common/scene/scene_unpack_parts.h"
 
-/* What a row's message holds under a number, and its descriptor. */
+/* The field of a row's message with a given number, and its descriptor. */
 static const void *member_of(const ProtobufCMessage *message, uint32_t number,
                              const ProtobufCFieldDescriptor **field)
 {
@@ -41,7 +41,7 @@ static status unpack_value(struct scene_reader *r, const ProtobufCMessage *messa
     }
 }
 
-/* The material's messages; NULL for a group that is absent: all its fields have their defaults. */
+/* The material's messages; NULL for an absent group: all its fields have their defaults. */
 static status find_messages(struct scene_reader *r, const ProtobufCMessage *material,
                             const ProtobufCMessage *found[MATERIAL_MESSAGE_COUNT])
 {

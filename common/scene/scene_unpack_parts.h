@@ -1,7 +1,7 @@
-/* scene_unpack_parts: the inside of scene_unpack, shared by its files; only they include this.
+/* scene_unpack_parts: the internals of scene_unpack, shared by its files; only they include this.
  *
  * scene_unpack.c           the walk along the top-level fields, and every limit on them
- * scene_unpack_values.c    what elements are made of: names, numbers, indices, blobs
+ * scene_unpack_values.c    the parts of elements: names, numbers, indices, blobs
  * scene_unpack_material.c  materials and their layers
  * scene_unpack_elements.c  every other element
  */
@@ -26,14 +26,14 @@ static inline status unpack_damaged(const struct scene_reader *r, const char *wh
     return error_set(r->err, STATUS_ERR_INPUT, "the packed scene is damaged: %s", what);
 }
 
-/* From the wire's index + 1; what lies in the table is checked by scene_validate. */
+/* From the wire's index + 1; scene_validate checks it against the table. */
 status unpack_index(struct scene_reader *r, const char *what, uint32_t from, uint32_t maximum,
                     int32_t *to) MUST_CHECK;
 /* A copy of a string in the scene's arena; protobuf-c has already cut it at a NUL byte. */
 status unpack_name(struct scene_reader *r, const char *text, const char **out) MUST_CHECK;
 status unpack_floats(struct scene_reader *r, const char *what, const float *from, size_t got,
                      float *to, size_t wanted) MUST_CHECK;
-/* As unpack_floats, but what is not there stays as its default. */
+/* As unpack_floats, but an absent field keeps its default. */
 status unpack_floats_if(struct scene_reader *r, const char *what, const float *from, size_t got,
                         float *to, size_t wanted) MUST_CHECK;
 status unpack_doubles(struct scene_reader *r, const char *what, const double *from, size_t got,

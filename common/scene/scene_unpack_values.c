@@ -1,4 +1,4 @@
-/* What the elements of a packed scene are made of. */
+/* The parts of the elements of a packed scene. */
 #include <string.h>
 
 #include "common/scene/scene_unpack_parts.h"
@@ -83,7 +83,7 @@ status unpack_slot(struct scene_reader *r, const Azulejo__Scene__TextureSlot *fr
                    struct scene_texture_slot *to)
 {
     if (!from)
-        return STATUS_OK; /* as scene_material_default left it */
+        return STATUS_OK; /* keep the value of scene_material_default */
     if (from->base.n_unknown_fields)
         return unpack_damaged(r, "a texture slot has an unknown field");
     if (from->texture >= SCENE_TEXTURES_MAX)

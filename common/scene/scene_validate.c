@@ -1,5 +1,5 @@
-/* Every index, count, enum and number of a scene, checked once, so that nothing that reads
- * a scene afterwards has to check again. */
+/* Checks every index, count, enum and number of a scene once, so that code that reads the scene
+ * afterwards need not check again. */
 #include <math.h>
 #include <string.h>
 
@@ -19,7 +19,7 @@ static int is_orthonormal(const double *m, int stride)
     return 1;
 }
 
-/* Long enough to be made unit, and short enough. */
+/* Is it long enough to be normalised, and short enough? */
 static int can_be_normalized(const double q[4])
 {
     double squared = 0;
@@ -72,7 +72,7 @@ static status check_texture(const struct check_place *at, const struct scene_tex
     return check_flag(at, "nearest", texture->nearest);
 }
 
-/* Any radiance or weight: squares may be taken of it. */
+/* Is it a valid radiance or weight? Its square must be finite. */
 static const float unlimited = SCENE_RADIANCE_MAX;
 
 static status check_moves(const struct check_place *at, const struct scene *scene,
@@ -310,7 +310,7 @@ static status check_portal(const struct check_place *at, const struct scene_port
         bb += (double)b[i] * (double)b[i];
         ab += (double)a[i] * (double)b[i];
     }
-    /* |a x b|^2 = aa bb - ab^2: a sliver's normal is not to be trusted. */
+    /* |a x b|^2 = aa bb - ab^2: the normal of a sliver is unreliable. */
     if (!(aa > 1e-30 && bb > 1e-30 && aa * bb - ab * ab > 1e-9 * aa * bb))
         return check_complain(at, "edge1", "and edge2 span no window");
     return STATUS_OK;

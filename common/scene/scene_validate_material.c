@@ -1,4 +1,4 @@
-/* Materials: every field against its row's range (material_fields.h), and what no range can say. */
+/* Materials: every field against its row's range (material_fields.h), and checks across fields. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -32,7 +32,7 @@ static status check_numbers(const struct check_place *at, const struct scene_mat
     return STATUS_OK;
 }
 
-/* Fresnel's term is 1 at an ior of 0; below 1 it is that of the back over the front's. */
+/* An ior of 0 means Fresnel 1; a value below 1 is that of the back over that of the front. */
 static status check_ior(const struct check_place *at, const struct scene *scene,
                         const struct scene_material *m, const struct material_value *row)
 {
@@ -41,7 +41,7 @@ static status check_ior(const struct check_place *at, const struct scene *scene,
     return check_numbers(at, m, row, scene->volume_rule == VOLUMES_BOUNDARIES ? 1e-3f : row->least);
 }
 
-/* Those of other kinds mean nothing. */
+/* The fields of other kinds have no meaning. */
 static status check_parts(const struct check_place *at, const struct scene_material *m)
 {
     for (int i = 0; i < 2 && m->kind == MATERIAL_MIX; i++)
@@ -91,7 +91,7 @@ static status check_slot(const struct check_place *at, const struct scene *scene
         return STATUS_OK;
     if (slot->uv_set > 1)
         return check_complain(at, field, "names a texture coordinate set other than 0 and 1");
-    /* Times a texture coordinate this stays far below what a float can hold. */
+    /* A texture coordinate times this stays far below the limit of float. */
     return check_ranges(at, field, &slot->uv_transform[0][0], 6, -1e6f, 1e6f);
 }
 

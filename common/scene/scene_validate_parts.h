@@ -1,15 +1,16 @@
-/* scene_validate_parts: the inside of scene_validate, shared by its files; only they include this.
+/* scene_validate_parts: the internals of scene_validate, shared by its files; only they include
+ * this.
  *
- * scene_validate.c           the scene's tables one after the other
+ * scene_validate.c           the scene's tables, one after another
  * scene_validate_material.c  materials, by the rows of material_fields.h
- * scene_validate_values.c    what all rows are made of: names, numbers, indices, blobs
+ * scene_validate_values.c    the parts of all rows: names, numbers, indices, blobs
  */
 #ifndef AZULEJO_SCENE_SCENE_VALIDATE_PARTS_H
 #define AZULEJO_SCENE_SCENE_VALIDATE_PARTS_H
 
 #include "common/scene/scene.h"
 
-/* Where a complaint belongs: the table and the row. */
+/* The place of an error: the table and the row. */
 struct check_place {
     const char *table;
     uint32_t row;

@@ -1,4 +1,4 @@
-/* What the rows of every table are made of: names, numbers, indices, blobs. */
+/* The parts of the rows of every table: names, numbers, indices, blobs. */
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -44,7 +44,7 @@ static int name_is_clean(const char *name)
                 return 0;
             code = code << 6 | (*++p & 0x3f);
         }
-        /* Overlong forms, surrogates, C1 controls and what lies beyond Unicode. */
+        /* Overlong forms, surrogates, C1 controls and codes beyond Unicode. */
         if ((more == 1 && code < 0xa0) || (more == 2 && code < 0x800) ||
             (more == 3 && code < 0x10000) || code > 0x10ffff || (code >= 0xd800 && code < 0xe000))
             return 0;

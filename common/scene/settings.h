@@ -29,7 +29,7 @@ int isa_parse(const char *name);             /* -1: unknown */
 uint32_t isa_supported_mask(void);           /* bit per enum isa that this CPU has */
 
 /* Choices of algorithm. The first of each is the default. Each has NAME_name(), its name on the
- * command line ("unknown" for what is none), and NAME_parse(), -1 for a name that is none. */
+ * command line ("unknown" for an invalid value), and NAME_parse(), -1 for an unknown name. */
 enum env_sampling {
     ENV_SAMPLING_IMPORTANCE, /* "importance": by the map's luminance, MIS with the BSDF */
     ENV_SAMPLING_UNIFORM,    /* "uniform": uniform over the sphere, MIS with the BSDF */
@@ -40,12 +40,12 @@ enum env_sampling {
     ENV_SAMPLING_UNIFORM_ONLY,
     ENV_SAMPLING_COUNT
 };
-/* "sobol": Owen-scrambled Sobol' points; "independent": every sample draws numbers of its own. */
+/* "sobol": Owen-scrambled Sobol' points; "independent": every sample draws its own numbers. */
 enum sampler_kind { SAMPLER_SOBOL, SAMPLER_INDEPENDENT, SAMPLER_COUNT };
-/* "tree": by what a light can do where it is asked for; "power": by its power alone; "uniform": all
- * lights alike (an emissive triangle is a light, and so is the environment). */
+/* "tree": by what a light can contribute at the shaded point; "power": by its power alone;
+ * "uniform": all lights alike (an emissive triangle is a light, and so is the environment). */
 enum light_choice { LIGHT_CHOICE_TREE, LIGHT_CHOICE_POWER, LIGHT_CHOICE_UNIFORM, LIGHT_CHOICE_COUNT };
-/* How surfaces look up their textures. "cone": the two MIP levels that the ray's beam calls for;
+/* How surfaces look up their textures. "cone": the two MIP levels that match the ray's beam;
  * "bilinear": the finest level, interpolated; "nearest": the finest level's nearest texel. */
 enum texture_filter {
     TEXTURE_FILTER_CONE,
@@ -53,8 +53,8 @@ enum texture_filter {
     TEXTURE_FILTER_NEAREST,
     TEXTURE_FILTER_COUNT
 };
-/* Embree's build quality: "medium", "low" (built faster), "high" (spatial splits; only with not_robust:
- * Embree's robust trees know none). */
+/* Embree's build quality: "medium", "low" (built faster), "high" (spatial splits; only with
+ * not_robust: Embree's robust trees do not support them). */
 enum bvh_quality { BVH_QUALITY_MEDIUM, BVH_QUALITY_LOW, BVH_QUALITY_HIGH, BVH_QUALITY_COUNT };
 
 #define SETTINGS_CHOICE_MAP(X)                                                             \
@@ -69,7 +69,7 @@ enum bvh_quality { BVH_QUALITY_MEDIUM, BVH_QUALITY_LOW, BVH_QUALITY_HIGH, BVH_QU
 SETTINGS_CHOICE_MAP(SETTINGS_CHOICE_DECLARE)
 #undef SETTINGS_CHOICE_DECLARE
 
-/* Arbitrary output variables: what a frame holds beside its radiance, only when asked for.
+/* Arbitrary output variables: what a frame holds besides its radiance, only on request.
  * X(name, text, channels sent by workers). Point-sampled ones are those of sample 0. */
 #define AOV_MAP(X)                                                                         \
     X(DEPTH, "depth", 1)        /* metres along the ray's axis; point; 0: nothing hit */   \
@@ -110,8 +110,8 @@ struct render_settings {
     enum env_sampling env_sampling;
     enum isa isa;
     float fps;                  /* frames a second: frame f is at f / fps seconds */
-    float shutter;              /* share of a frame's time that the shutter is open, 0..1, from the
-                                   frame's time on; 0: the camera's own, or no motion blur */
+    float shutter;              /* share of a frame's time that the shutter is open, 0..1, starting
+                                   at the frame's time; 0: the camera's own, or no motion blur */
     float lens_radius;          /* metres; negative: the camera's own, 0: pinhole */
     float focus_distance;       /* metres; 0: the camera's own */
     uint64_t without;           /* effects to leave out (common/scene/effects.h) */
@@ -123,12 +123,12 @@ struct render_settings {
     int not_robust;             /* 1: without the checks that keep Embree's rays from slipping
                                    between triangles */
     int no_roulette;            /* 1: paths end at max_depth only */
-    float clamp;                /* linear radiance, before exposure: a sample whose largest channel is
-                                   above it is scaled down to it; 0: none is */
+    float clamp;                /* linear radiance, before exposure: a sample whose largest channel
+                                   is larger is scaled down to it; 0: off */
 };
 
 void render_settings_default(struct render_settings *s);
-/* Choices of algorithm that are not the default's, "sampler independent, roulette off"; "": none. */
+/* Choices of algorithm other than the defaults, "sampler independent, roulette off"; "": none. */
 enum { SETTINGS_CHOICES_TEXT_SIZE = 256 };
 const char *settings_choices_text(const struct render_settings *s,
                                   char out[SETTINGS_CHOICES_TEXT_SIZE]);

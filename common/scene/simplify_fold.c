@@ -1,5 +1,5 @@
-/* Textures that cannot act are dropped, constant ones become factors, alpha that is 1 everywhere
- * becomes none. */
+/* Drops textures without effect, turns constant ones into factors, and removes alpha that is 1
+ * everywhere. */
 #include "common/scene/simplify_parts.h"
 
 void simplify_drop_unseen(struct simplifier *w, struct scene_material *m)
@@ -16,13 +16,13 @@ static int is_srgb(const struct scene_texture *texture, int srgb)
     return texture->encoding == ENCODING_BY_SLOT ? srgb : texture->encoding == ENCODING_SRGB;
 }
 
-/* Outside of the image it would be black. */
+/* Outside the image it would be black. */
 static int has_border(const struct scene_texture *texture)
 {
     return texture->wrap_u == WRAP_BLACK || texture->wrap_v == WRAP_BLACK;
 }
 
-/* What is known of the slot's texture; *s is NULL where there is none that could be folded. */
+/* What is known of the slot's texture; *s is NULL if there is none that could be folded. */
 static status survey_foldable(struct simplifier *w, const struct scene_texture_slot *slot,
                               const struct scene_texture **texture, const struct survey **s)
 {
@@ -39,7 +39,7 @@ static status survey_foldable(struct simplifier *w, const struct scene_texture_s
     return st;
 }
 
-/* The factors say all that the texture said. */
+/* The factors now contain what the texture said. */
 static status fold(struct simplifier *w, struct scene_texture_slot *slot)
 {
     slot->texture = -1;
@@ -47,7 +47,7 @@ static status fold(struct simplifier *w, struct scene_texture_slot *slot)
     return STATUS_OK;
 }
 
-/* The textures' constants multiply the factors, if all of them stay in range. */
+/* Multiply the factors by the textures' constants, if all of them stay in range. */
 static status fold_factor(struct simplifier *w, struct scene_material *m,
                           const struct material_texture_row *row, struct scene_texture_slot *slot)
 {
@@ -89,7 +89,7 @@ static status fold_normal(struct simplifier *w, struct scene_texture_slot *slot)
     return STATUS_OK;
 }
 
-/* The strength alone, where the direction is exactly the tangent's, or does not matter. */
+/* Only the strength, if the direction is exactly the tangent's, or does not matter. */
 static status fold_direction(struct simplifier *w, struct scene_material *m,
                              const struct material_texture_row *row,
                              struct scene_texture_slot *slot)

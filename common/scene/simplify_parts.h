@@ -1,7 +1,7 @@
-/* simplify_parts: the inside of simplify, shared by its files; only they include this.
+/* simplify_parts: the internals of simplify, shared by its files; only they include this.
  *
- * simplify.c         the order in which things are done; the environment
- * simplify_survey.c  decodes images and vertex colours, and says what is the same everywhere
+ * simplify.c         the order of the steps; the environment
+ * simplify_survey.c  decodes images and vertex colours, and finds what is the same everywhere
  * simplify_fold.c    constants into factors; removes idle textures, flat normal maps, idle alpha
  * simplify_reach.c   removes what nothing reaches
  */
@@ -26,38 +26,39 @@ struct simplifier {
     struct survey *images;       /* [image_count] */
     uint8_t *material_reached;   /* [material_count] */
     uint8_t *alpha_colors;       /* [material_count] on a mesh with vertex alpha below 1 */
-    uint8_t *mesh_alpha;         /* [mesh_count] 0: not looked at, 1: all 1, 2: below */
+    uint8_t *mesh_alpha;         /* [mesh_count] 0: not checked yet, 1: all 1, 2: below */
     struct error *err;
 };
 
 /* ---- slots ---------------------------------------------------------------------------------- */
 
-/* Empty the slots whose texture changes nothing, as the factors now stand. */
+/* Empty the slots whose texture has no effect with the present factors. */
 void simplify_drop_unseen(struct simplifier *w, struct scene_material *m);
 
 /* ---- surveys -------------------------------------------------------------------------------- */
 
-/* Decode the image of a slot's texture, the first time that it is asked about. */
+/* Decode the image of a slot's texture the first time it is needed. */
 status simplify_survey(struct simplifier *w, const struct scene_texture_slot *slot,
                        const struct survey **out) MUST_CHECK;
 int survey_is_constant(const struct survey *s, int channel);
-/* What a lookup in a constant channel gives, to the bit (worker/render/texture/texture.c). */
+/* The exact result of a lookup in a constant channel (worker/render/texture/texture.c). */
 float survey_constant(const struct survey *s, int channel, int srgb);
-/* +z to the precision of 8 bits, whose codes have no 0: 127 and 128 are either side of it. */
+/* +z to the precision of 8 bits. Their codes have no 0: 127 and 128 are on either side of it. */
 int survey_is_flat(const struct survey *s);
-/* Which materials lie on a mesh whose vertices are less than opaque; a mix's parts with it. */
+/* Which materials are on a mesh with vertices that are less than opaque, including a mix's
+ * parts. */
 status simplify_survey_colors(struct simplifier *w) MUST_CHECK;
 
 /* ---- what is done --------------------------------------------------------------------------- */
 
-/* Every slot's. */
+/* All slots. */
 status simplify_fold(struct simplifier *w, struct scene_material *m) MUST_CHECK;
-/* The texture of one slot, if it is the same everywhere, into what it acts on. */
+/* Fold the texture of one slot, if it is the same everywhere, into what it acts on. */
 status simplify_fold_slot(struct simplifier *w, struct scene_material *m,
                           enum material_texture slot) MUST_CHECK;
 status simplify_make_opaque(struct simplifier *w, uint32_t index) MUST_CHECK;
 
-/* A mix of which one part is never there, or always, needs the other no more. */
+/* A mix of which one part never, or always, appears no longer needs the other. */
 void simplify_mixes(struct simplifier *w);
 /* Fill material_reached. */
 void simplify_reach(struct simplifier *w);

@@ -1,4 +1,4 @@
-/* What no instance reaches: found, and taken out of the scene's tables. */
+/* Finds what no instance reaches and removes it from the scene's tables. */
 #include <string.h>
 
 #include "common/base/memory.h"
@@ -28,7 +28,7 @@ void simplify_reach(struct simplifier *w)
         if (scene->instances[i].body >= 0)
             w->material_reached[scene->instances[i].body] = 1;
     }
-    /* A mix's parts come before it. */
+    /* A mix's parts come before it in the table. */
     for (uint32_t i = scene->material_count; i-- > 0;)
         if (w->material_reached[i] && scene->materials[i].kind == MATERIAL_MIX)
             for (int k = 0; k < 2; k++)
@@ -57,7 +57,7 @@ static void remove_materials(struct scene *scene, const uint8_t *reached, uint32
         if (!reached[i])
             continue;
         *m = scene->materials[i];
-        /* Those of other kinds mean nothing, but must stay in range. */
+        /* The fields of other kinds have no meaning, but must stay in range. */
         for (int k = 0; k < 2; k++)
             m->mix_material[k] = m->kind == MATERIAL_MIX ? number[m->mix_material[k]] : 0;
     }

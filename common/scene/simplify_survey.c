@@ -1,5 +1,5 @@
-/* What is known of the images and of the meshes' colours: all that simplifying decodes, but for
- * the environment. */
+/* Examines images and the meshes' colours: everything that simplifying decodes, except the
+ * environment. */
 #include <math.h>
 #include <string.h>
 

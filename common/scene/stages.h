@@ -1,7 +1,8 @@
 /* stages: the parts of a render whose share of the time is reported (manifest.h).
  *
- * A worker counts in which of them its threads are found, about a thousand times a second
- * (worker/render/base/profile_scope.h); the counts travel with the results and are added up for each frame.
+ * A worker samples in which of them its threads are, about a thousand times a second
+ * (worker/render/base/profile_scope.h); the counts travel with the results and are summed for each
+ * frame.
  */
 #ifndef AZULEJO_SCENE_STAGES_H
 #define AZULEJO_SCENE_STAGES_H

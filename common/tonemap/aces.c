@@ -5,10 +5,10 @@
  *   Rec. 709 -Bradford-> AP0: glow, red modifier -> AP1: desaturation, the RRT's tone scale,
  *   the ODT's tone scale, dim surround, desaturation -Bradford-> Rec. 709
  *
- * Both tone scales follow each other on each channel of AP1 with nothing in between but a matrix
- * and its inverse, so they are one curve, and one table. Constants from the Academy's published
- * transforms (S-2014-004 for the primaries, ACESlib.Tonescales for the splines); the 48-nit
- * spline's were checked against the knots that OpenColorIO 2.1 has for it.
+ * Both tone scales are applied to each channel of AP1 with only a matrix and its inverse between
+ * them, so they form one curve and one table. Constants from the Academy's published transforms
+ * (S-2014-004 for the primaries, ACESlib.Tonescales for the splines); the 48-nit spline's were
+ * checked against the knots in OpenColorIO 2.1.
  */
 #include <math.h>
 #include <pthread.h>
@@ -110,8 +110,8 @@ static double dim_surround(double luminance, const void *user)
 
 /* ---- what is made once ---------------------------------------------------------------------- */
 
-/* The tone curve is 0 below 2^-9 and a constant from 0.18 * 2^18 < 2^16 on. Of luminances below
- * 2^-30 the dim surround's exponent is taken for 1: they are below 1e-9. */
+/* The tone curve is 0 below 2^-9 and constant from 0.18 * 2^18 < 2^16 on. For luminances below
+ * 2^-30 the dim surround's exponent is set to 1: they are below 1e-9. */
 enum { TONE_FIRST = -9, TONE_OCTAVES = 25, DIM_FIRST = -30, DIM_OCTAVES = 31 };
 
 static struct {
@@ -129,14 +129,15 @@ static void multiply(const double a[3][3], const double b[3][3], double out[3][3
             out[i][j] = a[i][0] * b[0][j] + a[i][1] * b[1][j] + a[i][2] * b[2][j];
 }
 
-/* The three matrices: both ACES spaces have one white, so that adapting it cancels between them. */
+/* The three matrices: both ACES spaces have the same white, so its adaptation cancels between
+ * them. */
 static void make_matrices(void)
 {
     double from_ap0[3][3], from_ap1[3][3], into_ap1[3][3], desaturate[3][3];
 
     if (!color_to_rec709(&ap0, from_ap0) || !color_to_rec709(&ap1, from_ap1) ||
         !color_matrix_invert(from_ap0, made.into_ap0) || !color_matrix_invert(from_ap1, into_ap1))
-        return; /* cannot be: the primaries above make colour spaces */
+        return; /* impossible: the primaries above define colour spaces */
     multiply(into_ap1, from_ap0, made.into_ap1);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
@@ -157,7 +158,7 @@ static void make(void)
 
 /* ---- the pixels ----------------------------------------------------------------------------- */
 
-/* Without libm's calls, and with no NaN about. */
+/* Without calls to libm, for values that are never NaN. */
 static double larger(double a, double b)
 {
     return a > b ? a : b;
@@ -168,14 +169,14 @@ static double smaller(double a, double b)
     return a < b ? a : b;
 }
 
-/* What dark and saturated colours are multiplied with. */
+/* The factor for dark and saturated colours. */
 static double glow(const double aces[3], double saturation)
 {
     const double gain_max = 0.05, middle = 0.08;
     double red_green = aces[0] - aces[1], green_blue = aces[1] - aces[2];
     double blue_red = aces[2] - aces[0], x, t, gain, y;
 
-    /* Weighted luminance: the chroma counts, as sqrt of half the squares' sum. */
+    /* Weighted luminance: the chroma counts as the sqrt of half the sum of squares. */
     y = (aces[0] + aces[1] + aces[2] +
          1.75 * sqrt(0.5 * (red_green * red_green + green_blue * green_blue +
                             blue_red * blue_red))) * (1.0 / 3.0);

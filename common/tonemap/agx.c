@@ -1,10 +1,10 @@
 /* AgX as Troy Sobotka first published it (2022, "AgX Kraken"): an inset of the primaries, a
  * logarithm over 16.5 stops around middle grey, and a sigmoid on each channel. Its result is code
- * for a display with a power of 2.2. Blender's AgX is another: it starts from Rec. 2020, and has
- * insets, rotations and a range of its own.
+ * for a display with a power of 2.2. Blender's AgX is different: it starts from Rec. 2020, with its
+ * own insets, rotations and range.
  *
- * The sigmoid is the exact one that the published table of 4096 entries was drawn from, not one of
- * the polynomials fitted to it.
+ * The sigmoid is the exact one from which the published table of 4096 entries was computed, not one
+ * of the polynomials fitted to it.
  */
 #include <math.h>
 #include <pthread.h>
@@ -28,7 +28,7 @@ static const double inset[3][3] = {{0.842479062253094, 0.0784335999999992, 0.079
                                    {0.0423282422610123, 0.878468636469772, 0.0791661274605434},
                                    {0.0423756549057051, 0.0784336, 0.879142973793104}};
 
-/* log2 of the light at the ends of the curve, and where on it middle grey lies. */
+/* log2 of the light at the ends of the curve, and the place of middle grey on it. */
 static const double LOG2_MIN = -12.47393, LOG2_MAX = 4.026069;
 static const double PIVOT = 20.0 / 33.0;
 

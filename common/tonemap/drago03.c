@@ -4,10 +4,10 @@
  *   Ld = display / 100 / log10(Lmax + 1) * ln(L + 1) / ln(2 + 8 (L / Lmax)^(ln bias / ln 0.5))
  *
  * L is luminance over the world adaptation luminance: the log-mean over (1 + bias - 0.85)^5, so
- * that the picture does not darken as the bias grows (as the paper has it; pfstools leaves the
- * power out, which is the same at bias 0.85 only). Colours keep their ratios. Ld / Y is computed by
- * log1p(L) / L, which has a limit at 0; as it depends on Y alone, it is taken from a table. Their
- * changes to the display's gamma are left to the display: what comes out is light.
+ * that the picture does not darken as the bias grows (as in the paper; pfstools leaves the power
+ * out, which is the same only at bias 0.85). Colours keep their ratios. Ld / Y is computed by
+ * log1p(L) / L, which has a limit at 0; it depends only on Y, so it is taken from a table. The
+ * paper's changes to the display's gamma are left to the display: the result is light.
  */
 #include <math.h>
 
@@ -37,7 +37,7 @@ struct curve {
     float pieces[][4];
 };
 
-/* ln(1 + x) / x for x >= 0. What 1 + x rounds off is divided away again. */
+/* ln(1 + x) / x for x >= 0. Dividing by the rounded 1 + x cancels its rounding error. */
 static double log1p_ratio(double x)
 {
     double sum = 1.0 + x;
@@ -45,7 +45,7 @@ static double log1p_ratio(double x)
     return sum == 1.0 ? 1.0 : det_log_d(sum) / (sum - 1.0);
 }
 
-/* Ld / Y of the luminance Y, the share of the maximum to go by. */
+/* Ld / Y of the luminance Y, given as a share of the maximum. */
 static double factor_of(const struct curve *curve, double y, double ratio)
 {
     double base = 2.0 + 8.0 * det_pow_d(ratio, curve->exponent);
@@ -54,7 +54,8 @@ static double factor_of(const struct curve *curve, double y, double ratio)
            det_log_d(base);
 }
 
-/* It falls with Y; a curve_table must not. Nor may it have a corner where Y is the maximum. */
+/* It decreases with Y, which a curve_table must not. Nor may it have a corner where Y is the
+ * maximum. */
 static double negative_factor(double y, const void *user)
 {
     const struct curve *curve = user;
@@ -74,7 +75,7 @@ static void drago_row(const void *user, float *rgb, uint32_t width)
             continue;
         if (y >= curve->table.low && luminance <= curve->max)
             factor = -(double)curve_table_at(&curve->table, y);
-        else /* an average over frames does not know all that is in this one */
+        else /* an average over frames does not contain all values of this one */
             factor = factor_of(curve, luminance, fmin(luminance / curve->max, 1.0));
         for (int c = 0; c < 3; c++) {
             double value = (double)p[c] * factor;

@@ -1,5 +1,5 @@
-/* Gamma compression: a power of each channel, L_out = A L^(1/gamma), is the display code itself.
- * It takes the place of the sRGB curve and is not followed by it. */
+/* Gamma compression: a power of each channel, L_out = A L^(1/gamma), gives the display code
+ * directly. It replaces the sRGB curve. */
 #include "common/base/memory.h"
 #include "common/math/curve_table.h"
 #include "common/tonemap/operators.h"

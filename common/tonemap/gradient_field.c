@@ -18,8 +18,8 @@ static size_t pixels_of(const struct gradient_level *level)
     return (size_t)level->width * level->height;
 }
 
-/* The level after it would have a side below SIDE_MIN. Of a strip it may: how many steps the solver
- * takes would grow with its length. */
+/* The next level would have a side below SIDE_MIN. For a strip this is allowed: otherwise the
+ * number of the solver's steps would grow with its length. */
 static int is_last(uint32_t width, uint32_t height)
 {
     uint32_t shorter = width < height ? width : height, longer = width < height ? height : width;
@@ -81,8 +81,8 @@ void gradient_field_release(struct gradient_field *f)
 
 /* ---- from level to level -------------------------------------------------------------------- */
 
-/* A coarser level's pixel is the mean over its share of the side, count / coarse pixels. Of a side
- * of 2n pixels that are two; of 2n + 1 the pixel i begins i / n into the pixel 2i and ends
+/* A coarser level's pixel is the mean over its share of the side, count / coarse pixels. On a side
+ * of 2n pixels these are two; on one of 2n + 1 the pixel i begins i / n into the pixel 2i and ends
  * (i + 1) / n into the pixel 2i + 2; a side of 1 stays. */
 struct share {
     size_t first;
@@ -100,7 +100,7 @@ static struct share share_of(size_t i, uint32_t count, uint32_t coarse)
     return (struct share){2 * i, {1.0f - (float)i / n, 1.0f, (float)(i + 1) / n}};
 }
 
-/* The other way about: the one or two coarser pixels that a pixel belongs to, and how much of it. */
+/* The reverse: the one or two coarser pixels that a pixel belongs to, and their shares of it. */
 struct owners {
     size_t first, count;
     float part[2];
@@ -169,8 +169,8 @@ static void reduce(struct gradient_field *f, int level, const float *from)
     parallel_for(f->threads, r.coarse->height, lines_per_piece(r.coarse), reduce_lines, &r);
 }
 
-/* Add a line of the coarser level's sums to one of this level: what the means' transpose gives,
- * times the ratio of the numbers of pixels, by which the means were divided. */
+/* Add a line of the coarser level's sums to one of this level: the transpose of the mean, times the
+ * ratio of the numbers of pixels, by which the means were divided. */
 static void spread_line(const struct gradient_level *fine, const struct gradient_level *coarse,
                         size_t y, float *restrict to)
 {
@@ -199,7 +199,7 @@ static void spread_line(const struct gradient_level *fine, const struct gradient
 
 /* ---- differences ---------------------------------------------------------------------------- */
 
-/* Differences of the line's pixels from x on; 0 where there is no neighbour. */
+/* Differences of the line's pixels from x on; 0 if there is no neighbour. */
 static void take_run(struct gradient_run *run, const struct gradient_level *level,
                      const float *plane, size_t y, size_t x, size_t count)
 {
@@ -252,17 +252,17 @@ void gradient_field_visit(struct gradient_field *f, const float *plane,
     }
 }
 
-/* ---- what is wanted: weights, and the right side -------------------------------------------- */
+/* ---- weights and the right side of the equations-------------------------------------------- */
 
 struct wanting {
     const struct gradient_level *level, *coarse;
     const float *plane;
-    float *out; /* the right side, finer levels' yet missing */
+    float *out; /* the right side, without the finer levels' part */
     void (*map)(const void *user, struct gradient_run *run);
     const void *user;
 };
 
-/* A run of a line's wanted differences times weights, in run->x and ->y; the pixel left of x is
+/* A run of a line's wanted differences times weights, in run->x and ->y. The pixel left of x is the
  * run's first, all zeros if there is none. */
 static void want_run(const struct wanting *w, struct gradient_run *run, size_t y, size_t x,
                      size_t count)
@@ -338,7 +338,7 @@ void gradient_field_want(struct gradient_field *f, const float *plane,
 
 struct multiplying {
     const struct gradient_level *level, *coarse;
-    double *line_sums; /* of value times product; NULL: not asked for */
+    double *line_sums; /* of value times product; NULL: not needed */
 };
 
 /* The sum of products over a line, in four parts that a processor can take at once. */
@@ -463,7 +463,7 @@ static void update(struct updating *u, void (*body)(void *, size_t, size_t))
                  u);
 }
 
-/* Scale x by what fits best, and leave the residual and its square. */
+/* Scale x by the best fitting factor, and compute the residual and its square. */
 static double start(struct updating *u)
 {
     struct gradient_field *f = u->f;

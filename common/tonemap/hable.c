@@ -3,8 +3,8 @@
  *   f(x) = (x (A x + C B) + D E) / (x (A x + B) + D F) - E / F
  *   out  = f(bias x) / f(white)
  *
- * on each channel, light in and light out. The two fractions are brought together, so that f(0) is
- * exactly 0.
+ * on each channel, light in and light out. The two fractions are combined, so that f(0) is exactly
+ * 0.
  */
 #include <math.h>
 

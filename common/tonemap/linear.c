@@ -1,5 +1,5 @@
-/* No curve: what is above 1 is cut off. For comparing, and for pictures that are display
- * referred already. */
+/* No curve: values above 1 are cut off. For comparison, and for pictures that are already display
+ * referred. */
 #include "common/tonemap/operators.h"
 
 static status linear_apply(const struct tonemap_frame *frame, const double *state,

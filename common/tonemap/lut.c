@@ -2,8 +2,7 @@
  * a table for each channel before the cube, as DaVinci Resolve writes them. Between its entries a
  * cube is interpolated over tetrahedra, which keeps greys grey.
  *
- * Files do not say what light they expect and what they give, so the user must: `input` and
- * `output`.
+ * Files do not say which light they expect and give, so the user must: `input` and `output`.
  */
 #include <ctype.h>
 #include <float.h>
@@ -88,8 +87,8 @@ static status cube_next_line(struct cube_reader *r, int *found, struct error *er
     return STATUS_OK;
 }
 
-/* `count` numbers and nothing else. Only what stands in a decimal number is one: strtod alone would
- * take "nan", "inf" and hexadecimal. */
+/* `count` numbers and nothing else. Only characters of decimal numbers are allowed: strtod alone
+ * would accept "nan", "inf" and hexadecimal. */
 static status cube_numbers(const struct cube_reader *r, const char *text, double *out, int count,
                            struct error *err)
 {
@@ -217,7 +216,7 @@ static status cube_allocate(struct cube_table *table, size_t count, struct error
     return table->entries ? STATUS_OK : error_no_memory(err, "a look-up table");
 }
 
-/* All keywords are known: check them, and make room for no more than the file can hold. */
+/* All keywords have been read: check them, and allocate no more than the file can hold. */
 static status cube_begin_entries(struct cube_reader *r, struct error *err)
 {
     struct cube *cube = r->into;
@@ -236,7 +235,7 @@ static status cube_begin_entries(struct cube_reader *r, struct error *err)
         return error_set(err, STATUS_ERR_INPUT, "%s has two tables, and DOMAIN_MIN or DOMAIN_MAX "
                          "does not say for which; use LUT_1D_INPUT_RANGE and LUT_3D_INPUT_RANGE",
                          r->name);
-    if ((left + 1) / CUBE_ENTRY_BYTES < r->expected) /* the last line may have no end */
+    if ((left + 1) / CUBE_ENTRY_BYTES < r->expected) /* the last line may lack its end */
         return error_set(err, STATUS_ERR_INPUT, "%s should have %zu lines of numbers, and is too "
                          "short for them; it was cut off, or its size is wrong", r->name,
                          r->expected);
@@ -325,7 +324,8 @@ static status cube_load(void **out, const uint8_t *data, size_t size_bytes, cons
 
 /* ---- looking up ----------------------------------------------------------------------------- */
 
-/* Where `value` lies in a channel of the table: the entry below, and how far it is to the next. */
+/* The position of `value` in a channel of the table: the entry below, and the fraction to the
+ * next. */
 static uint32_t locate(const struct cube_table *table, int channel, double value, float *fraction)
 {
     double last = table->size - 1;
@@ -349,12 +349,12 @@ static void look_up_line(const struct cube_table *table, float rgb[3])
     }
 }
 
-/* Of the six tetrahedra around the diagonal from black to white the one that holds the point: its
+/* Find which of the six tetrahedra around the diagonal from black to white holds the point: its
  * corners are reached by stepping along the channels in the order of their fractions. */
 static void look_up_cube(const struct cube_table *table, float rgb[3])
 {
-    /* The channels, largest fraction first, by which of red and green, green and blue, red and blue
-     * is in order. */
+    /* The channels, largest fraction first, indexed by which of the pairs red and green, green and
+     * blue, red and blue is in order. */
     static const uint8_t orders[8][3] = {{2, 1, 0}, {2, 0, 1}, {1, 2, 0}, {0, 1, 2},
                                          {2, 1, 0}, {0, 2, 1}, {1, 0, 2}, {0, 1, 2}};
     const size_t step[3] = {1, table->size, (size_t)table->size * table->size};

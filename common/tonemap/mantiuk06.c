@@ -1,5 +1,5 @@
-/* Contrast processing in the gradient domain, of Mantiuk, Myszkowski and Seidel 2006, with the
- * choices of their own implementation that the paper leaves open.
+/* Contrast processing in the gradient domain, of Mantiuk, Myszkowski and Seidel 2006. Where the
+ * paper leaves a choice open, this follows their own implementation.
  *
  *   log10 Y -> differences G to neighbours at all scales (gradient_field)
  *           -> W = 10^(detail |G|) - 1 -> response R, in just noticeable steps
@@ -8,23 +8,23 @@
  *           -> its 0.1 % and 99.9 % percentiles to 10^-2.3 and 1, times the exposure
  *
  * The response counts discrimination thresholds (section 3.2): R(0) = 0, R(0.01) = 1, and from
- * there each step is threshold wide, dW(W) = 0.0928 W^1.08 + 0.0046 W^-0.18 after Whittle 1986;
- * straight lines between. The recurrence gives the 107 numbers that the implementations tabulate
- * up to W = 10510, and goes on above it.
+ * there each step is one threshold wide, dW(W) = 0.0928 W^1.08 + 0.0046 W^-0.18 after Whittle 1986,
+ * with straight lines between. The recurrence gives the 107 numbers that the implementations
+ * tabulate up to W = 10510, and continues above it.
  *
- * When equalizing, a pixel's responses to its right and lower neighbour keep their ratio, and the
+ * When equalizing, a pixel's responses to its right and lower neighbour keep their ratio. The
  * length of the two becomes the share of all pixels of all levels that have a shorter one.
  *
- * What differs: black pixels (they would be minus infinity) are 10^-8 of the log-mean, and bright
+ * Differences: black pixels (which would be minus infinity) are 10^-8 of the log-mean, and bright
  * ones end at 10^8 of it, where the implementations take 10^-7 of the maximum and so lose the
- * picture to a firefly; percentiles are of pixels with light only; strips have levels with sides
- * below 3 pixels; a picture without any contrast comes out grey. When equalizing, a difference of 0
+ * picture to a firefly; percentiles are only of pixels with light; strips have levels with sides
+ * below 3 pixels; a picture without any contrast becomes grey. When equalizing, a difference of 0
  * stays 0, where pfstools divides 0 by 0 in the last corner of each level and gets a full response
  * there.
  *
  * A frame's state is the two percentiles, taken from a solution for a small copy. The picture's own
- * percentiles are moved by as much as a mean over frames moves the state: a frame by itself is
- * exact, and of a sequence the brightness is smoothed.
+ * percentiles are moved by as much as a mean over frames moves the state: a single frame is exact,
+ * and in a sequence the brightness is smoothed.
  */
 #include <math.h>
 #include <string.h>
@@ -191,7 +191,7 @@ static void map_differences(const void *user, struct gradient_run *run)
 /* Equalisation: the length of a pixel's response becomes its rank, 0..1, times `contrast`. Counted
  * by the upper half of the bits, linear within. */
 enum { RANKS = 1 << 15 };
-static const float ROUNDING = 0x1p-16f; /* decades: a 280th of what is just seen */
+static const float ROUNDING = 0x1p-16f; /* decades: a 280th of the smallest visible difference */
 
 struct equalizing {
     struct sampled response;            /* R / |G|, of |G| */
@@ -201,8 +201,8 @@ struct equalizing {
     uint64_t (*counts)[RANKS];          /* [GRADIENT_STRIPES] */
 };
 
-/* Where there is no contrast at all there must be none after it: the last digits of a level's means
- * differ, and however small a difference is, it would get the rank of all that are as level. */
+/* Without any contrast before there must be none after. The last digits of a level's means differ,
+ * and a difference, however small, would get the rank of all that are equally level. */
 static float response_to(const struct equalizing *e, float difference)
 {
     float size = fabsf(difference);
@@ -369,7 +369,7 @@ static uint32_t ordered_bits(float x)
 
 enum { HALF_VALUES = 1 << 16 };
 
-/* The value below which there are `rank` of those that count; `counts` is scratch. */
+/* The value with `rank` smaller ones among those that count; `counts` is scratch memory. */
 static float ranked(const float *plane, const uint8_t *lit, size_t count, uint64_t rank,
                     uint64_t *counts)
 {
@@ -390,7 +390,7 @@ static float ranked(const float *plane, const uint8_t *lit, size_t count, uint64
     return float_from_bits(bits >> 31 ? bits & 0x7fffffffu : ~bits);
 }
 
-/* A processed plane and what the display's range is made of. */
+/* A processed plane, and the values that define the display's range. */
 struct processed {
     float *plane;
     double low, high;
@@ -412,7 +412,7 @@ static status percentiles(struct processed *p, const struct logging *l, struct e
     return STATUS_OK;
 }
 
-/* The frame, made smaller to `width` by `height`. On success the plane is the caller's. */
+/* The frame, reduced to `width` by `height`. On success the caller owns the plane. */
 static status process_frame(struct processed *out, const struct tonemap_frame *frame,
                             uint32_t width, uint32_t height, struct error *err)
 {
@@ -474,7 +474,7 @@ struct colouring {
 };
 
 /* `ratio` of a channel to luminance. Saturation 0 leaves no colour, not even of a channel that is
- * 0. More than white is white. */
+ * 0. Values above white become white. */
 static float coloured(const struct colouring *c, double level, double ratio)
 {
     if (!(ratio > 0.0) && c->saturation > 0.0)

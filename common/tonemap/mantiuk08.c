@@ -1,14 +1,15 @@
 /* Display adaptive tone mapping: R. Mantiuk, S. Daly, L. Kerofsky 2008. A tone curve is fitted so
- * that what is seen of the picture on a given display, in given light, is as near as can be to
- * what would be seen of the scene. The curve is global; colours follow its slope (R. Mantiuk,
- * A. Tomaszewska, W. Heidrich, "Color Correction for Tone Mapping", CGF 28(2), 2009).
+ * that what a viewer sees on a given display, in given light, is as close as possible to what they
+ * would see of the scene. The curve is global; colours follow its slope (R. Mantiuk, A.
+ * Tomaszewska, W. Heidrich, "Color Correction for Tone Mapping", CGF 28(2), 2009).
  *
- * `detail` is NOT in the paper: what is finer than half a degree of the viewer's eye and no edge
- * (mantiuk08_detail.c) is shown with its contrast after the curve times that factor. At 1 the
- * operator is the paper's, to the bit.
+ * `detail` is NOT in the paper: what is finer than half a degree of the viewer's eye and is not an
+ * edge (mantiuk08_detail.c) keeps its contrast after the curve, times that factor. At 1 the
+ * operator equals the paper's, to the bit.
  *
- * The state is the curve's y at its nodes, then its slope there. Both may be averaged over frames;
- * a mean of curves that do not fall and stay within the display's range is one, too.
+ * The state is the curve's y at its nodes, then its slope there. Both may be averaged over frames:
+ * a mean of curves that do not decrease and stay within the display's range has the same
+ * properties.
  */
 #include "common/tonemap/mantiuk08.h"
 
@@ -58,8 +59,8 @@ static const struct tonemap_parameter parameters[] = {
 
 /* k1 and k2 of the colour correction's sigmoid. */
 static const double COLOUR_K1 = 1.48, COLOUR_K2 = 0.82;
-/* A channel this far below the luminance counts as this far, so that no colour jumps when the
- * curve becomes level. */
+/* Limit of a channel's distance below the luminance, so that no colour jumps where the curve
+ * becomes level. */
 static const double RATIO_MIN = 1e-4;
 
 static status choose_display(struct m08_display *out, const struct tonemap_frame *frame,
@@ -194,7 +195,7 @@ static void map_row_detail(const void *user, size_t y, const float *base)
         map_pixel(m, rgb + 3 * x, base + x);
 }
 
-/* Nothing counted: what is not black must have been infinite. */
+/* No pixel counted: those that are not black must have been infinite. */
 static void map_row_black(const void *user, float *rgb, uint32_t width)
 {
     (void)user;

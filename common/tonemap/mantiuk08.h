@@ -17,7 +17,7 @@ enum {
     M08_NODES = 161,              /* of the tone curve: x from -8 to 8 */
     M08_SEGMENTS = M08_NODES - 1, /* between two nodes each */
     M08_BINS = 15,                /* of contrast: -0.7 to 0.7 */
-    M08_CENTRE = M08_BINS / 2,    /* the bin of contrasts too weak to be seen */
+    M08_CENTRE = M08_BINS / 2,    /* the bin of contrasts too weak to see */
     M08_BANDS_MAX = 8,
 };
 #define M08_X_MIN (-8.0)
@@ -49,7 +49,7 @@ enum { M08_LCD, M08_LCD_OFFICE, M08_LCD_BRIGHT, M08_CRT, M08_LUT, M08_DISPLAYS }
 void m08_display_init(struct m08_display *display, int model, const struct m08_lut *lut);
 /* The luminance that the display shows for a code. */
 double m08_display_light(const struct m08_display *display, double code);
-/* The code, 0..1, whose luminance comes nearest to `light`. */
+/* The code, 0..1, whose luminance is closest to `light`. */
 double m08_display_code(const struct m08_display *display, double light);
 
 /* Read rows "code,luminance". ERR_INPUT and ERR_LIMIT name the file, the line and the remedy. */
@@ -74,13 +74,13 @@ status m08_contrasts_measure(struct m08_contrasts *out, const struct tonemap_fra
 struct m08_model {
     const struct m08_display *display;
     double contrast;      /* e: 1 keeps the picture's contrasts */
-    double white;         /* luminance that the peak shall show; 0: none */
-    int adapts;           /* the eye at the scene adapts to each luminance, instead of to one */
-    int no_vision;        /* contrasts as they are, not as they are seen */
+    double white;         /* luminance to be shown at the peak; 0: none */
+    int adapts;           /* in the scene the eye adapts to each luminance, instead of to one */
+    int no_vision;        /* contrasts as they are, not as perceived */
 };
 
 /* y at every node, non-decreasing and within the display's range; and the curve's slope dy/dx
- * there, beyond the luminances of the picture that of its nearest. */
+ * there; beyond the luminances of the picture, the slope of the nearest one. */
 struct m08_curve {
     double y[M08_NODES], slope[M08_NODES];
 };
@@ -126,8 +126,8 @@ status m08_base_each_row(const struct m08_base *base, unsigned threads,
                          void (*row)(const void *user, size_t y, const float *layer),
                          const void *user, struct error *err) MUST_CHECK;
 
-/* Fill plane[height][width] with the picture's log10 luminance; black pixels have that of the
- * darkest one that is not. */
+/* Fill plane[height][width] with the picture's log10 luminance; black pixels get that of the
+ * darkest pixel that is not black. */
 void m08_log_plane(float *plane, const struct tonemap_frame *frame);
 
 #endif

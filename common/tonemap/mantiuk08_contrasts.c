@@ -1,6 +1,6 @@
-/* The conditional contrast densities of mantiuk08 (section 4.4 of the paper): of every pixel, in
- * every band of an undecimated Laplacian pyramid of log10 luminance, the contrast is counted
- * under the background on which it stands. Two planes are held: a level and the next one. */
+/* The conditional contrast densities of mantiuk08 (section 4.4 of the paper): for every pixel, in
+ * every band of an undecimated Laplacian pyramid of log10 luminance, the contrast is counted under
+ * the background on which it lies. Two planes are held: a level and the next one. */
 #include <math.h>
 #include <string.h>
 
@@ -11,19 +11,19 @@
 #include "common/tonemap/mantiuk08.h"
 #include "common/tonemap/operators.h"
 
-/* The pieces of a picture are always the same, whatever the number of threads. */
+/* A picture is always divided into the same pieces, whatever the number of threads. */
 enum { STRIPES = 64, TAPS = 5, TAPS_SIDE = TAPS / 2 };
 
 /* P. Burt, E. Adelson 1983, with a = 0.4. */
 static const float kernel[TAPS] = {0.05f, 0.25f, 0.4f, 0.25f, 0.05f};
 
-/* In log10 luminance: what no eye sees, and what belongs to the first bin. */
+/* In log10 luminance: the invisible contrasts, and those of the first bin. */
 static const float THRESHOLD = 0.0043f, FIRST_BIN = 0.05f;
 static const float CONTRAST_MAX = 0.7f; /* of the bins' centres */
-/* The authors' program rounds to the nearest bin but towards 0 below it, so the darkest bin takes
- * in more than the others; its curves tell. */
+/* The authors' program rounds to the nearest bin but towards 0 below it, so the darkest bin
+ * receives more than the others; their curves show it. */
 static const float CONTRAST_MOST = 0.75f, CONTRAST_LEAST = -0.85f;
-static const double LOWEST_FREQUENCY = 3.0; /* no band is wanted below */
+static const double LOWEST_FREQUENCY = 3.0; /* no band below this is needed */
 
 typedef uint32_t bins[M08_NODES][M08_BINS];
 
@@ -129,9 +129,9 @@ static void do_stripes(void *user, size_t begin, size_t end)
     }
 }
 
-/* A background of which only invisible contrasts are known would leave its part of the curve
- * undetermined: let there be a little of the least visible one. The authors' program does so for
- * all backgrounds, and its curves tell. */
+/* A background with only invisible contrasts would leave its part of the curve undetermined, so it
+ * gets a little of the smallest visible one. The authors' program does so for all backgrounds, as
+ * their curves show. */
 static void mend_singular(uint64_t counts[M08_BINS])
 {
     if (counts[M08_CENTRE] > 0) {

@@ -1,12 +1,12 @@
-/* The tone curve of mantiuk08: the one whose contrasts on the display, as they are seen, come
- * nearest to those of the picture, as they are seen (section 4 of the paper).
+/* The tone curve of mantiuk08: the one whose perceived contrasts on the display are closest to the
+ * perceived contrasts of the picture (section 4 of the paper).
  *
  * The unknowns are the curve's rises d over its segments. A contrast of g bins on the background
  * node i spans the segments from i to i + g, and gives one equation: the response to the sum of
- * their rises shall be that to the contrast in the picture, weighted by how often it occurs. As
- * the response is not linear, and depends on the display's luminance by way of the eye's
- * sensitivity, it is linearised at the curve found last, and a quadratic programme is solved
- * until nothing changes any more. */
+ * their rises should equal that to the contrast in the picture, weighted by how often it occurs.
+ * The response is not linear, and depends on the display's luminance through the eye's sensitivity.
+ * So it is linearised at the latest curve, and a quadratic programme is solved until nothing
+ * changes any more. */
 #include <math.h>
 #include <string.h>
 
@@ -16,9 +16,9 @@
 
 enum { ITERATIONS_MAX = 200 };
 
-static const double SETTLED = 0.01;       /* the largest change of a rise in log10 */
+static const double SETTLED = 0.01;       /* change of a rise in log10 at which the iteration ends */
 static const double FLAT = 1e-4;          /* below, a rise does not divide */
-static const double SOFT_SHARE = 0.1;     /* weight of an equation that no pixel asks for */
+static const double SOFT_SHARE = 0.1;     /* weight of an equation that no pixel needs */
 static const double SCENE_ADAPTATION = 1000.0; /* cd/m^2 */
 static const double VIEWING_DISTANCE = 0.5;    /* metres */
 
@@ -108,8 +108,8 @@ static int clamp_node(int node)
 }
 
 /* Call visit for every contrast that occurs, with the nodes that it spans. The authors' program
- * leaves the brightest bin out, which one sees where a picture steps by more than two decades; so
- * that its curves come out, so does this. */
+ * leaves the brightest bin out, which shows where a picture steps by more than two decades. To
+ * reproduce its curves, so does this. */
 static void each_contrast(struct fit *fit, void (*visit)(struct fit *fit, int band, int node,
                                                          int from, int to, uint64_t count))
 {
@@ -137,7 +137,7 @@ static void mark_used(struct fit *fit, int band, int node, int from, int to, uin
     fit->count++;
 }
 
-/* Number the segments in use; a run of those between them that are not is one variable. */
+/* Number the segments in use; a run of unused segments between them is one variable. */
 static void number_variables(struct fit *fit)
 {
     fit->variables = 0;
@@ -172,7 +172,7 @@ static void add_contrast(struct fit *fit, int band, int node, int from, int to, 
     add_equation(fit, &equation);
 }
 
-/* Of the backgrounds that are seen without a contrast, too. */
+/* Also of the backgrounds that are seen without a contrast. */
 static double visible_contrasts(const struct fit *fit)
 {
     uint64_t sum = 0;
@@ -187,8 +187,8 @@ static double visible_contrasts(const struct fit *fit)
     return (double)sum;
 }
 
-/* Gaps keep their contrast if there is room, as seen at the lowest frequency; what is to be white
- * shall not rise any more. */
+/* Gaps keep their contrast if there is room, as perceived at the lowest frequency; what should be
+ * white must not rise any more. */
 static void add_soft_equations(struct fit *fit, int white_node)
 {
     double weight = SOFT_SHARE * visible_contrasts(fit), e = fit->model->contrast * M08_STEP;
@@ -214,7 +214,7 @@ static void add_soft_equations(struct fit *fit, int white_node)
     }
 }
 
-/* Count what there is, then number it, then write it down. */
+/* Count the equations, then number them, then write them. */
 static status set_up(struct fit *fit, struct error *err)
 {
     int white_node = M08_NODES;
@@ -224,7 +224,7 @@ static status set_up(struct fit *fit, struct error *err)
         fit->variable[s] = -1;
     each_contrast(fit, mark_used);
     if (fit->model->white > 0.0) {
-        /* The lower end of the segment in which it lies, or which it ends. */
+        /* The lower end of the segment that contains it, or that it ends. */
         white_node = (int)ceil((m08_log(fit->model->white) - M08_X_MIN) / M08_STEP - 1e-9) - 1;
         if (fit->count > 0 && white_node > fit->high)
             fit->high = white_node; /* brighter than the picture: room above it */
@@ -244,7 +244,7 @@ static status set_up(struct fit *fit, struct error *err)
 
 /* ---- the iteration -------------------------------------------------------------------------- */
 
-/* y at the nodes in use: what is left of the display's range is left at its dark end. */
+/* y at the nodes in use: the rest of the display's range stays at its dark end. */
 static void integrate(struct fit *fit)
 {
     double sum = 0.0, y;
@@ -261,8 +261,8 @@ static void integrate(struct fit *fit)
     }
 }
 
-/* Between nodes by straight lines, as the authors' program has it: which iteration is the last one
- * depends on it. */
+/* Straight lines between nodes, as in the authors' program: the number of iterations depends on
+ * it. */
 static void adapt_to_display(struct fit *fit)
 {
     for (int node = fit->low; node <= fit->high; node++) {
@@ -278,7 +278,7 @@ static void adapt_to_display(struct fit *fit)
     }
 }
 
-/* Linearise the equations at the curve of now: H and f. */
+/* Linearise the equations at the present curve: H and f. */
 static void fill_programme(struct fit *fit)
 {
     struct m08_programme *p = &fit->programme;
@@ -326,8 +326,7 @@ static void iterate(struct fit *fit)
     integrate(fit);
 }
 
-/* Beyond the picture's luminances the curve stays level, but colours are treated as at its
- * ends. */
+/* Beyond the picture's luminances the curve stays level, but colours are treated as at its ends. */
 static void extend(const struct fit *fit, struct m08_curve *out)
 {
     double rise[M08_SEGMENTS] = {0};
@@ -363,7 +362,7 @@ status m08_curve_fit(struct m08_curve *out, const struct m08_contrasts *contrast
         extend(fit, out);
     } else {
         for (int node = 0; node < M08_NODES; node++)
-            out->y[node] = fit->y_max; /* no contrast at all: nothing but hard edges */
+            out->y[node] = fit->y_max; /* no contrast at all: only hard edges */
     }
     mem_free(fit->equations);
     mem_free(fit);

@@ -1,17 +1,17 @@
-/* The base layer for mantiuk08's detail: the guided filter of K. He, J. Sun, X. Tang, "Guided
- * Image Filtering", IEEE PAMI 35(6), 2013, of log10 luminance guided by itself. In every window
- * the base is a line a value + b with a = variance / (variance + FLAT), so that it follows edges,
- * whose variance is large (across a step of h decades about 2 FLAT / h is left, the halo),
- * and levels out what is fainter. Its cost does not depend on the window: sums run along columns
- * and lines. Windows end at the picture's border. */
+/* The base layer for mantiuk08's detail: the guided filter of K. He, J. Sun, X. Tang, "Guided Image
+ * Filtering", IEEE PAMI 35(6), 2013, of log10 luminance guided by itself. In every window the base
+ * is a line a value + b with a = variance / (variance + FLAT), so it follows edges, whose variance
+ * is large (across a step of h decades about 2 FLAT / h remains, the halo), and smooths fainter
+ * structure. Its cost does not depend on the window: sums run along columns and lines. Windows end
+ * at the picture's border. */
 #include <string.h>
 
 #include "common/base/memory.h"
 #include "common/base/parallel.h"
 #include "common/tonemap/mantiuk08.h"
 
-/* The pieces of a picture are always the same, whatever the number of threads: sums start again
- * with each. */
+/* A picture is always divided into the same pieces, whatever the number of threads: sums restart in
+ * each. */
 enum { STRIPES = 16, RADIUS_MAX = 64 };
 
 static const double FLAT = 0.01; /* variance of a contrast of 0.1 in log10 luminance */

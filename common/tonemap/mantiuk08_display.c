@@ -32,8 +32,7 @@ void m08_display_init(struct m08_display *display, int model, const struct m08_l
     };
 }
 
-/* The row of the table below which `value` does not lie, and above whose next it does not
- * either, by bisection. */
+/* Bisection for the row of the table with row <= `value` <= next row. */
 static size_t find_row(const struct m08_lut *lut, double value, int by_light)
 {
     size_t low = 0, high = lut->count - 1;
@@ -91,7 +90,7 @@ double m08_display_code(const struct m08_display *display, double light)
 static const char REMEDY[] = "rows must be \"code,luminance\", the code rising from 0 to 1 and the "
                              "luminance rising too, in cd/m2, such as \"0.5,43.7\"";
 
-/* Where a table is read. */
+/* Position of the reader in a table. */
 struct reading {
     const char *name;
     size_t line;
@@ -144,7 +143,7 @@ static status read_row(struct reading *r, const char *text, struct error *err)
     return STATUS_OK;
 }
 
-/* Lines without text and those that begin with # are passed over. */
+/* Skip empty lines and those that begin with #. */
 static status read_line(struct reading *r, const char *line, size_t length, struct error *err)
 {
     char text[LINE_MAX_BYTES];

@@ -6,9 +6,9 @@
  *
  *   H d + f - z + w 1 = 0,   sum(d) + t = limit,   d z = 0,   t w = 0,   d, z, t, w >= 0.
  *
- * A Newton step eliminates all but d, which leaves (H + Z/D) + (w/t) 1 1'. H of a tone curve has
- * a band around its diagonal, so that its Cholesky factor costs little within its envelope; the
- * full matrix 1 1' would fill it up, and is taken in by the formula of Sherman and Morrison.
+ * A Newton step eliminates all but d, which leaves (H + Z/D) + (w/t) 1 1'. H of a tone curve has a
+ * band around its diagonal, so its Cholesky factor is cheap within its envelope. The full matrix 1
+ * 1' would fill it, and is included by the Sherman-Morrison formula.
  */
 #include <math.h>
 #include <string.h>
@@ -18,12 +18,12 @@
 enum { ITERATIONS_MAX = 100 };
 
 static const double TOLERANCE = 1e-10;
-/* Of the diagonal: keeps what no equation determines from being arbitrary. */
+/* Share of the diagonal: makes what no equation determines well defined. */
 static const double RIDGE = 1e-12;
-/* How much of the way to the boundary is gone. */
+/* The share of the way to the boundary that a step takes. */
 static const double STEP_SHARE = 0.995;
 /* A step below this length, or that leaves more than this share of the gap, is replaced by one
- * that seeks equal products, of this share of the gap. */
+ * towards equal products, of this share of the gap. */
 static const double STUCK = 0.1, PROGRESS = 0.9, CENTRING = 0.5;
 
 struct point {
@@ -93,7 +93,7 @@ static double sum_of(const double *values, size_t count)
     return sum;
 }
 
-/* What is still wrong with a point, and M^-1 1 for the factored M. */
+/* The residuals of a point, and M^-1 1 for the factored M. */
 struct system {
     double dual[M08_SEGMENTS], primal;
     double ones[M08_SEGMENTS], ones_sum;
@@ -117,7 +117,7 @@ static void newton_step(const struct m08_programme *p, const struct point *at,
     step->w = (ct - at->w * step->t) / at->t;
 }
 
-/* The longest step, up to 1, that keeps all that must be positive so. */
+/* The longest step, up to 1, that keeps positive what must be positive. */
 static double longest(const struct m08_programme *p, const struct point *at,
                       const struct point *step)
 {
@@ -183,7 +183,7 @@ static void improve(struct m08_programme *p, struct point *at, struct system *sy
     newton_step(p, at, sys, cd, ct, &step);
     length = fmin(1.0, STEP_SHARE * longest(p, at, &step));
     if (length < STUCK || gap_after(p, at, &step, length) > PROGRESS * gap) {
-        /* Too near the boundary, where the corrector can lead in circles: to the middle first. */
+        /* Too near the boundary, where the corrector can cycle: go towards the middle first. */
         for (size_t i = 0; i < p->count; i++)
             cd[i] = CENTRING * gap - at->d[i] * at->z[i];
         ct = CENTRING * gap - at->t * at->w;
@@ -193,7 +193,7 @@ static void improve(struct m08_programme *p, struct point *at, struct system *sy
     move(p, at, &step, length);
 }
 
-/* Make the mean of H's diagonal 1, so that tolerances mean something. */
+/* Make the mean of H's diagonal 1, so that tolerances are meaningful. */
 static void normalise(struct m08_programme *p)
 {
     double trace = 0.0, scale;

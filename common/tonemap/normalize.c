@@ -1,7 +1,7 @@
-/* Division by a reference of the picture's own: the value below which a percentile of the pixels
+/* Division by a reference taken from the picture: the value below which a percentile of the pixels
  * lies, a pixel's value being its largest channel, so that at 100 nothing is cut off. The preset
- * gives up the brightest thousandth, because with a renderer's pictures the maximum is a firefly
- * or the sun, and all the rest would be black. */
+ * gives up the brightest thousandth, because in rendered pictures the maximum is a firefly or the
+ * sun, and everything else would be black. */
 #include "common/math/elementary.h"
 #include "common/tonemap/operators.h"
 

@@ -4,7 +4,7 @@
 
 #include "common/tonemap/tonemap.h"
 
-/* One row an operator, in the order in which they are listed; the first is the default. */
+/* One row per operator, in the order in which they are listed; the first is the default. */
 #define TONEMAP_OPERATORS(X) \
     X(reinhard02)            \
     X(drago03)               \
@@ -41,14 +41,14 @@ void tonemap_each_row(const struct tonemap_frame *frame,
                       void (*row)(const void *user, float *rgb, uint32_t width), const void *user);
 
 /* The luminance, or largest channel, below which `percent` (0..100) of the frame's pixels lie, as a
- * float, exactly (nearest rank); 0 if no pixel counts. Pixels without light do not count, nor those
- * with a channel of FLT_MAX, which stands for what was not finite. ERR_NO_MEMORY. */
+ * float, exactly (nearest rank); 0 if no pixel counts. Pixels without light do not count, nor do
+ * those with a channel of FLT_MAX, which stands for values that were not finite. ERR_NO_MEMORY. */
 enum tonemap_of { TONEMAP_LUMINANCE, TONEMAP_LARGEST_CHANNEL };
 status tonemap_percentile_of(double *out, const struct image *image, enum tonemap_of of,
                              double percent, unsigned threads, struct error *err) MUST_CHECK;
 
-/* The matrix by which linear Rec. 709 is multiplied so that a light of that colour temperature
- * looks like D65 (Bradford). Below 4000 K the Planckian locus, above it the CIE daylight locus. */
+/* The matrix for linear Rec. 709 that makes a light of that colour temperature look like D65
+ * (Bradford). Below 4000 K the Planckian locus, above it the CIE daylight locus. */
 void tonemap_white_balance(double kelvin, double out[3][3]);
 
 #endif

@@ -1,6 +1,6 @@
-/* Khronos' neutral tone mapper: what lies between 0.08 and 0.8 stays as it is but for the 0.04 that a
- * dielectric's reflection adds to its base colour, and only what is brighter is compressed and
- * turned to white. */
+/* Khronos' neutral tone mapper: values between 0.08 and 0.8 change only by the 0.04 that a
+ * dielectric's reflection adds to its base colour; only brighter values are compressed and turned
+ * to white. */
 #include <math.h>
 
 #include "common/tonemap/operators.h"

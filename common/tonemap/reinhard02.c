@@ -5,15 +5,14 @@
  *   L  = key / log_mean * Y
  *   Ld = L (1 + L / white^2) / (1 + V)      V = L, or locally V1 at the pixel's scale
  *
- * The scale Ld / Y is computed without dividing by Y, so that black stays black without a
- * special case.
+ * The scale Ld / Y is computed without dividing by Y, so black stays black without a special case.
  *
  * Locally, V1(s) is L blurred by a Gaussian exp(-r^2 / (alpha1 s)^2), and a pixel takes the largest
  * s up to which no scale's centre and surround differ by more than the threshold. The surround's
- * alpha2 is 1.6 alpha1 and the scales are 1.6 apart, so that a scale's surround is the next one's
+ * alpha2 is 1.6 alpha1 and the scales are 1.6 apart, so a scale's surround is the next one's
  * centre: eight scales are nine blurs, the last of them (s = 43) only a surround. The paper has no
- * white point here; ours stays in the numerator, where it does the same as in the global operator:
- * where the surroundings are as bright as the pixel the two agree.
+ * white point here. Ours is in the numerator, with the same effect as in the global operator: where
+ * the surroundings are as bright as the pixel the two agree.
  */
 #include <math.h>
 
@@ -51,7 +50,7 @@ struct curve {
     double scale, inverse_white2;
 };
 
-/* Scale a pixel whose surroundings have the scaled luminance `around`; negative: its own. */
+/* Scale a pixel whose surroundings have the scaled luminance `around`; negative: use its own. */
 static void scale_pixel(const struct curve *curve, float *p, double around)
 {
     double luminance = curve->scale * tonemap_luminance(p);
@@ -76,7 +75,7 @@ static const float LUMINANCE_MAX = 1e30f; /* so that sums and differences stay f
 
 enum {
     RADIUS_MAX = 64,
-    STRIP = 512, /* columns that are blurred together: what is near stays in the cache */
+    STRIP = 512, /* columns that are blurred together, so that they stay in the cache */
     LINES = 32,
 };
 
@@ -93,7 +92,7 @@ struct local {
     struct kernel kernel;
     float *luminance; /* L */
     float *rows;      /* L blurred along the lines */
-    float *centre;    /* V1 at the scale in hand */
+    float *centre;    /* V1 at the current scale */
     float *chosen;    /* V1 at the pixel's scale; its sign bit: larger scales may follow */
     float activity;   /* 2^phi key / s^2 */
     float threshold;
@@ -113,7 +112,7 @@ static void kernel_init(struct kernel *kernel, double s)
         kernel->weights[i] = (float)(weights[i] / sum);
 }
 
-/* The index that a picture mirrored at its borders has at `i`: ... 1 0 0 1 2 ... n-1 n-1 ... */
+/* The index of a picture mirrored at its borders at `i`: ... 1 0 0 1 2 ... n-1 n-1 ... */
 static size_t mirrored(ptrdiff_t i, size_t count)
 {
     ptrdiff_t period = 2 * (ptrdiff_t)count;
@@ -161,7 +160,7 @@ static void blur_rows(void *user, size_t begin, size_t end)
             size_t count = l->width - x < STRIP ? l->width - x : STRIP;
 
             for (size_t i = 0; i < count + 2 * radius; i++) {
-                size_t at = x + i - radius; /* wraps below 0, which is not inside either */
+                size_t at = x + i - radius; /* wraps below 0, which counts as outside too */
                 padded[i] = line[at < l->width ? at
                                                : mirrored((ptrdiff_t)at, l->width)];
             }
@@ -206,9 +205,9 @@ static void first_scale(void *user, size_t begin, size_t end)
         }
 }
 
-/* Compare a scale's centre with its surround, the next scale's centre. Where they are alike the
- * scale is chosen for now, elsewhere the one before is for good (equation 8); a pixel at which
- * already the smallest scale fails keeps that. */
+/* Compare a scale's centre with its surround, the next scale's centre. Where they agree, the scale
+ * is chosen for now; elsewhere the previous one is final (equation 8). A pixel at which even the
+ * smallest scale fails keeps that. */
 static void next_scale(void *user, size_t begin, size_t end)
 {
     struct local *l = user;

@@ -24,7 +24,7 @@ const struct tonemap_operator *const *tonemap_operators(size_t *count)
 
 const struct tonemap_operator *tonemap_find(const char *name)
 {
-    if (strcmp(name, "reinhard") == 0) /* as it was called in stores of 0.1 */
+    if (strcmp(name, "reinhard") == 0) /* its name in stores of 0.1 */
         name = "reinhard02";
     for (size_t i = 0; i < sizeof operators / sizeof *operators; i++)
         if (strcmp(operators[i]->name, name) == 0)
@@ -72,7 +72,7 @@ status tonemap_settings_init(struct tonemap_settings *s, const char *name, struc
     return STATUS_OK;
 }
 
-/* The parameter's number; ERR_INPUT names those there are. */
+/* The parameter's number; ERR_INPUT lists the existing ones. */
 static status find_parameter(const struct tonemap_settings *s, const char *name, size_t *at,
                              struct error *err)
 {

@@ -1,4 +1,4 @@
-/* What is measured of a whole picture, in an order that no number of threads changes. */
+/* Measures a whole picture, in an order that does not depend on the number of threads. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -47,8 +47,8 @@ static double counted_luminance(const float rgb[3], const double (*matrix)[3])
     return sum;
 }
 
-/* The sum of the logarithms of many numbers, by a product that is taken apart now and then, at the
- * cost of one logarithm. Each factor rounds by 1e-16. */
+/* The sum of the logarithms of many numbers, by a product whose exponent is split off now and then,
+ * at the cost of one logarithm. Each factor rounds by 1e-16. */
 struct log_sum {
     double product;
     int64_t exponent;
@@ -137,7 +137,7 @@ struct counting {
     uint32_t upper;
 };
 
-/* What is counted of a pixel, as a float above 0 and below FLT_MAX; else it does not count. */
+/* The value of a pixel to be counted, as a float above 0 and below FLT_MAX; others do not count. */
 static double counted_value(const struct counting *c, const float rgb[3])
 {
     if (c->matrix)
@@ -183,7 +183,7 @@ static uint64_t count_of(const struct counting *c, uint32_t value)
     return sum;
 }
 
-/* The value at which `*rank` is used up; what is left of it within the value stays in it. */
+/* The value at which `*rank` is used up; *rank becomes the remainder within that value. */
 static uint32_t find_rank(const struct counting *c, uint64_t *rank)
 {
     for (uint32_t value = 0; value < HALF_VALUES; value++) {

@@ -1,10 +1,10 @@
-/* statistics: of a whole picture, before any operator. Private to common/tonemap. */
+/* statistics: measured over a whole picture, before any operator. Private to common/tonemap. */
 #ifndef AZULEJO_TONEMAP_STATISTICS_H
 #define AZULEJO_TONEMAP_STATISTICS_H
 
 #include "common/tonemap/tonemap.h"
 
-/* Of `in` (3 channels) after the matrix; negative channels are taken for 0. ERR_NO_MEMORY. */
+/* Of `in` (3 channels) after the matrix; negative channels count as 0. ERR_NO_MEMORY. */
 status statistics_measure(struct tonemap_statistics *out, const struct image *in,
                           const double matrix[3][3], unsigned threads, struct error *err)
     MUST_CHECK;

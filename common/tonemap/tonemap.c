@@ -1,4 +1,4 @@
-/* The way of a picture: white balance and exposure, an operator, codes. */
+/* The stages of a picture: white balance and exposure, an operator, codes. */
 #include "common/tonemap/tonemap.h"
 
 #include <float.h>
@@ -43,7 +43,7 @@ struct exposing {
 
 static float limited(double value)
 {
-    if (!(value > 0.0)) /* NaN too */
+    if (!(value > 0.0)) /* also NaN */
         return 0.0f;
     return value > (double)FLT_MAX ? FLT_MAX : (float)value;
 }
@@ -91,7 +91,7 @@ static status meter(double *ev, const struct tonemap_settings *s, const struct i
     return st;
 }
 
-/* A picture on its way. */
+/* A picture in progress. */
 struct work {
     const struct tonemap_settings *settings;
     const struct tonemap_context *context;
@@ -101,7 +101,7 @@ struct work {
     void *file, *prepared;
 };
 
-/* White balance and exposure in one, as the state says. */
+/* White balance and exposure in one matrix, from the state. */
 static void exposure_of(double matrix[3][3], const struct tonemap_settings *s,
                         const struct tonemap_state *state)
 {
@@ -113,7 +113,7 @@ static void exposure_of(double matrix[3][3], const struct tonemap_settings *s,
         matrix[i / 3][i % 3] *= all;
 }
 
-/* The frame's statistics of `pixels` pixels, as the state says. */
+/* The frame's statistics of `pixels` pixels, from the state. */
 static void frame_take_state(struct tonemap_frame *frame, const struct tonemap_settings *s,
                              const struct tonemap_state *state, size_t pixels)
 {
@@ -127,7 +127,7 @@ static void frame_take_state(struct tonemap_frame *frame, const struct tonemap_s
     frame->statistics.counted = pixels;
 }
 
-/* The frame's exposed pixels and statistics, as the state says. */
+/* The frame's exposed pixels and statistics, from the state. */
 static void expose(struct work *w, const struct tonemap_state *state)
 {
     struct exposing e = {.in = w->in, .out = w->out};
@@ -264,10 +264,10 @@ void tonemap_state_mean(struct tonemap_state *out, const struct tonemap_state *c
 /* ---- the whole way -------------------------------------------------------------------------- */
 
 struct finishing {
-    int encode, decode; /* apply the sRGB curve, or take it away */
+    int encode, decode; /* apply the sRGB curve, or undo it */
 };
 
-/* Whatever the operator left: within 0..1, never NaN, and encoded exactly once. */
+/* For any output of the operator: within 0..1, never NaN, and encoded exactly once. */
 static void finish_row(const void *user, float *rgb, uint32_t width)
 {
     const struct finishing *f = user;
@@ -275,14 +275,14 @@ static void finish_row(const void *user, float *rgb, uint32_t width)
     if (f->encode)
         srgb_encode_row(rgb, (size_t)width * 3);
     for (size_t i = 0; i < (size_t)width * 3; i++) {
-        float value = rgb[i] > 0.0f ? rgb[i] : 0.0f; /* NaN too */
+        float value = rgb[i] > 0.0f ? rgb[i] : 0.0f; /* also NaN */
 
         value = value < 1.0f ? value : 1.0f;
         rgb[i] = f->decode ? srgb_decode(value) : value;
     }
 }
 
-/* What of the state the operator sees. */
+/* The part of the state that the operator sees. */
 static const double *values_of(const struct tonemap_operator *op, const struct tonemap_state *state)
 {
     return state->counts && op->state_count ? state->values : NULL;
@@ -341,7 +341,8 @@ void tonemap_stand_in(struct tonemap_settings *out, const struct tonemap_setting
     out->temporal = 0;
     if (tonemap_reach(s) != TONEMAP_REACH_PICTURE)
         return;
-    /* The global form of an operator with both, else the global one that adapts alike. */
+    /* The global form of an operator that has both, otherwise the global operator that adapts
+     * alike. */
     if (s->op != &tonemap_reinhard02) {
         out->op = &tonemap_reinhard02;
         for (size_t i = 0; i < out->op->parameter_count; i++)
@@ -418,7 +419,7 @@ status tonemap_pixels_new(struct tonemap_pixels **out, const struct tonemap_sett
     frame_take_state(&p->work.frame, s, &p->state, 1);
     if (st == STATUS_OK)
         st = prepare(&p->work, &p->state, err);
-    if (st == STATUS_OK) /* what can fail fails now: no later pixel needs more */
+    if (st == STATUS_OK) /* fail now if at all: no later pixel needs more memory */
         st = show_line(p, black, 1, codes, err);
     image_release(&line);
     p->work.in = NULL;

@@ -2,7 +2,7 @@
  *
  *   picture --white balance, exposure--> exposed --operator--> display light --sRGB--> codes 0..1
  *
- * One file an operator; each has one const `struct tonemap_operator`, and tonemap.c lists them.
+ * One file per operator; each has one const `struct tonemap_operator`, and operators.h lists them.
  * What an operator must know of the whole picture (log-mean, maximum, a tone curve) is measured
  * once, over the whole merged frame, in a fixed order, in double: the *state*. States of several
  * frames can be averaged, so that an animation does not flicker; the picture is then a function of
@@ -49,14 +49,14 @@ struct tonemap_statistics {
     size_t counted;
 };
 
-/* What an operator works on. */
+/* The input of an operator. */
 struct tonemap_frame {
     struct image *image;   /* rgb[height][width][3], exposed; every value finite and >= 0 */
     struct tonemap_statistics statistics;
     double gain;           /* 2^exposure_ev, which the image and max and min contain */
     const double *values;  /* of the operator's parameters */
-    const void *file;      /* what file_load made; NULL: no file was given */
-    const void *prepared;  /* what prepare made; NULL: the operator has none */
+    const void *file;      /* the result of file_load; NULL: no file was given */
+    const void *prepared;  /* the result of prepare; NULL: the operator has none */
     unsigned threads;      /* for parallel_for */
 };
 
@@ -66,29 +66,29 @@ struct tonemap_operator {
     const char *source;  /* paper or standard */
     const struct tonemap_parameter *parameters;
     size_t parameter_count;
-    /* What apply leaves: display codes (it applied a transfer function itself), or else display
-     * light, to which the sRGB curve is applied. Values beyond 0..1 are cut off after it. */
+    /* The result of apply: display codes (it applied a transfer function itself), or else display
+     * light, to which the sRGB curve is applied. Values outside 0..1 are then cut off. */
     int display_encoded;
     /* Exposure does not brighten it: the operator fits the picture to the display. */
     int adaptive;
-    /* Numbers that `measure` fills in, in a domain in which a mean over frames makes sense
-     * (logarithms, say); up to TONEMAP_STATE_MAX. 0: the statistics are enough. */
+    /* Numbers that `measure` fills in, in a domain in which a mean over frames is meaningful (for
+     * example logarithms); up to TONEMAP_STATE_MAX. 0: the statistics are enough. */
     size_t state_count;
-    /* What a pixel becomes depends on the frame's statistics or on the state. */
+    /* A pixel's result depends on the frame's statistics or on the state. */
     int measured;
     /* With these values it depends on other pixels, too. NULL: never. */
     int (*is_local)(const double *values);
     /* Only reads the frame. Called only if a pixel counts. */
     status (*measure)(const struct tonemap_frame *frame, double *state, struct error *err);
-    /* Make what apply needs and what is the same for every picture with these values and that state:
-     * tables. Does not look at the frame's image. NULL: nothing. */
+    /* Make tables that apply needs and that are the same for every picture with these values and
+     * that state. Does not read the frame's image. NULL: nothing to prepare. */
     status (*prepare)(void **out, const struct tonemap_frame *frame, const double *state,
                       struct error *err);
     void (*prepared_free)(void *prepared);
     /* In place. `state`: as measured, or a mean over frames; NULL when state_count is 0 or no pixel
      * counts (the frame is black). */
     status (*apply)(const struct tonemap_frame *frame, const double *state, struct error *err);
-    /* Of operators that take a file; the rest has NULLs. */
+    /* Only for operators that take a file; otherwise NULL. */
     const char *file_help;
     int file_required;
     status (*file_load)(void **out, const uint8_t *data, size_t size_bytes, const char *name,
@@ -96,7 +96,7 @@ struct tonemap_operator {
     void (*file_free)(void *file);
 };
 
-/* How the exposure is found when not by hand. */
+/* How the exposure is found automatically. */
 enum tonemap_metering {
     TONEMAP_METERING_OFF,
     TONEMAP_METERING_KEY,        /* the log-mean luminance becomes 0.18 */
@@ -112,8 +112,8 @@ struct tonemap_settings {
     double exposure_ev;             /* 2^ev multiplies the picture, on top of the metering */
     enum tonemap_metering metering;
     double metering_percentile;     /* 0..100 */
-    double white_kelvin;            /* colour temperature of the light that shall look white; 0: as
-                                     * it is */
+    double white_kelvin;            /* colour temperature of the light that should look white; 0:
+                                     * unchanged */
     uint32_t temporal;              /* the states of so many frames, the last of them this one,
                                      * are averaged; 0 and 1: only its own */
     int has_file;
@@ -168,28 +168,28 @@ status tonemap_apply(struct image *out, const struct image *in, const struct ton
 
 /* ---- pixels without their picture ---- */
 
-/* How much must be known before a pixel can be tone mapped. */
+/* What must be known before a pixel can be tone mapped. */
 enum tonemap_reach {
     TONEMAP_REACH_PIXEL,   /* nothing else */
     TONEMAP_REACH_STATE,   /* what is measured of the whole picture */
     TONEMAP_REACH_PICTURE, /* other pixels */
 };
 enum tonemap_reach tonemap_reach(const struct tonemap_settings *s);
-/* The nearest settings that reach no further than the state, of one frame: they stand in for `s` where
- * pixels must be shown before their picture is there. */
+/* The nearest settings that depend on no more than the state of one frame. They replace `s` where
+ * pixels must be shown before their picture is complete. */
 void tonemap_stand_in(struct tonemap_settings *out, const struct tonemap_settings *s);
 
 /* Settings and a state, ready for any number of pixels. */
 struct tonemap_pixels;
-/* `state`: as tonemap_measure gave it; not used where the reach is the pixel. ERR_INPUT: bad settings or file,
- * or they reach further; ERR_NO_MEMORY. */
+/* `state`: from tonemap_measure; not used if a pixel's result depends on the pixel alone.
+ * ERR_INPUT: bad settings or file, or settings that depend on more; ERR_NO_MEMORY. */
 status tonemap_pixels_new(struct tonemap_pixels **out, const struct tonemap_settings *s,
                           const struct tonemap_state *state, const struct tonemap_context *context,
                           struct error *err) MUST_CHECK;
 void tonemap_pixels_free(struct tonemap_pixels *pixels);
 const struct tonemap_settings *tonemap_pixels_settings(const struct tonemap_pixels *pixels);
-/* The codes 0..255, not rounded, of rgb[count][3]: what tonemap_apply makes of a picture in which the pixels
- * are. [any thread] */
+/* The codes 0..255, not rounded, of rgb[count][3]: the same as tonemap_apply gives for a picture
+ * that contains the pixels. [any thread] */
 void tonemap_pixels_codes(const struct tonemap_pixels *pixels, const float *rgb, uint32_t count,
                           float *codes);
 

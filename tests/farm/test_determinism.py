@@ -211,7 +211,7 @@ def drained_worker():
             worker.signal(number_of_signal)
             code = worker.wait(60)
             expect(code == 0, "exit status %d:\n%s" % (code, worker.log_text()))
-            expect("giving the rest back" in worker.log_text(), worker.log_text())
+            expect("returning the rest" in worker.log_text(), worker.log_text())
         expect(farm.job(number)["state"] == "running", "nothing was left to do")
         farm.start_worker()
         finish(farm, number, "drained workers")

@@ -1,10 +1,9 @@
 /* render: the path tracer as a library without I/O.
  *
- * render_scene_new turns a scene description and its blobs into something that rays can
- * be shot at; render_tile renders one work unit of it. A render_scene is immutable: any
- * number of threads may render from it at once, each with its own scratch.
- * The result of render_tile is a pure function of the scene, the settings, the frame, the
- * tile, the group and the pass.
+ * render_scene_new turns a scene description and its blobs into a render_scene; render_tile renders
+ * one work unit of it. A render_scene is immutable: any number of threads may render from it at
+ * once, each with its own scratch memory. The result of render_tile is a pure function of the
+ * scene, the settings, the frame, the tile, the group and the pass.
  */
 #ifndef AZULEJO_RENDER_RENDER_H
 #define AZULEJO_RENDER_RENDER_H
@@ -29,11 +28,11 @@ struct render_scene;
 
 struct render_stats {
     uint64_t samples, rays, vertices;
-    uint64_t leaked_rays;       /* slipped through at a vertex of something closed: traced again */
+    uint64_t leaked_rays;       /* slipped through at a vertex of a closed mesh: traced again */
     uint64_t dropped_samples;   /* not finite: counted, replaced by black */
     uint64_t clamped_values;    /* sums beyond what a float holds */
-    /* settings.clamp: samples that were scaled down, and sums over the samples of the luminance that
-     * they lost and of what was kept. All 0 where nothing is clamped. */
+    /* settings.clamp: samples that were scaled down, and the sums over the samples of the luminance
+     * removed and of the luminance kept. All 0 if nothing is clamped. */
     uint64_t clamped_samples;
     double clamped_luminance, kept_luminance;
     uint64_t trace_ns;          /* inside Embree; 0 unless measured (render_measure_trace) */
@@ -45,15 +44,16 @@ struct render_scene_info {
     uint64_t build_ns;
 };
 
-/* The scene as it stands in `frame`; it can render every frame if nothing moves
- * (scene_is_animated). ERR_INPUT: damaged or unfitting blobs, in words; ERR_UNSUPPORTED: this CPU lacks the
- * settings' instruction set; ERR_NO_MEMORY. `scene` may be released afterwards. */
+/* Prepare the scene for `frame`; the result can render every frame if nothing moves
+ * (scene_is_animated). ERR_INPUT: blobs that are damaged or do not fit, with a message;
+ * ERR_UNSUPPORTED: this CPU lacks the settings' instruction set; ERR_NO_MEMORY. `scene` may be
+ * released afterwards. */
 status render_scene_new(struct render_scene **out, const struct scene *scene,
                         const struct render_settings *settings, uint32_t frame,
                         struct blob_source blobs, struct error *err) MUST_CHECK;
 void render_scene_free(struct render_scene *scene);
 
-/* Refuse scenes that need more than `bytes`, with ERR_NO_MEMORY; 0, as at first: more than the
+/* Refuse scenes that need more than `bytes`, with ERR_NO_MEMORY. 0, the default: more than the
  * machine has free when the scene is built. */
 void render_memory_limit(uint64_t bytes);
 
@@ -61,28 +61,28 @@ void render_scene_info(const struct render_scene *scene, struct render_scene_inf
 
 /* Render pass `pass` of group `group` of tile `tile` of frame `frame` into `sums`:
  * [GROUP_REPLICATES][pixels of the tile, row-major][3] float32 sums of radiance (not means), then
- * for each AOV of the unit (unit_aovs), in the enum's order, [pixels][its channels]: sums for means, the
- * value of sample 0 for point-sampled ones. *tail gets the largest contributions to it; NULL: they are not
- * wanted. Returns how many floats were written, tile_floats(...) <= TILE_FLOATS_MAX. Adds to *stats. */
+ * for each AOV of the unit (unit_aovs), in the enum's order, [pixels][its channels]: sums for
+ * means, the value of sample 0 for point-sampled ones. *tail gets the largest contributions to it;
+ * NULL: not wanted. Returns how many floats were written, tile_floats(...) <= TILE_FLOATS_MAX. Adds
+ * to *stats. */
 size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t group,
                    uint32_t pass, float *sums, struct tail *tail, struct render_stats *stats);
 
-/* Run the general kernel instead of the smallest that covers the scene: for the tests that
- * show that both give the same bits, and for the benchmarks. */
+/* Run the general kernel instead of the smallest that covers the scene: for the benchmarks, and for
+ * the tests that both give the same bits. */
 void render_force_general(int on);
 
 /* The kernel that renders the scene, "textured", and how many effects it holds. */
 const char *render_kernel_variant(const struct render_scene *scene);
 
-/* The effects (common/scene/effects.h) that the scene's frame calls for, as it was found when
- * all was loaded. */
+/* The effects (common/scene/effects.h) that the scene's frame needs, found while loading. */
 uint64_t render_effects(const struct render_scene *scene);
 
 /* Time every Embree call from now on (costs a few percent); for the benchmarks. */
 void render_measure_trace(int on);
 
-/* What decides a result's bits beside the scene and the settings: this renderer's release and
- * Embree's, "azulejo 0.2.0 embree 3.13.5 x86_64". Part of the handshake; pinned per job. */
+/* What decides a result's bits besides the scene and the settings: the release of this renderer and
+ * of Embree, "azulejo 0.2.0 embree 3.13.5 x86_64". Part of the handshake; pinned per job. */
 const char *render_ray_tracer_name(void);
 
 #endif

@@ -1,7 +1,7 @@
-/* world: the scene in the form that the path loop reads. Private to worker/render.
+/* world: the scene as the path loop reads it. Private to worker/render.
  *
- * Everything is immutable once render_scene_new returned. The mesh pointers look straight
- * into the blobs, which the caller of render_scene_new keeps alive.
+ * Everything is immutable once render_scene_new has returned. The mesh pointers point into the
+ * blobs, which the caller of render_scene_new keeps alive.
  */
 #ifndef AZULEJO_RENDER_WORLD_H
 #define AZULEJO_RENDER_WORLD_H
@@ -22,17 +22,17 @@ struct world_mesh {
     const float *positions, *normals, *tangents, *uv[2], *colors;
     const uint32_t *indices;
     uint32_t vertex_count, triangle_count;
-    const uint8_t *blob;          /* all of it: what deforms the mesh is read from here */
+    const uint8_t *blob;          /* the whole blob: deformation reads it */
 };
 
-/* A texture slot made ready: NULL image where the factor alone counts. */
+/* A prepared texture slot; the image is NULL if only the factor counts. */
 struct world_slot {
     const struct texture_image *image;
     struct scene_texture texture;
     uint32_t uv_set;
-    int color;                    /* holds colours: sRGB unless the texture says otherwise */
+    int color;                    /* a slot of colours: sRGB unless the texture says otherwise */
     int transformed;
-    int shares_place;             /* its lookups by footprint are at the place of world_material.lead's */
+    int shares_place;             /* lookups by footprint use the place of world_material.lead */
     float m[2][3];
 };
 
@@ -42,12 +42,12 @@ enum world_material_flags {
     MATERIAL_ALPHA = 4,       /* some point may be less than opaque */
     MATERIAL_NORMAL_MAP = 8,
     MATERIAL_CULLED = 16,     /* rays pass its back faces */
-    MATERIAL_LAYERED = 32,    /* something of anisotropy ... diffuse transmission acts */
+    MATERIAL_LAYERED = 32,    /* uses any of anisotropy ... diffuse transmission */
     MATERIAL_NEEDS_FRAME = 64, /* anisotropy or a clearcoat normal map: tangents are read */
     MATERIAL_TWO_WAY = 128,   /* light may pass through */
-    MATERIAL_BOUNDS = 256,    /* a volume: refractive, or an interface; the path keeps count.
-                                 VOLUMES_BOUNDARIES: also all else that separates two media */
-    MATERIAL_ENCLOSES = 512,  /* every mesh of the body is closed, by itself or with others, without holes */
+    MATERIAL_BOUNDS = 256,    /* a volume: refractive, or an interface; the path tracks it.
+                                 VOLUMES_BOUNDARIES: also everything else that separates media */
+    MATERIAL_ENCLOSES = 512,  /* every mesh of the body is closed, alone or with others */
 };
 
 struct world_material {
@@ -61,28 +61,28 @@ struct world_material {
         struct world_slot slots[MATERIAL_TEXTURES];
     };
     unsigned flags;
-    const struct world_slot *lead; /* the first slot that is looked up by footprint; NULL: none */
+    const struct world_slot *lead; /* the first slot with lookups by footprint; NULL: none */
     struct vec3 absorption;  /* 1/metre */
-    uint32_t filling;        /* the material that fills a body of this one: itself, of a mix the
-                                first part that bounds a volume */
+    uint32_t filling;        /* the material that fills the body: itself; in a mix the first
+                                part that bounds a volume */
 };
 
 struct world_instance {
     uint32_t mesh, material;
     uint32_t body;                /* the material whose body it bounds */
-    uint32_t alpha_key;           /* for the stochastic alpha: of material and place, so that it
-                                     stays when a mesh is cut into several */
+    uint32_t alpha_key;           /* for the stochastic alpha: from material and place, so that it
+                                     stays the same when a mesh is split */
     const float *world_positions; /* vertices in world space (at the shutter's opening), or NULL:
                                      transform the mesh's */
     struct transform to_world, to_object;
     int flipped;                  /* negative determinant: world winding is clockwise */
-    /* What moves has its values for motion_steps >= 2 moments, evenly from the shutter's opening
-     * to its closing, between which vertices move along straight lines. */
-    uint32_t motion_steps;        /* 0: it stands still while the shutter is open */
+    /* What moves has values at motion_steps >= 2 moments, evenly spaced from the shutter's opening
+     * to its closing; in between vertices move along straight lines. */
+    uint32_t motion_steps;        /* 0: no motion while the shutter is open */
     const struct transform *motion_to_world;      /* [motion_steps]; NULL: `to_world` throughout */
     const float *const *motion_positions;         /* [motion_steps][vertices][3] world, or NULL: the
                                      mesh's vertices transformed; [0] is world_positions */
-    int bounded;                  /* deformed, or moved vertex by vertex: within this box always */
+    int bounded;                  /* deformed, or moved vertex by vertex: always within this box */
     float bounds_min[3], bounds_max[3];
     const float *deformed_normals, *deformed_tangents; /* at the shutter's opening, or NULL: the mesh's.
                                      World space for a skinned mesh, else the mesh's */
@@ -96,11 +96,11 @@ struct world_instance {
     int32_t light_base;           /* first of its faces in the emitters, -1: dark */
 };
 
-/* The bodies that a ray is inside of (interior.h). */
+/* The bodies that a ray is inside (interior.h). */
 enum { INTERIOR_MAX = 16 };
 struct interior {
     uint32_t count;
-    int32_t medium;               /* VOLUMES_BOUNDARIES: that the ray is in, -1: none */
+    int32_t medium;               /* VOLUMES_BOUNDARIES: the medium that the ray is in; -1: none */
     uint32_t entry[INTERIOR_MAX]; /* in the order of entry: the body's material, or INTERIOR_OWED */
 };
 
@@ -114,15 +114,15 @@ struct kernel;
 
 struct render_scene {
     struct render_settings settings;
-    uint64_t effects;             /* what the frame calls for, less settings.without */
+    uint64_t effects;             /* what the frame needs, minus settings.without */
     uint32_t roulette_depth;      /* Russian roulette begins at this vertex; UINT32_MAX: never */
-    uint32_t frame;               /* that it was built for; any, unless `animated` */
+    uint32_t frame;               /* the frame it was built for; any, unless `animated` */
     int animated;                 /* another frame needs a scene of its own */
     struct world_mesh *meshes;
     struct world_material *materials;
     struct world_instance *instances;
-    struct texture_image **images; /* NULL: nobody reads it */
-    struct image_share **image_shares; /* who holds them */
+    struct texture_image **images; /* NULL: not used */
+    struct image_share **image_shares; /* the owners of the images */
     void **owned;                 /* blocks that are freed with the scene */
     size_t owned_count, owned_capacity;
     uint32_t mesh_count, material_count, instance_count, image_count;
@@ -133,27 +133,28 @@ struct render_scene {
     int32_t fog;                  /* its medium fills the bounding sphere, -1: none */
     struct emitters emitters;
     struct accel *accel;
-    /* Around what refracts or holds a medium, with a margin: there each face is to be crossed,
+    /* Around everything that refracts or holds a medium, with a margin: there each face is crossed,
      * however close to another. */
     struct world_box boundaries[WORLD_BOUNDARIES_MAX];
     uint32_t boundary_count;
     struct vec3 bounds_centre;
     float bounds_radius;          /* Ritter's bounding sphere of the geometry, metres */
-    float fog_radius;             /* the same grown to hold the camera */
+    float fog_radius;             /* the same, grown to include the camera */
     int enclosed;                 /* no ray escapes from where the camera is (enclosure.h) */
-    struct interior camera_interior; /* the bodies that the camera is inside of */
+    struct interior camera_interior; /* the bodies that contain the camera */
     enum scene_volume_rule volume_rule;
     const struct kernel *kernel;
     struct render_scene_info info;
 };
 
-/* One slot's texel at a triangle's barycentrics (weights of vertices 1 and 2). `footprint`: width
- * of the ray's beam over the square root of the triangle's area (both in the world), 0: finest. */
+/* A slot's texel at a triangle's barycentric coordinates (weights of vertices 1 and 2).
+ * `footprint`: width of the ray's beam over the square root of the triangle's area (both in world
+ * space), 0: finest. */
 struct texel world_slot_lookup(const struct world_slot *slot, const struct world_mesh *mesh,
                                const uint32_t vertex[3], float b1, float b2, float footprint,
                                int srgb);
 
-/* Where that lookup is. */
+/* The place of that lookup. */
 void world_slot_place(const struct world_slot *slot, const struct world_mesh *mesh,
                       const uint32_t vertex[3], float b1, float b2, float footprint,
                       struct texture_place *place);

@@ -117,8 +117,8 @@ static void test_malformed_files(void **state)
     static const struct {
         const char *text, *words;
     } bad[] = {
-        {"", "holds no"},
-        {"# only a comment\n\n", "holds no"},
+        {"", "has no"},
+        {"# only a comment\n\n", "has no"},
         {"azulejo-key-1 farm " ZEROS " x\n", "line 1"},
         {"azulejo-key-1 farm\n", "line 1"},
         {"azulejo-key-2 farm " ZEROS "\n", "line 1"},

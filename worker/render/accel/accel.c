@@ -7,15 +7,15 @@
 #include "common/base/memory.h"
 #include "worker/render/render.h"
 
-/* Embree's error in a ray's height over a triangle's plane, in 2^-24 of the largest coordinate of
- * its origin plus the longest edge: its own, and what a ray's way through an instance's matrix adds,
- * at rest and where Embree mixes two matrices and inverts the mix. docs/NUMERICS.md
- * tells what is derived, and tests/bench/bench_error measures. */
+/* Embree's error in a ray's height over a triangle's plane, in units of 2^-24 of (the largest
+ * coordinate of its origin plus the longest edge): its own, and the additional error of
+ * transforming the ray by an instance's matrix, at rest and where Embree interpolates two matrices
+ * and inverts the result. docs/NUMERICS.md derives it; tests/bench/bench_error measures it. */
 #define ERROR_TRIANGLE 8.0
 #define ERROR_INSTANCE 16.0
 #define ERROR_MOVING 32.0
 
-/* A query may bring a filter of its own. */
+/* A query may have its own filter. */
 #if AZULEJO_EMBREE >= 4
 #define SCENE_FLAG_QUERY_FILTER RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS
 #else
@@ -55,7 +55,7 @@ static status embree_failed(RTCDevice device, const char *what, struct error *er
     return error_set(err, STATUS_ERR_INTERNAL, "%s: Embree error %d", what, (int)code);
 }
 
-/* `positions` has one entry for each moment; one alone stands still. */
+/* `positions` has one entry for each moment; a single one does not move. */
 static void set_triangles(RTCGeometry geometry, const float *const *positions, uint32_t steps,
                           const struct accel_mesh *mesh, const uint32_t *indices, int filtered)
 {
@@ -137,8 +137,8 @@ static status own(struct accel *accel, void *block, struct error *err)
     return STATUS_OK;
 }
 
-/* The mesh's triangles, of which Embree gets those of `instance` that are not huge: the others
- * become points. */
+/* The mesh's triangles. Embree gets those of `instance` that are not huge; the others become
+ * points. */
 static status choose_indices(struct accel *accel, const struct accel_mesh *mesh, uint32_t instance,
                              const uint32_t **indices, struct error *err)
 {
@@ -164,7 +164,7 @@ static status choose_indices(struct accel *accel, const struct accel_mesh *mesh,
     return STATUS_OK;
 }
 
-/* Where two matrices are mixed, the mix is at most half their difference from one of them. */
+/* An interpolated matrix differs from one of its ends by at most half their difference. */
 static float least_stretch(const struct accel_instance *instance)
 {
     double least, difference = 0;
@@ -211,7 +211,7 @@ static status set_world_triangles(struct accel *accel, const struct accel_input 
     return s;
 }
 
-/* All 0 where the matrix is flat: then double decides. */
+/* All 0 if the matrix is flat: then double decides. */
 static void set_to_object(struct accel_geometry *g, const struct transform *to_world)
 {
     struct transform_d forward = transform_to_d(to_world), inverse;
@@ -261,7 +261,7 @@ static status attach_instance(struct accel *accel, const struct accel_input *in,
     return s;
 }
 
-/* The huge triangles, behind the instances. */
+/* The huge triangles, after the instances. */
 static status attach_huge(struct accel *accel, struct error *err)
 {
     RTCGeometry geometry;
@@ -282,7 +282,7 @@ static status attach_huge(struct accel *accel, struct error *err)
     return STATUS_OK;
 }
 
-/* How wrong Embree can be, at each instance and at all of them. */
+/* Embree's largest error, for each instance and for all of them. */
 static void bound_errors(struct accel *accel, const struct accel_input *in)
 {
     for (uint32_t i = 0; i < in->instance_count; i++) {

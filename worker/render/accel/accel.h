@@ -1,15 +1,15 @@
-/* accel: which triangle a ray meets, by Embree. The only file that speaks Embree.
+/* accel: which triangle a ray meets, using Embree. Only accel*.c use Embree.
  *
- * A mesh that occurs once (or is small) is given in world space and lies in one BVH with
- * all others of its kind; a shared mesh gets a BVH of its own and instances of it. Each
- * BVH is built by one thread: that keeps the tree, and so the answer on exact ties, the
- * same whatever the machine's number of cores. The ISA is pinned when the device is made.
- * What moves while the shutter is open is given for several moments, evenly from its opening to
- * its closing; in between the vertices move along straight lines. A scene in which nothing moves
- * gets a BVH without a trace of motion.
- * Embree proposes, double decides (docs/NUMERICS.md): where float could be wrong about whether a
- * triangle is met, that is near either end of the ray, the triangle is intersected again in
- * double, and triangles beside which the others are tiny always are.
+ * A mesh that occurs once (or is small) is given in world space and lies in one BVH with all others
+ * of its kind. A shared mesh gets its own BVH and instances of it. Each BVH is built by one thread:
+ * so the tree, and with it the answer on exact ties, does not depend on the machine's number of
+ * cores. The ISA is pinned when the device is made.
+ * What moves while the shutter is open is given at several moments, evenly spaced from its opening
+ * to its closing; in between the vertices move along straight lines. The BVH of a scene without
+ * motion has no motion data.
+ * Embree proposes, double decides (docs/NUMERICS.md). Where float could be wrong about whether a
+ * triangle is met (near either end of the ray), the triangle is intersected again in double. Huge
+ * triangles, beside which the others are tiny, always are.
  * Immutable after accel_new; any number of threads may query.
  */
 #ifndef AZULEJO_RENDER_ACCEL_H
@@ -34,23 +34,23 @@ struct hit {
 
 enum { RAY_LEFT_MAX = 8 };
 
-/* A ray starts exactly where it starts: there is no offset. It does not meet the faces that it
- * leaves, by their names; nor what lies behind them, seen along the ray; nor, if it ends on a
- * face, that face and what lies behind it. */
+/* A ray starts exactly at its origin: there is no offset. It does not meet the faces that it
+ * leaves, which it names, nor anything behind them as seen along the ray. If it ends on a face, it
+ * does not meet that face nor anything behind it. */
 struct ray {
     struct vec3 origin;    /* metres, rounded to float */
     struct vec3 direction; /* unit */
     float t_max;           /* metres; INFINITY for none */
     float time;            /* 0..1: from the shutter's opening to its closing */
-    double rest[3];        /* metres: what rounding took away; the ray starts at origin + rest */
+    double rest[3];        /* metres: the rounding error; the exact origin is origin + rest */
     uint32_t left_count;   /* 0: it starts in mid-air */
-    int reaches;           /* it ends on the face `end`; t_max is then near enough */
+    int reaches;           /* it ends on the face `end`; t_max is then only approximate */
     struct hit left[RAY_LEFT_MAX], end; /* the faces on which it starts, first the one it met */
-    int contacts;          /* what is closer to left[0] than Embree's error is to be met, too, even
-                              if it shares no corner with it; makes a ray dearer */
-    float inset;           /* metres from the start to the edges of left[0], or less */
-    struct vec3 off;       /* unit: the normal of left[0], to the side to which the ray goes */
-    float end_inset;       /* metres from the end to the edges of `end`, or less; 0: none */
+    int contacts;          /* also meet faces closer to left[0] than Embree's error, even
+                              those that share no corner with it; slower */
+    float inset;           /* metres from the start to the edges of left[0]; a lower bound */
+    struct vec3 off;       /* unit: the normal of left[0], on the side to which the ray goes */
+    float end_inset;       /* the same from the end to the edges of `end`; 0: none */
     float end_cosine;      /* between the ray and the normal of `end`, positive */
 };
 
@@ -59,8 +59,8 @@ struct contact {
     struct hit hit;
     double gap;            /* metres along the ray, from the face that was met; may be negative */
     int facing;            /* the ray meets the side of counter-clockwise winding (accel_accept) */
-    int repeats;           /* the same sheet as the face met or an earlier contact, at an edge or
-                              vertex that both share: to be left, but not crossed a second time */
+    int repeats;           /* the same sheet as the face met or an earlier contact, at a shared
+                              edge or vertex: to be left, but not crossed a second time */
 };
 
 struct accel_mesh {
@@ -73,12 +73,12 @@ enum { ACCEL_STEPS_MAX = 129 /* Embree's own limit */ };
 
 struct accel_instance {
     uint32_t mesh;
-    const float *world_positions; /* not NULL: the mesh's vertices in world space, put straight
-                                     into the top BVH; NULL: an instance of the mesh's BVH */
+    const float *world_positions; /* not NULL: the mesh's vertices in world space, placed in the
+                                     top BVH; NULL: an instance of the mesh's BVH */
     struct transform to_world;
     int filtered;                 /* ask `accept` about every hit */
-    uint32_t motion_steps;        /* 0: it stands still; else 2..ACCEL_STEPS_MAX, and one of these
-                                     takes the place of the static field above: */
+    uint32_t motion_steps;        /* 0: no motion; else 2..ACCEL_STEPS_MAX, and one of the next two
+                                     replaces the static field above: */
     const float *const *motion_positions;    /* with world_positions: [motion_steps] of them, each
                                                 with 16 readable bytes after the last */
     const struct transform *motion_to_world; /* without: [motion_steps] */
@@ -87,9 +87,9 @@ struct accel_instance {
     float shape_margin;           /* metres: what Embree may be wrong about a ray's place near it */
 };
 
-/* Does the hit count? Called inside a traversal, possibly several times for one triangle:
- * must be a pure function of its arguments. `facing`: the ray meets the side from which the
- * (object-space) winding is counter-clockwise. */
+/* Does the hit count? Called during traversal, possibly several times for one triangle: it must be
+ * a pure function of its arguments. `facing`: the ray meets the side from which the (object-space)
+ * winding is counter-clockwise. */
 typedef int accel_accept(const void *scene, const void *query, uint32_t instance,
                          uint32_t triangle, float u, float v, int facing);
 
@@ -104,45 +104,46 @@ struct accel_input {
     enum isa isa;
     accel_accept *accept;
     accel_corners *corners;
-    const void *scene;            /* handed to both */
+    const void *scene;            /* passed to both callbacks */
     enum bvh_quality quality;
     int not_robust;               /* 1: a ray may slip between triangles that share an edge */
 };
 
 /* The input's arrays of positions and indices must outlive the accel; the tables need not.
- * ERR_UNSUPPORTED: the CPU lacks the ISA. ERR_NO_MEMORY. ERR_INTERNAL with Embree's words. */
+ * ERR_UNSUPPORTED: the CPU lacks the ISA. ERR_NO_MEMORY. ERR_INTERNAL with Embree's message. */
 status accel_new(struct accel **out, const struct accel_input *input, struct error *err) MUST_CHECK;
 void accel_free(struct accel *accel);
 size_t accel_bytes(const struct accel *accel); /* memory that Embree holds */
 
-/* The nearest accepted hit; 0 when the ray escapes. `query` is handed to accept. */
+/* The nearest accepted hit; 0 if the ray escapes. `query` is passed to accept. */
 int accel_intersect(const struct accel *accel, const struct ray *ray, const void *query,
                     struct hit *hit);
 
-/* Faces closer together than Embree's error it may exchange: the first in double of those around
- * the hit that the ray met after `t` metres. 1 where that is another one. `in_contact`: faces that
- * coincide with the hit are crossed together with it (accel_coincident), so they stay as they are. */
+/* Embree may swap faces that are closer together than its error. Find the first, in double, of the
+ * faces around the hit that the ray met after `t` metres. 1: that is another face. `in_contact`:
+ * faces that coincide with the hit are crossed together with it (accel_coincident), so they keep
+ * their order. */
 int accel_refine(const struct accel *accel, const struct ray *ray, const void *query, double t,
                  int in_contact, struct hit *hit);
 
 /* Is anything accepted between the origin and t_max? */
 int accel_occluded(const struct accel *accel, const struct ray *ray, const void *query);
 
-/* accel_intersect and accel_occluded for a ray that starts inside something closed and for which
- * those found nothing: it slipped through at a vertex, around which rounding can leave a gap that
- * no triangle covers. These look closely beside the ray, and depend on nothing but the ray. */
+/* accel_intersect and accel_occluded for a ray that starts inside a closed mesh and for which those
+ * found nothing. It slipped through at a vertex, where rounding can leave a gap that no triangle
+ * covers. These search close beside the ray; the result depends only on the ray. */
 int accel_intersect_enclosed(const struct accel *accel, const struct ray *ray, const void *query,
                              struct hit *hit);
 int accel_occluded_enclosed(const struct accel *accel, const struct ray *ray, const void *query);
 
-/* Faces closer than this are one event to a ray that crosses them: floats could not keep them
- * apart. In units of 2^-23 of the place's largest coordinate. */
+/* A ray crosses faces closer than this as one event: floats cannot separate them. In units of 2^-23
+ * of the position's largest coordinate. */
 enum { ACCEL_COINCIDENT_ULPS = 8 };
 
-/* Every accepted face that lies within so much of the face `hit` at `place` (double, on that face),
- * measured along its normal; of `ray` the direction and the time count. Sorted by their gaps along
- * the ray, equal ones by name; without `hit` itself. Returns how many were found, of which the first
- * `capacity` are in `out`. */
+/* Every accepted face within this distance of the face `hit` at `place` (double, on that face),
+ * measured along its normal. Only direction and time of `ray` count. Sorted by the gap along the
+ * ray, equal gaps by name; `hit` itself is left out. Returns how many were found; the first
+ * `capacity` of them are in `out`. */
 uint32_t accel_coincident(const struct accel *accel, const struct ray *ray, const struct hit *hit,
                           const double place[3], const void *query, struct contact *out,
                           uint32_t capacity);

@@ -10,7 +10,7 @@ static double height_noise(const double normal[3], const double to[3], const dou
            (exact_largest(to) + exact_largest(from));
 }
 
-/* The corner's height over the plane that is farthest from it, times the normal's length. */
+/* The height over the plane of the corner farthest from it, times the normal's length. */
 static double farthest(const double corner[3][3], const double plane[3], const double normal[3],
                        double sign)
 {
@@ -56,15 +56,16 @@ double accel_ray_end(const struct query_context *q)
     return end.row->end(end.face, q->origin, q->direction, (double)q->ray->t_max);
 }
 
-/* Is all of the triangle behind the plane of a face that the ray leaves (`sign` 1), or beyond the
- * plane of the one that it ends on (-1)? Then the ray cannot meet it, whatever the rounding. */
+/* Is the whole triangle behind the plane of a face that the ray leaves (`sign` 1), or beyond the
+ * plane of the face on which it ends (-1)? Then the ray cannot meet it, whatever the rounding. */
 static int is_beyond(const struct query_context *q, const struct hit *face, double sign,
                      const double corner[3][3])
 {
     double plane[3], n[3], towards[3];
     struct face touched;
 
-    /* A direction along the plane may be off by its rounding: the ray says to which side it goes. */
+    /* Rounding may tilt a direction along the plane: the ray's record says on which side it
+     * goes. */
     exact_vec(sign > 0 ? q->ray->off : q->ray->direction, towards);
     find_face(q, face, &touched);
     touched.row->plane(touched.face, q->origin, q->direction,
@@ -76,8 +77,8 @@ static int is_beyond(const struct query_context *q, const struct hit *face, doub
     return !(farthest(corner, plane, n, sign) > 0);
 }
 
-/* A ray that starts on a triangle's plane, as on an edge that it shares with the face it leaves,
- * starts on the side on which that face lies: does it go to the other? */
+/* A ray that starts on a triangle's plane, for example on an edge shared with the face it leaves,
+ * starts on the side of that face. Does it go to the other side? */
 static int goes_through(const struct query_context *q, const double corner[3][3],
                         const double normal[3])
 {
@@ -130,7 +131,7 @@ static void keep_contact(struct query_context *q, const struct hit *face, double
     struct contact *list = q->contacts;
     uint32_t at = q->contact_count < q->contact_capacity ? q->contact_count : q->contact_capacity;
 
-    /* With spatial splits a triangle lies in several leaves, and is met in each. */
+    /* With spatial splits a triangle is in several leaves, and is met in each. */
     for (uint32_t i = 0; i < at; i++)
         if (list[i].hit.instance == face->instance && list[i].hit.triangle == face->triangle)
             return;
@@ -184,8 +185,8 @@ int accel_covers(const struct query_context *q, const struct hit *face, double *
            1 - *u - *v >= -slack * sqrt(exact_dot(e3, e3)) / size;
 }
 
-/* Do two faces of one instance lie side by side: a corner in common, and wound alike as `axis`
- * sees them? */
+/* Do two faces of one instance lie side by side: with a shared corner and the same winding seen
+ * along `axis`? */
 static int one_sheet(const struct query_context *q, const struct hit *a, const struct hit *b)
 {
     double x[3][3], y[3][3], n[3], m[3];

@@ -25,7 +25,7 @@ void accel_huge_bounds(const struct RTCBoundsFunctionArguments *args)
                                          .upper_z = high[2]};
 }
 
-/* Met? Then *t in metres. */
+/* Is it met? If so, at *t metres. */
 static int huge_meets(struct query_context *q, const struct hit *face, double *t)
 {
     double u, v;
@@ -52,7 +52,7 @@ void accel_huge_intersect(const struct RTCIntersectFunctionNArguments *args)
     if (args->valid[0] != -1 || !huge_meets(q, &q->accel->sizes.huge[args->primID], &t) ||
         q->kind == QUERY_COINCIDENT)
         return;
-    /* What lies behind need not be looked at. */
+    /* Embree need not search behind it. */
     ray->tfar = fminf(ray->tfar, (float)((t + q->back) * (1 + ACCEL_END_SHARE)));
 }
 

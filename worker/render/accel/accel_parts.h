@@ -16,7 +16,7 @@
 #include "worker/render/accel/sizes.h"
 #include "worker/render/shape/shape.h"
 
-/* A face on which the ray ends is looked for up to this share of the length before and behind. */
+/* A face on which the ray ends is searched up to this share of the length before and behind. */
 #define ACCEL_END_SHARE 0x1p-18
 
 /* One of the top BVH's geometries: an instance. (128 bytes: found by a shift.) */
@@ -39,13 +39,13 @@ struct accel {
     RTCScene *mesh_scenes;        /* per mesh; NULL where it lies in the top BVH */
     uint8_t **mesh_slender;       /* per mesh with a BVH of its own */
     double *mesh_slenderest;
-    uint8_t *mesh_filtered;       /* per mesh: accept is to be asked about an instance of it */
+    uint8_t *mesh_filtered;       /* per mesh: accept is to be called for an instance of it */
     uint32_t mesh_count, geometry_count;
     struct accel_geometry *geometries;
     struct sizes sizes;
     void **owned;                 /* [owned_count] indices without the huge triangles, and the like */
     size_t owned_count, owned_capacity;
-    uint32_t huge_next;           /* while instances are attached: the next one's first */
+    uint32_t huge_next;           /* while instances are attached: the first of the next one */
     double error_origin, error_extent; /* error = these * (largest coordinate, 1 metre) */
     accel_accept *accept;
     accel_corners *corners;
@@ -55,7 +55,7 @@ struct accel {
 
 enum query_kind { QUERY_NEAREST, QUERY_OCCLUDED, QUERY_COINCIDENT };
 
-/* Embree hands the context back to the callbacks; ours carries the query along. */
+/* Embree passes the context back to the callbacks; ours carries the query along. */
 struct query_context {
 #if AZULEJO_EMBREE >= 4
     struct RTCRayQueryContext embree;
@@ -69,34 +69,34 @@ struct query_context {
     int careful;                  /* Embree hands every proposal to accel_filter */
     double origin[3], direction[3];
     double largest;               /* coordinate of the origin */
-    double error;                 /* metres: Embree's, in the height over a plane; */
-    double error_left;            /* over those of the instance that the ray leaves */
+    double error;                 /* metres: Embree's error in the height over a plane, */
+    double error_left;            /* and over planes of the instance that the ray leaves */
     double start[3];              /* of Embree's ray */
-    int at_edge;                  /* the ray starts so near to its face's edges that Embree's starts */
-    double inside[3];             /* farther inside the face: here; */
+    int at_edge;                  /* so near to its face's edges that Embree's ray starts */
+    double inside[3];             /* farther inside the face, here; */
     struct vec3 aim;              /* unit: Embree's direction, and */
     double length;                /* metres: how far from there the ray's end is */
-    int doubt;                    /* then a neighbour was proposed that lies behind the ray */
-    double back;                  /* metres: by which that starts before the ray */
+    int doubt;                    /* then: a proposed neighbour lies behind the ray */
+    double back;                  /* metres by which Embree's ray starts before the ray */
     double t_max;                 /* metres: of Embree's ray */
-    double near_start, near_end;  /* metres: so far from its ends double decides anyway, */
-    double off_cosine, clear;     /* and until it is so far off the plane that it leaves, to which
-                                     its cosine is this */
-    int reaches;                  /* what is near the ray's end is to be looked at, too */
-    int met;                      /* of what double decided, the nearest: */
+    double near_start, near_end;  /* metres: this close to its ends double always decides, */
+    double off_cosine, clear;     /* and until it is this far off the plane that it leaves, to which
+                                     this is its cosine */
+    int reaches;                  /* faces near the ray's end are checked, too */
+    int met;                      /* the nearest hit that double decided: */
     struct hit nearest;
     double nearest_t;
-    uint32_t attempt;             /* so many times Embree found nothing for a ray that cannot escape */
+    uint32_t attempt;             /* how often Embree found nothing for a ray that cannot escape */
     double gap_max;               /* QUERY_COINCIDENT: metres, */
     const struct hit *about;      /* the face that the others coincide with, */
-    struct contact *contacts;     /* and what was found */
+    struct contact *contacts;     /* and the faces found */
     uint32_t contact_count, contact_capacity;
 };
 
 /* ---- what Embree calls -------------------------------------------------------------------- */
 
-/* accel_query.c. Of rays that are asked carefully, and of those for which any hit will do; the other
- * one asks `accept` alone. */
+/* accel_query.c. For careful queries, and for queries that any hit ends; the third only calls
+ * `accept`. */
 void accel_filter(const struct RTCFilterFunctionNArguments *args);
 void accel_filter_accepted(const struct RTCFilterFunctionNArguments *args);
 
@@ -127,23 +127,23 @@ static inline int accel_is_excepted(const struct query_context *q, const struct 
            (q->about && accel_same_face(q->about, face));
 }
 
-/* Does the ray meet the triangle's plane between its ends, and the triangle not lie beyond them?
- * *t in metres. The plane alone counts: the caller has checked the triangle's edges. */
+/* Does the ray meet the triangle's plane between its ends, with the triangle not beyond them?
+ * *t in metres. Only the plane counts: the caller has checked the triangle's edges. */
 int accel_decide(struct query_context *q, const struct hit *face, double *t);
 
 /* Where the ray ends, in metres. */
 double accel_ray_end(const struct query_context *q);
 
-/* A triangle that double found to be met: 1 where the traversal may count it as Embree's hit. */
+/* A triangle that is met in double: 1 if the traversal may take it as Embree's hit. */
 int accel_keep(struct query_context *q, const struct hit *face, double t, int facing);
 
-/* Does the triangle hold the point where the line meets its plane? Weights of corners 1 and 2. It
- * reaches over its edges by as much as Embree's triangles beside it may be off, so that no ray
- * slips through between. */
+/* Does the triangle contain the point where the line meets its plane? Weights of corners 1 and 2.
+ * The test extends past the edges by the possible error of Embree's triangles beside it, so that no
+ * ray slips through between. */
 int accel_covers(const struct query_context *q, const struct hit *face, double *u, double *v,
                  int *facing);
 
-/* QUERY_COINCIDENT: which of the contacts found are one sheet with another. */
+/* QUERY_COINCIDENT: mark the contacts found that are one sheet with another. */
 void accel_mark_repeats(const struct query_context *q);
 
 #endif

@@ -3,31 +3,31 @@
 #include <math.h>
 #include <string.h>
 
-/* So many such errors before its start a ray starts for Embree, or a triangle right before it
- * could seem to lie behind. */
+/* Embree's ray starts this many errors before the real start. Otherwise a triangle right in front
+ * of the start could seem to lie behind it. */
 #define BACK_ERRORS 64.0
-/* Farther than this from the edges of the one face that it leaves, a ray may start off it. */
+/* A ray this many errors away from the edges of the single face that it leaves may start off it. */
 #define INSET_ERRORS 64.0
-/* Double decides about a plane that the ray makes a smaller angle with than this. */
+/* Double decides about a plane to which the ray makes a smaller angle than this. */
 #define GRAZING_COSINE 0x1p-18
-/* A ray that leaked is traced again this many times at most, turned by this angle (radians) and
- * twice as much each time: rounding is wrong about edges by some 2^-22 of their distance. */
+/* A ray that leaked is traced again at most this many times, turned by this angle (radians),
+ * doubled each time: rounding errors at edges are about 2^-22 of their distance. */
 enum { LEAK_ATTEMPTS = 8 };
 #define LEAK_ANGLE 0x1p-20f
 
 /* ---- Embree's proposals ------------------------------------------------------------------- */
 
-/* Is float right that the triangle is met? Not where its plane is so near to an end of the ray that
- * it may be wrong about the side. `t`: metres by Embree. `along`: the direction times the normal,
- * `area2`: the normal's square, in a space in which what is in the world is at least `stretch` times
- * as long. */
+/* Is float reliable when it says that the triangle is met? Not if its plane is so near to an end of
+ * the ray that the side is uncertain. `t`: metres by Embree. `along`: the direction times the
+ * normal. `area2`: the normal's square, in a space in which lengths of the world are scaled by at
+ * least `stretch`. */
 static inline int is_certain(const struct query_context *q, const struct accel_geometry *g,
                              uint32_t triangle, double t, double along, double area2,
                              double stretch)
 {
     double reach = t, height2, error2;
 
-    /* Along a plane Embree's t is a quotient of two roundings, and may be any number. */
+    /* For a ray along the plane Embree's t is a quotient of two rounding errors: any number. */
     if (!(t > q->near_start) || !(t * q->off_cosine > q->clear) ||
         !(along * along > GRAZING_COSINE * GRAZING_COSINE * area2))
         return 0;
@@ -63,7 +63,7 @@ static inline struct hit face_of(const struct RTCHit *hit)
                         hit->primID};
 }
 
-/* The ray and the normal are in the instance's space, where products are alike. */
+/* Ray and normal are in the instance's space, where the products are the same. */
 void accel_filter(const struct RTCFilterFunctionNArguments *args)
 {
     struct query_context *q = (struct query_context *)args->context;
@@ -100,7 +100,7 @@ void accel_filter_accepted(const struct RTCFilterFunctionNArguments *args)
         args->valid[0] = 0;
 }
 
-/* Any multiple of the face's normal, from that in the instance's space. */
+/* The face's normal, of any length, from the one in the instance's space. */
 static void normal_to_world(const struct query_context *q, const struct accel_geometry *g,
                             const struct hit *face, double n[3])
 {
@@ -116,8 +116,8 @@ static void normal_to_world(const struct query_context *q, const struct accel_ge
                g->to_object[2][k] * local[2];
 }
 
-/* Is what Embree met without a filter what it would have met with one? Then all that the filter
- * would have held back lies behind it. */
+/* Is Embree's hit without a filter the one it would have found with the filter? Then everything
+ * that the filter would have rejected lies behind it. */
 static inline int is_settled(const struct query_context *q, const struct RTCRayHit *shot,
                              const struct hit *face)
 {
@@ -139,8 +139,8 @@ static inline void go(const double from[3], const double direction[3], double by
         to[k] = from[k] + by * direction[k];
 }
 
-/* To the middle of the face as far as it takes to be clear of its edges: there an error to the side
- * could take the ray past a neighbour that stands up. */
+/* Move towards the middle of the face until it is clear of its edges: there a sideways error could
+ * take the ray past a neighbour that stands up. */
 static void move_inwards(struct query_context *q)
 {
     double corner[3][3], e[3], way[3], n[3], longest = 0, middle, wanted, inset, part;
@@ -161,8 +161,8 @@ static void move_inwards(struct query_context *q)
     q->error += part * sqrt(exact_dot(way, way));
 }
 
-/* From farther inside the face to the same end: parallel to the ray, a wall that stands before a lamp
- * by less than the ray was moved would lie behind the end. */
+/* From farther inside the face to the same end. With a parallel ray instead, a wall closer to a
+ * light than the ray was moved would lie behind the end. */
 static void aim_at_end(struct query_context *q)
 {
     double t_max = (double)q->ray->t_max, way[3], length;
@@ -185,7 +185,7 @@ static inline void look_at_start(struct query_context *q)
     q->at_edge = (double)q->ray->inset < INSET_ERRORS * q->error_left;
 }
 
-/* Near the face's edges and other faces Embree is going to propose the face itself. */
+/* Near the face's edges and near other faces, Embree is going to propose the face itself. */
 static __attribute__((noinline)) void start_before_face(struct query_context *q)
 {
     double aim[3];
@@ -202,14 +202,14 @@ static __attribute__((noinline)) void start_before_face(struct query_context *q)
     go(q->inside, aim, -q->back, q->start);
 }
 
-/* Without contacts a start just off the face spares Embree the face itself. */
+/* Without contacts a start just off the face keeps Embree from proposing the face itself. */
 static inline void start_on_face(struct query_context *q)
 {
     const struct ray *ray = q->ray;
     double off[3];
 
-    /* Until the ray is clear of the plane that it leaves, an error to the side, or the direction's
-     * own, may seem to take it below. */
+    /* Until the ray is clear of the plane that it leaves, a sideways error, or the direction's
+     * rounding, may seem to take it below. */
     q->off_cosine = (double)vec3_dot(ray->off, ray->direction);
     if (q->at_edge || ray->contacts) {
         start_before_face(q);
@@ -223,7 +223,7 @@ static inline void start_on_face(struct query_context *q)
     q->error += q->error_left;
 }
 
-/* Where the end is clear of the face's edges nothing can be right before it but the face. */
+/* If the end is clear of the face's edges, only the face itself can be right in front of it. */
 static inline void end_on_face(struct query_context *q)
 {
     double cosine = (double)q->ray->end_cosine, t_max = (double)q->ray->t_max;
@@ -276,8 +276,8 @@ static inline void query_start(struct query_context *q, const struct accel *acce
         go(q->origin, q->direction, -q->back, q->start);
 }
 
-/* Embree is to look a little beside the ray: each time farther, and a quarter turn on. Its errors
- * grow with the distance from the ray's origin and with the origin's own. */
+/* Aim Embree's ray slightly beside the ray: farther each time, and a quarter turn on. Its errors
+ * grow with the distance from the ray's origin and with the origin's magnitude. */
 static void look_beside(struct RTCRay *out, const struct query_context *q)
 {
     struct basis frame = basis_from_normal(q->ray->direction);
@@ -296,8 +296,9 @@ static void look_beside(struct RTCRay *out, const struct query_context *q)
 
 typedef float four_floats __attribute__((vector_size(16)));
 
-/* For Embree the ray starts earlier, and where it ends on a face it ends later. Embree reads origin
- * and direction four floats at once: written one by one it would wait until they are in the cache. */
+/* Embree's ray starts earlier than the real one and, if that ends on a face, it ends later. Embree
+ * reads origin and direction four floats at once; if they were written one by one, the load would
+ * stall until they are in the cache. */
 static inline void ray_init(struct RTCRay *out, const struct query_context *q)
 {
     const four_floats origin = {(float)q->start[0], (float)q->start[1], (float)q->start[2], 0};
@@ -313,7 +314,7 @@ static inline void ray_init(struct RTCRay *out, const struct query_context *q)
         look_beside(out, q);
 }
 
-/* Embree's nearest; 0: none. If `careful`, of what float decides. */
+/* Embree's nearest hit; 0: none. `careful`: only among what float decides. */
 static int trace(struct query_context *q, struct RTCRayHit *shot, struct hit *hit)
 {
     ray_init(&shot->ray, q);
@@ -339,7 +340,7 @@ static int trace(struct query_context *q, struct RTCRayHit *shot, struct hit *hi
     return 1;
 }
 
-/* Every proposal is looked at in turn. */
+/* The filter checks every proposal. */
 static int trace_carefully(struct query_context *q, struct hit *hit)
 {
     struct RTCRayHit shot;
@@ -349,8 +350,8 @@ static int trace_carefully(struct query_context *q, struct hit *hit)
     return trace(q, &shot, hit);
 }
 
-/* The nearest of what float and double decide; 0: none. Few rays meet what float may be wrong about,
- * so the others are spared the filter. */
+/* The nearest of what float and double decide; 0: none. Float is uncertain for few rays, so the
+ * others run without the filter. */
 static int meets(struct query_context *q, struct hit *hit)
 {
     struct RTCRayHit shot;
@@ -373,7 +374,7 @@ static int meets(struct query_context *q, struct hit *hit)
     return met;
 }
 
-/* How far apart, along their normal, faces at `place` are that floats cannot keep apart. */
+/* The distance, along their normal, below which floats cannot separate faces at `place`. */
 static double coincident_gap(const double place[3])
 {
     int exponent;
@@ -393,7 +394,7 @@ int accel_refine(const struct accel *accel, const struct ray *ray, const void *q
     exact_origin(ray, place);
     reach = BACK_ERRORS * (accel->error_origin * (exact_largest(place) + t) + accel->error_extent);
     if (!(t > reach))
-        return 0; /* so near to its start double has decided */
+        return 0; /* this close to its start, double has decided */
     exact_vec(ray->direction, direction);
     go(place, direction, t - reach, place);
     last.origin = exact_round(place, last.rest);
@@ -407,13 +408,13 @@ int accel_refine(const struct accel *accel, const struct ray *ray, const void *q
         *hit = q.nearest;
         return 1;
     }
-    /* Faces that coincide have no order: who crosses them takes them together (accel_coincident). */
+    /* Coincident faces have no order: the caller crosses them together (accel_coincident). */
     accel->corners(accel->scene, hit->instance, hit->triangle, ray->time, corner);
     exact_normal(corner, n);
     gap = (exact_crossing(corner, n, q.origin, q.direction) - q.nearest_t) *
           fabs(exact_dot(n, q.direction)) / sqrt(exact_dot(n, n));
     go(place, direction, reach, place);
-    if (gap < coincident_gap(place) * (1 - 1e-6)) /* what is 8 ulp apart to rounding is apart */
+    if (gap < coincident_gap(place) * (1 - 1e-6)) /* 8 ulp up to rounding count as apart */
         return 0;
     *hit = q.nearest;
     return 1;
@@ -435,8 +436,8 @@ static int is_blocked(struct query_context *q)
     return shot.tfar < 0;
 }
 
-/* Where three faces meet, the ray from farther inside the face may pass by the neighbour that the
- * ray itself meets. Then that ray is what counts: it starts on the same face, some 2^-14 away. */
+/* Where three faces meet, the ray from farther inside the face may miss the neighbour that the real
+ * ray meets. Then the real ray counts: it starts on the same face, about 2^-14 away. */
 static __attribute__((noinline)) int meets_from_inside(struct query_context *q, struct hit *hit)
 {
     struct ray moved = *q->ray;

@@ -5,19 +5,19 @@
 
 #include "common/base/memory.h"
 
-/* A triangle is huge whose longest edge is 2^15 times that of the scene's small triangles: there
- * the error of float, some 8 * 2^-24 of the edge, is 1/64 of the small triangles' size. */
+/* A triangle is huge if its longest edge is 2^15 times that of the scene's small triangles. The
+ * float error there, about 8 * 2^-24 of the edge, is 1/64 of the small triangles' size. */
 enum { HUGE_RATIO_BITS = 15 };
-/* One in so many triangles may be smaller than the "small" ones. */
+/* One triangle in this many may be smaller than the "small" ones. */
 enum { SMALL_SHARE = 1024 };
-/* Triangles up to this slenderness are what the ordinary bound covers. */
+/* The ordinary bound covers triangles up to this slenderness. */
 enum { SLENDER_ORDINARY = 2 };
 /* Edges are counted by the exponents of their lengths. */
 enum { EXPONENT_MIN = -160, EXPONENTS = 320 };
 
 struct tally {
     uint64_t count[EXPONENTS];   /* triangles whose longest edge has the exponent */
-    uint64_t world[EXPONENTS];   /* of them, those that lie in the top BVH */
+    uint64_t world[EXPONENTS];   /* those of them that lie in the top BVH */
     uint64_t total;
 };
 
@@ -50,7 +50,7 @@ static double longest_edge(const float *positions, const uint32_t *vertex, doubl
     return longest;
 }
 
-/* Of what moves vertex by vertex, the step in which the triangle is largest. */
+/* If the vertices move: the step in which the triangle is largest. */
 static double largest_in_motion(const struct accel_instance *instance, const uint32_t *vertex,
                                 double *area2)
 {
@@ -75,7 +75,7 @@ static void count_one(struct tally *tally, double longest, double area2, int in_
     tally->total++;
 }
 
-/* The largest of the matrix, at any step, stretches nothing by more. */
+/* The matrix stretches nothing by more than its largest stretch at any step. */
 static double norm(const struct accel_instance *instance)
 {
     double most = 0;
@@ -92,7 +92,7 @@ static double norm(const struct accel_instance *instance)
     return most;
 }
 
-/* Meshes with a BVH of their own: by the smallest scale of their instances. */
+/* Meshes with their own BVH: use the smallest scale of their instances. */
 static status tally_shared(struct tally *tally, struct sizes *sizes, const struct accel_input *in,
                            struct error *err)
 {
@@ -139,7 +139,7 @@ static void tally_world(struct tally *tally, const struct accel_input *in,
     }
 }
 
-/* The smallest exponent from which on triangles are huge. */
+/* The smallest exponent at which triangles count as huge. */
 static int huge_exponent(const struct tally *tally)
 {
     uint64_t below = 0, above = 0;
@@ -153,7 +153,7 @@ static int huge_exponent(const struct tally *tally)
     return huge;
 }
 
-/* Sets the triangles of the top BVH apart: the huge are listed, of the others the longest counts. */
+/* Split the triangles of the top BVH: list the huge ones, find the longest of the others. */
 static status list_huge(struct sizes *sizes, const struct accel_input *in, int least, uint64_t count,
                         struct error *err)
 {

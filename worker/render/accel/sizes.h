@@ -1,10 +1,10 @@
-/* sizes: how large and how slender a scene's triangles are, which bounds the errors that float
- * makes with them. Private to worker/render; used by accel.
+/* sizes: how large and how slender a scene's triangles are, which bounds the errors of float
+ * arithmetic on them. Private to worker/render; used by accel.
  *
  * Embree subtracts the ray's origin from the corners in float, so its error at a triangle grows
- * with the triangle's longest edge, and in slender ones with longest edge / height, too. A few
- * triangles beside which the rest is tiny (a ground of 1,000 km under a box of 2 cm) would blur
- * everything near them: they are called huge, and are intersected in double.
+ * with the triangle's longest edge, and for slender triangles also with longest edge / height. A
+ * few triangles beside which the rest is tiny (a ground of 1,000 km under a box of 2 cm) would blur
+ * everything near them. They are called huge, and are intersected in double.
  */
 #ifndef AZULEJO_RENDER_SIZES_H
 #define AZULEJO_RENDER_SIZES_H
@@ -14,24 +14,24 @@
 enum { SIZES_HUGE_MAX = 1024 };  /* triangles */
 
 struct sizes {
-    double *longest;      /* [instances] metres: the longest edge of a triangle that is not huge, in
-                             the world; at most so long */
+    double *longest;      /* [instances] metres in world space: upper bound of the longest edge
+                             of the triangles that are not huge */
     uint32_t huge_count;
     struct hit *huge;     /* [huge_count] by instance, then by triangle */
 };
 
-/* Looks at every triangle once. ERR_NO_MEMORY. */
+/* Reads every triangle once. ERR_NO_MEMORY. */
 status sizes_init(struct sizes *sizes, const struct accel_input *in, struct error *err) MUST_CHECK;
 void sizes_release(struct sizes *sizes);
 
-/* The part of a matrix that Embree's float inverse and products magnify: the largest row sum of
- * |M| |M^-1|; and a lower bound on how much it stretches anything (0 for a flat one). */
+/* How much a matrix magnifies the errors of Embree's float inverse and products: the largest row
+ * sum of |M| |M^-1|; and a lower bound of how much it stretches anything (0 for a flat matrix). */
 double sizes_condition(const struct transform *m);
 double sizes_least_stretch(const struct transform *m);
 
 /* Binary logarithm of longest edge / height of each triangle, rounded up and at most
- * SIZES_SLENDER_MAX; *out is NULL where all are small. *worst_squared is the largest ratio's
- * square so rounded, 1 where all are small. */
+ * SIZES_SLENDER_MAX; *out is NULL if all are small. *worst_squared is the square of the largest
+ * ratio, rounded in the same way; 1 if all are small. */
 enum { SIZES_SLENDER_MAX = 30 };
 status sizes_slender(const float *positions, const struct accel_mesh *mesh, uint8_t **out,
                      double *worst_squared, struct error *err) MUST_CHECK;

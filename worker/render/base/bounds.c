@@ -35,7 +35,7 @@ struct sphere sphere_around(const struct vec3 *points, size_t count)
             s.radius = grown;
         }
     }
-    /* Moving the centre rounds: make sure of every point once more. */
+    /* Moving the centre rounds: check every point once more. */
     for (size_t i = 0; i < count; i++)
         s.radius = fmaxf(s.radius, vec3_length(vec3_sub(points[i], s.centre)));
     s.radius *= 1 + 0x1p-20f;

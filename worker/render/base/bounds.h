@@ -1,7 +1,7 @@
 /* bounds: a sphere around the scene.
  *
- * A path tracer lets environment rays go to infinity; the sphere gives directional lights
- * and the environment a finite power to be chosen by.
+ * A path tracer lets environment rays go to infinity. The sphere gives directional lights and the
+ * environment a finite power, from which the odds of choosing them follow.
  */
 #ifndef AZULEJO_RENDER_BOUNDS_H
 #define AZULEJO_RENDER_BOUNDS_H
@@ -15,9 +15,9 @@ struct sphere {
     float radius;
 };
 
-/* Ritter 1990 ("An Efficient Bounding Sphere", Graphics Gems): start from a far pair, grow
- * to take in what lies outside; at most about 20 % larger than the smallest. Contains every
- * point, rounding included. No point: radius 0 at the origin. */
+/* Ritter 1990 ("An Efficient Bounding Sphere", Graphics Gems): start from a far pair, grow to
+ * include points outside; at most about 20 % larger than the smallest. Contains every point,
+ * rounding included. No points: radius 0 at the origin. */
 struct sphere sphere_around(const struct vec3 *points, size_t count);
 
 #endif

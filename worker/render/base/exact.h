@@ -1,7 +1,7 @@
 /* exact: a ray and a triangle in double precision. Private to worker/render.
  *
- * Positions are float[3] made double, so the difference of two of them is exact or nearly so;
- * what these functions return is good to some 2^-50 of the largest length that goes in.
+ * Positions are float[3] converted to double, so the difference of two of them is exact or nearly
+ * so. The results are accurate to about 2^-50 of the largest input length.
  */
 #ifndef AZULEJO_RENDER_EXACT_H
 #define AZULEJO_RENDER_EXACT_H
@@ -39,7 +39,7 @@ static inline double exact_largest(const double a[3])
 {
     double x = fabs(a[0]), y = fabs(a[1]), z = fabs(a[2]), most = x > y ? x : y;
 
-    return z > most ? z : most; /* fmax would be a call */
+    return z > most ? z : most; /* inline: fmax would be a function call */
 }
 
 /* Where the ray starts. */
@@ -50,8 +50,8 @@ static inline void exact_origin(const struct ray *ray, double out[3])
     out[2] = (double)ray->origin.z + ray->rest[2];
 }
 
-/* The nearest floats to a place, and what they leave over. The floats are volatile because gcc 12
- * takes the way from double to float and back for the identity where it vectorises. */
+/* The floats nearest to a position, and the remainders. They are volatile because gcc 12 treats the
+ * conversion from double to float and back as the identity where it vectorises. */
 static inline struct vec3 exact_round(const double place[3], double rest[3])
 {
     volatile float rounded[3];
@@ -73,8 +73,8 @@ static inline void exact_normal(const double corner[3][3], double out[3])
     exact_cross(e1, e2, out);
 }
 
-/* Where the line meets the triangle's plane, in lengths of `direction`; NaN or infinite where it
- * runs along it. */
+/* Where the line meets the triangle's plane, in lengths of `direction`; NaN or infinite if it is
+ * parallel to the plane. */
 static inline double exact_crossing(const double corner[3][3], const double normal[3],
                                     const double origin[3], const double direction[3])
 {

@@ -1,17 +1,17 @@
-/* profile_scope: what a rendering thread does at the moment, for the sampling profiler that looks
- * at it from outside (worker/profile.h).
+/* profile_scope: what a rendering thread is doing, for the sampling profiler that reads it from
+ * another thread (worker/profile.h).
  *
- *     PROFILE_STAGE(TRACE);      from here to the next stage the thread traces
- *     PROFILE_EFFECT(TEXTURE);   from here to the end of the block it works for this effect
+ *     PROFILE_STAGE(TRACE);      the thread traces, until the next stage
+ *     PROFILE_EFFECT(TEXTURE);   it works for this effect, until the end of the block
  *
- * Stages are those of common/scene/stages.h. A new stage begins without an effect. These marks
- * stand at the borders of the renderer's parts: tracing, surfaces, media, camera, a row of the
- * table of lobes or of lights. The integrator does not know which effect a ray belongs to.
+ * Stages are those of common/scene/stages.h. A new stage begins without an effect. The marks are at
+ * the borders of the renderer's parts: tracing, surfaces, media, camera, a row of the table of
+ * lobes or of lights. The integrator does not know which effect a ray belongs to.
  *
- * A mark is a store or two to bytes of the thread's own; it changes no result. The bytes are
- * volatile, not atomic: compilers take an atomic access for a barrier to all memory and reload
- * what they had in registers, which made frames longer by 1 %. Every processor stores a byte
- * whole; the thread sanitizer, which cannot know, gets the atomic.
+ * A mark stores one or two bytes that belong to the thread; it changes no result. The bytes are
+ * volatile, not atomic: compilers treat an atomic access as a barrier to all memory and reload
+ * registers, which made frames 1 % slower. Every processor stores a byte in one piece; the thread
+ * sanitizer cannot know that, so it gets the atomic.
  */
 #ifndef AZULEJO_RENDER_PROFILE_SCOPE_H
 #define AZULEJO_RENDER_PROFILE_SCOPE_H
@@ -43,7 +43,7 @@ typedef volatile uint8_t watched_byte;
 
 struct profile_place {
     watched_byte stage;   /* its number + 1; 0: the thread renders nothing */
-    watched_byte account; /* of EFFECT_ACCOUNTS: an effect's bit + 1; 0: no effect's */
+    watched_byte account; /* of EFFECT_ACCOUNTS: an effect's bit + 1; 0: no effect */
 };
 extern _Thread_local struct profile_place profile_place __attribute__((tls_model("local-exec")));
 
@@ -69,7 +69,7 @@ static inline void profile_exit(const uint8_t *before)
     WATCHED_SET(profile_place.account, *before);
 }
 
-/* For a row of a table: from here to the end of the surrounding scope, or the next stage. */
+/* For a row of a table: until the end of the enclosing scope, or the next stage. */
 static inline void profile_account(uint8_t account)
 {
     WATCHED_SET(profile_place.account, account);
@@ -83,7 +83,7 @@ static inline uint8_t profile_account_now(void)
 #define PROFILE_STAGE(name) profile_stage((uint8_t)(STAGE_##name + 1))
 #define PROFILE_IDLE() profile_stage(0)
 #define PROFILE_EFFECT(name) PROFILE_EFFECT_ACCOUNT(PROFILE_ACCOUNT(name))
-/* A stage and, to the end of the block, an effect of it: an account. */
+/* A stage, and an effect (an account) until the end of the block. */
 #define PROFILE_STAGE_EFFECT(stage, account) \
     PROFILE_STAGE(stage);                    \
     PROFILE_EFFECT_ACCOUNT(account)

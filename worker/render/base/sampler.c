@@ -37,8 +37,8 @@ void sampler_start(struct sampler *s, uint64_t job_seed, uint32_t frame, uint32_
     uint32_t replicate = group * GROUP_REPLICATES + sample % GROUP_REPLICATES;
     uint64_t seed = hash_u64(job_seed ^ 0x6a09e667f3bcc909ull);
 
-    /* Every mix is a bijection, so two pixels of one frame and replicate never share a seed,
-     * and others only with the odds of a random 64-bit function. */
+    /* Every step is a bijection, so two pixels of one frame and replicate never share a seed; other
+     * pairs do so only with the odds of a random 64-bit function. */
     seed = hash_u64(seed + ((uint64_t)frame << 32 | replicate));
     s->seed = hash_u64(seed + ((uint64_t)pixel_y << 32 | pixel_x));
     s->index = sample / GROUP_REPLICATES;

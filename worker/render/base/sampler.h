@@ -4,11 +4,11 @@
  * two-dimensional sequence with its own index shuffle and scrambles (Burley 2020, JCGT
  * 9(4); the hash is Vegdahl's). Sample i of group g belongs to replicate 2g + i mod 2 and is point
  * i / 2 of that replicate's own, independently scrambled sequence (refs: Owen 2501.00150).
- * The path asks for dimensions by name, so that one decision's numbers never depend on
- * how many another took.
+ * The path asks for dimensions by name, so one decision's numbers never depend on how many numbers
+ * another decision used.
  *
- * Invariant: the bits are pinned (tests/unit/render/test_sampler.c); a change of any of them
- * changes every picture that the farm ever made.
+ * Invariant: the bits are pinned (tests/unit/render/test_sampler.c). Changing them changes every
+ * picture that the farm renders.
  */
 #ifndef AZULEJO_RENDER_SAMPLER_H
 #define AZULEJO_RENDER_SAMPLER_H
@@ -30,7 +30,7 @@ struct sampler {
 enum dimension {
     DIMENSION_PIXEL = 0,     /* position in the pixel (filter) */
     DIMENSION_LENS = 1,
-    DIMENSION_TIME = 2,      /* u: when in the shutter, v: the wavelength */
+    DIMENSION_TIME = 2,      /* u: time within the shutter, v: the wavelength */
     DIMENSION_VERTEX = 8,
     VERTEX_LIGHT_POINT = 0,  /* which light, and where on it */
     VERTEX_MEDIUM = 1,       /* u: free path, v: which material of a mix */
@@ -43,7 +43,7 @@ void sampler_start(struct sampler *s, uint64_t job_seed, uint32_t frame, uint32_
                    uint32_t pixel_y, uint32_t group, uint32_t sample);
 
 /* Make the sample independent of all others: from now on its pairs are points of sequences that no
- * other sample shares. Each such pair is one point with scrambles of its own, hence uniform. */
+ * other sample shares. Each such pair is one point with its own scrambles, hence uniform. */
 void sampler_isolate(struct sampler *s);
 
 /* The two numbers of dimension pair `pair`. */
@@ -63,7 +63,7 @@ struct sample2 sobol_owen_2d(uint32_t index, uint64_t seed);
 uint32_t hash_u32(uint32_t x);
 uint32_t hash_combine(uint32_t seed, uint32_t value);
 
-/* ---- what runs some twenty times a path, inline ---- */
+/* ---- what runs about twenty times per path, inline ---- */
 
 /* Stafford's mix 13 of the 64-bit finaliser (as in SplitMix64): a bijection. */
 static inline uint64_t hash_u64(uint64_t x)
@@ -90,9 +90,9 @@ static inline uint32_t bits_reverse_32(uint32_t x)
     return (x >> 1 & 0x55555555u) | (x & 0x55555555u) << 1;
 }
 
-/* Owen's scramble of a word whose digits run from the least significant bit up: each bit is
- * flipped or not by a hash of the bits below it only, since every factor that is xored in
- * is even. Vegdahl's improvement of the Laine-Karras hash. */
+/* Owen's scramble of a word whose digits run from the least significant bit up: a hash of the bits
+ * below decides whether a bit is flipped, since every factor that is xored in is even. Vegdahl's
+ * improvement of the Laine-Karras hash. */
 static inline uint32_t owen_hash_reversed(uint32_t x, uint32_t seed)
 {
     x ^= x * 0x3d20adeau;
@@ -115,18 +115,18 @@ static inline uint32_t sobol_pascal_reversed(uint32_t index)
     return index ^ (index >> 1 & 0x55555555u);
 }
 
-/* A 32-bit fraction as a float in [0, 1), rounded down: rounding up would reach 1, and would
- * carry one point in 2^15 over an edge of a 1/1024 cell, which a net has to itself. Of a word
- * that is longer than a float's 24 bits, `x >> 24` has its top bit where the first bit to be
- * dropped is; with that one cleared, rounding to nearest goes down. */
+/* A 32-bit fraction as a float in [0, 1), rounded down. Rounding up would reach 1, and would move
+ * one point in 2^15 across the edge of a 1/1024 cell, which must hold exactly one point of the net.
+ * In a word longer than a float's 24 bits, the top bit of `x >> 24` is at the first bit to be
+ * dropped; with that bit cleared, rounding to nearest rounds down. */
 static inline float unit_float(uint32_t x)
 {
     return (float)(x & ~(x >> 24)) * 0x1p-32f;
 }
 
-/* The index shuffle is owen_scramble(index): reverse, hash, reverse. Dimension 0 (van der
- * Corput) is the index reversed, so its scramble hashes the shuffled index as it stands, as
- * does dimension 1's its digits; one 64-bit reversal then serves both. */
+/* The index shuffle is owen_scramble(index): reverse, hash, reverse. Dimension 0 (van der Corput)
+ * is the reversed index, so its scramble hashes the shuffled index directly; dimension 1's scramble
+ * likewise hashes its digits. One 64-bit reversal then serves both. */
 static inline struct sample2 sobol_owen_2d_reversed(uint32_t index_reversed, uint64_t seed)
 {
     uint64_t scrambles = hash_u64(seed + 0x9e3779b97f4a7c15ull);

@@ -1,16 +1,15 @@
 /* albedo: how much of a rough dielectric's light its reflection takes, on average.
  *
- * For a GGX surface with Schlick's Fresnel term the mean reflectance of the microfacets
- * seen along mu = cos theta is f0 + (f90 - f0) * blend(mu, alpha), where blend is the mean
- * of (1 - v.h)^5 weighted by masking and shadowing. The layer below gets what is left:
- * its BRDF is scaled by (1 - mean(mu_o)) (1 - mean(mu_i)) / (1 - mean_average), after
- * Kelemen and Szirmay-Kalos 2001, which is reciprocal and sends out exactly
- * 1 - mean(mu_o) of a white layer.
+ * For a GGX surface with Schlick's Fresnel term the mean reflectance of the microfacets seen along
+ * mu = cos theta is f0 + (f90 - f0) * blend(mu, alpha), where blend is the mean of (1 - v.h)^5
+ * weighted by masking and shadowing. The layer below gets the rest: its BRDF is scaled by
+ * (1 - mean(mu_o)) (1 - mean(mu_i)) / (1 - mean_average), after Kelemen and Szirmay-Kalos 2001.
+ * This is reciprocal, and a white layer sends out exactly 1 - mean(mu_o).
  *
- * `blend` is tabulated (tests/numerics/test_albedo_table.c recomputes the table, checks it
- * and prints it with --print); columns are equal in sqrt(mu) from 0 to 1, rows in
- * sqrt(alpha) from sqrt(BSDF_ALPHA_MIN) to 1. The entries are raised by ALBEDO_MARGIN, so
- * that interpolation never lets layer and reflection together send out more than came in.
+ * `blend` is tabulated (tests/numerics/test_albedo_table.c recomputes the table, checks it and
+ * prints it with --print). Columns are equally spaced in sqrt(mu) from 0 to 1, rows in sqrt(alpha)
+ * from sqrt(BSDF_ALPHA_MIN) to 1. The entries are raised by ALBEDO_MARGIN, so that interpolation
+ * never lets layer and reflection together send out more than came in.
  */
 #ifndef AZULEJO_RENDER_ALBEDO_H
 #define AZULEJO_RENDER_ALBEDO_H
@@ -28,7 +27,7 @@ extern const float albedo_blend[ALBEDO_ROWS][ALBEDO_COLUMNS];
 /* Cosine-weighted hemispherical mean of each row as it is interpolated. */
 extern const float albedo_blend_average[ALBEDO_ROWS];
 
-/* Where an alpha lies between two rows. */
+/* The position of an alpha between two rows. */
 struct albedo_row {
     const float *low;  /* the row below; the one above follows it */
     float average;     /* hemispherical mean of blend */
@@ -69,11 +68,11 @@ static inline float albedo_blend_at(const struct albedo_row *r, float mu)
 /* ---- the exact Fresnel term --------------------------------------------------------------------
  *
  * Schlick's formula is up to a fifth below Fresnel's equations around 60 degrees for an index of
- * 1.5. Where the exact term is asked for, F = f0 + (1 - f0) w, this is by how much the blend of
- * its w is above Schlick's: over (alpha, r = (n - 1) / (n + 1), mu), rows equal in the fourth root
- * of alpha, equal in sqrt(r) from 1.2's to 3's, columns equal in sqrt(mu). Raised by
- * ALBEDO_EXACT_MARGIN. Means over the hemisphere are of the function as it is interpolated:
- * of itself, and of itself times what GGX keeps. */
+ * 1.5. Write the exact term as F = f0 + (1 - f0) w. The table holds the difference between the mean
+ * of w and Schlick's blend, over (alpha, r = (n - 1) / (n + 1), mu). Rows are equally spaced in the
+ * fourth root of alpha and in sqrt(r) for n from 1.2 to 3, columns in sqrt(mu). The entries are
+ * raised by ALBEDO_EXACT_MARGIN. Means over the hemisphere are of the function as it is
+ * interpolated: of itself, and of itself times what GGX keeps. */
 enum { ALBEDO_EXACT_ROWS = 12, ALBEDO_EXACT_INDICES = 9, ALBEDO_EXACT_COLUMNS = 24 };
 #define ALBEDO_EXACT_IOR_FIRST 1.2f
 #define ALBEDO_EXACT_IOR_LAST 3.0f
@@ -90,7 +89,7 @@ struct albedo_exact {
     const float *low;
     float row, index;      /* how far between the neighbours */
     float mean, kept_mean;
-    float smooth_mean;     /* of no roughness: never above the truth, for it has no table */
+    float smooth_mean;     /* for no roughness: never above the true value, since it has no table */
 };
 
 /* mu in 0..1. */
@@ -114,16 +113,15 @@ static inline float albedo_exact_at(const struct albedo_exact *t, float mu)
 
 /* ---- what GGX loses ------------------------------------------------------------------------
  *
- * Smith's single scattering drops the light that meets a second microfacet: 1 - E(mu, alpha)
- * of it with unit Fresnel term. `albedo_loss` tabulates that loss. Its columns are equal in
- * c = sqrt(mu (1 + alpha) / (mu + alpha)), for at small alpha the loss is a function of
- * mu / alpha alone, greatest near mu = alpha: linear interpolation is then good to 0.002 for
- * every mu and alpha (32 columns in sqrt(mu) are not good to 0.01). The entries are the loss
- * over (1 - c^2)^2 + alpha^2, which falls off as it does. Rows as above. Hemispherical means
- * are of the function as it is interpolated, so that the compensation made with their help adds
- * up; their rows are ALBEDO_MEAN_STEPS times denser, because the columns' places move with
- * alpha. Means of losses are tabulated divided by alpha^2 (the wider alpha's), which they
- * grow with. */
+ * Smith's single scattering drops the light that meets a second microfacet: with unit Fresnel term,
+ * 1 - E(mu, alpha) of it. `albedo_loss` tabulates that loss. Its columns are equally spaced in
+ * c = sqrt(mu (1 + alpha) / (mu + alpha)), because at small alpha the loss is a function of mu /
+ * alpha alone, largest near mu = alpha. Linear interpolation is then accurate to 0.002 for every mu
+ * and alpha (32 columns in sqrt(mu) are not accurate to 0.01). The entries are the loss over
+ * (1 - c^2)^2 + alpha^2, which falls off in the same way. Rows as above. Hemispherical means are of
+ * the function as it is interpolated, so that the compensation computed from them adds up; their
+ * rows are ALBEDO_MEAN_STEPS times denser, because the columns' positions move with alpha. Means of
+ * losses are tabulated over alpha^2 (of the wider alpha), with which they grow. */
 enum { ALBEDO_MEAN_STEPS = 4, ALBEDO_MEAN_ROWS = ALBEDO_MEAN_STEPS * (ALBEDO_ROWS - 1) + 1 };
 extern const float albedo_loss[ALBEDO_ROWS * ALBEDO_COLUMNS];
 extern const float albedo_loss_mean[ALBEDO_MEAN_ROWS];
@@ -135,7 +133,7 @@ struct albedo_loss_row {
     float mean, schlick_mean;
 };
 
-/* x = 0..last of a table whose neighbouring entries are then x and x + 1. */
+/* x = 0..last of a table; x and x + 1 are then the neighbouring entries. */
 static inline int albedo_cell(float *x, int count)
 {
     int cell = *x > 0.0f ? (int)*x : 0;
@@ -164,7 +162,7 @@ static inline struct albedo_loss_row albedo_loss_row_find(float alpha)
     return r;
 }
 
-/* c of mu, 0..1; and what the entries there are multiplied by. */
+/* c of mu, 0..1; and the factor of the entries there. */
 static inline float albedo_loss_column(float alpha, float mu, float *scale)
 {
     float c2 = mu * (1.0f + alpha) / (mu + alpha);
@@ -214,12 +212,12 @@ static inline struct albedo_exact albedo_exact_find(float alpha, float n)
     return t;
 }
 
-/* ---- stretched GGX: the loss depends on the azimuth too ----------------------------------------
+/* ---- stretched GGX: the loss depends on the azimuth, too ----------------------------------------
  *
- * Tables over (alpha x, alpha y / alpha x, azimuth, mu), x the wider. The azimuth enters by
- * the alpha across the direction, sqrt(ax^2 cos^2 + ay^2 sin^2) = ay + (ax - ay) q^2, which
- * also takes alpha's place in the columns (the entries are over (1 - c^2)^2 + ax^2, though: seen
- * from above both alphas count); equal steps in q. */
+ * Tables over (alpha x, alpha y / alpha x, azimuth, mu), x the wider. The azimuth enters as the
+ * alpha across the direction, sqrt(ax^2 cos^2 + ay^2 sin^2) = ay + (ax - ay) q^2, with equal steps
+ * in q. That alpha also replaces alpha in the columns (but the entries are over (1 - c^2)^2 + ax^2:
+ * seen from above both alphas count). */
 enum {
     ALBEDO_STRETCHED_ROWS = 8,
     ALBEDO_STRETCHED_RATIOS = 6,
@@ -299,10 +297,11 @@ static inline float albedo_stretched_loss_at(const struct albedo_stretched *s, f
     return (v[0] + (v[1] - v[0]) * s->row) * (scale - across * across + s->x * s->x);
 }
 
-/* The alpha whose `blend` is, in every azimuth, not below the mean Schlick weight of a stretched
- * distribution: less than the narrow one, for where one looks across the stretch the microfacets
- * that are seen lean aside, which lowers v.h. Found by quadrature (docs/NUMERICS.md), which finds
- * the weight above the blend by 0.004 at most. 1 >= alpha_x >= alpha_y >= BSDF_ALPHA_MIN. */
+/* The alpha whose `blend` is, in every azimuth, at least the mean Schlick weight of a stretched
+ * distribution. It is smaller than the narrow alpha: to a viewer across the stretch the visible
+ * microfacets lean sideways, which lowers v.h. Found by quadrature (docs/NUMERICS.md), according to
+ * which the weight exceeds the blend by at most 0.004. 1 >= alpha_x >= alpha_y >=
+ * BSDF_ALPHA_MIN. */
 static inline float albedo_stretched_layer(float alpha_x, float alpha_y)
 {
     float alpha = alpha_y * sqrtf(alpha_y / alpha_x);
@@ -312,12 +311,13 @@ static inline float albedo_stretched_layer(float alpha_x, float alpha_y)
 
 /* ---- rough dielectrics ---------------------------------------------------------------------------
  *
- * What reflection and refraction together lose, seen from the thinner (side 0) or the denser
- * side (1), over (alpha, r^(1/4) with r = (n - 1) / (n + 1), mu). Just inside a slightly denser
- * medium nearly all of it is lost at grazing angles: refraction lifts it above the horizon. Where
- * that begins moves with r, hence the fourth root, and ALBEDO_INTERFACE_FIRST, below which no table
- * of this size would do (n = 1.008). Columns are equal in c = mu (1 + alpha) / (mu + alpha): closer at the
- * far end than the other tables', where the loss of a wide distribution is steep. */
+ * What reflection and refraction together lose, seen from the thinner (side 0) or the denser side
+ * (1), over (alpha, r^(1/4) with r = (n - 1) / (n + 1), mu). Just inside a slightly denser medium
+ * nearly all light is lost at grazing angles: refraction lifts it above the horizon. Where that
+ * begins depends on r, hence the fourth root. Below ALBEDO_INTERFACE_FIRST (n = 1.008) no table of
+ * this size is accurate enough. Columns are equally spaced in c = mu (1 + alpha) / (mu + alpha): at
+ * the far end closer than the other tables', because there the loss of a wide distribution is
+ * steep. */
 enum {
     ALBEDO_INTERFACE_ROWS = 12,
     ALBEDO_INTERFACE_INDICES = 16,
@@ -380,8 +380,8 @@ static inline float albedo_interface_loss_at(const struct albedo_interface *t, f
 
 /* ---- sheen: directional albedo of Charlie's distribution ----------------------------------------
  *
- * Rows equal in sqrt(alpha) from sqrt(BSDF_SHEEN_ALPHA_MIN) to 1, columns in sqrt(mu). Raised
- * by ALBEDO_MARGIN. Above 1 for a small alpha at grazing angles. */
+ * Rows equally spaced in sqrt(alpha) from sqrt(BSDF_SHEEN_ALPHA_MIN) to 1, columns in sqrt(mu).
+ * Raised by ALBEDO_MARGIN. Above 1 for a small alpha at grazing angles. */
 #define BSDF_SHEEN_ALPHA_MIN 0.01f
 extern const float albedo_sheen[ALBEDO_ROWS * ALBEDO_COLUMNS];
 

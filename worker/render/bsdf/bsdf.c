@@ -4,7 +4,7 @@
 #include "worker/render/bsdf/layering.h"
 #include "worker/render/base/profile_scope.h"
 
-/* What a row of the table becomes. */
+/* Expansions of a row of the table. */
 #define ACCOUNT(condition, then, otherwise) \
     ((condition) ? PROFILE_ACCOUNT(then) : PROFILE_ACCOUNT(otherwise))
 #define LOBE_BIT(name) (1u << BSDF_LOBE_##name)
@@ -12,7 +12,7 @@
 #define LOBE_BIT_ON(name, prefix, side, effects, account) \
     | (LOBE_ENABLED(effects) && LOBE_SIDE_##side == wanted ? LOBE_BIT(name) : 0)
 
-/* Can this kernel variant do more than Lambert surfaces? */
+/* Can this kernel variant render more than Lambertian surfaces? */
 #define EFFECT_OR(name, condition) | EFFECT_##name
 #define HAS_LOBES LOBE_ENABLED(EFFECT_MIRROR BSDF_CALL_MAP(EFFECT_OR))
 
@@ -25,7 +25,7 @@ static inline int is_finite_sum(struct vec3 f, float pdf)
 
 /* ---- preparing ----------------------------------------------------------------------------------- */
 
-/* The account of what evaluates the base: that of the last of its lobes. */
+/* The account charged for evaluating the base: that of the last of its lobes. */
 static inline uint8_t base_account(const struct bsdf *b)
 {
     const uint32_t base = b->lobes & (2 * LOBE_BIT(THIN_WALL) - 1);
@@ -38,7 +38,7 @@ static inline uint8_t base_account(const struct bsdf *b)
     return PROFILE_NO_EFFECT;
 }
 
-/* Apart, or what they keep in registers would be saved for every Lambert surface. */
+/* Not inlined: otherwise every Lambertian surface would save the registers that these need. */
 static __attribute__((noinline)) void init_lobes(struct bsdf *b, const struct bsdf_params *params,
                                                  struct vec3 wo)
 {
@@ -164,7 +164,7 @@ static inline int is_usable(struct vec3 weight)
     return is_finite_sum(weight, 0) && vec3_max(weight) > 0.0f;
 }
 
-/* Let the lobe that u_lobe falls on sample; what is left of the number is as good as a new one. */
+/* The lobe that u_lobe selects samples; the rest of the number is as good as a new one. */
 static inline enum lobe_result lobes_sample(const struct bsdf *b, struct vec3 wo, float u_lobe,
                                             float u, float v, struct bsdf_sample *out)
 {
@@ -179,7 +179,7 @@ static inline enum lobe_result lobes_sample(const struct bsdf *b, struct vec3 wo
             enum lobe_result result;                                                         \
             profile_account(account);                                                             \
             result = prefix##_sample(b, wo, clamp_to(w, 0, ONE_MINUS_EPSILON), u, v, out);   \
-            /* A coat's own mirror has nothing above it. */                                  \
+            /* Nothing lies above a coat's own mirror.  */                                  \
             if (result == LOBE_DELTA && BSDF_LOBE_##name != BSDF_LOBE_COAT)                  \
                 out->weight = vec3_scale(out->weight, cover_between(b, out->wi).lobe);       \
             return result;                                                                   \
@@ -222,8 +222,8 @@ static inline int sample_mixture(const struct bsdf *b, struct vec3 wo, float u_l
     case LOBE_SMOOTH:
         break;
     }
-    /* What next-event estimation would compute for this wi, bit for bit, so that the
-     * weights of multiple importance sampling add up to 1. */
+    /* Evaluate this wi exactly as next-event estimation would, bit for bit, so that the weights of
+     * multiple importance sampling add up to 1. */
     f = lobes_evaluate(b, wo, out->wi, &out->pdf);
     if (!(out->pdf > 0.0f))
         return 0;

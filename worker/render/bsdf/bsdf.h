@@ -6,16 +6,16 @@
  * includes 1/eta^2 for refraction. All functions are pure and use only deterministic
  * arithmetic; no result is ever NaN, infinite or negative.
  *
- * A surface is a sum of lobes. Each is a row of BSDF_LOBE_MAP below and one file, lobe_*.h, with
- * its model, its paper and three functions: init, evaluate (with the density), sample.
- * layering.h combines them: how much each of them weighs and how often it is sampled. What
- * changes a lobe without being one has a file of its own: the microfacets (microfacet.h), their
- * Fresnel term (fresnel.h, thin_film.h), multiple scattering between them (compensation.h), and
- * what a layer leaves for what lies below it (layer.h).
+ * A surface is a sum of lobes. Each lobe is a row of BSDF_LOBE_MAP below and one file, lobe_*.h,
+ * with its model, its paper and three functions: init, evaluate (with the density), sample.
+ * layering.h combines them: how much each one weighs and how often it is sampled. What modifies a
+ * lobe without being one has its own file: the microfacets (microfacet.h), their Fresnel term
+ * (fresnel.h, thin_film.h), multiple scattering between them (compensation.h), and what a layer
+ * leaves for what lies below it (layer.h).
  *
- * Special cases: alpha < BSDF_ALPHA_MIN is smooth (delta lobes); ior 0 is Fresnel 1 at F0
- * (no bending); a refraction that would spread by less than BSDF_SPREAD_MIN is a delta
- * lobe, so ior 1 passes straight whatever alpha, and so does an ior that is ior_outside.
+ * Special cases: alpha < BSDF_ALPHA_MIN is smooth (delta lobes); ior 0 means Fresnel 1 at F0
+ * (no bending). A refraction that spreads by less than BSDF_SPREAD_MIN is a delta lobe, so light
+ * passes straight through ior 1, or an ior equal to ior_outside, for any alpha.
  */
 #ifndef AZULEJO_RENDER_BSDF_H
 #define AZULEJO_RENDER_BSDF_H
@@ -28,19 +28,19 @@
 #include "worker/render/bsdf/microfacet.h"
 #include "worker/render/bsdf/thin_film.h"
 
-/* GGX alpha below this is a perfect mirror (a delta lobe). */
+/* GGX alpha below this is treated as a perfect mirror (a delta lobe). */
 #define BSDF_ALPHA_MIN 1e-3f
 /* F90 of plastic and of coats reaches its full value at this F0 (ior 1.2). */
 #define BSDF_FADE_F0 (1.0f / 121.0f)
-/* Rough refraction with alpha * |eta - 1| below this is a delta lobe: floats could not
- * resolve its half vector, and no picture its blur (radians). */
+/* Rough refraction with alpha * |eta - 1| below this is a delta lobe: floats could not resolve its
+ * half vector, and no picture would show its blur (radians). */
 #define BSDF_SPREAD_MIN 1e-4f
 /* Larger indices are clamped to this (F0 = 0.996). */
 #define BSDF_IOR_MAX 1000.0f
 
-/* Parameters that are the material's field of the same name, times one channel of its texture, and
- * act where they are above 0: X(effect without which they are 0, FORM(name)). Such a row is all that
- * brings the field here (surface_shade.c). */
+/* Parameters that are the material's field of the same name times one channel of its texture, and
+ * that act if they are above 0: X(effect without which they are 0, FORM(name)). Such a row is all
+ * that the field needs here (surface_shade.c). */
 #define BSDF_FACTOR_MAP(X, FORM)                                                                  \
     X(CLEARCOAT, FORM(clearcoat))       /* weight of the coat, 0..1 */                            \
     X(IRIDESCENCE, FORM(iridescence))   /* weight of the film, 0..1 */                            \
@@ -53,24 +53,24 @@ struct bsdf_params {
     struct vec3 base_color;     /* 0..1 */
     float metallic;             /* 0..1 */
     float alpha;                /* GGX alpha = roughness^2, 0..1 */
-    float ior;                  /* > 0, below 1 where it is relative to what is around (ice in
+    float ior;                  /* > 0, below 1 if it is relative to the surroundings (ice in
                                    water), or 0: Fresnel is exactly 1; else clamped */
     float specular;             /* weight of the dielectric reflection, 0..1 */
     struct vec3 specular_color; /* scales F0 of the dielectric, >= 0 */
     float transmission;         /* 0..1 */
-    int refractive;             /* transmission refracts; else thin wall */
+    int refractive;             /* transmission refracts; otherwise a thin wall */
     int inside;                 /* refractive: wo is inside the object (hit from behind) */
-    float ior_outside;          /* of what surrounds the object, >= 1; 0 counts as 1. Every
+    float ior_outside;          /* of the object's surroundings, >= 1; 0 counts as 1. Every
                                    index here is absolute: a larger one outside is fine */
 
-    /* Everything below is absent when 0 (memset), whatever the rest says. */
+    /* Everything below is absent when 0 (memset), whatever the fields above say. */
 #define BSDF_FACTOR_FLOAT(name) float name
 #define BSDF_FACTOR_MEMBER(effect, member) member;
     BSDF_FACTOR_MAP(BSDF_FACTOR_MEMBER, BSDF_FACTOR_FLOAT)
 #undef BSDF_FACTOR_MEMBER
 #undef BSDF_FACTOR_FLOAT
-    float alpha_stretched;      /* anisotropy: GGX alpha along the frame's x, >= alpha, which then
-                                   is the one along y; 0: isotropic */
+    float alpha_stretched;      /* anisotropy: GGX alpha along the frame's x, >= alpha, which is
+                                   then the alpha along y; 0: isotropic */
     int conductor;              /* Fresnel of a metal with eta, k at R, G, B (relative to vacuum),
                                    times base_color; metallic, specular, transmission, ... unused */
     struct vec3 eta, k;
@@ -87,9 +87,9 @@ struct bsdf_params {
                                    (--without multiple-scattering) */
 };
 
-/* What of the lower part acts on a surface, and the effect that it calls for: X(effect, condition
- * on params p). A surface without any of it is glTF's core material, for which there are
- * shortcuts. CALLS_FOR(b, effect) (lobe.h) asks for it. */
+/* Which of the fields above act on a surface, and the effect that they need: X(effect, condition on
+ * params p). A surface with none of them is glTF's core material, for which there are shortcuts.
+ * CALLS_FOR(b, effect) (lobe.h) tests for it. */
 #define BSDF_CALL_MAP(X)                                                                          \
     BSDF_FACTOR_MAP(X, BSDF_FACTOR_IS_SET)                                                        \
     X(ANISOTROPY, p->alpha_stretched > 0.0f)                                                      \
@@ -120,13 +120,13 @@ struct bsdf_params {
  *          which brings it.
  * account: the effect that its time is charged to (profile_scope.h).
  *
- * tests (tests/statistics): test_bsdf_lobes takes each row by itself, chi-square of samples against
- * densities and furnace; test_bsdf_chi_square and test_bsdf_energy whole surfaces of the base's lobes,
- * test_bsdf_layers_chi_square and test_bsdf_layers_energy all others.
+ * tests (tests/statistics): test_bsdf_lobes tests each row alone, samples against densities
+ * (chi-square) and furnace; test_bsdf_chi_square and test_bsdf_energy test whole surfaces of the
+ * base's lobes, test_bsdf_layers_chi_square and test_bsdf_layers_energy all others.
  *
- * REFLECTION: whatever reflects with the base's microfacets (metal, plastic, thin wall; also what
- * the interface reflects, which INTERFACE samples). DIFFUSE and DIFFUSE_TRANSMISSION sample by the
- * cosine what multiple-scattering compensation sends out on their sides, too. */
+ * REFLECTION: everything that reflects at the base's microfacets (metal, plastic, thin wall; also
+ * the interface's reflection, which INTERFACE samples). DIFFUSE and DIFFUSE_TRANSMISSION also
+ * sample, by the cosine, the multiple-scattering compensation on their sides. */
 #define BSDF_LOBE_MAP(X)                                                                         \
     X(DIFFUSE, diffuse, ABOVE, EFFECTS_ALL,                                                      \
       ACCOUNT(vec3_is_black(b->diffuse.color), MULTIPLE_SCATTERING, DIFFUSE))                    \
@@ -151,7 +151,7 @@ enum bsdf_lobe {
     BSDF_LOBES
 };
 
-/* Shortcuts for the surfaces that most scenes are made of. */
+/* Shortcuts for the most common surfaces. */
 enum bsdf_kind {
     BSDF_KIND_BLACK,   /* scatters nothing */
     BSDF_KIND_LAMBERT, /* no reflection: exactly base_color / pi */
@@ -170,7 +170,7 @@ struct bsdf_material {
     int refractive, inside;
 };
 
-/* How much of the base is of which kind; they add up to 1. */
+/* The share of each kind in the base; they add up to 1. */
 struct bsdf_weights {
     float metal, plastic, glass;
     float wall, diffuse; /* of plastic: what passes through a thin wall; what has a Lambert base */
@@ -188,7 +188,7 @@ struct bsdf_dielectric {
 struct bsdf_reflection {
     struct vec3 f0;              /* Schlick's ends, with all weights */
     float f90;
-    int schlick;                 /* and nothing but Schlick's formula between them */
+    int schlick;                 /* only Schlick's formula between them */
     struct vec3 eta, k;          /* of a conductor, relative to what surrounds it */
     float interreflection;       /* of a conductor */
 };
@@ -221,7 +221,7 @@ struct bsdf_rough_diffuse {
 /* layer.h: what plastic's reflection leaves for what lies below it */
 struct bsdf_layer {
     float f0, f90;               /* ends of the mean reflectance */
-    float returned;              /* share of what microfacets lose that comes back */
+    float returned;              /* share of the microfacets' loss that is returned */
     float reflected_o, rest_o;   /* what it reflects, and leaves, along wo */
     int exact;                   /* the Fresnel term is the exact one, not Schlick's */
     struct albedo_row row;
@@ -247,7 +247,7 @@ struct bsdf_interface_compensation {
 struct bsdf_coat {
     float weight;                /* 0: none */
     struct vec3 normal;
-    int exact;                   /* Fresnel's term for `ior`, and the metal below knows of it */
+    int exact;                   /* Fresnel's equations for `ior`, also for the metal below */
     float ior;                   /* relative */
     float f0, f90;
     struct microfacets micro;
@@ -269,15 +269,15 @@ struct bsdf_sheen {
 struct bsdf {
     enum bsdf_kind kind;
     int has_delta, has_smooth;   /* any delta lobe; any lobe with a density */
-    uint8_t account;             /* to which the time of its base is charged (profile_scope.h) */
+    uint8_t account;             /* the account charged for the base's time (profile_scope.h) */
     float cos_o;
     float eta;                   /* n on the far side / n on wo's side */
     struct bsdf_lambert diffuse;
     struct bsdf_material material;
 
-    uint64_t effects;            /* that act here: BSDF_CALL_MAP's, and compensation's */
-    uint32_t lobes;              /* bit BSDF_LOBE_x: it is sampled */
-    uint32_t smooth_lobes;       /* ... it is evaluated: it has a density */
+    uint64_t effects;            /* that act here: those of BSDF_CALL_MAP, and compensation's */
+    uint32_t lobes;              /* bit BSDF_LOBE_x: the lobe is sampled */
+    uint32_t smooth_lobes;       /* ... the lobe is evaluated: it has a density */
     float lobe_pdf[BSDF_LOBES];  /* selection probabilities, 0 for absent lobes */
 
     struct bsdf_weights weights;
@@ -310,8 +310,8 @@ struct bsdf_sample {
     float eta_scale;       /* squared relative ior for Russian roulette: product of eta^2 */
 };
 
-/* Prepare for one wo (unit, wo.z > 0). Clamps params into their ranges. Charges the base's lobe
- * (profile_scope.h), or leaves the charge as it is. */
+/* Prepare for one wo (unit, wo.z > 0). Clamps params to their ranges. Charges the base's lobe
+ * (profile_scope.h), or leaves the account as it is. */
 void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo);
 
 /* f(wo, wi) * |wi.z| of all lobes that have a density; black for a delta-only surface. */
@@ -320,7 +320,7 @@ struct vec3 bsdf_eval(const struct bsdf *b, struct vec3 wo, struct vec3 wi);
 /* Solid-angle density with which bsdf_sample picks wi by lobes that have a density. */
 float bsdf_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi);
 
-/* eval and pdf together, sharing the work: what next-event estimation calls. */
+/* eval and pdf together, which share work; next-event estimation calls this. */
 struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, float *pdf);
 
 /* Sample wi. u_lobe, u, v in [0,1). Returns 0 for "no sample" (absorbed). For smooth lobes
@@ -332,7 +332,7 @@ int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, flo
  * internal reflection, 0 for eta = 1. */
 float fresnel_dielectric(float cos_i, float eta);
 
-/* What Schlick's term comes to at a grazing angle: 1, and for what hardly refracts less. */
+/* Schlick's term at a grazing angle: 1, and less for an interface that hardly refracts. */
 static inline float bsdf_f90_of(float f0)
 {
     return f0 < BSDF_FADE_F0 ? f0 * (1.0f / BSDF_FADE_F0) : 1.0f;

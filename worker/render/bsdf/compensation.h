@@ -1,15 +1,15 @@
 /* compensation: multiple scattering between microfacets.
  *
  * Single scattering drops the light that meets a second microfacet: 1 - E(mu) of it (albedo.h). It
- * is added as a wide lobe after Kulla and Conty 2017 ("Revisiting Physically Based Shading at
+ * is added back as a wide lobe after Kulla and Conty 2017 ("Revisiting Physically Based Shading at
  * Imageworks"):
  *
  *   f = color (1 - E(mu_o)) (1 - E(mu_i)) / (pi (1 - E_average))
  *   color = F^2 K / (1 - F (1 - K)), F the mean Fresnel term, K = E_average
  *
- * Reciprocal, and white stays white. The part of plastic's that does not leave at once goes to its
- * base (layer.h). A rough interface's part goes to both sides, split so that it stays reciprocal.
- * All of it is sampled by the cosine lobes of lobe_diffuse.h.
+ * This is reciprocal, and white stays white. In plastic, the part that does not leave at once goes
+ * to the base (layer.h). A rough interface sends it to both sides, split so that it stays
+ * reciprocal. The cosine lobes of lobe_diffuse.h sample all of it.
  */
 #ifndef AZULEJO_RENDER_COMPENSATION_H
 #define AZULEJO_RENDER_COMPENSATION_H
@@ -17,18 +17,20 @@
 #include "common/math/elementary.h"
 #include "worker/render/bsdf/lobe.h"
 
-/* A mean loss below this is rounding. */
+/* A mean loss below this is rounding error. */
 #define LOSS_MEAN_MIN 1e-7f
-/* The table of stretched distributions' losses errs by less than this share of the loss where
- * alphas are unlike; see tests/statistics/test_bsdf_energy.c. */
+/* The error of the table of stretched distributions' losses is below this share of the loss if the
+ * two alphas differ; see tests/statistics/test_bsdf_energy.c. */
 #define STRETCHED_DOUBT 0.12f
-/* An interface returns a little less than the table says, for its errors; nothing below
- * the first (n - 1) / (n + 1), which is the table's first, all from the second;
- * nothing below the first alpha (the loss is at grazing angles only), all from the second. */
+/* An interface returns slightly less than the table says, to allow for its errors. It returns
+ * nothing below the first (n - 1) / (n + 1), which is the table's first, and all from the second
+ * on; nothing below the first alpha (the loss is at grazing angles only), and all from the second
+ * on. */
 #define INTERFACE_KEPT 0.99f
 #define INTERFACE_NONE 0.00390625f
 #define INTERFACE_ALL 0.015f
-/* From the table's last but one (n = 9.8) to the last, a mirror, is too far to interpolate. */
+/* From the table's last but one entry (n = 9.8) to the last, a mirror, is too far to
+ * interpolate. */
 #define INTERFACE_MOST 0.8145f
 #define INTERFACE_ALPHA_NONE 0.02f
 #define INTERFACE_ALPHA_ALL 0.05f
@@ -38,7 +40,7 @@ static inline int is_compensated(const struct bsdf_params *params)
     return HAS(MULTIPLE_SCATTERING) && !params->single_scattering;
 }
 
-/* 1 - E along w, of the base's microfacets; 0 where nothing is compensated. */
+/* 1 - E along w, of the base's microfacets; 0 if nothing is compensated. */
 static inline float compensation_loss(const struct bsdf *b, struct vec3 w)
 {
     if (!CALLS_FOR(b, MULTIPLE_SCATTERING))
@@ -48,16 +50,16 @@ static inline float compensation_loss(const struct bsdf *b, struct vec3 w)
     return albedo_loss_at(&b->compensation.loss, fabsf(w.z));
 }
 
-/* What comes out of light that microfacets of mean reflectance f throw to each other, of which
- * `kept` leaves at every bounce: f^2 kept + f^3 kept (1 - kept) + ... */
+/* The light that leaves after microfacets of mean reflectance f reflect it among themselves, if
+ * `kept` of it leaves at every bounce: f^2 kept + f^3 kept (1 - kept) + ... */
 static inline float series(float f, float kept)
 {
     return f * f * kept / (1.0f - f * (1.0f - kept));
 }
 static inline struct vec3 series_color(struct vec3 f, float kept)
 {
-    /* Four lanes, all of them set: gcc divides two at a time and leaves the others what the stack
-     * held, and if those are subnormal the division takes a hundred cycles. */
+    /* Four lanes, all of them set: gcc divides two at a time and leaves in the others whatever was
+     * on the stack; a division of subnormals takes a hundred cycles. */
     float lane[4] = {f.x, f.y, f.z, 0};
 
     for (int i = 0; i < 4; i++)
@@ -72,8 +74,8 @@ static inline float compensation_mean(const struct bsdf *b)
                                             : b->compensation.loss.mean;
 }
 
-/* Prepare what is returned of a loss of `loss_o` along wo, of which microfacets return `color`:
- * series_color's with all weights. Returns how often to sample it. */
+/* Prepare the compensation of a loss of `loss_o` along wo, if microfacets return `color`:
+ * series_color's result with all weights. Returns how often to sample it. */
 static inline float compensation_init(struct bsdf *b, struct vec3 color, float loss_o)
 {
     float mean = compensation_mean(b), scale;
@@ -83,7 +85,7 @@ static inline float compensation_init(struct bsdf *b, struct vec3 color, float l
         return 0;
     }
     scale = loss_o / mean;
-    if (ggx_is_stretched(&b->base.shape)) /* less where the table is less sure */
+    if (ggx_is_stretched(&b->base.shape)) /* less if the table is less accurate */
         scale *= 1.0f - STRETCHED_DOUBT * (1.0f - b->base.shape.y / b->base.shape.x);
     b->compensation.color = vec3_scale(color, scale * INV_PI_F);
     return vec3_average(color) * loss_o;
@@ -91,8 +93,8 @@ static inline float compensation_init(struct bsdf *b, struct vec3 color, float l
 
 /* ---- a rough interface --------------------------------------------------------------------------- */
 
-/* How much of the table's loss is returned: less where the Fresnel term is not the plain one, and
- * where the table is not sure. */
+/* How much of the table's loss is returned: less if the Fresnel term is not the plain one, and
+ * where the table is inaccurate. */
 static inline float interface_kept(const struct bsdf *b, float fade)
 {
     const struct bsdf_dielectric *d = &b->dielectric;
@@ -112,8 +114,8 @@ static inline float interface_kept(const struct bsdf *b, float fade)
     return kept;
 }
 
-/* Reflected and transmitted shares on either side are such that what passes is the same both ways
- * (times n^2). *above and *below are how often to sample either; below 0: there is none. */
+/* The reflected and transmitted shares on each side are such that the same light (times n^2) passes
+ * both ways. *above and *below: how often to sample each; below 0: no such lobe. */
 static inline void interface_compensation_init(struct bsdf *b, float base, float *above,
                                                float *below)
 {
@@ -139,8 +141,8 @@ static inline void interface_compensation_init(struct bsdf *b, float base, float
     far = c->loss_far.mean;
     if (!(near > LOSS_MEAN_MIN && far > LOSS_MEAN_MIN))
         return;
-    /* Mean Fresnel reflectance from the thinner side (fit of Kulla and Conty 2017), to 0.3 %;
-     * from the denser side (1 - F') = (1 - F) / n^2 exactly. */
+    /* Mean Fresnel reflectance from the thinner side (fit of Kulla and Conty 2017), to 0.3 %; from
+     * the denser side exactly (1 - F') = (1 - F) / n^2. */
     average = b->dielectric.exact ? (n - 1.0f) / (4.08567f + 1.00071f * n) : 1.0f;
     average = average < 1.0f ? average : 1.0f;
     pass = (1.0f - average) * (side ? 1.0f / (n * n) : 1.0f) * float_min(near, far) / near;

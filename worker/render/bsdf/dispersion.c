@@ -22,8 +22,8 @@ static float lobe(float nm, float peak, float below, float above)
 float wavelength_sample(float u, struct vec3 *rgb_weight)
 {
     /* Density proportional to sech^2((nm - CENTRE) / WIDTH), near the mean of the three
-     * sensitivities (the form is that of Radziszewski, Boryczko and Alda 2009), inverted:
-     * tanh of the ends and of what lies between. */
+     * sensitivities (Radziszewski, Boryczko and Alda 2009 use this form), inverted with the tanh of
+     * both ends. */
     const float centre = 530.0f, width = 120.0f;
     const float low = -0.84828364f, high = 0.91912087f; /* tanh((380 - c) / w), (720 - c) / w */
     float t = low + (high - low) * (u > 0.0f ? (u < 1.0f ? u : 1.0f) : 0.0f);
@@ -38,8 +38,8 @@ float wavelength_sample(float u, struct vec3 *rgb_weight)
         0.065f * lobe(nm, 501.1f, 20.4f, 26.2f);
     y = 0.821f * lobe(nm, 568.8f, 46.9f, 40.5f) + 0.286f * lobe(nm, 530.9f, 16.3f, 31.1f);
     z = 1.217f * lobe(nm, 437.0f, 11.8f, 36.0f) + 0.681f * lobe(nm, 459.0f, 26.0f, 13.8f);
-    /* To Rec. 709, each row over its own integral from 380 to 720 nm: an equal-energy light
-     * comes out white. */
+    /* To Rec. 709, each row over its own integral from 380 to 720 nm, so that an equal-energy light
+     * is white. */
     rgb_weight->x = (3.2404542f * x - 1.5371385f * y - 0.4985314f * z) *
                     (7.790644758e-3f * inverse_density);
     rgb_weight->y = (-0.9692660f * x + 1.8760108f * y + 0.0415560f * z) *

@@ -7,14 +7,14 @@
 #define DISPERSION_NM_MIN 380.0f
 #define DISPERSION_NM_MAX 720.0f
 
-/* Cauchy's formula through n_d (at 587.6 nm) with the Abbe number 20 / dispersion, as
- * KHR_materials_dispersion has it; at least 1. dispersion <= 0, or n_d = 0 (Fresnel 1): n_d. */
+/* Cauchy's formula through n_d (at 587.6 nm) with the Abbe number 20 / dispersion, as in
+ * KHR_materials_dispersion; at least 1. dispersion <= 0, or n_d = 0 (Fresnel 1): n_d. */
 float dispersion_ior(float n_d, float dispersion, float nm);
 
-/* Choose a wavelength (nm, DISPERSION_NM_MIN..MAX) by u in [0,1), where the eye is sensitive
- * more often. *rgb_weight is its colour in linear Rec. 709 over that density: its mean over u
- * is (1,1,1), so that white stays white. Components of single wavelengths may be negative:
- * only their mean is a colour. */
+/* Choose a wavelength (nm, DISPERSION_NM_MIN..MAX) with u in [0,1), more often where the eye is
+ * sensitive. *rgb_weight is its colour in linear Rec. 709 over that density. Its mean over u is
+ * (1,1,1), so white stays white. Components of single wavelengths may be negative: only their mean
+ * is a colour. */
 float wavelength_sample(float u, struct vec3 *rgb_weight);
 
 #endif

@@ -22,9 +22,9 @@ static inline struct vec3 schlick_mix(struct vec3 f0, float f90, float weight)
                          f0.z + (f90 - f0.z) * weight};
 }
 
-/* fresnel_dielectric() of bsdf.h, inline: Cook and Torrance's form with the squared
- * relative index. g - c is taken as (eta^2 - 1) / (g + c), so that an eta near 1 neither
- * cancels nor divides by nothing; eta = 1 is exactly 0. */
+/* fresnel_dielectric() of bsdf.h, inline: Cook and Torrance's form with the squared relative index.
+ * g - c is computed as (eta^2 - 1) / (g + c), so an eta near 1 neither cancels nor divides by 0;
+ * eta = 1 gives exactly 0. */
 static inline float fresnel_exact(float cos_i, float eta)
 {
     float c = cos_i < 1.0f ? (cos_i > 0.0f ? cos_i : 0.0f) : 1.0f;
@@ -43,9 +43,9 @@ static inline float fresnel_exact(float cos_i, float eta)
     return r < 1.0f ? r : 1.0f;
 }
 
-/* Unpolarised reflectance of a conductor with relative index eta + i k, eta > 0, k >= 0, of
- * which one is at most 1e4 (Born and Wolf 1999, 14.2). a^2, the real part of the transmitted
- * wave's squared normal component, is taken without cancellation. */
+/* Unpolarised reflectance of a conductor with relative index eta + i k, eta > 0, k >= 0, one of
+ * them at most 1e4 (Born and Wolf 1999, 14.2). a^2, the real part of the transmitted wave's squared
+ * normal component, is computed without cancellation. */
 static inline float fresnel_conductor(float cos_i, float eta, float k)
 {
     float c = cos_i < 1.0f ? (cos_i > 0.0f ? cos_i : 0.0f) : 1.0f;
@@ -72,7 +72,7 @@ static inline int refract_about(struct vec3 wo, struct vec3 h, float cos_i, floa
                                 struct vec3 *wi)
 {
     float inverse = 1.0f / eta, sin2_t;
-    /* From the tangent, for 1 - cos^2 has few digits near normal incidence. */
+    /* From the tangent, because 1 - cos^2 has few digits near normal incidence. */
     struct vec3 tangent = vec3_sub(vec3_scale(h, cos_i), wo);
 
     sin2_t = vec3_length_squared(tangent) * (inverse * inverse);

@@ -1,11 +1,11 @@
-/* layer: what plastic's reflection leaves for what lies below it.
+/* layer: what the reflection of plastic leaves for what lies below it.
  *
- * A plain mix of the two by F(v.h), as glTF has it, sends out almost twice what comes in at grazing
- * angles. So the Lambert base is scaled by what the reflection leaves on the way in and on the way
- * out, over its mean (Kelemen and Szirmay-Kalos 2001; albedo.h has the formula): reciprocal, and a
- * white smooth plastic sends out exactly 1. Mean reflectance along mu:
+ * A plain mix of the two by F(v.h), as in glTF, sends out almost twice the incoming light at
+ * grazing angles. So the Lambertian base is scaled by what the reflection leaves on the way in and
+ * on the way out, over its mean (Kelemen and Szirmay-Kalos 2001; albedo.h has the formula). This is
+ * reciprocal, and a white smooth plastic sends out exactly 1. Mean reflectance along mu:
  *
- *   R(mu) = f0 + (f90 - f0) blend(mu), less what microfacets lose, plus what of it is returned
+ *   R(mu) = f0 + (f90 - f0) blend(mu), minus what microfacets lose, plus what of it is returned
  *
  * A slab reflects at both faces: R' = 2 R / (1 + R).
  */
@@ -18,28 +18,28 @@ static inline float slab_reflectance(float r) { return 2.0f * r / (1.0f + r); }
 
 static inline int is_slab(const struct bsdf *b) { return CALLS_FOR(b, THIN_TRANSMISSION); }
 
-/* The alpha whose tables tell the base's mean reflectance. */
+/* The alpha whose tables give the base's mean reflectance. */
 static inline float layer_alpha(const struct bsdf *b)
 {
     const struct ggx *g = &b->base.shape;
     return ggx_is_stretched(g) ? albedo_stretched_layer(g->x, g->y) : g->y;
 }
 
-/* In Schlick's place where the Fresnel term of plastic is the exact one. */
+/* Replaces Schlick's weight if plastic has the exact Fresnel term. */
 static inline float exact_weight(const struct bsdf *b, float cosine)
 {
     return (fresnel_exact(cosine, b->material.ior) - b->dielectric.normal_f0) *
            b->dielectric.inverse_rest_f0;
 }
 
-/* Share of light that is left where Schlick's mean weight is `blend` and microfacets lose `loss`. */
+/* The share of light left if Schlick's mean weight is `blend` and microfacets lose `loss`. */
 static inline float layer_rest_of(const struct bsdf *b, float blend, float loss)
 {
     const struct bsdf_layer *l = &b->layer;
     float r = l->f0 + (l->f90 - l->f0) * blend;
 
     if (CALLS_FOR(b, MULTIPLE_SCATTERING)) {
-        /* A stretched distribution's loss is known less well: only its F0 counts it. */
+        /* The loss of a stretched distribution is known less precisely: only its F0 counts it. */
         r = ggx_is_stretched(&b->base.shape) ? r - loss * l->f0 : r - loss * r;
         r += loss * l->returned;
     }
@@ -90,7 +90,7 @@ static inline float layer_rest_average(const struct bsdf *b)
                    loss * l->returned);
 }
 
-/* Under a film it sends out no more than Schlick's term between these ends. */
+/* Under a film the base sends out no more than with Schlick's term between these ends. */
 static inline void layer_raise_ends(struct bsdf *b)
 {
     struct bsdf_layer *l = &b->layer;

@@ -1,12 +1,13 @@
-/* layering: the lobes of a surface put together: what each of them weighs, what coat and sheen
- * leave of what lies below, how often each lobe is sampled.
+/* layering: combines the lobes of a surface: what each of them weighs, what coat and sheen leave of
+ * what lies below, how often each lobe is sampled.
  *
  * The base is glTF 2.0's, metallic m and transmission t:
  *   m * metal + (1 - m) * ((1 - t) * plastic + t * glass)
- * plastic is a reflection over a Lambert base (layer.h), glass a refractive interface or a thin
- * wall. Over it lie the sheen, then the coat, on the outside of a refractive object and on both
- * sides of a thin wall. What lies below the coat is scaled by the lesser share that it leaves along
- * wo and wi, the Lambert base by the product of both over its mean: reciprocal, never gains energy.
+ * plastic is a reflection over a Lambertian base (layer.h), glass a refractive interface or a thin
+ * wall. Above the base lies the sheen, then the coat, on the outside of a refractive object and on
+ * both sides of a thin wall. Below the coat, lobes are scaled by the smaller of the shares that the
+ * coat leaves along wo and wi, and the Lambertian base by the product of both over its mean. This
+ * is reciprocal and never gains energy.
  */
 #ifndef AZULEJO_RENDER_LAYERING_H
 #define AZULEJO_RENDER_LAYERING_H
@@ -63,7 +64,7 @@ struct lobe_shares {
     uint32_t lobes;             /* bit BSDF_LOBE_x: it is there */
 };
 
-/* Add to a lobe, which may be absent so far; a share below 0 adds nothing. */
+/* Add to a lobe, which may still be absent; a share below 0 adds nothing. */
 LOBE_OFTEN void shares_add(struct lobe_shares *s, enum bsdf_lobe lobe, float share)
 {
     if (share >= 0.0f) {
@@ -184,8 +185,8 @@ static inline void thin_film_init(struct bsdf *b, const struct bsdf_params *p)
     float t = float_min(thickness * (1.0f / FILM_FADE_NM), 1.0f);
 
     film->weight = clamp_to(p->iridescence, 0, 1);
-    /* Optically thinner than its surroundings it counts as none: total reflection in a film
-     * thinner than a wavelength is not what the formulas describe. */
+    /* A film optically thinner than its surroundings counts as absent: the formulas do not describe
+     * total reflection in a film thinner than a wavelength. */
     film->ior = float_max(relative_index(n, p), 1.0f);
     t = t * t * (3.0f - 2.0f * t);
     film->ior = 1.0f + (film->ior - 1.0f) * t;
@@ -218,7 +219,7 @@ LOBE_OFTEN void fresnel_init(struct bsdf *b)
                                                       fresnel_conductor(1, r->eta.z, r->k.z)});
 }
 
-/* What plastic and metal reflect along wo, and what plastic leaves for the base; the shares of the
+/* What plastic and metal reflect along wo, what plastic leaves for the base, and the shares of the
  * reflection and of its compensation. */
 LOBE_OFTEN void init_reflection(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo,
                                 float *reflection, float *compensation)
@@ -243,7 +244,7 @@ LOBE_OFTEN void init_reflection(struct bsdf *b, const struct bsdf_params *params
     *reflection = reflection_init(b, blend);
 }
 
-/* The Lambert base, to both sides. */
+/* The Lambertian base, on both sides. */
 LOBE_OFTEN void init_lambert(struct bsdf *b, const struct bsdf_params *params,
                              struct lobe_shares *shares)
 {

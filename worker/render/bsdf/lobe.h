@@ -6,15 +6,15 @@
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/base/has.h"
 
-/* Does this surface call for the effect, and can the kernel variant simulate it? Constant 0 in a
+/* Does this surface need the effect, and can the kernel variant simulate it? Constant 0 in a
  * variant that cannot. */
 #define CALLS_FOR(b, name) \
     ((int)(((b)->effects & (KERNEL_EFFECTS)) >> EFFECT_BIT_##name & 1))
 
 #define CALLS_FOR_ANY(b, mask) (((b)->effects & (mask) & (KERNEL_EFFECTS)) != 0)
 
-/* Code that few surfaces need: apart, or every surface would save registers for it. And code that
- * is worth having in each of the few places that call it. */
+/* Code that few surfaces need is not inlined: otherwise every surface would save registers for it.
+ * Code that is worth inlining in each of its few call sites is. */
 #define LOBE_RARE static __attribute__((noinline, unused))
 #define LOBE_OFTEN static inline __attribute__((always_inline))
 
@@ -33,7 +33,7 @@ struct cover {
 #define LAYER_UNCOVERED(name, prefix, ...) .prefix = 1,
 #define COVER_NONE ((struct cover){.lobe = 1, .diffuse = 1, BSDF_LAYER_MAP(LAYER_UNCOVERED)})
 
-/* What a lobe's sampling came to. */
+/* The result of sampling a lobe. */
 enum lobe_result {
     LOBE_NOTHING, /* no sample */
     LOBE_SMOOTH,  /* out->wi, flags and eta_scale are set; value and density are to be evaluated */
@@ -68,7 +68,7 @@ static inline struct vec3 clamp_color(struct vec3 c, float high)
     return (struct vec3){clamp_to(c.x, 0, high), clamp_to(c.y, 0, high), clamp_to(c.z, 0, high)};
 }
 
-/* Index of what surrounds the object; and an index relative to it. */
+/* Index of the object's surroundings; and an index relative to it. */
 static inline float index_outside(const struct bsdf_params *params)
 {
     return HAS(NESTED_DIELECTRIC) && params->ior_outside > 1.0f
@@ -80,7 +80,8 @@ static inline float relative_index(float n, const struct bsdf_params *params)
     return outside > 1.0f ? n / outside : n;
 }
 
-/* A layer of reflectance r whose light is thrown back with probability k: the geometric series. */
+/* A layer of reflectance r whose light is reflected back with probability k: the geometric
+ * series. */
 static inline float interreflected(float r, float k) { return r * (1.0f - k) / (1.0f - k * r); }
 
 #endif

@@ -1,11 +1,11 @@
-/* lobe_coat: a clear coat over everything: GGX (microfacet.h) with Schlick's Fresnel term and a
- * normal of its own (KHR_materials_clearcoat).
+/* lobe_coat: a clear coat above everything else: GGX (microfacet.h) with Schlick's Fresnel term and
+ * its own normal (KHR_materials_clearcoat).
  *
  *   f = weight F(wo.h) D G2 / (4 (n.wo) (n.wi))
  *
- * Exact: pbrt's coat over a conductor (coatedconductor) has Fresnel's equations in Schlick's place.
- * What it leaves for what lies below along a direction: 1 - weight E, with E its mean reflectance
- * (albedo.h). */
+ * Exact: pbrt's coat over a conductor (coatedconductor) uses Fresnel's equations instead of
+ * Schlick's formula. The coat leaves 1 - weight E of the light along a direction to what lies
+ * below, where E is its mean reflectance (albedo.h). */
 #ifndef AZULEJO_RENDER_LOBE_COAT_H
 #define AZULEJO_RENDER_LOBE_COAT_H
 
@@ -19,7 +19,7 @@ static inline float coat_fresnel(const struct bsdf_coat *c, float cos_h)
     return c->f0 + (c->f90 - c->f0) * schlick_weight(cos_h);
 }
 
-/* Share that the coat leaves along a direction whose cosine to its normal is `mu`. */
+/* The share that the coat leaves along a direction whose cosine to its normal is `mu`. */
 static inline float coat_rest(const struct bsdf_coat *c, float mu)
 {
     float r;

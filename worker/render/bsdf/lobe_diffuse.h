@@ -1,11 +1,11 @@
 /* lobe_diffuse: the diffuse base, scaled by what the layers above it leave on the way in and on the
- * way out (layer.h). A smooth one is Lambert's (1760):
+ * way out (layer.h). A smooth base is Lambertian (1760):
  *
  *   f = color rest(mu_o) rest(mu_i) / (pi mean(rest))
  *
- * A rough one has EON's BRDF in place of color / pi (Portsmouth, Kutz and Hill 2025, "EON: A
+ * A rough base has the EON BRDF in place of color / pi (Portsmouth, Kutz and Hill 2025, "EON: A
  * Practical Energy-Preserving Rough Diffuse BRDF", Journal of Computer Graphics Techniques 14(1)):
- * Fujii's form of Oren and Nayar's model, and what it loses comes back by multiple scattering. With
+ * Fujii's form of the Oren-Nayar model, with multiple scattering that returns what it loses. With
  * roughness r, A = 1 / (1 + c1 r), B = r A, c1 = 1/2 - 2/(3 pi), c2 = 2/3 - 28/(15 pi):
  *
  *   f_ss = color / pi (A + B s/t),  s = wo.wi - mu_o mu_i,  t = s > 0 ? max(mu_o, mu_i) : 1
@@ -14,11 +14,12 @@
  *   G(mu) = sin (theta - sin mu) + 2/3 (sin (1 - sin^3) / mu - sin)
  *   color_ms = color^2 E_mean / (1 - color (1 - E_mean))
  *
- * E is the exact directional albedo of f_ss for white, so a white base sends out exactly 1.
+ * E is the exact directional albedo of f_ss for white, so a white base reflects exactly 1.
  *
- * It samples multiple-scattering compensation (compensation.h), too. At a small alpha that is a
- * function of mu / alpha that falls off as its square: a share of the samples has the density
- * 1 / (mu + alpha) in mu, for cosine sampling would rarely find it, and then weigh it by thousands.
+ * It also samples multiple-scattering compensation (compensation.h). At a small alpha the
+ * compensation is a function of mu / alpha that falls off as its square. Cosine sampling would
+ * rarely find it, and then with weights in the thousands, so a share of the samples has the density
+ * 1 / (mu + alpha) in mu.
  */
 #ifndef AZULEJO_RENDER_LOBE_DIFFUSE_H
 #define AZULEJO_RENDER_LOBE_DIFFUSE_H
@@ -28,18 +29,19 @@
 #include "worker/render/bsdf/lobe.h"
 #include "worker/render/bsdf/lobe_coat.h"
 
-/* Grazing samples below this alpha. */
+/* Sample towards the horizon below this alpha. */
 #define GRAZE_ALPHA 0.05f
 
 /* ---- EON ----------------------------------------------------------------------------------------- */
 
 #define EON_C1 0.28779341f
 #define EON_C2 0.07248821f
-/* Cosine sampling's variance grows towards the horizon, where s/t is large: this share of the samples
- * of a base of roughness 1 is uniform there. Of white, at mu 0.003, 0.05, 0.4 and 1, it brings the
- * variance from 1.78, 0.93, 0.29 and 0.005 to 0.52, 0.48, 0.28 and 0.005. */
+/* The variance of cosine sampling grows towards the horizon, where s/t is large. This share of the
+ * samples of a base of roughness 1 is therefore uniform. For white, at mu 0.003, 0.05, 0.4 and 1,
+ * it lowers the variance from 1.78, 0.93, 0.29 and 0.005 to 0.52, 0.48, 0.28 and 0.005. */
 #define EON_WIDE 0.35f
-/* Largest mean of Schlick's weight over a hemisphere less that over what a base of B = 1 sends out. */
+/* Largest mean of Schlick's weight over a hemisphere, minus the mean over the light of a base of B
+ * = 1. */
 #define EON_SPREAD 0.0083f
 
 static inline int is_rough_diffuse(const struct bsdf *b)
@@ -63,7 +65,7 @@ static inline float eon_multiple(float color, float mean)
     return color * mean / (1.0f - color * (1.0f - mean));
 }
 
-/* b->diffuse.color is Lambert's. */
+/* b->diffuse.color is the Lambertian colour. */
 LOBE_RARE void eon_init(struct bsdf *b, float roughness)
 {
     struct bsdf_rough_diffuse *d = &b->rough_diffuse;
@@ -93,7 +95,7 @@ LOBE_RARE struct vec3 eon_value(const struct bsdf *b, struct vec3 wo, struct vec
 
 /* ---- sampling by the cosine, and towards the horizon ------------------------------------------- */
 
-/* Divide the lobe between the compensation's share and the Lambert base's. */
+/* Divide the lobe between the compensation's share and the Lambertian base's. */
 static inline void graze_init(struct bsdf *b, float compensation, float diffuse)
 {
     const float alpha = b->base.shape.y;
@@ -109,7 +111,7 @@ static inline int is_grazing(const struct bsdf *b)
     return CALLS_FOR(b, MULTIPLE_SCATTERING) && b->compensation.graze > 0.0f;
 }
 
-/* Without what a rough base adds. */
+/* Without the part that a rough base adds. */
 static inline float narrow_density(const struct bsdf *b, float mu)
 {
     const struct bsdf_compensation *c = &b->compensation;
@@ -157,23 +159,23 @@ static inline struct vec3 wide_sample(const struct bsdf *b, float u, float v)
 
 /* ---- the lobe ------------------------------------------------------------------------------------ */
 
-/* rest(mu_o) / mean(rest), times the base's weight. `rest` is the mean of what plastic leaves;
- * `coated`: on both ways the light passes the coat, too. */
+/* rest(mu_o) / mean(rest), times the base's weight. `rest` is the mean of what plastic leaves.
+ * `coated`: the light passes the coat, too, on both ways. */
 static inline float lambert_scale(const struct bsdf *b, float rest, int coated)
 {
     const struct bsdf_coat *c = &b->coat;
 
     if (CALLS_FOR(b, CLEARCOAT) && coated)
-        /* The mean is that of the product of what both layers leave: not below the product of the
-         * means, and above it by at most this. */
+        /* The mean of the product of what both layers leave: at least the product of the means, and
+         * above it by at most this. */
         rest = rest * coat_rest_average(c) +
                SCHLICK_VARIANCE * b->layer.f90 * (c->weight * c->f90);
     return b->weights.diffuse * b->layer.rest_o / rest;
 }
 
-/* A rough base seen from above sends out less towards the horizon than Lambert's, so the mean over what
- * it sends out of what the layers leave is above their mean over a hemisphere, by at most this
- * (tests/statistics/test_rough_diffuse.c): added to the mean, white stays below 1. */
+/* Seen from above, a rough base reflects less towards the horizon than a Lambertian one. So the
+ * mean of what the layers leave, over the base's light, exceeds their mean over a hemisphere, by at
+ * most this (tests/statistics/test_rough_diffuse.c). Adding it keeps white below 1. */
 static inline float eon_rest_spread(const struct bsdf *b, float roughness)
 {
     float r = clamp_to(roughness, 0, 1), spread = EON_SPREAD * b->layer.f90;
@@ -183,7 +185,7 @@ static inline float eon_rest_spread(const struct bsdf *b, float roughness)
     return spread * r / (1.0f + EON_C1 * r);
 }
 
-/* Share of the base that diffuse transmission has. */
+/* The share of the base that diffuse transmission takes. */
 static inline float transmitted_share(const struct bsdf *b, const struct bsdf_params *params)
 {
     return CALLS_FOR(b, DIFFUSE_TRANSMISSION) ? clamp_to(params->diffuse_transmission, 0, 1) : 0;

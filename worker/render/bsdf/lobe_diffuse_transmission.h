@@ -1,9 +1,9 @@
-/* lobe_diffuse_transmission: light that a Lambert base sends out on its other side
- * (KHR_materials_diffuse_transmission): that share of it, with a colour of its own.
+/* lobe_diffuse_transmission: light that a Lambertian base sends out on its other side
+ * (KHR_materials_diffuse_transmission): a share of the base, with its own colour.
  *
  *   f = color rest(mu_o) rest(mu_i) / (pi mean(rest))
  *
- * Sampled by the cosine, as is what a rough interface's compensation (compensation.h) sends there.
+ * Sampled by the cosine, like the compensation that a rough interface sends there (compensation.h).
  */
 #ifndef AZULEJO_RENDER_LOBE_DIFFUSE_TRANSMISSION_H
 #define AZULEJO_RENDER_LOBE_DIFFUSE_TRANSMISSION_H
@@ -32,7 +32,7 @@ static inline struct vec3 diffuse_transmission_evaluate(const struct bsdf *b, st
 
     (void)wo;
     *pdf = b->lobe_pdf[BSDF_LOBE_DIFFUSE_TRANSMISSION] * (mu * INV_PI_F);
-    if (!(b->weights.diffuse > 0.0f)) /* there is the interface's compensation only */
+    if (!(b->weights.diffuse > 0.0f)) /* only the interface's compensation */
         return LOBE_BLACK;
     return vec3_scale(b->diffuse_transmission.color,
                       layer_rest(b, mu, compensation_loss(b, wi)) * mu * cover->diffuse);

@@ -1,9 +1,9 @@
 /* lobe_interface: a dielectric interface, smooth or rough, that reflects and refracts: Walter et
  * al. 2007 ("Microfacet Models for Refraction through Rough Surfaces"), equations 16 (half vector),
- * 17 (half vector's density) and 21 (f), but with masking and shadowing fully correlated in
- * transmission (microfacet.h). The Fresnel term is the exact one, remapped so that it begins at F0
- * and ends at F90; total internal reflection is always 1. Transmitted light is base_color * (1 -
- * max component of F). Reflection or refraction is chosen for the sampled microfacet.
+ * 17 (half vector's density) and 21 (f), but with fully correlated masking and shadowing in
+ * transmission (microfacet.h). The Fresnel term is the exact one, remapped to begin at F0 and end
+ * at F90; total internal reflection is always 1. Transmitted light is base_color * (1 - max
+ * component of F). The choice between reflection and refraction depends on the sampled microfacet.
  *
  * Its reflection is evaluated together with the rest of the base's: lobe_reflection.h.
  */
@@ -13,7 +13,7 @@
 #include "worker/render/bsdf/compensation.h"
 #include "worker/render/bsdf/lobe.h"
 
-/* Reflectance of the interface (without its weight). */
+/* Reflectance of the interface (without the lobe's weight). */
 static inline struct vec3 interface_fresnel(const struct bsdf *b, float cos_i)
 {
     const struct bsdf_dielectric *d = &b->dielectric;
@@ -36,12 +36,12 @@ static inline struct vec3 interface_fresnel(const struct bsdf *b, float cos_i)
         f = vec3_mad(f, thin_film_difference(&b->thin_film, cos_1, b->thin_film.f0),
                      b->thin_film.weight * b->material.specular);
     }
-    /* The exact term dips below its value at normal incidence for an ior above 3.7. */
+    /* For an ior above 3.7 the exact term dips below its value at normal incidence. */
     return clamp_color(f, 1);
 }
 
-/* How likely the lobe reflects or transmits at a microfacet that reflects `f`. 0
- * only where that way carries nothing. Apart, for 1 - F has few digits at grazing angles. */
+/* How often the lobe reflects or transmits at a microfacet that reflects `f`. 0 only if that way
+ * carries no light. A separate function, because 1 - F has few digits at grazing angles. */
 struct interface_choice {
     float reflect, transmit;
 };
@@ -68,15 +68,15 @@ static inline float interface_init(struct bsdf *b, float base)
         b->eta = b->material.inside ? 1.0f / b->material.ior : b->material.ior;
     b->interface.transmit_delta =
         b->base.smooth || shape->x * fabsf(b->eta - 1.0f) < BSDF_SPREAD_MIN;
-    if (ggx_is_stretched(shape)) /* the narrow way must be resolved too */
+    if (ggx_is_stretched(shape)) /* the narrow axis must be resolved too */
         b->interface.transmit_delta |= shape->y * fabsf(b->eta - 1.0f) < 0.1f * BSDF_SPREAD_MIN;
     b->interface.tint = vec3_scale(b->material.base_color, b->weights.glass);
     seen = interface_fresnel(b, b->cos_o);
     return b->weights.glass * (vec3_average(seen) + (1.0f - vec3_max(seen)) * base);
 }
 
-/* Equations 17 and 21, with h = -(wo + eta wi) normalised towards wo, whose squared length before
- * that is their squared denominator. */
+/* Equations 17 and 21, with h = -(wo + eta wi) normalised and on wo's side. Its squared length
+ * before normalisation is their squared denominator. */
 static inline struct vec3 interface_refraction(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
                                                float *pdf)
 {
@@ -118,8 +118,9 @@ static inline struct vec3 interface_evaluate(const struct bsdf *b, struct vec3 w
     return vec3_scale(f, cover->lobe);
 }
 
-/* Bends at the surface's own normal. Where reflection is rough, its share is averaged over the
- * microfacets, so both ways still add up to at most 1. f: reflectance, chosen with `transmit`. */
+/* Light bends at the surface's own normal. If the reflection is rough, its share is averaged over
+ * the microfacets, so both ways still add up to at most 1. f: reflectance; it chooses with
+ * `transmit`. */
 static inline enum lobe_result interface_sample_delta(const struct bsdf *b, struct vec3 wo,
                                                       struct vec3 f, float transmit,
                                                       struct bsdf_sample *out)
@@ -137,7 +138,7 @@ static inline enum lobe_result interface_sample_delta(const struct bsdf *b, stru
 static inline enum lobe_result reflection_sample_mirror(const struct bsdf *b, struct vec3 wo,
                                                         struct bsdf_sample *out);
 
-/* Reflect or refract, by w, at one microfacet. */
+/* Reflect or refract at one microfacet, chosen with w. */
 static inline enum lobe_result interface_sample(const struct bsdf *b, struct vec3 wo, float w,
                                                 float u, float v, struct bsdf_sample *out)
 {

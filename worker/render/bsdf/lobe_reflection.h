@@ -2,13 +2,13 @@
  *
  *   f = F(wo.h) D G2 / (4 mu_o mu_i)
  *
- * One lobe for metal and plastic, whose Fresnel terms add up, each with its weight:
+ * One lobe for metal and plastic. Their Fresnel terms add up, each with its weight:
  *   metal    Schlick from the base colour to 1; a conductor: the exact term of its complex index.
  *   plastic  Schlick from F0 = min(((ior-1)/(ior+1))^2 specular_color, 1) * specular to F90 =
- *            specular. F90 fades to 0 below ior 1.2, so that ior 1 is no interface at all:
+ *            specular. F90 fades to 0 below ior 1.2, so that ior 1 has no interface at all:
  *            Schlick's formula, made for 1.2 to 2.2, would keep a bright rim. pbrt's coated diffuse
- *            has the exact term; a slab counts all the reflections between its faces.
- *   film     replaces the Fresnel term by its weight (thin_film.h).
+ *            has the exact term; a slab counts all reflections between its faces.
+ *   film     replaces the Fresnel term, in proportion to its weight (thin_film.h).
  * A refractive interface reflects at the same microfacets: its reflection is added here.
  */
 #ifndef AZULEJO_RENDER_LOBE_REFLECTION_H
@@ -29,7 +29,7 @@ static inline struct vec3 conductor_fresnel(const struct bsdf *b, float cos_h)
     struct vec3 f;
 
     if (CALLS_FOR(b, CLEARCOAT) && b->coat.exact) {
-        /* Light comes steeper to a metal under a coat, and is thrown back and forth. */
+        /* Light reaches a metal under a coat more steeply, and is reflected back and forth. */
         back = b->coat.weight * coat_fresnel(&b->coat, cos_h);
         cos_h = sqrtf(1.0f - (1.0f - cos_h * cos_h) / (b->coat.ior * b->coat.ior));
     }
@@ -77,7 +77,7 @@ LOBE_RARE struct vec3 plastic_fresnel(const struct bsdf *b, float cos_h)
     return f;
 }
 
-/* The sum of both where it is not Schlick's formula again. */
+/* The sum of both, if it is not one Schlick formula again. */
 LOBE_RARE struct vec3 mixed_fresnel(const struct bsdf *b, float cos_h)
 {
     struct vec3 f = LOBE_BLACK;
@@ -89,7 +89,7 @@ LOBE_RARE struct vec3 mixed_fresnel(const struct bsdf *b, float cos_h)
     return f;
 }
 
-/* The lobe's term, all weights included. */
+/* The lobe's Fresnel term, all weights included. */
 static inline struct vec3 reflection_fresnel(const struct bsdf *b, float cos_h)
 {
     if (b->reflection.schlick)
@@ -111,7 +111,7 @@ static inline struct vec3 metal_average(const struct bsdf *b)
     return schlick_mix(f0, 1.0f, SCHLICK_MEAN);
 }
 
-/* The same of plastic's, of which Schlick's weight has the mean `weight`. */
+/* The same for plastic, whose Schlick weight has the mean `weight`. */
 static inline struct vec3 plastic_average(const struct bsdf *b, float weight)
 {
     struct vec3 f = schlick_mix(b->dielectric.f0, b->dielectric.f90, weight);
@@ -154,7 +154,7 @@ static inline void conductor_init(struct bsdf *b, const struct bsdf_params *p)
     r->k.y = relative_index(clamp_to(p->k.y, 0, 1e4f), p);
     r->k.z = relative_index(clamp_to(p->k.z, 0, 1e4f), p);
     r->interreflection = clamp_to(p->base_interreflection, 0, 0.999f);
-    /* Interreflection acts on what the conductor reflects, not on its factor alone. */
+    /* Interreflection applies to all that the conductor reflects, not only to its factor. */
     b->material.base_color = clamp_color(p->base_color, 1);
     b->material.metallic = 1;
     b->material.transmission = 0;
@@ -176,7 +176,7 @@ LOBE_OFTEN float reflection_init(struct bsdf *b, float blend)
                              : schlick_mix(r->f0, r->f90, blend));
 }
 
-/* What reflects at a microfacet, the interface included, and how likely it is sampled. */
+/* What reflects at a microfacet, including the interface, and how often it is sampled. */
 static inline struct vec3 reflection_color(const struct bsdf *b, float cos_h, float *chosen)
 {
     struct vec3 f = reflection_fresnel(b, cos_h);
@@ -205,7 +205,7 @@ LOBE_OFTEN struct vec3 reflection_evaluate(const struct bsdf *b, struct vec3 wo,
     return vec3_scale(f, shadowing * density * cover->lobe);
 }
 
-/* The mirror direction, with what all lobes reflect there over how often it is chosen. */
+/* The mirror direction: what all lobes reflect there, over how often it is chosen. */
 static inline enum lobe_result reflection_sample_mirror(const struct bsdf *b, struct vec3 wo,
                                                         struct bsdf_sample *out)
 {

@@ -1,14 +1,14 @@
 /* lobe_sheen: cloth's Charlie distribution with its shadowing (Conty Estevez and Kulla 2017,
  * "Production Friendly Microfacet Sheen BRDF", as in KHR_materials_sheen).
  *
- * Below alpha 0.1 the model itself sends out more than comes in at grazing angles (its
- * directional albedo, albedo.h, is above 1); there it is scaled down by the larger of the two
+ * Below alpha 0.1 the model itself sends out more light than comes in at grazing angles (its
+ * directional albedo, albedo.h, is above 1). There it is divided by the larger of the two
  * directions' albedos, which keeps it reciprocal.
  *
  *   f = color D(h) / (4 mu_o mu_i (1 + Lambda(mu_o) + Lambda(mu_i)))
  *   D(h) = (2 + 1/alpha) sin(theta_h)^(1/alpha) / (2 pi)
  *
- * What lies below is scaled by what the sheen leaves along the brighter of the two directions
+ * What lies below is scaled by what the sheen leaves, along the brighter of the two directions
  * (glTF's rule). Sampled uniformly over the hemisphere.
  */
 #ifndef AZULEJO_RENDER_LOBE_SHEEN_H
@@ -17,7 +17,7 @@
 #include "common/math/elementary.h"
 #include "worker/render/bsdf/lobe.h"
 
-/* Nearer to the horizon the fit does not shadow as it should, and 1 / mu runs away. */
+/* Nearer to the horizon the fit shadows too little, and 1 / mu diverges. */
 #define SHEEN_MU_MIN 1e-4f
 
 /* The shadowing's fit at this alpha: a / (1 + b x^c) + d x + e. */
@@ -37,7 +37,7 @@ static inline float sheen_curve(const float fit[5], float x)
     return fit[0] / (1.0f + fit[1] * det_pow(x, fit[2])) + fit[3] * x + fit[4];
 }
 
-/* Lambda(mu); half = sheen_curve(fit, 0.5), about which the fit is mirrored. */
+/* Lambda(mu); half = sheen_curve(fit, 0.5), the fit's point of symmetry. */
 static inline float sheen_lambda(const float fit[5], float half, float mu)
 {
     return det_exp(mu < 0.5f ? sheen_curve(fit, mu) : 2.0f * half - sheen_curve(fit, 1.0f - mu));

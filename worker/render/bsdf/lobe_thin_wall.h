@@ -1,10 +1,10 @@
-/* lobe_thin_wall: what passes through a wall without thickness (KHR_materials_transmission): GGX
+/* lobe_thin_wall: transmission through a wall without thickness (KHR_materials_transmission): GGX
  * with the half vector mirrored at the wall, tinted, scaled by 1 minus the larger of plastic's mean
- * reflectances along wo and wi: reciprocal, never gains energy.
+ * reflectances along wo and wi. This is reciprocal and never gains energy.
  *
  *   f = tint (1 - max(R(mu_o), R(mu_i))) D G / (4 mu_o mu_i)
  *
- * Its spread fades to none as ior goes from 1.5 to 1, as glTF viewers have it.
+ * The blur fades out as ior goes from 1.5 to 1, as in glTF viewers.
  */
 #ifndef AZULEJO_RENDER_LOBE_THIN_WALL_H
 #define AZULEJO_RENDER_LOBE_THIN_WALL_H
@@ -16,11 +16,11 @@
 /* Returns how often to sample it. `base` is the mean of the base colour. */
 static inline float thin_wall_init(struct bsdf *b, struct vec3 wo, float base)
 {
-    /* No blur at ior 1, all of it from 1.5 on: the roughness is scaled, not alpha. */
+    /* No blur at ior 1, full blur from 1.5 on. The factor scales the roughness, not alpha. */
     struct microfacets *m = &b->thin_wall.spread;
     float n = b->material.ior, scale, y, x;
 
-    if (n < 1.0f && n > 0.0f) /* in something denser */
+    if (n < 1.0f && n > 0.0f) /* in a denser medium */
         n = 1.0f / n;
     scale = n == 0.0f ? 1.0f : clamp_to(2.0f * n - 2.0f, 0, 1);
     scale *= scale;

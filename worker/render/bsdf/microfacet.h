@@ -1,5 +1,5 @@
-/* microfacet: the GGX distribution with Smith masking, reduced to what the
- * integrator needs. All directions are local, z along the normal.
+/* microfacet: the GGX distribution with Smith masking, as far as the integrator needs it. All
+ * directions are local, z along the normal.
  *
  * With alpha2 = alpha^2 and root(mu) = sqrt(alpha2 + (1 - alpha2) mu^2), for mu = |cos|:
  *   G1(mu)          = 2 mu / (mu + root(mu))
@@ -59,7 +59,7 @@ static inline float ggx_stretched_density(float alpha_x, float alpha_y, struct v
     return alpha_x * alpha_y * INV_PI_F * (ratio * ratio);
 }
 
-/* A microfacet normal with the density G1(wo) D(h) (wo.h) / wo.z: the spherical caps of
+/* Sample a microfacet normal with the density G1(wo) D(h) (wo.h) / wo.z: the spherical caps of
  * Dupuy and Benyoub 2023 (Computer Graphics Forum 42(8)). wo.z > 0. */
 static inline struct vec3 ggx_sample_visible(struct vec3 wo, float alpha_x, float alpha_y, float u,
                                              float v)
@@ -71,8 +71,8 @@ static inline struct vec3 ggx_sample_visible(struct vec3 wo, float alpha_x, floa
     x *= scale;
     y *= scale;
     z *= scale;
-    /* The cap's height is (1 - u)(1 + z) - z; 1 minus it and 1 plus it are taken apart,
-     * because near 1 the height itself has no digits left for the sine. 1 - z likewise. */
+    /* The cap's height is (1 - u)(1 + z) - z. 1 minus it and 1 plus it are computed separately,
+     * because near 1 the height itself has no digits left for the sine. The same goes for 1 - z. */
     below = u * (1.0f + z);
     above = (1.0f - u) * (1.0f + z) + side2 * (scale * scale) / (1.0f + z);
     sine = sqrtf(below * above);
@@ -115,11 +115,11 @@ static inline struct vec3 ggx_sample_of(const struct ggx *g, struct vec3 wo, flo
 
 /* ---- reflection and transmission --------------------------------------------------------------- */
 
-/* Squared length of a half vector below which it has no direction left. */
+/* Squared length of a half vector below which its direction is undefined. */
 #define HALF_LENGTH2_MIN 1e-20f
 
-/* Density of reflecting a visible normal, D G1(wo) / (4 wo.z), of the half vector between wo and
- * wi, both above; 0 where there is none. *cos_h is wo.h; *shadowing is G2 / G1. */
+/* Density of reflecting at a visible normal, D G1(wo) / (4 wo.z), for the half vector between wo
+ * and wi, both above the surface; 0 if there is none. *cos_h is wo.h; *shadowing is G2 / G1. */
 static inline float reflection_density(const struct microfacets *m, struct vec3 wo, float mu_o,
                                        struct vec3 wi, float *cos_h, float *shadowing)
 {
@@ -133,10 +133,9 @@ static inline float reflection_density(const struct microfacets *m, struct vec3 
     return ggx_density_of(&m->shape, h, length2) * 0.5f / (mu_o + m->root_o);
 }
 
-/* G(wo, wi) / G1(wo) for transmission, fully correlated: G = min(G1(wo), G1(wi)). Walter's
- * product of the two loses half the light at grazing angles even where the index is 1 and
- * nothing bends at all; this has the right limit, is reciprocal too, and what is sampled by
- * G1(wo) never gains. */
+/* G(wo, wi) / G1(wo) for transmission, fully correlated: G = min(G1(wo), G1(wi)). Walter's product
+ * of the two loses half the light at grazing angles even if the index is 1 and nothing bends. This
+ * form has the right limit, is reciprocal too, and samples drawn with G1(wo) never gain energy. */
 static inline float transmission_shadowing(float mu_o, float root_o, float mu_i, float root_i)
 {
     float ratio = mu_i * (mu_o + root_o) / (mu_o * (mu_i + root_i));

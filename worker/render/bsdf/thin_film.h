@@ -1,12 +1,11 @@
 /* thin_film: reflectance of a thin film on a base, for iridescence. Not a lobe: it replaces the
- * Fresnel term of reflection and interface, by its weight.
+ * Fresnel term of reflection and interface, in proportion to its weight.
  *
- * Belcour and Barla 2017 (ACM TOG 36(4), 65) in the simplified form of
- * KHR_materials_iridescence: unpolarised, the Airy series cut after the second order, the
- * eye's response to a cosine of the wavelength in closed form from Gaussian fits. The upper
- * interface has the exact Fresnel term, though, and the film's index fades to its
- * surroundings' below FILM_FADE_NM (as in the authors' own code): both are needed for a film
- * without thickness to be none.
+ * Belcour and Barla 2017 (ACM TOG 36(4), 65) in the simplified form of KHR_materials_iridescence:
+ * unpolarised, the Airy series truncated after the second order, the eye's response to a cosine of
+ * the wavelength in closed form from Gaussian fits. Two things differ: the upper interface has the
+ * exact Fresnel term, and below FILM_FADE_NM the film's index fades to that of its surroundings (as
+ * in the authors' own code). Both are needed so that a film of thickness 0 has no effect.
  */
 #ifndef AZULEJO_RENDER_THIN_FILM_H
 #define AZULEJO_RENDER_THIN_FILM_H
@@ -17,12 +16,12 @@
 #include "worker/render/bsdf/warp.h"
 
 #define FILM_FADE_NM 30.0f
-/* No colour component of the response is larger (tests/unit/render/test_bsdf_layers.c). */
+/* No colour component of the response exceeds this (tests/unit/render/test_bsdf_layers.c). */
 #define FILM_RESPONSE_MAX 1.8f
 
 struct thin_film {
     float weight;
-    float ior;      /* relative to what surrounds it */
+    float ior;      /* relative to its surroundings */
     float path_nm;  /* 2 n d */
     struct vec3 f0; /* of the plastic or glass below it, without `specular` */
 };
@@ -54,8 +53,8 @@ static inline float thin_film_wave(float turns, float x, float amplitude)
     return amplitude * c * e;
 }
 
-/* Linear Rec. 709 response to cos(2 pi path / wavelength + shift), path in nm; `half` has 1
- * for each of X, Y, Z where the shift is half a turn. The fits' constants are those of
+/* Linear Rec. 709 response to cos(2 pi path / wavelength + shift), path in nm; `half` has 1 for
+ * each of X, Y, Z whose shift is half a turn. The fits' constants are those of
  * KHR_materials_iridescence, per nm. */
 static inline struct vec3 thin_film_response(float path, struct vec3 half)
 {
@@ -94,8 +93,8 @@ static inline float thin_film_terms(float f0, float ior, float r12, float cos_2,
     return r12 + rs;
 }
 
-/* Reflectance of the film on a base with F0 = f0 (per component, in the film's surroundings).
- * ior: of the film, relative to them; path = 2 n d in nm; cos_1 outside the film. Each
+/* Reflectance of the film on a base with F0 = f0 (per component, in the film's surroundings). ior:
+ * the film's, relative to its surroundings; path = 2 n d in nm; cos_1 outside the film. Each
  * component in 0..1. */
 static inline struct vec3 thin_film_reflectance(float ior, float path, float cos_1, struct vec3 f0)
 {
@@ -109,7 +108,7 @@ static inline struct vec3 thin_film_reflectance(float ior, float path, float cos
     sum.x = thin_film_terms(f0.x, ior, r12, cos_2, &shift.x, &c1.x, &c2.x);
     sum.y = thin_film_terms(f0.y, ior, r12, cos_2, &shift.y, &c1.y, &c2.y);
     sum.z = thin_film_terms(f0.z, ior, r12, cos_2, &shift.z, &c1.z, &c2.z);
-    if (ior > 1.0f) /* half a turn at the upper interface seen from inside */
+    if (ior > 1.0f) /* half a turn at the upper interface, seen from inside */
         shift = (struct vec3){1.0f - shift.x, 1.0f - shift.y, 1.0f - shift.z};
     response = thin_film_response(path, shift);
     sum = vec3_add(sum, vec3_scale(vec3_mul(c1, response), 2.0f));
@@ -121,7 +120,7 @@ static inline struct vec3 thin_film_reflectance(float ior, float path, float cos
     return sum;
 }
 
-/* No component is larger at normal incidence, whatever the thickness. */
+/* No component is larger at normal incidence, for any thickness. */
 static inline float thin_film_bound(float ior, struct vec3 f0)
 {
     float most = 0, n = (ior - 1.0f) / (ior + 1.0f), r12 = n * n;
@@ -135,8 +134,8 @@ static inline float thin_film_bound(float ior, struct vec3 f0)
     return most < 1.0f ? most : 1.0f;
 }
 
-/* What the film adds to a Fresnel term that Schlick's formula approximates from f0 to 1. The
- * difference of the two, so that it is nothing without thickness whatever the term's form. */
+/* What the film adds to a Fresnel term that Schlick's formula approximates from f0 to 1. It is a
+ * difference of the two, so it vanishes at thickness 0 whatever form the term has. */
 static inline struct vec3 thin_film_difference(const struct thin_film *film, float cos_1, struct vec3 f0)
 {
     struct vec3 f = thin_film_reflectance(film->ior, film->path_nm, cos_1, f0);

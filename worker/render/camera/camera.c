@@ -14,11 +14,11 @@ static float camera_filter_sample(const struct camera *camera, float u)
     return float_from_bits(float_bits(offset) ^ (uint32_t)(u >= 0.5f) << 31);
 }
 
-/* Uniform on the aperture. Shirley and Chiu's concentric map (1997) yields a radius and an
- * angle of the disc; in each blade's sector the fraction of the angle then becomes the place
- * along the blade's edge: (r, s) -> r ((1 - s) corner_k + s corner_k+1) has the constant
- * Jacobian r dr ds times twice the triangle's area, and neighbours meet along their shared
- * radius, so the polygon is covered uniformly and without tears. */
+/* Uniform on the aperture. Shirley and Chiu's concentric map (1997) gives a radius and an angle on
+ * the disc. Within each blade's sector the fraction of the angle then becomes the position along
+ * the blade's edge: (r, s) -> r ((1 - s) corner_k + s corner_k+1). Its Jacobian is r dr ds times a
+ * constant, twice the triangle's area, and neighbouring sectors share a radius, so the polygon is
+ * covered uniformly and without gaps. */
 static void camera_lens_sample(const struct camera *camera, struct sample2 at, float lens[2])
 {
     float a = 2 * at.u - 1, b = 2 * at.v - 1, radius, turn, x = 1, y = 0, sine, cosine, angle;
@@ -48,8 +48,8 @@ static void camera_lens_sample(const struct camera *camera, struct sample2 at, f
     lens[1] = radius * (x * sine + y * cosine);
 }
 
-/* Lat-long: -Z in the middle, +X to its right, +Y at the top. The filter may reach past a
- * pole or the seam: sine and cosine carry on on the other side. */
+/* Lat-long: -Z in the middle, +X to its right, +Y at the top. The filter may reach past a pole or
+ * the seam: sine and cosine continue correctly there. */
 static struct vec3 camera_panorama_direction(float film_x, float film_y, float width, float height)
 {
     float longitude = (film_x / width - 0.5f) * (2 * PI_F);
@@ -74,7 +74,7 @@ static inline void camera_place(const struct transform *to_world, struct vec3 or
     ray->reaches = 0;
 }
 
-/* Any camera but a pinhole that stands still. (px, py): the place on the image plane. */
+/* Every camera except a pinhole that does not move. (px, py): the point on the image plane. */
 static __attribute__((noinline)) void camera_ray_any(const struct camera *camera, float film_x,
                                                      float film_y, float px, float py,
                                                      const struct sampler *sampler,
@@ -91,7 +91,7 @@ static __attribute__((noinline)) void camera_ray_any(const struct camera *camera
         direction = camera_panorama_direction(film_x, film_y, camera->width, camera->height);
     }
     if (camera->lens_radius > 0) {
-        /* All rays of one place on the film meet in the plane that is sharp. */
+        /* All rays of one film position meet in the plane of focus. */
         struct vec3 sharp = vec3_mad(origin, direction, camera->focus_distance);
         float lens[2];
         camera_lens_sample(camera, sampler_get(sampler, DIMENSION_LENS), lens);

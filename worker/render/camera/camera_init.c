@@ -1,4 +1,4 @@
-/* camera_init: what a camera does but once, or seldom. */
+/* camera_init: what a camera does once or rarely. */
 #include <string.h>
 
 #include "common/math/elementary.h"
@@ -55,7 +55,7 @@ static void lens_init(struct camera *camera, const struct scene_camera *descript
     camera->focus_distance =
         settings->focus_distance > 0 ? settings->focus_distance : description->focus_distance;
     if (!(camera->lens_radius > 0) || !(camera->focus_distance > 0)) {
-        camera->lens_radius = 0; /* a lens that is focused nowhere is none */
+        camera->lens_radius = 0; /* a lens without a focus distance has no effect */
         return;
     }
     if (description->blades >= 3) {
@@ -120,7 +120,7 @@ static void set_column(struct transform *t, int c, struct vec3 v)
     t->m[2][c] = v.z;
 }
 
-/* Gram and Schmidt's method from the axis of view on; 0 if an axis vanishes. */
+/* Gram-Schmidt orthonormalisation, starting from the view axis; 0 if an axis vanishes. */
 static int orthonormalize(struct transform *t)
 {
     struct vec3 z = vec3_normalize(column(t, 2)), x = column(t, 0), y = column(t, 1);
@@ -150,7 +150,7 @@ struct transform camera_to_world_at(const struct camera *camera, float time)
             float a = camera->motion[segment].m[r][c], b = camera->motion[segment + 1].m[r][c];
             mixed.m[r][c] = (1 - f) * a + f * b;
         }
-    /* Half a turn within one step: there is no telling which way. */
+    /* Half a turn within one step: the direction of rotation is ambiguous. */
     return orthonormalize(&mixed) ? mixed : camera->motion[segment];
 }
 

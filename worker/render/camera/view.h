@@ -1,11 +1,11 @@
-/* view: how the picture of a place moves. */
+/* view: how the image of a point moves. */
 #ifndef AZULEJO_RENDER_VIEW_H
 #define AZULEJO_RENDER_VIEW_H
 
 #include "worker/render/world.h"
 
-/* How far a point of a triangle moves on the film while the shutter is open: pixels, x right,
- * y down. 0, 0 where it is behind the camera at either end. */
+/* How far a point of a triangle moves on the film while the shutter is open: pixels, x right, y
+ * down. 0, 0 where it is behind the camera at the opening or the closing. */
 void view_motion(const struct render_scene *scene, uint32_t instance, uint32_t triangle, float b1,
                  float b2, float out[2]);
 

@@ -1,8 +1,8 @@
 /* density: a distribution of directions, constant in each cell of a grid over a window of a
  * lat-long map.
  *
- * Cells are equal in u and in v; within one, directions are uniform in solid angle, so that
- * the poles need no special treatment. Window: u from u0 on for u_size (periodic), v likewise.
+ * Cells are equal in u and in v. Within a cell, directions are uniform in solid angle, so the poles
+ * need no special treatment. Window: u from u0 on for u_size (periodic), v likewise.
  */
 #ifndef AZULEJO_RENDER_DENSITY_H
 #define AZULEJO_RENDER_DENSITY_H
@@ -12,11 +12,11 @@
 struct density {
     double u0, v0, u_size, v_size;
     struct distribution cells;
-    double *row_cosine;   /* [rows + 1] of theta at the rows' edges, falling */
+    double *row_cosine;   /* [rows + 1] of theta at the rows' edges, decreasing */
     double *inverse_area; /* [rows] 1 / solid angle of a cell */
 };
 
-/* An empty grid over the window; then density_set_row for each row, with the integral of the
+/* An empty grid over the window. Then call density_set_row for each row, with the integral of the
  * importance over each cell, and density_finish, which returns 0 if all of it is 0. */
 status density_init(struct density *d, double u0, double v0, double u_size, double v_size,
                     uint32_t columns, uint32_t rows, struct error *err) MUST_CHECK;

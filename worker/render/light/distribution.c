@@ -62,7 +62,7 @@ void distribution_set_row(struct distribution *d, uint32_t row, const double *we
     for (uint32_t i = 0; i < d->used[row]; i++) {
         double position = before / sum * WHOLE;
 
-        /* The last cell keeps a width, were it below the rounding. */
+        /* The last cell keeps a width, even one below the rounding. */
         start[i] = position < WHOLE - 1 ? (uint16_t)position : UINT16_MAX;
         if (i % DISTRIBUTION_BLOCK == 0)
             d->block_start[(size_t)row * d->blocks + i / DISTRIBUTION_BLOCK] = start[i];
@@ -75,14 +75,14 @@ int distribution_finish(struct distribution *d)
     d->total = d->row_start[d->rows];
     if (!(d->total > 0))
         return 0;
-    /* x / x is exactly 1, so that rows without weight at the end start at 1. */
+    /* x / x is exactly 1, so rows without weight at the end start at 1. */
     for (uint32_t row = 0; row <= d->rows; row++)
         d->row_start[row] /= d->total;
     return 1;
 }
 
-/* The last of `count` ascending starts that is at or below the target; the first is. Always
- * the same number of steps, without a branch to mispredict. */
+/* The last of `count` ascending starts that is at or below the target; the first start always is.
+ * Always the same number of steps, without a branch that could be mispredicted. */
 static inline uint32_t last_at_or_below(const uint16_t *start, uint32_t count, uint32_t target)
 {
     uint32_t low = 0;

@@ -7,20 +7,20 @@
 #include "common/math/elementary.h"
 #include "worker/render/world.h"
 
-/* A group's share of the choices where there are others; where all lights are alike, it is bounded
- * only so that the random number that was spent on the choice stays fine enough for the place. */
+/* A group's share of the choices if there are other groups. If all lights are weighed equally, the
+ * bound only keeps the number that made the choice fine enough for the point on the light. */
 #define GROUP_ODDS_MIN 0.25
 #define GROUP_ODDS_MIN_ALIKE 0x1p-8
 
 /* ---- weighing ---------------------------------------------------------------------------- */
 
-/* Intensities in double, so that sums of the largest floats hold. */
+/* Intensities in double, so that sums of the largest floats do not overflow. */
 struct weights {
     struct light_bounds *bounds; /* [count] of the tree's items */
     double *intensity;           /* [count] */
     uint32_t count;
     double local_power, directional_power;
-    uint32_t local_lit, directional_lit; /* how many have any */
+    uint32_t local_lit, directional_lit; /* how many have an intensity above 0 */
     enum light_choice choice;
 };
 
@@ -124,7 +124,7 @@ static void share_groups(struct emitters *e, const struct render_scene *scene,
         e->count = e->punctual_count + e->face_count + (uint32_t)e->has_environment;
 }
 
-/* The lights with a place, made ready to be chosen from. */
+/* The local lights, ready to be chosen from. */
 static status grow_tree(struct emitters *e, struct weights *w, struct error *err)
 {
     double largest = 0;
@@ -167,7 +167,7 @@ static status choose_odds(struct emitters *e, const struct render_scene *scene, 
 
 /* ---- making ------------------------------------------------------------------------------- */
 
-/* The directional lights to the front. */
+/* Move the directional lights to the front. */
 static status make_punctual(struct emitters *e, const struct render_scene *scene,
                             const struct scene_light *lights,
                             const struct punctual_motion *motion, struct error *err)

@@ -1,12 +1,12 @@
-/* emitters: all lights of a scene, and next-event estimation's choice among them.
+/* emitters: all lights of a scene, and how next-event estimation chooses among them.
  *
  * Three groups share the choices with fixed odds: the environment (if it is sampled), the
  * directional lights, and everything that has a place: the other lights of the scene's list and the
  * faces of emissive instances (face_light.h), among which a tree chooses by what they can do at the light
  * sampling context (tree.h). Groups share by power, but each within bounds, because power says
  * nothing about which light a point can see.
- * Where the job's light choice is another, there is no tree but a table (light_table.h), in which
- * lights are weighed by their power or all alike.
+ * If the job sets another light choice, a table (light_table.h) replaces the tree. It weighs lights
+ * by their power, or all equally.
  */
 #ifndef AZULEJO_RENDER_EMITTERS_H
 #define AZULEJO_RENDER_EMITTERS_H
@@ -42,8 +42,8 @@ struct emitters {
 };
 
 /* Needs the scene's instances (with their motion), materials, images, environment and bounding
- * sphere. `lights`: as they stand at the shutter's opening; motion[i] of each must outlive *e.
- * Portals are of use only with an environment. */
+ * sphere. `lights`: at the shutter's opening; motion[i] of each must outlive *e. Portals have an
+ * effect only with an environment. */
 status emitters_init(struct emitters *e, struct render_scene *scene,
                      const struct scene_light *lights, const struct punctual_motion *motion,
                      uint32_t light_count, const struct scene_portal *portals,
@@ -62,13 +62,13 @@ static inline uint32_t emitters_local_punctual(const struct emitters *e)
     return e->punctual_count - e->directional_count;
 }
 
-/* Sample a light for the context. The same numbers choose the light and, rescaled, the place on
- * it: each in [0, 1). Returns 0 for "no sample". Charges the kind of light (profile_scope.h). */
+/* Sample a light for the context. The same numbers choose the light and, rescaled, the point on it;
+ * each in [0, 1). Returns 0 for "no sample". Charges the kind of light (profile_scope.h). */
 int emitters_sample(const struct render_scene *scene, const struct light_context *context, float u,
                     float v, struct light_sample *out);
 
 /* The environment's radiance, and the solid-angle density (odds included) with which
- * emitters_sample would have picked `direction` on it: they share the work. */
+ * emitters_sample picks `direction` on it: the two share work. */
 struct vec3 emitters_environment(const struct render_scene *scene,
                                  const struct light_context *context, struct vec3 direction,
                                  float *pdf);

@@ -1,12 +1,12 @@
-/* emitters_sample: choosing a light at a path's vertex, and the odds of having chosen one. */
+/* emitters_sample: choosing a light at a path's vertex, and the odds of that choice. */
 #include "worker/render/base/profile_scope.h"
 #include "worker/render/base/has.h"
 #include "worker/render/light/emitters.h"
 #include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
 
-/* The one place that samples lights by their kind: a row of the table is a case, which kernels without
- * its effect leave out. */
+/* The one place that samples lights by kind. A row of the table is a case; kernels without its
+ * effect leave it out. */
 static inline int emitters_sample_light(const struct render_scene *scene, int kind,
                                         const void *light, const struct light_context *context,
                                         float u, float v, struct light_sample *out)

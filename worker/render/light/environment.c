@@ -22,10 +22,10 @@ static inline lanes lanes_lerp(lanes a, lanes b, float t)
     return a * (1.0f - t) + b * t;
 }
 
-/* Which cell and where in it: what a direction is turned into. */
+/* A cell and the position in it: what a direction is converted to. */
 struct place {
     uint32_t column;  /* cell column, 0..width-1 */
-    uint32_t strip;   /* counted from the nearer pole; 0 is the pole's */
+    uint32_t strip;   /* counted from the nearer pole; 0 is the pole's own strip */
     int south;        /* the nearer pole is the nadir */
     float x, y;       /* 0..1 from column to column, and from the near edge to the far one */
 };
@@ -106,7 +106,7 @@ static inline struct vec3 from_map(const struct environment *env, struct vec3 d)
                          m[0][2] * d.x + m[1][2] * d.y + m[2][2] * d.z};
 }
 
-/* 0 if it is no direction. */
+/* 0 if the direction is invalid. */
 static inline int angles_of(const struct environment *env, struct vec3 d, struct angles *out)
 {
     float radius2, length2, u;
@@ -116,7 +116,7 @@ static inline int angles_of(const struct environment *env, struct vec3 d, struct
     length2 = radius2 + d.y * d.y;
     if (!(length2 > 0 && length2 < INFINITY))
         return 0;
-    /* Not acos(y), which knows nothing of angles below 3e-4 from a pole. */
+    /* Not acos(y), which cannot resolve angles below 3e-4 from a pole. */
     out->distance = det_atan2(sqrtf(radius2), fabsf(d.y)) * INV_PI_F;
     out->south = d.y < 0;
     u = 0.5f + det_atan2(d.z, d.x) * INV_2PI_F;
@@ -222,7 +222,7 @@ static struct vec3 sphere_direction(float u, float v)
     return vec3_make(radius * cosine, y, radius * sine);
 }
 
-/* Uniform for a share of the choices, else by the map. */
+/* A share of the choices is uniform, the others follow the map. */
 static __attribute__((noinline)) int sample_mixed(const struct environment *env, float u, float v,
                                                   struct vec3 *direction, struct vec3 *radiance,
                                                   float *pdf)
@@ -257,7 +257,7 @@ int environment_sample(const struct environment *env, float u, float v, struct v
     return 1;
 }
 
-/* ---- what is known of it ------------------------------------------------------------------ */
+/* ---- properties ----------------------------------------------------------------------- */
 
 int environment_is_black(const struct environment *env)
 {

@@ -1,20 +1,19 @@
-/* environment: light from infinitely far away, by a lat-long map or a constant.
+/* environment: light from infinitely far away, from a lat-long map or a constant.
  *
  * Map coordinates of a direction in the map's own axes: u = 0.5 + atan2(z, x) / (2 pi),
  * v = acos(y) / pi from the zenith. Lookups are bilinear with texel centres at half integers;
  * u is periodic, and across a pole the neighbour is (u + 1/2, mirrored v).
- * Sampling: EITHER uniform over the sphere OR by importance; pdf() agrees with sample()
- * exactly (to rounding, which at the edge of a cell may be the neighbour's).
+ * Sampling is EITHER uniform over the sphere OR by importance. pdf() agrees with sample() exactly
+ * (up to rounding, which at the edge of a cell may give the neighbour's).
  *
- * The importance of a direction is how much brighter it is than the mean of the map (Karlik et
- * al. 2019, "MIS compensation"): where it is darker it is not sampled at all, since every use is
- * combined with sampling by the BSDF or the phase function, which finds that light. A map that
- * is nearly constant is sampled by its plain luminance; so is every map for
- * ENV_SAMPLING_IMPORTANCE_ONLY, where nothing else finds the darker light, and a share of the samples
- * is then uniform over the sphere.
- * It is held as a grid just fine enough for the map, which is much coarser than the map as a
- * rule, and apart from that a few small windows, finer than the map, around suns and lamps:
- * compact regions that hold a good share of all importance.
+ * The importance of a direction is its excess brightness over the mean of the map (Karlik et al.
+ * 2019, "MIS compensation"). Darker directions are not sampled at all: every use is combined with
+ * sampling of the BSDF or the phase function, which finds that light. A map that is nearly constant
+ * is sampled by its luminance. So is every map for ENV_SAMPLING_IMPORTANCE_ONLY, where nothing else
+ * finds the darker light; a share of its samples is uniform over the sphere.
+ * The importance is stored as a grid just fine enough for the map, usually much coarser than the
+ * map, and a few small windows, finer than the map, around suns and lamps: compact regions that
+ * hold a large share of all importance.
  * A direction of length 0, or not finite, sees black.
  * Immutable after environment_new.
  */
@@ -31,13 +30,13 @@
 
 struct environment;
 
-/* Takes over the image's pixels (3 channels; released on failure too). Any size from 1x1.
- * A direction in the world is first turned back by `rotate_deg` about +Y (the map turns
+/* Takes over the image's pixels (3 channels; released on failure too). Any size from 1x1. A
+ * direction in the world is first turned back by `rotate_deg` about +Y (the map turns
  * counter-clockwise seen from above), then by `to_map` (orthonormal rows; NULL: not at all).
- * `factor` >= 0 multiplies. Values that are negative or NaN count as 0, and products beyond
- * float as its largest value (image_decode_hdr has counted what it corrected).
- * An all-black map yields an environment whose environment_is_black is true. ERR_INPUT for
- * other channels, a rotation or factor that is none; ERR_NO_MEMORY. */
+ * `factor` >= 0 multiplies. Values that are negative or NaN count as 0, and products too large for
+ * float as its largest value (image_decode_hdr has counted what it corrected). For an all-black map
+ * environment_is_black is true. ERR_INPUT for other channels or an invalid rotation or factor;
+ * ERR_NO_MEMORY. */
 status environment_new(struct environment **out, struct image *map, const float to_map[3][3],
                        float rotate_deg, struct vec3 factor, enum env_sampling sampling,
                        struct error *err) MUST_CHECK;
@@ -65,7 +64,7 @@ int environment_sample(const struct environment *env, float u, float v, struct v
 /* Mean luminance over the sphere (for light selection). */
 float environment_mean_luminance(const struct environment *env);
 
-/* How the importance is held: columns of the grid (0: none), and windows. */
+/* The size of the stored importance: columns of the grid (0: none), and windows. */
 void environment_importance(const struct environment *env, uint32_t *columns, uint32_t *windows);
 
 #endif

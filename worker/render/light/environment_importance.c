@@ -1,22 +1,22 @@
-/* environment_importance: how the samples are spread over a map: a grid, and windows around suns and
- * lamps (environment.h). */
+/* environment_importance: how samples are distributed over a map: a grid, and windows around suns
+ * and lamps (environment.h). */
 #include <string.h>
 
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "worker/render/light/environment_map.h"
 
-/* The finest grid on which the importance is looked at has two cells a texel each way, since a
- * single bright texel fills no cell evenly; it has more where the map is smaller than this, and
- * one where the map is larger than PARTS_COLUMNS_MAX. */
+/* The finest grid on which the importance is computed has two cells per texel in each direction,
+ * since a single bright texel fills no cell evenly. It has more if the map is smaller than this,
+ * and one if the map is larger than PARTS_COLUMNS_MAX. */
 enum { GRID_COLUMNS_MIN = 256, GRID_ROWS_MIN = 128, PARTS_COLUMNS_MAX = 2048 };
 /* A map whose importance is less than this share of its light counts as constant. */
 #define COMPENSATED_MIN 0.01
-/* A coarser grid is good enough if it raises the second moment of the light's estimate by no
- * more than this. */
+/* A coarser grid is good enough if it raises the second moment of the light's estimate by at most
+ * this. */
 #define GRID_LOSS_MAX 1.02
-/* A window is around a cell and within this angle of it, has at least this share of all importance, and
- * has so many cells a side. */
+/* A window is around a cell and within this angle of it, holds at least this share of all
+ * importance, and has this many cells a side. */
 enum { WINDOW_CELLS_MAX = 256 };
 #define WINDOW_RADIUS_DEG 1.5
 #define WINDOW_SHARE_MIN 0.02
@@ -46,7 +46,7 @@ static double grid_area(uint32_t row, uint32_t columns, uint32_t rows)
            (cosine_pi((double)row / rows) - cosine_pi((double)(row + 1) / rows));
 }
 
-/* Luminances of a row of texels; rows -1 and height lie over the poles. */
+/* Luminances of a row of texels; rows -1 and height are across the poles. */
 static void texel_row(const struct importance *m, int64_t row, double *out)
 {
     const struct environment *env = m->env;
@@ -58,8 +58,8 @@ static void texel_row(const struct importance *m, int64_t row, double *out)
                                           : texel(env, x, (uint32_t)row));
 }
 
-/* Weights of a texel's neighbours and of itself in the mean over part `i` of `parts` of it,
- * exact for one part or an even number: a bilinear map is linear on each half of a texel. */
+/* Weights of a texel's neighbours and of itself in the mean over part `i` of `parts` of it. Exact
+ * for one part or an even number: a bilinear map is linear on each half of a texel. */
 static void part_weights(uint32_t i, uint32_t parts, double w[3])
 {
     double t = (i + 0.5) / parts - 0.5;
@@ -117,7 +117,7 @@ static void importance_measure(struct importance *m, double *rows3)
 
 /* A window around a cell of the grid. */
 struct window {
-    uint32_t column, row, columns, rows; /* column: may run over the seam */
+    uint32_t column, row, columns, rows; /* column: may cross the seam */
 };
 
 static double window_total(const struct importance *m, const struct window *w)
@@ -134,7 +134,7 @@ static double window_total(const struct importance *m, const struct window *w)
     return total;
 }
 
-/* The brightest cell's window. 0: all is dark, or it stands too near to a pole. */
+/* The brightest cell's window. 0: everything is dark, or the cell is too near to a pole. */
 static int window_find(const struct importance *m, struct window *out)
 {
     size_t best = 0, count = (size_t)m->columns * m->rows;
@@ -172,7 +172,7 @@ static double importance_at(const struct importance *m, double u, double v)
     return value > 0 ? value : 0;
 }
 
-/* Take the window out of the grid and make it a density of its own. */
+/* Remove the window from the grid and make it a separate density. */
 static status window_cut(struct importance *m, const struct window *w, struct density *out,
                          struct error *err)
 {
@@ -204,7 +204,7 @@ static status window_cut(struct importance *m, const struct window *w, struct de
     return STATUS_OK;
 }
 
-/* ---- the grid that is kept ------------------------------------------------------------------ */
+/* ---- the stored grid ------------------------------------------------------------------------ */
 
 /* Sums over the grid's cells that fall into one row of a coarser one: of importance, of its
  * square, of solid angle. */
@@ -250,7 +250,7 @@ static double coarse_loss(const struct importance *m, const struct coarse *c)
     return total > 0 ? moment / total : 1;
 }
 
-/* The coarsest grid that serves. */
+/* The coarsest grid that is good enough. */
 static status grid_build(const struct importance *m, struct density *out, struct error *err)
 {
     struct coarse c = {0};
@@ -276,7 +276,7 @@ static status grid_build(const struct importance *m, struct density *out, struct
     s = density_init(out, 0, 0, 1, 1, c.columns, c.rows, err);
     for (uint32_t row = 0; s == STATUS_OK && row < c.rows; row++) {
         coarse_row(m, &c, row);
-        /* Cells hold unequal numbers of texels where the map's size is no multiple. */
+        /* Cells hold unequal numbers of texels if the map's size is no multiple. */
         for (uint32_t i = 0; i < c.columns; i++)
             c.sum[i] *= c.area[i] > 0 ? density_cell_area(out, row) / c.area[i] : 0;
         density_set_row(out, row, c.sum);

@@ -5,7 +5,7 @@
 #include "worker/render/light/light.h"
 #include "worker/render/world.h"
 
-/* The share of the samples that go through portals, where some can be seen. */
+/* The share of the samples that go through portals, where any is visible. */
 #define PORTAL_SHARE 0.5f
 
 void environment_light_weigh(const struct render_scene *scene, const void *light_,
@@ -47,7 +47,8 @@ static int sample_map(const struct environment_light *light, float u, float v,
     return environment_sample(light->map, u, v, &out->direction, &out->radiance, pdf);
 }
 
-/* Where portals can be seen. The same numbers choose map or portals and, rescaled, the direction. */
+/* Where portals are visible. The same numbers choose map or portals and, rescaled, the
+ * direction. */
 static int sample_mixture(const struct environment_light *light,
                           const struct light_context *context, float u, float v,
                           struct light_sample *out, float *pdf)

@@ -1,5 +1,5 @@
-/* environment_light: the environment as a light: sampled by its map, or where portals can be seen by
- * halves through those, whose one-sample mixture is the density.
+/* environment_light: the environment as a light. It is sampled by its map; where portals can be
+ * seen, half of the samples go through the portals, and the density is that of the mixture.
  */
 #ifndef AZULEJO_RENDER_ENVIRONMENT_LIGHT_H
 #define AZULEJO_RENDER_ENVIRONMENT_LIGHT_H
@@ -13,8 +13,8 @@ struct environment_light {
     int alone; /* only light sampling finds it: no MIS */
 };
 
-/* Radiance that arrives from a direction, and the solid-angle density of environment_light_sample for
- * it: they share the work. */
+/* Radiance that arrives from a direction, and the solid-angle density with which
+ * environment_light_sample picks it: the two share work. */
 struct vec3 environment_light_radiance(const struct environment_light *light,
                                        const struct light_context *context,
                                        struct vec3 direction, float *pdf);

@@ -1,4 +1,4 @@
-/* environment_load: an environment made of a map or a constant. */
+/* environment_load: creates an environment from a map or a constant. */
 #include <float.h>
 #include <string.h>
 
@@ -7,19 +7,19 @@
 #include "common/scene/scene.h"
 #include "worker/render/light/environment_map.h"
 
-/* Where nothing else finds the light that importance sampling leaves out (cells that are too dark for
- * the tables' resolution), this share of the samples is uniform. */
+/* Where nothing else finds the light that importance sampling leaves out (cells too dark for the
+ * tables' resolution), this share of the samples is uniform. */
 #define UNIFORM_SHARE_ALONE 0.0625f
 
-/* sin(pi v) for 0 <= v <= 1, precise at both ends. */
+/* sin(pi v) for 0 <= v <= 1, accurate at both ends. */
 static double sine_pi(double v)
 {
     return (double)det_sin((float)(PI_D * (v < 0.5 ? v : 1.0 - v)));
 }
 
-/* Integral over v of a row's bilinear weight times sin(pi v), times pi / 2: the row's share of
- * the mean over the sphere. Rows 0 and H - 1 also own the strip to the pole: averaged over u
- * the radiance there is the row's. Gauss-Legendre, five points an interval of at most 1/H. */
+/* Integral over v of a row's bilinear weight times sin(pi v), times pi / 2: the row's share of the
+ * mean over the sphere. Rows 0 and H - 1 also own the strip to the pole: averaged over u, the
+ * radiance there is the row's. Gauss-Legendre, five points per interval of at most 1/H. */
 static double row_share(uint32_t row, uint32_t height)
 {
     static const double node[3] = {0.0, 0.53846931010568309104, 0.90617984593866399280};
@@ -42,9 +42,9 @@ static double row_share(uint32_t row, uint32_t height)
     return sum * PI_D / 2;
 }
 
-/* Multiply the factor in. What no radiance can be, or is brighter than lights may be, becomes the
- * nearest that can: an estimate of it, its square and sums of these stay finite, so no sample is
- * lost. Returns the largest value. */
+/* Multiply by the factor. A value that is no valid radiance, or brighter than lights may be,
+ * becomes the nearest valid one: an estimate, its square and sums of these stay finite, so no
+ * sample is lost. Returns the largest value. */
 static float scale_pixels(struct image *map, struct vec3 factor)
 {
     const float strength[3] = {factor.x, factor.y, factor.z};
@@ -54,7 +54,7 @@ static float scale_pixels(struct image *map, struct vec3 factor)
     for (size_t i = 0; i < count; i++) {
         float f = strength[i % 3], value = map->pixels[i], scaled = value > 0 ? value * f : 0.0f;
 
-        if (!(scaled <= SCENE_RADIANCE_MAX)) /* the product of infinity and 0 too */
+        if (!(scaled <= SCENE_RADIANCE_MAX)) /* also the product of infinity and 0 */
             scaled = f > 0 ? SCENE_RADIANCE_MAX : 0.0f;
         if (scaled != value)
             map->pixels[i] = scaled;
@@ -77,7 +77,7 @@ static void measure_mean(struct environment *env)
     env->mean_luminance = mean;
 }
 
-/* Is it a rotation or a mirroring? A tenth of a percent is left to rounding in files. */
+/* Is it a rotation or a mirroring? A tenth of a percent allows for rounding in files. */
 static int is_orthonormal(const float m[3][3])
 {
     for (int i = 0; i < 3; i++)
@@ -90,7 +90,7 @@ static int is_orthonormal(const float m[3][3])
     return 1;
 }
 
-/* The job's rotation about +Y undone, then the map's own, if any. */
+/* Undo the job's rotation about +Y, then the map's own, if any. */
 static void set_rotation(struct environment *env, const float own[3][3], float rotate_deg)
 {
     double turns = (double)rotate_deg / 360.0;

@@ -1,11 +1,11 @@
 /* environment_map: an environment's parts, and the map's texels, cells and directions. Private to
  * environment*.c.
  *
- * The map is cut into cells between texel centres: column i from centre i to centre i + 1
- * (periodic), strip k from row k - 1 to row k, strips 0 and H from a row to its pole and half
- * as high. In a cell, radiance is bilinear between four nodes. Going straight over the pole
- * from row 0 at u one meets row 0 at u + 1/2, so the radiance at the pole, seen from column u,
- * is the mean of the two.
+ * The map is divided into cells between texel centres: column i from centre i to centre i + 1
+ * (periodic), strip k from row k - 1 to row k; strips 0 and H, from a row to its pole, are half as
+ * high. Within a cell, radiance is bilinear between four nodes. A straight line over the pole from
+ * row 0 at u continues in row 0 at u + 1/2, so the radiance at the pole, seen from column u, is the
+ * mean of the two.
  */
 #ifndef AZULEJO_RENDER_ENVIRONMENT_MAP_H
 #define AZULEJO_RENDER_ENVIRONMENT_MAP_H
@@ -14,23 +14,23 @@
 #include "worker/render/light/density.h"
 #include "worker/render/light/environment.h"
 
-/* Windows of finer importance at most, around the brightest cells. */
+/* Limit of windows of finer importance, around the brightest cells. */
 enum { WINDOWS_MAX = 8 };
 
 enum mode { MODE_NONE, MODE_UNIFORM, MODE_IMPORTANCE };
 
 struct environment {
     uint32_t width, height;   /* 0: constant */
-    struct image map;         /* the factor is multiplied in */
+    struct image map;         /* already multiplied by the factor */
     struct vec3 constant;
-    float to_map[3][3];       /* from the world, the job's rotation included */
+    float to_map[3][3];       /* from world space, including the job's rotation */
     enum mode mode;
     int black;
     double mean_luminance;
     struct density parts[WINDOWS_MAX + 1]; /* the grid, then the windows; MODE_IMPORTANCE only */
-    float part_start[WINDOWS_MAX + 2];     /* where each one's share of the choices begins */
+    float part_start[WINDOWS_MAX + 2];     /* where each part's share of the choices begins */
     uint32_t part_count;
-    float uniform_share;      /* of the choices, over the whole sphere; MODE_IMPORTANCE only */
+    float uniform_share;      /* of the choices: uniform over the sphere; MODE_IMPORTANCE only */
 };
 
 static inline double luminance(struct vec3 c)
@@ -46,7 +46,7 @@ static inline struct vec3 texel(const struct environment *env, uint32_t column, 
     return (struct vec3){p[0], p[1], p[2]};
 }
 
-/* The texel of the same row half-way round; between two columns where the width is odd. */
+/* The texel of the same row half-way round; between two columns if the width is odd. */
 static inline struct vec3 opposite(const struct environment *env, uint32_t column, uint32_t row)
 {
     uint32_t width = env->width, a = (column + width / 2) % width;
@@ -56,14 +56,14 @@ static inline struct vec3 opposite(const struct environment *env, uint32_t colum
     return vec3_lerp(texel(env, a, row), texel(env, (a + 1) % width, row), 0.5f);
 }
 
-/* What a direction means in the map. */
+/* A direction in map coordinates. */
 struct angles {
     float u;        /* 0..1 */
     float distance; /* from the nearer pole over pi, 0..1/2 */
     int south;      /* the nearer pole is the nadir */
 };
 
-/* The map's radiance there; it is no constant. */
+/* The map's radiance there; not for a constant. */
 struct vec3 environment_map_radiance(const struct environment *env, const struct angles *angles);
 
 /* environment_importance.c: fill in the parts. `largest`: the map's largest value.

@@ -1,5 +1,5 @@
-/* goniometric_light: a point that shines through an image over its sphere of directions: latitude and
- * longitude in the light's own frame, laid out as an environment map. */
+/* goniometric_light: a point light with an image over its sphere of directions: latitude and
+ * longitude in the light's own frame, laid out like an environment map. */
 #include "common/math/elementary.h"
 #include "worker/render/light/punctual.h"
 

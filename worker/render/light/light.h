@@ -1,10 +1,10 @@
-/* light: what every kind of light is to the renderer, and the table of the kinds.
+/* light: the renderer's interface to every kind of light, and the table of the kinds.
  *
  * A kind is one file (spot_light.c) and one row of LIGHT_KINDS. With `light` the kind's own struct:
  *
- *   prefix_new      of a light of the scene's list: makes that struct of the description
+ *   prefix_new      for a light of the scene's list: creates that struct from the description
  *   prefix_weigh    power and bounds, from which the odds of choosing the light follow
- *   prefix_sample   next-event estimation: a point on the light, by two numbers
+ *   prefix_sample   next-event estimation: a point on the light, from two random numbers
  *
  * What scattered rays can meet has a density as well, with which multiple importance sampling weighs
  * the meeting; column MET says how they meet it:
@@ -50,7 +50,7 @@ enum light_kind { LIGHT_FOUND_FIRST = LIGHT_KIND_COUNT - 1,
 #undef LIGHT_ENUM
 };
 
-/* The light sampling context: what a light's choice and sample may depend on at a path's vertex. */
+/* The light sampling context: what the choice and sampling of a light may depend on at a vertex. */
 struct light_context {
     struct vec3 p;      /* world */
     struct vec3 n;      /* unit geometric normal; black: light from any side counts (media, and
@@ -58,7 +58,7 @@ struct light_context {
     float time;         /* 0..1 of the shutter */
 };
 
-/* A light seen from there. */
+/* A light seen from the context. */
 struct light_sample {
     struct vec3 direction; /* unit, towards the light */
     float distance;        /* metres; INFINITY for directional lights and the environment */
@@ -67,8 +67,8 @@ struct light_sample {
     float inset, cosine;   /* of that point and direction (struct ray) */
     struct vec3 radiance;  /* radiance, or irradiance-like intensity for delta lights */
     float pdf;             /* solid angle, times the odds of choosing this light; for delta
-                              lights the odds alone */
-    int delta;             /* nothing but light sampling finds it (lights at a point, and an environment
+                              lights only the odds */
+    int delta;             /* only light sampling finds it (lights at a point, and an environment
                               that is sampled alone): no MIS */
 };
 
@@ -82,13 +82,13 @@ struct light_meeting {
 
 /* What decides how often a light is chosen. */
 struct light_weight {
-    struct light_bounds bounds; /* but its intensity; unused of what is infinitely far away */
+    struct light_bounds bounds; /* without the intensity; unused for lights at infinity */
     double intensity;           /* W/sr in its main direction */
-    double power;               /* luminous, W; what is infinitely far away: into the scene's sphere */
+    double power;               /* luminous, W; if infinitely far away: into the scene's sphere */
 };
 
 /* u, v in [0, 1). On entry out->pdf holds the odds of having chosen this light and on_face is 0;
- * the kind multiplies its own density in and sets the rest. 0: no light arrives. */
+ * the kind multiplies the pdf by its own density and sets the rest. 0: no light arrives. */
 typedef int light_sample_function(const struct render_scene *scene, const void *light,
                                   const struct light_context *context, float u, float v,
                                   struct light_sample *out);
@@ -119,9 +119,9 @@ LIGHT_KINDS_LISTED(LIGHT_DECLARE_NEW)
 #undef LIGHT_DECLARE_NEVER
 #undef LIGHT_DECLARE_NEW
 
-/* A row, but for its sampling; `kind` is one of enum scene_light_kind or light_kind. */
+/* A row, without its sampling; `kind` is one of enum scene_light_kind or light_kind. */
 struct light_row {
-    light_new_function *create;  /* NULL: not of the scene's list */
+    light_new_function *create;  /* NULL: not in the scene's list */
     light_weigh_function *weigh;
 };
 const struct light_row *light_row(int kind);

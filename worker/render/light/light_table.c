@@ -7,7 +7,7 @@
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
 
-/* A weight counts as at least this share of all of them, or it would vanish in their sum. */
+/* A weight counts as at least this share of the total; otherwise it would vanish in the sum. */
 #define WEIGHT_MIN 0x1p-40
 
 status light_table_init(struct light_table *table, const double *weights, uint32_t count,
@@ -36,7 +36,7 @@ void light_table_release(struct light_table *table)
     memset(table, 0, sizeof *table);
 }
 
-/* Lights first .. end - 1, of which some have weight. */
+/* Lights first .. end - 1, at least one of which has weight. */
 struct range {
     uint32_t first, end;
 };

@@ -1,4 +1,4 @@
-/* point_light: the same light in all directions. */
+/* point_light: emits equally in all directions. */
 #include "worker/render/light/punctual.h"
 
 struct punctual *point_light_new(const struct scene_light *light, const struct texture_image *image)

@@ -52,7 +52,7 @@ static float halves(const struct vec3 corner[4], const struct light_context *con
     half[0].solid_angle = half[1].solid_angle = 0;
     if (!is_above(corner, context))
         return 0;
-    /* The corners that both share lie at the ends of the sampled arcs' first side. */
+    /* The corners that both share are at the ends of the sampled arcs' first side. */
     spherical_triangle_init(&half[0], context->p, corner[0], corner[1], corner[2]);
     spherical_triangle_init(&half[1], context->p, corner[0], corner[2], corner[3]);
     return half[0].solid_angle + half[1].solid_angle;

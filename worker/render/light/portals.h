@@ -1,8 +1,8 @@
-/* portals: windows through which the environment shines in, to aim at them.
+/* portals: windows through which the environment shines in, as targets for sampling.
  *
- * A direction is uniform in solid angle within all portals together, whichever way they face;
- * one that crosses two of them counts twice, in the choice and in the density alike.
- * A portal that lies wholly below the horizon of the light sampling context is left out.
+ * A direction is uniform in solid angle within all portals together, whichever way they face. One
+ * that crosses two of them counts twice, both in the choice and in the density. A portal that lies
+ * wholly below the horizon of the light sampling context is left out.
  */
 #ifndef AZULEJO_RENDER_PORTALS_H
 #define AZULEJO_RENDER_PORTALS_H
@@ -23,12 +23,12 @@ status portals_init(struct portals *p, const struct scene_portal *portals, uint3
                     struct error *err) MUST_CHECK;
 void portals_release(struct portals *p);
 
-/* Can any be seen? */
+/* Is any visible? */
 int portals_visible(const struct portals *portals, const struct light_context *context);
-/* A direction through one of them. 0: none can be seen. */
+/* A direction through one of them. 0: none is visible. */
 int portals_sample(const struct portals *portals, const struct light_context *context, float u,
                    float v, struct vec3 *direction);
-/* Solid-angle density of portals_sample; negative: none can be seen. */
+/* Solid-angle density of portals_sample; negative: none is visible. */
 float portals_pdf(const struct portals *portals, const struct light_context *context,
                   struct vec3 direction);
 

@@ -1,5 +1,6 @@
-/* projection_light: a slide projector. The slide fills the frustum of the light's fields of view about
- * its own -Z, upright along +Y; outside of it there is no light. Without an image it is white. */
+/* projection_light: a slide projector. The slide fills the frustum of the light's fields of view
+ * about its own -Z, upright along +Y; outside it there is no light. Without an image it is
+ * white. */
 #include "common/math/elementary.h"
 #include "worker/render/light/punctual.h"
 
@@ -43,7 +44,7 @@ void projection_light_weigh(const struct render_scene *scene, const void *light_
                     &out->bounds);
 }
 
-/* What the slide lets through in this direction of the light's own frame. */
+/* What the slide transmits in this direction of the light's own frame. */
 static struct vec3 slide_filter(const struct projection_light *light, struct vec3 d)
 {
     float x, y;

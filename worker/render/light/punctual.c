@@ -4,8 +4,8 @@
 #include "common/math/elementary.h"
 #include "worker/render/camera/camera.h"
 
-/* An image's mean luminance is taken on a grid of this many points a side. What falls between
- * them is not lost: no image counts as darker than IMAGE_MEAN_MIN. */
+/* An image's mean luminance is computed on a grid of this many points a side. Bright spots between
+ * the points are not lost: no image counts as darker than IMAGE_MEAN_MIN. */
 enum { IMAGE_GRID = 48 };
 #define IMAGE_MEAN_MIN 1e-2
 
@@ -50,14 +50,14 @@ void *punctual_alloc(size_t size, enum scene_light_kind kind, const struct scene
     return p;
 }
 
-/* ---- where it is -------------------------------------------------------------------------- */
+/* ---- position ----------------------------------------------------------------------------- */
 
 static struct vec3 mixed(struct vec3 a, struct vec3 b, float share)
 {
     return vec3_add(vec3_scale(a, 1 - share), vec3_scale(b, share));
 }
 
-/* A unit vector between two; between opposite ones, the first. */
+/* A unit vector interpolated between two; between opposite ones, the first. */
 static struct vec3 mixed_direction(struct vec3 a, struct vec3 b, float share)
 {
     struct vec3 v = vec3_normalize(mixed(a, b, share));
@@ -65,7 +65,7 @@ static struct vec3 mixed_direction(struct vec3 a, struct vec3 b, float share)
     return vec3_is_black(v) ? a : v;
 }
 
-/* The axes, mixed and made orthonormal again; the frame stays as right- or left-handed as it was. */
+/* The axes, interpolated and made orthonormal again; the frame keeps its handedness. */
 static void mix_axes(struct vec3 out[3], const struct vec3 a[3], const struct vec3 b[3], float share)
 {
     struct vec3 x = mixed(a[0], b[0], share), y;
@@ -96,7 +96,7 @@ const struct punctual_pose *punctual_pose_at(const struct punctual *p, float tim
     return moved;
 }
 
-/* ---- what it can do ---------------------------------------------------------------------- */
+/* ---- bounds ----------------------------------------------------------------------------- */
 
 void punctual_weigh(const struct punctual *p, double mean, struct light_weight *out)
 {
@@ -114,8 +114,8 @@ void punctual_weigh(const struct punctual *p, double mean, struct light_weight *
     out->power = intensity * 4 * PI_D;
 }
 
-/* Of all its directions the mean, and the largest angle to it: the directions in between lie
- * within that too while it is less than a right one. */
+/* The mean of all its directions, and the largest angle to it: the directions in between are within
+ * that angle, too, as long as it is less than a right angle. */
 static float sweep_of(const struct punctual *p, struct vec3 *axis)
 {
     struct vec3 sum = {0, 0, 0};

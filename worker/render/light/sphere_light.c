@@ -9,13 +9,13 @@
 #include "worker/render/shape/sphere.h"
 #include "worker/render/world.h"
 
-/* What a place sees of the sphere. */
+/* The sphere as seen from a point. */
 struct sphere_view {
     const struct sphere_shape *sphere;
     double to_centre[3], distance; /* metres, from the place */
     int inside;
-    int lit;                       /* it shines towards the place */
-    double height;                 /* of the cone's cap: 1 - cos of its half angle; outside */
+    int lit;                       /* it emits towards the point */
+    double height;                 /* of the cone's cap: 1 - cos of its half angle; if outside */
 };
 
 static void sphere_view_init(struct sphere_view *view, const struct render_scene *scene,
@@ -73,7 +73,7 @@ static struct vec3 cap_direction(double rise, float v)
     return vec3_make(width * cosine, width * sine, (float)(1 - rise));
 }
 
-/* The direction, the distance and the cosine at the light. */
+/* Direction, distance and cosine at the light. */
 static void sample_cone(const struct sphere_view *view, float u, float v, struct light_sample *out)
 {
     double radius = view->sphere->radius, rise = (double)u * view->height;
@@ -105,7 +105,7 @@ static void sample_surface(const struct sphere_view *view, float u, float v,
     out->pdf *= surface_pdf(view, out->distance * out->distance, out->cosine);
 }
 
-/* An even lamp: its vertex does not matter. */
+/* Uniform emission: any vertex of the mesh will do. */
 static struct vec3 radiance_towards(const struct render_scene *scene,
                                     const struct hit *light, float cosine)
 {

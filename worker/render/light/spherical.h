@@ -1,10 +1,10 @@
-/* spherical: a triangle as a point sees it, and directions uniform within it.
+/* spherical: a triangle as seen from a point, and directions uniform within it.
  *
- * Arvo 1995, "Stratified Sampling of Spherical Triangles", in a form without cancellation, so
- * that it holds for triangles as small as numbers allow: the sub-triangle of a given area is
- * found from tan(E/2) = tan(a/2) tan(b/2) sin C / (1 + tan(a/2) tan(b/2) cos C), E the
- * spherical excess over two sides and the angle between them. In double; the only elementary
- * functions are one arc tangent for the area and one sine and cosine a sample.
+ * Arvo 1995, "Stratified Sampling of Spherical Triangles", in a form without cancellation, so that
+ * it works for triangles as small as numbers allow: the sub-triangle of a given area is found from
+ * tan(E/2) = tan(a/2) tan(b/2) sin C / (1 + tan(a/2) tan(b/2) cos C), E being the spherical excess
+ * over two sides and the angle between them. In double; the only elementary functions are one arc
+ * tangent for the area and one sine and cosine per sample.
  */
 #ifndef AZULEJO_RENDER_SPHERICAL_H
 #define AZULEJO_RENDER_SPHERICAL_H
@@ -21,7 +21,7 @@ struct dvec3 {
 struct spherical_triangle {
     struct dvec3 a, b, c; /* from the point to the corners, metres */
     double la, lb, lc;    /* their lengths */
-    float solid_angle;    /* 0: seen edge on, or the point is a corner */
+    float solid_angle;    /* 0: seen edge-on, or the point is a corner */
 };
 
 static inline struct dvec3 dvec3_between(struct vec3 from, struct vec3 to)
@@ -72,8 +72,8 @@ static inline void spherical_triangle_init(struct spherical_triangle *t, struct 
                          : 0;
 }
 
-/* A direction (unit) uniform in solid angle, density 1 / solid_angle. u, v in [0, 1). The map
- * of the square is continuous. 0: the triangle is too thin for double. */
+/* A direction (unit) uniform in solid angle, density 1 / solid_angle. u, v in [0, 1). The map of
+ * the square is continuous. 0: the triangle is too thin for double. */
 static inline int spherical_triangle_sample(const struct spherical_triangle *t, float u, float v,
                                             struct vec3 *direction)
 {
@@ -82,7 +82,7 @@ static inline int spherical_triangle_sample(const struct spherical_triangle *t, 
     double scale, sin_alpha, cos_alpha, chord, sum, top, bottom, rise, x, length;
     float sine, cosine;
 
-    /* The angle at a, between the planes (a, b) and (a, c): of tangents there. */
+    /* The angle at a, between the planes (a, b) and (a, c): that of the tangents there. */
     to_b = dvec3_sub(b, a);
     to_c = dvec3_sub(c, a);
     chord = dvec3_dot(to_b, to_b);               /* 2 (1 - cos ab) */

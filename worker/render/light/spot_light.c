@@ -1,4 +1,4 @@
-/* spot_light: a point that shines within a cone, with a soft edge: KHR_lights_punctual's ramp or
+/* spot_light: a point that emits within a cone with a soft edge: KHR_lights_punctual's ramp or
  * pbrt's smooth step. */
 #include "common/math/elementary.h"
 #include "worker/render/light/punctual.h"

@@ -2,11 +2,11 @@
 
 #include "common/math/elementary.h"
 
-/* Bounds are held against rounding by this much: cosines and sines of angles near 0 are only
- * good to the root of float's precision. */
+/* Tolerance of the bounds against rounding: cosines and sines of angles near 0 are only accurate to
+ * the root of float's precision. */
 #define COSINE_SLACK 1e-3f
-/* A light that may send something keeps at least these odds in its pair: the power heuristic's
- * weights stay bounded, and the numbers' resolution (2^-24) is not spent by one turn. */
+/* A light that may contribute keeps at least these odds in its pair: this bounds the weights of the
+ * power heuristic, and one turn does not use up the numbers' resolution (2^-24). */
 #define PAIR_ODDS_MIN 0x1p-10f
 
 static inline float safe_sqrt(float x)
@@ -31,7 +31,7 @@ static float importance(const struct light_node *node, struct vec3 p, struct vec
     float distance_squared = vec3_length_squared(to_p), distance;
     float cos_axis, sin_axis, cos_ball, sin_ball, sin_free, cos_free, cosine;
 
-    /* Inside the sphere light may come from anywhere, and shine anywhere. */
+    /* Inside the sphere, light may come from any direction and leave in any direction. */
     if (distance_squared <= node->radius_squared || !(distance_squared > 1e-36f))
         return node->intensity / float_max(node->radius_squared, 1e-36f);
     if (distance_squared > node->reach_squared)
@@ -45,7 +45,7 @@ static float importance(const struct light_node *node, struct vec3 p, struct vec
     if (node->two_sided)
         cos_axis = fabsf(cos_axis);
     sin_axis = safe_sqrt(1 - cos_axis * cos_axis);
-    /* The least angle between the direction to p and a normal. */
+    /* The smallest angle between the direction to p and a normal. */
     cos_free = cos_less(sin_axis, cos_axis, node->sin_spread, node->cos_spread);
     sin_free = sin_less(sin_axis, cos_axis, node->sin_spread, node->cos_spread);
     cosine = cos_less(sin_free, cos_free, sin_ball, cos_ball);
@@ -64,7 +64,7 @@ static float importance(const struct light_node *node, struct vec3 p, struct vec
     return node->intensity * cosine / distance_squared;
 }
 
-/* Odds of the left one of two siblings; negative: neither can send anything. */
+/* Odds of the left of two siblings; negative: neither can contribute. */
 static float left_odds(const struct light_node *pair, struct vec3 p, struct vec3 n)
 {
     float left = importance(&pair[0], p, n), right = importance(&pair[1], p, n);

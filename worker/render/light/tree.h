@@ -1,13 +1,14 @@
-/* tree: a bounding volume hierarchy over lights, to choose one by what it can do at a point.
+/* tree: a bounding volume hierarchy over lights, to choose one by what it can contribute at a
+ * point.
  *
- * Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree
- * Splitting": every node bounds its lights' places, the directions of their normals and the
- * angle about a normal in which they shine. Going down, a child is taken with odds in
- * proportion to its importance: intensity, over the squared distance, times bounds on both
- * cosines. A child's importance is 0 only where none of its lights can send anything.
+ * Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting":
+ * every node bounds its lights' positions, the directions of their normals and the angle around a
+ * normal within which they emit. On the way down, a child is taken with odds in proportion to its
+ * importance: intensity, over the squared distance, times bounds on both cosines. A child's
+ * importance is 0 only if none of its lights can contribute.
  *
- * A leaf holds one light, or a few triangles that make up one flat lamp: those are chosen by
- * power, so that the stratification of the numbers runs on across the lamp.
+ * A leaf holds one light, or a few triangles that form one flat light. Those are chosen by power,
+ * so that the stratification of the numbers extends across the whole light.
  * Invariants: the tree is a pure function of the bounds in their order; light_tree_choose and
  * light_tree_odds compute a light's odds by the same operations in the same order.
  */
@@ -20,16 +21,16 @@
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
 
-/* What a light can do. */
+/* The bounds of what a light can contribute. */
 struct light_bounds {
-    struct vec3 min, max;  /* its places, over the whole shutter */
+    struct vec3 min, max;  /* its positions, over the whole shutter */
     struct vec3 axis;      /* unit; its normals lie within spread_rad of it */
     float spread_rad;      /* 0..pi; pi: any normal */
-    float emission_rad;    /* it shines within this of a normal, 0..pi/2 */
-    float reach;           /* metres beyond which it sends nothing; INFINITY: none */
+    float emission_rad;    /* it emits within this angle of a normal, 0..pi/2 */
+    float reach;           /* metres beyond which it contributes nothing; INFINITY: none */
     float intensity;       /* W/sr in its main direction; 0: never chosen */
-    float area;            /* m^2, of a flat lamp; 0: it has no surface */
-    uint32_t lamp;         /* triangles of one lamp have one number */
+    float area;            /* m^2, of a flat light; 0: it has no surface */
+    uint32_t lamp;         /* triangles of one flat light share a number */
     int two_sided;
 };
 
@@ -41,8 +42,8 @@ static inline void light_bounds_add(struct light_bounds *b, struct vec3 p)
                        float_max(b->max.z, p.z));
 }
 
-/* What is left of a number in [0, 1) that fell into the part which begins at `start` and is `size` long:
- * as good as a new one. */
+/* The rest of a number in [0, 1) that fell into the part which begins at `start` and is `size`
+ * long: as good as a new one. */
 static inline float light_rescaled(float number, float start, float size)
 {
     return float_min(float_max((number - start) / size, 0), ONE_MINUS_EPSILON);
@@ -55,7 +56,7 @@ struct light_node {
     float cos_spread, sin_spread, cos_emission;
     float reach_squared;   /* from the centre */
     float intensity;       /* relative to the whole tree's */
-    uint32_t first;        /* the left child, the right one follows it; of a leaf into `order` */
+    uint32_t first;        /* the left child, the right one follows it; in a leaf: into `order` */
     uint16_t leaf_count;   /* 0: not a leaf */
     uint16_t two_sided;
 };
@@ -64,18 +65,18 @@ struct light_tree {
     struct light_node *nodes; /* the root is the first */
     uint32_t node_count, item_count;
     uint32_t *order;          /* the lights in the order of the leaves */
-    uint64_t *trail;          /* [item_count] way to its leaf: bit k is the turn at depth k */
+    uint64_t *trail;          /* [item_count] the way to its leaf: bit k is the turn at depth k */
     float *share_start;       /* [item_count] where its share of its leaf begins, and */
-    float *share;             /* how large it is; 0: it is in no leaf */
+    float *share;             /* how large it is; 0: not in any leaf */
 };
 
-/* No light of positive intensity: node_count is 0. */
+/* If no light has positive intensity, node_count is 0. */
 status light_tree_init(struct light_tree *tree, const struct light_bounds *bounds, uint32_t count,
                        struct error *err) MUST_CHECK;
 void light_tree_release(struct light_tree *tree);
 
-/* Choose a light for point p with unit normal n (black: all sides). u and v, each in [0, 1),
- * are used up in turns and come back rescaled. 0: no light reaches p. */
+/* Choose a light for point p with unit normal n (black: all sides). u and v, each in [0, 1), are
+ * used in turns and returned rescaled. 0: no light reaches p. */
 int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 n, float *u,
                       float *v, uint32_t *item, float *odds);
 /* The odds with which light_tree_choose chooses that light. */

@@ -9,15 +9,16 @@
 
 enum {
     BUCKETS = 12,
-    /* From this depth on sets are halved as they lie: 2^31 lights end within 64 turns. */
+    /* From this depth on sets are halved in their given order: 2^31 lights need at most 64
+     * turns. */
     DEPTH_HALVE = 32,
     LEAF_MAX = 4,
-    /* Above this many lights only the longest axis is tried and normals are not weighed: at
-     * that height of the tree nearly every cone is full. */
+    /* Above this many lights only the longest axis is tried and normals have no weight: that high
+     * in the tree nearly every cone is full. */
     COARSE_COUNT = 4096,
 };
 
-/* The share of its bounding circle's area that triangles of one flat lamp must cover. */
+/* Triangles of one flat light must cover this share of their bounding circle's area. */
 #define LAMP_COVER_MIN 0.25f
 
 /* ---- cones and boxes, when building ------------------------------------------------------ */
@@ -35,7 +36,7 @@ static void cone_fill(struct light_bounds *b)
 
 static float angle_between(struct vec3 a, struct vec3 b)
 {
-    /* Kahan: exact near 0 and pi too, where the arc cosine is not. */
+    /* Kahan's formula: also accurate near 0 and pi, where the arc cosine is not. */
     return 2 * det_atan2(vec3_length(vec3_sub(a, b)), vec3_length(vec3_add(a, b)));
 }
 
@@ -48,7 +49,7 @@ static struct vec3 turned(struct vec3 v, struct vec3 k, float angle)
     return vec3_normalize(vec3_mad(vec3_scale(v, cosine), vec3_cross(k, v), sine));
 }
 
-/* Make a's cone hold b's too: the smallest cone around both (Conty Estevez and Kulla 2018,
+/* Extend a's cone to contain b's: the smallest cone around both (Conty Estevez and Kulla 2018,
  * algorithm 1). */
 static void cone_grow(struct light_bounds *a, const struct light_bounds *b)
 {
@@ -91,7 +92,7 @@ static struct vec3 vec3_upper(struct vec3 a, struct vec3 b)
     return vec3_make(float_max(a.x, b.x), float_max(a.y, b.y), float_max(a.z, b.z));
 }
 
-/* `cones`: normals as well; without, only what the coarse splits look at. */
+/* `cones`: also bound the normals; otherwise only what the coarse splits need. */
 static void bounds_grow(struct light_bounds *a, const struct light_bounds *b, int cones)
 {
     if (!(a->intensity > 0)) {
@@ -120,7 +121,7 @@ static float centre_on(const struct light_bounds *b, int axis)
     return 0.5f * component(b->min, axis) + 0.5f * component(b->max, axis);
 }
 
-/* Half the box's surface; `least` keeps flat and straight sets from counting as nothing. */
+/* Half the box's surface area; `least` keeps that of flat and straight sets above 0. */
 static float box_measure(const struct light_bounds *b, float least)
 {
     struct vec3 d = vec3_add(vec3_sub(b->max, b->min), vec3_splat(least));
@@ -203,7 +204,7 @@ static float try_axis(const struct builder *b, const uint32_t *items, uint32_t c
     return best;
 }
 
-/* Bring the left side's lights to the front; how many they are. */
+/* Move the left side's lights to the front; returns how many there are. */
 static uint32_t partition(const struct builder *b, uint32_t *items, uint32_t count,
                           const struct split *split)
 {
@@ -257,7 +258,7 @@ static uint32_t split_items(const struct builder *b, uint32_t *items, uint32_t c
     return left > 0 && left < count ? left : count / 2;
 }
 
-/* Do the lights make up one flat lamp? */
+/* Do the lights form one flat light? */
 static int is_one_lamp(const struct builder *b, const uint32_t *items, uint32_t count)
 {
     struct light_bounds all = b->bounds[items[0]];

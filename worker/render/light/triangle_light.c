@@ -28,7 +28,7 @@ static void triangle_point(float u, float v, float *b1, float *b2)
     }
 }
 
-/* A point of a triangle that emits. */
+/* A point of an emissive triangle. */
 struct triangle_place {
     const struct world_mesh *mesh;
     const struct world_material *material;

@@ -54,16 +54,16 @@ static double triangle_luminance(const struct world_material *material,
     return sum > UNSEEN_EMISSION * whole ? sum : UNSEEN_EMISSION * whole;
 }
 
-/* Twice the area as a vector, of the triangle with its first edge from one moment and its
- * second from another. */
+/* Twice the area as a vector, of the triangle with its first edge from one moment and its second
+ * from another. */
 static struct vec3 crossed(const struct vec3 a[3], const struct vec3 b[3])
 {
     return vec3_cross(vec3_sub(a[1], a[0]), vec3_sub(b[2], b[0]));
 }
 
-/* Normals of a triangle whose corners move along straight lines are combinations, with positive
- * weights, of those at both ends and of the mean of the mixed ones (Bernstein's form): a
- * cone of less than a right angle around all those holds every normal in between. */
+/* The normals of a triangle whose corners move along straight lines are combinations, with positive
+ * weights, of those at both ends and of the mean of the mixed ones (Bernstein's form). So a cone of
+ * less than a right angle around all of those holds every normal in between. */
 static void cone_add_normal(struct light_bounds *b, struct vec3 doubled)
 {
     struct vec3 normal = vec3_normalize(doubled);

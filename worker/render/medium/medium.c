@@ -6,7 +6,7 @@
 #include "worker/render/medium/medium_data.h"
 #include "worker/render/base/profile_scope.h"
 
-/* Below it ratio tracking goes on by the toss of a coin. */
+/* Below this transmittance, ratio tracking plays Russian roulette. */
 #define MEDIUM_ROULETTE_BELOW 0.0625f
 
 static float medium_next(struct medium_random *random)
@@ -20,7 +20,7 @@ static float medium_depth_of(float u)
     return -det_log(1.0f - u);
 }
 
-/* One of the three channels, with equal chances; *u becomes a fresh number in [0,1). */
+/* Choose one of the three channels with equal probability; *u becomes a new number in [0,1). */
 static int medium_channel(float *u)
 {
     float scaled = *u * 3.0f;
@@ -37,14 +37,14 @@ static struct vec3 medium_vec(const float x[3])
 
 /* ---- homogeneous -------------------------------------------------------------------------- */
 
-/* exp(-extinction * metres); nothing is lost where the extinction is 0, however far. */
+/* exp(-extinction * metres). Extinction 0 loses nothing, at any distance. */
 static float medium_beer(float extinction, float metres)
 {
     return extinction > 0.0f ? det_exp(-extinction * metres) : 1.0f;
 }
 
-/* Integral of exp(-extinction t) from 0 to `metres`. A stretch without end or extinction would
- * shine infinitely; it counts for nothing. */
+/* Integral of exp(-extinction t) from 0 to `metres`. An infinite segment without extinction would
+ * emit infinitely; it counts as 0. */
 static float medium_beer_integral(float extinction, float metres)
 {
     double depth = (double)extinction * (double)metres;
@@ -69,9 +69,9 @@ static struct vec3 medium_homogeneous_emission(const struct world_medium *medium
     return medium_vec(sum);
 }
 
-/* The free path of a channel that was chosen evenly; the balance heuristic divides by the mean
- * of the three channels' densities, so no weight exceeds 3. The densities are taken relative
- * to the chosen channel's, whose depth is below 17: none of them over- or underflows. */
+/* The free path of a uniformly chosen channel. The balance heuristic divides by the mean of the
+ * three channels' densities, so no weight exceeds 3. The densities are relative to the chosen
+ * channel's, whose optical depth is below 17, so none overflows or underflows. */
 static void medium_sample_homogeneous(const struct world_medium *medium, float t_max, float u,
                                       struct medium_event *out)
 {
@@ -111,7 +111,7 @@ static float medium_component(struct vec3 v, int axis)
     return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
 }
 
-/* Where the ray leaves the block, and its majorant. */
+/* Find where the ray leaves the block, and the block's majorant. */
 static void medium_walk_enter(struct medium_walk *walk)
 {
     const struct world_medium *medium = walk->medium;
@@ -131,8 +131,8 @@ static void medium_walk_enter(struct medium_walk *walk)
                                        (size_t)walk->block[0]];
 }
 
-/* To the next block; 0 at the end. All axes whose plane was met step, so every call steps at
- * least one and the walk ends whatever the rounding. */
+/* Step to the next block; 0 at the end. Every axis whose plane was met steps, so each call steps at
+ * least one axis and the walk ends whatever the rounding. */
 static int medium_walk_next(struct medium_walk *walk)
 {
     const struct world_medium *medium = walk->medium;
@@ -200,8 +200,8 @@ static int medium_walk_start(struct medium_walk *walk, const struct world_medium
     return 1;
 }
 
-/* On to the next tentative collision: `*depth` (in optical depth for `rate` per density) is used
- * up, and stays what is left of it from block to block. 0: the walk is at its end. */
+/* Continue to the next tentative collision. `*depth` (optical depth for `rate` per density) is used
+ * up from block to block. 0: the walk has ended. */
 static int medium_walk_collide(struct medium_walk *walk, float rate, float *depth)
 {
     for (;;) {
@@ -232,8 +232,8 @@ static float medium_lerp(float a, float b, float t)
     return a + (b - a) * t;
 }
 
-/* The density where the walk stands over the block's majorant, 0..1: trilinear between the cells'
- * centres; within half a cell of the box's sides the outermost cells' own. */
+/* The density at the walk's position over the block's majorant, 0..1. Trilinear between the cells'
+ * centres; within half a cell of the box's sides, the value of the outermost cells. */
 static float medium_walk_density(const struct medium_walk *walk)
 {
     const struct world_medium *medium = walk->medium;
@@ -261,14 +261,14 @@ static float medium_walk_density(const struct medium_walk *walk)
     }
     row[0] = medium_lerp(medium_lerp(row[0], row[1], part[1]),
                          medium_lerp(row[2], row[3], part[1]), part[2]);
-    /* Rounding may lift either above the other. */
+    /* Rounding may make either larger than the other. */
     return float_min(row[0] / walk->majorant, 1.0f);
 }
 
 /* ---- grids: tracking ---------------------------------------------------------------------- */
 
-/* Delta tracking by one channel's probabilities. `through` are the products of the null
- * collisions' probabilities of all three; the majorant's own part is common to them and
+/* Delta tracking with one channel's probabilities. `through` holds, for all three channels, the
+ * products of the null collisions' probabilities. The majorant's part is common to them and
  * cancels, so with the balance heuristic no weight exceeds 3 (Miller et al. 2019, section 5). */
 static void medium_sample_grid(const struct world_medium *medium, const struct ray *ray, float u,
                                struct medium_random *random, struct medium_event *out)
@@ -303,7 +303,7 @@ static void medium_sample_grid(const struct world_medium *medium, const struct r
                 through[c] *= float_max(1.0f - medium->extinction[c] * density, 0.0f);
                 most = float_max(through[c], most);
             }
-            /* Only their proportions count: a long walk must not underflow. */
+            /* Only their ratios matter: a long walk must not underflow. */
             for (int c = 0; c < 3; c++)
                 through[c] /= most;
             depth = medium_depth_of(medium_next(random));
@@ -324,7 +324,7 @@ static void medium_sample_grid(const struct world_medium *medium, const struct r
     out->emitted = medium_vec(emitted);
 }
 
-/* Ratio tracking; adds what the stretch emits unless `emitted` is NULL. */
+/* Ratio tracking. Adds what the segment emits unless `emitted` is NULL. */
 static struct vec3 medium_ratio_track(const struct world_medium *medium, const struct ray *ray,
                                       float u, struct medium_random *random, float *emitted)
 {
@@ -360,7 +360,7 @@ static struct vec3 medium_ratio_track(const struct world_medium *medium, const s
     return medium_vec(through);
 }
 
-/* ---- what the path calls ------------------------------------------------------------------ */
+/* ---- what paths call ----------------------------------------------------------------------- */
 
 void medium_sample(const struct world_medium *medium, const struct ray *ray, float first,
                    struct medium_random *random, struct medium_event *out)
@@ -409,7 +409,7 @@ struct vec3 medium_transmittance(const struct world_medium *medium, const struct
                          medium_beer(medium->extinction[2], t_max)};
 }
 
-/* Henyey & Greenstein 1941. The root's argument, 1 + g^2 - 2 g cos, is written as a sum of
+/* Henyey & Greenstein 1941. The argument of the root, 1 + g^2 - 2 g cos, is written as a sum of
  * two terms >= 0, so that it does not cancel where it is smallest. */
 float medium_phase(const struct world_medium *medium, float cosine)
 {
@@ -422,8 +422,8 @@ float medium_phase(const struct world_medium *medium, float cosine)
     return near_one * (1.0f + strength) / (d * sqrtf(d)) * (0.25f * INV_PI_F);
 }
 
-/* The inverse of the cumulative distribution with 1 / g taken out of it: at g = 0 it is 2 u - 1
- * without a special case. In double: near |g| = 1 its parts cancel. */
+/* The inverse of the cumulative distribution with 1 / g factored out: at g = 0 it is 2 u - 1
+ * without a special case. In double: near |g| = 1 its terms cancel. */
 static double medium_phase_cosine(double g, double u)
 {
     double x = 2.0 * u - 1.0, rest = (1.0 - x) * (1.0 + x), d = 1.0 + g * x;

@@ -41,7 +41,7 @@ static float block_maximum(const struct world_medium *medium, const uint32_t blo
     return most;
 }
 
-/* Metres across the box, corner to corner, at most. */
+/* Upper bound of the box's diagonal, metres. */
 static double box_diagonal(const struct transform_d *grid_to_world)
 {
     double sum = 0;
@@ -56,8 +56,8 @@ static double box_diagonal(const struct transform_d *grid_to_world)
     return sqrt(sum);
 }
 
-/* Emission is seen where tracking stops: it must stop a few times even in a grid that
- * hardly absorbs. */
+/* Emission is collected where tracking stops, so tracking must stop a few times even in a grid
+ * that hardly absorbs. */
 static void set_glow(struct world_medium *medium, const struct scene_medium *source, float densest)
 {
     double optical = box_diagonal(&source->grid_to_world) * (double)densest;
@@ -92,7 +92,7 @@ static status build_grid(struct world_medium *medium, const struct scene_medium 
     medium->block_max = mem_calloc(count, sizeof *medium->block_max);
     if (!medium->block_max)
         return error_no_memory(err, "a medium's grid");
-    /* A box without volume holds nothing: its majorants stay 0. */
+    /* A box without volume holds nothing; its majorants stay 0. */
     if (!transform_d_invert(&to_world, &to_unit))
         return STATUS_OK;
     to_cells = transform_d_identity();

@@ -1,5 +1,5 @@
-/* medium_data: what a medium is made of, shared by medium_build.c (made once) and medium.c
- * (read at every stretch of a path). Private to the two and their tests. */
+/* medium_data: the fields of a medium, shared by medium_build.c (runs once) and medium.c
+ * (runs for every segment of a path). Private to the two and their tests. */
 #ifndef AZULEJO_RENDER_MEDIUM_DATA_H
 #define AZULEJO_RENDER_MEDIUM_DATA_H
 
@@ -8,15 +8,15 @@
 
 enum {
     MEDIUM_BLOCK_SIDE = 8,         /* cells along a side of a block that shares one majorant */
-    MEDIUM_STEPS_MAX = 1 << 16,    /* tentative collisions on one stretch; then it is absorbed:
-                                      only a grid whose cells differ by many powers of ten gets there */
-    MEDIUM_EMISSION_STEPS = 8,     /* tentative collisions across a glowing grid, at least */
+    MEDIUM_STEPS_MAX = 1 << 16,    /* tentative collisions on one segment; then it is absorbed. Only
+                                      a grid whose cells differ by many powers of ten gets there */
+    MEDIUM_EMISSION_STEPS = 8,     /* tentative collisions across an emissive grid, at least */
 };
 /* Coefficients and densities are clamped to this, so that products of the two stay finite. */
 #define MEDIUM_COEFFICIENT_MAX 1e18f
-#define MEDIUM_COEFFICIENT_MIN 1e-20f /* a coefficient below is 0: no scene is that wide */
+#define MEDIUM_COEFFICIENT_MIN 1e-20f /* smaller coefficients count as 0: no scene is that wide */
 #define MEDIUM_RADIANCE_MAX 1e30f
-/* Beyond it the cosine's last bit would decide the phase function's value. */
+/* Beyond this |g| the cosine's last bit would decide the phase function's value. */
 #define MEDIUM_G_MAX 0.999f
 
 struct world_medium {
@@ -27,13 +27,13 @@ struct world_medium {
     int scatters, emits;
     int chromatic;              /* the extinction differs between the channels */
 
-    /* Grids only; size[0] is 0 else. */
+    /* Grids only; otherwise size[0] is 0. */
     uint32_t size[3], blocks[3];
     struct transform to_cells;  /* world to cell numbers: cell i reaches from i to i + 1 */
     const uint8_t *cells;       /* the blob; not owned */
     float *block_max;           /* [z][y][x] largest density that interpolation reaches; owned */
-    float glow_rate;            /* extinction that tracking pretends at least, if it emits */
-    float glow[3];              /* emission / (the extinction that tracking pretends) */
+    float glow_rate;            /* lower bound of the extinction used for tracking, if it emits */
+    float glow[3];              /* emission / (the extinction used for tracking) */
 };
 
 #endif

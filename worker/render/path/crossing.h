@@ -1,17 +1,17 @@
-/* crossing: a ray passes a face of a volume, and all that coincide with it, as one event.
+/* crossing: a ray passes a face of a volume, and all faces that coincide with it, as one event.
  *
- * Faces closer than ACCEL_COINCIDENT_ULPS cannot be kept apart in floats: liquid that fills its
- * glass, stacked slabs. They are crossed at once. The ray leaves all of them, so each is crossed
- * exactly once, and light is neither made nor lost: what it refracts by is the ratio of the indices
- * before the first face and behind the last. An opaque face among them stops the ray, which has
- * then not left what it is in: glass on a table touches it without air.
+ * Floats cannot separate faces closer than ACCEL_COINCIDENT_ULPS: liquid that fills its glass,
+ * stacked slabs. They are crossed together. The ray leaves all of them, so each is crossed exactly
+ * once and no light is created or lost. It refracts by the ratio of the indices before the first
+ * face and behind the last. An opaque face among them stops the ray, which then has not left the
+ * volume that it is in: glass touches the table it stands on, with no air between.
  *
- * A thin wall among them lies on the outer side of the face that refracts, without air in between
- * but as a sheet of its own. A path meets the two one after the other, at one place: what goes from
- * one towards the other meets it next, without a ray, and no light arrives from there. A wall on faces
- * that do not refract is crossed together with them. Of several walls in one place one counts.
- * Which faces have others at them is found when the scene is built (world_touch.h); elsewhere
- * nothing is looked for.
+ * A thin wall among them lies on the outer side of the face that refracts, as a separate sheet with
+ * no air between. A path meets the two one after the other at the same place: what goes from one
+ * towards the other meets it next, without tracing a ray, and no light arrives from there. A wall
+ * on faces that do not refract is crossed together with them. Of several walls at one place one
+ * counts. world_touch.h finds which faces may coincide with others when the scene is built; at all
+ * other faces there is no search.
  */
 #ifndef AZULEJO_RENDER_CROSSING_H
 #define AZULEJO_RENDER_CROSSING_H
@@ -24,27 +24,27 @@
 #include "worker/render/path/interior.h"
 #include "worker/render/path/path.h"
 
-/* Indices whose ratio differs from 1 by less are one. */
+/* Indices whose ratio differs from 1 by less than this count as equal. */
 #define CROSSING_SAME_IOR 1e-6
 
 struct crossing {
-    struct interior beyond; /* what the ray is in behind the faces */
+    struct interior beyond; /* the volumes behind the faces */
     int real;               /* there is a boundary */
-    int together;           /* several faces: then */
-    float ior;              /* the index on the inner side of the one that shades, relative to */
-    float ior_outside;      /* that on its outer side */
-    int next_side;          /* not 0: where the path goes on to that side of the one that shades (1:
-                               the ray's), it meets */
-    struct hit next;        /* this face at once */
+    int together;           /* several faces are crossed; ior and ior_outside then hold: */
+    float ior;              /* index on the inner side of the face that shades, relative to */
+    float ior_outside;      /* the index on its outer side */
+    int next_side;          /* not 0: if the path continues on that side of the face that shades (1:
+                               the ray's side), it meets */
+    struct hit next;        /* this face at the same place */
 };
 
-/* What coincides where a ray met a face. */
+/* The faces that coincide where a ray met a face. */
 struct crossing_group {
-    struct surface faces[RAY_LEFT_MAX]; /* of volumes */
+    struct surface faces[RAY_LEFT_MAX]; /* faces of volumes */
     struct surface wall;
     uint32_t count;                     /* of `faces` */
     int walled;                         /* there is a thin wall */
-    int stops;                          /* an opaque one is among them */
+    int stops;                          /* an opaque face is among them */
 };
 
 static inline int crossing_touches(const struct surface *s)
@@ -52,9 +52,9 @@ static inline int crossing_touches(const struct surface *s)
     return s->instance->touches && s->instance->touches[s->triangle];
 }
 
-/* The hit made into a surface; near boundaries the first of faces that lie close together. Only
- * faces that are crossed together may be met in any order: at a sharp rim, thinner than they are
- * far apart, the ray would else enter a body by the face that it leaves by. */
+/* Turn the hit into a surface. Near boundaries take the first of faces that lie close together.
+ * Only faces that are crossed together may be met in any order: at a rim thinner than their
+ * distance the ray would otherwise enter a body by the face that it leaves by. */
 static inline void crossing_first(const struct render_scene *scene, const struct ray *ray,
                                   const struct path_query *query, struct hit *hit,
                                   struct surface *s)
@@ -65,8 +65,8 @@ static inline void crossing_first(const struct render_scene *scene, const struct
         surface_from_hit(scene, ray, hit, s);
 }
 
-/* Do two faces lie in one sheet, cut into two meshes: a corner in common, met from one side? Those
- * of one mesh the accel tells apart. */
+/* Are two faces parts of one sheet that is split into two meshes (a shared corner, met from the
+ * same side)? Within one mesh, accel decides this. */
 static inline int crossing_repeats(const struct render_scene *scene, const struct surface *a,
                                    const struct surface *b)
 {
@@ -102,7 +102,7 @@ static inline int crossing_refracts(const struct surface *s)
     return s->material->m.kind == MATERIAL_SURFACE && s->material->m.refractive;
 }
 
-/* Put the face into the group, if its kind counts. */
+/* Add the face to the group if it is of a kind that counts. */
 static inline void crossing_add(struct crossing_group *group, const struct surface *face)
 {
     if (face->material->flags & MATERIAL_BOUNDS) {
@@ -113,9 +113,9 @@ static inline void crossing_add(struct crossing_group *group, const struct surfa
     }
 }
 
-/* The faces at `s` that are to be crossed, itself first: volumes' faces that the ray has not left
- * yet, and a thin wall. Where an opaque one is among them *s becomes it. All but *s itself are put
- * down in s->others. */
+/* Collect the faces at `s` that are to be crossed, `s` first: volume faces that the ray has not
+ * left yet, and a thin wall. If one of them is opaque, *s becomes it. All but *s are listed in
+ * s->others. */
 static inline void crossing_gather(const struct render_scene *scene, const struct ray *ray,
                                    const struct path_query *query, float mix, struct surface *s,
                                    struct crossing_group *group)
@@ -154,7 +154,8 @@ static inline void crossing_gather(const struct render_scene *scene, const struc
     memcpy(s->others, others, kept * sizeof *others);
 }
 
-/* A face that refracts before one that does not, then by priority, then by the body's row. */
+/* Order: a face that refracts before one that does not, then by priority, then by the body's row.
+ * */
 static inline int crossing_precedes(const struct render_scene *scene, const struct surface *a,
                                     const struct surface *b)
 {
@@ -167,8 +168,8 @@ static inline int crossing_precedes(const struct render_scene *scene, const stru
     return priority_a != priority_b ? priority_a > priority_b : body_a < body_b;
 }
 
-/* The face that shades: of the bodies before and behind, that of the higher priority, of equals that
- * of the lower row, so that both ways are alike. -1: no boundary. */
+/* The face that shades: the one of higher priority among the bodies before and behind. Ties go to
+ * the lower row, so that both directions of travel agree. -1: no boundary. */
 static inline int crossing_choose(const struct render_scene *scene, const struct interior *in,
                                   const struct interior *out, const struct surface *faces,
                                   uint32_t count)
@@ -188,7 +189,7 @@ static inline int crossing_choose(const struct render_scene *scene, const struct
     return chosen;
 }
 
-/* Where bodies are not counted: the product of all indices. */
+/* Bodies are not counted (VOLUMES_BOUNDARIES): multiply all indices. */
 static inline int crossing_multiply(const struct surface *faces, uint32_t count,
                                     struct crossing *out)
 {
@@ -215,7 +216,7 @@ static inline int crossing_multiply(const struct surface *faces, uint32_t count,
     return chosen;
 }
 
-/* Shade `face` instead of *s: of those to leave, it and *s change places. */
+/* Shade `face` instead of *s: swap the two in the list of faces to leave. */
 static inline void crossing_shade(struct surface *s, struct surface *face)
 {
     const struct hit met = {s->number, s->triangle}, shading = {face->number, face->triangle};
@@ -228,15 +229,15 @@ static inline void crossing_shade(struct surface *s, struct surface *face)
     *s = *face;
 }
 
-/* Go on from *s, to the ray's side (1) or the other (-1), to another face at the same place. */
+/* Continue from *s, on the ray's side (1) or the other (-1), to another face at the same place. */
 static inline void crossing_go_on(struct crossing *out, int side, const struct surface *next)
 {
     out->next_side = side;
     out->next = (struct hit){next->number, next->triangle};
 }
 
-/* The wall on faces that were crossed, of which *s shades. A path from without meets what lies
- * before; `between`: it comes from the wall. */
+/* The wall on faces that were crossed, of which *s shades. A path from outside meets first what
+ * lies before the wall. `between`: the path comes from the wall. */
 static inline void crossing_wall(const struct interior *in, int between, struct surface *wall,
                                  struct surface *s, struct crossing *out)
 {
@@ -256,10 +257,10 @@ static inline void crossing_wall(const struct interior *in, int between, struct 
     }
 }
 
-/* Cross the face `s` that the ray met, with all that coincide; *s becomes the one that shades, and
- * knows the others as those to leave. `mix`: what decides between the parts of mixes. `counted`:
- * the indices follow the bodies that the ray is in. `between`: the path goes on from another face
- * at this place (next_side). */
+/* Cross the face `s` that the ray met, with all faces that coincide. *s becomes the face that
+ * shades and lists the others as faces to leave. `mix`: random number that chooses parts of mixes.
+ * `counted`: the indices follow the bodies that the ray is in. `between`: the path comes from
+ * another face at this place (next_side). */
 static inline void crossing_find(const struct render_scene *scene, const struct ray *ray,
                                  const struct path_query *query, float mix, int counted,
                                  int between, const struct interior *in, struct surface *s,

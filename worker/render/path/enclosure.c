@@ -5,10 +5,10 @@
 #include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
 
-/* Paths that are followed, their segments, and how many may escape. */
+/* Number of paths that are followed, of their segments, and of paths that may escape. */
 enum { ENCLOSURE_PATHS = 1024, ENCLOSURE_DEPTH = 4, ENCLOSURE_ESCAPES = 3 };
 
-/* Any direction from the surface, on the ray's side; if light may pass, on either. */
+/* A direction from the surface: on the ray's side, or on either side if light may pass. */
 static struct vec3 direction_from(const struct surface *s, struct sample2 u, float side)
 {
     struct basis frame = basis_from_normal(s->ng);
@@ -45,9 +45,10 @@ static int escapes(const struct render_scene *scene, uint32_t x, uint32_t y, uin
     return 0;
 }
 
-/* Few may escape, for that a room has a small hole, or that rounding takes a ray past the rim of a
- * face, changes nothing: to trace again the few rays that escape is cheap and finds nothing where
- * nothing is. What matters is that open scenes are spared the work. */
+/* A few may escape, because the room has a small hole or because rounding takes a ray past a
+ * face's rim. Taking such a scene for closed changes no result: the few rays that escape are traced
+ * again, which is cheap and finds nothing where there is nothing. The point is to spare open scenes
+ * that work. */
 void enclosure_find(struct render_scene *scene)
 {
     const double golden = 0.6180339887498949;

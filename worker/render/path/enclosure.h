@@ -1,6 +1,6 @@
 /* enclosure: can a ray that starts where the camera is escape from the scene?
  *
- * Where it cannot, as in a room, one that escapes all the same has slipped through a vertex
+ * Where it cannot, as in a room, a ray that does escape has slipped through a vertex
  * (docs/NUMERICS.md) and is traced again.
  */
 #ifndef AZULEJO_RENDER_ENCLOSURE_H

@@ -5,7 +5,7 @@
 #include "worker/render/path/crossing.h"
 #include "worker/render/path/path.h"
 
-/* Boundaries that the search looks at, at most. */
+/* The search looks at this many boundaries at most. */
 enum { CROSSINGS_MAX = 1024 };
 
 static void cross(struct interior *entered, struct interior *left, uint32_t body, int front)
@@ -20,7 +20,7 @@ void interior_find_camera(struct render_scene *scene)
 {
     static const struct sampler any;
     const struct transform *view = &scene->camera.to_world;
-    /* Any direction would do; one that no wall of a modelled room is parallel to. */
+    /* Any direction works; this one is unlikely to be parallel to a wall of a modelled room. */
     struct ray ray = {.origin = {view->m[0][3], view->m[1][3], view->m[2][3]},
                       .direction = {0.48f, 0.64f, 0.6f}, .t_max = INFINITY};
     struct path_query query = {&any, 0};
@@ -35,7 +35,7 @@ void interior_find_camera(struct render_scene *scene)
         return;
     for (int i = 0; i < CROSSINGS_MAX && accel_intersect(scene->accel, &ray, &query, &hit); i++) {
         surface_from_hit(scene, &ray, &hit, &s);
-        /* Of a mix the part that bounds a volume counts. */
+        /* In a mix, the part that bounds a volume counts. */
         s.material = interior_filling(scene, s.instance->material);
         crossing_gather(scene, &ray, &query, 0, &s, &group);
         for (uint32_t k = 0; k < group.count; k++)
@@ -43,10 +43,10 @@ void interior_find_camera(struct render_scene *scene)
         surface_leave(&s, ray.direction, &ray);
         query.ray_number++;
     }
-    /* What is open or wound inwards may have been left first and entered then. */
+    /* An open or inward-wound mesh may be left first and entered later. */
     for (uint32_t i = 0; i < entered.count; i++)
         interior_remove(&left, entered.entry[i]);
-    /* The body that was left first is the innermost: it was entered last. */
+    /* The body that the ray leaves first is the innermost: it was entered last. */
     for (uint32_t i = left.count; i-- > 0;)
         interior_add(&scene->camera_interior, left.entry[i]);
 }

@@ -1,26 +1,27 @@
-/* interior: which volumes a ray is inside of.
+/* interior: which volumes a ray is inside.
  *
- * VOLUMES_NESTED. Refractive objects and media are bodies with a priority. Where several overlap
- * the one of the highest priority is there, of equals the one entered last, which is the innermost
- * of those that hold one another; boundaries of the others are not there (Schmidt & Budge 2002,
- * "Simple Nested Dielectrics in Ray Traced Images").
+ * VOLUMES_NESTED. Refractive objects and media are bodies with a priority. Where several overlap,
+ * the one of highest priority fills the space. Ties go to the one entered last, which is the
+ * innermost of nested bodies. Boundaries of the others are ignored (Schmidt & Budge 2002, "Simple
+ * Nested Dielectrics in Ray Traced Images").
  *
- * A body is all that one material bounds, wherever it is and in however many meshes: a hollow ball
- * whose walls are two primitives, a ball in two halves, water in two files. It has one winding
- * count, the number of its entries in the list: a front face adds one, a back face takes the last
- * one off, and only where the body on top of the list changes there is a boundary. So parts of one
- * body that overlap are one (their union), a wall that is wound inwards ends the body, and copies
- * of one mesh far apart, each of which is closed, do not disturb one another. (A body for each
- * connected part would show the faces of a part within another.) A mirrored transform turns the
- * winding of the mesh with it (surface.front), so it changes nothing here. Meshes of several
- * materials that close one another only together bound one body (scene_instance.body); all that
+ * A body is everything that one material bounds, wherever it is and in however many meshes: a
+ * hollow ball whose walls are two primitives, a ball in two halves, water in two files. Its winding
+ * count is the number of its entries in the list: a front face adds one, a back face removes the
+ * last one. There is a boundary only where the body on top of the list changes. So overlapping
+ * parts of one body act as their union, a wall that is wound inwards ends the body, and closed
+ * copies of one mesh far apart do not affect one another. (A separate body for each connected part
+ * would show the faces of a part within another.) A mirroring transform also reverses the mesh's
+ * winding (surface.front), so it changes nothing here. Meshes of several materials that are closed
+ * only together bound one body (scene_instance.body); its interior follows the one material that
+ * fills it.
  * happens inside of it follows the one material that fills it.
  *
  * A back face of a body that the ray is not in (an open mesh, a wall wound inwards that sticks out)
- * leaves an entry that is owed: the next front face of the body takes it off. Both are boundaries
- * unless the ray is in another body, so that what is open looks the same as without the count.
+ * adds an owed entry, which the next front face of the body removes. Both are boundaries unless the
+ * ray is in another body, so open meshes look the same as without the count.
  *
- * VOLUMES_BOUNDARIES. There is no list: each boundary is there, and says which medium follows.
+ * VOLUMES_BOUNDARIES. There is no list: each face is a boundary and names the medium behind it.
  */
 #ifndef AZULEJO_RENDER_INTERIOR_H
 #define AZULEJO_RENDER_INTERIOR_H
@@ -39,7 +40,7 @@ static inline const struct world_material *interior_filling(const struct render_
     return &scene->materials[scene->materials[entry].filling];
 }
 
-/* The entry that is really there: the highest priority, of equals the last entered; -1: none. */
+/* The entry that fills the space: the highest priority, then the last entered. -1: none. */
 static inline int interior_top(const struct render_scene *scene, const struct interior *in)
 {
     int top = -1, highest = 0;
@@ -57,7 +58,7 @@ static inline int interior_top(const struct render_scene *scene, const struct in
     return top;
 }
 
-/* What is there: the material that fills the body on top; NULL: none. */
+/* The material that fills the body on top; NULL: none. */
 static inline const struct world_material *interior_around(const struct render_scene *scene,
                                                            const struct interior *in)
 {
@@ -77,7 +78,7 @@ static inline float interior_ior(const struct render_scene *scene, const struct 
                : 1;
 }
 
-/* Take off the last such entry; 0: there is none. */
+/* Remove the last such entry. 0: there is none. */
 static inline int interior_remove(struct interior *in, uint32_t entry)
 {
     for (uint32_t i = in->count; i-- > 0;)
@@ -90,7 +91,7 @@ static inline int interior_remove(struct interior *in, uint32_t entry)
     return 0;
 }
 
-/* Entering a body more than the list holds forgets it: the leaving then finds none. */
+/* When the list is full, entering is not recorded; leaving then finds no entry. */
 static inline void interior_add(struct interior *in, uint32_t entry)
 {
     if (in->count < INTERIOR_MAX)
@@ -106,7 +107,7 @@ static inline void interior_turn(struct interior *in, uint32_t body, int enters)
         interior_add(in, enters ? body : body | INTERIOR_OWED);
 }
 
-/* What the ray is in beyond the surface; *real is 0 where the same body goes on. */
+/* The volumes behind the surface. *real is 0 where the same body continues. */
 static inline void interior_cross(const struct render_scene *scene, const struct interior *in,
                                   const struct surface *s, struct interior *out, int *real)
 {

@@ -1,9 +1,9 @@
 /* kernel: the variants of the path tracer, and which one renders a scene.
  *
  * One source (camera.c, surface*.c, bsdf/, path*.c, tile.c) is compiled several times with
- * different sets of effects (kernels/); the first of the table whose set holds everything
- * that the scene calls for renders it. The last one holds everything. Which one runs never
- * changes a bit of the result (tests/unit/render/test_kernels.c).
+ * different sets of effects (kernels/). A scene is rendered by the first row of the table whose set
+ * covers what the scene needs. The last row covers everything. The choice never changes a bit of
+ * the result (tests/unit/render/test_kernels.c).
  */
 #ifndef AZULEJO_RENDER_KERNEL_H
 #define AZULEJO_RENDER_KERNEL_H
@@ -22,15 +22,16 @@ struct kernel {
     accel_accept *accept;
 };
 
-/* The smallest kernel whose effects hold these. */
+/* The smallest kernel that covers these effects. */
 const struct kernel *kernel_for(uint64_t effects);
-/* Row `index` of the table, from the smallest; NULL behind the last. */
+/* Row `index` of the table, smallest kernel first; NULL past the end. */
 const struct kernel *kernel_at(size_t index);
 
 /* Set by render_measure_trace. */
 extern int kernel_measures_trace;
 
-/* tile.c compiled alone, with what it includes: it can do everything, as the general kernel. */
+/* tile.c and what it includes, compiled on its own: it covers every effect, like the general
+ * kernel. */
 tile_render_function tile_render;
 
 #endif

@@ -2,10 +2,10 @@
 
 #include "worker/render/path/path_parts.h"
 
-/* Russian roulette never kills with more than 95 %. */
+/* Russian roulette ends a path with a probability of at most 95 %. */
 #define ROULETTE_SURVIVAL_MIN 0.05f
-/* A scattered ray's beam widens with the spacing of such samples, this share of it; at most so
- * much a metre. */
+/* After a scattering event the beam widens by this share of the spacing of such samples, and by at
+ * most this much per metre. */
 #define CONE_SHARE 0.25f
 #define CONE_SPREAD_MAX 0.25f
 
@@ -54,7 +54,7 @@ static int path_intersect(struct path *path, struct path_vertex *v)
     return 1;
 }
 
-/* The crossing of a vertex at which nothing is crossed. */
+/* The crossing of a vertex that crosses no boundary. */
 static void crossing_none(struct crossing *crossing)
 {
     crossing->beyond.count = 0;
@@ -62,7 +62,8 @@ static void crossing_none(struct crossing *crossing)
     crossing->together = crossing->next_side = 0;
 }
 
-/* The material's values at the vertex; put down in `record`, if it is there for the path's first. */
+/* The material's values at the vertex. At the path's first vertex they go into `record`, if given.
+ * */
 static void path_shade(const struct path *path, struct path_vertex *v, struct path_record *record)
 {
     const struct render_scene *scene = path->scene;
@@ -85,7 +86,8 @@ static void path_shade(const struct path *path, struct path_vertex *v, struct pa
     surface_uv(s, &record->u, &record->v);
 }
 
-/* The BSDF of the shaded vertex. 0: seen from behind its shading normal, it scatters nothing. */
+/* The BSDF of the shaded vertex. 0: seen from behind the shading normal, where it scatters nothing.
+ * */
 static int path_bsdf(struct path *path, struct path_vertex *v)
 {
     path_indices(path, v);
@@ -106,7 +108,7 @@ static int sample_bsdf(const struct path *path, const struct path_vertex *v, flo
     return bsdf_sample(&v->bsdf, v->wo, u_lobe, u.u, u.v, sample);
 }
 
-/* Sample the path's next direction by the BSDF. 0: it is absorbed. */
+/* Sample the path's next direction from the BSDF. 0: the path is absorbed. */
 static int path_scatter(struct path *path, const struct path_vertex *v, float u_lobe,
                         struct bsdf_sample *sample)
 {
@@ -118,7 +120,8 @@ static int path_scatter(struct path *path, const struct path_vertex *v, float u_
     if ((vec3_dot(path->ray.direction, v->s.ng) > 0) != (sample->wi.z > 0))
         return 0;
     path->throughput = vec3_mul(path->throughput, sample->weight);
-    /* What is reflected has the wavelength's colour, too: its share depends on the index. */
+    /* Reflection takes the wavelength's colour too: its share depends on the index of refraction.
+     * */
     if (f.dispersion && path_disperses_at(path, &v->s)) {
         path->throughput = vec3_mul(path->throughput, path->wavelength_rgb);
         path->dispersed = 1;
@@ -159,7 +162,7 @@ PATH_FUNCTION void path_widen(struct path *path, float t)
     path->cone.spread = float_max(path->cone.spread, spread);
 }
 
-/* Leave the vertex towards wi, for the next one. */
+/* Leave the vertex towards wi and prepare the next ray. */
 static void path_next_ray(struct path *path, const struct path_vertex *v, struct vec3 wi)
 {
     const struct surface *s = &v->s;
@@ -171,7 +174,7 @@ static void path_next_ray(struct path *path, const struct path_vertex *v, struct
     surface_leave(s, path->ray.direction, &path->ray);
     path->at_next = path_meets_coincident(path, &v->crossing, wi);
     if (path->at_next) {
-        path->ray.left_count = 0; /* the faces at this place are looked for again */
+        path->ray.left_count = 0; /* coincident faces here are searched again */
         path->hit = v->crossing.next;
     }
     path->depth++;

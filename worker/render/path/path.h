@@ -1,9 +1,9 @@
 /* path: the radiance that arrives along one camera ray.
  *
- * Unidirectional path tracing with next-event estimation and multiple importance sampling
- * (power heuristic, written so that it neither over- nor underflows) and Russian roulette,
- * on surfaces and in media. Overlapping volumes are separated by priority (Schmidt & Budge
- * 2002). Compiled once for each kernel variant (has.h).
+ * Unidirectional path tracing with next-event estimation, multiple importance sampling (power
+ * heuristic, in a form that neither overflows nor underflows) and Russian roulette, on surfaces
+ * and in media. Overlapping volumes are resolved by priority (Schmidt & Budge 2002). Compiled
+ * once for each kernel variant (has.h).
  */
 #ifndef AZULEJO_RENDER_PATH_H
 #define AZULEJO_RENDER_PATH_H
@@ -15,28 +15,28 @@
 
 /* What the camera ray met, for the AOVs. */
 struct path_record {
-    int hit;                    /* 0: nothing; the rest is then 0 */
+    int hit;                    /* 0: nothing; the other fields are then 0 */
     float distance;             /* metres along the ray */
-    struct vec3 position, normal, albedo; /* world; the shading normal faces the camera */
+    struct vec3 position, normal, albedo; /* world space; the shading normal faces the camera */
     float u, v;                 /* first uv set */
     uint32_t instance, material, triangle;
-    float b1, b2;               /* where on the triangle */
+    float b1, b2;               /* barycentric coordinates on the triangle */
 };
 
-/* Linear RGB radiance; may be non-finite only through a fault, which the caller counts.
+/* Linear RGB radiance. It is not finite only if there is a fault, which the caller counts.
  * `record` may be NULL. */
 struct vec3 path_radiance(const struct render_scene *scene, const struct sampler *sampler,
                           const struct ray *ray, struct camera_cone cone, struct path_record *record,
                           struct render_stats *stats);
 
-/* The accel's question: does a hit on this triangle count (culling, alpha)? */
+/* accel's accept callback: does a hit on this triangle count (culling, alpha)? */
 int path_accept(const void *scene, const void *query, uint32_t instance, uint32_t triangle,
                 float u, float v, int facing);
 
-/* What a traversal needs to know to answer path_accept. */
+/* What path_accept needs to know about the ray. */
 struct path_query {
     const struct sampler *sampler;
-    uint32_t ray_number; /* within the path: keys the stochastic alpha */
+    uint32_t ray_number; /* within the path: part of the key of stochastic alpha */
 };
 
 #endif

@@ -1,11 +1,11 @@
-/* path_alpha: does a hit count? Asked by the traversal about triangles that may be culled or
+/* path_alpha: does a hit count? The traversal asks this about triangles that may be culled or
  * partly transparent. */
 #include <string.h>
 
 #include "worker/render/path/path_parts.h"
 
-/* A number of the triangle's corners, wherever the mesh has them: it stays the same when the mesh
- * is cut or its triangles are reordered. */
+/* A hash of the triangle's corner positions. It does not depend on where the mesh stores them, so
+ * it stays the same when the mesh is split or its triangles are reordered. */
 static uint32_t triangle_key(const struct world_mesh *mesh, const uint32_t vertex[3])
 {
     uint32_t key = 0;
@@ -21,7 +21,7 @@ static uint32_t triangle_key(const struct world_mesh *mesh, const uint32_t verte
     return key;
 }
 
-/* Is the material there at this point of the triangle? By chance where it is partly transparent. */
+/* Is the material present at this point of the triangle? Partial alpha decides at random. */
 static int alpha_accepts(const struct world_material *material, const struct world_mesh *mesh,
                          const uint32_t vertex[3], float u, float v,
                          const struct path_query *query, uint32_t alpha_key)
@@ -45,7 +45,7 @@ int path_accept(const void *scene_, const void *query, uint32_t instance_index, 
     const struct world_mesh *mesh = &scene->meshes[instance->mesh];
     int accepted;
 
-    /* Baked triangles are seen in world space, where a mirror turns the winding round. */
+    /* Baked triangles are in world space, where a mirroring transform reverses the winding. */
     if (instance->world_positions && instance->flipped)
         facing = !facing;
     if (!facing && (material->flags & MATERIAL_CULLED))

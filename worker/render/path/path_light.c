@@ -1,4 +1,4 @@
-/* path_light: light that reaches a path: by next-event estimation, from surfaces that shine, and
+/* path_light: the light that reaches a path: by next-event estimation, from emissive surfaces, and
  * from the environment.
  *
  * Light that both light sampling and BSDF or phase-function sampling can find is weighted by the
@@ -8,7 +8,7 @@
 
 /* ---- next-event estimation ------------------------------------------------------------------- */
 
-/* Veach's power heuristic for strategy a against b, written so that it neither over- nor
+/* Veach's power heuristic for strategy a against b, in a form that neither overflows nor
  * underflows. */
 static float power_heuristic(float a, float b)
 {
@@ -20,7 +20,7 @@ static float power_heuristic(float a, float b)
     return 1 / (1 + r * r);
 }
 
-/* What gets through from the ray's origin to its end. */
+/* Transmittance from the ray's origin to its end. */
 static struct vec3 path_visibility(struct path *path, const struct ray *ray)
 {
     path->query.ray_number++;
@@ -29,8 +29,8 @@ static struct vec3 path_visibility(struct path *path, const struct ray *ray)
     return vec3_splat(path_occluded(path, ray) ? 0 : 1);
 }
 
-/* Where the ray to a sampled light ends. A lamp's face is not in its own way; a light without a
- * face may stand on something. */
+/* Where the ray to a sampled light ends. An area light must not occlude itself. A light without
+ * area may lie on a surface. */
 static void end_at_light(const struct light_sample *light, struct ray *ray)
 {
     ray->t_max = light->on_face ? light->distance : light->distance * (1 - 0x1p-20f);
@@ -40,7 +40,7 @@ static void end_at_light(const struct light_sample *light, struct ray *ray)
     ray->end_cosine = light->cosine;
 }
 
-/* One light, sampled by the numbers of a vertex; 0: none, or it sends nothing. */
+/* Sample one light with the vertex's random numbers. 0: no light, or no light from it. */
 static int sample_light(const struct path *path, const struct light_context *context,
                         uint32_t dimension, struct light_sample *light)
 {
@@ -51,8 +51,8 @@ static int sample_light(const struct path *path, const struct light_context *con
            !vec3_is_black(light->radiance);
 }
 
-/* The sampled light's contribution, where the vertex scatters `value` of it, with the density
- * `pdf` for sampling its direction. */
+/* Contribution of the sampled light. The vertex scatters `value` of it; BSDF or phase sampling
+ * finds its direction with density `pdf`. */
 static struct vec3 weigh_light(const struct light_sample *light, struct vec3 value, float pdf)
 {
     value = vec3_mul(value, vec3_scale(light->radiance, 1 / light->pdf));
@@ -65,7 +65,7 @@ static struct vec3 eval_bsdf(const struct path_vertex *v, struct vec3 wi, float 
     return bsdf_eval_pdf(&v->bsdf, v->wo, wi, pdf);
 }
 
-/* The same from a vertex towards wi: beyond its boundary, if that is on the other side. */
+/* The same towards wi: through the vertex's boundary if wi is on the other side. */
 static struct vec3 visibility_from(struct path *path, const struct path_vertex *v, struct vec3 wi,
                                    const struct ray *ray)
 {
@@ -99,7 +99,8 @@ PATH_FUNCTION struct vec3 path_direct_surface(struct path *path, const struct pa
     if (!sample_light(path, &context, v->dimension, &light))
         return black;
     wi = basis_to_local(&s->basis, light.direction);
-    /* The geometric normal decides on which side the light is, or it leaks. */
+    /* The side of the light is decided by the geometric normal; the shading normal would leak
+     * light. */
     if ((vec3_dot(light.direction, s->ng) > 0) != (wi.z > 0))
         return black;
     if (path_meets_coincident(path, &v->crossing, wi))
@@ -137,7 +138,8 @@ PATH_FUNCTION struct vec3 path_direct_medium(struct path *path, const struct wor
 
 /* ---- light that the path's own ray meets ----------------------------------------------------- */
 
-/* Light that only reaches a surface by way of a mirror or a lens, when it is switched off. */
+/* Is this caustic light (it reaches a surface through a mirror or a lens), and is it switched off?
+ * */
 static int is_unwanted_caustic(const struct path *path)
 {
     return path->specular && path->any_diffuse &&
@@ -189,7 +191,7 @@ PATH_FUNCTION struct vec3 path_emitted(const struct path *path, const struct sur
         return unlit_color(path, s);
     if (!(material->flags & MATERIAL_EMISSIVE) || (!s->front && !material->m.double_sided) ||
         is_unwanted_caustic(path))
-        return vec3_splat(0); /* a lamp shines from its front */
+        return vec3_splat(0); /* a light source emits on its front only */
     PROFILE_STAGE_EFFECT(LIGHT, PROFILE_ACCOUNT(EMISSIVE_MESH));
     face = emitters_face_at(scene, s);
     if (face != EMITTERS_NO_FACE && emitters_is_dark(&scene->emitters, face))

@@ -2,7 +2,7 @@
  * compiles as one (kernels/kernel.inc).
  *
  *   path.c          the loop: one path, vertex by vertex
- *   path_trace.c    rays, and the safeguard against rays that slip out of something closed
+ *   path_trace.c    rays, and the safeguard against rays that slip out of a closed mesh
  *   path_volumes.c  media, absorption, boundaries of volumes, indices of refraction
  *   path_light.c    next-event estimation and its weights, emission, the environment
  *   path_alpha.c    does a hit count? (culling, alpha)
@@ -25,12 +25,12 @@
 #define PATH_FUNCTION
 #endif
 
-/* What the integrator has to do in this scene. A kernel variant knows the absent ones at compile
- * time, and all that hangs on them vanishes. */
+/* What the integrator has to do in this scene. A kernel variant knows at compile time what is
+ * absent, and the compiler removes the code that depends on it. */
 struct path_features {
     int absorption, dispersion, environment, fog, media, mixes, nested,
         textures, unlit, vertex_colors;
-    int index_matched;  /* shadow rays pass boundaries, and media dim them */
+    int index_matched;  /* shadow rays pass boundaries, and media attenuate them */
     int volumes;        /* the path keeps track of the volumes that it is in */
     int coincident;     /* faces of volumes may coincide (crossing.h) */
 };
@@ -56,8 +56,8 @@ path_features_of(const struct render_scene *scene)
     };
 }
 
-/* A path that passes more index-matched boundaries than this ends: only faulty geometry (a volume
- * that is entered again and again and never left) has so many. */
+/* A path that passes more index-matched boundaries than this ends. Only faulty geometry has so
+ * many (a volume that is entered repeatedly and never left). */
 #define INDEX_MATCHED_MAX 256
 
 struct path {
@@ -66,13 +66,13 @@ struct path {
     struct render_stats *stats;
     struct path_query query;
     struct vec3 throughput;
-    uint32_t depth;             /* vertices before this one at which the path scattered */
+    uint32_t depth;             /* scattering vertices before this one */
     struct ray ray;
     struct light_context context; /* light sampling context of the vertex that the ray left */
-    float pdf;                  /* with which that vertex sampled the ray's direction, per sr */
-    int specular;               /* it was sampled from a delta distribution, or by the camera:
-                                   light sampling does not compete */
-    int any_diffuse;            /* a vertex before the last one scattered by a density */
+    float pdf;                  /* density of the ray's direction at that vertex, per sr */
+    int specular;               /* the direction came from a delta distribution or the camera:
+                                   light sampling cannot find it */
+    int any_diffuse;            /* a vertex before the last one scattered with a finite density */
     float eta_scale;            /* product of squared relative indices, for Russian roulette */
     struct camera_cone cone;
     /* Dispersion. */
@@ -80,11 +80,12 @@ struct path {
     int dispersed;              /* the throughput carries the wavelength's colour */
     struct vec3 wavelength_rgb;
     /* Volumes. */
-    struct interior interior;   /* those that the ray is in */
-    uint32_t boundaries_passed; /* index-matched ones, so far */
+    struct interior interior;   /* the volumes that the ray is in */
+    uint32_t boundaries_passed; /* index-matched ones so far */
     uint32_t medium_key;
-    uint32_t medium_depth;      /* the depth after the last one whose number a medium used */
-    /* The next face of coincident ones lies where the path is: `hit` is it, and no ray is traced. */
+    uint32_t medium_depth;      /* depth after the last vertex whose number a medium used */
+    /* The next of several coincident faces is at the path's position: it is `hit`; no ray is
+     * traced. */
     int at_next;
     struct hit hit;
 };
@@ -92,14 +93,14 @@ struct path {
 /* A vertex on a surface. */
 struct path_vertex {
     struct surface s;
-    struct crossing crossing;   /* of the volumes' boundaries there */
+    struct crossing crossing;   /* of the volume boundaries at the vertex */
     struct bsdf_params params;
     struct bsdf bsdf;
     struct vec3 wo;             /* towards the previous vertex, in the shading frame */
     uint32_t dimension;         /* first of its random numbers */
 };
 
-/* Add the light `source` at the path's end to what has arrived at its start. */
+/* Add the light `source` at the path's end, times the throughput, to the radiance at its start. */
 static inline void path_add(const struct path *path, struct vec3 source, struct vec3 *radiance)
 {
     *radiance = vec3_add(*radiance, vec3_mul(path->throughput, source));
@@ -107,15 +108,16 @@ static inline void path_add(const struct path *path, struct vec3 source, struct 
 
 /* ---- path.c ---------------------------------------------------------------------------------- */
 
-/* Kill the path by chance, the likelier the less it carries. `u` in [0,1). 0: it ends. */
+/* Russian roulette: end the path at random, more often the less it carries. `u` in [0,1). 0: it
+ * ends. */
 PATH_FUNCTION int russian_roulette(struct path *path, float u);
-/* Widen the beam that textures are averaged over, behind a vertex `t` metres along the ray: a
- * direction sampled with path->pdf has a solid angle of about its reciprocal. */
+/* Widen the beam over which textures are averaged, behind a vertex `t` metres along the ray. A
+ * direction sampled with path->pdf covers a solid angle of about 1 / pdf. */
 PATH_FUNCTION void path_widen(struct path *path, float t);
 
 /* ---- path_trace.c ---------------------------------------------------------------------------- */
 
-/* The nearest hit of a ray that starts in the volumes `in`; 0: it escapes. */
+/* The nearest hit of a ray that starts in the volumes `in`. 0: it escapes. */
 PATH_FUNCTION int path_trace(const struct path *path, const struct interior *in,
                              const struct ray *ray, struct hit *hit);
 /* Is anything between the ray's origin and its end? It starts in path->interior. */
@@ -125,26 +127,26 @@ PATH_FUNCTION int path_occluded(const struct path *path, const struct ray *ray);
 
 enum medium_outcome {
     MEDIUM_PASSED,    /* the path reaches the hit */
-    MEDIUM_SCATTERED, /* it was scattered before, and goes on from there: the next vertex */
+    MEDIUM_SCATTERED, /* it was scattered before the hit; the next vertex is there */
     MEDIUM_ENDED
 };
 
-/* The medium between the ray's origin and the hit, `t` metres away: absorbs, emits (added to
- * *radiance), scatters. */
+/* The medium between the ray's origin and the hit, `t` metres away: it absorbs, scatters and emits
+ * (added to *radiance). */
 PATH_FUNCTION enum medium_outcome path_medium(struct path *path, float t, uint32_t dimension,
                                               struct vec3 *radiance);
-/* Beer and Lambert's law over the stretch that ends at the vertex, in a refractive object. */
+/* Absorption (Beer-Lambert) over the segment that ends at the vertex, in a refractive object. */
 PATH_FUNCTION void path_absorb(struct path *path, const struct surface *s);
-/* Find what is beyond the vertex. 0: its boundary is index-matched, and the ray has continued
+/* Find what lies beyond the vertex. 0: its boundary is index-matched; the ray has continued
  * straight through it. */
 PATH_FUNCTION int path_boundary(struct path *path, struct path_vertex *v);
 /* The indices of refraction on both sides of the vertex. */
 PATH_FUNCTION void path_indices(struct path *path, struct path_vertex *v);
-/* What gets through from the ray's origin to its end past index-matched boundaries, dimmed by the
- * media on the way. */
+/* Transmittance from the ray's origin to its end, through index-matched boundaries and the media
+ * on the way. */
 PATH_FUNCTION struct vec3 path_transmittance(struct path *path, const struct ray *ray);
 
-/* Does the wavelength that the path has sampled colour what the material refracts? Once is enough. */
+/* Does the path's wavelength still have to colour what the material refracts? This happens once. */
 static inline int path_disperses_at(const struct path *path, const struct surface *s)
 {
     return path->wavelength_nm > 0 && !path->dispersed && s->material->m.dispersion > 0 &&
@@ -153,15 +155,15 @@ static inline int path_disperses_at(const struct path *path, const struct surfac
 
 /* ---- path_light.c ---------------------------------------------------------------------------- */
 
-/* Next-event estimation: light that one sampled emitter sends to the vertex and on towards wo. */
+/* Next-event estimation: light from one sampled emitter, scattered at the vertex towards wo. */
 PATH_FUNCTION struct vec3 path_direct_surface(struct path *path, const struct path_vertex *v);
-/* The same at a point in a medium, where path->ray starts. `direction`: of flight there. */
+/* The same at a point in a medium, where path->ray starts. `direction`: the direction of flight. */
 PATH_FUNCTION struct vec3 path_direct_medium(struct path *path, const struct world_medium *medium,
                                              struct vec3 direction, uint32_t dimension);
 /* Radiance of the environment along an escaped ray, weighted against light sampling. */
 PATH_FUNCTION struct vec3 path_escaped(const struct path *path);
-/* Emission of the surface that the ray met, weighted against light sampling; of an unlit one its
- * colour. */
+/* Emission of the surface that the ray met, weighted against light sampling. An unlit surface
+ * emits its colour. */
 PATH_FUNCTION struct vec3 path_emitted(const struct path *path, const struct surface *s);
 
 /* An unlit surface ends the path. */
@@ -170,7 +172,7 @@ static inline int path_is_unlit(const struct path *path, const struct surface *s
     return path_features_of(path->scene).unlit && s->material->m.unlit;
 }
 
-/* Does the path, if it goes on towards wi, meet another face at the same place? */
+/* Does a path that continues towards wi meet another face at the same place? */
 static inline int path_meets_coincident(const struct path *path, const struct crossing *crossing,
                                         struct vec3 wi)
 {

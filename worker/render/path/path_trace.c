@@ -1,13 +1,13 @@
-/* path_trace: rays of a path, and the safeguard for those that slip out of something closed. */
+/* path_trace: a path's rays, and the safeguard for rays that slip out of a closed mesh. */
 #include "common/base/clock.h"
 #include "worker/render/base/exact.h"
 #include "worker/render/path/kernel.h"
 #include "worker/render/path/path_parts.h"
 
-/* ---- the safeguard: a ray that starts in something closed cannot escape ---------------------- */
+/* ---- the safeguard: a ray that starts inside a closed mesh cannot escape --------------------- */
 
-/* Is any of the volumes that the ray is in closed? A medium without a list of bodies has no mesh:
- * it is taken to be closed where the ray starts in its midst. */
+/* Is any of the volumes that the ray is in closed? A medium without a list of bodies has no mesh;
+ * it counts as closed if the ray starts within it. */
 static int starts_inside(const struct render_scene *scene, const struct interior *in,
                          const struct ray *ray)
 {
@@ -20,7 +20,7 @@ static int starts_inside(const struct render_scene *scene, const struct interior
     return 0;
 }
 
-/* Can is_enclosed be true at all? Evaluated for every ray that escapes. */
+/* Can is_enclosed be true in this scene? Evaluated for every ray that escapes. */
 static inline int may_leak(const struct render_scene *scene, const struct interior *in,
                            const struct ray *ray)
 {
@@ -29,7 +29,7 @@ static inline int may_leak(const struct render_scene *scene, const struct interi
            (ray->left_count > 0 && scene->instances[ray->left[0].instance].encloses);
 }
 
-/* Does the ray start inside something closed? Then it cannot escape: if it does, it has slipped
+/* Does the ray start inside a closed mesh? Such a ray cannot escape: if it does, it has slipped
  * through a vertex (docs/NUMERICS.md). `in`: the volumes that it is in. */
 static int is_enclosed(const struct render_scene *scene, const struct interior *in,
                        const struct ray *ray)
@@ -52,8 +52,8 @@ static int is_enclosed(const struct render_scene *scene, const struct interior *
     return instance->flipped ? exact_dot(n, direction) > 0 : exact_dot(n, direction) < 0;
 }
 
-/* What an escaped ray meets when it is traced again; 0: it did escape. Kept out of the way of what
- * runs always; not `cold`, or what follows every escape would be, too. */
+/* Trace an escaped ray again. 0: it did escape. Kept out of the main code path, but not marked
+ * `cold`: the compiler would treat all that follows an escape as cold, too. */
 static __attribute__((noinline)) int leaked(const struct path *path, const struct interior *in,
                                             const struct ray *ray, struct hit *hit)
 {
@@ -64,7 +64,7 @@ static __attribute__((noinline)) int leaked(const struct path *path, const struc
     return 1;
 }
 
-/* The same of a shadow ray that nothing blocked. */
+/* The same for a shadow ray that nothing blocked. */
 static __attribute__((noinline)) int leaked_shadow(const struct path *path, const struct ray *ray)
 {
     if (!is_enclosed(path->scene, &path->interior, ray) ||

@@ -1,8 +1,8 @@
 /* path_volumes: what a path meets between surfaces, and which volumes it is in.
  *
- * Media are sampled by free paths (medium.h); refractive objects absorb by Beer and Lambert's law.
- * Overlapping bodies are separated by priority (interior.h), faces that coincide are crossed as
- * one (crossing.h).
+ * Media are sampled by free paths (medium.h). Refractive objects absorb by the Beer-Lambert law.
+ * Overlapping bodies are resolved by priority (interior.h); coincident faces are crossed as one
+ * (crossing.h).
  */
 #include "common/math/elementary.h"
 #include "worker/render/bsdf/dispersion.h"
@@ -30,7 +30,7 @@ static const struct world_medium *interior_medium(const struct render_scene *sce
     return scene->media[medium];
 }
 
-/* Fog ends at the scene's sphere: where along the ray. */
+/* Fog ends at the scene's bounding sphere: the distance along the ray. */
 static float fog_end(const struct render_scene *scene, const struct ray *ray)
 {
     struct vec3 to = vec3_sub(scene->bounds_centre, ray->origin);
@@ -46,8 +46,8 @@ static uint8_t medium_account(int is_fog)
     return is_fog ? PROFILE_ACCOUNT(FOG) : PROFILE_ACCOUNT(MEDIUM);
 }
 
-/* Move the ray's origin along it to a point in mid-air. In double: in a dense medium the way may be
- * far shorter than the distance between floats. */
+/* Move the ray's origin along it to a point in mid-air. In double: in a dense medium the step may
+ * be far shorter than the spacing of floats. */
 static void ray_advance(struct ray *ray, float distance)
 {
     double place[3], direction[3];
@@ -61,7 +61,7 @@ static void ray_advance(struct ray *ray, float distance)
     ray->left_count = 0;
 }
 
-/* How far light gets along the path's ray, at most `t` metres, and what the stretch emits. */
+/* How far light gets along the path's ray, at most `t` metres, and what the segment emits. */
 static void sample_medium(struct path *path, const struct world_medium *medium, int is_fog, float t,
                           uint32_t dimension, uint32_t key, struct medium_event *event)
 {
@@ -71,7 +71,7 @@ static void sample_medium(struct path *path, const struct world_medium *medium, 
 
     PROFILE_STAGE_EFFECT(MEDIUM, medium_account(is_fog));
     stretch.t_max = is_fog ? float_min(t, fog_end(path->scene, &path->ray)) : t;
-    if (path->medium_depth > path->depth) /* a second stretch without a vertex between */
+    if (path->medium_depth > path->depth) /* a second segment without a vertex between */
         first = sampler_hash(path->sampler, key, 0xffffffffu);
     path->medium_depth = path->depth + 1;
     medium_sample(medium, &stretch, first, &random, event);
@@ -127,7 +127,7 @@ PATH_FUNCTION enum medium_outcome path_medium(struct path *path, float t, uint32
                                                                                 : MEDIUM_ENDED;
 }
 
-/* Transmittance of what a shadow ray's stretch lies in, up to `t` metres. */
+/* Transmittance of the medium along a shadow ray's segment, up to `t` metres. */
 static struct vec3 stretch_transmittance(const struct render_scene *scene,
                                          const struct interior *in, const struct ray *stretch,
                                          float t, struct medium_random *random)
@@ -187,7 +187,7 @@ PATH_FUNCTION __attribute__((noinline)) struct vec3 path_transmittance(struct pa
 
 /* ---- refractive objects ---------------------------------------------------------------------- */
 
-/* What the stretch that ends at the surface lies in; NULL: unknown. */
+/* The body that contains the segment that ends at the surface; NULL: unknown. */
 static const struct world_material *stretch_filling(const struct path *path,
                                                     const struct surface *s)
 {
@@ -230,7 +230,7 @@ PATH_FUNCTION int path_boundary(struct path *path, struct path_vertex *v)
     return 0;
 }
 
-/* The index for the path's wavelength, which is sampled when first needed. */
+/* The index for the path's wavelength, which is sampled when it is first needed. */
 static float dispersed_ior(struct path *path, float ior, float dispersion)
 {
     if (!(path->wavelength_nm > 0))

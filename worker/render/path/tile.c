@@ -10,7 +10,7 @@
 
 enum { TILE_BATCH = 8 };
 
-/* Distance along the camera's axis, which is what compositors call depth. */
+/* Distance along the camera's axis, which compositors call depth. */
 static float tile_depth(const struct render_scene *scene, const struct ray *ray, float distance)
 {
     const struct transform *view = &scene->camera.to_world;
@@ -20,7 +20,7 @@ static float tile_depth(const struct render_scene *scene, const struct ray *ray,
                                                  : distance * vec3_dot(ray->direction, axis);
 }
 
-/* One sample's output variables, added to the pixel's `values` in the enum's order. */
+/* Add one sample's output variables to the pixel's `values`, in the enum's order. */
 static void tile_aovs(const struct render_scene *scene, uint32_t mask, const struct ray *ray,
                       const struct path_record *record, int first, double *values)
 {
@@ -93,7 +93,7 @@ static __attribute__((cold, noinline)) struct vec3 tile_clamped(struct vec3 radi
     return vec3_make((float)(r * scale), (float)(g * scale), (float)(b * scale));
 }
 
-/* Kept out of the pixel loop, whose code it would change where nothing is clamped. */
+/* Not inlined: it would change the code of the pixel loop even where nothing is clamped. */
 static __attribute__((cold, noinline)) void tile_count_kept(double sum[GROUP_REPLICATES][3],
                                                             struct render_stats *stats)
 {
@@ -110,8 +110,8 @@ static float tile_float(double sum, struct render_stats *stats)
 }
 
 
-/* Several of a pixel's samples begin together: each one's arithmetic is a chain of steps that wait
- * for one another, and chains side by side wait together. */
+/* Start several of a pixel's samples together. Each one's arithmetic is a chain of dependent steps;
+ * the processor overlaps independent chains. */
 static void tile_start(const struct render_scene *scene, uint32_t frame, uint32_t x, uint32_t y,
                        uint32_t group, uint32_t first, uint32_t count, struct sampler *samplers,
                        struct ray *rays)

@@ -9,7 +9,7 @@ enum { LEAF_BOXES = 4 };
 
 struct node {
     struct world_box box; /* around its boxes */
-    int asks;             /* one of them does */
+    int asks;             /* one of its boxes asks */
 };
 
 struct box_tree {
@@ -72,8 +72,9 @@ static void swap(uint32_t *a, uint32_t *b)
     *b = kept;
 }
 
-/* Quickselect (Hoare 1961, "Algorithm 65: Find"): no middle before `nth` is larger than one from
- * there on. The pivot's place is a hash: no arrangement of a mesh makes it a bad one each time. */
+/* Quickselect (Hoare 1961, "Algorithm 65: Find"): afterwards no middle before `nth` is larger than
+ * one from there on. A hash chooses the pivot, so no arrangement of a mesh makes it bad each
+ * time. */
 static void halve(const struct box_tree *tree, int axis, int64_t begin, int64_t nth, int64_t end)
 {
     uint32_t *order = tree->order;
@@ -131,7 +132,7 @@ struct leaf {
     uint32_t begin, end; /* in `order` */
 };
 
-/* A leaf with itself or with a later one. */
+/* Pairs of the leaf with itself or with a later leaf. */
 static int visit_leaves(const struct box_tree *tree, const struct leaf *leaf, uint32_t begin,
                         uint32_t end)
 {
@@ -147,7 +148,7 @@ static int visit_leaves(const struct box_tree *tree, const struct leaf *leaf, ui
     return 0;
 }
 
-/* The leaf with all below the node that are not before it. */
+/* Pairs of the leaf with all nodes below, except those before it. */
 static int visit_below(const struct box_tree *tree, const struct leaf *leaf, uint32_t node,
                        uint32_t begin, uint32_t end)
 {

@@ -15,7 +15,7 @@ struct image_share {
     uint32_t references;                  /* under the lock */
 };
 
-/* Held for a walk of one bucket only, never while something is decoded. */
+/* Held only while one bucket is searched, never while an image is decoded. */
 static atomic_flag lock = ATOMIC_FLAG_INIT;
 static struct image_share *buckets[BUCKETS];
 
@@ -64,7 +64,7 @@ static void share_free(struct image_share *share)
     mem_free(share);
 }
 
-/* Put it into the table, unless another thread was faster: then that one's is taken. */
+/* Insert it, unless another thread was faster: then use the other thread's. */
 static struct image_share *publish(struct image_share *fresh)
 {
     struct image_share **bucket = bucket_of(&fresh->digest), *share;

@@ -1,4 +1,4 @@
-/* world: from the scene description and its blobs to something that rays can be shot at. */
+/* world: builds a render_scene from the scene description and its blobs. */
 #include "worker/render/world.h"
 
 #include <math.h>
@@ -115,7 +115,7 @@ static status load_environment(struct render_scene *w, const struct scene *scene
     return s;
 }
 
-/* What fills the used volumes; the others stay NULL. */
+/* Create the media that are used; the others stay NULL. */
 static status load_media(struct render_scene *w, const struct scene *scene,
                          const struct world_used *used, struct blob_source blobs,
                          struct error *err)
@@ -152,9 +152,9 @@ static status load_media(struct render_scene *w, const struct scene *scene,
     return STATUS_OK;
 }
 
-/* Ritter's sphere around the corners of every instance's box, at every moment of the shutter:
- * the boxes are known without touching the vertices. */
-/* A box around the corners, and a thousandth of its diagonal more. Where there are many boundaries
+/* Ritter's sphere around the corners of every instance's box, at every moment of the shutter. The
+ * boxes are known without reading the vertices. */
+/* A box around the corners, grown by a thousandth of its diagonal. Where there are many boundaries
  * the last box holds the rest. */
 static void add_boundary(struct render_scene *w, const struct vec3 *corners, size_t count)
 {
@@ -212,7 +212,7 @@ static status find_bounds(struct render_scene *w, const struct scene *scene, str
     return STATUS_OK;
 }
 
-/* The sphere that fog fills holds all places from which a camera ray may start. */
+/* The sphere that fog fills contains all positions from which a camera ray may start. */
 static void find_fog(struct render_scene *w)
 {
     const struct camera *camera = &w->camera;
@@ -230,8 +230,8 @@ static void find_fog(struct render_scene *w)
     }
 }
 
-/* Can a ray meet a back face of the mesh first? Of a closed one only if rays start inside:
- * at the camera, or past a wall that lets them through. In doubt, and of all that moves, yes. */
+/* Can a ray meet a back face of the mesh first? On a closed mesh only if rays start inside: at the
+ * camera, or behind a wall that lets them through. If in doubt, and for all that moves, yes. */
 static int culling_shows(const struct render_scene *w, const struct scene *scene,
                          const struct world_instance *instance)
 {
@@ -258,14 +258,14 @@ static int culling_shows(const struct render_scene *w, const struct scene *scene
     return 1;
 }
 
-/* Closed together with other meshes, which stand as they did when that was found. */
+/* Closed together with other meshes, which have not moved since the import found that. */
 static int is_sealed(const struct world_instance *instance, const struct scene *scene, uint32_t i)
 {
     return scene->instances[i].sealed && !instance->motion_steps && !instance->bounded;
 }
 
-/* Rays get behind the faces of a closed mesh where its material lets them through, and do not get
- * out again except through it. (Around the camera: enclosure.h.) */
+/* Rays get behind the faces of a closed mesh where its material lets them through, and get out only
+ * through it again. (Around the camera: enclosure.h.) */
 static void find_enclosing(struct render_scene *w, const struct scene *scene)
 {
     for (uint32_t i = 0; i < w->instance_count; i++) {
@@ -282,7 +282,7 @@ static void find_enclosing(struct render_scene *w, const struct scene *scene)
     for (uint32_t i = 0; i < w->instance_count; i++)
         if (!w->instances[i].encloses)
             w->materials[w->instances[i].body].flags &= ~(unsigned)MATERIAL_ENCLOSES;
-    /* A part of a body is only as tight as the others. */
+    /* One open part opens the whole body. */
     for (uint32_t i = 0; i < w->instance_count; i++)
         if (!scene->meshes[w->instances[i].mesh].closed)
             w->instances[i].encloses &=
@@ -389,7 +389,7 @@ static status load_lights(struct render_scene *w, const struct scene *scene,
     return s;
 }
 
-/* The camera, and what is known only when all is in its place. */
+/* The camera, and what is known only when everything is placed. */
 static void load_camera(struct render_scene *w, const struct world_poses *poses)
 {
     struct transform steps[CAMERA_STEPS_MAX];
@@ -397,7 +397,7 @@ static void load_camera(struct render_scene *w, const struct world_poses *poses)
     struct camera_motion motion;
 
     world_poses_camera(poses, w->settings.camera, &description, steps, &motion);
-    /* What is animated need not move now: then no ray needs a time. */
+    /* What is animated need not move during this frame: then no ray needs a time. */
     motion.shutter_open &= motion.steps > 0 || world_place_moves(w) || lights_move(w, poses);
     camera_init(&w->camera, &description, &w->settings, &motion);
     w->effects &= ~EFFECT_MOTION_BLUR;

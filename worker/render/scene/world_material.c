@@ -71,7 +71,7 @@ status world_used_init(struct world_used *used, const struct scene *scene,
     }
     for (uint32_t i = 0; i < scene->instance_count; i++)
         used->materials[scene->instances[i].material] = 1;
-    /* A mix refers to lower rows only: they come later in this loop. */
+    /* A mix refers to lower rows only; this loop visits them later. */
     for (uint32_t i = scene->material_count; i-- > 0;)
         if (used->materials[i])
             use_material(used, scene, settings, i);
@@ -140,11 +140,11 @@ static float absorption(float color, float distance)
 {
     if (!(distance < INFINITY) || color >= 1)
         return 0;
-    /* A black attenuation colour lets nothing through; a finite stand-in avoids 0 * inf. */
+    /* A black attenuation colour absorbs everything; a finite value avoids 0 * inf. */
     return -det_log(fmaxf(color, 1e-30f)) / fmaxf(distance, 1e-30f);
 }
 
-/* Has it anything of the layers that surface_shade.c and the BSDF keep apart from the base? */
+/* Does it have any of the layers that surface_shade.c and the BSDF treat separately? */
 static int is_layered(const struct scene_material *m)
 {
 #define FACTOR_OF_MATERIAL(name) m->name
@@ -175,7 +175,7 @@ static unsigned flags_of(const struct world_material *material, enum scene_volum
         flags |= MATERIAL_TWO_WAY;
     if (rule == VOLUMES_BOUNDARIES && (flags & MATERIAL_TWO_WAY) && m->medium != m->medium_outside)
         flags |= MATERIAL_BOUNDS;
-    /* What bounds a volume is left through its back faces, whatever doubleSided says. */
+    /* Rays leave a volume through back faces, whatever doubleSided says. */
     if (!m->double_sided && !(flags & MATERIAL_BOUNDS))
         flags |= MATERIAL_CULLED;
     if (lit && is_layered(m))
@@ -185,7 +185,7 @@ static unsigned flags_of(const struct world_material *material, enum scene_volum
     return flags;
 }
 
-/* Textures of one layout, as most materials' are, are looked up at one place. */
+/* Textures with the same layout, the usual case, share one place for their lookups. */
 static void share_places(struct world_material *material)
 {
     for (int i = 0; i < MATERIAL_TEXTURES; i++) {
@@ -228,7 +228,7 @@ static void material_init(struct world_material *out, const struct render_scene 
     share_places(out);
     if (out->m.kind == MATERIAL_MIX) {
         uint32_t first = out->m.mix_material[0], second = out->m.mix_material[1];
-        /* Which part a ray meets is decided at the hit; a face is culled where neither shows. */
+        /* The hit decides which part a ray meets; a face is culled if both parts cull it. */
         unsigned a = w->materials[first].flags, b = w->materials[second].flags;
         uint32_t filling = w->materials[first].filling;
         out->filling = w->materials[filling].flags & MATERIAL_BOUNDS ? filling
@@ -249,7 +249,7 @@ status world_materials_load(struct render_scene *w, const struct scene *scene, s
     return STATUS_OK;
 }
 
-/* Alpha matters unless every way to less than 1 is shut. */
+/* Alpha matters unless it is 1 everywhere. */
 static int alpha_matters(const struct world_material *material, const struct world_mesh *mesh)
 {
     if (material->m.alpha_mode == ALPHA_OPAQUE)
@@ -267,7 +267,7 @@ void world_materials_placed(struct render_scene *w)
 {
     for (uint32_t i = 0; i < w->instance_count; i++) {
         struct world_material *material = &w->materials[w->instances[i].material];
-        /* It depends on the mesh's colours: recorded with the material that meshes share. */
+        /* It depends on the mesh's colours, and is stored with the material, which meshes share. */
         if (alpha_matters(material, &w->meshes[w->instances[i].mesh]))
             material->flags |= MATERIAL_ALPHA;
     }

@@ -9,12 +9,12 @@
 #include "worker/render/render.h"
 #include "worker/render/scene/world_place.h"
 
-/* Embree 3.13, robust, medium quality, on meshes of 10^3 to 10^6 triangles: 70 bytes a triangle
- * stay (with two moments 60, with five 235), and its builder takes some more for the while. */
+/* Embree 3.13, robust, medium quality, on meshes of 10^3 to 10^6 triangles: it keeps 70 bytes per
+ * triangle (60 with two moments, 235 with five), and its builder temporarily takes more. */
 #define BVH_BYTES_TRIANGLE 110
 #define BVH_BYTES_MOVING_TRIANGLE 260
 #define BVH_BYTES_INSTANCE 700
-/* The map's three floats, and the tables that choose a direction. */
+/* The map's three floats, and the tables for sampling directions. */
 #define ENVIRONMENT_BYTES_TEXEL 32
 
 static _Atomic(uint64_t) memory_limit;
@@ -24,7 +24,7 @@ void render_memory_limit(uint64_t bytes)
     atomic_store(&memory_limit, bytes);
 }
 
-/* `texel_bytes` 0: what the decoder makes of it. */
+/* `texel_bytes` 0: as the decoder makes it. */
 static status image_need(uint64_t *bytes, const struct scene_image *image, uint32_t texel_bytes,
                          struct blob_source blobs, struct error *err)
 {
@@ -39,7 +39,7 @@ static status image_need(uint64_t *bytes, const struct scene_image *image, uint3
     return s;
 }
 
-/* A third more for each pyramid of smaller copies; nothing for what another scene holds. */
+/* A third more for each pyramid; nothing for images that another scene holds. */
 static status textures_need(struct world_need *need, const struct scene *scene,
                             const struct world_used *used, struct blob_source blobs,
                             struct error *err)
@@ -66,8 +66,8 @@ static uint64_t mesh_bytes(const struct scene_mesh *mesh)
     return layout.total_bytes;
 }
 
-/* How often each mesh occurs is not asked: a mesh that is shared by many is small in comparison
- * with the copies that were saved, and one that is not is baked. */
+/* How often each mesh occurs does not matter: a mesh that many instances share is small compared
+ * with the copies that are saved, and one that is not shared is baked. */
 static void geometry_need(struct world_need *need, const struct scene *scene,
                           const struct render_settings *settings)
 {

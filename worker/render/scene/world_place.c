@@ -5,16 +5,16 @@
 
 #include "common/base/memory.h"
 
-/* A shared mesh is copied into the top BVH all the same while its copies hold no more
- * triangles than this in all: one BVH is faster than two levels. */
+/* A shared mesh is still copied into the top BVH if its copies hold at most this many triangles in
+ * all: one BVH is faster than two levels. */
 #define BAKE_TRIANGLES_MAX 65536
-/* A matrix that is mixed from two must keep this share of their volume half way, or it is no
- * rotation any more but a collapse: then the vertices are given instead. */
+/* A matrix interpolated half way between two must keep this share of their volume. Otherwise it is
+ * no rotation but a collapse, and the vertices are given instead. */
 #define VOLUME_SHARE_MIN 0.1
-/* Determinants beyond this and its inverse are baked too. */
+/* A mesh is also baked if its matrix's determinant is beyond this or its inverse. */
 #define VOLUME_MIN 1e-30
-/* A shared mesh is baked, too, where rounding its matrix would move it by more than this share of
- * its size. */
+/* A shared mesh is also baked if rounding its matrix would move it by more than this share of its
+ * size. */
 #define DIGITS_SHARE_MAX 1e-4
 /* Embree wants 16 readable bytes after the last vertex. */
 #define PADDING_FLOATS 4
@@ -26,7 +26,7 @@ struct placer {
     struct render_scene *w;
     const struct world_poses *poses;
     const struct scene *scene;
-    uint32_t index;                     /* the instance in hand, and what it is made of: */
+    uint32_t index;                     /* the current instance, and what it is made of: */
     const struct scene_instance *description;
     const struct scene_mesh *mesh;
     const struct world_mesh *vertices;
@@ -90,8 +90,8 @@ static void set_transform(struct world_instance *instance, const struct transfor
 
 /* ---- what stands still -------------------------------------------------------------------- */
 
-/* Does Embree's float matrix blur the mesh? So it does where the mesh lies far from its own origin
- * and the matrix takes it back. */
+/* Does Embree's float matrix blur the mesh? It does if the mesh is far from its own origin and the
+ * matrix moves it back. */
 static int loses_digits(const struct placer *p)
 {
     double size = 0, reach = 0;
@@ -166,7 +166,7 @@ static void grow_box(float low[3], float high[3], const float *points, size_t co
         }
 }
 
-/* Is the matrix one that can be inverted at the steps and between them? */
+/* Can the matrix be inverted at the steps and between them? */
 static int stays_solid(const struct transform *steps, uint32_t count)
 {
     for (uint32_t k = 0; k + 1 < count; k++) {
@@ -219,8 +219,8 @@ static status choose_matrices(struct placer *p)
     return STATUS_OK;
 }
 
-/* Give the vertices at each of the instance's steps: `positions` has `count` of them, 1 for what
- * stands still. */
+/* Compute the vertices at each of the instance's steps: `positions` has `count` arrays, 1 if
+ * nothing moves. */
 static status keep_positions(struct placer *p, const float *const *positions, uint32_t count)
 {
     struct world_instance *instance = p->instance;
@@ -269,7 +269,7 @@ static status place_moving(struct placer *p)
     return keep_positions(p, positions, count);
 }
 
-/* ---- what is deformed --------------------------------------------------------------------- */
+/* ---- deformed meshes ---------------------------------------------------------------------- */
 
 /* Does what deforms the instance differ between two poses? */
 static int deforms_between(const struct placer *p, const struct scene_pose *a,
@@ -295,7 +295,7 @@ static int deforms_between(const struct placer *p, const struct scene_pose *a,
     return 0;
 }
 
-/* Do most joints mirror what they carry? */
+/* Do most joints mirror their part of the mesh? */
 static int skin_flips(const struct placer *p)
 {
     const struct scene_skin *skin = &p->scene->skins[p->description->skin];
@@ -309,7 +309,7 @@ static int skin_flips(const struct placer *p)
     return mirrored > skin->joint_count / 2;
 }
 
-/* Room for a moment's normals and tangents, where the mesh has such. */
+/* Allocate a moment's normals and tangents, if the mesh has them. */
 static status new_vectors(const struct placer *p, float **normals, float **tangents)
 {
     *normals = *tangents = NULL;
@@ -320,7 +320,7 @@ static status new_vectors(const struct placer *p, float **normals, float **tange
     return STATUS_OK;
 }
 
-/* The deformed vertices at moment `k`, in the world; the normals and tangents at the first. */
+/* The deformed vertices at moment `k`, in world space; at the first, also normals and tangents. */
 static status deform_at(struct placer *p, uint32_t k, float **positions)
 {
     struct world_instance *instance = p->instance;
@@ -347,7 +347,7 @@ static status deform_at(struct placer *p, uint32_t k, float **positions)
     return s;
 }
 
-/* The normals and tangents at each of the steps, the first of which are known. */
+/* The normals and tangents at each step; those of the first are known. */
 static status deform_vectors(struct placer *p, uint32_t stride)
 {
     struct world_instance *instance = p->instance;
@@ -379,7 +379,7 @@ static status deform_vectors(struct placer *p, uint32_t stride)
     return s;
 }
 
-/* Which of the moments to keep. */
+/* Choose which moments to keep. */
 static uint32_t choose_moments(struct placer *p, float *const positions[WORLD_STEPS_MAX])
 {
     const float *track[WORLD_STEPS_MAX];
@@ -455,7 +455,7 @@ static status place_deformed(struct placer *p)
 
 enum placement { PLACE_STILL, PLACE_MOVING, PLACE_DEFORMED };
 
-/* Take instance `index` in hand. */
+/* Make instance `index` the current one. */
 static enum placement look_at(struct placer *p, uint32_t index)
 {
     int moves = 0;
@@ -477,7 +477,7 @@ static enum placement look_at(struct placer *p, uint32_t index)
     return moves ? PLACE_MOVING : PLACE_STILL;
 }
 
-/* The material whose body the instance bounds; its own where settings leave that one without. */
+/* The material whose body the instance bounds; its own if the settings leave that one out. */
 static uint32_t body_of(const struct render_scene *w, const struct scene_instance *description)
 {
     uint32_t body = description->body < 0 ? description->material : (uint32_t)description->body;
@@ -486,7 +486,7 @@ static uint32_t body_of(const struct render_scene *w, const struct scene_instanc
     return filling->flags & MATERIAL_BOUNDS ? body : description->material;
 }
 
-/* Of the place at rest: the same in all frames. */
+/* Of the position at rest: the same in all frames. */
 static uint32_t alpha_key(const struct scene_instance *description)
 {
     uint32_t bits[12], key = description->material;

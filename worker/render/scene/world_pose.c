@@ -5,9 +5,9 @@
 #include "common/base/memory.h"
 #include "worker/render/scene/world_pose.h"
 
-/* A chord may miss the path by this share of what moves. */
+/* A chord may deviate from the path by this share of the size of what moves. */
 #define CHORD_TOLERANCE 1e-3f
-/* Nothing is held to more than this share of its coordinates: floats could not. */
+/* The tolerance is at least this share of the coordinates: floats are no more precise. */
 #define COORDINATE_TOLERANCE 1e-6f
 
 status world_poses_new(struct world_poses **out, const struct scene *scene,

@@ -1,7 +1,7 @@
 /* world_pose: the moments of a frame. Private to worker/render.
  *
- * What moves while the shutter is open is looked at WORLD_STEPS_MAX times; it gets as few of them
- * as steps as keep every moment looked at within a thousandth of its own extent.
+ * What moves while the shutter is open is evaluated WORLD_STEPS_MAX times. It gets the fewest steps
+ * that keep every evaluated moment within a thousandth of its extent.
  */
 #ifndef AZULEJO_RENDER_WORLD_POSE_H
 #define AZULEJO_RENDER_WORLD_POSE_H
@@ -11,7 +11,7 @@
 #include "worker/render/camera/camera.h"
 #include "worker/render/light/punctual.h"
 
-enum { WORLD_STEPS_MAX = CAMERA_STEPS_MAX }; /* a power of two, and one */
+enum { WORLD_STEPS_MAX = CAMERA_STEPS_MAX }; /* a power of two, plus one */
 
 struct world_poses {
     const struct scene *scene;
@@ -19,8 +19,8 @@ struct world_poses {
     struct scene_pose at[WORLD_STEPS_MAX];
 };
 
-/* The poses that the frame needs: more than one only if anything can move while the shutter is
- * open. Reads `scene` until freed (NULL is nothing). */
+/* The poses that the frame needs: more than one only if something can move while the shutter is
+ * open. Reads `scene` until freed (NULL does nothing). */
 status world_poses_new(struct world_poses **out, const struct scene *scene,
                        const struct render_settings *settings, uint32_t frame, struct error *err)
     MUST_CHECK;
@@ -33,12 +33,12 @@ void world_poses_camera(const struct world_poses *poses, uint32_t camera, struct
 
 /* A light at the shutter's opening. */
 void world_poses_light(const struct world_poses *poses, uint32_t light, struct scene_light *out);
-/* How it moves: the count of steps, 0 for one that stands still or is black. */
+/* How it moves: the number of steps, 0 if it does not move or is black. */
 uint32_t world_poses_light_motion(const struct world_poses *poses, uint32_t light,
                                   struct punctual_pose steps[WORLD_STEPS_MAX]);
 
-/* track[k] are `points` points at moment k: the largest power of two such that chords between
- * every so many moments keep all of them within the tolerance. `extent`: size of what moves. */
+/* track[k] holds `points` points at moment k. Returns the largest power of two stride whose chords
+ * keep all points within the tolerance. `extent`: size of what moves. */
 uint32_t world_stride(const float *const track[WORLD_STEPS_MAX], size_t points, float extent);
 
 #endif

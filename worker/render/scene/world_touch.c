@@ -9,16 +9,16 @@
 #include "worker/render/world.h"
 #include "worker/render/scene/world_place.h"
 
-/* Planes that lean by more than this sine touch along a line only. */
+/* Planes inclined by more than this sine touch along a line only. */
 #define TOUCH_LEAN 1e-2
-/* Overlaps by less than this share of the triangles' size are edges in common. */
+/* Overlaps by less than this share of the triangles' size are shared edges. */
 #define TOUCH_EDGE 1e-9
 
 /* A triangle near a volume. */
 struct item {
     uint32_t instance, triangle;
-    float normal[3];   /* unit; 0 of a triangle without area */
-    uint8_t crossable; /* rays may go through it */
+    float normal[3];   /* unit; 0 for a triangle without area */
+    uint8_t crossable; /* rays may pass through it */
     uint8_t touches;
 };
 
@@ -30,7 +30,7 @@ struct finder {
     uint8_t *bounds;         /* [count] does the item bound a volume? */
     size_t count, item_capacity, box_capacity, bounds_capacity;
     double low[3], high[3];  /* around all volumes */
-    uint64_t pairs_left;     /* that are looked at before the search is given up */
+    uint64_t pairs_left;     /* pairs still to be tested before the search is given up */
     struct error *err;
 };
 
@@ -46,7 +46,7 @@ static unsigned flags_of(const struct render_scene *w, uint32_t instance)
 
     if (w->instances[instance].shape)
         return 0; /* it coincides with nothing */
-    /* Of a mix any part may be met. */
+    /* A ray may meet any part of a mix. */
     return m->m.kind == MATERIAL_MIX ? flags | (w->materials[m->filling].flags & MATERIAL_BOUNDS)
                                      : flags;
 }
@@ -152,7 +152,7 @@ static void find_normal(const double corner[3][3], float out[3])
         out[a] = length > 0 ? (float)(n[a] / length) : 0;
 }
 
-/* All triangles in the region. *too_many: there are more than are looked at. */
+/* All triangles in the region. *too_many: there are more than the limit. */
 static status find_items(struct finder *f, int *too_many)
 {
     for (uint32_t i = 0; i < f->w->instance_count; i++) {
@@ -186,7 +186,7 @@ static status find_items(struct finder *f, int *too_many)
     return STATUS_OK;
 }
 
-/* Do their shadows on the plane across `normal` overlap, seen along the edges of `a`? */
+/* Do their projections along `normal` overlap, seen along the edges of `a`? */
 static int overlap_along(const double a[3][3], const double b[3][3], const double normal[3])
 {
     for (int k = 0; k < 3; k++) {
@@ -208,8 +208,8 @@ static int overlap_along(const double a[3][3], const double b[3][3], const doubl
     return 1;
 }
 
-/* Do some of the corners of `b` lie above the plane of `a` less the slack, and some below it plus
- * the slack? */
+/* Do some corners of `b` lie above the plane of `a` minus the slack, and some below it plus the
+ * slack? */
 static int meets_plane(const double a[3][3], const double normal[3], const double b[3][3],
                        double slack)
 {
@@ -242,13 +242,13 @@ int touch_coincide(const double a[3][3], const double b[3][3])
            overlap_along(b, a, n);
 }
 
-/* Nothing more is to be learned of a face that touches one, nor of one that no ray crosses. */
+/* Skip a face already known to touch one, and a face that no ray crosses. */
 static int is_settled(const struct item *item)
 {
     return !item->crossable || item->touches;
 }
 
-/* Far from parallel: that most neighbours of a curved surface are is seen without their corners. */
+/* Far from parallel, as most neighbours on a curved surface are: no need to read their corners. */
 static int leans(const struct item *a, const struct item *b)
 {
     const float *n = a->normal, *m = b->normal;

@@ -1,10 +1,10 @@
 /* sphere: a whole sphere, and a line that meets it, in double precision. Private to worker/render.
  * Side 0 is outside.
  *
- * The point of the line that is nearest to the centre decides whether the sphere is met and where
+ * The point of the line nearest to the centre decides whether and where the line meets the sphere
  * (Haines, Gunther and Akenine-Moeller 2019, "Precision Improvements for Ray/Sphere Intersection",
  * Ray Tracing Gems, chapter 7): the discriminant of the textbook's quadratic would cancel for a
- * small sphere far away. Off by some 2^-50 of the distance and the radius.
+ * small sphere far away. The error is about 2^-50 of the distance and the radius.
  */
 #ifndef AZULEJO_RENDER_SPHERE_H
 #define AZULEJO_RENDER_SPHERE_H
@@ -24,9 +24,9 @@ static inline const struct sphere_shape *sphere_of(const struct shape *shape)
 
 struct sphere_chord {
     double foot[3];      /* from the centre to the line's nearest point, metres */
-    double middle, half; /* that point's place on the line, and half the chord: both in lengths of
-                            the direction */
-    int meets;           /* 0: the line passes by; half is then 0 */
+    double middle, half; /* that point's position on the line, and half the chord: both in
+                            lengths of the direction */
+    int meets;           /* 0: the line misses the sphere; half is then 0 */
 };
 
 static inline void sphere_chord_find(const struct sphere_shape *sphere, const double origin[3],

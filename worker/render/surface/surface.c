@@ -18,7 +18,7 @@ void world_triangle(const struct render_scene *scene, const struct world_instanc
         corner[k] = vec3_make((float)c[k][0], (float)c[k][1], (float)c[k][2]);
 }
 
-/* A lower bound of the distance to the nearest edge: the smallest weight's share of the least
+/* A lower bound of the distance to the nearest edge: the smallest weight times the smallest
  * height. */
 static float surface_inset(double u, double v, double double_area, const double e1[3],
                            const double e2[3])
@@ -61,7 +61,7 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     exact_cross(e1, e2, n);
     length = sqrt(exact_dot(n, n));
 
-    /* Moeller-Trumbore in double; the clamp only ever undoes rounding at an edge. */
+    /* Moeller-Trumbore in double; the clamp only removes rounding errors at an edge. */
     exact_cross(d, e2, pvec);
     exact_cross(to_origin, e1, qvec);
     determinant = exact_dot(e1, pvec);

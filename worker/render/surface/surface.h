@@ -1,8 +1,8 @@
-/* surface: a hit made into a place that can be shaded.
+/* surface: turns a hit into a point that can be shaded.
  *
- * The hit's position is computed again from the triangle, in double, so that it depends on
- * neither Embree's kernels nor the ISA. The next ray starts exactly there and leaves the
- * triangle by its name (struct ray).
+ * The hit's position is computed again from the triangle, in double, so that it depends on neither
+ * Embree's kernels nor the ISA. The next ray starts exactly there and names the triangle that it
+ * leaves (struct ray).
  */
 #ifndef AZULEJO_RENDER_SURFACE_H
 #define AZULEJO_RENDER_SURFACE_H
@@ -27,34 +27,34 @@ struct surface {
     float b1, b2;             /* barycentric weights of vertices 1 and 2 */
     float t;                  /* metres from the ray's origin */
     float area;               /* of the triangle, m^2 */
-    int contacts;             /* what is very close counts (struct ray) */
-    float inset;              /* metres from the place to the triangle's edges, or less */
+    int contacts;             /* very close faces count (struct ray) */
+    float inset;              /* lower bound of the distance to the triangle's edges, metres */
     float footprint;          /* width of the ray's beam over sqrt(area); 0: textures at their finest */
     float time;               /* 0..1: the ray's */
     int front;                /* met from the side of counter-clockwise winding */
     struct vec3 p;            /* world, rounded to float */
-    double rest[3];           /* metres: what rounding took away; the place is p + rest */
+    double rest[3];           /* metres: the rounding error; the exact point is p + rest */
     uint32_t other_count;     /* faces that coincide with it (crossing.h): rays leave them as well */
     struct hit others[RAY_LEFT_MAX - 1];
     struct vec3 ng;           /* unit geometric normal on the ray's side */
     struct basis basis;       /* shading frame on the ray's side, after surface_shade */
-    struct texture_place place; /* that the material's textures share, while it is shaded */
+    struct texture_place place; /* shared by the material's textures, while it is shaded */
 };
 
 /* Position and geometric normal of the hit. */
 void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
                       const struct hit *hit, struct surface *s);
 
-/* Shading frame and the material's values; `wo` is unit, world, towards the ray's origin.
- * The frame is bent so that wo is above it and, where anything reflects, so that the mirror
- * direction is above it and above the geometric surface. */
+/* Shading frame and the material's values; `wo` is unit, world, towards the ray's origin. The frame
+ * is bent so that wo is above it and, if anything reflects, so that the mirror direction is above
+ * it and above the geometric surface. */
 void surface_shade(const struct render_scene *scene, struct surface *s, struct vec3 wo,
                    struct bsdf_params *params);
 
-/* Where the material is a mix, one of its parts by the number `u` in [0,1). */
+/* If the material is a mix: choose one of its parts with the number `u` in [0,1). */
 void surface_resolve_mix(const struct render_scene *scene, struct surface *s, float u);
 
-/* Colour that the vertices give; the mesh has MESH_COLORS. */
+/* Vertex colour; the mesh has MESH_COLORS. */
 struct vec3 surface_vertex_color(const struct surface *s);
 
 /* First uv set at the hit; 0, 0 where the mesh has none. */

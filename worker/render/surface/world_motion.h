@@ -1,8 +1,8 @@
 /* world_motion: where a moving instance is at a moment of the shutter. Private to worker/render.
  *
- * What is computed here from the steps is what Embree computes from the same steps, but for the
- * rounding: matrices are mixed linearly between steps, and so are vertices. Code that evaluates a
- * hit again calls these; they cost nothing where nothing moves.
+ * These functions compute from the steps what Embree computes from them, except for rounding:
+ * matrices and vertices are interpolated linearly between steps. Code that evaluates a hit again
+ * calls these; they cost nothing if nothing moves.
  */
 #ifndef AZULEJO_RENDER_WORLD_MOTION_H
 #define AZULEJO_RENDER_WORLD_MOTION_H
@@ -16,7 +16,7 @@ static inline int world_moves(const struct world_instance *instance)
     return HAS(MOTION_BLUR) && instance->motion_steps > 0;
 }
 
-/* The instance's matrix at `time`, mixed between steps, in double. */
+/* The instance's matrix at `time`, interpolated between steps, in double. */
 static inline struct transform_d world_motion_matrix(const struct world_instance *instance,
                                                      float time)
 {

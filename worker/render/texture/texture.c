@@ -54,7 +54,7 @@ static status decode_integers(struct texture_image *image, const uint8_t *data, 
     image->layout = pixels->bits == 8 ? layouts[pixels->channels - 1] : TEXTURE_16;
     if (image->layout != TEXTURE_16)
         return STATUS_OK;
-    /* A power function per channel of every lookup would cost more than the ray. */
+    /* A power function per channel in every lookup would cost more than tracing the ray. */
     image->srgb16 = mem_alloc_array(TEXTURE_CODES_16, sizeof *image->srgb16);
     if (!image->srgb16)
         return error_no_memory(err, "a texture's sRGB table");
@@ -83,7 +83,7 @@ static status decode_floats(struct texture_image *image, const uint8_t *data, si
     return STATUS_OK;
 }
 
-/* An image whose texels are all equal is one texel. */
+/* An image whose texels are all equal is stored as one texel. */
 static void collapse_constant(struct texture_image *image)
 {
     size_t texel = image->channels * texture_value_bytes(image);
@@ -96,7 +96,7 @@ static void collapse_constant(struct texture_image *image)
     image->width = image->height = 1;
     less = mem_realloc_array((void *)(uintptr_t)image->texels, 1, texel);
     if (!less)
-        return; /* the memory stays larger than it must be */
+        return; /* the allocation stays larger than needed */
     image->texels = less;
     if (image->layout == TEXTURE_FLOAT)
         image->floats.pixels = less;
@@ -126,8 +126,8 @@ status texture_image_new(struct texture_image **out, const uint8_t *data, size_t
     default:
         st = error_set(
             err, STATUS_ERR_INPUT,
-            "%s: not an image that can be read: its first bytes are none of PNG's, JPEG's, WebP's, "
-            "Radiance HDR's or OpenEXR's; convert it to PNG or EXR",
+            "%s: not a readable image: it does not begin like PNG, JPEG, WebP, Radiance HDR or "
+            "OpenEXR; convert it to PNG or EXR",
             name);
     }
     if (st != STATUS_OK) {
@@ -195,7 +195,7 @@ int texture_image_is_opaque(const struct texture_image *image)
 
 /* ---- coordinates -------------------------------------------------------------------------- */
 
-/* floorf without a call into libm; from 2^23 on every float is an integer. */
+/* floorf without a call to libm; from 2^23 on every float is an integer. */
 static inline float floor_small(float x)
 {
     float whole;
@@ -206,14 +206,14 @@ static inline float floor_small(float x)
     return whole > x ? whole - 1.0f : whole;
 }
 
-/* A coordinate of any size into 0..1 of the image, both ends possible: -1e-9 modulo 1 rounds
+/* Wrap a coordinate of any size into 0..1 of the image, both ends possible: -1e-9 modulo 1 rounds
  * to 1. A coordinate that is not finite becomes 0. */
 static inline float wrap_coordinate(float x, enum scene_wrap wrap)
 {
     if (!(fabsf(x) <= 3.4e38f))
         return 0.0f;
     switch (wrap) {
-    case WRAP_BLACK: /* inside; what is outside does not come here */
+    case WRAP_BLACK: /* inside; the outside is handled before */
     case WRAP_CLAMP:
         return x < 0.0f ? 0.0f : x > 1.0f ? 1.0f : x;
     case WRAP_MIRROR:
@@ -224,8 +224,8 @@ static inline float wrap_coordinate(float x, enum scene_wrap wrap)
     }
 }
 
-/* The two texels whose centres (at half integers) enclose the coordinate, and the weight of
- * the second. Of all but repeated images the texel beyond an edge is the edge texel again. */
+/* The two texels whose centres (at half integers) enclose the coordinate, and the weight of the
+ * second. Except for repeated images, the texel beyond an edge is the edge texel again. */
 struct texel_pair {
     uint32_t first, second;
     float weight; /* 0..1, below 1 */
@@ -257,7 +257,7 @@ static inline uint32_t nearest_of(float x, uint32_t size, enum scene_wrap wrap)
 
 /* ---- places ------------------------------------------------------------------------------- */
 
-/* Is a finite coordinate off the image? */
+/* Is a finite coordinate outside the image? */
 static inline int is_outside(float x, enum scene_wrap wrap)
 {
     return wrap == WRAP_BLACK && fabsf(x) <= 3.4e38f && !(x >= 0.0f && x <= 1.0f);
@@ -287,7 +287,7 @@ static inline void place_in_level(struct texture_taps *taps, const struct textur
              pair_of(v, at->height, texture->wrap_v));
 }
 
-/* Rare: what is off the image, or not interpolated. */
+/* Rare: outside the image, or not interpolated. */
 static __attribute__((noinline)) void place_special(struct texture_place *out,
                                                     const struct texture_image *image,
                                                     const struct scene_texture *texture, float u,
@@ -302,9 +302,8 @@ static __attribute__((noinline)) void place_special(struct texture_place *out,
     place_in(&out->taps[0], image->width, x, y);
 }
 
-/* Between the two levels whose texels are next to the beam's width at the finest level. Level and
- * weight are a float's own exponent and fraction: log2 with straight lines between the powers
- * of two. */
+/* Interpolate between the two levels whose texel widths enclose the beam's width. Level and weight
+ * are the exponent and fraction of a float: log2, with straight lines between the powers of two. */
 static inline __attribute__((always_inline)) void
 place_of(struct texture_place *out, const struct texture_image *image,
          const struct scene_texture *texture, int filtered, float u, float v, float footprint)
@@ -338,7 +337,7 @@ place_of(struct texture_place *out, const struct texture_image *image,
     place_in_level(&out->taps[0], image, texture, out->level, u, v);
 }
 
-/* The pyramid that lookups of this use read; NULL: the finest level alone. */
+/* The pyramid for lookups of this use; NULL: the finest level only. */
 static inline const uint8_t *pyramid_of(const struct texture_image *image, int srgb)
 {
     return image->pyramid[srgb && image->layout != TEXTURE_FLOAT];
@@ -409,7 +408,7 @@ fetch(const void *texels, enum texture_layout layout, uint32_t channels, size_t 
     }
 }
 
-/* Equal ends give exactly that value, so that an opaque texture stays opaque. */
+/* Equal ends give exactly that value, so an opaque texture stays opaque. */
 static inline lanes lerp(lanes a, lanes b, float t)
 {
     return a + (b - a) * t;
@@ -451,7 +450,7 @@ struct texel texture_read(const struct texture_image *image, const struct scene_
     uint32_t channels = image->channels;
     lanes result;
 
-    if (place->levels == 0) /* and nothing else of the place is set */
+    if (place->levels == 0) /* no other field of the place is set */
         return (struct texel){0, 0, 0, 0};
     level = &image->levels[place->level];
     if (place->level > 0)

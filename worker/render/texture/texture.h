@@ -1,7 +1,7 @@
 /* texture: decoded images and lookups in them.
  *
  * 8-bit images stay 8-bit in memory, 16-bit ones 16-bit; sRGB is decoded per texel before
- * filtering. An image whose texels are all equal is kept as one texel. Immutable once its
+ * filtering. An image whose texels are all equal is stored as one texel. Immutable once its
  * pyramids are made: any number of threads may look up.
  */
 #ifndef AZULEJO_RENDER_TEXTURE_H
@@ -20,18 +20,18 @@ struct texel {
     float r, g, b, a;
 };
 
-/* Decode PNG, JPEG, WebP (kept at 8 or 16 bits) or HDR, EXR (kept as floats). ERR_LIMIT and
- * ERR_NO_MEMORY name the image and how much memory it needs. */
+/* Decode PNG, JPEG, WebP (kept at 8 or 16 bits) or HDR, EXR (kept as floats). The messages of
+ * ERR_LIMIT and ERR_NO_MEMORY name the image and how much memory it needs. */
 status texture_image_new(struct texture_image **out, const uint8_t *data, size_t size_bytes,
                          const char *name, struct error *err) MUST_CHECK;
 
-/* How an image's colour channels are read: they are averaged accordingly. */
+/* How lookups read an image's colour channels, which decides how they are averaged. */
 enum texture_use {
     TEXTURE_AS_DATA = 1,  /* lookups with srgb 0 */
     TEXTURE_AS_COLOR = 2, /* lookups with srgb 1 */
 };
 
-/* The use that a lookup by `texture` in a slot of colours (`srgb`) or data makes of its image. */
+/* How a lookup by `texture` uses its image, in a slot of colours (`srgb`) or data. */
 static inline enum texture_use texture_use_of(const struct scene_texture *texture, int srgb)
 {
     if (texture->encoding != ENCODING_BY_SLOT)
@@ -40,24 +40,23 @@ static inline enum texture_use texture_use_of(const struct scene_texture *textur
 }
 
 /* Make the MIP pyramids for these uses (a third of the image's memory each), at the image's own
- * depth; those that exist already are kept. Without, lookups see the finest level whatever the
- * footprint. Not while others look up. ERR_NO_MEMORY. */
+ * depth; existing ones are kept. Without them, lookups read the finest level for any footprint.
+ * Not thread-safe with lookups. ERR_NO_MEMORY. */
 status texture_image_filter(struct texture_image *image, unsigned uses, const char *name,
                             struct error *err) MUST_CHECK;
 void texture_image_free(struct texture_image *image);
 size_t texture_image_bytes(const struct texture_image *image);
-/* Is every texel's alpha 1? Then alpha tests cannot do anything. */
+/* Is every texel's alpha 1? Then alpha tests have no effect. */
 int texture_image_is_opaque(const struct texture_image *image);
 
-/* Look up at (u, v), v downwards, any finite value (wrapped as the texture says; a
- * coordinate that is not finite reads as 0). `footprint`: width of the looking ray's beam in
- * units of the whole image (1: it covers all of it): the lookup is trilinear, between the two
- * levels whose texels along the longer side are next to that wide; 0: the finest level alone.
- * `srgb`: decode the colour channels of integer images from sRGB (never alpha, never float
- * images), unless the texture's own encoding decides. Grey images are replicated to RGB; a
- * missing alpha is 1. Bilinear with texel centres at half integers, or nearest (of the finest
- * level, whatever the footprint). With WRAP_BLACK all four are 0 outside of the image, whose edge
- * stays sharp. */
+/* Look up at (u, v), v downwards, any finite value (wrapped as the texture says; a coordinate that
+ * is not finite reads as 0). `footprint`: width of the ray's beam in units of the whole image (1:
+ * it covers all of it). The lookup is trilinear, between the two levels whose texel widths along
+ * the longer side enclose the footprint; 0: the finest level alone. `srgb`: decode the colour
+ * channels of integer images from sRGB (never alpha, never float images), unless the texture's own
+ * encoding decides. Grey images are replicated to RGB; a missing alpha is 1. Bilinear with texel
+ * centres at half integers, or nearest (in the finest level, for any footprint). With WRAP_BLACK
+ * all four channels are 0 outside the image, whose edge stays sharp. */
 struct texel texture_lookup(const struct texture_image *image, const struct scene_texture *texture,
                             float u, float v, float footprint, int srgb);
 
@@ -68,7 +67,7 @@ struct texture_taps {
 };
 struct texture_place {
     uint32_t level;  /* the finer one */
-    int levels;      /* 0: off the image, 1, or 2: the next coarser one, too */
+    int levels;      /* 0: outside the image; 1; or 2: the next coarser one, too */
     float blend;     /* weight of that */
     struct texture_taps taps[2];
 };
@@ -78,7 +77,7 @@ void texture_place(struct texture_place *out, const struct texture_image *image,
                    int srgb);
 struct texel texture_read(const struct texture_image *image, const struct scene_texture *texture,
                           const struct texture_place *place, int srgb);
-/* Do both lookups find the same place for the same coordinates? Asked once their pyramids are
+/* Do both lookups find the same place for the same coordinates? Valid once their pyramids are
  * made. */
 int texture_shares_place(const struct texture_image *a, const struct scene_texture *texture_a,
                          int srgb_a, const struct texture_image *b,

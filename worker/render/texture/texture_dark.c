@@ -1,5 +1,5 @@
-/* Blocks of texels that hold any light are counted in a summed-area table (Crow 1984), so that a
- * question takes the same few steps whatever the area. */
+/* A summed-area table (Crow 1984) counts the blocks of texels that hold any light, so a query takes
+ * the same few steps for any area. */
 #include "worker/render/texture/texture_dark.h"
 
 #include <math.h>
@@ -8,8 +8,8 @@
 #include "worker/render/texture/texture_data.h"
 
 enum { BLOCKS_A_SIDE_MAX = 512 };
-/* Lookups compute in float: their texel may be this share of the coordinate's size away from the
- * one that doubles lead to, and this many texels. */
+/* Lookups compute in float: their texel may differ from the one in double by this share of the
+ * coordinate's magnitude plus this many texels. */
 #define COORDINATE_SLACK 0x1p-20
 #define TEXELS_SLACK 2
 
@@ -84,7 +84,7 @@ void texture_dark_free(struct texture_dark *dark)
     mem_free(dark);
 }
 
-/* The blocks, from first to last, that hold the texels which lookups in the range read. */
+/* The first and last block of the texels that lookups in the range read. */
 static void block_range(const struct texture_dark *dark, int axis, enum scene_wrap wrap,
                         const double range[2], uint32_t out[2])
 {
@@ -96,7 +96,7 @@ static void block_range(const struct texture_dark *dark, int axis, enum scene_wr
     if (wrap == WRAP_CLAMP || wrap == WRAP_BLACK) {
         first = fmin(fmax(first, 0), size - 1);
         last = fmin(fmax(last, 0), size - 1);
-    } else if (!(first >= 0 && last <= size - 1)) { /* over an edge: all of it */
+    } else if (!(first >= 0 && last <= size - 1)) { /* past an edge: the whole side */
         first = 0;
         last = size - 1;
     }

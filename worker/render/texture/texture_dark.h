@@ -1,6 +1,6 @@
-/* texture_dark: where an image is exactly black, asked of areas.
+/* texture_dark: which areas of an image are exactly black.
  *
- * Most of an emissive texture usually is; what the map shows to be dark everywhere is no light.
+ * Most of an emissive texture usually is; areas that are black everywhere are not light sources.
  */
 #ifndef AZULEJO_RENDER_TEXTURE_DARK_H
 #define AZULEJO_RENDER_TEXTURE_DARK_H
@@ -14,8 +14,8 @@ status texture_dark_new(struct texture_dark **out, const struct texture_image *i
                         struct error *err) MUST_CHECK;
 void texture_dark_free(struct texture_dark *dark);
 
-/* Do all lookups of the finest level with u, v in these closed ranges give r, g and b of exactly
- * 0? Errs on the side of "no". Ends that are not finite: no. */
+/* Do all lookups of the finest level with u, v in these closed ranges give r, g and b of exactly 0?
+ * If in doubt: no. Ends that are not finite: no. */
 int texture_dark_in(const struct texture_dark *dark, const struct scene_texture *texture,
                     const double u[2], const double v[2]);
 

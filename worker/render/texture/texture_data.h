@@ -35,20 +35,20 @@ struct texture_image {
     float *srgb16;            /* of 16-bit values; TEXTURE_16 only, owned */
     struct image8 integers;
     struct image floats;
-    float longest;            /* side, in texels */
-    uint32_t last_level;      /* of 1 x 1 */
+    float longest;            /* longer side, in texels */
+    uint32_t last_level;      /* the level of 1 x 1 */
     struct texture_level levels[TEXTURE_LEVELS_MAX];
-    void *pyramid[2];         /* averaged as data, as sRGB colour; NULL: not made; owned. Those
-                                 of floats are data, whatever they are used as */
+    void *pyramid[2];         /* averaged as data, as sRGB colour; NULL: not made; owned. Float
+                                 images have only the one for data */
 };
 
-/* Bytes of one channel. */
+/* Bytes per channel. */
 static inline size_t texture_value_bytes(const struct texture_image *image)
 {
     return image->layout == TEXTURE_FLOAT ? 4 : image->layout == TEXTURE_16 ? 2 : 1;
 }
 
-/* Sides and places of all levels, from width and height. */
+/* Compute sides and offsets of all levels from width and height. */
 void texture_levels(struct texture_image *image);
 
 /* Make image->pyramid[color]. ERR_NO_MEMORY. */

@@ -1,9 +1,9 @@
-/* A level has half its predecessor's sides, rounded down; each of its texels is the mean of the
- * area that it covers there, which for odd sides means three texels of unequal weight. Means
- * are of decoded values in float, all the way down: only what is stored is rounded to the
- * image's depth, so that levels do not add up roundings. Colour is averaged as it stands, not
- * weighted by alpha, since lookups do not weight it either; normals as data, not made unit.
- * Rows are handed down as they become complete, so that the work needs a few rows of memory. */
+/* A level has half the sides of the level below, rounded down. Each of its texels is the mean of
+ * the area that it covers there; for odd sides that is three texels of unequal weight. Means are of
+ * decoded values in float on all levels: only what is stored is rounded to the image's depth, so
+ * roundings do not accumulate. Colour is averaged as it is, not weighted by alpha, since lookups do
+ * not weight it either; normals are averaged as data and not normalised. Rows are passed on as they
+ * become complete, so the work needs only a few rows of memory. */
 #include <float.h>
 #include <string.h>
 
@@ -13,7 +13,7 @@
 
 enum { GUESSES = 4096 };
 
-/* Where a level's next rows are summed up. */
+/* Accumulates a level's next rows. */
 struct level_sums {
     float *narrow;  /* the row above, made as wide as this level */
     float *rows[2]; /* row i in rows[i & 1] */
@@ -24,7 +24,7 @@ struct maker {
     int color;
     struct level_sums sums[TEXTURE_LEVELS_MAX]; /* [0] is unused */
     float border[256];        /* decoded value above which the 8-bit sRGB code is larger than i */
-    uint8_t guess[GUESSES];   /* code of i / GUESSES: a lower bound for what follows */
+    uint8_t guess[GUESSES];   /* code of i / GUESSES: a lower bound where the search starts */
 };
 
 void texture_levels(struct texture_image *image)
@@ -98,7 +98,7 @@ static void set_encoding(struct maker *m)
     }
 }
 
-/* 0..1 as a whole number up to `top`. */
+/* 0..1 as an integer up to `top`. */
 static uint32_t quantized(float value, float top)
 {
     float scaled = value * top;
@@ -137,7 +137,8 @@ static void store_row(const struct maker *m, uint32_t level, uint32_t y, const f
 
 /* ---- one row down ------------------------------------------------------------------------- */
 
-/* What of source cell i of `from` falls into target cell k of `to`, as a share of the latter. */
+/* How much of source cell i of `from` falls into target cell k of `to`, as a share of the latter.
+ * */
 static float overlap(uint64_t i, uint64_t k, uint64_t from, uint64_t to)
 {
     uint64_t begin = i * to > k * from ? i * to : k * from;
@@ -172,8 +173,8 @@ static void narrow_row(const float *row, uint32_t from, uint32_t to, uint32_t ch
     }
 }
 
-/* Row y of `level` is complete: add it to the rows of the next that it overlaps; those that it
- * completes go on. Recursion ends with the levels, after 17 at most. */
+/* Row y of `level` is complete: add it to the rows of the next level that it overlaps, and continue
+ * with those that it completes. Recursion ends with the levels, after at most 17. */
 static void push_row(const struct maker *m, uint32_t level, uint32_t y, const float *row)
 {
     const struct texture_level *from = &m->image->levels[level], *to = from + 1;
