@@ -9,14 +9,14 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "common/film/health.h"
 #include "common/film/tiles.h"
 
 /* Work done, and what went wrong in it. */
 struct unit_work {
     uint64_t samples, rays, vertices;
-    uint64_t dropped_samples;  /* not finite: replaced by black */
     uint64_t leaked_rays;      /* slipped through something closed: traced again */
-    uint64_t clamped_values;   /* sums beyond what a float holds */
+    HEALTH_COUNTERS;
     /* settings.clamp: samples that were scaled down, and sums over the samples of the luminance that they
      * lost and of what was kept. 0 where nothing is clamped. */
     uint64_t clamped_samples;
@@ -24,6 +24,7 @@ struct unit_work {
 };
 
 void unit_work_add(struct unit_work *sum, const struct unit_work *more);
+/* The health's examples stay (health_subtract). */
 void unit_work_subtract(struct unit_work *sum, const struct unit_work *less);
 /* The share of the light that clamping took away, 0..1. */
 double unit_work_clamped_share(const struct unit_work *work);

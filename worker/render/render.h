@@ -30,8 +30,7 @@ struct render_scene;
 struct render_stats {
     uint64_t samples, rays, vertices;
     uint64_t leaked_rays;       /* slipped through at a vertex of something closed: traced again */
-    uint64_t dropped_samples;   /* not finite: counted, replaced by black */
-    uint64_t clamped_values;    /* sums beyond what a float holds */
+    HEALTH_COUNTERS;            /* examples without their frame */
     /* settings.clamp: samples that were scaled down, and sums over the samples of the luminance that
      * they lost and of what was kept. All 0 where nothing is clamped. */
     uint64_t clamped_samples;

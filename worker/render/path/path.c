@@ -35,6 +35,25 @@ static void path_start(struct path *path, const struct render_scene *scene,
     path->boundaries_passed = 0;
     path->medium_key = path->medium_depth = 0;
     path->at_next = 0;
+    if (FAULT(ENDLESS_PATH))
+        path->depth = SETTINGS_DEPTH_MAX;
+}
+
+/* What a path carries stays bad once it is, so it is looked at once, where the path ends. */
+static inline void path_examine(const struct path *path)
+{
+    const struct vec3 t = path->throughput;
+
+    if (!(t.x + t.y + t.z < INFINITY))
+        health_note(HEALTH_BAD_THROUGHPUTS);
+    if (!(vec3_length_squared(path->ray.direction) > 0.5f)) /* of no number a normalised vector is 0 */
+        health_note(HEALTH_BAD_DIRECTIONS);
+}
+
+/* The vertex scatters nothing: is that its basis' fault? */
+static __attribute__((noinline)) int path_vertex_fails(const struct basis *basis)
+{
+    return health_basis(basis);
 }
 
 /* ---- the steps of a path --------------------------------------------------------------------- */
@@ -91,9 +110,11 @@ static void path_shade(const struct path *path, struct path_vertex *v, struct pa
 static int path_bsdf(struct path *path, struct path_vertex *v)
 {
     path_indices(path, v);
+    if (FAULT(NAN_BASIS))
+        v->s.basis.n.x = NAN;
     v->wo = basis_to_local(&v->s.basis, vec3_neg(path->ray.direction));
     if (!(v->wo.z > 0))
-        return 0;
+        return path_vertex_fails(&v->s.basis);
     PROFILE_STAGE(SCATTER);
     bsdf_init(&v->bsdf, &v->params, v->wo);
     return 1;
@@ -115,7 +136,11 @@ static int path_scatter(struct path *path, const struct path_vertex *v, float u_
     const struct path_features f = path_features_of(path->scene);
 
     if (!sample_bsdf(path, v, u_lobe, sample))
-        return 0;
+        return path_vertex_fails(&v->s.basis);
+    if (FAULT(NAN_DIRECTION))
+        sample->wi.x = NAN;
+    if (FAULT(NAN_THROUGHPUT))
+        sample->weight.x = NAN;
     path->ray.direction = vec3_normalize(basis_to_world(&v->s.basis, sample->wi));
     if ((vec3_dot(path->ray.direction, v->s.ng) > 0) != (sample->wi.z > 0))
         return 0;
@@ -155,8 +180,12 @@ PATH_FUNCTION void path_widen(struct path *path, float t)
     float spread;
 
     path->cone.width += t * path->cone.spread;
-    if (path->specular || !(path->pdf > 0))
+    if (path->specular)
         return;
+    if (!(path->pdf > 0)) {
+        health_density(path->pdf);
+        return;
+    }
     spread = float_min(CONE_SHARE / sqrtf(path->pdf), CONE_SPREAD_MAX);
     path->cone.spread = float_max(path->cone.spread, spread);
 }
@@ -213,8 +242,11 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             path_absorb(&path, &v.s);
         if (f.coincident)
             crossing_none(&v.crossing);
-        if ((f.volumes || (f.coincident && crossing_touches(&v.s))) && !path_boundary(&path, &v))
+        if ((f.volumes || (f.coincident && crossing_touches(&v.s))) && !path_boundary(&path, &v)) {
+            if (path.boundaries_passed > INDEX_MATCHED_MAX)
+                health_note(HEALTH_GUARDED_PATHS);
             continue;
+        }
 
         /* Emission. */
         stats->vertices++;
@@ -222,6 +254,8 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             v.s.footprint = (path.cone.width + v.s.t * path.cone.spread) / sqrtf(v.s.area);
         path_add(&path, path_emitted(&path, &v.s), &radiance);
         ends = path.depth >= scene->settings.max_depth || path_is_unlit(&path, &v.s);
+        if (ends && path.depth >= SETTINGS_DEPTH_MAX)
+            health_note(HEALTH_GUARDED_PATHS);
         if (ends && !record)
             break;
 
@@ -238,5 +272,6 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             break;
         path_next_ray(&path, &v, sample.wi);
     }
+    path_examine(&path);
     return radiance;
 }

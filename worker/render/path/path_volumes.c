@@ -86,8 +86,11 @@ static int scatter_in_medium(struct path *path, const struct world_medium *mediu
     struct vec3 before = path->ray.direction;
 
     path->stats->vertices++;
-    if (path->depth >= path->scene->settings.max_depth)
+    if (path->depth >= path->scene->settings.max_depth) {
+        if (path->depth >= SETTINGS_DEPTH_MAX)
+            health_note(HEALTH_GUARDED_PATHS);
         return 0;
+    }
     ray_advance(&path->ray, distance);
     if (path->scene->emitters.count > 0)
         path_add(path, path_direct_medium(path, medium, before, dimension), radiance);
@@ -181,6 +184,8 @@ PATH_FUNCTION __attribute__((noinline)) struct vec3 path_transmittance(struct pa
         if (!(left > 0))
             return visible;
         path->query.ray_number++;
+        if (i + 1 == INDEX_MATCHED_MAX)
+            health_note(HEALTH_GUARDED_PATHS);
     }
     return vec3_splat(0);
 }
