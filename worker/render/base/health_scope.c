@@ -9,3 +9,9 @@ void health_note(enum health_kind kind)
     health_scope.count[kind]++;
     health_scope.noted |= 1u << kind;
 }
+
+void health_value(struct vec3 value, float pdf)
+{
+    health_throughput(value);
+    health_density(pdf);
+}

@@ -71,6 +71,9 @@ static inline int health_throughput(struct vec3 weight)
     return 0;
 }
 
+/* What is scattered in a direction and its density, of which at least one was refused. */
+void health_value(struct vec3 value, float pdf) __attribute__((cold, noinline));
+
 static inline int health_basis(const struct basis *basis)
 {
     if (!health_direction_is_good(basis->n) || !health_direction_is_good(basis->s) ||

@@ -1,5 +1,6 @@
 #include "worker/render/light/triangle_light.h"
 
+#include "worker/render/base/health_scope.h"
 #include "worker/render/base/profile_scope.h"
 #include "worker/render/base/has.h"
 #include "worker/render/surface/surface.h"
@@ -78,7 +79,7 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_,
     normal = vec3_cross(e1, e2);
     double_area = vec3_length(normal);
     if (!(double_area > 0))
-        return 0;
+        return health_distance(double_area);
     normal = vec3_scale(normal, (instance->flipped ? -1 : 1) / double_area);
     point = vec3_add(corner[0], vec3_add(vec3_scale(e1, at.b1), vec3_scale(e2, at.b2)));
     to_light = vec3_sub(point, context->p);
@@ -86,7 +87,7 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_,
         return 0;
     distance_squared = vec3_length_squared(to_light);
     if (!(distance_squared > 0) || !isfinite(distance_squared))
-        return 0;
+        return health_distance(distance_squared);
     out->distance = sqrtf(distance_squared);
     out->direction = vec3_scale(to_light, 1 / out->distance);
     cosine = fabsf(vec3_dot(normal, out->direction));
@@ -97,7 +98,7 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_,
                      ? 0 : triangle_inset(at.b1, at.b2, double_area, e1, e2);
     out->pdf = triangle_light_pdf(out->pdf, distance_squared, cosine, 0.5f * double_area);
     if (!(out->pdf > 0) || !isfinite(out->pdf))
-        return 0;
+        return cosine == 0 ? 0 : health_density(out->pdf); /* seen from the side it is infinite */
     at.vertex = world_vertices(at.mesh, light->triangle);
     out->radiance = triangle_covered(&at, triangle_radiance(&at, cosine));
     out->delta = 0;

@@ -48,6 +48,8 @@ static inline void path_examine(const struct path *path)
         health_note(HEALTH_BAD_THROUGHPUTS);
     if (!(vec3_length_squared(path->ray.direction) > 0.5f)) /* of no number a normalised vector is 0 */
         health_note(HEALTH_BAD_DIRECTIONS);
+    if (path->depth >= SETTINGS_DEPTH_MAX)
+        health_note(HEALTH_GUARDED_PATHS);
 }
 
 /* The vertex scatters nothing: is that its basis' fault? */
@@ -180,12 +182,8 @@ PATH_FUNCTION void path_widen(struct path *path, float t)
     float spread;
 
     path->cone.width += t * path->cone.spread;
-    if (path->specular)
+    if (path->specular || !(path->pdf > 0))
         return;
-    if (!(path->pdf > 0)) {
-        health_density(path->pdf);
-        return;
-    }
     spread = float_min(CONE_SHARE / sqrtf(path->pdf), CONE_SPREAD_MAX);
     path->cone.spread = float_max(path->cone.spread, spread);
 }
@@ -242,11 +240,8 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             path_absorb(&path, &v.s);
         if (f.coincident)
             crossing_none(&v.crossing);
-        if ((f.volumes || (f.coincident && crossing_touches(&v.s))) && !path_boundary(&path, &v)) {
-            if (path.boundaries_passed > INDEX_MATCHED_MAX)
-                health_note(HEALTH_GUARDED_PATHS);
+        if ((f.volumes || (f.coincident && crossing_touches(&v.s))) && !path_boundary(&path, &v))
             continue;
-        }
 
         /* Emission. */
         stats->vertices++;
@@ -254,8 +249,6 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             v.s.footprint = (path.cone.width + v.s.t * path.cone.spread) / sqrtf(v.s.area);
         path_add(&path, path_emitted(&path, &v.s), &radiance);
         ends = path.depth >= scene->settings.max_depth || path_is_unlit(&path, &v.s);
-        if (ends && path.depth >= SETTINGS_DEPTH_MAX)
-            health_note(HEALTH_GUARDED_PATHS);
         if (ends && !record)
             break;
 

@@ -15,7 +15,7 @@ static float power_heuristic(float a, float b)
     float r;
 
     if (!(a > 0))
-        return (float)health_density(a);
+        return 0;
     r = b / a;
     return 1 / (1 + r * r);
 }

@@ -86,11 +86,8 @@ static int scatter_in_medium(struct path *path, const struct world_medium *mediu
     struct vec3 before = path->ray.direction;
 
     path->stats->vertices++;
-    if (path->depth >= path->scene->settings.max_depth) {
-        if (path->depth >= SETTINGS_DEPTH_MAX)
-            health_note(HEALTH_GUARDED_PATHS);
+    if (path->depth >= path->scene->settings.max_depth)
         return 0;
-    }
     ray_advance(&path->ray, distance);
     if (path->scene->emitters.count > 0)
         path_add(path, path_direct_medium(path, medium, before, dimension), radiance);
@@ -228,7 +225,8 @@ PATH_FUNCTION int path_boundary(struct path *path, struct path_vertex *v)
                   &path->interior, &v->s, &v->crossing);
     if (v->crossing.real && v->s.material->m.kind != MATERIAL_INTERFACE)
         return 1;
-    path->boundaries_passed++;
+    if (path->boundaries_passed++ == INDEX_MATCHED_MAX)
+        health_note(HEALTH_GUARDED_PATHS);
     path->interior = v->crossing.beyond;
     path->cone.width += v->s.t * path->cone.spread;
     surface_leave(&v->s, path->ray.direction, &path->ray);

@@ -118,20 +118,6 @@ static float tile_float(double sum)
 
 /* ---- health ---------------------------------------------------------------------------------- */
 
-/* Is the sample, which is not finite or negative, added all the same? Wavelengths have colours with
- * negative parts (dispersion.h). */
-static __attribute__((cold, noinline)) int tile_keeps(const struct render_scene *scene,
-                                                      struct vec3 radiance)
-{
-    if (!vec3_is_finite(radiance)) {
-        health_note(HEALTH_DROPPED_SAMPLES);
-        return 0;
-    }
-    if (!health_weight_is_good(radiance) && !(scene->effects & EFFECT_DISPERSION))
-        health_note(HEALTH_NEGATIVE_SAMPLES);
-    return 1;
-}
-
 static inline int tile_is_sound(struct vec3 radiance)
 {
     return radiance.x >= 0 && radiance.y >= 0 && radiance.z >= 0 &&
@@ -146,6 +132,22 @@ static __attribute__((cold, noinline)) void tile_examples(struct render_stats *s
         if (health_scope.noted >> k & 1)
             health_example(&stats->health, (enum health_kind)k, 0, health_key(place));
     health_scope.noted = 0;
+}
+
+/* A sample that something was noted of, or that is not finite or negative: is it added all the same?
+ * Wavelengths have colours with negative parts (dispersion.h). */
+static __attribute__((cold, noinline)) int tile_keeps(const struct render_scene *scene,
+                                                      struct vec3 radiance, struct health_place place,
+                                                      struct render_stats *stats)
+{
+    int finite = vec3_is_finite(radiance);
+
+    if (!finite)
+        health_note(HEALTH_DROPPED_SAMPLES);
+    else if (vec3_min(radiance) < 0 && !(scene->effects & EFFECT_DISPERSION))
+        health_note(HEALTH_NEGATIVE_SAMPLES);
+    tile_examples(stats, place);
+    return finite;
 }
 
 
@@ -185,11 +187,9 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
     for (uint32_t y = rect.y; y < rect.y + rect.height; y++)
         for (uint32_t x = rect.x; x < rect.x + rect.width; x++, index++) {
             double sum[GROUP_REPLICATES][3] = {{0}}, values[AOV_FLOATS_MAX] = {0};
-            struct health_place place = {pass, tile, (uint32_t)index, 0};
             for (uint32_t i = begin, at = 0, ready = 0; i < end; i++, at++) {
                 struct path_record record;
                 struct vec3 radiance;
-                int kept;
                 if (at == ready) {
                     at = 0;
                     ready = end - i < TILE_BATCH ? end - i : TILE_BATCH;
@@ -212,12 +212,9 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                     record.normal.x = NAN;
                 if (extra)
                     tile_aovs(scene, aovs, &rays[at], &record, i == 0, values);
-                kept = tile_is_sound(radiance) || tile_keeps(scene, radiance);
-                if (health_scope.noted) {
-                    place.sample = i * GROUPS + group;
-                    tile_examples(stats, place);
-                }
-                if (!kept)
+                if ((health_scope.noted || !tile_is_sound(radiance)) &&
+                    !tile_keeps(scene, radiance, (struct health_place){pass, tile, (uint32_t)index,
+                                                                       i * GROUPS + group}, stats))
                     continue;
                 if (limit > 0 && vec3_max(radiance) > limit)
                     radiance = tile_clamped(radiance, limit, stats);
@@ -240,10 +237,9 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                         tile_float(values[at + c]);
                 at += channels;
             }
-            if (health_scope.noted) { /* by sums: they begin with the pass */
-                place.sample = begin * GROUPS + group;
-                tile_examples(stats, place);
-            }
+            if (health_scope.noted) /* by sums: they begin with the pass */
+                tile_examples(stats, (struct health_place){pass, tile, (uint32_t)index,
+                                                           begin * GROUPS + group});
         }
     PROFILE_IDLE();
     health_scope.count = NULL;
