@@ -122,7 +122,8 @@ def any_farm():
                 LONG.measure(farm)
             number = LONG.submit(farm)
             for share in kills:
-                wait_mid_frame(farm, number, share)
+                middle = wait_mid_frame(farm, number, share)
+                expect(middle["health"]["bad_bases"]["first"]["frame"] == middle["first_frame"] == 1, middle)
                 farm.coordinator.kill()
                 farm.restart_coordinator()
                 farm.wait_for_workers(workers)
