@@ -104,7 +104,9 @@ SCENE_TOOLS := $(patsubst scenes/%.c,$(BIN)/scenes/%,$(filter-out $(SCENE_SHARED
 # This one is compiled with another table of material fields (below).
 ROW_TEST_SRC := tests/unit/scene/test_material_row.c
 TEST_SRC := $(foreach d,unit statistics numerics,$(shell find tests/$(d) -name 'test_*.c' 2>/dev/null))
-TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(filter-out $(ROW_TEST_SRC),$(TEST_SRC))))
+# And this one with a path tracer that goes wrong on purpose.
+FAULT_TEST_SRC := tests/unit/render/test_health.c
+TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(filter-out $(ROW_TEST_SRC) $(FAULT_TEST_SRC),$(TEST_SRC))))
 # Helpers of tests: any other .c file under tests/support.
 SUPPORT_SRC := $(call sources,tests/support)
 LIB_SUPPORT := $(BUILD)/lib/libsupport.a
@@ -209,6 +211,25 @@ $(ROW_TEST): $(ROW_OBJ) $(LIB_SUPPORT) $(LIBRARIES)
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS) -o $@ $^ -lcmocka $(LIBS_ALL)
 
+# The kernel variants with worker/render/base/fault.h switched on; a unit test and a folder of programs
+# with them. The archive's own variants are then not linked.
+FAULTS := $(BUILD)/faults
+FAULT_OBJ := $(patsubst %.c,$(FAULTS)/obj/%.o,$(call sources,worker/render/path/kernels))
+FAULT_TEST := $(FAULT_TEST_SRC:%.c=$(BUILD)/%)
+FAULT_PROGRAMS := $(FAULTS)/bin/azulejo $(FAULTS)/bin/azulejo-coordinator $(FAULTS)/bin/azulejo-worker
+$(FAULTS)/obj/%.o: %.c
+	@mkdir -p $(@D)
+	$(call show,CC)$(CC) -DAZULEJO_FAULTS $(CPPFLAGS) $(CFLAGS) -O1 -MMD -MP -c -o $@ $<
+$(FAULT_TEST): $(BUILD)/%: $(BUILD)/obj/%.o $(FAULT_OBJ) $(LIB_SUPPORT) $(LIBRARIES)
+	@mkdir -p $(@D)
+	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ -lcmocka $(LIBS_ALL)
+$(FAULTS)/bin/azulejo-worker: $(call object,worker/main.c) $(FAULT_OBJ) $(LIB_WORKER) $(LIB_RENDER) $(LIB_PROTOCOL) $(LIB_COMMON)
+	@mkdir -p $(@D)
+	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_RENDER) $(LIBS_PROTOCOL) $(LIBS_COMMON)
+$(FAULTS)/bin/%: $(BIN)/%
+	@mkdir -p $(@D)
+	@cp $< $@
+
 # Every fuzz target also replays its corpus as an ordinary test.
 $(BUILD)/tests/fuzz/%_replay: $(BUILD)/obj/tests/fuzz/%.o $(BUILD)/obj/tests/support/fuzz_replay.o $(LIB_SUPPORT) $(LIBRARIES)
 	@mkdir -p $(@D)
@@ -219,7 +240,7 @@ $(BUILD)/%.so: %.c
 	@mkdir -p $(@D)
 	$(call show,LD)$(CC) -std=c17 -D_GNU_SOURCE -O1 -g $(WARNINGS) -fPIC -shared -o $@ $< -ldl
 
-tests: all $(TESTS) $(ROW_TEST) $(TOOLS) $(ODD_DISK) $(FUZZ_REPLAY)
+tests: all $(TESTS) $(ROW_TEST) $(FAULT_TEST) $(FAULT_PROGRAMS) $(TOOLS) $(ODD_DISK) $(FUZZ_REPLAY)
 
 test: tests layers circles words ## every test; the end says "N passed, N failed"
 	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) tests/run.sh
@@ -297,4 +318,4 @@ uninstall:
 clean: ## remove everything that was built
 	rm -rf build out
 
--include $(shell find $(BUILD)/obj $(BUILD)/row -name '*.d' 2>/dev/null)
+-include $(shell find $(BUILD)/obj $(BUILD)/row $(FAULTS)/obj -name '*.d' 2>/dev/null)

@@ -1,6 +1,7 @@
 #include "protocol/message.h"
 
 #include <stdio.h>
+#include <inttypes.h>
 #include <string.h>
 #include <zstd.h>
 
@@ -371,34 +372,73 @@ status wire_tail_get(struct tail *out, const ProtobufCBinaryData *in, struct err
     return STATUS_OK;
 }
 
-void wire_work_set(Azulejo__Wire__Work *out, const struct unit_work *in)
+static void health_set(struct wire_work *out, const struct health *in)
 {
-    azulejo__wire__work__init(out);
-    out->samples = in->samples;
-    out->rays = in->rays;
-    out->vertices = in->vertices;
-    out->dropped_samples = in->dropped_samples;
-    out->leaked_rays = in->leaked_rays;
-    out->clamped_values = in->clamped_values;
-    out->clamped_samples = in->clamped_samples;
-    out->clamped_luminance = in->clamped_luminance;
-    out->kept_luminance = in->kept_luminance;
+    size_t count = 0;
+
+    for (uint32_t k = 0; k < HEALTH_KINDS; k++) {
+        Azulejo__Wire__Health *row = &out->health[count];
+        if (in->count[k] == 0)
+            continue;
+        azulejo__wire__health__init(row);
+        row->kind = k;
+        row->count = in->count[k];
+        row->first = in->first[k];
+        row->frame = in->frame[k];
+        out->pointers[count++] = row;
+    }
+    out->message.n_health = count;
+    out->message.health = out->pointers;
 }
 
-void wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in)
+Azulejo__Wire__Work *wire_work_set(struct wire_work *out, const struct unit_work *in)
+{
+    azulejo__wire__work__init(&out->message);
+    out->message.samples = in->samples;
+    out->message.rays = in->rays;
+    out->message.vertices = in->vertices;
+    out->message.leaked_rays = in->leaked_rays;
+    out->message.clamped_samples = in->clamped_samples;
+    out->message.clamped_luminance = in->clamped_luminance;
+    out->message.kept_luminance = in->kept_luminance;
+    health_set(out, &in->health);
+    return &out->message;
+}
+
+static status health_get(struct health *out, const Azulejo__Wire__Work *in, struct error *err)
+{
+    uint32_t least = 0;
+
+    for (size_t i = 0; i < in->n_health; i++) {
+        const Azulejo__Wire__Health *row = in->health[i];
+        struct health_place place;
+        if (row->kind < least || row->kind >= HEALTH_KINDS || row->count == 0 ||
+            (row->first != 0 && !health_place_of(row->first, &place)))
+            return error_set(err, STATUS_ERR_PROTOCOL,
+                             "counter %zu of what went wrong: kind %u, count %" PRIu64
+                             ", first %" PRIu64 "; kinds ascend to %d, and there is something to count",
+                             i, row->kind, row->count, row->first, HEALTH_KINDS - 1);
+        least = row->kind + 1;
+        out->count[row->kind] = row->count;
+        out->first[row->kind] = row->first;
+        out->frame[row->kind] = row->frame;
+    }
+    return STATUS_OK;
+}
+
+status wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in, struct error *err)
 {
     memset(out, 0, sizeof *out);
     if (!in)
-        return;
+        return STATUS_OK;
     out->samples = in->samples;
     out->rays = in->rays;
     out->vertices = in->vertices;
-    out->dropped_samples = in->dropped_samples;
     out->leaked_rays = in->leaked_rays;
-    out->clamped_values = in->clamped_values;
     out->clamped_samples = in->clamped_samples;
     out->clamped_luminance = in->clamped_luminance;
     out->kept_luminance = in->kept_luminance;
+    return health_get(&out->health, in, err);
 }
 
 /* ---- blobs ----------------------------------------------------------------------------- */

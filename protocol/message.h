@@ -91,9 +91,17 @@ size_t wire_tail_set(uint8_t out[WIRE_TAIL_BYTES_MAX], const struct tail *tail);
 /* ERR_PROTOCOL: not a whole number of entries, or too many. The film checks order and range. */
 status wire_tail_get(struct tail *out, const ProtobufCBinaryData *in, struct error *err) MUST_CHECK;
 
-void wire_work_set(Azulejo__Wire__Work *out, const struct unit_work *in);
-/* NULL: all 0. */
-void wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in);
+/* A Work, and what it points to. */
+struct wire_work {
+    Azulejo__Wire__Work message;
+    Azulejo__Wire__Health health[HEALTH_KINDS];
+    Azulejo__Wire__Health *pointers[HEALTH_KINDS];
+};
+/* Fills *out, which must then stay where it is; returns its message. */
+Azulejo__Wire__Work *wire_work_set(struct wire_work *out, const struct unit_work *in);
+/* NULL: all 0. ERR_PROTOCOL: counters that there are not, or that are 0 or repeated. */
+status wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in,
+                     struct error *err) MUST_CHECK;
 
 /* ---- blobs ----------------------------------------------------------------------------- */
 

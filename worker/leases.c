@@ -288,6 +288,18 @@ void leases_scene_settled(struct leases *l, struct scene_slot *slot, struct chan
 
 /* ---- done ------------------------------------------------------------------------------ */
 
+static void warn_of_health(const struct work_unit *unit)
+{
+    const struct health *health = &unit->stats.health;
+
+    for (int k = 0; k < HEALTH_KINDS; k++)
+        if (health->count[k])
+            log_warn("job %llu, frame %u, tile %u, group %u, pass %u: %llu %s",
+                     (unsigned long long)unit->job, unit->frame, unit->tile, unit->group, unit->pass,
+                     (unsigned long long)health->count[k],
+                     health->count[k] == 1 ? health_rows[k].one : health_rows[k].many);
+}
+
 struct work_unit *leases_unit_done(struct leases *l, struct pool_task *task)
 {
     struct work_unit *unit = (struct work_unit *)task;
@@ -297,11 +309,7 @@ struct work_unit *leases_unit_done(struct leases *l, struct pool_task *task)
     l->units_done++;
     l->samples_done += unit->stats.samples;
     l->unit_ns = l->unit_ns ? (l->unit_ns * 15 + unit->wall_ns) / 16 : unit->wall_ns;
-    if (unit->stats.dropped_samples)
-        log_warn("job %llu, frame %u, tile %u, group %u, pass %u: %llu samples were not finite and "
-                 "count as black",
-                 (unsigned long long)unit->job, unit->frame, unit->tile, unit->group, unit->pass,
-                 (unsigned long long)unit->stats.dropped_samples);
+    warn_of_health(unit);
     unit_unlink(unit);
     lease_end_if_empty(l, lease);
     if (!unit->dropped)

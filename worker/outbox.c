@@ -35,13 +35,13 @@ static status send_result(struct channel *channel, struct work_unit *unit)
 {
     Azulejo__Wire__TileResult result = AZULEJO__WIRE__TILE_RESULT__INIT;
     Azulejo__Wire__RenderStats stats = AZULEJO__WIRE__RENDER_STATS__INIT;
-    Azulejo__Wire__Work work = AZULEJO__WIRE__WORK__INIT;
     Azulejo__Wire__Envelope e = MESSAGE(TILE_RESULT, tile_result, &result);
     uint8_t sums[TILE_FLOATS_MAX * sizeof(float)], tail[WIRE_TAIL_BYTES_MAX];
+    struct wire_work work;
     const struct unit_work done = {
         .samples = unit->stats.samples, .rays = unit->stats.rays,
-        .vertices = unit->stats.vertices, .dropped_samples = unit->stats.dropped_samples,
-        .leaked_rays = unit->stats.leaked_rays, .clamped_values = unit->stats.clamped_values,
+        .vertices = unit->stats.vertices, .leaked_rays = unit->stats.leaked_rays,
+        .health = unit->stats.health,
         .clamped_samples = unit->stats.clamped_samples,
         .clamped_luminance = unit->stats.clamped_luminance,
         .kept_luminance = unit->stats.kept_luminance};
@@ -59,8 +59,7 @@ static status send_result(struct channel *channel, struct work_unit *unit)
     result.stats = &stats;
     result.tail.data = tail;
     result.tail.len = wire_tail_set(tail, &unit->tail);
-    wire_work_set(&work, &done);
-    result.work = &work;
+    result.work = wire_work_set(&work, &done);
     stats.cpu_ns = unit->cpu_ns;
     stats.trace_ns = unit->stats.trace_ns;
     stats.effects = unit->effects;

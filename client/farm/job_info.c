@@ -184,19 +184,69 @@ static double clamped_share(const Azulejo__Wire__Work *w)
     return all > 0 ? w->clamped_luminance / all : 0;
 }
 
-static json_t *stats_json(const Azulejo__Wire__Work *w, const Azulejo__Wire__RenderStats *s)
+static json_t *stats_json(const Azulejo__Wire__Work *w, const struct health *health,
+                          const Azulejo__Wire__RenderStats *s)
 {
-    return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:I, s:f}", "samples",
-                     (json_int_t)w->samples, "rays", (json_int_t)w->rays, "vertices",
-                     (json_int_t)w->vertices, "dropped_samples", (json_int_t)w->dropped_samples,
-                     "leaked_rays", (json_int_t)w->leaked_rays, "clamped_values",
-                     (json_int_t)w->clamped_values, "cpu_seconds", (double)s->cpu_ns / 1e9,
-                     "trace_seconds", (double)s->trace_ns / 1e9, "clamped_samples",
-                     (json_int_t)w->clamped_samples, "clamped_share", clamped_share(w));
+    json_t *out = json_pack("{s:I, s:I, s:I, s:I, s:f, s:f, s:I, s:f}", "samples",
+                            (json_int_t)w->samples, "rays", (json_int_t)w->rays, "vertices",
+                            (json_int_t)w->vertices, "leaked_rays", (json_int_t)w->leaked_rays,
+                            "cpu_seconds", (double)s->cpu_ns / 1e9, "trace_seconds",
+                            (double)s->trace_ns / 1e9, "clamped_samples",
+                            (json_int_t)w->clamped_samples, "clamped_share", clamped_share(w));
+
+    for (int k = 0; k < HEALTH_KINDS; k++)
+        json_object_set_new(out, health_rows[k].name, json_integer((json_int_t)health->count[k]));
+    return out;
+}
+
+/* ---- health ---------------------------------------------------------------------------------- */
+
+/* What went wrong with samples; nothing is known of counters that do not fit. */
+static struct health job_health(const Azulejo__Wire__JobInfo *job)
+{
+    struct unit_work work;
+    struct error unused;
+
+    if (wire_work_get(&work, job->work, &unused) != STATUS_OK)
+        memset(&work.health, 0, sizeof work.health);
+    return work.health;
+}
+
+static json_t *first_json(const Azulejo__Wire__JobInfo *job, uint64_t key, uint32_t frame)
+{
+    uint32_t width = job->settings ? job->settings->width : 0;
+    uint32_t height = job->settings ? job->settings->height : 0;
+    struct health_place p;
+    struct tile_rect rect;
+
+    if (!health_place_of(key, &p) || p.tile >= tile_count(width, height))
+        return json_null();
+    rect = tile_rect_of(width, height, p.tile);
+    return json_pack("{s:I, s:I, s:I, s:[I, I], s:I}", "frame", (json_int_t)frame, "pass",
+                     (json_int_t)p.pass, "tile", (json_int_t)p.tile, "pixel",
+                     (json_int_t)(rect.x + p.pixel % rect.width),
+                     (json_int_t)(rect.y + p.pixel / rect.width), "sample", (json_int_t)p.sample);
+}
+
+/* Counters that are not 0, by name. */
+static json_t *health_json(const Azulejo__Wire__JobInfo *job, const struct health *health)
+{
+    json_t *out = json_object();
+
+    for (int k = 0; k < HEALTH_KINDS; k++)
+        if (health->count[k])
+            json_object_set_new(
+                out, health_rows[k].name,
+                json_pack("{s:I, s:o, s:s, s:s}", "count", (json_int_t)health->count[k], "first",
+                          first_json(job, health->first[k], health->frame[k]), "text",
+                          health->count[k] == 1 ? health_rows[k].one : health_rows[k].many,
+                          "remedy", health_rows[k].remedy));
+    return out;
 }
 
 json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
 {
+    const struct health health = job_health(job);
     json_t *root = json_object();
     struct digest digest;
     char hex[DIGEST_HEX_SIZE] = "";
@@ -236,8 +286,10 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
     json_object_set_new(root, "seconds_left",
                         job->seconds_left >= 0 ? json_number(job->seconds_left) : json_null());
     json_object_set_new(root, "seconds_active", json_number(job->seconds_active));
-    if (job->stats && job->work)
-        json_object_set_new(root, "stats", stats_json(job->work, job->stats));
+    if (job->stats && job->work) {
+        json_object_set_new(root, "stats", stats_json(job->work, &health, job->stats));
+        json_object_set_new(root, "health", health_json(job, &health));
+    }
     json_object_set_new(root, "submitted_at", json_integer(job->submitted_at));
     json_object_set_new(root, "finished_at", job->finished_at ? json_integer(job->finished_at)
                                                               : json_null());
@@ -253,6 +305,21 @@ static void print_line(FILE *out, const char *label, const char *text)
     char copy[512];
 
     fprintf(out, "  %-10s  %s\n", label, message_text(copy, sizeof copy, text));
+}
+
+static void print_health(FILE *out, const Azulejo__Wire__JobInfo *job)
+{
+    struct health health = job_health(job);
+    char line[HEALTH_TEXT_SIZE];
+
+    for (int k = 0; k < HEALTH_KINDS && job->settings; k++) {
+        if (health.count[k] == 0)
+            continue;
+        print_line(out, "health",
+                   health_text(line, &health, (enum health_kind)k, job->settings->width,
+                               job->settings->height, job->last_frame > job->first_frame));
+        print_line(out, "", health_rows[k].remedy);
+    }
 }
 
 void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
@@ -281,12 +348,7 @@ void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
         print_line(out, cut_frame_is_cancelled(job->cut_frames[i]) ? "cut short" : "ended",
                    cut_frame_text(line, job, job->cut_frames[i]));
     figures_print(out, job);
-    if (job->work && job->work->dropped_samples) {
-        snprintf(line, sizeof line,
-                 "%" PRIu64 " samples were not finite numbers and count as black",
-                 job->work->dropped_samples);
-        print_line(out, "dropped", line);
-    }
+    print_health(out, job);
     if (job->work && job->settings && job->settings->clamp > 0) {
         snprintf(line, sizeof line,
                  "%" PRIu64 " samples were above %g and are scaled down to it: the picture lacks %.3g %% "

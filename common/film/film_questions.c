@@ -132,10 +132,13 @@ int film_covered(const struct film *film)
 struct unit_work film_work(const struct film *film)
 {
     struct unit_work work = film->work;
+    const int ill = health_is_ill(&work.health);
 
-    if (work.clamped_samples == 0 && !(work.kept_luminance > 0))
+    memset(work.health.first, 0, sizeof work.health.first);
+    if (work.clamped_samples == 0 && !(work.kept_luminance > 0) && !ill)
         return work;
-    /* film->work is in order of arrival, and sums of doubles depend on their order. */
+    /* film->work is in the order of arrival, and sums of doubles depend on theirs; its examples may be
+     * of passes that were taken back. */
     work.clamped_luminance = work.kept_luminance = 0;
     for (uint32_t t = 0; t < film->tiles_total; t++)
         for (uint32_t i = 0; i < GROUPS; i++) {
@@ -144,6 +147,9 @@ struct unit_work film_work(const struct film *film)
             for (int k = 0; k < 2; k++) {
                 work.clamped_luminance += both[k] ? both[k]->work.clamped_luminance : 0;
                 work.kept_luminance += both[k] ? both[k]->work.kept_luminance : 0;
+                for (int h = 0; ill && both[k] && h < HEALTH_KINDS; h++)
+                    health_example(&work.health, (enum health_kind)h, 0,
+                                   both[k]->work.health.first[h]);
             }
         }
     return work;

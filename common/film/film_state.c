@@ -2,7 +2,8 @@
  *   magic, length in bytes, frame width, height, AOVs, tile (32 bits each)
  *   for each group: whole passes, samples of the short pass's end (0: none), levels, 0 (32 bits each)
  *     sums of the whole passes, if there are any; of the short one, if there is one:
- *       the work (64 bits each: counts, then two doubles), tail count, 0, tail, values (doubles)
+ *       the work (64 bits each: counts, two doubles, the health's counts and examples), tail count, 0,
+ *       tail, values (doubles)
  *     levels, log of the passes
  *   64-bit check of all before
  * Frame and tile are repeated so that a state that was written to the wrong place is detected. The
@@ -15,10 +16,10 @@
 #include "common/film/film_parts.h"
 
 enum {
-    STATE_MAGIC = 0x335a5441, /* "ATZ3"; version 2 had no groups */
+    STATE_MAGIC = 0x345a5441, /* "ATZ4": 3 knew two of the health's counters, and no examples */
     STATE_HEADER_BYTES = 6 * 4,
     GROUP_HEADER_BYTES = 4 * 4,
-    WORK_BYTES = 9 * 8,
+    WORK_BYTES = (5 + 2 + 2 * HEALTH_KINDS) * 8,
     TAIL_BYTES = 8 + TAIL_MAX * 8,
     LEVEL_BYTES = 8 + 8 + 8 + 4 + 4 + 4 + LEVEL_BINS * 2 + LEVEL_SPREADS * 2,
     LOG_BYTES = 16,
@@ -142,13 +143,17 @@ size_t film_tile_length(const uint8_t prefix[FILM_STATE_PREFIX])
 static uint8_t *put_sums(uint8_t *at, const struct film_sums *sums, size_t numbers)
 {
     const struct unit_work *w = &sums->work;
-    const uint64_t work[] = {w->samples, w->rays, w->vertices, w->dropped_samples, w->leaked_rays,
-                             w->clamped_values, w->clamped_samples};
+    const uint64_t work[] = {w->samples, w->rays, w->vertices, w->leaked_rays,
+                             w->clamped_samples};
 
     for (size_t i = 0; i < sizeof work / sizeof *work; i++)
         at = put64(at, work[i]);
     at = put_double(at, w->clamped_luminance);
     at = put_double(at, w->kept_luminance);
+    for (int k = 0; k < HEALTH_KINDS; k++) {
+        at = put64(at, w->health.count[k]);
+        at = put64(at, w->health.first[k]);
+    }
     at = put32(at, sums->tail.count);
     at = put32(at, 0);
     for (uint32_t i = 0; i < TAIL_MAX; i++) {
@@ -269,14 +274,17 @@ static int sums_are_good(const uint8_t *at, size_t numbers)
 static void get_sums(const uint8_t **at, struct film_sums *sums, size_t numbers)
 {
     uint64_t *const work[] = {&sums->work.samples,         &sums->work.rays,
-                              &sums->work.vertices,        &sums->work.dropped_samples,
-                              &sums->work.leaked_rays,     &sums->work.clamped_values,
+                              &sums->work.vertices,        &sums->work.leaked_rays,
                               &sums->work.clamped_samples};
 
     for (size_t i = 0; i < sizeof work / sizeof *work; i++)
         *work[i] = get64(at);
     sums->work.clamped_luminance = get_double(at);
     sums->work.kept_luminance = get_double(at);
+    for (int k = 0; k < HEALTH_KINDS; k++) {
+        sums->work.health.count[k] = get64(at);
+        sums->work.health.first[k] = get64(at);
+    }
     sums->tail.count = get32(at);
     (void)get32(at);
     for (uint32_t i = 0; i < TAIL_MAX; i++) {

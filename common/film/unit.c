@@ -9,9 +9,8 @@ void unit_work_add(struct unit_work *sum, const struct unit_work *more)
     sum->samples += more->samples;
     sum->rays += more->rays;
     sum->vertices += more->vertices;
-    sum->dropped_samples += more->dropped_samples;
     sum->leaked_rays += more->leaked_rays;
-    sum->clamped_values += more->clamped_values;
+    health_add(&sum->health, &more->health);
     sum->clamped_samples += more->clamped_samples;
     sum->clamped_luminance += more->clamped_luminance;
     sum->kept_luminance += more->kept_luminance;
@@ -22,9 +21,8 @@ void unit_work_subtract(struct unit_work *sum, const struct unit_work *less)
     sum->samples -= less->samples;
     sum->rays -= less->rays;
     sum->vertices -= less->vertices;
-    sum->dropped_samples -= less->dropped_samples;
     sum->leaked_rays -= less->leaked_rays;
-    sum->clamped_values -= less->clamped_values;
+    health_subtract(&sum->health, &less->health);
     sum->clamped_samples -= less->clamped_samples;
     sum->clamped_luminance -= less->clamped_luminance;
     sum->kept_luminance -= less->kept_luminance;
@@ -110,8 +108,7 @@ static uint64_t double_bits(double value)
 uint64_t unit_hash(const struct unit_result *unit)
 {
     const struct unit_work *w = &unit->work;
-    const uint64_t counts[] = {w->samples, w->rays, w->vertices, w->dropped_samples,
-                               w->leaked_rays, w->clamped_values, w->clamped_samples,
+    const uint64_t counts[] = {w->samples, w->rays, w->vertices, w->leaked_rays, w->clamped_samples,
                                double_bits(w->clamped_luminance), double_bits(w->kept_luminance),
                                unit->tail.count};
     uint64_t hash = 0x243f6a8885a308d3ull ^ unit->count;
@@ -126,6 +123,8 @@ uint64_t unit_hash(const struct unit_result *unit)
         memcpy(&bits, &unit->tail.entries[i].value, sizeof bits);
         hash = hash_mix(hash, (uint64_t)unit->tail.entries[i].pixel << 32 | bits);
     }
+    hash = hash_words(hash, w->health.count, HEALTH_KINDS);
+    hash = hash_words(hash, w->health.first, HEALTH_KINDS);
     return hash_words(hash, counts, sizeof counts / sizeof *counts);
 }
 

@@ -9,21 +9,22 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "common/film/health.h"
 #include "common/film/tiles.h"
 
 /* Work done, and its faults. */
 struct unit_work {
     uint64_t samples, rays, vertices;
-    uint64_t dropped_samples;  /* not finite: replaced by black */
-    uint64_t leaked_rays;      /* slipped through a closed mesh: traced again */
-    uint64_t clamped_values;   /* sums beyond what a float holds */
-    /* settings.clamp: samples that were scaled down, and the sums over the samples of the luminance
-     * removed and of the luminance kept. 0 if nothing is clamped. */
+    uint64_t leaked_rays;      /* slipped through something closed: traced again */
+    HEALTH_COUNTERS;
+    /* settings.clamp: samples that were scaled down, and sums over the samples of the luminance that they
+     * lost and of what was kept. 0 where nothing is clamped. */
     uint64_t clamped_samples;
     double clamped_luminance, kept_luminance;
 };
 
 void unit_work_add(struct unit_work *sum, const struct unit_work *more);
+/* The health's examples stay (health_subtract). */
 void unit_work_subtract(struct unit_work *sum, const struct unit_work *less);
 /* The share of the light that clamping removed, 0..1. */
 double unit_work_clamped_share(const struct unit_work *work);

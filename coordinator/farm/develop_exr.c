@@ -14,7 +14,7 @@
 #include "common/image/image.h"
 #include "coordinator/farm/measured.h"
 
-enum { ATTRIBUTES_MAX = 64 };
+enum { ATTRIBUTES_MAX = 64 + 2 * HEALTH_KINDS };
 
 struct attributes {
     struct exr_attribute items[ATTRIBUTES_MAX];
@@ -49,13 +49,20 @@ static void add_samples(struct attributes *a, const struct development *d)
 }
 
 /* What is in the film, and what went wrong in it: the same on every farm. */
-static void add_work(struct attributes *a, const struct unit_work *w)
+static void add_work(struct attributes *a, const struct development *d,
+                     char first[HEALTH_KINDS][HEALTH_TEXT_SIZE])
 {
+    const struct unit_work *w = &d->work;
+
     add_number(a, "azulejo:rays", (double)w->rays);
     add_number(a, "azulejo:vertices", (double)w->vertices);
-    add_number(a, "azulejo:droppedSamples", (double)w->dropped_samples);
     add_number(a, "azulejo:leakedRays", (double)w->leaked_rays);
-    add_number(a, "azulejo:clampedValues", (double)w->clamped_values);
+    for (int k = 0; k < HEALTH_KINDS; k++) {
+        add_number(a, health_rows[k].attribute, (double)w->health.count[k]);
+        health_first_text(first[k], w->health.first[k], d->settings.width, d->settings.height);
+        if (first[k][0])
+            add_text(a, health_rows[k].attribute_first, first[k]);
+    }
 }
 
 static void write_measured(const struct development *d, struct buffer *out)
@@ -207,6 +214,7 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
     char without[SETTINGS_TEXT_SIZE];
     struct exr_channel channels[EXR_CHANNELS_MAX];
     struct exr_channels more = {.channels = channels, .lines = develop_lines, .user = d};
+    char first[HEALTH_KINDS][HEALTH_TEXT_SIZE];
     struct buffer measured = BUFFER_INIT;
     uint64_t clamped = 0;
     struct exr_options options = {.half = d->output.exr_half, .clamped = &clamped};
@@ -236,7 +244,7 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
     if (d->schedule.size > 0)
         add_text(&a, SCHEDULE_ATTRIBUTE, buffer_text(&d->schedule));
     add_figures(&a, d, &text);
-    add_work(&a, &d->work);
+    add_work(&a, d, first);
     write_measured(d, &measured);
     if (!buffer_ok(&measured)) {
         buffer_release(&measured);

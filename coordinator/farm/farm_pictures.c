@@ -149,6 +149,7 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
     farm_trouble_over(farm, job, &frame->trouble, now_ns);
     coverage = film_coverage(frame->film);
     work = film_work(frame->film);
+    health_of_frame(&work.health, number);
     unit_work_add(&job->work, &work);
     farm_frame_unpin(farm, frame);
     farm_frame_close(farm, frame, "the frame is done");

@@ -51,6 +51,39 @@ static int is_amount(double x)
     return isfinite(x) && x >= 0;
 }
 
+/* The count is one that the unit can have, and the example one of its samples. */
+static int health_fits(const struct job_frame *frame, const struct tile_result *result,
+                       uint64_t samples, enum health_kind kind)
+{
+    const struct render_settings *settings = &frame->job->settings;
+    const struct health *h = &result->work.health;
+    const struct unit_name *u = &result->unit;
+    struct tile_rect rect = tile_rect_of(settings->width, settings->height, u->tile);
+    struct health_place p;
+    uint32_t begin, end;
+
+    if (h->count[kind] == 0)
+        return 1;
+    switch (health_rows[kind].limit) {
+    case HEALTH_LIMIT_SAMPLES:
+        if (h->count[kind] > samples)
+            return 0;
+        break;
+    case HEALTH_LIMIT_VALUES:
+        if (h->count[kind] > result->sums_bytes / 4)
+            return 0;
+        break;
+    case HEALTH_LIMIT_STEPS:
+        if (h->count[kind] > samples * SAMPLE_COUNTS_MAX)
+            return 0;
+        break;
+    }
+    pass_range(settings->spp, u->group, u->pass, &begin, &end);
+    return health_place_of(h->first[kind], &p) && h->frame[kind] == 0 && p.pass == u->pass &&
+           p.tile == u->tile && p.pixel < rect.width * rect.height &&
+           p.sample % GROUPS == u->group && p.sample / GROUPS >= begin && p.sample / GROUPS < end;
+}
+
 /* Counts that no worker can have come by would overflow the film's. */
 static status check_work(const struct job_frame *frame, const struct tile_result *result,
                          struct error *err)
@@ -64,9 +97,15 @@ static status check_work(const struct job_frame *frame, const struct tile_result
                          "tile %u, group %u, pass %u: a luminance of %g clamped and %g kept",
                          result->unit.tile, result->unit.group, result->unit.pass,
                          w->clamped_luminance, w->kept_luminance);
-    if (w->samples == samples && w->dropped_samples <= samples && w->rays <= most &&
-        w->vertices <= most && w->leaked_rays <= most && w->clamped_samples <= samples &&
-        w->clamped_values <= result->sums_bytes / 4)
+    for (int k = 0; k < HEALTH_KINDS; k++)
+        if (!health_fits(frame, result, samples, (enum health_kind)k))
+            return error_set(err, STATUS_ERR_PROTOCOL,
+                             "tile %u, group %u, pass %u: %llu times %s of %llu samples, first at %llu",
+                             result->unit.tile, result->unit.group, result->unit.pass,
+                             (unsigned long long)w->health.count[k], health_rows[k].name,
+                             (unsigned long long)samples, (unsigned long long)w->health.first[k]);
+    if (w->samples == samples && w->rays <= most && w->vertices <= most && w->leaked_rays <= most &&
+        w->clamped_samples <= samples)
         return STATUS_OK;
     return error_set(err, STATUS_ERR_PROTOCOL,
                      "a result with %llu samples, %llu rays and %llu vertices for %llu samples",

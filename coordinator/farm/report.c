@@ -243,6 +243,7 @@ static void report_work(struct job_report *report, const struct job *job)
 
     for (const struct job_frame *frame = job->frames; frame; frame = frame->next) {
         struct unit_work more = film_work(frame->film);
+        health_of_frame(&more.health, frame->number);
         unit_work_add(&work, &more);
     }
     wire_work_set(&report->work, &work);
@@ -281,7 +282,7 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     wire_digest_set(&info.scene, &job->scene);
     info.scene_name = job->scene_name;
     info.stats = &report->stats;
-    info.work = &report->work;
+    info.work = &report->work.message;
     info.submitted_at = job->submitted_at;
     info.finished_at = job->finished_at;
     info.estimate = job->estimate == ESTIMATE_OPEN;

@@ -5,6 +5,7 @@
 #include "coordinator/farm/farm.h"
 #include "coordinator/farm/measure.h"
 #include "coordinator/job/wire.h"
+#include "protocol/message.h"
 #include "protocol/azulejo.pb-c.h"
 
 enum {
@@ -17,7 +18,7 @@ struct job_report {
     Azulejo__Wire__JobInfo message;
     Azulejo__Wire__RenderSettings settings;
     Azulejo__Wire__RenderStats stats;
-    Azulejo__Wire__Work work;
+    struct wire_work work;
     struct wire_output output;
     Azulejo__Wire__HistoryPoint now;
     Azulejo__Wire__Figures figures;

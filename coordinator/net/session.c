@@ -255,7 +255,8 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
     struct error err = {0};
     status s = wire_tail_get(&result.tail, &message->tail, &err);
 
-    wire_work_get(&result.work, message->work);
+    if (s == STATUS_OK)
+        s = wire_work_get(&result.work, message->work, &err);
     if (message->stats) {
         result.stats.cpu_ns = message->stats->cpu_ns;
         result.stats.trace_ns = message->stats->trace_ns;

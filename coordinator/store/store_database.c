@@ -13,7 +13,7 @@
 #include "coordinator/store/store_parts.h"
 
 /* Version of the tables, kept in SQLite's user_version. */
-enum { STORE_VERSION = 4, BUSY_MS = 5000 };
+enum { STORE_VERSION = 5, BUSY_MS = 5000 };
 
 static const char schema[] =
     "CREATE TABLE meta (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;"
@@ -82,6 +82,10 @@ static const char convert_4[] =
     "UPDATE jobs SET kernel='', active_ns=0, conflicts=0, samples=0, rays=0, vertices=0, dropped=0,"
     " cpu_ns=0, trace_ns=0"
     " WHERE state NOT IN (2, 3, 4) AND NOT EXISTS (SELECT 1 FROM frames WHERE job=jobs.id);";
+
+/* Version 5: each frame's health, rows of (kind, count, first example), 64 bits each, little-endian; NULL:
+ * only `dropped` and `clamped_values` are known. Films have another format, as at version 4. */
+static const char schema_5[] = "ALTER TABLE frames ADD COLUMN health BLOB;";
 _Static_assert(JOB_STATE_DONE == 2 && JOB_STATE_FAILED == 3 && JOB_STATE_CANCELLED == 4,
                "as in convert_4");
 
@@ -232,12 +236,14 @@ static status open_to_write(struct store *store, const char *path, struct error 
         s = sql_exec(store, schema_3, "cannot be brought up to date", err);
     if (s == STATUS_OK && version < 4)
         s = sql_exec(store, schema_4, "cannot be brought up to date", err);
-    if (s == STATUS_OK)
+    if (s == STATUS_OK && version < 4)
         s = sql_exec(store, deliverers_schema, "cannot be brought up to date", err);
+    if (s == STATUS_OK && version < 5)
+        s = sql_exec(store, schema_5, "cannot be brought up to date", err);
     if (s == STATUS_OK && version > 0)
         s = sql_exec(store, convert_4, "cannot be brought up to date", err);
     if (s == STATUS_OK)
-        s = sql_exec(store, "PRAGMA user_version=4; COMMIT", "cannot be set up", err);
+        s = sql_exec(store, "PRAGMA user_version=5; COMMIT", "cannot be set up", err);
     if (s == STATUS_OK && version > 0)
         log_info("%s: brought up from store version %d to %d; finished jobs stay as they are, frames in "
                  "work are rendered from their beginning",

@@ -2,6 +2,7 @@
 #include <inttypes.h>
 #include <string.h>
 
+#include "common/base/bytes.h"
 #include "common/base/log.h"
 #include "coordinator/store/store_parts.h"
 #include "coordinator/job/wire.h"
@@ -91,17 +92,52 @@ void store_job_forget(struct store *store, uint64_t id)
         log_error("%s", err.text);
 }
 
+enum { HEALTH_ROW_BYTES = 3 * 8 };
+
+static void bind_health(sqlite3_stmt *statement, int at, const struct health *health)
+{
+    uint8_t rows[HEALTH_KINDS * HEALTH_ROW_BYTES];
+    int bytes = 0;
+
+    for (uint64_t k = 0; k < HEALTH_KINDS; k++) {
+        if (health->count[k] == 0)
+            continue;
+        bytes_put64(rows + bytes, k);
+        bytes_put64(rows + bytes + 8, health->count[k]);
+        bytes_put64(rows + bytes + 16, health->first[k]);
+        bytes += HEALTH_ROW_BYTES;
+    }
+    sqlite3_bind_blob(statement, at, rows, bytes, SQLITE_TRANSIENT);
+}
+
+static void read_health(sqlite3_stmt *row, int at, struct health *out)
+{
+    const uint8_t *data = sqlite3_column_blob(row, at);
+    int bytes = sqlite3_column_bytes(row, at);
+
+    for (int i = 0; data && i + HEALTH_ROW_BYTES <= bytes; i += HEALTH_ROW_BYTES) {
+        uint64_t kind = bytes_get64(data + i);
+        if (kind >= HEALTH_KINDS)
+            continue;
+        out->count[kind] = bytes_get64(data + i + 8);
+        out->first[kind] = bytes_get64(data + i + 16);
+    }
+}
+
 static struct unit_work read_work(sqlite3_stmt *row, int at)
 {
-    return (struct unit_work){.samples = column_number(row, at),
-                              .rays = column_number(row, at + 1),
-                              .vertices = column_number(row, at + 2),
-                              .dropped_samples = column_number(row, at + 3),
-                              .leaked_rays = column_number(row, at + 4),
-                              .clamped_values = column_number(row, at + 5),
-                              .clamped_samples = column_number(row, at + 6),
-                              .clamped_luminance = sqlite3_column_double(row, at + 7),
-                              .kept_luminance = sqlite3_column_double(row, at + 8)};
+    struct unit_work work = {.samples = column_number(row, at),
+                             .rays = column_number(row, at + 1),
+                             .vertices = column_number(row, at + 2),
+                             .leaked_rays = column_number(row, at + 4),
+                             .clamped_samples = column_number(row, at + 6),
+                             .clamped_luminance = sqlite3_column_double(row, at + 7),
+                             .kept_luminance = sqlite3_column_double(row, at + 8)};
+
+    work.dropped_samples = column_number(row, at + 3);
+    work.clamped_values = column_number(row, at + 5);
+    read_health(row, at + 9, &work.health);
+    return work;
 }
 
 static void bind_work(sqlite3_stmt *statement, int at, const struct unit_work *work)
@@ -115,6 +151,7 @@ static void bind_work(sqlite3_stmt *statement, int at, const struct unit_work *w
     bind_number(statement, at + 6, work->clamped_samples);
     sqlite3_bind_double(statement, at + 7, work->clamped_luminance);
     sqlite3_bind_double(statement, at + 8, work->kept_luminance);
+    bind_health(statement, at + 9, &work->health);
 }
 
 static status load_frames(struct store *store, struct job *job, struct error *err)
@@ -124,7 +161,7 @@ static status load_frames(struct store *store, struct job *job, struct error *er
     int code;
     status s = sql_prepare(store,
                            "SELECT frame, revision, samples, rays, vertices, dropped, leaked, "
-                           "clamped_values, clamped, clamped_luminance, kept_luminance "
+                           "clamped_values, clamped, clamped_luminance, kept_luminance, health "
                            "FROM frames WHERE job=? ORDER BY frame",
                            &statement, err);
 
@@ -137,6 +174,7 @@ static status load_frames(struct store *store, struct job *job, struct error *er
             continue;
         job_frame_set_done(job, (uint32_t)frame);
         work = read_work(statement, 2);
+        health_of_frame(&work.health, (uint32_t)frame);
         unit_work_add(&job->work, &work);
         if (sqlite3_column_int64(statement, 1) == (sqlite3_int64)job->revision)
             job_frame_set_developed(job, (uint32_t)frame);
@@ -304,7 +342,7 @@ status store_frame_done(struct store *store, uint64_t job, uint32_t frame, int64
         s = sql_prepare(store,
                         "INSERT OR REPLACE INTO frames (job, frame, revision, samples, rays, "
                         "vertices, dropped, leaked, clamped_values, clamped, clamped_luminance, "
-                        "kept_luminance) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                        "kept_luminance, health) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                         &statement, err);
     if (s == STATUS_OK) {
         bind_number(statement, 1, job);

@@ -97,7 +97,7 @@ static void *run(void *user)
     b->stats.samples += stats.samples;
     b->stats.rays += stats.rays;
     b->stats.vertices += stats.vertices;
-    b->stats.dropped_samples += stats.dropped_samples;
+    health_add(&b->stats.health, &stats.health);
     b->stats.leaked_rays += stats.leaked_rays;
     b->stats.clamped_samples += stats.clamped_samples;
     b->stats.clamped_luminance += stats.clamped_luminance;
@@ -246,6 +246,11 @@ int main(int argc, char **argv)
            (unsigned long long)b.stats.leaked_rays, (unsigned long long)b.stats.clamped_samples,
            b.stats.clamped_samples ? b.stats.clamped_luminance /
                                          (b.stats.clamped_luminance + b.stats.kept_luminance) : 0);
+    for (int k = 0; k < HEALTH_KINDS && !json; k++) {
+        char text[HEALTH_TEXT_SIZE];
+        if (b.stats.health.count[k])
+            printf("%s\n", health_text(text, &b.stats.health, (enum health_kind)k, width, height, 0));
+    }
     if (out) {
         struct image image;
         struct buffer bytes = BUFFER_INIT;

@@ -43,7 +43,8 @@ static void use_result(const Azulejo__Wire__TileResult *result)
     struct unit_work work;
     struct tail tail;
 
-    wire_work_get(&work, result->work);
+    if (wire_work_get(&work, result->work, NULL) == STATUS_OK)
+        (void)health_is_ill(&work.health);
     if (wire_tail_get(&tail, &result->tail, NULL) == STATUS_OK && tail.count > TAIL_MAX)
         abort();
     (void)tail_is_valid(&tail, TILE_PIXELS_MAX);

@@ -35,6 +35,12 @@ struct unit_result film_data_unit(const struct film *film, uint32_t tile, uint32
     unit.work.rays = unit.work.samples * 3 + pass;
     unit.work.vertices = unit.work.rays / 2;
     unit.work.leaked_rays = tile;
+    for (uint32_t k = 0; k < HEALTH_KINDS; k++) { /* some tiles have none, some passes come first later */
+        unit.work.health.count[k] = (tile + pass + k) % 3;
+        if (unit.work.health.count[k])
+            unit.work.health.first[k] = health_key(
+                (struct health_place){pass, tile, k % pixels, begin * GROUPS + group});
+    }
     unit.work.clamped_samples = tile;
     unit.work.clamped_luminance = 1e-3 * (tile + 0.1 * pass); /* sums that depend on their order */
     unit.work.kept_luminance = 1e3 / (1 + tile + pass);

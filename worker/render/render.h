@@ -28,11 +28,10 @@ struct render_scene;
 
 struct render_stats {
     uint64_t samples, rays, vertices;
-    uint64_t leaked_rays;       /* slipped through at a vertex of a closed mesh: traced again */
-    uint64_t dropped_samples;   /* not finite: counted, replaced by black */
-    uint64_t clamped_values;    /* sums beyond what a float holds */
-    /* settings.clamp: samples that were scaled down, and the sums over the samples of the luminance
-     * removed and of the luminance kept. All 0 if nothing is clamped. */
+    uint64_t leaked_rays;       /* slipped through at a vertex of something closed: traced again */
+    HEALTH_COUNTERS;            /* examples without their frame */
+    /* settings.clamp: samples that were scaled down, and sums over the samples of the luminance that
+     * they lost and of what was kept. All 0 where nothing is clamped. */
     uint64_t clamped_samples;
     double clamped_luminance, kept_luminance;
     uint64_t trace_ns;          /* inside Embree; 0 unless measured (render_measure_trace) */

@@ -107,6 +107,64 @@ static void a_conflict_is_reported_and_the_first_kept(void **state)
     sim_free(sim);
 }
 
+/* Counters that are too many for the unit, or whose example is missing or another unit's. */
+static void check_health(struct sim *sim, struct sim_worker *worker, const struct sim_unit *unit,
+                         enum health_kind kind)
+{
+    static uint8_t sums[TILE_FLOATS_MAX * 4];
+    struct tile_result result = sim_result(sim, unit, sums);
+    struct tile_rect rect = tile_rect_of(WIDTH, HEIGHT, unit->name.tile);
+    const uint32_t g = unit->name.group, pixels = rect.width * rect.height;
+    const uint64_t samples = result.work.samples, end = samples / pixels;
+    uint32_t begin, stop;
+    enum merge_outcome outcome;
+    struct error err = {0};
+
+    pass_range(SPP, g, unit->name.pass, &begin, &stop);
+    const struct health_place here = {unit->name.pass, unit->name.tile, 0, begin * GROUPS + g};
+    const uint64_t most = health_rows[kind].limit == HEALTH_LIMIT_SAMPLES  ? samples
+                          : health_rows[kind].limit == HEALTH_LIMIT_VALUES ? result.sums_bytes / 4
+                                                                           : samples << 20;
+    const struct health_place bad[] = {
+        {here.pass + 1, here.tile, 0, here.sample},
+        {here.pass, here.tile + 1, 0, here.sample},
+        {here.pass, here.tile, pixels, here.sample},
+        {here.pass, here.tile, 0, here.sample + 1},
+        {here.pass, here.tile, 0, here.sample + GROUPS * (uint32_t)end},
+    };
+#define TAKE(n, key, in_frame)                                                                         \
+    (result.work.health.count[kind] = (n), result.work.health.first[kind] = (key),                     \
+     result.work.health.frame[kind] = (in_frame),                                                      \
+     merge_result(&sim->farm, &worker->worker, &result, sim->now_ns, &outcome, &err))
+    assert_int_equal(TAKE(1, 0, 0), STATUS_ERR_PROTOCOL);
+    assert_int_equal(TAKE(1, health_key(here), 1), STATUS_ERR_PROTOCOL);
+    assert_int_equal(TAKE(most + 1, health_key(here), 0), STATUS_ERR_PROTOCOL);
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
+        if (bad[i].pixel < TILE_PIXELS_MAX)
+            assert_int_equal(TAKE(1, health_key(bad[i]), 0), STATUS_ERR_PROTOCOL);
+    assert_int_equal(TAKE(most, health_key(here), 0), STATUS_OK);
+#undef TAKE
+}
+
+static void hostile_health_is_refused(void **state)
+{
+    struct sim *sim = sim_new(NULL, 1);
+    struct sim_worker *worker = sim_connect(sim, 0, 64);
+    int smaller = 0;
+
+    (void)state;
+    sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
+    sim_grant(sim, worker, 64);
+    assert_true(worker->unit_count > HEALTH_KINDS);
+    for (size_t i = 0; i < worker->unit_count; i++) {
+        struct tile_rect rect = tile_rect_of(WIDTH, HEIGHT, worker->units[i].name.tile);
+        smaller |= rect.width * rect.height < TILE_PIXELS_MAX;
+        check_health(sim, worker, &worker->units[i], (enum health_kind)(i % HEALTH_KINDS));
+    }
+    assert_true(smaller); /* a pixel beyond its end was tried */
+    sim_free(sim);
+}
+
 static void hostile_results_are_refused(void **state)
 {
     struct sim *sim = sim_new(NULL, 1);
@@ -728,6 +786,7 @@ int main(void)
         cmocka_unit_test(a_repeated_result_is_kept_or_pending),
         cmocka_unit_test(a_conflict_is_reported_and_the_first_kept),
         cmocka_unit_test(hostile_results_are_refused),
+        cmocka_unit_test(hostile_health_is_refused),
         cmocka_unit_test(unwanted_results_are_sent_away),
         cmocka_unit_test(random_farms_end_right),
         cmocka_unit_test(random_crashes_lose_nothing),

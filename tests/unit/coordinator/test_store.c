@@ -97,8 +97,15 @@ static void jobs_survive_a_restart(void **state)
     work = (struct unit_work){.samples = 1, .rays = 2, .vertices = 3, .dropped_samples = 4,
                               .leaked_rays = 9, .clamped_values = 10, .clamped_samples = 7,
                               .clamped_luminance = 8.5, .kept_luminance = 1e30};
-    unit_work_add(&job->work, &work);
-    unit_work_add(&job->work, &work);
+    for (uint32_t k = 0; k < HEALTH_KINDS; k++) {
+        work.health.count[k] += k;
+        if (k % 2)
+            work.health.first[k] = health_key((struct health_place){k, 2, 3, 4});
+    }
+    for (uint32_t frame = 6; frame >= 5; frame--) { /* as they are told of the frames below */
+        health_of_frame(&work.health, frame);
+        unit_work_add(&job->work, &work);
+    }
     job->stats = (struct work_stats){.cpu_ns = 5, .trace_ns = 6};
     job->active_ns = 1500000000;
     job->conflicts = 7;
@@ -162,7 +169,7 @@ static void jobs_survive_a_restart(void **state)
     "ALTER TABLE frames DROP COLUMN vertices; ALTER TABLE frames DROP COLUMN dropped;"          \
     "ALTER TABLE frames DROP COLUMN leaked; ALTER TABLE frames DROP COLUMN clamped_values;"     \
     "ALTER TABLE frames DROP COLUMN clamped; ALTER TABLE frames DROP COLUMN clamped_luminance;" \
-    "ALTER TABLE frames DROP COLUMN kept_luminance; ALTER TABLE jobs DROP COLUMN release;"       \
+    "ALTER TABLE frames DROP COLUMN health; ALTER TABLE frames DROP COLUMN kept_luminance; ALTER TABLE jobs DROP COLUMN release;"       \
     "ALTER TABLE jobs DROP COLUMN submitted;"
 
 static void an_older_store_is_brought_up_to_date(void **state)
@@ -172,6 +179,7 @@ static void an_older_store_is_brought_up_to_date(void **state)
     "ALTER TABLE cut_frames DROP COLUMN ended; ALTER TABLE cut_frames DROP COLUMN group_most;"  \
     WITHOUT_WORK_AND_RELEASE
     static const char *const steps_back[] = {
+        "ALTER TABLE frames DROP COLUMN health; PRAGMA user_version=4",
         WITHOUT_4 "PRAGMA user_version=3",
         WITHOUT_4
         "DROP TABLE cut_frames; DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token;"

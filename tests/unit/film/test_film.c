@@ -105,6 +105,41 @@ static void the_order_of_additions_matters_for_this_data(void **state)
     film_free(film);
 }
 
+/* The example is the least of all folded units, and no longer one of a tile that went back. */
+static void examples_are_the_least_of_what_is_folded(void **state)
+{
+    enum { WIDTH = 37, HEIGHT = 19, SPP = 20 };
+    struct film *film = film_data_whole(WIDTH, HEIGHT, SPP, 0);
+    struct film *empty = film_data_new(WIDTH, HEIGHT, SPP, 0);
+    float sums[TILE_FLOATS_MAX];
+
+    (void)state;
+    for (uint32_t gone = 0; gone < film_tile_count(film); gone++) {
+        size_t size = film_tile_state_size(empty, gone);
+        uint8_t *bytes = malloc(size);
+        struct health want = {{0}, {0}, {0}};
+        struct unit_work work;
+        film_tile_save(empty, gone, bytes);
+        assert_int_equal(film_tile_load(film, gone, bytes, size, NULL), STATUS_OK);
+        free(bytes);
+        for (uint32_t t = gone + 1; t < film_tile_count(film); t++)
+            for (uint32_t g = 0; g < GROUPS; g++)
+                for (uint32_t p = 0; p < film_pass_count(film, g); p++) {
+                    struct unit_result unit = film_data_unit(film, t, g, p, sums);
+                    for (int k = 0; k < HEALTH_KINDS; k++) {
+                        uint64_t first = unit.work.health.first[k];
+                        want.count[k] += unit.work.health.count[k];
+                        if (first && (!want.first[k] || first < want.first[k]))
+                            want.first[k] = first;
+                    }
+                }
+        work = film_work(film);
+        assert_memory_equal(&work.health, &want, sizeof want);
+    }
+    film_free(film);
+    film_free(empty);
+}
+
 static enum film_merge_result merge_changed(struct film *film, uint32_t pass,
                                             void (*change)(struct unit_result *, float *))
 {
@@ -134,6 +169,12 @@ static void change_health(struct unit_result *unit, float *sums)
     unit->work.dropped_samples++;
 }
 
+static void change_example(struct unit_result *unit, float *sums)
+{
+    (void)sums;
+    unit->work.health.first[HEALTH_BAD_BASES]++; /* a later sample's */
+}
+
 static void change_tail(struct unit_result *unit, float *sums)
 {
     (void)sums;
@@ -149,7 +190,7 @@ static void change_tail_length(struct unit_result *unit, float *sums)
 static void conflicts_are_told_and_change_nothing(void **state)
 {
     void (*const changes[])(struct unit_result *, float *) = {
-        change_sum, change_rays, change_health, change_tail, change_tail_length};
+        change_sum, change_rays, change_health, change_example, change_tail, change_tail_length};
     struct film *film = film_data_new(16, 16, 56, 0), *same = film_data_new(16, 16, 56, 0);
 
     (void)state;
@@ -549,6 +590,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(shuffled_orders_give_the_same_bits),
         cmocka_unit_test(the_order_of_additions_matters_for_this_data),
+        cmocka_unit_test(examples_are_the_least_of_what_is_folded),
         cmocka_unit_test(conflicts_are_told_and_change_nothing),
         cmocka_unit_test(bad_results_are_refused),
         cmocka_unit_test(means_and_errors_follow_the_formula),

@@ -212,8 +212,10 @@ static void test_results(void **state)
 {
     const float in[2] = {1, 0.5f};
     const uint8_t floats[] = {0, 0, 0x80, 0x3f, 0, 0, 0, 0x3f}, entry[] = {0, 0, 0x80, 0x3f, 7, 1, 0, 0};
-    const struct unit_work work = {1, 2, 3, 4, 5, 6, 7, 8.5, 9.25};
-    Azulejo__Wire__Work message;
+    const struct unit_work work = {.samples = 1, .rays = 2, .vertices = 3, .leaked_rays = 5,
+                                   .clamped_samples = 7, .clamped_luminance = 8.5,
+                                   .kept_luminance = 9};
+    struct wire_work message;
     struct unit_work back;
     uint8_t bytes[WIRE_TAIL_BYTES_MAX + WIRE_TAIL_ENTRY_BYTES] = {0};
     ProtobufCBinaryData wire = {.data = bytes};
@@ -238,11 +240,47 @@ static void test_results(void **state)
     assert_int_equal(got.count, 0);
     wire.len = WIRE_TAIL_BYTES_MAX + WIRE_TAIL_ENTRY_BYTES;
     assert_int_equal(wire_tail_get(&got, &wire, NULL), STATUS_ERR_PROTOCOL);
-    wire_work_set(&message, &work);
-    wire_work_get(&back, &message);
+    assert_int_equal(wire_work_get(&back, wire_work_set(&message, &work), NULL), STATUS_OK);
     assert_memory_equal(&back, &work, sizeof work);
-    wire_work_get(&back, NULL);
+    assert_int_equal(wire_work_get(&back, NULL, NULL), STATUS_OK);
     assert_int_equal(back.samples, 0);
+}
+
+/* Every counter by itself and all at once, with the example's ends; counters that cannot be. */
+static void health_survives_the_wire(void **state)
+{
+    const struct health_place last = {PASSES_MAX - 1, (1u << HEALTH_TILE_BITS) - 1,
+                                      TILE_PIXELS_MAX - 1, SETTINGS_SPP_MAX - 1};
+    struct unit_work work = {.samples = 1}, back;
+    struct wire_work wire;
+    Azulejo__Wire__Work *message;
+
+    (void)state;
+    for (int k = 0; k < HEALTH_KINDS; k++) {
+        struct unit_work one = {.samples = 1};
+        one.health.count[k] = work.health.count[k] = UINT64_MAX - (uint64_t)k;
+        one.health.first[k] = work.health.first[k] = health_key(k % 2 ? last : (struct health_place){0});
+        one.health.frame[k] = work.health.frame[k] = (uint32_t)k;
+        message = wire_work_set(&wire, &one);
+        assert_int_equal(message->n_health, 1);
+        assert_int_equal(wire_work_get(&back, message, NULL), STATUS_OK);
+        assert_memory_equal(&back, &one, sizeof one);
+    }
+    message = wire_work_set(&wire, &work);
+    assert_int_equal(wire_work_get(&back, message, NULL), STATUS_OK);
+    assert_memory_equal(&back, &work, sizeof work);
+#define REFUSED(change)                                                             \
+    do {                                                                            \
+        message = wire_work_set(&wire, &work);                                      \
+        change;                                                                     \
+        assert_int_equal(wire_work_get(&back, message, NULL), STATUS_ERR_PROTOCOL); \
+    } while (0)
+    REFUSED(wire.health[0].count = 0);
+    REFUSED(wire.health[HEALTH_KINDS - 1].kind = HEALTH_KINDS);
+    REFUSED(wire.health[1].kind = 0); /* twice */
+    REFUSED(wire.health[1].first = UINT64_MAX);
+    REFUSED(wire.health[1].first = health_key((struct health_place){.pass = PASSES_MAX}));
+#undef REFUSED
 }
 
 static void check_piece(const uint8_t *raw, size_t size, int compresses)
@@ -508,6 +546,7 @@ int main(void)
         cmocka_unit_test(test_digest_lengths),
         cmocka_unit_test(test_units),
         cmocka_unit_test(test_results),
+        cmocka_unit_test(health_survives_the_wire),
         cmocka_unit_test(test_blob_pieces),
         cmocka_unit_test(test_pieces_that_do_not_fit),
         cmocka_unit_test(test_text_is_cleaned),

@@ -2,6 +2,7 @@
 #include "worker/render/bsdf/bsdf.h"
 
 #include "worker/render/bsdf/layering.h"
+#include "worker/render/base/health_scope.h"
 #include "worker/render/base/profile_scope.h"
 
 /* Expansions of a row of the table. */
@@ -70,7 +71,7 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
     b->account = PROFILE_NO_EFFECT;
     b->cos_o = clamp_to(wo.z, 0, 1);
     if (!(wo.z > 0.0f && length2 > 0.9f && length2 < 1.1f))
-        return;
+        return; /* it then scatters nothing, and who asked looks at the basis */
     if (b->effects) {
         b->kind = BSDF_KIND_LOBES;
         init_lobes(b, params, wo);
@@ -123,8 +124,11 @@ static inline struct vec3 lobes_evaluate(const struct bsdf *b, struct vec3 wo, s
     }
     BSDF_LOBE_MAP(LOBE_EVALUATE)
 #undef LOBE_EVALUATE
-    if (!(*pdf > 0.0f && is_finite_sum(f, *pdf)))
+    if (!(*pdf > 0.0f && is_finite_sum(f, *pdf))) {
+        if (*pdf != 0.0f)
+            health_value(f, *pdf);
         return *pdf = 0, LOBE_BLACK;
+    }
     return f;
 }
 
@@ -161,7 +165,7 @@ float bsdf_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi)
 
 static inline int is_usable(struct vec3 weight)
 {
-    return is_finite_sum(weight, 0) && vec3_max(weight) > 0.0f;
+    return (is_finite_sum(weight, 0) && vec3_max(weight) > 0.0f) || health_throughput(weight);
 }
 
 /* The lobe that u_lobe selects samples; the rest of the number is as good as a new one. */
@@ -198,10 +202,10 @@ static inline int metal_sample(const struct bsdf *b, struct vec3 wo, float u, fl
 
     out->wi = reflect_about(wo, ggx_sample_visible(wo, b->base.shape.y, b->base.shape.y, u, v));
     if (!(out->wi.z > 0.0f))
-        return 0;
+        return health_direction(out->wi);
     out->pdf = reflection_density(&b->base, wo, b->cos_o, out->wi, &cos_h, &shadowing);
     if (!(out->pdf > 0.0f && out->pdf < INFINITY))
-        return 0;
+        return health_density(out->pdf);
     out->weight = vec3_scale(reflection_fresnel(b, cos_h), shadowing);
     return is_usable(out->weight);
 }

@@ -197,7 +197,7 @@ LOBE_OFTEN struct vec3 reflection_evaluate(const struct bsdf *b, struct vec3 wo,
     float density = reflection_density(&b->base, wo, b->cos_o, wi, &cos_h, &shadowing);
     struct vec3 f;
 
-    *pdf = 0;
+    *pdf = density; /* 0, or no number, which the sum of all lobes shows */
     if (!(density > 0.0f))
         return LOBE_BLACK;
     f = reflection_color(b, cos_h, &chosen);

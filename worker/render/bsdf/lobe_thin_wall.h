@@ -46,7 +46,7 @@ static inline struct vec3 thin_wall_evaluate(const struct bsdf *b, struct vec3 w
     float cos_h, shadowing, reflected_i, reflected;
     float density = reflection_density(m, wo, b->cos_o, mirrored, &cos_h, &shadowing);
 
-    *pdf = 0;
+    *pdf = density; /* 0, or no number, which the sum of all lobes shows */
     if (!(density > 0.0f))
         return LOBE_BLACK;
     reflected_i = 1.0f - layer_rest(b, mirrored.z, compensation_loss(b, mirrored));

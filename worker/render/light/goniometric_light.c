@@ -1,6 +1,7 @@
 /* goniometric_light: a point light with an image over its sphere of directions: latitude and
  * longitude in the light's own frame, laid out like an environment map. */
 #include "common/math/elementary.h"
+#include "worker/render/base/health_scope.h"
 #include "worker/render/light/punctual.h"
 
 static const struct scene_texture lat_long = {.wrap_u = WRAP_REPEAT, .wrap_v = WRAP_CLAMP};
@@ -53,5 +54,6 @@ int goniometric_light_sample(const struct render_scene *scene, const void *light
         out->radiance,
         punctual_image(light->image, &lat_long, 0.5f + det_atan2(d.z, d.x) * INV_2PI_F,
                        det_atan2(sqrtf(d.x * d.x + d.z * d.z), d.y) * INV_PI_F));
-    return vec3_max(out->radiance) > 0 && vec3_is_finite(out->radiance);
+    return (vec3_max(out->radiance) > 0 && vec3_is_finite(out->radiance)) ||
+           health_throughput(out->radiance);
 }

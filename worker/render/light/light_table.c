@@ -6,6 +6,7 @@
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
+#include "worker/render/base/health_scope.h"
 
 /* A weight counts as at least this share of the total; otherwise it would vanish in the sum. */
 #define WEIGHT_MIN 0x1p-40
@@ -105,7 +106,7 @@ float light_table_odds(const struct light_table *table, uint32_t light)
             r.first = middle_of(&r);
         }
         if (!(odds > 0))
-            return 0;
+            return (float)health_density(odds);
     }
     return odds;
 }

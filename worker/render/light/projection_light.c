@@ -2,6 +2,7 @@
  * about its own -Z, upright along +Y; outside it there is no light. Without an image it is
  * white. */
 #include "common/math/elementary.h"
+#include "worker/render/base/health_scope.h"
 #include "worker/render/light/punctual.h"
 
 static const struct scene_texture clamped = {.wrap_u = WRAP_CLAMP, .wrap_v = WRAP_CLAMP};
@@ -74,5 +75,6 @@ int projection_light_sample(const struct render_scene *scene, const void *light_
     (void)punctual_shine(&light->base, share, out);
     out->radiance = vec3_mul(
         out->radiance, slide_filter(light, punctual_to_local(pose, vec3_neg(out->direction))));
-    return vec3_max(out->radiance) > 0 && vec3_is_finite(out->radiance);
+    return (vec3_max(out->radiance) > 0 && vec3_is_finite(out->radiance)) ||
+           health_throughput(out->radiance);
 }

@@ -2,6 +2,7 @@
 
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
+#include "worker/render/base/health_scope.h"
 #include "worker/render/camera/camera.h"
 
 /* An image's mean luminance is computed on a grid of this many points a side. Bright spots between
@@ -163,7 +164,7 @@ int punctual_arrive(const struct punctual *p, struct vec3 position, struct vec3 
     float distance_squared = vec3_length_squared(way);
 
     if (!(distance_squared > 0) || !isfinite(distance_squared))
-        return 0;
+        return health_distance(distance_squared);
     out->distance = sqrtf(distance_squared);
     out->direction = vec3_scale(way, 1 / out->distance);
     *share = range_window(out->distance, p->range) / distance_squared;
@@ -174,7 +175,7 @@ int punctual_shine(const struct punctual *p, float share, struct light_sample *o
 {
     out->delta = 1;
     out->radiance = vec3_scale(p->intensity, share);
-    return share > 0 && isfinite(share);
+    return (share > 0 && isfinite(share)) || health_density(share);
 }
 
 /* ---- images ------------------------------------------------------------------------------ */

@@ -4,6 +4,7 @@
 #include "worker/render/light/face_light.h"
 
 #include "common/math/elementary.h"
+#include "worker/render/base/health_scope.h"
 #include "worker/render/bsdf/warp.h"
 #include "worker/render/base/exact.h"
 #include "worker/render/shape/sphere.h"
@@ -130,8 +131,10 @@ int sphere_light_sample(const struct render_scene *scene, const void *light_,
         sample_surface(&view, u, v, out);
     else
         sample_cone(&view, u, v, out);
-    if (!(out->distance > 0) || !(out->pdf > 0) || !isfinite(out->pdf))
-        return 0;
+    if (!(out->distance > 0))
+        return health_distance(out->distance);
+    if (!(out->pdf > 0) || !isfinite(out->pdf))
+        return health_density(out->pdf);
     out->on_face = 1;
     out->face = *light;
     /* There are no edges; near boundaries what is right before the end counts. */

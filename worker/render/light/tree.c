@@ -1,6 +1,7 @@
 #include "worker/render/light/tree.h"
 
 #include "common/math/elementary.h"
+#include "worker/render/base/health_scope.h"
 
 /* Tolerance of the bounds against rounding: cosines and sines of angles near 0 are only accurate to
  * the root of float's precision. */
@@ -71,7 +72,7 @@ static float left_odds(const struct light_node *pair, struct vec3 p, struct vec3
     float sum = left + right;
 
     if (!(sum > 0))
-        return -1;
+        return (float)health_density(sum) - 1;
     if (!(left > 0))
         return 0;
     if (!(right > 0))

@@ -1,6 +1,7 @@
 /* triangle_light: a triangle of an emissive mesh, sampled uniformly by area. */
 #include "worker/render/light/face_light.h"
 
+#include "worker/render/base/health_scope.h"
 #include "worker/render/base/profile_scope.h"
 #include "worker/render/base/has.h"
 #include "worker/render/surface/surface.h"
@@ -69,7 +70,7 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_,
     normal = vec3_cross(e1, e2);
     double_area = vec3_length(normal);
     if (!(double_area > 0))
-        return 0;
+        return health_distance(double_area);
     normal = vec3_scale(normal, (instance->flipped ? -1 : 1) / double_area);
     point = vec3_add(corner[0], vec3_add(vec3_scale(e1, at.b1), vec3_scale(e2, at.b2)));
     to_light = vec3_sub(point, context->p);
@@ -77,7 +78,7 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_,
         return 0;
     distance_squared = vec3_length_squared(to_light);
     if (!(distance_squared > 0) || !isfinite(distance_squared))
-        return 0;
+        return health_distance(distance_squared);
     out->distance = sqrtf(distance_squared);
     out->direction = vec3_scale(to_light, 1 / out->distance);
     cosine = fabsf(vec3_dot(normal, out->direction));
@@ -89,7 +90,7 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_,
     met = (struct light_meeting){out->pdf, distance_squared, cosine, 0.5f * double_area};
     out->pdf = face_light_area_pdf(&met, met.area);
     if (!(out->pdf > 0) || !isfinite(out->pdf))
-        return 0;
+        return cosine == 0 ? 0 : health_density(out->pdf); /* seen from the side it is infinite */
     at.vertex = world_vertices(at.mesh, light->triangle);
     out->radiance = triangle_covered(&at, world_emitted(at.material, at.mesh, at.vertex, at.b1,
                                                         at.b2, cosine));

@@ -1,3 +1,4 @@
+#include "worker/render/base/health_scope.h"
 #include "worker/render/medium/medium.h"
 
 #include <string.h>
@@ -285,6 +286,7 @@ static void medium_sample_grid(const struct world_medium *medium, const struct r
             float density = medium_walk_density(&walk), mean, most = 0.0f;
 
             if (walk.steps >= MEDIUM_STEPS_MAX) {
+                health_note(HEALTH_GUARDED_PATHS);
                 through[0] = through[1] = through[2] = 0.0f;
                 break;
             }
@@ -338,8 +340,10 @@ static struct vec3 medium_ratio_track(const struct world_medium *medium, const s
     while (most > 0.0f && medium_walk_collide(&walk, rate, &depth)) {
         float density = medium_walk_density(&walk);
 
-        if (walk.steps >= MEDIUM_STEPS_MAX)
+        if (walk.steps >= MEDIUM_STEPS_MAX) {
+            health_note(HEALTH_GUARDED_PATHS);
             return (struct vec3){0, 0, 0};
+        }
         most = 0.0f;
         for (int c = 0; c < 3; c++) {
             if (emitted)

@@ -131,6 +131,8 @@ static inline void crossing_gather(const struct render_scene *scene, const struc
     for (int a = 0; a < 3; a++)
         place[a] += s->rest[a];
     found = accel_coincident(scene->accel, ray, &met, place, query, contacts, RAY_LEFT_MAX - 1);
+    if (found > RAY_LEFT_MAX - 1 || FAULT(CROWDED_PLACE))
+        health_note(HEALTH_CROWDED_PLACES);
     crossing_add(group, s);
     for (uint32_t i = 0; i < found && i < RAY_LEFT_MAX - 1; i++) {
         struct surface face;

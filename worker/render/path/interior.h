@@ -26,6 +26,8 @@
 #ifndef AZULEJO_RENDER_INTERIOR_H
 #define AZULEJO_RENDER_INTERIOR_H
 
+#include "worker/render/base/fault.h"
+#include "worker/render/base/health_scope.h"
 #include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
 
@@ -96,15 +98,19 @@ static inline void interior_add(struct interior *in, uint32_t entry)
 {
     if (in->count < INTERIOR_MAX)
         in->entry[in->count++] = entry;
+    else
+        health_note(HEALTH_LOST_BODIES);
 }
 
-/* Cross one face of a body. */
-static inline void interior_turn(struct interior *in, uint32_t body, int enters)
+/* Cross one face of a body. 0: the ray leaves it without having entered it. */
+static inline int interior_turn(struct interior *in, uint32_t body, int enters)
 {
     uint32_t paid = enters ? body | INTERIOR_OWED : body;
 
-    if (!interior_remove(in, paid))
-        interior_add(in, enters ? body : body | INTERIOR_OWED);
+    if (!FAULT(LOST_BODY) && interior_remove(in, paid))
+        return 1;
+    interior_add(in, enters ? body : body | INTERIOR_OWED);
+    return enters;
 }
 
 /* The volumes behind the surface. *real is 0 where the same body continues. */
@@ -121,7 +127,9 @@ static inline void interior_cross(const struct render_scene *scene, const struct
             out->medium = s->front ? m->medium : m->medium_outside;
         return;
     }
-    interior_turn(out, s->instance->body, s->front);
+    if (!interior_turn(out, s->instance->body, s->front) &&
+        scene->materials[s->instance->body].flags & MATERIAL_ENCLOSES)
+        health_note(HEALTH_LOST_BODIES); /* of open meshes it is sound */
     before = interior_top(scene, in);
     after = interior_top(scene, out);
     if (before >= 0 || after >= 0)

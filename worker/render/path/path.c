@@ -35,6 +35,27 @@ static void path_start(struct path *path, const struct render_scene *scene,
     path->boundaries_passed = 0;
     path->medium_key = path->medium_depth = 0;
     path->at_next = 0;
+    if (FAULT(ENDLESS_PATH))
+        path->depth = SETTINGS_DEPTH_MAX;
+}
+
+/* What a path carries stays bad once it is, so it is looked at once, where the path ends. */
+static inline void path_examine(const struct path *path)
+{
+    const struct vec3 t = path->throughput;
+
+    if (!(t.x + t.y + t.z < INFINITY))
+        health_note(HEALTH_BAD_THROUGHPUTS);
+    if (!(vec3_length_squared(path->ray.direction) > 0.5f)) /* of no number a normalised vector is 0 */
+        health_note(HEALTH_BAD_DIRECTIONS);
+    if (path->depth >= SETTINGS_DEPTH_MAX)
+        health_note(HEALTH_GUARDED_PATHS);
+}
+
+/* The vertex scatters nothing: is that its basis' fault? */
+static __attribute__((noinline)) int path_vertex_fails(const struct basis *basis)
+{
+    return health_basis(basis);
 }
 
 /* ---- the steps of a path --------------------------------------------------------------------- */
@@ -91,9 +112,11 @@ static void path_shade(const struct path *path, struct path_vertex *v, struct pa
 static int path_bsdf(struct path *path, struct path_vertex *v)
 {
     path_indices(path, v);
+    if (FAULT(NAN_BASIS))
+        v->s.basis.n.x = NAN;
     v->wo = basis_to_local(&v->s.basis, vec3_neg(path->ray.direction));
     if (!(v->wo.z > 0))
-        return 0;
+        return path_vertex_fails(&v->s.basis);
     PROFILE_STAGE(SCATTER);
     bsdf_init(&v->bsdf, &v->params, v->wo);
     return 1;
@@ -115,7 +138,11 @@ static int path_scatter(struct path *path, const struct path_vertex *v, float u_
     const struct path_features f = path_features_of(path->scene);
 
     if (!sample_bsdf(path, v, u_lobe, sample))
-        return 0;
+        return path_vertex_fails(&v->s.basis);
+    if (FAULT(NAN_DIRECTION))
+        sample->wi.x = NAN;
+    if (FAULT(NAN_THROUGHPUT))
+        sample->weight.x = NAN;
     path->ray.direction = vec3_normalize(basis_to_world(&v->s.basis, sample->wi));
     if ((vec3_dot(path->ray.direction, v->s.ng) > 0) != (sample->wi.z > 0))
         return 0;
@@ -239,5 +266,6 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
             break;
         path_next_ray(&path, &v, sample.wi);
     }
+    path_examine(&path);
     return radiance;
 }

@@ -55,7 +55,13 @@ static int sample_light(const struct path *path, const struct light_context *con
  * finds its direction with density `pdf`. */
 static struct vec3 weigh_light(const struct light_sample *light, struct vec3 value, float pdf)
 {
-    value = vec3_mul(value, vec3_scale(light->radiance, 1 / light->pdf));
+    const float weight = 1 / (FAULT(ZERO_DENSITY) ? 0 : light->pdf);
+
+    if (!(weight < INFINITY)) {
+        health_note(HEALTH_BAD_DENSITIES);
+        return vec3_splat(0);
+    }
+    value = vec3_mul(value, vec3_scale(light->radiance, weight));
     return light->delta ? value : vec3_scale(value, power_heuristic(light->pdf, pdf));
 }
 

@@ -12,7 +12,9 @@
 
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/path/crossing.h"
+#include "worker/render/base/fault.h"
 #include "worker/render/base/has.h"
+#include "worker/render/base/health_scope.h"
 #include "worker/render/medium/medium.h"
 #include "worker/render/path/path.h"
 #include "worker/render/base/profile_scope.h"

@@ -181,6 +181,8 @@ PATH_FUNCTION __attribute__((noinline)) struct vec3 path_transmittance(struct pa
         if (!(left > 0))
             return visible;
         path->query.ray_number++;
+        if (i + 1 == INDEX_MATCHED_MAX)
+            health_note(HEALTH_GUARDED_PATHS);
     }
     return vec3_splat(0);
 }
@@ -223,7 +225,8 @@ PATH_FUNCTION int path_boundary(struct path *path, struct path_vertex *v)
                   &path->interior, &v->s, &v->crossing);
     if (v->crossing.real && v->s.material->m.kind != MATERIAL_INTERFACE)
         return 1;
-    path->boundaries_passed++;
+    if (path->boundaries_passed++ == INDEX_MATCHED_MAX)
+        health_note(HEALTH_GUARDED_PATHS);
     path->interior = v->crossing.beyond;
     path->cone.width += v->s.t * path->cone.spread;
     surface_leave(&v->s, path->ray.direction, &path->ray);

@@ -4,6 +4,8 @@
 
 #include "worker/render/path/kernel.h"
 #include "worker/render/path/path.h"
+#include "worker/render/base/fault.h"
+#include "worker/render/base/health_scope.h"
 #include "worker/render/base/profile_scope.h"
 #include "worker/render/camera/view.h"
 #include "worker/render/world.h"
@@ -26,6 +28,7 @@ static void tile_aovs(const struct render_scene *scene, uint32_t mask, const str
 {
     float sample[AOV_FLOATS_MAX], motion[2] = {0, 0};
     uint32_t at = 0;
+    int bad = 0;
 
     for (int aov = 0; aov < AOV_COUNT; aov++) {
         uint32_t channels = aov_channels((enum aov)aov);
@@ -67,13 +70,17 @@ static void tile_aovs(const struct render_scene *scene, uint32_t mask, const str
                 break;
             }
         for (uint32_t c = 0; c < channels; c++, at++) {
-            float value = isfinite(sample[c]) ? sample[c] : 0;
+            int good = isfinite(sample[c]);
+            float value = good ? sample[c] : 0;
+            bad |= !good;
             if (!aov_is_point((enum aov)aov))
                 values[at] += (double)value;
             else if (first)
                 values[at] = (double)value;
         }
     }
+    if (bad)
+        health_note(HEALTH_DROPPED_AOVS);
 }
 
 static double tile_luminance(double r, double g, double b)
@@ -101,12 +108,46 @@ static __attribute__((cold, noinline)) void tile_count_kept(double sum[GROUP_REP
         stats->kept_luminance += tile_luminance(sum[r][0], sum[r][1], sum[r][2]);
 }
 
-static float tile_float(double sum, struct render_stats *stats)
+static float tile_float(double sum)
 {
     if (sum < (double)FLT_MAX)
         return (float)sum;
-    stats->clamped_values++;
+    health_note(HEALTH_CLAMPED_VALUES);
     return FLT_MAX;
+}
+
+/* ---- health ---------------------------------------------------------------------------------- */
+
+static inline int tile_is_sound(struct vec3 radiance)
+{
+    return radiance.x >= 0 && radiance.y >= 0 && radiance.z >= 0 &&
+           radiance.x + radiance.y + radiance.z < INFINITY;
+}
+
+/* What was noted since the last call began with this sample. */
+static __attribute__((cold, noinline)) void tile_examples(struct render_stats *stats,
+                                                          struct health_place place)
+{
+    for (int k = 0; k < HEALTH_KINDS; k++)
+        if (health_scope.noted >> k & 1)
+            health_example(&stats->health, (enum health_kind)k, 0, health_key(place));
+    health_scope.noted = 0;
+}
+
+/* A sample that something was noted of, or that is not finite or negative: is it added all the same?
+ * Wavelengths have colours with negative parts (dispersion.h). */
+static __attribute__((cold, noinline)) int tile_keeps(const struct render_scene *scene,
+                                                      struct vec3 radiance, struct health_place place,
+                                                      struct render_stats *stats)
+{
+    int finite = vec3_is_finite(radiance);
+
+    if (!finite)
+        health_note(HEALTH_DROPPED_SAMPLES);
+    else if (vec3_min(radiance) < 0 && !(scene->effects & EFFECT_DISPERSION))
+        health_note(HEALTH_NEGATIVE_SAMPLES);
+    tile_examples(stats, place);
+    return finite;
 }
 
 
@@ -140,6 +181,7 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
     struct ray rays[TILE_BATCH];
 
     pass_range(settings->spp, group, pass, &begin, &end);
+    health_scope = (struct health_scope){stats->health.count, 0};
     if (tail)
         tail->count = 0;
     for (uint32_t y = rect.y; y < rect.y + rect.height; y++)
@@ -155,16 +197,25 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                 }
                 if (extra)
                     memset(&record, 0, sizeof record);
+                FAULT_BEGIN(x, y, i * GROUPS + group);
                 radiance = path_radiance(scene, &samplers[at], &rays[at], cone,
                                          extra ? &record : NULL, stats);
                 stats->samples++;
                 PROFILE_STAGE(REST);
+                if (FAULT(NAN_RADIANCE))
+                    radiance.y = NAN;
+                if (FAULT(NEGATIVE_RADIANCE))
+                    radiance.z = -1;
+                if (FAULT(HUGE_RADIANCE))
+                    radiance.x = FLT_MAX;
+                if (extra && FAULT(NAN_AOV))
+                    record.normal.x = NAN;
                 if (extra)
                     tile_aovs(scene, aovs, &rays[at], &record, i == 0, values);
-                if (!vec3_is_finite(radiance)) {
-                    stats->dropped_samples++;
+                if ((health_scope.noted || !tile_is_sound(radiance)) &&
+                    !tile_keeps(scene, radiance, (struct health_place){pass, tile, (uint32_t)index,
+                                                                       i * GROUPS + group}, stats))
                     continue;
-                }
                 if (limit > 0 && vec3_max(radiance) > limit)
                     radiance = tile_clamped(radiance, limit, stats);
                 sum[i % GROUP_REPLICATES][0] += (double)radiance.x;
@@ -176,17 +227,21 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
             for (int r = 0; r < GROUP_REPLICATES; r++)
                 for (int c = 0; c < 3; c++)
                     sums[((size_t)r * pixels + index) * 3 + (size_t)c] =
-                        tile_float(sum[r][c], stats);
+                        tile_float(sum[r][c]);
             if (limit > 0)
                 tile_count_kept(sum, stats);
             for (uint32_t aov = 0, at = 0; aov < AOV_COUNT; aov++) {
                 uint32_t channels = aovs >> aov & 1 ? aov_channels((enum aov)aov) : 0;
                 for (uint32_t c = 0; c < channels; c++)
                     sums[aov_base + at * pixels + index * channels + c] =
-                        tile_float(values[at + c], stats);
+                        tile_float(values[at + c]);
                 at += channels;
             }
+            if (health_scope.noted) /* by sums: they begin with the pass */
+                tile_examples(stats, (struct health_place){pass, tile, (uint32_t)index,
+                                                           begin * GROUPS + group});
         }
     PROFILE_IDLE();
+    health_scope.count = NULL;
     return aov_base + extra * pixels;
 }

@@ -1,0 +1,185 @@
+/* The counters of what goes wrong, in a path tracer that goes wrong on purpose: worker/render/base/fault.h
+ * makes one sample in FAULT_EVERY of water in a glass go wrong, in one way at a time. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#define AZULEJO_FAULTS /* for the names */
+#include "tests/support/imported.h"
+#include "worker/render/base/fault.h"
+
+enum { WIDTH = 40, HEIGHT = 36, SPP = 9 };
+
+/* By number, as in FAULT_MAP, the counter that the fault moves. */
+static const enum health_kind moved_by[] = {
+    [FAULT_NAN_RADIANCE] = HEALTH_DROPPED_SAMPLES, [FAULT_NEGATIVE_RADIANCE] = HEALTH_NEGATIVE_SAMPLES,
+    [FAULT_HUGE_RADIANCE] = HEALTH_CLAMPED_VALUES, [FAULT_NAN_AOV] = HEALTH_DROPPED_AOVS,
+    [FAULT_NAN_DIRECTION] = HEALTH_BAD_DIRECTIONS, [FAULT_ZERO_DENSITY] = HEALTH_BAD_DENSITIES,
+    [FAULT_NAN_THROUGHPUT] = HEALTH_BAD_THROUGHPUTS, [FAULT_NAN_BASIS] = HEALTH_BAD_BASES,
+    [FAULT_LOST_BODY] = HEALTH_LOST_BODIES, [FAULT_CROWDED_PLACE] = HEALTH_CROWDED_PLACES,
+    [FAULT_ENDLESS_PATH] = HEALTH_GUARDED_PATHS,
+};
+enum { FAULTS = sizeof moved_by / sizeof *moved_by - 1 };
+_Static_assert((int)FAULTS == (int)HEALTH_KINDS, "each counter has a fault that moves it");
+
+static struct import_result import;
+static struct render_settings settings;
+static struct render_scene *scene;
+
+static void switch_on(int fault)
+{
+    char number[12];
+
+    snprintf(number, sizeof number, "%d", fault);
+    assert_int_equal(fault ? setenv("AZULEJO_FAULT", number, 1) : unsetenv("AZULEJO_FAULT"), 0);
+}
+
+/* Every unit, the last first: whatever is found does not follow from the order. */
+static void render(struct render_stats *stats)
+{
+    static float sums[TILE_FLOATS_MAX];
+    size_t floats;
+
+    memset(stats, 0, sizeof *stats);
+    for (uint32_t g = GROUPS; g-- > 0;)
+        for (uint32_t tile = tile_count(WIDTH, HEIGHT); tile-- > 0;)
+            for (uint32_t pass = pass_count(SPP, g); pass-- > 0;) {
+                floats = render_tile(scene, 1, tile, g, pass, sums, NULL, stats);
+                for (size_t i = 0; i < floats; i++)
+                    assert_true(isfinite(sums[i]));
+            }
+}
+
+static int is_struck(uint32_t x, uint32_t y, uint32_t sample)
+{
+    fault_begin(x, y, sample);
+    return fault_now != FAULT_NONE;
+}
+
+/* How many samples are struck, and the key of the first. */
+static uint64_t struck(uint64_t *first)
+{
+    uint64_t count = 0;
+
+    *first = 0;
+    for (uint32_t g = 0; g < GROUPS; g++)
+        for (uint32_t tile = 0; tile < tile_count(WIDTH, HEIGHT); tile++)
+            for (uint32_t pass = 0; pass < pass_count(SPP, g); pass++) {
+                struct tile_rect rect = tile_rect_of(WIDTH, HEIGHT, tile);
+                uint32_t begin, end;
+                pass_range(SPP, g, pass, &begin, &end);
+                for (uint32_t p = 0; p < rect.width * rect.height; p++)
+                    for (uint32_t i = begin; i < end; i++) {
+                        uint64_t key = health_key((struct health_place){pass, tile, p, i * GROUPS + g});
+                        if (!is_struck(rect.x + p % rect.width, rect.y + p / rect.width, i * GROUPS + g))
+                            continue;
+                        count++;
+                        *first = *first && *first < key ? *first : key;
+                    }
+            }
+    return count;
+}
+
+static void nothing_goes_wrong_by_itself(void **state)
+{
+    struct render_stats stats;
+
+    (void)state;
+    switch_on(0);
+    render(&stats);
+    assert_false(health_is_ill(&stats.health));
+    for (int k = 0; k < HEALTH_KINDS; k++)
+        assert_int_equal(stats.health.first[k], 0);
+}
+
+static void each_fault_moves_its_counter(void **state)
+{
+    (void)state;
+    for (int fault = 1; fault <= FAULTS; fault++) {
+        enum health_kind kind = moved_by[fault];
+        struct render_stats stats, again;
+        struct health_place place;
+        struct tile_rect rect;
+        uint64_t first, hits;
+        switch_on(fault);
+        hits = struck(&first);
+        render(&stats);
+        if (stats.health.count[kind] == 0)
+            fail_msg("fault %d does not move %s", fault, health_rows[kind].name);
+        assert_true(hits > 0 && stats.health.first[kind] >= first);
+        assert_true(health_place_of(stats.health.first[kind], &place));
+        rect = tile_rect_of(WIDTH, HEIGHT, place.tile);
+        if (fault == FAULT_NAN_RADIANCE || fault == FAULT_NEGATIVE_RADIANCE) {
+            assert_int_equal(stats.health.count[kind], hits);
+            assert_int_equal(stats.health.first[kind], first);
+        }
+        if (fault != FAULT_HUGE_RADIANCE) /* a sum's example is its pass */
+            assert_true(is_struck(rect.x + place.pixel % rect.width, rect.y + place.pixel / rect.width,
+                                  place.sample));
+        render(&again);
+        assert_memory_equal(&stats, &again, sizeof stats);
+    }
+    switch_on(0);
+}
+
+/* A sample that is dropped is black, and only that: the others keep their bits. */
+static void dropped_samples_are_black(void **state)
+{
+    static float well[TILE_FLOATS_MAX], ill[TILE_FLOATS_MAX];
+    struct render_stats stats = {0};
+    uint32_t black = 0, begin, end;
+
+    (void)state;
+    pass_range(SPP, 0, 0, &begin, &end); /* two samples: one of each replicate */
+    assert_int_equal(end - begin, GROUP_REPLICATES);
+    switch_on(0);
+    render_tile(scene, 1, 0, 0, 0, well, NULL, &stats);
+    switch_on(FAULT_NAN_RADIANCE);
+    render_tile(scene, 1, 0, 0, 0, ill, NULL, &stats);
+    for (uint32_t r = 0; r < GROUP_REPLICATES; r++)
+        for (uint32_t p = 0; p < TILE_PIXELS_MAX; p++) {
+            size_t at = (r * TILE_PIXELS_MAX + p) * 3;
+            int hit = is_struck(p % TILE_SIZE, p / TILE_SIZE, r * GROUPS);
+            black += (uint32_t)hit;
+            for (int c = 0; c < 3; c++)
+                assert_true(ill[at + (size_t)c] == (hit ? 0 : well[at + (size_t)c]));
+        }
+    assert_int_equal(stats.dropped_samples, black);
+    assert_true(black > 5);
+    switch_on(0);
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    imported_file("scenes/liquids/water-contact.gltf", &import);
+    settings = imported_settings(WIDTH, HEIGHT, SPP);
+    settings.aovs = 1u << AOV_NORMAL;
+    scene = imported_build(&import, &settings, 1);
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    render_scene_free(scene);
+    import_result_release(&import);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(nothing_goes_wrong_by_itself),
+        cmocka_unit_test(each_fault_moves_its_counter),
+        cmocka_unit_test(dropped_samples_are_black),
+    };
+    return cmocka_run_group_tests_name("health of samples", tests, set_up, tear_down);
+}
