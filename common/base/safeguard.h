@@ -34,11 +34,22 @@
 /* Cameras, poses, the scene's numbers: worker/render/camera, common/{math,scene}, client/import. */
 #define SAFEGUARDS_OF_CAMERA(X)
 
-/* Samples, units, the film, statistics: worker/render/path/tile.c, common/{film,accuracy}, coordinator/film. */
+/* Samples, units, the film, statistics: worker/render/path/tile.c, common/{film,accuracy}, coordinator. */
 #define SAFEGUARDS_OF_SUMS(X) \
-    X(FINITE_UNIT, "a worker's sums that are not finite make their pixels NaN for good")
+    X(FINITE_UNIT, "a worker's sums that are not finite make their pixels NaN for good") \
+    X(FILM_DOUBLE, "sums over many passes lose their last digits") \
+    X(PASS_ORDER, "a result that comes early is counted as the one before it, which is then lost") \
+    X(DUPLICATE_UNIT, "a result that is sent twice counts twice") \
+    X(FINITE_AMOUNT, "an infinite count of clamped light makes the frame's share of it NaN") \
+    X(FRAME_DOUBLE, "the mean of a large frame, and all relative errors, are off") \
+    X(RMSE_OF_BLACK, "a black picture has a relative error of 0 / 0") \
+    X(PSNR_OF_EQUAL, "a picture without noise has no interval of its PSNR") \
+    X(DISPLAY_OF_EQUAL, "a picture without noise has no interval of its display error") \
+    X(LONE_OF_BLACK, "one black pixel hides that a picture's light was met by chance only") \
+    X(ERF_TAIL, "cancellation: pixels with little noise spoil the display error") \
+    X(CURVE_POINT, "one frame without an error makes the time left unknown")
 
-/* Tone mappers and the formats of pictures: common/{tonemap,image}. */
+/* Tone mappers, the formats of pictures, elementary functions: common/{tonemap,image,math}. */
 #define SAFEGUARDS_OF_OUTPUT(X)
 
 #ifndef AZULEJO_SAFEGUARDS
