@@ -50,7 +50,12 @@
     X(CURVE_POINT, "one frame without an error makes the time left unknown")
 
 /* Tone mappers, the formats of pictures, elementary functions: common/{tonemap,image,math}. */
-#define SAFEGUARDS_OF_OUTPUT(X)
+#define SAFEGUARDS_OF_OUTPUT(X) \
+    X(SINE_REDUCTION, "the sine of a large angle loses its digits") \
+    X(ATAN2_ORIGIN, "a ray straight up has no azimuth, and 0 / 0 is looked up in a table") \
+    X(COSINE_RANGE, "the angle between equal directions is NaN where their cosine rounds up") \
+    X(EXP_SUBNORMAL, "what passes an optical depth of 709 to 745 is minus infinity") \
+    X(EXP_RANGE, "what passes an optical depth beyond 745 is any number")
 
 #ifndef AZULEJO_SAFEGUARDS
 #define SAFEGUARD(name) 1
