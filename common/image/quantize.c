@@ -1,5 +1,7 @@
 #include "common/image/quantize.h"
 
+#include "common/base/safeguard.h"
+
 /* The dither's threshold at a pixel, 0..1 exclusive: the R2 low-discrepancy sequence of
  * Roberts 2018 ("The Unreasonable Effectiveness of Quasirandom Sequences"), x / p + y / p^2
  * with the plastic number p, as a triangle wave so that the mask has no jumps. In integers, and
@@ -19,7 +21,7 @@ static uint32_t quantize(float value, double most, double threshold)
 
     if (!(code > 0.0)) /* NaN too */
         return (uint32_t)threshold;
-    return (uint32_t)(code >= most ? most : code + threshold);
+    return (uint32_t)(code >= most ? most : SAFEGUARD(CODES_ROUNDED) ? code + threshold : code);
 }
 
 void quantize_row8(const struct image *image, uint32_t y, int plain, uint8_t *out)
