@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 
 /* The variance of (mean of the three contrasts - real error), relative to that of the contrasts. */
 #define UNKNOWN_SHARE (4.0 / 3)
@@ -52,6 +53,12 @@ int view_is_known(const struct accuracy_picture *p)
 static float mean_of(const float values[ACCURACY_REPLICATES])
 {
     return (values[0] + values[1] + values[2] + values[3]) / 4;
+}
+
+/* Sums over a frame are in double: 2^24 additions of float lose a tenth of a frame's light. */
+static double frame_add(double sum, float more)
+{
+    return SAFEGUARD(FRAME_DOUBLE) ? sum + (double)more : (double)((float)sum + more);
 }
 
 static float contrast_of(const float values[ACCURACY_REPLICATES], int k)
@@ -168,7 +175,7 @@ static float lone_share(const double squares[CONTRASTS])
     double both = squares[0] * squares[1] + squares[1] * squares[2] + squares[0] * squares[2];
     double one = squares[0] * squares[0] + squares[1] * squares[1] + squares[2] * squares[2];
 
-    return one > 0 ? (float)(both / one) : 1;
+    return one > 0 || !SAFEGUARD(LONE_OF_BLACK) ? (float)(both / one) : 1;
 }
 
 /* The weight of a squared error of the group in the comparison of the groups: its number of
@@ -192,7 +199,7 @@ void gather_linear(struct gathered *g, const struct view *a)
         for (size_t i = p * 3; i < p * 3 + 3; i++) {
             float ra[ACCURACY_REPLICATES];
             values_at(a, i, ra);
-            g->mean += (double)mean_of(ra);
+            g->mean = frame_add(g->mean, mean_of(ra));
             for (int k = 0; k < CONTRASTS; k++) {
                 double c = (double)contrast_of(ra, contrast_at(a, p, k));
                 squares[k] += c * c;

@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 
 #define NORMAL_95 1.959963984540054
@@ -36,7 +37,8 @@ static double spread_of(const struct accuracy_point *p, double distance)
 
 static int counts(const struct accuracy_point *p)
 {
-    return p->cost > 0 && p->error > 0 && isfinite(p->cost) && isfinite(p->error);
+    return (p->cost > 0 && p->error > 0 && isfinite(p->cost) && isfinite(p->error)) ||
+           !SAFEGUARD(CURVE_POINT);
 }
 
 void accuracy_curve_fit(struct accuracy_curve *out, const struct accuracy_point *points,

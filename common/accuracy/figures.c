@@ -6,6 +6,7 @@
 #include "common/accuracy/quantile.h"
 #include "common/accuracy/word.h"
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 
 /* Two-sided 95 % of a normal distribution. */
@@ -72,9 +73,9 @@ static status figure_display(struct accuracy_figures *out, struct gathered *g, u
     out->display_lo = spreads_quantile(spreads, DISPLAY_BEYOND + off);
     out->display_hi = spreads_quantile(spreads, DISPLAY_BEYOND > off ? DISPLAY_BEYOND - off : DISPLAY_BEYOND / 2);
     mem_free(spreads);
-    if (!(out->display_error > 0))
-        return STATUS_OK;
-    /* Chance and the model are independent: the squares of their logarithms' deviations add up. */
+    if (!(out->display_error > 0) && SAFEGUARD(DISPLAY_OF_EQUAL))
+        return STATUS_OK; /* its logarithm is none */
+    /* Chance and the model are independent: their logarithms' deviations add up as squares. */
     factor = det_log_d(out->display_hi / out->display_error);
     out->display_hi = out->display_error * det_exp_d(sqrt(factor * factor + model * model));
     factor = out->display_lo > 0 ? det_log_d(out->display_error / out->display_lo) : 10;
@@ -86,7 +87,7 @@ static void figure_psnr(struct accuracy_figures *out, const struct gathered *g)
 {
     double scale = 10 / 2.302585092994045684, mean = g->codes / ((double)g->pixels * 3), spread;
 
-    if (!(g->codes > 0)) {
+    if (!(g->codes > 0) && SAFEGUARD(PSNR_OF_EQUAL)) {
         out->psnr_db = out->psnr_lo = out->psnr_hi = INFINITY;
         return;
     }
@@ -101,7 +102,7 @@ static void figure_rmse(struct accuracy_figures *out, const struct gathered *g)
     double spread;
 
     out->mean = g->mean;
-    if (!(g->linear > 0)) {
+    if (!(g->linear > 0) && SAFEGUARD(RMSE_OF_BLACK)) {
         out->rmse_percent = out->rmse_lo = out->rmse_hi = 0;
         return;
     }

@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 
 enum { BISECTIONS = 60, SELECT_BITS = 11 };
@@ -39,7 +40,7 @@ double complement_erf(double x)
 {
     double fraction = 0, term = x, sum = x;
 
-    if (x > 2) { /* the continued fraction, Abramowitz and Stegun 7.1.14, from its end */
+    if (x > 2 && SAFEGUARD(ERF_TAIL)) { /* the continued fraction, Abramowitz and Stegun 7.1.14, from its end */
         for (int i = 60; i > 0; i--)
             fraction = i / 2.0 / (x + fraction);
         return det_exp_d(-x * x) / (1.7724538509055160273 * (x + fraction));

@@ -45,10 +45,8 @@ double tail_index_of(float *values, size_t count, double threshold)
     }
     for (int j = 0; j < grid; j++) {
         double weight = 0;
-        for (int i = 0; i < grid; i++) {
-            double difference = likelihood[i] - likelihood[j];
-            weight += difference < 700 ? det_exp_d(difference) : INFINITY;
-        }
+        for (int i = 0; i < grid; i++)
+            weight += det_exp_d(likelihood[i] - likelihood[j]); /* may be infinite: theta[j] counts for nothing */
         best += theta[j] / weight;
     }
     k = shape_of(values, count, threshold, best);

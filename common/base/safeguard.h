@@ -34,12 +34,47 @@
 /* Cameras, poses, the scene's numbers: worker/render/camera, common/{math,scene}, client/import. */
 #define SAFEGUARDS_OF_CAMERA(X)
 
-/* Samples, units, the film, statistics: worker/render/path/tile.c, common/{film,accuracy}, coordinator/film. */
+/* Samples, units, the film, statistics: worker/render/path/tile.c, common/{film,accuracy}, coordinator. */
 #define SAFEGUARDS_OF_SUMS(X) \
-    X(FINITE_UNIT, "a worker's sums that are not finite make their pixels NaN for good")
+    X(FINITE_UNIT, "a worker's sums that are not finite make their pixels NaN for good") \
+    X(FILM_DOUBLE, "sums over many passes lose their last digits") \
+    X(PASS_ORDER, "a result that comes early is counted as the one before it, which is then lost") \
+    X(DUPLICATE_UNIT, "a result that is sent twice counts twice") \
+    X(FINITE_AMOUNT, "an infinite count of clamped light makes the frame's share of it NaN") \
+    X(FRAME_DOUBLE, "the mean of a large frame, and all relative errors, are off") \
+    X(RMSE_OF_BLACK, "a black picture has a relative error of 0 / 0") \
+    X(PSNR_OF_EQUAL, "a picture without noise has no interval of its PSNR") \
+    X(DISPLAY_OF_EQUAL, "a picture without noise has no interval of its display error") \
+    X(LONE_OF_BLACK, "one black pixel hides that a picture's light was met by chance only") \
+    X(ERF_TAIL, "cancellation: pixels with little noise spoil the display error") \
+    X(CURVE_POINT, "one frame without an error makes the time left unknown")
 
-/* Tone mappers and the formats of pictures: common/{tonemap,image}. */
-#define SAFEGUARDS_OF_OUTPUT(X)
+/* Tone mappers, the formats of pictures, elementary functions: common/{tonemap,image,math}. */
+#define SAFEGUARDS_OF_OUTPUT(X) \
+    X(LIGHT_FINITE, "infinite light is black where a tone mapper divides infinity by infinity") \
+    X(DISPLAY_RANGE, "display codes leave 0 to 1 where a look-up table does") \
+    X(LOG_SUM_RANGE, "the product of a line's luminances underflows, and the picture is white") \
+    X(BLACK_PIXEL, "one black pixel makes the log-mean far too small, and the picture too bright") \
+    X(INFINITE_PIXEL, "one infinite pixel darkens all others") \
+    X(REINHARD_BLACK, "a black picture becomes white: its white point is 0") \
+    X(REINHARD_SUN, "a region too bright for float becomes black in the local operator") \
+    X(DRAGO_FAINT, "pixels too faint to change 1 + x become white") \
+    X(MANTIUK06_RANGE, "a picture of one colour is divided by its contrast, the noise of the arithmetic") \
+    X(MANTIUK08_SINGULAR, "a picture without contrast is white: its curve is undetermined") \
+    X(HILL_DOUBLE, "the sun becomes black: infinity over infinity") \
+    X(HALF_RANGE, "light above 65504 is infinite in a half-float EXR") \
+    X(HALF_SUBNORMAL, "light below 6e-5 is black in a half-float EXR") \
+    X(HALF_NEAREST, "half-float pictures are too dark on average") \
+    X(PICTURE_REPAIR, "a NaN, infinite or negative texel of a map is light") \
+    X(CLEAR_TEXEL, "a texel with alpha 0 is 0 / 0") \
+    X(PFM_FINITE, "a NaN or infinite texel of a PFM map is light") \
+    X(HDR_FACTOR, "a Radiance map with EXPOSURE=0 is infinite") \
+    X(CODES_ROUNDED, "PNG and JPEG are half a code too dark") \
+    X(SINE_REDUCTION, "the sine of a large angle loses its digits") \
+    X(ATAN2_ORIGIN, "a ray straight up has no azimuth, and 0 / 0 is looked up in a table") \
+    X(COSINE_RANGE, "the angle between equal directions is NaN where their cosine rounds up") \
+    X(EXP_SUBNORMAL, "what passes an optical depth of 709 to 745 is minus infinity") \
+    X(EXP_RANGE, "what passes an optical depth beyond 745 is any number")
 
 #ifndef AZULEJO_SAFEGUARDS
 #define SAFEGUARD(name) 1

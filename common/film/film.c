@@ -153,8 +153,14 @@ static void group_measure(const struct film *film, uint32_t tile, uint32_t group
     measure_level(film, tile, group, level, g->whole->work.rays, g->whole->values, &g->levels[level]);
 }
 
-/* A result's AOVs: point-sampled ones are in only one of a group's passes, so they may be added,
- * too. */
+/* In double: in float the 296 passes of a million samples are off by up to 1.3e-6. */
+static double film_add(double sum, float more)
+{
+    return SAFEGUARD(FILM_DOUBLE) ? sum + (double)more : (double)((float)sum + more);
+}
+
+/* A result's AOVs: those that are point-sampled are in one of a group's passes only, so they, too, may be
+ * added. */
 static void add_aovs(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass,
                      const float *from, double *to)
 {
@@ -166,7 +172,7 @@ static void add_aovs(const struct film *film, uint32_t tile, uint32_t group, uin
         const float *in = from + tile_aov_offset(pixels, sent, (enum aov)aov);
         double *out = to + tile_aov_offset(pixels, kept, (enum aov)aov);
         for (size_t i = 0; i < count; i++)
-            out[i] += in[i];
+            out[i] = film_add(out[i], in[i]);
     }
 }
 
@@ -181,7 +187,7 @@ static void group_fold(struct film *film, uint32_t tile, uint32_t group, const f
     size_t count = (size_t)film_tile_pixels(film, tile) * PIXEL_FLOATS;
 
     for (size_t i = 0; i < count; i++)
-        into->values[i] += sums[i];
+        into->values[i] = film_add(into->values[i], sums[i]);
     if (film->aovs)
         add_aovs(film, tile, group, pass, sums, into->values);
     tail_merge(&into->tail, tail);
@@ -225,7 +231,7 @@ static void watch_fold(struct film *film, uint32_t tile, uint32_t group, const f
     int level;
 
     for (size_t i = 0; i < count; i++)
-        w->values[i] += sums[i];
+        w->values[i] = film_add(w->values[i], sums[i]);
     w->rays += rays;
     w->passes++;
     level = level_at(w->passes);
@@ -323,6 +329,30 @@ static status check_result(const struct film *film, const struct unit_result *un
     return STATUS_OK;
 }
 
+/* Was the result folded, watched, or did it come and wait? Then says what this one is: it is not added
+ * again. `next`: the first that waits and is not of an earlier pass; NULL: none. */
+static int is_known(const struct film_group *g, uint32_t pass, uint64_t hash,
+                    const struct waiting *next, enum film_merge_result *result)
+{
+    const struct waiting *same = next && next->pass == pass ? next : NULL;
+
+    *result = FILM_DUPLICATE;
+    if (!SAFEGUARD(DUPLICATE_UNIT))
+        return 0;
+    if (pass < g->passes && g->log[pass].hash != hash)
+        *result = FILM_CONFLICT;
+    if (same && same->hash != hash)
+        *result = FILM_CONFLICT;
+    /* Of what was watched nothing is known but its part of a sum. */
+    return same || pass < film_group_seen(g);
+}
+
+/* Must the result wait for those before it? Sums follow the order of passes, not of arrival. */
+static int is_early(const struct film *film, const struct film_group *g, uint32_t group, uint32_t pass)
+{
+    return (pass > film_group_seen(g) && SAFEGUARD(PASS_ORDER)) || pass >= group_limit(film, g, group);
+}
+
 status film_merge(struct film *film, const struct unit_result *unit, uint32_t deliverer,
                   enum film_merge_result *result, struct error *err)
 {
@@ -336,21 +366,13 @@ status film_merge(struct film *film, const struct unit_result *unit, uint32_t de
         return s;
     g = &film->tiles[unit->tile].groups[unit->group];
     hash = unit_hash(unit);
-    if (unit->pass < g->passes) {
-        *result = g->log[unit->pass].hash == hash ? FILM_DUPLICATE : FILM_CONFLICT;
-        return STATUS_OK;
-    }
-    if (unit->pass < film_group_seen(g))
-        return STATUS_OK; /* it was watched: only its part of a sum is known */
     for (at = &g->waiting; *at && (*at)->pass < unit->pass; at = &(*at)->next)
         ;
-    if (*at && (*at)->pass == unit->pass) {
-        *result = (*at)->hash == hash ? FILM_DUPLICATE : FILM_CONFLICT;
+    if (is_known(g, unit->pass, hash, *at, result))
         return STATUS_OK;
-    }
     if (!film_group_reserve(film, unit->tile, unit->group, unit->pass + 1))
         return error_no_memory(err, "the film");
-    if (unit->pass > film_group_seen(g) || unit->pass >= group_limit(film, g, unit->group)) {
+    if (is_early(film, g, unit->group, unit->pass)) {
         *result = FILM_WAITING;
         return group_wait(g, at, unit, deliverer, hash, err);
     }

@@ -1,6 +1,5 @@
 #include "common/film/unit.h"
 
-#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -46,7 +45,6 @@ void tail_insert(struct tail *tail, float value, uint32_t pixel)
 {
     uint32_t at = tail->count < TAIL_MAX ? tail->count++ : TAIL_MAX - 1;
 
-    value = value < FLT_MAX ? value : FLT_MAX; /* a weighted sum may round to more */
     while (at > 0 && !entry_before(&tail->entries[at - 1], value, pixel)) {
         tail->entries[at] = tail->entries[at - 1];
         at--;

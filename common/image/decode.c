@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 #include "common/image/half.h"
 #include "common/image/image.h"
 
@@ -34,6 +35,8 @@ static void repair_pixels(struct image *image, struct image_repairs *repairs)
     size_t count = (size_t)image->width * image->height;
     float largest = 0.0f;
 
+    if (!SAFEGUARD(PICTURE_REPAIR))
+        return;
     for (size_t i = 0; i < count; i++) {
         float *p = image->pixels + i * image->channels;
         int nan = 0, negative = 0, infinite = 0;
@@ -109,6 +112,12 @@ status image_decode_hdr(struct image *out, const uint8_t *data, size_t size_byte
     return decode_floats(out, data, size_bytes, name, 0, repairs, err);
 }
 
+/* What is seen through entirely keeps its colour. */
+static float unmultiplied(float value, float alpha)
+{
+    return alpha > 0.0f || !SAFEGUARD(CLEAR_TEXEL) ? fminf(value / alpha, FLT_MAX) : value;
+}
+
 /* Colour times alpha to colour, in place. 1 when alpha is 1 everywhere. */
 static int divide_by_alpha(struct image *image)
 {
@@ -122,8 +131,8 @@ static int divide_by_alpha(struct image *image)
         if (p[3] == 1.0f)
             continue;
         opaque = 0;
-        for (int c = 0; c < 3 && p[3] > 0.0f; c++)
-            p[c] = fminf(p[c] / p[3], FLT_MAX);
+        for (int c = 0; c < 3; c++)
+            p[c] = unmultiplied(p[c], p[3]);
     }
     return opaque;
 }

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 #include "common/image/exr_context.h"
 #include "common/image/half.h"
 #include "common/image/image.h"
@@ -33,7 +34,7 @@ struct exr_writer {
 /* A finite half: a value beyond its range becomes its largest value, and is counted. */
 static uint16_t to_finite_half(float value, uint64_t *clamped)
 {
-    if (value > HALF_MAX || value < -HALF_MAX) {
+    if ((value > HALF_MAX || value < -HALF_MAX) && SAFEGUARD(HALF_RANGE)) {
         (*clamped)++;
         value = copysignf(HALF_MAX, value);
     }

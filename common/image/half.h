@@ -4,6 +4,7 @@
 
 #include <stdint.h>
 
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 
 #define HALF_MAX 65504.0f
@@ -36,7 +37,7 @@ static inline uint16_t half_from_float(float value)
         return sign | 0x7e00; /* NaN */
     if (magnitude >= 0x477ff000u)
         return sign | 0x7c00; /* 65520 and above */
-    if (magnitude < 0x33000001u)
+    if (magnitude < (SAFEGUARD(HALF_SUBNORMAL) ? 0x33000001u : 0x38800000u))
         return sign; /* 2^-25 and below */
     if (magnitude >= 0x38800000u) { /* normal: 2^-14 and above */
         kept = magnitude - 0x38000000u;
@@ -48,8 +49,8 @@ static inline uint16_t half_from_float(float value)
     dropped = kept & ((1u << shift) - 1);
     tie = 1u << (shift - 1);
     kept >>= shift;
-    if (dropped > tie || (dropped == tie && (kept & 1)))
-        kept++; /* a carry into the exponent is correct */
+    if ((dropped > tie || (dropped == tie && (kept & 1))) && SAFEGUARD(HALF_NEAREST))
+        kept++; /* a carry into the exponent is right */
     return (uint16_t)(sign | kept);
 }
 

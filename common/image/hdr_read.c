@@ -13,6 +13,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 #include "common/image/color.h"
 #include "common/image/image.h"
 
@@ -66,7 +67,7 @@ static int read_factors(const char *text, double *factors, int count)
         char *end;
         double value = strtod(text, &end);
 
-        if (end == text || !isfinite(value) || !(value > 0.0))
+        if (end == text || (!(isfinite(value) && value > 0.0) && SAFEGUARD(HDR_FACTOR)))
             return 0;
         factors[i] *= value;
         text = end;

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "common/base/bytes.h"
+#include "common/base/safeguard.h"
 #include "common/image/image.h"
 #include "common/math/elementary.h"
 
@@ -39,6 +40,11 @@ int pfm_recognise(const uint8_t *data, size_t size_bytes)
            data[2] <= ' ';
 }
 
+static float finite_light(float v)
+{
+    return (v > 0 && v < 3e38f) || !SAFEGUARD(PFM_FINITE) ? v : 0;
+}
+
 status pfm_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
                   struct error *err)
 {
@@ -62,7 +68,7 @@ status pfm_decode(struct image *out, const uint8_t *data, size_t size_bytes, con
         size_t row = (size_t)height - 1 - i / row_values;
         const uint8_t *b = data + at + 4 * i;
         float v = scale < 0 ? bytes_get_float(b) : float_from_bits(bytes_get32_big(b));
-        out->pixels[row * row_values + i % row_values] = v > 0 && v < 3e38f ? v : 0;
+        out->pixels[row * row_values + i % row_values] = finite_light(v);
     }
     return STATUS_OK;
 }

@@ -1,9 +1,11 @@
 #include "common/image/quantize.h"
 
-/* The dither's threshold at a pixel, 0..1 exclusive: the R2 low-discrepancy sequence of Roberts
- * 2018 ("The Unreasonable Effectiveness of Quasirandom Sequences"), x / p + y / p^2 with the
- * plastic number p, as a triangle wave so that the mask has no jumps. In integers, and kept away
- * from the ends, so that values that equal a code up to rounding keep it. */
+#include "common/base/safeguard.h"
+
+/* The dither's threshold at a pixel, 0..1 exclusive: the R2 low-discrepancy sequence of
+ * Roberts 2018 ("The Unreasonable Effectiveness of Quasirandom Sequences"), x / p + y / p^2
+ * with the plastic number p, as a triangle wave so that the mask has no jumps. In integers, and
+ * held off the ends, so that values that are code values but for rounding stay so. */
 static double dither_threshold(uint32_t x, uint32_t y)
 {
     uint32_t phase = x * 3242174889u + y * 2447445414u;
@@ -19,7 +21,7 @@ static uint32_t quantize(float value, double most, double threshold)
 
     if (!(code > 0.0)) /* NaN too */
         return (uint32_t)threshold;
-    return (uint32_t)(code >= most ? most : code + threshold);
+    return (uint32_t)(code >= most ? most : SAFEGUARD(CODES_ROUNDED) ? code + threshold : code);
 }
 
 void quantize_row8(const struct image *image, uint32_t y, int plain, uint8_t *out)

@@ -1,5 +1,7 @@
 #include "common/math/elementary.h"
 
+#include "common/base/safeguard.h"
+
 /* Taylor and Pade-free polynomials on short ranges, evaluated by Horner in double. The
  * reductions are exact enough that the final rounding to float dominates the error. */
 
@@ -49,13 +51,20 @@ static double cos_reduced(double r)
     return 1.0 + r2 * p;
 }
 
-static void sincos_d(double x, double *sine, double *cosine)
+/* x less n quarter turns. */
+static double less_quarters(double x, double n)
 {
     /* pi/2 in two parts, the high one with 33 significant bits so that n * high is exact. */
     const double half_pi_high = 0x1.921fb544p+0, half_pi_low = 0x1.0b4611a626331p-34;
+
+    return SAFEGUARD(SINE_REDUCTION) ? (x - n * half_pi_high) - n * half_pi_low : x - n * (PI_D / 2);
+}
+
+static void sincos_d(double x, double *sine, double *cosine)
+{
     double scaled = x * (2.0 / PI_D);
     double n = (double)(int64_t)(scaled + copysign(0.5, scaled));
-    double r = (x - n * half_pi_high) - n * half_pi_low;
+    double r = less_quarters(x, n);
     uint64_t s = double_to_bits(sin_reduced(r)), c = double_to_bits(cos_reduced(r));
     uint64_t quarter = (uint64_t)(int64_t)n;
     uint64_t swapped = (s ^ c) & (0 - (quarter & 1));
@@ -135,7 +144,7 @@ double det_atan2_d(double y, double x)
     double high = ay > ax ? ay : ax, low = ay < ax ? ay : ax;
     double angle;
 
-    if (high == 0)
+    if (high == 0 && SAFEGUARD(ATAN2_ORIGIN))
         return 0;
     angle = start[steep] + way[steep] * atan_unit(low / high);
     angle = half[left] + way[left] * angle;
@@ -147,32 +156,47 @@ float det_atan2(float y, float x)
     return (float)det_atan2_d(y, x);
 }
 
+/* A unit vector's cosine rounds to more than 1. */
+static double within_one(float x)
+{
+    return !SAFEGUARD(COSINE_RANGE) ? x : x < -1.0f ? -1.0 : x > 1.0f ? 1.0 : x;
+}
+
 float det_acos(float x)
 {
-    double c = x < -1.0f ? -1.0 : x > 1.0f ? 1.0 : x;
+    double c = within_one(x);
 
     return (float)det_atan2_d(sqrt((1.0 - c) * (1.0 + c)), c);
 }
 
 float det_asin(float x)
 {
-    double s = x < -1.0f ? -1.0 : x > 1.0f ? 1.0 : x;
+    double s = within_one(x);
 
     return (float)det_atan2_d(s, sqrt((1.0 - s) * (1.0 + s)));
+}
+
+/* p * 2^k for p from 0.7 to 1.5. */
+static double scale_by_power(double p, int64_t k)
+{
+    if (k > 1023) { /* 2^1024 does not exist: scale in two steps */
+        p *= 2.0;
+        k--;
+    }
+    if (k < -1022 && SAFEGUARD(EXP_SUBNORMAL)) {
+        p *= 0x1p-60;
+        k += 60;
+    }
+    return p * bits_to_double((uint64_t)(k + 1023) << 52);
 }
 
 double det_exp_d(double x)
 {
     const double ln2_high = 0x1.62e42fefp-1, ln2_low = 0x1.473de6af278edp-34;
     double n, r, p;
-    int64_t k;
 
-    if (x != x)
-        return x;
-    if (x > 709.78)
-        return INFINITY;
-    if (x < -745.2)
-        return 0;
+    if (!(x >= -745.2 && x <= 709.78) && SAFEGUARD(EXP_RANGE))
+        return x != x ? x : x > 0 ? INFINITY : 0;
     n = (double)(int64_t)(x * 1.44269504088896340736 + (x >= 0 ? 0.5 : -0.5));
     r = (x - n * ln2_high) - n * ln2_low;
     p = 1.0 / 87178291200.0;
@@ -190,16 +214,7 @@ double det_exp_d(double x)
     p = p * r + 0.5;
     p = p * r + 1.0;
     p = p * r + 1.0;
-    k = (int64_t)n;
-    if (k > 1023) { /* 2^1024 does not exist: scale in two steps */
-        p *= 2.0;
-        k--;
-    }
-    if (k < -1022) {
-        p *= 0x1p-60;
-        k += 60;
-    }
-    return p * bits_to_double((uint64_t)(k + 1023) << 52);
+    return scale_by_power(p, (int64_t)n);
 }
 
 double det_log_d(double x)
@@ -246,9 +261,7 @@ double det_pow_d(double x, double y)
 {
     if (y == 0 || x == 1)
         return 1;
-    if (x == 0)
-        return y > 0 ? 0 : INFINITY;
-    return det_exp_d(y * det_log_d(x));
+    return det_exp_d(y * det_log_d(x)); /* of x = 0: of minus or plus infinity */
 }
 
 float det_exp(float x)

@@ -2,6 +2,7 @@
  * within 1.5 % of the transform, reds within 14 %; `aces` is the transform itself. */
 #include <math.h>
 
+#include "common/base/safeguard.h"
 #include "common/tonemap/operators.h"
 
 /* sRGB to AP1 and the RRT's desaturation in one; the ODT's and AP1 to sRGB. */
@@ -10,9 +11,13 @@ static const double into[3][3] = {
 static const double back[3][3] = {
     {1.60475, -0.53108, -0.07367}, {-0.10208, 1.10813, -0.00605}, {-0.00327, -0.07276, 1.07602}};
 
+/* In double: in float the squares of light above 2e19 are infinite. */
 static double fit(double v)
 {
-    return (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081);
+    double above = v * (v + 0.0245786) - 0.000090537;
+    double below = v * (0.983729 * v + 0.4329510) + 0.238081;
+
+    return SAFEGUARD(HILL_DOUBLE) ? above / below : (double)((float)above / (float)below);
 }
 
 static void hill_row(const void *user, float *rgb, uint32_t width)

@@ -12,6 +12,7 @@
 #include <math.h>
 
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 #include "common/math/curve_table.h"
 #include "common/tonemap/operators.h"
 
@@ -42,7 +43,7 @@ static double log1p_ratio(double x)
 {
     double sum = 1.0 + x;
 
-    return sum == 1.0 ? 1.0 : det_log_d(sum) / (sum - 1.0);
+    return sum == 1.0 && SAFEGUARD(DRAGO_FAINT) ? 1.0 : det_log_d(sum) / (sum - 1.0);
 }
 
 /* Ld / Y of the luminance Y, given as a share of the maximum. */

@@ -31,6 +31,7 @@
 
 #include "common/base/memory.h"
 #include "common/base/parallel.h"
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/math/quick.h"
 #include "common/tonemap/gradient_field.h"
@@ -521,7 +522,7 @@ static status mantiuk_apply(const struct tonemap_frame *frame, const double *sta
         return st;
     p.low += state[STATE_LOW] - own[STATE_LOW];
     p.high += state[STATE_HIGH] - own[STATE_HIGH];
-    range = fmax(p.high - p.low, RANGE_MIN);
+    range = SAFEGUARD(MANTIUK06_RANGE) ? fmax(p.high - p.low, RANGE_MIN) : p.high - p.low;
     c.plane = p.plane;
     c.middle = 0.5 * (p.low + p.high);
     c.scale = DISPLAY_RANGE / LOG10_2 / range;

@@ -6,6 +6,7 @@
 
 #include "common/base/memory.h"
 #include "common/base/parallel.h"
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/math/quick.h"
 #include "common/tonemap/mantiuk08.h"
@@ -134,7 +135,7 @@ static void do_stripes(void *user, size_t begin, size_t end)
  * their curves show. */
 static void mend_singular(uint64_t counts[M08_BINS])
 {
-    if (counts[M08_CENTRE] > 0) {
+    if (counts[M08_CENTRE] > 0 && SAFEGUARD(MANTIUK08_SINGULAR)) {
         counts[M08_CENTRE - 1]++;
         counts[M08_CENTRE + 1]++;
     }

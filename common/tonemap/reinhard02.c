@@ -18,6 +18,7 @@
 
 #include "common/base/memory.h"
 #include "common/base/parallel.h"
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/tonemap/operators.h"
 
@@ -129,7 +130,9 @@ static void luminance_lines(void *user, size_t begin, size_t end)
     for (size_t i = begin * l->width; i < end * l->width; i++) {
         double value = l->curve.scale * tonemap_luminance(l->frame->image->pixels + 3 * i);
 
-        l->luminance[i] = value < (double)LUMINANCE_MAX ? (float)value : LUMINANCE_MAX;
+        l->luminance[i] = value < (double)LUMINANCE_MAX || !SAFEGUARD(REINHARD_SUN)
+                              ? (float)value
+                              : LUMINANCE_MAX;
     }
 }
 
@@ -292,7 +295,7 @@ static status reinhard_apply(const struct tonemap_frame *frame, const double *st
                                               : curve.scale * frame->statistics.max;
 
     (void)state;
-    curve.inverse_white2 = white > 0.0 ? 1.0 / (white * white) : 0.0;
+    curve.inverse_white2 = white > 0.0 || !SAFEGUARD(REINHARD_BLACK) ? 1.0 / (white * white) : 0.0;
     if ((int)frame->values[SCALE] == SCALE_LOCAL)
         return local_apply(frame, &curve, err);
     tonemap_each_row(frame, reinhard_row, &curve);

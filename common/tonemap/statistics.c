@@ -5,6 +5,7 @@
 
 #include "common/base/memory.h"
 #include "common/base/parallel.h"
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/tonemap/operators.h"
 #include "common/tonemap/statistics.h"
@@ -34,7 +35,7 @@ static double counted_luminance(const float rgb[3], const double (*matrix)[3])
     float positive[3];
     double sum = 0.0;
 
-    if (!isfinite(rgb[0]) || !isfinite(rgb[1]) || !isfinite(rgb[2]))
+    if ((!isfinite(rgb[0]) || !isfinite(rgb[1]) || !isfinite(rgb[2])) && SAFEGUARD(INFINITE_PIXEL))
         return 0.0;
     for (int i = 0; i < 3; i++)
         positive[i] = rgb[i] > 0.0f ? rgb[i] : 0.0f;
@@ -60,6 +61,8 @@ static void log_sum_add(struct log_sum *sum, double x)
     uint64_t bits;
 
     sum->product *= x;
+    if (!SAFEGUARD(LOG_SUM_RANGE))
+        return;
     memcpy(&bits, &sum->product, sizeof bits);
     sum->exponent += (int64_t)(bits >> 52) - 1023;
     bits = (bits & 0xfffffffffffffull) | 0x3ff0000000000000ull;
@@ -83,7 +86,7 @@ static void measure_lines(void *user, size_t begin, size_t end)
         for (uint32_t x = 0; x < m->in->width; x++, p += 3) {
             double luminance = counted_luminance(p, m->matrix);
 
-            if (!(luminance > 0.0))
+            if (!(luminance > 0.0) && SAFEGUARD(BLACK_PIXEL))
                 continue;
             log_sum_add(&logs, luminance);
             line.counted++;

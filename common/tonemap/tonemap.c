@@ -7,6 +7,7 @@
 
 #include "common/base/memory.h"
 #include "common/base/parallel.h"
+#include "common/base/safeguard.h"
 #include "common/image/color.h"
 #include "common/math/elementary.h"
 #include "common/tonemap/operators.h"
@@ -43,7 +44,9 @@ struct exposing {
 
 static float limited(double value)
 {
-    if (!(value > 0.0)) /* also NaN */
+    if (!SAFEGUARD(LIGHT_FINITE))
+        return (float)value;
+    if (!(value > 0.0)) /* NaN too */
         return 0.0f;
     return value > (double)FLT_MAX ? FLT_MAX : (float)value;
 }
@@ -267,7 +270,16 @@ struct finishing {
     int encode, decode; /* apply the sRGB curve, or undo it */
 };
 
-/* For any output of the operator: within 0..1, never NaN, and encoded exactly once. */
+/* What an operator left of 0..1; NaN is 0. */
+static float in_range(float value)
+{
+    if (!SAFEGUARD(DISPLAY_RANGE))
+        return value;
+    value = value > 0.0f ? value : 0.0f;
+    return value < 1.0f ? value : 1.0f;
+}
+
+/* Whatever the operator left: within 0..1, never NaN, and encoded exactly once. */
 static void finish_row(const void *user, float *rgb, uint32_t width)
 {
     const struct finishing *f = user;
@@ -275,9 +287,8 @@ static void finish_row(const void *user, float *rgb, uint32_t width)
     if (f->encode)
         srgb_encode_row(rgb, (size_t)width * 3);
     for (size_t i = 0; i < (size_t)width * 3; i++) {
-        float value = rgb[i] > 0.0f ? rgb[i] : 0.0f; /* also NaN */
+        float value = in_range(rgb[i]);
 
-        value = value < 1.0f ? value : 1.0f;
         rgb[i] = f->decode ? srgb_decode(value) : value;
     }
 }

@@ -7,6 +7,7 @@
 #include "common/base/clock.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 #include "coordinator/farm/figures.h"
 #include "coordinator/farm/freeze.h"
 #include "coordinator/farm/scheduler.h"
@@ -48,7 +49,7 @@ static void report_conflict(struct farm *farm, const struct job_frame *frame,
 
 static int is_amount(double x)
 {
-    return isfinite(x) && x >= 0;
+    return (isfinite(x) && x >= 0) || !SAFEGUARD(FINITE_AMOUNT);
 }
 
 /* The count is one that the unit can have, and the example one of its samples. */

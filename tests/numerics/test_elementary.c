@@ -10,6 +10,9 @@
 #include <cmocka.h>
 
 #include "common/math/elementary.h"
+#include "common/math/vec.h"
+#include "tests/support/figure.h"
+#include "worker/render/light/environment.h"
 
 /* The largest error that was seen, where, and of how many arguments. */
 struct worst {
@@ -54,12 +57,13 @@ static void note(struct worst *w, double ulp, double x, double y)
 
 static void judge(const struct worst *w, double bound)
 {
+    char what[64];
+
     print_message("%-10s %9lu arguments, largest error %.6f ulp at (%.9g, %.9g)\n", w->name,
                   w->count, w->ulp, w->x, w->y);
     assert_true(w->count > 10000);
-    if (!(w->ulp < bound))
-        fail_msg("%s(%.9g, %.9g) is wrong by %.6f ulp, more than %g", w->name, w->x, w->y, w->ulp,
-                 bound);
+    snprintf(what, sizeof what, "largest error of %s in ulp", w->name);
+    figure_within(what, w->ulp, 0, bound, "against long double");
 }
 
 /* Every stride-th float from `low` up to `high`, both > 0: as many in every octave. */
@@ -248,6 +252,70 @@ static void test_special_values(void **state)
     assert_float(det_pow(1, 1e30f), 1);
 }
 
+/* ---- where a naive function gives NaN, or any number ---------------------------------------- */
+
+/* The largest size of e^-depth over depths from `low` to `high`, where it is 0 in float. A NaN is infinite. */
+static double most_through(float low, float high)
+{
+    double most = 0;
+
+    SWEEP(depth, low, high, 9973) {
+        double through = fabs((double)det_exp(-depth));
+        most = through <= most ? most : isnan(through) ? (double)INFINITY : through;
+    }
+    return most;
+}
+
+static void test_deep_media_are_black(void **state)
+{
+    (void)state;
+    figure_within("largest share of light through an optical depth of 104 to 745", most_through(104, 745), 0, 0,
+                  "exact");
+}
+
+static void test_bottomless_media_are_black(void **state)
+{
+    (void)state;
+    figure_within("largest share of light through an optical depth of 746 to 3e38", most_through(746, 3e38f), 0,
+                  0, "exact");
+}
+
+/* A sky that is 1 everywhere, seen straight up and straight down. */
+static void test_poles_of_a_sky(void **state)
+{
+    struct environment *sky;
+    struct error err = {0};
+    struct image map;
+
+    (void)state;
+    assert_int_equal(image_init(&map, 8, 4, 3, &err), STATUS_OK);
+    for (int i = 0; i < 8 * 4 * 3; i++)
+        map.pixels[i] = 1;
+    map.pixels[0] = 1.5f; /* a map of one colour is not looked up */
+    assert_int_equal(environment_new(&sky, &map, NULL, 0, vec3_splat(1), ENV_SAMPLING_IMPORTANCE, &err), STATUS_OK);
+    figure_within("radiance straight up", (double)environment_radiance(sky, vec3_make(0, 1, 0)).y, 1, 1.2, "of the map");
+    figure_within("radiance straight down", (double)environment_radiance(sky, vec3_make(0, -1, 0)).y, 1, 1, "exact");
+    environment_free(sky);
+}
+
+/* Where a unit vector's cosine with itself rounds to more than 1. */
+static void test_angle_of_equal_directions(void **state)
+{
+    unsigned beyond = 0, lost = 0;
+    uint64_t random = 1;
+
+    (void)state;
+    for (int i = 0; i < 100000; i++) {
+        struct vec3 d = vec3_normalize(vec3_make((float)(uniform(&random) - 0.5), (float)(uniform(&random) - 0.5),
+                                                 (float)(uniform(&random) - 0.5)));
+        float cosine = vec3_dot(d, d);
+        beyond += cosine > 1;
+        lost += !(det_acos(cosine) < 1e-3f);
+    }
+    assert_true(beyond > 1000);
+    figure_within("directions of 1e5 whose angle to themselves is not 0", lost, 0, 0, "exact");
+}
+
 /* What workers and coordinators of one farm must agree on. It changes only with the
  * functions: then old and new programs must not work on one job, and this number moves. */
 static void test_fingerprint(void **state)
@@ -262,6 +330,8 @@ int main(void)
         cmocka_unit_test(test_sine_and_cosine), cmocka_unit_test(test_inverse),
         cmocka_unit_test(test_exponential),     cmocka_unit_test(test_double),
         cmocka_unit_test(test_double_angles),
+        cmocka_unit_test(test_deep_media_are_black), cmocka_unit_test(test_bottomless_media_are_black),
+        cmocka_unit_test(test_poles_of_a_sky), cmocka_unit_test(test_angle_of_equal_directions),
         cmocka_unit_test(test_special_values),  cmocka_unit_test(test_fingerprint),
     };
     return cmocka_run_group_tests_name("elementary", tests, NULL, NULL);

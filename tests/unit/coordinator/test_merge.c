@@ -19,6 +19,7 @@
 #include "coordinator/farm/scheduler.h"
 #include "coordinator/store/store.h"
 #include "coordinator/film/store_film.h"
+#include "tests/support/figure.h"
 #include "tests/support/sim_farm.h"
 
 enum { WIDTH = 40, HEIGHT = 24, SPP = 100, FRAMES = 3 }; /* 6 tiles, edges on two sides, 8 passes of 2 groups */
@@ -222,6 +223,30 @@ static void hostile_results_are_refused(void **state)
 #undef REFUSED
     assert_int_equal(film_work(job->frames->film).samples, 0);
     assert_null(merge_commit_begin(&sim->farm, sim->now_ns));
+    sim_free(sim);
+}
+
+/* The share of the light that --clamp took away is told in the summary: one infinity would make it NaN. */
+static void an_infinite_amount_is_refused(void **state)
+{
+    struct sim *sim = sim_new(NULL, 1);
+    struct sim_worker *worker = sim_connect(sim, 0, 8);
+    struct job *job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
+    uint8_t sums[TILE_FLOATS_MAX * 4];
+    struct unit_work work;
+    struct tile_result bad;
+    enum merge_outcome outcome;
+
+    (void)state;
+    sim_grant(sim, worker, 8);
+    bad = sim_result(sim, &worker->units[0], sums);
+    bad.work.clamped_samples = 1;
+    bad.work.clamped_luminance = INFINITY;
+    (void)!merge_result(&sim->farm, &worker->worker, &bad, sim->now_ns, &outcome, NULL);
+    sim_send(sim, worker, 1, 100);
+    work = film_work(job->frames->film);
+    figure_within("share of the light that was clamped, after a result of infinity",
+                  unit_work_clamped_share(&work), 0, 1, "a share");
     sim_free(sim);
 }
 
@@ -787,6 +812,7 @@ int main(void)
         cmocka_unit_test(a_conflict_is_reported_and_the_first_kept),
         cmocka_unit_test(hostile_results_are_refused),
         cmocka_unit_test(hostile_health_is_refused),
+        cmocka_unit_test(an_infinite_amount_is_refused),
         cmocka_unit_test(unwanted_results_are_sent_away),
         cmocka_unit_test(random_farms_end_right),
         cmocka_unit_test(random_crashes_lose_nothing),
