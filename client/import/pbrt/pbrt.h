@@ -221,10 +221,16 @@ int pbrt_rotation(double angle, const double given[3], struct transform_d *out);
  * x to the right of that in a left-handed world. 0: there is none. */
 int pbrt_look_at(const double n[9], struct transform_d *out);
 
-/* ---- pbrt_camera.c ------------------------------------------------------------------------ */
+/* ---- pbrt_hints.c ------------------------------------------------------------------------- */
 status pbrt_option(struct pbrt *p, const struct pbrt_directive *d) MUST_CHECK;
 status pbrt_sampler(struct pbrt *p, const struct pbrt_directive *d) MUST_CHECK;
 status pbrt_integrator(struct pbrt *p, const struct pbrt_directive *d) MUST_CHECK;
+/* The film's size and aspect, and the camera's exposure. */
+void pbrt_film_hints(struct pbrt *p, struct scene_camera *camera, double *aspect);
+/* Without an Integrator pbrt goes PBRT_MAX_DEPTH deep, as with one that names no depth. */
+void pbrt_integrator_hints(struct pbrt *p);
+
+/* ---- pbrt_camera.c, pbrt_motion.c --------------------------------------------------------- */
 /* WorldBegin: the camera and the film are complete. */
 status pbrt_camera(struct pbrt *p) MUST_CHECK;
 /* A node that follows both matrices; BUILDER_NO_ROW in *row when they are equal. */
@@ -307,7 +313,7 @@ int pbrt_material_wants_tangents(const struct pbrt_material *m);
 /* The mean luminance of a picture, as a light counts it. */
 status pbrt_image_luminance(struct pbrt *p, struct pbrt_image *image, double *out) MUST_CHECK;
 
-/* ---- pbrt_light.c, pbrt_medium.c, pbrt_shape.c ---------------------------------------------- */
+/* ---- pbrt_light.c, pbrt_medium.c, pbrt_shape.c, pbrt_shape_kinds.c --------------------------- */
 status pbrt_light(struct pbrt *p, const struct pbrt_directive *d) MUST_CHECK;
 status pbrt_area_light_resolve(struct pbrt *p, struct pbrt_area_light *light) MUST_CHECK;
 status pbrt_medium(struct pbrt *p, const char *name, const struct pbrt_directive *d) MUST_CHECK;
@@ -315,6 +321,11 @@ status pbrt_medium(struct pbrt *p, const char *name, const struct pbrt_directive
 status pbrt_medium_row(struct pbrt *p, const char *name, const struct pbrt_place *at,
                        int32_t *row) MUST_CHECK;
 status pbrt_shape(struct pbrt *p, const struct pbrt_directive *d) MUST_CHECK;
+/* Makes the mesh of one kind of shape; `out` is zeroed by the caller, and released. */
+typedef status pbrt_shape_make(struct pbrt *p, const struct pbrt_directive *d,
+                               struct mesh_source *out);
+/* NULL: the kind is not supported. */
+pbrt_shape_make *pbrt_shape_kind(const char *kind);
 status pbrt_instance(struct pbrt *p, const struct pbrt_part *part) MUST_CHECK;
 /* ObjectInstance */
 status pbrt_object_place(struct pbrt *p, const struct pbrt_object *object,
