@@ -184,6 +184,12 @@ status gltf_accessor_floats(struct gltf *g, size_t index, const struct gltf_acce
 status gltf_accessor_indices(struct gltf *g, size_t index, const struct gltf_accessor *a,
                              uint32_t **out) MUST_CHECK;
 
+/* A vertex attribute as floats, [vertices][components]; *out stays NULL when absent. `most` above
+ * `components` allows that many (COLOR_0); *found, if not NULL, is set to the number there is. */
+status gltf_attribute(struct gltf *g, json_t *attributes, const struct gltf_place *at,
+                      const char *key, int components, int most, int any, size_t vertices,
+                      float **out, int *found) MUST_CHECK;
+
 /* ---- gltf_textures.c ---------------------------------------------------------------------- */
 
 /* A textureInfo; `info_out` (may be NULL) gets the JSON object for what else stands in it. */
