@@ -16,50 +16,6 @@
 
 enum { WORKER_THREADS_MAX = 4096, ROOM_MAX = 1 << 20 };
 
-/* A message that could not be queued closes its channel by itself; on_close tells. */
-static void send_message(struct session *session, const Azulejo__Wire__Envelope *envelope)
-{
-    if (session->state != SESSION_ENDING && channel_send(session->channel, envelope) != STATUS_OK)
-        log_debug("session %u: %s was not sent", session->id, message_name(envelope));
-}
-
-void session_fail(struct session *session, uint64_t request, const struct error *why)
-{
-    if (session->state != SESSION_ENDING &&
-        message_send_failure(session->channel, request, why) != STATUS_OK)
-        log_debug("session %u: a failure was not sent", session->id);
-}
-
-void session_notice(struct session *session, int level, const char *text)
-{
-    Azulejo__Wire__Notice notice = AZULEJO__WIRE__NOTICE__INIT;
-    Azulejo__Wire__Envelope envelope = MESSAGE(NOTICE, notice, &notice);
-
-    notice.level = (uint32_t)level;
-    notice.text = (char *)text;
-    send_message(session, &envelope);
-}
-
-void session_revoke(struct session *session, uint64_t lease, const char *reason)
-{
-    Azulejo__Wire__LeaseRevoke revoke = AZULEJO__WIRE__LEASE_REVOKE__INIT;
-    Azulejo__Wire__Envelope envelope = MESSAGE(LEASE_REVOKE, lease_revoke, &revoke);
-
-    revoke.lease = lease;
-    revoke.reason = (char *)reason;
-    send_message(session, &envelope);
-}
-
-void session_end(struct session *session, const struct error *why)
-{
-    if (session->state == SESSION_ENDING)
-        return;
-    if (why)
-        session_fail(session, 0, why);
-    session->state = SESSION_ENDING;
-    channel_close(session->channel);
-}
-
 /* ---- acknowledgements ----------------------------------------------------------------------- */
 
 static void send_acks(struct session *session)
@@ -84,7 +40,7 @@ static void send_acks(struct session *session)
     ack.n_units = session->ack_count;
     ack.units = pointers;
     session->ack_count = 0;
-    send_message(session, &envelope);
+    session_send(session, &envelope);
 }
 
 void session_ack(struct session *session, uint64_t job, uint32_t frame, struct unit_name unit,
@@ -164,7 +120,7 @@ static void send_welcome(struct session *session, uint64_t request)
     welcome.heartbeat_ms = SESSION_HEARTBEAT_MS;
     welcome.silence_limit_ms = SESSION_SILENCE_MS;
     envelope.request = request;
-    send_message(session, &envelope);
+    session_send(session, &envelope);
 }
 
 static void take_hello(struct session *session, const Azulejo__Wire__Envelope *message)
@@ -230,7 +186,7 @@ static void grant_message(struct session *session, const struct lease *lease)
     grant.settings = &settings;
     grant.n_units = lease->unit_count;
     grant.units = pointers;
-    send_message(session, &envelope);
+    session_send(session, &envelope);
 }
 
 void session_grant(struct session *session, uint64_t now_ns)
@@ -377,9 +333,8 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
     default:
         break;
     }
-    if (session->worker && worker_message(session, message, now_ns))
-        return;
-    if (session_client_message(session, message, now_ns))
+    if ((session->worker && worker_message(session, message, now_ns)) ||
+        session_client_message(session, message, now_ns))
         return;
     error_set(&err, STATUS_ERR_REFUSED, "a %s may not send %s", farm_role_name(session->role),
               message_name(message));

@@ -71,9 +71,6 @@ struct session {
 /* For an open channel, which the session then owns. ERR_NO_MEMORY: it does not. */
 status session_begin(struct server *server, struct channel *channel, struct error *err) MUST_CHECK;
 
-/* Say goodbye. `why` may be NULL: an orderly end. */
-void session_end(struct session *session, const struct error *why);
-
 /* Heartbeat, silence, watches: a few times a second. */
 void session_tick(struct session *session, uint64_t now_ns);
 /* Send what became due: changed watches, acknowledgements. */
@@ -84,15 +81,22 @@ void session_grant(struct session *session, uint64_t now_ns);
 
 void session_ack(struct session *session, uint64_t job, uint32_t frame, struct unit_name unit,
                  uint64_t now_ns);
-void session_revoke(struct session *session, uint64_t lease, const char *reason);
-void session_notice(struct session *session, int level, const char *text);
-void session_fail(struct session *session, uint64_t request, const struct error *why);
-
 /* session_client.c: the messages of clients, and of workers about blobs; 0: not one of them. */
 int session_client_message(struct session *session, const Azulejo__Wire__Envelope *message,
                            uint64_t now_ns);
+void session_watches_send(struct session *session, uint64_t now_ns, int only_due);
+
+/* session_reply.c: nothing is sent once the session is ending. A message that cannot be queued
+ * closes its channel, and the session with it. */
+void session_send(struct session *session, const Azulejo__Wire__Envelope *envelope);
+void session_reply(struct session *session, uint64_t request, Azulejo__Wire__Envelope *envelope);
 void session_accepted(struct session *session, uint64_t request, uint64_t job,
                       uint32_t estimate_spp);
-void session_watches_send(struct session *session, uint64_t now_ns, int only_due);
+void session_stored(struct session *session, uint64_t request, const struct digest *digest);
+void session_revoke(struct session *session, uint64_t lease, const char *reason);
+void session_notice(struct session *session, int level, const char *text);
+void session_fail(struct session *session, uint64_t request, const struct error *why);
+/* End the session; `why`, unless NULL, is sent as a Failure first. */
+void session_end(struct session *session, const struct error *why);
 
 #endif

@@ -10,7 +10,6 @@
 #include "coordinator/net/session.h"
 #include "coordinator/net/session_table.h"
 #include "coordinator/net/task.h"
-#include "protocol/message.h"
 
 /* A task that answers a request; its session may be gone by then. */
 struct request_task {
@@ -134,16 +133,10 @@ static void upload_end(struct task *task)
     if (!session)
         return;
     session->storing--;
-    if (task->result == STATUS_OK) {
-        Azulejo__Wire__BlobStored stored = AZULEJO__WIRE__BLOB_STORED__INIT;
-        Azulejo__Wire__Envelope envelope = MESSAGE(BLOB_STORED, blob_stored, &stored);
-        wire_digest_set(&stored.digest, upload_digest(u->upload));
-        envelope.request = u->r.request;
-        if (channel_send(session->channel, &envelope) != STATUS_OK)
-            log_debug("session %u: blob_stored was not sent", session->id);
-    } else {
+    if (task->result == STATUS_OK)
+        session_stored(session, u->r.request, upload_digest(u->upload));
+    else
         session_fail(session, u->r.request, &task->error);
-    }
 }
 
 static void upload_release(struct task *task)
