@@ -208,18 +208,15 @@ status store_check(struct store *store, struct error *err)
 
 status epoch_store(struct store *store, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
     status s;
 
     if (store->epoch_limit == 0)
         return STATUS_OK;
     pthread_mutex_lock(&store->order);
-    s = sql_prepare(store, "INSERT OR REPLACE INTO meta (name, value) VALUES ('epoch_limit', ?)",
-                    &statement, err);
-    if (s == STATUS_OK) {
-        bind_number(statement, 1, store->epoch_limit);
-        s = sql_run_reserved(store, statement, "the lease epoch cannot be stored", err);
-    }
+    s = sql_change_reserved(store,
+                            "INSERT OR REPLACE INTO meta (name, value) VALUES ('epoch_limit', ?)",
+                            SQL_VALUES(sql_number(store->epoch_limit)),
+                            "the lease epoch cannot be stored", err);
     pthread_mutex_unlock(&store->order);
     if (s == STATUS_OK)
         store->epoch_limit = 0;
@@ -237,8 +234,8 @@ status store_epoch_begin(struct store *store, int64_t wall_s, uint64_t *epoch, s
     uint64_t wall = wall_s > 0 ? (uint64_t)wall_s << 24 : 1;
     struct error why = {0};
     int code;
-    status s = sql_prepare(store, "SELECT value FROM meta WHERE name='epoch_limit'", &statement,
-                           err);
+    status s = sql_select(store, "SELECT value FROM meta WHERE name='epoch_limit'", NULL, 0,
+                          &statement, err);
 
     if (s != STATUS_OK)
         return s;

@@ -104,20 +104,54 @@ status sql_exec(struct store *store, const char *sql, const char *what, struct e
     return STATUS_OK;
 }
 
-status sql_prepare(struct store *store, const char *sql, sqlite3_stmt **out, struct error *err)
+struct sql_value sql_number(int64_t number)
 {
-    if (sqlite3_prepare_v2(store->db, sql, -1, out, NULL) != SQLITE_OK)
-        return sql_error(store, "prepare", err);
-    return STATUS_OK;
+    return (struct sql_value){.kind = SQL_NUMBER, .number = number};
 }
 
-status sql_run(struct store *store, sqlite3_stmt *statement, const char *what, struct error *err)
+struct sql_value sql_real(double real)
 {
-    status s = STATUS_OK;
+    return (struct sql_value){.kind = SQL_REAL, .real = real};
+}
 
-    if (sqlite3_step(statement) != SQLITE_DONE)
-        s = sql_error(store, what, err);
-    sqlite3_finalize(statement);
+struct sql_value sql_text(const char *text)
+{
+    return (struct sql_value){.kind = SQL_TEXT, .data = text, .size_bytes = text ? strlen(text) : 0};
+}
+
+struct sql_value sql_bytes(const struct buffer *bytes)
+{
+    return (struct sql_value){
+        .kind = SQL_BYTES, .data = bytes->size ? bytes->data : NULL, .size_bytes = bytes->size};
+}
+
+static int bind(sqlite3_stmt *statement, int at, const struct sql_value *value)
+{
+    switch (value->kind) {
+    case SQL_NUMBER: return sqlite3_bind_int64(statement, at, value->number);
+    case SQL_REAL: return sqlite3_bind_double(statement, at, value->real);
+    case SQL_TEXT:
+        return sqlite3_bind_text(statement, at, value->data, (int)value->size_bytes,
+                                 SQLITE_TRANSIENT);
+    default:
+        return sqlite3_bind_blob(statement, at, value->data, (int)value->size_bytes,
+                                 SQLITE_TRANSIENT);
+    }
+}
+
+status sql_select(struct store *store, const char *sql, const struct sql_value *values,
+                  size_t count, sqlite3_stmt **out, struct error *err)
+{
+    int code = sqlite3_prepare_v2(store->db, sql, -1, out, NULL);
+    status s;
+
+    for (size_t i = 0; code == SQLITE_OK && i < count; i++)
+        code = bind(*out, (int)i + 1, &values[i]);
+    if (code == SQLITE_OK)
+        return STATUS_OK;
+    s = sql_error(store, "prepare", err);
+    sqlite3_finalize(*out);
+    *out = NULL;
     return s;
 }
 
@@ -139,30 +173,36 @@ static int give_reserve(struct store *store)
     return 1;
 }
 
-status sql_run_reserved(struct store *store, sqlite3_stmt *statement, const char *what,
-                        struct error *err)
+static status change(struct store *store, const char *sql, const struct sql_value *values,
+                     size_t count, int reserved, const char *what, struct error *err)
 {
-    if (sqlite3_step(statement) != SQLITE_DONE) {
-        if (!give_reserve(store)) {
-            status s = sql_error(store, what, err);
-            sqlite3_finalize(statement);
-            return s;
-        }
+    sqlite3_stmt *statement = NULL;
+    status s = sql_select(store, sql, values, count, &statement, err);
+    int code;
+
+    if (s != STATUS_OK)
+        return s;
+    code = sqlite3_step(statement);
+    if (code != SQLITE_DONE && reserved && give_reserve(store)) {
         sqlite3_reset(statement);
-        return sql_run(store, statement, what, err);
+        code = sqlite3_step(statement);
     }
+    if (code != SQLITE_DONE)
+        s = sql_error(store, what, err);
     sqlite3_finalize(statement);
-    return STATUS_OK;
+    return s;
 }
 
-void bind_text(sqlite3_stmt *statement, int at, const char *text)
+status sql_change(struct store *store, const char *sql, const struct sql_value *values,
+                  size_t count, const char *what, struct error *err)
 {
-    sqlite3_bind_text(statement, at, text, -1, SQLITE_TRANSIENT);
+    return change(store, sql, values, count, 0, what, err);
 }
 
-void bind_number(sqlite3_stmt *statement, int at, uint64_t value)
+status sql_change_reserved(struct store *store, const char *sql, const struct sql_value *values,
+                           size_t count, const char *what, struct error *err)
 {
-    sqlite3_bind_int64(statement, at, (sqlite3_int64)value);
+    return change(store, sql, values, count, 1, what, err);
 }
 
 void column_text(sqlite3_stmt *statement, int at, char *out, size_t size)
@@ -180,7 +220,7 @@ uint64_t column_number(sqlite3_stmt *statement, int at)
 static status schema_version(struct store *store, int *version, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
-    status s = sql_prepare(store, "PRAGMA user_version", &statement, err);
+    status s = sql_select(store, "PRAGMA user_version", NULL, 0, &statement, err);
 
     if (s != STATUS_OK)
         return s;

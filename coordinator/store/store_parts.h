@@ -56,16 +56,33 @@ status epoch_store(struct store *store, struct error *err) MUST_CHECK;
 status sql_error(struct store *store, const char *what, struct error *err);
 status sql_exec(struct store *store, const char *sql, const char *what,
                 struct error *err) MUST_CHECK;
-status sql_prepare(struct store *store, const char *sql, sqlite3_stmt **out,
-                   struct error *err) MUST_CHECK;
-/* Run a statement that yields no row, and finalize it. */
-status sql_run(struct store *store, sqlite3_stmt *statement, const char *what,
-               struct error *err) MUST_CHECK;
-/* The same for what must not wait for others to make room: on a full disk it gets the reserve. */
-status sql_run_reserved(struct store *store, sqlite3_stmt *statement, const char *what,
-                        struct error *err) MUST_CHECK;
-void bind_text(sqlite3_stmt *statement, int at, const char *text);
-void bind_number(sqlite3_stmt *statement, int at, uint64_t value);
+
+/* A value for a '?' of a statement. Empty bytes, a text that is NULL and NaN become NULL. */
+struct sql_value {
+    enum { SQL_NUMBER, SQL_REAL, SQL_TEXT, SQL_BYTES } kind;
+    int64_t number;
+    double real;
+    const void *data;
+    size_t size_bytes;
+};
+struct sql_value sql_number(int64_t number);
+struct sql_value sql_real(double real);
+struct sql_value sql_text(const char *text);
+struct sql_value sql_bytes(const struct buffer *bytes);
+/* Two arguments: values and their count. */
+#define SQL_VALUES(...)                  \
+    (const struct sql_value[]){__VA_ARGS__}, \
+        sizeof((const struct sql_value[]){__VA_ARGS__}) / sizeof(struct sql_value)
+
+/* A statement whose rows the caller steps through, and which it finalizes. */
+status sql_select(struct store *store, const char *sql, const struct sql_value *values,
+                  size_t count, sqlite3_stmt **out, struct error *err) MUST_CHECK;
+/* Run a statement that yields no row; `what` is the error's text. */
+status sql_change(struct store *store, const char *sql, const struct sql_value *values,
+                  size_t count, const char *what, struct error *err) MUST_CHECK;
+/* The same for what must not wait for others to free space: on a full disk it gets the reserve. */
+status sql_change_reserved(struct store *store, const char *sql, const struct sql_value *values,
+                           size_t count, const char *what, struct error *err) MUST_CHECK;
 void column_text(sqlite3_stmt *statement, int at, char *out, size_t size);
 uint64_t column_number(sqlite3_stmt *statement, int at);
 

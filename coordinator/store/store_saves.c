@@ -64,25 +64,16 @@ static status clocks_write(struct store *store, const struct saved_job *row, str
 
 static status row_write(struct store *store, const struct saved_job *row, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    status s = sql_prepare(store,
-                           "UPDATE jobs SET state=?, state_text=?, kernel=?, finished_at=?, "
-                           "active_ns=?, conflicts=?, cpu_ns=?, trace_ns=?, release=? WHERE id=?",
-                           &statement, err);
+    status s = sql_change_reserved(
+        store,
+        "UPDATE jobs SET state=?, state_text=?, kernel=?, finished_at=?, active_ns=?, conflicts=?, "
+        "cpu_ns=?, trace_ns=?, release=? WHERE id=?",
+        SQL_VALUES(sql_number(row->state), sql_text(row->state_text), sql_text(row->kernel),
+                   sql_number(row->finished_at), sql_number(row->active_ns),
+                   sql_number(row->conflicts), sql_number(row->stats.cpu_ns),
+                   sql_number(row->stats.trace_ns), sql_text(row->release), sql_number(row->id)),
+        "the job's state cannot be stored", err);
 
-    if (s != STATUS_OK)
-        return s;
-    sqlite3_bind_int(statement, 1, (int)row->state);
-    bind_text(statement, 2, row->state_text);
-    bind_text(statement, 3, row->kernel);
-    sqlite3_bind_int64(statement, 4, row->finished_at);
-    bind_number(statement, 5, row->active_ns);
-    bind_number(statement, 6, row->conflicts);
-    bind_number(statement, 7, row->stats.cpu_ns);
-    bind_number(statement, 8, row->stats.trace_ns);
-    bind_text(statement, 9, row->release);
-    bind_number(statement, 10, row->id);
-    s = sql_run_reserved(store, statement, "the job's state cannot be stored", err);
     return s == STATUS_OK ? clocks_write(store, row, err) : s;
 }
 
@@ -264,19 +255,11 @@ status store_deliverer_save_later(struct store *store, const struct deliverer *d
 static status change_rows(struct store *store, const char *change, uint64_t job, int64_t frame,
                           struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
     char text[128];
-    status s;
 
-    snprintf(text, sizeof text, "%s WHERE job=?%s", change,
-             frame < 0 ? "" : " AND frame=?");
-    s = sql_prepare(store, text, &statement, err);
-    if (s != STATUS_OK)
-        return s;
-    bind_number(statement, 1, job);
-    if (frame >= 0)
-        sqlite3_bind_int64(statement, 2, frame);
-    return sql_run(store, statement, "the job's frames cannot be stored", err);
+    snprintf(text, sizeof text, "%s WHERE job=?1%s", change, frame < 0 ? "" : " AND frame=?2");
+    return sql_change(store, text, (const struct sql_value[]){sql_number(job), sql_number(frame)},
+                      frame < 0 ? 1 : 2, "the job's frames cannot be stored", err);
 }
 
 static status forget_frames(struct store *store, const struct job *job,
@@ -305,26 +288,16 @@ static status extend_rows(struct store *store, const struct job *job,
                           const struct job_reopening *chosen, const struct buffer *request,
                           const struct buffer *submitted, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    status s = sql_prepare(store,
-                           "UPDATE jobs SET submitted=coalesce(?6, submitted, request), request=?1, "
-                           "state=?2, state_text='', finished_at=0, epoch_floor=?3, name=?4, "
-                           "token=?5, submitted_at=?8 WHERE id=?7",
-                           &statement, err);
+    status s = sql_change(
+        store,
+        "UPDATE jobs SET request=?1, state=?2, state_text='', finished_at=0, epoch_floor=?3, "
+        "name=?4, token=?5, submitted=coalesce(?6, submitted, request), submitted_at=?7 "
+        "WHERE id=?8",
+        SQL_VALUES(sql_bytes(request), sql_number(JOB_STATE_QUEUED), sql_number(job->epoch_floor),
+                   sql_text(job->name), sql_text(job->token[0] ? job->token : NULL),
+                   sql_bytes(submitted), sql_number(job->submitted_at), sql_number(job->id)),
+        "the job's settings cannot be stored", err);
 
-    if (s != STATUS_OK)
-        return s;
-    sqlite3_bind_blob(statement, 1, request->data, (int)request->size, SQLITE_TRANSIENT);
-    sqlite3_bind_int(statement, 2, JOB_STATE_QUEUED);
-    bind_number(statement, 3, job->epoch_floor);
-    bind_text(statement, 4, job->name);
-    if (job->token[0])
-        bind_text(statement, 5, job->token);
-    if (submitted->size > 0)
-        sqlite3_bind_blob(statement, 6, submitted->data, (int)submitted->size, SQLITE_TRANSIENT);
-    bind_number(statement, 7, job->id);
-    sqlite3_bind_int64(statement, 8, job->submitted_at);
-    s = sql_run(store, statement, "the job's settings cannot be stored", err);
     return s == STATUS_OK ? forget_frames(store, job, chosen, err) : s;
 }
 
