@@ -71,7 +71,7 @@ static status begin_upload(struct session *session, const struct blob_piece *pie
 
     *slot = upload_slot(session, NULL);
     if (!*slot || session->storing >= SESSION_STORING_MAX)
-        return error_set(err, STATUS_ERR_LIMIT, "too many blobs at once: end %d of them first",
+        return error_set(err, STATUS_ERR_LIMIT, "too many blobs at once: at most %d may be incomplete; finish some first",
                          SESSION_UPLOADS_MAX);
     s = farm_store_usable(&session->server->farm, err);
     return s == STATUS_OK ? upload_begin(*slot, store_folder(session->server->store),
@@ -90,7 +90,7 @@ status session_blob_put(struct session *session, const Azulejo__Wire__Envelope *
     (void)now_ns;
     if (s == STATUS_OK) {
         slot = upload_slot(session, &piece.digest);
-        /* The other pieces of a blob that was there already, or failed: the first was answered. */
+        /* A later piece of a blob that exists already, or failed: the first piece was answered. */
         if (!slot && piece.offset > 0)
             return STATUS_OK;
         if (!slot && blobs_find(store_folder(session->server->store), &piece.digest, &size) == 1) {

@@ -147,7 +147,7 @@ void session_watches_send(struct session *session, uint64_t now_ns, int only_due
 
 /* ---- what changes a job --------------------------------------------------------------------- */
 
-/* Answer a change of the job that ended in `s` with the job as it is now. */
+/* Answer a change of the job, which returned `s`, with its present state. */
 static status answer_change(struct session *session, uint64_t request, struct job *job, status s,
                             uint64_t now_ns, struct error *err)
 {

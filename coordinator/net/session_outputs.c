@@ -1,4 +1,4 @@
-/* What a client can fetch of a frame: files, previews, and how its errors came down. */
+/* What a client can fetch of a frame: files, previews, and the history of its errors. */
 #include <inttypes.h>
 
 #include "common/base/file.h"
@@ -20,7 +20,7 @@ static status send_file(struct session *session, const struct job *job, uint32_t
         s = error_no_memory(err, "a path");
     else if (!file_exists(buffer_text(&path)))
         s = error_set(err, STATUS_ERR_NOT_FOUND,
-                      "job %" PRIu64 ", frame %u: its %s file is not on the coordinator any more",
+                      "job %" PRIu64 ", frame %u: its %s file is no longer on the coordinator",
                       job->id, frame, extension);
     else
         s = transfer_file(&session->transfers, request, NULL, buffer_text(&path), err);

@@ -15,7 +15,7 @@
 
 enum { MISSING_NAMED_MAX = 4 }; /* digests named in a failure */
 
-/* Are all blobs of the scene there, in the sizes that it says? */
+/* Are all blobs of the scene in the store, with the sizes in its description? */
 static status check_blobs(const char *folder, const struct scene *scene, struct error *err)
 {
     struct scene_blob *blobs = NULL;
@@ -113,6 +113,6 @@ status session_submit(struct session *session, const Azulejo__Wire__Envelope *me
     if (s == STATUS_OK)
         session_task_submit(session, message->request, job);
     else
-        log_info("a job from %s was not taken: %s", session->host, err->text);
+        log_info("a job from %s was refused: %s", session->host, err->text);
     return s;
 }

@@ -1,4 +1,4 @@
-/* Who delivered results: films' logs keep a number for each, this table what is behind it. */
+/* Workers that delivered results: films' logs hold their numbers, this table the rest. */
 #include <string.h>
 
 #include "coordinator/store/store_parts.h"
@@ -15,7 +15,7 @@ status deliverer_write(struct store *store, const struct deliverer *d, struct er
                                SQL_VALUES(sql_number(d->number), sql_text(d->host),
                                           sql_number(d->process), sql_text(d->software),
                                           sql_number(d->first_seen)),
-                               "who delivers results cannot be stored", err);
+                               "the worker that delivers results cannot be stored", err);
 }
 
 status store_deliverers_last(struct store *store, uint32_t *last, struct error *err)

@@ -1,4 +1,4 @@
-/* The rows of the history: how wrong a frame was after what was spent on it. */
+/* The rows of the history: a frame's errors and the work spent on it by then. */
 #include <math.h>
 #include <string.h>
 
@@ -9,7 +9,7 @@
     "psnr, psnr_lo, psnr_hi, rmse, rmse_lo, rmse_hi, mean, top_share, disagreement, unseen, tail, " \
     "lone, dark"
 
-/* Where the figures that are real numbers are, in the order of the columns from `display` on. */
+/* Pointers to the real-valued figures, in the order of the columns from `display` on. */
 enum { REALS = 16 };
 static void reals_of(struct accuracy_figures *f, double *reals[REALS])
 {
@@ -21,7 +21,7 @@ static void reals_of(struct accuracy_figures *f, double *reals[REALS])
     memcpy(reals, all, sizeof all);
 }
 
-/* NULL is "not known"; so is a number that SQLite would not keep. */
+/* NULL means "not known"; SQLite stores NaN as NULL. */
 static double column_real(sqlite3_stmt *row, int at)
 {
     return sqlite3_column_type(row, at) == SQLITE_NULL ? NAN : sqlite3_column_double(row, at);

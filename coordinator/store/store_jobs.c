@@ -40,7 +40,7 @@ status store_job_find(struct store *store, const struct job *job, uint64_t *id, 
     *id = 0;
     if (!job->token[0])
         return STATUS_OK;
-    /* As it came: an extension changes what is asked for. */
+    /* The original submission: an extension changes `request`. */
     s = sql_select(store, "SELECT id, coalesce(submitted, request) FROM jobs WHERE token=?",
                    SQL_VALUES(sql_text(job->token)), &statement, err);
     if (s != STATUS_OK)
@@ -235,7 +235,7 @@ status store_jobs_load(struct store *store,
     return s;
 }
 
-/* Only rows of frames that are done count: this one is written first. */
+/* This row is written first: it counts only once its frame is done. */
 status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum frame_end end,
                   const struct film_coverage *cut, struct error *err)
 {

@@ -1,4 +1,4 @@
-/* Saving what changes while jobs run, at once or soon: a job's row, a new deliverer. */
+/* Saves of what changes while jobs run, at once or later: a job's row, a new deliverer. */
 #include <stdio.h>
 #include <string.h>
 
@@ -12,7 +12,7 @@
 /* Deliverers wait in the same list, under ids that no job has. */
 #define DELIVERER_ID ((uint64_t)1 << 63)
 
-/* A job's row as it stood when it was to be saved, or a deliverer. */
+/* A snapshot of a job's row, or a deliverer. */
 struct saved_job {
     struct saved_job *next;
     uint64_t id;
@@ -22,7 +22,7 @@ struct saved_job {
     int64_t finished_at;
     uint64_t active_ns, conflicts;
     struct work_stats stats;
-    /* What the limits of frames in work count. */
+    /* The clocks of the limits of frames in work. */
     uint32_t clock_count;
     struct {
         uint32_t frame;
@@ -77,7 +77,7 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     return s == STATUS_OK ? clocks_write(store, row, err) : s;
 }
 
-/* Nobody will go on from its films. */
+/* Its films will not be continued. */
 static int films_are_over(const struct saved_job *row)
 {
     return job_state_ended(row->state) && row->state != JOB_STATE_DONE;
@@ -103,8 +103,8 @@ static void saves_drop(struct store *store, uint64_t id)
     mem_free(row);
 }
 
-/* What became of a row that left the list; `order` is held. A failed one goes back unless a newer one
- * came. */
+/* Note the result of a row that left the list; `order` is held. A failed row goes back unless a
+ * newer one came. */
 static void row_written(struct store *store, struct saved_job *row, status s,
                         const struct error *why)
 {
@@ -126,8 +126,7 @@ static void row_written(struct store *store, struct saved_job *row, status s,
     mem_free(row);
 }
 
-/* Wait until there is a row that may be written. 0: the store closes, and nothing is left that can
- * be. */
+/* Wait until there is a row that may be written. 0: the store closes, and no such row is left. */
 static int await_row(struct store *store)
 {
     int there;
@@ -136,7 +135,7 @@ static int await_row(struct store *store)
     while (!store->ending && (!store->saves || (store->failing && !store->retry)))
         pthread_cond_wait(&store->wake, &store->lock);
     if (store->ending && store->failing && !store->retry && store->saves) {
-        log_error("%s; how jobs stand now is not stored: those that ended go on at the next start",
+        log_error("%s; the present states of jobs are not stored: jobs that ended continue at the next start",
                   store->save_error.text);
         there = 0;
     } else {
@@ -160,7 +159,7 @@ static void *write_saves(void *user)
 
         pthread_mutex_lock(&store->order);
         pthread_mutex_lock(&store->lock);
-        row = store->saves; /* what was there may have been overtaken */
+        row = store->saves; /* the first row may have been replaced */
         if (row)
             store->saves = row->next;
         pthread_mutex_unlock(&store->lock);
@@ -171,7 +170,7 @@ static void *write_saves(void *user)
             ended = row->id;
         row_written(store, row, s, &err);
         pthread_mutex_unlock(&store->order);
-        if (ended) /* and only now: its end is on disk */
+        if (ended) /* not earlier: the job's end is on disk now */
             store_films_remove(store, ended);
     }
     return NULL;
@@ -228,7 +227,7 @@ status store_job_save(struct store *store, const struct job *job, uint64_t now_n
     return s;
 }
 
-/* Have the row written after all that waits. */
+/* Write the row after all that wait. */
 static void save_later(struct store *store, struct saved_job *row)
 {
     pthread_mutex_lock(&store->lock);
@@ -244,14 +243,14 @@ status store_deliverer_save_later(struct store *store, const struct deliverer *d
     struct saved_job *row = mem_calloc(1, sizeof *row);
 
     if (!row)
-        return error_no_memory(err, "who delivers results");
+        return error_no_memory(err, "a worker that delivers results");
     row->id = DELIVERER_ID | deliverer->number;
     row->deliverer = *deliverer;
     save_later(store, row);
     return STATUS_OK;
 }
 
-/* Of the frame's row, or with -1 of all of the job's. */
+/* Change the frame's row, or with -1 all rows of the job. */
 static status change_rows(struct store *store, const char *change, uint64_t job, int64_t frame,
                           struct error *err)
 {
