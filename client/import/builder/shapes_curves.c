@@ -57,7 +57,7 @@ static void curve_point(const struct shape_curve *curve, size_t segment, double 
     }
 }
 
-/* What is carried from one step along a curve to the next. */
+/* The state carried along a curve. */
 struct curve_walk {
     double position[3], tangent[3];
     double across[3]; /* unit, at a right angle to the tangent */
@@ -86,8 +86,8 @@ static void reflect3(double v[3], const double normal[3])
         v[c] -= scale * normal[c];
 }
 
-/* Take the frame along without turning it about the curve: the double reflection method (Wang
- * et al. 2008, "Computation of Rotation Minimizing Frames"). */
+/* Move the frame along the curve without twisting it: the double reflection method (Wang et al.
+ * 2008, "Computation of Rotation Minimizing Frames"). */
 static void walk_to(struct curve_walk *walk, const double position[3], const double tangent[3])
 {
     double between[3], turned[3], back[3], scale;
@@ -106,7 +106,7 @@ static void walk_to(struct curve_walk *walk, const double position[3], const dou
         if (dot3(back, back) > 1e-24)
             reflect3(walk->across, back);
     }
-    /* What rounding left along the tangent. */
+    /* Remove the rounding error along the tangent. */
     scale = dot3(walk->across, tangent);
     for (int c = 0; c < 3; c++)
         walk->across[c] -= scale * tangent[c];
@@ -116,7 +116,7 @@ static void walk_to(struct curve_walk *walk, const double position[3], const dou
     memcpy(walk->tangent, tangent, sizeof walk->tangent);
 }
 
-/* Unit tangent of step `k` of a segment: the derivative, or where that vanishes the way to the
+/* Unit tangent of step `k` of a segment: the derivative, or if that vanishes the direction to the
  * next step, or the last tangent. */
 static void step_tangent(const struct shape_curve *curve, size_t segment, double t, double step,
                          const struct curve_walk *walk, double position[3], double tangent[3])
@@ -138,7 +138,7 @@ static void step_tangent(const struct shape_curve *curve, size_t segment, double
         tangent[2] = 1;
 }
 
-/* Where the ribbon faces at t of a segment: along the great circle between its joints'. */
+/* The ribbon's normal at t of a segment, on the great circle between those of its joints. */
 static void ribbon_normal(const struct shape_curve *curve, size_t segment, double t, double out[3])
 {
     double a[3], b[3], angle, wa = 1 - t, wb = t;
@@ -165,7 +165,7 @@ static void add_ribbon_step(const struct shape_curve *curve, size_t segment, dou
 {
     double normal[3], across[3], position[3];
 
-    /* At a right angle to the curve, as near to the wanted normal as can be. */
+    /* Perpendicular to the curve, as near as possible to the wanted normal. */
     ribbon_normal(curve, segment, t, normal);
     cross3(normal, walk->tangent, across);
     if (!normalize3(across))
@@ -182,10 +182,10 @@ static void add_tube_step(const struct curve_walk *walk, double width, double u,
                           struct mesh_source *out)
 {
     double other[3];
-    /* Cauchy: a convex outline is as wide on average as its length over pi. */
+    /* Cauchy: the mean width of a convex outline is its length over pi. */
     double radius = 0.5 * width * PI_D / (sides * (double)det_sin((float)(PI_D / sides)));
 
-    /* Around against the tangent's right hand, so that (dp/du, dp/dv) faces outwards. */
+    /* Clockwise about the tangent, so that (dp/du, dp/dv) faces outwards. */
     cross3(walk->across, walk->tangent, other);
     for (uint32_t k = 0; k <= sides; k++) {
         double normal[3], position[3];

@@ -1,4 +1,4 @@
-/* shapes_parts: what all exact shapes are built with; only shapes*.c include it. */
+/* shapes_parts: shared by the files shapes*.c; only they include it. */
 #ifndef AZULEJO_IMPORT_SHAPES_PARTS_H
 #define AZULEJO_IMPORT_SHAPES_PARTS_H
 

@@ -21,7 +21,7 @@ static double patch_value(const float *table, size_t width, const uint32_t corne
     return mix(mix(v[0], v[1], i, n), mix(v[2], v[3], i, n), j, n);
 }
 
-/* Is the value at p11 what the other three make it, for an affine map? */
+/* Does the value at p11 follow from the other three by an affine map? */
 static int is_affine(const float *table, size_t width, const uint32_t corners[4])
 {
     double size = 0, off = 0;
@@ -36,8 +36,8 @@ static int is_affine(const float *table, size_t width, const uint32_t corners[4]
     return off <= 1e-5 * size;
 }
 
-/* The normal of the surface itself; where it has none (a corner that two points share), that of
- * a place a little inside. */
+/* The normal of the surface itself; if it has none (a corner shared by two points), that of a point
+ * slightly inside. */
 static void patch_normal(const struct shape_patches *patches, const uint32_t corners[4], double u,
                          double v, double out[3])
 {

@@ -24,7 +24,7 @@ static status sweep_init(struct sweep *sweep, double radius, double phi_max_rad,
     if (segments < 3 || segments > SHAPE_SEGMENTS_MAX)
         return error_set(err, STATUS_ERR_LIMIT, "%u segments: 3 to %d are made", segments,
                          SHAPE_SEGMENTS_MAX);
-    /* A full turn that was given in degrees and came through float is one. */
+    /* A full turn in degrees may be slightly smaller after rounding to float. */
     sweep->full = phi_max_rad >= 2 * PI_D * (1 - 1e-6);
     sweep->phi_max = sweep->full ? 2 * PI_D : phi_max_rad;
     sweep->columns = (uint32_t)ceil(segments * sweep->phi_max / (2 * PI_D) - 1e-6);

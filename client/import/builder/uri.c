@@ -87,7 +87,7 @@ status uri_decode_data(const char *uri, size_t limit_bytes, struct buffer *out, 
     return buffer_ok(out) ? STATUS_OK : error_no_memory(err, "a data URI");
 }
 
-/* Has it a scheme ("http:", "C:")? */
+/* Does it have a scheme ("http:", "C:")? */
 static int has_scheme(const char *uri)
 {
     const char *p = uri;
@@ -107,7 +107,7 @@ static status check_name(const char *uri, const char *path, size_t size, struct 
     return STATUS_OK;
 }
 
-/* An absolute path stays as it is: the reader checks where it leads. */
+/* An absolute path is not changed: the reader checks where it leads. */
 static char *path_below(const char *folder, const char *path)
 {
     return *path == '/' ? mem_strdup(path) : file_join(folder, path);

@@ -26,8 +26,8 @@ static status read_offsets(struct gltf *g, json_t *target, const struct gltf_pla
     return STATUS_OK;
 }
 
-/* Offsets of positions and normals; of tangents there are none to keep: the renderer carries
- * the rest shape's along. */
+/* Offsets of positions and normals. Offsets of tangents are not kept: the renderer transforms the
+ * rest shape's tangents. */
 static status read_target(struct gltf *g, json_t *target, const struct gltf_place *at,
                           const struct mesh_source *mesh, struct mesh_morph *out)
 {
@@ -101,7 +101,7 @@ status gltf_targets_bake(struct gltf *g, const struct gltf_place *at, const floa
 
 /* ---- skins ---------------------------------------------------------------------------------- */
 
-/* What one set (JOINTS_n, WEIGHTS_n) says: [vertices][4] each. */
+/* One set (JOINTS_n, WEIGHTS_n): [vertices][4] each. */
 struct influence_set {
     float *joints, *weights;
 };
@@ -120,8 +120,8 @@ static status read_set(struct gltf *g, json_t *attributes, const struct gltf_pla
     return STATUS_OK;
 }
 
-/* The four heaviest of up to eight, heaviest first, adding up to 1; *lost tells that others
- * were left out, *loose that there is none. */
+/* The four heaviest of up to eight, heaviest first, adding up to 1; *lost: others were left out;
+ * *loose: there is none. */
 static struct mesh_influence pick_influences(const struct influence_set *sets, int set_count,
                                              size_t v, int *lost, int *loose)
 {

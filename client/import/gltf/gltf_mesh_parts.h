@@ -1,4 +1,4 @@
-/* gltf_mesh_parts: what the readers of a primitive share. */
+/* gltf_mesh_parts: shared by the readers of a primitive. */
 #ifndef AZULEJO_IMPORT_GLTF_MESH_PARTS_H
 #define AZULEJO_IMPORT_GLTF_MESH_PARTS_H
 

@@ -23,7 +23,7 @@ static status read_positions(struct gltf *g, json_t *attributes, const struct gl
     TRY(gltf_accessor_floats(g, (size_t)index, &accessor, 0, &mesh->positions));
     mesh->vertex_count = accessor.count;
     for (size_t i = 0; i < mesh->vertex_count * 3; i++) {
-        /* One zero only, so that equal positions are equal in their bits. */
+        /* No negative zero, so that equal positions have equal bits. */
         mesh->positions[i] += 0.0f;
         if (fabsf(mesh->positions[i]) > SCENE_COORDINATE_MAX)
             return gltf_fail(g, STATUS_ERR_INPUT, at, "POSITION %zu lies beyond 1e15 metres",
@@ -72,7 +72,7 @@ static int uses_uv(const struct scene_material *m, uint32_t set)
     return 0;
 }
 
-/* One tangent serves all: that of the normal map if there is one, else of the coat's, else of
+/* One tangent serves all uses: that of the normal map if there is one, else of the coat's, else of
  * the anisotropy's texture, else of the first set. */
 static struct mesh_tangents tangents_of(const struct scene_material *m)
 {
@@ -105,8 +105,8 @@ static void warn_of_axes(struct gltf *g, const struct scene_material *m)
     if (m->normal_texture.texture >= 0 && m->clearcoat_normal_texture.texture >= 0 &&
         !same_axes(&m->normal_texture, &m->clearcoat_normal_texture))
         builder_warn(g->b, "two tangents",
-                     "material \"%.80s\": its clearcoat's normal map lies otherwise on the mesh than "
-                     "its own: the directions of its own are used for both",
+                     "material \"%.80s\": its clearcoat's normal map has other texture axes than "
+                     "its own: the axes of its own are used for both",
                      m->name);
 }
 
@@ -166,7 +166,7 @@ static status read_triangles(struct gltf *g, json_t *primitive, const struct glt
 
 /* ---- variants ------------------------------------------------------------------------------ */
 
-/* The material that the chosen variant gives the primitive; *material stays when it gives
+/* The material that the chosen variant gives the primitive; *material is unchanged if it gives
  * none. */
 static status choose_material(struct gltf *g, json_t *primitive, const struct gltf_place *at,
                               int64_t *material)
@@ -210,7 +210,7 @@ static status check_compression(struct gltf *g, json_t *primitive, json_t *attri
     json_t *position = json_object_get(attributes, "POSITION");
     json_t *accessor = json_array_get(g->accessors, (size_t)json_integer_value(position));
 
-    /* An uncompressed copy may stand beside the compressed one. */
+    /* There may be an uncompressed copy beside the compressed one. */
     if (draco && !json_object_get(accessor, "bufferView"))
         return gltf_fail(g, STATUS_ERR_UNSUPPORTED, at,
                          "is only there in Draco-compressed form: decompress the file first, for "
@@ -242,8 +242,8 @@ static status read_source(struct gltf *g, json_t *primitive, json_t *attributes,
                            mesh->vertex_count, &mesh->uv[set], NULL));
         if (!mesh->uv[set] && uses_uv(material, set))
             builder_warn(g->b, "texture coordinates",
-                         "%s[%zu]%s: its material uses TEXCOORD_%u, which the mesh has not: (0, 0) "
-                         "is used",
+                         "%s[%zu]%s: its material uses TEXCOORD_%u, which the mesh does not have: "
+                         "(0, 0) is used",
                          at->table, at->row, at->part, set);
     }
     return read_colors(g, attributes, &inner, mesh);

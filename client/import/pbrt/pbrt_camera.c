@@ -5,7 +5,7 @@
 #include "client/import/pbrt/pbrt_motion.h"
 #include "common/math/elementary.h"
 
-/* Of the shorter side; the vertical angle that comes of it is checked with the scene. */
+/* Of the shorter side; the resulting vertical angle is checked with the scene. */
 #define FOV_MIN_DEG 0.001
 #define FOV_MAX_DEG 179.9
 /* Half the picture's width and height on the screen, and its aspect as the file has it. */
@@ -102,7 +102,7 @@ static status read_orthographic(struct pbrt *p, double film_aspect,
     return STATUS_OK;
 }
 
-/* Orthonormal: pbrt allows any matrix, ours does not. */
+/* Make the matrix orthonormal: pbrt allows any matrix for a camera, our scene does not. */
 static status rigid_camera(struct pbrt *p, const struct transform_d *world,
                            struct transform_d *out)
 {
@@ -183,7 +183,7 @@ static status moving_camera(struct pbrt *p, const struct pbrt_matrices *rigid,
     return STATUS_OK;
 }
 
-/* Where the camera stands, and whether the file's world is left-handed. */
+/* The camera's place, and whether the file's world is left-handed. */
 static status place_camera(struct pbrt *p, struct scene_camera *camera,
                            struct transform_d *world_from_camera)
 {
@@ -216,7 +216,7 @@ status pbrt_camera(struct pbrt *p)
     scene_camera_default(&camera);
     pbrt_film_hints(p, &camera, &aspect);
     pbrt_integrator_hints(p);
-    if (!p->camera.kind) /* the builder frames one; pbrt's would stand at the origin */
+    if (!p->camera.kind) /* the builder adds one; pbrt's would be at the origin */
         return STATUS_OK;
     if (!camera_kind(p, &camera.kind))
         return pbrt_fail(p, STATUS_ERR_UNSUPPORTED, &p->camera.at,

@@ -8,7 +8,7 @@
 
 status pbrt_option(struct pbrt *p, const struct pbrt_directive *d)
 {
-    /* These say how pbrt works, or are about its own tests. */
+    /* These control pbrt's implementation or its tests. */
     static const char *const silent[] = {"rendercoordsys", "seed", "pixelstats", "wavefront",
                                          "msereferenceimage", "msereferenceout",
                                          "displacementedgescale", "disabletexturefiltering",
@@ -82,7 +82,7 @@ void pbrt_film_hints(struct pbrt *p, struct scene_camera *camera, double *aspect
         p->b->out->hints.height = (uint32_t)height;
     } else {
         pbrt_warn(p, &p->film.at, "resolution",
-                  "a film of %ld x %ld pixels is not supported, 1 to %d are: it is not taken over",
+                  "a film of %ld x %ld pixels is not supported (1 to %d are): its size is ignored",
                   width, height, SETTINGS_SIZE_MAX);
     }
     sensor = pbrt_string(params, "sensor", "cie1931");
@@ -119,13 +119,14 @@ void pbrt_integrator_hints(struct pbrt *p)
 
     if (p->samples > SETTINGS_SPP_MAX)
         pbrt_warn(p, &p->samples_at, "pixelsamples",
-                  "%ld samples a pixel are more than %d: so many are taken", p->samples,
+                  "%ld samples a pixel are more than the limit of %d, which is used", p->samples,
                   SETTINGS_SPP_MAX);
     if (p->samples > 0)
         hints->spp = (uint32_t)(p->samples < SETTINGS_SPP_MAX ? p->samples : SETTINGS_SPP_MAX);
     if (depth > SETTINGS_DEPTH_MAX)
-        pbrt_warn(p, &p->depth_at, "maxdepth", "a depth of %ld is more than %d: so deep is gone",
-                  depth, SETTINGS_DEPTH_MAX);
+        pbrt_warn(p, &p->depth_at, "maxdepth",
+                  "a depth of %ld is more than the limit of %d, which is used", depth,
+                  SETTINGS_DEPTH_MAX);
     hints->has_max_depth = 1;
     hints->max_depth = (uint32_t)(depth < SETTINGS_DEPTH_MAX ? depth : SETTINGS_DEPTH_MAX);
 }

@@ -22,7 +22,7 @@ int pbrt_polar(const struct transform_d *m, struct transform_d *rotation, double
                 if (!isfinite(next))
                     return 0;
             }
-        /* The inverse above was of the matrix before: read it no more. */
+        /* The inverse above belongs to the previous matrix: do not use it below. */
         if (change < 1e-14)
             break;
     }
@@ -161,7 +161,7 @@ status pbrt_add_key_nodes(struct pbrt *p, struct pbrt_pose_key key[2], int with_
     return add_channel(p, *row, PATH_ROTATION, key[0].rotation, key[1].rotation, 4);
 }
 
-/* What does not change and is no scale along the axes stands in a node below. */
+/* A constant stretch that is not a scale along the axes goes into a child node. */
 static status add_stretch(struct pbrt *p, uint32_t parent, const double s[3][3], uint32_t *row)
 {
     struct scene_node node = {.parent = (int32_t)parent, .has_matrix = 1};
@@ -185,7 +185,7 @@ static status add_moving_node(struct pbrt *p, struct pbrt_pose_key key[2],
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
             near_enough = fmax(near_enough, fabs(key[0].stretch[i][j] - key[1].stretch[i][j]));
-    if (near_enough < 1e-7) /* the same but for rounding */
+    if (near_enough < 1e-7) /* equal except for rounding */
         memcpy(key[1].stretch, key[0].stretch, sizeof key[0].stretch);
     else if (!diagonal)
         pbrt_warn(p, at, "animated shear",

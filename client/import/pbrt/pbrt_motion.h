@@ -1,4 +1,4 @@
-/* pbrt_motion: matrices taken apart into what can be interpolated. */
+/* pbrt_motion: matrices decomposed into parts that can be interpolated. */
 #ifndef AZULEJO_IMPORT_PBRT_MOTION_H
 #define AZULEJO_IMPORT_PBRT_MOTION_H
 
@@ -14,8 +14,8 @@ struct pbrt_pose_key {
 int pbrt_polar(const struct transform_d *m, struct transform_d *rotation, double stretch[3][3]);
 int pbrt_stretch_is_diagonal(const double s[3][3]);
 void pbrt_quaternion(const struct transform_d *r, double q[4]);
-/* A node at the first key's place, in double, and one below it for what the keys change: an
- * animation's own numbers are floats. */
+/* A node at the first key's place, in double, and a child for the change between the keys, because
+ * an animation's values are floats. */
 status pbrt_add_key_nodes(struct pbrt *p, struct pbrt_pose_key key[2], int with_scale,
                           uint32_t *row) MUST_CHECK;
 

@@ -9,7 +9,7 @@
 
 /* ---- meshes ------------------------------------------------------------------------------- */
 
-/* In pbrt a triangle's front is where its normals point. */
+/* In pbrt a triangle's normals point to its front. */
 static void wind_by_normals(struct mesh_source *mesh)
 {
     for (size_t t = 0; mesh->normals && t < mesh->triangle_count; t++) {
@@ -32,7 +32,7 @@ static void wind_by_normals(struct mesh_source *mesh)
     }
 }
 
-/* What has no texture coordinates has these in each triangle. */
+/* pbrt's default texture coordinates, in each triangle. */
 static status give_uv(struct pbrt *p, struct mesh_source *mesh)
 {
     static const float corner[3][2] = {{0, 0}, {1, 0}, {1, 1}};
@@ -79,7 +79,7 @@ static double world_area(const struct transform_d *m, const struct mesh_source *
     return sum;
 }
 
-/* The same, of what a sphere's mesh stands in for. */
+/* The area of the true surface: for a sphere's mesh that of the sphere. */
 static double true_area(const struct transform_d *m, const struct mesh_source *mesh)
 {
     const struct transform_d own = transform_d_identity();
@@ -175,7 +175,7 @@ static status read_alpha(struct pbrt *p, const struct pbrt_directive *d,
     return STATUS_OK;
 }
 
-/* The media behind and before the surface; none where it does not part two. */
+/* The media behind and before the surface; none if they are the same. */
 static status read_media(struct pbrt *p, const struct pbrt_directive *d, struct pbrt_surface *s)
 {
     if (strcmp(p->now.inside, p->now.outside) == 0)
@@ -186,7 +186,7 @@ static status read_media(struct pbrt *p, const struct pbrt_directive *d, struct 
 
 static void tangents_of(const struct pbrt_surface *s, struct mesh_tangents *out)
 {
-    /* Those of u and -v, as all our slots look at them. */
+    /* The tangents of u and -v, which all our slots use. */
     *out = (struct mesh_tangents){.wanted = pbrt_material_wants_tangents(s->material),
                                   .uv_transform = {{1, 0, 0}, {0, -1, 1}}};
 }
@@ -212,8 +212,8 @@ static status add_part(struct pbrt *p, const struct pbrt_directive *d, struct pb
     return place(p, &part);
 }
 
-/* A light that shines to one side is two surfaces, each there from its own side only: the back
- * of one that is closed cannot be seen. */
+/* A one-sided light becomes two surfaces, each visible only from its own side; a closed one needs
+ * no back. */
 static status add_light(struct pbrt *p, const struct pbrt_directive *d, struct pbrt_surface *s,
                         struct mesh_source *mesh)
 {

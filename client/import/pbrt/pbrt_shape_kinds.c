@@ -25,8 +25,8 @@ static status copy_floats(struct pbrt *p, const struct pbrt_param *param, float 
     return STATUS_OK;
 }
 
-/* The origin of a shape's positions in its own space: where the file's, which the first vertex of
- * all chooses, lies there. So shapes of one matrix share one, and equal vertices stay equal. */
+/* The origin of a shape's positions: the file's origin, chosen by its first vertex, in the shape's
+ * space. So shapes with the same matrix share it, and equal vertices stay equal. */
 struct origin_choice {
     struct pbrt *p;
     const struct pbrt_directive *d;
@@ -54,11 +54,11 @@ static void choose_origin(void *user, const double first[3], double origin[3])
         far = fmax(far, fabs(first[c]));
         near = fmax(near, fabs(first[c] - local[c]));
     }
-    if (near < far) /* else the vertices are given around the shape's own place */
+    if (near < far) /* else the vertices are already near the shape's own origin */
         memcpy(origin, local, sizeof local);
 }
 
-/* "P" relative to the origin that it gets. */
+/* "P" relative to its new origin. */
 static status copy_positions(struct pbrt *p, const struct pbrt_directive *d,
                              const struct pbrt_param *param, float **out, double origin[3])
 {
@@ -88,7 +88,7 @@ static status copy_indices(struct pbrt *p, const struct pbrt_param *param, size_
     return STATUS_OK;
 }
 
-/* "P", "N", "uv" and "indices": what shapes of vertices share. */
+/* "P", "N", "uv" and "indices": common to shapes with vertices. */
 struct vertex_arrays {
     double origin[3];
     float *positions, *normals, *uv;
@@ -201,7 +201,7 @@ static status make_ply(struct pbrt *p, const struct pbrt_directive *d, struct me
         return pbrt_fail(p, STATUS_ERR_INPUT, &d->at, "the shape names no \"string filename\"");
     if (pbrt_param(d->params, "displacement", ~0u))
         pbrt_warn(p, &d->at, "displaced mesh",
-                  "displacement of a mesh is not supported: as it is in its file");
+                  "displacement of a mesh is not supported: the mesh is not displaced");
     pbrt_ignore(d->params, detail);
     result = pbrt_read_file(&p->reader, name, &d->at, &bytes, p->err);
     if (result == STATUS_OK) {
@@ -214,13 +214,13 @@ static status make_ply(struct pbrt *p, const struct pbrt_directive *d, struct me
         return result;
     if (report.faces_invalid)
         pbrt_warn(p, &d->at, "faces of a PLY file",
-                  "%.200s: %zu faces were dropped: they have fewer than 3 corners or a corner "
-                  "that is no vertex",
+                  "%.200s: %zu faces were dropped: they have fewer than 3 corners or a corner that "
+                  "is not a vertex",
                   name, report.faces_invalid);
     if (report.has_strips)
         pbrt_warn(p, &d->at, "strips of a PLY file",
                   "%.200s: triangle strips are not read", name);
-    /* Colours of a file are no part of a pbrt material. */
+    /* pbrt materials do not use a file's colours. */
     mem_free(out->colors);
     out->colors = NULL;
     return STATUS_OK;

@@ -76,7 +76,7 @@ static const double cuzn_k[] = {380, 1.818, 400, 1.805, 420, 1.786, 440, 1.797, 
                                 580, 3.059, 600, 3.253, 620, 3.434, 640, 3.609, 660, 3.778,
                                 680, 3.943, 700, 4.106, 720, 4.266, 740, 4.424, 760, 4.579,
                                 780, 4.737};
-/* Magnesium and titanium oxide: luxpop.com, clear where light is seen. */
+/* Magnesium and titanium oxide: luxpop.com, clear in visible light. */
 static const double mgo_eta[] = {386.7, 1.7655,  430.9, 1.7557,  478.0, 1.7483,
                                  499.9, 1.7454,  546.2, 1.74077, 589.3, 1.73737,
                                  632.9, 1.73460, 690.7, 1.73191, 767.7, 1.72872};
@@ -275,7 +275,7 @@ void spectrum_blackbody(double kelvin, double out[3])
         out[0] = 1 / 0.2126729, out[1] = out[2] = 0;
 }
 
-/* The row of a table whose rows begin with their names; NULL: none has this one. */
+/* The row with this name in a table whose rows begin with names; NULL: none. */
 static const void *row_of(const void *table, size_t count, size_t row_bytes, const char *name)
 {
     for (const char *row = table; count-- > 0; row += row_bytes)
@@ -355,7 +355,7 @@ void spectrum_conductor(const struct spectrum *eta, const struct spectrum *k, do
         double f = reflectance[i] < 0.9999 ? reflectance[i] > 1e-6 ? reflectance[i] : 1e-6 : 0.9999;
         double n = eta_rgb[i] > 0.05 ? eta_rgb[i] : 0.05, square;
         square = (f * (n + 1) * (n + 1) - (n - 1) * (n - 1)) / (1 - f);
-        if (square < 0) { /* too little for this eta: a clear one that has it */
+        if (square < 0) { /* too low for this eta: use the clear eta that has it */
             n = (1 + sqrt(f)) / (1 - sqrt(f));
             square = 0;
         }

@@ -45,7 +45,7 @@ static status store_position(struct ply *p, size_t vertex, int axis, double valu
                          "vertex %zu has the coordinate %g: only finite ones up to "
                          "1e15 are taken",
                          vertex, value);
-    /* One zero only, so that equal positions are equal in their bits. */
+    /* No negative zero, so that equal positions have equal bits. */
     p->out->positions[3 * vertex + (size_t)axis] = (float)(value - p->out->origin[axis]) + 0.0f;
     return STATUS_OK;
 }
@@ -132,7 +132,7 @@ static void drop_white(struct mesh_source *mesh)
 
 /* ---- faces ----------------------------------------------------------------------------------- */
 
-/* Corners wait as they are: the vertices may follow the faces. */
+/* Corners are not checked yet: the vertices may follow the faces. */
 static status read_corners(struct ply *p, const struct property *property)
 {
     size_t count;
@@ -147,7 +147,7 @@ static status read_corners(struct ply *p, const struct property *property)
     for (size_t i = 0; i < count; i++) {
         double value;
         TRY(ply_value_read(p, property->type, &value));
-        /* What is no vertex number becomes one that no mesh has. */
+        /* An invalid vertex number becomes one that no mesh has. */
         p->corners[p->corner_count + i] = value >= 0 && value < UINT32_MAX && value == floor(value)
                                               ? (uint32_t)value
                                               : UINT32_MAX;
@@ -234,7 +234,7 @@ static status read_other(struct ply *p, const struct element *element)
 static status read_all(struct ply *p)
 {
     TRY(ply_header_read(p));
-    p->line++; /* from lines read to the line that is being read */
+    p->line++; /* from the count of lines read to the present line */
     for (size_t i = 0; i < p->element_count; i++) {
         const struct element *element = &p->elements[i];
         TRY(ply_check_room(p, element));
@@ -242,7 +242,7 @@ static status read_all(struct ply *p)
         case ELEMENT_VERTEX: TRY(read_vertices(p, element)); break;
         case ELEMENT_FACE: TRY(read_faces(p, element)); break;
         case ELEMENT_OTHER:
-            /* What is behind the last element that counts is of no use. */
+            /* Elements after the last used one are not needed. */
             if (p->out->positions && (p->sizes || !p->has_faces))
                 return make_triangles(p);
             TRY(read_other(p, element));

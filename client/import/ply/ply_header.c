@@ -182,7 +182,7 @@ static status parse_property(struct ply *p, struct word line)
     if (element->kind == ELEMENT_FACE && is_list &&
         (word_is(name, "vertex_indices") || word_is(name, "vertex_index")))
         property.role = ROLE_CORNERS;
-    /* The first of each name or of its synonyms counts. */
+    /* Of several properties with one role, the first one counts. */
     for (uint32_t i = 0; i < element->property_count; i++)
         if (p->properties[element->first_property + i].role == property.role)
             property.role = ROLE_NONE;
@@ -212,7 +212,7 @@ status ply_header_read(struct ply *p)
         else if (word_is(word, "property"))
             TRY(parse_property(p, line));
         else if (word.length && !word_is(word, "comment") && !word_is(word, "obj_info"))
-            return error_set(p->err, STATUS_ERR_INPUT, "line %zu: \"%.*s\" is no PLY keyword",
+            return error_set(p->err, STATUS_ERR_INPUT, "line %zu: \"%.*s\" is not a PLY keyword",
                              p->line, (int)(word.length < 40 ? word.length : 40), word.text);
     }
     if (p->format == FORMAT_NONE)

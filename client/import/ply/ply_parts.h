@@ -1,4 +1,4 @@
-/* ply_parts: what the parts of the PLY reader share; no other folder includes it. */
+/* ply_parts: shared by the parts of the PLY reader; private to them. */
 #ifndef AZULEJO_IMPORT_PLY_PARTS_H
 #define AZULEJO_IMPORT_PLY_PARTS_H
 
