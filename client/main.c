@@ -35,7 +35,7 @@ static void print_help(void)
             if (commands[i]->group == (enum command_group)group)
                 printf("  %-10s  %s\n", commands[i]->name, commands[i]->summary);
     }
-    printf("\n'azulejo COMMAND --help' tells more about a command, 'azulejo --version' the "
+    printf("\n'azulejo COMMAND --help' describes a command, 'azulejo --version' shows the "
            "version.\n\n"
            "exit status:\n"
            "  0 success                1 internal error, or pictures that differ\n"
@@ -43,7 +43,7 @@ static void print_help(void)
            "  4 no coordinator there   5 refused or not found\n"
            "  6 job failed, cancelled  7 timed out\n"
            "  8 local input/output     9 some frames or files are missing\n"
-           "  130 interrupted          141 nothing reads the output any more\n");
+           "  130 interrupted          141 the output's reader closed it\n");
 }
 
 static int report_unknown(const char *what, const char *word)
@@ -60,7 +60,7 @@ static const struct command *command_find(const char *name)
     return NULL;
 }
 
-/* Has the reader of our standard output gone away, as head does? */
+/* Has the reader of our standard output closed it, as head does? */
 static int reader_is_gone(void)
 {
     struct pollfd out = {.fd = STDOUT_FILENO, .events = POLLOUT};
@@ -68,8 +68,8 @@ static int reader_is_gone(void)
     return poll(&out, 1, 0) == 1 && out.revents & POLLERR;
 }
 
-/* Write out what standard output still holds, and turn a failure into `result` where there is none
- * yet. 1 when the reader is gone: it wants no more, and no complaint either. */
+/* Flush standard output, and put a failure into `result` if that has none yet. 1: the reader closed
+ * it, which is not an error. */
 static int output_end(status *result, struct error *err)
 {
     int failed = fflush(stdout) != 0 || ferror(stdout);
@@ -119,7 +119,7 @@ int main(int argc, char **argv)
     if (result != STATUS_OK) {
         fprintf(stderr, "azulejo %s: %s", command->name, err.text);
         if (result == STATUS_ERR_USAGE && !strstr(err.text, "--help"))
-            fprintf(stderr, " ('azulejo %s --help' tells more)", command->name);
+            fprintf(stderr, " ('azulejo %s --help' shows more)", command->name);
         fputc('\n', stderr);
         return status_exit_code(result);
     }

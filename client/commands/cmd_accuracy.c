@@ -1,4 +1,4 @@
-/* azulejo accuracy: what accuracy costs, on one page. */
+/* azulejo accuracy: a page that shows what accuracy costs. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -43,7 +43,7 @@ static status study_load(struct study *s, const char *path, struct error *err)
     return result;
 }
 
-/* The page's path: as given, or the study's (or scene's) with another extension, here; the data's is
+/* The page's path: as given, or named after the study or scene, in this folder. The data file is
  * beside it. */
 static status choose_paths(struct accuracy *a, const char *from, struct error *err)
 {
@@ -58,7 +58,7 @@ static status choose_paths(struct accuracy *a, const char *from, struct error *e
         size_t length;
         extension = file_extension(from);
         length = strlen(base) - (*extension ? strlen(extension) + 1 : 0);
-        /* Beside the scene's pictures, whose names are the scene's. */
+        /* Not to collide with the scene's pictures, which have the scene's name. */
         buffer_printf(&a->page, "%.*s%s.html", (int)length, base, a->from || a->again ? "" : "-accuracy");
     }
     buffer_printf(&a->data, "%.*sjson", (int)(a->page.size - strlen("html")), buffer_text(&a->page));
@@ -151,7 +151,7 @@ static status measure(struct accuracy *a, struct error *err)
     return result;
 }
 
-/* The page and what belongs to it, and the ten lines. */
+/* Write the page and its files, and print the ten lines. */
 static status show(struct accuracy *a, struct error *err)
 {
     status result = study_files_write(&a->study, buffer_text(&a->page), a->page_only, err);
@@ -164,7 +164,7 @@ static status show(struct accuracy *a, struct error *err)
     return result;
 }
 
-/* What was measured is shown, however it ended. */
+/* Show what was measured, even after a failure. */
 static status measure_and_show(struct accuracy *a, struct error *err)
 {
     struct error later = {0};
@@ -176,7 +176,8 @@ static status measure_and_show(struct accuracy *a, struct error *err)
     if (shown == STATUS_OK)
         shown = show(a, result == STATUS_OK ? err : &later);
     if (!a->quiet && !a->study.complete && (result == STATUS_OK || signals_stop()))
-        fprintf(stderr, "not all is measured yet; go on with --continue %s\n", buffer_text(&a->data));
+        fprintf(stderr, "the study is not complete; continue it with --continue %s\n",
+                buffer_text(&a->data));
     return result == STATUS_OK ? shown : result;
 }
 
@@ -184,15 +185,15 @@ static status check_arguments(const struct accuracy *a, const struct positionals
                               const struct command *command, struct error *err)
 {
     if (a->from && rest->count)
-        return error_set(err, STATUS_ERR_USAGE,
-                         "--from draws a study that is there; to go on measuring, give --continue %s",
-                         a->from);
+        return error_set(
+            err, STATUS_ERR_USAGE,
+            "--from draws an existing study; to continue measuring, give --continue %s", a->from);
     if (!a->from && !rest->count)
         return error_set(err, STATUS_ERR_USAGE, "a scene, or --from FILE.json, is missing; usage: %s",
                          command->usage);
     if (!a->farm && (a->where.coordinator || a->where.key_path))
         return error_set(err, STATUS_ERR_USAGE,
-                         "--coordinator and --key are of a farm: give --farm, too");
+                         "--coordinator and --key belong to a farm: give --farm, too");
     if (a->currency && !(a->price > 0))
         return error_set(err, STATUS_ERR_USAGE, "--currency: give --price, too");
     if (a->page_only && !a->from)
@@ -206,28 +207,30 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct accuracy a = {.options = JOB_OPTIONS_INIT, .where = CONNECTION_OPTIONS_INIT, .workers = 1};
     int done;
     const struct option table[] = {
-        {"from", 0, OPTION_STRING, &a.from, "FILE.json", "draw the study that this file holds", 0, 0,
-         NULL},
-        {"continue", 0, OPTION_STRING, &a.again, "FILE.json",
-         "go on with the study that this file holds", 0, 0, NULL},
+        {"from", 0, OPTION_STRING, &a.from, "FILE.json", "draw the study in this file", 0, 0, NULL},
+        {"continue", 0, OPTION_STRING, &a.again, "FILE.json", "continue the study in this file", 0,
+         0, NULL},
         {"out", 'o', OPTION_STRING, &a.out, "PAGE.html",
          "the page's path (default: named after FILE or SCENE, in this folder)", 0, 0, NULL},
         {"quick", 0, OPTION_FLAG, &a.quick, NULL,
-         "less of everything: within two minutes for a small scene", 0, 0, NULL},
+         "measure less: under two minutes for a small scene", 0, 0, NULL},
         {"minutes", 0, OPTION_REAL, &a.minutes, "N",
-         "measure for about so long (default 10; --quick: 1.6)", 0.01, 100000, NULL},
+         "measure for about this long (default 10; --quick: 1.6)", 0.01, 100000, NULL},
         {"target-error", 0, OPTION_STRING, &a.target, "N/255",
          "the error that the page's sentences are about (default 3/255)", 0, 0, NULL},
         {"price", 0, OPTION_REAL, &a.price, "X", "what a core-hour costs", 1e-9, 1e9, NULL},
         {"currency", 0, OPTION_STRING, &a.currency, "NAME", "of --price, as in EUR", 0, 0, NULL},
         {"page-only", 0, OPTION_FLAG, &a.page_only, NULL,
-         "write the page alone: no CSV, no JSON, no plots", 0, 0, NULL},
-        {"quiet", 'q', OPTION_FLAG, &a.quiet, NULL, "no progress, no warnings, no summary", 0, 0, NULL},
+         "write only the page: no CSV, no JSON, no plots", 0, 0, NULL},
+        {"quiet", 'q', OPTION_FLAG, &a.quiet, NULL, "no progress, no warnings, no summary", 0, 0,
+         NULL},
         {"workers", 'w', OPTION_INT, &a.workers, "N", "worker processes (default 1)", 1,
          LOCAL_WORKERS_MAX, NULL},
         {"threads", 'j', OPTION_INT, &a.threads, "N",
-         "threads of each worker (default: the processors, shared out)", 1, 1024, NULL},
-        {"farm", 0, OPTION_FLAG, &a.farm, NULL, "measure on the farm instead of this machine", 0, 0, NULL},
+         "threads of each worker (default: the processors, divided among the workers)", 1, 1024,
+         NULL},
+        {"farm", 0, OPTION_FLAG, &a.farm, NULL, "measure on the farm instead of this machine", 0, 0,
+         NULL},
         CONNECTION_OPTION_ROWS(a.where),
         JOB_STUDY_ROWS(a.options),
         {0},
@@ -271,6 +274,6 @@ const struct command command_accuracy = {
         "Render a scene in many ways and show what each error of the picture costs in processor time, what\n"
         "other ways of rendering would cost and never get right, and what each effect is worth. Writes one HTML\n"
         "page that needs nothing else, the points as CSV, the study as JSON, and the plots as SVG and PNG\n"
-        "beside it. Ctrl-C keeps what is measured; --continue goes on with it.",
+        "beside it. Ctrl-C keeps what is measured; --continue resumes it.",
     .run = run,
 };

@@ -11,7 +11,7 @@
 #include "common/base/clock.h"
 #include "protocol/message.h"
 
-/* How long the pictures of what is rendered are waited for. They are made all the same. */
+/* How long to wait for the pictures. They are made even if the wait ends. */
 enum { WAIT_LIMIT_MS = 30000 };
 
 static status stop_wanted(void *user, struct error *err)
@@ -19,10 +19,10 @@ static status stop_wanted(void *user, struct error *err)
     (void)user;
     if (!signals_stop())
         return STATUS_OK;
-    return error_set(err, STATUS_ERR_JOB_FAILED, "detached; the job is cancelled all the same");
+    return error_set(err, STATUS_ERR_JOB_FAILED, "detached; the job is still being cancelled");
 }
 
-/* Replace *answer by a later one, in which the job has ended. */
+/* Wait until the job has ended, and replace *answer by a later one. */
 static status await_end(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **answer,
                         struct error *err)
 {
@@ -75,7 +75,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     int discard = 0, json = 0;
     const struct option table[] = {
         {"discard", 0, OPTION_FLAG, &discard, NULL,
-         "throw away what unfinished frames hold, instead of making pictures of it", 0, 0, NULL},
+         "discard the samples of unfinished frames instead of making pictures of them", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
         CONNECTION_OPTION_ROWS(where),
         {0},

@@ -36,7 +36,7 @@ static status look(struct develop *d, struct error *err)
     return job_query(d->connection, d->job, &d->last, err);
 }
 
-/* What is not said of the files stays as the job has it; all the rest is new. */
+/* Options about the files default to the job's; everything else is new. */
 static status choose_formats(struct develop *d, unsigned *formats, struct error *err)
 {
     static const Azulejo__Wire__OutputSettings none = AZULEJO__WIRE__OUTPUT_SETTINGS__INIT;
@@ -46,10 +46,11 @@ static status choose_formats(struct develop *d, unsigned *formats, struct error 
 
     *formats = request->formats ? request->formats : there;
     if (*formats & OUTPUT_FORMAT_EXR && !(there & OUTPUT_FORMAT_EXR))
-        return error_set(err, STATUS_ERR_USAGE,
-                         "--format: job %" PRIu64 " has no EXR, and developing makes none: whether "
-                         "there is one is said when a job is submitted",
-                         d->job);
+        return error_set(
+            err, STATUS_ERR_USAGE,
+            "--format: job %" PRIu64
+            " has no EXR, and developing cannot add one: that is decided when a job is submitted",
+            d->job);
     if (!(*formats & ~(unsigned)OUTPUT_FORMAT_EXR))
         return error_set(err, STATUS_ERR_USAGE,
                          "nothing to develop: job %" PRIu64 " makes no PNG and no JPEG; ask for "
@@ -98,7 +99,7 @@ static status send_develop(struct develop *d, unsigned formats, struct error *er
     return result;
 }
 
-/* Is the farm still at our pictures? */
+/* Is the farm still making our pictures? */
 static status check(const struct develop *d, int *done, struct error *err)
 {
     const Azulejo__Wire__JobInfo *info = job_of(d);
@@ -107,11 +108,12 @@ static status check(const struct develop *d, int *done, struct error *err)
     *done = 0;
     if (signals_stop())
         return error_set(err, STATUS_ERR_JOB_FAILED,
-                         "detached; the pictures of job %" PRIu64 " are made all the same", d->job);
+                         "detached; the pictures of job %" PRIu64 " are still being made", d->job);
     if (info->revision != d->revision)
         return error_set(err, STATUS_ERR_JOB_FAILED,
-                         "job %" PRIu64 " is meanwhile developed in another way, which somebody "
-                         "asked for after us ('azulejo show %" PRIu64 "' tells which)",
+                         "job %" PRIu64 " is now being developed in another way, which was "
+                                        "requested after ours ('azulejo show %" PRIu64
+                         "' shows it)",
                          d->job, d->job);
     if (info->develop_error[0])
         return error_set(err, STATUS_ERR_JOB_FAILED,
@@ -136,7 +138,7 @@ static status await_pictures(struct develop *d, int quiet, struct error *err)
         snprintf(text, sizeof text, "developing, %u of %u frame%s", info->frames_developed,
                  info->frames_done, info->frames_done == 1 ? "" : "s");
         progress_draw(&progress, (double)info->frames_developed / (double)info->frames_done, text);
-        (void)poll(&wake, 1, POLL_MS); /* a signal or the time: look again either way */
+        (void)poll(&wake, 1, POLL_MS); /* a signal or a timeout: check again either way */
         result = look(d, err);
         if (result == STATUS_OK)
             result = check(d, &done, err);
@@ -156,7 +158,7 @@ static void print_outcome(const Azulejo__Wire__JobInfo *info, int waited)
         printf("job %" PRIu64 ": %u frame%s developed with %s%s\n", info->job,
                info->frames_developed, info->frames_developed == 1 ? "" : "s",
                info->output ? info->output->tonemap : "?",
-               info->frames_done < frames ? "; those to come will be, too" : "");
+               info->frames_done < frames ? "; later ones will be, too" : "");
 }
 
 static status report(const struct develop *d, const struct job_fetch *fetch, int json, int quiet,
@@ -212,7 +214,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     int no_wait = 0, json = 0, quiet = 0, done;
     const struct option table[] = {
         {"output", 'o', OPTION_STRING, &fetch.folder, "FOLDER",
-         "fetch the new pictures into this folder, which is made if it is missing", 0, 0, NULL},
+         "fetch the new pictures into this folder, created if it is missing", 0, 0, NULL},
         JOB_FETCH_FORCE_ROW(fetch.force),
         {"operator", 0, OPTION_STRING, &d.options.tone.tonemap, "OPERATOR", "the same as --tonemap",
          0, 0, NULL},

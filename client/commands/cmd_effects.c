@@ -1,4 +1,4 @@
-/* azulejo effects: what a scene calls for, and what each of it costs. */
+/* azulejo effects: the effects that a scene needs, and what each of them costs. */
 #include <stdio.h>
 #include <string.h>
 
@@ -19,7 +19,7 @@ struct effects {
     struct import_result scene;
     uint64_t set;
     struct effect_cause causes[EFFECT_COUNT];
-    unsigned rounds;                /* measured; 0: nothing was */
+    unsigned rounds;                /* measured; 0: nothing was measured */
     struct effects_measure measure;
     struct effects_price prices[EFFECT_COUNT]; /* of those that have a trial */
 };
@@ -81,7 +81,7 @@ static void print_list(const char *title, uint64_t set)
     name_list_end(&list);
 }
 
-/* Frames after the first that call for the same, one after the other. */
+/* Consecutive frames with the same effects as the first of them. */
 struct effects_run {
     uint32_t first, last;
     uint64_t set;
@@ -136,10 +136,14 @@ static status print_text(const struct effects *e, struct error *err)
     if (!e->rounds)
         print_frames(e);
     if (e->rounds)
-        printf("\nTIME is the share of the render that leaving the effect out saves, +- half its 95 %% interval.\n"
-               "BIAS is what that changes for ever, noise apart, in steps of 255 of a screen: 95 %% of the\n"
-               "pixels are within so many of the whole picture. RMS is its root mean square, MEAN the change\n"
-               "of the picture's mean (%ux%u pixels, %u rounds of %u samples each, %.2f core-seconds in all).\n",
+        printf("\nTIME is the share of the render that leaving the effect out saves, +- half its "
+               "95 %% interval.\n"
+               "BIAS is the change that remains without noise, in steps of 255 of a screen: 95 %% "
+               "of the\n"
+               "pixels are within so many of the whole picture. RMS is its root mean square, MEAN "
+               "the change\n"
+               "of the picture's mean (%ux%u pixels, %u rounds of %u samples each, %.2f "
+               "core-seconds in all).\n",
                e->request.settings.width, e->request.settings.height, e->rounds,
                e->request.settings.spp, e->measure.core_s);
     return STATUS_OK;
@@ -237,7 +241,7 @@ static status find_prices(struct effects *e, struct error *err)
     return result;
 }
 
-/* An interruption keeps the rounds that are whole: the table is printed, then the error. */
+/* An interruption keeps the complete rounds: the table is printed, then the error. */
 static status measure(struct effects *e, struct local_options *local, int quiet, struct error *err)
 {
     struct local_farm *farm;
@@ -278,8 +282,9 @@ static status run(const struct command *command, int argc, char *const *argv, in
     int wanted = 0, json = 0, quiet = 0, done;
     const struct option table[] = {
         {"measure", 'm', OPTION_FLAG, &wanted, NULL,
-         "render small pilots and tell what each effect costs, and what leaving it out changes, noise "
-         "apart; Ctrl-C keeps the rounds that are whole", 0, 0, NULL},
+         "render small pilots and print what each effect costs, and what leaving it out changes "
+         "apart from noise; Ctrl-C keeps the complete rounds",
+         0, 0, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
         {"threads", 'j', OPTION_INT, &threads, "N", "threads of the pilots (default: all)", 1, 1024,
          NULL},
@@ -332,7 +337,7 @@ const struct command command_effects = {
     .name = "effects",
     .group = COMMAND_RENDER,
     .usage = "azulejo effects SCENE [OPTION]...",
-    .summary = "tell what a frame calls for, and what each effect costs",
+    .summary = "list the effects that a frame needs, and what each of them costs",
     .description =
         "Tell which effects rendering a frame calls for, who calls for them, which are left out, and which\n"
         "kernel will run. With --measure, render small pilots of the frame, whole and without each effect,\n"

@@ -36,7 +36,7 @@ struct pilot {
     struct connection *connection;
     uint64_t job;
     Azulejo__Wire__Envelope *last;
-    struct buffer command;               /* that goes on from it */
+    struct buffer command;               /* that continues from it */
     struct estimate estimate;
 };
 
@@ -52,13 +52,13 @@ static status parse_price(const char *text, double *out, struct error *err)
         return STATUS_OK;
     *out = strtod(text, &end);
     if (end == text || !(*out >= 0) || !isfinite(*out) || (*end && strcmp(end, "/core-hour") != 0))
-        return error_set(err, STATUS_ERR_USAGE,
-                         "--price %s: must be what an hour of one core costs, as in 0.04/core-hour",
-                         text);
+        return error_set(
+            err, STATUS_ERR_USAGE,
+            "--price %s: must be the price of one core for an hour, as in 0.04/core-hour", text);
     return STATUS_OK;
 }
 
-/* "18:00": the next time that it is, in local time. */
+/* "18:00": the next such time, in local time. */
 static status parse_deadline(const char *text, double *out, struct error *err)
 {
     time_t now = time(NULL), then;
@@ -125,14 +125,14 @@ static status prepare(struct pilot *p, struct error *err)
     if (request->settings.spp > p->pilot_spp)
         request->settings.spp = (uint32_t)p->pilot_spp;
     estimate->pilot_spp = request->settings.spp;
-    request->output.tonemap.temporal = 1; /* most of the frames that it averages are not rendered */
+    request->output.tonemap.temporal = 1; /* most of the frames to average are not rendered */
     request->estimate = 1;
     return signals_catch(err);
 }
 
 /* ---- the pilot ------------------------------------------------------------------------------- */
 
-/* Nobody waits for it any more. What this cannot do is of no use to the user. */
+/* The user no longer waits for it. A failure here does not concern the user. */
 static void give_up(struct pilot *p)
 {
     Azulejo__Wire__Envelope *answer = NULL;
@@ -174,7 +174,7 @@ static status render_pilot(struct pilot *p, struct error *err)
     return result == STATUS_OK ? estimate_check(estimate, err) : result;
 }
 
-/* The workers that work for this farm now. */
+/* The workers of this farm now. */
 static status count_workers(struct pilot *p, struct error *err)
 {
     Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
@@ -298,7 +298,7 @@ static void pilot_release(struct pilot *p)
     mem_free(p->default_name);
 }
 
-/* A coordinator that is named, unless this machine's workers are. */
+/* A farm is used if a coordinator is named, unless options for local workers are given. */
 static int farm_is_named(const struct pilot *p, int64_t workers, int64_t threads)
 {
     const char *named = getenv("AZULEJO_COORDINATOR");
@@ -315,18 +315,19 @@ static status run(const struct command *command, int argc, char *const *argv, in
     int done;
     const struct option table[] = {
         {"by", 0, OPTION_STRING, &e.by, "HH:MM",
-         "also say how many cores would have the frames ready by this time of day", 0, 0, NULL},
+         "also print how many cores would finish the frames by this time of day", 0, 0, NULL},
         {"price", 0, OPTION_STRING, &e.price_text, "PRICE/core-hour",
-         "also say what it costs at this price, as in 0.04/core-hour", 0, 0, NULL},
+         "also print the cost at this price, as in 0.04/core-hour", 0, 0, NULL},
         {"pilot-spp", 0, OPTION_INT, &e.pilot_spp, "N",
-         "samples a pixel that are rendered for the estimate (default 16)", 4, 65536, NULL},
+         "samples a pixel to render for the estimate (default 16)", 4, 65536, NULL},
         JOB_STUDY_ROWS(e.options),
         {"target-error", 0, OPTION_STRING, &e.options.stop.target, "ERROR",
-         "say what this error costs, as in 2/255, 1% or 45dB (default: what --spp costs)", 0, 0, NULL},
+         "print what this error costs, as in 2/255, 1% or 45dB (default: the cost of --spp)", 0, 0,
+         NULL},
         {"name", 'o', OPTION_STRING, &e.name, "NAME",
          "the job's name on a farm (default: the scene file's)", 0, 0, NULL},
-        {"workers", 'w', OPTION_INT, &workers, "N", "worker processes on this machine (default 1)", 1,
-         LOCAL_WORKERS_MAX, NULL},
+        {"workers", 'w', OPTION_INT, &workers, "N", "worker processes on this machine (default 1)",
+         1, LOCAL_WORKERS_MAX, NULL},
         {"threads", 'j', OPTION_INT, &threads, "N",
          "threads of each worker (default: the processors, shared out)", 1, 1024, NULL},
         {"json", 0, OPTION_FLAG, &e.json, NULL, "print JSON", 0, 0, NULL},
@@ -362,7 +363,7 @@ const struct command command_estimate = {
     .name = "estimate",
     .group = COMMAND_RENDER,
     .usage = "azulejo estimate SCENE [OPTION]...",
-    .summary = "say what a picture's accuracy will cost",
+    .summary = "estimate what a picture's accuracy will cost",
     .description =
         "Render the first passes of a few of a job's frames at their full size, and say what the core time to\n"
         "each error is, what it costs, and how many cores would meet a time of day. With --coordinator, or\n"

@@ -40,7 +40,7 @@ static status check(const struct stop_options *options, struct stop_rules *rules
 
     if (result == STATUS_OK && *spp == 0)
         return error_set(err, STATUS_ERR_USAGE,
-                         "say how much better the pictures shall be: --spp N, --target-error E, "
+                         "say how much better the pictures must be: --spp N, --target-error E, "
                          "--time-limit T or --core-limit T");
     return result;
 }
@@ -57,7 +57,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     const struct option table[] = {
         STOP_OPTION_ROWS(options, "no limit"),
         {"frames", 'f', OPTION_STRING, &frames_text, "LIST",
-         "only these frames go on, as in 3,7-9 (default: all)", 0, 0, NULL},
+         "continue only these frames, as in 3,7-9 (default: all)", 0, 0, NULL},
         {"watch", 'w', OPTION_FLAG, &watch, NULL, "follow the job until it ends", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &how.json, NULL, "print JSON", 0, 0, NULL},
         {"quiet", 'q', OPTION_FLAG, &how.quiet, NULL, "no progress and no warnings", 0, 0, NULL},

@@ -1,4 +1,4 @@
-/* azulejo fetch: bring a job's pictures here. */
+/* azulejo fetch: download a job's pictures. */
 #include <stdio.h>
 
 #include "client/commands/command.h"
@@ -38,7 +38,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     int done;
     const struct option table[] = {
         {"output", 'o', OPTION_STRING, &f.folder, "FOLDER",
-         "where the files go; made if it is missing (default: here)", 0, 0, NULL},
+         "folder for the files, created if it is missing (default: this one)", 0, 0, NULL},
         {"frame", 0, OPTION_INT, &frame, "N", "only this frame (default: all)", 0, INT32_MAX, NULL},
         {"manifest", 0, OPTION_FLAG, &f.manifest, NULL,
          "also each frame's manifest, ." MANIFEST_EXTENSION ": which effects ran, who called for "
@@ -46,8 +46,9 @@ static status run(const struct command *command, int argc, char *const *argv, in
          0, 0, NULL},
         JOB_FETCH_FORCE_ROW(f.force),
         {"preview", 0, OPTION_STRING, &preview, "FILE",
-         "instead: the frame in work as it stands, tone mapped (.png) or its linear light (.exr)", 0,
-         0, NULL},
+         "fetch instead the unfinished frame as it is, tone mapped (.png) or in linear light "
+         "(.exr)",
+         0, 0, NULL},
         {"json", 0, OPTION_FLAG, &f.json, NULL, "print JSON", 0, 0, NULL},
         CONNECTION_OPTION_ROWS(where),
         {0},
@@ -94,7 +95,7 @@ const struct command command_fetch = {
     .name = "fetch",
     .group = COMMAND_JOBS,
     .usage = "azulejo fetch JOB [OPTION]...",
-    .summary = "bring a job's pictures here",
+    .summary = "download a job's pictures",
     .description =
         "Fetch the finished frames of a job: the EXR files and the tone mapped PNG and JPEG files, named after\n"
         "the job. Where the folder holds files of that name from another job, the name gets -jobN; nothing of\n"

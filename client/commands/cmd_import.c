@@ -1,4 +1,4 @@
-/* azulejo import: read a scene file and tell what is in it. */
+/* azulejo import: read a scene file and list what is in it. */
 #include "client/commands/command.h"
 #include "client/import/import.h"
 #include "client/farm/job_info.h"
@@ -33,7 +33,7 @@ const struct command command_import = {
     .name = "import",
     .group = COMMAND_RENDER,
     .usage = "azulejo import SCENE [OPTION]...",
-    .summary = "read a scene and tell what is in it and what it calls for",
+    .summary = "read a scene and list its contents and the effects that it needs",
     .description = "Read a scene file, check it, and tell its contents, the effects that rendering it calls for,\n"
                    "and what in it is not supported. Nothing is sent anywhere.",
     .run = run,

@@ -11,7 +11,7 @@
 
 static status write_new_file(const char *path, const struct buffer *text, struct error *err)
 {
-    /* Never over an existing file: a farm that lost its key has lost its workers. */
+    /* Never overwrite a file: a farm that loses its key loses its workers. */
     int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
     status result = STATUS_OK;
 
@@ -89,7 +89,7 @@ const struct command command_keygen = {
     .name = "keygen",
     .group = COMMAND_FARM,
     .usage = "azulejo keygen [-o FILE] [--role ROLE --from FARM_KEY]",
-    .summary = "make the farm's key, or a role's key from it",
+    .summary = "make a farm's key, or derive a role's key from it",
     .description =
         "Make a new farm key, which the coordinator needs and which opens every door, or derive from\n"
         "it the key of one role: a worker's key cannot submit jobs, a client's cannot render.",

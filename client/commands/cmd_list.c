@@ -20,7 +20,7 @@ enum { COLUMNS = sizeof titles / sizeof titles[0] };
 enum { ENDED_SHOWN = 2000 };
 
 struct job_rows {
-    Azulejo__Wire__Envelope **answers; /* own what `jobs` points at */
+    Azulejo__Wire__Envelope **answers; /* own the data that `jobs` points at */
     size_t answer_count, answer_capacity;
     const Azulejo__Wire__JobInfo **jobs; /* ascending numbers */
     size_t count, capacity;
@@ -35,7 +35,7 @@ static void rows_release(struct job_rows *r)
     mem_free(r->jobs);
 }
 
-/* Ask for the jobs that the filter lets through, page by page from the newest one, until there are
+/* Request the jobs that match the filter, page by page from the newest one, until there are
  * `most`. */
 static status collect(struct connection *c, Azulejo__Wire__JobFilter filter, size_t most,
                       struct job_rows *r, struct error *err)
@@ -81,7 +81,7 @@ static int by_number(const void *a, const void *b)
     return ((*one)->job > (*other)->job) - ((*one)->job < (*other)->job);
 }
 
-/* All jobs that are active, and the newest of those that have ended. */
+/* All active jobs, and the newest of those that have ended. */
 static status rows_get(struct connection *c, int all, struct job_rows *r, struct error *err)
 {
     size_t kept = 0;
@@ -92,7 +92,7 @@ static status rows_get(struct connection *c, int all, struct job_rows *r, struct
                          err);
     if (r->count > 0)
         qsort(r->jobs, r->count, sizeof *r->jobs, by_number);
-    /* One that ended between the two questions is in both answers. */
+    /* A job that ended between the two requests is in both answers. */
     for (size_t i = 0; i < r->count; i++)
         if (kept == 0 || r->jobs[i]->job != r->jobs[kept - 1]->job)
             r->jobs[kept++] = r->jobs[i];
@@ -125,7 +125,7 @@ static status print_table(const struct job_rows *list, struct error *err)
                   job->now && job->now->figures && !job->now->figures->reliable ? "?" : "");
         table_add(&table, "%s", running ? format_duration(text, job->seconds_left) : "-");
         table_add(&table, "%u", job->workers);
-        /* Month to minute: the whole of it is in show. */
+        /* Month to minute; 'azulejo show' has the full time. */
         when = format_time(text, job->submitted_at);
         table_add(&table, "%.11s", strlen(when) > 5 ? when + 5 : when);
         table_add(&table, "%s", job->state_text);

@@ -22,7 +22,7 @@
 #include "common/scene/manifest.h"
 #include "protocol/message.h"
 
-/* After an interruption: so long may one picture take. */
+/* After an interruption: the time allowed for one picture. */
 enum { CUT_PATIENCE_MS = 60000 };
 
 struct render {
@@ -39,7 +39,7 @@ struct render {
     struct connection *connection;
     uint64_t job;
     Azulejo__Wire__Envelope *last;       /* the job's last JobList */
-    int cut;                             /* interrupted: only what there is is fetched */
+    int cut;                             /* interrupted: only existing pictures are fetched */
     json_t *files;
 };
 
@@ -90,8 +90,8 @@ static status fetch_pictures(struct render *r, struct error *err)
     return result;
 }
 
-/* The pictures cannot be written where they were wanted, and the local farm is about to take
- * them with it: put them into a temporary folder, and say so behind the error. */
+/* The pictures cannot be written to their destination, and the local farm is about to delete them:
+ * put them into a temporary folder, and add its name to the error. */
 static void rescue_pictures(struct render *r, struct error *err)
 {
     const char *parent = getenv("TMPDIR");
@@ -123,7 +123,7 @@ static status fetch_or_rescue(struct render *r, struct error *err)
     return result;
 }
 
-/* What was cut short, and what of it was written, as the error of an interruption. */
+/* The error after an interruption: which frames were cut short, and what was written. */
 static status explain_cut(const struct render *r, struct error *err)
 {
     const Azulejo__Wire__JobInfo *info = job_list_find(r->last->job_list, r->job);
@@ -150,7 +150,7 @@ static uint64_t pictures_made(const struct render *r)
     return (uint64_t)info->frames_done + info->frames_developed;
 }
 
-/* Wait for the pictures of what is rendered; not for a disk that stays full. */
+/* Wait for the pictures, but not for a disk that stays full. */
 static status await_cut(struct render *r, struct error *err)
 {
     uint64_t made = 0;
@@ -173,7 +173,7 @@ static status await_cut(struct render *r, struct error *err)
     }
 }
 
-/* The first Ctrl-C: end the job with what it has. The next one ends this as well. */
+/* The first Ctrl-C ends the job with the samples that it has. The next one ends the command. */
 static status cut_short(struct render *r, struct error *err)
 {
     Azulejo__Wire__Envelope *answer = NULL;
@@ -181,7 +181,8 @@ static status cut_short(struct render *r, struct error *err)
 
     local_farm_tolerate(r->farm);
     if (!r->quiet)
-        fprintf(stderr, "interrupted: what is rendered is written; once more to stop at once\n");
+        fprintf(stderr,
+                "interrupted: writing what is rendered; press Ctrl-C again to stop at once\n");
     result = cancel_job(r->connection, r->job, 0, &answer, err);
     message_free(answer);
     if (result == STATUS_OK)
@@ -200,7 +201,7 @@ static status render_on_farm(struct render *r, struct error *err)
     if (result != STATUS_OK)
         return result;
     connection_set_watch(r->connection, local_farm_check, r->farm);
-    result = local_farm_check(r->farm, err); /* what ended before the connection watched */
+    result = local_farm_check(r->farm, err); /* signals from before the connection watched */
     if (result == STATUS_OK)
         result = effects_auto_apply(&r->effects, r->connection, &r->scene, &r->request, r->quiet, err);
     if (result == STATUS_OK)
@@ -234,7 +235,7 @@ static status report(struct render *r, struct error *err)
     return STATUS_OK;
 }
 
-/* Everything that can be wrong on our side is found out before a program is started. */
+/* Check everything that can be wrong on our side before a program is started. */
 static status prepare(struct render *r, const char *out, struct error *err)
 {
     uint32_t frames;
@@ -271,15 +272,16 @@ static status run(const struct command *command, int argc, char *const *argv, in
     int done;
     const struct option table[] = {
         {"output", 'o', OPTION_STRING, &out, "OUT",
-         "where the pictures go: a folder, a file (.exr, .png or .jpg), or the files' path without "
-         "extension (default: the scene's name, here)",
+         "destination of the pictures: a folder, a file (.exr, .png or .jpg), or the files' path "
+         "without extension (default: the scene's name, in this folder)",
          0, 0, NULL},
         JOB_OPTION_ROWS(r.options),
         EFFECTS_AUTO_ROWS(r.effects),
         {"workers", 'w', OPTION_INT, &workers, "N", "worker processes (default 1)", 1,
          LOCAL_WORKERS_MAX, NULL},
         {"threads", 'j', OPTION_INT, &threads, "N",
-         "threads of each worker (default: the processors, shared out)", 1, 1024, NULL},
+         "threads of each worker (default: the processors, divided among the workers)", 1, 1024,
+         NULL},
         {"manifest", 0, OPTION_FLAG, &r.manifest, NULL,
          "also write each frame's manifest, ." MANIFEST_EXTENSION ": which effects ran, who called "
          "for them, and where the time went",
@@ -288,7 +290,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {"quiet", 'q', OPTION_FLAG, &r.quiet, NULL, "no progress, no warnings, no summary", 0, 0,
          NULL},
         {"verbose", 'v', OPTION_FLAG, &r.local.verbose, NULL,
-         "show what the coordinator and the workers log", 0, 0, NULL},
+         "show the logs of the coordinator and the workers", 0, 0, NULL},
         {0},
     };
     struct option rows[TONEMAP_ROWS_MAX];

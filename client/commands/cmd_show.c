@@ -31,7 +31,7 @@ static void print_settings(const Azulejo__Wire__RenderSettings *s)
     printf("  %-10s  %s\n", "isa", isa_name((enum isa)s->isa));
 }
 
-/* Only what is not as it is when nobody asks for anything. */
+/* Only values that differ from the defaults. */
 static void print_extras(const Azulejo__Wire__RenderSettings *s)
 {
     char names[SETTINGS_TEXT_SIZE];
@@ -170,7 +170,7 @@ static status show_effects(struct connection *connection, const Azulejo__Wire__J
     return result;
 }
 
-/* The job's keys, and how the frame's error came down. */
+/* The job's keys, and the history of the frame's error. */
 static status show_json(struct connection *connection, const Azulejo__Wire__JobInfo *job,
                         int64_t frame, struct error *err)
 {
@@ -209,12 +209,14 @@ static status run(const struct command *command, int argc, char *const *argv, in
     int64_t frame = -1;
     const struct option table[] = {
         {"effects", 0, OPTION_FLAG, &effects, NULL,
-         "instead: what a finished frame called for, what was left out, and where its time went", 0,
-         0, NULL},
+         "show instead the effects that a finished frame needed, what was left out, and where its "
+         "time went",
+         0, 0, NULL},
         {"history", 0, OPTION_FLAG, &history, NULL,
-         "instead: how a frame's error came down, and what that cost", 0, 0, NULL},
+         "show instead the history of a frame's error, and what it cost", 0, 0, NULL},
         {"frame", 0, OPTION_INT, &frame, "N",
-         "the frame for --effects (default: the job's first), and for --history and --json (the one in work, "
+         "the frame for --effects (default: the job's first), and for --history and --json (the "
+         "one in work, "
          "or the last one done)",
          0, INT32_MAX, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
@@ -257,7 +259,7 @@ const struct command command_show = {
     .name = "show",
     .group = COMMAND_JOBS,
     .usage = "azulejo show JOB [OPTION]...",
-    .summary = "tell everything about a job",
+    .summary = "show everything about a job",
     .description =
         "Tell a job's settings, how far it is, what it has cost so far, and its estimated error. With\n"
         "--effects, tell of a finished frame which effects ran, who called for them, and where the time went.",

@@ -14,7 +14,8 @@
 #include "client/farm/trial.h"
 #include "common/base/memory.h"
 
-/* So often is one job sent: if the coordinator dies of it, it shall not do so for ever. */
+/* The number of attempts to send one job: if it crashes the coordinator, that must not go on for
+ * ever. */
 enum { ATTEMPTS_MAX = 5 };
 
 static status print_submitted(const struct job_accepted *accepted,
@@ -71,7 +72,7 @@ static status send_again(struct connection **c, const struct import_result *scen
     }
 }
 
-/* Measuring is the only thing that takes long: Ctrl-C then also ends the pilots on the farm. */
+/* Only measuring takes long: Ctrl-C then also ends the pilots on the farm. */
 static status choose_effects(const struct effects_auto *effects, struct connection *c,
                              const struct import_result *scene, struct job_request *request, int quiet,
                              struct error *err)
@@ -102,8 +103,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "the job's name, from which its output files get theirs (default: the scene file's)", 0, 0,
          NULL},
         {"token", 0, OPTION_STRING, &token, "TEXT",
-         "the submission's own name, up to 64 bytes: what is submitted again with it is the same "
-         "job, whose number is printed (default: a random one)",
+         "a name for this submission, up to 64 bytes: submitting again with it creates no second "
+         "job, but prints the first one's number (default: a random one)",
          0, 0, NULL},
         {"watch", 'w', OPTION_FLAG, &watch, NULL, "follow the job until it ends", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &how.json, NULL, "print JSON", 0, 0, NULL},

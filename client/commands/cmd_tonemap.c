@@ -1,4 +1,4 @@
-/* azulejo tonemap: an EXR or HDR picture to one for the screen, or to a sheet of many. */
+/* azulejo tonemap: turn an EXR or HDR picture into one for the screen, or a sheet of several. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -83,12 +83,12 @@ static status choose_files(struct tonemapping *t, const struct command *command,
     t->format = (enum output_format)output_format_of(t->to);
     if (!t->format)
         return error_set(err, STATUS_ERR_USAGE,
-                         "%s: the output's name tells its format: end it in .png, .jpg or .exr",
+                         "%s: the output's name decides its format: end it in .png, .jpg or .exr",
                          t->to);
     return STATUS_OK;
 }
 
-/* Options that would do nothing are mistakes. */
+/* An option that would have no effect is an error. */
 static status choose_picture(struct tonemapping *t, struct error *err)
 {
     if (t->bits && t->format != OUTPUT_FORMAT_PNG)
@@ -130,7 +130,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     int list = 0, json = 0, done;
     const struct option table[] = {
         {"output", 'o', OPTION_STRING, &t.to, "FILE",
-         "where the picture goes: .png, .jpg, or .exr for linear display light", 0, 0, NULL},
+         "the picture's file: .png, .jpg, or .exr for linear display light", 0, 0, NULL},
         {"operator", 0, OPTION_STRING, &t.tone.tonemap, "OPERATOR", "the same as --tonemap", 0, 0,
          NULL},
         TONEMAP_OPTION_ROWS(t.tone),
@@ -138,7 +138,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {"quality", 0, OPTION_INT, &t.quality, "N", "quality of a JPEG, 1 to 100 (default 92)", 1,
          100, NULL},
         {"no-dither", 0, OPTION_FLAG, &t.no_dither, NULL, "round instead of dithering", 0, 0, NULL},
-        {"threads", 'j', OPTION_INT, &t.threads, "N", "threads to work with (default: all)", 1, 256,
+        {"threads", 'j', OPTION_INT, &t.threads, "N", "threads to use (default: all)", 1, 256,
          NULL},
         {"sweep", 0, OPTION_LIST, &sweeps, "NAME=VALUE,...",
          "draw a labelled sheet with a picture for each value of a parameter, operator (or "

@@ -9,11 +9,11 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
     const struct option table[] = {
         {"limit", 0, OPTION_REAL, &how.limit_s, "SECONDS",
-         "stop watching after so long, with exit status 7; the job goes on (default: never)", 0.01,
-         1e9, NULL},
+         "stop watching after this long, with exit status 7; the job continues (default: never)",
+         0.01, 1e9, NULL},
         {"json", 0, OPTION_FLAG, &how.json, NULL, "print JSON when the job has ended", 0, 0, NULL},
-        {"quiet", 'q', OPTION_FLAG, &how.quiet, NULL, "only wait; the exit status tells how it ended", 0,
-         0, NULL},
+        {"quiet", 'q', OPTION_FLAG, &how.quiet, NULL,
+         "only wait; the exit status shows how the job ended", 0, 0, NULL},
         RECONNECT_OPTION_ROW(how.reconnect_s),
         CONNECTION_OPTION_ROWS(where),
         {0},

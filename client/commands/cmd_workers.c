@@ -1,4 +1,4 @@
-/* azulejo workers: who renders. */
+/* azulejo workers: the connected workers. */
 #include <inttypes.h>
 
 #include "client/commands/command.h"

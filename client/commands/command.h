@@ -17,7 +17,7 @@ struct command {
     const char *name;
     enum command_group group;
     const char *usage;       /* "azulejo list [OPTION]..." */
-    const char *summary;     /* half a sentence for the list of commands */
+    const char *summary;     /* a phrase for the list of commands */
     const char *description; /* for the command's own help */
     status (*run)(const struct command *command, int argc, char *const *argv,
                   int *exit_code, struct error *err);
@@ -28,14 +28,15 @@ extern const struct command command_accuracy, command_cancel, command_compare, c
     command_submit, command_tonemap, command_watch,
     command_workers;
 
-/* Parse the command's options and check the number of its arguments. *done is set when
- * --help was wanted and printed. ERR_USAGE. */
+/* Parse the command's options and check the number of its arguments. *done is set when --help was
+ * given and printed. ERR_USAGE. */
 status command_parse(const struct command *command, const struct option *table, int argc,
                      char *const *argv, size_t least, size_t most, struct positionals *rest,
                      int *done, struct error *err) MUST_CHECK;
 
-/* The same for a command whose one argument is a job, and open the connection that `table` set up
- * in `where`. *connection is NULL after --help, and on failure. ERR_USAGE, or connection_open's. */
+/* The same for a command whose only argument is a job; also opens the connection that the options
+ * put into `where`. *connection is NULL after --help, and on failure. ERR_USAGE, or
+ * connection_open's. */
 status command_open_job(const struct command *command, const struct option *table, int argc,
                         char *const *argv, const struct connection_options *where, uint64_t *job,
                         struct connection **connection, struct error *err) MUST_CHECK;

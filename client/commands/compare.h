@@ -1,4 +1,4 @@
-/* compare: how far two pictures are apart. Sums are taken in double, in row order. */
+/* compare: the differences between two pictures. Sums are taken in double, in row order. */
 #ifndef AZULEJO_CLIENT_COMPARE_H
 #define AZULEJO_CLIENT_COMPARE_H
 
@@ -10,7 +10,7 @@ struct comparison {
     int same_size;          /* 0: nothing below is filled in */
     int identical;          /* every float has the same bits */
     uint64_t pixels, differing_pixels;
-    uint32_t worst_x, worst_y; /* where max_absolute is */
+    uint32_t worst_x, worst_y; /* the place of max_absolute */
     double max_absolute;    /* largest |a - b| of a channel */
     double max_relative;    /* largest |a - b| / max(|a|, |b|) of a channel, 0 for 0 and 0 */
     double mse;             /* mean((a - b)^2) over pixels and channels */

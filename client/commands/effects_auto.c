@@ -8,7 +8,7 @@
 #include "client/study/effects_choose.h"
 
 #define SHARE_OF_TARGET 0.25
-#define LOOSE_CODES 2.0 /* is seen by anyone */
+#define LOOSE_CODES 2.0 /* the smallest visible change */
 
 status parse_target_codes(const char *text, double *codes, struct error *err)
 {
@@ -27,8 +27,9 @@ status effects_auto_check(struct effects_auto *o, const char *target, struct err
 
     o->target_codes = 0;
     if (on && !target)
-        return error_set(err, STATUS_ERR_USAGE,
-                         "--effects auto: say how exact the picture shall be, as in --target-error 3/255");
+        return error_set(
+            err, STATUS_ERR_USAGE,
+            "--effects auto: say how exact the picture must be, as in --target-error 3/255");
     return on ? parse_target_codes(target, &o->target_codes, err) : STATUS_OK;
 }
 
@@ -104,8 +105,10 @@ static void report(const struct effects_choice *c, struct auto_pilots *pilots)
     const struct study_interval bias = pair_bias_worse(&c->together.bias);
 
     if (c->count == 0) {
-        fprintf(stderr, "effects auto: nothing is left out: no effect both saves time to the target and surely "
-                        "changes less than %.3g/255\n", most);
+        fprintf(stderr,
+                "effects auto: nothing is left out: no effect both saves time to the target and "
+                "certainly changes less than %.3g/255\n",
+                most);
     } else {
         fprintf(stderr, "effects auto: left out");
         print_names(c->all, c->count);
@@ -139,7 +142,7 @@ status effects_auto_apply(const struct effects_auto *o, struct connection *c,
     set = EFFECTS_SWITCHABLE & scene_effects(&scene->scene, &request->settings, request->first_frame, NULL);
     if (!set) {
         if (!quiet)
-            fprintf(stderr, "effects auto: the scene calls for nothing that can be left out\n");
+            fprintf(stderr, "effects auto: the scene needs no effect that can be left out\n");
         return STATUS_OK;
     }
     effects_measure_shrink(&pilots.small.settings, request->settings.height <= EFFECTS_PILOT_ROWS, 0);

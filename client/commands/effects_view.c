@@ -85,8 +85,8 @@ status manifest_parse(json_t **out, const uint8_t *data, size_t size_bytes, stru
                          size_bytes, MANIFEST_BYTES_MAX);
     *out = json_loadb((const char *)data, size_bytes, JSON_REJECT_DUPLICATES, &why);
     if (!*out)
-        return error_set(err, STATUS_ERR_PROTOCOL, "the manifest is no JSON, line %d: %s", why.line,
-                         why.text);
+        return error_set(err, STATUS_ERR_PROTOCOL, "the manifest is not JSON, line %d: %s",
+                         why.line, why.text);
     if (json_integer_value(json_object_get(*out, "azulejo_effects")) != MANIFEST_VERSION) {
         json_decref(*out);
         *out = NULL;
@@ -105,7 +105,7 @@ static const char *text_of(const json_t *object, const char *key)
     return text ? text : "";
 }
 
-/* The cell that says who called for an effect. */
+/* The cell that lists the causes of an effect. */
 static void add_cause(struct table *table, const json_t *row)
 {
     const json_t *from = json_object_get(row, "cause"), *also = json_object_get(from, "also"), *other;
@@ -135,7 +135,7 @@ static void add_share(struct table *table, const json_t *share)
         table_add(table, "-");
 }
 
-/* The effects that ran, with their shares of the time, and what belongs to none. */
+/* The effects that ran, with their shares of the time, and the time that belongs to none. */
 static status print_ran(const json_t *rows, const json_t *time, struct error *err)
 {
     static const char *const titles[] = {"EFFECT", ">SHARE", "CALLED FOR BY"};
@@ -224,7 +224,7 @@ static void print_work(const json_t *work)
            format_duration(cpu, json_number_value(json_object_get(work, "cpu_s"))));
     if (json_number_value(json_object_get(work, "samples")) <
         json_number_value(json_object_get(work, "frame_samples")))
-        printf("(the coordinator was restarted: what was counted before is not in it)\n");
+        printf("(the coordinator was restarted: earlier counts are missing)\n");
 }
 
 status manifest_print(const json_t *m, struct error *err)

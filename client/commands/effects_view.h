@@ -10,7 +10,7 @@
 #include "common/scene/effects.h"
 
 enum { CAUSE_TEXT_SIZE = 320, MANIFEST_BYTES_MAX = 1 << 20 };
-/* So many callers are named; the JSON names more. */
+/* The number of causes that are named; the JSON names more. */
 enum { CAUSE_NAMES = 3 };
 
 /* `material "wall", "floor", "lamp" and 2 more`; "-" without a kind. */
@@ -25,7 +25,7 @@ struct name_list {
 void name_list_add(struct name_list *list, const char *name);
 void name_list_end(struct name_list *list);
 
-/* A manifest as it was fetched. ERR_PROTOCOL: it is none that this release reads. */
+/* A manifest as fetched. ERR_PROTOCOL: this release cannot read it. */
 status manifest_parse(json_t **out, const uint8_t *data, size_t size_bytes, struct error *err)
     MUST_CHECK;
 /* Print it to standard output. Fields that are missing are left out. */

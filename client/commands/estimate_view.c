@@ -1,4 +1,4 @@
-/* What an estimate says: a table of errors and their costs, for people and for programs. */
+/* An estimate's report: a table of errors and their costs, for people and for programs. */
 #include "client/commands/estimate.h"
 
 #include <inttypes.h>
@@ -59,9 +59,10 @@ status estimate_check(const struct estimate *e, struct error *err)
     for (size_t i = 0; i < e->count; i++) {
         const Azulejo__Wire__HistoryPoint *point = estimate_point(&e->frames[i]);
         if (!point || !point->figures)
-            return error_set(err, STATUS_ERR_INPUT,
-                             "--pilot-spp %u: too few samples tell nothing of the error: at least 4",
-                             e->pilot_spp);
+            return error_set(
+                err, STATUS_ERR_INPUT,
+                "--pilot-spp %u: too few samples to estimate the error: give at least 4",
+                e->pilot_spp);
     }
     return STATUS_OK;
 }
@@ -75,7 +76,7 @@ struct row {
 
 static void row_add(struct row *row, const struct estimate *e, struct accuracy_estimate one)
 {
-    double share = (double)e->frame_count / (double)e->count; /* frames that this one stands for */
+    double share = (double)e->frame_count / (double)e->count; /* frames that this one represents */
 
     row->core_s.value += one.value * share;
     row->core_s.lo += one.lo * share;
@@ -256,7 +257,7 @@ static void print_frames(const struct estimate *e)
     printf("  %-10s  %u; frames ", "frames", e->frame_count);
     for (size_t i = 0; i < e->count; i++)
         printf("%s%u", i == 0 ? "" : i + 1 == e->count ? " and " : ", ", e->frames[i].number);
-    printf(" were rendered and stand for all\n");
+    printf(" were rendered and represent all\n");
 }
 
 status estimate_print_text(const struct estimate *e, struct error *err)

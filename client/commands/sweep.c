@@ -10,13 +10,13 @@
 #include "common/base/memory.h"
 #include "common/image/color.h"
 
-/* Of the sheet, as display light. */
+/* Colours of the sheet, as display light. */
 static const float PAPER = 0.015f, INK = 0.7f;
 
-#define WIDE_ENOUGH 1.6 /* the sheet's width to its height that a grid comes near to */
+#define WIDE_ENOUGH 1.6 /* preferred ratio of the sheet's width to its height */
 
 enum {
-    ONE_ROW_MAX = 4,      /* so many tiles are never wrapped */
+    ONE_ROW_MAX = 4,      /* this many tiles are never wrapped */
     PIXELS_A_SCALE = 160, /* of a tile's width for each step of the font's scale */
     SCALE_MAX = 8,
     MARGIN = 4,           /* at scale 1 */
@@ -130,7 +130,7 @@ static void plan_cells(struct sheet *s)
         s->cell_height = TEXT_HEIGHT * s->scale;
 }
 
-/* How far a grid of so many columns is from the shape wanted; every empty place counts. */
+/* How far a grid with this many columns is from the wanted shape; each empty place counts. */
 static double grid_badness(const struct sheet *s, uint32_t columns)
 {
     uint32_t rows = (s->tiles + columns - 1) / columns;
@@ -156,7 +156,7 @@ static void plan_grid(struct sheet *s)
     s->rows = (s->tiles + s->columns - 1) / s->columns;
 }
 
-/* Break the title into lines, at blanks where there are any. */
+/* Break the title into lines, at blanks if possible. */
 static void plan_title(struct sheet *s)
 {
     size_t room = (s->width - 2 * s->margin + s->scale) / (TEXT_ADVANCE * s->scale);
@@ -350,7 +350,7 @@ static int sweeps_operator(const struct sweep_options *how)
     return 0;
 }
 
-/* What all tiles share, for one operator of many: without what that operator does not have. */
+/* The common settings, for one operator of many: without parameters that it does not have. */
 static void fit_to_operator(struct tonemap_options *o)
 {
     const struct tonemap_operator *op = tonemap_find(o->tonemap);
@@ -418,7 +418,7 @@ static int some_operator_has(const struct sweep_options *how, const char *name, 
     return 0;
 }
 
-/* One thing that all tiles share: does it mean something, and is it not swept, too? */
+/* Check a common setting: it must have an effect, and must not be swept as well. */
 static status check_shared(const struct sweep_options *how, const char *name, size_t length,
                            struct error *err)
 {
@@ -484,7 +484,7 @@ status sweep_check(const struct sweep_options *how, struct error *err)
     return result;
 }
 
-/* The picture's name and all that the tiles have in common. */
+/* The picture's name and the settings that the tiles have in common. */
 static status title_make(struct buffer *title, const char *name, const struct sweep_options *how,
                          struct error *err)
 {

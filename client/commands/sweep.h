@@ -1,12 +1,12 @@
 /* sweep: one picture tone mapped in many ways, side by side on a labelled sheet.
  *
- * A sweep is NAME=VALUE,VALUE,...; NAME is "operator" ("all" stands for every operator that can do
- * with the files there are), exposure, auto-exposure, percentile, white-balance, or a parameter of
- * the operator. One sweep gives a grid that is read line by line; of two, the first goes to the
- * right and the second down.
+ * A sweep is NAME=VALUE,VALUE,...; NAME is "operator" ("all" means every operator that works with
+ * the given files), exposure, auto-exposure, percentile, white-balance, or a parameter of the
+ * operator. One sweep gives a grid that is read line by line; with two, the first runs to the right
+ * and the second downwards.
  *
- * Every tile is tone mapped at the picture's full size, because operators look at sizes, and then
- * reduced by averaging display light. One tile is in memory at a time.
+ * Every tile is tone mapped at the picture's full size, because operators depend on the size, and
+ * then reduced by averaging display light. One tile is in memory at a time.
  */
 #ifndef AZULEJO_CLIENT_SWEEP_H
 #define AZULEJO_CLIENT_SWEEP_H
@@ -35,10 +35,10 @@ struct sweep {
 status sweep_parse(struct sweep *out, const char *text, int has_file, struct error *err) MUST_CHECK;
 void sweep_release(struct sweep *sweep);
 
-/* What is written at a value's tile, row or column. */
+/* The label of a value's tile, row or column. */
 const char *sweep_label(const struct sweep *sweep, size_t value);
 
-/* Where everything is on the sheet; pixels. */
+/* The layout of the sheet, in pixels. */
 struct sheet {
     const struct sweep *sweeps;
     size_t sweep_count;
@@ -65,7 +65,7 @@ void sheet_tile_at(const struct sheet *sheet, uint32_t tile, uint32_t *x, uint32
 void image_box_reduce(struct image *out, const struct image *in);
 
 struct sweep_options {
-    const struct tonemap_options *tone; /* what all tiles share */
+    const struct tonemap_options *tone; /* common to all tiles */
     const struct sweep *sweeps;
     size_t sweep_count;
     uint32_t tile_width;
@@ -73,7 +73,7 @@ struct sweep_options {
     int linear;                         /* display light instead of codes */
 };
 
-/* Are the values good for the options? To be asked before anything costly. ERR_USAGE, ERR_INPUT. */
+/* Check the values against the options. Call it before expensive work. ERR_USAGE, ERR_INPUT. */
 status sweep_check(const struct sweep_options *how, struct error *err) MUST_CHECK;
 
 /* The sheet of a picture (3 channels), initialised here. `name` is for the title. */

@@ -151,8 +151,8 @@ void children_stop(struct child *children, size_t count, unsigned limit_ms)
         for (size_t i = 0; i < count; i++)
             left += !child_has_ended(&children[i]);
         if (left) {
-            /* A child's end wakes us by SIGCHLD's byte; the short limit covers a byte that
-             * was drained before. */
+            /* SIGCHLD's byte wakes us when a child ends; the short limit covers a byte that was
+             * drained earlier. */
             poll(&nothing, 1, STOP_POLL_MS);
             signals_drain();
         }
@@ -189,7 +189,7 @@ void child_print_log_tail(const char *log_path, const char *label)
         fprintf(stderr, "(%s wrote nothing)\n", label);
         return;
     }
-    fprintf(stderr, "%s's last words:\n", label);
+    fprintf(stderr, "the end of %s's log:\n", label);
     for (char *line = strtok(text + begin, "\n"); line; line = strtok(NULL, "\n")) {
         char printable[TAIL_BYTES + 1];
         fprintf(stderr, "  | %s\n", message_text(printable, sizeof printable, line));

@@ -1,7 +1,7 @@
 /* child: a program that runs for us and dies with us.
  *
- * A child has its own process group, so that a Ctrl-C at the terminal reaches only us and we
- * end it in good order; the kernel sends it a signal if we die. What it writes goes into a log file,
+ * A child has its own process group, so that a Ctrl-C at the terminal reaches only us and we can
+ * shut it down cleanly; the kernel sends it a signal if we die. Its output goes to a log file,
  * whose tail explains an unexpected end.
  */
 #ifndef AZULEJO_CLIENT_CHILD_H
@@ -35,7 +35,7 @@ int child_has_ended(struct child *child);
 /* "ended with exit status 3", "was killed by signal 9 (Killed)". */
 void child_describe_end(const struct child *child, char *out, size_t size);
 
-/* SIGTERM to all, up to limit_ms for them to end, then SIGKILL; all are reaped. */
+/* Send SIGTERM to all, wait up to limit_ms for them to end, then send SIGKILL; all are reaped. */
 void children_stop(struct child *children, size_t count, unsigned limit_ms);
 
 /* Print the last lines of a log file to standard error, indented. */

@@ -70,7 +70,7 @@ static int is_ours(const struct claims *c, const char *base)
 
     while (*line) {
         size_t size = strcspn(line, "\n");
-        /* The name is all that follows the third space. */
+        /* The name is everything after the third space. */
         const char *name = line;
         for (int i = 0; i < 3 && name; i++) {
             name = memchr(name, ' ', size - (size_t)(name - line));
@@ -151,15 +151,16 @@ static status keep(struct claims *c, const char *path, int force, struct buffer 
     if (is_ours(c, buffer_text(base)))
         return STATUS_OK;
     if (c->text.size == 0)
-        buffer_puts(&c->text, "# which job the files of this folder were fetched from: job, time "
-                              "of submission, scene, name\n");
+        buffer_puts(&c->text,
+                    "# the jobs from which the files of this folder were fetched: job, time "
+                    "of submission, scene, name\n");
     buffer_printf(&c->text, "%s%s\n", c->owner, buffer_text(base));
     if (!buffer_ok(&c->text))
         return error_no_memory(err, path);
     return file_write_atomic(path, c->text.data, c->text.size, err);
 }
 
-/* Where folders cannot be locked (NFS), two that fetch at once may choose the same name. */
+/* If folders cannot be locked (NFS), two simultaneous fetches may choose the same name. */
 static void lock_folder(struct claim *claim, const char *folder)
 {
     claim->lock = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);

@@ -26,7 +26,7 @@ struct inbox_message {
 struct connection {
     uv_loop_t loop;
     struct channel *channel; /* NULL once its on_close ran */
-    uv_timer_t deadline;     /* running while somebody waits */
+    uv_timer_t deadline;     /* running while a call waits */
     uv_timer_t heartbeat;
     uv_poll_t signals;
     int signals_polled;
@@ -37,10 +37,10 @@ struct connection {
     double timeout_s;
     connection_watch_fn watch;
     void *watch_user;
-    struct error broken;     /* why the channel ended; code OK while it stands */
+    struct error broken;     /* why the channel ended; code OK while it is open */
     int ended;
     char address[CONNECTION_HOST_MAX + 16];
-    struct farm_key key; /* lives as long as the channel may look at it */
+    struct farm_key key; /* lives as long as the channel may use it */
 };
 
 /* ---- what the channel tells us ----------------------------------------------------------- */
@@ -77,7 +77,7 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
                       INBOX_MAX);
         return;
     }
-    /* The envelope is only lent to us: keep a copy by way of its wire form. */
+    /* The envelope is only borrowed: keep a copy, made through its wire form. */
     size = azulejo__wire__envelope__get_packed_size(message);
     bytes = mem_alloc(size);
     item = mem_calloc(1, sizeof *item);
@@ -101,7 +101,7 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
 static void on_drain(struct channel *channel, void *user)
 {
     (void)channel;
-    (void)user; /* the sender looks at the queue's length after each turn of the loop */
+    (void)user; /* the sender checks the queue's length after each iteration of the loop */
 }
 
 static void on_channel_close(struct channel *channel, const struct error *why, void *user)
@@ -134,7 +134,7 @@ static void on_heartbeat(uv_timer_t *timer)
     struct connection *c = timer->data;
 
     if (c->channel && message_send_heartbeat(c->channel) != STATUS_OK) {
-        /* The channel closes by itself; on_close says why. */
+        /* The channel closes by itself; on_close gets the reason. */
     }
 }
 
@@ -165,7 +165,7 @@ static status look_at_signals(struct connection *c, struct error *err)
     return c->watch ? c->watch(c->watch_user, err) : STATUS_OK;
 }
 
-/* One turn of the loop; the error of the connection, of the watch, or of the deadline. */
+/* Run one iteration of the loop; returns the error of the connection, the watch or the deadline. */
 static status wait_turn(struct connection *c, const char *what, struct error *err)
 {
     status result;
@@ -216,7 +216,7 @@ status connection_receive(struct connection *c, uint64_t request, Azulejo__Wire_
     *out = NULL;
     timer_arm(c);
     while (!(at = inbox_find(c, request))) {
-        /* A refusal that answers no request in particular concerns the caller that waits. */
+        /* A Failure without a request number is for the waiting caller. */
         if (request && (at = inbox_find(c, 0)) && (*at)->envelope->request == 0 &&
             (*at)->envelope->body_case == AZULEJO__WIRE__ENVELOPE__BODY_FAILURE)
             break;
@@ -340,7 +340,7 @@ static status say_hello(struct connection *c, enum farm_role role, struct error 
         return result;
     result = welcome_check(answer->welcome, err);
     if (result == STATUS_OK) {
-        /* Twice as often as asked for, so that a little lateness does no harm. */
+        /* Twice as often as required, so that a small delay does no harm. */
         beat_ms = answer->welcome->heartbeat_ms / 2;
         uv_timer_start(&c->heartbeat, on_heartbeat, beat_ms, beat_ms);
     }

@@ -1,9 +1,9 @@
-/* connection: a client's conversation with a coordinator, asked and answered in turn.
+/* connection: a client's conversation with a coordinator, request by request.
  *
- * A connection owns a private libuv loop, one channel and the messages that have arrived
- * but were not asked for yet. Every call that waits runs the loop until it has what it
- * waits for; meanwhile heartbeats go out by themselves. A caller that computes for longer
- * than a second or two between calls lets it breathe with connection_pump().
+ * A connection owns a private libuv loop, one channel and the messages that have arrived but were
+ * not received yet. Every call that waits runs the loop until its condition holds; meanwhile
+ * heartbeats are sent automatically. A caller that computes for more than a second or two between
+ * calls must call connection_pump().
  *
  * Single-threaded. A connection that failed stays failed: every later call returns the
  * same error.
@@ -20,11 +20,11 @@
 
 #define CONNECTION_TIMEOUT_DEFAULT_S 30.0
 
-/* Called whenever a caught signal arrived while the connection waits; an error that it
- * returns ends the waiting with that error and leaves the connection usable. */
+/* Called for each caught signal while the connection waits; an error that it returns ends the wait
+ * with that error and leaves the connection usable. */
 typedef status (*connection_watch_fn)(void *user, struct error *err);
 
-/* What every command that talks to a coordinator takes. */
+/* The options of every command that talks to a coordinator. */
 struct connection_options {
     const char *coordinator; /* HOST[:PORT]; NULL: AZULEJO_COORDINATOR or 127.0.0.1:7420 */
     const char *key_path;    /* NULL: AZULEJO_KEY or ~/.config/azulejo/farm.key */
@@ -45,10 +45,10 @@ enum { CONNECTION_HOST_MAX = 300 };
     {"key", 'k', OPTION_STRING, &(o).key_path, "FILE",                                          \
      "key file (default $AZULEJO_KEY, else ~/.config/azulejo/farm.key)", 0, 0, NULL},           \
     {"timeout", 0, OPTION_REAL, &(o).timeout_s, "SECONDS",                                      \
-     "give up when the coordinator is silent for so long (default 30)", 0.01, 86400, NULL}
+     "give up when the coordinator is silent for this long (default 30)", 0.01, 86400, NULL}
 
-/* Where to, and with which key: from the options, else the environment, else the defaults.
- * The caller wipes the key. */
+/* The address and the key: from the options, else the environment, else the defaults. The caller
+ * wipes the key. */
 status connection_options_resolve(const struct connection_options *options,
                                   char host[CONNECTION_HOST_MAX], uint16_t *port,
                                   struct farm_key *key, struct error *err) MUST_CHECK;
@@ -60,10 +60,10 @@ struct connection;
 status connection_open(struct connection **out, const struct connection_options *options,
                        struct error *err) MUST_CHECK;
 
-/* Close in good order (what is queued is flushed) and free; NULL is fine. */
+/* Flush the queue, close and free; NULL is fine. */
 void connection_close(struct connection *c);
 
-/* Another watch from now on. */
+/* Set another watch. */
 void connection_set_watch(struct connection *c, connection_watch_fn watch, void *user);
 
 /* Send; `message->request` must have been chosen with connection_request_id(). Waits while
@@ -78,7 +78,7 @@ status connection_send(struct connection *c, Azulejo__Wire__Envelope *message, s
 status connection_receive(struct connection *c, uint64_t request, Azulejo__Wire__Envelope **out,
                           struct error *err) MUST_CHECK;
 
-/* Is a message that answers `request` there already? Runs the loop once without waiting. */
+/* Has a message that answers `request` arrived? Runs the loop once without waiting. */
 int connection_pump(struct connection *c, uint64_t request);
 
 /* Send and receive one answer, which must have the body `expected`. */
@@ -86,7 +86,7 @@ status connection_ask(struct connection *c, Azulejo__Wire__Envelope *question,
                       Azulejo__Wire__Envelope__BodyCase expected, Azulejo__Wire__Envelope **out,
                       struct error *err) MUST_CHECK;
 
-/* "HOST:PORT" as it was named. */
+/* "HOST:PORT" as given. */
 const char *connection_address(const struct connection *c);
 
 #endif

@@ -5,7 +5,7 @@
 
 #include "common/accuracy/stop.h"
 
-/* Of one pixel; 0 when the coordinator names no size. */
+/* Of one pixel; 0 if the coordinator sends no size. */
 static double mean_samples(const Azulejo__Wire__JobInfo *job, const Azulejo__Wire__CutFrame *cut)
 {
     double pixels = job->settings ? (double)job->settings->width * job->settings->height : 0;
@@ -15,7 +15,7 @@ static double mean_samples(const Azulejo__Wire__JobInfo *job, const Azulejo__Wir
 
 int cut_frame_is_cancelled(const Azulejo__Wire__CutFrame *cut)
 {
-    /* An older coordinator does not tell what ended it. */
+    /* An older coordinator does not send the reason. */
     return cut->end == AZULEJO__WIRE__FRAME_END__FRAME_END_NONE ||
            cut->end == AZULEJO__WIRE__FRAME_END__FRAME_END_CANCEL;
 }

@@ -1,4 +1,4 @@
-/* cut_frame: a finished frame with fewer samples than were asked for, for people and programs. */
+/* cut_frame: a finished frame with fewer samples than requested, for people and programs. */
 #ifndef AZULEJO_CLIENT_CUT_FRAME_H
 #define AZULEJO_CLIENT_CUT_FRAME_H
 

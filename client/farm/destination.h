@@ -1,4 +1,4 @@
-/* destination: where render's pictures go. */
+/* destination: the destination of render's pictures. */
 #ifndef AZULEJO_CLIENT_DESTINATION_H
 #define AZULEJO_CLIENT_DESTINATION_H
 
@@ -14,10 +14,10 @@ struct destination {
     const char *jpeg_extension; /* as the user writes it: "jpg" or "jpeg" */
 };
 
-/* From -o: a path that ends in .exr, .png or .jpg is that one file, a folder (one that is there, or
- * a path that ends in '/') gets the files named after the scene, anything else is the files'
- * path without extension. NULL: the files here, named after the scene. `formats`: which files, 0
- * for the usual two where the path does not say. ERR_USAGE when it says something else;
+/* From -o: a path that ends in .exr, .png or .jpg is that one file, a folder (an existing one, or a
+ * path that ends in '/') gets files named after the scene, anything else is the files' path without
+ * extension. NULL: files in the current folder, named after the scene. `formats`: the files to
+ * write, 0 for the usual two if the path does not decide. ERR_USAGE if path and formats disagree;
  * ERR_NO_MEMORY. */
 status destination_init(struct destination *d, const char *out, unsigned formats,
                         const char *scene_name, uint32_t frames, struct error *err) MUST_CHECK;

@@ -165,7 +165,7 @@ static status output_path(struct job_fetch *f, uint32_t frame, Azulejo__Wire__Ou
     return *path ? STATUS_OK : error_no_memory(err, "a path");
 }
 
-/* Does this failure concern only the file that was asked for? */
+/* Does this failure concern only the requested file? */
 static int is_of_the_file(status code)
 {
     return code == STATUS_ERR_NOT_FOUND || code == STATUS_ERR_CORRUPT || code == STATUS_ERR_IO ||
@@ -185,7 +185,7 @@ static void note_missing(struct job_fetch *f, uint32_t frame, Azulejo__Wire__Out
         fprintf(stderr, "%s\n", why->text);
 }
 
-/* Fetch one of a frame's files. `why` is filled where the coordinator cannot give it. */
+/* Fetch one of a frame's files. `why` is set if the coordinator cannot send it. */
 static status fetch_one(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
                         struct error *why, struct error *err)
 {
@@ -208,8 +208,8 @@ static status fetch_one(struct job_fetch *f, uint32_t frame, Azulejo__Wire__Outp
     return result;
 }
 
-/* Every format of one frame. A frame of which nothing is there is not rendered yet, unless the
- * job is done. */
+/* Every format of one frame. A frame without any file is not rendered yet, unless the job is
+ * done. */
 static status fetch_frame(struct job_fetch *f, uint32_t frame, struct error *err)
 {
     static const Azulejo__Wire__OutputKind kinds[] = {
@@ -239,7 +239,7 @@ static status fetch_frame(struct job_fetch *f, uint32_t frame, struct error *err
     return result;
 }
 
-/* What was fetched, against what was wanted. */
+/* Compare what was fetched with what was wanted. */
 static status verdict(const struct job_fetch *f, uint64_t frames, struct error *err)
 {
     char frames_text[80] = "", files_text[80] = "";

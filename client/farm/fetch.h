@@ -14,8 +14,7 @@
 status fetch_output(struct connection *c, uint64_t job, uint32_t frame,
                     Azulejo__Wire__OutputKind kind, struct buffer *data, struct error *err) MUST_CHECK;
 
-/* Make the folder and prove that files can be written there, before anything costly is
- * done. ERR_IO. */
+/* Create the folder and check that files can be written there, before expensive work. ERR_IO. */
 status fetch_check_folder(const char *folder, struct error *err) MUST_CHECK;
 
 /* Bringing a job's files into a folder. Zero what is not given; job_fetch_release frees the
@@ -24,29 +23,29 @@ struct job_fetch {
     struct connection *connection;
     const Azulejo__Wire__JobInfo *job;
     const char *folder;
-    unsigned formats;    /* enum output_format; those that the job does not have do not count */
+    unsigned formats;    /* enum output_format; formats that the job does not have are ignored */
     int manifest;        /* these too */
-    int force;           /* under the job's plain name, whatever is there (client/farm/claims.h) */
-    int finished_only;   /* frames that are not rendered yet are not missed */
+    int force;           /* use the job's plain name even if it is taken (client/farm/claims.h) */
+    int finished_only;   /* frames that are not rendered yet do not count as missing */
     int json;            /* fill `files` and `missing` instead of printing a line for each file */
     json_t *files, *missing;
     size_t fetched, failed, not_rendered; /* files; files; frames */
-    struct claim claim;  /* taken when the first file is there */
-    struct error first;  /* why the first file that failed did */
+    struct claim claim;  /* made when the first file has arrived */
+    struct error first;  /* the first file's failure */
 };
 void job_fetch_release(struct job_fetch *f);
 
 #define JOB_FETCH_FORCE_ROW(flag)                                                                 \
     {"force", 'f', OPTION_FLAG, &(flag), NULL,                                                    \
-     "name the files after the job even where that overwrites another job's", 0, 0, NULL}
+     "name the files after the job even if that overwrites another job's", 0, 0, NULL}
 
 /* One file to `path`. */
 status job_fetch_file(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
                       const char *path, struct error *err) MUST_CHECK;
 
-/* The files of every finished frame, or of only_frame (negative: all). What the coordinator cannot
- * give does not keep the rest back: ERR_INCOMPLETE at the end, or, when there was nothing at all,
- * the first file's error, ERR_NOT_FOUND where no frame is finished. ERR_IO when a file cannot be
+/* The files of every finished frame, or of only_frame (negative: all). Files that the coordinator
+ * cannot send do not stop the others: ERR_INCOMPLETE at the end, or, if there was no file at all,
+ * the first file's error, ERR_NOT_FOUND if no frame is finished. ERR_IO when a file cannot be
  * written. */
 status job_fetch_pictures(struct job_fetch *f, int64_t only_frame, struct error *err) MUST_CHECK;
 

@@ -16,7 +16,7 @@ static status stop_wanted(void *user, struct error *err)
     if (!signals_stop())
         return STATUS_OK;
     return error_set(err, STATUS_ERR_JOB_FAILED,
-                     "detached; job %" PRIu64 " goes on ('azulejo watch %" PRIu64
+                     "detached; job %" PRIu64 " continues ('azulejo watch %" PRIu64
                      "' shows it again, 'azulejo cancel %" PRIu64 "' ends it)",
                      job, job, job);
 }
@@ -32,7 +32,7 @@ static void print_ending(const Azulejo__Wire__JobInfo *info)
         printf("  %-10s  'azulejo fetch %" PRIu64 "' brings the pictures\n", "outputs", info->job);
 }
 
-/* Until the job has ended, over as many connections as that takes. */
+/* Watch until the job has ended, over as many connections as needed. */
 static status watch_through(struct connection **c, uint64_t job, const struct follow *how,
                             Azulejo__Wire__Envelope **last, struct error *err)
 {
@@ -57,7 +57,7 @@ static status watch_through(struct connection **c, uint64_t job, const struct fo
     if (result == STATUS_ERR_TIMEOUT && again.deadline_ns &&
         clock_monotonic_ns() >= again.deadline_ns)
         result = error_set(err, result,
-                           "job %" PRIu64 " has not ended within %g seconds; it goes on", job,
+                           "job %" PRIu64 " has not ended within %g seconds; it continues", job,
                            how->limit_s);
     return result;
 }

@@ -1,4 +1,4 @@
-/* follow: watch a job for a person at a terminal, and tell how it ended.
+/* follow: watch a job for a person at a terminal, and report how it ended.
  *
  * Ctrl-C leaves the job alone and says so.
  */
@@ -14,7 +14,7 @@ struct follow {
     int quiet, json;
 };
 
-/* *c is another connection where the first was lost, and NULL where none came in its place.
+/* *c is a new connection if the first was lost, and NULL if it could not be replaced.
  * ERR_JOB_FAILED when the job failed or was cancelled; ERR_TIMEOUT after the limit. */
 status follow_job(struct connection **c, uint64_t job, const struct follow *how,
                   struct error *err) MUST_CHECK;

@@ -176,7 +176,7 @@ static json_t *output_json(const Azulejo__Wire__OutputSettings *o)
     return out;
 }
 
-/* The share of the light that clamping took away. */
+/* The share of the light that clamping removed. */
 static double clamped_share(const Azulejo__Wire__Work *w)
 {
     double all = w->clamped_luminance + w->kept_luminance;
@@ -367,7 +367,8 @@ void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
     }
     if (job->conflicts) {
         snprintf(line, sizeof line,
-                 "%" PRIu64 " results differed from ones already merged: a worker computes wrongly "
+                 "%" PRIu64
+                 " results differed from ones already merged: a worker computes wrong results "
                  "(see the coordinator's log)",
                  job->conflicts);
         print_line(out, "conflicts", line);

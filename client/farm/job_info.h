@@ -1,4 +1,4 @@
-/* job_info: what the coordinator tells of a job, for people and for programs. */
+/* job_info: the coordinator's report of a job, for people and for programs. */
 #ifndef AZULEJO_CLIENT_JOB_INFO_H
 #define AZULEJO_CLIENT_JOB_INFO_H
 
@@ -12,11 +12,11 @@
 const char *job_state_name(Azulejo__Wire__JobState state);
 int job_state_is_final(Azulejo__Wire__JobState state);
 
-/* Send a question about one job (or all: 0) that is answered by a JobList. ERR_NOT_FOUND when a named
- * job is not in the answer. The caller frees the answer; it is NULL after every error. */
+/* Send a request about one job (0: all) that is answered by a JobList. ERR_NOT_FOUND if the job is
+ * not in the answer. The caller frees the answer; it is NULL after an error. */
 status job_ask(struct connection *c, Azulejo__Wire__Envelope *question, uint64_t job,
                Azulejo__Wire__Envelope **out, struct error *err) MUST_CHECK;
-/* The same with a question that only asks. */
+/* The same with a plain query. */
 status job_query(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **out,
                  struct error *err) MUST_CHECK;
 
@@ -29,10 +29,10 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job);
 /* An operator's parameter: a choice's word, else the number. */
 json_t *job_parameter_json(const char *operator_name, const char *name, double value);
 
-/* The summary's lines: what was rendered, how long it took, what went wrong. */
+/* The summary's lines: the samples rendered, the time taken, the problems. */
 void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job);
 
-/* ERR_JOB_FAILED with the coordinator's words for a job that failed or was cancelled. */
+/* ERR_JOB_FAILED with the coordinator's text for a job that failed or was cancelled. */
 status job_info_verdict(const Azulejo__Wire__JobInfo *job, struct error *err) MUST_CHECK;
 
 #endif

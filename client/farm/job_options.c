@@ -9,7 +9,8 @@
 #include "common/scene/pose.h"
 #include "protocol/message.h"
 
-/* With a target: at 4 or 8 samples a pixel how the error falls on is not known yet (docs/ACCURACY.md). */
+/* With a target: 4 or 8 samples a pixel do not show yet how the error will fall
+ * (docs/ACCURACY.md). */
 enum { SPP_MIN_DEFAULT = 16 };
 
 static status rules_check(const struct job_options *o, struct job_request *out, struct error *err)
@@ -115,7 +116,7 @@ static status camera_find(const struct scene *scene, const char *name, uint32_t 
     return STATUS_ERR_USAGE;
 }
 
-/* Options that mean nothing without something that this camera has not. */
+/* Options that have no effect with this camera. */
 static status lens_check(const struct render_settings *s, const struct scene_camera *camera,
                          struct error *err)
 {
@@ -124,7 +125,7 @@ static status lens_check(const struct render_settings *s, const struct scene_cam
                          "--lens: a panorama camera has no lens: choose another --camera");
     if (s->lens_radius > 0 && s->focus_distance == 0 && camera->focus_distance == 0)
         return error_set(err, STATUS_ERR_USAGE,
-                         "--lens: the camera does not say what is sharp: give --focus METRES too");
+                         "--lens: the camera has no focus distance: give --focus METRES too");
     return STATUS_OK;
 }
 

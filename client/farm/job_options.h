@@ -33,7 +33,7 @@ struct job_options {
      .max_depth = -1,                                                                           \
      .fps = 24, .lens_radius = -1, .output = OUTPUT_OPTIONS_INIT}
 
-/* A job's, but for what says when a frame has enough samples. */
+/* A job's options, except those about when a frame has enough samples. */
 #define JOB_SCENE_ROWS(o)                                                                      \
     IMPORT_OPTION_ROWS((o).import),                                                             \
     {"env-rotate", 0, OPTION_REAL, &(o).env_rotate_deg, "DEG",                                  \
@@ -56,8 +56,8 @@ struct job_options {
      "share of a frame's time that the shutter is open, 0 to 1: what moves is blurred "         \
      "(default 0: as long as the camera says)", 0, 1, NULL},                                    \
     {"lens", 0, OPTION_REAL, &(o).lens_radius, "METRES",                                        \
-     "radius of the aperture: what is out of focus is blurred; 0 is a pinhole (default: the "   \
-     "camera's own)", 0, 1e5, NULL},                                                            \
+     "radius of the aperture, which blurs what is out of focus; 0 is a pinhole (default: the "     \
+     "camera's own)", 0, 1e5, NULL},                                                               \
     {"focus", 0, OPTION_REAL, &(o).focus_distance, "METRES",                                    \
      "distance of what is sharp (default: the camera's own)", 1e-6, 1e11, NULL},                \
     {"without", 0, OPTION_LIST, &(o).without, "EFFECT,...",                                 \
@@ -72,34 +72,34 @@ struct job_options {
      "path edges after the camera's ray; 0 shows emitters only (default: the file's own, or 12)", \
      0, SETTINGS_DEPTH_MAX, NULL},                                                              \
     {"roulette", 0, OPTION_CHOICE, &(o).roulette, "HOW",                                        \
-     "end paths that carry little by chance; off: at --max-depth only (default on)", 0, 0,      \
+     "end paths that carry little light at random; off: only at --max-depth (default on)", 0, 0,   \
      "on|off"},                                                                                 \
     {"sampler", 0, OPTION_CHOICE, &(o).sampler, "NAME",                                         \
      "random numbers: scrambled Sobol' points, or independent ones (default sobol)", 0, 0,      \
      "sobol|independent"},                                                                      \
     {"light-choice", 0, OPTION_CHOICE, &(o).light_choice, "HOW",                                \
-     "a light is chosen by what it can do at the point, by its power, or all alike (default tree)", \
+     "choose lights by their effect at the point, by their power, or uniformly (default tree)", \
      0, 0, "tree|power|uniform"},                                                               \
     {"clamp", 0, OPTION_REAL, &(o).clamp, "X",                                                  \
-     "scale samples of more linear radiance (before exposure) down to X, against fireflies; takes " \
-     "light away, and says how much (default 0: off)", 0, (double)SETTINGS_CLAMP_MAX, NULL},    \
+     "scale samples of more linear radiance (before exposure) down to X, against fireflies; "      \
+     "removes light, and reports how much (default 0: off)", 0, (double)SETTINGS_CLAMP_MAX, NULL}, \
     {"texture-filter", 0, OPTION_CHOICE, &(o).texture_filter, "HOW",                            \
-     "textures by the width of the ray's cone, or their finest level alone: interpolated, or its " \
-     "nearest texel (default cone)", 0, 0, "cone|bilinear|nearest"},                            \
+     "filter textures by the width of the ray's cone, or use only their finest level, "            \
+     "interpolated or by its nearest texel (default cone)", 0, 0, "cone|bilinear|nearest"},        \
     {"bvh-quality", 0, OPTION_CHOICE, &(o).bvh_quality, "HOW",                                  \
-     "how much work Embree puts into its trees; high needs --robust off (default medium)", 0, 0, \
+     "quality of Embree's trees; high needs --robust off (default medium)", 0, 0, \
      "low|medium|high"},                                                                        \
     {"robust", 0, OPTION_CHOICE, &(o).robust, "HOW",                                            \
-     "keep rays from slipping between triangles; off is quicker and may leak (default on)", 0, 0, \
+     "stop rays from slipping between triangles; off is faster but may leak (default on)", 0, 0, \
      "on|off"},                                                                                 \
     {"seed", 0, OPTION_INT, &(o).seed, "N",                                                     \
-     "another seed gives other noise, the same one the same bits (default 0)",                  \
+     "another seed gives different noise, the same seed the same bits (default 0)",                \
      0, 9e18, NULL},                                                                            \
     OUTPUT_OPTION_ROWS((o).output),                                                             \
     {"half", 0, OPTION_FLAG, &(o).half, NULL,                                                   \
      "16-bit floats in the EXR instead of 32-bit ones", 0, 0, NULL},                            \
     {"isa", 0, OPTION_CHOICE, &(o).isa, "NAME",                                                 \
-     "instruction set that every worker pins its ray tracing to (default avx2)", 0, 0,          \
+     "instruction set for the ray tracing of every worker (default avx2)", 0, 0,          \
      "sse2|avx2|avx512"},                                                                       \
     {"priority", 0, OPTION_INT, &(o).priority, "N",                                             \
      "jobs with a higher number go first (default 0)", -1000000, 1000000, NULL}
@@ -109,20 +109,22 @@ struct job_options {
     STOP_OPTION_ROWS((o).stop, "the file's own, or 256; with another rule: no limit"),          \
     ALLOCATION_OPTION_ROW((o).stop),                                                            \
     {"min-spp", 0, OPTION_INT, &(o).stop.spp_min, "N",                                          \
-     "samples a pixel before --target-error may end a frame, at least (default 16)", 1, SETTINGS_SPP_MAX,    \
+     "samples a pixel before --target-error may end a frame, at least (default 16)",               \
+     1, SETTINGS_SPP_MAX,                                                                          \
      NULL},                                                                                     \
     {"schedule-from", 0, OPTION_STRING, &(o).schedule_path, "FILE.exr",                         \
-     "give each tile the samples that it has in this picture, which a limit or a cancel ended",  \
+     "give each tile the samples that it has in this picture, which was ended by a limit or a "    \
+     "cancel",                                                                                     \
      0, 0, NULL}
 
-/* For studies, which end frames as they need to. */
+/* For studies, which have their own rules for ending frames. */
 #define JOB_STUDY_ROWS(o)                                                                       \
     JOB_SCENE_ROWS(o),                                                                          \
     {"spp", 'n', OPTION_INT, &(o).stop.spp, "N", "samples a pixel, at most", 1, SETTINGS_SPP_MAX, NULL}
 
 enum { JOB_TOKEN_BYTES_MAX = 64 }; /* the coordinator's limit */
 
-/* What the options mean for a scene. Zero-initialise. */
+/* The options applied to a scene. Zero-initialise. */
 struct job_request {
     struct render_settings settings;
     struct stop_rules stop;
@@ -131,17 +133,18 @@ struct job_request {
     uint32_t schedule_width, schedule_height;
     struct output_request output;
     uint32_t first_frame, last_frame;
-    const uint32_t *frames;      /* ascending: of these, the only ones rendered until the job goes on; the caller's */
+    const uint32_t *frames;      /* ascending: the only frames to render until the job continues;
+                                    the caller's */
     size_t frame_count;          /* 0: all */
-    int estimate;                /* to tell what the job will cost; it goes on from it when it is submitted */
+    int estimate;                /* to predict the job's cost; the job continues it when submitted
+                                    */
     int32_t priority;
     /* The submission's own name, so that it can be sent twice and is one job; "": none. */
     char token[JOB_TOKEN_BYTES_MAX + 1];
 };
 
-/* Check what can be checked before the scene is read, so that a slip in an option is reported
- * at once, whatever else is wrong. The operator's file is read. ERR_USAGE or ERR_INPUT; release
- * after a failure, too. */
+/* Check what can be checked before the scene is read, so that a wrong option is reported at once.
+ * The operator's file is read. ERR_USAGE or ERR_INPUT; release after a failure, too. */
 status job_options_check(const struct job_options *o, struct job_request *out, struct error *err)
     MUST_CHECK;
 void job_request_release(struct job_request *request);
@@ -155,7 +158,8 @@ status job_request_complete(struct job_request *request, const struct job_option
  * stored already. */
 struct job_accepted {
     uint64_t job;
-    uint32_t estimate_spp;       /* not 0: it was an estimate, and goes on from so many samples a pixel */
+    uint32_t estimate_spp;       /* not 0: it was an estimate, and continues from this many samples
+                                    a pixel */
 };
 status job_request_submit(struct connection *c, const struct job_request *request,
                           const char *name, const struct digest *scene, unsigned formats,

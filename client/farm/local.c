@@ -18,9 +18,9 @@
 #include "protocol/key.h"
 
 enum {
-    START_LIMIT_MS = 20000,  /* for the coordinator to say where it listens */
+    START_LIMIT_MS = 20000,  /* limit for the coordinator to print its address */
     STOP_LIMIT_MS = 3000,    /* between SIGTERM and SIGKILL */
-    DYING_LIMIT_MS = 1000,   /* how long a lost connection's cause is looked for */
+    DYING_LIMIT_MS = 1000,   /* how long to look for the cause of a lost connection */
     LOG_PATH_SIZE = SCRATCH_PATH_SIZE + 64,
     LINE_SIZE = 512,
     ARGUMENTS_MAX = 16,
@@ -114,7 +114,7 @@ static status program_ended(struct local_farm *farm, struct child *child, const 
     return error_set(err, STATUS_ERR_JOB_FAILED, "the local %s %s %s", child->label, how, when);
 }
 
-/* Take the address out of the line "listening on HOST:PORT"; 1 when it was there. */
+/* Extract the address from the line "listening on HOST:PORT"; 1 if it was there. */
 static int take_address(struct local_farm *farm, char *text)
 {
     char *line = strstr(text, listening);
@@ -161,7 +161,7 @@ static status await_address(struct local_farm *farm, struct error *err)
         if (take_address(farm, text))
             return STATUS_OK;
     }
-    return error_set(err, STATUS_ERR_TIMEOUT, "the local coordinator did not say where it listens");
+    return error_set(err, STATUS_ERR_TIMEOUT, "the local coordinator did not print its address");
 }
 
 static status start_coordinator(struct local_farm *farm, struct error *err)
@@ -256,7 +256,7 @@ status local_farm_check(void *user, struct error *err)
     struct child *last = NULL;
 
     if (signals_stop_count() > farm->stops_seen)
-        return error_set(err, STATUS_ERR_JOB_FAILED, "interrupted; the job is given up");
+        return error_set(err, STATUS_ERR_JOB_FAILED, "interrupted; the job was abandoned");
     if (child_has_ended(&farm->coordinator))
         return program_ended(farm, &farm->coordinator, "in the middle of the job", err);
     for (unsigned i = 0; i < farm->worker_count; i++) {

@@ -1,10 +1,9 @@
-/* local: a farm of this machine alone, for the length of one command.
+/* local: a farm on this machine only, for the duration of one command.
  *
  * A real coordinator and real workers, each a process of its own, on a loopback port that the
- * kernel chooses, with a throw-away key; everything they keep is in one temporary folder, the
- * coordinator's store, which goes when the farm is stopped. When we are killed, the kernel kills the
- * workers and ends the coordinator in good order, which removes the folder. There is no second way
- * to render.
+ * kernel chooses, with a temporary key; all their files are in one temporary folder, the
+ * coordinator's store, which is removed when the farm stops. If we are killed, the kernel kills the
+ * workers and signals the coordinator, which removes the folder. There is no second way to render.
  */
 #ifndef AZULEJO_CLIENT_LOCAL_H
 #define AZULEJO_CLIENT_LOCAL_H
@@ -17,7 +16,7 @@ struct local_farm;
 
 struct local_options {
     unsigned workers;  /* 1..LOCAL_WORKERS_MAX processes */
-    unsigned threads;  /* of each; 0: the processors that we may use, shared out */
+    unsigned threads;  /* of each; 0: the processors that we may use, divided among the workers */
     int verbose;       /* the programs' logs go to standard error */
 };
 
@@ -25,19 +24,19 @@ struct local_options {
 status local_farm_start(struct local_farm **out, const struct local_options *options,
                         struct error *err) MUST_CHECK;
 
-/* How to reach it; valid until it is stopped. */
+/* Its address and key; valid until it is stopped. */
 const struct connection_options *local_farm_address(const struct local_farm *farm);
 
-/* A connection's watch function (user: the farm): ERR_JOB_FAILED when a stop was asked for by
- * a signal, or when the coordinator or the last worker has ended. */
+/* A connection's watch function (user: the farm): ERR_JOB_FAILED when a signal requested a stop, or
+ * when the coordinator or the last worker has ended. */
 status local_farm_check(void *farm, struct error *err) MUST_CHECK;
 
-/* The signals so far are being dealt with: from now on only a further one is an error of
+/* The signals so far are handled: from now on only a further one is an error of
  * local_farm_check. */
 void local_farm_tolerate(struct local_farm *farm);
 
-/* After a failure: if a program's end caused it, replace the error by that and print the
- * program's last words. Waits a moment for a program that is just dying. Returns the code. */
+/* After a failure: if a program's end caused it, replace the error by that and print the end of its
+ * log. Waits a moment for a program that is just ending. Returns the code. */
 status local_farm_explain(struct local_farm *farm, status code, struct error *err);
 
 /* End the programs and remove the folder; NULL is fine. */

@@ -8,7 +8,8 @@
 
 enum { WIDTH = 100 }; /* columns to fill */
 
-/* Words wrapped to WIDTH; lines after the first are indented so far. `column`: where we are. */
+/* Words wrapped to WIDTH; lines after the first are indented by `indent`. `column`: the present
+ * one. */
 static void print_wrapped(const char *text, int indent, int column)
 {
     while (*text) {
@@ -28,7 +29,8 @@ static void print_wrapped(const char *text, int indent, int column)
     putchar('\n');
 }
 
-/* Is the parameter reached by an option of its name? --percentile is, though it is the command's. */
+/* Can the parameter be set by an option of its name? --percentile can, although it is the
+ * command's. */
 static int is_direct(const struct option *rows, const char *name)
 {
     for (; rows->name; rows++)

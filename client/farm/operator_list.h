@@ -5,7 +5,7 @@
 #include "common/base/options.h"
 #include "common/base/status.h"
 
-/* To standard output. `rows`: the command's own options, which parameters cannot be called. */
+/* To standard output. `rows`: the command's own options, whose names parameters cannot have. */
 status operator_list_print(const struct option *rows, int json, struct error *err) MUST_CHECK;
 
 #endif

@@ -1,4 +1,4 @@
-/* output: which pictures a job makes, and how: from the command line to the wire. */
+/* output: the pictures that a job makes, from the command line to the wire. */
 #ifndef AZULEJO_CLIENT_OUTPUT_H
 #define AZULEJO_CLIENT_OUTPUT_H
 
@@ -28,8 +28,8 @@ struct output_options {
 #define OUTPUT_OPTION_ROWS(o)                                                                   \
     TONEMAP_OPTION_ROWS((o).tone),                                                              \
     {"temporal", 0, OPTION_INT, &(o).temporal, "N",                                             \
-     "average what the operator knows of the picture over the last N frames, so that an "       \
-     "animation does not flicker (default 1: each frame by itself)",                            \
+     "average the operator's measurements over the last N frames, so that an animation does not "  \
+     "flicker (default 1: each frame by itself)",                                                  \
      1, TONEMAP_TEMPORAL_MAX, NULL},                                                            \
     {"format", 0, OPTION_STRING, &(o).formats, "FORMAT,...",                                    \
      "which pictures are made: exr, png and jpg", 0, 0, NULL},                                  \
@@ -40,11 +40,11 @@ struct output_options {
     {"no-dither", 0, OPTION_FLAG, &(o).no_dither, NULL,                                         \
      "round the pictures' values instead of dithering them", 0, 0, NULL}
 
-/* What the options ask for. The buffer belongs to the request. */
+/* The options' values. The buffer belongs to the request. */
 struct output_request {
     struct tonemap_settings tonemap;
     struct buffer tonemap_file; /* the operator's file; empty without one */
-    unsigned formats;           /* enum output_format; 0: nothing was said */
+    unsigned formats;           /* enum output_format; 0: not given */
     uint32_t png_bits, jpeg_quality; /* 0: nothing was said */
     int no_dither, half;
     double camera_ev;           /* what of tonemap.exposure_ev is the camera's own */
@@ -55,7 +55,7 @@ status output_options_check(const struct output_options *o, struct output_reques
                             struct error *err) MUST_CHECK;
 void output_request_release(struct output_request *request);
 
-/* An OutputSettings message and what it points at, besides the request. */
+/* An OutputSettings message and its data, apart from the request. */
 struct output_message {
     Azulejo__Wire__OutputSettings message;
     Azulejo__Wire__OutputSettings__ParametersEntry entries[TONEMAP_PARAMETERS_MAX];
@@ -63,7 +63,7 @@ struct output_message {
     char *formats[OUTPUT_FORMAT_COUNT];
 };
 
-/* `formats` in place of the request's. The message is good as long as `out` and `request` are. */
+/* `formats` in place of the request's. The message is valid as long as `out` and `request` are. */
 void output_message_set(struct output_message *out, const struct output_request *request,
                         unsigned formats);
 

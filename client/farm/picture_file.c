@@ -9,8 +9,8 @@ static void tell_repairs(const char *path, const struct image_repairs *r)
 {
     if (r->nan_pixels || r->negative_pixels || r->infinite_pixels)
         fprintf(stderr,
-                "warning: %s: values that cannot be light were repaired: %" PRIu64 " not numbers, %" PRIu64
-                " negative, %" PRIu64 " infinite\n",
+                "warning: %s: values that cannot be radiance were repaired: %" PRIu64
+                " not numbers, %" PRIu64 " negative, %" PRIu64 " infinite\n",
                 path, r->nan_pixels, r->negative_pixels, r->infinite_pixels);
 }
 

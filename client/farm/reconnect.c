@@ -15,7 +15,7 @@ int reconnect_is_loss(status code)
     return code == STATUS_ERR_UNREACHABLE || code == STATUS_ERR_TIMEOUT;
 }
 
-/* Wait that long, or until a signal comes or `until_ns`. */
+/* Wait that long, or until a signal arrives or `until_ns`. */
 static void pause_until(uint64_t until_ns, unsigned pause_ms)
 {
     struct pollfd wake = {.fd = signals_fd(), .events = POLLIN}; /* -1 is ignored */

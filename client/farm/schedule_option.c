@@ -14,11 +14,11 @@ static status check_options(const struct job_options *o, struct error *err)
         !s->allocation)
         return STATUS_OK;
     return error_set(err, STATUS_ERR_USAGE,
-                     "--schedule-from says all about the samples: leave out --spp, --min-spp, "
+                     "--schedule-from fixes all samples: leave out --spp, --min-spp, "
                      "--target-error, --time-limit, --core-limit and --allocation");
 }
 
-/* The samples of another release are other samples. */
+/* Another release renders different samples. */
 static status check_release(const struct buffer *exr, const char *path, struct error *err)
 {
     static const char release[] = "azulejo " AZULEJO_VERSION " ";
@@ -27,8 +27,8 @@ static status check_release(const struct buffer *exr, const char *path, struct e
 
     if (s == STATUS_OK && strncmp(buffer_text(&kernel), release, sizeof release - 1) != 0)
         s = error_set(err, STATUS_ERR_INPUT,
-                      "%s: was rendered by '%s', and this is azulejo %s, whose samples are others: "
-                      "use that release",
+                      "%s: was rendered by '%s', and this is azulejo %s, whose samples are "
+                      "different: use that release",
                       path, buffer_text(&kernel), AZULEJO_VERSION);
     buffer_release(&kernel);
     return s;
@@ -50,8 +50,8 @@ status schedule_option_read(struct job_request *request, const struct job_option
         s = exr_read_text(&text, exr.data, exr.size, path, SCHEDULE_ATTRIBUTE, err);
         if (s == STATUS_ERR_NOT_FOUND)
             s = error_set(err, STATUS_ERR_INPUT,
-                          "%s: has no schedule; a picture that its rules ended has none: give them "
-                          "again (--spp, --target-error)",
+                          "%s: has no schedule; a picture that ended by its rules has none: give "
+                          "these again (--spp, --target-error)",
                           path);
     }
     if (s == STATUS_OK)
@@ -81,13 +81,14 @@ status schedule_option_fit(struct job_request *request, const struct job_options
         s->height = request->schedule_height;
     }
     if (s->width != request->schedule_width || s->height != request->schedule_height)
-        return error_set(err, STATUS_ERR_USAGE,
-                         "%s: its schedule is of %ux%u pixels, and --size is %ux%u: leave --size out",
-                         o->schedule_path, request->schedule_width, request->schedule_height,
-                         s->width, s->height);
+        return error_set(
+            err, STATUS_ERR_USAGE,
+            "%s: its schedule is for %ux%u pixels, and --size is %ux%u: leave --size out",
+            o->schedule_path, request->schedule_width, request->schedule_height, s->width,
+            s->height);
     if (request->first_frame != request->last_frame)
         return error_set(err, STATUS_ERR_USAGE,
-                         "%s: its schedule is of one frame: give that one with --frames",
+                         "%s: its schedule is for one frame: give that one with --frames",
                          o->schedule_path);
     return STATUS_OK;
 }

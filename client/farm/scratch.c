@@ -14,7 +14,7 @@
 #include "common/base/file.h"
 
 #define PREFIX "azulejo-render-"
-/* A folder without an owner's file is being made at the moment, or its maker died then. */
+/* A folder without an owner file is just being created, or its creator died while doing so. */
 enum { MAKING_LIMIT_S = 60 };
 
 static const char *temporary_folder(void)
@@ -24,8 +24,8 @@ static const char *temporary_folder(void)
     return folder && *folder ? folder : "/tmp";
 }
 
-/* Lock a file below the folder, made if `flags` say so; its descriptor. -1: it is not there.
- * -2: another process holds the lock. */
+/* Lock a file below the folder, created if `flags` allow; returns its descriptor. -1: there is no
+ * file. -2: another process holds the lock. */
 static int lock_file(const char *folder, const char *name, int flags)
 {
     char path[SCRATCH_PATH_SIZE + 16];

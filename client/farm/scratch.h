@@ -1,8 +1,8 @@
-/* scratch: a temporary folder that nothing leaves behind, not even SIGKILL.
+/* scratch: a temporary folder that does not stay behind, even after SIGKILL.
  *
- * The folder is TMPDIR/azulejo-render-XXXXXX. Its owner holds a lock (flock) on the file `owner` in it for
- * as long as it lives, and a coordinator whose store it is one on `lock`. A folder of ours that
- * neither holds is stale: the next scratch folder that is made removes it first.
+ * The folder is TMPDIR/azulejo-render-XXXXXX. Its owner holds a lock (flock) on the file `owner` in
+ * it for as long as it lives, and a coordinator that uses it as its store holds a lock on `lock`. A
+ * folder of ours without a held lock is stale: creating the next scratch folder removes it first.
  */
 #ifndef AZULEJO_CLIENT_SCRATCH_H
 #define AZULEJO_CLIENT_SCRATCH_H
@@ -18,7 +18,7 @@ struct scratch {
 
 /* Remove stale ones and make a new one. ERR_IO. After a failure scratch_remove is still fine. */
 status scratch_make(struct scratch *scratch, struct error *err) MUST_CHECK;
-/* Remove it with all that it holds, and let go of the lock. Twice is fine. */
+/* Remove it with its contents, and release the lock. Calling it twice is fine. */
 void scratch_remove(struct scratch *scratch);
 
 #endif

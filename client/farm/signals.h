@@ -1,8 +1,8 @@
 /* signals: Ctrl-C and ends of child processes, as events for the code that waits.
  *
- * The handlers only set a flag and write a byte into a pipe. Code that waits adds
- * signals_fd() to what it polls, drains it with signals_drain() and then looks at what
- * happened. SIGINT, SIGTERM and SIGHUP all ask for the same thing: stop in good order.
+ * The handlers only set a flag and write a byte into a pipe. Code that waits adds signals_fd() to
+ * what it polls, drains it with signals_drain() and then checks what happened. SIGINT, SIGTERM and
+ * SIGHUP all request the same: an orderly stop.
  */
 #ifndef AZULEJO_CLIENT_SIGNALS_H
 #define AZULEJO_CLIENT_SIGNALS_H
@@ -16,13 +16,13 @@ status signals_catch(struct error *err) MUST_CHECK;
  * Async-signal-safe. */
 void signals_restore_in_child(void);
 
-/* A descriptor that becomes readable when a caught signal arrived; -1 before signals_catch. */
+/* A descriptor that becomes readable when a caught signal arrives; -1 before signals_catch. */
 int signals_fd(void);
 void signals_drain(void);
 
 /* The signal that asked us to stop, or 0. */
 int signals_stop(void);
-/* How many such signals there were. */
+/* The number of such signals. */
 int signals_stop_count(void);
 
 #endif

@@ -10,7 +10,7 @@
 #include "common/base/file.h"
 #include "common/base/memory.h"
 
-/* What the file asks for counts where the user asks for nothing. */
+/* The file's settings apply unless the user gives others. */
 static void take_hints(const struct import_hints *hints, const struct job_options *o, int quiet,
                        struct job_request *request)
 {
@@ -28,7 +28,7 @@ static void take_hints(const struct import_hints *hints, const struct job_option
     if (depth)
         s->max_depth = hints->max_depth;
     if ((size || spp || depth) && !quiet)
-        fprintf(stderr, "as the file asks: %ux%u pixels, %u samples, depth %u\n", s->width,
+        fprintf(stderr, "from the file: %ux%u pixels, %u samples, depth %u\n", s->width,
                 s->height, s->spp, s->max_depth);
 }
 
@@ -87,7 +87,7 @@ status submission_send(struct connection *c, const struct import_result *scene,
     if (output->tonemap.has_file)
         items[count++] = (struct upload_item){output->tonemap.file, output->tonemap_file.data,
                                               output->tonemap_file.size};
-    /* The scene last: when it is there, so is everything that it names. */
+    /* The scene is sent last: once it is stored, so is everything that it names. */
     items[count++] = (struct upload_item){scene->scene_digest, scene->packed, scene->packed_bytes};
     progress_init(&progress, quiet);
     result = upload_blobs(c, items, count, report_upload, &progress, &uploaded, err);

@@ -12,8 +12,8 @@ status submission_prepare(const char *path, const struct job_options *options, i
                           struct job_request *request, struct import_result *scene,
                           struct error *err) MUST_CHECK;
 
-/* Send what the coordinator lacks, then the job. The number of files goes to standard error, and how
- * far the upload is, unless `quiet`. */
+/* Send the files that the coordinator lacks, then the job. The number of files and the upload's
+ * progress go to standard error, unless `quiet`. */
 status submission_send(struct connection *c, const struct import_result *scene,
                        const struct job_request *request, const char *name, unsigned formats,
                        int quiet, struct job_accepted *out, struct error *err) MUST_CHECK;

@@ -11,7 +11,7 @@
 /* ---- the direct options --------------------------------------------------------------------- */
 
 static const char parameters_title[] =
-    "parameters of the tone mapping operators ('azulejo tonemap --list' tells what they do; where "
+    "parameters of the tone mapping operators ('azulejo tonemap --list' describes them; if "
     "an\noption above has the name of one, write -p NAME=VALUE)";
 
 static struct tonemap_direct *direct_find(struct tonemap_options *o, const char *name)
@@ -120,7 +120,7 @@ void tonemap_options_keep(struct tonemap_options *o, const struct tonemap_operat
     o->parameters.count = kept;
 }
 
-/* --percentile serves two masters; see its help. */
+/* --percentile has two uses; see its help. */
 static status set_percentile(const struct tonemap_options *o, struct tonemap_settings *out,
                              struct error *err)
 {
@@ -195,8 +195,7 @@ static status load_file(const char *path, struct tonemap_settings *out, struct b
     return digest_of(&out->file, file->data, file->size);
 }
 
-/* Operators refuse some settings only when they work: let this one do so at once, not after hours
- * of rendering. */
+/* Operators refuse some settings only when they run: try it now, not after hours of rendering. */
 static status try_out(const struct tonemap_options *o, const struct tonemap_settings *settings,
                       const struct buffer *file, struct error *err)
 {
@@ -238,7 +237,7 @@ status tonemap_options_check(const struct tonemap_options *o, struct tonemap_set
         result = error_set(err, STATUS_ERR_USAGE,
                            "the operator %s needs a file, name it with --lut: %s", out->op->name,
                            out->op->file_help);
-    if (result != STATUS_OK) /* a wrong name or range is a slip on the command line, no bad file */
+    if (result != STATUS_OK) /* a wrong name or range is a usage error, not a bad file */
         return result == STATUS_ERR_INPUT ? STATUS_ERR_USAGE : result;
     if (o->file)
         result = load_file(o->file, out, file, err);

@@ -1,10 +1,9 @@
-/* tonemap_options: how pictures are tone mapped, from the command line; shared by every command
- * that describes it.
+/* tonemap_options: the tone mapping on the command line; shared by all commands that have it.
  *
  * A parameter of an operator is given as --tonemap-param NAME=VALUE or directly, as --NAME VALUE.
- * The rows for the direct ones are made from the operators' own tables, so that a new operator
- * needs no change here; where a command already has an option of that name, only
- * --tonemap-param reaches the parameter.
+ * The rows of the direct options are made from the operators' own tables, so that a new operator
+ * needs no change here; if a command already has an option of that name, only --tonemap-param sets
+ * the parameter.
  */
 #ifndef AZULEJO_CLIENT_TONEMAP_OPTIONS_H
 #define AZULEJO_CLIENT_TONEMAP_OPTIONS_H
@@ -43,7 +42,8 @@ struct tonemap_options {
 /* Rows for a command's table; `o` is a struct tonemap_options. */
 #define TONEMAP_OPTION_ROWS(o)                                                                  \
     {"tonemap", 't', OPTION_STRING, &(o).tonemap, "OPERATOR",                                   \
-     "the tone mapping operator (default " TONEMAP_DEFAULT "; 'azulejo tonemap --list' lists all)", \
+     "the tone mapping operator (default "                                                         \
+     TONEMAP_DEFAULT "; 'azulejo tonemap --list' lists all)",                                      \
      0, 0, NULL},                                                                               \
     {"tonemap-param", 'p', OPTION_LIST, &(o).parameters, "NAME=VALUE",                          \
      "a parameter of the operator, a number or a word; may be given several times", 0, 0, NULL}, \
@@ -57,10 +57,10 @@ struct tonemap_options {
      "find the exposure: the log-mean luminance becomes 0.18, or a percentile becomes 1 "       \
      "(default off)", 0, 0, "off|key|percentile"},                                              \
     {"percentile", 0, OPTION_REAL, &(o).percentile, "P",                                        \
-     "which percentile --auto-exposure percentile takes (default 99); without that, the "       \
-     "operator's parameter of this name", 1e-6, 100, NULL},                                        \
+     "the percentile for --auto-exposure percentile (default 99); without that, the operator's "   \
+     "parameter of this name", 1e-6, 100, NULL},                                                   \
     {"white-balance", 0, OPTION_REAL, &(o).white_kelvin, "KELVIN",                              \
-     "make light of this colour temperature white (default: leave colours as they are)",        \
+     "make light of this colour temperature white (default: do not change colours)",        \
      TONEMAP_KELVIN_MIN, TONEMAP_KELVIN_MAX, NULL}
 
 /* The command's rows with the direct options behind them, under a heading. `o` must stay where it
@@ -68,13 +68,13 @@ struct tonemap_options {
 const struct option *tonemap_options_table(struct tonemap_options *o, const struct option *rows,
                                            struct option out[TONEMAP_ROWS_MAX]);
 
-/* What the options ask for. The operator's file is read, and all of it is tried out; `file`,
- * initialised by the caller, gets its bytes (it stays empty without one). ERR_USAGE for slips on
- * the command line, ERR_INPUT and ERR_LIMIT for a bad file. */
+/* Evaluate the options. The operator's file is read, and the operator is tried; `file`, initialised
+ * by the caller, gets the bytes (it stays empty without a file). ERR_USAGE for errors on the
+ * command line, ERR_INPUT and ERR_LIMIT for a bad file. */
 status tonemap_options_check(const struct tonemap_options *o, struct tonemap_settings *out,
                              struct buffer *file, struct error *err) MUST_CHECK;
 
-/* Where --key names the farm's key: was the operator's parameter meant? `path` may be NULL.
+/* If --key names the farm's key: was the operator's parameter meant? `path` may be NULL.
  * ERR_USAGE. */
 status tonemap_key_check(const struct tonemap_settings *s, const char *path, struct error *err)
     MUST_CHECK;
@@ -82,7 +82,7 @@ status tonemap_key_check(const struct tonemap_settings *s, const char *path, str
 /* Does the operator have a parameter of that name? (The first `length` bytes of `name`.) */
 int tonemap_has_parameter(const struct tonemap_operator *op, const char *name, size_t length);
 
-/* Forget the parameters that the operator does not have. */
+/* Remove the parameters that the operator does not have. */
 void tonemap_options_keep(struct tonemap_options *o, const struct tonemap_operator *op);
 
 #endif

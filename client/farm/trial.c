@@ -33,7 +33,7 @@ static void take_figures(struct trial *out, const Azulejo__Wire__JobInfo *info, 
     }
 }
 
-/* The waiting was ended: nobody wants the job any more. What this cannot do is of no use to the user. */
+/* The wait was ended: the job is no longer needed. A failure here does not concern the user. */
 static void give_up(struct connection *c, uint64_t job)
 {
     Azulejo__Wire__Envelope *answer = NULL;
@@ -59,7 +59,7 @@ static status has_workers(struct connection *c, int *out, struct error *err)
     return result;
 }
 
-/* Until the job has ended, looking for workers less and less often. */
+/* Wait until the job has ended, checking for workers at growing intervals. */
 static status wait_for(struct connection *c, uint64_t job, const struct trial_waiting *waiting,
                        Azulejo__Wire__Envelope **last, struct error *err)
 {

@@ -1,7 +1,7 @@
-/* trial: one picture rendered to be measured, an ordinary job on whatever farm the connection leads to.
+/* trial: one picture rendered for measuring, as an ordinary job on the connection's farm.
  *
- * Whether a signal ends the waiting is the connection's watch's business; a trial that is ended so
- * cancels its job, so that a farm does not go on with what nobody waits for.
+ * The connection's watch decides whether a signal ends the wait; a trial that ends this way cancels
+ * its job, so that a farm does not continue unneeded work.
  */
 #ifndef AZULEJO_CLIENT_TRIAL_H
 #define AZULEJO_CLIENT_TRIAL_H
@@ -18,14 +18,15 @@ struct trial {
     double samples;       /* of a pixel */
     double rays;
     double trace_s;       /* inside Embree; 0: not measured */
-    double clamped_share; /* of the light, that settings.clamp took away */
-    struct accuracy_figures figures; /* of the picture, as `azulejo render` tells them; known 0: too few samples */
-    uint64_t effects;     /* that the frame calls for, for the figures' words */
+    double clamped_share; /* of the light, removed by settings.clamp */
+    struct accuracy_figures figures; /* of the picture, as `azulejo render` prints them; known 0:
+                                        too few samples */
+    uint64_t effects;     /* that the frame needs, for the figures' text */
     struct image picture; /* linear radiance */
     struct image sampling; /* of an adaptive picture: samples of each pixel, in all three channels */
 };
 
-/* Called from time to time while the farm has no worker while a trial waits. */
+/* Called from time to time while a trial waits for a farm without workers. */
 struct trial_waiting {
     void (*no_worker)(void *user);
     void *user;
@@ -38,7 +39,7 @@ status trial_render(struct connection *c, const struct import_result *scene,
                     const struct trial_waiting *waiting, struct trial *out, struct error *err) MUST_CHECK;
 void trial_release(struct trial *t);
 
-/* A connection's watch function (user: NULL) for farms of others: ERR_JOB_FAILED after Ctrl-C. */
+/* A connection's watch function (user: NULL) for remote farms: ERR_JOB_FAILED after Ctrl-C. */
 status trial_interrupted(void *user, struct error *err) MUST_CHECK;
 
 #endif

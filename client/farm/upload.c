@@ -124,7 +124,7 @@ static status send_blob(struct upload *u, const struct upload_item *item, struct
         offset += size;
         if (offset == item->size_bytes)
             break;
-        /* Somebody else may have stored it meanwhile, or it was refused: stop early. */
+        /* Another client may have stored it meanwhile, or it was refused: stop early. */
         if (result == STATUS_OK && connection_pump(u->connection, request))
             break;
     }

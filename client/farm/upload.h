@@ -1,7 +1,7 @@
 /* upload: blobs that the coordinator lacks, sent in pieces.
  *
- * Asks first (BlobQuery), then streams the missing ones: 256 KiB a piece, compressed where
- * that pays, several blobs under way before the first must have been acknowledged.
+ * Asks first (BlobQuery), then streams the missing ones: 256 KiB a piece, compressed if that helps,
+ * with several blobs in flight before the first is acknowledged.
  */
 #ifndef AZULEJO_CLIENT_UPLOAD_H
 #define AZULEJO_CLIENT_UPLOAD_H
@@ -16,15 +16,15 @@ struct upload_item {
 };
 
 struct upload_progress {
-    uint64_t missing_bytes; /* what the coordinator lacks */
-    uint64_t sent_bytes;    /* of that, handed to the connection; uncompressed */
-    uint64_t wire_bytes;    /* what it took on the wire */
+    uint64_t missing_bytes; /* the blobs that the coordinator lacks */
+    uint64_t sent_bytes;    /* handed to the connection so far; uncompressed */
+    uint64_t wire_bytes;    /* bytes on the wire */
 };
 
 /* Called after every piece; may be NULL. */
 typedef void (*upload_progress_fn)(const struct upload_progress *progress, void *user);
 
-/* Returns when every blob is stored. `progress` is filled in either way. */
+/* Returns when every blob is stored. `progress` is also set after a failure. */
 status upload_blobs(struct connection *c, const struct upload_item *items, size_t count,
                     upload_progress_fn report, void *user, struct upload_progress *progress,
                     struct error *err) MUST_CHECK;

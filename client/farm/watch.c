@@ -18,7 +18,7 @@ static double fraction_of(const Azulejo__Wire__JobInfo *job)
     int ends_by_rule = job->stop && (job->stop->measure || job->stop->time_limit_ms ||
                                      job->stop->core_limit_ms);
 
-    if (ends_by_rule) /* how many samples that takes is not known */
+    if (ends_by_rule) /* the number of samples needed is not known */
         return job->seconds_left >= 0 && job->seconds_active > 0
                    ? job->seconds_active / (job->seconds_active + job->seconds_left)
                    : 0;
@@ -98,7 +98,7 @@ status watch_job(struct connection *c, uint64_t job, int quiet, uint64_t deadlin
                    : NULL;
         if (!info) {
             result = error_set(err, STATUS_ERR_NOT_FOUND,
-                               "the coordinator knows no job %" PRIu64 " any more", job);
+                               "the coordinator has no job %" PRIu64 " any more", job);
             break;
         }
         if (job_state_is_final(info->state)) {

@@ -12,7 +12,7 @@
 #include "common/base/file.h"
 #include "common/base/memory.h"
 
-/* In the order in which they are asked. */
+/* In the order in which they are tried. */
 static const struct import_format *const formats[] = {
     &format_gltf,
     &format_ply,

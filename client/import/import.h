@@ -1,10 +1,9 @@
 /* import: a scene file becomes the one scene description plus its blobs.
  *
- * Formats: glTF 2.0, as .gltf or .glb, and the others of the table in import.c, known by their
- * content first, their name second.
- * Files are hostile: a bad one gives an error that names file, place and remedy. What a
- * file asks for and the renderer does not do is a warning, once a kind, with a count.
- * Only what the chosen scene reaches is read and kept. Same file, same result, to the bit.
+ * Formats: glTF 2.0, as .gltf or .glb, and the others of the table in import.c, recognised by their
+ * content first, their name second. Files are hostile: a bad one gives an error that names file,
+ * place and remedy. An unsupported feature is a warning, once per kind, with a count. Only what the
+ * chosen scene reaches is read and kept. Same file, same result, to the bit.
  */
 #ifndef AZULEJO_IMPORT_IMPORT_H
 #define AZULEJO_IMPORT_IMPORT_H
@@ -37,8 +36,8 @@ struct import_options {
     const char *animation;  /* by name or number from 0, "none"; NULL: all of the file's */
     const char *light_units;        /* of glTF's lights: a word of LIGHT_UNITS_WORDS */
     struct option_list outside;     /* folders beside the scene's own that it may read from */
-    int64_t image_megapixels;       /* one image has at most so many 10^6 pixels */
-    uint64_t images_bytes;          /* all images have at most so many bytes once decoded */
+    int64_t image_megapixels;       /* one image has at most this many 10^6 pixels */
+    uint64_t images_bytes;          /* all images have at most this many bytes once decoded */
 };
 #define IMPORT_OPTIONS_DEFAULT                                                       \
     {.env_path = NULL, .scene_index = -1, .variant = NULL, .animation = NULL,        \
@@ -58,7 +57,7 @@ struct import_animation {
     int taken;              /* into the scene */
 };
 
-/* How the file itself asks to be rendered; 0: it says nothing. */
+/* The file's own render settings; 0: not given. */
 struct import_hints {
     uint32_t width, height;         /* pixels */
     uint32_t spp;
@@ -87,7 +86,7 @@ struct import_result {
     uint64_t vertices;
     uint64_t degenerate_triangles;  /* dropped */
     uint64_t blob_bytes;
-    double position_spacing_m;      /* from one float to the next at the far end of the scene */
+    double position_spacing_m;      /* spacing of floats at the far end of the scene */
     struct scene_simplify_report simplified;
     struct import_animation *animations; /* in the scene's arena, like the variants' names */
     size_t animation_count;
@@ -101,8 +100,8 @@ struct import_result {
 status import_scene(const char *path, const struct import_options *options,
                     struct import_result *out, struct error *err) MUST_CHECK;
 
-/* The same from memory. `name` stands for the file in messages; other files that it names
- * are looked for in `folder`, or refused when that is NULL. */
+/* The same from memory. `name` is the file's name in messages; other files that it names are
+ * searched for in `folder`, or refused if that is NULL. */
 status import_scene_memory(const void *data, size_t size_bytes, const char *name,
                            const char *folder, const struct import_options *options,
                            struct import_result *out, struct error *err) MUST_CHECK;
@@ -122,8 +121,7 @@ void import_result_release(struct import_result *result);
     {"animation", 0, OPTION_STRING, &(o).animation, "NAME|N|none",                              \
      "which of the file's animations, by name or number from 0 (default: all)", 0, 0, NULL},    \
     {"light-units", 0, OPTION_CHOICE, &(o).light_units, "UNITS",                                \
-     "what a glTF file's light intensities are: candela and lux, W/sr and W/m^2, or Blender's "  \
-     "watts (default auto: as the exporter's version means them, else radiometric)", 0, 0,      \
+     "units of a glTF file's light intensities: candela and lux, W/sr and W/m^2, or Blender's watts (default auto: by the exporter's version, else radiometric)", 0, 0,      \
      LIGHT_UNITS_WORDS},                                                                        \
     {"allow-outside", 0, OPTION_LIST, &(o).outside, "DIR",                                      \
      "let the scene read files below this folder, too (default: below its own folder only)", 0, \
@@ -134,7 +132,7 @@ void import_result_release(struct import_result *result);
     {"max-image-memory", 0, OPTION_SIZE, &(o).images_bytes, "SIZE",                             \
      "refuse scenes whose images need more memory when decoded (default 16G)", 0, 0, NULL}
 
-/* What was imported, for people. */
+/* A report of the import, for people. */
 void import_report_print(const struct import_result *result, FILE *out);
 
 /* The same for programs; a new reference, or NULL when out of memory. */

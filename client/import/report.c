@@ -98,7 +98,7 @@ static void print_environment(const struct import_result *result, FILE *out)
                 (double)env->image.blob.size_bytes / 1e3);
 }
 
-/* How the file itself asks to be rendered. */
+/* The file's own render settings. */
 static void print_hints(const struct import_hints *hints, FILE *out)
 {
     if (!hints->width && !hints->spp && !hints->has_max_depth)
@@ -124,7 +124,7 @@ static void print_variants(const struct import_result *result, FILE *out)
     print_rest(out, (uint32_t)result->variant_count);
 }
 
-/* What the scene no longer holds because it shows nothing. */
+/* What was removed from the scene because it has no visible effect. */
 static void print_simplified(const struct scene_simplify_report *r, FILE *out)
 {
     const struct {
@@ -202,7 +202,7 @@ static void print_files(const struct import_result *result, FILE *out)
     print_rest(out, (uint32_t)count);
 }
 
-/* Where the scene lies in the file, and how finely floats keep it there. */
+/* The scene's place in the file's coordinates, and the spacing of floats there. */
 static void print_origin(const struct import_result *result, FILE *out)
 {
     const double *origin = result->scene.origin;
@@ -408,7 +408,7 @@ static json_t *warnings_json(const struct import_result *result)
     json_t *list = json_array();
 
     for (size_t i = 0; list && i < result->warning_count; i++) {
-        /* A file's name may be in it, in any encoding. */
+        /* It may contain a file's name, in any encoding. */
         json_t *text = json_string(result->warnings[i]);
         if (!add(list, text ? text : json_string("(a warning that is not valid UTF-8)"))) {
             json_decref(list);

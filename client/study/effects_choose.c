@@ -44,7 +44,7 @@ static void insert_by_worth(struct effects_candidate *all, size_t *count, const 
     all[at] = *c;
 }
 
-/* Sort what was measured: what goes, and what is open. */
+/* Sort the measured effects: those to leave out, and the open ones. */
 static status take_prices(struct effects_choice *out, const struct effects_pilots *p, uint64_t bits, int length,
                           double most, struct error *err)
 {
@@ -65,7 +65,7 @@ static status take_prices(struct effects_choice *out, const struct effects_pilot
     return STATUS_OK;
 }
 
-/* The open effects that pilots of that length are worth rendering for, within what is left to spend. */
+/* The open effects for which pilots of that length pay, within the remaining budget. */
 static uint64_t affordable(const struct effects_choice *out, const struct effects_pilots *p, int length,
                            double *spent_s)
 {
@@ -89,7 +89,8 @@ static uint64_t affordable(const struct effects_choice *out, const struct effect
     return bits;
 }
 
-/* Longer and longer pilots for what is open; what they would not pay for is put by. */
+/* Longer and longer pilots for the open effects; effects for which they do not pay are set
+ * aside. */
 static status measure_alone(struct effects_choice *out, const struct effects_pilots *p, uint64_t set,
                             double most, struct error *err)
 {
@@ -112,7 +113,8 @@ static status measure_alone(struct effects_choice *out, const struct effects_pil
     return result;
 }
 
-/* What is hidden alone need not be together, and may save nothing together: only measuring tells. */
+/* Effects that are hidden one by one may be visible together, and may save nothing together: only
+ * measuring shows that. */
 static status measure_together(struct effects_choice *out, const struct effects_pilots *p, double most,
                                struct error *err)
 {

@@ -1,12 +1,13 @@
-/* effects_choose: which effects to leave out, from what pilots show. Renders nothing itself.
+/* effects_choose: decides which effects to leave out, from pilots. Renders nothing itself.
  *
- * The rule: an effect is left out if the upper end of its bias's 95 % interval is below `most` and it surely
- * saves time to the target, a hundredth of it or more; several together if that holds for them measured
- * together. Biases add in one scene and cancel in another, so nothing is concluded from their sum.
+ * The rule: an effect is left out if the upper end of its bias's 95 % interval is below `most` and
+ * it certainly saves a hundredth or more of the time to the target; several together if that holds
+ * for them measured together. Biases add in one scene and cancel in another, so nothing is
+ * concluded from their sum.
  *
- * Pilots grow, 8, 32, 128, 512 samples, for effects that are not decided yet. The first length only sorts out
- * what surely changes too much. The lengths from CHOOSE_FREE on must be expected to save more than they
- * take, and stay, all together, below a stated share of the render.
+ * Pilots grow, 8, 32, 128, 512 samples, for effects that are not decided yet. The first length only
+ * excludes effects that certainly change too much. The lengths from CHOOSE_FREE on must be expected
+ * to save more than they take, and stay, all together, below a stated share of the render.
  */
 #ifndef AZULEJO_CLIENT_EFFECTS_CHOOSE_H
 #define AZULEJO_CLIENT_EFFECTS_CHOOSE_H
@@ -20,7 +21,7 @@ enum {
 #define CHOOSE_LEAST_SAVED 0.01  /* of the time to the target */
 #define CHOOSE_BUDGET_SHARE 0.1  /* of the expected render: longer pilots, all together */
 
-/* Where prices come from: pilots, or a test. */
+/* The source of prices: pilots, or a test. */
 struct effects_pilots {
     void *user;
     /* Measure these effects, each alone, with pilots of lengths[length] samples. */
@@ -28,7 +29,7 @@ struct effects_pilots {
     /* The last measurement of one effect. */
     status (*price)(void *user, int bit, struct effects_price *out, struct error *err);
     status (*together)(void *user, uint64_t set, int length, struct effects_price *out, struct error *err);
-    /* Core-seconds that `alone` takes for so many effects. */
+    /* Core-seconds that `alone` takes for this many effects. */
     double (*cost_s)(void *user, unsigned effects, int length);
     /* Core-seconds of the render, as far as is known. */
     double (*render_s)(void *user);

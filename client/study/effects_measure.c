@@ -17,7 +17,7 @@ void effects_measure_shrink(struct render_settings *s, int size_given, int spp_g
 }
 
 /* A side's picture is the mean of its rounds. An interruption may leave one trial a round ahead of
- * another: their noise cancels less then, and the bias is as right. */
+ * another: then less noise cancels, but the bias is still correct. */
 static status keep(struct effects_trial *t, unsigned round, struct trial *done, struct error *err)
 {
     struct image *side = &t->side[round % 2];
@@ -88,7 +88,8 @@ static status meter(struct effects_measure *m, struct error *err)
     return result;
 }
 
-/* The trials that lack rounds, round by round, so that the machine's moods meet all alike. */
+/* The trials that lack rounds, round by round, so that variations of the machine affect all of them
+ * equally. */
 static status run_rounds(struct effects_measure *m, uint32_t spp, struct error *err)
 {
     struct progress progress;
@@ -252,7 +253,7 @@ double effects_measure_samples_to(const struct effects_measure *m, double codes)
     struct error ignored = {0};
     double error;
 
-    /* A side is the mean of half of the rounds. No memory: as if no end were in sight. */
+    /* A side is the mean of half of the rounds. Out of memory: no prediction. */
     if (noise_of(&error, m, whole, &ignored) != STATUS_OK)
         return INFINITY;
     return whole->spp * (effects_measure_rounds(m) / 2) * (error / codes) * (error / codes);

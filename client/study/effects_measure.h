@@ -1,9 +1,10 @@
-/* effects_measure: what each effect of a scene costs, and what leaving it out changes for ever.
+/* effects_measure: what each effect of a scene costs, and the bias of leaving it out.
  *
- * In each of four rounds the frame is rendered as it is and once without each effect, with a seed of the
- * round's own: pictures of one round share their random numbers and most of their noise, those of two
- * rounds none. The even rounds are one side of the pairs of study/pair.h, the odd ones the other.
- * Pilots of several lengths stand side by side; only pilots of equal length are compared.
+ * In each of four rounds the frame is rendered with all effects and once without each, with the
+ * round's own seed: pictures of one round share their random numbers and most of their noise, those
+ * of two rounds share none. The even rounds are one side of the pairs of study/pair.h, the odd ones
+ * the other. Pilots of several lengths stand side by side; only pilots of equal length are
+ * compared.
  */
 #ifndef AZULEJO_CLIENT_EFFECTS_MEASURE_H
 #define AZULEJO_CLIENT_EFFECTS_MEASURE_H
@@ -49,14 +50,16 @@ struct effects_measure {
 /* A pilot's size and samples, where the user gave none. */
 void effects_measure_shrink(struct render_settings *s, int size_given, int spp_given);
 
-/* The whole and each effect of `set` that can be switched off, round by round. After an interruption
- * the error is returned; what whole pairs of rounds there are is kept (effects_measure_rounds). */
+/* The whole and each effect of `set` that can be switched off, round by round. After an
+ * interruption the error is returned; complete pairs of rounds are kept
+ * (effects_measure_rounds). */
 status effects_measure_run(struct effects_measure *m, uint64_t set, struct error *err) MUST_CHECK;
-/* Measure these effects again, each alone, in pilots of so many samples; their former trials go. */
+/* Measure these effects again, each alone, in pilots of this many samples; their former trials are
+ * removed. */
 status effects_measure_again(struct effects_measure *m, uint64_t bits, uint32_t spp,
                              struct error *err) MUST_CHECK;
-/* Without all of `without` at once, in pilots of a length that a whole picture has: the trial's number.
- * The trial of a former set of several effects goes. */
+/* Without all of `without` at once, in pilots of a length that a whole picture has: the trial's
+ * number. The trial of a former set of several effects is removed. */
 status effects_measure_together(struct effects_measure *m, uint64_t without, uint32_t spp,
                                 size_t *trial, struct error *err) MUST_CHECK;
 /* Rounds that every trial has: 0, 2 or 4. */
@@ -65,8 +68,8 @@ unsigned effects_measure_rounds(const struct effects_measure *m);
 size_t effects_measure_find(const struct effects_measure *m, int bit);
 status effects_measure_price(const struct effects_measure *m, size_t trial, struct effects_price *out,
                              struct error *err) MUST_CHECK;
-/* Share of the time to a given error that leaving out saves: a sample's time, and as many more samples
- * as the noise calls for. */
+/* Share of the time to a given error that leaving out saves: a sample's time, times the extra
+ * samples that the noise needs. */
 struct study_interval effects_price_gain(const struct effects_price *price);
 /* Samples of a pixel that the whole picture takes to this error in codes, by the longest pilots. */
 double effects_measure_samples_to(const struct effects_measure *m, double codes);

@@ -1,4 +1,4 @@
-/* The folded end of the page: every number, what was foretold, the pixels by their error. */
+/* The collapsed end of the page: all numbers, the predictions, the pixels by their error. */
 #include <math.h>
 #include <stdio.h>
 

@@ -1,4 +1,4 @@
-/* Where the error sits: in which pixels and tiles, and what adaptive sampling makes of that. */
+/* The location of the error: its pixels and tiles, and the response of adaptive sampling. */
 #include <math.h>
 
 #include "client/study/study_page.h"
@@ -8,7 +8,7 @@
 
 enum { PLOT_WIDTH = 360, PLOT_HEIGHT = 260, MAP_WIDTH = 520 };
 
-/* Light to dark in one hue, evenly in what the eye sees; t from 0 to 1. */
+/* Light to dark in one hue, perceptually uniform; t from 0 to 1. */
 static void ramp(double t, uint8_t *rgb)
 {
     static const double stops[4][3] = {
@@ -83,7 +83,8 @@ static struct svg_axis range_of(const struct study_map *map)
     return range;
 }
 
-/* Tiles of nearly no error are as light as those with a thirtieth of the most: the others are to be told apart. */
+/* Tiles with very small errors are as light as those with a thirtieth of the largest, so that the
+ * others can be distinguished. */
 static struct svg_axis shown_range(const struct study_map *map)
 {
     struct svg_axis range = range_of(map);

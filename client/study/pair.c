@@ -63,7 +63,7 @@ status pair_mean(struct image *out, const struct image *a, const struct image *b
 
 /* ---- jackknife ------------------------------------------------------------------------------ */
 
-/* A pixel's group, as good as random and the same everywhere. */
+/* A pixel's pseudo-random group, the same everywhere. */
 static unsigned group_of(uint32_t x, uint32_t y)
 {
     uint32_t h = x * 0x9e3779b1u ^ (y * 0x85ebca77u + 0x165667b1u);
@@ -89,8 +89,8 @@ static double leave_out_width(const struct leave_out *l)
     return student_t95(PAIR_GROUPS - 1) * sqrt(square * (PAIR_GROUPS - 1) / PAIR_GROUPS);
 }
 
-/* The interval of a square's root. A square that came out below 0 by chance may be 0: the upper end is counted
- * from there, or chance would make an end of 0. */
+/* The interval of a square's root. A square that is below 0 by chance may be 0: the upper end is
+ * computed from 0, or chance could give an upper end of 0. */
 static struct study_interval root_of(const struct leave_out *l)
 {
     const double width = leave_out_width(l), value = l->value[PAIR_GROUPS];
@@ -280,12 +280,12 @@ const struct accuracy_figures *pair_judge(const struct accuracy_figures *a,
 
 /* ---- bias ----------------------------------------------------------------------------------- */
 
-/* What the usual picture is at a pixel, and how much less the other one is around it. */
+/* The usual picture's value at a pixel, and by how much the other one is lower around it. */
 struct place {
     float at, step;
 };
 
-/* With the pixel itself, or of its neighbours alone. */
+/* With the pixel itself, or only of its neighbours. */
 static struct place place_of(const struct image *usual, const struct image *const p[4], size_t i, int itself)
 {
     const size_t w = usual->width, h = usual->height, x = i / 3 % w, y = i / 3 / w;
@@ -307,7 +307,7 @@ static struct place place_of(const struct image *usual, const struct image *cons
 }
 
 /* Codes per radiance between the usual picture and one that is changed by about as much as leaving
- * something out changes it: a tangent would misjudge large changes. */
+ * something out changes it: a tangent would be wrong for large changes. */
 static status secants_of(struct image *slope, const struct shown *shown, const struct image *usual,
                          const struct image *const p[4], int itself, struct error *err)
 {
@@ -344,9 +344,9 @@ static status secants_of(struct image *slope, const struct shown *shown, const s
     return result;
 }
 
-/* The flatter of the secants at a pixel and at its neighbours. Its own is steep just where noise has made both
- * pictures dark together, which would look like a bias; its neighbours' is steep at a dark edge of what is
- * bright, where its own is right. */
+/* The flatter of the secants at a pixel and at its neighbours. The pixel's own is steep where noise
+ * has made both pictures dark together, which would look like a bias; its neighbours' is steep at a
+ * dark edge of a bright area, where its own is correct. */
 static status slopes_of(struct image *slope, const struct shown *shown, const struct image *usual,
                         const struct image *const p[4], struct error *err)
 {
@@ -398,7 +398,7 @@ static void bias_finish(struct pair_bias *out, struct bias_work *w, size_t count
         if (c == 0 || rms.value > out->rms_codes.value)
             out->rms_codes = rms;
     }
-    out->rms_codes.high = most; /* chance may have lifted another channel */
+    out->rms_codes.high = most; /* chance may have raised another channel */
     for (int g = 0; g <= PAIR_GROUPS; g++)
         both.value[g] = both.value[g] * both.value[g] - noise.value[g] * noise.value[g];
     out->codes = root_of(&both);

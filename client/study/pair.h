@@ -1,4 +1,4 @@
-/* pair: how wrong pictures are, from independent ones, without a reference.
+/* pair: the errors of pictures, from independent ones, without a reference.
  *
  * Pictures are compared as they are shown: through the job's exposure and tone mapping, whose measured
  * parameters are taken once from one picture (`shown`), in steps of an 8-bit screen (codes, of 255).
@@ -30,7 +30,7 @@ struct shown {
     struct tonemap_state state;
 };
 
-/* Measure what the operator must know on this picture. */
+/* Take the operator's measurements on this picture. */
 status shown_meter(struct shown *out, const struct image *picture,
                    const struct tonemap_settings *settings, const struct buffer *file,
                    struct error *err) MUST_CHECK;
@@ -40,7 +40,7 @@ status shown_codes(const struct shown *shown, struct image *out, const struct im
 
 /* The error of one of two pictures of equal cost. */
 struct pair_error {
-    struct study_interval codes; /* 95 % of the pixels are within so many, largest of R, G, B */
+    struct study_interval codes; /* 95 % of the pixels are within this, largest of R, G, B */
     double rms_codes;            /* over pixels and channels */
     struct study_interval rmse;  /* of linear radiance, over the frame's mean */
 };
@@ -48,7 +48,8 @@ struct pair_error {
 status pair_error_of(struct pair_error *out, const struct shown *shown, const struct image *a,
                      const struct image *b, float *pixels, struct error *err) MUST_CHECK;
 
-/* held[i]: what part of the squared linear error the pixels[i] (a share) of the pixels with most of it hold. */
+/* held[i]: the part of the squared linear error in the pixels[i] (a share) of the pixels with most
+ * of it. */
 status pair_tail_of(double *held, const double *pixels, size_t count, const struct image *a,
                     const struct image *b, struct error *err) MUST_CHECK;
 
@@ -57,7 +58,7 @@ status pair_tail_of(double *held, const double *pixels, size_t count, const stru
 const struct accuracy_figures *pair_judge(const struct accuracy_figures *a,
                                           const struct accuracy_figures *b);
 
-/* What a setting changes for ever. */
+/* The bias of a setting. */
 struct pair_bias {
     /* The 95th percentile of a pixel's change, largest of R, G, B: that of the mean of A - A' and
      * B - B', less that of half their difference, which is noise alone (as squares). 0 at the

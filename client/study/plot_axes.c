@@ -1,4 +1,4 @@
-/* What all curves of a study share: the ranges of the axes, the grid, the marks. */
+/* Shared by all curves of a study: the ranges of the axes, the grid, the marks. */
 #include <math.h>
 #include <stdio.h>
 
@@ -20,7 +20,7 @@ static void hold_points(struct plot *p, const study_points *points)
     }
 }
 
-/* Room around the values, and neither a speck nor an ocean. */
+/* Margins around the values, and a range that is neither too small nor too large. */
 static void widen(struct svg_axis *axis, double room, double least, double most)
 {
     if (axis->high < axis->low)
@@ -48,7 +48,7 @@ void plot_ranges(struct plot *p, const struct study *s)
     svg_axis_hold(&p->y, 1);
     if (last)
         svg_axis_hold(&p->x, fmin(cost, COST_AHEAD_MOST * last->core_s));
-    p->x.high *= 2; /* where the way goes on */
+    p->x.high *= 2; /* where the path continues */
     widen(&p->x, 1.7, COST_SPAN_LEAST, COST_SPAN_MOST);
     p->y.high = fmin(p->y.high, CODES_MOST);
     widen(&p->y, 1.4, CODES_SPAN_LEAST, CODES_SPAN_MOST);

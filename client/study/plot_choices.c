@@ -25,7 +25,7 @@ struct curve {
     double label_y;
 };
 
-/* The name, cut at a character's boundary to what fits, with an ellipsis if anything is missing. */
+/* The name, cut at a character's boundary to fit, with an ellipsis if it was cut. */
 static void name_cut(char out[NAME_BYTES], const char *name, double width)
 {
     static const char ellipsis[] = "\xe2\x80\xa6";
@@ -66,7 +66,7 @@ static size_t name_break(const char *name, double width)
     return found;
 }
 
-/* On one line, or on two where there is room for them, cut if it must be. */
+/* On one line, or on two if there is room for them, cut if necessary. */
 static void name_set(struct curve *c, const char *name, double width, int lines)
 {
     const size_t at = lines > 1 && name_width(name) > width ? name_break(name, width) : 0;
@@ -151,7 +151,7 @@ static void draw_curves(struct buffer *out, const struct plot *p, const struct c
     svg_end(out);
 }
 
-/* Names at the right edge, each as near as possible to where its curve ends. */
+/* Names at the right edge, each as near as possible to the end of its curve. */
 static void label_curves(struct buffer *out, const struct plot *p, struct curve *curves, size_t count)
 {
     double heights[CURVES_MAX], gap = LABEL_GAP;
@@ -252,7 +252,7 @@ static void effect_row(struct buffer *out, const struct study *s, const struct s
 {
     const int spare = study_effect_is_spare(s, e);
     const double saved = fmin(fmax(e->saved.value, 0), 1);
-    /* What is below the axis stands at its begin; so does a bound that is not known. */
+    /* Values below the axis are drawn at its start, as are unknown bounds. */
     const double value = fmax(e->bias.value, bias->low), low = fmax(e->bias.low, bias->low);
     struct buffer text = BUFFER_INIT;
     const char *classes = spare ? "name strong" : "name";

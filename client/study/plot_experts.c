@@ -1,4 +1,4 @@
-/* How the errors of the pixels are spread, and how few pixels hold how much of them. */
+/* The distribution of the pixels' errors, and their concentration in few pixels. */
 #include <math.h>
 
 #include "client/study/study_plot.h"
@@ -81,7 +81,7 @@ static void share_axes(struct buffer *out, const struct svg_axis *x, double widt
     }
 }
 
-/* What the curve would be if all pixels were equally wrong. */
+/* The curve if all pixels had equal errors. */
 static void equal_pixels(struct buffer *out, const struct svg_axis *x, double height)
 {
     struct svg_spot spots[TAIL_SPOTS];

@@ -1,4 +1,4 @@
-/* The main plot: what the error costs, measured and foretold. */
+/* The main plot: what the error costs, measured and predicted. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -71,7 +71,8 @@ static double efficiency_angle(const struct plot *p)
     return atan2(per_decade_y / 2, per_decade_x) / RADIAN;
 }
 
-/* On the uppermost of them that has room, where the curve never is; nowhere if a label is there. */
+/* On the uppermost line that has room and that the curve does not reach; omitted if a label is in
+ * the way. */
 static void label_efficiency(struct buffer *out, const struct plot *p, const struct svg_taken *taken, int narrow)
 {
     const char *words = narrow ? "equal efficiency" : "on such a line: equal efficiency";

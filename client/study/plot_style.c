@@ -1,5 +1,5 @@
-/* Colours and rules of the plots. The hues are those of Okabe and Ito, which people with any kind of
- * colour vision tell apart, lightened for the night and darkened where white paper asks for it; marks
+/* Colours and rules of the plots. The hues are those of Okabe and Ito, which people with any kind
+ * of colour vision can distinguish, lighter for dark backgrounds and darker for white paper; marks
  * differ as well, so that a grey print can be read. */
 #include <ctype.h>
 #include <string.h>
@@ -60,7 +60,7 @@ const char study_plot_rules[] =
     ".plot .interval{stroke-width:3;stroke-linecap:round;stroke-opacity:.55}\n"
     ".plot .bar{fill:$usual}.plot .bar.spare{fill:$two}.plot .sparezone{fill:$okpaper}\n";
 
-/* The colour that `text` begins with the name of, the longest one; COLOUR_COUNT: none. */
+/* The colour whose name begins `text`, the longest one; COLOUR_COUNT: none. */
 static size_t colour_at(const char *text, size_t length)
 {
     for (size_t i = 0; i < COLOUR_COUNT; i++)

@@ -25,8 +25,8 @@ double run_picture_s(const struct study_run *run, uint32_t spp)
     return run->job_overhead_s + run->wall_per_sample_s * spp;
 }
 
-/* What a job takes on the clock is so much, whatever its samples, and so much for each of them. Learnt of the
- * usual way alone: the others have times of their own. */
+/* A job's wall-clock time is a constant plus a time for each sample. Both are learnt from the usual
+ * way only: the others have times of their own. */
 static void learn(struct study_run *run, double wall_s, const struct trial *t)
 {
     if (run->steps > 0)
@@ -139,7 +139,7 @@ static status set_head(struct study_run *run, struct error *err)
     if (gmtime_r(&now, &when))
         strftime(date, sizeof date, "%Y-%m-%d", &when);
     result = study_text_set(&s->date, date, err);
-    /* A study that goes on has what a worker said of itself. */
+    /* A continued study already has the worker's description. */
     if (result == STATUS_OK && (!s->version || strncmp(s->version, release, sizeof release - 1) != 0))
         result = study_text_set(&s->version, release, err);
     return result == STATUS_OK ? set_transform(s, &run->request->output.tonemap, err) : result;
@@ -159,7 +159,7 @@ static status set_machine(struct study *s, struct error *err)
     return result;
 }
 
-/* Who works, once someone has. */
+/* The workers, once one has delivered. */
 static status set_workers(struct study_run *run, struct error *err)
 {
     Azulejo__Wire__Envelope question = AZULEJO__WIRE__ENVELOPE__INIT, *answer = NULL;
@@ -199,7 +199,8 @@ status study_run_check(const struct study *s, const struct job_request *request,
     const struct render_settings *r = &request->settings;
 
     if (s->scene && strcmp(s->scene, scene) != 0)
-        return error_set(err, STATUS_ERR_USAGE, "--continue: the study is of %s, not of %s", s->scene, scene);
+        return error_set(err, STATUS_ERR_USAGE, "--continue: the study belongs to %s, not to %s",
+                         s->scene, scene);
     if (s->width != (double)r->width || s->height != (double)r->height)
         return error_set(err, STATUS_ERR_USAGE,
                          "--continue: the study's pictures have %gx%g pixels; give --size %gx%g", s->width,

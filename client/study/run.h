@@ -1,11 +1,11 @@
-/* run: a study measured, by ordinary jobs on whatever farm a connection leads to.
+/* run: measures a study with ordinary jobs on the connection's farm.
  *
  * First the main curve: pairs of pictures with 4, 8, 16 ... samples a pixel, of two seeds. Then one
- * choice at a time: pairs of two other seeds at the same few numbers of samples for every choice, the
- * usual way's as well. Where the noise of two ways is compared, and where bias is separated from it, is pair.h.
+ * choice at a time: pairs of two other seeds at the same few numbers of samples for every choice,
+ * the usual way's as well. pair.h compares the noise of two ways, and separates bias from it.
  *
  * Each step ends with `save`, so that an interruption loses one step at most; a study that was read
- * again goes on with what is missing. What is there is never measured twice, but the usual way's pictures
+ * again continues with the missing steps. Nothing is measured twice, but the usual way's pictures
  * are rendered again, because the study does not keep them.
  */
 #ifndef AZULEJO_CLIENT_STUDY_RUN_H
@@ -26,7 +26,7 @@ struct study_run {
     struct study *study;
     struct connection *connection;
     const struct import_result *scene;
-    const struct job_request *request; /* as the user asked, but for its spp */
+    const struct job_request *request; /* the user's, except spp */
     uint32_t spp_most;                 /* of a picture */
     const char *name;                  /* of the jobs */
     double budget_s;                   /* on the clock: no step begins that would end later */
@@ -50,10 +50,10 @@ struct study_run {
     double clock_squares, clock_pairs; /* of ln(time of one seed / time of the other) */
 };
 
-/* Measure until all is there (study->complete) or the budget is spent. ERR_JOB_FAILED after Ctrl-C,
- * and what trial_render returns; the study holds all whole steps then. */
+/* Measure until the study is complete (study->complete) or the budget is spent. ERR_JOB_FAILED
+ * after Ctrl-C, and what trial_render returns; the study then has all complete steps. */
 status study_run(struct study_run *run, struct error *err) MUST_CHECK;
-/* Is the study that was read one of this request? ERR_USAGE says what differs. */
+/* Does the study that was read match this request? ERR_USAGE names the difference. */
 status study_run_check(const struct study *s, const struct job_request *request, const char *scene,
                        struct error *err) MUST_CHECK;
 
@@ -67,12 +67,13 @@ status run_point_set(struct study_point *p, const struct trial pair[2], struct e
 /* The error that the pair shows. */
 void run_point_error(struct study_point *p, const struct pair_error *e);
 double run_left_s(const struct study_run *run);
-/* What a picture takes on the clock, as far as is known. */
+/* A picture's wall-clock time, as far as is known. */
 double run_picture_s(const struct study_run *run, uint32_t spp);
 status run_main(struct study_run *run, struct error *err) MUST_CHECK;
 status run_choices(struct study_run *run, struct error *err) MUST_CHECK;
 
-/* The power law through the points, weighted by their intervals; left unknown with fewer than three. */
+/* The power law through the points, weighted by their intervals; unknown with fewer than three
+ * points. */
 void study_fit_points(struct study_fit *fit, const struct study_point *points, size_t count);
 
 #endif

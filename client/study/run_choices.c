@@ -1,4 +1,4 @@
-/* One choice at a time: what each costs, and what it changes for ever. */
+/* One choice at a time: what each costs, and its bias. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -70,7 +70,7 @@ static struct levels levels_to(uint32_t most, uint32_t count)
     return l;
 }
 
-/* Those of an earlier run, or else the most that the budget lets all ways have. */
+/* Those of an earlier run, or else the most that the budget allows for all ways. */
 static struct levels levels_choose(const struct study_run *run, size_t missing)
 {
     const struct study *s = run->study;
@@ -89,7 +89,7 @@ static struct levels levels_choose(const struct study_run *run, size_t missing)
         }
     for (uint32_t count = run->levels; count > 0; count--)
         for (uint32_t spp = most; spp >= (uint32_t)RUN_SPP_FIRST << 2 * (count - 1); spp /= 2) {
-            /* More points are worth little where they are all far from the main curve's end. */
+            /* More points are of little use if all are far from the main curve's end. */
             if (count > 1 && spp < most / 8)
                 break;
             l = levels_to(spp, count);
@@ -117,8 +117,8 @@ static void measured_release(struct measured *m)
     image_release(&m->pair[1]);
 }
 
-/* The usual picture that an adaptive one is compared with: of the main curve, because the levels may have fewer
- * samples than rounds need to give any out. NULL: there is none. */
+/* The usual picture that an adaptive one is compared with: of the main curve, because the levels
+ * may have fewer samples than the rounds distribute. NULL: there is none. */
 static const struct study_point *adaptive_rival(const struct study *s, const struct levels *levels)
 {
     const double least = fmax(levels->spp[levels->count - 1], ADAPTIVE_SPP_MIN);
@@ -129,8 +129,8 @@ static const struct study_point *adaptive_rival(const struct study *s, const str
     return NULL;
 }
 
-/* An adaptive picture ends where it is as good as its rival; what that costs is the question. No tile gets more
- * than a few times the samples. */
+/* An adaptive picture ends when it is as good as its rival; its cost is the question. No tile gets
+ * more than a few times the samples. */
 static void aim(struct job_request *request, uint32_t *spp, double codes)
 {
     request->stop.has_target = 1;
@@ -180,8 +180,8 @@ static status measure(struct study_run *run, const struct job_request *request, 
     return result;
 }
 
-/* Half the width of the interval of ln(time of one way / time of another), from how far apart the times
- * of equal jobs were so far. */
+/* Half the width of the interval of ln(time of one way / time of another), from the spread of the
+ * times of equal jobs so far. */
 static double clock_width(const struct study_run *run)
 {
     const unsigned pairs = (unsigned)run->clock_pairs;
@@ -194,8 +194,8 @@ static double log_width(const struct study_interval *v)
     return (v->high - v->low) / (2 * v->value);
 }
 
-/* The usual way's core seconds over this one's, at equal error: the law's exponent turns errors into
- * time. With a bias the noise must be below the target by what the bias takes. */
+/* The usual way's core seconds over this one's, at equal error: the law's exponent turns errors
+ * into time. With a bias, the noise must be lower by the bias's share of the target. */
 static void set_gain(struct study_choice *c, const struct study_run *run, const struct study_point *usual,
                      const struct study_point *mine)
 {
@@ -205,7 +205,7 @@ static void set_gain(struct study_choice *c, const struct study_run *run, const 
     const double bias = c->floor.low > 0 ? c->floor.value : 0;
     double value, width;
 
-    /* Where the target cannot be met: twice the bias, in whole codes. */
+    /* If the target cannot be met: twice the bias, in whole codes. */
     c->gain_at = bias < 0.7 * target ? target : ceil(2 * bias);
     if (!(usual->codes.value > 0) || !(mine->codes.value > 0) || c->gain_at > 50)
         return;
@@ -230,7 +230,7 @@ static status add_effect(struct study_run *run, const struct way *way, const str
     return study_text_set(&e->name, way->name, err);
 }
 
-/* A picture is wrong by its noise and its bias. */
+/* A picture's error is its noise and its bias. */
 static struct study_interval with_bias(struct study_interval noise, double bias)
 {
     return (struct study_interval){hypot(noise.value, bias), hypot(noise.low, bias),
@@ -255,8 +255,9 @@ static status set_texts(struct study_choice *c, const struct way *way, const str
     return result;
 }
 
-/* A way with the usual one's expectation has no bias. Where its picture is surely another one all the same, its
- * samples have missed light, and what the pictures differ by is a part of its error that they do not show. */
+/* A way with the usual one's expectation has no bias. If its picture is still significantly
+ * different, its samples have missed light, and the difference is a part of its error that they do
+ * not show. */
 static status unbiased_choice(struct study_choice *c, uint32_t spp, struct error *err)
 {
     const struct study_interval differs = c->floor;
@@ -358,7 +359,7 @@ static int all_known(const struct study_run *run, const struct plan *plan)
     return 1;
 }
 
-/* A question without an alternative is none. */
+/* A question needs an alternative. */
 static int has_alternative(const struct study_run *run, const struct plan *plan, enum knob knob)
 {
     for (size_t i = 0; i < plan->count; i++)
@@ -407,7 +408,7 @@ static size_t count_missing(const struct study_run *run, const struct plan *plan
 
 status run_choices(struct study_run *run, struct error *err)
 {
-    static struct plan plan; /* too large for the stack of a command that is small otherwise */
+    static struct plan plan; /* too large for the stack */
     struct measured usual = {0};
     struct levels levels;
     size_t missing;

@@ -1,4 +1,5 @@
-/* The main curve: pairs of pictures with twice the samples each time, and what the last one shows. */
+/* The main curve: pairs of pictures with twice the samples each time, and the results of the last
+ * one. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -61,7 +62,7 @@ static status set_histogram(struct study *s, const float *pixels, size_t count, 
     return STATUS_OK;
 }
 
-/* From the ten-thousandth of the pixels that is worst, or the one pixel, to all of them. */
+/* From the worst ten-thousandth of the pixels, or a single pixel, to all of them. */
 static status set_tail(struct study_run *run, const struct image pair[2], struct error *err)
 {
     struct study_tail *tail = &run->study->tail;
@@ -117,7 +118,7 @@ static double corner_of(size_t tile, uint32_t side, uint32_t crop)
     return fmax(0, fmin((double)side - crop, corner));
 }
 
-/* The upper left corner of a region around the tile whose error is nearest to that. */
+/* The upper left corner of a region around the tile whose error is nearest to a given one. */
 static void choose_region(const struct study_map *map, int worst, uint32_t width, uint32_t height,
                           struct study_region *out)
 {
@@ -160,7 +161,7 @@ static status add_crop(struct study_run *run, struct study_region *region, size_
     return result;
 }
 
-/* The same region of the first, a middle and the last picture that are at hand. */
+/* The same region of the first, a middle and the last available picture. */
 static status set_regions(struct study_run *run, size_t first, struct error *err)
 {
     static const char *const labels[REGIONS] = {"typical", "worst"};
@@ -181,7 +182,7 @@ static status set_regions(struct study_run *run, size_t first, struct error *err
     return result;
 }
 
-/* Would the first points have foretold what the last one costs? */
+/* Would the first points have predicted the cost of the last one? */
 static status set_predictions(struct study *s, struct error *err)
 {
     const struct study_point *last = study_last_point(s);
@@ -214,7 +215,7 @@ static status measure_point(struct study_run *run, size_t point, float *pixels, 
     return result;
 }
 
-/* All pictures that are at hand, shown as the last one says, and what follows from them. */
+/* All available pictures, shown with the transform of the last one, and the results from them. */
 static status finish(struct study_run *run, struct error *err)
 {
     struct study *s = run->study;
@@ -301,7 +302,8 @@ status run_main(struct study_run *run, struct error *err)
     while (result == STATUS_OK && s->points.count < RUN_POINTS_MAX) {
         const struct study_point *last = study_last_point(s);
         const uint32_t spp = last ? (uint32_t)(2 * last->samples + 0.5) : RUN_SPP_FIRST;
-        /* Three points make a curve, whatever they take, unless even these would break the budget. */
+        /* Render three points for a curve even if they take long, unless they would exceed the
+         * budget. */
         const double left = run_left_s(run) - (s->points.count < 3 ? 0 : until);
         if (spp > run->spp_most || (last && 2 * run_picture_s(run, spp) > left))
             break;

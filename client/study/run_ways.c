@@ -1,4 +1,4 @@
-/* Which ways there are, what each sets, and whether its question arises. */
+/* The ways, what each sets, and whether its question arises. */
 #include "client/study/run_ways.h"
 
 #include <string.h>
@@ -94,7 +94,7 @@ static int arises(const struct study_run *run, const struct way *way, uint64_t s
     case KNOB_CLAMP: return mean > 0 && s->clamp <= 0;
     case KNOB_ROBUST: return way->value == 0 || s->bvh_quality != BVH_QUALITY_HIGH;
     case KNOB_FILTER: return (set & EFFECT_TEXTURE) != 0;
-    /* Of other machines' processors nothing is known here. */
+    /* The processors of other machines are not known here. */
     case KNOB_ISA: return (int)s->isa == way->value ||
                           (run->local && (isa_supported_mask() >> way->value & 1));
     case KNOB_EFFECT: return (set & EFFECTS_SWITCHABLE) >> way->value & 1;

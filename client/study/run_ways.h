@@ -27,10 +27,10 @@ struct plan {
 
 /* The question that a knob answers: "Sampler". */
 const char *way_title(enum knob knob);
-/* Has its picture the usual one's expectation by construction, so that they differ in noise alone? Clamping
- * takes away what depends on the noise. */
+/* Does its picture have the usual one's expectation by construction, so that they differ only in
+ * noise? Clamping does not: it removes an amount that depends on the noise. */
 int way_is_unbiased(const struct way *way, const struct render_settings *usual);
-/* All ways that the scene and the settings call for, the usual ones among them. */
+/* All ways that apply to the scene and the settings, including the usual ones. */
 void plan_make(struct plan *plan, const struct study_run *run);
 void plan_drop(struct plan *plan, enum knob knob);
 int plan_is_usual(const struct study_run *run, const struct job_request *request);

@@ -1,9 +1,10 @@
-/* The figures behind the sentences and the plots: what errors cost, and what matters. */
+/* The figures behind the sentences and the plots: the cost of errors, and the importance of
+ * choices. */
 #include <math.h>
 
 #include "client/study/study_words.h"
 
-#define LONG_S 1.0 /* on the clock: shorter times say nothing of the cores at work */
+#define LONG_S 1.0 /* wall-clock: shorter times do not show how many cores work */
 
 int study_has_fit(const struct study *s)
 {
@@ -80,7 +81,7 @@ double study_rate(const struct study *s)
 {
     const struct study_point *first = s->points.items, *last = study_last_point(s);
 
-    /* A job's way to the farm and back takes as long for a short picture as for a long one. */
+    /* A job's overhead on the farm is the same for a short picture as for a long one. */
     if (last && last->wall_s - first->wall_s >= LONG_S && last->core_s > first->core_s)
         return (last->core_s - first->core_s) / (last->wall_s - first->wall_s);
     return s->cores > 0 ? s->cores : last && last->core_s > 0 && last->wall_s > 0 ? last->core_s / last->wall_s : 1;
@@ -154,7 +155,7 @@ void study_order_effects(const struct study *s, size_t *out)
 
     for (size_t i = 0; i < s->effects.count; i++) {
         const struct study_effect *e = &s->effects.items[i];
-        /* Time saved per code of bias; below a tenth of a code there is nothing to see. */
+        /* Time saved per code of bias; less than a tenth of a code is not visible. */
         weight[i] = e->saved.value / fmax(0.1, e->bias.value);
     }
     order_by(weight, s->effects.count, out);

@@ -1,9 +1,9 @@
-/* study_data: what `azulejo accuracy` found out about a scene, before anything is drawn.
+/* study_data: the results of `azulejo accuracy` for a scene, before anything is drawn.
  *
- * The runner fills a struct study, study_write keeps it as JSON after each step, study_read takes an
- * interrupted study up again, and the page, the plots, the table and the terminal's lines are
- * functions of it alone. Text is owned UTF-8 (NULL: none), a number that is not known is NaN.
- * study_init makes an empty study, study_release frees all of it.
+ * The runner fills a struct study, study_write stores it as JSON after each step, study_read reads
+ * an interrupted study, and the page, the plots, the table and the terminal's lines are functions
+ * of it alone. Text is owned UTF-8 (NULL: none), an unknown number is NaN. study_init makes an
+ * empty study, study_release frees it.
  *
  * Units: core_s is processor time in seconds, wall_s time on the clock, codes are steps of an
  * 8-bit screen (of 255): the display error of docs/ARCHITECTURE.md.
@@ -72,12 +72,13 @@ struct study_choice {
     char *words;   /* the start of its sentence: "Environment sampled uniformly" */
     char *note;    /* the end of it: "too dark in the corner", or NULL */
     int baseline;  /* this is what the main curve does */
-    int unbiased;  /* by construction it is the usual picture but for its noise */
-    int missed;    /* it is, and yet its samples surely have not met all of the light: its error is larger */
+    int unbiased;  /* by construction it is the usual picture except for its noise */
+    int missed;    /* it is, but its samples have certainly missed some light: its error is larger
+                      */
     study_points points;
     double gain_at;             /* codes at which gain holds */
     struct study_interval gain; /* the baseline's core seconds over its own: 2 is half the time */
-    struct study_interval floor; /* codes that no amount of samples removes: its bias */
+    struct study_interval floor; /* its bias in codes, which no number of samples removes */
 };
 struct study_question {
     char *title; /* "Environment sampling" */
@@ -113,7 +114,7 @@ struct study_tail {
     double index; /* Pareto k of the largest contributions of single samples */
 };
 
-/* What a round foretold, and what came. */
+/* A round's prediction, and the actual result. */
 struct study_prediction {
     double round, core_s_then, target_codes;
     struct study_interval core_s;
@@ -125,9 +126,9 @@ struct study {
     double width, height, cores /* of all workers */, seed, traversal_share /* of the time, Embree's */;
     double target_codes;
     struct study_interval target_core_s; /* predicted or met */
-    double price_core_hour;              /* NaN: not asked */
+    double price_core_hour;              /* NaN: not given */
     char *currency;
-    double deadline_s;                   /* from now, NaN: not asked */
+    double deadline_s;                   /* from now, NaN: not given */
     char *deadline;                      /* "18:00" */
     int complete;                        /* 0: the study was interrupted */
     study_points points;                 /* by growing core_s */

@@ -1,5 +1,5 @@
-/* study_fields: the tables that say what a struct study is made of. Initialising, releasing,
- * writing and reading all follow them, so a new field is one line. Private to client/study. */
+/* study_fields: the tables of struct study's fields. Initialising, releasing, writing and reading
+ * all follow them, so a new field is one line. Private to client/study. */
 #ifndef AZULEJO_CLIENT_STUDY_FIELDS_H
 #define AZULEJO_CLIENT_STUDY_FIELDS_H
 
@@ -28,7 +28,7 @@ struct study_shape {
     const struct study_field *fields;
 };
 
-/* How every STUDY_LIST lies in memory. */
+/* The memory layout of every STUDY_LIST. */
 struct study_any_list {
     void *items;
     size_t count, capacity;

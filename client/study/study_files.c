@@ -79,7 +79,7 @@ void study_csv(struct buffer *out, const struct study *s)
 
 /* ---- PNG ----------------------------------------------------------------------------------- */
 
-/* All that comes out of the pipe; ERR_IO, ERR_LIMIT. */
+/* Read the pipe to its end; ERR_IO, ERR_LIMIT. */
 static status read_all(int fd, struct buffer *out, struct error *err)
 {
     char block[READ_BYTES];
@@ -128,7 +128,7 @@ static status run_converter(char *program, char *svg, struct buffer *png, struct
     return result;
 }
 
-/* The SVG file beside itself as a PNG. */
+/* Convert an SVG file to a PNG beside it. */
 static status convert(const char *program, struct buffer *path, struct error *err)
 {
     struct buffer png = BUFFER_INIT, program_path = BUFFER_INIT;
@@ -149,7 +149,7 @@ static status convert(const char *program, struct buffer *path, struct error *er
 
 /* ---- all files ----------------------------------------------------------------------------- */
 
-/* Write what was made to STEM + `end`; `made` is how making it went. */
+/* Write `text` to STEM + `end`, unless `made`, the status of making them, is a failure. */
 static status put_file(const char *page, const char *end, const struct buffer *text, status made,
                        struct buffer *path, struct error *err)
 {

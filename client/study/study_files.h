@@ -9,7 +9,7 @@ void study_csv(struct buffer *out, const struct study *s);
 
 /* Write PAGE.html and, unless page_only, beside it PAGE.csv, PAGE.json and each plot as
  * PAGE-plot.svg and .png. `page` ends in ".html". A plot that could not be made into a PNG is
- * ERR_INCOMPLETE with the remedy; all other files are there then. ERR_IO, ERR_NO_MEMORY. */
+ * ERR_INCOMPLETE with the remedy; all other files are written then. ERR_IO, ERR_NO_MEMORY. */
 status study_files_write(const struct study *s, const char *page, int page_only, struct error *err)
     MUST_CHECK;
 

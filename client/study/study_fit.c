@@ -1,9 +1,9 @@
-/* The power law through measured points, and whether it would have foretold them. */
+/* The power law through measured points, and whether it would have predicted them. */
 #include <math.h>
 
 #include "client/study/run.h"
 
-/* ln of a point's error, and how sure it is. */
+/* ln of a point's error, and its uncertainty. */
 static int log_point(const struct study_point *p, double *x, double *y, double *weight)
 {
     double width = (p->codes.high - p->codes.low) / (2 * p->codes.value * 1.96);
@@ -12,7 +12,7 @@ static int log_point(const struct study_point *p, double *x, double *y, double *
         return 0;
     *x = log(p->core_s);
     *y = log(p->codes.value);
-    /* Never surer than 2 %: a law is no truth, and one point must not outweigh all others. */
+    /* At least 2 %: the law is only a model, and one point must not outweigh all others. */
     width = isfinite(width) ? fmax(width, 0.02) : 1;
     *weight = 1 / (width * width);
     return 1;
@@ -48,7 +48,7 @@ void study_fit_points(struct study_fit *fit, const struct study_point *points, s
     for (size_t i = 0; i < count; i++)
         if (log_point(&points[i], &x, &y, &w))
             squares += w * pow(y - y_mean - slope * (x - x_mean), 2);
-    /* The points' own uncertainty, or their scatter around the law where that is more. */
+    /* The points' own uncertainty, or their scatter around the law if that is larger. */
     scatter = sqrt(fmax(1, squares / (used - 2)));
     t = scatter > 1 ? student_t95(used - 2) : 1.96;
     at_pivot = t * scatter / sqrt(w_sum);

@@ -1,4 +1,4 @@
-/* A study as JSON, both ways, after the tables of study_fields.h. */
+/* Writes and reads a study as JSON, by the tables of study_fields.h. */
 #include <math.h>
 #include <openssl/evp.h>
 #include <stdio.h>
@@ -142,7 +142,7 @@ static status part_read(struct reader *r, void *part, const struct study_shape *
 static status refuse(struct reader *r, const char *wanted)
 {
     return error_set(r->err, STATUS_ERR_INPUT,
-                     "%s: %s is not %s; make the study again, or mend the file", r->name,
+                     "%s: %s is not %s; make the study again, or correct the file", r->name,
                      r->place[0] ? r->place : "the document", wanted);
 }
 
@@ -179,7 +179,7 @@ static status text_read(struct reader *r, char *at, const json_t *value)
     return STATUS_OK;
 }
 
-/* The bytes of base64; *size_bytes is set. NULL: it is none, or no memory. */
+/* Decode base64; *size_bytes is set. NULL: invalid, or out of memory. */
 static uint8_t *base64_read(const char *text, size_t length, size_t *size_bytes)
 {
     uint8_t *bytes = length % 4 == 0 && length < 1 << 28 ? mem_alloc(length / 4 * 3 + 1) : NULL;
@@ -189,7 +189,7 @@ static uint8_t *base64_read(const char *text, size_t length, size_t *size_bytes)
         mem_free(bytes);
         return NULL;
     }
-    *size_bytes = (size_t)got; /* padding is left at the end, which PNG does not mind */
+    *size_bytes = (size_t)got; /* padding remains at the end, which PNG ignores */
     return bytes;
 }
 
@@ -289,7 +289,7 @@ static status field_read(struct reader *r, const struct study_field *f, char *at
     return STATUS_OK;
 }
 
-/* A field that is not there keeps its "unknown", so files of an older release stay readable. */
+/* A missing field stays unknown, so files of an older release stay readable. */
 static status part_read(struct reader *r, void *part, const struct study_shape *shape,
                         const json_t *object)
 {
@@ -315,9 +315,10 @@ static status tail_check(const struct study *s, const char *name, struct error *
 {
     if (s->tail.pixels.count == s->tail.error.count)
         return STATUS_OK;
-    return error_set(err, STATUS_ERR_INPUT,
-                     "%s: tail has %zu pixels for %zu errors; make the study again, or mend the file", name,
-                     s->tail.pixels.count, s->tail.error.count);
+    return error_set(
+        err, STATUS_ERR_INPUT,
+        "%s: tail has %zu pixels for %zu errors; make the study again, or correct the file", name,
+        s->tail.pixels.count, s->tail.error.count);
 }
 
 static status maps_check(const struct study *s, const char *name, struct error *err)
@@ -331,7 +332,7 @@ static status maps_check(const struct study *s, const char *name, struct error *
                                  m->columns * m->rows == (double)m->values.count))
             return error_set(err, STATUS_ERR_INPUT,
                              "%s: %s has %zu values, which is not its columns times its rows; make "
-                             "the study again, or mend the file",
+                             "the study again, or correct the file",
                              name, i ? "tile_samples" : "tile_error", m->values.count);
     }
     return STATUS_OK;

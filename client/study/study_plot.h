@@ -14,7 +14,7 @@ enum {
     PLOT_COLOURS = 4, /* of alternatives; then they begin again with other marks */
 };
 
-/* Where the axes are; the same values in all plots of a study. */
+/* The axes; the same values in all plots of a study. */
 struct plot {
     struct svg_axis x, y; /* core seconds; codes */
 };

@@ -9,7 +9,7 @@
 enum { CHOICE_LINES = 3, COLUMNS_MAX = 5 };
 static const double errors[] = {50, 20, 5, 2, 1};
 
-/* The next cell of a table: what the buffer holds, which is emptied. */
+/* Move the buffer's text into the next cell of a table. */
 static void add_cell(struct table *t, struct buffer *text)
 {
     table_add(t, "%s", buffer_text(text));
@@ -17,7 +17,7 @@ static void add_cell(struct table *t, struct buffer *text)
     buffer_clear(text);
 }
 
-/* How many workers like those at hand end in time; 0: not known. */
+/* The number of workers like the present ones that finish in time; 0: not known. */
 static double workers_for(const struct study *s, double core_s)
 {
     const double workers = s->workers.count ? (double)s->workers.count : 1;
@@ -70,7 +70,7 @@ static status print_costs(const struct study *s, struct error *err)
     return result;
 }
 
-/* A line from a buffer, which is emptied, without what would steer the terminal. */
+/* Print a line from a buffer, without control characters, and empty the buffer. */
 static void print_line(struct buffer *text)
 {
     const int failed = text->failed;

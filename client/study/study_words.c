@@ -9,7 +9,7 @@
 
 /* ---- numbers ------------------------------------------------------------------------------- */
 
-/* `value` with so many decimals, from whole numbers: no locale writes a comma here. */
+/* `value` with this many decimals, made from integers: the locale has no effect. */
 static void put_fixed(struct buffer *out, double value, int decimals)
 {
     long long scale = 1, whole;
@@ -22,7 +22,7 @@ static void put_fixed(struct buffer *out, double value, int decimals)
         buffer_printf(out, ".%0*lld", decimals, whole % scale);
 }
 
-/* How many decimals show `digits` significant ones. */
+/* The number of decimals for `digits` significant digits. */
 static int decimals_for(double value, int digits)
 {
     int exponent;
@@ -293,7 +293,7 @@ static int usual_is_reliable(const struct study *s, const struct study_point *mi
     return is_reliable(s);
 }
 
-/* Where one of the two errors may be understated, the factor between their times is a bound. */
+/* If one of the two errors may be understated, the factor between their times is a bound. */
 static const char *gain_bound(const struct study *s, const struct study_choice *c)
 {
     const struct study_point *mine = c->points.count ? &c->points.items[c->points.count - 1] : NULL;

@@ -1,5 +1,5 @@
-/* study_words: a study in sentences, and the figures that they need. Plain UTF-8, no markup; numbers
- * have two or three digits that mean something, whatever the locale. */
+/* study_words: a study in sentences, and the figures that they need. Plain UTF-8, no markup;
+ * numbers have two or three significant digits in every locale. */
 #ifndef AZULEJO_CLIENT_STUDY_WORDS_H
 #define AZULEJO_CLIENT_STUDY_WORDS_H
 
@@ -7,7 +7,7 @@
 
 /* ---- numbers (appended) ---- */
 void words_number(struct buffer *out, double value); /* two digits: "0.83", "3.2", "11", "1230" */
-void words_exact(struct buffer *out, double value);  /* as it was asked for: "3", "2.5" */
+void words_exact(struct buffer *out, double value);  /* as given: "3", "2.5" */
 void words_count(struct buffer *out, double value);  /* "812", "4.2 thousand", "1.1 billion" */
 void words_codes(struct buffer *out, double codes);  /* "3.2/255" */
 void words_time(struct buffer *out, double seconds); /* "41 s", "2 min", "1.3 h", "2.1 days" */
@@ -22,7 +22,7 @@ void words_range(struct buffer *out, const struct study_interval *v, double unit
 int study_has_fit(const struct study *s);
 /* The fitted error after core_s; NaN without a fit. */
 struct study_interval study_codes_after(const struct study *s, double core_s);
-/* What an error of so many codes costs by the fit; a bound that the fit cannot give is NaN. */
+/* The cost of an error in codes by the fit; a bound that the fit cannot give is NaN. */
 struct study_interval study_cost_of(const struct study *s, double codes);
 /* What the target costs: as predicted, else by the fit. */
 struct study_interval study_target_cost(const struct study *s);
@@ -32,14 +32,14 @@ double study_rate(const struct study *s);
 const char *study_point_word(const struct study_point *point);
 const struct study_point *study_last_point(const struct study *s); /* NULL: none */
 
-/* Is a choice's time surely another one, by a twentieth or more? */
+/* Does a choice's time certainly differ by a twentieth or more? */
 int study_time_differs(const struct study_choice *choice);
-/* Has it surely a bias, and one that a quarter of the target does not hide? */
+/* Does it certainly have a bias that a quarter of the target does not hide? */
 int study_bias_counts(const struct study *s, const struct study_choice *choice);
 /* How much a choice matters at the study's target: 0 is not at all, NaN not measured. */
 double study_choice_weight(const struct study *s, const struct study_choice *choice);
 double study_question_weight(const struct study *s, const struct study_question *question);
-/* Can it be left out: is its bias surely below a quarter of the target? */
+/* Can it be left out: is its bias certainly below a quarter of the target? */
 int study_effect_is_spare(const struct study *s, const struct study_effect *effect);
 
 /* Indices of all questions, those that matter most first; out[questions.count]. Equal ones keep
@@ -51,7 +51,7 @@ void study_order_effects(const struct study *s, size_t *out);
 /* ---- sentences (appended) ---- */
 void study_say_headline(struct buffer *out, const struct study *s);
 void study_say_wall(struct buffer *out, const struct study *s);    /* "That is 24 min on ..." */
-void study_say_meaning(struct buffer *out, const struct study *s); /* what 3/255 means */
+void study_say_meaning(struct buffer *out, const struct study *s); /* the meaning of 3/255 */
 /* Returns whether the figures are reliable. */
 int study_say_trust(struct buffer *out, const struct study *s);
 void study_say_choice(struct buffer *out, const struct study *s, const struct study_choice *choice);

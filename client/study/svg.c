@@ -6,8 +6,8 @@
 
 /* ---- texts --------------------------------------------------------------------------------- */
 
-/* Length of the UTF-8 sequence at `s`, 0 if it is none (RFC 3629). The NUL at the end of the text is
- * no continuation byte, so nothing behind it is read. */
+/* Length of the UTF-8 sequence at `s`, 0 if it is none (RFC 3629). The NUL at the end of the text
+ * is not a continuation byte, so nothing after it is read. */
 static size_t sequence_length(const unsigned char *s)
 {
     size_t length = s[0] < 0x80 ? 1 : s[0] < 0xc2 ? 0 : s[0] < 0xe0 ? 2 : s[0] < 0xf0 ? 3 : 4;
@@ -78,7 +78,7 @@ double svg_text_width(const char *text, double font_size)
 
 /* ---- elements ------------------------------------------------------------------------------ */
 
-/* " name="12.34"": two decimals made of whole numbers, so that no locale writes a comma. */
+/* " name="12.34"": two decimals made from integers, so that the locale has no effect. */
 static void coordinate(struct buffer *out, const char *before, double value)
 {
     long long hundredths = llround(fmin(fmax(value, -1e7), 1e7) * 100), rest;
@@ -344,7 +344,7 @@ int svg_label(struct buffer *out, struct svg_taken *taken, double x, double y, i
         if (!svg_is_free(taken, &box))
             continue;
         svg_take(taken, box.x0, box.y0, box.x1, box.y1);
-        if (places[at].centred) /* far from its place: a line leads there */
+        if (places[at].centred) /* far from its place: a leader line is drawn */
             svg_line(out, x, base + 0.4 * font_size, x, y - 0.5 * font_size, "leader");
         if (places[at].left)
             svg_text(out, near, base, SVG_END, classes, text);

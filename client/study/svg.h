@@ -1,9 +1,9 @@
-/* svg: a small writer of SVG elements, and what a plot needs: logarithmic axes, ticks, labels that do
- * not overlap.
+/* svg: a small writer of SVG elements, with tools for plots: logarithmic axes, ticks, labels that
+ * do not overlap.
  *
- * Every element is appended to a buffer and carries a class, never a colour: the style sheet around
- * it decides how it looks on paper and at night. Texts are escaped here, coordinates are written
- * with two decimals whatever the locale. Values that are not finite draw nothing.
+ * Every element is appended to a buffer and has a class, never a colour: the style sheet around it
+ * decides the colours, also for dark mode. Texts are escaped here, coordinates are written with two
+ * decimals in every locale. Values that are not finite draw nothing.
  */
 #ifndef AZULEJO_CLIENT_STUDY_SVG_H
 #define AZULEJO_CLIENT_STUDY_SVG_H
@@ -23,22 +23,22 @@ struct svg_spot {
  * characters and what is not UTF-8 replaced. */
 void svg_escape(struct buffer *out, const char *text);
 
-/* Release a text that was made for `out`; where it had no memory, `out` has failed, too. */
+/* Release a text that was made for `out`; if it ran out of memory, mark `out` as failed, too. */
 void svg_release(struct buffer *out, struct buffer *text);
 
 /* `description` is what a screen reader says. */
 void svg_begin(struct buffer *out, double width, double height, const char *classes,
                const char *description);
 void svg_end(struct buffer *out);
-/* What follows, up to svg_end, is cut off at the rectangle's edges; coordinates stay the same. */
+/* Clip the following elements, up to svg_end, to the rectangle; coordinates do not change. */
 void svg_begin_clipped(struct buffer *out, double x, double y, double width, double height);
-/* What follows, up to svg_group_end, is moved by so much. */
+/* Move the following elements, up to svg_group_end, by (x, y). */
 void svg_group_begin(struct buffer *out, double x, double y);
 void svg_group_end(struct buffer *out);
 
 void svg_text(struct buffer *out, double x, double y, enum svg_anchor anchor, const char *classes,
               const char *text);
-/* Turned by so many degrees, clockwise, about its place. */
+/* Text rotated clockwise, in degrees, about its place. */
 void svg_text_turned(struct buffer *out, double x, double y, double degrees, enum svg_anchor anchor,
                      const char *classes, const char *text);
 void svg_line(struct buffer *out, double x0, double y0, double x1, double y1, const char *classes);
@@ -51,7 +51,8 @@ void svg_mark(struct buffer *out, enum svg_marker marker, double x, double y, do
 void svg_path(struct buffer *out, const struct svg_spot *spots, size_t count, int closed,
               const char *classes);
 
-/* About how wide a line of text is, in pixels: a little more than common sans serif fonts need. */
+/* The approximate width of a line of text in pixels: slightly more than common sans serif fonts
+ * need. */
 double svg_text_width(const char *text, double font_size);
 
 /* ---- axes -------------------------------------------------------------------------------------- */
@@ -81,7 +82,7 @@ enum { SVG_TAKEN_MAX = 96 };
 struct svg_box {
     double x0, y0, x1, y1;
 };
-/* What is drawn already; zero-initialise, set `bounds`. */
+/* Boxes already drawn; zero-initialise, set `bounds`. */
 struct svg_taken {
     struct svg_box bounds;
     struct svg_box boxes[SVG_TAKEN_MAX];
@@ -89,17 +90,17 @@ struct svg_taken {
 };
 void svg_take(struct svg_taken *taken, double x0, double y0, double x1, double y1);
 
-/* Is the box within the bounds, and nothing in it? */
+/* Is the box within the bounds and free? */
 int svg_is_free(const struct svg_taken *taken, const struct svg_box *box);
 
 /* Write the text beside x, y at the first place of several around it that is free, and take it.
- * `first` (0..10) says where to look first: right above, right below, left above, left below, then
+ * `first` (0..10) is the place to try first: right above, right below, left above, left below, then
  * further away. 0 when there is no room: nothing was written. */
 int svg_label(struct buffer *out, struct svg_taken *taken, double x, double y, int first,
               double font_size, const char *classes, const char *text);
 
-/* Move the ordered heights apart to at least `gap`, within low..high where they fit, with each as
- * near to where it was as order allows. */
+/* Move the ordered heights apart to at least `gap`, within low..high where they fit, each as near
+ * to its old place as the order allows. */
 void svg_spread(double *heights, size_t count, double gap, double low, double high);
 
 #endif

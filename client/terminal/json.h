@@ -12,7 +12,7 @@
 json_t *json_number(double value);
 json_t *json_number_float(float value);
 
-/* Text that came over the wire; "(not UTF-8)" if it is not. */
+/* Text from the wire; "(not UTF-8)" if it is not. */
 json_t *json_text(const char *text);
 
 /* Append the value as text, indented by two columns a level. Reals are the shortest text that reads

@@ -9,8 +9,8 @@
 #include "common/scene/effects.h"
 #include "common/scene/settings.h"
 
-/* Decimal digits only (strtoul would also take signs and blanks); NULL when there are none
- * or the number is above `max`. */
+/* Decimal digits only (strtoul would also accept signs and blanks); NULL if there are none or the
+ * number is above `max`. */
 static const char *parse_digits(const char *text, uint64_t max, uint64_t *out)
 {
     uint64_t value = 0;
@@ -45,7 +45,7 @@ status parse_size(const char *text, uint32_t *width, uint32_t *height, struct er
     return STATUS_OK;
 }
 
-/* "7" or "7-9"; where it ends. NULL: it is neither. */
+/* Parse "7" or "7-9"; returns its end. NULL: it is neither. */
 static const char *parse_range(const char *text, uint64_t *first, uint64_t *last)
 {
     const char *at = parse_digits(text, INT32_MAX, first);
@@ -117,8 +117,8 @@ status parse_parameter(const char *text, char *name, size_t name_size, const cha
     return STATUS_OK;
 }
 
-/* The names of a list, each turned into a bit of *set; `find` yields -1 for one that it does
- * not know, which is put into `unknown`. */
+/* The names of a list, each turned into a bit of *set; `find` returns -1 for an unknown one, which
+ * is put into `unknown`. */
 enum { NAME_SIZE = 64 };
 static int parse_names(const char *text, int (*find)(const char *name), uint64_t *set,
                        char unknown[NAME_SIZE])

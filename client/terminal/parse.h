@@ -16,8 +16,8 @@ status parse_size(const char *text, uint32_t *width, uint32_t *height, struct er
 status parse_frames(const char *text, uint32_t *first, uint32_t *last, struct error *err)
     MUST_CHECK;
 
-/* "NAME=VALUE": the name's bytes into `name` (name_size includes the NUL), and where the value
- * begins, which is not empty. ERR_USAGE. */
+/* "NAME=VALUE": the name's bytes into `name` (name_size includes the NUL), and the start of the
+ * value, which is not empty. ERR_USAGE. */
 status parse_parameter(const char *text, char *name, size_t name_size, const char **value,
                        struct error *err) MUST_CHECK;
 
@@ -25,16 +25,16 @@ status parse_parameter(const char *text, char *name, size_t name_size, const cha
 status parse_formats(const char *text, unsigned *formats, struct error *err) MUST_CHECK;
 
 /* "NAME[,NAME]...": effects to leave out (bits of common/scene/effects.h, those that may be
- * switched off) and output variables (bits 1 << enum aov), added to *set. An effect may be
- * named by a part of its name that no other one has. ERR_USAGE lists the names. */
+ * switched off) and output variables (bits 1 << enum aov), added to *set. An effect may be named by
+ * a part of its name that is unique. ERR_USAGE lists the names. */
 status parse_effects(const char *text, uint64_t *set, struct error *err) MUST_CHECK;
 status parse_aovs(const char *text, uint32_t *set, struct error *err) MUST_CHECK;
 
 /* A job's number as printed by submit. ERR_USAGE. */
 status parse_job(const char *text, uint64_t *job, struct error *err) MUST_CHECK;
 
-/* The picture's size when nobody says: 720 rows at the camera's aspect (width / height),
- * both even; 1280x720 for an aspect of 0 (the camera asks for none) or nonsense. */
+/* The default size of a picture: 720 rows at the camera's aspect (width / height), both even;
+ * 1280x720 if the aspect is 0 (the camera has none) or invalid. */
 void picture_size_default(float aspect, uint32_t *width, uint32_t *height);
 
 /* Frames of --frames LIST, as in 3,7-9: numbers and ranges that ascend. The caller frees `items`

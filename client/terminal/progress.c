@@ -71,7 +71,7 @@ void progress_draw(struct progress *p, double fraction, const char *text)
         return;
     }
     if (p->last_ns == 0) {
-        p->last_ns = now; /* what is over within the interval prints no line at all */
+        p->last_ns = now; /* work shorter than the interval prints no line */
         return;
     }
     if (now - p->last_ns < PLAIN_INTERVAL_NS)

@@ -1,8 +1,8 @@
-/* progress: one line that tells how far something is.
+/* progress: one line that shows the progress of some work.
  *
- * On a terminal the line stands in place and is redrawn, no wider than the terminal, in
- * colour unless NO_COLOR is set; anywhere else a plain line comes every few seconds. All of it
- * goes to standard error, so that standard output stays clean.
+ * On a terminal the line is redrawn in place, no wider than the terminal, in colour unless NO_COLOR
+ * is set; anywhere else a plain line comes every few seconds. All of it goes to standard error, so
+ * that standard output stays clean.
  */
 #ifndef AZULEJO_CLIENT_PROGRESS_H
 #define AZULEJO_CLIENT_PROGRESS_H
@@ -11,16 +11,16 @@
 
 struct progress {
     int quiet, terminal, color;
-    int drawn;              /* a line stands on the terminal */
+    int drawn;              /* a line is on the terminal */
     uint64_t last_ns;       /* of the last plain line; 0: none yet */
 };
 
 void progress_init(struct progress *p, int quiet);
 
-/* fraction 0..1 (negative: not known, no bar), and what to say beside it. */
+/* fraction 0..1 (negative: not known, no bar), and the text beside it. */
 void progress_draw(struct progress *p, double fraction, const char *text);
 
-/* Take the line away, so that something else can be printed. */
+/* Remove the line, so that something else can be printed. */
 void progress_clear(struct progress *p);
 
 #endif

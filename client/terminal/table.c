@@ -102,7 +102,7 @@ static void print_cell(const char *text, size_t width, char mark, int last)
     fputs(last ? "\n" : "  ", stdout);
 }
 
-/* Make the column narrower whose texts may be cut, so that the rows fit `columns`. */
+/* Narrow the column whose texts may be cut, so that the rows fit `columns`. */
 static void fit(const struct table *t, size_t *widths, size_t columns)
 {
     size_t all = 2 * (t->column_count - 1);
@@ -119,7 +119,7 @@ static void fit(const struct table *t, size_t *widths, size_t columns)
         }
 }
 
-/* Rows without the last column, whose texts follow on lines of their own where there are any. */
+/* Rows without the last column, whose texts follow on separate lines. */
 static void print_with_notes(const struct table *t, const size_t *widths, const int *marked)
 {
     size_t shown = t->column_count - 1;

@@ -1,5 +1,5 @@
-/* text_draw: words on a picture, in a small bitmap font of our own, so that they have the same
- * bits on every machine and need no fonts there. ASCII; any other byte is drawn as '?'. */
+/* text_draw: draws text on a picture in a built-in bitmap font, so that it has the same bits on
+ * every machine and needs no installed fonts. ASCII; any other byte is drawn as '?'. */
 #ifndef AZULEJO_CLIENT_TEXT_DRAW_H
 #define AZULEJO_CLIENT_TEXT_DRAW_H
 

@@ -69,7 +69,7 @@ static void cancelling_step(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     uint32_t frame;
 
-    /* Films that cannot be looked for are not films that are not there. */
+    /* A film whose folder cannot be read may still exist. */
     if (trouble_is(&farm->trouble) && job->kernel[0])
         return;
     cut_frames(farm, job, now_ns);
@@ -77,7 +77,7 @@ static void cancelling_step(struct farm *farm, struct job *job, uint64_t now_ns)
         if (!open_next_film(farm, job, now_ns))
             break;
         if (job->state != JOB_STATE_CANCELLING || !job->frames)
-            return; /* it could not be opened, or has to wait for room */
+            return; /* it could not be opened, or it waits for space */
         cut_frames(farm, job, now_ns);
     }
     if (job->frames || (job->pictures.next_ns != UINT64_MAX && job_frame_to_develop(job, &frame)))
@@ -92,7 +92,7 @@ void closing_begin(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     farm_job_revoke(farm, job, "the job was cancelled");
     farm_job_change(farm, job, JOB_STATE_CANCELLING, "cancelled", now_ns);
-    /* Only now: the change is on disk, or it is known not to be. */
+    /* Not earlier: now the change is on disk, or its failure is known. */
     log_info("job %llu (%s) is cancelled", (unsigned long long)job->id, job->name);
     closing_step(farm, job, now_ns);
 }
@@ -102,7 +102,7 @@ static void park(struct farm *farm, struct job *job, uint64_t now_ns)
     char text[JOB_TEXT_MAX + 1];
 
     snprintf(text, sizeof text,
-             "%u workers in a row died with work of it in hand and delivered nothing (on %s); see "
+             "%u workers in a row died while they held its work, without a result (on %s); see "
              "their logs, then 'azulejo resume %llu' or 'azulejo cancel %llu'",
              job->suspicion.deaths, job->suspicion.several ? "several machines" : "one machine",
              (unsigned long long)job->id, (unsigned long long)job->id);
@@ -131,8 +131,7 @@ void closing_note_death(struct farm *farm, struct job *job, const struct farm_wo
 
     if (!suspicion_add(suspicion, worker->machine, lent_ns, now_ns))
         return;
-    log_warn("job %llu (%s): session %u was lost with work of it in hand, number %u in a row "
-             "without a result; the job is lent to one worker at a time until a result comes",
+    log_warn("job %llu (%s): session %u was lost while it held work of this job, number %u in a row without a result; the job is lent to one worker at a time until a result comes",
              (unsigned long long)job->id, job->name, worker->held.session, suspicion->deaths);
     if (suspicion_is_enough(suspicion) && job_state_is_open(job->state))
         park(farm, job, now_ns);
@@ -141,7 +140,7 @@ void closing_note_death(struct farm *farm, struct job *job, const struct farm_wo
 status closing_unpark(struct farm *farm, struct job *job, uint64_t now_ns, struct error *err)
 {
     if (job->state != JOB_STATE_PARKED)
-        return error_set(err, STATUS_ERR_REFUSED, "job %llu is %s: only a parked job is resumed",
+        return error_set(err, STATUS_ERR_REFUSED, "job %llu is %s: only a parked job can be resumed",
                          (unsigned long long)job->id, job_state_word(job->state));
     log_info("job %llu (%s) is resumed", (unsigned long long)job->id, job->name);
     suspicion_clear(&job->suspicion);

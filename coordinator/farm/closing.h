@@ -1,15 +1,15 @@
-/* closing: frames that end, and jobs that stop before they are done, and what becomes of their films.
+/* closing: how frames end, how jobs stop before they are done, and what happens to their films.
  *
- *   A frame ends when its rounds do (rounds.h), by the time or core limit, by a cancel: from then on none of
- *     its units is lent and no new result taken, so nothing in flight is waited for. When what was merged
- *     is on disk it is developed, whatever ended it.
- *   CANCELLING: no unit is lent and no result taken. A frame without samples is closed. One with
- *     samples waits until its merged tiles are on disk, then is developed with what it has, as any
- *     complete frame is; it counts as done and as cut short. Films on disk are opened for that in
- *     their turn. With the last one the job is CANCELLED. A restart goes on with it, and trouble
- *     with the disk delays it.
- *   PARKED: no unit is lent and no result taken. A frame is closed as soon as its merged tiles are
- *     on disk; its film stays there. A complete frame is developed.
+ *   A frame ends with its rounds (rounds.h), at its time or core limit, or when its job is
+ *   cancelled. From then on none of its units is lent and no new result is accepted, so it waits
+ *   for nothing in flight. Once its merged tiles are on disk it is developed, whatever ended it.
+ *   CANCELLING: no unit is lent and no result is accepted. A frame without samples is closed. A
+ *   frame with samples waits until its merged tiles are on disk and is then developed like a
+ *   complete frame; it counts as done and as cut short. Films on disk are opened for that, one
+ *   after another. After the last one the job is CANCELLED. A restart continues it, and trouble
+ *   with the disk delays it.
+ *   PARKED: no unit is lent and no result is accepted. A frame is closed as soon as its merged tiles
+ *   are on disk; its film stays there. A complete frame is developed.
  *
  * closing_step may be called for a job in any state.
  */
@@ -18,18 +18,20 @@
 
 #include "coordinator/farm/farm.h"
 
-/* End the frame if it has reached a limit of its job's rules. Every tile gets samples before. */
+/* End the frame if it has reached a limit of its job's rules, but not before every tile has
+ * samples. */
 void closing_note_limits(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
-/* From any state that is not final to CANCELLING; perhaps to CANCELLED at once. */
+/* From any state that is not final to CANCELLING, or to CANCELLED if no frame needs a picture. */
 void closing_begin(struct farm *farm, struct job *job, uint64_t now_ns);
-/* The job that a worker's death would speak against: of those that it holds leases of, the first that
- * it did not deliver its last result of. *lent_ns: when it was lent the oldest of them. NULL: none. */
+/* The job that a worker's death counts against: among the jobs that it holds leases of, the first
+ * one other than the job of its last result. *lent_ns: when the oldest of these leases was granted.
+ * NULL: none. */
 struct job *closing_suspected(const struct farm *farm, const struct farm_worker *worker,
                               uint64_t *lent_ns);
-/* The worker died, and its leases are ended: perhaps from QUEUED or RUNNING to PARKED. */
+/* The worker died, and its leases have ended. The job may go from QUEUED or RUNNING to PARKED. */
 void closing_note_death(struct farm *farm, struct job *job, const struct farm_worker *worker,
                         uint64_t lent_ns, uint64_t now_ns);
-/* From PARKED to QUEUED, all suspicion forgotten. ERR_REFUSED: it is not parked. */
+/* From PARKED to QUEUED, with the suspicion cleared. ERR_REFUSED: it is not parked. */
 status closing_unpark(struct farm *farm, struct job *job, uint64_t now_ns,
                       struct error *err) MUST_CHECK;
 /* Take the steps that are due. Call after a develop and at every tick. May end the job. */

@@ -98,7 +98,7 @@ status development_new_measure(struct development **out, const struct job_frame 
     if (s == STATUS_OK)
         s = measurement_take(&(*out)->measurement, frame->film, err);
     if (s == STATUS_OK)
-        (*out)->film = NULL; /* which goes on changing */
+        (*out)->film = NULL; /* a copy, because the film keeps changing */
     if (s != STATUS_OK) {
         development_free(*out);
         *out = NULL;
@@ -114,7 +114,7 @@ status development_new_preview(struct development **out, const struct job_frame 
     if (s == STATUS_OK)
         s = take_pixels(*out, err);
     if (s == STATUS_OK) {
-        (*out)->film = NULL; /* which goes on changing */
+        (*out)->film = NULL; /* a copy, because the film keeps changing */
         if (history_last(&frame->history))
             (*out)->point = *history_last(&frame->history);
     }

@@ -1,7 +1,7 @@
 /* develop: the one place that turns a film into files.
  *
  *   film --develop_frame--> EXR, manifest, and unless other frames' statistics count: PNG, JPEG
- *   stored pictures --develop_again--> PNG, JPEG, after the job's output settings as they are now
+ *   stored pictures --develop_again--> PNG, JPEG, with the job's present output settings
  *
  * A development is made on the farm's thread (it copies what it needs of the job), run on any
  * thread, and freed. A frame's development reads the complete film itself, which no longer changes;
@@ -41,20 +41,20 @@ status develop_again(struct development *development, struct store *store, struc
 /* Compute the figures, and keep them in the frame's history. */
 status develop_figures(struct development *development, struct store *store, struct error *err)
     MUST_CHECK;
-/* The largest value of the environment's map, for the job's next frames; NaN: it was not looked for. */
+/* The largest value of the environment map, for the job's next frames; NaN: it was not computed. */
 double development_map_max(const struct development *development);
 /* What develop_figures or develop_frame found; NULL: nothing yet. */
 const struct history_point *development_point(const struct development *development);
-/* The revision of the output settings that the development follows; -1 where it leaves display
- * pictures to develop_again. */
+/* The revision of the output settings used; -1 if the display pictures are left to
+ * develop_again. */
 int64_t development_revision(const struct development *development);
 /* Append the frame's manifest (common/scene/manifest.h) to `json`. */
 status develop_manifest(struct development *development, const struct store *store,
                         struct buffer *json, struct error *err) MUST_CHECK;
 
 /* The files' bytes, for previews and for tests; either buffer may be NULL. `store` may be NULL when
- * the tone mapping needs no file. A preview has no AOVs, and averages no statistics: the frames before
- * may not be done. */
+ * the tone mapping needs no file. A preview has no AOVs and averages no statistics, because earlier
+ * frames may not be done. */
 status develop_encode(struct development *development, const struct store *store,
                       struct buffer *exr, struct buffer *png, struct error *err) MUST_CHECK;
 

@@ -97,7 +97,7 @@ static status read_picture(const struct development *d, const struct store *stor
     snprintf(name, sizeof name, "job %" PRIu64 ", frame %u", d->job, frame);
     if (development_picture_is_apart(d))
         s = store_output_read(store, d->job, frame, PICTURE_EXTENSION, IMAGE_BYTES_MAX, &exr, err);
-    if (s == STATUS_ERR_NOT_FOUND) { /* stores of before have no such file */
+    if (s == STATUS_ERR_NOT_FOUND) { /* older stores have no such file */
         buffer_clear(&exr);
         s = store_output_read(store, d->job, frame, "exr", IMAGE_BYTES_MAX, &exr, err);
     }
@@ -107,14 +107,14 @@ static status read_picture(const struct development *d, const struct store *stor
     return s;
 }
 
-/* A state in a file: the digest of the settings that it was measured with, then its bytes, which
- * only this machine reads again; anything else there is measured again. */
+/* A state in a file: the digest of the settings that it was measured with, then its bytes in this
+ * machine's byte order. If the file holds anything else, the state is measured again. */
 struct stored_state {
     struct digest looks;
     struct tonemap_state state;
 };
 
-/* The state of another frame, or of this one: as stored, else measured and stored. */
+/* The state of this or another frame: read from the store, or else measured and stored. */
 static status state_of(const struct development *d, const struct toning *t, struct store *store,
                        uint32_t frame, const struct digest *looks, struct tonemap_state *out,
                        struct error *err)

@@ -36,8 +36,8 @@ static void add_point(struct attributes *a, const char *name, const double point
     a->items[a->count++] = (struct exr_attribute){.name = name, .point = point};
 }
 
-/* What there is: a frame of a cancelled job may have less than azulejo:spp, and not everywhere
- * alike. */
+/* The samples it has: a frame of a cancelled job may have fewer than azulejo:spp, and not the same
+ * number everywhere. */
 static void add_samples(struct attributes *a, const struct development *d)
 {
     add_number(a, "azulejo:samples", (double)d->coverage.samples);
@@ -48,7 +48,7 @@ static void add_samples(struct attributes *a, const struct development *d)
     add_number(a, "azulejo:tilesWithoutSamples", d->coverage.tiles_empty);
 }
 
-/* What is in the film, and what went wrong in it: the same on every farm. */
+/* What the film contains, and what went wrong in it: the same on every farm. */
 static void add_work(struct attributes *a, const struct development *d,
                      char first[HEALTH_KINDS][HEALTH_TEXT_SIZE])
 {
@@ -89,7 +89,7 @@ static void add_extras(struct attributes *a, const struct render_settings *s,
         add_text(a, "azulejo:without", settings_effects_text(s->without, without));
 }
 
-/* Choices of algorithm that are not the default's; what clamping did with the frame. */
+/* Algorithms other than the defaults, and the effect of clamping on the frame. */
 static void add_choices(struct attributes *a, const struct development *d)
 {
     const struct render_settings *s = &d->settings;
@@ -123,7 +123,7 @@ struct error_text {
     char transform[MEASURE_TEXT_MAX], reason[ACCURACY_WORDS_SIZE];
 };
 
-/* How wrong the picture is. A preview's are of the last time that they were computed. */
+/* The picture's estimated errors. A preview has those that were computed last. */
 static void add_figures(struct attributes *a, const struct development *d,
                         struct error_text *text)
 {
@@ -168,7 +168,7 @@ static const struct {
     [AOV_ERROR] = {{"error.R", "error.G", "error.B"}, 0},
 };
 
-/* Beside AOV_ERROR's own: each tile's error in display codes, in all its pixels. */
+/* In addition to AOV_ERROR's own: each tile's error in display codes, in all its pixels. */
 static const struct exr_channel tile_error_channel = {"tileError.Y", 0};
 
 static size_t list_channels(uint32_t aovs, struct exr_channel *out)

@@ -9,8 +9,8 @@
 #include "common/scene/effects.h"
 #include "coordinator/store/blobs.h"
 
-/* What of the environment's map a path may meet by chance; asked only where caustics are. What is wrong with
- * the map itself is the workers' to say. */
+/* The part of the environment map that a path may hit by chance; needed only for frames with
+ * caustics. Errors in the map itself are reported by the workers. */
 static status find_map_max(struct development *d, const struct store *store, struct error *err)
 {
     const struct scene_environment *e = &d->description.environment;
@@ -63,7 +63,7 @@ status development_find_figures(struct development *d, const struct store *store
     if (s == STATUS_OK)
         s = toning_begin(&t, d, store, err);
     if (s == STATUS_OK) {
-        t.context.threads = 1; /* rendering has the others */
+        t.context.threads = 1; /* the other threads render */
         s = measurement_figures(&d->measurement, &d->output.tonemap, &t.context, development_effects(d),
                                 brightest_of(d), &d->point.figures, &map, err);
         toning_end(&t);

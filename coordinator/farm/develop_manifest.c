@@ -1,4 +1,4 @@
-/* What a frame called for, and where its time went. */
+/* The effects that a frame used, and where its time went. */
 #include "coordinator/farm/develop_parts.h"
 
 #include <string.h>
@@ -6,7 +6,7 @@
 #include "common/scene/effects.h"
 #include "common/scene/manifest.h"
 
-/* What the frame calls for. The causes' names belong to the description. */
+/* The effects that the frame needs. The names of their causes belong to the description. */
 static void find_effects(const struct development *d, struct manifest *m,
                          struct effect_cause causes[EFFECT_COUNT])
 {
@@ -15,7 +15,7 @@ static void find_effects(const struct development *d, struct manifest *m,
     whole.without = 0;
     m->called_for = scene_effects(&d->description, &whole, d->frame, causes);
     m->causes = causes;
-    /* The worker knows best: it has seen the textures and the motion. */
+    /* The worker's answer is more precise: it has seen the textures and the motion. */
     if (!m->effects)
         m->effects = scene_effects(&d->description, &d->settings, d->frame, NULL);
 }

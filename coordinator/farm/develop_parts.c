@@ -16,7 +16,7 @@ int development_is_full(const struct development *d)
     return d->coverage.least == d->settings.spp;
 }
 
-/* Has it all that was asked for? */
+/* Does the frame have all the samples that were asked for? */
 int development_is_whole(const struct development *d)
 {
     return development_is_full(d) || frame_end_is_whole(d->end);

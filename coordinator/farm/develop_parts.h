@@ -21,14 +21,16 @@ struct development {
     struct film_coverage coverage;
     enum frame_end end;      /* FRAME_END_NONE: a preview */
     struct history history;  /* before this development */
-    struct history_point point; /* its figures, and what was spent by then */
-    int measured;            /* `point` is of this development; else the newest there was, if any */
+    struct history_point point; /* its figures, and the time spent by then */
+    int measured;            /* `point` belongs to this development; else it is the newest one, if
+                                any */
     double map_max;          /* as in struct job */
     struct measurement measurement; /* copied, if `film` is NULL */
     float *tile_errors;      /* [tiles] display codes, for AOV_ERROR; NULL: not wanted, or not known */
     struct unit_work work;
     struct work_stats stats;
-    struct buffer schedule;  /* text (common/accuracy/schedule.h); empty: the rules give the picture again */
+    struct buffer schedule;  /* text (common/accuracy/schedule.h); empty: the rules alone reproduce
+                                the picture */
     const struct film *film; /* NULL: `image` holds a copy, and there are no AOVs */
     int taken;               /* `image` holds the film's means */
     struct image image;
@@ -43,14 +45,16 @@ struct toning {
     struct buffer file;
 };
 
-/* Read the job's scene, once. A damaged one does not hold the picture back: only its header and its
- * manifest say less then. What the environment did is an error. */
+/* Read the job's scene, once. A damaged scene does not prevent the picture: only its header and its
+ * manifest say less. A failure of the environment is an error. */
 status development_describe(struct development *d, const struct store *store, struct error *err);
-/* What the frame calls for, by its description: the same on every farm, and after a restart. */
+/* The effects that the frame needs by its description: the same on every farm, and after a
+ * restart. */
 uint64_t development_effects(const struct development *d);
 double development_mean_samples(const struct development *d); /* of a pixel */
 int development_is_full(const struct development *d);  /* every pixel has all samples */
-int development_is_whole(const struct development *d); /* its rules, not a limit or a cancel, ended it */
+int development_is_whole(const struct development *d); /* it ended by its rules, not by a limit or a
+                                                          cancel */
 
 status develop_exr(struct development *d, struct buffer *exr, struct error *err);
 

@@ -13,7 +13,7 @@ static unsigned long long id_of(const struct job *job)
 static status check_state(const struct job *job, struct error *err)
 {
     if (job->state != JOB_STATE_DONE)
-        return error_set(err, STATUS_ERR_REFUSED, "job %llu is %s: only a finished job is extended",
+        return error_set(err, STATUS_ERR_REFUSED, "job %llu is %s: only a finished job can be extended",
                          id_of(job), job_state_word(job->state));
     if (job->to_develop)
         return error_set(err, STATUS_ERR_REFUSED,
@@ -22,13 +22,12 @@ static status check_state(const struct job *job, struct error *err)
                          id_of(job));
     if (job->schedule.size > 0)
         return error_set(err, STATUS_ERR_REFUSED,
-                         "job %llu was rendered by another picture's schedule, which says all of "
-                         "its samples: submit the scene again without --schedule-from",
+                         "job %llu was rendered with another picture's schedule, which fixes all of its samples: submit the scene again without --schedule-from",
                          id_of(job));
     return STATUS_OK;
 }
 
-/* Samples of another release are other samples. */
+/* Another release renders different samples. */
 static status check_release(const struct job *job, struct error *err)
 {
     if (strcmp(job->release, AZULEJO_VERSION) == 0)
@@ -54,7 +53,7 @@ static status check_films(const struct farm *farm, const struct job *job,
     return STATUS_OK;
 }
 
-/* The least cap that has room for every sample that there is. */
+/* The smallest cap that allows all samples that were rendered. */
 static uint32_t least_cap(const struct job *job)
 {
     uint32_t most = 0;
@@ -67,7 +66,7 @@ static uint32_t least_cap(const struct job *job)
     return GROUPS * most;
 }
 
-/* Has a chosen frame less than the cap allows? */
+/* Does a chosen frame have fewer samples than the cap allows? */
 static int is_room(const struct job *job, const struct job_reopening *chosen)
 {
     if (!chosen->chosen)
@@ -127,7 +126,7 @@ static status check_rules(const struct job *job, const struct job_reopening *cho
     return STATUS_OK;
 }
 
-/* The rules as if they had been given at once. */
+/* The rules as if they had been given from the start. */
 static struct stop_rules rules_of(const struct job *job, const struct stop_rules *rules)
 {
     struct stop_rules out = *rules;
@@ -140,7 +139,7 @@ static struct stop_rules rules_of(const struct job *job, const struct stop_rules
     return out;
 }
 
-/* The job asks for what it asked for before. */
+/* Restore the job's former rules. */
 static void undo(struct job *job, const struct job *before)
 {
     job->stop = before->stop;
@@ -155,7 +154,7 @@ static void undo(struct job *job, const struct job *before)
     memcpy(job->token, before->token, sizeof job->token);
 }
 
-/* Store the job as it is to be, without frames that rest, and let the chosen ones go on. */
+/* Store the extended job without resting frames, and continue the chosen ones. */
 static status go_on(struct farm *farm, struct job *job, const struct job *before,
                     const struct job_reopening *chosen, const struct job *submitted,
                     struct error *err)
@@ -163,7 +162,8 @@ static status go_on(struct farm *farm, struct job *job, const struct job *before
     struct error why = {0};
     status s = STATUS_OK;
 
-    job->epoch_floor = farm->leases.epoch + 1; /* a short pass of the old cap is another unit now */
+    job->epoch_floor = farm->leases.epoch + 1; /* a short pass under the old cap is a different unit
+                                                  now */
     if (farm->store)
         s = store_job_extend(farm->store, job, chosen, submitted, err);
     if (s != STATUS_OK) {
@@ -215,7 +215,7 @@ status farm_extend(struct farm *farm, struct job *job, const struct job_extensio
 
 /* ---- estimates ------------------------------------------------------------------------------ */
 
-/* Can the job be made from what the estimate rendered? */
+/* Can the job continue from what the estimate rendered? */
 static int is_estimate_of(const struct farm *farm, const struct job *estimate,
                           const struct job *job)
 {
@@ -247,8 +247,7 @@ status farm_continue_estimate(struct farm *farm, struct job *estimate, const str
 
     if (!is_estimate_of(farm, estimate, job))
         return error_set(err, STATUS_ERR_REFUSED,
-                         "job %llu was an estimate of this one and has gone on or away meanwhile: "
-                         "submit it again",
+                         "job %llu was an estimate of this one, but it was continued or removed in the meantime: submit it again",
                          id_of(estimate));
     s = job_reopen_check(&farm->queue, estimate, err);
     if (s != STATUS_OK)
@@ -264,7 +263,7 @@ status farm_continue_estimate(struct farm *farm, struct job *estimate, const str
     estimate->frames_resting_count = 0;
     s = go_on(farm, estimate, &before, &all, job, err);
     if (s == STATUS_OK)
-        log_info("job %llu (%s) was submitted, and goes on from its estimate", id_of(estimate),
+        log_info("job %llu (%s) was submitted and continues its estimate", id_of(estimate),
                  estimate->name);
     return s;
 }

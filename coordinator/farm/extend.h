@@ -1,11 +1,11 @@
-/* extend: a DONE job's frames go on from their kept films, all or some of them.
+/* extend: some or all frames of a DONE job continue from their kept films.
  *
- * Of those that do not go on, whole ones are noted as cut short by the old cap.
+ * Complete frames that do not continue are noted as cut short by the old cap.
  *
- * The pictures have the bits that the new rules would have given at once, with the old cap as spp_min
- * where every pixel had it: wanted numbers grow with rounds, targets and caps, and a short pass of the old
- * cap is rendered again, whole. What a clock had decided about stays in the picture; such a frame
- * then carries its schedule.
+ * The pictures are bit-identical to those that the new rules would have given from the start, with
+ * the old cap as spp_min if every pixel had it: the wanted samples only grow with rounds, targets
+ * and caps, and a short pass under the old cap is rendered again in full. Samples that a time limit
+ * decided about stay in the picture; such a frame then carries its schedule.
  */
 #ifndef AZULEJO_COORDINATOR_EXTEND_H
 #define AZULEJO_COORDINATOR_EXTEND_H
@@ -14,20 +14,22 @@
 
 struct job_extension {
     uint32_t spp;              /* the new cap; 0: SETTINGS_SPP_MAX */
-    struct stop_rules rules;   /* spp_min and adaptive are not looked at */
+    struct stop_rules rules;   /* spp_min and adaptive are ignored */
     const uint32_t *frames;    /* that go on */
     size_t frame_count;        /* 0: all */
 };
 
-/* ERR_REFUSED: not DONE, another release, films gone, or rules that would have given fewer samples; the text says
- * what to do. ERR_INPUT: no such frame. ERR_IO, ERR_NO_MEMORY, ERR_LIMIT: nothing changed. */
+/* ERR_REFUSED: not DONE, another release, films missing, or rules that would have given fewer
+ * samples; the text says what to do. ERR_INPUT: no such frame. ERR_IO, ERR_NO_MEMORY, ERR_LIMIT:
+ * nothing changed. */
 status farm_extend(struct farm *farm, struct job *job, const struct job_extension *extension,
                    struct error *err) MUST_CHECK;
 
-/* The newest estimate of this job that it can go on from; NULL: none. */
+/* The newest estimate that this job can continue; NULL: none. */
 struct job *farm_find_estimate(const struct farm *farm, const struct job *job);
-/* The estimate becomes the job, which keeps its bits: a frame of which the estimate rendered more than the rules
- * want begins again. `job` stays the caller's. Errors as above. */
+/* The estimate becomes the job. The job's pictures do not depend on it: a frame of which the
+ * estimate rendered more than the rules want begins again. `job` stays the caller's. Errors as
+ * above. */
 status farm_continue_estimate(struct farm *farm, struct job *estimate, const struct job *job,
                               struct error *err) MUST_CHECK;
 

@@ -117,13 +117,13 @@ void farm_cancel(struct farm *farm, struct job *job, int discard, uint64_t now_n
         return;
     }
     farm_job_change(farm, job, JOB_STATE_CANCELLED, "cancelled, unfinished frames discarded", now_ns);
-    log_info("job %llu (%s) is cancelled, and what it holds discarded", (unsigned long long)job->id,
+    log_info("job %llu (%s) is cancelled, and its samples are discarded", (unsigned long long)job->id,
              job->name);
 }
 
 /* ---- after a restart ------------------------------------------------------------------------- */
 
-/* Open the frames of which there is something on disk. */
+/* Open the frames that have a film on disk. */
 static void resume_films(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     for (uint64_t number = job->first_frame; number <= job->last_frame; number++)
@@ -194,10 +194,10 @@ void farm_resume(struct farm *farm, uint64_t now_ns)
             continue;
         }
         if (job->state == JOB_STATE_RUNNING)
-            log_info("job %llu (%s) goes on: %u of %u frames are done", (unsigned long long)job->id,
+            log_info("job %llu (%s) continues: %u of %u frames are done", (unsigned long long)job->id,
                      job->name, job->frames_done_count, job_frame_count(job));
         closing_step(farm, job, now_ns);
-        /* A job that ended just now has left its place to the next. */
+        /* A job that has just ended has left its place to the next one. */
         if (i < farm->queue.active_count && farm->queue.active[i] == job)
             i++;
     }

@@ -1,8 +1,8 @@
 /* farm: the coordinator's logic without sockets: the queue, the open frames, the leases and
  * the workers, driven by events and by a clock that is passed in.
  *
- * What it wants done outside it asks of `struct farm_events`. Those callbacks must not call back
- * into the farm, except farm_frame_developed from a later turn.
+ * It requests outside work through `struct farm_events`. Those callbacks must not call back into
+ * the farm, except farm_frame_developed from a later turn.
  *
  * The farm owns the queue, the frames and the leases; a worker belongs to its session, which
  * must remove it (farm_worker_remove) before it frees it. One thread.
@@ -26,25 +26,25 @@ enum {
     DELIVERER_TEXT_MAX = 256,
     PROGRESS_SAVE_MS = 2000,     /* how often a running job's counters go to the store */
 };
-/* Films in memory; one frame alone may need more. */
+/* Films in memory; a single frame may exceed it. */
 #define FRAMES_OPEN_BYTES ((uint64_t)16 << 30)
 
 struct farm_worker {
     struct lease_holder held;
     uint32_t threads;            /* that it claims; >= 1 */
-    struct credit credit;        /* how many of them it is trusted with */
+    struct credit credit;        /* the number of them that it is trusted with */
     uint64_t machine;            /* machine_identity */
     uint32_t isa_mask;
     char kernel[KERNEL_NAME_MAX + 1];
     char name[WORKER_NAME_MAX + 1]; /* for people: "host, process 123" */
-    struct deliverer deliverer;  /* its number in the films' logs is given with its first result */
+    struct deliverer deliverer;  /* gets its number in the films' logs with its first result */
     uint32_t room;               /* units it asked for and did not get yet */
     uint64_t cost_job;           /* the job that `cost_ns` was measured on */
     double cost_ns;              /* CPU time of one pixel sample on one thread; 0: not known */
     uint64_t delivered_job;      /* whose result it delivered last; 0: none yet */
     uint64_t units_done, samples_done;
     struct rate rate;
-    uint64_t noticed_job;        /* the newest job it was told it cannot serve */
+    uint64_t noticed_job;        /* the newest job for which it was sent a refusal */
     uint64_t deferred_job;       /* it keeps a result of this job that could not be taken; 0: none */
     char note[256];              /* why it gets no work; "" otherwise */
 };
@@ -57,18 +57,19 @@ struct farm_events {
                 struct unit_name unit);
     void (*notice)(void *user, uint32_t session, const char *text);
     void (*job_changed)(void *user, struct job *job);
-    /* Turn the frame's complete film into files, note it as done in the store, keep the film or remove
-     * its file, then call farm_frame_developed. If it cannot even
-     * begin (out of memory) it is asked again later. */
+    /* Turn the frame's complete film into files, note it as done in the store, keep the film or
+     * remove its file, then call farm_frame_developed. If it cannot begin (out of memory), it is
+     * called again later. */
     status (*develop)(void *user, struct job_frame *frame);
-    /* Make the pictures of a frame that is done again, from its stored one, then call
-     * farm_pictures_made. If it cannot even begin it is asked again at the next tick. */
+    /* Make the pictures of a done frame again from its stored one, then call farm_pictures_made. If
+     * it cannot begin, it is called again at the next tick. */
     status (*redevelop)(void *user, struct job *job, uint32_t frame);
-    /* Compute the figures of the frame as it stands, keep them in the store at frame->history's next place,
-     * then call figures_measured. NULL: nobody does. If it cannot begin it is asked again later. */
+    /* Compute the figures of the frame as it stands, keep them in the store at frame->history's
+     * next place, then call figures_measured. NULL: no figures are computed. If it cannot begin, it
+     * is called again later. */
     status (*measure)(void *user, struct job_frame *frame);
-    /* Call freezing_run, then freezing_end (freeze.h). If it cannot even begin it is asked again later, with
-     * another. NULL: the farm runs it itself. */
+    /* Call freezing_run, then freezing_end (freeze.h). If it cannot begin, it is called again later
+     * with another freezing. NULL: the farm runs it itself. */
     status (*freeze)(void *user, struct freezing *freezing, struct error *err);
     void *user;
 };
@@ -91,14 +92,16 @@ struct farm {
     struct trouble trouble;      /* the store cannot be used */
     int resume_wanted;           /* films on disk are to be opened */
     int unsaved;                 /* some job is `unsaved` */
-    int discards_films;          /* of frames that are done: the store is thrown away soon */
+    int discards_films;          /* no films of done frames are kept: the store will soon be deleted
+                                    */
 };
 
-/* Takes the jobs that the store holds. The store stays the caller's. ERR_IO, ERR_NO_MEMORY. */
+/* Loads the jobs of the store. The store stays the caller's. ERR_IO, ERR_NO_MEMORY. */
 status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns,
                  const struct farm_events *events, int64_t wall_s, struct error *err) MUST_CHECK;
 void farm_release(struct farm *farm, uint64_t now_ns);
-/* Once, after farm_init: end the jobs that were all but done, open the films that are on disk. */
+/* Once, after farm_init: end the jobs that had nothing left to render, open the films that are on
+ * disk. */
 void farm_resume(struct farm *farm, uint64_t now_ns);
 
 /* Take a new job: gives it an id, stores and queues it. On failure the caller still owns it. */
@@ -120,10 +123,10 @@ status farm_worker_add(struct farm *farm, struct farm_worker *worker, struct err
 void farm_worker_remove(struct farm *farm, struct farm_worker *worker, int died, uint64_t now_ns);
 /* Give the worker its number in the films' logs, if it has none. */
 void farm_deliverer_begin(struct farm *farm, struct farm_worker *worker);
-/* Who a film's deliverer number is, in words. */
+/* The worker with this deliverer number, in words. */
 void farm_deliverer_text(const struct farm *farm, uint32_t deliverer, char out[DELIVERER_TEXT_MAX]);
-/* A worker cannot render this job at all. Counts once a machine, and only while the worker holds a
- * lease of the job. */
+/* A worker reports that it cannot render this job. Counts once per machine, and only while the
+ * worker holds a lease of the job. */
 void farm_job_broken(struct farm *farm, struct job *job, struct farm_worker *worker,
                      const char *text, uint64_t now_ns);
 /* Can this worker serve the job? If not, `why` says so, for people. */
@@ -132,8 +135,9 @@ int farm_can_serve(const struct job *job, const struct farm_worker *worker, char
 
 /* The job's open frame of this number; NULL: none. */
 struct job_frame *farm_frame_find(const struct job *job, uint32_t number);
-/* Open the frame if the limits allow (else NULL without an error). While the store is in trouble only
- * films that it has are opened. A failure is noted as the job's trouble, and leaves the job waiting. */
+/* Open the frame if the limits allow (else NULL without an error). While the store is in trouble,
+ * only films that are on disk are opened. A failure is noted as the job's trouble, and leaves the
+ * job waiting. */
 struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t number,
                                   uint64_t now_ns);
 /* The next frame of the job that is neither done nor open, opened; NULL: none, or limits. */
@@ -141,70 +145,71 @@ struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint6
 /* The frame leaves its job: its leases are revoked and unacknowledged results disowned, for
  * `reason`. It is freed now, or when its last commit or develop ends. */
 void farm_frame_close(struct farm *farm, struct job_frame *frame, const char *reason);
-/* Acknowledge what need not wait any longer. */
+/* Acknowledge the results that need not wait any longer. */
 void farm_frame_send_acks(struct farm *farm, struct job_frame *frame);
-/* The frame has what it shall have: from RENDERING to COMPLETE; its leases are taken back. No effect on one
- * that has ended. farm_frame_advance follows. */
+/* End the frame: from RENDERING to COMPLETE; its leases are revoked. No effect on one that has
+ * ended. Call farm_frame_advance afterwards. */
 void farm_frame_end(struct farm *farm, struct job_frame *frame, enum frame_end end);
-/* What a film holds in memory when it is full. */
+/* The memory of a film when it is full. */
 uint64_t farm_film_bytes(uint32_t width, uint32_t height, uint32_t aovs);
-/* Take back every lease of the frame. */
+/* Revoke every lease of the frame. */
 void farm_frame_revoke(struct farm *farm, const struct job_frame *frame, const char *reason);
-/* Take back every lease of the job. */
+/* Revoke every lease of the job. */
 void farm_job_revoke(struct farm *farm, const struct job *job, const char *reason);
-/* Change the job's state, store it and tell those who watch. Ending a job closes its frames and
+/* Change the job's state, store it and notify its watchers. Ending a job closes its frames and
  * removes its films. */
 void farm_job_change(struct farm *farm, struct job *job, enum job_state state, const char *text,
                      uint64_t now_ns);
-/* Decide what its complete statistics decide (rounds.h). Call after something was folded. */
+/* Take the decisions for which the statistics are complete (rounds.h). Call after something was
+ * folded. */
 void farm_frame_decide(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
-/* Move the frame on: from its end, by rounds or by farm_frame_end, to its pictures. */
+/* Advance the frame from its end, by rounds or by farm_frame_end, to its pictures. */
 void farm_frame_advance(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
 /* The end of events.develop. When `result` is OK the frame is in the store as done already, and its
  * pictures follow that revision of the job's output settings (-1: none was made). */
 void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t revision,
                           status result, const struct error *why, uint64_t now_ns);
-/* Have the job's pictures made after other output settings, those there are and those to come.
- * Whether there is an EXR, and of which kind, stays. ERR_IO: nothing changed. */
+/* Make the job's present and future pictures with other output settings. The choice of an EXR and
+ * its kind do not change. ERR_IO: nothing changed. */
 status farm_develop(struct farm *farm, struct job *job, const struct output_settings *output,
                     struct error *err) MUST_CHECK;
 /* Put the job among those whose pictures are to be made, if any are. */
 void farm_pictures_wanted(struct farm *farm, struct job *job);
-/* Begin the next picture that can be made, one at a time: rendering has the other threads. */
+/* Begin the next picture that can be made. Only one is made at a time: the other threads render. */
 void farm_pictures_next(struct farm *farm, uint64_t now_ns);
 /* End the job if all its frames are done and have their pictures. */
 void farm_job_end_when_done(struct farm *farm, struct job *job, uint64_t now_ns);
 /* The end of events.redevelop. */
 void farm_pictures_made(struct farm *farm, struct job *job, uint32_t frame, int64_t revision,
                         status result, const struct error *why, uint64_t now_ns);
-/* The environment kept something of a job's frame from being done. Asks the store whether it is the
- * cause itself; notes it in `trouble`, which says when to try again; logs that it began. `what` follows
- * "frame N"; it may be empty. */
+/* A failure of the environment stopped some work on a job's frame. Checks whether the store is the
+ * cause, notes it in `trouble`, which says when to try again, and logs its beginning. `what`
+ * follows "frame N"; it may be empty. */
 void farm_trouble(struct farm *farm, const struct job *job, uint32_t frame, struct trouble *trouble,
                   const char *what, const struct error *why, uint64_t now_ns);
-/* It works; no effect where there was no trouble. */
+/* The work succeeded; no effect without trouble. */
 void farm_trouble_over(struct farm *farm, struct job *job, struct trouble *trouble,
                        uint64_t now_ns);
 /* May new jobs and blobs be taken? ERR_IO: the text says why not. */
 status farm_store_usable(const struct farm *farm, struct error *err) MUST_CHECK;
 /* May units of the frame be lent? While it cannot be written: up to TROUBLE_RESULTS_MAX. */
 int farm_may_lease(const struct farm *farm, const struct job_frame *frame);
-/* May results of that job be delivered that were deferred? */
+/* May deferred results of that job be delivered again? */
 int farm_takes_again(const struct farm *farm, uint64_t job);
 /* Look at the store where something failed, and while it is in trouble. */
 void farm_store_check(struct farm *farm, uint64_t now_ns);
-/* Hand the job's state to the store; where that fails it is done again by farm_tick. */
+/* Hand the job's state to the store; farm_tick repeats it if that fails. */
 void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns);
-/* A commit or develop let go of the frame; frees it when its job has ended. */
+/* A commit or develop no longer holds the frame; frees it if its job has ended. */
 void farm_frame_unpin(struct farm *farm, struct job_frame *frame);
 
-/* The first units are on their way: the job runs. */
+/* The first units were sent: the job is RUNNING. */
 void farm_job_started(struct farm *farm, struct job *job, const struct farm_worker *worker,
                       uint64_t now_ns);
 
-/* The coordinator itself was held up for so long: leases get that much more time. */
+/* The coordinator was suspended for this long: leases are extended by it. */
 void farm_pause(struct farm *farm, uint64_t paused_ns);
-/* Leases that lapsed, counters to store. Call a few times a second. */
+/* End lapsed leases, store counters. Call a few times a second. */
 void farm_tick(struct farm *farm, uint64_t now_ns);
 
 #endif

@@ -1,5 +1,5 @@
-/* farm_advance: what a frame still wants, and when its pictures can be made. Called whenever something
- * that a frame waits for has happened. */
+/* farm_advance: what a frame still wants, and when its pictures can be made. Called after every
+ * event that a frame may be waiting for. */
 #include "common/base/log.h"
 #include "coordinator/farm/farm.h"
 #include "coordinator/farm/figures.h"
@@ -11,7 +11,7 @@ void farm_frame_decide(struct farm *farm, struct job_frame *frame, uint64_t now_
 
     if (frame->end != FRAME_END_NONE)
         return;
-    /* Without memory it is tried again at the next result, and at the next tick. */
+    /* If memory is short, it is tried again at the next result and at the next tick. */
     if (rounds_step(&frame->rounds, frame->film, &frame->job->stop, &changed, &err) != STATUS_OK)
         log_debug("job %llu, frame %u: %s", (unsigned long long)frame->job->id, frame->number,
                   err.text);

@@ -1,5 +1,5 @@
-/* farm_frames: a frame's leases, acknowledgements and end; what opens and advances it is farm_open and
- * farm_advance. */
+/* farm_frames: a frame's leases, acknowledgements and end; farm_open opens it and farm_advance
+ * advances it. */
 #include <assert.h>
 
 #include "common/base/log.h"
@@ -57,7 +57,7 @@ void farm_frame_close(struct farm *farm, struct job_frame *frame, const char *re
 {
     uint64_t last = 0;
 
-    /* Workers keep these results for our answer, also where their leases are settled. */
+    /* Workers keep these results until we answer, even if their leases are settled. */
     for (size_t i = 0; i < frame->ack_count; i++) {
         const struct pending_ack *ack = &frame->acks[i];
         if (ack->lease != last && !lease_find(&farm->leases, ack->lease, 0))
@@ -104,7 +104,7 @@ void farm_frame_end(struct farm *farm, struct job_frame *frame, enum frame_end e
     if (frame->outstanding_count > 0)
         farm_frame_revoke(farm, frame, "the frame has ended");
     if (!frame_end_is_whole(end))
-        log_info("job %llu, frame %u: %s, its picture is made of %.1f %% of the samples",
+        log_info("job %llu, frame %u: %s; its picture has %.1f %% of the samples",
                  (unsigned long long)frame->job->id, frame->number, frame_end_text(end),
                  100.0 * (double)film_samples(frame->film) /
                      (double)film_samples_total(frame->film));

@@ -1,13 +1,13 @@
-/* farm_jobs: how a job changes its state, on disk and for all who watch it. */
+/* farm_jobs: how a job changes its state, on disk and for its watchers. */
 #include <stdio.h>
 #include <string.h>
 
 #include "common/base/log.h"
 #include "coordinator/farm/farm.h"
 
-/* A cancelled job must not come back, so the canceller waits for the disk. All else may be
- * lost in a crash: counters are estimates, and a job that was all but done is ended again at the
- * start. The pinned kernel is on disk before any result is: see merge_commit_run. */
+/* A cancelled job must not return after a crash, so a cancel waits for the disk. Everything else
+ * may be lost in a crash: counters are estimates, and a job with nothing left to render is ended
+ * again at the start. The pinned kernel is on disk before any result: see merge_commit_run. */
 void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     struct error err = {0};
@@ -35,7 +35,7 @@ void farm_job_change(struct farm *farm, struct job *job, enum job_state state, c
     while (ends && job->frames)
         farm_frame_close(farm, job->frames, "the job ended");
     job_set_state(&farm->queue, job, state, text, now_ns, farm->wall_s);
-    farm_job_save(farm, job, now_ns); /* its films go when that is on disk */
+    farm_job_save(farm, job, now_ns); /* its films are removed when that is on disk */
     farm->pump_wanted = 1;
     farm->events.job_changed(farm->events.user, job);
 }
@@ -61,7 +61,7 @@ void farm_job_started(struct farm *farm, struct job *job, const struct farm_work
 
     if (!job->active_since_ns)
         job->active_since_ns = now_ns ? now_ns : 1;
-    /* Another one than before: the workers that held its units disconnected without a result. */
+    /* The pinned kernel changes: the workers that held its units disconnected without a result. */
     if (strcmp(job->kernel, worker->kernel) != 0) {
         snprintf(job->kernel, sizeof job->kernel, "%s", worker->kernel);
         snprintf(job->release, sizeof job->release, "%s", AZULEJO_VERSION);

@@ -1,4 +1,4 @@
-/* farm_open: frames are opened, with what the disk has of them. */
+/* farm_open: frames are opened with the films on disk. */
 #include "common/base/log.h"
 #include "coordinator/farm/farm.h"
 #include "coordinator/farm/figures.h"
@@ -15,7 +15,7 @@ static int frame_may_open(const struct farm *farm, const struct job *job)
            (farm->open_frames == 0 || farm->open_bytes + bytes <= FRAMES_OPEN_BYTES);
 }
 
-/* A frame with what the store has of it. On failure *out is NULL. */
+/* A frame with its film from the store. On failure *out is NULL. */
 static status frame_load(struct farm *farm, struct job *job, uint32_t number,
                          struct job_frame **out, struct error *err)
 {
@@ -43,8 +43,9 @@ static status frame_load(struct farm *farm, struct job *job, uint32_t number,
     return s;
 }
 
-/* An estimate may have rendered more than the job's rules want. The job's bits shall not depend on whether it was
- * estimated, so such a frame begins again: it needs less than the estimate took. */
+/* An estimate may have rendered more than the job's rules want. The job's pictures must not depend
+ * on an earlier estimate, so such a frame begins again: it needs fewer samples than the estimate
+ * took. */
 static status frame_drop_excess(struct farm *farm, struct job_frame **frame, struct error *err)
 {
     struct job *job = (*frame)->job;
@@ -59,7 +60,7 @@ static status frame_drop_excess(struct farm *farm, struct job_frame **frame, str
         job_frame_wish(*frame);
         return s;
     }
-    log_info("job %llu, frame %u: needs less than its estimate, and begins again",
+    log_info("job %llu, frame %u: needs fewer samples than its estimate took, and begins again",
              (unsigned long long)job->id, number);
     job_frame_free(*frame);
     *frame = NULL;
@@ -95,7 +96,7 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
     farm->open_frames++;
     farm->open_bytes += farm_film_bytes(settings->width, settings->height, settings->aovs);
     if (film_samples(frame->film) > 0)
-        log_info("job %llu, frame %u: goes on at %.1f %%", (unsigned long long)job->id, number,
+        log_info("job %llu, frame %u: continues at %.1f %%", (unsigned long long)job->id, number,
                  100.0 * (double)film_samples(frame->film) /
                      (double)film_samples_total(frame->film));
     freeze_step(farm, frame, now_ns);

@@ -1,5 +1,5 @@
-/* farm_pictures: a frame's pictures are made, and those of stored frames again when the job's looks
- * change; the last one ends the job. */
+/* farm_pictures: a frame's pictures are made, and those of stored frames are made again when the
+ * output settings change; the last one ends the job. */
 #include <stdio.h>
 
 #include "common/base/log.h"
@@ -85,7 +85,7 @@ status farm_develop(struct farm *farm, struct job *job, const struct output_sett
     return STATUS_OK;
 }
 
-/* Try a picture again later, or give the job's pictures up. */
+/* Try a picture again later, or give up the job's pictures. */
 static void develop_failed(struct farm *farm, struct job *job, uint32_t frame,
                            const struct error *why, uint64_t now_ns)
 {

@@ -1,5 +1,5 @@
-/* The farm while the environment keeps it from using its store: what fails is noted and tried again,
- * never given up. trouble.h has the states. */
+/* The farm while it cannot use its store: a failure is noted and tried again, without limit.
+ * trouble.h has the states. */
 #include <inttypes.h>
 #include <stdio.h>
 
@@ -16,7 +16,7 @@ static void store_failed(struct farm *farm, const struct error *why, uint64_t no
 {
     if (!trouble_note(&farm->trouble, why->text, now_ns))
         return;
-    log_error("the store cannot be used: %s; jobs wait, and it is tried again until it works",
+    log_error("the store cannot be used: %s; jobs wait, and the coordinator keeps trying",
               why->text);
     tell_jobs(farm);
 }
@@ -35,7 +35,7 @@ void farm_trouble(struct farm *farm, const struct job *job, uint32_t frame, stru
         return;
     trouble->quiet = trouble_is(&farm->trouble);
     if (!trouble->quiet)
-        log_error("job %" PRIu64 ", %s; it is tried again until it works", job->id, text);
+        log_error("job %" PRIu64 ", %s; the coordinator keeps trying", job->id, text);
     farm->events.job_changed(farm->events.user, (struct job *)job);
 }
 
@@ -47,7 +47,7 @@ void farm_trouble_over(struct farm *farm, struct job *job, struct trouble *troub
     if (!trouble_end(trouble, now_ns, &lasted_ns))
         return;
     if (!quiet)
-        log_info("job %" PRIu64 " (%s) goes on after %.1f s", job->id, job->name,
+        log_info("job %" PRIu64 " (%s) continues after %.1f s", job->id, job->name,
                  (double)lasted_ns / 1e9);
     farm->events.job_changed(farm->events.user, job);
 }
@@ -91,7 +91,7 @@ void farm_store_check(struct farm *farm, uint64_t now_ns)
     }
     if (!trouble_end(&farm->trouble, now_ns, &lasted_ns))
         return;
-    log_info("the store can be used again after %.1f s: jobs go on", (double)lasted_ns / 1e9);
+    log_info("the store can be used again after %.1f s: jobs continue", (double)lasted_ns / 1e9);
     farm->pump_wanted = 1;
     farm->resume_wanted = 1;
     tell_jobs(farm);

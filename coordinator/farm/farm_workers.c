@@ -1,4 +1,4 @@
-/* farm_workers: workers come, go, and cannot do everything. */
+/* farm_workers: workers join and leave, and cannot render some jobs. */
 #include <stdio.h>
 #include <string.h>
 
@@ -24,7 +24,7 @@ void farm_deliverer_begin(struct farm *farm, struct farm_worker *worker)
         return;
     worker->deliverer.number = ++farm->last_deliverer;
     worker->deliverer.first_seen = farm->wall_s;
-    /* A conflict is then told with the number only. */
+    /* A conflict is then reported with the number only. */
     if (farm->store &&
         store_deliverer_save_later(farm->store, &worker->deliverer, &err) != STATUS_OK)
         log_warn("%s", err.text);
@@ -43,10 +43,10 @@ void farm_deliverer_text(const struct farm *farm, uint32_t deliverer, char out[D
     }
     if (farm->store && store_deliverer_find(farm->store, deliverer, &gone, NULL) == STATUS_OK &&
         gone.number)
-        snprintf(out, DELIVERER_TEXT_MAX, "a worker that has gone (%s, process %u, %s)", gone.host,
+        snprintf(out, DELIVERER_TEXT_MAX, "a worker that has left (%s, process %u, %s)", gone.host,
                  gone.process, gone.software);
     else
-        snprintf(out, DELIVERER_TEXT_MAX, "a worker that has gone (number %u)", deliverer);
+        snprintf(out, DELIVERER_TEXT_MAX, "a worker that has left (number %u)", deliverer);
 }
 
 void farm_worker_remove(struct farm *farm, struct farm_worker *worker, int died, uint64_t now_ns)
@@ -76,7 +76,7 @@ static int job_has_results(const struct job *job)
     return 0;
 }
 
-/* Is anything there, or on its way, that was rendered with the job's kernel? */
+/* Does the job have results, or units with workers, that belong to its pinned kernel? */
 static int job_is_begun(const struct job *job)
 {
     return job->leases > 0 || job_has_results(job);
@@ -118,13 +118,13 @@ void farm_job_broken(struct farm *farm, struct job *job, struct farm_worker *wor
         held++;
     }
     if (held == 0 || !job_state_is_open(job->state))
-        return; /* its second lease, one that was revoked meanwhile, or an intruder's word */
+        return; /* a second report, one for a revoked lease, or a false one */
     farm->pump_wanted = 1;
     if (!job_is_broken_for(job, worker->machine))
         s = job_set_broken_for(job, worker->machine);
     for (uint32_t i = 0; i < farm->worker_count; i++)
         able += (uint32_t)farm_can_serve(job, farm->workers[i], why, sizeof why);
-    /* With a result there are machines that can: those that cannot are passed over. */
+    /* With a result, some machine can render it: machines that cannot are skipped. */
     if (s != STATUS_OK || able == 0 || job->broken_count >= JOB_BROKEN_MACHINES_MAX ||
         (job->broken_count >= JOB_BROKEN_MAX && !job_has_results(job)))
         farm_fail(farm, job, now_ns, "%zu machine%s cannot render it: %s", job->broken_count,

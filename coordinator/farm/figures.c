@@ -10,7 +10,7 @@ void figures_open(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
     struct error err = {0};
 
     eta_init(&frame->eta, frame->film);
-    /* Without it only the curve begins again. */
+    /* Without it, only the error's curve starts over. */
     if (farm->store && film_samples(frame->film) > 0 &&
         store_history_load(farm->store, frame->job->id, frame->number, &frame->history, &err) !=
             STATUS_OK)
@@ -68,7 +68,7 @@ void figures_measured(struct farm *farm, struct job *job, uint32_t number,
         history_add(&frame->history, point);
         farm->events.job_changed(farm->events.user, job);
     }
-    farm_frame_advance(farm, frame, now_ns); /* it waits for the place in the history */
+    farm_frame_advance(farm, frame, now_ns); /* it waits for its place in the history */
 }
 
 void figures_finished(struct farm *farm, struct job *job, uint32_t frame,
@@ -95,7 +95,7 @@ void figures_curve(const struct job_frame *frame, enum allocation_measure measur
     accuracy_curve_fit(out, points, frame->history.count);
 }
 
-/* Of two costs, one of which may not be known. */
+/* The smaller of two costs, either of which may be unknown. */
 static double sooner(double a, double b)
 {
     return a < 0 || (b >= 0 && b < a) ? b : a;
@@ -108,7 +108,8 @@ double figures_whole_s(const struct job_frame *frame)
     double left_ns = eta_left_ns(&frame->eta, frame->film);
     struct accuracy_curve curve;
 
-    if (!stop_has_rounds(rules) && left_ns >= 0) /* what is wanted is all that there will be */
+    if (!stop_has_rounds(rules) && left_ns >= 0) /* the wanted samples are all that will be rendered
+                                                    */
         whole_s = frame->spent.core_s + left_ns / 1e9;
     if (rules->has_target) {
         figures_curve(frame, rules->target.measure, &curve);
@@ -124,7 +125,7 @@ double figures_whole_s(const struct job_frame *frame)
     return whole_ns < 0 ? -1 : whole_s;
 }
 
-/* Of one frame that is open, when nothing else is rendered; negative: not known. */
+/* Of one open frame, if nothing else is rendered; negative: not known. */
 static double frame_seconds(const struct job_frame *frame, double whole_s, double cpu_s)
 {
     double left_s = (whole_s - frame->spent.core_s) / cpu_s;
@@ -153,7 +154,7 @@ double figures_seconds_left(const struct job *job)
         if (each_s < 0 && whole_s >= 0)
             each_s = whole_s / cpu_s;
         if (seconds < 0)
-            seconds = each_s; /* it has only just begun: as long as the others */
+            seconds = each_s; /* it has just begun: assume the time of the others */
         if (seconds < 0)
             return -1;
         left_s += seconds;

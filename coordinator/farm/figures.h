@@ -1,12 +1,12 @@
-/* figures: when a frame's errors are estimated while it renders, and what becomes of the numbers.
+/* figures: when a frame's errors are estimated while it renders, and where the numbers go.
  *
- *   results --figures_learn--> what its tiles cost (eta.h)
+ *   results --figures_learn--> the cost of its tiles (eta.h)
  *   enough new samples --figures_tick: events.measure--> copy, computed in another thread (develop.h)
  *     --figures_measured--> the frame's history; the next one no sooner than its cost allows
  *   the frame is done --figures_finished--> the job's (history.h)
  *
- * Computing takes at most one part in FIGURES_COST_SHARE of a processor, and once for each growth of
- * the samples by FIGURES_GROWTH, so it does not depend on how often somebody asks.
+ * Computing takes at most one part in FIGURES_COST_SHARE of a processor, and once for each growth
+ * of the samples by FIGURES_GROWTH, whatever the number of queries.
  */
 #ifndef AZULEJO_COORDINATOR_FIGURES_H
 #define AZULEJO_COORDINATOR_FIGURES_H
@@ -21,14 +21,14 @@ enum {
 };
 #define FIGURES_GROWTH 1.1
 
-/* The frame was opened: take up what the store has of it. */
+/* The frame was opened: load its history from the store. */
 void figures_open(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
-/* A result that was not there yet came. */
+/* A new result arrived. */
 void figures_learn(struct job_frame *frame, uint32_t tile, uint64_t samples, uint64_t cpu_ns,
                    uint64_t now_ns);
 /* Bring frame->spent up to date. */
 void figures_spend(struct job_frame *frame, uint64_t now_ns);
-/* Have the figures computed if it is time. */
+/* Start computing the figures if they are due. */
 void figures_tick(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
 /* The end of events.measure, which took `cost_ns` of processor time. `point` NULL: it failed. */
 void figures_measured(struct farm *farm, struct job *job, uint32_t frame,
@@ -37,7 +37,7 @@ void figures_measured(struct farm *farm, struct job *job, uint32_t frame,
 void figures_finished(struct farm *farm, struct job *job, uint32_t frame,
                       const struct history_point *point);
 
-/* Seconds until the job's frames are rendered as far as they are wanted; negative: not known. */
+/* Seconds until all wanted samples of the job are rendered; negative: not known. */
 double figures_seconds_left(const struct job *job);
 /* The curve of a frame's error in that measure over core-seconds. */
 void figures_curve(const struct job_frame *frame, enum allocation_measure measure,

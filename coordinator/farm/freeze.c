@@ -11,8 +11,9 @@
 
 /* ---- the note ------------------------------------------------------------------------------- */
 
-/* Settings and what was measured with them. In a film's file: the settings' length (32 bits), the
- * settings as the wire has them, then the state's numbers as doubles, all little-endian. */
+/* A note: settings and the state measured with them. Its form in a film's file: the settings'
+ * length (32 bits), the settings in their wire form, then the state's numbers as doubles, all
+ * little-endian. */
 struct note {
     struct tonemap_settings settings;
     struct tonemap_state state;
@@ -64,7 +65,7 @@ static status note_pack(const struct note *note, struct buffer *out, struct erro
     return buffer_ok(out) ? STATUS_OK : error_no_memory(err, "a frame's statistics");
 }
 
-/* ERR_CORRUPT where the bytes are no note, or not of this release. */
+/* ERR_CORRUPT if the bytes are not a note of this release. */
 static status note_unpack(struct note *note, const struct buffer *in, struct error *err)
 {
     const uint8_t *at = in->data;
@@ -92,7 +93,7 @@ static status note_unpack(struct note *note, const struct buffer *in, struct err
     return STATUS_OK;
 }
 
-/* The group's note as it is on disk. *found 0: there is none that can be used. */
+/* The group's note on disk. *found 0: there is no usable one. */
 static status note_read(struct note *note, const struct job_frame *frame, uint32_t group, int *found,
                         struct error *err)
 {
@@ -106,8 +107,7 @@ static status note_read(struct note *note, const struct job_frame *frame, uint32
     if (s == STATUS_OK && bytes.size > 0) {
         *found = note_unpack(note, &bytes, &why) == STATUS_OK;
         if (!*found)
-            log_warn("job %" PRIu64 ", frame %u: how its display was measured cannot be read (%s); it "
-                     "is measured again", frame->job->id, frame->number, why.text);
+            log_warn("job %" PRIu64 ", frame %u: its display's measurement cannot be read (%s); it is measured again", frame->job->id, frame->number, why.text);
     }
     buffer_release(&bytes);
     return s;
@@ -128,7 +128,7 @@ static status note_write(const struct note *note, struct job_frame *frame, uint3
     return s;
 }
 
-/* What the job asks for; where a group is frozen already, the same as for that one. */
+/* The job's settings; if one group is frozen already, the settings used for it. */
 static void frame_settings(struct tonemap_settings *out, const struct job_frame *frame)
 {
     for (uint32_t g = 0; g < GROUPS; g++) {
@@ -171,7 +171,7 @@ status freeze_open(struct job_frame *frame, struct error *err)
         if (s != STATUS_OK || note->settings.has_file ||
             (!found && tonemap_reach(&note->settings) != TONEMAP_REACH_PIXEL))
             continue; /* in another thread, when level 0 is there */
-        /* Not synced: until something beyond it is, it can be made again. */
+        /* Not synced: until later samples are synced, it can be measured again. */
         if (!found)
             s = note_write(note, frame, g, err);
         if (s == STATUS_OK)
@@ -225,7 +225,7 @@ static status freezing_new(struct freezing **out, const struct farm *farm, struc
     return STATUS_OK;
 }
 
-/* Measure, unless the note has it already, and make the transform of it. */
+/* Measure, unless the note exists already, and make the transform from it. */
 static status measure_with(struct freezing *f, int has_state, struct error *err)
 {
     struct tonemap_context context = {0};
@@ -242,7 +242,7 @@ static status measure_with(struct freezing *f, int has_state, struct error *err)
     }
     if (s == STATUS_OK && !has_state)
         s = tonemap_measure(&note->state, &f->image, &note->settings, &context, err);
-    tonemap_pixels_free(f->pixels); /* of an earlier try */
+    tonemap_pixels_free(f->pixels); /* from an earlier attempt */
     f->pixels = NULL;
     if (s == STATUS_OK)
         s = tonemap_pixels_new(&f->pixels, &note->settings, &note->state, &context, err);
@@ -262,7 +262,7 @@ void freezing_run(struct freezing *f)
         s = measure_with(f, found, err);
     if (s != STATUS_OK && !status_is_environment(s) &&
         tonemap_settings_init(&linear, "linear", &why) == STATUS_OK) {
-        /* Its pictures will fail, and say why; samples can be shared out all the same. */
+        /* Its pictures will fail with an error; its samples can still be distributed. */
         log_warn("job %" PRIu64 ", frame %u: errors are measured without its operator: %s",
                  f->frame->job->id, f->frame->number, err->text);
         linear.exposure_ev = f->note.settings.exposure_ev;
@@ -291,7 +291,7 @@ void freezing_end(struct farm *farm, struct freezing *f, uint64_t now_ns)
 {
     struct job_frame *frame = f->frame;
 
-    /* An ended frame keeps the samples that it had: its pictures may be in the making. */
+    /* An ended frame keeps its samples: its pictures may already be being made. */
     if (frame->closing || frame->state != FRAME_RENDERING) {
         freezing_abandon(farm, f);
         return;

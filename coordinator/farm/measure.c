@@ -5,7 +5,7 @@
 
 #include "common/base/memory.h"
 
-_Static_assert((int)REPLICATES == (int)ACCURACY_REPLICATES, "the figures are made of all replicates");
+_Static_assert((int)REPLICATES == (int)ACCURACY_REPLICATES, "the figures are computed from all replicates");
 
 static void take_tails(struct measurement *m, const struct film *film)
 {
@@ -76,7 +76,7 @@ static status show_codes(void *user, const float *rgb, uint32_t width, uint32_t 
     return s;
 }
 
-/* What tone mapping measures of the mean. */
+/* The tone mapping's measurements of the mean. */
 static status measure_mean(const struct measurement *m, struct shown *shown, struct error *err)
 {
     struct image mean = {0};

@@ -1,8 +1,8 @@
-/* measure: how wrong a picture is, by its four replicates and the way it is shown.
+/* measure: a picture's errors, from its four replicates and the way it is shown.
  *
- * common/accuracy does the counting; here is what it is given: copies of a film's replicates and of its
- * largest contributions, and the job's tone mapping with what was measured of the mean, so that a display code
- * means the same in every replicate.
+ * common/accuracy computes; this file prepares its input: copies of a film's replicates and of its
+ * largest contributions, and the job's tone mapping with its measurements of the mean, so that a
+ * display code means the same in every replicate.
  */
 #ifndef AZULEJO_COORDINATOR_MEASURE_H
 #define AZULEJO_COORDINATOR_MEASURE_H
@@ -12,7 +12,7 @@
 #include "common/film/film.h"
 #include "common/tonemap/tonemap.h"
 
-/* What is copied of a film, which may go on changing then. */
+/* Copied from a film, which may change afterwards. */
 struct measurement {
     uint32_t width, height, tiles;
     float *replicates[REPLICATES];  /* [height][width][3] */
@@ -26,8 +26,9 @@ status measurement_take(struct measurement *out, const struct film *film,
                         struct error *err) MUST_CHECK;
 void measurement_release(struct measurement *m);
 
-/* How the job shows its pictures, `context` with the operator's file; `effects` that the frame calls for;
- * `brightest`: accuracy_brightest of its scene, 0: not known. `map` may be NULL. ERR_NO_MEMORY, and what tone mapping gives. */
+/* How the job shows its pictures, `context` with the operator's file; `effects` that the frame
+ * calls for; `brightest`: accuracy_brightest of its scene, 0: not known. `map` may be NULL.
+ * ERR_NO_MEMORY, and errors of the tone mapping. */
 status measurement_figures(const struct measurement *m, const struct tonemap_settings *tone,
                            const struct tonemap_context *context, uint64_t effects,
                            double brightest, struct accuracy_figures *out,

@@ -5,7 +5,7 @@
 
 #include "common/base/memory.h"
 
-/* Beyond this many numbers nobody counts any more. */
+/* The count stops at this number. */
 enum { DELIVERERS_MAX = 1 << 24 };
 
 static uint32_t last_deliverer(const struct film *film)

@@ -1,6 +1,6 @@
-/* measured: what a picture's file says that another farm, or another time, would say differently: times,
- * workers, the job's number. It is one JSON text, the header attribute MEASURED_ATTRIBUTE, so that all else in the
- * file is a function of the scene and the settings. Such things belong here. */
+/* measured: the part of a picture's file that differs between farms and runs: times, workers, the
+ * job's number. It is one JSON text, the header attribute MEASURED_ATTRIBUTE, so that the rest of
+ * the file is a function of the scene and the settings. */
 #ifndef AZULEJO_COORDINATOR_MEASURED_H
 #define AZULEJO_COORDINATOR_MEASURED_H
 
@@ -13,7 +13,7 @@
 
 struct measured {
     uint64_t job;
-    uint32_t workers;            /* that delivered what is in the film; 0: not known */
+    uint32_t workers;            /* that delivered the film's results; 0: not known */
     int64_t submitted_at, written_at; /* seconds since 1970, UTC */
     uint64_t cpu_ns, trace_ns;   /* of results since the coordinator's last start */
 };

@@ -40,8 +40,7 @@ static void report_conflict(struct farm *farm, const struct job_frame *frame,
     job->conflicts++;
     farm_deliverer_text(farm, film_deliverer(frame->film, u.tile, u.group, u.pass), first);
     log_error("job %llu, frame %u, tile %u, group %u, pass %u: session %u (%s, %s) sent a result that "
-              "differs from the one merged before, which came from %s; the first is kept. One of the "
-              "two machines computes wrongly: check its memory and CPU, and render the frame again",
+              "differs from the one merged before, which came from %s; the first is kept. One of the two machines computes wrong results: check their memory and CPUs, and render the frame again",
               (unsigned long long)job->id, result->frame, u.tile, u.group, u.pass,
               worker->held.session, worker->name, worker->kernel, first);
     farm->events.job_changed(farm->events.user, job);
@@ -85,7 +84,7 @@ static int health_fits(const struct job_frame *frame, const struct tile_result *
            p.sample % GROUPS == u->group && p.sample / GROUPS >= begin && p.sample / GROUPS < end;
 }
 
-/* Counts that no worker can have come by would overflow the film's. */
+/* Impossible counts would overflow the film's. */
 static status check_work(const struct job_frame *frame, const struct tile_result *result,
                          struct error *err)
 {
@@ -155,7 +154,7 @@ static status merge_into(struct job_frame *frame, const struct farm_worker *work
     status s;
 
     s = check_work(frame, result, err);
-    /* Room for the acknowledgement first: once merged, a result must not get lost. */
+    /* Reserve the acknowledgement first: once merged, a result must not be lost. */
     if (s == STATUS_OK)
         s = job_frame_await_ack(frame, ack, err);
     if (s != STATUS_OK)
@@ -363,7 +362,7 @@ static void part_run(const struct commit *commit, struct commit_part *part)
 
 void merge_commit_run(struct commit *commit)
 {
-    /* The kernel that a job is pinned to is known on disk before any of its results is. */
+    /* The kernel that a job is pinned to is on disk before any of its results. */
     if (commit->store)
         commit->result = store_await_saves(commit->store, &commit->error);
     for (uint32_t i = 0; i < commit->part_count; i++) {
@@ -391,8 +390,8 @@ static void item_is_durable(const struct commit_item *item)
     frame->slot[item->tile] = item->slot;
 }
 
-/* The frame's tiles did not reach the disk: they are dirty again, and everything that is not
- * acknowledged stays with its worker meanwhile. */
+/* The frame's tiles did not reach the disk: they are dirty again. Meanwhile each worker keeps its
+ * unacknowledged results. */
 static void part_failed(struct farm *farm, const struct commit *commit,
                         const struct commit_part *part, uint64_t now_ns)
 {

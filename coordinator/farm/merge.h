@@ -1,13 +1,13 @@
-/* merge: the way of a result: checked, merged into the film, onto the disk, acknowledged.
+/* merge: the path of a result: checked, merged into the film, written to disk, acknowledged.
  *
  *   tile result --merge_result--> film (dirty tile, pending ack)
  *     --merge_commit_begin--> a batch of tile states, copied
  *     --merge_commit_run (any thread)--> written and synced
  *     --merge_commit_end--> durable; acknowledged
  *
- * A result is acknowledged only when the passes up to it are on disk, or when it is no part of the picture. One commit is in flight
- * at a time; each takes every dirty tile, up to COMMIT_TILES_MAX, so results that arrive while the
- * disk works share the next one.
+ * A result is acknowledged only when the passes up to it are on disk, or when it is not part of the
+ * picture. One commit is in flight at a time; each takes every dirty tile, up to COMMIT_TILES_MAX,
+ * so results that arrive during a commit share the next one.
  */
 #ifndef AZULEJO_COORDINATOR_MERGE_H
 #define AZULEJO_COORDINATOR_MERGE_H
@@ -16,8 +16,8 @@
 
 enum {
     COMMIT_TILES_MAX = 1024,
-    COMMIT_DELAY_MS = 20,        /* how long a first dirty tile waits for company */
-    COMMIT_TILES_ENOUGH = 256,   /* so many do not wait */
+    COMMIT_DELAY_MS = 20,        /* how long a first dirty tile waits for others */
+    COMMIT_TILES_ENOUGH = 256,   /* this many dirty tiles do not wait */
 };
 
 struct tile_result {
@@ -34,15 +34,14 @@ struct tile_result {
 enum merge_outcome {
     MERGE_PENDING,  /* events.ack follows when it is on disk */
     MERGE_KEPT,     /* it is on disk already: acknowledge now */
-    MERGE_UNWANTED, /* nobody wants it (job ended, ...): revoke its lease */
+    MERGE_UNWANTED, /* it is not wanted (job ended, ...): revoke its lease */
     MERGE_DEFERRED, /* its film cannot be opened at present: the worker keeps it, and sends it again
                      * when it connects again */
 };
 
-/* ERR_PROTOCOL: the worker breaks the rules (wrong size, not finite, impossible counts, an epoch never
- * granted):
- * end its session. ERR_NO_MEMORY, ERR_LIMIT: nothing was taken. A conflict is logged and counted
- * and the first result kept; it counts as KEPT or PENDING. */
+/* ERR_PROTOCOL: the worker breaks the rules (wrong size, not finite, impossible counts, an epoch
+ * never granted): end its session. ERR_NO_MEMORY, ERR_LIMIT: nothing changed. A conflict is logged
+ * and counted, and the first result kept; it counts as KEPT or PENDING. */
 status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result,
                     uint64_t now_ns, enum merge_outcome *outcome, struct error *err) MUST_CHECK;
 
@@ -73,16 +72,17 @@ struct commit {
     struct error error;
 };
 
-/* Is there anything to write, and from when on? *due_ns: COMMIT_DELAY_MS after the first of it, or
- * when a frame in trouble is tried again. 0: no, or the store is in trouble. */
+/* Is there anything to write, and when is it due? *due_ns: COMMIT_DELAY_MS after the first dirty
+ * tile, or when a frame in trouble is tried again. 0: no, or the store is in trouble. */
 int merge_is_dirty(const struct farm *farm, uint64_t *due_ns, uint32_t *tiles);
-/* What may be written at now_ns; at UINT64_MAX everything, trouble or not. NULL: nothing, or out of
- * memory (try again later). */
+/* The tiles that may be written at now_ns; with UINT64_MAX all of them, despite trouble. NULL:
+ * nothing, or out of memory (try again later). */
 struct commit *merge_commit_begin(struct farm *farm, uint64_t now_ns);
 void merge_commit_run(struct commit *commit);
-/* Frees the commit. What the disk refused of it is dirty again, and its frame in trouble. */
+/* Frees the commit. Tiles that could not be written are dirty again, and their frame is in
+ * trouble. */
 void merge_commit_end(struct farm *farm, struct commit *commit, uint64_t now_ns);
-/* Frees the commit without learning how it ended: nothing is durable, nothing acknowledged. */
+/* Frees the commit without its result: nothing is durable, nothing is acknowledged. */
 void merge_commit_abandon(struct farm *farm, struct commit *commit);
 
 #endif

@@ -34,6 +34,6 @@ double rate_per_second(const struct rate *rate, uint64_t now_ns)
     if (begin_ns < rate->first_ns)
         begin_ns = rate->first_ns;
     span_s = (double)(now_ns - begin_ns) / 1e9;
-    /* The first results come in a burst: do not make a rate of them yet. */
+    /* The first results come in a burst, which is not a rate yet. */
     return span_s < 0.25 ? (double)sum / 0.25 : (double)sum / span_s;
 }

@@ -1,6 +1,6 @@
-/* rate: how many a second, over the last few seconds.
+/* rate: events a second, over the last few seconds.
  *
- * Buckets of one second; the present, unfinished second counts with its part.
+ * Buckets of one second; the present second counts with the part that has passed.
  */
 #ifndef AZULEJO_COORDINATOR_RATE_H
 #define AZULEJO_COORDINATOR_RATE_H

@@ -8,7 +8,7 @@
 #include "coordinator/farm/measure.h"
 #include "protocol/message.h"
 
-/* Do the pictures that are made again wait for the environment? */
+/* Is the remaking of pictures waiting because of a failure of the environment? */
 static int explain_pictures(char *out, size_t size, const struct job *job)
 {
     if (!trouble_is(&job->pictures) || job->pictures.next_ns == UINT64_MAX)
@@ -17,14 +17,14 @@ static int explain_pictures(char *out, size_t size, const struct job *job)
     return 1;
 }
 
-/* Would a restart forget the state that the job is in? */
+/* Would a restart lose the job's present state? */
 static int is_unsaved(const struct farm *farm, const struct job *job)
 {
     return trouble_is(&farm->trouble) &&
            (job->unsaved || store_job_unsaved(farm->store, job->id));
 }
 
-/* What keeps an active job from getting on at the moment; empty when nothing does. */
+/* The reason why an active job makes no progress at the moment; empty if there is none. */
 static void explain_wait(char *out, size_t size, const struct farm *farm, const struct job *job)
 {
     char why[256] = "";
@@ -53,15 +53,14 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
         return;
     }
     if (job->state == JOB_STATE_CANCELLING) {
-        snprintf(out, size, "pictures are made of what is rendered");
+        snprintf(out, size, "pictures are being made of what is rendered");
         return;
     }
     if (explain_pictures(out, size, job))
         return;
     if (job->suspicion.deaths > 0) {
         snprintf(out, size,
-                 "%u worker%s died with work of it in hand; it is lent to one at a time until a "
-                 "result comes",
+                 "%u worker%s died while holding its work; it is lent to one worker at a time until a result comes",
                  job->suspicion.deaths, job->suspicion.deaths == 1 ? "" : "s");
         return;
     }
@@ -158,7 +157,7 @@ static uint32_t workers_on(const struct farm *farm, const struct job *job)
     return count;
 }
 
-/* The display errors that people ask for, below the one there is. */
+/* The display errors to predict, below the present one. */
 static const double round_errors[] = {20, 10, 5, 3, 2, 1, 0.5, 0.2, 0.1};
 
 static void forecast_add(struct job_report *report, Azulejo__Wire__JobInfo *info, double display,
@@ -179,7 +178,8 @@ static void forecast_add(struct job_report *report, Azulejo__Wire__JobInfo *info
     report->forecast_pointers[info->n_forecasts++] = f;
 }
 
-/* The next round errors below the present one, and what the frame's rules will give. */
+/* The next round error values below the present one, and the error at which the frame's rules
+ * end. */
 static void report_forecasts(struct job_report *report, Azulejo__Wire__JobInfo *info,
                              const struct job_frame *frame)
 {
@@ -205,7 +205,7 @@ static void report_forecasts(struct job_report *report, Azulejo__Wire__JobInfo *
         forecast_add(report, info, accuracy_curve_error(&curve, whole_s).value, &whole, spent_s, 1);
 }
 
-/* How wrong the pictures are, and what less error costs. */
+/* The pictures' errors, and the cost of reducing them. */
 static void report_figures(struct job_report *report, Azulejo__Wire__JobInfo *info,
                            const struct job *job)
 {

@@ -1,4 +1,4 @@
-/* report: what the farm tells about its jobs and workers. */
+/* report: the farm's reports about its jobs and workers. */
 #ifndef AZULEJO_COORDINATOR_REPORT_H
 #define AZULEJO_COORDINATOR_REPORT_H
 
@@ -13,7 +13,7 @@ enum {
     REPORT_FORECASTS_MAX = 3,
 };
 
-/* One job's message and what it points at; must not move once made. */
+/* One job's message and the data that it points at; must not move once made. */
 struct job_report {
     Azulejo__Wire__JobInfo message;
     Azulejo__Wire__RenderSettings settings;

@@ -6,7 +6,7 @@
 #include "common/base/clock.h"
 #include "common/base/log.h"
 
-/* How much the worker may be lent now. */
+/* The amount that the worker may be lent now. */
 struct budget {
     uint32_t units;
     double samples;              /* the lease ends with the unit that reaches this */
@@ -17,8 +17,7 @@ static double samples_in(const struct farm_worker *worker, uint32_t milliseconds
     return milliseconds * 1e6 * worker->credit.threads / worker->cost_ns;
 }
 
-/* The threads among which a frame's last units are shared: of the worker, and of those that
- * deliver. */
+/* The threads that share a frame's last units: this worker's, and those of workers that deliver. */
 static uint64_t threads_at_work(const struct farm *farm, const struct farm_worker *worker,
                                 uint64_t now_ns)
 {
@@ -43,7 +42,7 @@ static int budget_for(const struct farm *farm, const struct farm_worker *worker,
 
     budget->units = worker->room < LEASE_UNITS_MAX ? worker->room : LEASE_UNITS_MAX;
     if (worker->cost_ns <= 0 || worker->cost_job != frame->job->id) {
-        /* Nothing measured yet: a unit for each thread, and as many again in reserve. */
+        /* Nothing measured yet: two units for each thread, one of them in reserve. */
         if (worker->held.units >= 2 * threads)
             return 0;
         budget->samples = 0x1p63;
@@ -110,7 +109,8 @@ static struct lease *unproven_holder(const struct farm *farm, const struct unit 
     return found;
 }
 
-/* Is there a place for the worker among the unit's holders, perhaps after one has lost its? */
+/* Is there a place for the worker among the unit's holders, if necessary after one has lost its
+ * place? */
 static int make_place(struct farm *farm, const struct unit *unit, const struct farm_worker *worker,
                       uint64_t now_ns)
 {
@@ -170,7 +170,7 @@ static struct lease *grant(struct farm *farm, struct job_frame *frame, struct fa
     return lease;
 }
 
-/* Is another worker trying whether the suspected job lets it live? */
+/* Is another worker already probing the suspected job? */
 static int is_probed_by_another(const struct farm *farm, const struct job *job,
                                 const struct farm_worker *worker)
 {
@@ -184,7 +184,7 @@ static int is_probed_by_another(const struct farm *farm, const struct job *job,
     return 0;
 }
 
-/* Tell a worker, once a job, why it gets nothing of it. */
+/* Tell a worker, once for each job, why it gets no units of it. */
 static int may_serve(struct farm *farm, const struct job *job, struct farm_worker *worker)
 {
     char why[sizeof worker->note];
@@ -269,7 +269,7 @@ struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uin
         if (!may_serve(farm, job, worker))
             continue;
         lease = grant_of_job(farm, job, worker, 0, now_ns, &full);
-        /* A frame that a clock ends has the farm to itself. */
+        /* A frame with a time limit has the farm to itself. */
         if (!lease && !full && has_clock(job))
             lease = grant_of_job(farm, job, worker, 1, now_ns, &full);
         while (!lease && !full && (frame = farm_frame_open_next(farm, job, now_ns)))
@@ -311,7 +311,7 @@ void scheduler_learn(struct farm_worker *worker, struct job *job, uint64_t sampl
     worker->samples_done += samples;
     if (samples > 0 && cpu_ns > 0) {
         cost = (double)cpu_ns / (double)samples;
-        /* A worker's word: keep it within what a CPU can do. */
+        /* The worker claims it: limit it to what a CPU can do. */
         cost = cost < 1 ? 1 : cost > 1e9 ? 1e9 : cost;
         if (worker->cost_job != job->id || worker->cost_ns <= 0)
             worker->cost_ns = cost;

@@ -134,7 +134,7 @@ static uint64_t get_number(const uint8_t *in)
 
 /* One slot as it was read. */
 struct slot_state {
-    uint64_t serial;             /* 0: there is nothing, or it is damaged */
+    uint64_t serial;             /* 0: it is empty or damaged */
     size_t size;
     uint32_t passes[GROUPS];
 };
@@ -165,7 +165,7 @@ static status read_slot(struct film_file *file, const struct film *film, uint32_
     return STATUS_OK;
 }
 
-/* Has the state what the film has, and perhaps more? */
+/* Does the state have at least the passes of the film? */
 static int is_more(const struct slot_state *state, const struct film *film, uint32_t tile)
 {
     for (uint32_t g = 0; g < GROUPS; g++)
@@ -211,8 +211,7 @@ static status load_all(struct film_file *file, struct film *film, uint32_t (*dur
     for (uint32_t i = 0; i < film_tile_count(film) && s == STATUS_OK; i++)
         s = load_tile(file, film, i, bytes, durable[i], &slot[i], &damaged, err);
     if (damaged)
-        log_warn("%s: %u tile slots were not written to the end; their last passes will be "
-                 "rendered again",
+        log_warn("%s: %u tile slots were not written to the end; their last passes will be rendered again",
                  file->path, damaged);
     mem_free(bytes);
     return s;
@@ -223,8 +222,7 @@ static int printable(uint8_t byte)
     return byte > 0x20 && byte < 0x7f ? byte : '?';
 }
 
-/* What is in the file's place is not this frame's film. It goes aside: somebody may know what to do
- * with it. */
+/* The file is not this frame's film. It is renamed, not removed: it may be of use to someone. */
 static status set_aside(struct film_file *file, const uint8_t *found, size_t got, struct error *err)
 {
     struct buffer aside = BUFFER_INIT;
@@ -249,7 +247,7 @@ static status set_aside(struct film_file *file, const uint8_t *found, size_t got
     return s;
 }
 
-/* Open the file that is there. ERR_NOT_FOUND: none is. */
+/* Open the existing file. ERR_NOT_FOUND: there is none. */
 static status open_there(struct film_file *file, struct error *err)
 {
     file->fd = open(file->path, O_RDWR | O_CLOEXEC);
@@ -275,7 +273,7 @@ static status make_file(struct film_file *file, const uint8_t wanted[FILM_HEADER
         unlink(file->path); /* nothing was in it */
         return s;
     }
-    /* The file's name must last as long as what is acknowledged. */
+    /* The file's name must be as durable as the acknowledged results. */
     return file_sync_folder_of(file->path, err);
 }
 
@@ -347,7 +345,7 @@ void film_file_close(struct film_file *file)
     mem_free(file);
 }
 
-/* A file that was opened for reading: the disk may take writes by now. The lock is held. */
+/* Reopen a file that was opened for reading: the disk may be writable by now. The lock is held. */
 static status become_writable(struct film_file *file, struct error *err)
 {
     int fd;

@@ -1,18 +1,19 @@
 /* store_film: a frame's film on disk, so that nothing acknowledged is lost.
  *
- * File: a header of FILM_FILE_HEADER bytes (magic, geometry, job, frame, check; a note for each group:
- * length, hash, bytes), then two slots for each tile: a serial number, its hash, film_tile_save's bytes. A slot's place follows from
- * film_tile_state_bound; only what there is is written, and the rest is a hole. A tile's new state goes to
- * the slot that does not hold its newest durable one, with the next serial number; a slot that was
- * torn by a crash is refused by its checksum, and the other one, which is older, counts. A file whose
- * header is not the frame's (damaged, or of another version) is kept beside it as FILE.unusable until
- * the job ends.
+ * File: a header of FILM_FILE_HEADER bytes (magic, geometry, job, frame, check; a note for each
+ * group: length, hash, bytes), then two slots for each tile: a serial number, its hash,
+ * film_tile_save's bytes. A slot's place follows from film_tile_state_bound; only existing states
+ * are written, and the rest is a hole. A tile's new state goes to the slot that does not hold its
+ * newest durable one, with the next serial number. A slot torn by a crash is refused by its
+ * checksum, and the older one counts. A file with another header (damaged, or of another version)
+ * is kept beside it as FILE.unusable until the job ends.
  *
- * The film of a frame that is done is kept in another file, closed up: one state a tile (store_film_kept.c).
- * When the frame goes on, that is loaded first, and a film in work beside it has what is newer.
+ * The film of a done frame is kept in another, compact file: one state per tile
+ * (store_film_kept.c). When the frame continues, that file is loaded first, and a film in work
+ * beside it has the newer states.
  *
- * film_file_write, film_file_sync and the notes' functions may be called from any thread; each waits for
- * the others.
+ * film_file_write, film_file_sync and the notes' functions may be called from any thread; they
+ * exclude each other.
  */
 #ifndef AZULEJO_COORDINATOR_STORE_FILM_H
 #define AZULEJO_COORDINATOR_STORE_FILM_H
@@ -27,10 +28,10 @@ enum { FILM_FILE_HEADER = 4096, FILM_SLOTS = 2 };
 
 struct film_file;
 
-/* Open or make the file and load what it holds into the film, where that is more than the film has; durable[tile]
- * (0 or what was loaded before) and slot[tile] tell what was found. Damaged slots are logged, and rendered again. Where the file may
- * only be read, that is enough; it is opened again when it is written to. ERR_IO, ERR_NO_MEMORY: what
- * there was is there still. */
+/* Open or create the file and load its states into the film if they have more passes than the film;
+ * durable[tile] (0 or what was loaded before) and slot[tile] are set accordingly. Damaged slots are
+ * logged, and rendered again. A read-only file is accepted, and opened again when it is written to.
+ * ERR_IO, ERR_NO_MEMORY: the file is unchanged. */
 status film_file_open(struct film_file **out, const char *path, uint64_t job, uint32_t frame,
                       struct film *film, uint32_t (*durable)[GROUPS], uint8_t *slot, struct error *err)
     MUST_CHECK;
@@ -40,30 +41,31 @@ status film_file_write(struct film_file *file, uint32_t tile, uint8_t slot, cons
                        size_t size_bytes, struct error *err) MUST_CHECK;
 status film_file_sync(struct film_file *file, struct error *err) MUST_CHECK;
 
-/* A few bytes that belong to a group of the film as a whole; film_file_sync makes them durable. Reading
- * appends nothing where there is no note, or one that was not written to the end. ERR_LIMIT: too long. */
+/* A few bytes that belong to a group of the film as a whole; film_file_sync makes them durable.
+ * Reading appends nothing if there is no note or an incomplete one. ERR_LIMIT: too long. */
 enum { FILM_NOTE_MAX = 1520 };
 status film_file_note_write(struct film_file *file, uint32_t group, const struct buffer *note,
                             struct error *err) MUST_CHECK;
 status film_file_note_read(struct film_file *file, uint32_t group, struct buffer *out,
                            struct error *err) MUST_CHECK;
 
-/* The film is not needed any more: free its room now, so that closing takes no time. */
+/* The film is no longer needed: free its disk space now, so that closing is quick. */
 void film_file_discard(struct film_file *file);
 
 /* Write a film that is complete, atomically, with the notes of the one in work (`file`; NULL: none). Any
  * thread. ERR_IO, ERR_NO_MEMORY. */
 status film_kept_write(const char *path, uint64_t job, uint32_t frame, const struct film *film,
                        struct film_file *file, struct error *err) MUST_CHECK;
-/* Load it into a new, empty film, and append its notes; nothing where there is none. What is damaged is logged,
- * and rendered again. ERR_IO, ERR_NO_MEMORY. */
+/* Load it into a new, empty film, and append its notes; nothing happens without a file. Damaged
+ * tiles are logged, and rendered again. ERR_IO, ERR_NO_MEMORY. */
 status film_kept_load(const char *path, uint64_t job, uint32_t frame, struct film *film,
                       uint32_t (*durable)[GROUPS], struct buffer *notes, struct error *err) MUST_CHECK;
-/* Put the notes of a kept film into a film in work that has none, and onto the disk. */
+/* Copy the notes of a kept film into a film in work that has none, and sync it. */
 status film_file_notes_restore(struct film_file *file, const struct buffer *notes,
                                struct error *err) MUST_CHECK;
 
-/* Tests: let so many more writes succeed, then fail as if the disk were full; negative: never. */
+/* For tests: let this many writes succeed, then fail as if the disk were full; negative: never
+ * fail. */
 void film_file_fault(long successes);
 
 #endif

@@ -1,6 +1,7 @@
-/* The film of a frame that is done, closed up: a header as that of a film in work, with a magic of its own, then
- * the notes, then the states of all tiles, one after another, each as film_tile_save gives it. Written once,
- * and never changed: a frame that goes on writes to a film in work beside it. */
+/* The compact film of a done frame: a header like that of a film in work, with a magic of its own,
+ * then the notes, then the states of all tiles in order, each as written by film_tile_save. The
+ * file is written once and never changed: a frame that continues writes to a film in work beside
+ * it. */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -100,7 +101,7 @@ static int read_state(FILE *file, struct film *film, uint32_t tile, uint8_t *byt
             size - FILM_STATE_PREFIX)
         return 0;
     if (film_tile_peek(film, tile, bytes, size, durable, NULL) != STATUS_OK)
-        return 1; /* of this tile nothing, the next one may be good */
+        return 1; /* this tile is lost; the next one may be good */
     *s = film_tile_load(film, tile, bytes, size, err);
     return *s == STATUS_OK;
 }

@@ -1,4 +1,4 @@
-/* store_film_parts: what both kinds of film files share; private to its files. */
+/* store_film_parts: shared by both kinds of film files; private to them. */
 #ifndef AZULEJO_COORDINATOR_STORE_FILM_PARTS_H
 #define AZULEJO_COORDINATOR_STORE_FILM_PARTS_H
 
@@ -13,7 +13,7 @@ status film_header_make(uint8_t header[FILM_HEADER_SIZE], const char magic[8],
                         const struct film *film, uint64_t job, uint32_t frame,
                         struct error *err) MUST_CHECK;
 
-/* All notes as they are in the file, zeros where there is none. */
+/* All notes as they are in the file, zeros for missing ones. */
 status film_file_notes_get(struct film_file *file, uint8_t notes[FILM_NOTES_SIZE],
                            struct error *err) MUST_CHECK;
 

@@ -26,8 +26,8 @@ void credit_lent(struct credit *credit, uint32_t held_units, uint64_t now_ns)
     period_begin(credit, now_ns);
 }
 
-/* What the period showed: CREDIT_GROWTH times the threads that were busy, but at least half of what
- * was trusted before, so that one slow period costs no more than a lapse. */
+/* The new trust: CREDIT_GROWTH times the busy threads of the period, but at least half of the old
+ * trust, so that one slow period costs no more than a lapse. */
 static void period_end(struct credit *credit, uint64_t now_ns)
 {
     double busy = (double)credit->busy_ns / (double)(now_ns - credit->period_ns);

@@ -1,10 +1,10 @@
-/* credit: how much work a worker is trusted with, by what it delivered.
+/* credit: how much work a worker is trusted with, judged by its results.
  *
  * A worker claims a number of threads. It is trusted with CREDIT_THREADS_FIRST of them until its
  * results show more: every CREDIT_PERIOD_MS in which it held work, the CPU time of its results over
  * the time that passed is the number of threads that were busy, and CREDIT_GROWTH times that is
- * trusted in the next period. A worker that ran out of work loses nothing, since the
- * coordinator was the one that was slow. A lapsed lease halves the trust; results bring it back.
+ * trusted in the next period. A worker that ran out of work loses nothing, because the coordinator
+ * was too slow. A lapsed lease halves the trust; results bring it back.
  *
  * Invariant: 1 <= threads <= claimed.
  */
@@ -37,10 +37,10 @@ void credit_lent(struct credit *credit, uint32_t held_units, uint64_t now_ns);
 void credit_delivered(struct credit *credit, uint32_t held_units, uint64_t cpu_ns,
                       uint64_t now_ns);
 /* A lease of it, granted at granted_ns, ended without its result. Leases granted before the last
- * halving count no second time. */
+ * halving do not count again. */
 void credit_lapsed(struct credit *credit, uint64_t granted_ns, uint64_t now_ns);
 
-/* It delivered something lately. */
+/* It delivered something recently. */
 int credit_is_proven(const struct credit *credit, uint64_t now_ns);
 /* It holds units and has delivered none for limit_ns, or since its last result it lost a lease. */
 int credit_is_stuck(const struct credit *credit, uint32_t held_units, uint64_t limit_ns,

@@ -7,7 +7,7 @@
 #include "common/math/elementary.h"
 
 #define MEMORY_S 30.0        /* after so long a rate counts 1 / e */
-#define KNOWN_S 0.2          /* a rate over less says nothing */
+#define KNOWN_S 0.2          /* a rate over a shorter time means nothing */
 
 /* ---- what is left ---------------------------------------------------------------------------- */
 
@@ -44,7 +44,7 @@ void eta_learn(struct eta *eta, uint32_t tile, uint64_t samples, uint64_t cpu_ns
     eta->of[tile].arrived += samples;
 }
 
-/* What the frame costs a sample, and a ray where it is known; 0: not known. */
+/* The frame's cost per sample, and per ray if it is known; 0: not known. */
 struct means {
     double sample_ns, ray_ns;
 };
@@ -141,7 +141,7 @@ void throughput_add(struct throughput *t, uint64_t cpu_ns, uint64_t now_ns)
 {
     double dt_s, kept;
 
-    if (t->last_ns == 0) { /* what came first was worked on before the clock ran */
+    if (t->last_ns == 0) { /* the first results were begun before the clock ran */
         t->last_ns = now_ns ? now_ns : 1;
         return;
     }

@@ -1,10 +1,10 @@
 /* eta: how much processor time a frame still needs, and how fast processor time comes in.
  *
- * Tiles differ in cost by factors of ten and a hundred, and passes walk over them in order: what is left is
- * weighted tile by tile, by what a sample of that tile has cost so far. A tile that no result came of in this
- * run costs what its rays on disk say; without these, what its neighbours cost; without neighbours, what
- * the frame does. Both parts are sums of processor time, so their quotient is a time whatever the number of
- * workers and their speed. Logic without sockets or clock.
+ * Tiles differ in cost by factors of ten and a hundred, and passes visit them in order: the
+ * remaining work is weighted tile by tile, by the cost of that tile's samples so far. A tile
+ * without a result in this run is estimated from its rays on disk; without these from its
+ * neighbours; without neighbours from the frame. Both parts are sums of processor time, so their
+ * quotient is a time for any number of workers of any speed. Logic without sockets or clock.
  */
 #ifndef AZULEJO_COORDINATOR_ETA_H
 #define AZULEJO_COORDINATOR_ETA_H
@@ -16,7 +16,7 @@
 struct eta_tile {
     double cpu_ns, samples;      /* of the results of this run */
     uint64_t arrived;            /* pixel samples, folded or waiting, of any run */
-    uint64_t rays, rayed;        /* what the film had when it was opened: rays, and their samples */
+    uint64_t rays, rayed;        /* the film's rays and their samples when it was opened */
 };
 
 struct eta {
@@ -27,21 +27,21 @@ struct eta {
 /* The film holds what is on disk. Out of memory: nothing is ever known. */
 void eta_init(struct eta *eta, const struct film *film);
 void eta_release(struct eta *eta);
-/* A result came that was not there yet. */
+/* A new result arrived. */
 void eta_learn(struct eta *eta, uint32_t tile, uint64_t samples, uint64_t cpu_ns);
 /* Processor time of what the film wants and lacks; negative: nothing is known yet. */
 double eta_left_ns(const struct eta *eta, const struct film *film);
 /* The processor time of the whole frame, as far as the cap allows; negative: nothing is known yet. */
 double eta_whole_ns(const struct eta *eta, const struct film *film);
 
-/* Processor seconds a second: a mean that forgets, so that workers may come and go. */
+/* Processor seconds a second: a decaying mean, so that workers may come and go. */
 struct throughput {
     double cpu_s, wall_s;
     uint64_t last_ns;            /* monotonic; 0: no result yet */
 };
 
 void throughput_add(struct throughput *t, uint64_t cpu_ns, uint64_t now_ns);
-/* Nobody works on it: this time does not count. */
+/* No worker renders the job: this time does not count. */
 void throughput_idle(struct throughput *t, uint64_t now_ns);
 double throughput_of(const struct throughput *t); /* 0: not known */
 

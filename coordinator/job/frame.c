@@ -91,7 +91,7 @@ uint64_t job_frame_cpu_ns(const struct job_frame *frame)
     return frame->clock.cpu_ns + frame->stats.cpu_ns;
 }
 
-/* ---- the pool of units that nobody holds ----------------------------------------------------- */
+/* ---- the pool of units that no lease holds --------------------------------------------------- */
 
 static int name_before(struct unit_name a, struct unit_name b)
 {
@@ -102,7 +102,7 @@ static int name_before(struct unit_name a, struct unit_name b)
 
 void job_frame_wish(struct job_frame *frame)
 {
-    frame->returned_count = 0; /* the cursor comes by them again */
+    frame->returned_count = 0; /* the cursor will reach them again */
     frame->cursor = frame->early = (struct unit_name){0, 0, 0};
     frame->cursor_left = film_wanted(frame->film);
 }
@@ -144,7 +144,7 @@ static struct unit_name returned_pop(struct job_frame *frame)
     return top;
 }
 
-/* Does nobody have the unit, nor its result? */
+/* Is the unit neither lent nor merged? */
 static int unit_is_free(const struct job_frame *frame, struct unit_name name)
 {
     return !film_has(frame->film, name.tile, name.group, name.pass) &&

@@ -1,4 +1,4 @@
-/* frame: one picture in work: its film, and which of its work units are lent to whom.
+/* frame: one picture in work: its film, and its work units with the leases that hold them.
  *
  *   RENDERING --its end (farm_frame_end)--> COMPLETE --all that was merged on disk--> DEVELOPING
  *        DEVELOPING --outputs on disk--> closed (freed)
@@ -6,9 +6,10 @@
  *   any --job ends or is parked--> closed, as soon as no commit or develop is in flight
  * job_frame_set_state is the only function that changes it.
  *
- * Units are granted in the order (pass, group, tile), so that a preview covers the frame early, as far as
- * the film wants them: first what came back from workers (`returned`), then from the cursor on. When these
- * are out, units of the next round can be lent early (job_frame_take_early); their results wait in the film.
+ * Units are granted in the order (pass, group, tile), so that a preview covers the frame early, as
+ * far as the film wants them: first those that workers returned (`returned`), then from the cursor
+ * on. When these are lent, units of the next round can be lent early (job_frame_take_early); their
+ * results wait in the film.
  *
  * Invariants:
  *  - a unit is in exactly one of: the film (folded or waiting), `outstanding` (lent to at least one
@@ -35,10 +36,11 @@ enum {
     UNIT_HOLDERS_MAX = 3,     /* leases that may hold one unit at once; */
     UNIT_HOLDERS_UNPROVEN_MAX = UNIT_HOLDERS_MAX - 1, /* the last place is for a proven worker */
     FRAME_PASSES_AHEAD = 64,  /* how far a tile's granted passes may be ahead of its folded ones */
-    FRAME_PASSES_UNFROZEN = 8,/* the same before freeze.h has shown how the group is displayed */
+    FRAME_PASSES_UNFROZEN = 8,/* the same before the group is frozen (freeze.h) */
     FRAME_ACKS_MAX = 1 << 20, /* results that wait for the disk or for an earlier pass */
-    /* While it cannot be written: results that are lent or wait for the disk, with their workers. No
-     * lease is granted above it, so one lease more is possible. */
+    /* While the frame cannot be written: units that are lent, and results that wait with their
+     * workers for the disk. No lease is granted above this number, so it is exceeded by one lease
+     * at most. */
     TROUBLE_RESULTS_MAX = 4096,
 };
 
@@ -117,7 +119,7 @@ struct job_frame *job_frame_new(struct job *job, uint32_t number, uint32_t width
                         uint32_t spp, uint32_t aovs, struct film_file *file);
 void job_frame_free(struct job_frame *frame); /* no unit may be outstanding */
 
-/* Want what the job's rules ask for, after the film was loaded. ERR_NO_MEMORY. */
+/* Set what the film wants by the job's rules, after it was loaded. ERR_NO_MEMORY. */
 status job_frame_begin(struct job_frame *frame, struct error *err) MUST_CHECK;
 
 void job_frame_set_state(struct job_frame *frame, enum frame_state state);
@@ -126,20 +128,22 @@ void job_frame_set_state(struct job_frame *frame, enum frame_state state);
 uint64_t job_frame_active_ns(const struct job_frame *frame, uint64_t now_ns);
 uint64_t job_frame_cpu_ns(const struct job_frame *frame);
 
-/* The film wants more than before: what the cursor has passed is looked at again. */
+/* The film wants more than before: the cursor goes back to units that it has passed. */
 void job_frame_wish(struct job_frame *frame);
-/* The next unit that the film wants and lacks, and that nobody holds; 0 when there is none at the moment. */
+/* The next unit that the film wants and lacks, and that no lease holds; 0 if there is none at the
+ * moment. */
 int job_frame_take(struct job_frame *frame, struct unit_name *out);
-/* The same of the next round, which may never be wanted. */
+/* The same for the next round, which may never be wanted. */
 int job_frame_take_early(struct job_frame *frame, struct unit_name *out);
-/* Put a unit back that was taken and is not outstanding. Without memory for it the cursor goes
- * back to the first unit instead, and skips what is merged or lent. */
+/* Put a unit back that was taken and is not outstanding. If memory is short, the cursor goes back
+ * to the first unit instead and skips units that are merged or lent. */
 void job_frame_return(struct job_frame *frame, struct unit_name name);
-/* About how many units job_frame_take could still yield; exact unless results came unasked. */
+/* About how many units job_frame_take could still yield; exact unless results came without a
+ * lease. */
 uint64_t job_frame_unleased(const struct job_frame *frame);
 /* Is there such a unit at all? */
 int job_frame_has_unit(const struct job_frame *frame, struct unit_name name);
-/* Is the unit's result seen, but no part of the picture, so that it need not be on disk? */
+/* Was the unit's result seen but is not part of the picture, so that it need not be on disk? */
 int job_frame_is_watched(const struct job_frame *frame, struct unit_name name);
 /* May the worker forget the unit's result? */
 int job_frame_is_settled(const struct job_frame *frame, struct unit_name name);
@@ -147,7 +151,7 @@ int job_frame_is_settled(const struct job_frame *frame, struct unit_name name);
 uint64_t job_frame_unit_samples(const struct job_frame *frame, struct unit_name name);
 
 struct unit *job_frame_unit_find(const struct job_frame *frame, struct unit_name name);
-/* Lend the unit to one more lease. ERR_LIMIT: it has all holders that it may have. */
+/* Lend the unit to one more lease. ERR_LIMIT: it has the maximum number of holders. */
 status job_frame_unit_lend(struct job_frame *frame, struct unit_name name, struct lease *lease,
                        uint64_t now_ns) MUST_CHECK;
 /* Take `lease` from the unit's holders; when it was the last one the unit goes back to the pool. */
@@ -155,7 +159,7 @@ void job_frame_unit_drop(struct job_frame *frame, struct unit *unit, struct leas
 /* Forget an outstanding unit: the film has it. */
 void job_frame_unit_settle(struct job_frame *frame, struct unit *unit);
 
-/* Is all that is folded on disk? */
+/* Is everything that was folded on disk? */
 int job_frame_is_durable(const struct job_frame *frame);
 /* Note which tiles' states must go to the disk, after film_want or film_freeze folded what waited. */
 void job_frame_mark_folded(struct job_frame *frame, uint64_t now_ns);

@@ -1,7 +1,7 @@
-/* history: how wrong a frame is, how that came down, and what it cost.
+/* history: a frame's error, how it decreased, and what that cost.
  *
- * A frame's points are a few, whatever its length: a new one takes the place of the last, unless the samples have
- * grown by HISTORY_RATIO between the last and the one before it.
+ * A frame has few points, however long it is rendered: a new one replaces the last, unless the
+ * samples have grown by HISTORY_RATIO between the last and the one before it.
  */
 #ifndef AZULEJO_COORDINATOR_HISTORY_H
 #define AZULEJO_COORDINATOR_HISTORY_H
@@ -24,7 +24,7 @@ struct history_point {
 struct frame_clock {
     uint64_t active_ns;          /* since the first lease */
     uint64_t cpu_ns;             /* of results */
-    uint64_t from_active_ns, from_cpu_ns; /* when it was extended last: limits count from there */
+    uint64_t from_active_ns, from_cpu_ns; /* at its last extension: limits count from there */
 };
 
 struct history {
@@ -38,8 +38,9 @@ const struct history_point *history_last(const struct history *history); /* NULL
 
 /* The frames of a job, as far as they are known. */
 struct job_figures {
-    float *display;              /* of each frame, from the job's first on; NaN: not known. NULL: none is */
-    uint32_t known;              /* how many are */
+    float *display;              /* of each frame, from the job's first on; NaN: not known. NULL:
+                                    none is known */
+    uint32_t known;              /* how many are known */
     double core_s;               /* spent on the frames that are done */
     struct history_point last;   /* of the newest frame whose figures are known */
     uint32_t last_frame;         /* its index */

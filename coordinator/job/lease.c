@@ -34,7 +34,7 @@ static void lease_free(struct lease_table *table, struct lease *lease)
     mem_free(lease);
 }
 
-/* The lease has one unit less to do. */
+/* The lease has one unit less. */
 static void lease_close_unit(struct lease *lease, struct unit_name name)
 {
     lease->open_count--;

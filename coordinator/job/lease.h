@@ -1,8 +1,8 @@
 /* lease: a batch of work units lent to one worker until a deadline.
  *
  *   granted --last unit merged--> settled (freed)
- *           --deadline passed, or the worker gave it back or died--> ended (freed); what is left
- *             of its units returns to the frame's pool
+ *           --deadline passed, or the worker gave it back or died--> ended (freed); its remaining
+ *             units return to the frame's pool
  *
  * Every lease carries an epoch, which grows with every grant and never repeats, not even
  * after a restart: a result whose epoch was never granted, or belongs to a time before its job,
@@ -38,7 +38,7 @@ struct lease {
     uint32_t open_count;         /* of those, not yet merged */
     struct lease *chain;         /* in its hash bucket */
     struct lease *older, *newer; /* by id */
-    struct unit_name units[];    /* settled ones stay; job_frame_unit_find tells */
+    struct unit_name units[];    /* settled ones stay; see job_frame_unit_find */
 };
 
 struct lease_table {
@@ -62,14 +62,14 @@ struct lease *lease_grant(struct lease_table *table, struct job_frame *frame,
 struct lease *lease_find(const struct lease_table *table, uint64_t id, uint64_t epoch);
 void lease_renew(const struct lease_table *table, struct lease *lease, uint64_t now_ns);
 
-/* End the lease; what is left of its units goes back. */
+/* End the lease; its remaining units return to the pool. */
 void lease_end(struct lease_table *table, struct lease *lease);
 void lease_end_all_of(struct lease_table *table, const struct lease_holder *holder);
 /* One unit goes back unstarted. */
 void lease_return_unit(struct lease_table *table, struct lease *lease, struct unit_name name);
 
-/* The film has the unit: take it out of every lease that held it. Leases that hold nothing
- * more are freed; `others` is called before that for those of another session than `session`. */
+/* The film has the unit: remove it from every lease that holds it. Leases without units are then
+ * freed; `others` is called first for those of sessions other than `session`. */
 void lease_settle_unit(struct lease_table *table, struct job_frame *frame, struct unit_name name,
                        uint32_t session,
                        void (*others)(void *user, uint32_t session, uint64_t lease), void *user);

@@ -74,7 +74,7 @@ void job_free(struct job *job)
     mem_free(job);
 }
 
-/* Active, but neither lent nor merged. */
+/* The job is active, but no unit is lent or merged. */
 static int is_shut(enum job_state state)
 {
     return !job_state_ended(state) && !job_state_is_open(state);
@@ -98,7 +98,7 @@ static size_t active_place(const struct queue *queue, const struct job *job)
     return low;
 }
 
-/* There is room. */
+/* The caller has made sure that there is room. */
 static void active_insert(struct queue *queue, struct job *job)
 {
     size_t place = active_place(queue, job);
@@ -397,7 +397,7 @@ void job_reopen(struct queue *queue, struct job *job, const struct job_reopening
     job->samples_done = job->frames_done_count * job_frame_samples(job);
     for (size_t i = 0; i < job->cut_count; i++)
         job->samples_done -= job_frame_samples(job) - job->cuts[i].coverage.samples;
-    memset(&job->work, 0, sizeof job->work); /* the films have it, or the store */
+    memset(&job->work, 0, sizeof job->work); /* the films or the store have it */
     job_figures_release(&job->figures);
     job->finished_at = 0;
     job->state = JOB_STATE_QUEUED;

@@ -8,16 +8,17 @@
  *     +---cancelled, discard--+--> CANCELLED
  *     +---cannot be done------+--> FAILED
  *
- * A DONE job is QUEUED again by job_reopen: it is extended. A PARKED or CANCELLING job can be cancelled and can fail as well. It holds no lease and takes no
- * result: closing.h says what becomes of its frames. job_set_state is the only function that changes
- * a job's state; DONE, FAILED and CANCELLED are final. Jobs are served by priority (higher first),
- * then in the order of submission.
+ * A DONE job is QUEUED again by job_reopen: it is extended. A PARKED or CANCELLING job can be
+ * cancelled and can fail as well. It holds no lease and takes no result: closing.h says what
+ * happens to its frames. job_set_state is the only function that changes a job's state; DONE,
+ * FAILED and CANCELLED are final. Jobs are served by priority (higher first), then in the order of
+ * submission.
  *
  * Invariants:
  *  - `all` is sorted by id; `active` holds exactly the jobs that are not final, in order of
  *    service;
  *  - a final job has no open frames.
- * The queue owns its jobs. It survives a restart by way of the store, not by itself.
+ * The queue owns its jobs. Across a restart the store keeps them.
  */
 #ifndef AZULEJO_COORDINATOR_QUEUE_H
 #define AZULEJO_COORDINATOR_QUEUE_H
@@ -49,8 +50,8 @@ enum {
     KERNEL_NAME_MAX = 127,
     RELEASE_NAME_MAX = 31,
     SCENE_BYTES_MAX = 1 << 30, /* of a packed scene */
-    JOB_BROKEN_MAX = 3, /* so many machines that cannot render a job that has no result end it */
-    JOB_BROKEN_MACHINES_MAX = 256, /* so many end it with results, too */
+    JOB_BROKEN_MAX = 3, /* a job without results fails when this many machines cannot render it */
+    JOB_BROKEN_MACHINES_MAX = 256, /* a job with results fails when this many cannot */
 };
 
 /* The numbers are the wire's JobState and the store's. */
@@ -77,7 +78,7 @@ struct output_settings {
 /* What workers measured, summed over merged results. */
 struct work_stats {
     uint64_t cpu_ns, trace_ns;
-    uint64_t effects;                /* of all results together; 0: not told */
+    uint64_t effects;                /* of all results together; 0: not reported */
     uint64_t stages[STAGE_COUNT], accounts[EFFECT_ACCOUNTS];
 };
 void work_stats_add(struct work_stats *sum, const struct work_stats *more);
@@ -87,8 +88,8 @@ struct job_frame;
 /* The numbers are the store's. */
 enum job_estimate {
     ESTIMATE_NONE,
-    ESTIMATE_OPEN,      /* a few samples of a few frames, to tell what the job will cost */
-    ESTIMATE_CONTINUED, /* it was one; the same job was submitted and goes on from it */
+    ESTIMATE_OPEN,      /* a few samples of a few frames, to predict the job's cost */
+    ESTIMATE_CONTINUED, /* it was one; the same job was submitted later and continues it */
 };
 
 /* A frame that is done with fewer samples than the cap allows. */
@@ -132,13 +133,14 @@ struct job {
     int to_develop;                    /* it is in that list */
     struct trouble pictures;           /* they cannot be made again */
     struct trouble trouble;            /* its next film cannot be opened */
-    int unsaved;                       /* its state is to be handed to the store again */
+    int unsaved;                       /* its state must be handed to the store again */
     uint64_t samples_done;             /* pixel samples of the frames that are done */
     struct cut_frame *cuts;            /* of the frames that are done */
     size_t cut_count, cut_capacity;
     struct job_figures figures;        /* of the frames that are done */
-    double map_max;                    /* largest value of the environment's map; NaN: not looked for yet */
-    struct throughput throughput;      /* processor time that its results bring */
+    double map_max;                    /* largest value of the environment map; NaN: not computed
+                                          yet */
+    struct throughput throughput;      /* rate at which its results bring in processor time */
     struct unit_work work;             /* of the frames that are done */
     struct work_stats stats;
     uint64_t conflicts;
@@ -147,7 +149,7 @@ struct job {
     struct rate rate;                  /* pixel samples */
     uint64_t *broken_machines;         /* that said JobBroken (machine_identity) */
     size_t broken_count, broken_capacity;
-    struct suspicion suspicion;        /* that it kills its workers */
+    struct suspicion suspicion;        /* whether it kills its workers */
     uint32_t leases;                   /* live ones */
     uint64_t turnaround_ns;            /* from a unit's grant to its result, smoothed; 0: unknown */
     uint64_t saved_ns;                 /* monotonic: when the progress was last stored */
@@ -174,7 +176,7 @@ void job_free(struct job *job); /* its frames must be closed */
 status queue_add(struct queue *queue, struct job *job, struct error *err) MUST_CHECK;
 struct job *queue_find(const struct queue *queue, uint64_t id); /* NULL: none */
 
-/* How many active jobs stand before this one. */
+/* The number of active jobs before this one. */
 size_t queue_position(const struct queue *queue, const struct job *job);
 
 int job_state_ended(enum job_state state);
@@ -199,29 +201,30 @@ void job_frame_rest(struct job *job, uint32_t frame);
 int job_frame_is_resting(const struct job *job, uint32_t frame);
 uint32_t job_frames_wanted(const struct job *job); /* that do not rest */
 
-/* Which frames of a DONE job go on. Zero-initialise: all of them. */
+/* Which frames of a DONE job continue. Zero-initialised: all of them. */
 struct job_reopening {
     uint8_t *chosen;               /* a bit a frame; NULL: all */
-    uint8_t *whole;                /* of the others, those that have all that the cap allowed, and less than the new one */
+    uint8_t *whole;                /* of the others, those that have all samples of the old cap, and
+                                      fewer than the new cap allows */
     struct film_coverage coverage; /* what these have */
 };
-/* Choose frames of the job, all for count 0. ERR_INPUT: it has no such frame; ERR_NO_MEMORY. */
+/* Choose frames of the job; count 0 means all. ERR_INPUT: it has no such frame; ERR_NO_MEMORY. */
 status job_reopening_init(struct job_reopening *r, const struct job *job, const uint32_t *frames,
                           size_t count, uint32_t new_spp, struct error *err) MUST_CHECK;
 void job_reopening_release(struct job_reopening *r);
 int job_reopening_has(const struct job_reopening *r, const struct job *job, uint32_t frame);
 int job_reopening_is_whole(const struct job_reopening *r, const struct job *job, uint32_t frame);
-/* Is there room for one more active job, and for what it notes? ERR_LIMIT, ERR_NO_MEMORY. */
+/* Is there room for one more active job and for its extra data? ERR_LIMIT, ERR_NO_MEMORY. */
 status job_reopen_check(struct queue *queue, struct job *job, struct error *err) MUST_CHECK;
-/* The chosen frames of a DONE job go on, with its settings as they are now: it is QUEUED again. After
- * job_reopen_check. */
+/* The chosen frames of a DONE job continue with its present settings: it is QUEUED again. Call
+ * job_reopen_check first. */
 void job_reopen(struct queue *queue, struct job *job, const struct job_reopening *r);
-/* Every frame's pictures are to be made again, after job->output as it is now. */
+/* Mark every frame's pictures to be made again with the present job->output. */
 void job_revise(struct job *job);
-/* A done frame whose pictures must be made and can be: the frames whose statistics they are
- * averaged with are done, too. 0: none. */
+/* Find a done frame whose pictures must be made and can be, because the frames that its statistics
+ * are averaged with are also done. 0: none. */
 int job_frame_to_develop(const struct job *job, uint32_t *frame);
-/* The first of the frames whose statistics the frame's are averaged with. */
+/* The first of the frames that this frame's statistics are averaged with. */
 uint32_t job_window_begin(const struct job *job, uint32_t frame);
 uint64_t job_frame_samples(const struct job *job); /* of one whole frame */
 double job_active_seconds(const struct job *job, uint64_t now_ns);

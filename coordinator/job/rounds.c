@@ -5,7 +5,7 @@
 #include "common/accuracy/allocate.h"
 #include "common/base/memory.h"
 
-/* How samples are given out. Uniform: the floor, and nothing beyond. */
+/* How samples are distributed. Uniform: only the floor. */
 static struct allocation_rules rules_for(const struct stop_rules *stop)
 {
     struct allocation_rules rules = allocation_rules;
@@ -15,7 +15,7 @@ static struct allocation_rules rules_for(const struct stop_rules *stop)
     return rules;
 }
 
-/* Does the cap allow the level to the group? */
+/* Does the cap allow this level for the group? */
 static int level_is_reachable(const struct film *film, uint32_t group, uint32_t level)
 {
     return level < LEVELS_MAX && film_pass_count(film, group) > 1 &&
@@ -35,7 +35,7 @@ static void raise(const struct rounds *r, uint32_t group, uint32_t passes)
             r->wanted[group][t] = passes;
 }
 
-/* The group has got all that it will. */
+/* The group gets no more samples. */
 static void end_group(struct rounds *r, struct film *film, uint32_t group, enum frame_end end)
 {
     r->end[group] = end;
@@ -43,7 +43,8 @@ static void end_group(struct rounds *r, struct film *film, uint32_t group, enum 
     film_end_group(film, group);
 }
 
-/* The floor of the group's round, or all that the cap allows where nothing will decide about it. */
+/* The floor of the group's round, or everything that the cap allows if no statistics will decide
+ * about it. */
 static void begin_round(struct rounds *r, struct film *film, uint32_t group)
 {
     uint32_t other = GROUPS - 1 - group;
@@ -61,20 +62,20 @@ static void begin_round(struct rounds *r, struct film *film, uint32_t group)
 
 static void take_schedule(struct rounds *r, struct film *film, const struct buffer *schedule)
 {
-    film_want_nothing(film); /* it may leave tiles out */
+    film_want_nothing(film); /* it may leave out tiles */
     for (uint32_t g = 0; g < GROUPS; g++) {
         int empty = 0;
         for (uint32_t t = 0; t < r->tiles; t++) {
             r->wanted[g][t] = schedule->data[t * GROUPS + g];
             empty |= r->wanted[g][t] == 0;
         }
-        if (empty) /* level 0 will never be complete, and nothing is decided by its codes */
+        if (empty) /* level 0 will never be complete, and no decision uses its codes */
             film_freeze(film, g, NULL);
         end_group(r, film, g, FRAME_END_SCHEDULE);
     }
 }
 
-/* The first round: the last one whose floor every pixel is to get in any case. */
+/* The first round: the last one whose floor every pixel gets in any case. */
 static uint32_t first_level(const struct stop_rules *rules)
 {
     uint32_t level = 0;
@@ -121,7 +122,7 @@ void rounds_release(struct rounds *r)
 
 /* ---- decisions ------------------------------------------------------------------------------ */
 
-/* Does the cap keep a tile from what it is to get? */
+/* Does the cap stop a tile from getting its wanted samples? */
 static int cap_cuts(const struct rounds *r, const struct film *film, uint32_t group)
 {
     for (uint32_t t = 0; t < r->tiles; t++)
@@ -130,7 +131,8 @@ static int cap_cuts(const struct rounds *r, const struct film *film, uint32_t gr
     return 0;
 }
 
-/* A group that has ended is watched on as long as the other one's rounds ask for it. */
+/* The statistics of a group that has ended are still completed while the other group's rounds need
+ * them. */
 static void watch(const struct rounds *r, struct film *film)
 {
     for (uint32_t g = 0; g < GROUPS; g++) {
@@ -191,7 +193,7 @@ static status decide(struct rounds *r, struct film *film, uint32_t group,
     return s;
 }
 
-/* Has the other group all statistics that decide about this one? */
+/* Does the other group have all statistics that decide about this one? */
 static int may_decide(const struct rounds *r, const struct film *film, uint32_t group)
 {
     uint32_t other = GROUPS - 1 - group;

@@ -3,13 +3,14 @@
  *   every tile's floor --statistics of group h's level k are complete--> what group g gets in round k,
  *   or that g has ended; then the floor of round k + 1 (common/accuracy/allocate.h)
  *
- * A decision about a group is a function of the other group's level statistics, of the rules and of
- * nothing else: not of who rendered what, when, nor of a crash. Nothing of it is stored: statistics are
- * pure functions of results, and those that a worker may forget are on disk, so a coordinator that
- * starts again decides the same.
+ * A decision about a group is a function of the other group's level statistics and of the rules
+ * only. It does not depend on which worker rendered what and when, nor on a crash. Decisions are
+ * not stored: statistics are pure functions of results, and the acknowledged results are on disk,
+ * so a restarted coordinator decides the same.
  *
- * Without rounds, everything that the cap allows is wanted at once; with a schedule, what that says.
- * Logic without sockets or clocks. A struct rounds owns its arrays; film and rules stay the caller's.
+ * Without rounds, everything that the cap allows is wanted at once; with a schedule, the passes in
+ * it. Logic without sockets or clocks. A struct rounds owns its arrays; film and rules stay the
+ * caller's.
  */
 #ifndef AZULEJO_COORDINATOR_ROUNDS_H
 #define AZULEJO_COORDINATOR_ROUNDS_H
@@ -20,35 +21,36 @@
 #include "common/film/film.h"
 
 struct rounds {
-    uint32_t level[GROUPS];     /* at which the other group decides about this one next */
+    uint32_t level[GROUPS];     /* the level at which the other group decides about this one next */
     enum frame_end end[GROUPS]; /* FRAME_END_NONE: it goes on */
     uint32_t *wanted[GROUPS];   /* passes of each tile in the picture; the cap may allow fewer */
     uint32_t tiles;
 };
 
-/* Want the first passes. `schedule`: passes [tile][group], of the film's size; empty: none. Zeroed and to be
- * released also when it fails. ERR_NO_MEMORY. */
+/* Want the first passes. `schedule`: passes [tile][group], of the film's size; empty: none. After a
+ * failure it is zeroed, and must still be released. ERR_NO_MEMORY. */
 status rounds_init(struct rounds *rounds, struct film *film, const struct stop_rules *rules,
                    const struct buffer *schedule, struct error *err) MUST_CHECK;
 void rounds_release(struct rounds *rounds);
 
-/* Decide what can be decided; *changed: more is wanted, or a group has ended. To be called again after
- * whatever was folded: without complete statistics it does nothing and costs nothing. ERR_NO_MEMORY: what
- * was decided stands; call again. */
+/* Take the decisions whose statistics are complete; *changed: more is wanted, or a group has ended.
+ * Call it again after every fold: without complete statistics it returns at once. ERR_NO_MEMORY:
+ * the decisions taken so far stand; call again. */
 status rounds_step(struct rounds *rounds, struct film *film, const struct stop_rules *rules,
                    int *changed, struct error *err) MUST_CHECK;
 
 /* Both groups have ended: when the film is complete, so is the frame. */
 int rounds_are_over(const struct rounds *rounds);
-/* What ended them; FRAME_END_NONE: nothing yet. */
+/* The reason why they ended; FRAME_END_NONE: they have not. */
 enum frame_end rounds_end(const struct rounds *rounds);
-/* So many passes of the group may be rendered before they are wanted: the floor of the next round, which
- * every outcome but the end asks for. */
+/* The number of passes of the group that may be rendered before they are wanted: the floor of the
+ * next round, which is wanted unless the group ends. */
 uint32_t rounds_ahead(const struct rounds *rounds, const struct film *film, uint32_t group);
-/* The film has exactly what the rules decided: with them alone it can be rendered again. */
+/* The film has exactly the samples that the rules decided: the rules alone reproduce it. */
 int rounds_made(const struct rounds *rounds, const struct film *film);
 
-/* Has the film more than the rounds want of a group that has ended? After rounds_step. */
+/* Does the film have more samples of an ended group than the rounds want? Call after
+ * rounds_step. */
 int rounds_exceeded(const struct rounds *r, const struct film *film);
 
 #endif

@@ -2,22 +2,22 @@
  *
  * A death is the loss of a worker's connection while it holds units of the job: no goodbye, or
  * silence. It counts against the job when both are true:
- *  - the last result that this worker delivered, if any, was not of this job: a worker that
- *    was rendering the job well died of something else;
- *  - the worker was lent its units after the death counted before. So all that die at once, as a
- *    preempted cluster, a switched-off rack or a split network do, are one death, and each
- *    further one is a worker that tried again and died again.
- * A result of the job from any worker clears the count: while a job gets on, no death counts for
- * long. A worker that says goodbye (a drain) never counts.
+ *  - the last result that this worker delivered, if any, was not of this job: a worker that had
+ *    rendered the job successfully died of something else;
+ *  - the worker was lent its units after the death counted before. So workers that die together (a
+ *    preempted cluster, a switched-off rack, a split network) count as one death, and each further
+ *    death is a worker that tried again and died again.
+ * A result of the job from any worker clears the count: while a job makes progress, no death counts
+ * for long. A worker that says goodbye (a drain) never counts.
  *
  * From the first death on, the job is lent to one worker at a time (the probe) until a result comes.
  * The job is suspect after SUSPICION_DEATHS deaths on at least two machines, or after
  * SUSPICION_DEATHS_ALONE on a single one, which may be the machine's own fault. The count is
  * not stored: a restart of the coordinator clears it.
  *
- * A machine is its host name and its address without the port. That survives a restart of the worker's
- * process, and tells apart machines behind one address and containers of one machine. It is
- * the worker's word: it guards against faults, not against a forger.
+ * A machine is its host name and its address without the port. That survives a restart of the
+ * worker's process, and tells apart machines behind one address and containers of one machine. The
+ * worker claims its host name itself: this guards against faults, not against forgery.
  */
 #ifndef AZULEJO_COORDINATOR_SUSPICION_H
 #define AZULEJO_COORDINATOR_SUSPICION_H
@@ -29,7 +29,7 @@ enum { SUSPICION_DEATHS = 4, SUSPICION_DEATHS_ALONE = 8 };
 /* All zero: no suspicion. */
 struct suspicion {
     uint32_t deaths;
-    uint32_t probe;         /* session that units were lent to last, since the first death */
+    uint32_t probe;         /* the session that was lent units last, since the first death */
     uint64_t death_ns;      /* when the last one counted */
     uint64_t machine;       /* of the first */
     int several;            /* there was another machine */
@@ -38,11 +38,10 @@ struct suspicion {
 /* A number for the machine, never 0. `address` is HOST:PORT or [HOST]:PORT. */
 uint64_t machine_identity(const char *host, const char *address);
 
-/* A worker on `machine` died, which was lent its oldest units of the job at lent_ns. 1: it
- * counts. */
+/* A worker on `machine` died that was lent its oldest units of the job at lent_ns. 1: it counts. */
 int suspicion_add(struct suspicion *suspicion, uint64_t machine, uint64_t lent_ns, uint64_t now_ns);
 void suspicion_clear(struct suspicion *suspicion);
-/* The job shall be parked. */
+/* Should the job be parked? */
 int suspicion_is_enough(const struct suspicion *suspicion);
 
 #endif

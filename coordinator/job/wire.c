@@ -50,7 +50,7 @@ void wire_output_set(struct wire_output *out, const struct output_settings *in)
     out->message.formats = out->formats;
 }
 
-/* What is asked of the display files. */
+/* The settings of the display files. */
 static status picture_get(struct output_settings *out, const Azulejo__Wire__OutputSettings *in,
                           struct error *err)
 {
@@ -188,7 +188,7 @@ status wire_output_digest(struct digest *out, const struct output_settings *in, 
     return s;
 }
 
-/* Passes that there are, and at least one of each tile. */
+/* Only existing passes, and at least one for each tile. */
 static status check_schedule(const Azulejo__Wire__JobSubmit *in,
                              const struct render_settings *settings, struct error *err)
 {
@@ -198,8 +198,7 @@ static status check_schedule(const Azulejo__Wire__JobSubmit *in,
         return STATUS_OK;
     if (in->schedule.len != (size_t)tiles * GROUPS || in->first_frame != in->last_frame)
         return error_set(err, STATUS_ERR_INPUT,
-                         "a schedule of %zu tiles for %u frames of %u tiles: it is of one frame, and "
-                         "of a picture of the same size",
+                         "a schedule of %zu tiles for %u frames of %u tiles: a schedule is for one frame, and for a picture of the same size",
                          in->schedule.len / GROUPS, in->last_frame - in->first_frame + 1, tiles);
     for (uint32_t t = 0; t < tiles; t++)
         for (uint32_t g = 0; g < GROUPS; g++)
@@ -212,7 +211,7 @@ static status check_schedule(const Azulejo__Wire__JobSubmit *in,
     return STATUS_OK;
 }
 
-/* Which frames are rendered, and why. */
+/* The frames to render, and why only these. */
 static status get_frames(struct job *job, const Azulejo__Wire__JobSubmit *in, struct error *err)
 {
     uint64_t at = job->first_frame;

@@ -1,4 +1,4 @@
-/* wire: a job's description between the wire's messages and C's types. */
+/* wire: converts a job's description between messages and C types. */
 #ifndef AZULEJO_COORDINATOR_WIRE_H
 #define AZULEJO_COORDINATOR_WIRE_H
 
@@ -6,7 +6,7 @@
 #include "coordinator/job/queue.h"
 #include "protocol/azulejo.pb-c.h"
 
-/* What an OutputSettings message points at. */
+/* The data that an OutputSettings message points at. */
 struct wire_output {
     Azulejo__Wire__OutputSettings message;
     Azulejo__Wire__OutputSettings__ParametersEntry entries[TONEMAP_PARAMETERS_MAX];
@@ -18,11 +18,11 @@ void wire_output_set(struct wire_output *out, const struct output_settings *in);
 /* The other way, every range checked; NULL gives the presets. ERR_INPUT. */
 status wire_output_get(struct output_settings *out, const Azulejo__Wire__OutputSettings *in,
                        struct error *err) MUST_CHECK;
-/* A digest of all that decides how display values look, and of nothing else. */
+/* A digest of exactly the settings that decide the display values. */
 status wire_output_digest(struct digest *out, const struct output_settings *in,
                           struct error *err) MUST_CHECK;
 
-/* Tone mapping settings as bytes, for what must outlive a run, and back. ERR_CORRUPT. */
+/* Tone mapping settings as bytes, to be stored, and back. ERR_CORRUPT. */
 status wire_tonemap_pack(const struct tonemap_settings *in, struct buffer *out, struct error *err)
     MUST_CHECK;
 status wire_tonemap_unpack(struct tonemap_settings *out, const void *data, size_t size_bytes,
@@ -35,11 +35,11 @@ status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32
 
 /* The JobSubmit of a job as bytes, for the store, and back. ERR_CORRUPT. */
 status wire_job_pack(const struct job *job, struct buffer *out, struct error *err) MUST_CHECK;
-/* Do both ask for the same, but for what can be changed later: output settings and priority? */
+/* Are both the same, apart from what can be changed later: output settings and priority? */
 status wire_job_same(const struct job *a, const struct job *b, int *same, struct error *err)
     MUST_CHECK;
-/* Is `estimate` one of this job: the same scene, settings but the cap, and frames, and no more samples than it
- * allows? */
+/* Is `estimate` an estimate of this job: the same scene, frames and settings except the cap, and no
+ * more samples than the job allows? */
 status wire_job_estimated(const struct job *estimate, const struct job *job, int *same,
                           struct error *err) MUST_CHECK;
 status wire_job_unpack(struct job **out, const void *data, size_t size_bytes, struct error *err)

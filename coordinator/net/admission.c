@@ -40,7 +40,7 @@ static void turn_remove(struct admission *a, struct admission_address *address)
     *(address->next ? &address->next->previous : &a->last) = address->previous;
 }
 
-/* IPv4 addresses (::ffff:a.b.c.d) whole, of IPv6 the network of 64 bits. */
+/* The whole of an IPv4 address (::ffff:a.b.c.d), the network (64 bits) of an IPv6 address. */
 static void address_key(uint8_t key[ADMISSION_ADDRESS_BYTES],
                         const uint8_t bytes[ADMISSION_ADDRESS_BYTES])
 {
@@ -51,7 +51,7 @@ static void address_key(uint8_t key[ADMISSION_ADDRESS_BYTES],
         memset(key + 8, 0, ADMISSION_ADDRESS_BYTES - 8);
 }
 
-/* FNV-1a. Who chooses addresses to collide makes at most places_max of them. */
+/* FNV-1a. An attacker can choose colliding addresses, but at most places_max of them. */
 static struct admission_address **bucket_of(struct admission *a, const uint8_t *key)
 {
     uint32_t hash = 2166136261u;
@@ -105,7 +105,7 @@ static struct admission_place *choose(const struct admission *a, struct admissio
     const struct admission_address *largest = a->first;
     struct admission_place *oldest = NULL;
 
-    assert(largest); /* the newcomer's address, if no other */
+    assert(largest); /* the newcomer's address, unless another is found */
     for (const struct admission_address *at = a->first; at; at = at->next) {
         struct admission_place *idle = at->idle.first;
         if (at->places > largest->places ||
@@ -134,7 +134,7 @@ void admission_init(struct admission *a, uint32_t places_max)
     a->places_max = places_max;
 }
 
-/* Take the place out of the line and the count of its stage. */
+/* Remove the place from the queue and the count of its stage. */
 static void stage_end(struct admission *a, struct admission_place *place)
 {
     switch (place->stage) {

@@ -1,5 +1,5 @@
-/* admission: which of the connections that have proved nothing yet may stay, and whose TLS
- * handshake comes next. Logic only: the door (door.h) owns the sockets and does what is said here.
+/* admission: decides which unauthenticated connections may stay, and which TLS handshake is next.
+ * Logic only: the door (door.h) owns the sockets and carries out the decisions.
  *
  *   admission_enter --> SILENT --admission_ready--> READY --admission_next--> SHAKING
  *   SHAKING --admission_refused--> LEAVING;  any --admission_leave--> gone (also: it is a session)
@@ -8,16 +8,16 @@
  * - at most places_max connections have a place, in whatever stage;
  * - at most ADMISSION_HANDSHAKES_MAX are SHAKING, of one address at most half of them;
  * - handshakes go to the addresses in turn, within an address first come first served;
- * - no connection loses its place while there is another free one. When all are taken, one goes to
- *   make room: of the address with the most places the oldest that is SILENT or LEAVING; if it has
- *   none, and more than half of the places, its newest READY, or the newcomer if that is its own;
- *   otherwise the oldest SILENT or LEAVING of all; and if there is none, the newcomer. None that
- *   is SHAKING goes.
+ * - no connection loses its place while there is another free one. When all are taken, one is
+ *   dropped: at the address with the most places, the oldest that is SILENT or LEAVING; if that
+ *   address has none, but has more than half of the places, its newest READY (or the newcomer if it
+ *   has that address); otherwise the oldest SILENT or LEAVING of all; and if there is none, the
+ *   newcomer. A SHAKING connection is never dropped.
  *
- * A SILENT one has not sent a whole first TLS record. A handshake costs memory and time, so it is
- * begun only with peers whose part of it is there: peers that say nothing, or a byte a second,
- * delay no one else. An address is an IPv4 address or the first 64 bits of an IPv6 address, which is
- * what one machine commonly has.
+ * A SILENT connection has not sent its whole first TLS record. A handshake costs memory and time,
+ * so it begins only when the peer's part has arrived: peers that send nothing, or a byte a second,
+ * do not delay others. An address is an IPv4 address or the first 64 bits of an IPv6 address, which
+ * is what one machine commonly has.
  */
 #ifndef AZULEJO_COORDINATOR_ADMISSION_H
 #define AZULEJO_COORDINATOR_ADMISSION_H
@@ -45,10 +45,10 @@ struct admission_address;
 
 /* Embedded in the caller's connection; zeroed before admission_enter. */
 struct admission_place {
-    struct admission_place *next, *previous; /* of the same address, in the same line */
+    struct admission_place *next, *previous; /* of the same address, in the same queue */
     struct admission_address *address;
     enum admission_stage stage;
-    uint64_t number;                         /* in the order of coming into the line */
+    uint64_t number;                         /* in the order of arrival in the queue */
 };
 
 /* Oldest first. */
@@ -72,26 +72,26 @@ struct admission {
     struct admission_address *buckets[ADMISSION_BUCKETS];
 };
 
-/* places_max is at least 1. Nothing has to be released once every place was left. */
+/* places_max is at least 1. Nothing has to be released once all places are free. */
 void admission_init(struct admission *a, uint32_t places_max);
 
-/* A connection came. *out is the place that must go to make room, NULL when there is room; it may
- * be the newcomer's own. It has left already: the caller closes its connection. ERR_NO_MEMORY: the
- * newcomer has no place. */
+/* A connection came. *out is the place that was dropped to make room, NULL if there was room; it
+ * may be the newcomer's own. The caller closes its connection. ERR_NO_MEMORY: the newcomer has no
+ * place. */
 status admission_enter(struct admission *a, struct admission_place *place,
                        const uint8_t address[ADMISSION_ADDRESS_BYTES],
                        struct admission_place **out, struct error *err) MUST_CHECK;
 
-/* Its first record is whole: SILENT to READY; nothing in another stage. */
+/* Its first record is complete: SILENT to READY; no effect in another stage. */
 void admission_ready(struct admission *a, struct admission_place *place);
 
-/* Whose handshake is to begin now: READY to SHAKING. NULL: there is none. Call until NULL. */
+/* The place whose handshake begins now: READY to SHAKING. NULL: there is none. Call until NULL. */
 struct admission_place *admission_next(struct admission *a);
 
-/* Its handshake failed, and it is being told why: SHAKING to LEAVING. */
+/* Its handshake failed, and the reason is being sent: SHAKING to LEAVING. */
 void admission_refused(struct admission *a, struct admission_place *place);
 
-/* It is gone, or through: its place is free. Nothing for one that has none. */
+/* It was closed or authenticated: its place is free. No effect without a place. */
 void admission_leave(struct admission *a, struct admission_place *place);
 
 #endif

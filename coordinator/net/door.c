@@ -11,7 +11,7 @@
 #include "protocol/message.h"
 
 struct visitor {
-    struct admission_place place; /* first: a place is its visitor */
+    struct admission_place place; /* first: a place is cast to its visitor */
     struct visitor *next, *previous;
     struct door *door;
     struct channel *channel;
@@ -28,7 +28,7 @@ static void visitor_remove(struct visitor *visitor)
     mem_free(visitor);
 }
 
-/* One line a minute for each address and kind of complaint. */
+/* One line a minute for each address and kind of message. */
 static void complain(struct door *door, const char *peer, status code, const char *text)
 {
     char subject[LOG_LIMIT_SUBJECT_SIZE], more[80] = "";
@@ -49,8 +49,8 @@ static void complain(struct door *door, const char *peer, status code, const cha
 
 /* ---- handshakes ----------------------------------------------------------------------------- */
 
-/* Once a turn of the loop. Failed handshakes free their slot at once, and dropped connections their
- * place, so without bounds a flood would keep the loop in one turn. */
+/* Runs once in each iteration of the loop. Failed handshakes free their slot at once, and dropped
+ * connections their place, so without bounds a flood would keep the loop in one iteration. */
 static void on_turn(uv_idle_t *turn)
 {
     struct door *door = turn->data;
@@ -97,7 +97,7 @@ static void on_refused(struct channel *channel, void *user)
 
 /* ---- through, or gone ----------------------------------------------------------------------- */
 
-/* The peer holds a key, so it learns why. */
+/* The peer has a key, so it is sent the reason. */
 static void turn_away(struct visitor *visitor)
 {
     struct server *server = visitor->door->server;
@@ -110,7 +110,7 @@ static void turn_away(struct visitor *visitor)
     complain(visitor->door, channel_peer(visitor->channel), err.code, err.text);
     admission_refused(&visitor->door->admission, &visitor->place);
     if (message_send_failure(visitor->channel, 0, &err) != STATUS_OK)
-        log_debug("%s was not told why", channel_peer(visitor->channel));
+        log_debug("%s could not be sent the reason", channel_peer(visitor->channel));
     channel_close(visitor->channel);
 }
 
@@ -135,7 +135,7 @@ static void on_close(struct channel *channel, const struct error *why, void *use
     struct visitor *visitor = user;
     struct door *door = visitor->door;
 
-    /* Probes and port scanners connect and close; no fault. */
+    /* Probes and port scanners connect and close; that is not an error. */
     if (why->code == STATUS_ERR_UNREACHABLE)
         log_debug("a connection ended before its greeting: %s", why->text);
     else if (why->code != STATUS_OK)
@@ -152,8 +152,8 @@ static void enter(struct door *door, struct visitor *visitor)
     struct admission_place *out;
     struct error err = {0};
 
-    /* The plan counts connections. Where other files took its descriptors, or the limit was lowered,
-     * a newcomer takes another's place. */
+    /* The plan counts connections. If other files took its descriptors, or the limit was lowered, a
+     * newcomer takes another connection's place. */
     door->admission.places_max =
         reserve_is_short()
             ? (door->admission.places > 1 ? door->admission.places : 1)

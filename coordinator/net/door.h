@@ -1,8 +1,8 @@
-/* door: connections from the listener to the proof of a key. What comes through is a session.
+/* door: connections from the listener until a key is proved. Then they are sessions.
  *
- * Anyone who can reach the port can knock, so what a stranger may cost is bounded here: places,
+ * Anyone who can reach the port can connect, so the cost of strangers is bounded here: places,
  * handshakes and log lines (admission.h, log_limit.h). Ownership: the door owns its channels until
- * it hands one to session_begin or the channel's on_close ran.
+ * it hands one to session_begin or its on_close has run.
  */
 #ifndef AZULEJO_COORDINATOR_DOOR_H
 #define AZULEJO_COORDINATOR_DOOR_H
@@ -12,8 +12,9 @@
 #include "common/base/log_limit.h"
 #include "coordinator/net/admission.h"
 
-/* In one turn of the loop, so that sessions are served in between (9 ms of handshakes), and no fewer
- * handshakes than connections, so that a flood of bad ones does not fill the line. */
+/* Per iteration of the loop, so that sessions are served in between (9 ms of handshakes). There are
+ * at least as many handshakes as connections, so that a flood of bad ones does not fill the
+ * queue. */
 enum { DOOR_ACCEPTS_PER_TURN = 64, DOOR_HANDSHAKES_PER_TURN = 64 };
 
 struct server;
@@ -24,7 +25,7 @@ struct door {
     struct admission admission;
     struct log_limit complaints;
     struct visitor *visitors;
-    uv_idle_t turn;            /* active while there may be something to do in the next turn */
+    uv_idle_t turn;            /* active while the next iteration may have work */
     uint32_t accepted;         /* in this turn */
     uv_stream_t *waiting;      /* the listener, when it has a connection for the next turn */
 };
@@ -34,7 +35,7 @@ void door_init(struct door *door, struct server *server);
 /* In the listener's connection callback. Failures are logged. */
 void door_connection(struct door *door, uv_stream_t *listener, int uv_error);
 
-/* End all connections that are no sessions yet, and the door's own handle. */
+/* End all connections that are not sessions yet, and the door's own handle. */
 void door_close(struct door *door);
 
 #endif

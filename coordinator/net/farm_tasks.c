@@ -1,5 +1,5 @@
-/* farm_tasks: what the farm asks to be done off the loop's thread: results made durable, displays
- * measured, figures estimated, pictures developed. */
+/* farm_tasks: the farm's work outside the loop's thread: making results durable, measuring
+ * displays, estimating figures, developing pictures. */
 #include "coordinator/net/farm_tasks.h"
 
 #include "common/base/clock.h"
@@ -30,8 +30,9 @@ static void commit_end(struct task *task)
 
     server->commit_running = 0;
     if (server->state == SERVER_DRAINING && commit->result != STATUS_OK) {
-        /* No time to wait for the disk: what is not on it was not acknowledged either. */
-        log_error("%s; its workers keep what is not on disk", commit->error.text);
+        /* There is no time to wait for the disk: results that are not on it were not
+         * acknowledged. */
+        log_error("%s; the workers keep the results that are not on disk", commit->error.text);
         merge_commit_abandon(&server->farm, commit);
     } else {
         merge_commit_end(&server->farm, commit, clock_monotonic_ns());
@@ -74,7 +75,7 @@ static void freeze_end(struct task *task)
     struct server *server = task->server;
     struct freezing *freezing = ((struct freeze_task *)task)->freezing;
 
-    /* What waits for it was not acknowledged: at the end its workers keep that. */
+    /* Results that wait for it were not acknowledged: at a shutdown the workers keep them. */
     if (server->state == SERVER_DRAINING)
         freezing_abandon(&server->farm, freezing);
     else
@@ -97,7 +98,7 @@ status farm_task_freeze(void *server, struct freezing *freezing, struct error *e
 
 /* ---- developments --------------------------------------------------------------------------- */
 
-/* Of a frame in work, or of a stored one. */
+/* For a frame in work, or for a stored one. */
 struct develop_task {
     struct task task;
     struct development *development;
@@ -129,7 +130,7 @@ static status develop_start(struct develop_task *t, struct job *job, uint32_t nu
     return STATUS_OK;
 }
 
-/* Without room for it the film in work is kept, which can be continued, too. */
+/* If there is no space for it, the film in work is kept; it can be continued as well. */
 static void keep_film(const struct develop_task *t)
 {
     const struct job_frame *frame = t->frame;

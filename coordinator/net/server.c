@@ -75,7 +75,7 @@ static void on_signal(uv_signal_t *handle, int number)
 
     if (server->state != SERVER_LISTENING)
         return;
-    log_info("ending on %s: what was received goes to disk first",
+    log_info("ending on %s: writing received results to disk first",
              number == SIGTERM ? "SIGTERM" : "SIGINT");
     server->state = SERVER_DRAINING;
     server->drain_since_ns = clock_monotonic_ns();
@@ -89,7 +89,7 @@ static void on_signal(uv_signal_t *handle, int number)
 
 static void on_commit_timer(uv_timer_t *timer)
 {
-    (void)timer; /* the turn that follows looks at what is dirty */
+    (void)timer; /* the next iteration looks for dirty tiles */
 }
 
 static void commit_when_due(struct server *server, uint64_t now_ns)
@@ -116,7 +116,7 @@ static void grant_all(struct server *server, uint64_t now_ns)
             session_grant(s, now_ns);
 }
 
-/* Once a turn of the loop, before it waits: everything that the turn's events made due. */
+/* Once in each iteration of the loop, before it waits: everything that its events made due. */
 static void on_prepare(uv_prepare_t *handle)
 {
     struct server *server = handle->data;
@@ -144,7 +144,7 @@ static void on_tick(uv_timer_t *timer)
     struct server *server = timer->data;
     uint64_t now_ns = clock_monotonic_ns();
 
-    /* Timers run before sockets are read: after a pause everybody would look silent. */
+    /* Timers run before sockets are read: after a pause all peers would look silent. */
     if (server->ticked_ns && now_ns - server->ticked_ns > SERVER_PAUSE_MS * NS_PER_MS) {
         log_warn("the coordinator was held up for %.1f s",
                  (double)(now_ns - server->ticked_ns) / 1e9);

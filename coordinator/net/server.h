@@ -1,7 +1,7 @@
 /* server: the event loop around the farm: listener, sessions, timers, disk work.
  *
- * Ownership: the server owns the loop's handles, the farm and the sessions. Disk work runs
- * in libuv's thread pool, on copies; its ends come back on the loop's thread.
+ * Ownership: the server owns the loop's handles, the farm and the sessions. Disk work runs in
+ * libuv's thread pool, on copies; it ends on the loop's thread.
  *
  *   LISTENING --SIGTERM, SIGINT--> DRAINING --disk idle--> CLOSING --all handles closed--> ended
  */
@@ -20,10 +20,10 @@
 enum {
     SESSION_BUCKETS = 1024,
     SERVER_TICK_MS = 100,
-    SERVER_PAUSE_MS = 2000,    /* a tick this late: the machine or the disk held us up */
+    SERVER_PAUSE_MS = 2000,    /* a tick this late: the machine or the disk suspended us */
     SERVER_BACKLOG = 4096,
     PREVIEWS_MAX = 4,          /* being developed at once */
-    SERVER_DRAIN_MS = 20000,   /* a shutdown waits so long for the disk */
+    SERVER_DRAIN_MS = 20000,   /* a shutdown waits this long for the disk */
 };
 
 struct server_options {
@@ -34,7 +34,7 @@ struct server_options {
     uint64_t lease_ns;
     const char *ready_file;    /* NULL, or gets the port, atomically */
     struct descriptors descriptors;
-    int discards_films;        /* nobody will extend its jobs */
+    int discards_films;        /* its jobs will not be extended */
 };
 
 enum server_state { SERVER_LISTENING, SERVER_DRAINING, SERVER_CLOSING };

@@ -16,50 +16,6 @@
 
 enum { WORKER_THREADS_MAX = 4096, ROOM_MAX = 1 << 20 };
 
-/* A message that could not be queued closes its channel by itself; on_close tells. */
-static void send_message(struct session *session, const Azulejo__Wire__Envelope *envelope)
-{
-    if (session->state != SESSION_ENDING && channel_send(session->channel, envelope) != STATUS_OK)
-        log_debug("session %u: %s was not sent", session->id, message_name(envelope));
-}
-
-void session_fail(struct session *session, uint64_t request, const struct error *why)
-{
-    if (session->state != SESSION_ENDING &&
-        message_send_failure(session->channel, request, why) != STATUS_OK)
-        log_debug("session %u: a failure was not sent", session->id);
-}
-
-void session_notice(struct session *session, int level, const char *text)
-{
-    Azulejo__Wire__Notice notice = AZULEJO__WIRE__NOTICE__INIT;
-    Azulejo__Wire__Envelope envelope = MESSAGE(NOTICE, notice, &notice);
-
-    notice.level = (uint32_t)level;
-    notice.text = (char *)text;
-    send_message(session, &envelope);
-}
-
-void session_revoke(struct session *session, uint64_t lease, const char *reason)
-{
-    Azulejo__Wire__LeaseRevoke revoke = AZULEJO__WIRE__LEASE_REVOKE__INIT;
-    Azulejo__Wire__Envelope envelope = MESSAGE(LEASE_REVOKE, lease_revoke, &revoke);
-
-    revoke.lease = lease;
-    revoke.reason = (char *)reason;
-    send_message(session, &envelope);
-}
-
-void session_end(struct session *session, const struct error *why)
-{
-    if (session->state == SESSION_ENDING)
-        return;
-    if (why)
-        session_fail(session, 0, why);
-    session->state = SESSION_ENDING;
-    channel_close(session->channel);
-}
-
 /* ---- acknowledgements ----------------------------------------------------------------------- */
 
 static void send_acks(struct session *session)
@@ -84,7 +40,7 @@ static void send_acks(struct session *session)
     ack.n_units = session->ack_count;
     ack.units = pointers;
     session->ack_count = 0;
-    send_message(session, &envelope);
+    session_send(session, &envelope);
 }
 
 void session_ack(struct session *session, uint64_t job, uint32_t frame, struct unit_name unit,
@@ -131,7 +87,7 @@ static status make_worker(struct session *session, const Azulejo__Wire__Hello *h
                          hello->threads, WORKER_THREADS_MAX);
     if (!hello->kernel[0] || strlen(hello->kernel) > KERNEL_NAME_MAX)
         return error_set(err, STATUS_ERR_PROTOCOL,
-                         "a worker must name what traces its rays in 1..%d bytes", KERNEL_NAME_MAX);
+                         "a worker must name its ray tracer in 1..%d bytes", KERNEL_NAME_MAX);
     worker = mem_calloc(1, sizeof *worker);
     if (!worker)
         return error_no_memory(err, "a worker");
@@ -164,7 +120,7 @@ static void send_welcome(struct session *session, uint64_t request)
     welcome.heartbeat_ms = SESSION_HEARTBEAT_MS;
     welcome.silence_limit_ms = SESSION_SILENCE_MS;
     envelope.request = request;
-    send_message(session, &envelope);
+    session_send(session, &envelope);
 }
 
 static void take_hello(struct session *session, const Azulejo__Wire__Envelope *message)
@@ -230,7 +186,7 @@ static void grant_message(struct session *session, const struct lease *lease)
     grant.settings = &settings;
     grant.n_units = lease->unit_count;
     grant.units = pointers;
-    send_message(session, &envelope);
+    session_send(session, &envelope);
 }
 
 void session_grant(struct session *session, uint64_t now_ns)
@@ -268,7 +224,7 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
     }
     if (s == STATUS_OK)
         s = merge_result(&session->server->farm, session->worker, &result, now_ns, &outcome, &err);
-    if (s == STATUS_ERR_NO_MEMORY) { /* a Failure would have the worker drop it */
+    if (s == STATUS_ERR_NO_MEMORY) { /* a Failure would make the worker drop the result */
         outcome = MERGE_DEFERRED;
     } else if (s != STATUS_OK) {
         log_error("session %u (%s): %s", session->id, session->host, err.text);
@@ -278,7 +234,7 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
     if (outcome == MERGE_KEPT)
         session_ack(session, result.job, result.frame, result.unit, now_ns);
     else if (outcome == MERGE_UNWANTED)
-        session_revoke(session, result.lease, "nobody wants this result any more");
+        session_revoke(session, result.lease, "this result is no longer needed");
     else if (outcome == MERGE_DEFERRED)
         session->worker->deferred_job = result.job;
 }
@@ -292,7 +248,7 @@ static void take_return(struct session *session, const Azulejo__Wire__LeaseRetur
     session->worker->room = 0; /* it asks again when it can take more */
     if (!lease || lease->holder != &session->worker->held)
         return;
-    log_info("session %u (%s) gives back %zu work units: %s", session->id, session->host,
+    log_info("session %u (%s) returns %zu work units: %s", session->id, session->host,
              message->n_units, message_text(reason, sizeof reason, message->reason));
     farm->pump_wanted = 1;
     if (message->n_units == 0) {
@@ -378,9 +334,8 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
     default:
         break;
     }
-    if (session->worker && worker_message(session, message, now_ns))
-        return;
-    if (session_client_message(session, message, now_ns))
+    if ((session->worker && worker_message(session, message, now_ns)) ||
+        session_client_message(session, message, now_ns))
         return;
     error_set(&err, STATUS_ERR_REFUSED, "a %s may not send %s", farm_role_name(session->role),
               message_name(message));
@@ -408,7 +363,8 @@ static void on_close(struct channel *channel, const struct error *why, void *use
         log_info("worker %s:%u (session %u) leaves%s%s", session->host, session->process,
                  session->id, why->code == STATUS_OK ? "" : ": ",
                  why->code == STATUS_OK ? "" : why->text);
-        /* An end that we chose (a broken rule, our own shutdown) is no death; silence is. */
+        /* An end that we chose (a broken rule, our own shutdown) does not count as a death; silence
+         * does. */
         farm_worker_remove(&server->farm, session->worker,
                            session->silent ||
                                (why->code == STATUS_ERR_UNREACHABLE && session->state == SESSION_OPEN),
@@ -462,7 +418,7 @@ void session_tick(struct session *session, uint64_t now_ns)
     if (heard_ns < awake_ns)
         heard_ns = awake_ns;
     if (now_ns > heard_ns + SESSION_SILENCE_MS * NS_PER_MS) {
-        log_warn("session %u (%s) was silent for %d s and is taken for dead", session->id,
+        log_warn("session %u (%s) was silent for %d s and is considered dead", session->id,
                  session->host, SESSION_SILENCE_MS / 1000);
         session->state = SESSION_ENDING;
         session->silent = 1;
@@ -474,7 +430,7 @@ void session_tick(struct session *session, uint64_t now_ns)
         message_send_heartbeat(session->channel) != STATUS_OK)
         log_debug("session %u: no heartbeat was sent", session->id);
     session_watches_send(session, now_ns, 0);
-    transfers_pump(&session->transfers, session->channel); /* some may have waited for the store */
+    transfers_pump(&session->transfers, session->channel); /* some may wait for the store */
     if (session->worker && session->worker->deferred_job &&
         farm_takes_again(&session->server->farm, session->worker->deferred_job)) {
         session_notice(session, LOG_LEVEL_INFO,

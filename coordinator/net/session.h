@@ -18,9 +18,9 @@
 #include "protocol/channel.h"
 
 enum {
-    SESSION_HELLO_MS = 10000,     /* from the open channel to the Hello */
+    SESSION_HELLO_MS = 10000,     /* from opening the channel to the Hello */
     SESSION_HEARTBEAT_MS = 2000,  /* both sides send something at least this often */
-    SESSION_SILENCE_MS = 15000,   /* without a byte for this long a peer is taken for dead */
+    SESSION_SILENCE_MS = 15000,   /* a peer that sends nothing for this long is considered dead */
     SESSION_WATCHES_MAX = 16,
     SESSION_UPLOADS_MAX = 4,      /* begun and not yet complete */
     SESSION_STORING_MAX = 64,     /* complete and on their way to the disk */
@@ -37,7 +37,7 @@ struct watch {
     uint64_t request, job;        /* job 0: all */
     uint32_t interval_ms;
     uint64_t sent_ns;
-    int due;                      /* something changed: tell at once */
+    int due;                      /* something changed: send at once */
 };
 
 struct session {
@@ -51,7 +51,7 @@ struct session {
     uint64_t begun_ns;
     char host[64], software[64], peer[64];
     uint32_t process;
-    int silent;                   /* it was taken for dead */
+    int silent;                   /* it was considered dead */
 
     struct farm_worker *worker;   /* NULL: not a worker */
 
@@ -59,7 +59,7 @@ struct session {
     uint32_t watch_count;
     struct upload *uploads[SESSION_UPLOADS_MAX];
     uint32_t storing;
-    uint64_t failed_request;      /* of an upload: what is left of it is ignored */
+    uint64_t failed_request;      /* of an upload: its remaining pieces are ignored */
     struct transfers transfers;
 
     /* Acknowledgements that are about to be sent, all of one frame. */
@@ -71,28 +71,32 @@ struct session {
 /* For an open channel, which the session then owns. ERR_NO_MEMORY: it does not. */
 status session_begin(struct server *server, struct channel *channel, struct error *err) MUST_CHECK;
 
-/* Say goodbye. `why` may be NULL: an orderly end. */
-void session_end(struct session *session, const struct error *why);
-
 /* Heartbeat, silence, watches: a few times a second. */
 void session_tick(struct session *session, uint64_t now_ns);
-/* Send what became due: changed watches, acknowledgements. */
+/* Send what is due: changed watches, acknowledgements. */
 void session_flush(struct session *session, uint64_t now_ns);
 
-/* Work for a worker's session, until it or the farm has enough. */
+/* Grant leases to a worker's session, until it has enough or the farm has no more. */
 void session_grant(struct session *session, uint64_t now_ns);
 
 void session_ack(struct session *session, uint64_t job, uint32_t frame, struct unit_name unit,
                  uint64_t now_ns);
-void session_revoke(struct session *session, uint64_t lease, const char *reason);
-void session_notice(struct session *session, int level, const char *text);
-void session_fail(struct session *session, uint64_t request, const struct error *why);
-
 /* session_client.c: the messages of clients, and of workers about blobs; 0: not one of them. */
 int session_client_message(struct session *session, const Azulejo__Wire__Envelope *message,
                            uint64_t now_ns);
+void session_watches_send(struct session *session, uint64_t now_ns, int only_due);
+
+/* session_reply.c: nothing is sent once the session is ending. A message that cannot be queued
+ * closes its channel, and the session with it. */
+void session_send(struct session *session, const Azulejo__Wire__Envelope *envelope);
+void session_reply(struct session *session, uint64_t request, Azulejo__Wire__Envelope *envelope);
 void session_accepted(struct session *session, uint64_t request, uint64_t job,
                       uint32_t estimate_spp);
-void session_watches_send(struct session *session, uint64_t now_ns, int only_due);
+void session_stored(struct session *session, uint64_t request, const struct digest *digest);
+void session_revoke(struct session *session, uint64_t lease, const char *reason);
+void session_notice(struct session *session, int level, const char *text);
+void session_fail(struct session *session, uint64_t request, const struct error *why);
+/* End the session; `why`, unless NULL, is sent as a Failure first. */
+void session_end(struct session *session, const struct error *why);
 
 #endif

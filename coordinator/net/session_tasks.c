@@ -1,4 +1,4 @@
-/* session_tasks: what sessions ask to be done off the loop's thread: previews, uploads, jobs. */
+/* session_tasks: the sessions' work outside the loop's thread: previews, uploads, jobs. */
 #include "coordinator/net/session_tasks.h"
 
 #include <stdio.h>
@@ -10,9 +10,8 @@
 #include "coordinator/net/session.h"
 #include "coordinator/net/session_table.h"
 #include "coordinator/net/task.h"
-#include "protocol/message.h"
 
-/* A task that answers a request; its session may be gone by then. */
+/* A task that answers a request; its session may have ended by then. */
 struct request_task {
     struct task task;
     uint32_t session;
@@ -31,7 +30,7 @@ static void *request_new(struct session *session, uint64_t request, const struct
     return r;
 }
 
-/* NULL: it is gone, or on its way out. */
+/* NULL: it has ended or is ending. */
 static struct session *request_session(const struct request_task *r)
 {
     struct session *session = session_find(r->task.server, r->session);
@@ -134,16 +133,10 @@ static void upload_end(struct task *task)
     if (!session)
         return;
     session->storing--;
-    if (task->result == STATUS_OK) {
-        Azulejo__Wire__BlobStored stored = AZULEJO__WIRE__BLOB_STORED__INIT;
-        Azulejo__Wire__Envelope envelope = MESSAGE(BLOB_STORED, blob_stored, &stored);
-        wire_digest_set(&stored.digest, upload_digest(u->upload));
-        envelope.request = u->r.request;
-        if (channel_send(session->channel, &envelope) != STATUS_OK)
-            log_debug("session %u: blob_stored was not sent", session->id);
-    } else {
+    if (task->result == STATUS_OK)
+        session_stored(session, u->r.request, upload_digest(u->upload));
+    else
         session_fail(session, u->r.request, &task->error);
-    }
 }
 
 static void upload_release(struct task *task)
@@ -175,8 +168,8 @@ struct submit_task {
     struct request_task r;
     struct job *job;
     uint64_t existing;    /* the job that was submitted with the same token; 0: none */
-    uint64_t estimate;    /* of this job, which continues it; 0: none */
-    status refused;       /* why no job can be taken now, OK: it can; its error is `refusal` */
+    uint64_t estimate;    /* the estimate that this job continues; 0: none */
+    status refused;       /* why no job can be accepted now (OK: it can); its error is `refusal` */
     struct error refusal;
 };
 
@@ -194,7 +187,7 @@ static void submit_run(struct task *task)
         return;
     }
     if (t->estimate)
-        return; /* the queue's to do */
+        return; /* the queue does that */
     task->result = store_job_insert(store, t->job, &task->error);
     /* Another thread may have stored the same submission in between. */
     if (task->result != STATUS_OK && t->job->token[0]) {
@@ -207,8 +200,8 @@ static void submit_run(struct task *task)
     }
 }
 
-/* Put the job in the queue, or let it continue its estimate: `*number` is the job's, `*spp` what the
- * estimate had. */
+/* Put the job in the queue, or continue its estimate with it: `*number` is the job's number, `*spp`
+ * the estimate's samples. */
 static status submit_take(struct submit_task *t, uint64_t *number, uint32_t *spp)
 {
     struct task *task = &t->r.task;
@@ -279,7 +272,7 @@ void session_task_submit(struct session *session, uint64_t request, struct job *
         job_free(job);
         return;
     }
-    /* What was submitted before is answered even when nothing new can be taken. */
+    /* A repeated submission is answered even when no new job can be accepted. */
     t->refused = farm_prepare(&session->server->farm, job, &t->refusal);
     estimate = farm_find_estimate(&session->server->farm, job);
     t->estimate = estimate ? estimate->id : 0;

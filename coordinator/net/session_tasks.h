@@ -1,5 +1,5 @@
-/* session_tasks: the tasks (task.h) that sessions ask for. Each answers its request with a message or
- * a Failure, unless the session is gone by then. */
+/* session_tasks: the tasks (task.h) of sessions. Each answers its request with a message or a
+ * Failure, unless the session has ended by then. */
 #ifndef AZULEJO_COORDINATOR_SESSION_TASKS_H
 #define AZULEJO_COORDINATOR_SESSION_TASKS_H
 

@@ -47,7 +47,7 @@ void task_start(struct task *task)
 {
     int code = uv_queue_work(&task->server->loop, &task->request, on_run, on_end);
 
-    assert(code == 0); /* it fails only without a function to run */
+    assert(code == 0); /* it fails only for a NULL function */
     (void)code;
     task->server->tasks++;
 }

@@ -1,8 +1,8 @@
 /* task: work that waits for a disk or needs a processor, off the loop's thread.
  *
  * A kind of task is a struct that begins with `struct task`, and one const struct task_kind. `run`
- * works in libuv's thread pool, on what the task owns alone; `end` comes on the loop's thread, and
- * then `release`. A shutdown waits until no task is left (struct server, `tasks`).
+ * works in libuv's thread pool, only on data that the task owns; then `end` and `release` run on
+ * the loop's thread. A shutdown waits until no task is left (struct server, `tasks`).
  */
 #ifndef AZULEJO_COORDINATOR_TASK_H
 #define AZULEJO_COORDINATOR_TASK_H
@@ -15,11 +15,11 @@ struct server;
 struct task;
 
 struct task_kind {
-    const char *what;      /* what there is no memory for: "a picture" */
+    const char *what;      /* for "out of memory" errors: "a picture" */
     size_t size_bytes;     /* of the struct that begins with struct task */
     void (*run)(struct task *task);
     void (*end)(struct task *task);
-    void (*release)(struct task *task); /* what the task owns; NULL: nothing */
+    void (*release)(struct task *task); /* frees what the task owns; NULL: nothing */
 };
 
 struct task {

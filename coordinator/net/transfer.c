@@ -17,11 +17,11 @@ struct transfer {
     uint64_t request;
     int is_blob;
     struct digest digest;
-    char *path;           /* of the file, or the name to tell for bytes */
+    char *path;           /* of the file, or the name to send with bytes */
     int fd;               /* -1: not open yet */
     struct buffer bytes;  /* when there is no file */
     int from_file;
-    int waited;           /* for the store to work; it was logged */
+    int waited;           /* waits for the store; logged already */
     uint64_t total, offset;
 };
 
@@ -50,7 +50,7 @@ static status transfer_add(struct transfers *transfers, uint64_t request, const 
     struct transfer *t = NULL;
 
     if (transfers->count >= TRANSFERS_MAX)
-        return error_set(err, STATUS_ERR_LIMIT, "%d files are on their way already", TRANSFERS_MAX);
+        return error_set(err, STATUS_ERR_LIMIT, "%d files are being sent already", TRANSFERS_MAX);
     t = mem_calloc(1, sizeof *t);
     if (t)
         t->path = mem_strdup(path);
@@ -177,9 +177,9 @@ static status send_output_piece(struct transfer *t, struct channel *channel, con
     return channel_send(channel, &envelope);
 }
 
-/* Send one piece; *done when it was the last one or the transfer failed. A worker would take a
- * failure to read a blob for its job's fault: such a transfer waits for the store instead, and
- * *waits is set. */
+/* Send one piece; *done when it was the last one or the transfer failed. A worker would blame its
+ * job for a blob that cannot be read: such a transfer waits for the store instead, and *waits is
+ * set. */
 static void send_piece(struct transfer *t, struct channel *channel, int *done, int *waits)
 {
     static uint8_t scratch[BLOB_PIECE_BYTES];
@@ -205,7 +205,7 @@ static void send_piece(struct transfer *t, struct channel *channel, int *done, i
     *done = s != STATUS_OK || t->offset == t->total;
     if (s != STATUS_OK && err.code != STATUS_OK &&
         message_send_failure(channel, t->request, &err) != STATUS_OK)
-        *done = 1; /* the channel is closing; its owner hears of it by on_close */
+        *done = 1; /* the channel is closing; its owner is notified by on_close */
 }
 
 void transfers_pump(struct transfers *transfers, struct channel *channel)

@@ -1,6 +1,6 @@
 /* transfer: sending a file or a buffer in pieces, no faster than the peer takes it.
  *
- * One queue a session, served in order. It owns what waits in it.
+ * One queue for each session, served in order. It owns the waiting transfers.
  */
 #ifndef AZULEJO_COORDINATOR_TRANSFER_H
 #define AZULEJO_COORDINATOR_TRANSFER_H

@@ -45,7 +45,7 @@ void blobs_clean(const char *folder)
     mem_free(path);
 }
 
-/* Are there blobs at all? Without, what is missing says nothing about one. */
+/* Does the folder of blobs exist? If not, a missing file does not mean a missing blob. */
 static int folder_is_there(const char *folder)
 {
     char *path = file_join(folder, "blobs");
@@ -94,7 +94,7 @@ status blobs_read(const char *folder, const struct digest *digest, size_t limit_
         s = error_set(err, STATUS_ERR_INTERNAL, "no SHA-256");
     if (s == STATUS_OK && !digest_equal(&found, digest)) {
         s = error_set(err, STATUS_ERR_CORRUPT,
-                      "%s: was damaged on disk and is removed; send it again", buffer_text(&path));
+                      "%s: was damaged on disk and has been removed; send it again", buffer_text(&path));
         unlink(buffer_text(&path));
     }
     buffer_release(&path);
@@ -163,7 +163,7 @@ status upload_add(struct upload *upload, const void *data, size_t size_bytes, st
     size_t left = size_bytes;
 
     if (size_bytes > upload->total - upload->size)
-        return error_set(err, STATUS_ERR_PROTOCOL, "a blob is longer than was announced");
+        return error_set(err, STATUS_ERR_PROTOCOL, "a blob is longer than its announced size");
     if (digest_stream_add(upload->stream, data, size_bytes) != STATUS_OK)
         return error_set(err, STATUS_ERR_INTERNAL, "no SHA-256");
     while (left > 0) {

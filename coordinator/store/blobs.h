@@ -1,7 +1,7 @@
 /* blobs: scenes, meshes and images in the store, by the SHA-256 of their bytes.
  *
  *   upload_begin -> upload_add (in order, to the end) -> upload_finish: the blob is there
- *        anything else -> upload_free: nothing is left of it
+ *        anything else -> upload_free: nothing remains
  *
  * A blob counts only when its bytes were hashed, synced and renamed into place. The hash is
  * checked again when the coordinator itself reads a blob; workers check what they receive.
@@ -17,15 +17,15 @@
 
 /* `folder` is the store's folder throughout. */
 
-/* Remove what unfinished uploads of an earlier run left. */
+/* Remove the files of unfinished uploads of an earlier run. */
 void blobs_clean(const char *folder);
-/* 1: the blob is there, and its size is set; 0: it is not; -1: the store cannot tell at present (errno
- * says why), and it may be. */
+/* 1: the blob is there, and its size is set; 0: it is not; -1: not known, because the store cannot
+ * be read at present (errno says why). */
 int blobs_find(const char *folder, const struct digest *digest, uint64_t *size_bytes);
 void blobs_path(const char *folder, const struct digest *digest, struct buffer *path);
 
-/* Append the blob's bytes to `out`, hash checked. ERR_NOT_FOUND, ERR_LIMIT, ERR_IO; ERR_CORRUPT: the
- * file was damaged, and is removed so that it can be sent again. */
+/* Append the blob's bytes to `out`, hash checked. ERR_NOT_FOUND, ERR_LIMIT, ERR_IO; ERR_CORRUPT:
+ * the file was damaged and was removed, so that it can be sent again. */
 status blobs_read(const char *folder, const struct digest *digest, size_t limit_bytes,
                   struct buffer *out, struct error *err) MUST_CHECK;
 
@@ -36,10 +36,10 @@ status upload_begin(struct upload **out, const char *folder, const struct digest
 const struct digest *upload_digest(const struct upload *upload);
 uint64_t upload_total(const struct upload *upload);
 uint64_t upload_size(const struct upload *upload); /* so far: the offset of the next piece */
-/* ERR_IO (disk full, ...), ERR_PROTOCOL: more than was announced. */
+/* ERR_IO (disk full, ...), ERR_PROTOCOL: more bytes than announced. */
 status upload_add(struct upload *upload, const void *data, size_t size_bytes, struct error *err)
     MUST_CHECK;
-/* All bytes are in: check the hash, sync, rename. ERR_INPUT: another hash. May run in another
+/* All bytes have arrived: check the hash, sync, rename. ERR_INPUT: another hash. May run in another
  * thread. The upload must still be freed. */
 status upload_finish(struct upload *upload, struct error *err) MUST_CHECK;
 void upload_free(struct upload *upload); /* NULL is fine */

@@ -21,7 +21,7 @@ static status make_file(const char *path, struct error *err)
         return STATUS_OK;
     if (fd >= 0)
         unlink(path);
-    return error_set(err, STATUS_ERR_IO, "%s: no room for %d MB that the store keeps back: %s", path,
+    return error_set(err, STATUS_ERR_IO, "%s: no space for the store's reserve of %d MB: %s", path,
                      RESERVE_BYTES >> 20, strerror(code));
 }
 
@@ -48,7 +48,7 @@ int reserve_release(const char *folder)
     return released;
 }
 
-/* Are more than so many parts of the reserve left above this descriptor? */
+/* Are more than this many parts of the reserve free above this descriptor? */
 static int leaves(int fd, unsigned parts)
 {
     struct rlimit limit;

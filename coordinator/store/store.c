@@ -1,4 +1,4 @@
-/* The store as a whole: its folder, who holds it, the lease epoch. */
+/* The store as a whole: its folder, its lock, the lease epoch. */
 #include "coordinator/store/store.h"
 
 #include <errno.h>
@@ -16,11 +16,11 @@
 #include "coordinator/store/reserve.h"
 #include "coordinator/store/store_parts.h"
 
-/* What must be free beside the reserve for the store to be of use. */
+/* The space that must be free beside the reserve for the store to be usable. */
 enum { PROBE_BYTES = 64 << 10 };
 
 /* Epochs that one run may grant. At a million leases a second they last 12 days; the wall clock's
- * part outgrows them. */
+ * part grows faster. */
 #define EPOCHS_A_RUN ((uint64_t)1 << 40)
 
 static status take_lock(struct store *store, struct error *err)
@@ -33,7 +33,8 @@ static status take_lock(struct store *store, struct error *err)
     if (!path)
         return error_no_memory(err, "the store");
     store->lock_fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
-    if (store->lock_fd < 0 && (errno == EROFS || errno == EACCES)) /* it can be held all the same */
+    if (store->lock_fd < 0 && (errno == EROFS || errno == EACCES)) /* it can be locked all the same
+                                                                      */
         store->lock_fd = open(path, O_RDONLY | O_CLOEXEC);
     if (store->lock_fd < 0) {
         s = error_set(err, STATUS_ERR_IO,
@@ -87,8 +88,8 @@ status store_make_folder(const struct store *store, const char *name, struct err
     return s;
 }
 
-/* Tell of a store whose contents other users can reach. It is left as it is: the rights may have been
- * chosen, as a volume's group is. */
+/* Warn about a store that other users can read. The permissions are not changed: they may be
+ * intended, for example by a volume's group. */
 static void warn_of_rights(const char *folder)
 {
     static const char *const inside[] = {"queue.sqlite", "blobs", "films", "outputs"};
@@ -102,7 +103,7 @@ static void warn_of_rights(const char *folder)
         mem_free(path);
         if (!open_to_others)
             continue;
-        log_warn("%s: other users may read scenes and pictures in it; unless that is meant, run "
+        log_warn("%s: other users may read scenes and pictures in it; unless that is intended, run "
                  "chmod -R go= %s",
                  folder, folder);
         return;
@@ -134,7 +135,7 @@ status store_open(struct store **out, const char *folder, struct error *err)
     }
     warn_of_rights(folder);
     if (store_check(store, &why) != STATUS_OK)
-        atomic_store(&store->suspect, 1); /* the farm asks again, and tells */
+        atomic_store(&store->suspect, 1); /* the farm checks again, and reports it */
     *out = store;
     return STATUS_OK;
 }
@@ -161,7 +162,7 @@ int store_suspect(const struct store *store)
     return atomic_load(&store->suspect);
 }
 
-/* Write a small file: is there room beside the reserve, a descriptor, and the right to? */
+/* Write a small file, to check for space beside the reserve, a descriptor, and permission. */
 static status write_probe(const struct store *store, struct error *err)
 {
     static const uint8_t bytes[PROBE_BYTES];
@@ -208,18 +209,15 @@ status store_check(struct store *store, struct error *err)
 
 status epoch_store(struct store *store, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
     status s;
 
     if (store->epoch_limit == 0)
         return STATUS_OK;
     pthread_mutex_lock(&store->order);
-    s = sql_prepare(store, "INSERT OR REPLACE INTO meta (name, value) VALUES ('epoch_limit', ?)",
-                    &statement, err);
-    if (s == STATUS_OK) {
-        bind_number(statement, 1, store->epoch_limit);
-        s = sql_run_reserved(store, statement, "the lease epoch cannot be stored", err);
-    }
+    s = sql_change_reserved(store,
+                            "INSERT OR REPLACE INTO meta (name, value) VALUES ('epoch_limit', ?)",
+                            SQL_VALUES(sql_number(store->epoch_limit)),
+                            "the lease epoch cannot be stored", err);
     pthread_mutex_unlock(&store->order);
     if (s == STATUS_OK)
         store->epoch_limit = 0;
@@ -237,8 +235,8 @@ status store_epoch_begin(struct store *store, int64_t wall_s, uint64_t *epoch, s
     uint64_t wall = wall_s > 0 ? (uint64_t)wall_s << 24 : 1;
     struct error why = {0};
     int code;
-    status s = sql_prepare(store, "SELECT value FROM meta WHERE name='epoch_limit'", &statement,
-                           err);
+    status s = sql_select(store, "SELECT value FROM meta WHERE name='epoch_limit'", NULL, 0,
+                          &statement, err);
 
     if (s != STATUS_OK)
         return s;
@@ -253,6 +251,7 @@ status store_epoch_begin(struct store *store, int64_t wall_s, uint64_t *epoch, s
         return s;
     store->epoch_limit = *epoch + EPOCHS_A_RUN;
     if (epoch_store(store, &why) != STATUS_OK)
-        log_debug("%s", why.text); /* the store is suspect now: the farm tells what it finds */
+        log_debug("%s", why.text); /* the store is suspect now: the farm checks it and reports the
+                                      cause */
     return STATUS_OK;
 }

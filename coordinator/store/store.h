@@ -1,11 +1,11 @@
 /* store: what survives a restart. The only SQL is here.
  *
  * STORE/lock              held (flock) while a coordinator uses the store
- * STORE/reserve           room kept back for queue.sqlite (reserve.h)
- * STORE/queue.sqlite      jobs, the frames that are done or cut short, how wrong they are and were, who
- *                         delivered results, the lease epoch (WAL, full sync)
+ * STORE/reserve           space kept back for queue.sqlite (reserve.h)
+ * STORE/queue.sqlite      jobs, frames that are done or cut short, the history of their errors, the
+ *                         workers that delivered results, the lease epoch (WAL, full sync)
  * STORE/blobs/ab/HEX      blobs by SHA-256 (blobs.h)
- * STORE/blobs/tmp/        uploads on their way; emptied at the start
+ * STORE/blobs/tmp/        unfinished uploads; emptied at the start
  * STORE/films/JOB/frame-NNNN.film   films in work (store_film.h); removed when the job fails or is cancelled
  *                 frame-NNNN.kept   films of frames that are done: azulejo extend goes on from them
  * STORE/outputs/JOB/frame-NNNN.exr, .png, .jpg, .effects.json
@@ -14,15 +14,15 @@
  *
  * Folders have mode 700, files 600.
  *
- * A failure of the environment (status_is_environment) leaves everything as it was and may be tried
- * again at any time:
+ * A failure of the environment (status_is_environment) changes nothing, and may be tried again at
+ * any time:
  *
  *   WORKING --a write fails: store_suspect--> store_check says whether the store itself is the cause
  *     ^                                                               |
  *     +------------------store_check: STATUS_OK------------ FAILING <-+
  *
- * A store that can be read but not written is opened, too: it has read_only, its epoch is not
- * stored, and store_check makes up for both.
+ * A store that can be read but not written is opened as well, with read_only and without storing
+ * its epoch; store_check makes up for both.
  *
  * Functions marked [any thread] may be called from any thread, the others from the one that
  * opened the store.
@@ -45,21 +45,21 @@ status store_open(struct store **out, const char *folder, struct error *err) MUS
 void store_close(struct store *store);
 const char *store_folder(const struct store *store);
 
-/* Can it be used? If not, and if the environment is the cause, the text says what to do about it.
- * Does what is needed for that and was not possible before: folders, the database, the epoch, the
- * reserve, saves that failed. Writes a small file, and syncs nothing. ERR_IO, ERR_NO_MEMORY. */
+/* Can it be used? If not, and the environment is the cause, the text says what to do. Repeats steps
+ * that failed before: folders, the database, the epoch, the reserve, saves. Writes a small file,
+ * and syncs nothing. ERR_IO, ERR_NO_MEMORY. */
 status store_check(struct store *store, struct error *err) MUST_CHECK;
-/* Did something fail since the last store_check, so that it should be asked? [any thread] */
+/* Did something fail since the last store_check, so that it should be called? [any thread] */
 int store_suspect(const struct store *store);
 
-/* The epoch that this run's leases start after: greater than any that an earlier run of this
- * store can have granted, and, by the wall clock, than those of another store. It must be stored
- * before a lease is granted: where that fails now, store_check does it later. */
+/* The epoch that this run's leases start after: greater than any that an earlier run of this store
+ * can have granted, and, by the wall clock, than those of another store. It must be stored before a
+ * lease is granted: if that fails now, store_check does it later. */
 status store_epoch_begin(struct store *store, int64_t wall_s, uint64_t *epoch, struct error *err)
     MUST_CHECK;
 int store_epoch_stored(const struct store *store);
 
-/* Give the job an id and keep it. Fails where its token is a stored job's. [any thread] */
+/* Give the job an id and store it. Fails if a stored job has its token. [any thread] */
 status store_job_insert(struct store *store, struct job *job, struct error *err) MUST_CHECK;
 /* The stored job that was submitted with the job's token; 0: none. ERR_REFUSED when that one is
  * another job (wire_job_same). [any thread] */
@@ -67,19 +67,19 @@ status store_job_find(struct store *store, const struct job *job, uint64_t *id, 
     MUST_CHECK;
 /* Undo an insert; failure is logged. */
 void store_job_forget(struct store *store, uint64_t id);
-/* Keep its state and counters; on disk when this returns. ERR_IO, ERR_NO_MEMORY. */
+/* Store its state and counters; on disk when this returns. ERR_IO, ERR_NO_MEMORY. */
 status store_job_save(struct store *store, const struct job *job, uint64_t now_ns,
                       struct error *err) MUST_CHECK;
-/* The same, soon, by the store's own thread: a sync can take seconds while films are written. What
- * cannot be written is kept, and written when store_check finds that it can be; store_close tries
- * what still waits once more. The films of a job that failed or was cancelled are removed when its
- * state is on disk, and not before. ERR_NO_MEMORY: it was not noted. */
+/* The same, soon, by the store's own thread: a sync can take seconds while films are written. A
+ * save that fails is kept, and repeated when store_check finds the store usable; store_close tries
+ * the waiting saves once more. The films of a job that failed or was cancelled are removed only
+ * when its state is on disk. ERR_NO_MEMORY: the save was not noted. */
 status store_job_save_later(struct store *store, const struct job *job, uint64_t now_ns,
                             struct error *err) MUST_CHECK;
-/* Wait until what store_job_save_later was given before is on disk. ERR_IO, ERR_NO_MEMORY: it cannot
- * be written at present. [any thread] */
+/* Wait until all earlier saves of store_job_save_later are on disk. ERR_IO, ERR_NO_MEMORY: they
+ * cannot be written at present. [any thread] */
 status store_await_saves(struct store *store, struct error *err) MUST_CHECK;
-/* Does a save of this job wait to be written? [any thread] */
+/* Is a save of this job waiting? [any thread] */
 int store_job_unsaved(struct store *store, uint64_t id);
 /* Every job, ascending id, with its done frames marked. `adopt` takes ownership when it returns
  * STATUS_OK. A row that cannot be read is an error: no job is dropped silently. */
@@ -87,59 +87,57 @@ status store_jobs_load(struct store *store,
                        status (*adopt)(void *user, struct job *job, struct error *err), void *user,
                        struct error *err) MUST_CHECK;
 
-/* Who delivers results. Numbers start at 1 and are never used for another. */
+/* A worker that delivers results. Numbers start at 1 and are never reused. */
 struct deliverer {
     uint32_t number, process;
     char host[64], software[64];
     int64_t first_seen;          /* seconds since 1970, UTC */
 };
-/* The last number that was stored; 0: none was. */
+/* The last stored number; 0: none. */
 status store_deliverers_last(struct store *store, uint32_t *last, struct error *err) MUST_CHECK;
-/* Keep it, as store_job_save_later keeps a job: it is on disk before any film that was synced after
+/* Store it later, like store_job_save_later: it is on disk before any film that is synced after
  * store_await_saves. */
 status store_deliverer_save_later(struct store *store, const struct deliverer *deliverer,
                                   struct error *err) MUST_CHECK;
-/* out->number is 0 where the number is not known. [any thread] */
+/* out->number is 0 if the number is not known. [any thread] */
 status store_deliverer_find(struct store *store, uint32_t number, struct deliverer *out,
                             struct error *err) MUST_CHECK;
 
 /* The frame's outputs are on disk; its pictures follow that revision of the job's output settings
- * (-1: there are none yet). `cut`: what it holds when that is less than the cap allows, and what ended it;
- * NULL: it has all. `work`: of its film.
- * [any thread] */
+ * (-1: there are none yet). `cut`: its coverage if that is less than the cap allows, with `end`,
+ * the reason; NULL: it is complete. `work`: of its film. [any thread] */
 status store_frame_done(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
                         enum frame_end end, const struct film_coverage *cut,
                         const struct unit_work *work, struct error *err) MUST_CHECK;
-/* Keep a point of the frame's history at its place; those behind it go. [any thread] */
+/* Store a point of the frame's history at its place; later points are deleted. [any thread] */
 status store_history_add(struct store *store, uint64_t job, uint32_t frame, uint32_t place,
                          const struct history_point *point, struct error *err) MUST_CHECK;
 /* Read the frame's history. [any thread] */
 status store_history_load(struct store *store, uint64_t job, uint32_t frame, struct history *out,
                           struct error *err) MUST_CHECK;
-/* What the frame's limits count, as it was saved with its job last; 0: nothing is. */
+/* The clock of the frame's limits, as last saved with its job; 0: not saved. */
 status store_clock_load(struct store *store, uint64_t job, uint32_t frame,
                         struct frame_clock *out, struct error *err) MUST_CHECK;
 /* The pictures of a frame that is done were made again. [any thread] */
 status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
                              struct error *err) MUST_CHECK;
-/* Keep the changed settings of a job that is no longer DONE: the chosen frames are forgotten, and their
- * limits count from now on.
- * `submitted`: what it was submitted as just now, NULL: the same as before. On disk when this returns. ERR_IO,
- * ERR_NO_MEMORY: nothing changed. */
+/* Store the changed settings of a job that is no longer DONE: the chosen frames are deleted, and
+ * their limits count from now on. `submitted`: its new submission, NULL: as before. On disk when
+ * this returns. ERR_IO, ERR_NO_MEMORY: nothing changed. */
 status store_job_extend(struct store *store, const struct job *job,
                         const struct job_reopening *chosen, const struct job *submitted,
                         struct error *err) MUST_CHECK;
-/* Count what the job's finished frames took, and their figures, again. */
+/* Sum up the work of the job's finished frames, and their figures, again. */
 status store_job_sum(struct store *store, struct job *job, struct error *err) MUST_CHECK;
-/* Keep the job's changed output settings and their revision; on disk when this returns. */
+/* Store the job's changed output settings and their revision; on disk when this returns. */
 status store_job_revise(struct store *store, const struct job *job, struct error *err) MUST_CHECK;
 
 /* film_file_open on the frame's file. */
 status store_film_open(struct store *store, uint64_t job, uint32_t frame, struct film *film,
                        uint32_t (*durable)[GROUPS], uint8_t *slot, struct film_file **out,
                        struct error *err) MUST_CHECK;
-/* Close the film of a frame that is done up, in the place of the one in work, which nothing may be written to any
- * more. ERR_IO, ERR_NO_MEMORY: the film in work is there still. [any thread] */
+/* Replace the film in work of a done frame by a compact one. The film in work must no longer be
+ * written to. ERR_IO, ERR_NO_MEMORY: it remains. [any thread] */
 status store_film_keep(struct store *store, uint64_t job, uint32_t frame, const struct film *film,
                        struct film_file *file, struct error *err) MUST_CHECK;
 int store_film_exists(const struct store *store, uint64_t job, uint32_t frame);
@@ -147,7 +145,7 @@ int store_film_exists(const struct store *store, uint64_t job, uint32_t frame);
 void store_film_remove(struct store *store, uint64_t job, uint32_t frame);
 /* [any thread] */
 void store_films_remove(struct store *store, uint64_t job);
-/* Call visit for each job of which there is a folder of films. */
+/* Call visit for each job that has a folder of films. */
 void store_films_list(const struct store *store, void (*visit)(void *user, uint64_t job),
                       void *user);
 

@@ -42,10 +42,11 @@ static const char schema_3[] =
     " most INTEGER NOT NULL, tiles INTEGER NOT NULL, tiles_empty INTEGER NOT NULL,"
     " PRIMARY KEY (job, frame)) WITHOUT ROWID;";
 
-/* Version 4: the release that a job was begun with; its JobSubmit as it came, where an extension changed it; each frame's work, which jobs had the sums of (they go to the first frame that is done; the columns of
- * jobs are no longer used); what ended a frame (what was cut short before was cancelled:
- * FRAME_END_CANCEL); how long frames have been rendered, and from when on their limits count; how wrong each frame was
- * after what was spent on it. relative_mse above is no longer used. */
+/* Version 4: the release that a job was begun with; its original JobSubmit, if an extension changed
+ * it; the work of each frame instead of its sums in jobs (the sums go to the first done frame; the
+ * columns of jobs are no longer used); the reason why a frame ended (frames cut short before were
+ * cancelled: FRAME_END_CANCEL); how long frames have been rendered, and from when their limits
+ * count; the history of each frame's errors. relative_mse above is no longer used. */
 static const char schema_4[] =
     "ALTER TABLE jobs ADD COLUMN release TEXT NOT NULL DEFAULT '';"
     "ALTER TABLE jobs ADD COLUMN submitted BLOB;"
@@ -74,10 +75,10 @@ static const char schema_4[] =
     " psnr_lo REAL, psnr_hi REAL, rmse REAL, rmse_lo REAL, rmse_hi REAL, mean REAL,"
     " top_share REAL, disagreement REAL, unseen REAL, tail REAL, lone REAL, dark REAL,"
     " PRIMARY KEY (job, frame, place)) WITHOUT ROWID;";
-/* Version 4: who delivered results (store_deliverers.c). Samples are shared out otherwise since then, so an
- * unfinished frame's film is of no use (film_file_open sets it aside): a job without a finished frame is
- * as if it had not begun, and any release's workers may begin it. The numbers are those of enum job_state:
- * not DONE, FAILED or CANCELLED. */
+/* Version 4: workers that delivered results (store_deliverers.c). Since then samples are
+ * distributed differently, so an unfinished frame's film is useless (film_file_open renames it): a
+ * job without a finished frame counts as not begun, and workers of any release may begin it. The
+ * numbers are those of enum job_state: not DONE, FAILED or CANCELLED. */
 static const char convert_4[] =
     "UPDATE jobs SET kernel='', active_ns=0, conflicts=0, samples=0, rays=0, vertices=0, dropped=0,"
     " cpu_ns=0, trace_ns=0"
@@ -108,25 +109,59 @@ status sql_exec(struct store *store, const char *sql, const char *what, struct e
     return STATUS_OK;
 }
 
-status sql_prepare(struct store *store, const char *sql, sqlite3_stmt **out, struct error *err)
+struct sql_value sql_number(int64_t number)
 {
-    if (sqlite3_prepare_v2(store->db, sql, -1, out, NULL) != SQLITE_OK)
-        return sql_error(store, "prepare", err);
-    return STATUS_OK;
+    return (struct sql_value){.kind = SQL_NUMBER, .number = number};
 }
 
-status sql_run(struct store *store, sqlite3_stmt *statement, const char *what, struct error *err)
+struct sql_value sql_real(double real)
 {
-    status s = STATUS_OK;
+    return (struct sql_value){.kind = SQL_REAL, .real = real};
+}
 
-    if (sqlite3_step(statement) != SQLITE_DONE)
-        s = sql_error(store, what, err);
-    sqlite3_finalize(statement);
+struct sql_value sql_text(const char *text)
+{
+    return (struct sql_value){.kind = SQL_TEXT, .data = text, .size_bytes = text ? strlen(text) : 0};
+}
+
+struct sql_value sql_bytes(const struct buffer *bytes)
+{
+    return (struct sql_value){
+        .kind = SQL_BYTES, .data = bytes->size ? bytes->data : NULL, .size_bytes = bytes->size};
+}
+
+static int bind(sqlite3_stmt *statement, int at, const struct sql_value *value)
+{
+    switch (value->kind) {
+    case SQL_NUMBER: return sqlite3_bind_int64(statement, at, value->number);
+    case SQL_REAL: return sqlite3_bind_double(statement, at, value->real);
+    case SQL_TEXT:
+        return sqlite3_bind_text(statement, at, value->data, (int)value->size_bytes,
+                                 SQLITE_TRANSIENT);
+    default:
+        return sqlite3_bind_blob(statement, at, value->data, (int)value->size_bytes,
+                                 SQLITE_TRANSIENT);
+    }
+}
+
+status sql_select(struct store *store, const char *sql, const struct sql_value *values,
+                  size_t count, sqlite3_stmt **out, struct error *err)
+{
+    int code = sqlite3_prepare_v2(store->db, sql, -1, out, NULL);
+    status s;
+
+    for (size_t i = 0; code == SQLITE_OK && i < count; i++)
+        code = bind(*out, (int)i + 1, &values[i]);
+    if (code == SQLITE_OK)
+        return STATUS_OK;
+    s = sql_error(store, "prepare", err);
+    sqlite3_finalize(*out);
+    *out = NULL;
     return s;
 }
 
-/* Did what was done last find no room? Some of SQLite's files report it as an I/O error, and the index
- * of its log without a number. */
+/* Did the last statement fail for lack of space? Some of SQLite's files report that as an I/O
+ * error, and the index of its log without an error number. */
 static int found_no_room(const struct store *store)
 {
     int number = sqlite3_system_errno(store->db);
@@ -143,30 +178,36 @@ static int give_reserve(struct store *store)
     return 1;
 }
 
-status sql_run_reserved(struct store *store, sqlite3_stmt *statement, const char *what,
-                        struct error *err)
+static status change(struct store *store, const char *sql, const struct sql_value *values,
+                     size_t count, int reserved, const char *what, struct error *err)
 {
-    if (sqlite3_step(statement) != SQLITE_DONE) {
-        if (!give_reserve(store)) {
-            status s = sql_error(store, what, err);
-            sqlite3_finalize(statement);
-            return s;
-        }
+    sqlite3_stmt *statement = NULL;
+    status s = sql_select(store, sql, values, count, &statement, err);
+    int code;
+
+    if (s != STATUS_OK)
+        return s;
+    code = sqlite3_step(statement);
+    if (code != SQLITE_DONE && reserved && give_reserve(store)) {
         sqlite3_reset(statement);
-        return sql_run(store, statement, what, err);
+        code = sqlite3_step(statement);
     }
+    if (code != SQLITE_DONE)
+        s = sql_error(store, what, err);
     sqlite3_finalize(statement);
-    return STATUS_OK;
+    return s;
 }
 
-void bind_text(sqlite3_stmt *statement, int at, const char *text)
+status sql_change(struct store *store, const char *sql, const struct sql_value *values,
+                  size_t count, const char *what, struct error *err)
 {
-    sqlite3_bind_text(statement, at, text, -1, SQLITE_TRANSIENT);
+    return change(store, sql, values, count, 0, what, err);
 }
 
-void bind_number(sqlite3_stmt *statement, int at, uint64_t value)
+status sql_change_reserved(struct store *store, const char *sql, const struct sql_value *values,
+                           size_t count, const char *what, struct error *err)
 {
-    sqlite3_bind_int64(statement, at, (sqlite3_int64)value);
+    return change(store, sql, values, count, 1, what, err);
 }
 
 void column_text(sqlite3_stmt *statement, int at, char *out, size_t size)
@@ -184,7 +225,7 @@ uint64_t column_number(sqlite3_stmt *statement, int at)
 static status schema_version(struct store *store, int *version, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
-    status s = sql_prepare(store, "PRAGMA user_version", &statement, err);
+    status s = sql_select(store, "PRAGMA user_version", NULL, 0, &statement, err);
 
     if (s != STATUS_OK)
         return s;
@@ -212,7 +253,7 @@ static status connect(struct store *store, const char *name, int flags, struct e
 static status open_to_write(struct store *store, const char *path, struct error *err)
 {
     int version = 0;
-    /* SQLite makes its other files with the rights of this one. */
+    /* SQLite gives its other files the permissions of this one. */
     int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
     status s;
 
@@ -245,14 +286,13 @@ static status open_to_write(struct store *store, const char *path, struct error 
     if (s == STATUS_OK)
         s = sql_exec(store, "PRAGMA user_version=5; COMMIT", "cannot be set up", err);
     if (s == STATUS_OK && version > 0)
-        log_info("%s: brought up from store version %d to %d; finished jobs stay as they are, frames in "
-                 "work are rendered from their beginning",
+        log_info("%s: brought up from store version %d to %d; finished jobs stay as they are, unfinished frames are rendered from their beginning",
                  store->folder, version, STORE_VERSION);
     return s;
 }
 
-/* The path as a URI that says that nobody will change the file: SQLite then needs neither its index
- * of the log nor a lock. */
+/* The path as a URI that declares the file immutable: SQLite then needs neither its index of the
+ * log nor a lock. */
 static void immutable_name(const char *path, struct buffer *name)
 {
     buffer_printf(name, "file:");
@@ -261,8 +301,8 @@ static void immutable_name(const char *path, struct buffer *name)
     buffer_printf(name, "?immutable=1");
 }
 
-/* Without the right or the room to write, the log can only be read where its index lies beside it;
- * where the log is empty, as after an orderly end, it needs not be. */
+/* Without permission or space to write, the log can only be read if its index exists. If the log is
+ * empty, as after an orderly end, it need not be read. */
 static status open_to_read(struct store *store, const char *path, struct error *err)
 {
     struct buffer name = BUFFER_INIT, log = BUFFER_INIT;
@@ -281,14 +321,14 @@ static status open_to_read(struct store *store, const char *path, struct error *
     if (s == STATUS_OK)
         s = schema_version(store, &version, err);
     if (s == STATUS_OK && version != STORE_VERSION)
-        s = error_set(err, STATUS_ERR_IO, "%s: its tables are of an older version", path);
+        s = error_set(err, STATUS_ERR_IO, "%s: its tables have an older version", path);
     buffer_release(&name);
     buffer_release(&log);
     return s;
 }
 
-/* Close a connection that did not open. Damage is distinguished from failures of the environment here: it ends
- * the coordinator before anything was written. */
+/* Close a connection that did not open. Here damage is distinguished from failures of the
+ * environment: it ends the coordinator before anything is written. */
 static status disconnect(struct store *store, status s, struct error *err)
 {
     int code = store->db ? sqlite3_errcode(store->db) : SQLITE_OK;
@@ -303,8 +343,8 @@ static status disconnect(struct store *store, status s, struct error *err)
     return s;
 }
 
-/* For writing, with the reserve's room where there is no other, or at least for reading. What keeps it
- * from being written is in `err` also when it can be read. */
+/* Open for writing, with the reserve's space if there is no other, or at least for reading. The
+ * reason why it cannot be written is in `err` even if it can be read. */
 static status open_as_possible(struct store *store, const char *path, struct error *err)
 {
     struct error why = {0};
@@ -335,8 +375,8 @@ status database_open(struct store *store, struct error *err)
     return store->db ? STATUS_OK : s;
 }
 
-/* SQLite shares what it knows of the log's index between a process's connections, and it was opened
- * for reading: the old connection must be closed first. */
+/* SQLite shares the log's index between a process's connections, and the old one opened it for
+ * reading: that connection must be closed first. */
 status database_reopen(struct store *store, struct error *err)
 {
     char *path = file_join(store->folder, "queue.sqlite");

@@ -1,4 +1,4 @@
-/* Who delivered results: films' logs keep a number for each, this table what is behind it. */
+/* Workers that delivered results: films' logs hold their numbers, this table the rest. */
 #include <string.h>
 
 #include "coordinator/store/store_parts.h"
@@ -9,26 +9,20 @@ const char deliverers_schema[] =
 
 status deliverer_write(struct store *store, const struct deliverer *d, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    status s = sql_prepare(store,
-                           "INSERT OR REPLACE INTO deliverers (number, host, process, software, "
-                           "first_seen) VALUES (?, ?, ?, ?, ?)",
-                           &statement, err);
-
-    if (s != STATUS_OK)
-        return s;
-    sqlite3_bind_int64(statement, 1, d->number);
-    bind_text(statement, 2, d->host);
-    sqlite3_bind_int64(statement, 3, d->process);
-    bind_text(statement, 4, d->software);
-    sqlite3_bind_int64(statement, 5, d->first_seen);
-    return sql_run_reserved(store, statement, "who delivers results cannot be stored", err);
+    return sql_change_reserved(store,
+                               "INSERT OR REPLACE INTO deliverers (number, host, process, "
+                               "software, first_seen) VALUES (?, ?, ?, ?, ?)",
+                               SQL_VALUES(sql_number(d->number), sql_text(d->host),
+                                          sql_number(d->process), sql_text(d->software),
+                                          sql_number(d->first_seen)),
+                               "the worker that delivers results cannot be stored", err);
 }
 
 status store_deliverers_last(struct store *store, uint32_t *last, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
-    status s = sql_prepare(store, "SELECT COALESCE(MAX(number), 0) FROM deliverers", &statement, err);
+    status s = sql_select(store, "SELECT COALESCE(MAX(number), 0) FROM deliverers", NULL, 0,
+                          &statement, err);
 
     *last = 0;
     if (s != STATUS_OK)
@@ -45,16 +39,15 @@ status store_deliverer_find(struct store *store, uint32_t number, struct deliver
                             struct error *err)
 {
     sqlite3_stmt *statement = NULL;
-    status s = sql_prepare(store,
-                           "SELECT host, process, software, first_seen FROM deliverers "
-                           "WHERE number=?",
-                           &statement, err);
+    status s = sql_select(store,
+                          "SELECT host, process, software, first_seen FROM deliverers "
+                          "WHERE number=?",
+                          SQL_VALUES(sql_number(number)), &statement, err);
     int code;
 
     memset(out, 0, sizeof *out);
     if (s != STATUS_OK)
         return s;
-    bind_number(statement, 1, number);
     code = sqlite3_step(statement);
     if (code == SQLITE_ROW) {
         out->number = number;

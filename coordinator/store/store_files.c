@@ -1,4 +1,4 @@
-/* Where a job's films and outputs lie below the store's folder. */
+/* The places of a job's films and outputs below the store's folder. */
 #include <dirent.h>
 #include <errno.h>
 #include <inttypes.h>
@@ -64,7 +64,7 @@ static int may_exist(const struct buffer *path)
 {
     struct stat info;
 
-    /* What cannot be looked at may be there: opening it then tells why. */
+    /* A file that cannot be looked up may exist: opening it gives the reason. */
     return !buffer_ok(path) || stat(buffer_text(path), &info) == 0 ||
            (errno != ENOENT && errno != ENOTDIR);
 }

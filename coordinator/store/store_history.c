@@ -1,4 +1,4 @@
-/* The rows of the history: how wrong a frame was after what was spent on it. */
+/* The rows of the history: a frame's errors and the work spent on it by then. */
 #include <math.h>
 #include <string.h>
 
@@ -9,7 +9,7 @@
     "psnr, psnr_lo, psnr_hi, rmse, rmse_lo, rmse_hi, mean, top_share, disagreement, unseen, tail, " \
     "lone, dark"
 
-/* Where the figures that are real numbers are, in the order of the columns from `display` on. */
+/* Pointers to the real-valued figures, in the order of the columns from `display` on. */
 enum { REALS = 16 };
 static void reals_of(struct accuracy_figures *f, double *reals[REALS])
 {
@@ -21,7 +21,7 @@ static void reals_of(struct accuracy_figures *f, double *reals[REALS])
     memcpy(reals, all, sizeof all);
 }
 
-/* NULL is "not known"; so is a number that SQLite would not keep. */
+/* NULL means "not known"; SQLite stores NaN as NULL. */
 static double column_real(sqlite3_stmt *row, int at)
 {
     return sqlite3_column_type(row, at) == SQLITE_NULL ? NAN : sqlite3_column_double(row, at);
@@ -47,45 +47,38 @@ static void read_point(sqlite3_stmt *row, int at, struct history_point *out)
 static status delete_behind(struct store *store, uint64_t job, uint32_t frame, uint32_t place,
                             struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    status s = sql_prepare(store, "DELETE FROM history WHERE job=? AND frame=? AND place>?",
-                           &statement, err);
-
-    if (s != STATUS_OK)
-        return s;
-    bind_number(statement, 1, job);
-    sqlite3_bind_int64(statement, 2, frame);
-    sqlite3_bind_int64(statement, 3, place);
-    return sql_run_reserved(store, statement, "the frame's figures cannot be kept", err);
+    return sql_change_reserved(store, "DELETE FROM history WHERE job=? AND frame=? AND place>?",
+                               SQL_VALUES(sql_number(job), sql_number(frame), sql_number(place)),
+                               "the frame's figures cannot be kept", err);
 }
 
 static status insert_point(struct store *store, uint64_t job, uint32_t frame, uint32_t place,
                            const struct history_point *point, struct error *err)
 {
+    enum { OTHERS = 10 };
     struct history_point copy = *point;
     double *reals[REALS];
-    sqlite3_stmt *statement = NULL;
-    status s = sql_prepare(store,
-                           "INSERT OR REPLACE INTO history (job, frame, place, " HISTORY_COLUMNS ") "
-                           "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                           &statement, err);
+    struct sql_value values[OTHERS + REALS] = {
+        sql_number(job),
+        sql_number(frame),
+        sql_number(place),
+        sql_real(point->core_s),
+        sql_real(point->wall_s),
+        sql_number(point->samples),
+        sql_number(point->rays),
+        sql_number(point->figures.known),
+        sql_number(point->figures.reliable),
+        sql_number(point->figures.reasons),
+    };
 
-    if (s != STATUS_OK)
-        return s;
-    bind_number(statement, 1, job);
-    sqlite3_bind_int64(statement, 2, frame);
-    sqlite3_bind_int64(statement, 3, place);
-    sqlite3_bind_double(statement, 4, point->core_s);
-    sqlite3_bind_double(statement, 5, point->wall_s);
-    bind_number(statement, 6, point->samples);
-    bind_number(statement, 7, point->rays);
-    sqlite3_bind_int(statement, 8, point->figures.known);
-    sqlite3_bind_int(statement, 9, point->figures.reliable);
-    sqlite3_bind_int64(statement, 10, point->figures.reasons);
     reals_of(&copy.figures, reals);
     for (int i = 0; i < REALS; i++)
-        sqlite3_bind_double(statement, 11 + i, *reals[i]); /* NaN becomes NULL */
-    return sql_run_reserved(store, statement, "the frame's figures cannot be kept", err);
+        values[OTHERS + i] = sql_real(*reals[i]);
+    return sql_change_reserved(store,
+                               "INSERT OR REPLACE INTO history (job, frame, place, " HISTORY_COLUMNS
+                               ") VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, "
+                               "?, ?, ?, ?, ?, ?, ?)",
+                               values, OTHERS + REALS, "the frame's figures cannot be kept", err);
 }
 
 status store_history_add(struct store *store, uint64_t job, uint32_t frame, uint32_t place,
@@ -113,13 +106,11 @@ status store_history_load(struct store *store, uint64_t job, uint32_t frame, str
 
     out->count = 0;
     pthread_mutex_lock(&store->order); /* the connection may be exchanged */
-    s = sql_prepare(store,
-                    "SELECT " HISTORY_COLUMNS " FROM history WHERE job=? AND frame=? "
-                    "ORDER BY place",
-                    &statement, err);
+    s = sql_select(store,
+                   "SELECT " HISTORY_COLUMNS " FROM history WHERE job=? AND frame=? "
+                   "ORDER BY place",
+                   SQL_VALUES(sql_number(job), sql_number(frame)), &statement, err);
     if (s == STATUS_OK) {
-        bind_number(statement, 1, job);
-        sqlite3_bind_int64(statement, 2, frame);
         while (out->count < HISTORY_MAX && (code = sqlite3_step(statement)) == SQLITE_ROW)
             read_point(statement, 0, &out->points[out->count++]);
         if (code != SQLITE_DONE && code != SQLITE_ROW)
@@ -135,14 +126,13 @@ status history_load_last(struct store *store, struct job *job, struct error *err
     sqlite3_stmt *statement = NULL;
     int code = SQLITE_DONE;
     /* SQLite takes the other columns from the row that has the maximum. */
-    status s = sql_prepare(store,
-                           "SELECT frame, max(place), " HISTORY_COLUMNS " FROM history "
-                           "WHERE job=? GROUP BY frame ORDER BY frame",
-                           &statement, err);
+    status s = sql_select(store,
+                          "SELECT frame, max(place), " HISTORY_COLUMNS " FROM history "
+                          "WHERE job=? GROUP BY frame ORDER BY frame",
+                          SQL_VALUES(sql_number(job->id)), &statement, err);
 
     if (s != STATUS_OK)
         return s;
-    bind_number(statement, 1, job->id);
     while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW) {
         uint64_t frame = column_number(statement, 0);
         struct history_point point;

@@ -9,32 +9,24 @@
 
 status store_job_insert(struct store *store, struct job *job, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
     struct buffer request = BUFFER_INIT;
     status s = wire_job_pack(job, &request, err);
 
     pthread_mutex_lock(&store->order);
     if (s == STATUS_OK)
-        s = sql_prepare(store,
-                        "INSERT INTO jobs (name, state, state_text, scene_name, kernel, "
-                        "epoch_floor, submitted_at, finished_at, active_ns, conflicts, samples, "
-                        "rays, vertices, dropped, cpu_ns, trace_ns, request, token) "
-                        "VALUES (?, ?, '', ?, '', ?, ?, 0, 0, 0, 0, 0, 0, 0, 0, 0, ?, ?)",
-                        &statement, err);
-    if (s == STATUS_OK) {
-        bind_text(statement, 1, job->name);
-        sqlite3_bind_int(statement, 2, (int)job->state);
-        bind_text(statement, 3, job->scene_name);
-        bind_number(statement, 4, job->epoch_floor);
-        sqlite3_bind_int64(statement, 5, job->submitted_at);
-        sqlite3_bind_blob(statement, 6, request.data, (int)request.size, SQLITE_TRANSIENT);
-        if (job->token[0])
-            bind_text(statement, 7, job->token);
-        s = sql_run(store, statement, "the job cannot be stored", err);
-    }
+        s = sql_change(
+            store,
+            "INSERT INTO jobs (name, state, state_text, scene_name, kernel, epoch_floor, "
+            "submitted_at, finished_at, active_ns, conflicts, samples, rays, vertices, dropped, "
+            "cpu_ns, trace_ns, request, token) "
+            "VALUES (?, ?, '', ?, '', ?, ?, 0, 0, 0, 0, 0, 0, 0, 0, 0, ?, ?)",
+            SQL_VALUES(sql_text(job->name), sql_number(job->state), sql_text(job->scene_name),
+                       sql_number(job->epoch_floor), sql_number(job->submitted_at),
+                       sql_bytes(&request), sql_text(job->token[0] ? job->token : NULL)),
+            "the job cannot be stored", err);
     if (s == STATUS_OK)
         job->id = (uint64_t)sqlite3_last_insert_rowid(store->db);
-    pthread_mutex_unlock(&store->order); /* between the insert and its id nobody else inserts */
+    pthread_mutex_unlock(&store->order); /* no other insert may come before its id is read */
     buffer_release(&request);
     return s;
 }
@@ -49,12 +41,11 @@ status store_job_find(struct store *store, const struct job *job, uint64_t *id, 
     *id = 0;
     if (!job->token[0])
         return STATUS_OK;
-    /* As it came: an extension changes what is asked for. */
-    s = sql_prepare(store, "SELECT id, coalesce(submitted, request) FROM jobs WHERE token=?",
-                    &statement, err);
+    /* The original submission: an extension changes `request`. */
+    s = sql_select(store, "SELECT id, coalesce(submitted, request) FROM jobs WHERE token=?",
+                   SQL_VALUES(sql_text(job->token)), &statement, err);
     if (s != STATUS_OK)
         return s;
-    bind_text(statement, 1, job->token);
     code = sqlite3_step(statement);
     if (code == SQLITE_ROW) {
         *id = column_number(statement, 0);
@@ -77,16 +68,12 @@ status store_job_find(struct store *store, const struct job *job, uint64_t *id, 
 
 void store_job_forget(struct store *store, uint64_t id)
 {
-    sqlite3_stmt *statement = NULL;
     struct error err = {0};
     status s;
 
     pthread_mutex_lock(&store->order);
-    s = sql_prepare(store, "DELETE FROM jobs WHERE id=?", &statement, &err);
-    if (s == STATUS_OK) {
-        bind_number(statement, 1, id);
-        s = sql_run(store, statement, "a job cannot be removed", &err);
-    }
+    s = sql_change(store, "DELETE FROM jobs WHERE id=?", SQL_VALUES(sql_number(id)),
+                   "a job cannot be removed", &err);
     pthread_mutex_unlock(&store->order);
     if (s != STATUS_OK)
         log_error("%s", err.text);
@@ -94,20 +81,20 @@ void store_job_forget(struct store *store, uint64_t id)
 
 enum { HEALTH_ROW_BYTES = 3 * 8 };
 
-static void bind_health(sqlite3_stmt *statement, int at, const struct health *health)
+/* The kinds that occurred, HEALTH_ROW_BYTES each; `rows` has room for all. */
+static struct buffer write_health(const struct health *health, uint8_t *rows)
 {
-    uint8_t rows[HEALTH_KINDS * HEALTH_ROW_BYTES];
-    int bytes = 0;
+    struct buffer out = {.data = rows};
 
     for (uint64_t k = 0; k < HEALTH_KINDS; k++) {
         if (health->count[k] == 0)
             continue;
-        bytes_put64(rows + bytes, k);
-        bytes_put64(rows + bytes + 8, health->count[k]);
-        bytes_put64(rows + bytes + 16, health->first[k]);
-        bytes += HEALTH_ROW_BYTES;
+        bytes_put64(rows + out.size, k);
+        bytes_put64(rows + out.size + 8, health->count[k]);
+        bytes_put64(rows + out.size + 16, health->first[k]);
+        out.size += HEALTH_ROW_BYTES;
     }
-    sqlite3_bind_blob(statement, at, rows, bytes, SQLITE_TRANSIENT);
+    return out;
 }
 
 static void read_health(sqlite3_stmt *row, int at, struct health *out)
@@ -140,34 +127,19 @@ static struct unit_work read_work(sqlite3_stmt *row, int at)
     return work;
 }
 
-static void bind_work(sqlite3_stmt *statement, int at, const struct unit_work *work)
-{
-    bind_number(statement, at, work->samples);
-    bind_number(statement, at + 1, work->rays);
-    bind_number(statement, at + 2, work->vertices);
-    bind_number(statement, at + 3, work->dropped_samples);
-    bind_number(statement, at + 4, work->leaked_rays);
-    bind_number(statement, at + 5, work->clamped_values);
-    bind_number(statement, at + 6, work->clamped_samples);
-    sqlite3_bind_double(statement, at + 7, work->clamped_luminance);
-    sqlite3_bind_double(statement, at + 8, work->kept_luminance);
-    bind_health(statement, at + 9, &work->health);
-}
-
 static status load_frames(struct store *store, struct job *job, struct error *err)
 {
     struct unit_work work;
     sqlite3_stmt *statement = NULL;
     int code;
-    status s = sql_prepare(store,
-                           "SELECT frame, revision, samples, rays, vertices, dropped, leaked, "
-                           "clamped_values, clamped, clamped_luminance, kept_luminance, health "
-                           "FROM frames WHERE job=? ORDER BY frame",
-                           &statement, err);
+    status s = sql_select(store,
+                          "SELECT frame, revision, samples, rays, vertices, dropped, leaked, "
+                          "clamped_values, clamped, clamped_luminance, kept_luminance, health "
+                          "FROM frames WHERE job=? ORDER BY frame",
+                          SQL_VALUES(sql_number(job->id)), &statement, err);
 
     if (s != STATUS_OK)
         return s;
-    bind_number(statement, 1, job->id);
     while ((code = sqlite3_step(statement)) == SQLITE_ROW) {
         sqlite3_int64 frame = sqlite3_column_int64(statement, 0);
         if (frame < job->first_frame || frame > job->last_frame)
@@ -189,15 +161,13 @@ static status load_cuts(struct store *store, struct job *job, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
     int code = SQLITE_DONE;
-    status s = sql_prepare(store,
-                           "SELECT frame, samples, least, most, tiles, tiles_empty, ended, "
-                           "group_most "
-                           "FROM cut_frames WHERE job=? ORDER BY frame",
-                           &statement, err);
+    status s = sql_select(store,
+                          "SELECT frame, samples, least, most, tiles, tiles_empty, ended, "
+                          "group_most FROM cut_frames WHERE job=? ORDER BY frame",
+                          SQL_VALUES(sql_number(job->id)), &statement, err);
 
     if (s != STATUS_OK)
         return s;
-    bind_number(statement, 1, job->id);
     while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW) {
         uint64_t frame = column_number(statement, 0);
         struct film_coverage cut = {.samples = column_number(statement, 1),
@@ -279,12 +249,11 @@ status store_jobs_load(struct store *store,
 {
     sqlite3_stmt *statement = NULL;
     int code = SQLITE_DONE;
-    status s = sql_prepare(store,
-                           "SELECT id, state, state_text, scene_name, kernel, epoch_floor, "
-                           "submitted_at, finished_at, active_ns, conflicts, cpu_ns, request, "
-                           "trace_ns, revision, release "
-                           "FROM jobs ORDER BY id",
-                           &statement, err);
+    status s = sql_select(store,
+                          "SELECT id, state, state_text, scene_name, kernel, epoch_floor, "
+                          "submitted_at, finished_at, active_ns, conflicts, cpu_ns, request, "
+                          "trace_ns, revision, release FROM jobs ORDER BY id",
+                          NULL, 0, &statement, err);
 
     if (s != STATUS_OK)
         return s;
@@ -303,54 +272,44 @@ status store_jobs_load(struct store *store,
     return s;
 }
 
-/* Only rows of frames that are done count: this one is written first. */
+/* This row is written first: it counts only once its frame is done. */
 status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum frame_end end,
-                         const struct film_coverage *cut, struct error *err)
+                  const struct film_coverage *cut, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    status s = sql_prepare(store,
-                           "INSERT OR REPLACE INTO cut_frames (job, frame, samples, least, most, "
-                           "tiles, tiles_empty, ended, group_most) "
-                           "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                           &statement, err);
-
-    if (s != STATUS_OK)
-        return s;
-    bind_number(statement, 1, job);
-    sqlite3_bind_int64(statement, 2, frame);
-    bind_number(statement, 3, cut->samples);
-    sqlite3_bind_int64(statement, 4, cut->least);
-    sqlite3_bind_int64(statement, 5, cut->most);
-    sqlite3_bind_int64(statement, 6, cut->tiles);
-    sqlite3_bind_int64(statement, 7, cut->tiles_empty);
-    sqlite3_bind_int(statement, 8, (int)end);
-    sqlite3_bind_int64(statement, 9, cut->group_most);
-    return sql_run_reserved(store, statement, "the frame's samples cannot be noted", err);
+    return sql_change_reserved(
+        store,
+        "INSERT OR REPLACE INTO cut_frames (job, frame, samples, least, most, tiles, tiles_empty, "
+        "ended, group_most) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        SQL_VALUES(sql_number(job), sql_number(frame), sql_number(cut->samples),
+                   sql_number(cut->least), sql_number(cut->most), sql_number(cut->tiles),
+                   sql_number(cut->tiles_empty), sql_number(end), sql_number(cut->group_most)),
+        "the frame's samples cannot be noted", err);
 }
 
 status store_frame_done(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
                         enum frame_end end, const struct film_coverage *cut,
                         const struct unit_work *work, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
+    uint8_t rows[HEALTH_KINDS * HEALTH_ROW_BYTES];
+    const struct buffer health = write_health(&work->health, rows);
     status s = STATUS_OK;
 
     pthread_mutex_lock(&store->order);
     if (cut)
         s = cut_insert(store, job, frame, end, cut, err);
     if (s == STATUS_OK)
-        s = sql_prepare(store,
-                        "INSERT OR REPLACE INTO frames (job, frame, revision, samples, rays, "
-                        "vertices, dropped, leaked, clamped_values, clamped, clamped_luminance, "
-                        "kept_luminance, health) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                        &statement, err);
-    if (s == STATUS_OK) {
-        bind_number(statement, 1, job);
-        sqlite3_bind_int64(statement, 2, frame);
-        sqlite3_bind_int64(statement, 3, revision);
-        bind_work(statement, 4, work);
-        s = sql_run_reserved(store, statement, "the frame cannot be noted as done", err);
-    }
+        s = sql_change_reserved(
+            store,
+            "INSERT OR REPLACE INTO frames (job, frame, revision, samples, rays, vertices, dropped, "
+            "leaked, clamped_values, clamped, clamped_luminance, kept_luminance, health) "
+            "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            SQL_VALUES(sql_number(job), sql_number(frame), sql_number(revision),
+                       sql_number(work->samples), sql_number(work->rays),
+                       sql_number(work->vertices), sql_number(work->dropped_samples),
+                       sql_number(work->leaked_rays), sql_number(work->clamped_values),
+                       sql_number(work->clamped_samples), sql_real(work->clamped_luminance),
+                       sql_real(work->kept_luminance), sql_bytes(&health)),
+            "the frame cannot be noted as done", err);
     pthread_mutex_unlock(&store->order);
     return s;
 }
@@ -358,36 +317,27 @@ status store_frame_done(struct store *store, uint64_t job, uint32_t frame, int64
 status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
                              struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
     status s;
 
     pthread_mutex_lock(&store->order);
-    s = sql_prepare(store, "UPDATE frames SET revision=? WHERE job=? AND frame=?", &statement, err);
-    if (s == STATUS_OK) {
-        sqlite3_bind_int64(statement, 1, revision);
-        bind_number(statement, 2, job);
-        sqlite3_bind_int64(statement, 3, frame);
-        s = sql_run_reserved(store, statement, "the frame's pictures cannot be noted", err);
-    }
+    s = sql_change_reserved(store, "UPDATE frames SET revision=? WHERE job=? AND frame=?",
+                            SQL_VALUES(sql_number(revision), sql_number(job), sql_number(frame)),
+                            "the frame's pictures cannot be noted", err);
     pthread_mutex_unlock(&store->order);
     return s;
 }
 
 status store_job_revise(struct store *store, const struct job *job, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
     struct buffer request = BUFFER_INIT;
     status s = wire_job_pack(job, &request, err);
 
     pthread_mutex_lock(&store->order);
     if (s == STATUS_OK)
-        s = sql_prepare(store, "UPDATE jobs SET request=?, revision=? WHERE id=?", &statement, err);
-    if (s == STATUS_OK) {
-        sqlite3_bind_blob(statement, 1, request.data, (int)request.size, SQLITE_TRANSIENT);
-        sqlite3_bind_int64(statement, 2, job->revision);
-        bind_number(statement, 3, job->id);
-        s = sql_run(store, statement, "the job's output settings cannot be stored", err);
-    }
+        s = sql_change(
+            store, "UPDATE jobs SET request=?, revision=? WHERE id=?",
+            SQL_VALUES(sql_bytes(&request), sql_number(job->revision), sql_number(job->id)),
+            "the job's output settings cannot be stored", err);
     pthread_mutex_unlock(&store->order);
     buffer_release(&request);
     return s;
@@ -398,16 +348,14 @@ status store_clock_load(struct store *store, uint64_t job, uint32_t frame,
 {
     sqlite3_stmt *statement = NULL;
     int code;
-    status s = sql_prepare(store,
-                           "SELECT active_ns, cpu_ns, from_active_ns, from_cpu_ns FROM clocks "
-                           "WHERE job=? AND frame=?",
-                           &statement, err);
+    status s = sql_select(store,
+                          "SELECT active_ns, cpu_ns, from_active_ns, from_cpu_ns FROM clocks "
+                          "WHERE job=? AND frame=?",
+                          SQL_VALUES(sql_number(job), sql_number(frame)), &statement, err);
 
     memset(out, 0, sizeof *out);
     if (s != STATUS_OK)
         return s;
-    bind_number(statement, 1, job);
-    bind_number(statement, 2, frame);
     code = sqlite3_step(statement);
     if (code == SQLITE_ROW) {
         out->active_ns = column_number(statement, 0);
@@ -424,19 +372,11 @@ status store_clock_load(struct store *store, uint64_t job, uint32_t frame,
 status clock_write(struct store *store, uint64_t job, uint32_t frame, uint64_t active_ns,
                    uint64_t cpu_ns, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    status s = sql_prepare(store,
-                           "INSERT INTO clocks (job, frame, active_ns, cpu_ns) VALUES (?, ?, ?, ?) "
-                           "ON CONFLICT (job, frame) DO UPDATE SET "
-                           "active_ns=max(active_ns, excluded.active_ns), "
-                           "cpu_ns=max(cpu_ns, excluded.cpu_ns)",
-                           &statement, err);
-
-    if (s != STATUS_OK)
-        return s;
-    bind_number(statement, 1, job);
-    sqlite3_bind_int64(statement, 2, frame);
-    bind_number(statement, 3, active_ns);
-    bind_number(statement, 4, cpu_ns);
-    return sql_run_reserved(store, statement, "a frame's time cannot be stored", err);
+    return sql_change_reserved(
+        store,
+        "INSERT INTO clocks (job, frame, active_ns, cpu_ns) VALUES (?, ?, ?, ?) "
+        "ON CONFLICT (job, frame) DO UPDATE SET active_ns=max(active_ns, excluded.active_ns), "
+        "cpu_ns=max(cpu_ns, excluded.cpu_ns)",
+        SQL_VALUES(sql_number(job), sql_number(frame), sql_number(active_ns), sql_number(cpu_ns)),
+        "a frame's time cannot be stored", err);
 }

@@ -4,9 +4,9 @@
  * store_database.c  the connection, the tables and their versions, running a statement
  * store_jobs.c      the rows: jobs that are new, kept, revised, loaded; frames that are done
  * store_history.c   the rows of frames' figures
- * store_saves.c     a job's counters and state, saved at once or soon, by a thread of its own
- * store_deliverers.c who delivered results
- * store_files.c     where films and outputs lie
+ * store_saves.c     a job's counters and state, saved at once or later by a separate thread
+ * store_deliverers.c workers that delivered results
+ * store_files.c     the places of films and outputs
  */
 #ifndef AZULEJO_COORDINATOR_STORE_PARTS_H
 #define AZULEJO_COORDINATOR_STORE_PARTS_H
@@ -29,50 +29,68 @@ struct store {
     uint64_t epoch_limit;          /* to be stored; 0: it is */
     atomic_int suspect;
 
-    /* Saves that wait for the writer thread. `order` is held by a thread that writes to the database:
-     * from a row's leaving the list until it is written, so that an older row never overwrites a newer
-     * one, and while the connection is exchanged. `lock` is for what follows; it is taken last. */
+    /* Saves that wait for the writer thread. `order` is held by a thread that writes to the
+     * database: from a row's leaving the list until it is written, so that an older row never
+     * overwrites a newer one, and while the connection is exchanged. `lock` protects the members
+     * below; it is taken last. */
     pthread_mutex_t lock, order;
     pthread_cond_t wake, idle;
     struct saved_job *saves;
     int busy, ending, has_writer;
-    int failing;                   /* the last save failed, as `save_error` says; */
+    int failing;                   /* the last save failed with `save_error`; */
     int retry;                     /* the next one may be tried */
     struct error save_error;
     pthread_t writer;
 };
 
-/* Open queue.sqlite in the store's folder, and make its tables or bring them up to date. Where it can
- * only be read, that is enough: see read_only. What store->db holds is closed by store_close, also
- * after a failure. */
+/* Open queue.sqlite in the store's folder, and make its tables or bring them up to date. A database
+ * that can only be read is accepted: see read_only. store_close closes store->db, also after a
+ * failure. */
 status database_open(struct store *store, struct error *err) MUST_CHECK;
 /* Open a database again for writing that was opened read_only. */
 status database_reopen(struct store *store, struct error *err) MUST_CHECK;
-/* Store `epoch_limit`, if there is one to store. */
+/* Store `epoch_limit`, if it is not 0. */
 status epoch_store(struct store *store, struct error *err) MUST_CHECK;
 
-/* What SQLite said last, as ours: always the environment's failure, ERR_NO_MEMORY or ERR_IO, since no
- * job is to blame for its database. Makes the store suspect. */
+/* SQLite's last error as ours: always a failure of the environment, ERR_NO_MEMORY or ERR_IO, since
+ * no job causes it. Makes the store suspect. */
 status sql_error(struct store *store, const char *what, struct error *err);
 status sql_exec(struct store *store, const char *sql, const char *what,
                 struct error *err) MUST_CHECK;
-status sql_prepare(struct store *store, const char *sql, sqlite3_stmt **out,
-                   struct error *err) MUST_CHECK;
-/* Run a statement that yields no row, and finalize it. */
-status sql_run(struct store *store, sqlite3_stmt *statement, const char *what,
-               struct error *err) MUST_CHECK;
-/* The same for what must not wait for others to make room: on a full disk it gets the reserve. */
-status sql_run_reserved(struct store *store, sqlite3_stmt *statement, const char *what,
-                        struct error *err) MUST_CHECK;
-void bind_text(sqlite3_stmt *statement, int at, const char *text);
-void bind_number(sqlite3_stmt *statement, int at, uint64_t value);
+
+/* A value for a '?' of a statement. Empty bytes, a text that is NULL and NaN become NULL. */
+struct sql_value {
+    enum { SQL_NUMBER, SQL_REAL, SQL_TEXT, SQL_BYTES } kind;
+    int64_t number;
+    double real;
+    const void *data;
+    size_t size_bytes;
+};
+struct sql_value sql_number(int64_t number);
+struct sql_value sql_real(double real);
+struct sql_value sql_text(const char *text);
+struct sql_value sql_bytes(const struct buffer *bytes);
+/* Two arguments: values and their count. */
+#define SQL_VALUES(...)                  \
+    (const struct sql_value[]){__VA_ARGS__}, \
+        sizeof((const struct sql_value[]){__VA_ARGS__}) / sizeof(struct sql_value)
+
+/* A statement whose rows the caller steps through, and which it finalizes. */
+status sql_select(struct store *store, const char *sql, const struct sql_value *values,
+                  size_t count, sqlite3_stmt **out, struct error *err) MUST_CHECK;
+/* Run a statement that yields no row; `what` is the error's text. */
+status sql_change(struct store *store, const char *sql, const struct sql_value *values,
+                  size_t count, const char *what, struct error *err) MUST_CHECK;
+/* The same for what must not wait for others to free space: on a full disk it gets the reserve. */
+status sql_change_reserved(struct store *store, const char *sql, const struct sql_value *values,
+                           size_t count, const char *what, struct error *err) MUST_CHECK;
 void column_text(sqlite3_stmt *statement, int at, char *out, size_t size);
 uint64_t column_number(sqlite3_stmt *statement, int at);
 
 /* Bring the frame's clock forward; it never goes back. */
 status clock_write(struct store *store, uint64_t job, uint32_t frame, uint64_t active_ns,
                    uint64_t cpu_ns, struct error *err) MUST_CHECK;
-/* Note what a frame holds that is done with less than the cap allows. */
+/* Note the coverage of a frame that is done with fewer samples than the cap allows. */
 status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum frame_end end,
                   const struct film_coverage *cut, struct error *err) MUST_CHECK;
 /* Note the newest figures of the job's finished frames in job->figures. */
@@ -82,18 +100,18 @@ extern const char deliverers_schema[];
 status deliverer_write(struct store *store, const struct deliverer *deliverer,
                        struct error *err) MUST_CHECK;
 
-/* saves_init makes the locks, saves_start the writer thread. saves_stop, for both, ends the thread
- * once it has tried to write what waits. */
+/* saves_init makes the locks, saves_start the writer thread. saves_stop ends the thread after it
+ * has tried the waiting saves, and destroys the locks. */
 void saves_init(struct store *store);
 status saves_start(struct store *store, struct error *err) MUST_CHECK;
 void saves_stop(struct store *store);
-/* Let a save that failed be tried again. */
+/* Allow a failed save to be tried again. */
 void saves_retry(struct store *store);
-/* How the last save ended. ERR_IO, ERR_NO_MEMORY. */
+/* The result of the last save. ERR_IO, ERR_NO_MEMORY. */
 status saves_state(struct store *store, struct error *err) MUST_CHECK;
 
-/* Make the folder, relative to the store's, durable. ERR_IO also where the store's folder is not the
- * one that was opened: moved away, or unmounted. */
+/* Make the folder, relative to the store's, durable. ERR_IO also if the store's folder is not the
+ * one that was opened (moved or unmounted). */
 status store_make_folder(const struct store *store, const char *name, struct error *err)
     MUST_CHECK;
 

@@ -1,4 +1,4 @@
-/* Saving what changes while jobs run, at once or soon: a job's row, a new deliverer. */
+/* Saves of what changes while jobs run, at once or later: a job's row, a new deliverer. */
 #include <stdio.h>
 #include <string.h>
 
@@ -12,7 +12,7 @@
 /* Deliverers wait in the same list, under ids that no job has. */
 #define DELIVERER_ID ((uint64_t)1 << 63)
 
-/* A job's row as it stood when it was to be saved, or a deliverer. */
+/* A snapshot of a job's row, or a deliverer. */
 struct saved_job {
     struct saved_job *next;
     uint64_t id;
@@ -22,7 +22,7 @@ struct saved_job {
     int64_t finished_at;
     uint64_t active_ns, conflicts;
     struct work_stats stats;
-    /* What the limits of frames in work count. */
+    /* The clocks of the limits of frames in work. */
     uint32_t clock_count;
     struct {
         uint32_t frame;
@@ -64,29 +64,20 @@ static status clocks_write(struct store *store, const struct saved_job *row, str
 
 static status row_write(struct store *store, const struct saved_job *row, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    status s = sql_prepare(store,
-                           "UPDATE jobs SET state=?, state_text=?, kernel=?, finished_at=?, "
-                           "active_ns=?, conflicts=?, cpu_ns=?, trace_ns=?, release=? WHERE id=?",
-                           &statement, err);
+    status s = sql_change_reserved(
+        store,
+        "UPDATE jobs SET state=?, state_text=?, kernel=?, finished_at=?, active_ns=?, conflicts=?, "
+        "cpu_ns=?, trace_ns=?, release=? WHERE id=?",
+        SQL_VALUES(sql_number(row->state), sql_text(row->state_text), sql_text(row->kernel),
+                   sql_number(row->finished_at), sql_number(row->active_ns),
+                   sql_number(row->conflicts), sql_number(row->stats.cpu_ns),
+                   sql_number(row->stats.trace_ns), sql_text(row->release), sql_number(row->id)),
+        "the job's state cannot be stored", err);
 
-    if (s != STATUS_OK)
-        return s;
-    sqlite3_bind_int(statement, 1, (int)row->state);
-    bind_text(statement, 2, row->state_text);
-    bind_text(statement, 3, row->kernel);
-    sqlite3_bind_int64(statement, 4, row->finished_at);
-    bind_number(statement, 5, row->active_ns);
-    bind_number(statement, 6, row->conflicts);
-    bind_number(statement, 7, row->stats.cpu_ns);
-    bind_number(statement, 8, row->stats.trace_ns);
-    bind_text(statement, 9, row->release);
-    bind_number(statement, 10, row->id);
-    s = sql_run_reserved(store, statement, "the job's state cannot be stored", err);
     return s == STATUS_OK ? clocks_write(store, row, err) : s;
 }
 
-/* Nobody will go on from its films. */
+/* Its films will not be continued. */
 static int films_are_over(const struct saved_job *row)
 {
     return job_state_ended(row->state) && row->state != JOB_STATE_DONE;
@@ -112,8 +103,8 @@ static void saves_drop(struct store *store, uint64_t id)
     mem_free(row);
 }
 
-/* What became of a row that left the list; `order` is held. A failed one goes back unless a newer one
- * came. */
+/* Note the result of a row that left the list; `order` is held. A failed row goes back unless a
+ * newer one came. */
 static void row_written(struct store *store, struct saved_job *row, status s,
                         const struct error *why)
 {
@@ -135,8 +126,7 @@ static void row_written(struct store *store, struct saved_job *row, status s,
     mem_free(row);
 }
 
-/* Wait until there is a row that may be written. 0: the store closes, and nothing is left that can
- * be. */
+/* Wait until there is a row that may be written. 0: the store closes, and no such row is left. */
 static int await_row(struct store *store)
 {
     int there;
@@ -145,7 +135,7 @@ static int await_row(struct store *store)
     while (!store->ending && (!store->saves || (store->failing && !store->retry)))
         pthread_cond_wait(&store->wake, &store->lock);
     if (store->ending && store->failing && !store->retry && store->saves) {
-        log_error("%s; how jobs stand now is not stored: those that ended go on at the next start",
+        log_error("%s; the present states of jobs are not stored: jobs that ended continue at the next start",
                   store->save_error.text);
         there = 0;
     } else {
@@ -169,7 +159,7 @@ static void *write_saves(void *user)
 
         pthread_mutex_lock(&store->order);
         pthread_mutex_lock(&store->lock);
-        row = store->saves; /* what was there may have been overtaken */
+        row = store->saves; /* the first row may have been replaced */
         if (row)
             store->saves = row->next;
         pthread_mutex_unlock(&store->lock);
@@ -180,7 +170,7 @@ static void *write_saves(void *user)
             ended = row->id;
         row_written(store, row, s, &err);
         pthread_mutex_unlock(&store->order);
-        if (ended) /* and only now: its end is on disk */
+        if (ended) /* not earlier: the job's end is on disk now */
             store_films_remove(store, ended);
     }
     return NULL;
@@ -237,7 +227,7 @@ status store_job_save(struct store *store, const struct job *job, uint64_t now_n
     return s;
 }
 
-/* Have the row written after all that waits. */
+/* Write the row after all that wait. */
 static void save_later(struct store *store, struct saved_job *row)
 {
     pthread_mutex_lock(&store->lock);
@@ -253,30 +243,22 @@ status store_deliverer_save_later(struct store *store, const struct deliverer *d
     struct saved_job *row = mem_calloc(1, sizeof *row);
 
     if (!row)
-        return error_no_memory(err, "who delivers results");
+        return error_no_memory(err, "a worker that delivers results");
     row->id = DELIVERER_ID | deliverer->number;
     row->deliverer = *deliverer;
     save_later(store, row);
     return STATUS_OK;
 }
 
-/* Of the frame's row, or with -1 of all of the job's. */
+/* Change the frame's row, or with -1 all rows of the job. */
 static status change_rows(struct store *store, const char *change, uint64_t job, int64_t frame,
                           struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
     char text[128];
-    status s;
 
-    snprintf(text, sizeof text, "%s WHERE job=?%s", change,
-             frame < 0 ? "" : " AND frame=?");
-    s = sql_prepare(store, text, &statement, err);
-    if (s != STATUS_OK)
-        return s;
-    bind_number(statement, 1, job);
-    if (frame >= 0)
-        sqlite3_bind_int64(statement, 2, frame);
-    return sql_run(store, statement, "the job's frames cannot be stored", err);
+    snprintf(text, sizeof text, "%s WHERE job=?1%s", change, frame < 0 ? "" : " AND frame=?2");
+    return sql_change(store, text, (const struct sql_value[]){sql_number(job), sql_number(frame)},
+                      frame < 0 ? 1 : 2, "the job's frames cannot be stored", err);
 }
 
 static status forget_frames(struct store *store, const struct job *job,
@@ -305,26 +287,16 @@ static status extend_rows(struct store *store, const struct job *job,
                           const struct job_reopening *chosen, const struct buffer *request,
                           const struct buffer *submitted, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    status s = sql_prepare(store,
-                           "UPDATE jobs SET submitted=coalesce(?6, submitted, request), request=?1, "
-                           "state=?2, state_text='', finished_at=0, epoch_floor=?3, name=?4, "
-                           "token=?5, submitted_at=?8 WHERE id=?7",
-                           &statement, err);
+    status s = sql_change(
+        store,
+        "UPDATE jobs SET request=?1, state=?2, state_text='', finished_at=0, epoch_floor=?3, "
+        "name=?4, token=?5, submitted=coalesce(?6, submitted, request), submitted_at=?7 "
+        "WHERE id=?8",
+        SQL_VALUES(sql_bytes(request), sql_number(JOB_STATE_QUEUED), sql_number(job->epoch_floor),
+                   sql_text(job->name), sql_text(job->token[0] ? job->token : NULL),
+                   sql_bytes(submitted), sql_number(job->submitted_at), sql_number(job->id)),
+        "the job's settings cannot be stored", err);
 
-    if (s != STATUS_OK)
-        return s;
-    sqlite3_bind_blob(statement, 1, request->data, (int)request->size, SQLITE_TRANSIENT);
-    sqlite3_bind_int(statement, 2, JOB_STATE_QUEUED);
-    bind_number(statement, 3, job->epoch_floor);
-    bind_text(statement, 4, job->name);
-    if (job->token[0])
-        bind_text(statement, 5, job->token);
-    if (submitted->size > 0)
-        sqlite3_bind_blob(statement, 6, submitted->data, (int)submitted->size, SQLITE_TRANSIENT);
-    bind_number(statement, 7, job->id);
-    sqlite3_bind_int64(statement, 8, job->submitted_at);
-    s = sql_run(store, statement, "the job's settings cannot be stored", err);
     return s == STATUS_OK ? forget_frames(store, job, chosen, err) : s;
 }
 

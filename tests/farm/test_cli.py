@@ -788,7 +788,7 @@ def cancelling():
         finally:
             watcher.kill()
             watcher.wait()
-        expect(watcher.returncode == 130 and b"goes on" in err, (watcher.returncode, out, err))
+        expect(watcher.returncode == 130 and b"continues" in err, (watcher.returncode, out, err))
         expect(farm.job(number)["state"] == "running", "it does not go on")
         watcher = farm.start_cli("watch", number)
         try:
@@ -832,7 +832,7 @@ def coordinator_goes_away():
             expect(short.returncode == 7 and b"3 seconds" in err, (short.returncode, out, err))
             stopped.send_signal(signal.SIGINT)
             out, err = stopped.communicate(timeout=60)
-            expect(stopped.returncode == 130 and b"goes on" in err, (stopped.returncode, out, err))
+            expect(stopped.returncode == 130 and b"continues" in err, (stopped.returncode, out, err))
             farm.restart_coordinator()
             job = farm.wait_for_job(number, "done")
             out, err = patient.communicate(timeout=60)

@@ -230,7 +230,7 @@ def killed_coordinator():
             # What was on disk is there again; at most the last moments are lost.
             resumed = farm.job(number)["samples_done"]
             expect(resumed > done / 2, "%d of %d samples are left" % (resumed, done))
-            expect("goes on at" in farm.coordinator.log_text(), farm.coordinator.log_text())
+            expect("continues at" in farm.coordinator.log_text(), farm.coordinator.log_text())
             farm.wait_for_workers(2)
         finish(farm, number, "a killed coordinator", counts=False)  # counters are saved now and then
         expect(all(w.alive() for w in farm.workers), "a worker ended")

@@ -209,7 +209,7 @@ def hellos_that_do_not_fit():
                  ("worker", "role=2", "key|role"), ("client", "role=1", "key|role"),
                  ("worker", "role=0", "key|role"), ("client", "role=77", "key|role"),
                  ("worker", "threads=0", "threads"), ("worker", "threads=4294967295", "threads"),
-                 ("worker", "kernel=", "rays"), ("worker", "kernel=" + "x" * 5000, "rays")]
+                 ("worker", "kernel=", "ray tracer"), ("worker", "kernel=" + "x" * 5000, "ray tracer")]
         for role, changes, words in cases:
             peer = OddPeer(farm, role, hello=None)
             peer.say("hello " + changes)

@@ -143,11 +143,11 @@ def interrupted_twice():
         os.kill(render.pid_of("azulejo-coordinator"), signal.SIGSTOP)  # it cannot make the picture
         render.client.send_signal(signal.SIGINT)
         said = b""
-        while b"once more" not in said:
+        while b"Ctrl-C again" not in said:
             said += os.read(render.client.stderr.fileno(), 4096)
         render.client.send_signal(signal.SIGINT)
         code, out, err = render.end()
-        expect(code == 130 and "given up" in err, (code, out, err))
+        expect(code == 130 and "abandoned" in err, (code, out, err))
         expect(not os.path.exists(farm.path("cut.exr")), "a picture")
         expect(os.listdir(render.temporary) == [], os.listdir(render.temporary))
 

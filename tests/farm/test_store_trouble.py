@@ -264,8 +264,8 @@ def every_error_of_films_and_outputs():
                 farm.wait_for_job(job)
                 Reference.expect_same(farm, job)
         text = farm.coordinator.log_text()
-        expect(text.count("it is tried again until it works") == 2 * len(ERRORS), text)
-        expect(text.count("goes on after") == 2 * len(ERRORS), text)
+        expect(text.count("the coordinator keeps trying") == 2 * len(ERRORS), text)
+        expect(text.count("continues after") == 2 * len(ERRORS), text)
 
 
 @tests.add
@@ -288,7 +288,7 @@ def every_error_of_the_store():
             text = farm.coordinator.log_text()
             expect(text.count("the store cannot be used") == i + 1, text)
             expect(text.count("the store can be used again") == i + 1, text)
-            expect("until it works" not in text.replace("tried again until it works", "", i + 1), text)
+            expect("keeps trying" not in text.replace("the coordinator keeps trying", "", i + 1), text)
             worker.stop()
             farm.wait_for_workers(0)
 

@@ -8,11 +8,12 @@
 #include "common/base/memory.h"
 
 enum {
-    /* More triangles of volumes than this are not looked at: the tables would take gigabytes. */
+    /* Volumes with more triangles than this are not analysed: the tables would take gigabytes. */
     BODIES_TRIANGLES_MAX = 1 << 24,
 };
 
-/* An edge with its ends in ascending order: how often it is passed that way, less the other. */
+/* An edge with its ends in ascending order, and how often it is used in that direction minus the
+ * other. */
 struct edge {
     uint64_t key; /* lower end << 32 | higher end: never 0 */
     int32_t net;
@@ -26,13 +27,13 @@ struct part {
     const uint32_t *indices;
     size_t first_vertex;    /* of its own in the tables below */
     uint32_t parent;        /* union of parts of one material that share edges */
-    uint32_t joined;        /* and of those of several that share open ones */
+    uint32_t joined;        /* union of parts of several materials that share open edges */
     uint32_t open_edges;    /* of a set, at its root in `parent` */
     int open;               /* of a set, at its root in `joined`: open although joined */
     int met;
-    uint32_t body;          /* likewise: its lowest material, once one of it was met */
-    int moves;              /* of a set, at its root in `joined`: one of it does, */
-    double volume;          /* and six times what all of it encloses */
+    uint32_t body;          /* likewise: its lowest material, once one was found */
+    int moves;              /* of a set, at its root in `joined`: one of its parts does, */
+    double volume;          /* and six times the volume of the set */
     float gap[3];           /* on one of the open edges */
 };
 
@@ -48,8 +49,8 @@ struct bodies {
     size_t open_count, open_capacity;
 };
 
-/* The material whose volume a surface of this one bounds: of a mix its first part that does; NULL:
- * none. */
+/* The material whose volume a surface of this material bounds; for a mix its first part that bounds
+ * one; NULL: none. */
 static const struct scene_material *filling_of(const struct scene *scene, uint32_t row)
 {
     const struct scene_material *m = &scene->materials[row];
@@ -96,7 +97,7 @@ static int compare_parts(const void *a, const void *b, void *user)
     return mx != my ? (mx < my ? -1 : 1) : x->instance < y->instance ? -1 : 1;
 }
 
-/* The instances that bound volumes, those of one material in a row. */
+/* The instances that bound volumes, sorted by material. */
 static status find_parts(struct bodies *s)
 {
     const struct scene *scene = s->scene;
@@ -159,7 +160,7 @@ static struct edge *edge_find(struct edge *table, size_t size, uint64_t key)
     return &table[at];
 }
 
-/* Is the mesh's winding turned round in the world? */
+/* Is the mesh's winding reversed in the world? */
 static int is_mirrored(const struct scene_instance *instance)
 {
     return instance->skin < 0 && transform_d_determinant(&instance->to_world) < 0;
@@ -190,7 +191,7 @@ static void count_edges(struct bodies *s, uint32_t index, struct edge *table, si
     }
 }
 
-/* Find the edges that the parts from `first` to `end`, all of one material, leave open. */
+/* Find the open edges of the parts from `first` to `end`, all of one material. */
 static status find_open_edges(struct bodies *s, uint32_t first, uint32_t end)
 {
     size_t triangles = 0, size = 16;
@@ -235,7 +236,7 @@ static int may_join(const struct bodies *s, const struct edge *a, const struct e
                s->scene->materials[material_of(s, b->part)].kind;
 }
 
-/* Join what shares open edges, and see what stays open all the same. */
+/* Join parts that share open edges, and find those that stay open. */
 static void join_parts(struct bodies *s)
 {
     size_t end;
@@ -271,7 +272,7 @@ static int fills_alike(const struct scene_material *a, const struct scene_materi
            memcmp(a->attenuation_color, b->attenuation_color, sizeof a->attenuation_color) == 0;
 }
 
-/* The lowest material fills what several close together. */
+/* The lowest material fills a volume that several close together. */
 static void give_bodies(struct bodies *s)
 {
     struct scene *scene = &s->b->out->scene;
@@ -291,7 +292,7 @@ static void give_bodies(struct bodies *s)
         if (!fills_alike(filling_of(scene, body), filling_of(scene, own)))
             builder_warn(s->b, "volume of two materials",
                          "meshes of the materials '%.80s' and '%.80s' close one volume together, "
-                         "but fill it differently: all of it is filled by the first",
+                         "but fill it differently: the first one fills all of it",
                          scene->materials[body].name, scene->materials[own].name);
     }
 }
@@ -317,7 +318,7 @@ static double volume_of(const struct bodies *s, const struct part *part, const f
     return is_mirrored(instance) ? -sum : sum;
 }
 
-/* Where several meshes close a volume together, say so: none of them is closed by itself. */
+/* Report volumes that several meshes close together: none of the meshes is closed by itself. */
 static void seal(struct bodies *s)
 {
     struct scene *scene = &s->b->out->scene;
@@ -335,7 +336,7 @@ static void seal(struct bodies *s)
     }
 }
 
-/* What the parts from `first` to `end`, all of one material, have wrong with them. */
+/* Report the faults of the parts from `first` to `end`, all of one material. */
 static void report(struct bodies *s, uint32_t first, uint32_t end)
 {
     const struct scene *scene = s->scene;
@@ -357,20 +358,20 @@ static void report(struct bodies *s, uint32_t first, uint32_t end)
         const struct part *part = &s->parts[example];
         const struct part *set = &s->parts[find_root(s->parts, example)];
         snprintf(kind, sizeof kind, "open %s", place);
-        builder_warn_at(s->b, place, 0, kind,
-                        "its volume is not closed: '%.80s' has %u open edges, one at %g %g %g%s. "
-                        "A ray through the gap goes on as if it had not left or entered the "
-                        "volume: what it meets has the wrong colour and refraction. Close the "
-                        "mesh, or make the material a thin wall",
-                        scene->instances[part->instance].name, set->open_edges,
-                        (double)set->gap[0], (double)set->gap[1], (double)set->gap[2],
-                        open > 1 ? ", and other meshes have some too" : "");
+        builder_warn_at(
+            s->b, place, 0, kind,
+            "its volume is not closed: '%.80s' has %u open edges, one at %g %g %g%s. "
+            "A ray through the gap continues as if it had not left or entered the volume: it gets "
+            "the wrong colour and refraction. Close the mesh, or make the material a thin wall",
+            scene->instances[part->instance].name, set->open_edges, (double)set->gap[0],
+            (double)set->gap[1], (double)set->gap[2],
+            open > 1 ? ", and other meshes have some too" : "");
     }
     if (volume < 0) {
         snprintf(kind, sizeof kind, "inverted %s", place);
         builder_warn_at(s->b, place, 0, kind,
                         "'%.80s' is wound inwards: its volume shows as a bubble of air in the "
-                        "material. Turn its triangles round",
+                        "material. Reverse its triangles",
                         scene->instances[s->parts[first].instance].name);
     }
 }
@@ -392,9 +393,9 @@ static status find_bodies(struct bodies *s)
     if (s->part_count == 0)
         return STATUS_OK;
     if (s->triangle_count > BODIES_TRIANGLES_MAX || s->vertex_count > UINT32_MAX) {
-        builder_warn(s->b, "volumes not looked at",
-                     "refractive volumes and media have %zu triangles: above %d gaps in them are "
-                     "not looked for, and each material's surfaces count as closed",
+        builder_warn(s->b, "volumes not checked",
+                     "refractive volumes and media have %zu triangles: above %d, gaps are not "
+                     "searched for, and each material's surfaces count as closed",
                      s->triangle_count, BODIES_TRIANGLES_MAX);
         return STATUS_OK;
     }

@@ -1,12 +1,12 @@
-/* bodies: which meshes bound one volume together, and which volumes are open.
+/* bodies: finds meshes that bound one volume together, and volumes that are open.
  *
- * A body is all that one material bounds (worker/render/path/interior.h), so meshes of one material need
- * no decision. What is looked for here are meshes of several materials that are closed only
- * together: they share edges that are open in each of them. Vertices are the same where their
- * places in the world, as floats and at rest, are equal.
+ * A body is everything that one material bounds (worker/render/path/interior.h), so meshes of one
+ * material need no decision. This file finds meshes of several materials that are closed only
+ * together: they share edges that are open in each of them. Vertices are the same if their
+ * positions in the world, as floats and at rest, are equal.
  *
- * A surface is closed when each of its edges is passed as often one way as the other: then the
- * winding count of any point is well defined, whatever else the surface does.
+ * A surface is closed if each of its edges is used equally often in both directions: then the
+ * winding number of any point is well defined, whatever the surface's shape.
  */
 #ifndef AZULEJO_IMPORT_BODIES_H
 #define AZULEJO_IMPORT_BODIES_H

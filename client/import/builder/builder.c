@@ -47,7 +47,7 @@ void builder_release(struct builder *b)
 
 /* ---- words -------------------------------------------------------------------------------- */
 
-/* A free slot for a kind that was not seen before; NULL: counted, nothing to add. */
+/* A free slot for a new kind; NULL: the kind is known and was counted. */
 static struct builder_warning *warning_slot(struct builder *b, const char *kind)
 {
     for (size_t i = 0; i < b->warning_count; i++)
@@ -118,7 +118,7 @@ void builder_warn_at(struct builder *b, const char *file, uint64_t line, const c
     warning_fill(b, slot, owned, owned, text);
 }
 
-/* How many bytes the valid, printable UTF-8 character at `p` has; 0: it is none. */
+/* The length in bytes of the valid, printable UTF-8 character at `p`; 0: there is none. */
 static int character_length(const uint8_t *p)
 {
     uint32_t code = *p;

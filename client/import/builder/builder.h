@@ -1,9 +1,8 @@
-/* builder: what every importer fills: growing tables, blobs by digest, warnings.
+/* builder: collects an importer's output: growing tables, blobs by digest, warnings.
  *
- * An importer adds rows in any order it likes as long as the order depends on the file
- * alone, and ends with builder_finish(), which frames a camera and adds a light if the
- * file has none, reads the environment map, validates and packs. The builder owns all
- * until then; builder_release() frees what was not handed over.
+ * An importer adds rows in any order that depends only on the file, and ends with builder_finish(),
+ * which adds a camera and a light if the file has none, reads the environment map, validates and
+ * packs. The builder owns everything until then; builder_release() frees what was not handed over.
  */
 #ifndef AZULEJO_IMPORT_BUILDER_H
 #define AZULEJO_IMPORT_BUILDER_H
@@ -15,8 +14,8 @@ enum { BUILDER_NO_ROW = -1 };
 
 struct builder_warning {
     const char *kind;       /* warnings of one kind are reported once, with a count */
-    char *owned_kind;       /* where the kind is not a literal */
-    char *text;             /* of the first; starts with its place where one is known */
+    char *owned_kind;       /* a copy, if the kind is not a literal */
+    char *text;             /* of the first; starts with its place if that is known */
     uint64_t count;
 };
 
@@ -45,12 +44,12 @@ struct builder {
     size_t mesh_capacity, image_capacity, texture_capacity, material_capacity, instance_capacity,
         light_capacity, camera_capacity, node_capacity, channel_capacity, skin_capacity,
         medium_capacity, portal_capacity;
-    /* The importer fills this in (radiance, to_map, constant; builder_set_environment_map for
-     * an image), but not its portals. options->env_path replaces all of it. */
+    /* The importer fills this in (radiance, to_map, constant; builder_set_environment_map for an
+     * image), but not its portals. options->env_path replaces it entirely. */
     struct scene_environment environment;
     int has_light;          /* the file has a light, perhaps of no power; builder_add_light and an
                              * environment say so, too */
-    const char *no_camera_hint, *no_light_hint; /* what to do in the file's exporter */
+    const char *no_camera_hint, *no_light_hint; /* advice about the file's exporter */
     int32_t fog;            /* a row of media, BUILDER_NO_ROW: none */
     enum scene_volume_rule volume_rule;
 
@@ -75,30 +74,30 @@ void builder_release(struct builder *b);
 void builder_warn(struct builder *b, const char *kind, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* The same with its place: "file:line: " (line 0: "file: "). `kind` may be any text (it is
- * copied), for kinds that are made of the file's words: "shape \"cone\"". */
+/* The same with its place: "file:line: " (line 0: "file: "). `kind` may be any text (it is copied),
+ * for kinds that contain text of the file: "shape \"cone\"". */
 void builder_warn_at(struct builder *b, const char *file, uint64_t line, const char *kind,
                      const char *format, ...) __attribute__((format(printf, 5, 6)));
 
-/* A copy for the scene, made clean: valid UTF-8, no control characters, at most
- * SCENE_NAME_MAX bytes. Never NULL. */
+/* A clean copy for the scene: valid UTF-8, no control characters, at most SCENE_NAME_MAX bytes.
+ * Never NULL. */
 const char *builder_name(struct builder *b, const char *name);
 
 /* Take over `data` (also when it fails: it is freed). */
 status builder_add_blob(struct builder *b, uint8_t *data, size_t size_bytes,
                         struct scene_blob *out) MUST_CHECK;
 
-/* May an image of this size, in pixels, be decoded? ERR_LIMIT names the option that would allow
- * it. builder_add_image and builder_set_environment_map ask for themselves; importers that decode
- * a file first ask before. */
+/* May an image of this size, in pixels, be decoded? ERR_LIMIT names the option that would allow it.
+ * builder_add_image and builder_set_environment_map call it themselves; importers that decode a
+ * file call it first. */
 status builder_check_pixels(struct builder *b, const char *name, uint64_t width, uint64_t height)
     MUST_CHECK;
-/* The same for a file, by its header. A damaged header passes: its decoder says what is wrong. */
+/* The same for a file, by its header. A damaged header passes: its decoder reports the fault. */
 status builder_check_image(struct builder *b, const char *name, const uint8_t *data,
                            size_t size_bytes) MUST_CHECK;
-/* A TGA or PFM picture becomes a PNG or EXR of the same texels, which the farm can read; the files
- * that it reads stay as they are. *known is 0, and `bytes` as it was, for any other format.
- * Checks the size as builder_check_image does; what is wrong with a TGA or PFM goes to `err`. */
+/* Convert a TGA or PFM picture to a PNG or EXR of the same texels, which the farm can read; formats
+ * that it reads are not changed. *known is 0, and `bytes` as it was, for any other format. Checks
+ * the size as builder_check_image does; faults of a TGA or PFM go to `err`. */
 status builder_rewrite_image(struct builder *b, const char *name, struct buffer *bytes, int *known,
                              struct error *err) MUST_CHECK;
 
@@ -119,11 +118,11 @@ status builder_add_instance(struct builder *b, const struct scene_instance *inst
 status builder_add_light(struct builder *b, const struct scene_light *light) MUST_CHECK;
 status builder_add_camera(struct builder *b, const struct scene_camera *camera) MUST_CHECK;
 
-/* What the rows point to (weights, times, values, joints, inverse_bind) is copied. A node's
- * parent must be there already. */
+/* The data that rows point to (weights, times, values, joints, inverse_bind) is copied. A node's
+ * parent must already exist. */
 status builder_add_node(struct builder *b, const struct scene_node *node, uint32_t *row) MUST_CHECK;
-/* In any order; builder_finish sorts. A second channel for the same node and path is a warning
- * and left out. */
+/* In any order; builder_finish sorts. A second channel for the same node and path is left out with
+ * a warning. */
 status builder_add_channel(struct builder *b, const struct scene_channel *channel) MUST_CHECK;
 status builder_add_skin(struct builder *b, const struct scene_skin *skin, uint32_t *row) MUST_CHECK;
 /* `grid` (mem_alloc'd float32, size[0] * size[1] * size[2]; taken over, also when it fails) is
@@ -132,38 +131,39 @@ status builder_add_medium(struct builder *b, const struct scene_medium *medium, 
                           uint32_t *row) MUST_CHECK;
 status builder_add_portal(struct builder *b, const struct scene_portal *portal) MUST_CHECK;
 
-/* Let the environment be this lat-long EXR or Radiance HDR file (taken over, also when it
- * fails). It is decoded to find its faults; `name` is the file's, for messages. radiance and
- * to_map stay as they are. */
+/* Let the environment be this lat-long EXR or Radiance HDR file (taken over, also when it fails).
+ * It is decoded to find its faults; `name` is the file's, for messages. radiance and to_map are not
+ * changed. */
 status builder_set_environment_map(struct builder *b, const char *name, uint8_t *data,
                                    size_t size_bytes) MUST_CHECK;
 
-/* The map that the user gives, in place of the file's. */
+/* The user's map, in place of the file's. */
 status builder_read_environment(struct builder *b, const char *path) MUST_CHECK;
 
 /* Hand everything over to the result. `title` names the scene. */
 status builder_finish(struct builder *b, const char *title, const struct import_options *options)
     MUST_CHECK;
 
-/* One kind of scene file. import.c holds the table of all; the first that recognises a file
- * takes it. */
+/* One scene format. import.c has the table of all; the first one that recognises a file reads
+ * it. */
 struct import_format {
-    const char *name;       /* "glTF 2.0 (.gltf, .glb)": for the message that none fits */
+    const char *name;       /* "glTF 2.0 (.gltf, .glb)": for the error that no format fits */
     int (*recognise)(const void *data, size_t size_bytes, const char *name);
-    /* Read it into the builder and end with builder_finish. `folder` is where other files are
-     * looked for, NULL: nowhere. An error that names another file sets b->error_is_placed. */
+    /* Read it into the builder and end with builder_finish. Other files are looked for in `folder`,
+     * NULL: nowhere. An error that names another file sets b->error_is_placed. */
     status (*import)(const void *data, size_t size_bytes, const char *name, const char *folder,
                      const struct import_options *options, struct builder *b);
 };
 
-/* rebase.c: choose the scene's origin, the centre of what stands still (of everything at rest where
- * nothing does), and make all places but the nodes' relative to it. Warns of what float rounds
- * visibly. Once, before scene_place(). */
+/* rebase.c: choose the scene's origin, the centre of all static objects (or of everything at rest
+ * if there are none), and make all positions except the nodes' relative to it. Warns of visible
+ * rounding. Once, before scene_place(). */
 void scene_rebase(struct builder *b);
 
-/* framing.c: put what follows a node where it is at time 0, and let `framed` (may be NULL) look
- * at the whole scene from the front, the right and above, at several moments if it moves. The
- * scene must have been validated. ERR_INPUT when something moves out of the range of numbers. */
+/* framing.c: put everything that follows a node to its place at time 0, and aim `framed` (may be
+ * NULL) at the whole scene from the front, right and above, considering several moments if it
+ * moves. The scene must have been validated. ERR_INPUT when something moves out of the range of
+ * numbers. */
 status scene_place(struct builder *b, struct scene_camera *framed) MUST_CHECK;
 
 /* The bytes of a blob that was added; NULL: there is none. */

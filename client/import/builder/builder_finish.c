@@ -27,7 +27,7 @@ static int ordered_compare(const void *a, const void *b)
     return order ? order : (x->order > y->order) - (x->order < y->order);
 }
 
-/* Sorted as the scene wants them; of two for one property the one that was added first stays. */
+/* Sort the channels; of two for one property the one that was added first stays. */
 static status sort_channels(struct builder *b)
 {
     struct ordered_channel *list = mem_alloc_array(b->channel_count, sizeof *list);
@@ -94,7 +94,7 @@ static status hand_over_tables(struct builder *b)
     return STATUS_OK;
 }
 
-/* *framed: the camera that is still to be aimed, or NULL. */
+/* *framed: the camera that must still be aimed, or NULL. */
 static status hand_over_cameras(struct builder *b, struct scene_camera **framed)
 {
     struct scene *scene = &b->out->scene;
@@ -117,8 +117,8 @@ static status hand_over_cameras(struct builder *b, struct scene_camera **framed)
     return STATUS_OK;
 }
 
-/* A scene that nothing lights would be black: say so, and light it evenly unless it has lights,
- * which then are meant to be off. What is unlit shines by itself and needs no help. */
+/* A scene without light would be black: warn, and light it evenly unless it has lights, which are
+ * then meant to be off. Unlit materials emit by themselves and need no light. */
 static void light_the_dark(struct builder *b)
 {
     struct scene *scene = &b->out->scene;
@@ -187,7 +187,7 @@ static int blob_compare(const void *a, const void *b)
     return memcmp(x->digest.bytes, y->digest.bytes, DIGEST_BYTES);
 }
 
-/* Drop the blobs that the scene does not name (any more). */
+/* Drop the blobs that the scene does not name. */
 static status prune_blobs(struct builder *b)
 {
     struct import_result *out = b->out;
@@ -226,7 +226,7 @@ static status blob_get(void *user, const struct digest *digest, const uint8_t **
     return STATUS_OK;
 }
 
-/* Take out what no picture can show; damaged images are found on the way. */
+/* Remove what no picture can show; this also finds damaged images. */
 static status simplify(struct builder *b)
 {
     const struct scene_blob_reader reader = {blob_get, b};

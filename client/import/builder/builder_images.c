@@ -95,7 +95,7 @@ status builder_rewrite_image(struct builder *b, const char *name, struct buffer 
     return STATUS_OK;
 }
 
-/* An image of its own against what all may take. */
+/* Add an image's size to the total, and check the limit. */
 static status count_image(struct builder *b, const char *name, const uint8_t *data,
                           size_t size_bytes)
 {
@@ -163,7 +163,7 @@ static status check_environment(struct builder *b, const char *name, const uint8
     result = builder_check_image(b, name, data, size_bytes);
     if (result != STATUS_OK)
         return result;
-    /* Decoded once only to tell its faults now and not on a worker. */
+    /* Decoded once, to report its faults now and not on a worker. */
     result = image_decode_hdr(&image, data, size_bytes, name, &repairs, b->err);
     if (result != STATUS_OK)
         return result;
@@ -204,7 +204,7 @@ status builder_set_environment_map(struct builder *b, const char *name, uint8_t 
     return builder_add_blob(b, data, size_bytes, &b->environment.image.blob);
 }
 
-/* The one that the user gives stands for the file's. */
+/* The user's map replaces the file's. */
 status builder_read_environment(struct builder *b, const char *path)
 {
     struct buffer bytes = BUFFER_INIT;

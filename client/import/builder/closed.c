@@ -4,8 +4,8 @@
 #include "common/base/memory.h"
 
 enum {
-    /* Larger meshes are taken for open: the tables below would cost gigabytes to save a test
-     * of a sign in the renderer. */
+    /* Larger meshes count as open: the tables below would take gigabytes, only to save the renderer
+     * a sign test. */
     CLOSED_TRIANGLES_MAX = 1 << 25,
 };
 
@@ -108,7 +108,7 @@ static int edges_match(const struct mesh_source *mesh, const uint32_t *weld, str
  * inwards shows its back faces to the outside. */
 static int volumes_positive(const struct mesh_source *mesh, uint32_t *parent, double *volume)
 {
-    const float *origin = mesh->positions; /* near the mesh: less cancellation */
+    const float *origin = mesh->positions; /* a point near the mesh: less cancellation */
 
     for (size_t t = 0; t < mesh->triangle_count; t++) {
         double p[3][3];

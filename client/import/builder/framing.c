@@ -6,17 +6,17 @@
 #include "common/math/elementary.h"
 #include "common/scene/pose.h"
 
-/* Vertical field of view of a camera that we choose, and where it stands: glTF assets face
- * +Z, so it looks from there, turned to the right and raised. */
+/* The vertical field of view and the position of an added camera: glTF assets face +Z, so it looks
+ * from there, turned to the right and raised. */
 static const float frame_fov_rad = 40 * PI_F / 180;
 static const float frame_azimuth_rad = 30 * PI_F / 180;
 static const float frame_elevation_rad = 22 * PI_F / 180;
-/* A little air around the scene. */
+/* A margin around the scene. */
 static const double frame_margin = 1.06;
 
 /* ---- where things are ----------------------------------------------------------------------- */
 
-/* At so many moments of an animation, its ends among them, things are looked at. */
+/* The number of moments of an animation to consider, including its ends. */
 enum { MOMENTS = 9 };
 
 struct box {
@@ -84,7 +84,7 @@ static status add_boxes(struct builder *b, const struct scene_pose *pose, int on
     return STATUS_OK;
 }
 
-/* What follows a node gets the value that it has at time 0. */
+/* Everything that follows a node gets its value at time 0. */
 static void place_followers(struct scene *scene, const struct scene_pose *pose)
 {
     for (uint32_t i = 0; i < scene->instance_count; i++)
@@ -153,8 +153,8 @@ static void find_center(const struct boxes *boxes, double center[3])
     }
 }
 
-/* How far from the centre the camera must stand for the corners of every box to be in the
- * picture. `axes` are the camera's. */
+/* The distance from the centre at which the corners of every box are in the picture. `axes` are the
+ * camera's. */
 static double distance_needed(const struct boxes *boxes, const double center[3],
                               const struct transform_d *axes, double tangent)
 {
@@ -167,8 +167,8 @@ static double distance_needed(const struct boxes *boxes, const double center[3],
             at[c] -= center[c];
         for (int c = 0; c < 3; c++)
             seen[c] = at[0] * axes->m[0][c] + at[1] * axes->m[1][c] + at[2] * axes->m[2][c];
-        /* In the frame when max(|x|, |y|) <= (distance - z) * tangent: a square one, so that
-         * every landscape picture holds it. */
+        /* In the frame when max(|x|, |y|) <= (distance - z) * tangent: a square frame, which every
+         * landscape picture contains. */
         needed = fmax(needed,
                       seen[2] + fmax(fabs(seen[0]), fabs(seen[1])) * frame_margin / tangent);
     }

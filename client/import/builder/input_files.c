@@ -123,16 +123,16 @@ static status refuse(const char *path, const char *whole, struct error *err)
         result = error_no_memory(err, "a path");
     else
         result = error_set(err, STATUS_ERR_FORBIDDEN,
-                           "%.240s: lies outside the scene's folder, at %.240s, and is not read: if "
-                           "the scene should have it, add --allow-outside %.300s",
+                           "%.240s: lies outside the scene's folder, at %.240s, and is not read: "
+                           "to allow it, add --allow-outside %.300s",
                            path, whole, buffer_text(&option));
     buffer_release(&option);
     mem_free(folder);
     return result;
 }
 
-/* Ask the descriptor itself what was opened, and where it lies. O_PATH opens without waiting for
- * the other end of a pipe and without touching a device. */
+/* Use the descriptor itself to find out what was opened and where it is. O_PATH opens without
+ * waiting for the other end of a pipe and without touching a device. */
 static status check_place(const struct input_files *f, const char *path, int place, char link[32],
                           struct error *err)
 {
@@ -148,7 +148,7 @@ static status check_place(const struct input_files *f, const char *path, int pla
     length = readlink(link, whole, sizeof whole);
     if (length < 0 || (size_t)length >= sizeof whole)
         return error_set(err, STATUS_ERR_INPUT,
-                         "%s: its place cannot be found out from %s (%s): is /proc mounted?", path,
+                         "%s: its path cannot be read from %s (%s): is /proc mounted?", path,
                          link, length < 0 ? strerror(errno) : "the path is too long");
     whole[length] = 0;
     return is_allowed(f, whole) ? STATUS_OK : refuse(path, whole, err);

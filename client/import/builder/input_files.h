@@ -1,9 +1,9 @@
-/* input_files: the files that a scene is read from, and the folders in which they may lie.
+/* input_files: the files that a scene is read from, and the folders where they may be.
  *
- * A scene file may come from a stranger, and what it names ends up on the farm. So only regular
- * files below the scene's own folder, or below a folder that the user allowed, are read. A file
- * lies where its canonical path says, after symbolic links and "..": it is taken from the open
- * descriptor, so a link that is exchanged meanwhile changes nothing. Every file read is listed.
+ * A scene file may come from a stranger, and the files that it names are sent to the farm. So only
+ * regular files below the scene's own folder, or below a folder that the user allowed, are read.
+ * The canonical path of a file counts, after symbolic links and "..": it is taken from the open
+ * descriptor, so replacing a link meanwhile has no effect. Every file read is listed.
  */
 #ifndef AZULEJO_IMPORT_INPUT_FILES_H
 #define AZULEJO_IMPORT_INPUT_FILES_H
@@ -29,23 +29,23 @@ struct input_files {
     size_t count, capacity;
 };
 
-/* Files may lie below `folder` (NULL: there is none) and below each of `outside`. ERR_USAGE when
- * one of these is no folder, ERR_INPUT for `folder`. Release after a failure, too. */
+/* Allow files below `folder` (NULL: there is none) and below each of `outside`. ERR_USAGE if one of
+ * these is not a folder, ERR_INPUT for `folder`. Release after a failure, too. */
 status input_files_init(struct input_files *f, const char *folder,
                         const struct option_list *outside, struct error *err) MUST_CHECK;
 void input_files_release(struct input_files *f);
 
-/* Does the file at `path` exist below one of the folders? For choosing among names; reading asks
+/* Does the file at `path` exist below one of the folders? For choosing among names; reading checks
  * again. */
 int input_files_contain(const struct input_files *f, const char *path);
 
-/* Append the bytes of a file that the scene names, and list it. ERR_FORBIDDEN, with the option
- * that would allow it, when it lies elsewhere; ERR_INPUT when it is not a regular file or cannot
- * be read, ERR_LIMIT above `limit_bytes`. */
+/* Append the bytes of a file that the scene names, and list it. ERR_FORBIDDEN, with the option that
+ * would allow it, if it is elsewhere; ERR_INPUT when it is not a regular file or cannot be read,
+ * ERR_LIMIT above `limit_bytes`. */
 status input_files_read(struct input_files *f, const char *path, size_t limit_bytes,
                         struct buffer *out, struct error *err) MUST_CHECK;
 
-/* List a file that the user named and that was read without asking. */
+/* List a file that the user named and that was read without a check. */
 status input_files_add(struct input_files *f, const char *name, uint64_t size_bytes,
                        struct error *err) MUST_CHECK;
 

@@ -9,7 +9,7 @@
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
                "mesh blobs are little-endian and are written as they lie in memory");
 
-/* From here on an ordinary scene's details, in metres, begin to need more digits than float has. */
+/* Beyond this distance in metres, float has too few digits for ordinary detail. */
 #define ORIGIN_FAR 1024.0
 
 void mesh_origin_choose(const double first[3], double origin[3])
@@ -94,7 +94,7 @@ static struct vec3 position(const struct mesh_source *mesh, uint32_t v)
     return (struct vec3){p[0], p[1], p[2]};
 }
 
-/* Twice the area times the normal, in the arithmetic that the renderer uses: what has no
+/* Twice the area times the normal, in the arithmetic that the renderer uses: a triangle without a
  * normal there has none here. */
 static struct vec3 area_vector(const struct mesh_source *mesh, size_t t)
 {
@@ -118,7 +118,7 @@ static size_t drop_degenerate(struct mesh_source *mesh)
     return mesh->triangle_count - kept;
 }
 
-/* Primitives of one mesh often share one long vertex buffer: keep what is used. */
+/* Primitives of one mesh often share one long vertex buffer: keep only the used vertices. */
 static status drop_unused_vertices(struct mesh_source *mesh, struct error *err)
 {
     uint32_t *to = mem_calloc(mesh->vertex_count, sizeof *to);
@@ -160,8 +160,8 @@ static size_t repair_normals(struct mesh_source *mesh)
         struct vec3 unit = vec3_normalize((struct vec3){n[0], n[1], n[2]});
         int good = vec3_is_finite(unit) && !vec3_is_black(unit);
         bad += !good;
-        /* NaN marks what the loop below has to mend. + 0.0f: negative zeros would make equal
-         * normals differ in their bits. */
+        /* NaN marks normals that the loop below must repair. + 0.0f: negative zeros would make
+         * equal normals differ in their bits. */
         n[0] = good ? unit.x + 0.0f : NAN;
         n[1] = unit.y + 0.0f;
         n[2] = unit.z + 0.0f;
@@ -171,7 +171,7 @@ static size_t repair_normals(struct mesh_source *mesh)
             float *n = mesh->normals + 3 * (size_t)mesh->indices[3 * t + i];
             if (isnan(n[0])) {
                 struct vec3 unit = vec3_normalize(area_vector(mesh, t));
-                if (vec3_is_black(unit)) /* of a mesh that deforms: any will do */
+                if (vec3_is_black(unit)) /* of a mesh that deforms: any direction will do */
                     unit.y = 1;
                 n[0] = unit.x, n[1] = unit.y, n[2] = unit.z;
             }

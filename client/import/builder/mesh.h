@@ -1,11 +1,10 @@
-/* mesh: triangles on their way from a file to a mesh blob.
+/* mesh: converts a file's triangles to a mesh blob.
  *
- * A mesh_source owns its arrays (mem_alloc). Its indices are in range; mesh_finish() does
- * the rest, in this order: drop triangles without area, drop vertices that no triangle
- * uses, mend normals, make tangents (splitting vertices where they must differ), find
- * bounds and whether the mesh is closed, write the blob. A mesh that deforms (influences or
- * morphs) keeps its triangles without area, which may open later, and is never closed: what
- * it looks like at rest says little.
+ * A mesh_source owns its arrays (mem_alloc). Its indices are in range; mesh_finish() does the rest,
+ * in this order: drop triangles without area, drop vertices that no triangle uses, repair normals,
+ * make tangents (splitting vertices where they must differ), find bounds and whether the mesh is
+ * closed, write the blob. A mesh that deforms (influences or morphs) keeps its triangles without
+ * area, which may open later, and is never closed: its shape at rest says little.
  */
 #ifndef AZULEJO_IMPORT_MESH_H
 #define AZULEJO_IMPORT_MESH_H
@@ -23,7 +22,7 @@ struct mesh_morph {
 
 struct mesh_source {
     size_t vertex_count, triangle_count;
-    double origin[3];   /* where in the file's coordinates the positions' origin lies */
+    double origin[3];   /* the positions' origin in the file's coordinates */
     float *positions;   /* [3], required; relative to `origin` */
     float *normals;     /* [3] or NULL: flat shading */
     float *tangents;    /* [4] or NULL */
@@ -39,9 +38,9 @@ struct mesh_source {
 
 void mesh_source_release(struct mesh_source *mesh);
 
-/* Where to put the origin of positions that a file gives in more digits than float holds: at the
- * file's first vertex if that is far away, else at 0. Meshes that may touch one another must
- * share one: equal vertices stay equal only then. */
+/* Choose the origin of positions that need more digits than float has: the file's first vertex if
+ * that is far away, else 0. Meshes that may touch must share one, so that equal vertices stay
+ * equal. */
 void mesh_origin_choose(const double first[3], double origin[3]);
 
 /* Replace the vertices by copies: new vertex i is old vertex from[i]. ERR_NO_MEMORY. */
@@ -59,7 +58,7 @@ struct mesh_tangents {
 status mesh_finish(struct builder *b, struct mesh_source *mesh, const char *name,
                    const struct mesh_tangents *tangents, int64_t *row) MUST_CHECK;
 
-/* tangents.c: tangents after MikkTSpace. Vertices whose triangles come to different ones are
+/* tangents.c: tangents after MikkTSpace. Vertices whose triangles have different tangents are
  * split. Needs unit normals, or none (flat shading: every triangle gets its own vertices). */
 status tangents_generate(struct mesh_source *mesh, const struct mesh_tangents *wanted,
                          struct error *err) MUST_CHECK;

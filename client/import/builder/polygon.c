@@ -12,10 +12,9 @@ void polygon_scratch_release(struct polygon_scratch *scratch)
     *scratch = (struct polygon_scratch){0};
 }
 
-/* Fill scratch->flat with the face as seen along the largest axis of its Newell
- * normal, so that it runs counter-clockwise; 0 when it has no normal.
- * Coordinates stay those of the file, so that the signs of cross products are
- * as good as doubles make them. */
+/* Fill scratch->flat with the face as seen along the largest axis of its Newell normal, so that it
+ * runs counter-clockwise; 0 when it has no normal. Coordinates are not scaled, so that the signs of
+ * cross products are as exact as doubles allow. */
 static int flatten(struct polygon_scratch *scratch, const float *positions, const uint32_t *corners,
                    size_t count)
 {
@@ -98,9 +97,8 @@ static int same_place(const double *flat, size_t a, size_t b)
     return flat[2 * a] == flat[2 * b] && flat[2 * a + 1] == flat[2 * b + 1];
 }
 
-/* No other corner lies in the triangle. Corners in the same place as one of its
- * own do not count: outlines with holes touch themselves. *budget falls with
- * the corners looked at. */
+/* No other corner lies in the triangle. Corners in the same place as one of its own do not count:
+ * outlines with holes touch themselves. *budget decreases with each corner tested. */
 static int is_empty_ear(const struct polygon_scratch *s, uint32_t ear, uint64_t *budget)
 {
     uint32_t a = s->previous[ear], c = s->next[ear];
@@ -119,9 +117,8 @@ static int is_empty_ear(const struct polygon_scratch *s, uint32_t ear, uint64_t 
     return 1;
 }
 
-/* The first corner from `start` on that can be cut off, or `left` ones on:
- * none. A corner that is straight is cut only where there is no better one: its
- * triangle has no area. */
+/* The first corner after `start` that can be cut off, or `left` if there is none. A straight corner
+ * is cut only if there is no better one: its triangle has no area. */
 static uint32_t find_ear(const struct polygon_scratch *s, uint32_t start, size_t left,
                          uint64_t *budget, int *found)
 {
@@ -144,7 +141,7 @@ static uint32_t find_ear(const struct polygon_scratch *s, uint32_t start, size_t
 
 static void clip(struct polygon_scratch *s, size_t count, uint32_t *out)
 {
-    /* A well-behaved outline looks at each corner a few times a cut. */
+    /* A simple outline tests each corner a few times for each cut. */
     uint64_t budget = 4 * (uint64_t)count * count;
     uint32_t at = 0;
     size_t left = count;
@@ -165,7 +162,7 @@ static void clip(struct polygon_scratch *s, size_t count, uint32_t *out)
         *out++ = s->next[ear];
         s->next[s->previous[ear]] = s->next[ear];
         s->previous[s->next[ear]] = s->previous[ear];
-        /* Going on past the next corner makes less of a fan, and so fewer slivers.
+        /* Skipping the next corner avoids a fan, and so slivers.
          */
         at = s->next[s->next[ear]];
         left--;

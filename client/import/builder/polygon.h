@@ -1,9 +1,9 @@
 /* polygon: faces of any size become triangles. PLY and OBJ share it.
  *
- * A face's corners are numbers into a table of positions. Convex faces become fans, concave
- * ones are cut ear by ear (Meisters 1975; Eberly, "Triangulation by Ear Clipping", 2015) in the
- * plane of their Newell normal. A face that crosses itself, or bends so much that no ear is
- * left, becomes a fan: its outline is then kept but its inside may overlap.
+ * A face's corners are numbers into a table of positions. Convex faces become fans, concave ones
+ * are cut ear by ear (Meisters 1975; Eberly, "Triangulation by Ear Clipping", 2015) in the plane of
+ * their Newell normal. A face that crosses itself, or bends so much that no ear is left, becomes a
+ * fan: its outline is kept, but its triangles may overlap.
  */
 #ifndef AZULEJO_IMPORT_POLYGON_H
 #define AZULEJO_IMPORT_POLYGON_H
@@ -15,8 +15,8 @@
 
 enum {
     POLYGON_CORNERS_MAX = 1 << 20,      /* of one face */
-    POLYGON_CLIP_CORNERS_MAX = 1 << 10, /* larger concave faces become fans: clipping takes time
-                                           in the square of the corners and more */
+    POLYGON_CLIP_CORNERS_MAX = 1 << 10, /* larger concave faces become fans: clipping takes at least
+                                           quadratic time */
 };
 
 /* Scratch memory that grows with the largest face; zero-initialise. */
@@ -24,7 +24,7 @@ struct polygon_scratch {
     double *flat;       /* [2] corners in the plane */
     uint32_t *next, *previous;
     size_t flat_capacity, next_capacity, previous_capacity;
-    size_t fans;        /* faces so far for which no ears were found, or too large for that */
+    size_t fans;        /* faces so far without ears, or too large for clipping */
 };
 
 void polygon_scratch_release(struct polygon_scratch *scratch);

@@ -1,10 +1,10 @@
-/* The scene's own origin: places are moved to it in double, and what float loses all the same is
+/* The scene's own origin: positions are moved to it in double, and remaining losses of float are
  * reported. */
 #include <math.h>
 
 #include "client/import/builder/builder.h"
 
-/* A thing whose positions are rounded to more than this share of its size looks rounded. */
+/* Rounding by more than this share of an object's size is visible. */
 static const double rough_share = 1e-4;
 
 struct box_d {
@@ -19,7 +19,7 @@ static void box_add(struct box_d *box, const struct box_d *more)
     }
 }
 
-/* The box of all instances, or of those that neither move nor are deformed; 0: there is none. */
+/* The box of all instances, or of those that neither move nor deform; 0: there is none. */
 static int bounds_of(const struct scene *scene, int only_still, struct box_d *out)
 {
     int found = 0;
@@ -68,7 +68,7 @@ static void move_all(struct scene *scene)
             scene->environment.portals[i].corner[c] -= origin[c];
 }
 
-/* From one float to the next at the box's largest coordinate. */
+/* The spacing of floats at the box's largest coordinate. */
 static double spacing_of(const double low[3], const double high[3])
 {
     double most = 0;
@@ -89,7 +89,7 @@ static double size_of(const double low[3], const double high[3])
     return size;
 }
 
-/* Name what lies so far from the origin, in the world or in its own mesh, that float rounds it
+/* Name objects so far from the origin, in the world or in their own mesh, that float rounds them
  * visibly. */
 static void report_losses(struct builder *b)
 {
@@ -107,11 +107,12 @@ static void report_losses(struct builder *b)
         spacing = spacing_of(own.low, own.high);
         size = size_of(own.low, own.high);
         if (spacing > rough_share * size) {
-            builder_warn(b, "digits of a mesh",
-                         "\"%.80s\": the file gives its positions in steps of %.2g at a size of %.2g, "
-                         "for they lie far from the mesh's own origin: move the mesh to its origin "
-                         "and its node to the place, and export again",
-                         instance->name, spacing, size);
+            builder_warn(
+                b, "digits of a mesh",
+                "\"%.80s\": the file gives its positions in steps of %.2g at a size of %.2g, "
+                "because they are far from the mesh's own origin: move the mesh to its origin and "
+                "its node to the place, and export again",
+                instance->name, spacing, size);
             continue;
         }
         if (instance->node >= 0 || instance->skin >= 0 ||
@@ -121,9 +122,9 @@ static void report_losses(struct builder *b)
         size = size_of(box.low, box.high);
         if (spacing > rough_share * size)
             builder_warn(b, "digits of the world",
-                         "\"%.80s\" is %.2g m in size and lies far from the scene's centre: its "
+                         "\"%.80s\" is %.2g m in size and far from the scene's centre: its "
                          "positions are kept in steps of %.2g m; leave out what makes the scene so "
-                         "large, or render it apart",
+                         "large, or render it separately",
                          instance->name, size, spacing);
     }
 }

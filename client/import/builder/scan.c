@@ -37,7 +37,7 @@ size_t scan_integer(const char *text, const char *end, int64_t *out)
     return (size_t)(p - text);
 }
 
-/* inf, nan and their kin. */
+/* inf, nan and similar. */
 static size_t scan_special(const char *text, const char *end, int negative, double *out)
 {
     static const struct {
@@ -61,7 +61,7 @@ static size_t scan_special(const char *text, const char *end, int negative, doub
     return 0;
 }
 
-/* By strtod, which wants a terminator and looks at the locale's decimal point.
+/* By strtod, which needs a terminator and uses the locale's decimal point.
  */
 static double round_slowly(const char *text, size_t length)
 {
@@ -72,8 +72,7 @@ static double round_slowly(const char *text, size_t length)
     if (!exponent)
         exponent = memchr(text, 'E', length);
     head = exponent ? (size_t)(exponent - text) : length;
-    /* Digits past the limit change nothing but the magnitude, if they stand
-     * before the point. */
+    /* Digits past the limit change only the magnitude, and only before the point. */
     if (head > NUMBER_CHARS_MAX) {
         const char *point = memchr(text, '.', head);
         size_t whole = point ? (size_t)(point - text) : head;
@@ -115,7 +114,7 @@ size_t scan_double(const char *text, const char *end, double *out)
             significant++;
         if (significant <= MANTISSA_DIGITS_MAX)
             mantissa = mantissa * 10 + (uint64_t)(*p - '0');
-        /* Longer ones are decided by round_slowly(), which counts for itself. */
+        /* round_slowly() decides longer ones, and counts digits itself. */
         significant = significant < EXPONENT_MAX ? significant : EXPONENT_MAX;
         scale = scale > -EXPONENT_MAX ? scale : -EXPONENT_MAX;
     }
@@ -145,7 +144,7 @@ size_t scan_double(const char *text, const char *end, double *out)
         }
     }
     scale += exponent;
-    /* Both operands exact: one rounding, the right one (Clinger 1990). */
+    /* Both operands are exact: a single, correct rounding (Clinger 1990). */
     if (significant <= MANTISSA_DIGITS_MAX && mantissa <= EXACT_MANTISSA_MAX &&
         (mantissa == 0 || (scale >= -EXACT_POWER_MAX && scale <= EXACT_POWER_MAX))) {
         double value = (double)mantissa;

@@ -1,19 +1,17 @@
-/* scan: numbers out of text that lies in memory without a terminator.
- * Independent of the locale, correctly rounded. */
+/* scan: numbers from text in memory without a terminator. Independent of the locale, correctly
+ * rounded. */
 #ifndef AZULEJO_IMPORT_SCAN_H
 #define AZULEJO_IMPORT_SCAN_H
 
 #include <stddef.h>
 #include <stdint.h>
 
-/* The number that begins at `text` (no space before it); returns the bytes that
- * it takes, 0 when there is none. Decimal with an exponent; also inf, infinity
- * and nan in any case and with any tail that MSVC prints ("1.#QNAN",
- * "nan(ind)"). Numbers too large are infinite. */
+/* Read the number at `text` (no space before it); returns its length in bytes, 0 if there is none.
+ * Decimal with an exponent; also inf, infinity and nan in any case and with any tail that MSVC
+ * prints ("1.#QNAN", "nan(ind)"). Numbers too large are infinite. */
 size_t scan_double(const char *text, const char *end, double *out);
 
-/* A decimal integer with an optional sign; 0 when there is none or it leaves 64
- * bits. */
+/* A decimal integer with an optional sign; 0 if there is none or it exceeds 64 bits. */
 size_t scan_integer(const char *text, const char *end, int64_t *out);
 
 #endif

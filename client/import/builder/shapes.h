@@ -1,12 +1,12 @@
 /* shapes: exact surfaces become triangle meshes.
  *
- * Each function initialises `out` first and leaves it empty after a failure; the caller
- * releases it, or hands it to mesh_finish(). Sizes are finite and within SCENE_COORDINATE_MAX,
- * or the result is ERR_INPUT; more triangles than SHAPE_TRIANGLES_MAX are ERR_LIMIT. Vertices
- * lie on the true surface and carry its normals; the front face is that of the right-handed
- * (dp/du, dp/dv), for quadrics the outside. Texture coordinates are pbrt's (v upwards). What is
- * closed in truth (a full sphere, a closed control mesh) is closed here: seam and pole vertices
- * have equal positions to the bit. Same arguments, same bits on every machine.
+ * Each function initialises `out` first and leaves it empty after a failure; the caller releases
+ * it, or hands it to mesh_finish(). Sizes are finite and within SCENE_COORDINATE_MAX, or the result
+ * is ERR_INPUT; more triangles than SHAPE_TRIANGLES_MAX are ERR_LIMIT. Vertices lie on the true
+ * surface and carry its normals; the front face is that of the right-handed (dp/du, dp/dv), for
+ * quadrics the outside. Texture coordinates are pbrt's (v upwards). Closed shapes (a full sphere, a
+ * closed control mesh) give closed meshes: seam and pole vertices have bit-identical positions.
+ * Same arguments, same bits on every machine.
  */
 #ifndef AZULEJO_IMPORT_SHAPES_H
 #define AZULEJO_IMPORT_SHAPES_H
@@ -51,10 +51,10 @@ status shape_bilinear(const struct shape_patches *patches, struct mesh_source *o
                       struct error *err) MUST_CHECK;
 
 /* Loop subdivision (Loop 1987, with Warren's weights; tangent masks of Hoppe et al. 1994; the
- * boundary is a cubic B-spline): `levels` times, then every vertex goes to its limit position with its limit normal.
- * Boundary edges are those of one triangle only; edges of more than two triangles, or of two
- * that are wound against each other, count as boundaries too, and a vertex where several parts
- * meet is parted. uv of the control mesh, or NULL, are subdivided linearly. */
+ * boundary is a cubic B-spline): `levels` times, then every vertex goes to its limit position with
+ * its limit normal. Boundary edges are those of one triangle only; edges of more than two
+ * triangles, or of two that are wound against each other, count as boundaries too, and a vertex
+ * where several parts meet is split. uv of the control mesh, or NULL, are subdivided linearly. */
 struct shape_control {
     const float *positions;     /* [vertex_count][3] */
     const float *uv;            /* [vertex_count][2], or NULL */
@@ -66,8 +66,8 @@ status shape_loop(const struct shape_control *control, uint32_t levels, struct m
                   struct error *err) MUST_CHECK;
 
 enum shape_curve_basis { CURVE_BEZIER, CURVE_BSPLINE };
-/* A flat curve turns towards every ray in pbrt; a mesh cannot, and a tube shows the same
- * width from all sides: both become tubes. Only shading differs: a tube has round normals. */
+/* In pbrt a flat curve turns towards every ray. A mesh cannot, and a tube has the same width from
+ * all sides: both become tubes. Only shading differs: a tube has round normals. */
 enum shape_curve_kind { CURVE_FLAT, CURVE_CYLINDER, CURVE_RIBBON };
 
 /* One curve: a chain of Bezier or uniform B-spline segments of degree 2 or 3 that share
@@ -78,11 +78,11 @@ struct shape_curve {
     uint32_t degree;            /* 2 or 3 */
     const float *points;        /* [point_count][3] */
     size_t point_count;
-    const float *normals;       /* ribbons: [segments + 1][3], where the ribbon faces at the
-                                   joints of its segments (interpolated along a great circle) */
+    const float *normals;       /* ribbons: [segments + 1][3], the ribbon's normals at the joints of
+                                   its segments (interpolated along a great circle) */
     float width_start, width_end; /* full widths, linear between; >= 0 */
 };
-/* How many segments these control points make; 0 when they do not fit the basis and degree. */
+/* The number of segments of these control points; 0 if they do not fit the basis and degree. */
 size_t shape_curve_segments(const struct shape_curve *curve);
 
 /* All curves in one mesh: each segment in `pieces` steps along, tubes with `sides` corners

@@ -145,7 +145,7 @@ static status loop_init(struct loop *loop, const struct shape_control *control, 
     size_t kept = 0;
     uint32_t *from;
 
-    /* A vertex a corner at most, once the fans are parted. */
+    /* At most one vertex for each corner, once the fans are split. */
     TRY(loop_reserve(loop, 3 * control->triangle_count, control->triangle_count,
                      control->uv != NULL, err));
     for (size_t t = 0; t < control->triangle_count; t++) {
@@ -178,7 +178,7 @@ static int is_boundary(const struct loop *loop, size_t vertex)
     return loop->opposite[loop->start[vertex]] == LOOP_NONE;
 }
 
-/* What is around a vertex: its neighbours counter-clockwise, at a boundary from end to end. */
+/* The neighbours of a vertex, counter-clockwise, at a boundary from end to end. */
 struct ring {
     uint32_t *vertices;
     size_t count, capacity;
@@ -268,7 +268,7 @@ static void limit_normal(const struct ring *ring, const struct loop *loop, size_
         double w[2];
         tangent_weights(i, ring->count, ring->boundary, &w[0], &w[1]);
         for (size_t c = 0; c < 3; c++) {
-            /* Relative to p, which stands for the weight of the vertex itself. */
+            /* Relative to p, which accounts for the weight of the vertex itself. */
             double q = loop->positions[3 * (size_t)ring->vertices[i] + c] - p[c];
             tangent[0][c] += w[0] * q;
             tangent[1][c] += w[1] * q;
@@ -338,8 +338,8 @@ static void split_triangles(const struct loop *loop, const uint32_t *edge_of, st
         }
 }
 
-/* Where the turn around each vertex begins: old ones at the child of their old start, new ones at
- * a boundary on it. */
+/* The start half-edge of each vertex: for old ones the child of their old start, for new boundary
+ * ones the one on the boundary. */
 static void find_starts(const struct loop *loop, const uint32_t *edge_of, struct loop *out)
 {
     for (size_t v = 0; v < loop->vertex_count; v++)

@@ -1,6 +1,5 @@
-/* Tangents after MikkTSpace: Mikkelsen 2008, "Simulation of Wrinkled Surfaces Revisited",
- * chapter 2, and the rules that its published implementation is known for, on which bakers of
- * normal maps agree:
+/* Tangents after MikkTSpace: Mikkelsen 2008, "Simulation of Wrinkled Surfaces Revisited", chapter
+ * 2, and the documented rules of its published implementation, on which normal map bakers agree:
  *
  *  1. Corners are one vertex where position, normal and texture coordinates are equal.
  *  2. Two triangles are neighbours across an edge that they run through in opposite directions;
@@ -11,9 +10,9 @@
  *  4. A group's tangent is the mean of its triangles' texture directions, each projected to
  *     the plane of the normal and made unit, weighted with the angle at the vertex there.
  *
- * Not taken over: splitting groups where directions are exactly opposite (its default threshold
- * of 180 degrees splits nothing else), and its fixed tangent (1, 0, 0) for what no group
- * reaches: that takes another group's of the same vertex, or any direction in the plane.
+ * Two things differ: groups are not split at exactly opposite directions (its default threshold of
+ * 180 degrees splits nothing else), and a corner without a group gets the tangent of another group
+ * of the same vertex, or any direction in the plane, not a fixed (1, 0, 0).
  */
 #include <assert.h>
 #include <math.h>
@@ -63,7 +62,7 @@ static struct vec3 at(const float *array, size_t i)
     return (struct vec3){array[3 * i], array[3 * i + 1], array[3 * i + 2]};
 }
 
-/* Every vertex its own triangle's: flat shading has no normals that triangles could share. */
+/* Give each triangle its own vertices: flat shading has no normals to share. */
 static status unshare(struct mesh_source *mesh, struct error *err)
 {
     size_t corners = mesh->triangle_count * 3;
@@ -84,7 +83,7 @@ static void fill_keys(struct work *w, const struct mesh_tangents *wanted)
     for (size_t v = 0; v < mesh->vertex_count; v++) {
         float tu = uv[2 * v], tv = uv[2 * v + 1];
         memcpy(w->keys[v].position, mesh->positions + 3 * v, sizeof w->keys[v].position);
-        /* + 0.0f: one zero only, so that bits compare as values do */
+        /* + 0.0f: no negative zero, so that bits compare like values */
         w->keys[v].uv[0] = m[0][0] * tu + m[0][1] * tv + m[0][2] + 0.0f;
         w->keys[v].uv[1] = m[1][0] * tu + m[1][1] * tv + m[1][2] + 0.0f;
         if (mesh->normals)
@@ -135,12 +134,12 @@ static void read_triangle(struct work *w, size_t t)
     if (!(largest > 0) || !isfinite(largest))
         return;
     for (int i = 0; i < 3; i++)
-        d[i] /= largest; /* in a float's range */
+        d[i] /= largest; /* scaled into a float's range */
     w->direction[t] = vec3_normalize(vec3_make((float)d[0], (float)d[1], (float)d[2]));
     w->any[t] = vec3_is_black(w->direction[t]);
 }
 
-/* Does it use one vertex twice? It then joins nothing. */
+/* Does it use one vertex twice? Then it joins nothing. */
 static int is_collapsed(const struct work *w, size_t t)
 {
     uint32_t a = vertex_of(w, 3 * t), b = vertex_of(w, 3 * t + 1), c = vertex_of(w, 3 * t + 2);
@@ -273,7 +272,7 @@ static struct vec3 project(struct vec3 v, struct vec3 n)
     return vec3_normalize(vec3_mad(v, n, -vec3_dot(n, v)));
 }
 
-/* What a corner adds to its group. */
+/* The contribution of a corner to its group. */
 static void accumulate(struct work *w, size_t corner)
 {
     const struct mesh_source *mesh = w->mesh;
@@ -306,7 +305,7 @@ static void finish_groups(struct work *w)
 
 /* ---- vertices ------------------------------------------------------------------------------- */
 
-/* What makes a vertex of the result: an old one with a tangent. */
+/* A vertex of the result: an old one with a tangent. */
 struct corner_key {
     uint32_t vertex;
     float tangent[4];
@@ -336,8 +335,8 @@ static struct corner_key corner_key(const struct work *w, size_t corner)
     return key;
 }
 
-/* Split the vertices whose corners differ in their tangents. They stay in the order of the old
- * ones, and those of one old vertex in the order of its corners. */
+/* Split the vertices whose corners differ in their tangents. The new vertices keep the order of the
+ * old ones, and within one old vertex the order of its corners. */
 static status split_vertices(struct work *w, struct error *err)
 {
     struct mesh_source *mesh = w->mesh;

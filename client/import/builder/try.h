@@ -1,4 +1,4 @@
-/* try: an importer's steps, each of which ends it when it fails. */
+/* try: returns from an importer's function when a step fails. */
 #ifndef AZULEJO_IMPORT_TRY_H
 #define AZULEJO_IMPORT_TRY_H
 

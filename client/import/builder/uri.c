@@ -2,6 +2,7 @@
 
 #include <ctype.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
@@ -15,25 +16,15 @@ int uri_is_data(const char *uri)
     return strncasecmp(uri, "data:", 5) == 0;
 }
 
-static int hex_digit(char c)
-{
-    if (c >= '0' && c <= '9')
-        return c - '0';
-    if (c >= 'a' && c <= 'f')
-        return c - 'a' + 10;
-    if (c >= 'A' && c <= 'F')
-        return c - 'A' + 10;
-    return -1;
-}
-
-/* Decode %XX; a '%' that no two digits follow stands for itself. */
+/* Decode %XX; a '%' without two digits after it stays as it is. */
 static void percent_decode(const char *text, size_t size, struct buffer *out)
 {
     for (size_t i = 0; i < size; i++) {
         uint8_t byte = (uint8_t)text[i];
-        if (text[i] == '%' && i + 2 < size && hex_digit(text[i + 1]) >= 0 &&
-            hex_digit(text[i + 2]) >= 0) {
-            byte = (uint8_t)(hex_digit(text[i + 1]) << 4 | hex_digit(text[i + 2]));
+        if (text[i] == '%' && i + 2 < size && isxdigit((unsigned char)text[i + 1]) &&
+            isxdigit((unsigned char)text[i + 2])) {
+            const char digits[] = {text[i + 1], text[i + 2], 0};
+            byte = (uint8_t)strtoul(digits, NULL, 16);
             i += 2;
         }
         buffer_append(out, &byte, 1);
@@ -96,7 +87,7 @@ status uri_decode_data(const char *uri, size_t limit_bytes, struct buffer *out, 
     return buffer_ok(out) ? STATUS_OK : error_no_memory(err, "a data URI");
 }
 
-/* Has it a scheme ("http:", "C:")? */
+/* Does it have a scheme ("http:", "C:")? */
 static int has_scheme(const char *uri)
 {
     const char *p = uri;
@@ -116,7 +107,7 @@ static status check_name(const char *uri, const char *path, size_t size, struct 
     return STATUS_OK;
 }
 
-/* An absolute path stays as it is: the reader checks where it leads. */
+/* An absolute path is not changed: the reader checks where it leads. */
 static char *path_below(const char *folder, const char *path)
 {
     return *path == '/' ? mem_strdup(path) : file_join(folder, path);

@@ -14,9 +14,9 @@ int uri_is_data(const char *uri);
 status uri_decode_data(const char *uri, size_t limit_bytes, struct buffer *out,
                        struct error *err) MUST_CHECK;
 
-/* The path that a URI without a scheme means in `folder`, mem_alloc'd. Refused: schemes and NUL
- * bytes; where the path leads is checked by input_files_read. The file need not exist; when the decoded name does not but the name as written or with '/' for '\' does,
- * that one is taken. */
+/* The path of a URI without a scheme in `folder`, mem_alloc'd. Schemes and NUL bytes are refused;
+ * input_files_read checks where the path leads. The file need not exist; if the decoded name does
+ * not exist but the name as written or with '/' for '\' does, that one is used. */
 status uri_to_path(const char *uri, const char *folder, char **path, struct error *err) MUST_CHECK;
 
 #endif

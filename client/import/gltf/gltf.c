@@ -20,9 +20,9 @@ enum {
 
 enum support {
     SUPPORT_FULL,       /* done */
-    SUPPORT_WITHOUT,    /* a warning tells what is missing, where it is used */
+    SUPPORT_WITHOUT,    /* a warning names what is missing, where it is used */
     SUPPORT_NOTHING,    /* says nothing about the picture */
-    SUPPORT_FALLBACK,   /* only where the file offers another form as well */
+    SUPPORT_FALLBACK,   /* only if the file offers another form as well */
     SUPPORT_COMPRESSED, /* the same, and can be decompressed beforehand */
 };
 
@@ -135,7 +135,7 @@ int gltf_choice(const char *wanted, const char *const *names, size_t count)
     return *wanted && !*at && number < count ? (int)number : -1;
 }
 
-/* List them for the report, and find the one that is wanted. */
+/* List them for the report, and find the wanted one. */
 static status read_variants(struct gltf *g, const char *wanted)
 {
     const struct gltf_place root = gltf_at("", 0, "");
@@ -306,7 +306,7 @@ static status parse_json(struct gltf *g, const uint8_t *json, size_t size)
     g->root = json_loadb((const char *)json, size, 0, &error);
     if (g->root)
         return STATUS_OK;
-    /* jansson does not always set the code when memory runs out, but then says nothing. */
+    /* When memory runs out, jansson does not always set the code, but then its text is empty. */
     if (json_error_code(&error) == json_error_out_of_memory || !*error.text)
         return error_no_memory(g->err, "the JSON");
     return error_set(g->err, STATUS_ERR_INPUT, "line %d, column %d: is not JSON: %s", error.line,

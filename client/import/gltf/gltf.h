@@ -1,7 +1,7 @@
-/* gltf: the inside of the glTF 2.0 importer. Not for others: see import.h.
+/* gltf: internals of the glTF 2.0 importer; private to it (see import.h).
  *
- * One struct gltf lives for one import. What the file's tables hold is read when something
- * that is reached needs it, and only once: the *_row arrays remember the builder's rows.
+ * One struct gltf lives for one import. Rows of the file's tables are read when something reachable
+ * needs them, and only once: the *_row arrays hold the builder's rows.
  */
 #ifndef AZULEJO_IMPORT_GLTF_H
 #define AZULEJO_IMPORT_GLTF_H
@@ -23,8 +23,8 @@ enum {
     GLTF_KEY_FLOATS_MAX = 1 << 27,     /* values of all animation channels together */
 };
 
-/* Return what failed. */
-/* "materials[3].pbrMetallicRoughness": where a value stands, for messages. */
+/* Return the failed status. */
+/* "materials[3].pbrMetallicRoughness": the place of a value, for messages. */
 struct gltf_place {
     const char *table;       /* "": the file itself */
     size_t row;
@@ -38,7 +38,7 @@ struct gltf_buffer {
     int loaded;
 };
 
-/* What one primitive became. */
+/* The result of one primitive. */
 struct gltf_primitive {
     int64_t mesh;           /* builder's row, BUILDER_NO_ROW: nothing to render */
     int64_t material;
@@ -48,12 +48,12 @@ struct gltf_primitive {
 /* How a node uses its mesh. */
 struct gltf_use {
     int skinned;            /* its vertices follow a skin */
-    int morphing;           /* its morph targets stay, for weights that change */
-    const float *weights;   /* [weight_count]: the shape it stands still in, unless morphing */
+    int morphing;           /* its morph targets are kept, because the weights change */
+    const float *weights;   /* [weight_count]: its static shape, unless morphing */
     size_t weight_count;
 };
 
-/* A mesh as one kind of use needs it. */
+/* A mesh for one kind of use. */
 struct gltf_mesh {
     struct gltf_mesh *next; /* the same mesh for another use */
     struct gltf_primitive *primitives;
@@ -76,7 +76,7 @@ struct gltf_node {
     int32_t channels[PATH_COUNT];   /* rows of gltf.channels, -1 */
 };
 
-/* Where a node is in its parent. */
+/* A node's place in its parent. */
 struct gltf_local {
     int has_matrix;
     struct transform_d matrix;      /* of all three, or the file's matrix */
@@ -109,11 +109,11 @@ struct gltf {
 
 /* ---- gltf_lights.c ------------------------------------------------------------------------ */
 
-/* Find out in which units the file's lights are, from `units` (as the option's) and from what
- * wrote the file, and say so where that matters; fill in light_scale. */
+/* Determine the units of the file's lights from `units` (the option's value) and from the file's
+ * exporter, warn if that matters, and set light_scale. */
 void gltf_light_units(struct gltf *g, const char *units);
 
-/* The scene's light for row `index` of the file's, which shines from `to_world`. */
+/* The scene's light for row `index` of the file's, placed by `to_world`. */
 status gltf_light(struct gltf *g, size_t index, const char *node_name,
                   const struct transform_d *to_world, struct scene_light *out) MUST_CHECK;
 
@@ -142,7 +142,7 @@ status gltf_numbers(struct gltf *g, json_t *in, const struct gltf_place *at, con
                     size_t count, double *out) MUST_CHECK;
 status gltf_size(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
                  uint64_t *out) MUST_CHECK;
-/* An index into a table; ERR_INPUT when the table has not that many rows. */
+/* An index into a table; ERR_INPUT if the table has fewer rows. */
 status gltf_index(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
                   json_t *table, int64_t *out) MUST_CHECK;
 /* A row of a table; ERR_INPUT unless it is an object. */
@@ -184,16 +184,22 @@ status gltf_accessor_floats(struct gltf *g, size_t index, const struct gltf_acce
 status gltf_accessor_indices(struct gltf *g, size_t index, const struct gltf_accessor *a,
                              uint32_t **out) MUST_CHECK;
 
+/* A vertex attribute as floats, [vertices][components]; *out stays NULL when absent. `most` above
+ * `components` allows that many (COLOR_0); *found, if not NULL, is set to the number there is. */
+status gltf_attribute(struct gltf *g, json_t *attributes, const struct gltf_place *at,
+                      const char *key, int components, int most, int any, size_t vertices,
+                      float **out, int *found) MUST_CHECK;
+
 /* ---- gltf_textures.c ---------------------------------------------------------------------- */
 
-/* A textureInfo; `info_out` (may be NULL) gets the JSON object for what else stands in it. */
+/* A textureInfo; `info_out` (may be NULL) gets the JSON object, for its other members. */
 status gltf_slot(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
                  struct scene_texture_slot *slot, json_t **info_out) MUST_CHECK;
 
 /* ---- gltf_extensions.c: material extensions ------------------------------------------------ */
 
-/* A number from 0 to `high`, and `count` of them; what lies outside is brought in with a
- * warning. *out holds the default. */
+/* A number from 0 to `high`, and `count` of them; values outside are clamped with a warning. *out
+ * holds the default. */
 status gltf_factor(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
                    double high, float *out) MUST_CHECK;
 status gltf_color(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
@@ -201,9 +207,9 @@ status gltf_color(struct gltf *g, json_t *in, const struct gltf_place *at, const
 /* normalTexture and its like: the texture and its scale. */
 status gltf_normal_slot(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
                         struct scene_texture_slot *slot, float *scale) MUST_CHECK;
-/* Is it one of the extensions that gltf_material_extensions reads from a list? */
+/* Does gltf_material_extensions read this extension? */
 int gltf_reads_material_extension(const char *name);
-/* All extensions that change how a lit surface looks. */
+/* All extensions that change a lit surface. */
 status gltf_material_extensions(struct gltf *g, json_t *material, const struct gltf_place *at,
                                 struct scene_material *m) MUST_CHECK;
 /* KHR_materials_pbrSpecularGlossiness in place of pbrMetallicRoughness. */
@@ -218,7 +224,7 @@ status gltf_material(struct gltf *g, int64_t index, uint32_t *row) MUST_CHECK;
 status gltf_mesh(struct gltf *g, size_t index, const struct gltf_use *use,
                  const struct gltf_mesh **out) MUST_CHECK;
 void gltf_mesh_free(struct gltf_mesh *mesh);
-/* How many morph targets the mesh has. */
+/* The number of the mesh's morph targets. */
 size_t gltf_target_count(const struct gltf *g, size_t mesh);
 /* Walk the chosen scene: instances, lights, cameras. *title may be set to its name. */
 status gltf_walk(struct gltf *g, int64_t scene_index, const char **title) MUST_CHECK;
@@ -227,22 +233,22 @@ status gltf_walk(struct gltf *g, int64_t scene_index, const char **title) MUST_C
 
 /* List the animations and read the wanted ones (NULL: all) into g->channels. */
 status gltf_animations(struct gltf *g, const char *wanted) MUST_CHECK;
-/* Give the scene the channels of the nodes that it has. */
+/* Add the channels of the scene's nodes to the scene. */
 status gltf_add_channels(struct gltf *g) MUST_CHECK;
 
 /* ---- gltf_skeleton.c: nodes that move, and skins -------------------------------------------- */
 
-/* Fill node_data with who is whose parent. */
+/* Set the parents in node_data. */
 status gltf_open_nodes(struct gltf *g) MUST_CHECK;
 status gltf_node_local(struct gltf *g, size_t node, struct gltf_local *out) MUST_CHECK;
 /* At rest. */
 status gltf_node_world(struct gltf *g, size_t node, struct transform_d *out) MUST_CHECK;
-/* The weights that the node's mesh has there at rest: [targets], mem_alloc'd. */
+/* The weights of the node's mesh at rest: [targets], mem_alloc'd. */
 status gltf_node_weights(struct gltf *g, size_t node, size_t mesh, float **out, size_t *count)
     MUST_CHECK;
 /* The builder's row for a node, made with all its parents if need be. */
 status gltf_node_row(struct gltf *g, size_t node, uint32_t *row) MUST_CHECK;
-/* The builder's row for a skin, and a transform that places its mesh about where it is. */
+/* The builder's row for a skin, and a transform that places its mesh approximately. */
 status gltf_skin(struct gltf *g, size_t index, uint32_t *row, struct transform_d *about) MUST_CHECK;
 
 /* gltf.c */

@@ -289,3 +289,25 @@ status gltf_accessor_indices(struct gltf *g, size_t index, const struct gltf_acc
     *out = values;
     return STATUS_OK;
 }
+
+status gltf_attribute(struct gltf *g, json_t *attributes, const struct gltf_place *at,
+                      const char *key, int components, int most, int any, size_t vertices,
+                      float **out, int *found)
+{
+    struct gltf_accessor accessor;
+    int64_t index = -1;
+
+    TRY(gltf_index(g, attributes, at, key, g->accessors, &index));
+    if (index < 0)
+        return STATUS_OK;
+    TRY(gltf_accessor_open(g, (size_t)index, &accessor));
+    if (accessor.components < components || accessor.components > most)
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "%s must have %d components, it has %d", key,
+                         components, accessor.components);
+    if (vertices && accessor.count != vertices)
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "%s has %zu elements, POSITION has %zu", key,
+                         accessor.count, vertices);
+    if (found)
+        *found = accessor.components;
+    return gltf_accessor_floats(g, (size_t)index, &accessor, any, out);
+}

@@ -1,5 +1,5 @@
-/* glTF: animations. Channels are read and checked before the scene is walked, which has to
- * know what moves; those of nodes that the scene turns out to have are handed over after. */
+/* glTF: animations. Channels are read and checked before the scene is walked, because the walk must
+ * know what moves; afterwards those of the scene's nodes are added. */
 #include <math.h>
 #include <string.h>
 
@@ -101,7 +101,7 @@ static size_t key_floats(const struct scene_channel *c)
     return (size_t)c->components * (c->interpolation == INTERPOLATE_CUBIC ? 3 : 1);
 }
 
-/* Of keys at one time the last stays, as if the others were just before it. */
+/* Of several keys at one time the last one is kept, as if the others came just before it. */
 static void drop_equal_times(struct gltf *g, const struct gltf_place *at, struct scene_channel *c)
 {
     size_t width = key_floats(c);
@@ -150,8 +150,8 @@ static int is_still(const struct scene_channel *c)
     for (uint32_t i = 0; i < c->key_count; i++)
         for (size_t k = 0; k < width; k++) {
             int tangent = c->interpolation == INTERPOLATE_CUBIC && k / c->components != 1;
-            /* What the spline does before the first and after the last key does not count, but
-             * exporters write zeros there too. */
+            /* The outer tangents of the first and last key do not matter, but exporters write zeros
+             * there too. */
             float wanted = tangent ? 0.0f : first[k % c->components];
             if (c->values[i * width + k] != wanted)
                 return 0;
@@ -181,7 +181,7 @@ static int parse_pointer(const char *pointer, size_t node_count, uint32_t *node,
     return *path >= 0;
 }
 
-/* What a channel moves. *path is -1 when that cannot be done, with a warning. */
+/* The target of a channel. *path is -1, with a warning, if it cannot be animated. */
 static status read_target(struct gltf *g, json_t *channel, const struct gltf_place *at,
                           uint32_t *node, int *path)
 {
@@ -215,7 +215,7 @@ static status read_target(struct gltf *g, json_t *channel, const struct gltf_pla
     return STATUS_OK;
 }
 
-/* How many floats a key of the path has; 0: the node has no such thing, with a warning. */
+/* The number of floats in a key of the path; 0, with a warning: the node has no such property. */
 static status count_components(struct gltf *g, const struct gltf_place *at, uint32_t node, int path,
                                uint32_t *out)
 {
@@ -310,8 +310,8 @@ static status read_channel(struct gltf *g, json_t *channel, json_t *samplers,
     return STATUS_OK;
 }
 
-/* *duration_s holds what the accessors claim. That stays where a channel is not read, because an
- * earlier animation moves the same thing: such a channel counts, too. */
+/* *duration_s is initialised from the accessors' claims. That value remains for a channel that is
+ * not read because an earlier animation moves the same property: such a channel counts, too. */
 static status read_animation(struct gltf *g, size_t index, double *duration_s)
 {
     const struct gltf_place at = gltf_at("animations", index, "");
@@ -333,7 +333,7 @@ static status read_animation(struct gltf *g, size_t index, double *duration_s)
 
 /* ---- the list ------------------------------------------------------------------------------- */
 
-/* From what the accessors say of themselves: good enough for a list. */
+/* From the accessors' own claims: good enough for a list. */
 static double claimed_duration(const struct gltf *g, size_t index)
 {
     json_t *samplers = json_object_get(json_array_get(g->animations, index), "samplers");

@@ -1,5 +1,5 @@
-/* glTF: what the material extensions say. A factor of 0 switches its effect off whatever its
- * textures hold: they are then not read. */
+/* glTF: the material extensions. A factor of 0 switches its effect off whatever its textures
+ * contain: they are then not read. */
 #include <math.h>
 #include <string.h>
 
@@ -7,7 +7,7 @@
 #include "common/base/memory.h"
 #include "common/image/image.h"
 
-/* Bring a value into its range, and say so. */
+/* Clamp a value to its range, with a warning. */
 static float clamp(struct gltf *g, const struct gltf_place *at, const char *key, double value,
                    double low, double high)
 {
@@ -19,8 +19,8 @@ static float clamp(struct gltf *g, const struct gltf_place *at, const char *key,
     return (float)clamped;
 }
 
-/* glTF has no priorities: an extra has. Extras may hold anything, so what is no number is not
- * meant for us. */
+/* glTF has no priorities, so they come in an extra. Extras may contain anything: a value that is
+ * not a number is ignored. */
 static void read_priority(struct gltf *g, json_t *in, const struct gltf_place *at,
                           struct scene_material *m)
 {
@@ -221,7 +221,7 @@ static status read_diffuse_roughness(struct gltf *g, json_t *in, const struct gl
     return gltf_slot(g, in, at, "diffuseRoughnessTexture", &m->diffuse_roughness_texture, NULL);
 }
 
-/* Extensions that stand for themselves: this list is all that says that they are supported. */
+/* The supported extensions: they are listed only here. */
 static const struct {
     const char *name;
     status (*read)(struct gltf *g, json_t *in, const struct gltf_place *at,

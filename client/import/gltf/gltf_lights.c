@@ -1,4 +1,4 @@
-/* glTF: the lights of KHR_lights_punctual, and the units that they are in. */
+/* glTF: the lights of KHR_lights_punctual, and their units. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -8,8 +8,8 @@
 
 /* ---- units -------------------------------------------------------------------------------- */
 
-/* glTF's candela and lux are lumens by 683 lm/W where Blender wrote them; most viewers, and we
- * where nothing else is known, take the numbers as W/sr and W/m^2. */
+/* If Blender wrote the file, its candela and lux are photometric (683 lm/W); most viewers, and we
+ * if the exporter is unknown, read the numbers as W/sr and W/m^2. */
 #define LUMENS_PER_WATT 683.0
 #define BLENDER_GENERATOR "Khronos glTF Blender I/O v"
 
@@ -90,7 +90,7 @@ static status read_spot(struct gltf *g, json_t *light, const struct gltf_place *
     }
     out->inner_cone_rad = (float)cone_inner;
     out->outer_cone_rad = (float)cone_outer;
-    /* Rounding to float must not make a hard edge of a very narrow one. */
+    /* Rounding to float must not turn a very narrow edge into a hard one. */
     if (!(out->inner_cone_rad < out->outer_cone_rad))
         out->inner_cone_rad = out->outer_cone_rad * 0.999f;
     return STATUS_OK;

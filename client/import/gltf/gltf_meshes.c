@@ -1,34 +1,11 @@
+/* Meshes: each primitive becomes one mesh of the scene, for each way in which nodes use it. */
 #include <math.h>
 #include <string.h>
 
-#include "client/import/gltf/gltf.h"
+#include "client/import/gltf/gltf_mesh_parts.h"
 #include "common/base/memory.h"
 
 enum primitive_mode { MODE_TRIANGLES = 4, MODE_STRIP = 5, MODE_FAN = 6 };
-
-/* A vertex attribute as floats, [vertices][components]; *out stays NULL when absent. `most`
- * above `components` allows that many (COLOR_0); *found tells how many there are. */
-static status read_attribute(struct gltf *g, json_t *attributes, const struct gltf_place *at,
-                             const char *key, int components, int most, int any, size_t vertices,
-                             float **out, int *found)
-{
-    struct gltf_accessor accessor;
-    int64_t index = -1;
-
-    TRY(gltf_index(g, attributes, at, key, g->accessors, &index));
-    if (index < 0)
-        return STATUS_OK;
-    TRY(gltf_accessor_open(g, (size_t)index, &accessor));
-    if (accessor.components < components || accessor.components > most)
-        return gltf_fail(g, STATUS_ERR_INPUT, at, "%s must have %d components, it has %d", key,
-                         components, accessor.components);
-    if (vertices && accessor.count != vertices)
-        return gltf_fail(g, STATUS_ERR_INPUT, at, "%s has %zu elements, POSITION has %zu", key,
-                         accessor.count, vertices);
-    if (found)
-        *found = accessor.components;
-    return gltf_accessor_floats(g, (size_t)index, &accessor, any, out);
-}
 
 static status read_positions(struct gltf *g, json_t *attributes, const struct gltf_place *at,
                              struct mesh_source *mesh)
@@ -46,7 +23,7 @@ static status read_positions(struct gltf *g, json_t *attributes, const struct gl
     TRY(gltf_accessor_floats(g, (size_t)index, &accessor, 0, &mesh->positions));
     mesh->vertex_count = accessor.count;
     for (size_t i = 0; i < mesh->vertex_count * 3; i++) {
-        /* One zero only, so that equal positions are equal in their bits. */
+        /* No negative zero, so that equal positions have equal bits. */
         mesh->positions[i] += 0.0f;
         if (fabsf(mesh->positions[i]) > SCENE_COORDINATE_MAX)
             return gltf_fail(g, STATUS_ERR_INPUT, at, "POSITION %zu lies beyond 1e15 metres",
@@ -62,7 +39,7 @@ static status read_colors(struct gltf *g, json_t *attributes, const struct gltf_
     float *raw = NULL;
     int components = 0, acts = 0;
 
-    TRY(read_attribute(g, attributes, at, "COLOR_0", 3, 4, 0, mesh->vertex_count, &raw,
+    TRY(gltf_attribute(g, attributes, at, "COLOR_0", 3, 4, 0, mesh->vertex_count, &raw,
                        &components));
     if (!raw)
         return STATUS_OK;
@@ -95,7 +72,7 @@ static int uses_uv(const struct scene_material *m, uint32_t set)
     return 0;
 }
 
-/* One tangent serves all: that of the normal map if there is one, else of the coat's, else of
+/* One tangent serves all uses: that of the normal map if there is one, else of the coat's, else of
  * the anisotropy's texture, else of the first set. */
 static struct mesh_tangents tangents_of(const struct scene_material *m)
 {
@@ -128,8 +105,8 @@ static void warn_of_axes(struct gltf *g, const struct scene_material *m)
     if (m->normal_texture.texture >= 0 && m->clearcoat_normal_texture.texture >= 0 &&
         !same_axes(&m->normal_texture, &m->clearcoat_normal_texture))
         builder_warn(g->b, "two tangents",
-                     "material \"%.80s\": its clearcoat's normal map lies otherwise on the mesh than "
-                     "its own: the directions of its own are used for both",
+                     "material \"%.80s\": its clearcoat's normal map has other texture axes than "
+                     "its own: the axes of its own are used for both",
                      m->name);
 }
 
@@ -189,7 +166,7 @@ static status read_triangles(struct gltf *g, json_t *primitive, const struct glt
 
 /* ---- variants ------------------------------------------------------------------------------ */
 
-/* The material that the chosen variant gives the primitive; *material stays when it gives
+/* The material that the chosen variant gives the primitive; *material is unchanged if it gives
  * none. */
 static status choose_material(struct gltf *g, json_t *primitive, const struct gltf_place *at,
                               int64_t *material)
@@ -210,207 +187,6 @@ static status choose_material(struct gltf *g, json_t *primitive, const struct gl
         }
     }
     return STATUS_OK;
-}
-
-/* ---- morph targets -------------------------------------------------------------------------- */
-
-size_t gltf_target_count(const struct gltf *g, size_t mesh)
-{
-    json_t *primitives = json_object_get(json_array_get(g->meshes, mesh), "primitives");
-
-    return json_array_size(json_object_get(json_array_get(primitives, 0), "targets"));
-}
-
-static status read_offsets(struct gltf *g, json_t *target, const struct gltf_place *at,
-                           const char *key, size_t vertices, float **out)
-{
-    TRY(read_attribute(g, target, at, key, 3, 3, 0, vertices, out, NULL));
-    if (*out)
-        for (size_t i = 0; i < vertices * 3; i++)
-            if (fabsf((*out)[i]) > SCENE_COORDINATE_MAX)
-                return gltf_fail(g, STATUS_ERR_INPUT, at, "%s %zu lies beyond 1e15 metres", key,
-                                 i / 3);
-    return STATUS_OK;
-}
-
-/* Offsets of positions and normals; of tangents there are none to keep: the renderer carries
- * the rest shape's along. */
-static status read_target(struct gltf *g, json_t *target, const struct gltf_place *at,
-                          const struct mesh_source *mesh, struct mesh_morph *out)
-{
-    if (!json_is_object(target))
-        return gltf_fail(g, STATUS_ERR_INPUT, at, "must be an object");
-    if (json_object_get(target, "TEXCOORD_0") || json_object_get(target, "COLOR_0"))
-        builder_warn(g->b, "morphed attributes",
-                     "%s[%zu]%s: morphs texture coordinates or colors: only positions and normals "
-                     "are morphed",
-                     at->table, at->row, at->part);
-    TRY(read_offsets(g, target, at, "POSITION", mesh->vertex_count, &out->positions));
-    if (mesh->normals)
-        TRY(read_offsets(g, target, at, "NORMAL", mesh->vertex_count, &out->normals));
-    if (!out->positions)
-        out->positions = mem_calloc(mesh->vertex_count, 3 * sizeof *out->positions);
-    return out->positions ? STATUS_OK : error_no_memory(g->err, "a morph target");
-}
-
-static status read_targets(struct gltf *g, json_t *primitive, const struct gltf_place *at,
-                           size_t wanted, struct mesh_source *mesh)
-{
-    json_t *targets = NULL;
-    size_t count;
-
-    TRY(gltf_array(g, primitive, at, "targets", &targets));
-    count = json_array_size(targets);
-    if (count != wanted)
-        return gltf_fail(g, STATUS_ERR_INPUT, at,
-                         "has %zu morph targets, but the mesh's first primitive has %zu", count,
-                         wanted);
-    if (count == 0)
-        return STATUS_OK;
-    if (count > SCENE_MORPHS_MAX || count * mesh->vertex_count > GLTF_MORPHED_VERTICES_MAX)
-        return gltf_fail(g, STATUS_ERR_LIMIT, at,
-                         "has %zu morph targets of %zu vertices: at most %d of together %d "
-                         "vertices are taken",
-                         count, mesh->vertex_count, SCENE_MORPHS_MAX, GLTF_MORPHED_VERTICES_MAX);
-    mesh->morphs = mem_calloc(count, sizeof *mesh->morphs);
-    if (!mesh->morphs)
-        return error_no_memory(g->err, "morph targets");
-    mesh->morph_count = count;
-    for (size_t i = 0; i < count; i++) {
-        const struct gltf_place inner = gltf_within(at, ".targets[%zu]", i);
-        TRY(read_target(g, json_array_get(targets, i), &inner, mesh, &mesh->morphs[i]));
-    }
-    return STATUS_OK;
-}
-
-/* The shape that the weights make; the targets go. */
-static status bake_targets(struct gltf *g, const struct gltf_place *at, const float *weights,
-                           struct mesh_source *mesh)
-{
-    for (size_t m = 0; m < mesh->morph_count; m++) {
-        struct mesh_morph *morph = &mesh->morphs[m];
-        for (size_t i = 0; weights[m] != 0 && i < mesh->vertex_count * 3; i++) {
-            mesh->positions[i] += weights[m] * morph->positions[i];
-            if (morph->normals)
-                mesh->normals[i] += weights[m] * morph->normals[i];
-        }
-        mem_free(morph->positions);
-        mem_free(morph->normals);
-    }
-    mem_free(mesh->morphs);
-    mesh->morphs = NULL;
-    mesh->morph_count = 0;
-    for (size_t i = 0; i < mesh->vertex_count * 3; i++)
-        if (!(fabsf(mesh->positions[i]) <= SCENE_COORDINATE_MAX))
-            return gltf_fail(g, STATUS_ERR_INPUT, at,
-                             "its morph weights move it beyond 1e15 metres");
-    return STATUS_OK;
-}
-
-/* ---- skins ---------------------------------------------------------------------------------- */
-
-/* What one set (JOINTS_n, WEIGHTS_n) says: [vertices][4] each. */
-struct influence_set {
-    float *joints, *weights;
-};
-
-static status read_set(struct gltf *g, json_t *attributes, const struct gltf_place *at, int set,
-                       size_t vertices, struct influence_set *out)
-{
-    char joints[16], weights[16];
-
-    snprintf(joints, sizeof joints, "JOINTS_%d", set);
-    snprintf(weights, sizeof weights, "WEIGHTS_%d", set);
-    TRY(read_attribute(g, attributes, at, joints, 4, 4, 0, vertices, &out->joints, NULL));
-    TRY(read_attribute(g, attributes, at, weights, 4, 4, 0, vertices, &out->weights, NULL));
-    if (!out->joints != !out->weights)
-        return gltf_fail(g, STATUS_ERR_INPUT, at, "%s and %s must come together", joints, weights);
-    return STATUS_OK;
-}
-
-/* The four heaviest of up to eight, heaviest first, adding up to 1; *lost tells that others
- * were left out, *loose that there is none. */
-static struct mesh_influence pick_influences(const struct influence_set *sets, int set_count,
-                                             size_t v, int *lost, int *loose)
-{
-    struct mesh_influence out = {0};
-    double total = 0;
-
-    for (int k = 0; k < 4 * set_count; k++) {
-        float weight = sets[k / 4].weights[4 * v + (size_t)k % 4];
-        uint16_t joint = (uint16_t)sets[k / 4].joints[4 * v + (size_t)k % 4];
-        int at = 4;
-        if (!(weight > 0))
-            continue;
-        while (at > 0 && weight > out.weight[at - 1])
-            at--;
-        *lost |= at == 4 || out.weight[3] > 0;
-        for (int i = 3; i > at; i--) {
-            out.weight[i] = out.weight[i - 1];
-            out.joint[i] = out.joint[i - 1];
-        }
-        if (at < 4) {
-            out.weight[at] = weight;
-            out.joint[at] = joint;
-        }
-    }
-    for (int i = 0; i < 4; i++)
-        total += (double)out.weight[i];
-    if (!(total > 0)) {
-        *loose = 1;
-        out.weight[0] = 1;
-        return out;
-    }
-    for (int i = 0; i < 4; i++)
-        out.weight[i] = (float)((double)out.weight[i] / total);
-    return out;
-}
-
-static status read_skin(struct gltf *g, json_t *attributes, const struct gltf_place *at,
-                        struct mesh_source *mesh, uint32_t *joint_max)
-{
-    struct influence_set sets[2] = {{0}};
-    int lost = 0, loose = 0, count;
-    status result = read_set(g, attributes, at, 0, mesh->vertex_count, &sets[0]);
-
-    if (result == STATUS_OK)
-        result = read_set(g, attributes, at, 1, mesh->vertex_count, &sets[1]);
-    if (result != STATUS_OK || !sets[0].joints)
-        goto done;
-    count = sets[1].joints ? 2 : 1;
-    for (int s = 0; s < count && result == STATUS_OK; s++)
-        for (size_t i = 0; i < mesh->vertex_count * 4; i++)
-            if (!(sets[s].joints[i] >= 0 && sets[s].joints[i] < SCENE_JOINTS_MAX)) {
-                result = gltf_fail(g, STATUS_ERR_INPUT, at, "JOINTS_%d %zu is no joint", s, i / 4);
-                break;
-            }
-    if (result != STATUS_OK)
-        goto done;
-    mesh->influences = mem_alloc_array(mesh->vertex_count, sizeof *mesh->influences);
-    if (!mesh->influences) {
-        result = error_no_memory(g->err, "a skin");
-        goto done;
-    }
-    for (size_t v = 0; v < mesh->vertex_count; v++) {
-        mesh->influences[v] = pick_influences(sets, count, v, &lost, &loose);
-        for (int k = 0; k < 4; k++)
-            if (mesh->influences[v].joint[k] > *joint_max)
-                *joint_max = mesh->influences[v].joint[k];
-    }
-    if (lost)
-        builder_warn(g->b, "more than four joints",
-                     "%s[%zu]%s: more than four joints move a vertex: the four heaviest do",
-                     at->table, at->row, at->part);
-    if (loose)
-        builder_warn(g->b, "loose vertices",
-                     "%s[%zu]%s: no joint moves a vertex: the skin's first does", at->table,
-                     at->row, at->part);
-done:
-    for (int s = 0; s < 2; s++) {
-        mem_free(sets[s].joints);
-        mem_free(sets[s].weights);
-    }
-    return result;
 }
 
 /* ---- primitives ---------------------------------------------------------------------------- */
@@ -434,7 +210,7 @@ static status check_compression(struct gltf *g, json_t *primitive, json_t *attri
     json_t *position = json_object_get(attributes, "POSITION");
     json_t *accessor = json_array_get(g->accessors, (size_t)json_integer_value(position));
 
-    /* An uncompressed copy may stand beside the compressed one. */
+    /* There may be an uncompressed copy beside the compressed one. */
     if (draco && !json_object_get(accessor, "bufferView"))
         return gltf_fail(g, STATUS_ERR_UNSUPPORTED, at,
                          "is only there in Draco-compressed form: decompress the file first, for "
@@ -453,21 +229,21 @@ static status read_source(struct gltf *g, json_t *primitive, json_t *attributes,
     if (!mesh->positions)
         return STATUS_OK;
     TRY(read_triangles(g, primitive, at, mode, mesh));
-    TRY(read_attribute(g, attributes, &inner, "NORMAL", 3, 3, 1, mesh->vertex_count,
+    TRY(gltf_attribute(g, attributes, &inner, "NORMAL", 3, 3, 1, mesh->vertex_count,
                        &mesh->normals, NULL));
     if (tangents->wanted && mesh->normals)
-        TRY(read_attribute(g, attributes, &inner, "TANGENT", 4, 4, 1, mesh->vertex_count,
+        TRY(gltf_attribute(g, attributes, &inner, "TANGENT", 4, 4, 1, mesh->vertex_count,
                            &mesh->tangents, NULL));
     for (uint32_t set = 0; set < 2; set++) {
         int for_tangents = tangents->wanted && tangents->uv_set == set && !mesh->tangents;
         if (!uses_uv(material, set) && !for_tangents)
             continue;
-        TRY(read_attribute(g, attributes, &inner, set ? "TEXCOORD_1" : "TEXCOORD_0", 2, 2, 0,
+        TRY(gltf_attribute(g, attributes, &inner, set ? "TEXCOORD_1" : "TEXCOORD_0", 2, 2, 0,
                            mesh->vertex_count, &mesh->uv[set], NULL));
         if (!mesh->uv[set] && uses_uv(material, set))
             builder_warn(g->b, "texture coordinates",
-                         "%s[%zu]%s: its material uses TEXCOORD_%u, which the mesh has not: (0, 0) "
-                         "is used",
+                         "%s[%zu]%s: its material uses TEXCOORD_%u, which the mesh does not have: "
+                         "(0, 0) is used",
                          at->table, at->row, at->part, set);
     }
     return read_colors(g, attributes, &inner, mesh);
@@ -480,11 +256,11 @@ static status read_deformation(struct gltf *g, json_t *primitive, json_t *attrib
 {
     const struct gltf_place inner = gltf_within(at, ".attributes");
 
-    TRY(read_targets(g, primitive, at, use->weight_count, mesh));
+    TRY(gltf_targets_read(g, primitive, at, use->weight_count, mesh));
     if (!use->morphing)
-        TRY(bake_targets(g, at, use->weights, mesh));
+        TRY(gltf_targets_bake(g, at, use->weights, mesh));
     if (use->skinned)
-        TRY(read_skin(g, attributes, &inner, mesh, &out->joint_max));
+        TRY(gltf_skin_read(g, attributes, &inner, mesh, &out->joint_max));
     return STATUS_OK;
 }
 

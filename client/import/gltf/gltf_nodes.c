@@ -4,15 +4,15 @@
 #include "client/import/gltf/gltf.h"
 #include "common/base/memory.h"
 
-/* A node still to be visited. */
+/* A node to visit. */
 struct visit {
     size_t node;
     uint32_t depth;
-    int moving;              /* something above it moves */
+    int moving;              /* an ancestor moves */
     struct transform_d to_world;
 };
 
-/* Where what hangs on a node stands. */
+/* The place of the objects attached to a node. */
 struct stand {
     size_t node;
     int moving;              /* the node or something above it */
@@ -35,7 +35,7 @@ static const char *node_name(json_t *node)
 
 /* ---- instances ---------------------------------------------------------------------------- */
 
-/* How a mesh hangs in the scene. */
+/* How a mesh is attached to the scene. */
 struct placing {
     const struct gltf_mesh *mesh;
     const char *name;
@@ -61,7 +61,7 @@ static status place_mesh(struct gltf *g, const struct placing *how,
                          how->at->row, how->name);
             return STATUS_OK;
         }
-        instance.to_world = transform_d_identity(); /* at other times it may be there */
+        instance.to_world = transform_d_identity(); /* at other times it may be visible */
     }
     for (size_t i = 0; i < how->mesh->count; i++) {
         const struct gltf_primitive *primitive = &how->mesh->primitives[i];
@@ -79,7 +79,7 @@ static status place_mesh(struct gltf *g, const struct placing *how,
     return STATUS_OK;
 }
 
-/* One attribute of EXT_mesh_gpu_instancing; *count is 0 until the first tells it. */
+/* One attribute of EXT_mesh_gpu_instancing; *count is 0 until the first attribute sets it. */
 static status read_instancing(struct gltf *g, json_t *attributes, const struct gltf_place *at,
                               const char *key, int components, size_t *count, float **out)
 {
@@ -153,7 +153,7 @@ static status place_instances(struct gltf *g, json_t *extension, const struct pl
     return result;
 }
 
-/* The kind of use that the node makes of its mesh, and the mesh for it. */
+/* The node's kind of use of its mesh, and the mesh for it. */
 static status open_mesh(struct gltf *g, const struct stand *stand, size_t index, int skinned,
                         int instanced, const struct gltf_mesh **out)
 {
@@ -188,8 +188,8 @@ static status add_mesh(struct gltf *g, json_t *node, const struct gltf_place *at
     TRY(gltf_index(g, node, at, "skin", g->skins, &skin));
     if (skin >= 0 && instancing) {
         builder_warn(g->b, "instanced skin",
-                     "nodes[%zu]: has a skin and is instanced (EXT_mesh_gpu_instancing): there is "
-                     "one, where its joints are",
+                     "nodes[%zu]: has a skin and is instanced (EXT_mesh_gpu_instancing): only one "
+                     "is rendered, where its joints are",
                      at->row);
         instancing = NULL;
     }
@@ -245,7 +245,7 @@ static int camera_name_taken(const struct gltf *g, const char *name)
     return 0;
 }
 
-/* The camera's name, or its node's when that is taken: people choose cameras by name. */
+/* The camera's name, or its node's if that is taken: users choose cameras by name. */
 static const char *camera_name(struct gltf *g, const char *name, json_t *node)
 {
     const char *second = node_name(node);
@@ -383,7 +383,7 @@ static status visit_node(struct walk *w, const struct visit *visit)
     return push_all(w, children, &at, "children", &below);
 }
 
-/* Every node that is no other's child: what a file without scenes shows. */
+/* Every node without a parent: the content of a file without scenes. */
 static status push_roots(struct walk *w, const struct visit *world)
 {
     size_t count = json_array_size(w->g->nodes);

@@ -1,5 +1,5 @@
-/* glTF: the nodes that move, and skins. The scene gets a node only when something that is seen
- * hangs on it and it moves, and then all its parents too. */
+/* glTF: the nodes that move, and skins. The scene gets a node, and all its parents, only if it
+ * moves and a visible object is attached to it. */
 #include <math.h>
 #include <string.h>
 
@@ -32,7 +32,7 @@ status gltf_open_nodes(struct gltf *g)
 
 /* ---- at rest -------------------------------------------------------------------------------- */
 
-/* A channel that never changes stands for the node's own value. */
+/* A channel that never changes replaces the node's own value. */
 static const float *still_value(const struct gltf *g, size_t node, enum scene_channel_path path)
 {
     int32_t row = g->node_data[node].channels[path];
@@ -238,7 +238,7 @@ static status read_skin(struct gltf *g, size_t index, json_t *joints, json_t *sk
     return read_inverse_binds(g, skin, &at, out);
 }
 
-/* Where joint 0 carries the mesh: exact in the pose in which the mesh was bound. */
+/* The mesh's place by joint 0: exact in the pose in which the mesh was bound. */
 static status skin_place(struct gltf *g, json_t *joints, const struct scene_skin *skin,
                          struct transform_d *about)
 {

@@ -11,7 +11,7 @@
 
 /* ---- images ------------------------------------------------------------------------------- */
 
-/* Is it a kind of picture that is known but not read? For a message that helps. */
+/* Is it a known format that is not read? For a helpful message. */
 static const char *foreign_format(const uint8_t *data, size_t size)
 {
     if (size >= 12 && memcmp(data, "RIFF", 4) == 0 && memcmp(data + 8, "WEBP", 4) == 0)
@@ -118,7 +118,7 @@ static status read_texture(struct gltf *g, size_t index, int64_t *row)
     TRY(gltf_index(g, texture, &at, "source", g->images, &source));
     TRY(gltf_index(g, texture, &at, "sampler", g->samplers, &sampler));
     webp = gltf_extension(texture, "EXT_texture_webp");
-    if (webp) /* the source beside it is for those who cannot read this one */
+    if (webp) /* the other source is for readers without WebP */
         TRY(gltf_index(g, webp, &at_webp, "source", g->images, &source));
     if (gltf_extension(texture, "KHR_texture_basisu"))
         builder_warn(g->b, "basisu",

@@ -13,7 +13,7 @@
 
 /* ---- statements ----------------------------------------------------------------------------- */
 
-/* Where faces go: the state that statements set. */
+/* The state that applies to the next faces. */
 struct state {
     struct obj *o;
     uint32_t group, material, smooth;
@@ -78,7 +78,7 @@ static status read_attribute(struct obj *o, struct obj_line *line, size_t width,
     return STATUS_OK;
 }
 
-/* An index as written: from 1, or negative from the last; OBJ_BAD if it is none. */
+/* An index as written: from 1, or negative from the last; OBJ_BAD if it is invalid. */
 static uint32_t resolve(int64_t index, size_t count)
 {
     if (index > 0 && index < OBJ_BAD)
@@ -176,7 +176,7 @@ static void read_smooth(struct state *s, struct obj_line *line)
     s->smooth = group > 0 && group < OBJ_NONE ? (uint32_t)group : 0;
 }
 
-/* One file whose name may hold spaces, or several. They are looked at when all is read. */
+/* One file whose name may contain spaces, or several. They are read after the OBJ file. */
 static status read_library(struct state *s, struct obj_line *line)
 {
     struct obj *o = s->o;

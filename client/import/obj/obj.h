@@ -1,9 +1,9 @@
-/* obj: the inside of the Wavefront OBJ + MTL importer. Not for others: see import.h.
+/* obj: internals of the Wavefront OBJ + MTL importer; private to it (see import.h).
  *
- * The OBJ file is read once into tables (obj.c); then each part, which is what one group draws
- * with one material, becomes a mesh and an instance (obj_mesh.c). Materials are read from
- * the .mtl files and made when a part calls for them (obj_mtl.c, obj_image.c). A file or texture
- * that is missing or broken is a warning; so is a face that cannot be drawn.
+ * The OBJ file is read once into tables (obj.c); then each part (the faces of one group with one
+ * material) becomes a mesh and an instance (obj_mesh.c). Materials are read from the .mtl files and
+ * made when a part needs them (obj_mtl.c, obj_image.c). A file or texture that is missing or broken
+ * is a warning; so is a face that cannot be drawn.
  */
 #ifndef AZULEJO_IMPORT_OBJ_H
 #define AZULEJO_IMPORT_OBJ_H
@@ -20,9 +20,9 @@ enum {
     OBJ_SMOOTH_VALENCE_MAX = 1024,  /* a vertex of more faces than this is shaded flat */
 };
 #define OBJ_NONE UINT32_MAX         /* no such index */
-#define OBJ_BAD (UINT32_MAX - 1)    /* an index that cannot be one */
+#define OBJ_BAD (UINT32_MAX - 1)    /* an invalid index */
 
-/* Distinct texts, numbered in the order of their coming. */
+/* Distinct texts, numbered in the order of their first use. */
 struct obj_names {
     char **texts;
     size_t count, capacity;
@@ -43,7 +43,7 @@ struct obj_face {
     uint32_t line;
 };
 
-/* What one group draws with one material. */
+/* The faces of one group with one material. */
 struct obj_part {
     uint32_t name;                  /* in `words` */
     uint32_t material;              /* in `materials`, OBJ_NONE: none was named */
@@ -62,17 +62,17 @@ struct obj_texture {
     int clamp;
 };
 
-/* A newmtl as it stands; NAN: not said. */
+/* A newmtl as written; NAN: not given. */
 struct obj_material {
     uint32_t name;                  /* in `materials` */
-    uint32_t file, line;            /* where: in `files` */
-    int illum;                      /* -1: not said */
+    uint32_t file, line;            /* its place: in `files` */
+    int illum;                      /* -1: not given */
     float kd[3], ks[3], ke[3], tf[3], ns, ni, d, pr, pm, pc, pcr, ps, aniso, anisor;
     struct obj_texture maps[OBJ_MAP_COUNT];
     int64_t row;                    /* of the builder, BUILDER_NO_ROW: not made yet */
 };
 
-/* A picture file, read once; or pictures put together, named by all of their files. */
+/* A picture file, read once; or a combination of pictures, named by all of their files. */
 struct obj_image {
     char *key;
     int64_t row;                    /* BUILDER_NO_ROW: unusable */
@@ -85,7 +85,7 @@ struct obj {
     const char *name;               /* of the file, for messages */
     const char *folder;             /* NULL: no other files */
 
-    double origin[3];               /* of v: the first vertex chooses it */
+    double origin[3];               /* of v: chosen by the first vertex */
     int has_origin;
     float *v, *colors, *vt, *vn;    /* [3], [4] or NULL, [2], [3]; a v that cannot be read: NAN */
     size_t v_count, vt_count, vn_count, v_capacity, color_capacity, vt_capacity, vn_capacity;
@@ -93,7 +93,7 @@ struct obj {
     size_t corner_count, corner_capacity;
     struct obj_face *faces;
     size_t face_count, face_capacity;
-    int says_smooth;                /* there is an s statement: what has none is flat */
+    int says_smooth;                /* there is an s statement: faces without one are flat */
 
     struct obj_names words, materials, part_keys;
     struct obj_part *parts;
@@ -101,16 +101,16 @@ struct obj {
 
     struct obj_names libraries;
     uint32_t library_lines[OBJ_LIBRARIES_MAX];
-    struct obj_names files;         /* of libraries, as they were found */
+    struct obj_names files;         /* of libraries, as found */
     struct obj_material *defined;
     size_t defined_count, defined_capacity;
     uint32_t *definition;           /* [materials.count] row of `defined`, OBJ_NONE: nowhere */
     struct obj_image *images;
     size_t image_count, image_capacity;
-    int64_t plain_row, plain_colored_row; /* materials of those that have none */
+    int64_t plain_row, plain_colored_row; /* materials of parts without one */
 
     float *face_normals;            /* [3] a face */
-    size_t *around;                 /* [v_count + 1] where a vertex's corners begin in ... */
+    size_t *around;                 /* [v_count + 1] where a vertex's corners begin in `around` */
     size_t *around_corners;         /* ... the corners, by vertex */
     uint32_t *corner_face;          /* [corner_count] */
 };
@@ -130,17 +130,17 @@ struct obj_word {
 };
 /* The next line that is not empty; 0 at the end. */
 int obj_next_line(struct obj_text *text, struct obj_line *line);
-/* Cut off the next word; length 0 at the end of the line or at a comment. */
+/* Take the next word; length 0 at the end of the line or at a comment. */
 struct obj_word obj_next_word(struct obj_line *line);
-/* What is left of the line, without spaces around it; comments are no comments here. */
+/* The rest of the line, without spaces around it; '#' begins no comment here. */
 struct obj_word obj_rest(struct obj_line *line);
 int obj_word_is(struct obj_word word, const char *text);
-/* Up to `most` numbers; how many there are. */
+/* Read up to `most` numbers; returns their count. */
 size_t obj_numbers(struct obj_line *line, size_t most, double *out);
 
 /* The bytes of a file that `file` names, as it is written in the file `within` (NULL: the OBJ
- * file): beside that one, or else beside the OBJ file. ERR_INPUT in `err`; the caller makes a
- * warning of it. */
+ * file): beside that one, or else beside the OBJ file. ERR_INPUT in `err`; the caller turns it into
+ * a warning. */
 status obj_read_file(struct obj *o, const char *within, const char *file, size_t limit,
                      struct buffer *out, struct error *err) MUST_CHECK;
 

@@ -1,6 +1,6 @@
-/* MTL: maps become textures. The scene keeps alpha beside colour and roughness beside metal,
- * MTL in files of their own: those are put together into new PNG images, and height maps become
- * normal maps, whose slope takes black to white for HEIGHT_TEXELS texels times -bm. */
+/* MTL: maps become textures. The scene keeps alpha with colour and roughness with metalness, MTL
+ * has separate files: those are combined into new PNG images, and height maps become normal maps,
+ * whose slope takes black to white for HEIGHT_TEXELS texels times -bm. */
 #include <math.h>
 #include <string.h>
 
@@ -24,7 +24,7 @@ static void warn_of_texture(struct obj *o, const struct obj_material *m,
                     "the texture \"%.200s\" cannot be used (%.250s): left out", map->file, why);
 }
 
-/* The pixels, and the file itself in `bytes`. Trouble is a warning: *good is 0. */
+/* The pixels, and the file itself in `bytes`. After a failure, which is a warning, *good is 0. */
 static status decode_map(struct obj *o, const struct obj_material *m, const struct obj_texture *map,
                          struct buffer *bytes, struct image8 *image, int *good)
 {
@@ -88,7 +88,7 @@ static int has_alpha(const struct image8 *image)
     return image->channels == 2 || image->channels == 4;
 }
 
-/* The mean of the colours: what a map of one number holds. */
+/* The mean of the colours: the value of a map of single numbers. */
 static float level(const struct image8 *image, uint32_t x, uint32_t y, uint32_t width,
                    uint32_t height)
 {
@@ -99,7 +99,7 @@ static float level(const struct image8 *image, uint32_t x, uint32_t y, uint32_t 
            3;
 }
 
-/* No colour anywhere: a height map and not a normal map. */
+/* Without any colour it is a height map, not a normal map. */
 static int is_grey(const struct image8 *image)
 {
     if (image->channels <= 2)
@@ -125,7 +125,7 @@ static struct obj_image *find_image(const struct obj *o, const char *key)
     return NULL;
 }
 
-/* Remember an image under its key. `data` (NULL: unusable) is taken over, also on failure. */
+/* Store an image under its key. `data` (NULL: unusable) is taken over, also on failure. */
 static status keep_image(struct obj *o, const char *key, const char *name, uint8_t *data,
                          size_t size, int grey, struct obj_image **out)
 {
@@ -149,7 +149,7 @@ static status keep_image(struct obj *o, const char *key, const char *name, uint8
     return STATUS_OK;
 }
 
-/* The image of one file, as it is. */
+/* The image of one file, unchanged. */
 static status file_image(struct obj *o, const struct obj_material *m, const struct obj_texture *map,
                          struct obj_image **out)
 {
@@ -208,7 +208,7 @@ static status bake_image(struct obj *o, const struct bake *bake, const char *key
     return result;
 }
 
-/* The image made of the files of `a` and `b` (either may have none). */
+/* The image combined from the files of `a` and `b` (either may have none). */
 static status baked_image(struct obj *o, const struct obj_material *m, const char *kind,
                           const struct obj_texture *a, const struct obj_texture *b,
                           struct bake bake, struct obj_image **out)
@@ -230,9 +230,9 @@ static status baked_image(struct obj *o, const struct obj_material *m, const cha
         if (maps[i]->file) {
             result = decode_map(o, m, maps[i], &bytes, &pixels[i], &good);
             if (result == STATUS_OK && good && !pixels[i].pixels)
-                warn_of_texture(o, m, maps[i],
-                                "a floating point image cannot be put together "
-                                "with another, nor be a height map");
+                warn_of_texture(
+                    o, m, maps[i],
+                    "a floating point image cannot be combined with another, nor be a height map");
             buffer_release(&bytes);
         }
     bake.a = &pixels[0];
@@ -250,7 +250,7 @@ done:
 
 /* ---- what is put together ------------------------------------------------------------------- */
 
-/* Colours of a, opacity of b: its alpha if it has one, its level else. */
+/* Colours of a, opacity of b: its alpha if it has one, else its level. */
 static void fill_alpha(const struct bake *bake, uint32_t x, uint32_t y, uint32_t width,
                        uint32_t height, uint8_t rgba[4])
 {
@@ -273,7 +273,7 @@ static void fill_metal(const struct bake *bake, uint32_t x, uint32_t y, uint32_t
     rgba[2] = bake->b->pixels ? to_byte(level(bake->b, x, y, width, height)) : 255;
 }
 
-/* The normal of height map a, by central differences that go around the edges. */
+/* The normal of height map a, by central differences that wrap around the edges. */
 static void fill_normal(const struct bake *bake, uint32_t x, uint32_t y, uint32_t width,
                         uint32_t height, uint8_t rgba[4])
 {
@@ -330,7 +330,7 @@ static status color_map(struct obj *o, const struct obj_material *in, struct sce
     const struct obj_texture *kd = &in->maps[OBJ_MAP_KD], *d = &in->maps[OBJ_MAP_D];
     struct obj_image *image;
 
-    /* A picture that is both, as a PNG with alpha, is taken as it is by its own alpha. */
+    /* A picture that is both, such as a PNG with alpha, is used unchanged with its own alpha. */
     if (out->alpha_mode == ALPHA_OPAQUE || !d->file)
         return plain_map(o, in, OBJ_MAP_KD, &out->base_color_texture);
     TRY(baked_image(o, in, "alpha", kd, d, (struct bake){.fill = fill_alpha}, &image));

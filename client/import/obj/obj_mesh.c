@@ -1,6 +1,6 @@
 /* OBJ: parts become meshes. A mesh's vertices are the distinct (position, texture coordinate,
- * normal) of its corners. Where the file gives no normals, smoothing groups say what is round;
- * a file that has neither is smoothed where faces meet at less than OBJ_CREASE. */
+ * normal) of its corners. Without normals, smoothing groups decide what is smooth; a file without
+ * either is smoothed where faces meet at less than OBJ_CREASE. */
 #include <math.h>
 #include <string.h>
 
@@ -11,7 +11,7 @@
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
 
-/* Cosine of 40 degrees: flatter edges of a file without normals are taken for round. */
+/* Cosine of 40 degrees: flatter edges of a file without normals are smoothed. */
 #define OBJ_CREASE 0.76604444f
 
 /* ---- what can be drawn ---------------------------------------------------------------------- */
@@ -28,9 +28,10 @@ static int face_is_good(struct obj *o, const struct obj_face *face)
     for (uint32_t i = 0; i < face->count; i++) {
         struct obj_corner *corner = &o->corners[face->first + i];
         if (corner->v >= o->v_count) {
-            builder_warn_at(o->b, o->name, face->line, "face index",
-                            "a face names a vertex that there is not (the file has %zu): left out",
-                            o->v_count);
+            builder_warn_at(
+                o->b, o->name, face->line, "face index",
+                "a face names a vertex that does not exist (the file has %zu): left out",
+                o->v_count);
             return 0;
         }
         if (isnan(o->v[3 * (size_t)corner->v]))
@@ -38,7 +39,7 @@ static int face_is_good(struct obj *o, const struct obj_face *face)
         if ((corner->t != OBJ_NONE && corner->t >= o->vt_count) ||
             (corner->n != OBJ_NONE && corner->n >= o->vn_count))
             builder_warn_at(o->b, o->name, face->line, "attribute index",
-                            "a face names a vt or vn that there is not: drawn without it");
+                            "a face names a vt or vn that does not exist: drawn without it");
         if (corner->t >= o->vt_count)
             corner->t = OBJ_NONE;
         if (corner->n >= o->vn_count)
@@ -108,7 +109,8 @@ static status prepare_normals(struct obj *o)
         return error_no_memory(o->err, "OBJ normals");
     for (size_t v = 2; v < o->v_count + 2; v++)
         o->around[v] += o->around[v - 1];
-    /* around[v + 1] is where v begins and moves to where it ends, which is where v + 1 begins. */
+    /* around[v + 1] starts at the beginning of v and moves to its end, which is the beginning of v
+     * + 1. */
     for (size_t f = 0; f < o->face_count; f++)
         for (uint32_t i = 0; i < o->faces[f].count; i++) {
             size_t corner = o->faces[f].first + i;
@@ -124,7 +126,7 @@ static struct vec3 face_normal(const struct obj *o, uint32_t face)
     return vec3_make(n[0], n[1], n[2]);
 }
 
-/* The angle of a face at one of its corners: what its normal weighs there. */
+/* The angle of a face at one of its corners: the weight of its normal there. */
 static float corner_angle(const struct obj *o, size_t corner)
 {
     const struct obj_face *face = &o->faces[o->corner_face[corner]];
@@ -176,7 +178,7 @@ static struct vec3 corner_normal(const struct obj *o, size_t corner)
 
 /* ---- a mesh --------------------------------------------------------------------------------- */
 
-/* What makes a vertex; compared byte by byte. */
+/* The key of a vertex; compared byte by byte. */
 struct vertex_key {
     uint32_t v, t;
     float normal[3];
@@ -288,7 +290,7 @@ static status weld_corners(struct obj *o, const struct part_faces *part,
             weld[i] = (uint32_t)mesh->vertex_count;
             fill_vertex(o, &keys[i], mesh);
         } else {
-            weld[i] = weld[weld[i]]; /* the first of them has its number already */
+            weld[i] = weld[weld[i]]; /* the first of them already has its number */
         }
     for (size_t i = 0; i < 3 * mesh->triangle_count && result == STATUS_OK; i++)
         mesh->indices[i] = weld[mesh->indices[i]];

@@ -1,4 +1,4 @@
-/* MTL: what a Wavefront material says becomes the scene's model.
+/* MTL: a Wavefront material becomes the scene's model.
  *
  *   Kd             base_color; a black Kd under a map_Kd counts as white
  *   Ns             roughness = alpha^(1/2), alpha = (2 / (Ns + 2))^(1/2): the GGX width that
@@ -28,7 +28,7 @@ static const float highlight_reflectance = 0.08f;
 static const float default_reflectance = 0.04f; /* of ior 1.5 */
 static const float smooth_exponent = 1000;
 static const float sheen_roughness = 0.5f;
-static const float grey = 0.8f; /* of what has no material */
+static const float grey = 0.8f; /* of faces without a material */
 
 void obj_material_release(struct obj_material *material)
 {
@@ -52,7 +52,7 @@ static void material_init(struct obj_material *m)
         m->kd[c] = m->ks[c] = m->ke[c] = m->tf[c] = NAN;
 }
 
-/* Where a statement stands. */
+/* The place of a statement. */
 struct mtl_place {
     struct obj *o;
     const char *file;
@@ -244,7 +244,7 @@ static status read_library_text(struct obj *o, const struct buffer *bytes, const
             TRY(read_statement(&at, &line, word, &o->defined[o->defined_count - 1]));
         } else {
             builder_warn_at(o->b, file, line.number, "before newmtl",
-                            "stands before any newmtl: left out");
+                            "comes before any newmtl: left out");
         }
     }
     return STATUS_OK;
@@ -279,7 +279,7 @@ static status read_library(struct obj *o, const char *file, uint32_t library, in
     return result;
 }
 
-/* The names of an mtllib statement one by one. */
+/* Read the libraries of an mtllib statement one by one. */
 static status read_libraries_of(struct obj *o, uint32_t library)
 {
     const char *all = o->libraries.texts[library];
@@ -347,7 +347,7 @@ static void set_specular(const struct obj_material *in, struct scene_material *o
         return;
     }
     if (in->illum == 6 || in->illum == 7)
-        return; /* a refracting surface reflects what its index says */
+        return; /* a refracting surface reflects by its index */
     if (in->illum == 0 || in->illum == 1 || is_black(in->ks)) {
         out->specular = 0;
         return;
@@ -396,7 +396,7 @@ static void set_values(const struct obj_material *in, struct scene_material *out
         isnan(in->anisor) ? 0 : 2 * PI_F * (in->anisor - floorf(in->anisor));
 }
 
-/* What is drawn without a material: grey, or the vertices' colours. */
+/* The material of faces without one: grey, or the vertices' colours. */
 static status plain_row(struct obj *o, int colored, uint32_t *row)
 {
     int64_t *known = colored ? &o->plain_colored_row : &o->plain_row;

@@ -168,7 +168,8 @@ size_t obj_numbers(struct obj_line *line, size_t most, double *out)
     while (count < most) {
         struct obj_line before = *line;
         struct obj_word word = obj_next_word(line);
-        /* What begins with a number is one: some files end values with commas or "f". */
+        /* A word that begins with a number counts as one: some files end values with commas or
+         * "f". */
         if (word.length == 0 || !scan_double(word.text, word.text + word.length, &out[count])) {
             *line = before;
             break;
@@ -180,7 +181,7 @@ size_t obj_numbers(struct obj_line *line, size_t most, double *out)
 
 /* ---- other files ---------------------------------------------------------------------------- */
 
-/* Whether `file` is there as a path below (or a little above) the folder. */
+/* Is `file` an existing path below (or slightly above) the folder? */
 static status find_file(struct obj *o, const char *file, char **path, struct error *err)
 {
     struct buffer name = BUFFER_INIT;
@@ -197,8 +198,7 @@ static status find_file(struct obj *o, const char *file, char **path, struct err
     return result;
 }
 
-/* Take the path of `prefix`/`file` for *path if there is such a file that may be read, and no
- * better one yet. */
+/* Set *path to `prefix`/`file` if that file exists and may be read, and *path is not set yet. */
 static void try_file(struct obj *o, const char *prefix, size_t prefix_length, const char *file,
                      char **path, int *found)
 {
@@ -220,7 +220,7 @@ static void try_file(struct obj *o, const char *prefix, size_t prefix_length, co
     buffer_release(&name);
 }
 
-/* Where the name after the last separator begins. */
+/* The name after the last separator. */
 static const char *last_name(const char *path)
 {
     const char *last = path;
@@ -243,7 +243,7 @@ status obj_read_file(struct obj *o, const char *within, const char *file, size_t
         return error_set(err, STATUS_ERR_INPUT, "other files cannot be read here");
     try_file(o, within, beside, file, &path, &found);
     try_file(o, NULL, 0, file, &path, &found);
-    /* Paths of the computer on which the file was made: the other may lie beside this one. */
+    /* A path on the computer that made the file: the other file may be beside this one. */
     try_file(o, within, beside, last_name(file), &path, &found);
     try_file(o, NULL, 0, last_name(file), &path, &found);
     result = found ? STATUS_OK : find_file(o, file, &path, err);

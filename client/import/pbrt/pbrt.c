@@ -59,7 +59,7 @@ static void finish(struct pbrt *p)
     arena_release(&p->arena);
 }
 
-/* An error names its place: the directive at `at` where nothing better is known. */
+/* An error names its place: the directive at `at` if nothing better is known. */
 static status placed(struct pbrt *p, status result, const struct pbrt_place *at)
 {
     size_t length = strlen(at->file);
@@ -87,7 +87,7 @@ static status run(struct pbrt *p)
         word = t.kind == TOKEN_WORD ? word_find(t.text) : NULL;
         if (!word)
             return pbrt_fail(p, STATUS_ERR_INPUT, &t.at,
-                             "\"%.60s\" is no directive of a pbrt scene",
+                             "\"%.60s\" is not a directive of a pbrt scene",
                              t.kind == TOKEN_OPEN    ? "["
                              : t.kind == TOKEN_CLOSE ? "]"
                                                      : t.text);

@@ -1,13 +1,13 @@
-/* pbrt: text scenes of pbrt-v4, and of pbrt-v3 where it is only a matter of names.
+/* pbrt: text scenes of pbrt-v4, and of pbrt-v3 where only names differ.
  *
- * docs/PBRT.md tells what is read and what becomes of it. The file is read once from top to
- * bottom: a directive changes the graphics state or adds rows to the builder at once. What is
- * not supported is a warning that names file and line, except where the picture would not be
- * the one that was asked for at all (a camera that does not exist here).
+ * docs/PBRT.md lists what is read and its result. The file is read once from top to bottom: a
+ * directive changes the graphics state or adds rows to the builder immediately. An unsupported
+ * feature is a warning that names file and line, unless the picture would be entirely different (an
+ * unknown camera).
  *
- * pbrt's cameras look along +z with x to the right: its worlds are left-handed unless a
- * transform mirrors them. Ours are right-handed. When the camera's matrix says that the file's
- * world is left-handed, everything is mirrored in z on its way in (struct pbrt.mirrored).
+ * pbrt's cameras look along +z with x to the right: its worlds are left-handed unless a transform
+ * mirrors them. Ours are right-handed. When the camera's matrix says that the file's world is
+ * left-handed, everything is mirrored in z when read (struct pbrt.mirrored).
  */
 #ifndef AZULEJO_IMPORT_PBRT_H
 #define AZULEJO_IMPORT_PBRT_H
@@ -25,14 +25,14 @@ extern const struct import_format format_pbrt;
 enum {
     PBRT_STACK_MAX = 1 << 14,       /* nested attributes */
     PBRT_TEXTURE_DEPTH_MAX = 32,
-    PBRT_TEXTURE_COST_MAX = 256,    /* nodes looked at for one texel */
+    PBRT_TEXTURE_COST_MAX = 256,    /* nodes evaluated for one texel */
     PBRT_MATERIAL_DEPTH_MAX = 16,   /* mixes of mixes */
-    PBRT_BAKE_SIDE_MAX = 4096,      /* texels of a texture that we make */
+    PBRT_BAKE_SIDE_MAX = 4096,      /* texels of a computed texture */
     PBRT_BAKE_TEXELS_MAX = 1 << 23,
-    PBRT_IMAGES_BYTES_MAX = 1 << 30,   /* decoded for one texture that we make */
+    PBRT_IMAGES_BYTES_MAX = 1 << 30,   /* decoded for one computed texture */
     PBRT_IMAGES_BYTES_KEPT = 1 << 28,  /* afterwards */
     PBRT_OBJECT_SHAPES_MAX = 1 << 22,
-    PBRT_MAX_DEPTH = 5,                /* pbrt's where the file gives none */
+    PBRT_MAX_DEPTH = 5,                /* pbrt's default */
 };
 
 /* ---- a table by name ---------------------------------------------------------------------- */
@@ -48,7 +48,7 @@ struct pbrt_table {
     size_t count, size;
 };
 void *pbrt_table_find(const struct pbrt_table *t, const void *key, size_t key_bytes);
-/* Replaces what was there. */
+/* Replaces a former value. */
 status pbrt_table_set(struct pbrt_table *t, struct arena *arena, const void *key, size_t key_bytes,
                       void *value, struct error *err) MUST_CHECK;
 void *pbrt_name_find(const struct pbrt_table *t, const char *name);
@@ -62,7 +62,7 @@ enum pbrt_texture_op {
     TEXTURE_MIX,      /* child 0 to child 1 by child 2 */
     TEXTURE_CHECKER,  /* child 0 where floor(s) + floor(t) is even, else child 1 */
     TEXTURE_BILERP,   /* corner[0] at (0, 0), [1] at (0, 1), [2] at (1, 0), [3] at (1, 1) */
-    TEXTURE_DIRECTION_MIX /* child 0: what pbrt would mix by direction */
+    TEXTURE_DIRECTION_MIX /* child 0: pbrt would mix by direction */
 };
 
 /* A picture file that textures use, read once. */
@@ -73,7 +73,7 @@ struct pbrt_image {
     int is_float;           /* EXR, HDR, PFM: linear */
     struct buffer bytes;    /* in a form that workers read; until it has a row */
     uint32_t width, height, channels;
-    struct image pixels;    /* as in the file, 8 and 16 bit as 0..1; empty until looked at */
+    struct image pixels;    /* as in the file, 8 and 16 bit as 0..1; empty until used */
 };
 
 struct pbrt_texture {
@@ -100,16 +100,16 @@ struct pbrt_matrices {
     struct transform_d at[2]; /* at the start and the end of the animation; object to world */
 };
 
-/* A Material directive; what it means is found out when a shape uses it. */
+/* A Material directive; it is resolved when a shape uses it. */
 struct pbrt_material {
     const char *kind, *name;
     struct pbrt_place at;
     struct pbrt_params *params;
     int resolved;
-    int refused;            /* of no surface that is supported: grey */
+    int refused;            /* not a supported surface: grey */
     struct scene_material base;
     const struct pbrt_texture *color;   /* of base.base_color, before it is put into a slot */
-    int color_in_slot;                  /* base.base_color and its texture stand for it already */
+    int color_in_slot;                  /* base.base_color and its texture already contain it */
     const struct pbrt_texture *opacity; /* pbrt-v3's uber; NULL: opaque */
     struct pbrt_material *mix[2];
     int wants_tangents;
@@ -136,7 +136,7 @@ struct pbrt_state {
     struct pbrt_material *material;
     struct pbrt_area_light *area_light;
     const char *inside, *outside; /* media; "" none */
-    /* Attribute "shape" ... and so on. */
+    /* Of Attribute "shape" and so on. */
     struct pbrt_params *shape_defaults, *light_defaults, *material_defaults, *medium_defaults,
         *texture_defaults;
     int is_attribute;       /* pushed by AttributeBegin (not TransformBegin, ObjectBegin, Import) */
@@ -200,7 +200,7 @@ struct pbrt {
 
 #define pbrt_warn(p, where, kind, ...) \
     builder_warn_at((p)->b, (where)->file, (where)->line, (kind), __VA_ARGS__)
-/* An error at a place; the builder learns that it names its file. */
+/* An error at a place; tells the builder that it names its file. */
 #define pbrt_fail(p, code, where, ...) \
     ((p)->b->error_is_placed = 1, pbrt_error((p)->err, (code), (where), __VA_ARGS__))
 
@@ -210,21 +210,27 @@ status pbrt_name_set(struct pbrt *p, struct pbrt_table *t, const char *name,
 char *pbrt_keep(struct pbrt *p, const char *text); /* NULL: out of memory */
 
 /* ---- pbrt_matrix.c ------------------------------------------------------------------------ */
-/* The world's matrix for what stands at `ctm` at the start, mirroring included. */
+/* The world matrix of an object at `ctm` at the start, with mirroring. */
 struct transform_d pbrt_to_world(const struct pbrt *p, const struct transform_d *ctm);
-/* Make it unit; 0: it vanishes. */
+/* Normalise; 0: the vector is zero. */
 int pbrt_unit(double v[3]);
 int pbrt_is_moving(const struct pbrt_matrices *m);
-/* By degrees about an axis; 0: it vanishes. */
+/* Rotation by degrees about an axis; 0: the axis is zero. */
 int pbrt_rotation(double angle, const double given[3], struct transform_d *out);
 /* From the world to a camera that stands at n[0..2], looks at n[3..5] with n[6..8] upwards:
  * x to the right of that in a left-handed world. 0: there is none. */
 int pbrt_look_at(const double n[9], struct transform_d *out);
 
-/* ---- pbrt_camera.c ------------------------------------------------------------------------ */
+/* ---- pbrt_hints.c ------------------------------------------------------------------------- */
 status pbrt_option(struct pbrt *p, const struct pbrt_directive *d) MUST_CHECK;
 status pbrt_sampler(struct pbrt *p, const struct pbrt_directive *d) MUST_CHECK;
 status pbrt_integrator(struct pbrt *p, const struct pbrt_directive *d) MUST_CHECK;
+/* The film's size and aspect, and the camera's exposure. */
+void pbrt_film_hints(struct pbrt *p, struct scene_camera *camera, double *aspect);
+/* Without an Integrator pbrt goes PBRT_MAX_DEPTH deep, as with one that names no depth. */
+void pbrt_integrator_hints(struct pbrt *p);
+
+/* ---- pbrt_camera.c, pbrt_motion.c --------------------------------------------------------- */
 /* WorldBegin: the camera and the film are complete. */
 status pbrt_camera(struct pbrt *p) MUST_CHECK;
 /* A node that follows both matrices; BUILDER_NO_ROW in *row when they are equal. */
@@ -233,10 +239,10 @@ status pbrt_node(struct pbrt *p, const struct pbrt_matrices *ctm, const struct p
 
 /* ---- pbrt_color.c ------------------------------------------------------------------------- */
 enum pbrt_use { USE_REFLECTANCE, USE_UNBOUNDED, USE_LIGHT };
-/* A colour parameter; *given is 0 (and `out` untouched) when there is none of that name. */
+/* A colour parameter; *given is 0 (and `out` untouched) if there is none of that name. */
 status pbrt_color(struct pbrt *p, struct pbrt_params *params, const char *name, enum pbrt_use use,
                   double out[3], int *given) MUST_CHECK;
-/* Its spectrum, for metals and glasses; *given 0 when it is none. */
+/* Its spectrum, for metals and glasses; *given is 0 if it is not a spectrum. */
 status pbrt_spectrum(struct pbrt *p, const struct pbrt_param *param, struct spectrum *out,
                      int *given) MUST_CHECK;
 status pbrt_color_of(struct pbrt *p, const struct pbrt_param *param, int color_space,
@@ -269,7 +275,7 @@ typedef double pbrt_change(double value, double parameter);
 status pbrt_scalar_slot(struct pbrt *p, const struct pbrt_texture *value, pbrt_change *change,
                         double parameter, float *factor, struct scene_texture_slot *slot)
     MUST_CHECK;
-/* An image as it is, no uv mapping but the flip of v. */
+/* An image without uv mapping except the flip of v. */
 status pbrt_image_slot(struct pbrt *p, struct pbrt_image *image, enum scene_encoding encoding,
                        enum scene_wrap wrap, int nearest, struct scene_texture_slot *slot)
     MUST_CHECK;
@@ -282,7 +288,7 @@ status pbrt_image(struct pbrt *p, const char *name, const struct pbrt_place *at,
 status pbrt_image_decode(struct pbrt *p, struct pbrt_image *image) MUST_CHECK;
 status pbrt_image_row(struct pbrt *p, struct pbrt_image *image, uint32_t *row) MUST_CHECK;
 void pbrt_image_forget(struct pbrt_image *image);
-/* Give decoded pictures back when they are many. */
+/* Free decoded pictures if they take much memory. */
 void pbrt_images_trim(struct pbrt *p);
 /* pbrt-v4's square map of equal areas (Clarberg 2008) to lat-long, seen from map axes: column i
  * of `axes` is the map's axis i in the light's space. */
@@ -290,24 +296,24 @@ status pbrt_octahedral_to_latlong(const struct image *square, const double axes[
                                   struct image *out, struct error *err) MUST_CHECK;
 
 /* ---- pbrt_material.c ---------------------------------------------------------------------- */
-/* What a shape asks of its material. */
+/* The material as a shape needs it. */
 struct pbrt_surface {
     struct pbrt_material *material;
     struct pbrt_area_light *light;          /* NULL: does not shine */
     const struct pbrt_texture *alpha;       /* NULL: opaque */
     int32_t medium, medium_outside;         /* BUILDER_NO_ROW: none; the same: no change */
     double area;                            /* m^2 in the world, for lights with a power */
-    int one_sided;                          /* front alone is there */
+    int one_sided;                          /* only its front exists */
 };
 status pbrt_material_resolve(struct pbrt *p, struct pbrt_material *m, unsigned depth) MUST_CHECK;
 status pbrt_material_row(struct pbrt *p, const struct pbrt_surface *s, uint32_t *row) MUST_CHECK;
-/* Does any of its parts, or `alpha`, look at texture coordinates or tangents? */
+/* Does any of its parts, or `alpha`, use texture coordinates or tangents? */
 int pbrt_material_uses_uv(const struct pbrt_material *m);
 int pbrt_material_wants_tangents(const struct pbrt_material *m);
-/* The mean luminance of a picture, as a light counts it. */
+/* The mean luminance of a picture used for a light. */
 status pbrt_image_luminance(struct pbrt *p, struct pbrt_image *image, double *out) MUST_CHECK;
 
-/* ---- pbrt_light.c, pbrt_medium.c, pbrt_shape.c ---------------------------------------------- */
+/* ---- pbrt_light.c, pbrt_medium.c, pbrt_shape.c, pbrt_shape_kinds.c --------------------------- */
 status pbrt_light(struct pbrt *p, const struct pbrt_directive *d) MUST_CHECK;
 status pbrt_area_light_resolve(struct pbrt *p, struct pbrt_area_light *light) MUST_CHECK;
 status pbrt_medium(struct pbrt *p, const char *name, const struct pbrt_directive *d) MUST_CHECK;
@@ -315,6 +321,11 @@ status pbrt_medium(struct pbrt *p, const char *name, const struct pbrt_directive
 status pbrt_medium_row(struct pbrt *p, const char *name, const struct pbrt_place *at,
                        int32_t *row) MUST_CHECK;
 status pbrt_shape(struct pbrt *p, const struct pbrt_directive *d) MUST_CHECK;
+/* Makes the mesh of one kind of shape; `out` is zeroed by the caller, and released. */
+typedef status pbrt_shape_make(struct pbrt *p, const struct pbrt_directive *d,
+                               struct mesh_source *out);
+/* NULL: the kind is not supported. */
+pbrt_shape_make *pbrt_shape_kind(const char *kind);
 status pbrt_instance(struct pbrt *p, const struct pbrt_part *part) MUST_CHECK;
 /* ObjectInstance */
 status pbrt_object_place(struct pbrt *p, const struct pbrt_object *object,

@@ -1,4 +1,4 @@
-/* What follows a directive's word. */
+/* The arguments of directives. */
 #include "client/import/pbrt/pbrt_directive.h"
 
 char *pbrt_keep(struct pbrt *p, const char *text)

@@ -9,7 +9,7 @@
 
 enum { SPECTRUM_SAMPLES_MAX = 1 << 16 };
 
-/* pbrt-v4's colour spaces; all but ACES have the white D65. */
+/* pbrt-v4's colour spaces; all except ACES have the white point D65. */
 static const struct {
     const char *name;
     struct color_primaries primaries;
@@ -75,7 +75,7 @@ static status parse_file(struct pbrt *p, const char *name, const struct pbrt_pla
         double value;
         if (count >= 2 * SPECTRUM_SAMPLES_MAX || !pbrt_number(field, &value)) {
             result = pbrt_fail(p, STATUS_ERR_INPUT, at,
-                               "\"%.100s\" is no file of a spectrum: it takes pairs of wavelength "
+                               "\"%.100s\" is not a spectrum file: it takes pairs of wavelength "
                                "and value",
                                name);
             goto done;
@@ -190,7 +190,7 @@ status pbrt_color_of(struct pbrt *p, const struct pbrt_param *param, int color_s
         if (use != USE_LIGHT)
             spectrum_reflectance(&s, out);
         else if (spectrum_light(&s, out) && p->version3)
-            scale = spectrum_luminance(&s); /* pbrt-v4 brings every spectrum to luminance 1 */
+            scale = spectrum_luminance(&s); /* pbrt-v4 scales every spectrum to luminance 1 */
     } else {
         memcpy(out, param->numbers, 3 * sizeof *out);
         to_rec709(color_space, out);

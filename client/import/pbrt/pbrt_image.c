@@ -1,4 +1,4 @@
-/* Pictures that a pbrt scene names: read once, brought into a form that workers read. */
+/* Pictures that a pbrt scene names: read once, and converted to a format that workers read. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,7 +11,7 @@
 
 /* ---- pictures ----------------------------------------------------------------------------- */
 
-/* Look at the bytes; *known is 0 for a format that is not read. */
+/* Recognise the format; *known is 0 if it is not read. */
 static status recognise_image(struct pbrt *p, struct pbrt_image *image, const char *path,
                               int *known)
 {
@@ -124,7 +124,7 @@ status pbrt_image_decode(struct pbrt *p, struct pbrt_image *image)
     p->image_bytes += (size_t)image->width * image->height * image->channels * sizeof(float);
     if (p->image_bytes > PBRT_IMAGES_BYTES_MAX)
         return pbrt_fail(p, STATUS_ERR_LIMIT, &image->at,
-                         "textures that must be computed here need more than %d MiB of pictures",
+                         "computed textures need more than %d MiB of pictures",
                          PBRT_IMAGES_BYTES_MAX >> 20);
     return STATUS_OK;
 }

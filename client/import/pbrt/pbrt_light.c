@@ -1,7 +1,7 @@
-/* Lights. pbrt-v4 divides each light's spectrum by its luminance under the camera's sensor, so
- * that "rgb L" [1 1 1] and any other spectrum of scale 1 give a radiance of luminance 1: an RGB
- * value is our radiance as it stands, and every other spectrum keeps its colour alone. "power"
- * and "illuminance" are in the same units (lumen, lux). */
+/* Lights. pbrt-v4 divides each light's spectrum by its luminance under the camera's sensor, so that
+ * "rgb L" [1 1 1] and any other spectrum of scale 1 give a radiance of luminance 1: an RGB value is
+ * our radiance unchanged, and every other spectrum keeps only its colour. "power" and "illuminance"
+ * are in the same units (lumen, lux). */
 #include <math.h>
 #include <string.h>
 
@@ -133,7 +133,7 @@ static int orthonormal(const struct transform_d *m, double out[3][3])
     return 1;
 }
 
-/* Position and direction of a light that shines from "from" to "to". */
+/* Position and direction of a light from "from" to "to". */
 static status read_aim(struct pbrt *p, const struct pbrt_directive *d, struct scene_light *out)
 {
     const struct transform_d world = pbrt_to_world(p, &d->ctm.at[0]);
@@ -346,7 +346,7 @@ static status read_projection(struct pbrt *p, const struct pbrt_directive *d,
 
 /* ---- the environment ---------------------------------------------------------------------- */
 
-/* The illuminance on what faces the light's +z, of a lat-long picture whose top is +z. */
+/* The illuminance on a surface facing the light's +z, from a lat-long picture whose top is +z. */
 static double map_illuminance(const struct image *map)
 {
     double sum = 0;

@@ -1,4 +1,4 @@
-/* Materials: what a Material directive means, and the rows that shapes with it use. */
+/* Materials: resolves Material directives, and makes the rows for their shapes. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -6,7 +6,7 @@
 #include "client/import/pbrt/pbrt_material_parts.h"
 #include "common/math/elementary.h"
 
-/* A row that was made: a material as one kind of shape asks for it. */
+/* A finished row: a material as one kind of shape needs it. */
 struct pbrt_variant {
     struct pbrt_variant *next;
     const struct pbrt_material *material;
@@ -98,7 +98,7 @@ static int slot_used(const struct scene_texture_slot *slot)
 }
 
 /* Mixes refer to earlier materials only, at most PBRT_MATERIAL_DEPTH_MAX deep; `left` bounds the
- * walk where the same part is reached in many ways. */
+ * walk if the same part is reached in many ways. */
 static int any_part(const struct pbrt_material *m, int (*asks)(const struct pbrt_material *),
                     int *left)
 {

@@ -1,9 +1,9 @@
-/* pbrt_material_parts: the inside of pbrt_material, shared by its files; private to its files.
+/* pbrt_material_parts: internals of pbrt_material, private to its files.
  *
- * pbrt_material.c         finds out what a material means, and makes its rows
+ * pbrt_material.c         resolves materials, and makes their rows
  * pbrt_material_v4.c      the kinds of pbrt-v4, and mixes
- * pbrt_material_v3.c      those of pbrt-v3 that are no more
- * pbrt_material_values.c  what kinds are made of: roughnesses, indices, colours
+ * pbrt_material_v3.c      kinds that only pbrt-v3 has
+ * pbrt_material_values.c  shared values: roughnesses, indices, colours
  */
 #ifndef AZULEJO_IMPORT_PBRT_MATERIAL_PARTS_H
 #define AZULEJO_IMPORT_PBRT_MATERIAL_PARTS_H
@@ -43,13 +43,13 @@ status pbrt_put_coat_roughness(struct pbrt *p, struct pbrt_material *m,
                                const struct pbrt_roughness *r) MUST_CHECK;
 int pbrt_same_constant(const struct pbrt_texture *a, const struct pbrt_texture *b);
 
-/* What a dielectric's index may be: that behind the surface over that before it. */
+/* The range of a dielectric's index: that behind the surface over that before it. */
 #define PBRT_INDEX_MIN 1e-3
 /* An index of refraction from `least` to 1000, and Abbe's number (0: no dispersion). */
 status pbrt_read_index(struct pbrt *p, struct pbrt_material *m, const char *name,
                        double least, double *index, double *abbe) MUST_CHECK;
-/* What a smooth surface throws back of diffuse light that comes from inside it:
- * 1 - (1 - F) / eta^2 with F the diffuse reflectance from outside (Egan & Hilgeman 1973). */
+/* The reflectance of a smooth surface for diffuse light from inside: 1 - (1 - F) / eta^2 with F the
+ * diffuse reflectance from outside (Egan & Hilgeman 1973). */
 double pbrt_inner_reflectance(double eta);
 /* The complex index of a metal. `prefix` is "conductor." below a coat. */
 status pbrt_read_metal(struct pbrt *p, struct pbrt_material *m, const char *prefix, double eta[3],

@@ -4,9 +4,9 @@
 #include "client/import/pbrt/pbrt_material_parts.h"
 #include "common/math/elementary.h"
 
-/* Oren and Nayar's sigma (degrees) as the roughness r of the energy-preserving model. Theirs is
- * A + B s/t (1994, qualitative model), with A and B of sigma; ours is proportional to 1 + r s/t: the same
- * shape where r = B / A, and light that pbrt's loses comes back. */
+/* Oren and Nayar's sigma (degrees) as the roughness r of the energy-preserving model. Theirs is A +
+ * B s/t (1994, qualitative model), with A and B of sigma; ours is proportional to 1 + r s/t: the
+ * same shape for r = B / A, without pbrt's loss of energy. */
 static double oren_nayar_roughness(double sigma_deg, double unused)
 {
     double sigma = fmin(fmax(sigma_deg, 0), 90) * (double)PI_F / 180, sigma2 = sigma * sigma;
@@ -147,7 +147,7 @@ static status read_glass(struct pbrt *p, struct pbrt_material *m)
     return pbrt_put_roughness(p, m, &rough);
 }
 
-/* Burley's principled model, of which glTF's is the core. */
+/* Burley's principled model, whose core is glTF's. */
 static status read_disney(struct pbrt *p, struct pbrt_material *m)
 {
     struct pbrt_params *a = m->params;

@@ -9,7 +9,7 @@ static status read_diffuse(struct pbrt *p, struct pbrt_material *m)
     return pbrt_color_or(p, m, "reflectance", 0.5, &m->color);
 }
 
-/* What pbrt's layered materials say about the space between coat and base. */
+/* The medium between coat and base of pbrt's layered materials. */
 static status read_layers(struct pbrt *p, struct pbrt_material *m)
 {
     static const char *const walk[] = {"maxdepth", "nsamples", "g", "thickness", NULL};
@@ -207,7 +207,7 @@ status pbrt_read_mix(struct pbrt *p, struct pbrt_material *m, unsigned depth)
                              m->name, name[i]);
         TRY(pbrt_material_resolve(p, m->mix[i], depth + 1));
     }
-    /* pbrt-v4's amount is the second one's share, pbrt-v3's the first one's. */
+    /* In pbrt-v4 the amount is the share of the second material, in pbrt-v3 of the first. */
     return pbrt_scalar_slot(p, amount, version3 ? one_minus : pbrt_unchanged, 0,
                             &m->base.mix_amount, &m->base.mix_texture);
 }

@@ -1,4 +1,4 @@
-/* What the kinds of materials are made of: roughnesses, indices, colours. */
+/* Values shared by the kinds of materials: roughnesses, indices, colours. */
 #include <math.h>
 #include <stdio.h>
 

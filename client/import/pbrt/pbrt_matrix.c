@@ -1,4 +1,4 @@
-/* The matrices that directives speak of. */
+/* The matrices of directives. */
 #include <math.h>
 #include <string.h>
 
@@ -19,7 +19,7 @@ int pbrt_is_moving(const struct pbrt_matrices *m)
     return memcmp(&m->at[0], &m->at[1], sizeof m->at[0]) != 0;
 }
 
-/* Whole quarter turns come out exact. */
+/* Multiples of 90 degrees are exact. */
 static void sincos_degrees(double angle, double *sine, double *cosine)
 {
     static const double quarter[4] = {0, 1, 0, -1};

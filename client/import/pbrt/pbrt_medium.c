@@ -1,5 +1,5 @@
-/* Participating media. They are built when something first uses them: only then is the world's
- * handedness known. */
+/* Participating media. They are built at their first use: only then is the world's handedness
+ * known. */
 #include <math.h>
 #include <string.h>
 

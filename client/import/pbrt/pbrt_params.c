@@ -5,7 +5,7 @@
 
 #include "common/base/memory.h"
 
-/* How a type is written, how many numbers make one value, and its place here. */
+/* A type's name, the count of numbers in one value, and its enum. */
 static const struct {
     const char *word;
     enum pbrt_type type;
@@ -145,7 +145,7 @@ static status read_values(struct pbrt_params *p, struct pbrt_param *param, size_
     return STATUS_OK;
 }
 
-/* Offsets become pointers when nothing moves any more. */
+/* Turn offsets into pointers once the buffers no longer move. */
 static status settle(struct pbrt_params *p, struct builder *b)
 {
     if (!MEM_GROW(p->strings, p->string_capacity, p->string_count + 1))
@@ -179,7 +179,7 @@ status pbrt_params_read(struct pbrt_params *p, struct pbrt_reader *r, struct bui
             return settle(p, b);
         if (!parse_declaration(t.text, &type, &name))
             return pbrt_error(b->err, STATUS_ERR_INPUT, &t.at,
-                              "\"%.80s\" is no parameter: a type and a name are expected, as "
+                              "\"%.80s\" is not a parameter: a type and a name are expected, as "
                               "\"float radius\"",
                               t.text);
         if (p->count >= PBRT_PARAMS_MAX)
@@ -309,7 +309,7 @@ void pbrt_params_report(struct pbrt_params *p, struct builder *b, const char *wh
         char kind[PBRT_STRING_BYTES_MAX];
         if (param->used)
             continue;
-        param->used = 1; /* told once */
+        param->used = 1; /* reported once */
         snprintf(kind, sizeof kind, "parameter %s %.100s %s", what, param->name,
                  type_words[param->type]);
         builder_warn_at(b, param->at.file, param->at.line, kind,

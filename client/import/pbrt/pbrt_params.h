@@ -1,7 +1,7 @@
 /* pbrt_params: the typed parameter list of one directive, "type name" value(s) ...
  *
- * A list that is read owns its memory and can be read into again; a copy lives in an arena.
- * A parameter that was not requested is reported by pbrt_params_report().
+ * A list owns its memory and can be read into again; a copy lives in an arena. A parameter that was
+ * not requested is reported by pbrt_params_report().
  */
 #ifndef AZULEJO_IMPORT_PBRT_PARAMS_H
 #define AZULEJO_IMPORT_PBRT_PARAMS_H
@@ -55,23 +55,23 @@ struct pbrt_params {
     size_t *string_offsets;
     size_t string_count, string_capacity, offset_capacity;
     struct buffer text;
-    struct pbrt_params *defaults;   /* asked where this list has no such name (Attribute) */
+    struct pbrt_params *defaults;   /* used for names missing in this list (Attribute) */
     int color_space;                /* enum pbrt_color_space that "rgb" values are in */
 };
 
 void pbrt_params_release(struct pbrt_params *p);
 
-/* Read parameters up to the next word that is a directive. Replaces what is there. */
+/* Read parameters up to the next directive. Replaces the list. */
 status pbrt_params_read(struct pbrt_params *p, struct pbrt_reader *r, struct builder *b) MUST_CHECK;
 
-/* A copy in the arena, `defaults` and all; NULL: out of memory. */
+/* A copy in the arena, with `defaults`; NULL: out of memory. */
 struct pbrt_params *pbrt_params_copy(const struct pbrt_params *p, struct arena *arena);
 
 /* The parameter of that name and one of these types; it counts as used. NULL: none. */
 const struct pbrt_param *pbrt_param(struct pbrt_params *p, const char *name, unsigned types);
 /* Is there one of any type? Does not count as used. */
 int pbrt_has(const struct pbrt_params *p, const char *name);
-/* Say that these are known but mean nothing here: no warning. */
+/* Mark these as known but without effect: no warning. */
 void pbrt_ignore(struct pbrt_params *p, const char *const *names);
 
 double pbrt_float(struct pbrt_params *p, const char *name, double otherwise);

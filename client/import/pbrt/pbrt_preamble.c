@@ -1,4 +1,4 @@
-/* What stands before WorldBegin, and the word itself. */
+/* The directives before WorldBegin, and WorldBegin itself. */
 #include <string.h>
 
 #include "client/import/pbrt/pbrt_directive.h"
@@ -8,7 +8,7 @@ static status keep_directive(struct pbrt *p, const char *word, const struct pbrt
                              struct pbrt_directive *out)
 {
     if (p->in_world)
-        return pbrt_fail(p, STATUS_ERR_INPUT, at, "%s must stand before WorldBegin", word);
+        return pbrt_fail(p, STATUS_ERR_INPUT, at, "%s must come before WorldBegin", word);
     TRY(pbrt_read_directive(p, word, NULL, at, out));
     out->params = pbrt_params_copy(&p->params, &p->arena);
     return out->params ? STATUS_OK : error_no_memory(p->err, "parameters");
@@ -56,7 +56,7 @@ static status do_filter(struct pbrt *p, const struct pbrt_place *at)
 
     TRY(pbrt_read_directive(p, "PixelFilter", NULL, at, &d));
     pbrt_warn(p, at, "PixelFilter",
-              "the pixel filter \"%.40s\" is not taken over: the filter is always a Blackman-Harris "
+              "the pixel filter \"%.40s\" is ignored: the filter is always a Blackman-Harris "
               "window of 3 pixels", d.kind);
     return STATUS_OK;
 }
@@ -80,7 +80,7 @@ static status do_option(struct pbrt *p, const struct pbrt_place *at)
 static status do_world(struct pbrt *p, const struct pbrt_place *at)
 {
     if (p->in_world)
-        return pbrt_fail(p, STATUS_ERR_INPUT, at, "WorldBegin stands twice");
+        return pbrt_fail(p, STATUS_ERR_INPUT, at, "WorldBegin occurs twice");
     TRY(pbrt_camera(p));
     p->in_world = 1;
     p->now.active = 3;

@@ -76,7 +76,7 @@ static const double cuzn_k[] = {380, 1.818, 400, 1.805, 420, 1.786, 440, 1.797, 
                                 580, 3.059, 600, 3.253, 620, 3.434, 640, 3.609, 660, 3.778,
                                 680, 3.943, 700, 4.106, 720, 4.266, 740, 4.424, 760, 4.579,
                                 780, 4.737};
-/* Magnesium and titanium oxide: luxpop.com, clear where light is seen. */
+/* Magnesium and titanium oxide: luxpop.com, clear in visible light. */
 static const double mgo_eta[] = {386.7, 1.7655,  430.9, 1.7557,  478.0, 1.7483,
                                  499.9, 1.7454,  546.2, 1.74077, 589.3, 1.73737,
                                  632.9, 1.73460, 690.7, 1.73191, 767.7, 1.72872};
@@ -87,7 +87,7 @@ static const double tio2_eta[] = {388, 3.49, 400, 3.40, 420, 3.29, 440, 3.20, 46
 static const double clear_k[] = {380, 0, 780, 0};
 
 #define NAMED(name, table) {name, {table, sizeof(table) / (2 * sizeof *(table)), 1}}
-static const struct {
+static const struct named_spectrum {
     const char *name;
     struct spectrum spectrum;
 } named[] = {
@@ -101,7 +101,7 @@ static const struct {
 };
 
 /* Chromaticities of CIE illuminants (CIE 15:2004, 2 degree observer). */
-static const struct {
+static const struct named_light {
     const char *name;
     double x, y;
 } lights[] = {
@@ -117,7 +117,7 @@ static const struct {
 
 /* Schott's catalogue: index at 587.6 nm and Abbe number. pbrt's F5, F10 and F11 are SF5, SF10
  * and SF11. */
-static const struct {
+static const struct named_glass {
     const char *name;
     double index, abbe;
 } glasses[] = {
@@ -127,8 +127,6 @@ static const struct {
     {"glass-F10", 1.72825, 28.41},   {"glass-SF10", 1.72825, 28.41},
     {"glass-F11", 1.78472, 25.76},   {"glass-SF11", 1.78472, 25.76},
 };
-
-#define COUNT(table) (sizeof(table) / sizeof *(table))
 
 /* ---- spectra ------------------------------------------------------------------------------ */
 
@@ -277,33 +275,41 @@ void spectrum_blackbody(double kelvin, double out[3])
         out[0] = 1 / 0.2126729, out[1] = out[2] = 0;
 }
 
+/* The row with this name in a table whose rows begin with names; NULL: none. */
+static const void *row_of(const void *table, size_t count, size_t row_bytes, const char *name)
+{
+    for (const char *row = table; count-- > 0; row += row_bytes)
+        if (strcmp(*(const char *const *)(const void *)row, name) == 0)
+            return row;
+    return NULL;
+}
+#define ROW_OF(table, name) row_of(table, sizeof(table) / sizeof *(table), sizeof *(table), name)
+
 const struct spectrum *spectrum_named(const char *name)
 {
-    for (size_t i = 0; i < COUNT(named); i++)
-        if (strcmp(named[i].name, name) == 0)
-            return &named[i].spectrum;
-    return NULL;
+    const struct named_spectrum *row = ROW_OF(named, name);
+
+    return row ? &row->spectrum : NULL;
 }
 
 int spectrum_named_light(const char *name, double out[3])
 {
-    for (size_t i = 0; i < COUNT(lights); i++)
-        if (strcmp(lights[i].name, name) == 0) {
-            chromaticity_to_rgb(lights[i].x, lights[i].y, out);
-            return 1;
-        }
-    return 0;
+    const struct named_light *row = ROW_OF(lights, name);
+
+    if (row)
+        chromaticity_to_rgb(row->x, row->y, out);
+    return row != NULL;
 }
 
 int spectrum_named_glass(const char *name, double *index, double *abbe)
 {
-    for (size_t i = 0; i < COUNT(glasses); i++)
-        if (strcmp(glasses[i].name, name) == 0) {
-            *index = glasses[i].index;
-            *abbe = glasses[i].abbe;
-            return 1;
-        }
-    return 0;
+    const struct named_glass *row = ROW_OF(glasses, name);
+
+    if (row) {
+        *index = row->index;
+        *abbe = row->abbe;
+    }
+    return row != NULL;
 }
 
 void spectrum_glass(const struct spectrum *s, double *index, double *abbe)
@@ -349,7 +355,7 @@ void spectrum_conductor(const struct spectrum *eta, const struct spectrum *k, do
         double f = reflectance[i] < 0.9999 ? reflectance[i] > 1e-6 ? reflectance[i] : 1e-6 : 0.9999;
         double n = eta_rgb[i] > 0.05 ? eta_rgb[i] : 0.05, square;
         square = (f * (n + 1) * (n + 1) - (n - 1) * (n - 1)) / (1 - f);
-        if (square < 0) { /* too little for this eta: a clear one that has it */
+        if (square < 0) { /* too low for this eta: use the clear eta that has it */
             n = (1 + sqrt(f)) / (1 - sqrt(f));
             square = 0;
         }

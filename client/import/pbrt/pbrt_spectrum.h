@@ -1,4 +1,4 @@
-/* pbrt_spectrum: spectra as pbrt scenes give them, and what they come to in linear Rec. 709.
+/* pbrt_spectrum: spectra of pbrt scenes, and their linear Rec. 709 colours.
  *
  * pbrt renders with wavelengths and its film makes Rec. 709 of them; we render with RGB. A
  * reflectance, an index or a coefficient becomes the RGB that it has under D65, so that a
@@ -14,7 +14,7 @@
 struct spectrum {
     const double *samples;  /* [count][2]: wavelength in nm, ascending; value */
     size_t count;
-    int extended;           /* beyond its ends: the end's value, or else 0 */
+    int extended;           /* beyond its ends: the end's value if set, else 0 */
 };
 
 double spectrum_at(const struct spectrum *s, double lambda_nm);

@@ -42,7 +42,7 @@ status pbrt_pop(struct pbrt *p, int kind, const struct pbrt_place *at)
     const struct pbrt_state *top = p->stack_count ? &p->stack[p->stack_count - 1] : NULL;
 
     if (!top)
-        return pbrt_fail(p, STATUS_ERR_INPUT, at, "nothing was begun that could end here");
+        return pbrt_fail(p, STATUS_ERR_INPUT, at, "there is nothing to end here");
     if (p->stack_kinds[p->stack_count - 1] != kind)
         return pbrt_fail(p, STATUS_ERR_INPUT, at, "%s must be ended first",
                          begins[p->stack_kinds[p->stack_count - 1]]);
@@ -248,7 +248,7 @@ static status do_transform_end(struct pbrt *p, const struct pbrt_place *at)
     return pbrt_pop(p, PBRT_STACK_TRANSFORM, at);
 }
 
-/* Attribute "shape" "float radius" 2: what later shapes have where they say nothing. */
+/* Attribute "shape" "float radius" 2: defaults for later shapes. */
 static status do_attribute(struct pbrt *p, const struct pbrt_place *at)
 {
     struct pbrt_params **slot;
@@ -280,7 +280,7 @@ static status do_color_space(struct pbrt *p, const struct pbrt_place *at)
     space = pbrt_space_of(name);
     if (space < 0)
         return pbrt_fail(p, STATUS_ERR_INPUT, at,
-                         "the colour space \"%.40s\" is not known: there are srgb, dci-p3, "
+                         "the colour space \"%.40s\" is unknown: known are srgb, dci-p3, "
                          "rec2020 and aces2065-1",
                          name);
     p->now.color_space = space;
@@ -316,7 +316,7 @@ static status do_include(struct pbrt *p, const struct pbrt_place *at)
     return pbrt_include(&p->reader, name, at, p->err);
 }
 
-/* What an imported file does to the state stays in it. */
+/* An imported file does not change the state of the importing one. */
 static status do_import(struct pbrt *p, const struct pbrt_place *at)
 {
     const char *name;

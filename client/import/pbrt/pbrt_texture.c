@@ -1,5 +1,5 @@
-/* Texture directives and parameters: a small expression each. What becomes of it is decided in
- * pbrt_texture_slot.c. */
+/* Texture directives and parameters: each is a small expression. pbrt_texture_slot.c decides how it
+ * is used. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -42,7 +42,7 @@ static void texture_weigh(struct pbrt_texture *t)
         }
 }
 
-/* What can be computed at once, is. */
+/* Constants are folded at once. */
 static const struct pbrt_texture *fold(struct pbrt *p, struct pbrt_texture *t)
 {
     const struct pbrt_texture *const *c = t->child;
@@ -131,7 +131,7 @@ status pbrt_color_texture(struct pbrt *p, struct pbrt_params *params, const char
     return *out ? STATUS_OK : error_no_memory(p->err, "a texture");
 }
 
-/* A child that may be missing. */
+/* An optional child. */
 static status child_or(struct pbrt *p, const struct pbrt_directive *d, const char *name, int color,
                        double otherwise, const struct pbrt_texture **out)
 {

@@ -1,11 +1,11 @@
-/* Textures that are no plain picture, computed once into a new one. */
+/* Textures other than plain pictures, computed once into a new picture. */
 #include <math.h>
 #include <string.h>
 
 #include "client/import/pbrt/pbrt_texture_parts.h"
 #include "common/image/color.h"
 
-/* What the leaves below a texture have in common. */
+/* Common properties of the leaves below a texture. */
 struct domain {
     const struct pbrt_texture *first;   /* the leaf that gives the mapping */
     int same_mapping;
@@ -84,7 +84,7 @@ static void plan_canvas(const struct domain *d, struct canvas *c)
         c->wrap = WRAP_CLAMP;
 }
 
-/* Where texel (x, y) lies in mesh uv: the inverse of what the slot does. 0: nowhere. */
+/* Texel (x, y) in mesh uv: the inverse of the slot's transform. 0: there is none. */
 static int canvas_uv(const struct canvas *c, uint32_t x, uint32_t y, double uv[2])
 {
     double s = (x + 0.5) / c->width * c->period, t = (1 - (y + 0.5) / c->height) * c->period;

@@ -1,4 +1,4 @@
-/* What a texture's expression gives at a place. */
+/* Evaluates a texture's expression at a point. */
 #include <math.h>
 #include <string.h>
 

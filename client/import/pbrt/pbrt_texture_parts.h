@@ -1,7 +1,7 @@
-/* pbrt_texture_parts: the inside of pbrt_texture, shared by its files; private to its files.
+/* pbrt_texture_parts: internals of pbrt_texture, private to its files.
  *
  * pbrt_texture.c       reads directives and parameters into expressions
- * pbrt_texture_look.c  what an expression gives at a place
+ * pbrt_texture_look.c  evaluates an expression at a point
  * pbrt_texture_bake.c  computes a picture of an expression
  * pbrt_texture_slot.c  puts an expression into a material's slot: as it is, or baked
  */

@@ -1,5 +1,5 @@
-/* Textures in the slots of materials: a factor and a reference to a picture, the file's own where
- * it can be shown as it is stored. */
+/* Textures in the slots of materials: a factor and a reference to a picture, which is the file's
+ * own if it can be used as stored. */
 #include <math.h>
 
 #include "client/import/pbrt/pbrt_texture_parts.h"
@@ -50,7 +50,7 @@ static void no_slot(struct scene_texture_slot *slot)
     slot->uv_transform[0][0] = slot->uv_transform[1][1] = 1;
 }
 
-/* A picture that can be shown as it is stored. */
+/* A picture that can be used as stored. */
 static int is_plain(const struct pbrt_texture *t)
 {
     return t->op == TEXTURE_IMAGE && !t->invert && t->is_color &&

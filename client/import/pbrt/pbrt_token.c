@@ -71,7 +71,7 @@ status pbrt_resolve(const struct pbrt_reader *r, const char *name, const struct 
         result = try_folder(r->folder, slashed, path, err);
     mem_free(slashed);
     if (result == STATUS_OK && !*path)
-        return pbrt_error(err, STATUS_ERR_INPUT, at, "the file \"%.*s\" is not there", NAME_SHOWN,
+        return pbrt_error(err, STATUS_ERR_INPUT, at, "the file \"%.*s\" does not exist", NAME_SHOWN,
                           name);
     return result;
 }
@@ -81,7 +81,7 @@ static int is_gzip(const struct buffer *data)
     return data->size >= 18 && data->data[0] == 0x1f && data->data[1] == 0x8b;
 }
 
-/* Replace the bytes of a gzip file by what it holds. */
+/* Unpack the bytes of a gzip file. */
 static status unpack(struct buffer *data, size_t limit, struct error *err)
 {
     struct buffer out = BUFFER_INIT;

@@ -1,9 +1,9 @@
 /* pbrt_token: the words of a pbrt scene file, and the files that it includes.
  *
- * A reader holds a stack of files; `Include` pushes one, and its end pops it. Every token
- * knows its file and line. File names live in the reader's arena, as long as the reader.
- * Files are looked for in the folder of the scene's first file, then in that of the file that
- * names them; input_files says which of them may be read.
+ * A reader holds a stack of files; `Include` pushes one, and its end pops it. Every token knows its
+ * file and line. File names live in the reader's arena, as long as the reader. Files are searched
+ * for in the folder of the scene's first file, then in that of the file that names them;
+ * input_files decides which may be read.
  */
 #ifndef AZULEJO_IMPORT_PBRT_TOKEN_H
 #define AZULEJO_IMPORT_PBRT_TOKEN_H
@@ -25,7 +25,7 @@ enum {
 #define PBRT_FILE_BYTES_MAX ((size_t)4 << 30)  /* one file, unpacked */
 #define PBRT_TEXT_BYTES_MAX ((size_t)16 << 30) /* all files of a scene but pictures, unpacked */
 
-/* Where something stands. `file` lives as long as the reader. */
+/* A place in a file. `file` lives as long as the reader. */
 struct pbrt_place {
     const char *file;
     uint32_t line;
@@ -67,27 +67,27 @@ status pbrt_reader_init(struct pbrt_reader *r, struct arena *arena, const void *
                         struct input_files *files, struct error *err) MUST_CHECK;
 void pbrt_reader_release(struct pbrt_reader *r);
 
-/* Read on in `name`, which stands at `at`. Nothing may be peeked. */
+/* Continue reading in the file `name`, named at `at`. No token may be peeked. */
 status pbrt_include(struct pbrt_reader *r, const char *name, const struct pbrt_place *at,
                     struct error *err) MUST_CHECK;
 
 /* The next token; it stays the next one until pbrt_next(). The end of an included file is
- * passed over. */
+ * skipped. */
 status pbrt_peek(struct pbrt_reader *r, struct pbrt_token *out, struct error *err) MUST_CHECK;
 status pbrt_next(struct pbrt_reader *r, struct pbrt_token *out, struct error *err) MUST_CHECK;
 
-/* A decimal number that a float can hold. 0: `text` is none. */
+/* A decimal number in float's range. 0: `text` is not one. */
 int pbrt_number(const char *text, double *out);
 
 /* The path of the file `name`, mem_alloc'd. ERR_INPUT names `at`. */
 status pbrt_resolve(const struct pbrt_reader *r, const char *name, const struct pbrt_place *at,
                     char **path, struct error *err) MUST_CHECK;
 
-/* The same, read as a whole, unpacked when it is in gzip's form. */
+/* Read that file as a whole, unpacked if it is gzip. */
 status pbrt_read_file(struct pbrt_reader *r, const char *name, const struct pbrt_place *at,
                       struct buffer *out, struct error *err) MUST_CHECK;
 
-/* "file:line: " and the words. */
+/* Format "file:line: " and the text. */
 #define pbrt_error(err, code, at, ...) \
     error_set_result_(pbrt_error_((err), (code), (at), __VA_ARGS__), (code))
 status pbrt_error_(struct error *err, status code, const struct pbrt_place *at, const char *format,

@@ -1,4 +1,4 @@
-/* What stands after WorldBegin: textures, materials, media, lights, shapes and objects. */
+/* The directives after WorldBegin: textures, materials, media, lights, shapes and objects. */
 #include <string.h>
 
 #include "client/import/pbrt/pbrt_directive.h"
@@ -7,7 +7,7 @@ static status need_world(struct pbrt *p, const char *word, const struct pbrt_pla
 {
     if (p->in_world)
         return STATUS_OK;
-    return pbrt_fail(p, STATUS_ERR_INPUT, at, "%s must stand after WorldBegin", word);
+    return pbrt_fail(p, STATUS_ERR_INPUT, at, "%s must come after WorldBegin", word);
 }
 
 static status do_texture(struct pbrt *p, const struct pbrt_place *at)
@@ -100,7 +100,7 @@ static status do_light(struct pbrt *p, const struct pbrt_place *at)
     TRY(need_world(p, "LightSource", at));
     TRY(pbrt_read_directive(p, "LightSource", p->now.light_defaults, at, &d));
     if (p->object)
-        return pbrt_fail(p, STATUS_ERR_INPUT, at, "a light cannot stand in an object definition");
+        return pbrt_fail(p, STATUS_ERR_INPUT, at, "a light cannot be in an object definition");
     return pbrt_light(p, &d);
 }
 

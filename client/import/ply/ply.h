@@ -7,7 +7,7 @@
  * vertex_index, polygons of any size (see polygon.h). Every other element and property, lists
  * included, is skipped. Any of the eight scalar types, by either of their names.
  *
- * The file is hostile: counts are believed only as far as the bytes that back them.
+ * The file is hostile: counts are checked against the number of bytes.
  */
 #ifndef AZULEJO_IMPORT_PLY_H
 #define AZULEJO_IMPORT_PLY_H
@@ -20,14 +20,14 @@ enum {
     PLY_HEADER_LINE_BYTES_MAX = 4096,
 };
 
-/* What was left out, for warnings. */
+/* Counts of omissions, for warnings. */
 struct ply_report {
-    size_t faces_invalid;   /* fewer than 3 corners, or a corner that is no vertex: dropped */
+    size_t faces_invalid;   /* fewer than 3 corners, or a corner that is not a vertex: dropped */
     size_t faces_fanned;    /* concave faces that could not be cut cleanly */
     int has_strips;         /* an element tristrips, which is not read */
 };
 
-/* Who chooses the origin of the positions, from the first vertex (mesh.h). */
+/* Chooses the origin of the positions from the first vertex (mesh.h). */
 struct ply_origin {
     void (*choose)(void *user, const double first[3], double origin[3]);
     void *user;

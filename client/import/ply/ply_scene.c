@@ -18,7 +18,7 @@ static void warn(struct builder *b, const char *name, const struct ply_report *r
     if (report->faces_invalid)
         builder_warn_at(
             b, name, 0, "PLY faces",
-            "%zu faces have fewer than three corners or one that is no vertex: left out",
+            "%zu faces have fewer than three corners or one that is not a vertex: left out",
             report->faces_invalid);
     if (report->faces_fanned)
         builder_warn_at(b, name, 0, "PLY fans",

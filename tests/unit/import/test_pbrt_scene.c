@@ -38,20 +38,20 @@ static void test_words(void **state)
 static void test_errors_name_their_place(void **state)
 {
     static const char *const bad[][2] = {
-        {"WorldBegin\n\nFoo", "a.pbrt:3: |\"Foo\" is no directive"},
+        {"WorldBegin\n\nFoo", "a.pbrt:3: |\"Foo\" is not a directive"},
         {"WorldBegin\nShape \"sphere\" \"float radius\" [1 x]", "a.pbrt:2: |radius|x"},
         {"WorldBegin\nShape \"sphere\" \"float radius\" [1 2", "a.pbrt:2: |no closing bracket"},
         {"WorldBegin\nShape \"sphere", "a.pbrt:2: |no closing quote"},
-        {"WorldBegin\nShape \"sphere\" \"flat radius\" 1", "a.pbrt:2: |no parameter"},
+        {"WorldBegin\nShape \"sphere\" \"flat radius\" 1", "a.pbrt:2: |not a parameter"},
         {"WorldBegin Shape \"sphere\" \"point3 P\" [1 2]", "2 numbers|by 3"},
         {"Translate 1 2", "Translate takes 3 numbers"},
         {"Translate 1 2 nan", "Translate takes 3 numbers"},
         {"Scale 1 2 0x10", "Scale takes 3 numbers"},
         {"Transform [1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 0]", "a.pbrt:1: |perspective"},
         {"LookAt 0 0 0 0 0 1 0 0 2", "a.pbrt:1: |parallel"},
-        {"WorldBegin\nAttributeEnd", "a.pbrt:2: |nothing was begun"},
+        {"WorldBegin\nAttributeEnd", "a.pbrt:2: |there is nothing to end"},
         {"WorldBegin\nAttributeBegin\nTransformEnd", "a.pbrt:3: |AttributeBegin must be ended"},
-        {"Shape \"sphere\"", "must stand after WorldBegin"},
+        {"Shape \"sphere\"", "must come after WorldBegin"},
         {"WorldBegin WorldBegin", "twice"},
         {"WorldBegin Camera \"perspective\"", "before WorldBegin"},
         {"WorldBegin NamedMaterial \"x\"", "\"x\" is not known"},
@@ -112,7 +112,7 @@ static void test_includes(void **state)
     assert_says(&err, "a.pbrt:1: |--allow-outside /etc");
     assert_int_equal(import_scene_memory(gone, strlen(gone), "a.pbrt", folder, &options, &r, &err),
                      STATUS_ERR_INPUT);
-    assert_says(&err, "a.pbrt:2: |gone.pbrt|is not there");
+    assert_says(&err, "a.pbrt:2: |gone.pbrt|does not exist");
     assert_int_equal(import_scene_memory(bad, strlen(bad), "a.pbrt", folder, &options, &r, &err),
                      STATUS_ERR_INPUT);
     assert_says(&err, "bad.pbrt:3: |Foo");

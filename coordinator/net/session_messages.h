@@ -1,0 +1,27 @@
+/* session_messages: what clients ask for, a function a message.
+ *
+ * A handler answers `message` itself, now or through a task (session_tasks.h). When it fails it has
+ * sent nothing: session_client.c sends *err as a Failure.
+ */
+#ifndef AZULEJO_COORDINATOR_SESSION_MESSAGES_H
+#define AZULEJO_COORDINATOR_SESSION_MESSAGES_H
+
+#include "coordinator/net/session.h"
+
+typedef status session_handler(struct session *session, const Azulejo__Wire__Envelope *message,
+                               uint64_t now_ns, struct error *err);
+
+/* session_client.c: NULL and ERR_NOT_FOUND in *err if there is no such job. */
+struct job *session_job(struct session *session, uint64_t id, struct error *err) MUST_CHECK;
+
+session_handler session_submit;         /* session_submit.c */
+session_handler session_output_get;     /* session_outputs.c */
+session_handler session_history_get;
+session_handler session_blob_query;     /* session_blobs.c */
+session_handler session_blob_get;
+session_handler session_blob_put;
+/* session_submit.c: is the blob of the tone mapping's file there? */
+status session_check_tonemap(struct session *session, const struct output_settings *output,
+                             struct error *err) MUST_CHECK;
+
+#endif

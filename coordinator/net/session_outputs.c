@@ -1,0 +1,176 @@
+/* What a client can fetch of a frame: files, previews, and the history of its errors. */
+#include <inttypes.h>
+
+#include "common/base/file.h"
+#include "common/scene/manifest.h"
+#include "coordinator/job/wire.h"
+#include "coordinator/net/server.h"
+#include "coordinator/net/session_messages.h"
+#include "coordinator/net/session_tasks.h"
+#include "protocol/message.h"
+
+static status send_file(struct session *session, const struct job *job, uint32_t frame,
+                        const char *extension, uint64_t request, struct error *err)
+{
+    struct buffer path = BUFFER_INIT;
+    status s;
+
+    store_output_path(session->server->store, job->id, frame, extension, &path);
+    if (!buffer_ok(&path))
+        s = error_no_memory(err, "a path");
+    else if (!file_exists(buffer_text(&path)))
+        s = error_set(err, STATUS_ERR_NOT_FOUND,
+                      "job %" PRIu64 ", frame %u: its %s file is no longer on the coordinator",
+                      job->id, frame, extension);
+    else
+        s = transfer_file(&session->transfers, request, NULL, buffer_text(&path), err);
+    buffer_release(&path);
+    return s;
+}
+
+static status check_frame(const struct job *job, uint32_t number, struct error *err)
+{
+    if (number >= job->first_frame && number <= job->last_frame)
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 " has frames %u to %u", job->id,
+                     job->first_frame, job->last_frame);
+}
+
+static status check_done(const struct job *job, uint32_t number, struct error *err)
+{
+    if (job_frame_is_done(job, number))
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ", frame %u is not finished",
+                     job->id, number);
+}
+
+/* One of a finished frame's files. */
+static status send_picture(struct session *session, const struct job *job,
+                           const Azulejo__Wire__OutputGet *message, uint64_t request,
+                           struct error *err)
+{
+    int exr = message->kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR;
+    int png = message->kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG;
+    const char *extension = exr ? "exr" : png ? "png" : "jpg";
+    status s = check_done(job, message->frame, err);
+
+    if (s != STATUS_OK)
+        return s;
+    if (!(exr ? job->output.exr : png ? job->output.png : job->output.jpg))
+        return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 " has no %s output", job->id,
+                         extension);
+    if (!exr && !job_frame_is_developed(job, message->frame))
+        return error_set(err, STATUS_ERR_NOT_FOUND,
+                         "job %" PRIu64 ", frame %u is not tone mapped yet%s%s; try again in a "
+                         "moment",
+                         job->id, message->frame, trouble_is(&job->pictures) ? ": " : "",
+                         job->pictures.text);
+    return send_file(session, job, message->frame, extension, request, err);
+}
+
+/* The frame so far; its file if the frame is finished. */
+static status send_preview(struct session *session, const struct job *job,
+                           const Azulejo__Wire__OutputGet *message, uint64_t request,
+                           struct error *err)
+{
+    int linear = message->kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_EXR;
+    uint32_t number = message->frame;
+    struct job_frame *frame = farm_frame_find(job, number);
+
+    if (job_frame_is_done(job, number)) {
+        if (linear ? job->output.exr : job->output.png && job_frame_is_developed(job, number))
+            return send_file(session, job, number, linear ? "exr" : "png", request, err);
+        return error_set(err, STATUS_ERR_NOT_FOUND,
+                         "job %" PRIu64 ", frame %u is finished: fetch its files without --preview",
+                         job->id, number);
+    }
+    if (!frame || film_samples(frame->film) == 0)
+        return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ", frame %u has no samples yet",
+                         job->id, number);
+    session_task_preview(session, request, frame, linear);
+    return STATUS_OK;
+}
+
+static status send_output(struct session *session, const struct job *job,
+                          const Azulejo__Wire__OutputGet *message, uint64_t request,
+                          struct error *err)
+{
+    uint32_t number = message->frame;
+    status s = check_frame(job, number, err);
+
+    if (s != STATUS_OK)
+        return s;
+    switch (message->kind) {
+    case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR:
+    case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG:
+    case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_JPEG:
+        return send_picture(session, job, message, request, err);
+    case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON:
+        s = check_done(job, number, err);
+        return s == STATUS_OK ? send_file(session, job, number, MANIFEST_EXTENSION, request, err)
+                              : s;
+    case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG:
+    case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_EXR:
+        return send_preview(session, job, message, request, err);
+    default:
+        return error_set(err, STATUS_ERR_UNSUPPORTED, "unknown kind of output %d",
+                         (int)message->kind);
+    }
+}
+
+status session_output_get(struct session *session, const Azulejo__Wire__Envelope *message,
+                          uint64_t now_ns, struct error *err)
+{
+    const struct job *job = session_job(session, message->output_get->job, err);
+    status s;
+
+    (void)now_ns;
+    if (!job)
+        return STATUS_ERR_NOT_FOUND;
+    s = send_output(session, job, message->output_get, message->request, err);
+    transfers_pump(&session->transfers, session->channel);
+    return s;
+}
+
+/* ---- history --------------------------------------------------------------------------------- */
+
+static void send_history(struct session *session, uint64_t request, uint64_t job, uint32_t frame,
+                         const struct history *history)
+{
+    Azulejo__Wire__HistoryPoint points[HISTORY_MAX], *pointers[HISTORY_MAX];
+    Azulejo__Wire__Figures figures[HISTORY_MAX];
+    Azulejo__Wire__History message = AZULEJO__WIRE__HISTORY__INIT;
+    Azulejo__Wire__Envelope envelope = MESSAGE(HISTORY, history, &message);
+
+    for (uint32_t i = 0; i < history->count; i++) {
+        wire_point_set(&points[i], &figures[i], &history->points[i]);
+        pointers[i] = &points[i];
+    }
+    message.job = job;
+    message.frame = frame;
+    message.n_points = history->count;
+    message.points = pointers;
+    session_reply(session, request, &envelope);
+}
+/* The store has the history of a finished frame; that of a frame not yet begun is empty. */
+status session_history_get(struct session *session, const Azulejo__Wire__Envelope *message,
+                           uint64_t now_ns, struct error *err)
+{
+    const struct job *job = session_job(session, message->history_get->job, err);
+    uint32_t number = message->history_get->frame;
+    struct history history = {.count = 0};
+    const struct job_frame *frame;
+    status s = STATUS_OK;
+
+    (void)now_ns;
+    if (!job)
+        return STATUS_ERR_NOT_FOUND;
+    frame = farm_frame_find(job, number);
+    if (frame)
+        history = frame->history;
+    else if ((s = check_frame(job, number, err)) == STATUS_OK)
+        s = store_history_load(session->server->store, job->id, number, &history, err);
+    if (s == STATUS_OK)
+        send_history(session, message->request, job->id, number, &history);
+    return s;
+}
