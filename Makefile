@@ -120,7 +120,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy layers circles words numerics install uninstall clean tests lint format new-lobe new-tonemap test-new
+.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy layers circles words numerics invariance install uninstall clean tests lint format new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -262,6 +262,9 @@ layers: ## prove the dependency rule of docs/ARCHITECTURE.md
 numerics: ## prove that a test notices the loss of each safeguard (docs/NUMERICS.md)
 	$(MAKE) SAFEGUARDS=1 tests
 	@python3 -B tests/numerics/safeguards.py build/safeguards $(NUMERICS_ARGS)
+
+invariance: tests ## one scene written in many ways, SPP samples a pixel (docs/NUMERICS.md; 256: 10 minutes)
+	@BUILD=$(BUILD) python3 -B tests/statistics/invariance_table.py $(SPP)
 
 test-slurm: all ## preempt, cancel and time out deploy/slurm's workers (needs slurm-wlm and munge)
 	@BUILD=$(BUILD) deploy/slurm/try.sh

@@ -57,9 +57,9 @@ struct job_options {
      "(default 0: as long as the camera says)", 0, 1, NULL},                                    \
     {"lens", 0, OPTION_REAL, &(o).lens_radius, "METRES",                                        \
      "radius of the aperture, which blurs what is out of focus; 0 is a pinhole (default: the "     \
-     "camera's own)", 0, 1e5, NULL},                                                               \
+     "camera's own)", 0, 1e12, NULL},                                                              \
     {"focus", 0, OPTION_REAL, &(o).focus_distance, "METRES",                                    \
-     "distance of what is sharp (default: the camera's own)", 1e-6, 1e11, NULL},                \
+     "distance of what is sharp (default: the camera's own)", 1e-12, 1e12, NULL},               \
     {"without", 0, OPTION_LIST, &(o).without, "EFFECT,...",                                 \
      "leave these effects out, as in caustics,dispersion; a wrong name lists all", 0, 0, NULL}, \
     {"aov", 0, OPTION_LIST, &(o).aovs, "NAME,...",                                          \

@@ -3,6 +3,8 @@
 #define AZULEJO_MATH_VEC_H
 
 #include <math.h>
+#include <stdint.h>
+#include <string.h>
 
 /* One instruction each, where fmaxf and fminf are calls (they must check for NaN first): here `b`
  * is the result if either is NaN. */
@@ -48,6 +50,17 @@ static inline struct vec3 vec3_cross(struct vec3 a, struct vec3 b)
 static inline float vec3_length_squared(struct vec3 a) { return vec3_dot(a, a); }
 static inline float vec3_length(struct vec3 a) { return sqrtf(vec3_dot(a, a)); }
 
+/* The largest power of two that is not above m > 0, and is a normal float. */
+static inline float float_power_below(float m)
+{
+    uint32_t bits;
+
+    memcpy(&bits, &m, sizeof bits);
+    bits &= 0x7f800000u;
+    memcpy(&m, &bits, sizeof m);
+    return bits ? m : 0x1p-126f;
+}
+
 /* Unit vector along a; (0,0,0) when its length is zero or not finite. Scaled first, so
  * that very short and very long vectors neither underflow nor overflow. */
 static inline struct vec3 vec3_normalize(struct vec3 a)
@@ -58,6 +71,8 @@ static inline struct vec3 vec3_normalize(struct vec3 a)
         float m = float_max(fabsf(a.x), float_max(fabsf(a.y), fabsf(a.z)));
         if (!(m > 0.0f && m < INFINITY))
             return (struct vec3){0, 0, 0};
+        /* A power of two: no bit depends on the vector's length. */
+        m = float_power_below(m);
         a.x /= m;
         a.y /= m;
         a.z /= m;

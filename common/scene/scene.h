@@ -55,6 +55,9 @@ enum {
  * products stay finite in float. */
 #define SCENE_COORDINATE_MAX 1e15f
 #define SCENE_RADIANCE_MAX 1e30f    /* and any intensity: squares and sums of it stay finite */
+/* Of a medium, per metre: a scene of a nanometre's size may be opaque. */
+#define SCENE_COEFFICIENT_MAX 1e12f
+#define SCENE_FOCUS_MAX 1e12f       /* distance, and radius of the lens, in metres */
 /* Of a picture from top to bottom: the tangent of half of it must be usable. */
 #define SCENE_FOV_MIN_RAD 1e-5f
 #define SCENE_FOV_MAX_RAD 3.1415f

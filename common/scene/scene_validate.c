@@ -154,8 +154,8 @@ static status check_light(const struct check_place *at, const struct scene *scen
 
 static status check_lens(const struct check_place *at, const struct scene_camera *camera)
 {
-    CHECK(check_range(at, "lens_radius", camera->lens_radius, 0, 1e6f));
-    CHECK(check_range(at, "focus_distance", camera->focus_distance, 0, 1e12f));
+    CHECK(check_range(at, "lens_radius", camera->lens_radius, 0, SCENE_FOCUS_MAX));
+    CHECK(check_range(at, "focus_distance", camera->focus_distance, 0, SCENE_FOCUS_MAX));
     if (camera->lens_radius > 0 && camera->focus_distance == 0)
         return check_complain(at, "focus_distance", "must be above 0 for a camera with a lens");
     if (camera->blades > SCENE_BLADES_MAX)
@@ -288,8 +288,8 @@ static status check_grid(const struct check_place *at, const struct scene_medium
 static status check_medium(const struct check_place *at, const struct scene_medium *medium)
 {
     CHECK(check_name(at, medium->name));
-    CHECK(check_ranges(at, "absorption", medium->absorption, 3, 0, 1e12f));
-    CHECK(check_ranges(at, "scattering", medium->scattering, 3, 0, 1e12f));
+    CHECK(check_ranges(at, "absorption", medium->absorption, 3, 0, SCENE_COEFFICIENT_MAX));
+    CHECK(check_ranges(at, "scattering", medium->scattering, 3, 0, SCENE_COEFFICIENT_MAX));
     CHECK(check_ranges(at, "emission", medium->emission, 3, 0, unlimited));
     if (!(medium->g > -1 && medium->g < 1))
         return check_complain(at, "g", "must lie between -1 and 1");

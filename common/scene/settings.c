@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "common/scene/effects.h"
+#include "common/scene/scene.h"
 
 static const char *const isa_names[ISA_COUNT] = {"sse2", "avx2", "avx512"};
 static const char *const env_sampling_names[ENV_SAMPLING_COUNT] = {
@@ -242,8 +243,12 @@ status render_settings_validate(const struct render_settings *s, uint32_t camera
     if (!(s->shutter >= 0 && s->shutter <= 1))
         return error_set(err, STATUS_ERR_INPUT, "shutter %g: must be 0..1 of a frame's time",
                          (double)s->shutter);
-    if (!(s->lens_radius < 1e6f) || !(s->focus_distance >= 0 && s->focus_distance < 1e12f))
-        return error_set(err, STATUS_ERR_INPUT, "lens radius or focus distance out of range");
+    if (!(s->lens_radius <= SCENE_FOCUS_MAX) ||
+        !(s->focus_distance >= 0 && s->focus_distance <= SCENE_FOCUS_MAX))
+        return error_set(err, STATUS_ERR_INPUT,
+                         "lens radius %g, focus distance %g: must be at most %g metres, the distance not "
+                         "negative",
+                         (double)s->lens_radius, (double)s->focus_distance, (double)SCENE_FOCUS_MAX);
     if (s->without & ~EFFECTS_SWITCHABLE)
         return error_set(err, STATUS_ERR_INPUT,
                          "effects that are unknown or cannot be left out: %s",

@@ -229,6 +229,19 @@ static int compare_edges(const void *a, const void *b)
     return x->part < y->part ? -1 : 1;
 }
 
+static int fills_alike(const struct scene_material *a, const struct scene_material *b)
+{
+    return a->ior == b->ior && a->priority == b->priority && a->medium == b->medium &&
+           a->dispersion == b->dispersion && a->attenuation_distance == b->attenuation_distance &&
+           memcmp(a->attenuation_color, b->attenuation_color, sizeof a->attenuation_color) == 0;
+}
+
+static int edges_alike(const struct bodies *s, const struct edge *a, const struct edge *b)
+{
+    return fills_alike(filling_of(s->scene, material_of(s, a->part)),
+                       filling_of(s->scene, material_of(s, b->part)));
+}
+
 static int may_join(const struct bodies *s, const struct edge *a, const struct edge *b)
 {
     return (a->net < 0) != (b->net < 0) &&
@@ -236,20 +249,42 @@ static int may_join(const struct bodies *s, const struct edge *a, const struct e
                s->scene->materials[material_of(s, b->part)].kind;
 }
 
-/* Join parts that share open edges, and find those that stay open. */
-static void join_parts(struct bodies *s)
+/* Join the parts that leave one edge open: those that are filled alike, and only what these leave
+ * open (`rest`) with others. Where water touches its glass along an edge, and both are of several
+ * materials, the water's parts belong to one another. */
+static void join_at_edge(struct bodies *s, const struct edge *edges, size_t count, int32_t *rest)
+{
+    for (size_t i = 0; i < count; i++) {
+        rest[i] = 0;
+        for (size_t k = 0; k < count; k++)
+            rest[i] += edges_alike(s, &edges[i], &edges[k]) ? edges[k].net : 0;
+    }
+    for (size_t i = 0; i < count; i++)
+        for (size_t k = 0; k < i; k++)
+            if (may_join(s, &edges[i], &edges[k]) &&
+                (edges_alike(s, &edges[i], &edges[k]) || (rest[i] && rest[k])))
+                s->parts[find_joined(s->parts, edges[k].part)].joined =
+                    find_joined(s->parts, edges[i].part);
+}
+
+/* Join what shares open edges, and see what stays open all the same. */
+static status join_parts(struct bodies *s)
 {
     size_t end;
+    int32_t *rest;
 
     if (s->open_count == 0)
-        return;
+        return STATUS_OK;
+    rest = mem_alloc_array(s->open_count, sizeof *rest);
+    if (!rest)
+        return error_no_memory(s->b->err, "the volumes' edges");
     qsort(s->open, s->open_count, sizeof *s->open, compare_edges);
-    for (size_t i = 0; i < s->open_count; i = end)
-        for (end = i; end < s->open_count && s->open[end].key == s->open[i].key; end++)
-            for (size_t k = i; k < end; k++)
-                if (may_join(s, &s->open[k], &s->open[end]))
-                    s->parts[find_joined(s->parts, s->open[k].part)].joined =
-                        find_joined(s->parts, s->open[end].part);
+    for (size_t i = 0; i < s->open_count; i = end) {
+        for (end = i + 1; end < s->open_count && s->open[end].key == s->open[i].key;)
+            end++;
+        join_at_edge(s, s->open + i, end - i, rest);
+    }
+    mem_free(rest);
     for (size_t i = 0; i < s->open_count; i = end) {
         int32_t net = 0;
 
@@ -263,13 +298,7 @@ static void join_parts(struct bodies *s)
                 memcpy(set->gap, s->positions + 3 * (s->open[k].key >> 32), sizeof set->gap);
         }
     }
-}
-
-static int fills_alike(const struct scene_material *a, const struct scene_material *b)
-{
-    return a->ior == b->ior && a->priority == b->priority && a->medium == b->medium &&
-           a->dispersion == b->dispersion && a->attenuation_distance == b->attenuation_distance &&
-           memcmp(a->attenuation_color, b->attenuation_color, sizeof a->attenuation_color) == 0;
+    return STATUS_OK;
 }
 
 /* The lowest material fills a volume that several close together. */
@@ -404,7 +433,7 @@ static status find_bodies(struct bodies *s)
         end = group_end(s, i);
         TRY(find_open_edges(s, i, end));
     }
-    join_parts(s);
+    TRY(join_parts(s));
     give_bodies(s);
     seal(s);
     for (uint32_t i = 0; i < s->part_count; i = end) {

@@ -95,6 +95,17 @@ static int preset_find(const char *name)
     return -1;
 }
 
+static float coefficient(struct pbrt *p, const struct medium_entry *e, double x)
+{
+    const double most = (double)SCENE_COEFFICIENT_MAX;
+
+    if (x > most)
+        pbrt_warn(p, &e->d.at, "dense medium",
+                  "medium \"%.60s\": a coefficient of %g per metre is taken as %g, the largest there is",
+                  e->name, x, most);
+    return (float)fmin(fmax(x, 0), most);
+}
+
 static status read_coefficients(struct pbrt *p, const struct medium_entry *e,
                                 struct scene_medium *out)
 {
@@ -131,8 +142,8 @@ static status read_coefficients(struct pbrt *p, const struct medium_entry *e,
             le_scale += glow->numbers[i] / (double)glow->number_count;
     }
     for (int i = 0; i < 3; i++) {
-        out->absorption[i] = (float)fmin(fmax(a[i] * scale, 0), 1e9);
-        out->scattering[i] = (float)fmin(fmax(s[i] * scale, 0), 1e9);
+        out->absorption[i] = coefficient(p, e, a[i] * scale);
+        out->scattering[i] = coefficient(p, e, s[i] * scale);
         out->emission[i] = (float)fmin(fmax(a[i] * scale * le[i] * le_scale, 0), 1e30);
     }
     out->g = (float)fmin(fmax(g, -0.999), 0.999);

@@ -401,6 +401,26 @@ static void test_media(void **state)
     import_result_release(&r);
 }
 
+/* A scene of a nanometre's size may be opaque; beyond what a scene may say, a warning. */
+static void test_dense(void **state)
+{
+    struct import_result r;
+
+    (void)state;
+    pbrt_world(LAMP "MakeNamedMedium \"m\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [0 0 0] "
+               "\"rgb sigma_s\" [4e11 4e11 3e10] MediumInterface \"m\" \"\" "
+               "Material \"interface\" Shape \"sphere\"", &r);
+    assert_rgb(r.scene.media[0].scattering, 4e11f, 4e11f, 3e10f);
+    assert_false(pbrt_has_warned(&r, "per metre"));
+    import_result_release(&r);
+    pbrt_world(LAMP "MakeNamedMedium \"m\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [0 0 0] "
+               "\"rgb sigma_s\" [1e13 1 1] MediumInterface \"m\" \"\" "
+               "Material \"interface\" Shape \"sphere\"", &r);
+    assert_rgb(r.scene.media[0].scattering, 1e12f, 1, 1);
+    pbrt_warned(&r, "\"m\"|1e+13 per metre");
+    import_result_release(&r);
+}
+
 static void test_grid(void **state)
 {
     const struct scene_medium *m;
@@ -443,7 +463,7 @@ int main(void)
         cmocka_unit_test(test_environment_maps),
         cmocka_unit_test(test_image_lights),
         cmocka_unit_test(test_media),
-        cmocka_unit_test(test_grid),
+        cmocka_unit_test(test_dense), cmocka_unit_test(test_grid),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

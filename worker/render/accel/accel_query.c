@@ -53,8 +53,18 @@ static inline float product(const struct RTCRay *ray, const struct RTCHit *hit)
 static inline int accepts(const struct query_context *q, const struct accel_geometry *g,
                           const struct hit *face, const struct RTCHit *hit, int facing)
 {
-    return !g->filtered || q->accel->accept(q->accel->scene, q->query, face->instance,
-                                            face->triangle, hit->u, hit->v, facing);
+    float u = hit->u, v = hit->v;
+    double weight[2];
+    int side;
+
+    if (!g->filtered)
+        return 1;
+    /* Embree gives 0 and 0 where its products of two edges are below 1e-18: a nanometre's square. */
+    if (u == 0 && v == 0 && accel_covers(q, face, &weight[0], &weight[1], &side)) {
+        u = (float)weight[0];
+        v = (float)weight[1];
+    }
+    return q->accel->accept(q->accel->scene, q->query, face->instance, face->triangle, u, v, facing);
 }
 
 static inline struct hit face_of(const struct RTCHit *hit)

@@ -40,4 +40,19 @@ uint64_t face_lights_count(struct render_scene *scene);
 status face_lights_find(const struct render_scene *scene, struct hit *faces, uint8_t *dark,
                         struct error *err) MUST_CHECK;
 
+/* The length of a triangle's normal: its square is below what a float holds where the edges are below
+ * 1e-10 m. */
+static inline float triangle_double_area(struct vec3 normal)
+{
+    float squared = vec3_length_squared(normal), most, power;
+
+    if (squared > 1e-30f && squared < 1e30f)
+        return sqrtf(squared);
+    most = float_max(fabsf(normal.x), float_max(fabsf(normal.y), fabsf(normal.z)));
+    if (!(most > 0 && most < INFINITY))
+        return most;
+    power = float_power_below(most);
+    return power * vec3_length(vec3_scale(normal, 1 / power));
+}
+
 #endif

@@ -68,7 +68,7 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_,
     e1 = vec3_sub(corner[1], corner[0]);
     e2 = vec3_sub(corner[2], corner[0]);
     normal = vec3_cross(e1, e2);
-    double_area = vec3_length(normal);
+    double_area = triangle_double_area(normal);
     if (!(double_area > 0))
         return health_distance(double_area);
     normal = vec3_scale(normal, (instance->flipped ? -1 : 1) / double_area);

@@ -102,7 +102,7 @@ static float triangle_bounds(const struct render_scene *scene,
         if (k > 0)
             cone_add_normal(b, vec3_scale(vec3_add(crossed(before, corner),
                                                    crossed(corner, before)), sign));
-        doubled_area = float_max(doubled_area, vec3_length(doubled));
+        doubled_area = float_max(doubled_area, triangle_double_area(doubled));
         memcpy(before, corner, sizeof before);
     }
     if (b->spread_rad >= PI_F / 2)
