@@ -30,7 +30,7 @@ static inline float thin_wall_init(struct bsdf *b, struct vec3 wo, float base)
         y = x < BSDF_ALPHA_MIN ? y : float_max(y, BSDF_ALPHA_MIN);
     }
     m->shape = ggx_make(y, x, b->base.shape.stretched);
-    m->smooth = x < BSDF_ALPHA_MIN;
+    m->smooth = alpha_is_smooth(x);
     m->root_o = ggx_root_of(&m->shape, wo);
     b->thin_wall.tint = vec3_scale(b->material.base_color, b->weights.wall);
     if (!(b->layer.reflected_o < 1.0f))
