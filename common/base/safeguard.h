@@ -40,6 +40,7 @@
     X(COLOR_RANGE, "a colour above 1 reflects more than comes in") \
     X(SHEEN_LIMIT, "cloth of a small roughness reflects more than comes in") \
     X(SHEEN_HORIZON, "cloth seen along its surface shines without bound") \
+    X(FILM_ENERGY, "a film and what lies below it reflect more than comes in") \
     X(WHITE_UNDER_FILM, "white metal under a film is black") \
     X(THICK_FILM, "a thick film has arbitrary colours: its exponential leaves the floats") \
     X(INTERFACE_DOUBT, "rough glass sends out more than comes in") \

@@ -287,6 +287,34 @@ static void cloth_gains_nothing(void **state)
     }
 }
 
+/* Film over white plastic of a high index: what lies below it may not get what the film reflects. */
+static void films_gain_nothing(void **state)
+{
+    static const struct { float ior, film, nm, alpha, mu, weight, interreflection; int through; } CASES[] = {
+        {2.5f, 1.32303f, 659.2f, 0.0045f, 0.3f, 1, 0, 1},  {2.5f, 1.47f, 239, 0, 0.3f, 1, 0, 0},
+        {2.5f, 1.47f, 239, 0.087f, 0.1f, 1, 0.082f, 0},    {2.5f, 1.81f, 75, 0.4f, 0.1f, 1, 0, 0},
+        {1.5f, 1.92f, 279, 0.02f, 0.3f, 0.63f, 0, 0},      {1.5f, 1.39f, 103, 0.08f, 0.02f, 1, 0, 0},
+        {2.5f, 1.61f, 430, 0.0017f, 0.3f, 1, 0.5f, 0},     {1.05f, 2.2f, 273, 0, 0.1f, 0.54f, 0, 0},
+    };
+    enum { COUNT = sizeof CASES / sizeof *CASES };
+
+    (void)state;
+    for (int i = 0; i < COUNT; i++) {
+        struct bsdf_params p = plastic(CASES[i].alpha, CASES[i].ior);
+        char what[128];
+        p.specular_color = i ? vec3_splat(1) : (struct vec3){2.5f, 0.8f, 0.6f};
+        p.iridescence = CASES[i].weight;
+        p.iridescence_ior = CASES[i].film;
+        p.iridescence_thickness_nm = CASES[i].nm;
+        p.base_interreflection = CASES[i].interreflection;
+        p.diffuse_transmission = (float)CASES[i].through;
+        p.diffuse_transmission_color = vec3_splat(1);
+        snprintf(what, sizeof what, "furnace of a film of %g nm, ior %g over ior %g, mu %g", (double)CASES[i].nm,
+                 (double)CASES[i].film, (double)CASES[i].ior, (double)CASES[i].mu);
+        expect_no_gain(what, &p, direction(CASES[i].mu), 0.5, COUNT);
+    }
+}
+
 static void films_of_extreme_bases_and_thicknesses(void **state)
 {
     struct bsdf_params white = metal(0), thick = metal(0);
@@ -336,6 +364,7 @@ int main(void)
         cmocka_unit_test(no_rim_without_an_interface),
         cmocka_unit_test(colors_beyond_their_range_are_cut),
         cmocka_unit_test(cloth_gains_nothing),
+        cmocka_unit_test(films_gain_nothing),
         cmocka_unit_test(films_of_extreme_bases_and_thicknesses),
         cmocka_unit_test(tables_give_back_no_more_than_was_lost),
     };
