@@ -14,6 +14,7 @@
 #include "tests/support/bsdf_maker.h"
 #include "tests/support/figure.h"
 #include "tests/support/statistics.h"
+#include "worker/render/base/health_scope.h"
 #include "worker/render/bsdf/bsdf.h"
 
 #define SIGNIFICANCE 1e-4
@@ -352,6 +353,32 @@ static void tables_give_back_no_more_than_was_lost(void **state)
     expect_no_gain("furnace of glass of ior 1.005, alpha .4, from inside", &rough, direction(0.035f), 0, 2);
 }
 
+/* A lobe without a number is left out and counted; the others stay. */
+static void a_lobe_that_is_no_number_leaves_the_others(void **state)
+{
+    const struct vec3 wo = {0.6f, 0, 0.8f}, wi = {-0.6f, 0, 0.8f};
+    struct bsdf_params p = plastic(0.3f, 1.5f), wall = plastic(0.3f, 1.5f);
+    const struct vec3 through = {-0.6f, 0, -0.8f};
+    uint64_t count[HEALTH_KINDS] = {0};
+    struct bsdf b;
+
+    (void)state;
+    health_scope = (struct health_scope){count, 0};
+    bsdf_init(&b, &p, wo);
+    b.base.root_o = NAN;
+    figure_within("a matt base below a highlight that is no number", (double)bsdf_eval(&b, wo, wi).y, 0.2, 0.3,
+                  "closed form .8 (1 - R) / pi, within a fifth");
+    wall.transmission = 0.5f;
+    wall.diffuse_transmission = 1;
+    wall.diffuse_transmission_color = vec3_splat(1);
+    bsdf_init(&b, &wall, wo);
+    b.thin_wall.spread.root_o = NAN;
+    figure_within("light through a matt wall beside a blur that is no number",
+                  (double)bsdf_eval(&b, wo, through).y, 0.1, 0.15, "closed form .4 (1 - R) / pi, within a fifth");
+    figure_within("densities of theirs that are counted", (double)count[HEALTH_BAD_DENSITIES], 2, 2, "exact");
+    health_scope.count = NULL;
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -367,6 +394,7 @@ int main(void)
         cmocka_unit_test(films_gain_nothing),
         cmocka_unit_test(films_of_extreme_bases_and_thicknesses),
         cmocka_unit_test(tables_give_back_no_more_than_was_lost),
+        cmocka_unit_test(a_lobe_that_is_no_number_leaves_the_others),
     };
     return cmocka_run_group_tests_name("hard cases of scattering", tests, NULL, NULL);
 }

@@ -15,6 +15,7 @@
 #ifndef AZULEJO_RENDER_LOBE_REFLECTION_H
 #define AZULEJO_RENDER_LOBE_REFLECTION_H
 
+#include "worker/render/base/health_scope.h"
 #include "worker/render/bsdf/compensation.h"
 #include "worker/render/bsdf/layer.h"
 #include "worker/render/bsdf/lobe.h"
@@ -210,9 +211,9 @@ LOBE_OFTEN struct vec3 reflection_evaluate(const struct bsdf *b, struct vec3 wo,
     float density = reflection_density(&b->base, wo, b->cos_o, wi, &cos_h, &shadowing);
     struct vec3 f;
 
-    *pdf = density; /* 0, or no number, which the sum of all lobes shows */
+    *pdf = 0;
     if (!(density > 0.0f))
-        return LOBE_BLACK;
+        return health_density(density), LOBE_BLACK;
     f = reflection_color(b, cos_h, &chosen);
     *pdf = chosen * density;
     return vec3_scale(f, shadowing * density * cover->lobe);
