@@ -32,7 +32,7 @@
     X(GGX_DENSITY, "the highlight of a narrow lobe has a wrong shape: 1 - cos^2 cancels") \
     X(COAT_DENSITY, "the highlight of a smooth coat has a wrong shape: 1 - cos^2 cancels") \
     X(COSINE_RIM, "a direction on the horizon has no density") \
-    X(CORRELATED_SHADOW, "rough glass that hardly refracts is half black at grazing angles") \
+    X(CORRELATED_SHADOW, "rough glass that hardly refracts is black at grazing angles") \
     X(STRAIGHT_REFRACTION, "rough glass of the index around it loses light: its half vector is 0") \
     X(TOTAL_REFLECTION, "light that glass reflects totally is lost") \
     X(INDEX_RANGE, "a very large index reflects nothing at grazing angles") \
@@ -49,11 +49,11 @@
     X(MIS_OVERFLOW, "a lamp of less than 1e-19 m2 gives no light: squares of densities overflow") \
     X(LIGHT_DENSITY, "a light of density 0 makes the whole sample infinite") \
     X(ROULETTE_ETA, "clear glass is noisy: paths end inside of it") \
-    X(ROULETTE_FLOOR, "what a dark surface reflects is found once in thousands of samples") \
+    X(ROULETTE_FLOOR, "what a dark surface reflects is a few bright pixels") \
     X(UNIT_BELOW_1, "a random number is 1, and points lie in a neighbour's cell") \
     X(INDEPENDENT_PAIRS, "all decisions of a path use the same random numbers") \
-    X(FINITE_SAMPLE, "one sample that is no number makes its pixel black or NaN") \
-    X(FINITE_VARIABLE, "one normal that is no number makes its pixel NaN") \
+    X(FINITE_SAMPLE, "one sample that is no number makes its pixel as bright as a float can be") \
+    X(FINITE_VARIABLE, "one normal that is no number makes its pixel as long as a float can be") \
     X(SUM_RANGE, "a pass of samples near the largest float is infinite")
 
 /* Lamps, environment maps, media, textures: worker/render/{light,medium,texture}. */
