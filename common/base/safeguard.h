@@ -26,7 +26,35 @@
 #define SAFEGUARDS_OF_HITS(X)
 
 /* Lobes, random numbers, weights of paths: worker/render/{bsdf,base,path}. */
-#define SAFEGUARDS_OF_SCATTERING(X)
+#define SAFEGUARDS_OF_SCATTERING(X) \
+    X(SMOOTH_MIRROR, "a mirror of roughness 0 is black: its density is 0 / 0") \
+    X(NARROW_AXIS, "a metal that is smooth across its brushing reflects more than comes in") \
+    X(GGX_DENSITY, "the highlight of a narrow lobe has a wrong shape: 1 - cos^2 cancels") \
+    X(COAT_DENSITY, "the highlight of a smooth coat has a wrong shape: 1 - cos^2 cancels") \
+    X(COSINE_RIM, "a direction on the horizon has no density") \
+    X(CORRELATED_SHADOW, "rough glass that hardly refracts is black at grazing angles") \
+    X(STRAIGHT_REFRACTION, "rough glass of the index around it loses light: its half vector is 0") \
+    X(TOTAL_REFLECTION, "light that glass reflects totally is lost") \
+    X(INDEX_RANGE, "a very large index reflects nothing at grazing angles") \
+    X(F90_FADE, "plastic of the index around it keeps a bright rim") \
+    X(COLOR_RANGE, "a colour above 1 reflects more than comes in") \
+    X(SHEEN_LIMIT, "cloth of a small roughness reflects more than comes in") \
+    X(SHEEN_HORIZON, "cloth seen along its surface shines without bound") \
+    X(FILM_ENERGY, "a film and what lies below it reflect more than comes in") \
+    X(WHITE_UNDER_FILM, "white metal under a film is black") \
+    X(THICK_FILM, "a thick film has arbitrary colours: its exponential leaves the floats") \
+    X(INTERFACE_DOUBT, "rough glass sends out more than comes in") \
+    X(GRAZE_SHARE, "nearly smooth metal seen along its surface has samples of hundreds of times its radiance") \
+    X(USABLE_SAMPLE, "a sampled direction without a density makes its sample no number") \
+    X(MIS_OVERFLOW, "a lamp of less than 1e-19 m2 gives no light: squares of densities overflow") \
+    X(LIGHT_DENSITY, "a light of density 0 makes the whole sample infinite") \
+    X(ROULETTE_ETA, "clear glass is noisy: paths end inside of it") \
+    X(ROULETTE_FLOOR, "what a dark surface reflects is a few bright pixels") \
+    X(UNIT_BELOW_1, "a random number is 1, and points lie in a neighbour's cell") \
+    X(INDEPENDENT_PAIRS, "all decisions of a path use the same random numbers") \
+    X(FINITE_SAMPLE, "one sample that is no number makes its pixel as bright as a float can be") \
+    X(FINITE_VARIABLE, "one normal that is no number makes its pixel as long as a float can be") \
+    X(SUM_RANGE, "a pass of samples near the largest float is infinite")
 
 /* Lamps, environment maps, media, textures: worker/render/{light,medium,texture}. */
 #define SAFEGUARDS_OF_LIGHT(X)

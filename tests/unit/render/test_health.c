@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #define AZULEJO_FAULTS /* for the names */
+#include "tests/support/figure.h"
 #include "tests/support/imported.h"
 #include "worker/render/base/fault.h"
 
@@ -41,10 +42,12 @@ static void switch_on(int fault)
     assert_int_equal(fault ? setenv("AZULEJO_FAULT", number, 1) : unsetenv("AZULEJO_FAULT"), 0);
 }
 
-/* Every unit, the last first: whatever is found does not follow from the order. */
-static void render(struct render_stats *stats)
+/* Every unit, the last first: whatever is found does not follow from the order. Returns how many of
+ * their sums, of radiance and of output variables, are not finite. */
+static unsigned render(struct render_stats *stats)
 {
     static float sums[TILE_FLOATS_MAX];
+    unsigned bad = 0;
     size_t floats;
 
     memset(stats, 0, sizeof *stats);
@@ -53,8 +56,18 @@ static void render(struct render_stats *stats)
             for (uint32_t pass = pass_count(SPP, g); pass-- > 0;) {
                 floats = render_tile(scene, 1, tile, g, pass, sums, NULL, stats);
                 for (size_t i = 0; i < floats; i++)
-                    assert_true(isfinite(sums[i]));
+                    bad += !isfinite(sums[i]);
             }
+    return bad;
+}
+
+static void render_soundly(struct render_stats *stats, const char *kind)
+{
+    unsigned bad = render(stats);
+    char what[96];
+
+    snprintf(what, sizeof what, "sums of units that are not finite, with a fault that moves %s", kind);
+    figure_within(what, bad, 0, 0, "exact");
 }
 
 static int is_struck(uint32_t x, uint32_t y, uint32_t sample)
@@ -93,7 +106,7 @@ static void nothing_goes_wrong_by_itself(void **state)
 
     (void)state;
     switch_on(0);
-    render(&stats);
+    render_soundly(&stats, "nothing");
     assert_false(health_is_ill(&stats.health));
     for (int k = 0; k < HEALTH_KINDS; k++)
         assert_int_equal(stats.health.first[k], 0);
@@ -110,7 +123,10 @@ static void each_fault_moves_its_counter(void **state)
         uint64_t first, hits;
         switch_on(fault);
         hits = struck(&first);
-        render(&stats);
+        render_soundly(&stats, health_rows[kind].name);
+        if (kind == HEALTH_BAD_DENSITIES)
+            figure_within("samples dropped where a light has the density 0", (double)stats.dropped_samples, 0, 0,
+                          "exact");
         if (stats.health.count[kind] == 0)
             fail_msg("fault %d does not move %s", fault, health_rows[kind].name);
         assert_true(hits > 0 && stats.health.first[kind] >= first);
@@ -123,7 +139,7 @@ static void each_fault_moves_its_counter(void **state)
         if (fault != FAULT_HUGE_RADIANCE) /* a sum's example is its pass */
             assert_true(is_struck(rect.x + place.pixel % rect.width, rect.y + place.pixel / rect.width,
                                   place.sample));
-        render(&again);
+        (void)render(&again);
         assert_memory_equal(&stats, &again, sizeof stats);
     }
     switch_on(0);
@@ -135,6 +151,7 @@ static void dropped_samples_are_black(void **state)
     static float well[TILE_FLOATS_MAX], ill[TILE_FLOATS_MAX];
     struct render_stats stats = {0};
     uint32_t black = 0, begin, end;
+    float most[2] = {0};
 
     (void)state;
     pass_range(SPP, 0, 0, &begin, &end); /* two samples: one of each replicate */
@@ -143,6 +160,12 @@ static void dropped_samples_are_black(void **state)
     render_tile(scene, 1, 0, 0, 0, well, NULL, &stats);
     switch_on(FAULT_NAN_RADIANCE);
     render_tile(scene, 1, 0, 0, 0, ill, NULL, &stats);
+    for (size_t i = 0; i < GROUP_REPLICATES * TILE_PIXELS_MAX * 3; i++) {
+        most[0] = fmaxf(most[0], well[i]);
+        most[1] = fmaxf(most[1], ill[i]);
+    }
+    figure_within("brightest pixel where one sample in 37 is no number", (double)most[1], 0, (double)most[0],
+                  "the same picture without a fault");
     for (uint32_t r = 0; r < GROUP_REPLICATES; r++)
         for (uint32_t p = 0; p < TILE_PIXELS_MAX; p++) {
             size_t at = (r * TILE_PIXELS_MAX + p) * 3;
@@ -153,6 +176,49 @@ static void dropped_samples_are_black(void **state)
         }
     assert_int_equal(stats.dropped_samples, black);
     assert_true(black > 5);
+    switch_on(0);
+}
+
+/* A normal that is no number counts as 0. */
+static void variables_that_are_no_number_are_left_out(void **state)
+{
+    static float sums[TILE_FLOATS_MAX];
+    struct render_stats stats = {0};
+    float most = 0;
+    size_t floats;
+
+    (void)state;
+    switch_on(FAULT_NAN_AOV);
+    floats = render_tile(scene, 1, 0, 0, 0, sums, NULL, &stats);
+    assert_true(floats > GROUP_REPLICATES * TILE_PIXELS_MAX * 3);
+    for (size_t i = GROUP_REPLICATES * TILE_PIXELS_MAX * 3; i < floats; i++)
+        most = fmaxf(most, fabsf(sums[i]));
+    figure_within("longest sum of two normals where one in 37 is no number", (double)most, 0, 2.0001,
+                  "two of length 1");
+    switch_on(0);
+}
+
+/* In the pass of samples 256 to 384 of a group some pixels have two samples of FLT_MAX in a replicate. */
+static void sums_beyond_floats_are_cut(void **state)
+{
+    static float sums[TILE_FLOATS_MAX];
+    struct render_settings many = imported_settings(16, 16, 1024);
+    struct render_scene *bright = imported_build(&import, &many, 1);
+    struct render_stats stats = {0};
+    uint32_t pass = 0, begin = 0, end = 0;
+    unsigned bad = 0;
+    size_t floats;
+
+    (void)state;
+    while (end - begin < 128)
+        pass_range(many.spp, 0, pass++, &begin, &end);
+    switch_on(FAULT_HUGE_RADIANCE);
+    floats = render_tile(bright, 1, 0, 0, pass - 1, sums, NULL, &stats);
+    for (size_t i = 0; i < floats; i++)
+        bad += !isfinite(sums[i]);
+    figure_within("infinite sums where one sample in 37 is the largest float", bad, 0, 0, "exact");
+    assert_true(stats.clamped_values > 0);
+    render_scene_free(bright);
     switch_on(0);
 }
 
@@ -180,6 +246,8 @@ int main(void)
         cmocka_unit_test(nothing_goes_wrong_by_itself),
         cmocka_unit_test(each_fault_moves_its_counter),
         cmocka_unit_test(dropped_samples_are_black),
+        cmocka_unit_test(variables_that_are_no_number_are_left_out),
+        cmocka_unit_test(sums_beyond_floats_are_cut),
     };
     return cmocka_run_group_tests_name("health of samples", tests, set_up, tear_down);
 }

@@ -15,6 +15,8 @@
 
 #include <stdint.h>
 
+#include "common/base/safeguard.h"
+
 struct sample2 {
     float u, v; /* each in [0, 1) */
 };
@@ -121,7 +123,7 @@ static inline uint32_t sobol_pascal_reversed(uint32_t index)
  * dropped; with that bit cleared, rounding to nearest rounds down. */
 static inline float unit_float(uint32_t x)
 {
-    return (float)(x & ~(x >> 24)) * 0x1p-32f;
+    return (float)(SAFEGUARD(UNIT_BELOW_1) ? x & ~(x >> 24) : x) * 0x1p-32f;
 }
 
 /* The index shuffle is owen_scramble(index): reverse, hash, reverse. Dimension 0 (van der Corput)
@@ -141,7 +143,9 @@ static inline struct sample2 sobol_owen_2d_reversed(uint32_t index_reversed, uin
 
 static inline struct sample2 sampler_get(const struct sampler *s, uint32_t pair)
 {
-    return sobol_owen_2d_reversed(s->index_reversed, s->seed + pair * 0xda942042e4dd58b5ull);
+    uint64_t own = SAFEGUARD(INDEPENDENT_PAIRS) ? pair * 0xda942042e4dd58b5ull : 0;
+
+    return sobol_owen_2d_reversed(s->index_reversed, s->seed + own);
 }
 
 #endif

@@ -83,7 +83,7 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
         b->kind = BSDF_KIND_LAMBERT;
         b->diffuse.color = vec3_scale(m->base_color, INV_PI_F);
         b->has_smooth = 1;
-    } else if (HAS_LOBES && m->metallic == 1.0f && m->alpha >= BSDF_ALPHA_MIN) {
+    } else if (HAS_LOBES && m->metallic == 1.0f && !alpha_is_smooth(m->alpha)) {
         b->account = PROFILE_ACCOUNT(GLOSSY);
         b->kind = BSDF_KIND_METAL;
         metal_init(b, params, wo);
@@ -165,8 +165,12 @@ float bsdf_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi)
 
 static inline int is_usable(struct vec3 weight)
 {
-    return (is_finite_sum(weight, 0) && vec3_max(weight) > 0.0f) || health_throughput(weight);
+    return !SAFEGUARD(USABLE_SAMPLE) ||
+           (is_finite_sum(weight, 0) && vec3_max(weight) > 0.0f) || health_throughput(weight);
 }
+
+/* Can a sample be weighed by its density? Where floats cannot resolve a microfacet it has none. */
+static inline int has_density(float pdf) { return !SAFEGUARD(USABLE_SAMPLE) || pdf > 0.0f; }
 
 /* The lobe that u_lobe selects samples; the rest of the number is as good as a new one. */
 static inline enum lobe_result lobes_sample(const struct bsdf *b, struct vec3 wo, float u_lobe,
@@ -229,7 +233,7 @@ static inline int sample_mixture(const struct bsdf *b, struct vec3 wo, float u_l
     /* Evaluate this wi exactly as next-event estimation would, bit for bit, so that the weights of
      * multiple importance sampling add up to 1. */
     f = lobes_evaluate(b, wo, out->wi, &out->pdf);
-    if (!(out->pdf > 0.0f))
+    if (!has_density(out->pdf))
         return 0;
     out->weight = vec3_scale(f, 1.0f / out->pdf);
     return is_usable(out->weight);

@@ -22,6 +22,7 @@
 
 #include <stdint.h>
 
+#include "common/base/safeguard.h"
 #include "common/math/vec.h"
 #include "worker/render/bsdf/albedo.h"
 #include "worker/render/bsdf/fresnel.h"
@@ -335,7 +336,7 @@ float fresnel_dielectric(float cos_i, float eta);
 /* Schlick's term at a grazing angle: 1, and less for an interface that hardly refracts. */
 static inline float bsdf_f90_of(float f0)
 {
-    return f0 < BSDF_FADE_F0 ? f0 * (1.0f / BSDF_FADE_F0) : 1.0f;
+    return f0 < BSDF_FADE_F0 && SAFEGUARD(F90_FADE) ? f0 * (1.0f / BSDF_FADE_F0) : 1.0f;
 }
 
 #endif

@@ -104,7 +104,8 @@ static inline float interface_kept(const struct bsdf *b, float fade)
     kept = float_min(float_min(kept, b->material.specular), 1.0f);
     if (d->exact)
         kept = float_min(kept, (1.0f - vec3_max(d->f0)) * d->inverse_rest_f0);
-    kept *= INTERFACE_KEPT * fade;
+    if (SAFEGUARD(INTERFACE_DOUBT))
+        kept *= INTERFACE_KEPT * fade;
     kept *= clamp_to((alpha - INTERFACE_ALPHA_NONE) *
                      (1.0f / (INTERFACE_ALPHA_ALL - INTERFACE_ALPHA_NONE)), 0, 1);
     if (ggx_is_stretched(&b->base.shape))

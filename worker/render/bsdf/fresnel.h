@@ -3,6 +3,7 @@
 #ifndef AZULEJO_RENDER_FRESNEL_H
 #define AZULEJO_RENDER_FRESNEL_H
 
+#include "common/base/safeguard.h"
 #include "common/math/vec.h"
 
 /* (1 - cos)^5, Schlick's weight; cos is clamped to 0..1. */
@@ -32,7 +33,7 @@ static inline float fresnel_exact(float cos_i, float eta)
 
     if (e == 0.0f)
         return 0.0f;
-    if (!(g2 > 0.0f))
+    if (SAFEGUARD(TOTAL_REFLECTION) && !(g2 > 0.0f))
         return 1.0f; /* total internal reflection */
     g = sqrtf(g2);
     sum = g + c;
@@ -40,7 +41,7 @@ static inline float fresnel_exact(float cos_i, float eta)
     a = difference / sum;
     b = (c * sum - 1.0f) / (c * difference + 1.0f);
     r = 0.5f * (a * a) * (1.0f + b * b);
-    return r < 1.0f ? r : 1.0f;
+    return r < 1.0f || !SAFEGUARD(TOTAL_REFLECTION) ? r : 1.0f;
 }
 
 /* Unpolarised reflectance of a conductor with relative index eta + i k, eta > 0, k >= 0, one of

@@ -120,12 +120,24 @@ static inline void find_delta_lobes(struct bsdf *b)
 
 /* ---- preparing for wo ---------------------------------------------------------------------------- */
 
+/* Textures and vertices may have colours above 1, and no numbers. */
+static inline struct vec3 color_in_range(struct vec3 color)
+{
+    return SAFEGUARD(COLOR_RANGE) ? clamp_color(color, 1) : color;
+}
+
+/* Beyond it F0 rounds to 1, and what is left of it is divided by 0. */
+static inline float index_in_range(float n)
+{
+    return SAFEGUARD(INDEX_RANGE) ? clamp_to(n, 1 / BSDF_IOR_MAX, BSDF_IOR_MAX) : n;
+}
+
 static inline void material_init(struct bsdf_material *m, const struct bsdf_params *from)
 {
-    m->base_color = clamp_color(from->base_color, 1);
+    m->base_color = color_in_range(from->base_color);
     m->metallic = clamp_to(from->metallic, 0, 1);
     m->alpha = clamp_to(from->alpha, 0, 1);
-    m->ior = from->ior == 0.0f ? 0.0f : clamp_to(from->ior, 1 / BSDF_IOR_MAX, BSDF_IOR_MAX);
+    m->ior = from->ior == 0.0f ? 0.0f : index_in_range(from->ior);
     m->ior = relative_index(m->ior, from);
     m->specular = clamp_to(from->specular, 0, 1);
     m->specular_color = clamp_color(from->specular_color, 1e6f);
@@ -159,7 +171,8 @@ LOBE_RARE void stretched_init(struct bsdf *b, const struct bsdf_params *p)
 
     if (!(stretched > alpha && stretched >= BSDF_ALPHA_MIN))
         return;
-    alpha = b->material.alpha = float_max(alpha, BSDF_ALPHA_MIN);
+    if (SAFEGUARD(NARROW_AXIS)) /* the density divides by the narrow alpha, too */
+        alpha = b->material.alpha = float_max(alpha, BSDF_ALPHA_MIN);
     b->base.shape = ggx_make(alpha, stretched, stretched > alpha);
     b->compensation.stretched_loss = albedo_stretched_find(stretched, alpha);
 }
@@ -298,7 +311,7 @@ LOBE_OFTEN void init_layers(struct bsdf *b, const struct bsdf_params *params, st
     b->base.shape = ggx_make(b->material.alpha, b->material.alpha, 0);
     if (CALLS_FOR(b, ANISOTROPY))
         stretched_init(b, params);
-    b->base.smooth = b->material.alpha < BSDF_ALPHA_MIN;
+    b->base.smooth = !ggx_is_stretched(&b->base.shape) && alpha_is_smooth(b->material.alpha);
     b->layer.exact = CALLS_FOR(b, GLOSSY) && !CALLS_FOR(b, CONDUCTOR) &&
                      n >= ALBEDO_EXACT_IOR_FIRST && n <= ALBEDO_EXACT_IOR_LAST;
     if (b->layer.exact)

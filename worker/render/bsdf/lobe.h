@@ -2,6 +2,7 @@
 #ifndef AZULEJO_RENDER_LOBE_H
 #define AZULEJO_RENDER_LOBE_H
 
+#include "common/base/safeguard.h"
 #include "common/math/vec.h"
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/base/has.h"
@@ -66,6 +67,12 @@ static inline float clamp_to(float x, float low, float high)
 static inline struct vec3 clamp_color(struct vec3 c, float high)
 {
     return (struct vec3){clamp_to(c.x, 0, high), clamp_to(c.y, 0, high), clamp_to(c.z, 0, high)};
+}
+
+/* GGX divides by alpha^2. A narrower one is a mirror. */
+static inline int alpha_is_smooth(float alpha)
+{
+    return alpha < (SAFEGUARD(SMOOTH_MIRROR) ? BSDF_ALPHA_MIN : 0.0f);
 }
 
 /* Index of the object's surroundings; and an index relative to it. */

@@ -61,7 +61,7 @@ static inline void coat_init(struct bsdf *b, const struct bsdf_params *p, struct
     c->f90 = bsdf_f90_of(r * r);
     c->exact = exact && n >= ALBEDO_EXACT_IOR_FIRST && n <= ALBEDO_EXACT_IOR_LAST;
     c->micro.shape = ggx_make(alpha, alpha, 0);
-    c->micro.smooth = alpha < BSDF_ALPHA_MIN;
+    c->micro.smooth = alpha_is_smooth(alpha);
     if (!c->micro.smooth) {
         c->row = albedo_row_find(alpha);
         c->loss = albedo_loss_row_find(alpha);
@@ -96,6 +96,12 @@ static inline void coat_cover(const struct bsdf *b, struct vec3 wi, int near, in
     cover->diffuse = near && far ? rest_o * rest_i : cover->lobe;
 }
 
+/* |h x n|^2. From the cosine it would cancel, and with it the peak of a narrow D. */
+static inline float coat_sine2(struct vec3 n, struct vec3 h, float length2, float cosine)
+{
+    return SAFEGUARD(COAT_DENSITY) ? vec3_length_squared(vec3_cross(n, h)) : length2 - cosine * cosine;
+}
+
 static inline struct vec3 coat_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
                                         const struct cover *cover, float *pdf)
 {
@@ -112,8 +118,7 @@ static inline struct vec3 coat_evaluate(const struct bsdf *b, struct vec3 wo, st
     mu_i = float_min(mu_i, 1.0f);
     root_i = ggx_root(alpha2, mu_i);
     cos_n = vec3_dot(c->normal, h);
-    /* D with |h x n|^2 from the cross product, which does not cancel. */
-    f = length2 / (vec3_length_squared(vec3_cross(c->normal, h)) + alpha2 * (cos_n * cos_n));
+    f = length2 / (coat_sine2(c->normal, h, length2, cos_n) + alpha2 * (cos_n * cos_n));
     density = alpha2 * INV_PI_F * (f * f) * 0.5f / (mu_o + root_o);
     *pdf = b->lobe_pdf[BSDF_LOBE_COAT] * density;
     f = coat_fresnel(c, 0.5f * sqrtf(length2));

@@ -100,7 +100,7 @@ static inline void graze_init(struct bsdf *b, float compensation, float diffuse)
 {
     const float alpha = b->base.shape.y;
 
-    if (alpha < GRAZE_ALPHA && compensation > 0.0f) {
+    if (SAFEGUARD(GRAZE_SHARE) && alpha < GRAZE_ALPHA && compensation > 0.0f) {
         b->compensation.graze = 0.75f * compensation / (compensation + diffuse);
         b->compensation.graze_log = det_log((1.0f + alpha) / alpha);
     }

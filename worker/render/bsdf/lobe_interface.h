@@ -58,18 +58,24 @@ static inline struct interface_choice interface_choose(const struct bsdf *b, str
     return (struct interface_choice){reflected * scale, transmitted * scale};
 }
 
+/* Does refraction spread so little that floats cannot resolve its half vector? */
+static inline int refraction_is_straight(const struct ggx *shape, float eta)
+{
+    int straight = shape->x * fabsf(eta - 1.0f) < BSDF_SPREAD_MIN;
+
+    if (ggx_is_stretched(shape)) /* the narrow axis must be resolved too */
+        straight |= shape->y * fabsf(eta - 1.0f) < 0.1f * BSDF_SPREAD_MIN;
+    return SAFEGUARD(STRAIGHT_REFRACTION) && straight;
+}
+
 /* Returns how often to sample it. `base` is the mean of the base colour. */
 static inline float interface_init(struct bsdf *b, float base)
 {
-    const struct ggx *shape = &b->base.shape;
     struct vec3 seen;
 
     if (b->dielectric.exact)
         b->eta = b->material.inside ? 1.0f / b->material.ior : b->material.ior;
-    b->interface.transmit_delta =
-        b->base.smooth || shape->x * fabsf(b->eta - 1.0f) < BSDF_SPREAD_MIN;
-    if (ggx_is_stretched(shape)) /* the narrow axis must be resolved too */
-        b->interface.transmit_delta |= shape->y * fabsf(b->eta - 1.0f) < 0.1f * BSDF_SPREAD_MIN;
+    b->interface.transmit_delta = b->base.smooth || refraction_is_straight(&b->base.shape, b->eta);
     b->interface.tint = vec3_scale(b->material.base_color, b->weights.glass);
     seen = interface_fresnel(b, b->cos_o);
     return b->weights.glass * (vec3_average(seen) + (1.0f - vec3_max(seen)) * base);

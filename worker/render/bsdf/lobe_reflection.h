@@ -8,12 +8,14 @@
  *            specular. F90 fades to 0 below ior 1.2, so that ior 1 has no interface at all:
  *            Schlick's formula, made for 1.2 to 2.2, would keep a bright rim. pbrt's coated diffuse
  *            has the exact term; a slab counts all reflections between its faces.
- *   film     replaces the Fresnel term, in proportion to its weight (thin_film.h).
+ *   film     replaces the Fresnel term, in proportion to its weight (thin_film.h); over plastic, up to
+ *            what the layer below it does not receive.
  * A refractive interface reflects at the same microfacets: its reflection is added here.
  */
 #ifndef AZULEJO_RENDER_LOBE_REFLECTION_H
 #define AZULEJO_RENDER_LOBE_REFLECTION_H
 
+#include "worker/render/base/health_scope.h"
 #include "worker/render/bsdf/compensation.h"
 #include "worker/render/bsdf/layer.h"
 #include "worker/render/bsdf/lobe.h"
@@ -58,6 +60,16 @@ LOBE_RARE struct vec3 metal_fresnel(const struct bsdf *b, float cos_h)
     return f;
 }
 
+/* What lies below a film receives what a Schlick term of the layer's ends leaves (layer.h). The film's
+ * own term exceeds that one at some angles, because both of its faces approach 1 towards the horizon,
+ * and faster than Schlick's formula. It may not reflect that light, too. */
+static inline float film_limit(const struct bsdf *b, float weight)
+{
+    const struct bsdf_layer *l = &b->layer;
+
+    return SAFEGUARD(FILM_ENERGY) ? float_min(l->f0 + (l->f90 - l->f0) * weight, 1.0f) : 1.0f;
+}
+
 LOBE_RARE struct vec3 plastic_fresnel(const struct bsdf *b, float cos_h)
 {
     const struct bsdf_dielectric *d = &b->dielectric;
@@ -65,9 +77,11 @@ LOBE_RARE struct vec3 plastic_fresnel(const struct bsdf *b, float cos_h)
     struct vec3 f;
 
     f = schlick_mix(d->f0, d->f90, exact ? exact_weight(b, cos_h) : schlick_weight(cos_h));
-    if (CALLS_FOR(b, IRIDESCENCE))
+    if (CALLS_FOR(b, IRIDESCENCE)) {
         f = vec3_mad(f, thin_film_difference(&b->thin_film, cos_h, b->thin_film.f0),
                      b->thin_film.weight * b->material.specular);
+        f = clamp_color(f, film_limit(b, exact ? exact_weight(b, cos_h) : schlick_weight(cos_h)));
+    }
     f = clamp_color(f, 1);
     if (is_slab(b)) {
         f.x = slab_reflectance(f.x);
@@ -118,7 +132,7 @@ static inline struct vec3 plastic_average(const struct bsdf *b, float weight)
 
     if (CALLS_FOR(b, IRIDESCENCE))
         f = clamp_color(vec3_mad(f, thin_film_difference(&b->thin_film, 2.0f / 3.0f, b->thin_film.f0),
-                                 b->thin_film.weight * b->material.specular), 1);
+                                 b->thin_film.weight * b->material.specular), film_limit(b, weight));
     return f;
 }
 
@@ -197,9 +211,9 @@ LOBE_OFTEN struct vec3 reflection_evaluate(const struct bsdf *b, struct vec3 wo,
     float density = reflection_density(&b->base, wo, b->cos_o, wi, &cos_h, &shadowing);
     struct vec3 f;
 
-    *pdf = density; /* 0, or no number, which the sum of all lobes shows */
+    *pdf = 0;
     if (!(density > 0.0f))
-        return LOBE_BLACK;
+        return health_density(density), LOBE_BLACK;
     f = reflection_color(b, cos_h, &chosen);
     *pdf = chosen * density;
     return vec3_scale(f, shadowing * density * cover->lobe);

@@ -18,7 +18,7 @@
 #include "worker/render/bsdf/lobe.h"
 
 /* Nearer to the horizon the fit shadows too little, and 1 / mu diverges. */
-#define SHEEN_MU_MIN 1e-4f
+#define SHEEN_MU_MIN (SAFEGUARD(SHEEN_HORIZON) ? 1e-4f : 1e-30f)
 
 /* The shadowing's fit at this alpha: a / (1 + b x^c) + d x + e. */
 static inline void sheen_fit(float alpha, float fit[5])
@@ -55,7 +55,7 @@ static inline float sheen_albedo(const struct bsdf_sheen *s, float mu, float *li
 {
     float e = albedo_sheen_at(s->alpha, float_min(fabsf(mu), 1.0f));
 
-    *limit = e > 1.0f ? 1.0f / e : 1.0f;
+    *limit = e > 1.0f && SAFEGUARD(SHEEN_LIMIT) ? 1.0f / e : 1.0f;
     return e > 1.0f ? 1.0f : e;
 }
 

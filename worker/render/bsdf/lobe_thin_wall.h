@@ -9,6 +9,7 @@
 #ifndef AZULEJO_RENDER_LOBE_THIN_WALL_H
 #define AZULEJO_RENDER_LOBE_THIN_WALL_H
 
+#include "worker/render/base/health_scope.h"
 #include "worker/render/bsdf/compensation.h"
 #include "worker/render/bsdf/layer.h"
 #include "worker/render/bsdf/lobe.h"
@@ -30,7 +31,7 @@ static inline float thin_wall_init(struct bsdf *b, struct vec3 wo, float base)
         y = x < BSDF_ALPHA_MIN ? y : float_max(y, BSDF_ALPHA_MIN);
     }
     m->shape = ggx_make(y, x, b->base.shape.stretched);
-    m->smooth = x < BSDF_ALPHA_MIN;
+    m->smooth = alpha_is_smooth(x);
     m->root_o = ggx_root_of(&m->shape, wo);
     b->thin_wall.tint = vec3_scale(b->material.base_color, b->weights.wall);
     if (!(b->layer.reflected_o < 1.0f))
@@ -46,9 +47,9 @@ static inline struct vec3 thin_wall_evaluate(const struct bsdf *b, struct vec3 w
     float cos_h, shadowing, reflected_i, reflected;
     float density = reflection_density(m, wo, b->cos_o, mirrored, &cos_h, &shadowing);
 
-    *pdf = density; /* 0, or no number, which the sum of all lobes shows */
+    *pdf = 0;
     if (!(density > 0.0f))
-        return LOBE_BLACK;
+        return health_density(density), LOBE_BLACK;
     reflected_i = 1.0f - layer_rest(b, mirrored.z, compensation_loss(b, mirrored));
     reflected = float_max(reflected_i, b->layer.reflected_o);
     shadowing = transmission_shadowing(b->cos_o, m->root_o, mirrored.z,

@@ -11,6 +11,7 @@
 #ifndef AZULEJO_RENDER_MICROFACET_H
 #define AZULEJO_RENDER_MICROFACET_H
 
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
 #include "worker/render/bsdf/warp.h"
@@ -46,6 +47,8 @@ static inline float ggx_density(float alpha2, struct vec3 h, float length2)
     float spread = h.x * h.x + h.y * h.y + alpha2 * (h.z * h.z);
     float ratio = length2 / spread;
 
+    if (!SAFEGUARD(GGX_DENSITY))
+        ratio = 1.0f / (h.z * h.z / length2 * (alpha2 - 1.0f) + 1.0f);
     return alpha2 * INV_PI_F * (ratio * ratio);
 }
 
@@ -139,6 +142,9 @@ static inline float reflection_density(const struct microfacets *m, struct vec3 
 static inline float transmission_shadowing(float mu_o, float root_o, float mu_i, float root_i)
 {
     float ratio = mu_i * (mu_o + root_o) / (mu_o * (mu_i + root_i));
+
+    if (!SAFEGUARD(CORRELATED_SHADOW))
+        return 2.0f * mu_i / (mu_i + root_i);
     return ratio < 1.0f ? ratio : 1.0f;
 }
 

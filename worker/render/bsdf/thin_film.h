@@ -32,7 +32,7 @@ static inline float thin_film_exp(float x)
     float t = x * 1.4426950f, f;
     int whole;
 
-    if (!(t < 120.0f))
+    if (SAFEGUARD(THICK_FILM) && !(t < 120.0f))
         return 0.0f;
     whole = (int)t;
     f = (t - (float)whole) * -0.69314718f;
@@ -72,7 +72,7 @@ static inline struct vec3 thin_film_response(float path, struct vec3 half)
 /* Index of a base that reflects f0 at normal incidence, relative to the film's surroundings. */
 static inline float film_base_ior(float f0)
 {
-    float root = sqrtf(f0 < 0.9999f ? f0 : 0.9999f);
+    float root = sqrtf(f0 < 0.9999f || !SAFEGUARD(WHITE_UNDER_FILM) ? f0 : 0.9999f);
     return (1.0f + root) / (1.0f - root);
 }
 

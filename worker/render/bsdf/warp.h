@@ -2,6 +2,7 @@
 #ifndef AZULEJO_RENDER_WARP_H
 #define AZULEJO_RENDER_WARP_H
 
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
 
@@ -51,7 +52,7 @@ static inline struct vec3 cosine_hemisphere(float u, float v)
     }
     /* The rim itself (a = -1) must not yield z = 0, which has no density. */
     z2 = 1.0f - r2;
-    w.z = sqrtf(z2 > 1e-7f ? z2 : 1e-7f);
+    w.z = sqrtf(z2 > 1e-7f || !SAFEGUARD(COSINE_RIM) ? z2 : 1e-7f);
     return w;
 }
 

@@ -162,15 +162,28 @@ static int path_scatter(struct path *path, const struct path_vertex *v, float u_
     return 1;
 }
 
+/* What is left of the light. Radiance shrinks by eta^2 where it enters a denser medium, and grows
+ * again where it leaves: that is no reason to end a path. */
+static float path_left(const struct path *path)
+{
+    return vec3_max(path->throughput) * (SAFEGUARD(ROULETTE_ETA) ? path->eta_scale : 1);
+}
+
+/* This bounds the weight of what survives. */
+static float at_least_survival(float survival)
+{
+    return SAFEGUARD(ROULETTE_FLOOR) ? float_max(survival, ROULETTE_SURVIVAL_MIN) : survival;
+}
+
 PATH_FUNCTION int russian_roulette(struct path *path, float u)
 {
     float survival;
 
     if (path->depth + 1 < path->scene->roulette_depth)
         return 1;
-    survival = vec3_max(path->throughput) * path->eta_scale;
+    survival = path_left(path);
     if (survival < 1) {
-        survival = float_max(survival, ROULETTE_SURVIVAL_MIN);
+        survival = at_least_survival(survival);
         if (!(u < survival))
             return 0;
         path->throughput = vec3_scale(path->throughput, 1 / survival);

@@ -17,6 +17,8 @@ static float power_heuristic(float a, float b)
     if (!(a > 0))
         return 0;
     r = b / a;
+    if (!SAFEGUARD(MIS_OVERFLOW))
+        return a * a / (a * a + b * b);
     return 1 / (1 + r * r);
 }
 
@@ -57,7 +59,7 @@ static struct vec3 weigh_light(const struct light_sample *light, struct vec3 val
 {
     const float weight = 1 / (FAULT(ZERO_DENSITY) ? 0 : light->pdf);
 
-    if (!(weight < INFINITY)) {
+    if (SAFEGUARD(LIGHT_DENSITY) && !(weight < INFINITY)) {
         health_note(HEALTH_BAD_DENSITIES);
         return vec3_splat(0);
     }

@@ -10,6 +10,7 @@
 #ifndef AZULEJO_RENDER_PATH_PARTS_H
 #define AZULEJO_RENDER_PATH_PARTS_H
 
+#include "common/base/safeguard.h"
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/path/crossing.h"
 #include "worker/render/base/fault.h"

@@ -2,6 +2,7 @@
 #include <float.h>
 #include <string.h>
 
+#include "common/base/safeguard.h"
 #include "worker/render/path/kernel.h"
 #include "worker/render/path/path.h"
 #include "worker/render/base/fault.h"
@@ -70,7 +71,7 @@ static void tile_aovs(const struct render_scene *scene, uint32_t mask, const str
                 break;
             }
         for (uint32_t c = 0; c < channels; c++, at++) {
-            int good = isfinite(sample[c]);
+            int good = isfinite(sample[c]) || !SAFEGUARD(FINITE_VARIABLE);
             float value = good ? sample[c] : 0;
             bad |= !good;
             if (!aov_is_point((enum aov)aov))
@@ -110,7 +111,7 @@ static __attribute__((cold, noinline)) void tile_count_kept(double sum[GROUP_REP
 
 static float tile_float(double sum)
 {
-    if (sum < (double)FLT_MAX)
+    if (!SAFEGUARD(SUM_RANGE) || sum < (double)FLT_MAX)
         return (float)sum;
     health_note(HEALTH_CLAMPED_VALUES);
     return FLT_MAX;
@@ -140,7 +141,7 @@ static __attribute__((cold, noinline)) int tile_keeps(const struct render_scene 
                                                       struct vec3 radiance, struct health_place place,
                                                       struct render_stats *stats)
 {
-    int finite = vec3_is_finite(radiance);
+    int finite = vec3_is_finite(radiance) || !SAFEGUARD(FINITE_SAMPLE);
 
     if (!finite)
         health_note(HEALTH_DROPPED_SAMPLES);
