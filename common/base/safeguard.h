@@ -55,7 +55,14 @@
     X(MIP_LIGHT, "distant textures are too dark: codes are averaged instead of light")
 
 /* Cameras, poses, the scene's numbers: worker/render/camera, common/{math,scene}, client/import. */
-#define SAFEGUARDS_OF_CAMERA(X)
+#define SAFEGUARDS_OF_CAMERA(X) \
+    X(REBASE, "a scene far from its file's origin is drawn in steps of floats") \
+    X(VERTEX_ORIGIN, "triangles of a text file in map coordinates collapse") \
+    X(POSE_DOUBLE, "places of nodes far from their parents are rounded to floats") \
+    X(POSE_TINY_SCALE, "a camera below nodes of tiny scale loses its direction") \
+    X(KEYS_EQUAL, "between two equal keys of a rotation nothing is turned") \
+    X(NORMAL_COFACTORS, "a skin that is pressed flat keeps the normals of its rest pose") \
+    X(SKIN_WEIGHTS, "a skin whose weights do not add up to 1 shrinks or swells")
 
 /* Samples, units, the film, statistics: worker/render/path/tile.c, common/{film,accuracy}, coordinator/film. */
 #define SAFEGUARDS_OF_SUMS(X) \
