@@ -14,7 +14,7 @@
 #include "tests/support/figure.h"
 #include "tests/support/radiance.h"
 
-enum { COMPARISONS = 8 };
+enum { COMPARISONS = 9 };
 
 static struct render_settings narrow(uint32_t spp)
 {
@@ -102,6 +102,33 @@ static void test_forward_peak(void **state)
     builder_release(&b);
 }
 
+/* A ball is opaque at an optical radius of 1000; at 1e9 a free path is a hundredth of the spacing of
+ * floats, and it must look the same. */
+static void test_dense_ball(void **state)
+{
+    struct render_settings settings = narrow(32);
+    struct running_stats seen[2][3];
+
+    (void)state;
+    settings.max_depth = 1024;
+    for (int i = 0; i < 2; i++) {
+        struct scene_builder b;
+        struct scene_medium *medium = slab_scene(&b);
+        float density = i ? 1e9f : 1e3f;
+
+        set3(medium->scattering, 0.9f * density);
+        set3(medium->absorption, 0.1f * density);
+        b.scene.instances[0].mesh = builder_sphere(&b, 4, 0);
+        b.scene.instances[0].to_world.m[0][0] = b.scene.instances[0].to_world.m[2][2] = 1;
+        builder_environment_constant(&b, vec3_splat(1));
+        radiance_measure(&b, &settings, seen[i]);
+        builder_release(&b);
+    }
+    figure_z("radiance of an opaque ball of a medium, at an optical radius of 1e9", seen[1][0].mean,
+             hypot(running_stats_error(&seen[0][0]), running_stats_error(&seen[1][0])),
+             seen[0][0].mean, RADIANCE_SIGNIFICANCE, COMPARISONS);
+}
+
 /* ---- grids ------------------------------------------------------------------------------------ */
 
 /* Sixteen cells along y; what the walls transmit of a white sky. */
@@ -169,8 +196,9 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_clear_channel), cmocka_unit_test(test_thin_glow),
-        cmocka_unit_test(test_forward_peak),  cmocka_unit_test(test_block_edge),
-        cmocka_unit_test(test_along_an_axis), cmocka_unit_test(test_bad_cells),
+        cmocka_unit_test(test_forward_peak),  cmocka_unit_test(test_dense_ball),
+        cmocka_unit_test(test_block_edge),    cmocka_unit_test(test_along_an_axis),
+        cmocka_unit_test(test_bad_cells),
     };
 
     return cmocka_run_group_tests_name("hard media", tests, NULL, NULL);
