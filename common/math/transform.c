@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#include "common/base/safeguard.h"
+
 struct transform_d transform_d_multiply(const struct transform_d *a, const struct transform_d *b)
 {
     struct transform_d out;
@@ -12,6 +14,8 @@ struct transform_d transform_d_multiply(const struct transform_d *a, const struc
                           a->m[r][2] * b->m[2][c];
             if (c == 3)
                 out.m[r][c] += a->m[r][3];
+            if (!SAFEGUARD(POSE_DOUBLE))
+                out.m[r][c] = (double)(float)out.m[r][c];
         }
     return out;
 }
@@ -88,7 +92,7 @@ static int make_unit(double v[3])
             largest = fabs(v[i]);
     if (!(largest > 0) || !isfinite(largest))
         return 0;
-    for (int i = 0; i < 3; i++)
+    for (int i = 0; i < 3 && SAFEGUARD(POSE_TINY_SCALE); i++)
         v[i] /= largest; /* neither under- nor overflow in the squares */
     length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
     for (int i = 0; i < 3; i++)

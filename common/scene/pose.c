@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/scene/effects.h"
 
@@ -105,7 +106,8 @@ static void slerp(const double a[4], const double b[4], double u, double out[4])
     /* Kahan's angle between unit vectors: unlike the arc cosine it is accurate for small ones. */
     angle = 2 * det_atan2_d(sqrt(apart), sqrt(together));
     sine = det_sin_d(angle);
-    if (sine > 1e-9) { /* below, the chord and the arc agree to the last bit */
+    /* Below, the chord and the arc agree to the last bit; equal keys have no arc. */
+    if (sine > 1e-9 || !SAFEGUARD(KEYS_EQUAL)) {
         wa = det_sin_d((1 - u) * angle) / sine;
         wb = det_sin_d(u * angle) / sine;
     }
@@ -392,6 +394,8 @@ static void map_normal(const struct transform_d *t, double sign, double n[3])
         n[r] = sign * ((m[a][1] * m[b][2] - m[a][2] * m[b][1]) * x +
                        (m[a][2] * m[b][0] - m[a][0] * m[b][2]) * y +
                        (m[a][0] * m[b][1] - m[a][1] * m[b][0]) * z);
+        if (!SAFEGUARD(NORMAL_COFACTORS))
+            n[r] *= sign / transform_d_determinant(t);
     }
 }
 

@@ -8,8 +8,10 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <string.h>
 #include <cmocka.h>
 
+#include "tests/support/figure.h"
 #include "tests/support/radiance.h"
 
 enum { SEGMENTS = 4, PLANES_MAX = 4 * SEGMENTS * SEGMENTS, COMPARISONS = 12 };
@@ -169,11 +171,8 @@ static void reference(const struct scene_builder *b, double density, double g, s
 
 static void compare(const struct running_stats *a, const struct running_stats *b, const char *what)
 {
-    double error = hypot(running_stats_error(a), running_stats_error(b));
-    double z = (a->mean - b->mean) / error;
-
-    if (2 * normal_cdf(-fabs(z)) < sidak_alpha(RADIANCE_SIGNIFICANCE, COMPARISONS))
-        fail_msg("%s: %.6g instead of %.6g +- %.2g", what, a->mean, b->mean, error);
+    figure_z(what, a->mean, hypot(running_stats_error(a), running_stats_error(b)), b->mean,
+             RADIANCE_SIGNIFICANCE, COMPARISONS);
 }
 
 /* Along the middle, and near the rim. Once the ball is opaque its density no longer counts. */
@@ -200,8 +199,10 @@ static void test_balls(void **state)
             compare(&seen[0], &expected, what);
             if (k == 1)
                 opaque = seen[0];
-            else if (k > 1)
+            else if (k > 1) {
+                strcat(what, ", against 1000");
                 compare(&seen[0], &opaque, what);
+            }
             builder_release(&b);
         }
     }

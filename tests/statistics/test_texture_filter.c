@@ -34,6 +34,7 @@
 #include "common/base/memory.h"
 #include "common/image/color.h"
 #include "common/image/image.h"
+#include "tests/support/figure.h"
 #include "tests/support/imported.h"
 
 enum {
@@ -185,10 +186,9 @@ static void test_closed_form(void **state)
     open_scene(&import);
     seen = look(&import, 0);
     import_result_release(&import);
-    if (fabs(contrast_error(&seen)) > TOLERANCE)
-        fail_msg("contrast is off by %.3f", contrast_error(&seen));
-    if (seen.grey_error > GREY_TOLERANCE)
-        fail_msg("grey is off by %.3f", seen.grey_error);
+    figure_within("grey far away, off by", seen.grey_error, 0, GREY_TOLERANCE,
+                  "relative, two steps of 8 bits");
+    figure_within("contrast, off by", contrast_error(&seen), -TOLERANCE, TOLERANCE, "of 0 to 1");
 }
 
 /* Always the finest texel, as if nothing were filtered. */

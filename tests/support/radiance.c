@@ -5,15 +5,19 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <cmocka.h>
+
+#include "tests/support/figure.h"
 
 /* Where nothing is random but the rounding of float, rounding is what is left. */
 #define ROUNDING 2e-5
 
 typedef void frame_fn(const double *picture, void *user);
 
-static void each_frame(struct scene_builder *b, const struct render_settings *settings,
-                       frame_fn *take, void *user)
+/* Returns how many samples were dropped. */
+static uint64_t each_frame(struct scene_builder *b, const struct render_settings *settings,
+                           frame_fn *take, void *user)
 {
     struct render_scene *scene = builder_build(b, settings);
     struct render_stats stats = {0};
@@ -24,9 +28,9 @@ static void each_frame(struct scene_builder *b, const struct render_settings *se
         builder_render(scene, settings, frame, picture, NULL, &stats);
         take(picture, user);
     }
-    assert_int_equal(stats.dropped_samples, 0);
     test_free(picture);
     render_scene_free(scene);
+    return stats.dropped_samples;
 }
 
 struct channel_means {
@@ -46,14 +50,36 @@ static void take_means(const double *picture, void *user)
     }
 }
 
-void radiance_measure(struct scene_builder *b, const struct render_settings *settings,
-                      struct running_stats out[3])
+static uint64_t measure_channels(struct scene_builder *b, const struct render_settings *settings,
+                                 struct running_stats out[3])
 {
     struct channel_means m = {(size_t)settings->width * settings->height, out};
 
     for (int c = 0; c < 3; c++)
         out[c] = (struct running_stats){0};
-    each_frame(b, settings, take_means, &m);
+    return each_frame(b, settings, take_means, &m);
+}
+
+void radiance_measure(struct scene_builder *b, const struct render_settings *settings,
+                      struct running_stats out[3])
+{
+    assert_int_equal(measure_channels(b, settings, out), 0);
+}
+
+void radiance_figure(struct scene_builder *b, const struct render_settings *settings,
+                     unsigned comparisons, int channel, double expected, const char *what)
+{
+    struct running_stats s[3];
+    double level = sidak_alpha(RADIANCE_SIGNIFICANCE, comparisons), within;
+    char words[96];
+
+    (void)measure_channels(b, settings, s);
+    within =
+        student_quantile(1 - level / 2, RADIANCE_FRAMES - 1) * running_stats_error(&s[channel]) +
+        ROUNDING * fabs(expected);
+    snprintf(words, sizeof words, "closed form, significance %g over %u tests",
+             RADIANCE_SIGNIFICANCE, comparisons);
+    figure_within(what, s[channel].mean, expected - within, expected + within, words);
 }
 
 static void judge(const struct running_stats *s, unsigned comparisons, double expected,
@@ -107,7 +133,7 @@ void radiance_expect_value(struct scene_builder *b, const struct render_settings
 {
     struct value_means m = {settings, measure, user, {0}};
 
-    each_frame(b, settings, take_value, &m);
+    assert_int_equal(each_frame(b, settings, take_value, &m), 0);
     judge(&m.out, comparisons, expected, what, "");
 }
 

@@ -33,6 +33,11 @@ void radiance_expect_value(struct scene_builder *b, const struct render_settings
                            unsigned comparisons, radiance_measure_fn *measure, const void *user,
                            double expected, const char *what);
 
+/* One channel's mean against the closed form, as a figure (figure.h): by Student's t, at this program's
+ * family-wise significance over `comparisons`. Samples that were dropped count as black. */
+void radiance_figure(struct scene_builder *b, const struct render_settings *settings,
+                     unsigned comparisons, int channel, double expected, const char *what);
+
 /* Is the mean of one channel (or of all three) certainly another one? 1 when its t-test rejects
  * at a millionth: the counterpart that shows that a comparison can fail. */
 int radiance_differs(struct scene_builder *b, const struct render_settings *settings,

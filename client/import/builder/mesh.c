@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 #include "common/math/vec.h"
 
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
@@ -17,7 +18,7 @@ void mesh_origin_choose(const double first[3], double origin[3])
     int far = 0;
 
     for (int c = 0; c < 3; c++)
-        far |= fabs(first[c]) >= ORIGIN_FAR;
+        far |= fabs(first[c]) >= ORIGIN_FAR && SAFEGUARD(VERTEX_ORIGIN);
     for (int c = 0; c < 3; c++)
         origin[c] = far ? first[c] : 0;
 }

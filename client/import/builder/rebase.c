@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "client/import/builder/builder.h"
+#include "common/base/safeguard.h"
 
 /* Rounding by more than this share of an object's size is visible. */
 static const double rough_share = 1e-4;
@@ -134,7 +135,7 @@ void scene_rebase(struct builder *b)
     struct scene *scene = &b->out->scene;
     struct box_d box;
 
-    if (!bounds_of(scene, 1, &box) && !bounds_of(scene, 0, &box))
+    if (!SAFEGUARD(REBASE) || (!bounds_of(scene, 1, &box) && !bounds_of(scene, 0, &box)))
         return;
     for (int c = 0; c < 3; c++) {
         double middle = box.low[c] / 2 + box.high[c] / 2;

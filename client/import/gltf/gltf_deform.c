@@ -4,6 +4,7 @@
 
 #include "client/import/gltf/gltf_mesh_parts.h"
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 
 /* ---- morph targets -------------------------------------------------------------------------- */
 
@@ -120,13 +121,30 @@ static status read_set(struct gltf *g, json_t *attributes, const struct gltf_pla
     return STATUS_OK;
 }
 
+/* Make the weights add up to 1. Without any the vertex follows joint 0; 0 tells that. */
+static int influence_normalize(struct mesh_influence *influence)
+{
+    double total = 0;
+
+    for (int i = 0; i < 4; i++)
+        total += (double)influence->weight[i];
+    if (!SAFEGUARD(SKIN_WEIGHTS))
+        return 1;
+    if (!(total > 0)) {
+        influence->weight[0] = 1;
+        return 0;
+    }
+    for (int i = 0; i < 4; i++)
+        influence->weight[i] = (float)((double)influence->weight[i] / total);
+    return 1;
+}
+
 /* The four heaviest of up to eight, heaviest first, adding up to 1; *lost: others were left out;
  * *loose: there is none. */
 static struct mesh_influence pick_influences(const struct influence_set *sets, int set_count,
                                              size_t v, int *lost, int *loose)
 {
     struct mesh_influence out = {0};
-    double total = 0;
 
     for (int k = 0; k < 4 * set_count; k++) {
         float weight = sets[k / 4].weights[4 * v + (size_t)k % 4];
@@ -146,15 +164,7 @@ static struct mesh_influence pick_influences(const struct influence_set *sets, i
             out.joint[at] = joint;
         }
     }
-    for (int i = 0; i < 4; i++)
-        total += (double)out.weight[i];
-    if (!(total > 0)) {
-        *loose = 1;
-        out.weight[0] = 1;
-        return out;
-    }
-    for (int i = 0; i < 4; i++)
-        out.weight[i] = (float)((double)out.weight[i] / total);
+    *loose |= !influence_normalize(&out);
     return out;
 }
 

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 
 #define WHOLE 65536.0 /* the end of a row */
 
@@ -46,6 +47,15 @@ size_t distribution_bytes(const struct distribution *d)
            (size_t)d->rows * d->blocks * sizeof *d->block_start;
 }
 
+/* A cell's start within its row. The last cell keeps a width, even one below the rounding: 65536 would
+ * be stored as 0, the start of the whole row. */
+static uint16_t cell_start(double position)
+{
+    if (!SAFEGUARD(MAP_ROW_END))
+        return (uint16_t)(uint32_t)position;
+    return position < WHOLE - 1 ? (uint16_t)position : UINT16_MAX;
+}
+
 void distribution_set_row(struct distribution *d, uint32_t row, const double *weights)
 {
     uint16_t *start = d->column_start + (size_t)row * d->columns;
@@ -60,10 +70,7 @@ void distribution_set_row(struct distribution *d, uint32_t row, const double *we
     if (!(sum > 0))
         d->used[row] = 0;
     for (uint32_t i = 0; i < d->used[row]; i++) {
-        double position = before / sum * WHOLE;
-
-        /* The last cell keeps a width, even one below the rounding. */
-        start[i] = position < WHOLE - 1 ? (uint16_t)position : UINT16_MAX;
+        start[i] = cell_start(before / sum * WHOLE);
         if (i % DISTRIBUTION_BLOCK == 0)
             d->block_start[(size_t)row * d->blocks + i / DISTRIBUTION_BLOCK] = start[i];
         before += weights[i];

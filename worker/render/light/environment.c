@@ -2,6 +2,7 @@
 
 #include <float.h>
 
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "worker/render/light/environment_map.h"
 
@@ -106,6 +107,15 @@ static inline struct vec3 from_map(const struct environment *env, struct vec3 d)
                          m[0][2] * d.x + m[1][2] * d.y + m[2][2] * d.z};
 }
 
+/* The angle to the nearer pole over pi. Not acos(y), which cannot resolve angles below 3e-4 from a
+ * pole. */
+static inline float pole_distance(float radius2, float y, float length2)
+{
+    if (!SAFEGUARD(MAP_POLE))
+        return det_acos(float_min(fabsf(y) / sqrtf(length2), 1)) * INV_PI_F;
+    return det_atan2(sqrtf(radius2), fabsf(y)) * INV_PI_F;
+}
+
 /* 0 if the direction is invalid. */
 static inline int angles_of(const struct environment *env, struct vec3 d, struct angles *out)
 {
@@ -116,8 +126,7 @@ static inline int angles_of(const struct environment *env, struct vec3 d, struct
     length2 = radius2 + d.y * d.y;
     if (!(length2 > 0 && length2 < INFINITY))
         return 0;
-    /* Not acos(y), which cannot resolve angles below 3e-4 from a pole. */
-    out->distance = det_atan2(sqrtf(radius2), fabsf(d.y)) * INV_PI_F;
+    out->distance = pole_distance(radius2, d.y, length2);
     out->south = d.y < 0;
     u = 0.5f + det_atan2(d.z, d.x) * INV_2PI_F;
     out->u = u >= 1.0f ? u - 1.0f : u;
@@ -184,6 +193,9 @@ float environment_pdf(const struct environment *env, struct vec3 direction)
 
 /* ---- sampling ----------------------------------------------------------------------------- */
 
+/* A window may cross the map's seam. */
+static inline double seam_crossed(double u) { return SAFEGUARD(MAP_SEAM) ? u - floor(u) : u; }
+
 static int sample_map(const struct environment *env, float u, float v, struct vec3 *direction,
                       struct vec3 *radiance, float *pdf)
 {
@@ -197,7 +209,7 @@ static int sample_map(const struct environment *env, float u, float v, struct ve
     share = env->part_start[part + 1] - env->part_start[part];
     u = float_min((u - env->part_start[part]) / share, ONE_MINUS_EPSILON);
     density = density_sample(&env->parts[part], u, v, &map_u, &cosine);
-    map_u -= floor(map_u);
+    map_u = seam_crossed(map_u);
     versine = 1 - fabs(cosine);
     sine = sqrt(versine * (2 - versine));
     det_sincos((float)(2 * PI_D * (map_u - 0.5)), &sin_phi, &cos_phi);

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/scene/scene.h"
 #include "worker/render/light/environment_map.h"
@@ -42,9 +43,28 @@ static double row_share(uint32_t row, uint32_t height)
     return sum * PI_D / 2;
 }
 
-/* Multiply by the factor. A value that is no valid radiance, or brighter than lights may be,
- * becomes the nearest valid one: an estimate, its square and sums of these stay finite, so no
- * sample is lost. Returns the largest value. */
+static float uniform_share(enum env_sampling sampling)
+{
+    return sampling == ENV_SAMPLING_IMPORTANCE_ONLY && SAFEGUARD(MAP_DARK_CELLS)
+               ? UNIFORM_SHARE_ALONE
+               : 0;
+}
+
+/* A texel times the factor. A value that is no valid radiance, or brighter than lights may be, becomes
+ * the nearest valid one: an estimate, its square and sums of these stay finite, so no sample is
+ * lost. */
+static float texel_scaled(float value, float factor)
+{
+    float scaled = value > 0 ? value * factor : 0.0f;
+
+    if (!SAFEGUARD(MAP_RADIANCE))
+        return value * factor;
+    if (!(scaled <= SCENE_RADIANCE_MAX)) /* also the product of infinity and 0 */
+        scaled = factor > 0 ? SCENE_RADIANCE_MAX : 0.0f;
+    return scaled;
+}
+
+/* Returns the largest value. */
 static float scale_pixels(struct image *map, struct vec3 factor)
 {
     const float strength[3] = {factor.x, factor.y, factor.z};
@@ -52,10 +72,8 @@ static float scale_pixels(struct image *map, struct vec3 factor)
     float largest = 0;
 
     for (size_t i = 0; i < count; i++) {
-        float f = strength[i % 3], value = map->pixels[i], scaled = value > 0 ? value * f : 0.0f;
+        float value = map->pixels[i], scaled = texel_scaled(value, strength[i % 3]);
 
-        if (!(scaled <= SCENE_RADIANCE_MAX)) /* also the product of infinity and 0 */
-            scaled = f > 0 ? SCENE_RADIANCE_MAX : 0.0f;
         if (scaled != value)
             map->pixels[i] = scaled;
         largest = scaled > largest ? scaled : largest;
@@ -170,7 +188,7 @@ status environment_new(struct environment **out, struct image *map, const float 
     if (env->black)
         goto done;
     env->mode = mode_of(sampling);
-    env->uniform_share = sampling == ENV_SAMPLING_IMPORTANCE_ONLY ? UNIFORM_SHARE_ALONE : 0;
+    env->uniform_share = uniform_share(sampling);
     measure_mean(env);
     if (env->mode == MODE_IMPORTANCE)
         st = environment_importance_build(env, largest, err);

@@ -21,6 +21,7 @@
 #ifndef AZULEJO_RENDER_LIGHT_H
 #define AZULEJO_RENDER_LIGHT_H
 
+#include "common/base/safeguard.h"
 #include "common/math/vec.h"
 #include "common/scene/scene.h"
 #include "worker/render/accel/accel.h"
@@ -102,6 +103,12 @@ typedef void light_weigh_function(const struct render_scene *scene, const void *
 /* `image`: decoded, or NULL; must outlive the light. NULL: out of memory. Freed by mem_free. */
 typedef struct punctual *light_new_function(const struct scene_light *light,
                                             const struct texture_image *image);
+
+/* Is there a direction to a light so far away? A surface may touch a lamp, where there is none. */
+static inline int light_is_apart(float distance_squared)
+{
+    return (distance_squared > 0 && isfinite(distance_squared)) || !SAFEGUARD(LAMP_DISTANCE);
+}
 
 #define LIGHT_DECLARE_FACE(prefix) light_pdf_function prefix##_pdf;
 #define LIGHT_DECLARE_ESCAPE(prefix)

@@ -4,12 +4,21 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
 #include "worker/render/base/health_scope.h"
+#include "worker/render/light/tree.h"
 
 /* A weight counts as at least this share of the total; otherwise it would vanish in the sum. */
 #define WEIGHT_MIN 0x1p-40
+
+static double weight_in_table(double weight, double total)
+{
+    if (!(weight > 0))
+        return 0;
+    return SAFEGUARD(LIGHT_TABLE_FAINT) ? fmax(weight, WEIGHT_MIN * total) : weight;
+}
 
 status light_table_init(struct light_table *table, const double *weights, uint32_t count,
                         struct error *err)
@@ -24,8 +33,7 @@ status light_table_init(struct light_table *table, const double *weights, uint32
         total += weights[i];
     table->start[0] = 0;
     for (uint32_t i = 0; i < count; i++)
-        table->start[i + 1] = table->start[i] +
-                              (weights[i] > 0 ? fmax(weights[i], WEIGHT_MIN * total) : 0);
+        table->start[i + 1] = table->start[i] + weight_in_table(weights[i], total);
     if (table->start[count] > 0)
         table->count = count;
     return STATUS_OK;
@@ -75,7 +83,7 @@ int light_table_choose(const struct light_table *table, float *u, float *v, uint
         int goes_left = *number < left;
         float size = goes_left ? left : 1 - left;
 
-        *number = float_min((*number - (goes_left ? 0 : left)) / size, ONE_MINUS_EPSILON);
+        *number = light_rescaled(*number, goes_left ? 0 : left, size);
         *odds *= size;
         if (goes_left)
             r.end = middle_of(&r);

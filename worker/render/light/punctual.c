@@ -1,6 +1,7 @@
 #include "worker/render/light/punctual.h"
 
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "worker/render/base/health_scope.h"
 #include "worker/render/camera/camera.h"
@@ -163,7 +164,7 @@ int punctual_arrive(const struct punctual *p, struct vec3 position, struct vec3 
     struct vec3 way = vec3_sub(position, at);
     float distance_squared = vec3_length_squared(way);
 
-    if (!(distance_squared > 0) || !isfinite(distance_squared))
+    if (!light_is_apart(distance_squared))
         return health_distance(distance_squared);
     out->distance = sqrtf(distance_squared);
     out->direction = vec3_scale(way, 1 / out->distance);
@@ -188,6 +189,11 @@ struct vec3 punctual_image(const struct texture_image *image, const struct scene
     return vec3_make(texel.r, texel.g, texel.b);
 }
 
+static double mean_bounded(double mean)
+{
+    return mean > IMAGE_MEAN_MIN || !SAFEGUARD(LIGHT_IMAGE_SPOT) ? mean : IMAGE_MEAN_MIN;
+}
+
 double punctual_image_mean(const struct texture_image *image, const struct scene_texture *wrap,
                            int latitudes)
 {
@@ -201,8 +207,7 @@ double punctual_image_mean(const struct texture_image *image, const struct scene
             sum += weight * (double)vec3_luminance(punctual_image(image, wrap, u, v));
             area += weight;
         }
-    sum /= area;
-    return sum > IMAGE_MEAN_MIN ? sum : IMAGE_MEAN_MIN;
+    return mean_bounded(sum / area);
 }
 
 struct vec3 punctual_to_local(const struct punctual_pose *pose, struct vec3 direction)

@@ -3,6 +3,7 @@
  * Direct Lighting Calculations", section 3.2.2), from inside uniformly over its surface. */
 #include "worker/render/light/face_light.h"
 
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "worker/render/base/health_scope.h"
 #include "worker/render/bsdf/warp.h"
@@ -18,6 +19,18 @@ struct sphere_view {
     int lit;                       /* it emits towards the point */
     double height;                 /* of the cone's cap: 1 - cos of its half angle; if outside */
 };
+
+/* 1 - cos of the half angle at which a sphere is seen, from the square of its sine; does not cancel far
+ * away. */
+static double cap_height(double sine2)
+{
+    if (!SAFEGUARD(SPHERE_LAMP_FAR))
+        return (double)(1.0f - sqrtf(1.0f - (float)sine2));
+    return sine2 / (1 + sqrt(1 - sine2));
+}
+
+/* Is it sampled by a cone? From inside there is none around it. */
+static int has_cone(int inside) { return !inside || !SAFEGUARD(SPHERE_LAMP_INSIDE); }
 
 static void sphere_view_init(struct sphere_view *view, const struct render_scene *scene,
                              const struct hit *light, struct vec3 from)
@@ -35,7 +48,7 @@ static void sphere_view_init(struct sphere_view *view, const struct render_scene
                 scene->materials[instance->material].m.double_sided;
     sine2 = sphere->radius / view->distance;
     sine2 *= sine2;
-    view->height = view->inside ? 0 : sine2 / (1 + sqrt(1 - sine2)); /* does not cancel far away */
+    view->height = has_cone(view->inside) ? cap_height(sine2) : 0;
 }
 
 static float cone_pdf(const struct sphere_view *view)
@@ -61,8 +74,9 @@ float sphere_light_pdf(const struct render_scene *scene, const void *light,
     sphere_view_init(&view, scene, light, context->p);
     if (!view.lit)
         return 0;
-    return met->odds * (view.inside ? surface_pdf(&view, met->distance_squared, met->cosine)
-                                    : cone_pdf(&view));
+    return met->odds * (has_cone(view.inside)
+                            ? cone_pdf(&view)
+                            : surface_pdf(&view, met->distance_squared, met->cosine));
 }
 
 /* A unit vector around the axis +z of a cap, uniform in solid angle: 1 - cos is `rise`. */
@@ -127,10 +141,10 @@ int sphere_light_sample(const struct render_scene *scene, const void *light_,
     sphere_view_init(&view, scene, light, context->p);
     if (!view.lit)
         return 0;
-    if (view.inside)
-        sample_surface(&view, u, v, out);
-    else
+    if (has_cone(view.inside))
         sample_cone(&view, u, v, out);
+    else
+        sample_surface(&view, u, v, out);
     if (!(out->distance > 0))
         return health_distance(out->distance);
     if (!(out->pdf > 0) || !isfinite(out->pdf))

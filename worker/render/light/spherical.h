@@ -11,6 +11,7 @@
 
 #include <math.h>
 
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
 
@@ -51,25 +52,42 @@ static inline struct dvec3 dvec3_mad(struct dvec3 a, struct dvec3 b, double s)
     return (struct dvec3){a.x + b.x * s, a.y + b.y * s, a.z + b.z * s};
 }
 
-/* Van Oosterom and Strackee 1983. */
-static inline void spherical_triangle_init(struct spherical_triangle *t, struct vec3 p,
-                                           struct vec3 a, struct vec3 b, struct vec3 c)
+static inline struct vec3 dvec3_rounded(struct dvec3 a, double length)
+{
+    return vec3_make((float)(a.x / length), (float)(a.y / length), (float)(a.z / length));
+}
+
+/* Van Oosterom and Strackee 1983, by the edges: the triple product of three nearly parallel unit vectors
+ * would cancel. */
+static inline float spherical_triangle_area(const struct spherical_triangle *t)
 {
     double volume, rest;
 
+    if (!SAFEGUARD(PORTAL_SOLID_ANGLE)) {
+        struct vec3 a = dvec3_rounded(t->a, t->la), b = dvec3_rounded(t->b, t->lb);
+        struct vec3 c = dvec3_rounded(t->c, t->lc);
+
+        return 2 * det_atan2(fabsf(vec3_dot(a, vec3_cross(b, c))),
+                             1 + vec3_dot(a, b) + vec3_dot(b, c) + vec3_dot(c, a));
+    }
+    volume = fabs(dvec3_dot(t->a, dvec3_cross(dvec3_sub(t->b, t->a), dvec3_sub(t->c, t->a))));
+    rest = t->la * t->lb * t->lc + dvec3_dot(t->a, t->b) * t->lc + dvec3_dot(t->b, t->c) * t->la +
+           dvec3_dot(t->c, t->a) * t->lb;
+    return volume > 0 && isfinite(volume) && isfinite(rest)
+               ? 2 * det_atan2((float)volume, (float)rest)
+               : 0;
+}
+
+static inline void spherical_triangle_init(struct spherical_triangle *t, struct vec3 p,
+                                           struct vec3 a, struct vec3 b, struct vec3 c)
+{
     t->a = dvec3_between(p, a);
     t->b = dvec3_between(p, b);
     t->c = dvec3_between(p, c);
     t->la = sqrt(dvec3_dot(t->a, t->a));
     t->lb = sqrt(dvec3_dot(t->b, t->b));
     t->lc = sqrt(dvec3_dot(t->c, t->c));
-    volume = fabs(
-        dvec3_dot(t->a, dvec3_cross(dvec3_sub(t->b, t->a), dvec3_sub(t->c, t->a))));
-    rest = t->la * t->lb * t->lc + dvec3_dot(t->a, t->b) * t->lc + dvec3_dot(t->b, t->c) * t->la +
-           dvec3_dot(t->c, t->a) * t->lb;
-    t->solid_angle = volume > 0 && isfinite(volume) && isfinite(rest)
-                         ? 2 * det_atan2((float)volume, (float)rest)
-                         : 0;
+    t->solid_angle = spherical_triangle_area(t);
 }
 
 /* A direction (unit) uniform in solid angle, density 1 / solid_angle. u, v in [0, 1). The map of

@@ -1,5 +1,6 @@
 #include "worker/render/light/tree.h"
 
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "worker/render/base/health_scope.h"
 
@@ -9,6 +10,8 @@
 /* A light that may contribute keeps at least these odds in its pair: this bounds the weights of the
  * power heuristic, and one turn does not use up the numbers' resolution (2^-24). */
 #define PAIR_ODDS_MIN 0x1p-10f
+
+static inline float cosine_slack(void) { return SAFEGUARD(LIGHT_TREE_SLACK) ? COSINE_SLACK : 0; }
 
 static inline float safe_sqrt(float x)
 {
@@ -50,19 +53,26 @@ static float importance(const struct light_node *node, struct vec3 p, struct vec
     cos_free = cos_less(sin_axis, cos_axis, node->sin_spread, node->cos_spread);
     sin_free = sin_less(sin_axis, cos_axis, node->sin_spread, node->cos_spread);
     cosine = cos_less(sin_free, cos_free, sin_ball, cos_ball);
-    if (cosine < node->cos_emission - COSINE_SLACK)
+    if (cosine < node->cos_emission - cosine_slack())
         return 0;
-    cosine = float_max(cosine, COSINE_SLACK);
+    cosine = float_max(cosine, cosine_slack());
 
     if (!vec3_is_black(n)) {
         float cos_p = -vec3_dot(to_p, n) / distance;
 
         cos_p = cos_less(safe_sqrt(1 - cos_p * cos_p), cos_p, sin_ball, cos_ball);
-        if (cos_p < -COSINE_SLACK)
+        if (cos_p < -cosine_slack())
             return 0;
-        cosine *= float_max(cos_p, COSINE_SLACK);
+        cosine *= float_max(cos_p, cosine_slack());
     }
     return node->intensity * cosine / distance_squared;
+}
+
+static inline float bounded_odds(float odds)
+{
+    if (!SAFEGUARD(LIGHT_TREE_ODDS))
+        return odds;
+    return float_min(float_max(odds, PAIR_ODDS_MIN), 1 - PAIR_ODDS_MIN);
 }
 
 /* Odds of the left of two siblings; negative: neither can contribute. */
@@ -79,7 +89,7 @@ static float left_odds(const struct light_node *pair, struct vec3 p, struct vec3
         return 1;
     if (!(sum < INFINITY))
         return 0.5f;
-    return float_min(float_max(left / sum, PAIR_ODDS_MIN), 1 - PAIR_ODDS_MIN);
+    return bounded_odds(left / sum);
 }
 
 int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 n, float *u,

@@ -17,6 +17,7 @@
 
 #include <stdint.h>
 
+#include "common/base/safeguard.h"
 #include "common/base/status.h"
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
@@ -46,7 +47,9 @@ static inline void light_bounds_add(struct light_bounds *b, struct vec3 p)
  * long: as good as a new one. */
 static inline float light_rescaled(float number, float start, float size)
 {
-    return float_min(float_max((number - start) / size, 0), ONE_MINUS_EPSILON);
+    float rescaled = float_max((number - start) / size, 0);
+
+    return SAFEGUARD(LIGHT_RESCALED) ? float_min(rescaled, ONE_MINUS_EPSILON) : rescaled;
 }
 
 struct light_node {

@@ -77,7 +77,7 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_,
     if (vec3_dot(normal, to_light) > 0 && !at.material->m.double_sided)
         return 0;
     distance_squared = vec3_length_squared(to_light);
-    if (!(distance_squared > 0) || !isfinite(distance_squared))
+    if (!light_is_apart(distance_squared))
         return health_distance(distance_squared);
     out->distance = sqrtf(distance_squared);
     out->direction = vec3_scale(to_light, 1 / out->distance);

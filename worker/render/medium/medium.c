@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "worker/render/medium/medium_data.h"
 #include "worker/render/base/profile_scope.h"
@@ -41,7 +42,7 @@ static struct vec3 medium_vec(const float x[3])
 /* exp(-extinction * metres). Extinction 0 loses nothing, at any distance. */
 static float medium_beer(float extinction, float metres)
 {
-    return extinction > 0.0f ? det_exp(-extinction * metres) : 1.0f;
+    return extinction > 0.0f || !SAFEGUARD(MEDIUM_CLEAR) ? det_exp(-extinction * metres) : 1.0f;
 }
 
 /* Integral of exp(-extinction t) from 0 to `metres`. An infinite segment without extinction would
@@ -50,6 +51,8 @@ static float medium_beer_integral(float extinction, float metres)
 {
     double depth = (double)extinction * (double)metres;
 
+    if (!SAFEGUARD(MEDIUM_THIN))
+        return (1.0f - det_exp(-extinction * metres)) / extinction;
     if (!(metres < INFINITY))
         return extinction > 0.0f ? 1.0f / extinction : 0.0f;
     if (depth < 1e-5)
@@ -177,7 +180,7 @@ static int medium_walk_start(struct medium_walk *walk, const struct world_medium
         float o = medium_component(walk->origin, axis), size = (float)medium->size[axis];
         float d = medium_component(walk->direction, axis), enter, leave;
 
-        if (d == 0.0f) {
+        if (d == 0.0f && SAFEGUARD(GRID_AXIS)) {
             if (!(o >= 0.0f && o <= size))
                 return 0;
             continue;
@@ -220,14 +223,6 @@ static int medium_walk_collide(struct medium_walk *walk, float rate, float *dept
     }
 }
 
-static float medium_cell(const struct world_medium *medium, size_t index)
-{
-    float x;
-
-    memcpy(&x, medium->cells + index * sizeof x, sizeof x);
-    return x > 0.0f && x < INFINITY ? float_min(x, MEDIUM_COEFFICIENT_MAX) : 0.0f;
-}
-
 static float medium_lerp(float a, float b, float t)
 {
     return a + (b - a) * t;
@@ -257,8 +252,8 @@ static float medium_walk_density(const struct medium_walk *walk)
         size_t y = k & 1 ? high[1] : low[1], z = k & 2 ? high[2] : low[2];
         size_t start = (z * medium->size[1] + y) * medium->size[0];
 
-        row[k] = medium_lerp(medium_cell(medium, start + low[0]),
-                             medium_cell(medium, start + high[0]), part[0]);
+        row[k] = medium_lerp(medium_density_at(medium->cells, start + low[0]),
+                             medium_density_at(medium->cells, start + high[0]), part[0]);
     }
     row[0] = medium_lerp(medium_lerp(row[0], row[1], part[1]),
                          medium_lerp(row[2], row[3], part[1]), part[2]);
@@ -413,8 +408,15 @@ struct vec3 medium_transmittance(const struct world_medium *medium, const struct
                          medium_beer(medium->extinction[2], t_max)};
 }
 
-/* Henyey & Greenstein 1941. The argument of the root, 1 + g^2 - 2 g cos, is written as a sum of
- * two terms >= 0, so that it does not cancel where it is smallest. */
+/* 1 + g^2 - 2 g cos, as a sum of two terms >= 0, so that it does not cancel where it is smallest. */
+static float medium_phase_base(float strength, float near_one, float along)
+{
+    if (!SAFEGUARD(MEDIUM_PHASE))
+        return 1.0f + strength * strength - 2.0f * strength * along;
+    return near_one * near_one + 2.0f * strength * (1.0f - along);
+}
+
+/* Henyey & Greenstein 1941. */
 float medium_phase(const struct world_medium *medium, float cosine)
 {
     float strength = fabsf(medium->g);
@@ -422,7 +424,7 @@ float medium_phase(const struct world_medium *medium, float cosine)
     float near_one = 1.0f - strength, d;
 
     along = along < -1.0f ? -1.0f : float_min(along, 1.0f);
-    d = near_one * near_one + 2.0f * strength * (1.0f - along);
+    d = medium_phase_base(strength, near_one, along);
     return near_one * (1.0f + strength) / (d * sqrtf(d)) * (0.25f * INV_PI_F);
 }
 

@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 #include "worker/render/medium/medium_data.h"
 
 static float coefficient_clamp(float x)
@@ -9,15 +10,9 @@ static float coefficient_clamp(float x)
     return x >= MEDIUM_COEFFICIENT_MIN ? float_min(x, MEDIUM_COEFFICIENT_MAX) : 0.0f;
 }
 
-static float cell_density(const uint8_t *cells, size_t index)
-{
-    float x;
+/* Interpolation inside a block also reads so many cells to either side of it. */
+static uint32_t block_overlap(void) { return SAFEGUARD(GRID_BLOCK_EDGE) ? 1 : 0; }
 
-    memcpy(&x, cells + index * sizeof x, sizeof x);
-    return x > 0.0f && x < INFINITY ? float_min(x, MEDIUM_COEFFICIENT_MAX) : 0.0f;
-}
-
-/* Interpolation inside a block also reads the cells next to it. */
 static float block_maximum(const struct world_medium *medium, const uint32_t block[3])
 {
     uint32_t first[3], end[3];
@@ -26,8 +21,8 @@ static float block_maximum(const struct world_medium *medium, const uint32_t blo
     for (int axis = 0; axis < 3; axis++) {
         uint32_t begin = block[axis] * MEDIUM_BLOCK_SIDE;
 
-        first[axis] = begin > 0 ? begin - 1 : 0;
-        end[axis] = begin + MEDIUM_BLOCK_SIDE + 1;
+        first[axis] = begin > 0 ? begin - block_overlap() : 0;
+        end[axis] = begin + MEDIUM_BLOCK_SIDE + block_overlap();
         if (end[axis] > medium->size[axis])
             end[axis] = medium->size[axis];
     }
@@ -36,7 +31,7 @@ static float block_maximum(const struct world_medium *medium, const uint32_t blo
             size_t row = ((size_t)z * medium->size[1] + y) * medium->size[0];
 
             for (uint32_t x = first[0]; x < end[0]; x++)
-                most = float_max(cell_density(medium->cells, row + x), most);
+                most = float_max(medium_density_at(medium->cells, row + x), most);
         }
     return most;
 }

@@ -3,6 +3,9 @@
 #ifndef AZULEJO_RENDER_MEDIUM_DATA_H
 #define AZULEJO_RENDER_MEDIUM_DATA_H
 
+#include <string.h>
+
+#include "common/base/safeguard.h"
 #include "common/math/transform.h"
 #include "worker/render/medium/medium.h"
 
@@ -35,5 +38,16 @@ struct world_medium {
     float glow_rate;            /* lower bound of the extinction used for tracking, if it emits */
     float glow[3];              /* emission / (the extinction used for tracking) */
 };
+
+/* The density of a cell. A file may hold any bits: what is no density counts as 0. */
+static inline float medium_density_at(const uint8_t *cells, size_t index)
+{
+    float x;
+
+    memcpy(&x, cells + index * sizeof x, sizeof x);
+    if (!SAFEGUARD(GRID_CELL))
+        return x;
+    return x > 0.0f && x < INFINITY ? float_min(x, MEDIUM_COEFFICIENT_MAX) : 0.0f;
+}
 
 #endif

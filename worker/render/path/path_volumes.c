@@ -4,6 +4,7 @@
  * Overlapping bodies are resolved by priority (interior.h); coincident faces are crossed as one
  * (crossing.h).
  */
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "worker/render/bsdf/dispersion.h"
 #include "worker/render/base/exact.h"
@@ -57,6 +58,8 @@ static void ray_advance(struct ray *ray, float distance)
     for (int k = 0; k < 3; k++)
         place[k] += direction[k] * (double)distance;
     ray->origin = exact_round(place, ray->rest);
+    if (!SAFEGUARD(MEDIUM_STEP))
+        ray->rest[0] = ray->rest[1] = ray->rest[2] = 0;
     ray->t_max = INFINITY;
     ray->left_count = 0;
 }

@@ -5,6 +5,7 @@
 
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 #include "common/image/color.h"
 #include "common/image/image.h"
 #include "common/math/elementary.h"
@@ -206,11 +207,17 @@ static inline float floor_small(float x)
     return whole > x ? whole - 1.0f : whole;
 }
 
+/* May it be wrapped? Overflowing transforms of texture coordinates give infinities. */
+static inline int is_coordinate(float x)
+{
+    return fabsf(x) <= 3.4e38f || !SAFEGUARD(TEXTURE_COORDINATE);
+}
+
 /* Wrap a coordinate of any size into 0..1 of the image, both ends possible: -1e-9 modulo 1 rounds
  * to 1. A coordinate that is not finite becomes 0. */
 static inline float wrap_coordinate(float x, enum scene_wrap wrap)
 {
-    if (!(fabsf(x) <= 3.4e38f))
+    if (!is_coordinate(x))
         return 0.0f;
     switch (wrap) {
     case WRAP_BLACK: /* inside; the outside is handled before */

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 #include "common/image/color.h"
 #include "worker/render/texture/texture_data.h"
 
@@ -51,6 +52,12 @@ static int is_alpha(const struct texture_image *image, uint32_t channel)
     return image->channels % 2 == 0 && channel + 1 == image->channels;
 }
 
+/* Is the channel averaged as light, not as the file's codes? */
+static int is_light(const struct maker *m, uint32_t channel)
+{
+    return m->color && !is_alpha(m->image, channel) && SAFEGUARD(MIP_LIGHT);
+}
+
 /* ---- values in and out -------------------------------------------------------------------- */
 
 static void decode_row(const struct maker *m, uint32_t y, float *row)
@@ -65,7 +72,7 @@ static void decode_row(const struct maker *m, uint32_t y, float *row)
         return;
     }
     for (uint32_t c = 0; c < image->channels; c++) {
-        int color = m->color && !is_alpha(image, c);
+        int color = is_light(m, c);
 
         if (image->layout == TEXTURE_16)
             for (size_t i = c; i < count; i += image->channels)
@@ -117,7 +124,7 @@ static void store_row(const struct maker *m, uint32_t level, uint32_t y, const f
     float *floats = (float *)image->pyramid[m->color] + start;
 
     for (uint32_t c = 0; c < image->channels; c++) {
-        int color = m->color && !is_alpha(image, c);
+        int color = is_light(m, c);
 
         for (size_t i = c; i < count; i += image->channels)
             switch (image->layout) {
