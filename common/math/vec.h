@@ -6,6 +6,8 @@
 #include <stdint.h>
 #include <string.h>
 
+#include "common/base/safeguard.h"
+
 /* One instruction each, where fmaxf and fminf are calls (they must check for NaN first): here `b`
  * is the result if either is NaN. */
 static inline float float_max(float a, float b) { return a > b ? a : b; }
@@ -67,7 +69,7 @@ static inline struct vec3 vec3_normalize(struct vec3 a)
 {
     float l2 = vec3_dot(a, a);
 
-    if (!(l2 > 1e-30f && l2 < 1e30f)) {
+    if (!(l2 > 1e-30f && l2 < 1e30f) && SAFEGUARD(LENGTH_RANGE)) {
         float m = float_max(fabsf(a.x), float_max(fabsf(a.y), fabsf(a.z)));
         if (!(m > 0.0f && m < INFINITY))
             return (struct vec3){0, 0, 0};
@@ -107,7 +109,7 @@ struct basis {
  * unit n, n.z = -1 included. */
 static inline struct basis basis_from_normal(struct vec3 n)
 {
-    float sign = copysignf(1.0f, n.z);
+    float sign = SAFEGUARD(BASIS_AT_POLE) ? copysignf(1.0f, n.z) : 1.0f;
     float a = -1.0f / (sign + n.z);
     float b = n.x * n.y * a;
     struct basis f;

@@ -4,8 +4,10 @@
     safeguards.py BUILD [--only NAME,...] [--jobs N] [--markdown FILE]
 
 BUILD is a tree made with SAFEGUARDS=1. safeguards.txt names the tests of each safeguard. Each runs with all safeguards on, where it
-must pass, and with that one off, where at least one of them must fail. Prints the matrix, and TAP: one line for each safeguard."""
+must pass, and with that one off, where at least one of them must fail. A row "setting NAME ..." is a job's setting that
+the switch forces: its tests must all pass with it, too. Prints the matrix, and TAP: one line for each safeguard."""
 import argparse
+import collections
 import concurrent.futures
 import os
 import re
@@ -25,17 +27,20 @@ def table(build):
 
 
 def rows():
-    """{name: [test]}"""
-    out = {}
+    """{name: [test]}, {names of settings}"""
+    out, settings = {}, set()
     for line in open(os.path.join(HERE, "safeguards.txt"), encoding="utf-8"):
         words = line.split("#")[0].split()
+        if words[:1] == ["setting"]:
+            words = words[1:]
+            settings.update(words[:1])
         if words:
             out.setdefault(words[0], []).extend(words[1:])
-    return out
+    return out, settings
 
 
 def run(build, test, off):
-    """(failures, figures): failures is a list of 'test: message', figures {what: match}."""
+    """(failures, figures): failures is a list of 'test: message', figures {(what, how often before): match}."""
     program, _, function = test.partition(":")
     env = dict(os.environ, BUILD=build, CMOCKA_MESSAGE_OUTPUT="TAP", AZULEJO_SAFEGUARD_OFF=off)
     if function:
@@ -46,7 +51,10 @@ def run(build, test, off):
         text, code = done.stdout.decode("utf-8", "replace"), done.returncode
     except subprocess.TimeoutExpired as late:
         text, code = (late.stdout or b"").decode("utf-8", "replace"), None
-    figures = {m["what"]: m for m in map(FIGURE.search, text.splitlines()) if m}
+    figures, times = {}, collections.Counter()
+    for match in filter(None, map(FIGURE.search, text.splitlines())):
+        figures[match["what"], times[match["what"]]] = match
+        times[match["what"]] += 1
     failures, lines = [], text.splitlines()
     for at, line in enumerate(lines):
         match = re.match(r"\s*not ok \d+ - (\S+)", line)
@@ -75,8 +83,22 @@ def seen(failures, with_it, without):
             continue
         if not low <= value <= high:
             before = with_it[what]["value"] if what in with_it else "?"
-            return "%s: %s, with it %s (%s to %s; %s)" % (what, figure["value"], before, figure["low"], figure["high"], figure["level"])
+            return "%s: %s, with it %s (%s to %s; %s)" % (what[0], figure["value"], before, figure["low"], figure["high"], figure["level"])
     return failures[0][:150]
+
+
+def holds(name, tests, results):
+    """A setting: 1 if all its tests pass with it, and a line for each."""
+    good, lines = bool(tests), []
+    for test in tests:
+        failures, figures = results[test, name]
+        good = good and not failures
+        if failures:
+            lines.append((test, "fails: " + seen(failures, results[test, ""][1], figures)))
+        else:
+            same = sum(m["value"] == figures[what]["value"] for what, m in results[test, ""][1].items() if what in figures)
+            lines.append((test, "holds, %d of %d figures the same" % (same, len(figures))))
+    return good, lines
 
 
 def main():
@@ -86,7 +108,7 @@ def main():
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--markdown")
     options = parser.parse_args()
-    safeguards, tests = table(options.build), rows()
+    safeguards, (tests, settings) = table(options.build), rows()
     only = set(filter(None, options.only.split(",")))
     unknown = (set(tests) | only) - {name for name, _ in safeguards}
     if unknown:
@@ -108,6 +130,14 @@ def main():
             print("not ok - %s fails with all safeguards on: %s" % (test, failures[0]))
     for number, (name, prevents) in enumerate(safeguards, 1):
         caught = []
+        if name in settings:
+            good, caught = holds(name, tests[name], results)
+            bad += not good
+            print("%sok %d - %s (a setting)" % ("" if good else "not ", number, name))
+            for test, figure in caught:
+                print("#   %s: %s" % (test, figure))
+            lines.append("| `%s` | %s | %s |" % (name, prevents, "<br>".join("`%s`: %s" % row for row in caught)))
+            continue
         for test in tests.get(name, []):
             failures, figures = results[test, name]
             if failures and not results[test, ""][0]:

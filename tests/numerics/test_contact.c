@@ -13,6 +13,7 @@
 #include <cmocka.h>
 
 #include "common/math/elementary.h"
+#include "tests/support/figure.h"
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
 #include "worker/render/base/exact.h"
@@ -107,6 +108,7 @@ static void test_contact_shadow(void **state)
 {
     static const float halves[] = {1666, 5000, 166666}; /* 10, 30 and 1,000 km of ground */
     static double small[COLUMNS * ROWS * 3], large[COLUMNS * ROWS * 3];
+    int wrong = 0;
 
     (void)state;
     for (int base = 0; base < 2; base++) {
@@ -125,13 +127,17 @@ static void test_contact_shadow(void **state)
                 int inner = base == 0 && i / COLUMNS > 1 && i / COLUMNS < ROWS - 2;
                 double expected = inner && i % COLUMNS > 1 && i % COLUMNS < 6 ? 0
                                   : inner && i % COLUMNS > 9 ? sqrt(0.5) : small[3 * i];
-                if (fabs(large[3 * i] - expected) > 0.03)
-                    fail_msg("base %d, ground %g: column %zu, row %zu is %.4f instead of %.4f", base,
-                             (double)halves[k] * 6, i % COLUMNS, i / COLUMNS, large[3 * i],
-                             expected);
+                if (fabs(large[3 * i] - expected) <= 0.03)
+                    continue;
+                if (wrong++ == 0)
+                    printf("# base %d, ground %g: column %zu, row %zu is %.4f instead of %.4f\n",
+                           base, (double)halves[k] * 6, i % COLUMNS, i / COLUMNS, large[3 * i],
+                           expected);
             }
         }
     }
+    figure_within("wrong pixels of 576, shadows of a 2 cm box on up to 1,000 km of ground", wrong, 0,
+                  0, "closed form, tolerance 0.03");
 }
 
 /* ---- rays that leave ---------------------------------------------------------------------- */
@@ -203,8 +209,8 @@ static int goes_outwards(const struct render_scene *scene, const struct surface 
     return vec3_dot(ray->direction, s->ng) > 0 && exact_dot(n, direction) > 0;
 }
 
-/* Rays that leave an exact cube outwards never meet it. */
-static void leave_cube(int base, int exponent, float shift, uint64_t rays)
+/* Rays that leave an exact cube outwards never meet it: how many do. */
+static uint64_t leave_cube(int base, int exponent, float shift, uint64_t rays)
 {
     struct render_settings settings = builder_settings(1, 1, 1);
     float third = ldexpf(1, exponent);
@@ -212,7 +218,7 @@ static void leave_cube(int base, int exponent, float shift, uint64_t rays)
     struct test_random random = {(uint64_t)exponent + 99};
     struct render_scene *scene;
     struct scene_builder b;
-    uint64_t left = 0;
+    uint64_t left = 0, met = 0;
 
     builder_init(&b);
     builder_lambert(&b, 1);
@@ -235,15 +241,18 @@ static void leave_cube(int base, int exponent, float shift, uint64_t rays)
             continue;
         left++;
         ray.contacts = i % 2;
-        if (i % 4 < 2 ? accel_intersect(scene->accel, &ray, NULL, &hit)
-                      : accel_occluded(scene->accel, &ray, NULL))
-            fail_msg("base %d, third 2^%d at %g: a ray met the cube that it left at triangle %u, "
-                     "weights %g and %g, cosine %g", base, exponent, (double)shift, s.triangle,
-                     (double)s.b1, (double)s.b2, (double)vec3_dot(ray.direction, s.ng));
+        if (!(i % 4 < 2 ? accel_intersect(scene->accel, &ray, NULL, &hit)
+                        : accel_occluded(scene->accel, &ray, NULL)))
+            continue;
+        if (met++ == 0)
+            printf("# base %d, third 2^%d at %g: a ray met the cube that it left at triangle %u, "
+                   "weights %g and %g, cosine %g\n", base, exponent, (double)shift, s.triangle,
+                   (double)s.b1, (double)s.b2, (double)vec3_dot(ray.direction, s.ng));
     }
     assert_true(left > rays / 4);
     render_scene_free(scene);
     builder_release(&b);
+    return met;
 }
 
 static void test_leaving_cubes(void **state)
@@ -251,13 +260,15 @@ static void test_leaving_cubes(void **state)
     static const struct { int exponent; float shift; } cases[] = {
         {0, 0}, {-20, 0}, {20, 0}, {0, 1024}, {-10, 1}, {-6, 4096}, {10, 1048576}, {-3, 65536}};
     enum { CASES = sizeof cases / sizeof *cases };
+    uint64_t met = 0;
 
     (void)state;
     for (int base = 0; base < 2; base++)
         for (size_t k = 0; k < CASES; k++)
-            leave_cube(base, cases[k].exponent, cases[k].shift, cube_rays / (2 * CASES));
+            met += leave_cube(base, cases[k].exponent, cases[k].shift, cube_rays / (2 * CASES));
     /* Ray 410,591 of these runs along its face: Embree's t can be any number there. */
-    leave_cube(1, 20, 0, 410592);
+    met += leave_cube(1, 20, 0, 410592);
+    figure_within("rays that meet the cube which they leave outwards", (double)met, 0, 0, "exact");
 }
 
 /* ---- rays that start on an edge ----------------------------------------------------------- */
@@ -294,9 +305,11 @@ static void inwards(double corner[3][3], const double middle[3], double out[3])
 }
 
 /* From a place on the edge, up from one face: towards the other, along it, or away from it. */
-static void leave_edge(const struct render_scene *scene, uint32_t from, uint32_t other,
-                       double ends[2][3], const double up[3], const double aside[3], int part)
+static int leave_edge(const struct render_scene *scene, uint32_t from, uint32_t other,
+                      double ends[2][3], const double up[3], const double aside[3], int part)
 {
+    int wrong = 0;
+
     for (int lean = -1; lean <= 1; lean++)
         for (int slant = -1; slant <= 1; slant++) {
             struct ray ray = {.t_max = INFINITY, .left_count = 1, .left = {{0, from}}};
@@ -314,20 +327,26 @@ static void leave_edge(const struct render_scene *scene, uint32_t from, uint32_t
             ray.off = vec3_make((float)up[0], (float)up[1], (float)up[2]);
             ray.contacts = part & 1;
             met = accel_intersect(scene->accel, &ray, NULL, &hit);
-            assert_true(met);
+            if (!met) {
+                wrong++;
+                continue;
+            }
             world_exact_corners(scene, hit.instance, hit.triangle, 0, corner);
             exact_normal(corner, n);
             exact_sub(place, corner[0], way);
             on_other = exact_dot(n, way) == 0;
-            assert_int_equal(hit.instance, 0);
-            if (on_other != (lean < 0))
-                fail_msg("from %u on the edge to %u, lean %d, slant %d: met %u", from, other, lean,
-                         slant, hit.triangle);
+            if (hit.instance != 0 || on_other != (lean < 0)) {
+                if (wrong++ == 0)
+                    printf("# from %u on the edge to %u, lean %d, slant %d: met %u of %u\n", from,
+                           other, lean, slant, hit.triangle, hit.instance);
+                continue;
+            }
             if (lean == 0)
                 continue; /* it would end in the other face's plane */
             ray.t_max = 1;
-            assert_int_equal(accel_occluded(scene->accel, &ray, NULL), lean < 0);
+            wrong += accel_occluded(scene->accel, &ray, NULL) != (lean < 0);
         }
+    return wrong;
 }
 
 /* The box from -half to half around `at`. */
@@ -343,13 +362,13 @@ static void put_cube(struct scene_builder *b, const double at[3], float half, in
     builder_place(b, builder_mesh(b, p, NULL, 8, wound, 12, 0), 0, vec3_splat(1), vec3_splat(0));
 }
 
-static void leave_edges(const double middle[3], int inverted)
+static int leave_edges(const double middle[3], int inverted)
 {
     struct render_settings settings = builder_settings(1, 1, 1);
     struct vec3 at = vec3_make((float)middle[0], (float)middle[1], (float)middle[2]);
     struct render_scene *scene;
     struct scene_builder b;
-    int edges = 0;
+    int edges = 0, wrong = 0;
 
     builder_init(&b);
     builder_lambert(&b, 1);
@@ -367,12 +386,13 @@ static void leave_edges(const double middle[3], int inverted)
             inwards(a, middle, up);
             inwards(d, middle, aside);
             for (int part = 1; part < 8; part++)
-                leave_edge(scene, from, other, ends, up, aside, part);
+                wrong += leave_edge(scene, from, other, ends, up, aside, part);
             edges++;
         }
     assert_int_equal(edges, 24);
     render_scene_free(scene);
     builder_release(&b);
+    return wrong;
 }
 
 /* Inside of a cube of 12 m whose edges are exact, and which stands in another: a ray that starts on
@@ -381,11 +401,14 @@ static void leave_edges(const double middle[3], int inverted)
 static void test_leaving_edges(void **state)
 {
     static const double places[][3] = {{0, 0, 0}, {4096, -512, 1024}, {1048576, 131072, -65536}};
+    int wrong = 0;
 
     (void)state;
     for (size_t i = 0; i < sizeof places / sizeof *places; i++)
         for (int inverted = 0; inverted < 2; inverted++)
-            leave_edges(places[i], inverted);
+            wrong += leave_edges(places[i], inverted);
+    figure_within("of 9,072 rays from a cube's edges, those that meet the wrong face", wrong, 0, 0,
+                  "exact");
 }
 
 /* A box stands on a ground, the edges of its foot not the ground's own: from a place exactly below
@@ -395,6 +418,7 @@ static void test_leaving_contacts(void **state)
 {
     static const float ground_corners[12] = {-100, 0, -300, -100, 0, 300, 900, 0, 300, 900, 0, -300};
     static const uint32_t ground_indices[6] = {0, 1, 2, 0, 2, 3};
+    int met = 0;
 
     (void)state;
     for (int inverted = 0; inverted < 2; inverted++) {
@@ -416,12 +440,12 @@ static void test_leaving_contacts(void **state)
                               .contacts = 1,
                               .direction = vec3_normalize(vec3_make(across, 0.2f, 0.1f)),
                               .off = {0, 1, 0}, .inset = 10};
-            if (accel_occluded(scene->accel, &ray, NULL))
-                fail_msg("inverted %d, z %g, across %g", inverted, (double)z, (double)across);
+            met += accel_occluded(scene->accel, &ray, NULL);
         }
         render_scene_free(scene);
         builder_release(&b);
     }
+    figure_within("of 400 rays away from a box's foot, those that meet its wall", met, 0, 0, "exact");
 }
 
 /* ---- rays that must not escape ------------------------------------------------------------ */
@@ -493,19 +517,21 @@ static void test_closed_rooms(void **state)
                                    -1, -1, 1,  1, -1, 1,  -1, 1, 1,  1, 1, 1};
     static const struct { float scale, shift; } cases[] = {
         {1, 0}, {3, 0.1f}, {1e-3f, 0}, {1e3f, 0}, {2.5f, 100}, {2.5f, 1000}};
+    double from_cubes = 0, from_needles = 0;
 
     (void)state;
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
         float scale = cases[k].scale, shift = cases[k].shift;
-        double share = escaping(cube, 8, cube_indices, 12, scale, shift);
-        if (share > 0)
-            fail_msg("a cube of scale %g at %g: %g of the rays escaped", (double)scale,
-                     (double)shift, share);
-        share = escaping(needle, 4, needle_indices, 4, scale, shift);
-        if (share > 1e-3)
-            fail_msg("a needle of scale %g at %g: %g of the rays escaped", (double)scale,
-                     (double)shift, share);
+        double cubes = escaping(cube, 8, cube_indices, 12, scale, shift);
+        double needles = escaping(needle, 4, needle_indices, 4, scale, shift);
+        if (cubes > 0 || needles > 1e-3)
+            printf("# scale %g at %g: of the rays %g escaped the cube, %g the needle\n",
+                   (double)scale, (double)shift, cubes, needles);
+        from_cubes = fmax(from_cubes, cubes);
+        from_needles = fmax(from_needles, needles);
     }
+    figure_within("share of the rays that escape a needle's edges", from_needles, 0, 1e-3, "bound");
+    figure_within("share of the rays that escape a cube", from_cubes, 0, 0, "exact");
 }
 
 /* ---- moving instances --------------------------------------------------------------------- */

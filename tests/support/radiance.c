@@ -85,11 +85,17 @@ void radiance_figure(struct scene_builder *b, const struct render_settings *sett
 static void judge(const struct running_stats *s, unsigned comparisons, double expected,
                   const char *what, const char *part)
 {
+    double alpha = sidak_alpha(RADIANCE_SIGNIFICANCE, comparisons);
     double p = mean_test_p_value(s, expected);
+    double slack = fmax(ROUNDING * fabs(expected), running_stats_error(s) *
+                        student_quantile(1 - alpha / 2, (double)s->count - 1));
 
+    printf("# figure %s%s = %.6g in [%.6g, %.6g], significance %g over %u tests\n", what, part, s->mean,
+           expected - slack, expected + slack, RADIANCE_SIGNIFICANCE, comparisons);
+    fflush(stdout);
     if (fabs(s->mean - expected) <= ROUNDING * fabs(expected))
         return;
-    if (p < sidak_alpha(RADIANCE_SIGNIFICANCE, comparisons))
+    if (p < alpha)
         fail_msg("%s%s: mean %.7g +- %.2g, expected %.7g (p = %.2g)", what, part, s->mean,
                  running_stats_error(s), expected, p);
 }

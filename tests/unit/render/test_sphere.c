@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "common/base/buffer.h"
+#include "tests/support/figure.h"
 #include "tests/support/imported.h"
 #include "tests/support/pbrt_text.h"
 #include "tests/support/statistics.h"
@@ -157,6 +158,10 @@ static double off_sphere(const struct sphere_shape *sphere, const struct surface
     return fabs(sqrt(exact_dot(n, n)) / sphere->radius - 1);
 }
 
+/* Of test_hits: rays that meet a sphere beside which they pass, or the other way round; rays that
+ * leave one and meet what they cannot. */
+static uint64_t misjudged, astray;
+
 /* After the hit: outwards nothing, inwards the far side, from which outwards nothing again. */
 static void leave_all_ways(const struct fixture *f, const struct surface *s,
                            struct test_random *random)
@@ -179,12 +184,14 @@ static void leave_all_ways(const struct fixture *f, const struct surface *s,
         met = accel_intersect(f->scene->accel, &ray, NULL, &hit);
         if (met && hit.instance != 0)
             continue;
-        assert_int_equal(met, vec3_dot(d, n) < 0);
-        assert_int_equal(accel_occluded(f->scene->accel, &ray, NULL), met);
+        if (met != (vec3_dot(d, n) < 0) || accel_occluded(f->scene->accel, &ray, NULL) != met) {
+            astray++;
+            continue;
+        }
         if (!met)
             continue;
         surface_from_hit(f->scene, &ray, &hit, &next);
-        assert_false(next.front);
+        astray += (uint64_t)next.front;
         assert_true(off_sphere(shape, &next) < 1e-14 * (1 + exact_largest(shape->centre) / shape->radius));
     }
 }
@@ -237,17 +244,23 @@ static void shoot(double radius, double x, double far, uint64_t seed)
         met = accel_intersect(f.scene->accel, &ray, NULL, &hit);
         if (met && hit.instance != 0)
             continue;
-        if (met != (passes < 1))
-            fail_msg("radius %g at %g, from %g away: met %d, passes at %Lg radii", radius, x, reach,
-                     met, passes);
+        if (met != (passes < 1)) {
+            if (misjudged++ == 0)
+                printf("# radius %g at %g, from %g away: met %d, passes at %Lg radii\n", radius, x,
+                       reach, met, passes);
+            continue;
+        }
         assert_int_equal(accel_occluded(f.scene->accel, &ray, NULL), met);
         hits += met;
         misses += !met;
         if (!met)
             continue;
         surface_from_hit(f.scene, &ray, &hit, &s);
-        assert_true(s.front && vec3_dot(s.ng, ray.direction) <= 0);
-        assert_true(off_sphere(shape, &s) < 1e-14 * (1 + exact_largest(shape->centre) / radius));
+        if (!s.front || vec3_dot(s.ng, ray.direction) > 0 ||
+            !(off_sphere(shape, &s) < 1e-14 * (1 + exact_largest(shape->centre) / radius))) {
+            misjudged++;
+            continue;
+        }
         leave_all_ways(&f, &s, &random);
     }
     assert_true(hits > 20 && misses > 20);
@@ -264,6 +277,9 @@ static void test_hits(void **state)
     shoot(1e6, 0, 1e9, 4);
     shoot(1e-3, 700, 1e3, 5);
     shoot(0.5, 31.4, 1e6, 6);
+    figure_within("rays at spheres that miss wrongly, hit wrongly or hit elsewhere", (double)misjudged, 0, 0,
+                  "long double, tolerance 1e-14");
+    figure_within("rays that leave a sphere and meet what they cannot", (double)astray, 0, 0, "exact");
 }
 
 #define SQUARE "Shape \"trianglemesh\" \"point3 P\" [-9 -9 0 9 -9 0 9 9 0 -9 9 0] " \

@@ -80,11 +80,16 @@ static RTCScene new_scene(RTCDevice device, const struct accel_input *in)
         [BVH_QUALITY_HIGH] = RTC_BUILD_QUALITY_HIGH,
     };
     RTCScene scene = rtcNewScene(device);
+    /* Embree has no robust trees of high quality. */
+    const int robust = !in->not_robust && SAFEGUARD(EMBREE_ROBUST) && SAFEGUARD(BVH_HIGH);
+    const enum bvh_quality quality = !SAFEGUARD(BVH_LOW)    ? BVH_QUALITY_LOW
+                                     : !SAFEGUARD(BVH_HIGH) ? BVH_QUALITY_HIGH
+                                                            : in->quality;
 
     if (scene) {
-        rtcSetSceneFlags(scene, (in->not_robust ? RTC_SCENE_FLAG_NONE : RTC_SCENE_FLAG_ROBUST) |
+        rtcSetSceneFlags(scene, (robust ? RTC_SCENE_FLAG_ROBUST : RTC_SCENE_FLAG_NONE) |
                                     SCENE_FLAG_QUERY_FILTER);
-        rtcSetSceneBuildQuality(scene, qualities[in->quality]);
+        rtcSetSceneBuildQuality(scene, qualities[quality]);
     }
     return scene;
 }

@@ -64,6 +64,8 @@ static int is_beyond(const struct query_context *q, const struct hit *face, doub
     double plane[3], n[3], towards[3];
     struct face touched;
 
+    if (!SAFEGUARD(BEHIND_LEFT_PLANE))
+        return 0;
     /* Rounding may tilt a direction along the plane: the ray's record says on which side it
      * goes. */
     exact_vec(sign > 0 ? q->ray->off : q->ray->direction, towards);
@@ -85,6 +87,8 @@ static int goes_through(const struct query_context *q, const double corner[3][3]
     struct face left;
     double face[3][3], before, behind;
 
+    if (!SAFEGUARD(EDGE_SIDE))
+        return 1;
     find_face(q, &q->ray->left[0], &left);
     left.row->corners(left.face, face);
     before = farthest(face, corner[0], normal, 1);

@@ -12,6 +12,7 @@
 
 #include <stdatomic.h>
 
+#include "common/base/safeguard.h"
 #include "worker/render/base/exact.h"
 #include "worker/render/accel/sizes.h"
 #include "worker/render/shape/shape.h"
@@ -120,6 +121,8 @@ static inline int accel_is_excepted(const struct query_context *q, const struct 
 {
     const struct ray *ray = q->ray;
 
+    if (!SAFEGUARD(LEFT_BY_NAME))
+        return 0;
     for (uint32_t i = 0; i < ray->left_count; i++)
         if (accel_same_face(&ray->left[i], face))
             return 1;

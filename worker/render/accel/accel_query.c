@@ -27,9 +27,11 @@ static inline int is_certain(const struct query_context *q, const struct accel_g
 {
     double reach = t, height2, error2;
 
+    if (!SAFEGUARD(DOUBLE_DECIDES))
+        return t > 0;
     /* For a ray along the plane Embree's t is a quotient of two rounding errors: any number. */
     if (!(t > q->near_start) || !(t * q->off_cosine > q->clear) ||
-        !(along * along > GRAZING_COSINE * GRAZING_COSINE * area2))
+        (!(along * along > GRAZING_COSINE * GRAZING_COSINE * area2) && SAFEGUARD(GRAZING_RAY)))
         return 0;
     if (q->reaches) {
         reach = fmin(t, q->length - t);
@@ -177,6 +179,8 @@ static void aim_at_end(struct query_context *q)
 {
     double t_max = (double)q->ray->t_max, way[3], length;
 
+    if (!SAFEGUARD(AIM_AT_END))
+        return;
     for (int k = 0; k < 3; k++)
         way[k] = q->origin[k] + t_max * q->direction[k] - q->inside[k];
     length = sqrt(exact_dot(way, way));
@@ -202,7 +206,7 @@ static __attribute__((noinline)) void start_before_face(struct query_context *q)
 
     q->careful = 1;
     memcpy(q->inside, q->origin, sizeof q->inside);
-    if (q->at_edge) {
+    if (q->at_edge && SAFEGUARD(EDGE_INSET)) {
         move_inwards(q);
         if (q->ray->t_max < INFINITY)
             aim_at_end(q);
@@ -403,7 +407,7 @@ int accel_refine(const struct accel *accel, const struct ray *ray, const void *q
 
     exact_origin(ray, place);
     reach = BACK_ERRORS * (accel->error_origin * (exact_largest(place) + t) + accel->error_extent);
-    if (!(t > reach))
+    if (!(t > reach) || !SAFEGUARD(REFINE_FIRST))
         return 0; /* this close to its start, double has decided */
     exact_vec(ray->direction, direction);
     go(place, direction, t - reach, place);
@@ -485,7 +489,7 @@ int accel_intersect_enclosed(const struct accel *accel, const struct ray *ray, c
 
     query_start(&q, accel, ray, query, QUERY_NEAREST);
     q.careful = 1;
-    while (q.attempt++ < LEAK_ATTEMPTS)
+    while (SAFEGUARD(LEAK_REPAIR) && q.attempt++ < LEAK_ATTEMPTS)
         if (meets(&q, hit))
             return 1;
     return 0;
@@ -496,7 +500,7 @@ int accel_occluded_enclosed(const struct accel *accel, const struct ray *ray, co
     struct query_context q;
 
     query_start(&q, accel, ray, query, QUERY_OCCLUDED);
-    while (q.attempt++ < LEAK_ATTEMPTS)
+    while (SAFEGUARD(LEAK_SHADOW) && q.attempt++ < LEAK_ATTEMPTS)
         if (is_blocked(&q))
             return 1;
     return 0;

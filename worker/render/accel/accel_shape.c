@@ -20,7 +20,7 @@ static void shape_bounds(const struct RTCBoundsFunctionArguments *args)
 
 static int is_left(const struct query_context *q, const struct shape *shape)
 {
-    for (uint32_t i = 0; i < q->ray->left_count; i++) {
+    for (uint32_t i = 0; i < q->ray->left_count && SAFEGUARD(LEFT_SPHERE); i++) {
         const struct shape *left = q->accel->geometries[q->ray->left[i].instance].shape;
         if (left && shape_same(left, shape))
             return 1;

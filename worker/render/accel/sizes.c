@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 
 /* A triangle is huge if its longest edge is 2^15 times that of the scene's small triangles. The
  * float error there, about 8 * 2^-24 of the edge, is 1/64 of the small triangles' size. */
@@ -106,7 +107,7 @@ static status tally_shared(struct tally *tally, struct sizes *sizes, const struc
 
         if (instance->world_positions)
             continue;
-        sizes->longest[i] = norm(instance);
+        sizes->longest[i] = SAFEGUARD(ERROR_OF_INSTANCE) ? norm(instance) : 1;
         *of_mesh = *of_mesh > 0 ? fmin(*of_mesh, sizes->longest[i]) : sizes->longest[i];
     }
     for (uint32_t m = 0; m < in->mesh_count; m++) {
@@ -145,6 +146,8 @@ static int huge_exponent(const struct tally *tally)
     uint64_t below = 0, above = 0;
     int small = 0, huge = EXPONENTS;
 
+    if (!SAFEGUARD(HUGE_TRIANGLES))
+        return huge;
     while (small < EXPONENTS && (below += tally->count[small]) <= tally->total / SMALL_SHARE)
         small++;
     while (huge > small + HUGE_RATIO_BITS && huge > 0 &&

@@ -49,7 +49,8 @@ struct crossing_group {
 
 static inline int crossing_touches(const struct surface *s)
 {
-    return s->instance->touches && s->instance->touches[s->triangle];
+    return s->instance->touches && s->instance->touches[s->triangle] &&
+           SAFEGUARD(CONTACT_TOGETHER);
 }
 
 /* Turn the hit into a surface. Near boundaries take the first of faces that lie close together.

@@ -1,5 +1,6 @@
 #include "worker/render/path/enclosure.h"
 
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "worker/render/path/path.h"
 #include "worker/render/surface/surface.h"
@@ -61,5 +62,5 @@ void enclosure_find(struct render_scene *scene)
 
         escaped += escapes(scene, (uint32_t)x, (uint32_t)y, i);
     }
-    scene->enclosed = escaped <= ENCLOSURE_ESCAPES;
+    scene->enclosed = escaped <= ENCLOSURE_ESCAPES && SAFEGUARD(LEAK_OF_ROOM);
 }

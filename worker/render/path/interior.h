@@ -26,6 +26,7 @@
 #ifndef AZULEJO_RENDER_INTERIOR_H
 #define AZULEJO_RENDER_INTERIOR_H
 
+#include "common/base/safeguard.h"
 #include "worker/render/base/fault.h"
 #include "worker/render/base/health_scope.h"
 #include "worker/render/surface/surface.h"
@@ -52,7 +53,7 @@ static inline int interior_top(const struct render_scene *scene, const struct in
         if (in->entry[i] & INTERIOR_OWED)
             continue;
         priority = interior_filling(scene, in->entry[i])->m.priority;
-        if (top < 0 || priority >= highest) {
+        if (top < 0 || priority >= highest || !SAFEGUARD(BODY_PRIORITY)) {
             top = (int)i;
             highest = priority;
         }
@@ -109,7 +110,8 @@ static inline int interior_turn(struct interior *in, uint32_t body, int enters)
 
     if (!FAULT(LOST_BODY) && interior_remove(in, paid))
         return 1;
-    interior_add(in, enters ? body : body | INTERIOR_OWED);
+    if (enters || SAFEGUARD(BODY_OWED))
+        interior_add(in, enters ? body : body | INTERIOR_OWED);
     return enters;
 }
 

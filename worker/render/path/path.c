@@ -144,7 +144,7 @@ static int path_scatter(struct path *path, const struct path_vertex *v, float u_
     if (FAULT(NAN_THROUGHPUT))
         sample->weight.x = NAN;
     path->ray.direction = vec3_normalize(basis_to_world(&v->s.basis, sample->wi));
-    if ((vec3_dot(path->ray.direction, v->s.ng) > 0) != (sample->wi.z > 0))
+    if (!path_keeps_side(&v->s, path->ray.direction, sample->wi))
         return 0;
     path->throughput = vec3_mul(path->throughput, sample->weight);
     /* Reflection takes the wavelength's colour too: its share depends on the index of refraction.

@@ -107,9 +107,7 @@ PATH_FUNCTION struct vec3 path_direct_surface(struct path *path, const struct pa
     if (!sample_light(path, &context, v->dimension, &light))
         return black;
     wi = basis_to_local(&s->basis, light.direction);
-    /* The side of the light is decided by the geometric normal; the shading normal would leak
-     * light. */
-    if ((vec3_dot(light.direction, s->ng) > 0) != (wi.z > 0))
+    if (!path_keeps_side(s, light.direction, wi))
         return black;
     if (path_meets_coincident(path, &v->crossing, wi))
         return black;

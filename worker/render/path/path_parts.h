@@ -109,6 +109,14 @@ static inline void path_add(const struct path *path, struct vec3 source, struct 
     *radiance = vec3_add(*radiance, vec3_mul(path->throughput, source));
 }
 
+/* Is a direction, in the world and in the shading frame, on the same side of the face as of the
+ * shading normal? The face decides where light can go; by the shading normal alone it would leak
+ * through. */
+static inline int path_keeps_side(const struct surface *s, struct vec3 direction, struct vec3 wi)
+{
+    return (vec3_dot(direction, s->ng) > 0) == (wi.z > 0) || !SAFEGUARD(SHADING_SIDES);
+}
+
 /* ---- path.c ---------------------------------------------------------------------------------- */
 
 /* Russian roulette: end the path at random, more often the less it carries. `u` in [0,1). 0: it

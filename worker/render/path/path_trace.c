@@ -13,7 +13,7 @@ static int starts_inside(const struct render_scene *scene, const struct interior
 {
     if (scene->volume_rule == VOLUMES_BOUNDARIES)
         return in->medium >= 0 && in->medium != scene->fog && ray->left_count == 0;
-    for (uint32_t i = 0; i < in->count; i++)
+    for (uint32_t i = 0; i < in->count && SAFEGUARD(LEAK_OF_BODY); i++)
         if (!(in->entry[i] & INTERIOR_OWED) &&
             (scene->materials[in->entry[i]].flags & MATERIAL_ENCLOSES))
             return 1;
@@ -44,7 +44,7 @@ static int is_enclosed(const struct render_scene *scene, const struct interior *
     if (ray->left_count == 0)
         return 0;
     instance = &scene->instances[ray->left[0].instance];
-    if (!instance->encloses)
+    if (!instance->encloses || !SAFEGUARD(LEAK_OF_FACE))
         return 0;
     world_exact_corners(scene, ray->left[0].instance, ray->left[0].triangle, ray->time, corner);
     exact_normal(corner, n);

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/base/safeguard.h"
 
 /* A shared mesh is still copied into the top BVH if its copies hold at most this many triangles in
  * all: one BVH is faster than two levels. */
@@ -483,7 +484,8 @@ static uint32_t body_of(const struct render_scene *w, const struct scene_instanc
     uint32_t body = description->body < 0 ? description->material : (uint32_t)description->body;
     const struct world_material *filling = &w->materials[w->materials[body].filling];
 
-    return filling->flags & MATERIAL_BOUNDS ? body : description->material;
+    return filling->flags & MATERIAL_BOUNDS && SAFEGUARD(BODY_OF_MESHES) ? body
+                                                                         : description->material;
 }
 
 /* Of the position at rest: the same in all frames. */

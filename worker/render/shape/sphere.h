@@ -9,6 +9,7 @@
 #ifndef AZULEJO_RENDER_SPHERE_H
 #define AZULEJO_RENDER_SPHERE_H
 
+#include "common/base/safeguard.h"
 #include "worker/render/base/exact.h"
 #include "worker/render/shape/shape.h"
 
@@ -29,6 +30,20 @@ struct sphere_chord {
     int meets;           /* 0: the line misses the sphere; half is then 0 */
 };
 
+/* The square of half the chord, in metres: by the nearest point. Without the safeguard: by the
+ * textbook's discriminant, in float. */
+static inline double sphere_inside(const struct sphere_shape *sphere, const double foot[3],
+                                   const double to_origin[3], const double direction[3])
+{
+    float b, c;
+
+    if (SAFEGUARD(SPHERE_NEAREST_POINT))
+        return sphere->radius * sphere->radius - exact_dot(foot, foot);
+    b = (float)exact_dot(to_origin, direction);
+    c = (float)exact_dot(to_origin, to_origin) - (float)(sphere->radius * sphere->radius);
+    return (double)(b * b - c);
+}
+
 static inline void sphere_chord_find(const struct sphere_shape *sphere, const double origin[3],
                                      const double direction[3], struct sphere_chord *out)
 {
@@ -38,7 +53,7 @@ static inline void sphere_chord_find(const struct sphere_shape *sphere, const do
     out->middle = -exact_dot(to_origin, direction) / length2;
     for (int k = 0; k < 3; k++)
         out->foot[k] = to_origin[k] + out->middle * direction[k];
-    inside = sphere->radius * sphere->radius - exact_dot(out->foot, out->foot);
+    inside = sphere_inside(sphere, out->foot, to_origin, direction);
     out->meets = inside >= 0;
     out->half = out->meets ? sqrt(inside / length2) : 0;
 }

@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "common/base/safeguard.h"
 #include "worker/render/base/exact.h"
 #include "worker/render/world.h"
 #include "worker/render/surface/world_motion.h"
@@ -31,6 +32,24 @@ static float surface_inset(double u, double v, double double_area, const double 
     longest = a > b ? a : b;
     longest = c > longest ? c : longest;
     return longest > 0 ? (float)(least * double_area / sqrt(longest)) : 0;
+}
+
+/* The hit's place, after s->t. Far from the origin of world or ray, a place along the ray in float
+ * lies off the face. */
+static inline void surface_set_place(const struct ray *ray, const double p[3], struct surface *s)
+{
+    if (SAFEGUARD(HIT_IN_DOUBLE)) {
+        s->p = exact_round(p, s->rest);
+    } else {
+        s->p = vec3_mad(ray->origin, ray->direction, s->t);
+        memset(s->rest, 0, sizeof s->rest);
+    }
+}
+
+/* Does the mesh's winding, in the world, call the side counter-clockwise from which it is not? */
+static inline double surface_winding(const struct world_instance *instance)
+{
+    return instance->flipped && SAFEGUARD(MIRRORED_WINDING) ? -1 : 1;
 }
 
 void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
@@ -78,12 +97,12 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     s->b1 = (float)u;
     s->b2 = (float)v;
     s->t = (float)((p[0] - o[0]) * d[0] + (p[1] - o[1]) * d[1] + (p[2] - o[2]) * d[2]);
-    s->p = exact_round(p, s->rest);
+    surface_set_place(ray, p, s);
     s->area = (float)(0.5 * length);
     s->contacts = world_near_boundary(scene, s->p);
     s->inset = surface_inset(u, v, length, e1, e2);
 
-    sign = s->instance->flipped ? -1 : 1;
+    sign = surface_winding(s->instance);
     s->front = exact_dot(n, d) * sign < 0;
     sign = s->front ? sign : -sign;
     if (length > 0)

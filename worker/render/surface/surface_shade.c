@@ -1,6 +1,7 @@
 /* The shading frame at a hit, and the material's values there: factors times textures. */
 #include <string.h>
 
+#include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/scene/material.h"
 #include "worker/render/base/profile_scope.h"
@@ -108,6 +109,18 @@ static struct vec3 surface_mapped_normal(const struct surface *s, const struct w
     return cosine < 0 ? vec3_mad(b, front_ng, BEND_COSINE - cosine) : b;
 }
 
+/* A stretched face's normal is not the stretched normal. */
+static inline struct vec3 surface_normal_to_world(const struct surface *s, struct vec3 n)
+{
+    if (SAFEGUARD(NORMAL_OF_STRETCHED)) {
+        struct transform to_object = world_to_object_at(s->instance, s->time);
+        return transform_normal(&to_object, n);
+    } else {
+        struct transform to_world = world_to_world_at(s->instance, s->time);
+        return transform_vector(&to_world, n);
+    }
+}
+
 /* The vertices' normal on the front side; the face's own where they have none, and of a shape. */
 static struct vec3 surface_vertex_normal(const struct surface *s)
 {
@@ -118,11 +131,10 @@ static struct vec3 surface_vertex_normal(const struct surface *s)
         return front_ng;
     n = surface_deformed(s, normals, s->instance->motion_normals, 3);
     if (!s->instance->skinned) {
-        struct transform to_object = world_to_object_at(s->instance, s->time);
-        n = transform_normal(&to_object, n);
+        n = surface_normal_to_world(s, n);
     }
     n = vec3_normalize(n);
-    if (vec3_is_black(n))
+    if (vec3_is_black(n) && SAFEGUARD(NORMAL_ZERO))
         return front_ng;
     return vec3_dot(n, front_ng) < 0 ? vec3_neg(n) : n; /* normals that disagree with the winding */
 }
@@ -142,7 +154,7 @@ static struct vec3 surface_bent_normal(const struct surface *s, struct vec3 n, s
         n = vec3_normalize(vec3_mad(n, wo, BEND_COSINE - cosine));
         cosine = vec3_dot(n, wo);
     }
-    if (!reflects)
+    if (!reflects || !SAFEGUARD(MIRROR_ABOVE))
         return n;
     mirror = vec3_sub(vec3_scale(n, 2 * cosine), wo);
     cosine = vec3_dot(mirror, s->ng);
