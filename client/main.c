@@ -11,6 +11,7 @@
 
 static const struct command *const commands[] = {
     &command_render, &command_estimate, &command_import, &command_effects, &command_accuracy,
+    &command_debug_pixel,
     &command_submit, &command_list, &command_show, &command_watch, &command_fetch,
     &command_develop, &command_cancel, &command_resume, &command_extend,
     &command_workers, &command_keygen,

@@ -24,6 +24,7 @@ enum {
     MESSAGE_TEXT_MAX = 1024,         /* bytes of a text from the wire that are read */
     MESSAGE_UNITS_MAX = 4096,        /* work units in one grant, return or ack */
     MESSAGE_DIGESTS_MAX = 65536,     /* digests in one query */
+    PIXEL_SAMPLES_MAX = 4096,        /* samples in one RenderRequest */
 };
 #define BLOB_BYTES_MAX (1ull << 36)  /* of one blob */
 

@@ -64,9 +64,8 @@ static void report_upload(const struct upload_progress *progress, void *user)
     progress_draw(user, fraction, text);
 }
 
-status submission_send(struct connection *c, const struct import_result *scene,
-                       const struct job_request *request, const char *name, unsigned formats,
-                       int quiet, struct job_accepted *out, struct error *err)
+status submission_upload(struct connection *c, const struct import_result *scene,
+                         const struct job_request *request, int quiet, struct error *err)
 {
     const struct output_request *output = &request->output;
     size_t count = scene->blob_count;
@@ -93,6 +92,15 @@ status submission_send(struct connection *c, const struct import_result *scene,
     result = upload_blobs(c, items, count, report_upload, &progress, &uploaded, err);
     progress_clear(&progress);
     mem_free(items);
+    return result;
+}
+
+status submission_send(struct connection *c, const struct import_result *scene,
+                       const struct job_request *request, const char *name, unsigned formats,
+                       int quiet, struct job_accepted *out, struct error *err)
+{
+    status result = submission_upload(c, scene, request, quiet, err);
+
     if (result != STATUS_OK)
         return result;
     return job_request_submit(c, request, name, &scene->scene_digest, formats, out, err);

@@ -12,7 +12,11 @@ status submission_prepare(const char *path, const struct job_options *options, i
                           struct job_request *request, struct import_result *scene,
                           struct error *err) MUST_CHECK;
 
-/* Send what the coordinator lacks, then the job. The number of files goes to standard error, and how
+/* Send what the coordinator lacks: the scene and its blobs, and the operator's file if `request` has one. */
+status submission_upload(struct connection *c, const struct import_result *scene,
+                         const struct job_request *request, int quiet, struct error *err) MUST_CHECK;
+
+/* The same, then the job. The number of files goes to standard error, and how
  * far the upload is, unless `quiet`. */
 status submission_send(struct connection *c, const struct import_result *scene,
                        const struct job_request *request, const char *name, unsigned formats,

@@ -734,6 +734,9 @@ static int client_only(struct session *session, const Azulejo__Wire__Envelope *m
     case AZULEJO__WIRE__ENVELOPE__BODY_OUTPUT_GET:
         get_output(session, message->output_get, request);
         return 1;
+    case AZULEJO__WIRE__ENVELOPE__BODY_RENDER_REQUEST:
+        render_request_begin(session, message->render_request, request);
+        return 1;
     case AZULEJO__WIRE__ENVELOPE__BODY_HISTORY_GET:
         get_history(session, message->history_get, request);
         return 1;
