@@ -33,30 +33,29 @@ def pass_ends(samples):
     """Where the passes of a group end: common/film/tiles.h."""
     ends, k = [2, 4], 4
     while ends[-1] < samples:
-        ends += [k * 3 // 2, k * 2] if k >= 8 else [k * 2]
+        ends += [k * 3 // 2, k * 2] if k >= 16 else [k * 2]
         k *= 2
     return [min(e, samples) for i, e in enumerate(ends) if i == 0 or ends[i - 1] < samples]
 
 
 def film_pixel(samples, spp):
-    """The film's mean of a pixel: each replicate's sum over a pass is rounded to float, then added in double."""
-    means = []
-    for group in range(2):
-        mine = [floats(s) for s in sorted(samples, key=lambda s: s["sample"]) if s["sample"] % 2 == group]
-        total, begin = [0.0] * 3, 0
-        if not mine:
-            continue
-        for end in pass_ends(len(mine)):
-            for c in range(3):
-                for replicate in range(2):
+    """The film's mean of a pixel: each replicate's sum over a pass is rounded to float and added in double."""
+    groups = [[floats(s) for s in sorted(samples, key=lambda s: s["sample"]) if s["sample"] % 2 == g] for g in (0, 1)]
+    groups = [g for g in groups if g]
+    mean = [0.0] * 3
+    for mine in groups:
+        for c in range(3):
+            sums, begin = [0.0, 0.0], 0
+            for end in pass_ends(len(mine)):
+                for replicate in (0, 1):
                     part = 0.0
                     for i in range(begin, end):
                         if i % 2 == replicate:
                             part += mine[i][c]
-                    total[c] += single(part)
-            begin = end
-        means.append([t / len(mine) for t in total])
-    return [single(sum(m[c] for m in means) / len(means)) for c in range(3)]
+                    sums[replicate] += single(part)
+                begin = end
+            mean[c] += 1 / len(groups) * ((sums[0] + sums[1]) / len(mine))
+    return [single(m) for m in mean]
 
 
 def picture_pixel(picture, x, y):
