@@ -2,6 +2,7 @@
 it is done, whatever becomes of the workers; and what cannot be rendered is refused in words."""
 import json
 import os
+import shlex
 import struct
 import sys
 
@@ -275,6 +276,55 @@ def units():
         expect([a["digest"] for a in again] == digests, "another worker gives other digests")
         expect("process %d" % second.pid in again[0]["worker"], again[0])
         expect(rendered("x=3 y=4 first=1 count=8")["bytes"] == "96", "eight samples")
+
+
+def run_command(farm, picture, name, here):
+    """Run the command of a picture's header in the folder `here`; the picture that it makes."""
+    words = shlex.split(picture.attributes["azulejo:command"].decode())
+    expect(words[:2] == ["azulejo", "render"], words)
+    words = [picture.path if w == "FILE.exr" else w for w in words[1:]]
+    out = farm.path(name + "-again.exr")
+    farm.cli(*words, "-o", out, "-q", expect=0, cwd=here)
+    return read_exr(out)
+
+
+@tests.add
+def the_headers_command():
+    """the command in a header, run in the scene's folder, gives the same pixels and the same header"""
+    features = os.path.join(ROOT, "scenes", "features")
+    cases = (
+        ("defaults", ("nested.gltf", "--size", "32x20", "--spp", "5")),
+        ("everything", ("lens.pbrt", "--size", "31x17", "--spp", "6", "--seed", "12345678901234", "--frames", "3",
+                        "--lens", "0.1234567", "--focus", "3.7", "--max-depth", "5", "--sampler", "independent",
+                        "--light-choice", "power", "--texture-filter", "nearest", "--roulette", "off", "--clamp", "0.7",
+                        "--without", "caustics", "--aov", "depth,normal", "--env-strength", "0.3", "--half",
+                        "--env-sampling", "uniform", "--isa", "sse2", "--robust", "off", "--bvh-quality", "low")),
+        ("sky", ("horizon.gltf", "--env", "sky.hdr", "--env-rotate", "33.3", "--size", "32x20", "--spp", "4")),
+        ("motion", ("motion.gltf", "--frames", "11-12", "--fps", "30", "--shutter", "0.3", "--size", "32x20", "--spp", "4")),
+        ("variant", ("variants.gltf", "--variant", "1", "--size", "32x20", "--spp", "4")),
+        ("target", ("nested.gltf", "--size", "48x32", "--spp", "256", "--target-error", "20/255", "--exposure", "0.5",
+                    "--tonemap", "reinhard02", "--min-spp", "8")),
+        ("clock", ("nested.gltf", "--size", "48x32", "--core-limit", "0.3s")),
+    )
+    with Farm() as farm:
+        for name, options in cases:
+            out = farm.path(name + ".exr")
+            told = farm.cli("render", *options, "-o", out, "--json", expect=0, cwd=features).json()
+            for path in told["files"]:
+                path = os.path.join(features, path)
+                if not path.endswith(".exr"):
+                    continue
+                first = read_exr(path)
+                first.path = path
+                again = run_command(farm, first, name, features)
+                command = first.attributes["azulejo:command"].decode()
+                expect(again.bits() == first.bits(), "%s: other pixels: %s" % (name, command))
+                if name != "clock":  # its rules are its schedule then
+                    expect(again.attributes["azulejo:command"].decode() == command, command)
+                expect(again.attributes["azulejo:scene"] == first.attributes["azulejo:scene"], "scene")
+                expect(ROOT not in command and farm.folder not in command, command)
+            if name == "clock":
+                expect("--schedule-from" in command, command)
 
 
 if __name__ == "__main__":
