@@ -34,7 +34,7 @@ static void print_help(void)
         printf("\n%s:\n", group_titles[group]);
         for (int i = 0; i < COMMAND_COUNT; i++)
             if (commands[i]->group == (enum command_group)group)
-                printf("  %-10s  %s\n", commands[i]->name, commands[i]->summary);
+                printf("  %-11s  %s\n", commands[i]->name, commands[i]->summary);
     }
     printf("\n'azulejo COMMAND --help' tells more about a command, 'azulejo --version' the "
            "version.\n\n"

@@ -104,6 +104,10 @@ Azulejo__Wire__Work *wire_work_set(struct wire_work *out, const struct unit_work
 status wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in,
                      struct error *err) MUST_CHECK;
 
+/* SHA-256 over the unit's sums, tail and work, each as a TileResult has them (unit_digest.c): two results are
+ * equal, byte for byte, where it is. */
+status wire_unit_digest(struct digest *out, const struct unit_result *unit, struct error *err) MUST_CHECK;
+
 /* ---- blobs ----------------------------------------------------------------------------- */
 
 /* One piece of a blob, checked: offset + raw_bytes <= total_bytes <= BLOB_BYTES_MAX,

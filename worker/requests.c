@@ -2,7 +2,6 @@
 
 #include <string.h>
 
-#include "common/base/digest.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
@@ -47,48 +46,18 @@ static struct unit_work work_of(const struct render_stats *stats)
                               .kept_luminance = stats->kept_luminance};
 }
 
-/* Over what a TileResult says of the unit. Two workers' digests are equal if and only if the film would
- * take either result for the other. */
-static status unit_digest(struct request *q)
-{
-    struct digest_stream *stream = digest_stream_new();
-    const struct unit_work done = work_of(&q->stats);
-    uint8_t tail[WIRE_TAIL_BYTES_MAX];
-    struct buffer work = BUFFER_INIT;
-    struct wire_work message;
-    status s = STATUS_ERR_NO_MEMORY;
-    uint8_t *packed;
-    size_t size;
-
-    (void)wire_work_set(&message, &done);
-    size = azulejo__wire__work__get_packed_size(&message.message);
-    packed = buffer_append_space(&work, size);
-    if (stream && packed) {
-        azulejo__wire__work__pack(&message.message, packed);
-        s = digest_stream_add(stream, q->floats, q->float_count * sizeof *q->floats);
-        if (s == STATUS_OK)
-            s = digest_stream_add(stream, tail, wire_tail_set(tail, &q->tail));
-        if (s == STATUS_OK)
-            s = digest_stream_add(stream, packed, size);
-        if (s == STATUS_OK)
-            s = digest_stream_final(stream, &q->digest);
-        else
-            digest_stream_free(stream);
-    } else {
-        digest_stream_free(stream);
-    }
-    buffer_release(&work);
-    return s == STATUS_OK ? s : error_set(&q->error, s, "the unit's digest cannot be computed");
-}
-
 static status render_unit(struct request *q, const struct render_scene *scene)
 {
+    struct unit_result unit;
+
     q->floats = mem_alloc_array(TILE_FLOATS_MAX, sizeof *q->floats);
     if (!q->floats)
         return error_no_memory(&q->error, "a unit");
     q->float_count = render_tile(scene, q->frame, q->tile, q->group, q->pass, q->floats, &q->tail,
                                  &q->stats);
-    return unit_digest(q);
+    unit = (struct unit_result){q->tile, q->group, q->pass, q->floats, q->float_count, q->tail,
+                                work_of(&q->stats)};
+    return wire_unit_digest(&q->digest, &unit, &q->error);
 }
 
 /* The scene's names. Without them (its file has left the cache) the path is told by numbers. */

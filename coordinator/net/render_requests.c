@@ -34,12 +34,16 @@ static void request_free(struct server *server, struct render_request *q)
     mem_free(q);
 }
 
+static void say_failure(struct session *client, uint64_t asked, const struct error *why)
+{
+    if (client && client->state == SESSION_OPEN &&
+        message_send_failure(client->channel, asked, why) != STATUS_OK)
+        log_debug("session %u: a failure was not sent", client->id);
+}
+
 static void request_fail(struct server *server, struct render_request *q, const struct error *why)
 {
-    struct session *client = session_find(server, q->client);
-
-    if (client)
-        session_fail(client, q->asked, why);
+    say_failure(session_find(server, q->client), q->asked, why);
     request_free(server, q);
 }
 
@@ -242,7 +246,7 @@ void render_request_begin(struct session *session, const Azulejo__Wire__RenderRe
     if (s == STATUS_OK)
         s = complete(server, q, message, &err);
     if (s != STATUS_OK) {
-        session_fail(session, request, &err);
+        say_failure(session, request, &err);
         mem_free(q);
         return;
     }

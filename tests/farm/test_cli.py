@@ -19,7 +19,7 @@ from odd import Proxy
 
 tests = Tests()
 COMMANDS = ["render", "estimate", "import", "effects", "accuracy", "submit", "list", "show", "watch", "fetch",
-            "develop", "cancel", "resume", "extend", "workers", "keygen", "tonemap", "compare"]
+            "develop", "cancel", "resume", "extend", "workers", "keygen", "tonemap", "compare", "debug-pixel"]
 SMALL = ["--size", "32x32", "--spp", "4", "--max-depth", "3"]
 
 
