@@ -64,7 +64,7 @@ def help_everywhere():
             expect(text.err == "", text)
             expect(farm.cli(command, "-h", expect=0, connect=False).out == text.out, text)
         expect(re.match(r"azulejo \d+\.\d+\.\d+(-dev)?\n$", farm.cli("--version", expect=0).out), "version")
-        listed = re.findall(r"^  ([a-z]+)  ", overview, re.M)
+        listed = re.findall(r"^  ([a-z-]+)  ", overview, re.M)
         expect(sorted(listed) == sorted(COMMANDS), "a command is not tested: %s" % listed)
 
 
