@@ -23,15 +23,10 @@ static float power_heuristic(float a, float b)
 /* Transmittance from the ray's origin to its end. */
 static struct vec3 path_visibility(struct path *path, const struct ray *ray)
 {
-    struct vec3 visible;
-
     path->query.ray_number++;
     if (path_features_of(path->scene).index_matched)
-        visible = path_transmittance(path, ray);
-    else
-        visible = vec3_splat(path_occluded(path, ray) ? 0 : 1);
-    RECORD(recorded->light.traced = 1, recorded->light.visible = visible);
-    return visible;
+        return path_transmittance(path, ray);
+    return vec3_splat(path_occluded(path, ray) ? 0 : 1);
 }
 
 /* Where the ray to a sampled light ends. An area light must not occlude itself. A light without
@@ -127,6 +122,7 @@ PATH_FUNCTION struct vec3 path_direct_surface(struct path *path, const struct pa
     surface_leave(s, light.direction, &ray);
     end_at_light(&light, &ray);
     visible = visibility_from(path, v, wi, &ray);
+    RECORD(recorded->light.traced = 1, recorded->light.visible = visible);
     if (vec3_is_black(visible))
         return black;
     if (f.dispersion && path_disperses_at(path, s))
@@ -142,6 +138,7 @@ PATH_FUNCTION struct vec3 path_direct_medium(struct path *path, const struct wor
     const struct light_context context = {path->ray.origin, {0, 0, 0}, path->ray.time};
     struct ray ray = path->ray;
     struct light_sample light;
+    struct vec3 visible;
     float pdf;
 
     if (!sample_light(path, &context, dimension, &light))
@@ -150,7 +147,9 @@ PATH_FUNCTION struct vec3 path_direct_medium(struct path *path, const struct wor
     end_at_light(&light, &ray);
     pdf = medium_phase(medium, vec3_dot(direction, light.direction));
     RECORD(recorded->light.scatter = vec3_splat(pdf), recorded->light.scatter_pdf = pdf);
-    return weigh_light(&light, vec3_scale(path_visibility(path, &ray), pdf), pdf);
+    visible = path_visibility(path, &ray);
+    RECORD(recorded->light.traced = 1, recorded->light.visible = visible);
+    return weigh_light(&light, vec3_scale(visible, pdf), pdf);
 }
 
 /* ---- light that the path's own ray meets ----------------------------------------------------- */

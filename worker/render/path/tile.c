@@ -172,21 +172,6 @@ tile_trace(const struct render_scene *scene, uint32_t x, uint32_t y, uint32_t nu
     return radiance;
 }
 
-/* What of it is added to the pixel's sum. 0: nothing, it is dropped. */
-static inline __attribute__((always_inline)) int
-tile_take(const struct render_scene *scene, struct vec3 *radiance, struct health_place place,
-          struct render_stats *stats)
-{
-    const float limit = scene->settings.clamp;
-
-    if ((health_scope.noted || !tile_is_sound(*radiance)) &&
-        !tile_keeps(scene, *radiance, place, stats))
-        return 0;
-    if (limit > 0 && vec3_max(*radiance) > limit)
-        *radiance = tile_clamped(*radiance, limit, stats);
-    return 1;
-}
-
 /* Start several of a pixel's samples together. Each one's arithmetic is a chain of dependent steps;
  * the processor overlaps independent chains. */
 static void tile_start(const struct render_scene *scene, uint32_t frame, uint32_t x, uint32_t y,
@@ -239,9 +224,12 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                     record.normal.x = NAN;
                 if (extra)
                     tile_aovs(scene, aovs, &rays[at], &record, i == 0, values);
-                if (!tile_take(scene, &radiance, (struct health_place){pass, tile, (uint32_t)index,
-                                                                      i * GROUPS + group}, stats))
+                if ((health_scope.noted || !tile_is_sound(radiance)) &&
+                    !tile_keeps(scene, radiance, (struct health_place){pass, tile, (uint32_t)index,
+                                                                       i * GROUPS + group}, stats))
                     continue;
+                if (limit > 0 && vec3_max(radiance) > limit)
+                    radiance = tile_clamped(radiance, limit, stats);
                 sum[i % GROUP_REPLICATES][0] += (double)radiance.x;
                 sum[i % GROUP_REPLICATES][1] += (double)radiance.y;
                 sum[i % GROUP_REPLICATES][2] += (double)radiance.z;
@@ -289,6 +277,7 @@ struct vec3 sample_render(const struct render_scene *scene, uint32_t frame, uint
     const uint32_t group = number % GROUPS, i = number / GROUPS;
     const struct health_place place = {pass_with(i), tile,
                                        (y - rect.y) * rect.width + x - rect.x, number};
+    const float limit = scene->settings.clamp;
     struct sampler sampler;
     struct vec3 added;
     struct ray ray;
@@ -298,8 +287,11 @@ struct vec3 sample_render(const struct render_scene *scene, uint32_t frame, uint
     added = tile_trace(scene, x, y, number, &sampler, &ray, camera_cone(&scene->camera), NULL, stats);
     if (radiance)
         *radiance = added;
-    if (!tile_take(scene, &added, place, stats))
+    /* As in tile_render, where a function of both would cost each sample a few instructions. */
+    if ((health_scope.noted || !tile_is_sound(added)) && !tile_keeps(scene, added, place, stats))
         added = vec3_splat(0);
+    if (limit > 0 && vec3_max(added) > limit)
+        added = tile_clamped(added, limit, stats);
     PROFILE_IDLE();
     health_scope.count = NULL;
     return added;
