@@ -11,6 +11,7 @@
 
 static const struct command *const commands[] = {
     &command_render, &command_estimate, &command_import, &command_effects, &command_accuracy,
+    &command_debug_pixel,
     &command_submit, &command_list, &command_show, &command_watch, &command_fetch,
     &command_develop, &command_cancel, &command_resume, &command_extend,
     &command_workers, &command_keygen,
@@ -33,7 +34,7 @@ static void print_help(void)
         printf("\n%s:\n", group_titles[group]);
         for (int i = 0; i < COMMAND_COUNT; i++)
             if (commands[i]->group == (enum command_group)group)
-                printf("  %-10s  %s\n", commands[i]->name, commands[i]->summary);
+                printf("  %-11s  %s\n", commands[i]->name, commands[i]->summary);
     }
     printf("\n'azulejo COMMAND --help' describes a command, 'azulejo --version' shows the "
            "version.\n\n"

@@ -24,6 +24,7 @@ enum {
     MESSAGE_TEXT_MAX = 1024,         /* bytes of a text from the wire that are read */
     MESSAGE_UNITS_MAX = 4096,        /* work units in one grant, return or ack */
     MESSAGE_DIGESTS_MAX = 65536,     /* digests in one query */
+    PIXEL_SAMPLES_MAX = 4096,        /* samples in one RenderRequest */
 };
 #define BLOB_BYTES_MAX (1ull << 36)  /* of one blob */
 
@@ -102,6 +103,10 @@ Azulejo__Wire__Work *wire_work_set(struct wire_work *out, const struct unit_work
 /* NULL: all 0. ERR_PROTOCOL: counters that there are not, or that are 0 or repeated. */
 status wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in,
                      struct error *err) MUST_CHECK;
+
+/* SHA-256 over the unit's sums, tail and work, each as a TileResult has them (unit_digest.c): two results are
+ * equal, byte for byte, where it is. */
+status wire_unit_digest(struct digest *out, const struct unit_result *unit, struct error *err) MUST_CHECK;
 
 /* ---- blobs ----------------------------------------------------------------------------- */
 

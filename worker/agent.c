@@ -16,6 +16,7 @@
 #include "worker/leases.h"
 #include "worker/outbox.h"
 #include "worker/pool.h"
+#include "worker/requests.h"
 #include "worker/scene_cache.h"
 
 enum { TICK_MS = 200 };
@@ -47,6 +48,7 @@ struct agent {
     struct scene_cache *scenes;
     struct fetcher fetcher;
     struct leases leases;
+    struct requests requests;
     struct outbox outbox;
 };
 
@@ -92,7 +94,8 @@ static void on_finished(uv_async_t *handle)
     for (struct pool_task *task = pool_take_done(a->pool); task; task = next) {
         struct work_unit *unit;
         next = task->next;
-        if (scene_cache_task_done(a->scenes, task))
+        if (scene_cache_task_done(a->scenes, task) ||
+            requests_task_done(&a->requests, task, working_channel(a)))
             continue;
         unit = leases_unit_done(&a->leases, task);
         if (unit)
@@ -132,6 +135,7 @@ static void on_scene_settled(void *user, struct scene_slot *slot)
     struct agent *a = user;
 
     leases_scene_settled(&a->leases, slot, working_channel(a));
+    requests_scene_settled(&a->requests, slot, working_channel(a));
 }
 
 static void on_blob_arrived(void *user, struct cached_blob *blob)
@@ -293,6 +297,9 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
         ask_for_work(a);
         end_if_drained(a);
         break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_RENDER_REQUEST:
+        requests_take(&a->requests, m->request, m->render_request, channel);
+        break;
     case AZULEJO__WIRE__ENVELOPE__BODY_RESULT_ACK:
         on_ack(a, m->result_ack);
         break;
@@ -360,6 +367,7 @@ static void on_close(struct channel *channel, const struct error *why, void *use
     fetcher_reset(&a->fetcher);
     outbox_reset(&a->outbox);
     leases_forget_unstarted(&a->leases);
+    requests_forget(&a->requests);
     if (a->state == DRAINING) {
         log_warn("the connection ended before %zu results were acknowledged; they will be "
                  "rendered again", a->outbox.count);
@@ -463,7 +471,8 @@ static void end_if_drained(struct agent *a)
 {
     struct error none = {0};
 
-    if (a->state == DRAINING && a->leases.held == 0 && a->outbox.count == 0)
+    if (a->state == DRAINING && a->leases.held == 0 && a->outbox.count == 0 &&
+        a->requests.count == 0)
         end_with(a, &none);
 }
 
@@ -540,6 +549,7 @@ status agent_new(struct agent **out, uv_loop_t *loop, const struct agent_options
     a->fetcher.failed = on_blob_failed;
     a->fetcher.user = a;
     leases_init(&a->leases, a->pool, a->scenes, options->threads, options->isa_mask);
+    requests_init(&a->requests, a->pool, a->scenes, a->blobs, options->isa_mask);
     uv_timer_init(loop, &a->tick);
     uv_timer_init(loop, &a->retry);
     a->tick.data = a->retry.data = a;
@@ -582,6 +592,7 @@ void agent_free(struct agent *a)
         return;
     assert(a->state == ENDED && !a->channel);
     leases_release(&a->leases);
+    requests_release(&a->requests);
     outbox_release(&a->outbox);
     fetcher_release(&a->fetcher);
     scene_cache_free(a->scenes);

@@ -17,6 +17,7 @@
 #include "client/farm/trial.h"
 #include "client/farm/watch.h"
 #include "common/base/memory.h"
+#include "common/base/shell.h"
 #include "protocol/message.h"
 
 enum { PILOT_SPP = 16 };
@@ -233,21 +234,6 @@ static status run_on_farm(struct pilot *p, struct error *err)
 
 /* ---- the command that goes on ---------------------------------------------------------------- */
 
-static void put_word(struct buffer *out, const char *word)
-{
-    static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./,:=@%+";
-
-    buffer_puts(out, " ");
-    if (*word && word[strspn(word, plain)] == 0) {
-        buffer_puts(out, word);
-        return;
-    }
-    buffer_puts(out, "'");
-    for (; *word; word++)
-        buffer_printf(out, *word == '\'' ? "'\\''" : "%c", *word);
-    buffer_puts(out, "'");
-}
-
 /* Is it an option that only this command has? 2: with its value in the next word. */
 static int is_own_option(const char *word)
 {
@@ -267,7 +253,7 @@ static status make_command(struct pilot *p, int argc, char *const *argv, struct 
     for (int i = 1; i < argc; i++) {
         int own = is_own_option(argv[i]);
         if (!own)
-            put_word(&p->command, argv[i]);
+            shell_word(&p->command, argv[i]);
         i += own == 2;
     }
     return buffer_ok(&p->command) ? STATUS_OK : error_no_memory(err, "a command");

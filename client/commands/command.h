@@ -23,7 +23,7 @@ struct command {
                   int *exit_code, struct error *err);
 };
 
-extern const struct command command_accuracy, command_cancel, command_compare, command_develop, command_effects, command_estimate,
+extern const struct command command_accuracy, command_cancel, command_compare, command_debug_pixel, command_develop, command_effects, command_estimate,
     command_extend, command_fetch, command_import, command_keygen, command_list, command_render, command_resume, command_show,
     command_submit, command_tonemap, command_watch,
     command_workers;

@@ -84,6 +84,7 @@ void job_request_release(struct job_request *request)
 {
     output_request_release(&request->output);
     buffer_release(&request->schedule);
+    buffer_release(&request->source);
 }
 
 static status camera_find(const struct scene *scene, const char *name, uint32_t *camera,
@@ -177,6 +178,7 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     submit.estimate = (uint32_t)request->estimate;
     submit.priority = request->priority;
     submit.token = (char *)request->token;
+    submit.source = (char *)buffer_text(&request->source);
     envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_SUBMIT;
     envelope.job_submit = &submit;
     result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_ACCEPTED, &answer, err);

@@ -132,6 +132,7 @@ struct job_request {
     struct buffer schedule;      /* passes [tile][group]; empty: none */
     uint32_t schedule_width, schedule_height;
     struct output_request output;
+    struct buffer source;        /* words for a shell: the scene's file, and the options of its import */
     uint32_t first_frame, last_frame;
     const uint32_t *frames;      /* ascending: the only frames to render until the job continues;
                                     the caller's */

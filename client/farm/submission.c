@@ -9,6 +9,7 @@
 #include "client/farm/upload.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
+#include "common/base/shell.h"
 
 /* The file's settings apply unless the user gives others. */
 static void take_hints(const struct import_hints *hints, const struct job_options *o, int quiet,
@@ -32,6 +33,33 @@ static void take_hints(const struct import_hints *hints, const struct job_option
                 s->height, s->spp, s->max_depth);
 }
 
+/* Without folders, so that a picture's header is the same wherever it was rendered. */
+static status note_source(const char *path, const struct import_options *o, struct buffer *out,
+                          struct error *err)
+{
+    const struct import_options plain = IMPORT_OPTIONS_DEFAULT;
+
+    shell_word(out, file_basename(path));
+    buffer_consume(out, 1);
+    if (o->env_path)
+        shell_option(out, "env", file_basename(o->env_path));
+    if (o->scene_index != plain.scene_index)
+        buffer_printf(out, " --scene %lld", (long long)o->scene_index);
+    if (o->variant)
+        shell_option(out, "variant", o->variant);
+    if (o->animation)
+        shell_option(out, "animation", o->animation);
+    if (o->light_units && (!plain.light_units || strcmp(o->light_units, plain.light_units) != 0))
+        shell_option(out, "light-units", o->light_units);
+    for (size_t i = 0; i < o->outside.count; i++)
+        shell_option(out, "allow-outside", o->outside.items[i]);
+    if (o->image_megapixels != plain.image_megapixels)
+        buffer_printf(out, " --max-image %lld", (long long)o->image_megapixels);
+    if (o->images_bytes != plain.images_bytes)
+        buffer_printf(out, " --max-image-memory %llu", (unsigned long long)o->images_bytes);
+    return buffer_ok(out) ? STATUS_OK : error_no_memory(err, "a command");
+}
+
 status submission_prepare(const char *path, const struct job_options *options, int quiet,
                           struct job_request *request, struct import_result *scene,
                           struct error *err)
@@ -42,7 +70,9 @@ status submission_prepare(const char *path, const struct job_options *options, i
         return result;
     for (size_t i = 0; i < scene->warning_count && !quiet; i++)
         fprintf(stderr, "warning: %s\n", scene->warnings[i]);
-    result = job_request_complete(request, options, &scene->scene, err);
+    result = note_source(path, &options->import, &request->source, err);
+    if (result == STATUS_OK)
+        result = job_request_complete(request, options, &scene->scene, err);
     if (result != STATUS_OK)
         return result;
     take_hints(&scene->hints, options, quiet, request);
@@ -64,9 +94,8 @@ static void report_upload(const struct upload_progress *progress, void *user)
     progress_draw(user, fraction, text);
 }
 
-status submission_send(struct connection *c, const struct import_result *scene,
-                       const struct job_request *request, const char *name, unsigned formats,
-                       int quiet, struct job_accepted *out, struct error *err)
+status submission_upload(struct connection *c, const struct import_result *scene,
+                         const struct job_request *request, int quiet, struct error *err)
 {
     const struct output_request *output = &request->output;
     size_t count = scene->blob_count;
@@ -93,6 +122,15 @@ status submission_send(struct connection *c, const struct import_result *scene,
     result = upload_blobs(c, items, count, report_upload, &progress, &uploaded, err);
     progress_clear(&progress);
     mem_free(items);
+    return result;
+}
+
+status submission_send(struct connection *c, const struct import_result *scene,
+                       const struct job_request *request, const char *name, unsigned formats,
+                       int quiet, struct job_accepted *out, struct error *err)
+{
+    status result = submission_upload(c, scene, request, quiet, err);
+
     if (result != STATUS_OK)
         return result;
     return job_request_submit(c, request, name, &scene->scene_digest, formats, out, err);

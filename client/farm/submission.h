@@ -12,8 +12,12 @@ status submission_prepare(const char *path, const struct job_options *options, i
                           struct job_request *request, struct import_result *scene,
                           struct error *err) MUST_CHECK;
 
-/* Send the files that the coordinator lacks, then the job. The number of files and the upload's
- * progress go to standard error, unless `quiet`. */
+/* Send what the coordinator lacks: the scene and its blobs, and the operator's file if `request` has
+ * one. The number of files and the upload's progress go to standard error, unless `quiet`. */
+status submission_upload(struct connection *c, const struct import_result *scene,
+                         const struct job_request *request, int quiet, struct error *err) MUST_CHECK;
+
+/* The same, then the job. */
 status submission_send(struct connection *c, const struct import_result *scene,
                        const struct job_request *request, const char *name, unsigned formats,
                        int quiet, struct job_accepted *out, struct error *err) MUST_CHECK;

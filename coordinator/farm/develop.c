@@ -36,6 +36,8 @@ static status development_new(struct development **out, const struct job *job, u
     memcpy(d->name, job->name, sizeof d->name);
     memcpy(d->scene_name, job->scene_name, sizeof d->scene_name);
     memcpy(d->kernel, job->kernel, sizeof d->kernel);
+    memcpy(d->source, job->source, sizeof d->source);
+    d->stop = job->stop;
     d->scene = job->scene;
     d->submitted_at = job->submitted_at;
     d->frame = number;

@@ -215,7 +215,7 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
     struct exr_channel channels[EXR_CHANNELS_MAX];
     struct exr_channels more = {.channels = channels, .lines = develop_lines, .user = d};
     char first[HEALTH_KINDS][HEALTH_TEXT_SIZE];
-    struct buffer measured = BUFFER_INIT;
+    struct buffer measured = BUFFER_INIT, command = BUFFER_INIT;
     uint64_t clamped = 0;
     struct exr_options options = {.half = d->output.exr_half, .clamped = &clamped};
     status s;
@@ -239,6 +239,8 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
     add_extras(&a, &d->settings, without);
     add_choices(&a, d);
     add_text(&a, "azulejo:kernel", d->kernel);
+    develop_command(d, &command);
+    add_text(&a, "azulejo:command", buffer_text(&command));
     if (d->described)
         add_point(&a, "azulejo:origin", d->description.origin);
     if (d->schedule.size > 0)
@@ -246,8 +248,9 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
     add_figures(&a, d, &text);
     add_work(&a, d, first);
     write_measured(d, &measured);
-    if (!buffer_ok(&measured)) {
+    if (!buffer_ok(&measured) || !buffer_ok(&command)) {
         buffer_release(&measured);
+        buffer_release(&command);
         return error_no_memory(err, "the picture's header");
     }
     add_text(&a, MEASURED_ATTRIBUTE, buffer_text(&measured));
@@ -257,6 +260,7 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
     options.more = &more;
     s = exr_encode(exr, &d->image, &options, err);
     buffer_release(&measured);
+    buffer_release(&command);
     if (s == STATUS_OK && clamped > 0)
         log_warn("job %" PRIu64 ", frame %u: %" PRIu64 " values were too large for half floats and "
                  "are 65504 in the EXR file",

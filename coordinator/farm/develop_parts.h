@@ -12,6 +12,8 @@
 struct development {
     uint64_t job;
     char name[JOB_NAME_MAX + 1], scene_name[JOB_NAME_MAX + 1], kernel[KERNEL_NAME_MAX + 1];
+    char source[JOB_SOURCE_MAX + 1];
+    struct stop_rules stop;
     struct digest scene;
     int64_t submitted_at;
     uint32_t frame, first_frame, window_begin;
@@ -51,6 +53,8 @@ status development_describe(struct development *d, const struct store *store, st
 /* The effects that the frame needs by its description: the same on every farm, and after a
  * restart. */
 uint64_t development_effects(const struct development *d);
+/* The command that renders the frame again, in the folder of its scene. */
+void develop_command(const struct development *d, struct buffer *out);
 double development_mean_samples(const struct development *d); /* of a pixel */
 int development_is_full(const struct development *d);  /* every pixel has all samples */
 int development_is_whole(const struct development *d); /* it ended by its rules, not by a limit or a

@@ -47,6 +47,7 @@ enum {
     JOB_NAME_MAX = 255,
     JOB_TEXT_MAX = 511,
     JOB_TOKEN_MAX = 64,
+    JOB_SOURCE_MAX = 1023,
     KERNEL_NAME_MAX = 127,
     RELEASE_NAME_MAX = 31,
     SCENE_BYTES_MAX = 1 << 30, /* of a packed scene */
@@ -112,6 +113,8 @@ struct job {
     struct output_settings output;
     struct digest scene;
     char scene_name[JOB_NAME_MAX + 1];
+    char source[JOB_SOURCE_MAX + 1];   /* the scene's file and how it was imported, as words of a shell; "": not
+                                          told */
     char token[JOB_TOKEN_MAX + 1];     /* of the submission; "": none. No two jobs have the same */
 
     char kernel[KERNEL_NAME_MAX + 1];  /* of the workers that got units; "": none yet */

@@ -289,6 +289,8 @@ status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32
     job->stop = stop;
     message_text(job->name, sizeof job->name, in->name);
     memcpy(job->token, token, sizeof job->token);
+    if (strlen(in->source) <= JOB_SOURCE_MAX)
+        message_text(job->source, sizeof job->source, in->source);
     job->priority = in->priority;
     job->settings = settings;
     job->output = output;
@@ -334,6 +336,7 @@ status wire_job_pack(const struct job *job, struct buffer *out, struct error *er
     message.last_frame = job->last_frame;
     message.priority = job->priority;
     message.token = (char *)job->token;
+    message.source = (char *)job->source;
     space = buffer_append_space(out, azulejo__wire__job_submit__get_packed_size(&message));
     if (space)
         azulejo__wire__job_submit__pack(&message, space);
@@ -383,6 +386,7 @@ status wire_job_estimated(const struct job *estimate, const struct job *job, int
     other.frames_resting_count = estimate->frames_resting_count;
     memcpy(other.name, estimate->name, sizeof other.name);
     memcpy(other.token, estimate->token, sizeof other.token);
+    memcpy(other.source, estimate->source, sizeof other.source);
     *same = 0;
     if (job->first_frame != estimate->first_frame || job->last_frame != estimate->last_frame ||
         job->settings.spp < estimate->settings.spp)
@@ -396,6 +400,7 @@ status wire_job_same(const struct job *a, const struct job *b, int *same, struct
 
     other.output = a->output;
     other.priority = a->priority;
+    memcpy(other.source, a->source, sizeof other.source);
     return same_packed(a, &other, same, err);
 }
 

@@ -281,6 +281,7 @@ status server_run(const struct server_options *options, struct error *err)
             close_handles(server);
         }
         uv_run(&server->loop, UV_RUN_DEFAULT);
+        render_requests_release(server);
         farm_release(&server->farm, clock_monotonic_ns());
     } else {
         uv_close((uv_handle_t *)&server->listener, NULL);

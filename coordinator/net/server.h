@@ -14,6 +14,7 @@
 #include "coordinator/net/descriptors.h"
 #include "coordinator/net/door.h"
 #include "coordinator/farm/farm.h"
+#include "coordinator/net/render_requests.h"
 #include "coordinator/net/session.h"
 #include "protocol/key.h"
 
@@ -56,6 +57,7 @@ struct server {
     struct session *sessions, *by_id[SESSION_BUCKETS];
     struct descriptors descriptors;
     uint32_t session_count, last_session;
+    struct render_requests requests;
     uint64_t fingerprint;      /* our own arithmetic */
     int commit_running;
     uint32_t tasks;            /* in the thread pool (task.h) */

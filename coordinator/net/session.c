@@ -296,6 +296,9 @@ static int worker_message(struct session *session, const Azulejo__Wire__Envelope
     case AZULEJO__WIRE__ENVELOPE__BODY_TILE_RESULT:
         take_result(session, message->tile_result, now_ns);
         return 1;
+    case AZULEJO__WIRE__ENVELOPE__BODY_RENDER_RESULT:
+        render_request_answer(session, message);
+        return 1;
     case AZULEJO__WIRE__ENVELOPE__BODY_JOB_BROKEN:
         take_broken(session, message->job_broken, now_ns);
         return 1;
@@ -330,6 +333,8 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
     case AZULEJO__WIRE__ENVELOPE__BODY_FAILURE:
         log_warn("session %u (%s) reports: %s", session->id, session->host,
                  message_text(text, sizeof text, message->failure->text));
+        if (session->worker && message->request)
+            render_request_answer(session, message);
         return;
     default:
         break;
@@ -379,6 +384,7 @@ static void on_close(struct channel *channel, const struct error *why, void *use
         upload_free(session->uploads[i]);
     transfers_release(&session->transfers);
     session_table_remove(server, session);
+    render_requests_session_gone(server, session->id);
     mem_free(session);
 }
 

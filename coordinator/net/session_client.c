@@ -282,6 +282,7 @@ static const struct {
     {BODY(WORKER_QUERY), CLIENTS, list_workers},
     {BODY(OUTPUT_GET), CLIENTS, session_output_get},
     {BODY(HISTORY_GET), CLIENTS, session_history_get},
+    {BODY(RENDER_REQUEST), CLIENTS, render_request_begin},
 #undef BODY
 };
 

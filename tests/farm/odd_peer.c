@@ -16,6 +16,8 @@
  *   broken                    a JobBroken for the last grant
  *   query JOB, cancel JOB, workers, heartbeat
  *   submit DIGEST             a JobSubmit of the scene of that digest (64 hex digits)
+ *   render KEY=VALUE...       a RenderRequest: job, frame, and tile, group, pass, or x, y, first, count, path
+ *   rendered REQUEST BYTES    a RenderResult for that request with so many bytes of samples
  *   raw HEX                   these bytes in the TLS stream;  tcp HEX: beside it
  *   mute                      no more heartbeats of our own
  *   welcome [version=N]       as coordinator: a Welcome
@@ -318,6 +320,43 @@ static void ask(struct peer *p, const char *what, const char *argument)
     send_message(p, &e);
 }
 
+static void say_render(struct peer *p, char *const words[], int count)
+{
+    Azulejo__Wire__RenderRequest request = AZULEJO__WIRE__RENDER_REQUEST__INIT;
+    Azulejo__Wire__PixelSamples pixel = AZULEJO__WIRE__PIXEL_SAMPLES__INIT;
+    Azulejo__Wire__WorkUnit unit = AZULEJO__WIRE__WORK_UNIT__INIT;
+    Azulejo__Wire__Envelope e = MESSAGE(RENDER_REQUEST, render_request, &request);
+
+    request.job = number_of(words, count, "job", 1);
+    request.frame = (uint32_t)number_of(words, count, "frame", 1);
+    unit.tile = (uint32_t)number_of(words, count, "tile", 0);
+    unit.group = (uint32_t)number_of(words, count, "group", 0);
+    unit.pass = (uint32_t)number_of(words, count, "pass", 0);
+    pixel.x = (uint32_t)number_of(words, count, "x", 0);
+    pixel.y = (uint32_t)number_of(words, count, "y", 0);
+    pixel.first = (uint32_t)number_of(words, count, "first", 0);
+    pixel.count = (uint32_t)number_of(words, count, "count", 1);
+    pixel.path = number_of(words, count, "path", 0) != 0;
+    if (value_of(words, count, "tile"))
+        request.unit = &unit;
+    if (value_of(words, count, "x"))
+        request.pixel = &pixel;
+    e.request = 5;
+    send_message(p, &e);
+}
+
+static void say_rendered(struct peer *p, const char *request, const char *size)
+{
+    static uint8_t bytes[LINE_SIZE];
+    Azulejo__Wire__RenderResult result = AZULEJO__WIRE__RENDER_RESULT__INIT;
+    Azulejo__Wire__Envelope e = MESSAGE(RENDER_RESULT, render_result, &result);
+
+    result.added.data = bytes;
+    result.added.len = strtoul(size, NULL, 0) % sizeof bytes;
+    e.request = strtoull(request, NULL, 0);
+    send_message(p, &e);
+}
+
 static void obey(struct peer *p, char *line)
 {
     static uint8_t bytes[LINE_SIZE / 2];
@@ -339,6 +378,10 @@ static void obey(struct peer *p, char *line)
         say_broken(p);
     } else if (strcmp(words[0], "submit") == 0 && count == 2) {
         submit(p, words[1]);
+    } else if (strcmp(words[0], "render") == 0) {
+        say_render(p, words, count);
+    } else if (strcmp(words[0], "rendered") == 0 && count == 3) {
+        say_rendered(p, words[1], words[2]);
     } else if (strcmp(words[0], "raw") == 0 && count == 2) {
         send_plain(p, bytes, parse_hex(words[1], bytes));
     } else if (strcmp(words[0], "tcp") == 0 && count == 2) {
@@ -413,6 +456,17 @@ static void print_message(struct peer *p, const Azulejo__Wire__Envelope *m)
             printf("%s%u:%u:%u", i ? "," : "", m->result_ack->units[i]->tile,
                    m->result_ack->units[i]->group, m->result_ack->units[i]->pass);
         printf("\n");
+        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_RENDER_REQUEST:
+        printf("asked %" PRIu64 "\n", m->request);
+        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_RENDER_RESULT:
+        printf("rendered digest=");
+        for (size_t i = 0; i < m->render_result->digest.len; i++)
+            printf("%02x", m->render_result->digest.data[i]);
+        printf(" samples=%" PRIu64 " bytes=%zu worker=%s\n",
+               m->render_result->work ? m->render_result->work->samples : 0, m->render_result->added.len,
+               message_text(text, sizeof text, m->render_result->worker));
         break;
     case AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST:
         printf("jobs %zu\n", m->job_list->n_jobs);

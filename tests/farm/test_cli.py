@@ -19,7 +19,7 @@ from odd import Proxy
 
 tests = Tests()
 COMMANDS = ["render", "estimate", "import", "effects", "accuracy", "submit", "list", "show", "watch", "fetch",
-            "develop", "cancel", "resume", "extend", "workers", "keygen", "tonemap", "compare"]
+            "develop", "cancel", "resume", "extend", "workers", "keygen", "tonemap", "compare", "debug-pixel"]
 SMALL = ["--size", "32x32", "--spp", "4", "--max-depth", "3"]
 
 
@@ -64,7 +64,7 @@ def help_everywhere():
             expect(text.err == "", text)
             expect(farm.cli(command, "-h", expect=0, connect=False).out == text.out, text)
         expect(re.match(r"azulejo \d+\.\d+\.\d+(-dev)?\n$", farm.cli("--version", expect=0).out), "version")
-        listed = re.findall(r"^  ([a-z]+)  ", overview, re.M)
+        listed = re.findall(r"^  ([a-z-]+)  ", overview, re.M)
         expect(sorted(listed) == sorted(COMMANDS), "a command is not tested: %s" % listed)
 
 

@@ -536,6 +536,37 @@ static void test_unpack_damaged(void **state)
     message_free(out);
 }
 
+/* An audit compares it with that of a TileResult's bytes. */
+static void test_unit_digest(void **state)
+{
+    const float sums[] = {1, 2.5f, -0.0f, 3e38f};
+    struct unit_result unit = {.tile = 3, .group = 1, .pass = 2, .sums = sums, .count = 4};
+    uint8_t bytes[1024], tail[WIRE_TAIL_BYTES_MAX];
+    struct digest got, expected;
+    struct wire_work wire;
+    size_t size = sizeof sums, more;
+
+    (void)state;
+    tail_add(&unit.tail, 7, 11);
+    tail_add(&unit.tail, 9, 12);
+    unit.work.samples = 512;
+    unit.work.rays = 77;
+    unit.work.health.count[HEALTH_LOST_BODIES] = 2;
+    unit.work.health.first[HEALTH_LOST_BODIES] = health_key((struct health_place){1, 2, 3, 4});
+    memcpy(bytes, sums, size);
+    more = wire_tail_set(tail, &unit.tail);
+    assert_int_equal(more, 2 * WIRE_TAIL_ENTRY_BYTES);
+    memcpy(bytes + size, tail, more);
+    size += more;
+    size += azulejo__wire__work__pack(wire_work_set(&wire, &unit.work), bytes + size);
+    assert_int_equal(digest_of(&expected, bytes, size), STATUS_OK);
+    assert_int_equal(wire_unit_digest(&got, &unit, NULL), STATUS_OK);
+    assert_true(digest_equal(&got, &expected));
+    unit.work.health.count[HEALTH_LOST_BODIES]++;
+    assert_int_equal(wire_unit_digest(&got, &unit, NULL), STATUS_OK);
+    assert_false(digest_equal(&got, &expected));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -554,6 +585,7 @@ int main(void)
         cmocka_unit_test(test_hello_and_welcome),
         cmocka_unit_test(test_unpacking_has_a_budget),
         cmocka_unit_test(test_unpack_damaged),
+        cmocka_unit_test(test_unit_digest),
     };
     return cmocka_run_group_tests_name("message", tests, NULL, NULL);
 }

@@ -51,7 +51,7 @@ static inline void fault_begin(uint32_t x, uint32_t y, uint32_t sample)
 
 #else
 
-#define FAULT_BEGIN(x, y, sample) ((void)0)
+#define FAULT_BEGIN(x, y, sample) ((void)(x), (void)(y), (void)(sample))
 #define FAULT(NAME) 0
 
 #endif

@@ -4,6 +4,7 @@
 #include "worker/render/bsdf/layering.h"
 #include "worker/render/base/health_scope.h"
 #include "worker/render/base/profile_scope.h"
+#include "worker/render/path/record_hooks.h"
 
 /* Expansions of a row of the table. */
 #define ACCOUNT(condition, then, otherwise) \
@@ -185,6 +186,7 @@ static inline enum lobe_result lobes_sample(const struct bsdf *b, struct vec3 wo
         if (u_lobe < after || b->lobes < 2 * LOBE_BIT(name)) { /* or it is the last */       \
             float w = (u_lobe - before) / b->lobe_pdf[BSDF_LOBE_##name];                     \
             enum lobe_result result;                                                         \
+            RECORD(recorded->lobe = #name);                                                  \
             profile_account(account);                                                             \
             result = prefix##_sample(b, wo, clamp_to(w, 0, ONE_MINUS_EPSILON), u, v, out);   \
             /* Nothing lies above a coat's own mirror.  */                                  \
@@ -204,6 +206,7 @@ static inline int metal_sample(const struct bsdf *b, struct vec3 wo, float u, fl
 {
     float cos_h, shadowing;
 
+    RECORD(recorded->lobe = "REFLECTION");
     out->wi = reflect_about(wo, ggx_sample_visible(wo, b->base.shape.y, b->base.shape.y, u, v));
     if (!(out->wi.z > 0.0f))
         return health_direction(out->wi);
@@ -248,6 +251,7 @@ int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, flo
     out->eta_scale = 1.0f;
     profile_account(b->account);
     if (b->kind == BSDF_KIND_LAMBERT) {
+        RECORD(recorded->lobe = "DIFFUSE");
         out->wi = cosine_hemisphere(u, v);
         out->pdf = out->wi.z * INV_PI_F;
         out->weight = b->material.base_color;

@@ -2,6 +2,7 @@
 #include "worker/render/base/profile_scope.h"
 #include "worker/render/base/has.h"
 #include "worker/render/light/emitters.h"
+#include "worker/render/path/record_hooks.h"
 #include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
 
@@ -16,6 +17,7 @@ static inline int emitters_sample_light(const struct render_scene *scene, int ki
     case LIGHT_##KIND:                                                                    \
         if (!HAS(EFFECT))                                                                 \
             return 0;                                                                     \
+        RECORD(record_light_kind(scene, LIGHT_##KIND, #KIND, light));                     \
         profile_account(ACTIVE(scene, ACCOUNT) ? PROFILE_ACCOUNT(ACCOUNT) : PROFILE_ACCOUNT(EFFECT));      \
         return prefix##_sample(scene, light, context, u, v, out);
         LIGHT_KINDS(LIGHT_CASE)

@@ -15,6 +15,11 @@ typedef size_t tile_render_function(const struct render_scene *scene, uint32_t f
                                     uint32_t tile, uint32_t group, uint32_t pass, float *sums,
                                     struct tail *tail, struct render_stats *stats);
 
+/* Sample `number` of a pixel: what it adds to the pixel's sum. *radiance, if given, is that before guards. */
+typedef struct vec3 sample_render_function(const struct render_scene *scene, uint32_t frame,
+                                           uint32_t x, uint32_t y, uint32_t number,
+                                           struct vec3 *radiance, struct render_stats *stats);
+
 struct kernel {
     const char *name;
     uint64_t effects;
@@ -33,5 +38,9 @@ extern int kernel_measures_trace;
 /* tile.c and what it includes, compiled on its own: it covers every effect, like the general
  * kernel. */
 tile_render_function tile_render;
+
+/* The general kernel with hooks (kernels/recording.c), which is not in the table. */
+extern const struct kernel kernel_recording;
+sample_render_function sample_render_recording;
 
 #endif

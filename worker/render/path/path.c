@@ -44,6 +44,9 @@ static inline void path_examine(const struct path *path)
 {
     const struct vec3 t = path->throughput;
 
+    if (path->boundaries_passed > INDEX_MATCHED_MAX)
+        RECORD_END(BOUNDARIES);
+    RECORD_END(BLACK);
     if (!(t.x + t.y + t.z < INFINITY))
         health_note(HEALTH_BAD_THROUGHPUTS);
     if (!(vec3_length_squared(path->ray.direction) > 0.5f)) /* of no number a normalised vector is 0 */
@@ -115,8 +118,10 @@ static int path_bsdf(struct path *path, struct path_vertex *v)
     if (FAULT(NAN_BASIS))
         v->s.basis.n.x = NAN;
     v->wo = basis_to_local(&v->s.basis, vec3_neg(path->ray.direction));
-    if (!(v->wo.z > 0))
+    if (!(v->wo.z > 0)) {
+        RECORD_END(BEHIND);
         return path_vertex_fails(&v->s.basis);
+    }
     PROFILE_STAGE(SCATTER);
     bsdf_init(&v->bsdf, &v->params, v->wo);
     return 1;
@@ -137,15 +142,20 @@ static int path_scatter(struct path *path, const struct path_vertex *v, float u_
 {
     const struct path_features f = path_features_of(path->scene);
 
-    if (!sample_bsdf(path, v, u_lobe, sample))
+    if (!sample_bsdf(path, v, u_lobe, sample)) {
+        RECORD_END(ABSORBED);
         return path_vertex_fails(&v->s.basis);
+    }
     if (FAULT(NAN_DIRECTION))
         sample->wi.x = NAN;
     if (FAULT(NAN_THROUGHPUT))
         sample->weight.x = NAN;
     path->ray.direction = vec3_normalize(basis_to_world(&v->s.basis, sample->wi));
-    if (!path_keeps_side(&v->s, path->ray.direction, sample->wi))
+    RECORD(record_direction(path, sample->weight, sample->pdf, sample->flags & BSDF_DELTA));
+    if (!path_keeps_side(&v->s, path->ray.direction, sample->wi)) {
+        RECORD_END(SIDE);
         return 0;
+    }
     path->throughput = vec3_mul(path->throughput, sample->weight);
     /* Reflection takes the wavelength's colour too: its share depends on the index of refraction.
      * */
@@ -184,8 +194,11 @@ PATH_FUNCTION int russian_roulette(struct path *path, float u)
     survival = path_left(path);
     if (survival < 1) {
         survival = at_least_survival(survival);
-        if (!(u < survival))
+        RECORD(recorded->survival = survival);
+        if (!(u < survival)) {
+            RECORD_END(ROULETTE);
             return 0;
+        }
         path->throughput = vec3_scale(path->throughput, 1 / survival);
     }
     return 1;
@@ -237,6 +250,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
         struct sample2 u;
         int met = path_intersect(&path, &v), ends;
 
+        RECORD_BEGIN(&path, met, &v);
         /* What lies between the vertices. */
         if (f.media && !path.at_next) {
             enum medium_outcome outcome = path_medium(&path, met ? v.s.t : INFINITY, v.dimension,
@@ -248,6 +262,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
         }
         if (!met) {
             path_add(&path, path_escaped(&path), &radiance);
+            RECORD_END(ESCAPED);
             break;
         }
         if (f.absorption && !path.at_next)
@@ -259,15 +274,21 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
 
         /* Emission. */
         stats->vertices++;
+        RECORD(record_surface(&path, &v));
         if (v.s.material->flags & (MATERIAL_TEXTURED | MATERIAL_NORMAL_MAP))
             v.s.footprint = (path.cone.width + v.s.t * path.cone.spread) / sqrtf(v.s.area);
         path_add(&path, path_emitted(&path, &v.s), &radiance);
         ends = path.depth >= scene->settings.max_depth || path_is_unlit(&path, &v.s);
+        if (path_is_unlit(&path, &v.s))
+            RECORD_END(UNLIT);
+        else if (ends)
+            RECORD_END(DEPTH);
         if (ends && !record)
             break;
 
         /* Scattering: next-event estimation, and a direction for the next ray. */
         path_shade(&path, &v, record);
+        RECORD(recorded->ns = v.s.basis.n);
         if (ends || !path_bsdf(&path, &v))
             break;
         if (v.bsdf.has_smooth && scene->emitters.count > 0)

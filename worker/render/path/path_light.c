@@ -49,8 +49,11 @@ static int sample_light(const struct path *path, const struct light_context *con
     struct sample2 point = sampler_get(path->sampler, dimension + VERTEX_LIGHT_POINT);
 
     PROFILE_STAGE(LIGHT);
-    return emitters_sample(path->scene, context, point.u, point.v, light) &&
-           !vec3_is_black(light->radiance);
+    RECORD(recorded->light.asked = 1, recorded->adding = RECORD_FROM_LIGHT);
+    if (!emitters_sample(path->scene, context, point.u, point.v, light))
+        return 0;
+    RECORD(record_light_found(light));
+    return !vec3_is_black(light->radiance);
 }
 
 /* Contribution of the sampled light. The vertex scatters `value` of it; BSDF or phase sampling
@@ -64,6 +67,7 @@ static struct vec3 weigh_light(const struct light_sample *light, struct vec3 val
         return vec3_splat(0);
     }
     value = vec3_mul(value, vec3_scale(light->radiance, weight));
+    RECORD(recorded->light.weight = light->delta ? 1 : power_heuristic(light->pdf, pdf));
     return light->delta ? value : vec3_scale(value, power_heuristic(light->pdf, pdf));
 }
 
@@ -112,11 +116,13 @@ PATH_FUNCTION struct vec3 path_direct_surface(struct path *path, const struct pa
     if (path_meets_coincident(path, &v->crossing, wi))
         return black;
     value = eval_bsdf(v, wi, &pdf);
+    RECORD(recorded->light.scatter = value, recorded->light.scatter_pdf = pdf);
     if (vec3_is_black(value))
         return black;
     surface_leave(s, light.direction, &ray);
     end_at_light(&light, &ray);
     visible = visibility_from(path, v, wi, &ray);
+    RECORD(recorded->light.traced = 1, recorded->light.visible = visible);
     if (vec3_is_black(visible))
         return black;
     if (f.dispersion && path_disperses_at(path, s))
@@ -132,6 +138,7 @@ PATH_FUNCTION struct vec3 path_direct_medium(struct path *path, const struct wor
     const struct light_context context = {path->ray.origin, {0, 0, 0}, path->ray.time};
     struct ray ray = path->ray;
     struct light_sample light;
+    struct vec3 visible;
     float pdf;
 
     if (!sample_light(path, &context, dimension, &light))
@@ -139,7 +146,10 @@ PATH_FUNCTION struct vec3 path_direct_medium(struct path *path, const struct wor
     ray.direction = light.direction;
     end_at_light(&light, &ray);
     pdf = medium_phase(medium, vec3_dot(direction, light.direction));
-    return weigh_light(&light, vec3_scale(path_visibility(path, &ray), pdf), pdf);
+    RECORD(recorded->light.scatter = vec3_splat(pdf), recorded->light.scatter_pdf = pdf);
+    visible = path_visibility(path, &ray);
+    RECORD(recorded->light.traced = 1, recorded->light.visible = visible);
+    return weigh_light(&light, vec3_scale(visible, pdf), pdf);
 }
 
 /* ---- light that the path's own ray meets ----------------------------------------------------- */
@@ -158,6 +168,7 @@ PATH_FUNCTION struct vec3 path_escaped(const struct path *path)
     struct vec3 radiance;
     float light_pdf;
 
+    RECORD(recorded->adding = RECORD_FROM_PATH);
     if (!path_features_of(scene).environment || !scene->environment || is_unwanted_caustic(path))
         return vec3_splat(0);
     PROFILE_STAGE_EFFECT(LIGHT, PROFILE_ACCOUNT(ENVIRONMENT));
@@ -166,6 +177,8 @@ PATH_FUNCTION struct vec3 path_escaped(const struct path *path)
     if (scene->emitters.environment.alone)
         return vec3_splat(0);
     radiance = emitters_environment(scene, &path->context, path->ray.direction, &light_pdf);
+    RECORD(recorded->met_pdf = light_pdf,
+           recorded->met_weight = power_heuristic(path->pdf, light_pdf));
     return vec3_scale(radiance, power_heuristic(path->pdf, light_pdf));
 }
 
@@ -193,6 +206,7 @@ PATH_FUNCTION struct vec3 path_emitted(const struct path *path, const struct sur
     float cosine, light_pdf;
     uint32_t face;
 
+    RECORD(recorded->adding = RECORD_FROM_PATH);
     if (path_is_unlit(path, s))
         return unlit_color(path, s);
     if (!(material->flags & MATERIAL_EMISSIVE) || (!s->front && !material->m.double_sided) ||
@@ -209,5 +223,7 @@ PATH_FUNCTION struct vec3 path_emitted(const struct path *path, const struct sur
     light_pdf = emitters_face_pdf(scene, &path->context, face,
                                   vec3_length_squared(vec3_sub(s->p, path->context.p)), cosine,
                                   s->area);
+    RECORD(recorded->met_pdf = light_pdf,
+           recorded->met_weight = power_heuristic(path->pdf, light_pdf));
     return vec3_scale(radiance, power_heuristic(path->pdf, light_pdf));
 }

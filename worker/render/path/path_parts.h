@@ -22,6 +22,7 @@
 #include "worker/render/surface/surface.h"
 #include "worker/render/world.h"
 #include "worker/render/surface/surface_shape.h"
+#include "worker/render/path/record_hooks.h"
 
 /* A kernel variant makes these functions static. */
 #ifndef PATH_FUNCTION
@@ -106,6 +107,7 @@ struct path_vertex {
 /* Add the light `source` at the path's end, times the throughput, to the radiance at its start. */
 static inline void path_add(const struct path *path, struct vec3 source, struct vec3 *radiance)
 {
+    RECORD(recorded->added[recorded->adding] = vec3_mul(path->throughput, source));
     *radiance = vec3_add(*radiance, vec3_mul(path->throughput, source));
 }
 
@@ -190,5 +192,7 @@ static inline int path_meets_coincident(const struct path *path, const struct cr
     return path_features_of(path->scene).coincident && crossing->next_side &&
            (wi.z > 0) == (crossing->next_side > 0);
 }
+
+#include "worker/render/path/record_path.h"
 
 #endif

@@ -89,14 +89,18 @@ static int scatter_in_medium(struct path *path, const struct world_medium *mediu
     struct vec3 before = path->ray.direction;
 
     path->stats->vertices++;
-    if (path->depth >= path->scene->settings.max_depth)
+    RECORD(record_in_medium(path, distance));
+    if (path->depth >= path->scene->settings.max_depth) {
+        RECORD_END(MEDIUM_DEPTH);
         return 0;
+    }
     ray_advance(&path->ray, distance);
     if (path->scene->emitters.count > 0)
         path_add(path, path_direct_medium(path, medium, before, dimension), radiance);
     PROFILE_STAGE(MEDIUM);
     path->ray.direction = medium_phase_sample(medium, before, u.u, u.v);
     path->pdf = medium_phase(medium, vec3_dot(before, path->ray.direction));
+    RECORD(recorded->lobe = "PHASE", record_direction(path, vec3_splat(1), path->pdf, 0));
     path->specular = 0;
     path->any_diffuse = 1;
     path_widen(path, distance);
@@ -119,11 +123,15 @@ PATH_FUNCTION enum medium_outcome path_medium(struct path *path, float t, uint32
     medium = interior_medium(path->scene, &path->interior, &is_fog);
     if (!medium)
         return MEDIUM_PASSED;
+    RECORD(recorded->medium = record_medium(path, medium));
     sample_medium(path, medium, is_fog, t, dimension, key, &event);
     path_add(path, event.emitted, radiance);
     path->throughput = vec3_mul(path->throughput, event.weight);
-    if (vec3_is_black(path->throughput))
+    RECORD(recorded->throughput = path->throughput);
+    if (vec3_is_black(path->throughput)) {
+        RECORD(record_in_medium(path, t));
         return MEDIUM_ENDED;
+    }
     if (!event.scattered)
         return MEDIUM_PASSED;
     return scatter_in_medium(path, medium, event.distance, dimension, radiance) ? MEDIUM_SCATTERED
@@ -230,6 +238,7 @@ PATH_FUNCTION int path_boundary(struct path *path, struct path_vertex *v)
         return 1;
     if (path->boundaries_passed++ == INDEX_MATCHED_MAX)
         health_note(HEALTH_GUARDED_PATHS);
+    RECORD(record_surface(path, v), recorded->kind = RECORD_BOUNDARY);
     path->interior = v->crossing.beyond;
     path->cone.width += v->s.t * path->cone.spread;
     surface_leave(&v->s, path->ray.direction, &path->ray);

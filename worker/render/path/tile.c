@@ -9,6 +9,7 @@
 #include "worker/render/base/health_scope.h"
 #include "worker/render/base/profile_scope.h"
 #include "worker/render/camera/view.h"
+#include "worker/render/path/record_hooks.h"
 #include "worker/render/world.h"
 
 enum { TILE_BATCH = 8 };
@@ -151,6 +152,26 @@ static __attribute__((cold, noinline)) int tile_keeps(const struct render_scene 
     return finite;
 }
 
+/* The radiance of one sample, which may be no number. */
+static inline __attribute__((always_inline)) struct vec3
+tile_trace(const struct render_scene *scene, uint32_t x, uint32_t y, uint32_t number,
+           const struct sampler *sampler, const struct ray *ray, struct camera_cone cone,
+           struct path_record *record, struct render_stats *stats)
+{
+    struct vec3 radiance;
+
+    FAULT_BEGIN(x, y, number);
+    radiance = path_radiance(scene, sampler, ray, cone, record, stats);
+    stats->samples++;
+    PROFILE_STAGE(REST);
+    if (FAULT(NAN_RADIANCE))
+        radiance.y = NAN;
+    if (FAULT(NEGATIVE_RADIANCE))
+        radiance.z = -1;
+    if (FAULT(HUGE_RADIANCE))
+        radiance.x = FLT_MAX;
+    return radiance;
+}
 
 /* Start several of a pixel's samples together. Each one's arithmetic is a chain of dependent steps;
  * the processor overlaps independent chains. */
@@ -198,17 +219,8 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                 }
                 if (extra)
                     memset(&record, 0, sizeof record);
-                FAULT_BEGIN(x, y, i * GROUPS + group);
-                radiance = path_radiance(scene, &samplers[at], &rays[at], cone,
-                                         extra ? &record : NULL, stats);
-                stats->samples++;
-                PROFILE_STAGE(REST);
-                if (FAULT(NAN_RADIANCE))
-                    radiance.y = NAN;
-                if (FAULT(NEGATIVE_RADIANCE))
-                    radiance.z = -1;
-                if (FAULT(HUGE_RADIANCE))
-                    radiance.x = FLT_MAX;
+                radiance = tile_trace(scene, x, y, i * GROUPS + group, &samplers[at], &rays[at],
+                                      cone, extra ? &record : NULL, stats);
                 if (extra && FAULT(NAN_AOV))
                     record.normal.x = NAN;
                 if (extra)
@@ -246,3 +258,43 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
     health_scope.count = NULL;
     return aov_base + extra * pixels;
 }
+
+#if KERNEL_RECORDS
+/* The pass that sample i of a group is in. */
+static uint32_t pass_with(uint32_t i)
+{
+    uint32_t pass = 0;
+
+    while (pass_boundary(pass) <= i)
+        pass++;
+    return pass;
+}
+
+struct vec3 sample_render(const struct render_scene *scene, uint32_t frame, uint32_t x, uint32_t y,
+                          uint32_t number, struct vec3 *radiance, struct render_stats *stats)
+{
+    const uint32_t tile = y / TILE_SIZE * tiles_across(scene->settings.width) + x / TILE_SIZE;
+    const struct tile_rect rect = tile_rect_of(scene->settings.width, scene->settings.height, tile);
+    const uint32_t group = number % GROUPS, i = number / GROUPS;
+    const struct health_place place = {pass_with(i), tile,
+                                       (y - rect.y) * rect.width + x - rect.x, number};
+    const float limit = scene->settings.clamp;
+    struct sampler sampler;
+    struct vec3 added;
+    struct ray ray;
+
+    health_scope = (struct health_scope){stats->health.count, 0};
+    tile_start(scene, frame, x, y, group, i, 1, &sampler, &ray);
+    added = tile_trace(scene, x, y, number, &sampler, &ray, camera_cone(&scene->camera), NULL, stats);
+    if (radiance)
+        *radiance = added;
+    /* As in tile_render, where a function of both would cost each sample a few instructions. */
+    if ((health_scope.noted || !tile_is_sound(added)) && !tile_keeps(scene, added, place, stats))
+        added = vec3_splat(0);
+    if (limit > 0 && vec3_max(added) > limit)
+        added = tile_clamped(added, limit, stats);
+    PROFILE_IDLE();
+    health_scope.count = NULL;
+    return added;
+}
+#endif

@@ -1,0 +1,41 @@
+/* render_requests: clients' RenderRequests on their way to workers and back.
+ *
+ *   begun --a worker that can--> out --RenderResult or Failure--> answered (freed)
+ *             ^                   |--its worker is gone: to another, at most RENDER_TRIES_MAX times
+ *             |--------------------/  \--its client is gone--> freed
+ *
+ * A request goes to the worker with the least to do among those that may render its job. It holds a copy of
+ * the message, because its first worker may be lost. One thread.
+ */
+#ifndef AZULEJO_COORDINATOR_RENDER_REQUESTS_H
+#define AZULEJO_COORDINATOR_RENDER_REQUESTS_H
+
+#include <stdint.h>
+
+#include "coordinator/net/session_messages.h"
+#include "protocol/azulejo.pb-c.h"
+
+enum {
+    RENDER_REQUESTS_MAX = 1024,
+    RENDER_REQUESTS_PER_WORKER = 32,
+    RENDER_TRIES_MAX = 3,
+};
+
+struct server;
+struct render_request;
+
+struct render_requests {
+    struct render_request *first;
+    uint64_t last;               /* number given to a worker */
+    uint32_t count;
+};
+
+/* A client's RenderRequest (a handler of session_messages.h). */
+session_handler render_request_begin;
+/* A worker's answer; of a request whose client is gone it is ignored. */
+void render_request_answer(struct session *worker, const Azulejo__Wire__Envelope *message);
+/* The session has left the table. */
+void render_requests_session_gone(struct server *server, uint32_t session);
+void render_requests_release(struct server *server);
+
+#endif

@@ -1,0 +1,318 @@
+#include "worker/requests.h"
+
+#include <string.h>
+
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "protocol/message.h"
+#include "worker/path_message.h"
+#include "worker/render/record.h"
+
+struct request {
+    struct pool_task task; /* first: a task is its request */
+    struct request *next;
+    struct requests *owner;
+    uint64_t number;       /* the envelope's */
+    int forgotten;         /* the connection that asked is lost */
+    int started;           /* it was given to the pool */
+    struct scene_slot *slot;
+    struct digest scene_digest;
+    struct render_settings settings;
+    uint32_t frame;
+    int is_unit, wants_path;
+    uint32_t tile, group, pass;
+    uint32_t x, y, first, count;
+
+    /* The result, the pool's until the task is done. */
+    struct error error;
+    struct render_stats stats;
+    struct digest digest;
+    struct tail tail;
+    struct sample_record *record;
+    struct scene scene;    /* for its names */
+    int has_scene;
+    float *floats;         /* a unit's sums, or what the samples add [count][3] */
+    size_t float_count;
+};
+
+/* ---- in a pool thread ------------------------------------------------------------------------- */
+
+static struct unit_work work_of(const struct render_stats *stats)
+{
+    return (struct unit_work){.samples = stats->samples, .rays = stats->rays,
+                              .vertices = stats->vertices, .leaked_rays = stats->leaked_rays,
+                              .health = stats->health, .clamped_samples = stats->clamped_samples,
+                              .clamped_luminance = stats->clamped_luminance,
+                              .kept_luminance = stats->kept_luminance};
+}
+
+static status render_unit(struct request *q, const struct render_scene *scene)
+{
+    struct unit_result unit;
+
+    q->floats = mem_alloc_array(TILE_FLOATS_MAX, sizeof *q->floats);
+    if (!q->floats)
+        return error_no_memory(&q->error, "a unit");
+    q->float_count = render_tile(scene, q->frame, q->tile, q->group, q->pass, q->floats, &q->tail,
+                                 &q->stats);
+    unit = (struct unit_result){q->tile, q->group, q->pass, q->floats, q->float_count, q->tail,
+                                work_of(&q->stats)};
+    return wire_unit_digest(&q->digest, &unit, &q->error);
+}
+
+/* The scene's names. Without them (its file has left the cache) the path is told by numbers. */
+static void read_names(struct request *q)
+{
+    struct cached_blob *blob;
+    struct error ignored = {0};
+
+    scene_init(&q->scene);
+    if (blob_cache_get(q->owner->blobs, &q->scene_digest, &blob, &ignored) != STATUS_OK)
+        return;
+    q->has_scene = scene_unpack(&q->scene, cached_blob_data(blob), cached_blob_size(blob),
+                                &ignored) == STATUS_OK;
+    if (!q->has_scene)
+        scene_release(&q->scene);
+    cached_blob_release(blob);
+}
+
+static status render_samples(struct request *q, const struct render_scene *scene)
+{
+    q->float_count = 3 * (size_t)q->count;
+    q->floats = mem_alloc_array(q->float_count, sizeof *q->floats);
+    if (q->wants_path)
+        q->record = mem_alloc(sizeof *q->record);
+    if (!q->floats || (q->wants_path && !q->record))
+        return error_no_memory(&q->error, "samples");
+    for (uint32_t i = 0; i < q->count; i++)
+        render_sample(scene, q->frame, q->x, q->y, q->first + i, q->floats + 3 * (size_t)i,
+                      q->record, &q->stats);
+    if (q->wants_path)
+        read_names(q);
+    return STATUS_OK;
+}
+
+static void request_run(struct pool_task *task)
+{
+    struct request *q = (struct request *)task;
+    const struct render_scene *scene = scene_slot_render(q->slot);
+
+    q->error.code = q->is_unit ? render_unit(q, scene) : render_samples(q, scene);
+}
+
+/* ---- in the loop's thread --------------------------------------------------------------------- */
+
+void requests_init(struct requests *r, struct pool *pool, struct scene_cache *scenes,
+                   struct blob_cache *blobs, uint32_t isa_mask)
+{
+    *r = (struct requests){.pool = pool, .scenes = scenes, .blobs = blobs, .isa_mask = isa_mask};
+}
+
+static void request_free(struct request *q)
+{
+    struct requests *r = q->owner;
+    struct request **at = &r->first;
+
+    while (*at && *at != q)
+        at = &(*at)->next;
+    if (*at) {
+        *at = q->next;
+        r->count--;
+    }
+    if (q->slot)
+        scene_slot_release(q->slot);
+    if (q->has_scene)
+        scene_release(&q->scene);
+    mem_free(q->record);
+    mem_free(q->floats);
+    mem_free(q);
+}
+
+void requests_release(struct requests *r)
+{
+    while (r->first)
+        request_free(r->first);
+}
+
+static void say_failure(const struct request *q, struct channel *channel, const struct error *why)
+{
+    log_warn("request %llu: %s", (unsigned long long)q->number, why->text);
+    if (channel && !q->forgotten)
+        (void)!message_send_failure(channel, q->number, why); /* fails only when the connection does */
+}
+
+static void request_start(struct request *q)
+{
+    q->started = 1;
+    q->task.run = request_run;
+    pool_push(q->owner->pool, &q->task, 1);
+}
+
+static status check_pixel(const struct request *q, struct error *err)
+{
+    const struct render_settings *s = &q->settings;
+
+    if (q->x >= s->width || q->y >= s->height)
+        return error_set(err, STATUS_ERR_INPUT, "pixel %u,%u is outside the picture of %ux%u", q->x,
+                         q->y, s->width, s->height);
+    if (q->count < 1 || q->count > PIXEL_SAMPLES_MAX || (q->wants_path && q->count > 1))
+        return error_set(err, STATUS_ERR_PROTOCOL, "%u samples at once: at most %d, or one with its path",
+                         q->count, PIXEL_SAMPLES_MAX);
+    if (q->first >= s->spp || q->count > s->spp - q->first)
+        return error_set(err, STATUS_ERR_INPUT, "sample %u: the pixel has samples 0 to %u",
+                         q->first + q->count - 1, s->spp - 1);
+    return STATUS_OK;
+}
+
+static status request_fill(struct request *q, const Azulejo__Wire__RenderRequest *m, struct error *err)
+{
+    status s = wire_digest_get(&q->scene_digest, &m->scene, "the scene", err);
+
+    if (s == STATUS_OK)
+        s = wire_settings_get(&q->settings, m->settings, UINT32_MAX, err);
+    if (s != STATUS_OK)
+        return s;
+    q->frame = m->frame;
+    if (!(q->owner->isa_mask >> q->settings.isa & 1))
+        return error_set(err, STATUS_ERR_UNSUPPORTED, "it needs %s, which this worker does not offer",
+                         isa_name(q->settings.isa));
+    if (!m->unit == !m->pixel)
+        return error_set(err, STATUS_ERR_PROTOCOL, "a RenderRequest names a unit or a pixel");
+    if (m->unit) {
+        q->is_unit = 1;
+        q->tile = m->unit->tile;
+        q->group = m->unit->group;
+        q->pass = m->unit->pass;
+        return wire_unit_check(q->tile, q->group, q->pass, &q->settings, err);
+    }
+    q->x = m->pixel->x;
+    q->y = m->pixel->y;
+    q->first = m->pixel->first;
+    q->count = m->pixel->count;
+    q->wants_path = m->pixel->path;
+    return check_pixel(q, err);
+}
+
+void requests_take(struct requests *r, uint64_t number, const Azulejo__Wire__RenderRequest *message,
+                   struct channel *channel)
+{
+    struct request *q = mem_calloc(1, sizeof *q);
+    struct error err = {0};
+    status s;
+
+    if (!q) {
+        error_no_memory(&err, "a request");
+        (void)!message_send_failure(channel, number, &err);
+        return;
+    }
+    q->owner = r;
+    q->number = number;
+    s = request_fill(q, message, &err);
+    if (s == STATUS_OK && r->count >= REQUESTS_HELD_MAX)
+        s = error_set(&err, STATUS_ERR_LIMIT, "more than %d requests at once", REQUESTS_HELD_MAX);
+    if (s == STATUS_OK)
+        s = scene_cache_acquire(r->scenes, &q->scene_digest, &q->settings, q->frame, &q->slot, &err);
+    if (s != STATUS_OK) {
+        err.code = s;
+        say_failure(q, channel, &err);
+        request_free(q);
+        return;
+    }
+    q->next = r->first;
+    r->first = q;
+    r->count++;
+    if (scene_slot_state(q->slot) == SCENE_READY)
+        request_start(q);
+}
+
+/* Its slot is READY or BROKEN. 0: there will be none for the request. */
+static int request_settle(struct request *q, struct error *why)
+{
+    if (scene_slot_state(q->slot) != SCENE_READY) {
+        *why = *scene_slot_error(q->slot);
+        return 0;
+    }
+    return scene_slot_shows(q->slot, q->frame) ||
+           scene_slot_change(&q->slot, q->frame, why) == STATUS_OK;
+}
+
+void requests_scene_settled(struct requests *r, struct scene_slot *slot, struct channel *channel)
+{
+    struct request *next;
+
+    for (struct request *q = r->first; q; q = next) {
+        struct error why = {0};
+        next = q->next;
+        if (q->slot != slot || q->started)
+            continue;
+        if (!request_settle(q, &why)) {
+            say_failure(q, channel, &why);
+            request_free(q);
+        } else if (scene_slot_state(q->slot) == SCENE_READY) {
+            request_start(q);
+        }
+    }
+}
+
+static void send_result(struct request *q, struct channel *channel)
+{
+    Azulejo__Wire__RenderResult result = AZULEJO__WIRE__RENDER_RESULT__INIT;
+    Azulejo__Wire__Envelope e = MESSAGE(RENDER_RESULT, render_result, &result);
+    const struct unit_work done = work_of(&q->stats);
+    struct path_message *path = NULL;
+    struct wire_work work;
+    struct error err = {0};
+
+    result.work = wire_work_set(&work, &done);
+    if (q->is_unit) {
+        wire_digest_set(&result.digest, &q->digest);
+    } else {
+        result.added.data = (uint8_t *)q->floats; /* little-endian, as message.c asserts */
+        result.added.len = q->float_count * sizeof *q->floats;
+    }
+    if (q->record) {
+        path = path_message_new(q->record, q->has_scene ? &q->scene : NULL);
+        if (!path) {
+            error_no_memory(&err, "a path");
+            say_failure(q, channel, &err);
+            return;
+        }
+        result.path = path_message_body(path);
+    }
+    e.request = q->number;
+    if (azulejo__wire__envelope__get_packed_size(&e) > CHANNEL_FRAME_MAX) {
+        error_set(&err, STATUS_ERR_LIMIT, "the path's %u vertices and their names are too much for "
+                  "one message", q->record ? q->record->count : 0);
+        say_failure(q, channel, &err);
+    } else {
+        (void)!channel_send(channel, &e); /* fails only when the connection does */
+    }
+    mem_free(path);
+}
+
+int requests_task_done(struct requests *r, struct pool_task *task, struct channel *channel)
+{
+    struct request *q = (struct request *)task;
+
+    (void)r;
+    if (task->run != request_run)
+        return 0;
+    if (q->error.code != STATUS_OK)
+        say_failure(q, channel, &q->error);
+    else if (channel && !q->forgotten)
+        send_result(q, channel);
+    request_free(q);
+    return 1;
+}
+
+void requests_forget(struct requests *r)
+{
+    struct request *next;
+
+    for (struct request *q = r->first; q; q = next) {
+        next = q->next;
+        q->forgotten = 1;
+        if (!q->started || pool_cancel(r->pool, &q->task))
+            request_free(q);
+    }
+}
