@@ -13,6 +13,7 @@
 
 #include "common/base/status.h"
 #include "common/film/unit.h"
+#include "common/math/real.h"
 #include "common/scene/scene.h"
 #include "common/scene/settings.h"
 
@@ -65,7 +66,7 @@ void render_scene_info(const struct render_scene *scene, struct render_scene_inf
  * NULL: not wanted. Returns how many floats were written, tile_floats(...) <= TILE_FLOATS_MAX. Adds
  * to *stats. */
 size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t group,
-                   uint32_t pass, float *sums, struct tail *tail, struct render_stats *stats);
+                   uint32_t pass, float32 *sums, struct tail *tail, struct render_stats *stats);
 
 /* Run the general kernel instead of the smallest that covers the scene: for the benchmarks, and for
  * the tests that both give the same bits. */

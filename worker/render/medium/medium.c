@@ -222,7 +222,7 @@ static int medium_walk_collide(struct medium_walk *walk, float rate, float *dept
 
 static float medium_cell(const struct world_medium *medium, size_t index)
 {
-    float x;
+    float32 x;
 
     memcpy(&x, medium->cells + index * sizeof x, sizeof x);
     return x > 0.0f && x < INFINITY ? float_min(x, MEDIUM_COEFFICIENT_MAX) : 0.0f;

@@ -11,7 +11,7 @@ static float coefficient_clamp(float x)
 
 static float cell_density(const uint8_t *cells, size_t index)
 {
-    float x;
+    float32 x;
 
     memcpy(&x, cells + index * sizeof x, sizeof x);
     return x > 0.0f && x < INFINITY ? float_min(x, MEDIUM_COEFFICIENT_MAX) : 0.0f;
