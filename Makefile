@@ -4,6 +4,7 @@
 #   make SANITIZE=address,undefined ...   a separate tree with sanitizers
 #   make DEBUG=1 ...                      a separate tree without optimisation
 #   make SAFEGUARDS=1 ...                 a separate tree whose safeguards can be switched off
+#   make DOUBLE=1 ...                     a separate tree whose renderer computes in double
 #   make V=1 ...                          print whole commands
 
 PREFIX ?= /usr/local
@@ -16,6 +17,7 @@ VERSION := 0.2.0-dev
 SANITIZE ?=
 DEBUG ?=
 SAFEGUARDS ?=
+DOUBLE ?=
 comma := ,
 ifneq ($(SANITIZE),)
   VARIANT := $(subst $(comma),-,$(SANITIZE))
@@ -33,6 +35,9 @@ endif
 ifneq ($(SAFEGUARDS),)
   VARIANT := $(VARIANT:release=)safeguards
   CPPFLAGS += -DAZULEJO_SAFEGUARDS
+endif
+ifneq ($(DOUBLE),)
+  VARIANT := $(VARIANT:release=)double
 endif
 ifeq ($(findstring clang,$(CC)),clang)
   VARIANT := $(VARIANT)-clang
@@ -144,6 +149,12 @@ $(BUILD)/obj/gen/%.o: $(GEN)/%.c
 # A kernel variant is one piece of code that is to be compiled as one: nothing in it is replaced
 # at run time, and gcc's limits on what it inlines are meant for larger programs' sake.
 $(BUILD)/obj/worker/render/%.o: CFLAGS += -fno-semantic-interposition
+# common/math/real.h. Only the worker computes in double: scenes are imported and films merged by the same
+# arithmetic. A float where a double was meant would hide what is to be measured, so narrowing needs a cast.
+ifneq ($(DOUBLE),)
+$(BUILD)/obj/worker/%.o $(BUILD)/obj/tests/bench/bench_render.o: CPPFLAGS += -DAZULEJO_DOUBLE
+$(BUILD)/obj/worker/render/%.o: CFLAGS += -Wfloat-conversion -Wno-psabi
+endif
 ifeq ($(findstring clang,$(CC)),)
 $(BUILD)/obj/worker/render/path/kernels/%.o: CFLAGS += --param inline-unit-growth=300 \
   --param large-unit-insns=100000 --param large-function-growth=1000
