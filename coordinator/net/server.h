@@ -35,6 +35,7 @@ struct server_options {
     const char *ready_file;    /* NULL, or gets the port, atomically */
     struct descriptors descriptors;
     int discards_films;        /* nobody will extend its jobs */
+    const char *precision;     /* of its workers: "float" or "double"; NULL: float */
 };
 
 enum server_state { SERVER_LISTENING, SERVER_DRAINING, SERVER_CLOSING };
@@ -56,7 +57,8 @@ struct server {
     struct session *sessions, *by_id[SESSION_BUCKETS];
     struct descriptors descriptors;
     uint32_t session_count, last_session;
-    uint64_t fingerprint;      /* our own arithmetic */
+    uint64_t fingerprint;      /* our own arithmetic, in the precision of our workers */
+    const char *precision;
     int commit_running;
     uint32_t tasks;            /* in the thread pool (task.h) */
     uint32_t previews;

@@ -82,7 +82,10 @@ uint64_t render_effects(const struct render_scene *scene);
 void render_measure_trace(int on);
 
 /* What decides a result's bits besides the scene and the settings: the release of this renderer and
- * of Embree, "azulejo 0.2.0 embree 3.13.5 x86_64". Part of the handshake; pinned per job. */
+ * of Embree, "azulejo 0.2.0 embree 3.13.5 x86_64", in the double build followed by " double". Part of the handshake; pinned per job. */
 const char *render_ray_tracer_name(void);
+
+/* What the renderer computes in: "float", or "double" if it was built with DOUBLE=1. */
+const char *render_precision(void);
 
 #endif
