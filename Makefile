@@ -125,7 +125,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy layers circles words numerics install uninstall clean tests lint format new-lobe new-tonemap test-new
+.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy layers circles words numerics precision install uninstall clean tests lint format new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -251,7 +251,13 @@ $(BUILD)/%.so: %.c
 	@mkdir -p $(@D)
 	$(call show,LD)$(CC) -std=c17 -D_GNU_SOURCE -O1 -g $(WARNINGS) -fPIC -shared -o $@ $< -ldl
 
+ifneq ($(DOUBLE),)
+# The tests are of the float that users run; the double build is measured against it (make precision).
+tests:
+	@echo "make: the double build has no tests: use 'make precision'" >&2; exit 1
+else
 tests: all $(TESTS) $(ROW_TEST) $(FAULT_TEST) $(FAULT_PROGRAMS) $(TOOLS) $(ODD_DISK) $(FUZZ_REPLAY)
+endif
 
 test: tests layers circles words ## every test; the end says "N passed, N failed"
 	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) tests/run.sh
@@ -273,6 +279,11 @@ layers: ## prove the dependency rule of docs/ARCHITECTURE.md
 numerics: ## prove that a test notices the loss of each safeguard (docs/NUMERICS.md)
 	$(MAKE) SAFEGUARDS=1 tests
 	@python3 -B tests/numerics/safeguards.py build/safeguards $(NUMERICS_ARGS)
+
+precision: ## float against double on hard scenes (docs/NUMERICS.md; PRECISION_ARGS=--quick: 1 minute)
+	$(MAKE) all build/release/tests/bench/bench_render
+	$(MAKE) DOUBLE=1 all build/double/tests/bench/bench_render
+	@python3 -B tests/numerics/precision.py build/release build/double $(PRECISION_ARGS)
 
 test-slurm: all ## preempt, cancel and time out deploy/slurm's workers (needs slurm-wlm and munge)
 	@BUILD=$(BUILD) deploy/slurm/try.sh
@@ -316,12 +327,19 @@ demo: ## install what is missing, build, render the Cornell box on two workers i
 	@$(MAKE) --no-print-directory all
 	@BUILD=$(BUILD) scripts/demo.sh $(DEMO_ARGS)
 
+ifneq ($(DOUBLE),)
+install: all
+	install -d $(DESTDIR)$(PREFIX)/bin
+	install -m 755 $(BIN)/azulejo-worker $(DESTDIR)$(PREFIX)/bin/azulejo-worker-double
+else
 install: all ## into $(DESTDIR)$(PREFIX)
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/share/man/man1 $(DESTDIR)$(PREFIX)/share/azulejo/scenes/cornell
 	install -m 755 $(PROGRAMS) $(DESTDIR)$(PREFIX)/bin
 	install -m 644 docs/man/*.1 $(DESTDIR)$(PREFIX)/share/man/man1
 	install -m 644 scenes/cornell/*.md scenes/cornell/*.gltf $(DESTDIR)$(PREFIX)/share/azulejo/scenes/cornell
+endif
 uninstall:
+	rm -f $(DESTDIR)$(PREFIX)/bin/azulejo-worker-double
 	rm -f $(addprefix $(DESTDIR)$(PREFIX)/bin/,$(notdir $(PROGRAMS)))
 	rm -f $(patsubst docs/man/%,$(DESTDIR)$(PREFIX)/share/man/man1/%,$(wildcard docs/man/*.1))
 	rm -rf $(DESTDIR)$(PREFIX)/share/azulejo
