@@ -10,7 +10,6 @@
 #ifndef AZULEJO_MATH_REAL_H
 #define AZULEJO_MATH_REAL_H
 
-#include <float.h>
 #include <math.h>
 
 #include "common/math/elementary.h"
@@ -24,11 +23,7 @@ typedef double real;
 #define REAL_NAME "double"
 /* A literal that a float cannot hold exactly. */
 #define REAL(literal) literal
-#define REAL_MAX DBL_MAX
-#define REAL_MIN DBL_MIN
 #define REAL_BELOW_ONE 0x1.fffffffffffffp-1
-/* The unit roundoff: half the distance from 1 to the next number. */
-#define REAL_ROUNDING 0x1p-53
 
 static inline real real_sqrt(real x) { return sqrt(x); }
 static inline real real_abs(real x) { return fabs(x); }
@@ -62,10 +57,7 @@ static inline uint32_t real_binade(real x, real *rest)
 typedef float real;
 #define REAL_NAME "float"
 #define REAL(literal) literal##f
-#define REAL_MAX FLT_MAX
-#define REAL_MIN FLT_MIN
 #define REAL_BELOW_ONE ONE_MINUS_EPSILON
-#define REAL_ROUNDING 0x1p-24f
 
 static inline real real_sqrt(real x) { return sqrtf(x); }
 static inline real real_abs(real x) { return fabsf(x); }

@@ -76,6 +76,13 @@ def room(x):
                  lamp((x, 2.95, 0), 0.4, (10, 10, 9)), part(WHITE, box((-x - 1, 0, -1), (-x + 1, 2, 1))))
 
 
+def furnace(x):
+    """A room whose walls all shine, far from the scene's middle: hardly any noise, so a ray that is lost shows."""
+    return scene((x, 1.5, 1.9), (x, 1.2, -2), 70,
+                 part(WHITE, box((x - 2, 0, -2), (x + 2, 3, 2), True), before='  AreaLightSource "diffuse" "rgb L" [0.3 0.3 0.3]\n'),
+                 part(WHITE, box((x - 1, 0, -1), (x, 1, 0))), part(WHITE, box((-x - 1, 0, -1), (-x + 1, 2, 1))))
+
+
 def needle(length):
     """A wedge of glass with edges of two degrees, seen through its flat sides and along its edge."""
     h = length * 0.0175
@@ -100,6 +107,7 @@ def far_balls(distance):
 SCENES = {
     "stage-1e-6": stage(1e-6), "stage-1e-3": stage(1e-3), "stage-1e6": stage(1e6),
     "room-1km": room(1e3), "room-10km": room(1e4), "room-100km": room(1e5),
+    "furnace-1km": furnace(1e3), "furnace-10km": furnace(1e4), "furnace-100km": furnace(1e5),
     "ground-1000km": scene((0.05, 0.04, 0.08), (0, 0.008, 0), 40, SKY, SUN, part(WHITE, square(0, 1e6)),
                            part(RED, box((-0.01, 0, -0.01), (0.01, 0.02, 0.01)))),
     "thin-walls": scene((0, 1.2, 1.8), (0, 1, 0), 70, SKY, SUN, part(WHITE, box((-2, 0, -2), (2, 3, 2), True)),
