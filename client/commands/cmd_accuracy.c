@@ -132,6 +132,23 @@ static status prepare(struct accuracy *a, const char *scene, int argc, char *con
     return result;
 }
 
+/* Does the program say that it computes in double? An ordinary worker would be refused, and the study would wait. */
+static int says_double(const char *path)
+{
+    char command[4096], line[256] = "";
+    FILE *said;
+
+    if (strchr(path, '\'') || snprintf(command, sizeof command, "'%s' --version", path) >= (int)sizeof command)
+        return 0;
+    said = popen(command, "r");
+    if (!said)
+        return 0;
+    if (!fgets(line, sizeof line, said))
+        line[0] = 0;
+    pclose(said);
+    return strstr(line, " double") != NULL;
+}
+
 /* A worker that computes in double: as given, or as `make install` of that build calls it. */
 static status find_double_worker(struct accuracy *a, struct buffer *path, struct error *err)
 {
@@ -150,7 +167,13 @@ static status find_double_worker(struct accuracy *a, struct buffer *path, struct
                             "('make DOUBLE=1' builds build/double/bin/azulejo-worker)\n");
         return STATUS_OK;
     }
-    return buffer_ok(path) ? STATUS_OK : error_no_memory(err, "a path");
+    if (!buffer_ok(path))
+        return error_no_memory(err, "a path");
+    return says_double(buffer_text(path))
+               ? STATUS_OK
+               : error_set(err, STATUS_ERR_USAGE,
+                           "%s does not compute in double ('--version' tells); 'make DOUBLE=1' builds "
+                           "build/double/bin/azulejo-worker", buffer_text(path));
 }
 
 static status open_connection(struct accuracy *a, struct local_farm *farm, struct error *err)
