@@ -4,6 +4,7 @@
 #   make SANITIZE=address,undefined ...   a separate tree with sanitizers
 #   make DEBUG=1 ...                      a separate tree without optimisation
 #   make SAFEGUARDS=1 ...                 a separate tree whose safeguards can be switched off
+#   make DOUBLE=1 ...                     a separate tree whose renderer computes in double
 #   make V=1 ...                          print whole commands
 
 PREFIX ?= /usr/local
@@ -16,6 +17,7 @@ VERSION := 0.2.0-dev
 SANITIZE ?=
 DEBUG ?=
 SAFEGUARDS ?=
+DOUBLE ?=
 comma := ,
 ifneq ($(SANITIZE),)
   VARIANT := $(subst $(comma),-,$(SANITIZE))
@@ -33,6 +35,9 @@ endif
 ifneq ($(SAFEGUARDS),)
   VARIANT := $(VARIANT:release=)safeguards
   CPPFLAGS += -DAZULEJO_SAFEGUARDS
+endif
+ifneq ($(DOUBLE),)
+  VARIANT := $(VARIANT:release=)double
 endif
 ifeq ($(findstring clang,$(CC)),clang)
   VARIANT := $(VARIANT)-clang
@@ -120,7 +125,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy layers circles words numerics invariance install uninstall clean tests lint format new-lobe new-tonemap test-new
+.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy layers circles words numerics invariance precision install uninstall clean tests lint format new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -144,6 +149,12 @@ $(BUILD)/obj/gen/%.o: $(GEN)/%.c
 # A kernel variant is one piece of code that is to be compiled as one: nothing in it is replaced
 # at run time, and gcc's limits on what it inlines are meant for larger programs' sake.
 $(BUILD)/obj/worker/render/%.o: CFLAGS += -fno-semantic-interposition
+# common/math/real.h. Only the worker computes in double: scenes are imported and films merged by the same
+# arithmetic. A float where a double was meant would hide what is to be measured, so narrowing needs a cast.
+ifneq ($(DOUBLE),)
+$(BUILD)/obj/worker/%.o $(BUILD)/obj/tests/bench/bench_render.o: CPPFLAGS += -DAZULEJO_DOUBLE
+$(BUILD)/obj/worker/render/%.o: CFLAGS += -Wfloat-conversion -Wno-psabi
+endif
 ifeq ($(findstring clang,$(CC)),)
 $(BUILD)/obj/worker/render/path/kernels/%.o: CFLAGS += --param inline-unit-growth=300 \
   --param large-unit-insns=100000 --param large-function-growth=1000
@@ -240,7 +251,13 @@ $(BUILD)/%.so: %.c
 	@mkdir -p $(@D)
 	$(call show,LD)$(CC) -std=c17 -D_GNU_SOURCE -O1 -g $(WARNINGS) -fPIC -shared -o $@ $< -ldl
 
+ifneq ($(DOUBLE),)
+# The tests are of the float that users run; the double build is measured against it (make precision).
+tests:
+	@echo "make: the double build has no tests: use 'make precision'" >&2; exit 1
+else
 tests: all $(TESTS) $(ROW_TEST) $(FAULT_TEST) $(FAULT_PROGRAMS) $(TOOLS) $(ODD_DISK) $(FUZZ_REPLAY)
+endif
 
 test: tests layers circles words ## every test; the end says "N passed, N failed"
 	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) tests/run.sh
@@ -265,6 +282,11 @@ numerics: ## prove that a test notices the loss of each safeguard (docs/NUMERICS
 
 invariance: tests ## one scene written in many ways, SPP samples a pixel (docs/NUMERICS.md; 256: 10 minutes)
 	@BUILD=$(BUILD) python3 -B tests/statistics/invariance_table.py $(SPP)
+
+precision: ## float against double on hard scenes (docs/NUMERICS.md; PRECISION_ARGS=--quick: 1 minute)
+	$(MAKE) all build/release/tests/bench/bench_render
+	$(MAKE) DOUBLE=1 all build/double/tests/bench/bench_render
+	@python3 -B tests/numerics/precision.py build/release build/double $(PRECISION_ARGS)
 
 test-slurm: all ## preempt, cancel and time out deploy/slurm's workers (needs slurm-wlm and munge)
 	@BUILD=$(BUILD) deploy/slurm/try.sh
@@ -308,12 +330,19 @@ demo: ## install what is missing, build, render the Cornell box on two workers i
 	@$(MAKE) --no-print-directory all
 	@BUILD=$(BUILD) scripts/demo.sh $(DEMO_ARGS)
 
+ifneq ($(DOUBLE),)
+install: all
+	install -d $(DESTDIR)$(PREFIX)/bin
+	install -m 755 $(BIN)/azulejo-worker $(DESTDIR)$(PREFIX)/bin/azulejo-worker-double
+else
 install: all ## into $(DESTDIR)$(PREFIX)
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/share/man/man1 $(DESTDIR)$(PREFIX)/share/azulejo/scenes/cornell
 	install -m 755 $(PROGRAMS) $(DESTDIR)$(PREFIX)/bin
 	install -m 644 docs/man/*.1 $(DESTDIR)$(PREFIX)/share/man/man1
 	install -m 644 scenes/cornell/*.md scenes/cornell/*.gltf $(DESTDIR)$(PREFIX)/share/azulejo/scenes/cornell
+endif
 uninstall:
+	rm -f $(DESTDIR)$(PREFIX)/bin/azulejo-worker-double
 	rm -f $(addprefix $(DESTDIR)$(PREFIX)/bin/,$(notdir $(PROGRAMS)))
 	rm -f $(patsubst docs/man/%,$(DESTDIR)$(PREFIX)/share/man/man1/%,$(wildcard docs/man/*.1))
 	rm -rf $(DESTDIR)$(PREFIX)/share/azulejo

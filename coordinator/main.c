@@ -42,7 +42,7 @@ static int fail(const struct error *err)
 int main(int argc, char **argv)
 {
     const char *listen = "127.0.0.1:7420", *key_path = NULL, *folder = "azulejo-store";
-    const char *level = "info", *ready_file = NULL;
+    const char *level = "info", *ready_file = NULL, *precision = "float";
     double lease_seconds = 60;
     int remove_store = 0, version = 0, help = 0;
     const struct option table[] = {
@@ -59,6 +59,8 @@ int main(int argc, char **argv)
         {"remove-store-at-end", 0, OPTION_FLAG, &remove_store, NULL,
          "a temporary store: on SIGTERM or SIGINT, remove its folder and everything in it", 0, 0,
          NULL},
+        {"precision", 0, OPTION_CHOICE, &precision, "NAME",
+         "what its workers compute in (float); double ones are built with DOUBLE=1", 0, 0, "float|double"},
         {"log-level", 0, OPTION_CHOICE, &level, "LEVEL", "what is logged (info)", 0, 0,
          "error|warn|info|debug"},
         {"version", 0, OPTION_FLAG, &version, NULL, "print the version", 0, 0, NULL},
@@ -104,6 +106,7 @@ int main(int argc, char **argv)
         options.lease_ns = (uint64_t)(lease_seconds * 1e9);
         options.ready_file = ready_file;
         options.discards_films = remove_store;
+        options.precision = precision;
         s = server_run(&options, &err);
     }
     store_close(store);

@@ -169,7 +169,7 @@ static void say_hello(struct agent *a)
     hello.process = (uint32_t)uv_os_getpid();
     hello.threads = a->options.threads;
     hello.isa_mask = a->options.isa_mask;
-    hello.arithmetic = elementary_fingerprint();
+    hello.arithmetic = elementary_fingerprint_of(render_precision());
     hello.kernel = (char *)render_ray_tracer_name();
     if (channel_send(a->channel, &e) != STATUS_OK)
         channel_abort(a->channel, STATUS_ERR_NO_MEMORY, "cannot say hello");

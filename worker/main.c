@@ -13,6 +13,7 @@
 #include "protocol/address.h"
 #include "protocol/channel.h"
 #include "worker/agent.h"
+#include "worker/render/render.h"
 #include "worker/key_file.h"
 #include "worker/profile.h"
 #include "worker/pool.h"
@@ -173,7 +174,7 @@ int main(int argc, char **argv)
         return 0;
     }
     if (s == STATUS_OK && version) {
-        printf("azulejo-worker %s\n", AZULEJO_VERSION);
+        printf("azulejo-worker %s %s\n", AZULEJO_VERSION, render_precision());
         return 0;
     }
     if (s == STATUS_OK && rest.count > 0)

@@ -1,11 +1,14 @@
 /* azulejo accuracy: a page that shows what accuracy costs. */
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 #include <strings.h>
+#include <unistd.h>
 
 #include "client/commands/command.h"
 #include "client/commands/effects_auto.h"
+#include "client/farm/child.h"
 #include "client/farm/local.h"
 #include "client/farm/signals.h"
 #include "client/study/run.h"
@@ -20,7 +23,8 @@ struct accuracy {
     struct job_options options;
     struct connection_options where;
     struct local_options local;
-    const char *from, *again, *out, *target, *currency;
+    struct local_farm *usual_farm, *double_farm;
+    const char *from, *again, *out, *target, *currency, *double_worker;
     double minutes, price; /* 0: not given */
     int64_t workers, threads;
     int farm, quick, page_only, quiet;
@@ -128,26 +132,106 @@ static status prepare(struct accuracy *a, const char *scene, int argc, char *con
     return result;
 }
 
+/* Does the program say that it computes in double? An ordinary worker would be refused, and the study would wait. */
+static int says_double(const char *path)
+{
+    char command[4096], line[256] = "";
+    FILE *said;
+
+    if (strchr(path, '\'') || snprintf(command, sizeof command, "'%s' --version", path) >= (int)sizeof command)
+        return 0;
+    said = popen(command, "r");
+    if (!said)
+        return 0;
+    if (!fgets(line, sizeof line, said))
+        line[0] = 0;
+    pclose(said);
+    return strstr(line, " double") != NULL;
+}
+
+/* A worker that computes in double: as given, or as `make install` of that build calls it. */
+static status find_double_worker(struct accuracy *a, struct buffer *path, struct error *err)
+{
+    struct error none = {0};
+
+    if (a->double_worker) {
+        if (access(a->double_worker, X_OK) != 0)
+            return error_set(err, STATUS_ERR_USAGE,
+                             "--double-worker %s: %s; 'make DOUBLE=1' builds it as build/double/bin/azulejo-worker",
+                             a->double_worker, strerror(errno));
+        buffer_puts(path, strchr(a->double_worker, '/') ? "" : "./");
+        buffer_puts(path, a->double_worker);
+    } else if (a->farm || child_find_program("azulejo-worker-double", path, &none) != STATUS_OK) {
+        if (!a->quiet && !a->farm)
+            fprintf(stderr, "the study leaves out the question of precision: give --double-worker PATH "
+                            "('make DOUBLE=1' builds build/double/bin/azulejo-worker)\n");
+        return STATUS_OK;
+    }
+    if (!buffer_ok(path))
+        return error_no_memory(err, "a path");
+    return says_double(buffer_text(path))
+               ? STATUS_OK
+               : error_set(err, STATUS_ERR_USAGE,
+                           "%s does not compute in double ('--version' tells); 'make DOUBLE=1' builds "
+                           "build/double/bin/azulejo-worker", buffer_text(path));
+}
+
+static status open_connection(struct accuracy *a, struct local_farm *farm, struct error *err)
+{
+    status result = connection_open(&a->run.connection, farm ? local_farm_address(farm) : &a->where, err);
+
+    if (result == STATUS_OK)
+        connection_set_watch(a->run.connection, farm ? local_farm_check : trial_interrupted, farm);
+    return result;
+}
+
+/* One connection at a time: a coordinator drops one that is silent for long. */
+static status change_farm(void *user, int precise, struct error *err)
+{
+    struct accuracy *a = user;
+
+    connection_close(a->run.connection);
+    a->run.connection = NULL;
+    return open_connection(a, precise ? a->double_farm : a->usual_farm, err);
+}
+
+/* Workers of both kinds do not mix, so each kind has a farm. */
+static status start_farms(struct accuracy *a, struct error *err)
+{
+    struct buffer worker = BUFFER_INIT;
+    struct local_options local = a->local;
+    status result = find_double_worker(a, &worker, err);
+
+    if (result == STATUS_OK && !a->farm)
+        result = local_farm_start(&a->usual_farm, &a->local, err);
+    if (result == STATUS_OK && worker.size) {
+        local.double_worker = buffer_text(&worker);
+        a->run.connect = change_farm;
+        result = local_farm_start(&a->double_farm, &local, err);
+    }
+    buffer_release(&worker);
+    return result;
+}
+
 static status measure(struct accuracy *a, struct error *err)
 {
-    struct local_farm *farm = NULL;
     status result = signals_catch(err);
 
     a->local.workers = (unsigned)a->workers;
     a->local.threads = (unsigned)a->threads;
-    if (result == STATUS_OK && !a->farm)
-        result = local_farm_start(&farm, &a->local, err);
-    if (result != STATUS_OK)
-        return result;
-    result = connection_open(&a->run.connection, farm ? local_farm_address(farm) : &a->where, err);
-    if (result == STATUS_OK) {
-        connection_set_watch(a->run.connection, farm ? local_farm_check : trial_interrupted, farm);
+    if (result == STATUS_OK)
+        result = start_farms(a, err);
+    if (result == STATUS_OK)
+        result = open_connection(a, a->usual_farm, err);
+    if (result == STATUS_OK)
         result = study_run(&a->run, err);
-    }
-    if (farm && result != STATUS_OK)
-        result = local_farm_explain(farm, result, err);
+    if (a->usual_farm && result != STATUS_OK)
+        result = local_farm_explain(a->usual_farm, result, err);
+    if (a->double_farm && result != STATUS_OK)
+        result = local_farm_explain(a->double_farm, result, err);
     connection_close(a->run.connection);
-    local_farm_stop(farm);
+    local_farm_stop(a->double_farm);
+    local_farm_stop(a->usual_farm);
     return result;
 }
 
@@ -194,6 +278,9 @@ static status check_arguments(const struct accuracy *a, const struct positionals
     if (!a->farm && (a->where.coordinator || a->where.key_path))
         return error_set(err, STATUS_ERR_USAGE,
                          "--coordinator and --key belong to a farm: give --farm, too");
+    if (a->farm && a->double_worker)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--double-worker is for studies on this machine: leave out --farm");
     if (a->currency && !(a->price > 0))
         return error_set(err, STATUS_ERR_USAGE, "--currency: give --price, too");
     if (a->page_only && !a->from)
@@ -229,6 +316,9 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {"threads", 'j', OPTION_INT, &a.threads, "N",
          "threads of each worker (default: the processors, divided among the workers)", 1, 1024,
          NULL},
+        {"double-worker", 0, OPTION_STRING, &a.double_worker, "PATH",
+         "an azulejo-worker built with DOUBLE=1: shows what float's rounding costs (default: "
+         "azulejo-worker-double)", 0, 0, NULL},
         {"farm", 0, OPTION_FLAG, &a.farm, NULL, "measure on the farm instead of this machine", 0, 0,
          NULL},
         CONNECTION_OPTION_ROWS(a.where),

@@ -36,6 +36,7 @@ struct local_farm {
     int verbose;
     int coordinator_stdout;  /* kept open, so that it never writes into a closed pipe */
     unsigned worker_count;
+    const char *double_worker;
     struct child coordinator;
     struct child workers[LOCAL_WORKERS_MAX];
     char labels[LOCAL_WORKERS_MAX][24];
@@ -84,8 +85,12 @@ static status start_program(struct local_farm *farm, struct child *child, const 
     char log[LOG_PATH_SIZE];
     char *argv[ARGUMENTS_MAX + 2];
     size_t count = 0;
-    status result = child_find_program(program, &path, err);
+    status result = STATUS_OK;
 
+    if (strchr(program, '/'))
+        buffer_puts(&path, program);
+    else
+        result = child_find_program(program, &path, err);
     if (result == STATUS_OK && !buffer_ok(&path))
         result = error_no_memory(err, "a path");
     if (result == STATUS_OK) {
@@ -167,7 +172,8 @@ static status await_address(struct local_farm *farm, struct error *err)
 static status start_coordinator(struct local_farm *farm, struct error *err)
 {
     const char *const arguments[] = {"--listen", "127.0.0.1:0", "--key", farm->key_path,
-                                     "--store", farm->scratch.path, "--remove-store-at-end", NULL};
+                                     "--store", farm->scratch.path, "--remove-store-at-end",
+                                     "--precision", farm->double_worker ? "double" : "float", NULL};
     int ends[2];
     status result;
 
@@ -193,8 +199,8 @@ static status start_worker(struct local_farm *farm, unsigned index, unsigned thr
     snprintf(farm->labels[index], sizeof farm->labels[index], "worker-%u", index + 1);
     snprintf(cache, sizeof cache, "%s/cache-%u", farm->scratch.path, index + 1);
     snprintf(count, sizeof count, "%u", threads);
-    return start_program(farm, &farm->workers[index], farm->labels[index], "azulejo-worker",
-                         arguments, -1, SIGKILL, err);
+    return start_program(farm, &farm->workers[index], farm->labels[index],
+                         farm->double_worker ? farm->double_worker : "azulejo-worker", arguments, -1, SIGKILL, err);
 }
 
 /* Processors that this process may run on. */
@@ -220,6 +226,7 @@ status local_farm_start(struct local_farm **out, const struct local_options *opt
     farm->coordinator_stdout = -1;
     farm->scratch.owner_fd = -1;
     farm->verbose = options->verbose;
+    farm->double_worker = options->double_worker;
     if (threads == 0) {
         threads = processors() / options->workers;
         threads = threads ? threads : 1;

@@ -18,6 +18,7 @@ struct local_options {
     unsigned workers;  /* 1..LOCAL_WORKERS_MAX processes */
     unsigned threads;  /* of each; 0: the processors that we may use, divided among the workers */
     int verbose;       /* the programs' logs go to standard error */
+    const char *double_worker; /* a worker that computes in double, for all of them; NULL: the usual one */
 };
 
 /* Signals must be caught already (signals_catch). On failure everything is cleaned up. */

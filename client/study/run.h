@@ -34,6 +34,9 @@ struct study_run {
     int local;                         /* the workers are this machine's */
     int quiet;
     status (*save)(void *user, struct error *err);
+    /* Replace the connection by one to workers that compute in double, or by the usual one again; NULL:
+     * there are no such workers. */
+    status (*connect)(void *user, int precise, struct error *err);
     void *user;
 
     /* ---- private ---- */

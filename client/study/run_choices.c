@@ -363,7 +363,7 @@ static int all_known(const struct study_run *run, const struct plan *plan)
 static int has_alternative(const struct study_run *run, const struct plan *plan, enum knob knob)
 {
     for (size_t i = 0; i < plan->count; i++)
-        if (plan->ways[i].knob == knob && !plan_is_usual(run, &plan->requests[i]))
+        if (plan->ways[i].knob == knob && !plan_is_usual(run, plan, i))
             return 1;
     return 0;
 }
@@ -378,7 +378,7 @@ static status one_way(struct study_run *run, const struct plan *plan, size_t i,
     char what[160];
     status result;
 
-    if (plan_is_usual(run, &plan->requests[i])) {
+    if (plan_is_usual(run, plan, i)) {
         result = has_alternative(run, plan, way->knob) ? add_usual(run, way, err) : STATUS_OK;
     } else {
         if (way->knob == KNOB_ALLOCATION && (rival = adaptive_rival(run->study, levels)) != NULL) {
@@ -389,7 +389,11 @@ static status one_way(struct study_run *run, const struct plan *plan, size_t i,
             levels = &one;
         }
         snprintf(what, sizeof what, "%s: %s", way_title(way->knob), way->name);
-        result = measure(run, &plan->requests[i], what, levels, usual, &mine, err);
+        result = way->knob == KNOB_PRECISION ? run->connect(run->user, 1, err) : STATUS_OK;
+        if (result == STATUS_OK)
+            result = measure(run, &plan->requests[i], what, levels, usual, &mine, err);
+        if (result == STATUS_OK && way->knob == KNOB_PRECISION)
+            result = run->connect(run->user, 0, err);
         if (result == STATUS_OK)
             result = add_choice(run, way, usual, &mine, levels, err);
     }
@@ -402,7 +406,7 @@ static size_t count_missing(const struct study_run *run, const struct plan *plan
     size_t missing = 0;
 
     for (size_t i = 0; i < plan->count; i++)
-        missing += !is_known(run->study, &plan->ways[i]) && !plan_is_usual(run, &plan->requests[i]);
+        missing += !is_known(run->study, &plan->ways[i]) && !plan_is_usual(run, plan, i);
     return missing;
 }
 
@@ -441,7 +445,7 @@ status run_choices(struct study_run *run, struct error *err)
     for (size_t i = 0; i < plan.count && result == STATUS_OK; i++) {
         if (is_known(run->study, &plan.ways[i]))
             continue;
-        if (!plan_is_usual(run, &plan.requests[i])) {
+        if (!plan_is_usual(run, &plan, i)) {
             if (way_wall_s(run, &levels) > run_left_s(run))
                 break;
             run->steps_done++;

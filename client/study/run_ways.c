@@ -6,7 +6,7 @@
 static const char *const titles[KNOB_COUNT] = {
     "Adaptive sampling", "Sampler", "Environment sampling", "Choice of lights", "Path depth", "Russian roulette",
     "Clamping of fireflies", "Bits of the picture", "Robust traversal", "Quality of the BVH",
-    "Texture filter", "Instruction set", "Effects left out"};
+    "Texture filter", "Instruction set", "Precision", "Effects left out"};
 
 /* Clamps are in multiples of the picture's mean. */
 static const struct way ways[] = {
@@ -44,6 +44,8 @@ static const struct way ways[] = {
     {KNOB_ISA, ISA_SSE2, "sse2", "Rays traced with SSE2"},
     {KNOB_ISA, ISA_AVX2, "avx2", "Rays traced with AVX2"},
     {KNOB_ISA, ISA_AVX512, "avx512", "Rays traced with AVX-512"},
+    {KNOB_PRECISION, 0, "float", "Arithmetic in float"},
+    {KNOB_PRECISION, 1, "double", "Arithmetic in double"},
 };
 
 _Static_assert(sizeof ways / sizeof *ways == WAYS, "the plan has room for all ways");
@@ -79,6 +81,7 @@ static void apply(struct job_request *request, const struct way *way, double mea
     case KNOB_FILTER: s->texture_filter = (enum texture_filter)way->value; break;
     case KNOB_ISA: s->isa = (enum isa)way->value; break;
     case KNOB_EFFECT: s->without |= (uint64_t)1 << way->value; break;
+    case KNOB_PRECISION: /* of the worker, not of the job */
     case KNOB_COUNT: break;
     }
 }
@@ -97,6 +100,7 @@ static int arises(const struct study_run *run, const struct way *way, uint64_t s
     /* The processors of other machines are not known here. */
     case KNOB_ISA: return (int)s->isa == way->value ||
                           (run->local && (isa_supported_mask() >> way->value & 1));
+    case KNOB_PRECISION: return run->connect != NULL;
     case KNOB_EFFECT: return (set & EFFECTS_SWITCHABLE) >> way->value & 1;
     default: return 1;
     }
@@ -123,9 +127,12 @@ void plan_make(struct plan *plan, const struct study_run *run)
     }
 }
 
-int plan_is_usual(const struct study_run *run, const struct job_request *request)
+int plan_is_usual(const struct study_run *run, const struct plan *plan, size_t i)
 {
-    return render_settings_equal(&request->settings, &run->request->settings) &&
+    const struct job_request *request = &plan->requests[i];
+
+    return !(plan->ways[i].knob == KNOB_PRECISION && plan->ways[i].value) &&
+           render_settings_equal(&request->settings, &run->request->settings) &&
            request->output.half == run->request->output.half &&
            request->stop.adaptive == run->request->stop.adaptive;
 }

@@ -7,7 +7,7 @@
 
 enum knob {
     KNOB_ALLOCATION, KNOB_SAMPLER, KNOB_ENVIRONMENT, KNOB_LIGHTS, KNOB_DEPTH, KNOB_ROULETTE, KNOB_CLAMP,
-    KNOB_HALF, KNOB_ROBUST, KNOB_BVH, KNOB_FILTER, KNOB_ISA, KNOB_EFFECT, KNOB_COUNT
+    KNOB_HALF, KNOB_ROBUST, KNOB_BVH, KNOB_FILTER, KNOB_ISA, KNOB_PRECISION, KNOB_EFFECT, KNOB_COUNT
 };
 
 struct way {
@@ -16,7 +16,7 @@ struct way {
     const char *name, *words;
 };
 
-enum { WAYS = 34, PLAN_MAX = WAYS + EFFECT_COUNT };
+enum { WAYS = 36, PLAN_MAX = WAYS + EFFECT_COUNT };
 
 /* What is to be measured; the requests are copies that own nothing. */
 struct plan {
@@ -33,6 +33,6 @@ int way_is_unbiased(const struct way *way, const struct render_settings *usual);
 /* All ways that apply to the scene and the settings, including the usual ones. */
 void plan_make(struct plan *plan, const struct study_run *run);
 void plan_drop(struct plan *plan, enum knob knob);
-int plan_is_usual(const struct study_run *run, const struct job_request *request);
+int plan_is_usual(const struct study_run *run, const struct plan *plan, size_t i);
 
 #endif

@@ -297,3 +297,13 @@ uint64_t elementary_fingerprint(void)
     }
     return hash;
 }
+
+uint64_t elementary_fingerprint_of(const char *precision)
+{
+    uint64_t hash = elementary_fingerprint();
+
+    if (strcmp(precision, "float") != 0) /* releases without a choice computed in float */
+        for (; *precision; precision++)
+            hash = (hash ^ (uint8_t)*precision) * 1099511628211ull;
+    return hash;
+}

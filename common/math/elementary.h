@@ -56,6 +56,9 @@ double det_atan2_d(double y, double x);
 /* A 64-bit hash over results of all of the above: two machines whose values agree compute
  * the same arithmetic. Exchanged in the handshake. */
 uint64_t elementary_fingerprint(void);
+/* Of a worker whose renderer computes in `precision`, "float" or "double" (real.h): of two workers whose
+ * values agree but whose precisions differ, the tiles do not match. */
+uint64_t elementary_fingerprint_of(const char *precision);
 
 static inline uint32_t float_bits(float x)
 {

@@ -130,9 +130,9 @@ int transform_d_rigid(const struct transform_d *a, struct transform_d *out)
     return 1;
 }
 
-struct transform transform_from_d(const struct transform_d *a)
+struct transform_stored transform_stored_from_d(const struct transform_d *a)
 {
-    struct transform out;
+    struct transform_stored out;
 
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 4; c++)
@@ -140,7 +140,7 @@ struct transform transform_from_d(const struct transform_d *a)
     return out;
 }
 
-struct transform_d transform_to_d(const struct transform *a)
+struct transform_d transform_stored_to_d(const struct transform_stored *a)
 {
     struct transform_d out;
 
@@ -160,7 +160,7 @@ void transform_d_point(const struct transform_d *a, const double p[3], double ou
         out[r] = moved[r];
 }
 
-int transform_is_finite(const struct transform *a)
+int transform_stored_is_finite(const struct transform_stored *a)
 {
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 4; c++)

@@ -17,6 +17,40 @@ struct transform {
     float m[3][4];
 };
 
+/* As a scene holds and sends it. */
+struct transform_stored {
+    float32 m[3][4];
+};
+
+static inline struct transform transform_from_d(const struct transform_d *a)
+{
+    struct transform out;
+
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 4; c++)
+            out.m[r][c] = (float)a->m[r][c];
+    return out;
+}
+
+static inline struct transform_d transform_to_d(const struct transform *a)
+{
+    struct transform_d out;
+
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 4; c++)
+            out.m[r][c] = (double)a->m[r][c];
+    return out;
+}
+
+static inline int transform_is_finite(const struct transform *a)
+{
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 4; c++)
+            if (!isfinite(a->m[r][c]))
+                return 0;
+    return 1;
+}
+
 static inline struct transform_d transform_d_identity(void)
 {
     return (struct transform_d){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
@@ -43,9 +77,9 @@ int transform_d_invert(const struct transform_d *a, struct transform_d *out);
  * still gives a proper rotation. 0 when its axes vanish (out is then the identity). */
 int transform_d_rigid(const struct transform_d *a, struct transform_d *out);
 
-struct transform transform_from_d(const struct transform_d *a);
-struct transform_d transform_to_d(const struct transform *a);
-int transform_is_finite(const struct transform *a);
+struct transform_stored transform_stored_from_d(const struct transform_d *a);
+struct transform_d transform_stored_to_d(const struct transform_stored *a);
+int transform_stored_is_finite(const struct transform_stored *a);
 int transform_d_is_finite(const struct transform_d *a);
 
 static inline struct vec3 transform_point(const struct transform *a, struct vec3 p)
@@ -55,7 +89,7 @@ static inline struct vec3 transform_point(const struct transform *a, struct vec3
                          a->m[2][0] * p.x + a->m[2][1] * p.y + a->m[2][2] * p.z + a->m[2][3]};
 }
 /* Points of 3 floats each, computed in double; out may be in. */
-void transform_points(const struct transform_d *a, const float *in, size_t count, float *out);
+void transform_points(const struct transform_d *a, const float32 *in, size_t count, float32 *out);
 static inline struct vec3 transform_vector(const struct transform *a, struct vec3 v)
 {
     return (struct vec3){a->m[0][0] * v.x + a->m[0][1] * v.y + a->m[0][2] * v.z,

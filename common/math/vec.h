@@ -8,10 +8,12 @@
 
 #include "common/base/safeguard.h"
 
+#include "common/math/real.h"
+
 /* One instruction each, where fmaxf and fminf are calls (they must check for NaN first): here `b`
  * is the result if either is NaN. */
-static inline float float_max(float a, float b) { return a > b ? a : b; }
-static inline float float_min(float a, float b) { return a < b ? a : b; }
+static inline float32 float_max(float32 a, float32 b) { return a > b ? a : b; }
+static inline float32 float_min(float32 a, float32 b) { return a < b ? a : b; }
 
 struct vec3 {
     float x, y, z;

@@ -496,7 +496,7 @@ static status joints_make(struct deformation *d, const struct scene_pose *pose,
         return error_no_memory(err, "a skin's joints");
     d->joint_count = skin->joint_count;
     for (uint32_t i = 0; i < skin->joint_count; i++) {
-        const struct transform_d bind = transform_to_d(&skin->inverse_bind[i]);
+        const struct transform_d bind = transform_stored_to_d(&skin->inverse_bind[i]);
         d->joints[i] = transform_d_multiply(&pose->to_world[skin->joints[i]], &bind);
     }
     return STATUS_OK;

@@ -249,7 +249,7 @@ static inline size_t scene_channel_floats(const struct scene_channel *channel)
 struct scene_skin {
     uint32_t joint_count;
     uint32_t *joints;                   /* [joint_count] nodes */
-    struct transform *inverse_bind;     /* [joint_count] mesh space to joint space */
+    struct transform_stored *inverse_bind; /* [joint_count] mesh space to joint space */
 };
 
 /* A participating medium. Coefficients are per metre of world length, RGB, for density 1. */

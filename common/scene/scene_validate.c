@@ -97,7 +97,7 @@ static status check_instance(const struct check_place *at, const struct scene *s
 {
     const struct scene_instance *instance = &scene->instances[row];
     struct transform_d inverse;
-    struct transform rounded;
+    struct transform_stored rounded;
     double low[3], high[3];
 
     CHECK(check_name(at, instance->name));
@@ -108,8 +108,8 @@ static status check_instance(const struct check_place *at, const struct scene *s
         scene->materials[instance->body].kind != scene->materials[instance->material].kind)
         return check_complain(at, "body", "is a material of another kind");
     CHECK(check_moves(at, scene, instance));
-    rounded = transform_from_d(&instance->to_world);
-    if (!transform_is_finite(&rounded))
+    rounded = transform_stored_from_d(&instance->to_world);
+    if (!transform_stored_is_finite(&rounded))
         return check_complain(at, "to_world", "is not finite");
     if (instance->node < 0 && !transform_d_invert(&instance->to_world, &inverse))
         return check_complain(at, "to_world", "cannot be inverted");

@@ -35,7 +35,7 @@ status check_index(const struct check_place *at, const char *field, uint32_t ind
 status check_reference(const struct check_place *at, const char *field, int32_t index,
                        uint32_t count) MUST_CHECK;
 status check_transform(const struct check_place *at, const char *field,
-                       const struct transform *t) MUST_CHECK;
+                       const struct transform_stored *t) MUST_CHECK;
 status check_coordinates(const struct check_place *at, const char *field, const double *values,
                          int count) MUST_CHECK;
 status check_transform_d(const struct check_place *at, const char *field,

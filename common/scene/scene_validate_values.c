@@ -107,7 +107,8 @@ status check_reference(const struct check_place *at, const char *field, int32_t 
     return check_index(at, field, (uint32_t)index, count);
 }
 
-status check_transform(const struct check_place *at, const char *field, const struct transform *t)
+status check_transform(const struct check_place *at, const char *field,
+                       const struct transform_stored *t)
 {
     return check_ranges(at, field, &t->m[0][0], 12, -SCENE_COORDINATE_MAX, SCENE_COORDINATE_MAX);
 }

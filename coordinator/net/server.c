@@ -258,7 +258,8 @@ status server_run(const struct server_options *options, struct error *err)
         return error_no_memory(err, "the server");
     server->key = options->key;
     server->store = options->store;
-    server->fingerprint = elementary_fingerprint();
+    server->precision = options->precision ? options->precision : "float";
+    server->fingerprint = elementary_fingerprint_of(server->precision);
     if (uv_loop_init(&server->loop) != 0) {
         mem_free(server);
         return error_set(err, STATUS_ERR_INTERNAL, "no event loop");

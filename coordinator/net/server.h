@@ -36,6 +36,7 @@ struct server_options {
     const char *ready_file;    /* NULL, or gets the port, atomically */
     struct descriptors descriptors;
     int discards_films;        /* its jobs will not be extended */
+    const char *precision;     /* of its workers: "float" or "double"; NULL: float */
 };
 
 enum server_state { SERVER_LISTENING, SERVER_DRAINING, SERVER_CLOSING };
@@ -58,7 +59,8 @@ struct server {
     struct descriptors descriptors;
     uint32_t session_count, last_session;
     struct render_requests requests;
-    uint64_t fingerprint;      /* our own arithmetic */
+    uint64_t fingerprint;      /* our own arithmetic, in the precision of our workers */
+    const char *precision;
     int commit_running;
     uint32_t tasks;            /* in the thread pool (task.h) */
     uint32_t previews;

@@ -7,6 +7,7 @@
 #include "common/base/clock.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "common/math/elementary.h"
 #include "common/scene/effects.h"
 #include "coordinator/farm/merge.h"
 #include "coordinator/farm/scheduler.h"
@@ -72,9 +73,16 @@ static status make_worker(struct session *session, const Azulejo__Wire__Hello *h
                           struct error *err)
 {
     struct server *server = session->server;
+    const char *other = strcmp(server->precision, "float") == 0 ? "double" : "float";
     struct farm_worker *worker;
     status s;
 
+    if (hello->arithmetic == elementary_fingerprint_of(other))
+        return error_set(
+            err, STATUS_ERR_REFUSED,
+            "this worker computes in %s, the coordinator's workers in %s: its tiles would not match the others'. Use an "
+            "azulejo-worker that computes in %s ('azulejo-worker --version' tells), or a coordinator with --precision %s",
+            other, server->precision, server->precision, other);
     if (hello->arithmetic != server->fingerprint)
         return error_set(
             err, STATUS_ERR_REFUSED,

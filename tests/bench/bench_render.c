@@ -4,10 +4,12 @@
  *                [--env-sampling MODE] [--isa ISA] [--frame N] [--shutter S] [--without LIST]
  *                [--sampler NAME] [--light-choice HOW] [--roulette on|off] [--clamp X]
  *                [--texture-filter HOW] [--bvh-quality HOW] [--robust on|off]
- *                [--aovs] [--general] [--trace] [--json] [--out FILE.exr]
+ *                [--seed N] [--aovs] [--general] [--trace] [--json] [--out FILE.exr]
+ *                [--replicates FILE.exr]
  *
  * --trace times every Embree call (and slows the run down a little, so take samples/s from a
  * run without it). --general runs the general kernel instead of the smallest one.
+ * --replicates keeps the four replicates' means, one below the other.
  * CPU time is that of the rendering threads. */
 #include <pthread.h>
 #include <stdatomic.h>
@@ -113,12 +115,37 @@ static void die(const struct error *err)
     exit(status_exit_code(err->code));
 }
 
+static struct image new_picture(uint32_t width, uint32_t height)
+{
+    struct image image;
+    struct error err = {0};
+
+    if (image_init(&image, width, height, 3, &err) != STATUS_OK)
+        die(&err);
+    return image;
+}
+
+/* Writes the picture and frees it. */
+static void keep(const char *path, struct image *image)
+{
+    struct buffer bytes = BUFFER_INIT;
+    struct exr_options exr = {0};
+    struct error err = {0};
+
+    if (exr_encode(&bytes, image, &exr, &err) != STATUS_OK ||
+        file_write_atomic(path, bytes.data, bytes.size, &err) != STATUS_OK)
+        die(&err);
+    buffer_release(&bytes);
+    image_release(image);
+}
+
 int main(int argc, char **argv)
 {
     const char *env = NULL, *size = "400x400", *out = NULL, *sampling = "importance", *isa = "avx2";
     int64_t spp = 100, threads = 1, depth = 12;
     int trace = 0, json = 0, help = 0, general = 0;
-    int64_t frame = 0;
+    int64_t frame = 0, seed = 0;
+    const char *replicates = NULL;
     int aovs = 0;
     double shutter = 0;
     const char *without = NULL, *sampler = "sobol", *light_choice = "tree", *roulette = "on";
@@ -146,6 +173,8 @@ int main(int argc, char **argv)
         {"frame", 0, OPTION_INT, &frame, "N", "of an animation", 0, SETTINGS_FRAMES_MAX, NULL},
         {"shutter", 0, OPTION_REAL, &shutter, "S", "share of the frame's time", 0, 1, NULL},
         {"without", 0, OPTION_STRING, &without, "EFFECT", "switch one effect off", 0, 0, NULL},
+        {"seed", 0, OPTION_INT, &seed, "N", "of the random numbers", 0, INT32_MAX, NULL},
+        {"replicates", 0, OPTION_STRING, &replicates, "FILE.exr", "keep the replicates", 0, 0, NULL},
         {"aovs", 0, OPTION_FLAG, &aovs, NULL, "all output variables, too", 0, 0, NULL},
         {"general", 0, OPTION_FLAG, &general, NULL, "run the general kernel", 0, 0, NULL},
         {"trace", 0, OPTION_FLAG, &trace, NULL, "time Embree's calls", 0, 0, NULL},
@@ -181,6 +210,8 @@ int main(int argc, char **argv)
     b.settings.height = height;
     b.settings.spp = (uint32_t)spp;
     b.settings.max_depth = (uint32_t)depth;
+    if (seed)
+        b.settings.seed = (uint64_t)seed;
     b.settings.env_sampling = (enum env_sampling)env_sampling_parse(sampling);
     b.settings.isa = (enum isa)isa_parse(isa);
     b.settings.shutter = (float)shutter;
@@ -252,17 +283,15 @@ int main(int argc, char **argv)
             printf("%s\n", health_text(text, &b.stats.health, (enum health_kind)k, width, height, 0));
     }
     if (out) {
-        struct image image;
-        struct buffer bytes = BUFFER_INIT;
-        struct exr_options exr = {0};
-        if (image_init(&image, width, height, 3, &err) != STATUS_OK)
-            die(&err);
+        struct image image = new_picture(width, height);
         film_develop(b.film, image.pixels);
-        if (exr_encode(&bytes, &image, &exr, &err) != STATUS_OK ||
-            file_write_atomic(out, bytes.data, bytes.size, &err) != STATUS_OK)
-            die(&err);
-        buffer_release(&bytes);
-        image_release(&image);
+        keep(out, &image);
+    }
+    if (replicates) {
+        struct image image = new_picture(width, height * REPLICATES);
+        for (uint32_t r = 0; r < REPLICATES; r++)
+            film_replicates(b.film, r, 0, height, image.pixels + (size_t)r * width * height * 3);
+        keep(replicates, &image);
     }
     film_free(b.film);
     render_scene_free(scene);

@@ -181,7 +181,7 @@ int32_t builder_skin(struct scene_builder *b, const uint32_t *joints, uint32_t j
     skin->inverse_bind = need(arena_alloc(&b->scene.arena, joint_count, sizeof *skin->inverse_bind));
     memcpy(skin->joints, joints, joint_count * sizeof *joints);
     for (uint32_t i = 0; i < joint_count; i++)
-        skin->inverse_bind[i] = (struct transform){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+        skin->inverse_bind[i] = (struct transform_stored){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
     return (int32_t)b->scene.skin_count++;
 }
 

@@ -236,7 +236,7 @@ static void fill_motion(struct scene *s)
     s->skins[0].joints = checked(ARENA_ARRAY(&s->arena, uint32_t, 2));
     s->skins[0].joints[0] = 2;
     s->skins[0].joints[1] = 1;
-    s->skins[0].inverse_bind = checked(ARENA_ARRAY(&s->arena, struct transform, 2));
+    s->skins[0].inverse_bind = checked(ARENA_ARRAY(&s->arena, struct transform_stored, 2));
     memcpy(s->skins[0].inverse_bind, numbers(s, 24), sizeof(float) * 24);
 }
 

@@ -13,6 +13,7 @@
 
 #include "common/base/status.h"
 #include "common/film/unit.h"
+#include "common/math/real.h"
 #include "common/scene/scene.h"
 #include "common/scene/settings.h"
 
@@ -65,7 +66,7 @@ void render_scene_info(const struct render_scene *scene, struct render_scene_inf
  * NULL: not wanted. Returns how many floats were written, tile_floats(...) <= TILE_FLOATS_MAX. Adds
  * to *stats. */
 size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t group,
-                   uint32_t pass, float *sums, struct tail *tail, struct render_stats *stats);
+                   uint32_t pass, float32 *sums, struct tail *tail, struct render_stats *stats);
 
 /* Run the general kernel instead of the smallest that covers the scene: for the benchmarks, and for
  * the tests that both give the same bits. */
@@ -81,7 +82,10 @@ uint64_t render_effects(const struct render_scene *scene);
 void render_measure_trace(int on);
 
 /* What decides a result's bits besides the scene and the settings: the release of this renderer and
- * of Embree, "azulejo 0.2.0 embree 3.13.5 x86_64". Part of the handshake; pinned per job. */
+ * of Embree, "azulejo 0.2.0 embree 3.13.5 x86_64", in the double build followed by " double". Part of the handshake; pinned per job. */
 const char *render_ray_tracer_name(void);
+
+/* What the renderer computes in: "float", or "double" if it was built with DOUBLE=1. */
+const char *render_precision(void);
 
 #endif

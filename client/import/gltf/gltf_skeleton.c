@@ -204,7 +204,7 @@ static status read_inverse_binds(struct gltf *g, json_t *skin, const struct gltf
 
     for (uint32_t i = 0; i < out->joint_count; i++) {
         const struct transform_d identity = transform_d_identity();
-        out->inverse_bind[i] = transform_from_d(&identity);
+        out->inverse_bind[i] = transform_stored_from_d(&identity);
     }
     TRY(gltf_index(g, skin, at, "inverseBindMatrices", g->accessors, &index));
     if (index < 0)
@@ -242,7 +242,7 @@ static status read_skin(struct gltf *g, size_t index, json_t *joints, json_t *sk
 static status skin_place(struct gltf *g, json_t *joints, const struct scene_skin *skin,
                          struct transform_d *about)
 {
-    const struct transform_d bind = transform_to_d(&skin->inverse_bind[0]);
+    const struct transform_d bind = transform_stored_to_d(&skin->inverse_bind[0]);
     struct transform_d joint;
 
     TRY(gltf_node_world(g, (size_t)json_integer_value(json_array_get(joints, 0)), &joint));

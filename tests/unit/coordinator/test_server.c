@@ -513,6 +513,12 @@ static void unfit_workers_are_refused(void **state)
     expect_failure(&peer, 0, STATUS_ERR_REFUSED, "arithmetic");
     expect_end(&peer);
     peer_end(&peer);
+    hello.arithmetic = elementary_fingerprint_of("double");
+    peer_connect(&peer, FARM_ROLE_WORKER);
+    greet(&peer, &hello);
+    expect_failure(&peer, 0, STATUS_ERR_REFUSED, "computes in double");
+    expect_end(&peer);
+    peer_end(&peer);
     for (int i = 0; i < 3; i++) {
         hello = make_hello(FARM_ROLE_WORKER);
         if (i == 0)

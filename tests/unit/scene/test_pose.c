@@ -385,7 +385,7 @@ static void test_skin(void **state)
     const float h = 0.70710678f;
     float times[] = {0, 1}, turn[] = {0, 0, 0, 1, 0, 0, h, h};
     uint32_t joints[] = {0, 1};
-    struct transform bind[2] = {{{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}},
+    struct transform_stored bind[2] = {{{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}},
                                 {{{1, 0, 0, -2}, {0, 1, 0, 0}, {0, 0, 1, 0}}}};
     float positions[SECTIONS * 3], normals[SECTIONS * 3], tangents[SECTIONS * 4];
     const float up[3] = {0, 1, 0}, along[4] = {1, 0, 0, -1};
@@ -578,7 +578,7 @@ static void test_what_is_animated(void **state)
     assert_false(scene_is_animated(&s.scene, &s.settings));
     {
         uint32_t joint = 1;
-        struct transform bind = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+        struct transform_stored bind = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
         move[3] = 1;
         s.skin = (struct scene_skin){1, &joint, &bind};
         s.scene.skin_count = 1;

@@ -26,11 +26,20 @@ const char *render_ray_tracer_name(void)
 {
     static const char name[] = "azulejo " AZULEJO_VERSION " embree " RTC_VERSION_STRING
 #if defined(__x86_64__)
-                               " x86_64";
+                               " x86_64"
 #else
-                               " other";
+                               " other"
 #endif
+#ifdef AZULEJO_DOUBLE
+                               " " REAL_NAME
+#endif
+        ;
     return name;
+}
+
+const char *render_precision(void)
+{
+    return REAL_NAME;
 }
 
 static bool count_memory(void *user, ssize_t bytes, bool post)
@@ -120,16 +129,26 @@ static status build_shared_mesh(struct accel *accel, const struct accel_input *i
     return STATUS_OK;
 }
 
+/* Embree copies it, in its own four bytes a number. */
+static void set_transform(RTCGeometry geometry, uint32_t step, const struct transform *to_world)
+{
+    float32 m[3][4];
+
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 4; c++)
+            m[r][c] = (float32)to_world->m[r][c];
+    rtcSetGeometryTransform(geometry, step, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, m);
+}
+
 static void set_transforms(RTCGeometry geometry, const struct accel_instance *instance)
 {
     if (instance->motion_steps == 0) {
-        rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, instance->to_world.m);
+        set_transform(geometry, 0, &instance->to_world);
         return;
     }
     rtcSetGeometryTimeStepCount(geometry, instance->motion_steps);
     for (uint32_t i = 0; i < instance->motion_steps; i++)
-        rtcSetGeometryTransform(geometry, i, RTC_FORMAT_FLOAT3X4_ROW_MAJOR,
-                                instance->motion_to_world[i].m);
+        set_transform(geometry, i, &instance->motion_to_world[i]);
 }
 
 static status own(struct accel *accel, void *block, struct error *err)

@@ -7,7 +7,7 @@ void accel_huge_bounds(const struct RTCBoundsFunctionArguments *args)
     const struct accel *accel = args->geometryUserPtr;
     const struct hit *face = &accel->sizes.huge[args->primID];
     uint32_t steps = accel->geometries[face->instance].motion_steps;
-    float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+    float32 low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
 
     for (uint32_t i = 0; i < (steps ? steps : 1); i++) {
         double corner[3][3];
@@ -16,8 +16,8 @@ void accel_huge_bounds(const struct RTCBoundsFunctionArguments *args)
                        steps ? (float)i / (float)(steps - 1) : 0, corner);
         for (int k = 0; k < 3; k++)
             for (int a = 0; a < 3; a++) {
-                low[a] = fminf(low[a], nextafterf((float)corner[k][a], -INFINITY));
-                high[a] = fmaxf(high[a], nextafterf((float)corner[k][a], INFINITY));
+                low[a] = float_min(nextafterf((float32)corner[k][a], -INFINITY), low[a]);
+                high[a] = float_max(nextafterf((float32)corner[k][a], INFINITY), high[a]);
             }
     }
     *args->bounds_o = (struct RTCBounds){.lower_x = low[0], .lower_y = low[1], .lower_z = low[2],
@@ -53,7 +53,7 @@ void accel_huge_intersect(const struct RTCIntersectFunctionNArguments *args)
         q->kind == QUERY_COINCIDENT)
         return;
     /* Embree need not search behind it. */
-    ray->tfar = fminf(ray->tfar, (float)((t + q->back) * (1 + ACCEL_END_SHARE)));
+    ray->tfar = float_min((float32)((t + q->back) * (1 + ACCEL_END_SHARE)), ray->tfar);
 }
 
 void accel_huge_occluded(const struct RTCOccludedFunctionNArguments *args)

@@ -300,27 +300,29 @@ static void look_beside(struct RTCRay *out, const struct query_context *q)
                                           (int)q->attempt - 1));
     float reach = (float)q->largest;
 
-    out->org_x += aside.x * reach;
-    out->org_y += aside.y * reach;
-    out->org_z += aside.z * reach;
-    out->dir_x += aside.x;
-    out->dir_y += aside.y;
-    out->dir_z += aside.z;
+    out->org_x += (float32)(aside.x * reach);
+    out->org_y += (float32)(aside.y * reach);
+    out->org_z += (float32)(aside.z * reach);
+    out->dir_x += (float32)aside.x;
+    out->dir_y += (float32)aside.y;
+    out->dir_z += (float32)aside.z;
 }
 
-typedef float four_floats __attribute__((vector_size(16)));
+typedef float32 four_floats __attribute__((vector_size(16)));
 
 /* Embree's ray starts earlier than the real one and, if that ends on a face, it ends later. Embree
  * reads origin and direction four floats at once; if they were written one by one, the load would
  * stall until they are in the cache. */
 static inline void ray_init(struct RTCRay *out, const struct query_context *q)
 {
-    const four_floats origin = {(float)q->start[0], (float)q->start[1], (float)q->start[2], 0};
-    const four_floats direction = {q->aim.x, q->aim.y, q->aim.z, q->ray->time};
+    const four_floats origin = {(float32)q->start[0], (float32)q->start[1],
+                                (float32)q->start[2], 0};
+    const four_floats direction = {(float32)q->aim.x, (float32)q->aim.y, (float32)q->aim.z,
+                                   (float32)q->ray->time};
 
     memcpy(&out->org_x, &origin, sizeof origin); /* and tnear */
     memcpy(&out->dir_x, &direction, sizeof direction); /* and time */
-    out->tfar = (float)q->t_max;
+    out->tfar = (float32)q->t_max;
     out->mask = ~0u;
     out->id = 0;
     out->flags = 0;

@@ -10,12 +10,12 @@ static void shape_bounds(const struct RTCBoundsFunctionArguments *args)
     double low[3], high[3];
 
     shape_rows[g->shape->kind].bounds(g->shape, (double)g->shape_margin, low, high);
-    *args->bounds_o = (struct RTCBounds){.lower_x = nextafterf((float)low[0], -INFINITY),
-                                         .lower_y = nextafterf((float)low[1], -INFINITY),
-                                         .lower_z = nextafterf((float)low[2], -INFINITY),
-                                         .upper_x = nextafterf((float)high[0], INFINITY),
-                                         .upper_y = nextafterf((float)high[1], INFINITY),
-                                         .upper_z = nextafterf((float)high[2], INFINITY)};
+    *args->bounds_o = (struct RTCBounds){.lower_x = nextafterf((float32)low[0], -INFINITY),
+                                         .lower_y = nextafterf((float32)low[1], -INFINITY),
+                                         .lower_z = nextafterf((float32)low[2], -INFINITY),
+                                         .upper_x = nextafterf((float32)high[0], INFINITY),
+                                         .upper_y = nextafterf((float32)high[1], INFINITY),
+                                         .upper_z = nextafterf((float32)high[2], INFINITY)};
 }
 
 static int is_left(const struct query_context *q, const struct shape *shape)
@@ -71,7 +71,7 @@ static void shape_intersect(const struct RTCIntersectFunctionNArguments *args)
 
     /* What lies behind need not be looked at. */
     if (args->valid[0] == -1 && meets(q, args->geometryUserPtr, &t))
-        ray->tfar = fminf(ray->tfar, (float)((t + q->back) * (1 + ACCEL_END_SHARE) + 2 * q->error));
+        ray->tfar = float_min((float32)((t + q->back) * (1 + ACCEL_END_SHARE) + 2 * q->error), ray->tfar);
 }
 
 static void shape_occluded(const struct RTCOccludedFunctionNArguments *args)

@@ -16,6 +16,7 @@
 #include <stdint.h>
 
 #include "common/base/safeguard.h"
+#include "common/math/real.h"
 
 struct sample2 {
     float u, v; /* each in [0, 1) */
@@ -121,9 +122,9 @@ static inline uint32_t sobol_pascal_reversed(uint32_t index)
  * one point in 2^15 across the edge of a 1/1024 cell, which must hold exactly one point of the net.
  * In a word longer than a float's 24 bits, the top bit of `x >> 24` is at the first bit to be
  * dropped; with that bit cleared, rounding to nearest rounds down. */
-static inline float unit_float(uint32_t x)
+static inline float32 unit_float(uint32_t x)
 {
-    return (float)(SAFEGUARD(UNIT_BELOW_1) ? x & ~(x >> 24) : x) * 0x1p-32f;
+    return (float32)(SAFEGUARD(UNIT_BELOW_1) ? x & ~(x >> 24) : x) * 0x1p-32f;
 }
 
 /* The index shuffle is owen_scramble(index): reverse, hash, reverse. Dimension 0 (van der Corput)

@@ -29,6 +29,9 @@ struct thin_film {
 /* e^-x for x >= 0, to 2e-6. */
 static inline float thin_film_exp(float x)
 {
+#ifdef AZULEJO_DOUBLE
+    return det_exp(-x);
+#else
     float t = x * 1.4426950f, f;
     int whole;
 
@@ -39,6 +42,7 @@ static inline float thin_film_exp(float x)
     f = 1.0f + f * (1.0f + f * (0.5f + f * (1.6666667e-1f + f * (4.1666667e-2f +
         f * (8.3333333e-3f + f * (1.3888889e-3f + f * 1.9841270e-4f))))));
     return f * float_from_bits((uint32_t)(127 - whole) << 23);
+#endif
 }
 
 /* amplitude cos(2 pi turns) e^-x */

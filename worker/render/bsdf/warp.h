@@ -10,12 +10,16 @@
  * are below half an ulp of float. */
 static inline void sincos_octant(float x, float *sine, float *cosine)
 {
+#ifdef AZULEJO_DOUBLE
+    det_sincos(x, sine, cosine);
+#else
     float x2 = x * x;
 
     *sine = x + x * x2 * (-1.6666667e-1f + x2 * (8.3333333e-3f + x2 * (-1.9841270e-4f +
                                                                        x2 * 2.7557319e-6f)));
     *cosine = 1.0f + x2 * (-0.5f + x2 * (4.1666667e-2f + x2 * (-1.3888889e-3f +
                                                                x2 * 2.4801587e-5f)));
+#endif
 }
 
 /* sin and cos of u turns (2 pi u), u in [0, 1]. */

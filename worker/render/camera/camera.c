@@ -11,7 +11,7 @@ static float camera_filter_sample(const struct camera *camera, float u)
                    (camera->filter_offset[i + 1] - camera->filter_offset[i]) * (scaled - (float)i);
 
     /* -offset from 1/2 on; a branch would be mispredicted every other time. */
-    return float_from_bits(float_bits(offset) ^ (uint32_t)(u >= 0.5f) << 31);
+    return real_flip(offset, u >= 0.5f);
 }
 
 /* Uniform on the aperture. Shirley and Chiu's concentric map (1997) gives a radius and an angle on

@@ -7,6 +7,7 @@
 #ifndef AZULEJO_RENDER_DENSITY_H
 #define AZULEJO_RENDER_DENSITY_H
 
+#include "common/math/real.h"
 #include "worker/render/light/distribution.h"
 
 struct density {

@@ -13,6 +13,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "common/math/real.h"
 #include "common/base/status.h"
 
 enum { DISTRIBUTION_BLOCK = 32 }; /* columns whose starts fill one cache line */

@@ -9,7 +9,7 @@
 /* ---- cells -------------------------------------------------------------------------------- */
 
 /* A texel's channels side by side, for arithmetic on all of them at once. */
-typedef float lanes __attribute__((vector_size(16)));
+typedef float lanes __attribute__((vector_size(4 * sizeof(float))));
 
 static inline lanes texel_lanes(const struct environment *env, uint32_t column, uint32_t row)
 {

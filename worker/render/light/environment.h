@@ -37,7 +37,7 @@ struct environment;
  * float as its largest value (image_decode_hdr has counted what it corrected). For an all-black map
  * environment_is_black is true. ERR_INPUT for other channels or an invalid rotation or factor;
  * ERR_NO_MEMORY. */
-status environment_new(struct environment **out, struct image *map, const float to_map[3][3],
+status environment_new(struct environment **out, struct image *map, const float32 to_map[3][3],
                        float rotate_deg, struct vec3 factor, enum env_sampling sampling,
                        struct error *err) MUST_CHECK;
 status environment_new_constant(struct environment **out, struct vec3 radiance,

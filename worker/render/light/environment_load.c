@@ -75,7 +75,7 @@ static float scale_pixels(struct image *map, struct vec3 factor)
         float value = map->pixels[i], scaled = texel_scaled(value, strength[i % 3]);
 
         if (scaled != value)
-            map->pixels[i] = scaled;
+            map->pixels[i] = (float32)scaled;
         largest = scaled > largest ? scaled : largest;
     }
     return largest;
@@ -96,7 +96,7 @@ static void measure_mean(struct environment *env)
 }
 
 /* Is it a rotation or a mirroring? A tenth of a percent allows for rounding in files. */
-static int is_orthonormal(const float m[3][3])
+static int is_orthonormal(const float32 m[3][3])
 {
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
@@ -109,7 +109,7 @@ static int is_orthonormal(const float m[3][3])
 }
 
 /* Undo the job's rotation about +Y, then the map's own, if any. */
-static void set_rotation(struct environment *env, const float own[3][3], float rotate_deg)
+static void set_rotation(struct environment *env, const float32 own[3][3], float rotate_deg)
 {
     double turns = (double)rotate_deg / 360.0;
     float sine, cosine;
@@ -146,7 +146,7 @@ static enum mode mode_of(enum env_sampling sampling)
     return MODE_NONE;
 }
 
-status environment_new(struct environment **out, struct image *map, const float own[3][3],
+status environment_new(struct environment **out, struct image *map, const float32 own[3][3],
                        float rotate_deg, struct vec3 factor, enum env_sampling sampling,
                        struct error *err)
 {

@@ -13,6 +13,7 @@
 
 #include <stdint.h>
 
+#include "common/math/real.h"
 #include "common/base/status.h"
 
 #define LIGHT_TABLE_ODDS_MIN 0x1p-10f

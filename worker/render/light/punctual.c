@@ -11,7 +11,7 @@
 enum { IMAGE_GRID = 48 };
 #define IMAGE_MEAN_MIN 1e-2
 
-static struct vec3 vec3_of(const float v[3])
+static struct vec3 vec3_of(const float32 v[3])
 {
     return vec3_make(v[0], v[1], v[2]);
 }

@@ -42,7 +42,7 @@ struct world_medium {
 /* The density of a cell. A file may hold any bits: what is no density counts as 0. */
 static inline float medium_density_at(const uint8_t *cells, size_t index)
 {
-    float x;
+    float32 x;
 
     memcpy(&x, cells + index * sizeof x, sizeof x);
     if (!SAFEGUARD(GRID_CELL))

@@ -29,7 +29,7 @@
 
 struct crossing {
     struct interior beyond; /* the volumes behind the faces */
-    int real;               /* there is a boundary */
+    int is_boundary;        /* there is a boundary */
     int together;           /* several faces are crossed; ior and ior_outside then hold: */
     float ior;              /* index on the inner side of the face that shades, relative to */
     float ior_outside;      /* the index on its outer side */
@@ -208,12 +208,12 @@ static inline int crossing_multiply(const struct surface *faces, uint32_t count,
         if (ior > 0)
             ratio *= faces[i].front ? ior : 1 / ior;
     }
-    out->real = 1;
+    out->is_boundary = 1;
     if (chosen < 0) { /* bare interfaces, thin walls between media */
         out->together = 0;
         return 0;
     }
-    out->real = fabs(ratio - 1) > CROSSING_SAME_IOR;
+    out->is_boundary = fabs(ratio - 1) > CROSSING_SAME_IOR;
     out->ior = (float)(faces[chosen].front ? ratio : 1 / ratio);
     out->ior_outside = 1;
     return chosen;
@@ -244,9 +244,9 @@ static inline void crossing_go_on(struct crossing *out, int side, const struct s
 static inline void crossing_wall(const struct interior *in, int between, struct surface *wall,
                                  struct surface *s, struct crossing *out)
 {
-    if (!out->real || s->material->m.kind == MATERIAL_INTERFACE) {
+    if (!out->is_boundary || s->material->m.kind == MATERIAL_INTERFACE) {
         crossing_shade(s, wall);
-        out->real = 1;
+        out->is_boundary = 1;
         out->together = 0;
     } else if (between) {
         crossing_go_on(out, 1, wall);
@@ -273,11 +273,11 @@ static inline void crossing_find(const struct render_scene *scene, const struct 
     int chosen = 0;
 
     out->together = out->next_side = 0;
-    out->real = 1;
+    out->is_boundary = 1;
     out->beyond = *in;
     if (!crossing_touches(s)) {
         if (s->material->flags & MATERIAL_BOUNDS)
-            interior_cross(scene, in, s, &out->beyond, &out->real);
+            interior_cross(scene, in, s, &out->beyond, &out->is_boundary);
         return;
     }
     crossing_gather(scene, ray, query, mix, s, &group);
@@ -288,17 +288,17 @@ static inline void crossing_find(const struct render_scene *scene, const struct 
         return;
     }
     if (group.count == 1) {
-        interior_cross(scene, in, &group.faces[0], &out->beyond, &out->real);
+        interior_cross(scene, in, &group.faces[0], &out->beyond, &out->is_boundary);
     } else {
         for (uint32_t i = 0; i < group.count; i++) {
             const struct interior before = out->beyond;
-            interior_cross(scene, &before, &group.faces[i], &out->beyond, &out->real);
+            interior_cross(scene, &before, &group.faces[i], &out->beyond, &out->is_boundary);
         }
         out->together = 1;
         chosen = counted ? crossing_choose(scene, in, &out->beyond, group.faces, group.count)
                          : crossing_multiply(group.faces, group.count, out);
         if (counted)
-            out->real = chosen >= 0;
+            out->is_boundary = chosen >= 0;
     }
     crossing_shade(s, &group.faces[chosen > 0 ? chosen : 0]);
     if (counted && out->together) {

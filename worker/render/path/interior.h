@@ -115,15 +115,15 @@ static inline int interior_turn(struct interior *in, uint32_t body, int enters)
     return enters;
 }
 
-/* The volumes behind the surface. *real is 0 where the same body continues. */
+/* The volumes behind the surface. *is_boundary is 0 where the same body continues. */
 static inline void interior_cross(const struct render_scene *scene, const struct interior *in,
-                                  const struct surface *s, struct interior *out, int *real)
+                                  const struct surface *s, struct interior *out, int *is_boundary)
 {
     const struct scene_material *m = &s->material->m;
     int before, after;
 
     *out = *in;
-    *real = 1;
+    *is_boundary = 1;
     if (scene->volume_rule == VOLUMES_BOUNDARIES) {
         if (m->medium != m->medium_outside)
             out->medium = s->front ? m->medium : m->medium_outside;
@@ -135,7 +135,7 @@ static inline void interior_cross(const struct render_scene *scene, const struct
     before = interior_top(scene, in);
     after = interior_top(scene, out);
     if (before >= 0 || after >= 0)
-        *real = before < 0 || after < 0 || in->entry[before] != out->entry[after];
+        *is_boundary = before < 0 || after < 0 || in->entry[before] != out->entry[after];
 }
 
 /* Find the bodies around the camera: those that a ray from it leaves more often than it enters.

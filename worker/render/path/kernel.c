@@ -46,7 +46,7 @@ uint64_t render_effects(const struct render_scene *scene)
 }
 
 size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t group,
-                   uint32_t pass, float *sums, struct tail *tail, struct render_stats *stats)
+                   uint32_t pass, float32 *sums, struct tail *tail, struct render_stats *stats)
 {
     return scene->kernel->tile_render(scene, frame, tile, group, pass, sums, tail, stats);
 }

@@ -12,7 +12,7 @@
 #include "worker/render/render.h"
 
 typedef size_t tile_render_function(const struct render_scene *scene, uint32_t frame,
-                                    uint32_t tile, uint32_t group, uint32_t pass, float *sums,
+                                    uint32_t tile, uint32_t group, uint32_t pass, float32 *sums,
                                     struct tail *tail, struct render_stats *stats);
 
 /* Sample `number` of a pixel: what it adds to the pixel's sum. *radiance, if given, is that before guards. */

@@ -234,7 +234,7 @@ PATH_FUNCTION int path_boundary(struct path *path, struct path_vertex *v)
     PROFILE_STAGE(SURFACE);
     crossing_find(path->scene, &path->ray, &path->query, mix, f.nested, path->at_next,
                   &path->interior, &v->s, &v->crossing);
-    if (v->crossing.real && v->s.material->m.kind != MATERIAL_INTERFACE)
+    if (v->crossing.is_boundary && v->s.material->m.kind != MATERIAL_INTERFACE)
         return 1;
     if (path->boundaries_passed++ == INDEX_MATCHED_MAX)
         health_note(HEALTH_GUARDED_PATHS);

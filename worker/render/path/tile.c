@@ -110,10 +110,10 @@ static __attribute__((cold, noinline)) void tile_count_kept(double sum[GROUP_REP
         stats->kept_luminance += tile_luminance(sum[r][0], sum[r][1], sum[r][2]);
 }
 
-static float tile_float(double sum)
+static float32 tile_float(double sum)
 {
     if (!SAFEGUARD(SUM_RANGE) || sum < (double)FLT_MAX)
-        return (float)sum;
+        return (float32)sum;
     health_note(HEALTH_CLAMPED_VALUES);
     return FLT_MAX;
 }
@@ -190,7 +190,7 @@ static void tile_start(const struct render_scene *scene, uint32_t frame, uint32_
 }
 
 size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t group,
-                   uint32_t pass, float *sums, struct tail *tail, struct render_stats *stats)
+                   uint32_t pass, float32 *sums, struct tail *tail, struct render_stats *stats)
 {
     const struct render_settings *settings = &scene->settings;
     struct tile_rect rect = tile_rect_of(settings->width, settings->height, tile);
@@ -235,7 +235,7 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                 sum[i % GROUP_REPLICATES][1] += (double)radiance.y;
                 sum[i % GROUP_REPLICATES][2] += (double)radiance.z;
                 if (tail)
-                    tail_add(tail, vec3_luminance(radiance), (uint32_t)index);
+                    tail_add(tail, (float32)vec3_luminance(radiance), (uint32_t)index);
             }
             for (int r = 0; r < GROUP_REPLICATES; r++)
                 for (int c = 0; c < 3; c++)

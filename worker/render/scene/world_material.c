@@ -124,16 +124,18 @@ status world_images_load(struct render_scene *w, const struct scene *scene,
 static void slot_init(struct world_slot *out, const struct render_scene *w,
                       const struct scene *scene, const struct scene_texture_slot *slot, int color)
 {
-    static const float identity[2][3] = {{1, 0, 0}, {0, 1, 0}};
-
     out->texture = scene->textures[slot->texture];
     if (w->settings.texture_filter == TEXTURE_FILTER_NEAREST)
         out->texture.nearest = 1;
     out->image = w->images[out->texture.image];
     out->uv_set = slot->uv_set;
     out->color = color;
-    memcpy(out->m, slot->uv_transform, sizeof out->m);
-    out->transformed = memcmp(out->m, identity, sizeof identity) != 0;
+    out->transformed = 0;
+    for (int axis = 0; axis < 2; axis++)
+        for (int k = 0; k < 3; k++) {
+            out->m[axis][k] = slot->uv_transform[axis][k];
+            out->transformed |= out->m[axis][k] != (axis == k ? 1.0f : 0.0f);
+        }
 }
 
 static float absorption(float color, float distance)

@@ -53,18 +53,18 @@ static status no_memory(const struct placer *p)
     return error_no_memory(p->err, "the instances");
 }
 
-static float *new_vertices(const struct placer *p, uint32_t components)
+static float32 *new_vertices(const struct placer *p, uint32_t components)
 {
     size_t count = p->vertices->vertex_count;
-    float *out = mem_calloc(components * count + PADDING_FLOATS, sizeof *out);
+    float32 *out = mem_calloc(components * count + PADDING_FLOATS, sizeof *out);
 
     return world_own(p->w, out) ? out : NULL;
 }
 
 /* The mesh's vertices in world space, each coordinate rounded once. */
-static float *bake(const struct placer *p, const struct transform_d *to_world)
+static float32 *bake(const struct placer *p, const struct transform_d *to_world)
 {
-    float *out = new_vertices(p, 3);
+    float32 *out = new_vertices(p, 3);
 
     if (out)
         transform_points(to_world, p->vertices->positions, p->vertices->vertex_count, out);
@@ -187,7 +187,8 @@ static int stays_solid(const struct transform *steps, uint32_t count)
 /* The steps of the matrix that the frame needs, into the arena of `w`. */
 static status choose_matrices(struct placer *p)
 {
-    float corners[WORLD_STEPS_MAX][24], low[3], high[3];
+    float32 corners[WORLD_STEPS_MAX][24];
+    float low[3], high[3];
     const float *track[WORLD_STEPS_MAX];
     struct transform *steps;
     uint32_t stride, count;
@@ -195,9 +196,9 @@ static status choose_matrices(struct placer *p)
     for (uint32_t k = 0; k < WORLD_STEPS_MAX; k++) {
         for (unsigned c = 0; c < 8; c++) {
             struct vec3 v = transform_point(&p->at[k], box_corner(p->mesh, c));
-            corners[k][3 * c] = v.x;
-            corners[k][3 * c + 1] = v.y;
-            corners[k][3 * c + 2] = v.z;
+            corners[k][3 * c] = (float32)v.x;
+            corners[k][3 * c + 1] = (float32)v.y;
+            corners[k][3 * c + 2] = (float32)v.z;
         }
         if (!in_bounds(corners[k], 24))
             return out_of_bounds(p);
@@ -303,7 +304,7 @@ static int skin_flips(const struct placer *p)
     uint32_t mirrored = 0;
 
     for (uint32_t j = 0; j < skin->joint_count; j++) {
-        struct transform_d bind = transform_to_d(&skin->inverse_bind[j]);
+        struct transform_d bind = transform_stored_to_d(&skin->inverse_bind[j]);
         double joint = transform_d_determinant(&p->poses->at[0].to_world[skin->joints[j]]);
         mirrored += joint * transform_d_determinant(&bind) < 0;
     }
@@ -311,7 +312,7 @@ static int skin_flips(const struct placer *p)
 }
 
 /* Allocate a moment's normals and tangents, if the mesh has them. */
-static status new_vectors(const struct placer *p, float **normals, float **tangents)
+static status new_vectors(const struct placer *p, float32 **normals, float32 **tangents)
 {
     *normals = *tangents = NULL;
     if (p->vertices->normals && !(*normals = new_vertices(p, 3)))
@@ -322,11 +323,11 @@ static status new_vectors(const struct placer *p, float **normals, float **tange
 }
 
 /* The deformed vertices at moment `k`, in world space; at the first, also normals and tangents. */
-static status deform_at(struct placer *p, uint32_t k, float **positions)
+static status deform_at(struct placer *p, uint32_t k, float32 **positions)
 {
     struct world_instance *instance = p->instance;
     const struct world_mesh *mesh = p->vertices;
-    float *normals = NULL, *tangents = NULL;
+    float32 *normals = NULL, *tangents = NULL;
     status s;
 
     *positions = mem_calloc(3 * (size_t)mesh->vertex_count + PADDING_FLOATS, sizeof **positions);
@@ -367,7 +368,7 @@ static status deform_vectors(struct placer *p, uint32_t stride)
     normals[0] = instance->deformed_normals;
     tangents[0] = instance->deformed_tangents;
     for (uint32_t k = 1; k < count && s == STATUS_OK; k++) {
-        float *n, *t;
+        float32 *n, *t;
         s = new_vectors(p, &n, &t);
         if (s == STATUS_OK)
             s = pose_deform(&p->poses->at[k * stride], p->scene, p->index, p->vertices->blob, NULL,
@@ -381,7 +382,7 @@ static status deform_vectors(struct placer *p, uint32_t stride)
 }
 
 /* Choose which moments to keep. */
-static uint32_t choose_moments(struct placer *p, float *const positions[WORLD_STEPS_MAX])
+static uint32_t choose_moments(struct placer *p, float32 *const positions[WORLD_STEPS_MAX])
 {
     const float *track[WORLD_STEPS_MAX];
     float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
@@ -411,7 +412,7 @@ static status keep_matrices(struct placer *p, uint32_t stride)
 static status place_deformed(struct placer *p)
 {
     struct world_instance *instance = p->instance;
-    float *positions[WORLD_STEPS_MAX] = {NULL};
+    float32 *positions[WORLD_STEPS_MAX] = {NULL};
     const float *kept[WORLD_STEPS_MAX] = {NULL};
     uint32_t moments = 1, stride = 1, used = 1;
     status s = STATUS_OK;

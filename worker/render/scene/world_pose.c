@@ -90,18 +90,19 @@ uint32_t world_stride(const float *const track[WORLD_STEPS_MAX], size_t points, 
     return stride;
 }
 
-static void vec3_store(struct vec3 v, float out[3])
+static void vec3_store(struct vec3 v, float32 out[3])
 {
-    out[0] = v.x;
-    out[1] = v.y;
-    out[2] = v.z;
+    out[0] = (float32)v.x;
+    out[1] = (float32)v.y;
+    out[2] = (float32)v.z;
 }
 
 void world_poses_camera(const struct world_poses *poses, uint32_t camera, struct scene_camera *out,
                         struct transform *steps, struct camera_motion *motion)
 {
     struct transform at[WORLD_STEPS_MAX];
-    float axes[WORLD_STEPS_MAX][9], place[WORLD_STEPS_MAX][3], reach = 0;
+    float32 axes[WORLD_STEPS_MAX][9], place[WORLD_STEPS_MAX][3];
+    float reach = 0;
     const float *axes_track[WORLD_STEPS_MAX], *place_track[WORLD_STEPS_MAX];
     uint32_t stride, other;
     int moves = 0;
@@ -118,8 +119,8 @@ void world_poses_camera(const struct world_poses *poses, uint32_t camera, struct
         moves |= memcmp(&at[k], &at[0], sizeof *at) != 0;
         for (int r = 0; r < 3; r++) {
             for (int c = 0; c < 3; c++)
-                axes[k][3 * c + r] = at[k].m[r][c];
-            place[k][r] = at[k].m[r][3];
+                axes[k][3 * c + r] = (float32)at[k].m[r][c];
+            place[k][r] = (float32)at[k].m[r][3];
             reach = float_max(reach, fabsf(place[k][r] - place[0][r]));
         }
         axes_track[k] = axes[k];
@@ -144,7 +145,8 @@ void world_poses_light(const struct world_poses *poses, uint32_t light, struct s
 uint32_t world_poses_light_motion(const struct world_poses *poses, uint32_t light,
                                   struct punctual_pose steps[WORLD_STEPS_MAX])
 {
-    float axes[WORLD_STEPS_MAX][12], place[WORLD_STEPS_MAX][3], reach = 0;
+    float32 axes[WORLD_STEPS_MAX][12], place[WORLD_STEPS_MAX][3];
+    float reach = 0;
     const float *axes_track[WORLD_STEPS_MAX], *place_track[WORLD_STEPS_MAX];
     const float *intensity = poses->scene->lights[light].intensity;
     uint32_t stride, other, count;

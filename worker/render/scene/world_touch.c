@@ -73,8 +73,8 @@ static void bound(const double corner[3][3], struct world_box *box)
     for (int a = 0; a < 3; a++) {
         double low = fmin(corner[0][a], fmin(corner[1][a], corner[2][a])) - slack;
         double high = fmax(corner[0][a], fmax(corner[1][a], corner[2][a])) + slack;
-        box->low[a] = nextafterf((float)low, -INFINITY);
-        box->high[a] = nextafterf((float)high, INFINITY);
+        box->low[a] = nextafterf((float32)low, -INFINITY);
+        box->high[a] = nextafterf((float32)high, INFINITY);
     }
 }
 

@@ -169,7 +169,7 @@ static struct vec3 surface_bent_normal(const struct surface *s, struct vec3 n, s
 
 /* ---- the material's values ------------------------------------------------------------------ */
 
-static struct vec3 rgb(const float color[3])
+static struct vec3 rgb(const float32 color[3])
 {
     return vec3_make(color[0], color[1], color[2]);
 }
@@ -198,7 +198,7 @@ static float surface_scalar(const struct surface *s, float factor, const struct 
 #define SURFACE_FACTOR(s, name) \
     surface_scalar(s, (s)->material->m.name, &(s)->material->name, CHANNEL_OF_##name)
 
-static struct vec3 surface_color(const struct surface *s, const float factor[3],
+static struct vec3 surface_color(const struct surface *s, const float32 factor[3],
                                  const struct world_slot *slot)
 {
     struct vec3 color = rgb(factor);

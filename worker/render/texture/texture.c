@@ -14,7 +14,7 @@
 #define LINEAR_4(i) (i) / 255.0f, ((i) + 1) / 255.0f, ((i) + 2) / 255.0f, ((i) + 3) / 255.0f
 #define LINEAR_16(i) LINEAR_4(i), LINEAR_4((i) + 4), LINEAR_4((i) + 8), LINEAR_4((i) + 12)
 #define LINEAR_64(i) LINEAR_16(i), LINEAR_16((i) + 16), LINEAR_16((i) + 32), LINEAR_16((i) + 48)
-static const float linear8[256] = {LINEAR_64(0), LINEAR_64(64), LINEAR_64(128), LINEAR_64(192)};
+static const float32 linear8[256] = {LINEAR_64(0), LINEAR_64(64), LINEAR_64(128), LINEAR_64(192)};
 
 /* ---- making ------------------------------------------------------------------------------- */
 
@@ -60,7 +60,7 @@ static status decode_integers(struct texture_image *image, const uint8_t *data, 
     if (!image->srgb16)
         return error_no_memory(err, "a texture's sRGB table");
     for (int i = 0; i < TEXTURE_CODES_16; i++)
-        image->srgb16[i] = srgb_decode((float)i / 65535.0f);
+        image->srgb16[i] = srgb_decode((float32)i / 65535.0f);
     return STATUS_OK;
 }
 
@@ -316,7 +316,6 @@ place_of(struct texture_place *out, const struct texture_image *image,
          const struct scene_texture *texture, int filtered, float u, float v, float footprint)
 {
     float texels_wide = footprint * image->longest;
-    uint32_t bits;
 
     if (is_outside(u, texture->wrap_u) || is_outside(v, texture->wrap_v)) {
         out->levels = 0;
@@ -331,13 +330,11 @@ place_of(struct texture_place *out, const struct texture_image *image,
     out->levels = 1;
     out->level = 0;
     if (filtered && texels_wide > 1.0f) {
-        bits = float_bits(texels_wide);
-        out->level = (bits >> 23) - 127;
+        out->level = real_binade(texels_wide, &out->blend);
         if (out->level >= image->last_level) {
             out->level = image->last_level;
         } else {
             out->levels = 2;
-            out->blend = (float)(bits & 0x7fffff) * 0x1p-23f;
             place_in_level(&out->taps[1], image, texture, out->level + 1, u, v);
         }
     }
@@ -375,7 +372,7 @@ int texture_shares_place(const struct texture_image *a, const struct scene_textu
 /* ---- lookups ------------------------------------------------------------------------------ */
 
 /* A texel's channels side by side, for arithmetic on all of them at once. */
-typedef float lanes __attribute__((vector_size(16)));
+typedef float lanes __attribute__((vector_size(4 * sizeof(float))));
 
 /* The texel number `index`, colour decoded. `layout` is a constant where this is inlined. */
 static inline __attribute__((always_inline)) lanes

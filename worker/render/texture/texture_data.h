@@ -32,7 +32,7 @@ struct texture_image {
     int opaque;
     const void *texels;       /* level 0: uint8_t, uint16_t or float; points into one of the two */
     const float *srgb8;       /* decoding table of 8-bit values, static */
-    float *srgb16;            /* of 16-bit values; TEXTURE_16 only, owned */
+    float32 *srgb16;          /* of 16-bit values; TEXTURE_16 only, owned */
     struct image8 integers;
     struct image floats;
     float longest;            /* longer side, in texels */
