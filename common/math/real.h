@@ -43,6 +43,14 @@ static inline real real_exp(real x) { return exp(x); }
 static inline real real_log(real x) { return log(x); }
 static inline real real_pow(real x, real y) { return pow(x, y); }
 
+/* The largest power of two that is not above m > 0, and is a normal number. */
+static inline real real_power_below(real m)
+{
+    int exponent;
+
+    frexp(m, &exponent);
+    return m >= 0x1p-1022 ? ldexp(0.5, exponent) : 0x1p-1022;
+}
 static inline real real_flip(real x, int flip) { return flip ? -x : x; }
 static inline uint32_t real_binade(real x, real *rest)
 {
@@ -76,6 +84,13 @@ static inline real real_asin(real x) { return det_asin(x); }
 static inline real real_exp(real x) { return det_exp(x); }
 static inline real real_log(real x) { return det_log(x); }
 static inline real real_pow(real x, real y) { return det_pow(x, y); }
+/* The largest power of two that is not above m > 0, and is a normal number. */
+static inline real real_power_below(real m)
+{
+    uint32_t bits = float_bits(m) & 0x7f800000u;
+
+    return bits ? float_from_bits(bits) : 0x1p-126f;
+}
 /* x or, where `flip` is 1, -x, without a branch. */
 static inline real real_flip(real x, int flip)
 {

@@ -14,7 +14,7 @@ struct transform_d {
 };
 
 struct transform {
-    float m[3][4];
+    real m[3][4];
 };
 
 /* As a scene holds and sends it. */
@@ -28,7 +28,7 @@ static inline struct transform transform_from_d(const struct transform_d *a)
 
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 4; c++)
-            out.m[r][c] = (float)a->m[r][c];
+            out.m[r][c] = (real)a->m[r][c];
     return out;
 }
 

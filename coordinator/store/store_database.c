@@ -114,9 +114,9 @@ struct sql_value sql_number(int64_t number)
     return (struct sql_value){.kind = SQL_NUMBER, .number = number};
 }
 
-struct sql_value sql_real(double real)
+struct sql_value sql_real(double value)
 {
-    return (struct sql_value){.kind = SQL_REAL, .real = real};
+    return (struct sql_value){.kind = SQL_REAL, .real = value};
 }
 
 struct sql_value sql_text(const char *text)

@@ -67,7 +67,7 @@ struct sql_value {
     size_t size_bytes;
 };
 struct sql_value sql_number(int64_t number);
-struct sql_value sql_real(double real);
+struct sql_value sql_real(double value);
 struct sql_value sql_text(const char *text);
 struct sql_value sql_bytes(const struct buffer *bytes);
 /* Two arguments: values and their count. */

@@ -19,7 +19,7 @@
 #include "worker/render/texture/texture.h"
 
 struct world_mesh {
-    const float *positions, *normals, *tangents, *uv[2], *colors;
+    const float32 *positions, *normals, *tangents, *uv[2], *colors;
     const uint32_t *indices;
     uint32_t vertex_count, triangle_count;
     const uint8_t *blob;          /* the whole blob: deformation reads it */
@@ -33,7 +33,7 @@ struct world_slot {
     int color;                    /* a slot of colours: sRGB unless the texture says otherwise */
     int transformed;
     int shares_place;             /* lookups by footprint use the place of world_material.lead */
-    float m[2][3];
+    real m[2][3];
 };
 
 enum world_material_flags {
@@ -72,7 +72,7 @@ struct world_instance {
     uint32_t body;                /* the material whose body it bounds */
     uint32_t alpha_key;           /* for the stochastic alpha: from material and place, so that it
                                      stays the same when a mesh is split */
-    const float *world_positions; /* vertices in world space (at the shutter's opening), or NULL:
+    const float32 *world_positions; /* vertices in world space (at the shutter's opening), or NULL:
                                      transform the mesh's */
     struct transform to_world, to_object;
     int flipped;                  /* negative determinant: world winding is clockwise */
@@ -80,13 +80,13 @@ struct world_instance {
      * to its closing; in between vertices move along straight lines. */
     uint32_t motion_steps;        /* 0: no motion while the shutter is open */
     const struct transform *motion_to_world;      /* [motion_steps]; NULL: `to_world` throughout */
-    const float *const *motion_positions;         /* [motion_steps][vertices][3] world, or NULL: the
+    const float32 *const *motion_positions;         /* [motion_steps][vertices][3] world, or NULL: the
                                      mesh's vertices transformed; [0] is world_positions */
     int bounded;                  /* deformed, or moved vertex by vertex: always within this box */
-    float bounds_min[3], bounds_max[3];
-    const float *deformed_normals, *deformed_tangents; /* at the shutter's opening, or NULL: the mesh's.
+    real bounds_min[3], bounds_max[3];
+    const float32 *deformed_normals, *deformed_tangents; /* at the shutter's opening, or NULL: the mesh's.
                                      World space for a skinned mesh, else the mesh's */
-    const float *const *motion_normals, *const *motion_tangents; /* [motion_steps] of the same, or NULL */
+    const float32 *const *motion_normals, *const *motion_tangents; /* [motion_steps] of the same, or NULL */
     int skinned;                  /* those are in world space */
     const struct shape *shape;    /* in place of the mesh's triangles (shape/shape.h); NULL: none */
     int encloses;                 /* what is behind its faces is closed in, and rays get there, but may
@@ -105,7 +105,7 @@ struct interior {
 };
 
 struct world_box {
-    float low[3], high[3];
+    real low[3], high[3];
 };
 enum { WORLD_BOUNDARIES_MAX = 8 };
 enum { ROULETTE_DEPTH = 3 };
@@ -138,8 +138,8 @@ struct render_scene {
     struct world_box boundaries[WORLD_BOUNDARIES_MAX];
     uint32_t boundary_count;
     struct vec3 bounds_centre;
-    float bounds_radius;          /* Ritter's bounding sphere of the geometry, metres */
-    float fog_radius;             /* the same, grown to include the camera */
+    real bounds_radius;          /* Ritter's bounding sphere of the geometry, metres */
+    real fog_radius;             /* the same, grown to include the camera */
     int enclosed;                 /* no ray escapes from where the camera is (enclosure.h) */
     struct interior camera_interior; /* the bodies that contain the camera */
     enum scene_volume_rule volume_rule;
@@ -151,30 +151,30 @@ struct render_scene {
  * `footprint`: width of the ray's beam over the square root of the triangle's area (both in world
  * space), 0: finest. */
 struct texel world_slot_lookup(const struct world_slot *slot, const struct world_mesh *mesh,
-                               const uint32_t vertex[3], float b1, float b2, float footprint,
+                               const uint32_t vertex[3], real b1, real b2, real footprint,
                                int srgb);
 
 /* The place of that lookup. */
 void world_slot_place(const struct world_slot *slot, const struct world_mesh *mesh,
-                      const uint32_t vertex[3], float b1, float b2, float footprint,
+                      const uint32_t vertex[3], real b1, real b2, real footprint,
                       struct texture_place *place);
 
 /* Alpha of the material at a point of a triangle, 0..1, before the alpha mode is applied. */
-float world_alpha(const struct world_material *material, const struct world_mesh *mesh,
-                  const uint32_t vertex[3], float b1, float b2);
+real world_alpha(const struct world_material *material, const struct world_mesh *mesh,
+                  const uint32_t vertex[3], real b1, real b2);
 
 /* Emitted radiance at a point of a triangle, below a clearcoat. */
 struct vec3 world_emission(const struct world_material *material, const struct world_mesh *mesh,
-                           const uint32_t vertex[3], float b1, float b2);
+                           const uint32_t vertex[3], real b1, real b2);
 
 /* The same as it arrives from a direction with this absolute cosine to the geometric normal
  * (next-event estimation knows no other). */
 struct vec3 world_emitted(const struct world_material *material, const struct world_mesh *mesh,
-                          const uint32_t vertex[3], float b1, float b2, float cosine);
+                          const uint32_t vertex[3], real b1, real b2, real cosine);
 
 /* The three corners of a triangle in world space at `time` (0..1 of the shutter). */
 void world_triangle(const struct render_scene *scene, const struct world_instance *instance,
-                    uint32_t triangle, float time, struct vec3 corner[3]);
+                    uint32_t triangle, real time, struct vec3 corner[3]);
 
 /* The same in double, for the accel; `scene` is a struct render_scene. */
 accel_corners world_exact_corners;

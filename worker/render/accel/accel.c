@@ -65,14 +65,14 @@ static status embree_failed(RTCDevice device, const char *what, struct error *er
 }
 
 /* `positions` has one entry for each moment; a single one does not move. */
-static void set_triangles(RTCGeometry geometry, const float *const *positions, uint32_t steps,
+static void set_triangles(RTCGeometry geometry, const float32 *const *positions, uint32_t steps,
                           const struct accel_mesh *mesh, const uint32_t *indices, int filtered)
 {
     if (steps > 1)
         rtcSetGeometryTimeStepCount(geometry, steps);
     for (uint32_t i = 0; i < steps; i++)
         rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, i, RTC_FORMAT_FLOAT3,
-                                   positions[i], 0, 3 * sizeof(float), mesh->vertex_count);
+                                   positions[i], 0, 3 * sizeof(float32), mesh->vertex_count);
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, indices, 0,
                                3 * sizeof(uint32_t), mesh->triangle_count);
     if (filtered)
@@ -189,12 +189,12 @@ static status choose_indices(struct accel *accel, const struct accel_mesh *mesh,
 }
 
 /* An interpolated matrix differs from one of its ends by at most half their difference. */
-static float least_stretch(const struct accel_instance *instance)
+static real least_stretch(const struct accel_instance *instance)
 {
     double least, difference = 0;
 
     if (!instance->motion_steps)
-        return (float)sizes_least_stretch(&instance->to_world);
+        return (real)sizes_least_stretch(&instance->to_world);
     least = sizes_least_stretch(&instance->motion_to_world[0]);
     for (uint32_t i = 1; i < instance->motion_steps; i++) {
         const struct transform *a = &instance->motion_to_world[i - 1], *b = a + 1;
@@ -208,7 +208,7 @@ static float least_stretch(const struct accel_instance *instance)
         difference = fmax(difference, sqrt(square));
         least = fmin(least, sizes_least_stretch(b));
     }
-    return (float)fmax(least - 0.5 * difference, 0);
+    return (real)fmax(least - 0.5 * difference, 0);
 }
 
 static status set_world_triangles(struct accel *accel, const struct accel_input *in, uint32_t index,

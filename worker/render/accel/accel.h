@@ -40,18 +40,18 @@ enum { RAY_LEFT_MAX = 8 };
 struct ray {
     struct vec3 origin;    /* metres, rounded to float */
     struct vec3 direction; /* unit */
-    float t_max;           /* metres; INFINITY for none */
-    float time;            /* 0..1: from the shutter's opening to its closing */
+    real t_max;           /* metres; INFINITY for none */
+    real time;            /* 0..1: from the shutter's opening to its closing */
     double rest[3];        /* metres: the rounding error; the exact origin is origin + rest */
     uint32_t left_count;   /* 0: it starts in mid-air */
     int reaches;           /* it ends on the face `end`; t_max is then only approximate */
     struct hit left[RAY_LEFT_MAX], end; /* the faces on which it starts, first the one it met */
     int contacts;          /* also meet faces closer to left[0] than Embree's error, even
                               those that share no corner with it; slower */
-    float inset;           /* metres from the start to the edges of left[0]; a lower bound */
+    real inset;           /* metres from the start to the edges of left[0]; a lower bound */
     struct vec3 off;       /* unit: the normal of left[0], on the side to which the ray goes */
-    float end_inset;       /* the same from the end to the edges of `end`; 0: none */
-    float end_cosine;      /* between the ray and the normal of `end`, positive */
+    real end_inset;       /* the same from the end to the edges of `end`; 0: none */
+    real end_cosine;      /* between the ray and the normal of `end`, positive */
 };
 
 /* A face that coincides with one that was met. */
@@ -64,7 +64,7 @@ struct contact {
 };
 
 struct accel_mesh {
-    const float *positions;   /* float[3], 16 readable bytes after the last */
+    const float32 *positions;   /* float[3], 16 readable bytes after the last */
     const uint32_t *indices;  /* uint32[3] */
     uint32_t vertex_count, triangle_count;
 };
@@ -73,28 +73,28 @@ enum { ACCEL_STEPS_MAX = 129 /* Embree's own limit */ };
 
 struct accel_instance {
     uint32_t mesh;
-    const float *world_positions; /* not NULL: the mesh's vertices in world space, placed in the
+    const float32 *world_positions; /* not NULL: the mesh's vertices in world space, placed in the
                                      top BVH; NULL: an instance of the mesh's BVH */
     struct transform to_world;
     int filtered;                 /* ask `accept` about every hit */
     uint32_t motion_steps;        /* 0: no motion; else 2..ACCEL_STEPS_MAX, and one of the next two
                                      replaces the static field above: */
-    const float *const *motion_positions;    /* with world_positions: [motion_steps] of them, each
+    const float32 *const *motion_positions;    /* with world_positions: [motion_steps] of them, each
                                                 with 16 readable bytes after the last */
     const struct transform *motion_to_world; /* without: [motion_steps] */
     const struct shape *shape;    /* not NULL: in place of the mesh, which has no triangles; coincides
                                      with no other face; outlives the accel */
-    float shape_margin;           /* metres: what Embree may be wrong about a ray's place near it */
+    real shape_margin;           /* metres: what Embree may be wrong about a ray's place near it */
 };
 
 /* Does the hit count? Called during traversal, possibly several times for one triangle: it must be
  * a pure function of its arguments. `facing`: the ray meets the side from which the (object-space)
  * winding is counter-clockwise. */
 typedef int accel_accept(const void *scene, const void *query, uint32_t instance,
-                         uint32_t triangle, float u, float v, int facing);
+                         uint32_t triangle, real u, real v, int facing);
 
 /* The corners in world space at `time`. A corner shared by triangles is the same for all. */
-typedef void accel_corners(const void *scene, uint32_t instance, uint32_t triangle, float time,
+typedef void accel_corners(const void *scene, uint32_t instance, uint32_t triangle, real time,
                            double corner[3][3]);
 
 struct accel_input {

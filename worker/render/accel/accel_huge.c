@@ -13,7 +13,7 @@ void accel_huge_bounds(const struct RTCBoundsFunctionArguments *args)
         double corner[3][3];
 
         accel->corners(accel->scene, face->instance, face->triangle,
-                       steps ? (float)i / (float)(steps - 1) : 0, corner);
+                       steps ? (real)i / (real)(steps - 1) : 0, corner);
         for (int k = 0; k < 3; k++)
             for (int a = 0; a < 3; a++) {
                 low[a] = float_min(nextafterf((float32)corner[k][a], -INFINITY), low[a]);
@@ -35,8 +35,8 @@ static int huge_meets(struct query_context *q, const struct hit *face, double *t
         !accel_decide(q, face, t))
         return 0;
     if (q->accel->geometries[face->instance].filtered &&
-        !q->accel->accept(q->accel->scene, q->query, face->instance, face->triangle, (float)u,
-                          (float)v, facing))
+        !q->accel->accept(q->accel->scene, q->query, face->instance, face->triangle, (real)u,
+                          (real)v, facing))
         return 0;
     if (q->kind != QUERY_OCCLUDED)
         accel_keep(q, face, *t, facing);

@@ -26,9 +26,9 @@ struct accel_geometry {
     double slenderest;       /* at most: the square of longest edge / height */
     uint8_t filtered;        /* accept is to be asked */
     uint8_t in_world;        /* its triangles lie in the top BVH */
-    float shape_margin;      /* metres (struct accel_instance) */
+    real shape_margin;      /* metres (struct accel_instance) */
     double to_object[3][3];  /* else, of what stands still: the inverse matrix's part for directions */
-    float least_stretch;     /* of its matrix; 1 in world space */
+    real least_stretch;     /* of its matrix; 1 in world space */
     uint32_t motion_steps;
     const struct shape *shape; /* NULL: triangles */
     double error_origin, error_extent; /* as the accel's, for rays that meet its triangles */

@@ -47,7 +47,7 @@ static inline int is_certain(const struct query_context *q, const struct accel_g
            height2 > error2 * (double)(UINT64_C(1) << 2 * g->slender[triangle]);
 }
 
-static inline float product(const struct RTCRay *ray, const struct RTCHit *hit)
+static inline real product(const struct RTCRay *ray, const struct RTCHit *hit)
 {
     return ray->dir_x * hit->Ng_x + ray->dir_y * hit->Ng_y + ray->dir_z * hit->Ng_z;
 }
@@ -55,7 +55,7 @@ static inline float product(const struct RTCRay *ray, const struct RTCHit *hit)
 static inline int accepts(const struct query_context *q, const struct accel_geometry *g,
                           const struct hit *face, const struct RTCHit *hit, int facing)
 {
-    float u = hit->u, v = hit->v;
+    real u = hit->u, v = hit->v;
     double weight[2];
     int side;
 
@@ -63,8 +63,8 @@ static inline int accepts(const struct query_context *q, const struct accel_geom
         return 1;
     /* Embree gives 0 and 0 where its products of two edges are below 1e-18: a nanometre's square. */
     if (u == 0 && v == 0 && accel_covers(q, face, &weight[0], &weight[1], &side)) {
-        u = (float)weight[0];
-        v = (float)weight[1];
+        u = (real)weight[0];
+        v = (real)weight[1];
     }
     return q->accel->accept(q->accel->scene, q->query, face->instance, face->triangle, u, v, facing);
 }
@@ -186,7 +186,7 @@ static void aim_at_end(struct query_context *q)
     length = sqrt(exact_dot(way, way));
     if (!(length > 0))
         return;
-    q->aim = vec3_make((float)(way[0] / length), (float)(way[1] / length), (float)(way[2] / length));
+    q->aim = vec3_make((real)(way[0] / length), (real)(way[1] / length), (real)(way[2] / length));
     q->length = length;
     q->t_max += length - t_max;
 }
@@ -296,9 +296,9 @@ static void look_beside(struct RTCRay *out, const struct query_context *q)
 {
     struct basis frame = basis_from_normal(q->ray->direction);
     struct vec3 aside = vec3_scale(q->attempt & 1 ? frame.s : frame.t,
-                                   ldexpf(q->attempt & 2 ? -LEAK_ANGLE : LEAK_ANGLE,
+                                   real_ldexp(q->attempt & 2 ? -LEAK_ANGLE : LEAK_ANGLE,
                                           (int)q->attempt - 1));
-    float reach = (float)q->largest;
+    real reach = (real)q->largest;
 
     out->org_x += (float32)(aside.x * reach);
     out->org_y += (float32)(aside.y * reach);
@@ -414,7 +414,7 @@ int accel_refine(const struct accel *accel, const struct ray *ray, const void *q
     exact_vec(ray->direction, direction);
     go(place, direction, t - reach, place);
     last.origin = exact_round(place, last.rest);
-    last.t_max = (float)(2 * reach);
+    last.t_max = (real)(2 * reach);
     query_start(&q, accel, &last, query, QUERY_NEAREST);
     q.near_start = INFINITY;
     trace_carefully(&q, &found);
@@ -460,7 +460,7 @@ static __attribute__((noinline)) int meets_from_inside(struct query_context *q, 
 
     moved.origin = exact_round(q->inside, moved.rest);
     moved.direction = q->aim;
-    moved.t_max = (float)q->length;
+    moved.t_max = (real)q->length;
     moved.inset = INFINITY;
     moved.contacts = 1;
     query_start(q, q->accel, &moved, q->query, q->kind);
@@ -528,7 +528,7 @@ uint32_t accel_coincident(const struct accel *accel, const struct ray *ray, cons
     for (int k = 0; k < 3; k++)
         along[k] = n[k] / length;
     line.origin = exact_round(place, line.rest);
-    line.direction = vec3_make((float)along[0], (float)along[1], (float)along[2]);
+    line.direction = vec3_make((real)along[0], (real)along[1], (real)along[2]);
     query_start(&q, accel, &line, query, QUERY_COINCIDENT);
     memcpy(q.direction, along, sizeof along);
     q.gap_max = coincident_gap(place);

@@ -32,7 +32,7 @@ static int exponent_of(double length)
 }
 
 /* The squares of the longest edge and of twice the area. */
-static double longest_edge(const float *positions, const uint32_t *vertex, double *area2)
+static double longest_edge(const float32 *positions, const uint32_t *vertex, double *area2)
 {
     double e[3][3], longest = 0, n[3];
 
@@ -250,7 +250,7 @@ void sizes_release(struct sizes *sizes)
     memset(sizes, 0, sizeof *sizes);
 }
 
-status sizes_slender(const float *positions, const struct accel_mesh *mesh, uint8_t **out,
+status sizes_slender(const float32 *positions, const struct accel_mesh *mesh, uint8_t **out,
                      double *worst_squared, struct error *err)
 {
     uint8_t *slender = mem_alloc_array(mesh->triangle_count, 1), worst = 0;

@@ -33,7 +33,7 @@ double sizes_least_stretch(const struct transform *m);
  * SIZES_SLENDER_MAX; *out is NULL if all are small. *worst_squared is the square of the largest
  * ratio, rounded in the same way; 1 if all are small. */
 enum { SIZES_SLENDER_MAX = 30 };
-status sizes_slender(const float *positions, const struct accel_mesh *mesh, uint8_t **out,
+status sizes_slender(const float32 *positions, const struct accel_mesh *mesh, uint8_t **out,
                      double *worst_squared, struct error *err) MUST_CHECK;
 
 #endif

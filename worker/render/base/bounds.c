@@ -3,10 +3,10 @@
 static size_t farthest(const struct vec3 *points, size_t count, struct vec3 from)
 {
     size_t best = 0;
-    float best_squared = -1;
+    real best_squared = -1;
 
     for (size_t i = 0; i < count; i++) {
-        float squared = vec3_length_squared(vec3_sub(points[i], from));
+        real squared = vec3_length_squared(vec3_sub(points[i], from));
         if (squared > best_squared) {
             best_squared = squared;
             best = i;
@@ -28,16 +28,16 @@ struct sphere sphere_around(const struct vec3 *points, size_t count)
     s.radius = 0.5f * vec3_length(vec3_sub(a, b));
     for (size_t i = 0; i < count; i++) {
         struct vec3 out = vec3_sub(points[i], s.centre);
-        float distance = vec3_length(out);
+        real distance = vec3_length(out);
         if (distance > s.radius) {
-            float grown = 0.5f * (s.radius + distance);
+            real grown = 0.5f * (s.radius + distance);
             s.centre = vec3_mad(s.centre, out, (grown - s.radius) / distance);
             s.radius = grown;
         }
     }
     /* Moving the centre rounds: check every point once more. */
     for (size_t i = 0; i < count; i++)
-        s.radius = fmaxf(s.radius, vec3_length(vec3_sub(points[i], s.centre)));
+        s.radius = real_fmax(s.radius, vec3_length(vec3_sub(points[i], s.centre)));
     s.radius *= 1 + 0x1p-20f;
     return s;
 }

@@ -12,7 +12,7 @@
 
 struct sphere {
     struct vec3 centre;
-    float radius;
+    real radius;
 };
 
 /* Ritter 1990 ("An Efficient Bounding Sphere", Graphics Gems): start from a far pair, grow to

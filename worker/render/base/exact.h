@@ -54,10 +54,10 @@ static inline void exact_origin(const struct ray *ray, double out[3])
  * conversion from double to float and back as the identity where it vectorises. */
 static inline struct vec3 exact_round(const double place[3], double rest[3])
 {
-    volatile float rounded[3];
+    volatile real rounded[3];
 
     for (int k = 0; k < 3; k++) {
-        rounded[k] = (float)place[k];
+        rounded[k] = (real)place[k];
         rest[k] = place[k] - (double)rounded[k];
     }
     return vec3_make(rounded[0], rounded[1], rounded[2]);

@@ -10,7 +10,7 @@ void health_note(enum health_kind kind)
     health_scope.noted |= 1u << kind;
 }
 
-void health_value(struct vec3 value, float pdf)
+void health_value(struct vec3 value, real pdf)
 {
     health_throughput(value);
     health_density(pdf);

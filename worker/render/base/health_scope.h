@@ -29,7 +29,7 @@ _Static_assert(HEALTH_KINDS <= 32, "health_scope.noted has a bit for each");
 void health_note(enum health_kind kind) __attribute__((cold, noinline));
 
 /* All return 0, which is what a guard returns. */
-static inline int health_density(float pdf)
+static inline int health_density(real pdf)
 {
     if (!(pdf >= 0 && pdf < INFINITY))
         health_note(HEALTH_BAD_DENSITIES);
@@ -38,9 +38,9 @@ static inline int health_density(float pdf)
 
 static inline int health_direction_is_good(struct vec3 w)
 {
-    float length2 = vec3_length_squared(w);
+    real length2 = vec3_length_squared(w);
 
-    return length2 > 0.9f && length2 < 1.1f;
+    return length2 > REAL(0.9) && length2 < REAL(1.1);
 }
 
 static inline int health_direction(struct vec3 w)
@@ -51,7 +51,7 @@ static inline int health_direction(struct vec3 w)
 }
 
 /* The squared distance to where a direction leads; 0 has none, which is sound. */
-static inline int health_distance(float squared)
+static inline int health_distance(real squared)
 {
     if (!(squared >= 0 && squared < INFINITY))
         health_note(HEALTH_BAD_DIRECTIONS);
@@ -72,7 +72,7 @@ static inline int health_throughput(struct vec3 weight)
 }
 
 /* What is scattered in a direction and its density, of which at least one was refused. */
-void health_value(struct vec3 value, float pdf) __attribute__((cold, noinline));
+void health_value(struct vec3 value, real pdf) __attribute__((cold, noinline));
 
 static inline int health_basis(const struct basis *basis)
 {

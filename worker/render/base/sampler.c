@@ -51,7 +51,7 @@ void sampler_isolate(struct sampler *s)
     s->index = s->index_reversed = 0;
 }
 
-float sampler_hash(const struct sampler *s, uint32_t key_a, uint32_t key_b)
+real sampler_hash(const struct sampler *s, uint32_t key_a, uint32_t key_b)
 {
     uint32_t h = hash_combine((uint32_t)(s->seed >> 32), s->index);
 

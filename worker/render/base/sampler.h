@@ -19,7 +19,7 @@
 #include "common/math/real.h"
 
 struct sample2 {
-    float u, v; /* each in [0, 1) */
+    real u, v; /* each in [0, 1) */
 };
 
 struct sampler {
@@ -54,7 +54,7 @@ static inline struct sample2 sampler_get(const struct sampler *s, uint32_t pair)
 
 /* One hashed number in [0,1) that is not part of the sequence: for decisions that may
  * happen any number of times (stochastic alpha). `key` tells them apart. */
-float sampler_hash(const struct sampler *s, uint32_t key_a, uint32_t key_b);
+real sampler_hash(const struct sampler *s, uint32_t key_a, uint32_t key_b);
 
 /* ---- the parts, for the tests ---- */
 /* Nested uniform (Owen) scramble of a 32-bit fraction, most significant digit first. */

@@ -19,46 +19,46 @@
 #include "common/math/vec.h"
 
 enum { ALBEDO_ROWS = 32, ALBEDO_COLUMNS = 32 };
-#define ALBEDO_ALPHA_FIRST 1e-3f      /* BSDF_ALPHA_MIN */
-#define ALBEDO_ROW_FIRST 0.031622777f /* its root */
-#define ALBEDO_MARGIN 1.003f
+#define ALBEDO_ALPHA_FIRST REAL(1e-3)      /* BSDF_ALPHA_MIN */
+#define ALBEDO_ROW_FIRST REAL(0.031622777) /* its root */
+#define ALBEDO_MARGIN REAL(1.003)
 
-extern const float albedo_blend[ALBEDO_ROWS][ALBEDO_COLUMNS];
+extern const float32 albedo_blend[ALBEDO_ROWS][ALBEDO_COLUMNS];
 /* Cosine-weighted hemispherical mean of each row as it is interpolated. */
-extern const float albedo_blend_average[ALBEDO_ROWS];
+extern const float32 albedo_blend_average[ALBEDO_ROWS];
 
 /* The position of an alpha between two rows. */
 struct albedo_row {
-    const float *low;  /* the row below; the one above follows it */
-    float average;     /* hemispherical mean of blend */
-    float t;
+    const float32 *low;  /* the row below; the one above follows it */
+    real average;     /* hemispherical mean of blend */
+    real t;
 };
 
 /* alpha in BSDF_ALPHA_MIN..1. */
-static inline struct albedo_row albedo_row_find(float alpha)
+static inline struct albedo_row albedo_row_find(real alpha)
 {
-    float x = (sqrtf(alpha) - ALBEDO_ROW_FIRST) *
-              ((float)(ALBEDO_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
+    real x = (real_sqrt(alpha) - ALBEDO_ROW_FIRST) *
+              ((real)(ALBEDO_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
     int row = x > 0.0f ? (int)x : 0;
     struct albedo_row r;
 
     row = row < ALBEDO_ROWS - 2 ? row : ALBEDO_ROWS - 2;
     r.low = albedo_blend[row];
-    r.t = x > 0.0f ? x - (float)row : 0.0f;
+    r.t = x > 0.0f ? x - (real)row : 0.0f;
     r.average = albedo_blend_average[row] +
                 (albedo_blend_average[row + 1] - albedo_blend_average[row]) * r.t;
     return r;
 }
 
 /* blend(mu) of that row, mu in 0..1. */
-static inline float albedo_blend_at(const struct albedo_row *r, float mu)
+static inline real albedo_blend_at(const struct albedo_row *r, real mu)
 {
-    float x = sqrtf(mu) * (float)(ALBEDO_COLUMNS - 1), a, b;
+    real x = real_sqrt(mu) * (real)(ALBEDO_COLUMNS - 1), a, b;
     int column = (int)x;
-    const float *low;
+    const float32 *low;
 
     column = column < ALBEDO_COLUMNS - 2 ? column : ALBEDO_COLUMNS - 2;
-    x -= (float)column;
+    x -= (real)column;
     low = r->low + column;
     a = low[0] + (low[1] - low[0]) * x;
     b = low[ALBEDO_COLUMNS] + (low[ALBEDO_COLUMNS + 1] - low[ALBEDO_COLUMNS]) * x;
@@ -74,38 +74,38 @@ static inline float albedo_blend_at(const struct albedo_row *r, float mu)
  * raised by ALBEDO_EXACT_MARGIN. Means over the hemisphere are of the function as it is
  * interpolated: of itself, and of itself times what GGX keeps. */
 enum { ALBEDO_EXACT_ROWS = 12, ALBEDO_EXACT_INDICES = 9, ALBEDO_EXACT_COLUMNS = 24 };
-#define ALBEDO_EXACT_IOR_FIRST 1.2f
+#define ALBEDO_EXACT_IOR_FIRST REAL(1.2)
 #define ALBEDO_EXACT_IOR_LAST 3.0f
-#define ALBEDO_EXACT_ROW_FIRST 0.17782794f /* fourth root of ALBEDO_ALPHA_FIRST */
-#define ALBEDO_EXACT_ROOT_FIRST 0.30151134f /* sqrt(r) of these */
-#define ALBEDO_EXACT_ROOT_LAST 0.70710678f
-#define ALBEDO_EXACT_MARGIN 1e-3f
-extern const float
+#define ALBEDO_EXACT_ROW_FIRST REAL(0.17782794) /* fourth root of ALBEDO_ALPHA_FIRST */
+#define ALBEDO_EXACT_ROOT_FIRST REAL(0.30151134) /* sqrt(r) of these */
+#define ALBEDO_EXACT_ROOT_LAST REAL(0.70710678)
+#define ALBEDO_EXACT_MARGIN REAL(1e-3)
+extern const float32
     albedo_exact[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES * ALBEDO_EXACT_COLUMNS];
-extern const float albedo_exact_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES];
-extern const float albedo_exact_kept_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES];
+extern const float32 albedo_exact_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES];
+extern const float32 albedo_exact_kept_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES];
 
 struct albedo_exact {
-    const float *low;
-    float row, index;      /* how far between the neighbours */
-    float mean, kept_mean;
-    float smooth_mean;     /* for no roughness: never above the true value, since it has no table */
+    const float32 *low;
+    real row, index;      /* how far between the neighbours */
+    real mean, kept_mean;
+    real smooth_mean;     /* for no roughness: never above the true value, since it has no table */
 };
 
 /* mu in 0..1. */
-static inline float albedo_exact_at(const struct albedo_exact *t, float mu)
+static inline real albedo_exact_at(const struct albedo_exact *t, real mu)
 {
-    float x = sqrtf(mu) * (float)(ALBEDO_EXACT_COLUMNS - 1), v[2];
+    real x = real_sqrt(mu) * (real)(ALBEDO_EXACT_COLUMNS - 1), v[2];
     int column = (int)x;
-    const float *low;
+    const float32 *low;
 
     column = column < ALBEDO_EXACT_COLUMNS - 2 ? column : ALBEDO_EXACT_COLUMNS - 2;
-    x -= (float)column;
+    x -= (real)column;
     low = t->low + column;
     for (int i = 0; i < 2; i++) {
-        const float *p = low + i * ALBEDO_EXACT_INDICES * ALBEDO_EXACT_COLUMNS;
-        const float *n = p + ALBEDO_EXACT_COLUMNS;
-        float a = p[0] + (p[1] - p[0]) * x, b = n[0] + (n[1] - n[0]) * x;
+        const float32 *p = low + i * ALBEDO_EXACT_INDICES * ALBEDO_EXACT_COLUMNS;
+        const float32 *n = p + ALBEDO_EXACT_COLUMNS;
+        real a = p[0] + (p[1] - p[0]) * x, b = n[0] + (n[1] - n[0]) * x;
         v[i] = a + (b - a) * t->index;
     }
     return v[0] + (v[1] - v[0]) * t->row;
@@ -123,32 +123,32 @@ static inline float albedo_exact_at(const struct albedo_exact *t, float mu)
  * rows are ALBEDO_MEAN_STEPS times denser, because the columns' positions move with alpha. Means of
  * losses are tabulated over alpha^2 (of the wider alpha), with which they grow. */
 enum { ALBEDO_MEAN_STEPS = 4, ALBEDO_MEAN_ROWS = ALBEDO_MEAN_STEPS * (ALBEDO_ROWS - 1) + 1 };
-extern const float albedo_loss[ALBEDO_ROWS * ALBEDO_COLUMNS];
-extern const float albedo_loss_mean[ALBEDO_MEAN_ROWS];
-extern const float albedo_schlick_mean[ALBEDO_MEAN_ROWS]; /* of (1 - loss) blend */
+extern const float32 albedo_loss[ALBEDO_ROWS * ALBEDO_COLUMNS];
+extern const float32 albedo_loss_mean[ALBEDO_MEAN_ROWS];
+extern const float32 albedo_schlick_mean[ALBEDO_MEAN_ROWS]; /* of (1 - loss) blend */
 
 struct albedo_loss_row {
-    const float *low;
-    float t, alpha;
-    float mean, schlick_mean;
+    const float32 *low;
+    real t, alpha;
+    real mean, schlick_mean;
 };
 
 /* x = 0..last of a table; x and x + 1 are then the neighbouring entries. */
-static inline int albedo_cell(float *x, int count)
+static inline int albedo_cell(real *x, int count)
 {
     int cell = *x > 0.0f ? (int)*x : 0;
 
     cell = cell < count - 2 ? cell : count - 2;
-    *x = *x > 0.0f ? *x - (float)cell : 0.0f;
+    *x = *x > 0.0f ? *x - (real)cell : 0.0f;
     return cell;
 }
 
 /* alpha in BSDF_ALPHA_MIN..1. */
-static inline struct albedo_loss_row albedo_loss_row_find(float alpha)
+static inline struct albedo_loss_row albedo_loss_row_find(real alpha)
 {
-    float x = (sqrtf(alpha) - ALBEDO_ROW_FIRST) *
-              ((float)(ALBEDO_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
-    float y = x * (float)ALBEDO_MEAN_STEPS;
+    real x = (real_sqrt(alpha) - ALBEDO_ROW_FIRST) *
+              ((real)(ALBEDO_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
+    real y = x * (real)ALBEDO_MEAN_STEPS;
     struct albedo_loss_row r;
     int mean = albedo_cell(&y, ALBEDO_MEAN_ROWS);
 
@@ -163,41 +163,41 @@ static inline struct albedo_loss_row albedo_loss_row_find(float alpha)
 }
 
 /* c of mu, 0..1; and the factor of the entries there. */
-static inline float albedo_loss_column(float alpha, float mu, float *scale)
+static inline real albedo_loss_column(real alpha, real mu, real *scale)
 {
-    float c2 = mu * (1.0f + alpha) / (mu + alpha);
+    real c2 = mu * (1.0f + alpha) / (mu + alpha);
 
     c2 = c2 < 1.0f ? c2 : 1.0f;
     *scale = (1.0f - c2) * (1.0f - c2) + alpha * alpha;
-    return sqrtf(c2);
+    return real_sqrt(c2);
 }
 
 /* mu in 0..1. */
-static inline float albedo_loss_at(const struct albedo_loss_row *r, float mu)
+static inline real albedo_loss_at(const struct albedo_loss_row *r, real mu)
 {
-    float scale, x = albedo_loss_column(r->alpha, mu, &scale) * (float)(ALBEDO_COLUMNS - 1), a, b;
-    const float *low = r->low + albedo_cell(&x, ALBEDO_COLUMNS);
+    real scale, x = albedo_loss_column(r->alpha, mu, &scale) * (real)(ALBEDO_COLUMNS - 1), a, b;
+    const float32 *low = r->low + albedo_cell(&x, ALBEDO_COLUMNS);
 
     a = low[0] + (low[1] - low[0]) * x;
     b = low[ALBEDO_COLUMNS] + (low[ALBEDO_COLUMNS + 1] - low[ALBEDO_COLUMNS]) * x;
     return (a + (b - a) * r->t) * scale;
 }
 
-static inline float albedo_exact_between(const float *p, float row, float index)
+static inline real albedo_exact_between(const float32 *p, real row, real index)
 {
-    const float *n = p + ALBEDO_EXACT_INDICES;
-    float a = p[0] + (p[1] - p[0]) * index, b = n[0] + (n[1] - n[0]) * index;
+    const float32 *n = p + ALBEDO_EXACT_INDICES;
+    real a = p[0] + (p[1] - p[0]) * index, b = n[0] + (n[1] - n[0]) * index;
 
     return a + (b - a) * row;
 }
 
 /* alpha in 0..1, n in ALBEDO_EXACT_IOR_FIRST..LAST. */
-static inline struct albedo_exact albedo_exact_find(float alpha, float n)
+static inline struct albedo_exact albedo_exact_find(real alpha, real n)
 {
-    float row = (sqrtf(sqrtf(alpha)) - ALBEDO_EXACT_ROW_FIRST) *
-                ((float)(ALBEDO_EXACT_ROWS - 1) / (1.0f - ALBEDO_EXACT_ROW_FIRST));
-    float index = (sqrtf((n - 1.0f) / (n + 1.0f)) - ALBEDO_EXACT_ROOT_FIRST) *
-                  ((float)(ALBEDO_EXACT_INDICES - 1) /
+    real row = (real_sqrt(real_sqrt(alpha)) - ALBEDO_EXACT_ROW_FIRST) *
+                ((real)(ALBEDO_EXACT_ROWS - 1) / (1.0f - ALBEDO_EXACT_ROW_FIRST));
+    real index = (real_sqrt((n - 1.0f) / (n + 1.0f)) - ALBEDO_EXACT_ROOT_FIRST) *
+                  ((real)(ALBEDO_EXACT_INDICES - 1) /
                    (ALBEDO_EXACT_ROOT_LAST - ALBEDO_EXACT_ROOT_FIRST));
     int i = albedo_cell(&row, ALBEDO_EXACT_ROWS), k = albedo_cell(&index, ALBEDO_EXACT_INDICES);
     struct albedo_exact t;
@@ -226,27 +226,27 @@ enum {
     ALBEDO_STRETCHED_MEAN_ROWS = ALBEDO_MEAN_STEPS * (ALBEDO_STRETCHED_ROWS - 1) + 1,
     ALBEDO_STRETCHED_MEAN_RATIOS = 2 * (ALBEDO_STRETCHED_RATIOS - 1) + 1,
 };
-extern const float albedo_stretched_loss[ALBEDO_STRETCHED_ROWS * ALBEDO_STRETCHED_RATIOS *
+extern const float32 albedo_stretched_loss[ALBEDO_STRETCHED_ROWS * ALBEDO_STRETCHED_RATIOS *
                                          ALBEDO_STRETCHED_AZIMUTHS * ALBEDO_STRETCHED_COLUMNS];
-extern const float albedo_stretched_mean[ALBEDO_STRETCHED_MEAN_ROWS * ALBEDO_STRETCHED_MEAN_RATIOS];
+extern const float32 albedo_stretched_mean[ALBEDO_STRETCHED_MEAN_ROWS * ALBEDO_STRETCHED_MEAN_RATIOS];
 
 struct albedo_stretched {
-    const float *low;
-    float row, ratio;      /* how far between the neighbours */
-    float x, y, inverse_range;
-    float mean;
+    const float32 *low;
+    real row, ratio;      /* how far between the neighbours */
+    real x, y, inverse_range;
+    real mean;
 };
 
 /* 1 >= alpha_x >= alpha_y >= BSDF_ALPHA_MIN. */
-static inline struct albedo_stretched albedo_stretched_find(float alpha_x, float alpha_y)
+static inline struct albedo_stretched albedo_stretched_find(real alpha_x, real alpha_y)
 {
-    float row = (sqrtf(alpha_x) - ALBEDO_ROW_FIRST) *
-                ((float)(ALBEDO_STRETCHED_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
-    float ratio = alpha_y / alpha_x * (float)(ALBEDO_STRETCHED_RATIOS - 1), a, b;
-    float mean_row = row * (float)ALBEDO_MEAN_STEPS, mean_ratio = ratio * 2.0f;
+    real row = (real_sqrt(alpha_x) - ALBEDO_ROW_FIRST) *
+                ((real)(ALBEDO_STRETCHED_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
+    real ratio = alpha_y / alpha_x * (real)(ALBEDO_STRETCHED_RATIOS - 1), a, b;
+    real mean_row = row * (real)ALBEDO_MEAN_STEPS, mean_ratio = ratio * 2.0f;
     int i = albedo_cell(&row, ALBEDO_STRETCHED_ROWS);
     int k = albedo_cell(&ratio, ALBEDO_STRETCHED_RATIOS);
-    const float *mean = albedo_stretched_mean + albedo_cell(&mean_row, ALBEDO_STRETCHED_MEAN_ROWS) *
+    const float32 *mean = albedo_stretched_mean + albedo_cell(&mean_row, ALBEDO_STRETCHED_MEAN_ROWS) *
                                                     ALBEDO_STRETCHED_MEAN_RATIOS;
     struct albedo_stretched s;
 
@@ -266,30 +266,30 @@ static inline struct albedo_stretched albedo_stretched_find(float alpha_x, float
 }
 
 /* Loss along a unit direction; mu = |z|. */
-static inline float albedo_stretched_loss_at(const struct albedo_stretched *s, float x, float y,
-                                             float mu)
+static inline real albedo_stretched_loss_at(const struct albedo_stretched *s, real x, real y,
+                                             real mu)
 {
     enum {
         RATIO = ALBEDO_STRETCHED_AZIMUTHS * ALBEDO_STRETCHED_COLUMNS,
         ROW = ALBEDO_STRETCHED_RATIOS * RATIO
     };
-    float side2 = x * x + y * y, across, q, column, scale, v[2];
-    const float *low;
+    real side2 = x * x + y * y, across, q, column, scale, v[2];
+    const float32 *low;
 
-    across = side2 > 1e-12f
-                 ? sqrtf((s->x * s->x * (x * x) + s->y * s->y * (y * y)) / side2)
+    across = side2 > REAL(1e-12)
+                 ? real_sqrt((s->x * s->x * (x * x) + s->y * s->y * (y * y)) / side2)
                  : 0.5f * (s->x + s->y);
-    q = sqrtf(float_max(0.0f, (across - s->y) * s->inverse_range)) *
-        (float)(ALBEDO_STRETCHED_AZIMUTHS - 1);
-    column = albedo_loss_column(across, mu, &scale) * (float)(ALBEDO_STRETCHED_COLUMNS - 1);
-    q = float_min(q, (float)(ALBEDO_STRETCHED_AZIMUTHS - 1));
+    q = real_sqrt(real_max(0.0f, (across - s->y) * s->inverse_range)) *
+        (real)(ALBEDO_STRETCHED_AZIMUTHS - 1);
+    column = albedo_loss_column(across, mu, &scale) * (real)(ALBEDO_STRETCHED_COLUMNS - 1);
+    q = real_min(q, (real)(ALBEDO_STRETCHED_AZIMUTHS - 1));
     low = s->low + albedo_cell(&q, ALBEDO_STRETCHED_AZIMUTHS) * ALBEDO_STRETCHED_COLUMNS;
     low += albedo_cell(&column, ALBEDO_STRETCHED_COLUMNS);
     for (int i = 0; i < 2; i++) {
-        float w[2];
+        real w[2];
         for (int k = 0; k < 2; k++) {
-            const float *p = low + i * ROW + k * RATIO, *n = p + ALBEDO_STRETCHED_COLUMNS;
-            float a = p[0] + (p[1] - p[0]) * column, b = n[0] + (n[1] - n[0]) * column;
+            const float32 *p = low + i * ROW + k * RATIO, *n = p + ALBEDO_STRETCHED_COLUMNS;
+            real a = p[0] + (p[1] - p[0]) * column, b = n[0] + (n[1] - n[0]) * column;
             w[k] = a + (b - a) * q;
         }
         v[i] = w[0] + (w[1] - w[0]) * s->ratio;
@@ -302,9 +302,9 @@ static inline float albedo_stretched_loss_at(const struct albedo_stretched *s, f
  * microfacets lean sideways, which lowers v.h. Found by quadrature (docs/NUMERICS.md), according to
  * which the weight exceeds the blend by at most 0.004. 1 >= alpha_x >= alpha_y >=
  * BSDF_ALPHA_MIN. */
-static inline float albedo_stretched_layer(float alpha_x, float alpha_y)
+static inline real albedo_stretched_layer(real alpha_x, real alpha_y)
 {
-    float alpha = alpha_y * sqrtf(alpha_y / alpha_x);
+    real alpha = alpha_y * real_sqrt(alpha_y / alpha_x);
 
     return alpha > ALBEDO_ALPHA_FIRST ? alpha : ALBEDO_ALPHA_FIRST;
 }
@@ -326,27 +326,27 @@ enum {
     ALBEDO_INTERFACE_MEAN_INDICES = 2 * (ALBEDO_INTERFACE_INDICES - 1) + 1,
 };
 #define ALBEDO_INTERFACE_FIRST 0.25f /* the first index's fourth root of r */
-extern const float albedo_interface_loss[2 * ALBEDO_INTERFACE_ROWS * ALBEDO_INTERFACE_INDICES *
+extern const float32 albedo_interface_loss[2 * ALBEDO_INTERFACE_ROWS * ALBEDO_INTERFACE_INDICES *
                                          ALBEDO_INTERFACE_COLUMNS];
-extern const float
+extern const float32
     albedo_interface_mean[2 * ALBEDO_INTERFACE_MEAN_ROWS * ALBEDO_INTERFACE_MEAN_INDICES];
 
 struct albedo_interface {
-    const float *low;
-    float row, index;
-    float mean;
+    const float32 *low;
+    real row, index;
+    real mean;
 };
 
-static inline struct albedo_interface albedo_interface_find(float alpha, float r, int side)
+static inline struct albedo_interface albedo_interface_find(real alpha, real r, int side)
 {
-    float row = (sqrtf(alpha) - ALBEDO_ROW_FIRST) *
-                ((float)(ALBEDO_INTERFACE_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
-    float index = (sqrtf(sqrtf(r)) - ALBEDO_INTERFACE_FIRST) *
-                  ((float)(ALBEDO_INTERFACE_INDICES - 1) / (1.0f - ALBEDO_INTERFACE_FIRST));
-    float mean_row = row * (float)ALBEDO_MEAN_STEPS, mean_index = index * 2.0f, a, b;
+    real row = (real_sqrt(alpha) - ALBEDO_ROW_FIRST) *
+                ((real)(ALBEDO_INTERFACE_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
+    real index = (real_sqrt(real_sqrt(r)) - ALBEDO_INTERFACE_FIRST) *
+                  ((real)(ALBEDO_INTERFACE_INDICES - 1) / (1.0f - ALBEDO_INTERFACE_FIRST));
+    real mean_row = row * (real)ALBEDO_MEAN_STEPS, mean_index = index * 2.0f, a, b;
     int i = albedo_cell(&row, ALBEDO_INTERFACE_ROWS) + side * ALBEDO_INTERFACE_ROWS;
     int k = i * ALBEDO_INTERFACE_INDICES + albedo_cell(&index, ALBEDO_INTERFACE_INDICES);
-    const float *mean = albedo_interface_mean;
+    const float32 *mean = albedo_interface_mean;
     struct albedo_interface t;
 
     i = albedo_cell(&mean_row, ALBEDO_INTERFACE_MEAN_ROWS) + side * ALBEDO_INTERFACE_MEAN_ROWS;
@@ -362,17 +362,17 @@ static inline struct albedo_interface albedo_interface_find(float alpha, float r
     return t;
 }
 
-static inline float albedo_interface_loss_at(const struct albedo_interface *t, float alpha,
-                                             float mu)
+static inline real albedo_interface_loss_at(const struct albedo_interface *t, real alpha,
+                                             real mu)
 {
-    float c = float_min(mu * (1.0f + alpha) / (mu + alpha), 1.0f), v[2];
-    float column = c * (float)(ALBEDO_INTERFACE_COLUMNS - 1);
-    const float *low = t->low + albedo_cell(&column, ALBEDO_INTERFACE_COLUMNS);
+    real c = real_min(mu * (1.0f + alpha) / (mu + alpha), 1.0f), v[2];
+    real column = c * (real)(ALBEDO_INTERFACE_COLUMNS - 1);
+    const float32 *low = t->low + albedo_cell(&column, ALBEDO_INTERFACE_COLUMNS);
 
     for (int i = 0; i < 2; i++) {
-        const float *p = low + i * ALBEDO_INTERFACE_INDICES * ALBEDO_INTERFACE_COLUMNS;
-        const float *n = p + ALBEDO_INTERFACE_COLUMNS;
-        float a = p[0] + (p[1] - p[0]) * column, b = n[0] + (n[1] - n[0]) * column;
+        const float32 *p = low + i * ALBEDO_INTERFACE_INDICES * ALBEDO_INTERFACE_COLUMNS;
+        const float32 *n = p + ALBEDO_INTERFACE_COLUMNS;
+        real a = p[0] + (p[1] - p[0]) * column, b = n[0] + (n[1] - n[0]) * column;
         v[i] = a + (b - a) * t->index;
     }
     return (v[0] + (v[1] - v[0]) * t->row) * ((1.0f - c) * (1.0f - c) + alpha * alpha);
@@ -382,14 +382,14 @@ static inline float albedo_interface_loss_at(const struct albedo_interface *t, f
  *
  * Rows equally spaced in sqrt(alpha) from sqrt(BSDF_SHEEN_ALPHA_MIN) to 1, columns in sqrt(mu).
  * Raised by ALBEDO_MARGIN. Above 1 for a small alpha at grazing angles. */
-#define BSDF_SHEEN_ALPHA_MIN 0.01f
-extern const float albedo_sheen[ALBEDO_ROWS * ALBEDO_COLUMNS];
+#define BSDF_SHEEN_ALPHA_MIN REAL(0.01)
+extern const float32 albedo_sheen[ALBEDO_ROWS * ALBEDO_COLUMNS];
 
-static inline float albedo_sheen_at(float alpha, float mu)
+static inline real albedo_sheen_at(real alpha, real mu)
 {
-    float x = sqrtf(mu) * (float)(ALBEDO_COLUMNS - 1), a, b;
-    float y = (sqrtf(alpha) - 0.1f) * ((float)(ALBEDO_ROWS - 1) / (1.0f - 0.1f));
-    const float *low = albedo_sheen + albedo_cell(&y, ALBEDO_ROWS) * ALBEDO_COLUMNS;
+    real x = real_sqrt(mu) * (real)(ALBEDO_COLUMNS - 1), a, b;
+    real y = (real_sqrt(alpha) - REAL(0.1)) * ((real)(ALBEDO_ROWS - 1) / (1.0f - REAL(0.1)));
+    const float32 *low = albedo_sheen + albedo_cell(&y, ALBEDO_ROWS) * ALBEDO_COLUMNS;
 
     low += albedo_cell(&x, ALBEDO_COLUMNS);
     a = low[0] + (low[1] - low[0]) * x;

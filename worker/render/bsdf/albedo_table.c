@@ -1,7 +1,7 @@
 /* Written by tests/numerics/test_albedo_table.c --print; see albedo.h. */
 #include "worker/render/bsdf/albedo.h"
 
-const float albedo_blend[ALBEDO_ROWS][ALBEDO_COLUMNS] = {
+const float32 albedo_blend[ALBEDO_ROWS][ALBEDO_COLUMNS] = {
     {0.976901f, 0.983849f, 0.978102f, 0.955089f, 0.921258f, 0.878588f, 0.828328f, 0.771828f,
      0.710465f, 0.645681f, 0.578945f, 0.511719f, 0.445406f, 0.381311f, 0.320603f, 0.264275f,
      0.213117f, 0.167697f, 0.128345f, 0.095158f, 0.068000f, 0.046528f, 0.030220f, 0.018413f,
@@ -132,14 +132,14 @@ const float albedo_blend[ALBEDO_ROWS][ALBEDO_COLUMNS] = {
      0.004142f, 0.003164f, 0.002335f, 0.001645f, 0.001087f, 0.000653f, 0.000331f, 0.000110f},
 };
 
-const float albedo_blend_average[ALBEDO_ROWS] = {
+const float32 albedo_blend_average[ALBEDO_ROWS] = {
     0.0479320f, 0.0478784f, 0.0476757f, 0.0472238f, 0.0464381f, 0.0452607f, 0.0436802f, 0.0417297f,
     0.0395218f, 0.0371537f, 0.0344896f, 0.0318138f, 0.0291767f, 0.0266008f, 0.0241538f, 0.0218671f,
     0.0197568f, 0.0178309f, 0.0160892f, 0.0145245f, 0.0131274f, 0.0118842f, 0.0107818f, 0.0098058f,
     0.0089421f, 0.0081786f, 0.0075036f, 0.0069058f, 0.0063762f, 0.0059062f, 0.0054877f, 0.0051150f,
 };
 
-const float albedo_loss[ALBEDO_ROWS * ALBEDO_COLUMNS] = {
+const float32 albedo_loss[ALBEDO_ROWS * ALBEDO_COLUMNS] = {
     0.00000e+00f, 2.17329e-04f, 8.78282e-04f, 2.01034e-03f, 3.66128e-03f, 5.89751e-03f, 8.74861e-03f,
     1.23427e-02f, 1.68461e-02f, 2.23957e-02f, 2.92258e-02f, 3.76271e-02f, 4.79630e-02f, 6.06607e-02f,
     7.63404e-02f, 9.57233e-02f, 1.19724e-01f, 1.49483e-01f, 1.86383e-01f, 2.32051e-01f, 2.88218e-01f,
@@ -289,7 +289,7 @@ const float albedo_loss[ALBEDO_ROWS * ALBEDO_COLUMNS] = {
     6.65507e-01f, 6.93201e-01f,
 };
 
-const float albedo_loss_mean[ALBEDO_MEAN_ROWS] = {
+const float32 albedo_loss_mean[ALBEDO_MEAN_ROWS] = {
     3.61264e+00f, 7.41814e+00f, 1.01334e+01f, 1.21047e+01f, 1.35520e+01f, 1.05826e+01f, 8.17094e+00f,
     6.18600e+00f, 4.53196e+00f, 4.46361e+00f, 4.39443e+00f, 4.32514e+00f, 4.25629e+00f, 4.12393e+00f,
     4.00122e+00f, 3.88697e+00f, 3.78020e+00f, 3.77438e+00f, 3.76540e+00f, 3.75403e+00f, 3.74088e+00f,
@@ -310,7 +310,7 @@ const float albedo_loss_mean[ALBEDO_MEAN_ROWS] = {
     6.51793e-01f, 6.39004e-01f, 6.26774e-01f, 6.14652e-01f, 6.02635e-01f, 5.90720e-01f,
 };
 
-const float albedo_schlick_mean[ALBEDO_MEAN_ROWS] = {
+const float32 albedo_schlick_mean[ALBEDO_MEAN_ROWS] = {
     4.79287e-02f, 4.79075e-02f, 4.78798e-02f, 4.78443e-02f, 4.78006e-02f, 4.77302e-02f, 4.76571e-02f,
     4.75801e-02f, 4.74984e-02f, 4.73362e-02f, 4.71670e-02f, 4.69911e-02f, 4.68085e-02f, 4.65371e-02f,
     4.62597e-02f, 4.59769e-02f, 4.56889e-02f, 4.52982e-02f, 4.49039e-02f, 4.45064e-02f, 4.41063e-02f,
@@ -331,7 +331,7 @@ const float albedo_schlick_mean[ALBEDO_MEAN_ROWS] = {
     3.18529e-03f, 3.09414e-03f, 3.01078e-03f, 2.92855e-03f, 2.84746e-03f, 2.76753e-03f,
 };
 
-const float albedo_stretched_loss[ALBEDO_STRETCHED_ROWS * ALBEDO_STRETCHED_RATIOS * ALBEDO_STRETCHED_AZIMUTHS *
+const float32 albedo_stretched_loss[ALBEDO_STRETCHED_ROWS * ALBEDO_STRETCHED_RATIOS * ALBEDO_STRETCHED_AZIMUTHS *
                                   ALBEDO_STRETCHED_COLUMNS] = {
     0.00000e+00f, 1.72945e-03f, 7.51522e-03f, 1.93279e-02f, 4.01588e-02f, 7.79176e-02f, 1.46455e-01f,
     2.71716e-01f, 4.89114e-01f, 7.84068e-01f, 8.71108e-01f, 1.07480e-05f, 0.00000e+00f, 1.72945e-03f,
@@ -665,7 +665,7 @@ const float albedo_stretched_loss[ALBEDO_STRETCHED_ROWS * ALBEDO_STRETCHED_RATIO
     6.93117e-01f,
 };
 
-const float albedo_stretched_mean[ALBEDO_STRETCHED_MEAN_ROWS * ALBEDO_STRETCHED_MEAN_RATIOS] = {
+const float32 albedo_stretched_mean[ALBEDO_STRETCHED_MEAN_ROWS * ALBEDO_STRETCHED_MEAN_RATIOS] = {
     2.63981e+00f, 2.63981e+00f, 2.63981e+00f, 2.63981e+00f, 2.63981e+00f, 2.63981e+00f, 2.63981e+00f,
     2.63981e+00f, 2.63981e+00f, 2.63981e+00f, 2.63981e+00f, 1.63563e+00f, 1.63563e+00f, 1.63563e+00f,
     1.71741e+00f, 1.85732e+00f, 1.98914e+00f, 2.14779e+00f, 2.33366e+00f, 2.54527e+00f, 2.79571e+00f,
@@ -714,7 +714,7 @@ const float albedo_stretched_mean[ALBEDO_STRETCHED_MEAN_ROWS * ALBEDO_STRETCHED_
     5.22175e-01f, 5.44740e-01f, 5.67287e-01f, 5.89680e-01f,
 };
 
-const float albedo_interface_loss[2 * ALBEDO_INTERFACE_ROWS * ALBEDO_INTERFACE_INDICES *
+const float32 albedo_interface_loss[2 * ALBEDO_INTERFACE_ROWS * ALBEDO_INTERFACE_INDICES *
                                   ALBEDO_INTERFACE_COLUMNS] = {
     2.04526e-04f, 1.66028e-02f, 4.00695e-02f, 7.28237e-02f, 1.17867e-01f, 1.78817e-01f, 2.59204e-01f,
     3.61333e-01f, 4.84236e-01f, 6.19297e-01f, 7.45706e-01f, 8.27359e-01f, 8.21598e-01f, 7.06963e-01f,
@@ -1596,7 +1596,7 @@ const float albedo_interface_loss[2 * ALBEDO_INTERFACE_ROWS * ALBEDO_INTERFACE_I
     5.42293e-01f, 5.87385e-01f, 6.28319e-01f, 6.63984e-01f, 6.93144e-01f,
 };
 
-const float albedo_interface_mean[2 * ALBEDO_INTERFACE_MEAN_ROWS *
+const float32 albedo_interface_mean[2 * ALBEDO_INTERFACE_MEAN_ROWS *
                                   ALBEDO_INTERFACE_MEAN_INDICES] = {
     3.02319e+00f, 3.09939e+00f, 3.17558e+00f, 3.22446e+00f, 3.27334e+00f, 3.30611e+00f, 3.33887e+00f,
     3.36157e+00f, 3.38427e+00f, 3.40034e+00f, 3.41641e+00f, 3.42786e+00f, 3.43931e+00f, 3.44731e+00f,
@@ -1999,7 +1999,7 @@ const float albedo_interface_mean[2 * ALBEDO_INTERFACE_MEAN_ROWS *
     5.92192e-01f, 5.91964e-01f, 5.91258e-01f, 5.90553e-01f,
 };
 
-const float albedo_sheen[ALBEDO_ROWS * ALBEDO_COLUMNS] = {
+const float32 albedo_sheen[ALBEDO_ROWS * ALBEDO_COLUMNS] = {
     1.90692e+00f, 2.10466e+00f, 2.10551e+00f, 1.94557e+00f, 1.72264e+00f, 1.48112e+00f, 1.24345e+00f,
     1.02145e+00f, 8.21288e-01f, 6.45823e-01f, 4.95901e-01f, 3.71018e-01f, 2.69728e-01f, 1.89912e-01f,
     1.28998e-01f, 8.41436e-02f, 5.24223e-02f, 3.09948e-02f, 1.72593e-02f, 8.96859e-03f, 4.30039e-03f,
@@ -2149,7 +2149,7 @@ const float albedo_sheen[ALBEDO_ROWS * ALBEDO_COLUMNS] = {
     1.83362e-01f, 1.64300e-01f,
 };
 
-const float albedo_exact[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES * ALBEDO_EXACT_COLUMNS] = {
+const float32 albedo_exact[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES * ALBEDO_EXACT_COLUMNS] = {
     -8.41703e-03f, -7.10250e-03f, -1.71761e-02f, -3.55131e-02f, -5.72912e-02f, -7.88156e-02f, -9.67631e-02f,
     -1.08616e-01f, -1.12959e-01f, -1.09590e-01f, -9.94296e-02f, -8.42450e-02f, -6.62781e-02f, -4.78394e-02f,
     -3.09453e-02f, -1.70508e-02f, -6.91012e-03f, -5.71315e-04f, 2.50801e-03f, 3.25428e-03f, 2.72198e-03f,
@@ -2523,7 +2523,7 @@ const float albedo_exact[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES * ALBEDO_EXACT
     2.13625e-03f, 1.83149e-03f,
 };
 
-const float albedo_exact_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES] = {
+const float32 albedo_exact_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES] = {
     -1.03616e-02f, -2.95909e-03f, 3.24303e-03f, 7.78472e-03f, 1.02168e-02f, 1.00704e-02f, 6.81893e-03f,
     -1.77355e-04f, -1.17578e-02f, -1.03608e-02f, -2.95825e-03f, 3.24401e-03f, 7.78588e-03f, 1.02181e-02f,
     1.00719e-02f, 6.82054e-03f, -1.75588e-04f, -1.17557e-02f, -1.03357e-02f, -2.93965e-03f, 3.25898e-03f,
@@ -2542,7 +2542,7 @@ const float albedo_exact_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES] = {
     5.85036e-03f, 4.22880e-03f, 1.39951e-03f,
 };
 
-const float albedo_exact_kept_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES] = {
+const float32 albedo_exact_kept_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES] = {
     -1.03615e-02f, -2.95902e-03f, 3.24308e-03f, 7.78476e-03f, 1.02168e-02f, 1.00705e-02f, 6.81900e-03f,
     -1.77247e-04f, -1.17576e-02f, -1.03491e-02f, -2.95125e-03f, 3.24770e-03f, 7.78751e-03f, 1.02190e-02f,
     1.00736e-02f, 6.82471e-03f, -1.66732e-04f, -1.17393e-02f, -1.02980e-02f, -2.91601e-03f, 3.27286e-03f,

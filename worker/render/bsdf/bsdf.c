@@ -18,9 +18,9 @@
 #define EFFECT_OR(name, condition) | EFFECT_##name
 #define HAS_LOBES LOBE_ENABLED(EFFECT_MIRROR BSDF_CALL_MAP(EFFECT_OR))
 
-float fresnel_dielectric(float cos_i, float eta) { return fresnel_exact(cos_i, eta); }
+real fresnel_dielectric(real cos_i, real eta) { return fresnel_exact(cos_i, eta); }
 
-static inline int is_finite_sum(struct vec3 f, float pdf)
+static inline int is_finite_sum(struct vec3 f, real pdf)
 {
     return f.x + f.y + f.z + pdf < INFINITY; /* nothing negative here; NaN compares false */
 }
@@ -62,7 +62,7 @@ static __attribute__((noinline)) void init_core_lobes(struct bsdf *b,
 void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
 {
     const struct bsdf_material *m = &b->material;
-    float length2 = vec3_length_squared(wo);
+    real length2 = vec3_length_squared(wo);
 
     material_init(&b->material, params);
     b->effects = effects_called_for(params);
@@ -71,7 +71,7 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
     b->has_delta = b->has_smooth = 0;
     b->account = PROFILE_NO_EFFECT;
     b->cos_o = clamp_to(wo.z, 0, 1);
-    if (!(wo.z > 0.0f && length2 > 0.9f && length2 < 1.1f))
+    if (!(wo.z > 0.0f && length2 > REAL(0.9) && length2 < REAL(1.1)))
         return; /* it then scatters nothing, and who asked looks at the basis */
     if (b->effects) {
         b->kind = BSDF_KIND_LOBES;
@@ -82,7 +82,7 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
             return;
         b->account = PROFILE_ACCOUNT(DIFFUSE);
         b->kind = BSDF_KIND_LAMBERT;
-        b->diffuse.color = vec3_scale(m->base_color, INV_PI_F);
+        b->diffuse.color = vec3_scale(m->base_color, REAL_INV_PI);
         b->has_smooth = 1;
     } else if (HAS_LOBES && m->metallic == 1.0f && !alpha_is_smooth(m->alpha)) {
         b->account = PROFILE_ACCOUNT(GLOSSY);
@@ -103,12 +103,12 @@ static inline uint32_t lobes_of_side(enum lobe_side wanted)
 }
 
 static inline struct vec3 lobes_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                         float *pdf)
+                                         real *pdf)
 {
     uint32_t lobes = b->smooth_lobes;
     struct vec3 f = LOBE_BLACK;
     struct cover cover;
-    float density;
+    real density;
     PROFILE_EFFECT_ACCOUNT(b->account);
 
     *pdf = 0;
@@ -133,7 +133,7 @@ static inline struct vec3 lobes_evaluate(const struct bsdf *b, struct vec3 wo, s
     return f;
 }
 
-struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, float *pdf)
+struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, real *pdf)
 {
     *pdf = 0;
     if (!b->has_smooth)
@@ -141,7 +141,7 @@ struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, 
     if (b->kind == BSDF_KIND_LAMBERT) {
         if (!(wi.z > 0.0f))
             return LOBE_BLACK;
-        *pdf = wi.z * INV_PI_F;
+        *pdf = wi.z * REAL_INV_PI;
         return vec3_scale(b->diffuse.color, wi.z);
     }
     if (!HAS_LOBES)
@@ -151,13 +151,13 @@ struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, 
 
 struct vec3 bsdf_eval(const struct bsdf *b, struct vec3 wo, struct vec3 wi)
 {
-    float pdf;
+    real pdf;
     return bsdf_eval_pdf(b, wo, wi, &pdf);
 }
 
-float bsdf_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi)
+real bsdf_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi)
 {
-    float pdf;
+    real pdf;
     bsdf_eval_pdf(b, wo, wi, &pdf);
     return pdf;
 }
@@ -171,24 +171,24 @@ static inline int is_usable(struct vec3 weight)
 }
 
 /* Can a sample be weighed by its density? Where floats cannot resolve a microfacet it has none. */
-static inline int has_density(float pdf) { return !SAFEGUARD(USABLE_SAMPLE) || pdf > 0.0f; }
+static inline int has_density(real pdf) { return !SAFEGUARD(USABLE_SAMPLE) || pdf > 0.0f; }
 
 /* The lobe that u_lobe selects samples; the rest of the number is as good as a new one. */
-static inline enum lobe_result lobes_sample(const struct bsdf *b, struct vec3 wo, float u_lobe,
-                                            float u, float v, struct bsdf_sample *out)
+static inline enum lobe_result lobes_sample(const struct bsdf *b, struct vec3 wo, real u_lobe,
+                                            real u, real v, struct bsdf_sample *out)
 {
-    float before = 0, after = 0;
+    real before = 0, after = 0;
 
 #define LOBE_SAMPLE(name, prefix, side, effects, account)                                    \
     if (LOBE_ENABLED(effects) && b->lobes & LOBE_BIT(name)) {                                \
         before = after;                                                                      \
         after += b->lobe_pdf[BSDF_LOBE_##name];                                              \
         if (u_lobe < after || b->lobes < 2 * LOBE_BIT(name)) { /* or it is the last */       \
-            float w = (u_lobe - before) / b->lobe_pdf[BSDF_LOBE_##name];                     \
+            real w = (u_lobe - before) / b->lobe_pdf[BSDF_LOBE_##name];                     \
             enum lobe_result result;                                                         \
             RECORD(recorded->lobe = #name);                                                  \
             profile_account(account);                                                             \
-            result = prefix##_sample(b, wo, clamp_to(w, 0, ONE_MINUS_EPSILON), u, v, out);   \
+            result = prefix##_sample(b, wo, clamp_to(w, 0, REAL_BELOW_ONE), u, v, out);   \
             /* Nothing lies above a coat's own mirror.  */                                  \
             if (result == LOBE_DELTA && BSDF_LOBE_##name != BSDF_LOBE_COAT)                  \
                 out->weight = vec3_scale(out->weight, cover_between(b, out->wi).lobe);       \
@@ -201,10 +201,10 @@ static inline enum lobe_result lobes_sample(const struct bsdf *b, struct vec3 wo
 }
 
 /* Rough metal without compensation: the density cancels. */
-static inline int metal_sample(const struct bsdf *b, struct vec3 wo, float u, float v,
+static inline int metal_sample(const struct bsdf *b, struct vec3 wo, real u, real v,
                                struct bsdf_sample *out)
 {
-    float cos_h, shadowing;
+    real cos_h, shadowing;
 
     RECORD(recorded->lobe = "REFLECTION");
     out->wi = reflect_about(wo, ggx_sample_visible(wo, b->base.shape.y, b->base.shape.y, u, v));
@@ -217,7 +217,7 @@ static inline int metal_sample(const struct bsdf *b, struct vec3 wo, float u, fl
     return is_usable(out->weight);
 }
 
-static inline int sample_mixture(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, float v,
+static inline int sample_mixture(const struct bsdf *b, struct vec3 wo, real u_lobe, real u, real v,
                                  struct bsdf_sample *out)
 {
     struct vec3 f;
@@ -242,7 +242,7 @@ static inline int sample_mixture(const struct bsdf *b, struct vec3 wo, float u_l
     return is_usable(out->weight);
 }
 
-int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, float v,
+int bsdf_sample(const struct bsdf *b, struct vec3 wo, real u_lobe, real u, real v,
                 struct bsdf_sample *out)
 {
     out->wi = out->weight = LOBE_BLACK;
@@ -253,7 +253,7 @@ int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, flo
     if (b->kind == BSDF_KIND_LAMBERT) {
         RECORD(recorded->lobe = "DIFFUSE");
         out->wi = cosine_hemisphere(u, v);
-        out->pdf = out->wi.z * INV_PI_F;
+        out->pdf = out->wi.z * REAL_INV_PI;
         out->weight = b->material.base_color;
         return 1;
     }

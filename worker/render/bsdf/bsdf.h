@@ -30,12 +30,12 @@
 #include "worker/render/bsdf/thin_film.h"
 
 /* GGX alpha below this is treated as a perfect mirror (a delta lobe). */
-#define BSDF_ALPHA_MIN 1e-3f
+#define BSDF_ALPHA_MIN REAL(1e-3)
 /* F90 of plastic and of coats reaches its full value at this F0 (ior 1.2). */
-#define BSDF_FADE_F0 (1.0f / 121.0f)
+#define BSDF_FADE_F0 (1.0f / REAL(121.0))
 /* Rough refraction with alpha * |eta - 1| below this is a delta lobe: floats could not resolve its
  * half vector, and no picture would show its blur (radians). */
-#define BSDF_SPREAD_MIN 1e-4f
+#define BSDF_SPREAD_MIN REAL(1e-4)
 /* Larger indices are clamped to this (F0 = 0.996). */
 #define BSDF_IOR_MAX 1000.0f
 
@@ -52,36 +52,36 @@
 /* The material's values at the hit point, textures applied. */
 struct bsdf_params {
     struct vec3 base_color;     /* 0..1 */
-    float metallic;             /* 0..1 */
-    float alpha;                /* GGX alpha = roughness^2, 0..1 */
-    float ior;                  /* > 0, below 1 if it is relative to the surroundings (ice in
+    real metallic;             /* 0..1 */
+    real alpha;                /* GGX alpha = roughness^2, 0..1 */
+    real ior;                  /* > 0, below 1 if it is relative to the surroundings (ice in
                                    water), or 0: Fresnel is exactly 1; else clamped */
-    float specular;             /* weight of the dielectric reflection, 0..1 */
+    real specular;             /* weight of the dielectric reflection, 0..1 */
     struct vec3 specular_color; /* scales F0 of the dielectric, >= 0 */
-    float transmission;         /* 0..1 */
+    real transmission;         /* 0..1 */
     int refractive;             /* transmission refracts; otherwise a thin wall */
     int inside;                 /* refractive: wo is inside the object (hit from behind) */
-    float ior_outside;          /* of the object's surroundings, >= 1; 0 counts as 1. Every
+    real ior_outside;          /* of the object's surroundings, >= 1; 0 counts as 1. Every
                                    index here is absolute: a larger one outside is fine */
 
     /* Everything below is absent when 0 (memset), whatever the fields above say. */
-#define BSDF_FACTOR_FLOAT(name) float name
+#define BSDF_FACTOR_FLOAT(name) real name
 #define BSDF_FACTOR_MEMBER(effect, member) member;
     BSDF_FACTOR_MAP(BSDF_FACTOR_MEMBER, BSDF_FACTOR_FLOAT)
 #undef BSDF_FACTOR_MEMBER
 #undef BSDF_FACTOR_FLOAT
-    float alpha_stretched;      /* anisotropy: GGX alpha along the frame's x, >= alpha, which is
+    real alpha_stretched;      /* anisotropy: GGX alpha along the frame's x, >= alpha, which is
                                    then the alpha along y; 0: isotropic */
     int conductor;              /* Fresnel of a metal with eta, k at R, G, B (relative to vacuum),
                                    times base_color; metallic, specular, transmission, ... unused */
     struct vec3 eta, k;
-    float clearcoat_alpha, clearcoat_ior;
+    real clearcoat_alpha, clearcoat_ior;
     struct vec3 clearcoat_normal; /* unit, in the shading frame (z = 1: the same normal) */
     struct vec3 sheen_color;    /* 0..1 */
-    float sheen_alpha;          /* Charlie's alpha: roughness^2 */
-    float iridescence_ior, iridescence_thickness_nm;
+    real sheen_alpha;          /* Charlie's alpha: roughness^2 */
+    real iridescence_ior, iridescence_thickness_nm;
     struct vec3 diffuse_transmission_color;
-    float base_interreflection; /* 0..<1 (scene.h): plastic is pbrt's coat, with Fresnel's exact term
+    real base_interreflection; /* 0..<1 (scene.h): plastic is pbrt's coat, with Fresnel's exact term
                                    for an ior of 1.2 to 3; a conductor's clearcoat likewise */
     int thin_slab;              /* thin wall: R' = 2 R / (1 + R) */
     int single_scattering;      /* no multiple-scattering compensation
@@ -165,33 +165,33 @@ enum bsdf_kind {
 /* The first part of struct bsdf_params, clamped. */
 struct bsdf_material {
     struct vec3 base_color;
-    float metallic, alpha, ior /* relative to what surrounds it */, specular;
+    real metallic, alpha, ior /* relative to what surrounds it */, specular;
     struct vec3 specular_color;
-    float transmission;
+    real transmission;
     int refractive, inside;
 };
 
 /* The share of each kind in the base; they add up to 1. */
 struct bsdf_weights {
-    float metal, plastic, glass;
-    float wall, diffuse; /* of plastic: what passes through a thin wall; what has a Lambert base */
+    real metal, plastic, glass;
+    real wall, diffuse; /* of plastic: what passes through a thin wall; what has a Lambert base */
 };
 
 /* Fresnel term of plastic and glass, `specular` included. */
 struct bsdf_dielectric {
     int exact;                         /* ior is not 0: Fresnel's equations are known */
     struct vec3 f0;
-    float f90;
-    float normal_f0, inverse_rest_f0;  /* the plain term at normal incidence, 1 / (1 - it) */
+    real f90;
+    real normal_f0, inverse_rest_f0;  /* the plain term at normal incidence, 1 / (1 - it) */
 };
 
 /* lobe_reflection.h */
 struct bsdf_reflection {
     struct vec3 f0;              /* Schlick's ends, with all weights */
-    float f90;
+    real f90;
     int schlick;                 /* only Schlick's formula between them */
     struct vec3 eta, k;          /* of a conductor, relative to what surrounds it */
-    float interreflection;       /* of a conductor */
+    real interreflection;       /* of a conductor */
 };
 
 /* lobe_interface.h */
@@ -214,16 +214,16 @@ struct bsdf_lambert {
 
 /* lobe_diffuse.h: of a rough base; set where `diffuse` is not black */
 struct bsdf_rough_diffuse {
-    float a, b;                  /* coefficients of single scattering */
+    real a, b;                  /* coefficients of single scattering */
     struct vec3 multiple;        /* colour of multiple scattering over pi, with wo's share */
-    float wide;                  /* share of the lobe's samples that are uniform over directions */
+    real wide;                  /* share of the lobe's samples that are uniform over directions */
 };
 
 /* layer.h: what plastic's reflection leaves for what lies below it */
 struct bsdf_layer {
-    float f0, f90;               /* ends of the mean reflectance */
-    float returned;              /* share of the microfacets' loss that is returned */
-    float reflected_o, rest_o;   /* what it reflects, and leaves, along wo */
+    real f0, f90;               /* ends of the mean reflectance */
+    real returned;              /* share of the microfacets' loss that is returned */
+    real reflected_o, rest_o;   /* what it reflects, and leaves, along wo */
     int exact;                   /* the Fresnel term is the exact one, not Schlick's */
     struct albedo_row row;
     struct albedo_exact exact_row;
@@ -234,25 +234,25 @@ struct bsdf_compensation {
     struct albedo_loss_row loss;
     struct albedo_stretched stretched_loss;
     struct vec3 color;           /* colour (1 - E(wo)) / (pi mean loss), with all weights */
-    float graze, graze_log;      /* share of the diffuse lobe that is sampled towards the horizon,
+    real graze, graze_log;      /* share of the diffuse lobe that is sampled towards the horizon,
                                     log((1 + alpha) / alpha) */
 };
 struct bsdf_interface_compensation {
     int on;
     struct albedo_interface loss_near, loss_far;
-    float near;                  /* as `color` above: to wo's side */
+    real near;                  /* as `color` above: to wo's side */
     struct vec3 far;             /* and to the other, with 1 / eta^2 */
 };
 
 /* lobe_coat.h */
 struct bsdf_coat {
-    float weight;                /* 0: none */
+    real weight;                /* 0: none */
     struct vec3 normal;
     int exact;                   /* Fresnel's equations for `ior`, also for the metal below */
-    float ior;                   /* relative */
-    float f0, f90;
+    real ior;                   /* relative */
+    real f0, f90;
     struct microfacets micro;
-    float cos_o, rest_o;
+    real cos_o, rest_o;
     struct albedo_row row;
     struct albedo_loss_row loss;
     struct albedo_exact exact_row;
@@ -261,9 +261,9 @@ struct bsdf_coat {
 /* lobe_sheen.h */
 struct bsdf_sheen {
     struct vec3 color;           /* black: none */
-    float most, alpha;           /* its largest component; Charlie's alpha */
-    float fit[5], fit_half;
-    float lambda_o, limit_o, rest_o;
+    real most, alpha;           /* its largest component; Charlie's alpha */
+    real fit[5], fit_half;
+    real lambda_o, limit_o, rest_o;
 };
 
 /* Fields below `material` are set only as far as the kind and the effects need them. */
@@ -271,15 +271,15 @@ struct bsdf {
     enum bsdf_kind kind;
     int has_delta, has_smooth;   /* any delta lobe; any lobe with a density */
     uint8_t account;             /* the account charged for the base's time (profile_scope.h) */
-    float cos_o;
-    float eta;                   /* n on the far side / n on wo's side */
+    real cos_o;
+    real eta;                   /* n on the far side / n on wo's side */
     struct bsdf_lambert diffuse;
     struct bsdf_material material;
 
     uint64_t effects;            /* that act here: those of BSDF_CALL_MAP, and compensation's */
     uint32_t lobes;              /* bit BSDF_LOBE_x: the lobe is sampled */
     uint32_t smooth_lobes;       /* ... the lobe is evaluated: it has a density */
-    float lobe_pdf[BSDF_LOBES];  /* selection probabilities, 0 for absent lobes */
+    real lobe_pdf[BSDF_LOBES];  /* selection probabilities, 0 for absent lobes */
 
     struct bsdf_weights weights;
     struct microfacets base;     /* what metal, plastic and glass share */
@@ -306,9 +306,9 @@ enum bsdf_flags {
 struct bsdf_sample {
     struct vec3 wi;
     struct vec3 weight;    /* f * |cos wi| / pdf */
-    float pdf;             /* solid angle; 0 for a delta lobe */
+    real pdf;             /* solid angle; 0 for a delta lobe */
     int flags;
-    float eta_scale;       /* squared relative ior for Russian roulette: product of eta^2 */
+    real eta_scale;       /* squared relative ior for Russian roulette: product of eta^2 */
 };
 
 /* Prepare for one wo (unit, wo.z > 0). Clamps params to their ranges. Charges the base's lobe
@@ -319,22 +319,22 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
 struct vec3 bsdf_eval(const struct bsdf *b, struct vec3 wo, struct vec3 wi);
 
 /* Solid-angle density with which bsdf_sample picks wi by lobes that have a density. */
-float bsdf_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi);
+real bsdf_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi);
 
 /* eval and pdf together, which share work; next-event estimation calls this. */
-struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, float *pdf);
+struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, real *pdf);
 
 /* Sample wi. u_lobe, u, v in [0,1). Returns 0 for "no sample" (absorbed). For smooth lobes
  * weight is the sum over all lobes' f over the mixture pdf. Charges the lobe (profile_scope.h). */
-int bsdf_sample(const struct bsdf *b, struct vec3 wo, float u_lobe, float u, float v,
+int bsdf_sample(const struct bsdf *b, struct vec3 wo, real u_lobe, real u, real v,
                 struct bsdf_sample *out);
 
 /* Exact unpolarised Fresnel reflectance; cos_i >= 0, eta = n_t / n_i > 0. 1 at total
  * internal reflection, 0 for eta = 1. */
-float fresnel_dielectric(float cos_i, float eta);
+real fresnel_dielectric(real cos_i, real eta);
 
 /* Schlick's term at a grazing angle: 1, and less for an interface that hardly refracts. */
-static inline float bsdf_f90_of(float f0)
+static inline real bsdf_f90_of(real f0)
 {
     return f0 < BSDF_FADE_F0 && SAFEGUARD(F90_FADE) ? f0 * (1.0f / BSDF_FADE_F0) : 1.0f;
 }

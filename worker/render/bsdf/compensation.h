@@ -18,22 +18,22 @@
 #include "worker/render/bsdf/lobe.h"
 
 /* A mean loss below this is rounding error. */
-#define LOSS_MEAN_MIN 1e-7f
+#define LOSS_MEAN_MIN REAL(1e-7)
 /* The error of the table of stretched distributions' losses is below this share of the loss if the
  * two alphas differ; see tests/statistics/test_bsdf_energy.c. */
-#define STRETCHED_DOUBT 0.12f
+#define STRETCHED_DOUBT REAL(0.12)
 /* An interface returns slightly less than the table says, to allow for its errors. It returns
  * nothing below the first (n - 1) / (n + 1), which is the table's first, and all from the second
  * on; nothing below the first alpha (the loss is at grazing angles only), and all from the second
  * on. */
-#define INTERFACE_KEPT 0.99f
+#define INTERFACE_KEPT REAL(0.99)
 #define INTERFACE_NONE 0.00390625f
-#define INTERFACE_ALL 0.015f
+#define INTERFACE_ALL REAL(0.015)
 /* From the table's last but one entry (n = 9.8) to the last, a mirror, is too far to
  * interpolate. */
-#define INTERFACE_MOST 0.8145f
-#define INTERFACE_ALPHA_NONE 0.02f
-#define INTERFACE_ALPHA_ALL 0.05f
+#define INTERFACE_MOST REAL(0.8145)
+#define INTERFACE_ALPHA_NONE REAL(0.02)
+#define INTERFACE_ALPHA_ALL REAL(0.05)
 
 static inline int is_compensated(const struct bsdf_params *params)
 {
@@ -41,26 +41,26 @@ static inline int is_compensated(const struct bsdf_params *params)
 }
 
 /* 1 - E along w, of the base's microfacets; 0 if nothing is compensated. */
-static inline float compensation_loss(const struct bsdf *b, struct vec3 w)
+static inline real compensation_loss(const struct bsdf *b, struct vec3 w)
 {
     if (!CALLS_FOR(b, MULTIPLE_SCATTERING))
         return 0;
     if (ggx_is_stretched(&b->base.shape))
-        return albedo_stretched_loss_at(&b->compensation.stretched_loss, w.x, w.y, fabsf(w.z));
-    return albedo_loss_at(&b->compensation.loss, fabsf(w.z));
+        return albedo_stretched_loss_at(&b->compensation.stretched_loss, w.x, w.y, real_abs(w.z));
+    return albedo_loss_at(&b->compensation.loss, real_abs(w.z));
 }
 
 /* The light that leaves after microfacets of mean reflectance f reflect it among themselves, if
  * `kept` of it leaves at every bounce: f^2 kept + f^3 kept (1 - kept) + ... */
-static inline float series(float f, float kept)
+static inline real series(real f, real kept)
 {
     return f * f * kept / (1.0f - f * (1.0f - kept));
 }
-static inline struct vec3 series_color(struct vec3 f, float kept)
+static inline struct vec3 series_color(struct vec3 f, real kept)
 {
     /* Four lanes, all of them set: gcc divides two at a time and leaves in the others whatever was
      * on the stack; a division of subnormals takes a hundred cycles. */
-    float lane[4] = {f.x, f.y, f.z, 0};
+    real lane[4] = {f.x, f.y, f.z, 0};
 
     for (int i = 0; i < 4; i++)
         lane[i] = series(lane[i], kept);
@@ -68,7 +68,7 @@ static inline struct vec3 series_color(struct vec3 f, float kept)
 }
 
 /* Hemispherical mean of the loss. */
-static inline float compensation_mean(const struct bsdf *b)
+static inline real compensation_mean(const struct bsdf *b)
 {
     return ggx_is_stretched(&b->base.shape) ? b->compensation.stretched_loss.mean
                                             : b->compensation.loss.mean;
@@ -76,9 +76,9 @@ static inline float compensation_mean(const struct bsdf *b)
 
 /* Prepare the compensation of a loss of `loss_o` along wo, if microfacets return `color`:
  * series_color's result with all weights. Returns how often to sample it. */
-static inline float compensation_init(struct bsdf *b, struct vec3 color, float loss_o)
+static inline real compensation_init(struct bsdf *b, struct vec3 color, real loss_o)
 {
-    float mean = compensation_mean(b), scale;
+    real mean = compensation_mean(b), scale;
 
     if (!(mean > LOSS_MEAN_MIN)) {
         b->compensation.color = LOBE_BLACK;
@@ -87,7 +87,7 @@ static inline float compensation_init(struct bsdf *b, struct vec3 color, float l
     scale = loss_o / mean;
     if (ggx_is_stretched(&b->base.shape)) /* less if the table is less accurate */
         scale *= 1.0f - STRETCHED_DOUBT * (1.0f - b->base.shape.y / b->base.shape.x);
-    b->compensation.color = vec3_scale(color, scale * INV_PI_F);
+    b->compensation.color = vec3_scale(color, scale * REAL_INV_PI);
     return vec3_average(color) * loss_o;
 }
 
@@ -95,15 +95,15 @@ static inline float compensation_init(struct bsdf *b, struct vec3 color, float l
 
 /* How much of the table's loss is returned: less if the Fresnel term is not the plain one, and
  * where the table is inaccurate. */
-static inline float interface_kept(const struct bsdf *b, float fade)
+static inline real interface_kept(const struct bsdf *b, real fade)
 {
     const struct bsdf_dielectric *d = &b->dielectric;
-    float alpha = b->base.shape.y;
-    float kept = d->normal_f0 > 0.0f ? vec3_min(d->f0) / d->normal_f0 : 1.0f;
+    real alpha = b->base.shape.y;
+    real kept = d->normal_f0 > 0.0f ? vec3_min(d->f0) / d->normal_f0 : 1.0f;
 
-    kept = float_min(float_min(kept, b->material.specular), 1.0f);
+    kept = real_min(real_min(kept, b->material.specular), 1.0f);
     if (d->exact)
-        kept = float_min(kept, (1.0f - vec3_max(d->f0)) * d->inverse_rest_f0);
+        kept = real_min(kept, (1.0f - vec3_max(d->f0)) * d->inverse_rest_f0);
     if (SAFEGUARD(INTERFACE_DOUBT))
         kept *= INTERFACE_KEPT * fade;
     kept *= clamp_to((alpha - INTERFACE_ALPHA_NONE) *
@@ -117,14 +117,14 @@ static inline float interface_kept(const struct bsdf *b, float fade)
 
 /* The reflected and transmitted shares on each side are such that the same light (times n^2) passes
  * both ways. *above and *below: how often to sample each; below 0: no such lobe. */
-static inline void interface_compensation_init(struct bsdf *b, float base, float *above,
-                                               float *below)
+static inline void interface_compensation_init(struct bsdf *b, real base, real *above,
+                                               real *below)
 {
     struct bsdf_interface_compensation *c = &b->interface_compensation;
-    const float alpha = b->base.shape.y, weight = b->weights.glass;
-    float n = b->eta > 1.0f ? b->eta : 1.0f / b->eta, r = (n - 1.0f) / (n + 1.0f), average, pass;
-    float near, far, loss_o, scale;
-    float fade = clamp_to((r - INTERFACE_NONE) * (1.0f / (INTERFACE_ALL - INTERFACE_NONE)), 0, 1);
+    const real alpha = b->base.shape.y, weight = b->weights.glass;
+    real n = b->eta > 1.0f ? b->eta : 1.0f / b->eta, r = (n - 1.0f) / (n + 1.0f), average, pass;
+    real near, far, loss_o, scale;
+    real fade = clamp_to((r - INTERFACE_NONE) * (1.0f / (INTERFACE_ALL - INTERFACE_NONE)), 0, 1);
     int side = b->eta < 1.0f; /* wo is in the denser medium */
 
     *above = *below = -1;
@@ -134,7 +134,7 @@ static inline void interface_compensation_init(struct bsdf *b, float base, float
     } else if (b->interface.transmit_delta) {
         return;
     } else {
-        r = float_min(r, INTERFACE_MOST);
+        r = real_min(r, INTERFACE_MOST);
     }
     c->loss_near = albedo_interface_find(alpha, r, side);
     c->loss_far = albedo_interface_find(alpha, r, !side);
@@ -144,27 +144,27 @@ static inline void interface_compensation_init(struct bsdf *b, float base, float
         return;
     /* Mean Fresnel reflectance from the thinner side (fit of Kulla and Conty 2017), to 0.3 %; from
      * the denser side exactly (1 - F') = (1 - F) / n^2. */
-    average = b->dielectric.exact ? (n - 1.0f) / (4.08567f + 1.00071f * n) : 1.0f;
+    average = b->dielectric.exact ? (n - 1.0f) / (REAL(4.08567) + REAL(1.00071) * n) : 1.0f;
     average = average < 1.0f ? average : 1.0f;
-    pass = (1.0f - average) * (side ? 1.0f / (n * n) : 1.0f) * float_min(near, far) / near;
+    pass = (1.0f - average) * (side ? 1.0f / (n * n) : 1.0f) * real_min(near, far) / near;
     scale = interface_kept(b, fade);
     if (!(scale > 0.0f))
         return;
     c->on = 1;
     loss_o = scale * albedo_interface_loss_at(&c->loss_near, alpha, b->cos_o);
-    c->near = weight * loss_o * (1.0f - pass) * (INV_PI_F / near);
-    c->far = vec3_scale(b->interface.tint, loss_o * pass * INV_PI_F / (far * b->eta * b->eta));
+    c->near = weight * loss_o * (1.0f - pass) * (REAL_INV_PI / near);
+    c->far = vec3_scale(b->interface.tint, loss_o * pass * REAL_INV_PI / (far * b->eta * b->eta));
     *above = weight * loss_o * (1.0f - pass);
     *below = pass > 0.0f ? weight * loss_o * pass * base : -1.0f;
 }
 
 /* f mu of what it returns to wo's side, and to the other. */
-static inline float interface_compensation_near(const struct bsdf *b, float mu)
+static inline real interface_compensation_near(const struct bsdf *b, real mu)
 {
     const struct bsdf_interface_compensation *c = &b->interface_compensation;
     return c->near * mu * albedo_interface_loss_at(&c->loss_near, b->base.shape.y, mu);
 }
-static inline struct vec3 interface_compensation_far(const struct bsdf *b, float mu)
+static inline struct vec3 interface_compensation_far(const struct bsdf *b, real mu)
 {
     const struct bsdf_interface_compensation *c = &b->interface_compensation;
     return vec3_scale(c->far, mu * albedo_interface_loss_at(&c->loss_far, b->base.shape.y, mu));

@@ -9,12 +9,12 @@
 
 /* Cauchy's formula through n_d (at 587.6 nm) with the Abbe number 20 / dispersion, as in
  * KHR_materials_dispersion; at least 1. dispersion <= 0, or n_d = 0 (Fresnel 1): n_d. */
-float dispersion_ior(float n_d, float dispersion, float nm);
+real dispersion_ior(real n_d, real dispersion, real nm);
 
 /* Choose a wavelength (nm, DISPERSION_NM_MIN..MAX) with u in [0,1), more often where the eye is
  * sensitive. *rgb_weight is its colour in linear Rec. 709 over that density. Its mean over u is
  * (1,1,1), so white stays white. Components of single wavelengths may be negative: only their mean
  * is a colour. */
-float wavelength_sample(float u, struct vec3 *rgb_weight);
+real wavelength_sample(real u, struct vec3 *rgb_weight);
 
 #endif

@@ -7,17 +7,17 @@
 #include "common/math/vec.h"
 
 /* (1 - cos)^5, Schlick's weight; cos is clamped to 0..1. */
-static inline float schlick_weight(float cosine)
+static inline real schlick_weight(real cosine)
 {
-    float m = 1.0f - (cosine < 1.0f ? (cosine > 0.0f ? cosine : 0.0f) : 1.0f), m2 = m * m;
+    real m = 1.0f - (cosine < 1.0f ? (cosine > 0.0f ? cosine : 0.0f) : 1.0f), m2 = m * m;
     return m2 * m2 * m;
 }
 
 /* Its mean over the hemisphere (weighted by the cosine), and its variance. */
-#define SCHLICK_MEAN (1.0f / 21.0f)
-#define SCHLICK_VARIANCE 0.0129f
+#define SCHLICK_MEAN (1.0f / REAL(21.0))
+#define SCHLICK_VARIANCE REAL(0.0129)
 
-static inline struct vec3 schlick_mix(struct vec3 f0, float f90, float weight)
+static inline struct vec3 schlick_mix(struct vec3 f0, real f90, real weight)
 {
     return (struct vec3){f0.x + (f90 - f0.x) * weight, f0.y + (f90 - f0.y) * weight,
                          f0.z + (f90 - f0.z) * weight};
@@ -26,16 +26,16 @@ static inline struct vec3 schlick_mix(struct vec3 f0, float f90, float weight)
 /* fresnel_dielectric() of bsdf.h, inline: Cook and Torrance's form with the squared relative index.
  * g - c is computed as (eta^2 - 1) / (g + c), so an eta near 1 neither cancels nor divides by 0;
  * eta = 1 gives exactly 0. */
-static inline float fresnel_exact(float cos_i, float eta)
+static inline real fresnel_exact(real cos_i, real eta)
 {
-    float c = cos_i < 1.0f ? (cos_i > 0.0f ? cos_i : 0.0f) : 1.0f;
-    float e = (eta - 1.0f) * (eta + 1.0f), g2 = e + c * c, g, sum, difference, a, b, r;
+    real c = cos_i < 1.0f ? (cos_i > 0.0f ? cos_i : 0.0f) : 1.0f;
+    real e = (eta - 1.0f) * (eta + 1.0f), g2 = e + c * c, g, sum, difference, a, b, r;
 
     if (e == 0.0f)
         return 0.0f;
     if (SAFEGUARD(TOTAL_REFLECTION) && !(g2 > 0.0f))
         return 1.0f; /* total internal reflection */
-    g = sqrtf(g2);
+    g = real_sqrt(g2);
     sum = g + c;
     difference = e / sum;
     a = difference / sum;
@@ -47,13 +47,13 @@ static inline float fresnel_exact(float cos_i, float eta)
 /* Unpolarised reflectance of a conductor with relative index eta + i k, eta > 0, k >= 0, one of
  * them at most 1e4 (Born and Wolf 1999, 14.2). a^2, the real part of the transmitted wave's squared
  * normal component, is computed without cancellation. */
-static inline float fresnel_conductor(float cos_i, float eta, float k)
+static inline real fresnel_conductor(real cos_i, real eta, real k)
 {
-    float c = cos_i < 1.0f ? (cos_i > 0.0f ? cos_i : 0.0f) : 1.0f;
-    float c2 = c * c, s2 = 1.0f - c2, ek = 2.0f * eta * k;
-    float t0 = (eta - k) * (eta + k) - s2, length = sqrtf(t0 * t0 + ek * ek), a, sum, cross, rs, rp;
+    real c = cos_i < 1.0f ? (cos_i > 0.0f ? cos_i : 0.0f) : 1.0f;
+    real c2 = c * c, s2 = 1.0f - c2, ek = 2.0f * eta * k;
+    real t0 = (eta - k) * (eta + k) - s2, length = real_sqrt(t0 * t0 + ek * ek), a, sum, cross, rs, rp;
 
-    a = sqrtf(0.5f * (t0 > 0.0f ? length + t0 : length - t0));
+    a = real_sqrt(0.5f * (t0 > 0.0f ? length + t0 : length - t0));
     if (!(t0 > 0.0f))
         a = a > 0.0f ? 0.5f * ek / a : 0.0f;
     sum = length + c2;
@@ -69,17 +69,17 @@ static inline float fresnel_conductor(float cos_i, float eta, float k)
 }
 
 /* Refract wo about h (wo.h = cos_i > 0), eta = n_far / n_near; 0 at total reflection. */
-static inline int refract_about(struct vec3 wo, struct vec3 h, float cos_i, float eta,
+static inline int refract_about(struct vec3 wo, struct vec3 h, real cos_i, real eta,
                                 struct vec3 *wi)
 {
-    float inverse = 1.0f / eta, sin2_t;
+    real inverse = 1.0f / eta, sin2_t;
     /* From the tangent, because 1 - cos^2 has few digits near normal incidence. */
     struct vec3 tangent = vec3_sub(vec3_scale(h, cos_i), wo);
 
     sin2_t = vec3_length_squared(tangent) * (inverse * inverse);
     if (!(sin2_t < 1.0f))
         return 0;
-    *wi = vec3_mad(vec3_scale(tangent, inverse), h, -sqrtf(1.0f - sin2_t));
+    *wi = vec3_mad(vec3_scale(tangent, inverse), h, -real_sqrt(1.0f - sin2_t));
     return 1;
 }
 

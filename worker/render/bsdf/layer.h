@@ -14,29 +14,29 @@
 
 #include "worker/render/bsdf/lobe.h"
 
-static inline float slab_reflectance(float r) { return 2.0f * r / (1.0f + r); }
+static inline real slab_reflectance(real r) { return 2.0f * r / (1.0f + r); }
 
 static inline int is_slab(const struct bsdf *b) { return CALLS_FOR(b, THIN_TRANSMISSION); }
 
 /* The alpha whose tables give the base's mean reflectance. */
-static inline float layer_alpha(const struct bsdf *b)
+static inline real layer_alpha(const struct bsdf *b)
 {
     const struct ggx *g = &b->base.shape;
     return ggx_is_stretched(g) ? albedo_stretched_layer(g->x, g->y) : g->y;
 }
 
 /* Replaces Schlick's weight if plastic has the exact Fresnel term. */
-static inline float exact_weight(const struct bsdf *b, float cosine)
+static inline real exact_weight(const struct bsdf *b, real cosine)
 {
     return (fresnel_exact(cosine, b->material.ior) - b->dielectric.normal_f0) *
            b->dielectric.inverse_rest_f0;
 }
 
 /* The share of light left if Schlick's mean weight is `blend` and microfacets lose `loss`. */
-static inline float layer_rest_of(const struct bsdf *b, float blend, float loss)
+static inline real layer_rest_of(const struct bsdf *b, real blend, real loss)
 {
     const struct bsdf_layer *l = &b->layer;
-    float r = l->f0 + (l->f90 - l->f0) * blend;
+    real r = l->f0 + (l->f90 - l->f0) * blend;
 
     if (CALLS_FOR(b, MULTIPLE_SCATTERING)) {
         /* The loss of a stretched distribution is known less precisely: only its F0 counts it. */
@@ -49,9 +49,9 @@ static inline float layer_rest_of(const struct bsdf *b, float blend, float loss)
 }
 
 /* The same along a direction. */
-static inline float layer_rest(const struct bsdf *b, float mu, float loss)
+static inline real layer_rest(const struct bsdf *b, real mu, real loss)
 {
-    float blend;
+    real blend;
 
     if (b->layer.f90 == 0.0f)
         return 1.0f;
@@ -67,10 +67,10 @@ static inline float layer_rest(const struct bsdf *b, float mu, float loss)
 }
 
 /* What is left of a hemisphere's light. */
-static inline float layer_rest_average(const struct bsdf *b)
+static inline real layer_rest_average(const struct bsdf *b)
 {
     const struct bsdf_layer *l = &b->layer;
-    float range = l->f90 - l->f0, loss, more = 0, more_kept = 0;
+    real range = l->f90 - l->f0, loss, more = 0, more_kept = 0;
 
     if (l->exact) {
         more = b->base.smooth ? l->exact_row.smooth_mean : l->exact_row.mean;
@@ -94,11 +94,11 @@ static inline float layer_rest_average(const struct bsdf *b)
 static inline void layer_raise_ends(struct bsdf *b)
 {
     struct bsdf_layer *l = &b->layer;
-    float specular = b->material.specular, bound = thin_film_bound(b->thin_film.ior, b->thin_film.f0) * specular;
+    real specular = b->material.specular, bound = thin_film_bound(b->thin_film.ior, b->thin_film.f0) * specular;
 
     l->f0 = l->f0 + (bound - l->f0) * b->thin_film.weight;
     l->f90 = l->f90 + (specular - l->f90) * b->thin_film.weight;
-    l->f90 = float_max(l->f90, l->f0);
+    l->f90 = real_max(l->f90, l->f0);
 }
 
 #endif

@@ -26,7 +26,7 @@
 #include "worker/render/bsdf/lobe_thin_wall.h"
 
 /* A lobe that can contribute is chosen at least this often. */
-#define LOBE_SHARE_MIN 0.02f
+#define LOBE_SHARE_MIN REAL(0.02)
 
 /* ---- what lies over the base ------------------------------------------------------------------- */
 
@@ -60,12 +60,12 @@ static inline struct cover cover_between(const struct bsdf *b, struct vec3 wi)
 
 /* About what each lobe reflects along wo, at any scale. */
 struct lobe_shares {
-    float share[BSDF_LOBES];    /* 0 for absent lobes */
+    real share[BSDF_LOBES];    /* 0 for absent lobes */
     uint32_t lobes;             /* bit BSDF_LOBE_x: it is there */
 };
 
 /* Add to a lobe, which may still be absent; a share below 0 adds nothing. */
-LOBE_OFTEN void shares_add(struct lobe_shares *s, enum bsdf_lobe lobe, float share)
+LOBE_OFTEN void shares_add(struct lobe_shares *s, enum bsdf_lobe lobe, real share)
 {
     if (share >= 0.0f) {
         s->share[lobe] += share;
@@ -81,7 +81,7 @@ LOBE_OFTEN void shares_add(struct lobe_shares *s, enum bsdf_lobe lobe, float sha
 /* Selection probabilities from the shares, none of them too small. */
 LOBE_OFTEN void choose_by_share(struct bsdf *b, const struct lobe_shares *s)
 {
-    float total = 0, sum = 0, least;
+    real total = 0, sum = 0, least;
 
 #define LOBE_ENABLED_BIT(name, prefix, side, effects, account) \
     | (LOBE_ENABLED(effects) ? 1u << BSDF_LOBE_##name : 0)
@@ -90,9 +90,9 @@ LOBE_OFTEN void choose_by_share(struct bsdf *b, const struct lobe_shares *s)
     memset(b->lobe_pdf, 0, sizeof b->lobe_pdf);
     EACH_LOBE(i, b->lobes)
         total += s->share[i];
-    least = LOBE_SHARE_MIN * (total > 1e-10f ? total : 1e-10f);
+    least = LOBE_SHARE_MIN * (total > REAL(1e-10) ? total : REAL(1e-10));
     EACH_LOBE(i, b->lobes)
-        sum += b->lobe_pdf[i] = float_max(s->share[i], least);
+        sum += b->lobe_pdf[i] = real_max(s->share[i], least);
     sum = 1.0f / sum;
     EACH_LOBE(i, b->lobes)
         b->lobe_pdf[i] *= sum;
@@ -127,7 +127,7 @@ static inline struct vec3 color_in_range(struct vec3 color)
 }
 
 /* Beyond it F0 rounds to 1, and what is left of it is divided by 0. */
-static inline float index_in_range(float n)
+static inline real index_in_range(real n)
 {
     return SAFEGUARD(INDEX_RANGE) ? clamp_to(n, 1 / BSDF_IOR_MAX, BSDF_IOR_MAX) : n;
 }
@@ -145,7 +145,7 @@ static inline void material_init(struct bsdf_material *m, const struct bsdf_para
     m->refractive = from->refractive != 0;
     m->inside = from->inside != 0;
     if (from->base_interreflection > 0.0f) {
-        float k = float_min(from->base_interreflection, 0.999f);
+        real k = real_min(from->base_interreflection, REAL(0.999));
         m->base_color.x = interreflected(m->base_color.x, k);
         m->base_color.y = interreflected(m->base_color.y, k);
         m->base_color.z = interreflected(m->base_color.z, k);
@@ -167,12 +167,12 @@ static inline uint64_t effects_called_for(const struct bsdf_params *p)
 /* A stretched GGX is never smooth. */
 LOBE_RARE void stretched_init(struct bsdf *b, const struct bsdf_params *p)
 {
-    float stretched = clamp_to(p->alpha_stretched, 0, 1), alpha = b->material.alpha;
+    real stretched = clamp_to(p->alpha_stretched, 0, 1), alpha = b->material.alpha;
 
     if (!(stretched > alpha && stretched >= BSDF_ALPHA_MIN))
         return;
     if (SAFEGUARD(NARROW_AXIS)) /* the density divides by the narrow alpha, too */
-        alpha = b->material.alpha = float_max(alpha, BSDF_ALPHA_MIN);
+        alpha = b->material.alpha = real_max(alpha, BSDF_ALPHA_MIN);
     b->base.shape = ggx_make(alpha, stretched, stretched > alpha);
     b->compensation.stretched_loss = albedo_stretched_find(stretched, alpha);
 }
@@ -180,7 +180,7 @@ LOBE_RARE void stretched_init(struct bsdf *b, const struct bsdf_params *p)
 LOBE_OFTEN void weights_init(struct bsdf *b)
 {
     const struct bsdf_material *m = &b->material;
-    float dielectric = 1.0f - m->metallic, glass = m->refractive ? m->transmission : 0.0f;
+    real dielectric = 1.0f - m->metallic, glass = m->refractive ? m->transmission : 0.0f;
 
     b->weights.metal = m->metallic;
     b->weights.plastic = dielectric * (1.0f - glass);
@@ -193,14 +193,14 @@ LOBE_OFTEN void weights_init(struct bsdf *b)
 static inline void thin_film_init(struct bsdf *b, const struct bsdf_params *p)
 {
     struct thin_film *film = &b->thin_film;
-    float thickness = clamp_to(p->iridescence_thickness_nm, 0, 1e5f);
-    float n = clamp_to(p->iridescence_ior, 1, BSDF_IOR_MAX);
-    float t = float_min(thickness * (1.0f / FILM_FADE_NM), 1.0f);
+    real thickness = clamp_to(p->iridescence_thickness_nm, 0, 1e5f);
+    real n = clamp_to(p->iridescence_ior, 1, BSDF_IOR_MAX);
+    real t = real_min(thickness * (1.0f / FILM_FADE_NM), 1.0f);
 
     film->weight = clamp_to(p->iridescence, 0, 1);
     /* A film optically thinner than its surroundings counts as absent: the formulas do not describe
      * total reflection in a film thinner than a wavelength. */
-    film->ior = float_max(relative_index(n, p), 1.0f);
+    film->ior = real_max(relative_index(n, p), 1.0f);
     t = t * t * (3.0f - 2.0f * t);
     film->ior = 1.0f + (film->ior - 1.0f) * t;
     film->path_nm = 2.0f * film->ior * index_outside(p) * thickness;
@@ -212,7 +212,7 @@ LOBE_OFTEN void fresnel_init(struct bsdf *b)
     const struct bsdf_material *m = &b->material;
     struct bsdf_dielectric *d = &b->dielectric;
     struct bsdf_reflection *r = &b->reflection;
-    float root = m->ior == 0.0f ? 1.0f : (m->ior - 1.0f) / (m->ior + 1.0f);
+    real root = m->ior == 0.0f ? 1.0f : (m->ior - 1.0f) / (m->ior + 1.0f);
 
     d->exact = m->ior != 0.0f;
     d->normal_f0 = root * root;
@@ -221,7 +221,7 @@ LOBE_OFTEN void fresnel_init(struct bsdf *b)
     b->thin_film.f0 = clamp_color(vec3_scale(m->specular_color, d->normal_f0), 1);
     d->f0 = vec3_scale(b->thin_film.f0, m->specular);
     b->layer.f0 = vec3_max(d->f0);
-    d->f90 = b->layer.f90 = float_max(m->specular * bsdf_f90_of(d->normal_f0), b->layer.f0);
+    d->f90 = b->layer.f90 = real_max(m->specular * bsdf_f90_of(d->normal_f0), b->layer.f0);
     if (CALLS_FOR(b, IRIDESCENCE))
         layer_raise_ends(b);
     r->f0 = vec3_mad(vec3_scale(d->f0, b->weights.plastic), m->base_color, m->metallic);
@@ -235,9 +235,9 @@ LOBE_OFTEN void fresnel_init(struct bsdf *b)
 /* What plastic and metal reflect along wo, what plastic leaves for the base, and the shares of the
  * reflection and of its compensation. */
 LOBE_OFTEN void init_reflection(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo,
-                                float *reflection, float *compensation)
+                                real *reflection, real *compensation)
 {
-    float blend = 0, loss_o = 0;
+    real blend = 0, loss_o = 0;
 
     *compensation = -1;
     if (b->base.smooth) {
@@ -261,9 +261,9 @@ LOBE_OFTEN void init_reflection(struct bsdf *b, const struct bsdf_params *params
 LOBE_OFTEN void init_lambert(struct bsdf *b, const struct bsdf_params *params,
                              struct lobe_shares *shares)
 {
-    float rest = layer_rest_average(b);
+    real rest = layer_rest_average(b);
 
-    if (!(rest > 1e-4f && b->layer.rest_o > 0.0f))
+    if (!(rest > REAL(1e-4) && b->layer.rest_o > 0.0f))
         return;
     shares_add(shares, BSDF_LOBE_DIFFUSE, diffuse_init(b, params, rest));
     if (CALLS_FOR(b, DIFFUSE_TRANSMISSION))
@@ -275,7 +275,7 @@ LOBE_OFTEN void init_lambert(struct bsdf *b, const struct bsdf_params *params,
 LOBE_OFTEN void init_base(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo,
                           struct lobe_shares *shares)
 {
-    float base = vec3_average(b->material.base_color), reflection, compensation, above, below;
+    real base = vec3_average(b->material.base_color), reflection, compensation, above, below;
 
     b->diffuse.color = b->diffuse_transmission.color = LOBE_BLACK;
     b->compensation.graze = 0;
@@ -306,7 +306,7 @@ LOBE_OFTEN void init_base(struct bsdf *b, const struct bsdf_params *params, stru
 /* What changes the base's lobes and lies over them. */
 LOBE_OFTEN void init_layers(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
 {
-    const float n = b->material.ior;
+    const real n = b->material.ior;
 
     b->base.shape = ggx_make(b->material.alpha, b->material.alpha, 0);
     if (CALLS_FOR(b, ANISOTROPY))
@@ -338,7 +338,7 @@ LOBE_OFTEN void layering_init(struct bsdf *b, const struct bsdf_params *params, 
     fresnel_init(b);
     init_base(b, params, wo, &shares);
     if (is_covered_near(b)) {
-        float rest = 1.0f;
+        real rest = 1.0f;
 #define LAYER_SHARE(name, prefix, side, effects, account) \
     if (CALLS_FOR_ANY(b, effects))                        \
         shares_add(&shares, BSDF_LOBE_##name, prefix##_share(b, &rest));
@@ -354,7 +354,7 @@ LOBE_OFTEN void layering_init(struct bsdf *b, const struct bsdf_params *params, 
 /* A shortcut for rough metal with Schlick's term. */
 static inline void metal_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
 {
-    float loss_o, compensation, reflected;
+    real loss_o, compensation, reflected;
 
     b->base.shape = ggx_make(b->material.alpha, b->material.alpha, 0);
     b->base.smooth = 0;
@@ -377,7 +377,7 @@ static inline void metal_init(struct bsdf *b, const struct bsdf_params *params, 
     loss_o = compensation_loss(b, wo);
     compensation = reflection_compensation(b, loss_o);
     graze_init(b, compensation, 0);
-    reflected = (1.0f - loss_o) * vec3_average(b->reflection.f0) + loss_o * 1e-3f + 1e-6f;
+    reflected = (1.0f - loss_o) * vec3_average(b->reflection.f0) + loss_o * REAL(1e-3) + REAL(1e-6);
     b->lobe_pdf[BSDF_LOBE_DIFFUSE] = compensation / (compensation + reflected);
     b->lobe_pdf[BSDF_LOBE_REFLECTION] = 1.0f - b->lobe_pdf[BSDF_LOBE_DIFFUSE];
     b->lobes = b->smooth_lobes |= 1u << BSDF_LOBE_DIFFUSE;

@@ -25,9 +25,9 @@ enum lobe_side { LOBE_SIDE_ABOVE, LOBE_SIDE_BELOW };
 
 /* What the layers leave of what lies below them, between wo and wi (layering.h). */
 struct cover {
-    float lobe;    /* of lobes in general */
-    float diffuse; /* of Lambert's, whose mean over wi lambert_scale() takes care of */
-#define LAYER_COVER(name, prefix, ...) float prefix; /* of this layer: what those above leave */
+    real lobe;    /* of lobes in general */
+    real diffuse; /* of Lambert's, whose mean over wi lambert_scale() takes care of */
+#define LAYER_COVER(name, prefix, ...) real prefix; /* of this layer: what those above leave */
     BSDF_LAYER_MAP(LAYER_COVER)
 #undef LAYER_COVER
 };
@@ -60,35 +60,35 @@ static inline int is_covered_far(const struct bsdf *b)
 }
 
 /* x clamped to low..high; NaN becomes low. */
-static inline float clamp_to(float x, float low, float high)
+static inline real clamp_to(real x, real low, real high)
 {
     return x > low ? (x < high ? x : high) : low;
 }
-static inline struct vec3 clamp_color(struct vec3 c, float high)
+static inline struct vec3 clamp_color(struct vec3 c, real high)
 {
     return (struct vec3){clamp_to(c.x, 0, high), clamp_to(c.y, 0, high), clamp_to(c.z, 0, high)};
 }
 
 /* GGX divides by alpha^2. A narrower one is a mirror. */
-static inline int alpha_is_smooth(float alpha)
+static inline int alpha_is_smooth(real alpha)
 {
     return alpha < (SAFEGUARD(SMOOTH_MIRROR) ? BSDF_ALPHA_MIN : 0.0f);
 }
 
 /* Index of the object's surroundings; and an index relative to it. */
-static inline float index_outside(const struct bsdf_params *params)
+static inline real index_outside(const struct bsdf_params *params)
 {
     return HAS(NESTED_DIELECTRIC) && params->ior_outside > 1.0f
-               ? float_min(params->ior_outside, BSDF_IOR_MAX) : 1.0f;
+               ? real_min(params->ior_outside, BSDF_IOR_MAX) : 1.0f;
 }
-static inline float relative_index(float n, const struct bsdf_params *params)
+static inline real relative_index(real n, const struct bsdf_params *params)
 {
-    float outside = index_outside(params);
+    real outside = index_outside(params);
     return outside > 1.0f ? n / outside : n;
 }
 
 /* A layer of reflectance r whose light is reflected back with probability k: the geometric
  * series. */
-static inline float interreflected(float r, float k) { return r * (1.0f - k) / (1.0f - k * r); }
+static inline real interreflected(real r, real k) { return r * (1.0f - k) / (1.0f - k * r); }
 
 #endif

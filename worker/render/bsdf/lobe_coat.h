@@ -12,7 +12,7 @@
 #include "worker/render/bsdf/lobe.h"
 
 /* Reflectance of the coat's microfacets. */
-static inline float coat_fresnel(const struct bsdf_coat *c, float cos_h)
+static inline real coat_fresnel(const struct bsdf_coat *c, real cos_h)
 {
     if (c->exact)
         return fresnel_exact(cos_h, c->ior);
@@ -20,11 +20,11 @@ static inline float coat_fresnel(const struct bsdf_coat *c, float cos_h)
 }
 
 /* The share that the coat leaves along a direction whose cosine to its normal is `mu`. */
-static inline float coat_rest(const struct bsdf_coat *c, float mu)
+static inline real coat_rest(const struct bsdf_coat *c, real mu)
 {
-    float r;
+    real r;
 
-    mu = float_min(fabsf(mu), 1.0f);
+    mu = real_min(real_abs(mu), 1.0f);
     if (c->micro.smooth) {
         r = coat_fresnel(c, mu);
     } else {
@@ -38,9 +38,9 @@ static inline float coat_rest(const struct bsdf_coat *c, float mu)
 }
 
 /* Mean of what the coat leaves, over the hemisphere. */
-static inline float coat_rest_average(const struct bsdf_coat *c)
+static inline real coat_rest_average(const struct bsdf_coat *c)
 {
-    float range = c->f90 - c->f0;
+    real range = c->f90 - c->f0;
 
     if (c->micro.smooth)
         return 1.0f - c->weight * (c->f0 + range * SCHLICK_MEAN);
@@ -52,8 +52,8 @@ static inline void coat_init(struct bsdf *b, const struct bsdf_params *p, struct
 {
     struct bsdf_coat *c = &b->coat;
     int exact = CALLS_FOR(b, CONDUCTOR) && b->reflection.interreflection > 0.0f;
-    float n = relative_index(clamp_to(p->clearcoat_ior, 1, BSDF_IOR_MAX), p);
-    float r = (n - 1.0f) / (n + 1.0f), alpha = clamp_to(p->clearcoat_alpha, 0, 1);
+    real n = relative_index(clamp_to(p->clearcoat_ior, 1, BSDF_IOR_MAX), p);
+    real r = (n - 1.0f) / (n + 1.0f), alpha = clamp_to(p->clearcoat_alpha, 0, 1);
 
     c->weight = clamp_to(p->clearcoat, 0, 1);
     c->ior = n;
@@ -71,12 +71,12 @@ static inline void coat_init(struct bsdf *b, const struct bsdf_params *p, struct
     c->normal = vec3_normalize(p->clearcoat_normal);
     if (!(c->normal.z > 0.0f))
         c->normal = (struct vec3){0, 0, 1};
-    c->cos_o = float_min(vec3_dot(c->normal, wo), 1.0f);
+    c->cos_o = real_min(vec3_dot(c->normal, wo), 1.0f);
     c->micro.root_o = ggx_root(c->micro.shape.y2, c->cos_o);
     c->rest_o = coat_rest(c, c->cos_o);
 }
 
-static inline float coat_share(const struct bsdf *b, float *rest)
+static inline real coat_share(const struct bsdf *b, real *rest)
 {
     const struct bsdf_coat *c = &b->coat;
 
@@ -89,45 +89,45 @@ static inline float coat_share(const struct bsdf *b, float *rest)
 static inline void coat_cover(const struct bsdf *b, struct vec3 wi, int near, int far,
                               struct cover *cover)
 {
-    float rest_o = near ? b->coat.rest_o : 1.0f;
-    float rest_i = far ? coat_rest(&b->coat, vec3_dot(b->coat.normal, wi)) : 1.0f;
+    real rest_o = near ? b->coat.rest_o : 1.0f;
+    real rest_i = far ? coat_rest(&b->coat, vec3_dot(b->coat.normal, wi)) : 1.0f;
 
-    cover->lobe = float_min(rest_o, rest_i);
+    cover->lobe = real_min(rest_o, rest_i);
     cover->diffuse = near && far ? rest_o * rest_i : cover->lobe;
 }
 
 /* |h x n|^2. From the cosine it would cancel, and with it the peak of a narrow D. */
-static inline float coat_sine2(struct vec3 n, struct vec3 h, float length2, float cosine)
+static inline real coat_sine2(struct vec3 n, struct vec3 h, real length2, real cosine)
 {
     return SAFEGUARD(COAT_DENSITY) ? vec3_length_squared(vec3_cross(n, h)) : length2 - cosine * cosine;
 }
 
 static inline struct vec3 coat_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                        const struct cover *cover, float *pdf)
+                                        const struct cover *cover, real *pdf)
 {
     const struct bsdf_coat *c = &b->coat;
-    const float alpha2 = c->micro.shape.y2, mu_o = c->cos_o, root_o = c->micro.root_o;
+    const real alpha2 = c->micro.shape.y2, mu_o = c->cos_o, root_o = c->micro.root_o;
     struct vec3 h = vec3_add(wo, wi);
-    float length2 = vec3_length_squared(h), mu_i = vec3_dot(c->normal, wi), cos_n, f, root_i;
-    float density;
+    real length2 = vec3_length_squared(h), mu_i = vec3_dot(c->normal, wi), cos_n, f, root_i;
+    real density;
 
     (void)cover;
     *pdf = 0;
     if (!(length2 > HALF_LENGTH2_MIN && mu_i > 0.0f && mu_o > 0.0f))
         return LOBE_BLACK;
-    mu_i = float_min(mu_i, 1.0f);
+    mu_i = real_min(mu_i, 1.0f);
     root_i = ggx_root(alpha2, mu_i);
     cos_n = vec3_dot(c->normal, h);
     f = length2 / (coat_sine2(c->normal, h, length2, cos_n) + alpha2 * (cos_n * cos_n));
-    density = alpha2 * INV_PI_F * (f * f) * 0.5f / (mu_o + root_o);
+    density = alpha2 * REAL_INV_PI * (f * f) * 0.5f / (mu_o + root_o);
     *pdf = b->lobe_pdf[BSDF_LOBE_COAT] * density;
-    f = coat_fresnel(c, 0.5f * sqrtf(length2));
+    f = coat_fresnel(c, 0.5f * real_sqrt(length2));
     return vec3_splat(c->weight * f * density * mu_i * (mu_o + root_o) /
                       (mu_i * root_o + mu_o * root_i));
 }
 
-static inline enum lobe_result coat_sample(const struct bsdf *b, struct vec3 wo, float w, float u,
-                                           float v, struct bsdf_sample *out)
+static inline enum lobe_result coat_sample(const struct bsdf *b, struct vec3 wo, real w, real u,
+                                           real v, struct bsdf_sample *out)
 {
     const struct bsdf_coat *c = &b->coat;
     struct basis frame = basis_from_normal(c->normal);

@@ -30,19 +30,19 @@
 #include "worker/render/bsdf/lobe_coat.h"
 
 /* Sample towards the horizon below this alpha. */
-#define GRAZE_ALPHA 0.05f
+#define GRAZE_ALPHA REAL(0.05)
 
 /* ---- EON ----------------------------------------------------------------------------------------- */
 
-#define EON_C1 0.28779341f
-#define EON_C2 0.07248821f
+#define EON_C1 REAL(0.28779341)
+#define EON_C2 REAL(0.07248821)
 /* The variance of cosine sampling grows towards the horizon, where s/t is large. This share of the
  * samples of a base of roughness 1 is therefore uniform. For white, at mu 0.003, 0.05, 0.4 and 1,
  * it lowers the variance from 1.78, 0.93, 0.29 and 0.005 to 0.52, 0.48, 0.28 and 0.005. */
-#define EON_WIDE 0.35f
+#define EON_WIDE REAL(0.35)
 /* Largest mean of Schlick's weight over a hemisphere, minus the mean over the light of a base of B
  * = 1. */
-#define EON_SPREAD 0.0083f
+#define EON_SPREAD REAL(0.0083)
 
 static inline int is_rough_diffuse(const struct bsdf *b)
 {
@@ -50,27 +50,27 @@ static inline int is_rough_diffuse(const struct bsdf *b)
 }
 
 /* (1 - E(mu)) / B. */
-static inline float eon_loss(float mu)
+static inline real eon_loss(real mu)
 {
-    float sine = sqrtf(float_max((1.0f - mu) * (1.0f + mu), 0.0f)), g;
+    real sine = real_sqrt(real_max((1.0f - mu) * (1.0f + mu), 0.0f)), g;
 
     /* sin (1 - sin^3) / mu without cancellation */
     g = sine * mu * (1.0f + sine + sine * sine) / (1.0f + sine);
-    g = sine * (det_acos(mu) - sine * mu) + (2.0f / 3.0f) * (g - sine);
-    return float_max(EON_C1 - g * INV_PI_F, 0.0f);
+    g = sine * (real_acos(mu) - sine * mu) + (2.0f / REAL(3.0)) * (g - sine);
+    return real_max(EON_C1 - g * REAL_INV_PI, 0.0f);
 }
 
-static inline float eon_multiple(float color, float mean)
+static inline real eon_multiple(real color, real mean)
 {
     return color * mean / (1.0f - color * (1.0f - mean));
 }
 
 /* b->diffuse.color is the Lambertian colour. */
-LOBE_RARE void eon_init(struct bsdf *b, float roughness)
+LOBE_RARE void eon_init(struct bsdf *b, real roughness)
 {
     struct bsdf_rough_diffuse *d = &b->rough_diffuse;
     struct vec3 base = b->material.base_color, color = b->diffuse.color;
-    float r = clamp_to(roughness, 0, 1), mean, lost;
+    real r = clamp_to(roughness, 0, 1), mean, lost;
 
     d->a = 1.0f / (1.0f + EON_C1 * r);
     d->b = r * d->a;
@@ -86,9 +86,9 @@ LOBE_RARE void eon_init(struct bsdf *b, float roughness)
 LOBE_RARE struct vec3 eon_value(const struct bsdf *b, struct vec3 wo, struct vec3 wi)
 {
     const struct bsdf_rough_diffuse *d = &b->rough_diffuse;
-    float s = wo.x * wi.x + wo.y * wi.y;
-    float slope = s > 0.0f ? s * (wi.z / float_max(b->cos_o, wi.z)) : s * wi.z;
-    float single = float_max(d->a * wi.z + d->b * slope, 0.0f);
+    real s = wo.x * wi.x + wo.y * wi.y;
+    real slope = s > 0.0f ? s * (wi.z / real_max(b->cos_o, wi.z)) : s * wi.z;
+    real single = real_max(d->a * wi.z + d->b * slope, 0.0f);
 
     return vec3_mad(vec3_scale(b->diffuse.color, single), d->multiple, eon_loss(wi.z) * wi.z);
 }
@@ -96,13 +96,13 @@ LOBE_RARE struct vec3 eon_value(const struct bsdf *b, struct vec3 wo, struct vec
 /* ---- sampling by the cosine, and towards the horizon ------------------------------------------- */
 
 /* Divide the lobe between the compensation's share and the Lambertian base's. */
-static inline void graze_init(struct bsdf *b, float compensation, float diffuse)
+static inline void graze_init(struct bsdf *b, real compensation, real diffuse)
 {
-    const float alpha = b->base.shape.y;
+    const real alpha = b->base.shape.y;
 
     if (SAFEGUARD(GRAZE_SHARE) && alpha < GRAZE_ALPHA && compensation > 0.0f) {
         b->compensation.graze = 0.75f * compensation / (compensation + diffuse);
-        b->compensation.graze_log = det_log((1.0f + alpha) / alpha);
+        b->compensation.graze_log = real_log((1.0f + alpha) / alpha);
     }
 }
 
@@ -112,47 +112,47 @@ static inline int is_grazing(const struct bsdf *b)
 }
 
 /* Without the part that a rough base adds. */
-static inline float narrow_density(const struct bsdf *b, float mu)
+static inline real narrow_density(const struct bsdf *b, real mu)
 {
     const struct bsdf_compensation *c = &b->compensation;
 
     if (is_grazing(b))
-        return mu * INV_PI_F * (1.0f - c->graze) +
-               c->graze * INV_2PI_F / ((mu + b->base.shape.y) * c->graze_log);
-    return mu * INV_PI_F;
+        return mu * REAL_INV_PI * (1.0f - c->graze) +
+               c->graze * REAL_INV_2PI / ((mu + b->base.shape.y) * c->graze_log);
+    return mu * REAL_INV_PI;
 }
 
-static inline float wide_density(const struct bsdf *b, float mu)
+static inline real wide_density(const struct bsdf *b, real mu)
 {
-    float density = narrow_density(b, mu), wide = b->rough_diffuse.wide;
+    real density = narrow_density(b, mu), wide = b->rough_diffuse.wide;
 
-    return is_rough_diffuse(b) ? density + wide * (INV_2PI_F - density) : density;
+    return is_rough_diffuse(b) ? density + wide * (REAL_INV_2PI - density) : density;
 }
 
-static inline struct vec3 direction_of(float mu, float v)
+static inline struct vec3 direction_of(real mu, real v)
 {
-    float radius = sqrtf((1.0f - mu) * (1.0f + mu)), sine, cosine;
+    real radius = real_sqrt((1.0f - mu) * (1.0f + mu)), sine, cosine;
 
     sincos_turn(v, &sine, &cosine);
     return (struct vec3){radius * cosine, radius * sine, mu};
 }
 
-static inline struct vec3 wide_sample(const struct bsdf *b, float u, float v)
+static inline struct vec3 wide_sample(const struct bsdf *b, real u, real v)
 {
     const struct bsdf_compensation *c = &b->compensation;
 
     if (is_rough_diffuse(b)) {
-        float wide = b->rough_diffuse.wide;
+        real wide = b->rough_diffuse.wide;
         if (u < wide)
-            return direction_of(clamp_to(1.0f - u / wide, 1e-7f, 1), v);
-        u = clamp_to((u - wide) / (1.0f - wide), 0, ONE_MINUS_EPSILON);
+            return direction_of(clamp_to(1.0f - u / wide, REAL(1e-7), 1), v);
+        u = clamp_to((u - wide) / (1.0f - wide), 0, REAL_BELOW_ONE);
     }
     if (is_grazing(b)) {
         if (u < c->graze) {
-            float mu = b->base.shape.y * (det_exp(u / c->graze * c->graze_log) - 1.0f);
-            return direction_of(clamp_to(mu, 1e-7f, 1), v);
+            real mu = b->base.shape.y * (real_exp(u / c->graze * c->graze_log) - 1.0f);
+            return direction_of(clamp_to(mu, REAL(1e-7), 1), v);
         }
-        u = clamp_to((u - c->graze) / (1.0f - c->graze), 0, ONE_MINUS_EPSILON);
+        u = clamp_to((u - c->graze) / (1.0f - c->graze), 0, REAL_BELOW_ONE);
     }
     return cosine_hemisphere(u, v);
 }
@@ -161,7 +161,7 @@ static inline struct vec3 wide_sample(const struct bsdf *b, float u, float v)
 
 /* rest(mu_o) / mean(rest), times the base's weight. `rest` is the mean of what plastic leaves.
  * `coated`: the light passes the coat, too, on both ways. */
-static inline float lambert_scale(const struct bsdf *b, float rest, int coated)
+static inline real lambert_scale(const struct bsdf *b, real rest, int coated)
 {
     const struct bsdf_coat *c = &b->coat;
 
@@ -176,9 +176,9 @@ static inline float lambert_scale(const struct bsdf *b, float rest, int coated)
 /* Seen from above, a rough base reflects less towards the horizon than a Lambertian one. So the
  * mean of what the layers leave, over the base's light, exceeds their mean over a hemisphere, by at
  * most this (tests/statistics/test_rough_diffuse.c). Adding it keeps white below 1. */
-static inline float eon_rest_spread(const struct bsdf *b, float roughness)
+static inline real eon_rest_spread(const struct bsdf *b, real roughness)
 {
-    float r = clamp_to(roughness, 0, 1), spread = EON_SPREAD * b->layer.f90;
+    real r = clamp_to(roughness, 0, 1), spread = EON_SPREAD * b->layer.f90;
 
     if (CALLS_FOR(b, CLEARCOAT))
         spread += EON_SPREAD * b->coat.weight * b->coat.f90;
@@ -186,31 +186,31 @@ static inline float eon_rest_spread(const struct bsdf *b, float roughness)
 }
 
 /* The share of the base that diffuse transmission takes. */
-static inline float transmitted_share(const struct bsdf *b, const struct bsdf_params *params)
+static inline real transmitted_share(const struct bsdf *b, const struct bsdf_params *params)
 {
     return CALLS_FOR(b, DIFFUSE_TRANSMISSION) ? clamp_to(params->diffuse_transmission, 0, 1) : 0;
 }
 
 /* Returns how often to sample it. `rest` as above. */
-static inline float diffuse_init(struct bsdf *b, const struct bsdf_params *params, float rest)
+static inline real diffuse_init(struct bsdf *b, const struct bsdf_params *params, real rest)
 {
-    float scale, rough = params->diffuse_roughness;
+    real scale, rough = params->diffuse_roughness;
 
     if (CALLS_FOR(b, ROUGH_DIFFUSE))
         rest += eon_rest_spread(b, rough);
     scale = lambert_scale(b, rest, is_covered_near(b)) * (1.0f - transmitted_share(b, params));
-    b->diffuse.color = vec3_scale(b->material.base_color, scale * INV_PI_F);
+    b->diffuse.color = vec3_scale(b->material.base_color, scale * REAL_INV_PI);
     if (vec3_is_black(b->diffuse.color))
         return -1.0f;
     if (CALLS_FOR(b, ROUGH_DIFFUSE))
         eon_init(b, rough);
-    return vec3_average(b->diffuse.color) * PI_F * rest;
+    return vec3_average(b->diffuse.color) * REAL_PI * rest;
 }
 
 static inline struct vec3 diffuse_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                           const struct cover *cover, float *pdf)
+                                           const struct cover *cover, real *pdf)
 {
-    float loss = compensation_loss(b, wi);
+    real loss = compensation_loss(b, wi);
     struct vec3 f = LOBE_BLACK;
 
     if (is_rough_diffuse(b))
@@ -225,8 +225,8 @@ static inline struct vec3 diffuse_evaluate(const struct bsdf *b, struct vec3 wo,
     return f;
 }
 
-static inline enum lobe_result diffuse_sample(const struct bsdf *b, struct vec3 wo, float w,
-                                              float u, float v, struct bsdf_sample *out)
+static inline enum lobe_result diffuse_sample(const struct bsdf *b, struct vec3 wo, real w,
+                                              real u, real v, struct bsdf_sample *out)
 {
     (void)wo, (void)w;
     out->wi = wide_sample(b, u, v);

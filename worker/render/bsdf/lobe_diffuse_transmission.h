@@ -11,27 +11,27 @@
 #include "worker/render/bsdf/lobe_diffuse.h"
 
 /* Returns how often to sample it; arguments as diffuse_init's. */
-static inline float diffuse_transmission_init(struct bsdf *b, const struct bsdf_params *params,
-                                              float rest)
+static inline real diffuse_transmission_init(struct bsdf *b, const struct bsdf_params *params,
+                                              real rest)
 {
     struct vec3 color = clamp_color(params->diffuse_transmission_color, 1);
-    float scale = lambert_scale(b, rest, is_covered_near(b) && is_covered_far(b)) *
+    real scale = lambert_scale(b, rest, is_covered_near(b) && is_covered_far(b)) *
                   transmitted_share(b, params);
 
-    b->diffuse_transmission.color = vec3_scale(color, scale * INV_PI_F);
+    b->diffuse_transmission.color = vec3_scale(color, scale * REAL_INV_PI);
     if (vec3_is_black(b->diffuse_transmission.color))
         return -1.0f;
-    return vec3_average(b->diffuse_transmission.color) * PI_F * rest;
+    return vec3_average(b->diffuse_transmission.color) * REAL_PI * rest;
 }
 
 static inline struct vec3 diffuse_transmission_evaluate(const struct bsdf *b, struct vec3 wo,
                                                         struct vec3 wi, const struct cover *cover,
-                                                        float *pdf)
+                                                        real *pdf)
 {
-    float mu = -wi.z;
+    real mu = -wi.z;
 
     (void)wo;
-    *pdf = b->lobe_pdf[BSDF_LOBE_DIFFUSE_TRANSMISSION] * (mu * INV_PI_F);
+    *pdf = b->lobe_pdf[BSDF_LOBE_DIFFUSE_TRANSMISSION] * (mu * REAL_INV_PI);
     if (!(b->weights.diffuse > 0.0f)) /* only the interface's compensation */
         return LOBE_BLACK;
     return vec3_scale(b->diffuse_transmission.color,
@@ -39,7 +39,7 @@ static inline struct vec3 diffuse_transmission_evaluate(const struct bsdf *b, st
 }
 
 static inline enum lobe_result diffuse_transmission_sample(const struct bsdf *b, struct vec3 wo,
-                                                           float w, float u, float v,
+                                                           real w, real u, real v,
                                                            struct bsdf_sample *out)
 {
     (void)wo, (void)w;

@@ -14,14 +14,14 @@
 #include "worker/render/bsdf/lobe.h"
 
 /* Reflectance of the interface (without the lobe's weight). */
-static inline struct vec3 interface_fresnel(const struct bsdf *b, float cos_i)
+static inline struct vec3 interface_fresnel(const struct bsdf *b, real cos_i)
 {
     const struct bsdf_dielectric *d = &b->dielectric;
-    float weight;
+    real weight;
     struct vec3 f;
 
     if (d->exact) {
-        float r = fresnel_exact(cos_i, b->eta);
+        real r = fresnel_exact(cos_i, b->eta);
         if (r >= 1.0f)
             return (struct vec3){1, 1, 1};
         weight = (r - d->normal_f0) * d->inverse_rest_f0;
@@ -30,9 +30,9 @@ static inline struct vec3 interface_fresnel(const struct bsdf *b, float cos_i)
     }
     f = schlick_mix(d->f0, b->material.specular, weight);
     if (CALLS_FOR(b, IRIDESCENCE)) {
-        float cos_1 = cos_i;
+        real cos_1 = cos_i;
         if (b->material.inside && d->exact) /* the film sees the angle outside */
-            cos_1 = sqrtf(float_max(0.0f, 1.0f - (1.0f - cos_i * cos_i) / (b->eta * b->eta)));
+            cos_1 = real_sqrt(real_max(0.0f, 1.0f - (1.0f - cos_i * cos_i) / (b->eta * b->eta)));
         f = vec3_mad(f, thin_film_difference(&b->thin_film, cos_1, b->thin_film.f0),
                      b->thin_film.weight * b->material.specular);
     }
@@ -43,14 +43,14 @@ static inline struct vec3 interface_fresnel(const struct bsdf *b, float cos_i)
 /* How often the lobe reflects or transmits at a microfacet that reflects `f`. 0 only if that way
  * carries no light. A separate function, because 1 - F has few digits at grazing angles. */
 struct interface_choice {
-    float reflect, transmit;
+    real reflect, transmit;
 };
 
 static inline struct interface_choice interface_choose(const struct bsdf *b, struct vec3 f)
 {
-    float reflected = vec3_average(f);
-    float transmitted = (1.0f - vec3_max(f)) * vec3_average(b->material.base_color);
-    float scale = reflected + transmitted;
+    real reflected = vec3_average(f);
+    real transmitted = (1.0f - vec3_max(f)) * vec3_average(b->material.base_color);
+    real scale = reflected + transmitted;
 
     if (!(scale > 0.0f))
         return (struct interface_choice){1, 0};
@@ -59,17 +59,17 @@ static inline struct interface_choice interface_choose(const struct bsdf *b, str
 }
 
 /* Does refraction spread so little that floats cannot resolve its half vector? */
-static inline int refraction_is_straight(const struct ggx *shape, float eta)
+static inline int refraction_is_straight(const struct ggx *shape, real eta)
 {
-    int straight = shape->x * fabsf(eta - 1.0f) < BSDF_SPREAD_MIN;
+    int straight = shape->x * real_abs(eta - 1.0f) < BSDF_SPREAD_MIN;
 
     if (ggx_is_stretched(shape)) /* the narrow axis must be resolved too */
-        straight |= shape->y * fabsf(eta - 1.0f) < 0.1f * BSDF_SPREAD_MIN;
+        straight |= shape->y * real_abs(eta - 1.0f) < REAL(0.1) * BSDF_SPREAD_MIN;
     return SAFEGUARD(STRAIGHT_REFRACTION) && straight;
 }
 
 /* Returns how often to sample it. `base` is the mean of the base colour. */
-static inline float interface_init(struct bsdf *b, float base)
+static inline real interface_init(struct bsdf *b, real base)
 {
     struct vec3 seen;
 
@@ -84,15 +84,15 @@ static inline float interface_init(struct bsdf *b, float base)
 /* Equations 17 and 21, with h = -(wo + eta wi) normalised and on wo's side. Its squared length
  * before normalisation is their squared denominator. */
 static inline struct vec3 interface_refraction(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                               float *pdf)
+                                               real *pdf)
 {
     struct vec3 h = vec3_mad(wo, wi, b->eta), f;
-    float length2 = vec3_length_squared(h), scale, cos_o, cos_i, density, shadowing, keep;
+    real length2 = vec3_length_squared(h), scale, cos_o, cos_i, density, shadowing, keep;
 
     *pdf = 0;
     if (!(length2 > HALF_LENGTH2_MIN))
         return LOBE_BLACK;
-    scale = 1.0f / sqrtf(length2);
+    scale = 1.0f / real_sqrt(length2);
     scale = h.z < 0.0f ? -scale : scale;
     cos_o = vec3_dot(wo, h) * scale;
     cos_i = -vec3_dot(wi, h) * scale;
@@ -112,7 +112,7 @@ static inline struct vec3 interface_refraction(const struct bsdf *b, struct vec3
 }
 
 static inline struct vec3 interface_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                             const struct cover *cover, float *pdf)
+                                             const struct cover *cover, real *pdf)
 {
     struct vec3 f = LOBE_BLACK;
 
@@ -128,7 +128,7 @@ static inline struct vec3 interface_evaluate(const struct bsdf *b, struct vec3 w
  * the microfacets, so both ways still add up to at most 1. f: reflectance; it chooses with
  * `transmit`. */
 static inline enum lobe_result interface_sample_delta(const struct bsdf *b, struct vec3 wo,
-                                                      struct vec3 f, float transmit,
+                                                      struct vec3 f, real transmit,
                                                       struct bsdf_sample *out)
 {
     if (b->eta == 1.0f)
@@ -145,12 +145,12 @@ static inline enum lobe_result reflection_sample_mirror(const struct bsdf *b, st
                                                         struct bsdf_sample *out);
 
 /* Reflect or refract at one microfacet, chosen with w. */
-static inline enum lobe_result interface_sample(const struct bsdf *b, struct vec3 wo, float w,
-                                                float u, float v, struct bsdf_sample *out)
+static inline enum lobe_result interface_sample(const struct bsdf *b, struct vec3 wo, real w,
+                                                real u, real v, struct bsdf_sample *out)
 {
     struct vec3 h = {0, 0, 1}, f;
     struct interface_choice choice;
-    float cos_h = b->cos_o;
+    real cos_h = b->cos_o;
 
     if (!b->base.smooth) {
         h = ggx_sample_of(&b->base.shape, wo, u, v);

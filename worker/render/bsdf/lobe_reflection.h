@@ -24,16 +24,16 @@
 
 /* ---- the Fresnel term -------------------------------------------------------------------------- */
 
-static inline struct vec3 conductor_fresnel(const struct bsdf *b, float cos_h)
+static inline struct vec3 conductor_fresnel(const struct bsdf *b, real cos_h)
 {
     const struct bsdf_reflection *r = &b->reflection;
-    float back = r->interreflection;
+    real back = r->interreflection;
     struct vec3 f;
 
     if (CALLS_FOR(b, CLEARCOAT) && b->coat.exact) {
         /* Light reaches a metal under a coat more steeply, and is reflected back and forth. */
         back = b->coat.weight * coat_fresnel(&b->coat, cos_h);
-        cos_h = sqrtf(1.0f - (1.0f - cos_h * cos_h) / (b->coat.ior * b->coat.ior));
+        cos_h = real_sqrt(1.0f - (1.0f - cos_h * cos_h) / (b->coat.ior * b->coat.ior));
     }
     f = (struct vec3){fresnel_conductor(cos_h, r->eta.x, r->k.x),
                       fresnel_conductor(cos_h, r->eta.y, r->k.y),
@@ -47,7 +47,7 @@ static inline struct vec3 conductor_fresnel(const struct bsdf *b, float cos_h)
     return f;
 }
 
-LOBE_RARE struct vec3 metal_fresnel(const struct bsdf *b, float cos_h)
+LOBE_RARE struct vec3 metal_fresnel(const struct bsdf *b, real cos_h)
 {
     const struct vec3 f0 = b->material.base_color;
     struct vec3 f;
@@ -63,14 +63,14 @@ LOBE_RARE struct vec3 metal_fresnel(const struct bsdf *b, float cos_h)
 /* What lies below a film receives what a Schlick term of the layer's ends leaves (layer.h). The film's
  * own term exceeds that one at some angles, because both of its faces approach 1 towards the horizon,
  * and faster than Schlick's formula. It may not reflect that light, too. */
-static inline float film_limit(const struct bsdf *b, float weight)
+static inline real film_limit(const struct bsdf *b, real weight)
 {
     const struct bsdf_layer *l = &b->layer;
 
-    return SAFEGUARD(FILM_ENERGY) ? float_min(l->f0 + (l->f90 - l->f0) * weight, 1.0f) : 1.0f;
+    return SAFEGUARD(FILM_ENERGY) ? real_min(l->f0 + (l->f90 - l->f0) * weight, 1.0f) : 1.0f;
 }
 
-LOBE_RARE struct vec3 plastic_fresnel(const struct bsdf *b, float cos_h)
+LOBE_RARE struct vec3 plastic_fresnel(const struct bsdf *b, real cos_h)
 {
     const struct bsdf_dielectric *d = &b->dielectric;
     int exact = b->layer.exact || (is_slab(b) && b->base.smooth && d->exact);
@@ -92,7 +92,7 @@ LOBE_RARE struct vec3 plastic_fresnel(const struct bsdf *b, float cos_h)
 }
 
 /* The sum of both, if it is not one Schlick formula again. */
-LOBE_RARE struct vec3 mixed_fresnel(const struct bsdf *b, float cos_h)
+LOBE_RARE struct vec3 mixed_fresnel(const struct bsdf *b, real cos_h)
 {
     struct vec3 f = LOBE_BLACK;
 
@@ -104,7 +104,7 @@ LOBE_RARE struct vec3 mixed_fresnel(const struct bsdf *b, float cos_h)
 }
 
 /* The lobe's Fresnel term, all weights included. */
-static inline struct vec3 reflection_fresnel(const struct bsdf *b, float cos_h)
+static inline struct vec3 reflection_fresnel(const struct bsdf *b, real cos_h)
 {
     if (b->reflection.schlick)
         return schlick_mix(b->reflection.f0, b->reflection.f90, schlick_weight(cos_h));
@@ -117,21 +117,21 @@ static inline struct vec3 metal_average(const struct bsdf *b)
     const struct vec3 f0 = b->material.base_color;
 
     if (CALLS_FOR(b, CONDUCTOR)) /* Gauss's rule for the weight 2 mu */
-        return vec3_add(vec3_scale(metal_fresnel(b, 0.35505103f), 0.36391724f),
-                        vec3_scale(metal_fresnel(b, 0.84494897f), 0.63608276f));
+        return vec3_add(vec3_scale(metal_fresnel(b, REAL(0.35505103)), REAL(0.36391724)),
+                        vec3_scale(metal_fresnel(b, REAL(0.84494897)), REAL(0.63608276)));
     if (CALLS_FOR(b, IRIDESCENCE)) /* the film's part by the one-point rule */
         return clamp_color(vec3_mad(schlick_mix(f0, 1.0f, SCHLICK_MEAN),
-                                    thin_film_difference(&b->thin_film, 2.0f / 3.0f, f0), b->thin_film.weight), 1);
+                                    thin_film_difference(&b->thin_film, 2.0f / REAL(3.0), f0), b->thin_film.weight), 1);
     return schlick_mix(f0, 1.0f, SCHLICK_MEAN);
 }
 
 /* The same for plastic, whose Schlick weight has the mean `weight`. */
-static inline struct vec3 plastic_average(const struct bsdf *b, float weight)
+static inline struct vec3 plastic_average(const struct bsdf *b, real weight)
 {
     struct vec3 f = schlick_mix(b->dielectric.f0, b->dielectric.f90, weight);
 
     if (CALLS_FOR(b, IRIDESCENCE))
-        f = clamp_color(vec3_mad(f, thin_film_difference(&b->thin_film, 2.0f / 3.0f, b->thin_film.f0),
+        f = clamp_color(vec3_mad(f, thin_film_difference(&b->thin_film, 2.0f / REAL(3.0), b->thin_film.f0),
                                  b->thin_film.weight * b->material.specular), film_limit(b, weight));
     return f;
 }
@@ -139,14 +139,14 @@ static inline struct vec3 plastic_average(const struct bsdf *b, float weight)
 /* ---- the lobe ------------------------------------------------------------------------------------ */
 
 /* Multiple-scattering compensation of metal and plastic; returns how often to sample it. */
-LOBE_OFTEN float reflection_compensation(struct bsdf *b, float loss_o)
+LOBE_OFTEN real reflection_compensation(struct bsdf *b, real loss_o)
 {
-    float kept = 1.0f - compensation_mean(b);
+    real kept = 1.0f - compensation_mean(b);
     struct vec3 color = LOBE_BLACK;
 
     b->layer.returned = 0;
     if (b->weights.plastic > 0.0f) {
-        float weight = SCHLICK_MEAN;
+        real weight = SCHLICK_MEAN;
         if (b->layer.exact)
             weight += b->layer.exact_row.smooth_mean;
         color = vec3_scale(series_color(plastic_average(b, weight), kept), b->weights.plastic);
@@ -161,13 +161,13 @@ static inline void conductor_init(struct bsdf *b, const struct bsdf_params *p)
 {
     struct bsdf_reflection *r = &b->reflection;
 
-    r->eta.x = relative_index(clamp_to(p->eta.x, 1e-4f, 1e4f), p);
-    r->eta.y = relative_index(clamp_to(p->eta.y, 1e-4f, 1e4f), p);
-    r->eta.z = relative_index(clamp_to(p->eta.z, 1e-4f, 1e4f), p);
+    r->eta.x = relative_index(clamp_to(p->eta.x, REAL(1e-4), 1e4f), p);
+    r->eta.y = relative_index(clamp_to(p->eta.y, REAL(1e-4), 1e4f), p);
+    r->eta.z = relative_index(clamp_to(p->eta.z, REAL(1e-4), 1e4f), p);
     r->k.x = relative_index(clamp_to(p->k.x, 0, 1e4f), p);
     r->k.y = relative_index(clamp_to(p->k.y, 0, 1e4f), p);
     r->k.z = relative_index(clamp_to(p->k.z, 0, 1e4f), p);
-    r->interreflection = clamp_to(p->base_interreflection, 0, 0.999f);
+    r->interreflection = clamp_to(p->base_interreflection, 0, REAL(0.999));
     /* Interreflection applies to all that the conductor reflects, not only to its factor. */
     b->material.base_color = clamp_color(p->base_color, 1);
     b->material.metallic = 1;
@@ -175,7 +175,7 @@ static inline void conductor_init(struct bsdf *b, const struct bsdf_params *p)
 }
 
 /* Returns how often to sample it. `blend` is the mean of Schlick's weight along wo. */
-LOBE_OFTEN float reflection_init(struct bsdf *b, float blend)
+LOBE_OFTEN real reflection_init(struct bsdf *b, real blend)
 {
     struct bsdf_reflection *r = &b->reflection;
     int film = CALLS_FOR(b, IRIDESCENCE);
@@ -191,7 +191,7 @@ LOBE_OFTEN float reflection_init(struct bsdf *b, float blend)
 }
 
 /* What reflects at a microfacet, including the interface, and how often it is sampled. */
-static inline struct vec3 reflection_color(const struct bsdf *b, float cos_h, float *chosen)
+static inline struct vec3 reflection_color(const struct bsdf *b, real cos_h, real *chosen)
 {
     struct vec3 f = reflection_fresnel(b, cos_h);
 
@@ -205,10 +205,10 @@ static inline struct vec3 reflection_color(const struct bsdf *b, float cos_h, fl
 }
 
 LOBE_OFTEN struct vec3 reflection_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                              const struct cover *cover, float *pdf)
+                                              const struct cover *cover, real *pdf)
 {
-    float cos_h, shadowing, chosen;
-    float density = reflection_density(&b->base, wo, b->cos_o, wi, &cos_h, &shadowing);
+    real cos_h, shadowing, chosen;
+    real density = reflection_density(&b->base, wo, b->cos_o, wi, &cos_h, &shadowing);
     struct vec3 f;
 
     *pdf = 0;
@@ -223,7 +223,7 @@ LOBE_OFTEN struct vec3 reflection_evaluate(const struct bsdf *b, struct vec3 wo,
 static inline enum lobe_result reflection_sample_mirror(const struct bsdf *b, struct vec3 wo,
                                                         struct bsdf_sample *out)
 {
-    float chosen;
+    real chosen;
     struct vec3 f = reflection_color(b, b->cos_o, &chosen);
 
     if (!(chosen > 0.0f))
@@ -233,8 +233,8 @@ static inline enum lobe_result reflection_sample_mirror(const struct bsdf *b, st
     return LOBE_DELTA;
 }
 
-static inline enum lobe_result reflection_sample(const struct bsdf *b, struct vec3 wo, float w,
-                                                 float u, float v, struct bsdf_sample *out)
+static inline enum lobe_result reflection_sample(const struct bsdf *b, struct vec3 wo, real w,
+                                                 real u, real v, struct bsdf_sample *out)
 {
     (void)w;
     if (b->base.smooth)

@@ -15,11 +15,11 @@
 #include "worker/render/bsdf/lobe.h"
 
 /* Returns how often to sample it. `base` is the mean of the base colour. */
-static inline float thin_wall_init(struct bsdf *b, struct vec3 wo, float base)
+static inline real thin_wall_init(struct bsdf *b, struct vec3 wo, real base)
 {
     /* No blur at ior 1, full blur from 1.5 on. The factor scales the roughness, not alpha. */
     struct microfacets *m = &b->thin_wall.spread;
-    float n = b->material.ior, scale, y, x;
+    real n = b->material.ior, scale, y, x;
 
     if (n < 1.0f && n > 0.0f) /* in a denser medium */
         n = 1.0f / n;
@@ -28,7 +28,7 @@ static inline float thin_wall_init(struct bsdf *b, struct vec3 wo, float base)
     x = y = b->material.alpha * scale;
     if (ggx_is_stretched(&b->base.shape)) {
         x = b->base.shape.x * scale;
-        y = x < BSDF_ALPHA_MIN ? y : float_max(y, BSDF_ALPHA_MIN);
+        y = x < BSDF_ALPHA_MIN ? y : real_max(y, BSDF_ALPHA_MIN);
     }
     m->shape = ggx_make(y, x, b->base.shape.stretched);
     m->smooth = alpha_is_smooth(x);
@@ -40,18 +40,18 @@ static inline float thin_wall_init(struct bsdf *b, struct vec3 wo, float base)
 }
 
 static inline struct vec3 thin_wall_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                             const struct cover *cover, float *pdf)
+                                             const struct cover *cover, real *pdf)
 {
     const struct microfacets *m = &b->thin_wall.spread;
     struct vec3 mirrored = {wi.x, wi.y, -wi.z};
-    float cos_h, shadowing, reflected_i, reflected;
-    float density = reflection_density(m, wo, b->cos_o, mirrored, &cos_h, &shadowing);
+    real cos_h, shadowing, reflected_i, reflected;
+    real density = reflection_density(m, wo, b->cos_o, mirrored, &cos_h, &shadowing);
 
     *pdf = 0;
     if (!(density > 0.0f))
         return health_density(density), LOBE_BLACK;
     reflected_i = 1.0f - layer_rest(b, mirrored.z, compensation_loss(b, mirrored));
-    reflected = float_max(reflected_i, b->layer.reflected_o);
+    reflected = real_max(reflected_i, b->layer.reflected_o);
     shadowing = transmission_shadowing(b->cos_o, m->root_o, mirrored.z,
                                        ggx_root_of(&m->shape, mirrored));
     *pdf = b->lobe_pdf[BSDF_LOBE_THIN_WALL] * density;
@@ -60,8 +60,8 @@ static inline struct vec3 thin_wall_evaluate(const struct bsdf *b, struct vec3 w
 }
 
 /* Straight through, or by the mirrored half vector. */
-static inline enum lobe_result thin_wall_sample(const struct bsdf *b, struct vec3 wo, float w,
-                                                float u, float v, struct bsdf_sample *out)
+static inline enum lobe_result thin_wall_sample(const struct bsdf *b, struct vec3 wo, real w,
+                                                real u, real v, struct bsdf_sample *out)
 {
     const struct microfacets *m = &b->thin_wall.spread;
 

@@ -17,42 +17,42 @@
 
 #define FILM_FADE_NM 30.0f
 /* No colour component of the response exceeds this (tests/unit/render/test_bsdf_layers.c). */
-#define FILM_RESPONSE_MAX 1.8f
+#define FILM_RESPONSE_MAX REAL(1.8)
 
 struct thin_film {
-    float weight;
-    float ior;      /* relative to its surroundings */
-    float path_nm;  /* 2 n d */
+    real weight;
+    real ior;      /* relative to its surroundings */
+    real path_nm;  /* 2 n d */
     struct vec3 f0; /* of the plastic or glass below it, without `specular` */
 };
 
 /* e^-x for x >= 0, to 2e-6. */
-static inline float thin_film_exp(float x)
+static inline real thin_film_exp(real x)
 {
 #ifdef AZULEJO_DOUBLE
-    return det_exp(-x);
+    return real_exp(-x);
 #else
-    float t = x * 1.4426950f, f;
+    real t = x * REAL(1.4426950), f;
     int whole;
 
     if (SAFEGUARD(THICK_FILM) && !(t < 120.0f))
         return 0.0f;
     whole = (int)t;
-    f = (t - (float)whole) * -0.69314718f;
-    f = 1.0f + f * (1.0f + f * (0.5f + f * (1.6666667e-1f + f * (4.1666667e-2f +
-        f * (8.3333333e-3f + f * (1.3888889e-3f + f * 1.9841270e-4f))))));
+    f = (t - (real)whole) * -REAL(0.69314718);
+    f = 1.0f + f * (1.0f + f * (0.5f + f * (REAL(1.6666667e-1) + f * (REAL(4.1666667e-2) +
+        f * (REAL(8.3333333e-3) + f * (REAL(1.3888889e-3) + f * REAL(1.9841270e-4)))))));
     return f * float_from_bits((uint32_t)(127 - whole) << 23);
 #endif
 }
 
 /* amplitude cos(2 pi turns) e^-x */
-static inline float thin_film_wave(float turns, float x, float amplitude)
+static inline real thin_film_wave(real turns, real x, real amplitude)
 {
-    float s, c, e = thin_film_exp(x);
+    real s, c, e = thin_film_exp(x);
 
     if (e == 0.0f)
         return 0.0f;
-    turns -= floorf(turns);
+    turns -= real_floor(turns);
     sincos_turn(turns, &s, &c);
     return amplitude * c * e;
 }
@@ -60,36 +60,36 @@ static inline float thin_film_wave(float turns, float x, float amplitude)
 /* Linear Rec. 709 response to cos(2 pi path / wavelength + shift), path in nm; `half` has 1 for
  * each of X, Y, Z whose shift is half a turn. The fits' constants are those of
  * KHR_materials_iridescence, per nm. */
-static inline struct vec3 thin_film_response(float path, struct vec3 half)
+static inline struct vec3 thin_film_response(real path, struct vec3 half)
 {
-    float p2 = path * path;
-    float x = thin_film_wave(1.6810e-3f * path + 0.5f * half.x, 1.7085470e-7f * p2, 0.846590f) +
-              thin_film_wave(2.2399e-3f * path + 0.5f * half.x, 1.7876617e-7f * p2, 0.153868f);
-    float y = thin_film_wave(1.7953e-3f * path + 0.5f * half.y, 3.6733088e-7f * p2, 1.000222f);
-    float z = thin_film_wave(2.2084e-3f * path + 0.5f * half.z, 2.6103525e-7f * p2, 1.001122f);
+    real p2 = path * path;
+    real x = thin_film_wave(REAL(1.6810e-3) * path + 0.5f * half.x, REAL(1.7085470e-7) * p2, REAL(0.846590)) +
+              thin_film_wave(REAL(2.2399e-3) * path + 0.5f * half.x, REAL(1.7876617e-7) * p2, REAL(0.153868));
+    real y = thin_film_wave(REAL(1.7953e-3) * path + 0.5f * half.y, REAL(3.6733088e-7) * p2, REAL(1.000222));
+    real z = thin_film_wave(REAL(2.2084e-3) * path + 0.5f * half.z, REAL(2.6103525e-7) * p2, REAL(1.001122));
 
-    return (struct vec3){3.2404542f * x - 1.5371385f * y - 0.4985314f * z,
-                         -0.9692660f * x + 1.8760108f * y + 0.0415560f * z,
-                         0.0556434f * x - 0.2040259f * y + 1.0572252f * z};
+    return (struct vec3){REAL(3.2404542) * x - REAL(1.5371385) * y - REAL(0.4985314) * z,
+                         -REAL(0.9692660) * x + REAL(1.8760108) * y + REAL(0.0415560) * z,
+                         REAL(0.0556434) * x - REAL(0.2040259) * y + REAL(1.0572252) * z};
 }
 
 /* Index of a base that reflects f0 at normal incidence, relative to the film's surroundings. */
-static inline float film_base_ior(float f0)
+static inline real film_base_ior(real f0)
 {
-    float root = sqrtf(f0 < 0.9999f || !SAFEGUARD(WHITE_UNDER_FILM) ? f0 : 0.9999f);
+    real root = real_sqrt(f0 < REAL(0.9999) || !SAFEGUARD(WHITE_UNDER_FILM) ? f0 : REAL(0.9999));
     return (1.0f + root) / (1.0f - root);
 }
 
 /* One component's terms of the series. r12: the upper interface; ior: the film's. */
-static inline float thin_film_terms(float f0, float ior, float r12, float cos_2, float *shift,
-                               float *c1, float *c2)
+static inline real thin_film_terms(real f0, real ior, real r12, real cos_2, real *shift,
+                               real *c1, real *c2)
 {
-    float base = film_base_ior(f0), n = (base - ior) / (base + ior), r1 = n * n;
-    float r23 = r1 + (1.0f - r1) * schlick_weight(cos_2);
-    float product = r12 * r23, root, rs;
+    real base = film_base_ior(f0), n = (base - ior) / (base + ior), r1 = n * n;
+    real r23 = r1 + (1.0f - r1) * schlick_weight(cos_2);
+    real product = r12 * r23, root, rs;
 
-    product = product > 0.0f ? (product < 0.9999f ? product : 0.9999f) : 0.0f;
-    root = sqrtf(product);
+    product = product > 0.0f ? (product < REAL(0.9999) ? product : REAL(0.9999)) : 0.0f;
+    root = real_sqrt(product);
     rs = (1.0f - r12) * (1.0f - r12) * r23 / (1.0f - product);
     *shift = base < ior ? 1.0f : 0.0f;
     *c1 = (rs - (1.0f - r12)) * root;
@@ -100,14 +100,14 @@ static inline float thin_film_terms(float f0, float ior, float r12, float cos_2,
 /* Reflectance of the film on a base with F0 = f0 (per component, in the film's surroundings). ior:
  * the film's, relative to its surroundings; path = 2 n d in nm; cos_1 outside the film. Each
  * component in 0..1. */
-static inline struct vec3 thin_film_reflectance(float ior, float path, float cos_1, struct vec3 f0)
+static inline struct vec3 thin_film_reflectance(real ior, real path, real cos_1, struct vec3 f0)
 {
-    float sin2 = (1.0f - cos_1 * cos_1) / (ior * ior), r12 = fresnel_exact(cos_1, ior), cos_2;
+    real sin2 = (1.0f - cos_1 * cos_1) / (ior * ior), r12 = fresnel_exact(cos_1, ior), cos_2;
     struct vec3 sum, shift, c1, c2, response;
 
     if (!(sin2 < 1.0f))
         return (struct vec3){1, 1, 1};
-    cos_2 = sqrtf(1.0f - sin2);
+    cos_2 = real_sqrt(1.0f - sin2);
     path *= cos_2;
     sum.x = thin_film_terms(f0.x, ior, r12, cos_2, &shift.x, &c1.x, &c2.x);
     sum.y = thin_film_terms(f0.y, ior, r12, cos_2, &shift.y, &c1.y, &c2.y);
@@ -125,14 +125,14 @@ static inline struct vec3 thin_film_reflectance(float ior, float path, float cos
 }
 
 /* No component is larger at normal incidence, for any thickness. */
-static inline float thin_film_bound(float ior, struct vec3 f0)
+static inline real thin_film_bound(real ior, struct vec3 f0)
 {
-    float most = 0, n = (ior - 1.0f) / (ior + 1.0f), r12 = n * n;
-    const float components[3] = {f0.x, f0.y, f0.z};
+    real most = 0, n = (ior - 1.0f) / (ior + 1.0f), r12 = n * n;
+    const real components[3] = {f0.x, f0.y, f0.z};
 
     for (int i = 0; i < 3; i++) {
-        float shift, c1, c2, sum = thin_film_terms(components[i], ior, r12, 1.0f, &shift, &c1, &c2);
-        sum += 2.0f * FILM_RESPONSE_MAX * (fabsf(c1) + fabsf(c2));
+        real shift, c1, c2, sum = thin_film_terms(components[i], ior, r12, 1.0f, &shift, &c1, &c2);
+        sum += 2.0f * FILM_RESPONSE_MAX * (real_abs(c1) + real_abs(c2));
         most = sum > most ? sum : most;
     }
     return most < 1.0f ? most : 1.0f;
@@ -140,7 +140,7 @@ static inline float thin_film_bound(float ior, struct vec3 f0)
 
 /* What the film adds to a Fresnel term that Schlick's formula approximates from f0 to 1. It is a
  * difference of the two, so it vanishes at thickness 0 whatever form the term has. */
-static inline struct vec3 thin_film_difference(const struct thin_film *film, float cos_1, struct vec3 f0)
+static inline struct vec3 thin_film_difference(const struct thin_film *film, real cos_1, struct vec3 f0)
 {
     struct vec3 f = thin_film_reflectance(film->ior, film->path_nm, cos_1, f0);
     return vec3_sub(f, schlick_mix(f0, 1.0f, schlick_weight(cos_1)));

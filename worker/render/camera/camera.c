@@ -2,13 +2,13 @@
 
 #include "common/math/elementary.h"
 
-static float camera_filter_sample(const struct camera *camera, float u)
+static real camera_filter_sample(const struct camera *camera, real u)
 {
-    float half = float_min(2 * u, 2 * (1 - u)); /* 0..1, exact */
-    float scaled = sqrtf(sqrtf(half)) * FILTER_TABLE_SIZE;
+    real half = real_min(2 * u, 2 * (1 - u)); /* 0..1, exact */
+    real scaled = real_sqrt(real_sqrt(half)) * FILTER_TABLE_SIZE;
     int i = scaled < FILTER_TABLE_SIZE ? (int)scaled : FILTER_TABLE_SIZE - 1;
-    float offset = camera->filter_offset[i] +
-                   (camera->filter_offset[i + 1] - camera->filter_offset[i]) * (scaled - (float)i);
+    real offset = camera->filter_offset[i] +
+                   (camera->filter_offset[i + 1] - camera->filter_offset[i]) * (scaled - (real)i);
 
     /* -offset from 1/2 on; a branch would be mispredicted every other time. */
     return real_flip(offset, u >= 0.5f);
@@ -19,30 +19,30 @@ static float camera_filter_sample(const struct camera *camera, float u)
  * the blade's edge: (r, s) -> r ((1 - s) corner_k + s corner_k+1). Its Jacobian is r dr ds times a
  * constant, twice the triangle's area, and neighbouring sectors share a radius, so the polygon is
  * covered uniformly and without gaps. */
-static void camera_lens_sample(const struct camera *camera, struct sample2 at, float lens[2])
+static void camera_lens_sample(const struct camera *camera, struct sample2 at, real lens[2])
 {
-    float a = 2 * at.u - 1, b = 2 * at.v - 1, radius, turn, x = 1, y = 0, sine, cosine, angle;
+    real a = 2 * at.u - 1, b = 2 * at.v - 1, radius, turn, x = 1, y = 0, sine, cosine, angle;
 
     if (a * a > b * b) {
-        radius = fabsf(a);
+        radius = real_abs(a);
         turn = 0.125f * (b / a) + (a < 0 ? 0.5f : 0.0f);
     } else {
-        radius = fabsf(b);
+        radius = real_abs(b);
         turn = b == 0 ? 0.0f : (b < 0 ? 0.75f : 0.25f) - 0.125f * (a / b);
     }
     if (turn < 0)
         turn += 1; /* -1/8..0 */
-    angle = turn * (2 * PI_F);
+    angle = turn * (2 * REAL_PI);
     if (camera->blades) {
-        float blades = (float)camera->blades, scaled = turn * blades, blade = floorf(scaled), s;
+        real blades = (real)camera->blades, scaled = turn * blades, blade = real_floor(scaled), s;
         if (blade > blades - 1)
             blade = blades - 1;
         s = scaled - blade;
         x = 1 - s + s * camera->blade_cosine;
         y = s * camera->blade_sine;
-        angle = blade * (2 * PI_F / blades) + camera->blade_rotation_rad;
+        angle = blade * (2 * REAL_PI / blades) + camera->blade_rotation_rad;
     }
-    det_sincos(angle, &sine, &cosine);
+    real_sincos(angle, &sine, &cosine);
     radius *= camera->lens_radius;
     lens[0] = radius * (x * cosine - y * sine);
     lens[1] = radius * (x * sine + y * cosine);
@@ -50,20 +50,20 @@ static void camera_lens_sample(const struct camera *camera, struct sample2 at, f
 
 /* Lat-long: -Z in the middle, +X to its right, +Y at the top. The filter may reach past a pole or
  * the seam: sine and cosine continue correctly there. */
-static struct vec3 camera_panorama_direction(float film_x, float film_y, float width, float height)
+static struct vec3 camera_panorama_direction(real film_x, real film_y, real width, real height)
 {
-    float longitude = (film_x / width - 0.5f) * (2 * PI_F);
-    float latitude = (0.5f - film_y / height) * PI_F;
-    float sin_a, cos_a, sin_b, cos_b;
+    real longitude = (film_x / width - 0.5f) * (2 * REAL_PI);
+    real latitude = (0.5f - film_y / height) * REAL_PI;
+    real sin_a, cos_a, sin_b, cos_b;
 
-    det_sincos(longitude, &sin_a, &cos_a);
-    det_sincos(latitude, &sin_b, &cos_b);
+    real_sincos(longitude, &sin_a, &cos_a);
+    real_sincos(latitude, &sin_b, &cos_b);
     return vec3_make(sin_a * cos_b, sin_b, -cos_a * cos_b);
 }
 
 /* From camera space into the world. */
 static inline void camera_place(const struct transform *to_world, struct vec3 origin,
-                                struct vec3 direction, float time, struct ray *ray)
+                                struct vec3 direction, real time, struct ray *ray)
 {
     ray->origin = transform_point(to_world, origin);
     ray->direction = vec3_normalize(transform_vector(to_world, direction));
@@ -75,14 +75,14 @@ static inline void camera_place(const struct transform *to_world, struct vec3 or
 }
 
 /* Every camera except a pinhole that does not move. (px, py): the point on the image plane. */
-static __attribute__((noinline)) void camera_ray_any(const struct camera *camera, float film_x,
-                                                     float film_y, float px, float py,
+static __attribute__((noinline)) void camera_ray_any(const struct camera *camera, real film_x,
+                                                     real film_y, real px, real py,
                                                      const struct sampler *sampler,
                                                      struct ray *ray)
 {
     struct transform to_world = camera->to_world;
     struct vec3 origin = {0, 0, 0}, direction = {px, py, -1};
-    float time = 0;
+    real time = 0;
 
     if (camera->kind == CAMERA_ORTHOGRAPHIC) {
         origin = vec3_make(px, py, 0);
@@ -93,7 +93,7 @@ static __attribute__((noinline)) void camera_ray_any(const struct camera *camera
     if (camera->lens_radius > 0) {
         /* All rays of one film position meet in the plane of focus. */
         struct vec3 sharp = vec3_mad(origin, direction, camera->focus_distance);
-        float lens[2];
+        real lens[2];
         camera_lens_sample(camera, sampler_get(sampler, DIMENSION_LENS), lens);
         origin.x += lens[0];
         origin.y += lens[1];
@@ -110,10 +110,10 @@ void camera_ray(const struct camera *camera, uint32_t x, uint32_t y, const struc
                 struct ray *ray)
 {
     struct sample2 pixel = sampler_get(sampler, DIMENSION_PIXEL);
-    float film_x = (float)x + 0.5f + camera_filter_sample(camera, pixel.u);
-    float film_y = (float)y + 0.5f + camera_filter_sample(camera, pixel.v);
-    float px = (2 * film_x / camera->width - 1) * camera->half_width;
-    float py = (1 - 2 * film_y / camera->height) * camera->half_height;
+    real film_x = (real)x + 0.5f + camera_filter_sample(camera, pixel.u);
+    real film_y = (real)y + 0.5f + camera_filter_sample(camera, pixel.v);
+    real px = (2 * film_x / camera->width - 1) * camera->half_width;
+    real py = (1 - 2 * film_y / camera->height) * camera->half_height;
 
     if (camera->pinhole)
         camera_place(&camera->to_world, vec3_make(0, 0, 0), vec3_make(px, py, -1), 0, ray);

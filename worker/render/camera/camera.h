@@ -29,20 +29,20 @@ struct camera_motion {
 struct camera {
     enum scene_camera_kind kind;
     struct transform to_world;     /* at the shutter's opening */
-    float half_width, half_height; /* of the image plane: at distance 1, or in metres */
-    float width, height;           /* pixels */
+    real half_width, half_height; /* of the image plane: at distance 1, or in metres */
+    real width, height;           /* pixels */
     int pinhole;                   /* perspective, no lens, instantaneous shutter */
     int shutter_open;
     uint32_t motion_steps;         /* 0: no motion */
     struct transform motion[CAMERA_STEPS_MAX];
-    float lens_radius;             /* metres, 0: pinhole */
-    float focus_distance;          /* metres along the axis */
+    real lens_radius;             /* metres, 0: pinhole */
+    real focus_distance;          /* metres along the axis */
     uint32_t blades;               /* corners of the aperture, on the circle of lens_radius; 0: round */
-    float blade_rotation_rad;      /* of the first corner, counter-clockwise from +X */
-    float blade_cosine, blade_sine; /* of the angle from one corner to the next */
+    real blade_rotation_rad;      /* of the first corner, counter-clockwise from +X */
+    real blade_cosine, blade_sine; /* of the angle from one corner to the next */
     /* Left half of the filter: entry i is where its accumulated weight reaches (i / size)^4; pixels
      * from the pixel's centre, -1.5..0. */
-    float filter_offset[FILTER_TABLE_SIZE + 1];
+    real filter_offset[FILTER_TABLE_SIZE + 1];
 };
 
 /* The camera sets the vertical extent; the horizontal one follows from the picture's aspect ratio
@@ -60,35 +60,35 @@ void camera_ray(const struct camera *camera, uint32_t x, uint32_t y, const struc
  * width + t * spread wide, half a pixel. (Many samples share a pixel, so half a pixel blurs
  * nothing that the pixel filter would keep.) */
 struct camera_cone {
-    float width;  /* metres at the ray's origin */
-    float spread; /* metres per metre */
+    real width;  /* metres at the ray's origin */
+    real spread; /* metres per metre */
 };
 struct camera_cone camera_cone(const struct camera *camera);
 
 /* From camera space to world space at `time`, 0..1 of the shutter; camera_ray uses it. */
-struct transform camera_to_world_at(const struct camera *camera, float time);
+struct transform camera_to_world_at(const struct camera *camera, real time);
 
 /* Where a world point is seen at `time` through the middle of the lens: pixels, x right and y down
  * from the picture's upper left corner. 0: behind the camera, or exactly at it. */
-int camera_project(const struct camera *camera, struct vec3 p, float time, float pixel[2]);
+int camera_project(const struct camera *camera, struct vec3 p, real time, real pixel[2]);
 
 /* How many pixels something moves on the picture, from `opening`, its position at the shutter's
  * opening, to `closing`, its position at the closing; across a panorama's seam the short way.
  * 0, and no motion, when camera_project fails for either. */
 int camera_motion_vector(const struct camera *camera, struct vec3 opening, struct vec3 closing,
-                         float motion[2]);
+                         real motion[2]);
 
 /* The segment of `steps` >= 2 evenly spaced moments that contains `time`, and the fraction within
  * it: value(time) = value[segment] + *fraction * (value[segment + 1] - value[segment]). The same
  * arithmetic as Embree's, so that both mean the same moment. */
-static inline uint32_t motion_segment(float time, uint32_t steps, float *fraction)
+static inline uint32_t motion_segment(real time, uint32_t steps, real *fraction)
 {
-    float scaled = time * (float)(steps - 1);
+    real scaled = time * (real)(steps - 1);
     uint32_t segment = scaled > 0 ? (uint32_t)scaled : 0;
 
     if (segment > steps - 2)
         segment = steps - 2;
-    *fraction = scaled - (float)segment;
+    *fraction = scaled - (real)segment;
     return segment;
 }
 

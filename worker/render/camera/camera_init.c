@@ -13,15 +13,15 @@ static double blackman_harris(double x)
 {
     double turn = (x / FILTER_RADIUS + 1) * PI_D;
 
-    return 0.35875 - 0.48829 * (double)det_cos((float)turn) +
-           0.14128 * (double)det_cos((float)(2 * turn)) -
-           0.01168 * (double)det_cos((float)(3 * turn));
+    return 0.35875 - 0.48829 * (double)real_cos((real)turn) +
+           0.14128 * (double)real_cos((real)(2 * turn)) -
+           0.01168 * (double)real_cos((real)(3 * turn));
 }
 
 /* The table's entry i is where the left half's accumulated weight, of 1, reaches
  * (i / FILTER_TABLE_SIZE)^4: the fourth power gives the faint tail as many entries as the
  * bright middle. */
-static void filter_table_fill(float table[FILTER_TABLE_SIZE + 1])
+static void filter_table_fill(real table[FILTER_TABLE_SIZE + 1])
 {
     enum { STEPS = 1 << 14 };
     const double step = FILTER_RADIUS / STEPS;
@@ -37,7 +37,7 @@ static void filter_table_fill(float table[FILTER_TABLE_SIZE + 1])
             double w = (double)next / FILTER_TABLE_SIZE, target = w * w * w * w;
             if (sum + weight < target)
                 break;
-            table[next] = (float)(-FILTER_RADIUS + (i + (target - sum) / weight) * step);
+            table[next] = (real)(-FILTER_RADIUS + (i + (target - sum) / weight) * step);
         }
         sum += weight;
     }
@@ -61,22 +61,22 @@ static void lens_init(struct camera *camera, const struct scene_camera *descript
     if (description->blades >= 3) {
         camera->blades = description->blades;
         camera->blade_rotation_rad = description->blade_rotation_rad;
-        det_sincos(2 * PI_F / (float)camera->blades, &camera->blade_sine, &camera->blade_cosine);
+        real_sincos(2 * REAL_PI / (real)camera->blades, &camera->blade_sine, &camera->blade_cosine);
     }
 }
 
 void camera_init(struct camera *camera, const struct scene_camera *description,
                  const struct render_settings *settings, const struct camera_motion *motion)
 {
-    float aspect = (float)settings->width / (float)settings->height;
+    real aspect = (real)settings->width / (real)settings->height;
 
     memset(camera, 0, sizeof *camera);
     camera->kind = description->kind;
     camera->to_world = transform_from_d(&description->to_world);
-    camera->width = (float)settings->width;
-    camera->height = (float)settings->height;
+    camera->width = (real)settings->width;
+    camera->height = (real)settings->height;
     camera->half_height = description->kind == CAMERA_PERSPECTIVE
-                              ? det_tan(description->yfov_rad * 0.5f)
+                              ? real_tan(description->yfov_rad * 0.5f)
                               : description->ymag;
     camera->half_width = camera->half_height * aspect;
     lens_init(camera, description, settings);
@@ -101,7 +101,7 @@ struct camera_cone camera_cone(const struct camera *camera)
     if (camera->kind == CAMERA_ORTHOGRAPHIC)
         cone.width = camera->half_height / camera->height;
     else if (camera->kind == CAMERA_PANORAMA) /* the shorter side of a pixel on the equator */
-        cone.spread = 0.5f * float_min(PI_F / camera->height, 2 * PI_F / camera->width);
+        cone.spread = 0.5f * real_min(REAL_PI / camera->height, 2 * REAL_PI / camera->width);
     else
         cone.spread = camera->half_height / camera->height;
     return cone;
@@ -136,38 +136,38 @@ static int orthonormalize(struct transform *t)
     return 1;
 }
 
-struct transform camera_to_world_at(const struct camera *camera, float time)
+struct transform camera_to_world_at(const struct camera *camera, real time)
 {
     struct transform mixed;
     uint32_t segment;
-    float f;
+    real f;
 
     if (!camera->motion_steps)
         return camera->to_world;
     segment = motion_segment(time, camera->motion_steps, &f);
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 4; c++) {
-            float a = camera->motion[segment].m[r][c], b = camera->motion[segment + 1].m[r][c];
+            real a = camera->motion[segment].m[r][c], b = camera->motion[segment + 1].m[r][c];
             mixed.m[r][c] = (1 - f) * a + f * b;
         }
     /* Half a turn within one step: the direction of rotation is ambiguous. */
     return orthonormalize(&mixed) ? mixed : camera->motion[segment];
 }
 
-int camera_project(const struct camera *camera, struct vec3 p, float time, float pixel[2])
+int camera_project(const struct camera *camera, struct vec3 p, real time, real pixel[2])
 {
     struct transform to_world = camera_to_world_at(camera, time);
     struct vec3 d = vec3_sub(p, column(&to_world, 3));
-    float x = vec3_dot(column(&to_world, 0), d), y = vec3_dot(column(&to_world, 1), d);
-    float z = vec3_dot(column(&to_world, 2), d);
+    real x = vec3_dot(column(&to_world, 0), d), y = vec3_dot(column(&to_world, 1), d);
+    real z = vec3_dot(column(&to_world, 2), d);
 
     pixel[0] = pixel[1] = 0;
     if (camera->kind == CAMERA_PANORAMA) {
-        float length = sqrtf(x * x + y * y + z * z);
+        real length = real_sqrt(x * x + y * y + z * z);
         if (!(length > 0) || !isfinite(length))
             return 0;
-        pixel[0] = (det_atan2(x, -z) / (2 * PI_F) + 0.5f) * camera->width;
-        pixel[1] = (0.5f - det_asin(y / length) / PI_F) * camera->height;
+        pixel[0] = (real_atan2(x, -z) / (2 * REAL_PI) + 0.5f) * camera->width;
+        pixel[1] = (0.5f - real_asin(y / length) / REAL_PI) * camera->height;
         return 1;
     }
     if (camera->kind == CAMERA_PERSPECTIVE) {
@@ -182,16 +182,16 @@ int camera_project(const struct camera *camera, struct vec3 p, float time, float
 }
 
 int camera_motion_vector(const struct camera *camera, struct vec3 opening, struct vec3 closing,
-                         float motion[2])
+                         real motion[2])
 {
-    float a[2], b[2];
+    real a[2], b[2];
 
     motion[0] = motion[1] = 0;
     if (!camera_project(camera, opening, 0, a) || !camera_project(camera, closing, 1, b))
         return 0;
     motion[0] = b[0] - a[0];
     motion[1] = b[1] - a[1];
-    if (camera->kind == CAMERA_PANORAMA && fabsf(motion[0]) > 0.5f * camera->width)
+    if (camera->kind == CAMERA_PANORAMA && real_abs(motion[0]) > 0.5f * camera->width)
         motion[0] += motion[0] > 0 ? -camera->width : camera->width;
     return 1;
 }

@@ -9,7 +9,7 @@
 /* cos(pi v), its distance from 1 or -1 precise at the poles. */
 static double edge_cosine(double v)
 {
-    double half = (double)det_sin((float)(PI_D / 2 * (v < 0.5 ? v : 1 - v)));
+    double half = (double)real_sin((real)(PI_D / 2 * (v < 0.5 ? v : 1 - v)));
     double cosine = 1 - 2 * half * half;
 
     return v < 0.5 ? cosine : -cosine;
@@ -72,7 +72,7 @@ size_t density_bytes(const struct density *d)
                                     (2 * (size_t)d->cells.rows + 1) * sizeof(double);
 }
 
-double density_sample(const struct density *d, float a, float b, double *u, double *cosine)
+double density_sample(const struct density *d, real a, real b, double *u, double *cosine)
 {
     struct distribution_cell cell;
 
@@ -83,7 +83,7 @@ double density_sample(const struct density *d, float a, float b, double *u, doub
     return cell.odds * d->inverse_area[cell.row];
 }
 
-double density_at(const struct density *d, float u, float v)
+double density_at(const struct density *d, real u, real v)
 {
     double x = (double)u - d->u0, y = ((double)v - d->v0) / d->v_size;
     uint32_t column, row;

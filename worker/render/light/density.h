@@ -30,7 +30,7 @@ size_t density_bytes(const struct density *d);
 double density_cell_area(const struct density *d, uint32_t row);
 
 /* A direction: u, not wrapped, and cos(theta). a, b in [0, 1). Its density in solid angle. */
-double density_sample(const struct density *d, float a, float b, double *u, double *cosine);
-double density_at(const struct density *d, float u, float v);
+double density_sample(const struct density *d, real a, real b, double *u, double *cosine);
+double density_at(const struct density *d, real u, real v);
 
 #endif

@@ -20,7 +20,7 @@ void directional_light_weigh(const struct render_scene *scene, const void *light
 }
 
 int directional_light_sample(const struct render_scene *scene, const void *light_,
-                             const struct light_context *context, float u, float v,
+                             const struct light_context *context, real u, real v,
                              struct light_sample *out)
 {
     const struct punctual *light = light_;

@@ -103,7 +103,7 @@ static inline uint32_t last_at_or_below(const uint16_t *start, uint32_t count, u
     return low;
 }
 
-void distribution_choose(const struct distribution *d, float u, float v,
+void distribution_choose(const struct distribution *d, real u, real v,
                          struct distribution_cell *out)
 {
     const uint16_t *start;

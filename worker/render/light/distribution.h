@@ -47,7 +47,7 @@ void distribution_set_row(struct distribution *d, uint32_t row, const double *we
 int distribution_finish(struct distribution *d);
 
 /* u, v in [0, 1). */
-void distribution_choose(const struct distribution *d, float u, float v,
+void distribution_choose(const struct distribution *d, real u, real v,
                          struct distribution_cell *out);
 
 /* The odds with which distribution_choose chooses the cell. */

@@ -77,7 +77,7 @@ static void share_directional(struct emitters *e, const struct render_scene *sce
     for (uint32_t i = 0; i < e->directional_count; i++) {
         double power = weight_of(scene, LIGHT_DIRECTIONAL, e->punctual[i]).power;
 
-        e->directional_start[i] = total > 0 ? (float)(sum / total) : 0;
+        e->directional_start[i] = total > 0 ? (real)(sum / total) : 0;
         sum += alike ? power > 0 : power;
     }
     e->directional_start[e->directional_count] = 1;
@@ -115,9 +115,9 @@ static void share_groups(struct emitters *e, const struct render_scene *scene,
                                  directional_weight + local_weight, least);
     double directional = bounded_share(directional_weight, local_weight, least);
 
-    e->environment_odds = (float)share;
+    e->environment_odds = (real)share;
     e->directional_odds =
-        w->local_power > 0 ? (float)((1 - share) * directional)
+        w->local_power > 0 ? (real)((1 - share) * directional)
         : w->directional_power > 0 ? 1 - e->environment_odds : 0;
     e->local_odds = w->local_power > 0 ? 1 - e->environment_odds - e->directional_odds : 0;
     if (share > 0 || w->directional_power > 0 || w->local_power > 0)
@@ -137,9 +137,9 @@ static status grow_tree(struct emitters *e, struct weights *w, struct error *err
     for (uint32_t i = 0; i < w->count; i++)
         largest = w->intensity[i] > largest ? w->intensity[i] : largest;
     for (uint32_t i = 0; i < w->count; i++) {
-        float relative = largest > 0 ? (float)(w->intensity[i] / largest) : 0;
+        real relative = largest > 0 ? (real)(w->intensity[i] / largest) : 0;
 
-        w->bounds[i].intensity = w->intensity[i] > 0 ? float_max(relative, FLT_MIN) : 0;
+        w->bounds[i].intensity = w->intensity[i] > 0 ? real_max(relative, FLT_MIN) : 0;
     }
     return light_tree_init(&e->tree, w->bounds, w->count, err);
 }

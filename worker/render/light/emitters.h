@@ -30,11 +30,11 @@ struct emitters {
     uint32_t count;               /* lights; 0: nothing to sample */
     uint32_t punctual_count, face_count;
     int has_environment;
-    float environment_odds, directional_odds, local_odds; /* of the groups; their sum is 1 */
+    real environment_odds, directional_odds, local_odds; /* of the groups; their sum is 1 */
     struct environment_light environment;
     struct punctual **punctual;   /* [punctual_count], the directional ones first */
     uint32_t directional_count;
-    float *directional_start;     /* [directional_count + 1] where each one's share begins */
+    real *directional_start;     /* [directional_count + 1] where each one's share begins */
     struct light_tree tree;       /* items: punctual lights with a place, then the faces */
     struct light_table table;     /* of the same items, in place of the tree */
     struct hit *faces;            /* [face_count] of emissive instances */
@@ -64,14 +64,14 @@ static inline uint32_t emitters_local_punctual(const struct emitters *e)
 
 /* Sample a light for the context. The same numbers choose the light and, rescaled, the point on it;
  * each in [0, 1). Returns 0 for "no sample". Charges the kind of light (profile_scope.h). */
-int emitters_sample(const struct render_scene *scene, const struct light_context *context, float u,
-                    float v, struct light_sample *out);
+int emitters_sample(const struct render_scene *scene, const struct light_context *context, real u,
+                    real v, struct light_sample *out);
 
 /* The environment's radiance, and the solid-angle density (odds included) with which
  * emitters_sample picks `direction` on it: the two share work. */
 struct vec3 emitters_environment(const struct render_scene *scene,
                                  const struct light_context *context, struct vec3 direction,
-                                 float *pdf);
+                                 real *pdf);
 
 /* The number of the face that was met; EMITTERS_NO_FACE: light sampling does not know it. */
 #define EMITTERS_NO_FACE UINT32_MAX
@@ -79,7 +79,7 @@ uint32_t emitters_face_at(const struct render_scene *scene, const struct surface
 
 /* Solid-angle density (odds included) with which emitters_sample would have picked the point that was
  * met on that face. `cosine`: absolute, at the light; `area`: the triangle's, m^2. */
-float emitters_face_pdf(const struct render_scene *scene, const struct light_context *context,
-                        uint32_t face, float distance_squared, float cosine, float area);
+real emitters_face_pdf(const struct render_scene *scene, const struct light_context *context,
+                        uint32_t face, real distance_squared, real cosine, real area);
 
 #endif

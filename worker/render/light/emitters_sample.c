@@ -10,7 +10,7 @@
  * effect leave it out. */
 static inline int emitters_sample_light(const struct render_scene *scene, int kind,
                                         const void *light, const struct light_context *context,
-                                        float u, float v, struct light_sample *out)
+                                        real u, real v, struct light_sample *out)
 {
     switch (kind) {
 #define LIGHT_CASE(KIND, prefix, EFFECT, ACCOUNT, MET)                                    \
@@ -28,7 +28,7 @@ static inline int emitters_sample_light(const struct render_scene *scene, int ki
 
 /* The same of a face: by its shape, so that the kind is a constant wherever it is sampled. */
 static inline int emitters_sample_face(const struct render_scene *scene, const struct hit *face,
-                                       const struct light_context *context, float u, float v,
+                                       const struct light_context *context, real u, real v,
                                        struct light_sample *out)
 {
     switch (shape_kind_of(scene->instances[face->instance].shape)) {
@@ -52,11 +52,11 @@ static int emitters_sample_punctual(const struct render_scene *scene,
 }
 
 static int emitters_sample_directional(const struct render_scene *scene,
-                                       const struct light_context *context, float u,
+                                       const struct light_context *context, real u,
                                        struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
-    const float *start = e->directional_start;
+    const real *start = e->directional_start;
     uint32_t low = 0, high = e->directional_count;
 
     /* The last that begins at or before u: start[low] <= u < start[high]. */
@@ -73,13 +73,13 @@ static int emitters_sample_directional(const struct render_scene *scene,
 }
 
 static int emitters_sample_local(const struct render_scene *scene,
-                                 const struct light_context *context, float u, float v,
+                                 const struct light_context *context, real u, real v,
                                  struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
     const uint32_t punctual = emitters_local_punctual(e);
     uint32_t item;
-    float odds;
+    real odds;
 
     /* Choosing among lights of both kinds counts as the faces': they are the many. */
     profile_account(e->face_count ? PROFILE_ACCOUNT(EMISSIVE_MESH) : PROFILE_ACCOUNT(PUNCTUAL_LIGHT));
@@ -95,8 +95,8 @@ static int emitters_sample_local(const struct render_scene *scene,
     return emitters_sample_face(scene, &e->faces[item], context, u, v, out);
 }
 
-int emitters_sample(const struct render_scene *scene, const struct light_context *context, float u,
-                    float v, struct light_sample *out)
+int emitters_sample(const struct render_scene *scene, const struct light_context *context, real u,
+                    real v, struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
 
@@ -118,7 +118,7 @@ int emitters_sample(const struct render_scene *scene, const struct light_context
 
 struct vec3 emitters_environment(const struct render_scene *scene,
                                  const struct light_context *context, struct vec3 direction,
-                                 float *pdf)
+                                 real *pdf)
 {
     const struct emitters *e = &scene->emitters;
     struct vec3 radiance;
@@ -144,7 +144,7 @@ uint32_t emitters_face_at(const struct render_scene *scene, const struct surface
 }
 
 /* The odds of having chosen the face. */
-static float emitters_face_odds(const struct emitters *e, const struct light_context *context,
+static real emitters_face_odds(const struct emitters *e, const struct light_context *context,
                                 uint32_t face)
 {
     uint32_t item = emitters_local_punctual(e) + face;
@@ -154,8 +154,8 @@ static float emitters_face_odds(const struct emitters *e, const struct light_con
                                 : light_tree_odds(&e->tree, context->p, context->n, item));
 }
 
-float emitters_face_pdf(const struct render_scene *scene, const struct light_context *context,
-                        uint32_t face, float distance_squared, float cosine, float area)
+real emitters_face_pdf(const struct render_scene *scene, const struct light_context *context,
+                        uint32_t face, real distance_squared, real cosine, real area)
 {
     const struct emitters *e = &scene->emitters;
     const struct light_meeting met = {emitters_face_odds(e, context, face), distance_squared, cosine,

@@ -9,16 +9,16 @@
 /* ---- cells -------------------------------------------------------------------------------- */
 
 /* A texel's channels side by side, for arithmetic on all of them at once. */
-typedef float lanes __attribute__((vector_size(4 * sizeof(float))));
+typedef real lanes __attribute__((vector_size(4 * sizeof(real))));
 
 static inline lanes texel_lanes(const struct environment *env, uint32_t column, uint32_t row)
 {
-    const float *p = env->map.pixels + 3 * ((size_t)row * env->width + column);
+    const float32 *p = env->map.pixels + 3 * ((size_t)row * env->width + column);
 
     return (lanes){p[0], p[1], p[2], 0};
 }
 
-static inline lanes lanes_lerp(lanes a, lanes b, float t)
+static inline lanes lanes_lerp(lanes a, lanes b, real t)
 {
     return a * (1.0f - t) + b * t;
 }
@@ -28,12 +28,12 @@ struct place {
     uint32_t column;  /* cell column, 0..width-1 */
     uint32_t strip;   /* counted from the nearer pole; 0 is the pole's own strip */
     int south;        /* the nearer pole is the nadir */
-    float x, y;       /* 0..1 from column to column, and from the near edge to the far one */
+    real x, y;       /* 0..1 from column to column, and from the near edge to the far one */
 };
 
 /* Rare: the edge of a pole's strip on the pole's side. */
 static __attribute__((noinline)) lanes pole_edge(const struct environment *env, uint32_t column,
-                                                 uint32_t next, uint32_t row, float x)
+                                                 uint32_t next, uint32_t row, real x)
 {
     struct vec3 near[2] = {vec3_lerp(texel(env, column, row), opposite(env, column, row), 0.5f),
                            vec3_lerp(texel(env, next, row), opposite(env, next, row), 0.5f)};
@@ -67,10 +67,10 @@ static inline struct vec3 cell_radiance(const struct environment *env, const str
 static inline void place_of(const struct environment *env, const struct angles *angles,
                             struct place *at)
 {
-    float x = angles->u * (float)env->width - 0.5f, rows = angles->distance * (float)env->height;
+    real x = angles->u * (real)env->width - 0.5f, rows = angles->distance * (real)env->height;
     int32_t column = x < 0 ? -1 : (int32_t)x;
 
-    at->x = x - (float)column;
+    at->x = x - (real)column;
     at->column = column < 0 ? env->width - 1 : (uint32_t)column;
     at->south = angles->south;
     if (rows < 0.5f) {
@@ -80,7 +80,7 @@ static inline void place_of(const struct environment *env, const struct angles *
     }
     rows -= 0.5f;
     at->strip = (uint32_t)rows + 1;
-    at->y = rows - (float)(at->strip - 1);
+    at->y = rows - (real)(at->strip - 1);
     if (env->height == 1) { /* the equator is the far edge of both pole strips */
         at->strip = 0;
         at->y = 1.0f;
@@ -91,7 +91,7 @@ static inline void place_of(const struct environment *env, const struct angles *
 
 static inline struct vec3 to_map(const struct environment *env, struct vec3 d)
 {
-    const float(*m)[3] = env->to_map;
+    const real(*m)[3] = env->to_map;
 
     return (struct vec3){m[0][0] * d.x + m[0][1] * d.y + m[0][2] * d.z,
                          m[1][0] * d.x + m[1][1] * d.y + m[1][2] * d.z,
@@ -100,7 +100,7 @@ static inline struct vec3 to_map(const struct environment *env, struct vec3 d)
 
 static inline struct vec3 from_map(const struct environment *env, struct vec3 d)
 {
-    const float(*m)[3] = env->to_map;
+    const real(*m)[3] = env->to_map;
 
     return (struct vec3){m[0][0] * d.x + m[1][0] * d.y + m[2][0] * d.z,
                          m[0][1] * d.x + m[1][1] * d.y + m[2][1] * d.z,
@@ -109,17 +109,17 @@ static inline struct vec3 from_map(const struct environment *env, struct vec3 d)
 
 /* The angle to the nearer pole over pi. Not acos(y), which cannot resolve angles below 3e-4 from a
  * pole. */
-static inline float pole_distance(float radius2, float y, float length2)
+static inline real pole_distance(real radius2, real y, real length2)
 {
     if (!SAFEGUARD(MAP_POLE))
-        return det_acos(float_min(fabsf(y) / sqrtf(length2), 1)) * INV_PI_F;
-    return det_atan2(sqrtf(radius2), fabsf(y)) * INV_PI_F;
+        return real_acos(real_min(real_abs(y) / real_sqrt(length2), 1)) * REAL_INV_PI;
+    return real_atan2(real_sqrt(radius2), real_abs(y)) * REAL_INV_PI;
 }
 
 /* 0 if the direction is invalid. */
 static inline int angles_of(const struct environment *env, struct vec3 d, struct angles *out)
 {
-    float radius2, length2, u;
+    real radius2, length2, u;
 
     d = to_map(env, d);
     radius2 = d.x * d.x + d.z * d.z;
@@ -128,7 +128,7 @@ static inline int angles_of(const struct environment *env, struct vec3 d, struct
         return 0;
     out->distance = pole_distance(radius2, d.y, length2);
     out->south = d.y < 0;
-    u = 0.5f + det_atan2(d.z, d.x) * INV_2PI_F;
+    u = 0.5f + real_atan2(d.z, d.x) * REAL_INV_2PI;
     out->u = u >= 1.0f ? u - 1.0f : u;
     return 1;
 }
@@ -146,21 +146,21 @@ struct vec3 environment_map_radiance(const struct environment *env, const struct
     return radiance_at(env, angles);
 }
 
-static float importance_pdf(const struct environment *env, const struct angles *angles)
+static real importance_pdf(const struct environment *env, const struct angles *angles)
 {
-    float v = angles->south ? 1 - angles->distance : angles->distance;
+    real v = angles->south ? 1 - angles->distance : angles->distance;
     double pdf = 0;
 
     for (uint32_t i = 0; i < env->part_count; i++)
         pdf += (double)(env->part_start[i + 1] - env->part_start[i]) *
                density_at(&env->parts[i], angles->u, v);
     if (env->uniform_share > 0)
-        pdf += ((double)(0.25f * INV_PI_F) - pdf) * (double)env->uniform_share;
-    return pdf < (double)FLT_MAX ? (float)pdf : FLT_MAX;
+        pdf += ((double)(0.25f * REAL_INV_PI) - pdf) * (double)env->uniform_share;
+    return pdf < (double)FLT_MAX ? (real)pdf : FLT_MAX;
 }
 
 struct vec3 environment_radiance_pdf(const struct environment *env, struct vec3 direction,
-                                     float *pdf)
+                                     real *pdf)
 {
     struct angles angles;
 
@@ -168,7 +168,7 @@ struct vec3 environment_radiance_pdf(const struct environment *env, struct vec3 
     if (!angles_of(env, direction, &angles))
         return vec3_splat(0);
     if (env->mode == MODE_UNIFORM)
-        *pdf = 0.25f * INV_PI_F;
+        *pdf = 0.25f * REAL_INV_PI;
     else if (env->mode == MODE_IMPORTANCE)
         *pdf = importance_pdf(env, &angles);
     return env->width == 0 || env->black ? env->constant : radiance_at(env, &angles);
@@ -183,9 +183,9 @@ struct vec3 environment_radiance(const struct environment *env, struct vec3 dire
     return env->width == 0 || env->black ? env->constant : radiance_at(env, &angles);
 }
 
-float environment_pdf(const struct environment *env, struct vec3 direction)
+real environment_pdf(const struct environment *env, struct vec3 direction)
 {
-    float pdf;
+    real pdf;
 
     (void)environment_radiance_pdf(env, direction, &pdf);
     return pdf;
@@ -196,65 +196,65 @@ float environment_pdf(const struct environment *env, struct vec3 direction)
 /* A window may cross the map's seam. */
 static inline double seam_crossed(double u) { return SAFEGUARD(MAP_SEAM) ? u - floor(u) : u; }
 
-static int sample_map(const struct environment *env, float u, float v, struct vec3 *direction,
-                      struct vec3 *radiance, float *pdf)
+static int sample_map(const struct environment *env, real u, real v, struct vec3 *direction,
+                      struct vec3 *radiance, real *pdf)
 {
     struct angles angles;
     uint32_t part = 0;
     double map_u, cosine, versine, density, sine;
-    float share, sin_phi, cos_phi;
+    real share, sin_phi, cos_phi;
 
     while (part + 1 < env->part_count && u >= env->part_start[part + 1])
         part++;
     share = env->part_start[part + 1] - env->part_start[part];
-    u = float_min((u - env->part_start[part]) / share, ONE_MINUS_EPSILON);
+    u = real_min((u - env->part_start[part]) / share, REAL_BELOW_ONE);
     density = density_sample(&env->parts[part], u, v, &map_u, &cosine);
     map_u = seam_crossed(map_u);
     versine = 1 - fabs(cosine);
     sine = sqrt(versine * (2 - versine));
-    det_sincos((float)(2 * PI_D * (map_u - 0.5)), &sin_phi, &cos_phi);
-    angles.u = (float)map_u < 1 ? (float)map_u : 0;
+    real_sincos((real)(2 * PI_D * (map_u - 0.5)), &sin_phi, &cos_phi);
+    angles.u = (real)map_u < 1 ? (real)map_u : 0;
     angles.south = cosine < 0;
-    angles.distance = 2 * INV_PI_F * det_asin((float)sqrt(0.5 * versine));
+    angles.distance = 2 * REAL_INV_PI * real_asin((real)sqrt(0.5 * versine));
     *direction = vec3_normalize(from_map(
-        env, (struct vec3){(float)sine * cos_phi, (float)cosine, (float)sine * sin_phi}));
+        env, (struct vec3){(real)sine * cos_phi, (real)cosine, (real)sine * sin_phi}));
     *radiance = radiance_at(env, &angles);
     if (env->part_count == 1)
-        *pdf = density < (double)FLT_MAX ? (float)density : FLT_MAX;
+        *pdf = density < (double)FLT_MAX ? (real)density : FLT_MAX;
     else
         *pdf = importance_pdf(env, &angles);
     return *pdf > 0;
 }
 
-static struct vec3 sphere_direction(float u, float v)
+static struct vec3 sphere_direction(real u, real v)
 {
-    float y = 1.0f - 2.0f * v, radius = 2.0f * sqrtf(v * (1.0f - v)), sine, cosine;
+    real y = 1.0f - 2.0f * v, radius = 2.0f * real_sqrt(v * (1.0f - v)), sine, cosine;
 
-    det_sincos(u * (2.0f * PI_F), &sine, &cosine);
+    real_sincos(u * (2.0f * REAL_PI), &sine, &cosine);
     return vec3_make(radius * cosine, y, radius * sine);
 }
 
 /* A share of the choices is uniform, the others follow the map. */
-static __attribute__((noinline)) int sample_mixed(const struct environment *env, float u, float v,
+static __attribute__((noinline)) int sample_mixed(const struct environment *env, real u, real v,
                                                   struct vec3 *direction, struct vec3 *radiance,
-                                                  float *pdf)
+                                                  real *pdf)
 {
-    float share = env->uniform_share;
+    real share = env->uniform_share;
 
     if (u < share)
-        *direction = sphere_direction(float_min(u / share, ONE_MINUS_EPSILON), v);
-    else if (!sample_map(env, float_min((u - share) / (1 - share), ONE_MINUS_EPSILON), v, direction,
+        *direction = sphere_direction(real_min(u / share, REAL_BELOW_ONE), v);
+    else if (!sample_map(env, real_min((u - share) / (1 - share), REAL_BELOW_ONE), v, direction,
                          radiance, pdf))
         return 0;
     *radiance = environment_radiance_pdf(env, *direction, pdf);
     return *pdf > 0;
 }
 
-int environment_sample(const struct environment *env, float u, float v, struct vec3 *direction,
-                       struct vec3 *radiance, float *pdf)
+int environment_sample(const struct environment *env, real u, real v, struct vec3 *direction,
+                       struct vec3 *radiance, real *pdf)
 {
-    u = float_min(float_max(u, 0.0f), ONE_MINUS_EPSILON);
-    v = float_min(float_max(v, 0.0f), ONE_MINUS_EPSILON);
+    u = real_min(real_max(u, 0.0f), REAL_BELOW_ONE);
+    v = real_min(real_max(v, 0.0f), REAL_BELOW_ONE);
     if (env->mode == MODE_IMPORTANCE)
         return env->uniform_share > 0 ? sample_mixed(env, u, v, direction, radiance, pdf)
                                       : sample_map(env, u, v, direction, radiance, pdf);
@@ -265,7 +265,7 @@ int environment_sample(const struct environment *env, float u, float v, struct v
         return 0;
     *direction = sphere_direction(u, v);
     *radiance = environment_radiance(env, *direction);
-    *pdf = 0.25f * INV_PI_F;
+    *pdf = 0.25f * REAL_INV_PI;
     return 1;
 }
 
@@ -278,16 +278,16 @@ int environment_is_black(const struct environment *env)
 
 size_t environment_bytes(const struct environment *env)
 {
-    size_t bytes = sizeof *env + (size_t)env->width * env->height * 3 * sizeof(float);
+    size_t bytes = sizeof *env + (size_t)env->width * env->height * 3 * sizeof(float32);
 
     for (uint32_t i = 0; i < env->part_count; i++)
         bytes += density_bytes(&env->parts[i]);
     return bytes;
 }
 
-float environment_mean_luminance(const struct environment *env)
+real environment_mean_luminance(const struct environment *env)
 {
-    return env->mean_luminance < (double)FLT_MAX ? (float)env->mean_luminance : FLT_MAX;
+    return env->mean_luminance < (double)FLT_MAX ? (real)env->mean_luminance : FLT_MAX;
 }
 
 void environment_importance(const struct environment *env, uint32_t *columns, uint32_t *windows)

@@ -38,7 +38,7 @@ struct environment;
  * environment_is_black is true. ERR_INPUT for other channels or an invalid rotation or factor;
  * ERR_NO_MEMORY. */
 status environment_new(struct environment **out, struct image *map, const float32 to_map[3][3],
-                       float rotate_deg, struct vec3 factor, enum env_sampling sampling,
+                       real rotate_deg, struct vec3 factor, enum env_sampling sampling,
                        struct error *err) MUST_CHECK;
 status environment_new_constant(struct environment **out, struct vec3 radiance,
                                 enum env_sampling sampling, struct error *err) MUST_CHECK;
@@ -51,18 +51,18 @@ size_t environment_bytes(const struct environment *env);
 struct vec3 environment_radiance(const struct environment *env, struct vec3 direction);
 
 /* Solid-angle density of environment_sample; 0 with ENV_SAMPLING_BSDF and for black. */
-float environment_pdf(const struct environment *env, struct vec3 direction);
+real environment_pdf(const struct environment *env, struct vec3 direction);
 
 /* Both, for a ray that leaves the scene: they share the trigonometry. */
 struct vec3 environment_radiance_pdf(const struct environment *env, struct vec3 direction,
-                                     float *pdf);
+                                     real *pdf);
 
 /* u, v in [0,1). Returns 0 for "no sample" (black, or ENV_SAMPLING_BSDF). */
-int environment_sample(const struct environment *env, float u, float v, struct vec3 *direction,
-                       struct vec3 *radiance, float *pdf);
+int environment_sample(const struct environment *env, real u, real v, struct vec3 *direction,
+                       struct vec3 *radiance, real *pdf);
 
 /* Mean luminance over the sphere (for light selection). */
-float environment_mean_luminance(const struct environment *env);
+real environment_mean_luminance(const struct environment *env);
 
 /* The size of the stored importance: columns of the grid (0: none), and windows. */
 void environment_importance(const struct environment *env, uint32_t *columns, uint32_t *windows);

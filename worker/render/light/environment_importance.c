@@ -28,13 +28,13 @@ struct importance {
     const struct environment *env;
     uint32_t columns, rows;  /* of the grid */
     double scale, offset;    /* importance = max(0, luminance * scale - offset) */
-    float *values;           /* [rows][columns] means over the cells */
+    real *values;           /* [rows][columns] means over the cells */
     double total;            /* integral over the sphere */
 };
 
 static double cosine_pi(double v)
 {
-    double half = (double)det_sin((float)(PI_D / 2 * (v < 0.5 ? v : 1 - v)));
+    double half = (double)real_sin((real)(PI_D / 2 * (v < 0.5 ? v : 1 - v)));
 
     return v < 0.5 ? 1 - 2 * half * half : 2 * half * half - 1;
 }
@@ -88,7 +88,7 @@ static void importance_measure(struct importance *m, double *rows3)
         texel_row(m, (int64_t)y + 1, row[2]);
         for (uint32_t j = 0; j < parts_y; j++) {
             uint32_t grid_row = y * parts_y + j;
-            float *out = m->values + (size_t)grid_row * m->columns;
+            real *out = m->values + (size_t)grid_row * m->columns;
             double wy[3], sum = 0;
 
             part_weights(j, parts_y, wy);
@@ -104,7 +104,7 @@ static void importance_measure(struct importance *m, double *rows3)
 
                     part_weights(i, parts_x, wx);
                     value = wx[0] * column[0] + wx[1] * column[1] + wx[2] * column[2] - m->offset;
-                    *out = value > 0 ? (float)value : 0;
+                    *out = value > 0 ? (real)value : 0;
                     sum += (double)*out++;
                 }
             }
@@ -163,8 +163,8 @@ static int window_find(const struct importance *m, struct window *out)
 /* Importance at a point of the map. */
 static double importance_at(const struct importance *m, double u, double v)
 {
-    struct angles angles = {.u = (float)(u - floor(u)),
-                            .distance = (float)(v < 0.5 ? v : 1 - v), .south = v >= 0.5};
+    struct angles angles = {.u = (real)(u - floor(u)),
+                            .distance = (real)(v < 0.5 ? v : 1 - v), .south = v >= 0.5};
     double value;
 
     angles.u = angles.u < 1 ? angles.u : 0;
@@ -322,14 +322,14 @@ static status parts_build(struct environment *env, struct importance *m, struct 
             env->parts[env->part_count] = env->parts[i];
             memset(&env->parts[i], 0, sizeof env->parts[i]);
         }
-        env->part_start[env->part_count++] = (float)(start / sum);
+        env->part_start[env->part_count++] = (real)(start / sum);
         start += total[i];
     }
     env->part_start[env->part_count] = 1;
     return STATUS_OK;
 }
 
-status environment_importance_build(struct environment *env, float largest, struct error *err)
+status environment_importance_build(struct environment *env, real largest, struct error *err)
 {
     struct importance m = {.env = env, .columns = env->width, .rows = env->height,
                            .scale = 1 / (double)largest};

@@ -19,10 +19,10 @@ void environment_light_weigh(const struct render_scene *scene, const void *light
 }
 
 /* Density of a direction, given the map's. */
-static float mixture_pdf(const struct environment_light *light,
-                         const struct light_context *context, struct vec3 direction, float map_pdf)
+static real mixture_pdf(const struct environment_light *light,
+                         const struct light_context *context, struct vec3 direction, real map_pdf)
 {
-    float portal_pdf;
+    real portal_pdf;
 
     if (light->portals.count == 0)
         return map_pdf;
@@ -33,7 +33,7 @@ static float mixture_pdf(const struct environment_light *light,
 
 struct vec3 environment_light_radiance(const struct environment_light *light,
                                        const struct light_context *context,
-                                       struct vec3 direction, float *pdf)
+                                       struct vec3 direction, real *pdf)
 {
     struct vec3 radiance = environment_radiance_pdf(light->map, direction, pdf);
 
@@ -41,8 +41,8 @@ struct vec3 environment_light_radiance(const struct environment_light *light,
     return radiance;
 }
 
-static int sample_map(const struct environment_light *light, float u, float v,
-                      struct light_sample *out, float *pdf)
+static int sample_map(const struct environment_light *light, real u, real v,
+                      struct light_sample *out, real *pdf)
 {
     return environment_sample(light->map, u, v, &out->direction, &out->radiance, pdf);
 }
@@ -50,8 +50,8 @@ static int sample_map(const struct environment_light *light, float u, float v,
 /* Where portals are visible. The same numbers choose map or portals and, rescaled, the
  * direction. */
 static int sample_mixture(const struct environment_light *light,
-                          const struct light_context *context, float u, float v,
-                          struct light_sample *out, float *pdf)
+                          const struct light_context *context, real u, real v,
+                          struct light_sample *out, real *pdf)
 {
     if (u < PORTAL_SHARE) {
         PROFILE_EFFECT(PORTAL);
@@ -74,11 +74,11 @@ static int sees_portal(const struct environment_light *light, const struct light
 }
 
 int environment_light_sample(const struct render_scene *scene, const void *light_,
-                             const struct light_context *context, float u, float v,
+                             const struct light_context *context, real u, real v,
                              struct light_sample *out)
 {
     const struct environment_light *light = light_;
-    float pdf;
+    real pdf;
 
     (void)scene;
     out->delta = light->alone;

@@ -17,6 +17,6 @@ struct environment_light {
  * environment_light_sample picks it: the two share work. */
 struct vec3 environment_light_radiance(const struct environment_light *light,
                                        const struct light_context *context,
-                                       struct vec3 direction, float *pdf);
+                                       struct vec3 direction, real *pdf);
 
 #endif

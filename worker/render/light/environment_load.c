@@ -15,7 +15,7 @@
 /* sin(pi v) for 0 <= v <= 1, accurate at both ends. */
 static double sine_pi(double v)
 {
-    return (double)det_sin((float)(PI_D * (v < 0.5 ? v : 1.0 - v)));
+    return (double)real_sin((real)(PI_D * (v < 0.5 ? v : 1.0 - v)));
 }
 
 /* Integral over v of a row's bilinear weight times sin(pi v), times pi / 2: the row's share of the
@@ -43,7 +43,7 @@ static double row_share(uint32_t row, uint32_t height)
     return sum * PI_D / 2;
 }
 
-static float uniform_share(enum env_sampling sampling)
+static real uniform_share(enum env_sampling sampling)
 {
     return sampling == ENV_SAMPLING_IMPORTANCE_ONLY && SAFEGUARD(MAP_DARK_CELLS)
                ? UNIFORM_SHARE_ALONE
@@ -53,9 +53,9 @@ static float uniform_share(enum env_sampling sampling)
 /* A texel times the factor. A value that is no valid radiance, or brighter than lights may be, becomes
  * the nearest valid one: an estimate, its square and sums of these stay finite, so no sample is
  * lost. */
-static float texel_scaled(float value, float factor)
+static real texel_scaled(real value, real factor)
 {
-    float scaled = value > 0 ? value * factor : 0.0f;
+    real scaled = value > 0 ? value * factor : 0.0f;
 
     if (!SAFEGUARD(MAP_RADIANCE))
         return value * factor;
@@ -65,14 +65,14 @@ static float texel_scaled(float value, float factor)
 }
 
 /* Returns the largest value. */
-static float scale_pixels(struct image *map, struct vec3 factor)
+static real scale_pixels(struct image *map, struct vec3 factor)
 {
-    const float strength[3] = {factor.x, factor.y, factor.z};
+    const real strength[3] = {factor.x, factor.y, factor.z};
     size_t count = (size_t)map->width * map->height * 3;
-    float largest = 0;
+    real largest = 0;
 
     for (size_t i = 0; i < count; i++) {
-        float value = map->pixels[i], scaled = texel_scaled(value, strength[i % 3]);
+        real value = map->pixels[i], scaled = texel_scaled(value, strength[i % 3]);
 
         if (scaled != value)
             map->pixels[i] = (float32)scaled;
@@ -100,29 +100,29 @@ static int is_orthonormal(const float32 m[3][3])
 {
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
-            float dot = m[i][0] * m[j][0] + m[i][1] * m[j][1] + m[i][2] * m[j][2];
+            real dot = m[i][0] * m[j][0] + m[i][1] * m[j][1] + m[i][2] * m[j][2];
 
-            if (!(fabsf(dot - (i == j)) <= 1e-3f))
+            if (!(real_abs(dot - (i == j)) <= REAL(1e-3)))
                 return 0;
         }
     return 1;
 }
 
 /* Undo the job's rotation about +Y, then the map's own, if any. */
-static void set_rotation(struct environment *env, const float32 own[3][3], float rotate_deg)
+static void set_rotation(struct environment *env, const float32 own[3][3], real rotate_deg)
 {
     double turns = (double)rotate_deg / 360.0;
-    float sine, cosine;
+    real sine, cosine;
 
     turns -= floor(turns);
-    det_sincos((float)(2 * PI_D * turns), &sine, &cosine);
+    real_sincos((real)(2 * PI_D * turns), &sine, &cosine);
     if (turns == 0.25 || turns == 0.75)
         cosine = 0;
     if (turns == 0.5)
         sine = 0;
     for (int i = 0; i < 3; i++) {
-        float x = own ? own[i][0] : (float)(i == 0), y = own ? own[i][1] : (float)(i == 1),
-              z = own ? own[i][2] : (float)(i == 2);
+        real x = own ? own[i][0] : (real)(i == 0), y = own ? own[i][1] : (real)(i == 1),
+              z = own ? own[i][2] : (real)(i == 2);
 
         env->to_map[i][0] = x * cosine + z * sine;
         env->to_map[i][1] = y;
@@ -147,12 +147,12 @@ static enum mode mode_of(enum env_sampling sampling)
 }
 
 status environment_new(struct environment **out, struct image *map, const float32 own[3][3],
-                       float rotate_deg, struct vec3 factor, enum env_sampling sampling,
+                       real rotate_deg, struct vec3 factor, enum env_sampling sampling,
                        struct error *err)
 {
     struct environment *env = mem_calloc(1, sizeof *env);
     status st = STATUS_OK;
-    float largest;
+    real largest;
 
     *out = NULL;
     if (!env) {
@@ -215,9 +215,9 @@ status environment_new_constant(struct environment **out, struct vec3 radiance,
     if (!env)
         return error_no_memory(err, "the environment");
     set_rotation(env, NULL, 0);
-    env->constant = (struct vec3){float_min(radiance.x, SCENE_RADIANCE_MAX),
-                                  float_min(radiance.y, SCENE_RADIANCE_MAX),
-                                  float_min(radiance.z, SCENE_RADIANCE_MAX)};
+    env->constant = (struct vec3){real_min(radiance.x, SCENE_RADIANCE_MAX),
+                                  real_min(radiance.y, SCENE_RADIANCE_MAX),
+                                  real_min(radiance.z, SCENE_RADIANCE_MAX)};
     env->black = vec3_is_black(radiance);
     env->mean_luminance = luminance(radiance);
     env->mode = env->black || sampling == ENV_SAMPLING_BSDF ? MODE_NONE : MODE_UNIFORM;

@@ -23,14 +23,14 @@ struct environment {
     uint32_t width, height;   /* 0: constant */
     struct image map;         /* already multiplied by the factor */
     struct vec3 constant;
-    float to_map[3][3];       /* from world space, including the job's rotation */
+    real to_map[3][3];       /* from world space, including the job's rotation */
     enum mode mode;
     int black;
     double mean_luminance;
     struct density parts[WINDOWS_MAX + 1]; /* the grid, then the windows; MODE_IMPORTANCE only */
-    float part_start[WINDOWS_MAX + 2];     /* where each part's share of the choices begins */
+    real part_start[WINDOWS_MAX + 2];     /* where each part's share of the choices begins */
     uint32_t part_count;
-    float uniform_share;      /* of the choices: uniform over the sphere; MODE_IMPORTANCE only */
+    real uniform_share;      /* of the choices: uniform over the sphere; MODE_IMPORTANCE only */
 };
 
 static inline double luminance(struct vec3 c)
@@ -41,7 +41,7 @@ static inline double luminance(struct vec3 c)
 
 static inline struct vec3 texel(const struct environment *env, uint32_t column, uint32_t row)
 {
-    const float *p = env->map.pixels + 3 * ((size_t)row * env->width + column);
+    const float32 *p = env->map.pixels + 3 * ((size_t)row * env->width + column);
 
     return (struct vec3){p[0], p[1], p[2]};
 }
@@ -58,8 +58,8 @@ static inline struct vec3 opposite(const struct environment *env, uint32_t colum
 
 /* A direction in map coordinates. */
 struct angles {
-    float u;        /* 0..1 */
-    float distance; /* from the nearer pole over pi, 0..1/2 */
+    real u;        /* 0..1 */
+    real distance; /* from the nearer pole over pi, 0..1/2 */
     int south;      /* the nearer pole is the nadir */
 };
 
@@ -68,7 +68,7 @@ struct vec3 environment_map_radiance(const struct environment *env, const struct
 
 /* environment_importance.c: fill in the parts. `largest`: the map's largest value.
  * ERR_NO_MEMORY. */
-status environment_importance_build(struct environment *env, float largest, struct error *err)
+status environment_importance_build(struct environment *env, real largest, struct error *err)
     MUST_CHECK;
 
 #endif

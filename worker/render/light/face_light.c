@@ -10,11 +10,11 @@
 static int slot_is_dark(const struct texture_dark *dark, const struct world_slot *slot,
                         const struct world_mesh *mesh, const uint32_t vertex[3])
 {
-    const float *uv = mesh->uv[slot->uv_set];
+    const float32 *uv = mesh->uv[slot->uv_set];
     double range[2][2];
 
     for (int axis = 0; axis < 2; axis++) {
-        const float *m = slot->m[axis];
+        const real *m = slot->m[axis];
         double largest = 0, low = INFINITY, high = -INFINITY;
 
         for (int k = 0; k < 3; k++) {

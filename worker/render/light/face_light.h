@@ -26,9 +26,9 @@ static inline int face_light_kind(const struct shape *shape)
 }
 
 /* Density per solid angle of a point that is chosen uniformly on `area`, times the odds. */
-static inline float face_light_area_pdf(const struct light_meeting *met, float area)
+static inline real face_light_area_pdf(const struct light_meeting *met, real area)
 {
-    float denominator = met->cosine * area;
+    real denominator = met->cosine * area;
 
     return denominator > 0 ? met->odds * met->distance_squared / denominator : 0;
 }
@@ -42,16 +42,16 @@ status face_lights_find(const struct render_scene *scene, struct hit *faces, uin
 
 /* The length of a triangle's normal: its square is below what a float holds where the edges are below
  * 1e-10 m. */
-static inline float triangle_double_area(struct vec3 normal)
+static inline real triangle_double_area(struct vec3 normal)
 {
-    float squared = vec3_length_squared(normal), most, power;
+    real squared = vec3_length_squared(normal), most, power;
 
-    if (squared > 1e-30f && squared < 1e30f)
-        return sqrtf(squared);
-    most = float_max(fabsf(normal.x), float_max(fabsf(normal.y), fabsf(normal.z)));
+    if (squared > REAL(1e-30) && squared < REAL(1e30))
+        return real_sqrt(squared);
+    most = real_max(real_abs(normal.x), real_max(real_abs(normal.y), real_abs(normal.z)));
     if (!(most > 0 && most < INFINITY))
         return most;
-    power = float_power_below(most);
+    power = real_power_below(most);
     return power * vec3_length(vec3_scale(normal, 1 / power));
 }
 

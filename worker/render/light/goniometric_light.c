@@ -36,14 +36,14 @@ void goniometric_light_weigh(const struct render_scene *scene, const void *light
 }
 
 int goniometric_light_sample(const struct render_scene *scene, const void *light_,
-                             const struct light_context *context, float u, float v,
+                             const struct light_context *context, real u, real v,
                              struct light_sample *out)
 {
     const struct goniometric_light *light = light_;
     struct punctual_pose moved;
     const struct punctual_pose *pose = punctual_pose_at(&light->base, context->time, &moved);
     struct vec3 d;
-    float share;
+    real share;
 
     (void)scene, (void)u, (void)v;
     if (!punctual_arrive(&light->base, pose->position, context->p, out, &share))
@@ -52,8 +52,8 @@ int goniometric_light_sample(const struct render_scene *scene, const void *light
     d = punctual_to_local(pose, vec3_neg(out->direction));
     out->radiance = vec3_mul(
         out->radiance,
-        punctual_image(light->image, &lat_long, 0.5f + det_atan2(d.z, d.x) * INV_2PI_F,
-                       det_atan2(sqrtf(d.x * d.x + d.z * d.z), d.y) * INV_PI_F));
+        punctual_image(light->image, &lat_long, 0.5f + real_atan2(d.z, d.x) * REAL_INV_2PI,
+                       real_atan2(real_sqrt(d.x * d.x + d.z * d.z), d.y) * REAL_INV_PI));
     return (vec3_max(out->radiance) > 0 && vec3_is_finite(out->radiance)) ||
            health_throughput(out->radiance);
 }

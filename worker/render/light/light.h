@@ -56,18 +56,18 @@ struct light_context {
     struct vec3 p;      /* world */
     struct vec3 n;      /* unit geometric normal; black: light from any side counts (media, and
                            surfaces that transmit) */
-    float time;         /* 0..1 of the shutter */
+    real time;         /* 0..1 of the shutter */
 };
 
 /* A light seen from the context. */
 struct light_sample {
     struct vec3 direction; /* unit, towards the light */
-    float distance;        /* metres; INFINITY for directional lights and the environment */
+    real distance;        /* metres; INFINITY for directional lights and the environment */
     int on_face;           /* the light is a point of this face */
     struct hit face;
-    float inset, cosine;   /* of that point and direction (struct ray) */
+    real inset, cosine;   /* of that point and direction (struct ray) */
     struct vec3 radiance;  /* radiance, or irradiance-like intensity for delta lights */
-    float pdf;             /* solid angle, times the odds of choosing this light; for delta
+    real pdf;             /* solid angle, times the odds of choosing this light; for delta
                               lights only the odds */
     int delta;             /* only light sampling finds it (lights at a point, and an environment
                               that is sampled alone): no MIS */
@@ -75,10 +75,10 @@ struct light_sample {
 
 /* A scattered ray's meeting with a light's face: what its density depends on. */
 struct light_meeting {
-    float odds;             /* of having chosen this light */
-    float distance_squared; /* from the light sampling context, m^2 */
-    float cosine;           /* absolute, to the face's normal */
-    float area;             /* m^2, of a triangle */
+    real odds;             /* of having chosen this light */
+    real distance_squared; /* from the light sampling context, m^2 */
+    real cosine;           /* absolute, to the face's normal */
+    real area;             /* m^2, of a triangle */
 };
 
 /* What decides how often a light is chosen. */
@@ -91,10 +91,10 @@ struct light_weight {
 /* u, v in [0, 1). On entry out->pdf holds the odds of having chosen this light and on_face is 0;
  * the kind multiplies the pdf by its own density and sets the rest. 0: no light arrives. */
 typedef int light_sample_function(const struct render_scene *scene, const void *light,
-                                  const struct light_context *context, float u, float v,
+                                  const struct light_context *context, real u, real v,
                                   struct light_sample *out);
 /* The odds times the density of prefix_sample, per solid angle, for the point that was met. */
-typedef float light_pdf_function(const struct render_scene *scene, const void *light,
+typedef real light_pdf_function(const struct render_scene *scene, const void *light,
                                  const struct light_context *context,
                                  const struct light_meeting *met);
 /* *out is zeroed. The scene's instances, materials and bounding sphere are known. */
@@ -105,7 +105,7 @@ typedef struct punctual *light_new_function(const struct scene_light *light,
                                             const struct texture_image *image);
 
 /* Is there a direction to a light so far away? A surface may touch a lamp, where there is none. */
-static inline int light_is_apart(float distance_squared)
+static inline int light_is_apart(real distance_squared)
 {
     return (distance_squared > 0 && isfinite(distance_squared)) || !SAFEGUARD(LAMP_DISTANCE);
 }

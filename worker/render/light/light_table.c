@@ -55,33 +55,33 @@ static uint32_t middle_of(const struct range *r)
     return r->first + (r->end - r->first) / 2;
 }
 
-static float left_odds(const struct light_table *table, const struct range *r)
+static real left_odds(const struct light_table *table, const struct range *r)
 {
     const double *start = table->start;
     double left = start[middle_of(r)] - start[r->first];
     double right = start[r->end] - start[middle_of(r)];
-    float share = (float)(left / (left + right));
+    real share = (real)(left / (left + right));
 
     if (!(left > 0))
         return 0;
     if (!(right > 0))
         return 1;
-    return float_min(float_max(share, LIGHT_TABLE_ODDS_MIN), 1 - LIGHT_TABLE_ODDS_MIN);
+    return real_min(real_max(share, LIGHT_TABLE_ODDS_MIN), 1 - LIGHT_TABLE_ODDS_MIN);
 }
 
-int light_table_choose(const struct light_table *table, float *u, float *v, uint32_t *light,
-                       float *odds)
+int light_table_choose(const struct light_table *table, real *u, real *v, uint32_t *light,
+                       real *odds)
 {
     struct range r = {0, table->count};
-    float *number = u, *other = v;
+    real *number = u, *other = v;
 
     *odds = 1;
     if (table->count == 0)
         return 0;
     while (r.end - r.first > 1) {
-        float left = left_odds(table, &r), *spent = number;
+        real left = left_odds(table, &r), *spent = number;
         int goes_left = *number < left;
-        float size = goes_left ? left : 1 - left;
+        real size = goes_left ? left : 1 - left;
 
         *number = light_rescaled(*number, goes_left ? 0 : left, size);
         *odds *= size;
@@ -96,15 +96,15 @@ int light_table_choose(const struct light_table *table, float *u, float *v, uint
     return 1;
 }
 
-float light_table_odds(const struct light_table *table, uint32_t light)
+real light_table_odds(const struct light_table *table, uint32_t light)
 {
     struct range r = {0, table->count};
-    float odds = 1;
+    real odds = 1;
 
     if (light >= table->count)
         return 0;
     while (r.end - r.first > 1) {
-        float left = left_odds(table, &r);
+        real left = left_odds(table, &r);
 
         if (light < middle_of(&r)) {
             odds *= left;
@@ -114,7 +114,7 @@ float light_table_odds(const struct light_table *table, uint32_t light)
             r.first = middle_of(&r);
         }
         if (!(odds > 0))
-            return (float)health_density(odds);
+            return (real)health_density(odds);
     }
     return odds;
 }

@@ -30,9 +30,9 @@ status light_table_init(struct light_table *table, const double *weights, uint32
 void light_table_release(struct light_table *table);
 
 /* Choose a light; u and v, each in [0, 1), are returned rescaled. 0: there is none. */
-int light_table_choose(const struct light_table *table, float *u, float *v, uint32_t *light,
-                       float *odds);
+int light_table_choose(const struct light_table *table, real *u, real *v, uint32_t *light,
+                       real *odds);
 /* The odds with which light_table_choose chooses that light. */
-float light_table_odds(const struct light_table *table, uint32_t light);
+real light_table_odds(const struct light_table *table, uint32_t light);
 
 #endif

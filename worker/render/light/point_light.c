@@ -15,12 +15,12 @@ void point_light_weigh(const struct render_scene *scene, const void *light,
 }
 
 int point_light_sample(const struct render_scene *scene, const void *light_,
-                       const struct light_context *context, float u, float v,
+                       const struct light_context *context, real u, real v,
                        struct light_sample *out)
 {
     const struct punctual *light = light_;
     struct punctual_pose moved;
-    float share;
+    real share;
 
     (void)scene, (void)u, (void)v;
     return punctual_arrive(light, punctual_pose_at(light, context->time, &moved)->position,

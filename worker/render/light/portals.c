@@ -17,8 +17,8 @@ status portals_init(struct portals *p, const struct scene_portal *portals, uint3
     p->count = count;
     for (uint32_t i = 0; i < count; i++) {
         const double *c = portals[i].corner;
-        const float *e = portals[i].edge1, *f = portals[i].edge2;
-        struct vec3 corner = {(float)c[0], (float)c[1], (float)c[2]}, edge1 = {e[0], e[1], e[2]},
+        const float32 *e = portals[i].edge1, *f = portals[i].edge2;
+        struct vec3 corner = {(real)c[0], (real)c[1], (real)c[2]}, edge1 = {e[0], e[1], e[2]},
                     edge2 = {f[0], f[1], f[2]};
 
         p->corners[i][0] = corner;
@@ -46,7 +46,7 @@ static int is_above(const struct vec3 corner[4], const struct light_context *con
 }
 
 /* Both halves of a portal; its solid angle, 0 where it is below the horizon. */
-static float halves(const struct vec3 corner[4], const struct light_context *context,
+static real halves(const struct vec3 corner[4], const struct light_context *context,
                     struct spherical_triangle half[2])
 {
     half[0].solid_angle = half[1].solid_angle = 0;
@@ -58,10 +58,10 @@ static float halves(const struct vec3 corner[4], const struct light_context *con
     return half[0].solid_angle + half[1].solid_angle;
 }
 
-static float solid_angle(const struct portals *portals, const struct light_context *context)
+static real solid_angle(const struct portals *portals, const struct light_context *context)
 {
     struct spherical_triangle half[2];
-    float sum = 0;
+    real sum = 0;
 
     for (uint32_t i = 0; i < portals->count; i++)
         sum += halves(portals->corners[i], context, half);
@@ -78,10 +78,10 @@ int portals_visible(const struct portals *portals, const struct light_context *c
     return 0;
 }
 
-int portals_sample(const struct portals *portals, const struct light_context *context, float u,
-                   float v, struct vec3 *direction)
+int portals_sample(const struct portals *portals, const struct light_context *context, real u,
+                   real v, struct vec3 *direction)
 {
-    float target = u * solid_angle(portals, context), before = 0;
+    real target = u * solid_angle(portals, context), before = 0;
     struct spherical_triangle half[2], chosen = {0};
     int found = 0;
 
@@ -102,7 +102,7 @@ int portals_sample(const struct portals *portals, const struct light_context *co
         return 0;
 done:
     u = (target - before) / chosen.solid_angle;
-    u = float_min(float_max(u, 0), ONE_MINUS_EPSILON);
+    u = real_min(real_max(u, 0), REAL_BELOW_ONE);
     return spherical_triangle_sample(&chosen, u, v, direction);
 }
 
@@ -122,14 +122,14 @@ static int crosses(const struct vec3 corner[4], struct vec3 p, struct vec3 direc
     return u >= 0 && u <= 1 && v >= 0 && v <= 1 && dvec3_dot(e2, q) / det > 0;
 }
 
-float portals_pdf(const struct portals *portals, const struct light_context *context,
+real portals_pdf(const struct portals *portals, const struct light_context *context,
                   struct vec3 direction)
 {
     struct spherical_triangle half[2];
-    float sum = 0, crossed = 0;
+    real sum = 0, crossed = 0;
 
     for (uint32_t i = 0; i < portals->count; i++) {
-        float seen = halves(portals->corners[i], context, half);
+        real seen = halves(portals->corners[i], context, half);
 
         sum += seen;
         if (seen > 0 && crosses(portals->corners[i], context->p, direction))

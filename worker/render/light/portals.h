@@ -26,10 +26,10 @@ void portals_release(struct portals *p);
 /* Is any visible? */
 int portals_visible(const struct portals *portals, const struct light_context *context);
 /* A direction through one of them. 0: none is visible. */
-int portals_sample(const struct portals *portals, const struct light_context *context, float u,
-                   float v, struct vec3 *direction);
+int portals_sample(const struct portals *portals, const struct light_context *context, real u,
+                   real v, struct vec3 *direction);
 /* Solid-angle density of portals_sample; negative: none is visible. */
-float portals_pdf(const struct portals *portals, const struct light_context *context,
+real portals_pdf(const struct portals *portals, const struct light_context *context,
                   struct vec3 direction);
 
 #endif

@@ -10,7 +10,7 @@ static const struct scene_texture clamped = {.wrap_u = WRAP_CLAMP, .wrap_v = WRA
 struct projection_light {
     struct punctual base;
     const struct texture_image *image;  /* NULL: white */
-    float slide_x, slide_y;             /* half the slide's size one metre ahead */
+    real slide_x, slide_y;             /* half the slide's size one metre ahead */
 };
 
 struct punctual *projection_light_new(const struct scene_light *light,
@@ -21,7 +21,7 @@ struct punctual *projection_light_new(const struct scene_light *light,
     if (!p)
         return NULL;
     p->image = image;
-    p->slide_y = det_tan(0.5f * light->projection_yfov_rad);
+    p->slide_y = real_tan(0.5f * light->projection_yfov_rad);
     p->slide_x = p->slide_y * light->projection_aspect;
     return &p->base;
 }
@@ -37,10 +37,10 @@ void projection_light_weigh(const struct render_scene *scene, const void *light_
     punctual_weigh(&light->base, mean, out);
     /* Times the solid angle of the slide. */
     out->power = (double)vec3_luminance(light->base.intensity) * mean * 4 *
-                 (double)det_atan2((float)(x * y), (float)sqrt(1 + x * x + y * y));
+                 (double)real_atan2((real)(x * y), (real)sqrt(1 + x * x + y * y));
     out->bounds.emission_rad = 0;
     punctual_narrow(&light->base,
-                    det_atan2(sqrtf(light->slide_x * light->slide_x +
+                    real_atan2(real_sqrt(light->slide_x * light->slide_x +
                                     light->slide_y * light->slide_y), 1),
                     &out->bounds);
 }
@@ -48,26 +48,26 @@ void projection_light_weigh(const struct render_scene *scene, const void *light_
 /* What the slide transmits in this direction of the light's own frame. */
 static struct vec3 slide_filter(const struct projection_light *light, struct vec3 d)
 {
-    float x, y;
+    real x, y;
 
     if (!(d.z < 0))
         return vec3_splat(0);
     x = d.x / (-d.z * light->slide_x);
     y = d.y / (-d.z * light->slide_y);
-    if (!(fabsf(x) <= 1 && fabsf(y) <= 1))
+    if (!(real_abs(x) <= 1 && real_abs(y) <= 1))
         return vec3_splat(0);
     return light->image ? punctual_image(light->image, &clamped, 0.5f + 0.5f * x, 0.5f - 0.5f * y)
                         : vec3_splat(1);
 }
 
 int projection_light_sample(const struct render_scene *scene, const void *light_,
-                            const struct light_context *context, float u, float v,
+                            const struct light_context *context, real u, real v,
                             struct light_sample *out)
 {
     const struct projection_light *light = light_;
     struct punctual_pose moved;
     const struct punctual_pose *pose = punctual_pose_at(&light->base, context->time, &moved);
-    float share;
+    real share;
 
     (void)scene, (void)u, (void)v;
     if (!punctual_arrive(&light->base, pose->position, context->p, out, &share))

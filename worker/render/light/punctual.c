@@ -19,7 +19,7 @@ static struct vec3 vec3_of(const float32 v[3])
 static struct vec3 column(const struct transform_d *t, int c)
 {
     return vec3_normalize(
-        vec3_make((float)t->m[0][c], (float)t->m[1][c], (float)t->m[2][c]));
+        vec3_make((real)t->m[0][c], (real)t->m[1][c], (real)t->m[2][c]));
 }
 
 void punctual_pose_of(struct punctual_pose *out, const struct scene_light *light)
@@ -28,8 +28,8 @@ void punctual_pose_of(struct punctual_pose *out, const struct scene_light *light
 
     *out = (struct punctual_pose){0};
     if (parts & LIGHT_HAS_PLACE)
-        out->position = vec3_make((float)light->position[0], (float)light->position[1],
-                                  (float)light->position[2]);
+        out->position = vec3_make((real)light->position[0], (real)light->position[1],
+                                  (real)light->position[2]);
     if (parts & LIGHT_HAS_DIRECTION)
         out->direction = vec3_of(light->direction);
     if (!(parts & LIGHT_HAS_FRAME))
@@ -54,13 +54,13 @@ void *punctual_alloc(size_t size, enum scene_light_kind kind, const struct scene
 
 /* ---- position ----------------------------------------------------------------------------- */
 
-static struct vec3 mixed(struct vec3 a, struct vec3 b, float share)
+static struct vec3 mixed(struct vec3 a, struct vec3 b, real share)
 {
     return vec3_add(vec3_scale(a, 1 - share), vec3_scale(b, share));
 }
 
 /* A unit vector interpolated between two; between opposite ones, the first. */
-static struct vec3 mixed_direction(struct vec3 a, struct vec3 b, float share)
+static struct vec3 mixed_direction(struct vec3 a, struct vec3 b, real share)
 {
     struct vec3 v = vec3_normalize(mixed(a, b, share));
 
@@ -68,7 +68,7 @@ static struct vec3 mixed_direction(struct vec3 a, struct vec3 b, float share)
 }
 
 /* The axes, interpolated and made orthonormal again; the frame keeps its handedness. */
-static void mix_axes(struct vec3 out[3], const struct vec3 a[3], const struct vec3 b[3], float share)
+static void mix_axes(struct vec3 out[3], const struct vec3 a[3], const struct vec3 b[3], real share)
 {
     struct vec3 x = mixed(a[0], b[0], share), y;
 
@@ -79,12 +79,12 @@ static void mix_axes(struct vec3 out[3], const struct vec3 a[3], const struct ve
     out[1] = vec3_dot(vec3_cross(a[2], a[0]), a[1]) < 0 ? vec3_neg(y) : y;
 }
 
-const struct punctual_pose *punctual_pose_at(const struct punctual *p, float time,
+const struct punctual_pose *punctual_pose_at(const struct punctual *p, real time,
                                              struct punctual_pose *moved)
 {
     const struct punctual_pose *a, *b;
     uint32_t segment;
-    float share;
+    real share;
 
     if (!p->motion.steps)
         return &p->pose;
@@ -109,19 +109,19 @@ void punctual_weigh(const struct punctual *p, double mean, struct light_weight *
     for (uint32_t k = 0; k < p->motion.steps; k++)
         light_bounds_add(b, p->motion.at[k].position);
     b->axis = vec3_make(0, 0, 1);
-    b->spread_rad = PI_F;
-    b->emission_rad = PI_F / 2;
+    b->spread_rad = REAL_PI;
+    b->emission_rad = REAL_PI / 2;
     b->reach = p->range > 0 ? p->range : INFINITY;
-    out->intensity = (double)(float)intensity;
+    out->intensity = (double)(real)intensity;
     out->power = intensity * 4 * PI_D;
 }
 
 /* The mean of all its directions, and the largest angle to it: the directions in between are within
  * that angle, too, as long as it is less than a right angle. */
-static float sweep_of(const struct punctual *p, struct vec3 *axis)
+static real sweep_of(const struct punctual *p, struct vec3 *axis)
 {
     struct vec3 sum = {0, 0, 0};
-    float least = 1, angle_rad;
+    real least = 1, angle_rad;
 
     *axis = p->pose.direction;
     if (!p->motion.steps)
@@ -132,24 +132,24 @@ static float sweep_of(const struct punctual *p, struct vec3 *axis)
     if (!vec3_is_black(sum))
         *axis = sum;
     for (uint32_t k = 0; k < p->motion.steps; k++)
-        least = float_min(least, vec3_dot(*axis, p->motion.at[k].direction));
-    angle_rad = det_acos(float_max(least, -1)) + 1e-3f;
-    return angle_rad < PI_F / 2 ? angle_rad : PI_F;
+        least = real_min(least, vec3_dot(*axis, p->motion.at[k].direction));
+    angle_rad = real_acos(real_max(least, -1)) + REAL(1e-3);
+    return angle_rad < REAL_PI / 2 ? angle_rad : REAL_PI;
 }
 
-void punctual_narrow(const struct punctual *p, float spread_rad, struct light_bounds *bounds)
+void punctual_narrow(const struct punctual *p, real spread_rad, struct light_bounds *bounds)
 {
-    float sweep_rad = sweep_of(p, &bounds->axis);
+    real sweep_rad = sweep_of(p, &bounds->axis);
 
-    bounds->spread_rad = float_min(PI_F, spread_rad + sweep_rad);
+    bounds->spread_rad = real_min(REAL_PI, spread_rad + sweep_rad);
 }
 
 /* ---- what arrives ------------------------------------------------------------------------ */
 
 /* Windowed inverse-square falloff (KHR_lights_punctual). */
-static float range_window(float distance, float range)
+static real range_window(real distance, real range)
 {
-    float q;
+    real q;
 
     if (range <= 0)
         return 1;
@@ -159,20 +159,20 @@ static float range_window(float distance, float range)
 }
 
 int punctual_arrive(const struct punctual *p, struct vec3 position, struct vec3 at,
-                    struct light_sample *out, float *share)
+                    struct light_sample *out, real *share)
 {
     struct vec3 way = vec3_sub(position, at);
-    float distance_squared = vec3_length_squared(way);
+    real distance_squared = vec3_length_squared(way);
 
     if (!light_is_apart(distance_squared))
         return health_distance(distance_squared);
-    out->distance = sqrtf(distance_squared);
+    out->distance = real_sqrt(distance_squared);
     out->direction = vec3_scale(way, 1 / out->distance);
     *share = range_window(out->distance, p->range) / distance_squared;
     return 1;
 }
 
-int punctual_shine(const struct punctual *p, float share, struct light_sample *out)
+int punctual_shine(const struct punctual *p, real share, struct light_sample *out)
 {
     out->delta = 1;
     out->radiance = vec3_scale(p->intensity, share);
@@ -182,7 +182,7 @@ int punctual_shine(const struct punctual *p, float share, struct light_sample *o
 /* ---- images ------------------------------------------------------------------------------ */
 
 struct vec3 punctual_image(const struct texture_image *image, const struct scene_texture *wrap,
-                           float u, float v)
+                           real u, real v)
 {
     struct texel texel = texture_lookup(image, wrap, u, v, 0, 1);
 
@@ -201,8 +201,8 @@ double punctual_image_mean(const struct texture_image *image, const struct scene
 
     for (int i = 0; i < IMAGE_GRID; i++)
         for (int j = 0; j < IMAGE_GRID; j++) {
-            float u = ((float)i + 0.5f) / IMAGE_GRID, v = ((float)j + 0.5f) / IMAGE_GRID;
-            double weight = latitudes ? (double)det_sin(PI_F * v) : 1;
+            real u = ((real)i + 0.5f) / IMAGE_GRID, v = ((real)j + 0.5f) / IMAGE_GRID;
+            double weight = latitudes ? (double)real_sin(REAL_PI * v) : 1;
 
             sum += weight * (double)vec3_luminance(punctual_image(image, wrap, u, v));
             area += weight;

@@ -27,7 +27,7 @@ struct punctual {
     struct punctual_pose pose;          /* at the shutter's opening */
     struct punctual_motion motion;
     struct vec3 intensity;
-    float range;                        /* metres; 0: unlimited */
+    real range;                        /* metres; 0: unlimited */
 };
 
 void punctual_pose_of(struct punctual_pose *out, const struct scene_light *light);
@@ -37,7 +37,7 @@ void punctual_pose_of(struct punctual_pose *out, const struct scene_light *light
 void *punctual_alloc(size_t size, enum scene_light_kind kind, const struct scene_light *light);
 
 /* The pose at `time` (0..1 of the shutter); `moved` is storage for a pose between steps. */
-const struct punctual_pose *punctual_pose_at(const struct punctual *p, float time,
+const struct punctual_pose *punctual_pose_at(const struct punctual *p, real time,
                                              struct punctual_pose *moved);
 
 /* ---- for kinds at a point --------------------------------------------------------------------- */
@@ -46,19 +46,19 @@ const struct punctual_pose *punctual_pose_at(const struct punctual *p, float tim
  * intensity and its power. */
 void punctual_weigh(const struct punctual *p, double mean, struct light_weight *out);
 /* Then, for a light that emits within `spread_rad` of its direction, which may turn. */
-void punctual_narrow(const struct punctual *p, float spread_rad, struct light_bounds *bounds);
+void punctual_narrow(const struct punctual *p, real spread_rad, struct light_bounds *bounds);
 
 /* Direction and distance of the light at `position`, and the share of its intensity that arrives:
  * inverse-square falloff within its range. 0: nothing. */
 int punctual_arrive(const struct punctual *p, struct vec3 position, struct vec3 at,
-                    struct light_sample *out, float *share);
+                    struct light_sample *out, real *share);
 /* Complete the sample with that share of the intensity. 0: nothing arrives. */
-int punctual_shine(const struct punctual *p, float share, struct light_sample *out);
+int punctual_shine(const struct punctual *p, real share, struct light_sample *out);
 
 /* What an image transmits, at its finest level, bilinear, decoded from sRGB if its values are
  * integers; u, v as in texture_lookup. */
 struct vec3 punctual_image(const struct texture_image *image, const struct scene_texture *wrap,
-                           float u, float v);
+                           real u, real v);
 /* Mean luminance of an image on a grid; `latitudes`: it covers the sphere, so rows weigh by their
  * solid angle. */
 double punctual_image_mean(const struct texture_image *image, const struct scene_texture *wrap,

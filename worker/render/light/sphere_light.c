@@ -25,7 +25,7 @@ struct sphere_view {
 static double cap_height(double sine2)
 {
     if (!SAFEGUARD(SPHERE_LAMP_FAR))
-        return (double)(1.0f - sqrtf(1.0f - (float)sine2));
+        return (double)(1.0f - real_sqrt(1.0f - (real)sine2));
     return sine2 / (1 + sqrt(1 - sine2));
 }
 
@@ -51,22 +51,22 @@ static void sphere_view_init(struct sphere_view *view, const struct render_scene
     view->height = has_cone(view->inside) ? cap_height(sine2) : 0;
 }
 
-static float cone_pdf(const struct sphere_view *view)
+static real cone_pdf(const struct sphere_view *view)
 {
-    return (float)(1 / (2 * PI_D * view->height));
+    return (real)(1 / (2 * PI_D * view->height));
 }
 
 /* Per solid angle, of a point of the surface that is chosen uniformly. */
-static float surface_pdf(const struct sphere_view *view, float distance_squared, float cosine)
+static real surface_pdf(const struct sphere_view *view, real distance_squared, real cosine)
 {
     double radius = view->sphere->radius;
     struct light_meeting met = {.odds = 1, .distance_squared = distance_squared, .cosine = cosine};
 
-    return face_light_area_pdf(&met, (float)(4 * PI_D * radius * radius));
+    return face_light_area_pdf(&met, (real)(4 * PI_D * radius * radius));
 }
 
 /* The distance and the cosine count only inside. */
-float sphere_light_pdf(const struct render_scene *scene, const void *light,
+real sphere_light_pdf(const struct render_scene *scene, const void *light,
                        const struct light_context *context, const struct light_meeting *met)
 {
     struct sphere_view view;
@@ -80,49 +80,49 @@ float sphere_light_pdf(const struct render_scene *scene, const void *light,
 }
 
 /* A unit vector around the axis +z of a cap, uniform in solid angle: 1 - cos is `rise`. */
-static struct vec3 cap_direction(double rise, float v)
+static struct vec3 cap_direction(double rise, real v)
 {
-    float width = (float)sqrt(rise * (2 - rise)), sine, cosine;
+    real width = (real)sqrt(rise * (2 - rise)), sine, cosine;
 
     sincos_turn(v, &sine, &cosine);
-    return vec3_make(width * cosine, width * sine, (float)(1 - rise));
+    return vec3_make(width * cosine, width * sine, (real)(1 - rise));
 }
 
 /* Direction, distance and cosine at the light. */
-static void sample_cone(const struct sphere_view *view, float u, float v, struct light_sample *out)
+static void sample_cone(const struct sphere_view *view, real u, real v, struct light_sample *out)
 {
     double radius = view->sphere->radius, rise = (double)u * view->height;
     double aside2 = rise * (2 - rise) * view->distance * view->distance;
     double depth = sqrt(fmax(radius * radius - aside2, 0));
     struct basis frame = basis_from_normal(
-        vec3_make((float)(view->to_centre[0] / view->distance),
-                  (float)(view->to_centre[1] / view->distance),
-                  (float)(view->to_centre[2] / view->distance)));
+        vec3_make((real)(view->to_centre[0] / view->distance),
+                  (real)(view->to_centre[1] / view->distance),
+                  (real)(view->to_centre[2] / view->distance)));
 
     out->direction = vec3_normalize(basis_to_world(&frame, cap_direction(rise, v)));
-    out->distance = (float)(view->distance * (1 - rise) - depth);
-    out->cosine = (float)(depth / radius);
+    out->distance = (real)(view->distance * (1 - rise) - depth);
+    out->cosine = (real)(depth / radius);
     out->pdf *= cone_pdf(view);
 }
 
-static void sample_surface(const struct sphere_view *view, float u, float v,
+static void sample_surface(const struct sphere_view *view, real u, real v,
                            struct light_sample *out)
 {
     double radius = view->sphere->radius;
     struct vec3 normal = cap_direction(2 * (double)u, v);
-    struct vec3 to_light = vec3_make((float)(view->to_centre[0] + radius * (double)normal.x),
-                                     (float)(view->to_centre[1] + radius * (double)normal.y),
-                                     (float)(view->to_centre[2] + radius * (double)normal.z));
+    struct vec3 to_light = vec3_make((real)(view->to_centre[0] + radius * (double)normal.x),
+                                     (real)(view->to_centre[1] + radius * (double)normal.y),
+                                     (real)(view->to_centre[2] + radius * (double)normal.z));
 
     out->distance = vec3_length(to_light);
     out->direction = vec3_normalize(to_light);
-    out->cosine = fabsf(vec3_dot(normal, out->direction));
+    out->cosine = real_abs(vec3_dot(normal, out->direction));
     out->pdf *= surface_pdf(view, out->distance * out->distance, out->cosine);
 }
 
 /* Uniform emission: any vertex of the mesh will do. */
 static struct vec3 radiance_towards(const struct render_scene *scene,
-                                    const struct hit *light, float cosine)
+                                    const struct hit *light, real cosine)
 {
     const struct world_instance *instance = &scene->instances[light->instance];
     const struct world_material *material = &scene->materials[instance->material];
@@ -132,7 +132,7 @@ static struct vec3 radiance_towards(const struct render_scene *scene,
 }
 
 int sphere_light_sample(const struct render_scene *scene, const void *light_,
-                        const struct light_context *context, float u, float v,
+                        const struct light_context *context, real u, real v,
                         struct light_sample *out)
 {
     const struct hit *light = light_;
@@ -166,16 +166,16 @@ void sphere_light_weigh(const struct render_scene *scene, const void *light_,
     const struct world_instance *instance = &scene->instances[light->instance];
     const struct world_material *material = &scene->materials[instance->material];
     const struct sphere_shape *sphere = sphere_of(instance->shape);
-    struct vec3 centre = vec3_make((float)sphere->centre[0], (float)sphere->centre[1],
-                                   (float)sphere->centre[2]);
+    struct vec3 centre = vec3_make((real)sphere->centre[0], (real)sphere->centre[1],
+                                   (real)sphere->centre[2]);
     /* A little larger: the centre was rounded. */
-    float reach = (float)(sphere->radius + 0x1p-22 * exact_largest(sphere->centre));
+    real reach = (real)(sphere->radius + 0x1p-22 * exact_largest(sphere->centre));
 
     out->bounds.min = vec3_sub(centre, vec3_splat(reach));
     out->bounds.max = vec3_add(centre, vec3_splat(reach));
     out->bounds.axis = vec3_make(0, 0, 1);
-    out->bounds.spread_rad = PI_F;
-    out->bounds.emission_rad = PI_F / 2;
+    out->bounds.spread_rad = REAL_PI;
+    out->bounds.emission_rad = REAL_PI / 2;
     out->bounds.reach = INFINITY;
     out->bounds.lamp = light->instance;
     out->bounds.two_sided = material->m.double_sided;

@@ -22,7 +22,7 @@ struct dvec3 {
 struct spherical_triangle {
     struct dvec3 a, b, c; /* from the point to the corners, metres */
     double la, lb, lc;    /* their lengths */
-    float solid_angle;    /* 0: seen edge-on, or the point is a corner */
+    real solid_angle;    /* 0: seen edge-on, or the point is a corner */
 };
 
 static inline struct dvec3 dvec3_between(struct vec3 from, struct vec3 to)
@@ -54,12 +54,12 @@ static inline struct dvec3 dvec3_mad(struct dvec3 a, struct dvec3 b, double s)
 
 static inline struct vec3 dvec3_rounded(struct dvec3 a, double length)
 {
-    return vec3_make((float)(a.x / length), (float)(a.y / length), (float)(a.z / length));
+    return vec3_make((real)(a.x / length), (real)(a.y / length), (real)(a.z / length));
 }
 
 /* Van Oosterom and Strackee 1983, by the edges: the triple product of three nearly parallel unit vectors
  * would cancel. */
-static inline float spherical_triangle_area(const struct spherical_triangle *t)
+static inline real spherical_triangle_area(const struct spherical_triangle *t)
 {
     double volume, rest;
 
@@ -67,14 +67,14 @@ static inline float spherical_triangle_area(const struct spherical_triangle *t)
         struct vec3 a = dvec3_rounded(t->a, t->la), b = dvec3_rounded(t->b, t->lb);
         struct vec3 c = dvec3_rounded(t->c, t->lc);
 
-        return 2 * det_atan2(fabsf(vec3_dot(a, vec3_cross(b, c))),
+        return 2 * real_atan2(real_abs(vec3_dot(a, vec3_cross(b, c))),
                              1 + vec3_dot(a, b) + vec3_dot(b, c) + vec3_dot(c, a));
     }
     volume = fabs(dvec3_dot(t->a, dvec3_cross(dvec3_sub(t->b, t->a), dvec3_sub(t->c, t->a))));
     rest = t->la * t->lb * t->lc + dvec3_dot(t->a, t->b) * t->lc + dvec3_dot(t->b, t->c) * t->la +
            dvec3_dot(t->c, t->a) * t->lb;
     return volume > 0 && isfinite(volume) && isfinite(rest)
-               ? 2 * det_atan2((float)volume, (float)rest)
+               ? 2 * real_atan2((real)volume, (real)rest)
                : 0;
 }
 
@@ -92,13 +92,13 @@ static inline void spherical_triangle_init(struct spherical_triangle *t, struct 
 
 /* A direction (unit) uniform in solid angle, density 1 / solid_angle. u, v in [0, 1). The map of
  * the square is continuous. 0: the triangle is too thin for double. */
-static inline int spherical_triangle_sample(const struct spherical_triangle *t, float u, float v,
+static inline int spherical_triangle_sample(const struct spherical_triangle *t, real u, real v,
                                             struct vec3 *direction)
 {
     struct dvec3 a = dvec3_scale(t->a, 1 / t->la), b = dvec3_scale(t->b, 1 / t->lb),
                  c = dvec3_scale(t->c, 1 / t->lc), to_c, to_b, normal, point, along;
     double scale, sin_alpha, cos_alpha, chord, sum, top, bottom, rise, x, length;
-    float sine, cosine;
+    real sine, cosine;
 
     /* The angle at a, between the planes (a, b) and (a, c): that of the tangents there. */
     to_b = dvec3_sub(b, a);
@@ -115,7 +115,7 @@ static inline int spherical_triangle_sample(const struct spherical_triangle *t, 
     cos_alpha = dvec3_dot(to_b, to_c) / scale;
 
     /* tan of half the arc from a to the sub-triangle's corner is top / bottom. */
-    det_sincos(0.5f * u * t->solid_angle, &sine, &cosine);
+    real_sincos(0.5f * u * t->solid_angle, &sine, &cosine);
     top = (double)sine;
     bottom = sqrt(chord / sum) * ((double)cosine * sin_alpha - (double)sine * cos_alpha);
     rise = top * top + bottom * bottom;
@@ -133,7 +133,7 @@ static inline int spherical_triangle_sample(const struct spherical_triangle *t, 
     x *= (double)v;
     point = dvec3_mad(dvec3_scale(b, 1 - x), along, length > 0 ? sqrt(x * (2 - x)) / length : 0);
     *direction =
-        vec3_normalize(vec3_make((float)point.x, (float)point.y, (float)point.z));
+        vec3_normalize(vec3_make((real)point.x, (real)point.y, (real)point.z));
     return !vec3_is_black(*direction);
 }
 

@@ -6,7 +6,7 @@
 struct spot_light {
     struct punctual base;
     enum scene_falloff falloff;
-    float cos_inner, cos_outer;
+    real cos_inner, cos_outer;
 };
 
 struct punctual *spot_light_new(const struct scene_light *light, const struct texture_image *image)
@@ -17,8 +17,8 @@ struct punctual *spot_light_new(const struct scene_light *light, const struct te
     if (!s)
         return NULL;
     s->falloff = light->falloff;
-    s->cos_inner = det_cos(light->inner_cone_rad);
-    s->cos_outer = det_cos(light->outer_cone_rad);
+    s->cos_inner = real_cos(light->inner_cone_rad);
+    s->cos_outer = real_cos(light->outer_cone_rad);
     return &s->base;
 }
 
@@ -26,36 +26,36 @@ void spot_light_weigh(const struct render_scene *scene, const void *light_,
                       struct light_weight *out)
 {
     const struct spot_light *light = light_;
-    float inner_rad = det_acos(light->cos_inner);
+    real inner_rad = real_acos(light->cos_inner);
 
     (void)scene;
     punctual_weigh(&light->base, 1, out);
     out->power = (double)vec3_luminance(light->base.intensity) * 2 * PI_D *
                  (1 - (double)light->cos_outer);
-    out->bounds.emission_rad = float_max(0, det_acos(light->cos_outer) - inner_rad);
+    out->bounds.emission_rad = real_max(0, real_acos(light->cos_outer) - inner_rad);
     punctual_narrow(&light->base, inner_rad, &out->bounds);
 }
 
-static float cone_falloff(const struct spot_light *light, float cos_angle)
+static real cone_falloff(const struct spot_light *light, real cos_angle)
 {
-    float span = light->cos_inner - light->cos_outer, fade;
+    real span = light->cos_inner - light->cos_outer, fade;
 
     if (light->falloff == FALLOFF_GLTF)
-        span = float_max(0.001f, span);
+        span = real_max(REAL(0.001), span);
     else if (!(span > 0))
         return cos_angle >= light->cos_outer ? 1 : 0;
-    fade = float_min(1, float_max(0, (cos_angle - light->cos_outer) / span));
+    fade = real_min(1, real_max(0, (cos_angle - light->cos_outer) / span));
     return light->falloff == FALLOFF_GLTF ? fade * fade : fade * fade * (3 - 2 * fade);
 }
 
 int spot_light_sample(const struct render_scene *scene, const void *light_,
-                      const struct light_context *context, float u, float v,
+                      const struct light_context *context, real u, real v,
                       struct light_sample *out)
 {
     const struct spot_light *light = light_;
     struct punctual_pose moved;
     const struct punctual_pose *pose = punctual_pose_at(&light->base, context->time, &moved);
-    float share;
+    real share;
 
     (void)scene, (void)u, (void)v;
     if (!punctual_arrive(&light->base, pose->position, context->p, out, &share))

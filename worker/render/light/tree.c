@@ -6,48 +6,48 @@
 
 /* Tolerance of the bounds against rounding: cosines and sines of angles near 0 are only accurate to
  * the root of float's precision. */
-#define COSINE_SLACK 1e-3f
+#define COSINE_SLACK REAL(1e-3)
 /* A light that may contribute keeps at least these odds in its pair: this bounds the weights of the
  * power heuristic, and one turn does not use up the numbers' resolution (2^-24). */
 #define PAIR_ODDS_MIN 0x1p-10f
 
-static inline float cosine_slack(void) { return SAFEGUARD(LIGHT_TREE_SLACK) ? COSINE_SLACK : 0; }
+static inline real cosine_slack(void) { return SAFEGUARD(LIGHT_TREE_SLACK) ? COSINE_SLACK : 0; }
 
-static inline float safe_sqrt(float x)
+static inline real safe_sqrt(real x)
 {
-    return x > 0 ? sqrtf(x) : 0;
+    return x > 0 ? real_sqrt(x) : 0;
 }
 
 /* cos and sin of max(0, a - b), of angles 0..pi. */
-static inline float cos_less(float sin_a, float cos_a, float sin_b, float cos_b)
+static inline real cos_less(real sin_a, real cos_a, real sin_b, real cos_b)
 {
     return cos_a >= cos_b ? 1 : cos_a * cos_b + sin_a * sin_b;
 }
 
-static inline float sin_less(float sin_a, float cos_a, float sin_b, float cos_b)
+static inline real sin_less(real sin_a, real cos_a, real sin_b, real cos_b)
 {
     return cos_a >= cos_b ? 0 : sin_a * cos_b - cos_a * sin_b;
 }
 
-static float importance(const struct light_node *node, struct vec3 p, struct vec3 n)
+static real importance(const struct light_node *node, struct vec3 p, struct vec3 n)
 {
     struct vec3 to_p = vec3_sub(p, node->centre);
-    float distance_squared = vec3_length_squared(to_p), distance;
-    float cos_axis, sin_axis, cos_ball, sin_ball, sin_free, cos_free, cosine;
+    real distance_squared = vec3_length_squared(to_p), distance;
+    real cos_axis, sin_axis, cos_ball, sin_ball, sin_free, cos_free, cosine;
 
     /* Inside the sphere, light may come from any direction and leave in any direction. */
-    if (distance_squared <= node->radius_squared || !(distance_squared > 1e-36f))
-        return node->intensity / float_max(node->radius_squared, 1e-36f);
+    if (distance_squared <= node->radius_squared || !(distance_squared > REAL(1e-36)))
+        return node->intensity / real_max(node->radius_squared, REAL(1e-36));
     if (distance_squared > node->reach_squared)
         return 0;
-    distance = sqrtf(distance_squared);
+    distance = real_sqrt(distance_squared);
     sin_ball = node->radius_squared / distance_squared;
     cos_ball = safe_sqrt(1 - sin_ball);
-    sin_ball = sqrtf(sin_ball);
+    sin_ball = real_sqrt(sin_ball);
 
     cos_axis = vec3_dot(to_p, node->axis) / distance;
     if (node->two_sided)
-        cos_axis = fabsf(cos_axis);
+        cos_axis = real_abs(cos_axis);
     sin_axis = safe_sqrt(1 - cos_axis * cos_axis);
     /* The smallest angle between the direction to p and a normal. */
     cos_free = cos_less(sin_axis, cos_axis, node->sin_spread, node->cos_spread);
@@ -55,34 +55,34 @@ static float importance(const struct light_node *node, struct vec3 p, struct vec
     cosine = cos_less(sin_free, cos_free, sin_ball, cos_ball);
     if (cosine < node->cos_emission - cosine_slack())
         return 0;
-    cosine = float_max(cosine, cosine_slack());
+    cosine = real_max(cosine, cosine_slack());
 
     if (!vec3_is_black(n)) {
-        float cos_p = -vec3_dot(to_p, n) / distance;
+        real cos_p = -vec3_dot(to_p, n) / distance;
 
         cos_p = cos_less(safe_sqrt(1 - cos_p * cos_p), cos_p, sin_ball, cos_ball);
         if (cos_p < -cosine_slack())
             return 0;
-        cosine *= float_max(cos_p, cosine_slack());
+        cosine *= real_max(cos_p, cosine_slack());
     }
     return node->intensity * cosine / distance_squared;
 }
 
-static inline float bounded_odds(float odds)
+static inline real bounded_odds(real odds)
 {
     if (!SAFEGUARD(LIGHT_TREE_ODDS))
         return odds;
-    return float_min(float_max(odds, PAIR_ODDS_MIN), 1 - PAIR_ODDS_MIN);
+    return real_min(real_max(odds, PAIR_ODDS_MIN), 1 - PAIR_ODDS_MIN);
 }
 
 /* Odds of the left of two siblings; negative: neither can contribute. */
-static float left_odds(const struct light_node *pair, struct vec3 p, struct vec3 n)
+static real left_odds(const struct light_node *pair, struct vec3 p, struct vec3 n)
 {
-    float left = importance(&pair[0], p, n), right = importance(&pair[1], p, n);
-    float sum = left + right;
+    real left = importance(&pair[0], p, n), right = importance(&pair[1], p, n);
+    real sum = left + right;
 
     if (!(sum > 0))
-        return (float)health_density(sum) - 1;
+        return (real)health_density(sum) - 1;
     if (!(left > 0))
         return 0;
     if (!(right > 0))
@@ -92,17 +92,17 @@ static float left_odds(const struct light_node *pair, struct vec3 p, struct vec3
     return bounded_odds(left / sum);
 }
 
-int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 n, float *u,
-                      float *v, uint32_t *item, float *odds)
+int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 n, real *u,
+                      real *v, uint32_t *item, real *odds)
 {
     const struct light_node *node = tree->nodes;
-    float *number = u, *other = v;
+    real *number = u, *other = v;
     uint32_t at;
 
     *odds = 1;
     while (node->leaf_count == 0) {
         const struct light_node *pair = &tree->nodes[node->first];
-        float left = left_odds(pair, p, n), *spent = number;
+        real left = left_odds(pair, p, n), *spent = number;
 
         if (left < 0)
             return 0;
@@ -132,17 +132,17 @@ int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 
     return 1;
 }
 
-float light_tree_odds(const struct light_tree *tree, struct vec3 p, struct vec3 n, uint32_t item)
+real light_tree_odds(const struct light_tree *tree, struct vec3 p, struct vec3 n, uint32_t item)
 {
     const struct light_node *node = tree->nodes;
     uint64_t trail;
-    float odds = 1;
+    real odds = 1;
 
     if (tree->node_count == 0 || !(tree->share[item] > 0))
         return 0;
     for (trail = tree->trail[item]; node->leaf_count == 0; trail >>= 1) {
         const struct light_node *pair = &tree->nodes[node->first];
-        float left = left_odds(pair, p, n);
+        real left = left_odds(pair, p, n);
 
         if (left < 0)
             return 0;

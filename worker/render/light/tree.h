@@ -26,39 +26,39 @@
 struct light_bounds {
     struct vec3 min, max;  /* its positions, over the whole shutter */
     struct vec3 axis;      /* unit; its normals lie within spread_rad of it */
-    float spread_rad;      /* 0..pi; pi: any normal */
-    float emission_rad;    /* it emits within this angle of a normal, 0..pi/2 */
-    float reach;           /* metres beyond which it contributes nothing; INFINITY: none */
-    float intensity;       /* W/sr in its main direction; 0: never chosen */
-    float area;            /* m^2, of a flat light; 0: it has no surface */
+    real spread_rad;      /* 0..pi; pi: any normal */
+    real emission_rad;    /* it emits within this angle of a normal, 0..pi/2 */
+    real reach;           /* metres beyond which it contributes nothing; INFINITY: none */
+    real intensity;       /* W/sr in its main direction; 0: never chosen */
+    real area;            /* m^2, of a flat light; 0: it has no surface */
     uint32_t lamp;         /* triangles of one flat light share a number */
     int two_sided;
 };
 
 static inline void light_bounds_add(struct light_bounds *b, struct vec3 p)
 {
-    b->min = vec3_make(float_min(b->min.x, p.x), float_min(b->min.y, p.y),
-                       float_min(b->min.z, p.z));
-    b->max = vec3_make(float_max(b->max.x, p.x), float_max(b->max.y, p.y),
-                       float_max(b->max.z, p.z));
+    b->min = vec3_make(real_min(b->min.x, p.x), real_min(b->min.y, p.y),
+                       real_min(b->min.z, p.z));
+    b->max = vec3_make(real_max(b->max.x, p.x), real_max(b->max.y, p.y),
+                       real_max(b->max.z, p.z));
 }
 
 /* The rest of a number in [0, 1) that fell into the part which begins at `start` and is `size`
  * long: as good as a new one. */
-static inline float light_rescaled(float number, float start, float size)
+static inline real light_rescaled(real number, real start, real size)
 {
-    float rescaled = float_max((number - start) / size, 0);
+    real rescaled = real_max((number - start) / size, 0);
 
-    return SAFEGUARD(LIGHT_RESCALED) ? float_min(rescaled, ONE_MINUS_EPSILON) : rescaled;
+    return SAFEGUARD(LIGHT_RESCALED) ? real_min(rescaled, REAL_BELOW_ONE) : rescaled;
 }
 
 struct light_node {
     struct vec3 centre;    /* of the bounding sphere */
-    float radius_squared;
+    real radius_squared;
     struct vec3 axis;
-    float cos_spread, sin_spread, cos_emission;
-    float reach_squared;   /* from the centre */
-    float intensity;       /* relative to the whole tree's */
+    real cos_spread, sin_spread, cos_emission;
+    real reach_squared;   /* from the centre */
+    real intensity;       /* relative to the whole tree's */
     uint32_t first;        /* the left child, the right one follows it; in a leaf: into `order` */
     uint16_t leaf_count;   /* 0: not a leaf */
     uint16_t two_sided;
@@ -69,8 +69,8 @@ struct light_tree {
     uint32_t node_count, item_count;
     uint32_t *order;          /* the lights in the order of the leaves */
     uint64_t *trail;          /* [item_count] the way to its leaf: bit k is the turn at depth k */
-    float *share_start;       /* [item_count] where its share of its leaf begins, and */
-    float *share;             /* how large it is; 0: not in any leaf */
+    real *share_start;       /* [item_count] where its share of its leaf begins, and */
+    real *share;             /* how large it is; 0: not in any leaf */
 };
 
 /* If no light has positive intensity, node_count is 0. */
@@ -80,9 +80,9 @@ void light_tree_release(struct light_tree *tree);
 
 /* Choose a light for point p with unit normal n (black: all sides). u and v, each in [0, 1), are
  * used in turns and returned rescaled. 0: no light reaches p. */
-int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 n, float *u,
-                      float *v, uint32_t *item, float *odds);
+int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 n, real *u,
+                      real *v, uint32_t *item, real *odds);
 /* The odds with which light_tree_choose chooses that light. */
-float light_tree_odds(const struct light_tree *tree, struct vec3 p, struct vec3 n, uint32_t item);
+real light_tree_odds(const struct light_tree *tree, struct vec3 p, struct vec3 n, uint32_t item);
 
 #endif

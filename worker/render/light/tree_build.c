@@ -25,27 +25,27 @@ enum {
 
 static int cone_is_full(const struct light_bounds *b)
 {
-    return b->spread_rad >= PI_F;
+    return b->spread_rad >= REAL_PI;
 }
 
 static void cone_fill(struct light_bounds *b)
 {
     b->axis = vec3_make(0, 0, 1);
-    b->spread_rad = PI_F;
+    b->spread_rad = REAL_PI;
 }
 
-static float angle_between(struct vec3 a, struct vec3 b)
+static real angle_between(struct vec3 a, struct vec3 b)
 {
     /* Kahan's formula: also accurate near 0 and pi, where the arc cosine is not. */
-    return 2 * det_atan2(vec3_length(vec3_sub(a, b)), vec3_length(vec3_add(a, b)));
+    return 2 * real_atan2(vec3_length(vec3_sub(a, b)), vec3_length(vec3_add(a, b)));
 }
 
 /* v turned about the unit axis k, perpendicular to it. */
-static struct vec3 turned(struct vec3 v, struct vec3 k, float angle)
+static struct vec3 turned(struct vec3 v, struct vec3 k, real angle)
 {
-    float sine, cosine;
+    real sine, cosine;
 
-    det_sincos(angle, &sine, &cosine);
+    real_sincos(angle, &sine, &cosine);
     return vec3_normalize(vec3_mad(vec3_scale(v, cosine), vec3_cross(k, v), sine));
 }
 
@@ -54,7 +54,7 @@ static struct vec3 turned(struct vec3 v, struct vec3 k, float angle)
 static void cone_grow(struct light_bounds *a, const struct light_bounds *b)
 {
     struct vec3 axis_b = b->axis, across;
-    float between, spread;
+    real between, spread;
 
     if (cone_is_full(a))
         return;
@@ -74,7 +74,7 @@ static void cone_grow(struct light_bounds *a, const struct light_bounds *b)
     }
     spread = 0.5f * (a->spread_rad + between + b->spread_rad);
     across = vec3_normalize(vec3_cross(a->axis, axis_b));
-    if (spread >= PI_F || vec3_is_black(across)) {
+    if (spread >= REAL_PI || vec3_is_black(across)) {
         cone_fill(a);
         return;
     }
@@ -84,12 +84,12 @@ static void cone_grow(struct light_bounds *a, const struct light_bounds *b)
 
 static struct vec3 vec3_lower(struct vec3 a, struct vec3 b)
 {
-    return vec3_make(float_min(a.x, b.x), float_min(a.y, b.y), float_min(a.z, b.z));
+    return vec3_make(real_min(a.x, b.x), real_min(a.y, b.y), real_min(a.z, b.z));
 }
 
 static struct vec3 vec3_upper(struct vec3 a, struct vec3 b)
 {
-    return vec3_make(float_max(a.x, b.x), float_max(a.y, b.y), float_max(a.z, b.z));
+    return vec3_make(real_max(a.x, b.x), real_max(a.y, b.y), real_max(a.z, b.z));
 }
 
 /* `cones`: also bound the normals; otherwise only what the coarse splits need. */
@@ -105,24 +105,24 @@ static void bounds_grow(struct light_bounds *a, const struct light_bounds *b, in
     if (!cones)
         return;
     cone_grow(a, b);
-    a->emission_rad = float_max(a->emission_rad, b->emission_rad);
-    a->reach = float_max(a->reach, b->reach);
+    a->emission_rad = real_max(a->emission_rad, b->emission_rad);
+    a->reach = real_max(a->reach, b->reach);
     a->two_sided |= b->two_sided;
     a->area += b->area;
 }
 
-static float component(struct vec3 v, int axis)
+static real component(struct vec3 v, int axis)
 {
     return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
 }
 
-static float centre_on(const struct light_bounds *b, int axis)
+static real centre_on(const struct light_bounds *b, int axis)
 {
     return 0.5f * component(b->min, axis) + 0.5f * component(b->max, axis);
 }
 
 /* Half the box's surface area; `least` keeps that of flat and straight sets above 0. */
-static float box_measure(const struct light_bounds *b, float least)
+static real box_measure(const struct light_bounds *b, real least)
 {
     struct vec3 d = vec3_add(vec3_sub(b->max, b->min), vec3_splat(least));
 
@@ -131,12 +131,12 @@ static float box_measure(const struct light_bounds *b, float least)
 
 /* Solid angle of the directions in which light may leave, weighted by the cosine beyond the
  * normals' cone (Conty Estevez and Kulla 2018, equation 1). */
-static float cone_measure(const struct light_bounds *b)
+static real cone_measure(const struct light_bounds *b)
 {
-    float o = b->spread_rad, w = float_min(o + b->emission_rad, PI_F);
+    real o = b->spread_rad, w = real_min(o + b->emission_rad, REAL_PI);
 
-    return 2 * PI_F * (1 - det_cos(o)) +
-           PI_F / 2 * (2 * w * det_sin(o) - det_cos(o - 2 * w) - 2 * o * det_sin(o) + det_cos(o));
+    return 2 * REAL_PI * (1 - real_cos(o)) +
+           REAL_PI / 2 * (2 * w * real_sin(o) - real_cos(o - 2 * w) - 2 * o * real_sin(o) + real_cos(o));
 }
 
 /* ---- building ---------------------------------------------------------------------------- */
@@ -144,23 +144,23 @@ static float cone_measure(const struct light_bounds *b)
 struct builder {
     struct light_tree *tree;
     const struct light_bounds *bounds;
-    float intensity_scale;
+    real intensity_scale;
 };
 
 struct split {
     int axis;
-    float low, scale; /* bucket = (centre - low) * scale */
+    real low, scale; /* bucket = (centre - low) * scale */
     int last_left;    /* the last bucket of the left side */
 };
 
-static int bucket_of(float centre, float low, float scale)
+static int bucket_of(real centre, real low, real scale)
 {
     int bucket = (int)((centre - low) * scale);
 
     return bucket < 0 ? 0 : bucket >= BUCKETS ? BUCKETS - 1 : bucket;
 }
 
-static float side_cost(const struct light_bounds *b, float least, int cones)
+static real side_cost(const struct light_bounds *b, real least, int cones)
 {
     return b->intensity > 0
                ? b->intensity * box_measure(b, least) * (cones ? cone_measure(b) : 1)
@@ -168,13 +168,13 @@ static float side_cost(const struct light_bounds *b, float least, int cones)
 }
 
 /* The cheapest split of the set on one axis; its cost, or infinity. */
-static float try_axis(const struct builder *b, const uint32_t *items, uint32_t count, int axis,
+static real try_axis(const struct builder *b, const uint32_t *items, uint32_t count, int axis,
                       struct vec3 low, struct vec3 high, int cones, struct split *out)
 {
     struct light_bounds buckets[BUCKETS] = {0}, side = {0};
     struct vec3 size = vec3_sub(high, low);
-    float longest = vec3_max(size), extent = component(size, axis), best = INFINITY;
-    float from_left[BUCKETS], scale = (float)BUCKETS / extent;
+    real longest = vec3_max(size), extent = component(size, axis), best = INFINITY;
+    real from_left[BUCKETS], scale = (real)BUCKETS / extent;
 
     if (!(extent > 0) || !isfinite(scale))
         return INFINITY;
@@ -187,15 +187,15 @@ static float try_axis(const struct builder *b, const uint32_t *items, uint32_t c
     for (int k = 0; k < BUCKETS; k++) {
         if (buckets[k].intensity > 0)
             bounds_grow(&side, &buckets[k], cones);
-        from_left[k] = side_cost(&side, 1e-3f * longest, cones);
+        from_left[k] = side_cost(&side, REAL(1e-3) * longest, cones);
     }
     memset(&side, 0, sizeof side);
     for (int k = BUCKETS - 1; k > 0; k--) {
-        float cost;
+        real cost;
 
         if (buckets[k].intensity > 0)
             bounds_grow(&side, &buckets[k], cones);
-        cost = (from_left[k - 1] + side_cost(&side, 1e-3f * longest, cones)) * (longest / extent);
+        cost = (from_left[k - 1] + side_cost(&side, REAL(1e-3) * longest, cones)) * (longest / extent);
         if (from_left[k - 1] > 0 && side.intensity > 0 && cost < best) {
             best = cost;
             *out = (struct split){axis, component(low, axis), scale, k - 1};
@@ -211,7 +211,7 @@ static uint32_t partition(const struct builder *b, uint32_t *items, uint32_t cou
     uint32_t left = 0;
 
     for (uint32_t i = 0; i < count; i++) {
-        float centre = centre_on(&b->bounds[items[i]], split->axis);
+        real centre = centre_on(&b->bounds[items[i]], split->axis);
 
         if (bucket_of(centre, split->low, split->scale) <= split->last_left) {
             uint32_t item = items[i];
@@ -226,7 +226,7 @@ static uint32_t split_items(const struct builder *b, uint32_t *items, uint32_t c
                             uint32_t depth)
 {
     struct vec3 low = vec3_splat(INFINITY), high = vec3_splat(-INFINITY), size;
-    float best = INFINITY;
+    real best = INFINITY;
     struct split split = {0};
     uint32_t left = 0;
     int cones = count <= COARSE_COUNT;
@@ -243,7 +243,7 @@ static uint32_t split_items(const struct builder *b, uint32_t *items, uint32_t c
     size = vec3_sub(high, low);
     for (int axis = 0; axis < 3; axis++) {
         struct split found = {0};
-        float cost;
+        real cost;
 
         if (!cones && component(size, axis) < vec3_max(size))
             continue;
@@ -274,13 +274,13 @@ static int is_one_lamp(const struct builder *b, const uint32_t *items, uint32_t 
         bounds_grow(&all, item, 1);
     }
     size = vec3_sub(all.max, all.min);
-    return all.spread_rad < 1e-3f &&
-           all.area >= LAMP_COVER_MIN * PI_F / 4 * vec3_length_squared(size);
+    return all.spread_rad < REAL(1e-3) &&
+           all.area >= LAMP_COVER_MIN * REAL_PI / 4 * vec3_length_squared(size);
 }
 
-static void node_set(struct light_node *node, const struct light_bounds *b, float intensity_scale)
+static void node_set(struct light_node *node, const struct light_bounds *b, real intensity_scale)
 {
-    float radius = 0.5f * vec3_length(vec3_sub(b->max, b->min)) * (1 + 0x1p-18f);
+    real radius = 0.5f * vec3_length(vec3_sub(b->max, b->min)) * (1 + 0x1p-18f);
 
     node->centre = vec3_lerp(b->min, b->max, 0.5f);
     node->radius_squared = radius * radius;
@@ -289,9 +289,9 @@ static void node_set(struct light_node *node, const struct light_bounds *b, floa
         node->cos_spread = -1;
         node->sin_spread = 0;
     } else {
-        det_sincos(b->spread_rad, &node->sin_spread, &node->cos_spread);
+        real_sincos(b->spread_rad, &node->sin_spread, &node->cos_spread);
     }
-    node->cos_emission = det_cos(b->emission_rad);
+    node->cos_emission = real_cos(b->emission_rad);
     node->reach_squared = (b->reach + radius) * (b->reach + radius) * (1 + 0x1p-18f);
     node->intensity = b->intensity * intensity_scale;
     node->two_sided = b->two_sided != 0;
@@ -302,12 +302,12 @@ static struct light_bounds leaf_set(const struct builder *b, struct light_node *
 {
     const uint32_t *items = b->tree->order + first;
     struct light_bounds all = {0};
-    float start = 0;
+    real start = 0;
 
     for (uint32_t i = 0; i < count; i++)
         bounds_grow(&all, &b->bounds[items[i]], 1);
     for (uint32_t i = 0; i < count; i++) {
-        float share = i + 1 < count ? b->bounds[items[i]].intensity / all.intensity : 1 - start;
+        real share = i + 1 < count ? b->bounds[items[i]].intensity / all.intensity : 1 - start;
 
         b->tree->trail[items[i]] = trail;
         b->tree->share_start[items[i]] = start;
@@ -371,7 +371,7 @@ status light_tree_init(struct light_tree *tree, const struct light_bounds *bound
     for (uint32_t i = 0, at = 0; i < count; i++)
         if (bounds[i].intensity > 0)
             tree->order[at++] = i;
-    b.intensity_scale = (float)(1 / total);
+    b.intensity_scale = (real)(1 / total);
     tree->node_count = 1;
     (void)build(&b, 0, 0, lit, 0, 0);
     return STATUS_OK;

@@ -8,17 +8,17 @@
 #include "worker/render/world.h"
 
 /* A lower bound of the distance to the nearest edge: see surface_inset. */
-static float triangle_inset(float b1, float b2, float double_area, struct vec3 e1, struct vec3 e2)
+static real triangle_inset(real b1, real b2, real double_area, struct vec3 e1, struct vec3 e2)
 {
-    float a = vec3_dot(e1, e1), b = vec3_dot(e2, e2);
-    float c = vec3_length_squared(vec3_sub(e1, e2));
+    real a = vec3_dot(e1, e1), b = vec3_dot(e2, e2);
+    real c = vec3_length_squared(vec3_sub(e1, e2));
 
-    return float_min(b1, float_min(b2, 1 - b1 - b2)) * double_area /
-           sqrtf(float_max(a, float_max(b, c)));
+    return real_min(b1, real_min(b2, 1 - b1 - b2)) * double_area /
+           real_sqrt(real_max(a, real_max(b, c)));
 }
 
 /* Heitz 2019's low-distortion map of the square onto a triangle. */
-static void triangle_point(float u, float v, float *b1, float *b2)
+static void triangle_point(real u, real v, real *b1, real *b2)
 {
     if (v > u) {
         *b1 = 0.5f * u;
@@ -34,13 +34,13 @@ struct triangle_place {
     const struct world_mesh *mesh;
     const struct world_material *material;
     const uint32_t *vertex;
-    float b1, b2;
+    real b1, b2;
 };
 
 /* What a BSDF ray meets only some of the time sends only that share. */
 static struct vec3 triangle_covered(const struct triangle_place *at, struct vec3 radiance)
 {
-    float alpha;
+    real alpha;
 
     if (!HAS(ALPHA) || !(at->material->flags & MATERIAL_ALPHA))
         return radiance;
@@ -48,11 +48,11 @@ static struct vec3 triangle_covered(const struct triangle_place *at, struct vec3
     alpha = world_alpha(at->material, at->mesh, at->vertex, at->b1, at->b2);
     if (at->material->m.alpha_mode == ALPHA_MASK)
         alpha = alpha >= at->material->m.alpha_cutoff ? 1 : 0;
-    return vec3_scale(radiance, float_min(1, float_max(0, alpha)));
+    return vec3_scale(radiance, real_min(1, real_max(0, alpha)));
 }
 
 int triangle_light_sample(const struct render_scene *scene, const void *light_,
-                          const struct light_context *context, float u, float v,
+                          const struct light_context *context, real u, real v,
                           struct light_sample *out)
 {
     const struct hit *light = light_;
@@ -60,7 +60,7 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_,
     struct triangle_place at = {.mesh = &scene->meshes[instance->mesh],
                             .material = &scene->materials[instance->material]};
     struct vec3 corner[3], e1, e2, normal, point, to_light;
-    float double_area, cosine, distance_squared;
+    real double_area, cosine, distance_squared;
     struct light_meeting met;
 
     world_triangle(scene, instance, light->triangle, context->time, corner);
@@ -79,9 +79,9 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_,
     distance_squared = vec3_length_squared(to_light);
     if (!light_is_apart(distance_squared))
         return health_distance(distance_squared);
-    out->distance = sqrtf(distance_squared);
+    out->distance = real_sqrt(distance_squared);
     out->direction = vec3_scale(to_light, 1 / out->distance);
-    cosine = fabsf(vec3_dot(normal, out->direction));
+    cosine = real_abs(vec3_dot(normal, out->direction));
     out->on_face = 1;
     out->face = *light;
     out->cosine = cosine;
@@ -98,7 +98,7 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_,
     return 1;
 }
 
-float triangle_light_pdf(const struct render_scene *scene, const void *light,
+real triangle_light_pdf(const struct render_scene *scene, const void *light,
                          const struct light_context *context, const struct light_meeting *met)
 {
     (void)scene;

@@ -16,16 +16,16 @@ enum { TEXELS_A_SIDE = 1024, PATTERN_MIN = 4, PATTERN_MAX = 48 };
 static uint32_t pattern_side(const struct world_slot *slot, const struct world_mesh *mesh,
                              const uint32_t vertex[3])
 {
-    const float *uv = mesh->uv[slot->uv_set];
-    float longest = 0, side;
+    const float32 *uv = mesh->uv[slot->uv_set];
+    real longest = 0, side;
 
     for (int k = 0; uv && k < 3; k++)
         for (int axis = 0; axis < 2; axis++) {
-            const float *a = uv + 2 * (size_t)vertex[k], *b = uv + 2 * (size_t)vertex[(k + 1) % 3];
-            float du = b[0] - a[0], dv = b[1] - a[1];
+            const float32 *a = uv + 2 * (size_t)vertex[k], *b = uv + 2 * (size_t)vertex[(k + 1) % 3];
+            real du = b[0] - a[0], dv = b[1] - a[1];
 
-            longest = float_max(longest,
-                                fabsf(slot->m[axis][0] * du + slot->m[axis][1] * dv));
+            longest = real_max(longest,
+                                real_abs(slot->m[axis][0] * du + slot->m[axis][1] * dv));
         }
     side = longest * TEXELS_A_SIDE;
     return side >= PATTERN_MAX ? PATTERN_MAX : side > PATTERN_MIN ? (uint32_t)side : PATTERN_MIN;
@@ -45,8 +45,8 @@ static double triangle_luminance(const struct world_material *material,
     side = pattern_side(&material->emission, mesh, vertex);
     for (uint32_t i = 0; i < side; i++)
         for (uint32_t j = 0; j < side - i; j++, n++) {
-            float b1 = ((float)i + 1.0f / 3) / (float)side;
-            float b2 = ((float)j + 1.0f / 3) / (float)side;
+            real b1 = ((real)i + 1.0f / 3) / (real)side;
+            real b2 = ((real)j + 1.0f / 3) / (real)side;
 
             sum += (double)vec3_luminance(world_emission(material, mesh, vertex, b1, b2));
         }
@@ -67,7 +67,7 @@ static struct vec3 crossed(const struct vec3 a[3], const struct vec3 b[3])
 static void cone_add_normal(struct light_bounds *b, struct vec3 doubled)
 {
     struct vec3 normal = vec3_normalize(doubled);
-    float cosine;
+    real cosine;
 
     if (vec3_is_black(normal))
         return;
@@ -76,22 +76,22 @@ static void cone_add_normal(struct light_bounds *b, struct vec3 doubled)
         return;
     }
     cosine = vec3_dot(b->axis, normal);
-    b->spread_rad = float_max(b->spread_rad, cosine >= 1 - 1e-6f ? 0 : det_acos(cosine) + 1e-3f);
+    b->spread_rad = real_max(b->spread_rad, cosine >= 1 - REAL(1e-6) ? 0 : real_acos(cosine) + REAL(1e-3));
 }
 
 /* Where a triangle is and which way it faces while the shutter is open; its largest area. */
-static float triangle_bounds(const struct render_scene *scene,
+static real triangle_bounds(const struct render_scene *scene,
                              const struct world_instance *instance, uint32_t triangle,
                              struct light_bounds *b)
 {
     uint32_t steps = instance->motion_steps > 1 ? instance->motion_steps : 1;
-    float sign = instance->flipped ? -1.0f : 1.0f, doubled_area = 0;
+    real sign = instance->flipped ? -1.0f : 1.0f, doubled_area = 0;
     struct vec3 before[3] = {{0, 0, 0}};
 
     b->min = vec3_splat(INFINITY);
     b->max = vec3_splat(-INFINITY);
     for (uint32_t k = 0; k < steps; k++) {
-        float time = steps > 1 ? (float)k / (float)(steps - 1) : 0;
+        real time = steps > 1 ? (real)k / (real)(steps - 1) : 0;
         struct vec3 corner[3], doubled;
 
         world_triangle(scene, instance, triangle, time, corner);
@@ -102,11 +102,11 @@ static float triangle_bounds(const struct render_scene *scene,
         if (k > 0)
             cone_add_normal(b, vec3_scale(vec3_add(crossed(before, corner),
                                                    crossed(corner, before)), sign));
-        doubled_area = float_max(doubled_area, triangle_double_area(doubled));
+        doubled_area = real_max(doubled_area, triangle_double_area(doubled));
         memcpy(before, corner, sizeof before);
     }
-    if (b->spread_rad >= PI_F / 2)
-        b->spread_rad = PI_F;
+    if (b->spread_rad >= REAL_PI / 2)
+        b->spread_rad = REAL_PI;
     return 0.5f * doubled_area;
 }
 
@@ -120,7 +120,7 @@ void triangle_light_weigh(const struct render_scene *scene, const void *light_,
     struct light_bounds *b = &out->bounds;
 
     b->area = triangle_bounds(scene, instance, light->triangle, b);
-    b->emission_rad = PI_F / 2;
+    b->emission_rad = REAL_PI / 2;
     b->reach = INFINITY;
     b->lamp = light->instance;
     b->two_sided = material->m.double_sided;

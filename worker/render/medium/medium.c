@@ -11,28 +11,28 @@
 /* Below this transmittance, ratio tracking plays Russian roulette. */
 #define MEDIUM_ROULETTE_BELOW 0.0625f
 
-static float medium_next(struct medium_random *random)
+static real medium_next(struct medium_random *random)
 {
     return sampler_hash(random->sampler, random->key, random->drawn++);
 }
 
 /* Optical depth of the next collision: exponentially distributed, for u in [0,1). */
-static float medium_depth_of(float u)
+static real medium_depth_of(real u)
 {
-    return -det_log(1.0f - u);
+    return -real_log(1.0f - u);
 }
 
 /* Choose one of the three channels with equal probability; *u becomes a new number in [0,1). */
-static int medium_channel(float *u)
+static int medium_channel(real *u)
 {
-    float scaled = *u * 3.0f;
+    real scaled = *u * 3.0f;
     int channel = scaled < 1.0f ? 0 : scaled < 2.0f ? 1 : 2;
 
-    *u = float_min(scaled - (float)channel, ONE_MINUS_EPSILON);
+    *u = real_min(scaled - (real)channel, REAL_BELOW_ONE);
     return channel;
 }
 
-static struct vec3 medium_vec(const float x[3])
+static struct vec3 medium_vec(const real x[3])
 {
     return (struct vec3){x[0], x[1], x[2]};
 }
@@ -40,33 +40,33 @@ static struct vec3 medium_vec(const float x[3])
 /* ---- homogeneous -------------------------------------------------------------------------- */
 
 /* exp(-extinction * metres). Extinction 0 loses nothing, at any distance. */
-static float medium_beer(float extinction, float metres)
+static real medium_beer(real extinction, real metres)
 {
-    return extinction > 0.0f || !SAFEGUARD(MEDIUM_CLEAR) ? det_exp(-extinction * metres) : 1.0f;
+    return extinction > 0.0f || !SAFEGUARD(MEDIUM_CLEAR) ? real_exp(-extinction * metres) : 1.0f;
 }
 
 /* Integral of exp(-extinction t) from 0 to `metres`. An infinite segment without extinction would
  * emit infinitely; it counts as 0. */
-static float medium_beer_integral(float extinction, float metres)
+static real medium_beer_integral(real extinction, real metres)
 {
     double depth = (double)extinction * (double)metres;
 
     if (!SAFEGUARD(MEDIUM_THIN))
-        return (1.0f - det_exp(-extinction * metres)) / extinction;
+        return (1.0f - real_exp(-extinction * metres)) / extinction;
     if (!(metres < INFINITY))
         return extinction > 0.0f ? 1.0f / extinction : 0.0f;
     if (depth < 1e-5)
-        return (float)((double)metres * (1.0 - 0.5 * depth));
-    return (float)((1.0 - det_exp_d(-depth)) / (double)extinction);
+        return (real)((double)metres * (1.0 - 0.5 * depth));
+    return (real)((1.0 - det_exp_d(-depth)) / (double)extinction);
 }
 
-static struct vec3 medium_homogeneous_emission(const struct world_medium *medium, float metres)
+static struct vec3 medium_homogeneous_emission(const struct world_medium *medium, real metres)
 {
-    float sum[3];
+    real sum[3];
 
     for (int c = 0; c < 3; c++)
         sum[c] = medium->emission[c] > 0.0f
-                     ? float_min(medium->emission[c] *
+                     ? real_min(medium->emission[c] *
                                      medium_beer_integral(medium->extinction[c], metres),
                                  MEDIUM_RADIANCE_MAX)
                      : 0.0f;
@@ -76,23 +76,23 @@ static struct vec3 medium_homogeneous_emission(const struct world_medium *medium
 /* The free path of a uniformly chosen channel. The balance heuristic divides by the mean of the
  * three channels' densities, so no weight exceeds 3. The densities are relative to the chosen
  * channel's, whose optical depth is below 17, so none overflows or underflows. */
-static void medium_sample_homogeneous(const struct world_medium *medium, float t_max, float u,
+static void medium_sample_homogeneous(const struct world_medium *medium, real t_max, real u,
                                       struct medium_event *out)
 {
     int chosen = medium->chromatic ? medium_channel(&u) : 0;
-    float extinction = medium->extinction[chosen];
-    float distance = extinction > 0.0f ? medium_depth_of(u) / extinction : INFINITY;
-    float part[3], weight[3], mean = 0.0f;
+    real extinction = medium->extinction[chosen];
+    real distance = extinction > 0.0f ? medium_depth_of(u) / extinction : INFINITY;
+    real part[3], weight[3], mean = 0.0f;
 
     out->scattered = distance < t_max;
     out->distance = out->scattered ? distance : t_max;
     for (int c = 0; c < 3; c++) {
-        float difference = medium->extinction[c] - extinction;
+        real difference = medium->extinction[c] - extinction;
 
-        part[c] = difference != 0.0f ? det_exp(-difference * out->distance) : 1.0f;
+        part[c] = difference != 0.0f ? real_exp(-difference * out->distance) : 1.0f;
         mean += out->scattered ? part[c] * medium->extinction[c] : part[c];
     }
-    mean *= 1.0f / 3.0f;
+    mean *= 1.0f / REAL(3.0);
     for (int c = 0; c < 3; c++)
         weight[c] = (out->scattered ? part[c] * medium->scattering[c] : part[c]) / mean;
     out->weight = medium_vec(weight);
@@ -104,13 +104,13 @@ static void medium_sample_homogeneous(const struct world_medium *medium, float t
 struct medium_walk {
     const struct world_medium *medium;
     struct vec3 origin, direction;    /* in cells, per metre */
-    float t, until, end;              /* metres: now, end of the block, end of the walk */
+    real t, until, end;              /* metres: now, end of the block, end of the walk */
     int32_t block[3];
-    float majorant;                   /* density, of the block */
+    real majorant;                   /* density, of the block */
     uint32_t steps;
 };
 
-static float medium_component(struct vec3 v, int axis)
+static real medium_component(struct vec3 v, int axis)
 {
     return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
 }
@@ -119,16 +119,16 @@ static float medium_component(struct vec3 v, int axis)
 static void medium_walk_enter(struct medium_walk *walk)
 {
     const struct world_medium *medium = walk->medium;
-    float until = walk->end;
+    real until = walk->end;
 
     for (int axis = 0; axis < 3; axis++) {
-        float d = medium_component(walk->direction, axis);
+        real d = medium_component(walk->direction, axis);
         int32_t plane = (walk->block[axis] + (d > 0.0f)) * MEDIUM_BLOCK_SIDE;
 
         if (d != 0.0f)
-            until = float_min(((float)plane - medium_component(walk->origin, axis)) / d, until);
+            until = real_min(((real)plane - medium_component(walk->origin, axis)) / d, until);
     }
-    walk->until = float_max(until, walk->t);
+    walk->until = real_max(until, walk->t);
     walk->majorant = medium->block_max[((size_t)walk->block[2] * medium->blocks[1] +
                                         (size_t)walk->block[1]) *
                                            medium->blocks[0] +
@@ -140,18 +140,18 @@ static void medium_walk_enter(struct medium_walk *walk)
 static int medium_walk_next(struct medium_walk *walk)
 {
     const struct world_medium *medium = walk->medium;
-    float nearest = INFINITY;
-    float at[3];
+    real nearest = INFINITY;
+    real at[3];
     int stepped = -1;
 
     if (!(walk->until < walk->end))
         return 0;
     walk->t = walk->until;
     for (int axis = 0; axis < 3; axis++) {
-        float d = medium_component(walk->direction, axis);
+        real d = medium_component(walk->direction, axis);
         int32_t plane = (walk->block[axis] + (d > 0.0f)) * MEDIUM_BLOCK_SIDE;
 
-        at[axis] = d != 0.0f ? ((float)plane - medium_component(walk->origin, axis)) / d
+        at[axis] = d != 0.0f ? ((real)plane - medium_component(walk->origin, axis)) / d
                              : INFINITY;
         if (at[axis] < nearest) {
             nearest = at[axis];
@@ -177,8 +177,8 @@ static int medium_walk_start(struct medium_walk *walk, const struct world_medium
     walk->direction = transform_vector(&medium->to_cells, ray->direction);
     walk->end = ray->t_max;
     for (int axis = 0; axis < 3; axis++) {
-        float o = medium_component(walk->origin, axis), size = (float)medium->size[axis];
-        float d = medium_component(walk->direction, axis), enter, leave;
+        real o = medium_component(walk->origin, axis), size = (real)medium->size[axis];
+        real d = medium_component(walk->direction, axis), enter, leave;
 
         if (d == 0.0f && SAFEGUARD(GRID_AXIS)) {
             if (!(o >= 0.0f && o <= size))
@@ -187,18 +187,18 @@ static int medium_walk_start(struct medium_walk *walk, const struct world_medium
         }
         enter = ((d > 0.0f ? 0.0f : size) - o) / d;
         leave = ((d > 0.0f ? size : 0.0f) - o) / d;
-        walk->t = float_max(enter, walk->t);
-        walk->end = float_min(leave, walk->end);
+        walk->t = real_max(enter, walk->t);
+        walk->end = real_min(leave, walk->end);
     }
     if (!(walk->t < walk->end) || !(walk->end < INFINITY))
         return 0;
     for (int axis = 0; axis < 3; axis++) {
-        float p = medium_component(walk->origin, axis) +
+        real p = medium_component(walk->origin, axis) +
                   walk->t * medium_component(walk->direction, axis);
         int32_t last = (int32_t)medium->blocks[axis] - 1;
 
         p *= 1.0f / MEDIUM_BLOCK_SIDE;
-        walk->block[axis] = p > 0.0f ? p < (float)last ? (int32_t)p : last : 0;
+        walk->block[axis] = p > 0.0f ? p < (real)last ? (int32_t)p : last : 0;
     }
     medium_walk_enter(walk);
     return 1;
@@ -206,14 +206,14 @@ static int medium_walk_start(struct medium_walk *walk, const struct world_medium
 
 /* Continue to the next tentative collision. `*depth` (optical depth for `rate` per density) is used
  * up from block to block. 0: the walk has ended. */
-static int medium_walk_collide(struct medium_walk *walk, float rate, float *depth)
+static int medium_walk_collide(struct medium_walk *walk, real rate, real *depth)
 {
     for (;;) {
-        float majorant = rate * walk->majorant;
-        float room = walk->until - walk->t;
+        real majorant = rate * walk->majorant;
+        real room = walk->until - walk->t;
 
         if (majorant * room > *depth) {
-            walk->t = float_min(walk->t + *depth / majorant, walk->until);
+            walk->t = real_min(walk->t + *depth / majorant, walk->until);
             walk->steps++;
             return 1;
         }
@@ -223,27 +223,27 @@ static int medium_walk_collide(struct medium_walk *walk, float rate, float *dept
     }
 }
 
-static float medium_lerp(float a, float b, float t)
+static real medium_lerp(real a, real b, real t)
 {
     return a + (b - a) * t;
 }
 
 /* The density at the walk's position over the block's majorant, 0..1. Trilinear between the cells'
  * centres; within half a cell of the box's sides, the value of the outermost cells. */
-static float medium_walk_density(const struct medium_walk *walk)
+static real medium_walk_density(const struct medium_walk *walk)
 {
     const struct world_medium *medium = walk->medium;
     size_t low[3], high[3];
-    float part[3], row[4];
+    real part[3], row[4];
 
     for (int axis = 0; axis < 3; axis++) {
-        float p = medium_component(walk->origin, axis) +
+        real p = medium_component(walk->origin, axis) +
                   walk->t * medium_component(walk->direction, axis) - 0.5f;
-        float last = (float)(medium->size[axis] - 1);
-        float whole;
+        real last = (real)(medium->size[axis] - 1);
+        real whole;
 
-        p = p > 0.0f ? float_min(p, last) : 0.0f;
-        whole = (float)(int32_t)p;
+        p = p > 0.0f ? real_min(p, last) : 0.0f;
+        whole = (real)(int32_t)p;
         part[axis] = p - whole;
         low[axis] = (size_t)whole;
         high[axis] = low[axis] + (whole < last);
@@ -258,7 +258,7 @@ static float medium_walk_density(const struct medium_walk *walk)
     row[0] = medium_lerp(medium_lerp(row[0], row[1], part[1]),
                          medium_lerp(row[2], row[3], part[1]), part[2]);
     /* Rounding may make either larger than the other. */
-    return float_min(row[0] / walk->majorant, 1.0f);
+    return real_min(row[0] / walk->majorant, 1.0f);
 }
 
 /* ---- grids: tracking ---------------------------------------------------------------------- */
@@ -266,29 +266,29 @@ static float medium_walk_density(const struct medium_walk *walk)
 /* Delta tracking with one channel's probabilities. `through` holds, for all three channels, the
  * products of the null collisions' probabilities. The majorant's part is common to them and
  * cancels, so with the balance heuristic no weight exceeds 3 (Miller et al. 2019, section 5). */
-static void medium_sample_grid(const struct world_medium *medium, const struct ray *ray, float u,
+static void medium_sample_grid(const struct world_medium *medium, const struct ray *ray, real u,
                                struct medium_random *random, struct medium_event *out)
 {
     int chosen = medium->chromatic ? medium_channel(&u) : 0;
-    float rate = medium->emits ? medium->glow_rate : medium->extinction_max;
-    float through[3] = {1, 1, 1}, emitted[3] = {0, 0, 0};
-    float depth = medium_depth_of(u);
+    real rate = medium->emits ? medium->glow_rate : medium->extinction_max;
+    real through[3] = {1, 1, 1}, emitted[3] = {0, 0, 0};
+    real depth = medium_depth_of(u);
     struct medium_walk walk;
 
     out->scattered = 0;
     if (medium_walk_start(&walk, medium, ray))
         while (!out->scattered && medium_walk_collide(&walk, rate, &depth)) {
-            float density = medium_walk_density(&walk), mean, most = 0.0f;
+            real density = medium_walk_density(&walk), mean, most = 0.0f;
 
             if (walk.steps >= MEDIUM_STEPS_MAX) {
                 health_note(HEALTH_GUARDED_PATHS);
                 through[0] = through[1] = through[2] = 0.0f;
                 break;
             }
-            mean = (through[0] + through[1] + through[2]) * (1.0f / 3.0f);
+            mean = (through[0] + through[1] + through[2]) * (1.0f / REAL(3.0));
             if (medium->emits)
                 for (int c = 0; c < 3; c++)
-                    emitted[c] = float_min(emitted[c] + through[c] / mean * density *
+                    emitted[c] = real_min(emitted[c] + through[c] / mean * density *
                                                             medium->glow[c],
                                            MEDIUM_RADIANCE_MAX);
             density /= rate;
@@ -297,8 +297,8 @@ static void medium_sample_grid(const struct world_medium *medium, const struct r
                 break;
             }
             for (int c = 0; c < 3; c++) {
-                through[c] *= float_max(1.0f - medium->extinction[c] * density, 0.0f);
-                most = float_max(through[c], most);
+                through[c] *= real_max(1.0f - medium->extinction[c] * density, 0.0f);
+                most = real_max(through[c], most);
             }
             /* Only their ratios matter: a long walk must not underflow. */
             for (int c = 0; c < 3; c++)
@@ -307,11 +307,11 @@ static void medium_sample_grid(const struct world_medium *medium, const struct r
         }
     out->distance = out->scattered ? walk.t : ray->t_max;
     {
-        float weight[3], mean = 0.0f;
+        real weight[3], mean = 0.0f;
 
         for (int c = 0; c < 3; c++)
             mean += (out->scattered ? medium->extinction[c] : 1.0f) * through[c];
-        mean *= 1.0f / 3.0f;
+        mean *= 1.0f / REAL(3.0);
         for (int c = 0; c < 3; c++)
             weight[c] = mean > 0.0f ? (out->scattered ? medium->scattering[c] : 1.0f) *
                                           through[c] / mean
@@ -323,17 +323,17 @@ static void medium_sample_grid(const struct world_medium *medium, const struct r
 
 /* Ratio tracking. Adds what the segment emits unless `emitted` is NULL. */
 static struct vec3 medium_ratio_track(const struct world_medium *medium, const struct ray *ray,
-                                      float u, struct medium_random *random, float *emitted)
+                                      real u, struct medium_random *random, real *emitted)
 {
-    float rate = emitted ? medium->glow_rate : medium->extinction_max;
-    float through[3] = {1, 1, 1}, most = 1.0f;
-    float depth = medium_depth_of(u);
+    real rate = emitted ? medium->glow_rate : medium->extinction_max;
+    real through[3] = {1, 1, 1}, most = 1.0f;
+    real depth = medium_depth_of(u);
     struct medium_walk walk;
 
     if (!medium_walk_start(&walk, medium, ray))
         return medium_vec(through);
     while (most > 0.0f && medium_walk_collide(&walk, rate, &depth)) {
-        float density = medium_walk_density(&walk);
+        real density = medium_walk_density(&walk);
 
         if (walk.steps >= MEDIUM_STEPS_MAX) {
             health_note(HEALTH_GUARDED_PATHS);
@@ -342,13 +342,13 @@ static struct vec3 medium_ratio_track(const struct world_medium *medium, const s
         most = 0.0f;
         for (int c = 0; c < 3; c++) {
             if (emitted)
-                emitted[c] = float_min(emitted[c] + through[c] * density * medium->glow[c],
+                emitted[c] = real_min(emitted[c] + through[c] * density * medium->glow[c],
                                        MEDIUM_RADIANCE_MAX);
-            through[c] *= float_max(1.0f - medium->extinction[c] * density / rate, 0.0f);
-            most = float_max(through[c], most);
+            through[c] *= real_max(1.0f - medium->extinction[c] * density / rate, 0.0f);
+            most = real_max(through[c], most);
         }
         if (most < MEDIUM_ROULETTE_BELOW) {
-            float factor = medium_next(random) < 0.5f ? 2.0f : 0.0f;
+            real factor = medium_next(random) < 0.5f ? 2.0f : 0.0f;
 
             for (int c = 0; c < 3; c++)
                 through[c] *= factor;
@@ -361,14 +361,14 @@ static struct vec3 medium_ratio_track(const struct world_medium *medium, const s
 
 /* ---- what paths call ----------------------------------------------------------------------- */
 
-void medium_sample(const struct world_medium *medium, const struct ray *ray, float first,
+void medium_sample(const struct world_medium *medium, const struct ray *ray, real first,
                    struct medium_random *random, struct medium_event *out)
 {
-    float t_max = ray->t_max > 0.0f ? ray->t_max : 0.0f;
+    real t_max = ray->t_max > 0.0f ? ray->t_max : 0.0f;
 
     out->emitted = (struct vec3){0, 0, 0};
     if (medium->size[0]) {
-        float emitted[3] = {0, 0, 0};
+        real emitted[3] = {0, 0, 0};
 
         PROFILE_EFFECT(MEDIUM_GRID);
         if (medium->scatters) {
@@ -397,7 +397,7 @@ void medium_sample(const struct world_medium *medium, const struct ray *ray, flo
 struct vec3 medium_transmittance(const struct world_medium *medium, const struct ray *ray,
                                  struct medium_random *random)
 {
-    float t_max = ray->t_max > 0.0f ? ray->t_max : 0.0f;
+    real t_max = ray->t_max > 0.0f ? ray->t_max : 0.0f;
 
     if (medium->size[0]) {
         PROFILE_EFFECT(MEDIUM_GRID);
@@ -409,7 +409,7 @@ struct vec3 medium_transmittance(const struct world_medium *medium, const struct
 }
 
 /* 1 + g^2 - 2 g cos, as a sum of two terms >= 0, so that it does not cancel where it is smallest. */
-static float medium_phase_base(float strength, float near_one, float along)
+static real medium_phase_base(real strength, real near_one, real along)
 {
     if (!SAFEGUARD(MEDIUM_PHASE))
         return 1.0f + strength * strength - 2.0f * strength * along;
@@ -417,15 +417,15 @@ static float medium_phase_base(float strength, float near_one, float along)
 }
 
 /* Henyey & Greenstein 1941. */
-float medium_phase(const struct world_medium *medium, float cosine)
+real medium_phase(const struct world_medium *medium, real cosine)
 {
-    float strength = fabsf(medium->g);
-    float along = medium->g < 0.0f ? -cosine : cosine;
-    float near_one = 1.0f - strength, d;
+    real strength = real_abs(medium->g);
+    real along = medium->g < 0.0f ? -cosine : cosine;
+    real near_one = 1.0f - strength, d;
 
-    along = along < -1.0f ? -1.0f : float_min(along, 1.0f);
+    along = along < -1.0f ? -1.0f : real_min(along, 1.0f);
     d = medium_phase_base(strength, near_one, along);
-    return near_one * (1.0f + strength) / (d * sqrtf(d)) * (0.25f * INV_PI_F);
+    return near_one * (1.0f + strength) / (d * real_sqrt(d)) * (0.25f * REAL_INV_PI);
 }
 
 /* The inverse of the cumulative distribution with 1 / g factored out: at g = 0 it is 2 u - 1
@@ -438,13 +438,13 @@ static double medium_phase_cosine(double g, double u)
     return cosine < -1.0 ? -1.0 : cosine > 1.0 ? 1.0 : cosine;
 }
 
-struct vec3 medium_phase_sample(const struct world_medium *medium, struct vec3 direction, float u,
-                                float v)
+struct vec3 medium_phase_sample(const struct world_medium *medium, struct vec3 direction, real u,
+                                real v)
 {
     double cosine = medium_phase_cosine((double)medium->g, (double)u);
-    float sine = (float)sqrt((1.0 - cosine) * (1.0 + cosine)), s, c;
+    real sine = (real)sqrt((1.0 - cosine) * (1.0 + cosine)), s, c;
     struct basis frame = basis_from_normal(direction);
 
-    det_sincos(2.0f * PI_F * v, &s, &c);
-    return vec3_normalize(basis_to_world(&frame, (struct vec3){sine * c, sine * s, (float)cosine}));
+    real_sincos(2.0f * REAL_PI * v, &s, &c);
+    return vec3_normalize(basis_to_world(&frame, (struct vec3){sine * c, sine * s, (real)cosine}));
 }

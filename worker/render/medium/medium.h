@@ -25,7 +25,7 @@ struct medium_random {
 
 struct medium_event {
     int scattered;          /* 1: at `distance`; 0: the ray reached t_max */
-    float distance;         /* metres */
+    real distance;         /* metres */
     struct vec3 weight;     /* throughput of the segment: transmittance (times the scattering
                                coefficient) over the density of this event */
     struct vec3 emitted;    /* radiance that the segment adds, before `weight`: all of it up to
@@ -44,7 +44,7 @@ int medium_scatters(const struct world_medium *medium);
 
 /* Where along the ray, up to ray->t_max (may be INFINITY), the light last scattered. `first` in
  * [0,1) is the sequence's number for the first free path. */
-void medium_sample(const struct world_medium *medium, const struct ray *ray, float first,
+void medium_sample(const struct world_medium *medium, const struct ray *ray, real first,
                    struct medium_random *random, struct medium_event *out);
 
 /* Transmittance from the origin to ray->t_max; in grids an unbiased estimate. */
@@ -53,8 +53,8 @@ struct vec3 medium_transmittance(const struct world_medium *medium, const struct
 
 /* Henyey-Greenstein. The value (= density, 1/sr) for the cosine between the directions of flight
  * before and after; and a direction of flight after the event, for (u, v) in [0,1). */
-float medium_phase(const struct world_medium *medium, float cosine);
-struct vec3 medium_phase_sample(const struct world_medium *medium, struct vec3 direction, float u,
-                                float v);
+real medium_phase(const struct world_medium *medium, real cosine);
+struct vec3 medium_phase_sample(const struct world_medium *medium, struct vec3 direction, real u,
+                                real v);
 
 #endif

@@ -5,18 +5,18 @@
 #include "common/base/safeguard.h"
 #include "worker/render/medium/medium_data.h"
 
-static float coefficient_clamp(float x)
+static real coefficient_clamp(real x)
 {
-    return x >= MEDIUM_COEFFICIENT_MIN ? float_min(x, MEDIUM_COEFFICIENT_MAX) : 0.0f;
+    return x >= MEDIUM_COEFFICIENT_MIN ? real_min(x, MEDIUM_COEFFICIENT_MAX) : 0.0f;
 }
 
 /* Interpolation inside a block also reads so many cells to either side of it. */
 static uint32_t block_overlap(void) { return SAFEGUARD(GRID_BLOCK_EDGE) ? 1 : 0; }
 
-static float block_maximum(const struct world_medium *medium, const uint32_t block[3])
+static real block_maximum(const struct world_medium *medium, const uint32_t block[3])
 {
     uint32_t first[3], end[3];
-    float most = 0.0f;
+    real most = 0.0f;
 
     for (int axis = 0; axis < 3; axis++) {
         uint32_t begin = block[axis] * MEDIUM_BLOCK_SIDE;
@@ -31,7 +31,7 @@ static float block_maximum(const struct world_medium *medium, const uint32_t blo
             size_t row = ((size_t)z * medium->size[1] + y) * medium->size[0];
 
             for (uint32_t x = first[0]; x < end[0]; x++)
-                most = float_max(medium_density_at(medium->cells, row + x), most);
+                most = real_max(medium_density_at(medium->cells, row + x), most);
         }
     return most;
 }
@@ -53,18 +53,18 @@ static double box_diagonal(const struct transform_d *grid_to_world)
 
 /* Emission is collected where tracking stops, so tracking must stop a few times even in a grid
  * that hardly absorbs. */
-static void set_glow(struct world_medium *medium, const struct scene_medium *source, float densest)
+static void set_glow(struct world_medium *medium, const struct scene_medium *source, real densest)
 {
     double optical = box_diagonal(&source->grid_to_world) * (double)densest;
     double rate = optical > 0 ? MEDIUM_EMISSION_STEPS / optical : 0;
 
     rate = rate < (double)medium->extinction_max ? (double)medium->extinction_max : rate;
     rate = rate < (double)MEDIUM_COEFFICIENT_MAX ? rate : (double)MEDIUM_COEFFICIENT_MAX;
-    medium->glow_rate = (float)rate;
+    medium->glow_rate = (real)rate;
     for (int c = 0; c < 3; c++)
         if (medium->glow_rate > 0.0f)
             medium->glow[c] =
-                float_min(medium->emission[c] / medium->glow_rate, MEDIUM_RADIANCE_MAX);
+                real_min(medium->emission[c] / medium->glow_rate, MEDIUM_RADIANCE_MAX);
 }
 
 static status build_grid(struct world_medium *medium, const struct scene_medium *source,
@@ -72,7 +72,7 @@ static status build_grid(struct world_medium *medium, const struct scene_medium 
 {
     struct transform_d to_world = source->grid_to_world, to_unit, to_cells;
     size_t count = 1, at = 0;
-    float densest = 0.0f;
+    real densest = 0.0f;
     uint32_t block[3];
 
     assert(grid != NULL);
@@ -100,10 +100,10 @@ static status build_grid(struct world_medium *medium, const struct scene_medium 
     for (block[2] = 0; block[2] < medium->blocks[2]; block[2]++)
         for (block[1] = 0; block[1] < medium->blocks[1]; block[1]++)
             for (block[0] = 0; block[0] < medium->blocks[0]; block[0]++) {
-                float most = block_maximum(medium, block);
+                real most = block_maximum(medium, block);
 
                 medium->block_max[at++] = most;
-                densest = float_max(most, densest);
+                densest = real_max(most, densest);
             }
     set_glow(medium, source, densest);
     return STATUS_OK;
@@ -113,7 +113,7 @@ status medium_new(struct world_medium **out, const struct scene_medium *source,
                   const uint8_t *grid, struct error *err)
 {
     struct world_medium *medium = mem_calloc(1, sizeof *medium);
-    float least = INFINITY;
+    real least = INFINITY;
     status st = STATUS_OK;
 
     *out = NULL;
@@ -124,13 +124,13 @@ status medium_new(struct world_medium **out, const struct scene_medium *source,
         medium->scattering[c] = coefficient_clamp(source->scattering[c]);
         medium->emission[c] = coefficient_clamp(source->emission[c]);
         medium->extinction[c] = medium->absorption[c] + medium->scattering[c];
-        medium->extinction_max = float_max(medium->extinction[c], medium->extinction_max);
-        least = float_min(medium->extinction[c], least);
+        medium->extinction_max = real_max(medium->extinction[c], medium->extinction_max);
+        least = real_min(medium->extinction[c], least);
         medium->scatters |= medium->scattering[c] > 0.0f;
         medium->emits |= medium->emission[c] > 0.0f;
     }
     medium->chromatic = least < medium->extinction_max;
-    medium->g = source->g < -MEDIUM_G_MAX ? -MEDIUM_G_MAX : float_min(source->g, MEDIUM_G_MAX);
+    medium->g = source->g < -MEDIUM_G_MAX ? -MEDIUM_G_MAX : real_min(source->g, MEDIUM_G_MAX);
     if (source->has_grid)
         st = build_grid(medium, source, grid, err);
     if (st != STATUS_OK) {

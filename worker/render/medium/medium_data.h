@@ -16,17 +16,17 @@ enum {
     MEDIUM_EMISSION_STEPS = 8,     /* tentative collisions across an emissive grid, at least */
 };
 /* Coefficients and densities are clamped to this, so that products of the two stay finite. */
-#define MEDIUM_COEFFICIENT_MAX 1e18f
-#define MEDIUM_COEFFICIENT_MIN 1e-20f /* smaller coefficients count as 0: no scene is that wide */
-#define MEDIUM_RADIANCE_MAX 1e30f
+#define MEDIUM_COEFFICIENT_MAX REAL(1e18)
+#define MEDIUM_COEFFICIENT_MIN REAL(1e-20) /* smaller coefficients count as 0: no scene is that wide */
+#define MEDIUM_RADIANCE_MAX REAL(1e30)
 /* Beyond this |g| the cosine's last bit would decide the phase function's value. */
-#define MEDIUM_G_MAX 0.999f
+#define MEDIUM_G_MAX REAL(0.999)
 
 struct world_medium {
-    float absorption[3], scattering[3], extinction[3]; /* 1/metre, for density 1 */
-    float emission[3];          /* radiance per metre, for density 1 */
-    float extinction_max;
-    float g;
+    real absorption[3], scattering[3], extinction[3]; /* 1/metre, for density 1 */
+    real emission[3];          /* radiance per metre, for density 1 */
+    real extinction_max;
+    real g;
     int scatters, emits;
     int chromatic;              /* the extinction differs between the channels */
 
@@ -34,20 +34,20 @@ struct world_medium {
     uint32_t size[3], blocks[3];
     struct transform to_cells;  /* world to cell numbers: cell i reaches from i to i + 1 */
     const uint8_t *cells;       /* the blob; not owned */
-    float *block_max;           /* [z][y][x] largest density that interpolation reaches; owned */
-    float glow_rate;            /* lower bound of the extinction used for tracking, if it emits */
-    float glow[3];              /* emission / (the extinction used for tracking) */
+    real *block_max;           /* [z][y][x] largest density that interpolation reaches; owned */
+    real glow_rate;            /* lower bound of the extinction used for tracking, if it emits */
+    real glow[3];              /* emission / (the extinction used for tracking) */
 };
 
 /* The density of a cell. A file may hold any bits: what is no density counts as 0. */
-static inline float medium_density_at(const uint8_t *cells, size_t index)
+static inline real medium_density_at(const uint8_t *cells, size_t index)
 {
     float32 x;
 
     memcpy(&x, cells + index * sizeof x, sizeof x);
     if (!SAFEGUARD(GRID_CELL))
         return x;
-    return x > 0.0f && x < INFINITY ? float_min(x, MEDIUM_COEFFICIENT_MAX) : 0.0f;
+    return x > 0.0f && x < INFINITY ? real_min(x, MEDIUM_COEFFICIENT_MAX) : 0.0f;
 }
 
 #endif

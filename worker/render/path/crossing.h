@@ -31,8 +31,8 @@ struct crossing {
     struct interior beyond; /* the volumes behind the faces */
     int is_boundary;        /* there is a boundary */
     int together;           /* several faces are crossed; ior and ior_outside then hold: */
-    float ior;              /* index on the inner side of the face that shades, relative to */
-    float ior_outside;      /* the index on its outer side */
+    real ior;              /* index on the inner side of the face that shades, relative to */
+    real ior_outside;      /* the index on its outer side */
     int next_side;          /* not 0: if the path continues on that side of the face that shades (1:
                                the ray's side), it meets */
     struct hit next;        /* this face at the same place */
@@ -118,7 +118,7 @@ static inline void crossing_add(struct crossing_group *group, const struct surfa
  * left yet, and a thin wall. If one of them is opaque, *s becomes it. All but *s are listed in
  * s->others. */
 static inline void crossing_gather(const struct render_scene *scene, const struct ray *ray,
-                                   const struct path_query *query, float mix, struct surface *s,
+                                   const struct path_query *query, real mix, struct surface *s,
                                    struct crossing_group *group)
 {
     struct hit met = {s->number, s->triangle}, others[RAY_LEFT_MAX - 1];
@@ -214,7 +214,7 @@ static inline int crossing_multiply(const struct surface *faces, uint32_t count,
         return 0;
     }
     out->is_boundary = fabs(ratio - 1) > CROSSING_SAME_IOR;
-    out->ior = (float)(faces[chosen].front ? ratio : 1 / ratio);
+    out->ior = (real)(faces[chosen].front ? ratio : 1 / ratio);
     out->ior_outside = 1;
     return chosen;
 }
@@ -265,7 +265,7 @@ static inline void crossing_wall(const struct interior *in, int between, struct 
  * `counted`: the indices follow the bodies that the ray is in. `between`: the path comes from
  * another face at this place (next_side). */
 static inline void crossing_find(const struct render_scene *scene, const struct ray *ray,
-                                 const struct path_query *query, float mix, int counted,
+                                 const struct path_query *query, real mix, int counted,
                                  int between, const struct interior *in, struct surface *s,
                                  struct crossing *out)
 {

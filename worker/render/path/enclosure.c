@@ -10,14 +10,14 @@
 enum { ENCLOSURE_PATHS = 1024, ENCLOSURE_DEPTH = 4, ENCLOSURE_ESCAPES = 3 };
 
 /* A direction from the surface: on the ray's side, or on either side if light may pass. */
-static struct vec3 direction_from(const struct surface *s, struct sample2 u, float side)
+static struct vec3 direction_from(const struct surface *s, struct sample2 u, real side)
 {
     struct basis frame = basis_from_normal(s->ng);
-    float sine, cosine, height = 1 - u.u, width = sqrtf(u.u * (2 - u.u));
+    real sine, cosine, height = 1 - u.u, width = real_sqrt(u.u * (2 - u.u));
 
     if ((s->material->flags & (MATERIAL_TWO_WAY | MATERIAL_BOUNDS)) && side < 0.5f)
         height = -height;
-    det_sincos(2 * PI_F * u.v, &sine, &cosine);
+    real_sincos(2 * REAL_PI * u.v, &sine, &cosine);
     return vec3_normalize(basis_to_world(&frame, vec3_make(width * cosine, width * sine, height)));
 }
 

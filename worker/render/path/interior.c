@@ -22,7 +22,7 @@ void interior_find_camera(struct render_scene *scene)
     const struct transform *view = &scene->camera.to_world;
     /* Any direction works; this one is unlikely to be parallel to a wall of a modelled room. */
     struct ray ray = {.origin = {view->m[0][3], view->m[1][3], view->m[2][3]},
-                      .direction = {0.48f, 0.64f, 0.6f}, .t_max = INFINITY};
+                      .direction = {REAL(0.48), REAL(0.64), REAL(0.6)}, .t_max = INFINITY};
     struct path_query query = {&any, 0};
     struct interior entered = {0}, left = {0};
     struct crossing_group group;

@@ -71,7 +71,7 @@ static inline const struct world_material *interior_around(const struct render_s
 }
 
 /* Its index of refraction. */
-static inline float interior_ior(const struct render_scene *scene, const struct interior *in)
+static inline real interior_ior(const struct render_scene *scene, const struct interior *in)
 {
     const struct world_material *around = interior_around(scene, in);
 

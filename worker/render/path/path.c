@@ -3,7 +3,7 @@
 #include "worker/render/path/path_parts.h"
 
 /* Russian roulette ends a path with a probability of at most 95 %. */
-#define ROULETTE_SURVIVAL_MIN 0.05f
+#define ROULETTE_SURVIVAL_MIN REAL(0.05)
 /* After a scattering event the beam widens by this share of the spacing of such samples, and by at
  * most this much per metre. */
 #define CONE_SHARE 0.25f
@@ -127,7 +127,7 @@ static int path_bsdf(struct path *path, struct path_vertex *v)
     return 1;
 }
 
-static int sample_bsdf(const struct path *path, const struct path_vertex *v, float u_lobe,
+static int sample_bsdf(const struct path *path, const struct path_vertex *v, real u_lobe,
                        struct bsdf_sample *sample)
 {
     struct sample2 u = sampler_get(path->sampler, v->dimension + VERTEX_BSDF);
@@ -137,7 +137,7 @@ static int sample_bsdf(const struct path *path, const struct path_vertex *v, flo
 }
 
 /* Sample the path's next direction from the BSDF. 0: the path is absorbed. */
-static int path_scatter(struct path *path, const struct path_vertex *v, float u_lobe,
+static int path_scatter(struct path *path, const struct path_vertex *v, real u_lobe,
                         struct bsdf_sample *sample)
 {
     const struct path_features f = path_features_of(path->scene);
@@ -174,20 +174,20 @@ static int path_scatter(struct path *path, const struct path_vertex *v, float u_
 
 /* What is left of the light. Radiance shrinks by eta^2 where it enters a denser medium, and grows
  * again where it leaves: that is no reason to end a path. */
-static float path_left(const struct path *path)
+static real path_left(const struct path *path)
 {
     return vec3_max(path->throughput) * (SAFEGUARD(ROULETTE_ETA) ? path->eta_scale : 1);
 }
 
 /* This bounds the weight of what survives. */
-static float at_least_survival(float survival)
+static real at_least_survival(real survival)
 {
-    return SAFEGUARD(ROULETTE_FLOOR) ? float_max(survival, ROULETTE_SURVIVAL_MIN) : survival;
+    return SAFEGUARD(ROULETTE_FLOOR) ? real_max(survival, ROULETTE_SURVIVAL_MIN) : survival;
 }
 
-PATH_FUNCTION int russian_roulette(struct path *path, float u)
+PATH_FUNCTION int russian_roulette(struct path *path, real u)
 {
-    float survival;
+    real survival;
 
     if (path->depth + 1 < path->scene->roulette_depth)
         return 1;
@@ -204,15 +204,15 @@ PATH_FUNCTION int russian_roulette(struct path *path, float u)
     return 1;
 }
 
-PATH_FUNCTION void path_widen(struct path *path, float t)
+PATH_FUNCTION void path_widen(struct path *path, real t)
 {
-    float spread;
+    real spread;
 
     path->cone.width += t * path->cone.spread;
     if (path->specular || !(path->pdf > 0))
         return;
-    spread = float_min(CONE_SHARE / sqrtf(path->pdf), CONE_SPREAD_MAX);
-    path->cone.spread = float_max(path->cone.spread, spread);
+    spread = real_min(CONE_SHARE / real_sqrt(path->pdf), CONE_SPREAD_MAX);
+    path->cone.spread = real_max(path->cone.spread, spread);
 }
 
 /* Leave the vertex towards wi and prepare the next ray. */
@@ -276,7 +276,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
         stats->vertices++;
         RECORD(record_surface(&path, &v));
         if (v.s.material->flags & (MATERIAL_TEXTURED | MATERIAL_NORMAL_MAP))
-            v.s.footprint = (path.cone.width + v.s.t * path.cone.spread) / sqrtf(v.s.area);
+            v.s.footprint = (path.cone.width + v.s.t * path.cone.spread) / real_sqrt(v.s.area);
         path_add(&path, path_emitted(&path, &v.s), &radiance);
         ends = path.depth >= scene->settings.max_depth || path_is_unlit(&path, &v.s);
         if (path_is_unlit(&path, &v.s))

@@ -16,11 +16,11 @@
 /* What the camera ray met, for the AOVs. */
 struct path_record {
     int hit;                    /* 0: nothing; the other fields are then 0 */
-    float distance;             /* metres along the ray */
+    real distance;             /* metres along the ray */
     struct vec3 position, normal, albedo; /* world space; the shading normal faces the camera */
-    float u, v;                 /* first uv set */
+    real u, v;                 /* first uv set */
     uint32_t instance, material, triangle;
-    float b1, b2;               /* barycentric coordinates on the triangle */
+    real b1, b2;               /* barycentric coordinates on the triangle */
 };
 
 /* Linear RGB radiance. It is not finite only if there is a fault, which the caller counts.
@@ -31,7 +31,7 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
 
 /* accel's accept callback: does a hit on this triangle count (culling, alpha)? */
 int path_accept(const void *scene, const void *query, uint32_t instance, uint32_t triangle,
-                float u, float v, int facing);
+                real u, real v, int facing);
 
 /* What path_accept needs to know about the ray. */
 struct path_query {

@@ -23,10 +23,10 @@ static uint32_t triangle_key(const struct world_mesh *mesh, const uint32_t verte
 
 /* Is the material present at this point of the triangle? Partial alpha decides at random. */
 static int alpha_accepts(const struct world_material *material, const struct world_mesh *mesh,
-                         const uint32_t vertex[3], float u, float v,
+                         const uint32_t vertex[3], real u, real v,
                          const struct path_query *query, uint32_t alpha_key)
 {
-    float alpha;
+    real alpha;
 
     PROFILE_EFFECT(ALPHA);
     alpha = world_alpha(material, mesh, vertex, u, v);
@@ -39,7 +39,7 @@ static int alpha_accepts(const struct world_material *material, const struct wor
 }
 
 int path_accept(const void *scene_, const void *query, uint32_t instance_index, uint32_t triangle,
-                float u, float v, int facing)
+                real u, real v, int facing)
 {
     const struct render_scene *scene = scene_;
     const struct world_instance *instance = &scene->instances[instance_index];

@@ -10,9 +10,9 @@
 
 /* Veach's power heuristic for strategy a against b, in a form that neither overflows nor
  * underflows. */
-static float power_heuristic(float a, float b)
+static real power_heuristic(real a, real b)
 {
-    float r;
+    real r;
 
     if (!(a > 0))
         return 0;
@@ -58,9 +58,9 @@ static int sample_light(const struct path *path, const struct light_context *con
 
 /* Contribution of the sampled light. The vertex scatters `value` of it; BSDF or phase sampling
  * finds its direction with density `pdf`. */
-static struct vec3 weigh_light(const struct light_sample *light, struct vec3 value, float pdf)
+static struct vec3 weigh_light(const struct light_sample *light, struct vec3 value, real pdf)
 {
-    const float weight = 1 / (FAULT(ZERO_DENSITY) ? 0 : light->pdf);
+    const real weight = 1 / (FAULT(ZERO_DENSITY) ? 0 : light->pdf);
 
     if (SAFEGUARD(LIGHT_DENSITY) && !(weight < INFINITY)) {
         health_note(HEALTH_BAD_DENSITIES);
@@ -71,7 +71,7 @@ static struct vec3 weigh_light(const struct light_sample *light, struct vec3 val
     return light->delta ? value : vec3_scale(value, power_heuristic(light->pdf, pdf));
 }
 
-static struct vec3 eval_bsdf(const struct path_vertex *v, struct vec3 wi, float *pdf)
+static struct vec3 eval_bsdf(const struct path_vertex *v, struct vec3 wi, real *pdf)
 {
     PROFILE_STAGE(SCATTER);
     return bsdf_eval_pdf(&v->bsdf, v->wo, wi, pdf);
@@ -104,7 +104,7 @@ PATH_FUNCTION struct vec3 path_direct_surface(struct path *path, const struct pa
     struct light_sample light;
     struct vec3 wi, value, visible;
     struct ray ray;
-    float pdf;
+    real pdf;
 
     if (s->material->flags & MATERIAL_TWO_WAY)
         context.n = black;
@@ -139,7 +139,7 @@ PATH_FUNCTION struct vec3 path_direct_medium(struct path *path, const struct wor
     struct ray ray = path->ray;
     struct light_sample light;
     struct vec3 visible;
-    float pdf;
+    real pdf;
 
     if (!sample_light(path, &context, dimension, &light))
         return vec3_splat(0);
@@ -166,7 +166,7 @@ PATH_FUNCTION struct vec3 path_escaped(const struct path *path)
 {
     const struct render_scene *scene = path->scene;
     struct vec3 radiance;
-    float light_pdf;
+    real light_pdf;
 
     RECORD(recorded->adding = RECORD_FROM_PATH);
     if (!path_features_of(scene).environment || !scene->environment || is_unwanted_caustic(path))
@@ -203,7 +203,7 @@ PATH_FUNCTION struct vec3 path_emitted(const struct path *path, const struct sur
     const struct render_scene *scene = path->scene;
     const struct world_material *material = s->material;
     struct vec3 radiance;
-    float cosine, light_pdf;
+    real cosine, light_pdf;
     uint32_t face;
 
     RECORD(recorded->adding = RECORD_FROM_PATH);
@@ -216,7 +216,7 @@ PATH_FUNCTION struct vec3 path_emitted(const struct path *path, const struct sur
     face = emitters_face_at(scene, s);
     if (face != EMITTERS_NO_FACE && emitters_is_dark(&scene->emitters, face))
         return vec3_splat(0);
-    cosine = fabsf(vec3_dot(s->ng, path->ray.direction));
+    cosine = real_abs(vec3_dot(s->ng, path->ray.direction));
     radiance = world_emitted(material, s->mesh, s->vertex, s->b1, s->b2, cosine);
     if (path->specular || face == EMITTERS_NO_FACE)
         return radiance;

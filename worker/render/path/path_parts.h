@@ -73,14 +73,14 @@ struct path {
     uint32_t depth;             /* scattering vertices before this one */
     struct ray ray;
     struct light_context context; /* light sampling context of the vertex that the ray left */
-    float pdf;                  /* density of the ray's direction at that vertex, per sr */
+    real pdf;                  /* density of the ray's direction at that vertex, per sr */
     int specular;               /* the direction came from a delta distribution or the camera:
                                    light sampling cannot find it */
     int any_diffuse;            /* a vertex before the last one scattered with a finite density */
-    float eta_scale;            /* product of squared relative indices, for Russian roulette */
+    real eta_scale;            /* product of squared relative indices, for Russian roulette */
     struct camera_cone cone;
     /* Dispersion. */
-    float wavelength_nm;        /* 0: not sampled yet */
+    real wavelength_nm;        /* 0: not sampled yet */
     int dispersed;              /* the throughput carries the wavelength's colour */
     struct vec3 wavelength_rgb;
     /* Volumes. */
@@ -123,10 +123,10 @@ static inline int path_keeps_side(const struct surface *s, struct vec3 direction
 
 /* Russian roulette: end the path at random, more often the less it carries. `u` in [0,1). 0: it
  * ends. */
-PATH_FUNCTION int russian_roulette(struct path *path, float u);
+PATH_FUNCTION int russian_roulette(struct path *path, real u);
 /* Widen the beam over which textures are averaged, behind a vertex `t` metres along the ray. A
  * direction sampled with path->pdf covers a solid angle of about 1 / pdf. */
-PATH_FUNCTION void path_widen(struct path *path, float t);
+PATH_FUNCTION void path_widen(struct path *path, real t);
 
 /* ---- path_trace.c ---------------------------------------------------------------------------- */
 
@@ -146,7 +146,7 @@ enum medium_outcome {
 
 /* The medium between the ray's origin and the hit, `t` metres away: it absorbs, scatters and emits
  * (added to *radiance). */
-PATH_FUNCTION enum medium_outcome path_medium(struct path *path, float t, uint32_t dimension,
+PATH_FUNCTION enum medium_outcome path_medium(struct path *path, real t, uint32_t dimension,
                                               struct vec3 *radiance);
 /* Absorption (Beer-Lambert) over the segment that ends at the vertex, in a refractive object. */
 PATH_FUNCTION void path_absorb(struct path *path, const struct surface *s);

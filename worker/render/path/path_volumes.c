@@ -32,14 +32,14 @@ static const struct world_medium *interior_medium(const struct render_scene *sce
 }
 
 /* Fog ends at the scene's bounding sphere: the distance along the ray. */
-static float fog_end(const struct render_scene *scene, const struct ray *ray)
+static real fog_end(const struct render_scene *scene, const struct ray *ray)
 {
     struct vec3 to = vec3_sub(scene->bounds_centre, ray->origin);
-    float along = vec3_dot(to, ray->direction);
-    float beside = vec3_length_squared(vec3_mad(to, ray->direction, -along));
-    float half = scene->fog_radius * scene->fog_radius - beside;
+    real along = vec3_dot(to, ray->direction);
+    real beside = vec3_length_squared(vec3_mad(to, ray->direction, -along));
+    real half = scene->fog_radius * scene->fog_radius - beside;
 
-    return half > 0 ? float_max(along + sqrtf(half), 0) : 0;
+    return half > 0 ? real_max(along + real_sqrt(half), 0) : 0;
 }
 
 static uint8_t medium_account(int is_fog)
@@ -49,7 +49,7 @@ static uint8_t medium_account(int is_fog)
 
 /* Move the ray's origin along it to a point in mid-air. In double: in a dense medium the step may
  * be far shorter than the spacing of floats. */
-static void ray_advance(struct ray *ray, float distance)
+static void ray_advance(struct ray *ray, real distance)
 {
     double place[3], direction[3];
 
@@ -65,15 +65,15 @@ static void ray_advance(struct ray *ray, float distance)
 }
 
 /* How far light gets along the path's ray, at most `t` metres, and what the segment emits. */
-static void sample_medium(struct path *path, const struct world_medium *medium, int is_fog, float t,
+static void sample_medium(struct path *path, const struct world_medium *medium, int is_fog, real t,
                           uint32_t dimension, uint32_t key, struct medium_event *event)
 {
     struct medium_random random = {path->sampler, key, 0};
     struct ray stretch = path->ray;
-    float first = sampler_get(path->sampler, dimension + VERTEX_MEDIUM).u;
+    real first = sampler_get(path->sampler, dimension + VERTEX_MEDIUM).u;
 
     PROFILE_STAGE_EFFECT(MEDIUM, medium_account(is_fog));
-    stretch.t_max = is_fog ? float_min(t, fog_end(path->scene, &path->ray)) : t;
+    stretch.t_max = is_fog ? real_min(t, fog_end(path->scene, &path->ray)) : t;
     if (path->medium_depth > path->depth) /* a second segment without a vertex between */
         first = sampler_hash(path->sampler, key, 0xffffffffu);
     path->medium_depth = path->depth + 1;
@@ -82,7 +82,7 @@ static void sample_medium(struct path *path, const struct world_medium *medium, 
 
 /* The vertex in the medium, `distance` metres along the ray: next-event estimation, a direction by
  * the phase function, Russian roulette. 0: the path ends. */
-static int scatter_in_medium(struct path *path, const struct world_medium *medium, float distance,
+static int scatter_in_medium(struct path *path, const struct world_medium *medium, real distance,
                              uint32_t dimension, struct vec3 *radiance)
 {
     struct sample2 u = sampler_get(path->sampler, dimension + VERTEX_BSDF);
@@ -112,7 +112,7 @@ static int scatter_in_medium(struct path *path, const struct world_medium *mediu
     return 1;
 }
 
-PATH_FUNCTION enum medium_outcome path_medium(struct path *path, float t, uint32_t dimension,
+PATH_FUNCTION enum medium_outcome path_medium(struct path *path, real t, uint32_t dimension,
                                               struct vec3 *radiance)
 {
     const uint32_t key = path->medium_key++;
@@ -141,7 +141,7 @@ PATH_FUNCTION enum medium_outcome path_medium(struct path *path, float t, uint32
 /* Transmittance of the medium along a shadow ray's segment, up to `t` metres. */
 static struct vec3 stretch_transmittance(const struct render_scene *scene,
                                          const struct interior *in, const struct ray *stretch,
-                                         float t, struct medium_random *random)
+                                         real t, struct medium_random *random)
 {
     struct ray through = *stretch;
     const struct world_medium *medium;
@@ -151,7 +151,7 @@ static struct vec3 stretch_transmittance(const struct render_scene *scene,
     if (!medium)
         return vec3_splat(1);
     PROFILE_STAGE_EFFECT(MEDIUM, medium_account(is_fog));
-    through.t_max = is_fog ? float_min(t, fog_end(scene, stretch)) : t;
+    through.t_max = is_fog ? real_min(t, fog_end(scene, stretch)) : t;
     return medium_transmittance(medium, &through, random);
 }
 
@@ -162,7 +162,7 @@ PATH_FUNCTION __attribute__((noinline)) struct vec3 path_transmittance(struct pa
     struct vec3 visible = {1, 1, 1};
     struct interior in = path->interior;
     struct ray stretch = *ray;
-    float left = ray->t_max;
+    real left = ray->t_max;
 
     for (int i = 0; i < INDEX_MATCHED_MAX; i++) {
         struct medium_random random = {path->sampler, path->medium_key++, 0};
@@ -209,10 +209,10 @@ static const struct world_material *stretch_filling(const struct path *path,
     return !s->front && s->material->m.refractive ? s->material : NULL;
 }
 
-static struct vec3 beer_lambert(struct vec3 a, float distance)
+static struct vec3 beer_lambert(struct vec3 a, real distance)
 {
-    return vec3_make(a.x > 0 ? det_exp(-a.x * distance) : 1, a.y > 0 ? det_exp(-a.y * distance) : 1,
-                     a.z > 0 ? det_exp(-a.z * distance) : 1);
+    return vec3_make(a.x > 0 ? real_exp(-a.x * distance) : 1, a.y > 0 ? real_exp(-a.y * distance) : 1,
+                     a.z > 0 ? real_exp(-a.z * distance) : 1);
 }
 
 PATH_FUNCTION void path_absorb(struct path *path, const struct surface *s)
@@ -228,7 +228,7 @@ PATH_FUNCTION void path_absorb(struct path *path, const struct surface *s)
 PATH_FUNCTION int path_boundary(struct path *path, struct path_vertex *v)
 {
     const struct path_features f = path_features_of(path->scene);
-    float mix = f.mixes && crossing_touches(&v->s)
+    real mix = f.mixes && crossing_touches(&v->s)
                     ? sampler_get(path->sampler, v->dimension + VERTEX_MEDIUM).v : 0;
 
     PROFILE_STAGE(SURFACE);
@@ -246,7 +246,7 @@ PATH_FUNCTION int path_boundary(struct path *path, struct path_vertex *v)
 }
 
 /* The index for the path's wavelength, which is sampled when it is first needed. */
-static float dispersed_ior(struct path *path, float ior, float dispersion)
+static real dispersed_ior(struct path *path, real ior, real dispersion)
 {
     if (!(path->wavelength_nm > 0))
         path->wavelength_nm = wavelength_sample(sampler_get(path->sampler, DIMENSION_TIME).v,

@@ -80,7 +80,7 @@ uint32_t record_scene_light(const struct scene *scene, uint32_t number)
 }
 
 void render_sample(const struct render_scene *scene, uint32_t frame, uint32_t x, uint32_t y,
-                   uint32_t number, float added[3], struct sample_record *record,
+                   uint32_t number, float32 added[3], struct sample_record *record,
                    struct render_stats *stats)
 {
     struct vec3 sum;
@@ -94,7 +94,7 @@ void render_sample(const struct render_scene *scene, uint32_t frame, uint32_t x,
     sum = sample_render_recording(scene, frame, x, y, number, record ? &record->radiance : NULL,
                                   stats);
     record_now = NULL;
-    added[0] = sum.x;
-    added[1] = sum.y;
-    added[2] = sum.z;
+    added[0] = (float32)sum.x;
+    added[1] = (float32)sum.y;
+    added[2] = (float32)sum.z;
 }

@@ -53,7 +53,7 @@ static int32_t record_medium(const struct path *path, const struct world_medium 
 }
 
 /* It is scattered, or ends, `t` metres along its ray. */
-static void record_in_medium(const struct path *path, float t)
+static void record_in_medium(const struct path *path, real t)
 {
     struct record_vertex *r = record_vertex();
 
@@ -64,7 +64,7 @@ static void record_in_medium(const struct path *path, float t)
     r->t = t;
 }
 
-static void record_direction(const struct path *path, struct vec3 weight, float pdf, int delta)
+static void record_direction(const struct path *path, struct vec3 weight, real pdf, int delta)
 {
     struct record_vertex *r = record_vertex();
 

@@ -15,7 +15,7 @@
 enum { TILE_BATCH = 8 };
 
 /* Distance along the camera's axis, which compositors call depth. */
-static float tile_depth(const struct render_scene *scene, const struct ray *ray, float distance)
+static real tile_depth(const struct render_scene *scene, const struct ray *ray, real distance)
 {
     const struct transform *view = &scene->camera.to_world;
     struct vec3 axis = {-view->m[0][2], -view->m[1][2], -view->m[2][2]};
@@ -28,7 +28,7 @@ static float tile_depth(const struct render_scene *scene, const struct ray *ray,
 static void tile_aovs(const struct render_scene *scene, uint32_t mask, const struct ray *ray,
                       const struct path_record *record, int first, double *values)
 {
-    float sample[AOV_FLOATS_MAX], motion[2] = {0, 0};
+    real sample[AOV_FLOATS_MAX], motion[2] = {0, 0};
     uint32_t at = 0;
     int bad = 0;
 
@@ -56,10 +56,10 @@ static void tile_aovs(const struct render_scene *scene, uint32_t mask, const str
                 sample[1] = record->v;
                 break;
             case AOV_OBJECT_ID:
-                sample[0] = (float)record->instance + 1;
+                sample[0] = (real)record->instance + 1;
                 break;
             case AOV_MATERIAL_ID:
-                sample[0] = (float)record->material + 1;
+                sample[0] = (real)record->material + 1;
                 break;
             case AOV_MOTION:
                 view_motion(scene, record->instance, record->triangle, record->b1,
@@ -73,7 +73,7 @@ static void tile_aovs(const struct render_scene *scene, uint32_t mask, const str
             }
         for (uint32_t c = 0; c < channels; c++, at++) {
             int good = isfinite(sample[c]) || !SAFEGUARD(FINITE_VARIABLE);
-            float value = good ? sample[c] : 0;
+            real value = good ? sample[c] : 0;
             bad |= !good;
             if (!aov_is_point((enum aov)aov))
                 values[at] += (double)value;
@@ -91,7 +91,7 @@ static double tile_luminance(double r, double g, double b)
 }
 
 /* Scale the sample down so that its largest channel is `limit`. */
-static __attribute__((cold, noinline)) struct vec3 tile_clamped(struct vec3 radiance, float limit,
+static __attribute__((cold, noinline)) struct vec3 tile_clamped(struct vec3 radiance, real limit,
                                                                 struct render_stats *stats)
 {
     double r = (double)radiance.x, g = (double)radiance.y, b = (double)radiance.z;
@@ -99,7 +99,7 @@ static __attribute__((cold, noinline)) struct vec3 tile_clamped(struct vec3 radi
 
     stats->clamped_samples++;
     stats->clamped_luminance += tile_luminance(r, g, b) * (1 - scale);
-    return vec3_make((float)(r * scale), (float)(g * scale), (float)(b * scale));
+    return vec3_make((real)(r * scale), (real)(g * scale), (real)(b * scale));
 }
 
 /* Not inlined: it would change the code of the pixel loop even where nothing is clamped. */
@@ -198,7 +198,7 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
     size_t aov_base = GROUP_REPLICATES * pixels * 3;
     uint32_t begin, end, aovs = unit_aovs(settings->aovs, group, pass), extra = aov_floats(aovs);
     struct camera_cone cone = camera_cone(&scene->camera);
-    const float limit = settings->clamp;
+    const real limit = settings->clamp;
     struct sampler samplers[TILE_BATCH];
     struct ray rays[TILE_BATCH];
 
@@ -278,7 +278,7 @@ struct vec3 sample_render(const struct render_scene *scene, uint32_t frame, uint
     const uint32_t group = number % GROUPS, i = number / GROUPS;
     const struct health_place place = {pass_with(i), tile,
                                        (y - rect.y) * rect.width + x - rect.x, number};
-    const float limit = scene->settings.clamp;
+    const real limit = scene->settings.clamp;
     struct sampler sampler;
     struct vec3 added;
     struct ray ray;

@@ -28,8 +28,8 @@ static const struct world_box nothing = {{INFINITY, INFINITY, INFINITY},
 static void enclose(struct world_box *box, const struct world_box *other)
 {
     for (int a = 0; a < 3; a++) {
-        box->low[a] = float_min(box->low[a], other->low[a]);
-        box->high[a] = float_max(box->high[a], other->high[a]);
+        box->low[a] = real_min(box->low[a], other->low[a]);
+        box->high[a] = real_max(box->high[a], other->high[a]);
     }
 }
 
@@ -40,7 +40,7 @@ static int overlap(const struct world_box *a, const struct world_box *b)
 }
 
 /* Twice the middle. */
-static float middle(const struct world_box *box, int axis)
+static real middle(const struct world_box *box, int axis)
 {
     return box->low[axis] + box->high[axis];
 }
@@ -54,8 +54,8 @@ static int widest_axis(const struct box_tree *tree, uint32_t begin, uint32_t end
     for (uint32_t i = begin; i < end; i++) {
         const struct world_box *box = &tree->boxes[tree->order[i]];
         for (int a = 0; a < 3; a++) {
-            middles.low[a] = float_min(middles.low[a], middle(box, a));
-            middles.high[a] = float_max(middles.high[a], middle(box, a));
+            middles.low[a] = real_min(middles.low[a], middle(box, a));
+            middles.high[a] = real_max(middles.high[a], middle(box, a));
         }
     }
     for (int a = 1; a < 3; a++)
@@ -81,7 +81,7 @@ static void halve(const struct box_tree *tree, int axis, int64_t begin, int64_t 
 
     while (end - begin > 1) {
         uint64_t any = hash_u64((uint64_t)(begin ^ end << 32)) % (uint64_t)(end - begin);
-        float pivot = middle(&tree->boxes[order[begin + (int64_t)any]], axis);
+        real pivot = middle(&tree->boxes[order[begin + (int64_t)any]], axis);
         int64_t low = begin, high = end - 1;
 
         while (low <= high) {

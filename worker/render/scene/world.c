@@ -128,7 +128,7 @@ static status load_media(struct render_scene *w, const struct scene *scene,
     for (uint32_t i = 0; i < scene->medium_count; i++) {
         struct scene_medium medium = scene->media[i];
         const uint8_t *grid = NULL;
-        size_t size_bytes = 0, needed = sizeof(float);
+        size_t size_bytes = 0, needed = sizeof(float32);
         status s = STATUS_OK;
         if (!used->media[i])
             continue;
@@ -160,17 +160,17 @@ static void add_boundary(struct render_scene *w, const struct vec3 *corners, siz
 {
     struct world_box *box;
     struct vec3 low = vec3_splat(INFINITY), high = vec3_splat(-INFINITY);
-    float margin;
+    real margin;
 
     for (size_t i = 0; i < count; i++) {
-        low = vec3_make(float_min(corners[i].x, low.x), float_min(corners[i].y, low.y),
-                        float_min(corners[i].z, low.z));
-        high = vec3_make(float_max(corners[i].x, high.x), float_max(corners[i].y, high.y),
-                         float_max(corners[i].z, high.z));
+        low = vec3_make(real_min(corners[i].x, low.x), real_min(corners[i].y, low.y),
+                        real_min(corners[i].z, low.z));
+        high = vec3_make(real_max(corners[i].x, high.x), real_max(corners[i].y, high.y),
+                         real_max(corners[i].z, high.z));
     }
-    margin = 1e-3f * vec3_length(vec3_sub(high, low)) +
-             0x1p-12f * float_max(float_max(fabsf(vec3_max(high)), fabsf(vec3_min(high))),
-                                  float_max(fabsf(vec3_max(low)), fabsf(vec3_min(low))));
+    margin = REAL(1e-3) * vec3_length(vec3_sub(high, low)) +
+             0x1p-12f * real_max(real_max(real_abs(vec3_max(high)), real_abs(vec3_min(high))),
+                                  real_max(real_abs(vec3_max(low)), real_abs(vec3_min(low))));
     if (w->boundary_count < WORLD_BOUNDARIES_MAX) {
         box = &w->boundaries[w->boundary_count++];
         *box = (struct world_box){{INFINITY, INFINITY, INFINITY},
@@ -178,12 +178,12 @@ static void add_boundary(struct render_scene *w, const struct vec3 *corners, siz
     } else {
         box = &w->boundaries[WORLD_BOUNDARIES_MAX - 1];
     }
-    box->low[0] = float_min(low.x - margin, box->low[0]);
-    box->low[1] = float_min(low.y - margin, box->low[1]);
-    box->low[2] = float_min(low.z - margin, box->low[2]);
-    box->high[0] = float_max(high.x + margin, box->high[0]);
-    box->high[1] = float_max(high.y + margin, box->high[1]);
-    box->high[2] = float_max(high.z + margin, box->high[2]);
+    box->low[0] = real_min(low.x - margin, box->low[0]);
+    box->low[1] = real_min(low.y - margin, box->low[1]);
+    box->low[2] = real_min(low.z - margin, box->low[2]);
+    box->high[0] = real_max(high.x + margin, box->high[0]);
+    box->high[1] = real_max(high.y + margin, box->high[1]);
+    box->high[2] = real_max(high.z + margin, box->high[2]);
 }
 
 static status find_bounds(struct render_scene *w, const struct scene *scene, struct error *err)
@@ -217,7 +217,7 @@ static void find_fog(struct render_scene *w)
 {
     const struct camera *camera = &w->camera;
     uint32_t steps = camera->motion_steps ? camera->motion_steps : 1;
-    float reach = camera->lens_radius;
+    real reach = camera->lens_radius;
 
     if (camera->kind == CAMERA_ORTHOGRAPHIC)
         reach += camera->half_width + camera->half_height;
@@ -225,8 +225,8 @@ static void find_fog(struct render_scene *w)
     for (uint32_t k = 0; k < steps; k++) {
         const struct transform *view = camera->motion_steps ? &camera->motion[k] : &camera->to_world;
         struct vec3 eye = {view->m[0][3], view->m[1][3], view->m[2][3]};
-        float distance = vec3_length(vec3_sub(eye, w->bounds_centre)) + reach;
-        w->fog_radius = float_max(w->fog_radius, distance * (1 + 1e-5f));
+        real distance = vec3_length(vec3_sub(eye, w->bounds_centre)) + reach;
+        w->fog_radius = real_max(w->fog_radius, distance * (1 + REAL(1e-5)));
     }
 }
 
@@ -238,7 +238,7 @@ static int culling_shows(const struct render_scene *w, const struct scene *scene
     const struct scene_mesh *mesh = &scene->meshes[instance->mesh];
     const struct world_material *material = &w->materials[instance->material];
     struct vec3 eye;
-    float at[3];
+    real at[3];
 
     if (!mesh->closed || instance->motion_steps || instance->bounded || w->camera.motion_steps ||
         w->camera.kind == CAMERA_ORTHOGRAPHIC || (material->flags & MATERIAL_TWO_WAY) ||
@@ -250,8 +250,8 @@ static int culling_shows(const struct render_scene *w, const struct scene *scene
     at[1] = eye.y;
     at[2] = eye.z;
     for (int a = 0; a < 3; a++) {
-        const float *row = instance->to_object.m[a];
-        float lens = w->camera.lens_radius * vec3_length(vec3_make(row[0], row[1], row[2]));
+        const real *row = instance->to_object.m[a];
+        real lens = w->camera.lens_radius * vec3_length(vec3_make(row[0], row[1], row[2]));
         if (at[a] < mesh->bounds_min[a] - lens || at[a] > mesh->bounds_max[a] + lens)
             return 0;
     }

@@ -138,12 +138,12 @@ static void slot_init(struct world_slot *out, const struct render_scene *w,
         }
 }
 
-static float absorption(float color, float distance)
+static real absorption(real color, real distance)
 {
     if (!(distance < INFINITY) || color >= 1)
         return 0;
     /* A black attenuation colour absorbs everything; a finite value avoids 0 * inf. */
-    return -det_log(fmaxf(color, 1e-30f)) / fmaxf(distance, 1e-30f);
+    return -real_log(real_fmax(color, REAL(1e-30))) / real_fmax(distance, REAL(1e-30));
 }
 
 /* Does it have any of the layers that surface_shade.c and the BSDF treat separately? */

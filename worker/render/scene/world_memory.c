@@ -81,7 +81,7 @@ static void geometry_need(struct world_need *need, const struct scene *scene,
     for (uint32_t i = 0; i < scene->mesh_count; i++) {
         need->meshes += mesh_bytes(&scene->meshes[i]);
         need->bvh += (uint64_t)scene->meshes[i].triangle_count * BVH_BYTES_TRIANGLE;
-        baked += (uint64_t)scene->meshes[i].vertex_count * 3 * sizeof(float);
+        baked += (uint64_t)scene->meshes[i].vertex_count * 3 * sizeof(float32);
     }
     need->meshes += baked;
     for (uint32_t i = 0; i < scene->instance_count; i++) {
@@ -91,9 +91,9 @@ static void geometry_need(struct world_need *need, const struct scene *scene,
         need->meshes += sizeof(struct world_instance);
         if (!scene_instance_deforms(scene, i))
             continue;
-        need->meshes += vertices * 3 * sizeof(float) * (blurs ? WORLD_STEPS_MAX : 1);
+        need->meshes += vertices * 3 * sizeof(float32) * (blurs ? WORLD_STEPS_MAX : 1);
         need->meshes += vertices * ((mesh->arrays & MESH_NORMALS ? 3 : 0) +
-                                    (mesh->arrays & MESH_TANGENTS ? 4u : 0)) * sizeof(float) *
+                                    (mesh->arrays & MESH_TANGENTS ? 4u : 0)) * sizeof(float32) *
                         (blurs ? WORLD_STEPS_MAX : 1);
         need->bvh += triangles * (blurs ? BVH_BYTES_MOVING_TRIANGLE : BVH_BYTES_TRIANGLE);
     }

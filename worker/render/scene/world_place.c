@@ -123,7 +123,7 @@ static status place_still(struct placer *p, uint32_t uses)
         instance->world_positions = bake(p, &p->exact);
         if (!instance->world_positions)
             return no_memory(p);
-        p->w->info.mesh_bytes += 3 * sizeof(float) * (size_t)p->mesh->vertex_count;
+        p->w->info.mesh_bytes += 3 * sizeof(float32) * (size_t)p->mesh->vertex_count;
     }
     return STATUS_OK;
 }
@@ -137,10 +137,10 @@ static struct vec3 box_corner(const struct scene_mesh *mesh, unsigned k)
                      k & 4 ? mesh->bounds_max[2] : mesh->bounds_min[2]);
 }
 
-static int in_bounds(const float *values, size_t count)
+static int in_bounds(const float32 *values, size_t count)
 {
     for (size_t i = 0; i < count; i++)
-        if (!(fabsf(values[i]) <= SCENE_COORDINATE_MAX))
+        if (!(real_abs(values[i]) <= SCENE_COORDINATE_MAX))
             return 0;
     return 1;
 }
@@ -153,17 +153,17 @@ static status out_of_bounds(const struct placer *p)
                      p->description->name, p->w->frame);
 }
 
-static float diagonal(const float low[3], const float high[3])
+static real diagonal(const real low[3], const real high[3])
 {
     return vec3_length(vec3_make(high[0] - low[0], high[1] - low[1], high[2] - low[2]));
 }
 
-static void grow_box(float low[3], float high[3], const float *points, size_t count)
+static void grow_box(real low[3], real high[3], const float32 *points, size_t count)
 {
     for (size_t i = 0; i < count; i++)
         for (size_t a = 0; a < 3; a++) {
-            low[a] = float_min(points[3 * i + a], low[a]);
-            high[a] = float_max(points[3 * i + a], high[a]);
+            low[a] = real_min(points[3 * i + a], low[a]);
+            high[a] = real_max(points[3 * i + a], high[a]);
         }
 }
 
@@ -188,8 +188,8 @@ static int stays_solid(const struct transform *steps, uint32_t count)
 static status choose_matrices(struct placer *p)
 {
     float32 corners[WORLD_STEPS_MAX][24];
-    float low[3], high[3];
-    const float *track[WORLD_STEPS_MAX];
+    real low[3], high[3];
+    const float32 *track[WORLD_STEPS_MAX];
     struct transform *steps;
     uint32_t stride, count;
 
@@ -223,11 +223,11 @@ static status choose_matrices(struct placer *p)
 
 /* Compute the vertices at each of the instance's steps: `positions` has `count` arrays, 1 if
  * nothing moves. */
-static status keep_positions(struct placer *p, const float *const *positions, uint32_t count)
+static status keep_positions(struct placer *p, const float32 *const *positions, uint32_t count)
 {
     struct world_instance *instance = p->instance;
     size_t vertices = p->vertices->vertex_count;
-    const float **kept = mem_alloc_array(count, sizeof *kept);
+    const float32 **kept = mem_alloc_array(count, sizeof *kept);
 
     if (!world_own(p->w, (void *)kept))
         return no_memory(p);
@@ -241,7 +241,7 @@ static status keep_positions(struct placer *p, const float *const *positions, ui
         if (!in_bounds(kept[k], 3 * vertices))
             return out_of_bounds(p);
         grow_box(instance->bounds_min, instance->bounds_max, kept[k], vertices);
-        p->w->info.mesh_bytes += 3 * sizeof(float) * vertices;
+        p->w->info.mesh_bytes += 3 * sizeof(float32) * vertices;
     }
     instance->world_positions = kept[0];
     if (count > 1)
@@ -252,7 +252,7 @@ static status keep_positions(struct placer *p, const float *const *positions, ui
 static status place_moving(struct placer *p)
 {
     struct world_instance *instance = p->instance;
-    const float *positions[WORLD_STEPS_MAX] = {NULL};
+    const float32 *positions[WORLD_STEPS_MAX] = {NULL};
     status s = choose_matrices(p);
     uint32_t count = instance->motion_steps;
     int flat;
@@ -354,7 +354,7 @@ static status deform_vectors(struct placer *p, uint32_t stride)
 {
     struct world_instance *instance = p->instance;
     uint32_t count = instance->motion_steps;
-    const float **normals, **tangents;
+    const float32 **normals, **tangents;
     status s = STATUS_OK;
 
     if (!instance->deformed_normals && !instance->deformed_tangents)
@@ -384,8 +384,8 @@ static status deform_vectors(struct placer *p, uint32_t stride)
 /* Choose which moments to keep. */
 static uint32_t choose_moments(struct placer *p, float32 *const positions[WORLD_STEPS_MAX])
 {
-    const float *track[WORLD_STEPS_MAX];
-    float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+    const float32 *track[WORLD_STEPS_MAX];
+    real low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
     struct world_instance *instance = p->instance;
     uint32_t stride;
 
@@ -413,7 +413,7 @@ static status place_deformed(struct placer *p)
 {
     struct world_instance *instance = p->instance;
     float32 *positions[WORLD_STEPS_MAX] = {NULL};
-    const float *kept[WORLD_STEPS_MAX] = {NULL};
+    const float32 *kept[WORLD_STEPS_MAX] = {NULL};
     uint32_t moments = 1, stride = 1, used = 1;
     status s = STATUS_OK;
     int flat;

@@ -6,9 +6,9 @@
 #include "worker/render/scene/world_pose.h"
 
 /* A chord may deviate from the path by this share of the size of what moves. */
-#define CHORD_TOLERANCE 1e-3f
+#define CHORD_TOLERANCE REAL(1e-3)
 /* The tolerance is at least this share of the coordinates: floats are no more precise. */
-#define COORDINATE_TOLERANCE 1e-6f
+#define COORDINATE_TOLERANCE REAL(1e-6)
 
 status world_poses_new(struct world_poses **out, const struct scene *scene,
                        const struct render_settings *settings, uint32_t frame, struct error *err)
@@ -47,19 +47,19 @@ void world_poses_free(struct world_poses *poses)
 }
 
 /* Is every moment within `tolerance` of the chords between each `stride`-th? */
-static int stride_fits(const float *const track[WORLD_STEPS_MAX], size_t points, uint32_t stride,
-                       float tolerance)
+static int stride_fits(const float32 *const track[WORLD_STEPS_MAX], size_t points, uint32_t stride,
+                       real tolerance)
 {
     for (uint32_t k = 0; k < WORLD_STEPS_MAX; k++) {
-        const float *a = track[k / stride * stride], *b, *p = track[k];
-        float f = (float)(k % stride) / (float)stride;
+        const float32 *a = track[k / stride * stride], *b, *p = track[k];
+        real f = (real)(k % stride) / (real)stride;
         if (k % stride == 0)
             continue;
         b = track[k / stride * stride + stride];
         for (size_t i = 0; i < points; i++) {
-            float square = 0;
+            real square = 0;
             for (size_t c = 3 * i; c < 3 * i + 3; c++) {
-                float miss = (1 - f) * a[c] + f * b[c] - p[c];
+                real miss = (1 - f) * a[c] + f * b[c] - p[c];
                 square += miss * miss;
             }
             if (!(square <= tolerance * tolerance))
@@ -69,23 +69,23 @@ static int stride_fits(const float *const track[WORLD_STEPS_MAX], size_t points,
     return 1;
 }
 
-static float largest_of(const float *values, size_t count)
+static real largest_of(const float32 *values, size_t count)
 {
-    float largest = 0;
+    real largest = 0;
 
     for (size_t i = 0; i < count; i++)
-        largest = float_max(fabsf(values[i]), largest);
+        largest = real_max(real_abs(values[i]), largest);
     return largest;
 }
 
-uint32_t world_stride(const float *const track[WORLD_STEPS_MAX], size_t points, float extent)
+uint32_t world_stride(const float32 *const track[WORLD_STEPS_MAX], size_t points, real extent)
 {
-    float tolerance = CHORD_TOLERANCE * extent;
-    float floor_ = COORDINATE_TOLERANCE * float_max(largest_of(track[0], 3 * points),
+    real tolerance = CHORD_TOLERANCE * extent;
+    real floor_ = COORDINATE_TOLERANCE * real_max(largest_of(track[0], 3 * points),
                                                     largest_of(track[WORLD_STEPS_MAX - 1], 3 * points));
     uint32_t stride = WORLD_STEPS_MAX - 1;
 
-    while (stride > 1 && !stride_fits(track, points, stride, float_max(tolerance, floor_)))
+    while (stride > 1 && !stride_fits(track, points, stride, real_max(tolerance, floor_)))
         stride /= 2;
     return stride;
 }
@@ -102,8 +102,8 @@ void world_poses_camera(const struct world_poses *poses, uint32_t camera, struct
 {
     struct transform at[WORLD_STEPS_MAX];
     float32 axes[WORLD_STEPS_MAX][9], place[WORLD_STEPS_MAX][3];
-    float reach = 0;
-    const float *axes_track[WORLD_STEPS_MAX], *place_track[WORLD_STEPS_MAX];
+    real reach = 0;
+    const float32 *axes_track[WORLD_STEPS_MAX], *place_track[WORLD_STEPS_MAX];
     uint32_t stride, other;
     int moves = 0;
 
@@ -121,7 +121,7 @@ void world_poses_camera(const struct world_poses *poses, uint32_t camera, struct
             for (int c = 0; c < 3; c++)
                 axes[k][3 * c + r] = (float32)at[k].m[r][c];
             place[k][r] = (float32)at[k].m[r][3];
-            reach = float_max(reach, fabsf(place[k][r] - place[0][r]));
+            reach = real_max(reach, real_abs(place[k][r] - place[0][r]));
         }
         axes_track[k] = axes[k];
         place_track[k] = place[k];
@@ -146,9 +146,9 @@ uint32_t world_poses_light_motion(const struct world_poses *poses, uint32_t ligh
                                   struct punctual_pose steps[WORLD_STEPS_MAX])
 {
     float32 axes[WORLD_STEPS_MAX][12], place[WORLD_STEPS_MAX][3];
-    float reach = 0;
-    const float *axes_track[WORLD_STEPS_MAX], *place_track[WORLD_STEPS_MAX];
-    const float *intensity = poses->scene->lights[light].intensity;
+    real reach = 0;
+    const float32 *axes_track[WORLD_STEPS_MAX], *place_track[WORLD_STEPS_MAX];
+    const float32 *intensity = poses->scene->lights[light].intensity;
     uint32_t stride, other, count;
     int moves = 0;
 
@@ -164,7 +164,7 @@ uint32_t world_poses_light_motion(const struct world_poses *poses, uint32_t ligh
         vec3_store(steps[k].direction, axes[k]);
         for (size_t a = 0; a < 3; a++)
             vec3_store(steps[k].axis[a], axes[k] + 3 + 3 * a);
-        reach = float_max(reach, vec3_length(vec3_sub(steps[k].position, steps[0].position)));
+        reach = real_max(reach, vec3_length(vec3_sub(steps[k].position, steps[0].position)));
         axes_track[k] = axes[k];
         place_track[k] = place[k];
     }

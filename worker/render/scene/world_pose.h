@@ -39,6 +39,6 @@ uint32_t world_poses_light_motion(const struct world_poses *poses, uint32_t ligh
 
 /* track[k] holds `points` points at moment k. Returns the largest power of two stride whose chords
  * keep all points within the tolerance. `extent`: size of what moves. */
-uint32_t world_stride(const float *const track[WORLD_STEPS_MAX], size_t points, float extent);
+uint32_t world_stride(const float32 *const track[WORLD_STEPS_MAX], size_t points, real extent);
 
 #endif

@@ -126,7 +126,7 @@ void world_shape_give(const struct render_scene *w, const struct world_instance 
     if (!instance->shape)
         return;
     out->shape = instance->shape;
-    out->shape_margin = MARGIN_SHARE * (fabsf(c.x) + fabsf(c.y) + fabsf(c.z) + w->fog_radius);
+    out->shape_margin = MARGIN_SHARE * (real_abs(c.x) + real_abs(c.y) + real_abs(c.z) + w->fog_radius);
     out->mesh = w->mesh_count;
     out->world_positions = NULL;
 }

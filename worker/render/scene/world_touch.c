@@ -17,7 +17,7 @@
 /* A triangle near a volume. */
 struct item {
     uint32_t instance, triangle;
-    float normal[3];   /* unit; 0 for a triangle without area */
+    real normal[3];   /* unit; 0 for a triangle without area */
     uint8_t crossable; /* rays may pass through it */
     uint8_t touches;
 };
@@ -142,14 +142,14 @@ static int in_region(const struct finder *f, const struct world_box *box)
     return 1;
 }
 
-static void find_normal(const double corner[3][3], float out[3])
+static void find_normal(const double corner[3][3], real out[3])
 {
     double n[3], length;
 
     exact_normal(corner, n);
     length = sqrt(exact_dot(n, n));
     for (int a = 0; a < 3; a++)
-        out[a] = length > 0 ? (float)(n[a] / length) : 0;
+        out[a] = length > 0 ? (real)(n[a] / length) : 0;
 }
 
 /* All triangles in the region. *too_many: there are more than the limit. */
@@ -251,10 +251,10 @@ static int is_settled(const struct item *item)
 /* Far from parallel, as most neighbours on a curved surface are: no need to read their corners. */
 static int leans(const struct item *a, const struct item *b)
 {
-    const float *n = a->normal, *m = b->normal;
-    float cosine = n[0] * m[0] + n[1] * m[1] + n[2] * m[2];
+    const real *n = a->normal, *m = b->normal;
+    real cosine = n[0] * m[0] + n[1] * m[1] + n[2] * m[2];
 
-    return cosine * cosine < 1 - (float)(2 * TOUCH_LEAN * TOUCH_LEAN);
+    return cosine * cosine < 1 - (real)(2 * TOUCH_LEAN * TOUCH_LEAN);
 }
 
 static int compare(void *user, uint32_t a, uint32_t b)

@@ -119,13 +119,13 @@ static uint32_t cell_triangle(uint32_t rows, uint32_t row, uint32_t column, uint
 /* The cell in this direction from the centre. */
 static uint32_t cell_towards(uint32_t rows, const double p[3], uint32_t *count)
 {
-    float across = (float)sqrt(p[0] * p[0] + p[1] * p[1]);
-    float up = det_atan2(across, -(float)p[2]) / PI_F;
-    float round = det_atan2((float)p[1], (float)p[0]) / (2 * PI_F);
-    uint32_t row = (uint32_t)(up * (float)rows), column;
+    real across = (real)sqrt(p[0] * p[0] + p[1] * p[1]);
+    real up = real_atan2(across, -(real)p[2]) / REAL_PI;
+    real round = real_atan2((real)p[1], (real)p[0]) / (2 * REAL_PI);
+    uint32_t row = (uint32_t)(up * (real)rows), column;
 
     round += round < 0 ? 1.0f : 0.0f;
-    column = (uint32_t)(round * (float)(2 * rows));
+    column = (uint32_t)(round * (real)(2 * rows));
     return cell_triangle(rows, row < rows ? row : rows - 1,
                          column < 2 * rows ? column : 2 * rows - 1, count);
 }
@@ -182,7 +182,7 @@ int sphere_fits(const struct world_mesh *mesh, const struct scene_mesh *descript
         double middle[3] = {0, 0, 0}, weight[3];
 
         for (int k = 0; k < 3; k++) {
-            const float *p = mesh->positions + 3 * (size_t)world_vertices(mesh, t)[k];
+            const float32 *p = mesh->positions + 3 * (size_t)world_vertices(mesh, t)[k];
             double square = 0;
             for (int a = 0; a < 3; a++) {
                 square += (double)p[a] * (double)p[a];

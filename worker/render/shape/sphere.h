@@ -35,12 +35,12 @@ struct sphere_chord {
 static inline double sphere_inside(const struct sphere_shape *sphere, const double foot[3],
                                    const double to_origin[3], const double direction[3])
 {
-    float b, c;
+    real b, c;
 
     if (SAFEGUARD(SPHERE_NEAREST_POINT))
         return sphere->radius * sphere->radius - exact_dot(foot, foot);
-    b = (float)exact_dot(to_origin, direction);
-    c = (float)exact_dot(to_origin, to_origin) - (float)(sphere->radius * sphere->radius);
+    b = (real)exact_dot(to_origin, direction);
+    c = (real)exact_dot(to_origin, to_origin) - (real)(sphere->radius * sphere->radius);
     return (double)(b * b - c);
 }
 

@@ -9,19 +9,19 @@
 #include "worker/render/surface/surface_shape.h"
 
 void world_triangle(const struct render_scene *scene, const struct world_instance *instance,
-                    uint32_t triangle, float time, struct vec3 corner[3])
+                    uint32_t triangle, real time, struct vec3 corner[3])
 {
     const struct world_mesh *mesh = &scene->meshes[instance->mesh];
     double c[3][3];
 
     world_corners(scene, instance, world_vertices(mesh, triangle), time, c);
     for (int k = 0; k < 3; k++)
-        corner[k] = vec3_make((float)c[k][0], (float)c[k][1], (float)c[k][2]);
+        corner[k] = vec3_make((real)c[k][0], (real)c[k][1], (real)c[k][2]);
 }
 
 /* A lower bound of the distance to the nearest edge: the smallest weight times the smallest
  * height. */
-static float surface_inset(double u, double v, double double_area, const double e1[3],
+static real surface_inset(double u, double v, double double_area, const double e1[3],
                            const double e2[3])
 {
     double a = exact_dot(e1, e1), b = exact_dot(e2, e2), ab = exact_dot(e1, e2);
@@ -31,7 +31,7 @@ static float surface_inset(double u, double v, double double_area, const double 
     least = w < least ? w : least;
     longest = a > b ? a : b;
     longest = c > longest ? c : longest;
-    return longest > 0 ? (float)(least * double_area / sqrt(longest)) : 0;
+    return longest > 0 ? (real)(least * double_area / sqrt(longest)) : 0;
 }
 
 /* The hit's place, after s->t. Far from the origin of world or ray, a place along the ray in float
@@ -94,11 +94,11 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     }
     for (int a = 0; a < 3; a++)
         p[a] = c[0][a] + u * e1[a] + v * e2[a];
-    s->b1 = (float)u;
-    s->b2 = (float)v;
-    s->t = (float)((p[0] - o[0]) * d[0] + (p[1] - o[1]) * d[1] + (p[2] - o[2]) * d[2]);
+    s->b1 = (real)u;
+    s->b2 = (real)v;
+    s->t = (real)((p[0] - o[0]) * d[0] + (p[1] - o[1]) * d[1] + (p[2] - o[2]) * d[2]);
     surface_set_place(ray, p, s);
-    s->area = (float)(0.5 * length);
+    s->area = (real)(0.5 * length);
     s->contacts = world_near_boundary(scene, s->p);
     s->inset = surface_inset(u, v, length, e1, e2);
 
@@ -106,16 +106,16 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     s->front = exact_dot(n, d) * sign < 0;
     sign = s->front ? sign : -sign;
     if (length > 0)
-        s->ng = vec3_make((float)(n[0] / length * sign), (float)(n[1] / length * sign),
-                          (float)(n[2] / length * sign));
+        s->ng = vec3_make((real)(n[0] / length * sign), (real)(n[1] / length * sign),
+                          (real)(n[2] / length * sign));
     else
         s->ng = vec3_neg(ray->direction);
 }
 
-void surface_uv(const struct surface *s, float *u, float *v)
+void surface_uv(const struct surface *s, real *u, real *v)
 {
-    const float *uv = s->mesh->uv[0], *a, *b, *c;
-    float b0 = 1 - s->b1 - s->b2;
+    const float32 *uv = s->mesh->uv[0], *a, *b, *c;
+    real b0 = 1 - s->b1 - s->b2;
 
     *u = *v = 0;
     if (!uv)

@@ -24,13 +24,13 @@ struct surface {
     const uint32_t *vertex;   /* the triangle's three vertex numbers */
     uint32_t number;          /* the instance's */
     uint32_t triangle;
-    float b1, b2;             /* barycentric weights of vertices 1 and 2 */
-    float t;                  /* metres from the ray's origin */
-    float area;               /* of the triangle, m^2 */
+    real b1, b2;             /* barycentric weights of vertices 1 and 2 */
+    real t;                  /* metres from the ray's origin */
+    real area;               /* of the triangle, m^2 */
     int contacts;             /* very close faces count (struct ray) */
-    float inset;              /* lower bound of the distance to the triangle's edges, metres */
-    float footprint;          /* width of the ray's beam over sqrt(area); 0: textures at their finest */
-    float time;               /* 0..1: the ray's */
+    real inset;              /* lower bound of the distance to the triangle's edges, metres */
+    real footprint;          /* width of the ray's beam over sqrt(area); 0: textures at their finest */
+    real time;               /* 0..1: the ray's */
     int front;                /* met from the side of counter-clockwise winding */
     struct vec3 p;            /* world, rounded to float */
     double rest[3];           /* metres: the rounding error; the exact point is p + rest */
@@ -52,13 +52,13 @@ void surface_shade(const struct render_scene *scene, struct surface *s, struct v
                    struct bsdf_params *params);
 
 /* If the material is a mix: choose one of its parts with the number `u` in [0,1). */
-void surface_resolve_mix(const struct render_scene *scene, struct surface *s, float u);
+void surface_resolve_mix(const struct render_scene *scene, struct surface *s, real u);
 
 /* Vertex colour; the mesh has MESH_COLORS. */
 struct vec3 surface_vertex_color(const struct surface *s);
 
 /* First uv set at the hit; 0, 0 where the mesh has none. */
-void surface_uv(const struct surface *s, float *u, float *v);
+void surface_uv(const struct surface *s, real *u, real *v);
 
 /* A ray that leaves the surface towards `direction`, to either side, without end. */
 void surface_leave(const struct surface *s, struct vec3 direction, struct ray *ray);

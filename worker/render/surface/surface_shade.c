@@ -9,16 +9,16 @@
 #include "worker/render/surface/world_motion.h"
 
 /* The cosine to which a shading normal that faces away is bent. */
-#define BEND_COSINE 1e-3f
+#define BEND_COSINE REAL(1e-3)
 
 /* ---- the normal ----------------------------------------------------------------------------- */
 
-static struct vec3 surface_interpolate(const float *values, size_t stride,
-                                       const uint32_t vertex[3], float b1, float b2)
+static struct vec3 surface_interpolate(const float32 *values, size_t stride,
+                                       const uint32_t vertex[3], real b1, real b2)
 {
-    const float *a = values + stride * vertex[0], *b = values + stride * vertex[1],
+    const float32 *a = values + stride * vertex[0], *b = values + stride * vertex[1],
                 *c = values + stride * vertex[2];
-    float b0 = 1 - b1 - b2;
+    real b0 = 1 - b1 - b2;
 
     return vec3_make(b0 * a[0] + b1 * b[0] + b2 * c[0], b0 * a[1] + b1 * b[1] + b2 * c[1],
                      b0 * a[2] + b1 * b[2] + b2 * c[2]);
@@ -26,11 +26,11 @@ static struct vec3 surface_interpolate(const float *values, size_t stride,
 
 /* Mixed between the steps of a mesh that moves. Apart, for most do not. */
 static __attribute__((noinline)) struct vec3 surface_moving(const struct surface *s,
-                                                            const float *const *motion,
+                                                            const float32 *const *motion,
                                                             size_t stride)
 {
     struct vec3 from, to;
-    float f;
+    real f;
     uint32_t segment = motion_segment(s->time, s->instance->motion_steps, &f);
 
     from = surface_interpolate(motion[segment], stride, s->vertex, s->b1, s->b2);
@@ -39,8 +39,8 @@ static __attribute__((noinline)) struct vec3 surface_moving(const struct surface
 }
 
 /* The same of vectors that deform with the mesh. */
-static inline struct vec3 surface_deformed(const struct surface *s, const float *opening,
-                                           const float *const *motion, size_t stride)
+static inline struct vec3 surface_deformed(const struct surface *s, const float32 *opening,
+                                           const float32 *const *motion, size_t stride)
 {
     if (HAS(DEFORMATION) && motion)
         return surface_moving(s, motion, stride);
@@ -57,7 +57,7 @@ static struct texel surface_texel(const struct surface *s, const struct world_sl
     return world_slot_lookup(slot, s->mesh, s->vertex, s->b1, s->b2, s->footprint, slot->color);
 }
 
-static const float *surface_tangents(const struct surface *s)
+static const float32 *surface_tangents(const struct surface *s)
 {
     return world_tangents(s->instance, s->mesh);
 }
@@ -74,9 +74,9 @@ static struct vec3 surface_tangent(const struct surface *s, struct vec3 n)
     return vec3_normalize(vec3_mad(t, n, -vec3_dot(n, t)));
 }
 
-static float surface_handedness(const struct surface *s)
+static real surface_handedness(const struct surface *s)
 {
-    float w = surface_tangents(s)[4 * (size_t)s->vertex[0] + 3] < 0 ? -1.0f : 1.0f;
+    real w = surface_tangents(s)[4 * (size_t)s->vertex[0] + 3] < 0 ? -1.0f : 1.0f;
 
     return s->instance->flipped ? -w : w;
 }
@@ -89,11 +89,11 @@ static int surface_takes_normal_maps(const struct render_scene *scene, const str
 
 /* A normal map's normal, world, on the front side; `n` where there is no tangent. */
 static struct vec3 surface_mapped_normal(const struct surface *s, const struct world_slot *slot,
-                                         float scale, struct vec3 n)
+                                         real scale, struct vec3 n)
 {
     struct vec3 t = surface_tangent(s, n), b, front_ng = s->front ? s->ng : vec3_neg(s->ng);
     struct texel texel;
-    float cosine;
+    real cosine;
 
     PROFILE_EFFECT(NORMAL_MAP);
     if (vec3_is_black(t))
@@ -125,7 +125,7 @@ static inline struct vec3 surface_normal_to_world(const struct surface *s, struc
 static struct vec3 surface_vertex_normal(const struct surface *s)
 {
     struct vec3 front_ng = s->front ? s->ng : vec3_neg(s->ng), n;
-    const float *normals = world_normals(s->instance, s->mesh);
+    const float32 *normals = world_normals(s->instance, s->mesh);
 
     if (!normals || s->instance->shape)
         return front_ng;
@@ -146,7 +146,7 @@ static struct vec3 surface_bent_normal(const struct surface *s, struct vec3 n, s
                                        int reflects)
 {
     struct vec3 mirror;
-    float cosine;
+    real cosine;
 
     n = vec3_normalize(s->front ? n : vec3_neg(n));
     cosine = vec3_dot(n, wo);
@@ -174,13 +174,13 @@ static struct vec3 rgb(const float32 color[3])
     return vec3_make(color[0], color[1], color[2]);
 }
 
-static float square(float x)
+static real square(real x)
 {
     return x * x;
 }
 
 /* Factor times one channel of the texture; 0 where the factor is. */
-static float surface_scalar(const struct surface *s, float factor, const struct world_slot *slot,
+static real surface_scalar(const struct surface *s, real factor, const struct world_slot *slot,
                             int channel /* enum material_channel */)
 {
     struct texel texel;
@@ -256,7 +256,7 @@ static void surface_anisotropy(const struct surface_view *view, struct surface *
 {
     const struct scene_material *m = &s->material->m;
     struct vec3 t, b;
-    float strength = m->anisotropy, x = 1, y = 0, c, sine;
+    real strength = m->anisotropy, x = 1, y = 0, c, sine;
 
     (void)view;
     if (!surface_tangents(s))
@@ -271,8 +271,8 @@ static void surface_anisotropy(const struct surface_view *view, struct surface *
         strength *= texel.b;
     }
     if (m->anisotropy_rotation_rad != 0) {
-        float x0 = x;
-        det_sincos(m->anisotropy_rotation_rad, &sine, &c);
+        real x0 = x;
+        real_sincos(m->anisotropy_rotation_rad, &sine, &c);
         x = c * x0 - sine * y;
         y = sine * x0 + c * y;
     }
@@ -399,19 +399,19 @@ static __attribute__((noinline)) void surface_layers(const struct render_scene *
 
 /* ---- all of it ------------------------------------------------------------------------------ */
 
-void surface_resolve_mix(const struct render_scene *scene, struct surface *s, float u)
+void surface_resolve_mix(const struct render_scene *scene, struct surface *s, real u)
 {
     /* A mix refers to lower materials only, so this ends. */
     while (s->material->m.kind == MATERIAL_MIX) {
         const struct world_material *mix = s->material;
-        float amount = surface_scalar(s, mix->m.mix_amount, &mix->mix, CHANNEL_OF_mix_amount);
+        real amount = surface_scalar(s, mix->m.mix_amount, &mix->mix, CHANNEL_OF_mix_amount);
         int second;
 
         amount = amount > 0 ? (amount < 1 ? amount : 1) : 0;
         second = u < amount;
         /* What is left of the number is as good as a new one. */
         u = second ? u / amount : (u - amount) / (1 - amount);
-        u = u > 0 ? (u < ONE_MINUS_EPSILON ? u : ONE_MINUS_EPSILON) : 0;
+        u = u > 0 ? (u < REAL_BELOW_ONE ? u : REAL_BELOW_ONE) : 0;
         s->material = &scene->materials[mix->m.mix_material[second]];
     }
 }

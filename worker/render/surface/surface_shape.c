@@ -21,11 +21,11 @@ uint32_t surface_locate(const struct render_scene *scene, struct surface *s)
         sum += weight[k];
     }
     s->vertex = world_vertices(s->mesh, triangle);
-    s->b1 = (float)(weight[1] / sum);
-    s->b2 = (float)(weight[2] / sum);
+    s->b1 = (real)(weight[1] / sum);
+    s->b2 = (real)(weight[2] / sum);
     world_corners(scene, s->instance, s->vertex, s->time, corner);
     exact_normal(corner, n);
-    s->area = (float)(0.5 * sqrt(exact_dot(n, n)));
+    s->area = (real)(0.5 * sqrt(exact_dot(n, n)));
     return triangle;
 }
 
@@ -42,13 +42,13 @@ void surface_on_shape(const struct render_scene *scene, const struct ray *ray,
     s->triangle = 0;
     s->vertex = world_vertices(s->mesh, 0);
     s->b1 = s->b2 = 1.0f / 3;
-    s->t = (float)((p[0] - o[0]) * d[0] + (p[1] - o[1]) * d[1] + (p[2] - o[2]) * d[2]);
+    s->t = (real)((p[0] - o[0]) * d[0] + (p[1] - o[1]) * d[1] + (p[2] - o[2]) * d[2]);
     s->p = exact_round(p, s->rest);
     s->area = 1;
     s->contacts = world_near_boundary(scene, s->p);
     s->inset = INFINITY; /* there are no edges beyond which a neighbour stands */
     s->front = side == shape->front;
-    s->ng = vec3_make((float)(sign * n[0]), (float)(sign * n[1]), (float)(sign * n[2]));
+    s->ng = vec3_make((real)(sign * n[0]), (real)(sign * n[1]), (real)(sign * n[2]));
     if (shape->located)
         (void)surface_locate(scene, s);
 }

@@ -8,37 +8,37 @@
 
 /* The image's coordinates there; the footprint from the triangle's scale to the image's. */
 static void surface_slot_coordinates(const struct world_slot *slot, const struct world_mesh *mesh,
-                                     const uint32_t vertex[3], float b1, float b2, float *u_out,
-                                     float *v_out, float *footprint)
+                                     const uint32_t vertex[3], real b1, real b2, real *u_out,
+                                     real *v_out, real *footprint)
 {
-    const float *uv = mesh->uv[slot->uv_set];
-    float u = 0, v = 0, area = 0;
+    const float32 *uv = mesh->uv[slot->uv_set];
+    real u = 0, v = 0, area = 0;
 
     if (uv) {
-        const float *a = uv + 2 * (size_t)vertex[0], *b = uv + 2 * (size_t)vertex[1],
+        const float32 *a = uv + 2 * (size_t)vertex[0], *b = uv + 2 * (size_t)vertex[1],
                     *c = uv + 2 * (size_t)vertex[2];
-        float b0 = 1 - b1 - b2;
+        real b0 = 1 - b1 - b2;
         u = b0 * a[0] + b1 * b[0] + b2 * c[0];
         v = b0 * a[1] + b1 * b[1] + b2 * c[1];
         if (*footprint > 0)
             area = 0.5f * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
     }
     if (slot->transformed) {
-        float u0 = u;
+        real u0 = u;
         u = slot->m[0][0] * u0 + slot->m[0][1] * v + slot->m[0][2];
         v = slot->m[1][0] * u0 + slot->m[1][1] * v + slot->m[1][2];
         area *= slot->m[0][0] * slot->m[1][1] - slot->m[0][1] * slot->m[1][0];
     }
     *u_out = u;
     *v_out = v;
-    *footprint *= sqrtf(fabsf(area));
+    *footprint *= real_sqrt(real_abs(area));
 }
 
 struct texel world_slot_lookup(const struct world_slot *slot, const struct world_mesh *mesh,
-                               const uint32_t vertex[3], float b1, float b2, float footprint,
+                               const uint32_t vertex[3], real b1, real b2, real footprint,
                                int srgb)
 {
-    float u, v;
+    real u, v;
 
     PROFILE_EFFECT(TEXTURE);
     surface_slot_coordinates(slot, mesh, vertex, b1, b2, &u, &v, &footprint);
@@ -46,25 +46,25 @@ struct texel world_slot_lookup(const struct world_slot *slot, const struct world
 }
 
 void world_slot_place(const struct world_slot *slot, const struct world_mesh *mesh,
-                      const uint32_t vertex[3], float b1, float b2, float footprint,
+                      const uint32_t vertex[3], real b1, real b2, real footprint,
                       struct texture_place *place)
 {
-    float u, v;
+    real u, v;
 
     PROFILE_EFFECT(TEXTURE);
     surface_slot_coordinates(slot, mesh, vertex, b1, b2, &u, &v, &footprint);
     texture_place(place, slot->image, &slot->texture, u, v, footprint, slot->color);
 }
 
-float world_alpha(const struct world_material *material, const struct world_mesh *mesh,
-                  const uint32_t vertex[3], float b1, float b2)
+real world_alpha(const struct world_material *material, const struct world_mesh *mesh,
+                  const uint32_t vertex[3], real b1, real b2)
 {
-    float alpha = material->m.base_color[3];
+    real alpha = material->m.base_color[3];
 
     if (world_slot_is_read(&material->base_color))
         alpha *= world_slot_lookup(&material->base_color, mesh, vertex, b1, b2, 0, 1).a;
     if (mesh->colors) {
-        const float *c = mesh->colors;
+        const float32 *c = mesh->colors;
         alpha *= (1 - b1 - b2) * c[4 * (size_t)vertex[0] + 3] + b1 * c[4 * (size_t)vertex[1] + 3] +
                  b2 * c[4 * (size_t)vertex[2] + 3];
     }
@@ -72,11 +72,11 @@ float world_alpha(const struct world_material *material, const struct world_mesh
 }
 
 /* What a clearcoat lets out of the emission below it. */
-static float emission_scale(const struct world_material *material, const struct world_mesh *mesh,
-                            const uint32_t vertex[3], float b1, float b2, float cosine)
+static real emission_scale(const struct world_material *material, const struct world_mesh *mesh,
+                            const uint32_t vertex[3], real b1, real b2, real cosine)
 {
-    float n = float_max(material->m.clearcoat_ior, 1), f0 = (n - 1) / (n + 1), m = 1 - cosine;
-    float coat = material->m.clearcoat;
+    real n = real_max(material->m.clearcoat_ior, 1), f0 = (n - 1) / (n + 1), m = 1 - cosine;
+    real coat = material->m.clearcoat;
 
     PROFILE_EFFECT(CLEARCOAT);
     if (world_slot_is_read(&material->clearcoat))
@@ -86,7 +86,7 @@ static float emission_scale(const struct world_material *material, const struct 
 }
 
 struct vec3 world_emission(const struct world_material *material, const struct world_mesh *mesh,
-                           const uint32_t vertex[3], float b1, float b2)
+                           const uint32_t vertex[3], real b1, real b2)
 {
     struct vec3 emission =
         vec3_make(material->m.emission[0], material->m.emission[1], material->m.emission[2]);
@@ -99,7 +99,7 @@ struct vec3 world_emission(const struct world_material *material, const struct w
 }
 
 struct vec3 world_emitted(const struct world_material *material, const struct world_mesh *mesh,
-                          const uint32_t vertex[3], float b1, float b2, float cosine)
+                          const uint32_t vertex[3], real b1, real b2, real cosine)
 {
     struct vec3 radiance = world_emission(material, mesh, vertex, b1, b2);
 

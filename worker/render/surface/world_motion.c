@@ -2,7 +2,7 @@
 
 static const struct transform identity = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
 
-struct transform world_motion_to_world(const struct world_instance *instance, float time)
+struct transform world_motion_to_world(const struct world_instance *instance, real time)
 {
     struct transform_d m;
 
@@ -12,7 +12,7 @@ struct transform world_motion_to_world(const struct world_instance *instance, fl
     return transform_from_d(&m);
 }
 
-struct transform world_motion_to_object(const struct world_instance *instance, float time)
+struct transform world_motion_to_object(const struct world_instance *instance, real time)
 {
     struct transform_d m, inverse;
 
@@ -23,7 +23,7 @@ struct transform world_motion_to_object(const struct world_instance *instance, f
     return transform_from_d(&inverse);
 }
 
-void world_exact_corners(const void *scene_, uint32_t instance_index, uint32_t triangle, float time,
+void world_exact_corners(const void *scene_, uint32_t instance_index, uint32_t triangle, real time,
                          double corner[3][3])
 {
     const struct render_scene *scene = scene_;

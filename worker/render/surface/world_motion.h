@@ -18,10 +18,10 @@ static inline int world_moves(const struct world_instance *instance)
 
 /* The instance's matrix at `time`, interpolated between steps, in double. */
 static inline struct transform_d world_motion_matrix(const struct world_instance *instance,
-                                                     float time)
+                                                     real time)
 {
     struct transform_d out;
-    float f;
+    real f;
     uint32_t segment = motion_segment(time, instance->motion_steps, &f);
     const struct transform *a = &instance->motion_to_world[segment], *b = a + 1;
 
@@ -31,7 +31,7 @@ static inline struct transform_d world_motion_matrix(const struct world_instance
     return out;
 }
 
-static inline void world_motion_transformed(const struct transform_d *m, const float *p,
+static inline void world_motion_transformed(const struct transform_d *m, const float32 *p,
                                             double out[3])
 {
     for (int a = 0; a < 3; a++)
@@ -41,13 +41,13 @@ static inline void world_motion_transformed(const struct transform_d *m, const f
 
 static inline void world_motion_corners(const struct world_mesh *mesh,
                                         const struct world_instance *instance,
-                                        const uint32_t vertex[3], float time, double corner[3][3])
+                                        const uint32_t vertex[3], real time, double corner[3][3])
 {
     if (instance->motion_positions) {
-        float f;
+        real f;
         uint32_t segment = motion_segment(time, instance->motion_steps, &f);
-        const float *from = instance->motion_positions[segment];
-        const float *to = instance->motion_positions[segment + 1];
+        const float32 *from = instance->motion_positions[segment];
+        const float32 *to = instance->motion_positions[segment + 1];
         for (int k = 0; k < 3; k++)
             for (int a = 0; a < 3; a++) {
                 size_t i = 3 * (size_t)vertex[k] + (size_t)a;
@@ -64,7 +64,7 @@ static inline void world_motion_corners(const struct world_mesh *mesh,
  * baked and stands still. */
 static inline void world_corners(const struct render_scene *scene,
                                  const struct world_instance *instance, const uint32_t vertex[3],
-                                 float time, double corner[3][3])
+                                 real time, double corner[3][3])
 {
     const struct world_mesh *mesh = &scene->meshes[instance->mesh];
 
@@ -74,13 +74,13 @@ static inline void world_corners(const struct render_scene *scene,
     }
     for (int k = 0; k < 3; k++) {
         if (instance->world_positions) {
-            const float *p = instance->world_positions + 3 * (size_t)vertex[k];
+            const float32 *p = instance->world_positions + 3 * (size_t)vertex[k];
             for (int a = 0; a < 3; a++)
                 corner[k][a] = (double)p[a];
         } else {
-            const float *p = mesh->positions + 3 * (size_t)vertex[k];
+            const float32 *p = mesh->positions + 3 * (size_t)vertex[k];
             for (int a = 0; a < 3; a++) {
-                const float *row = instance->to_world.m[a];
+                const real *row = instance->to_world.m[a];
                 corner[k][a] = (double)row[0] * (double)p[0] + (double)row[1] * (double)p[1] +
                                (double)row[2] * (double)p[2] + (double)row[3];
             }
@@ -89,19 +89,19 @@ static inline void world_corners(const struct render_scene *scene,
 }
 
 /* For the moving: see below. */
-struct transform world_motion_to_object(const struct world_instance *instance, float time);
-struct transform world_motion_to_world(const struct world_instance *instance, float time);
+struct transform world_motion_to_object(const struct world_instance *instance, real time);
+struct transform world_motion_to_world(const struct world_instance *instance, real time);
 
 /* The instance's transforms at `time`, for normals and tangents. Of a skinned one, whose vectors
  * are the world's already, the identity. */
-static inline struct transform world_to_object_at(const struct world_instance *instance, float time)
+static inline struct transform world_to_object_at(const struct world_instance *instance, real time)
 {
     if (world_moves(instance))
         return world_motion_to_object(instance, time);
     return instance->to_object;
 }
 
-static inline struct transform world_to_world_at(const struct world_instance *instance, float time)
+static inline struct transform world_to_world_at(const struct world_instance *instance, real time)
 {
     if (world_moves(instance))
         return world_motion_to_world(instance, time);
@@ -110,7 +110,7 @@ static inline struct transform world_to_world_at(const struct world_instance *in
 
 /* The mesh's vertex normals and tangents as the frame has them at the shutter's opening: deformed
  * or not; NULL: none. */
-static inline const float *world_normals(const struct world_instance *instance,
+static inline const float32 *world_normals(const struct world_instance *instance,
                                          const struct world_mesh *mesh)
 {
     if (instance->deformed_normals)
@@ -118,7 +118,7 @@ static inline const float *world_normals(const struct world_instance *instance,
     return mesh->normals;
 }
 
-static inline const float *world_tangents(const struct world_instance *instance,
+static inline const float32 *world_tangents(const struct world_instance *instance,
                                           const struct world_mesh *mesh)
 {
     if (instance->deformed_tangents)

@@ -186,7 +186,7 @@ size_t texture_image_bytes(const struct texture_image *image)
         if (image->pyramid[color])
             texels += smaller;
     return sizeof *image + texels * image->channels * texture_value_bytes(image) +
-           (image->srgb16 ? TEXTURE_CODES_16 * sizeof(float) : 0);
+           (image->srgb16 ? TEXTURE_CODES_16 * sizeof(float32) : 0);
 }
 
 int texture_image_is_opaque(const struct texture_image *image)
@@ -197,25 +197,25 @@ int texture_image_is_opaque(const struct texture_image *image)
 /* ---- coordinates -------------------------------------------------------------------------- */
 
 /* floorf without a call to libm; from 2^23 on every float is an integer. */
-static inline float floor_small(float x)
+static inline real floor_small(real x)
 {
-    float whole;
+    real whole;
 
-    if (!(fabsf(x) < 8388608.0f))
+    if (!(real_abs(x) < 8388608.0f))
         return x;
-    whole = (float)(int32_t)x;
+    whole = (real)(int32_t)x;
     return whole > x ? whole - 1.0f : whole;
 }
 
 /* May it be wrapped? Overflowing transforms of texture coordinates give infinities. */
-static inline int is_coordinate(float x)
+static inline int is_coordinate(real x)
 {
-    return fabsf(x) <= 3.4e38f || !SAFEGUARD(TEXTURE_COORDINATE);
+    return real_abs(x) <= REAL(3.4e38) || !SAFEGUARD(TEXTURE_COORDINATE);
 }
 
 /* Wrap a coordinate of any size into 0..1 of the image, both ends possible: -1e-9 modulo 1 rounds
  * to 1. A coordinate that is not finite becomes 0. */
-static inline float wrap_coordinate(float x, enum scene_wrap wrap)
+static inline real wrap_coordinate(real x, enum scene_wrap wrap)
 {
     if (!is_coordinate(x))
         return 0.0f;
@@ -235,14 +235,14 @@ static inline float wrap_coordinate(float x, enum scene_wrap wrap)
  * second. Except for repeated images, the texel beyond an edge is the edge texel again. */
 struct texel_pair {
     uint32_t first, second;
-    float weight; /* 0..1, below 1 */
+    real weight; /* 0..1, below 1 */
 };
 
 /* `x` is wrapped already. */
-static inline struct texel_pair pair_of(float x, uint32_t size, enum scene_wrap wrap)
+static inline struct texel_pair pair_of(real x, uint32_t size, enum scene_wrap wrap)
 {
-    float position = x * (float)size - 0.5f;
-    float whole = floor_small(position);
+    real position = x * (real)size - 0.5f;
+    real whole = floor_small(position);
     int32_t first = (int32_t)whole, second = first + 1, last = (int32_t)size - 1;
     int periodic = wrap == WRAP_REPEAT;
 
@@ -253,9 +253,9 @@ static inline struct texel_pair pair_of(float x, uint32_t size, enum scene_wrap 
     return (struct texel_pair){(uint32_t)first, (uint32_t)second, position - whole};
 }
 
-static inline uint32_t nearest_of(float x, uint32_t size, enum scene_wrap wrap)
+static inline uint32_t nearest_of(real x, uint32_t size, enum scene_wrap wrap)
 {
-    uint32_t i = (uint32_t)(wrap_coordinate(x, wrap) * (float)size);
+    uint32_t i = (uint32_t)(wrap_coordinate(x, wrap) * (real)size);
 
     if (i < size)
         return i;
@@ -265,9 +265,9 @@ static inline uint32_t nearest_of(float x, uint32_t size, enum scene_wrap wrap)
 /* ---- places ------------------------------------------------------------------------------- */
 
 /* Is a finite coordinate outside the image? */
-static inline int is_outside(float x, enum scene_wrap wrap)
+static inline int is_outside(real x, enum scene_wrap wrap)
 {
-    return wrap == WRAP_BLACK && fabsf(x) <= 3.4e38f && !(x >= 0.0f && x <= 1.0f);
+    return wrap == WRAP_BLACK && real_abs(x) <= REAL(3.4e38) && !(x >= 0.0f && x <= 1.0f);
 }
 
 static inline void place_in(struct texture_taps *taps, uint32_t width, struct texel_pair x,
@@ -285,8 +285,8 @@ static inline void place_in(struct texture_taps *taps, uint32_t width, struct te
 
 /* `u` and `v` are wrapped already. */
 static inline void place_in_level(struct texture_taps *taps, const struct texture_image *image,
-                                  const struct scene_texture *texture, uint32_t level, float u,
-                                  float v)
+                                  const struct scene_texture *texture, uint32_t level, real u,
+                                  real v)
 {
     const struct texture_level *at = &image->levels[level];
 
@@ -297,8 +297,8 @@ static inline void place_in_level(struct texture_taps *taps, const struct textur
 /* Rare: outside the image, or not interpolated. */
 static __attribute__((noinline)) void place_special(struct texture_place *out,
                                                     const struct texture_image *image,
-                                                    const struct scene_texture *texture, float u,
-                                                    float v)
+                                                    const struct scene_texture *texture, real u,
+                                                    real v)
 {
     struct texel_pair x = {0, 0, 0.0f}, y = {0, 0, 0.0f};
 
@@ -313,9 +313,9 @@ static __attribute__((noinline)) void place_special(struct texture_place *out,
  * are the exponent and fraction of a float: log2, with straight lines between the powers of two. */
 static inline __attribute__((always_inline)) void
 place_of(struct texture_place *out, const struct texture_image *image,
-         const struct scene_texture *texture, int filtered, float u, float v, float footprint)
+         const struct scene_texture *texture, int filtered, real u, real v, real footprint)
 {
-    float texels_wide = footprint * image->longest;
+    real texels_wide = footprint * image->longest;
 
     if (is_outside(u, texture->wrap_u) || is_outside(v, texture->wrap_v)) {
         out->levels = 0;
@@ -353,7 +353,7 @@ static inline int is_srgb(const struct scene_texture *texture, int srgb)
 }
 
 void texture_place(struct texture_place *out, const struct texture_image *image,
-                   const struct scene_texture *texture, float u, float v, float footprint, int srgb)
+                   const struct scene_texture *texture, real u, real v, real footprint, int srgb)
 {
     place_of(out, image, texture, pyramid_of(image, is_srgb(texture, srgb)) != NULL, u, v,
              footprint);
@@ -372,23 +372,23 @@ int texture_shares_place(const struct texture_image *a, const struct scene_textu
 /* ---- lookups ------------------------------------------------------------------------------ */
 
 /* A texel's channels side by side, for arithmetic on all of them at once. */
-typedef float lanes __attribute__((vector_size(4 * sizeof(float))));
+typedef real lanes __attribute__((vector_size(4 * sizeof(real))));
 
 /* The texel number `index`, colour decoded. `layout` is a constant where this is inlined. */
 static inline __attribute__((always_inline)) lanes
 fetch(const void *texels, enum texture_layout layout, uint32_t channels, size_t index,
-      const float *color)
+      const float32 *color)
 {
     const uint8_t *b = texels;
-    const float *f = texels;
+    const float32 *f = texels;
 
     switch (layout) {
     case TEXTURE_GREY8: {
-        float grey = color[b[index]];
+        real grey = color[b[index]];
         return (lanes){grey, grey, grey, 1.0f};
     }
     case TEXTURE_GREY_ALPHA8: {
-        float grey = color[b[2 * index]];
+        real grey = color[b[2 * index]];
         return (lanes){grey, grey, grey, linear8[b[2 * index + 1]]};
     }
     case TEXTURE_RGB8:
@@ -400,11 +400,11 @@ fetch(const void *texels, enum texture_layout layout, uint32_t channels, size_t 
     case TEXTURE_16: {
         const uint16_t *w = (const uint16_t *)texels + channels * index;
         uint16_t g = channels < 3 ? w[0] : w[1], bl = channels < 3 ? w[0] : w[2];
-        float alpha = channels == 2 || channels == 4 ? (float)w[channels - 1] / 65535.0f : 1.0f;
+        real alpha = channels == 2 || channels == 4 ? (real)w[channels - 1] / 65535.0f : 1.0f;
 
         if (color)
             return (lanes){color[w[0]], color[g], color[bl], alpha};
-        return (lanes){(float)w[0] / 65535.0f, (float)g / 65535.0f, (float)bl / 65535.0f, alpha};
+        return (lanes){(real)w[0] / 65535.0f, (real)g / 65535.0f, (real)bl / 65535.0f, alpha};
     }
     default:
         f += channels * index;
@@ -413,7 +413,7 @@ fetch(const void *texels, enum texture_layout layout, uint32_t channels, size_t 
 }
 
 /* Equal ends give exactly that value, so an opaque texture stays opaque. */
-static inline lanes lerp(lanes a, lanes b, float t)
+static inline lanes lerp(lanes a, lanes b, real t)
 {
     return a + (b - a) * t;
 }
@@ -421,7 +421,7 @@ static inline lanes lerp(lanes a, lanes b, float t)
 /* `texels` are those of the taps' level. */
 static inline __attribute__((always_inline)) lanes
 filter(const void *texels, enum texture_layout layout, uint32_t channels,
-       const struct texture_taps *taps, const float *color)
+       const struct texture_taps *taps, const float32 *color)
 {
     lanes a = fetch(texels, layout, channels, taps->index[0], color);
     lanes b = fetch(texels, layout, channels, taps->index[1], color);
@@ -433,7 +433,7 @@ filter(const void *texels, enum texture_layout layout, uint32_t channels,
 
 static inline __attribute__((always_inline)) lanes
 filter_levels(const void *const texels[2], enum texture_layout layout, uint32_t channels,
-              const struct texture_place *place, const float *color)
+              const struct texture_place *place, const float32 *color)
 {
     lanes fine = filter(texels[0], layout, channels, &place->taps[0], color);
 
@@ -446,8 +446,8 @@ struct texel texture_read(const struct texture_image *image, const struct scene_
                           const struct texture_place *place, int srgb)
 {
     int decoded = is_srgb(texture, srgb);
-    const float *color8 = decoded ? image->srgb8 : linear8;
-    const float *color16 = decoded ? image->srgb16 : NULL;
+    const float32 *color8 = decoded ? image->srgb8 : linear8;
+    const float32 *color16 = decoded ? image->srgb16 : NULL;
     const uint8_t *pyramid = pyramid_of(image, decoded);
     const struct texture_level *level;
     const void *texels[2] = {image->texels, NULL};
@@ -476,7 +476,7 @@ struct texel texture_read(const struct texture_image *image, const struct scene_
 }
 
 struct texel texture_lookup(const struct texture_image *image, const struct scene_texture *texture,
-                            float u, float v, float footprint, int srgb)
+                            real u, real v, real footprint, int srgb)
 {
     struct texture_place place;
 

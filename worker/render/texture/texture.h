@@ -17,7 +17,7 @@
 struct texture_image; /* the decoded pixels of one scene_image; shared by textures */
 
 struct texel {
-    float r, g, b, a;
+    real r, g, b, a;
 };
 
 /* Decode PNG, JPEG, WebP (kept at 8 or 16 bits) or HDR, EXR (kept as floats). The messages of
@@ -58,22 +58,22 @@ int texture_image_is_opaque(const struct texture_image *image);
  * centres at half integers, or nearest (in the finest level, for any footprint). With WRAP_BLACK
  * all four channels are 0 outside the image, whose edge stays sharp. */
 struct texel texture_lookup(const struct texture_image *image, const struct scene_texture *texture,
-                            float u, float v, float footprint, int srgb);
+                            real u, real v, real footprint, int srgb);
 
 /* ---- the same in two steps, for textures that are looked up at one place ---- */
 struct texture_taps {
     size_t index[4]; /* texels of one level: above left and right, below */
-    float x, y;      /* weights of the right and the lower ones */
+    real x, y;      /* weights of the right and the lower ones */
 };
 struct texture_place {
     uint32_t level;  /* the finer one */
     int levels;      /* 0: outside the image; 1; or 2: the next coarser one, too */
-    float blend;     /* weight of that */
+    real blend;     /* weight of that */
     struct texture_taps taps[2];
 };
 
 void texture_place(struct texture_place *out, const struct texture_image *image,
-                   const struct scene_texture *texture, float u, float v, float footprint,
+                   const struct scene_texture *texture, real u, real v, real footprint,
                    int srgb);
 struct texel texture_read(const struct texture_image *image, const struct scene_texture *texture,
                           const struct texture_place *place, int srgb);

@@ -27,7 +27,7 @@ static int texel_is_lit(const struct texture_image *image, size_t index)
 
     for (uint32_t c = 0; c < colors; c++) {
         if (image->layout == TEXTURE_FLOAT
-                ? !(((const float *)image->texels)[first + c] == 0)
+                ? !(((const float32 *)image->texels)[first + c] == 0)
             : image->layout == TEXTURE_16 ? ((const uint16_t *)image->texels)[first + c] != 0
                                           : ((const uint8_t *)image->texels)[first + c] != 0)
             return 1;

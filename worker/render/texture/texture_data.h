@@ -31,11 +31,11 @@ struct texture_image {
     enum texture_layout layout;
     int opaque;
     const void *texels;       /* level 0: uint8_t, uint16_t or float; points into one of the two */
-    const float *srgb8;       /* decoding table of 8-bit values, static */
+    const float32 *srgb8;       /* decoding table of 8-bit values, static */
     float32 *srgb16;          /* of 16-bit values; TEXTURE_16 only, owned */
     struct image8 integers;
     struct image floats;
-    float longest;            /* longer side, in texels */
+    real longest;            /* longer side, in texels */
     uint32_t last_level;      /* the level of 1 x 1 */
     struct texture_level levels[TEXTURE_LEVELS_MAX];
     void *pyramid[2];         /* averaged as data, as sRGB colour; NULL: not made; owned. Float

@@ -16,15 +16,15 @@ enum { GUESSES = 4096 };
 
 /* Accumulates a level's next rows. */
 struct level_sums {
-    float *narrow;  /* the row above, made as wide as this level */
-    float *rows[2]; /* row i in rows[i & 1] */
+    float32 *narrow;  /* the row above, made as wide as this level */
+    float32 *rows[2]; /* row i in rows[i & 1] */
 };
 
 struct maker {
     const struct texture_image *image;
     int color;
     struct level_sums sums[TEXTURE_LEVELS_MAX]; /* [0] is unused */
-    float border[256];        /* decoded value above which the 8-bit sRGB code is larger than i */
+    float32 border[256];        /* decoded value above which the 8-bit sRGB code is larger than i */
     uint8_t guess[GUESSES];   /* code of i / GUESSES: a lower bound where the search starts */
 };
 
@@ -44,7 +44,7 @@ void texture_levels(struct texture_image *image)
         level++;
     }
     image->last_level = level;
-    image->longest = (float)(image->width > image->height ? image->width : image->height);
+    image->longest = (float32)(image->width > image->height ? image->width : image->height);
 }
 
 static int is_alpha(const struct texture_image *image, uint32_t channel)
@@ -60,7 +60,7 @@ static int is_light(const struct maker *m, uint32_t channel)
 
 /* ---- values in and out -------------------------------------------------------------------- */
 
-static void decode_row(const struct maker *m, uint32_t y, float *row)
+static void decode_row(const struct maker *m, uint32_t y, float32 *row)
 {
     const struct texture_image *image = m->image;
     size_t count = (size_t)image->width * image->channels, start = y * count;
@@ -68,7 +68,7 @@ static void decode_row(const struct maker *m, uint32_t y, float *row)
     const uint16_t *words = (const uint16_t *)image->texels + start;
 
     if (image->layout == TEXTURE_FLOAT) {
-        memcpy(row, (const float *)image->texels + start, count * sizeof *row);
+        memcpy(row, (const float32 *)image->texels + start, count * sizeof *row);
         return;
     }
     for (uint32_t c = 0; c < image->channels; c++) {
@@ -76,14 +76,14 @@ static void decode_row(const struct maker *m, uint32_t y, float *row)
 
         if (image->layout == TEXTURE_16)
             for (size_t i = c; i < count; i += image->channels)
-                row[i] = color ? image->srgb16[words[i]] : (float)words[i] / 65535.0f;
+                row[i] = color ? image->srgb16[words[i]] : (float32)words[i] / 65535.0f;
         else
             for (size_t i = c; i < count; i += image->channels)
-                row[i] = color ? image->srgb8[bytes[i]] : (float)bytes[i] / 255.0f;
+                row[i] = color ? image->srgb8[bytes[i]] : (float32)bytes[i] / 255.0f;
     }
 }
 
-static uint8_t encode_srgb8(const struct maker *m, float x)
+static uint8_t encode_srgb8(const struct maker *m, float32 x)
 {
     unsigned code = m->guess[x < 1.0f ? (unsigned)(x * GUESSES) : GUESSES - 1];
 
@@ -97,23 +97,23 @@ static void set_encoding(struct maker *m)
     unsigned code = 0;
 
     for (int i = 0; i < 255; i++)
-        m->border[i] = srgb_decode(((float)i + 0.5f) / 255.0f);
+        m->border[i] = srgb_decode(((float32)i + 0.5f) / 255.0f);
     for (int i = 0; i < GUESSES; i++) {
-        while (code < 255 && (float)i / GUESSES > m->border[code])
+        while (code < 255 && (float32)i / GUESSES > m->border[code])
             code++;
         m->guess[i] = (uint8_t)code;
     }
 }
 
 /* 0..1 as an integer up to `top`. */
-static uint32_t quantized(float value, float top)
+static uint32_t quantized(float32 value, float32 top)
 {
-    float scaled = value * top;
+    float32 scaled = value * top;
 
     return (uint32_t)(scaled + 0.5f);
 }
 
-static void store_row(const struct maker *m, uint32_t level, uint32_t y, const float *row)
+static void store_row(const struct maker *m, uint32_t level, uint32_t y, const float32 *row)
 {
     const struct texture_image *image = m->image;
     const struct texture_level *to = &image->levels[level];
@@ -121,7 +121,7 @@ static void store_row(const struct maker *m, uint32_t level, uint32_t y, const f
     size_t start = (to->first + (size_t)y * to->width) * image->channels;
     uint8_t *bytes = (uint8_t *)image->pyramid[m->color] + start;
     uint16_t *words = (uint16_t *)image->pyramid[m->color] + start;
-    float *floats = (float *)image->pyramid[m->color] + start;
+    float32 *floats = (float32 *)image->pyramid[m->color] + start;
 
     for (uint32_t c = 0; c < image->channels; c++) {
         int color = is_light(m, c);
@@ -146,15 +146,15 @@ static void store_row(const struct maker *m, uint32_t level, uint32_t y, const f
 
 /* How much of source cell i of `from` falls into target cell k of `to`, as a share of the latter.
  * */
-static float overlap(uint64_t i, uint64_t k, uint64_t from, uint64_t to)
+static float32 overlap(uint64_t i, uint64_t k, uint64_t from, uint64_t to)
 {
     uint64_t begin = i * to > k * from ? i * to : k * from;
     uint64_t end = (i + 1) * to < (k + 1) * from ? (i + 1) * to : (k + 1) * from;
 
-    return (float)(end - begin) / (float)from;
+    return (float32)(end - begin) / (float32)from;
 }
 
-static void narrow_row(const float *row, uint32_t from, uint32_t to, uint32_t channels, float *out)
+static void narrow_row(const float32 *row, uint32_t from, uint32_t to, uint32_t channels, float32 *out)
 {
     if (from == to) {
         memcpy(out, row, (size_t)to * channels * sizeof *out);
@@ -163,7 +163,7 @@ static void narrow_row(const float *row, uint32_t from, uint32_t to, uint32_t ch
     for (uint32_t k = 0; k < to; k++, out += channels) {
         uint64_t first = (uint64_t)k * from / to;
         uint64_t last = ((uint64_t)(k + 1) * from - 1) / to;
-        const float *in = row + first * channels;
+        const float32 *in = row + first * channels;
 
         if (from == 2 * to) {
             for (uint32_t c = 0; c < channels; c++)
@@ -172,7 +172,7 @@ static void narrow_row(const float *row, uint32_t from, uint32_t to, uint32_t ch
         }
         memset(out, 0, channels * sizeof *out);
         for (uint64_t i = first; i <= last; i++, in += channels) {
-            float weight = overlap(i, k, from, to);
+            float32 weight = overlap(i, k, from, to);
 
             for (uint32_t c = 0; c < channels; c++)
                 out[c] += weight * in[c];
@@ -182,7 +182,7 @@ static void narrow_row(const float *row, uint32_t from, uint32_t to, uint32_t ch
 
 /* Row y of `level` is complete: add it to the rows of the next level that it overlaps, and continue
  * with those that it completes. Recursion ends with the levels, after at most 17. */
-static void push_row(const struct maker *m, uint32_t level, uint32_t y, const float *row)
+static void push_row(const struct maker *m, uint32_t level, uint32_t y, const float32 *row)
 {
     const struct texture_level *from = &m->image->levels[level], *to = from + 1;
     const struct level_sums *sums = &m->sums[level + 1];
@@ -194,8 +194,8 @@ static void push_row(const struct maker *m, uint32_t level, uint32_t y, const fl
     narrow_row(row, from->width, to->width, m->image->channels, sums->narrow);
     last = ((y + 1) * rows - 1) / from->height;
     for (uint64_t k = y * rows / from->height; k <= last; k++) {
-        float *sum = sums->rows[k & 1];
-        float weight = overlap(y, k, from->height, rows);
+        float32 *sum = sums->rows[k & 1];
+        float32 weight = overlap(y, k, from->height, rows);
 
         if (y * rows <= k * from->height)
             memset(sum, 0, count * sizeof *sum);
@@ -213,7 +213,7 @@ status texture_pyramid_make(struct texture_image *image, int color, struct error
     const struct texture_level *last = &image->levels[image->last_level];
     size_t row_floats = (size_t)image->width * image->channels, total = row_floats;
     struct maker *m = mem_calloc(1, sizeof *m);
-    float *rows = NULL, *at;
+    float32 *rows = NULL, *at;
     status st = STATUS_OK;
 
     for (uint32_t level = 1; level <= image->last_level; level++)
