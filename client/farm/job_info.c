@@ -67,6 +67,25 @@ status job_query(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **o
     return job_ask(c, &envelope, job, out, err);
 }
 
+status frame_choice_of_job(struct connection *c, uint64_t job, const struct frame_choice *choice,
+                           struct frame_list *out, struct error *err)
+{
+    Azulejo__Wire__Envelope *answer = NULL;
+    const Azulejo__Wire__JobInfo *info;
+    status result;
+
+    *out = (struct frame_list){0};
+    if (!choice->list && !choice->first_middle_last)
+        return STATUS_OK;
+    result = job_query(c, job, &answer, err);
+    if (result != STATUS_OK)
+        return result;
+    info = job_list_find(answer->job_list, job);
+    result = frame_choice_of(choice, info->first_frame, info->last_frame, out, err);
+    message_free(answer);
+    return result;
+}
+
 /* An array of the names in "one,other". */
 static json_t *names_json(const char *names)
 {

@@ -95,9 +95,12 @@ static status check_rules(const struct job *job, const struct job_reopening *cho
 
     if (chosen->chosen && job->frames_resting_count > 0)
         return error_set(err, STATUS_ERR_REFUSED,
-                         "job %llu is an estimate, and most of its frames were never rendered: submit "
-                         "the job, or extend it without --frames",
-                         id_of(job));
+                         "job %llu%s, and %u of its frames were never rendered: extend it without "
+                         "--frames%s",
+                         id_of(job),
+                         job->estimate == ESTIMATE_OPEN ? " is an estimate" : " has a part of its frames",
+                         job->frames_resting_count,
+                         job->estimate == ESTIMATE_OPEN ? ", or submit the job" : "");
     if (chosen->chosen && job->output.tonemap.temporal > 1)
         return error_set(err, STATUS_ERR_REFUSED,
                          "job %llu is tone mapped by means over %u frames: extend all of them, "

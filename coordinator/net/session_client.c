@@ -55,6 +55,9 @@ static status send_list(struct session *session, uint64_t request, struct job *c
             job_report_make(&reports[i], &session->server->farm, jobs[i], now_ns);
             pointers[i] = &reports[i].message;
         }
+        if (count == 1 && jobs[0]->frames_resting_count > 0)
+            reports[0].message.resting = (ProtobufCBinaryData){job_frame_count(jobs[0]) / 8 + 1,
+                                                               jobs[0]->frames_resting};
         list.n_jobs = count;
         list.jobs = pointers;
         list.older = older;

@@ -565,9 +565,9 @@ def a_job_on_a_farm():
         expect("32 x 32" in farm.cli("show", number, expect=0).out, "show")
         files = farm.fetch(number)
         expect(len(files) == 4 and all(os.path.getsize(f) > 100 for f in files), files)
-        only = farm.cli("fetch", number, "--frame", "2", "-o", "two", "--json", expect=0).json()
+        only = farm.cli("fetch", number, "--frames", "2", "-o", "two", "--json", expect=0).json()
         expect(len(only["files"]) == 2, only)
-        expect(farm.cli("fetch", number, "--frame", "3").code == 2, "frame 3")
+        expect(farm.cli("fetch", number, "--frames", "3").code == 2, "frame 3")
         workers = farm.list_workers()
         expect(len(workers) == 1 and workers[0]["threads"] == 1, workers)
         expect(workers[0]["host"] in farm.cli("workers", expect=0).out, "workers")
@@ -653,7 +653,7 @@ def fetching_a_part():
         expect(len(told["files"]) == 5 and [(m["frame"], m["file"]) for m in told["missing"]] ==
                [(2, "png")], told)
         os.unlink(os.path.join(stored, "frame-0002.exr"))
-        farm.cli("fetch", number, "--frame", 2, "-o", "there", expect=5)  # nothing at all
+        farm.cli("fetch", number, "--frames", 2, "-o", "there", expect=5)  # nothing at all
         # A job that goes on: the frames that are finished come, and the status tells.
         farm.workers[0].kill()
         running = farm.submit(scene, "--size", "160x160", "--spp", "128", "-o", "on",
