@@ -21,6 +21,8 @@ const char *job_state_name(Azulejo__Wire__JobState state)
     case AZULEJO__WIRE__JOB_STATE__JOB_CANCELLED: return "cancelled";
     case AZULEJO__WIRE__JOB_STATE__JOB_PARKED: return "parked";
     case AZULEJO__WIRE__JOB_STATE__JOB_CANCELLING: return "cancelling";
+    case AZULEJO__WIRE__JOB_STATE__JOB_PAUSED: return "paused";
+    case AZULEJO__WIRE__JOB_STATE__JOB_FINISHING: return "finishing";
     default: return "unknown";
     }
 }
@@ -283,6 +285,8 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
     json_object_set_new(root, "state", json_string(job_state_name(job->state)));
     json_object_set_new(root, "state_text", json_text(job->state_text));
     json_object_set_new(root, "priority", json_integer(job->priority));
+    json_object_set_new(root, "owner", job->owner[0] ? json_text(job->owner) : json_null());
+    json_object_set_new(root, "finished_early", json_boolean(job->finished_early));
     json_object_set_new(root, "first_frame", json_integer(job->first_frame));
     json_object_set_new(root, "last_frame", json_integer(job->last_frame));
     json_object_set_new(root, "scene", json_string(hex));

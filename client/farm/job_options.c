@@ -195,6 +195,7 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     Azulejo__Wire__RenderSettings settings = AZULEJO__WIRE__RENDER_SETTINGS__INIT;
     Azulejo__Wire__StopRules stop;
     struct output_message output;
+    char owner[CONNECTION_WHO_MAX];
     Azulejo__Wire__Envelope *answer = NULL;
     status result;
 
@@ -214,6 +215,7 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     submit.estimate = (uint32_t)request->estimate;
     submit.priority = request->priority;
     submit.token = (char *)request->token;
+    submit.owner = (char *)connection_who(owner);
     envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_SUBMIT;
     envelope.job_submit = &submit;
     result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_ACCEPTED, &answer, err);

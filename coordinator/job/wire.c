@@ -290,6 +290,7 @@ status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32
     message_text(job->name, sizeof job->name, in->name);
     memcpy(job->token, token, sizeof job->token);
     job->priority = in->priority;
+    message_text(job->owner, sizeof job->owner, in->owner);
     job->settings = settings;
     job->output = output;
     job->scene = scene;

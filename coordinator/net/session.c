@@ -123,6 +123,15 @@ static void send_welcome(struct session *session, uint64_t request)
     session_send(session, &envelope);
 }
 
+static void set_who(struct session *session, const char *user)
+{
+    char clean[64];
+
+    message_text(clean, sizeof clean, user);
+    snprintf(session->who, sizeof session->who, "%.62s%s%s", clean, clean[0] ? "@" : "",
+             session->host);
+}
+
 static void take_hello(struct session *session, const Azulejo__Wire__Envelope *message)
 {
     struct error err = {0};
@@ -136,6 +145,7 @@ static void take_hello(struct session *session, const Azulejo__Wire__Envelope *m
         message_text(session->host, sizeof session->host, hello->host);
         message_text(session->software, sizeof session->software, hello->software);
         session->process = hello->process;
+        set_who(session, hello->user);
         s = hello_check(hello, session->role, &err);
         if (s == STATUS_OK && session->role == FARM_ROLE_WORKER)
             s = make_worker(session, hello, &err);

@@ -50,6 +50,7 @@ struct session {
     enum farm_role role;
     uint64_t begun_ns;
     char host[64], software[64], peer[64];
+    char who[JOB_WHO_MAX + 1];    /* a client: user@host */
     uint32_t process;
     int silent;                   /* it was considered dead */
 
