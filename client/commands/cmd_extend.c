@@ -77,6 +77,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
     if (result == STATUS_OK)
         result = check(&options, &rules, &spp, err);
     if (result == STATUS_OK)
+        result = frame_choice_check(&choice, err);
+    if (result == STATUS_OK)
         result = connection_open(&connection, &where, err);
     if (result == STATUS_OK)
         result = frame_choice_of_job(connection, job, &choice, &frames, err);

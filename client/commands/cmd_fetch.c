@@ -69,6 +69,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
     else if (result == STATUS_OK)
         result = fetch_check_folder(f.folder, err);
     if (result == STATUS_OK)
+        result = frame_choice_check(&choice, err);
+    if (result == STATUS_OK)
         result = connection_open(&f.connection, &where, err);
     if (result == STATUS_OK)
         result = job_query(f.connection, job, &answer, err);

@@ -280,6 +280,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "without extension (default: the scene's name, in this folder)",
          0, 0, NULL},
         JOB_OPTION_ROWS(r.options),
+        JOB_ENDS_ROW(r.options),
         EFFECTS_AUTO_ROWS(r.effects),
         {"workers", 'w', OPTION_INT, &workers, "N", "worker processes (default 1)", 1,
          LOCAL_WORKERS_MAX, NULL},

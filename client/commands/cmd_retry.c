@@ -33,7 +33,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct job_choice choice = {0};
     struct frame_choice frames = {0};
-    int json = 0;
+    struct positionals rest;
+    int json = 0, done;
     const struct option table[] = {
         FRAME_CHOICE_ROWS(frames, 'f', "try"),
         JOB_CHOICE_ROWS(choice, "tried again"),
@@ -42,7 +43,17 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {0},
     };
 
-    return steer_run(command, table, argc, argv, &verb, &choice, &where, &frames, &json, exit_code, err);
+    status result = command_parse(command, table, argc, argv, 0, OPTIONS_POSITIONAL_MAX, &rest, &done,
+                                  err);
+
+    if (result != STATUS_OK || done)
+        return result;
+    result = job_choice_check(&choice, &rest, err);
+    if (result == STATUS_OK)
+        result = frame_choice_check(&frames, err);
+    if (result != STATUS_OK)
+        return result;
+    return steer_jobs(&verb, &choice, &rest, &where, &frames, json, exit_code, err);
 }
 
 const struct command command_retry = {

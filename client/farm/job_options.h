@@ -51,8 +51,6 @@ struct job_options {
     {"frames", 'f', OPTION_STRING, &(o).frames.list, "LIST",                                    \
      "frames to render, as in 1-48 or 1,5,10-100x10 (default 1, or 0, the start, of a scene in " \
      "which something moves)", 0, 0, NULL},                                                     \
-    {"first-middle-last", 0, OPTION_FLAG, &(o).frames.first_middle_last, NULL,                  \
-     "only the first, the middle and the last of the --frames", 0, 0, NULL},                    \
     {"fps", 0, OPTION_REAL, &(o).fps, "N",                                                      \
      "frames a second: frame F shows the scene at F/N seconds (default 24)", 0.001, 100000,     \
      NULL},                                                                                     \
@@ -107,6 +105,11 @@ struct job_options {
      "sse2|avx2|avx512"},                                                                       \
     {"priority", 0, OPTION_INT, &(o).priority, "N",                                             \
      "jobs with a higher number go first (default 0)", -1000000, 1000000, NULL}
+
+/* For commands that take a list of frames with gaps. */
+#define JOB_ENDS_ROW(o)                                                                         \
+    {"first-middle-last", 0, OPTION_FLAG, &(o).frames.first_middle_last, NULL,                  \
+     "only the first, the middle and the last of the --frames", 0, 0, NULL}
 
 #define JOB_OPTION_ROWS(o)                                                                      \
     JOB_SCENE_ROWS(o),                                                                          \

@@ -100,6 +100,16 @@ static status all_ends(uint32_t first, uint32_t last, struct frame_list *out, st
     return STATUS_OK;
 }
 
+status frame_choice_check(const struct frame_choice *choice, struct error *err)
+{
+    struct frame_list list;
+    status result = choice->list ? frame_list_parse(choice->list, &list, err) : STATUS_OK;
+
+    if (choice->list)
+        frame_list_free(&list);
+    return result;
+}
+
 status frame_choice_of(const struct frame_choice *choice, uint32_t first, uint32_t last,
                        struct frame_list *out, struct error *err)
 {
@@ -114,8 +124,8 @@ status frame_choice_of(const struct frame_choice *choice, uint32_t first, uint32
     for (size_t i = 0; i < out->count; i++)
         if (out->items[i] < first || out->items[i] > last)
             return error_set(err, STATUS_ERR_USAGE,
-                             "--frames: there is no frame %u: the job's frames are %u-%u",
-                             out->items[i], first, last);
+                             "--frames: the job has frames %u to %u, not %u", first, last,
+                             out->items[i]);
     if (choice->first_middle_last)
         frame_list_ends(out);
     return STATUS_OK;

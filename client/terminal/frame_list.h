@@ -34,6 +34,8 @@ struct frame_choice {
     {"first-middle-last", 0, OPTION_FLAG, &(c).first_middle_last, NULL,                         \
      "only the first, the middle and the last of these frames", 0, 0, NULL}
 
+/* Check what can be checked without the job. ERR_USAGE, ERR_NO_MEMORY. */
+status frame_choice_check(const struct frame_choice *choice, struct error *err) MUST_CHECK;
 /* The chosen ones of a job's frames first..last; count 0: all. ERR_USAGE: the job does not have
  * one of them; ERR_NO_MEMORY. */
 status frame_choice_of(const struct frame_choice *choice, uint32_t first, uint32_t last,

@@ -19,7 +19,8 @@ from odd import Proxy
 
 tests = Tests()
 COMMANDS = ["render", "estimate", "import", "effects", "accuracy", "submit", "list", "show", "watch", "fetch",
-            "develop", "cancel", "resume", "extend", "workers", "keygen", "tonemap", "compare"]
+            "develop", "cancel", "extend", "pause", "resume", "finish",
+            "priority", "retry", "remove", "log", "workers", "keygen", "tonemap", "compare"]
 SMALL = ["--size", "32x32", "--spp", "4", "--max-depth", "3"]
 
 
@@ -74,7 +75,8 @@ def bad_usage():
     with Farm() as farm:
         scene = farm.scene()
         cases = [[], ["nonsense"], ["--nonsense"], ["list", "--nonsense"], ["list", "extra"],
-                 ["show"], ["show", "x"], ["show", "0"], ["cancel", "-1"], ["resume", "extend", "x"], ["watch", "1", "2"],
+                 ["show"], ["show", "x"], ["show", "0"], ["cancel", "-1"], ["resume"], ["pause", "--state", "x"], ["retry", "1", "--frames", "5-3"], ["priority", "1"],
+                 ["log", "x"], ["extend", "x"], ["remove", "--frames", "1"], ["watch", "1", "2"],
                  ["render"], ["render", scene, "--spp", "0"], ["render", scene, "--spp", "many"],
                  ["render", scene, "--spp"], ["render", scene, "--size", "32"],
                  ["render", scene, "--frames", "5-1"], ["render", scene, "--tonemap", "nonsense"],
@@ -274,7 +276,8 @@ def unknown_jobs():
     """a job that is not there exits with 5 and says so"""
     with Farm() as farm:
         farm.start_coordinator()
-        for command in ("show", "watch", "fetch", "develop", "cancel", "resume"):
+        for command in ("show", "watch", "fetch", "develop", "cancel", "resume", "pause", "finish",
+                        "retry", "remove", "log"):
             result = farm.cli(command, "12345")
             expect(result.code == 5 and "12345" in result.err, result)
         expect(farm.cli("list", "--json", expect=0).json() == {"jobs": [], "not_shown": 0},

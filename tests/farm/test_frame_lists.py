@@ -34,7 +34,7 @@ def lists():
         result = farm.cli("extend", number, "--spp", "8", "--frames", "3")
         expect(result.code == 5 and "without --frames" in result.err, result)
         result = farm.cli("extend", number, "--spp", "8", "--frames", "8")
-        expect(result.code == 2 and "1-7" in result.err, result)
+        expect(result.code == 2 and "1 to 7" in result.err, result)
         farm.cli("extend", number, "--spp", "4", "--watch", expect=0)
         expect(frames_of(farm.fetch(number, "whole")) == list(range(1, 8)), "the others too")
 

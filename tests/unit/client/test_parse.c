@@ -112,7 +112,7 @@ static void frames_of_a_job(void **state)
         frame_list_free(&list);
     }
     assert_int_equal(frame_choice_of(&outside, 1, 48, &list, &err), STATUS_ERR_USAGE);
-    assert_non_null(strstr(err.text, "no frame 49"));
+    assert_non_null(strstr(err.text, "frames 1 to 48, not 49"));
     frame_list_free(&list);
 }
 

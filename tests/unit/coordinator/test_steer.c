@@ -289,6 +289,8 @@ static void every_verb_in_every_state(void **state)
 
             if ((s == STATUS_ERR_REFUSED) != (outcome == '-'))
                 fail_msg("verb %d in state %s: %d (%s)", verb, job_state_word(job->state), s, err.text);
+            if (s == STATUS_OK && outcome != '=') /* on disk, not only soon */
+                assert_false(store_job_unsaved(f->store, 1));
             if (outcome == '-')
                 assert_true(strstr(err.text, "job 1 is ") && strchr(err.text, ':'));
             if (outcome == '0')
