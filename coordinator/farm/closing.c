@@ -190,6 +190,8 @@ void closing_note_death(struct farm *farm, struct job *job, const struct farm_wo
         return;
     log_warn("job %llu (%s): session %u was lost while it held work of this job, number %u in a row without a result; the job is lent to one worker at a time until a result comes",
              (unsigned long long)job->id, job->name, worker->held.session, suspicion->deaths);
+    farm_note(farm, job, NULL, "%s was lost while it held work, number %u in a row without a result",
+              worker->name, suspicion->deaths);
     if (suspicion_is_enough(suspicion) && job_state_is_open(job->state))
         park(farm, job, now_ns);
 }

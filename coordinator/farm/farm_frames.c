@@ -84,8 +84,10 @@ void farm_frame_unpin(struct farm *farm, struct job_frame *frame)
         return;
     job_frame_free(frame);
     job->closing_frames--;
-    if ((job->marks & JOB_MARK_DISCARDED) && farm->store)
-        store_films_remove(farm->store, job->id); /* one may have been kept in the meantime */
+    /* A film may have been kept after the others were removed: saving its end again removes it, and
+     * not before that end is on disk. */
+    if (job->marks & JOB_MARK_DISCARDED)
+        job->unsaved = farm->unsaved = 1;
     farm_job_dispose(farm, job);
 }
 

@@ -5,8 +5,9 @@ import os
 import pty
 import socket
 import subprocess
+import time
 
-from farm import Failure, Farm, Tests, readable, wait_for
+from farm import PATIENCE, Failure, Farm, Tests, readable, wait_for
 from jobs import Outcome, expect, expect_same
 
 tests = Tests()
@@ -222,14 +223,21 @@ def log():
         me = farm.job(number)["owner"]
         follower = farm.start_cli("log", number, "-f")
 
+        lines = []
+
         def next_line(words):
+            """The first line from here on with these words."""
+            end = time.monotonic() + 30 * PATIENCE
             while True:
-                if not readable(follower.stdout.fileno(), 30):
+                while lines and b"\n" in lines[0]:
+                    line, lines[0] = lines[0].split(b"\n", 1)
+                    if words in line.decode():
+                        return line.decode()
+                if not readable(follower.stdout.fileno(), max(0, end - time.monotonic())):
                     raise Failure("no line with '%s'" % words)
-                line = follower.stdout.readline().decode()
-                expect(line, "it ended before '%s'" % words)
-                if words in line:
-                    return line
+                data = os.read(follower.stdout.fileno(), 65536)
+                expect(data, "it ended before '%s'" % words)
+                lines[:] = [b"".join(lines) + data]
         expect(me + ": submitted as tiny" in next_line("submitted"), "who submitted it")
         verb(farm, "pause", number)
         next_line(me + ": paused")
@@ -238,6 +246,7 @@ def log():
         next_line(me + ": resumed")
         farm.start_worker()
         next_line("coordinator: runs")
+        next_line("triangles")  # a line of the worker about its scene
         verb(farm, "cancel", number, "--discard")
         next_line(me + ": cancel")
         next_line("coordinator: cancelled")
@@ -245,6 +254,9 @@ def log():
         expect(follower.returncode == 0, "it ends with the job")
         lines = farm.cli("log", number, expect=0).out.splitlines()
         expect(sum(": paused" in line for line in lines) == 1, lines)
+        worker = [line for line in lines if "triangles" in line]
+        expect(len(worker) == 1 and "worker %s, process %d: " % (socket.gethostname(),
+               farm.workers[0].pid) in worker[0], lines)
         expect(farm.cli("log", 99).code == 5, "no such job")
 
 

@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "common/base/clock.h"
@@ -540,6 +541,26 @@ static void a_job_that_is_held_is_freed_later(void **state)
     assert_false(exists(f, "films/1"));
 }
 
+/* A develop that was under way keeps its film after the others were removed. */
+static void discarded_films_do_not_come_back(void **state)
+{
+    struct fixture *f = *state;
+    struct job *job = make_running(f);
+    char path[128];
+
+    tick(f);
+    farm_cancel(&f->sim->farm, job, 0, f->sim->now_ns);
+    farm_cancel(&f->sim->farm, job, 1, f->sim->now_ns);
+    assert_false(exists(f, "films/1"));
+    snprintf(path, sizeof path, "%s/films/1", f->folder);
+    assert_int_equal(mkdir(path, 0700), 0);
+    snprintf(path, sizeof path, "%s/films/1/frame-0001.kept", f->folder);
+    assert_int_equal(file_write_atomic(path, "means", 5, NULL), STATUS_OK);
+    sim_develop(f->sim);
+    tick(f);
+    assert_false(exists(f, "films/1"));
+}
+
 /* ---- the log --------------------------------------------------------------------------------- */
 
 struct lines {
@@ -628,6 +649,7 @@ int main(void)
         TEST(removing_leaves_nothing),
         TEST(removing_is_completed_at_the_start),
         TEST(a_job_that_is_held_is_freed_later),
+        TEST(discarded_films_do_not_come_back),
         TEST(the_log_names_people),
         TEST(the_log_is_bounded),
     };
