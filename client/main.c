@@ -13,7 +13,9 @@ static const struct command *const commands[] = {
     &command_render, &command_estimate, &command_import, &command_effects, &command_accuracy,
     &command_debug_pixel,
     &command_submit, &command_list, &command_show, &command_watch, &command_fetch,
-    &command_develop, &command_cancel, &command_resume, &command_extend,
+    &command_develop, &command_cancel, &command_extend,
+    &command_pause, &command_resume, &command_finish, &command_priority, &command_retry, &command_remove,
+    &command_log,
     &command_workers, &command_keygen,
     &command_tonemap, &command_compare,
 };

@@ -13,6 +13,7 @@
 #include "protocol/message.h"
 #include "worker/blob_cache.h"
 #include "worker/fetch.h"
+#include "worker/job_lines.h"
 #include "worker/leases.h"
 #include "worker/outbox.h"
 #include "worker/pool.h"
@@ -251,6 +252,7 @@ static void on_grant(struct agent *a, const Azulejo__Wire__LeaseGrant *grant)
 {
     struct error err = {0};
 
+    job_lines_of(grant->job);
     a->last_asked = a->last_asked > (int)grant->n_units ? a->last_asked - (int)grant->n_units : 0;
     if (leases_grant(&a->leases, grant, a->channel, &err) != STATUS_OK)
         channel_abort(a->channel, err.code, "%s", err.text);
@@ -505,6 +507,9 @@ static void on_tick(uv_timer_t *timer)
     if (now - channel_last_sent_ns(a->channel) + TICK_MS * NS_PER_MS >=
         a->heartbeat_ms * NS_PER_MS)
         (void)!message_send_heartbeat(a->channel); /* fails only when the connection does */
+    job_lines_send(a->channel);
+    if (a->leases.lease_count == 0)
+        job_lines_of(0);
     outbox_pump(&a->outbox, a->channel);
     ask_for_work(a);
 }

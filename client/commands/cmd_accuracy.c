@@ -102,6 +102,8 @@ static status prepare(struct accuracy *a, const char *scene, int argc, char *con
     const int spp_given = a->options.stop.spp > 0;
     status result = job_options_check(&a->options, &a->request, err);
 
+    if (result == STATUS_OK)
+        result = job_request_one_range(&a->request, err);
     a->name = submission_name(scene);
     if (result == STATUS_OK && !a->name)
         result = error_no_memory(err, "a name");

@@ -1,9 +1,10 @@
-/* azulejo cancel: end a job. */
+/* azulejo cancel: end jobs. */
 #include <inttypes.h>
 #include <stdio.h>
 
 #include "client/farm/cancel.h"
-#include "client/commands/command.h"
+#include "client/commands/steer.h"
+#include "client/terminal/parse.h"
 #include "client/farm/cut_frame.h"
 #include "client/farm/job_info.h"
 #include "client/farm/signals.h"
@@ -68,12 +69,31 @@ static status cancel(struct connection *c, uint64_t job, int discard, int json, 
     return result;
 }
 
+/* One of several: nobody waits for its pictures. */
+static status ask(struct connection *c, uint64_t job, const void *options,
+                  Azulejo__Wire__Envelope **answer, struct error *err)
+{
+    return cancel_job(c, job, *(const int *)options, answer, err);
+}
+
+/* A single job by its number. */
+static int is_one(const struct positionals *rest, const struct job_choice *choice, uint64_t *job)
+{
+    struct error ignored;
+
+    return rest->count == 1 && !choice->states && !choice->mine &&
+           parse_job(rest->items[0], job, &ignored) == STATUS_OK;
+}
+
 static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
                   struct error *err)
 {
+    static const struct steer_verb verb = {.word = "cancel", .states = STEER_ACTIVE, .ask = ask};
     struct connection_options where = CONNECTION_OPTIONS_INIT;
-    int discard = 0, json = 0;
+    struct job_choice choice = {0};
+    int discard = 0, json = 0, done;
     const struct option table[] = {
+        JOB_CHOICE_ROWS(choice, "cancelled"),
         {"discard", 0, OPTION_FLAG, &discard, NULL,
          "discard the samples of unfinished frames instead of making pictures of them", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
@@ -81,11 +101,19 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {0},
     };
     struct connection *connection = NULL;
+    struct positionals rest;
     uint64_t job;
-    status result = command_open_job(command, table, argc, argv, &where, &job, &connection, err);
+    status result = command_parse(command, table, argc, argv, 0, OPTIONS_POSITIONAL_MAX, &rest, &done,
+                                  err);
 
-    (void)exit_code;
-    if (result == STATUS_OK && connection)
+    if (result != STATUS_OK || done)
+        return result;
+    result = job_choice_check(&choice, &rest, err);
+    if (result == STATUS_OK && !is_one(&rest, &choice, &job))
+        return steer_jobs(&verb, &choice, &rest, &where, &discard, json, exit_code, err);
+    if (result == STATUS_OK)
+        result = connection_open(&connection, &where, err);
+    if (result == STATUS_OK)
         result = cancel(connection, job, discard, json, err);
     connection_close(connection);
     return result;
@@ -94,10 +122,10 @@ static status run(const struct command *command, int argc, char *const *argv, in
 const struct command command_cancel = {
     .name = "cancel",
     .group = COMMAND_JOBS,
-    .usage = "azulejo cancel JOB [OPTION]...",
-    .summary = "end a job",
+    .usage = "azulejo cancel JOB... [OPTION]...",
+    .summary = "end jobs",
     .description =
-        "End a job. Pictures are made of the frames in work with the samples that they hold; these and the\n"
-        "frames that are done can be fetched.",
+        "End jobs. Pictures are made of the frames in work with the samples that they hold; these and the\n"
+        "frames that are done can be fetched. Of a single job they are waited for, up to 30 seconds.",
     .run = run,
 };

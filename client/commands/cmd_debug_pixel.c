@@ -267,7 +267,7 @@ static status prepare_scene(struct debug *d, struct error *err)
 
     if (d->frame >= 0) {
         snprintf(d->frames, sizeof d->frames, "%" PRId64, d->frame);
-        d->options.frames = d->frames;
+        d->options.frames.list = d->frames;
     }
     result = job_options_check(&d->options, &d->request, err);
     if (result == STATUS_OK)
@@ -339,7 +339,7 @@ static status debug_scene(struct debug *d, struct error *err)
 /* Without the rows that say which frames, or what becomes of a picture: there is none. */
 static void choose_rows(const struct debug *d, const struct option *all, struct option out[OPTIONS_MAX])
 {
-    static const char *const left_out[] = {"frames", "aov", "half", "priority"};
+    static const char *const left_out[] = {"frames", "first-middle-last", "aov", "half", "priority"};
     const char *output = (const char *)&d->options.output;
     size_t count = 0;
 

@@ -180,6 +180,7 @@ static status report(const struct develop *d, const struct job_fetch *fetch, int
 static status develop(struct develop *d, struct job_fetch *fetch, int wait, int json, int quiet,
                       struct error *err)
 {
+    const struct frame_list all = {0};
     unsigned formats;
     status result = look(d, err), fetched = STATUS_OK;
 
@@ -197,7 +198,7 @@ static status develop(struct develop *d, struct job_fetch *fetch, int wait, int 
         fetch->connection = d->connection;
         fetch->job = job_of(d);
         fetch->json = json || quiet;
-        fetched = job_fetch_pictures(fetch, -1, err);
+        fetched = job_fetch_pictures(fetch, &all, err);
     }
     if (fetched == STATUS_OK || fetched == STATUS_ERR_INCOMPLETE)
         result = report(d, fetch, json, quiet || fetch->folder, wait, err);

@@ -309,6 +309,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
             e.options.stop.spp = SETTINGS_SPP_DEFAULT;
         result = job_options_check(&e.options, &e.request, err);
         if (result == STATUS_OK)
+            result = job_request_one_range(&e.request, err);
+        if (result == STATUS_OK)
             result = submission_prepare(rest.items[0], &e.options, quiet, &e.request, &e.scene,
                                         err);
         if (result == STATUS_OK) {

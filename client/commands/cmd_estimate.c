@@ -110,6 +110,8 @@ static status prepare(struct pilot *p, struct error *err)
         result = parse_deadline(p->by, &estimate->seconds_to_deadline, err);
     if (result == STATUS_OK)
         result = job_options_check(&p->options, request, err);
+    if (result == STATUS_OK)
+        result = job_request_one_range(request, err);
     if (result != STATUS_OK)
         return result;
     p->default_name = submission_name(p->scene_path);
@@ -153,8 +155,11 @@ static status render_pilot(struct pilot *p, struct error *err)
 
     estimate->count = choose_frames(p->request.first_frame, p->request.last_frame, frames);
     if (estimate->count < estimate->frame_count) {
-        p->request.frames = frames;
-        p->request.frame_count = estimate->count;
+        const struct frame_choice ends = {.first_middle_last = 1};
+        result = frame_choice_of(&ends, p->request.first_frame, p->request.last_frame,
+                                 &p->request.frames, err);
+        if (result != STATUS_OK)
+            return result;
     }
     result = submission_send(p->connection, &p->scene, &p->request,
                              p->name ? p->name : p->default_name, OUTPUT_FORMAT_EXR, p->quiet,

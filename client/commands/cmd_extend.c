@@ -7,7 +7,6 @@
 #include "client/farm/job_info.h"
 #include "client/terminal/parse.h"
 #include "client/farm/stop_options.h"
-#include "common/base/memory.h"
 #include "protocol/message.h"
 
 static status extend(struct connection *c, uint64_t job, uint32_t spp,
@@ -51,13 +50,12 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct stop_options options = {0};
     struct frame_list frames = {0};
-    const char *frames_text = NULL;
+    struct frame_choice choice = {0};
     struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
     int watch = 0, done;
     const struct option table[] = {
         STOP_OPTION_ROWS(options, "no limit"),
-        {"frames", 'f', OPTION_STRING, &frames_text, "LIST",
-         "continue only these frames, as in 3,7-9 (default: all)", 0, 0, NULL},
+        FRAME_CHOICE_ROWS(choice, 'f', "continue"),
         {"watch", 'w', OPTION_FLAG, &watch, NULL, "follow the job until it ends", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &how.json, NULL, "print JSON", 0, 0, NULL},
         {"quiet", 'q', OPTION_FLAG, &how.quiet, NULL, "no progress and no warnings", 0, 0, NULL},
@@ -78,10 +76,12 @@ static status run(const struct command *command, int argc, char *const *argv, in
     result = parse_job(rest.items[0], &job, err);
     if (result == STATUS_OK)
         result = check(&options, &rules, &spp, err);
-    if (result == STATUS_OK && frames_text)
-        result = parse_frame_list(frames_text, &frames, err);
+    if (result == STATUS_OK)
+        result = frame_choice_check(&choice, err);
     if (result == STATUS_OK)
         result = connection_open(&connection, &where, err);
+    if (result == STATUS_OK)
+        result = frame_choice_of_job(connection, job, &choice, &frames, err);
     if (result == STATUS_OK)
         result = extend(connection, job, spp, &rules, &frames, err);
     how.where = where;
@@ -92,7 +92,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     else if (result == STATUS_OK)
         printf("job %" PRIu64 ": goes on\n", job);
     connection_close(connection);
-    mem_free(frames.items);
+    frame_list_free(&frames);
     return result;
 }
 

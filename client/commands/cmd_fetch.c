@@ -34,12 +34,13 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct job_fetch f = {.folder = ".", .formats = OUTPUT_FORMAT_ALL};
     const char *preview = NULL;
     char cut[CUT_FRAME_TEXT_SIZE];
-    int64_t frame = -1;
+    struct frame_choice choice = {0};
+    struct frame_list frames = {0};
     int done;
     const struct option table[] = {
         {"output", 'o', OPTION_STRING, &f.folder, "FOLDER",
          "folder for the files, created if it is missing (default: this one)", 0, 0, NULL},
-        {"frame", 0, OPTION_INT, &frame, "N", "only this frame (default: all)", 0, INT32_MAX, NULL},
+        FRAME_CHOICE_ROWS(choice, 0, "fetch"),
         {"manifest", 0, OPTION_FLAG, &f.manifest, NULL,
          "also each frame's manifest, ." MANIFEST_EXTENSION ": which effects ran, who called for "
          "them, and where the time went",
@@ -68,16 +69,19 @@ static status run(const struct command *command, int argc, char *const *argv, in
     else if (result == STATUS_OK)
         result = fetch_check_folder(f.folder, err);
     if (result == STATUS_OK)
+        result = frame_choice_check(&choice, err);
+    if (result == STATUS_OK)
         result = connection_open(&f.connection, &where, err);
     if (result == STATUS_OK)
         result = job_query(f.connection, job, &answer, err);
     if (result == STATUS_OK) {
         f.job = job_list_find(answer->job_list, job);
-        if (preview)
-            result = job_fetch_file(&f, frame >= 0 ? (uint32_t)frame : f.job->preview_frame, kind,
+        result = frame_choice_of(&choice, f.job->first_frame, f.job->last_frame, &frames, err);
+        if (result == STATUS_OK && preview)
+            result = job_fetch_file(&f, frames.count ? frames.items[0] : f.job->preview_frame, kind,
                                     preview, err);
-        else
-            result = job_fetch_pictures(&f, frame, err);
+        else if (result == STATUS_OK)
+            result = job_fetch_pictures(&f, &frames, err);
         for (size_t i = 0; result == STATUS_OK && !preview && i < f.job->n_cut_frames; i++)
             fprintf(stderr, "%s\n", cut_frame_text(cut, f.job, f.job->cut_frames[i]));
     }
@@ -85,6 +89,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
         status printed = json_print(job_fetch_json(&f), err);
         result = printed == STATUS_OK ? result : printed;
     }
+    frame_list_free(&frames);
     job_fetch_release(&f);
     message_free(answer);
     connection_close(f.connection);

@@ -81,9 +81,13 @@ static status fetch_pictures(struct render *r, struct error *err)
 {
     status result = STATUS_OK;
 
-    for (uint32_t frame = r->request.first_frame;
-         frame <= r->request.last_frame && result == STATUS_OK; frame++) {
-        result = fetch_frame(r, frame, err);
+    const struct frame_list *only = &r->request.frames;
+    size_t count = only->count ? only->count
+                               : (size_t)(r->request.last_frame - r->request.first_frame) + 1;
+
+    for (size_t i = 0; i < count && result == STATUS_OK; i++) {
+        result = fetch_frame(r, only->count ? only->items[i] : r->request.first_frame + (uint32_t)i,
+                             err);
         if (r->cut && result == STATUS_ERR_NOT_FOUND)
             result = STATUS_OK; /* it had no sample yet */
     }
@@ -276,6 +280,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "without extension (default: the scene's name, in this folder)",
          0, 0, NULL},
         JOB_OPTION_ROWS(r.options),
+        JOB_ENDS_ROW(r.options),
         EFFECTS_AUTO_ROWS(r.effects),
         {"workers", 'w', OPTION_INT, &workers, "N", "worker processes (default 1)", 1,
          LOCAL_WORKERS_MAX, NULL},

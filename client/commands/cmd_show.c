@@ -133,6 +133,8 @@ static void print_job(const Azulejo__Wire__JobInfo *job)
         print_field("note", job->state_text);
     printf("  %-10s  %u-%u, priority %d\n", "range", job->first_frame, job->last_frame,
            job->priority);
+    if (job->owner[0])
+        print_field("owner", job->owner);
     if (job->settings) {
         print_settings(job->settings);
         print_extras(job->settings);

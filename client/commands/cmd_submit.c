@@ -98,6 +98,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     int watch = 0, done;
     const struct option table[] = {
         JOB_OPTION_ROWS(options),
+        JOB_ENDS_ROW(options),
         EFFECTS_AUTO_ROWS(effects),
         {"name", 'o', OPTION_STRING, &name, "NAME",
          "the job's name, from which its output files get theirs (default: the scene file's)", 0, 0,

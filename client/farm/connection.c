@@ -2,6 +2,8 @@
 
 #include <assert.h>
 #include <stdio.h>
+#include <pwd.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 #include <uv.h>
@@ -316,13 +318,33 @@ const char *connection_address(const struct connection *c)
     return c->address;
 }
 
+/* The login name, cleaned; it may be empty. */
+static void user_name(char out[64])
+{
+    const struct passwd *entry = getpwuid(getuid());
+    const char *name = entry ? entry->pw_name : getenv("USER");
+
+    message_text(out, 64, name ? name : "");
+}
+
+const char *connection_who(char out[CONNECTION_WHO_MAX])
+{
+    char host[256] = "", clean[64], user[64];
+
+    user_name(user);
+    gethostname(host, sizeof host - 1);
+    snprintf(out, CONNECTION_WHO_MAX, "%.62s%s%s", user, user[0] ? "@" : "",
+             message_text(clean, sizeof clean, host));
+    return out;
+}
+
 static status say_hello(struct connection *c, enum farm_role role, struct error *err)
 {
     Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__Hello hello = AZULEJO__WIRE__HELLO__INIT;
     Azulejo__Wire__Envelope *answer = NULL;
     char software[] = "azulejo " AZULEJO_VERSION;
-    char host[256] = "";
+    char host[256] = "", user[64];
     uint64_t beat_ms;
     status result;
 
@@ -332,6 +354,8 @@ static status say_hello(struct connection *c, enum farm_role role, struct error 
                                          : AZULEJO__WIRE__ROLE__ROLE_CLIENT;
     hello.software = software;
     hello.host = host;
+    user_name(user);
+    hello.user = user;
     hello.process = (uint32_t)getpid();
     envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_HELLO;
     envelope.hello = &hello;

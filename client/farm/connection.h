@@ -86,6 +86,10 @@ status connection_ask(struct connection *c, Azulejo__Wire__Envelope *question,
                       Azulejo__Wire__Envelope__BodyCase expected, Azulejo__Wire__Envelope **out,
                       struct error *err) MUST_CHECK;
 
+/* Who runs this program: user@host, as the coordinator notes it; without a user the host alone. */
+enum { CONNECTION_WHO_MAX = 128 };
+const char *connection_who(char out[CONNECTION_WHO_MAX]);
+
 /* "HOST:PORT" as given. */
 const char *connection_address(const struct connection *c);
 

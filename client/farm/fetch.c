@@ -208,6 +208,14 @@ static status fetch_one(struct job_fetch *f, uint32_t frame, Azulejo__Wire__Outp
     return result;
 }
 
+/* It is not rendered until the job is extended or tried again. */
+static int is_resting(const Azulejo__Wire__JobInfo *job, uint32_t frame)
+{
+    uint32_t i = frame - job->first_frame;
+
+    return i / 8 < job->resting.len && (job->resting.data[i / 8] >> i % 8 & 1);
+}
+
 /* Every format of one frame. A frame without any file is not rendered yet, unless the job is
  * done. */
 static status fetch_frame(struct job_fetch *f, uint32_t frame, struct error *err)
@@ -221,7 +229,7 @@ static status fetch_frame(struct job_fetch *f, uint32_t frame, struct error *err
     enum { KINDS = sizeof kinds / sizeof *kinds };
     unsigned wanted = f->job->output ? output_message_formats(f->job->output) & f->formats : 0;
     struct error why[KINDS] = {0};
-    int rendered = f->job->state == AZULEJO__WIRE__JOB_STATE__JOB_DONE;
+    int rendered = f->job->state == AZULEJO__WIRE__JOB_STATE__JOB_DONE && !is_resting(f->job, frame);
     status result = STATUS_OK;
 
     if (f->manifest)
@@ -273,21 +281,21 @@ static status verdict(const struct job_fetch *f, uint64_t frames, struct error *
                      files_text);
 }
 
-status job_fetch_pictures(struct job_fetch *f, int64_t only_frame, struct error *err)
+status job_fetch_pictures(struct job_fetch *f, const struct frame_list *only, struct error *err)
 {
     const Azulejo__Wire__JobInfo *job = f->job;
-    uint64_t first = job->first_frame, last = job->last_frame;
+    uint64_t count = only->count ? only->count : (uint64_t)job->last_frame - job->first_frame + 1;
+    uint64_t wanted = 0;
     status result = STATUS_OK;
 
-    if (only_frame >= 0) {
-        if (only_frame < job->first_frame || only_frame > job->last_frame)
-            return error_set(err, STATUS_ERR_USAGE, "--frame: the job's frames are %u-%u",
-                             job->first_frame, job->last_frame);
-        first = last = (uint64_t)only_frame;
+    for (uint64_t i = 0; i < count && result == STATUS_OK; i++) {
+        uint32_t frame = only->count ? only->items[i] : job->first_frame + (uint32_t)i;
+        if (only->count == 0 && is_resting(job, frame))
+            continue;
+        wanted++;
+        result = fetch_frame(f, frame, err);
     }
-    for (uint64_t frame = first; frame <= last && result == STATUS_OK; frame++)
-        result = fetch_frame(f, (uint32_t)frame, err);
-    return result == STATUS_OK ? verdict(f, last - first + 1, err) : result;
+    return result == STATUS_OK ? verdict(f, wanted, err) : result;
 }
 
 json_t *job_fetch_json(const struct job_fetch *f)

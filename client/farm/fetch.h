@@ -2,6 +2,7 @@
 #ifndef AZULEJO_CLIENT_FETCH_H
 #define AZULEJO_CLIENT_FETCH_H
 
+#include "client/terminal/frame_list.h"
 #include "client/farm/claims.h"
 #include "client/farm/connection.h"
 #include "client/farm/job_info.h"
@@ -43,11 +44,12 @@ void job_fetch_release(struct job_fetch *f);
 status job_fetch_file(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
                       const char *path, struct error *err) MUST_CHECK;
 
-/* The files of every finished frame, or of only_frame (negative: all). Files that the coordinator
+/* The files of every finished frame, or of those of the list that has any. Files that the coordinator
  * cannot send do not stop the others: ERR_INCOMPLETE at the end, or, if there was no file at all,
  * the first file's error, ERR_NOT_FOUND if no frame is finished. ERR_IO when a file cannot be
  * written. */
-status job_fetch_pictures(struct job_fetch *f, int64_t only_frame, struct error *err) MUST_CHECK;
+status job_fetch_pictures(struct job_fetch *f, const struct frame_list *only,
+                          struct error *err) MUST_CHECK;
 
 /* {"files": [...], "missing": [{"frame": 3, "file": "png", "error": "..."}]}; a new reference. */
 json_t *job_fetch_json(const struct job_fetch *f);

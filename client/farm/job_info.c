@@ -21,6 +21,8 @@ const char *job_state_name(Azulejo__Wire__JobState state)
     case AZULEJO__WIRE__JOB_STATE__JOB_CANCELLED: return "cancelled";
     case AZULEJO__WIRE__JOB_STATE__JOB_PARKED: return "parked";
     case AZULEJO__WIRE__JOB_STATE__JOB_CANCELLING: return "cancelling";
+    case AZULEJO__WIRE__JOB_STATE__JOB_PAUSED: return "paused";
+    case AZULEJO__WIRE__JOB_STATE__JOB_FINISHING: return "finishing";
     default: return "unknown";
     }
 }
@@ -65,6 +67,25 @@ status job_query(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **o
     envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_QUERY;
     envelope.job_query = &query;
     return job_ask(c, &envelope, job, out, err);
+}
+
+status frame_choice_of_job(struct connection *c, uint64_t job, const struct frame_choice *choice,
+                           struct frame_list *out, struct error *err)
+{
+    Azulejo__Wire__Envelope *answer = NULL;
+    const Azulejo__Wire__JobInfo *info;
+    status result;
+
+    *out = (struct frame_list){0};
+    if (!choice->list && !choice->first_middle_last)
+        return STATUS_OK;
+    result = job_query(c, job, &answer, err);
+    if (result != STATUS_OK)
+        return result;
+    info = job_list_find(answer->job_list, job);
+    result = frame_choice_of(choice, info->first_frame, info->last_frame, out, err);
+    message_free(answer);
+    return result;
 }
 
 /* An array of the names in "one,other". */
@@ -264,6 +285,8 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
     json_object_set_new(root, "state", json_string(job_state_name(job->state)));
     json_object_set_new(root, "state_text", json_text(job->state_text));
     json_object_set_new(root, "priority", json_integer(job->priority));
+    json_object_set_new(root, "owner", job->owner[0] ? json_text(job->owner) : json_null());
+    json_object_set_new(root, "finished_early", json_boolean(job->finished_early));
     json_object_set_new(root, "first_frame", json_integer(job->first_frame));
     json_object_set_new(root, "last_frame", json_integer(job->last_frame));
     json_object_set_new(root, "scene", json_string(hex));

@@ -5,11 +5,13 @@
 #include <stdio.h>
 
 #include "client/farm/connection.h"
+#include "client/terminal/frame_list.h"
 #include "client/terminal/json.h"
 
-/* "queued", "running", "done", "failed", "cancelled", "parked", "cancelling"; "unknown" for anything
- * else. */
+/* "queued", "running", "done", "failed", "cancelled", "parked", "cancelling",
+ * "paused", "finishing"; "unknown" for anything else. */
 const char *job_state_name(Azulejo__Wire__JobState state);
+enum { JOB_STATE_NAMES = AZULEJO__WIRE__JOB_STATE__JOB_FINISHING + 1 };
 int job_state_is_final(Azulejo__Wire__JobState state);
 
 /* Send a request about one job (0: all) that is answered by a JobList. ERR_NOT_FOUND if the job is
@@ -19,6 +21,11 @@ status job_ask(struct connection *c, Azulejo__Wire__Envelope *question, uint64_t
 /* The same with a plain query. */
 status job_query(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **out,
                  struct error *err) MUST_CHECK;
+
+/* The chosen frames of a job that the coordinator knows; count 0: all. It is asked only if there is
+ * a choice. ERR_USAGE, and the errors of job_query. */
+status frame_choice_of_job(struct connection *c, uint64_t job, const struct frame_choice *choice,
+                           struct frame_list *out, struct error *err) MUST_CHECK;
 
 /* The one job of a JobList, or NULL. */
 const Azulejo__Wire__JobInfo *job_list_find(const Azulejo__Wire__JobList *list, uint64_t job);

@@ -36,6 +36,42 @@ static status rules_check(const struct job_options *o, struct job_request *out, 
     return STATUS_OK;
 }
 
+static status frames_check(const struct frame_choice *choice, struct job_request *out,
+                           struct error *err)
+{
+    struct frame_list *list = &out->frames;
+    status result;
+
+    if (!choice->list && choice->first_middle_last)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--first-middle-last: of which frames? Give --frames too, as in 1-48");
+    if (!choice->list)
+        return STATUS_OK;
+    result = frame_list_parse(choice->list, list, err);
+    if (result != STATUS_OK)
+        return result;
+    if (choice->first_middle_last)
+        frame_list_ends(list);
+    out->first_frame = list->items[0];
+    out->last_frame = list->items[list->count - 1];
+    if (out->last_frame - out->first_frame >= SETTINGS_FRAMES_MAX)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--frames: %s: the first and the last are more than %d frames apart; submit "
+                         "several jobs",
+                         choice->list, SETTINGS_FRAMES_MAX);
+    if (list->count == (size_t)(out->last_frame - out->first_frame) + 1)
+        frame_list_free(list); /* all of them */
+    return STATUS_OK;
+}
+
+status job_request_one_range(const struct job_request *request, struct error *err)
+{
+    if (request->frames.count == 0)
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_USAGE,
+                     "--frames: this command takes one range without gaps, as in 1-48");
+}
+
 status job_options_check(const struct job_options *o, struct job_request *out, struct error *err)
 {
     struct render_settings *s = &out->settings;
@@ -64,8 +100,8 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
     out->priority = (int32_t)o->priority;
     if (o->size)
         result = parse_size(o->size, &s->width, &s->height, err);
-    if (result == STATUS_OK && o->frames)
-        result = parse_frames(o->frames, &out->first_frame, &out->last_frame, err);
+    if (result == STATUS_OK)
+        result = frames_check(&o->frames, out, err);
     for (size_t i = 0; i < o->without.count && result == STATUS_OK; i++)
         result = parse_effects(o->without.items[i], &s->without, err);
     for (size_t i = 0; i < o->aovs.count && result == STATUS_OK; i++)
@@ -82,6 +118,7 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
 
 void job_request_release(struct job_request *request)
 {
+    frame_list_free(&request->frames);
     output_request_release(&request->output);
     buffer_release(&request->schedule);
     buffer_release(&request->source);
@@ -142,7 +179,7 @@ status job_request_complete(struct job_request *request, const struct job_option
     camera = &scene->cameras[s->camera];
     if (!o->size)
         picture_size_default(camera->aspect, &s->width, &s->height);
-    if (!o->frames && scene_is_animated(scene, s))
+    if (!o->frames.list && scene_is_animated(scene, s))
         request->first_frame = request->last_frame = 0;
     request->output.camera_ev = (double)camera->exposure_ev;
     request->output.tonemap.exposure_ev += request->output.camera_ev;
@@ -159,6 +196,7 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     Azulejo__Wire__RenderSettings settings = AZULEJO__WIRE__RENDER_SETTINGS__INIT;
     Azulejo__Wire__StopRules stop;
     struct output_message output;
+    char owner[CONNECTION_WHO_MAX];
     Azulejo__Wire__Envelope *answer = NULL;
     status result;
 
@@ -173,12 +211,13 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     wire_stop_set(&stop, &request->stop);
     submit.stop = &stop;
     submit.schedule = (ProtobufCBinaryData){request->schedule.size, request->schedule.data};
-    submit.frames = (uint32_t *)request->frames;
-    submit.n_frames = request->frame_count;
+    submit.frames = request->frames.items;
+    submit.n_frames = request->frames.count;
     submit.estimate = (uint32_t)request->estimate;
     submit.priority = request->priority;
     submit.token = (char *)request->token;
     submit.source = (char *)buffer_text(&request->source);
+    submit.owner = (char *)connection_who(owner);
     envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_SUBMIT;
     envelope.job_submit = &submit;
     result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_ACCEPTED, &answer, err);

@@ -6,6 +6,7 @@
 #include "client/import/import.h"
 #include "client/farm/output.h"
 #include "client/farm/stop_options.h"
+#include "client/terminal/frame_list.h"
 #include "common/base/buffer.h"
 #include "common/base/options.h"
 #include "common/scene/scene.h"
@@ -13,8 +14,9 @@
 
 struct job_options {
     struct import_options import;
-    const char *camera, *frames, *size, *env_sampling, *isa;
+    const char *camera, *size, *env_sampling, *isa;
     const char *sampler, *light_choice, *roulette, *texture_filter, *bvh_quality, *robust;
+    struct frame_choice frames;
     struct option_list without, aovs;
     struct output_options output;
     double env_rotate_deg, env_strength;
@@ -46,9 +48,9 @@ struct job_options {
      "importance|uniform|bsdf|importance-only|uniform-only"},                                   \
     {"camera", 0, OPTION_STRING, &(o).camera, "NAME",                                           \
      "camera by name, or by number from 0 (default: the first)", 0, 0, NULL},                   \
-    {"frames", 'f', OPTION_STRING, &(o).frames, "FIRST-LAST",                                   \
-     "frames to render (default 1, or 0, the start, of a scene in which something moves)",      \
-     0, 0, NULL},                                                                               \
+    {"frames", 'f', OPTION_STRING, &(o).frames.list, "LIST",                                    \
+     "frames to render, as in 1-48 or 1,5,10-100x10 (default 1, or 0, the start, of a scene in " \
+     "which something moves)", 0, 0, NULL},                                                     \
     {"fps", 0, OPTION_REAL, &(o).fps, "N",                                                      \
      "frames a second: frame F shows the scene at F/N seconds (default 24)", 0.001, 100000,     \
      NULL},                                                                                     \
@@ -104,6 +106,11 @@ struct job_options {
     {"priority", 0, OPTION_INT, &(o).priority, "N",                                             \
      "jobs with a higher number go first (default 0)", -1000000, 1000000, NULL}
 
+/* For commands that take a list of frames with gaps. */
+#define JOB_ENDS_ROW(o)                                                                         \
+    {"first-middle-last", 0, OPTION_FLAG, &(o).frames.first_middle_last, NULL,                  \
+     "only the first, the middle and the last of the --frames", 0, 0, NULL}
+
 #define JOB_OPTION_ROWS(o)                                                                      \
     JOB_SCENE_ROWS(o),                                                                          \
     STOP_OPTION_ROWS((o).stop, "the file's own, or 256; with another rule: no limit"),          \
@@ -134,9 +141,7 @@ struct job_request {
     struct output_request output;
     struct buffer source;        /* words for a shell: the scene's file, and the options of its import */
     uint32_t first_frame, last_frame;
-    const uint32_t *frames;      /* ascending: the only frames to render until the job continues;
-                                    the caller's */
-    size_t frame_count;          /* 0: all */
+    struct frame_list frames;    /* the only ones to render until the job continues; count 0: all */
     int estimate;                /* to predict the job's cost; the job continues it when submitted
                                     */
     int32_t priority;
@@ -149,6 +154,8 @@ struct job_request {
 status job_options_check(const struct job_options *o, struct job_request *out, struct error *err)
     MUST_CHECK;
 void job_request_release(struct job_request *request);
+/* For commands that need every frame from the first to the last. ERR_USAGE. */
+status job_request_one_range(const struct job_request *request, struct error *err) MUST_CHECK;
 
 /* Fill in what depends on the scene: the camera, the default size and frame, and the camera's
  * exposure, which is added to the job's. ERR_USAGE for options that do not fit the scene. */

@@ -94,6 +94,7 @@ status trial_render(struct connection *c, const struct import_result *scene,
     memset(out, 0, sizeof *out);
     mine.last_frame = mine.first_frame;
     mine.token[0] = 0;
+    mine.frames = (struct frame_list){0};
     mine.settings.aovs = mine.stop.adaptive ? 1u << AOV_SAMPLES : 0;
     mine.schedule = (struct buffer)BUFFER_INIT;
     result = submission_send(c, scene, &mine, name, OUTPUT_FORMAT_EXR, 1, &accepted, err);

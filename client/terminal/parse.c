@@ -9,9 +9,7 @@
 #include "common/scene/effects.h"
 #include "common/scene/settings.h"
 
-/* Decimal digits only (strtoul would also accept signs and blanks); NULL if there are none or the
- * number is above `max`. */
-static const char *parse_digits(const char *text, uint64_t max, uint64_t *out)
+const char *parse_digits(const char *text, uint64_t max, uint64_t *out)
 {
     uint64_t value = 0;
 
@@ -43,60 +41,6 @@ status parse_size(const char *text, uint32_t *width, uint32_t *height, struct er
     *width = (uint32_t)w;
     *height = (uint32_t)h;
     return STATUS_OK;
-}
-
-/* Parse "7" or "7-9"; returns its end. NULL: it is neither. */
-static const char *parse_range(const char *text, uint64_t *first, uint64_t *last)
-{
-    const char *at = parse_digits(text, INT32_MAX, first);
-
-    *last = *first;
-    return at && *at == '-' ? parse_digits(at + 1, INT32_MAX, last) : at;
-}
-
-status parse_frames(const char *text, uint32_t *first, uint32_t *last, struct error *err)
-{
-    uint64_t a, b;
-    const char *at = parse_range(text, &a, &b);
-
-    if (!at || *at)
-        return error_set(err, STATUS_ERR_USAGE,
-                         "--frames: '%s' is not a range, write FIRST-LAST as in 1-48, or one number",
-                         text);
-    if (b < a)
-        return error_set(err, STATUS_ERR_USAGE, "--frames: %s: the first is after the last", text);
-    if (b - a >= SETTINGS_FRAMES_MAX)
-        return error_set(err, STATUS_ERR_USAGE, "--frames: %s: more than %d frames in one job",
-                         text, SETTINGS_FRAMES_MAX);
-    *first = (uint32_t)a;
-    *last = (uint32_t)b;
-    return STATUS_OK;
-}
-
-status parse_frame_list(const char *text, struct frame_list *out, struct error *err)
-{
-    uint64_t first = 0, last = 0, next = 0;
-    size_t capacity = 0;
-
-    *out = (struct frame_list){0};
-    for (const char *at = text;; at++) {
-        at = parse_range(at, &first, &last);
-        if (!at || (*at && *at != ',') || last < first || first < next)
-            return error_set(err, STATUS_ERR_USAGE,
-                             "--frames: '%s' is not a list of frames: write numbers and ranges that "
-                             "ascend, as in 3,7-9",
-                             text);
-        next = last + 1;
-        if (last - first + out->count >= SETTINGS_FRAMES_MAX)
-            return error_set(err, STATUS_ERR_USAGE, "--frames: %s: more than %d frames", text,
-                             SETTINGS_FRAMES_MAX);
-        if (!MEM_GROW(out->items, capacity, out->count + (last - first) + 1))
-            return error_no_memory(err, "a list of frames");
-        while (first <= last)
-            out->items[out->count++] = (uint32_t)first++;
-        if (*at == 0)
-            return STATUS_OK;
-    }
 }
 
 status parse_parameter(const char *text, char *name, size_t name_size, const char **value,

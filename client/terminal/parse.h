@@ -12,9 +12,9 @@
 status parse_size(const char *text, uint32_t *width, uint32_t *height, struct error *err)
     MUST_CHECK;
 
-/* "N" or "FIRST-LAST", 0 <= FIRST <= LAST, at most SETTINGS_FRAMES_MAX frames. ERR_USAGE. */
-status parse_frames(const char *text, uint32_t *first, uint32_t *last, struct error *err)
-    MUST_CHECK;
+/* Decimal digits only (strtoul would also accept signs and blanks): their end; NULL if there are none
+ * or the number is above `max`. */
+const char *parse_digits(const char *text, uint64_t max, uint64_t *out);
 
 /* "NAME=VALUE": the name's bytes into `name` (name_size includes the NUL), and the start of the
  * value, which is not empty. ERR_USAGE. */
@@ -36,13 +36,5 @@ status parse_job(const char *text, uint64_t *job, struct error *err) MUST_CHECK;
 /* The default size of a picture: 720 rows at the camera's aspect (width / height), both even;
  * 1280x720 if the aspect is 0 (the camera has none) or invalid. */
 void picture_size_default(float aspect, uint32_t *width, uint32_t *height);
-
-/* Frames of --frames LIST, as in 3,7-9: numbers and ranges that ascend. The caller frees `items`
- * with mem_free, after a failure, too. ERR_USAGE, ERR_NO_MEMORY. */
-struct frame_list {
-    uint32_t *items;
-    size_t count;
-};
-status parse_frame_list(const char *text, struct frame_list *out, struct error *err) MUST_CHECK;
 
 #endif

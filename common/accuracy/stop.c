@@ -110,6 +110,7 @@ const char *frame_end_text(enum frame_end end)
         [FRAME_END_CORES] = "ended by the core limit",
         [FRAME_END_CANCEL] = "cut short",
         [FRAME_END_SCHEDULE] = "ended by the schedule",
+        [FRAME_END_FINISH] = "finished early",
     };
 
     return (unsigned)end < FRAME_END_COUNT ? texts[end] : "cut short";
@@ -121,7 +122,7 @@ const char *frame_end_word(enum frame_end end)
         [FRAME_END_NONE] = "none",     [FRAME_END_CAP] = "samples",
         [FRAME_END_TARGET] = "target", [FRAME_END_TIME] = "time-limit",
         [FRAME_END_CORES] = "core-limit", [FRAME_END_CANCEL] = "cancel",
-        [FRAME_END_SCHEDULE] = "schedule"};
+        [FRAME_END_SCHEDULE] = "schedule", [FRAME_END_FINISH] = "finish"};
 
     return (unsigned)end < FRAME_END_COUNT ? words[end] : "cancel";
 }

@@ -55,6 +55,7 @@ enum frame_end {
     FRAME_END_CORES,
     FRAME_END_CANCEL,   /* also for older frames about which nothing else is known */
     FRAME_END_SCHEDULE, /* it has what another picture's schedule says */
+    FRAME_END_FINISH,   /* a person wanted the picture now */
     FRAME_END_COUNT
 };
 /* It has the samples that were requested. */

@@ -1,6 +1,7 @@
 #include "common/base/log.h"
 
 #include <stdarg.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
@@ -11,6 +12,13 @@ enum { LOG_LINE_MAX = 2048 };
 static const char *const level_names[] = {"error", "warn", "info", "debug"};
 static const char *program_name = "azulejo";
 static enum log_level threshold = LOG_LEVEL_INFO;
+
+static void (*_Atomic tap)(enum log_level level, const char *text);
+
+void log_tap(void (*take)(enum log_level level, const char *text))
+{
+    atomic_store(&tap, take);
+}
 
 void log_setup(const char *program, enum log_level level)
 {
@@ -32,7 +40,8 @@ void log_line(enum log_level level, const char *format, ...)
     struct timespec now;
     struct tm utc;
     va_list args;
-    size_t used;
+    void (*take)(enum log_level level, const char *text) = atomic_load(&tap);
+    size_t used, begin;
     int n;
 
     if (level > threshold)
@@ -44,6 +53,7 @@ void log_line(enum log_level level, const char *format, ...)
                  level_names[level], program_name);
     if (n > 0)
         used += (size_t)n;
+    begin = used;
     va_start(args, format);
     n = vsnprintf(line + used, sizeof line - used - 1, format, args);
     va_end(args);
@@ -51,6 +61,9 @@ void log_line(enum log_level level, const char *format, ...)
         used += (size_t)n;
     if (used > sizeof line - 2)
         used = sizeof line - 2;
+    line[used] = 0;
+    if (take)
+        take(level, line + begin);
     line[used++] = '\n';
     if (write(STDERR_FILENO, line, used) < 0)
         return; /* there is nowhere to report this */

@@ -16,6 +16,10 @@ int log_level_parse(const char *name);
 void log_line(enum log_level level, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
+/* Also give every line that is logged to `take`, without time and program. It is called by any thread,
+ * and must not log. */
+void log_tap(void (*take)(enum log_level level, const char *text));
+
 #define log_error(...) log_line(LOG_LEVEL_ERROR, __VA_ARGS__)
 #define log_warn(...) log_line(LOG_LEVEL_WARN, __VA_ARGS__)
 #define log_info(...) log_line(LOG_LEVEL_INFO, __VA_ARGS__)

@@ -12,7 +12,7 @@
 
 #include "common/base/status.h"
 
-enum { OPTIONS_POSITIONAL_MAX = 16, OPTIONS_LIST_MAX = 64 };
+enum { OPTIONS_POSITIONAL_MAX = 1024, OPTIONS_LIST_MAX = 64 };
 
 enum option_kind {
     OPTION_FLAG,   /* int *: 1 when given */

@@ -88,6 +88,63 @@ static void cancelling_step(struct farm *farm, struct job *job, uint64_t now_ns)
     farm_job_change(farm, job, JOB_STATE_CANCELLED, "cancelled", now_ns);
 }
 
+/* ---- finishing ------------------------------------------------------------------------------- */
+
+static int has_open_film(const struct farm *farm, const struct job *job)
+{
+    for (uint64_t number = job->first_frame; farm->store && number <= job->last_frame; number++)
+        if (!job_frame_is_done(job, (uint32_t)number) &&
+            store_film_exists(farm->store, job->id, (uint32_t)number))
+            return 1;
+    return 0;
+}
+
+int closing_has_begun(const struct farm *farm, const struct job *job)
+{
+    return job->frames || has_open_film(farm, job);
+}
+
+/* Did the finish leave out samples that the job's rules want? */
+static int is_early(const struct job *job)
+{
+    for (size_t i = 0; i < job->cut_count; i++)
+        if (job->cuts[i].end == FRAME_END_FINISH)
+            return 1;
+    return job->frames_done_count < job_frames_wanted(job);
+}
+
+static void finishing_end(struct farm *farm, struct job *job, uint64_t now_ns)
+{
+    int early = is_early(job);
+
+    job->marks |= early ? JOB_MARK_EARLY : 0;
+    log_info("job %llu (%s) is done%s: %u of %u frames", (unsigned long long)job->id, job->name,
+             early ? ", finished early" : "", job->frames_done_count, job_frame_count(job));
+    farm_job_change(farm, job, JOB_STATE_DONE, early ? "finished early" : NULL, now_ns);
+}
+
+static void finishing_step(struct farm *farm, struct job *job, uint64_t now_ns)
+{
+    uint32_t waits;
+
+    if (trouble_is(&farm->trouble)) /* a film whose folder cannot be read may still exist */
+        return;
+    for (struct job_frame *frame = job->frames, *next; frame; frame = next) {
+        next = frame->next;
+        if (frame->state == FRAME_RENDERING && film_covered(frame->film)) {
+            farm_frame_end(farm, frame, FRAME_END_FINISH);
+            farm_frame_advance(farm, frame, now_ns);
+        }
+    }
+    if (!job->frames && open_next_film(farm, job, now_ns)) {
+        farm->pump_wanted = 1;
+        return; /* the next step looks at it, or tries again */
+    }
+    if (!job->frames && job->state == JOB_STATE_FINISHING &&
+        (job->pictures.next_ns == UINT64_MAX || !job_frame_to_develop(job, &waits)))
+        finishing_end(farm, job, now_ns);
+}
+
 void closing_begin(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     farm_job_revoke(farm, job, "the job was cancelled");
@@ -133,31 +190,25 @@ void closing_note_death(struct farm *farm, struct job *job, const struct farm_wo
         return;
     log_warn("job %llu (%s): session %u was lost while it held work of this job, number %u in a row without a result; the job is lent to one worker at a time until a result comes",
              (unsigned long long)job->id, job->name, worker->held.session, suspicion->deaths);
+    farm_note(farm, job, NULL, "%s was lost while it held work, number %u in a row without a result",
+              worker->name, suspicion->deaths);
     if (suspicion_is_enough(suspicion) && job_state_is_open(job->state))
         park(farm, job, now_ns);
 }
 
-status closing_unpark(struct farm *farm, struct job *job, uint64_t now_ns, struct error *err)
-{
-    if (job->state != JOB_STATE_PARKED)
-        return error_set(err, STATUS_ERR_REFUSED, "job %llu is %s: only a parked job can be resumed",
-                         (unsigned long long)job->id, job_state_word(job->state));
-    log_info("job %llu (%s) is resumed", (unsigned long long)job->id, job->name);
-    suspicion_clear(&job->suspicion);
-    job->broken_count = 0;
-    farm_job_change(farm, job, JOB_STATE_QUEUED, NULL, now_ns);
-    return STATUS_OK;
-}
 
 void closing_step(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     if (job->state == JOB_STATE_CANCELLING)
         cancelling_step(farm, job, now_ns);
-    if (job->state != JOB_STATE_PARKED)
+    if (job->state == JOB_STATE_FINISHING)
+        finishing_step(farm, job, now_ns);
+    if (job->state != JOB_STATE_PARKED && job->state != JOB_STATE_PAUSED)
         return;
     for (struct job_frame *frame = job->frames, *next; frame; frame = next) {
         next = frame->next;
         if (frame->state == FRAME_RENDERING && frame_is_settled(frame))
-            farm_frame_close(farm, frame, "the job is parked");
+            farm_frame_close(farm, frame, job->state == JOB_STATE_PAUSED ? "the job is paused"
+                                                                         : "the job is parked");
     }
 }

@@ -8,8 +8,11 @@
  *   complete frame; it counts as done and as cut short. Films on disk are opened for that, one
  *   after another. After the last one the job is CANCELLED. A restart continues it, and trouble
  *   with the disk delays it.
- *   PARKED: no unit is lent and no result is accepted. A frame is closed as soon as its merged tiles
- *   are on disk; its film stays there. A complete frame is developed.
+ *   FINISHING: no frame is begun. A frame in work, or with a film on disk, gets units of its first pass
+ *   only, and ends when every tile has samples; it is then developed, and counts as done and cut short.
+ *   After the last one the job is DONE, with JOB_MARK_EARLY if any frame has fewer samples for that.
+ *   PAUSED, PARKED: no unit is lent and no result is accepted. A frame is closed as soon as its merged
+ *   tiles are on disk; its film stays there. A complete frame is developed.
  *
  * closing_step may be called for a job in any state.
  */
@@ -31,9 +34,8 @@ struct job *closing_suspected(const struct farm *farm, const struct farm_worker 
 /* The worker died, and its leases have ended. The job may go from QUEUED or RUNNING to PARKED. */
 void closing_note_death(struct farm *farm, struct job *job, const struct farm_worker *worker,
                         uint64_t lent_ns, uint64_t now_ns);
-/* From PARKED to QUEUED, with the suspicion cleared. ERR_REFUSED: it is not parked. */
-status closing_unpark(struct farm *farm, struct job *job, uint64_t now_ns,
-                      struct error *err) MUST_CHECK;
+/* Does the job have a frame in work, open or on disk? */
+int closing_has_begun(const struct farm *farm, const struct job *job);
 /* Take the steps that are due. Call after a develop and at every tick. May end the job. */
 void closing_step(struct farm *farm, struct job *job, uint64_t now_ns);
 

@@ -28,7 +28,7 @@ static status check_state(const struct job *job, struct error *err)
 }
 
 /* Another release renders different samples. */
-static status check_release(const struct job *job, struct error *err)
+status extend_check_release(const struct job *job, struct error *err)
 {
     if (strcmp(job->release, AZULEJO_VERSION) == 0)
         return STATUS_OK;
@@ -70,7 +70,7 @@ static uint32_t least_cap(const struct job *job)
 static int is_room(const struct job *job, const struct job_reopening *chosen)
 {
     if (!chosen->chosen)
-        return job->cut_count > 0 || job->frames_resting_count > 0;
+        return job->cut_count > 0 || job_frames_left(job) > 0;
     for (size_t i = 0; i < job->cut_count; i++)
         if (job_reopening_has(chosen, job, job->cuts[i].frame))
             return 1;
@@ -93,11 +93,14 @@ static status check_rules(const struct job *job, const struct job_reopening *cho
     char text[STOP_TEXT_SIZE];
     uint64_t total;
 
-    if (chosen->chosen && job->frames_resting_count > 0)
+    if (chosen->chosen && job_frames_left(job) > 0)
         return error_set(err, STATUS_ERR_REFUSED,
-                         "job %llu is an estimate, and most of its frames were never rendered: submit "
-                         "the job, or extend it without --frames",
-                         id_of(job));
+                         "job %llu%s, and %u of its frames were never rendered: extend it without "
+                         "--frames%s",
+                         id_of(job),
+                         job->estimate == ESTIMATE_OPEN ? " is an estimate" : " has a part of its frames",
+                         job_frames_left(job),
+                         job->estimate == ESTIMATE_OPEN ? ", or submit the job" : "");
     if (chosen->chosen && job->output.tonemap.temporal > 1)
         return error_set(err, STATUS_ERR_REFUSED,
                          "job %llu is tone mapped by means over %u frames: extend all of them, "
@@ -150,14 +153,14 @@ static void undo(struct job *job, const struct job *before)
     job->priority = before->priority;
     job->submitted_at = before->submitted_at;
     job->frames_resting_count = before->frames_resting_count;
+    memcpy(job->owner, before->owner, sizeof job->owner);
     memcpy(job->name, before->name, sizeof job->name);
     memcpy(job->token, before->token, sizeof job->token);
 }
 
-/* Store the extended job without resting frames, and continue the chosen ones. */
-static status go_on(struct farm *farm, struct job *job, const struct job *before,
-                    const struct job_reopening *chosen, const struct job *submitted,
-                    struct error *err)
+status farm_go_on(struct farm *farm, struct job *job, const struct job *before,
+                  const struct job_reopening *chosen, const struct job *submitted,
+                  struct error *err)
 {
     struct error why = {0};
     status s = STATUS_OK;
@@ -171,6 +174,7 @@ static status go_on(struct farm *farm, struct job *job, const struct job *before
         return s;
     }
     job->frames_resting_count = before->frames_resting_count;
+    memset(&job->pictures, 0, sizeof job->pictures);
     job_reopen(&farm->queue, job, chosen);
     if (farm->store && chosen->chosen && store_job_sum(farm->store, job, &why) != STATUS_OK)
         log_warn("job %llu: what its other frames took is not counted until the next start: %s",
@@ -189,7 +193,7 @@ status farm_extend(struct farm *farm, struct job *job, const struct job_extensio
     status s = check_state(job, err);
 
     if (s == STATUS_OK)
-        s = check_release(job, err);
+        s = extend_check_release(job, err);
     if (s == STATUS_OK)
         s = job_reopening_init(&chosen, job, extension->frames, extension->frame_count, spp, err);
     if (s == STATUS_OK)
@@ -205,7 +209,7 @@ status farm_extend(struct farm *farm, struct job *job, const struct job_extensio
         job->settings.spp = spp;
         job->estimate = ESTIMATE_NONE;
         job->frames_resting_count = 0;
-        s = go_on(farm, job, &before, &chosen, NULL, err);
+        s = farm_go_on(farm, job, &before, &chosen, NULL, err);
     }
     if (s == STATUS_OK)
         log_info("job %llu (%s) is extended", id_of(job), job->name);
@@ -226,7 +230,7 @@ static int is_estimate_of(const struct farm *farm, const struct job *estimate,
     return estimate->estimate == ESTIMATE_OPEN && job->estimate == ESTIMATE_NONE &&
            wire_job_estimated(estimate, job, &same, &ignored) == STATUS_OK && same &&
            check_state(estimate, &ignored) == STATUS_OK &&
-           check_release(estimate, &ignored) == STATUS_OK &&
+           extend_check_release(estimate, &ignored) == STATUS_OK &&
            check_films(farm, estimate, &all, &ignored) == STATUS_OK;
 }
 
@@ -257,11 +261,12 @@ status farm_continue_estimate(struct farm *farm, struct job *estimate, const str
     estimate->estimate = ESTIMATE_CONTINUED;
     estimate->output = job->output;
     estimate->priority = job->priority;
+    memcpy(estimate->owner, job->owner, sizeof estimate->owner);
     estimate->submitted_at = job->submitted_at;
     memcpy(estimate->name, job->name, sizeof estimate->name);
     memcpy(estimate->token, job->token, sizeof estimate->token);
     estimate->frames_resting_count = 0;
-    s = go_on(farm, estimate, &before, &all, job, err);
+    s = farm_go_on(farm, estimate, &before, &all, job, err);
     if (s == STATUS_OK)
         log_info("job %llu (%s) was submitted and continues its estimate", id_of(estimate),
                  estimate->name);

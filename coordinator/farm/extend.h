@@ -25,6 +25,15 @@ struct job_extension {
 status farm_extend(struct farm *farm, struct job *job, const struct job_extension *extension,
                    struct error *err) MUST_CHECK;
 
+/* ERR_REFUSED: another release rendered the job, whose samples do not mix with ours. */
+status extend_check_release(const struct job *job, struct error *err) MUST_CHECK;
+/* Store the job with its changed settings, and continue the chosen frames: it is QUEUED. The caller
+ * has called job_reopen_check. `before` is the job as it was, `submitted` its new submission or NULL.
+ * ERR_IO, ERR_NO_MEMORY: the job is as it was. */
+status farm_go_on(struct farm *farm, struct job *job, const struct job *before,
+                  const struct job_reopening *chosen, const struct job *submitted,
+                  struct error *err) MUST_CHECK;
+
 /* The newest estimate that this job can continue; NULL: none. */
 struct job *farm_find_estimate(const struct farm *farm, const struct job *job);
 /* The estimate becomes the job. The job's pictures do not depend on it: a frame of which the

@@ -83,6 +83,7 @@ status farm_adopt(struct farm *farm, struct job *job, struct error *err)
             store_job_forget(farm->store, job->id);
         return s;
     }
+    farm_note(farm, job, job->owner[0] ? job->owner : NULL, "submitted as %s", job->name);
     farm->pump_wanted = 1;
     farm->events.job_changed(farm->events.user, job);
     return STATUS_OK;
@@ -106,7 +107,7 @@ status farm_submit(struct farm *farm, struct job *job, struct error *err)
 
 void farm_cancel(struct farm *farm, struct job *job, int discard, uint64_t now_ns)
 {
-    if (job->state == JOB_STATE_DONE && discard && farm->store) {
+    if (job_state_ended(job->state) && discard && farm->store) {
         store_films_remove(farm->store, job->id);
         log_info("job %llu (%s): its kept films are removed", (unsigned long long)job->id, job->name);
     }
@@ -116,6 +117,7 @@ void farm_cancel(struct farm *farm, struct job *job, int discard, uint64_t now_n
         closing_begin(farm, job, now_ns);
         return;
     }
+    job->marks |= JOB_MARK_DISCARDED;
     farm_job_change(farm, job, JOB_STATE_CANCELLED, "cancelled, unfinished frames discarded", now_ns);
     log_info("job %llu (%s) is cancelled, and its samples are discarded", (unsigned long long)job->id,
              job->name);
@@ -174,12 +176,14 @@ static void remove_left_films(void *user, uint64_t id)
     const struct farm *farm = user;
     const struct job *job = queue_find(&farm->queue, id);
 
-    if (job && job_state_ended(job->state) && job->state != JOB_STATE_DONE)
+    if (job && job->state == JOB_STATE_CANCELLED && (job->marks & JOB_MARK_DISCARDED))
         store_films_remove(farm->store, id);
 }
 
 void farm_resume(struct farm *farm, uint64_t now_ns)
 {
+    if (farm->store)
+        store_clear_removed(farm->store);
     if (farm->store)
         store_films_list(farm->store, remove_left_films, farm);
     trouble_tick(farm, now_ns);
@@ -188,7 +192,8 @@ void farm_resume(struct farm *farm, uint64_t now_ns)
             farm_pictures_wanted(farm, farm->queue.all[i]);
     for (size_t i = 0; i < farm->queue.active_count;) {
         struct job *job = farm->queue.active[i];
-        if (job->state != JOB_STATE_CANCELLING && job->frames_done_count == job_frames_wanted(job) &&
+        if (job->state != JOB_STATE_CANCELLING && job->state != JOB_STATE_FINISHING &&
+            job->frames_done_count == job_frames_wanted(job) &&
             job->frames_developed_count == job->frames_done_count) {
             farm_job_end_when_done(farm, job, now_ns);
             continue;

@@ -88,7 +88,7 @@ struct farm {
     int64_t wall_s;              /* set by the owner as time passes */
     int pump_wanted;             /* there may be something to grant */
     struct job *to_develop;      /* jobs with pictures to be made again, a list */
-    int developing;              /* one is being made */
+    struct job *developing;      /* one of this job is being made */
     struct trouble trouble;      /* the store cannot be used */
     int resume_wanted;           /* films on disk are to be opened */
     int unsaved;                 /* some job is `unsaved` */
@@ -111,8 +111,8 @@ status farm_submit(struct farm *farm, struct job *job, struct error *err) MUST_C
 status farm_prepare(const struct farm *farm, struct job *job, struct error *err) MUST_CHECK;
 status farm_adopt(struct farm *farm, struct job *job, struct error *err) MUST_CHECK;
 /* End the job. Unless `discard`, pictures are first made of what its open frames hold: the job is
- * CANCELLING until they are on disk. Of a job that is DONE, `discard` removes the kept films; else no
- * effect on one that has ended. */
+ * CANCELLING until they are on disk. Of a job that has ended, `discard` removes the kept films; else
+ * no effect on it. */
 void farm_cancel(struct farm *farm, struct job *job, int discard, uint64_t now_ns);
 void farm_fail(struct farm *farm, struct job *job, uint64_t now_ns, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
@@ -200,6 +200,15 @@ int farm_takes_again(const struct farm *farm, uint64_t job);
 void farm_store_check(struct farm *farm, uint64_t now_ns);
 /* Hand the job's state to the store; farm_tick repeats it if that fails. */
 void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns);
+/* The same, on disk when this returns unless the store fails. */
+void farm_job_save_now(struct farm *farm, struct job *job, uint64_t now_ns);
+/* Note an event in the job's log; `who` is NULL for the coordinator itself. */
+void farm_note(struct farm *farm, const struct job *job, const char *who, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
+/* Free a removed job and remove its files, if nothing holds it any more. */
+void farm_job_dispose(struct farm *farm, struct job *job);
+/* Take the job out of the list of those whose pictures are to be made. */
+void farm_pictures_unwanted(struct farm *farm, struct job *job);
 /* A commit or develop no longer holds the frame; frees it if its job has ended. */
 void farm_frame_unpin(struct farm *farm, struct job_frame *frame);
 

@@ -70,15 +70,25 @@ void farm_frame_close(struct farm *farm, struct job_frame *frame, const char *re
     frame->closing = 1;
     if (frame->in_flight == 0)
         job_frame_free(frame);
+    else
+        frame->job->closing_frames++;
 }
 
 void farm_frame_unpin(struct farm *farm, struct job_frame *frame)
 {
-    (void)farm;
+    struct job *job = frame->job;
+
     assert(frame->in_flight > 0);
     frame->in_flight--;
-    if (frame->closing && frame->in_flight == 0)
-        job_frame_free(frame);
+    if (!frame->closing || frame->in_flight > 0)
+        return;
+    job_frame_free(frame);
+    job->closing_frames--;
+    /* A film may have been kept after the others were removed: saving its end again removes it, and
+     * not before that end is on disk. */
+    if (job->marks & JOB_MARK_DISCARDED)
+        job->unsaved = farm->unsaved = 1;
+    farm_job_dispose(farm, job);
 }
 
 void farm_frame_send_acks(struct farm *farm, struct job_frame *frame)

@@ -5,10 +5,10 @@
 #include "common/base/log.h"
 #include "coordinator/farm/farm.h"
 
-/* A cancelled job must not return after a crash, so a cancel waits for the disk. Everything else
+/* What a person did must not be undone by a crash, so it waits for the disk. Everything else
  * may be lost in a crash: counters are estimates, and a job with nothing left to render is ended
  * again at the start. The pinned kernel is on disk before any result: see merge_commit_run. */
-void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns)
+static void save(struct farm *farm, struct job *job, int now, uint64_t now_ns)
 {
     struct error err = {0};
     status s = STATUS_OK;
@@ -17,14 +17,74 @@ void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns)
     job->unsaved = 0;
     if (!farm->store)
         return;
-    if ((job->state != JOB_STATE_CANCELLED && job->state != JOB_STATE_CANCELLING) ||
-        store_job_save(farm->store, job, now_ns, &err) != STATUS_OK)
+    if (!now || store_job_save(farm->store, job, now_ns, &err) != STATUS_OK)
         s = store_job_save_later(farm->store, job, now_ns, &err);
     job->unsaved = s != STATUS_OK;
     farm->unsaved |= job->unsaved;
     if (job->unsaved)
         log_debug("job %llu: its state cannot be stored now: %s", (unsigned long long)job->id,
                   err.text);
+}
+
+void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns)
+{
+    save(farm, job,
+         job->state == JOB_STATE_CANCELLED || job->state == JOB_STATE_CANCELLING ||
+             job->state == JOB_STATE_PAUSED,
+         now_ns);
+}
+
+void farm_job_save_now(struct farm *farm, struct job *job, uint64_t now_ns)
+{
+    save(farm, job, 1, now_ns);
+    if (farm->store)
+        store_events_flush(farm->store);
+}
+
+void farm_note(struct farm *farm, const struct job *job, const char *who, const char *format, ...)
+{
+    struct job_event event = {.job = job->id, .at = farm->wall_s};
+    va_list args;
+
+    if (!farm->store)
+        return;
+    snprintf(event.who, sizeof event.who, "%s", who ? who : "coordinator");
+    va_start(args, format);
+    vsnprintf(event.text, sizeof event.text, format, args);
+    va_end(args);
+    store_event_later(farm->store, &event);
+}
+
+void farm_job_dispose(struct farm *farm, struct job *job)
+{
+    if (!job->removed || job->closing_frames > 0 || farm->developing == job)
+        return;
+    if (farm->store)
+        store_job_clear(farm->store, job->id);
+    job_free(job);
+}
+
+/* What people read in the job's log. */
+static void note_state(struct farm *farm, const struct job *job)
+{
+    switch (job->state) {
+    case JOB_STATE_DONE:
+        farm_note(farm, job, NULL, "done%s%s: %u of %u frames", job->state_text[0] ? ", " : "",
+                  job->state_text, job->frames_done_count, job_frame_count(job));
+        return;
+    case JOB_STATE_FAILED:
+        farm_note(farm, job, NULL, "failed: %s", job->state_text);
+        return;
+    case JOB_STATE_CANCELLED:
+        farm_note(farm, job, NULL, "%s: %u of %u frames have a picture", job->state_text,
+                  job->frames_done_count, job_frame_count(job));
+        return;
+    case JOB_STATE_PARKED:
+        farm_note(farm, job, NULL, "parked: %s", job->state_text);
+        return;
+    default: /* a person did it, and is named */
+        return;
+    }
 }
 
 void farm_job_change(struct farm *farm, struct job *job, enum job_state state, const char *text,
@@ -35,6 +95,7 @@ void farm_job_change(struct farm *farm, struct job *job, enum job_state state, c
     while (ends && job->frames)
         farm_frame_close(farm, job->frames, "the job ended");
     job_set_state(&farm->queue, job, state, text, now_ns, farm->wall_s);
+    note_state(farm, job);
     farm_job_save(farm, job, now_ns); /* its films are removed when that is on disk */
     farm->pump_wanted = 1;
     farm->events.job_changed(farm->events.user, job);
@@ -70,6 +131,7 @@ void farm_job_started(struct farm *farm, struct job *job, const struct farm_work
     if (job->state == JOB_STATE_QUEUED) {
         job_set_state(&farm->queue, job, JOB_STATE_RUNNING, NULL, now_ns, farm->wall_s);
         log_info("job %llu (%s) runs", (unsigned long long)job->id, job->name);
+        farm_note(farm, job, NULL, "runs, first on %s", worker->name);
         changed = 1;
     }
     if (!changed)

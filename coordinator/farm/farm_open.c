@@ -107,7 +107,7 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
 
 struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint64_t now_ns)
 {
-    if (!frame_may_open(farm, job))
+    if (!frame_may_open(farm, job) || job->state == JOB_STATE_FINISHING)
         return NULL;
     for (uint64_t number = job->first_frame; number <= job->last_frame; number++)
         if (!job_frame_is_done(job, (uint32_t)number) &&

@@ -9,10 +9,10 @@
 void farm_job_end_when_done(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     if (job_state_ended(job->state) || job->state == JOB_STATE_CANCELLING ||
-        job->frames_done_count < job_frames_wanted(job) ||
+        job->state == JOB_STATE_FINISHING || job->frames_done_count < job_frames_wanted(job) ||
         job->frames_developed_count < job->frames_done_count)
         return;
-    if (job->state == JOB_STATE_PARKED)
+    if (job->state == JOB_STATE_PARKED || job->state == JOB_STATE_PAUSED)
         job_set_state(&farm->queue, job, JOB_STATE_QUEUED, NULL, now_ns, farm->wall_s);
     if (job->state == JOB_STATE_QUEUED) /* all of it came back from disk */
         job_set_state(&farm->queue, job, JOB_STATE_RUNNING, NULL, now_ns, farm->wall_s);
@@ -33,7 +33,7 @@ void farm_pictures_wanted(struct farm *farm, struct job *job)
     job->to_develop = 1;
 }
 
-static void develop_list_remove(struct farm *farm, struct job *job)
+void farm_pictures_unwanted(struct farm *farm, struct job *job)
 {
     struct job **at = &farm->to_develop;
 
@@ -54,7 +54,7 @@ void farm_pictures_next(struct farm *farm, uint64_t now_ns)
         if (trouble_waits(&job->pictures, now_ns) || !job_frame_to_develop(job, &frame))
             continue;
         if (farm->events.redevelop(farm->events.user, job, frame) == STATUS_OK)
-            farm->developing = 1;
+            farm->developing = job;
         return;
     }
 }
@@ -100,7 +100,7 @@ static void develop_failed(struct farm *farm, struct job *job, uint32_t frame,
     job->pictures.next_ns = UINT64_MAX;
     log_error("job %llu: the picture of frame %u cannot be made: %s", (unsigned long long)job->id,
               frame, why->text);
-    develop_list_remove(farm, job);
+    farm_pictures_unwanted(farm, job);
     if (!job_state_ended(job->state))
         farm_fail(farm, job, now_ns, "the picture of %s", text);
 }
@@ -108,7 +108,12 @@ static void develop_failed(struct farm *farm, struct job *job, uint32_t frame,
 void farm_pictures_made(struct farm *farm, struct job *job, uint32_t frame, int64_t revision,
                         status result, const struct error *why, uint64_t now_ns)
 {
-    farm->developing = 0;
+    farm->developing = NULL;
+    if (job->removed) {
+        farm_job_dispose(farm, job);
+        farm_pictures_next(farm, now_ns);
+        return;
+    }
     if (revision == (int64_t)job->revision && result == STATUS_OK) {
         job_frame_set_developed(job, frame);
         farm_trouble_over(farm, job, &job->pictures, now_ns);
@@ -116,7 +121,7 @@ void farm_pictures_made(struct farm *farm, struct job *job, uint32_t frame, int6
         develop_failed(farm, job, frame, why, now_ns);
     }
     if (job->frames_developed_count == job->frames_done_count)
-        develop_list_remove(farm, job);
+        farm_pictures_unwanted(farm, job);
     farm_job_end_when_done(farm, job, now_ns);
     farm->events.job_changed(farm->events.user, job);
     farm_pictures_next(farm, now_ns);

@@ -35,6 +35,8 @@ void farm_trouble(struct farm *farm, const struct job *job, uint32_t frame, stru
         return;
     trouble->quiet = trouble_is(&farm->trouble);
     if (!trouble->quiet)
+        farm_note(farm, job, NULL, "waits: %s", text);
+    if (!trouble->quiet)
         log_error("job %" PRIu64 ", %s; the coordinator keeps trying", job->id, text);
     farm->events.job_changed(farm->events.user, (struct job *)job);
 }
@@ -46,6 +48,8 @@ void farm_trouble_over(struct farm *farm, struct job *job, struct trouble *troub
 
     if (!trouble_end(trouble, now_ns, &lasted_ns))
         return;
+    if (!quiet)
+        farm_note(farm, job, NULL, "continues after %.1f s", (double)lasted_ns / 1e9);
     if (!quiet)
         log_info("job %" PRIu64 " (%s) continues after %.1f s", job->id, job->name,
                  (double)lasted_ns / 1e9);

@@ -120,6 +120,7 @@ void farm_job_broken(struct farm *farm, struct job *job, struct farm_worker *wor
     if (held == 0 || !job_state_is_open(job->state))
         return; /* a second report, one for a revoked lease, or a false one */
     farm->pump_wanted = 1;
+    farm_note(farm, job, NULL, "%s cannot render it: %s", worker->name, text);
     if (!job_is_broken_for(job, worker->machine))
         s = job_set_broken_for(job, worker->machine);
     for (uint32_t i = 0; i < farm->worker_count; i++)

@@ -133,7 +133,7 @@ static struct job_frame *frame_of(struct farm *farm, const struct farm_worker *w
     if (!job_state_is_open(job->state) || job_frame_is_resting(job, result->frame) || strcmp(job->kernel, worker->kernel) != 0)
         return NULL;
     frame = farm_frame_find(job, result->frame);
-    if (!frame)
+    if (!frame && job->state != JOB_STATE_FINISHING)
         frame = farm_frame_open(farm, job, result->frame, now_ns);
     if (!frame && (trouble_is(&farm->trouble) || trouble_is(&job->trouble)))
         *outcome = MERGE_DEFERRED;

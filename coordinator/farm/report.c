@@ -32,8 +32,8 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
     size_t before = queue_position(&farm->queue, job);
 
     out[0] = 0;
-    if (job->state == JOB_STATE_PARKED) {
-        snprintf(out, size, "%s", job->state_text);
+    if (job->state == JOB_STATE_PARKED || job->state == JOB_STATE_PAUSED) {
+        snprintf(out, size, "%s%.480s", is_unsaved(farm, job) ? "not stored yet; " : "", job->state_text);
         return;
     }
     if (trouble_is(&farm->trouble)) {
@@ -62,6 +62,10 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
         snprintf(out, size,
                  "%u worker%s died while holding its work; it is lent to one worker at a time until a result comes",
                  job->suspicion.deaths, job->suspicion.deaths == 1 ? "" : "s");
+        return;
+    }
+    if (job->state == JOB_STATE_FINISHING) {
+        snprintf(out, size, "frames in work complete their first pass, then it is done");
         return;
     }
     if (job->leases > 0)
@@ -105,7 +109,7 @@ static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint6
     if (job->pictures.next_ns == UINT64_MAX)
         info->develop_error = job->pictures.text;
     info->samples_done = job->samples_done;
-    info->samples_total = job_frame_samples(job) * job_frames_wanted(job);
+    info->samples_total = job_frame_samples(job) * (job_frame_count(job) - job_frames_left(job));
     for (const struct job_frame *frame = first; frame; frame = frame->next)
         info->samples_done += film_samples(frame->film);
     if (first) {
@@ -286,7 +290,9 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     info.submitted_at = job->submitted_at;
     info.finished_at = job->finished_at;
     info.estimate = job->estimate == ESTIMATE_OPEN;
-    info.frames_resting = job->frames_resting_count;
+    info.frames_resting = job_frames_left(job);
+    info.finished_early = job->state == JOB_STATE_DONE && (job->marks & JOB_MARK_EARLY);
+    info.owner = job->owner;
     info.conflicts = job->conflicts;
     info.workers = job->leases ? workers_on(farm, job) : 0;
     report_cuts(report, &info, job);

@@ -70,6 +70,10 @@ static uint32_t take_fresh(struct job_frame *frame, const struct budget *budget,
     while (count < budget->units && samples < budget->samples &&
            (early ? job_frame_take_early(frame, &units[count])
                   : job_frame_take(frame, &units[count]))) {
+        if (frame->job->state == JOB_STATE_FINISHING && units[count].pass > 0) {
+            job_frame_return(frame, units[count]); /* only the first pass is wanted now */
+            break;
+        }
         samples += (double)job_frame_unit_samples(frame, units[count]);
         count++;
     }
@@ -212,7 +216,8 @@ static struct lease *grant_fresh(struct farm *farm, struct job_frame *frame,
     struct budget budget;
     uint32_t count;
 
-    if (frame->end != FRAME_END_NONE || !farm_may_lease(farm, frame))
+    if (frame->end != FRAME_END_NONE || !farm_may_lease(farm, frame) ||
+        (early && frame->job->state == JOB_STATE_FINISHING))
         return NULL;
     if (!budget_for(farm, worker, frame, early, now_ns, &budget)) {
         *full = 1;

@@ -8,7 +8,29 @@
 #include "common/base/memory.h"
 
 static const char *const state_names[JOB_STATE_COUNT] = {
-    "queued", "running", "done", "failed", "cancelled", "parked", "cancelling"};
+    "queued", "running", "done", "failed", "cancelled", "parked", "cancelling", "paused",
+    "finishing"};
+
+/* The diagram in queue.h. */
+const struct job_edge job_edges[] = {
+#define FROM_TO(from, to) {JOB_STATE_##from, JOB_STATE_##to}
+    FROM_TO(QUEUED, RUNNING),       FROM_TO(QUEUED, PAUSED),        FROM_TO(QUEUED, PARKED),
+    FROM_TO(QUEUED, FINISHING),     FROM_TO(QUEUED, CANCELLING),    FROM_TO(QUEUED, CANCELLED),
+    FROM_TO(QUEUED, FAILED),
+    FROM_TO(RUNNING, DONE),         FROM_TO(RUNNING, PAUSED),       FROM_TO(RUNNING, PARKED),
+    FROM_TO(RUNNING, FINISHING),    FROM_TO(RUNNING, CANCELLING),   FROM_TO(RUNNING, CANCELLED),
+    FROM_TO(RUNNING, FAILED),
+    FROM_TO(PAUSED, QUEUED),        FROM_TO(PAUSED, FINISHING),     FROM_TO(PAUSED, CANCELLING),
+    FROM_TO(PAUSED, CANCELLED),     FROM_TO(PAUSED, FAILED),
+    FROM_TO(PARKED, QUEUED),        FROM_TO(PARKED, CANCELLING),    FROM_TO(PARKED, CANCELLED),
+    FROM_TO(PARKED, FAILED),
+    FROM_TO(FINISHING, DONE),       FROM_TO(FINISHING, PARKED),     FROM_TO(FINISHING, CANCELLING),
+    FROM_TO(FINISHING, CANCELLED),  FROM_TO(FINISHING, FAILED),
+    FROM_TO(CANCELLING, CANCELLED), FROM_TO(CANCELLING, FAILED),
+    FROM_TO(DONE, QUEUED),          FROM_TO(FAILED, QUEUED),        FROM_TO(CANCELLED, QUEUED),
+#undef FROM_TO
+};
+const size_t job_edge_count = sizeof job_edges / sizeof job_edges[0];
 
 const char *job_state_word(enum job_state state)
 {
@@ -110,6 +132,16 @@ static void active_insert(struct queue *queue, struct job *job)
     queue->shut_count += (size_t)is_shut(job->state);
 }
 
+static void active_remove(struct queue *queue, const struct job *job)
+{
+    size_t place = active_place(queue, job);
+
+    assert(place < queue->active_count && queue->active[place] == job);
+    queue->active_count--;
+    memmove(queue->active + place, queue->active + place + 1,
+            (queue->active_count - place) * sizeof *queue->active);
+}
+
 static status check_room(const struct queue *queue, struct error *err)
 {
     if (queue->active_count < JOBS_ACTIVE_MAX)
@@ -141,7 +173,8 @@ status queue_add(struct queue *queue, struct job *job, struct error *err)
     return STATUS_OK;
 }
 
-struct job *queue_find(const struct queue *queue, uint64_t id)
+/* The place of the first job whose id is not smaller. */
+static size_t all_place(const struct queue *queue, uint64_t id)
 {
     size_t low = 0, high = queue->count;
 
@@ -152,7 +185,32 @@ struct job *queue_find(const struct queue *queue, uint64_t id)
         else
             high = middle;
     }
-    return low < queue->count && queue->all[low]->id == id ? queue->all[low] : NULL;
+    return low;
+}
+
+struct job *queue_find(const struct queue *queue, uint64_t id)
+{
+    size_t place = all_place(queue, id);
+
+    return place < queue->count && queue->all[place]->id == id ? queue->all[place] : NULL;
+}
+
+void queue_remove(struct queue *queue, struct job *job)
+{
+    size_t place = all_place(queue, job->id);
+
+    assert(job_state_ended(job->state) && queue->all[place] == job);
+    queue->count--;
+    memmove(queue->all + place, queue->all + place + 1,
+            (queue->count - place) * sizeof *queue->all);
+}
+
+void queue_set_priority(struct queue *queue, struct job *job, int32_t priority)
+{
+    active_remove(queue, job);
+    queue->shut_count -= (size_t)is_shut(job->state);
+    job->priority = priority;
+    active_insert(queue, job);
 }
 
 size_t queue_position(const struct queue *queue, const struct job *job)
@@ -173,26 +231,21 @@ int job_state_ended(enum job_state state)
 
 int job_state_is_open(enum job_state state)
 {
-    return state == JOB_STATE_QUEUED || state == JOB_STATE_RUNNING;
+    return state == JOB_STATE_QUEUED || state == JOB_STATE_RUNNING || state == JOB_STATE_FINISHING;
 }
 
-/* The diagram in queue.h. */
 static int change_is_allowed(enum job_state from, enum job_state to)
 {
-    switch (to) {
-    case JOB_STATE_QUEUED: return from == JOB_STATE_PARKED;
-    case JOB_STATE_RUNNING: return from == JOB_STATE_QUEUED;
-    case JOB_STATE_DONE: return from == JOB_STATE_RUNNING;
-    case JOB_STATE_PARKED: return job_state_is_open(from);
-    case JOB_STATE_CANCELLING: return job_state_is_open(from) || from == JOB_STATE_PARKED;
-    default: return !job_state_ended(from);
-    }
+    for (size_t i = 0; i < job_edge_count; i++)
+        if (job_edges[i].from == from && job_edges[i].to == to)
+            return 1;
+    return 0;
 }
 
 void job_set_state(struct queue *queue, struct job *job, enum job_state state, const char *text,
                    uint64_t now_ns, int64_t wall_s)
 {
-    assert(change_is_allowed(job->state, state));
+    assert(change_is_allowed(job->state, state) && !job_state_ended(job->state));
     queue->shut_count -= (size_t)is_shut(job->state);
     queue->shut_count += (size_t)is_shut(state);
     if (!job_state_is_open(state)) {
@@ -201,11 +254,7 @@ void job_set_state(struct queue *queue, struct job *job, enum job_state state, c
         job->active_since_ns = 0;
     }
     if (job_state_ended(state)) {
-        size_t place = active_place(queue, job);
-        assert(place < queue->active_count && queue->active[place] == job);
-        queue->active_count--;
-        memmove(queue->active + place, queue->active + place + 1,
-                (queue->active_count - place) * sizeof *queue->active);
+        active_remove(queue, job);
         job->finished_at = wall_s;
     }
     job->state = state;
@@ -288,6 +337,11 @@ void job_frame_rest(struct job *job, uint32_t frame)
     bit_set(job->frames_resting, frame - job->first_frame);
 }
 
+void job_frame_wake(struct job *job, uint32_t frame)
+{
+    job->frames_resting_count -= (uint32_t)bit_clear(job->frames_resting, frame - job->first_frame);
+}
+
 int job_frame_is_resting(const struct job *job, uint32_t frame)
 {
     return bit_is_set(job->frames_resting, frame - job->first_frame);
@@ -296,6 +350,21 @@ int job_frame_is_resting(const struct job *job, uint32_t frame)
 uint32_t job_frames_wanted(const struct job *job)
 {
     return job_frame_count(job) - job->frames_resting_count;
+}
+
+static int is_early(const struct job *job)
+{
+    return job->state == JOB_STATE_DONE && (job->marks & JOB_MARK_EARLY);
+}
+
+int job_frame_is_left(const struct job *job, uint32_t frame)
+{
+    return job_frame_is_resting(job, frame) || (is_early(job) && !job_frame_is_done(job, frame));
+}
+
+uint32_t job_frames_left(const struct job *job)
+{
+    return is_early(job) ? job_frame_count(job) - job->frames_done_count : job->frames_resting_count;
 }
 
 /* ---- a finished job goes on ------------------------------------------------------------------ */
@@ -385,7 +454,7 @@ static void reopen_cuts(struct job *job, const struct job_reopening *r)
 
 void job_reopen(struct queue *queue, struct job *job, const struct job_reopening *r)
 {
-    assert(job->state == JOB_STATE_DONE);
+    assert(change_is_allowed(job->state, JOB_STATE_QUEUED) && job_state_ended(job->state));
     for (uint32_t i = 0; i < job_frame_count(job); i++) {
         if (!job_reopening_has(r, job, job->first_frame + i))
             continue;
@@ -400,6 +469,7 @@ void job_reopen(struct queue *queue, struct job *job, const struct job_reopening
     memset(&job->work, 0, sizeof job->work); /* the films or the store have it */
     job_figures_release(&job->figures);
     job->finished_at = 0;
+    job->marks = 0;
     job->state = JOB_STATE_QUEUED;
     job->state_text[0] = 0;
     active_insert(queue, job);

@@ -1,18 +1,23 @@
 /* queue: the jobs, and the order in which they are served.
  *
  *   QUEUED --first lease--> RUNNING --last frame's files on disk--> DONE
- *     |  ^                    |
- *     |  +--resumed-- PARKED <--its workers die (suspicion.h), also from QUEUED
- *     |                       |
- *     +---cancelled-----------+--> CANCELLING --pictures of what there is on disk--> CANCELLED
- *     +---cancelled, discard--+--> CANCELLED
- *     +---cannot be done------+--> FAILED
+ *    ^  |                    |
+ *    |  +--------------------+--paused by a person--> PAUSED --resumed--> QUEUED
+ *    |  +--------------------+--its workers die (suspicion.h)--> PARKED --resumed--> QUEUED
+ *    |  +--------------------+--finish--> FINISHING --first passes on disk--> DONE, finished early
+ *    |  +--------------------+--cancel--> CANCELLING --pictures of what there is--> CANCELLED
+ *    |  +--------------------+--cancel, discard--> CANCELLED
+ *    |  +--------------------+--cannot be done--> FAILED
+ *    |
+ *    +--extended, tried again (job_reopen)-- DONE, FAILED, CANCELLED
  *
- * A DONE job is QUEUED again by job_reopen: it is extended. A PARKED or CANCELLING job can be
- * cancelled and can fail as well. It holds no lease and takes no result: closing.h says what
- * happens to its frames. job_set_state is the only function that changes a job's state; DONE,
- * FAILED and CANCELLED are final. Jobs are served by priority (higher first), then in the order of
- * submission.
+ * PAUSED, PARKED, FINISHING and CANCELLING jobs can be cancelled and can fail as well; a PAUSED one
+ * can be finished, and a FINISHING one parked. job_edges has every edge. A job that waits for the
+ * environment (a disk, a worker) does not change its state: that is a reason, which lifts itself; a
+ * pause never does. PAUSED, PARKED and CANCELLING jobs hold no lease and take no result: closing.h
+ * says what happens to their frames. job_set_state and job_reopen are the only functions that change
+ * a job's state; DONE, FAILED and CANCELLED are final. Jobs are served by priority (higher first),
+ * then in the order of submission.
  *
  * Invariants:
  *  - `all` is sorted by id; `active` holds exactly the jobs that are not final, in order of
@@ -48,6 +53,7 @@ enum {
     JOB_TEXT_MAX = 511,
     JOB_TOKEN_MAX = 64,
     JOB_SOURCE_MAX = 1023,
+    JOB_WHO_MAX = 127,   /* a person: user@host */
     KERNEL_NAME_MAX = 127,
     RELEASE_NAME_MAX = 31,
     SCENE_BYTES_MAX = 1 << 30, /* of a packed scene */
@@ -64,9 +70,24 @@ enum job_state {
     JOB_STATE_CANCELLED,
     JOB_STATE_PARKED,
     JOB_STATE_CANCELLING,
+    JOB_STATE_PAUSED,
+    JOB_STATE_FINISHING,
     JOB_STATE_COUNT
 };
 const char *job_state_word(enum job_state state);
+
+/* The edges of the diagram. Every state has edges to FAILED but those that are final. */
+struct job_edge {
+    enum job_state from, to;
+};
+extern const struct job_edge job_edges[];
+extern const size_t job_edge_count;
+
+/* Bits; the numbers are the store's. */
+enum job_mark {
+    JOB_MARK_EARLY = 1,     /* DONE by finish, before all its samples */
+    JOB_MARK_DISCARDED = 2, /* CANCELLED, and its films are not kept */
+};
 
 struct output_settings {
     int exr_half;
@@ -106,6 +127,8 @@ struct job {
     enum job_state state;
     char state_text[JOB_TEXT_MAX + 1]; /* why it failed, was cancelled or parked; else empty */
     int32_t priority;
+    char owner[JOB_WHO_MAX + 1];       /* who submitted it, user@host; "": an older release's job */
+    unsigned marks;                    /* enum job_mark */
     uint32_t first_frame, last_frame;
     struct render_settings settings;
     struct stop_rules stop;            /* besides settings.spp, the cap */
@@ -156,6 +179,8 @@ struct job {
     uint32_t leases;                   /* live ones */
     uint64_t turnaround_ns;            /* from a unit's grant to its result, smoothed; 0: unknown */
     uint64_t saved_ns;                 /* monotonic: when the progress was last stored */
+    uint32_t closing_frames;           /* closed ones that a commit or develop still holds */
+    int removed;                       /* it is in no queue, and freed when nothing holds it */
 };
 
 struct queue {
@@ -179,11 +204,16 @@ void job_free(struct job *job); /* its frames must be closed */
 status queue_add(struct queue *queue, struct job *job, struct error *err) MUST_CHECK;
 struct job *queue_find(const struct queue *queue, uint64_t id); /* NULL: none */
 
+/* Take a job that has ended out of the queue; it is the caller's now. */
+void queue_remove(struct queue *queue, struct job *job);
+/* Give an active job another place. */
+void queue_set_priority(struct queue *queue, struct job *job, int32_t priority);
+
 /* The number of active jobs before this one. */
 size_t queue_position(const struct queue *queue, const struct job *job);
 
 int job_state_ended(enum job_state state);
-/* Units of the job are lent and results taken: it is QUEUED or RUNNING. */
+/* Units of the job are lent and results taken: it is QUEUED, RUNNING or FINISHING. */
 int job_state_is_open(enum job_state state);
 /* `text` may be NULL. Asserts that the diagram allows the change. */
 void job_set_state(struct queue *queue, struct job *job, enum job_state state, const char *text,
@@ -201,10 +231,15 @@ int job_frame_is_developed(const struct job *job, uint32_t frame);
 void job_frame_set_developed(struct job *job, uint32_t frame);
 /* The frame is not rendered until the job is extended. */
 void job_frame_rest(struct job *job, uint32_t frame);
+/* It no longer rests. */
+void job_frame_wake(struct job *job, uint32_t frame);
 int job_frame_is_resting(const struct job *job, uint32_t frame);
 uint32_t job_frames_wanted(const struct job *job); /* that do not rest */
+/* The frame rests, or the job was finished before it was begun. */
+int job_frame_is_left(const struct job *job, uint32_t frame);
+uint32_t job_frames_left(const struct job *job);
 
-/* Which frames of a DONE job continue. Zero-initialised: all of them. */
+/* Which frames of a job that has ended continue. Zero-initialised: all of them. */
 struct job_reopening {
     uint8_t *chosen;               /* a bit a frame; NULL: all */
     uint8_t *whole;                /* of the others, those that have all samples of the old cap, and
@@ -219,7 +254,7 @@ int job_reopening_has(const struct job_reopening *r, const struct job *job, uint
 int job_reopening_is_whole(const struct job_reopening *r, const struct job *job, uint32_t frame);
 /* Is there room for one more active job and for its extra data? ERR_LIMIT, ERR_NO_MEMORY. */
 status job_reopen_check(struct queue *queue, struct job *job, struct error *err) MUST_CHECK;
-/* The chosen frames of a DONE job continue with its present settings: it is QUEUED again. Call
+/* The chosen frames of a job that has ended continue with its present settings: it is QUEUED again. Call
  * job_reopen_check first. */
 void job_reopen(struct queue *queue, struct job *job, const struct job_reopening *r);
 /* Mark every frame's pictures to be made again with the present job->output. */

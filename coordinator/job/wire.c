@@ -292,6 +292,7 @@ status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32
     if (strlen(in->source) <= JOB_SOURCE_MAX)
         message_text(job->source, sizeof job->source, in->source);
     job->priority = in->priority;
+    message_text(job->owner, sizeof job->owner, in->owner);
     job->settings = settings;
     job->output = output;
     job->scene = scene;

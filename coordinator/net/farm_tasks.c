@@ -181,7 +181,7 @@ status farm_task_develop(void *user, struct job_frame *frame)
 
     if (t) {
         t->frame = frame;
-        t->keep_film = frame->end != FRAME_END_CANCEL && !server->farm.discards_films;
+        t->keep_film = !server->farm.discards_films;
     }
     return develop_start(t, frame->job, frame->number, s, &err);
 }

@@ -131,6 +131,15 @@ static void send_welcome(struct session *session, uint64_t request)
     session_send(session, &envelope);
 }
 
+static void set_who(struct session *session, const char *user)
+{
+    char clean[64];
+
+    message_text(clean, sizeof clean, user);
+    snprintf(session->who, sizeof session->who, "%.62s%s%s", clean, clean[0] ? "@" : "",
+             session->host);
+}
+
 static void take_hello(struct session *session, const Azulejo__Wire__Envelope *message)
 {
     struct error err = {0};
@@ -144,6 +153,7 @@ static void take_hello(struct session *session, const Azulejo__Wire__Envelope *m
         message_text(session->host, sizeof session->host, hello->host);
         message_text(session->software, sizeof session->software, hello->software);
         session->process = hello->process;
+        set_who(session, hello->user);
         s = hello_check(hello, session->role, &err);
         if (s == STATUS_OK && session->role == FARM_ROLE_WORKER)
             s = make_worker(session, hello, &err);
@@ -288,6 +298,23 @@ static void take_broken(struct session *session, const Azulejo__Wire__JobBroken 
         farm_job_broken(farm, job, session->worker, text, now_ns);
 }
 
+/* A line of the worker's log, for a job's log. A worker that sends too many loses some. */
+static void take_line(struct session *session, const Azulejo__Wire__Notice *notice, uint64_t now_ns)
+{
+    struct server *server = session->server;
+    struct job_event event = {.job = notice->job, .at = server->farm.wall_s, .from_worker = 1};
+
+    if (now_ns - session->lines_since_ns >= SESSION_LINES_MS * NS_PER_MS) {
+        session->lines_since_ns = now_ns;
+        session->lines = 0;
+    }
+    if (session->lines++ >= SESSION_LINES_MAX || !queue_find(&server->farm.queue, notice->job))
+        return;
+    snprintf(event.who, sizeof event.who, "%s", session->worker->name);
+    message_text(event.text, sizeof event.text, notice->text);
+    store_event_later(server->store, &event);
+}
+
 /* 0: not a worker's message. */
 static int worker_message(struct session *session, const Azulejo__Wire__Envelope *message,
                           uint64_t now_ns)
@@ -335,6 +362,10 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
     case AZULEJO__WIRE__ENVELOPE__BODY_HEARTBEAT:
         return;
     case AZULEJO__WIRE__ENVELOPE__BODY_NOTICE:
+        if (session->worker && message->notice->job) {
+            take_line(session, message->notice, now_ns);
+            return;
+        }
         log_info("session %u (%s) says: %s", session->id, session->host,
                  message_text(text, sizeof text, message->notice->text));
         return;

@@ -25,6 +25,8 @@ enum {
     SESSION_UPLOADS_MAX = 4,      /* begun and not yet complete */
     SESSION_STORING_MAX = 64,     /* complete and on their way to the disk */
     SESSION_ACKS_MAX = 1024,      /* acknowledged in one message */
+    SESSION_LINES_MAX = 64,       /* of a worker for jobs' logs, */
+    SESSION_LINES_MS = 10000,     /* in this time */
     WATCH_INTERVAL_MIN_MS = 50,
     WATCH_INTERVAL_MAX_MS = 60000,
 };
@@ -50,8 +52,11 @@ struct session {
     enum farm_role role;
     uint64_t begun_ns;
     char host[64], software[64], peer[64];
+    char who[JOB_WHO_MAX + 1];    /* a client: user@host */
     uint32_t process;
     int silent;                   /* it was considered dead */
+    uint32_t lines;               /* for jobs' logs, since lines_since_ns */
+    uint64_t lines_since_ns;
 
     struct farm_worker *worker;   /* NULL: not a worker */
 

@@ -4,9 +4,9 @@
 
 #include "common/base/clock.h"
 #include "common/base/memory.h"
-#include "coordinator/farm/closing.h"
 #include "coordinator/farm/extend.h"
 #include "coordinator/farm/report.h"
+#include "coordinator/farm/steer.h"
 #include "coordinator/job/wire.h"
 #include "coordinator/net/server.h"
 #include "coordinator/net/session_messages.h"
@@ -41,6 +41,20 @@ static size_t select_jobs(const struct queue *queue, const Azulejo__Wire__JobQue
     return count;
 }
 
+/* The frames that rest, as bits. */
+static void list_left(const struct job *job, ProtobufCBinaryData *out)
+{
+    static uint8_t bits[SETTINGS_FRAMES_MAX / 8 + 1];
+
+    if (job_frames_left(job) == 0)
+        return;
+    *out = (ProtobufCBinaryData){job_frame_count(job) / 8 + 1, bits};
+    memset(bits, 0, out->len);
+    for (uint32_t i = 0; i < job_frame_count(job); i++)
+        if (job_frame_is_left(job, job->first_frame + i))
+            bits[i / 8] |= (uint8_t)(1u << i % 8);
+}
+
 static status send_list(struct session *session, uint64_t request, struct job *const *jobs,
                         size_t count, uint64_t older, uint64_t now_ns, struct error *err)
 {
@@ -55,6 +69,8 @@ static status send_list(struct session *session, uint64_t request, struct job *c
             job_report_make(&reports[i], &session->server->farm, jobs[i], now_ns);
             pointers[i] = &reports[i].message;
         }
+        if (count == 1)
+            list_left(jobs[0], &reports[0].message.resting);
         list.n_jobs = count;
         list.jobs = pointers;
         list.older = older;
@@ -135,6 +151,11 @@ void session_watches_send(struct session *session, uint64_t now_ns, int only_due
         if (!blocked && (watch->due || (!only_due && timely))) {
             watch->due = 0;
             watch->sent_ns = now_ns;
+            if (watch->job && !job) {
+                error_set(&err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 " was removed", watch->job);
+                session_fail(session, watch->request, &err);
+                continue;
+            }
             if (send_jobs(session, watch->request, job, NULL, now_ns, &err) != STATUS_OK)
                 session_fail(session, watch->request, &err);
             if (job && job_state_ended(job->state))
@@ -147,9 +168,8 @@ void session_watches_send(struct session *session, uint64_t now_ns, int only_due
 
 /* ---- what changes a job --------------------------------------------------------------------- */
 
-/* Answer a change of the job, which returned `s`, with its present state. */
-static status answer_change(struct session *session, uint64_t request, struct job *job, status s,
-                            uint64_t now_ns, struct error *err)
+status session_answer_change(struct session *session, uint64_t request, struct job *job, status s,
+                             uint64_t now_ns, struct error *err)
 {
     return s == STATUS_OK ? send_jobs(session, request, job, NULL, now_ns, err) : s;
 }
@@ -161,8 +181,8 @@ static status cancel(struct session *session, const Azulejo__Wire__Envelope *mes
 
     if (!job)
         return STATUS_ERR_NOT_FOUND;
-    farm_cancel(&session->server->farm, job, message->job_cancel->discard, now_ns);
-    return answer_change(session, message->request, job, STATUS_OK, now_ns, err);
+    steer_cancel(&session->server->farm, job, message->job_cancel->discard, session->who, now_ns);
+    return session_answer_change(session, message->request, job, STATUS_OK, now_ns, err);
 }
 
 static status resume(struct session *session, const Azulejo__Wire__Envelope *message,
@@ -172,8 +192,9 @@ static status resume(struct session *session, const Azulejo__Wire__Envelope *mes
 
     if (!job)
         return STATUS_ERR_NOT_FOUND;
-    return answer_change(session, message->request, job,
-                         closing_unpark(&session->server->farm, job, now_ns, err), now_ns, err);
+    return session_answer_change(session, message->request, job,
+                         steer_resume(&session->server->farm, job, session->who, now_ns, err),
+                         now_ns, err);
 }
 
 static status develop(struct session *session, const Azulejo__Wire__Envelope *message,
@@ -188,7 +209,10 @@ static status develop(struct session *session, const Azulejo__Wire__Envelope *me
         s = session_check_tonemap(session, &output, err);
     if (s == STATUS_OK)
         s = farm_develop(&session->server->farm, job, &output, err);
-    return answer_change(session, message->request, job, s, now_ns, err);
+    if (s == STATUS_OK)
+        farm_note(&session->server->farm, job, session->who, "developed again, with %s",
+                  output.tonemap.op->name);
+    return session_answer_change(session, message->request, job, s, now_ns, err);
 }
 
 static status extend(struct session *session, const Azulejo__Wire__Envelope *message,
@@ -205,7 +229,10 @@ static status extend(struct session *session, const Azulejo__Wire__Envelope *mes
                       SETTINGS_SPP_MAX);
     if (s == STATUS_OK)
         s = farm_extend(&session->server->farm, job, &extension, err);
-    return answer_change(session, message->request, job, s, now_ns, err);
+    if (s == STATUS_OK)
+        farm_note(&session->server->farm, job, session->who, "extended to at most %u samples a pixel",
+                  job->settings.spp);
+    return session_answer_change(session, message->request, job, s, now_ns, err);
 }
 
 /* ---- workers -------------------------------------------------------------------------------- */
@@ -278,6 +305,12 @@ static const struct {
     {BODY(JOB_CANCEL), CLIENTS, cancel},
     {BODY(JOB_RESUME), CLIENTS, resume},
     {BODY(JOB_EXTEND), CLIENTS, extend},
+    {BODY(JOB_PAUSE), CLIENTS, session_pause},
+    {BODY(JOB_FINISH), CLIENTS, session_finish},
+    {BODY(JOB_PRIORITY), CLIENTS, session_priority},
+    {BODY(JOB_RETRY), CLIENTS, session_retry},
+    {BODY(JOB_REMOVE), CLIENTS, session_remove},
+    {BODY(JOB_LOG_GET), CLIENTS, session_log},
     {BODY(JOB_DEVELOP), CLIENTS, develop},
     {BODY(WORKER_QUERY), CLIENTS, list_workers},
     {BODY(OUTPUT_GET), CLIENTS, session_output_get},

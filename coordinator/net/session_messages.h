@@ -14,9 +14,19 @@ typedef status session_handler(struct session *session, const Azulejo__Wire__Env
 /* session_client.c: NULL and ERR_NOT_FOUND in *err if there is no such job. */
 struct job *session_job(struct session *session, uint64_t id, struct error *err) MUST_CHECK;
 
+/* session_client.c: answer a change of the job, which returned `s`, with its present state. */
+status session_answer_change(struct session *session, uint64_t request, struct job *job, status s,
+                             uint64_t now_ns, struct error *err) MUST_CHECK;
+
 session_handler session_submit;         /* session_submit.c */
 session_handler session_output_get;     /* session_outputs.c */
 session_handler session_history_get;
+session_handler session_pause;          /* session_steer.c */
+session_handler session_finish;
+session_handler session_priority;
+session_handler session_retry;
+session_handler session_remove;
+session_handler session_log;
 session_handler session_blob_query;     /* session_blobs.c */
 session_handler session_blob_get;
 session_handler session_blob_put;

@@ -95,6 +95,8 @@ static status make_job(struct session *session, const Azulejo__Wire__JobSubmit *
         }
     }
     if (s == STATUS_OK) {
+        if (!(*out)->owner[0])
+            snprintf((*out)->owner, sizeof(*out)->owner, "%s", session->who);
         message_text((*out)->scene_name, sizeof(*out)->scene_name, scene.name ? scene.name : "");
         if (!(*out)->name[0])
             snprintf((*out)->name, sizeof(*out)->name, "%s", (*out)->scene_name);

@@ -6,8 +6,8 @@
  *                         workers that delivered results, the lease epoch (WAL, full sync)
  * STORE/blobs/ab/HEX      blobs by SHA-256 (blobs.h)
  * STORE/blobs/tmp/        unfinished uploads; emptied at the start
- * STORE/films/JOB/frame-NNNN.film   films in work (store_film.h); removed when the job fails or is cancelled
- *                 frame-NNNN.kept   films of frames that are done: azulejo extend goes on from them
+ * STORE/films/JOB/frame-NNNN.film   films in work (store_film.h)
+ *                 frame-NNNN.kept   films of frames that are done: azulejo extend and retry go on from them
  * STORE/outputs/JOB/frame-NNNN.exr, .png, .jpg, .effects.json
  *     .picture.exr        the means in 32 bits, where frame-NNNN.exr is not that
  *     .state              what tone mapping measured (develop.c): only saves time
@@ -72,7 +72,7 @@ status store_job_save(struct store *store, const struct job *job, uint64_t now_n
                       struct error *err) MUST_CHECK;
 /* The same, soon, by the store's own thread: a sync can take seconds while films are written. A
  * save that fails is kept, and repeated when store_check finds the store usable; store_close tries
- * the waiting saves once more. The films of a job that failed or was cancelled are removed only
+ * the waiting saves once more. The films of a job that was cancelled with discard are removed only
  * when its state is on disk. ERR_NO_MEMORY: the save was not noted. */
 status store_job_save_later(struct store *store, const struct job *job, uint64_t now_ns,
                             struct error *err) MUST_CHECK;
@@ -86,6 +86,34 @@ int store_job_unsaved(struct store *store, uint64_t id);
 status store_jobs_load(struct store *store,
                        status (*adopt)(void *user, struct job *job, struct error *err), void *user,
                        struct error *err) MUST_CHECK;
+
+/* Remove a job that has ended: its rows at once, its films and pictures with store_job_clear. A
+ * restart before that does it. ERR_IO, ERR_NO_MEMORY: nothing changed. */
+status store_job_remove(struct store *store, uint64_t id, struct error *err) MUST_CHECK;
+/* Remove the films and pictures of a job that store_job_remove removed. Failure is logged; the next
+ * start tries again. */
+void store_job_clear(struct store *store, uint64_t id);
+/* Clear the jobs that were removed before the last run ended. */
+void store_clear_removed(struct store *store);
+
+enum { JOB_EVENTS_MAX = 1000, JOB_WORKER_LINES_MAX = 64 }; /* kept of a job, the newest */
+/* A line of a job's log. */
+struct job_event {
+    uint64_t job, seq;           /* seq ascends; the store gives it */
+    int64_t at;                  /* seconds since 1970, UTC */
+    int from_worker;             /* a line of a worker, which is `who` */
+    char who[JOB_WHO_MAX + 1];   /* user@host, or "coordinator" */
+    char text[JOB_TEXT_MAX + 1];
+};
+/* Note the event; it is stored soon. Without memory, or if the store fails for long, it is lost. */
+void store_event_later(struct store *store, const struct job_event *event);
+/* Store the noted events now, if possible. */
+void store_events_flush(struct store *store);
+/* Call visit for the job's stored events after `after`. visit's error ends it. ERR_IO, ERR_NO_MEMORY. */
+status store_events_load(struct store *store, uint64_t job, uint64_t after,
+                         status (*visit)(void *user, const struct job_event *event,
+                                         struct error *err),
+                         void *user, struct error *err) MUST_CHECK;
 
 /* A worker that delivers results. Numbers start at 1 and are never reused. */
 struct deliverer {

@@ -13,7 +13,7 @@
 #include "coordinator/store/store_parts.h"
 
 /* Version of the tables, kept in SQLite's user_version. */
-enum { STORE_VERSION = 5, BUSY_MS = 5000 };
+enum { STORE_VERSION = 6, BUSY_MS = 5000 };
 
 static const char schema[] =
     "CREATE TABLE meta (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;"
@@ -87,6 +87,21 @@ static const char convert_4[] =
 /* Version 5: each frame's health, rows of (kind, count, first example), 64 bits each, little-endian; NULL:
  * only `dropped` and `clamped_values` are known. Films have another format, as at version 4. */
 static const char schema_5[] = "ALTER TABLE frames ADD COLUMN health BLOB;";
+
+/* Version 6: what people do to jobs. The priority may differ from the request's (NULL: as there). */
+static const char schema_6[] =
+    "ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT '';"
+    "ALTER TABLE jobs ADD COLUMN marks INTEGER NOT NULL DEFAULT 0;" /* enum job_mark */
+    "ALTER TABLE jobs ADD COLUMN priority INTEGER;"
+    "CREATE TABLE removed (job INTEGER PRIMARY KEY);"; /* whose files may still be there */
+
+static status add_steering(struct store *store, struct error *err)
+{
+    status s = sql_exec(store, schema_6, "cannot be brought up to date", err);
+
+    return s == STATUS_OK ? sql_exec(store, events_schema, "cannot be brought up to date", err) : s;
+}
+
 _Static_assert(JOB_STATE_DONE == 2 && JOB_STATE_FAILED == 3 && JOB_STATE_CANCELLED == 4,
                "as in convert_4");
 
@@ -281,13 +296,16 @@ static status open_to_write(struct store *store, const char *path, struct error 
         s = sql_exec(store, deliverers_schema, "cannot be brought up to date", err);
     if (s == STATUS_OK && version < 5)
         s = sql_exec(store, schema_5, "cannot be brought up to date", err);
-    if (s == STATUS_OK && version > 0)
+    if (s == STATUS_OK && version < 6)
+        s = add_steering(store, err);
+    if (s == STATUS_OK && version > 0 && version < 5)
         s = sql_exec(store, convert_4, "cannot be brought up to date", err);
     if (s == STATUS_OK)
-        s = sql_exec(store, "PRAGMA user_version=5; COMMIT", "cannot be set up", err);
+        s = sql_exec(store, "PRAGMA user_version=6; COMMIT", "cannot be set up", err);
     if (s == STATUS_OK && version > 0)
-        log_info("%s: brought up from store version %d to %d; finished jobs stay as they are, unfinished frames are rendered from their beginning",
-                 store->folder, version, STORE_VERSION);
+        log_info("%s: brought up from store version %d to %d; finished jobs stay as they are%s",
+                 store->folder, version, STORE_VERSION,
+                 version < 5 ? ", unfinished frames are rendered from their beginning" : "");
     return s;
 }
 

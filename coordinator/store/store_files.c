@@ -137,6 +137,22 @@ void store_films_remove(struct store *store, uint64_t job)
     buffer_release(&path);
 }
 
+int store_outputs_remove(struct store *store, uint64_t job)
+{
+    struct buffer path = BUFFER_INIT;
+    int gone = 0;
+
+    buffer_printf(&path, "%s/outputs/%" PRIu64, store->folder, job);
+    if (buffer_ok(&path)) {
+        file_remove_tree(buffer_text(&path));
+        gone = !may_exist(&path);
+    }
+    if (!gone)
+        log_warn("job %" PRIu64 ": its pictures cannot be removed; the next start tries again", job);
+    buffer_release(&path);
+    return gone;
+}
+
 void store_films_list(const struct store *store, void (*visit)(void *user, uint64_t job), void *user)
 {
     char *path = file_join(store->folder, "films");

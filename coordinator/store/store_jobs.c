@@ -18,11 +18,12 @@ status store_job_insert(struct store *store, struct job *job, struct error *err)
             store,
             "INSERT INTO jobs (name, state, state_text, scene_name, kernel, epoch_floor, "
             "submitted_at, finished_at, active_ns, conflicts, samples, rays, vertices, dropped, "
-            "cpu_ns, trace_ns, request, token) "
-            "VALUES (?, ?, '', ?, '', ?, ?, 0, 0, 0, 0, 0, 0, 0, 0, 0, ?, ?)",
+            "cpu_ns, trace_ns, request, token, priority, owner) "
+            "VALUES (?, ?, '', ?, '', ?, ?, 0, 0, 0, 0, 0, 0, 0, 0, 0, ?, ?, ?, ?)",
             SQL_VALUES(sql_text(job->name), sql_number(job->state), sql_text(job->scene_name),
                        sql_number(job->epoch_floor), sql_number(job->submitted_at),
-                       sql_bytes(&request), sql_text(job->token[0] ? job->token : NULL)),
+                       sql_bytes(&request), sql_text(job->token[0] ? job->token : NULL),
+                       sql_number(job->priority), sql_text(job->owner)),
             "the job cannot be stored", err);
     if (s == STATUS_OK)
         job->id = (uint64_t)sqlite3_last_insert_rowid(store->db);
@@ -230,6 +231,10 @@ static status load_job(struct store *store, sqlite3_stmt *row, struct job **out,
     job->stats.trace_ns = column_number(row, 12);
     job->revision = (uint32_t)column_number(row, 13);
     column_text(row, 14, job->release, sizeof job->release);
+    job->marks = (unsigned)sqlite3_column_int(row, 15);
+    if (sqlite3_column_type(row, 16) == SQLITE_INTEGER)
+        job->priority = sqlite3_column_int(row, 16);
+    column_text(row, 17, job->owner, sizeof job->owner);
     s = load_frames(store, job, err);
     if (s == STATUS_OK && job->frames_done_count > 0)
         s = load_cuts(store, job, err);
@@ -252,7 +257,7 @@ status store_jobs_load(struct store *store,
     status s = sql_select(store,
                           "SELECT id, state, state_text, scene_name, kernel, epoch_floor, "
                           "submitted_at, finished_at, active_ns, conflicts, cpu_ns, request, "
-                          "trace_ns, revision, release FROM jobs ORDER BY id",
+                          "trace_ns, revision, release, marks, priority, owner FROM jobs ORDER BY id",
                           NULL, 0, &statement, err);
 
     if (s != STATUS_OK)

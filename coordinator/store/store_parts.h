@@ -5,6 +5,8 @@
  * store_jobs.c      the rows: jobs that are new, kept, revised, loaded; frames that are done
  * store_history.c   the rows of frames' figures
  * store_saves.c     a job's counters and state, saved at once or later by a separate thread
+ * store_remove.c    jobs are removed, with their rows and files
+ * store_events.c    the event logs of jobs
  * store_deliverers.c workers that delivered results
  * store_files.c     the places of films and outputs
  */
@@ -20,6 +22,7 @@
 #include "coordinator/store/store.h"
 
 struct saved_job;
+struct saved_event;
 
 struct store {
     char *folder;
@@ -36,6 +39,8 @@ struct store {
     pthread_mutex_t lock, order;
     pthread_cond_t wake, idle;
     struct saved_job *saves;
+    struct saved_event *events, **events_end; /* events_end: only if there are any */
+    size_t events_waiting;
     int busy, ending, has_writer;
     int failing;                   /* the last save failed with `save_error`; */
     int retry;                     /* the next one may be tried */
@@ -100,16 +105,25 @@ extern const char deliverers_schema[];
 status deliverer_write(struct store *store, const struct deliverer *deliverer,
                        struct error *err) MUST_CHECK;
 
+/* The table of events. events_write stores what is noted; `order` is held. events_drop forgets it. */
+extern const char events_schema[];
+status events_write(struct store *store, struct error *err) MUST_CHECK;
+void events_drop(struct store *store);
+
 /* saves_init makes the locks, saves_start the writer thread. saves_stop ends the thread after it
  * has tried the waiting saves, and destroys the locks. */
 void saves_init(struct store *store);
 status saves_start(struct store *store, struct error *err) MUST_CHECK;
 void saves_stop(struct store *store);
+/* The job's waiting save, if any, is not written. */
+void saves_forget(struct store *store, uint64_t id);
 /* Allow a failed save to be tried again. */
 void saves_retry(struct store *store);
 /* The result of the last save. ERR_IO, ERR_NO_MEMORY. */
 status saves_state(struct store *store, struct error *err) MUST_CHECK;
 
+/* Remove the job's pictures. 0: some remain, and this was logged. */
+int store_outputs_remove(struct store *store, uint64_t job);
 /* Make the folder, relative to the store's, durable. ERR_IO also if the store's folder is not the
  * one that was opened (moved or unmounted). */
 status store_make_folder(const struct store *store, const char *name, struct error *err)

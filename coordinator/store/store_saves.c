@@ -18,6 +18,8 @@ struct saved_job {
     uint64_t id;
     struct deliverer deliverer;  /* its number is 0: this is a job */
     enum job_state state;
+    unsigned marks;
+    int32_t priority;
     char state_text[JOB_TEXT_MAX + 1], kernel[KERNEL_NAME_MAX + 1], release[RELEASE_NAME_MAX + 1];
     int64_t finished_at;
     uint64_t active_ns, conflicts;
@@ -36,6 +38,8 @@ static void row_take(struct saved_job *row, const struct job *job, uint64_t now_
     row->id = job->id;
     row->deliverer.number = 0;
     row->state = job->state;
+    row->marks = job->marks;
+    row->priority = job->priority;
     memcpy(row->state_text, job->state_text, sizeof row->state_text);
     memcpy(row->kernel, job->kernel, sizeof row->kernel);
     memcpy(row->release, job->release, sizeof row->release);
@@ -67,11 +71,12 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     status s = sql_change_reserved(
         store,
         "UPDATE jobs SET state=?, state_text=?, kernel=?, finished_at=?, active_ns=?, conflicts=?, "
-        "cpu_ns=?, trace_ns=?, release=? WHERE id=?",
+        "cpu_ns=?, trace_ns=?, release=?, marks=?, priority=? WHERE id=?",
         SQL_VALUES(sql_number(row->state), sql_text(row->state_text), sql_text(row->kernel),
                    sql_number(row->finished_at), sql_number(row->active_ns),
                    sql_number(row->conflicts), sql_number(row->stats.cpu_ns),
-                   sql_number(row->stats.trace_ns), sql_text(row->release), sql_number(row->id)),
+                   sql_number(row->stats.trace_ns), sql_text(row->release), sql_number(row->marks),
+                   sql_number(row->priority), sql_number(row->id)),
         "the job's state cannot be stored", err);
 
     return s == STATUS_OK ? clocks_write(store, row, err) : s;
@@ -80,7 +85,7 @@ static status row_write(struct store *store, const struct saved_job *row, struct
 /* Its films will not be continued. */
 static int films_are_over(const struct saved_job *row)
 {
-    return job_state_ended(row->state) && row->state != JOB_STATE_DONE;
+    return row->state == JOB_STATE_CANCELLED && (row->marks & JOB_MARK_DISCARDED);
 }
 
 static struct saved_job **saves_find(struct store *store, uint64_t id)
@@ -103,6 +108,13 @@ static void saves_drop(struct store *store, uint64_t id)
     mem_free(row);
 }
 
+void saves_forget(struct store *store, uint64_t id)
+{
+    pthread_mutex_lock(&store->lock);
+    saves_drop(store, id);
+    pthread_mutex_unlock(&store->lock);
+}
+
 /* Note the result of a row that left the list; `order` is held. A failed row goes back unless a
  * newer one came. */
 static void row_written(struct store *store, struct saved_job *row, status s,
@@ -113,7 +125,7 @@ static void row_written(struct store *store, struct saved_job *row, status s,
     store->retry = 0;
     if (store->failing) {
         store->save_error = *why;
-        if (!*saves_find(store, row->id)) {
+        if (row && !*saves_find(store, row->id)) {
             row->next = store->saves;
             store->saves = row;
             row = NULL;
@@ -132,14 +144,15 @@ static int await_row(struct store *store)
     int there;
 
     pthread_mutex_lock(&store->lock);
-    while (!store->ending && (!store->saves || (store->failing && !store->retry)))
+    while (!store->ending &&
+           ((!store->saves && !store->events) || (store->failing && !store->retry)))
         pthread_cond_wait(&store->wake, &store->lock);
     if (store->ending && store->failing && !store->retry && store->saves) {
         log_error("%s; the present states of jobs are not stored: jobs that ended continue at the next start",
                   store->save_error.text);
         there = 0;
     } else {
-        there = store->saves != NULL;
+        there = store->saves || (store->events && !store->failing);
     }
     store->busy = there;
     pthread_mutex_unlock(&store->lock);
@@ -168,6 +181,11 @@ static void *write_saves(void *user)
                                       : row_write(store, row, &err);
         if (row && s == STATUS_OK && !row->deliverer.number && films_are_over(row))
             ended = row->id;
+        if (s == STATUS_OK) {
+            s = events_write(store, &err);
+            mem_free(s == STATUS_OK ? NULL : row); /* it is written */
+            row = s == STATUS_OK ? row : NULL;
+        }
         row_written(store, row, s, &err);
         pthread_mutex_unlock(&store->order);
         if (ended) /* not earlier: the job's end is on disk now */
@@ -203,6 +221,7 @@ void saves_stop(struct store *store)
     }
     while (store->saves)
         saves_drop(store, store->saves->id);
+    events_drop(store);
     pthread_cond_destroy(&store->wake);
     pthread_cond_destroy(&store->idle);
     pthread_mutex_destroy(&store->lock);
@@ -290,11 +309,12 @@ static status extend_rows(struct store *store, const struct job *job,
     status s = sql_change(
         store,
         "UPDATE jobs SET request=?1, state=?2, state_text='', finished_at=0, epoch_floor=?3, "
-        "name=?4, token=?5, submitted=coalesce(?6, submitted, request), submitted_at=?7 "
+        "marks=0, priority=?9, owner=?10, name=?4, token=?5, submitted=coalesce(?6, submitted, request), submitted_at=?7 "
         "WHERE id=?8",
         SQL_VALUES(sql_bytes(request), sql_number(JOB_STATE_QUEUED), sql_number(job->epoch_floor),
                    sql_text(job->name), sql_text(job->token[0] ? job->token : NULL),
-                   sql_bytes(submitted), sql_number(job->submitted_at), sql_number(job->id)),
+                   sql_bytes(submitted), sql_number(job->submitted_at), sql_number(job->id),
+                   sql_number(job->priority), sql_text(job->owner)),
         "the job's settings cannot be stored", err);
 
     return s == STATUS_OK ? forget_frames(store, job, chosen, err) : s;

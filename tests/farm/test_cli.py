@@ -19,7 +19,8 @@ from odd import Proxy
 
 tests = Tests()
 COMMANDS = ["render", "estimate", "import", "effects", "accuracy", "submit", "list", "show", "watch", "fetch",
-            "develop", "cancel", "resume", "extend", "workers", "keygen", "tonemap", "compare", "debug-pixel"]
+            "develop", "cancel", "extend", "pause", "resume", "finish",
+            "priority", "retry", "remove", "log", "workers", "keygen", "tonemap", "compare", "debug-pixel"]
 SMALL = ["--size", "32x32", "--spp", "4", "--max-depth", "3"]
 
 
@@ -74,7 +75,8 @@ def bad_usage():
     with Farm() as farm:
         scene = farm.scene()
         cases = [[], ["nonsense"], ["--nonsense"], ["list", "--nonsense"], ["list", "extra"],
-                 ["show"], ["show", "x"], ["show", "0"], ["cancel", "-1"], ["resume", "extend", "x"], ["watch", "1", "2"],
+                 ["show"], ["show", "x"], ["show", "0"], ["cancel", "-1"], ["resume"], ["pause", "--state", "x"], ["retry", "1", "--frames", "5-3"], ["priority", "1"],
+                 ["log", "x"], ["extend", "x"], ["remove", "--frames", "1"], ["watch", "1", "2"],
                  ["render"], ["render", scene, "--spp", "0"], ["render", scene, "--spp", "many"],
                  ["render", scene, "--spp"], ["render", scene, "--size", "32"],
                  ["render", scene, "--frames", "5-1"], ["render", scene, "--tonemap", "nonsense"],
@@ -274,7 +276,8 @@ def unknown_jobs():
     """a job that is not there exits with 5 and says so"""
     with Farm() as farm:
         farm.start_coordinator()
-        for command in ("show", "watch", "fetch", "develop", "cancel", "resume"):
+        for command in ("show", "watch", "fetch", "develop", "cancel", "resume", "pause", "finish",
+                        "retry", "remove", "log"):
             result = farm.cli(command, "12345")
             expect(result.code == 5 and "12345" in result.err, result)
         expect(farm.cli("list", "--json", expect=0).json() == {"jobs": [], "not_shown": 0},
@@ -565,9 +568,9 @@ def a_job_on_a_farm():
         expect("32 x 32" in farm.cli("show", number, expect=0).out, "show")
         files = farm.fetch(number)
         expect(len(files) == 4 and all(os.path.getsize(f) > 100 for f in files), files)
-        only = farm.cli("fetch", number, "--frame", "2", "-o", "two", "--json", expect=0).json()
+        only = farm.cli("fetch", number, "--frames", "2", "-o", "two", "--json", expect=0).json()
         expect(len(only["files"]) == 2, only)
-        expect(farm.cli("fetch", number, "--frame", "3").code == 2, "frame 3")
+        expect(farm.cli("fetch", number, "--frames", "3").code == 2, "frame 3")
         workers = farm.list_workers()
         expect(len(workers) == 1 and workers[0]["threads"] == 1, workers)
         expect(workers[0]["host"] in farm.cli("workers", expect=0).out, "workers")
@@ -653,7 +656,7 @@ def fetching_a_part():
         expect(len(told["files"]) == 5 and [(m["frame"], m["file"]) for m in told["missing"]] ==
                [(2, "png")], told)
         os.unlink(os.path.join(stored, "frame-0002.exr"))
-        farm.cli("fetch", number, "--frame", 2, "-o", "there", expect=5)  # nothing at all
+        farm.cli("fetch", number, "--frames", 2, "-o", "there", expect=5)  # nothing at all
         # A job that goes on: the frames that are finished come, and the status tells.
         farm.workers[0].kill()
         running = farm.submit(scene, "--size", "160x160", "--spp", "128", "-o", "on",

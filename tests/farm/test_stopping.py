@@ -215,7 +215,10 @@ def cancelled_job():
                 picture = check_picture(farm, base + ".exr", 4000)
                 expect(picture.number("azulejo:samples") == cut["samples"], cut)
                 Png(read_bytes(base + ".png"))
-            expect(not os.path.exists(os.path.join(farm.store, "films", str(number))), "films are left")
+            films = os.path.join(farm.store, "films", str(number))
+            expect(os.path.exists(films), "retry has no films")
+            farm.cli("cancel", number, "--discard", expect=0)
+            expect(not os.path.exists(films), "films are left")
 
 
 @tests.add

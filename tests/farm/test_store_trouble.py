@@ -371,7 +371,7 @@ def films_outlive_what_is_not_stored():
                 farm.restart_coordinator(env=disk.env)
                 expect(farm.job(number)["state"] == "running", farm.job(number))
                 expect(farm.job(number)["samples_done"] > 0, "the film is gone")
-                farm.cli("cancel", number, expect=0)
+                farm.cli("cancel", "--discard", number, expect=0)
             else:
                 disk.work()
             wait_for(lambda: films(farm, number) == [], "the films to go")

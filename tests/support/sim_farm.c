@@ -439,7 +439,8 @@ int sim_frame_is_right(const struct job *job, uint32_t number, const struct film
 {
     const struct render_settings *s = &job->settings;
     struct film *reference = film_new(s->width, s->height, s->spp);
-    int same = film_complete(film) || job->state == JOB_STATE_CANCELLING;
+    int same = film_complete(film) || job->state == JOB_STATE_CANCELLING ||
+               job->state == JOB_STATE_FINISHING;
     struct tonemap_pixels *pixels[GROUPS] = {NULL};
 
     assert_non_null(reference);

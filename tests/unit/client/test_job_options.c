@@ -132,7 +132,7 @@ static void frames(void **state)
     assert_int_equal(complete(&s, &err), STATUS_OK);
     assert_int_equal(s.request.first_frame, 0);
     assert_int_equal(s.request.last_frame, 0);
-    s.options.frames = "5-7";
+    s.options.frames.list = "5-7";
     assert_int_equal(complete(&s, &err), STATUS_OK);
     assert_int_equal(s.request.first_frame, 5);
     assert_int_equal(s.request.last_frame, 7);

@@ -4,11 +4,13 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <string.h>
 
 #include <cmocka.h>
 
 #include "client/farm/output.h"
+#include "client/terminal/frame_list.h"
 #include "client/terminal/parse.h"
 #include "common/scene/effects.h"
 #include "common/scene/settings.h"
@@ -43,30 +45,75 @@ static void sizes(void **state)
     }
 }
 
-static void frame_ranges(void **state)
+/* The list's numbers in words; the caller's buffer. */
+static const char *list_text(const struct frame_list *list, char out[256])
 {
-    static const struct { const char *text; uint32_t first, last; } good[] = {
-        {"1", 1, 1}, {"0", 0, 0}, {"1-48", 1, 48}, {"7-7", 7, 7}, {"1-100000", 1, 100000},
-        {"2147483647", 2147483647, 2147483647},
+    size_t used = 0;
+
+    out[0] = 0;
+    for (size_t i = 0; i < list->count; i++)
+        used += (size_t)snprintf(out + used, 256 - used, "%s%u", i ? " " : "", list->items[i]);
+    return out;
+}
+
+static void frame_lists(void **state)
+{
+    static const struct { const char *text, *frames, *ends; } good[] = {
+        {"1", "1", "1"}, {"0", "0", "0"}, {"7-7", "7", "7"}, {"3-4", "3 4", "3 4"},
+        {"1-5", "1 2 3 4 5", "1 3 5"}, {"1,5,10-40x10", "1 5 10 20 30 40", "1 10 40"},
+        {"10-25x10", "10 20", "10 20"}, {"5,1,3-5,4", "1 3 4 5", "1 3 5"},
+        {"2147483647", "2147483647", "2147483647"}, {"1-9x100", "1", "1"},
     };
     static const char *const bad[] = {
         "", "-", "1-", "-1", "48-1", "1-2-3", "a", "1-b", "1 - 2", "1:2", "1-100001", "0-100000",
-        "2147483648", "99999999999999999999", "+1", "1-+2", "1..5", "1,2",
+        "2147483648", "99999999999999999999", "+1", "1-+2", "1..5", ",1", "1,", "1,,2", "1x2",
+        "1-9x", "1-9x0", "1-9x-1", "1-60000,1-60000",
     };
-    uint32_t first, last;
+    struct frame_list list;
     struct error err = {0};
+    char text[256];
 
     (void)state;
     for (size_t i = 0; i < sizeof good / sizeof good[0]; i++) {
-        assert_int_equal(parse_frames(good[i].text, &first, &last, &err), STATUS_OK);
-        assert_int_equal(first, good[i].first);
-        assert_int_equal(last, good[i].last);
+        assert_int_equal(frame_list_parse(good[i].text, &list, &err), STATUS_OK);
+        assert_string_equal(list_text(&list, text), good[i].frames);
+        frame_list_ends(&list);
+        assert_string_equal(list_text(&list, text), good[i].ends);
+        frame_list_free(&list);
     }
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
         err.text[0] = 0;
-        assert_int_equal(parse_frames(bad[i], &first, &last, &err), STATUS_ERR_USAGE);
+        assert_int_equal(frame_list_parse(bad[i], &list, &err), STATUS_ERR_USAGE);
         assert_non_null(strstr(err.text, "--frames"));
+        frame_list_free(&list);
     }
+    assert_int_equal(frame_list_parse("1-100000", &list, &err), STATUS_OK);
+    assert_int_equal(list.count, 100000);
+    frame_list_free(&list);
+}
+
+static void frames_of_a_job(void **state)
+{
+    static const struct { struct frame_choice choice; uint32_t first, last; const char *frames; } good[] = {
+        {{NULL, 0}, 1, 48, ""}, {{NULL, 1}, 1, 48, "1 24 48"}, {{NULL, 1}, 7, 7, "7"},
+        {{NULL, 1}, 7, 8, "7 8"}, {{"10-40x10", 0}, 1, 48, "10 20 30 40"},
+        {{"10-40x10", 1}, 1, 48, "10 20 40"},
+    };
+    const struct frame_choice outside = {"47-49", 0};
+    struct frame_list list;
+    struct error err = {0};
+    char text[256];
+
+    (void)state;
+    for (size_t i = 0; i < sizeof good / sizeof good[0]; i++) {
+        assert_int_equal(frame_choice_of(&good[i].choice, good[i].first, good[i].last, &list, &err),
+                         STATUS_OK);
+        assert_string_equal(list_text(&list, text), good[i].frames);
+        frame_list_free(&list);
+    }
+    assert_int_equal(frame_choice_of(&outside, 1, 48, &list, &err), STATUS_ERR_USAGE);
+    assert_non_null(strstr(err.text, "frames 1 to 48, not 49"));
+    frame_list_free(&list);
 }
 
 static void parameters(void **state)
@@ -208,7 +255,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(effects),
         cmocka_unit_test(aovs),
-        cmocka_unit_test(sizes),         cmocka_unit_test(frame_ranges),
+        cmocka_unit_test(sizes),         cmocka_unit_test(frame_lists), cmocka_unit_test(frames_of_a_job),
         cmocka_unit_test(parameters), cmocka_unit_test(formats),    cmocka_unit_test(job_numbers),
         cmocka_unit_test(default_sizes),
     };

@@ -164,7 +164,11 @@ static void jobs_survive_a_restart(void **state)
 
 /* A store of version 1, which knew no revisions: its finished frames' pictures are as they should;
  * one of version 2, which knew no tokens; and one of version 3, which knew no clamping, limits, figures, deliverers. */
+#define WITHOUT_STEERING                                                                        \
+    "DROP TABLE events; DROP TABLE removed; ALTER TABLE jobs DROP COLUMN owner;"                \
+    "ALTER TABLE jobs DROP COLUMN marks; ALTER TABLE jobs DROP COLUMN priority;"
 #define WITHOUT_WORK_AND_RELEASE                                                                     \
+    WITHOUT_STEERING                                                                            \
     "ALTER TABLE frames DROP COLUMN samples; ALTER TABLE frames DROP COLUMN rays;"              \
     "ALTER TABLE frames DROP COLUMN vertices; ALTER TABLE frames DROP COLUMN dropped;"          \
     "ALTER TABLE frames DROP COLUMN leaked; ALTER TABLE frames DROP COLUMN clamped_values;"     \
@@ -179,7 +183,8 @@ static void an_older_store_is_brought_up_to_date(void **state)
     "ALTER TABLE cut_frames DROP COLUMN ended; ALTER TABLE cut_frames DROP COLUMN group_most;"  \
     WITHOUT_WORK_AND_RELEASE
     static const char *const steps_back[] = {
-        "ALTER TABLE frames DROP COLUMN health; PRAGMA user_version=4",
+        WITHOUT_STEERING "PRAGMA user_version=5",
+        WITHOUT_STEERING "ALTER TABLE frames DROP COLUMN health; PRAGMA user_version=4",
         WITHOUT_4 "PRAGMA user_version=3",
         WITHOUT_4
         "DROP TABLE cut_frames; DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token;"
@@ -221,6 +226,35 @@ static void an_older_store_is_brought_up_to_date(void **state)
         }
     }
     job_free(job);
+}
+
+/* The films of version 5 are today's: what was begun goes on. The priority is the submission's. */
+static void jobs_of_version_5_go_on(void **state)
+{
+    struct store *store = sim_store(folder);
+    struct job *job = sim_job(16, 16, 1, 1, 3, -3);
+    struct loaded loaded = {{NULL}, 0};
+    struct error err = {0};
+    sqlite3 *db;
+
+    (void)state;
+    assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
+    job->state = JOB_STATE_RUNNING;
+    snprintf(job->kernel, sizeof job->kernel, "a kernel");
+    assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);
+    job_free(job);
+    store_close(store);
+    assert_int_equal(sqlite3_open(path_of("queue.sqlite"), &db), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(db, WITHOUT_STEERING "PRAGMA user_version=5", NULL, NULL, NULL),
+                     SQLITE_OK);
+    sqlite3_close(db);
+    store = sim_store(folder);
+    assert_int_equal(store_jobs_load(store, adopt, &loaded, &err), STATUS_OK);
+    assert_string_equal(loaded.jobs[0]->kernel, "a kernel");
+    assert_int_equal(loaded.jobs[0]->priority, -3);
+    assert_string_equal(loaded.jobs[0]->owner, "");
+    job_free(loaded.jobs[0]);
+    store_close(store);
 }
 
 /* A store of 0.1.0 (version 2): what is finished stays; what is not loses the kernel it was begun with, and
@@ -937,6 +971,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         STORE_TEST(jobs_survive_a_restart),
         STORE_TEST(an_older_store_is_brought_up_to_date),
+        STORE_TEST(jobs_of_version_5_go_on),
         STORE_TEST(unfinished_jobs_of_an_older_store_begin_again),
         STORE_TEST(deliverers_keep_their_numbers),
         STORE_TEST(tokens_name_one_job),

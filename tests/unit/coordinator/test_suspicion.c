@@ -10,6 +10,7 @@
 
 #include "common/base/clock.h"
 #include "coordinator/farm/closing.h"
+#include "coordinator/farm/steer.h"
 #include "coordinator/farm/scheduler.h"
 #include "tests/support/sim_farm.h"
 
@@ -75,8 +76,8 @@ static void a_poisonous_job_is_parked_and_the_next_one_runs(void **state)
     assert_int_equal(worker->units[0].job, next->id);
     assert_int_equal(queue_position(&sim->farm.queue, next), 0); /* it waits behind nothing */
 
-    assert_int_equal(closing_unpark(&sim->farm, next, sim->now_ns, &err), STATUS_ERR_REFUSED);
-    assert_int_equal(closing_unpark(&sim->farm, poison, sim->now_ns, &err), STATUS_OK);
+    assert_int_equal(steer_resume(&sim->farm, next, "ana@desk", sim->now_ns, &err), STATUS_ERR_REFUSED);
+    assert_int_equal(steer_resume(&sim->farm, poison, "ana@desk", sim->now_ns, &err), STATUS_OK);
     assert_int_equal(poison->state, JOB_STATE_QUEUED);
     assert_int_equal(poison->suspicion.deaths, 0);
     worker = sim_connect(sim, 1, 4);

@@ -1,0 +1,49 @@
+/* azulejo finish: end jobs early, with whole pictures. */
+#include "client/commands/steer.h"
+#include "client/farm/job_info.h"
+
+static status ask(struct connection *c, uint64_t job, const void *options,
+                  Azulejo__Wire__Envelope **answer, struct error *err)
+{
+    Azulejo__Wire__Envelope question = AZULEJO__WIRE__ENVELOPE__INIT;
+    Azulejo__Wire__JobFinish body = AZULEJO__WIRE__JOB_FINISH__INIT;
+
+    (void)options;
+    body.job = job;
+    question.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_FINISH;
+    question.job_finish = &body;
+    return job_ask(c, &question, job, answer, err);
+}
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                  struct error *err)
+{
+    static const struct steer_verb verb = {
+        .word = "finish",
+        .states = STEER_STATE(QUEUED) | STEER_STATE(RUNNING) | STEER_STATE(PAUSED),
+        .ask = ask,
+    };
+    struct connection_options where = CONNECTION_OPTIONS_INIT;
+    struct job_choice choice = {0};
+    int json = 0;
+    const struct option table[] = {
+        JOB_CHOICE_ROWS(choice, "finished"),
+        {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
+        CONNECTION_OPTION_ROWS(where),
+        {0},
+    };
+
+    return steer_run(command, table, argc, argv, &verb, &choice, &where, NULL, &json, exit_code, err);
+}
+
+const struct command command_finish = {
+    .name = "finish",
+    .group = COMMAND_JOBS,
+    .usage = "azulejo finish JOB... [OPTION]...",
+    .summary = "end jobs early, with whole pictures",
+    .description =
+        "Frames in work complete their first pass, if they have not, and become pictures with the samples that\n"
+        "they have. Frames that were not begun stay undone. The jobs are then done, finished early; 'azulejo\n"
+        "extend' and 'azulejo retry' go on with them.",
+    .run = run,
+};

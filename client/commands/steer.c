@@ -1,0 +1,138 @@
+#include "client/commands/steer.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+
+#include "client/farm/job_info.h"
+#include "protocol/message.h"
+
+static void print_one(const struct steer_verb *verb, const Azulejo__Wire__JobInfo *info)
+{
+    char text[512];
+
+    printf("job %" PRIu64 ": %s", info->job,
+           verb->outcome ? verb->outcome : job_state_name(info->state));
+    if (!verb->outcome && !job_state_is_final(info->state) && info->state_text[0])
+        printf(": %s", message_text(text, sizeof text, info->state_text));
+    printf("\n");
+    if (verb->print)
+        verb->print(info);
+}
+
+/* What happened to each job. */
+struct outcomes {
+    json_t *jobs, *failed;
+    status first;                /* failure */
+    struct error why;            /* of it */
+    size_t done;
+};
+
+static status one(struct connection *c, const struct steer_verb *verb, uint64_t job,
+                  const void *options, int json, struct outcomes *out)
+{
+    Azulejo__Wire__Envelope *answer = NULL;
+    struct error why = {0};
+    status result = verb->ask(c, job, options, &answer, &why);
+
+    if (result == STATUS_OK) {
+        const Azulejo__Wire__JobInfo *info = job_list_find(answer->job_list, job);
+        out->done++;
+        if (json)
+            json_array_append_new(out->jobs, job_info_json(info));
+        else
+            print_one(verb, info);
+        message_free(answer);
+        return STATUS_OK;
+    }
+    if (out->first == STATUS_OK) {
+        out->first = result;
+        out->why = why;
+    }
+    json_array_append_new(out->failed, json_pack("{s:I, s:o}", "job", (json_int_t)job, "error",
+                                                 json_text(why.text)));
+    return result;
+}
+
+/* Is the failure about this job only? */
+static int is_of_the_job(status code)
+{
+    return code == STATUS_ERR_REFUSED || code == STATUS_ERR_NOT_FOUND || code == STATUS_ERR_INPUT ||
+           code == STATUS_ERR_USAGE;
+}
+
+static status all(struct connection *c, const struct steer_verb *verb,
+                  const struct chosen_jobs *jobs, const void *options, int json,
+                  struct outcomes *out, struct error *err)
+{
+    for (size_t i = 0; i < jobs->count; i++) {
+        size_t failed = json_array_size(out->failed);
+        status result = one(c, verb, jobs->items[i].job, options, json, out);
+
+        if (json_array_size(out->failed) > failed && jobs->several && is_of_the_job(result)) {
+            if (!json)
+                fprintf(stderr, "%s\n",
+                        json_string_value(json_object_get(json_array_get(out->failed, failed),
+                                                          "error")));
+        } else if (result != STATUS_OK) {
+            return error_set(err, result, "%s", out->why.text);
+        }
+    }
+    return STATUS_OK;
+}
+
+static status report(const struct chosen_jobs *jobs, struct outcomes *out, struct error *err)
+{
+    if (!jobs->several)
+        return json_print(json_incref(json_array_get(out->jobs, 0)), err);
+    return json_print(json_pack("{s:O, s:O}", "jobs", out->jobs, "failed", out->failed), err);
+}
+
+status steer_jobs(const struct steer_verb *verb, const struct job_choice *choice,
+                  const struct positionals *rest, const struct connection_options *where,
+                  const void *options, int json, int *exit_code, struct error *err)
+{
+    struct outcomes out = {.jobs = json_array(), .failed = json_array()};
+    struct chosen_jobs jobs = {0};
+    struct connection *c = NULL;
+    int go_on = 0;
+    status result = out.jobs && out.failed ? connection_open(&c, where, err)
+                                           : error_no_memory(err, "a list of jobs");
+
+    if (result == STATUS_OK)
+        result = job_choice_find(c, choice, rest, verb->states, &jobs, err);
+    if (result == STATUS_OK)
+        result = job_choice_confirm(choice, &jobs, verb->word, &go_on, err);
+    if (result == STATUS_OK && !go_on)
+        fprintf(stderr, "nothing was changed\n");
+    if (result == STATUS_OK && go_on)
+        result = all(c, verb, &jobs, options, json, &out, err);
+    if (result == STATUS_OK && json && go_on)
+        result = report(&jobs, &out, err);
+    if (result == STATUS_OK && out.first != STATUS_OK) {
+        fprintf(stderr, "%zu of %zu jobs: not done\n", json_array_size(out.failed), jobs.count);
+        *exit_code = status_exit_code(out.first);
+    }
+    json_decref(out.jobs);
+    json_decref(out.failed);
+    chosen_jobs_release(&jobs);
+    connection_close(c);
+    return result;
+}
+
+status steer_run(const struct command *command, const struct option *table, int argc,
+                 char *const *argv, const struct steer_verb *verb, const struct job_choice *choice,
+                 const struct connection_options *where, const void *options, const int *json,
+                 int *exit_code, struct error *err)
+{
+    struct positionals rest;
+    int done;
+    status result = command_parse(command, table, argc, argv, 0, OPTIONS_POSITIONAL_MAX, &rest, &done,
+                                  err);
+
+    if (result != STATUS_OK || done)
+        return result;
+    result = job_choice_check(choice, &rest, err);
+    if (result != STATUS_OK)
+        return result;
+    return steer_jobs(verb, choice, &rest, where, options, *json, exit_code, err);
+}

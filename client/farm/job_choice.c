@@ -1,0 +1,237 @@
+#include "client/farm/job_choice.h"
+
+#include <fnmatch.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "client/farm/job_info.h"
+#include "client/terminal/parse.h"
+#include "common/base/memory.h"
+#include "protocol/message.h"
+
+enum { SHOWN_MAX = 20 }; /* jobs that a question lists */
+
+static int is_number(const char *text)
+{
+    return *text && text[strspn(text, "0123456789")] == 0;
+}
+
+/* Bits of JobState. */
+static status parse_states(const char *text, unsigned *out, struct error *err)
+{
+    *out = 0;
+    for (const char *at = text;; at++) {
+        size_t length = strcspn(at, ",");
+        int found = 0;
+
+        for (int s = 0; s < JOB_STATE_NAMES; s++) {
+            const char *name = job_state_name((Azulejo__Wire__JobState)s);
+            if (strlen(name) == length && strncmp(name, at, length) == 0) {
+                *out |= 1u << s;
+                found = 1;
+            }
+        }
+        if (!found)
+            return error_set(err, STATUS_ERR_USAGE,
+                             "--state: '%.*s' is not a state; they are queued, running, paused, parked, "
+                             "finishing, cancelling, done, failed and cancelled",
+                             (int)length, at);
+        at += length;
+        if (!*at)
+            return STATUS_OK;
+    }
+}
+
+status job_choice_check(const struct job_choice *choice, const struct positionals *rest,
+                        struct error *err)
+{
+    unsigned states;
+
+    if (rest->count == 0 && !choice->states && !choice->mine)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "which job? Give numbers, names (with wildcards in quotes), --state or --mine");
+    for (size_t i = 0; i < rest->count; i++) {
+        uint64_t job;
+        if (!rest->items[i][0])
+            return error_set(err, STATUS_ERR_USAGE, "an empty text is not a job's name");
+        if (is_number(rest->items[i]) && parse_job(rest->items[i], &job, err) != STATUS_OK)
+            return STATUS_ERR_USAGE;
+    }
+    return choice->states ? parse_states(choice->states, &states, err) : STATUS_OK;
+}
+
+static status keep_answer(struct chosen_jobs *out, Azulejo__Wire__Envelope *answer,
+                          struct error *err)
+{
+    if (MEM_GROW(out->answers, out->answer_capacity, out->answer_count + 1)) {
+        out->answers[out->answer_count++] = answer;
+        return STATUS_OK;
+    }
+    message_free(answer);
+    return error_no_memory(err, "a list of jobs");
+}
+
+static status add(struct chosen_jobs *out, uint64_t job, const Azulejo__Wire__JobInfo *info,
+                  struct error *err)
+{
+    if (!MEM_GROW(out->items, out->capacity, out->count + 1))
+        return error_no_memory(err, "a list of jobs");
+    out->items[out->count++] = (struct chosen_job){job, info};
+    return STATUS_OK;
+}
+
+/* What decides about one job. */
+struct filter {
+    const struct positionals *rest;
+    unsigned states;             /* of jobs that are not named by number */
+    unsigned always;             /* --state, for all; else every state */
+    const char *owner;           /* NULL: anybody's */
+};
+
+static int fits(const struct filter *f, const Azulejo__Wire__JobInfo *info)
+{
+    int named = 0, matched = f->rest->count == 0;
+
+    if (f->owner && strcmp(info->owner, f->owner) != 0)
+        return 0;
+    if (!(f->always >> info->state & 1))
+        return 0;
+    for (size_t i = 0; i < f->rest->count; i++) {
+        const char *text = f->rest->items[i];
+        if (is_number(text))
+            named |= strtoull(text, NULL, 10) == info->job;
+        else
+            matched |= fnmatch(text, info->name, 0) == 0;
+    }
+    return named || (matched && (f->states >> info->state & 1));
+}
+
+/* All jobs, page by page from the newest. */
+static status find_all(struct connection *c, const struct filter *f, struct chosen_jobs *out,
+                       struct error *err)
+{
+    Azulejo__Wire__JobQuery query = AZULEJO__WIRE__JOB_QUERY__INIT;
+    uint64_t older = 1;
+
+    while (older > 0) {
+        Azulejo__Wire__Envelope question = AZULEJO__WIRE__ENVELOPE__INIT, *answer = NULL;
+        const Azulejo__Wire__JobList *list;
+        status result;
+
+        question.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_QUERY;
+        question.job_query = &query;
+        result = job_ask(c, &question, 0, &answer, err);
+        if (result == STATUS_OK)
+            result = keep_answer(out, answer, err);
+        if (result != STATUS_OK)
+            return result;
+        list = answer->job_list;
+        for (size_t i = 0; i < list->n_jobs && result == STATUS_OK; i++)
+            if (fits(f, list->jobs[i]))
+                result = add(out, list->jobs[i]->job, list->jobs[i], err);
+        if (result != STATUS_OK)
+            return result;
+        older = list->n_jobs ? list->older : 0;
+        query.before = list->n_jobs ? list->jobs[0]->job : 0;
+    }
+    return STATUS_OK;
+}
+
+static int compare(const void *a, const void *b)
+{
+    uint64_t left = ((const struct chosen_job *)a)->job, right = ((const struct chosen_job *)b)->job;
+
+    return (left > right) - (left < right);
+}
+
+static status check_numbers(const struct positionals *rest, const struct chosen_jobs *jobs,
+                            const struct filter *f, struct error *err)
+{
+    for (size_t i = 0; i < rest->count; i++) {
+        uint64_t job = is_number(rest->items[i]) ? strtoull(rest->items[i], NULL, 10) : 0;
+        int found = job == 0 || f->owner || f->always != ~0u;
+
+        for (size_t k = 0; k < jobs->count && !found; k++)
+            found = jobs->items[k].job == job;
+        if (!found)
+            return error_set(err, STATUS_ERR_NOT_FOUND,
+                             "there is no job %" PRIu64 " ('azulejo list' shows which there are)", job);
+    }
+    if (jobs->count == 0)
+        return error_set(err, STATUS_ERR_NOT_FOUND, "no job matches");
+    return STATUS_OK;
+}
+
+status job_choice_find(struct connection *c, const struct job_choice *choice,
+                       const struct positionals *rest, unsigned states, struct chosen_jobs *out,
+                       struct error *err)
+{
+    char owner[CONNECTION_WHO_MAX];
+    struct filter filter = {.rest = rest, .states = states, .always = ~0u};
+    status result = STATUS_OK;
+    size_t kept = 0;
+
+    out->several = 1;
+    if (rest->count == 1 && is_number(rest->items[0]) && !choice->states && !choice->mine) {
+        out->several = 0;
+        return add(out, strtoull(rest->items[0], NULL, 10), NULL, err);
+    }
+    if (choice->mine)
+        filter.owner = connection_who(owner);
+    if (choice->states) {
+        result = parse_states(choice->states, &filter.always, err);
+        filter.states = filter.always;
+    }
+    if (result == STATUS_OK)
+        result = find_all(c, &filter, out, err);
+    if (result != STATUS_OK)
+        return result;
+    if (out->count > 0)
+        qsort(out->items, out->count, sizeof *out->items, compare);
+    /* A job that was submitted meanwhile can be in two answers. */
+    for (size_t i = 0; i < out->count; i++)
+        if (kept == 0 || out->items[i].job != out->items[kept - 1].job)
+            out->items[kept++] = out->items[i];
+    out->count = kept;
+    return check_numbers(rest, out, &filter, err);
+}
+
+void chosen_jobs_release(struct chosen_jobs *jobs)
+{
+    for (size_t i = 0; i < jobs->answer_count; i++)
+        message_free(jobs->answers[i]);
+    mem_free(jobs->answers);
+    mem_free(jobs->items);
+    *jobs = (struct chosen_jobs){0};
+}
+
+status job_choice_confirm(const struct job_choice *choice, const struct chosen_jobs *jobs,
+                          const char *verb, int *go_on, struct error *err)
+{
+    char answer[16] = "", name[256];
+
+    *go_on = 1;
+    if (!jobs->several || choice->yes)
+        return STATUS_OK;
+    if (!isatty(STDIN_FILENO))
+        return error_set(err, STATUS_ERR_USAGE,
+                         "would %s %zu job%s, and there is no terminal to ask: give --yes", verb,
+                         jobs->count, jobs->count == 1 ? "" : "s");
+    fprintf(stderr, "%s %zu job%s:\n", verb, jobs->count, jobs->count == 1 ? "" : "s");
+    for (size_t i = 0; i < jobs->count && i < SHOWN_MAX; i++) {
+        const Azulejo__Wire__JobInfo *info = jobs->items[i].info;
+        char owner[CONNECTION_WHO_MAX];
+        fprintf(stderr, "  %6" PRIu64 "  %-10s  %s  %s\n", info->job, job_state_name(info->state),
+                message_text(name, sizeof name, info->name),
+                message_text(owner, sizeof owner, info->owner));
+    }
+    if (jobs->count > SHOWN_MAX)
+        fprintf(stderr, "  and %zu more\n", jobs->count - SHOWN_MAX);
+    fprintf(stderr, "go on? [y/N] ");
+    fflush(stderr);
+    *go_on = fgets(answer, sizeof answer, stdin) && (answer[0] == 'y' || answer[0] == 'Y');
+    return STATUS_OK;
+}

@@ -1,0 +1,44 @@
+/* steer: what people do to jobs.
+ *
+ *             | QUEUED    RUNNING   PAUSED    PARKED  FINISHING  CANCELLING  DONE     FAILED  CANCELLED
+ *   pause     | PAUSED    PAUSED    (same)    -       -          -           -        -       -
+ *   resume    | -         -         QUEUED    QUEUED  -          -           -        -       -
+ *   finish    | FINISHING FINISHING FINISHING -       (same)     -           -        -       -
+ *   priority  | (same)    (same)    (same)    (same)  (same)     (same)      -        -       -
+ *   retry     | -         -         -         -       -          -           QUEUED*  QUEUED  QUEUED
+ *   remove    | -         -         -         -       -          -           gone     gone    gone
+ *   cancel    | CANCELLING from all that have not ended; nothing happens to those that have
+ *
+ *   "-" is ERR_REFUSED, with a sentence that says what to do instead. * only if it was finished early,
+ *   or with frames. finish is refused if no frame is in work.
+ *
+ * Each function returns when the change and its line in the job's log are on disk, or, if the store
+ * cannot be written, noted for later (remove and retry fail instead: ERR_IO). `who` is for the log.
+ */
+#ifndef AZULEJO_COORDINATOR_STEER_H
+#define AZULEJO_COORDINATOR_STEER_H
+
+#include "coordinator/farm/farm.h"
+
+status steer_pause(struct farm *farm, struct job *job, const char *who, uint64_t now_ns,
+                   struct error *err) MUST_CHECK;
+/* From PAUSED or PARKED; suspicions against the job, and of machines that cannot render it, are
+ * cleared. */
+status steer_resume(struct farm *farm, struct job *job, const char *who, uint64_t now_ns,
+                    struct error *err) MUST_CHECK;
+status steer_finish(struct farm *farm, struct job *job, const char *who, uint64_t now_ns,
+                    struct error *err) MUST_CHECK;
+/* farm_cancel, with its line in the log. */
+void steer_cancel(struct farm *farm, struct job *job, int discard, const char *who, uint64_t now_ns);
+status steer_priority(struct farm *farm, struct job *job, int32_t priority, const char *who,
+                      uint64_t now_ns, struct error *err) MUST_CHECK;
+/* The frames that are not done, and those that a person cut short, continue with the films that are
+ * there; or only these `frames`, if count is not 0: they ascend. A frame without a film begins
+ * again. ERR_INPUT: no such frame; ERR_LIMIT, ERR_NO_MEMORY. */
+status steer_retry(struct farm *farm, struct job *job, const uint32_t *frames, size_t count,
+                   const char *who, struct error *err) MUST_CHECK;
+/* The job leaves the queue, and its row, log, films and pictures are removed. It is freed now or,
+ * while a commit or a develop holds it, later. */
+status steer_remove(struct farm *farm, struct job *job, const char *who, struct error *err) MUST_CHECK;
+
+#endif

@@ -1,0 +1,156 @@
+/* What clients do to jobs, and the jobs' logs. */
+#include <string.h>
+
+#include "common/base/memory.h"
+#include "coordinator/farm/steer.h"
+#include "coordinator/net/server.h"
+#include "coordinator/net/session_messages.h"
+#include "protocol/message.h"
+
+status session_pause(struct session *session, const Azulejo__Wire__Envelope *message,
+                     uint64_t now_ns, struct error *err)
+{
+    struct farm *farm = &session->server->farm;
+    struct job *job = session_job(session, message->job_pause->job, err);
+    status s = job ? steer_pause(farm, job, session->who, now_ns, err) : STATUS_ERR_NOT_FOUND;
+
+    return session_answer_change(session, message->request, job, s, now_ns, err);
+}
+
+status session_finish(struct session *session, const Azulejo__Wire__Envelope *message,
+                      uint64_t now_ns, struct error *err)
+{
+    struct farm *farm = &session->server->farm;
+    struct job *job = session_job(session, message->job_finish->job, err);
+    status s = job ? steer_finish(farm, job, session->who, now_ns, err) : STATUS_ERR_NOT_FOUND;
+
+    return session_answer_change(session, message->request, job, s, now_ns, err);
+}
+
+status session_priority(struct session *session, const Azulejo__Wire__Envelope *message,
+                        uint64_t now_ns, struct error *err)
+{
+    struct farm *farm = &session->server->farm;
+    const Azulejo__Wire__JobPriority *wanted = message->job_priority;
+    struct job *job = session_job(session, wanted->job, err);
+    status s = job ? steer_priority(farm, job, wanted->priority, session->who, now_ns, err)
+                   : STATUS_ERR_NOT_FOUND;
+
+    return session_answer_change(session, message->request, job, s, now_ns, err);
+}
+
+static int ascends(const uint32_t *numbers, size_t count)
+{
+    for (size_t i = 1; i < count; i++)
+        if (numbers[i] <= numbers[i - 1])
+            return 0;
+    return 1;
+}
+
+status session_retry(struct session *session, const Azulejo__Wire__Envelope *message,
+                     uint64_t now_ns, struct error *err)
+{
+    struct farm *farm = &session->server->farm;
+    const Azulejo__Wire__JobRetry *wanted = message->job_retry;
+    struct job *job = session_job(session, wanted->job, err);
+    status s = job ? STATUS_OK : STATUS_ERR_NOT_FOUND;
+
+    if (s == STATUS_OK && !ascends(wanted->frames, wanted->n_frames))
+        s = error_set(err, STATUS_ERR_INPUT, "the frames to try again must ascend");
+    if (s == STATUS_OK)
+        s = steer_retry(farm, job, wanted->frames, wanted->n_frames, session->who, err);
+    return session_answer_change(session, message->request, job, s, now_ns, err);
+}
+
+status session_remove(struct session *session, const Azulejo__Wire__Envelope *message,
+                      uint64_t now_ns, struct error *err)
+{
+    struct farm *farm = &session->server->farm;
+    struct job *job = session_job(session, message->job_remove->job, err);
+    Azulejo__Wire__JobInfo info = AZULEJO__WIRE__JOB_INFO__INIT, *infos[] = {&info};
+    Azulejo__Wire__JobList list = AZULEJO__WIRE__JOB_LIST__INIT;
+    Azulejo__Wire__Envelope envelope = MESSAGE(JOB_LIST, job_list, &list);
+    char name[JOB_NAME_MAX + 1];
+    status s;
+
+    (void)now_ns;
+    if (!job)
+        return STATUS_ERR_NOT_FOUND;
+    memcpy(name, job->name, sizeof name); /* the job may be freed */
+    info.job = job->id;
+    info.name = name;
+    info.state = (Azulejo__Wire__JobState)job->state;
+    s = steer_remove(farm, job, session->who, err);
+    if (s != STATUS_OK)
+        return s;
+    list.n_jobs = 1;
+    list.jobs = infos;
+    session_reply(session, message->request, &envelope);
+    return STATUS_OK;
+}
+
+/* ---- the log --------------------------------------------------------------------------------- */
+
+struct log_answer {
+    struct job_event *events;
+    size_t count, capacity;
+};
+
+static status take_event(void *user, const struct job_event *event, struct error *err)
+{
+    struct log_answer *a = user;
+
+    if (!MEM_GROW(a->events, a->capacity, a->count + 1))
+        return error_no_memory(err, "a job's log");
+    a->events[a->count++] = *event;
+    return STATUS_OK;
+}
+
+static status send_log(struct session *session, uint64_t request, const struct job *job,
+                       const struct log_answer *a, struct error *err)
+{
+    Azulejo__Wire__JobEvent *lines = mem_alloc_array(a->count, sizeof *lines);
+    Azulejo__Wire__JobEvent **pointers = mem_alloc_array(a->count, sizeof(Azulejo__Wire__JobEvent *));
+    Azulejo__Wire__JobLog log = AZULEJO__WIRE__JOB_LOG__INIT;
+    Azulejo__Wire__Envelope envelope = MESSAGE(JOB_LOG, job_log, &log);
+    status s = lines && pointers ? STATUS_OK : error_no_memory(err, "a job's log");
+
+    for (size_t i = 0; s == STATUS_OK && i < a->count; i++) {
+        azulejo__wire__job_event__init(&lines[i]);
+        lines[i].seq = a->events[i].seq;
+        lines[i].at = a->events[i].at;
+        lines[i].from_worker = a->events[i].from_worker;
+        lines[i].who = a->events[i].who;
+        lines[i].text = a->events[i].text;
+        pointers[i] = &lines[i];
+    }
+    if (s == STATUS_OK) {
+        log.job = job->id;
+        log.state = (Azulejo__Wire__JobState)job->state;
+        log.n_events = a->count;
+        log.events = pointers;
+        session_reply(session, request, &envelope);
+    }
+    mem_free(pointers);
+    mem_free(lines);
+    return s;
+}
+
+status session_log(struct session *session, const Azulejo__Wire__Envelope *message, uint64_t now_ns,
+                   struct error *err)
+{
+    const Azulejo__Wire__JobLogGet *wanted = message->job_log_get;
+    const struct job *job = session_job(session, wanted->job, err);
+    struct log_answer answer = {0};
+    status s;
+
+    (void)now_ns;
+    if (!job)
+        return STATUS_ERR_NOT_FOUND;
+    store_events_flush(session->server->store);
+    s = store_events_load(session->server->store, job->id, wanted->after, take_event, &answer, err);
+    if (s == STATUS_OK)
+        s = send_log(session, message->request, job, &answer, err);
+    mem_free(answer.events);
+    return s;
+}

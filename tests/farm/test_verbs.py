@@ -1,0 +1,263 @@
+"""What people do to jobs, at the command line: one job, several or a filter; the coordinator killed
+around each answer; the bits of what continues."""
+import itertools
+import os
+import pty
+import socket
+import subprocess
+import time
+
+from farm import PATIENCE, Failure, Farm, Tests, readable, wait_for
+from jobs import Outcome, expect, expect_same
+
+tests = Tests()
+LONG = ("--size", "160x96", "--frames", "1-2", "--spp", "320")
+ENDLESS = ("--size", "320x200", "--spp", "1000000")
+ENDED = ("done", "failed", "cancelled")
+
+
+def begun(farm, number):
+    """Wait until it has samples."""
+    wait_for(lambda: farm.job(number)["samples_done"] > 0, "job %d to begin" % number)
+
+
+def state(farm, number):
+    return farm.job(number)["state"]
+
+
+def verb(farm, *args):
+    return farm.cli(*args, expect=0)
+
+
+def kill_and_restart(farm):
+    farm.coordinator.kill()
+    farm.restart_coordinator()
+
+
+DELAYS_S = itertools.cycle((0.03, 0.01, 0.05, 0.02, 0.08, 0.005, 0.04))
+
+
+def killed_during(farm, before, after, *args):
+    """The coordinator dies at some moment around the change: then the job is in a state of `before`,
+    unless it was answered, or in one of `after`. Ends with the verb done."""
+    number = args[1]
+    client = farm.start_cli(*args)
+    try:
+        client.wait(next(DELAYS_S))  # a sweep over moments, not a wait
+    except subprocess.TimeoutExpired:
+        pass
+    farm.coordinator.kill()
+    client.communicate(timeout=60)
+    farm.restart_coordinator()
+    expect(client.returncode in (0, 4), "%s: %s" % (args, client.returncode))
+    now = farm.cli("show", number, "--json")
+    now = now.json()["state"] if now.code == 0 else "gone"
+    expect(now in after or (client.returncode == 4 and now in before),
+           "%s: status %d, and it is %s" % (args, client.returncode, now))
+    if now in after:
+        return
+    if "running" in before:
+        begun(farm, number)
+    verb(farm, *args)
+    kill_and_restart(farm)
+
+
+OPEN = ("queued", "running")
+
+
+@tests.add
+def bits():
+    """Paused, finished, cancelled and tried again, with kill -9 around each: the same bits"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        scene = farm.scene()
+        number = farm.submit(scene, *LONG)
+        farm.wait_for_job(number)
+        reference = Outcome(farm, number, "reference")
+
+        number = farm.submit(scene, *LONG)
+        begun(farm, number)
+        killed_during(farm, OPEN, ("paused",), "pause", number)
+        job = farm.job(number)
+        expect(job["state"] == "paused" and "paused by " + job["owner"] in job["state_text"], job)
+        farm.wait_for_workers(1)
+        expect(farm.job(number)["workers"] == 0, "a paused job has no workers")
+        killed_during(farm, ("paused",), OPEN + ("done",), "resume", number)
+        farm.wait_for_job(number)
+        expect_same(farm, Outcome(farm, number, "paused"), reference, "paused", counts=False)
+
+        number = farm.submit(scene, *LONG)
+        begun(farm, number)
+        killed_during(farm, OPEN, ("finishing", "done"), "finish", number)
+        job = farm.wait_for_job(number)
+        expect(job["finished_early"] and job["cut_frames"], job)
+        expect(all(c["end"] == "finish" and c["tiles_without_samples"] == 0
+                   for c in job["cut_frames"]), job)
+        expect(len(farm.fetch(number, "early")) == 2 * job["frames_done"], "whole pictures")
+        killed_during(farm, ("done",), OPEN, "retry", number)
+        job = farm.wait_for_job(number)
+        expect(not job["finished_early"] and not job["cut_frames"], job)
+        expect_same(farm, Outcome(farm, number, "retried"), reference, "finished, tried again",
+                    counts=False)
+
+        number = farm.submit(scene, *LONG)
+        begun(farm, number)
+        killed_during(farm, OPEN, ("cancelling", "cancelled"), "cancel", number)
+        farm.wait_for_job(number, "cancelled")
+        verb(farm, "retry", number)
+        farm.wait_for_job(number)
+        expect_same(farm, Outcome(farm, number, "cancelled"), reference, "cancelled, tried again",
+                    counts=False)
+        os.unlink(farm.path("store", "outputs", str(number), "frame-0002.png"))
+        expect(farm.cli("fetch", number, "-o", "lost").code == 9, "a lost picture")
+        verb(farm, "retry", number, "--frames", "2")  # from its film
+        farm.wait_for_job(number)
+        expect_same(farm, Outcome(farm, number, "again"), reference, "made again", counts=False)
+
+
+@tests.add
+def kept():
+    """Priority and removal are on disk when they are answered"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        first, second = (farm.submit(farm.scene(), *ENDLESS) for _ in range(2))
+        verb(farm, "priority", second, "--to", "7")
+        kill_and_restart(farm)
+        expect(farm.job(second)["priority"] == 7, farm.job(second))
+        expect("behind 1 job" in farm.job(first)["state_text"] or
+               "no worker" in farm.job(first)["state_text"], farm.job(first))
+        farm.start_worker()
+        begun(farm, second)
+        expect(farm.job(first)["samples_done"] == 0, "the first has to wait")
+        result = farm.cli("remove", second)
+        expect(result.code == 5 and "'cancel' it first" in result.err, result)
+        verb(farm, "cancel", second)
+        killed_during(farm, ("cancelled",), ("gone",), "remove", second)
+        expect(farm.cli("show", second).code == 5, "it is gone")
+        for folder in ("films", "outputs"):
+            expect(not os.path.exists(farm.path("store", folder, str(second))), folder)
+        expect(farm.submit(farm.scene(), *ENDLESS) == second + 1, "a number is not used again")
+
+
+@tests.add
+def refusals():
+    """A verb that a state does not allow says why in a sentence, and what to do"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        number = farm.submit(farm.scene(), *ENDLESS)
+        for args, words in ((("resume",), "is queued"), (("retry",), "is queued"),
+                            (("remove",), "'cancel' it first"), (("finish",), "no frame in work")):
+            result = farm.cli(args[0], number)
+            expect(result.code == 5 and words in result.err, result)
+        verb(farm, "cancel", number)
+        for name in ("pause", "resume", "finish"):
+            result = farm.cli(name, number)
+            expect(result.code == 5 and "is cancelled" in result.err and "'retry'" in result.err,
+                   result)
+        result = farm.cli("priority", number, "--to", "3")
+        expect(result.code == 5 and "is cancelled" in result.err, result)
+        expect(farm.cli("priority", number).code == 2, "--to is missing")
+        expect(farm.cli("pause").code == 2, "no job")
+        expect(farm.cli("pause", 99).code == 5, "no such job")
+
+
+def ask(farm, answer, *args):
+    """Run the client with a terminal that types `answer`; its exit status and standard error."""
+    mine, its = pty.openpty()
+    client = subprocess.Popen(farm.cli_argv(*args), stdin=its, stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE)
+    os.close(its)
+    os.write(mine, answer)
+    out, err = client.communicate(timeout=60)
+    os.close(mine)
+    return client.returncode, err.decode()
+
+
+@tests.add
+def many():
+    """Several jobs, names with wildcards, --state and --mine: shown and asked, or --yes"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        names = ("walk-1", "walk-2", "run-1", "run-2")
+        jobs = [farm.submit(farm.scene(), *ENDLESS, "--name", n) for n in names]
+        states = lambda: [state(farm, n) for n in jobs]
+
+        result = farm.cli("pause", "walk-*")
+        expect(result.code == 2 and "--yes" in result.err, result)
+        expect(states() == ["queued"] * 4, states())
+        code, err = ask(farm, b"n\n", "pause", "walk-*")
+        expect(code == 0 and "walk-1" in err and "walk-2" in err and "run-1" not in err, err)
+        expect("nothing was changed" in err and states() == ["queued"] * 4, states())
+        code, err = ask(farm, b"y\n", "pause", "walk-*")
+        expect(code == 0 and states() == ["paused", "paused", "queued", "queued"], states())
+
+        result = farm.cli("pause", jobs[0], jobs[2], "--yes", "--json", expect=0).json()
+        expect([j["state"] for j in result["jobs"]] == ["paused", "paused"], result)
+        verb(farm, "resume", "--state", "paused", "--yes")
+        expect(states() == ["queued"] * 4, states())
+        verb(farm, "cancel", "*-2", "--yes")
+        expect(states() == ["queued", "cancelled", "queued", "cancelled"], states())
+        # A number for which it cannot be done does not stop the others.
+        result = farm.cli("pause", jobs[0], jobs[1], jobs[2], "--yes")
+        expect(result.code == 5 and "job %d is cancelled" % jobs[1] in result.err, result)
+        expect(states() == ["paused", "cancelled", "paused", "cancelled"], states())
+        verb(farm, "resume", "--mine", "--yes")
+        verb(farm, "retry", "--mine", "--state", "cancelled", "--yes")
+        expect(states() == ["queued"] * 4, states())
+        owner = farm.job(jobs[0])["owner"]
+        expect(owner.endswith("@" + socket.gethostname()), owner)
+        verb(farm, "cancel", "--mine", "--yes", "--discard")
+        verb(farm, "remove", "--mine", "--yes")
+        expect(farm.cli("list", "--json").json()["jobs"] == [], "all are gone")
+        expect(farm.cli("remove", "--mine", "--yes").code == 5, "no job matches")
+        expect(farm.cli("pause", "--state", "lost").code == 2, "an unknown state")
+
+
+@tests.add
+def log():
+    """log JOB names who did what; -f follows over a restart until the job ends"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        number = farm.submit(farm.scene(), *ENDLESS)
+        me = farm.job(number)["owner"]
+        follower = farm.start_cli("log", number, "-f")
+
+        lines = []
+
+        def next_line(words):
+            """The first line from here on with these words."""
+            end = time.monotonic() + 30 * PATIENCE
+            while True:
+                while lines and b"\n" in lines[0]:
+                    line, lines[0] = lines[0].split(b"\n", 1)
+                    if words in line.decode():
+                        return line.decode()
+                if not readable(follower.stdout.fileno(), max(0, end - time.monotonic())):
+                    raise Failure("no line with '%s'" % words)
+                data = os.read(follower.stdout.fileno(), 65536)
+                expect(data, "it ended before '%s'" % words)
+                lines[:] = [b"".join(lines) + data]
+        expect(me + ": submitted as tiny" in next_line("submitted"), "who submitted it")
+        verb(farm, "pause", number)
+        next_line(me + ": paused")
+        kill_and_restart(farm)
+        verb(farm, "resume", number)
+        next_line(me + ": resumed")
+        farm.start_worker()
+        next_line("coordinator: runs")
+        next_line("triangles")  # a line of the worker about its scene
+        verb(farm, "cancel", number, "--discard")
+        next_line(me + ": cancel")
+        next_line("coordinator: cancelled")
+        follower.communicate(timeout=60)
+        expect(follower.returncode == 0, "it ends with the job")
+        lines = farm.cli("log", number, expect=0).out.splitlines()
+        expect(sum(": paused" in line for line in lines) == 1, lines)
+        worker = [line for line in lines if "triangles" in line]
+        expect(len(worker) == 1 and "worker %s, process %d: " % (socket.gethostname(),
+               farm.workers[0].pid) in worker[0], lines)
+        expect(farm.cli("log", 99).code == 5, "no such job")
+
+
+tests.run()

@@ -1,0 +1,658 @@
+/* What people do to jobs: every verb in every state, every edge of the diagram, and over restarts. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "common/base/clock.h"
+#include "common/base/file.h"
+#include "coordinator/farm/closing.h"
+#include "coordinator/farm/scheduler.h"
+#include "coordinator/farm/steer.h"
+#include "tests/support/sim_farm.h"
+
+struct fixture {
+    char folder[64];
+    struct store *store;
+    struct sim *sim;
+    unsigned workers;            /* connected so far */
+};
+
+static void begin(struct fixture *f)
+{
+    f->store = sim_store(f->folder);
+    sim_init(f->sim, f->store, 1);
+    f->workers = 0;
+}
+
+/* The coordinator is killed, and started again. */
+static void restart(struct fixture *f)
+{
+    sim_release(f->sim);
+    store_close(f->store);
+    begin(f);
+}
+
+static int set_up(void **state)
+{
+    struct fixture *f = calloc(1, sizeof *f);
+
+    assert_non_null(f);
+    snprintf(f->folder, sizeof f->folder, "/tmp/azulejo-test-XXXXXX");
+    assert_non_null(mkdtemp(f->folder));
+    f->sim = calloc(1, sizeof *f->sim);
+    assert_non_null(f->sim);
+    begin(f);
+    *state = f;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    struct fixture *f = *state;
+
+    sim_release(f->sim);
+    store_close(f->store);
+    file_remove_tree(f->folder);
+    free(f->sim);
+    free(f);
+    return 0;
+}
+
+static struct sim_worker *connect(struct fixture *f, uint32_t threads)
+{
+    return sim_connect(f->sim, f->workers++, threads);
+}
+
+static void tick(struct fixture *f)
+{
+    f->sim->now_ns += NS_PER_SECOND;
+    sim_freeze(f->sim);
+    sim_commit(f->sim);
+    farm_tick(&f->sim->farm, f->sim->now_ns);
+}
+
+/* The farm has no job but this one. */
+static struct job *the_job(struct fixture *f)
+{
+    return f->sim->farm.queue.all[0];
+}
+
+/* ---- jobs in each state ---------------------------------------------------------------------- */
+
+/* Two frames of 4 tiles: two tiles of frame 1 have their first pass on disk, frame 2 is not begun. */
+static struct job *make_running(struct fixture *f)
+{
+    struct job *job = sim_submit(f->sim, 32, 32, 32, 1, 2, 0);
+    struct sim_worker *worker = connect(f, 4);
+
+    assert_true(sim_grant(f->sim, worker, 8) == 8);
+    for (size_t i = 0; i < 2; i++)
+        assert_int_equal(sim_send(f->sim, worker, i, 100), MERGE_PENDING);
+    sim_commit(f->sim);
+    assert_int_equal(job->state, JOB_STATE_RUNNING);
+    assert_false(film_covered(job->frames->film));
+    return job;
+}
+
+static void park(struct fixture *f, struct job *job)
+{
+    struct sim_worker *victim = connect(f, 1);
+
+    for (uint64_t i = 1; i < SUSPICION_DEATHS; i++)
+        suspicion_add(&job->suspicion, i, f->sim->now_ns, f->sim->now_ns);
+    closing_note_death(&f->sim->farm, job, &victim->worker, f->sim->now_ns, f->sim->now_ns);
+}
+
+/* Render everything that is lent, until nothing more is. */
+static void render_all(struct fixture *f)
+{
+    struct sim_worker *worker = connect(f, 16);
+
+    for (int i = 0; i < 20; i++) {
+        while (sim_grant(f->sim, worker, 64) > 0)
+            for (size_t k = 0; k < worker->unit_count; k++)
+                if (!worker->units[k].sent)
+                    (void)sim_send(f->sim, worker, k, 100);
+        tick(f);
+        sim_develop(f->sim);
+        while (sim_make_picture(f->sim))
+            ;
+    }
+    sim_disconnect(f->sim, f->workers - 1);
+}
+
+static struct job *make(struct fixture *f, enum job_state state)
+{
+    struct sim *sim = f->sim;
+    struct job *job = make_running(f);
+
+    switch (state) {
+    case JOB_STATE_QUEUED: /* one that has begun */
+        assert_int_equal(steer_pause(&sim->farm, job, "ana@desk", sim->now_ns, NULL), STATUS_OK);
+        tick(f);
+        assert_int_equal(steer_resume(&sim->farm, job, "ana@desk", sim->now_ns, NULL), STATUS_OK);
+        break;
+    case JOB_STATE_PAUSED:
+        assert_int_equal(steer_pause(&sim->farm, job, "ana@desk", sim->now_ns, NULL), STATUS_OK);
+        break;
+    case JOB_STATE_PARKED: park(f, job); break;
+    case JOB_STATE_FINISHING:
+        assert_int_equal(steer_finish(&sim->farm, job, "ana@desk", sim->now_ns, NULL), STATUS_OK);
+        break;
+    case JOB_STATE_CANCELLING: farm_cancel(&sim->farm, job, 0, sim->now_ns); break;
+    case JOB_STATE_CANCELLED: farm_cancel(&sim->farm, job, 1, sim->now_ns); break;
+    case JOB_STATE_FAILED: farm_fail(&sim->farm, job, sim->now_ns, "a broken scene"); break;
+    case JOB_STATE_DONE: render_all(f); break;
+    default: break;
+    }
+    assert_int_equal(job->state, state);
+    return job;
+}
+
+/* ---- the diagram ----------------------------------------------------------------------------- */
+
+static int has_edge(enum job_state from, enum job_state to)
+{
+    for (size_t i = 0; i < job_edge_count; i++)
+        if (job_edges[i].from == from && job_edges[i].to == to)
+            return 1;
+    return 0;
+}
+
+/* Do what leads to that state. */
+static void act(struct fixture *f, struct job *job, enum job_state to)
+{
+    struct farm *farm = &f->sim->farm;
+    uint64_t now_ns = f->sim->now_ns;
+    struct error err = {0};
+
+    switch (to) {
+    case JOB_STATE_QUEUED:
+        if (steer_resume(farm, job, "ana@desk", now_ns, &err) != STATUS_OK) {
+            const uint32_t frame = 1;
+            (void)!steer_retry(farm, job, &frame, 1, "ana@desk", &err);
+        }
+        return;
+    case JOB_STATE_RUNNING: sim_grant(f->sim, connect(f, 1), 1); return;
+    case JOB_STATE_DONE:
+        if (job->state == JOB_STATE_FINISHING || job->state == JOB_STATE_RUNNING)
+            render_all(f);
+        return;
+    case JOB_STATE_FAILED: farm_fail(farm, job, now_ns, "a broken scene"); return;
+    case JOB_STATE_CANCELLED: farm_cancel(farm, job, 1, now_ns); return;
+    case JOB_STATE_CANCELLING: farm_cancel(farm, job, 0, now_ns); return;
+    case JOB_STATE_PARKED: park(f, job); return;
+    case JOB_STATE_PAUSED: (void)!steer_pause(farm, job, "ana@desk", now_ns, &err); return;
+    case JOB_STATE_FINISHING: (void)!steer_finish(farm, job, "ana@desk", now_ns, &err); return;
+    default: return;
+    }
+}
+
+/* Each edge can be walked, and nothing leads where there is none; a restart changes nothing. */
+static void every_edge(void **state)
+{
+    struct fixture *f = *state;
+    size_t walked = 0;
+
+    for (int from = 0; from < JOB_STATE_COUNT; from++)
+        for (int to = 0; to < JOB_STATE_COUNT; to++) {
+            struct job *job;
+
+            if (from == to)
+                continue;
+            job = make(f, (enum job_state)from);
+            act(f, job, (enum job_state)to);
+            if ((int)job->state != (has_edge((enum job_state)from, (enum job_state)to) ? to : from))
+                fail_msg("from %s to %s: it is %s", job_state_word((enum job_state)from),
+                         job_state_word((enum job_state)to), job_state_word(job->state));
+            walked += (int)job->state == to;
+            tear_down(state);
+            set_up(state);
+            f = *state;
+        }
+    assert_int_equal(walked, job_edge_count);
+}
+
+/* ---- the verbs ------------------------------------------------------------------------------- */
+
+enum verb { PAUSE, RESUME, FINISH, PRIORITY, RETRY, RETRY_FRAME, REMOVE, CANCEL, DISCARD, VERBS };
+
+static status do_verb(struct fixture *f, struct job *job, enum verb verb, struct error *err)
+{
+    struct farm *farm = &f->sim->farm;
+    const uint32_t frame = 2;
+
+    switch (verb) {
+    case PAUSE: return steer_pause(farm, job, "ana@desk", f->sim->now_ns, err);
+    case RESUME: return steer_resume(farm, job, "ana@desk", f->sim->now_ns, err);
+    case FINISH: return steer_finish(farm, job, "ana@desk", f->sim->now_ns, err);
+    case PRIORITY: return steer_priority(farm, job, 7, "ana@desk", f->sim->now_ns, err);
+    case RETRY: return steer_retry(farm, job, NULL, 0, "ana@desk", err);
+    case RETRY_FRAME: return steer_retry(farm, job, &frame, 1, "ana@desk", err);
+    case REMOVE: return steer_remove(farm, job, "ana@desk", err);
+    case CANCEL: steer_cancel(farm, job, 0, "ana@desk", f->sim->now_ns); return STATUS_OK;
+    default: steer_cancel(farm, job, 1, "ana@desk", f->sim->now_ns); return STATUS_OK;
+    }
+}
+
+/* The table in steer.h. "-": refused; "=": taken, and the state stays; "0": gone. */
+static const char *const table[VERBS] = {
+    /*                q    r    d    f    c    k    g    p    n       (enum job_state's order) */
+    [PAUSE] =       "p" "p" "-" "-" "-" "-" "-" "=" "-",
+    [RESUME] =      "-" "-" "-" "-" "-" "q" "-" "q" "-",
+    [FINISH] =      "n" "n" "-" "-" "-" "-" "-" "n" "=",
+    [PRIORITY] =    "=" "=" "-" "-" "-" "=" "=" "=" "=",
+    [RETRY] =       "-" "-" "-" "q" "q" "-" "-" "-" "-",
+    [RETRY_FRAME] = "-" "-" "q" "q" "q" "-" "-" "-" "-",
+    [REMOVE] =      "-" "-" "0" "0" "0" "-" "-" "-" "-",
+    [CANCEL] =      "g" "g" "=" "=" "=" "g" "=" "g" "g",
+    [DISCARD] =     "c" "c" "=" "=" "=" "c" "c" "c" "c",
+};
+static const char letters[] = "qrdfckgpn";
+
+static void check_after(struct fixture *f, enum verb verb, enum job_state expected)
+{
+    struct job *job;
+
+    if (table[verb][0] && expected == JOB_STATE_COUNT) {
+        assert_int_equal(f->sim->farm.queue.count, 0);
+        return;
+    }
+    job = the_job(f);
+    if (job->state != expected)
+        fail_msg("verb %d: it is %s, not %s", verb, job_state_word(job->state),
+                 job_state_word(expected));
+    if (verb == PRIORITY && !job_state_ended(expected))
+        assert_int_equal(job->priority, 7);
+}
+
+static void every_verb_in_every_state(void **state)
+{
+    struct fixture *f = *state;
+
+    for (int from = 0; from < JOB_STATE_COUNT; from++)
+        for (int verb = 0; verb < VERBS; verb++) {
+            struct job *job = make(f, (enum job_state)from);
+            char outcome = table[verb][from];
+            enum job_state expected = outcome == '-' || outcome == '='
+                                          ? (enum job_state)from
+                                          : (enum job_state)(strchr(letters, outcome) - letters);
+            struct error err = {0};
+            status s = do_verb(f, job, (enum verb)verb, &err);
+
+            if ((s == STATUS_ERR_REFUSED) != (outcome == '-'))
+                fail_msg("verb %d in state %s: %d (%s)", verb, job_state_word(job->state), s, err.text);
+            if (s == STATUS_OK && outcome != '=') /* on disk, not only soon */
+                assert_false(store_job_unsaved(f->store, 1));
+            if (outcome == '-')
+                assert_true(strstr(err.text, "job 1 is ") && strchr(err.text, ':'));
+            if (outcome == '0')
+                expected = JOB_STATE_COUNT;
+            check_after(f, (enum verb)verb, expected);
+            restart(f);  /* killed after the answer */
+            check_after(f, (enum verb)verb, expected);
+            tear_down(state);
+            set_up(state);
+            f = *state;
+        }
+}
+
+/* ---- what continues -------------------------------------------------------------------------- */
+
+static void check_whole(struct fixture *f)
+{
+    struct job *job = the_job(f);
+
+    render_all(f);
+    assert_int_equal(job->state, JOB_STATE_DONE);
+    assert_int_equal(job->frames_done_count, 2);
+    assert_int_equal(job->cut_count, 0);
+    assert_int_equal(job->samples_done, 2 * job_frame_samples(job));
+    assert_int_equal(f->sim->wrong_frames, 0); /* the same bits */
+    assert_false(job->marks & JOB_MARK_EARLY);
+}
+
+static void a_paused_job_stays_paused(void **state)
+{
+    struct fixture *f = *state;
+    struct job *job = make(f, JOB_STATE_PAUSED);
+
+    assert_string_equal(job->state_text, "paused by ana@desk");
+    render_all(f);
+    assert_int_equal(job->state, JOB_STATE_PAUSED);
+    assert_null(job->frames); /* its film is on disk */
+    for (int i = 0; i < 2; i++)
+        restart(f);
+    render_all(f);
+    job = the_job(f);
+    assert_int_equal(job->state, JOB_STATE_PAUSED);
+    assert_string_equal(job->state_text, "paused by ana@desk");
+    assert_int_equal(job->samples_done, 0);
+    assert_int_equal(steer_resume(&f->sim->farm, job, "ben@desk", f->sim->now_ns, NULL), STATUS_OK);
+    restart(f);
+    assert_int_equal(the_job(f)->state, JOB_STATE_QUEUED);
+    check_whole(f);
+}
+
+static void a_finished_job_has_its_first_pass(void **state)
+{
+    struct fixture *f = *state;
+    struct job *job = make(f, JOB_STATE_FINISHING);
+
+    for (int i = 0; i < 2; i++) { /* killed in the middle of it */
+        tick(f);
+        assert_int_equal(the_job(f)->frames->end, FRAME_END_NONE); /* two tiles have no sample */
+        restart(f);
+        job = the_job(f);
+        assert_int_equal(job->state, JOB_STATE_FINISHING);
+        assert_non_null(job->frames);
+    }
+    render_all(f);
+    assert_int_equal(job->state, JOB_STATE_DONE);
+    assert_true(job->marks & JOB_MARK_EARLY);
+    assert_string_equal(job->state_text, "finished early");
+    assert_int_equal(job->frames_done_count, 1); /* frame 2 was not begun */
+    assert_int_equal(job->cut_count, 1);
+    assert_int_equal(job->cuts[0].end, FRAME_END_FINISH);
+    assert_in_range(job->cuts[0].coverage.least, 2, 4); /* one pass of one group, or of both */
+    assert_in_range(job->cuts[0].coverage.most, 2, 4);
+    assert_int_equal(job->cuts[0].coverage.tiles_empty, 0);
+    assert_true(job_frame_is_left(job, 2) && job_frames_left(job) == 1);
+    restart(f);
+    job = the_job(f);
+    assert_int_equal(job->state, JOB_STATE_DONE);
+    assert_true(job_frame_is_left(job, 2) && job_frames_left(job) == 1);
+    assert_int_equal(steer_retry(&f->sim->farm, job, NULL, 0, "ana@desk", NULL), STATUS_OK);
+    restart(f);
+    assert_int_equal(the_job(f)->frames_done_count, 0);
+    check_whole(f);
+}
+
+/* A frame that has its first pass ends at once. */
+static void a_covered_frame_ends_now(void **state)
+{
+    struct fixture *f = *state;
+    struct job *job = sim_submit(f->sim, 32, 32, 32, 1, 1, 0);
+    struct sim_worker *worker = connect(f, 16);
+    size_t count = sim_grant(f->sim, worker, 12), sent = 0;
+
+    for (size_t i = 0; i < count; i++)
+        if (worker->units[i].name.pass == 0 || worker->units[i].name.tile == 3) {
+            (void)sim_send(f->sim, worker, i, 100);
+            sent++;
+        }
+    assert_in_range(sent, 8, count - 1);
+    assert_int_equal(steer_finish(&f->sim->farm, job, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
+    assert_int_equal(worker->worker.held.units, 0);
+    assert_int_equal(sim_grant(f->sim, worker, 12), 0);
+    tick(f);
+    sim_develop(f->sim);
+    assert_int_equal(job->state, JOB_STATE_DONE);
+    assert_true(job->marks & JOB_MARK_EARLY);
+    assert_int_equal(job->cuts[0].coverage.least, 4);
+}
+
+static void nothing_in_work_cannot_be_finished(void **state)
+{
+    struct fixture *f = *state;
+    struct job *job = sim_submit(f->sim, 32, 32, 32, 1, 2, 0);
+    struct error err = {0};
+
+    assert_int_equal(steer_finish(&f->sim->farm, job, "ana@desk", f->sim->now_ns, &err),
+                     STATUS_ERR_REFUSED);
+    assert_non_null(strstr(err.text, "no frame in work"));
+    assert_int_equal(job->state, JOB_STATE_QUEUED);
+}
+
+static void failed_and_cancelled_jobs_go_on(void **state)
+{
+    static const enum job_state ends[] = {JOB_STATE_FAILED, JOB_STATE_CANCELLED};
+    struct fixture *f = *state;
+
+    for (size_t i = 0; i < 2; i++) {
+        struct job *job = make_running(f);
+
+        tick(f);
+        if (ends[i] == JOB_STATE_FAILED)
+            farm_fail(&f->sim->farm, job, f->sim->now_ns, "a broken scene");
+        else
+            farm_cancel(&f->sim->farm, job, 0, f->sim->now_ns);
+        sim_develop(f->sim);
+        tick(f);
+        assert_int_equal(job->state, ends[i]);
+        restart(f);
+        job = the_job(f);
+        assert_int_equal(job->state, ends[i]);
+        assert_true(store_film_exists(f->store, job->id, 1));
+        assert_int_equal(steer_retry(&f->sim->farm, job, NULL, 0, "ana@desk", NULL), STATUS_OK);
+        restart(f);
+        job = the_job(f);
+        assert_non_null(farm_frame_open(&f->sim->farm, job, 1, f->sim->now_ns));
+        assert_true(film_samples(job->frames->film) > 0); /* from its film */
+        check_whole(f);
+        tear_down(state);
+        set_up(state);
+        f = *state;
+    }
+}
+
+static void retry_takes_only_the_named_frames(void **state)
+{
+    struct fixture *f = *state;
+    struct job *job = make(f, JOB_STATE_FAILED);
+    const uint32_t second = 2, none = 3;
+
+    assert_int_equal(steer_retry(&f->sim->farm, job, &none, 1, "ana@desk", NULL), STATUS_ERR_INPUT);
+    assert_int_equal(job->state, JOB_STATE_FAILED);
+    assert_int_equal(steer_retry(&f->sim->farm, job, &second, 1, "ana@desk", NULL), STATUS_OK);
+    restart(f);
+    render_all(f);
+    job = the_job(f);
+    assert_int_equal(job->state, JOB_STATE_DONE);
+    assert_true(job_frame_is_done(job, 2) && job_frame_is_left(job, 1));
+    assert_int_equal(f->sim->wrong_frames, 0);
+}
+
+static void priority_changes_the_order(void **state)
+{
+    struct fixture *f = *state;
+    struct queue *queue = &f->sim->farm.queue;
+    struct job *first = sim_submit(f->sim, 32, 32, 32, 1, 1, 0);
+    struct job *second = sim_submit(f->sim, 32, 32, 32, 1, 1, 0);
+    struct job *parked = sim_submit(f->sim, 32, 32, 32, 1, 1, 0);
+
+    assert_int_equal(steer_pause(&f->sim->farm, parked, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
+    assert_ptr_equal(queue->active[0], first);
+    assert_int_equal(steer_priority(&f->sim->farm, second, 1, "ana@desk", 0, NULL), STATUS_OK);
+    assert_ptr_equal(queue->active[0], second);
+    assert_int_equal(steer_priority(&f->sim->farm, parked, 2, "ana@desk", 0, NULL), STATUS_OK);
+    assert_ptr_equal(queue->active[0], parked);
+    assert_int_equal(queue->shut_count, 1);
+    assert_int_equal(queue_position(queue, second), 0);
+    restart(f);
+    assert_int_equal(queue->active[0]->id, 3);
+    assert_int_equal(queue->active[1]->priority, 1);
+    assert_int_equal(steer_priority(&f->sim->farm, queue->active[1], -1, "ana@desk", 0, NULL), STATUS_OK);
+    assert_int_equal(queue->active[1]->priority, 0);
+}
+
+/* ---- remove ---------------------------------------------------------------------------------- */
+
+static int exists(const struct fixture *f, const char *name)
+{
+    char path[128];
+
+    snprintf(path, sizeof path, "%s/%s", f->folder, name);
+    return access(path, F_OK) == 0;
+}
+
+static void removing_leaves_nothing(void **state)
+{
+    struct fixture *f = *state;
+    struct job *job = make(f, JOB_STATE_FAILED), *other;
+    struct buffer picture = BUFFER_INIT;
+
+    buffer_puts(&picture, "pixels");
+    assert_int_equal(store_output_write(f->store, job->id, 1, "png", &picture, NULL), STATUS_OK);
+    buffer_release(&picture);
+    assert_true(exists(f, "outputs/1") && exists(f, "films/1"));
+    assert_int_equal(steer_remove(&f->sim->farm, job, "ana@desk", NULL), STATUS_OK);
+    assert_false(exists(f, "outputs/1") || exists(f, "films/1"));
+    restart(f);
+    assert_int_equal(f->sim->farm.queue.count, 0);
+    other = sim_submit(f->sim, 32, 32, 32, 1, 1, 0);
+    assert_int_equal(other->id, 2); /* numbers are not used again */
+}
+
+/* Killed between the rows and the files. */
+static void removing_is_completed_at_the_start(void **state)
+{
+    struct fixture *f = *state;
+
+    make(f, JOB_STATE_FAILED);
+    assert_int_equal(store_job_remove(f->store, 1, NULL), STATUS_OK);
+    assert_true(exists(f, "films/1"));
+    restart(f);
+    assert_int_equal(f->sim->farm.queue.count, 0);
+    assert_false(exists(f, "films/1"));
+}
+
+static void a_job_that_is_held_is_freed_later(void **state)
+{
+    struct fixture *f = *state;
+    struct job *job = make_running(f);
+
+    tick(f);
+    farm_cancel(&f->sim->farm, job, 0, f->sim->now_ns);
+    assert_int_equal(f->sim->developing_count, 1);
+    farm_cancel(&f->sim->farm, job, 1, f->sim->now_ns);
+    assert_int_equal(job->closing_frames, 1);
+    assert_int_equal(steer_remove(&f->sim->farm, job, "ana@desk", NULL), STATUS_OK);
+    assert_int_equal(f->sim->farm.queue.count, 0);
+    assert_int_equal(job->removed, 1); /* still there for the develop */
+    sim_develop(f->sim);
+    assert_false(exists(f, "films/1"));
+}
+
+/* A develop that was under way keeps its film after the others were removed. */
+static void discarded_films_do_not_come_back(void **state)
+{
+    struct fixture *f = *state;
+    struct job *job = make_running(f);
+    char path[128];
+
+    tick(f);
+    farm_cancel(&f->sim->farm, job, 0, f->sim->now_ns);
+    farm_cancel(&f->sim->farm, job, 1, f->sim->now_ns);
+    assert_false(exists(f, "films/1"));
+    snprintf(path, sizeof path, "%s/films/1", f->folder);
+    assert_int_equal(mkdir(path, 0700), 0);
+    snprintf(path, sizeof path, "%s/films/1/frame-0001.kept", f->folder);
+    assert_int_equal(file_write_atomic(path, "means", 5, NULL), STATUS_OK);
+    sim_develop(f->sim);
+    tick(f);
+    assert_false(exists(f, "films/1"));
+}
+
+/* ---- the log --------------------------------------------------------------------------------- */
+
+struct lines {
+    size_t count, from_workers;
+    uint64_t first, last;
+    char text[4096];
+};
+
+static status take_line(void *user, const struct job_event *event, struct error *err)
+{
+    struct lines *lines = user;
+    size_t used = strlen(lines->text);
+
+    (void)err;
+    if (lines->count++ == 0)
+        lines->first = event->seq;
+    assert_true(event->seq > lines->last);
+    lines->last = event->seq;
+    lines->from_workers += (size_t)event->from_worker;
+    if (lines->count < 20)
+        snprintf(lines->text + used, sizeof lines->text - used, "%s: %s\n", event->who, event->text);
+    return STATUS_OK;
+}
+
+static void the_log_names_people(void **state)
+{
+    struct fixture *f = *state;
+    struct job *job = make(f, JOB_STATE_PAUSED);
+    struct lines lines = {0};
+
+    restart(f);
+    job = the_job(f);
+    assert_int_equal(steer_resume(&f->sim->farm, job, "ben@desk", f->sim->now_ns, NULL), STATUS_OK);
+    assert_int_equal(steer_priority(&f->sim->farm, job, 3, "ben@desk", f->sim->now_ns, NULL),
+                     STATUS_OK);
+    steer_cancel(&f->sim->farm, job, 1, "cy@desk", f->sim->now_ns);
+    store_events_flush(f->store);
+    assert_int_equal(store_events_load(f->store, job->id, 0, take_line, &lines, NULL), STATUS_OK);
+    assert_string_equal(lines.text, "coordinator: submitted as simulated\n"
+                                    "coordinator: runs, first on \n"
+                                    "ana@desk: paused\n"
+                                    "ben@desk: resumed\n"
+                                    "ben@desk: priority 3, was 0\n"
+                                    "cy@desk: cancel, discarding unfinished frames\n"
+                                    "coordinator: cancelled, unfinished frames discarded: 0 of 2 "
+                                    "frames have a picture\n");
+}
+
+static void the_log_is_bounded(void **state)
+{
+    struct fixture *f = *state;
+    struct job_event event = {.job = 5, .who = "ana@desk"};
+    struct lines lines = {0}, rest = {0};
+
+    for (int i = 0; i < JOB_EVENTS_MAX + 50; i++) {
+        snprintf(event.text, sizeof event.text, "event %d", i);
+        event.from_worker = 0;
+        store_event_later(f->store, &event);
+        event.from_worker = i < JOB_WORKER_LINES_MAX + 10;
+        if (event.from_worker)
+            store_event_later(f->store, &event);
+    }
+    store_events_flush(f->store);
+    assert_int_equal(store_events_load(f->store, 5, 0, take_line, &lines, NULL), STATUS_OK);
+    assert_int_equal(lines.from_workers, JOB_WORKER_LINES_MAX);
+    assert_int_equal(lines.count, JOB_EVENTS_MAX + JOB_WORKER_LINES_MAX);
+    assert_int_equal(store_events_load(f->store, 5, lines.last - 1, take_line, &rest, NULL), STATUS_OK);
+    assert_int_equal(rest.count, 1);
+    assert_string_equal(rest.text, "ana@desk: event 1049\n");
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(every_edge),
+        TEST(every_verb_in_every_state),
+        TEST(a_paused_job_stays_paused),
+        TEST(a_finished_job_has_its_first_pass),
+        TEST(a_covered_frame_ends_now),
+        TEST(nothing_in_work_cannot_be_finished),
+        TEST(failed_and_cancelled_jobs_go_on),
+        TEST(retry_takes_only_the_named_frames),
+        TEST(priority_changes_the_order),
+        TEST(removing_leaves_nothing),
+        TEST(removing_is_completed_at_the_start),
+        TEST(a_job_that_is_held_is_freed_later),
+        TEST(discarded_films_do_not_come_back),
+        TEST(the_log_names_people),
+        TEST(the_log_is_bounded),
+    };
+    return cmocka_run_group_tests_name("steer", tests, NULL, NULL);
+}
