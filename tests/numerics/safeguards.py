@@ -16,6 +16,18 @@ import sys
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 LIMIT_S = 600
+HEAD = """# Safeguards
+
+**%d safeguards and settings, and each safeguard has a test that notices its loss.** The table is the output of
+
+    make numerics NUMERICS_ARGS="--markdown docs/SAFEGUARDS.md"
+
+which builds the tests with switches, runs those that [tests/numerics/safeguards.txt](../tests/numerics/safeguards.txt) names with and
+without each safeguard, and fails where all of them pass without it. A figure is what the test measured without the safeguard, then with it,
+then the range in which it must lie, and what that range is. The switches are in [common/base/safeguard.h](../common/base/safeguard.h); an
+ordinary build has none of them.
+
+"""
 FIGURE = re.compile(r"# figure (?P<what>.*) = (?P<value>\S+) in \[(?P<low>\S+), (?P<high>\S+)\], (?P<level>.*)")
 
 
@@ -151,7 +163,7 @@ def main():
         lines.append("| `%s` | %s | %s |" % (name, prevents, "<br>".join("`%s`: %s" % (t, f.replace("|", "\\|")) for t, f in caught) or "none"))
     if options.markdown:
         with open(options.markdown, "w", encoding="utf-8") as file:
-            file.write("| safeguard | without it | caught by |\n|---|---|---|\n" + "\n".join(lines) + "\n")
+            file.write(HEAD % len(safeguards) + "| safeguard | without it | caught by |\n|---|---|---|\n" + "\n".join(lines) + "\n")
     print("1..%d" % len(safeguards))
     print("%d safeguards, %d passed, %d failed" % (len(safeguards), len(safeguards) - min(bad, len(safeguards)), bad))
     sys.exit(bad > 0)
