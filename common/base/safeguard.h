@@ -23,7 +23,8 @@
     SAFEGUARDS_OF_OUTPUT(X)
 
 /* Rays, faces, contacts, bodies: worker/render/{accel,surface,scene,path}. */
-#define SAFEGUARDS_OF_HITS(X)
+#define SAFEGUARDS_OF_HITS(X) \
+    X(LEAK_OUTLINE, "a small hole of a room passes too little light: its rim is taken for a gap at a vertex")
 
 /* Lobes, random numbers, weights of paths: worker/render/{bsdf,base,path}. */
 #define SAFEGUARDS_OF_SCATTERING(X) \
