@@ -131,7 +131,8 @@ int accel_occluded(const struct accel *accel, const struct ray *ray, const void 
 
 /* accel_intersect and accel_occluded for a ray that starts inside a closed mesh and for which those
  * found nothing. It slipped through at a vertex, where rounding can leave a gap that no triangle
- * covers. These search close beside the ray; the result depends only on the ray. */
+ * covers. These search close beside the ray, and believe only what Embree may have missed: a ray
+ * through a small hole still escapes. The result depends only on the ray. */
 int accel_intersect_enclosed(const struct accel *accel, const struct ray *ray, const void *query,
                              struct hit *hit);
 int accel_occluded_enclosed(const struct accel *accel, const struct ray *ray, const void *query);

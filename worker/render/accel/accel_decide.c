@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "common/base/safeguard.h"
+
 /* What rounding may make of a height over a plane through `from`, times the normal's length. */
 static double height_noise(const double normal[3], const double to[3], const double from[3])
 {
@@ -187,6 +189,44 @@ int accel_covers(const struct query_context *q, const struct hit *face, double *
     return *u >= -slack * sqrt(exact_dot(e2, e2)) / size &&
            *v >= -slack * sqrt(exact_dot(e1, e1)) / size &&
            1 - *u - *v >= -slack * sqrt(exact_dot(e3, e3)) / size;
+}
+
+/* The distance of a line through the origin from the edge between two corners, as seen along the line;
+ * positive on one side. 0: the edge is a point. *magnified: by how much Embree's error grows where the
+ * edge is seen from its end. */
+static double beside_edge(const double direction[3], const double from[3], const double to[3],
+                          double *magnified)
+{
+    double edge[3], across[3], width;
+
+    exact_sub(to, from, edge);
+    exact_cross(edge, direction, across);
+    width = sqrt(exact_dot(across, across));
+    *magnified = sqrt(exact_dot(edge, edge)) / width;
+    return width > 0 ? exact_dot(across, from) / width : 0;
+}
+
+int accel_may_miss(const struct query_context *q, const struct hit *face)
+{
+    double corner[3][3], reach = 0, error;
+    int left = 1, right = 1;
+
+    if (!SAFEGUARD(LEAK_OUTLINE))
+        return 1;
+    q->accel->corners(q->accel->scene, face->instance, face->triangle, q->ray->time, corner);
+    for (int k = 0; k < 3; k++) {
+        exact_sub(corner[k], q->origin, corner[k]);
+        reach = fmax(reach, exact_largest(corner[k]));
+    }
+    error = q->accel->error_origin * (q->largest + reach);
+    for (int k = 0; k < 3; k++) {
+        double magnified, aside = beside_edge(q->direction, corner[k], corner[(k + 1) % 3], &magnified);
+        double slack = error * magnified + q->aside;
+
+        left &= !(aside < -slack);
+        right &= !(aside > slack);
+    }
+    return left || right; /* whichever side it turns to the line */
 }
 
 /* Do two faces of one instance lie side by side: with a shared corner and the same winding seen

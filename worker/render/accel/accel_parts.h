@@ -77,6 +77,7 @@ struct query_context {
     double inside[3];             /* farther inside the face, here; */
     struct vec3 aim;              /* unit: Embree's direction, and */
     double length;                /* metres: how far from there the ray's end is */
+    double aside;                 /* metres: how far Embree's ray is beside the ray */
     int doubt;                    /* then: a proposed neighbour lies behind the ray */
     double back;                  /* metres by which Embree's ray starts before the ray */
     double t_max;                 /* metres: of Embree's ray */
@@ -145,6 +146,10 @@ int accel_keep(struct query_context *q, const struct hit *face, double t, int fa
  * ray slips through between. */
 int accel_covers(const struct query_context *q, const struct hit *face, double *u, double *v,
                  int *facing);
+
+/* Does the line pass the triangle's outline, as seen along the line, within Embree's error? Where not,
+ * Embree was right if it did not propose the triangle. */
+int accel_may_miss(const struct query_context *q, const struct hit *face);
 
 /* QUERY_COINCIDENT: mark the contacts found that are one sheet with another. */
 void accel_mark_repeats(const struct query_context *q);

@@ -75,6 +75,13 @@ static inline struct hit face_of(const struct RTCHit *hit)
                         hit->primID};
 }
 
+/* A ray that is traced again beside itself may meet the rim of a hole that the ray passes. Where it starts
+ * near its face's edges, it may miss what stands up there by any share of that distance. */
+static inline int is_believed(const struct query_context *q, const struct hit *face, int certain)
+{
+    return q->attempt == 0 || (q->at_edge && !certain) || accel_may_miss(q, face);
+}
+
 /* Ray and normal are in the instance's space, where the products are the same. */
 void accel_filter(const struct RTCFilterFunctionNArguments *args)
 {
@@ -93,7 +100,8 @@ void accel_filter(const struct RTCFilterFunctionNArguments *args)
     certain = is_certain(q, g, face.triangle, t, exact_dot(d, n), exact_dot(n, n),
                          (double)g->least_stretch);
     args->valid[0] = 0;
-    if (accel_is_excepted(q, &face) || (!certain && !accel_decide(q, &face, &t)))
+    if (accel_is_excepted(q, &face) || (!certain && !accel_decide(q, &face, &t)) ||
+        !is_believed(q, &face, certain))
         return;
     facing = product(ray, hit) < 0;
     if (accepts(q, g, &face, hit, facing) && (certain || accel_keep(q, &face, t, facing)))
@@ -170,7 +178,8 @@ static void move_inwards(struct query_context *q)
     wanted = 2 * INSET_ERRORS * q->error_left;
     part = middle > wanted ? (wanted - inset) / (middle - inset) : 1;
     go(q->origin, way, part, q->inside);
-    q->error += part * sqrt(exact_dot(way, way));
+    q->aside = part * sqrt(exact_dot(way, way));
+    q->error += q->aside;
 }
 
 /* From farther inside the face to the same end. With a parallel ray instead, a wall closer to a
@@ -272,7 +281,7 @@ static inline void query_start(struct query_context *q, const struct accel *acce
     q->attempt = 0;
     q->about = NULL;
     q->off_cosine = 1;
-    q->clear = 0;
+    q->clear = q->aside = 0;
     if (ray->reaches)
         q->error += accel->error_origin * (double)ray->t_max;
     q->back = BACK_ERRORS * q->error;
@@ -484,13 +493,23 @@ int accel_occluded(const struct accel *accel, const struct ray *ray, const void 
     return is_blocked(&q) || (q.doubt && meets_from_inside(&q, NULL));
 }
 
+/* Start on the ray itself, not one error off the face: then a hole is narrowed by that much less. */
+static void start_again(struct query_context *q, struct ray *copy, const struct accel *accel,
+                        const struct ray *ray, const void *query, enum query_kind kind)
+{
+    *copy = *ray;
+    copy->contacts = 1;
+    query_start(q, accel, copy, query, kind);
+    q->careful = 1;
+}
+
 int accel_intersect_enclosed(const struct accel *accel, const struct ray *ray, const void *query,
                              struct hit *hit)
 {
     struct query_context q;
+    struct ray copy;
 
-    query_start(&q, accel, ray, query, QUERY_NEAREST);
-    q.careful = 1;
+    start_again(&q, &copy, accel, ray, query, QUERY_NEAREST);
     while (SAFEGUARD(LEAK_REPAIR) && q.attempt++ < LEAK_ATTEMPTS)
         if (meets(&q, hit))
             return 1;
@@ -500,8 +519,9 @@ int accel_intersect_enclosed(const struct accel *accel, const struct ray *ray, c
 int accel_occluded_enclosed(const struct accel *accel, const struct ray *ray, const void *query)
 {
     struct query_context q;
+    struct ray copy;
 
-    query_start(&q, accel, ray, query, QUERY_OCCLUDED);
+    start_again(&q, &copy, accel, ray, query, QUERY_OCCLUDED);
     while (SAFEGUARD(LEAK_SHADOW) && q.attempt++ < LEAK_ATTEMPTS)
         if (is_blocked(&q))
             return 1;

@@ -46,10 +46,10 @@ static int escapes(const struct render_scene *scene, uint32_t x, uint32_t y, uin
     return 0;
 }
 
-/* A few may escape, because the room has a small hole or because rounding takes a ray past a
- * face's rim. Taking such a scene for closed changes no result: the few rays that escape are traced
- * again, which is cheap and finds nothing where there is nothing. The point is to spare open scenes
- * that work. */
+/* A few may escape, because the room has a small hole or because rounding takes a ray past a face's
+ * rim. Taking such a scene for closed is cheap and loses no light but at the hole's rim: the few rays
+ * that escape are traced again, and what these meet is believed only where Embree may have missed it
+ * (accel_may_miss). The point is to spare open scenes that work. */
 void enclosure_find(struct render_scene *scene)
 {
     const double golden = 0.6180339887498949;
