@@ -324,7 +324,7 @@ static void print_next(FILE *out, const Azulejo__Wire__PathVertex *v)
     line_add(&line, "%s", message_text(a, sizeof a, v->lobe));
     line_add(&line, "towards %s", vector_text(a, v->direction));
     if (v->delta)
-        line_add(&line, "as a mirror does");
+        line_add(&line, "delta lobe");
     else
         line_add(&line, "density %.4g/sr", (double)v->pdf);
     line_add(&line, "weight %s", vector_text(a, v->weight));

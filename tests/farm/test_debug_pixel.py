@@ -118,7 +118,7 @@ def words():
                      "visible", "adds", "survives with", "Russian roulette"):
             expect(word in seen, "%s is missing:\n%s" % (word, seen[:4000]))
         glass = farm.cli("debug-pixel", NESTED, *size(16), "--pixel", "18,12", "--sample", "0-15", expect=0).out
-        for word in ("inside glass", "in water", "interface", "as a mirror does"):
+        for word in ("inside glass", "in water", "interface", "delta lobe"):
             expect(word in glass, "%s is missing:\n%s" % (word, glass[:4000]))
         tea = farm.cli("debug-pixel", MEDIA, *size(16), "--pixel", "18,12", "--sample", 0, expect=0).out
         expect("through medium tea" in tea, tea)
