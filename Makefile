@@ -177,7 +177,7 @@ $(LIB_WORKER): $(call object,$(WORKER_SRC)) ; $(archive)
 $(LIB_CLIENT): $(call object,$(CLIENT_SRC)) ; $(archive)
 $(LIB_SUPPORT): $(call object,$(SUPPORT_SRC)) ; $(archive)
 
-# ---- link: each program sees only what DESIGN allows it -------------------------------------
+# ---- link: each program sees only what ARCHITECTURE allows it -------------------------------
 $(BIN)/azulejo: $(call object,client/main.c) $(LIB_CLIENT) $(LIB_PROTOCOL) $(LIB_COMMON)
 	@mkdir -p $(@D)
 	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_CLIENT) $(LIBS_PROTOCOL) $(LIBS_COMMON)
