@@ -177,7 +177,7 @@ $(LIB_WORKER): $(call object,$(WORKER_SRC)) ; $(archive)
 $(LIB_CLIENT): $(call object,$(CLIENT_SRC)) ; $(archive)
 $(LIB_SUPPORT): $(call object,$(SUPPORT_SRC)) ; $(archive)
 
-# ---- link: each program sees only what DESIGN allows it -------------------------------------
+# ---- link: each program sees only what ARCHITECTURE allows it -------------------------------
 $(BIN)/azulejo: $(call object,client/main.c) $(LIB_CLIENT) $(LIB_PROTOCOL) $(LIB_COMMON)
 	@mkdir -p $(@D)
 	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_CLIENT) $(LIBS_PROTOCOL) $(LIBS_COMMON)
@@ -297,7 +297,7 @@ lint: ## clang-tidy and cppcheck
 new-lobe: ## start a lobe: its file, rows, tests and a row of the manual (NAME=x)
 	@scripts/new-lobe.py "$(NAME)"
 
-test-new: ## what new-lobe and new-tonemap make builds and passes (builds a copy of the tree: 10 minutes)
+test-new: ## what new-lobe and new-tonemap make builds and passes (builds a copy of the tree: 5 minutes)
 	@python3 -B tests/farm/test_new.py --build
 
 new-tonemap: ## start a tone mapper: its file, row, test and section (NAME=x)

@@ -389,7 +389,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {"verbose", 'v', OPTION_FLAG, &d.local.verbose, NULL,
          "of a scene: show what the coordinator and the worker log", 0, 0, NULL},
         CONNECTION_OPTION_ROWS(d.where),
-        {"", 0, OPTION_GROUP, NULL, NULL, "of a scene, as for render:", 0, 0, NULL},
+        {"", 0, OPTION_GROUP, NULL, NULL, "of a scene, as for render", 0, 0, NULL},
         JOB_STUDY_ROWS(d.options),
         {0},
     };

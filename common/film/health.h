@@ -42,12 +42,12 @@
       "densities were not finite or not positive, and what they weigh is left out",                 \
       "look for extreme sizes of lights and for extreme roughness")                                 \
     X(BAD_THROUGHPUTS, bad_throughputs, "azulejo:badThroughputs", STEPS,                            \
-      "throughput was not finite or negative, and its path ended",                                  \
-      "throughputs were not finite or negative, and their paths ended",                             \
+      "throughput was not finite, or a weight not finite or negative",                              \
+      "throughputs were not finite, or weights not finite or negative",                             \
       "look for extreme colours and media in the scene")                                            \
     X(BAD_BASES, bad_bases, "azulejo:badBases", STEPS,                                              \
-      "shading basis was not finite, and its path ended",                                           \
-      "shading bases were not finite, and their paths ended",                                       \
+      "shading basis had an axis that was not of length 1, and its path ended",                     \
+      "shading bases had axes that were not of length 1, and their paths ended",                    \
       "look for normals and tangents that are no numbers")                                          \
     X(LOST_BODIES, lost_bodies, "azulejo:lostBodies", STEPS,                                        \
       "ray left a closed body that it had not entered, or was in more than 16",                     \

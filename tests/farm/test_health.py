@@ -102,7 +102,7 @@ def frames():
     with Faulty() as farm:
         out = farm.cli("render", farm.scene(), *SMALL, "--frames", "3-5", "-o", farm.path("f.exr"),
                        env=env(NAN_BASIS), expect=0).out
-        told = re.search(r"health +(\d+) shading bases were not finite, and their paths ended; first: frame 3, "
+        told = re.search(r"health +(\d+) shading bases had axes that were not of length 1, and their paths ended; first: frame 3, "
                          r"pass 0, tile \d+, pixel (\d+),(\d+), sample (\d+)\n", out)
         expect(told and strikes(*map(int, told.groups()[1:])), out)
         counts = [read_exr(farm.path("f-%04d.exr" % i)).number("azulejo:badBases") for i in (3, 4, 5)]
