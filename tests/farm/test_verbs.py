@@ -7,7 +7,7 @@ import socket
 import subprocess
 import time
 
-from farm import PATIENCE, Failure, Farm, Tests, readable, wait_for
+from farm import BIN, PATIENCE, Failure, Farm, Tests, readable, wait_for
 from jobs import Outcome, expect, expect_same
 
 tests = Tests()
@@ -258,6 +258,38 @@ def log():
         expect(len(worker) == 1 and "worker %s, process %d: " % (socket.gethostname(),
                farm.workers[0].pid) in worker[0], lines)
         expect(farm.cli("log", 99).code == 5, "no such job")
+
+
+@tests.add
+def closed_descriptors():
+    """Standard input, output and error that the caller closed: nothing crashes, nothing else gets them"""
+    closing = lambda words, argv: ["bash", "-c", 'exec "$@" ' + words, "closed"] + argv
+    with Farm() as farm:
+        farm.start_coordinator(prefix=closing("<&- 2>&-", []))
+        held = os.readlink("/proc/%d/fd/2" % farm.coordinator.pid)
+        expect(held == "/dev/null", "the coordinator's messages go to " + held)
+        jobs = [farm.submit(farm.scene(), *ENDLESS) for _ in range(2)]
+        for words, args, code in (("<&-", ("pause", *jobs), 2), ("<&- 2>&-", ("pause", *jobs, "--yes"), 0),
+                                  ("<&- >&- 2>&-", ("resume", *jobs, "--yes"), 8)):
+            ended = subprocess.run(closing(words, farm.cli_argv(*args)), stdout=subprocess.PIPE,
+                                   stderr=subprocess.PIPE, timeout=60)
+            expect(ended.returncode == code, (words, args, ended))
+            expect(code != 2 or b"give --yes" in ended.stderr, ended)
+        expect([state(farm, n) for n in jobs] == ["queued"] * 2, "what was asked for is done")
+        worker = subprocess.Popen(closing("<&- >&- 2>&-", [
+            os.path.join(BIN, "azulejo-worker"), "--coordinator", farm.address, "--key", farm.key,
+            "--threads", "1", "--cache", farm.path("cache")]))
+        try:
+            begun(farm, jobs[0])
+            held = os.readlink("/proc/%d/fd/2" % worker.pid)
+            expect(held == "/dev/null", "the worker's messages go to " + held)
+        finally:
+            worker.terminate()
+            expect(worker.wait(60) == 0, "the worker ends in good order")
+        picture = farm.path("closed.png")
+        subprocess.run(closing("<&- >&- 2>&-", farm.cli_argv(
+            "render", farm.scene(), "--size", "16x10", "--spp", "1", "-o", picture)), timeout=60)
+        expect(os.path.exists(picture), "a picture on a farm of its own")
 
 
 tests.run()
