@@ -261,6 +261,32 @@ def log():
 
 
 @tests.add
+def odd_names():
+    """Names with characters that patterns, formats, options and numbers use mean the job of that name only"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        names = ("take[1]", "take1", "back\\slash", "backslash", "100%s%n", "-y", "two?lines", "two lines", "\u2713 fin", "42")
+        jobs = {n: farm.submit(farm.scene(), *ENDLESS, "--name", n) for n in names}
+        paused = lambda: sorted(n for n in names if state(farm, jobs[n]) == "paused")
+        for name in names[:-1]:
+            options = ("--coordinator", farm.address, "--key", farm.key)
+            done = farm.cli("pause", "--yes", *options, "--", name, connect=False)
+            meant = [name] if "?" not in name else ["two lines", "two?lines"]
+            expect(done.code == 0 and paused() == meant, (name, done, paused()))
+            for n in meant:
+                verb(farm, "resume", jobs[n])
+        # A number is a job's number, never a name.
+        result = farm.cli("pause", "42", "--yes")
+        expect(result.code == 5 and "no job 42" in result.err, result)
+        # What does not exist is said before anything is changed, beside others and with filters.
+        for args, words in ((("take1", "taek2"), "no job is named 'taek2'"), ((jobs["take1"], "x-*"), "'x-*'"),
+                            (("take1", "99", "--mine"), "no job 99"),
+                            (("n" * 256, ), "at most 255 bytes")):
+            result = farm.cli("pause", *args, "--yes")
+            expect(result.code in (2, 5) and words in result.err and paused() == [], result)
+
+
+@tests.add
 def closed_descriptors():
     """Standard input, output and error that the caller closed: nothing crashes, nothing else gets them"""
     closing = lambda words, argv: ["bash", "-c", 'exec "$@" ' + words, "closed"] + argv
