@@ -1,6 +1,7 @@
 """What people do to jobs, at the command line: one job, several or a filter; the coordinator killed
 around each answer; the bits of what continues."""
 import itertools
+import json
 import os
 import pty
 import socket
@@ -257,6 +258,8 @@ def log():
         worker = [line for line in lines if "triangles" in line]
         expect(len(worker) == 1 and "worker %s, process %d: " % (socket.gethostname(),
                farm.workers[0].pid) in worker[0], lines)
+        events = [json.loads(line) for line in farm.cli("log", number, "--json", expect=0).out.splitlines()]
+        expect(len(events) == len(lines) and all(e["text"] in line for e, line in zip(events, lines)), events)
         expect(farm.cli("log", 99).code == 5, "no such job")
 
 
