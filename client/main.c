@@ -7,6 +7,7 @@
 
 #include "client/commands/command.h"
 #include "client/farm/signals.h"
+#include "common/base/file.h"
 #include "common/base/log.h"
 
 static const struct command *const commands[] = {
@@ -91,6 +92,7 @@ int main(int argc, char **argv)
     int exit_code = 0;
     status result = STATUS_OK;
 
+    file_hold_standard();
     log_setup("azulejo", LOG_LEVEL_WARN);
     signal(SIGPIPE, SIG_IGN); /* a broken pipe is an error of write(), not our death */
     if (argc < 2) {

@@ -72,8 +72,10 @@ int main(int argc, char **argv)
     struct store *store = NULL;
     struct error err = {0};
     char host[ADDRESS_HOST_MAX];
-    status s = options_parse(table, argc, argv, &rest, &help, &err);
+    status s;
 
+    file_hold_standard();
+    s = options_parse(table, argc, argv, &rest, &help, &err);
     if (s == STATUS_OK && help) {
         options_print_help("azulejo-coordinator --key FILE [options]",
                            "Own the queue of a render farm: lend work to workers, merge what they "

@@ -7,6 +7,7 @@
 #include <uv.h>
 
 #include "common/base/buffer.h"
+#include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/options.h"
 #include "common/scene/settings.h"
@@ -162,6 +163,7 @@ int main(int argc, char **argv)
     char host[256];
     status s;
 
+    file_hold_standard();
     memset(&key, 0, sizeof key);
     log_setup("azulejo-worker", LOG_LEVEL_INFO);
     s = options_parse(table, argc, argv, &rest, &help, &err);

@@ -23,10 +23,11 @@ static status print_event(const Azulejo__Wire__JobEvent *e, int json, struct err
     char when[FORMAT_SIZE], who[160], text[512];
 
     if (json)
-        return json_print(json_pack("{s:I, s:I, s:o, s:b, s:o}", "seq", (json_int_t)e->seq, "at",
-                                    (json_int_t)e->at, "who", json_text(e->who), "from_worker",
-                                    (int)e->from_worker, "text", json_text(e->text)),
-                          err);
+        return json_print_line(json_pack("{s:I, s:I, s:o, s:b, s:o}", "seq", (json_int_t)e->seq,
+                                         "at", (json_int_t)e->at, "who", json_text(e->who),
+                                         "from_worker", (int)e->from_worker, "text",
+                                         json_text(e->text)),
+                               err);
     printf("%s  %s%s: %s\n", format_time(when, e->at), e->from_worker ? "worker " : "",
            message_text(who, sizeof who, e->who), message_text(text, sizeof text, e->text));
     return STATUS_OK;

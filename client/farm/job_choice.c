@@ -12,11 +12,30 @@
 #include "common/base/memory.h"
 #include "protocol/message.h"
 
-enum { SHOWN_MAX = 20 }; /* jobs that a question lists */
+enum {
+    SHOWN_MAX = 20,              /* jobs that a question lists */
+    NAME_MAX_BYTES = 255,        /* of a job */
+};
 
 static int is_number(const char *text)
 {
     return *text && text[strspn(text, "0123456789")] == 0;
+}
+
+/* Only * and ? are wildcards: a name with other characters that fnmatch() knows is itself. */
+static int name_fits(const char *text, const char *name)
+{
+    char pattern[3 * NAME_MAX_BYTES + 1];
+    size_t used = 0;
+
+    for (size_t i = 0; text[i] && i < NAME_MAX_BYTES; i++) {
+        if (text[i] == '[')
+            used += (size_t)sprintf(pattern + used, "[[]");
+        else
+            pattern[used++] = text[i];
+    }
+    pattern[used] = 0;
+    return fnmatch(pattern, name, FNM_NOESCAPE) == 0;
 }
 
 /* Bits of JobState. */
@@ -57,6 +76,9 @@ status job_choice_check(const struct job_choice *choice, const struct positional
         uint64_t job;
         if (!rest->items[i][0])
             return error_set(err, STATUS_ERR_USAGE, "an empty text is not a job's name");
+        if (strlen(rest->items[i]) > NAME_MAX_BYTES)
+            return error_set(err, STATUS_ERR_USAGE, "'%.20s...' is not a job: a name has at most %d bytes",
+                             rest->items[i], NAME_MAX_BYTES);
         if (is_number(rest->items[i]) && parse_job(rest->items[i], &job, err) != STATUS_OK)
             return STATUS_ERR_USAGE;
     }
@@ -89,28 +111,32 @@ struct filter {
     unsigned states;             /* of jobs that are not named by number */
     unsigned always;             /* --state, for all; else every state */
     const char *owner;           /* NULL: anybody's */
+    unsigned char seen[OPTIONS_POSITIONAL_MAX]; /* such a job exists, whatever its state and owner */
 };
 
-static int fits(const struct filter *f, const Azulejo__Wire__JobInfo *info)
+static int fits(struct filter *f, const Azulejo__Wire__JobInfo *info)
 {
     int named = 0, matched = f->rest->count == 0;
+
+    for (size_t i = 0; i < f->rest->count; i++) {
+        const char *text = f->rest->items[i];
+        int number = is_number(text);
+        int is_meant = number ? strtoull(text, NULL, 10) == info->job : name_fits(text, info->name);
+
+        f->seen[i] |= is_meant != 0;
+        named |= number && is_meant;
+        matched |= !number && is_meant;
+    }
 
     if (f->owner && strcmp(info->owner, f->owner) != 0)
         return 0;
     if (!(f->always >> info->state & 1))
         return 0;
-    for (size_t i = 0; i < f->rest->count; i++) {
-        const char *text = f->rest->items[i];
-        if (is_number(text))
-            named |= strtoull(text, NULL, 10) == info->job;
-        else
-            matched |= fnmatch(text, info->name, 0) == 0;
-    }
     return named || (matched && (f->states >> info->state & 1));
 }
 
 /* All jobs, page by page from the newest. */
-static status find_all(struct connection *c, const struct filter *f, struct chosen_jobs *out,
+static status find_all(struct connection *c, struct filter *f, struct chosen_jobs *out,
                        struct error *err)
 {
     Azulejo__Wire__JobQuery query = AZULEJO__WIRE__JOB_QUERY__INIT;
@@ -147,18 +173,18 @@ static int compare(const void *a, const void *b)
     return (left > right) - (left < right);
 }
 
-static status check_numbers(const struct positionals *rest, const struct chosen_jobs *jobs,
-                            const struct filter *f, struct error *err)
+/* Each that was named exists. */
+static status check_found(const struct filter *f, const struct chosen_jobs *jobs, struct error *err)
 {
-    for (size_t i = 0; i < rest->count; i++) {
-        uint64_t job = is_number(rest->items[i]) ? strtoull(rest->items[i], NULL, 10) : 0;
-        int found = job == 0 || f->owner || f->always != ~0u;
+    for (size_t i = 0; i < f->rest->count; i++) {
+        const char *text = f->rest->items[i];
 
-        for (size_t k = 0; k < jobs->count && !found; k++)
-            found = jobs->items[k].job == job;
-        if (!found)
+        if (!f->seen[i] && is_number(text))
             return error_set(err, STATUS_ERR_NOT_FOUND,
-                             "there is no job %" PRIu64 " ('azulejo list' shows which there are)", job);
+                             "there is no job %s ('azulejo list --all' shows which there are)", text);
+        if (!f->seen[i])
+            return error_set(err, STATUS_ERR_NOT_FOUND,
+                             "no job is named '%s' ('azulejo list --all' shows which there are)", text);
     }
     if (jobs->count == 0)
         return error_set(err, STATUS_ERR_NOT_FOUND, "no job matches");
@@ -196,7 +222,7 @@ status job_choice_find(struct connection *c, const struct job_choice *choice,
         if (kept == 0 || out->items[i].job != out->items[kept - 1].job)
             out->items[kept++] = out->items[i];
     out->count = kept;
-    return check_numbers(rest, out, &filter, err);
+    return check_found(&filter, out, err);
 }
 
 void chosen_jobs_release(struct chosen_jobs *jobs)

@@ -28,9 +28,17 @@ static int append(const char *text, size_t size, void *out)
     return 0;
 }
 
+enum { ONE_LINE = -1 };          /* a level */
+
+static int below(int level)
+{
+    return level == ONE_LINE ? ONE_LINE : level + 1;
+}
+
 static void new_line(struct buffer *out, int level)
 {
-    buffer_printf(out, "\n%*s", 2 * level, "");
+    if (level != ONE_LINE)
+        buffer_printf(out, "\n%*s", 2 * level, "");
 }
 
 static void write_value(struct buffer *out, const json_t *value, int level);
@@ -44,11 +52,11 @@ static void write_object(struct buffer *out, const json_t *object, int level)
         json_t *name = json_text(key);
 
         buffer_puts(out, between);
-        new_line(out, level + 1);
+        new_line(out, below(level));
         write_value(out, name, level);
         buffer_puts(out, ": ");
-        write_value(out, member, level + 1);
-        between = ",";
+        write_value(out, member, below(level));
+        between = level == ONE_LINE ? ", " : ",";
         json_decref(name);
     }
     if (json_object_size(object) > 0)
@@ -59,9 +67,9 @@ static void write_object(struct buffer *out, const json_t *object, int level)
 static void write_array(struct buffer *out, const json_t *array, int level)
 {
     for (size_t i = 0; i < json_array_size(array); i++) {
-        buffer_puts(out, i ? "," : "[");
-        new_line(out, level + 1);
-        write_value(out, json_array_get(array, i), level + 1);
+        buffer_puts(out, i ? (level == ONE_LINE ? ", " : ",") : "[");
+        new_line(out, below(level));
+        write_value(out, json_array_get(array, i), below(level));
     }
     if (json_array_size(array) > 0)
         new_line(out, level);
@@ -87,13 +95,13 @@ void json_write(struct buffer *out, const json_t *value)
     write_value(out, value, 0);
 }
 
-status json_print(json_t *value, struct error *err)
+static status print(json_t *value, int level, struct error *err)
 {
     struct buffer text = BUFFER_INIT;
     status result = STATUS_OK;
 
     if (value)
-        json_write(&text, value);
+        write_value(&text, value, level);
     buffer_puts(&text, "\n");
     if (!value || !buffer_ok(&text))
         result = error_no_memory(err, "JSON");
@@ -102,4 +110,14 @@ status json_print(json_t *value, struct error *err)
     buffer_release(&text);
     json_decref(value);
     return result;
+}
+
+status json_print(json_t *value, struct error *err)
+{
+    return print(value, 0, err);
+}
+
+status json_print_line(json_t *value, struct error *err)
+{
+    return print(value, ONE_LINE, err);
 }

@@ -21,5 +21,7 @@ void json_write(struct buffer *out, const json_t *value);
 
 /* Print JSON with a newline to standard output and drop the reference. */
 status json_print(json_t *value, struct error *err) MUST_CHECK;
+/* The same in one line, for what is printed as it happens. */
+status json_print_line(json_t *value, struct error *err) MUST_CHECK;
 
 #endif

@@ -261,6 +261,14 @@ int file_exists(const char *path)
     return access(path, F_OK) == 0;
 }
 
+void file_hold_standard(void)
+{
+    for (int fd = STDIN_FILENO; fd <= STDERR_FILENO; fd++)
+        if (fcntl(fd, F_GETFD) < 0 && errno == EBADF &&
+            open("/dev/null", fd == STDIN_FILENO ? O_WRONLY : O_RDONLY) < 0)
+            return; /* open() takes the lowest number, which is this one */
+}
+
 char *file_join(const char *folder, const char *name)
 {
     struct buffer joined = BUFFER_INIT;

@@ -50,6 +50,10 @@ void file_remove_tree(const char *path);
 
 int file_exists(const char *path);
 
+/* Occupy standard input, output and error if the caller left them closed: using them still fails, but
+ * no file or socket gets their numbers, into which messages would then be written. First in main(). */
+void file_hold_standard(void);
+
 /* Join folder and name with one '/'; the caller frees with mem_free. NULL: out of memory. */
 char *file_join(const char *folder, const char *name);
 

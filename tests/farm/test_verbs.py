@@ -1,13 +1,14 @@
 """What people do to jobs, at the command line: one job, several or a filter; the coordinator killed
 around each answer; the bits of what continues."""
 import itertools
+import json
 import os
 import pty
 import socket
 import subprocess
 import time
 
-from farm import PATIENCE, Failure, Farm, Tests, readable, wait_for
+from farm import BIN, PATIENCE, Failure, Farm, Tests, readable, wait_for
 from jobs import Outcome, expect, expect_same
 
 tests = Tests()
@@ -257,7 +258,67 @@ def log():
         worker = [line for line in lines if "triangles" in line]
         expect(len(worker) == 1 and "worker %s, process %d: " % (socket.gethostname(),
                farm.workers[0].pid) in worker[0], lines)
+        events = [json.loads(line) for line in farm.cli("log", number, "--json", expect=0).out.splitlines()]
+        expect(len(events) == len(lines) and all(e["text"] in line for e, line in zip(events, lines)), events)
         expect(farm.cli("log", 99).code == 5, "no such job")
+
+
+@tests.add
+def odd_names():
+    """Names with characters that patterns, formats, options and numbers use mean the job of that name only"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        names = ("take[1]", "take1", "back\\slash", "backslash", "100%s%n", "-y", "two?lines", "two lines", "\u2713 fin", "42")
+        jobs = {n: farm.submit(farm.scene(), *ENDLESS, "--name", n) for n in names}
+        paused = lambda: sorted(n for n in names if state(farm, jobs[n]) == "paused")
+        for name in names[:-1]:
+            options = ("--coordinator", farm.address, "--key", farm.key)
+            done = farm.cli("pause", "--yes", *options, "--", name, connect=False)
+            meant = [name] if "?" not in name else ["two lines", "two?lines"]
+            expect(done.code == 0 and paused() == meant, (name, done, paused()))
+            for n in meant:
+                verb(farm, "resume", jobs[n])
+        # A number is a job's number, never a name.
+        result = farm.cli("pause", "42", "--yes")
+        expect(result.code == 5 and "no job 42" in result.err, result)
+        # What does not exist is said before anything is changed, beside others and with filters.
+        for args, words in ((("take1", "taek2"), "no job is named 'taek2'"), ((jobs["take1"], "x-*"), "'x-*'"),
+                            (("take1", "99", "--mine"), "no job 99"),
+                            (("n" * 256, ), "at most 255 bytes")):
+            result = farm.cli("pause", *args, "--yes")
+            expect(result.code in (2, 5) and words in result.err and paused() == [], result)
+
+
+@tests.add
+def closed_descriptors():
+    """Standard input, output and error that the caller closed: nothing crashes, nothing else gets them"""
+    closing = lambda words, argv: ["bash", "-c", 'exec "$@" ' + words, "closed"] + argv
+    with Farm() as farm:
+        farm.start_coordinator(prefix=closing("<&- 2>&-", []))
+        held = os.readlink("/proc/%d/fd/2" % farm.coordinator.pid)
+        expect(held == "/dev/null", "the coordinator's messages go to " + held)
+        jobs = [farm.submit(farm.scene(), *ENDLESS) for _ in range(2)]
+        for words, args, code in (("<&-", ("pause", *jobs), 2), ("<&- 2>&-", ("pause", *jobs, "--yes"), 0),
+                                  ("<&- >&- 2>&-", ("resume", *jobs, "--yes"), 8)):
+            ended = subprocess.run(closing(words, farm.cli_argv(*args)), stdout=subprocess.PIPE,
+                                   stderr=subprocess.PIPE, timeout=60)
+            expect(ended.returncode == code, (words, args, ended))
+            expect(code != 2 or b"give --yes" in ended.stderr, ended)
+        expect([state(farm, n) for n in jobs] == ["queued"] * 2, "what was asked for is done")
+        worker = subprocess.Popen(closing("<&- >&- 2>&-", [
+            os.path.join(BIN, "azulejo-worker"), "--coordinator", farm.address, "--key", farm.key,
+            "--threads", "1", "--cache", farm.path("cache")]))
+        try:
+            begun(farm, jobs[0])
+            held = os.readlink("/proc/%d/fd/2" % worker.pid)
+            expect(held == "/dev/null", "the worker's messages go to " + held)
+        finally:
+            worker.terminate()
+            expect(worker.wait(60) == 0, "the worker ends in good order")
+        picture = farm.path("closed.png")
+        subprocess.run(closing("<&- >&- 2>&-", farm.cli_argv(
+            "render", farm.scene(), "--size", "16x10", "--spp", "1", "-o", picture)), timeout=60)
+        expect(os.path.exists(picture), "a picture on a farm of its own")
 
 
 tests.run()
