@@ -93,7 +93,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct job_choice choice = {0};
     int discard = 0, json = 0, done;
     const struct option table[] = {
-        JOB_CHOICE_ROWS(choice, "cancelled"),
+        JOB_CHOICE_ROWS(choice, JOB_CHOICE_YES_HELP("cancelled")),
         {"discard", 0, OPTION_FLAG, &discard, NULL,
          "discard the samples of unfinished frames instead of making pictures of them", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},

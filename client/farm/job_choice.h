@@ -11,13 +11,14 @@ struct job_choice {
     int mine;
     int yes;                     /* do not ask */
 };
-#define JOB_CHOICE_ROWS(c, past)                                                                  \
+/* The help of --yes, as in JOB_CHOICE_YES_HELP("paused"). */
+#define JOB_CHOICE_YES_HELP(past) "do not ask before several jobs are " past
+#define JOB_CHOICE_ROWS(c, yes_help)                                                              \
     {"state", 0, OPTION_STRING, &(c).states, "STATE,...",                                         \
      "only jobs in these states, as in queued,failed (without a JOB: all of them)", 0, 0, NULL},  \
     {"mine", 0, OPTION_FLAG, &(c).mine, NULL,                                                     \
      "only jobs that you submitted from this machine (without a JOB: all of them)", 0, 0, NULL},  \
-    {"yes", 'y', OPTION_FLAG, &(c).yes, NULL,                                                     \
-     "do not ask before several jobs are " past, 0, 0, NULL}
+    {"yes", 'y', OPTION_FLAG, &(c).yes, NULL, yes_help, 0, 0, NULL}
 
 /* The chosen jobs, ascending numbers. The infos belong to `answers`. Zero-initialise. */
 struct chosen_jobs {
