@@ -37,15 +37,6 @@ struct request {
 
 /* ---- in a pool thread ------------------------------------------------------------------------- */
 
-static struct unit_work work_of(const struct render_stats *stats)
-{
-    return (struct unit_work){.samples = stats->samples, .rays = stats->rays,
-                              .vertices = stats->vertices, .leaked_rays = stats->leaked_rays,
-                              .health = stats->health, .clamped_samples = stats->clamped_samples,
-                              .clamped_luminance = stats->clamped_luminance,
-                              .kept_luminance = stats->kept_luminance};
-}
-
 static status render_unit(struct request *q, const struct render_scene *scene)
 {
     struct unit_result unit;
@@ -56,11 +47,11 @@ static status render_unit(struct request *q, const struct render_scene *scene)
     q->float_count = render_tile(scene, q->frame, q->tile, q->group, q->pass, q->floats, &q->tail,
                                  &q->stats);
     unit = (struct unit_result){q->tile, q->group, q->pass, q->floats, q->float_count, q->tail,
-                                work_of(&q->stats)};
+                                render_stats_work(&q->stats)};
     return wire_unit_digest(&q->digest, &unit, &q->error);
 }
 
-/* The scene's names. Without them (its file has left the cache) the path is told by numbers. */
+/* The scene's names. Without them (its file has left the cache) the path has numbers only. */
 static void read_names(struct request *q)
 {
     struct cached_blob *blob;
@@ -258,7 +249,7 @@ static void send_result(struct request *q, struct channel *channel)
 {
     Azulejo__Wire__RenderResult result = AZULEJO__WIRE__RENDER_RESULT__INIT;
     Azulejo__Wire__Envelope e = MESSAGE(RENDER_RESULT, render_result, &result);
-    const struct unit_work done = work_of(&q->stats);
+    const struct unit_work done = render_stats_work(&q->stats);
     struct path_message *path = NULL;
     struct wire_work work;
     struct error err = {0};
