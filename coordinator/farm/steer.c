@@ -71,8 +71,8 @@ status steer_finish(struct farm *farm, struct job *job, const char *who, uint64_
         return refuse(job, "finished", err);
     if (!closing_has_begun(farm, job))
         return error_set(err, STATUS_ERR_REFUSED,
-                         "job %" PRIu64 " has no frame in work that could be finished: %s it instead",
-                         job->id, job->frames_done_count > 0 ? "'cancel'" : "'cancel' or 'remove'");
+                         "job %" PRIu64 " has no frame in work that could be finished: 'cancel' it instead",
+                         job->id);
     log_info("job %" PRIu64 " (%s) is finished early by %s", job->id, job->name, who);
     farm_note(farm, job, who, "finish: frames in work complete their first pass");
     farm_job_change(farm, job, JOB_STATE_FINISHING, NULL, now_ns);

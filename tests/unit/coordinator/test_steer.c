@@ -361,6 +361,7 @@ static void nothing_in_work_cannot_be_finished(void **state)
     assert_int_equal(steer_finish(&f->sim->farm, job, "ana@desk", f->sim->now_ns, &err),
                      STATUS_ERR_REFUSED);
     assert_non_null(strstr(err.text, "no frame in work"));
+    assert_null(strstr(err.text, "remove")); /* which is refused until the job has ended */
     assert_int_equal(job->state, JOB_STATE_QUEUED);
 }
 
