@@ -69,7 +69,7 @@ static status cancel(struct connection *c, uint64_t job, int discard, int json, 
     return result;
 }
 
-/* One of several: nobody waits for its pictures. */
+/* One of several jobs: its pictures are not waited for. */
 static status ask(struct connection *c, uint64_t job, const void *options,
                   Azulejo__Wire__Envelope **answer, struct error *err)
 {

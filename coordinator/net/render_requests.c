@@ -173,7 +173,7 @@ static status check_scene(const char *folder, const struct digest *scene, struct
     return error_set(err, STATUS_ERR_NOT_FOUND, "the coordinator no longer has the scene");
 }
 
-/* Does the piece exist? The worker looks again: it trusts nobody. */
+/* Does the piece exist? The worker checks again, because it does not trust the coordinator. */
 static status check_piece(const Azulejo__Wire__RenderRequest *m, const struct render_settings *s,
                           struct error *err)
 {

@@ -37,7 +37,7 @@ enum record_end {
 #undef RECORD_END_ENUM
     RECORD_ENDS
 };
-const char *record_end_text(enum record_end end);
+const char *record_end_text(enum record_end end); /* static */
 
 /* X(NAME, text): what the path met. */
 #define RECORD_KIND_MAP(X) \
@@ -50,7 +50,7 @@ enum record_kind {
     RECORD_KIND_MAP(RECORD_KIND_ENUM)
 #undef RECORD_KIND_ENUM
 };
-const char *record_kind_text(enum record_kind kind);
+const char *record_kind_text(enum record_kind kind); /* static */
 
 enum record_source {
     RECORD_FROM_MEDIUM, /* that lies before the vertex, and glows */
@@ -111,7 +111,7 @@ struct sample_record {
     struct record_vertex vertices[RECORD_VERTICES_MAX];
 };
 
-/* The light of the scene's list that record_light.number is; light_count: none. */
+/* The index in scene->lights of record_light.number; scene->light_count: it is no light of the scene's. */
 uint32_t record_scene_light(const struct scene *scene, uint32_t number);
 
 /* Render sample `number` (sample i of group g is number 2 i + g) of a pixel of `frame` again. added[3]: what
