@@ -139,22 +139,6 @@ static void request_start(struct request *q)
     pool_push(q->owner->pool, &q->task, 1);
 }
 
-static status check_pixel(const struct request *q, struct error *err)
-{
-    const struct render_settings *s = &q->settings;
-
-    if (q->x >= s->width || q->y >= s->height)
-        return error_set(err, STATUS_ERR_INPUT, "pixel %u,%u is outside the picture of %ux%u", q->x,
-                         q->y, s->width, s->height);
-    if (q->count < 1 || q->count > PIXEL_SAMPLES_MAX || (q->wants_path && q->count > 1))
-        return error_set(err, STATUS_ERR_PROTOCOL, "%u samples at once: at most %d, or one with its path",
-                         q->count, PIXEL_SAMPLES_MAX);
-    if (q->first >= s->spp || q->count > s->spp - q->first)
-        return error_set(err, STATUS_ERR_INPUT, "sample %u: the pixel has samples 0 to %u",
-                         q->first + q->count - 1, s->spp - 1);
-    return STATUS_OK;
-}
-
 static status request_fill(struct request *q, const Azulejo__Wire__RenderRequest *m, struct error *err)
 {
     status s = wire_digest_get(&q->scene_digest, &m->scene, "the scene", err);
@@ -167,21 +151,22 @@ static status request_fill(struct request *q, const Azulejo__Wire__RenderRequest
     if (!(q->owner->isa_mask >> q->settings.isa & 1))
         return error_set(err, STATUS_ERR_UNSUPPORTED, "it needs %s, which this worker does not offer",
                          isa_name(q->settings.isa));
-    if (!m->unit == !m->pixel)
-        return error_set(err, STATUS_ERR_PROTOCOL, "a RenderRequest names a unit or a pixel");
+    s = wire_piece_check(m, &q->settings, err);
+    if (s != STATUS_OK)
+        return s;
     if (m->unit) {
         q->is_unit = 1;
         q->tile = m->unit->tile;
         q->group = m->unit->group;
         q->pass = m->unit->pass;
-        return wire_unit_check(q->tile, q->group, q->pass, &q->settings, err);
+    } else {
+        q->x = m->pixel->x;
+        q->y = m->pixel->y;
+        q->first = m->pixel->first;
+        q->count = m->pixel->count;
+        q->wants_path = m->pixel->path;
     }
-    q->x = m->pixel->x;
-    q->y = m->pixel->y;
-    q->first = m->pixel->first;
-    q->count = m->pixel->count;
-    q->wants_path = m->pixel->path;
-    return check_pixel(q, err);
+    return STATUS_OK;
 }
 
 void requests_take(struct requests *r, uint64_t number, const Azulejo__Wire__RenderRequest *message,
